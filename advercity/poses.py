@@ -1,0 +1,56 @@
+"""Rigid poses as 4x4 matrices, named by where they lead: `world_from_body @ point_in_body`.
+
+World frame: right-handed, x east, y north, z up, metres. Body frame: x forward, y left, z up.
+Rotations are right-handed, applied roll (x), then pitch (y), then yaw (z); so a positive pitch
+turns the nose down and a positive yaw turns it left.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Matrix = NDArray[np.float64]
+
+
+def rotation(*, yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> Matrix:
+    """3x3 rotation `Rz(yaw) Ry(pitch) Rx(roll)`, angles in radians."""
+    cy, sy = np.cos(yaw), np.sin(yaw)
+    cp, sp = np.cos(pitch), np.sin(pitch)
+    cr, sr = np.cos(roll), np.sin(roll)
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
+
+
+def pose(
+    position: ArrayLike, *, yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0
+) -> Matrix:
+    """4x4 pose from a position (3,) in metres and angles in radians."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = rotation(yaw=yaw, pitch=pitch, roll=roll)
+    matrix[:3, 3] = position
+    return matrix
+
+
+def inverse(matrix: Matrix) -> Matrix:
+    """Inverse of a rigid pose (4, 4)."""
+    result = np.eye(4)
+    result[:3, :3] = matrix[:3, :3].T
+    result[:3, 3] = -matrix[:3, :3].T @ matrix[:3, 3]
+    return result
+
+
+def angles(matrix: Matrix) -> tuple[float, float, float]:
+    """Yaw, pitch and roll in radians of a pose or rotation; pitch within ±pi/2."""
+    yaw = float(np.arctan2(matrix[1, 0], matrix[0, 0]))
+    pitch = float(np.arcsin(np.clip(-matrix[2, 0], -1.0, 1.0)))
+    roll = float(np.arctan2(matrix[2, 1], matrix[2, 2]))
+    return yaw, pitch, roll
+
+
+def transform(matrix: Matrix, points: ArrayLike) -> NDArray[np.float64]:
+    """Points (..., 3) moved by a pose (4, 4)."""
+    return np.asarray(points, dtype=np.float64) @ matrix[:3, :3].T + matrix[:3, 3]

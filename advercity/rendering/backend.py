@@ -1,0 +1,114 @@
+"""The seam between a scene and whatever renders it."""
+
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from advercity.poses import Matrix
+from advercity.traffic.trace import Frame
+from advercity.weather.atmosphere import Atmosphere
+from advercity.world.scene import World
+
+
+@dataclass(frozen=True)
+class Profile:
+    """How well to render, never what."""
+
+    name: str
+    scale: float
+    """Of the authored width and height."""
+    renderer: Literal["raster", "ray_traced"]
+    samples: int = 1
+    path_depth: int = 1
+    denoise: bool = False
+
+    def scaled(self, scale: float | None) -> "Profile":
+        """The same quality at another image scale."""
+        return self if scale is None else replace(self, scale=scale)
+
+
+PROFILES = {
+    "preview": Profile("preview", 0.25, "raster"),
+    "full": Profile("full", 1.0, "ray_traced", samples=16, path_depth=4, denoise=True),
+}
+
+
+@dataclass(frozen=True)
+class Capabilities:
+    """What a backend does natively."""
+
+    participating_medium: bool
+    """Fog attenuates and glows along every path; if False it is added from depth."""
+    lamps: bool
+    wet_surfaces: bool
+    deterministic: bool
+    """Same input, same bytes on this device."""
+    ray_traced: bool
+    device: str
+    """The device in words, part of a dataset's device class."""
+
+
+@dataclass(frozen=True)
+class CameraView:
+    """One picture to take."""
+
+    world_from_camera: Matrix
+    """(4, 4), body axes: x along the view, y left, z up."""
+    width_px: int
+    height_px: int
+    horizontal_fov_rad: float
+    hide: frozenset[int] = frozenset()
+    """Ids of actors that this camera must not see: its own carrier."""
+
+
+@dataclass(frozen=True)
+class CameraCapture:
+    """What a camera's pixels met, before any optics or electronics.
+
+    Attributes:
+        radiance: (h, w, 3) float32, linear sRGB, luminance in cd/m².
+        depth: (h, w) float32, metres along the optical axis; inf where there is only sky.
+        normal: (h, w, 3) float32, unit, world frame; zero for sky.
+        semantic: (h, w) uint8 of `Semantic`.
+        instance: (h, w) int32 actor id; 0 for everything static.
+    """
+
+    radiance: NDArray[np.float32]
+    depth: NDArray[np.float32]
+    normal: NDArray[np.float32]
+    semantic: NDArray[np.uint8]
+    instance: NDArray[np.int32]
+
+
+class Renderer(Protocol):
+    """An open scene; frames may be placed in any order."""
+
+    def place(self, frame: Frame) -> None:
+        """Move every actor to where it is in `frame`, and switch lamps and signals."""
+        ...
+
+    def camera(self, view: CameraView) -> CameraCapture:
+        """Take one picture of the placed frame."""
+        ...
+
+
+class Backend(Protocol):
+    """Starts renderers; keeps what they share, never the state of one."""
+
+    @property
+    def name(self) -> str:
+        """As it is asked for on the command line."""
+        ...
+
+    def capabilities(self) -> Capabilities:
+        """What this backend can do on this machine; BackendError if there is no device."""
+        ...
+
+    def open(
+        self, world: World, atmosphere: Atmosphere, profile: Profile
+    ) -> AbstractContextManager[Renderer]:
+        """Load a world under an atmosphere; closing the context frees the device's memory."""
+        ...

@@ -1,0 +1,183 @@
+"""What traffic did: every actor and signal at every kept tick, and how it is stored."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from enum import IntEnum, IntFlag
+from pathlib import Path
+
+import numpy as np
+from advercity_dsl import ActorClass
+from numpy.typing import NDArray
+
+from advercity.errors import RunError
+from advercity.poses import Matrix, pose
+
+
+class Lamp(IntFlag):
+    """Lamps of a vehicle that are lit."""
+
+    LOW_BEAM = 1
+    BRAKE = 2
+    FOG = 4
+    LEFT = 8
+    RIGHT = 16
+
+
+class Signal(IntEnum):
+    """What a traffic light shows."""
+
+    RED = 0
+    YELLOW = 1
+    GREEN = 2
+
+
+@dataclass(frozen=True)
+class Actor:
+    """Somebody or something that moves; the same for the whole scenario."""
+
+    id: int
+    """Positive; connected vehicles have their agent's number."""
+    actor_class: ActorClass
+    blueprint: str
+    paint: str
+    """Material of its painted parts, or of a person's coat."""
+    size: tuple[float, float, float]
+    """Full length, width and height in metres."""
+
+
+@dataclass(frozen=True)
+class ActorState:
+    """An actor at one tick."""
+
+    actor: Actor
+    world_from_body: Matrix
+    """(4, 4); origin on the ground under the middle of the box, x forward."""
+    speed_m_s: float
+    acceleration_m_s2: float
+    lamps: Lamp
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One tick, ready to render and to sense."""
+
+    index: int
+    """Counts from the first kept tick."""
+    time_s: float
+    """Since the scenario's start, warm-up included."""
+    states: tuple[ActorState, ...]
+    signals: Mapping[str, Signal]
+    """By `SignalLamp.id`."""
+
+    def of(self, actor_id: int) -> ActorState:
+        """State of one actor; KeyError if it is not there in this frame."""
+        for state in self.states:
+            if state.actor.id == actor_id:
+                return state
+        raise KeyError(actor_id)
+
+
+STATE = np.dtype(
+    [
+        ("tick", "<i4"),
+        ("actor", "<i4"),
+        ("x", "<f8"),
+        ("y", "<f8"),
+        ("z", "<f8"),
+        ("yaw", "<f8"),
+        ("pitch", "<f8"),
+        ("speed", "<f8"),
+        ("acceleration", "<f8"),
+        ("lamps", "<u1"),
+    ]
+)
+"""A row of the trace: kept tick, index into `actors`, world position, radians, m/s, m/s²."""
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Traffic of a scenario.
+
+    Attributes:
+        tick_s: Length of a tick.
+        first_tick: Ticks of warm-up before the first kept one.
+        actors: Everybody who appears.
+        states: (n,) of `STATE`, sorted by tick, then actor.
+        signal_ids: Ids of `SignalLamp`.
+        signals: (ticks, signals) uint8 of `Signal`.
+    """
+
+    tick_s: float
+    first_tick: int
+    actors: tuple[Actor, ...]
+    states: NDArray[np.void]
+    signal_ids: tuple[str, ...]
+    signals: NDArray[np.uint8]
+
+    def __len__(self) -> int:
+        """Kept ticks."""
+        return len(self.signals)
+
+    def frame(self, index: int) -> Frame:
+        """Kept tick `index`, from 0."""
+        if not 0 <= index < len(self):
+            raise IndexError(f"frame {index} of {len(self)}")
+        first, last = np.searchsorted(self.states["tick"], [index, index + 1])
+        return Frame(
+            index=index,
+            time_s=(self.first_tick + index) * self.tick_s,
+            states=tuple(self._state(row) for row in self.states[first:last]),
+            signals={
+                name: Signal(int(value))
+                for name, value in zip(self.signal_ids, self.signals[index], strict=True)
+            },
+        )
+
+    def _state(self, row: NDArray[np.void]) -> ActorState:
+        return ActorState(
+            actor=self.actors[int(row["actor"])],
+            world_from_body=pose(
+                (row["x"], row["y"], row["z"]), yaw=row["yaw"], pitch=row["pitch"]
+            ),
+            speed_m_s=float(row["speed"]),
+            acceleration_m_s2=float(row["acceleration"]),
+            lamps=Lamp(int(row["lamps"])),
+        )
+
+    def save(self, path: Path) -> None:
+        """Write as `.npz`; the same trace gives the same bytes."""
+        table = {
+            name: np.array([getattr(actor, name) for actor in self.actors])
+            for name in (item.name for item in fields(Actor))
+        }
+        with path.open("wb") as stream:
+            np.savez_compressed(
+                stream,
+                tick_s=self.tick_s,
+                first_tick=self.first_tick,
+                states=self.states,
+                signal_ids=np.array(self.signal_ids, dtype=np.str_),
+                signals=self.signals,
+                **{f"actor_{name}": column for name, column in table.items()},
+            )
+
+    @staticmethod
+    def load(path: Path) -> "Trace":
+        """Read what `save` wrote; RunError if it is something else."""
+        try:
+            with np.load(path, allow_pickle=False) as data:
+                columns = [data[f"actor_{item.name}"].tolist() for item in fields(Actor)]
+                actors = tuple(
+                    Actor(*values[:-1], size=tuple(values[-1]))
+                    for values in zip(*columns, strict=True)
+                )
+                return Trace(
+                    tick_s=float(data["tick_s"]),
+                    first_tick=int(data["first_tick"]),
+                    actors=actors,
+                    states=data["states"],
+                    signal_ids=tuple(data["signal_ids"].tolist()),
+                    signals=data["signals"],
+                )
+        except (OSError, ValueError, KeyError) as error:
+            raise RunError(f"{path}: not a trace: {error}") from error

@@ -1,0 +1,54 @@
+"""From authored weather to what light does: extinction, airlight, sky, sun and ground light.
+
+All photometric: cd/m², lx, 1/m. Colours are linear sRGB factors with luminance 1.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Colour = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Atmosphere:
+    """The physical state that every sensor sees.
+
+    Attributes:
+        extinction_550nm: Total extinction in the visible, 1/m.
+        extinction_905nm: Total extinction at the LiDAR's wavelength, 1/m.
+        sun_direction: Unit vector (3,) towards the sun.
+        sun_lx: Direct normal illuminance by the sun, already dimmed by fog above.
+        sun_colour: Colour of direct sunlight.
+        sky_lx: Diffuse horizontal illuminance.
+        sky: (6, n, n, 3) float32 cubemap of luminance in cd/m² without the sun's disc, faces
+            +x -x +y -y +z -z of the world; below the horizon it is the light of the ground.
+            Face axes (column right, row down): +x: (-y, -z), -x: (+y, -z), +y: (+x, -z),
+            -y: (-x, -z), +z: (-y, +x), -z: (-y, -x).
+        airlight_low: (3,) airlight in cd/m² looking at or below the horizon.
+        airlight_high: (3,) airlight at the zenith; between them it runs with sin(elevation).
+        street_lx: Mean illuminance by street lamps, 0 by day.
+        wetness: 0 dry to 1 soaked.
+        puddle_coverage: Share of the carriageway under standing water.
+        night: Whether lamps light the scene.
+    """
+
+    extinction_550nm: float
+    extinction_905nm: float
+    sun_direction: NDArray[np.float64]
+    sun_lx: float
+    sun_colour: Colour
+    sky_lx: float
+    sky: NDArray[np.float32]
+    airlight_low: Colour
+    airlight_high: Colour
+    street_lx: float
+    wetness: float
+    puddle_coverage: float
+    night: bool
+
+    @property
+    def mor_m(self) -> float:
+        """Meteorological optical range of the whole atmosphere."""
+        return float(np.log(20.0) / self.extinction_550nm)

@@ -1,0 +1,57 @@
+"""What surfaces are made of: visible albedo and near-infrared reflectance side by side.
+
+Albedo is linear sRGB. Reflectance is the diffuse reflectance at 905 nm that a LiDAR meets
+(typical values; Muckenhuber et al., Sensors 20, 3309, 2020, and common handbooks).
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Material:
+    """One surface."""
+
+    albedo: tuple[float, float, float]
+    reflectance_905nm: float
+    roughness: float = 0.9
+    metallic: float = 0.0
+    transmission: float = 0.0
+    """Share of light that passes straight through, as in window glass."""
+
+
+MATERIALS: dict[str, Material] = {
+    "asphalt": Material((0.10, 0.10, 0.105), 0.20, roughness=0.85),
+    "paint_white": Material((0.70, 0.70, 0.68), 0.70, roughness=0.6),
+    "paint_yellow": Material((0.70, 0.48, 0.06), 0.60, roughness=0.6),
+    "concrete": Material((0.36, 0.35, 0.33), 0.35),
+    "kerb": Material((0.42, 0.41, 0.39), 0.35),
+    "gravel": Material((0.28, 0.26, 0.23), 0.30),
+    "grass": Material((0.09, 0.16, 0.045), 0.40),
+    "soil": Material((0.17, 0.11, 0.07), 0.25),
+    "crops": Material((0.25, 0.27, 0.07), 0.45),
+    "leaves": Material((0.06, 0.13, 0.03), 0.45),
+    "bark": Material((0.12, 0.085, 0.06), 0.30),
+    "brick": Material((0.33, 0.14, 0.10), 0.35),
+    "plaster": Material((0.58, 0.54, 0.46), 0.60),
+    "roof_tile": Material((0.24, 0.09, 0.06), 0.35),
+    "wood": Material((0.30, 0.20, 0.12), 0.50),
+    "metal": Material((0.45, 0.45, 0.46), 0.30, roughness=0.4, metallic=0.9),
+    "glass": Material((0.03, 0.035, 0.04), 0.02, roughness=0.05),
+    "rubber": Material((0.025, 0.025, 0.025), 0.04),
+    "black_plastic": Material((0.04, 0.04, 0.04), 0.06, roughness=0.5),
+    "car_paint_white": Material((0.78, 0.78, 0.77), 0.75, roughness=0.25),
+    "car_paint_silver": Material((0.48, 0.49, 0.50), 0.50, roughness=0.25, metallic=0.3),
+    "car_paint_black": Material((0.02, 0.02, 0.022), 0.06, roughness=0.2),
+    "car_paint_red": Material((0.42, 0.03, 0.025), 0.45, roughness=0.25),
+    "car_paint_blue": Material((0.015, 0.035, 0.50), 0.25, roughness=0.25),
+    "car_paint_green": Material((0.04, 0.15, 0.06), 0.30, roughness=0.25),
+    "lamp_white": Material((0.9, 0.9, 0.85), 0.50, roughness=0.2),
+    "lamp_red": Material((0.45, 0.02, 0.02), 0.50, roughness=0.2),
+    "skin": Material((0.45, 0.29, 0.21), 0.55),
+    "cloth_light": Material((0.55, 0.53, 0.48), 0.75),
+    "cloth_dark": Material((0.06, 0.065, 0.08), 0.45),
+    "cloth_blue": Material((0.08, 0.13, 0.28), 0.45),
+    "cloth_red": Material((0.38, 0.06, 0.05), 0.50),
+    "sign_red": Material((0.55, 0.03, 0.03), 0.90),
+    "sign_yellow": Material((0.75, 0.55, 0.03), 0.90),
+}

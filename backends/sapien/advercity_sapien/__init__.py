@@ -1,0 +1,1 @@
+"""SAPIEN rendering backend of advercity."""

@@ -1,0 +1,54 @@
+"""The language of advercity: what people write, and the spec it compiles to.
+
+This package holds models and nothing else; it imports neither simulator nor renderer.
+"""
+
+from advercity_dsl.base import Declaration, Id, Model
+from advercity_dsl.rig import Camera, Carrier, Exposure, Gnss, Imu, Lidar, Mount, Rig
+from advercity_dsl.road import Road, RoadsideUnit, Street, Vehicle
+from advercity_dsl.spec import SPEC_VERSION, Agent, Spec
+from advercity_dsl.suite import Suite, Timing
+from advercity_dsl.traffic import ActorClass, Blueprint, Catalogue, Density
+from advercity_dsl.typology import Typology
+from advercity_dsl.weather import Weather
+
+DECLARATIONS: dict[str, type[Declaration]] = {
+    "typology": Typology,
+    "road": Road,
+    "weather": Weather,
+    "density": Density,
+    "rig": Rig,
+    "catalogue": Catalogue,
+    "suite": Suite,
+}
+"""Model of every kind of declaration."""
+
+__all__ = [
+    "DECLARATIONS",
+    "SPEC_VERSION",
+    "ActorClass",
+    "Agent",
+    "Blueprint",
+    "Camera",
+    "Carrier",
+    "Catalogue",
+    "Declaration",
+    "Density",
+    "Exposure",
+    "Gnss",
+    "Id",
+    "Imu",
+    "Lidar",
+    "Model",
+    "Mount",
+    "Rig",
+    "Road",
+    "RoadsideUnit",
+    "Spec",
+    "Street",
+    "Suite",
+    "Timing",
+    "Typology",
+    "Vehicle",
+    "Weather",
+]

@@ -1,0 +1,253 @@
+"""A road: streets with lanes, junctions, signals, surroundings, and where agents stand.
+
+Positions are in the world frame (x east, y north, z up, metres). Headings are in degrees,
+counter-clockwise from east. Traffic drives on the right.
+"""
+
+from enum import StrEnum
+from typing import Annotated, Literal
+
+from pydantic import Field, StringConstraints
+
+from advercity_dsl.base import (
+    Declaration,
+    Degrees,
+    Id,
+    KilometresPerHour,
+    Metres,
+    Model,
+    Point2,
+    Point3,
+    PositiveMetres,
+    Seconds,
+    Share,
+)
+
+
+class Line(Model):
+    """A straight piece of a street's axis."""
+
+    line_m: PositiveMetres
+
+
+class Arc(Model):
+    """A piece of a circle."""
+
+    arc_m: PositiveMetres
+    radius_m: PositiveMetres
+    turn: Literal["left", "right"]
+
+
+class Polyline(Model):
+    """Further points of an axis, absolute, for shapes that no line or arc says."""
+
+    points_m: tuple[Point2, ...]
+
+
+class StripKind(StrEnum):
+    """What a strip of a cross-section is for."""
+
+    LANE = "lane"
+    PARKING = "parking"
+    SHOULDER = "shoulder"
+    EDGE = "edge"
+    MEDIAN = "median"
+    VERGE = "verge"
+    SIDEWALK = "sidewalk"
+
+
+class Paint(StrEnum):
+    """A painted line."""
+
+    SOLID_WHITE = "solid_white"
+    BROKEN_WHITE = "broken_white"
+    SOLID_YELLOW = "solid_yellow"
+    BROKEN_YELLOW = "broken_yellow"
+    DOUBLE_YELLOW = "double_yellow"
+
+
+class Strip(Model):
+    """A band along a street, as wide as it says, and the line painted on its outer border."""
+
+    kind: StripKind
+    width_m: Annotated[PositiveMetres, Field(le=60)]
+    line: Paint | None = None
+
+
+class CrossSection(Model):
+    """Strips on either side of the axis, from the axis outwards.
+
+    Lanes on the right run along the axis, lanes on the left against it. Lane 1 is the innermost.
+    """
+
+    left: tuple[Strip, ...] = ()
+    right: tuple[Strip, ...] = ()
+    axis_line: Paint | None = None
+
+
+class Height(Model):
+    """Height of the axis at a distance along it; between two of them it runs smoothly."""
+
+    at_m: Annotated[Metres, Field(ge=0)]
+    z_m: Metres
+
+
+class Street(Model):
+    """One axis with one cross-section, from one junction or edge of the site to another."""
+
+    begins: Id
+    ends: Id
+    start_m: Point2
+    heading_deg: Degrees
+    path: Annotated[tuple[Line | Arc | Polyline, ...], Field(min_length=1)]
+    heights: tuple[Height, ...] = ()
+    section: Id
+    speed_limit_km_h: Annotated[KilometresPerHour, Field(gt=0, le=200)]
+
+
+MovementText = Annotated[
+    str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*\.\d > [a-z][a-z0-9_]*\.\d$")
+]
+"""`north_road.1 > east_road.1`: from the innermost lane of one street into that of another."""
+
+
+class SignalHead(Model):
+    """A traffic light: the heads hang at `at_m`, on a mast whose foot is at `pole_m`."""
+
+    street: Id
+    at_m: Point3
+    pole_m: Point2
+
+
+class Signals(Model):
+    """A fixed programme, one approach at a time, in the order of `cycle`."""
+
+    cycle: Annotated[tuple[Id, ...], Field(min_length=1)]
+    green_s: Annotated[Seconds, Field(gt=0)]
+    yellow_s: Annotated[Seconds, Field(gt=0)] = 3
+    all_red_s: Annotated[Seconds, Field(ge=0)] = 2
+    elapsed_s: Annotated[Seconds, Field(ge=0)] = 0
+    """Time of the first approach's green that is over when the scenario starts."""
+    heads: tuple[SignalHead, ...] = ()
+
+
+class Crossing(Model):
+    """A zebra crossing over a street, at the end where it meets the junction."""
+
+    street: Id
+    width_m: PositiveMetres = 3.0
+
+
+class Sign(Model):
+    """A stop or give-way sign for one approach."""
+
+    street: Id
+    kind: Literal["stop", "yield"]
+    at_m: Point2
+
+
+class Junction(Model):
+    """Where streets meet, and which lane may go into which."""
+
+    control: Literal["signals", "priority", "stop", "yield", "none"] = "none"
+    movements: tuple[MovementText, ...] = ()
+    signals: Signals | None = None
+    crossings: tuple[Crossing, ...] = ()
+    signs: tuple[Sign, ...] = ()
+
+
+class SurroundingKind(StrEnum):
+    """What stands beside a road."""
+
+    BUILDINGS = "buildings"
+    HOUSES = "houses"
+    TREES = "trees"
+    CROPS = "crops"
+    WALL = "wall"
+    BUS_STOP = "bus_stop"
+    TOWER = "tower"
+    POLE = "pole"
+    LAMP = "lamp"
+
+
+class Surrounding(Model):
+    """Things of one kind: filling an area, along a line, or one at a point."""
+
+    kind: SurroundingKind
+    area_m: tuple[Point2, Point2] | None = None
+    """Two opposite corners of a rectangle."""
+    line_m: tuple[Point2, ...] = ()
+    at_m: tuple[Point2, ...] = ()
+    height_m: PositiveMetres | None = None
+    spacing_m: PositiveMetres | None = None
+
+
+class Vehicle(Model):
+    """A connected vehicle: where it starts, where it goes, how fast."""
+
+    kind: Literal["vehicle"] = "vehicle"
+    role: Literal["ego", "other"] = "other"
+    spawn_m: Point2
+    heading_deg: Degrees
+    destination_m: Point2
+    route: Annotated[tuple[Id, ...], Field(min_length=1)]
+    """Streets from spawn to the edge of the site."""
+    max_speed_km_h: Annotated[KilometresPerHour, Field(gt=0, le=200)]
+
+
+class RoadsideUnit(Model):
+    """Sensors that stand beside the road. Yaw, pitch and roll turn its cameras."""
+
+    kind: Literal["roadside_unit"] = "roadside_unit"
+    position_m: Point3
+    yaw_deg: Degrees
+    pitch_deg: Degrees = 0
+    """Positive looks down."""
+    roll_deg: Degrees = 0
+    lidar_upper_deg: Degrees | None = None
+    """Highest beam; `null` takes the rig's."""
+
+
+class ClassShares(Model):
+    """How often each class of vehicle is drawn; normalised by their sum."""
+
+    car: Share
+    van: Share
+    truck: Share
+    bicycle: Share
+    motorcycle: Share
+
+
+class Demand(Model):
+    """Background traffic at density 1, in the original's terms.
+
+    Vehicles are asked for per area: a square of `around_agent_m` around each of the five agents
+    and a box from spawn to destination, grown by `around_path_m`, for each vehicle.
+    """
+
+    vehicles_per_area: Annotated[float, Field(ge=0, le=100)]
+    walkers: Annotated[int, Field(ge=0, le=2000)]
+    crossing_share: Share = 0.0
+    around_agent_m: PositiveMetres
+    around_path_m: PositiveMetres
+    classes: ClassShares
+    speed_offset_percent: Annotated[float, Field(ge=-100, le=100)] = -10
+    """Background cars drive `(1 - offset/100)` times the limit, each ±30 %."""
+
+
+class Road(Declaration):
+    """A place: the static stage of a scenario."""
+
+    kind: Literal["road"] = "road"
+    land_use: Literal["urban", "rural"]
+    junction: Literal["intersection", "non_junction"]
+    alignment: Literal["straight", "curved"]
+    profile: Literal["level", "non_level"]
+    origin_lat_deg: Annotated[Degrees, Field(ge=-89, le=89)] = 0.0
+    origin_lon_deg: Annotated[Degrees, Field(ge=-180, le=180)] = 0.0
+    sections: dict[Id, CrossSection]
+    streets: Annotated[dict[Id, Street], Field(min_length=1)]
+    junctions: dict[Id, Junction] = {}
+    surroundings: tuple[Surrounding, ...] = ()
+    agents: dict[Id, Annotated[Vehicle | RoadsideUnit, Field(discriminator="kind")]]
+    traffic: Demand

@@ -1,0 +1,87 @@
+"""A compiled scenario: self-contained, versioned, and enough to regenerate its data.
+
+Nothing in it refers to another file.
+"""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, StringConstraints
+
+from advercity_dsl.base import Id, Model
+from advercity_dsl.rig import Carrier
+from advercity_dsl.road import ClassShares, Road, RoadsideUnit, Vehicle
+from advercity_dsl.suite import Timing
+from advercity_dsl.traffic import ActorClass, Blueprint, Density
+from advercity_dsl.weather import Weather
+
+SPEC_VERSION = 1
+Digest = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
+
+
+class Agent(Model):
+    """A viewpoint: a connected vehicle or a roadside unit, with its sensors."""
+
+    id: Id
+    number: int
+    """Id of the agent in annotations; negative for roadside units."""
+    place: Annotated[Vehicle | RoadsideUnit, Field(discriminator="kind")]
+    sensors: Carrier
+    blueprint: Id | None = None
+    """What a connected vehicle looks like."""
+
+
+class ClassDemand(Model):
+    """How many of what is asked for."""
+
+    vehicles: Annotated[int, Field(ge=0, le=20_000)]
+    walkers: Annotated[int, Field(ge=0, le=20_000)]
+    crossing_share: float
+    classes: ClassShares
+    around_agent_m: float
+    around_path_m: float
+    speed_offset_percent: float
+
+
+class CrashGroup(Model):
+    """A group of crash types that this road is here for."""
+
+    typology: Id
+    crash_types: tuple[str, ...]
+
+
+class SpecSeeds(Model):
+    """`traffic` is shared by all weathers of one road and density, `sensors` is the spec's own."""
+
+    traffic: int
+    sensors: int
+
+
+class Provenance(Model):
+    """What the spec was compiled from."""
+
+    compiler: str
+    suite: Id
+    declarations: dict[str, Digest]
+    """SHA-256 of every declaration that went in, as `kind/id`."""
+    digest: Digest
+    """SHA-256 of the spec itself, with this field left out."""
+
+
+class Spec(Model):
+    """One scenario."""
+
+    spec_version: Literal[1] = SPEC_VERSION
+    id: Id
+    groups: tuple[CrashGroup, ...]
+    road: Road
+    weather: Weather
+    density: Density
+    agents: Annotated[tuple[Agent, ...], Field(min_length=1)]
+    demand: ClassDemand
+    blueprints: dict[Id, Blueprint]
+    timing: Timing
+    seeds: SpecSeeds
+    provenance: Provenance
+
+
+__all__ = ["SPEC_VERSION", "ActorClass", "Agent", "Spec"]
