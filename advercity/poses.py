@@ -25,9 +25,7 @@ def rotation(*, yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> Matr
     )
 
 
-def pose(
-    position: ArrayLike, *, yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0
-) -> Matrix:
+def pose(position: ArrayLike, *, yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> Matrix:
     """4x4 pose from a position (3,) in metres and angles in radians."""
     matrix = np.eye(4)
     matrix[:3, :3] = rotation(yaw=yaw, pitch=pitch, roll=roll)

@@ -1,0 +1,44 @@
+"""From a library of declarations to specs: load, resolve, select, cover, cross, emit."""
+
+from pathlib import Path
+
+from advercity_dsl import Spec, Suite
+
+from advercity.compiler.crossing import cross, sealed, weather_at
+from advercity.compiler.emission import differences, read_spec, to_json, write_specs
+from advercity.compiler.library import Library, load_declaration, load_library
+from advercity.compiler.problems import Problem, ProblemsError, nearest
+from advercity.errors import InputError
+
+
+def compile_library(folder: Path, suite: str | None = None) -> list[Spec]:
+    """Every spec of a library's suite; of its only one, or of the one called `suite`."""
+    library = load_library(folder)
+    suites = library.of(Suite)
+    if suite is None and len(suites) == 1:
+        (chosen,) = suites.values()
+    elif suite in suites:
+        chosen = suites[suite]
+    elif suite is None:
+        what = f"has {len(suites)} suites" if suites else "has no suite"
+        raise InputError(f"{folder}: {what}; name one with --suite: {', '.join(suites)}")
+    else:
+        raise InputError(f"{folder}: there is no suite '{suite}'; {nearest(suite, suites)}")
+    return cross(library, chosen)
+
+
+__all__ = [
+    "Library",
+    "Problem",
+    "ProblemsError",
+    "compile_library",
+    "differences",
+    "load_declaration",
+    "load_library",
+    "nearest",
+    "read_spec",
+    "sealed",
+    "to_json",
+    "weather_at",
+    "write_specs",
+]

@@ -23,6 +23,12 @@ DECLARATIONS: dict[str, type[Declaration]] = {
 }
 """Model of every kind of declaration."""
 
+
+def kind_of(declaration: Declaration) -> str:
+    """The `kind` that the declaration's document says."""
+    return next(kind for kind, model in DECLARATIONS.items() if isinstance(declaration, model))
+
+
 __all__ = [
     "DECLARATIONS",
     "SPEC_VERSION",
@@ -51,4 +57,5 @@ __all__ = [
     "Typology",
     "Vehicle",
     "Weather",
+    "kind_of",
 ]

@@ -91,9 +91,8 @@ Point3 = tuple[Metres, Metres, Metres]
 
 
 class Declaration(Model):
-    """What every YAML document starts with; each kind narrows `kind` to its own name."""
+    """What every YAML document has besides its `kind`."""
 
-    kind: str
     id: Id
     title: str = ""
     source: str = ""

@@ -247,7 +247,7 @@ class Road(Declaration):
     origin_lon_deg: Annotated[Degrees, Field(ge=-180, le=180)] = 0.0
     sections: dict[Id, CrossSection]
     streets: Annotated[dict[Id, Street], Field(min_length=1)]
-    junctions: dict[Id, Junction] = {}
+    junctions: dict[Id, Junction] = Field(default_factory=dict)
     surroundings: tuple[Surrounding, ...] = ()
     agents: dict[Id, Annotated[Vehicle | RoadsideUnit, Field(discriminator="kind")]]
     traffic: Demand

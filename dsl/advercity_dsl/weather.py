@@ -9,7 +9,6 @@ from typing import Annotated, Literal, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from advercity_dsl.base import (
-    CandelasPerSquareMetre,
     Celsius,
     Declaration,
     Degrees,
@@ -175,7 +174,7 @@ class Weather(Declaration):
     night: Night = Night()
     lamps: Lamps = Lamps()
     temperature_c: Annotated[Celsius, Field(ge=-60, le=60)] = 15
-    sun_at: dict[Id, Sun] = {}
+    sun_at: dict[Id, Sun] = Field(default_factory=dict)
     """Where the sun stands at a road, by road id; takes the place of `sun` there."""
 
     @model_validator(mode="after")
@@ -183,7 +182,8 @@ class Weather(Declaration):
         fog, air = self.fog.mor_m, self.air.mor_m
         if fog is not None and air is not None and fog > air:
             raise ValueError(
-                f"fog.mor_m {fog:g} m is clearer than air.mor_m {air:g} m; lower it, or leave fog out"
+                f"fog.mor_m {fog:g} m is clearer than air.mor_m {air:g} m;"
+                " lower it, or leave fog out"
             )
         if self.snow.rate_mm_h > 0 and self.temperature_c > 3:
             raise ValueError(
@@ -195,5 +195,3 @@ class Weather(Declaration):
                 " by day it is above 0, by night below"
             )
         return self
-
-

@@ -1,0 +1,104 @@
+"""Writes specs as JSON and reads them back; the same spec gives the same bytes anywhere."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from advercity_dsl import Spec
+
+from advercity.compiler.problems import Problem, ProblemsError
+from advercity.compiler.source import parse
+from advercity.compiler.validation import validate
+from advercity.errors import InputError
+
+LINE = 100
+
+
+def to_json(spec: Spec) -> str:
+    """Readable JSON: keys in the model's order, short lists and records on one line."""
+    return _text(spec.model_dump(mode="json", exclude_none=True), "") + "\n"
+
+
+def _text(value: Any, indent: str) -> str:
+    flat = json.dumps(value, ensure_ascii=False, allow_nan=False)
+    if len(indent) + len(flat) <= LINE or not isinstance(value, dict | list) or not value:
+        return flat
+    inner = indent + " "
+    if isinstance(value, dict):
+        items = [f"{inner}{json.dumps(key)}: {_text(item, inner)}" for key, item in value.items()]
+        return "{\n" + ",\n".join(items) + f"\n{indent}}}"
+    items = [inner + _text(item, inner) for item in value]
+    return "[\n" + ",\n".join(items) + f"\n{indent}]"
+
+
+def write_specs(specs: Sequence[Spec], folder: Path) -> None:
+    """Write every spec as `<id>.json`, and remove specs of the same suite that are no more.
+
+    Raises:
+        InputError: The folder cannot be written to.
+    """
+    texts = {f"{spec.id}.json": to_json(spec) for spec in specs}
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, text in texts.items():
+            _replace(folder / name, text)
+        for stale in _stale(folder, specs):
+            stale.unlink()
+    except OSError as error:
+        raise InputError(f"{error.filename}: cannot be written: {error.strerror}") from error
+
+
+def _replace(path: Path, text: str) -> None:
+    partial = path.with_suffix(".json.partial")
+    partial.write_text(text, encoding="utf-8", newline="\n")
+    partial.replace(path)
+
+
+def _stale(folder: Path, specs: Sequence[Spec]) -> list[Path]:
+    """Specs in `folder` that an earlier compilation of the same suites has left."""
+    suites = {spec.provenance.suite for spec in specs}
+    names = {f"{spec.id}.json" for spec in specs}
+    others = [path for path in sorted(folder.glob("*.json")) if path.name not in names]
+    return [path for path in others if _suite_of(path) in suites]
+
+
+def _suite_of(path: Path) -> str | None:
+    try:
+        return str(json.loads(path.read_text(encoding="utf-8"))["provenance"]["suite"])
+    except (OSError, ValueError, LookupError, TypeError):
+        return None
+
+
+def differences(specs: Sequence[Spec], folder: Path) -> list[str]:
+    """What is missing, stale or different in `folder`, as sentences; empty if all is current."""
+    texts = {f"{spec.id}.json": to_json(spec) for spec in specs}
+    found = [f"{path}: no declaration makes this spec" for path in _stale(folder, specs)]
+    for name, text in texts.items():
+        path = folder / name
+        if not path.is_file():
+            found.append(f"{path}: is missing")
+        elif path.read_text(encoding="utf-8") != text:
+            found.append(f"{path}: differs from what the library compiles to")
+    return found
+
+
+def read_spec(path: Path) -> Spec:
+    """A spec from its file; InputError with the place of what is wrong."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "is not UTF-8 text"
+        raise InputError(f"{path}: cannot be read: {reason}") from error
+    try:
+        json.loads(text, parse_constant=_refuse_constant)
+    except (ValueError, RecursionError) as error:
+        line, column = getattr(error, "lineno", 1), getattr(error, "colno", 1)
+        message = f"not a spec: {getattr(error, 'msg', 'cannot be parsed')}"
+        hint = "is it cut off? `advercity compile` writes it again"
+        raise ProblemsError.of(Problem(path, line, column, "", message, hint)) from None
+    return validate(Spec, parse(path, text))
+
+
+def _refuse_constant(name: str) -> float:
+    raise ValueError(f"{name} is no number of JSON")
