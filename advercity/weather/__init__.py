@@ -1,0 +1,1 @@
+"""From authored weather to extinction, sky and light."""

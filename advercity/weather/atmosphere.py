@@ -3,6 +3,7 @@
 All photometric: cd/m², lx, 1/m. Colours are linear sRGB factors with luminance 1.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +22,7 @@ class Atmosphere:
         sun_direction: Unit vector (3,) towards the sun.
         sun_lx: Direct normal illuminance by the sun, already dimmed by fog above.
         sun_colour: Colour of direct sunlight.
-        sky_lx: Diffuse horizontal illuminance.
+        sky_lx: Diffuse horizontal illuminance: what the upper half of `sky` gives.
         sky: (6, n, n, 3) float32 cubemap of luminance in cd/m² without the sun's disc, faces
             +x -x +y -y +z -z of the world; below the horizon it is the light of the ground.
             Face axes (column right, row down): +x: (-y, -z), -x: (+y, -z), +y: (+x, -z),
@@ -50,5 +51,5 @@ class Atmosphere:
 
     @property
     def mor_m(self) -> float:
-        """Meteorological optical range of the whole atmosphere."""
-        return float(np.log(20.0) / self.extinction_550nm)
+        """Meteorological optical range of the whole atmosphere; inf in a vacuum."""
+        return math.log(20.0) / self.extinction_550nm if self.extinction_550nm else math.inf

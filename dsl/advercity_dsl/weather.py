@@ -128,9 +128,9 @@ class Sky(Model):
     oktas: Annotated[int, Field(ge=0, le=8)] = 0
     turbidity: Annotated[float, Field(ge=2, le=10)] = 3
     diffuse_lx: Annotated[Lux, Field(ge=0, le=150_000)] | None = None
-    """Horizontal illuminance by the sky; `null` derives it from sun and clouds."""
+    """Horizontal illuminance by the sky, above any fog; `null` derives it from sun and clouds."""
     direct_lx: Annotated[Lux, Field(ge=0, le=150_000)] | None = None
-    """Direct normal illuminance by the sun; `null` derives it from sun and clouds."""
+    """Direct normal illuminance by the sun, above any fog; `null` derives it likewise."""
 
 
 class ByLandUse(Model):

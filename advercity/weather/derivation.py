@@ -1,0 +1,139 @@
+"""From authored weather to the atmosphere that every sensor sees."""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from advercity_dsl import Weather
+from numpy.typing import NDArray
+
+from advercity.weather import extinction, sky
+from advercity.weather.atmosphere import Atmosphere, Colour
+from advercity.weather.daylight import daylight_of, sun_colour
+
+LandUse = Literal["urban", "rural"]
+Array = NDArray[np.float64]
+
+SKY_SIZE = 256
+"""Texels along an edge of the sky's cubemap."""
+STREET_LIGHT_COLOUR = np.array([1.39, 0.94, 0.50])
+"""4000 K, linear sRGB at luminance 1."""
+LIT_LAYER_M = 10.0
+"""Height up to which street lamps light the air."""
+GREY_FROM_OKTAS = 7.0
+"""Cover at which no blue is left in the sky."""
+_WHITE = np.ones(3)
+
+
+@dataclass(frozen=True)
+class _Light:
+    """What an atmosphere has of light; fields as in `Atmosphere`."""
+
+    sun_lx: float
+    sky: Array
+    airlight_low: Array
+    airlight_high: Array
+    street_lx: float = 0.0
+
+
+def atmosphere_of(weather: Weather, land_use: LandUse) -> Atmosphere:
+    """The atmosphere of `weather` over town or country."""
+    total = extinction.of_weather(weather)
+    sun = sky.direction_to(weather.sun.elevation_deg, weather.sun.azimuth_deg)
+    if weather.time == "night":
+        light = _night(weather, land_use, total.at_550nm)
+    elif weather.fog.mor_m is not None:
+        light = _day_in_fog(weather, extinction.of_visibility(weather.fog.mor_m))
+    else:
+        light = _day(weather, sun)
+    return Atmosphere(
+        extinction_550nm=total.at_550nm,
+        extinction_905nm=total.at_905nm,
+        sun_direction=sun,
+        sun_lx=light.sun_lx,
+        sun_colour=sun_colour(weather.sun.elevation_deg),
+        sky_lx=sky.horizontal_illuminance(light.sky),
+        sky=light.sky.astype(np.float32),
+        airlight_low=_colour(light.airlight_low),
+        airlight_high=_colour(light.airlight_high),
+        street_lx=light.street_lx,
+        wetness=weather.surface.wetness,
+        puddle_coverage=weather.surface.puddle_coverage,
+        night=weather.time == "night",
+    )
+
+
+def _day(weather: Weather, sun: Array) -> _Light:
+    """CIE general sky, scaled to the sky's illuminance; its horizon is the airlight."""
+    light = daylight_of(weather)
+    cie_type = sky.sky_type(weather.sky.oktas, turbidity=weather.sky.turbidity)
+    cloud_share = min(1.0, weather.sky.oktas / GREY_FROM_OKTAS)
+
+    def shape(directions: Array) -> Array:
+        relative = sky.cie_luminance(directions, sun, cie_type)[..., None]
+        return relative * sky.daylight_colour(directions, sun, cloud_share=cloud_share)
+
+    directions = sky.cubemap_directions(SKY_SIZE)
+    relative = shape(directions)
+    scale = light.diffuse_lx / sky.horizontal_illuminance(relative)
+    ground = sky.GROUND_ALBEDO * (light.diffuse_lx + light.direct_lx * max(0.0, sun[2])) / math.pi
+    below = directions[..., 2:] < 0.0
+    return _Light(
+        sun_lx=light.direct_lx,
+        sky=np.where(below, ground * _WHITE, scale * relative),
+        airlight_low=scale * shape(_horizon()).mean(axis=0),
+        airlight_high=scale * shape(np.array([0.0, 0.0, 1.0])),
+    )
+
+
+def _day_in_fog(weather: Weather, fog_extinction: float) -> _Light:
+    """A dome of scattered light; what is left of the direct sun is not in it."""
+    above = daylight_of(weather)
+    sine = math.sin(math.radians(weather.sun.elevation_deg))
+    depth = fog_extinction * weather.fog.depth_m
+    sun_lx = above.direct_lx * math.exp(-depth / sine)
+    total = sky.illuminance_in_fog(above.diffuse_lx + above.direct_lx * sine, depth)
+    diffuse = max(0.0, total - sun_lx * sine)
+
+    def dome(height: Array) -> Array:
+        return sky.fog_dome(height, diffuse)[..., None] * _WHITE
+
+    return _Light(
+        sun_lx=sun_lx,
+        sky=dome(sky.cubemap_directions(SKY_SIZE)[..., 2]),
+        airlight_low=dome(np.array(0.0)),
+        airlight_high=dome(np.array(1.0)),
+    )
+
+
+def _night(weather: Weather, land_use: LandUse, extinction_550nm: float) -> _Light:
+    """Glow overhead, ground below, both seen through a layer of air that street lamps light."""
+    glow_cd_m2: float = getattr(weather.night.glow_cd_m2, land_use)
+    street_lx: float = getattr(weather.night.street_lx, land_use)
+    glow_colour = STREET_LIGHT_COLOUR if land_use == "urban" else _WHITE
+    glow_lx = math.pi * glow_cd_m2
+    lit_by_glow = sky.airlight_of(glow_lx) * glow_colour
+    lit_by_lamps = sky.airlight_of(street_lx) * STREET_LIGHT_COLOUR
+
+    height = sky.cubemap_directions(SKY_SIZE)[..., 2:]
+    left = np.exp(-extinction_550nm * LIT_LAYER_M / np.abs(height))
+    ground = sky.GROUND_ALBEDO / math.pi * (glow_lx * glow_colour + street_lx * STREET_LIGHT_COLOUR)
+    behind = np.where(height > 0.0, glow_cd_m2 * glow_colour, ground * left)
+    overhead = 1.0 - math.exp(-extinction_550nm * LIT_LAYER_M)
+    return _Light(
+        sun_lx=0.0,
+        sky=behind + lit_by_lamps * (1.0 - left),
+        airlight_low=lit_by_glow + lit_by_lamps,
+        airlight_high=glow_cd_m2 * glow_colour + lit_by_lamps * overhead,
+        street_lx=street_lx,
+    )
+
+
+def _horizon() -> Array:
+    turn = np.arange(72) / 72 * 2.0 * math.pi
+    return np.stack([np.cos(turn), np.sin(turn), np.zeros_like(turn)], axis=-1)
+
+
+def _colour(value: Array) -> Colour:
+    return float(value[0]), float(value[1]), float(value[2])
