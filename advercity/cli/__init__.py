@@ -1,0 +1,26 @@
+"""The command line: each command calls the library and prints; nothing is computed here."""
+
+import sys
+
+from advercity.cli.app import app
+from advercity.cli.output import fail
+from advercity.errors import InputError, RunError
+
+
+def main() -> None:
+    """Run the command line; 0 done, 1 failed while running, 2 bad input, 130 interrupted."""
+    try:
+        app()
+    except InputError as error:
+        fail(error, exit_code=2)
+    except RunError as error:
+        fail(error, exit_code=1)
+    except KeyboardInterrupt:
+        sys.exit(130)
+    except BrokenPipeError:
+        # The reader of our output has gone, as `| head` does.
+        sys.stderr.close()
+        sys.exit(1)
+
+
+__all__ = ["app", "main"]

@@ -4,10 +4,11 @@ from pathlib import Path
 
 from advercity_dsl import Spec, Suite
 
-from advercity.compiler.crossing import cross, sealed, weather_at
+from advercity.compiler.crossing import cross, under
 from advercity.compiler.emission import differences, read_spec, to_json, write_specs
 from advercity.compiler.library import Library, load_declaration, load_library
 from advercity.compiler.problems import Problem, ProblemsError, nearest
+from advercity.compiler.shipped import find_weather, shipped_library, validate_path
 from advercity.errors import InputError
 
 
@@ -33,12 +34,14 @@ __all__ = [
     "ProblemsError",
     "compile_library",
     "differences",
+    "find_weather",
     "load_declaration",
     "load_library",
     "nearest",
     "read_spec",
-    "sealed",
+    "shipped_library",
     "to_json",
-    "weather_at",
+    "under",
+    "validate_path",
     "write_specs",
 ]

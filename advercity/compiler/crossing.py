@@ -158,12 +158,17 @@ def _spec(
         timing=suite.timing,
         seeds=SpecSeeds(
             traffic=_seed(suite.seeds.traffic, "traffic", road.id, density.id),
-            sensors=_seed(suite.seeds.sensors, "sensors", name),
+            sensors=suite.seeds.sensors,
         ),
         provenance=Provenance(
             compiler=__version__,
             suite=suite.id,
-            declarations={f"{kind_of(item)}/{item.id}": library.digest(item) for item in sources},
+            declarations={
+                name: digest
+                for name, digest in sorted(
+                    (f"{kind_of(item)}/{item.id}", library.digest(item)) for item in sources
+                )
+            },
             digest="0" * 64,
         ),
     )
@@ -176,6 +181,26 @@ def sealed(spec: Spec) -> Spec:
     del data["provenance"]["digest"]
     provenance = spec.provenance.model_copy(update={"digest": digest_of(data)})
     return spec.model_copy(update={"provenance": provenance})
+
+
+def under(spec: Spec, weather: Weather) -> Spec:
+    """The same scenario under another weather: what the suite would have compiled to."""
+    sources = {
+        name: digest
+        for name, digest in spec.provenance.declarations.items()
+        if not name.startswith("weather/")
+    }
+    sources[f"weather/{weather.id}"] = digest_of(weather.model_dump(mode="json"))
+    provenance = spec.provenance.model_copy(update={"declarations": dict(sorted(sources.items()))})
+    return sealed(
+        spec.model_copy(
+            update={
+                "id": f"{spec.road.id}_{weather.id}_{spec.density.id}",
+                "weather": weather_at(weather, spec.road),
+                "provenance": provenance,
+            }
+        )
+    )
 
 
 def weather_at(weather: Weather, road: Road) -> Weather:

@@ -94,7 +94,7 @@ def read_spec(path: Path) -> Spec:
         json.loads(text, parse_constant=_refuse_constant)
     except (ValueError, RecursionError) as error:
         line, column = getattr(error, "lineno", 1), getattr(error, "colno", 1)
-        message = f"not a spec: {getattr(error, 'msg', 'cannot be parsed')}"
+        message = f"not a spec: {getattr(error, 'msg', error)}"
         hint = "is it cut off? `advercity compile` writes it again"
         raise ProblemsError.of(Problem(path, line, column, "", message, hint)) from None
     return validate(Spec, parse(path, text))

@@ -55,8 +55,12 @@ class Library:
 
 
 def load_library(folder: Path) -> Library:
-    """Read every `*.yaml` below `folder`; ProblemsError lists the problems of all files."""
-    files = sorted(folder.rglob("*.yaml")) if folder.is_dir() else []
+    """Read every `*.yaml` below `folder`, or the one file that it is.
+
+    Raises:
+        ProblemsError: With the problems of all files.
+    """
+    files = [folder] if folder.is_file() else sorted(folder.rglob("*.yaml"))
     if not files:
         raise InputError(f"{folder}: no declarations (*.yaml) here; is it a library folder?")
     problems: list[Problem] = []

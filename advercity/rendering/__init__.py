@@ -1,0 +1,1 @@
+"""The seam to renderers, the registry of backends, and ray casting."""

@@ -1,0 +1,1 @@
+"""The pipeline over frames and scenarios."""

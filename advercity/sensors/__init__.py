@@ -1,0 +1,1 @@
+"""What cameras, LiDAR, GNSS and IMU report."""

@@ -1,0 +1,1 @@
+"""Traffic on SUMO, and the trace it leaves."""

@@ -1,0 +1,1 @@
+"""The static stage of a scenario: road network, meshes, materials, bodies."""

@@ -50,7 +50,7 @@ class CrashGroup(Model):
 
 
 class SpecSeeds(Model):
-    """`traffic` is shared by all weathers of one road and density, `sensors` is the spec's own."""
+    """`traffic` differs by road and density alone; `sensors` is used together with the spec's id."""
 
     traffic: int
     sensors: int

@@ -1,0 +1,196 @@
+"""The commands and their options."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from advercity.cli.output import note, say
+from advercity.errors import InputError, RunError
+
+app = typer.Typer(
+    name="advercity",
+    help="Adverse-weather V2X driving data, compiled from YAML.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+LibraryArgument = Annotated[Path, typer.Argument(help="Folder of declarations.")]
+SpecArgument = Annotated[list[Path], typer.Argument(help="Compiled specs (*.json).")]
+
+
+@app.command("compile")
+def compile_(
+    library: LibraryArgument = Path("library"),
+    output: Annotated[Path, typer.Option(help="Folder for the specs.")] = Path("compiled"),
+    suite: Annotated[str | None, typer.Option(help="Suite to compile.")] = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="Only tell whether specs are stale.")
+    ] = False,
+) -> None:
+    """Compile a library of declarations into scenario specs."""
+    from advercity.compiler import compile_library, differences, write_specs
+
+    specs = compile_library(library, suite)
+    if check:
+        stale = differences(specs, output)
+        if stale:
+            raise RunError("\n".join([*stale, f"run `advercity compile {library}` to renew them"]))
+        note(f"{len(specs)} specs in {output} are current")
+        return
+    write_specs(specs, output)
+    note(f"{len(specs)} specs in {output}")
+
+
+@app.command()
+def validate(
+    paths: Annotated[list[Path], typer.Argument(help="Specs, declarations or library folders.")],
+) -> None:
+    """Check specs and declarations; print nothing but problems."""
+    from advercity.compiler import validate_path
+
+    for path in paths:
+        validate_path(path)
+    note("no problems found")
+
+
+@app.command("list")
+def list_(
+    folder: Annotated[Path, typer.Argument(help="Folder of specs.")] = Path("compiled"),
+) -> None:
+    """List compiled scenarios."""
+    from advercity.cli.tables import spec_table
+
+    say(spec_table(folder))
+
+
+@app.command()
+def show(spec: Annotated[Path, typer.Argument(help="A compiled spec.")]) -> None:
+    """Tell what a scenario holds, without running it."""
+    from advercity.cli.tables import summary
+    from advercity.compiler import read_spec
+
+    say(summary(read_spec(spec)))
+
+
+@app.command()
+def run(
+    specs: SpecArgument,
+    output: Annotated[Path, typer.Option(help="Folder for the dataset.")] = Path("output"),
+    backend: Annotated[str, typer.Option(help="Rendering backend.")] = "sapien",
+    profile: Annotated[str, typer.Option(help="auto, preview or full.")] = "auto",
+    scale: Annotated[float | None, typer.Option(help="Image scale, over the profile's.")] = None,
+    frames: Annotated[
+        str | None, typer.Option(metavar="A:B[:STEP]", help="Kept frames to make, B not included.")
+    ] = None,
+    rrd: Annotated[Path | None, typer.Option(help="Write a Rerun recording.")] = None,
+    stream: Annotated[bool, typer.Option("--stream", help="Serve the live view.")] = False,
+    connect: Annotated[str | None, typer.Option(help="Send to a running Rerun viewer.")] = None,
+    weather: Annotated[
+        str | None, typer.Option(help="Replay under another weather: a file, or a library name.")
+    ] = None,
+    jobs: Annotated[int, typer.Option(min=1, help="Scenarios at a time.")] = 1,
+    fresh: Annotated[
+        bool, typer.Option("--fresh", help="Start over; discard what is there.")
+    ] = False,
+) -> None:
+    """Run scenarios: traffic, sensors, dataset, live view."""
+    from advercity.cli.progress import progress
+    from advercity.compiler import find_weather, read_spec, under
+    from advercity.runner import Options, ViewerTarget, parse_frames, run_all
+
+    if sum((rrd is not None, stream, connect is not None)) > 1:
+        raise InputError("--rrd, --stream and --connect exclude each other; give one")
+    chosen = [read_spec(path) for path in specs]
+    if weather is not None:
+        other = find_weather(weather)
+        chosen = [under(spec, other) for spec in chosen]
+    options = Options(
+        output=output,
+        backend=backend,
+        profile=profile,
+        scale=scale,
+        frames=parse_frames(frames),
+        viewer=ViewerTarget(file=rrd, serve=stream, connect=connect),
+        fresh=fresh,
+    )
+    with progress(chosen) as report:
+        folders = run_all(chosen, options, jobs=jobs, report=report)
+    for folder in folders:
+        say(str(folder))
+
+
+@app.command()
+def view(
+    dataset: Annotated[Path, typer.Argument(help="A scenario of a dataset, or a .rrd recording.")],
+) -> None:
+    """Open a recording or a scenario of a dataset in Rerun."""
+    from advercity.viewer.replay import open_viewer
+
+    open_viewer(dataset)
+
+
+@app.command()
+def verify(
+    dataset: Annotated[Path, typer.Argument(help="A dataset, or one scenario of it.")],
+) -> None:
+    """Check every file of a dataset against its manifest."""
+    from advercity.dataset.manifest import verify_dataset
+
+    problems = verify_dataset(dataset)
+    if problems:
+        raise RunError("\n".join(str(problem) for problem in problems))
+    note("every file is as its manifest says")
+
+
+@app.command()
+def sheet(
+    dataset: Annotated[Path, typer.Argument(help="A scenario of a dataset.")],
+    output: Annotated[Path, typer.Option(help="Picture to write.")] = Path("contact_sheet.png"),
+) -> None:
+    """Put the cameras of one frame, all viewpoints, on one contact sheet."""
+    from advercity.dataset.contact_sheet import write_contact_sheet
+
+    write_contact_sheet(dataset, output)
+    say(str(output))
+
+
+@app.command()
+def doctor() -> None:
+    """Tell what this machine has and what is missing."""
+    from advercity.cli.doctor import report
+
+    text, healthy = report()
+    say(text)
+    if not healthy:
+        raise typer.Exit(1)
+
+
+@app.command()
+def schema(
+    kind: Annotated[str | None, typer.Argument(help="Kind of declaration, or spec.")] = None,
+    output: Annotated[Path | None, typer.Option(help="Folder for one file per kind.")] = None,
+) -> None:
+    """Print the JSON Schema of a kind of declaration, for editors."""
+    from advercity.compiler.schema import schema_of, write_schemas
+
+    if output is not None:
+        write_schemas(output)
+    elif kind is not None:
+        say(schema_of(kind))
+    else:
+        raise InputError("name a kind to print, or give --output DIR to write them all")
+
+
+@app.callback(invoke_without_command=True)
+def version(
+    show_version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
+) -> None:
+    """Adverse-weather V2X driving data, compiled from YAML."""
+    if show_version:
+        from advercity import __version__
+
+        say(__version__)
+        raise typer.Exit

@@ -1,0 +1,26 @@
+"""How the command line speaks: data on stdout, all else on stderr."""
+
+import sys
+from typing import NoReturn
+
+from rich.console import Console
+
+errors = Console(stderr=True, highlight=False, soft_wrap=True)
+
+
+def say(text: str) -> None:
+    """Print data."""
+    print(text)
+
+
+def note(text: str) -> None:
+    """Tell what is going on; quiet when nobody watches."""
+    if sys.stderr.isatty():
+        errors.print(text, markup=False)
+
+
+def fail(error: Exception, *, exit_code: int) -> NoReturn:
+    """Print one message and leave."""
+    for line in str(error).splitlines():
+        errors.print(f"error: {line}", markup=False, style="red")
+    sys.exit(exit_code)

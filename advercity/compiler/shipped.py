@@ -1,0 +1,41 @@
+"""Finds declarations that people name: in a file of theirs, or in the library that ships."""
+
+from importlib.resources import files
+from pathlib import Path
+
+from advercity_dsl import Suite, Weather
+
+from advercity.compiler.crossing import cross
+from advercity.compiler.emission import read_spec
+from advercity.compiler.library import load_declaration, load_library
+from advercity.compiler.problems import nearest
+from advercity.errors import InputError
+
+
+def shipped_library() -> Path:
+    """The library inside the installed package, or beside the source in a checkout."""
+    source = Path(__file__).parents[2] / "library"
+    return source if source.is_dir() else Path(str(files("advercity") / "_library"))
+
+
+def find_weather(text: str) -> Weather:
+    """The weather in the file `text`, or the shipped one with that name."""
+    path = Path(text)
+    if path.suffix in (".yaml", ".yml") or path.exists():
+        return load_declaration(path, Weather)
+    weathers = load_library(shipped_library()).of(Weather)
+    if text not in weathers:
+        hint = nearest(text, weathers)
+        raise InputError(f"there is no weather '{text}', and no such file; {hint}")
+    return weathers[text]
+
+
+def validate_path(path: Path) -> None:
+    """Check a spec, a declaration, or a whole library and its suites; raise on problems."""
+    if path.suffix == ".json":
+        read_spec(path)
+        return
+    library = load_library(path)
+    if path.is_dir():
+        for suite in library.of(Suite).values():
+            cross(library, suite)

@@ -1,0 +1,70 @@
+"""What many runs share, kept by content: networks and traces.
+
+Weathers of one road and density share a trace; that is what makes them pairs.
+"""
+
+import functools
+import hashlib
+import os
+import tempfile
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+
+from advercity_dsl import Spec
+
+import advercity
+from advercity.compiler.library import digest_of
+from advercity.errors import RunError
+
+
+def cache_folder() -> Path:
+    """`$ADVERCITY_CACHE`, else `advercity` in the user's cache folder."""
+    chosen = os.environ.get("ADVERCITY_CACHE")
+    if chosen:
+        return Path(chosen)
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "advercity"
+
+
+def road_key(spec: Spec) -> str:
+    """Of everything that the network depends on."""
+    road = spec.road.model_dump(mode="json", exclude={"agents", "traffic"})
+    return digest_of({"code": _code_digest("world"), "road": road})
+
+
+def traffic_key(spec: Spec) -> str:
+    """Of everything that the trace depends on: all of the spec but weather and sensors."""
+    data = spec.model_dump(
+        mode="json", include={"road", "demand", "blueprints", "timing", "agents"}
+    )
+    for agent in data["agents"]:
+        del agent["sensors"]
+    return digest_of({"code": _code_digest("world", "traffic"), "seed": spec.seeds.traffic, **data})
+
+
+@functools.cache
+def _code_digest(*packages: str) -> str:
+    """Of the sources that make the cached things: a changed program keeps nothing of the old."""
+    digest = hashlib.sha256(version("eclipse-sumo").encode())
+    root = Path(advercity.__file__).parent
+    for package in packages:
+        for path in sorted((root / package).rglob("*")):
+            if path.suffix in (".py", ".j2"):
+                digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def kept(path: Path, make: Callable[[Path], None]) -> Path:
+    """`path`, made by `make(partial path)` if it is not there yet; whole or absent."""
+    if path.is_file():
+        return path
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=path.parent) as folder:
+            partial = Path(folder) / path.name
+            make(partial)
+            partial.replace(path)
+    except OSError as error:
+        message = f"{error.filename or path}: cannot be written: {error.strerror}"
+        raise RunError(f"{message}; set ADVERCITY_CACHE to a folder that can") from error
+    return path

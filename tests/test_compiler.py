@@ -1,0 +1,383 @@
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from advercity_dsl import Spec, Suite, Typology
+from advercity_dsl.suite import Coverage, Selection
+
+from advercity.compiler import (
+    ProblemsError,
+    compile_library,
+    differences,
+    find_weather,
+    load_library,
+    read_spec,
+    to_json,
+    under,
+    write_specs,
+)
+from advercity.compiler.selection import is_selected, required_cells
+from advercity.errors import InputError
+
+ROADS = ("ui", "unj", "ri", "rsnj", "rcnj")
+WEATHERS = (
+    *("clear_day", "clear_night", "soft_rain_day", "soft_rain_night", "heavy_rain_day"),
+    *("heavy_rain_night", "fog_day", "fog_night", "foggy_heavy_rain_day"),
+    *("foggy_heavy_rain_night", "glare_day"),
+)
+
+SMALL = {
+    "road.yaml": """\
+kind: road
+id: lane
+land_use: rural
+junction: non_junction
+alignment: straight
+profile: level
+sections:
+  two_lanes: {left: [{kind: lane, width_m: 3.2}], right: [{kind: lane, width_m: 3.2}]}
+streets:
+  main:
+    begins: west
+    ends: east
+    start_m: [0, 0]
+    heading_deg: 0
+    path: [{line_m: 200}]
+    section: two_lanes
+    speed_limit_km_h: 30
+agents:
+  cav1:
+    kind: vehicle
+    role: ego
+    spawn_m: [10, -1.6]
+    heading_deg: 0
+    destination_m: [150, -1.6]
+    route: [main]
+    max_speed_km_h: 40
+  rsu1: {kind: roadside_unit, position_m: [100, 6, 5], yaw_deg: 180, pitch_deg: 10}
+traffic:
+  vehicles_per_area: 2
+  walkers: 0
+  around_agent_m: 25
+  around_path_m: 10
+  classes: {car: 0.5, van: 0.2, truck: 0.1, bicycle: 0.1, motorcycle: 0.1}
+""",
+    "weather.yaml": "kind: weather\nid: clear_day\ntime: day\n",
+    "density.yaml": "kind: density\nid: sparse\nvehicles: 1\nwalkers: 1\n",
+    "rig.yaml": """\
+kind: rig
+id: one_camera
+vehicle: &no
+roadside_unit: {camera: {mounts: [{}]}, lidar: {}}
+""".replace(
+        "vehicle: &no",
+        "vehicle: {camera: {mounts: [{x_m: 1, z_m: 1.5}]}, lidar: {mount: {z_m: 2}}}",
+    ),
+    "catalogue.yaml": """\
+kind: catalogue
+id: one_car
+ego: saloon
+blueprints:
+  saloon: {actor_class: car, length_m: 4.9, width_m: 1.9, height_m: 1.5}
+""",
+    "typology.yaml": """\
+kind: typology
+id: opposite_direction
+crash_types: [{id: "nhtsa2019:19", name: Opposite Direction/No Maneuver}]
+statistics:
+  weather_percent: 15
+  bad_visibility_percent: 4
+  fatality_rate_percent: 3.23
+  vehicles_per_crash: 1.88
+  crash_share_percent: 2
+  external_entity: false
+roads:
+  urban_percent: 35
+  rural_percent: 65
+  junctions: [{junction: non_junction, percent: 87}]
+""",
+    "suite.yaml": "kind: suite\nid: small\nrig: one_camera\ncatalogue: one_car\n",
+}
+"""A library of one scenario."""
+
+Write = Callable[..., Path]
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Write:
+    """Writes the small library, with some files replaced, and returns its folder."""
+
+    def write_library(**files: str) -> Path:
+        texts = SMALL | {f"{name}.yaml": text for name, text in files.items()}
+        for name, text in texts.items():
+            (tmp_path / name).write_text(text)
+        return tmp_path
+
+    return write_library
+
+
+def complaint(folder: Path) -> str:
+    with pytest.raises(InputError) as caught:
+        compile_library(folder)
+    return str(caught.value).replace(f"{folder}/", "")
+
+
+def test_the_small_library_compiles_to_one_scenario(write: Write) -> None:
+    (spec,) = compile_library(write())
+    assert spec.id == "lane_clear_day_sparse"
+    assert [agent.number for agent in spec.agents] == [101, -1]
+    assert spec.demand.vehicles == 16
+
+
+def test_the_shipped_library_compiles_to_the_110_scenarios(specs: dict[str, Spec]) -> None:
+    names = {f"{r}_{w}_{d}" for r in ROADS for w in WEATHERS for d in ("sparse", "dense")}
+    assert set(specs) == names
+    assert len(names) == 110
+
+
+def test_committed_specs_are_what_the_library_compiles_to(specs: dict[str, Spec]) -> None:
+    folder = Path(__file__).parent.parent / "compiled"
+    assert differences(list(specs.values()), folder) == []
+
+
+def test_same_library_same_bytes(library: Path, specs: dict[str, Spec]) -> None:
+    again = compile_library(library)
+    assert [to_json(spec) for spec in again] == [to_json(spec) for spec in specs.values()]
+
+
+def test_the_rule_selects_the_four_groups_of_the_paper(library: Path) -> None:
+    typologies = load_library(library).of(Typology).values()
+    selected = {item.id for item in typologies if is_selected(item, Selection())}
+    assert selected == {"pedestrian", "pedalcyclist", "opposite_direction", "crossing_paths"}
+
+
+@pytest.mark.parametrize(
+    "rule",
+    [
+        Selection(fatality_rate_percent=0.13),
+        Selection(fatality_rate_percent=0.35),
+        Selection(bad_visibility_percent=2.01),
+        Selection(bad_visibility_percent=4),
+        Selection(vehicles_per_crash=1.17),
+        Selection(vehicles_per_crash=1.88),
+    ],
+)
+def test_the_selection_is_not_knife_edge(library: Path, rule: Selection) -> None:
+    typologies = load_library(library).of(Typology).values()
+    assert sum(is_selected(item, rule) for item in typologies) == 4
+
+
+def test_road_departure_would_be_selected_without_the_partner_rule(library: Path) -> None:
+    departure = load_library(library).of(Typology)["road_departure"]
+    rule = Selection(vehicles_per_crash=1.0, bad_visibility_percent=2)
+    assert is_selected(departure, rule)
+    assert not is_selected(departure, Selection(bad_visibility_percent=2))
+
+
+def test_required_places_are_those_of_the_paper(library: Path) -> None:
+    typologies = load_library(library).of(Typology)
+    cells = {
+        name: sorted(str(cell) for cell in required_cells(typologies[name], Coverage()))
+        for name in ("pedestrian", "pedalcyclist", "opposite_direction", "crossing_paths")
+    }
+    assert cells == {
+        "pedestrian": ["urban intersection", "urban non_junction"],
+        "pedalcyclist": ["rural intersection", "urban intersection"],
+        "opposite_direction": ["rural non_junction curved", "rural non_junction straight"],
+        "crossing_paths": ["rural intersection", "urban intersection"],
+    }
+
+
+def test_each_road_carries_the_groups_it_is_here_for(specs: dict[str, Spec]) -> None:
+    groups = {
+        road: {group.typology for group in specs[f"{road}_clear_day_sparse"].groups}
+        for road in ROADS
+    }
+    assert groups == {
+        "ui": {"pedestrian", "pedalcyclist", "crossing_paths"},
+        "unj": {"pedestrian"},
+        "ri": {"pedalcyclist", "crossing_paths"},
+        "rsnj": {"opposite_direction"},
+        "rcnj": {"opposite_direction"},
+    }
+
+
+@pytest.mark.parametrize(
+    ("name", "vehicles", "walkers"),
+    [
+        ("ui_clear_day_sparse", 48, 60),
+        ("ui_clear_day_dense", 128, 140),
+        ("unj_clear_day_dense", 104, 140),
+        ("ri_clear_day_dense", 40, 28),
+        ("rsnj_clear_day_dense", 40, 0),
+        ("rcnj_clear_day_sparse", 24, 0),
+        ("rcnj_clear_day_dense", 56, 0),
+    ],
+)
+def test_counts_are_the_originals(
+    specs: dict[str, Spec], name: str, vehicles: int, walkers: int
+) -> None:
+    assert (specs[name].demand.vehicles, specs[name].demand.walkers) == (vehicles, walkers)
+
+
+def test_weathers_of_one_road_and_density_share_the_traffic_seed(specs: dict[str, Spec]) -> None:
+    seeds = {specs[f"ui_{weather}_sparse"].seeds.traffic for weather in WEATHERS}
+    assert len(seeds) == 1
+    assert specs["ui_fog_day_dense"].seeds.traffic not in seeds
+
+
+def test_a_spec_under_another_weather_is_what_the_suite_compiles(specs: dict[str, Spec]) -> None:
+    other = find_weather("glare_day")
+    assert to_json(under(specs["ri_fog_day_dense"], other)) == to_json(specs["ri_glare_day_dense"])
+
+
+def test_specs_are_read_back_as_they_were_written(specs: dict[str, Spec], tmp_path: Path) -> None:
+    spec = specs["rcnj_fog_night_dense"]
+    write_specs([spec], tmp_path)
+    assert read_spec(tmp_path / f"{spec.id}.json") == spec
+
+
+def test_a_spec_fits_in_some_twenty_kilobytes(specs: dict[str, Spec]) -> None:
+    assert max(len(to_json(spec)) for spec in specs.values()) < 32_000
+
+
+def test_writing_removes_old_specs_of_the_suite_and_nothing_else(
+    write: Write, tmp_path: Path
+) -> None:
+    (spec,) = compile_library(write())
+    folder = tmp_path / "compiled"
+    write_specs([spec.model_copy(update={"id": "gone"}), spec], folder)
+    (folder / "mine.json").write_text('{"mine": 1}')
+    write_specs([spec], folder)
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "lane_clear_day_sparse.json",
+        "mine.json",
+    ]
+
+
+def test_check_names_missing_and_stale_specs(write: Write, tmp_path: Path) -> None:
+    (spec,) = compile_library(write())
+    folder = tmp_path / "compiled"
+    assert differences([spec], folder) == [f"{folder}/lane_clear_day_sparse.json: is missing"]
+    write_specs([spec], folder)
+    assert differences([spec], folder) == []
+    (folder / "lane_clear_day_sparse.json").write_text("{}")
+    assert "differs" in differences([spec], folder)[0]
+
+
+def test_extends_merges_mappings_and_replaces_the_rest(write: Write) -> None:
+    folder = write(
+        weather="kind: weather\nid: fog_day\ntime: day\nfog: {mor_m: 75, droplet_um: 20}\n",
+        thick="kind: weather\nid: thick\nextends: fog_day\nfog: {mor_m: 40 m}\n",
+    )
+    weathers = {spec.weather.id: spec.weather for spec in compile_library(folder)}
+    assert (weathers["thick"].fog.mor_m, weathers["thick"].fog.droplet_um) == (40, 20)
+
+
+def test_a_misspelt_key_gets_its_place_and_the_nearest_name(write: Write) -> None:
+    folder = write(weather="kind: weather\nid: fog_day\ntime: day\nfog:\n  mor: 75\n")
+    assert complaint(folder) == ("weather.yaml:5:3: fog.mor: no such field; did you mean 'mor_m'?")
+
+
+def test_a_wrong_unit_is_named_with_those_that_fit(write: Write) -> None:
+    folder = write(weather="kind: weather\nid: fog_day\ntime: day\nfog: {mor_m: 75 deg}\n")
+    assert complaint(folder) == (
+        "weather.yaml:4:14: fog.mor_m: 'deg' is a unit of angle; a length in um, mm, cm, m, km fits"
+    )
+
+
+def test_a_missing_reference_gets_the_nearest_name(write: Write) -> None:
+    folder = write(suite="kind: suite\nid: small\nrig: one_camra\ncatalogue: one_car\n")
+    assert complaint(folder) == (
+        "suite.yaml:3:6: rig: there is no 'one_camra' among the library's rig;"
+        " did you mean 'one_camera'?"
+    )
+
+
+def test_all_problems_of_all_files_are_told_at_once_in_order(write: Write) -> None:
+    folder = write(
+        weather="kind: weather\nid: w\ntime: noon\nrain: {rate_mm_h: -1}\nwnd: {}\n",
+        density="kind: density\nid: sparse\nvehicles: many\nwalkers: 1\n",
+    )
+    lines = complaint(folder).splitlines()
+    assert [line.split(" ")[0] for line in lines] == [
+        "density.yaml:3:11:",
+        "weather.yaml:3:7:",
+        "weather.yaml:4:19:",
+        "weather.yaml:5:1:",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("kind: wether\nid: x\n", "1:7: kind: 'wether' is no kind of declaration; did you mean 'weather'?"),
+        ("kind: weather\n", "1:1: id: the field 'id' is missing"),
+        ("kind: weather\nid: x\nid: y\n", "3:1: id: is here twice; first in line 2"),
+        ("kind: weather\nid: &a x\n", "2:5: anchors and aliases are not used here; say it again, or use `extends`"),
+        ("kind: weather\nid: !!python/name:os.system x\n", "2:5: the tag tag:yaml.org,2002:python/name:os.system is not used here; write plain values"),
+        ("kind: weather\nid: x\ntime: day\nextends: x\n", "4:10: extends: goes in a circle: x > x"),
+        ("kind: weather\nid: Fog Day\ntime: day\n", "2:5: id: 'Fog Day' is not an id; lower-case letters, digits and _, starting with a letter"),
+        ("kind: weather\nid: [x\n", "3:1: not valid YAML: did not find expected ',' or ']'"),
+        ("", "1:1: is empty"),
+    ],
+)  # fmt: skip
+def test_what_is_no_declaration_is_told_with_its_place(
+    write: Write, text: str, expected: str
+) -> None:
+    assert complaint(write(weather=text)).splitlines()[0] == f"weather.yaml:{expected}"
+
+
+def test_on_and_off_are_text_and_exponents_are_numbers(write: Write) -> None:
+    folder = write(weather="kind: weather\nid: w\ntime: day\ntitle: on\nair: {mor_m: 2e4}\n")
+    (spec,) = compile_library(folder)
+    assert (spec.weather.title, spec.weather.air.mor_m) == ("on", 20_000)
+
+
+def test_a_place_that_no_road_is_stops_the_suite(write: Write) -> None:
+    folder = write(road=SMALL["road.yaml"].replace("rural", "urban"))
+    text = complaint(folder)
+    assert "'opposite_direction' calls for a place that no road is: rural non_junction" in text
+    assert "no selected typology calls for such a place" in text
+
+
+def test_a_suite_must_be_named_where_there_are_two(write: Write) -> None:
+    other = "kind: suite\nid: other\nrig: one_camera\ncatalogue: one_car\n"
+    folder = write(other=other)
+    assert "name one with --suite: other, small" in complaint(folder)
+    assert len(compile_library(folder, "other")) == 1
+
+
+def test_an_empty_folder_is_no_library(tmp_path: Path) -> None:
+    assert "no declarations" in complaint(tmp_path)
+
+
+def test_a_truncated_spec_is_told_with_its_place(write: Write, tmp_path: Path) -> None:
+    (spec,) = compile_library(write())
+    path = tmp_path / "cut.json"
+    path.write_text(to_json(spec)[:-200])
+    with pytest.raises(InputError, match=r"cut\.json:\d+:\d+: not a spec.*is it cut off\?"):
+        read_spec(path)
+
+
+def test_a_spec_with_a_wrong_value_is_told_with_its_place(write: Write, tmp_path: Path) -> None:
+    (spec,) = compile_library(write())
+    data = json.loads(to_json(spec))
+    data["weather"]["rain"]["rate_mm_h"] = 1000
+    path = tmp_path / "wet.json"
+    path.write_text(json.dumps(data, indent=1))
+    with pytest.raises(ProblemsError, match=r"wet\.json:\d+:\d+: weather\.rain\.rate_mm_h: .*150"):
+        read_spec(path)
+
+
+def test_numbers_that_json_does_not_know_are_refused(write: Write, tmp_path: Path) -> None:
+    path = tmp_path / "nan.json"
+    path.write_text('{"spec_version": NaN}')
+    with pytest.raises(InputError, match="NaN is no number of JSON"):
+        read_spec(path)
+
+
+def test_a_suite_has_its_rules_in_the_library(library: Path) -> None:
+    suite = load_library(library).of(Suite)["adver_city"]
+    assert (suite.selection.fatality_rate_percent, suite.coverage.junction_percent) == (0.3, 50)
