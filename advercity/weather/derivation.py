@@ -21,6 +21,8 @@ STREET_LIGHT_COLOUR = np.array([1.39, 0.94, 0.50])
 """4000 K, linear sRGB at luminance 1."""
 LIT_LAYER_M = 10.0
 """Height up to which street lamps light the air."""
+LIT_EXTENT_M = 500.0
+"""How far along the ground they do."""
 GREY_FROM_OKTAS = 7.0
 """Cover at which no blue is left in the sky."""
 _WHITE = np.ones(3)
@@ -117,7 +119,8 @@ def _night(weather: Weather, land_use: LandUse, extinction_550nm: float) -> _Lig
     lit_by_lamps = sky.airlight_of(street_lx) * STREET_LIGHT_COLOUR
 
     height = sky.cubemap_directions(SKY_SIZE)[..., 2:]
-    left = np.exp(-extinction_550nm * LIT_LAYER_M / np.abs(height))
+    path_m = np.minimum(LIT_LAYER_M / np.abs(height), LIT_EXTENT_M)
+    left = np.exp(-extinction_550nm * path_m)
     ground = sky.GROUND_ALBEDO / math.pi * (glow_lx * glow_colour + street_lx * STREET_LIGHT_COLOUR)
     behind = np.where(height > 0.0, glow_cd_m2 * glow_colour, ground * left)
     overhead = 1.0 - math.exp(-extinction_550nm * LIT_LAYER_M)

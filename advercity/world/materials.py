@@ -19,6 +19,9 @@ class Material:
     """Share of light that passes straight through, as in window glass."""
 
 
+PAINT = "paint"
+"""Material of a body's parts that take their actor's own paint."""
+
 MATERIALS: dict[str, Material] = {
     "asphalt": Material((0.10, 0.10, 0.105), 0.20, roughness=0.85),
     "paint_white": Material((0.70, 0.70, 0.68), 0.70, roughness=0.6),
