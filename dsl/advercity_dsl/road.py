@@ -4,10 +4,12 @@ Positions are in the world frame (x east, y north, z up, metres). Headings are i
 counter-clockwise from east. Traffic drives on the right.
 """
 
+from collections.abc import Collection
+from dataclasses import dataclass
 from enum import StrEnum
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field, StringConstraints
+from pydantic import Field, StringConstraints, model_validator
 
 from advercity_dsl.base import (
     Declaration,
@@ -86,7 +88,10 @@ class CrossSection(Model):
 
 
 class Height(Model):
-    """Height of the axis at a distance along it; between two of them it runs smoothly."""
+    """Height of the axis at a distance along it.
+
+    The grade is constant between two of them and changes over 4 m where they meet.
+    """
 
     at_m: Annotated[Metres, Field(ge=0)]
     z_m: Metres
@@ -109,6 +114,24 @@ MovementText = Annotated[
     str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*\.\d > [a-z][a-z0-9_]*\.\d$")
 ]
 """`north_road.1 > east_road.1`: from the innermost lane of one street into that of another."""
+
+
+@dataclass(frozen=True)
+class Movement:
+    """A way through a junction; lanes count from 1, the innermost."""
+
+    from_street: Id
+    from_lane: int
+    to_street: Id
+    to_lane: int
+
+    @staticmethod
+    def read(text: str) -> "Movement":
+        """Take a `MovementText` apart."""
+        (from_street, from_lane), (to_street, to_lane) = (
+            side.split(".") for side in text.split(" > ")
+        )
+        return Movement(from_street, int(from_lane), to_street, int(to_lane))
 
 
 class SignalHead(Model):
@@ -151,6 +174,10 @@ class Junction(Model):
 
     control: Literal["signals", "priority", "stop", "yield", "none"] = "none"
     movements: tuple[MovementText, ...] = ()
+    corner_radius_m: PositiveMetres = 5.0
+    """Of the roadway's edge between neighbouring streets."""
+    median: tuple[Id, Id] | None = None
+    """Two streets between which the median runs on through the junction."""
     signals: Signals | None = None
     crossings: tuple[Crossing, ...] = ()
     signs: tuple[Sign, ...] = ()
@@ -251,3 +278,55 @@ class Road(Declaration):
     surroundings: tuple[Surrounding, ...] = ()
     agents: dict[Id, Annotated[Vehicle | RoadsideUnit, Field(discriminator="kind")]]
     traffic: Demand
+
+    @model_validator(mode="after")
+    def _names_exist(self) -> Self:
+        for name, street in self.streets.items():
+            _expect(street.section, self.sections, f"streets.{name}.section")
+            if street.begins == street.ends:
+                raise ValueError(f"streets.{name}: begins and ends at '{street.ends}'")
+        for name, junction in self.junctions.items():
+            self._check_junction(f"junctions.{name}", name, junction)
+        for name, agent in self.agents.items():
+            if isinstance(agent, Vehicle):
+                for street in agent.route:
+                    _expect(street, self.streets, f"agents.{name}.route")
+        return self
+
+    def _check_junction(self, where: str, name: Id, junction: Junction) -> None:
+        meeting = [key for key, item in self.streets.items() if name in (item.begins, item.ends)]
+        if not meeting:
+            raise ValueError(f"{where}: no street begins or ends here")
+        if (junction.control == "signals") != (junction.signals is not None):
+            raise ValueError(f"{where}: 'control: signals' and 'signals' go together")
+        named = [("crossings", item.street) for item in junction.crossings]
+        named += [("signs", item.street) for item in junction.signs]
+        named += [("median", item) for item in junction.median or ()]
+        if junction.signals:
+            named += [("signals.cycle", item) for item in junction.signals.cycle]
+            named += [("signals.heads", item.street) for item in junction.signals.heads]
+        for key, street in named:
+            _expect(street, meeting, f"{where}.{key}")
+        for text in junction.movements:
+            way = Movement.read(text)
+            _expect(way.from_street, meeting, f"{where}.movements")
+            _expect(way.to_street, meeting, f"{where}.movements")
+            arrives = self.streets[way.from_street].ends == name
+            leaves = self.streets[way.to_street].begins == name
+            self._check_lane(way.from_street, way.from_lane, f"{where}.movements", along=arrives)
+            self._check_lane(way.to_street, way.to_lane, f"{where}.movements", along=leaves)
+
+    def _check_lane(self, street: Id, number: int, where: str, *, along: bool) -> None:
+        section = self.sections[self.streets[street].section]
+        strips = section.right if along else section.left
+        count = sum(strip.kind is StripKind.LANE for strip in strips)
+        if not 1 <= number <= count:
+            way = "along" if along else "against"
+            raise ValueError(
+                f"{where}: no '{street}.{number}'; it has {count} lanes {way} its axis"
+            )
+
+
+def _expect(name: Id, known: Collection[Id], where: str) -> None:
+    if name not in known:
+        raise ValueError(f"{where}: no '{name}' here; there are {', '.join(sorted(known))}")
