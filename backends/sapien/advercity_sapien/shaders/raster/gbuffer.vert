@@ -1,0 +1,23 @@
+#version 450
+
+#define CAMERA_SET 0
+#define OBJECT_SET 1
+#include "./interface.glsl"
+
+layout(location = 0) in vec3 position;
+layout(location = 1) in vec3 normal;
+layout(location = 2) in vec2 uv;
+layout(location = 3) in vec3 tangent;
+layout(location = 4) in vec3 bitangent;
+
+layout(location = 0) out vec3 outWorldNormal;
+layout(location = 1) out float outDistance;
+layout(location = 2) out flat uvec4 outIds;
+
+void main() {
+  vec4 seen = cameraBuffer.viewMatrix * (objectTransformBuffer.modelMatrix * vec4(position, 1.0));
+  outWorldNormal = mat3(objectTransformBuffer.modelMatrix) * normal;
+  outDistance = -seen.z;
+  outIds = objectDataBuffer.segmentation;
+  gl_Position = cameraBuffer.projectionMatrix * seen;
+}
