@@ -315,7 +315,7 @@ def test_all_problems_of_all_files_are_told_at_once_in_order(write: Write) -> No
         ("kind: wether\nid: x\n", "1:7: kind: 'wether' is no kind of declaration; did you mean 'weather'?"),
         ("kind: weather\n", "1:1: id: the field 'id' is missing"),
         ("kind: weather\nid: x\nid: y\n", "3:1: id: is here twice; first in line 2"),
-        ("kind: weather\nid: &a x\n", "2:5: anchors and aliases are not used here; say it again, or use `extends`"),
+        ("kind: weather\nid: x\nfog: &a {fog: *a}\n", "3:6: aliases expand to more than 100000 values or 40 levels"),
         ("kind: weather\nid: !!python/name:os.system x\n", "2:5: the tag tag:yaml.org,2002:python/name:os.system is not used here; write plain values"),
         ("kind: weather\nid: x\ntime: day\nextends: x\n", "4:10: extends: goes in a circle: x > x"),
         ("kind: weather\nid: Fog Day\ntime: day\n", "2:5: id: 'Fog Day' is not an id; lower-case letters, digits and _, starting with a letter"),
@@ -327,6 +327,13 @@ def test_what_is_no_declaration_is_told_with_its_place(
     write: Write, text: str, expected: str
 ) -> None:
     assert complaint(write(weather=text)).splitlines()[0] == f"weather.yaml:{expected}"
+
+
+def test_a_bomb_of_aliases_is_told_and_not_built(write: Write) -> None:
+    rows = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
+    rows += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]" for i in range(1, 9)]
+    text = complaint(write(weather="\n".join(["kind: weather", "id: x", *rows])))
+    assert "aliases expand to more than 100000 values" in text
 
 
 def test_on_and_off_are_text_and_exponents_are_numbers(write: Write) -> None:

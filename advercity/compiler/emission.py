@@ -17,7 +17,7 @@ LINE = 100
 
 def to_json(spec: Spec) -> str:
     """Readable JSON: keys in the model's order, short lists and records on one line."""
-    return _text(spec.model_dump(mode="json", exclude_none=True), "") + "\n"
+    return _text(spec.model_dump(mode="json"), "") + "\n"
 
 
 def _text(value: Any, indent: str) -> str:

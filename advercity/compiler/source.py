@@ -1,7 +1,7 @@
 """YAML and JSON text as plain data that remembers where every value stands.
 
-Safe by construction: no tags, no anchors, no duplicate keys, limits on size and depth, and the
-booleans and numbers of YAML 1.2 (`on` is text, `1e-6` is a number).
+Safe by construction: no tags, no duplicate keys, limits on size, depth and what aliases expand
+to, and the booleans and numbers of YAML 1.2 (`on` is text, `1e-6` is a number).
 """
 
 import re
@@ -16,6 +16,7 @@ from advercity.compiler.problems import Problem, ProblemsError
 
 MAX_BYTES = 4_000_000
 MAX_DEPTH = 40
+MAX_VALUES = 100_000
 
 Key = str | int
 Where = tuple[Key, ...]
@@ -131,13 +132,11 @@ def parse(path: Path, text: str) -> Document:
 
 
 def _refuse_unsafe(path: Path, text: str) -> None:
-    """Stop at anchors, aliases, foreign tags and depth before any tree is built."""
+    """Stop at foreign tags and at depth before any tree is built."""
     depth = 0
     for event in _events(text):
         message = ""
-        if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None):
-            message = "anchors and aliases are not used here; say it again, or use `extends`"
-        elif getattr(event, "tag", None):
+        if getattr(event, "tag", None):
             message = f"the tag {event.tag} is not used here; write plain values"
         elif isinstance(event, yaml.CollectionStartEvent):
             depth += 1
@@ -165,6 +164,10 @@ class _Builder:
         self._constructor = yaml.constructor.SafeConstructor()
 
     def build(self, node: yaml.Node, where: Where) -> Any:
+        if len(where) > MAX_DEPTH or len(self.places) >= MAX_VALUES:
+            message = f"aliases expand to more than {MAX_VALUES} values or {MAX_DEPTH} levels"
+            at = _place(node)
+            raise ProblemsError.of(Problem(self.path, at.line, at.column, "", message))
         self.places[where] = _place(node)
         if isinstance(node, yaml.MappingNode):
             return self._mapping(node, where)
