@@ -47,6 +47,8 @@ class Capabilities:
     deterministic: bool
     """Same input, same bytes on this device."""
     ray_traced: bool
+    hardware: bool
+    """A graphics card rather than a software driver."""
     device: str
     """The device in words, part of a dataset's device class."""
 

@@ -28,6 +28,7 @@ class SapienBackend:
             wet_surfaces=True,
             deterministic=device.is_software,
             ray_traced=device.ray_traced,
+            hardware=not device.is_software,
             device=device.name,
         )
 
