@@ -1,0 +1,72 @@
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+LAYERS = {
+    "advercity_dsl": 0,
+    **dict.fromkeys(("errors", "poses", "randomness", "semantics"), 1),
+    "compiler": 2,
+    "world": 3,
+    "traffic": 4,
+    "weather": 5,
+    "rendering": 6,
+    "sensors": 7,
+    "dataset": 8,
+    "viewer": 9,
+    "runner": 10,
+    "cli": 11,
+}
+"""Imports run from a higher layer to a lower one, never back."""
+
+
+def modules() -> list[Path]:
+    return sorted([*(ROOT / "advercity").rglob("*.py"), *(ROOT / "dsl").rglob("*.py")])
+
+
+def part_of(module: str) -> str:
+    names = module.split(".")
+    return names[0] if names[0] == "advercity_dsl" or len(names) == 1 else names[1]
+
+
+def imported(path: Path) -> set[str]:
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            found |= {f"{node.module}.{alias.name}" for alias in node.names}
+    return {name for name in found if name.split(".")[0] in ("advercity", "advercity_dsl")}
+
+
+@pytest.mark.parametrize("path", modules(), ids=lambda path: str(path.relative_to(ROOT)))
+def test_imports_run_one_way(path: Path) -> None:
+    base = ROOT / "dsl" if (ROOT / "dsl") in path.parents else ROOT
+    own = part_of(".".join(path.relative_to(base).with_suffix("").parts))
+    for name in imported(path):
+        other = part_of(name)
+        if other in LAYERS and own in LAYERS:
+            assert LAYERS[other] <= LAYERS[own], f"{own} must not import {name}"
+
+
+@pytest.mark.parametrize(
+    ("library", "home"),
+    [
+        ("rerun", {"viewer"}),
+        ("sapien", set[str]()),
+        ("libsumo", {"traffic"}),
+        ("typer", {"cli"}),
+        ("embreex", {"rendering"}),
+    ],
+)
+def test_each_engine_has_one_home(library: str, home: set[str]) -> None:
+    users: set[str] = set()
+    for path in modules():
+        for node in ast.walk(ast.parse(path.read_text())):
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            if isinstance(node, ast.ImportFrom) and node.module and not node.level:
+                names.append(node.module)
+            if any(name.split(".")[0] == library for name in names):
+                users.add(path.relative_to(ROOT).parts[1])
+    assert users <= home

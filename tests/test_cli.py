@@ -1,0 +1,141 @@
+import json
+from pathlib import Path
+
+import pytest
+from advercity_dsl import Spec
+
+from advercity.cli import main
+from advercity.compiler import write_specs
+
+
+class Ran:
+    """How a command ended."""
+
+    def __init__(self, code: int, out: str, err: str) -> None:
+        self.code, self.out, self.err = code, out, err
+
+
+@pytest.fixture
+def advercity(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
+    """Runs the command line in this process."""
+
+    def run(*arguments: str | Path) -> Ran:
+        monkeypatch.setattr("sys.argv", ["advercity", *map(str, arguments)])
+        with pytest.raises(SystemExit) as left:
+            main()
+        captured = capsys.readouterr()
+        code = left.value.code
+        return Ran(code if isinstance(code, int) else 0, captured.out, captured.err)
+
+    return run
+
+
+@pytest.fixture
+def spec_file(specs: dict[str, Spec], tmp_path: Path) -> Path:
+    """A compiled spec on disk."""
+    write_specs([specs["rcnj_fog_day_sparse"]], tmp_path / "compiled")
+    return tmp_path / "compiled" / "rcnj_fog_day_sparse.json"
+
+
+def test_compile_writes_the_110_specs_and_check_finds_them_current(
+    advercity, library: Path, tmp_path: Path
+) -> None:
+    assert advercity("compile", library, "--output", tmp_path).code == 0
+    assert len(list(tmp_path.glob("*.json"))) == 110
+    assert advercity("compile", library, "--output", tmp_path, "--check").code == 0
+    (tmp_path / "ui_fog_day_dense.json").unlink()
+    ran = advercity("compile", library, "--output", tmp_path, "--check")
+    assert ran.code == 1
+    assert "ui_fog_day_dense.json: is missing" in ran.err
+
+
+def test_compile_of_no_library_is_bad_input(advercity, tmp_path: Path) -> None:
+    ran = advercity("compile", tmp_path / "nothing")
+    assert ran.code == 2
+    assert ran.err.startswith("error: ")
+    assert "no declarations" in ran.err
+    assert ran.out == ""
+
+
+def test_list_has_one_line_per_spec(advercity, spec_file: Path) -> None:
+    ran = advercity("list", spec_file.parent)
+    assert ran.code == 0
+    assert ran.out.splitlines()[1].split() == [
+        "rcnj_fog_day_sparse",
+        "24",
+        "0",
+        "opposite_direction",
+    ]
+
+
+def test_show_tells_what_a_scenario_holds(advercity, spec_file: Path) -> None:
+    out = advercity("show", spec_file).out
+    assert "fog 75 m" in out
+    assert "rural, non_junction, curved, non_level" in out
+
+
+def test_validate_is_silent_about_good_files(advercity, spec_file: Path, library: Path) -> None:
+    ran = advercity("validate", spec_file, library)
+    assert (ran.code, ran.out, ran.err) == (0, "", "")
+
+
+@pytest.mark.parametrize("kind", ["weather", "road", "spec"])
+def test_schema_is_json_schema(advercity, kind: str) -> None:
+    schema = json.loads(advercity("schema", kind).out)
+    assert schema["type"] == "object"
+    assert schema["additionalProperties"] is False
+
+
+def test_schema_of_an_unknown_kind_suggests_a_name(advercity) -> None:
+    ran = advercity("schema", "wether")
+    assert ran.code == 2
+    assert "did you mean 'weather'?" in ran.err
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--backend", "sapein"], "did you mean 'sapien'?"),
+        (["--profile", "best"], "no such profile; auto, preview or full"),
+        (["--frames", "3"], "not a range; write A:B"),
+        (["--frames", "5:5"], "holds no frame"),
+        (["--frames", "0:5:0"], "STEP above 0"),
+        (["--scale", "0"], "lies outside 0.01 to 4"),
+        (["--weather", "fog_dya"], "did you mean 'fog_day'?"),
+        (["--stream", "--rrd", "x.rrd"], "exclude each other"),
+    ],
+)
+def test_a_bad_option_is_told_and_leaves_nothing(
+    advercity, spec_file: Path, tmp_path: Path, options: list[str], message: str
+) -> None:
+    output = tmp_path / "output"
+    ran = advercity("run", spec_file, "--output", output, *options)
+    assert ran.code == 2
+    assert message in ran.err
+    assert len(ran.err.splitlines()) == 1
+    assert not output.exists()
+
+
+def test_a_truncated_spec_is_told_and_leaves_nothing(
+    advercity, spec_file: Path, tmp_path: Path
+) -> None:
+    spec_file.write_text(spec_file.read_text()[:3000])
+    ran = advercity("run", spec_file, "--output", tmp_path / "output")
+    assert ran.code == 2
+    assert f"{spec_file}:" in ran.err
+    assert "cut off" in ran.err
+    assert not (tmp_path / "output").exists()
+
+
+def test_a_missing_spec_is_told(advercity, tmp_path: Path) -> None:
+    ran = advercity("run", tmp_path / "none.json")
+    assert ran.code == 2
+    assert "none.json: cannot be read: No such file" in ran.err
+
+
+def test_help_lists_the_commands(advercity) -> None:
+    ran = advercity("--help")
+    assert ran.code == 0
+    assert {"compile", "validate", "list", "show", "run", "view", "doctor", "schema"} <= set(
+        ran.out.split()
+    )
