@@ -64,7 +64,7 @@ def cubemap_directions(size: int) -> Array:
             np.stack([-one, right, -down], axis=-1),
             np.stack([right, one, -down], axis=-1),
             np.stack([-right, -one, -down], axis=-1),
-            np.stack([-down, right, one], axis=-1),
+            np.stack([down, -right, one], axis=-1),
             np.stack([-down, -right, -one], axis=-1),
         ]
     )
