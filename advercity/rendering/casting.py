@@ -9,8 +9,8 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-from embreex.mesh_construction import TriangleMesh  # pyright: ignore[reportMissingImports]
-from embreex.rtcore_scene import EmbreeScene  # pyright: ignore[reportMissingImports]
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
 from advercity.poses import transform

@@ -1,0 +1,133 @@
+"""From radiance to picture: lens, exposure, noise of light and electronics, tone.
+
+The chain is EMVA 1288's linear camera with the exposure arithmetic of ISO 12232.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from advercity_dsl import Camera, Exposure
+from numpy.typing import NDArray
+
+from advercity.rendering.backend import CameraCapture
+from advercity.semantics import PALETTE
+from advercity.sensors.stray_light import scattered
+
+CLEAN_LENS = 0.02
+"""Share of the light that a clean lens scatters."""
+FULL_WELL_E = 10_000.0
+"""Electrons of a full pixel at ISO 100."""
+READ_NOISE_E = 3.0
+WHITE_DN = 4095
+"""Largest value of the 12-bit converter."""
+METER_CONSTANT = 12.5
+"""Of a reflected-light meter, cd s/(m² ISO)."""
+HEADROOM = 1.2
+"""Saturation luminance at EV100 of 0: H_sat = 78 / ISO with q = 0.65."""
+AUTO_EV100 = (2.0, 15.5)
+"""What automatic exposure stays within."""
+METERED_FROM_ROW = 1 / 3
+METERED_PERCENTILE = 98.0
+_DARKEST_CD_M2 = 1e-5
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
+
+
+@dataclass(frozen=True)
+class Setting:
+    """How a picture is exposed."""
+
+    ev100: float
+    iso: float
+
+    @property
+    def saturation_cd_m2(self) -> float:
+        """Luminance that just fills a pixel."""
+        return HEADROOM * 2.0**self.ev100
+
+    @property
+    def full_well_e(self) -> float:
+        """Electrons at full scale: gain leaves room for fewer."""
+        return FULL_WELL_E * 100.0 / self.iso
+
+
+def expose(
+    capture: CameraCapture,
+    camera: Camera,
+    rng: np.random.Generator,
+    *,
+    stray_light: float = CLEAN_LENS,
+) -> NDArray[np.uint8]:
+    """The picture (h, w, 3) RGB that a camera makes of a capture.
+
+    Args:
+        capture: Radiance in cd/m², at any scale of the camera's size.
+        camera: Field of view, exposure and whether there is noise.
+        rng: Of this camera and frame.
+        stray_light: Share of the light that the lens scatters.
+    """
+    light = scattered(
+        capture.radiance,
+        horizontal_fov_rad=math.radians(camera.horizontal_fov_deg),
+        share=stray_light,
+    )
+    setting = meter(light, camera.exposure)
+    share = light / np.float32(setting.saturation_cd_m2)
+    digital = digitise(share, setting, rng if camera.noise else None)
+    return _SRGB_OF_DN[digital]
+
+
+def semantic_image(semantic: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Tags (h, w) painted (h, w, 3) RGB in CARLA's colours."""
+    return PALETTE[semantic]
+
+
+def meter(radiance: NDArray[np.float32], exposure: Exposure) -> Setting:
+    """The setting that `exposure` chooses for a picture (h, w, 3) in cd/m².
+
+    By hand it is what the three numbers say. Automatic exposure puts the log-average of the
+    lower two thirds, highlights left out, at middle grey; a grey filter takes away surplus light
+    and gain makes up for missing light, so that the shutter stays as authored.
+    """
+    authored = exposure_value(exposure)
+    if exposure.mode == "manual":
+        return Setting(authored, exposure.iso)
+    wanted = math.log2(_metered_luminance(radiance) * 100.0 / METER_CONSTANT)
+    ev100 = min(max(wanted - exposure.compensation_ev, AUTO_EV100[0]), AUTO_EV100[1])
+    return Setting(ev100, exposure.iso * 2.0 ** max(0.0, authored - ev100))
+
+
+def exposure_value(exposure: Exposure) -> float:
+    """EV100 of f-number, shutter and ISO."""
+    return math.log2(exposure.f_number**2 / exposure.shutter_s * 100.0 / exposure.iso)
+
+
+def digitise(
+    share: NDArray[np.float32], setting: Setting, rng: np.random.Generator | None
+) -> NDArray[np.uint16]:
+    """12-bit values of pixels filled to a `share`; without a generator, free of noise.
+
+    Shot noise is the normal approximation to Poisson's law, read noise is normal.
+    """
+    well = np.float32(setting.full_well_e)
+    electrons = np.clip(share, 0.0, 1.0) * well
+    if rng is not None:
+        deviation = np.sqrt(electrons + np.float32(READ_NOISE_E**2))
+        electrons = electrons + deviation * rng.standard_normal(share.shape, np.float32)
+    return np.rint(np.clip(electrons / well, 0.0, 1.0) * WHITE_DN).astype(np.uint16)
+
+
+def _metered_luminance(radiance: NDArray[np.float32]) -> float:
+    first_row = int(len(radiance) * METERED_FROM_ROW)
+    luminance = np.maximum(radiance[first_row:] @ _LUMINANCE, np.float32(_DARKEST_CD_M2))
+    limit = np.percentile(luminance, METERED_PERCENTILE)
+    return float(np.exp(np.log(luminance[luminance <= limit]).mean(dtype=np.float64)))
+
+
+def _srgb_of_dn() -> NDArray[np.uint8]:
+    linear = np.arange(WHITE_DN + 1) / WHITE_DN
+    encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    return np.rint(encoded * 255.0).astype(np.uint8)
+
+
+_SRGB_OF_DN = _srgb_of_dn()

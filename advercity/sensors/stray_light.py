@@ -1,0 +1,50 @@
+"""Light that a lens scatters away from where it belongs: veils around lamps and the sun."""
+
+import math
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float32]
+
+CORE_RAD = math.radians(0.5)
+CUT_RAD = math.radians(60.0)
+VEIL_WIDTH_PX = 256
+"""Width at which the veil is worked out; it is smooth, so that is fine enough."""
+
+
+def scattered(radiance: Array, *, horizontal_fov_rad: float, share: float) -> Array:
+    """Radiance (h, w, 3) behind a lens that scatters `share` of the light.
+
+    The point-spread function is (1 - e) delta + e C / (theta² + theta_0²)^1.5. The veil is worked
+    out on a small copy of the picture, and what is beyond its edges is taken to be like it.
+    """
+    height, width = radiance.shape[:2]
+    scale = min(1.0, VEIL_WIDTH_PX / width)
+    small_size = max(1, round(width * scale)), max(1, round(height * scale))
+    small = cv2.resize(radiance, small_size, interpolation=cv2.INTER_AREA)
+    rad_per_px = horizontal_fov_rad / small_size[0]
+    veil = _veil(small.astype(np.float32), rad_per_px)
+    spread = cv2.resize(veil, (width, height), interpolation=cv2.INTER_LINEAR)
+    return ((1.0 - share) * radiance + share * spread).astype(np.float32)
+
+
+def _veil(picture: Array, rad_per_px: float) -> Array:
+    """The picture (h, w, 3) convolved with the scattering kernel, edges made up for."""
+    height, width = picture.shape[:2]
+    shape = 2 * height, 2 * width
+    spectrum = np.fft.rfft2(_kernel(shape, rad_per_px))
+    with_ones = np.concatenate([picture, np.ones((height, width, 1), np.float32)], axis=2)
+    blurred = np.fft.irfft2(
+        np.fft.rfft2(with_ones, s=shape, axes=(0, 1)) * spectrum[..., None], s=shape, axes=(0, 1)
+    )[:height, :width]
+    return np.maximum(blurred[..., :3] / blurred[..., 3:], 0.0).astype(np.float32)
+
+
+def _kernel(shape: tuple[int, int], rad_per_px: float) -> NDArray[np.float64]:
+    """Scattering kernel of sum 1, centred on [0, 0] and wrapped around."""
+    rows, columns = (np.fft.fftfreq(count, 1.0 / count) for count in shape)
+    angle = np.hypot(rows[:, None], columns[None, :]) * rad_per_px
+    kernel = np.where(angle < CUT_RAD, (angle**2 + CORE_RAD**2) ** -1.5, 0.0)
+    return kernel / kernel.sum()
