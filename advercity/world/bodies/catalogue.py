@@ -1,0 +1,50 @@
+"""From a blueprint to its body."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from advercity_dsl.traffic import ActorClass, Blueprint
+
+from advercity.world.bodies.cars import car, van
+from advercity.world.bodies.cycles import bicycle, motorcycle
+from advercity.world.bodies.people import pedestrian
+from advercity.world.bodies.trucks import truck
+from advercity.world.scene import Body
+from advercity.world.shapes import Piece, Surface, meshes
+
+Size = tuple[float, float, float]
+_BUILDERS: dict[ActorClass, Callable[[str, Size], list[Piece]]] = {
+    "car": car,
+    "van": van,
+    "truck": truck,
+    "bicycle": bicycle,
+    "motorcycle": motorcycle,
+    "pedestrian": pedestrian,
+}
+
+
+def body(blueprint_id: str, blueprint: Blueprint) -> Body:
+    """The body of a blueprint; the same id and size always give the same bytes.
+
+    It fills its box exactly. The part of material `paint` takes the actor's own paint.
+    """
+    size = (blueprint.length_m, blueprint.width_m, blueprint.height_m)
+    pieces = _BUILDERS[blueprint.actor_class](blueprint_id, size)
+    return Body(parts=tuple(meshes(_fitted(pieces, size))), size=size)
+
+
+def _fitted(pieces: Sequence[Piece], size: Size) -> list[Piece]:
+    """The pieces stretched, by a few per cent at most, to touch every side of the box."""
+    used = [piece.surface.vertices[piece.surface.triangles] for piece in pieces]
+    points = np.concatenate([corners.reshape(-1, 3) for corners in used])
+    low, high = points.min(axis=0), points.max(axis=0)
+    factor = np.asarray(size) / (high - low)
+    middle = (low + high) / 2 * (1, 1, 0) + low * (0, 0, 1)
+    return [
+        Piece(
+            Surface((piece.surface.vertices - middle) * factor, piece.surface.triangles),
+            piece.material,
+            piece.semantic,
+        )
+        for piece in pieces
+    ]
