@@ -1,0 +1,86 @@
+"""Point clouds in the PCD format, binary, as readers of OPV2V take them.
+
+They read `x y z` as 4-byte floats and the intensity from the red channel of `rgb`, eight bits
+of it; the fields behind `rgb` hold the full precision and the labels, and are skipped by them.
+"""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from advercity.errors import InputError
+
+POINT = np.dtype(
+    [
+        ("x", "<f4"),
+        ("y", "<f4"),
+        ("z", "<f4"),
+        ("rgb", "<u4"),
+        ("intensity", "<f4"),
+        ("ring", "<u2"),
+        ("object_id", "<i4"),
+        ("tag", "<u1"),
+    ]
+)
+"""A point as it lies in the file, without padding."""
+
+
+def encode(
+    points: NDArray[np.floating],
+    *,
+    intensity: NDArray[np.floating],
+    ring: NDArray[np.integer],
+    object_id: NDArray[np.integer],
+    tag: NDArray[np.integer],
+) -> bytes:
+    """The file of a cloud.
+
+    Args:
+        points: (n, 3) metres.
+        intensity: (n,) from 0 to 1.
+        ring: (n,) LiDAR channel.
+        object_id: (n,) actor that was hit, or 0.
+        tag: (n,) of `Semantic`.
+    """
+    table = np.empty(len(points), dtype=POINT)
+    table["x"], table["y"], table["z"] = points.T
+    table["rgb"] = np.rint(np.clip(intensity, 0, 1) * 255).astype(np.uint32) << 16
+    table["intensity"] = intensity
+    table["ring"] = ring
+    table["object_id"] = object_id
+    table["tag"] = tag
+    return _header(len(points)).encode("ascii") + table.tobytes()
+
+
+def _header(count: int) -> str:
+    types = [POINT[name] for name in POINT.names or ()]
+    lines = (
+        "# .PCD v0.7 - Point Cloud Data file format",
+        "VERSION 0.7",
+        f"FIELDS {' '.join(POINT.names or ())}",
+        f"SIZE {' '.join(str(kind.itemsize) for kind in types)}",
+        f"TYPE {' '.join(kind.kind.upper() for kind in types)}",
+        f"COUNT {' '.join('1' for _ in types)}",
+        f"WIDTH {count}",
+        "HEIGHT 1",
+        "VIEWPOINT 0 0 0 1 0 0 0",
+        f"POINTS {count}",
+        "DATA binary",
+    )
+    return "\n".join(lines) + "\n"
+
+
+def read(path: Path) -> NDArray[np.void]:
+    """The points of a file that `encode` made, as a table of `POINT`; InputError if it is not."""
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+    header, _, body = content.partition(b"DATA binary\n")
+    fields = next((line for line in header.splitlines() if line.startswith(b"FIELDS ")), b"")
+    if fields.decode("ascii", "replace").split()[1:] != list(POINT.names or ()):
+        raise InputError(f"{path}: not a cloud of advercity: {len(content)} bytes, other fields")
+    if len(body) % POINT.itemsize:
+        raise InputError(f"{path}: is cut off after {len(content)} bytes")
+    return np.frombuffer(body, dtype=POINT)

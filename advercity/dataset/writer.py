@@ -1,0 +1,233 @@
+"""Writes a scenario frame by frame, so that a frame is whole or absent whatever happens.
+
+A frame's files are written into staging and renamed into place when all of them are there; then
+one write to the journal says so. Whoever opens the scenario next adds the journal to the manifest
+and removes what neither of them knows.
+"""
+
+import fcntl
+import os
+import shutil
+from collections.abc import Collection, Generator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Self
+
+from advercity_dsl import Spec
+
+from advercity.dataset.journal import FileRecord, append_to_journal, remove_journal, staging_of
+from advercity.dataset.manifest import MANIFEST, Identity, Manifest
+from advercity.dataset.opv2v import PROTOCOL, encode, frame_name, protocol
+from advercity.dataset.reading import Reading
+from advercity.errors import RunError
+
+
+class DatasetWriter:
+    """The one writer of a scenario; a context manager.
+
+    Opening it finds what is already done; closing it, also after an error, writes the manifest.
+    Every failure of the disk is a RunError that names the path.
+
+    Args:
+        root: Folder of the dataset; the scenario goes into `root/<spec id>`.
+        spec: What is written.
+        identity: What decides the bytes; data of another identity are not continued.
+        length: Frames of the whole scenario.
+        fresh: Start over, whatever is there.
+        redo: Frames to be written again although they are done.
+
+    Raises:
+        RunError: Another run is writing, the data there are of another identity, or the folder
+            holds something that is not a dataset.
+    """
+
+    def __init__(
+        self,
+        root: Path,
+        spec: Spec,
+        identity: Identity,
+        *,
+        length: int,
+        fresh: bool = False,
+        redo: Collection[int] = (),
+    ) -> None:
+        self.scenario = root / spec.id
+        self._staging = staging_of(self.scenario)
+        self._incoming = self._staging / "incoming"
+        self._spec = spec
+        self._identity = identity
+        self._length = length
+        self._fresh = fresh
+        self._redo = frozenset(redo)
+        self._files: dict[str, FileRecord] = {}
+
+    @property
+    def done(self) -> frozenset[int]:
+        """Frames that need not be written."""
+        frames = {record.frame for record in self._files.values()}
+        return frozenset(frame for frame in frames if frame is not None)
+
+    def __enter__(self) -> Self:
+        with _failures_named(self.scenario):
+            self._lock = _lock(self._staging / "lock")
+            try:
+                self._open()
+            except BaseException:
+                self._lock.close()
+                raise
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if error is not None:
+            with suppress(RunError):
+                self.finish()
+        self._lock.close()
+
+    def write(self, frame: int, readings: Sequence[Reading]) -> None:
+        """Add a frame: the readings of all viewpoints.
+
+        Raises:
+            RunError: The disk does not take it; the frame is absent then.
+        """
+        files = encode(readings, name=frame_name(self._spec, frame))
+        with _failures_named(self.scenario):
+            for path, content in files.items():
+                _write(self._incoming / path, content)
+            for path in files:
+                _move(self._incoming / path, self.scenario / path)
+            records = {path: FileRecord.of(content, frame=frame) for path, content in files.items()}
+            append_to_journal(self.scenario, records)
+            self._files |= records
+
+    def finish(self) -> None:
+        """Bring the manifest up to date and clear up; after an error it happens by itself."""
+        with _failures_named(self.scenario):
+            self._sweep()
+            self._save()
+            shutil.rmtree(self._staging)
+            with suppress(OSError):  # another scenario is being written
+                self._staging.parent.rmdir()
+
+    def _open(self) -> None:
+        if self._fresh:
+            self._clear()
+        self._files = self._recall()
+        self._sweep()
+        content = protocol(self._spec)
+        self._files[PROTOCOL] = FileRecord.of(content)
+        self._save()
+        self._replace(PROTOCOL, content)
+
+    def _clear(self) -> None:
+        self._check_it_is_ours()
+        remove_journal(self.scenario)
+        if self.scenario.exists():
+            for path in self.scenario.iterdir():
+                if path.is_dir():
+                    shutil.rmtree(path)
+                elif path.name != MANIFEST:
+                    path.unlink()
+            (self.scenario / MANIFEST).unlink(missing_ok=True)
+
+    def _check_it_is_ours(self) -> None:
+        """So that no mistyped output folder is emptied or mixed into a dataset."""
+        foreign = self.scenario.exists() and any(self.scenario.iterdir())
+        if foreign and not (self.scenario / MANIFEST).exists():
+            raise RunError(
+                f"{self.scenario}: holds files but no {MANIFEST}, so not a dataset;"
+                " choose another --output"
+            )
+
+    def _recall(self) -> dict[str, FileRecord]:
+        """Records of the frames that are done and wholly there."""
+        self._check_it_is_ours()
+        if not (self.scenario / MANIFEST).exists():
+            return {}
+        manifest = Manifest.load(self.scenario)
+        differences = manifest.identity.differences(self._identity)
+        if differences:
+            raise RunError(
+                f"{self.scenario}: made from something else ({'; '.join(differences)});"
+                " --fresh starts over, another --output leaves it alone"
+            )
+        damaged = {
+            record.frame
+            for path, record in manifest.files.items()
+            if not self._is_there(path, record)
+        }
+        again = damaged | self._redo | {None}
+        return {
+            path: record for path, record in manifest.files.items() if record.frame not in again
+        }
+
+    def _is_there(self, path: str, record: FileRecord) -> bool:
+        try:
+            return (self.scenario / path).stat().st_size == record.size
+        except FileNotFoundError:
+            return False
+
+    def _sweep(self) -> None:
+        """Remove what is left of frames that are not done."""
+        absent = {frame_name(self._spec, k) for k in set(range(self._length)) - self.done}
+        for path in self.scenario.glob("*/[0-9]*"):
+            if path.name[:6] in absent and path.is_file():
+                path.unlink()
+        if self._incoming.exists():
+            shutil.rmtree(self._incoming)
+
+    def _save(self) -> None:
+        manifest = Manifest.of(self._identity, length=self._length, files=self._files)
+        self._replace(MANIFEST, manifest.to_json().encode())
+        remove_journal(self.scenario)
+
+    def _replace(self, path: str, content: bytes) -> None:
+        _write(self._incoming / path, content)
+        _move(self._incoming / path, self.scenario / path)
+
+
+@contextmanager
+def _failures_named(path: Path) -> Generator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise RunError(
+            f"{error.filename or path}: {error.strerror}; what is done stays: make room or choose"
+            " another --output, and run again"
+        ) from error
+
+
+def _lock(path: Path) -> IO[bytes]:
+    """Hold `path` until the stream is closed or the process ends; RunError if somebody else does.
+
+    Whoever held it may have deleted it since it was opened here, hence the second look.
+    """
+    while True:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        stream = path.open("ab")
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            stream.close()
+            raise RunError(
+                f"{path.parent}: another run is writing this scenario; wait for it or choose"
+                " another --output"
+            ) from error
+        if path.exists() and os.path.samestat(os.fstat(stream.fileno()), path.stat()):
+            return stream
+        stream.close()
+
+
+def _write(path: Path, content: bytes) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(content)
+
+
+def _move(source: Path, target: Path) -> None:
+    target.parent.mkdir(parents=True, exist_ok=True)
+    source.replace(target)

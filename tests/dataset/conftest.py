@@ -1,0 +1,182 @@
+"""A hand-made scenario: five viewpoints on a sloping street, and what they sense of it."""
+
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+import pytest
+from advercity_dsl import Agent, Spec
+from numpy.typing import NDArray
+
+from advercity import poses
+from advercity.dataset.reading import Picture, Reading, intrinsic
+from advercity.poses import Matrix
+from advercity.randomness import generator
+from advercity.semantics import Semantic
+from advercity.sensors.gnss import GnssFix
+from advercity.sensors.imu import ImuSample
+from advercity.sensors.lidar import PointCloud
+from advercity.traffic.trace import Actor, ActorState, Frame, Lamp, Signal
+
+WIDTH, HEIGHT = 96, 54
+SLOPE_RAD = np.deg2rad(-4.0)
+POINTS_PER_ACTOR = 40
+
+ReadingsOf = Callable[[int], tuple[Reading, ...]]
+
+ACTORS = (
+    Actor(101, "car", "lincoln_mkz_2017", "car_paint_white", (4.9, 2.06, 1.51)),
+    Actor(102, "car", "lincoln_mkz_2017", "car_paint_white", (4.9, 2.06, 1.51)),
+    Actor(103, "car", "lincoln_mkz_2017", "car_paint_white", (4.9, 2.06, 1.51)),
+    Actor(201, "van", "sprinter", "car_paint_red", (5.9, 2.0, 2.55)),
+    Actor(202, "bicycle", "crossbike", "black_plastic", (1.5, 0.86, 1.1)),
+    Actor(203, "pedestrian", "walker", "cloth_blue", (0.38, 0.38, 1.86)),
+    Actor(204, "truck", "far_truck", "car_paint_blue", (8.0, 2.6, 3.6)),
+)
+PLACES = {
+    101: (0.0, 0.0, 0.0),
+    102: (22.0, 6.0, 180.0),
+    103: (-18.0, -1.0, 8.0),
+    201: (12.0, 5.0, 175.0),
+    202: (9.0, -4.0, 20.0),
+    203: (14.0, -6.0, 90.0),
+    204: (320.0, 0.0, 0.0),
+}
+"""Along the street and to its left in metres, heading against it in degrees, at frame 0."""
+SPEEDS = {101: 10.0, 102: 8.0, 103: 0.0, 201: 5.0, 202: 4.0, 203: 1.2, 204: 12.0}
+
+WORLD_FROM_STREET = poses.pose((60.0, -30.0, 4.0), yaw=np.deg2rad(50.0), pitch=SLOPE_RAD)
+
+
+@pytest.fixture(scope="session")
+def spec(specs: dict[str, Spec]) -> Spec:
+    return specs["rcnj_fog_day_sparse"]
+
+
+@pytest.fixture(scope="session")
+def readings_of(spec: Spec) -> ReadingsOf:
+    """The five readings of a frame, by its index."""
+
+    def readings(index: int) -> tuple[Reading, ...]:
+        frame = frame_of(spec, index)
+        return tuple(reading_of(agent, frame) for agent in spec.agents)
+
+    return readings
+
+
+def frame_of(spec: Spec, index: int) -> Frame:
+    time_s = (spec.timing.warm_up_ticks + 1 + index) * spec.timing.tick_s
+    states = tuple(state_of(actor, index * spec.timing.tick_s) for actor in ACTORS)
+    return Frame(index, time_s, states, {"north": Signal.GREEN})
+
+
+def state_of(actor: Actor, time_s: float) -> ActorState:
+    along, left, heading = PLACES[actor.id]
+    start = poses.pose((along, left, 0.0), yaw=np.deg2rad(heading))
+    drive = poses.pose((SPEEDS[actor.id] * time_s, 0.0, 0.0))
+    return ActorState(
+        actor, WORLD_FROM_STREET @ start @ drive, SPEEDS[actor.id], 0.0, Lamp.LOW_BEAM
+    )
+
+
+def reading_of(agent: Agent, frame: Frame) -> Reading:
+    is_vehicle = agent.place.kind == "vehicle"
+    world_from_agent = agent_pose(agent, frame)
+    world_from_lidar = (
+        world_from_agent @ poses.pose((-0.5, 0.0, 1.9))
+        if is_vehicle
+        else poses.pose(world_from_agent[:3, 3])
+    )
+    cloud, visible = scan(agent, frame, world_from_lidar)
+    drift = poses.pose((0.3, -0.2, 0.05))
+    return Reading(
+        agent=agent,
+        frame=frame,
+        world_from_agent=world_from_agent,
+        estimated_world_from_agent=world_from_agent if is_vehicle else drift @ world_from_agent,
+        world_from_lidar=world_from_lidar,
+        pictures=tuple(
+            picture(agent, frame, world_from_agent @ camera)
+            for camera in (
+                poses.pose(
+                    (mount.x_m, mount.y_m, mount.z_m),
+                    yaw=np.deg2rad(mount.yaw_deg),
+                    pitch=np.deg2rad(mount.pitch_deg),
+                )
+                for mount in agent.sensors.camera.mounts
+            )
+        ),
+        cloud=cloud,
+        visible=visible,
+        gnss=GnssFix(49.0 + 1e-6 * frame.index, 8.0, 120.5, frame.time_s) if is_vehicle else None,
+        imu=(
+            ImuSample(np.array([0.5, 0.25, 9.81]), np.array([0.01, 0.02, 0.03]), 1.25)
+            if is_vehicle
+            else None
+        ),
+        planned=((1.0, 2.0, 10.0), (3.0, 4.0, 5.0)) if is_vehicle else (),
+    )
+
+
+def agent_pose(agent: Agent, frame: Frame) -> Matrix:
+    if agent.place.kind == "vehicle":
+        return frame.of(agent.number).world_from_body
+    along = 16.0 if agent.number == -1 else -6.0
+    yaw = 3.0 if agent.number == -1 else -0.5
+    return WORLD_FROM_STREET @ poses.pose((along, -9.0, 6.0), yaw=yaw, pitch=0.2)
+
+
+def scan(agent: Agent, frame: Frame, world_from_lidar: Matrix) -> tuple[PointCloud, dict[int, int]]:
+    """Points inside every other actor's box, one on the street below, none on who is far."""
+    clouds: list[NDArray[np.float64]] = [poses.transform(WORLD_FROM_STREET, [[3.0, -2.0, 0.0]])]
+    ids = [np.zeros(1)]
+    visible: dict[int, int] = {}
+    for state in frame.states:
+        rng = generator("scan", agent.number, state.actor.id, frame.index)
+        share = rng.uniform((-0.5, -0.5, 0.0), (0.5, 0.5, 1.0), (POINTS_PER_ACTOR, 3))
+        visible[state.actor.id] = POINTS_PER_ACTOR
+        if state.actor.id != agent.number:
+            clouds.append(poses.transform(state.world_from_body, share * state.actor.size))
+            ids.append(np.full(POINTS_PER_ACTOR, state.actor.id))
+    points = poses.transform(poses.inverse(world_from_lidar), np.concatenate(clouds))
+    instance = np.concatenate(ids).astype(np.int32)
+    range_m = np.linalg.norm(points, axis=1)
+    semantic = np.where(instance > 0, Semantic.VEHICLE, Semantic.ROAD)
+    semantic[instance == 203] = Semantic.PEDESTRIAN
+    return (
+        PointCloud(
+            points=points.astype(np.float32),
+            intensity=np.exp(-0.004 * range_m).astype(np.float32),
+            ring=(np.arange(len(points)) % 32).astype(np.uint16),
+            range_m=range_m.astype(np.float32),
+            semantic=semantic.astype(np.uint8),
+            instance=instance,
+        ),
+        visible,
+    )
+
+
+def picture(agent: Agent, frame: Frame, world_from_camera: Matrix) -> Picture:
+    """Sky, and the outline of every other actor's box, whatever hides it."""
+    rng = generator("picture", agent.number, frame.index)
+    image = rng.integers(0, 256, (HEIGHT, WIDTH, 3), dtype=np.uint8)
+    semantic = np.full((HEIGHT, WIDTH), Semantic.SKY, dtype=np.uint8)
+    taken = Picture(world_from_camera, image, semantic)
+    matrix = intrinsic(taken, horizontal_fov_deg=agent.sensors.camera.horizontal_fov_deg)
+    for state in frame.states:
+        corners = corners_of(state)
+        ahead, left, up = poses.transform(poses.inverse(world_from_camera), corners).T
+        if state.actor.id == agent.number or ahead.min() < 0.1:
+            continue
+        pixels = (matrix @ (-left, -up, ahead) / ahead)[:2].T
+        hull = cv2.convexHull(np.rint(pixels).astype(np.int32))
+        on_foot = state.actor.actor_class == "pedestrian"
+        tag = Semantic.PEDESTRIAN if on_foot else Semantic.VEHICLE
+        cv2.fillConvexPoly(semantic, hull, int(tag))
+    return taken
+
+
+def corners_of(state: ActorState) -> NDArray[np.float64]:
+    """Corners (8, 3) of an actor's box in the world frame."""
+    unit = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (0.0, 1.0)])
+    return poses.transform(state.world_from_body, unit * state.actor.size)
