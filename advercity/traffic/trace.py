@@ -137,7 +137,7 @@ class Trace:
         return ActorState(
             actor=self.actors[int(row["actor"])],
             world_from_body=pose(
-                (row["x"], row["y"], row["z"]), yaw=row["yaw"], pitch=row["pitch"]
+                (row["x"], row["y"], row["z"]), yaw=float(row["yaw"]), pitch=float(row["pitch"])
             ),
             speed_m_s=float(row["speed"]),
             acceleration_m_s2=float(row["acceleration"]),
@@ -153,8 +153,9 @@ class Trace:
         with path.open("wb") as stream:
             np.savez_compressed(
                 stream,
-                tick_s=self.tick_s,
-                first_tick=self.first_tick,
+                allow_pickle=False,
+                tick_s=np.array(self.tick_s),
+                first_tick=np.array(self.first_tick),
                 states=self.states,
                 signal_ids=np.array(self.signal_ids, dtype=np.str_),
                 signals=self.signals,

@@ -1,0 +1,114 @@
+"""From where SUMO has the front bumpers to where the bodies are."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from advercity.traffic.trace import STATE
+
+FRONT = np.dtype(
+    [
+        ("tick", "<i4"),
+        ("id", "<i4"),
+        ("x", "<f8"),
+        ("y", "<f8"),
+        ("z", "<f8"),
+        ("yaw", "<f8"),
+        ("slope", "<f8"),
+        ("speed", "<f8"),
+        ("acceleration", "<f8"),
+        ("lamps", "<u1"),
+    ]
+)
+"""An actor at one tick: middle of its front, heading and slope of its lane (rad), m/s, m/s²."""
+
+CATCH_UP = 1.3
+"""SUMO's people hop between strips and onto crossings; here they walk there, this much faster."""
+STRIDE_TICKS = 5
+STRIDE = np.full(STRIDE_TICKS, 1 / STRIDE_TICKS)
+"""SUMO's people start and stop at once; here it takes them this long."""
+TURN_RATE_RAD_S = np.pi
+WALKING_M_S = 0.3
+"""Slower than this a person keeps looking the same way."""
+
+
+def vehicle_states(track: NDArray[np.void], length_m: float) -> NDArray[np.void]:
+    """States of one vehicle from its fronts, both sorted by tick.
+
+    SUMO's heading is that of the chord from the rear to the front bumper, both on the lane's
+    centre line, so the body hangs between them. The rear is as high as the front was when it
+    passed there; before the first tick the lane is taken to go on at its slope.
+    """
+    steps = np.hypot(np.diff(track["x"]), np.diff(track["y"]))
+    along = np.concatenate([[0.0], np.cumsum(steps)])
+    first_rear = track["z"][0] - length_m * np.sin(track["slope"][0])
+    rear = np.interp(
+        along - length_m,
+        np.concatenate([[-length_m], along]),
+        np.concatenate([[first_rear], track["z"]]),
+    )
+    climb = np.arcsin(np.clip((track["z"] - rear) / length_m, -1, 1))
+    fronts = track["x"] + 1j * track["y"]
+    return _states(
+        track,
+        fronts - length_m / 2 * np.cos(climb) * np.exp(1j * track["yaw"]),
+        z=(track["z"] + rear) / 2,
+        yaw=track["yaw"],
+        pitch=-climb,
+    )
+
+
+def walker_states(
+    track: NDArray[np.void], length_m: float, *, speed_m_s: float, tick_s: float
+) -> NDArray[np.void]:
+    """States of one person, who stays upright, walks without hops and looks where they go."""
+    fronts = track["x"] + 1j * track["y"]
+    path = _followed(fronts - length_m / 2 * np.exp(1j * track["yaw"]), speed_m_s, tick_s)
+    path = np.convolve(np.pad(path, STRIDE_TICKS // 2, mode="edge"), STRIDE, mode="valid")
+    steps = np.diff(path, prepend=path[0])
+    speed = np.abs(steps) / tick_s
+    speed[0] = track["speed"][0]
+    track = track.copy()
+    track["speed"], track["acceleration"] = speed, np.gradient(speed, tick_s)
+    yaw = _turned(np.where(speed > WALKING_M_S, np.angle(steps), np.nan), track["yaw"][0], tick_s)
+    return _states(track, path, z=track["z"], yaw=yaw, pitch=np.zeros(len(track)))
+
+
+def _followed(
+    targets: NDArray[np.complex128], speed_m_s: float, tick_s: float
+) -> NDArray[np.complex128]:
+    """The targets (n,) as places east + i north, approached no faster than a person can."""
+    here, reach = complex(targets[0]), CATCH_UP * speed_m_s * tick_s
+    path = [here]
+    for target in targets[1:].tolist():
+        gap = target - here
+        here = target if abs(gap) <= reach else here + gap / abs(gap) * reach
+        path.append(here)
+    return np.array(path)
+
+
+def _turned(wanted: NDArray[np.float64], first: float, tick_s: float) -> NDArray[np.float64]:
+    """Headings (n,) that turn towards the wanted ones; NaN wants none."""
+    here, reach = first, TURN_RATE_RAD_S * tick_s
+    headings: list[float] = []
+    for target in wanted.tolist():
+        if not np.isnan(target):
+            turn = (target - here + np.pi) % (2 * np.pi) - np.pi
+            here += min(max(turn, -reach), reach)
+        headings.append(here)
+    return np.array(headings)
+
+
+def _states(
+    track: NDArray[np.void],
+    middles: NDArray[np.complex128],
+    *,
+    z: NDArray[np.float64],
+    yaw: NDArray[np.float64],
+    pitch: NDArray[np.float64],
+) -> NDArray[np.void]:
+    states = np.zeros(len(track), dtype=STATE)
+    for name in ("tick", "speed", "acceleration", "lamps"):
+        states[name] = track[name]
+    states["x"], states["y"], states["z"] = middles.real, middles.imag, z
+    states["yaw"], states["pitch"] = yaw, pitch
+    return states

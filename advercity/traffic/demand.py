@@ -1,0 +1,187 @@
+"""Who takes part in traffic, where everybody starts and where they go."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from advercity_dsl import Agent, Blueprint, Spec, Vehicle
+
+from advercity.errors import InputError
+from advercity.randomness import generator
+from advercity.traffic.lanes import Lane, LaneGraph
+from advercity.traffic.placement import VEHICLE_GRID_M, Occupancy, areas, grid
+from advercity.traffic.trace import Actor
+from advercity.traffic.walks import Walk, walks
+from advercity.world.bodies import paint_for
+from advercity.world.bodies.paint import CONNECTED_PAINT
+
+FIRST_VEHICLE = 1001
+FASTEST_BACKGROUND_M_S = 33.0
+ENTRY_WINDOW_S = 30.0
+"""Vehicles that find no room at the start enter at the site's edge within this time."""
+MOST_EDGES = 100
+SPEED_SPREAD_PERCENT = 30
+BICYCLE_SPEED_M_S = (5.0, 7.0)
+CRUISE_BELOW_MAX_KM_H = 1.0
+"""Connected vehicles cruise this much below their maximum, as in the original."""
+
+
+@dataclass(frozen=True)
+class Ride:
+    """A vehicle's way through the site.
+
+    Attributes:
+        actor: Who drives.
+        edges: Route.
+        lane: Index of the lane it starts in.
+        front_m: Where its front bumper starts on the first edge; None enters from its beginning.
+        depart_s: When it appears.
+        speed_factor: Wanted speed as a multiple of the limit; None ignores the limit.
+        top_speed_m_s: It never goes faster.
+    """
+
+    actor: Actor
+    edges: tuple[str, ...]
+    lane: int
+    front_m: float | None
+    depart_s: float
+    speed_factor: float | None
+    top_speed_m_s: float
+
+
+@dataclass(frozen=True)
+class Demand:
+    """Everybody who takes part."""
+
+    connected: tuple[Ride, ...]
+    vehicles: tuple[Ride, ...]
+    walkers: tuple[Walk, ...]
+
+
+def draw(spec: Spec, graph: LaneGraph, street_of: Mapping[str, str]) -> Demand:
+    """The demand of a scenario: a pure function of the spec's traffic seed, road and numbers.
+
+    Args:
+        spec: What is asked for.
+        graph: Lanes of the road.
+        street_of: Street by edge.
+    """
+    occupancy = Occupancy()
+    connected = tuple(
+        _connected(agent, agent.place, spec, graph, street_of, occupancy)
+        for agent in spec.agents
+        if isinstance(agent.place, Vehicle)
+    )
+    return Demand(
+        connected=connected,
+        vehicles=tuple(_background(spec, graph, occupancy)),
+        walkers=walks(spec, graph),
+    )
+
+
+def _connected(
+    agent: Agent,
+    place: Vehicle,
+    spec: Spec,
+    graph: LaneGraph,
+    street_of: Mapping[str, str],
+    occupancy: Occupancy,
+) -> Ride:
+    if agent.blueprint is None or agent.blueprint not in spec.blueprints:
+        raise InputError(f"{spec.id}: agent '{agent.id}' is a vehicle without a blueprint")
+    blueprint = spec.blueprints[agent.blueprint]
+    lane, middle = graph.lane_at(place.spawn_m, np.radians(place.heading_deg))
+    occupancy.take(lane, middle, blueprint.length_m)
+    return Ride(
+        actor=Actor(
+            agent.number, blueprint.actor_class, agent.blueprint, CONNECTED_PAINT, _size(blueprint)
+        ),
+        edges=_along(place.route, lane.edge, graph, street_of),
+        lane=lane.index,
+        front_m=min(middle + blueprint.length_m / 2, lane.length_m),
+        depart_s=0.0,
+        speed_factor=None,
+        top_speed_m_s=(place.max_speed_km_h - CRUISE_BELOW_MAX_KM_H) / 3.6,
+    )
+
+
+def _along(
+    streets: tuple[str, ...], first: str, graph: LaneGraph, street_of: Mapping[str, str]
+) -> tuple[str, ...]:
+    """Edges through the streets in their order, from edge `first` on."""
+    edges, place = [first], 0
+    while True:
+        onward = {
+            edge: streets.index(street_of[edge], place)
+            for edge in graph.edges_after(edges[-1])
+            if street_of.get(edge) in streets[place : place + 2] and edge not in edges
+        }
+        if not onward:
+            break
+        edges.append(max(onward, key=lambda edge: onward[edge]))
+        place = onward[edges[-1]]
+    if place != len(streets) - 1:
+        raise InputError(
+            f"route {' > '.join(streets)}: no lane leads from '{streets[place]}'"
+            f" into '{streets[place + 1]}'; add a movement or correct the route"
+        )
+    return tuple(edges)
+
+
+def _background(spec: Spec, graph: LaneGraph, occupancy: Occupancy) -> Iterator[Ride]:
+    poses = list(grid(graph.driven, areas(spec), VEHICLE_GRID_M))
+    generator(spec.seeds.traffic, "places").shuffle(poses)
+    for number in range(spec.demand.vehicles):
+        actor = _drawn(spec, FIRST_VEHICLE + number)
+        pose = next((pose for pose in poses if occupancy.fits(*pose, actor.size[0])), None)
+        if pose is not None:
+            poses.remove(pose)
+            occupancy.take(*pose, actor.size[0])
+        yield _ride(spec, graph, actor, pose)
+
+
+def _ride(spec: Spec, graph: LaneGraph, actor: Actor, pose: tuple[Lane, float] | None) -> Ride:
+    draw = generator(spec.seeds.traffic, "ride", actor.id)
+    lane = pose[0] if pose else graph.entries[draw.integers(len(graph.entries))]
+    spread = int(draw.integers(-SPEED_SPREAD_PERCENT, SPEED_SPREAD_PERCENT, endpoint=True))
+    entry_s = round(float(draw.uniform(0, ENTRY_WINDOW_S)), 1)
+    slow = float(draw.uniform(*BICYCLE_SPEED_M_S))
+    return Ride(
+        actor=actor,
+        edges=_through(graph, lane, draw),
+        lane=lane.index,
+        front_m=pose[1] + actor.size[0] / 2 if pose else None,
+        depart_s=0.0 if pose else entry_s,
+        speed_factor=1 - (spec.demand.speed_offset_percent + spread) / 100,
+        top_speed_m_s=slow if actor.actor_class == "bicycle" else FASTEST_BACKGROUND_M_S,
+    )
+
+
+def _through(graph: LaneGraph, lane: Lane, draw: np.random.Generator) -> tuple[str, ...]:
+    """Edges of a random way that keeps to its lane wherever that goes on."""
+    edges = [lane.edge]
+    while len(edges) < MOST_EDGES and (ways := graph.ways_from(lane)):
+        lane = ways[draw.integers(len(ways))]
+        edges.append(lane.edge)
+    return tuple(edges)
+
+
+def _drawn(spec: Spec, number: int) -> Actor:
+    draw = generator(spec.seeds.traffic, "vehicle", number)
+    fitting: dict[str, list[str]] = {}
+    for name, blueprint in spec.blueprints.items():
+        if blueprint.land_use in ("any", spec.road.land_use):
+            fitting.setdefault(blueprint.actor_class, []).append(name)
+    shares = {
+        name: share for name, share in spec.demand.classes.model_dump().items() if name in fitting
+    }
+    weights = np.array(list(shares.values())) / sum(shares.values())
+    models = fitting[list(shares)[draw.choice(len(weights), p=weights)]]
+    name = models[draw.integers(len(models))]
+    blueprint = spec.blueprints[name]
+    paint = paint_for(blueprint.actor_class, spec.seeds.traffic, number)
+    return Actor(number, blueprint.actor_class, name, paint, _size(blueprint))
+
+
+def _size(blueprint: Blueprint) -> tuple[float, float, float]:
+    return blueprint.length_m, blueprint.width_m, blueprint.height_m

@@ -1,0 +1,145 @@
+"""The demand as a SUMO route file."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree.ElementTree import Element, ElementTree, SubElement, indent
+
+from advercity_dsl import ActorClass
+
+from advercity.traffic.demand import Demand, Ride
+from advercity.traffic.walks import Walk
+
+
+@dataclass(frozen=True)
+class Driving:
+    """How a class of vehicle drives: Krauss' car-following model without dawdling.
+
+    Attributes:
+        sumo_class: SUMO's vehicle class.
+        acceleration_m_s2: Most it accelerates.
+        deceleration_m_s2: Most it brakes in everyday traffic.
+        headway_s: Time gap it keeps; also the driver's reaction time.
+        gap_m: Standing gap to the vehicle ahead.
+        alignment: Where it drives in its lane.
+    """
+
+    sumo_class: str
+    acceleration_m_s2: float
+    deceleration_m_s2: float
+    headway_s: float = 1.0
+    gap_m: float = 2.5
+    alignment: str = "center"
+
+
+DRIVING: Mapping[ActorClass, Driving] = {
+    "car": Driving("passenger", 2.4, 4.5),
+    "van": Driving("delivery", 2.0, 4.5),
+    "truck": Driving("truck", 1.2, 4.0, headway_s=1.3),
+    "bicycle": Driving("bicycle", 1.0, 3.0, gap_m=1.0, alignment="right"),
+    "motorcycle": Driving("motorcycle", 3.0, 5.0, gap_m=1.5),
+}
+"""The standing gap is what drivers keep at a red light; the original's 5 m apply at the start."""
+CONNECTED = Driving("passenger", 2.8, 4.5, gap_m=3.0)
+EMERGENCY_DECELERATION_M_S2 = 8.0
+LIMIT_IGNORED = 10.0
+"""Speed factor of a vehicle whose own top speed rules."""
+
+
+def write_route_file(demand: Demand, path: Path) -> None:
+    """Write vehicles and people, each with a type of its own, in order of departure."""
+    root = Element("routes")
+    for ride in demand.connected:
+        _type(root, ride, CONNECTED)
+    for ride in demand.vehicles:
+        _type(root, ride, DRIVING[ride.actor.actor_class])
+    for walk in demand.walkers:
+        _walker_type(root, walk)
+    everyone = sorted(
+        (*demand.connected, *demand.vehicles, *demand.walkers), key=lambda one: one.depart_s
+    )
+    for one in everyone:
+        _vehicle(root, one) if isinstance(one, Ride) else _person(root, one)
+    indent(root)
+    ElementTree(root).write(path, encoding="utf-8")
+
+
+def _type(root: Element, ride: Ride, driving: Driving) -> None:
+    length, width, height = ride.actor.size
+    factor = LIMIT_IGNORED if ride.speed_factor is None else ride.speed_factor
+    _add(
+        root,
+        "vType",
+        id=ride.actor.id,
+        vClass=driving.sumo_class,
+        length=length,
+        width=width,
+        height=height,
+        accel=driving.acceleration_m_s2,
+        decel=driving.deceleration_m_s2,
+        emergencyDecel=EMERGENCY_DECELERATION_M_S2,
+        tau=driving.headway_s,
+        minGap=driving.gap_m,
+        maxSpeed=ride.top_speed_m_s,
+        speedFactor=factor,
+        speedDev=0,
+        sigma=0,
+        latAlignment=driving.alignment,
+        lcStrategic=10,
+        lcSpeedGain=0,
+        lcKeepRight=0,
+        lcCooperative=0,
+    )
+
+
+def _vehicle(root: Element, ride: Ride) -> None:
+    start = ("base", "max") if ride.front_m is None else (ride.front_m, 0)
+    vehicle = _add(
+        root,
+        "vehicle",
+        id=ride.actor.id,
+        type=ride.actor.id,
+        depart=ride.depart_s,
+        departLane=ride.lane,
+        departPos=start[0],
+        departSpeed=start[1],
+    )
+    _add(vehicle, "route", edges=" ".join(ride.edges))
+
+
+def _walker_type(root: Element, walk: Walk) -> None:
+    length, width, height = walk.actor.size
+    _add(
+        root,
+        "vType",
+        id=walk.actor.id,
+        vClass="pedestrian",
+        length=length,
+        width=width,
+        height=height,
+        minGap=0.25,
+        maxSpeed=walk.speed_m_s,
+        speedFactor=1,
+        speedDev=0,
+    )
+
+
+def _person(root: Element, walk: Walk) -> None:
+    person = _add(
+        root,
+        "person",
+        id=walk.actor.id,
+        type=walk.actor.id,
+        depart=walk.depart_s,
+        departPos=walk.start_m,
+    )
+    for leg in walk.legs:
+        _add(person, "walk", edges=" ".join(leg.edges), arrivalPos=leg.end_m)
+
+
+def _add(parent: Element, tag: str, **attributes: float | str) -> Element:
+    texts = {
+        name: f"{value:.3f}" if isinstance(value, float) else str(value)
+        for name, value in attributes.items()
+    }
+    return SubElement(parent, tag, texts)
