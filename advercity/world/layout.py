@@ -1,0 +1,436 @@
+"""A road's geometry, from which its network, its lanes and its meshes are all made.
+
+Across a street, `t` is the offset from its axis in metres, positive to the left of the axis'
+direction. Traffic drives on the right: strips at negative `t` are travelled along the axis (`+`),
+those at positive `t` against it (`-`).
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from advercity_dsl.road import (
+    Crossing,
+    CrossSection,
+    Junction,
+    Movement,
+    Paint,
+    Road,
+    Street,
+    StripKind,
+)
+from numpy.typing import NDArray
+
+from advercity.errors import InputError
+from advercity.world import curves
+from advercity.world.curves import Points
+
+LEVEL_STEP_M = 8.0
+"""Distance between samples on level lines."""
+SLOPED_STEP_M = 2.0
+CROSSING_SETBACK_M = 0.6
+"""From the end of a street to the crossing that lies before it."""
+
+
+@dataclass(frozen=True)
+class Band:
+    """A strip, placed: from `inner_t` near the axis to `outer_t`; the paint is on the outer edge."""
+
+    kind: StripKind
+    inner_t: float
+    outer_t: float
+    paint: Paint | None
+    number: int
+    """Of a driving lane, counted from 1, the innermost; 0 for other strips."""
+
+    @property
+    def along(self) -> bool:
+        """Whether it is travelled along the axis."""
+        return self.outer_t < 0
+
+    @property
+    def width_m(self) -> float:
+        """From edge to edge."""
+        return abs(self.outer_t - self.inner_t)
+
+    @property
+    def centre_t(self) -> float:
+        """Midway between its edges."""
+        return (self.inner_t + self.outer_t) / 2
+
+
+@dataclass(frozen=True)
+class StreetLayout:
+    """A street, sampled.
+
+    Attributes:
+        id: As declared.
+        begins: Junction or edge of the site at its start.
+        ends: The same at its end.
+        axis: (n, 3) points, ends exact.
+        headings: (n,) radians.
+        stations: (n,) metres along the axis.
+        left: Bands from the axis to the left.
+        right: Bands from the axis to the right.
+        axis_paint: Line painted on the axis.
+        speed_limit_m_s: For both directions.
+    """
+
+    id: str
+    begins: str
+    ends: str
+    axis: Points
+    headings: NDArray[np.float64]
+    stations: NDArray[np.float64]
+    left: tuple[Band, ...]
+    right: tuple[Band, ...]
+    axis_paint: Paint | None
+    speed_limit_m_s: float
+
+    def line(self, t: float) -> Points:
+        """(n, 3) points at offset `t`, in the direction of the axis."""
+        plane = curves.offset(self.axis[:, :2], self.headings, t)
+        return np.column_stack([plane, self.axis[:, 2]])
+
+    def travelled(self, t: float, *, along: bool) -> Points:
+        """(n, 3) points at offset `t`, in the direction of travel."""
+        return self.line(t) if along else self.line(t)[::-1]
+
+    def side(self, *, along: bool) -> tuple[Band, ...]:
+        """Bands that are travelled that way, from the axis outwards."""
+        return self.right if along else self.left
+
+    def lane(self, number: int, *, along: bool) -> Band:
+        """A driving lane; 1 is the innermost."""
+        return next(band for band in self.side(along=along) if band.number == number)
+
+
+@dataclass(frozen=True)
+class Arm:
+    """The end of a street at a junction, seen from the junction.
+
+    `u` is the offset from the axis in metres, positive to the left when looking out along the arm.
+    """
+
+    street: StreetLayout
+    at_end: bool
+    """Whether the street ends here, rather than begins."""
+
+    @property
+    def point(self) -> Points:
+        """(3,) end of the axis."""
+        return self.street.axis[-1 if self.at_end else 0]
+
+    @property
+    def outward(self) -> Points:
+        """(2,) unit vector away from the junction."""
+        direction = curves.unit(self.street.headings[-1 if self.at_end else 0])
+        return -direction if self.at_end else direction
+
+    def at(self, u: float, inward_m: float = 0.0) -> Points:
+        """(3,) point at offset `u`, so far inside the junction."""
+        plane = self.point[:2] + u * curves.left_of(self.outward) - inward_m * self.outward
+        return np.array([*plane, self.point[2]])
+
+    def offset_of(self, t: float) -> float:
+        """`u` of an offset `t` of its street."""
+        return -t if self.at_end else t
+
+    def bands(self, *, leftwards: bool) -> tuple[Band, ...]:
+        """Bands left or right of the axis as seen from the junction, from the axis outwards."""
+        return self.street.side(along=self.at_end == leftwards)
+
+    def arriving(self) -> tuple[Band, ...]:
+        """Bands that are travelled towards the junction, from the axis outwards."""
+        return self.street.side(along=self.at_end)
+
+    def roadway_edge(self, *, leftwards: bool) -> float:
+        """`u` where the roadway ends and sidewalk or verge begins."""
+        bands = self.bands(leftwards=leftwards)
+        edges = [band.outer_t for band in bands if not _is_raised_border(band)]
+        return self.offset_of(edges[-1]) if edges else 0.0
+
+    def sidewalk(self, *, leftwards: bool) -> tuple[float, float] | None:
+        """`u` of the inner and outer edge of the sidewalk, if it borders the roadway."""
+        for band in self.bands(leftwards=leftwards):
+            if band.kind is StripKind.SIDEWALK:
+                return self.offset_of(band.inner_t), self.offset_of(band.outer_t)
+        return None
+
+
+def _is_raised_border(band: Band) -> bool:
+    return band.kind in (StripKind.SIDEWALK, StripKind.VERGE)
+
+
+@dataclass(frozen=True)
+class Corner:
+    """What lies between two neighbouring arms, counter-clockwise.
+
+    Attributes:
+        kerb: (n, 3) edge of the roadway, from the first arm to the second.
+        back: (n, 3) outer edge of the sidewalk that runs around it, point by point beside `kerb`;
+            None where one of the arms has no sidewalk there.
+    """
+
+    kerb: Points
+    back: Points | None
+
+
+@dataclass(frozen=True)
+class Path:
+    """A movement through a junction.
+
+    Attributes:
+        id: `<junction>: <movement>`.
+        movement: As declared.
+        centre: (n, 3) from the end of one lane to the start of the other.
+        left: (n, 3) left border, point by point beside `centre`.
+        right: (n, 3) right border.
+    """
+
+    id: str
+    movement: Movement
+    centre: Points
+    left: Points
+    right: Points
+
+
+@dataclass(frozen=True)
+class CrossingLayout:
+    """A zebra crossing over an arm.
+
+    Attributes:
+        street: Id of the street that is crossed.
+        centre: (2, 3) from kerb to kerb.
+        width_m: Across `centre`.
+    """
+
+    street: str
+    centre: Points
+    width_m: float
+
+
+@dataclass(frozen=True)
+class JunctionLayout:
+    """A junction.
+
+    Attributes:
+        id: As declared.
+        declared: The declaration.
+        arms: Counter-clockwise.
+        outline: (n, 3) edge of its roadway, counter-clockwise, open.
+        corners: One per arm: from it to the next.
+        paths: Movements.
+        crossings: Zebra crossings.
+        median: (4, 3) the piece of median that runs through it, or None.
+    """
+
+    id: str
+    declared: Junction
+    arms: tuple[Arm, ...]
+    outline: Points
+    corners: tuple[Corner, ...]
+    paths: tuple[Path, ...]
+    crossings: tuple[CrossingLayout, ...]
+    median: Points | None
+
+    def arm(self, street: str) -> Arm:
+        """The arm of a street."""
+        return next(arm for arm in self.arms if arm.street.id == street)
+
+    def height(self, points: Points) -> NDArray[np.float64]:
+        """Height (n,) of the roadway at points (n, 2) inside the outline."""
+        return surface_height(self.outline, points)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Streets and junctions by id, in the order of the declaration."""
+
+    road: Road
+    streets: dict[str, StreetLayout]
+    junctions: dict[str, JunctionLayout]
+
+
+def layout(road: Road) -> Layout:
+    """Lay out a declared road; InputError where streets cannot be joined as declared."""
+    streets = {name: _street(name, item, road) for name, item in road.streets.items()}
+    junctions = {name: _junction(name, item, streets) for name, item in road.junctions.items()}
+    return Layout(road=road, streets=streets, junctions=junctions)
+
+
+def _street(name: str, declared: Street, road: Road) -> StreetLayout:
+    section = road.sections[declared.section]
+    plane, headings, along = curves.axis(
+        declared.start_m,
+        np.radians(declared.heading_deg),
+        declared.path,
+        line_step_m=SLOPED_STEP_M if len(declared.heights) > 1 else LEVEL_STEP_M,
+    )
+    return StreetLayout(
+        id=name,
+        begins=declared.begins,
+        ends=declared.ends,
+        axis=np.column_stack([plane, curves.heights(along, declared.heights)]),
+        headings=headings,
+        stations=along,
+        left=_bands(section, leftwards=True),
+        right=_bands(section, leftwards=False),
+        axis_paint=section.axis_line,
+        speed_limit_m_s=declared.speed_limit_km_h / 3.6,
+    )
+
+
+def _bands(section: CrossSection, *, leftwards: bool) -> tuple[Band, ...]:
+    strips = section.left if leftwards else section.right
+    sign = 1.0 if leftwards else -1.0
+    edges = sign * np.concatenate([[0.0], np.cumsum([strip.width_m for strip in strips])])
+    lanes = np.cumsum([strip.kind is StripKind.LANE for strip in strips])
+    return tuple(
+        Band(
+            kind=strip.kind,
+            inner_t=float(inner),
+            outer_t=float(outer),
+            paint=strip.line,
+            number=int(number) if strip.kind is StripKind.LANE else 0,
+        )
+        for strip, (inner, outer), number in zip(strips, pairwise(edges), lanes, strict=True)
+    )
+
+
+def _junction(name: str, declared: Junction, streets: dict[str, StreetLayout]) -> JunctionLayout:
+    arms = _arms(name, streets)
+    corners = tuple(
+        _corner(arm, following, declared.corner_radius_m)
+        for arm, following in zip(arms, (*arms[1:], arms[0]), strict=True)
+    )
+    outline = np.concatenate([corner.kerb for corner in corners])
+    by_street = {arm.street.id: arm for arm in arms}
+    return JunctionLayout(
+        id=name,
+        declared=declared,
+        arms=arms,
+        outline=outline,
+        corners=corners,
+        paths=tuple(_path(name, text, by_street, outline) for text in declared.movements),
+        crossings=tuple(_crossing(item, by_street[item.street]) for item in declared.crossings),
+        median=_median(name, declared.median, by_street) if declared.median else None,
+    )
+
+
+def _arms(name: str, streets: dict[str, StreetLayout]) -> tuple[Arm, ...]:
+    arms = [
+        Arm(street, at_end=street.ends == name)
+        for street in streets.values()
+        if name in (street.begins, street.ends)
+    ]
+    if len(arms) < 2:
+        raise InputError(
+            f"junctions.{name}: only '{arms[0].street.id}' meets here; a junction joins two streets "
+            "or more (a street that ends at the edge of the site needs none)"
+        )
+    middle = np.mean([arm.point[:2] for arm in arms], axis=0)
+    return tuple(sorted(arms, key=lambda arm: float(np.arctan2(*(arm.point[:2] - middle)[::-1]))))
+
+
+def _corner(arm: Arm, following: Arm, radius_m: float) -> Corner:
+    kerb = _link(
+        arm,
+        arm.roadway_edge(leftwards=True),
+        following,
+        following.roadway_edge(leftwards=False),
+        radius_m,
+    )
+    here, there = arm.sidewalk(leftwards=True), following.sidewalk(leftwards=False)
+    if here is None or there is None:
+        return Corner(kerb=kerb, back=None)
+    width = max(abs(here[1] - here[0]), abs(there[1] - there[0]))
+    back = _link(arm, here[1], following, there[1], max(radius_m - width, 0.5))
+    count = max(len(kerb), len(back), 2)
+    return (
+        Corner(kerb=kerb, back=curves.resampled(back, count))
+        if count == len(kerb)
+        else Corner(kerb=curves.resampled(kerb, count), back=back)
+    )
+
+
+def _link(arm: Arm, u: float, following: Arm, v: float, radius_m: float) -> Points:
+    start, end = arm.at(u), following.at(v)
+    plane = curves.link(start[:2], -arm.outward, end[:2], following.outward, radius_m=radius_m)
+    along = curves.stations(plane)
+    z = np.interp(along / along[-1], [0.0, 1.0], [start[2], end[2]])
+    return np.column_stack([plane, z])
+
+
+def _path(name: str, text: str, arms: dict[str, Arm], outline: Points) -> Path:
+    movement = Movement.read(text)
+    source, target = arms[movement.from_street], arms[movement.to_street]
+    leaving = source.street.lane(movement.from_lane, along=source.at_end)
+    entering = target.street.lane(movement.to_lane, along=not target.at_end)
+
+    def through(first_t: float, last_t: float) -> Points:
+        start, end = source.at(source.offset_of(first_t)), target.at(target.offset_of(last_t))
+        return curves.link(start[:2], -source.outward, end[:2], target.outward)
+
+    centre = through(leaving.centre_t, entering.centre_t)
+    count = max(2, int(np.ceil(curves.length(centre))) + 1)
+    lines = [
+        curves.resampled(line, count)
+        for line in (
+            centre,
+            through(leaving.inner_t, entering.inner_t),
+            through(leaving.outer_t, entering.outer_t),
+        )
+    ]
+    z = surface_height(outline, lines[0])
+    z[0], z[-1] = source.point[2], target.point[2]
+    centre, left, right = (np.column_stack([line, z]) for line in lines)
+    return Path(f"{name}: {text}", movement, centre, left, right)
+
+
+def _crossing(declared: Crossing, arm: Arm) -> CrossingLayout:
+    inward = CROSSING_SETBACK_M + declared.width_m / 2
+    ends = [arm.at(arm.roadway_edge(leftwards=side), inward) for side in (False, True)]
+    return CrossingLayout(declared.street, np.stack(ends), declared.width_m)
+
+
+def _median(name: str, between: tuple[str, str], arms: dict[str, Arm]) -> Points:
+    edges: list[Points] = []
+    for street in between:
+        arm = arms[street]
+        widths = [
+            [band.outer_t for band in bands if band.kind is StripKind.MEDIAN]
+            for bands in (arm.street.left, arm.street.right)
+        ]
+        if not all(widths):
+            raise InputError(
+                f"junctions.{name}.median: '{street}' has no median on both sides of its axis"
+            )
+        offsets = sorted(arm.offset_of(side[-1]) for side in widths)
+        edges += [arm.at(u) for u in offsets]
+    return np.stack(edges)
+
+
+def surface_height(outline: Points, points: Points) -> NDArray[np.float64]:
+    """Height inside a polygon, by mean value coordinates of its corners.
+
+    They reproduce heights that lie in a plane and are linear along every side of the polygon
+    (Hormann and Floater, ACM Transactions on Graphics 25, 2006).
+
+    Args:
+        outline: (m, 3) polygon, counter-clockwise, open.
+        points: (n, 2) inside it or on it.
+
+    Returns:
+        (n,) metres.
+    """
+    to_corner = outline[None, :, :2] - points[:, None]
+    distance = np.linalg.norm(to_corner, axis=2)
+    following = np.roll(to_corner, -1, axis=1)
+    cross = to_corner[..., 0] * following[..., 1] - to_corner[..., 1] * following[..., 0]
+    dot = (to_corner * following).sum(axis=2)
+    half_angle = np.tan(np.arctan2(cross, dot) / 2)
+    weight = (half_angle + np.roll(half_angle, 1, axis=1)) / np.maximum(distance, 1e-9)
+    z = (weight @ outline[:, 2]) / weight.sum(axis=1)
+    nearest = distance.argmin(axis=1)
+    return np.where(distance.min(axis=1) < 1e-6, outline[nearest, 2], z)

@@ -1,0 +1,323 @@
+"""The SUMO network of a road: plain XML from templates, compiled by `netconvert`.
+
+Network coordinates are world coordinates, heights included. Ids: the directed edges of a street
+are `<street>+` along its axis and `<street>-` against it; junctions and traffic lights have the
+declared junction's id. Every strip from the innermost driving lane outwards is a lane of its edge,
+closed to traffic where it is neither a driving lane nor a sidewalk, so lateral positions hold.
+"""
+
+import os
+import re
+import subprocess
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import jinja2
+import numpy as np
+import sumo
+import sumolib
+from advercity_dsl.road import Road, StripKind
+
+from advercity.errors import InputError, RunError
+from advercity.world import curves, signals
+from advercity.world.curves import Points
+from advercity.world.layout import Band, JunctionLayout, Layout, StreetLayout, layout
+
+TIMEOUT_S = 120
+STEEPEST_PERCENT = 30
+PERMISSIONS = {StripKind.LANE: 'disallow="pedestrian"', StripKind.SIDEWALK: 'allow="pedestrian"'}
+CLOSED = 'disallow="all"'
+
+
+@dataclass(frozen=True)
+class _Node:
+    id: str
+    position: Points
+    type: str
+    outline: Points | None
+
+
+@dataclass(frozen=True)
+class _Lane:
+    width_m: float
+    permission: str
+    centre: Points
+
+
+@dataclass(frozen=True)
+class _Edge:
+    id: str
+    begins: str
+    ends: str
+    priority: int
+    speed_m_s: float
+    length_m: float
+    border: Points
+    lanes: tuple[_Lane, ...]
+
+
+@dataclass(frozen=True)
+class _Link:
+    junction: str
+    from_edge: str
+    to_edge: str
+    from_lane: int
+    to_lane: int
+    centre: Points
+    index: int | None
+
+
+@dataclass(frozen=True)
+class _Crossing:
+    junction: str
+    edges: tuple[str, ...]
+    width_m: float
+    centre: Points
+    index: int | None
+
+
+def edge_id(street: str, *, along: bool) -> str:
+    """Id of the edge along a street's axis, or against it."""
+    return f"{street}{'+' if along else '-'}"
+
+
+def street_of(edge: str) -> tuple[str, bool]:
+    """Street of an edge, and whether the edge runs along its axis; KeyError for internal edges."""
+    if edge.startswith(":") or edge[-1:] not in ("+", "-"):
+        raise KeyError(edge)
+    return edge[:-1], edge.endswith("+")
+
+
+def lane_index(street: StreetLayout, number: int, *, along: bool) -> int:
+    """Index in its edge of a driving lane that counts from 1, the innermost."""
+    bands = _edge_bands(street, along=along)
+    return next(index for index, band in enumerate(reversed(bands)) if band.number == number)
+
+
+def lane_id(street: StreetLayout, number: int, *, along: bool) -> str:
+    """SUMO's id of a driving lane that counts from 1, the innermost."""
+    return f"{edge_id(street.id, along=along)}_{lane_index(street, number, along=along)}"
+
+
+def build_network(road: Road, folder: Path) -> Path:
+    """Write a road's SUMO network.
+
+    Args:
+        road: What to build.
+        folder: Gets the plain XML files and `<road id>.net.xml`; made if missing.
+
+    Returns:
+        Path of the network; the same road gives the same bytes.
+
+    Raises:
+        InputError: Streets or junctions do not fit together.
+        RunError: `netconvert` is missing or fails.
+    """
+    plan = layout(road)
+    folder.mkdir(parents=True, exist_ok=True)
+    links = [link for junction in plan.junctions.values() for link in _links(junction)]
+    contents = {
+        "nodes": {"nodes": list(_nodes(plan))},
+        "edges": {"edges": [edge for item in plan.streets.values() for edge in _edges(item, plan)]},
+        "connections": {
+            "links": links,
+            "crossings": [item for j in plan.junctions.values() for item in _crossings(j)],
+        },
+        "tllogics": {
+            "programs": [p for j in plan.junctions.values() if (p := signals.program(j))],
+            "links": links,
+        },
+    }
+    for name, values in contents.items():
+        text = _templates().get_template(f"{name}.xml.j2").render(values)
+        (folder / f"{road.id}.{name}.xml").write_text(text, encoding="utf-8")
+    return _netconvert(road.id, folder)
+
+
+def signal_groups(network: Path) -> dict[str, list[tuple[str, int]]]:
+    """Links that show the light of an approach.
+
+    Args:
+        network: Path of a network from `build_network`.
+
+    Returns:
+        By `<junction>/<street>`: (traffic-light id, index into its state) of every movement.
+    """
+    groups: dict[str, list[tuple[str, int]]] = {}
+    for light in sumolib.net.readNet(str(network)).getTrafficLights():
+        for source, _, index in sorted(light.getConnections(), key=lambda link: link[2]):
+            street, _ = street_of(source.getEdge().getID())
+            groups.setdefault(f"{light.getID()}/{street}", []).append((light.getID(), index))
+    return groups
+
+
+def _nodes(plan: Layout) -> Iterator[_Node]:
+    for junction in plan.junctions.values():
+        centre = np.mean([arm.point for arm in junction.arms], axis=0)
+        yield _Node(junction.id, centre, _node_type(junction), junction.outline)
+    for street in plan.streets.values():
+        for name, point in ((street.begins, street.axis[0]), (street.ends, street.axis[-1])):
+            if name not in plan.junctions:
+                yield _Node(name, point, "dead_end", None)
+
+
+def _node_type(junction: JunctionLayout) -> str:
+    signed = {sign.street for sign in junction.declared.signs}
+    everywhere = {path.movement.from_street for path in junction.paths} <= signed
+    match junction.declared.control:
+        case "signals":
+            return "traffic_light"
+        case "stop":
+            return "allway_stop" if everywhere else "priority_stop"
+        case "yield":
+            return "right_before_left" if everywhere else "priority"
+        case "priority" | "none":
+            return "priority"
+
+
+def _edge_bands(street: StreetLayout, *, along: bool) -> tuple[Band, ...]:
+    """Bands of an edge from the innermost driving lane, or sidewalk if it has none, outwards."""
+    bands = street.side(along=along)
+    for kind in (StripKind.LANE, StripKind.SIDEWALK):
+        for index, band in enumerate(bands):
+            if band.kind is kind:
+                return bands[index:]
+    return ()
+
+
+def _edges(street: StreetLayout, plan: Layout) -> Iterator[_Edge]:
+    for along in (True, False):
+        bands = _edge_bands(street, along=along)
+        if not bands:
+            continue
+        begins, ends = (street.begins, street.ends) if along else (street.ends, street.begins)
+        centres = [street.travelled(band.centre_t, along=along) for band in bands]
+        driven = [
+            curves.length(centre)
+            for band, centre in zip(bands, centres, strict=True)
+            if band.kind is StripKind.LANE
+        ]
+        yield _Edge(
+            id=edge_id(street.id, along=along),
+            begins=begins,
+            ends=ends,
+            priority=_priority(street.id, plan.junctions.get(ends)),
+            speed_m_s=street.speed_limit_m_s,
+            length_m=float(np.mean(driven or [curves.length(centres[0])])),
+            border=street.travelled(bands[0].inner_t, along=along),
+            lanes=tuple(
+                _Lane(band.width_m, PERMISSIONS.get(band.kind, CLOSED), centre)
+                for band, centre in zip(reversed(bands), reversed(centres), strict=True)
+            ),
+        )
+
+
+def _priority(street: str, junction: JunctionLayout | None) -> int:
+    """Signed approaches give way; elsewhere the wider street goes first."""
+    if junction is None or any(sign.street == street for sign in junction.declared.signs):
+        return 1
+    arm = junction.arm(street)
+    return 1 + sum(band.kind is StripKind.LANE for band in arm.arriving())
+
+
+def _links(junction: JunctionLayout) -> Iterator[_Link]:
+    signalled = junction.declared.control == "signals"
+    for index, path in enumerate(junction.paths):
+        source = junction.arm(path.movement.from_street)
+        target = junction.arm(path.movement.to_street)
+        yield _Link(
+            junction=junction.id,
+            from_edge=edge_id(source.street.id, along=source.at_end),
+            to_edge=edge_id(target.street.id, along=not target.at_end),
+            from_lane=lane_index(source.street, path.movement.from_lane, along=source.at_end),
+            to_lane=lane_index(target.street, path.movement.to_lane, along=not target.at_end),
+            centre=path.centre,
+            index=index if signalled else None,
+        )
+
+
+def _crossings(junction: JunctionLayout) -> Iterator[_Crossing]:
+    signalled = junction.declared.control == "signals"
+    for index, crossing in enumerate(junction.crossings, start=len(junction.paths)):
+        street = junction.arm(crossing.street).street
+        yield _Crossing(
+            junction=junction.id,
+            edges=tuple(
+                edge_id(street.id, along=along)
+                for along in (True, False)
+                if _edge_bands(street, along=along)
+            ),
+            width_m=crossing.width_m,
+            centre=crossing.centre,
+            index=index if signalled else None,
+        )
+
+
+def _templates() -> jinja2.Environment:
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("advercity.world"),
+        undefined=jinja2.StrictUndefined,
+        autoescape=False,  # noqa: S701  names are `Id`s; permissions hold quotes
+        keep_trailing_newline=True,
+    )
+    environment.filters["metres"] = _metres
+    environment.filters["shape"] = lambda points: " ".join(
+        ",".join(_metres(value) for value in point) for point in points
+    )
+    return environment
+
+
+def _metres(value: float) -> str:
+    return f"{round(float(value), 3) + 0.0:.3f}"
+
+
+def _netconvert(name: str, folder: Path) -> Path:
+    output = folder / f"{name}.net.xml"
+    command = [
+        str(Path(sumo.SUMO_HOME) / "bin" / "netconvert"),
+        "--node-files",
+        f"{name}.nodes.xml",
+        "--edge-files",
+        f"{name}.edges.xml",
+        "--connection-files",
+        f"{name}.connections.xml",
+        "--tllogic-files",
+        f"{name}.tllogics.xml",
+        "--output-file",
+        output.name,
+        "--offset.disable-normalization",
+        "true",
+        "--walkingareas",
+        "true",
+        "--no-turnarounds",
+        "true",
+        "--geometry.max-grade",
+        str(STEEPEST_PERCENT),
+        "--precision",
+        "3",
+        "--xml-validation",
+        "never",
+    ]
+    try:
+        result = subprocess.run(  # noqa: S603  the program is the wheel's own
+            command,
+            cwd=folder,
+            env={**os.environ, "SUMO_HOME": sumo.SUMO_HOME},
+            capture_output=True,
+            text=True,
+            timeout=TIMEOUT_S,
+            check=False,
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise RunError(f"netconvert does not run: {error}; is eclipse-sumo installed?") from error
+    complaints = result.stderr.strip()
+    if result.returncode or not output.exists():
+        raise RunError(f"road '{name}': netconvert fails: {complaints or result.stdout.strip()}")
+    if complaints:
+        raise InputError(f"road '{name}' makes no clean network: {complaints}")
+    text = output.read_text(encoding="utf-8")
+    output.write_text(
+        re.sub(r"<!-- generated on .*?-->\n*", "", text, flags=re.S), encoding="utf-8"
+    )
+    return output
