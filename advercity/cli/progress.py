@@ -1,7 +1,7 @@
 """Progress of a run: a bar with the time left for people, nothing for pipes."""
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 
 from advercity_dsl import Spec
@@ -19,7 +19,7 @@ from advercity.runner import Report
 
 
 @contextmanager
-def progress(specs: Sequence[Spec]) -> Iterator[Report]:
+def progress(specs: Sequence[Spec]) -> Generator[Report, None, None]:
     """A report function that draws one bar per scenario on stderr; silent when piped."""
     columns = (
         TextColumn("{task.description}"),

@@ -12,9 +12,7 @@ from advercity.runner.options import Options
 from advercity.runner.scenario import Report, run_scenario
 
 
-def run_all(
-    specs: Sequence[Spec], options: Options, *, jobs: int, report: Report
-) -> list[Path]:
+def run_all(specs: Sequence[Spec], options: Options, *, jobs: int, report: Report) -> list[Path]:
     """Run every spec; the scenarios' folders in the order of `specs`.
 
     One that fails does not stop the others.

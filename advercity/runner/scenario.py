@@ -1,7 +1,7 @@
 """One scenario from spec to dataset: traffic once, then every frame on its own."""
 
 import hashlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -41,7 +41,7 @@ def set_stage(spec: Spec) -> Stage:
     folder = cache_folder()
     network = kept(
         folder / "networks" / road_key(spec) / "road.net.xml",
-        lambda partial: build_network(spec.road, partial.parent).replace(partial),
+        lambda partial: _build_network(spec, partial),
     )
     stored = kept(
         folder / "traces" / f"{traffic_key(spec)}.npz",
@@ -49,6 +49,10 @@ def set_stage(spec: Spec) -> Stage:
     )
     digest = hashlib.sha256(stored.read_bytes()).hexdigest()
     return Stage(network, Trace.load(stored), digest)
+
+
+def _build_network(spec: Spec, path: Path) -> None:
+    build_network(spec.road, path.parent).replace(path)
 
 
 def choose_profile(options: Options, capabilities: Capabilities) -> Profile:
@@ -106,7 +110,7 @@ def run_scenario(spec: Spec, options: Options, report: Report) -> Path:
 @contextmanager
 def _senses(
     spec: Spec, stage: Stage, backend: Backend, profile: Profile
-) -> Iterator[Senses]:
+) -> Generator[Senses, None, None]:
     world = build_world(spec, stage.network)
     atmosphere = atmosphere_of(spec.weather, spec.road.land_use)
     with backend.open(world, atmosphere, profile) as renderer:
