@@ -1,7 +1,8 @@
 """Who takes part in traffic, where everybody starts and where they go."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from advercity_dsl import Agent, Blueprint, Spec, Vehicle
@@ -14,6 +15,7 @@ from advercity.traffic.trace import Actor
 from advercity.traffic.walks import Walk, walks
 from advercity.world.bodies import paint_for
 from advercity.world.bodies.paint import CONNECTED_PAINT
+from advercity.world.network import street_of
 
 FIRST_VEHICLE = 1001
 FASTEST_BACKGROUND_M_S = 33.0
@@ -58,17 +60,16 @@ class Demand:
     walkers: tuple[Walk, ...]
 
 
-def draw(spec: Spec, graph: LaneGraph, street_of: Mapping[str, str]) -> Demand:
+def draw(spec: Spec, graph: LaneGraph) -> Demand:
     """The demand of a scenario: a pure function of the spec's traffic seed, road and numbers.
 
     Args:
         spec: What is asked for.
         graph: Lanes of the road.
-        street_of: Street by edge.
     """
     occupancy = Occupancy()
     connected = tuple(
-        _connected(agent, agent.place, spec, graph, street_of, occupancy)
+        _connected(agent, agent.place, spec, graph, occupancy)
         for agent in spec.agents
         if isinstance(agent.place, Vehicle)
     )
@@ -84,19 +85,23 @@ def _connected(
     place: Vehicle,
     spec: Spec,
     graph: LaneGraph,
-    street_of: Mapping[str, str],
     occupancy: Occupancy,
 ) -> Ride:
     if agent.blueprint is None or agent.blueprint not in spec.blueprints:
         raise InputError(f"{spec.id}: agent '{agent.id}' is a vehicle without a blueprint")
     blueprint = spec.blueprints[agent.blueprint]
     lane, middle = graph.lane_at(place.spawn_m, np.radians(place.heading_deg))
+    if street_of(lane.edge)[0] != place.route[0]:
+        raise InputError(
+            f"agent '{agent.id}' stands on street '{street_of(lane.edge)[0]}', but its route"
+            f" begins with '{place.route[0]}'"
+        )
     occupancy.take(lane, middle, blueprint.length_m)
     return Ride(
         actor=Actor(
             agent.number, blueprint.actor_class, agent.blueprint, CONNECTED_PAINT, _size(blueprint)
         ),
-        edges=_along(place.route, lane.edge, graph, street_of),
+        edges=_along(place.route, lane.edge, graph),
         lane=lane.index,
         front_m=min(middle + blueprint.length_m / 2, lane.length_m),
         depart_s=0.0,
@@ -105,26 +110,17 @@ def _connected(
     )
 
 
-def _along(
-    streets: tuple[str, ...], first: str, graph: LaneGraph, street_of: Mapping[str, str]
-) -> tuple[str, ...]:
-    """Edges through the streets in their order, from edge `first` on."""
-    edges, place = [first], 0
-    while True:
-        onward = {
-            edge: streets.index(street_of[edge], place)
-            for edge in graph.edges_after(edges[-1])
-            if street_of.get(edge) in streets[place : place + 2] and edge not in edges
-        }
+def _along(streets: tuple[str, ...], first: str, graph: LaneGraph) -> tuple[str, ...]:
+    """Edges through the streets, from edge `first` on."""
+    edges = [first]
+    for origin, street in pairwise(streets):
+        onward = [edge for edge in graph.edges_after(edges[-1]) if street_of(edge)[0] == street]
         if not onward:
-            break
-        edges.append(max(onward, key=lambda edge: onward[edge]))
-        place = onward[edges[-1]]
-    if place != len(streets) - 1:
-        raise InputError(
-            f"route {' > '.join(streets)}: no lane leads from '{streets[place]}'"
-            f" into '{streets[place + 1]}'; add a movement or correct the route"
-        )
+            raise InputError(
+                f"route {' > '.join(streets)}: no movement leads from '{origin}' into '{street}';"
+                " add it to their junction or correct the route"
+            )
+        edges.append(onward[0])
     return tuple(edges)
 
 

@@ -32,7 +32,7 @@ def drive(spec: Spec, demand: Demand, graph: LaneGraph, network: Path, routes: P
     try:
         libsumo.start(["sumo", *_options(spec, network, routes, log)])
         try:
-            return _Drive(spec, demand, graph).run()
+            return _Drive(spec, demand, graph, network).run()
         finally:
             libsumo.close()
     except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
@@ -60,12 +60,12 @@ def _options(spec: Spec, network: Path, routes: Path, log: Path) -> list[str]:
 class _Drive:
     """One run: SUMO's state is global, ours is what has been recorded of it."""
 
-    def __init__(self, spec: Spec, demand: Demand, graph: LaneGraph) -> None:
+    def __init__(self, spec: Spec, demand: Demand, graph: LaneGraph, network: Path) -> None:
         self._spec = spec
         self._demand = demand
         self._rides = {str(ride.actor.id): ride for ride in (*demand.connected, *demand.vehicles)}
         self._paces = {name: Pace.of(ride, graph) for name, ride in self._rides.items()}
-        self._signals = signal_groups(spec.road)
+        self._signals = signal_groups(network)
         self._fronts: list[tuple[float, ...]] = []
         self._lights: list[list[Signal]] = []
 
@@ -132,6 +132,7 @@ class _Drive:
 
     def _trace(self) -> Trace:
         first = self._spec.timing.warm_up_ticks + 1
+        lights = self._lights[first:]
         fronts = np.array(self._fronts, dtype=FRONT)
         fronts = fronts[np.lexsort((fronts["tick"], fronts["id"]))]
         ids, begins = np.unique(fronts["id"], return_index=True)
@@ -160,7 +161,7 @@ class _Drive:
             actors=tuple(actors),
             states=together[np.lexsort((together["actor"], together["tick"]))],
             signal_ids=tuple(self._signals),
-            signals=np.array(self._lights[first:], dtype=np.uint8).reshape(-1, len(self._signals)),
+            signals=np.array(lights, dtype=np.uint8).reshape(len(lights), len(self._signals)),
         )
 
 

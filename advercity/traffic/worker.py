@@ -14,7 +14,6 @@ from advercity.traffic.demand import draw
 from advercity.traffic.drive import drive
 from advercity.traffic.lanes import read_lanes
 from advercity.traffic.route_file import write_route_file
-from advercity.world.network import street_of
 
 BAD_INPUT, FAILED = 2, 1
 
@@ -24,7 +23,7 @@ def main(spec_file: str, network_file: str, trace_file: str) -> None:
     spec = Spec.model_validate_json(Path(spec_file).read_bytes())
     network = Path(network_file)
     graph = read_lanes(network)
-    demand = draw(spec, graph, street_of(spec.road))
+    demand = draw(spec, graph)
     with tempfile.TemporaryDirectory() as folder:
         routes = Path(folder) / "demand.rou.xml"
         write_route_file(demand, routes)
