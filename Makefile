@@ -1,0 +1,33 @@
+# make demo   set up what is missing, then make a small dataset, its Rerun recording and a picture
+# make test   set up what is missing, then run every check
+# make setup  set up only
+# make lock   renew requirements.lock
+
+SCENARIO := ui_fog_day_sparse
+FRAMES := 5
+OUTPUT := output/demo
+
+ADVERCITY := .venv/bin/advercity
+RECORDING := $(OUTPUT)/$(SCENARIO).rrd
+SHEET := $(OUTPUT)/contact_sheet.png
+
+.PHONY: demo test setup lock
+
+demo: setup
+	$(ADVERCITY) compile library --output compiled
+	$(ADVERCITY) run compiled/$(SCENARIO).json --profile preview --frames 0:$(FRAMES) \
+	  --output $(OUTPUT) --rrd $(RECORDING)
+	$(ADVERCITY) sheet $(OUTPUT)/$(SCENARIO) --output $(SHEET)
+	@echo
+	@echo "dataset (OPV2V):  $(OUTPUT)/$(SCENARIO)"
+	@echo "all cameras:      $(SHEET)"
+	@echo "recording:        $(RECORDING), to open with: $(ADVERCITY) view $(RECORDING)"
+
+test: setup
+	@scripts/check
+
+setup:
+	@scripts/setup
+
+lock: setup
+	scripts/lock
