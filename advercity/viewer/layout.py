@@ -1,0 +1,71 @@
+"""Where things are in a recording, and how the viewer's window is divided."""
+
+from collections.abc import Sequence
+
+import rerun.blueprint as rrb
+from advercity_dsl import Agent
+
+TIMELINE = "frame"
+ACTORS_SEEN = "world/actors/seen"
+ACTORS_UNSEEN = "world/actors/unseen"
+ROAD = "world/road"
+
+
+def agent_path(agent: Agent) -> str:
+    """A viewpoint, in the scene."""
+    return f"world/{agent.id}"
+
+
+def lidar_path(agent: Agent) -> str:
+    """Its point cloud."""
+    return f"{agent_path(agent)}/lidar"
+
+
+def camera_path(agent: Agent, index: int) -> str:
+    """One of its cameras."""
+    return f"{agent_path(agent)}/camera{index}"
+
+
+def semantic_path(agent: Agent, index: int) -> str:
+    """A semantic image; outside the scene, where it would cover the camera's."""
+    return f"semantic/{agent.id}/camera{index}"
+
+
+def plot_path(quantity: str, agent: Agent) -> str:
+    """A curve over time."""
+    return f"plots/{quantity}/{agent.id}"
+
+
+def blueprint(agents: Sequence[Agent]) -> rrb.Blueprint:
+    """The scene on the left; on the right all front cameras, a tab per viewpoint, curves."""
+    front = rrb.Grid(
+        *(_camera(camera_path(agent, 0), agent.id) for agent in agents), name="front cameras"
+    )
+    tabs = rrb.Tabs(front, *(_viewpoint(agent) for agent in agents), _plots(), active_tab=0)
+    scene = rrb.Spatial3DView(origin="/world", name="scene")
+    return rrb.Blueprint(
+        rrb.Horizontal(scene, tabs, column_shares=[1, 1]),
+        rrb.TimePanel(timeline=TIMELINE, state="collapsed"),
+        collapse_panels=True,
+    )
+
+
+def _viewpoint(agent: Agent) -> rrb.Grid:
+    indices = range(len(agent.sensors.camera.mounts))
+    cameras = [_camera(camera_path(agent, index), f"camera {index}") for index in indices]
+    semantics = [_camera(semantic_path(agent, index), f"semantic {index}") for index in indices]
+    pairs = [view for pair in zip(cameras, semantics, strict=True) for view in pair]
+    return rrb.Grid(*pairs, grid_columns=2, name=agent.id)
+
+
+def _camera(path: str, name: str) -> rrb.Spatial2DView:
+    return rrb.Spatial2DView(origin=f"/{path}", name=name)
+
+
+def _plots() -> rrb.Grid:
+    quantities = ("speed", "acceleration", "turn_rate", "latitude", "longitude", "altitude")
+    views = (
+        rrb.TimeSeriesView(origin=f"/plots/{name}", name=name.replace("_", " "))
+        for name in quantities
+    )
+    return rrb.Grid(*views, grid_columns=2, name="motion")
