@@ -34,7 +34,7 @@ CROSSING_SETBACK_M = 0.6
 
 @dataclass(frozen=True)
 class Band:
-    """A strip, placed: from `inner_t` near the axis to `outer_t`; the paint is on the outer edge."""
+    """A strip, placed from `inner_t` near the axis to `outer_t`; its paint is on the outer edge."""
 
     kind: StripKind
     inner_t: float
@@ -150,6 +150,11 @@ class Arm:
         edges = [band.outer_t for band in bands if not _is_raised_border(band)]
         return self.offset_of(edges[-1]) if edges else 0.0
 
+    def rim(self, *, leftwards: bool) -> float:
+        """`u` of the outer edge of the outermost strip."""
+        bands = self.bands(leftwards=leftwards)
+        return self.offset_of(bands[-1].outer_t) if bands else 0.0
+
     def sidewalk(self, *, leftwards: bool) -> tuple[float, float] | None:
         """`u` of the inner and outer edge of the sidewalk, if it borders the roadway."""
         for band in self.bands(leftwards=leftwards):
@@ -170,10 +175,12 @@ class Corner:
         kerb: (n, 3) edge of the roadway, from the first arm to the second.
         back: (n, 3) outer edge of the sidewalk that runs around it, point by point beside `kerb`;
             None where one of the arms has no sidewalk there.
+        rim: (m, 3) edge of all strips, from the outermost of the first arm to that of the second.
     """
 
     kerb: Points
     back: Points | None
+    rim: Points
 
 
 @dataclass(frozen=True)
@@ -326,8 +333,8 @@ def _arms(name: str, streets: dict[str, StreetLayout]) -> tuple[Arm, ...]:
     ]
     if len(arms) < 2:
         raise InputError(
-            f"junctions.{name}: only '{arms[0].street.id}' meets here; a junction joins two streets "
-            "or more (a street that ends at the edge of the site needs none)"
+            f"junctions.{name}: only '{arms[0].street.id}' meets here; a junction joins two "
+            "streets or more (a street that ends at the edge of the site needs none)"
         )
     middle = np.mean([arm.point[:2] for arm in arms], axis=0)
     return tuple(sorted(arms, key=lambda arm: float(np.arctan2(*(arm.point[:2] - middle)[::-1]))))
@@ -342,16 +349,16 @@ def _corner(arm: Arm, following: Arm, radius_m: float) -> Corner:
         radius_m,
     )
     here, there = arm.sidewalk(leftwards=True), following.sidewalk(leftwards=False)
+    ends = arm.at(arm.rim(leftwards=True)), following.at(following.rim(leftwards=False))
     if here is None or there is None:
-        return Corner(kerb=kerb, back=None)
+        return Corner(kerb=kerb, back=None, rim=np.vstack([ends[0], kerb, ends[1]]))
     width = max(abs(here[1] - here[0]), abs(there[1] - there[0]))
     back = _link(arm, here[1], following, there[1], max(radius_m - width, 0.5))
-    count = max(len(kerb), len(back), 2)
-    return (
-        Corner(kerb=kerb, back=curves.resampled(back, count))
-        if count == len(kerb)
-        else Corner(kerb=curves.resampled(kerb, count), back=back)
+    count = max(len(kerb), len(back))
+    kerb, back = (
+        line if len(line) == count else curves.resampled(line, count) for line in (kerb, back)
     )
+    return Corner(kerb=kerb, back=back, rim=np.vstack([ends[0], back, ends[1]]))
 
 
 def _link(arm: Arm, u: float, following: Arm, v: float, radius_m: float) -> Points:

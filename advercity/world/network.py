@@ -146,16 +146,17 @@ def signal_groups(network: Path) -> dict[str, list[tuple[str, int]]]:
     """
     groups: dict[str, list[tuple[str, int]]] = {}
     for light in sumolib.net.readNet(str(network)).getTrafficLights():
-        for source, _, index in sorted(light.getConnections(), key=lambda link: link[2]):
+        for source, _, index in light.getConnections():
             street, _ = street_of(source.getEdge().getID())
             groups.setdefault(f"{light.getID()}/{street}", []).append((light.getID(), index))
-    return groups
+    return {name: sorted(links) for name, links in groups.items()}
 
 
 def _nodes(plan: Layout) -> Iterator[_Node]:
     for junction in plan.junctions.values():
         centre = np.mean([arm.point for arm in junction.arms], axis=0)
-        yield _Node(junction.id, centre, _node_type(junction), junction.outline)
+        rim = np.concatenate([corner.rim for corner in junction.corners])
+        yield _Node(junction.id, centre, _node_type(junction), rim)
     for street in plan.streets.values():
         for name, point in ((street.begins, street.axis[0]), (street.ends, street.axis[-1])):
             if name not in plan.junctions:
@@ -262,14 +263,16 @@ def _templates() -> jinja2.Environment:
         keep_trailing_newline=True,
     )
     environment.filters["metres"] = _metres
-    environment.filters["shape"] = lambda points: " ".join(
-        ",".join(_metres(value) for value in point) for point in points
-    )
+    environment.filters["shape"] = _shape
     return environment
 
 
 def _metres(value: float) -> str:
     return f"{round(float(value), 3) + 0.0:.3f}"
+
+
+def _shape(points: Points) -> str:
+    return " ".join(",".join(_metres(value) for value in point) for point in points)
 
 
 def _netconvert(name: str, folder: Path) -> Path:
