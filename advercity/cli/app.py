@@ -125,11 +125,12 @@ def run(
 @app.command()
 def view(
     dataset: Annotated[Path, typer.Argument(help="A scenario of a dataset, or a .rrd recording.")],
+    web: Annotated[bool, typer.Option("--web", help="In a browser instead of a window.")] = False,
 ) -> None:
     """Open a recording or a scenario of a dataset in Rerun."""
-    from advercity.viewer.replay import open_viewer
+    from advercity.runner.replay import view as open_view
 
-    open_viewer(dataset)
+    open_view(dataset, web=web)
 
 
 @app.command()

@@ -2,11 +2,15 @@
 
 import platform
 import shutil
+import subprocess
 from collections.abc import Callable, Iterator
 from importlib.metadata import version
+from pathlib import Path
+
+import sumo
 
 from advercity import __version__
-from advercity.errors import AdvercityError
+from advercity.errors import AdvercityError, RunError
 from advercity.rendering.registry import backend_names, load_backend
 from advercity.runner.cache import cache_folder
 
@@ -45,9 +49,13 @@ def _attempt(name: str, look: Callable[[], str]) -> Check:
 
 
 def _sumo() -> str:
-    from advercity.world.network import netconvert_version
-
-    return f"SUMO {version('eclipse-sumo')}, {netconvert_version()}"
+    program = Path(sumo.SUMO_HOME) / "bin" / "netconvert"
+    done = subprocess.run(  # noqa: S603 - SUMO's own program
+        [program, "--version"], capture_output=True, text=True, check=False
+    )
+    if done.returncode != 0:
+        raise RunError(f"{program} does not run: {done.stderr.strip()}")
+    return f"{done.stdout.splitlines()[0]}, libsumo {version('libsumo')}"
 
 
 def _backend(name: str) -> str:

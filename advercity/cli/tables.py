@@ -40,8 +40,10 @@ def summary(spec: Spec) -> str:
         "weather": f"{weather.id}: {weather.title}",
         "visibility": ", ".join(air) or "unlimited",
         "rain, snow": f"{weather.rain.rate_mm_h:g}, {weather.snow.rate_mm_h:g} mm/h",
-        "sun": f"elevation {weather.sun.elevation_deg:g} deg, azimuth {weather.sun.azimuth_deg:g} deg",
-        "traffic": f"{spec.demand.vehicles} vehicles, {spec.demand.walkers} walkers ({spec.density.id})",
+        "sun": f"elevation {weather.sun.elevation_deg:g} deg, "
+        f"azimuth {weather.sun.azimuth_deg:g} deg",
+        "traffic": f"{spec.demand.vehicles} vehicles, {spec.demand.walkers} walkers "
+        f"({spec.density.id})",
         "agents": ", ".join(f"{agent.id} ({agent.number})" for agent in spec.agents),
         "seeds": f"traffic {spec.seeds.traffic}, sensors {spec.seeds.sensors}",
         "digest": spec.provenance.digest,

@@ -45,6 +45,11 @@ class ViewerTarget:
     serve: bool = False
     connect: str | None = None
 
+    @property
+    def is_live(self) -> bool:
+        """Whether somebody may watch while it runs."""
+        return self.serve or self.connect is not None
+
 
 @dataclass(frozen=True)
 class Options:

@@ -1,72 +1,31 @@
 """One scenario from spec to dataset: traffic once, then every frame on its own."""
 
-import hashlib
-from collections.abc import Callable, Generator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Callable, Generator, Iterator
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 from advercity_dsl import Spec
 
 from advercity.dataset.manifest import Identity
+from advercity.dataset.reading import Reading
 from advercity.dataset.writer import DatasetWriter
 from advercity.errors import BackendError, InputError
 from advercity.rendering.backend import PROFILES, Backend, Capabilities, Profile
 from advercity.rendering.casting import Caster
 from advercity.rendering.registry import load_backend
-from advercity.runner.cache import cache_folder, kept, road_key, traffic_key
-from advercity.runner.options import Options
+from advercity.runner.options import Options, ViewerTarget
+from advercity.runner.replay import stored_readings
 from advercity.runner.sensing import Senses
-from advercity.traffic.simulation import simulate
-from advercity.traffic.trace import Trace
+from advercity.runner.stage import Stage, set_stage
+from advercity.runner.viewpoints import Viewpoints
+from advercity.viewer.recording import Recording
 from advercity.weather.derivation import atmosphere_of
 from advercity.world.build import build_world
-from advercity.world.network import build_network
+from advercity.world.layout import layout
+from advercity.world.network import lanes
 
 Report = Callable[[str, str, int, int], None]
 """Called with scenario, stage, frames done and frames in all."""
-
-
-@dataclass(frozen=True)
-class Stage:
-    """What a scenario needs before its first frame."""
-
-    network: Path
-    trace: Trace
-    trace_sha256: str
-
-
-def set_stage(spec: Spec) -> Stage:
-    """Network and trace of a spec, from the cache or made now."""
-    folder = cache_folder()
-    network = kept(
-        folder / "networks" / road_key(spec) / "road.net.xml",
-        lambda partial: _build_network(spec, partial),
-    )
-    stored = kept(
-        folder / "traces" / f"{traffic_key(spec)}.npz",
-        lambda partial: simulate(spec, network).save(partial),
-    )
-    digest = hashlib.sha256(stored.read_bytes()).hexdigest()
-    return Stage(network, Trace.load(stored), digest)
-
-
-def _build_network(spec: Spec, path: Path) -> None:
-    build_network(spec.road, path.parent).replace(path)
-
-
-def choose_profile(options: Options, capabilities: Capabilities) -> Profile:
-    """The profile asked for; `auto` is `full` where hardware traces rays, else `preview`."""
-    name = options.profile
-    if name == "auto":
-        name = "full" if capabilities.ray_traced and capabilities.hardware else "preview"
-    profile = PROFILES[name]
-    if profile.renderer == "ray_traced" and not capabilities.ray_traced:
-        raise BackendError(
-            f"profile '{name}' traces rays, which {capabilities.device} cannot;"
-            " use --profile preview"
-        )
-    return profile if options.scale is None else profile.scaled(options.scale)
 
 
 def run_scenario(spec: Spec, options: Options, report: Report) -> Path:
@@ -81,40 +40,106 @@ def run_scenario(spec: Spec, options: Options, report: Report) -> Path:
     profile = choose_profile(options, capabilities)
     report(spec.id, "traffic", 0, 0)
     stage = set_stage(spec)
+    wanted = _wanted(spec, stage, options)
+    identity = Identity.of(
+        spec,
+        trace_sha256=stage.trace_sha256,
+        renderer=_renderer_identity(backend, capabilities, profile),
+    )
+    writer = DatasetWriter(
+        options.output, spec, identity, length=len(stage.trace), fresh=options.fresh
+    )
+    with writer:
+        if _is_something_to_do(writer, wanted, options.viewer):
+            viewpoints = Viewpoints(spec, stage.trace)
+            readings = _readings(viewpoints, stage, writer, wanted, backend, profile)
+            with _recording(spec, options.viewer) as recording:
+                watched = recording is not None and recording.address
+                doing = f"frames, live at {watched}" if watched else "frames"
+                for count, (index, reading) in enumerate(readings):
+                    report(spec.id, doing, count, len(wanted))
+                    if index not in writer.done:
+                        writer.write(index, reading)
+                    if recording is not None:
+                        recording.log(reading)
+        writer.finish()
+    report(spec.id, "done", len(wanted), len(wanted))
+    return writer.scenario
+
+
+def choose_profile(options: Options, capabilities: Capabilities) -> Profile:
+    """The profile asked for; `auto` is `full` where hardware traces rays, else `preview`."""
+    name = options.profile
+    if name == "auto":
+        name = "full" if capabilities.ray_traced and capabilities.hardware else "preview"
+    profile = PROFILES[name]
+    if profile.renderer == "ray_traced" and not capabilities.ray_traced:
+        raise BackendError(
+            f"profile '{name}' traces rays, which {capabilities.device} cannot;"
+            " use --profile preview"
+        )
+    return profile.scaled(options.scale)
+
+
+def _wanted(spec: Spec, stage: Stage, options: Options) -> range:
     wanted = options.frames.of(len(stage.trace))
     if not wanted:
         raise InputError(
             f"--frames begins at {options.frames.first}, but {spec.id}"
             f" has frames 0 to {len(stage.trace) - 1}"
         )
-    identity = Identity.of(
-        spec,
-        trace_sha256=stage.trace_sha256,
-        renderer=_renderer_identity(backend, capabilities, profile),
-    )
-    with DatasetWriter(
-        options.output, spec, identity, length=len(stage.trace), fresh=options.fresh
-    ) as writer:
-        missing = [index for index in wanted if index not in writer.done]
-        report(spec.id, "world", len(wanted) - len(missing), len(wanted))
-        if missing:
-            with _senses(spec, stage, backend, profile) as senses:
-                for done, index in enumerate(missing, start=len(wanted) - len(missing)):
-                    report(spec.id, "frames", done, len(wanted))
-                    writer.write(index, senses.read(index))
-        writer.finish()
-    report(spec.id, "done", len(wanted), len(wanted))
-    return options.output / spec.id
+    return wanted
+
+
+def _is_something_to_do(writer: DatasetWriter, wanted: range, viewer: ViewerTarget) -> bool:
+    """Frames are missing, or somebody watches, or a recording is not there yet."""
+    missing = not writer.done.issuperset(wanted)
+    return missing or viewer.is_live or (viewer.file is not None and not viewer.file.exists())
+
+
+def _readings(
+    viewpoints: Viewpoints,
+    stage: Stage,
+    writer: DatasetWriter,
+    wanted: range,
+    backend: Backend,
+    profile: Profile,
+) -> Iterator[tuple[int, tuple[Reading, ...]]]:
+    """Every wanted frame with its readings: sensed, or from the files where it is done."""
+    done = writer.done
+    if done.issuperset(wanted):
+        for index in wanted:
+            yield index, stored_readings(writer.scenario, viewpoints, index)
+        return
+    with _sensing(viewpoints, stage, backend, profile) as senses:
+        for index in wanted:
+            if index in done:
+                yield index, stored_readings(writer.scenario, viewpoints, index)
+            else:
+                yield index, senses.read(index)
 
 
 @contextmanager
-def _senses(
-    spec: Spec, stage: Stage, backend: Backend, profile: Profile
+def _sensing(
+    viewpoints: Viewpoints, stage: Stage, backend: Backend, profile: Profile
 ) -> Generator[Senses, None, None]:
+    spec = viewpoints.spec
     world = build_world(spec, stage.network)
     atmosphere = atmosphere_of(spec.weather, spec.road.land_use)
     with backend.open(world, atmosphere, profile) as renderer:
-        yield Senses(spec, stage.trace, atmosphere, profile, renderer, Caster(world))
+        yield Senses(viewpoints, atmosphere, profile, renderer, Caster(world))
+
+
+def _recording(spec: Spec, viewer: ViewerTarget) -> Recording | nullcontext[None]:
+    if not viewer.is_live and viewer.file is None:
+        return nullcontext()
+    return Recording(
+        spec,
+        lanes(layout(spec.road)),
+        file=viewer.file,
+        serve=viewer.serve,
+        connect=viewer.connect,
+    )
 
 
 def _renderer_identity(

@@ -1,0 +1,40 @@
+"""What a scenario needs before its first frame: road network and traffic, from the cache or new."""
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+
+from advercity_dsl import Spec
+
+from advercity.runner.cache import cache_folder, kept, road_key, traffic_key
+from advercity.traffic.simulation import simulate
+from advercity.traffic.trace import Trace
+from advercity.world.network import build_network
+
+
+@dataclass(frozen=True)
+class Stage:
+    """What a scenario needs before its first frame."""
+
+    network: Path
+    trace: Trace
+    trace_sha256: str
+
+
+def set_stage(spec: Spec) -> Stage:
+    """Network and trace of a spec, from the cache or made now."""
+    folder = cache_folder()
+    network = kept(
+        folder / "networks" / road_key(spec) / "road.net.xml",
+        lambda partial: _build_network(spec, partial),
+    )
+    stored = kept(
+        folder / "traces" / f"{traffic_key(spec)}.npz",
+        lambda partial: simulate(spec, network).save(partial),
+    )
+    digest = hashlib.sha256(stored.read_bytes()).hexdigest()
+    return Stage(network, Trace.load(stored), digest)
+
+
+def _build_network(spec: Spec, path: Path) -> None:
+    build_network(spec.road, path.parent).replace(path)

@@ -1,0 +1,150 @@
+"""Where the sensors of a scenario are in each frame, and what they read without looking."""
+
+import math
+from functools import lru_cache
+
+import numpy as np
+from advercity_dsl import Agent, Mount, RoadsideUnit, Spec
+
+from advercity import poses
+from advercity.dataset.reading import Picture, Reading
+from advercity.errors import RunError
+from advercity.poses import Matrix
+from advercity.randomness import generator
+from advercity.sensors.geodesy import Geodetic, enu_from_geodetic
+from advercity.sensors.gnss import GnssFix, fix
+from advercity.sensors.imu import ImuSample, measure
+from advercity.sensors.lidar import PointCloud
+from advercity.traffic.lamps import lit
+from advercity.traffic.plans import planned
+from advercity.traffic.trace import Frame, Trace
+
+
+class Viewpoints:
+    """Poses, satellite fixes, motion and plans of every agent; a function of spec and trace."""
+
+    def __init__(self, spec: Spec, trace: Trace) -> None:
+        self.spec = spec
+        self._trace = trace
+        self._traced = lru_cache(maxsize=4)(trace.frame)
+        self._origin = Geodetic(spec.road.origin_lat_deg, spec.road.origin_lon_deg)
+
+    def frame(self, index: int) -> Frame:
+        """Kept frame `index` with the lamps lit that the weather calls for."""
+        return lit(self._traced(index), self.spec.weather.lamps)
+
+    def reading(
+        self,
+        agent: Agent,
+        frame: Frame,
+        *,
+        pictures: tuple[Picture, ...],
+        cloud: PointCloud,
+        visible: dict[int, int],
+    ) -> Reading:
+        """The reading of `agent` in `frame`, given what its cameras and LiDAR saw."""
+        world_from_agent = self.pose(agent, frame.index)
+        gnss = self._fix(agent, world_from_agent, frame)
+        is_unit = isinstance(agent.place, RoadsideUnit)
+        return Reading(
+            agent=agent,
+            frame=frame,
+            world_from_agent=world_from_agent,
+            estimated_world_from_agent=(
+                self._located(world_from_agent, gnss) if is_unit else world_from_agent
+            ),
+            world_from_lidar=self.lidar_pose(agent, frame.index),
+            pictures=pictures,
+            cloud=cloud,
+            visible=visible,
+            gnss=None if is_unit else gnss,
+            imu=self._motion(agent, frame.index),
+            planned=() if is_unit else self._plan(agent, frame.index),
+        )
+
+    def rng(self, sensor: str, agent: Agent, frame: Frame, *more: int) -> np.random.Generator:
+        """Random numbers of a sensor of an agent in a frame."""
+        spec = self.spec
+        return generator(spec.seeds.sensors, spec.id, sensor, agent.id, frame.index, *more)
+
+    def pose(self, agent: Agent, index: int) -> Matrix:
+        """`world_from_agent` (4, 4): its vehicle's origin, or the roadside unit.
+
+        Raises:
+            RunError: The vehicle has left the road.
+        """
+        place = agent.place
+        if isinstance(place, RoadsideUnit):
+            return poses.pose(
+                place.position_m,
+                yaw=math.radians(place.yaw_deg),
+                pitch=math.radians(place.pitch_deg),
+                roll=math.radians(place.roll_deg),
+            )
+        try:
+            return self._traced(index).of(agent.number).world_from_body
+        except KeyError:
+            raise RunError(
+                f"{self.spec.id}: {agent.id} is not on the road in frame {index};"
+                " its route ends too early"
+            ) from None
+
+    def lidar_pose(self, agent: Agent, index: int) -> Matrix:
+        """`world_from_lidar` (4, 4).
+
+        A roadside unit's LiDAR stands level and looks east, however its cameras are turned.
+        """
+        mount = _mounted(agent.sensors.lidar.mount)
+        if isinstance(agent.place, RoadsideUnit):
+            return poses.pose(agent.place.position_m) @ mount
+        return self.pose(agent, index) @ mount
+
+    def camera_poses(self, agent: Agent, index: int) -> list[Matrix]:
+        """`world_from_camera` (4, 4) of each of its cameras."""
+        world_from_agent = self.pose(agent, index)
+        return [world_from_agent @ _mounted(mount) for mount in agent.sensors.camera.mounts]
+
+    def _plan(self, agent: Agent, index: int) -> tuple[tuple[float, float, float], ...]:
+        points = planned(self._trace, agent.number, index).tolist()
+        return tuple((x, y, speed) for x, y, speed in points)
+
+    def _fix(self, agent: Agent, world_from_agent: Matrix, frame: Frame) -> GnssFix:
+        return fix(
+            agent.sensors.gnss,
+            world_from_agent[:3, 3],
+            origin=self._origin,
+            time_s=frame.time_s,
+            rng=self.rng("gnss", agent, frame),
+        )
+
+    def _located(self, world_from_agent: Matrix, gnss: GnssFix) -> Matrix:
+        """The pose with the position that the receiver reports."""
+        estimate = world_from_agent.copy()
+        place = Geodetic(gnss.latitude_deg, gnss.longitude_deg, gnss.altitude_m)
+        estimate[:3, 3] = enu_from_geodetic(place, self._origin)
+        return estimate
+
+    def _motion(self, agent: Agent, index: int) -> ImuSample | None:
+        """None without an IMU. The first and last frame take the motion of their neighbour."""
+        imu = agent.sensors.imu
+        if imu is None:
+            return None
+        middle = min(max(index, 1), len(self._trace) - 2)
+        before, now, after = (self.pose(agent, middle + step) for step in (-1, 0, 1))
+        return measure(
+            imu,
+            (before, now, after),
+            self._trace.tick_s,
+            key=(self.spec.seeds.sensors, self.spec.id, agent.id),
+            frame=index,
+        )
+
+
+def _mounted(mount: Mount) -> Matrix:
+    """Pose (4, 4) of a sensor in the frame of its carrier."""
+    return poses.pose(
+        (mount.x_m, mount.y_m, mount.z_m),
+        yaw=math.radians(mount.yaw_deg),
+        pitch=math.radians(mount.pitch_deg),
+        roll=math.radians(mount.roll_deg),
+    )
