@@ -221,10 +221,23 @@ class LaneGraph:
 
 
 def read_lanes(network: Path) -> LaneGraph:
-    """The lanes of a SUMO network file; RunError if it is none."""
+    """The lanes of a SUMO network file; RunError if it is none.
+
+    Where a street leaves the site SUMO lets people walk around its end; nobody does that here.
+    """
     try:
         root = ElementTree.parse(network).getroot()  # noqa: S314 - written by our own netconvert
-        lanes = {lane.id: lane for edge in root.iter("edge") for lane in _lanes(edge)}
+        ends = tuple(
+            f":{item.attrib['id']}_"
+            for item in root.iter("junction")
+            if item.attrib["type"] == "dead_end"
+        )
+        lanes = {
+            lane.id: lane
+            for edge in root.iter("edge")
+            if not edge.attrib["id"].startswith(ends)
+            for lane in _lanes(edge)
+        }
         joints = tuple(_joint(item) for item in root.iter("connection"))
     except (OSError, ElementTree.ParseError, KeyError, ValueError) as error:
         raise RunError(f"{network}: not a SUMO network: {error}") from error

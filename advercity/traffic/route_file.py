@@ -33,15 +33,16 @@ class Driving:
 
 
 DRIVING: Mapping[ActorClass, Driving] = {
-    "car": Driving("passenger", 2.4, 4.5),
-    "van": Driving("delivery", 2.0, 4.5),
-    "truck": Driving("truck", 1.2, 4.0, headway_s=1.3),
-    "bicycle": Driving("bicycle", 1.0, 3.0, gap_m=1.0, alignment="right"),
-    "motorcycle": Driving("motorcycle", 3.0, 5.0, gap_m=1.5),
+    "car": Driving("passenger", 2.2, 3.0),
+    "van": Driving("delivery", 2.0, 3.0),
+    "truck": Driving("truck", 1.2, 2.5, headway_s=1.3),
+    "bicycle": Driving("bicycle", 1.0, 2.0, gap_m=1.0, alignment="right"),
+    "motorcycle": Driving("motorcycle", 2.8, 3.0, gap_m=1.5),
 }
 """The standing gap is what drivers keep at a red light; the original's 5 m apply at the start."""
-CONNECTED = Driving("passenger", 2.8, 4.5, gap_m=3.0)
+CONNECTED = Driving("passenger", 2.5, 3.0, gap_m=3.0)
 EMERGENCY_DECELERATION_M_S2 = 8.0
+ENTRY_SPEED_M_S = 4.0
 LIMIT_IGNORED = 10.0
 """Speed factor of a vehicle whose own top speed rules."""
 
@@ -93,7 +94,7 @@ def _type(root: Element, ride: Ride, driving: Driving) -> None:
 
 
 def _vehicle(root: Element, ride: Ride) -> None:
-    start = ("base", "max") if ride.front_m is None else (ride.front_m, 0)
+    start = ("base", ENTRY_SPEED_M_S) if ride.front_m is None else (ride.front_m, 0)
     vehicle = _add(
         root,
         "vehicle",
