@@ -18,23 +18,24 @@ def scattered(radiance: Array, *, horizontal_fov_rad: float, share: float) -> Ar
     """Radiance (h, w, 3) behind a lens that scatters `share` of the light.
 
     The point-spread function is (1 - e) delta + e C / (theta² + theta_0²)^1.5. The veil is worked
-    out on a small copy of the picture, and what is beyond its edges is taken to be like it.
+    out on a small copy of the picture, as around its middle; what is beyond the edges is taken to
+    be like what is within.
     """
     height, width = radiance.shape[:2]
     scale = min(1.0, VEIL_WIDTH_PX / width)
     small_size = max(1, round(width * scale)), max(1, round(height * scale))
     small = cv2.resize(radiance, small_size, interpolation=cv2.INTER_AREA)
-    rad_per_px = horizontal_fov_rad / small_size[0]
-    veil = _veil(small.astype(np.float32), rad_per_px)
+    focal_px = small_size[0] / (2.0 * math.tan(horizontal_fov_rad / 2.0))
+    veil = _veil(small.astype(np.float32), focal_px)
     spread = cv2.resize(veil, (width, height), interpolation=cv2.INTER_LINEAR)
     return ((1.0 - share) * radiance + share * spread).astype(np.float32)
 
 
-def _veil(picture: Array, rad_per_px: float) -> Array:
+def _veil(picture: Array, focal_px: float) -> Array:
     """The picture (h, w, 3) convolved with the scattering kernel, edges made up for."""
     height, width = picture.shape[:2]
     shape = 2 * height, 2 * width
-    spectrum = np.fft.rfft2(_kernel(shape, rad_per_px))
+    spectrum = np.fft.rfft2(_kernel(shape, focal_px))
     with_ones = np.concatenate([picture, np.ones((height, width, 1), np.float32)], axis=2)
     blurred = np.fft.irfft2(
         np.fft.rfft2(with_ones, s=shape, axes=(0, 1)) * spectrum[..., None], s=shape, axes=(0, 1)
@@ -42,9 +43,9 @@ def _veil(picture: Array, rad_per_px: float) -> Array:
     return np.maximum(blurred[..., :3] / blurred[..., 3:], 0.0).astype(np.float32)
 
 
-def _kernel(shape: tuple[int, int], rad_per_px: float) -> NDArray[np.float64]:
-    """Scattering kernel of sum 1, centred on [0, 0] and wrapped around."""
+def _kernel(shape: tuple[int, int], focal_px: float) -> NDArray[np.float64]:
+    """Scattering kernel of sum 1 around the optical axis, centred on [0, 0] and wrapped around."""
     rows, columns = (np.fft.fftfreq(count, 1.0 / count) for count in shape)
-    angle = np.hypot(rows[:, None], columns[None, :]) * rad_per_px
+    angle = np.arctan(np.hypot(rows[:, None], columns[None, :]) / focal_px)
     kernel = np.where(angle < CUT_RAD, (angle**2 + CORE_RAD**2) ** -1.5, 0.0)
     return kernel / kernel.sum()

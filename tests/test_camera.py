@@ -1,0 +1,209 @@
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from advercity_dsl import Camera, Exposure, Mount, Weather
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from advercity.poses import pose
+from advercity.randomness import generator
+from advercity.rendering.backend import CameraCapture, CameraView
+from advercity.semantics import Semantic
+from advercity.sensors.camera import Setting, digitise, expose, meter, semantic_image
+from advercity.sensors.stray_light import scattered
+from advercity.sensors.sun import with_sun
+from advercity.weather.atmosphere import Atmosphere
+from advercity.weather.derivation import atmosphere_of
+
+Array = NDArray[np.float32]
+WIDTH, HEIGHT = 240, 135
+FOV_RAD = math.radians(100)
+FOCAL_PX = WIDTH / 2 / math.tan(FOV_RAD / 2)
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+
+
+def camera(*, noise: bool = False, **exposure: Any) -> Camera:
+    return Camera(mounts=(Mount(),), noise=noise, exposure=Exposure(**exposure))
+
+
+def grey(luminance: float) -> Array:
+    return np.full((HEIGHT, WIDTH, 3), luminance, np.float32)
+
+
+def capture(radiance: Array, depth: float = 10.0) -> CameraCapture:
+    height, width = radiance.shape[:2]
+    return CameraCapture(
+        radiance=radiance,
+        depth=np.full((height, width), depth, np.float32),
+        normal=np.zeros((height, width, 3), np.float32),
+        semantic=np.zeros((height, width), np.uint8),
+        instance=np.zeros((height, width), np.int32),
+    )
+
+
+def picture(radiance: Array, taken_by: Camera, *key: int) -> NDArray[np.uint8]:
+    return expose(capture(radiance), taken_by, generator("test", *key))
+
+
+@pytest.mark.parametrize(("compensation_ev", "value"), [(0.79, 118), (0.0, 91)])
+@pytest.mark.parametrize("luminance", [1.0, 30.0, 400.0, 5500.0])
+def test_automatic_exposure_puts_any_card_at_the_same_grey(
+    luminance: float, compensation_ev: float, value: int
+) -> None:
+    taken = picture(grey(luminance), camera(compensation_ev=compensation_ev))
+    np.testing.assert_allclose(taken.astype(int), value, atol=2)
+
+
+def test_a_night_too_dark_for_automatic_exposure_stays_dark() -> None:
+    dim, dimmer = (picture(grey(level), camera()).mean() for level in (0.1, 0.01))
+    assert 118 > dim > 5 * dimmer
+
+
+def test_f_1_4_at_a_200th_and_iso_100_saturates_at_470_candelas() -> None:
+    by_hand = camera(mode="manual")
+    setting = meter(grey(1.0), by_hand.exposure)
+    assert setting.ev100 == pytest.approx(8.61, abs=0.01)
+    assert setting.saturation_cd_m2 == pytest.approx(470, rel=0.01)
+    assert picture(grey(setting.saturation_cd_m2), by_hand).min() == 255
+    assert picture(grey(0.98 * setting.saturation_cd_m2), by_hand).max() < 255
+
+
+def test_four_times_the_sensitivity_saturates_at_a_quarter_of_the_light() -> None:
+    base, fast = (meter(grey(1.0), Exposure(mode="manual", iso=iso)) for iso in (100, 400))
+    assert fast.saturation_cd_m2 == pytest.approx(base.saturation_cd_m2 / 4)
+    assert fast.full_well_e == base.full_well_e / 4
+
+
+def test_daylight_is_filtered_and_darkness_is_amplified() -> None:
+    by_day, by_night = (meter(grey(level), Exposure()) for level in (3000.0, 1.0))
+    assert by_day.iso == 100
+    assert by_night.ev100 == pytest.approx(math.log2(8) - 0.79)
+    assert by_night.iso == pytest.approx(100 * 2 ** (8.6147 - by_night.ev100), rel=1e-3)
+
+
+def test_the_meter_looks_at_the_lower_two_thirds_without_highlights() -> None:
+    scene = grey(100.0)
+    scene[: HEIGHT // 3] = 1e5
+    scene[60:63, 100:110] = 1e6
+    assert meter(scene, Exposure()).ev100 == pytest.approx(meter(grey(100.0), Exposure()).ev100)
+
+
+def test_noise_follows_the_photon_transfer_curve() -> None:
+    setting = Setting(ev100=8.61, iso=100)
+    gain = 4095 / setting.full_well_e
+    levels = np.array([0.05, 0.1, 0.2, 0.4, 0.6, 0.8], np.float32)
+    shares = np.broadcast_to(levels[:, None], (6, 200_000)).astype(np.float32)
+    digital = digitise(shares, setting, generator("test")).astype(np.float64)
+    slope, offset = np.polyfit(digital.mean(axis=1), digital.var(axis=1), 1)
+    assert slope == pytest.approx(gain, rel=0.03)
+    dark = digitise(np.full(200_000, 0.004, np.float32), setting, generator("dark"))
+    read_variance = dark.astype(np.float64).var() - 1 / 12 - gain**2 * 40
+    assert math.sqrt(read_variance) / gain == pytest.approx(3.0, rel=0.03)
+    assert abs(offset) < 60
+
+
+@pytest.mark.parametrize(("share", "ratio"), [(0.5, 70.6), (0.18, 42.3), (0.01, 9.6)])
+def test_signal_to_noise_is_that_of_ten_thousand_electrons(share: float, ratio: float) -> None:
+    digital = digitise(
+        np.full(400_000, share, np.float32), Setting(8.61, 100), generator("test")
+    ).astype(np.float64)
+    assert digital.mean() / digital.std() == pytest.approx(ratio, rel=0.01)
+
+
+def test_noise_can_be_turned_off_and_is_the_same_for_the_same_key() -> None:
+    noisy = camera(noise=True)
+    assert picture(grey(50.0), camera()).std() == 0
+    np.testing.assert_array_equal(picture(grey(50.0), noisy, 1), picture(grey(50.0), noisy, 1))
+    assert (picture(grey(50.0), noisy, 1) != picture(grey(50.0), noisy, 2)).any()
+
+
+def test_a_night_is_noisier_than_a_day() -> None:
+    by_day, by_night = (
+        picture(grey(level), camera(noise=True)).astype(float).std() for level in (3000.0, 1.0)
+    )
+    assert by_night > 3 * by_day
+
+
+def test_a_lens_moves_light_and_loses_none() -> None:
+    scene = grey(1.0)
+    scene[60:66, 110:118] = 1e5
+    spread = scattered(scene, horizontal_fov_rad=FOV_RAD, share=0.05)
+    assert spread.sum() == pytest.approx(scene.sum(), rel=0.005)
+    assert spread[63, 114, 0] < scene[63, 114, 0]
+    assert spread[20, 20, 0] > scene[20, 20, 0]
+
+
+def test_a_lens_leaves_an_even_field_as_it_is() -> None:
+    spread = scattered(grey(7.0), horizontal_fov_rad=FOV_RAD, share=0.1)
+    np.testing.assert_allclose(spread, 7.0, rtol=1e-4)
+
+
+def low_sun(azimuth_deg: float = 90.0, elevation_deg: float = 8.0) -> Atmosphere:
+    sun = {"elevation_deg": elevation_deg, "azimuth_deg": azimuth_deg}
+    sky = {"direct_lx": 60_000}
+    return atmosphere_of(
+        Weather.model_validate({"id": "tried", "time": "day", "sun": sun, "sky": sky}), "rural"
+    )
+
+
+def facing(*, width_px: int = WIDTH, yaw: float = 0.0) -> CameraView:
+    return CameraView(pose((0, 0, 1.5), yaw=yaw), width_px, width_px * 9 // 16, FOV_RAD)
+
+
+@pytest.mark.parametrize("width_px", [120, 240, 960])
+@pytest.mark.parametrize("yaw", [0.0, 0.01, -0.4])
+def test_the_sun_in_the_picture_gives_the_suns_illuminance(width_px: int, yaw: float) -> None:
+    view = facing(width_px=width_px, yaw=yaw)
+    black = capture(np.zeros((view.height_px, width_px, 3), np.float32), np.inf)
+    radiance = with_sun(black, view, low_sun()).radiance.astype(np.float64)
+    focal_px = width_px / 2 / math.tan(FOV_RAD / 2)
+    row, column = np.mgrid[: view.height_px, :width_px] + 0.5
+    distance = np.sqrt(focal_px**2 + (row - view.height_px / 2) ** 2 + (column - width_px / 2) ** 2)
+    illuminance = np.sum(radiance @ LUMINANCE * focal_px / distance**3)
+    assert illuminance == pytest.approx(60_000, rel=1e-3)
+
+
+def test_the_sun_stands_where_its_direction_says() -> None:
+    scene = capture(grey(0.0), np.inf)
+    radiance = with_sun(scene, facing(yaw=0.1), low_sun()).radiance[..., 1]
+    row, column = np.unravel_index(radiance.argmax(), radiance.shape)
+    assert column + 0.5 == pytest.approx(WIDTH / 2 + FOCAL_PX * math.tan(0.1), abs=1)
+    rise = math.tan(math.radians(8)) / math.cos(0.1)
+    assert row + 0.5 == pytest.approx(HEIGHT / 2 - FOCAL_PX * rise, abs=1)
+
+
+def test_what_stands_before_the_sun_hides_it() -> None:
+    assert not with_sun(capture(grey(0.0), 50.0), facing(), low_sun()).radiance.any()
+
+
+@pytest.mark.parametrize("azimuth_deg", [270, 0])
+def test_a_sun_behind_or_beside_leaves_the_picture_alone(azimuth_deg: float) -> None:
+    scene = capture(grey(1.0), np.inf)
+    found = with_sun(scene, facing(), low_sun(azimuth_deg))
+    np.testing.assert_array_equal(found.radiance, scene.radiance)
+
+
+@pytest.mark.parametrize(("off_deg", "veil_cd_m2"), [(2, 3.6e4), (5, 2_500), (10, 315), (20, 40)])
+def test_the_suns_veil_falls_off_as_the_lens_scatters(off_deg: float, veil_cd_m2: float) -> None:
+    view = facing(width_px=960)
+    black = capture(np.zeros((540, 960, 3), np.float32), np.inf)
+    lit = with_sun(black, view, low_sun(elevation_deg=0.001)).radiance
+    veiled = scattered(lit, horizontal_fov_rad=FOV_RAD, share=0.02) @ LUMINANCE
+    focal_px = 480 / math.tan(FOV_RAD / 2)
+    column = round(480 + focal_px * math.tan(math.radians(off_deg)))
+    assert veiled[270, column] == pytest.approx(veil_cd_m2, rel=0.05)
+
+
+def test_tags_are_painted_in_carlas_colours() -> None:
+    tags = np.array([[Semantic.ROAD, Semantic.VEHICLE]], np.uint8)
+    np.testing.assert_array_equal(semantic_image(tags), [[[128, 64, 128], [0, 0, 142]]])
+
+
+@given(darker=st.floats(1.0, 100.0), brighter=st.floats(1.01, 4.0))
+def test_more_light_never_darkens_a_picture(darker: float, brighter: float) -> None:
+    by_hand = camera(mode="manual")
+    low, high = (picture(grey(level), by_hand) for level in (darker, darker * brighter))
+    assert (high >= low).all()
