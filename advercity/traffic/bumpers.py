@@ -26,6 +26,8 @@ CATCH_UP = 1.3
 STRIDE_TICKS = 5
 STRIDE = np.full(STRIDE_TICKS, 1 / STRIDE_TICKS)
 """SUMO's people start and stop at once; here it takes them this long."""
+TIGHTEST_TURN_M = 2.5
+"""Vehicles that SUMO turns where they stand do so here as they move on, at this radius."""
 TURN_RATE_RAD_S = np.pi
 WALKING_M_S = 0.3
 """Slower than this a person keeps looking the same way."""
@@ -38,8 +40,10 @@ def vehicle_states(track: NDArray[np.void], length_m: float) -> NDArray[np.void]
     centre line, so the body hangs between them. The rear is as high as the front was when it
     passed there; before the first tick the lane is taken to go on at its slope.
     """
-    steps = np.hypot(np.diff(track["x"]), np.diff(track["y"]))
-    along = np.concatenate([[0.0], np.cumsum(steps)])
+    fronts = track["x"] + 1j * track["y"]
+    steps = np.abs(np.diff(fronts, prepend=fronts[0]))
+    along = np.cumsum(steps)
+    yaw = _turned(track["yaw"], track["yaw"][0], steps / TIGHTEST_TURN_M)
     first_rear = track["z"][0] - length_m * np.sin(track["slope"][0])
     rear = np.interp(
         along - length_m,
@@ -47,12 +51,11 @@ def vehicle_states(track: NDArray[np.void], length_m: float) -> NDArray[np.void]
         np.concatenate([[first_rear], track["z"]]),
     )
     climb = np.arcsin(np.clip((track["z"] - rear) / length_m, -1, 1))
-    fronts = track["x"] + 1j * track["y"]
     return _states(
         track,
-        fronts - length_m / 2 * np.cos(climb) * np.exp(1j * track["yaw"]),
+        fronts - length_m / 2 * np.cos(climb) * np.exp(1j * yaw),
         z=(track["z"] + rear) / 2,
-        yaw=track["yaw"],
+        yaw=yaw,
         pitch=-climb,
     )
 
@@ -69,7 +72,8 @@ def walker_states(
     speed[0] = track["speed"][0]
     track = track.copy()
     track["speed"], track["acceleration"] = speed, np.gradient(speed, tick_s)
-    yaw = _turned(np.where(speed > WALKING_M_S, np.angle(steps), np.nan), track["yaw"][0], tick_s)
+    looked = np.where(speed > WALKING_M_S, np.angle(steps), np.nan)
+    yaw = _turned(looked, track["yaw"][0], np.full(len(track), TURN_RATE_RAD_S * tick_s))
     return _states(track, path, z=track["z"], yaw=yaw, pitch=np.zeros(len(track)))
 
 
@@ -86,14 +90,16 @@ def _followed(
     return np.array(path)
 
 
-def _turned(wanted: NDArray[np.float64], first: float, tick_s: float) -> NDArray[np.float64]:
-    """Headings (n,) that turn towards the wanted ones; NaN wants none."""
-    here, reach = first, TURN_RATE_RAD_S * tick_s
+def _turned(
+    wanted: NDArray[np.float64], first: float, reach: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Headings (n,) that turn towards the wanted ones, by `reach` (n,) at most; NaN wants none."""
+    here = first
     headings: list[float] = []
-    for target in wanted.tolist():
+    for target, most in zip(wanted.tolist(), reach.tolist(), strict=True):
         if not np.isnan(target):
             turn = (target - here + np.pi) % (2 * np.pi) - np.pi
-            here += min(max(turn, -reach), reach)
+            here += min(max(turn, -most), most)
         headings.append(here)
     return np.array(headings)
 
