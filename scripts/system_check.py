@@ -7,7 +7,7 @@ import ctypes
 import sys
 from collections.abc import Iterator
 
-LIBRARIES = ("libGL.so.1", "libX11.so.6", "libXext.so.6", "libXrender.so.1")
+LIBRARIES = ("libatomic.so.1", "libGL.so.1", "libX11.so.6", "libXext.so.6", "libXrender.so.1")
 """Shared objects that SUMO and SAPIEN link to and their wheels do not carry."""
 
 RAY_TRACING = b"VK_KHR_ray_tracing_pipeline"
