@@ -55,6 +55,7 @@ class SignalLamp:
     id: str
     """`<junction>/<street>`: the approach it is for."""
     position: tuple[float, float, float]
+    """Middle of the yellow lens, on its face."""
     facing: tuple[float, float]
     """Unit vector (x, y) towards the traffic it is for."""
 

@@ -175,6 +175,25 @@ def plate(corners: ArrayLike, thickness_m: float) -> Surface:
     return loft(np.stack([face, face - thickness_m * normal]))
 
 
+def panels(centres: ArrayLike, across: ArrayLike, upward: ArrayLike) -> Surface:
+    """Flat rectangles seen from one side, shaded.
+
+    Args:
+        centres: (k, 3) middles.
+        across: (k, 3) from the middle to the right edge, as seen from in front.
+        upward: (k, 3) from the middle to the upper edge.
+    """
+    middle = np.asarray(centres, dtype=np.float64)
+    right = np.broadcast_to(np.asarray(across, dtype=np.float64), middle.shape)
+    rise = np.broadcast_to(np.asarray(upward, dtype=np.float64), middle.shape)
+    corners = [middle - right - rise, middle + right - rise]
+    corners += [middle + right + rise, middle - right + rise]
+    first = 4 * np.arange(len(middle))[:, None]
+    triangles = (first[:, None] + np.array([(0, 1, 2), (0, 2, 3)])).reshape(-1, 3)
+    normals = np.repeat(_unit(np.cross(right, rise)), 4, axis=0)
+    return Surface(np.stack(corners, axis=1).reshape(-1, 3), triangles, normals)
+
+
 def tube(points: ArrayLike, radii: ArrayLike, *, sides: int = 8, rounded: bool = False) -> Surface:
     """A round tube along points.
 

@@ -342,7 +342,7 @@ def _light_bar(kind: Proportions, size: Size) -> list[Piece]:
     length, width, height = size
     x = length * (0.5 - (kind.cabin[1] + kind.cabin[2]) / 2)
     low, half = height - 0.12, 0.27 * width
-    sides = {"lamp_red": (0.02, half), "car_paint_blue": (-half, -0.02)}
+    sides = {"sign_red": (0.02, half), "car_paint_blue": (-half, -0.02)}
     return [
         Piece(box((x - 0.12, y0, low), (x + 0.12, y1, height)), material, Semantic.VEHICLE)
         for material, (y0, y1) in sides.items()

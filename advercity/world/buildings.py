@@ -1,0 +1,220 @@
+"""Town blocks and houses."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from advercity_dsl.base import Point2
+
+from advercity.randomness import generator
+from advercity.semantics import Semantic
+from advercity.world.shapes import Floats, Piece, Surface, box, joined, loft, moved, panels, tube
+from advercity.world.site import Site, rectangle
+
+FLOOR_M = 3.1
+ROAD_CLEARANCE_M = 1.5
+_WINDOW_M = (1.2, 1.5)
+_BAY_M = 2.9
+_TOWN_WALLS = ("plaster", "brick", "plaster_ochre", "plaster_white", "brick", "concrete")
+_HOUSE_WALLS = ("plaster_white", "brick", "plaster", "plaster_ochre")
+
+
+@dataclass(frozen=True)
+class Lot:
+    """Where a building stands: its middle, heading of its front in radians, and its size."""
+
+    centre: Point2
+    yaw: float
+    width_m: float
+    depth_m: float
+
+    def corners(self) -> Floats:
+        """(4, 2) corners of the footprint."""
+        half = np.array([self.width_m, self.depth_m]) / 2
+        local = half * [(-1, -1), (1, -1), (1, 1), (-1, 1)]
+        cosine, sine = np.cos(self.yaw), np.sin(self.yaw)
+        return np.asarray(self.centre) + local @ np.array([[cosine, sine], [-sine, cosine]])
+
+
+def buildings(
+    area: tuple[Point2, Point2], height_m: float | None, site: Site, key: str
+) -> list[Piece]:
+    """Town blocks of two to six floors, wall to wall or nearly so, around an area."""
+    draw = generator("buildings", key)
+    pieces: list[Piece] = []
+    for lot in _lots(area, (13.0, 22.0), 15.0, 1.0, draw):
+        height = height_m or draw.uniform(6.5, 18.0)
+        floors = max(2, round(height * draw.uniform(0.9, 1.1) / FLOOR_M))
+        wall = str(draw.choice(_TOWN_WALLS))
+        pitched = bool(draw.random() < 0.4)
+        pieces += _placed(_block(lot, floors, wall, pitched), lot, site)
+    return pieces
+
+
+def houses(
+    area: tuple[Point2, Point2], height_m: float | None, site: Site, key: str
+) -> list[Piece]:
+    """Detached houses with pitched roofs and gardens between them, in rows along an area."""
+    draw = generator("houses", key)
+    pieces: list[Piece] = []
+    for lot in _lots(area, (8.5, 11.5), 8.5, 7.0, draw):
+        eaves = 0.62 * height_m if height_m else draw.uniform(3.0, 5.6)
+        pieces += _placed(_house(lot, eaves, str(draw.choice(_HOUSE_WALLS))), lot, site)
+    return pieces
+
+
+def _lots(
+    area: tuple[Point2, Point2],
+    widths_m: tuple[float, float],
+    depth_m: float,
+    gap_m: float,
+    draw: np.random.Generator,
+) -> list[Lot]:
+    """One row along the longer side of an area, or two back to back where it is deep enough."""
+    low, high = rectangle(area)
+    extent = high - low
+    lengthways = int(np.argmax(extent))
+    depth = float(min(depth_m, extent[1 - lengthways]))
+    edges = [low[1 - lengthways] + depth / 2, high[1 - lengthways] - depth / 2]
+    rows = edges if extent[1 - lengthways] >= 2 * depth + 4 else edges[:1]
+    lots: list[Lot] = []
+    for side, across in enumerate(rows):
+        # The front looks out of the area: along -y of the lot's own axes.
+        yaw = (np.pi * side) if lengthways == 0 else (-np.pi / 2 + np.pi * side)
+        start = low[lengthways]
+        while True:
+            width = float(draw.uniform(*widths_m))
+            if start + width > high[lengthways]:
+                break
+            middle = start + width / 2
+            centre = (middle, across) if lengthways == 0 else (across, middle)
+            lots.append(Lot((float(centre[0]), float(centre[1])), float(yaw), width, depth))
+            start += width + gap_m * float(draw.uniform(0.7, 1.5))
+    return lots
+
+
+def _placed(parts: list[tuple[Surface, str]], lot: Lot, site: Site) -> list[Piece]:
+    """A building moved to its lot, its floor at the highest ground; nothing if it is in the way."""
+    corners = lot.corners()
+    if shapely.distance(shapely.Polygon(corners), site.keep_off) < ROAD_CLEARANCE_M:
+        return []
+    ground = site.ground_height(corners)
+    offset = (*lot.centre, float(ground.max()))
+    foundation = box(
+        (-lot.width_m / 2, -lot.depth_m / 2, -float(np.ptp(ground)) - 0.5),
+        (lot.width_m / 2, lot.depth_m / 2, 0.35),
+    )
+    return [
+        Piece(moved(surface, offset, yaw=lot.yaw), material, Semantic.BUILDING)
+        for surface, material in [(foundation, "concrete"), *parts]
+    ]
+
+
+def _block(lot: Lot, floors: int, wall: str, pitched: bool) -> list[tuple[Surface, str]]:
+    x, y, top = lot.width_m / 2, lot.depth_m / 2, floors * FLOOR_M + 0.4
+    # The walls stand a hand's breadth inside the foundation.
+    x, y = x - 0.08, y - 0.08
+    parts = [(box((-x, -y, 0), (x, y, top)), wall)]
+    if pitched:
+        parts += [(_gable_walls(x, y, top, 0.5), wall), (_gable(x, y, top, 0.5), "roof_tile")]
+    else:
+        parts += [
+            (box((-x - 0.15, -y - 0.15, top), (x + 0.15, y + 0.15, top + 0.45)), "concrete"),
+            (box((-1.8, -1.5, top + 0.4), (1.8, 1.5, top + 2.6)), "metal"),
+        ]
+    door = panels([(0, -y - 0.03, 1.5)], (0.9, 0, 0), (0, 0, 1.25))
+    shop_front = _row_of_windows(x, y, 1.75, (2.1, 1.9), 3.4, skip_m=1.6)
+    upper = [
+        _windows(x, y, 1.75 + FLOOR_M * floor, _WINDOW_M, _BAY_M) for floor in range(1, floors)
+    ]
+    frames = [
+        _windows(x, y, 1.75 + FLOOR_M * floor, (1.45, 1.75), _BAY_M, out_m=0.012)
+        for floor in range(1, floors)
+    ]
+    return [
+        *parts,
+        (door, "wood"),
+        (joined([shop_front, *upper]), "glass"),
+        (joined(frames), "paint_white"),
+    ]
+
+
+def _house(lot: Lot, eaves: float, wall: str) -> list[tuple[Surface, str]]:
+    x, y = lot.width_m / 2 - 0.08, lot.depth_m / 2 - 0.08
+    floors = 2 if eaves > 4.4 else 1
+    ridge = eaves + 0.75 * (y + 0.45)
+    levels = [1.55 + (eaves / floors) * floor for floor in range(floors)]
+    glass = [_windows(x, y, z, (1.3, 1.25), 3.2, skip_m=1.0 if z < 2 else 0.0) for z in levels]
+    frames = [
+        _windows(x, y, z, (1.5, 1.45), 3.2, skip_m=1.0 if z < 2 else 0.0, out_m=0.012)
+        for z in levels
+    ]
+    return [
+        (box((-x, -y, 0), (x, y, eaves)), wall),
+        (_gable_walls(x, y, eaves, 0.45), wall),
+        (_gable(x, y, eaves, 0.45), "roof_tile"),
+        (box((0.4 * x, 0.5, ridge - 1.6), (0.4 * x + 0.7, 1.2, ridge + 0.7)), "brick"),
+        (box((-0.75, -y - 0.9, 0), (0.75, -y, 0.3)), "concrete"),
+        (panels([(0, -y - 0.03, 1.35)], (0.5, 0, 0), (0, 0, 1.05)), "wood"),
+        (joined(glass), "glass"),
+        (joined(frames), "paint_white"),
+        (tube([(x - 0.1, -y - 0.08, 0), (x - 0.1, -y - 0.08, eaves)], 0.05, sides=5), "metal"),
+    ]
+
+
+def _gable(x: float, y: float, eaves: float, overhang: float) -> Surface:
+    """A pitched roof with its ridge along x: a folded slab, drawn from gable to gable."""
+    span = y + overhang
+    rise, drop, thick = 0.75 * span, 0.75 * overhang, 0.22
+    fold = [(-span, eaves - drop), (0.0, eaves - drop + rise), (span, eaves - drop)]
+    outline = [*fold, *((b, z + thick) for b, z in fold[::-1])]
+    ends = [[(end, b, z) for b, z in outline] for end in (-x - overhang, x + overhang)]
+    return _folded(np.asarray(ends))
+
+
+def _gable_walls(x: float, y: float, eaves: float, overhang: float) -> Surface:
+    """The triangle of wall under a pitched roof, drawn through the building."""
+    gable = [(-y, eaves), (y, eaves), (0.0, eaves + 0.75 * (y + overhang) - 0.75 * overhang)]
+    return loft(np.stack([[(side, *point) for point in gable] for side in (-x, x)]))
+
+
+def _folded(ends: Floats) -> Surface:
+    """A skin between two six-cornered profiles that are not star-shaped: two slabs side by side."""
+    left, right = ends[:, [0, 1, 4, 5]], ends[:, [1, 2, 3, 4]]
+    return joined([loft(left), loft(right)])
+
+
+def _windows(
+    x: float,
+    y: float,
+    z: float,
+    size: tuple[float, float],
+    bay_m: float,
+    *,
+    skip_m: float = 0.0,
+    out_m: float = 0.03,
+) -> Surface:
+    """A row of windows around a building at height `z`; none within `skip_m` of the door."""
+    front = _row_of_windows(x, y, z, size, bay_m, skip_m=skip_m, out_m=out_m)
+    back = moved(_row_of_windows(x, y, z, size, bay_m, out_m=out_m), (0, 0, 0), yaw=np.pi)
+    side = _row_of_windows(y, x, z, size, bay_m, out_m=out_m)
+    ends = [moved(side, (0, 0, 0), yaw=yaw) for yaw in (np.pi / 2, -np.pi / 2)]
+    return joined([front, back, *ends])
+
+
+def _row_of_windows(
+    x: float,
+    y: float,
+    z: float,
+    size: tuple[float, float],
+    bay_m: float,
+    *,
+    skip_m: float = 0.0,
+    out_m: float = 0.03,
+) -> Surface:
+    """Windows along the front, which looks along -y."""
+    count = max(1, int((2 * x - 0.8) / bay_m))
+    at = (np.arange(count) - (count - 1) / 2) * (2 * x - 0.8) / count
+    at = at[np.abs(at) >= skip_m] if skip_m else at
+    middles = np.column_stack([at, np.full(len(at), -y - out_m), np.full(len(at), z)])
+    return panels(middles, (size[0] / 2, 0, 0), (0, 0, size[1] / 2))

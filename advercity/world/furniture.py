@@ -1,0 +1,251 @@
+"""Street furniture that traffic rules and sensors need: signals, signs, carriers of sensors."""
+
+import numpy as np
+import shapely
+from advercity_dsl import Road, RoadsideUnit
+from advercity_dsl.base import Point2
+from advercity_dsl.road import Sign, SignalHead, SurroundingKind
+
+from advercity.semantics import Semantic
+from advercity.world.layout import Arm, Layout, layout
+from advercity.world.scene import Mesh, SignalLamp
+from advercity.world.shapes import (
+    Floats,
+    Piece,
+    Surface,
+    box,
+    joined,
+    loft,
+    meshes,
+    moved,
+    panels,
+    plate,
+    prism,
+    tube,
+    xyz,
+)
+from advercity.world.site import GroundHeight
+
+LENS_SPACING_M = 0.31
+"""From the yellow lens up to the red one and down to the green one."""
+LENS_RADIUS_M = 0.13
+HEAD_DROP_M = 0.85
+"""From the point where heads hang to their yellow lens. A roadside unit may stand at that point,
+so housing and arm stay well below it."""
+CARRIED_WITHIN_M = 1.5
+_ARM_DROP_M = 0.55
+_HEAD_FACE_M = 0.30
+_SIGN_HEIGHT_M = 2.2
+_CARRIER_BELOW_M, _CARRIER_ASIDE_M = 0.25, 0.4
+_CARRIERS = (
+    SurroundingKind.TOWER,
+    SurroundingKind.POLE,
+    SurroundingKind.WALL,
+)
+
+
+def furniture(road: Road, ground_height: GroundHeight) -> tuple[list[Mesh], list[SignalLamp]]:
+    """Meshes of signals, signs and carriers of roadside units, and the signals' lamps.
+
+    Args:
+        road: The declaration.
+        ground_height: World positions (n, 2) to heights (n,), metres.
+    """
+    site = layout(road)
+    pieces: list[Piece] = []
+    lamps: list[SignalLamp] = []
+    for junction in site.junctions.values():
+        signals = junction.declared.signals
+        for head in signals.heads if signals else ():
+            facing = junction.arm(head.street).outward
+            lamps.append(_signal_lamp(f"{junction.id}/{head.street}", head, facing))
+            pieces += _signal(head, facing, _height(ground_height, head.pole_m))
+        for sign in junction.declared.signs:
+            arm = junction.arm(sign.street)
+            pieces += _sign(sign, arm, _height(ground_height, sign.at_m))
+    for unit in road.agents.values():
+        if isinstance(unit, RoadsideUnit) and not _is_carried(unit, road, site):
+            pieces += _carrier(unit, ground_height)
+    return meshes(pieces, "furniture_"), lamps
+
+
+def _height(ground_height: GroundHeight, point: Point2) -> float:
+    return float(ground_height(np.array([point], dtype=np.float64))[0])
+
+
+def _signal_lamp(name: str, head: SignalHead, facing: Floats) -> SignalLamp:
+    forward = _HEAD_FACE_M * facing
+    x, y, z = np.asarray(head.at_m) + xyz(forward[0], forward[1], -HEAD_DROP_M)
+    return SignalLamp(name, (float(x), float(y), float(z)), (float(facing[0]), float(facing[1])))
+
+
+def _signal(head: SignalHead, facing: Floats, ground_m: float) -> list[Piece]:
+    """A mast with an arm, from which a head hangs and looks at its traffic."""
+    tip = np.asarray(head.at_m) - (0.0, 0.0, _ARM_DROP_M)
+    foot = np.array([*head.pole_m, ground_m])
+    top = np.array([*head.pole_m, tip[2]])
+    mast = tube([foot - xyz(z=0.3), foot + xyz(z=1.2), top + xyz(z=0.12)], [0.13, 0.11, 0.09])
+    pieces = [Piece(mast, "metal", Semantic.POLE)]
+    if np.linalg.norm((tip - top)[:2]) > 0.1:
+        pieces.append(Piece(tube([top, tip], [0.075, 0.05]), "metal", Semantic.POLE))
+    yaw = float(np.arctan2(facing[1], facing[0]))
+    middle = np.asarray(head.at_m) - (0.0, 0.0, HEAD_DROP_M)
+    return pieces + [
+        Piece(moved(part, middle, yaw=yaw), material, Semantic.TRAFFIC_LIGHT)
+        for part, material in _head()
+    ]
+
+
+def _head() -> list[tuple[Surface, str]]:
+    """A three-lens head, x towards its traffic, z of the yellow lens 0, the arm at x = 0."""
+    face = _HEAD_FACE_M
+    hoods = [_hood(face - 0.02, LENS_SPACING_M * step) for step in (1, 0, -1)]
+    lenses = [
+        (_disc(face, LENS_SPACING_M * step), f"signal_{colour}")
+        for step, colour in ((1, "red"), (0, "yellow"), (-1, "green"))
+    ]
+    black = [
+        box((0.06, -0.17, -0.49), (face - 0.01, 0.17, 0.49)),
+        box((0.05, -0.27, -0.58), (0.08, 0.27, 0.58)),
+        *hoods,
+    ]
+    return [(joined(black), "black_plastic"), *lenses]
+
+
+def _disc(x: float, z: float) -> Surface:
+    angle = 2 * np.pi * np.arange(14) / 14
+    ring = np.column_stack(
+        [np.full(14, x), LENS_RADIUS_M * np.cos(angle), z + LENS_RADIUS_M * np.sin(angle)]
+    )
+    return loft(np.stack([ring - xyz(0.02), ring]))
+
+
+def _hood(x: float, z: float) -> Surface:
+    """A visor over a lens: half a tube that reaches a lens' width forward."""
+    angle = np.radians(np.linspace(-10, 190, 8))
+    arc = np.column_stack([np.zeros(8), np.cos(angle), np.sin(angle)])
+    outer, inner = (LENS_RADIUS_M + 0.018) * arc, (LENS_RADIUS_M + 0.004) * arc
+    reach = np.column_stack([0.10 + 0.10 * np.clip(np.sin(angle), 0, 1), np.zeros((8, 2))])
+    start = np.array([x, 0.0, z])
+    rings = [
+        np.stack([start + o, start + o + r, start + i + r, start + i])
+        for o, i, r in zip(outer, inner, reach, strict=True)
+    ]
+    return loft(np.stack(rings))
+
+
+def _sign(sign: Sign, arm: Arm, ground_m: float) -> list[Piece]:
+    """A stop or give-way sign on its mast, facing the traffic that comes along its street."""
+    x, y = arm.outward
+    foot = np.array([*sign.at_m, ground_m])
+    mast = tube([(0, 0, -0.3), (0, 0, _SIGN_HEIGHT_M + 0.2)], 0.035, sides=6)
+    parts = [(mast, "metal", Semantic.POLE)]
+    face = _stop_face() if sign.kind == "stop" else _yield_face()
+    parts += [(part, material, Semantic.TRAFFIC_SIGN) for part, material in face]
+    return [
+        Piece(moved(part, foot, yaw=float(np.arctan2(y, x))), material, semantic)
+        for part, material, semantic in parts
+    ]
+
+
+def _stop_face() -> list[tuple[Surface, str]]:
+    letters = _letters("STOP", np.array([0.075, 0.0, _SIGN_HEIGHT_M]), width_m=0.115, height_m=0.24)
+    return [
+        (_polygon(8, 0.40, 0.04, np.pi / 8), "metal"),
+        (_polygon(8, 0.40, 0.05, np.pi / 8), "paint_white"),
+        (_polygon(8, 0.37, 0.06, np.pi / 8), "sign_red"),
+        (letters, "paint_white"),
+    ]
+
+
+def _yield_face() -> list[tuple[Surface, str]]:
+    return [
+        (_polygon(3, 0.52, 0.04, -np.pi / 2), "metal"),
+        (_polygon(3, 0.52, 0.05, -np.pi / 2), "sign_red"),
+        (_polygon(3, 0.32, 0.06, -np.pi / 2), "paint_white"),
+    ]
+
+
+def _polygon(sides: int, radius: float, x: float, turn: float) -> Surface:
+    """A plate with its face at `x`; 1 cm of it shows behind the next."""
+    angle = turn + 2 * np.pi * np.arange(sides) / sides
+    corners = [
+        np.full(sides, x),
+        radius * np.cos(angle),
+        _SIGN_HEIGHT_M + radius * np.sin(angle),
+    ]
+    return plate(np.column_stack(corners), 0.01)
+
+
+_STROKES = {
+    "S": ((0, 2, 1, 2), (0, 1, 0, 2), (0, 1, 1, 1), (1, 0, 1, 1), (0, 0, 1, 0)),
+    "T": ((0, 2, 1, 2), (0.5, 0, 0.5, 2)),
+    "O": ((0, 0, 0, 2), (1, 0, 1, 2), (0, 0, 1, 0), (0, 2, 1, 2)),
+    "P": ((0, 0, 0, 2), (0, 2, 1, 2), (0, 1, 1, 1), (1, 1, 1, 2)),
+}
+"""Strokes of letters on a grid one wide and two high: from x, z to x, z."""
+
+
+def _letters(text: str, middle: Floats, *, width_m: float, height_m: float) -> Surface:
+    """Flat letters that look along x and so read from -y to +y."""
+    half_stroke = 0.02
+    strokes = [
+        (*stroke, index - (len(text) - 1) / 2)
+        for index, letter in enumerate(text)
+        for stroke in _STROKES[letter]
+    ]
+    x0, z0, x1, z1, column = np.array(strokes).T
+    y = 1.42 * width_m * column + width_m * ((x0 + x1) / 2 - 0.5)
+    z = height_m * ((z0 + z1) / 4 - 0.5)
+    across = width_m * np.abs(x1 - x0) / 2 + half_stroke
+    upward = height_m * np.abs(z1 - z0) / 4 + half_stroke
+    zero = np.zeros(len(y))
+    return panels(
+        middle + np.column_stack([zero, y, z]),
+        np.column_stack([zero, across, zero]),
+        np.column_stack([zero, zero, upward]),
+    )
+
+
+def _is_carried(unit: RoadsideUnit, road: Road, site: Layout) -> bool:
+    """Whether a signal, tower, pole or wall is there already to carry the unit."""
+    heads = [
+        shapely.LineString([head.at_m[:2], head.pole_m])
+        for junction in site.junctions.values()
+        if junction.declared.signals
+        for head in junction.declared.signals.heads
+    ]
+    masts = [
+        shapely.Point(point)
+        for item in road.surroundings
+        if item.kind in _CARRIERS
+        for point in item.at_m
+    ]
+    walls = [
+        shapely.LineString(item.line_m)
+        for item in road.surroundings
+        if item.kind in _CARRIERS and len(item.line_m) > 1
+    ]
+    here = shapely.Point(unit.position_m[:2])
+    return any(here.distance(thing) < CARRIED_WITHIN_M for thing in (*heads, *masts, *walls))
+
+
+def _carrier(unit: RoadsideUnit, ground_height: GroundHeight) -> list[Piece]:
+    """A mast behind a unit that ends below it, so that it never stands in its view."""
+    yaw = np.radians(unit.yaw_deg)
+    back = -_CARRIER_ASIDE_M * np.array([np.cos(yaw), np.sin(yaw)])
+    x, y = np.asarray(unit.position_m[:2]) + back
+    ground = _height(ground_height, (float(x), float(y)))
+    top = max(unit.position_m[2] - _CARRIER_BELOW_M, ground + 0.1)
+    mast = tube([(x, y, ground - 0.3), (x, y, top)], [0.07, 0.05])
+    case = prism(_square(x, y, 0.16), ground, ground + min(0.5, 0.5 * (top - ground)))
+    return [
+        Piece(mast, "metal", Semantic.POLE),
+        Piece(case, "black_plastic", Semantic.STATIC),
+    ]
+
+
+def _square(x: float, y: float, half: float) -> Floats:
+    return np.array(
+        [(x - half, y - half), (x + half, y - half), (x + half, y + half), (x - half, y + half)]
+    )

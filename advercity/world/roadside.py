@@ -1,0 +1,193 @@
+"""Single things at the roadside: walls, shelters, towers, poles and street lamps."""
+
+from itertools import pairwise
+
+import numpy as np
+import shapely
+from advercity_dsl.base import Point2
+
+from advercity.semantics import Semantic
+from advercity.world.scene import StreetLamp
+from advercity.world.shapes import (
+    Floats,
+    Piece,
+    Surface,
+    box,
+    ellipsoid,
+    joined,
+    loft,
+    moved,
+    panels,
+    plate,
+    shaded,
+    tube,
+)
+from advercity.world.site import Site
+
+WALL_HEIGHT_M, WALL_THICKNESS_M = 2.0, 0.4
+POLE_HEIGHT_M, LAMP_HEIGHT_M, TOWER_HEIGHT_M = 5.0, 8.0, 12.0
+LAMP_SPACING_M = 30.0
+_LAMP_REACH_M = 1.6
+_WALL_PIECE_M = 8.0
+
+
+def wall(line: tuple[Point2, ...], height_m: float | None, site: Site) -> list[Piece]:
+    """A wall along a line: brick if low, concrete with a coping and pilasters if it retains."""
+    path = shapely.LineString(line)
+    count = max(1, int(np.ceil(path.length / _WALL_PIECE_M)))
+    stations = np.linspace(0.0, path.length, count + 1)
+    foot = site.on_ground(shapely.get_coordinates(shapely.line_interpolate_point(path, stations)))
+    height = height_m or WALL_HEIGHT_M
+    retaining = height > 3.0
+    body: list[Surface] = []
+    trim: list[Surface] = []
+    for start, end in pairwise(foot):
+        low = min(start[2], end[2])
+        body.append(_slab(start, end, low - 0.6, low + height - 0.2, WALL_THICKNESS_M))
+        trim.append(_slab(start, end, low + height - 0.2, low + height, WALL_THICKNESS_M + 0.12))
+        if retaining:
+            trim.append(_pilaster(start, end, low, height))
+    return [
+        Piece(joined(map(shaded, body)), "concrete" if retaining else "brick", Semantic.WALL),
+        Piece(joined(map(shaded, trim)), "kerb", Semantic.WALL),
+    ]
+
+
+def _slab(start: Floats, end: Floats, bottom: float, top: float, thickness: float) -> Surface:
+    direction = (end - start)[:2] / np.linalg.norm((end - start)[:2])
+    side = thickness / 2 * np.array([-direction[1], direction[0]])
+    outline = [start[:2] - side, end[:2] - side, end[:2] + side, start[:2] + side]
+    rings = [np.column_stack([outline, np.full(4, z)]) for z in (bottom, top)]
+    return loft(np.stack(rings))
+
+
+def _pilaster(start: Floats, end: Floats, low: float, height: float) -> Surface:
+    along = (end - start) / np.linalg.norm((end - start)[:2])
+    half = min(0.3, np.linalg.norm((end - start)[:2]) / 2)
+    middle = (start + end) / 2
+    a, b = middle - half * along, middle + half * along
+    return _slab(a, b, low - 0.6, low + height - 0.2, WALL_THICKNESS_M + 0.25)
+
+
+def bus_stop(at: Point2, site: Site) -> list[Piece]:
+    """A glazed shelter, open towards the nearest street, with a bench and a sign on a mast."""
+    frame = [
+        box((x - 0.04, y - 0.04, 0), (x + 0.04, y + 0.04, 2.4))
+        for x, y in ((-1.9, -0.65), (1.9, -0.65), (-1.9, 0.65), (1.9, 0.65), (0, 0.65))
+    ]
+    frame.append(box((-2.15, -1.0, 2.4), (2.15, 0.85, 2.52)))
+    glazing = [
+        box((-1.85, 0.63, 0.35), (-0.05, 0.66, 2.25)),
+        box((0.05, 0.63, 0.35), (1.85, 0.66, 2.25)),
+        box((-1.92, -0.6, 0.35), (-1.89, 0.6, 2.25)),
+        box((1.89, -0.6, 0.35), (1.92, 0.6, 2.25)),
+    ]
+    bench = [box((-1.2, 0.15, 0.42), (1.2, 0.52, 0.48)), box((-0.9, 0.25, 0), (0.9, 0.4, 0.42))]
+    sign = plate(
+        [(2.62, -0.55, 2.3), (3.02, -0.55, 2.3), (3.02, -0.55, 2.9), (2.62, -0.55, 2.9)], 0.03
+    )
+    parts = [
+        (joined(frame), "metal", Semantic.STATIC),
+        (joined(glazing), "glass", Semantic.STATIC),
+        (joined(bench), "wood", Semantic.STATIC),
+        (tube([(2.6, -0.55, 0), (2.6, -0.55, 2.95)], 0.04), "metal", Semantic.POLE),
+        (sign, "sign_yellow", Semantic.TRAFFIC_SIGN),
+    ]
+    # The shelter is open along -y of its own axes.
+    return _stood(parts, at, site, turn=np.pi / 2)
+
+
+def tower(at: Point2, height_m: float | None, site: Site) -> list[Piece]:
+    """A wind pump: a lattice tower with its wheel below the top, turned to the street."""
+    top = height_m or TOWER_HEIGHT_M
+    half = 0.13 * top
+
+    def corner(level: float, index: int) -> Floats:
+        reach = half * (1 - level) + 0.09 * level
+        sign = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)])[index % 4]
+        return np.array([*(reach * sign), level * top])
+
+    legs = [tube([corner(0, k) - (0, 0, 0.3), corner(1, k)], 0.055, sides=5) for k in range(4)]
+    levels = np.linspace(0, 1, 6)
+    braces = [
+        tube([corner(low, k), corner(high, k + turn)], 0.025, sides=4)
+        for low, high in pairwise(levels)
+        for k in range(4)
+        for turn in (1, -1)
+    ]
+    rings = [
+        tube([corner(s, k), corner(s, k + 1)], 0.03, sides=4) for s in levels[1:] for k in range(4)
+    ]
+    lattice = Piece(joined(map(shaded, [*legs, *braces, *rings])), "metal", Semantic.STATIC)
+    wheel = [(part, "paint_white", Semantic.STATIC) for part in _wind_wheel(top)]
+    foot = site.on_ground([at])[0]
+    raised = Piece(moved(lattice.surface, foot), lattice.material, lattice.semantic)
+    return [raised, *_stood(wheel, at, site)]
+
+
+def _wind_wheel(top: float) -> list[Surface]:
+    """Blades and tail; low and narrow enough to leave the view from the tower's top free."""
+    hub, radius, ahead = 0.78 * top, 0.14 * top, 0.06 * top
+    blades: list[Surface] = []
+    for angle in 2 * np.pi * np.arange(12) / 12:
+        out = np.array([0.0, np.cos(angle), np.sin(angle)])
+        side = np.array([0.25, -np.sin(angle), np.cos(angle)])
+        middle = np.array([ahead, 0.0, hub])
+        inner, outer = middle + 0.3 * radius * out, middle + radius * out
+        narrow, wide = 0.06 * radius * side, 0.17 * radius * side
+        blades.append(plate([inner - narrow, outer - wide, outer + wide, inner + narrow], 0.015))
+    axle = tube([(ahead + 0.05, 0, hub), (-1.6 * radius, 0, hub)], 0.04, sides=6)
+    tail = plate(
+        [
+            (-1.5 * radius, 0.01, hub - 0.3 * radius),
+            (-0.9 * radius, 0.01, hub - 0.1 * radius),
+            (-0.9 * radius, 0.01, hub + 0.1 * radius),
+            (-1.5 * radius, 0.01, hub + 0.3 * radius),
+        ],
+        0.02,
+    )
+    return [*blades, axle, tail]
+
+
+def pole(at: Point2, height_m: float | None, site: Site) -> list[Piece]:
+    """A plain mast."""
+    top = height_m or POLE_HEIGHT_M
+    mast = tube([(0, 0, -0.3), (0, 0, top)], [0.09, 0.06])
+    return _stood([(mast, "metal", Semantic.POLE)], at, site)
+
+
+def lamp(at: Point2, height_m: float | None, site: Site) -> tuple[list[Piece], StreetLamp]:
+    """A street lamp whose arm reaches towards the nearest street, and its light."""
+    top = height_m or LAMP_HEIGHT_M
+    arm = [
+        (0, 0, top - 0.45),
+        (0.12, 0, top - 0.12),
+        (0.5, 0, top),
+        (_LAMP_REACH_M - 0.3, 0, top + 0.05),
+    ]
+    mast = tube([(0, 0, -0.3), (0, 0, 1.0), (0, 0, top - 0.4)], [0.1, 0.085, 0.06])
+    head = ellipsoid((_LAMP_REACH_M, 0, top + 0.03), (0.38, 0.15, 0.08), sides=10, bands=5)
+    glass = panels([(_LAMP_REACH_M, 0, top - 0.06)], (0.24, 0, 0), (0, -0.09, 0))
+    parts = [
+        (mast, "metal", Semantic.POLE),
+        (tube(arm, 0.05, sides=6), "metal", Semantic.POLE),
+        (head, "metal", Semantic.POLE),
+        (glass, "lamp_white", Semantic.POLE),
+    ]
+    yaw = site.yaw_to_street(at)
+    x, y, z = site.on_ground([at])[0]
+    reach = _LAMP_REACH_M * np.array([np.cos(yaw), np.sin(yaw)])
+    light = StreetLamp((float(x + reach[0]), float(y + reach[1]), float(z + top - 0.1)))
+    return _stood(parts, at, site), light
+
+
+def _stood(
+    parts: list[tuple[Surface, str, Semantic]], at: Point2, site: Site, *, turn: float = 0.0
+) -> list[Piece]:
+    """Parts made around the origin, stood on the ground with their x axis to the nearest street."""
+    yaw = site.yaw_to_street(at) + turn
+    foot = site.on_ground([at])[0]
+    return [
+        Piece(moved(surface, foot, yaw=yaw), material, semantic)
+        for surface, material, semantic in parts
+    ]
