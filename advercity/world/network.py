@@ -22,7 +22,19 @@ from advercity_dsl.road import Road, StripKind
 from advercity.errors import InputError, RunError
 from advercity.world import curves, signals
 from advercity.world.curves import Points
-from advercity.world.layout import Band, JunctionLayout, Layout, StreetLayout, layout
+from advercity.world.edges import edge_bands, edge_id, lane_id, lane_index, street_of
+from advercity.world.lanes import lanes
+from advercity.world.layout import JunctionLayout, Layout, StreetLayout, layout
+
+__all__ = [
+    "build_network",
+    "edge_id",
+    "lane_id",
+    "lane_index",
+    "lanes",
+    "signal_groups",
+    "street_of",
+]
 
 TIMEOUT_S = 120
 STEEPEST_PERCENT = 30
@@ -75,29 +87,6 @@ class _Crossing:
     width_m: float
     centre: Points
     index: int | None
-
-
-def edge_id(street: str, *, along: bool) -> str:
-    """Id of the edge along a street's axis, or against it."""
-    return f"{street}{'+' if along else '-'}"
-
-
-def street_of(edge: str) -> tuple[str, bool]:
-    """Street of an edge, and whether the edge runs along its axis; KeyError for internal edges."""
-    if edge.startswith(":") or edge[-1:] not in ("+", "-"):
-        raise KeyError(edge)
-    return edge[:-1], edge.endswith("+")
-
-
-def lane_index(street: StreetLayout, number: int, *, along: bool) -> int:
-    """Index in its edge of a driving lane that counts from 1, the innermost."""
-    bands = _edge_bands(street, along=along)
-    return next(index for index, band in enumerate(reversed(bands)) if band.number == number)
-
-
-def lane_id(street: StreetLayout, number: int, *, along: bool) -> str:
-    """SUMO's id of a driving lane that counts from 1, the innermost."""
-    return f"{edge_id(street.id, along=along)}_{lane_index(street, number, along=along)}"
 
 
 def build_network(road: Road, folder: Path) -> Path:
@@ -177,19 +166,9 @@ def _node_type(junction: JunctionLayout) -> str:
             return "priority"
 
 
-def _edge_bands(street: StreetLayout, *, along: bool) -> tuple[Band, ...]:
-    """Bands of an edge from the innermost driving lane, or sidewalk if it has none, outwards."""
-    bands = street.side(along=along)
-    for kind in (StripKind.LANE, StripKind.SIDEWALK):
-        for index, band in enumerate(bands):
-            if band.kind is kind:
-                return bands[index:]
-    return ()
-
-
 def _edges(street: StreetLayout, plan: Layout) -> Iterator[_Edge]:
     for along in (True, False):
-        bands = _edge_bands(street, along=along)
+        bands = edge_bands(street, along=along)
         if not bands:
             continue
         begins, ends = (street.begins, street.ends) if along else (street.ends, street.begins)
@@ -247,7 +226,7 @@ def _crossings(junction: JunctionLayout) -> Iterator[_Crossing]:
             edges=tuple(
                 edge_id(street.id, along=along)
                 for along in (True, False)
-                if _edge_bands(street, along=along)
+                if edge_bands(street, along=along)
             ),
             width_m=crossing.width_m,
             centre=crossing.centre,

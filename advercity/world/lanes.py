@@ -1,0 +1,60 @@
+"""Lanes of a road as annotations and maps need them."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from advercity_dsl.road import StripKind
+
+from advercity.world import curves
+from advercity.world.edges import edge_id
+from advercity.world.layout import CrossingLayout, Layout, StreetLayout
+from advercity.world.scene import Lane
+
+KINDS = {
+    StripKind.LANE: "driving",
+    StripKind.PARKING: "parking",
+    StripKind.SHOULDER: "shoulder",
+    StripKind.SIDEWALK: "sidewalk",
+}
+
+
+def lanes(layout: Layout) -> tuple[Lane, ...]:
+    """Every lane of a road, then the ways and crossings of its junctions.
+
+    Driving lanes are `<street>+.<number>` or `<street>-.<number>`, other strips have their kind in
+    place of the number; ways are `<junction>: <movement>`, crossings `<junction>/<street>`.
+    """
+    found = [lane for street in layout.streets.values() for lane in _of_street(street)]
+    for junction in layout.junctions.values():
+        found += [
+            Lane(path.id, "driving", path.left, path.right, in_junction=True)
+            for path in junction.paths
+        ]
+        found += [_of_crossing(junction.id, crossing) for crossing in junction.crossings]
+    return tuple(found)
+
+
+def _of_street(street: StreetLayout) -> Iterator[Lane]:
+    for along in (True, False):
+        for band in street.side(along=along):
+            if band.kind in KINDS:
+                kind = KINDS[band.kind]
+                yield Lane(
+                    id=f"{edge_id(street.id, along=along)}.{band.number or kind}",
+                    kind=kind,
+                    left=street.travelled(band.inner_t, along=along),
+                    right=street.travelled(band.outer_t, along=along),
+                )
+
+
+def _of_crossing(junction: str, crossing: CrossingLayout) -> Lane:
+    start, end = crossing.centre
+    direction = (end - start)[:2] / np.linalg.norm((end - start)[:2])
+    aside = np.array([*curves.left_of(direction), 0.0]) * crossing.width_m / 2
+    return Lane(
+        id=f"{junction}/{crossing.street}",
+        kind="crossing",
+        left=crossing.centre + aside,
+        right=crossing.centre - aside,
+        in_junction=True,
+    )

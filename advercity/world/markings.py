@@ -1,0 +1,116 @@
+"""Paint on the road: lines along streets, stop lines and zebra crossings.
+
+Dimensions follow the Manual on Uniform Traffic Control Devices (2009): normal lines 10 to 15 cm,
+broken lines 3 m with gaps of 9 m, stop lines 30 to 60 cm, bars of crossings 30 to 60 cm.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from advercity_dsl.road import Paint
+
+from advercity.semantics import Semantic
+from advercity.world.curves import Points
+from advercity.world.layout import Arm, CrossingLayout, JunctionLayout, Layout, StreetLayout
+from advercity.world.meshing import Piece, mesh, ribbon
+from advercity.world.scene import Mesh
+
+LIFT = np.array([0.0, 0.0, 0.007])
+LINE_WIDTH_M = 0.12
+DOUBLE_GAP_M = 0.12
+DASH_M = 3.0
+GAP_M = 9.0
+STOP_LINE_M = 0.4
+STOP_LINE_SETBACK_M = 0.2
+BAR_M = 0.5
+
+WHITE, YELLOW = "paint_white", "paint_yellow"
+COLOURS = {
+    Paint.SOLID_WHITE: WHITE,
+    Paint.BROKEN_WHITE: WHITE,
+    Paint.SOLID_YELLOW: YELLOW,
+    Paint.BROKEN_YELLOW: YELLOW,
+    Paint.DOUBLE_YELLOW: YELLOW,
+}
+BROKEN = (Paint.BROKEN_WHITE, Paint.BROKEN_YELLOW)
+
+
+def meshes(layout: Layout) -> list[Mesh]:
+    """All paint, a mesh per colour."""
+    pieces: dict[str, list[Piece]] = {WHITE: [], YELLOW: []}
+    for street in layout.streets.values():
+        for colour, piece in _lines(street):
+            pieces[colour].append(piece)
+    for junction in layout.junctions.values():
+        pieces[WHITE] += _stop_lines(junction)
+        for crossing in junction.crossings:
+            pieces[WHITE] += _zebra(crossing, junction)
+    return [
+        mesh(colour, found, colour, Semantic.ROAD_LINE) for colour, found in pieces.items() if found
+    ]
+
+
+def _lines(street: StreetLayout) -> Iterator[tuple[str, Piece]]:
+    painted = [(band.outer_t, band.paint) for band in (*street.left, *street.right)]
+    for t, paint in (*painted, (0.0, street.axis_paint)):
+        if paint is None:
+            continue
+        shift = (LINE_WIDTH_M + DOUBLE_GAP_M) / 2 if paint is Paint.DOUBLE_YELLOW else 0.0
+        for centre_t in sorted({t - shift, t + shift}):
+            for first, last in _dashes(street) if paint in BROKEN else [(0.0, np.inf)]:
+                yield COLOURS[paint], _stripe(street, centre_t, LINE_WIDTH_M, first, last)
+
+
+def _dashes(street: StreetLayout) -> list[tuple[float, float]]:
+    starts = np.arange(GAP_M / 2, street.stations[-1] - DASH_M, DASH_M + GAP_M)
+    return [(float(start), float(start) + DASH_M) for start in starts]
+
+
+def _stripe(street: StreetLayout, t: float, width_m: float, first: float, last: float) -> Piece:
+    """Paint between two distances along the axis, which follows the facets of the road."""
+    last = min(last, float(street.stations[-1]))
+    between = street.stations[(street.stations > first) & (street.stations < last)]
+    at = np.array([first, *between, last])
+    left, right = (
+        np.stack([np.interp(at, street.stations, column) for column in street.line(edge).T], axis=1)
+        for edge in (t + width_m / 2, t - width_m / 2)
+    )
+    return _lifted(left, right)
+
+
+def _lifted(left: Points, right: Points) -> Piece:
+    return ribbon(left + LIFT, right + LIFT)
+
+
+def _stop_lines(junction: JunctionLayout) -> Iterator[Piece]:
+    stopping = {sign.street for sign in junction.declared.signs if sign.kind == "stop"}
+    for arm in junction.arms:
+        if junction.declared.control == "signals" or arm.street.id in stopping:
+            yield from _stop_line(arm)
+
+
+def _stop_line(arm: Arm) -> Iterator[Piece]:
+    lanes = [band for band in arm.arriving() if band.number]
+    if not lanes:
+        return
+    edges = (lanes[0].inner_t, lanes[-1].outer_t)
+    near, far = STOP_LINE_SETBACK_M, STOP_LINE_SETBACK_M + STOP_LINE_M
+    end = float(arm.street.stations[-1])
+    first, last = (end - far, end - near) if arm.at_end else (near, far)
+    yield _stripe(arm.street, sum(edges) / 2, abs(edges[1] - edges[0]), first, last)
+
+
+def _zebra(crossing: CrossingLayout, junction: JunctionLayout) -> Iterator[Piece]:
+    start, end = crossing.centre[:, :2]
+    across = float(np.linalg.norm(end - start))
+    walking = (end - start) / across
+    driving = np.array([walking[1], -walking[0]]) * crossing.width_m / 2
+    count = int(across / (2 * BAR_M))
+    margin = (across - (2 * count - 1) * BAR_M) / 2
+    for bar in range(count):
+        middle = start + (margin + (2 * bar + 0.5) * BAR_M) * walking
+        left, right = (
+            np.stack([middle + side - driving, middle + side + driving])
+            for side in (walking * BAR_M / 2, -walking * BAR_M / 2)
+        )
+        yield _lifted(*(np.column_stack([line, junction.height(line)]) for line in (left, right)))

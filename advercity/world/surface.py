@@ -1,0 +1,129 @@
+"""Meshes of roads and the ground around them.
+
+Carriageways are at the height of the layout; sidewalks and medians stand a kerb higher.
+"""
+
+from collections.abc import Iterator
+from itertools import groupby
+
+import numpy as np
+import shapely
+from advercity_dsl.road import StripKind
+from numpy.typing import NDArray
+
+from advercity.semantics import Semantic
+from advercity.world import markings, terrain
+from advercity.world.curves import Points
+from advercity.world.layout import Band, JunctionLayout, Layout, StreetLayout
+from advercity.world.meshing import Piece, filled, mesh, polygons_of, ribbon
+from advercity.world.scene import Mesh
+
+KERB_HEIGHT_M = 0.15
+KERB_WIDTH_M = 0.15
+CELL_M = 2.0
+"""Size of the facets of a junction that is not level."""
+LEVEL_WITHIN_M = 0.001
+UP = np.array([0.0, 0.0, KERB_HEIGHT_M])
+
+ASPHALT, SIDEWALK, MEDIAN, VERGE, KERB = "asphalt", "sidewalk", "median", "verge", "kerb"
+MATERIALS = {
+    ASPHALT: ("asphalt", Semantic.ROAD),
+    SIDEWALK: ("concrete", Semantic.SIDEWALK),
+    MEDIAN: ("grass", Semantic.TERRAIN),
+    VERGE: ("grass", Semantic.TERRAIN),
+    KERB: ("kerb", Semantic.SIDEWALK),
+}
+SURFACES = {StripKind.SIDEWALK: SIDEWALK, StripKind.MEDIAN: MEDIAN, StripKind.VERGE: VERGE}
+RAISED = (SIDEWALK, MEDIAN)
+
+
+def road_meshes(layout: Layout) -> list[Mesh]:
+    """Roadways, kerbs, sidewalks, medians, paint and the ground, one mesh of each kind."""
+    pieces: dict[str, list[Piece]] = {}
+    for street in layout.streets.values():
+        for surface, piece in _street(street):
+            pieces.setdefault(surface, []).append(piece)
+    for junction in layout.junctions.values():
+        for surface, piece in _junction(junction):
+            pieces.setdefault(surface, []).append(piece)
+    meshes = [mesh(name, pieces[name], *MATERIALS[name]) for name in MATERIALS if name in pieces]
+    return [*meshes, *markings.meshes(layout), terrain.ground(layout, kerb_height_m=KERB_HEIGHT_M)]
+
+
+def _surface(band: Band) -> str:
+    return SURFACES.get(band.kind, ASPHALT)
+
+
+def _street(street: StreetLayout) -> Iterator[tuple[str, Piece]]:
+    runs = [
+        (surface, list(run))
+        for surface, run in groupby((*street.left[::-1], *street.right), _surface)
+    ]
+    for index, (surface, run) in enumerate(runs):
+        left = street.line(max(run[0].inner_t, run[0].outer_t))
+        right = street.line(min(run[-1].inner_t, run[-1].outer_t))
+        if surface in RAISED:
+            beside = [
+                runs[other][0] for other in (index - 1, index + 1) if other in range(len(runs))
+            ]
+            at_left = index > 0 and beside[0] not in RAISED
+            at_right = index + 1 < len(runs) and beside[-1] not in RAISED
+            yield from _raised(surface, left, right, left_kerb=at_left, right_kerb=at_right)
+            yield from _caps(left, right)
+        else:
+            yield surface, ribbon(left, right)
+
+
+def _junction(junction: JunctionLayout) -> Iterator[tuple[str, Piece]]:
+    yield ASPHALT, _roadway(junction)
+    for corner in junction.corners:
+        if corner.back is not None:
+            yield from _raised(SIDEWALK, corner.kerb, corner.back, left_kerb=True)
+    if junction.median is not None:
+        left, right = junction.median[[0, 3]], junction.median[[1, 2]]
+        yield from _raised(MEDIAN, left, right, left_kerb=True, right_kerb=True)
+
+
+def _roadway(junction: JunctionLayout) -> Piece:
+    outline = shapely.Polygon(junction.outline[:, :2])
+    cells = [outline]
+    if np.ptp(junction.outline[:, 2]) > LEVEL_WITHIN_M:
+        grid = shapely.intersection(_cells(outline.bounds), outline)
+        cells = [polygon for cell in grid for polygon in polygons_of(cell)]
+    parts = [filled(cell) for cell in cells]
+    corners = np.concatenate([corners for corners, _ in parts])
+    shifts = np.cumsum([0, *(len(corners) for corners, _ in parts)])
+    triangles = [part + shift for (_, part), shift in zip(parts, shifts, strict=False)]
+    vertices = np.column_stack([corners, junction.height(corners)])
+    return Piece(vertices, np.concatenate(triangles))
+
+
+def _cells(bounds: tuple[float, float, float, float]) -> NDArray[np.object_]:
+    """Squares that cover a box."""
+    x, y = (np.arange(bounds[axis], bounds[axis + 2], CELL_M)[:, None] for axis in (0, 1))
+    west, south = (grid.ravel() for grid in np.meshgrid(x, y))
+    return shapely.box(west, south, west + CELL_M, south + CELL_M)
+
+
+def _raised(
+    surface: str, left: Points, right: Points, *, left_kerb: bool, right_kerb: bool = False
+) -> Iterator[tuple[str, Piece]]:
+    """A strip between two lines on the ground, a kerb's height above it."""
+    across = (right - left) / np.linalg.norm(right - left, axis=1, keepdims=True)
+    inner_left, inner_right = left + UP, right + UP
+    if left_kerb:
+        inner_left = left + UP + KERB_WIDTH_M * across
+        yield KERB, ribbon(left, left + UP)
+        yield KERB, ribbon(left + UP, inner_left)
+    if right_kerb:
+        inner_right = right + UP - KERB_WIDTH_M * across
+        yield KERB, ribbon(inner_right, right + UP)
+        yield KERB, ribbon(right + UP, right)
+    yield surface, ribbon(inner_left, inner_right)
+
+
+def _caps(left: Points, right: Points) -> Iterator[tuple[str, Piece]]:
+    """Upright ends of a raised strip; out of sight where the next one joins."""
+    first, last = np.stack([left[0], right[0]]), np.stack([left[-1], right[-1]])
+    yield KERB, ribbon(first + UP, first)
+    yield KERB, ribbon(last, last + UP)
