@@ -12,8 +12,8 @@ from advercity.errors import InputError, RunError
 from advercity.runner.stage import set_stage
 from advercity.runner.viewpoints import Viewpoints
 from advercity.viewer.recording import Recording
+from advercity.world.lanes import lanes
 from advercity.world.layout import layout
-from advercity.world.network import lanes
 
 
 def stored_readings(scenario: Path, viewpoints: Viewpoints, index: int) -> tuple[Reading, ...]:

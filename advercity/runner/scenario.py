@@ -21,8 +21,8 @@ from advercity.runner.viewpoints import Viewpoints
 from advercity.viewer.recording import Recording
 from advercity.weather.derivation import atmosphere_of
 from advercity.world.build import build_world
+from advercity.world.lanes import lanes
 from advercity.world.layout import layout
-from advercity.world.network import lanes
 
 Report = Callable[[str, str, int, int], None]
 """Called with scenario, stage, frames done and frames in all."""
