@@ -7,43 +7,50 @@ import sapien
 from numpy.typing import NDArray
 
 from advercity.semantics import Semantic
+from advercity.traffic.trace import Signal
 from advercity.world.materials import MATERIALS
-from advercity.world.scene import Body, Mesh
+from advercity.world.scene import Mesh
 
 PAINT = "paint"
 """Material of parts that take the actor's own."""
 OPEN = frozenset({Semantic.VEGETATION})
 """Classes whose surfaces are seen from both sides."""
+LENSES = {
+    "lamp_white": 1,
+    "lamp_red": 2,
+    "signal_red": 3,
+    "signal_yellow": 4,
+    "signal_green": 5,
+}
+"""Kinds of lens in `lenses.glsl`, which travel in the materials' emission."""
+LENS_SPACING_M, LENS_RADIUS_M, LENS_CORNERS = 0.31, 0.13, 16
+LENS_AHEAD_M = 0.005
+"""Of the lens that the world's own mesh has."""
 
 
 class ShapeLibrary:
-    """Makes shapes of meshes; copies of one body share their vertices on the device."""
+    """Makes shapes of meshes; copies of one mesh share its vertices on the device."""
 
     def __init__(self) -> None:
         self._materials: dict[str, sapien.render.RenderMaterial] = {}
         self._shapes: dict[tuple[int, str], sapien.render.RenderShape] = {}
-        self._meshes: list[Mesh] = []
+        self._kept: list[Mesh] = []
+
+    def shapes_per_mesh(self, mesh: Mesh) -> int:
+        """How many shapes `of_mesh` makes: open surfaces take two, back to back."""
+        return 2 if mesh.semantic in OPEN else 1
 
     def of_mesh(self, mesh: Mesh, paint: str = "") -> Iterator[sapien.render.RenderShape]:
-        """New shapes of a mesh: one, or two back to back where it is open."""
+        """New shapes of a mesh, whose painted parts are of the material `paint`."""
         material = paint if mesh.material == PAINT else mesh.material
         key = id(mesh), material
         if key not in self._shapes:
             self._shapes[key] = self._build(mesh, material)
-            self._meshes.append(mesh)
-        yield self._shapes[key].clone()
-        if mesh.semantic in OPEN:
-            back = self._shapes[key].clone()
-            back.set_front_face("clockwise")
-            yield back
-
-    def of_body(
-        self, body: Body, paint: str
-    ) -> Iterator[tuple[sapien.render.RenderShape, Semantic]]:
-        """New shapes of a body's parts and what each is."""
-        for part in body.parts:
-            for shape in self.of_mesh(part, paint):
-                yield shape, part.semantic
+            self._kept.append(mesh)
+        for face in ("counterclockwise", "clockwise")[: self.shapes_per_mesh(mesh)]:
+            shape = self._shapes[key].clone()
+            shape.front_face = face
+            yield shape
 
     def _build(self, mesh: Mesh, material: str) -> sapien.render.RenderShapeTriangleMesh:
         vertices, triangles, normals = _shaded(mesh)
@@ -59,11 +66,35 @@ class ShapeLibrary:
         if name not in self._materials:
             known = MATERIALS[name]
             self._materials[name] = sapien.render.RenderMaterial(
+                emission=[float(LENSES.get(name, 0)), 0.0, 0.0, 0.0],
                 base_color=[*known.albedo, 1.0],
                 roughness=known.roughness,
                 metallic=known.metallic,
             )
         return self._materials[name]
+
+
+def lenses() -> tuple[Mesh, ...]:
+    """The three lenses of a signal as discs that look along x; the yellow one is the origin."""
+    turn = np.arange(LENS_CORNERS) / LENS_CORNERS * 2.0 * np.pi
+    disc = LENS_RADIUS_M * np.stack([np.zeros_like(turn), np.cos(turn), np.sin(turn)], axis=1)
+    corners = np.arange(1, LENS_CORNERS - 1)
+    fan = np.stack([np.zeros_like(corners), corners, corners + 1], axis=1).astype(np.int32)
+    return tuple(
+        Mesh(
+            name=f"lens_{signal.name.lower()}",
+            vertices=np.add(disc, signal_lens(signal), dtype=np.float32),
+            triangles=fan,
+            material=f"signal_{signal.name.lower()}",
+            semantic=Semantic.TRAFFIC_LIGHT,
+        )
+        for signal in Signal
+    )
+
+
+def signal_lens(signal: Signal) -> tuple[float, float, float]:
+    """Where the lens of a signal is in the frame of its `SignalLamp`, metres."""
+    return LENS_AHEAD_M, 0.0, LENS_SPACING_M * (Signal.YELLOW - signal)
 
 
 def _shaded(

@@ -15,6 +15,7 @@ layout(location = 0) out vec4 outRadiance;
 
 #include "../atmosphere.glsl"
 #include "../surface.glsl"
+#include "../lamps.glsl"
 
 // Share of the sun that reaches a point, percentage-closer filtered over 3x3 texels.
 float sunlit(vec3 position, vec3 normal) {
@@ -42,14 +43,16 @@ void main() {
 
   vec4 depthEmission = texture(samplerDepthEmission, inUV);
   float depth = depthEmission.x;
+  vec3 eye = cameraBuffer.viewMatrixInverse[3].xyz;
+  float distance = depth > 0.0 ? depth * stretch : 3000.0;
+  vec3 glowing = glowOfLamps(eye, ray, distance);
   if (depth <= 0.0) {
-    outRadiance = vec4(sky(ray), 0.0);
+    outRadiance = vec4(sky(ray) + glowing, 0.0);
     return;
   }
   vec4 albedo = texture(samplerAlbedo, inUV);
   vec4 normal = texture(samplerNormal, inUV);
-  float distance = depth * stretch;
-  vec3 position = cameraBuffer.viewMatrixInverse[3].xyz + ray * distance;
+  vec3 position = eye + ray * distance;
 
   Surface s = surface(albedo.rgb, albedo.a, normal.a, normal.xyz);
   vec3 sun = towardsSun();
@@ -57,11 +60,12 @@ void main() {
   if (dot(sunIrradiance(), vec3(1.0)) > 0.0 && dot(normal.xyz, sun) > 0.0) {
     radiance += reflected(s, -ray, sun) * sunIrradiance() * sunlit(position, normal.xyz);
   }
+  for (int i = 0; i < lampCount(); ++i) radiance += litBy(lamp(i), s, -ray, position);
   radiance += s.albedo * skyIrradiance(normal.xyz) / PI;
   if (s.specular.g > 1e-4) {
     vec3 mirror = reflect(ray, normal.xyz);
     vec3 around = mix(sky(mirror), skyIrradiance(mirror) / PI, sqrt(s.alpha));
     radiance += fresnel(s.specular, -dot(ray, normal.xyz)) * around;
   }
-  outRadiance = vec4(throughAir(radiance, ray, distance), depth);
+  outRadiance = vec4(throughAir(radiance, ray, distance) + glowing, depth);
 }

@@ -4,6 +4,7 @@
 #define OBJECT_SET 1
 #define MATERIAL_SET 2
 #include "./interface.glsl"
+#include "../lenses.glsl"
 
 layout(location = 0) in vec3 inWorldNormal;
 layout(location = 1) in float inDistance;
@@ -18,6 +19,7 @@ void main() {
   vec3 normal = normalize(inWorldNormal);
   outAlbedo = vec4(materialBuffer.baseColor.rgb, materialBuffer.roughness);
   outNormal = vec4(gl_FrontFacing ? normal : -normal, materialBuffer.metallic);
-  outDepthEmission = vec4(inDistance, 0.0, float(objectDataBuffer.lit), 0.0);
+  outDepthEmission = vec4(
+      inDistance, lensEmission(materialBuffer.emission.x, objectDataBuffer.lit), 0.0, 0.0);
   outSegmentation = inIds;
 }

@@ -21,6 +21,7 @@ layout(set = OBJECT_SET, binding = 1) uniform ObjectDataBuffer {
   float transparency;
   int shadeFlat;
   int lit;
+  int hidden;
 } objectDataBuffer;
 #endif
 
@@ -102,6 +103,4 @@ layout(set = SCENE_SET, binding = 3) uniform sampler2D samplerDirectionalLightDe
 layout(set = SCENE_SET, binding = 4) uniform sampler2D samplerTexturedLightDepths[1];
 layout(set = SCENE_SET, binding = 5) uniform sampler2D samplerSpotLightDepths[1];
 layout(set = SCENE_SET, binding = 6) uniform sampler2D samplerTexturedLightTextures[1];
-layout(set = SCENE_SET, binding = 7) uniform samplerCube samplerEnvironment;
-layout(set = SCENE_SET, binding = 8) uniform sampler2D samplerBRDFLUT;
 #endif

@@ -1,0 +1,37 @@
+#version 460
+#extension GL_EXT_ray_tracing : require
+#extension GL_EXT_scalar_block_layout : enable
+#extension GL_EXT_nonuniform_qualifier : enable
+
+#include "./hit.glsl"
+#include "./scene.glsl"
+#include "../lenses.glsl"
+
+hitAttributeEXT vec2 barycentric;
+layout(location = 0) rayPayloadInEXT Hit hit;
+
+vec3 normalOf(uint geometry, uint corner) {
+  Vertex v = vertices[nonuniformEXT(geometry)].v[
+      indices[nonuniformEXT(geometry)].i[3 * gl_PrimitiveID + corner]];
+  return vec3(v.nx, v.ny, v.nz);
+}
+
+void main() {
+  GeometryInstance instance = geometryInstances.i[gl_InstanceCustomIndexEXT + gl_GeometryIndexEXT];
+  uint geometry = instance.geometryIndex;
+  Material material = materials[nonuniformEXT(instance.materialIndex)].m;
+  vec3 normal = normalOf(geometry, 0) * (1.0 - barycentric.x - barycentric.y)
+      + normalOf(geometry, 1) * barycentric.x + normalOf(geometry, 2) * barycentric.y;
+  normal = normalize(vec3(normal * gl_WorldToObjectEXT));
+  bool back = gl_HitKindEXT == gl_HitKindBackFacingTriangleEXT;
+
+  hit.distance = gl_HitTEXT;
+  hit.normal = back ? -normal : normal;
+  hit.albedo = material.baseColor.rgb;
+  hit.roughness = material.roughness;
+  hit.metallic = material.metallic;
+  uvec4 ids = objects.o[gl_InstanceID].segmentation;
+  findTables();
+  hit.emission = lensEmission(material.emission.x, int(stateOf(ids.y).x));
+  hit.identity = ids.x;
+}

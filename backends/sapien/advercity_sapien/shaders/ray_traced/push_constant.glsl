@@ -1,0 +1,6 @@
+layout(push_constant) uniform Constants {
+  int samples;
+  int pathDepth;
+  int seed;
+  int hiding;
+};

@@ -1,0 +1,105 @@
+// What SAPIEN hands to a ray-tracing pack; names and members are its interface.
+
+struct GeometryInstance {
+  uint geometryIndex;
+  uint materialIndex;
+  int padding0;
+  int padding1;
+};
+
+struct Material {
+  vec4 emission;
+  vec4 baseColor;
+  float fresnel;
+  float roughness;
+  float metallic;
+  float transmission;
+  float ior;
+  float transmissionRoughness;
+  int textureMask;
+  int padding1;
+  vec4 textureTransforms[6];
+};
+
+struct TextureIndex {
+  int diffuse;
+  int metallic;
+  int roughness;
+  int emission;
+  int normal;
+  int transmission;
+  int occlusion;
+  int padding0;
+};
+
+struct Vertex {
+  float x, y, z;
+  float nx, ny, nz;
+  float u, v;
+  float tx, ty, tz;
+  float bx, by, bz;
+};
+
+struct Object {
+  uvec4 segmentation;
+  float transparency;
+  int shadeFlat;
+  int padding0;
+  int padding1;
+};
+
+struct PointLight { vec3 position; float radius; vec3 rgb; float padding; };
+struct DirectionalLight { vec3 direction; float softness; vec3 rgb; float padding; };
+struct SpotLight {
+  mat4 viewMat;
+  mat4 projMat;
+  vec3 rgb;
+  int padding0;
+  vec3 position;
+  int padding1;
+  float fovInner;
+  float fovOuter;
+  int textureId;
+  int padding2;
+};
+struct ParallelogramLight {
+  vec3 rgb;
+  float padding0;
+  vec3 position;
+  float padding1;
+  vec3 edge0;
+  float padding2;
+  vec3 edge1;
+  float padding3;
+};
+
+layout(set = 1, binding = 0) uniform accelerationStructureEXT tlas;
+layout(set = 1, binding = 1) readonly buffer GeometryInstances { GeometryInstance i[]; } geometryInstances;
+layout(set = 1, binding = 2) readonly buffer Materials { Material m; } materials[];
+layout(set = 1, binding = 3) readonly buffer TextureIndices { TextureIndex t[]; } textureIndices;
+layout(set = 1, binding = 4) uniform sampler2D textures[];
+layout(set = 1, binding = 5) readonly buffer PointLights { PointLight l[]; } pointLights;
+layout(set = 1, binding = 6) readonly buffer DirectionalLights { DirectionalLight l[]; } directionalLights;
+layout(set = 1, binding = 7) readonly buffer SpotLights { SpotLight l[]; } spotLights;
+layout(std430, set = 1, binding = 8) readonly buffer Vertices { Vertex v[]; } vertices[];
+layout(set = 1, binding = 9) readonly buffer Indices { uint i[]; } indices[];
+layout(set = 1, binding = 10) readonly buffer Objects { Object o[]; } objects;
+layout(set = 1, binding = 11) readonly buffer ParallelogramLights { ParallelogramLight l[]; } parallelogramLights;
+
+// SAPIEN binds only its own textures here, so the scene's first object carries ours as the
+// base colour and the emission of its material.
+int tableIndex, skyIndex;
+#define samplerTable textures[tableIndex]
+#define samplerSky textures[skyIndex]
+
+void findTables() {
+  TextureIndex carried = textureIndices.t[geometryInstances.i[0].materialIndex];
+  tableIndex = carried.diffuse;
+  skyIndex = carried.emission;
+}
+
+// Of a body: its lit lamps and whether it is hidden.
+vec2 stateOf(uint body) {
+  int width = textureSize(samplerTable, 0).x;
+  return texelFetch(samplerTable, ivec2(int(body) % width, 2 + int(body) / width), 0).xy;
+}

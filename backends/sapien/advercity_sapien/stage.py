@@ -1,0 +1,130 @@
+"""The bodies of a scene: what stands still, signals, and actors with their stand-ins."""
+
+from collections import defaultdict
+from collections.abc import Generator, Iterable
+from contextlib import contextmanager
+
+import numpy as np
+import sapien
+from numpy.typing import NDArray
+
+from advercity.poses import Matrix, pose
+from advercity.semantics import Semantic
+from advercity.traffic.trace import Actor, Frame, Lamp
+from advercity.world.scene import Mesh, SignalLamp, World
+from advercity_sapien.bindings import Bindings
+from advercity_sapien.shapes import ShapeLibrary, lenses
+
+PARKED = sapien.Pose([0.0, 0.0, -1e4])
+"""Where bodies wait while nobody needs them: far below anything visible."""
+FIRST_SIGNAL_BIT = 32
+"""Of a body's lit lamps: red, then yellow and green; below are those of `Lamp`."""
+
+Body = sapien.render.RenderBodyComponent
+
+
+class Stage:
+    """Puts a world on SAPIEN's stage and moves it.
+
+    A body that nobody uses stands in for the next actor of its blueprint and paint: adding one to
+    a ray-traced scene rebuilds its pipelines, and a long scenario would never stop growing.
+    """
+
+    def __init__(
+        self, world: World, scene: sapien.Scene, bindings: Bindings, *, night: bool
+    ) -> None:
+        self.identities = Identities()
+        self._world = world
+        self._scene = scene
+        self._bindings = bindings
+        self._shapes = ShapeLibrary()
+        self._actors: dict[int, tuple[Actor, Body]] = {}
+        self._lit: dict[int, int] = {}
+        self._idle: defaultdict[tuple[str, str], list[Body]] = defaultdict(list)
+        static = self._add(world.static)
+        self._identify(static, world.static, 0)
+        bindings.mark(static, int(Lamp.LOW_BEAM) if night else 0, hidden=False)
+        self._signals = {lamp.id: self._add_signal(lamp) for lamp in world.signal_lamps}
+
+    def place(self, frame: Frame) -> None:
+        """Move every actor to where it is in `frame`, and switch lamps and signals."""
+        present = {state.actor.id for state in frame.states}
+        for actor_id in self._actors.keys() - present:
+            actor, body = self._actors.pop(actor_id)
+            body.entity.set_pose(PARKED)
+            self._idle[actor.blueprint, actor.paint].append(body)
+        for state in frame.states:
+            body = self._body_of(state.actor)
+            body.entity.set_pose(sapien.Pose(state.world_from_body))
+            self._lit[state.actor.id] = int(state.lamps)
+            self._bindings.mark(body, int(state.lamps), hidden=False)
+        for name, body in self._signals.items():
+            self._bindings.mark(body, FIRST_SIGNAL_BIT << frame.signals[name], hidden=False)
+
+    @contextmanager
+    def without(self, actor_ids: Iterable[int]) -> Generator[None, None, None]:
+        """Hide actors from cameras; they still cast their shadows."""
+        hidden = [actor_id for actor_id in actor_ids if actor_id in self._actors]
+        for actor_id in hidden:
+            self._bindings.mark(self._actors[actor_id][1], self._lit[actor_id], hidden=True)
+        try:
+            yield
+        finally:
+            for actor_id in hidden:
+                self._bindings.mark(self._actors[actor_id][1], self._lit[actor_id], hidden=False)
+
+    def _body_of(self, actor: Actor) -> Body:
+        if actor.id not in self._actors:
+            parts = self._world.bodies[actor.blueprint].parts
+            idle = self._idle[actor.blueprint, actor.paint]
+            body = idle.pop() if idle else self._add(parts, actor.paint)
+            self._identify(body, parts, actor.id)
+            self._actors[actor.id] = actor, body
+        return self._actors[actor.id][1]
+
+    def _add_signal(self, lamp: SignalLamp) -> Body:
+        meshes = lenses()
+        body = self._add(meshes)
+        self._identify(body, meshes, 0)
+        body.entity.set_pose(sapien.Pose(_pose_of(lamp)))
+        return body
+
+    def _add(self, meshes: Iterable[Mesh], paint: str = "") -> Body:
+        body = Body()
+        for mesh in meshes:
+            for shape in self._shapes.of_mesh(mesh, paint):
+                body.attach(shape)
+        entity = sapien.Entity()
+        entity.add_component(body)
+        self._scene.add_entity(entity)
+        return body
+
+    def _identify(self, body: Body, meshes: Iterable[Mesh], actor_id: int) -> None:
+        shapes = iter(body.render_shapes)
+        for mesh in meshes:
+            for _ in range(self._shapes.shapes_per_mesh(mesh)):
+                self.identities.learn(next(shapes).per_scene_id, mesh.semantic, actor_id)
+
+
+class Identities:
+    """What each of SAPIEN's shape ids stands for; id 0 is the sky."""
+
+    def __init__(self) -> None:
+        self._semantic = np.full(64, Semantic.SKY, dtype=np.uint8)
+        self._actor = np.zeros(64, dtype=np.int32)
+
+    def learn(self, shape_id: int, semantic: Semantic, actor_id: int) -> None:
+        """Remember a shape, or whom it belongs to now."""
+        if shape_id >= len(self._actor):
+            room = (0, max(shape_id + 1 - len(self._actor), len(self._actor)))
+            self._semantic, self._actor = np.pad(self._semantic, room), np.pad(self._actor, room)
+        self._semantic[shape_id] = semantic
+        self._actor[shape_id] = actor_id
+
+    def read(self, ids: NDArray[np.uint32]) -> tuple[NDArray[np.uint8], NDArray[np.int32]]:
+        """Semantic class and actor of each pixel of a picture (h, w) of shape ids."""
+        return self._semantic[ids], self._actor[ids]
+
+
+def _pose_of(lamp: SignalLamp) -> Matrix:
+    return pose(lamp.position, yaw=float(np.arctan2(lamp.facing[1], lamp.facing[0])))
