@@ -129,9 +129,9 @@ def track(**columns: np.ndarray) -> np.ndarray:
 
 def test_a_body_on_a_slope_hangs_between_its_bumpers():
     slope, along = np.arctan(0.1), np.arange(0.0, 20.0)
-    climbing = track(x=along, z=0.1 * along, slope=np.full(20, slope))
+    climbing = track(x=along, z=0.1 * along, slope=np.full(20, slope), speed=np.full(20, 10.0))
 
-    states = vehicle_states(climbing, length_m=4.0)
+    states = vehicle_states(climbing, 4.0, tick_s=0.1)
 
     np.testing.assert_allclose(states["x"], along - 2.0, atol=0.02)
     np.testing.assert_allclose(states["z"], 0.1 * (along - 2.0), atol=0.005)
@@ -140,13 +140,23 @@ def test_a_body_on_a_slope_hangs_between_its_bumpers():
 
 def test_a_body_noses_over_a_crest_when_its_front_does():
     along = np.arange(0.0, 20.0)
-    over = track(x=along, z=-np.maximum(along - 10.0, 0.0) * 0.1)
+    over = track(x=along, z=-np.maximum(along - 10.0, 0.0) * 0.1, speed=np.full(20, 10.0))
 
-    states = vehicle_states(over, length_m=4.0)
+    states = vehicle_states(over, 4.0, tick_s=0.1)
 
     np.testing.assert_allclose(states["pitch"][:11], 0.0, atol=1e-12)
     assert states["pitch"][12] == pytest.approx(np.arcsin(0.2 / 4))
     assert states["z"][12] == pytest.approx(-0.1)
+
+
+def test_a_vehicle_that_stands_neither_slides_nor_turns():
+    sliding = track(y=0.05 * np.arange(20.0), yaw=0.1 * np.arange(20.0))
+
+    states = vehicle_states(sliding, 4.0, tick_s=0.1)
+
+    np.testing.assert_allclose(states["x"], -2.0)
+    np.testing.assert_allclose(states["y"], 0.0)
+    np.testing.assert_allclose(states["yaw"], 0.0)
 
 
 def test_people_neither_hop_nor_spin():

@@ -22,7 +22,8 @@ FRONT = np.dtype(
 """An actor at one tick: middle of its front, heading and slope of its lane (rad), m/s, m/s²."""
 
 CATCH_UP = 1.3
-"""SUMO's people hop between strips and onto crossings; here they walk there, this much faster."""
+"""SUMO's people hop onto crossings and its vehicles slide aside while they stand; here everybody
+gets there by moving on, no faster than this times their speed."""
 STRIDE_TICKS = 5
 STRIDE = np.full(STRIDE_TICKS, 1 / STRIDE_TICKS)
 """SUMO's people start and stop at once; here it takes them this long."""
@@ -33,14 +34,14 @@ WALKING_M_S = 0.3
 """Slower than this a person keeps looking the same way."""
 
 
-def vehicle_states(track: NDArray[np.void], length_m: float) -> NDArray[np.void]:
+def vehicle_states(track: NDArray[np.void], length_m: float, *, tick_s: float) -> NDArray[np.void]:
     """States of one vehicle from its fronts, both sorted by tick.
 
     SUMO's heading is that of the chord from the rear to the front bumper, both on the lane's
     centre line, so the body hangs between them. The rear is as high as the front was when it
     passed there; before the first tick the lane is taken to go on at its slope.
     """
-    fronts = track["x"] + 1j * track["y"]
+    fronts = _followed(track["x"] + 1j * track["y"], CATCH_UP * track["speed"] * tick_s)
     steps = np.abs(np.diff(fronts, prepend=fronts[0]))
     along = np.cumsum(steps)
     yaw = _turned(track["yaw"], track["yaw"][0], steps / TIGHTEST_TURN_M)
@@ -64,8 +65,8 @@ def walker_states(
     track: NDArray[np.void], length_m: float, *, speed_m_s: float, tick_s: float
 ) -> NDArray[np.void]:
     """States of one person, who stays upright, walks without hops and looks where they go."""
-    fronts = track["x"] + 1j * track["y"]
-    path = _followed(fronts - length_m / 2 * np.exp(1j * track["yaw"]), speed_m_s, tick_s)
+    middles = track["x"] + 1j * track["y"] - length_m / 2 * np.exp(1j * track["yaw"])
+    path = _followed(middles, np.full(len(track), CATCH_UP * speed_m_s * tick_s))
     path = np.convolve(np.pad(path, STRIDE_TICKS // 2, mode="edge"), STRIDE, mode="valid")
     steps = np.diff(path, prepend=path[0])
     speed = np.abs(steps) / tick_s
@@ -78,14 +79,14 @@ def walker_states(
 
 
 def _followed(
-    targets: NDArray[np.complex128], speed_m_s: float, tick_s: float
+    targets: NDArray[np.complex128], reach: NDArray[np.float64]
 ) -> NDArray[np.complex128]:
-    """The targets (n,) as places east + i north, approached no faster than a person can."""
-    here, reach = complex(targets[0]), CATCH_UP * speed_m_s * tick_s
-    path = [here]
-    for target in targets[1:].tolist():
+    """Places (n,), east + i north, that approach the targets by `reach` (n,) at most."""
+    here = complex(targets[0])
+    path: list[complex] = []
+    for target, most in zip(targets.tolist(), reach.tolist(), strict=True):
         gap = target - here
-        here = target if abs(gap) <= reach else here + gap / abs(gap) * reach
+        here = target if abs(gap) <= most else here + gap / abs(gap) * most
         path.append(here)
     return np.array(path)
 

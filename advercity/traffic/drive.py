@@ -131,7 +131,7 @@ class _Drive:
             vehicle.setMaxSpeed(name, top)
 
     def _trace(self) -> Trace:
-        first = self._spec.timing.warm_up_ticks + 1
+        first, tick_s = self._spec.timing.warm_up_ticks + 1, self._spec.timing.tick_s
         lights = self._lights[first:]
         fronts = np.array(self._fronts, dtype=FRONT)
         fronts = fronts[np.lexsort((fronts["tick"], fronts["id"]))]
@@ -143,11 +143,10 @@ class _Drive:
         for number, track in zip(ids.tolist(), np.split(fronts, begins[1:]), strict=True):
             if number in walks:
                 actor, speed = walks[number].actor, walks[number].speed_m_s
-                tick_s = self._spec.timing.tick_s
                 kept = walker_states(track, actor.size[0], speed_m_s=speed, tick_s=tick_s)
             else:
                 actor = rides[number].actor
-                kept = vehicle_states(track, actor.size[0])
+                kept = vehicle_states(track, actor.size[0], tick_s=tick_s)
             kept = kept[kept["tick"] >= first]
             if len(kept) > 0:
                 kept["tick"] -= first
@@ -156,7 +155,7 @@ class _Drive:
                 states.append(kept)
         together = np.concatenate(states)
         return Trace(
-            tick_s=self._spec.timing.tick_s,
+            tick_s=tick_s,
             first_tick=first,
             actors=tuple(actors),
             states=together[np.lexsort((together["actor"], together["tick"]))],

@@ -41,8 +41,11 @@ DRIVING: Mapping[ActorClass, Driving] = {
 }
 """The standing gap is what drivers keep at a red light; the original's 5 m apply at the start."""
 CONNECTED = Driving("passenger", 2.5, 3.0, gap_m=3.0)
-EMERGENCY_DECELERATION_M_S2 = 8.0
+EMERGENCY_EXTRA_M_S2 = 4.0
+"""How much harder one brakes in an emergency."""
 ENTRY_SPEED_M_S = 4.0
+LATERAL_SHARE = 0.2
+"""Most of its speed that a vehicle moves sideways."""
 LIMIT_IGNORED = 10.0
 """Speed factor of a vehicle whose own top speed rules."""
 
@@ -78,7 +81,7 @@ def _type(root: Element, ride: Ride, driving: Driving) -> None:
         height=height,
         accel=driving.acceleration_m_s2,
         decel=driving.deceleration_m_s2,
-        emergencyDecel=EMERGENCY_DECELERATION_M_S2,
+        emergencyDecel=driving.deceleration_m_s2 + EMERGENCY_EXTRA_M_S2,
         tau=driving.headway_s,
         minGap=driving.gap_m,
         maxSpeed=ride.top_speed_m_s,
@@ -86,6 +89,8 @@ def _type(root: Element, ride: Ride, driving: Driving) -> None:
         speedDev=0,
         sigma=0,
         latAlignment=driving.alignment,
+        lcMaxSpeedLatStanding=0,
+        lcMaxSpeedLatFactor=LATERAL_SHARE,
         lcStrategic=10,
         lcSpeedGain=0,
         lcKeepRight=0,
