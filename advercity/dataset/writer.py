@@ -84,10 +84,12 @@ class DatasetWriter:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        if error is not None:
-            with suppress(RunError):
-                self.finish()
-        self._lock.close()
+        try:
+            if error is not None:
+                with suppress(RunError):
+                    self.finish()
+        finally:
+            self._lock.close()
 
     def write(self, frame: int, readings: Sequence[Reading]) -> None:
         """Add a frame: the readings of all viewpoints.

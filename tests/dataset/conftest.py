@@ -1,5 +1,6 @@
 """A hand-made scenario: five viewpoints on a sloping street, and what they sense of it."""
 
+import functools
 from collections.abc import Callable
 
 import cv2
@@ -57,6 +58,7 @@ def spec(specs: dict[str, Spec]) -> Spec:
 def readings_of(spec: Spec) -> ReadingsOf:
     """The five readings of a frame, by its index."""
 
+    @functools.cache
     def readings(index: int) -> tuple[Reading, ...]:
         frame = frame_of(spec, index)
         return tuple(reading_of(agent, frame) for agent in spec.agents)

@@ -1,0 +1,232 @@
+"""What a recording holds, read back with Rerun's own reader."""
+
+import socket
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from advercity_dsl import Spec
+from rerun.chunk import RrdReader
+
+from advercity.dataset.annotation import box_centre
+from advercity.dataset.reading import Reading
+from advercity.errors import InputError, RunError
+from advercity.poses import Matrix
+from advercity.semantics import PALETTE
+from advercity.viewer.recording import Recording
+from advercity.world.scene import Lane
+
+FRAMES = 2
+ReadingsOf = Callable[[int], tuple[Reading, ...]]
+LANES = (
+    Lane(
+        "a.+1",
+        "driving",
+        left=np.array([[0, 0, 0], [9, 0, 1.0]]),
+        right=np.array([[0, -3, 0], [9, -3, 1.0]]),
+    ),
+)
+
+
+@pytest.fixture(scope="module")
+def recorded(
+    tmp_path_factory: pytest.TempPathFactory, spec: Spec, readings_of: ReadingsOf
+) -> RrdReader:
+    path = tmp_path_factory.mktemp("viewer") / "made" / "on_the_way.rrd"
+    with Recording(spec, LANES, file=path) as recording:
+        for index in range(FRAMES):
+            recording.log(readings_of(index))
+    return RrdReader(path)
+
+
+def logged(recorded: RrdReader, entity: str, component: str) -> dict[int | None, Any]:
+    """Values of a component by frame; under None what holds always."""
+    found: dict[int | None, Any] = {}
+    for chunk in recorded.stream():
+        batch = chunk.to_record_batch()
+        if chunk.entity_path == f"/{entity}" and component in batch.schema.names:
+            static = chunk.is_static
+            frames = [None] if static else batch.column("frame").to_pylist()
+            found |= dict(zip(frames, batch.column(component).to_pylist(), strict=True))
+    return found
+
+
+def pose_of(recorded: RrdReader, entity: str, frame: int) -> Matrix:
+    matrix = np.eye(4)
+    columns = np.reshape(logged(recorded, entity, "Transform3D:mat3x3")[frame][0], (3, 3))
+    matrix[:3, :3] = columns.T
+    matrix[:3, 3] = logged(recorded, entity, "Transform3D:translation")[frame][0]
+    return matrix
+
+
+def test_the_recording_is_known_by_the_spec(recorded: RrdReader, spec: Spec) -> None:
+    (entry,) = recorded.recordings()
+    assert (entry.application_id, entry.recording_id) == ("advercity", spec.id)
+
+
+def test_a_layout_comes_with_it(recorded: RrdReader) -> None:
+    assert len(recorded.blueprints()) == 1
+
+
+def test_every_viewpoint_has_cameras_semantics_and_points(recorded: RrdReader, spec: Spec) -> None:
+    paths = set(recorded.store().schema().entity_paths())
+    for agent in spec.agents:
+        assert f"/world/{agent.id}/lidar" in paths
+        assert {f"/world/{agent.id}/camera{index}" for index in range(4)} <= paths
+        assert {f"/semantic/{agent.id}/camera{index}" for index in range(4)} <= paths
+
+
+@pytest.mark.parametrize("number", range(5))
+def test_sensors_stand_where_they_were(
+    recorded: RrdReader, readings_of: ReadingsOf, number: int
+) -> None:
+    reading = readings_of(1)[number]
+    path = f"world/{reading.agent.id}"
+    world_from_agent = pose_of(recorded, path, 1)
+    lidar = world_from_agent @ pose_of(recorded, f"{path}/lidar", 1)
+    camera = world_from_agent @ pose_of(recorded, f"{path}/camera2", 1)
+    np.testing.assert_allclose(lidar, reading.world_from_lidar, atol=1e-4)
+    np.testing.assert_allclose(camera, reading.pictures[2].world_from_camera, atol=1e-4)
+
+
+def test_points_are_those_of_the_lidar(recorded: RrdReader, readings_of: ReadingsOf) -> None:
+    points = logged(recorded, "world/cav2/lidar", "Points3D:positions")
+    np.testing.assert_array_equal(points[1], readings_of(1)[1].cloud.points)
+
+
+def test_pictures_are_whole_and_semantics_exact(
+    recorded: RrdReader, readings_of: ReadingsOf
+) -> None:
+    picture = readings_of(0)[4].pictures[3]
+    assert decoded(recorded, "world/rsu2/camera3").shape == picture.image.shape
+    np.testing.assert_array_equal(
+        decoded(recorded, "semantic/rsu2/camera3"), PALETTE[picture.semantic]
+    )
+
+
+def decoded(recorded: RrdReader, entity: str) -> Any:
+    blob = np.array(logged(recorded, entity, "EncodedImage:blob")[0][0], dtype=np.uint8)
+    image = cv2.imdecode(blob, cv2.IMREAD_COLOR)
+    assert image is not None
+    return image[..., ::-1]
+
+
+def test_actors_are_boxes_seen_or_unseen(recorded: RrdReader, readings_of: ReadingsOf) -> None:
+    seen = logged(recorded, "world/actors/seen", "Boxes3D:labels")[0]
+    unseen = logged(recorded, "world/actors/unseen", "Boxes3D:labels")[0]
+    assert "pedestrian 203" in seen
+    assert unseen == ["truck 204"]
+    assert len(seen) + len(unseen) == len(readings_of(0)[0].frame.states)
+
+
+def test_boxes_enclose_what_they_stand_for(recorded: RrdReader, readings_of: ReadingsOf) -> None:
+    states = readings_of(1)[0].frame.states
+    seen = [state for state in states if state.actor.id != 204]
+    entity = "world/actors/seen"
+    centres = logged(recorded, entity, "Boxes3D:centers")[1]
+    halves = logged(recorded, entity, "Boxes3D:half_sizes")[1]
+    turns = logged(recorded, entity, "Boxes3D:quaternions")[1]
+    for state, centre, half, turn in zip(seen, centres, halves, turns, strict=True):
+        np.testing.assert_allclose(centre, box_centre(state), atol=1e-5)
+        np.testing.assert_allclose(half, np.divide(state.actor.size, 2), rtol=1e-6)
+        ahead = turned((1.0, 0.0, 0.0), turn)
+        np.testing.assert_allclose(ahead, state.world_from_body[:3, 0], atol=1e-6)
+        up = turned((0.0, 0.0, 1.0), turn)
+        np.testing.assert_allclose(up, state.world_from_body[:3, 2], atol=1e-6)
+
+
+def turned(vector: tuple[float, float, float], xyzw: list[float]) -> Any:
+    """A vector under a unit quaternion: v + 2 q x (q x v + w v)."""
+    axis, w = np.array(xyzw[:3]), xyzw[3]
+    return vector + 2 * np.cross(axis, np.cross(axis, vector) + w * np.array(vector))
+
+
+def test_the_road_plan_holds_always(recorded: RrdReader) -> None:
+    strips = logged(recorded, "world/road", "LineStrips3D:strips")[None]
+    np.testing.assert_array_equal(strips, [LANES[0].left, LANES[0].right])
+
+
+def test_motion_is_plotted_for_vehicles_only(recorded: RrdReader) -> None:
+    assert logged(recorded, "plots/speed/cav1", "Scalars:scalars") == {0: [10.0], 1: [10.0]}
+    assert logged(recorded, "plots/acceleration/cav1", "Scalars:scalars")[0] == [0.5, 0.25, 9.81]
+    assert logged(recorded, "plots/latitude/cav3", "Scalars:scalars")[1] == [49.000001]
+    paths = recorded.store().schema().entity_paths()
+    assert not [path for path in paths if path.startswith("/plots") and "rsu" in path]
+
+
+def test_times_are_those_of_the_scenario(recorded: RrdReader) -> None:
+    times = logged(recorded, "world/cav1", "time")
+    assert [value.total_seconds() for value in times.values()] == [6.0, 6.1]
+
+
+def test_a_frame_in_which_nobody_is_seen_clears_the_boxes(
+    tmp_path: Path, spec: Spec, readings_of: ReadingsOf
+) -> None:
+    path = tmp_path / "nobody.rrd"
+    blind = [replace(reading, visible={}) for reading in readings_of(1)]
+    with Recording(spec, (), file=path) as recording:
+        recording.log(readings_of(0))
+        recording.log(blind)
+    labels = logged(RrdReader(path), "world/actors/seen", "Boxes3D:labels")
+    assert len(labels[0]) == 6
+    assert labels[1] == []
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def test_viewers_on_this_machine_can_connect_while_it_is_open(
+    spec: Spec, readings_of: ReadingsOf
+) -> None:
+    port = free_port()
+    with Recording(spec, LANES, serve=True, port=port) as recording:
+        assert recording.address == f"rerun+http://127.0.0.1:{port}/proxy"
+        recording.log(readings_of(0))
+        connect(port)
+        with (
+            pytest.raises(RunError, match=f"port {port} is taken"),
+            Recording(spec, LANES, serve=True, port=port),
+        ):
+            pass
+
+
+def test_a_recording_can_be_sent_to_a_running_server(spec: Spec, readings_of: ReadingsOf) -> None:
+    port = free_port()
+    with Recording(spec, LANES, serve=True, port=port):
+        connect(port)
+        with Recording(spec, LANES, connect=f"127.0.0.1:{port}") as sender:
+            assert sender.address is None
+            sender.log(readings_of(0))
+
+
+def connect(port: int) -> None:
+    for _ in range(100):
+        try:
+            return socket.create_connection(("127.0.0.1", port), timeout=1).close()
+        except ConnectionRefusedError:
+            time.sleep(0.05)
+    raise AssertionError("nobody listens")
+
+
+def test_an_absent_viewer_is_told_at_once(spec: Spec) -> None:
+    with pytest.raises(RunError, match="no Rerun viewer answers"):
+        Recording(spec, LANES, connect=f"127.0.0.1:{free_port()}")
+
+
+@pytest.mark.parametrize("address", ["http://here", "127.0.0.1:many", "ftp://127.0.0.1:9/proxy"])
+def test_what_is_no_address_is_refused(spec: Spec, address: str) -> None:
+    with pytest.raises(InputError, match="not an address of a Rerun viewer"):
+        Recording(spec, LANES, connect=address)
+
+
+def test_a_file_that_cannot_be_written_is_named(spec: Spec, tmp_path: Path) -> None:
+    with pytest.raises(RunError, match=str(tmp_path)):
+        Recording(spec, LANES, file=tmp_path)
