@@ -84,7 +84,7 @@ def _signal(head: SignalHead, facing: Floats, ground_m: float) -> list[Piece]:
     tip = np.asarray(head.at_m) - (0.0, 0.0, _ARM_DROP_M)
     foot = np.array([*head.pole_m, ground_m])
     top = np.array([*head.pole_m, tip[2]])
-    mast = tube([foot - xyz(z=0.3), foot + xyz(z=1.2), top + xyz(z=0.12)], [0.13, 0.11, 0.09])
+    mast = tube([foot - xyz(z=0.3), top + xyz(z=0.12)], [0.13, 0.09])
     pieces = [Piece(mast, "metal", Semantic.POLE)]
     if np.linalg.norm((tip - top)[:2]) > 0.1:
         pieces.append(Piece(tube([top, tip], [0.075, 0.05]), "metal", Semantic.POLE))

@@ -21,6 +21,7 @@ from advercity.world.shapes import (
     plate,
     shaded,
     tube,
+    xyz,
 )
 from advercity.world.site import Site
 
@@ -29,6 +30,8 @@ POLE_HEIGHT_M, LAMP_HEIGHT_M, TOWER_HEIGHT_M = 5.0, 8.0, 12.0
 LAMP_SPACING_M = 30.0
 _LAMP_REACH_M = 1.6
 _WALL_PIECE_M = 8.0
+_SPIKE_M = 0.3
+"""Thin top of a tower, so that it does not stand in the view of what it carries."""
 
 
 def wall(line: tuple[Point2, ...], height_m: float | None, site: Site) -> list[Piece]:
@@ -100,29 +103,36 @@ def bus_stop(at: Point2, site: Site) -> list[Piece]:
 def tower(at: Point2, height_m: float | None, site: Site) -> list[Piece]:
     """A wind pump: a lattice tower with its wheel below the top, turned to the street."""
     top = height_m or TOWER_HEIGHT_M
-    half = 0.13 * top
+    steel = [
+        *_lattice(top - _SPIKE_M),
+        tube([(0, 0, top - 2 * _SPIKE_M), (0, 0, top)], 0.04, sides=6),
+    ]
+    parts = [(joined(map(shaded, steel)), "metal", Semantic.STATIC)]
+    parts += [(part, "paint_white", Semantic.STATIC) for part in _wind_wheel(top)]
+    return _stood(parts, at, site)
 
-    def corner(level: float, index: int) -> Floats:
-        reach = half * (1 - level) + 0.09 * level
-        sign = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)])[index % 4]
-        return np.array([*(reach * sign), level * top])
 
-    legs = [tube([corner(0, k) - (0, 0, 0.3), corner(1, k)], 0.055, sides=5) for k in range(4)]
+def _lattice(top: float) -> list[Surface]:
+    """Four legs that lean together, with rings and crossed braces between them."""
+    signs = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)])
     levels = np.linspace(0, 1, 6)
-    braces = [
-        tube([corner(low, k), corner(high, k + turn)], 0.025, sides=4)
-        for low, high in pairwise(levels)
-        for k in range(4)
-        for turn in (1, -1)
+    reach = 0.13 * top * (1 - levels) + 0.09 * levels
+    corners = np.empty((6, 4, 3))
+    corners[..., :2] = reach[:, None, None] * signs
+    corners[..., 2] = (top * levels)[:, None]
+    beyond = np.roll(corners, -1, axis=1)
+    legs = [tube([corners[0, k] - xyz(z=0.3), corners[-1, k]], 0.055, sides=5) for k in range(4)]
+    ends = [
+        *zip(corners[:-1], beyond[1:], strict=True),
+        *zip(beyond[:-1], corners[1:], strict=True),
     ]
+    braces = [tube([a[k], b[k]], 0.025, sides=4) for a, b in ends for k in range(4)]
     rings = [
-        tube([corner(s, k), corner(s, k + 1)], 0.03, sides=4) for s in levels[1:] for k in range(4)
+        tube([a[k], b[k]], 0.03, sides=4)
+        for a, b in zip(corners[1:], beyond[1:], strict=True)
+        for k in range(4)
     ]
-    lattice = Piece(joined(map(shaded, [*legs, *braces, *rings])), "metal", Semantic.STATIC)
-    wheel = [(part, "paint_white", Semantic.STATIC) for part in _wind_wheel(top)]
-    foot = site.on_ground([at])[0]
-    raised = Piece(moved(lattice.surface, foot), lattice.material, lattice.semantic)
-    return [raised, *_stood(wheel, at, site)]
+    return [*legs, *braces, *rings]
 
 
 def _wind_wheel(top: float) -> list[Surface]:

@@ -1,0 +1,341 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from advercity_dsl import Road, RoadsideUnit
+from advercity_dsl.road import Surrounding, SurroundingKind
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
+
+from advercity.compiler import load_library
+from advercity.errors import InputError
+from advercity.semantics import Semantic
+from advercity.world.furniture import furniture
+from advercity.world.layout import layout
+from advercity.world.materials import MATERIALS
+from advercity.world.scene import Mesh
+from advercity.world.site import GroundHeight
+from advercity.world.surroundings import surroundings
+
+ROADS = load_library(Path(__file__).parent.parent / "library").of(Road)
+every_road = pytest.mark.parametrize("name", ROADS)
+PAVED = shapely.box(-100, -5, 100, 5)
+
+
+def level(points: np.ndarray) -> np.ndarray:
+    return np.zeros(len(points))
+
+
+def sloping(points: np.ndarray) -> np.ndarray:
+    return 0.05 * points[:, 0]
+
+
+def street(*items: Surrounding, **changes: object) -> Road:
+    """A straight street along x from -100 to 100 with the given surroundings."""
+    section = {
+        "left": [{"kind": "lane", "width_m": 3.5}],
+        "right": [{"kind": "lane", "width_m": 3.5}],
+    }
+    axis = {
+        "begins": "west",
+        "ends": "east",
+        "start_m": (-100, 0),
+        "heading_deg": 0,
+        "path": [{"line_m": 200}],
+        "section": "lanes",
+        "speed_limit_km_h": 50,
+    }
+    shares = dict.fromkeys(("car", "van", "truck", "bicycle", "motorcycle"), 0.2)
+    return Road.model_validate(
+        {
+            "id": "street",
+            "land_use": "rural",
+            "junction": "non_junction",
+            "alignment": "straight",
+            "profile": "level",
+            "sections": {"lanes": section},
+            "streets": {"road": axis},
+            "surroundings": [item.model_dump() for item in items],
+            "agents": {},
+            "traffic": {
+                "vehicles_per_area": 1,
+                "walkers": 0,
+                "around_agent_m": 50,
+                "around_path_m": 10,
+                "classes": shares,
+            },
+            **changes,
+        }
+    )
+
+
+def built(item: Surrounding, ground: GroundHeight = level) -> list[Mesh]:
+    return surroundings(street(item), ground, PAVED)[0]
+
+
+def points(meshes: list[Mesh], *classes: Semantic) -> np.ndarray:
+    chosen = [mesh.vertices for mesh in meshes if not classes or mesh.semantic in classes]
+    return np.concatenate(chosen).astype(np.float64)
+
+
+def triangles(meshes: list[Mesh]) -> int:
+    return sum(len(mesh.triangles) for mesh in meshes)
+
+
+def roadway(road: Road):
+    parts = []
+    for item in layout(road).streets.values():
+        left = item.line(max(band.outer_t for band in item.left) if item.left else 0.0)
+        right = item.line(min(band.outer_t for band in item.right) if item.right else 0.0)
+        parts.append(shapely.Polygon(np.concatenate([left, right[::-1]])[:, :2]).buffer(0))
+    parts += [shapely.Polygon(j.outline[:, :2]).buffer(0) for j in layout(road).junctions.values()]
+    return shapely.union_all(parts)
+
+
+def test_trees_stand_off_the_road_and_fill_their_area():
+    item = Surrounding(kind=SurroundingKind.TREES, area_m=((-60, -30), (60, 30)))
+    meshes = built(item)
+    trunks = points([mesh for mesh in meshes if mesh.material == "bark"])
+    assert {mesh.semantic for mesh in meshes} == {Semantic.VEGETATION}
+    distance = shapely.distance(PAVED, shapely.points(trunks[:, :2]))
+    assert distance.min() > 2.0
+    assert (np.abs(trunks[:, :2]).max(axis=0) > (50, 24)).all()
+
+
+def test_trees_outgrow_a_person_and_have_few_triangles_each():
+    area = ((-60, 20), (60, 90))
+    wide = built(Surrounding(kind=SurroundingKind.TREES, area_m=area, spacing_m=10))
+    trees = 12 * 7
+    assert 150 * trees <= triangles(wide) <= 400 * trees
+    assert 5 < points(wide)[:, 2].max() < 16
+
+
+def test_a_forest_has_no_more_than_four_hundred_trees():
+    area = ((-500, 20), (500, 520))
+    item = Surrounding(kind=SurroundingKind.TREES, area_m=area, spacing_m=2)
+    assert triangles(built(item)) <= 400 * 400
+
+
+def test_things_stand_on_sloping_ground():
+    area = ((20, 20), (90, 60))
+    trees = built(Surrounding(kind=SurroundingKind.TREES, area_m=area), sloping)
+    bark = points([mesh for mesh in trees if mesh.material == "bark"])
+    above = bark[:, 2] - sloping(bark)
+    assert -0.3 < above.min() < 0.0
+    house = points(built(Surrounding(kind=SurroundingKind.HOUSES, area_m=area), sloping))
+    assert (house[:, 2] - sloping(house)).min() < 0
+
+
+@pytest.mark.parametrize("kind", [SurroundingKind.HOUSES, SurroundingKind.BUILDINGS])
+def test_buildings_stay_off_the_road_and_inside_their_area(kind: SurroundingKind):
+    meshes = built(Surrounding(kind=kind, area_m=((-80, -40), (80, 40))))
+    feet = points(meshes)
+    feet = feet[feet[:, 2] < 0.3]
+    assert {mesh.semantic for mesh in meshes} == {Semantic.BUILDING}
+    assert shapely.distance(PAVED, shapely.points(feet[:, :2])).min() > 0.5
+    assert (np.abs(feet[:, :2]).max(axis=0) < (82, 42)).all()
+    assert {"glass", "wood"} <= {mesh.material for mesh in meshes}
+
+
+def test_town_blocks_are_six_to_twenty_metres_high():
+    item = Surrounding(kind=SurroundingKind.BUILDINGS, area_m=((-90, 10), (90, 60)))
+    top = points(built(item))[:, 2].max()
+    assert 10 < top < 30
+
+
+def test_a_declared_height_is_kept_by_town_blocks():
+    area = ((-90, 10), (90, 60))
+    low = Surrounding(kind=SurroundingKind.BUILDINGS, area_m=area, height_m=6.2)
+    walls = [mesh for mesh in built(low) if mesh.material == "glass"]
+    assert points(walls)[:, 2].max() == pytest.approx(2 * 3.1 - 0.6, abs=0.3)
+
+
+def test_crops_cover_their_field_but_no_road():
+    item = Surrounding(kind=SurroundingKind.CROPS, area_m=((-50, -30), (50, 30)), height_m=0.8)
+    meshes = built(item)
+    field = points(meshes)
+    assert {mesh.semantic for mesh in meshes} == {Semantic.VEGETATION}
+    assert shapely.distance(PAVED, shapely.points(field[:, :2])).min() > 0.3
+    assert 0.8 < field[:, 2].max() < 1.6
+    assert field[:, 1].min() < -28
+    assert field[:, 1].max() > 28
+
+
+def test_a_wall_stands_along_its_line_as_high_as_declared():
+    item = Surrounding(kind=SurroundingKind.WALL, line_m=((0, 10), (40, 10)), height_m=8)
+    meshes = built(item)
+    wall = points(meshes)
+    assert {mesh.semantic for mesh in meshes} == {Semantic.WALL}
+    assert wall[:, 2].max() == pytest.approx(8, abs=0.01)
+    np.testing.assert_allclose((wall[:, 0].min(), wall[:, 0].max()), (0, 40), atol=0.01)
+    assert np.abs(wall[:, 1] - 10).max() < 0.5
+
+
+def test_walls_low_enough_to_look_over_are_of_brick():
+    line = ((0, 10), (40, 10))
+    low = built(Surrounding(kind=SurroundingKind.WALL, line_m=line, height_m=1.5))
+    assert "brick" in {mesh.material for mesh in low}
+
+
+def test_lamps_reach_towards_the_road_and_shine():
+    item = Surrounding(kind=SurroundingKind.LAMP, line_m=((-60, 6), (60, 6)), spacing_m=30)
+    meshes, lamps = surroundings(street(item), level, PAVED)
+    assert {mesh.semantic for mesh in meshes} == {Semantic.POLE}
+    np.testing.assert_allclose(
+        [lamp.position[0] for lamp in lamps], (-60, -30, 0, 30, 60), atol=1e-9
+    )
+    for lamp in lamps:
+        assert lamp.position[1] == pytest.approx(6 - 1.6)
+        assert 7.5 < lamp.position[2] < 8.1
+
+
+def test_a_pole_and_a_tower_are_as_high_as_declared():
+    for kind, semantic in (
+        (SurroundingKind.POLE, Semantic.POLE),
+        (SurroundingKind.TOWER, Semantic.STATIC),
+    ):
+        meshes = built(Surrounding(kind=kind, at_m=((10, 12),), height_m=7.8), sloping)
+        assert {mesh.semantic for mesh in meshes} == {semantic}
+        assert points(meshes)[:, 2].max() == pytest.approx(0.5 + 7.8, abs=0.02)
+
+
+def test_a_bus_stop_is_open_to_the_road():
+    meshes = built(Surrounding(kind=SurroundingKind.BUS_STOP, at_m=((0, 8),)))
+    back = points([mesh for mesh in meshes if mesh.material == "glass"])
+    assert back[:, 1].max() > 8.6
+    assert points(meshes)[:, 1].min() < 7.1
+    assert points(meshes)[:, 2].max() > 2.4
+
+
+@pytest.mark.parametrize(
+    ("kind", "needed"),
+    [
+        (SurroundingKind.HOUSES, "area_m"),
+        (SurroundingKind.CROPS, "area_m"),
+        (SurroundingKind.WALL, "line_m"),
+    ],
+)
+def test_a_surrounding_without_its_place_is_an_error(kind: SurroundingKind, needed: str):
+    with pytest.raises(InputError, match=needed):
+        built(Surrounding(kind=kind, at_m=((0, 20),)))
+
+
+def test_the_same_road_gives_the_same_bytes():
+    item = Surrounding(kind=SurroundingKind.TREES, area_m=((-60, -30), (60, 30)))
+    for first, second in zip(built(item), built(item), strict=True):
+        assert first.vertices.tobytes() == second.vertices.tobytes()
+
+
+@every_road
+def test_shipped_roads_keep_to_the_budget_in_few_sound_meshes(name: str):
+    road = ROADS[name]
+    meshes, _ = surroundings(road, level, roadway(road))
+    fixed, _ = furniture(road, level)
+    everything = [*meshes, *fixed]
+    assert triangles(everything) < 150_000
+    assert len(everything) < 40
+    assert len({mesh.name for mesh in everything}) == len(everything)
+    for mesh in everything:
+        assert mesh.material in MATERIALS
+        assert np.isfinite(mesh.vertices).all()
+        assert mesh.normals is not None
+        np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=1e-5)
+
+
+@every_road
+def test_nothing_grows_or_is_built_on_a_shipped_road(name: str):
+    road = ROADS[name]
+    keep_off = roadway(road)
+    meshes, _ = surroundings(road, level, keep_off)
+    rooted = [m for m in meshes if m.semantic is Semantic.BUILDING or m.material == "bark"]
+    low = points(rooted)
+    low = low[low[:, 2] < 0.3]
+    shapely.prepare(keep_off)
+    assert not shapely.contains_xy(keep_off, low[:, 0], low[:, 1]).any()
+
+
+@every_road
+def test_every_signal_head_looks_at_the_traffic_of_its_street(name: str):
+    road = ROADS[name]
+    _, lamps = furniture(road, level)
+    heads = {
+        f"{junction}/{head.street}": head
+        for junction, declared in road.junctions.items()
+        if declared.signals
+        for head in declared.signals.heads
+    }
+    assert [lamp.id for lamp in lamps] == list(heads)
+    plan = layout(road)
+    for lamp in lamps:
+        junction, approach = lamp.id.split("/")
+        arm = plan.junctions[junction].arm(approach)
+        assert np.hypot(*lamp.facing) == pytest.approx(1)
+        comes_from = arm.point[:2] + 30 * arm.outward - np.array(lamp.position[:2])
+        assert np.dot(comes_from, lamp.facing) > 0
+        offset = np.subtract(lamp.position[:2], heads[lamp.id].at_m[:2])
+        assert np.linalg.norm(offset) < 0.5
+
+
+def test_lenses_are_red_over_yellow_over_green():
+    meshes, lamps = furniture(ROADS["ui"], level)
+    lens = {mesh.material: mesh.vertices for mesh in meshes if mesh.material.startswith("signal_")}
+    heights = [lens[f"signal_{colour}"][:, 2].mean() for colour in ("red", "yellow", "green")]
+    assert heights == sorted(heights, reverse=True)
+    assert heights[1] == pytest.approx(lamps[0].position[2], abs=0.01)
+    housing = [mesh for mesh in meshes if mesh.material == "black_plastic"]
+    assert {mesh.semantic for mesh in housing} == {Semantic.TRAFFIC_LIGHT}
+
+
+def test_signs_face_those_who_have_to_wait():
+    road = ROADS["rsnj"]
+    meshes, _ = furniture(road, level)
+    white = next(mesh for mesh in meshes if mesh.name == "furniture_traffic_sign_paint_white")
+    arm = layout(road).junctions["j_south"].arm("south_road")
+    sign = next(s for s in road.junctions["j_south"].signs if s.street == "south_road")
+    near = np.linalg.norm(white.vertices[:, :2] - sign.at_m, axis=1) < 1
+    assert white.normals is not None
+    facing = white.normals[near][:, :2] @ arm.outward
+    assert (facing > 0.99).sum() > 40
+    assert white.vertices[near, 2].min() > 1.5
+
+
+@every_road
+def test_nothing_blocks_the_view_of_a_roadside_unit(name: str):
+    road = ROADS[name]
+    units = [agent for agent in road.agents.values() if isinstance(agent, RoadsideUnit)]
+
+    def ground(place: np.ndarray) -> np.ndarray:
+        """Level, and where a unit stands close to the ground, at its foot."""
+        height = np.zeros(len(place))
+        for unit in units if name == "rcnj" else ():
+            near = np.linalg.norm(place - unit.position_m[:2], axis=1) < 20
+            height[near] = unit.position_m[2] - 1.5
+        return height
+
+    scene = EmbreeScene()
+    for mesh in (*surroundings(road, ground, roadway(road))[0], *furniture(road, ground)[0]):
+        TriangleMesh(scene, mesh.vertices, mesh.triangles)
+    yaw, down = np.meshgrid(np.radians(np.arange(0, 360, 1)), np.radians(np.arange(1, 25, 2)))
+    rays = np.stack([np.cos(down) * np.cos(yaw), np.cos(down) * np.sin(yaw), -np.sin(down)], -1)
+    rays = rays.reshape(-1, 3).astype(np.float32)
+    for unit in units:
+        origins = np.tile(unit.position_m, (len(rays), 1)).astype(np.float32)
+        hit = scene.run(origins, rays, output=1)
+        near = (np.asarray(hit["geomID"]) >= 0) & (np.asarray(hit["tfar"]) < 2)
+        assert near.mean() < 0.12
+
+
+def test_a_unit_with_nothing_to_stand_on_gets_a_mast_below_and_beside_it():
+    unit = {"kind": "roadside_unit", "position_m": (0, 10, 6), "yaw_deg": 0}
+    meshes, _ = furniture(street(agents={"rsu": unit}), level)
+    mast = points(meshes)
+    assert mast[:, 2].max() == pytest.approx(5.75)
+    assert np.linalg.norm(mast[:, :2] - (0, 10), axis=1).min() > 0.2
+    assert mast[:, 0].max() < 0
+
+
+def test_a_unit_on_a_pole_needs_no_mast_of_its_own():
+    pole = Surrounding(kind=SurroundingKind.POLE, at_m=((0, 10.5),), height_m=5.7)
+    unit = {"kind": "roadside_unit", "position_m": (0, 10, 6), "yaw_deg": 0}
+    assert furniture(street(pole, agents={"rsu": unit}), level)[0] == []
