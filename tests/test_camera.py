@@ -179,7 +179,7 @@ def test_what_stands_before_the_sun_hides_it() -> None:
     assert not with_sun(capture(grey(0.0), 50.0), facing(), low_sun()).radiance.any()
 
 
-@pytest.mark.parametrize("azimuth_deg", [270, 0])
+@pytest.mark.parametrize("azimuth_deg", [270, 0, 0.3, 1, 10])
 def test_a_sun_behind_or_beside_leaves_the_picture_alone(azimuth_deg: float) -> None:
     scene = capture(grey(1.0), np.inf)
     found = with_sun(scene, facing(), low_sun(azimuth_deg))

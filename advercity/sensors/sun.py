@@ -14,6 +14,9 @@ Array = NDArray[np.float64]
 RADIUS_RAD = math.radians(0.533 / 2.0)
 """Half the sun's angular diameter."""
 
+MARGIN = 0.1
+"""How far outside the picture, in focal lengths, the disc may stand and still reach into it."""
+
 
 def with_sun(capture: CameraCapture, view: CameraView, atmosphere: Atmosphere) -> CameraCapture:
     """The capture with the sun's disc where the picture shows open sky.
@@ -25,6 +28,9 @@ def with_sun(capture: CameraCapture, view: CameraView, atmosphere: Atmosphere) -
         return capture
     height, width = capture.depth.shape
     focal_px = width / (2.0 * math.tan(view.horizontal_fov_rad / 2.0))
+    corner_px = math.hypot(width, height) / 2.0
+    if focal_px * math.hypot(sun[1], sun[2]) > (corner_px + MARGIN * focal_px) * sun[0]:
+        return capture
     column = width / 2.0 - focal_px * sun[1] / sun[0]
     row = height / 2.0 - focal_px * sun[2] / sun[0]
     reach = math.ceil(focal_px * RADIUS_RAD / sun[0] ** 2) + 2
