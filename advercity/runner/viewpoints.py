@@ -100,9 +100,20 @@ class Viewpoints:
         return self.pose(agent, index) @ mount
 
     def camera_poses(self, agent: Agent, index: int) -> list[Matrix]:
-        """`world_from_camera` (4, 4) of each of its cameras."""
-        world_from_agent = self.pose(agent, index)
-        return [world_from_agent @ _mounted(mount) for mount in agent.sensors.camera.mounts]
+        """`world_from_camera` (4, 4) of each of its cameras.
+
+        A roadside unit's cameras turn about the vertical before they tilt, so that all of them
+        look down as far as the unit does.
+        """
+        mounts = agent.sensors.camera.mounts
+        place = agent.place
+        if not isinstance(place, RoadsideUnit):
+            return [self.pose(agent, index) @ _mounted(mount) for mount in mounts]
+        upright = poses.pose(place.position_m, yaw=math.radians(place.yaw_deg))
+        tilt = poses.pose(
+            (0, 0, 0), pitch=math.radians(place.pitch_deg), roll=math.radians(place.roll_deg)
+        )
+        return [upright @ _mounted(mount) @ tilt for mount in mounts]
 
     def _plan(self, agent: Agent, index: int) -> tuple[tuple[float, float, float], ...]:
         points = planned(self._trace, agent.number, index).tolist()
