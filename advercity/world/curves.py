@@ -166,9 +166,10 @@ def _rounded_corner(
     count = max(3, int(np.ceil(max(abs(turn) * radius, abs(turn) * 6))))
     heading = np.arctan2(out[1], out[0]) + np.linspace(0.0, turn, count + 1)
     arc = centre - side * radius * left_of(unit(heading))
-    return _without_repeats(np.vstack([start, arc, end]))
+    return without_repeats(np.vstack([start, arc, end]))
 
 
-def _without_repeats(points: Points) -> Points:
+def without_repeats(points: Points) -> Points:
+    """A polyline (n, d) without points that only repeat the one before."""
     keep = np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-6
     return points[np.concatenate([[True], keep])]

@@ -144,6 +144,10 @@ class Arm:
         """Bands that are travelled towards the junction, from the axis outwards."""
         return self.street.side(along=self.at_end)
 
+    def leaving(self) -> tuple[Band, ...]:
+        """Bands that are travelled away from the junction, from the axis outwards."""
+        return self.street.side(along=not self.at_end)
+
     def roadway_edge(self, *, leftwards: bool) -> float:
         """`u` where the roadway ends and sidewalk or verge begins."""
         bands = self.bands(leftwards=leftwards)
@@ -351,14 +355,18 @@ def _corner(arm: Arm, following: Arm, radius_m: float) -> Corner:
     here, there = arm.sidewalk(leftwards=True), following.sidewalk(leftwards=False)
     ends = arm.at(arm.rim(leftwards=True)), following.at(following.rim(leftwards=False))
     if here is None or there is None:
-        return Corner(kerb=kerb, back=None, rim=np.vstack([ends[0], kerb, ends[1]]))
+        return Corner(kerb=kerb, back=None, rim=_chain(ends[0], kerb, ends[1]))
     width = max(abs(here[1] - here[0]), abs(there[1] - there[0]))
     back = _link(arm, here[1], following, there[1], max(radius_m - width, 0.5))
     count = max(len(kerb), len(back))
     kerb, back = (
         line if len(line) == count else curves.resampled(line, count) for line in (kerb, back)
     )
-    return Corner(kerb=kerb, back=back, rim=np.vstack([ends[0], back, ends[1]]))
+    return Corner(kerb=kerb, back=back, rim=_chain(ends[0], back, ends[1]))
+
+
+def _chain(*parts: Points) -> Points:
+    return curves.without_repeats(np.vstack(parts))
 
 
 def _link(arm: Arm, u: float, following: Arm, v: float, radius_m: float) -> Points:

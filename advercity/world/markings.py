@@ -33,6 +33,7 @@ COLOURS = {
     Paint.DOUBLE_YELLOW: YELLOW,
 }
 BROKEN = (Paint.BROKEN_WHITE, Paint.BROKEN_YELLOW)
+SOLID: dict[Paint | None, str] = {Paint.SOLID_WHITE: WHITE, Paint.SOLID_YELLOW: YELLOW}
 
 
 def meshes(layout: Layout) -> list[Mesh]:
@@ -45,6 +46,9 @@ def meshes(layout: Layout) -> list[Mesh]:
         pieces[WHITE] += _stop_lines(junction)
         for crossing in junction.crossings:
             pieces[WHITE] += _zebra(crossing, junction)
+        if junction.declared.control == "none":
+            for colour, piece in _lines_through(junction):
+                pieces[colour].append(piece)
     return [
         mesh(colour, found, colour, Semantic.ROAD_LINE) for colour, found in pieces.items() if found
     ]
@@ -59,6 +63,28 @@ def _lines(street: StreetLayout) -> Iterator[tuple[str, Piece]]:
         for centre_t in sorted({t - shift, t + shift}):
             for first, last in _dashes(street) if paint in BROKEN else [(0.0, np.inf)]:
                 yield COLOURS[paint], _stripe(street, centre_t, LINE_WIDTH_M, first, last)
+
+
+def _lines_through(junction: JunctionLayout) -> Iterator[tuple[str, Piece]]:
+    """Solid lines of two streets that go on into each other."""
+    for path in junction.paths:
+        movement = path.movement
+        source, target = junction.arm(movement.from_street), junction.arm(movement.to_street)
+        leaving = source.street.lane(movement.from_lane, along=source.at_end)
+        entering = target.street.lane(movement.to_lane, along=not target.at_end)
+        centred = source.at_end and leaving.inner_t == entering.inner_t == 0
+        bordering = entering.number == max(band.number for band in target.leaving())
+        if centred and (colour := SOLID.get(source.street.axis_paint)):
+            yield colour, _line_along(path.left, path.right)
+        if bordering and (colour := SOLID.get(leaving.paint)):
+            yield colour, _line_along(path.right[::-1], path.left[::-1])
+
+
+def _line_along(border: Points, other: Points) -> Piece:
+    """A line on one border of a way, whose other border says which way across it goes."""
+    across = (border - other) / np.linalg.norm(border - other, axis=1, keepdims=True)
+    outer, inner = border + across * LINE_WIDTH_M / 2, border - across * LINE_WIDTH_M / 2
+    return _lifted(outer, inner)
 
 
 def _dashes(street: StreetLayout) -> list[tuple[float, float]]:

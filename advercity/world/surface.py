@@ -47,7 +47,12 @@ def road_meshes(layout: Layout) -> list[Mesh]:
         for surface, piece in _junction(junction):
             pieces.setdefault(surface, []).append(piece)
     meshes = [mesh(name, pieces[name], *MATERIALS[name]) for name in MATERIALS if name in pieces]
-    return [*meshes, *markings.meshes(layout), terrain.ground(layout, kerb_height_m=KERB_HEIGHT_M)]
+    return [
+        *meshes,
+        *markings.meshes(layout),
+        terrain.skirt(layout, kerb_height_m=KERB_HEIGHT_M),
+        terrain.ground(layout, kerb_height_m=KERB_HEIGHT_M),
+    ]
 
 
 def _surface(band: Band) -> str:

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from advercity.semantics import Semantic
 from advercity.world.curves import Points, resampled, stations
-from advercity.world.layout import Arm, Layout
-from advercity.world.meshing import filled, polygons_of
+from advercity.world.layout import Band, Layout, StreetLayout
+from advercity.world.meshing import filled, mesh, polygons_of, ribbon
 from advercity.world.scene import Mesh
 
 MARGIN_M = 160.0
@@ -25,6 +25,10 @@ VERGE_M = 9.0
 """Within about this distance the ground follows the edge of the road."""
 SOFTENING_M = 5.0
 SNAP_M = 0.001
+OVERLAP_M = 0.05
+"""How far the ground reaches under the road, so that no crack opens between them."""
+DROP_M = 0.004
+SKIRT_M = 0.1
 
 
 def ground(layout: Layout, *, kerb_height_m: float) -> Mesh:
@@ -34,8 +38,8 @@ def ground(layout: Layout, *, kerb_height_m: float) -> Mesh:
         layout: The road.
         kerb_height_m: Height of sidewalks above the roadway; the ground meets their top.
     """
-    built = footprint(layout)
-    cells = _cells(built.bounds)
+    built = shapely.buffer(footprint(layout), -OVERLAP_M, join_style="mitre")
+    cells = _cells(shapely.bounds(built))
     shapely.prepare(built)
     free = shapely.disjoint(cells, built)
     cut = shapely.difference(cells[~free], built)
@@ -49,7 +53,7 @@ def ground(layout: Layout, *, kerb_height_m: float) -> Mesh:
     corners, merged = np.unique(np.round(corners, 3), axis=0, return_inverse=True)
     triangles = merged.reshape(-1)[triangles]
     z = ground_height(layout, corners, kerb_height_m=kerb_height_m)
-    vertices = np.column_stack([corners, z])
+    vertices = np.column_stack([corners, z - DROP_M])
     return Mesh(
         name="ground",
         vertices=vertices.astype(np.float32),
@@ -58,6 +62,13 @@ def ground(layout: Layout, *, kerb_height_m: float) -> Mesh:
         semantic=Semantic.TERRAIN,
         normals=_normals(vertices, triangles).astype(np.float32),
     )
+
+
+def skirt(layout: Layout, *, kerb_height_m: float) -> Mesh:
+    """Upright faces below the edge of all paving, which close the step down to the ground."""
+    down = np.array([0.0, 0.0, SKIRT_M])
+    pieces = [ribbon(rim, rim - down) for rim in _rims(layout, kerb_height_m)]
+    return mesh("skirt", pieces, "asphalt", Semantic.ROAD)
 
 
 def ground_height(layout: Layout, points: Points, *, kerb_height_m: float) -> NDArray[np.float64]:
@@ -95,46 +106,46 @@ def _blended(points: Points, starts: Points, steps: Points, samples: Points) -> 
 
 
 def _rims(layout: Layout, kerb_height_m: float) -> Iterator[Points]:
-    """Edges (n, 3) of streets and junctions, at the height that the ground meets."""
+    """Edges (n, 3) of all paving, with it on their left, at the height that the ground meets."""
 
     def lifted(line: Points, raised: bool) -> Points:
         return line + np.array([0.0, 0.0, kerb_height_m * raised])
 
     for street in layout.streets.values():
-        for bands in (street.left, street.right):
-            edge = street.line(bands[-1].outer_t if bands else 0.0)
-            yield lifted(edge, bool(bands) and bands[-1].kind is StripKind.SIDEWALK)
-        for end, name in ((0, street.begins), (-1, street.ends)):
-            if name not in layout.junctions:
-                yield np.stack([street.line(t)[end] for t in _reach(layout, street.id)])
+        left, right = (street.line(t) for t in _reach(street))
+        yield lifted(left[::-1], _is_raised(street.left))
+        yield lifted(right, _is_raised(street.right))
+        if street.begins not in layout.junctions:
+            yield np.stack([left[0], right[0]])
+        if street.ends not in layout.junctions:
+            yield np.stack([right[-1], left[-1]])
     for junction in layout.junctions.values():
-        for index, corner in enumerate(junction.corners):
-            if corner.back is not None:
-                yield lifted(corner.rim, True)
-                continue
-            following = junction.arms[(index + 1) % len(junction.arms)]
-            rim = corner.rim.copy()
-            rim[0, 2] += kerb_height_m * _ends_in_sidewalk(junction.arms[index], leftwards=True)
-            rim[-1, 2] += kerb_height_m * _ends_in_sidewalk(following, leftwards=False)
+        following = (*junction.arms[1:], junction.arms[0])
+        for corner, arm, other in zip(junction.corners, junction.arms, following, strict=True):
+            rim = lifted(corner.rim, corner.back is not None)
+            if corner.back is None:
+                rim[0, 2] += kerb_height_m * _is_raised(arm.bands(leftwards=True))
+                rim[-1, 2] += kerb_height_m * _is_raised(other.bands(leftwards=False))
             yield rim
 
 
-def _ends_in_sidewalk(arm: Arm, *, leftwards: bool) -> bool:
-    bands = arm.bands(leftwards=leftwards)
+def _is_raised(bands: tuple[Band, ...]) -> bool:
     return bool(bands) and bands[-1].kind is StripKind.SIDEWALK
 
 
-def _reach(layout: Layout, street: str) -> tuple[float, float]:
+def _reach(street: StreetLayout) -> tuple[float, float]:
     """Offsets of the outer edges of a street, left and right."""
-    left, right = layout.streets[street].left, layout.streets[street].right
-    return (left[-1].outer_t if left else 0.0), (right[-1].outer_t if right else 0.0)
+    return (
+        street.left[-1].outer_t if street.left else 0.0,
+        street.right[-1].outer_t if street.right else 0.0,
+    )
 
 
 def footprint(layout: Layout) -> shapely.Geometry:
     """What streets and junctions cover, sidewalks included."""
     shapes: list[shapely.Geometry] = []
     for street in layout.streets.values():
-        left, right = (street.line(t)[:, :2] for t in _reach(layout, street.id))
+        left, right = (street.line(t)[:, :2] for t in _reach(street))
         shapes.append(shapely.make_valid(shapely.Polygon(np.vstack([left, right[::-1]]))))
     for junction in layout.junctions.values():
         rim = np.concatenate([corner.rim[:, :2] for corner in junction.corners])
