@@ -144,9 +144,10 @@ def test_a_body_noses_over_a_crest_when_its_front_does():
 
     states = vehicle_states(over, 4.0, tick_s=0.1)
 
+    # With axles 0.8 and 3.2 m behind the front, the front one is 1.2 m past the crest at tick 12.
     np.testing.assert_allclose(states["pitch"][:11], 0.0, atol=1e-12)
-    assert states["pitch"][12] == pytest.approx(np.arcsin(0.2 / 4))
-    assert states["z"][12] == pytest.approx(-0.1)
+    assert states["pitch"][12] == pytest.approx(np.arcsin(0.12 / 2.4))
+    assert states["z"][12] == pytest.approx(-0.06)
 
 
 def test_a_vehicle_that_stands_neither_slides_nor_turns():
@@ -164,19 +165,28 @@ def test_people_neither_hop_nor_spin():
     yaw = np.where(np.arange(60) < 40, 0.0, np.pi)
 
     states = walker_states(
-        track(x=0.1 * np.arange(60.0), y=hopping, yaw=yaw), 0.4, speed_m_s=1.0, tick_s=0.1
+        track(x=0.1 * np.arange(60.0), y=hopping, yaw=yaw),
+        0.4,
+        speed_m_s=1.0,
+        tick_s=0.1,
+        kerb=lambda places: np.where(places.real < 3.0, 0.15, 0.0),
     )
 
     steps = np.hypot(np.diff(states["x"]), np.diff(states["y"]))
     assert steps.max() <= 0.13 + 1e-9
     np.testing.assert_allclose(states["speed"][1:], steps / 0.1)
     assert np.abs(np.diff(states["yaw"])).max() <= np.pi * 0.1 + 1e-9
+    assert (states["z"][0], states["z"][-1]) == (pytest.approx(0.15), 0.0)
     assert states["y"][50] == pytest.approx(2.0, abs=0.05)
 
 
 def test_whoever_stands_keeps_looking_the_same_way():
     states = walker_states(
-        track(x=np.zeros(10), yaw=np.full(10, 1.0)), 0.4, speed_m_s=1.0, tick_s=0.1
+        track(x=np.zeros(10), yaw=np.full(10, 1.0)),
+        0.4,
+        speed_m_s=1.0,
+        tick_s=0.1,
+        kerb=lambda places: np.zeros(len(places)),
     )
 
     np.testing.assert_allclose(states["yaw"], 1.0)

@@ -1,10 +1,14 @@
 """From where SUMO has the front bumpers to where the bodies are."""
 
+from collections.abc import Callable
+from typing import TypeVar
+
 import numpy as np
 from numpy.typing import NDArray
 
 from advercity.traffic.trace import STATE
 
+Number = TypeVar("Number", np.float64, np.complex128)
 FRONT = np.dtype(
     [
         ("tick", "<i4"),
@@ -29,6 +33,8 @@ STRIDE = np.full(STRIDE_TICKS, 1 / STRIDE_TICKS)
 """SUMO's people start and stop at once; here it takes them this long."""
 TIGHTEST_TURN_M = 2.5
 """Vehicles that SUMO turns where they stand do so here as they move on, at this radius."""
+WHEELBASE_SHARE = 0.6
+"""Of a vehicle's length."""
 TURN_RATE_RAD_S = np.pi
 WALKING_M_S = 0.3
 """Slower than this a person keeps looking the same way."""
@@ -38,36 +44,54 @@ def vehicle_states(track: NDArray[np.void], length_m: float, *, tick_s: float) -
     """States of one vehicle from its fronts, both sorted by tick.
 
     SUMO's heading is that of the chord from the rear to the front bumper, both on the lane's
-    centre line, so the body hangs between them. The rear is as high as the front was when it
+    centre line, so the body hangs between them. An axle is as high as the front was when it
     passed there; before the first tick the lane is taken to go on at its slope.
     """
     fronts = _followed(track["x"] + 1j * track["y"], CATCH_UP * track["speed"] * tick_s)
     steps = np.abs(np.diff(fronts, prepend=fronts[0]))
     along = np.cumsum(steps)
     yaw = _turned(track["yaw"], track["yaw"][0], steps / TIGHTEST_TURN_M)
-    first_rear = track["z"][0] - length_m * np.sin(track["slope"][0])
-    rear = np.interp(
-        along - length_m,
-        np.concatenate([[-length_m], along]),
-        np.concatenate([[first_rear], track["z"]]),
+    behind = track["z"][0] - length_m * np.sin(track["slope"][0])
+    wheelbase = WHEELBASE_SHARE * length_m
+    front_axle, rear_axle = (
+        np.interp(
+            along - (length_m + side * wheelbase) / 2,
+            np.concatenate([[-length_m], along]),
+            np.concatenate([[behind], track["z"]]),
+        )
+        for side in (-1, 1)
     )
-    climb = np.arcsin(np.clip((track["z"] - rear) / length_m, -1, 1))
+    climb = np.arcsin(np.clip((front_axle - rear_axle) / wheelbase, -1, 1))
     return _states(
         track,
         fronts - length_m / 2 * np.cos(climb) * np.exp(1j * yaw),
-        z=(track["z"] + rear) / 2,
+        z=(front_axle + rear_axle) / 2,
         yaw=yaw,
         pitch=-climb,
     )
 
 
 def walker_states(
-    track: NDArray[np.void], length_m: float, *, speed_m_s: float, tick_s: float
+    track: NDArray[np.void],
+    length_m: float,
+    *,
+    speed_m_s: float,
+    tick_s: float,
+    kerb: Callable[[NDArray[np.complex128]], NDArray[np.float64]],
 ) -> NDArray[np.void]:
-    """States of one person, who stays upright, walks without hops and looks where they go."""
+    """States of one person, who stays upright, walks without hops and looks where they go.
+
+    Args:
+        track: Fronts of the person, sorted by tick.
+        length_m: Of the body.
+        speed_m_s: At which the person walks.
+        tick_s: Length of a tick.
+        kerb: How high above SUMO's lanes the ground is at places (n,), east + i north.
+    """
     middles = track["x"] + 1j * track["y"] - length_m / 2 * np.exp(1j * track["yaw"])
     path = _followed(middles, np.full(len(track), CATCH_UP * speed_m_s * tick_s))
-    path = np.convolve(np.pad(path, STRIDE_TICKS // 2, mode="edge"), STRIDE, mode="valid")
+    path = _strode(path)
+    z = _strode(track["z"] + kerb(path))
     steps = np.diff(path, prepend=path[0])
     speed = np.abs(steps) / tick_s
     speed[0] = track["speed"][0]
@@ -75,7 +99,7 @@ def walker_states(
     track["speed"], track["acceleration"] = speed, np.gradient(speed, tick_s)
     looked = np.where(speed > WALKING_M_S, np.angle(steps), np.nan)
     yaw = _turned(looked, track["yaw"][0], np.full(len(track), TURN_RATE_RAD_S * tick_s))
-    return _states(track, path, z=track["z"], yaw=yaw, pitch=np.zeros(len(track)))
+    return _states(track, path, z=z, yaw=yaw, pitch=np.zeros(len(track)))
 
 
 def _followed(
@@ -89,6 +113,11 @@ def _followed(
         here = target if abs(gap) <= most else here + gap / abs(gap) * most
         path.append(here)
     return np.array(path)
+
+
+def _strode(values: NDArray[Number]) -> NDArray[Number]:
+    """Values (n,), each the mean over a stride around it."""
+    return np.convolve(np.pad(values, STRIDE_TICKS // 2, mode="edge"), STRIDE, mode="valid")
 
 
 def _turned(

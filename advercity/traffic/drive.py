@@ -3,7 +3,7 @@
 The only module that talks to libsumo.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import reduce
 from operator import or_
 from pathlib import Path
@@ -11,7 +11,8 @@ from typing import cast
 
 import libsumo
 import numpy as np
-from advercity_dsl import RoadsideUnit, Spec, Vehicle
+import shapely
+from advercity_dsl import Road, RoadsideUnit, Spec, Vehicle
 from numpy.typing import NDArray
 
 from advercity.errors import RunError
@@ -20,7 +21,9 @@ from advercity.traffic.bumpers import FRONT, vehicle_states, walker_states
 from advercity.traffic.demand import Demand
 from advercity.traffic.lanes import LaneGraph
 from advercity.traffic.trace import Actor, Lamp, Signal, Trace
+from advercity.world.layout import layout
 from advercity.world.network import signal_groups
+from advercity.world.surface import KERB_HEIGHT_M
 
 LATERAL_RESOLUTION_M = 0.8
 _RIGHT_BLINKER, _LEFT_BLINKER, _BRAKES = 1, 2, 8
@@ -131,6 +134,7 @@ class _Drive:
             vehicle.setMaxSpeed(name, top)
 
     def _trace(self) -> Trace:
+        kerb = _kerb(self._spec.road)
         first, tick_s = self._spec.timing.warm_up_ticks + 1, self._spec.timing.tick_s
         lights = self._lights[first:]
         fronts = np.array(self._fronts, dtype=FRONT)
@@ -143,7 +147,9 @@ class _Drive:
         for number, track in zip(ids.tolist(), np.split(fronts, begins[1:]), strict=True):
             if number in walks:
                 actor, speed = walks[number].actor, walks[number].speed_m_s
-                kept = walker_states(track, actor.size[0], speed_m_s=speed, tick_s=tick_s)
+                kept = walker_states(
+                    track, actor.size[0], speed_m_s=speed, tick_s=tick_s, kerb=kerb
+                )
             else:
                 actor = rides[number].actor
                 kept = vehicle_states(track, actor.size[0], tick_s=tick_s)
@@ -153,6 +159,8 @@ class _Drive:
                 kept["actor"] = len(actors)
                 actors.append(actor)
                 states.append(kept)
+        if not states:
+            raise RunError("the ego arrives during the warm-up; shorten it or move the ego back")
         together = np.concatenate(states)
         return Trace(
             tick_s=tick_s,
@@ -166,6 +174,19 @@ class _Drive:
 
 def _is_ego(place: Vehicle | RoadsideUnit) -> bool:
     return isinstance(place, Vehicle) and place.role == "ego"
+
+
+def _kerb(road: Road) -> Callable[[NDArray[np.complex128]], NDArray[np.float64]]:
+    """Height of a sidewalk above the roadway for places on foot, 0 inside junctions.
+
+    SUMO's walking areas reach out onto the roadway, so where they are tells nothing.
+    """
+    outlines = [junction.outline[:, :2] for junction in layout(road).junctions.values()]
+    roadway = shapely.union_all([shapely.Polygon(outline) for outline in outlines])
+    shapely.prepare(roadway)
+    return lambda places: np.where(
+        shapely.contains_xy(roadway, places.real, places.imag), 0.0, KERB_HEIGHT_M
+    )
 
 
 def _heading(angle_deg: float) -> float:

@@ -47,4 +47,6 @@ def simulate(spec: Spec, network: Path) -> Trace:
 def _reason(done: subprocess.CompletedProcess[str]) -> str:
     if done.returncode < 0:
         return f"killed by signal {-done.returncode}"
-    return done.stderr.strip() or f"exit code {done.returncode}"
+    said = done.stderr.strip()
+    last = said.splitlines()[-1] if said.startswith("Traceback") else said
+    return last or f"exit code {done.returncode}"
