@@ -130,12 +130,19 @@ def test_things_stand_on_sloping_ground():
 @pytest.mark.parametrize("kind", [SurroundingKind.HOUSES, SurroundingKind.BUILDINGS])
 def test_buildings_stay_off_the_road_and_inside_their_area(kind: SurroundingKind):
     meshes = built(Surrounding(kind=kind, area_m=((-80, -40), (80, 40))))
-    feet = points(meshes)
+    feet = points(meshes, Semantic.BUILDING)
     feet = feet[feet[:, 2] < 0.3]
-    assert {mesh.semantic for mesh in meshes} == {Semantic.BUILDING}
     assert shapely.distance(PAVED, shapely.points(feet[:, :2])).min() > 0.5
     assert (np.abs(feet[:, :2]).max(axis=0) < (82, 42)).all()
     assert {"glass", "wood"} <= {mesh.material for mesh in meshes}
+
+
+def test_houses_have_gardens():
+    area = ((-80, 10), (80, 40))
+    meshes = built(Surrounding(kind=SurroundingKind.HOUSES, area_m=area))
+    green = points(meshes, Semantic.VEGETATION)
+    assert 4 < green[:, 2].max() < 8
+    assert shapely.distance(PAVED, shapely.points(green[green[:, 2] < 1, :2])).min() > 0.5
 
 
 def test_town_blocks_are_six_to_twenty_metres_high():

@@ -5,14 +5,17 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 from advercity_dsl.base import Point2
+from numpy.typing import ArrayLike
 
 from advercity.randomness import generator
 from advercity.semantics import Semantic
+from advercity.world import plants
 from advercity.world.shapes import Floats, Piece, Surface, box, joined, loft, moved, panels, tube
 from advercity.world.site import Site, rectangle
 
 FLOOR_M = 3.1
 ROAD_CLEARANCE_M = 1.5
+GARDEN_TREE_M = 5.5
 _WINDOW_M = (1.2, 1.5)
 _BAY_M = 2.9
 _TOWN_WALLS = ("plaster", "brick", "plaster_ochre", "plaster_white", "brick", "concrete")
@@ -28,12 +31,16 @@ class Lot:
     width_m: float
     depth_m: float
 
+    def at(self, x: ArrayLike, y: ArrayLike) -> Floats:
+        """(..., 2) points given along the lot's own axes; its front looks along -y."""
+        cosine, sine = np.cos(self.yaw), np.sin(self.yaw)
+        local = np.stack(np.broadcast_arrays(x, y), axis=-1)
+        return np.asarray(self.centre) + local @ np.array([[cosine, sine], [-sine, cosine]])
+
     def corners(self) -> Floats:
         """(4, 2) corners of the footprint."""
-        half = np.array([self.width_m, self.depth_m]) / 2
-        local = half * [(-1, -1), (1, -1), (1, 1), (-1, 1)]
-        cosine, sine = np.cos(self.yaw), np.sin(self.yaw)
-        return np.asarray(self.centre) + local @ np.array([[cosine, sine], [-sine, cosine]])
+        x, y = self.width_m / 2, self.depth_m / 2
+        return self.at([-x, x, x, -x], [-y, -y, y, y])
 
 
 def buildings(
@@ -54,13 +61,17 @@ def buildings(
 def houses(
     area: tuple[Point2, Point2], height_m: float | None, site: Site, key: str
 ) -> list[Piece]:
-    """Detached houses with pitched roofs and gardens between them, in rows along an area."""
+    """Detached houses with pitched roofs, hedges and a tree beside each, in rows along an area."""
     draw = generator("houses", key)
     pieces: list[Piece] = []
+    gardens: list[Floats] = []
     for lot in _lots(area, (8.5, 11.5), 8.5, 7.0, draw):
         eaves = 0.62 * height_m if height_m else draw.uniform(3.0, 5.6)
-        pieces += _placed(_house(lot, eaves, str(draw.choice(_HOUSE_WALLS))), lot, site)
-    return pieces
+        house = _placed(_house(lot, eaves, str(draw.choice(_HOUSE_WALLS))), lot, site)
+        if house:
+            pieces += [*house, *_hedges(lot, site)]
+            gardens.append(lot.at(lot.width_m / 2 + 2.5, lot.depth_m / 2 - 1.0))
+    return pieces + plants.trees(np.reshape(gardens, (-1, 2)), GARDEN_TREE_M, site, key)
 
 
 def _lots(
@@ -160,6 +171,22 @@ def _house(lot: Lot, eaves: float, wall: str) -> list[tuple[Surface, str]]:
         (joined(frames), "paint_white"),
         (tube([(x - 0.1, -y - 0.08, 0), (x - 0.1, -y - 0.08, eaves)], 0.05, sides=5), "metal"),
     ]
+
+
+def _hedges(lot: Lot, site: Site) -> list[Piece]:
+    """Clipped hedges along the front garden, with a gap before the door, where there is room."""
+    y = -lot.depth_m / 2 - 1.7
+    ends = [(-lot.width_m / 2 - 1.5, -1.3), (1.3, lot.width_m / 2 + 1.5)]
+    hedges: list[Piece] = []
+    for start, end in ends:
+        feet = lot.at([start, end], y)
+        if not site.is_free(feet, ROAD_CLEARANCE_M).all():
+            continue
+        base = float(site.ground_height(feet).min()) - 0.3
+        shape = box((start, y - 0.35, 0), (end, y + 0.35, 1.3))
+        hedge = moved(shape, (*lot.centre, base), yaw=lot.yaw)
+        hedges.append(Piece(hedge, "leaves", Semantic.VEGETATION))
+    return hedges
 
 
 def _gable(x: float, y: float, eaves: float, overhang: float) -> Surface:
