@@ -5,6 +5,7 @@ import numpy as np
 from advercity.randomness import generator
 from advercity.semantics import Semantic
 from advercity.world.bodies.people import Looks, Pose, Side, bent, figure
+from advercity.world.materials import PAINT
 from advercity.world.shapes import (
     Floats,
     Piece,
@@ -68,7 +69,7 @@ def bicycle(blueprint_id: str, size: Size) -> list[Piece]:
         seat + xyz(0.02, 0, 0.10), lean, height, grip, [p + xyz(0, 0, 0.06) for p in pedals]
     )
     return [
-        *_vehicle(frame, "paint"),
+        *_vehicle(frame, PAINT),
         *_vehicle(black, "black_plastic"),
         *_vehicle(metal, "metal"),
         *_vehicle(tyres, "rubber"),
@@ -115,7 +116,7 @@ def motorcycle(blueprint_id: str, size: Size) -> list[Piece]:
     lean = 0.04 if scooter or cruiser else 0.26
     rider = _rider(saddle + xyz(0, 0, 0.13), lean, height, grip, feet)
     return [
-        *_vehicle([*shell, *fenders], "paint"),
+        *_vehicle([*shell, *fenders], PAINT),
         *_vehicle([tube(bars, 0.02, sides=6), seat], "black_plastic"),
         *_vehicle([fork, *rims, *spokes, *_engine(rear, length, scooter)], "metal"),
         *_vehicle([_tyre(hub, radius, 0.065) for hub in (front, rear)], "rubber"),

@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from advercity.randomness import generator
 from advercity.semantics import Semantic
+from advercity.world.materials import PAINT
 from advercity.world.shapes import Floats, Piece, Surface, ellipsoid, loft, tube, xyz
 
 Point = tuple[float, float, float]
@@ -44,7 +45,7 @@ class Looks:
     half_breadth_m: float
     """Half the breadth of the shoulders, arms not counted."""
     half_depth_m: float
-    coat: str = "paint"
+    coat: str = PAINT
     trousers: str = "cloth_dark"
     hair: str = "black_plastic"
     helmet: str | None = None

@@ -5,6 +5,7 @@ from numpy.typing import ArrayLike
 
 from advercity.semantics import Semantic
 from advercity.world.bodies.wheels import wheels
+from advercity.world.materials import PAINT
 from advercity.world.shapes import Floats, Piece, Surface, both_sides, box, loft, plate, tube
 
 Size = tuple[float, float, float]
@@ -24,9 +25,9 @@ def _box_truck(size: Size) -> list[Piece]:
         (-length / 2 + 0.3, -width / 2 + 0.05, 1.25), (behind - 0.4, width / 2 - 0.05, 1.7)
     )
     return [
-        *_cab(front, behind, half, 0.94 * height, "paint"),
+        *_cab(front, behind, half, 0.94 * height, PAINT),
         *_vehicle("car_paint_white", cargo),
-        *_vehicle("paint", stripe),
+        *_vehicle(PAINT, stripe),
         *_chassis(length, half),
         *_mirrors(front - 0.12, half, width / 2, 0.66 * height),
         *_rear_lamps(-length / 2, half, 0.6),
