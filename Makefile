@@ -4,7 +4,7 @@
 # make lock   renew requirements.lock
 
 SCENARIO := ui_fog_day_sparse
-FRAMES := 5
+FRAMES := 30
 OUTPUT := output/demo
 
 ADVERCITY := .venv/bin/advercity
