@@ -1,5 +1,6 @@
 """Lanes of a road as annotations and maps need them."""
 
+from collections import Counter
 from collections.abc import Iterator
 
 import numpy as np
@@ -21,8 +22,9 @@ KINDS = {
 def lanes(layout: Layout) -> tuple[Lane, ...]:
     """Every lane of a road, then the ways and crossings of its junctions.
 
-    Driving lanes are `<street>+.<number>` or `<street>-.<number>`, other strips have their kind in
-    place of the number; ways are `<junction>: <movement>`, crossings `<junction>/<street>`.
+    Driving lanes are `<street>+.<number>` or `<street>-.<number>`, other strips have their kind
+    before the number (`<street>+.sidewalk1`); all count from the axis. Ways are
+    `<junction>: <movement>`, crossings `<junction>/<street>`.
     """
     found = [lane for street in layout.streets.values() for lane in _of_street(street)]
     for junction in layout.junctions.values():
@@ -36,11 +38,14 @@ def lanes(layout: Layout) -> tuple[Lane, ...]:
 
 def _of_street(street: StreetLayout) -> Iterator[Lane]:
     for along in (True, False):
+        seen: Counter[str] = Counter()
         for band in street.side(along=along):
             if band.kind in KINDS:
                 kind = KINDS[band.kind]
+                seen[kind] += 1
+                name = band.number if band.number else f"{kind}{seen[kind]}"
                 yield Lane(
-                    id=f"{edge_id(street.id, along=along)}.{band.number or kind}",
+                    id=f"{edge_id(street.id, along=along)}.{name}",
                     kind=kind,
                     left=street.travelled(band.inner_t, along=along),
                     right=street.travelled(band.outer_t, along=along),
