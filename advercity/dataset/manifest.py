@@ -36,10 +36,10 @@ class Identity(Model):
         )
 
     def differences(self, other: "Identity") -> list[str]:
-        """What is not the same in `other`, as `name: value here, value there`."""
+        """What is not the same in `other`, as `name: value here, value there`, both shortened."""
         mine, others = self._flat(), other._flat()
         return [
-            f"{key}: {mine.get(key)}, {others.get(key)}"
+            f"{key}: {mine.get(key)!s:.20}, {others.get(key)!s:.20}"
             for key in sorted(mine | others)
             if mine.get(key) != others.get(key)
         ]

@@ -61,12 +61,12 @@ class DatasetWriter:
         self._fresh = fresh
         self._redo = frozenset(redo)
         self._files: dict[str, FileRecord] = {}
+        self._done: set[int] = set()
 
     @property
     def done(self) -> frozenset[int]:
         """Frames that need not be written."""
-        frames = {record.frame for record in self._files.values()}
-        return frozenset(frame for frame in frames if frame is not None)
+        return frozenset(self._done)
 
     def __enter__(self) -> Self:
         with _failures_named(self.scenario):
@@ -106,6 +106,7 @@ class DatasetWriter:
             records = {path: FileRecord.of(content, frame=frame) for path, content in files.items()}
             append_to_journal(self.scenario, records)
             self._files |= records
+            self._done.add(frame)
 
     def finish(self) -> None:
         """Bring the manifest up to date and clear up; after an error it happens by itself."""
@@ -120,6 +121,7 @@ class DatasetWriter:
         if self._fresh:
             self._clear()
         self._files = self._recall()
+        self._done = {file.frame for file in self._files.values() if file.frame is not None}
         self._sweep()
         content = protocol(self._spec)
         self._files[PROTOCOL] = FileRecord.of(content)
@@ -176,7 +178,7 @@ class DatasetWriter:
 
     def _sweep(self) -> None:
         """Remove what is left of frames that are not done."""
-        absent = {frame_name(self._spec, k) for k in set(range(self._length)) - self.done}
+        absent = {frame_name(self._spec, k) for k in set(range(self._length)) - self._done}
         for path in self.scenario.glob("*/[0-9]*"):
             if path.name[:6] in absent and path.is_file():
                 path.unlink()

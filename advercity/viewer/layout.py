@@ -5,10 +5,15 @@ from collections.abc import Sequence
 import rerun.blueprint as rrb
 from advercity_dsl import Agent
 
+from advercity import poses
+from advercity.poses import Matrix
+
 TIMELINE = "frame"
 ACTORS_SEEN = "world/actors/seen"
 ACTORS_UNSEEN = "world/actors/unseen"
 ROAD = "world/road"
+FRAMES_PER_S = 10
+EYE_BEHIND_M, EYE_ABOVE_M, EYE_AHEAD_M = 24.0, 14.0, 10.0
 
 
 def agent_path(agent: Agent) -> str:
@@ -36,17 +41,33 @@ def plot_path(quantity: str, agent: Agent) -> str:
     return f"plots/{quantity}/{agent.id}"
 
 
-def blueprint(agents: Sequence[Agent]) -> rrb.Blueprint:
-    """The scene on the left; on the right all front cameras, a tab per viewpoint, curves."""
+def blueprint(agents: Sequence[Agent], world_from_first: Matrix) -> rrb.Blueprint:
+    """The scene on the left; on the right all front cameras, a tab per viewpoint, curves.
+
+    Args:
+        agents: All viewpoints.
+        world_from_first: (4, 4) pose of the first of them, which the scene is seen from.
+    """
     front = rrb.Grid(
         *(_camera(camera_path(agent, 0), agent.id) for agent in agents), name="front cameras"
     )
     tabs = rrb.Tabs(front, *(_viewpoint(agent) for agent in agents), _plots(), active_tab=0)
-    scene = rrb.Spatial3DView(origin="/world", name="scene")
+    eye = _behind(agents[0], world_from_first)
+    scene = rrb.Spatial3DView(origin="/world", name="scene", eye_controls=eye)
     return rrb.Blueprint(
         rrb.Horizontal(scene, tabs, column_shares=[1, 1]),
-        rrb.TimePanel(timeline=TIMELINE, state="collapsed"),
+        rrb.TimePanel(timeline=TIMELINE, state="collapsed", fps=FRAMES_PER_S),
         collapse_panels=True,
+    )
+
+
+def _behind(agent: Agent, world_from_agent: Matrix) -> rrb.EyeControls3D:
+    """The eye starts behind and above a viewpoint, and follows it."""
+    level = poses.pose(world_from_agent[:3, 3], yaw=poses.angles(world_from_agent)[0])
+    return rrb.EyeControls3D(
+        position=poses.transform(level, (-EYE_BEHIND_M, 0, EYE_ABOVE_M)),
+        look_target=poses.transform(level, (EYE_AHEAD_M, 0, 0)),
+        tracking_entity=f"/{agent_path(agent)}",
     )
 
 

@@ -72,9 +72,8 @@ class Recording:
         self._servers = (server_on(port),) if serve else ()
         self._stream = rr.RecordingStream(APPLICATION, recording_id=spec.id, send_properties=False)
         self._stream.set_log_time_enabled(False)
-        self._stream.set_sinks(
-            *files, *viewers, *self._servers, default_blueprint=layout.blueprint(spec.agents)
-        )
+        self._stream.set_sinks(*files, *viewers, *self._servers)
+        self._is_laid_out = False
         self._stream.send_recording_name(spec.id)
         self._log_stage(spec, lanes)
 
@@ -101,6 +100,8 @@ class Recording:
 
     def log(self, readings: Sequence[Reading]) -> None:
         """Show one frame: the readings of all its viewpoints."""
+        if not self._is_laid_out:
+            self._lay_out(readings)
         frame = readings[0].frame
         self._stream.set_time(layout.TIMELINE, sequence=frame.index)
         self._stream.set_time("time", duration=frame.time_s)
@@ -111,6 +112,12 @@ class Recording:
         for reading in readings:
             self._log_viewpoint(reading)
             self._log_motion(reading)
+
+    def _lay_out(self, readings: Sequence[Reading]) -> None:
+        """Only the first frame tells where to look."""
+        agents = [reading.agent for reading in readings]
+        self._stream.send_blueprint(layout.blueprint(agents, readings[0].world_from_agent))
+        self._is_laid_out = True
 
     def _log_stage(self, spec: Spec, lanes: Sequence[Lane]) -> None:
         self._stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
