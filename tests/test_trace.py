@@ -4,17 +4,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from advercity_dsl.weather import Lamps
+
 from advercity.errors import RunError
 from advercity.traffic import Actor, Lamp, Signal, Trace, lit, planned
 from advercity.traffic.trace import STATE
-from advercity_dsl.weather import Lamps
 
 CAR = Actor(101, "car", "sedan", "car_paint_blue", (4.5, 1.8, 1.5))
 WALKER = Actor(5001, "pedestrian", "adult", "cloth_dark", (0.4, 0.4, 1.8))
 BICYCLE = Actor(1001, "bicycle", "roadster", "car_paint_red", (1.8, 0.6, 1.7))
 
 
-def row(tick: int, actor: int, x: float, speed: float = 10.0, lamps: Lamp = Lamp(0)):
+def row(tick: int, actor: int, x: float, speed: float = 10.0, lamps: int = 0):
     return (tick, actor, x, 2.0, 0.5, np.pi / 2, 0.1, speed, 0.0, lamps)
 
 

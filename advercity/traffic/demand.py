@@ -18,6 +18,7 @@ from advercity.world.bodies.paint import CONNECTED_PAINT
 from advercity.world.network import street_of
 
 FIRST_VEHICLE = 1001
+ENTRY_SPEED_M_S = 4.0
 FASTEST_BACKGROUND_M_S = 33.0
 STARTING_SHARE = 0.55
 """Share of the vehicles that start on the site, the others come in. The original drew their places
@@ -41,6 +42,7 @@ class Ride:
         lane: Index of the lane it starts in.
         front_m: Where its front bumper starts on the first edge; None enters from its beginning.
         depart_s: When it appears.
+        start_speed_m_s: How fast it drives then.
         speed_factor: Wanted speed as a multiple of the limit; None ignores the limit.
         top_speed_m_s: It never goes faster.
     """
@@ -50,6 +52,7 @@ class Ride:
     lane: int
     front_m: float | None
     depart_s: float
+    start_speed_m_s: float
     speed_factor: float | None
     top_speed_m_s: float
 
@@ -108,6 +111,7 @@ def _connected(
         lane=lane.index,
         front_m=min(middle + blueprint.length_m / 2, lane.length_m),
         depart_s=0.0,
+        start_speed_m_s=0.0,
         speed_factor=None,
         top_speed_m_s=(place.max_speed_km_h - CRUISE_BELOW_MAX_KM_H) / 3.6,
     )
@@ -147,13 +151,15 @@ def _ride(spec: Spec, graph: LaneGraph, actor: Actor, pose: tuple[Lane, float] |
     spread = int(draw.integers(-SPEED_SPREAD_PERCENT, SPEED_SPREAD_PERCENT, endpoint=True))
     entry_s = round(float(draw.uniform(0, ENTRY_WINDOW_S)), 1)
     slow = float(draw.uniform(*BICYCLE_SPEED_M_S))
+    factor = 1 - (spec.demand.speed_offset_percent + spread) / 100
     return Ride(
         actor=actor,
         edges=_through(graph, lane, draw),
         lane=lane.index,
         front_m=pose[1] + actor.size[0] / 2 if pose else None,
         depart_s=0.0 if pose else entry_s,
-        speed_factor=1 - (spec.demand.speed_offset_percent + spread) / 100,
+        start_speed_m_s=0.0 if pose else min(ENTRY_SPEED_M_S, factor * lane.speed_limit_m_s / 2),
+        speed_factor=factor,
         top_speed_m_s=slow if actor.actor_class == "bicycle" else FASTEST_BACKGROUND_M_S,
     )
 

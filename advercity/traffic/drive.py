@@ -26,7 +26,10 @@ from advercity.world.network import signal_groups
 from advercity.world.surface import KERB_HEIGHT_M
 
 LATERAL_RESOLUTION_M = 0.8
-_RIGHT_BLINKER, _LEFT_BLINKER, _BRAKES = 1, 2, 8
+_RIGHT_BLINKER, _LEFT_BLINKER = 1, 2
+COASTING_M_S2 = 0.3
+"""Slowing down more than this takes the brakes."""
+STANDING_M_S = 0.1
 
 
 def drive(spec: Spec, demand: Demand, graph: LaneGraph, network: Path, routes: Path) -> Trace:
@@ -117,7 +120,7 @@ class _Drive:
                 np.radians(vehicle.getSlope(name)),
                 vehicle.getSpeed(name),
                 vehicle.getAcceleration(name),
-                _lamps(vehicle.getSignals(name), self._rides[name].actor),
+                _lamps(name, self._rides[name].actor),
             )
 
     def _people(self, tick: int) -> Iterator[tuple[float, ...]]:
@@ -194,12 +197,22 @@ def _heading(angle_deg: float) -> float:
     return float(np.pi / 2 - np.radians(angle_deg))
 
 
-def _lamps(signals: int, actor: Actor) -> Lamp:
-    """Lamps that the driver's doing lights; bicycles have none of them."""
+def _lamps(name: str, actor: Actor) -> Lamp:
+    """Lamps that the driver's doing lights: brake lamps also where a vehicle is held standing.
+
+    Bicycles have none of them.
+    """
     if actor.actor_class == "bicycle":
         return Lamp(0)
-    shown = {_BRAKES: Lamp.BRAKE, _LEFT_BLINKER: Lamp.LEFT, _RIGHT_BLINKER: Lamp.RIGHT}
-    return reduce(or_, (lamp for bit, lamp in shown.items() if signals & bit), Lamp(0))
+    vehicle = libsumo.vehicle
+    acceleration, signals = vehicle.getAcceleration(name), vehicle.getSignals(name)
+    held = vehicle.getSpeed(name) < STANDING_M_S and acceleration <= 0
+    lit = {
+        Lamp.BRAKE: held or acceleration < -COASTING_M_S2,
+        Lamp.LEFT: signals & _LEFT_BLINKER,
+        Lamp.RIGHT: signals & _RIGHT_BLINKER,
+    }
+    return reduce(or_, (lamp for lamp, on in lit.items() if on), Lamp(0))
 
 
 def _shown(links: Iterable[tuple[str, int]]) -> Signal:

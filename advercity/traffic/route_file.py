@@ -43,7 +43,6 @@ DRIVING: Mapping[ActorClass, Driving] = {
 CONNECTED = Driving("passenger", 2.5, 3.0, gap_m=3.0)
 EMERGENCY_EXTRA_M_S2 = 4.0
 """How much harder one brakes in an emergency."""
-ENTRY_SPEED_M_S = 4.0
 LATERAL_SHARE = 0.2
 """Most of its speed that a vehicle moves sideways."""
 LIMIT_IGNORED = 10.0
@@ -99,7 +98,6 @@ def _type(root: Element, ride: Ride, driving: Driving) -> None:
 
 
 def _vehicle(root: Element, ride: Ride) -> None:
-    start = ("base", ENTRY_SPEED_M_S) if ride.front_m is None else (ride.front_m, 0)
     vehicle = _add(
         root,
         "vehicle",
@@ -107,8 +105,8 @@ def _vehicle(root: Element, ride: Ride) -> None:
         type=ride.actor.id,
         depart=ride.depart_s,
         departLane=ride.lane,
-        departPos=start[0],
-        departSpeed=start[1],
+        departPos="base" if ride.front_m is None else ride.front_m,
+        departSpeed=ride.start_speed_m_s,
     )
     _add(vehicle, "route", edges=" ".join(ride.edges))
 

@@ -1,0 +1,319 @@
+"""Traffic on the shipped roads: it starts where it should, moves as it can, and ends."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from advercity_dsl import Spec, Vehicle
+from numpy.typing import NDArray
+
+from advercity.errors import InputError, RunError
+from advercity.poses import angles
+from advercity.traffic import Actor, Frame, Lamp, Signal, Trace, simulate
+from advercity.traffic.lanes import read_lanes
+from advercity.world.network import build_network
+
+pytestmark = pytest.mark.sumo
+ROADS = ("ui", "unj", "ri", "rsnj", "rcnj")
+EGO = 101
+Simulated = Callable[[str], Trace]
+
+
+@pytest.fixture(scope="module")
+def networks(specs: dict[str, Spec], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("networks")
+    return {road: build_network(specs[f"{road}_clear_day_sparse"].road, folder) for road in ROADS}
+
+
+@pytest.fixture(scope="module")
+def simulated(specs: dict[str, Spec], networks: dict[str, Path]) -> Simulated:
+    """Trace of a road and density under a clear sky."""
+    traces: dict[str, Trace] = {}
+
+    def trace(name: str) -> Trace:
+        if name not in traces:
+            road, density = name.split("_")
+            traces[name] = simulate(specs[f"{road}_clear_day_{density}"], networks[road])
+        return traces[name]
+
+    return trace
+
+
+def with_timing(spec: Spec, **timing: int) -> Spec:
+    return spec.model_copy(update={"timing": spec.timing.model_copy(update=timing)})
+
+
+def with_demand(spec: Spec, **demand: float) -> Spec:
+    return spec.model_copy(update={"demand": spec.demand.model_copy(update=demand)})
+
+
+def ego_of(spec: Spec) -> Vehicle:
+    (ego,) = (
+        agent.place
+        for agent in spec.agents
+        if isinstance(agent.place, Vehicle) and agent.place.role == "ego"
+    )
+    return ego
+
+
+def track(trace: Trace, actor: Actor) -> NDArray[np.void]:
+    return trace.states[trace.states["actor"] == trace.actors.index(actor)]
+
+
+def actor(trace: Trace, number: int) -> Actor:
+    return next(actor for actor in trace.actors if actor.id == number)
+
+
+def vehicles(trace: Trace) -> list[Actor]:
+    return [actor for actor in trace.actors if actor.actor_class != "pedestrian"]
+
+
+def boxes(frame: Frame) -> list[shapely.Polygon]:
+    found: list[shapely.Polygon] = []
+    for state in frame.states:
+        length, width, _ = state.actor.size
+        corners = np.array([[1, 1, 0, 2], [1, -1, 0, 2], [-1, -1, 0, 2], [-1, 1, 0, 2]]) / 2
+        world = corners * [length, width, 1, 1] @ state.world_from_body.T
+        found.append(shapely.Polygon(world[:, :2]))
+    return found
+
+
+@pytest.mark.parametrize("road", ROADS)
+def test_connected_vehicles_start_at_rest_where_they_were_put(
+    road: str, specs: dict[str, Spec], networks: dict[str, Path]
+):
+    spec = with_timing(specs[f"{road}_clear_day_sparse"], warm_up_ticks=0, max_ticks=1)
+
+    frame = simulate(spec, networks[road]).frame(0)
+
+    graph = read_lanes(networks[road])
+    for agent in spec.agents:
+        if isinstance(agent.place, Vehicle):
+            lane, position = graph.lane_at(agent.place.spawn_m, np.radians(agent.place.heading_deg))
+            pose = frame.of(agent.number).world_from_body
+            turned = angles(pose)[0] - lane.heading_rad(position)
+            assert np.linalg.norm(pose[:2, 3] - lane.at(position)[:2]) < 0.3
+            assert abs(np.angle(np.exp(1j * turned), deg=True)) < 2.0
+            assert frame.of(agent.number).speed_m_s < 0.3
+
+
+@pytest.mark.parametrize("road", ROADS)
+def test_the_scenario_ends_as_the_ego_comes_near_its_destination(
+    road: str, specs: dict[str, Spec], simulated: Simulated
+):
+    spec, trace = specs[f"{road}_clear_day_sparse"], simulated(f"{road}_sparse")
+
+    last = track(trace, actor(trace, EGO))[-1]
+    gap = np.abs(np.array([last["x"], last["y"]]) - ego_of(spec).destination_m).max()
+
+    assert 50 < len(trace) < spec.timing.max_ticks - spec.timing.warm_up_ticks
+    assert last["tick"] == len(trace) - 1
+    assert 10.0 < gap < 10.0 + 1.5 * last["speed"] * trace.tick_s
+    assert trace.frame(0).time_s == pytest.approx(6.0)
+
+
+@pytest.mark.parametrize("road", ROADS)
+def test_nobody_jumps_spins_or_drives_as_no_vehicle_can(
+    road: str, specs: dict[str, Spec], simulated: Simulated
+):
+    spec, trace = specs[f"{road}_clear_day_sparse"], simulated(f"{road}_sparse")
+    fastest = max(street.speed_limit_km_h for street in spec.road.streets.values()) / 3.6 * 1.4
+
+    for one in trace.actors:
+        rows = track(trace, one)
+        assert (np.diff(rows["tick"]) == 1).all(), one
+        steps = np.hypot(np.diff(rows["x"]), np.diff(rows["y"]))
+        turns = np.abs((np.diff(rows["yaw"]) + np.pi) % (2 * np.pi) - np.pi)
+        assert (steps <= 1.3 * rows["speed"][1:] * trace.tick_s + 0.12).all(), one
+        assert turns.max(initial=0) < np.radians(18.1), one
+        if one.actor_class != "pedestrian":
+            assert rows["speed"].max() <= fastest + 1e-6, one
+            assert rows["acceleration"].min() >= -7.1 and rows["acceleration"].max() <= 2.9, one
+
+
+@pytest.mark.parametrize("road", ROADS)
+def test_connected_vehicles_keep_to_their_cruising_speed(
+    road: str, specs: dict[str, Spec], simulated: Simulated
+):
+    trace = simulated(f"{road}_sparse")
+
+    for agent in specs[f"{road}_clear_day_sparse"].agents:
+        if isinstance(agent.place, Vehicle):
+            speeds = track(trace, actor(trace, agent.number))["speed"]
+            assert speeds.max() <= (agent.place.max_speed_km_h - 1) / 3.6 + 1e-3
+
+
+@pytest.mark.parametrize("name", [*(f"{road}_sparse" for road in ROADS), "ui_dense"])
+def test_boxes_of_vehicles_never_overlap(name: str, simulated: Simulated):
+    trace = simulated(name)
+
+    for index in range(0, len(trace), 20):
+        frame = trace.frame(index)
+        solid = [
+            box
+            for box, state in zip(boxes(frame), frame.states, strict=True)
+            if state.actor.actor_class != "pedestrian"
+        ]
+        for first, second in shapely.STRtree(solid).query(solid, predicate="overlaps").T:
+            overlap = solid[first].intersection(solid[second]).area
+            assert overlap < 0.02, (index, first, second)
+
+
+@pytest.mark.parametrize("road", ROADS)
+def test_vehicles_stand_on_their_lane(road: str, networks: dict[str, Path], simulated: Simulated):
+    trace, graph = simulated(f"{road}_sparse"), read_lanes(networks[road])
+    lanes = [lane for lane in graph.lanes.values() if lane.permits("passenger")]
+
+    for state in trace.frame(0).states:
+        if state.actor.actor_class != "pedestrian":
+            x, y, z = state.world_from_body[:3, 3].tolist()
+            lane = min(lanes, key=lambda lane: lane.nearest((x, y))[1])
+            assert z == pytest.approx(lane.at(lane.nearest((x, y))[0])[2], abs=0.1)
+
+
+def test_the_same_spec_gives_the_same_bytes_under_any_weather(
+    specs: dict[str, Spec], networks: dict[str, Path], simulated: Simulated, tmp_path: Path
+):
+    simulated("rcnj_sparse").save(tmp_path / "clear.npz")
+    simulate(specs["rcnj_fog_night_sparse"], networks["rcnj"]).save(tmp_path / "fog.npz")
+
+    assert (tmp_path / "clear.npz").read_bytes() == (tmp_path / "fog.npz").read_bytes()
+
+
+def test_another_seed_gives_other_traffic(specs: dict[str, Spec], networks: dict[str, Path]):
+    spec = with_timing(specs["ri_clear_day_dense"], max_ticks=70)
+    other = spec.model_copy(update={"seeds": spec.seeds.model_copy(update={"traffic": 7})})
+
+    first, second = (simulate(each, networks["ri"]) for each in (spec, other))
+
+    assert first.actors != second.actors
+
+
+def test_almost_everybody_who_is_asked_for_takes_part(specs: dict[str, Spec], simulated: Simulated):
+    for density in ("sparse", "dense"):
+        trace, demand = simulated(f"ui_{density}"), specs[f"ui_clear_day_{density}"].demand
+        numbers = [one.id for one in trace.actors]
+
+        assert numbers[:3] == [101, 102, 103]
+        background = sum(1000 < number < 5000 for number in numbers)
+        assert 0.85 * demand.vehicles <= background <= demand.vehicles
+        assert sum(number > 5000 for number in numbers) == demand.walkers
+
+
+def test_vehicles_are_drawn_from_the_catalogue_that_fits_the_place(
+    specs: dict[str, Spec], simulated: Simulated
+):
+    urban, rural = simulated("ui_dense"), simulated("ri_sparse")
+    blueprints = specs["ui_clear_day_dense"].blueprints
+
+    assert {one.actor_class for one in vehicles(urban)} == {
+        "car",
+        "van",
+        "truck",
+        "bicycle",
+        "motorcycle",
+    }
+    assert all(blueprints[one.blueprint].land_use != "urban" for one in vehicles(rural))
+
+
+def test_the_ego_waits_at_red_and_turns_left_on_green(simulated: Simulated):
+    trace = simulated("ui_sparse")
+    rows = track(trace, actor(trace, EGO))
+    stop_line_y = -118.3
+    crosses = int(np.argmax(rows["y"] < stop_line_y))
+
+    assert rows["speed"][:crosses].min() < 1.0
+    assert trace.frame(0).signals["j_main/north_road"] is Signal.RED
+    assert trace.frame(crosses).signals["j_main/north_road"] is Signal.GREEN
+    assert trace.frame(crosses).of(EGO).lamps & Lamp.LEFT
+    assert not trace.frame(len(trace) - 1).of(EGO).lamps & Lamp.LEFT
+    assert np.degrees(rows["yaw"][-1] - rows["yaw"][0]) % 360 == pytest.approx(90, abs=5)
+
+
+def test_one_approach_at_a_time_has_green(simulated: Simulated):
+    trace = simulated("ui_sparse")
+    main = [number for number, name in enumerate(trace.signal_ids) if name.startswith("j_main/")]
+
+    assert len(main) == 4
+    assert ((trace.signals[:, main] != Signal.RED).sum(axis=1) <= 1).all()
+
+
+def test_brake_lamps_are_lit_standing_and_braking_and_out_when_speeding_up(simulated: Simulated):
+    trace = simulated("ui_dense")
+    motor = [
+        number
+        for number, one in enumerate(trace.actors)
+        if one.actor_class in ("car", "van", "truck", "motorcycle")
+    ]
+    rows = trace.states[np.isin(trace.states["actor"], motor)]
+    braking = rows["lamps"] & Lamp.BRAKE > 0
+
+    assert braking[rows["acceleration"] < -1.0].all()
+    assert not braking[rows["acceleration"] > 0.5].any()
+    assert braking[rows["speed"] == 0].all()
+    assert (rows["lamps"] & ~(Lamp.BRAKE | Lamp.LEFT | Lamp.RIGHT) == 0).all()
+
+
+def test_the_ego_changes_lane_before_its_lane_turns_off(
+    simulated: Simulated, networks: dict[str, Path], specs: dict[str, Spec]
+):
+    trace, graph = simulated("unj_sparse"), read_lanes(networks["unj"])
+    rows = track(trace, actor(trace, EGO))
+    ego = ego_of(specs["unj_clear_day_sparse"])
+    started, _ = graph.lane_at(ego.spawn_m, np.radians(ego.heading_deg))
+    before = rows[rows["x"] > 96.0][-1]
+    later, _ = graph.lane_at((before["x"], before["y"]), before["yaw"])
+
+    assert later.index == started.index + 1
+
+
+def test_whoever_may_not_cross_stays_off_the_road(
+    specs: dict[str, Spec], networks: dict[str, Path]
+):
+    spec = with_demand(specs["ri_clear_day_dense"], crossing_share=0.0, vehicles=0)
+
+    trace = simulate(spec, networks["ri"])
+
+    roadway = shapely.union_all(
+        [
+            shapely.LineString(lane.shape[:, :2]).buffer(1.5, cap_style="flat")
+            for lane in read_lanes(networks["ri"]).lanes.values()
+            if lane.permits("passenger")
+        ]
+    )
+    walkers = [number for number, one in enumerate(trace.actors) if one.id > 5000]
+    rows = trace.states[np.isin(trace.states["actor"], walkers)]
+    assert len(walkers) == spec.demand.walkers
+    assert not shapely.contains_xy(roadway, rows["x"], rows["y"]).any()
+    assert 0.8 < rows["speed"].mean() < 2.0
+
+
+def test_nobody_walks_where_there_are_no_sidewalks(
+    specs: dict[str, Spec], networks: dict[str, Path]
+):
+    spec = with_timing(with_demand(specs["rsnj_clear_day_sparse"], walkers=10), max_ticks=70)
+
+    assert all(one.id < 5000 for one in simulate(spec, networks["rsnj"]).actors)
+
+
+def test_a_route_that_no_movement_allows_is_bad_input(
+    specs: dict[str, Spec], networks: dict[str, Path]
+):
+    spec = specs["ui_clear_day_sparse"]
+    ego = spec.agents[0]
+    stray = ego.place.model_copy(update={"route": ("north_road", "far_west_road")})
+    agents = (ego.model_copy(update={"place": stray}), *spec.agents[1:])
+
+    with pytest.raises(InputError, match="no movement leads from 'north_road' into"):
+        simulate(spec.model_copy(update={"agents": agents}), networks["ui"])
+
+
+def test_what_sumo_cannot_read_is_an_error_that_says_so(specs: dict[str, Spec], tmp_path: Path):
+    (tmp_path / "net.xml").write_text("<net></net>")
+
+    with pytest.raises(InputError, match="no driving lane at"):
+        simulate(specs["ui_clear_day_sparse"], tmp_path / "net.xml")
+    with pytest.raises(RunError, match="not a SUMO network"):
+        simulate(specs["ui_clear_day_sparse"], tmp_path / "missing.xml")
