@@ -1,7 +1,5 @@
 """Meshes of the world as SAPIEN's render shapes, shared wherever they can be."""
 
-from collections.abc import Iterator
-
 import numpy as np
 import sapien
 from numpy.typing import NDArray
@@ -14,7 +12,7 @@ from advercity.world.scene import Mesh
 PAINT = "paint"
 """Material of parts that take the actor's own."""
 OPEN = frozenset({Semantic.VEGETATION})
-"""Classes whose surfaces are seen from both sides."""
+"""Classes whose surfaces have two sides; SAPIEN draws only one."""
 LENSES = {
     "lamp_white": 1,
     "lamp_red": 2,
@@ -36,27 +34,24 @@ class ShapeLibrary:
         self._shapes: dict[tuple[int, str], sapien.render.RenderShape] = {}
         self._kept: list[Mesh] = []
 
-    def shapes_per_mesh(self, mesh: Mesh) -> int:
-        """How many shapes `of_mesh` makes: open surfaces take two, back to back."""
-        return 2 if mesh.semantic in OPEN else 1
-
-    def of_mesh(self, mesh: Mesh, paint: str = "") -> Iterator[sapien.render.RenderShape]:
-        """New shapes of a mesh, whose painted parts are of the material `paint`."""
+    def of_mesh(self, mesh: Mesh, paint: str = "") -> sapien.render.RenderShape:
+        """A new shape of a mesh, of the material `paint` if it is a painted part."""
         material = paint if mesh.material == PAINT else mesh.material
         key = id(mesh), material
         if key not in self._shapes:
             self._shapes[key] = self._build(mesh, material)
             self._kept.append(mesh)
-        for face in ("counterclockwise", "clockwise")[: self.shapes_per_mesh(mesh)]:
-            shape = self._shapes[key].clone()
-            shape.front_face = face
-            yield shape
+        return self._shapes[key].clone()
 
     def _build(self, mesh: Mesh, material: str) -> sapien.render.RenderShapeTriangleMesh:
         vertices, triangles, normals = _shaded(mesh)
+        if mesh.semantic in OPEN:
+            triangles = np.concatenate([triangles, triangles[:, ::-1] + len(vertices)])
+            vertices = np.concatenate([vertices, vertices])
+            normals = np.concatenate([normals, -normals])
         return sapien.render.RenderShapeTriangleMesh(
             vertices=vertices,
-            triangles=triangles,
+            triangles=triangles.astype(np.uint32),
             normals=normals,
             uvs=np.zeros((len(vertices), 2), dtype=np.float32),
             material=self._material(material),
@@ -99,16 +94,16 @@ def signal_lens(signal: Signal) -> tuple[float, float, float]:
 
 def _shaded(
     mesh: Mesh,
-) -> tuple[NDArray[np.float32], NDArray[np.uint32], NDArray[np.float32]]:
+) -> tuple[NDArray[np.float32], NDArray[np.integer], NDArray[np.float32]]:
     """Vertices, triangles and normals; flat faces get three vertices of their own."""
     if mesh.normals is not None:
-        return mesh.vertices, mesh.triangles.astype(np.uint32), mesh.normals
+        return mesh.vertices, mesh.triangles, mesh.normals
     corners = mesh.vertices[mesh.triangles]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-20)
     count = len(mesh.triangles) * 3
     return (
         corners.reshape(count, 3).astype(np.float32),
-        np.arange(count, dtype=np.uint32).reshape(-1, 3),
+        np.arange(count).reshape(-1, 3),
         np.repeat(normal, 3, axis=0).astype(np.float32),
     )

@@ -92,18 +92,15 @@ class Stage:
     def _add(self, meshes: Iterable[Mesh], paint: str = "") -> Body:
         body = Body()
         for mesh in meshes:
-            for shape in self._shapes.of_mesh(mesh, paint):
-                body.attach(shape)
+            body.attach(self._shapes.of_mesh(mesh, paint))
         entity = sapien.Entity()
         entity.add_component(body)
         self._scene.add_entity(entity)
         return body
 
     def _identify(self, body: Body, meshes: Iterable[Mesh], actor_id: int) -> None:
-        shapes = iter(body.render_shapes)
-        for mesh in meshes:
-            for _ in range(self._shapes.shapes_per_mesh(mesh)):
-                self.identities.learn(next(shapes).per_scene_id, mesh.semantic, actor_id)
+        for shape, mesh in zip(body.render_shapes, meshes, strict=True):
+            self.identities.learn(shape.per_scene_id, mesh.semantic, actor_id)
 
 
 class Identities:

@@ -67,7 +67,7 @@ float phase(float cosine) {
   return mix(hg, draine, W) / (4.0 * PI);
 }
 
-// Light of one lamp scattered once into a ray. Steps are equal in the square root of the angle at
+// Light of one lamp scattered once into a ray. Steps are equal in the cube root of the angle at
 // the lamp (equiangular, Kulla and Fajardo 2012), so that they are close where the phase is steep.
 vec3 glow(Lamp l, vec3 eye, vec3 ray, float distance) {
   const int STEPS = 8;
@@ -78,12 +78,12 @@ vec3 glow(Lamp l, vec3 eye, vec3 ray, float distance) {
   vec3 sum = vec3(0.0);
   for (int i = 0; i < STEPS; ++i) {
     float u = (float(i) + 0.5) / float(STEPS);
-    float angle = first + span * u * u;
+    float angle = first + span * u * u * u;
     float t = nearest + aside * tan(angle);
     float fromLamp = aside / cos(angle);
     vec3 away = (eye + t * ray - l.position) / fromLamp;
     float point = fromLamp * fromLamp / (fromLamp * fromLamp + spread2(l));
-    sum += 2.0 * u * point * intensity(l, away) * phase(-sin(angle)) * transmittance(t + fromLamp);
+    sum += 3.0 * u * u * point * intensity(l, away) * phase(-sin(angle)) * transmittance(t + fromLamp);
   }
   return sum * (extinction() * span / (aside * float(STEPS)));
 }

@@ -16,9 +16,8 @@ layout(location = 2) out vec4 outDepthEmission;
 layout(location = 3) out uvec4 outSegmentation;
 
 void main() {
-  vec3 normal = normalize(inWorldNormal);
   outAlbedo = vec4(materialBuffer.baseColor.rgb, materialBuffer.roughness);
-  outNormal = vec4(gl_FrontFacing ? normal : -normal, materialBuffer.metallic);
+  outNormal = vec4(normalize(inWorldNormal), materialBuffer.metallic);
   outDepthEmission = vec4(
       inDistance, lensEmission(materialBuffer.emission.x, objectDataBuffer.lit), 0.0, 0.0);
   outSegmentation = inIds;

@@ -89,8 +89,8 @@ layout(set = 1, binding = 11) readonly buffer ParallelogramLights { Parallelogra
 // SAPIEN binds only its own textures here, so the scene's first object carries ours as the
 // base colour and the emission of its material.
 int tableIndex, skyIndex;
-#define samplerTable textures[tableIndex]
-#define samplerSky textures[skyIndex]
+#define samplerTable textures[nonuniformEXT(tableIndex)]
+#define samplerSky textures[nonuniformEXT(skyIndex)]
 
 void findTables() {
   TextureIndex carried = textureIndices.t[geometryInstances.i[0].materialIndex];

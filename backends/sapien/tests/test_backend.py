@@ -1,0 +1,113 @@
+"""What the backend says of the machine, and what it leaves behind."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from advercity_sapien import SapienBackend
+from advercity_sapien.device import Device
+
+from advercity.errors import BackendError
+from advercity.rendering.backend import CameraView, Profile
+from advercity.rendering.registry import load_backend
+from advercity.semantics import Semantic
+from advercity.traffic.trace import Frame
+from advercity.weather.atmosphere import Atmosphere
+from advercity.world.scene import Mesh, World
+
+RASTER = Profile("raster", 1.0, "raster")
+RAY_TRACED = Profile("traced", 1.0, "ray_traced")
+
+
+def world_of(triangles: int) -> World:
+    rng = np.random.default_rng(1)
+    places = rng.uniform(5.0, 50.0, size=(triangles, 1, 3))
+    corners = places + rng.normal(scale=0.01, size=(triangles, 3, 3))
+    mesh = Mesh(
+        "soup",
+        corners.reshape(-1, 3).astype(np.float32),
+        np.arange(triangles * 3, dtype=np.int32).reshape(-1, 3),
+        "concrete",
+        Semantic.BUILDING,
+    )
+    return World("soup", (mesh,), bodies={}, lanes=(), network=Path("none"))
+
+
+AIR = Atmosphere(
+    extinction_550nm=1e-4,
+    extinction_905nm=1e-4,
+    sun_direction=np.array([0.0, 0.0, 1.0]),
+    sun_lx=1e4,
+    sun_colour=(1.0, 1.0, 1.0),
+    sky_lx=3e3,
+    sky=np.full((6, 4, 4, 3), 1e3, dtype=np.float32),
+    airlight_low=(1e3, 1e3, 1e3),
+    airlight_high=(1e3, 1e3, 1e3),
+    street_lx=0.0,
+    wetness=0.0,
+    puddle_coverage=0.0,
+    night=False,
+)
+VIEW = CameraView(np.eye(4), 32, 24, 1.5)
+
+
+@pytest.mark.render
+def test_it_is_found_by_name_and_knows_its_device() -> None:
+    backend = load_backend("sapien")
+    capabilities = backend.capabilities()
+    assert backend.name == "sapien"
+    assert capabilities.device
+    assert capabilities.participating_medium
+    assert capabilities.deterministic == ("llvmpipe" in capabilities.device)
+
+
+def test_without_vulkan_it_says_what_to_install() -> None:
+    code = """
+from advercity.errors import BackendError
+from advercity_sapien import SapienBackend
+try:
+    SapienBackend().capabilities()
+except BackendError as error:
+    print(error)
+"""
+    nowhere = {"VK_DRIVER_FILES": "/nonexistent.json", "VK_ICD_FILENAMES": "/nonexistent.json"}
+    child = subprocess.run(
+        [sys.executable, "-c", code],
+        env=os.environ | nowhere,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert "no Vulkan device" in child.stdout
+    assert "make setup" in child.stdout
+    assert "Traceback" not in child.stdout + child.stderr
+
+
+def test_without_ray_tracing_only_raster_profiles_open(monkeypatch: pytest.MonkeyPatch) -> None:
+    old = Device("llvmpipe (old)", cuda=False, ray_traced=False)
+    monkeypatch.setattr("advercity_sapien.backend.probe", lambda: old)
+    assert not SapienBackend().capabilities().ray_traced
+    with (
+        pytest.raises(BackendError, match="'traced' asks for ray tracing, which llvmpipe"),
+        SapienBackend().open(world_of(1), AIR, RAY_TRACED),
+    ):
+        pass
+
+
+@pytest.mark.render
+@pytest.mark.parametrize("profile", [RASTER, RAY_TRACED], ids=lambda profile: profile.name)
+def test_closed_renderers_and_taken_pictures_leave_no_memory_behind(profile: Profile) -> None:
+    world = world_of(20_000)  # some 5 MB on the device, and as much again for tracing
+
+    def once() -> int:
+        with SapienBackend().open(world, AIR, profile) as renderer:
+            for index in range(5):
+                renderer.place(Frame(index, 0.0, (), {}))
+                renderer.camera(VIEW)
+        return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+    warm = [once() for _ in range(3)][-1]
+    assert [once() for _ in range(8)][-1] - warm < 15e6

@@ -1,0 +1,413 @@
+"""What the renderer promises of every picture, for both shader packs."""
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import pytest
+from advercity_sapien import SapienBackend
+from advercity_sapien.renderer import SapienRenderer
+from numpy.typing import ArrayLike, NDArray
+
+from advercity.poses import inverse, pose, transform
+from advercity.rendering.backend import CameraCapture, CameraView, Profile
+from advercity.semantics import Semantic
+from advercity.traffic.trace import Actor, ActorState, Frame, Lamp, Signal
+from advercity.weather.atmosphere import Atmosphere, Colour
+from advercity.weather.sky import cubemap_directions, horizontal_illuminance
+from advercity.world.materials import MATERIALS, Material
+from advercity.world.scene import Body, Mesh, SignalLamp, StreetLamp, World
+
+pytestmark = pytest.mark.render
+
+Open = Callable[..., AbstractContextManager[SapienRenderer]]
+Floats = NDArray[np.floating]
+
+CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+FACES = np.array(
+    [
+        *([0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]),
+        *([2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]),
+    ],
+    dtype=np.int32,
+)
+FORWARD = pose((0.0, 0.0, 1.0))
+UNLIT = Lamp(0)
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+
+
+@pytest.fixture(autouse=True)
+def ideal_surfaces(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, albedo in {"black": 0.0, "grey": 0.5, "white": 1.0}.items():
+        monkeypatch.setitem(MATERIALS, name, Material((albedo, albedo, albedo), 0.5, roughness=1.0))
+
+
+@pytest.fixture(params=["raster", "ray_traced"])
+def renderer(request: pytest.FixtureRequest) -> Literal["raster", "ray_traced"]:
+    return request.param
+
+
+@pytest.fixture
+def opened(renderer: Literal["raster", "ray_traced"]) -> Open:
+    def open_it(
+        world: World, air: Atmosphere, *, samples: int = 1, path_depth: int = 1
+    ) -> AbstractContextManager[SapienRenderer]:
+        profile = Profile("test", 1.0, renderer, samples=samples, path_depth=path_depth)
+        return SapienBackend().open(world, air, profile)
+
+    return open_it
+
+
+def box(
+    middle: ArrayLike,
+    size: ArrayLike,
+    material: str = "grey",
+    semantic: Semantic = Semantic.BUILDING,
+) -> Mesh:
+    vertices = np.asarray(middle) + CORNERS * np.asarray(size) / 2.0
+    return Mesh(f"box {middle}", vertices.astype(np.float32), FACES, material, semantic)
+
+
+def world_of(*static: Mesh, **more: object) -> World:
+    body = Body((box((0, 0, 1), (2, 2, 2), "paint", Semantic.VEHICLE),), (2.0, 2.0, 2.0))
+    world = World("test", static, {"box": body}, lanes=(), network=Path("none"))
+    return replace(world, **more)  # pyright: ignore[reportArgumentType]
+
+
+def air_of(
+    *,
+    mor_m: float = 1e9,
+    sky: Callable[[Floats], Floats] = np.zeros_like,
+    sun_lx: float = 0.0,
+    sun_elevation_deg: float = 45.0,
+    airlight: Colour = (0.0, 0.0, 0.0),
+    wetness: float = 0.0,
+    night: bool = False,
+) -> Atmosphere:
+    """Air under a sky given as luminance by sine of elevation; the sun stands behind FORWARD."""
+    luminance = np.asarray(sky(cubemap_directions(32)[..., 2]), dtype=np.float32)
+    cubemap = np.repeat(luminance[..., None], 3, axis=-1)
+    elevation = np.radians(sun_elevation_deg)
+    return Atmosphere(
+        extinction_550nm=float(np.log(20.0) / mor_m),
+        extinction_905nm=float(np.log(20.0) / mor_m),
+        sun_direction=np.array([-np.cos(elevation), 0.0, np.sin(elevation)]),
+        sun_lx=sun_lx,
+        sun_colour=(1.0, 1.0, 1.0),
+        sky_lx=horizontal_illuminance(cubemap.astype(np.float64)),
+        sky=cubemap,
+        airlight_low=airlight,
+        airlight_high=airlight,
+        street_lx=0.0,
+        wetness=wetness,
+        puddle_coverage=0.0,
+        night=night,
+    )
+
+
+def grey(luminance: float) -> Colour:
+    return luminance, luminance, luminance
+
+
+def uniform(luminance: float) -> Callable[[Floats], Floats]:
+    return lambda sine: np.full_like(sine, luminance)
+
+
+def state(
+    number: int, at: ArrayLike, *, paint: str = "grey", lamps: Lamp = UNLIT, yaw: float = 0.0
+) -> ActorState:
+    actor = Actor(number, "car", "box", paint, (2.0, 2.0, 2.0))
+    return ActorState(actor, pose(at, yaw=yaw), 0.0, 0.0, lamps)
+
+
+def frame_of(*states: ActorState, index: int = 0, **signals: Signal) -> Frame:
+    return Frame(index, 0.0, states, signals)
+
+
+def view_of(
+    at: NDArray[np.float64] = FORWARD, *, size: tuple[int, int] = (160, 120), hide: int = 0
+) -> CameraView:
+    return CameraView(at, *size, np.radians(90.0), frozenset({hide} - {0}))
+
+
+def luminance(capture: CameraCapture) -> Floats:
+    return capture.radiance @ LUMINANCE
+
+
+def centre(picture: NDArray[np.number]) -> float:
+    return float(picture[picture.shape[0] // 2, picture.shape[1] // 2])
+
+
+@pytest.mark.parametrize(("distance_m", "left"), [(25.0, 0.368), (50.0, 0.136), (75.0, 0.050)])
+def test_fog_leaves_the_contrast_of_koschmieder(
+    opened: Open, distance_m: float, left: float
+) -> None:
+    airlight = 2500.0
+    air = air_of(mor_m=75.0, sky=uniform(airlight), sun_lx=5e4, airlight=grey(airlight))
+    with opened(world_of(), air) as renderer:
+        seen: dict[str, float] = {}
+        for number, paint in enumerate(("black", "white"), start=1):
+            # The front of the box is a metre before its middle.
+            renderer.place(frame_of(state(number, (distance_m + 1.0, 0.0, 0.0), paint=paint)))
+            seen[paint] = centre(luminance(renderer.camera(view_of(size=(41, 41)))))
+    bare = 5e4 * np.cos(np.radians(45.0)) / np.pi + airlight
+    assert (airlight - seen["black"]) / airlight == pytest.approx(left, rel=0.02)
+    assert (seen["white"] - seen["black"]) / bare == pytest.approx(left, rel=0.02)
+
+
+def test_fog_counts_along_the_ray_and_not_along_the_axis(opened: Open) -> None:
+    air = air_of(mor_m=75.0, sky=uniform(1000.0), airlight=grey(1000.0))
+    wall = box((21.0, 0.0, 0.0), (2.0, 60.0, 60.0), "black")
+    with opened(world_of(wall), air) as renderer:
+        renderer.place(frame_of())
+        capture = renderer.camera(view_of(size=(100, 100)))
+    slant = np.sqrt(1.0 + 2.0 * ((5.5 - 50.0) / 50.0) ** 2)
+    expected = 1000.0 * (1.0 - 0.05 ** (20.0 * slant / 75.0))
+    assert float(luminance(capture)[5, 5]) == pytest.approx(expected, rel=0.01)
+    assert capture.depth[5, 5] == pytest.approx(20.0, abs=1e-3)
+
+
+def test_sky_is_shown_as_it_is_whatever_the_fog(opened: Open) -> None:
+    air = air_of(mor_m=75.0, sky=lambda sine: 1000.0 + 500.0 * sine, airlight=grey(1.0))
+    with opened(world_of(), air) as renderer:
+        renderer.place(frame_of())
+        capture = renderer.camera(view_of(pose((0, 0, 1), pitch=-np.pi / 2), size=(41, 41)))
+    assert centre(luminance(capture)) == pytest.approx(1500.0, rel=2e-3)
+    assert np.all(np.isinf(capture.depth))
+    assert np.all(capture.semantic == Semantic.SKY)
+    assert np.all(capture.normal == 0.0)
+
+
+def test_white_card_has_the_luminance_of_its_illuminance(opened: Open) -> None:
+    air = air_of(sky=lambda sine: 2000.0 + 6000.0 * np.abs(sine), sun_lx=8e4, sun_elevation_deg=40)
+    card = box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "white")
+    with opened(world_of(card), air, samples=64) as renderer:
+        renderer.place(frame_of())
+        capture = renderer.camera(view_of(pose((0, 0, 5), pitch=np.pi / 2), size=(24, 16)))
+    expected = (8e4 * np.sin(np.radians(40.0)) + air.sky_lx) / np.pi
+    assert float(luminance(capture).mean()) == pytest.approx(expected, rel=0.02)
+
+
+def test_upright_white_card_under_a_uniform_dome_is_as_bright_as_the_dome(opened: Open) -> None:
+    card = box((11.0, 0.0, 1.0), (2.0, 4.0, 4.0), "white")
+    with opened(world_of(card), air_of(sky=uniform(3000.0))) as renderer:
+        renderer.place(frame_of())
+        capture = renderer.camera(view_of())
+    assert centre(luminance(capture)) == pytest.approx(3000.0, rel=0.01)
+
+
+def test_what_the_sun_does_not_reach_has_only_the_light_of_the_sky(opened: Open) -> None:
+    ground = box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "white")
+    wall = box((5.0, 0.0, 2.0), (1.0, 40.0, 4.0))
+    air = air_of(sky=uniform(0.0), sun_lx=5e4)
+    with opened(world_of(ground, wall), air) as renderer:
+        renderer.place(frame_of())
+        above = pose((7.0, 0.0, 8.0), pitch=np.pi / 2)
+        seen = luminance(renderer.camera(view_of(above, size=(160, 160))))
+    # Image rows run against x, ten pixels a metre: the shadow ends at 5.5 + 4 - 1 = 9.5 m + 0.
+    lit, shaded = seen[10, 80], seen[90, 80]
+    assert lit == pytest.approx(5e4 * np.sin(np.radians(45.0)) / np.pi, rel=0.01)
+    assert shaded == pytest.approx(0.0, abs=1.0)
+
+
+def test_a_known_box_is_labelled_to_the_pixel_and_measured_to_the_millimetre(
+    opened: Open,
+) -> None:
+    with opened(world_of(), air_of(sky=uniform(1000.0))) as renderer:
+        renderer.place(frame_of(state(7, (10.0, 0.0, 0.0))))
+        capture = renderer.camera(view_of())
+    # Its front is 2 m square, 9 m ahead, seen with a focal length of 80 px around (80, 60).
+    edge = 80.0 / 9.0
+    columns = np.abs(np.arange(160) + 0.5 - 80.0) < edge
+    rows = np.abs(np.arange(120) + 0.5 - 60.0) < edge
+    expected = rows[:, None] & columns[None, :]
+    assert np.array_equal(capture.instance == 7, expected)
+    assert np.array_equal(capture.semantic == Semantic.VEHICLE, expected)
+    np.testing.assert_allclose(capture.depth[expected], 9.0, atol=1e-3)
+    np.testing.assert_allclose(capture.normal[expected], np.tile([-1.0, 0, 0], (expected.sum(), 1)))
+    assert np.all(np.isinf(capture.depth[~expected]))
+    assert capture.radiance.dtype == capture.depth.dtype == capture.normal.dtype == np.float32
+    assert (capture.semantic.dtype, capture.instance.dtype) == (np.uint8, np.int32)
+
+
+def test_a_point_is_seen_at_the_pixel_of_the_pinhole_model(opened: Open) -> None:
+    camera = pose((3.0, -2.0, 1.5), yaw=0.7, pitch=0.2, roll=0.1)
+    target = transform(camera, [8.0, 2.5, -1.5])
+    mark = box(target, (0.1, 0.1, 0.1), semantic=Semantic.TRAFFIC_SIGN)
+    with opened(world_of(mark), air_of(sky=uniform(1000.0))) as renderer:
+        renderer.place(frame_of())
+        capture = renderer.camera(view_of(camera))
+    rows, columns = np.nonzero(capture.semantic == Semantic.TRAFFIC_SIGN)
+    assert columns.mean() + 0.5 == pytest.approx(80.0 - 80.0 * 2.5 / 8.0, abs=0.6)
+    assert rows.mean() + 0.5 == pytest.approx(60.0 + 80.0 * 1.5 / 8.0, abs=0.6)
+
+
+def test_every_pixel_with_depth_lies_on_what_it_is_labelled(opened: Open) -> None:
+    ground = box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), semantic=Semantic.ROAD)
+    camera = pose((0.0, 0.0, 2.0), yaw=0.3, pitch=0.1)
+    with opened(world_of(ground), air_of(sky=uniform(1000.0)), samples=3) as renderer:
+        renderer.place(frame_of(state(3, (12.0, 3.0, 0.0), yaw=0.5)))
+        capture = renderer.camera(view_of(camera))
+    row, column = np.indices(capture.depth.shape) + 0.5
+    rays = np.stack([np.ones_like(row), (80.0 - column) / 80.0, (60.0 - row) / 80.0], axis=-1)
+    known = np.isfinite(capture.depth)
+    points = transform(camera, rays[known] * capture.depth[known][:, None])
+    road = capture.semantic[known] == Semantic.ROAD
+    np.testing.assert_allclose(points[road, 2], 0.0, atol=2e-3)
+    in_box = transform(inverse(pose((12.0, 3.0, 1.0), yaw=0.5)), points[~road])
+    np.testing.assert_allclose(np.abs(in_box).max(axis=1), 1.0, atol=2e-3)
+    assert np.array_equal(capture.instance[known] == 3, ~road)
+
+
+def test_a_camera_does_not_see_its_carrier_but_all_else(opened: Open) -> None:
+    wall = box((21.0, 0.0, 1.0), (2.0, 60.0, 60.0), semantic=Semantic.WALL)
+    with opened(world_of(wall), air_of(sky=uniform(1000.0))) as renderer:
+        renderer.place(frame_of(state(1, (5.0, 0.0, 0.0)), state(2, (10.0, 3.0, 0.0))))
+        hidden = renderer.camera(view_of(hide=1))
+        shown = renderer.camera(view_of())
+    assert set(np.unique(shown.instance)) == {0, 1, 2}
+    assert set(np.unique(hidden.instance)) == {0, 2}
+    assert centre(hidden.depth) == pytest.approx(20.0, abs=1e-3)
+    assert centre(hidden.semantic) == Semantic.WALL
+
+
+def test_who_leaves_the_frame_is_gone_and_another_may_come(opened: Open) -> None:
+    with opened(world_of(), air_of(sky=uniform(1000.0))) as renderer:
+        seen: list[set[int]] = []
+        for states in ((state(1, (8, 0, 0)),), (), (state(5, (9, 0, 0)),)):
+            renderer.place(frame_of(*states))
+            seen.append(set(np.unique(renderer.camera(view_of()).instance).tolist()))
+    assert seen == [{0, 1}, {0}, {0, 5}]
+
+
+def test_paint_is_the_actors_own(opened: Open) -> None:
+    with opened(world_of(), air_of(sky=uniform(1000.0))) as renderer:
+        renderer.place(
+            frame_of(
+                state(1, (9.0, 2.0, 0.0), paint="white"), state(2, (9.0, -2.0, 0.0), paint="black")
+            )
+        )
+        capture = renderer.camera(view_of())
+    assert luminance(capture)[capture.instance == 1].mean() > 500.0
+    assert luminance(capture)[capture.instance == 2].mean() < 1.0
+
+
+def test_pictures_do_not_depend_on_what_was_rendered_before(opened: Open) -> None:
+    ground = box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "asphalt")
+    air = air_of(mor_m=300.0, sky=uniform(900.0), sun_lx=3e4, airlight=grey(900.0))
+    frames = [frame_of(state(1, (8.0 + k, 1.0, 0.0)), index=k) for k in range(2)]
+    views = [view_of(size=(64, 48)), view_of(pose((0, 0, 3), yaw=0.2), size=(64, 48), hide=1)]
+
+    def shoot(order: list[tuple[int, int]]) -> dict[tuple[int, int], bytes]:
+        pictures: dict[tuple[int, int], bytes] = {}
+        with opened(world_of(ground), air, samples=2, path_depth=2) as renderer:
+            for frame, view in order:
+                renderer.place(frames[frame])
+                capture = renderer.camera(views[view])
+                pictures[frame, view] = capture.radiance.tobytes() + capture.depth.tobytes()
+        return pictures
+
+    order = [(0, 0), (0, 1), (1, 0), (1, 1)]
+    first, second = shoot(order), shoot(order[::-1])
+    assert first == second
+    assert len(set(first.values())) == 4
+
+
+def test_wet_asphalt_is_darker_below_and_mirrors_the_sky_ahead(opened: Open) -> None:
+    ground = box((0.0, 0.0, -0.5), (2000.0, 200.0, 1.0), "asphalt")
+    seen: dict[float, Floats] = {}
+    for wetness in (0.0, 1.0):
+        air = air_of(sky=uniform(1000.0), wetness=wetness)
+        with opened(world_of(ground), air, samples=32) as renderer:
+            renderer.place(frame_of())
+            down = renderer.camera(view_of(pose((0, 0, 5), pitch=np.pi / 2), size=(16, 16)))
+            ahead = renderer.camera(view_of(size=(64, 64)))
+        seen[wetness] = np.array([luminance(down).mean(), luminance(ahead)[34].mean()])
+    assert seen[1.0][0] < 0.9 * seen[0.0][0]
+    assert seen[1.0][1] > 2.0 * seen[0.0][1]
+
+
+def test_a_street_lamp_gives_the_illuminance_of_its_flux(opened: Open) -> None:
+    ground = box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "white")
+    lamp = StreetLamp((0.0, 0.0, 8.0), flux_lm=8000.0)
+    world = world_of(ground, street_lamps=(lamp,))
+    with opened(world, air_of(night=True)) as renderer:
+        renderer.place(frame_of())
+        capture = renderer.camera(view_of(pose((0, 0, 5), pitch=np.pi / 2), size=(21, 21)))
+    expected = 8000.0 / np.pi / 8.0**2 / np.pi
+    assert centre(luminance(capture)) == pytest.approx(expected, rel=0.02)
+
+
+def test_low_beams_light_the_road_ahead_by_night_only(opened: Open) -> None:
+    ground = box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "white")
+    seen: dict[tuple[bool, Lamp], Floats] = {}
+    for night in (False, True):
+        with opened(world_of(ground), air_of(night=night)) as renderer:
+            for lamps in (Lamp(0), Lamp.LOW_BEAM):
+                renderer.place(frame_of(state(1, (0.0, 0.0, 0.0), lamps=lamps)))
+                above = pose((0.0, 0.0, 40.0), pitch=np.pi / 2)
+                capture = renderer.camera(view_of(above, size=(80, 80)))
+                # Tail lamps are lit as well, but have no blue.
+                seen[night, lamps] = capture.radiance[..., 2]
+    assert seen[True, Lamp(0)].max() == seen[False, Lamp.LOW_BEAM].max() == 0.0
+    lit = seen[True, Lamp.LOW_BEAM]
+    # One metre a pixel, rows run against x: the road 16 m ahead gets 40 kcd/d² times z/d, a
+    # third of it blue.
+    assert lit[24, 40] == pytest.approx(0.33 * 40e3 * 0.65 / 15.0**3 / np.pi, rel=0.4)
+    assert lit[50, 40] == 0.0
+
+
+def test_a_lamp_in_fog_wears_the_halo_of_its_droplets(opened: Open) -> None:
+    lamp = StreetLamp((0.0, 0.0, 30.0), flux_lm=1000.0 * np.pi)
+    air = air_of(mor_m=100.0, night=True)
+    with opened(world_of(street_lamps=(lamp,)), air) as renderer:
+        renderer.place(frame_of())
+        up = pose((0, 0, 0), pitch=-np.pi / 2)
+        seen = luminance(renderer.camera(view_of(up, size=(801, 801))))
+    columns = [400 + round(400 * np.tan(np.radians(angle))) for angle in (2.0, 5.0)]
+    # Weather reference: 6.3 and 1.20 cd/m² for 1000 cd.
+    assert seen[400, columns] == pytest.approx([6.3, 1.20], rel=0.1)
+
+
+@pytest.mark.parametrize("shown", list(Signal))
+def test_a_signal_shows_its_lit_lens(opened: Open, shown: Signal) -> None:
+    lamp = SignalLamp("j/a", (5.0, 0.0, 1.0), (-1.0, 0.0))
+    with opened(world_of(signal_lamps=(lamp,)), air_of(sky=uniform(100.0))) as renderer:
+        renderer.place(frame_of(**{"j/a": shown}))
+        capture = renderer.camera(view_of(size=(161, 161)))
+    rows = [80 + round(80 * 0.31 * step / 5.0) for step in (-1, 0, 1)]
+    column = capture.radiance[rows, 80]
+    assert int((column @ LUMINANCE).argmax()) == shown
+    assert (column @ LUMINANCE).max() == pytest.approx(7500.0, rel=0.1)
+    assert capture.semantic[80, 80] == Semantic.TRAFFIC_LIGHT
+
+
+def test_brake_lamps_are_brighter_than_tail_lamps_and_those_than_none(opened: Open) -> None:
+    body = Body((box((0, 0, 1), (2, 2, 2), "lamp_red", Semantic.VEHICLE),), (2.0, 2.0, 2.0))
+    with opened(world_of(bodies={"box": body}), air_of()) as renderer:
+        seen: list[float] = []
+        for lamps in (Lamp(0), Lamp.LOW_BEAM, Lamp.LOW_BEAM | Lamp.BRAKE):
+            renderer.place(frame_of(state(1, (8, 0, 0), lamps=lamps)))
+            seen.append(centre(luminance(renderer.camera(view_of(size=(21, 21))))))
+    assert seen[0] == 0.0 < 5.0 * seen[1] < seen[2]
+
+
+def test_leaves_are_seen_from_both_sides(opened: Open) -> None:
+    leaf = Mesh(
+        "leaf",
+        np.array([[5, -1, 0], [5, 1, 0], [5, 0, 2]], dtype=np.float32),
+        np.array([[0, 1, 2]], dtype=np.int32),
+        "leaves",
+        Semantic.VEGETATION,
+    )
+    with opened(world_of(leaf), air_of(sky=uniform(1000.0))) as renderer:
+        renderer.place(frame_of())
+        captures = [
+            renderer.camera(view_of(pose((x, 0, 1), yaw=yaw))) for x, yaw in ((0, 0), (10, np.pi))
+        ]
+    for capture, x in zip(captures, (-1.0, 1.0), strict=True):
+        assert centre(capture.semantic) == Semantic.VEGETATION
+        np.testing.assert_allclose(capture.normal[60, 80], [x, 0.0, 0.0], atol=1e-6)
