@@ -1,0 +1,156 @@
+import hashlib
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+from advercity_dsl import Spec
+
+from advercity.compiler import find_weather, under
+from advercity.dataset import pcd
+from advercity.errors import InputError
+from advercity.runner import FrameRange, Options, ViewerTarget, parse_frames, run_scenario
+
+pytestmark = [pytest.mark.render, pytest.mark.sumo]
+
+TINY = 0.05
+"""Of 1920x1080: pictures of 96x54."""
+
+
+@pytest.fixture(scope="module")
+def spec(specs: dict[str, Spec]) -> Spec:
+    return specs["ri_fog_day_sparse"]
+
+
+def run(spec: Spec, output: Path, first: int, last: int, **options: object) -> Path:
+    chosen = Options(
+        output=output,
+        profile="preview",
+        scale=TINY,
+        frames=FrameRange(first, last),
+        **options,  # pyright: ignore[reportArgumentType]
+    )
+    return run_scenario(spec, chosen, lambda *_: None)
+
+
+@pytest.fixture(scope="module")
+def made(spec: Spec, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two frames of a scenario."""
+    return run(spec, tmp_path_factory.mktemp("made"), 0, 2)
+
+
+def tree(folder: Path) -> dict[str, str]:
+    return {
+        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+def test_every_viewpoint_writes_its_files(made: Path) -> None:
+    parts = [
+        "yaml",
+        "pcd",
+        *(f"camera{index}.png" for index in range(4)),
+        *(f"semantic{index}.png" for index in range(4)),
+    ]
+    for agent in ("+101", "102", "103", "-1", "-2"):
+        expected = {
+            f"{frame}.{part}" if part in ("yaml", "pcd") else f"{frame}_{part}"
+            for frame in ("000060", "000061")
+            for part in parts
+        }
+        if not agent.startswith("-"):
+            expected |= {f"{frame}_additional_gnss_imu.yaml" for frame in ("000060", "000061")}
+        assert {path.name for path in (made / agent).iterdir()} == expected
+
+
+def test_the_manifest_holds_every_file_with_its_checksum(made: Path) -> None:
+    manifest = json.loads((made / "manifest.json").read_text())
+    text = json.dumps(manifest)
+    for path, digest in tree(made).items():
+        if path != "manifest.json":
+            assert path in text
+            assert digest in text
+
+
+def test_the_same_spec_gives_the_same_bytes(spec: Spec, made: Path, tmp_path: Path) -> None:
+    assert tree(run(spec, tmp_path, 0, 2)) == tree(made)
+
+
+def test_frames_are_independent_of_those_before(spec: Spec, made: Path, tmp_path: Path) -> None:
+    alone = tree(run(spec, tmp_path, 1, 2))
+    whole = tree(made)
+    frames = {path: digest for path, digest in alone.items() if "000061" in path}
+    assert len(frames) == 53
+    assert frames == {path: whole[path] for path in frames}
+
+
+def test_a_run_goes_on_where_an_earlier_one_stopped(spec: Spec, made: Path, tmp_path: Path) -> None:
+    run(spec, tmp_path, 0, 1)
+    assert tree(run(spec, tmp_path, 0, 2)) == tree(made)
+
+
+def test_weathers_share_traffic_and_boxes(spec: Spec, made: Path, tmp_path: Path) -> None:
+    other = run(under(spec, find_weather("clear_night")), tmp_path, 0, 1)
+    assert other.name == "ri_clear_night_sparse"
+    for agent in ("+101", "102", "-1"):
+        first, second = (
+            yaml.safe_load((folder / agent / "000060.yaml").read_text()) for folder in (made, other)
+        )
+        assert first["vehicles"] == second["vehicles"]
+        assert first["true_ego_pos"] == second["true_ego_pos"]
+    pictures = [cv2.imread(str(folder / "+101" / "000060_camera0.png")) for folder in (made, other)]
+    assert np.mean(pictures[0]) != np.mean(pictures[1])
+
+
+def test_fog_shortens_the_lidar_and_leaves_the_annotation(
+    spec: Spec, made: Path, tmp_path: Path
+) -> None:
+    clear = run(under(spec, find_weather("clear_day")), tmp_path, 0, 1)
+    in_fog = pcd.read(made / "+101" / "000060.pcd")
+    in_clear = pcd.read(clear / "+101" / "000060.pcd")
+    reach = [np.linalg.norm([c["x"], c["y"], c["z"]], axis=0).max() for c in (in_fog, in_clear)]
+    assert len(in_fog) < len(in_clear)
+    assert reach[0] < 80 < reach[1]
+
+
+def test_lidar_points_lie_in_the_boxes_of_their_actors(made: Path) -> None:
+    """All in the left-handed frame of the files: lidar to world to box."""
+    said = yaml.safe_load((made / "-1" / "000060.yaml").read_text())
+    cloud = pcd.read(made / "-1" / "000060.pcd")
+    x, y, z = said["lidar_pose"][:3]
+    world = np.column_stack([cloud["x"] + x, cloud["y"] + y, cloud["z"] + z])
+    checked = 0
+    for number, item in said["vehicles"].items():
+        points = world[cloud["object_id"] == number]
+        yaw = np.deg2rad(item["angle"][1])
+        turn = np.array([[np.cos(yaw), np.sin(yaw), 0], [-np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
+        local = (points - np.add(item["location"], item["center"])) @ turn.T
+        # The unit's range noise has a standard deviation of 2 cm.
+        assert (np.abs(local) <= np.add(item["extent"], 0.12)).all()
+        checked += len(points)
+    assert checked > 20
+
+
+def test_a_recording_is_written_beside_the_dataset(spec: Spec, made: Path, tmp_path: Path) -> None:
+    file = tmp_path / "scene.rrd"
+    scenario = run(spec, tmp_path, 0, 1, viewer=ViewerTarget(file=file))
+    assert file.stat().st_size > 10_000
+    assert tree(scenario).keys() <= tree(made).keys()
+
+
+def test_frames_beyond_the_end_are_bad_input(spec: Spec, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="has frames 0 to"):
+        run(spec, tmp_path, 5000, 5001)
+    assert not list(tmp_path.rglob("*"))
+
+
+@pytest.mark.parametrize(
+    ("text", "frames"),
+    [("2:5", [2, 3, 4]), (":3", [0, 1, 2]), ("7:", [7, 8, 9]), ("0:10:4", [0, 4, 8])],
+)
+def test_frame_ranges_count_from_the_first_kept_frame(text: str, frames: list[int]) -> None:
+    assert list(parse_frames(text).of(10)) == frames
