@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from advercity.traffic.demand import Ride
@@ -16,6 +17,8 @@ BRAKING_M_S2 = 2.0
 STEP_M = 1.0
 CHORD_M = 4.0
 """Curvature is taken from three points this far apart, so that corners of polylines vanish."""
+STEADY_M = 6.0
+"""Within this distance drivers keep to the lowest speed."""
 STRAIGHT_M_S = 50.0
 
 
@@ -46,15 +49,16 @@ class Pace:
         limit = np.sqrt(LATERAL_ACCELERATION_M_S2 / np.maximum(_curvature(path), 1e-9))
         return Pace(
             begins_m={lane.edge: float(at) for lane, at in zip(lanes, begins, strict=False)},
-            speeds_m_s=_braked(np.minimum(limit, STRAIGHT_M_S)),
+            speeds_m_s=_braked(_steady(np.minimum(limit, STRAIGHT_M_S))),
         )
 
     def at(self, edge: str, position_m: float) -> float:
         """Highest speed at a position on an edge of the route; no limit on another edge."""
         if edge not in self.begins_m:
             return STRAIGHT_M_S
-        sample = int((self.begins_m[edge] + position_m) / STEP_M) + 1
-        return float(self.speeds_m_s[min(sample, len(self.speeds_m_s) - 1)])
+        sample = min((self.begins_m[edge] + position_m) / STEP_M, len(self.speeds_m_s) - 1.001)
+        before, after = self.speeds_m_s[int(sample) : int(sample) + 2]
+        return float(before + (sample - int(sample)) * (after - before))
 
 
 def _lanes(edges: Iterable[str], lane: Lane, graph: LaneGraph) -> Iterator[Lane]:
@@ -79,6 +83,18 @@ def _curvature(path: NDArray[np.float64]) -> NDArray[np.float64]:
     sides = np.prod([np.linalg.norm(side, axis=1) for side in (first, second, chord)], axis=0)
     curvature[reach:-reach] = 2 * np.abs(area) / np.maximum(sides, 1e-9)
     return curvature
+
+
+def _steady(limit: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Speeds (n,) below the limit everywhere that do not follow its every tremor."""
+    reach = round(STEADY_M / STEP_M)
+    lowest = _windows(limit, reach).min(axis=1)
+    return _windows(lowest, reach).mean(axis=1)
+
+
+def _windows(values: NDArray[np.float64], reach: int) -> NDArray[np.float64]:
+    """What lies within `reach` samples of each of the values (n,): (n, 2 reach + 1)."""
+    return sliding_window_view(np.pad(values, reach, mode="edge"), 2 * reach + 1)
 
 
 def _braked(limit: NDArray[np.float64]) -> NDArray[np.float64]:
