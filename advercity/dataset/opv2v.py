@@ -9,11 +9,10 @@ from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
-import cv2
 import numpy as np
 import yaml
 from advercity_dsl import Agent, Spec
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from advercity import poses
 from advercity.dataset import pcd
@@ -25,16 +24,14 @@ from advercity.dataset.carla_frame import (
     mirror_rate,
     pose_from_matrix,
 )
+from advercity.dataset.images import painted, png
 from advercity.dataset.reading import Picture, Reading, intrinsic
-from advercity.semantics import PALETTE
 from advercity.sensors.gnss import GnssFix
 from advercity.sensors.imu import ImuSample
 from advercity.world.materials import MATERIALS
 
 PROTOCOL = "data_protocol.yaml"
 KM_H_PER_M_S = 3.6
-PNG_LEVEL = 1
-"""Noisy pictures hardly shrink with a higher one, and take twice the time."""
 
 
 def folder_name(agent: Agent) -> str:
@@ -180,22 +177,13 @@ def _images(readings: Sequence[Reading], stems: Sequence[str]) -> dict[str, byte
     with ThreadPoolExecutor() as pool:
         for stem, reading in zip(stems, readings, strict=True):
             for index, picture in enumerate(reading.pictures):
-                images[f"{stem}_camera{index}.png"] = pool.submit(_png, picture.image)
-                images[f"{stem}_semantic{index}.png"] = pool.submit(_painted, picture.semantic)
+                images[f"{stem}_camera{index}.png"] = pool.submit(png, picture.image)
+                images[f"{stem}_semantic{index}.png"] = pool.submit(_semantic, picture)
     return {path: future.result() for path, future in images.items()}
 
 
-def _painted(semantic: NDArray[np.uint8]) -> bytes:
-    return _png(PALETTE[semantic])
-
-
-def _png(image: NDArray[np.uint8]) -> bytes:
-    blue_green_red = np.ascontiguousarray(image[..., ::-1])
-    encoded, content = cv2.imencode(
-        ".png", blue_green_red, [cv2.IMWRITE_PNG_COMPRESSION, PNG_LEVEL]
-    )
-    assert encoded, "an 8-bit colour image always encodes"
-    return content.tobytes()
+def _semantic(picture: Picture) -> bytes:
+    return png(painted(picture.semantic))
 
 
 def _plain(values: ArrayLike, *, decimals: int = 9) -> Any:

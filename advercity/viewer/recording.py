@@ -13,16 +13,15 @@ from numpy.typing import NDArray
 
 from advercity import poses
 from advercity.dataset.annotation import annotate, box_centre
+from advercity.dataset.images import jpeg, painted, png
 from advercity.dataset.reading import Picture, Reading, intrinsic
 from advercity.poses import Matrix
-from advercity.semantics import PALETTE
 from advercity.traffic.trace import ActorState
 from advercity.viewer import layout
 from advercity.viewer.sinks import PORT, connection_to, file_at, server_on
 from advercity.world.scene import Lane
 
 APPLICATION = "advercity"
-JPEG_QUALITY = 85
 IMAGE_PLANE_M = 1.5
 POINT_PX = 1.5
 CLASS_COLOURS = {
@@ -148,8 +147,10 @@ class Recording:
             camera = layout.camera_path(agent, index)
             self._stream.log(camera, _transform(agent_from_world @ picture.world_from_camera))
             self._stream.log(camera, _pinhole(picture, horizontal_fov_deg=field_of_view))
-            self._stream.log(camera, _encoded(picture.image, ".jpg"))
-            semantic = _encoded(PALETTE[picture.semantic], ".png")
+            image = rr.EncodedImage(contents=jpeg(picture.image), media_type="image/jpeg")
+            self._stream.log(camera, image)
+            content = png(painted(picture.semantic))
+            semantic = rr.EncodedImage(contents=content, media_type="image/png")
             self._stream.log(layout.semantic_path(agent, index), semantic)
 
     def _log_motion(self, reading: Reading) -> None:
@@ -180,16 +181,6 @@ def _pinhole(picture: Picture, *, horizontal_fov_deg: float) -> rr.Pinhole:
         camera_xyz=rr.ViewCoordinates.FLU,
         image_plane_distance=IMAGE_PLANE_M,
     )
-
-
-def _encoded(image: NDArray[np.uint8], kind: str) -> rr.EncodedImage:
-    """A picture (h, w, 3) RGB as `.jpg` or `.png`."""
-    settings = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY] if kind == ".jpg" else []
-    blue_green_red = np.ascontiguousarray(image[..., ::-1])
-    encoded, content = cv2.imencode(kind, blue_green_red, settings)
-    assert encoded, "an 8-bit colour image always encodes"
-    media_type = "image/jpeg" if kind == ".jpg" else "image/png"
-    return rr.EncodedImage(contents=content.tobytes(), media_type=media_type)
 
 
 def _points(reading: Reading) -> rr.Points3D:
