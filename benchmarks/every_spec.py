@@ -30,7 +30,7 @@ def main() -> int:
         for path in sorted(arguments.folder.glob("*.json")):
             begin = time.perf_counter()
             try:
-                scenario = run_scenario(read_spec(path), options, lambda *_: None)
+                scenario = run_scenario(read_spec(path), options)
             except AdvercityError as error:
                 failed += 1
                 print(f"FAILED  {path.stem}: {error}")

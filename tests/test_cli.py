@@ -1,4 +1,5 @@
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -15,8 +16,11 @@ class Ran:
         self.code, self.out, self.err = code, out, err
 
 
+Command = Callable[..., Ran]
+
+
 @pytest.fixture
-def advercity(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
+def advercity(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
     """Runs the command line in this process."""
 
     def run(*arguments: str | Path) -> Ran:
@@ -38,7 +42,7 @@ def spec_file(specs: dict[str, Spec], tmp_path: Path) -> Path:
 
 
 def test_compile_writes_the_110_specs_and_check_finds_them_current(
-    advercity, library: Path, tmp_path: Path
+    advercity: Command, library: Path, tmp_path: Path
 ) -> None:
     assert advercity("compile", library, "--output", tmp_path).code == 0
     assert len(list(tmp_path.glob("*.json"))) == 110
@@ -49,7 +53,7 @@ def test_compile_writes_the_110_specs_and_check_finds_them_current(
     assert "ui_fog_day_dense.json: is missing" in ran.err
 
 
-def test_compile_of_no_library_is_bad_input(advercity, tmp_path: Path) -> None:
+def test_compile_of_no_library_is_bad_input(advercity: Command, tmp_path: Path) -> None:
     ran = advercity("compile", tmp_path / "nothing")
     assert ran.code == 2
     assert ran.err.startswith("error: ")
@@ -57,7 +61,7 @@ def test_compile_of_no_library_is_bad_input(advercity, tmp_path: Path) -> None:
     assert ran.out == ""
 
 
-def test_list_has_one_line_per_spec(advercity, spec_file: Path) -> None:
+def test_list_has_one_line_per_spec(advercity: Command, spec_file: Path) -> None:
     ran = advercity("list", spec_file.parent)
     assert ran.code == 0
     assert ran.out.splitlines()[1].split() == [
@@ -68,25 +72,27 @@ def test_list_has_one_line_per_spec(advercity, spec_file: Path) -> None:
     ]
 
 
-def test_show_tells_what_a_scenario_holds(advercity, spec_file: Path) -> None:
+def test_show_tells_what_a_scenario_holds(advercity: Command, spec_file: Path) -> None:
     out = advercity("show", spec_file).out
     assert "fog 75 m" in out
     assert "rural, non_junction, curved, non_level" in out
 
 
-def test_validate_is_silent_about_good_files(advercity, spec_file: Path, library: Path) -> None:
+def test_validate_is_silent_about_good_files(
+    advercity: Command, spec_file: Path, library: Path
+) -> None:
     ran = advercity("validate", spec_file, library)
     assert (ran.code, ran.out, ran.err) == (0, "", "")
 
 
 @pytest.mark.parametrize("kind", ["weather", "road", "spec"])
-def test_schema_is_json_schema(advercity, kind: str) -> None:
+def test_schema_is_json_schema(advercity: Command, kind: str) -> None:
     schema = json.loads(advercity("schema", kind).out)
     assert schema["type"] == "object"
     assert schema["additionalProperties"] is False
 
 
-def test_schema_of_an_unknown_kind_suggests_a_name(advercity) -> None:
+def test_schema_of_an_unknown_kind_suggests_a_name(advercity: Command) -> None:
     ran = advercity("schema", "wether")
     assert ran.code == 2
     assert "did you mean 'weather'?" in ran.err
@@ -106,7 +112,7 @@ def test_schema_of_an_unknown_kind_suggests_a_name(advercity) -> None:
     ],
 )
 def test_a_bad_option_is_told_and_leaves_nothing(
-    advercity, spec_file: Path, tmp_path: Path, options: list[str], message: str
+    advercity: Command, spec_file: Path, tmp_path: Path, options: list[str], message: str
 ) -> None:
     output = tmp_path / "output"
     ran = advercity("run", spec_file, "--output", output, *options)
@@ -117,7 +123,7 @@ def test_a_bad_option_is_told_and_leaves_nothing(
 
 
 def test_a_truncated_spec_is_told_and_leaves_nothing(
-    advercity, spec_file: Path, tmp_path: Path
+    advercity: Command, spec_file: Path, tmp_path: Path
 ) -> None:
     spec_file.write_text(spec_file.read_text()[:3000])
     ran = advercity("run", spec_file, "--output", tmp_path / "output")
@@ -127,13 +133,13 @@ def test_a_truncated_spec_is_told_and_leaves_nothing(
     assert not (tmp_path / "output").exists()
 
 
-def test_a_missing_spec_is_told(advercity, tmp_path: Path) -> None:
+def test_a_missing_spec_is_told(advercity: Command, tmp_path: Path) -> None:
     ran = advercity("run", tmp_path / "none.json")
     assert ran.code == 2
     assert "none.json: cannot be read: No such file" in ran.err
 
 
-def test_help_lists_the_commands(advercity) -> None:
+def test_help_lists_the_commands(advercity: Command) -> None:
     ran = advercity("--help")
     assert ran.code == 0
     assert {"compile", "validate", "list", "show", "run", "view", "doctor", "schema"} <= set(

@@ -312,17 +312,31 @@ def test_all_problems_of_all_files_are_told_at_once_in_order(write: Write) -> No
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("kind: wether\nid: x\n", "1:7: kind: 'wether' is no kind of declaration; did you mean 'weather'?"),
+        (
+            "kind: wether\nid: x\n",
+            "1:7: kind: 'wether' is no kind of declaration; did you mean 'weather'?",
+        ),
         ("kind: weather\n", "1:1: id: the field 'id' is missing"),
         ("kind: weather\nid: x\nid: y\n", "3:1: id: is here twice; first in line 2"),
-        ("kind: weather\nid: x\nfog: &a {fog: *a}\n", "3:6: aliases expand to more than 100000 values or 40 levels"),
-        ("kind: weather\nid: !!python/name:os.system x\n", "2:5: the tag tag:yaml.org,2002:python/name:os.system is not used here; write plain values"),
+        (
+            "kind: weather\nid: x\nfog: &a {fog: *a}\n",
+            "3:6: aliases expand to more than 100000 values or 40 levels",
+        ),
+        (
+            "kind: weather\nid: !!python/name:os.system x\n",
+            "2:5: the tag tag:yaml.org,2002:python/name:os.system is not used here;"
+            " write plain values",
+        ),
         ("kind: weather\nid: x\ntime: day\nextends: x\n", "4:10: extends: goes in a circle: x > x"),
-        ("kind: weather\nid: Fog Day\ntime: day\n", "2:5: id: 'Fog Day' is not an id; lower-case letters, digits and _, starting with a letter"),
+        (
+            "kind: weather\nid: Fog Day\ntime: day\n",
+            "2:5: id: 'Fog Day' is not an id;"
+            " lower-case letters, digits and _, starting with a letter",
+        ),
         ("kind: weather\nid: [x\n", "3:1: not valid YAML: did not find expected ',' or ']'"),
         ("", "1:1: is empty"),
     ],
-)  # fmt: skip
+)
 def test_what_is_no_declaration_is_told_with_its_place(
     write: Write, text: str, expected: str
 ) -> None:

@@ -2,7 +2,6 @@ import hashlib
 import json
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 import yaml
@@ -32,7 +31,7 @@ def run(spec: Spec, output: Path, first: int, last: int, **options: object) -> P
         frames=FrameRange(first, last),
         **options,  # pyright: ignore[reportArgumentType]
     )
-    return run_scenario(spec, chosen, lambda *_: None)
+    return run_scenario(spec, chosen)
 
 
 @pytest.fixture(scope="module")
@@ -102,8 +101,8 @@ def test_weathers_share_traffic_and_boxes(spec: Spec, made: Path, tmp_path: Path
         )
         assert first["vehicles"] == second["vehicles"]
         assert first["true_ego_pos"] == second["true_ego_pos"]
-    pictures = [cv2.imread(str(folder / "+101" / "000060_camera0.png")) for folder in (made, other)]
-    assert np.mean(pictures[0]) != np.mean(pictures[1])
+    pictures = [(folder / "+101" / "000060_camera0.png").read_bytes() for folder in (made, other)]
+    assert pictures[0] != pictures[1]
 
 
 def test_fog_shortens_the_lidar_and_leaves_the_annotation(

@@ -163,12 +163,9 @@ def _spec(
         provenance=Provenance(
             compiler=__version__,
             suite=suite.id,
-            declarations={
-                name: digest
-                for name, digest in sorted(
-                    (f"{kind_of(item)}/{item.id}", library.digest(item)) for item in sources
-                )
-            },
+            declarations=dict(
+                sorted((f"{kind_of(item)}/{item.id}", library.digest(item)) for item in sources)
+            ),
             digest="0" * 64,
         ),
     )

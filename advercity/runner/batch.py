@@ -55,7 +55,7 @@ def _side_by_side(
 ) -> None:
     # Renderers and simulators do not survive a fork.
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), max_tasks_per_child=1) as pool:
-        runs = {pool.submit(run_scenario, spec, options, _silent): spec for spec in specs}
+        runs = {pool.submit(run_scenario, spec, options): spec for spec in specs}
         for run in as_completed(runs):
             name = runs[run].id
             error = run.exception()
@@ -64,7 +64,3 @@ def _side_by_side(
             elif isinstance(error, Exception):
                 failed[name] = error
                 report(name, "failed", 0, 1)
-
-
-def _silent(scenario: str, stage: str, done: int, total: int) -> None:
-    """A child's progress is not shown frame by frame."""

@@ -28,7 +28,11 @@ Report = Callable[[str, str, int, int], None]
 """Called with scenario, stage, frames done and frames in all."""
 
 
-def run_scenario(spec: Spec, options: Options, report: Report) -> Path:
+def no_report(scenario: str, stage: str, done: int, total: int) -> None:
+    """Keeps progress to itself."""
+
+
+def run_scenario(spec: Spec, options: Options, report: Report = no_report) -> Path:
     """Make the frames of a scenario that are not there yet; the scenario's folder.
 
     Raises:
