@@ -1,0 +1,1 @@
+"""OPV2V datasets: annotation, files, manifest."""
