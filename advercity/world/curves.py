@@ -134,8 +134,10 @@ def link(
     if abs(cross) > 0.05:
         before = float(gap[0] * into[1] - gap[1] * into[0]) / cross
         after = float(out[0] * gap[1] - out[1] * gap[0]) / cross
-        if before > 0.05 and after > 0.05:
-            return _rounded_corner(start, out, end, into, min(before, after), before, radius_m)
+        if min(before, after) > 0.05:
+            turn = float(np.arctan2(cross, out @ into))
+            radius = min(radius_m, min(before, after) / np.tan(abs(turn) / 2))
+            return _rounded_corner(start, out, end, turn, before, radius)
     elif abs(float(out @ left_of(gap))) < 0.02:
         return np.stack([start, end])
     reach = 0.4 * float(np.linalg.norm(gap))
@@ -149,19 +151,11 @@ def link(
 
 
 def _rounded_corner(
-    start: Points,
-    out: Points,
-    end: Points,
-    into: Points,
-    longest_tangent: float,
-    before: float,
-    radius_m: float,
+    start: Points, out: Points, end: Points, turn: float, before: float, radius: float
 ) -> Points:
-    turn = float(np.arctan2(out[0] * into[1] - out[1] * into[0], out @ into))
-    tangent = min(longest_tangent, radius_m * np.tan(abs(turn) / 2))
-    radius = tangent / np.tan(abs(turn) / 2)
-    first = start + (before - tangent) * out
+    """Straight on, an arc that turns by `turn`, straight on to `end`."""
     side = np.sign(turn)
+    first = start + (before - radius * np.tan(abs(turn) / 2)) * out
     centre = first + side * radius * left_of(out)
     count = max(3, int(np.ceil(max(abs(turn) * radius, abs(turn) * 6))))
     heading = np.arctan2(out[1], out[0]) + np.linspace(0.0, turn, count + 1)

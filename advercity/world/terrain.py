@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 from advercity_dsl.road import StripKind
 from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
 
 from advercity.semantics import Semantic
 from advercity.world.curves import Points, resampled, stations
@@ -18,7 +19,7 @@ from advercity.world.scene import Mesh
 
 MARGIN_M = 160.0
 """How far the ground goes on beyond the outermost street."""
-CELL_M = 5.0
+CELL_M = 4.0
 GROWTH = 1.35
 """Of one cell over the last, beyond the site."""
 VERGE_M = 9.0
@@ -51,7 +52,7 @@ def ground(layout: Layout, *, kerb_height_m: float) -> Mesh:
         [part + shift for (_, part), shift in zip(parts, shifts, strict=False)]
     )
     corners, merged = np.unique(np.round(corners, 3), axis=0, return_inverse=True)
-    triangles = merged.reshape(-1)[triangles]
+    triangles = _upright(corners, merged.reshape(-1)[triangles])
     z = ground_height(layout, corners, kerb_height_m=kerb_height_m)
     vertices = np.column_stack([corners, z - DROP_M])
     return Mesh(
@@ -141,7 +142,7 @@ def _reach(street: StreetLayout) -> tuple[float, float]:
     )
 
 
-def footprint(layout: Layout) -> shapely.Geometry:
+def footprint(layout: Layout) -> BaseGeometry:
     """What streets and junctions cover, sidewalks included."""
     shapes: list[shapely.Geometry] = []
     for street in layout.streets.values():
@@ -166,6 +167,13 @@ def _breaks(first: float, last: float) -> NDArray[np.float64]:
     count = int(np.log(1 + MARGIN_M * (GROWTH - 1) / CELL_M) / np.log(GROWTH)) + 1
     outside = CELL_M * (GROWTH ** np.arange(1, count + 1) - 1) * GROWTH / (GROWTH - 1)
     return np.concatenate([inside[0] - outside[::-1], inside, inside[-1] + outside])
+
+
+def _upright(corners: Points, triangles: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Triangles without the slivers that rounding has turned over."""
+    a, b, c = (corners[triangles[:, corner]] for corner in range(3))
+    area = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
+    return triangles[area > SNAP_M**2]
 
 
 def _normals(vertices: Points, triangles: NDArray[np.int64]) -> Points:

@@ -1,0 +1,186 @@
+"""Road and ground meshes, felt out with rays from above."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+import yaml
+from advercity_dsl import Road
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
+from numpy.typing import NDArray
+
+from advercity.semantics import Semantic
+from advercity.world import curves, terrain
+from advercity.world.layout import Layout, layout
+from advercity.world.materials import MATERIALS
+from advercity.world.scene import Mesh
+from advercity.world.surface import KERB_HEIGHT_M, road_meshes
+
+NAMES = ("ui", "unj", "ri", "rsnj", "rcnj")
+ABOVE_M = 50.0
+
+Site = tuple[Layout, list[Mesh]]
+Below = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.int64]]]
+
+
+@pytest.fixture(scope="module")
+def sites(library: Path) -> dict[str, Site]:
+    found: dict[str, Site] = {}
+    for name in NAMES:
+        text = (library / f"nhtsa/roads/{name}.yaml").read_text(encoding="utf-8")
+        plan = layout(Road.model_validate(yaml.safe_load(text)))
+        found[name] = plan, road_meshes(plan)
+    return found
+
+
+def looking_down(meshes: list[Mesh]) -> Below:
+    """From points (n, 2) to the height (n,) and class (n,) of what is seen there from above."""
+    corners = np.concatenate([mesh.vertices[mesh.triangles] for mesh in meshes])
+    classes = np.concatenate([np.full(len(m.triangles), m.semantic.value) for m in meshes])
+    scene = EmbreeScene()
+    TriangleMesh(scene, corners)
+
+    def below(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        starts = np.column_stack([points, np.full(len(points), ABOVE_M)]).astype(np.float32)
+        down = np.tile(np.array([0, 0, -1], dtype=np.float32), (len(points), 1))
+        hits = scene.run(starts, down, output=True)
+        assert (hits["primID"] >= 0).all(), "a hole"
+        return ABOVE_M - hits["tfar"], classes[hits["primID"]]
+
+    return below
+
+
+def along(line: curves.Points) -> curves.Points:
+    """Points every half metre or so, which are not the line's own."""
+    return curves.resampled(line, max(3, int(curves.length(line) / 0.47)))[1:-1]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_roads_have_no_holes_and_lie_at_the_height_of_their_lanes(
+    sites: dict[str, Site], name: str
+) -> None:
+    plan, meshes = sites[name]
+    below = looking_down(meshes)
+    lanes = [
+        street.travelled(t, along=band.along)
+        for street in plan.streets.values()
+        for band in (*street.left, *street.right)
+        if band.number
+        for t in (band.centre_t, band.centre_t + 1.4, band.centre_t - 1.4)
+    ]
+    lanes += [path.centre for junction in plan.junctions.values() for path in junction.paths]
+    points = np.concatenate([along(lane) for lane in lanes])
+    z, classes = below(points[:, :2])
+    np.testing.assert_allclose(z, points[:, 2], atol=0.02)
+    assert set(classes) <= {Semantic.ROAD, Semantic.ROAD_LINE}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_sidewalks_and_medians_stand_a_kerb_higher(sites: dict[str, Site], name: str) -> None:
+    plan, meshes = sites[name]
+    below = looking_down(meshes)
+    expected = {"sidewalk": Semantic.SIDEWALK, "median": Semantic.TERRAIN}
+    for street in plan.streets.values():
+        for band in (*street.left, *street.right):
+            if band.kind in expected:
+                points = along(street.line(band.centre_t))
+                z, classes = below(points[:, :2])
+                np.testing.assert_allclose(z, points[:, 2] + KERB_HEIGHT_M, atol=0.02)
+                assert set(classes) == {expected[band.kind]}
+
+
+def test_sidewalks_run_around_the_corners_of_a_crossing(sites: dict[str, Site]) -> None:
+    plan, meshes = sites["ui"]
+    below = looking_down(meshes)
+    for corner in plan.junctions["j_main"].corners:
+        assert corner.back is not None
+        middle = along((corner.kerb + corner.back) / 2)
+        z, classes = below(middle[:, :2])
+        np.testing.assert_allclose(z, KERB_HEIGHT_M, atol=0.001)
+        assert set(classes) == {Semantic.SIDEWALK}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_ground_never_shows_through_the_road(sites: dict[str, Site], name: str) -> None:
+    plan, meshes = sites[name]
+    (ground,) = (mesh for mesh in meshes if mesh.name == "ground")
+    inside = shapely.buffer(terrain.footprint(plan), -2 * terrain.OVERLAP_M)
+    centres = ground.vertices[ground.triangles].mean(axis=1)
+    assert not shapely.contains_xy(inside, centres[:, 0], centres[:, 1]).any()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_ground_meets_the_road_and_reaches_far_beyond_it(
+    sites: dict[str, Site], name: str
+) -> None:
+    plan, meshes = sites[name]
+    below = looking_down(meshes)
+    for street in plan.streets.values():
+        for bands, side in ((street.left, 1), (street.right, -1)):
+            edge, beside = (street.line(bands[-1].outer_t + side * d) for d in (0, 0.15))
+            free = ~shapely.contains_xy(terrain.footprint(plan), beside[:, 0], beside[:, 1])
+            free &= (street.stations > 5) & (street.stations < street.stations[-1] - 5)
+            if not free.any():
+                continue
+            z, classes = below(beside[free, :2])
+            raised = KERB_HEIGHT_M * (bands[-1].kind == "sidewalk")
+            np.testing.assert_allclose(z, edge[free, 2] + raised, atol=0.06)
+            assert set(classes) == {Semantic.TERRAIN}
+    x0, y0, x1, y1 = shapely.bounds(terrain.footprint(plan))
+    corners = np.array([(x, y) for x in (x0 - 150, x1 + 150) for y in (y0 - 150, y1 + 150)])
+    z, _ = below(corners)
+    heights = np.concatenate([street.axis[:, 2] for street in plan.streets.values()])
+    assert (z > heights.min() - 0.5).all() and (z < heights.max()).all()
+
+
+def test_the_ground_follows_the_hill(sites: dict[str, Site]) -> None:
+    """The roadside units of the hill road stand on a verge that is level with the road."""
+    plan, meshes = sites["rcnj"]
+    below = looking_down(meshes)
+    beside = np.array([(46.97, 145.36), (52.58, 77.76)])
+    z, _ = below(beside)
+    np.testing.assert_allclose(z, (8.31, 5.51), atol=0.5)
+    asked = terrain.ground_height(plan, beside, kerb_height_m=KERB_HEIGHT_M)
+    np.testing.assert_allclose(z, asked, atol=0.15)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_meshes_are_lean_and_face_upwards(sites: dict[str, Site], name: str) -> None:
+    _, meshes = sites[name]
+    assert sum(len(mesh.triangles) for mesh in meshes) < 60_000
+    assert len({mesh.name for mesh in meshes}) == len(meshes)
+    for mesh in meshes:
+        assert mesh.material in MATERIALS
+        assert np.isfinite(mesh.vertices).all()
+        assert mesh.triangles.max() < len(mesh.vertices)
+        a, b, c = (mesh.vertices[mesh.triangles[:, i]].astype(np.float64) for i in range(3))
+        up = np.cross(b - a, c - a)[:, 2]
+        assert (up > -1e-4).all(), mesh.name
+
+
+def test_crossings_and_lines_are_painted(sites: dict[str, Site]) -> None:
+    plan, meshes = sites["ui"]
+    below = looking_down(meshes)
+    junction = plan.junctions["j_main"]
+    for crossing in junction.crossings:
+        _, classes = below(curves.resampled(crossing.centre, 401)[:, :2])
+        assert 0.4 < np.mean(classes == Semantic.ROAD_LINE) < 0.6
+    street = plan.streets["north_road"]
+    shares = {
+        t: np.mean(below(along(street.line(t))[:, :2])[1] == Semantic.ROAD_LINE)
+        for t in (-2.25, -5.75, -4.0)
+    }
+    assert shares[-2.25] == 1.0
+    assert shares[-5.75] == pytest.approx(0.25, abs=0.04)
+    assert shares[-4.0] < 0.02
+
+
+def test_the_same_road_gives_the_same_meshes(sites: dict[str, Site]) -> None:
+    plan, meshes = sites["ri"]
+    for first, again in zip(meshes, road_meshes(plan), strict=True):
+        assert first.name == again.name
+        np.testing.assert_array_equal(first.vertices, again.vertices)
+        np.testing.assert_array_equal(first.triangles, again.triangles)
