@@ -17,12 +17,12 @@ from advercity_dsl import Road, Vehicle
 
 from advercity.errors import InputError
 from advercity.world.edges import edge_bands
+from advercity.world.lanes import lanes
 from advercity.world.layout import Layout, layout
 from advercity.world.network import (
     build_network,
     edge_id,
     lane_id,
-    lanes,
     signal_groups,
     street_of,
 )

@@ -17,7 +17,9 @@ from pydantic import ValidationError
 
 from advercity.errors import InputError
 from advercity.world import curves
-from advercity.world.layout import Layout, StreetLayout, layout, surface_height
+from advercity.world.junctions import surface_height
+from advercity.world.layout import Layout, layout
+from advercity.world.streets import StreetLayout
 
 NAMES = ("ui", "unj", "ri", "rsnj", "rcnj")
 FAR_OFF = {("ui", "cav2"): 0.75, ("ri", "cav2"): 0.75}

@@ -7,7 +7,8 @@ from advercity_dsl.base import Point2
 from advercity_dsl.road import Sign, SignalHead, SurroundingKind
 
 from advercity.semantics import Semantic
-from advercity.world.layout import Arm, Layout, layout
+from advercity.world.junctions import Arm
+from advercity.world.layout import Layout, layout
 from advercity.world.scene import Mesh, SignalLamp
 from advercity.world.shapes import (
     Floats,

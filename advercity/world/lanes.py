@@ -8,8 +8,10 @@ from advercity_dsl.road import StripKind
 
 from advercity.world import curves
 from advercity.world.edges import edge_id
-from advercity.world.layout import CrossingLayout, Layout, StreetLayout
+from advercity.world.junctions import CrossingLayout
+from advercity.world.layout import Layout
 from advercity.world.scene import Lane
+from advercity.world.streets import StreetLayout
 
 KINDS = {
     StripKind.LANE: "driving",

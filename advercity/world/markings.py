@@ -11,9 +11,11 @@ from advercity_dsl.road import Paint
 
 from advercity.semantics import Semantic
 from advercity.world.curves import Points
-from advercity.world.layout import Arm, CrossingLayout, JunctionLayout, Layout, StreetLayout
+from advercity.world.junctions import Arm, CrossingLayout, JunctionLayout
+from advercity.world.layout import Layout
 from advercity.world.meshing import Piece, mesh, ribbon
 from advercity.world.scene import Mesh
+from advercity.world.streets import StreetLayout
 
 LIFT = np.array([0.0, 0.0, 0.007])
 LINE_WIDTH_M = 0.12

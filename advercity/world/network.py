@@ -23,15 +23,15 @@ from advercity.errors import InputError, RunError
 from advercity.world import curves, signals
 from advercity.world.curves import Points
 from advercity.world.edges import edge_bands, edge_id, lane_id, lane_index, street_of
-from advercity.world.lanes import lanes
-from advercity.world.layout import JunctionLayout, Layout, StreetLayout, layout
+from advercity.world.junctions import JunctionLayout
+from advercity.world.layout import Layout, layout
+from advercity.world.streets import StreetLayout
 
 __all__ = [
     "build_network",
     "edge_id",
     "lane_id",
     "lane_index",
-    "lanes",
     "signal_groups",
     "street_of",
 ]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from advercity.world.layout import JunctionLayout
+from advercity.world.junctions import JunctionLayout
 
 
 @dataclass(frozen=True)

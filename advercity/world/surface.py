@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 from advercity.semantics import Semantic
 from advercity.world import markings, terrain
 from advercity.world.curves import Points
-from advercity.world.layout import Band, JunctionLayout, Layout, StreetLayout
+from advercity.world.junctions import JunctionLayout
+from advercity.world.layout import Layout
 from advercity.world.meshing import Piece, filled, mesh, polygons_of, ribbon
 from advercity.world.scene import Mesh
+from advercity.world.streets import Band, StreetLayout
 
 KERB_HEIGHT_M = 0.15
 KERB_WIDTH_M = 0.15

@@ -13,9 +13,10 @@ from shapely.geometry.base import BaseGeometry
 
 from advercity.semantics import Semantic
 from advercity.world.curves import Points, resampled, stations
-from advercity.world.layout import Band, Layout, StreetLayout
+from advercity.world.layout import Layout
 from advercity.world.meshing import filled, mesh, polygons_of, ribbon
 from advercity.world.scene import Mesh
+from advercity.world.streets import Band, StreetLayout
 
 MARGIN_M = 160.0
 """How far the ground goes on beyond the outermost street."""
