@@ -19,7 +19,7 @@ from advercity.world.scene import SignalLamp, StreetLamp, World
 from advercity_sapien.shapes import signal_lens
 from advercity_sapien.tables import COLUMNS, KILO
 
-MOST_LAMPS = 48
+MOST_LAMPS = 32
 """In one picture: those nearest to what the camera looks at."""
 LOOKED_AT_M = 20.0
 
@@ -40,7 +40,7 @@ LOW_BEAM_CD: dict[ActorClass, float] = {
     "bicycle": 1e3,
 }
 """Peak of all dipped beams of a vehicle together (UN R112 class B, R113)."""
-BRAKE_CD, TAIL_CD, SIGNAL_CD = 300.0, 16.0, 400.0
+BRAKE_CD, SIGNAL_CD = 300.0, 400.0
 LAMP_HEIGHT_M, CLEAR_OF_BODY_M = 0.65, 0.1
 
 
@@ -78,8 +78,8 @@ def lamp_row(lamps: list[LitLamp], view: CameraView) -> NDArray[np.float32]:
     if not lamps:
         return row
     looked_at = transform(view.world_from_camera, [LOOKED_AT_M, 0.0, 0.0])
-    positions = np.array([lamp.position for lamp in lamps])
-    order = np.argsort(np.linalg.norm(positions - looked_at, axis=1), kind="stable")[:MOST_LAMPS]
+    away_m = np.linalg.norm(np.array([lamp.position for lamp in lamps]) - looked_at, axis=1)
+    order = np.argsort(away_m, kind="stable")[:MOST_LAMPS]
     row[0, 0] = len(order)
     for column, index in zip(range(1, COLUMNS, 3), order, strict=False):
         lamp = lamps[index]
@@ -111,6 +111,6 @@ def _vehicle(state: ActorState) -> Iterator[LitLamp]:
     beam_cd = LOW_BEAM_CD.get(state.actor.actor_class, 0.0)
     if Lamp.LOW_BEAM in state.lamps and beam_cd > 0.0:
         yield LitLamp(Kind.LOW_BEAM, tuple(front), tuple(ahead), beam_cd, HALOGEN)
-    rear_cd = BRAKE_CD if Lamp.BRAKE in state.lamps else TAIL_CD if state.lamps else 0.0
-    if beam_cd > 0.0 and rear_cd > 0.0:
-        yield LitLamp(Kind.LENS, tuple(rear), tuple(-ahead), rear_cd, RED)
+    # Tail lamps are seen, but too faint to light anything.
+    if Lamp.BRAKE in state.lamps:
+        yield LitLamp(Kind.LENS, tuple(rear), tuple(-ahead), BRAKE_CD, RED)

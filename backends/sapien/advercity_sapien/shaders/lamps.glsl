@@ -69,15 +69,17 @@ float phase(float cosine) {
 
 // Light of one lamp scattered once into a ray. Steps are equal in the cube root of the angle at
 // the lamp (equiangular, Kulla and Fajardo 2012), so that they are close where the phase is steep.
-vec3 glow(Lamp l, vec3 eye, vec3 ray, float distance) {
+// The sharp edges of a beam are sampled at a `jitter` in [0, 1) of each step.
+vec3 glow(Lamp l, vec3 eye, vec3 ray, float distance, float jitter) {
   const int STEPS = 8;
+  float within = l.kind == LOW_BEAM ? jitter : 0.5;
   float nearest = dot(l.position - eye, ray);
   float aside = max(length(l.position - eye - nearest * ray), 0.02);
   float first = atan(-nearest / aside);
   float span = atan((distance - nearest) / aside) - first;
   vec3 sum = vec3(0.0);
   for (int i = 0; i < STEPS; ++i) {
-    float u = (float(i) + 0.5) / float(STEPS);
+    float u = (float(i) + within) / float(STEPS);
     float angle = first + span * u * u * u;
     float t = nearest + aside * tan(angle);
     float fromLamp = aside / cos(angle);
@@ -91,9 +93,14 @@ vec3 glow(Lamp l, vec3 eye, vec3 ray, float distance) {
 // In air as clear as this no glow is seen, and it is the dearest part of a picture.
 const float UNSEEN_BELOW = 5e-4;
 
-vec3 glowOfLamps(vec3 eye, vec3 ray, float distance) {
+vec3 glowOfLamps(vec3 eye, vec3 ray, float distance, float jitter) {
   vec3 sum = vec3(0.0);
   if (extinction() < UNSEEN_BELOW) return sum;
-  for (int i = 0; i < lampCount(); ++i) sum += glow(lamp(i), eye, ray, distance);
+  for (int i = 0; i < lampCount(); ++i) {
+    Lamp l = lamp(i);
+    // Scattered light has come at least as far as direct light.
+    if (transmittance(length(l.position - eye)) < 1e-3) continue;
+    sum += glow(l, eye, ray, distance, jitter);
+  }
   return sum;
 }

@@ -35,6 +35,11 @@ float sunlit(vec3 position, vec3 normal) {
   return lit / 9.0;
 }
 
+// Noise whose neighbours differ most (Jimenez 2014), in [0, 1).
+float interleaved(vec2 pixel) {
+  return fract(52.9829189 * fract(dot(pixel, vec2(0.06711056, 0.00583715))));
+}
+
 void main() {
   vec4 target = cameraBuffer.projectionMatrixInverse * vec4(inUV * 2.0 - 1.0, 0.5, 1.0);
   vec3 seen = target.xyz / -target.z;
@@ -45,7 +50,7 @@ void main() {
   float depth = depthEmission.x;
   vec3 eye = cameraBuffer.viewMatrixInverse[3].xyz;
   float distance = depth > 0.0 ? depth * stretch : 3000.0;
-  vec3 glowing = glowOfLamps(eye, ray, distance);
+  vec3 glowing = glowOfLamps(eye, ray, distance, interleaved(gl_FragCoord.xy));
   if (depth <= 0.0) {
     outRadiance = vec4(sky(ray) + glowing, 0.0);
     return;
