@@ -50,7 +50,7 @@ class CrashGroup(Model):
 
 
 class SpecSeeds(Model):
-    """`traffic` differs by road and density alone; `sensors` is used together with the spec's id."""
+    """`traffic` differs by road and density alone; `sensors` is used along with the spec's id."""
 
     traffic: int
     sensors: int
