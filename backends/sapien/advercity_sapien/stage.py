@@ -13,7 +13,7 @@ from advercity.semantics import Semantic
 from advercity.traffic.trace import Actor, Frame, Lamp
 from advercity.world.scene import Mesh, SignalLamp, World
 from advercity_sapien.bindings import Bindings
-from advercity_sapien.shapes import ShapeLibrary, lenses
+from advercity_sapien.shapes import ShapeLibrary, lenses, tiles
 
 PARKED = sapien.Pose([0.0, 0.0, -1e4])
 """Where bodies wait while nobody needs them: far below anything visible."""
@@ -41,8 +41,9 @@ class Stage:
         self._actors: dict[int, tuple[Actor, Body]] = {}
         self._lit: dict[int, int] = {}
         self._idle: defaultdict[tuple[str, str], list[Body]] = defaultdict(list)
-        static = self._add(world.static)
-        self._identify(static, world.static, 0)
+        meshes = [tile for mesh in world.static for tile in tiles(mesh)]
+        static = self._add(meshes)
+        self._identify(static, meshes, 0)
         bindings.mark(static, int(Lamp.LOW_BEAM) if night else 0, hidden=False)
         self._signals = {lamp.id: self._add_signal(lamp) for lamp in world.signal_lamps}
 

@@ -71,15 +71,15 @@ float phase(float cosine) {
 // the lamp (equiangular, Kulla and Fajardo 2012), so that they are close where the phase is steep.
 // The sharp edges of a beam are sampled at a `jitter` in [0, 1) of each step.
 vec3 glow(Lamp l, vec3 eye, vec3 ray, float distance, float jitter) {
-  const int STEPS = 8;
+  int steps = l.kind == LOW_BEAM ? 16 : 8;
   float within = l.kind == LOW_BEAM ? jitter : 0.5;
   float nearest = dot(l.position - eye, ray);
   float aside = max(length(l.position - eye - nearest * ray), 0.02);
   float first = atan(-nearest / aside);
   float span = atan((distance - nearest) / aside) - first;
   vec3 sum = vec3(0.0);
-  for (int i = 0; i < STEPS; ++i) {
-    float u = (float(i) + within) / float(STEPS);
+  for (int i = 0; i < steps; ++i) {
+    float u = (float(i) + within) / float(steps);
     float angle = first + span * u * u * u;
     float t = nearest + aside * tan(angle);
     float fromLamp = aside / cos(angle);
@@ -87,7 +87,7 @@ vec3 glow(Lamp l, vec3 eye, vec3 ray, float distance, float jitter) {
     float point = fromLamp * fromLamp / (fromLamp * fromLamp + spread2(l));
     sum += 3.0 * u * u * point * intensity(l, away) * phase(-sin(angle)) * transmittance(t + fromLamp);
   }
-  return sum * (extinction() * span / (aside * float(STEPS)));
+  return sum * (extinction() * span / (aside * float(steps)));
 }
 
 // In air as clear as this no glow is seen, and it is the dearest part of a picture.
