@@ -411,3 +411,35 @@ def test_leaves_are_seen_from_both_sides(opened: Open) -> None:
     for capture, x in zip(captures, (-1.0, 1.0), strict=True):
         assert centre(capture.semantic) == Semantic.VEGETATION
         np.testing.assert_allclose(capture.normal[60, 80], [x, 0.0, 0.0], atol=1e-6)
+
+
+def traced(
+    world: World, air: Atmosphere, view: CameraView, *, samples: int, path_depth: int = 1
+) -> Floats:
+    profile = Profile("test", 1.0, "ray_traced", samples=samples, path_depth=path_depth)
+    with SapienBackend().open(world, air, profile) as renderer:
+        renderer.place(frame_of())
+        return luminance(renderer.camera(view))
+
+
+def test_longer_paths_bring_light_round_the_corner() -> None:
+    ground = box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "white")
+    roof = box((0.0, 0.0, 3.5), (6.0, 6.0, 1.0))
+    below = view_of(pose((0.0, 0.0, 1.0), pitch=-np.pi / 2), size=(16, 16))
+    # The ceiling sees no sun; the sunlit ground around it does, one bounce further on.
+    air = air_of(sun_lx=5e4, sun_elevation_deg=80.0)
+    dark, lit = (
+        traced(world_of(ground, roof), air, below, samples=16, path_depth=depth).mean()
+        for depth in (0, 2)
+    )
+    assert dark == 0.0
+    assert lit > 500.0
+
+
+def test_more_samples_make_less_noise() -> None:
+    ground = box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "white")
+    air = air_of(sky=lambda sine: 9000.0 * np.maximum(sine, 0.0) ** 4)
+    down = view_of(pose((0.0, 0.0, 5.0), pitch=np.pi / 2), size=(24, 24))
+    few, many = (traced(world_of(ground), air, down, samples=samples).std() for samples in (2, 32))
+    # Sixteen times the samples, a quarter of the noise.
+    assert 3.0 < few / many < 5.5

@@ -67,27 +67,54 @@ float phase(float cosine) {
   return mix(hg, draine, W) / (4.0 * PI);
 }
 
+// Cuts from a stretch of a ray what lies behind a plane: keeps t where `start` + `slope` t >= 0.
+void clip(inout vec2 stretch, float start, float slope) {
+  float t = -start / (abs(slope) > 1e-6 ? slope : 1e-6);
+  if (slope > 0.0) stretch.x = max(stretch.x, t);
+  else stretch.y = min(stretch.y, t);
+}
+
+// The stretch of a ray, up to `distance`, that a lamp lights: what is before it and, for a dipped
+// beam, between 8 degrees below and 6 above its axis.
+vec2 litStretch(Lamp l, vec3 eye, vec3 ray, float distance) {
+  const float BELOW = 0.141, ABOVE = 0.105;
+  vec3 away = eye - l.position;
+  vec2 stretch = vec2(0.0, distance);
+  clip(stretch, dot(away, l.facing), dot(ray, l.facing));
+  if (l.kind == LOW_BEAM) {
+    vec3 right = normalize(vec3(l.facing.y, -l.facing.x, 0.0));
+    vec3 up = cross(right, l.facing);
+    vec3 floor = up + BELOW * l.facing, ceiling = ABOVE * l.facing - up;
+    clip(stretch, dot(away, floor), dot(ray, floor));
+    clip(stretch, dot(away, ceiling), dot(ray, ceiling));
+  }
+  return stretch;
+}
+
 // Light of one lamp scattered once into a ray. Steps are equal in the cube root of the angle at
 // the lamp (equiangular, Kulla and Fajardo 2012), so that they are close where the phase is steep.
 // The sharp edges of a beam are sampled at a `jitter` in [0, 1) of each step.
 vec3 glow(Lamp l, vec3 eye, vec3 ray, float distance, float jitter) {
-  int steps = l.kind == LOW_BEAM ? 16 : 8;
+  const int STEPS = 8;
+  vec2 stretch = litStretch(l, eye, ray, distance);
+  if (stretch.x >= stretch.y) return vec3(0.0);
   float within = l.kind == LOW_BEAM ? jitter : 0.5;
   float nearest = dot(l.position - eye, ray);
   float aside = max(length(l.position - eye - nearest * ray), 0.02);
-  float first = atan(-nearest / aside);
-  float span = atan((distance - nearest) / aside) - first;
+  float first = atan((stretch.x - nearest) / aside);
+  float span = atan((stretch.y - nearest) / aside) - first;
   vec3 sum = vec3(0.0);
-  for (int i = 0; i < steps; ++i) {
-    float u = (float(i) + within) / float(steps);
+  for (int i = 0; i < STEPS; ++i) {
+    float u = (float(i) + within) / float(STEPS);
     float angle = first + span * u * u * u;
     float t = nearest + aside * tan(angle);
     float fromLamp = aside / cos(angle);
     vec3 away = (eye + t * ray - l.position) / fromLamp;
     float point = fromLamp * fromLamp / (fromLamp * fromLamp + spread2(l));
-    sum += 3.0 * u * u * point * intensity(l, away) * phase(-sin(angle)) * transmittance(t + fromLamp);
+    sum += 3.0 * u * u * point * intensity(l, away) * phase(-sin(angle))
+        * transmittance(t + fromLamp);
   }
-  return sum * (extinction() * span / (aside * float(steps)));
+  return sum * (extinction() * span / (aside * float(STEPS)));
 }
 
 // In air as clear as this no glow is seen, and it is the dearest part of a picture.
