@@ -17,7 +17,7 @@ from advercity_sapien.sun import SunShadow
 from advercity_sapien.tables import KILO, atmosphere_row, sky_atlas
 
 SHADERS = Path(__file__).parent / "shaders"
-NEAR_M, FAR_M = 0.05, 3000.0
+NEAR_M, FAR_M = 0.1, 3000.0
 
 
 class SapienRenderer:

@@ -26,7 +26,7 @@ LENSES = {
 """Kinds of lens in `lenses.glsl`, which travel in the materials' emission."""
 TILE_M = 80.0
 LENS_SPACING_M, LENS_RADIUS_M, LENS_CORNERS = 0.31, 0.13, 16
-LENS_AHEAD_M = 0.005
+LENS_AHEAD_M = 0.02
 """Of the lens that the world's own mesh has."""
 
 
