@@ -67,12 +67,26 @@ def list_(
 
 
 @app.command()
-def show(spec: Annotated[Path, typer.Argument(help="A compiled spec.")]) -> None:
-    """Tell what a scenario holds, without running it."""
-    from advercity.cli.tables import summary
-    from advercity.compiler import read_spec
+def show(
+    path: Annotated[Path, typer.Argument(help="A compiled spec, or a declared road.")],
+    map_: Annotated[
+        Path | None, typer.Option("--map", metavar="FILE", help="Draw the plan into a picture.")
+    ] = None,
+) -> None:
+    """Tell what a scenario holds, without running it; draw its plan."""
+    from advercity_dsl import Road
 
-    say(summary(read_spec(spec)))
+    from advercity.cli.tables import road_summary, summary
+    from advercity.compiler import load_declaration, read_spec
+
+    spec = read_spec(path) if path.suffix == ".json" else None
+    road = spec.road if spec else load_declaration(path, Road)
+    say(summary(spec) if spec else road_summary(road))
+    if map_ is not None:
+        from advercity.world.plan import draw_plan, write_plan
+
+        write_plan(draw_plan(road, spec), map_)
+        note(f"plan in {map_}")
 
 
 @app.command()
@@ -151,7 +165,7 @@ def sheet(
     dataset: Annotated[Path, typer.Argument(help="A scenario of a dataset.")],
     output: Annotated[Path, typer.Option(help="Picture to write.")] = Path("contact_sheet.png"),
 ) -> None:
-    """Put the cameras of one frame, all viewpoints, on one contact sheet."""
+    """Put all cameras of one frame on a contact sheet."""
     from advercity.dataset.contact_sheet import write_contact_sheet
 
     write_contact_sheet(dataset, output)

@@ -1,8 +1,9 @@
 """Scenarios as text."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
-from advercity_dsl import Spec
+from advercity_dsl import Road, Spec
 
 from advercity.compiler import read_spec
 from advercity.errors import InputError
@@ -23,6 +24,18 @@ def spec_table(folder: Path) -> str:
         f"{row[0]:<{widths[0]}}  {row[1]:>{widths[1]}}  {row[2]:>{widths[2]}}  {row[3]}"
         for row in rows
     )
+
+
+def road_summary(road: Road) -> str:
+    """What a road holds, line by line."""
+    facts = {
+        "road": f"{road.id}: {road.title}",
+        "place": f"{road.land_use}, {road.junction}, {road.alignment}, {road.profile}",
+        "streets": ", ".join(road.streets),
+        "junctions": ", ".join(f"{name} ({item.control})" for name, item in road.junctions.items()),
+        "agents": ", ".join(road.agents),
+    }
+    return _aligned(facts)
 
 
 def summary(spec: Spec) -> str:
@@ -48,5 +61,9 @@ def summary(spec: Spec) -> str:
         "seeds": f"traffic {spec.seeds.traffic}, sensors {spec.seeds.sensors}",
         "digest": spec.provenance.digest,
     }
+    return _aligned(facts)
+
+
+def _aligned(facts: Mapping[str, str]) -> str:
     width = max(len(name) for name in facts)
     return "\n".join(f"{name:<{width}}  {value}" for name, value in facts.items())

@@ -1,0 +1,209 @@
+"""The plan of a site: lanes, crossings, signals, agents with their headings, routes and views."""
+
+import math
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+
+import cv2
+import numpy as np
+from advercity_dsl import Mount, Road, RoadsideUnit, Spec, Vehicle
+from advercity_dsl.road import Signals
+from numpy.typing import ArrayLike, NDArray
+
+from advercity.errors import InputError
+from advercity.world.lanes import lanes
+from advercity.world.layout import layout
+from advercity.world.scene import Lane
+
+SIZE_PX = 1600
+MARGIN_M = 15.0
+VIEW_M = 40.0
+"""How far the wedges of cameras are drawn."""
+FONT = cv2.FONT_HERSHEY_SIMPLEX
+FONT_SCALE = 0.45
+SHIFT = 4
+"""Fractional bits of OpenCV's drawing coordinates."""
+BACKGROUND = (214, 232, 222)
+INK = (40, 40, 40)
+SURFACES = {
+    "driving": (120, 120, 120),
+    "parking": (140, 135, 130),
+    "shoulder": (150, 148, 145),
+    "sidewalk": (205, 195, 205),
+    "crossing": (240, 240, 240),
+}
+"""BGR by kind of lane, in the order in which they are painted."""
+AGENT_COLOURS = {"ego": (40, 40, 220), "other": (200, 90, 20), "unit": (20, 140, 20)}
+
+Image = NDArray[np.uint8]
+
+
+class Canvas:
+    """A picture with a scale: world metres, north up."""
+
+    def __init__(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> None:
+        self.px_per_m = SIZE_PX / float(max(high - low))
+        width, height = np.ceil((high - low) * self.px_per_m).astype(int)
+        self._corner = np.array([low[0], high[1]])
+        self.image: Image = np.full((height, width, 3), BACKGROUND, np.uint8)
+
+    def _pixels(self, points: ArrayLike) -> NDArray[np.int32]:
+        plane = np.asarray(points, dtype=np.float64)[..., :2] - self._corner
+        scaled = plane * [self.px_per_m, -self.px_per_m] * 2**SHIFT
+        return np.rint(scaled).astype(np.int32)
+
+    def fill(self, outline: ArrayLike, colour: tuple[int, int, int], *, opacity: float = 1) -> None:
+        """A polygon (n, 2 or 3)."""
+        layer = self.image if opacity >= 1 else self.image.copy()
+        cv2.fillPoly(layer, [self._pixels(outline)], colour, cv2.LINE_AA, SHIFT)
+        if opacity < 1:
+            self.image = cv2.addWeighted(layer, opacity, self.image, 1 - opacity, 0).astype(
+                np.uint8
+            )
+
+    def line(self, points: ArrayLike, colour: tuple[int, int, int], width_px: int = 1) -> None:
+        """A line (n, 2 or 3)."""
+        pixels = [self._pixels(points)]
+        cv2.polylines(self.image, pixels, False, colour, width_px, cv2.LINE_AA, SHIFT)
+
+    def text(self, at: ArrayLike, words: str, colour: tuple[int, int, int] = INK) -> None:
+        """Words whose lower left corner is at a point."""
+        x, y = (self._pixels(at) >> SHIFT).tolist()
+        left, bottom = x + 8, y - 8
+        (width, height), below = cv2.getTextSize(words, FONT, FONT_SCALE, 1)
+        box = (left - 3, bottom - height - 3), (left + width + 3, bottom + below)
+        cv2.rectangle(self.image, *box, (250, 250, 250), cv2.FILLED)
+        cv2.putText(self.image, words, (left, bottom), FONT, FONT_SCALE, colour, 1, cv2.LINE_AA)
+
+
+def draw_plan(road: Road, spec: Spec | None = None) -> Image:
+    """The plan of a road, BGR; with a spec, also what its cameras see.
+
+    North is up; the bar is 50 m long.
+    """
+    plan = layout(road)
+    found = lanes(plan)
+    canvas = _canvas(found, road)
+    for junction in plan.junctions.values():
+        canvas.fill(junction.outline, SURFACES["driving"])
+    for kind, colour in SURFACES.items():
+        for lane in found:
+            if lane.kind == kind:
+                canvas.fill(np.concatenate([lane.left, lane.right[::-1]]), colour)
+    for lane in found:
+        if lane.kind == "driving" and not lane.in_junction:
+            canvas.line(lane.left, (255, 255, 255))
+            canvas.line(lane.right, (255, 255, 255))
+    for name, street in plan.streets.items():
+        canvas.text(street.axis[len(street.axis) // 2], name)
+    for junction in plan.junctions.values():
+        _draw_signals(canvas, junction.declared.signals)
+    if spec is not None:
+        for agent in spec.agents:
+            camera = agent.sensors.camera
+            for mount in camera.mounts:
+                _draw_view(canvas, agent.place, mount, camera.horizontal_fov_deg)
+    for place in road.agents.values():
+        if isinstance(place, Vehicle):
+            for lane in _route(place, found):
+                canvas.line((lane.left + lane.right) / 2, _colour(place), 2)
+    for name, place in road.agents.items():
+        _draw_agent(canvas, name, place)
+    _draw_bar(canvas)
+    return canvas.image
+
+
+def write_plan(image: Image, path: Path) -> None:
+    """Write a plan as PNG or JPEG, as the file's name says; InputError if it cannot be."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        written = cv2.imwrite(str(path), image)
+    except cv2.error as error:
+        raise InputError(f"{path}: no picture has such a name; end it in .png") from error
+    if not written:
+        raise InputError(f"{path}: cannot be written")
+
+
+def _canvas(found: tuple[Lane, ...], road: Road) -> Canvas:
+    corners = [side[:, :2] for lane in found for side in (lane.left, lane.right)]
+    corners += [
+        np.array([place.position_m[:2] if isinstance(place, RoadsideUnit) else place.spawn_m])
+        for place in road.agents.values()
+    ]
+    points = np.concatenate(corners)
+    return Canvas(points.min(axis=0) - MARGIN_M, points.max(axis=0) + MARGIN_M)
+
+
+def _draw_signals(canvas: Canvas, signals: Signals | None) -> None:
+    for head in signals.heads if signals else ():
+        canvas.line([head.pole_m, head.at_m[:2]], INK)
+        canvas.fill(_disc(head.at_m[:2], 0.8), (0, 160, 240))
+
+
+def _draw_view(
+    canvas: Canvas, place: Vehicle | RoadsideUnit, mount: Mount, field_of_view_deg: float
+) -> None:
+    at, heading_deg = _stance(place)
+    middle = math.radians(heading_deg + mount.yaw_deg)
+    half = math.radians(field_of_view_deg / 2)
+    turn = middle + np.linspace(-half, half, 24)
+    rim = np.add(at, VIEW_M * np.column_stack([np.cos(turn), np.sin(turn)]))
+    canvas.fill(np.vstack([at, rim]), _colour(place), opacity=0.06)
+
+
+def _route(vehicle: Vehicle, found: tuple[Lane, ...]) -> Iterator[Lane]:
+    """Ways through junctions along a route, and the lanes that lead to them."""
+    by_id = {lane.id: lane for lane in found}
+    for here, there in pairwise(vehicle.route):
+        turns = (lane for lane in found if _joins(lane.id, here, there))
+        way = next(turns, None)
+        if way is not None:
+            yield way
+            number = way.id.rpartition(" > ")[0].rpartition(".")[2]
+            ends = [by_id.get(f"{here}{sign}.{number}") for sign in "+-"]
+            near = [
+                lane for lane in ends if lane and np.allclose(lane.left[-1], way.left[0], atol=1)
+            ]
+            yield from near
+
+
+def _joins(lane_id: str, here: str, there: str) -> bool:
+    origin, _, target = lane_id.partition(": ")[2].partition(" > ")
+    return origin.rpartition(".")[0] == here and target.rpartition(".")[0] == there
+
+
+def _draw_agent(canvas: Canvas, name: str, place: Vehicle | RoadsideUnit) -> None:
+    colour = _colour(place)
+    at, heading_deg = _stance(place)
+    if isinstance(place, Vehicle):
+        canvas.fill(_disc(place.destination_m, 1.2), colour, opacity=0.5)
+        canvas.text(place.destination_m, f"{name} ends", colour)
+    ahead = math.radians(heading_deg)
+    turn = ahead + np.radians([0, 140, 220])
+    reach = np.array([4.0, 2.5, 2.5])[:, None]
+    canvas.fill(np.add(at, reach * np.column_stack([np.cos(turn), np.sin(turn)])), colour)
+    canvas.text(at, name, colour)
+
+
+def _draw_bar(canvas: Canvas) -> None:
+    height = canvas.image.shape[0]
+    right = 20 + round(50 * canvas.px_per_m)
+    cv2.line(canvas.image, (20, height - 20), (right, height - 20), INK, 3)
+    label = (20, height - 28)
+    cv2.putText(canvas.image, "50 m", label, FONT, FONT_SCALE, INK, 1, cv2.LINE_AA)
+
+
+def _stance(place: Vehicle | RoadsideUnit) -> tuple[tuple[float, float], float]:
+    if isinstance(place, RoadsideUnit):
+        return place.position_m[:2], place.yaw_deg
+    return place.spawn_m, place.heading_deg
+
+
+def _colour(place: Vehicle | RoadsideUnit) -> tuple[int, int, int]:
+    return AGENT_COLOURS["unit" if isinstance(place, RoadsideUnit) else place.role]
+
+
+def _disc(at: ArrayLike, radius_m: float) -> NDArray[np.float64]:
+    turn = np.linspace(0, 2 * math.pi, 24, endpoint=False)
+    return np.asarray(at)[:2] + radius_m * np.column_stack([np.cos(turn), np.sin(turn)])
