@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-from advercity_dsl import DECLARATIONS, Declaration, kind_of
+from advercity_dsl import DECLARATIONS, Declaration, MapFile, Road, kind_of
 
+from advercity.compiler.maps import network_of
 from advercity.compiler.problems import Problem, ProblemsError, nearest
 from advercity.compiler.source import Document, read
 from advercity.compiler.validation import validate
@@ -128,7 +129,17 @@ def _entry(
 ) -> Entry:
     data = _extended(name, document, heads, ())
     declaration = validate(DECLARATIONS[name[0]], document, data)
+    if isinstance(declaration, Road) and isinstance(declaration.imported, MapFile):
+        declaration = _with_network(declaration, declaration.imported, document)
     return Entry(declaration, document, digest_of(declaration.model_dump(mode="json")))
+
+
+def _with_network(road: Road, declared: MapFile, document: Document) -> Road:
+    try:
+        network = network_of(declared, road, document.path.parent)
+    except InputError as error:
+        raise ProblemsError.of(document.problem(("imported", "file"), str(error))) from error
+    return road.model_copy(update={"imported": network})
 
 
 def _extended(

@@ -5,7 +5,7 @@ This package holds models and nothing else; it imports neither simulator nor ren
 
 from advercity_dsl.base import Declaration, Id, Model
 from advercity_dsl.rig import Camera, Carrier, Exposure, Gnss, Imu, Lidar, Mount, Rig
-from advercity_dsl.road import Road, RoadsideUnit, Street, Vehicle
+from advercity_dsl.road import MapFile, MapNetwork, Road, RoadsideUnit, Street, Vehicle
 from advercity_dsl.spec import SPEC_VERSION, Agent, Spec
 from advercity_dsl.suite import Suite, Timing
 from advercity_dsl.traffic import ActorClass, Blueprint, Catalogue, Density
@@ -45,6 +45,8 @@ __all__ = [
     "Id",
     "Imu",
     "Lidar",
+    "MapFile",
+    "MapNetwork",
     "Model",
     "Mount",
     "Rig",

@@ -209,6 +209,30 @@ class Surrounding(Model):
     spacing_m: PositiveMetres | None = None
 
 
+class MapFile(Model):
+    """A map that others made, from which the road's network is built when it is compiled.
+
+    OpenDRIVE and SUMO maps keep their coordinates; an OpenStreetMap one lies around the road's
+    `origin_lat_deg` and `origin_lon_deg`.
+    """
+
+    source: Literal["opendrive", "osm", "sumo"]
+    file: Annotated[str, StringConstraints(min_length=1, max_length=1000)]
+    """Its path, relative to the declaration's file."""
+    extent_m: tuple[Point2, Point2] | None = None
+    """Two opposite corners of a rectangle; roads wholly outside are left out."""
+
+
+class MapNetwork(Model):
+    """What the compiler makes of a map; a spec needs no other file."""
+
+    source: Literal["opendrive", "osm", "sumo"]
+    sha256: Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
+    """Of the map's file."""
+    network: Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9+/]+={0,2}$")]
+    """The SUMO network, as zlib in Base64."""
+
+
 class Vehicle(Model):
     """A connected vehicle: where it starts, where it goes, how fast."""
 
@@ -217,8 +241,8 @@ class Vehicle(Model):
     spawn_m: Point2
     heading_deg: Degrees
     destination_m: Point2
-    route: Annotated[tuple[Id, ...], Field(min_length=1)]
-    """Streets from spawn to the edge of the site."""
+    route: tuple[Id, ...] = ()
+    """Streets from spawn to the edge of the site; none takes the shortest way."""
     max_speed_km_h: Annotated[KilometresPerHour, Field(gt=0, le=200)]
 
 
@@ -262,8 +286,15 @@ class Demand(Model):
     """Background cars drive `(1 - offset/100)` times the limit, each ±30 %."""
 
 
+def _is_none(value: object) -> bool:
+    return value is None
+
+
 class Road(Declaration):
-    """A place: the static stage of a scenario."""
+    """A place: the static stage of a scenario.
+
+    Its streets are authored here, or imported from a map.
+    """
 
     kind: Literal["road"] = "road"
     land_use: Literal["urban", "rural"]
@@ -272,12 +303,21 @@ class Road(Declaration):
     profile: Literal["level", "non_level"]
     origin_lat_deg: Annotated[Degrees, Field(ge=-89, le=89)] = 0.0
     origin_lon_deg: Annotated[Degrees, Field(ge=-180, le=180)] = 0.0
-    sections: dict[Id, CrossSection]
-    streets: Annotated[dict[Id, Street], Field(min_length=1)]
+    imported: MapNetwork | MapFile | None = Field(default=None, exclude_if=_is_none)
+    sections: dict[Id, CrossSection] = Field(default_factory=dict)
+    streets: dict[Id, Street] = Field(default_factory=dict)
     junctions: dict[Id, Junction] = Field(default_factory=dict)
     surroundings: tuple[Surrounding, ...] = ()
     agents: dict[Id, Annotated[Vehicle | RoadsideUnit, Field(discriminator="kind")]]
     traffic: Demand
+
+    @model_validator(mode="after")
+    def _is_authored_or_imported(self) -> Self:
+        if self.imported is None and not self.streets:
+            raise ValueError("a road has 'streets', or a map to be 'imported'")
+        if self.imported is not None and (self.sections or self.streets or self.junctions):
+            raise ValueError("an 'imported' road has its streets from the map; declare none here")
+        return self
 
     @model_validator(mode="after")
     def _names_exist(self) -> Self:
@@ -288,7 +328,12 @@ class Road(Declaration):
         for name, junction in self.junctions.items():
             self._check_junction(f"junctions.{name}", name, junction)
         for name, agent in self.agents.items():
-            if isinstance(agent, Vehicle):
+            if isinstance(agent, Vehicle) and agent.route:
+                if self.imported is not None:
+                    raise ValueError(
+                        f"agents.{name}.route: an imported road has no named streets; leave the"
+                        " route out, and the shortest way to the destination is taken"
+                    )
                 for street in agent.route:
                     _expect(street, self.streets, f"agents.{name}.route")
         return self
