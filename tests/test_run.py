@@ -14,6 +14,7 @@ from advercity.runner import FrameRange, Options, ViewerTarget, parse_frames, ru
 
 pytestmark = [pytest.mark.render, pytest.mark.sumo]
 
+MAPS = ("dynamic", "static", "lane", "visibility", "visibility_corp")
 TINY = 0.05
 """Of 1920x1080: pictures of 96x54."""
 
@@ -52,6 +53,9 @@ def test_every_viewpoint_writes_its_files(made: Path) -> None:
     parts = [
         "yaml",
         "pcd",
+        "objects.json",
+        *(f"bev_{kind}.png" for kind in MAPS),
+        *(f"depth{index}.png" for index in range(4)),
         *(f"camera{index}.png" for index in range(4)),
         *(f"semantic{index}.png" for index in range(4)),
     ]
@@ -83,7 +87,7 @@ def test_frames_are_independent_of_those_before(spec: Spec, made: Path, tmp_path
     alone = tree(run(spec, tmp_path, 1, 2))
     whole = tree(made)
     frames = {path: digest for path, digest in alone.items() if "000061" in path}
-    assert len(frames) == 53
+    assert len(frames) == 103
     assert frames == {path: whole[path] for path in frames}
 
 

@@ -109,6 +109,7 @@ def run(
     fresh: Annotated[
         bool, typer.Option("--fresh", help="Start over; discard what is there.")
     ] = False,
+    layout: Annotated[str, typer.Option("--format", help="opv2v or adver_city.")] = "opv2v",
 ) -> None:
     """Run scenarios: traffic, sensors, dataset, live view."""
     from advercity.cli.progress import progress
@@ -129,6 +130,7 @@ def run(
         frames=parse_frames(frames),
         viewer=ViewerTarget(file=rrd, serve=stream, connect=connect),
         fresh=fresh,
+        format=layout,
     )
     with progress(chosen) as report:
         folders = run_all(chosen, options, jobs=jobs, report=report)
@@ -157,6 +159,24 @@ def verify(
     problems = verify_dataset(dataset)
     if problems:
         raise RunError("\n".join(str(problem) for problem in problems))
+    note("every file is as its manifest says")
+
+
+@app.command()
+def repair(
+    dataset: Annotated[Path, typer.Argument(help="A dataset, or one scenario of it.")],
+) -> None:
+    """Make missing and changed files of a dataset again, with the checksums they had."""
+    from advercity.cli.progress import progress
+    from advercity.dataset.manifest import scenarios
+    from advercity.dataset.reader import Scenario
+    from advercity.runner import repair as mend
+
+    with progress([Scenario(path).spec for path in scenarios(dataset)]) as report:
+        left = mend(dataset, report)
+    if left:
+        lines = [f"{problem}; not part of the dataset, delete it" for problem in left]
+        raise RunError("\n".join(lines))
     note("every file is as its manifest says")
 
 

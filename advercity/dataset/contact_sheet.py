@@ -1,14 +1,13 @@
 """One frame at a glance: a row per viewpoint with its cameras, semantics and LiDAR from above."""
 
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from advercity.dataset import pcd
-from advercity.dataset.opv2v import PROTOCOL
+from advercity.dataset.images import painted
+from advercity.dataset.reader import Scenario, View
 from advercity.errors import InputError, RunError
 
 CELL_WIDTH = 384
@@ -19,51 +18,40 @@ LIDAR_REACH_M = 60.0
 Image = NDArray[np.uint8]
 
 
-def write_contact_sheet(scenario: Path, output: Path) -> None:
+def write_contact_sheet(path: Path, output: Path) -> None:
     """Write a PNG of the frame in the middle of a scenario.
 
     Args:
-        scenario: Folder of one scenario in the OPV2V layout.
+        path: Folder of one scenario.
         output: File to write.
 
     Raises:
-        InputError: There is no frame in `scenario`.
+        InputError: There is no frame in it.
         RunError: The picture cannot be written.
     """
-    agents = _agents(scenario)
-    frames = sorted(path.stem for path in agents[0].glob("*.pcd")) if agents else []
-    if not frames:
-        raise InputError(f"{scenario}: no frames here; give the folder of one scenario")
-    frame = frames[len(frames) // 2]
-    rows = [_row(agent, frame) for agent in agents]
+    scenario = Scenario(path)
+    if not len(scenario):
+        raise InputError(f"{path}: no frames here; give the folder of one scenario")
+    frame = scenario[len(scenario) // 2]
+    rows = [_row(view, f"{agent}  frame {frame.name}") for agent, view in frame.views.items()]
     output.parent.mkdir(parents=True, exist_ok=True)
     if not cv2.imwrite(str(output), np.vstack(rows)):
         raise RunError(f"{output}: cannot be written")
 
 
-def _agents(scenario: Path) -> list[Path]:
-    """Folders of the viewpoints: vehicles first, then roadside units."""
-    if not (scenario / PROTOCOL).is_file():
-        return []
-    folders = [path for path in scenario.iterdir() if path.is_dir()]
-    return sorted(folders, key=lambda path: (int(path.name) < 0, abs(int(path.name))))
-
-
-def _row(agent: Path, frame: str) -> Image:
-    views = ("camera2", "camera0", "camera1", "camera3", "semantic0")
-    cells = [_cell(agent / f"{frame}_{view}.png") for view in views]
+def _row(view: View, name: str) -> Image:
+    pictures = [view.image(camera) for camera in (2, 0, 1, 3)]
+    cells = [_cell(picture) for picture in (*pictures, painted(view.semantic(0)))]
     height = cells[0].shape[0]
-    above = lidar_from_above(pcd.read(agent / f"{frame}.pcd"), height)
-    name = f"{agent.name}  frame {frame}: left, front, right, rear, semantic front, LiDAR"
-    return np.vstack([_label(name, CELL_WIDTH * len(cells) + height), np.hstack([*cells, above])])
+    above = lidar_from_above(view.cloud, height)
+    text = f"{name}: left, front, right, rear, semantic front, LiDAR"
+    return np.vstack([_label(text, CELL_WIDTH * len(cells) + height), np.hstack([*cells, above])])
 
 
-def _cell(path: Path) -> Image:
-    image: Any = cv2.imread(str(path), cv2.IMREAD_COLOR)
-    if image is None:
-        raise InputError(f"{path}: is missing or no picture; `advercity verify` tells what else")
+def _cell(image: Image) -> Image:
     height = round(CELL_WIDTH * image.shape[0] / image.shape[1])
-    return cv2.resize(image, (CELL_WIDTH, height), interpolation=cv2.INTER_AREA).astype(np.uint8)
+    small = cv2.resize(image, (CELL_WIDTH, height), interpolation=cv2.INTER_AREA)
+    return small[..., ::-1].astype(np.uint8)
 
 
 def _label(text: str, width: int) -> Image:
@@ -76,11 +64,12 @@ def lidar_from_above(cloud: NDArray[np.void], size: int) -> Image:
     """A cloud seen from above, its sensor in the middle, ahead upwards; BGR (size, size, 3)."""
     scale = size / (2 * LIDAR_REACH_M)
     row = (size / 2 - cloud["x"] * scale).astype(np.intp)
-    column = (size / 2 + cloud["y"] * scale).astype(np.intp)
+    column = (size / 2 - cloud["y"] * scale).astype(np.intp)
     inside = (row >= 0) & (row < size) & (column >= 0) & (column < size)
     picture = np.zeros((size, size, 3), np.uint8)
     shade = (70 + 185 * np.sqrt(np.clip(cloud["intensity"], 0, 1))).astype(np.uint8)
     picture[row[inside], column[inside]] = shade[inside, None]
-    actor = inside & (cloud["object_id"] > 0)
-    picture[row[actor], column[actor]] = (60, 200, 255)
+    if "object_id" in (cloud.dtype.names or ()):
+        actor = inside & (cloud["object_id"] > 0)
+        picture[row[actor], column[actor]] = (60, 200, 255)
     return picture

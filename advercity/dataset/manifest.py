@@ -1,20 +1,26 @@
 """What a scenario's folder holds, with checksums; and whether it still does."""
 
 import hashlib
+import math
 from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
 from typing import Literal
 
-from advercity_dsl import Model, Spec
+from advercity_dsl import Model, Spec, Weather
 from pydantic import ValidationError
 
 from advercity import __version__
 from advercity.dataset.journal import FileRecord, read_journal
 from advercity.errors import InputError, RunError
+from advercity.weather import extinction
 
 MANIFEST = "manifest.json"
 RendererIdentity = dict[str, str | int | float | bool]
+PACKAGES = ("eclipse-sumo", "embreex", "numpy", "opencv-python-headless")
+"""Whose versions may change what is written."""
 
 
 class Identity(Model):
@@ -25,14 +31,22 @@ class Identity(Model):
     trace_sha256: str
     renderer: RendererIdentity
     """Backend, profile, image scale, device class: whatever changes pictures."""
-    advercity: str = __version__
+    format: str
+    versions: dict[str, str]
+    """Of advercity and of `PACKAGES`."""
 
     @staticmethod
-    def of(spec: Spec, *, trace_sha256: str, renderer: RendererIdentity) -> "Identity":
+    def of(
+        spec: Spec, *, trace_sha256: str, renderer: RendererIdentity, format: str = "opv2v"
+    ) -> "Identity":
         """Identity of the data of `spec`."""
-        digest = hashlib.sha256(spec.model_dump_json().encode()).hexdigest()
         return Identity(
-            spec=spec.id, spec_sha256=digest, trace_sha256=trace_sha256, renderer=renderer
+            spec=spec.id,
+            spec_sha256=hashlib.sha256(spec.model_dump_json().encode()).hexdigest(),
+            trace_sha256=trace_sha256,
+            renderer=renderer,
+            format=format,
+            versions={"advercity": __version__} | {name: version(name) for name in PACKAGES},
         )
 
     def differences(self, other: "Identity") -> list[str]:
@@ -45,14 +59,54 @@ class Identity(Model):
         ]
 
     def _flat(self) -> RendererIdentity:
-        return self.model_dump(exclude={"renderer"}) | self.renderer
+        return self.model_dump(exclude={"renderer", "versions"}) | self.renderer | self.versions
+
+
+class WeatherTruth(Model):
+    """The weather as it really is; the same in every frame of a scenario."""
+
+    id: str
+    time: str
+    mor_m: float | None
+    """Meteorological optical range of all that is in the air; None if nothing is."""
+    rain_mm_h: float
+    snow_mm_h: float
+    wind_m_s: float
+    wind_from_deg: float
+    sun_elevation_deg: float
+    sun_azimuth_deg: float
+    wetness: float
+    puddle_coverage: float
+    temperature_c: float
+
+    @staticmethod
+    def of(weather: Weather) -> "WeatherTruth":
+        """Of an authored weather."""
+        total = extinction.of_weather(weather).at_550nm
+        return WeatherTruth(
+            id=weather.id,
+            time=weather.time,
+            mor_m=round(math.log(20.0) / total, 6) if total else None,
+            rain_mm_h=weather.rain.rate_mm_h,
+            snow_mm_h=weather.snow.rate_mm_h,
+            wind_m_s=weather.wind.speed_m_s,
+            wind_from_deg=weather.wind.from_deg,
+            sun_elevation_deg=weather.sun.elevation_deg,
+            sun_azimuth_deg=weather.sun.azimuth_deg,
+            wetness=weather.surface.wetness,
+            puddle_coverage=weather.surface.puddle_coverage,
+            temperature_c=weather.temperature_c,
+        )
 
 
 class Manifest(Model):
     """What has been written of a scenario; the same data give the same text."""
 
-    manifest_version: Literal[1] = 1
+    manifest_version: Literal[2] = 2
     identity: Identity
+    weather: WeatherTruth
+    spec: Spec
+    """What the data are made from, so that any other file can be made again."""
     length: int
     """Frames of the whole scenario."""
     complete: bool
@@ -63,11 +117,15 @@ class Manifest(Model):
     """By path within the scenario."""
 
     @staticmethod
-    def of(identity: Identity, *, length: int, files: Mapping[str, FileRecord]) -> "Manifest":
+    def of(
+        identity: Identity, spec: Spec, *, length: int, files: Mapping[str, FileRecord]
+    ) -> "Manifest":
         """Manifest of these files."""
         frames = sorted({file.frame for file in files.values() if file.frame is not None})
         return Manifest(
             identity=identity,
+            weather=WeatherTruth.of(spec.weather),
+            spec=spec,
             length=length,
             complete=len(frames) == length,
             frames=tuple(frames),
@@ -90,7 +148,7 @@ class Manifest(Model):
         try:
             written = Manifest.model_validate_json(path.read_bytes())
             files = written.files | read_journal(scenario)
-            return Manifest.of(written.identity, length=written.length, files=files)
+            return Manifest.of(written.identity, written.spec, length=written.length, files=files)
         except FileNotFoundError as error:
             raise InputError(f"{scenario}: no {MANIFEST} in it, so not a dataset") from error
         except (OSError, ValidationError) as error:
@@ -124,11 +182,17 @@ def verify(scenario: Path) -> list[Problem]:
     recorded = Manifest.load(scenario).files
     found = set(_paths(scenario)) - {MANIFEST}
     problems = [Problem(scenario, path, "extra") for path in found - recorded.keys()]
-    for path, record in recorded.items():
-        if path not in found:
-            problems.append(Problem(scenario, path, "missing", record.frame))
-        elif not _matches(scenario / path, record):
-            problems.append(Problem(scenario, path, "changed", record.frame))
+    missing = recorded.keys() - found
+    problems += [Problem(scenario, path, "missing", recorded[path].frame) for path in missing]
+    present = {path: record for path, record in recorded.items() if path in found}
+    with ThreadPoolExecutor() as pool:
+        paths = [scenario / path for path in present]
+        same = pool.map(_matches, paths, present.values())
+        problems += [
+            Problem(scenario, path, "changed", record.frame)
+            for (path, record), is_same in zip(present.items(), same, strict=True)
+            if not is_same
+        ]
     return sorted(problems, key=lambda problem: problem.path)
 
 
@@ -138,17 +202,17 @@ def verify_dataset(dataset: Path) -> list[Problem]:
 
 
 def scenarios(dataset: Path) -> list[Path]:
-    """Folders of scenarios in a dataset, or the folder itself if it is one.
+    """Folders of scenarios in a dataset or its splits, or the folder itself if it is one.
 
     Raises:
         InputError: There are none.
     """
-    if (dataset / MANIFEST).is_file():
-        return [dataset]
-    found = sorted(path.parent for path in dataset.glob(f"*/{MANIFEST}"))
-    if not found:
-        raise InputError(f"{dataset}: no {MANIFEST} in it or in its folders, so not a dataset")
-    return found
+    patterns = (MANIFEST, f"*/{MANIFEST}", f"*/*/{MANIFEST}")
+    for pattern in patterns:
+        found = sorted(path.parent for path in dataset.glob(pattern))
+        if found:
+            return found
+    raise InputError(f"{dataset}: no {MANIFEST} in it or in its folders, so not a dataset")
 
 
 def _paths(scenario: Path) -> Iterator[str]:

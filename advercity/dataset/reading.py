@@ -7,6 +7,7 @@ import numpy as np
 from advercity_dsl import Agent
 from numpy.typing import NDArray
 
+from advercity.dataset.sightings import Sighting
 from advercity.poses import Matrix
 from advercity.sensors.gnss import GnssFix
 from advercity.sensors.imu import ImuSample
@@ -16,17 +17,21 @@ from advercity.traffic.trace import Frame
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A camera's image and its semantic twin.
+    """A camera's image, its semantic and depth twins, and how much of whom it shows.
 
     Attributes:
         world_from_camera: (4, 4), body axes: x along the view, y left, z up.
         image: (h, w, 3) uint8 RGB.
         semantic: (h, w) uint8 of `Semantic`.
+        depth: (h, w) uint8, whole metres along the optical axis, 255 for that and all beyond.
+        sightings: By id of the actor, for all whose outlines reach into the picture.
     """
 
     world_from_camera: Matrix
     image: NDArray[np.uint8]
     semantic: NDArray[np.uint8]
+    depth: NDArray[np.uint8]
+    sightings: Mapping[int, Sighting]
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,10 +73,15 @@ class Reading:
 
 
 def intrinsic(picture: Picture, *, horizontal_fov_deg: float) -> NDArray[np.float64]:
-    """Pinhole matrix (3, 3) in pixels of a picture as large as it is.
+    """Pinhole matrix (3, 3) in pixels of a picture as large as it is."""
+    height, width = picture.image.shape[:2]
+    return pinhole(width, height, horizontal_fov_deg=horizontal_fov_deg)
+
+
+def pinhole(width: int, height: int, *, horizontal_fov_deg: float) -> NDArray[np.float64]:
+    """Pinhole matrix (3, 3) in pixels.
 
     Optical axes: x right, y down, z along the view; no distortion.
     """
-    height, width = picture.image.shape[:2]
     focal_px = width / (2 * np.tan(np.deg2rad(horizontal_fov_deg) / 2))
     return np.array([[focal_px, 0, width / 2], [0, focal_px, height / 2], [0, 0, 1]])

@@ -5,22 +5,23 @@ one write to the journal says so. Whoever opens the scenario next adds the journ
 and removes what neither of them knows.
 """
 
-import fcntl
-import os
 import shutil
-from collections.abc import Collection, Generator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Self
+from typing import Self
 
 from advercity_dsl import Spec
 
+from advercity.dataset.formats import PROTOCOL, format_called, frame_name, protocol
 from advercity.dataset.journal import FileRecord, append_to_journal, remove_journal, staging_of
 from advercity.dataset.manifest import MANIFEST, Identity, Manifest
-from advercity.dataset.opv2v import PROTOCOL, encode, frame_name, protocol
 from advercity.dataset.reading import Reading
+from advercity.dataset.staging import failures_named, lock, move, write
 from advercity.errors import RunError
+from advercity.world.lanes import lanes
+from advercity.world.layout import layout
 
 
 class DatasetWriter:
@@ -35,7 +36,6 @@ class DatasetWriter:
         identity: What decides the bytes; data of another identity are not continued.
         length: Frames of the whole scenario.
         fresh: Start over, whatever is there.
-        redo: Frames to be written again although they are done.
 
     Raises:
         RunError: Another run is writing, the data there are of another identity, or the folder
@@ -50,16 +50,15 @@ class DatasetWriter:
         *,
         length: int,
         fresh: bool = False,
-        redo: Collection[int] = (),
     ) -> None:
         self.scenario = root / spec.id
         self._staging = staging_of(self.scenario)
         self._incoming = self._staging / "incoming"
         self._spec = spec
+        self._lanes = lanes(layout(spec.road))
         self._identity = identity
         self._length = length
         self._fresh = fresh
-        self._redo = frozenset(redo)
         self._files: dict[str, FileRecord] = {}
         self._done: set[int] = set()
 
@@ -69,8 +68,8 @@ class DatasetWriter:
         return frozenset(self._done)
 
     def __enter__(self) -> Self:
-        with _failures_named(self.scenario):
-            self._lock = _lock(self._staging / "lock")
+        with failures_named(self.scenario):
+            self._lock = lock(self._staging / "lock")
             try:
                 self._open()
             except BaseException:
@@ -97,12 +96,13 @@ class DatasetWriter:
         Raises:
             RunError: The disk does not take it; the frame is absent then.
         """
-        files = encode(readings, name=frame_name(self._spec, frame))
-        with _failures_named(self.scenario):
+        encode = format_called(self._identity.format).encode
+        files = encode(readings, self._lanes, name=frame_name(self._spec, frame))
+        with failures_named(self.scenario):
             for path, content in files.items():
-                _write(self._incoming / path, content)
+                write(self._incoming / path, content)
             for path in files:
-                _move(self._incoming / path, self.scenario / path)
+                move(self._incoming / path, self.scenario / path)
             records = {path: FileRecord.of(content, frame=frame) for path, content in files.items()}
             append_to_journal(self.scenario, records)
             self._files |= records
@@ -110,7 +110,7 @@ class DatasetWriter:
 
     def finish(self) -> None:
         """Bring the manifest up to date and clear up; after an error it happens by itself."""
-        with _failures_named(self.scenario):
+        with failures_named(self.scenario):
             self._sweep()
             self._save()
             shutil.rmtree(self._staging)
@@ -165,7 +165,7 @@ class DatasetWriter:
             for path, record in manifest.files.items()
             if not self._is_there(path, record)
         }
-        again = damaged | self._redo | {None}
+        again = damaged | {None}
         return {
             path: record for path, record in manifest.files.items() if record.frame not in again
         }
@@ -186,52 +186,10 @@ class DatasetWriter:
             shutil.rmtree(self._incoming)
 
     def _save(self) -> None:
-        manifest = Manifest.of(self._identity, length=self._length, files=self._files)
+        manifest = Manifest.of(self._identity, self._spec, length=self._length, files=self._files)
         self._replace(MANIFEST, manifest.to_json().encode())
         remove_journal(self.scenario)
 
     def _replace(self, path: str, content: bytes) -> None:
-        _write(self._incoming / path, content)
-        _move(self._incoming / path, self.scenario / path)
-
-
-@contextmanager
-def _failures_named(path: Path) -> Generator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise RunError(
-            f"{error.filename or path}: {error.strerror}; what is done stays: make room or choose"
-            " another --output, and run again"
-        ) from error
-
-
-def _lock(path: Path) -> IO[bytes]:
-    """Hold `path` until the stream is closed or the process ends; RunError if somebody else does.
-
-    Whoever held it may have deleted it since it was opened here, hence the second look.
-    """
-    while True:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        stream = path.open("ab")
-        try:
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            stream.close()
-            raise RunError(
-                f"{path.parent}: another run is writing this scenario; wait for it or choose"
-                " another --output"
-            ) from error
-        if path.exists() and os.path.samestat(os.fstat(stream.fileno()), path.stat()):
-            return stream
-        stream.close()
-
-
-def _write(path: Path, content: bytes) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(content)
-
-
-def _move(source: Path, target: Path) -> None:
-    target.parent.mkdir(parents=True, exist_ok=True)
-    source.replace(target)
+        write(self._incoming / path, content)
+        move(self._incoming / path, self.scenario / path)

@@ -4,6 +4,7 @@ import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from advercity.dataset.formats import format_called
 from advercity.errors import InputError
 
 
@@ -62,10 +63,12 @@ class Options:
     frames: FrameRange = field(default_factory=FrameRange)
     viewer: ViewerTarget = field(default_factory=ViewerTarget)
     fresh: bool = False
+    format: str = "opv2v"
 
     def __post_init__(self) -> None:
         """Refuse what cannot be; the backend refuses the rest."""
         if self.profile not in ("auto", "preview", "full"):
             raise InputError(f"--profile {self.profile}: no such profile; auto, preview or full")
+        format_called(self.format)
         if self.scale is not None and not 0.01 <= self.scale <= 4:
             raise InputError(f"--scale {self.scale:g}: lies outside 0.01 to 4")

@@ -3,47 +3,88 @@
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
-from advercity.dataset.reading import Reading
-from advercity.dataset.stored import Stored, stored_frames, stored_spec
+import numpy as np
+from numpy.typing import NDArray
+
+from advercity.dataset.reader import Scenario, View
+from advercity.dataset.reading import Picture, Reading
 from advercity.errors import InputError, RunError
+from advercity.poses import Matrix
 from advercity.runner.stage import set_stage
 from advercity.runner.viewpoints import Viewpoints
+from advercity.sensors.lidar import PointCloud
 from advercity.viewer.recording import Recording
 from advercity.world.lanes import lanes
 from advercity.world.layout import layout
 
 
-def stored_readings(scenario: Path, viewpoints: Viewpoints, index: int) -> tuple[Reading, ...]:
+def stored_readings(scenario: Scenario, viewpoints: Viewpoints, index: int) -> tuple[Reading, ...]:
     """The readings of a frame: what was seen from the files, the rest from spec and trace."""
-    spec, frame = viewpoints.spec, viewpoints.frame(index)
-    readings: list[Reading] = []
-    for agent in spec.agents:
-        stored = Stored(scenario, spec, agent, index)
-        readings.append(
-            viewpoints.reading(
-                agent,
-                frame,
-                pictures=stored.pictures(viewpoints.camera_poses(agent, index)),
-                cloud=stored.cloud(),
-                visible=stored.visible(),
-            )
+    frame, stored = viewpoints.frame(index), scenario.frame(index)
+    return tuple(
+        viewpoints.reading(
+            agent,
+            frame,
+            pictures=tuple(_pictures(stored[agent.id], viewpoints.camera_poses(agent, index))),
+            cloud=_cloud(stored[agent.id]),
+            visible=_visible(stored[agent.id]),
         )
-    return tuple(readings)
+        for agent in scenario.spec.agents
+    )
 
 
-def record(scenario: Path, file: Path) -> None:
+def _pictures(stored: View, world_from_cameras: Sequence[Matrix]) -> Iterator[Picture]:
+    """Depths and sightings are not what a viewer shows, and not every layout has them."""
+    for camera, world_from_camera in enumerate(world_from_cameras):
+        semantic = stored.semantic(camera)
+        yield Picture(
+            world_from_camera=world_from_camera,
+            image=stored.image(camera),
+            semantic=semantic,
+            depth=np.full_like(semantic, 255),
+            sightings={},
+        )
+
+
+def _visible(stored: View) -> dict[int, int]:
+    boxes = stored.boxes
+    return dict(zip(boxes.ids.tolist(), boxes.lidar_hits.tolist(), strict=True))
+
+
+def _cloud(stored: View) -> PointCloud:
+    """What a layout does not keep is zero."""
+    table = stored.cloud
+    points = np.column_stack([table["x"], table["y"], table["z"]])
+    kept = table.dtype.names or ()
+    nothing = np.zeros(len(table))
+
+    def column(name: str, kind: type[np.generic]) -> NDArray[Any]:
+        return (table[name] if name in kept else nothing).astype(kind)
+
+    return PointCloud(
+        points=points,
+        intensity=table["intensity"],
+        ring=column("ring", np.uint16),
+        range_m=np.linalg.norm(points, axis=1),
+        semantic=column("tag", np.uint8),
+        instance=column("object_id", np.int32),
+    )
+
+
+def record(path: Path, file: Path) -> None:
     """Make a recording of every frame of a scenario's folder."""
-    spec = stored_spec(scenario)
-    frames = stored_frames(scenario, spec)
-    if not frames:
-        raise InputError(f"{scenario}: no frames here")
+    scenario = Scenario(path)
+    if not len(scenario):
+        raise InputError(f"{path}: no frames here")
+    spec = scenario.spec
     viewpoints = Viewpoints(spec, set_stage(spec).trace)
     with Recording(spec, lanes(layout(spec.road)), file=file) as recording:
-        for index in frames:
-            recording.log(stored_readings(scenario, viewpoints, index))
+        for stored in scenario:
+            recording.log(stored_readings(scenario, viewpoints, stored.index))
 
 
 def view(dataset: Path, *, web: bool) -> None:

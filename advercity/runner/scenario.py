@@ -1,26 +1,26 @@
 """One scenario from spec to dataset: traffic once, then every frame on its own."""
 
-from collections.abc import Callable, Generator, Iterator
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 
 from advercity_dsl import Spec
 
-from advercity.dataset.manifest import Identity
+from advercity.dataset.manifest import Identity, RendererIdentity
+from advercity.dataset.reader import Scenario
 from advercity.dataset.reading import Reading
 from advercity.dataset.writer import DatasetWriter
 from advercity.errors import BackendError, InputError
 from advercity.rendering.backend import PROFILES, Backend, Capabilities, Profile
-from advercity.rendering.casting import Caster
 from advercity.rendering.registry import load_backend
+from advercity.runner.behind import Behind
 from advercity.runner.options import Options, ViewerTarget
 from advercity.runner.replay import stored_readings
-from advercity.runner.sensing import Senses
+from advercity.runner.sensing import senses
 from advercity.runner.stage import Stage, set_stage
 from advercity.runner.viewpoints import Viewpoints
 from advercity.viewer.recording import Recording
-from advercity.weather.derivation import atmosphere_of
-from advercity.world.build import build_world
 from advercity.world.lanes import lanes
 from advercity.world.layout import layout
 
@@ -48,7 +48,8 @@ def run_scenario(spec: Spec, options: Options, report: Report = no_report) -> Pa
     identity = Identity.of(
         spec,
         trace_sha256=stage.trace_sha256,
-        renderer=_renderer_identity(backend, capabilities, profile),
+        renderer=renderer_identity(backend, profile),
+        format=options.format,
     )
     writer = DatasetWriter(
         options.output, spec, identity, length=len(stage.trace), fresh=options.fresh
@@ -57,13 +58,13 @@ def run_scenario(spec: Spec, options: Options, report: Report = no_report) -> Pa
         if _is_something_to_do(writer, wanted, options.viewer):
             viewpoints = Viewpoints(spec, stage.trace)
             readings = _readings(viewpoints, stage, writer, wanted, backend, profile)
-            with _recording(spec, options.viewer) as recording:
+            with _recording(spec, options.viewer) as recording, Behind() as behind:
                 watched = recording is not None and recording.address
                 doing = f"frames, live at {watched}" if watched else "frames"
                 for count, (index, reading) in enumerate(readings):
                     report(spec.id, doing, count, len(wanted))
                     if index not in writer.done:
-                        writer.write(index, reading)
+                        behind.run(partial(writer.write, index, reading))
                     if recording is not None:
                         recording.log(reading)
         writer.finish()
@@ -111,27 +112,17 @@ def _readings(
 ) -> Iterator[tuple[int, tuple[Reading, ...]]]:
     """Every wanted frame with its readings: sensed, or from the files where it is done."""
     done = writer.done
+    stored = Scenario(writer.scenario)
     if done.issuperset(wanted):
         for index in wanted:
-            yield index, stored_readings(writer.scenario, viewpoints, index)
+            yield index, stored_readings(stored, viewpoints, index)
         return
-    with _sensing(viewpoints, stage, backend, profile) as senses:
+    with senses(viewpoints, stage, backend, profile) as sensed:
         for index in wanted:
             if index in done:
-                yield index, stored_readings(writer.scenario, viewpoints, index)
+                yield index, stored_readings(stored, viewpoints, index)
             else:
-                yield index, senses.read(index)
-
-
-@contextmanager
-def _sensing(
-    viewpoints: Viewpoints, stage: Stage, backend: Backend, profile: Profile
-) -> Generator[Senses, None, None]:
-    spec = viewpoints.spec
-    world = build_world(spec, stage.network)
-    atmosphere = atmosphere_of(spec.weather, spec.road.land_use)
-    with backend.open(world, atmosphere, profile) as renderer:
-        yield Senses(viewpoints, atmosphere, profile, renderer, Caster(world))
+                yield index, sensed.read(index)
 
 
 def _recording(spec: Spec, viewer: ViewerTarget) -> Recording | nullcontext[None]:
@@ -146,12 +137,11 @@ def _recording(spec: Spec, viewer: ViewerTarget) -> Recording | nullcontext[None
     )
 
 
-def _renderer_identity(
-    backend: Backend, capabilities: Capabilities, profile: Profile
-) -> dict[str, str | int | float | bool]:
+def renderer_identity(backend: Backend, profile: Profile) -> RendererIdentity:
+    """Whatever of backend, device and profile changes pictures."""
     return {
         "backend": backend.name,
-        "device": capabilities.device,
+        "device": backend.capabilities().device,
         "renderer": profile.renderer,
         "scale": profile.scale,
         "samples": profile.samples,

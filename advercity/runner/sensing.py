@@ -1,20 +1,39 @@
 """What cameras and LiDARs see in a frame; frames may be asked for in any order."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator, Mapping
+from contextlib import contextmanager
 
 from advercity_dsl import Agent, RoadsideUnit
 
-from advercity.dataset.reading import Picture, Reading
+from advercity.dataset.images import whole_metres
+from advercity.dataset.reading import Picture, Reading, pinhole
+from advercity.dataset.sightings import Sighting, points_of_bodies, sightings
 from advercity.poses import Matrix
-from advercity.rendering.backend import CameraView, Profile, Renderer
+from advercity.rendering.backend import Backend, CameraCapture, CameraView, Profile, Renderer
 from advercity.rendering.casting import Caster
+from advercity.runner.stage import Stage
 from advercity.runner.viewpoints import Viewpoints
 from advercity.sensors.camera import expose
 from advercity.sensors.lidar import shoot, sweep, visible_counts
 from advercity.sensors.sun import with_sun
 from advercity.traffic.trace import Frame
 from advercity.weather.atmosphere import Atmosphere
+from advercity.weather.derivation import atmosphere_of
+from advercity.world.build import build_world
+from advercity.world.scene import Body
+
+
+@contextmanager
+def senses(
+    viewpoints: Viewpoints, stage: Stage, backend: Backend, profile: Profile
+) -> Generator["Senses"]:
+    """Open a scenario's world in a backend, with a sensor at every mount."""
+    spec = viewpoints.spec
+    world = build_world(spec, stage.network)
+    atmosphere = atmosphere_of(spec.weather, spec.road.land_use)
+    with backend.open(world, atmosphere, profile) as renderer:
+        yield Senses(viewpoints, atmosphere, profile, renderer, Caster(world), world.bodies)
 
 
 class Senses:
@@ -27,12 +46,14 @@ class Senses:
         profile: Profile,
         renderer: Renderer,
         caster: Caster,
+        bodies: Mapping[str, Body],
     ) -> None:
         self._viewpoints = viewpoints
         self._atmosphere = atmosphere
         self._profile = profile
         self._renderer = renderer
         self._caster = caster
+        self._points_of = points_of_bodies(bodies)
 
     def read(self, index: int) -> tuple[Reading, ...]:
         """The readings of every viewpoint in kept frame `index`, in the spec's order."""
@@ -62,7 +83,26 @@ class Senses:
             capture = with_sun(self._renderer.camera(view), view, self._atmosphere)
             rng = self._viewpoints.rng("camera", agent, frame, index)
             image = expose(capture, camera, rng, stray_light=stray_light)
-            yield Picture(pose, image, capture.semantic)
+            yield Picture(
+                world_from_camera=pose,
+                image=image,
+                semantic=capture.semantic,
+                depth=whole_metres(capture.depth),
+                sightings=self._sightings(capture, view, frame),
+            )
+
+    def _sightings(
+        self, capture: CameraCapture, view: CameraView, frame: Frame
+    ) -> dict[int, Sighting]:
+        field_of_view = math.degrees(view.horizontal_fov_rad)
+        return sightings(
+            capture.instance,
+            view.world_from_camera,
+            pinhole(view.width_px, view.height_px, horizontal_fov_deg=field_of_view),
+            frame,
+            self._points_of,
+            hide=view.hide,
+        )
 
     def _view(self, agent: Agent, world_from_camera: Matrix) -> CameraView:
         camera = agent.sensors.camera

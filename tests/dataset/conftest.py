@@ -10,7 +10,8 @@ from advercity_dsl import Agent, Spec
 from numpy.typing import NDArray
 
 from advercity import poses
-from advercity.dataset.reading import Picture, Reading, intrinsic
+from advercity.dataset.reading import Picture, Reading, pinhole
+from advercity.dataset.sightings import box_corners, sightings
 from advercity.poses import Matrix
 from advercity.randomness import generator
 from advercity.semantics import Semantic
@@ -159,13 +160,16 @@ def scan(agent: Agent, frame: Frame, world_from_lidar: Matrix) -> tuple[PointClo
 
 
 def picture(agent: Agent, frame: Frame, world_from_camera: Matrix) -> Picture:
-    """Sky, and the outline of every other actor's box, whatever hides it."""
+    """Sky, and the outline of every other actor's box, the nearer before the farther."""
     rng = generator("picture", agent.number, frame.index)
-    image = rng.integers(0, 256, (HEIGHT, WIDTH, 3), dtype=np.uint8)
     semantic = np.full((HEIGHT, WIDTH), Semantic.SKY, dtype=np.uint8)
-    taken = Picture(world_from_camera, image, semantic)
-    matrix = intrinsic(taken, horizontal_fov_deg=agent.sensors.camera.horizontal_fov_deg)
-    for state in frame.states:
+    instance = np.zeros((HEIGHT, WIDTH), np.int32)
+    fov = agent.sensors.camera.horizontal_fov_deg
+    matrix = pinhole(WIDTH, HEIGHT, horizontal_fov_deg=fov)
+    place = world_from_camera[:3, 3]
+    for state in sorted(
+        frame.states, key=lambda one: -np.linalg.norm(one.world_from_body[:3, 3] - place)
+    ):
         corners = corners_of(state)
         ahead, left, up = poses.transform(poses.inverse(world_from_camera), corners).T
         if state.actor.id == agent.number or ahead.min() < 0.1:
@@ -175,7 +179,21 @@ def picture(agent: Agent, frame: Frame, world_from_camera: Matrix) -> Picture:
         on_foot = state.actor.actor_class == "pedestrian"
         tag = Semantic.PEDESTRIAN if on_foot else Semantic.VEHICLE
         cv2.fillConvexPoly(semantic, hull, int(tag))
-    return taken
+        cv2.fillConvexPoly(instance, hull, state.actor.id)
+    return Picture(
+        world_from_camera=world_from_camera,
+        image=rng.integers(0, 256, (HEIGHT, WIDTH, 3), dtype=np.uint8),
+        semantic=semantic,
+        depth=np.where(instance > 0, 20, 255).astype(np.uint8),
+        sightings=sightings(
+            instance,
+            world_from_camera,
+            matrix,
+            frame,
+            lambda actor: box_corners(actor.size),
+            hide=frozenset({agent.number}),
+        ),
+    )
 
 
 def corners_of(state: ActorState) -> NDArray[np.float64]:

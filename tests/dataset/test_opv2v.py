@@ -14,14 +14,16 @@ import yaml
 from advercity_dsl import Spec
 from numpy.typing import NDArray
 
+from advercity.dataset.description import describe
 from advercity.dataset.manifest import Identity
-from advercity.dataset.opv2v import describe, folder_name
+from advercity.dataset.opv2v import folder_name
 from advercity.dataset.reading import Reading
 from advercity.dataset.writer import DatasetWriter
 from advercity.semantics import PALETTE, Semantic
 
 FRAMES = 3
 FOLDERS = ["+101", "-1", "-2", "102", "103"]
+MAPS = ("dynamic", "static", "lane", "visibility", "visibility_corp")
 Array = NDArray[np.floating]
 ReadingsOf = Callable[[int], tuple[Reading, ...]]
 
@@ -138,9 +140,10 @@ def test_frames_are_numbered_as_in_the_original(scenario: Path, agent: str) -> N
 
 @EVERY_AGENT
 def test_each_frame_has_all_its_files(scenario: Path, agent: str) -> None:
-    pictures = [f"_{kind}{k}.png" for kind in ("camera", "semantic") for k in range(4)]
+    pictures = [f"_{kind}{k}.png" for kind in ("camera", "semantic", "depth") for k in range(4)]
+    pictures += [f"_bev_{kind}.png" for kind in MAPS]
     motion = [] if agent.startswith("-") else ["_additional_gnss_imu.yaml"]
-    expected = {f"000061{end}" for end in [".yaml", ".pcd", *pictures, *motion]}
+    expected = {f"000061{end}" for end in [".yaml", ".pcd", "_objects.json", *pictures, *motion]}
     assert {path.name for path in (scenario / agent).glob("000061*")} == expected
 
 

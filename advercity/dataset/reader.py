@@ -1,0 +1,327 @@
+"""Reads a dataset lazily: scenarios, frames, viewpoints, and what each of them saw.
+
+Everything comes back in the right-handed frames that the rest of advercity uses, whatever the
+layout of the files: world x east, y north, z up; bodies x forward, y left, z up; metres and
+radians. Nothing is read before it is asked for, and nothing is kept: objects here are paths and
+numbers, cheap to make and to pickle.
+"""
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, overload
+
+import cv2
+import numpy as np
+import yaml
+from advercity_dsl import Agent, Spec
+from numpy.typing import NDArray
+
+from advercity import poses
+from advercity.dataset.carla_frame import matrix_from_pose
+from advercity.dataset.formats import Format, format_called, frame_name
+from advercity.dataset.manifest import Manifest, scenarios
+from advercity.errors import InputError
+from advercity.poses import Matrix
+from advercity.semantics import PALETTE
+
+_TAG_OF_COLOUR = {tuple(colour): tag for tag, colour in enumerate(PALETTE.tolist())}
+M_S_PER_KM_H = 1 / 3.6
+
+
+@dataclass(frozen=True, eq=False)
+class Boxes:
+    """Annotated objects of one viewpoint, n of them.
+
+    Attributes:
+        ids: (n,) int64, the same for the same object in all frames and viewpoints of a scenario.
+        classes: (n,) text: car, van, truck, bicycle, motorcycle or pedestrian.
+        world_from_box: (n, 4, 4); origin in the middle of the box, x forward, y left, z up.
+        sizes: (n, 3) full length, width and height in metres.
+        speeds_m_s: (n,).
+        distances_m: (n,) from the viewpoint.
+        bearings_rad: (n,) where the viewpoint sees it; 0 ahead, positive to the left.
+        lidar_hits: (n,) rays of the noise-free LiDAR that met it.
+    """
+
+    ids: NDArray[np.int64]
+    classes: NDArray[np.str_]
+    world_from_box: NDArray[np.float64]
+    sizes: NDArray[np.float64]
+    speeds_m_s: NDArray[np.float64]
+    distances_m: NDArray[np.float64]
+    bearings_rad: NDArray[np.float64]
+    lidar_hits: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        """How many there are."""
+        return len(self.ids)
+
+
+class View:
+    """One viewpoint in one frame; every property reads its file when it is asked for."""
+
+    def __init__(self, scenario: "Scenario", agent: Agent, index: int) -> None:
+        self.agent = agent
+        self.index = index
+        self._format = scenario.format
+        folder = scenario.path / self._format.folder_name(agent)
+        self._stem = folder / frame_name(scenario.spec, index)
+
+    @property
+    def cameras(self) -> int:
+        """How many there are."""
+        return len(self.agent.sensors.camera.mounts)
+
+    def image(self, camera: int) -> NDArray[np.uint8]:
+        """RGB picture (h, w, 3) of a camera."""
+        return self._picture(f"_camera{camera}.png", cv2.IMREAD_COLOR_RGB)
+
+    def semantic(self, camera: int) -> NDArray[np.uint8]:
+        """Tags (h, w) of `Semantic` of a camera's pixels."""
+        return _tags(self._picture(f"_semantic{camera}.png", cv2.IMREAD_COLOR_RGB))
+
+    def depth(self, camera: int) -> NDArray[np.uint8]:
+        """Whole metres (h, w) along a camera's optical axis; 255 for that and all beyond."""
+        return self._picture(f"_depth{camera}.png", cv2.IMREAD_UNCHANGED)
+
+    def bird_view(self, kind: str) -> NDArray[np.uint8]:
+        """Map (256, 256): dynamic, static, lane, visibility or visibility_corp."""
+        return self._picture(f"_bev_{kind}.png", cv2.IMREAD_GRAYSCALE)
+
+    @property
+    def cloud(self) -> NDArray[np.void]:
+        """The points as a table, with at least `x`, `y`, `z` in the LiDAR's frame, `intensity`."""
+        table = self._format.read_cloud(self._path(self._format.cloud)).copy()
+        table["y"] *= -1
+        return table
+
+    @property
+    def points(self) -> NDArray[np.float32]:
+        """Points (n, 3) in the LiDAR's frame."""
+        table = self.cloud
+        return np.column_stack([table["x"], table["y"], table["z"]])
+
+    @cached_property
+    def description(self) -> dict[str, Any]:
+        """The frame's YAML as it stands in the file: left-handed, degrees, km/h."""
+        path = self._path(".yaml")
+        try:
+            return yaml.load(path.read_bytes(), Loader=yaml.CSafeLoader)
+        except (OSError, yaml.YAMLError) as error:
+            raise InputError(f"{path}: cannot be read: {error}") from error
+
+    @property
+    def extras(self) -> dict[str, Any]:
+        """What more is known of each object, as it stands in `_objects.json`."""
+        path = self._path("_objects.json")
+        try:
+            return json.loads(path.read_bytes())
+        except (OSError, ValueError) as error:
+            raise InputError(f"{path}: cannot be read: {error}") from error
+
+    @property
+    def world_from_agent(self) -> Matrix:
+        """(4, 4) of the vehicle's origin on the ground, or of the roadside unit."""
+        return matrix_from_pose(self._said("true_ego_pos"))
+
+    @property
+    def world_from_lidar(self) -> Matrix:
+        """(4, 4)."""
+        return matrix_from_pose(self._said("lidar_pose"))
+
+    def world_from_camera(self, camera: int) -> Matrix:
+        """(4, 4), body axes: x along the view, y left, z up."""
+        return matrix_from_pose(self._said(f"camera{camera}", "cords"))
+
+    def intrinsic(self, camera: int) -> NDArray[np.float64]:
+        """Pinhole matrix (3, 3) in pixels; optical axes x right, y down, z along the view."""
+        return np.array(self._said(f"camera{camera}", "intrinsic"))
+
+    def pixels(self, camera: int, points_world: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Column, row and depth in metres (n, 3) of points (n, 3) of the world in a picture."""
+        camera_from_world = poses.inverse(self.world_from_camera(camera))
+        ahead, left, up = poses.transform(camera_from_world, points_world).T
+        column, row, depth = self.intrinsic(camera) @ np.stack([-left, -up, ahead])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.stack([column / depth, row / depth, depth], axis=1)
+
+    @property
+    def speed_m_s(self) -> float:
+        """Of the vehicle; 0 for a roadside unit."""
+        return self._said("ego_speed") * M_S_PER_KM_H
+
+    @property
+    def boxes(self) -> Boxes:
+        """Whom it annotates: vehicles first, then pedestrians."""
+        objects = self._said("vehicles") | self._said("walkers")
+        items = list(objects.values())
+        centres = [np.add(item["location"], item["center"]) for item in items]
+        box_poses = [
+            matrix_from_pose([*centre, *item["angle"]])
+            for centre, item in zip(centres, items, strict=True)
+        ]
+        return Boxes(
+            ids=np.array(list(objects), dtype=np.int64),
+            classes=np.array([_class_of(item) for item in items], dtype=np.str_),
+            world_from_box=np.reshape(box_poses, (-1, 4, 4)).astype(np.float64),
+            sizes=np.reshape([item["extent"] for item in items], (-1, 3)) * 2.0,
+            speeds_m_s=_column(items, "speed") * M_S_PER_KM_H,
+            distances_m=_column(items, "dist"),
+            bearings_rad=-np.deg2rad(_column(items, "bearing")),
+            lidar_hits=_column(items, "lidar_hits").astype(np.int64),
+        )
+
+    def _said(self, *keys: str) -> Any:
+        value: Any = self.description
+        try:
+            for key in keys:
+                value = value[key]
+        except (LookupError, TypeError) as error:
+            path = self._path(".yaml")
+            raise InputError(f"{path}: says nothing of {'.'.join(keys)}") from error
+        return value
+
+    def _picture(self, suffix: str, mode: int) -> NDArray[np.uint8]:
+        path = self._path(suffix)
+        image: Any = cv2.imread(str(path), mode)
+        if image is None:
+            raise InputError(f"{path}: is missing or no picture; `advercity verify` tells more")
+        return image
+
+    def _path(self, suffix: str) -> Path:
+        return self._stem.with_name(self._stem.name + suffix)
+
+
+class FrameView:
+    """One frame of a scenario: all its viewpoints."""
+
+    def __init__(self, scenario: "Scenario", index: int) -> None:
+        self.scenario = scenario
+        self.index = index
+        self.views = {agent.id: View(scenario, agent, index) for agent in scenario.spec.agents}
+        """By agent id, in the order of the spec."""
+
+    @property
+    def name(self) -> str:
+        """As its files are called."""
+        return frame_name(self.scenario.spec, self.index)
+
+    @property
+    def time_s(self) -> float:
+        """Since the scenario's start, warm-up included."""
+        return int(self.name) * self.scenario.spec.timing.tick_s
+
+    def __getitem__(self, agent: str) -> View:
+        """The viewpoint of an agent, by its id: `cav1`, `rsu2`."""
+        return self.views[agent]
+
+
+class Scenario(Sequence[FrameView]):
+    """The frames of one scenario that are there.
+
+    Args:
+        path: Its folder.
+
+    Raises:
+        InputError: It is not a scenario.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.manifest = Manifest.load(path)
+
+    @property
+    def spec(self) -> Spec:
+        """What it was made from."""
+        return self.manifest.spec
+
+    @property
+    def format(self) -> Format:
+        """How it is laid out."""
+        return format_called(self.manifest.identity.format)
+
+    @property
+    def agents(self) -> tuple[str, ...]:
+        """Ids of the viewpoints."""
+        return tuple(agent.id for agent in self.spec.agents)
+
+    def frame(self, index: int) -> FrameView:
+        """The frame with that number, counted from the first kept one."""
+        return FrameView(self, index)
+
+    def __len__(self) -> int:
+        """Frames that are there."""
+        return len(self.manifest.frames)
+
+    @overload
+    def __getitem__(self, index: int) -> FrameView: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[FrameView]: ...
+    def __getitem__(self, index: int | slice) -> FrameView | list[FrameView]:
+        """The frame at a position among those that are there."""
+        if isinstance(index, slice):
+            return [self.frame(number) for number in self.manifest.frames[index]]
+        return self.frame(self.manifest.frames[index])
+
+
+class Dataset(Sequence[FrameView]):
+    """All frames of all scenarios of a dataset, one after the other.
+
+    It has a length and takes an index, which is all that PyTorch's `DataLoader` asks for.
+
+    Args:
+        path: Folder of a dataset, or of one scenario.
+
+    Raises:
+        InputError: There is no scenario in it.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.scenarios = tuple(Scenario(folder) for folder in scenarios(path))
+        self._ends = np.cumsum([len(scenario) for scenario in self.scenarios])
+
+    def __len__(self) -> int:
+        """Frames in all."""
+        return int(self._ends[-1])
+
+    @overload
+    def __getitem__(self, index: int) -> FrameView: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[FrameView]: ...
+    def __getitem__(self, index: int | slice) -> FrameView | list[FrameView]:
+        """The frame at a position, counted through all scenarios."""
+        if isinstance(index, slice):
+            return [self[position] for position in range(len(self))[index]]
+        position = range(len(self))[index]
+        number = int(np.searchsorted(self._ends, position, side="right"))
+        scenario = self.scenarios[number]
+        return scenario[position - int(self._ends[number])]
+
+    def __iter__(self) -> Iterator[FrameView]:
+        """Scenario by scenario."""
+        for scenario in self.scenarios:
+            yield from scenario
+
+
+def open_dataset(path: Path | str) -> Dataset:
+    """Open the folder of a dataset, or of one scenario; InputError if it is none."""
+    return Dataset(Path(path))
+
+
+def _class_of(item: dict[str, Any]) -> str:
+    return "pedestrian" if item["class"] == "walker" else item["class"]
+
+
+def _column(items: list[dict[str, Any]], key: str) -> NDArray[np.float64]:
+    return np.array([item[key] for item in items], dtype=np.float64)
+
+
+def _tags(painted: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Tags (h, w) of a picture (h, w, 3) in CARLA's colours."""
+    tags = np.zeros(painted.shape[:2], np.uint8)
+    for colour, tag in _TAG_OF_COLOUR.items():
+        tags[(painted == colour).all(axis=-1)] = tag
+    return tags

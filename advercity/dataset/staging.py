@@ -1,0 +1,55 @@
+"""What writing safely takes: one writer at a time, whole files by renaming, failures by name."""
+
+import fcntl
+import os
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO
+
+from advercity.errors import RunError
+
+
+@contextmanager
+def failures_named(path: Path) -> Generator[None]:
+    """Turn failures of the disk into a RunError that says where; `path` if the system does not."""
+    try:
+        yield
+    except OSError as error:
+        raise RunError(
+            f"{error.filename or path}: {error.strerror}; what is done stays: make room or choose"
+            " another --output, and run again"
+        ) from error
+
+
+def lock(path: Path) -> IO[bytes]:
+    """Hold `path` until the stream is closed or the process ends; RunError if somebody else does.
+
+    Whoever held it may have deleted it since it was opened here, hence the second look.
+    """
+    while True:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        stream = path.open("ab")
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            stream.close()
+            raise RunError(
+                f"{path.parent}: another run is writing this scenario; wait for it or choose"
+                " another --output"
+            ) from error
+        if path.exists() and os.path.samestat(os.fstat(stream.fileno()), path.stat()):
+            return stream
+        stream.close()
+
+
+def write(path: Path, content: bytes) -> None:
+    """Write a file, making its folder."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(content)
+
+
+def move(source: Path, target: Path) -> None:
+    """Put a file in its place at once, making its folder."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    source.replace(target)
