@@ -134,7 +134,7 @@ class Manifest(Model):
 
     def to_json(self) -> str:
         """Sorted, without times and places, ending in a newline."""
-        return self.model_dump_json(indent=1, exclude_none=True) + "\n"
+        return self.model_dump_json(indent=1) + "\n"
 
     @staticmethod
     def load(scenario: Path) -> "Manifest":
