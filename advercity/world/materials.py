@@ -5,6 +5,26 @@ Albedo is linear sRGB. Reflectance is the diffuse reflectance at 905 nm that a L
 """
 
 from dataclasses import dataclass
+from enum import IntEnum
+
+
+class Texture(IntEnum):
+    """How the albedo varies over a surface, around its mean; the numbers are the renderer's."""
+
+    PLAIN = 0
+    ASPHALT = 1
+    PAVING = 2
+    GRASS = 3
+    SOIL = 4
+    CROPS = 5
+    BRICK = 6
+    PLASTER = 7
+    BARK = 8
+    LEAVES = 9
+    TILES = 10
+    WOOD = 11
+    STONE = 12
+    MARKING = 13
 
 
 @dataclass(frozen=True)
@@ -17,30 +37,31 @@ class Material:
     metallic: float = 0.0
     transmission: float = 0.0
     """Share of light that passes straight through, as in window glass."""
+    texture: Texture = Texture.PLAIN
 
 
 PAINT = "paint"
 """Material of a body's parts that take their actor's own paint."""
 
 MATERIALS: dict[str, Material] = {
-    "asphalt": Material((0.10, 0.10, 0.105), 0.20, roughness=0.85),
-    "paint_white": Material((0.70, 0.70, 0.68), 0.70, roughness=0.6),
-    "paint_yellow": Material((0.70, 0.48, 0.06), 0.60, roughness=0.6),
-    "concrete": Material((0.36, 0.35, 0.33), 0.35),
-    "kerb": Material((0.42, 0.41, 0.39), 0.35),
-    "gravel": Material((0.28, 0.26, 0.23), 0.30),
-    "grass": Material((0.09, 0.16, 0.045), 0.40),
-    "soil": Material((0.17, 0.11, 0.07), 0.25),
-    "crops": Material((0.25, 0.27, 0.07), 0.45),
-    "leaves": Material((0.06, 0.13, 0.03), 0.45),
-    "needles": Material((0.035, 0.075, 0.03), 0.40),
-    "bark": Material((0.12, 0.085, 0.06), 0.30),
-    "brick": Material((0.33, 0.14, 0.10), 0.35),
-    "plaster": Material((0.58, 0.54, 0.46), 0.60),
-    "plaster_ochre": Material((0.54, 0.38, 0.20), 0.55),
-    "plaster_white": Material((0.68, 0.67, 0.64), 0.65),
-    "roof_tile": Material((0.24, 0.09, 0.06), 0.35),
-    "wood": Material((0.30, 0.20, 0.12), 0.50),
+    "asphalt": Material((0.10, 0.10, 0.105), 0.20, roughness=0.85, texture=Texture.ASPHALT),
+    "paint_white": Material((0.70, 0.70, 0.68), 0.70, roughness=0.6, texture=Texture.MARKING),
+    "paint_yellow": Material((0.70, 0.48, 0.06), 0.60, roughness=0.6, texture=Texture.MARKING),
+    "concrete": Material((0.36, 0.35, 0.33), 0.35, texture=Texture.PAVING),
+    "kerb": Material((0.42, 0.41, 0.39), 0.35, texture=Texture.STONE),
+    "gravel": Material((0.28, 0.26, 0.23), 0.30, texture=Texture.STONE),
+    "grass": Material((0.09, 0.16, 0.045), 0.40, texture=Texture.GRASS),
+    "soil": Material((0.17, 0.11, 0.07), 0.25, texture=Texture.SOIL),
+    "crops": Material((0.25, 0.27, 0.07), 0.45, texture=Texture.CROPS),
+    "leaves": Material((0.06, 0.13, 0.03), 0.45, texture=Texture.LEAVES),
+    "needles": Material((0.035, 0.075, 0.03), 0.40, texture=Texture.LEAVES),
+    "bark": Material((0.12, 0.085, 0.06), 0.30, texture=Texture.BARK),
+    "brick": Material((0.33, 0.14, 0.10), 0.35, texture=Texture.BRICK),
+    "plaster": Material((0.58, 0.54, 0.46), 0.60, texture=Texture.PLASTER),
+    "plaster_ochre": Material((0.54, 0.38, 0.20), 0.55, texture=Texture.PLASTER),
+    "plaster_white": Material((0.68, 0.67, 0.64), 0.65, texture=Texture.PLASTER),
+    "roof_tile": Material((0.24, 0.09, 0.06), 0.35, texture=Texture.TILES),
+    "wood": Material((0.30, 0.20, 0.12), 0.50, texture=Texture.WOOD),
     "metal": Material((0.45, 0.45, 0.46), 0.30, roughness=0.4, metallic=0.9),
     "glass": Material((0.03, 0.035, 0.04), 0.02, roughness=0.05),
     "rubber": Material((0.025, 0.025, 0.025), 0.04),

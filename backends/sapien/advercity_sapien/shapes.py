@@ -23,7 +23,7 @@ LENSES = {
     "signal_yellow": 4,
     "signal_green": 5,
 }
-"""Kinds of lens in `lenses.glsl`, which travel in the materials' emission."""
+"""Kinds of lens in `lenses.glsl`; like textures they travel in the materials' emission."""
 TILE_M = 80.0
 LENS_SPACING_M, LENS_RADIUS_M, LENS_CORNERS = 0.31, 0.13, 16
 LENS_AHEAD_M = 0.02
@@ -65,7 +65,7 @@ class ShapeLibrary:
         if name not in self._materials:
             known = MATERIALS[name]
             self._materials[name] = sapien.render.RenderMaterial(
-                emission=[float(LENSES.get(name, 0)), 0.0, 0.0, 0.0],
+                emission=[float(LENSES.get(name, 0)), float(known.texture), 0.0, 0.0],
                 base_color=[*known.albedo, 1.0],
                 roughness=known.roughness,
                 metallic=known.metallic,

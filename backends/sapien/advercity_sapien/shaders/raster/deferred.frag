@@ -16,6 +16,7 @@ layout(location = 0) out vec4 outRadiance;
 #include "../atmosphere.glsl"
 #include "../surface.glsl"
 #include "../lamps.glsl"
+#include "../texture.glsl"
 
 // Share of the sun that reaches a point, percentage-closer filtered over 3x3 texels.
 float sunlit(vec3 position, vec3 normal) {
@@ -58,6 +59,9 @@ void main() {
   vec4 albedo = texture(samplerAlbedo, inUV);
   vec4 normal = texture(samplerNormal, inUV);
   vec3 position = eye + ray * distance;
+  float pixelAngle = 2.0 / (cameraBuffer.projectionMatrix[0][0] * cameraBuffer.width);
+  float wide = footprint(pixelAngle, distance, -dot(ray, normal.xyz));
+  albedo.rgb *= detail(int(depthEmission.z), position, normal.xyz, wide);
 
   Surface s = surface(albedo.rgb, albedo.a, normal.a, normal.xyz);
   vec3 sun = towardsSun();

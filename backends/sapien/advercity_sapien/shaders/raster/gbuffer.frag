@@ -19,6 +19,7 @@ void main() {
   outAlbedo = vec4(materialBuffer.baseColor.rgb, materialBuffer.roughness);
   outNormal = vec4(normalize(inWorldNormal), materialBuffer.metallic);
   outDepthEmission = vec4(
-      inDistance, lensEmission(materialBuffer.emission.x, objectDataBuffer.lit), 0.0, 0.0);
+      inDistance, lensEmission(materialBuffer.emission.x, objectDataBuffer.lit),
+      materialBuffer.emission.y, 0.0);
   outSegmentation = inIds;
 }

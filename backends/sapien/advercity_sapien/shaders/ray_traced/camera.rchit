@@ -33,5 +33,6 @@ void main() {
   uvec4 ids = objects.o[gl_InstanceID].segmentation;
   findTables();
   hit.emission = lensEmission(material.emission.x, int(stateOf(ids.y).x));
+  hit.texture = int(material.emission.y);
   hit.identity = ids.x;
 }

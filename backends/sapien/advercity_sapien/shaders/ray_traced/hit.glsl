@@ -7,5 +7,6 @@ struct Hit {
   float roughness;
   float metallic;
   float emission;  // kcd/m² per albedo
+  int texture;
   uint identity;
 };
