@@ -181,6 +181,54 @@ def repair(
 
 
 @app.command()
+def stats(
+    dataset: Annotated[Path, typer.Argument(help="A dataset, or one scenario of it.")],
+    output: Annotated[Path, typer.Option(help="Folder for tables and plots.")] = Path("stats"),
+) -> None:
+    """Count what a dataset holds: tables as CSV, plots as PNG."""
+    from advercity.dataset.facts import facts_of_dataset
+    from advercity.dataset.plots import write_plots
+    from advercity.dataset.statistics import tables, write_tables
+
+    found = tables(facts_of_dataset(dataset))
+    write_tables(found, output)
+    write_plots(found, output)
+    say(str(output))
+
+
+@app.command()
+def video(
+    dataset: Annotated[Path, typer.Argument(help="A dataset, or one scenario of it.")],
+    output: Annotated[Path, typer.Option(help="Folder for the films.")] = Path("videos"),
+    kind: Annotated[
+        list[str] | None, typer.Option(help="front, mosaic, semantic or lidar; all of them.")
+    ] = None,
+) -> None:
+    """Film scenarios: front cameras, mosaic with boxes, semantics, LiDAR from above."""
+    from advercity.dataset.video import KINDS, write_videos
+
+    for path in write_videos(dataset, output, kind or KINDS):
+        say(str(path))
+
+
+@app.command()
+def split(
+    dataset: Annotated[Path, typer.Argument(help="A dataset.")],
+    output: Annotated[Path, typer.Option(help="Folder for the splits.")] = Path("splits"),
+    train: Annotated[str, typer.Option(help="Roads of this split.")] = "ri,rsnj,unj",
+    validate: Annotated[str, typer.Option(help="Roads of this split.")] = "rcnj",
+    test: Annotated[str, typer.Option(help="Roads of this split.")] = "ui",
+) -> None:
+    """Link scenarios into train, validate and test by their roads."""
+    from advercity.dataset.splits import split as link
+
+    roads = {"train": train, "validate": validate, "test": test}
+    found = link(dataset, output, {name: text.split(",") for name, text in roads.items()})
+    for name, members in found.items():
+        say(f"{output / name}: {len(members)}")
+
+
+@app.command()
 def sheet(
     dataset: Annotated[Path, typer.Argument(help="A scenario of a dataset.")],
     output: Annotated[Path, typer.Option(help="Picture to write.")] = Path("contact_sheet.png"),

@@ -38,6 +38,7 @@ class Format:
         encode: Makes the files of a frame.
         cloud: How the names of point clouds end.
         read_cloud: Reads one as a table with `x`, `y`, `z` and `intensity`, left-handed.
+        has_extras: Whether `_objects.json` tells more of every object.
     """
 
     name: str
@@ -45,13 +46,28 @@ class Format:
     encode: Encode
     cloud: str
     read_cloud: Callable[[Path], NDArray[np.void]]
+    has_extras: bool
 
 
 FORMATS = {
     item.name: item
     for item in (
-        Format("opv2v", opv2v.folder_name, opv2v.encode, opv2v.CLOUD, pcd.read),
-        Format("adver_city", adver_city.folder_name, adver_city.encode, adver_city.CLOUD, ply.read),
+        Format(
+            "opv2v",
+            opv2v.folder_name,
+            opv2v.encode,
+            cloud=opv2v.CLOUD,
+            read_cloud=pcd.read,
+            has_extras=True,
+        ),
+        Format(
+            "adver_city",
+            adver_city.folder_name,
+            adver_city.encode,
+            cloud=adver_city.CLOUD,
+            read_cloud=ply.read,
+            has_extras=False,
+        ),
     )
 }
 

@@ -83,9 +83,10 @@ def box_corners(size: tuple[float, float, float]) -> NDArray[np.float64]:
     return unit * size
 
 
-_EDGES = np.array(
+BOX_EDGES = np.array(
     [(a, a | bit) for a in range(8) for bit in (1, 2, 4) if not a & bit], dtype=np.intp
 )
+"""Indices (12, 2) of corners that an edge joins."""
 
 
 def sightings(
@@ -158,7 +159,7 @@ def _outline(
     Where the camera's plane cuts the body, its box is cut instead.
     """
     ahead = points[points[:, 0] > NEAR_M]
-    before, behind = corners[_EDGES[:, 0]], corners[_EDGES[:, 1]]
+    before, behind = corners[BOX_EDGES[:, 0]], corners[BOX_EDGES[:, 1]]
     crossing = (before[:, 0] > NEAR_M) != (behind[:, 0] > NEAR_M)
     before, behind = before[crossing], behind[crossing]
     share = (NEAR_M - before[:, :1]) / (behind[:, :1] - before[:, :1])

@@ -1,0 +1,126 @@
+"""What statistics are made of: every annotated object of every frame, as one table."""
+
+from collections.abc import Iterable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from advercity.dataset.manifest import WeatherTruth, scenarios
+from advercity.dataset.reader import FrameView, Scenario, View
+
+OBJECT = np.dtype(
+    [
+        ("frame", "<i4"),
+        ("id", "<i8"),
+        ("class", "<U12"),
+        ("connected", "?"),
+        ("speed_km_h", "<f8"),
+        ("ego_distance_m", "<f8"),
+        ("ego_bearing_rad", "<f8"),
+        ("ego_hits", "<f8"),
+        ("ego_points", "<f8"),
+        ("visible_fraction", "<f8"),
+    ]
+)
+"""An object in a frame, once however many viewpoints annotate it.
+
+Fields that begin with `ego` are NaN where the ego does not annotate it, `ego_points` and
+`visible_fraction` (the most that any camera shows of it) also where the layout does not tell.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class Facts:
+    """What is known of one scenario.
+
+    Attributes:
+        road: Id of the road.
+        density: Id of the density.
+        weather: What it really is.
+        objects: (n,) of `OBJECT`.
+        annotations: (frames,) objects that at least one viewpoint annotates.
+        speeds_km_h: (frames, connected vehicles), the ego's first.
+    """
+
+    road: str
+    density: str
+    weather: WeatherTruth
+    objects: NDArray[np.void]
+    annotations: NDArray[np.int64]
+    speeds_km_h: NDArray[np.float64]
+
+    @property
+    def frames(self) -> int:
+        """How many there are."""
+        return len(self.annotations)
+
+
+def facts_of_dataset(dataset: Path) -> list[Facts]:
+    """Facts of every scenario that has frames, scenarios side by side in processes.
+
+    Raises:
+        InputError: There is no dataset, or a file of it cannot be read.
+    """
+    folders = scenarios(dataset)
+    with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
+        return [facts for facts in pool.map(facts_of, folders) if facts.frames]
+
+
+def facts_of(folder: Path) -> Facts:
+    """Facts of one scenario."""
+    scenario = Scenario(folder)
+    found = [_frame(scenario, frame) for frame in scenario]
+    return Facts(
+        road=scenario.spec.road.id,
+        density=scenario.spec.density.id,
+        weather=scenario.manifest.weather,
+        objects=np.concatenate([np.empty(0, OBJECT), *(objects for objects, _ in found)]),
+        annotations=np.array([len(objects) for objects, _ in found], np.int64),
+        speeds_km_h=np.array([speeds for _, speeds in found], np.float64),
+    )
+
+
+def _frame(scenario: Scenario, frame: FrameView) -> tuple[NDArray[np.void], list[float]]:
+    views = sorted(frame.views.values(), key=_is_not_ego)
+    connected = [view for view in views if view.agent.place.kind == "vehicle"]
+    numbers = {view.agent.number for view in connected}
+    objects: dict[int, tuple[Any, ...]] = {}
+    visible: dict[int, float] = {}
+    for position, view in enumerate(views):
+        extras = view.extras["objects"] if scenario.format.has_extras else {}
+        boxes = view.boxes
+        for row, number in enumerate(boxes.ids.tolist()):
+            extra = extras.get(str(number), {})
+            visible[number] = max(visible.get(number, np.nan), _shown(extra))
+            if number in objects:
+                continue
+            by_ego = (
+                boxes.distances_m[row],
+                boxes.bearings_rad[row],
+                boxes.lidar_hits[row],
+                extra.get("lidar_points", np.nan),
+            )
+            objects[number] = (
+                frame.index,
+                number,
+                boxes.classes[row],
+                number in numbers,
+                boxes.speeds_m_s[row] * 3.6,
+                *(by_ego if position == 0 else (np.nan,) * 4),
+            )
+    rows = [(*values, visible[number]) for number, values in objects.items()]
+    return np.array(rows, OBJECT), [view.speed_m_s * 3.6 for view in connected]
+
+
+def _is_not_ego(view: View) -> bool:
+    return not (view.agent.place.kind == "vehicle" and view.agent.place.role == "ego")
+
+
+def _shown(extra: dict[str, Any]) -> float:
+    cameras: Iterable[dict[str, Any]] = extra.get("cameras", {}).values()
+    return max((camera["visible_fraction"] for camera in cameras), default=0.0 if extra else np.nan)
