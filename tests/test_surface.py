@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from advercity.semantics import Semantic
 from advercity.world import curves, terrain
+from advercity.world.authored import AuthoredRoad
 from advercity.world.layout import Layout, layout
 from advercity.world.materials import MATERIALS
 from advercity.world.scene import Mesh
-from advercity.world.surface import KERB_HEIGHT_M, road_meshes
+from advercity.world.surface import KERB_HEIGHT_M
 
 NAMES = ("ui", "unj", "ri", "rsnj", "rcnj")
 ABOVE_M = 50.0
@@ -32,8 +33,14 @@ def sites(library: Path) -> dict[str, Site]:
     for name in NAMES:
         text = (library / f"nhtsa/roads/{name}.yaml").read_text(encoding="utf-8")
         plan = layout(Road.model_validate(yaml.safe_load(text)))
-        found[name] = plan, road_meshes(plan)
+        found[name] = plan, built_meshes(plan)
     return found
+
+
+def built_meshes(plan: Layout) -> list[Mesh]:
+    """All that is seen of a road and the ground around it."""
+    road = AuthoredRoad(plan)
+    return [*road.meshes, terrain.skirt(road.rims), terrain.ground(road.rims, road.footprint)]
 
 
 def looking_down(meshes: list[Mesh]) -> Below:
@@ -107,7 +114,7 @@ def test_sidewalks_run_around_the_corners_of_a_crossing(sites: dict[str, Site]) 
 def test_the_ground_never_shows_through_the_road(sites: dict[str, Site], name: str) -> None:
     plan, meshes = sites[name]
     (ground,) = (mesh for mesh in meshes if mesh.name == "ground")
-    inside = shapely.buffer(terrain.footprint(plan), -2 * terrain.OVERLAP_M)
+    inside = shapely.buffer(AuthoredRoad(plan).footprint, -2 * terrain.OVERLAP_M)
     centres = ground.vertices[ground.triangles].mean(axis=1)
     assert not shapely.contains_xy(inside, centres[:, 0], centres[:, 1]).any()
 
@@ -121,7 +128,7 @@ def test_the_ground_meets_the_road_and_reaches_far_beyond_it(
     for street in plan.streets.values():
         for bands, side in ((street.left, 1), (street.right, -1)):
             edge, beside = (street.line(bands[-1].outer_t + side * d) for d in (0, 0.15))
-            free = ~shapely.contains_xy(terrain.footprint(plan), beside[:, 0], beside[:, 1])
+            free = ~shapely.contains_xy(AuthoredRoad(plan).footprint, beside[:, 0], beside[:, 1])
             free &= (street.stations > 5) & (street.stations < street.stations[-1] - 5)
             if not free.any():
                 continue
@@ -129,7 +136,7 @@ def test_the_ground_meets_the_road_and_reaches_far_beyond_it(
             raised = KERB_HEIGHT_M * (bands[-1].kind == "sidewalk")
             np.testing.assert_allclose(z, edge[free, 2] + raised, atol=0.06)
             assert set(classes) == {Semantic.TERRAIN}
-    x0, y0, x1, y1 = shapely.bounds(terrain.footprint(plan))
+    x0, y0, x1, y1 = shapely.bounds(AuthoredRoad(plan).footprint)
     corners = np.array([(x, y) for x in (x0 - 150, x1 + 150) for y in (y0 - 150, y1 + 150)])
     z, _ = below(corners)
     heights = np.concatenate([street.axis[:, 2] for street in plan.streets.values()])
@@ -143,7 +150,7 @@ def test_the_ground_follows_the_hill(sites: dict[str, Site]) -> None:
     beside = np.array([(46.97, 145.36), (52.58, 77.76)])
     z, _ = below(beside)
     np.testing.assert_allclose(z, (8.31, 5.51), atol=0.5)
-    asked = terrain.ground_height(plan, beside, kerb_height_m=KERB_HEIGHT_M)
+    asked = terrain.ground_height(AuthoredRoad(plan).rims, beside)
     np.testing.assert_allclose(z, asked, atol=0.15)
 
 
@@ -180,7 +187,7 @@ def test_crossings_and_lines_are_painted(sites: dict[str, Site]) -> None:
 
 def test_the_same_road_gives_the_same_meshes(sites: dict[str, Site]) -> None:
     plan, meshes = sites["ri"]
-    for first, again in zip(meshes, road_meshes(plan), strict=True):
+    for first, again in zip(meshes, built_meshes(plan), strict=True):
         assert first.name == again.name
         np.testing.assert_array_equal(first.vertices, again.vertices)
         np.testing.assert_array_equal(first.triangles, again.triangles)

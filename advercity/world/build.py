@@ -8,24 +8,28 @@ from advercity_dsl import Spec
 from advercity.world import terrain
 from advercity.world.bodies import body
 from advercity.world.furniture import furniture
-from advercity.world.lanes import lanes
-from advercity.world.layout import layout
+from advercity.world.roads import built
 from advercity.world.scene import World
-from advercity.world.surface import KERB_HEIGHT_M, road_meshes
 from advercity.world.surroundings import surroundings
 
 
 def build_world(spec: Spec, network: Path) -> World:
     """The world of a spec, whose SUMO network is at `network`; a function of the spec alone."""
-    plan = layout(spec.road)
-    ground_height = partial(terrain.ground_height, plan, kerb_height_m=KERB_HEIGHT_M)
-    around, street_lamps = surroundings(spec.road, ground_height, terrain.footprint(plan))
+    road = built(spec.road)
+    ground_height = partial(terrain.ground_height, road.rims)
+    around, street_lamps = surroundings(spec.road, ground_height, road.footprint)
     fixed, signal_lamps = furniture(spec.road, ground_height)
     return World(
         id=spec.road.id,
-        static=(*road_meshes(plan), *around, *fixed),
+        static=(
+            *road.meshes,
+            terrain.skirt(road.rims),
+            terrain.ground(road.rims, road.footprint),
+            *around,
+            *fixed,
+        ),
         bodies={name: body(name, blueprint) for name, blueprint in spec.blueprints.items()},
-        lanes=lanes(plan),
+        lanes=road.lanes,
         network=network,
         street_lamps=tuple(street_lamps),
         signal_lamps=tuple(signal_lamps),

@@ -17,6 +17,14 @@ def street_of(edge: str) -> tuple[str, bool]:
     return edge[:-1], edge.endswith("+")
 
 
+def approach(edge: str) -> str:
+    """What an edge is called as an approach to a traffic light: its street, or as it is."""
+    try:
+        return street_of(edge)[0]
+    except KeyError:
+        return edge
+
+
 def edge_bands(street: StreetLayout, *, along: bool) -> tuple[Band, ...]:
     """Bands of an edge from the innermost driving lane, or sidewalk if it has none, outwards."""
     bands = street.side(along=along)

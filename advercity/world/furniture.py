@@ -4,11 +4,11 @@ import numpy as np
 import shapely
 from advercity_dsl import Road, RoadsideUnit
 from advercity_dsl.base import Point2
-from advercity_dsl.road import Sign, SignalHead, SurroundingKind
+from advercity_dsl.road import SurroundingKind
 
 from advercity.semantics import Semantic
-from advercity.world.junctions import Arm
-from advercity.world.layout import Layout, layout
+from advercity.world.built_road import BuiltRoad, Head, PostedSign
+from advercity.world.roads import built
 from advercity.world.scene import Mesh, SignalLamp
 from advercity.world.shapes import (
     Floats,
@@ -52,20 +52,16 @@ def furniture(road: Road, ground_height: GroundHeight) -> tuple[list[Mesh], list
         road: The declaration.
         ground_height: World positions (n, 2) to heights (n,), metres.
     """
-    site = layout(road)
+    place = built(road)
     pieces: list[Piece] = []
     lamps: list[SignalLamp] = []
-    for junction in site.junctions.values():
-        signals = junction.declared.signals
-        for head in signals.heads if signals else ():
-            facing = junction.arm(head.street).outward
-            lamps.append(_signal_lamp(f"{junction.id}/{head.street}", head, facing))
-            pieces += _signal(head, facing, _height(ground_height, head.pole_m))
-        for sign in junction.declared.signs:
-            arm = junction.arm(sign.street)
-            pieces += _sign(sign, arm, _height(ground_height, sign.at_m))
+    for head in place.heads:
+        lamps.append(_signal_lamp(head))
+        pieces += _signal(head, _height(ground_height, head.pole_m))
+    for sign in place.signs:
+        pieces += _sign(sign, _height(ground_height, sign.at_m))
     for unit in road.agents.values():
-        if isinstance(unit, RoadsideUnit) and not _is_carried(unit, road, site):
+        if isinstance(unit, RoadsideUnit) and not _is_carried(unit, road, place):
             pieces += _carrier(unit, ground_height)
     return meshes(pieces, "furniture_"), lamps
 
@@ -74,13 +70,13 @@ def _height(ground_height: GroundHeight, point: Point2) -> float:
     return float(ground_height(np.array([point], dtype=np.float64))[0])
 
 
-def _signal_lamp(name: str, head: SignalHead, facing: Floats) -> SignalLamp:
-    forward = _HEAD_FACE_M * facing
+def _signal_lamp(head: Head) -> SignalLamp:
+    forward = _HEAD_FACE_M * np.array(head.facing)
     x, y, z = np.asarray(head.at_m) + xyz(forward[0], forward[1], -HEAD_DROP_M)
-    return SignalLamp(name, (float(x), float(y), float(z)), (float(facing[0]), float(facing[1])))
+    return SignalLamp(head.id, (float(x), float(y), float(z)), head.facing)
 
 
-def _signal(head: SignalHead, facing: Floats, ground_m: float) -> list[Piece]:
+def _signal(head: Head, ground_m: float) -> list[Piece]:
     """A mast with an arm, from which a head hangs and looks at its traffic."""
     tip = np.asarray(head.at_m) - (0.0, 0.0, _ARM_DROP_M)
     foot = np.array([*head.pole_m, ground_m])
@@ -89,7 +85,7 @@ def _signal(head: SignalHead, facing: Floats, ground_m: float) -> list[Piece]:
     pieces = [Piece(mast, "metal", Semantic.POLE)]
     if np.linalg.norm((tip - top)[:2]) > 0.1:
         pieces.append(Piece(tube([top, tip], [0.075, 0.05]), "metal", Semantic.POLE))
-    yaw = float(np.arctan2(facing[1], facing[0]))
+    yaw = float(np.arctan2(head.facing[1], head.facing[0]))
     middle = np.asarray(head.at_m) - (0.0, 0.0, HEAD_DROP_M)
     return pieces + [
         Piece(moved(part, middle, yaw=yaw), material, Semantic.TRAFFIC_LIGHT)
@@ -135,9 +131,9 @@ def _hood(x: float, z: float) -> Surface:
     return loft(np.stack(rings))
 
 
-def _sign(sign: Sign, arm: Arm, ground_m: float) -> list[Piece]:
+def _sign(sign: PostedSign, ground_m: float) -> list[Piece]:
     """A stop or give-way sign on its mast, facing the traffic that comes along its street."""
-    x, y = arm.outward
+    x, y = sign.facing
     foot = np.array([*sign.at_m, ground_m])
     mast = tube([(0, 0, -0.3), (0, 0, _SIGN_HEIGHT_M + 0.2)], 0.035, sides=6)
     parts = [(mast, "metal", Semantic.POLE)]
@@ -208,14 +204,9 @@ def _letters(text: str, middle: Floats, *, width_m: float, height_m: float) -> S
     )
 
 
-def _is_carried(unit: RoadsideUnit, road: Road, site: Layout) -> bool:
+def _is_carried(unit: RoadsideUnit, road: Road, place: BuiltRoad) -> bool:
     """Whether a signal, tower, pole or wall is there already to carry the unit."""
-    heads = [
-        shapely.LineString([head.at_m[:2], head.pole_m])
-        for junction in site.junctions.values()
-        if junction.declared.signals
-        for head in junction.declared.signals.heads
-    ]
+    heads = [shapely.LineString([head.at_m[:2], head.pole_m]) for head in place.heads]
     masts = [
         shapely.Point(point)
         for item in road.surroundings

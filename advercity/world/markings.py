@@ -4,14 +4,15 @@ Dimensions follow the Manual on Uniform Traffic Control Devices (2009): normal l
 broken lines 3 m with gaps of 9 m, stop lines 30 to 60 cm, bars of crossings 30 to 60 cm.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from advercity_dsl.road import Paint
+from numpy.typing import NDArray
 
 from advercity.semantics import Semantic
 from advercity.world.curves import Points
-from advercity.world.junctions import Arm, CrossingLayout, JunctionLayout
+from advercity.world.junctions import Arm, JunctionLayout
 from advercity.world.layout import Layout
 from advercity.world.meshing import Piece, mesh, ribbon
 from advercity.world.scene import Mesh
@@ -47,7 +48,8 @@ def meshes(layout: Layout) -> list[Mesh]:
     for junction in layout.junctions.values():
         pieces[WHITE] += _stop_lines(junction)
         for crossing in junction.crossings:
-            pieces[WHITE] += _zebra(crossing, junction)
+            start, end = crossing.centre[:, :2]
+            pieces[WHITE] += zebra(start, end, width_m=crossing.width_m, height=junction.height)
         if junction.declared.control == "none":
             for colour, piece in _lines_through(junction):
                 pieces[colour].append(piece)
@@ -63,7 +65,9 @@ def _lines(street: StreetLayout) -> Iterator[tuple[str, Piece]]:
             continue
         shift = (LINE_WIDTH_M + DOUBLE_GAP_M) / 2 if paint is Paint.DOUBLE_YELLOW else 0.0
         for centre_t in sorted({t - shift, t + shift}):
-            for first, last in _dashes(street) if paint in BROKEN else [(0.0, np.inf)]:
+            for first, last in (
+                dashes(float(street.stations[-1])) if paint in BROKEN else [(0.0, np.inf)]
+            ):
                 yield COLOURS[paint], _stripe(street, centre_t, LINE_WIDTH_M, first, last)
 
 
@@ -89,8 +93,9 @@ def _line_along(border: Points, other: Points) -> Piece:
     return _lifted(outer, inner)
 
 
-def _dashes(street: StreetLayout) -> list[tuple[float, float]]:
-    starts = np.arange(GAP_M / 2, street.stations[-1] - DASH_M, DASH_M + GAP_M)
+def dashes(length_m: float) -> list[tuple[float, float]]:
+    """Where the dashes of a broken line begin and end."""
+    starts = np.arange(GAP_M / 2, length_m - DASH_M, DASH_M + GAP_M)
     return [(float(start), float(start) + DASH_M) for start in starts]
 
 
@@ -128,11 +133,17 @@ def _stop_line(arm: Arm) -> Iterator[Piece]:
     yield _stripe(arm.street, sum(edges) / 2, abs(edges[1] - edges[0]), first, last)
 
 
-def _zebra(crossing: CrossingLayout, junction: JunctionLayout) -> Iterator[Piece]:
-    start, end = crossing.centre[:, :2]
+def zebra(
+    start: Points,
+    end: Points,
+    *,
+    width_m: float,
+    height: Callable[[Points], NDArray[np.float64]],
+) -> Iterator[Piece]:
+    """Bars of a crossing from kerb to kerb, (2,) each, on a roadway whose height is given."""
     across = float(np.linalg.norm(end - start))
     walking = (end - start) / across
-    driving = np.array([walking[1], -walking[0]]) * crossing.width_m / 2
+    driving = np.array([walking[1], -walking[0]]) * width_m / 2
     count = int(across / (2 * BAR_M))
     margin = (across - (2 * count - 1) * BAR_M) / 2
     for bar in range(count):
@@ -141,4 +152,4 @@ def _zebra(crossing: CrossingLayout, junction: JunctionLayout) -> Iterator[Piece
             np.stack([middle + side - driving, middle + side + driving])
             for side in (walking * BAR_M / 2, -walking * BAR_M / 2)
         )
-        yield _lifted(*(np.column_stack([line, junction.height(line)]) for line in (left, right)))
+        yield _lifted(*(np.column_stack([line, height(line)]) for line in (left, right)))

@@ -48,6 +48,13 @@ def polygons_of(shape: shapely.Geometry) -> list[shapely.Polygon]:
     return [part for part in parts if isinstance(part, shapely.Polygon) and not part.is_empty]
 
 
+def cells(bounds: tuple[float, float, float, float], size_m: float) -> NDArray[np.object_]:
+    """Squares that cover a box (west, south, east, north)."""
+    x, y = (np.arange(bounds[axis], bounds[axis + 2], size_m)[:, None] for axis in (0, 1))
+    west, south = (grid.ravel() for grid in np.meshgrid(x, y))
+    return shapely.box(west, south, west + size_m, south + size_m)
+
+
 def mesh(name: str, pieces: Iterable[Piece], material: str, semantic: Semantic) -> Mesh:
     """One mesh of all pieces; flat faces."""
     pieces = list(pieces)

@@ -6,26 +6,27 @@ declared junction's id. Every strip from the innermost driving lane outwards is 
 closed to traffic where it is neither a driving lane nor a sidewalk, so lateral positions hold.
 """
 
-import os
 import re
-import subprocess
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import jinja2
 import numpy as np
-import sumo
 import sumolib
+from advercity_dsl import MapNetwork
 from advercity_dsl.road import Road, StripKind
 
 from advercity.errors import InputError, RunError
+from advercity.netconvert import netconvert
+from advercity.networks import unpacked
 from advercity.world import curves, signals
 from advercity.world.curves import Points
-from advercity.world.edges import edge_bands, edge_id, lane_id, lane_index, street_of
+from advercity.world.edges import approach, edge_bands, edge_id, lane_id, lane_index, street_of
 from advercity.world.junctions import JunctionLayout
 from advercity.world.layout import Layout, layout
 from advercity.world.streets import StreetLayout
+from advercity.xml_input import written
 
 __all__ = [
     "build_network",
@@ -36,7 +37,6 @@ __all__ = [
     "street_of",
 ]
 
-TIMEOUT_S = 120
 STEEPEST_PERCENT = 30
 PERMISSIONS = {StripKind.LANE: 'disallow="pedestrian"', StripKind.SIDEWALK: 'allow="pedestrian"'}
 CLOSED = 'disallow="all"'
@@ -103,8 +103,10 @@ def build_network(road: Road, folder: Path) -> Path:
         InputError: Streets or junctions do not fit together.
         RunError: `netconvert` is missing or fails.
     """
-    plan = layout(road)
     folder.mkdir(parents=True, exist_ok=True)
+    if isinstance(road.imported, MapNetwork):
+        return _unpack(road.id, road.imported, folder)
+    plan = layout(road)
     links = [link for junction in plan.junctions.values() for link in _links(junction)]
     contents = {
         "nodes": {"nodes": list(_nodes(plan))},
@@ -124,6 +126,12 @@ def build_network(road: Road, folder: Path) -> Path:
     return _netconvert(road.id, folder)
 
 
+def _unpack(name: str, imported: MapNetwork, folder: Path) -> Path:
+    output = folder / f"{name}.net.xml"
+    output.write_bytes(written(unpacked(imported.network)))
+    return output
+
+
 def signal_groups(network: Path) -> dict[str, list[tuple[str, int]]]:
     """Links that show the light of an approach.
 
@@ -131,13 +139,14 @@ def signal_groups(network: Path) -> dict[str, list[tuple[str, int]]]:
         network: Path of a network from `build_network`.
 
     Returns:
-        By `<junction>/<street>`: (traffic-light id, index into its state) of every movement.
+        By `<light>/<approach>`, an approach being a street or an imported edge: (traffic-light
+        id, index into its state) of every movement.
     """
     groups: dict[str, list[tuple[str, int]]] = {}
     for light in sumolib.net.readNet(str(network)).getTrafficLights():
         for source, _, index in light.getConnections():
-            street, _ = street_of(source.getEdge().getID())
-            groups.setdefault(f"{light.getID()}/{street}", []).append((light.getID(), index))
+            name = f"{light.getID()}/{approach(source.getEdge().getID())}"
+            groups.setdefault(name, []).append((light.getID(), index))
     return {name: sorted(links) for name, links in groups.items()}
 
 
@@ -256,48 +265,20 @@ def _shape(points: Points) -> str:
 
 def _netconvert(name: str, folder: Path) -> Path:
     output = folder / f"{name}.net.xml"
-    command = [
-        str(Path(sumo.SUMO_HOME) / "bin" / "netconvert"),
-        "--node-files",
-        f"{name}.nodes.xml",
-        "--edge-files",
-        f"{name}.edges.xml",
-        "--connection-files",
-        f"{name}.connections.xml",
-        "--tllogic-files",
-        f"{name}.tllogics.xml",
-        "--output-file",
-        output.name,
-        "--offset.disable-normalization",
-        "true",
-        "--walkingareas",
-        "true",
-        "--no-turnarounds",
-        "true",
-        "--geometry.max-grade",
-        str(STEEPEST_PERCENT),
-        "--precision",
-        "3",
-        "--xml-validation",
-        "never",
-    ]
-    try:
-        result = subprocess.run(  # noqa: S603  the program is the wheel's own
-            command,
-            cwd=folder,
-            env={**os.environ, "SUMO_HOME": sumo.SUMO_HOME},
-            capture_output=True,
-            text=True,
-            timeout=TIMEOUT_S,
-            check=False,
-        )
-    except (OSError, subprocess.TimeoutExpired) as error:
-        raise RunError(f"netconvert does not run: {error}; is eclipse-sumo installed?") from error
-    complaints = result.stderr.strip()
-    if result.returncode or not output.exists():
-        raise RunError(f"road '{name}': netconvert fails: {complaints or result.stdout.strip()}")
-    if complaints:
-        raise InputError(f"road '{name}' makes no clean network: {complaints}")
+    outcome = netconvert(
+        {
+            "node-files": f"{name}.nodes.xml",
+            "edge-files": f"{name}.edges.xml",
+            "connection-files": f"{name}.connections.xml",
+            "tllogic-files": f"{name}.tllogics.xml",
+            "geometry.max-grade": str(STEEPEST_PERCENT),
+        },
+        output,
+    )
+    if not outcome.succeeded:
+        raise RunError(f"road '{name}': netconvert fails: {outcome.said}")
+    if outcome.said:
+        raise InputError(f"road '{name}' makes no clean network: {outcome.said}")
     text = output.read_text(encoding="utf-8")
     output.write_text(
         re.sub(r"<!-- generated on .*?-->\n*", "", text, flags=re.S), encoding="utf-8"

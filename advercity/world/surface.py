@@ -1,4 +1,4 @@
-"""Meshes of roads and the ground around them.
+"""Meshes of authored roads.
 
 Carriageways are at the height of the layout; sidewalks and medians stand a kerb higher.
 """
@@ -9,14 +9,13 @@ from itertools import groupby
 import numpy as np
 import shapely
 from advercity_dsl.road import StripKind
-from numpy.typing import NDArray
 
 from advercity.semantics import Semantic
-from advercity.world import markings, terrain
+from advercity.world import markings
 from advercity.world.curves import Points
 from advercity.world.junctions import JunctionLayout
 from advercity.world.layout import Layout
-from advercity.world.meshing import Piece, filled, mesh, polygons_of, ribbon
+from advercity.world.meshing import Piece, cells, filled, mesh, polygons_of, ribbon
 from advercity.world.scene import Mesh
 from advercity.world.streets import Band, StreetLayout
 
@@ -40,7 +39,7 @@ RAISED = (SIDEWALK, MEDIAN)
 
 
 def road_meshes(layout: Layout) -> list[Mesh]:
-    """Roadways, kerbs, sidewalks, medians, paint and the ground, one mesh of each kind."""
+    """Roadways, kerbs, sidewalks, medians and paint, one mesh of each kind."""
     pieces: dict[str, list[Piece]] = {}
     for street in layout.streets.values():
         for surface, piece in _street(street):
@@ -49,12 +48,7 @@ def road_meshes(layout: Layout) -> list[Mesh]:
         for surface, piece in _junction(junction):
             pieces.setdefault(surface, []).append(piece)
     meshes = [mesh(name, pieces[name], *MATERIALS[name]) for name in MATERIALS if name in pieces]
-    return [
-        *meshes,
-        *markings.meshes(layout),
-        terrain.skirt(layout, kerb_height_m=KERB_HEIGHT_M),
-        terrain.ground(layout, kerb_height_m=KERB_HEIGHT_M),
-    ]
+    return [*meshes, *markings.meshes(layout)]
 
 
 def _surface(band: Band) -> str:
@@ -93,23 +87,16 @@ def _junction(junction: JunctionLayout) -> Iterator[tuple[str, Piece]]:
 
 def _roadway(junction: JunctionLayout) -> Piece:
     outline = shapely.Polygon(junction.outline[:, :2])
-    cells = [outline]
+    facets = [outline]
     if np.ptp(junction.outline[:, 2]) > LEVEL_WITHIN_M:
-        grid = shapely.intersection(_cells(outline.bounds), outline)
-        cells = [polygon for cell in grid for polygon in polygons_of(cell)]
-    parts = [filled(cell) for cell in cells]
+        grid = shapely.intersection(cells(outline.bounds, CELL_M), outline)
+        facets = [polygon for cell in grid for polygon in polygons_of(cell)]
+    parts = [filled(facet) for facet in facets]
     corners = np.concatenate([corners for corners, _ in parts])
     shifts = np.cumsum([0, *(len(corners) for corners, _ in parts)])
     triangles = [part + shift for (_, part), shift in zip(parts, shifts, strict=False)]
     vertices = np.column_stack([corners, junction.height(corners)])
     return Piece(vertices, np.concatenate(triangles))
-
-
-def _cells(bounds: tuple[float, float, float, float]) -> NDArray[np.object_]:
-    """Squares that cover a box."""
-    x, y = (np.arange(bounds[axis], bounds[axis + 2], CELL_M)[:, None] for axis in (0, 1))
-    west, south = (grid.ravel() for grid in np.meshgrid(x, y))
-    return shapely.box(west, south, west + CELL_M, south + CELL_M)
 
 
 def _raised(

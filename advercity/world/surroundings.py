@@ -8,7 +8,7 @@ from shapely.geometry.base import BaseGeometry
 
 from advercity.errors import InputError
 from advercity.world import buildings, plants, roadside
-from advercity.world.layout import layout
+from advercity.world.roads import built
 from advercity.world.scene import Mesh, StreetLamp
 from advercity.world.shapes import Piece, meshes
 from advercity.world.site import GroundHeight, Site, along
@@ -43,7 +43,6 @@ def surroundings(
 
 
 def _site(road: Road, ground_height: GroundHeight, keep_off: BaseGeometry) -> Site:
-    axes = [shapely.LineString(street.axis[:, :2]) for street in layout(road).streets.values()]
     sensors = [
         shapely.Point(agent.position_m[:2]).buffer(SENSOR_CLEARANCE_M)
         for agent in road.agents.values()
@@ -51,7 +50,7 @@ def _site(road: Road, ground_height: GroundHeight, keep_off: BaseGeometry) -> Si
     ]
     free = shapely.union_all([keep_off, *sensors])
     shapely.prepare(free)
-    return Site(ground_height, free, shapely.MultiLineString(axes))
+    return Site(ground_height, free, built(road).axes)
 
 
 def _points(item: Surrounding, spacing_m: float) -> list[tuple[float, float]]:

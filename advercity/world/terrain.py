@@ -3,20 +3,17 @@
 It is a grid with the road's footprint cut out, so nothing of it can show through the road.
 """
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 
 import numpy as np
 import shapely
-from advercity_dsl.road import StripKind
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from advercity.semantics import Semantic
 from advercity.world.curves import Points, resampled, stations
-from advercity.world.layout import Layout
 from advercity.world.meshing import filled, mesh, polygons_of, ribbon
 from advercity.world.scene import Mesh
-from advercity.world.streets import Band, StreetLayout
 
 MARGIN_M = 160.0
 """How far the ground goes on beyond the outermost street."""
@@ -33,14 +30,14 @@ DROP_M = 0.004
 SKIRT_M = 0.1
 
 
-def ground(layout: Layout, *, kerb_height_m: float) -> Mesh:
+def ground(rims: Sequence[Points], footprint: BaseGeometry) -> Mesh:
     """Grass around the streets, out to `MARGIN_M` beyond them.
 
     Args:
-        layout: The road.
-        kerb_height_m: Height of sidewalks above the roadway; the ground meets their top.
+        rims: Edges (n, 3) of all paving, with it on their left.
+        footprint: What is paved, where the ground is left out.
     """
-    built = shapely.buffer(footprint(layout), -OVERLAP_M, join_style="mitre")
+    built = shapely.buffer(footprint, -OVERLAP_M, join_style="mitre")
     cells = _cells(shapely.bounds(built))
     shapely.prepare(built)
     free = shapely.disjoint(cells, built)
@@ -54,7 +51,7 @@ def ground(layout: Layout, *, kerb_height_m: float) -> Mesh:
     )
     corners, merged = np.unique(np.round(corners, 3), axis=0, return_inverse=True)
     triangles = _upright(corners, merged.reshape(-1)[triangles])
-    z = ground_height(layout, corners, kerb_height_m=kerb_height_m)
+    z = ground_height(rims, corners)
     vertices = np.column_stack([corners, z - DROP_M])
     return Mesh(
         name="ground",
@@ -66,20 +63,19 @@ def ground(layout: Layout, *, kerb_height_m: float) -> Mesh:
     )
 
 
-def skirt(layout: Layout, *, kerb_height_m: float) -> Mesh:
+def skirt(rims: Sequence[Points]) -> Mesh:
     """Upright faces below the edge of all paving, which close the step down to the ground."""
     down = np.array([0.0, 0.0, SKIRT_M])
-    pieces = [ribbon(rim, rim - down) for rim in _rims(layout, kerb_height_m)]
+    pieces = [ribbon(rim, rim - down) for rim in rims]
     return mesh("skirt", pieces, "asphalt", Semantic.ROAD)
 
 
-def ground_height(layout: Layout, points: Points, *, kerb_height_m: float) -> NDArray[np.float64]:
+def ground_height(rims: Sequence[Points], points: Points) -> NDArray[np.float64]:
     """Height (n,) of the ground at points (n, 2) beside the road.
 
     Near a road it is the height of the nearest point on its edge, further off the mean of all
     edges, weighted by the inverse square of their distance.
     """
-    rims = list(_rims(layout, kerb_height_m))
     starts = np.concatenate([rim[:-1] for rim in rims])
     steps = np.concatenate([np.diff(rim, axis=0) for rim in rims])
     samples = np.concatenate(
@@ -105,54 +101,6 @@ def _blended(points: Points, starts: Points, steps: Points, samples: Points) -> 
     rolling = (weight @ samples[:, 2]) / weight.sum(axis=1)
     follow = np.exp(-((gap[row, nearest] / VERGE_M) ** 2))
     return follow * beside + (1.0 - follow) * rolling
-
-
-def _rims(layout: Layout, kerb_height_m: float) -> Iterator[Points]:
-    """Edges (n, 3) of all paving, with it on their left, at the height that the ground meets."""
-
-    def lifted(line: Points, raised: bool) -> Points:
-        return line + np.array([0.0, 0.0, kerb_height_m * raised])
-
-    for street in layout.streets.values():
-        left, right = (street.line(t) for t in _reach(street))
-        yield lifted(left[::-1], _is_raised(street.left))
-        yield lifted(right, _is_raised(street.right))
-        if street.begins not in layout.junctions:
-            yield np.stack([left[0], right[0]])
-        if street.ends not in layout.junctions:
-            yield np.stack([right[-1], left[-1]])
-    for junction in layout.junctions.values():
-        following = (*junction.arms[1:], junction.arms[0])
-        for corner, arm, other in zip(junction.corners, junction.arms, following, strict=True):
-            rim = lifted(corner.rim, corner.back is not None)
-            if corner.back is None:
-                rim[0, 2] += kerb_height_m * _is_raised(arm.bands(leftwards=True))
-                rim[-1, 2] += kerb_height_m * _is_raised(other.bands(leftwards=False))
-            yield rim
-
-
-def _is_raised(bands: tuple[Band, ...]) -> bool:
-    return bool(bands) and bands[-1].kind is StripKind.SIDEWALK
-
-
-def _reach(street: StreetLayout) -> tuple[float, float]:
-    """Offsets of the outer edges of a street, left and right."""
-    return (
-        street.left[-1].outer_t if street.left else 0.0,
-        street.right[-1].outer_t if street.right else 0.0,
-    )
-
-
-def footprint(layout: Layout) -> BaseGeometry:
-    """What streets and junctions cover, sidewalks included."""
-    shapes: list[shapely.Geometry] = []
-    for street in layout.streets.values():
-        left, right = (street.line(t)[:, :2] for t in _reach(street))
-        shapes.append(shapely.make_valid(shapely.Polygon(np.vstack([left, right[::-1]]))))
-    for junction in layout.junctions.values():
-        rim = np.concatenate([corner.rim[:, :2] for corner in junction.corners])
-        shapes.append(shapely.make_valid(shapely.Polygon(rim)))
-    return shapely.union_all(shapes, grid_size=SNAP_M)
 
 
 def _cells(bounds: NDArray[np.float64]) -> NDArray[np.object_]:
