@@ -96,7 +96,7 @@ def _frame(scenario: Scenario, frame: FrameView) -> tuple[NDArray[np.void], list
         boxes = view.boxes
         for row, number in enumerate(boxes.ids.tolist()):
             extra = extras.get(str(number), {})
-            visible[number] = max(visible.get(number, np.nan), _shown(extra))
+            visible[number] = float(np.fmax(visible.get(number, np.nan), _shown(extra)))
             if number in objects:
                 continue
             by_ego = (

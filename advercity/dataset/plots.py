@@ -91,6 +91,7 @@ def _draw_bars(axes: Any, table: Table) -> None:
         axes.bar(np.asarray(middle, float) + offset, values, width, label=_words(name))
     if table.name in LOGARITHMIC:
         axes.set_yscale("log")
+        axes.set_ylim(bottom=0.5)  # so that a single one shows
     axes.set_xlabel(_words(first.removesuffix("_from")))
     _name_series(axes, [name for name, _ in series])
 
@@ -111,10 +112,10 @@ def _draw_visibility(axes: Any, table: Table) -> None:
     axes.barh(names, table.columns["mor_m"], color="slategray")
     axes.set_xscale("log")
     axes.set_xlabel("meteorological optical range m")
-    notes = zip(table.columns["mor_m"], table.columns["echo_share"], strict=True)
+    notes = zip(table.columns["mor_m"], table.columns["echoing_share"], strict=True)
     for row, (mor_m, share) in enumerate(notes):
-        axes.annotate(f" {share:.0%} of echoes", (mor_m, row), va="center", fontsize="small")
-    axes.margins(x=0.25)
+        axes.annotate(f" {share:.0%} of objects echo", (mor_m, row), va="center", fontsize="small")
+    axes.margins(x=0.3)
 
 
 def _draw_polar(figure: "Figure", table: Table) -> None:

@@ -209,9 +209,10 @@ def _polar(facts: Sequence[Facts]) -> Table:
 
 
 def _visibility(facts: Sequence[Facts]) -> Table:
+    """`echoing_share` is that of the ego's annotated objects which return it at least one point."""
     rows: list[tuple[Any, ...]] = []
     for weather, group in _by_weather(facts):
-        hits, points = _echo_counts(group)
+        _, points = _echo_counts(group)
         rows.append(
             (
                 weather,
@@ -219,10 +220,11 @@ def _visibility(facts: Sequence[Facts]) -> Table:
                 group[0].weather.rain_mm_h,
                 sum(item.frames for item in group),
                 float(np.concatenate([item.annotations for item in group]).mean()),
-                float(points.sum() / hits.sum()) if hits.sum() else float("nan"),
+                _mean((points > 0).astype(np.float64)),
             )
         )
-    names = ("weather", "mor_m", "rain_mm_h", "frames", "annotations_per_frame", "echo_share")
+    names = ("weather", "mor_m", "rain_mm_h", "frames", "annotations_per_frame", "echoing_share")
+    rows.sort(key=lambda row: row[1])
     columns = {name: [row[k] for row in rows] for k, name in enumerate(names)}
     return Table("visibility_by_weather", "Visibility by weather", columns)
 

@@ -20,8 +20,7 @@ from advercity.dataset.manifest import MANIFEST, Identity, Manifest
 from advercity.dataset.reading import Reading
 from advercity.dataset.staging import failures_named, lock, move, write
 from advercity.errors import RunError
-from advercity.world.lanes import lanes
-from advercity.world.layout import layout
+from advercity.world.roads import built
 
 
 class DatasetWriter:
@@ -55,7 +54,7 @@ class DatasetWriter:
         self._staging = staging_of(self.scenario)
         self._incoming = self._staging / "incoming"
         self._spec = spec
-        self._lanes = lanes(layout(spec.road))
+        self._lanes = built(spec.road).lanes
         self._identity = identity
         self._length = length
         self._fresh = fresh
