@@ -1,0 +1,131 @@
+import pickle
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from advercity_dsl import Spec
+
+import advercity
+from advercity import poses
+from advercity.dataset.annotation import annotate, box_centre
+from advercity.dataset.manifest import Identity
+from advercity.dataset.reader import Dataset
+from advercity.dataset.reading import Reading
+from advercity.dataset.writer import DatasetWriter
+from advercity.errors import InputError
+
+ReadingsOf = Callable[[int], tuple[Reading, ...]]
+FRAMES = 2
+
+
+@pytest.fixture(scope="module", params=["opv2v", "adver_city"])
+def dataset(
+    request: pytest.FixtureRequest,
+    tmp_path_factory: pytest.TempPathFactory,
+    spec: Spec,
+    readings_of: ReadingsOf,
+) -> Dataset:
+    root = tmp_path_factory.mktemp("dataset")
+    identity = Identity.of(spec, trace_sha256="0" * 64, renderer={}, format=request.param)
+    with DatasetWriter(root, spec, identity, length=FRAMES) as writer:
+        for index in range(FRAMES):
+            writer.write(index, readings_of(index))
+        writer.finish()
+    return advercity.open_dataset(root)
+
+
+def test_frames_are_counted_and_found_by_position(dataset: Dataset) -> None:
+    assert len(dataset) == FRAMES
+    assert [frame.index for frame in dataset] == [0, 1]
+    assert dataset[-1].name == "000061"
+    assert dataset[1].time_s == pytest.approx(6.1)
+    assert [frame.name for frame in dataset[:2]] == ["000060", "000061"]
+    with pytest.raises(IndexError):
+        dataset[FRAMES]
+
+
+def test_poses_come_back(dataset: Dataset, readings_of: ReadingsOf) -> None:
+    for reading in readings_of(1):
+        view = dataset[1][reading.agent.id]
+        np.testing.assert_allclose(view.world_from_agent, reading.world_from_agent, atol=1e-7)
+        np.testing.assert_allclose(view.world_from_lidar, reading.world_from_lidar, atol=1e-7)
+        for index, picture in enumerate(reading.pictures):
+            pose = view.world_from_camera(index)
+            np.testing.assert_allclose(pose, picture.world_from_camera, atol=1e-7)
+        assert view.speed_m_s == pytest.approx(reading.speed_m_s)
+
+
+def test_points_and_pictures_come_back(dataset: Dataset, readings_of: ReadingsOf) -> None:
+    for reading in readings_of(0):
+        view = dataset[0][reading.agent.id]
+        np.testing.assert_allclose(view.points, reading.cloud.points, atol=1e-5)
+        intensity = view.cloud["intensity"]
+        np.testing.assert_allclose(intensity, reading.cloud.intensity, atol=0.5 / 255 + 1e-6)
+        for index, picture in enumerate(reading.pictures):
+            np.testing.assert_array_equal(view.image(index), picture.image)
+            np.testing.assert_array_equal(view.semantic(index), picture.semantic)
+
+
+def test_boxes_come_back(dataset: Dataset, readings_of: ReadingsOf) -> None:
+    reading = readings_of(0)[0]
+    boxes = dataset[0]["cav1"].boxes
+    expected = {item.state.actor.id: item for item in annotate(reading)}
+    assert set(boxes.ids.tolist()) == set(expected)
+    for row, number in enumerate(boxes.ids.tolist()):
+        item = expected[number]
+        np.testing.assert_allclose(boxes.world_from_box[row, :3, 3], box_centre(item.state))
+        turn = item.state.world_from_body[:3, :3]
+        np.testing.assert_allclose(boxes.world_from_box[row, :3, :3], turn, atol=1e-7)
+        np.testing.assert_allclose(boxes.sizes[row], item.state.actor.size)
+        assert boxes.classes[row] == item.state.actor.actor_class
+        assert boxes.bearings_rad[row] == pytest.approx(item.bearing_rad)
+        assert boxes.speeds_m_s[row] == pytest.approx(item.state.speed_m_s)
+
+
+def test_points_project_into_pictures(dataset: Dataset) -> None:
+    view = dataset[0]["cav1"]
+    ahead = poses.transform(view.world_from_camera(0), [[10.0, 0.0, 0.0], [10.0, 1.0, 2.0]])
+    height, width = view.image(0).shape[:2]
+    focal_px = view.intrinsic(0)[0, 0]
+    np.testing.assert_allclose(
+        view.pixels(0, ahead),
+        [
+            [width / 2, height / 2, 10],
+            [width / 2 - focal_px / 10, height / 2 - focal_px / 5, 10],
+        ],
+        atol=1e-5,
+    )
+
+
+def test_it_goes_to_other_processes(dataset: Dataset) -> None:
+    copy = pickle.loads(pickle.dumps(dataset))
+    np.testing.assert_array_equal(copy[1]["rsu1"].points, dataset[1]["rsu1"].points)
+
+
+def test_extras_tell_more_of_every_object(dataset: Dataset, readings_of: ReadingsOf) -> None:
+    if not dataset.scenarios[0].format.has_extras:
+        with pytest.raises(InputError, match=r"_objects\.json"):
+            _ = dataset[0]["cav1"].extras
+        return
+    objects = dataset[0]["cav1"].extras["objects"]
+    assert set(objects) == {"102", "103", "201", "202", "203"}
+    van = objects["201"]
+    assert (van["class"], van["role"]) == ("van", None)
+    assert (van["lidar_hits"], van["lidar_points"]) == (40, 40)
+    velocity = readings_of(0)[0].frame.of(201).world_from_body[:3, 0] * 5.0
+    np.testing.assert_allclose(van["velocity_m_s"], velocity * (1, -1, 1), atol=1e-6)
+    shown = van["cameras"]["camera0"]
+    assert shown["visible_px"] > 0
+    assert 0.5 < shown["visible_fraction"] <= 1
+    assert shown["truncation"] == pytest.approx(0, abs=1e-4)
+
+
+def test_a_folder_that_is_none_is_told(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="not a dataset"):
+        advercity.open_dataset(tmp_path)
+
+
+def test_a_lost_picture_is_told(dataset: Dataset) -> None:
+    with pytest.raises(InputError, match="is missing or no picture"):
+        dataset[0]["cav1"].image(7)
