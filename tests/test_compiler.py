@@ -367,7 +367,7 @@ def test_a_suite_must_be_named_where_there_are_two(write: Write) -> None:
     other = "kind: suite\nid: other\nrig: one_camera\ncatalogue: one_car\n"
     folder = write(other=other)
     assert "name one with --suite: other, small" in complaint(folder)
-    assert len(compile_library(folder, "other")) == 1
+    assert len(compile_library(folder, suite="other")) == 1
 
 
 def test_an_empty_folder_is_no_library(tmp_path: Path) -> None:

@@ -17,13 +17,14 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
-LibraryArgument = Annotated[Path, typer.Argument(help="Folder of declarations.")]
+LibraryArgument = Annotated[list[Path], typer.Argument(help="Folders of declarations.")]
+LIBRARIES = [Path("library")]
 SpecArgument = Annotated[list[Path], typer.Argument(help="Compiled specs (*.json).")]
 
 
 @app.command("compile")
 def compile_(
-    library: LibraryArgument = Path("library"),
+    library: LibraryArgument = LIBRARIES,
     output: Annotated[Path, typer.Option(help="Folder for the specs.")] = Path("compiled"),
     suite: Annotated[str | None, typer.Option(help="Suite to compile.")] = None,
     check: Annotated[
@@ -33,11 +34,12 @@ def compile_(
     """Compile a library of declarations into scenario specs."""
     from advercity.compiler import compile_library, differences, write_specs
 
-    specs = compile_library(library, suite)
+    specs = compile_library(*library, suite=suite)
     if check:
         stale = differences(specs, output)
         if stale:
-            raise RunError("\n".join([*stale, f"run `advercity compile {library}` to renew them"]))
+            again = " ".join(["advercity compile", *map(str, library)])
+            raise RunError("\n".join([*stale, f"run `{again}` to renew them"]))
         note(f"{len(specs)} specs in {output} are current")
         return
     write_specs(specs, output)

@@ -12,9 +12,10 @@ from advercity.compiler.shipped import find_weather, shipped_library, validate_p
 from advercity.errors import InputError
 
 
-def compile_library(folder: Path, suite: str | None = None) -> list[Spec]:
+def compile_library(*folders: Path, suite: str | None = None) -> list[Spec]:
     """Every spec of a library's suite; of its only one, or of the one called `suite`."""
-    library = load_library(folder)
+    library = load_library(*folders)
+    named = ", ".join(str(folder) for folder in folders)
     suites = library.of(Suite)
     if suite is None and len(suites) == 1:
         (chosen,) = suites.values()
@@ -22,9 +23,9 @@ def compile_library(folder: Path, suite: str | None = None) -> list[Spec]:
         chosen = suites[suite]
     elif suite is None:
         what = f"has {len(suites)} suites" if suites else "has no suite"
-        raise InputError(f"{folder}: {what}; name one with --suite: {', '.join(suites)}")
+        raise InputError(f"{named}: {what}; name one with --suite: {', '.join(suites)}")
     else:
-        raise InputError(f"{folder}: there is no suite '{suite}'; {nearest(suite, suites)}")
+        raise InputError(f"{named}: there is no suite '{suite}'; {nearest(suite, suites)}")
     return cross(library, chosen)
 
 

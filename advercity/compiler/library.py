@@ -30,9 +30,8 @@ class Entry:
 
 @dataclass(frozen=True)
 class Library:
-    """All declarations of a folder, by (kind, id)."""
+    """All declarations of a folder or several, by (kind, id)."""
 
-    folder: Path
     entries: Mapping[tuple[str, str], Entry]
 
     def of(self, kind: type[DeclarationT]) -> dict[str, DeclarationT]:
@@ -55,15 +54,18 @@ class Library:
         return document.problem(where, message, hint=hint)
 
 
-def load_library(folder: Path) -> Library:
-    """Read every `*.yaml` below `folder`, or the one file that it is.
+def load_library(*folders: Path) -> Library:
+    """Read every `*.yaml` below the folders; one of them may be a file itself.
 
     Raises:
         ProblemsError: With the problems of all files.
     """
-    files = [folder] if folder.is_file() else sorted(folder.rglob("*.yaml"))
-    if not files:
-        raise InputError(f"{folder}: no declarations (*.yaml) here; is it a library folder?")
+    files: list[Path] = []
+    for folder in folders:
+        found = [folder] if folder.is_file() else sorted(folder.rglob("*.yaml"))
+        if not found:
+            raise InputError(f"{folder}: no declarations (*.yaml) here; is it a library folder?")
+        files += found
     problems: list[Problem] = []
     documents = list(_read_all(files, problems))
     heads = _by_kind_and_id(documents, problems)
@@ -75,7 +77,7 @@ def load_library(folder: Path) -> Library:
             problems += error.problems
     if problems:
         raise ProblemsError(problems)
-    return Library(folder, entries)
+    return Library(entries)
 
 
 def load_declaration(path: Path, kind: type[DeclarationT]) -> DeclarationT:

@@ -18,8 +18,7 @@ from advercity.runner.stage import set_stage
 from advercity.runner.viewpoints import Viewpoints
 from advercity.sensors.lidar import PointCloud
 from advercity.viewer.recording import Recording
-from advercity.world.lanes import lanes
-from advercity.world.layout import layout
+from advercity.world.roads import built
 
 
 def stored_readings(scenario: Scenario, viewpoints: Viewpoints, index: int) -> tuple[Reading, ...]:
@@ -82,7 +81,7 @@ def record(path: Path, file: Path) -> None:
         raise InputError(f"{path}: no frames here")
     spec = scenario.spec
     viewpoints = Viewpoints(spec, set_stage(spec).trace)
-    with Recording(spec, lanes(layout(spec.road)), file=file) as recording:
+    with Recording(spec, built(spec.road).lanes, file=file) as recording:
         for stored in scenario:
             recording.log(stored_readings(scenario, viewpoints, stored.index))
 

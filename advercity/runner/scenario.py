@@ -21,8 +21,7 @@ from advercity.runner.sensing import senses
 from advercity.runner.stage import Stage, set_stage
 from advercity.runner.viewpoints import Viewpoints
 from advercity.viewer.recording import Recording
-from advercity.world.lanes import lanes
-from advercity.world.layout import layout
+from advercity.world.roads import built
 
 Report = Callable[[str, str, int, int], None]
 """Called with scenario, stage, frames done and frames in all."""
@@ -130,7 +129,7 @@ def _recording(spec: Spec, viewer: ViewerTarget) -> Recording | nullcontext[None
         return nullcontext()
     return Recording(
         spec,
-        lanes(layout(spec.road)),
+        built(spec.road).lanes,
         file=viewer.file,
         serve=viewer.serve,
         connect=viewer.connect,

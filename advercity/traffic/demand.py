@@ -11,11 +11,12 @@ from advercity.errors import InputError
 from advercity.randomness import generator
 from advercity.traffic.lanes import Lane, LaneGraph
 from advercity.traffic.placement import VEHICLE_GRID_M, Occupancy, areas, grid
+from advercity.traffic.routing import shortest_way
 from advercity.traffic.trace import Actor
 from advercity.traffic.walks import Walk, walks
 from advercity.world.bodies import paint_for
 from advercity.world.bodies.paint import CONNECTED_PAINT
-from advercity.world.network import street_of
+from advercity.world.edges import approach
 
 FIRST_VEHICLE = 1001
 ENTRY_SPEED_M_S = 4.0
@@ -97,17 +98,12 @@ def _connected(
         raise InputError(f"{spec.id}: agent '{agent.id}' is a vehicle without a blueprint")
     blueprint = spec.blueprints[agent.blueprint]
     lane, middle = graph.lane_at(place.spawn_m, np.radians(place.heading_deg))
-    if street_of(lane.edge)[0] != place.route[0]:
-        raise InputError(
-            f"agent '{agent.id}' stands on street '{street_of(lane.edge)[0]}', but its route"
-            f" begins with '{place.route[0]}'"
-        )
     occupancy.take(lane, middle, blueprint.length_m)
     return Ride(
         actor=Actor(
             agent.number, blueprint.actor_class, agent.blueprint, CONNECTED_PAINT, _size(blueprint)
         ),
-        edges=_along(place.route, lane.edge, graph),
+        edges=_route(agent.id, place, lane, middle, graph),
         lane=lane.index,
         front_m=min(middle + blueprint.length_m / 2, lane.length_m),
         depart_s=0.0,
@@ -117,11 +113,25 @@ def _connected(
     )
 
 
+def _route(
+    agent: str, place: Vehicle, lane: Lane, position_m: float, graph: LaneGraph
+) -> tuple[str, ...]:
+    """Edges of a connected vehicle: as declared, else the shortest way."""
+    if not place.route:
+        return shortest_way(graph, lane, position_m, place.destination_m)
+    if approach(lane.edge) != place.route[0]:
+        raise InputError(
+            f"agent '{agent}' stands on street '{approach(lane.edge)}', but its route"
+            f" begins with '{place.route[0]}'"
+        )
+    return _along(place.route, lane.edge, graph)
+
+
 def _along(streets: tuple[str, ...], first: str, graph: LaneGraph) -> tuple[str, ...]:
     """Edges through the streets, from edge `first` on."""
     edges = [first]
     for origin, street in pairwise(streets):
-        onward = [edge for edge in graph.edges_after(edges[-1]) if street_of(edge)[0] == street]
+        onward = [edge for edge in graph.edges_after(edges[-1]) if approach(edge) == street]
         if not onward:
             raise InputError(
                 f"route {' > '.join(streets)}: no movement leads from '{origin}' into '{street}';"

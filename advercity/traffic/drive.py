@@ -21,8 +21,8 @@ from advercity.traffic.bumpers import FRONT, vehicle_states, walker_states
 from advercity.traffic.demand import Demand
 from advercity.traffic.lanes import LaneGraph
 from advercity.traffic.trace import Actor, Lamp, Signal, Trace
-from advercity.world.layout import layout
 from advercity.world.network import signal_groups
+from advercity.world.roads import built
 from advercity.world.surface import KERB_HEIGHT_M
 
 LATERAL_RESOLUTION_M = 0.8
@@ -180,12 +180,8 @@ def _is_ego(place: Vehicle | RoadsideUnit) -> bool:
 
 
 def _kerb(road: Road) -> Callable[[NDArray[np.complex128]], NDArray[np.float64]]:
-    """Height of a sidewalk above the roadway for places on foot, 0 inside junctions.
-
-    SUMO's walking areas reach out onto the roadway, so where they are tells nothing.
-    """
-    outlines = [junction.outline[:, :2] for junction in layout(road).junctions.values()]
-    roadway = shapely.union_all([shapely.Polygon(outline) for outline in outlines])
+    """Height of a sidewalk above the roadway for places on foot, 0 on the roadway."""
+    roadway = built(road).kerbless
     shapely.prepare(roadway)
     return lambda places: np.where(
         shapely.contains_xy(roadway, places.real, places.imag), 0.0, KERB_HEIGHT_M

@@ -172,9 +172,17 @@ class LaneGraph:
             yield self.lanes[step.via]
             step = next(other for other in self.joints if other.origin == step.via)
 
-    def edges_after(self, edge: str) -> tuple[str, ...]:
-        """Edges that some lane of an edge leads into."""
-        return tuple(dict.fromkeys(lane.edge for lane in self._targets(edge, None)))
+    def edges_after(self, edge: str, *, straight_first: bool = False) -> tuple[str, ...]:
+        """Edges that some lane of an edge leads into, as in the file or straight ones first."""
+        ways = [
+            joint
+            for origin, joints in self.onward.items()
+            for joint in joints
+            if self.lanes[origin].edge == edge
+        ]
+        if straight_first:
+            ways.sort(key=lambda joint: joint.direction != "s")
+        return tuple(dict.fromkeys(self.lanes[joint.target].edge for joint in ways))
 
     def ways_from(self, lane: Lane) -> tuple[Lane, ...]:
         """Lanes to go on in, one an edge: from this lane, or if it ends, from its neighbours."""
