@@ -12,7 +12,7 @@ from advercity.traffic.bumpers import FRONT, vehicle_states, walker_states
 from advercity.traffic.demand import Ride
 from advercity.traffic.lanes import LaneGraph, read_lanes
 from advercity.traffic.placement import Area, Occupancy, areas, grid
-from advercity.traffic.trace import Actor
+from advercity.traffic.trace import Actor, Lamp
 
 ARC = [(100 + 20 * np.sin(turn), 20 - 20 * np.cos(turn)) for turn in np.linspace(0, np.pi / 2, 40)]
 BEND = " ".join(f"{x:.3f},{y:.3f},1" for x, y in ARC)
@@ -159,6 +159,19 @@ def test_a_vehicle_that_stands_neither_slides_nor_turns():
     np.testing.assert_allclose(states["x"], -2.0)
     np.testing.assert_allclose(states["y"], 0.0)
     np.testing.assert_allclose(states["yaw"], 0.0)
+
+
+def test_brake_lamps_say_whether_the_brakes_are_on():
+    acceleration = np.array([0.0] * 5 + [-2.0] * 10 + [0.0] * 5 + [1.0] * 5)
+    speed = np.array([10.0] * 5 + [5.0] * 10 + [0.0] * 5 + [0.1, 0.2, 0.3, 0.4, 0.5])
+    moving = track(acceleration=acceleration, speed=speed, lamps=np.full(25, Lamp.LEFT))
+
+    lamps = vehicle_states(moving, 4.0, tick_s=0.1)["lamps"]
+
+    assert (lamps & Lamp.LEFT > 0).all()
+    # The mean over five ticks passes -0.3 m/s² two ticks before it brakes, and 0.3 one tick before
+    # it moves off.
+    assert (lamps & Lamp.BRAKE > 0).tolist() == [False] * 3 + [True] * 16 + [False] * 6
 
 
 def test_people_neither_hop_nor_spin():

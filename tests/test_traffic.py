@@ -250,9 +250,9 @@ def test_brake_lamps_are_lit_standing_and_braking_and_out_when_speeding_up(simul
     rows = trace.states[np.isin(trace.states["actor"], motor)]
     braking = rows["lamps"] & Lamp.BRAKE > 0
 
-    assert braking[rows["acceleration"] < -1.0].all()
+    assert braking[rows["acceleration"] < -0.5].all()
     assert not braking[rows["acceleration"] > 0.5].any()
-    assert braking[rows["speed"] == 0].all()
+    assert braking[(rows["speed"] == 0) & (rows["acceleration"] < 0.2)].all()
     assert (rows["lamps"] & ~(Lamp.BRAKE | Lamp.LEFT | Lamp.RIGHT) == 0).all()
 
 

@@ -6,7 +6,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from advercity.traffic.trace import STATE
+from advercity.traffic.trace import STATE, Lamp
 
 Number = TypeVar("Number", np.float64, np.complex128)
 FRONT = np.dtype(
@@ -28,9 +28,12 @@ FRONT = np.dtype(
 CATCH_UP = 1.3
 """SUMO's people hop onto crossings and its vehicles slide aside while they stand; here everybody
 gets there by moving on, no faster than this times their speed."""
-STRIDE_TICKS = 5
-STRIDE = np.full(STRIDE_TICKS, 1 / STRIDE_TICKS)
-"""SUMO's people start and stop at once; here it takes them this long."""
+EASING_TICKS = 5
+"""SUMO's people start and stop at once and its drivers dab at the pedals; here it takes them this
+long."""
+COASTING_M_S2 = 0.3
+"""Slowing down more than this takes the brakes."""
+STANDING_M_S = 0.1
 TIGHTEST_TURN_M = 2.5
 """Vehicles that SUMO turns where they stand do so here as they move on, at this radius."""
 WHEELBASE_SHARE = 0.6
@@ -45,7 +48,8 @@ def vehicle_states(track: NDArray[np.void], length_m: float, *, tick_s: float) -
 
     SUMO's heading is that of the chord from the rear to the front bumper, both on the lane's
     centre line, so the body hangs between them. An axle is as high as the front was when it
-    passed there; before the first tick the lane is taken to go on at its slope.
+    passed there; before the first tick the lane is taken to go on at its slope. Brake lamps are
+    lit while it slows down and while it is held standing.
     """
     fronts = _followed(track["x"] + 1j * track["y"], CATCH_UP * track["speed"] * tick_s)
     steps = np.abs(np.diff(fronts, prepend=fronts[0]))
@@ -62,13 +66,18 @@ def vehicle_states(track: NDArray[np.void], length_m: float, *, tick_s: float) -
         for side in (-1, 1)
     )
     climb = np.arcsin(np.clip((front_axle - rear_axle) / wheelbase, -1, 1))
-    return _states(
+    states = _states(
         track,
         fronts - length_m / 2 * np.cos(climb) * np.exp(1j * yaw),
         z=(front_axle + rear_axle) / 2,
         yaw=yaw,
         pitch=-climb,
     )
+    states["acceleration"] = _eased(track["acceleration"])
+    held = (track["speed"] < STANDING_M_S) & (states["acceleration"] <= COASTING_M_S2)
+    braking = held | (states["acceleration"] < -COASTING_M_S2)
+    states["lamps"] |= np.where(braking, Lamp.BRAKE, 0).astype(np.uint8)
+    return states
 
 
 def walker_states(
@@ -90,8 +99,8 @@ def walker_states(
     """
     middles = track["x"] + 1j * track["y"] - length_m / 2 * np.exp(1j * track["yaw"])
     path = _followed(middles, np.full(len(track), CATCH_UP * speed_m_s * tick_s))
-    path = _strode(path)
-    z = _strode(track["z"] + kerb(path))
+    path = _eased(path)
+    z = _eased(track["z"] + kerb(path))
     steps = np.diff(path, prepend=path[0])
     speed = np.abs(steps) / tick_s
     speed[0] = track["speed"][0]
@@ -115,9 +124,10 @@ def _followed(
     return np.array(path)
 
 
-def _strode(values: NDArray[Number]) -> NDArray[Number]:
-    """Values (n,), each the mean over a stride around it."""
-    return np.convolve(np.pad(values, STRIDE_TICKS // 2, mode="edge"), STRIDE, mode="valid")
+def _eased(values: NDArray[Number]) -> NDArray[Number]:
+    """Values (n,), each the mean of those around it."""
+    kernel = np.full(EASING_TICKS, 1 / EASING_TICKS)
+    return np.convolve(np.pad(values, EASING_TICKS // 2, mode="edge"), kernel, mode="valid")
 
 
 def _turned(

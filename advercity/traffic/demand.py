@@ -192,6 +192,11 @@ def _drawn(spec: Spec, number: int) -> Actor:
     shares = {
         name: share for name, share in spec.demand.classes.model_dump().items() if name in fitting
     }
+    if not any(shares.values()):
+        raise InputError(
+            f"no blueprint of the classes that '{spec.road.id}' asks for fits {spec.road.land_use}"
+            " roads; add one to the catalogue"
+        )
     weights = np.array(list(shares.values())) / sum(shares.values())
     models = fitting[list(shares)[draw.choice(len(weights), p=weights)]]
     name = models[draw.integers(len(models))]

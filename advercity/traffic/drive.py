@@ -7,12 +7,12 @@ from collections.abc import Callable, Iterable, Iterator
 from functools import reduce
 from operator import or_
 from pathlib import Path
-from typing import cast
 
 import libsumo
 import numpy as np
 import shapely
-from advercity_dsl import Road, RoadsideUnit, Spec, Vehicle
+from advercity_dsl import Road, RoadsideUnit, Spec
+from advercity_dsl.base import Point2
 from numpy.typing import NDArray
 
 from advercity.errors import RunError
@@ -27,9 +27,6 @@ from advercity.world.surface import KERB_HEIGHT_M
 
 LATERAL_RESOLUTION_M = 0.8
 _RIGHT_BLINKER, _LEFT_BLINKER = 1, 2
-COASTING_M_S2 = 0.3
-"""Slowing down more than this takes the brakes."""
-STANDING_M_S = 0.1
 
 
 def drive(spec: Spec, demand: Demand, graph: LaneGraph, network: Path, routes: Path) -> Trace:
@@ -76,7 +73,7 @@ class _Drive:
         self._lights: list[list[Signal]] = []
 
     def run(self) -> Trace:
-        """Drive until the ego arrives or time is up."""
+        """Drive until somebody arrives or time is up."""
         for tick in range(self._spec.timing.max_ticks + 1):
             libsumo.simulationStep()
             if tick == 0:
@@ -98,11 +95,22 @@ class _Drive:
                 )
 
     def _has_arrived(self) -> bool:
-        agent = next(agent for agent in self._spec.agents if _is_ego(agent.place))
-        destination = cast("Vehicle", agent.place).destination_m
-        name = str(agent.number)
-        if name not in libsumo.vehicle.getIDList():
-            raise RunError(f"{agent.id} left the site without coming near its destination")
+        """Whether a connected vehicle is at its destination; the first one ends the scenario.
+
+        All of them are there in every frame, so one that has left the site ends it too.
+        """
+        there = libsumo.vehicle.getIDList()
+        for agent in self._spec.agents:
+            if isinstance(agent.place, RoadsideUnit):
+                continue
+            gone = str(agent.number) not in there
+            if gone and agent.place.role == "ego":
+                raise RunError(f"{agent.id} left the site without coming near its destination")
+            if gone or self._is_near(str(agent.number), agent.place.destination_m):
+                return True
+        return False
+
+    def _is_near(self, name: str, destination: Point2) -> bool:
         heading = _heading(libsumo.vehicle.getAngle(name))
         half = self._rides[name].actor.size[0] / 2
         east, north = libsumo.vehicle.getPosition(name)
@@ -120,7 +128,7 @@ class _Drive:
                 np.radians(vehicle.getSlope(name)),
                 vehicle.getSpeed(name),
                 vehicle.getAcceleration(name),
-                _lamps(name, self._rides[name].actor),
+                _indicators(vehicle.getSignals(name)),
             )
 
     def _people(self, tick: int) -> Iterator[tuple[float, ...]]:
@@ -156,6 +164,8 @@ class _Drive:
             else:
                 actor = rides[number].actor
                 kept = vehicle_states(track, actor.size[0], tick_s=tick_s)
+                if actor.actor_class == "bicycle":
+                    kept["lamps"] = 0
             kept = kept[kept["tick"] >= first]
             if len(kept) > 0:
                 kept["tick"] -= first
@@ -163,7 +173,7 @@ class _Drive:
                 actors.append(actor)
                 states.append(kept)
         if not states:
-            raise RunError("the ego arrives during the warm-up; shorten it or move the ego back")
+            raise RunError("a connected vehicle arrives during the warm-up; move it back")
         together = np.concatenate(states)
         return Trace(
             tick_s=tick_s,
@@ -173,10 +183,6 @@ class _Drive:
             signal_ids=tuple(self._signals),
             signals=np.array(lights, dtype=np.uint8).reshape(len(lights), len(self._signals)),
         )
-
-
-def _is_ego(place: Vehicle | RoadsideUnit) -> bool:
-    return isinstance(place, Vehicle) and place.role == "ego"
 
 
 def _kerb(road: Road) -> Callable[[NDArray[np.complex128]], NDArray[np.float64]]:
@@ -193,21 +199,8 @@ def _heading(angle_deg: float) -> float:
     return float(np.pi / 2 - np.radians(angle_deg))
 
 
-def _lamps(name: str, actor: Actor) -> Lamp:
-    """Lamps that the driver's doing lights: brake lamps also where a vehicle is held standing.
-
-    Bicycles have none of them.
-    """
-    if actor.actor_class == "bicycle":
-        return Lamp(0)
-    vehicle = libsumo.vehicle
-    acceleration, signals = vehicle.getAcceleration(name), vehicle.getSignals(name)
-    held = vehicle.getSpeed(name) < STANDING_M_S and acceleration <= 0
-    lit = {
-        Lamp.BRAKE: held or acceleration < -COASTING_M_S2,
-        Lamp.LEFT: signals & _LEFT_BLINKER,
-        Lamp.RIGHT: signals & _RIGHT_BLINKER,
-    }
+def _indicators(signals: int) -> Lamp:
+    lit = {Lamp.LEFT: signals & _LEFT_BLINKER, Lamp.RIGHT: signals & _RIGHT_BLINKER}
     return reduce(or_, (lamp for lamp, on in lit.items() if on), Lamp(0))
 
 
