@@ -1,3 +1,4 @@
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ from advercity_dsl import Road, RoadsideUnit
 from advercity_dsl.road import Surrounding, SurroundingKind
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
+from pydantic import ValidationError
 
 from advercity.compiler import load_library
 from advercity.errors import InputError
@@ -23,6 +25,13 @@ every_road = pytest.mark.parametrize("name", ROADS)
 PAVED = shapely.box(-100, -5, 100, 5)
 
 
+def beside(kind: str, **place: object) -> Surrounding:
+    """Something beside the street, on both sides of all of it unless said otherwise."""
+    item = {key: place.pop(key) for key in ("spacing_m", "species", "seed") if key in place}
+    where = {"street": "road", "side": "both", **place}
+    return Surrounding.model_validate({"kind": kind, "beside": where, **item})
+
+
 def level(points: np.ndarray) -> np.ndarray:
     return np.zeros(len(points))
 
@@ -31,8 +40,10 @@ def sloping(points: np.ndarray) -> np.ndarray:
     return 0.05 * points[:, 0]
 
 
-def street(*items: Surrounding, **changes: object) -> Road:
-    """A straight street along x from -100 to 100 with the given surroundings."""
+def street(
+    *items: Surrounding, bend: Mapping[str, object] | None = None, **changes: object
+) -> Road:
+    """A street with the given surroundings, straight along x from -100 to 100 without `bend`."""
     section = {
         "left": [{"kind": "lane", "width_m": 3.5}],
         "right": [{"kind": "lane", "width_m": 3.5}],
@@ -45,6 +56,7 @@ def street(*items: Surrounding, **changes: object) -> Road:
         "path": [{"line_m": 200}],
         "section": "lanes",
         "speed_limit_km_h": 50,
+        **(bend or {}),
     }
     shares = dict.fromkeys(("car", "van", "truck", "bicycle", "motorcycle"), 0.2)
     return Road.model_validate(
@@ -224,8 +236,105 @@ def test_a_bus_stop_is_open_to_the_road():
     ],
 )
 def test_a_surrounding_without_its_place_is_an_error(kind: SurroundingKind, needed: str):
-    with pytest.raises(InputError, match=needed):
-        built(Surrounding(kind=kind, at_m=((0, 20),)))
+    with pytest.raises(ValidationError, match=needed):
+        Surrounding(kind=kind, height_m=2)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"kind": "wall", "at_m": [(0, 20)]}, "wall has at_m; give it 'beside' or 'line_m'"),
+        ({"kind": "fence", "species": ["oak"], "line_m": [(0, 9), (9, 9)]}, "only trees"),
+        ({"kind": "plateau", "line_m": [(0, 9), (9, 9)], "height_m": 2}, "three points"),
+        ({"kind": "crops", "beside": {"street": "road", "side": "left"}}, "two offsets"),
+        (
+            {"kind": "trees", "beside": {"street": "road", "side": "left", "offset_m": (9, 4)}},
+            "nearer border",
+        ),
+        (
+            {"kind": "hedge", "beside": {"street": "road", "side": "left", "from_m": 9, "to_m": 4}},
+            "beyond",
+        ),
+    ],
+)
+def test_what_cannot_stand_as_declared_is_an_error(wrong: dict[str, object], message: str):
+    with pytest.raises(ValidationError, match=message):
+        Surrounding.model_validate(wrong)
+
+
+def test_a_street_that_is_not_there_is_an_error_that_names_those_that_are():
+    with pytest.raises(ValidationError, match=r"surroundings.0.beside.street: no 'raod'.* road"):
+        street(beside("hedge", street="raod"))
+
+
+def test_a_stretch_beyond_the_end_of_its_street_is_an_error():
+    with pytest.raises(InputError, match=r"surroundings.0: from_m is 250.*'road' is only 200.0 m"):
+        built(beside("hedge", from_m=250))
+
+
+def test_trees_beside_a_street_fill_their_band_on_the_side_named():
+    band = {"side": "left", "from_m": 50, "to_m": 150, "offset_m": (10, 40)}
+    meshes = built(beside("trees", spacing_m=6, species=["oak"], **band))
+    trunks = points([mesh for mesh in meshes if mesh.material == "bark"])
+    assert trunks[:, 0].min() > -50.5
+    assert trunks[:, 0].max() < 50.5
+    assert (trunks[:, 1].min() > 13, trunks[:, 1].max() < 44) == (True, True)
+    assert np.ptp(trunks[:, :2], axis=0) == pytest.approx((100, 30), abs=7)
+    assert "needles" not in {mesh.material for mesh in meshes}
+
+
+def test_another_seed_gives_other_trees():
+    first, second = (
+        points(built(beside("trees", seed=seed, offset_m=(10, 40)))) for seed in (0, 1)
+    )
+    assert first.shape != second.shape or not np.allclose(first, second)
+
+
+def test_lamps_on_both_sides_of_a_street_alternate():
+    item = beside("lamp", spacing_m=40, from_m=20, offset_m=2)
+    _, lamps = surroundings(street(item), level, PAVED)
+    places = np.array([lamp.position[:2] for lamp in lamps])
+    left, right = places[places[:, 1] > 0], places[places[:, 1] < 0]
+    np.testing.assert_allclose(left[:, 0], (-80, -40, 0, 40, 80), atol=1e-9)
+    np.testing.assert_allclose(right[:, 0], (-60, -20, 20, 60, 100))
+    np.testing.assert_allclose(np.abs(places[:, 1]), 3.5 + 2 - 1.6)
+
+
+def test_houses_beside_a_street_show_it_their_doors():
+    meshes = built(beside("houses", side="right", offset_m=8))
+    doors = points([m for m in meshes if m.name == "surroundings_building_wood"])
+    walls = points([m for m in meshes if m.semantic is Semantic.BUILDING])
+    assert doors[:, 1].min() == doors[:, 1].max() == pytest.approx(-11.5, abs=0.1)
+    assert walls[:, 1].max() < -10
+
+
+def test_a_fence_lets_side_streets_through():
+    paved = shapely.union(PAVED, shapely.box(-10, 0, 10, 50))
+    fence = surroundings(street(beside("fence", side="left", offset_m=4)), level, paved)[0]
+    assert {mesh.semantic for mesh in fence} == {Semantic.FENCE}
+    x = points(fence)[:, 0]
+    assert np.abs(x).min() > 10
+    assert (x.min(), x.max()) == pytest.approx((-100, 100), abs=0.1)
+
+
+def test_nothing_folds_over_on_the_inside_of_a_bend():
+    bend = {"path": [{"arc_m": 60, "radius_m": 20, "turn": "left"}], "start_m": (0, -20)}
+    item = beside("crops", side="left", offset_m=(2, 60))
+    road = street(item, bend=bend)
+    axis = layout(road).streets["road"].axis[:, :2]
+    field = points(surroundings(road, level, shapely.LineString(axis).buffer(3.5))[0])
+    assert shapely.distance(shapely.LineString(axis), shapely.points(field[:, :2])).min() > 4
+
+
+def test_nothing_grows_into_a_building():
+    house = Surrounding(kind=SurroundingKind.HOUSES, area_m=((-6, 20), (6, 30)))
+    forest = Surrounding(kind=SurroundingKind.TREES, area_m=((-30, 8), (30, 50)), spacing_m=4)
+    meshes, _ = surroundings(street(forest, house), level, PAVED)
+    walls = points(meshes, Semantic.BUILDING)[:, :2]
+    trunks = points([mesh for mesh in meshes if mesh.material == "bark"])[:, :2]
+    footprint = shapely.MultiPoint(walls).convex_hull
+    assert footprint.area > 60
+    assert shapely.distance(footprint, shapely.points(trunks)).min() > 1.0
 
 
 def test_the_same_road_gives_the_same_bytes():

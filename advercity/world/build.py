@@ -16,7 +16,8 @@ from advercity.world.surroundings import surroundings
 def build_world(spec: Spec, network: Path) -> World:
     """The world of a spec, whose SUMO network is at `network`; a function of the spec alone."""
     road = built(spec.road)
-    ground_height = partial(terrain.ground_height, road.rims)
+    plateaus = terrain.plateaus(spec.road)
+    ground_height = partial(terrain.ground_height, road.rims, plateaus=plateaus)
     around, street_lamps = surroundings(spec.road, ground_height, road.footprint)
     fixed, signal_lamps = furniture(spec.road, ground_height)
     return World(
@@ -24,7 +25,7 @@ def build_world(spec: Spec, network: Path) -> World:
         static=(
             *road.meshes,
             terrain.skirt(road.rims),
-            terrain.ground(road.rims, road.footprint),
+            terrain.ground(road.rims, road.footprint, plateaus),
             *around,
             *fixed,
         ),

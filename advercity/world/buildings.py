@@ -1,5 +1,6 @@
 """Town blocks and houses."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import ArrayLike
 from advercity.randomness import generator
 from advercity.semantics import Semantic
 from advercity.world import plants
+from advercity.world.beside import Side
 from advercity.world.shapes import Floats, Piece, Surface, box, joined, loft, moved, panels, tube
 from advercity.world.site import Site, rectangle
 
@@ -42,74 +44,114 @@ class Lot:
         x, y = self.width_m / 2, self.depth_m / 2
         return self.at([-x, x, x, -x], [-y, -y, y, y])
 
+    @property
+    def outline(self) -> shapely.Polygon:
+        """The footprint."""
+        return shapely.Polygon(self.corners())
+
+
+@dataclass(frozen=True)
+class Plots:
+    """How buildings of a kind follow each other in a row."""
+
+    widths_m: tuple[float, float]
+    depth_m: float
+    gap_m: float
+
+
+TOWN = Plots((13.0, 22.0), 15.0, 1.0)
+DETACHED = Plots((8.5, 11.5), 8.5, 7.0)
+
 
 def buildings(
-    area: tuple[Point2, Point2], height_m: float | None, site: Site, key: str
-) -> list[Piece]:
-    """Town blocks of two to six floors, wall to wall or nearly so, around an area."""
+    lots: list[Lot], height_m: float | None, site: Site, key: str
+) -> tuple[list[Piece], list[shapely.Polygon]]:
+    """Town blocks of two to six floors on lots, and the ground that they take."""
     draw = generator("buildings", key)
     pieces: list[Piece] = []
-    for lot in _lots(area, (13.0, 22.0), 15.0, 1.0, draw):
+    taken: list[shapely.Polygon] = []
+    for lot in lots:
         height = height_m or draw.uniform(6.5, 18.0)
         floors = max(2, round(height * draw.uniform(0.9, 1.1) / FLOOR_M))
         wall = str(draw.choice(_TOWN_WALLS))
         pitched = bool(draw.random() < 0.4)
-        pieces += _placed(_block(lot, floors, wall, pitched), lot, site)
-    return pieces
+        if _is_buildable(lot, site, taken):
+            pieces += _placed(_block(lot, floors, wall, pitched), lot, site)
+            taken.append(lot.outline)
+    return pieces, taken
 
 
 def houses(
-    area: tuple[Point2, Point2], height_m: float | None, site: Site, key: str
-) -> list[Piece]:
-    """Detached houses with pitched roofs, hedges and a tree beside each, in rows along an area."""
+    lots: list[Lot], height_m: float | None, site: Site, key: str
+) -> tuple[list[Piece], list[shapely.Polygon]]:
+    """Detached houses with pitched roofs, hedges and a tree beside each, and the ground taken."""
     draw = generator("houses", key)
     pieces: list[Piece] = []
+    taken: list[shapely.Polygon] = []
     gardens: list[Floats] = []
-    for lot in _lots(area, (8.5, 11.5), 8.5, 7.0, draw):
+    for lot in lots:
         eaves = 0.62 * height_m if height_m else draw.uniform(3.0, 5.6)
-        house = _placed(_house(lot, eaves, str(draw.choice(_HOUSE_WALLS))), lot, site)
-        if house:
-            pieces += [*house, *_hedges(lot, site)]
-            gardens.append(lot.at(lot.width_m / 2 + 2.5, lot.depth_m / 2 - 1.0))
-    return pieces + plants.trees(np.reshape(gardens, (-1, 2)), GARDEN_TREE_M, site, key)
+        wall = str(draw.choice(_HOUSE_WALLS))
+        if _is_buildable(lot, site, taken):
+            pieces += [*_placed(_house(lot, eaves, wall), lot, site), *_hedges(lot, site)]
+            taken.append(lot.outline)
+            gardens.append(lot.at(lot.width_m / 2 + 1.0, lot.depth_m / 2 + 3.5))
+    trees = np.reshape(gardens, (-1, 2))
+    return pieces + plants.trees(trees, GARDEN_TREE_M, site.without(taken), key), taken
 
 
-def _lots(
-    area: tuple[Point2, Point2],
-    widths_m: tuple[float, float],
-    depth_m: float,
-    gap_m: float,
-    draw: np.random.Generator,
+def lots_over(
+    area: tuple[Point2, Point2], plots: Plots, spacing_m: float | None, key: str
 ) -> list[Lot]:
     """One row along the longer side of an area, or two back to back where it is deep enough."""
     low, high = rectangle(area)
     extent = high - low
     lengthways = int(np.argmax(extent))
-    depth = float(min(depth_m, extent[1 - lengthways]))
+    depth = float(min(plots.depth_m, extent[1 - lengthways]))
     edges = [low[1 - lengthways] + depth / 2, high[1 - lengthways] - depth / 2]
     rows = edges if extent[1 - lengthways] >= 2 * depth + 4 else edges[:1]
+    draw = generator("lots", key)
     lots: list[Lot] = []
     for side, across in enumerate(rows):
         # The front looks out of the area: along -y of the lot's own axes.
         yaw = (np.pi * side) if lengthways == 0 else (-np.pi / 2 + np.pi * side)
-        start = low[lengthways]
-        while True:
-            width = float(draw.uniform(*widths_m))
-            if start + width > high[lengthways]:
-                break
-            middle = start + width / 2
-            centre = (middle, across) if lengthways == 0 else (across, middle)
-            lots.append(Lot((float(centre[0]), float(centre[1])), float(yaw), width, depth))
-            start += width + gap_m * float(draw.uniform(0.7, 1.5))
+        for middle, width in _row(float(extent[lengthways]), plots, spacing_m, draw):
+            along = low[lengthways] + middle
+            x, y = (along, across) if lengthways == 0 else (across, along)
+            lots.append(Lot((float(x), float(y)), float(yaw), width, depth))
     return lots
 
 
+def lots_beside(side: Side, plots: Plots, spacing_m: float | None, key: str) -> list[Lot]:
+    """A row beside a street, its fronts at the band's offsets."""
+    draw = generator("lots", key, side.sign)
+    lots: list[Lot] = []
+    for middle, width in _row(side.length_m, plots, spacing_m, draw):
+        front = float(draw.uniform(side.near_m, side.far_m))
+        x, y = side.at(middle, front + plots.depth_m / 2)
+        lots.append(Lot((float(x), float(y)), side.yaw(middle), width, plots.depth_m))
+    return lots
+
+
+def _row(
+    length_m: float, plots: Plots, spacing_m: float | None, draw: np.random.Generator
+) -> Iterator[tuple[float, float]]:
+    """Middles and widths of buildings one after the other."""
+    start = 0.0
+    while start + (width := float(draw.uniform(*plots.widths_m))) <= length_m:
+        yield start + width / 2, width
+        gap = plots.gap_m * float(draw.uniform(0.7, 1.5)) if spacing_m is None else spacing_m
+        start += width + gap
+
+
+def _is_buildable(lot: Lot, site: Site, taken: list[shapely.Polygon]) -> bool:
+    away = shapely.distance(lot.outline, np.array([site.keep_off, *taken], dtype=object))
+    return bool(away[0] >= ROAD_CLEARANCE_M and (away[1:] >= 0.5).all())
+
+
 def _placed(parts: list[tuple[Surface, str]], lot: Lot, site: Site) -> list[Piece]:
-    """A building moved to its lot, its floor at the highest ground; nothing if it is in the way."""
-    corners = lot.corners()
-    if shapely.distance(shapely.Polygon(corners), site.keep_off) < ROAD_CLEARANCE_M:
-        return []
-    ground = site.ground_height(corners)
+    """A building moved to its lot, its floor at the highest ground."""
+    ground = site.ground_height(lot.corners())
     offset = (*lot.centre, float(ground.max()))
     foundation = box(
         (-lot.width_m / 2, -lot.depth_m / 2, -float(np.ptp(ground)) - 0.5),

@@ -1,11 +1,13 @@
-"""Single things at the roadside: walls, shelters, towers, poles and street lamps."""
+"""What is put up at the roadside: walls, fences, hedges, shelters, towers, poles and lamps."""
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
 import shapely
 from advercity_dsl.base import Point2
 
+from advercity.randomness import generator
 from advercity.semantics import Semantic
 from advercity.world.scene import StreetLamp
 from advercity.world.shapes import (
@@ -26,20 +28,18 @@ from advercity.world.shapes import (
 from advercity.world.site import Site
 
 WALL_HEIGHT_M, WALL_THICKNESS_M = 2.0, 0.4
+FENCE_HEIGHT_M, HEDGE_HEIGHT_M = 1.2, 1.4
 POLE_HEIGHT_M, LAMP_HEIGHT_M, TOWER_HEIGHT_M = 5.0, 8.0, 12.0
 LAMP_SPACING_M = 30.0
 _LAMP_REACH_M = 1.6
-_WALL_PIECE_M = 8.0
+_WALL_PIECE_M, _FENCE_BAY_M, _HEDGE_STEP_M = 8.0, 2.6, 1.6
 _SPIKE_M = 0.3
 """Thin top of a tower, so that it does not stand in the view of what it carries."""
 
 
-def wall(line: tuple[Point2, ...], height_m: float | None, site: Site) -> list[Piece]:
+def wall(line: Sequence[Point2], height_m: float | None, site: Site) -> list[Piece]:
     """A wall along a line: brick if low, concrete with a coping and pilasters if it retains."""
-    path = shapely.LineString(line)
-    count = max(1, int(np.ceil(path.length / _WALL_PIECE_M)))
-    stations = np.linspace(0.0, path.length, count + 1)
-    foot = site.on_ground(shapely.get_coordinates(shapely.line_interpolate_point(path, stations)))
+    foot = _stations(line, _WALL_PIECE_M, site)
     height = height_m or WALL_HEIGHT_M
     retaining = height > 3.0
     body: list[Surface] = []
@@ -54,6 +54,45 @@ def wall(line: tuple[Point2, ...], height_m: float | None, site: Site) -> list[P
         Piece(joined(map(shaded, body)), "concrete" if retaining else "brick", Semantic.WALL),
         Piece(joined(map(shaded, trim)), "kerb", Semantic.WALL),
     ]
+
+
+def fence(line: Sequence[Point2], height_m: float | None, site: Site) -> list[Piece]:
+    """Posts with three rails along a line."""
+    height = height_m or FENCE_HEIGHT_M
+    foot = _stations(line, _FENCE_BAY_M, site)
+    posts = [
+        box((x - 0.05, y - 0.05, z - 0.3), (x + 0.05, y + 0.05, z + height)) for x, y, z in foot
+    ]
+    rails = [
+        tube([start + xyz(z=share * height), end + xyz(z=share * height)], 0.045, sides=4)
+        for start, end in pairwise(foot)
+        for share in (0.35, 0.65, 0.93)
+    ]
+    return [Piece(joined(map(shaded, [*posts, *rails])), "wood", Semantic.FENCE)]
+
+
+def hedge(line: Sequence[Point2], height_m: float | None, site: Site, key: str) -> list[Piece]:
+    """A clipped hedge along a line."""
+    height = height_m or HEDGE_HEIGHT_M
+    foot = _stations(line, _HEDGE_STEP_M, site)
+    run = np.gradient(foot[:, :2], axis=0)
+    aside = np.column_stack([-run[:, 1], run[:, 0]])
+    aside /= np.linalg.norm(aside, axis=1, keepdims=True)
+    across = np.array([0.34, 0.40, 0.38, 0.24, -0.24, -0.38, -0.40, -0.34])
+    rise = np.array([-0.3, 0.15, 0.8, 1.0, 1.0, 0.8, 0.15, -0.3]) * height
+    rough = generator("hedge", key).uniform(0.9, 1.08, (2, len(foot), len(across)))
+    rings = np.empty((len(foot), len(across), 3))
+    rings[..., :2] = foot[:, None, :2] + (across * rough[0])[..., None] * aside[:, None]
+    rings[..., 2] = foot[:, None, 2] + rise * rough[1]
+    return [Piece(loft(rings), "leaves", Semantic.VEGETATION)]
+
+
+def _stations(line: Sequence[Point2], step_m: float, site: Site) -> Floats:
+    """Points (n, 3) on the ground along a line, at most a step apart, both ends among them."""
+    path = shapely.LineString(line)
+    count = max(1, int(np.ceil(path.length / step_m)))
+    at = np.linspace(0.0, path.length, count + 1)
+    return site.on_ground(shapely.get_coordinates(shapely.line_interpolate_point(path, at)))
 
 
 def _slab(start: Floats, end: Floats, bottom: float, top: float, thickness: float) -> Surface:

@@ -1,7 +1,7 @@
 """The ground beside a road, and where on it things may stand."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -27,6 +27,12 @@ class Site:
     ground_height: GroundHeight
     keep_off: BaseGeometry
     axes: BaseGeometry
+
+    def without(self, taken: Sequence[BaseGeometry]) -> "Site":
+        """The site less ground that something has taken."""
+        free = shapely.union_all([self.keep_off, *taken])
+        shapely.prepare(free)
+        return replace(self, keep_off=free)
 
     def on_ground(self, points: ArrayLike) -> Floats:
         """Points (n, 2) with their heights, (n, 3)."""

@@ -1,5 +1,7 @@
 """What stands beside a road, from its declared surroundings."""
 
+from collections.abc import Iterator
+
 import numpy as np
 import shapely
 from advercity_dsl import Road, RoadsideUnit
@@ -8,13 +10,20 @@ from shapely.geometry.base import BaseGeometry
 
 from advercity.errors import InputError
 from advercity.world import buildings, plants, roadside
+from advercity.world.beside import Side, sides
+from advercity.world.buildings import DETACHED, TOWN, Lot
+from advercity.world.layout import layout
 from advercity.world.roads import built
 from advercity.world.scene import Mesh, StreetLamp
-from advercity.world.shapes import Piece, meshes
+from advercity.world.shapes import Floats, Piece, meshes
 from advercity.world.site import GroundHeight, Site, along
 
 SENSOR_CLEARANCE_M = 6.0
 """Around roadside units nothing grows and nothing is built."""
+LINE_CLEARANCE_M = 0.2
+"""Between paving and a fence, hedge or wall beside a street, which lets side streets through."""
+_BUILT = (SurroundingKind.BUILDINGS, SurroundingKind.HOUSES)
+_LONG = (SurroundingKind.WALL, SurroundingKind.FENCE, SurroundingKind.HEDGE)
 
 
 def surroundings(
@@ -22,24 +31,98 @@ def surroundings(
 ) -> tuple[list[Mesh], list[StreetLamp]]:
     """Meshes of the surroundings, one per material and class, and the lights among them.
 
+    Buildings take their ground first, so that nothing grows into them.
+
     Args:
         road: The declaration; its id and the order of its surroundings key what is random.
         ground_height: World positions (n, 2) to heights (n,), metres.
         keep_off: Footprint of roadways and sidewalks, where nothing may grow or be built. Masts,
             walls and shelters stand where the declaration says.
+
+    Raises:
+        InputError: A declaration means a stretch that its street does not have.
     """
     site = _site(road, ground_height, keep_off)
+    places = [_Place(road, number, item) for number, item in enumerate(road.surroundings)]
     pieces: list[Piece] = []
     lamps: list[StreetLamp] = []
-    for number, item in enumerate(road.surroundings):
-        if item.kind is SurroundingKind.LAMP:
-            for point in _points(item, roadside.LAMP_SPACING_M):
-                parts, light = roadside.lamp(point, item.height_m, site)
+    for place in places:
+        if place.item.kind in _BUILT:
+            parts, taken = _buildings(place, site)
+            pieces += parts
+            site = site.without(taken)
+    for place in places:
+        if place.item.kind is SurroundingKind.LAMP:
+            for point in place.points(roadside.LAMP_SPACING_M):
+                parts, light = roadside.lamp(point, place.item.height_m, site)
                 pieces += parts
                 lamps.append(light)
-        else:
-            pieces += _pieces(item, site, f"{road.id}/{number}")
+        elif place.item.kind in _LONG:
+            for line in place.lines(keep_off):
+                pieces += _line(place, line, site)
+        elif place.item.kind not in _BUILT:
+            pieces += _pieces(place, site)
     return meshes(pieces, "surroundings_"), lamps
+
+
+class _Place:
+    """A declaration with the sides of the street that it means."""
+
+    def __init__(self, road: Road, number: int, item: Surrounding) -> None:
+        self.item = item
+        self.key = f"{road.id}/{number}/{item.seed}"
+        self.sides: list[Side] = []
+        if item.beside:
+            try:
+                self.sides = sides(item.beside, layout(road).streets)
+            except InputError as error:
+                raise InputError(f"road '{road.id}', surroundings.{number}: {error}") from error
+
+    def points(self, spacing_m: float) -> list[tuple[float, float]]:
+        """Where single things stand."""
+        spacing = self.item.spacing_m or spacing_m
+        rows = [side.spread(spacing, side.near_m) for side in self.sides]
+        rows.append(along(self.item.line_m, spacing))
+        return [*self.item.at_m, *((float(x), float(y)) for x, y in np.concatenate(rows))]
+
+    def scattered(self) -> Floats:
+        """(n, 2) points of trees."""
+        spacing = self.item.spacing_m or plants.TREE_SPACING_M
+        rows = [plants.scattered_beside(side, spacing, self.key) for side in self.sides]
+        if self.item.area_m:
+            rows.append(plants.scattered(self.item.area_m, spacing, self.key))
+        rows += [np.reshape(self.item.at_m, (-1, 2)), along(self.item.line_m, spacing)]
+        return np.concatenate(rows)
+
+    def lots(self, plots: buildings.Plots) -> list[Lot]:
+        """Where buildings may stand."""
+        spacing = self.item.spacing_m
+        rows = [buildings.lots_beside(side, plots, spacing, self.key) for side in self.sides]
+        if self.item.area_m:
+            rows.append(buildings.lots_over(self.item.area_m, plots, spacing, self.key))
+        return [lot for row in rows for lot in row]
+
+    def rows(self) -> Iterator[Floats]:
+        """Rows (n, m, 2) of each field."""
+        for side in self.sides:
+            yield plants.rows_beside(side)
+        if self.item.area_m:
+            yield plants.rows_over(self.item.area_m)
+
+    def lines(self, paved: BaseGeometry) -> Iterator[tuple[tuple[float, float], ...]]:
+        """Where walls, fences and hedges run; beside a street, not over what is paved."""
+        if self.item.line_m:
+            yield self.item.line_m
+        for side in self.sides:
+            points = side.line(side.near_m)
+            if len(points) < 2:
+                continue
+            free = shapely.difference(
+                shapely.LineString(points), shapely.buffer(paved, LINE_CLEARANCE_M)
+            )
+            for part in shapely.get_parts(free):
+                if part.length > 1.0:
+                    yield tuple((float(x), float(y)) for x, y in part.coords)
 
 
 def _site(road: Road, ground_height: GroundHeight, keep_off: BaseGeometry) -> Site:
@@ -48,44 +131,42 @@ def _site(road: Road, ground_height: GroundHeight, keep_off: BaseGeometry) -> Si
         for agent in road.agents.values()
         if isinstance(agent, RoadsideUnit)
     ]
-    free = shapely.union_all([keep_off, *sensors])
-    shapely.prepare(free)
-    return Site(ground_height, free, built(road).axes)
+    return Site(ground_height, keep_off, built(road).axes).without(sensors)
 
 
-def _points(item: Surrounding, spacing_m: float) -> list[tuple[float, float]]:
-    on_line = along(item.line_m, item.spacing_m or spacing_m)
-    return [*item.at_m, *((float(x), float(y)) for x, y in on_line)]
+def _buildings(place: _Place, site: Site) -> tuple[list[Piece], list[shapely.Polygon]]:
+    if place.item.kind is SurroundingKind.HOUSES:
+        return buildings.houses(place.lots(DETACHED), place.item.height_m, site, place.key)
+    return buildings.buildings(place.lots(TOWN), place.item.height_m, site, place.key)
 
 
-def _pieces(item: Surrounding, site: Site, key: str) -> list[Piece]:
-    """Pieces of one declaration; each kind is made of what it can be: area, line or points."""
-    pieces: list[Piece] = []
+def _line(place: _Place, line: tuple[tuple[float, float], ...], site: Site) -> list[Piece]:
+    height = place.item.height_m
+    match place.item.kind:
+        case SurroundingKind.FENCE:
+            return roadside.fence(line, height, site)
+        case SurroundingKind.HEDGE:
+            return roadside.hedge(line, height, site, place.key)
+        case _:
+            return roadside.wall(line, height, site)
+
+
+def _pieces(place: _Place, site: Site) -> list[Piece]:
+    item, key = place.item, place.key
     match item.kind:
         case SurroundingKind.TREES:
-            spacing = item.spacing_m or plants.TREE_SPACING_M
-            points = np.reshape(_points(item, spacing), (-1, 2))
-            if item.area_m:
-                points = np.concatenate([points, plants.scattered(item.area_m, spacing, key)])
-            pieces += plants.trees(points, item.height_m, site, key)
-        case SurroundingKind.BUILDINGS if item.area_m:
-            pieces += buildings.buildings(item.area_m, item.height_m, site, key)
-        case SurroundingKind.HOUSES if item.area_m:
-            pieces += buildings.houses(item.area_m, item.height_m, site, key)
-        case SurroundingKind.CROPS if item.area_m:
-            pieces += plants.crops(item.area_m, item.height_m, site, key)
-        case SurroundingKind.WALL if item.line_m:
-            pieces += roadside.wall(item.line_m, item.height_m, site)
+            return plants.trees(place.scattered(), item.height_m, site, key, item.species)
+        case SurroundingKind.CROPS:
+            groups = [plants.crops(rows, item.height_m, site, key) for rows in place.rows()]
+        case SurroundingKind.FIELD:
+            groups = [plants.tilled_field(rows, site, key) for rows in place.rows()]
         case SurroundingKind.BUS_STOP:
-            for point in item.at_m:
-                pieces += roadside.bus_stop(point, site)
+            groups = [roadside.bus_stop(point, site) for point in item.at_m]
         case SurroundingKind.TOWER:
-            for point in item.at_m:
-                pieces += roadside.tower(point, item.height_m, site)
+            groups = [roadside.tower(point, item.height_m, site) for point in item.at_m]
         case SurroundingKind.POLE:
-            for point in _points(item, roadside.LAMP_SPACING_M):
-                pieces += roadside.pole(point, item.height_m, site)
+            points = place.points(roadside.LAMP_SPACING_M)
+            groups = [roadside.pole(point, item.height_m, site) for point in points]
         case _:
-            needed = "line_m" if item.kind is SurroundingKind.WALL else "area_m"
-            raise InputError(f"surroundings: {item.kind} of {key} has no {needed}; give it one")
-    return pieces
+            groups = []
+    return [piece for pieces in groups for piece in pieces]

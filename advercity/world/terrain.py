@@ -3,10 +3,13 @@
 It is a grid with the road's footprint cut out, so nothing of it can show through the road.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import shapely
+from advercity_dsl import Road
+from advercity_dsl.road import SurroundingKind
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
@@ -23,6 +26,8 @@ GROWTH = 1.35
 VERGE_M = 9.0
 """Within about this distance the ground follows the edge of the road."""
 SOFTENING_M = 5.0
+BANK_M = 1.0
+"""How far inside its outline a plateau reaches its height; a wall may stand before it."""
 SNAP_M = 0.001
 OVERLAP_M = 0.05
 """How far the ground reaches under the road, so that no crack opens between them."""
@@ -30,15 +35,38 @@ DROP_M = 0.004
 SKIRT_M = 0.1
 
 
-def ground(rims: Sequence[Points], footprint: BaseGeometry) -> Mesh:
+@dataclass(frozen=True, eq=False)
+class Plateau:
+    """Higher ground."""
+
+    outline: shapely.Polygon
+    height_m: float
+
+
+def plateaus(road: Road) -> tuple[Plateau, ...]:
+    """The plateaus that a road declares."""
+    return tuple(
+        Plateau(shapely.Polygon(item.line_m), item.height_m or 0.0)
+        for item in road.surroundings
+        if item.kind is SurroundingKind.PLATEAU
+    )
+
+
+def ground(
+    rims: Sequence[Points], footprint: BaseGeometry, plateaus: Sequence[Plateau] = ()
+) -> Mesh:
     """Grass around the streets, out to `MARGIN_M` beyond them.
 
     Args:
         rims: Edges (n, 3) of all paving, with it on their left.
         footprint: What is paved, where the ground is left out.
+        plateaus: Higher ground.
     """
     built = shapely.buffer(footprint, -OVERLAP_M, join_style="mitre")
     cells = _cells(shapely.bounds(built))
+    for plateau in plateaus:
+        for rim in (plateau.outline, shapely.buffer(plateau.outline, -BANK_M)):
+            cells = _split(cells, rim)
     shapely.prepare(built)
     free = shapely.disjoint(cells, built)
     cut = shapely.difference(cells[~free], built)
@@ -51,7 +79,7 @@ def ground(rims: Sequence[Points], footprint: BaseGeometry) -> Mesh:
     )
     corners, merged = np.unique(np.round(corners, 3), axis=0, return_inverse=True)
     triangles = _upright(corners, merged.reshape(-1)[triangles])
-    z = ground_height(rims, corners)
+    z = ground_height(rims, corners, plateaus)
     vertices = np.column_stack([corners, z - DROP_M])
     return Mesh(
         name="ground",
@@ -70,37 +98,98 @@ def skirt(rims: Sequence[Points]) -> Mesh:
     return mesh("skirt", pieces, "asphalt", Semantic.ROAD)
 
 
-def ground_height(rims: Sequence[Points], points: Points) -> NDArray[np.float64]:
+def ground_height(
+    rims: Sequence[Points], points: Points, plateaus: Sequence[Plateau] = ()
+) -> NDArray[np.float64]:
     """Height (n,) of the ground at points (n, 2) beside the road.
 
     Near a road it is the height of the nearest point on its edge, further off the mean of all
-    edges, weighted by the inverse square of their distance.
+    edges, weighted by the inverse square of their distance. On a plateau it is that of the
+    plateau, except near the roads that lie within its outline.
     """
     starts = np.concatenate([rim[:-1] for rim in rims])
     steps = np.concatenate([np.diff(rim, axis=0) for rim in rims])
     samples = np.concatenate(
         [resampled(rim, max(2, int(stations(rim)[-1] / CELL_M) + 1)) for rim in rims]
     )
-    return np.concatenate(
-        [
-            _blended(chunk, starts, steps, samples)
-            for chunk in np.array_split(points, len(points) // 1000 + 1)
-        ]
+    height = _in_chunks(
+        points, lambda chunk: _blended(*_beside(chunk, starts, steps), _rolling(chunk, samples))
     )
+    for plateau in plateaus:
+        height = _raised(points, height, plateau, starts, steps)
+    return height
 
 
-def _blended(points: Points, starts: Points, steps: Points, samples: Points) -> Points:
-    relative = points[:, None] - starts[None, :, :2]
-    squared = np.maximum((steps[:, :2] ** 2).sum(axis=1), 1e-12)
-    share = np.clip((relative * steps[None, :, :2]).sum(axis=2) / squared, 0.0, 1.0)
-    gap = np.linalg.norm(relative - share[..., None] * steps[None, :, :2], axis=2)
+def _raised(
+    points: Points,
+    height: NDArray[np.float64],
+    plateau: Plateau,
+    starts: Points,
+    steps: Points,
+) -> NDArray[np.float64]:
+    """Heights (n,) with those on a plateau lifted to it, or to the streets that climb to it."""
+    depth = shapely.distance(shapely.points(points), plateau.outline.exterior)
+    inside = shapely.contains_xy(plateau.outline, points[:, 0], points[:, 1])
+    climbing = shapely.contains_xy(plateau.outline, *(starts + steps / 2)[:, :2].T)
+
+    def level(chunk: Points) -> NDArray[np.float64]:
+        top = np.full(len(chunk), plateau.height_m)
+        return _blended(*_beside(chunk, starts[climbing], steps[climbing]), top)
+
+    top = np.full(len(points), plateau.height_m)
+    if climbing.any() and inside.any():
+        top[inside] = _in_chunks(points[inside], level)
+    rise = np.where(inside, np.minimum(depth / BANK_M, 1.0), 0.0)
+    return height + rise * (top - height)
+
+
+def _in_chunks(
+    points: Points, height: Callable[[Points], NDArray[np.float64]]
+) -> NDArray[np.float64]:
+    chunks = np.array_split(points, len(points) // 1000 + 1)
+    return np.concatenate([height(chunk) for chunk in chunks])
+
+
+def _beside(
+    points: Points, starts: Points, steps: Points
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Distance (n,) to the nearest edge, and its height there."""
+    along = steps[:, :2]
+    squared = np.maximum((along**2).sum(axis=1), 1e-12)
+    x, y = (points[:, k, None] - starts[None, :, k] for k in (0, 1))
+    share = np.clip((x * along[:, 0] + y * along[:, 1]) / squared, 0.0, 1.0)
+    gap = (x - share * along[:, 0]) ** 2 + (y - share * along[:, 1]) ** 2
     nearest = gap.argmin(axis=1)
     row = np.arange(len(points))
-    beside = starts[nearest, 2] + share[row, nearest] * steps[nearest, 2]
-    weight = 1.0 / (((points[:, None] - samples[None, :, :2]) ** 2).sum(axis=2) + SOFTENING_M**2)
-    rolling = (weight @ samples[:, 2]) / weight.sum(axis=1)
-    follow = np.exp(-((gap[row, nearest] / VERGE_M) ** 2))
-    return follow * beside + (1.0 - follow) * rolling
+    height = starts[nearest, 2] + share[row, nearest] * steps[nearest, 2]
+    return np.sqrt(gap[row, nearest]), height
+
+
+def _rolling(points: Points, samples: Points) -> NDArray[np.float64]:
+    """Mean height (n,) of all edges, weighted by the inverse square of their distance."""
+    x, y = (points[:, k, None] - samples[None, :, k] for k in (0, 1))
+    weight = 1.0 / (x * x + y * y + SOFTENING_M**2)
+    return (weight @ samples[:, 2]) / weight.sum(axis=1)
+
+
+def _blended(
+    gap: NDArray[np.float64], beside: NDArray[np.float64], beyond: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    follow = np.exp(-((gap / VERGE_M) ** 2))
+    return follow * beside + (1.0 - follow) * beyond
+
+
+def _split(cells: NDArray[np.object_], outline: BaseGeometry) -> NDArray[np.object_]:
+    """Cells cut where an outline passes through them."""
+    shapely.prepare(outline)
+    passed = shapely.intersects(cells, outline) & ~shapely.contains_properly(outline, cells)
+    parts = [
+        polygon
+        for cut in (shapely.intersection, shapely.difference)
+        for shape in cut(cells[passed], outline)
+        for polygon in polygons_of(shape)
+    ]
+    return np.array([*cells[~passed], *parts], dtype=object)
 
 
 def _cells(bounds: NDArray[np.float64]) -> NDArray[np.object_]:

@@ -189,24 +189,113 @@ class SurroundingKind(StrEnum):
     BUILDINGS = "buildings"
     HOUSES = "houses"
     TREES = "trees"
+    HEDGE = "hedge"
     CROPS = "crops"
+    FIELD = "field"
     WALL = "wall"
+    FENCE = "fence"
     BUS_STOP = "bus_stop"
     TOWER = "tower"
     POLE = "pole"
     LAMP = "lamp"
+    PLATEAU = "plateau"
+
+
+class Species(StrEnum):
+    """A kind of tree."""
+
+    OAK = "oak"
+    MAPLE = "maple"
+    BIRCH = "birch"
+    POPLAR = "poplar"
+    SPRUCE = "spruce"
+
+
+class Beside(Model):
+    """A place along a street, which goes with the street wherever it leads."""
+
+    street: Id
+    side: Literal["left", "right", "both"]
+    """As seen along the street's axis."""
+    from_m: Annotated[Metres, Field(ge=0)] = 0
+    to_m: Annotated[Metres | None, Field(gt=0)] = None
+    """Distances along the axis; without `to_m`, to its end."""
+    offset_m: Metres | tuple[Metres, Metres] = 1
+    """Outwards from the edge of all paving: of a line, or of both borders of a band."""
+
+    @model_validator(mode="after")
+    def _is_ordered(self) -> Self:
+        if self.to_m is not None and self.to_m <= self.from_m:
+            raise ValueError("'to_m' is beyond 'from_m'")
+        if isinstance(self.offset_m, tuple) and self.offset_m[1] <= self.offset_m[0]:
+            raise ValueError("'offset_m' names the nearer border of a band first")
+        return self
+
+    @property
+    def band_m(self) -> tuple[float, float]:
+        """Offsets of the nearer and the further border; the same of a line."""
+        if isinstance(self.offset_m, tuple):
+            return self.offset_m
+        return self.offset_m, self.offset_m
+
+
+_BESIDE, _AREA, _LINE, _AT = "beside", "area_m", "line_m", "at_m"
+_PLACES = {
+    SurroundingKind.BUILDINGS: (_BESIDE, _AREA),
+    SurroundingKind.HOUSES: (_BESIDE, _AREA),
+    SurroundingKind.TREES: (_BESIDE, _AREA, _LINE, _AT),
+    SurroundingKind.HEDGE: (_BESIDE, _LINE),
+    SurroundingKind.CROPS: (_BESIDE, _AREA),
+    SurroundingKind.FIELD: (_BESIDE, _AREA),
+    SurroundingKind.WALL: (_BESIDE, _LINE),
+    SurroundingKind.FENCE: (_BESIDE, _LINE),
+    SurroundingKind.BUS_STOP: (_AT,),
+    SurroundingKind.TOWER: (_AT,),
+    SurroundingKind.POLE: (_BESIDE, _LINE, _AT),
+    SurroundingKind.LAMP: (_BESIDE, _LINE, _AT),
+    SurroundingKind.PLATEAU: (_LINE,),
+}
+_BANDS = (SurroundingKind.CROPS, SurroundingKind.FIELD)
 
 
 class Surrounding(Model):
-    """Things of one kind: filling an area, along a line, or one at a point."""
+    """Things of one kind: beside a street, filling an area, along a line, or one at a point.
+
+    A plateau is ground that stands `height_m` high within `line_m`, its outline; it meets the
+    streets that climb to it, and falls off steeply elsewhere.
+    """
 
     kind: SurroundingKind
+    beside: Beside | None = None
     area_m: tuple[Point2, Point2] | None = None
     """Two opposite corners of a rectangle."""
     line_m: tuple[Point2, ...] = ()
     at_m: tuple[Point2, ...] = ()
     height_m: PositiveMetres | None = None
     spacing_m: PositiveMetres | None = None
+    """Between trees, lamps, poles, or buildings."""
+    species: tuple[Species, ...] = ()
+    """Of trees; all of them if none is named."""
+    seed: Annotated[int, Field(ge=0)] = 0
+    """Another number gives other trees and buildings."""
+
+    @model_validator(mode="after")
+    def _has_a_place(self) -> Self:
+        given = [name for name in (_BESIDE, _AREA, _LINE, _AT) if getattr(self, name)]
+        fitting = _PLACES[self.kind]
+        if not given or any(name not in fitting for name in given):
+            found = f"has {' and '.join(given)}" if given else "has no place"
+            ways = " or ".join(f"'{name}'" for name in fitting)
+            raise ValueError(f"{self.kind} {found}; give it {ways}")
+        if self.kind in _BANDS and self.beside and not isinstance(self.beside.offset_m, tuple):
+            raise ValueError(f"{self.kind} beside a street need two offsets, as in [2, 60]")
+        if self.kind is SurroundingKind.PLATEAU and (len(self.line_m) < 3 or not self.height_m):
+            raise ValueError(
+                "a plateau has an outline 'line_m' of three points or more, and 'height_m'"
+            )
+        if self.species and self.kind is not SurroundingKind.TREES:
+            raise ValueError("only trees have 'species'")
+        return self
 
 
 class MapFile(Model):
@@ -336,7 +425,15 @@ class Road(Declaration):
                     )
                 for street in agent.route:
                     _expect(street, self.streets, f"agents.{name}.route")
+        for index, item in enumerate(self.surroundings):
+            if item.beside:
+                self._check_beside(f"surroundings.{index}.beside", item.beside)
         return self
+
+    def _check_beside(self, where: str, beside: Beside) -> None:
+        if self.imported is not None:
+            raise ValueError(f"{where}: an imported road has no named streets; say where in metres")
+        _expect(beside.street, self.streets, f"{where}.street")
 
     def _check_junction(self, where: str, name: Id, junction: Junction) -> None:
         meeting = [key for key, item in self.streets.items() if name in (item.begins, item.ends)]
