@@ -1,5 +1,11 @@
 import hashlib
 import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -7,10 +13,19 @@ import pytest
 import yaml
 from advercity_dsl import Spec
 
-from advercity.compiler import find_weather, under
+from advercity.compiler import find_weather, under, write_specs
 from advercity.dataset import pcd
-from advercity.errors import InputError
-from advercity.runner import FrameRange, Options, ViewerTarget, parse_frames, run_scenario
+from advercity.dataset.manifest import verify_dataset
+from advercity.errors import InputError, RunError
+from advercity.runner import (
+    FrameRange,
+    Options,
+    ViewerTarget,
+    parse_frames,
+    repair,
+    run_scenario,
+)
+from advercity.sensors.lidar import PointKind
 
 pytestmark = [pytest.mark.render, pytest.mark.sumo]
 
@@ -53,6 +68,7 @@ def test_every_viewpoint_writes_its_files(made: Path) -> None:
     parts = [
         "yaml",
         "pcd",
+        "lidar_points.npz",
         "objects.json",
         *(f"bev_{kind}.png" for kind in MAPS),
         *(f"depth{index}.png" for index in range(4)),
@@ -87,13 +103,65 @@ def test_frames_are_independent_of_those_before(spec: Spec, made: Path, tmp_path
     alone = tree(run(spec, tmp_path, 1, 2))
     whole = tree(made)
     frames = {path: digest for path, digest in alone.items() if "000061" in path}
-    assert len(frames) == 103
+    assert len(frames) == 108
     assert frames == {path: whole[path] for path in frames}
 
 
 def test_a_run_goes_on_where_an_earlier_one_stopped(spec: Spec, made: Path, tmp_path: Path) -> None:
     run(spec, tmp_path, 0, 1)
     assert tree(run(spec, tmp_path, 0, 2)) == tree(made)
+
+
+def test_a_killed_run_started_again_ends_with_the_same_bytes(
+    spec: Spec, made: Path, tmp_path: Path
+) -> None:
+    """SIGKILL as soon as the first frame is there, while the second is being made."""
+    write_specs([spec], tmp_path / "compiled")
+    process = subprocess.Popen(
+        [
+            *(sys.executable, "-c", "from advercity.cli import main; main()", "run"),
+            *(str(tmp_path / "compiled" / f"{spec.id}.json"), "--output", str(tmp_path / "killed")),
+            *("--profile", "preview", "--scale", str(TINY), "--frames", "0:2"),
+        ],
+        start_new_session=True,
+    )
+    journal = tmp_path / "killed" / ".staging" / spec.id / "journal.jsonl"
+    while not journal.exists():
+        assert process.poll() is None
+        time.sleep(0.02)
+    os.killpg(process.pid, signal.SIGKILL)
+    assert process.wait() == -signal.SIGKILL
+    scenario = run(spec, tmp_path / "killed", 0, 2)
+    assert tree(scenario) == tree(made)
+    assert [path.name for path in (tmp_path / "killed").iterdir()] == [spec.id]
+
+
+def test_damaged_files_are_made_again_with_their_checksums(made: Path, tmp_path: Path) -> None:
+    copy = shutil.copytree(made, tmp_path / made.name)
+    (copy / "+101" / "000060_camera0.png").unlink()
+    (copy / "-2" / "000061.pcd").write_bytes(b"flipped")
+    assert {problem.kind for problem in verify_dataset(tmp_path)} == {"missing", "changed"}
+    assert repair(tmp_path) == []
+    assert tree(copy) == tree(made)
+
+
+def test_what_was_made_by_another_version_is_not_repaired(made: Path, tmp_path: Path) -> None:
+    copy = shutil.copytree(made, tmp_path / made.name)
+    manifest = json.loads((copy / "manifest.json").read_text())
+    manifest["identity"]["versions"]["numpy"] = "0.1"
+    (copy / "manifest.json").write_text(json.dumps(manifest))
+    (copy / "103" / "000060.pcd").unlink()
+    with pytest.raises(RunError, match=r"cannot be repaired here.*numpy: 0\.1"):
+        repair(tmp_path)
+
+
+def test_the_original_layout_holds_the_same_pictures(
+    spec: Spec, made: Path, tmp_path: Path
+) -> None:
+    other = run(spec, tmp_path, 0, 1, format="adver_city")
+    for name in ("000060_camera0.png", "000060_semantic3.png", "000060.yaml"):
+        assert (other / "101" / name).read_bytes() == (made / "+101" / name).read_bytes()
+    assert len(list(other.glob("*/*"))) == 53
 
 
 def test_weathers_share_traffic_and_boxes(spec: Spec, made: Path, tmp_path: Path) -> None:
@@ -116,7 +184,11 @@ def test_fog_shortens_the_lidar_and_leaves_the_annotation(
     in_fog = pcd.read(made / "+101" / "000060.pcd")
     in_clear = pcd.read(clear / "+101" / "000060.pcd")
     reach = [np.linalg.norm([c["x"], c["y"], c["z"]], axis=0).max() for c in (in_fog, in_clear)]
-    assert len(in_fog) < len(in_clear)
+    of_surfaces = [
+        int((points["kind"] == PointKind.SURFACE).sum()) for points in (in_fog, in_clear)
+    ]
+    assert of_surfaces[0] < of_surfaces[1]
+    assert (in_fog["kind"] == PointKind.FOG).any()
     assert reach[0] < 80 < reach[1]
 
 

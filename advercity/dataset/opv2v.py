@@ -9,7 +9,7 @@ from functools import partial
 
 from advercity_dsl import Agent
 
-from advercity.dataset import pcd
+from advercity.dataset import pcd, point_table
 from advercity.dataset.bird_view import bird_views
 from advercity.dataset.carla_frame import mirror
 from advercity.dataset.description import describe, motion
@@ -57,6 +57,7 @@ def encode(readings: Sequence[Reading], lanes: Sequence[Lane], *, name: str) -> 
     files = side_by_side(jobs)
     for stem, reading in zip(stems, ordered, strict=True):
         files[f"{stem}{CLOUD}"] = _cloud(reading)
+        files[f"{stem}_lidar_points.npz"] = point_table.encode(reading.cloud)
         files[f"{stem}_objects.json"] = json_bytes(extras(reading))
         if reading.gnss is not None or reading.imu is not None:
             files[f"{stem}_additional_gnss_imu.yaml"] = yaml_bytes(motion(reading))
@@ -77,4 +78,5 @@ def _cloud(reading: Reading) -> bytes:
         ring=cloud.ring,
         object_id=cloud.instance,
         tag=cloud.semantic,
+        kind=cloud.kind,
     )

@@ -21,6 +21,7 @@ POINT = np.dtype(
         ("ring", "<u2"),
         ("object_id", "<i4"),
         ("tag", "<u1"),
+        ("kind", "<u1"),
     ]
 )
 """A point as it lies in the file, without padding."""
@@ -33,6 +34,7 @@ def encode(
     ring: NDArray[np.integer],
     object_id: NDArray[np.integer],
     tag: NDArray[np.integer],
+    kind: NDArray[np.integer],
 ) -> bytes:
     """The file of a cloud.
 
@@ -42,6 +44,7 @@ def encode(
         ring: (n,) LiDAR channel.
         object_id: (n,) actor that was hit, or 0.
         tag: (n,) of `Semantic`.
+        kind: (n,) of `PointKind`.
     """
     table = np.empty(len(points), dtype=POINT)
     table["x"], table["y"], table["z"] = points.T
@@ -50,6 +53,7 @@ def encode(
     table["ring"] = ring
     table["object_id"] = object_id
     table["tag"] = tag
+    table["kind"] = kind
     return _header(len(points)).encode("ascii") + table.tobytes()
 
 

@@ -11,8 +11,7 @@ from advercity.dataset.manifest import Manifest, Problem
 from advercity.dataset.reading import Reading
 from advercity.dataset.staging import failures_named, lock, move, write
 from advercity.errors import RunError
-from advercity.world.lanes import lanes
-from advercity.world.layout import layout
+from advercity.world.roads import built
 
 ReadingsOf = Callable[[int], tuple[Reading, ...]]
 
@@ -54,8 +53,8 @@ def restore(scenario: Path, problems: Iterable[Problem], readings_of: ReadingsOf
 
 def _files(manifest: Manifest, frame: int, readings: tuple[Reading, ...]) -> dict[str, bytes]:
     encode = format_called(manifest.identity.format).encode
-    plan = lanes(layout(manifest.spec.road))
-    return encode(readings, plan, name=frame_name(manifest.spec, frame))
+    lanes = built(manifest.spec.road).lanes
+    return encode(readings, lanes, name=frame_name(manifest.spec, frame))
 
 
 def _put_back(scenario: Path, manifest: Manifest, files: dict[str, bytes]) -> None:
