@@ -52,3 +52,37 @@ def angles(matrix: Matrix) -> tuple[float, float, float]:
 def transform(matrix: Matrix, points: ArrayLike) -> NDArray[np.float64]:
     """Points (..., 3) moved by a pose (4, 4)."""
     return np.asarray(points, dtype=np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def rotation_vector(rotation: Matrix) -> Matrix:
+    """Axis times angle in rad (3,) of a rotation (3, 3) of less than half a turn."""
+    twice_sine = np.array(
+        [
+            rotation[2, 1] - rotation[1, 2],
+            rotation[0, 2] - rotation[2, 0],
+            rotation[1, 0] - rotation[0, 1],
+        ]
+    )
+    angle = np.arctan2(np.linalg.norm(twice_sine), np.trace(rotation) - 1.0)
+    return twice_sine / (2.0 * np.sinc(angle / np.pi))
+
+
+def between(first: Matrix, second: Matrix, share: ArrayLike) -> Matrix:
+    """Poses (n, 4, 4) at shares (n,) of the way from one pose (4, 4) to another.
+
+    Places go straight, turns go evenly about one axis (Rodrigues); at 0 and 1 they are exact.
+    """
+    part = np.asarray(share, dtype=np.float64)[:, None, None]
+    x, y, z = rotation_vector(first[:3, :3].T @ second[:3, :3])
+    across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    angle = part * np.sqrt(x * x + y * y + z * z)
+    turn = (
+        np.eye(3)
+        + part * np.sinc(angle / np.pi) * across
+        + 0.5 * (part * np.sinc(angle / (2.0 * np.pi))) ** 2 * (across @ across)
+    )
+    result = np.zeros((len(part), 4, 4))
+    result[:, :3, :3] = first[:3, :3] @ turn
+    result[:, :3, 3] = first[:3, 3] + part[:, :, 0] * (second[:3, 3] - first[:3, 3])
+    result[:, 3, 3] = 1.0
+    return result

@@ -1,11 +1,13 @@
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from advercity.poses import pose
-from advercity.rendering.casting import MATERIAL_NAMES, Caster, Hits
+from advercity import poses
+from advercity.poses import inverse, pose, rotation, transform
+from advercity.rendering.casting import MATERIAL_NAMES, Caster, Fan, Hits, Rays
 from advercity.semantics import Semantic
 from advercity.traffic.trace import Actor, ActorState, Frame, Lamp
 from advercity.world.scene import Body, Mesh, World
@@ -48,8 +50,12 @@ def frame(*states: ActorState) -> Frame:
     return Frame(0, 0.0, states, {})
 
 
+def rays(origins: Any, directions: Any, **more: Any) -> Rays:
+    return Rays(np.array(origins, np.float32), np.array(directions, np.float32), **more)
+
+
 def forward(eye: Caster, *, height: float = 0.5, max_range_m: float = 100.0) -> Hits:
-    return eye.cast(np.array([[0.0, 0.0, height]]), np.array([[1.0, 0.0, 0.0]]), max_range_m)
+    return eye.cast(rays([[0, 0, height]], [[1, 0, 0]]), max_range_m)
 
 
 def test_a_ray_tells_what_it_met() -> None:
@@ -63,8 +69,7 @@ def test_a_ray_tells_what_it_met() -> None:
 
 
 def test_the_normal_faces_the_ray_and_the_cosine_is_of_its_angle() -> None:
-    down = np.array([[0.8, 0.0, -0.6]])
-    hits = caster(GROUND).cast(np.array([[0.0, 0.0, 3.0]]), down, 100.0)
+    hits = caster(GROUND).cast(rays([[0, 0, 3]], [[0.8, 0, -0.6]]), 100.0)
     assert hits.range_m[0] == pytest.approx(5.0, abs=1e-4)
     assert hits.cosine[0] == pytest.approx(0.6)
     np.testing.assert_allclose(hits.normal[0], [0, 0, 1], atol=1e-6)
@@ -135,6 +140,72 @@ def test_no_ray_slips_through_a_closed_box() -> None:
     eye = caster(replace(box((50, 50, 50)), name="shell"))
     directions = np.random.default_rng(3).normal(size=(20_000, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    hits = eye.cast(np.zeros_like(directions), directions, 100.0)
+    hits = eye.cast(rays(np.zeros_like(directions), directions), 100.0)
     points = hits.range_m[:, None] * directions
     np.testing.assert_allclose(np.abs(points).max(axis=1), 25.0, atol=1e-4)
+
+
+def turn(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Bearings, and level directions along them."""
+    bearing = np.arange(count) * (2 * np.pi / count)
+    return bearing, np.column_stack([np.cos(bearing), np.sin(bearing), np.zeros(count)])
+
+
+def test_a_fan_finds_what_plain_rays_find() -> None:
+    eye = caster(GROUND, WALL)
+    places = [(9, 0), (9, 4), (-15, 3), (0, 12), (-40, 20), (60, 60), (0, -2.2)]
+    eye.place(
+        frame(*(car(number, x, y, yaw=x / 9) for number, (x, y) in enumerate(places, start=1)))
+    )
+    bearing, directions = turn(20_000)
+    stand = pose((0, 0, 0.5), yaw=2.0)
+    world = directions @ stand[:3, :3].T
+    origins = np.broadcast_to(stand[:3, 3], world.shape)
+    fan = Fan(stand, bearing.astype(np.float32))
+    plain, fanned = (eye.cast(rays(origins, world, fan=f), 100.0) for f in (None, fan))
+    assert set(plain.instance) == {0, 1, 2, 3, 4, 5, 6, 7}
+    np.testing.assert_array_equal(plain.instance, fanned.instance)
+    np.testing.assert_array_equal(plain.range_m, fanned.range_m)
+    np.testing.assert_array_equal(plain.normal, fanned.normal)
+
+
+def test_a_mover_is_met_where_it_is_at_the_moment_of_the_ray() -> None:
+    eye = caster(WALL)
+    eye.place(frame(car(7, 14.0)), before=frame(car(7, 12.0)))
+    shares = np.array([0.0, 0.25, 1.0], np.float32)
+    hits = eye.cast(rays([[0, 0, 0.5]] * 3, [[1, 0, 0]] * 3, share=shares), 100.0)
+    np.testing.assert_allclose(hits.range_m, [10.0, 10.5, 12.0], atol=1e-4)
+    assert (hits.instance == 7).all()
+
+
+def test_a_turning_mover_shows_its_side_as_it_turns() -> None:
+    eye = caster()
+    eye.place(frame(car(7, 12.0, yaw=0.4)), before=frame(car(7, 12.0)))
+    shares = np.array([0.0, 0.5, 1.0], np.float32)
+    hits = eye.cast(rays([[0, 0, 0.5]] * 3, [[1, 0, 0]] * 3, share=shares), 100.0)
+    np.testing.assert_allclose(hits.cosine, np.cos([0.0, 0.2, 0.4]), atol=1e-5)
+    np.testing.assert_allclose(hits.normal[:, 1], -np.sin([0.0, 0.2, 0.4]), atol=1e-5)
+
+
+def test_who_was_not_there_before_stands_still() -> None:
+    eye = caster()
+    eye.place(frame(car(7, 12.0)), before=frame())
+    hits = eye.cast(rays([[0, 0, 0.5]], [[1, 0, 0]], share=np.zeros(1, np.float32)), 100.0)
+    assert hits.range_m[0] == pytest.approx(10.0, abs=1e-4)
+
+
+def test_a_turned_bodys_normal_is_the_worlds() -> None:
+    eye = caster()
+    eye.place(frame(car(7, 12.0, yaw=0.3)))
+    np.testing.assert_allclose(forward(eye).normal[0], rotation(yaw=0.3) @ [-1, 0, 0], atol=1e-6)
+
+
+def test_poses_between_two_go_straight_and_turn_evenly() -> None:
+    first, last = pose((1, 2, 0), yaw=0.3, pitch=0.1), pose((3, 1, 1), yaw=0.9, pitch=-0.1)
+    between = poses.between(first, last, [0.0, 0.5, 1.0])
+    np.testing.assert_allclose(between[0], first, atol=1e-12)
+    np.testing.assert_allclose(between[2], last, atol=1e-12)
+    halves = [inverse(first) @ between[1], inverse(between[1]) @ last]
+    np.testing.assert_allclose(halves[0][:3, :3], halves[1][:3, :3], atol=1e-12)
+    np.testing.assert_allclose(between[1][:3, 3], [2, 1.5, 0.5])
+    np.testing.assert_allclose(transform(between[1], np.zeros(3)), [2, 1.5, 0.5])

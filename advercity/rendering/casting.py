@@ -1,10 +1,15 @@
 """Rays against the world's own meshes and the bodies that move on it, by Embree.
 
+Two levels: the static world is one scene, every blueprint another, each built once. A mover is an
+instance of its blueprint's scene: rays that may meet it are brought into its body frame, at the
+moment of each ray if a frame is a stretch of time. So nothing is built while frames pass.
+
 Embree works in float32: hits are good to a tenth of a millimetre within a kilometre of the
 world's origin.
 """
 
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -13,15 +18,20 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
-from advercity.poses import transform
+from advercity import poses
+from advercity.poses import Matrix
 from advercity.traffic.trace import ActorState, Frame
 from advercity.world.materials import MATERIALS, PAINT
 from advercity.world.scene import Mesh, World
 
+Floats = NDArray[np.floating[Any]]
+Rows = NDArray[np.intp]
+
 MATERIAL_NAMES = tuple(MATERIALS)
 """Name of a material by its index in `Hits.material`."""
-_STEP_PAST_M = 1e-3
 _MATERIAL_INDEX = {name: index for index, name in enumerate(MATERIAL_NAMES)}
+_PAINTED = -1
+_STATIC = -1
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,9 +47,9 @@ class Hits:
         instance: (n,) int32 id of the actor; 0 for everything static.
     """
 
-    range_m: NDArray[np.float32]
-    normal: NDArray[np.float32]
-    cosine: NDArray[np.float32]
+    range_m: Floats
+    normal: Floats
+    cosine: Floats
     material: NDArray[np.int16]
     semantic: NDArray[np.uint8]
     instance: NDArray[np.int32]
@@ -56,183 +66,354 @@ class Hits:
             instance=np.zeros(count, np.int32),
         )
 
-    def put(self, where: NDArray[np.intp], other: "Hits") -> None:
+    def put(self, where: Rows, other: "Hits") -> None:
         """Write the rows of `other` over the rows `where`."""
         for item in fields(self):
             getattr(self, item.name)[where] = getattr(other, item.name)
 
-
-class Caster:
-    """Casts rays into a world; its static part is built once, its movers once per frame."""
-
-    def __init__(self, world: World) -> None:
-        self._bodies = {name: _Soup.of_meshes(body.parts) for name, body in world.bodies.items()}
-        self._static = _Scene(_Soup.of_meshes(world.static))
-        self._movers = _Scene(_Soup.of_meshes(()))
-        self._frame: Frame | None = None
-        self._hide = np.empty(0, np.int32)
-
-    def place(self, frame: Frame, hide: frozenset[int] = frozenset()) -> None:
-        """Move every actor to where it is in `frame`; rays pass through those in `hide`.
-
-        Placing the same frame again with others to hide costs nothing.
-        """
-        if frame is not self._frame:
-            self._movers = _Scene(_Soup.joined(self._mover(state) for state in frame.states))
-            self._frame = frame
-        self._hide = np.array(sorted(hide), np.int32)
-
-    def cast(
-        self,
-        origins: NDArray[np.float64],
-        directions: NDArray[np.float64],
-        max_range_m: float,
-    ) -> Hits:
-        """The nearest hit of every ray.
-
-        Args:
-            origins: (n, 3) world frame, metres.
-            directions: (n, 3) unit vectors, world frame.
-            max_range_m: Surfaces beyond are missed.
-        """
-        limits = np.full(len(origins), max_range_m, np.float32)
-        hits = self._static.cast(origins, directions, limits)
-        limits = np.minimum(hits.range_m, limits)
-        nearer = self._cast_movers(origins, directions, limits)
-        where = np.flatnonzero(nearer.range_m < limits)
-        hits.put(where, _rows(nearer, where))
-        return hits
-
-    def _cast_movers(
-        self,
-        origins: NDArray[np.float64],
-        directions: NDArray[np.float64],
-        limits: NDArray[np.float32],
-    ) -> Hits:
-        """First hit of a mover that is not hidden: behind a hidden surface the ray goes on."""
-        hits = self._movers.cast(origins, directions, limits)
-        hidden = np.flatnonzero(np.isin(hits.instance, self._hide))
-        while len(hidden):
-            passed = hits.range_m[hidden] + np.float32(_STEP_PAST_M)
-            onward = self._movers.cast(
-                origins[hidden] + passed[:, None] * directions[hidden],
-                directions[hidden],
-                np.maximum(limits[hidden] - passed, 0.0),
-            )
-            onward.range_m[:] += passed
-            hits.put(hidden, onward)
-            hidden = hidden[np.isin(onward.instance, self._hide)]
-        return hits
-
-    def _mover(self, state: ActorState) -> "_Soup":
-        body = self._bodies[state.actor.blueprint]
-        return _Soup(
-            vertices=transform(state.world_from_body, body.vertices).astype(np.float32),
-            triangles=body.triangles,
-            material=np.where(body.material < 0, _index_of(state.actor.paint), body.material),
-            semantic=body.semantic,
-            instance=np.full(len(body.triangles), state.actor.id, np.int32),
-        )
+    def rows(self, where: Rows) -> "Hits":
+        """Those rows alone."""
+        return Hits(*(getattr(self, item.name)[where] for item in fields(self)))
 
 
 @dataclass(frozen=True, eq=False)
-class _Soup:
-    """Triangles with what they are: material, semantic and instance per triangle."""
+class Fan:
+    """How rays spread around a viewpoint, which tells for most of them what they cannot meet.
 
-    vertices: NDArray[np.float32]
-    triangles: NDArray[np.int32]
+    Rays need not start at the viewpoint, but end within the range that is cast from there.
+
+    Attributes:
+        world_from_fan: (4, 4); bearings turn about its z axis.
+        bearing_rad: (n,) float32 of every ray, ascending, from 0 to 2 pi.
+        spread_rad: How far a ray may stray from its bearing.
+        reach_m: How far from the fan's origin a ray may start.
+    """
+
+    world_from_fan: Matrix
+    bearing_rad: Floats
+    spread_rad: float = 0.0
+    reach_m: float = 0.0
+
+    def rows(self, where: Rows) -> "Fan":
+        """The fan of those rays alone; `where` ascends."""
+        return Fan(self.world_from_fan, self.bearing_rad[where], self.spread_rad, self.reach_m)
+
+    def towards(
+        self, centres: NDArray[np.float64], radii_m: NDArray[np.float64]
+    ) -> Iterator[tuple[int, slice]]:
+        """Runs of rays that may come within a radius of points of the world, by point.
+
+        Args:
+            centres: (k, 3) metres.
+            radii_m: (k,).
+        """
+        own = (centres - self.world_from_fan[:3, 3]) @ self.world_from_fan[:3, :3]
+        away = np.hypot(own[:, 0], own[:, 1])
+        within = radii_m + self.reach_m
+        half = np.arcsin(np.minimum(within / np.maximum(away, within), 1.0)) + self.spread_rad
+        half[(away <= within) | (half > np.pi)] = np.pi
+        first = np.mod(np.arctan2(own[:, 1], own[:, 0]) - half, 2.0 * np.pi)
+        bounds = np.stack([first - 2.0 * np.pi, first - 2.0 * np.pi + 2.0 * half])
+        bounds = np.concatenate([bounds, [first, first + 2.0 * half]])
+        starts_stops = self.bearing_rad.searchsorted(bounds.astype(np.float32)).T
+        for point, (start, stop, again, end) in enumerate(starts_stops.tolist()):
+            if stop > start:
+                yield point, slice(start, stop)
+            if end > max(again, stop):
+                yield point, slice(max(again, stop), end)
+
+
+@dataclass(frozen=True, eq=False)
+class Rays:
+    """n rays of the world.
+
+    Attributes:
+        origins: (n, 3) float32, metres.
+        directions: (n, 3) float32, unit vectors.
+        share: (n,) float32 of the time from the frame before to this one that has gone by when
+            each ray is cast; None if all are cast at this frame.
+        fan: How they spread, if they do.
+    """
+
+    origins: Floats
+    directions: Floats
+    share: Floats | None = None
+    fan: Fan | None = None
+
+    def __len__(self) -> int:
+        return len(self.directions)
+
+    def rows(self, where: Rows) -> "Rays":
+        """Those rays alone; `where` ascends."""
+        return Rays(
+            self.origins.take(where, axis=0),
+            self.directions.take(where, axis=0),
+            None if self.share is None else self.share[where],
+            None if self.fan is None else self.fan.rows(where),
+        )
+
+
+class Caster:
+    """Casts rays into a world; movers go where `place` puts them."""
+
+    def __init__(self, world: World) -> None:
+        groups = {"": world.static} | {name: body.parts for name, body in world.bodies.items()}
+        firsts = np.cumsum([0, *(_triangle_count(group) for group in groups.values())]).tolist()
+        shapes = [
+            _Shape(group, first) for group, first in zip(groups.values(), firsts, strict=False)
+        ]
+        self._static, *bodies = shapes
+        self._bodies = dict(zip(world.bodies, bodies, strict=True))
+        self._triangles = _Triangles.of([mesh for group in groups.values() for mesh in group])
+        self._movers: tuple[_Mover, ...] = ()
+
+    def place(
+        self, frame: Frame, hide: frozenset[int] = frozenset(), *, before: Frame | None = None
+    ) -> None:
+        """Move every actor to where it is in `frame`; rays pass through those in `hide`.
+
+        With the frame `before`, rays may be cast at any moment between the two. An actor that was
+        not there yet stays where it is.
+        """
+        earlier = {} if before is None else {state.actor.id: state for state in before.states}
+        self._movers = tuple(
+            _Mover.of(state, earlier.get(state.actor.id, state), self._bodies)
+            for state in frame.states
+            if state.actor.id not in hide
+        )
+
+    def cast(self, rays: Rays, max_range_m: float) -> Hits:
+        """The nearest hit of every ray; surfaces beyond `max_range_m` are missed."""
+        reached = _Reached.nothing(len(rays), max_range_m)
+        triangle, range_m = self._static.run(rays.origins, rays.directions, reached.range_m)
+        met = np.flatnonzero(triangle >= 0)
+        if len(met) == len(triangle):
+            reached.triangle[:], reached.range_m[:] = triangle, range_m
+        else:
+            reached.put(met, triangle[met], range_m[met], _STATIC)
+        for number, run in self._near(rays, max_range_m):
+            self._movers[number].cast(rays, run, number, reached)
+        return self._hits(rays, reached)
+
+    def _near(self, rays: Rays, max_range_m: float) -> Iterator[tuple[int, slice]]:
+        """Movers that rays may meet, each with a run of rays."""
+        if not self._movers or not len(rays):
+            return
+        centres = np.array([mover.centre for mover in self._movers])
+        radii_m = np.array([mover.radius_m for mover in self._movers])
+        if rays.fan is None:
+            yield from ((number, slice(0, len(rays))) for number in range(len(centres)))
+            return
+        away_m = np.linalg.norm(centres - rays.fan.world_from_fan[:3, 3], axis=1)
+        near = np.flatnonzero(away_m < max_range_m + rays.fan.reach_m + radii_m)
+        for point, run in rays.fan.towards(centres[near], radii_m[near]):
+            yield int(near[point]), run
+
+    def _hits(self, rays: Rays, reached: "_Reached") -> Hits:
+        """What the triangles that were reached are."""
+        triangle = reached.triangle
+        material = self._triangles.material.take(triangle, mode="wrap")
+        normal = self._triangles.normal.take(triangle, axis=0, mode="wrap")
+        instance = np.zeros(len(rays), np.int32)
+        moving = np.flatnonzero(reached.mover != _STATIC)
+        if len(moving):
+            mover = reached.mover[moving]
+            instance[moving] = np.array([one.id for one in self._movers], np.int32)[mover]
+            paint = np.array([one.paint for one in self._movers], np.int16)[mover]
+            painted = material[moving] == _PAINTED
+            material[moving[painted]] = paint[painted]
+            normal[moving] = self._turned(normal[moving], mover, rays, moving)
+        x, y, z = normal.T
+        along = rays.directions
+        cosine = x * along[:, 0] + y * along[:, 1] + z * along[:, 2]
+        normal *= -np.sign(cosine)[:, None]
+        return Hits(
+            range_m=np.where(triangle >= 0, reached.range_m, np.float32(np.inf)),
+            normal=normal,
+            cosine=np.abs(cosine),
+            material=material,
+            semantic=self._triangles.semantic.take(triangle, mode="wrap"),
+            instance=instance,
+        )
+
+    def _turned(self, normal: Floats, mover: NDArray[np.int16], rays: Rays, where: Rows) -> Floats:
+        """Normals (k, 3) of bodies as their movers (k,) have turned when rays `where` meet them."""
+        if rays.share is None:
+            turns = np.array([one.turn for one in self._movers])[mover]
+        else:
+            turns = np.empty((len(where), 3, 3), np.float32)
+            for number in np.unique(mover):
+                own = np.flatnonzero(mover == number)
+                turns[own] = self._movers[number].pose_at(rays.share[where[own]])[:, :3, :3]
+        return np.einsum("nij,nj->ni", turns, normal)
+
+
+@dataclass(frozen=True, eq=False)
+class _Reached:
+    """How far n rays have got: triangle of all shapes' or -1, range, and whose triangle it is."""
+
+    triangle: NDArray[np.int32]
+    range_m: Floats
+    mover: NDArray[np.int16]
+
+    @staticmethod
+    def nothing(count: int, max_range_m: float) -> "_Reached":
+        return _Reached(
+            triangle=np.full(count, -1, np.int32),
+            range_m=np.full(count, max_range_m, np.float32),
+            mover=np.full(count, _STATIC, np.int16),
+        )
+
+    def put(self, rows: Rows, triangle: NDArray[np.int32], range_m: Floats, mover: int) -> None:
+        self.triangle[rows] = triangle
+        self.range_m[rows] = range_m
+        self.mover[rows] = mover
+
+
+@dataclass(frozen=True, eq=False)
+class _Triangles:
+    """What triangles are; the last row of each table stands for a miss, where -1 finds it."""
+
+    normal: Floats
     material: NDArray[np.int16]
     semantic: NDArray[np.uint8]
-    instance: NDArray[np.int32]
 
     @staticmethod
-    def of_meshes(meshes: Sequence[Mesh]) -> "_Soup":
-        return _Soup.joined(
-            _Soup(
-                vertices=mesh.vertices,
-                triangles=mesh.triangles,
-                material=np.full(len(mesh.triangles), _index_of(mesh.material), np.int16),
-                semantic=np.full(len(mesh.triangles), mesh.semantic, np.uint8),
-                instance=np.zeros(len(mesh.triangles), np.int32),
-            )
-            for mesh in meshes
-        )
-
-    @staticmethod
-    def joined(soups: "Iterable[_Soup]") -> "_Soup":
-        parts = [_NOTHING, *soups]
-        firsts = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
-        return _Soup(
-            vertices=np.concatenate([part.vertices for part in parts]),
-            triangles=np.concatenate(
-                [
-                    part.triangles + np.int32(first)
-                    for part, first in zip(parts, firsts, strict=True)
-                ]
-            ),
-            material=np.concatenate([part.material for part in parts]),
-            semantic=np.concatenate([part.semantic for part in parts]),
-            instance=np.concatenate([part.instance for part in parts]),
+    def of(meshes: Sequence[Mesh]) -> "_Triangles":
+        counts = [*(len(mesh.triangles) for mesh in meshes), 1]
+        materials = [*(_index_of(mesh.material) for mesh in meshes), 0]
+        semantics = [*(mesh.semantic for mesh in meshes), 0]
+        return _Triangles(
+            normal=np.concatenate([*map(_normals, meshes), np.zeros((1, 3), np.float32)]),
+            material=np.repeat(np.array(materials, np.int16), counts),
+            semantic=np.repeat(np.array(semantics, np.uint8), counts),
         )
 
 
-_NOTHING = _Soup(
-    vertices=np.empty((0, 3), np.float32),
-    triangles=np.empty((0, 3), np.int32),
-    material=np.empty(0, np.int16),
-    semantic=np.empty(0, np.uint8),
-    instance=np.empty(0, np.int32),
-)
+class _Shape:
+    """Meshes in Embree's hands.
 
+    Args:
+        meshes: Its parts.
+        first: Row of its first triangle in `_Triangles`.
+    """
 
-class _Scene:
-    """A soup in Embree's hands."""
+    def __init__(self, meshes: Sequence[Mesh], first: int) -> None:
+        self.centre = np.zeros(3)
+        self.radius_m = 0.0
+        self._first = np.int32(first)
+        self._scene: Any = None
+        if not _triangle_count(meshes):
+            return
+        starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)]).astype(np.int32)
+        vertices = np.concatenate([mesh.vertices for mesh in meshes])
+        triangles = np.concatenate(
+            [mesh.triangles + start for mesh, start in zip(meshes, starts, strict=False)]
+        )
+        self.centre = (vertices.min(axis=0) + vertices.max(axis=0)).astype(np.float64) / 2.0
+        self.radius_m = float(np.linalg.norm(vertices - self.centre, axis=1).max())
+        self._scene = EmbreeScene(robust=True)
+        TriangleMesh(self._scene, vertices, triangles)
 
-    def __init__(self, soup: _Soup) -> None:
-        self._soup = soup
-        self._scene: Any = EmbreeScene(robust=True)
-        if len(soup.triangles):
-            TriangleMesh(self._scene, soup.vertices, soup.triangles)
-
-    def cast(
-        self,
-        origins: NDArray[np.float64],
-        directions: NDArray[np.float64],
-        limits: NDArray[np.float32],
-    ) -> Hits:
-        hits = Hits.misses(len(origins))
-        if not len(self._soup.triangles) or not len(origins):
-            return hits
-        rays = np.ascontiguousarray(directions, np.float32)
+    def run(
+        self, origins: Floats, directions: Floats, limits: Floats
+    ) -> tuple[NDArray[np.int32], Floats]:
+        """Triangle (n,), -1 for none, and range (n,) of the nearest hit of rays in its frame."""
+        if self._scene is None or not len(origins):
+            return np.full(len(origins), -1, np.int32), limits
+        # Embree writes what it found over the limits.
         found: dict[str, NDArray[Any]] = self._scene.run(
-            np.ascontiguousarray(origins, np.float32),
-            rays,
-            limits.copy(),  # Embree writes what it found over it
-            output=True,
+            origins, directions, limits.copy(), output=True
         )
-        hit = np.flatnonzero(found["primID"] >= 0)
-        triangle = found["primID"][hit]
-        normal = found["Ng"][hit]
-        normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
-        cosine = -np.einsum("ij,ij->i", normal, rays[hit])
-        hits.put(
-            hit,
-            Hits(
-                range_m=found["tfar"][hit],
-                normal=normal * np.sign(cosine)[:, None],
-                cosine=np.abs(cosine),
-                material=self._soup.material[triangle],
-                semantic=self._soup.semantic[triangle],
-                instance=self._soup.instance[triangle],
-            ),
-        )
-        return hits
+        triangle = found["primID"]
+        triangle += self._first * (triangle >= 0)
+        return triangle, found["tfar"]
 
 
-def _rows(hits: Hits, where: NDArray[np.intp]) -> Hits:
-    return Hits(*(getattr(hits, item.name)[where] for item in fields(hits)))
+@dataclass(frozen=True, eq=False)
+class _Mover:
+    """An instance of a shape, from one frame to the next.
+
+    Attributes:
+        centre: (3,) of a sphere of the world that holds it all the while.
+        radius_m: Of that sphere.
+        place: (3,) at the frame.
+        turn: (3, 3) rotation at the frame.
+    """
+
+    id: int
+    paint: int
+    shape: _Shape
+    before: Matrix
+    now: Matrix
+    centre: NDArray[np.float64]
+    radius_m: float
+    place: Floats
+    turn: Floats
+
+    @staticmethod
+    def of(state: ActorState, before: ActorState, shapes: dict[str, _Shape]) -> "_Mover":
+        shape = shapes[state.actor.blueprint]
+        pose = state.world_from_body
+        first = poses.transform(before.world_from_body, shape.centre)
+        last = poses.transform(pose, shape.centre)
+        return _Mover(
+            id=state.actor.id,
+            paint=_index_of(state.actor.paint),
+            shape=shape,
+            before=before.world_from_body,
+            now=pose,
+            centre=(first + last) / 2.0,
+            radius_m=shape.radius_m + math.dist(first, last) / 2.0,
+            place=pose[:3, 3].astype(np.float32),
+            turn=pose[:3, :3].astype(np.float32),
+        )
+
+    def pose_at(self, share: Floats) -> Matrix:
+        """World from body (n, 4, 4) at moments (n,)."""
+        return poses.between(self.before, self.now, share)
+
+    def cast(self, rays: Rays, run: slice, number: int, reached: _Reached) -> None:
+        """Put its hits where they are nearer than what is there."""
+        origins, directions = rays.origins[run], rays.directions[run]
+        inside = self._inside(origins, directions, reached.range_m[run])
+        if not len(inside):
+            return
+        rows = inside + run.start
+        origins, directions = origins.take(inside, axis=0), directions.take(inside, axis=0)
+        if rays.share is None:
+            origins, directions = (origins - self.place) @ self.turn, directions @ self.turn
+        else:
+            pose = self.pose_at(rays.share[rows]).astype(np.float32)
+            origins = np.einsum("nji,nj->ni", pose[:, :3, :3], origins - pose[:, :3, 3])
+            directions = np.einsum("nji,nj->ni", pose[:, :3, :3], directions)
+        triangle, range_m = self.shape.run(origins, directions, reached.range_m[rows])
+        met = np.flatnonzero(triangle >= 0)
+        reached.put(rows[met], triangle[met], range_m[met], number)
+
+    def _inside(self, origins: Floats, directions: Floats, limits: Floats) -> Rows:
+        """Rays that pass through its sphere before they end."""
+        to_centre = self.centre.astype(np.float32) - origins
+        along = np.einsum("ij,ij->i", to_centre, directions)
+        reach = np.float32(self.radius_m)
+        before_end = np.flatnonzero((along > -reach) & (along - reach < limits))
+        to_centre, along = to_centre.take(before_end, axis=0), along[before_end]
+        off_2 = np.einsum("ij,ij->i", to_centre, to_centre) - along * along
+        return before_end[off_2 < reach * reach]
+
+
+def _triangle_count(meshes: Sequence[Mesh]) -> int:
+    return sum(len(mesh.triangles) for mesh in meshes)
+
+
+def _normals(mesh: Mesh) -> Floats:
+    """Unit normals (m, 3)."""
+    a, b, c = (mesh.vertices[mesh.triangles[:, corner]].astype(np.float64) for corner in range(3))
+    across = np.cross(b - a, c - a)
+    length = np.linalg.norm(across, axis=1, keepdims=True)
+    return (across / np.where(length > 0.0, length, 1.0)).astype(np.float32)
 
 
 def _index_of(material: str) -> int:
     """Index of a material; -1 for what takes its actor's paint."""
-    return -1 if material == PAINT else _MATERIAL_INDEX[material]
+    return _PAINTED if material == PAINT else _MATERIAL_INDEX[material]

@@ -66,11 +66,14 @@ def _cloud(stored: View) -> PointCloud:
 
     return PointCloud(
         points=points,
+        raw=points,
         intensity=table["intensity"],
         ring=column("ring", np.uint16),
+        time_s=column("time", np.float32),
         range_m=np.linalg.norm(points, axis=1),
         semantic=column("tag", np.uint8),
         instance=column("object_id", np.int32),
+        kind=column("kind", np.uint8),
     )
 
 

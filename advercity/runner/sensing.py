@@ -15,7 +15,7 @@ from advercity.rendering.casting import Caster
 from advercity.runner.stage import Stage
 from advercity.runner.viewpoints import Viewpoints
 from advercity.sensors.camera import expose
-from advercity.sensors.lidar import shoot, sweep, visible_counts
+from advercity.sensors.lidar import Scan, air_of, shoot, sweep, visible_counts
 from advercity.sensors.sun import with_sun
 from advercity.traffic.trace import Frame
 from advercity.weather.atmosphere import Atmosphere
@@ -50,6 +50,7 @@ class Senses:
     ) -> None:
         self._viewpoints = viewpoints
         self._atmosphere = atmosphere
+        self._air = air_of(viewpoints.spec.weather, atmosphere)
         self._profile = profile
         self._renderer = renderer
         self._caster = caster
@@ -63,16 +64,26 @@ class Senses:
 
     def _reading(self, agent: Agent, frame: Frame) -> Reading:
         lidar = agent.sensors.lidar
-        self._caster.place(frame, hide=_carrier(agent))
-        world_from_lidar = self._viewpoints.lidar_pose(agent, frame.index)
-        hits = shoot(lidar, world_from_lidar, self._caster)
+        scan = self._scan(agent, frame)
         rng = self._viewpoints.rng("lidar", agent, frame)
         return self._viewpoints.reading(
             agent,
             frame,
             pictures=tuple(self._pictures(agent, frame)),
-            cloud=sweep(lidar, hits, self._atmosphere, rng),
-            visible=visible_counts(hits),
+            cloud=sweep(lidar, scan, self._air, rng, states=frame.states),
+            visible=visible_counts(scan, lidar),
+        )
+
+    def _scan(self, agent: Agent, frame: Frame) -> Scan:
+        lidar, viewpoints = agent.sensors.lidar, self._viewpoints
+        before = viewpoints.before(frame) if lidar.motion_distortion else None
+        self._caster.place(frame, hide=_carrier(agent), before=before)
+        return shoot(
+            lidar,
+            viewpoints.lidar_pose(agent, frame),
+            self._caster,
+            before=None if before is None else viewpoints.lidar_pose(agent, before),
+            puddle_coverage=self._air.puddle_coverage,
         )
 
     def _pictures(self, agent: Agent, frame: Frame) -> Iterator[Picture]:

@@ -1,6 +1,8 @@
 """Where the sensors of a scenario are in each frame, and what they read without looking."""
 
 import math
+from collections.abc import Mapping
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -17,7 +19,7 @@ from advercity.sensors.imu import ImuSample, measure
 from advercity.sensors.lidar import PointCloud
 from advercity.traffic.lamps import lit
 from advercity.traffic.plans import planned
-from advercity.traffic.trace import Frame, Trace
+from advercity.traffic.trace import ActorState, Frame, Trace
 
 
 class Viewpoints:
@@ -53,7 +55,7 @@ class Viewpoints:
             estimated_world_from_agent=(
                 self._located(world_from_agent, gnss) if is_unit else world_from_agent
             ),
-            world_from_lidar=self.lidar_pose(agent, frame.index),
+            world_from_lidar=self.lidar_pose(agent, frame),
             pictures=pictures,
             cloud=cloud,
             visible=visible,
@@ -81,23 +83,24 @@ class Viewpoints:
                 pitch=math.radians(place.pitch_deg),
                 roll=math.radians(place.roll_deg),
             )
-        try:
-            return self._traced(index).of(agent.number).world_from_body
-        except KeyError:
-            raise RunError(
-                f"{self.spec.id}: {agent.id} is not on the road in frame {index};"
-                " its route ends too early"
-            ) from None
+        return self._vehicle_pose(agent, self._traced(index))
 
-    def lidar_pose(self, agent: Agent, index: int) -> Matrix:
-        """`world_from_lidar` (4, 4).
+    def lidar_pose(self, agent: Agent, frame: Frame) -> Matrix:
+        """`world_from_lidar` (4, 4) in a frame.
 
         A roadside unit's LiDAR stands level and looks east, however its cameras are turned.
         """
         mount = _mounted(agent.sensors.lidar.mount)
         if isinstance(agent.place, RoadsideUnit):
             return poses.pose(agent.place.position_m) @ mount
-        return self.pose(agent, index) @ mount
+        return self._vehicle_pose(agent, frame) @ mount
+
+    def before(self, frame: Frame) -> Frame:
+        """The frame one tick earlier; nothing is known before the first, so all goes on evenly."""
+        if frame.index > 0:
+            return self._traced(frame.index - 1)
+        after = {state.actor.id: state.world_from_body for state in self._traced(1).states}
+        return replace(frame, states=tuple(_reversed(state, after) for state in frame.states))
 
     def camera_poses(self, agent: Agent, index: int) -> list[Matrix]:
         """`world_from_camera` (4, 4) of each of its cameras.
@@ -114,6 +117,15 @@ class Viewpoints:
             (0, 0, 0), pitch=math.radians(place.pitch_deg), roll=math.radians(place.roll_deg)
         )
         return [upright @ _mounted(mount) @ tilt for mount in mounts]
+
+    def _vehicle_pose(self, agent: Agent, frame: Frame) -> Matrix:
+        try:
+            return frame.of(agent.number).world_from_body
+        except KeyError:
+            raise RunError(
+                f"{self.spec.id}: {agent.id} is not on the road in frame {frame.index};"
+                " its route ends too early"
+            ) from None
 
     def _plan(self, agent: Agent, index: int) -> tuple[tuple[float, float, float], ...]:
         points = planned(self._trace, agent.number, index).tolist()
@@ -149,6 +161,13 @@ class Viewpoints:
             key=(self.spec.seeds.sensors, self.spec.id, agent.id),
             frame=index,
         )
+
+
+def _reversed(state: ActorState, after: Mapping[int, Matrix]) -> ActorState:
+    """Where an actor was a tick ago if it moved then as it moves until the next."""
+    now = state.world_from_body
+    then = now @ poses.inverse(after.get(state.actor.id, now)) @ now
+    return replace(state, world_from_body=then)
 
 
 def _mounted(mount: Mount) -> Matrix:

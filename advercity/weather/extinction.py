@@ -76,10 +76,10 @@ def of_weather(weather: Weather) -> Extinction:
     """Extinction of everything in the air of `weather`."""
     return (
         _air(weather)
-        + _grey(0.0 if weather.fog.mor_m is None else of_visibility(weather.fog.mor_m))
+        + of_fog(weather)
         + _grey(of_rain(weather.rain.rate_mm_h, q_ext=weather.rain.q_ext))
         + _grey(of_snow(weather.snow.rate_mm_h, density_g_cm3=weather.snow.density_g_cm3))
-        + _dust(weather)
+        + of_dust(weather)
     )
 
 
@@ -95,7 +95,13 @@ def _air(weather: Weather) -> Extinction:
     return Extinction(visible, visible * kim_factor(mor_m))
 
 
-def _dust(weather: Weather) -> Extinction:
+def of_fog(weather: Weather) -> Extinction:
+    """Extinction of the fog of `weather`."""
+    return _grey(0.0 if weather.fog.mor_m is None else of_visibility(weather.fog.mor_m))
+
+
+def of_dust(weather: Weather) -> Extinction:
+    """Extinction of the dust of `weather`."""
     if weather.dust.mor_m is None:
         return Extinction()
     visible = of_visibility(weather.dust.mor_m)

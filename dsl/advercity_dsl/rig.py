@@ -4,9 +4,9 @@ Mounts are in the body frame (x forward, y left, z up, metres, origin on the gro
 middle of the vehicle). A positive pitch looks down, a positive yaw left.
 """
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from advercity_dsl.base import Declaration, Degrees, Metres, Model, PositiveMetres, Seconds, Share
 
@@ -44,33 +44,71 @@ class Camera(Model):
 
 
 class Lidar(Model):
-    """A spinning LiDAR with channels at uniform elevations."""
+    """A spinning LiDAR of ten turns a second that starts each turn straight ahead, to the left.
+
+    The defaults are the original's: an ideal instrument that sees one instant, but through the
+    weather.
+    """
 
     mount: Mount = Mount()
+    channel_table: Literal["uniform", "hdl_32e", "vlp_32c"] = "uniform"
+    """Elevations of the channels: evenly from `lower_deg` to `upper_deg`, or of a real sensor."""
     channels: Annotated[int, Field(ge=1, le=256)] = 32
     lower_deg: Degrees = -25
     upper_deg: Degrees = 15
     azimuths: Annotated[int, Field(ge=16, le=36_000)] = 3750
     range_m: Annotated[PositiveMetres, Field(le=1000)] = 200
+    sub_rays: Literal[1, 7] = 1
+    """Rays that stand for one beam; 7 let a beam meet two surfaces at an edge."""
+    motion_distortion: bool = False
+    """Whether the turn takes the time from tick to tick, while everything moves on."""
+    echoes: Literal["strongest", "last", "dual"] = "strongest"
+    """Which echoes of a beam are reported; dual is both."""
+    detection: Literal["noisy", "step"] = "noisy"
+    """Whether the receiver's noise helps or hinders an echo at the threshold."""
     range_noise_m: Annotated[Metres, Field(ge=0, le=1)] = 0
+    range_noise_model: Literal["fixed", "signal"] = "fixed"
+    """`signal` adds what a weak echo costs: 0.75 m over its signal-to-noise ratio."""
+    soft_gain: Annotated[float, Field(ge=0, le=100)] = 1
+    """Factor on echoes of fog, dust and spray; below 1 for receivers that suppress them."""
+    sunlight_noise: bool = True
+    """Whether daylight raises the threshold and the sun blinds beams that look into it."""
     dropoff_rate: Share = 0
     """Share of rays that are never fired."""
     dropoff_intensity_limit: Share = 1
     dropoff_zero_intensity: Share = 0
 
+    @model_validator(mode="after")
+    def _channels_fit(self) -> Self:
+        if self.channel_table != "uniform" and self.channels != 32:
+            raise ValueError(f"{self.channel_table} has 32 channels, not {self.channels}")
+        return self
+
 
 class Gnss(Model):
-    """Satellite positioning with white noise in degrees and metres, as the original has it."""
+    """Satellite positioning: the original's white noise in degrees, or a real receiver's errors.
 
+    `carla` uses the noise in degrees and `altitude_noise_m`; `realistic` the rest: white noise on
+    top of an error that wanders (first-order Gauss-Markov), both in metres, larger upwards.
+    """
+
+    mode: Literal["carla", "realistic"] = "carla"
     latitude_noise_deg: Annotated[Degrees, Field(ge=0)] = 0
     longitude_noise_deg: Annotated[Degrees, Field(ge=0)] = 0
     altitude_noise_m: Annotated[Metres, Field(ge=0)] = 0
+    white_noise_m: Annotated[Metres, Field(ge=0, le=100)] = 0.3
+    wander_m: Annotated[Metres, Field(ge=0, le=100)] = 1.0
+    wander_time_s: Annotated[Seconds, Field(ge=1, le=3600)] = 120
+    vertical_factor: Annotated[float, Field(ge=0, le=10)] = 1.75
 
 
 class Imu(Model):
     """Accelerometer, gyroscope and compass at the vehicle's origin."""
 
     grade: Literal["ideal", "low", "mid", "high"] = "ideal"
+    compass_noise_deg: Annotated[Degrees, Field(ge=0, le=90)] = 0
+    samples_per_tick: Annotated[int, Field(ge=1, le=100)] = 1
+    """1 is ten samples a second, 10 a hundred."""
 
 
 class Carrier(Model):

@@ -17,7 +17,7 @@ from advercity.randomness import generator
 from advercity.semantics import Semantic
 from advercity.sensors.gnss import GnssFix
 from advercity.sensors.imu import ImuSample
-from advercity.sensors.lidar import PointCloud
+from advercity.sensors.lidar import PointCloud, PointKind
 from advercity.traffic.trace import Actor, ActorState, Frame, Lamp, Signal
 
 WIDTH, HEIGHT = 96, 54
@@ -149,11 +149,16 @@ def scan(agent: Agent, frame: Frame, world_from_lidar: Matrix) -> tuple[PointClo
     return (
         PointCloud(
             points=points.astype(np.float32),
+            raw=points.astype(np.float32),
             intensity=np.exp(-0.004 * range_m).astype(np.float32),
             ring=(np.arange(len(points)) % 32).astype(np.uint16),
             range_m=range_m.astype(np.float32),
             semantic=semantic.astype(np.uint8),
             instance=instance,
+            time_s=np.zeros(len(points), np.float32),
+            kind=np.where(np.arange(len(points)) % 7 == 3, PointKind.FOG, PointKind.SURFACE).astype(
+                np.uint8
+            ),
         ),
         visible,
     )

@@ -16,7 +16,7 @@ from advercity.dataset.writer import DatasetWriter
 from advercity.errors import InputError, RunError
 
 FRAMES = 2
-FILES_PER_FRAME = 103
+FILES_PER_FRAME = 108
 ReadingsOf = Callable[[int], tuple[Reading, ...]]
 Make = Callable[..., DatasetWriter]
 Run = Callable[[Path], list[int]]
@@ -128,7 +128,7 @@ def interrupt() -> None:
     raise _Interrupted
 
 
-MOMENTS = pytest.mark.parametrize("moves", [0, 1, 2, 3, 40, 104, 105, 106, 150, 207])
+MOMENTS = pytest.mark.parametrize("moves", [0, 1, 2, 3, 40, 109, 110, 111, 150, 217])
 
 
 @MOMENTS
@@ -139,7 +139,7 @@ def test_an_interrupted_run_is_completed_by_its_repetition(
     with pytest.MonkeyPatch.context() as patch, pytest.raises(_Interrupted):
         patch.setattr(Path, "replace", when_moving(moves, interrupt))
         run(root)
-    assert frames_with_any_file(root) == ({"000060"} if moves > 104 else set())
+    assert frames_with_any_file(root) == ({"000060"} if moves > FILES_PER_FRAME + 1 else set())
     run(root)
     assert tree(root) == tree(original)
 

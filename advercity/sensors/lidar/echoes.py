@@ -1,0 +1,115 @@
+"""From everything that sends light back to the echoes that a receiver tells apart and reports."""
+
+from dataclasses import dataclass, fields, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from advercity.sensors.lidar.power import PULSE_LENGTH_M
+
+Floats = NDArray[np.floating[Any]]
+Rows = NDArray[np.intp]
+
+_RANGE_UNIT_M = 1.0 / 1024.0
+
+
+@dataclass(frozen=True, eq=False)
+class Echoes:
+    """k echoes; several may share a beam.
+
+    Attributes:
+        beam: (k,) int32.
+        range_m: (k,) float32.
+        power: (k,) float32 against the threshold.
+        noise: (k,) float32 of the receiver when it arrives, standard normal.
+        kind: (k,) uint8 of `PointKind`.
+        semantic: (k,) uint8 of `Semantic`.
+        instance: (k,) int32 id of the actor, or 0.
+    """
+
+    beam: NDArray[np.int32]
+    range_m: Floats
+    power: Floats
+    noise: Floats
+    kind: NDArray[np.uint8]
+    semantic: NDArray[np.uint8]
+    instance: NDArray[np.int32]
+
+    def __len__(self) -> int:
+        return len(self.beam)
+
+    def rows(self, where: "Rows | NDArray[np.bool_]") -> "Echoes":
+        """Those echoes alone."""
+        rows = np.flatnonzero(where) if where.dtype == bool else where
+        return Echoes(*(getattr(self, item.name).take(rows) for item in fields(self)))
+
+    @staticmethod
+    def joined(parts: "list[Echoes]") -> "Echoes":
+        """All of them, one after the other."""
+        if len(parts) == 1:
+            return parts[0]
+        return Echoes(
+            *(
+                np.concatenate([getattr(part, item.name) for part in parts])
+                for item in fields(Echoes)
+            )
+        )
+
+
+def merged(echoes: Echoes) -> Echoes:
+    """Echoes of a beam that follow each other within a pulse become one.
+
+    Their powers add, the range is their mean by power, and what they are is what the strongest
+    of them is. The result is sorted by beam, then range.
+    """
+    # Sources come sorted by beam, which the stable sort makes use of.
+    echoes = echoes.rows(np.argsort(_key(echoes), kind="stable"))
+    apart = np.diff(echoes.range_m, prepend=np.float32(0.0)) >= PULSE_LENGTH_M
+    apart |= np.diff(echoes.beam, prepend=np.int32(-1)) != 0
+    first = np.flatnonzero(apart)
+    if len(first) == len(echoes):
+        return echoes
+    power = np.add.reduceat(echoes.power, first)
+    range_m = np.add.reduceat(echoes.power * echoes.range_m, first) / power
+    strongest = echoes.rows(_strongest(echoes.power, first))
+    return replace(strongest, power=power, range_m=range_m)
+
+
+def chosen(echoes: Echoes, report: Literal["strongest", "last", "dual"]) -> Echoes:
+    """The echoes that are reported of those of each beam, sorted by beam and range.
+
+    Where the strongest is the last, dual adds the second strongest.
+    """
+    if not len(echoes):
+        return echoes
+    new_beam = np.diff(echoes.beam, prepend=np.int32(-1)) != 0
+    first = np.flatnonzero(new_beam)
+    if report == "strongest":
+        return echoes if len(first) == len(echoes) else echoes.rows(_strongest(echoes.power, first))
+    last = np.append(first[1:], len(echoes)) - 1
+    if report == "last":
+        return echoes.rows(last)
+    strongest = _strongest(echoes.power, first)
+    both = last[(strongest == last) & (last > first)]
+    others = echoes.power.copy()
+    others[both] = 0.0
+    return echoes.rows(np.unique([_strongest(others, first), last]))
+
+
+def _strongest(power: Floats, first: Rows) -> Rows:
+    """Row of the strongest echo of each group, by where groups begin; the nearest of equals."""
+    strongest = first.copy()
+    size = np.diff(first, append=len(power))
+    for step in range(1, int(size.max(initial=1))):
+        larger = np.flatnonzero(size > step)
+        rows = first[larger] + step
+        stronger = power[rows] > power[strongest[larger]]
+        strongest[larger[stronger]] = rows[stronger]
+    return strongest
+
+
+def _key(echoes: Echoes) -> NDArray[np.int64]:
+    """Sorts by beam, then range."""
+    range_key = (echoes.range_m * (1.0 / _RANGE_UNIT_M)).astype(np.int64)
+    return (echoes.beam.astype(np.int64) << 32) | range_key

@@ -1,0 +1,135 @@
+"""Echoes of single drops and flakes that fly through a beam.
+
+Particles that send back enough are rare and independent, so how many a beam meets is a Poisson
+number. Rate, range and size come from tables made once per weather; no particle is simulated.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from advercity_dsl import Weather
+from numpy.typing import NDArray
+
+from advercity.sensors.lidar.beams import APERTURE_M, DIVERGENCE_RAD
+from advercity.sensors.lidar.cloud import PointKind
+from advercity.sensors.lidar.power import echo
+
+Array = NDArray[np.float64]
+Floats = NDArray[np.floating[Any]]
+
+RAIN_REFLECTANCE = 0.05
+"""Of a drop seen from a few mrad beside the beam; the glory right behind it is missed."""
+SNOW_REFLECTANCE = 0.2
+LARGEST_DROP_MM = 6.0
+"""Drops that are larger break up."""
+NEAREST_M = 0.5
+REACH_M = 60.0
+STEP_M = 0.02
+LEAST_POWER = 0.4
+"""Weaker particles are left out; three standard deviations of noise would have to help."""
+
+
+@dataclass(frozen=True)
+class SizeDistribution:
+    """Exponential: `intercept` exp(-`slope` D) particles per m³ and mm of melted diameter D."""
+
+    kind: PointKind
+    reflectance: float
+    intercept: float
+    slope_per_mm: float
+    swelling: float
+    """Diameter in the air against melted."""
+    largest_mm: float = math.inf
+
+    def number_above(self, diameter_mm: Array) -> Array:
+        """Particles per m³ (n,) that are larger, by melted diameter."""
+        least = np.minimum(diameter_mm, self.largest_mm)
+        tail = np.exp(-self.slope_per_mm * least) - math.exp(-self.slope_per_mm * self.largest_mm)
+        return self.intercept / self.slope_per_mm * tail
+
+
+def of_rain(rate_mm_h: float) -> SizeDistribution:
+    """Drops by Marshall and Palmer (1948)."""
+    return SizeDistribution(
+        PointKind.RAIN, RAIN_REFLECTANCE, 8000.0, 4.1 * rate_mm_h**-0.21, 1.0, LARGEST_DROP_MM
+    )
+
+
+def of_snow(rate_mm_h: float, density_g_cm3: float) -> SizeDistribution:
+    """Flakes by Gunn and Marshall (1958), as wide as their density makes them."""
+    return SizeDistribution(
+        PointKind.SNOW,
+        SNOW_REFLECTANCE,
+        3.8e3 * rate_mm_h**-0.87,
+        2.55 * rate_mm_h**-0.48,
+        density_g_cm3 ** (-1.0 / 3.0),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class ParticleTable:
+    """How often, where and how strongly a beam meets particles of one kind."""
+
+    sizes: SizeDistribution
+    range_m: Array
+    least_mm: Array
+    """Melted diameter (m,) by range of a particle of `LEAST_POWER`."""
+    expected: Array
+    """Particles (m,) of at least that power that a beam meets up to each range."""
+
+    @staticmethod
+    def of(sizes: SizeDistribution, extinction: float) -> "ParticleTable":
+        """The table for air of that extinction, 1/m."""
+        range_m = np.arange(NEAREST_M, REACH_M, STEP_M)
+        least_mm = least_diameter_mm(range_m, sizes, extinction, LEAST_POWER)
+        per_m = beam_area_m2(range_m) * sizes.number_above(least_mm)
+        steps = np.concatenate([[0.0], (per_m[1:] + per_m[:-1]) / 2.0 * STEP_M])
+        return ParticleTable(sizes, range_m, least_mm, np.cumsum(steps))
+
+    def draw(
+        self, beams: int, rng: np.random.Generator
+    ) -> tuple[NDArray[np.int32], Floats, Floats]:
+        """Beam (k,) ascending, range (k,) and power (k,) of all that a turn of beams meets.
+
+        As if nothing else stood in the way; what is behind a surface is for the caller to drop.
+        """
+        count = int(rng.poisson(beams * self.expected[-1]))
+        beam = np.sort(rng.integers(beams, size=count, dtype=np.int32))
+        range_m = np.interp(rng.random(count) * self.expected[-1], self.expected, self.range_m)
+        least_mm = np.interp(range_m, self.range_m, self.least_mm)
+        diameter_mm = least_mm + self._beyond(least_mm, rng.random(count))
+        power = LEAST_POWER * (diameter_mm / least_mm) ** 2
+        return beam, range_m.astype(np.float32), power.astype(np.float32)
+
+    def _beyond(self, least_mm: Array, uniform: Array) -> Array:
+        """How much larger (k,) than the least each is: exponential, cut at the largest."""
+        slope = self.sizes.slope_per_mm
+        cut = 1.0 - np.exp(-slope * np.maximum(self.sizes.largest_mm - least_mm, 0.0))
+        return -np.log1p(-uniform * cut) / slope
+
+
+def tables_of(weather: Weather, extinction: float) -> tuple[ParticleTable, ...]:
+    """The tables of all that falls in `weather`."""
+    rain, snow = weather.rain, weather.snow
+    falling = [of_rain(rain.rate_mm_h)] if rain.rate_mm_h else []
+    falling += [of_snow(snow.rate_mm_h, snow.density_g_cm3)] if snow.rate_mm_h else []
+    return tuple(ParticleTable.of(sizes, extinction) for sizes in falling)
+
+
+def beam_area_m2(range_m: Array) -> Array:
+    """Cross-section (n,) of a beam, an ellipse."""
+    wide, high = (
+        size + opening * range_m for size, opening in zip(APERTURE_M, DIVERGENCE_RAD, strict=True)
+    )
+    return math.pi / 4.0 * wide * high
+
+
+def least_diameter_mm(
+    range_m: Array, sizes: SizeDistribution, extinction: float, power: float
+) -> Array:
+    """Melted diameter (n,) of a particle that returns `power`, against the threshold."""
+    filling = echo(range_m, np.full_like(range_m, sizes.reflectance), extinction)
+    area_m2 = power / filling * beam_area_m2(range_m)
+    return np.sqrt(area_m2 * 4.0 / math.pi) * 1e3 / sizes.swelling

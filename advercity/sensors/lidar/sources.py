@@ -1,0 +1,221 @@
+"""Everything that sends light back to a LiDAR in one turn."""
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from advercity_dsl import Lidar
+from numpy.typing import NDArray
+
+from advercity.rendering.casting import Fan, Hits
+from advercity.semantics import Semantic
+from advercity.sensors.lidar.air import LidarAir
+from advercity.sensors.lidar.beams import beams, bearings_rad, weights
+from advercity.sensors.lidar.cloud import PointKind
+from advercity.sensors.lidar.draws import Draws, Purpose
+from advercity.sensors.lidar.echoes import Echoes
+from advercity.sensors.lidar.particles import ParticleTable
+from advercity.sensors.lidar.power import PULSE_LENGTH_M, echo
+from advercity.sensors.lidar.scanning import Scan
+from advercity.sensors.lidar.soft import FLUCTUATION, LIDAR_RATIO_SR, NEAREST_M, SoftTarget
+from advercity.sensors.lidar.spray import Passage
+from advercity.sensors.lidar.surfaces import reflected_share
+from advercity.sensors.lidar.window import Window
+from advercity.traffic.trace import ActorState
+
+Floats = NDArray[np.floating[Any]]
+Rows = NDArray[np.intp]
+
+FAINTEST = 0.02
+"""Power of echoes that not even noise lifts over the threshold, were seven of them to add up."""
+SPRAY_DEPTH_M = 3.0
+"""How deep into a plume echoes come from."""
+
+
+class Sources:
+    """All that sends echoes back in one turn.
+
+    Args:
+        lidar: The sensor.
+        scan: What its rays met.
+        air: The weather.
+        draws: Random numbers of the turn.
+        window: What the sensor looks through, if it is not clean.
+        states: Who may throw up spray.
+    """
+
+    def __init__(
+        self,
+        lidar: Lidar,
+        scan: Scan,
+        air: LidarAir,
+        draws: Draws,
+        *,
+        window: Window | None,
+        states: tuple[ActorState, ...],
+    ) -> None:
+        self._lidar = lidar
+        self._scan = scan
+        self._air = air
+        self._draws = draws
+        self._window = window
+        self._count = lidar.azimuths * lidar.channels
+        self._threshold = noise_of(lidar, air)
+        self._stop_m = scan.hits.range_m[:: lidar.sub_rays]
+        self._plumes = self._plumes_of(states)
+        self._spray_left = self._left_by_spray()
+
+    def echoes(self) -> Iterator[Echoes]:
+        """The echoes of every source."""
+        yield self._surfaces()
+        yield from self._onward()
+        if self._air.soft is not None and self._lidar.soft_gain > 0.0:
+            yield self._soft(self._air.soft)
+        for table in self._air.particles:
+            yield self._particles(table)
+        if self._plumes and self._lidar.soft_gain > 0.0:
+            rng = self._draws.stream(Purpose.SPRAY)
+            for plume in self._plumes:
+                yield self._spray(plume, rng)
+
+    def _surfaces(self) -> Echoes:
+        hits = self._scan.hits
+        noise = self._draws.stream(Purpose.SURFACE_NOISE).standard_normal(
+            len(hits.range_m), np.float32
+        )
+        share = self._reflected(hits)
+        share[self._scan.puddled] = 0.0
+        return self._hard(hits, share, None, noise, PointKind.SURFACE)
+
+    def _onward(self) -> Iterator[Echoes]:
+        """What is behind windows or mirrored in puddles; every ray has its own noise."""
+        scan = self._scan
+        onward = [(one, PointKind.SURFACE) for one in scan.behind]
+        onward += [] if scan.mirrored is None else [(scan.mirrored, PointKind.GHOST)]
+        rng = self._draws.stream(Purpose.ONWARD_NOISE)
+        noise = rng.standard_normal(len(scan.hits.range_m), np.float32)
+        for one, kind in onward:
+            share = self._reflected(one.hits) * one.passed
+            yield self._hard(one.hits, share, one.ray, noise[one.ray], kind)
+
+    def _soft(self, soft: SoftTarget) -> Echoes:
+        """Fog and dust; the droplets of each beam are a little more or fewer than the mean."""
+        rng = self._draws.stream(Purpose.SOFT)
+        normal = rng.standard_normal((2, self._count), np.float32)
+        uniform = rng.random((2, self._count), np.float32)
+        gain = np.full(self._count, self._lidar.soft_gain / self._threshold, np.float32)
+        if self._lidar.detection == "noisy":
+            gain *= np.exp(np.float32(FLUCTUATION) * normal[0])
+        self._dim(gain, None)
+        range_m, power = soft.draw(gain, self._stop_m, uniform[0])
+        kind = np.where(uniform[1] < soft.dust_share, PointKind.DUST, PointKind.FOG)
+        beam = np.arange(self._count, dtype=np.int32)
+        return self._airborne(beam, range_m, power, normal[1], kind.astype(np.uint8))
+
+    def _particles(self, table: ParticleTable) -> Echoes:
+        """Drops or flakes in front of whatever stops the beam."""
+        kind = table.sizes.kind
+        rng = self._draws.stream(Purpose.RAIN if kind == PointKind.RAIN else Purpose.SNOW)
+        beam, range_m, power = table.draw(self._count, rng)
+        noise = rng.standard_normal(len(beam), np.float32)
+        power *= (range_m < self._stop_m[beam]) / np.float32(self._threshold)
+        self._dim(power, beam)
+        return self._airborne(beam, range_m, power, noise, np.full(len(beam), kind, np.uint8))
+
+    def _spray(self, plume: Passage, rng: np.random.Generator) -> Echoes:
+        """One vehicle's plume, seen from its near side."""
+        beam = plume.beam.astype(np.int32)
+        normal = rng.standard_normal((2, len(beam)), np.float32)
+        deep_m = rng.random(len(beam), np.float32) * np.minimum(plume.through_m, SPRAY_DEPTH_M)
+        range_m = np.maximum(plume.enter_m + deep_m, np.float32(NEAREST_M))
+        depth_m = np.minimum(plume.through_m, np.float32(PULSE_LENGTH_M))
+        share = plume.extinction * depth_m * np.float32(math.pi / LIDAR_RATIO_SR["spray"])
+        power = echo(range_m, share, self._air.extinction) * (range_m < self._stop_m[beam])
+        power *= np.exp(np.float32(FLUCTUATION) * normal[0])
+        power *= np.float32(self._lidar.soft_gain / self._threshold)
+        self._dim(power, beam)
+        kind = np.full(len(beam), PointKind.SPRAY, np.uint8)
+        return self._airborne(beam, range_m, power, normal[1], kind)
+
+    def _reflected(self, hits: Hits) -> Floats:
+        air = self._air
+        return reflected_share(
+            hits, wetness=air.wetness, snow=air.snow_cover, snow_on_road=air.road_snow_cover
+        )
+
+    def _hard(
+        self, hits: Hits, share: Floats, ray: Rows | None, noise: Floats, kind: PointKind
+    ) -> Echoes:
+        """Echoes of surfaces that rays met, those too faint left out; `ray` None if all rays."""
+        sub_rays = self._lidar.sub_rays
+        if sub_rays > 1:
+            share = share * weights(self._lidar)[_all_or(ray, len(share)) % sub_rays]
+        finite_m = np.minimum(hits.range_m, np.float32(self._lidar.range_m))
+        power = echo(finite_m, share * np.float32(1.0 / self._threshold), self._air.extinction)
+        strong = np.flatnonzero((power > FAINTEST) & np.isfinite(hits.range_m))
+        rays = strong if ray is None else ray[strong]
+        beam = (rays // sub_rays if sub_rays > 1 else rays).astype(np.int32)
+        power = power[strong]
+        self._dim(power, beam)
+        if self._spray_left is not None:
+            power *= self._spray_left[beam]
+        return Echoes(
+            beam=beam,
+            range_m=hits.range_m[strong],
+            power=power,
+            noise=noise[strong],
+            kind=np.full(len(strong), kind, np.uint8),
+            semantic=hits.semantic[strong],
+            instance=hits.instance[strong],
+        )
+
+    def _airborne(
+        self,
+        beam: NDArray[np.int32],
+        range_m: Floats,
+        power: Floats,
+        noise: Floats,
+        kind: NDArray[np.uint8],
+    ) -> Echoes:
+        """Echoes out of the air, those too faint left out."""
+        strong = np.flatnonzero(power > FAINTEST)
+        return Echoes(
+            beam=beam[strong],
+            range_m=range_m[strong],
+            power=power[strong],
+            noise=noise[strong],
+            kind=kind[strong],
+            semantic=np.full(len(strong), Semantic.UNLABELED, np.uint8),
+            instance=np.zeros(len(strong), np.int32),
+        )
+
+    def _dim(self, power: Floats, beam: NDArray[np.int32] | None) -> None:
+        """What the window takes; `beam` None if there is one power a beam."""
+        if self._window is not None:
+            power *= self._window.gain if beam is None else self._window.gain[beam]
+
+    def _plumes_of(self, states: tuple[ActorState, ...]) -> tuple[Passage, ...]:
+        lidar, spray = self._lidar, self._air.spray
+        if spray is None:
+            return ()
+        fan = Fan(self._scan.world_from_lidar, bearings_rad(lidar)[:: lidar.sub_rays])
+        return tuple(spray.passages(states, beams(lidar), fan))
+
+    def _left_by_spray(self) -> Floats | None:
+        """Share (beams,) of the light that comes through all plumes and back."""
+        if not self._plumes:
+            return None
+        depth = np.zeros(self._count, np.float32)
+        for plume in self._plumes:
+            depth[plume.beam] += plume.through_m * plume.extinction
+        return np.exp(np.float32(-2.0) * depth)
+
+
+def noise_of(lidar: Lidar, air: LidarAir) -> float:
+    """Factor on the receiver's noise, and so on its threshold, by daylight."""
+    return air.noise if lidar.sunlight_noise else 1.0
+
+
+def _all_or(ray: Rows | None, count: int) -> Rows:
+    return np.arange(count) if ray is None else ray
