@@ -20,7 +20,7 @@ ROAD_CLEARANCE_M = 1.5
 GARDEN_TREE_M = 5.5
 _WINDOW_M = (1.2, 1.5)
 _BAY_M = 2.9
-_TOWN_WALLS = ("plaster", "brick", "plaster_ochre", "plaster_white", "brick", "concrete")
+_TOWN_WALLS = ("plaster", "brick", "plaster_ochre", "plaster_white", "brick")
 _HOUSE_WALLS = ("plaster_white", "brick", "plaster", "plaster_ochre")
 
 

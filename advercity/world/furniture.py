@@ -1,5 +1,7 @@
 """Street furniture that traffic rules and sensors need: signals, signs, carriers of sensors."""
 
+from dataclasses import replace
+
 import numpy as np
 import shapely
 from advercity_dsl import Road, RoadsideUnit
@@ -37,7 +39,9 @@ CARRIED_WITHIN_M = 1.5
 _ARM_DROP_M = 0.55
 _HEAD_FACE_M = 0.30
 _SIGN_HEIGHT_M = 2.2
-_CARRIER_BELOW_M, _CARRIER_ASIDE_M = 0.25, 0.4
+_CARRIER_BELOW_M = 0.3
+_HEAD_MIDDLE_M = 0.2
+"""Of a head, ahead of where it hangs."""
 _CARRIERS = (
     SurroundingKind.TOWER,
     SurroundingKind.POLE,
@@ -55,19 +59,44 @@ def furniture(road: Road, ground_height: GroundHeight) -> tuple[list[Mesh], list
     place = built(road)
     pieces: list[Piece] = []
     lamps: list[SignalLamp] = []
-    for head in place.heads:
+    units = [unit for unit in road.agents.values() if isinstance(unit, RoadsideUnit)]
+    for declared in place.heads:
+        carried = next((unit for unit in units if _carries(declared, unit)), None)
+        head = declared if carried is None else _below(carried, declared)
         lamps.append(_signal_lamp(head))
         pieces += _signal(head, _height(ground_height, head.pole_m))
+        if carried is not None:
+            pieces.append(_stub(carried, head))
     for sign in place.signs:
         pieces += _sign(sign, _height(ground_height, sign.at_m))
-    for unit in road.agents.values():
-        if isinstance(unit, RoadsideUnit) and not _is_carried(unit, road, place):
+    for unit in units:
+        if not _is_carried(unit, road, place):
             pieces += _carrier(unit, ground_height)
     return meshes(pieces, "furniture_"), lamps
 
 
 def _height(ground_height: GroundHeight, point: Point2) -> float:
     return float(ground_height(np.array([point], dtype=np.float64))[0])
+
+
+def _carries(head: Head, unit: RoadsideUnit) -> bool:
+    gap = np.subtract(head.at_m[:2], unit.position_m[:2])
+    return bool(np.linalg.norm(gap) < CARRIED_WITHIN_M and head.at_m[2] < unit.position_m[2])
+
+
+def _below(unit: RoadsideUnit, head: Head) -> Head:
+    """The head right below a unit, where the unit's own cameras and beams do not reach."""
+    x, y = np.asarray(unit.position_m[:2]) - _HEAD_MIDDLE_M * np.asarray(head.facing)
+    return replace(head, at_m=(float(x), float(y), head.at_m[2]))
+
+
+def _stub(unit: RoadsideUnit, head: Head) -> Piece:
+    """What holds a unit over a signal's arm."""
+    x, y, z = unit.position_m
+    foot = np.asarray(head.at_m) - (0.0, 0.0, _ARM_DROP_M)
+    bend = np.array([x, y, foot[2] + 0.15])
+    stub = tube([foot, bend, np.array([x, y, z - _CARRIER_BELOW_M])], 0.04, sides=6)
+    return Piece(stub, "metal", Semantic.POLE)
 
 
 def _signal_lamp(head: Head) -> SignalLamp:
@@ -223,14 +252,12 @@ def _is_carried(unit: RoadsideUnit, road: Road, place: BuiltRoad) -> bool:
 
 
 def _carrier(unit: RoadsideUnit, ground_height: GroundHeight) -> list[Piece]:
-    """A mast behind a unit that ends below it, so that it never stands in its view."""
-    yaw = np.radians(unit.yaw_deg)
-    back = -_CARRIER_ASIDE_M * np.array([np.cos(yaw), np.sin(yaw)])
-    x, y = np.asarray(unit.position_m[:2]) + back
-    ground = _height(ground_height, (float(x), float(y)))
-    top = max(unit.position_m[2] - _CARRIER_BELOW_M, ground + 0.1)
-    mast = tube([(x, y, ground - 0.3), (x, y, top)], [0.07, 0.05])
-    case = prism(_square(x, y, 0.16), ground, ground + min(0.5, 0.5 * (top - ground)))
+    """A mast right below a unit, so slender that no camera of it looks down so steeply."""
+    x, y, z = unit.position_m
+    ground = _height(ground_height, (x, y))
+    top = max(z - _CARRIER_BELOW_M, ground + 0.1)
+    mast = tube([(x, y, ground - 0.3), (x, y, top)], [0.08, 0.05])
+    case = prism(_square(x, y, 0.16), ground, ground + min(0.5, 0.3 * (top - ground)))
     return [
         Piece(mast, "metal", Semantic.POLE),
         Piece(case, "black_plastic", Semantic.STATIC),

@@ -27,7 +27,7 @@ from advercity.world.site import Site, rectangle
 MOST_TREES = 400
 """In one area."""
 TREE_SPACING_M = 8.0
-TRUNK_CLEARANCE_M = 3.0
+TRUNK_CLEARANCE_M, ROW_CLEARANCE_M = 3.0, 1.0
 CROP_HEIGHT_M = 0.6
 CROP_CLEARANCE_M = 0.8
 STALKS_WITHIN_M = 30.0
@@ -42,9 +42,11 @@ def trees(
     site: Site,
     key: str,
     species: tuple[Species, ...] = (),
+    *,
+    clearance_m: float = TRUNK_CLEARANCE_M,
 ) -> list[Piece]:
     """Trees at points (n, 2), of several species; those on what must stay free are left out."""
-    free = points[site.is_free(points, TRUNK_CLEARANCE_M)] if len(points) else points
+    free = points[site.is_free(points, clearance_m)] if len(points) else points
     if not len(free):
         return []
     draw = generator("trees", key)
@@ -194,7 +196,7 @@ def _sheet(points: Floats, cells: NDArray[np.bool_]) -> Surface:
 
 
 _PLANT = Semantic.VEGETATION
-_TUFTS = 26
+_TUFTS = 46
 """Loose triangles of leaves per clump; vegetation is seen from both sides."""
 _SHARES = {
     Species.OAK: 0.34,
@@ -239,7 +241,7 @@ def _clump(centre: Floats, radii: Floats, draw: np.random.Generator) -> Surface:
     core = ellipsoid((0, 0, 0), radii, sides=sides, bands=bands)
     out = draw.normal(size=(_TUFTS, 3))
     out /= np.linalg.norm(out, axis=1, keepdims=True)
-    spread = draw.normal(scale=0.24, size=(_TUFTS, 3, 3)) * radii.min()
+    spread = draw.normal(scale=0.15, size=(_TUFTS, 3, 3)) * radii.min()
     tufts = ((0.98 * out * radii)[:, None] + spread).reshape(-1, 3)
     vertices = np.concatenate([core.vertices * factor[:, None], tufts])
     tuft_triangles = len(core.vertices) + np.arange(3 * _TUFTS).reshape(-1, 3)

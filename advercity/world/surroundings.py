@@ -19,10 +19,11 @@ from advercity.world.shapes import Floats, Piece, meshes
 from advercity.world.site import GroundHeight, Site, along
 
 SENSOR_CLEARANCE_M = 6.0
-"""Around roadside units nothing grows and nothing is built."""
+"""Around roadside units no trees grow and nothing is built."""
 LINE_CLEARANCE_M = 0.2
 """Between paving and a fence, hedge or wall beside a street, which lets side streets through."""
 _BUILT = (SurroundingKind.BUILDINGS, SurroundingKind.HOUSES)
+_FIELDS = (SurroundingKind.CROPS, SurroundingKind.FIELD)
 _LONG = (SurroundingKind.WALL, SurroundingKind.FENCE, SurroundingKind.HEDGE)
 
 
@@ -42,7 +43,8 @@ def surroundings(
     Raises:
         InputError: A declaration means a stretch that its street does not have.
     """
-    site = _site(road, ground_height, keep_off)
+    open_ground = Site(ground_height, keep_off, built(road).axes)
+    site = open_ground.without(_sensors(road))
     places = [_Place(road, number, item) for number, item in enumerate(road.surroundings)]
     pieces: list[Piece] = []
     lamps: list[StreetLamp] = []
@@ -50,7 +52,7 @@ def surroundings(
         if place.item.kind in _BUILT:
             parts, taken = _buildings(place, site)
             pieces += parts
-            site = site.without(taken)
+            site, open_ground = site.without(taken), open_ground.without(taken)
     for place in places:
         if place.item.kind is SurroundingKind.LAMP:
             for point in place.points(roadside.LAMP_SPACING_M):
@@ -60,6 +62,8 @@ def surroundings(
         elif place.item.kind in _LONG:
             for line in place.lines(keep_off):
                 pieces += _line(place, line, site)
+        elif place.item.kind in _FIELDS:
+            pieces += _fields(place, open_ground)
         elif place.item.kind not in _BUILT:
             pieces += _pieces(place, site)
     return meshes(pieces, "surroundings_"), lamps
@@ -77,6 +81,11 @@ class _Place:
                 self.sides = sides(item.beside, layout(road).streets)
             except InputError as error:
                 raise InputError(f"road '{road.id}', surroundings.{number}: {error}") from error
+
+    @property
+    def is_row(self) -> bool:
+        """Whether it says exactly where things stand, rather than over which ground."""
+        return not self.item.area_m and all(side.near_m == side.far_m for side in self.sides)
 
     def points(self, spacing_m: float) -> list[tuple[float, float]]:
         """Where single things stand."""
@@ -125,13 +134,12 @@ class _Place:
                     yield tuple((float(x), float(y)) for x, y in part.coords)
 
 
-def _site(road: Road, ground_height: GroundHeight, keep_off: BaseGeometry) -> Site:
-    sensors = [
+def _sensors(road: Road) -> list[BaseGeometry]:
+    return [
         shapely.Point(agent.position_m[:2]).buffer(SENSOR_CLEARANCE_M)
         for agent in road.agents.values()
         if isinstance(agent, RoadsideUnit)
     ]
-    return Site(ground_height, keep_off, built(road).axes).without(sensors)
 
 
 def _buildings(place: _Place, site: Site) -> tuple[list[Piece], list[shapely.Polygon]]:
@@ -151,15 +159,23 @@ def _line(place: _Place, line: tuple[tuple[float, float], ...], site: Site) -> l
             return roadside.wall(line, height, site)
 
 
+def _fields(place: _Place, site: Site) -> list[Piece]:
+    height, key = place.item.height_m, place.key
+    if place.item.kind is SurroundingKind.FIELD:
+        groups = [plants.tilled_field(rows, site, key) for rows in place.rows()]
+    else:
+        groups = [plants.crops(rows, height, site, key) for rows in place.rows()]
+    return [piece for pieces in groups for piece in pieces]
+
+
 def _pieces(place: _Place, site: Site) -> list[Piece]:
     item, key = place.item, place.key
     match item.kind:
         case SurroundingKind.TREES:
-            return plants.trees(place.scattered(), item.height_m, site, key, item.species)
-        case SurroundingKind.CROPS:
-            groups = [plants.crops(rows, item.height_m, site, key) for rows in place.rows()]
-        case SurroundingKind.FIELD:
-            groups = [plants.tilled_field(rows, site, key) for rows in place.rows()]
+            margin = plants.ROW_CLEARANCE_M if place.is_row else plants.TRUNK_CLEARANCE_M
+            return plants.trees(
+                place.scattered(), item.height_m, site, key, item.species, clearance_m=margin
+            )
         case SurroundingKind.BUS_STOP:
             groups = [roadside.bus_stop(point, site) for point in item.at_m]
         case SurroundingKind.TOWER:

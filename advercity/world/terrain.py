@@ -18,7 +18,7 @@ from advercity.world.curves import Points, resampled, stations
 from advercity.world.meshing import filled, mesh, polygons_of, ribbon
 from advercity.world.scene import Mesh
 
-MARGIN_M = 160.0
+MARGIN_M = 900.0
 """How far the ground goes on beyond the outermost street."""
 CELL_M = 4.0
 GROWTH = 1.35

@@ -16,6 +16,8 @@ PAINT = "paint"
 """Material of parts that take the actor's own."""
 OPEN = frozenset({Semantic.VEGETATION})
 """Classes whose surfaces have two sides; SAPIEN draws only one."""
+TURNED = np.array([-1.0, -1.0, 1.0], dtype=np.float32)
+"""Of the normal on the other side: light from above shines through leaves."""
 LENSES = {
     "lamp_white": 1,
     "lamp_red": 2,
@@ -52,7 +54,7 @@ class ShapeLibrary:
         if mesh.semantic in OPEN:
             triangles = np.concatenate([triangles, triangles[:, ::-1] + len(vertices)])
             vertices = np.concatenate([vertices, vertices])
-            normals = np.concatenate([normals, -normals])
+            normals = np.concatenate([normals, normals * TURNED])
         return sapien.render.RenderShapeTriangleMesh(
             vertices=vertices,
             triangles=triangles.astype(np.uint32),

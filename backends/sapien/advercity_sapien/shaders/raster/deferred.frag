@@ -60,7 +60,7 @@ void main() {
   vec4 normal = texture(samplerNormal, inUV);
   vec3 position = eye + ray * distance;
   float pixelAngle = 2.0 / (cameraBuffer.projectionMatrix[0][0] * cameraBuffer.width);
-  float wide = footprint(pixelAngle, distance, -dot(ray, normal.xyz));
+  float wide = footprint(pixelAngle, distance, abs(dot(ray, normal.xyz)));
   albedo.rgb *= detail(int(depthEmission.z), position, normal.xyz, wide);
 
   Surface s = surface(albedo.rgb, albedo.a, normal.a, normal.xyz);

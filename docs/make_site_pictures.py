@@ -1,0 +1,103 @@
+"""Takes the pictures of the five sites that lie under `docs/images/sites/`.
+
+    python docs/make_site_pictures.py [FOLDER [ROAD ...]]
+
+Of every road: what the ego sees through its windscreen, what both roadside units see, and the site
+from 60 m above, on a clear day in sparse traffic.
+"""
+
+import argparse
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+from advercity_dsl import Spec
+from numpy.typing import NDArray
+
+from advercity.compiler import compile_library
+from advercity.poses import Matrix, pose
+from advercity.rendering.backend import CameraView, Profile
+from advercity.rendering.registry import load_backend
+from advercity.runner.stage import set_stage
+from advercity.runner.viewpoints import Viewpoints
+from advercity.sensors.camera import expose
+from advercity.sensors.sun import with_sun
+from advercity.weather.derivation import atmosphere_of
+from advercity.world.build import build_world
+
+ROOT = Path(__file__).parents[1]
+WIDTH_PX, HEIGHT_PX = 960, 540
+OVERSAMPLING = 2
+"""Pictures are taken this many times larger and averaged."""
+MOST_BYTES = 120_000
+FRAMES = {"ui": 40, "unj": 45, "ri": 30, "rsnj": 90, "rcnj": 90}
+ABOVE_M = 60.0
+
+
+def main() -> None:
+    """Take the pictures of the roads named, or of all."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", nargs="?", type=Path, default=ROOT / "docs/images/sites")
+    parser.add_argument("roads", nargs="*", default=list(FRAMES))
+    options = parser.parse_args()
+    specs = {spec.id: spec for spec in compile_library(ROOT / "library")}
+    options.folder.mkdir(parents=True, exist_ok=True)
+    for road in options.roads:
+        for name, image in pictures(specs[f"{road}_clear_day_sparse"], FRAMES[road]):
+            (options.folder / f"{road}_{name}.jpg").write_bytes(small_jpeg(image))
+
+
+def pictures(spec: Spec, index: int) -> Iterator[tuple[str, NDArray[np.uint8]]]:
+    """Name and sRGB picture (h, w, 3) of each view of a scenario in kept frame `index`."""
+    stage = set_stage(spec)
+    viewpoints = Viewpoints(spec, stage.trace)
+    frame = viewpoints.frame(index)
+    atmosphere = atmosphere_of(spec.weather, spec.road.land_use)
+    profile = Profile("pictures", 1.0, "raster")
+    world = build_world(spec, stage.network)
+    with load_backend("sapien").open(world, atmosphere, profile) as renderer:
+        renderer.place(frame)
+        for name, world_from_camera, hide in _views(viewpoints, index):
+            camera = spec.agents[0].sensors.camera
+            view = CameraView(
+                world_from_camera,
+                WIDTH_PX * OVERSAMPLING,
+                HEIGHT_PX * OVERSAMPLING,
+                math.radians(camera.horizontal_fov_deg),
+                hide=hide,
+            )
+            capture = with_sun(renderer.camera(view), view, atmosphere)
+            image = expose(capture, camera, viewpoints.rng("picture", spec.agents[0], frame))
+            size = (WIDTH_PX, HEIGHT_PX)
+            yield name, cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
+
+
+def _views(viewpoints: Viewpoints, index: int) -> Iterator[tuple[str, Matrix, frozenset[int]]]:
+    agents = {agent.id: agent for agent in viewpoints.spec.agents}
+    ego = agents["cav1"]
+    yield "ego", viewpoints.camera_poses(ego, index)[0], frozenset({ego.number})
+    for name in ("rsu1", "rsu2"):
+        yield name, viewpoints.camera_poses(agents[name], index)[0], frozenset()
+    yield "above", _above(viewpoints.pose(ego, index)), frozenset()
+
+
+def _above(world_from_ego: Matrix) -> Matrix:
+    """Behind the ego and `ABOVE_M` over it, looking down where it goes."""
+    yaw = math.atan2(world_from_ego[1, 0], world_from_ego[0, 0])
+    x, y, z, _ = world_from_ego @ (-45.0, 0.0, ABOVE_M, 1.0)
+    return pose((x, y, z), yaw=yaw, pitch=math.radians(38.0))
+
+
+def small_jpeg(image: NDArray[np.uint8]) -> bytes:
+    """An sRGB picture (h, w, 3) as JPEG, as good as `MOST_BYTES` allow."""
+    for quality in range(90, 30, -5):
+        _, data = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
+        if len(data) <= MOST_BYTES:
+            return data.tobytes()
+    raise AssertionError("a picture of noise")
+
+
+if __name__ == "__main__":
+    main()
