@@ -52,8 +52,8 @@ FROM_OSM = {
 FROM_SUMO = {"sumo-net-file": "map.xml"}
 FOR_CARS = {
     "keep-edges.by-vclass": "passenger",
-    "remove-edges.isolated": "true",
     "junctions.corner-detail": "8",
+    "junctions.internal-link-detail": "12",
     "tls.default-type": "static",
 }
 
@@ -85,7 +85,8 @@ def network_of(declared: MapFile, road: Road, folder: Path) -> MapNetwork:
         output = work / "road.net.xml"
         outcome = netconvert(options, output)
         if not outcome.succeeded:
-            raise InputError(f"{declared.file}: netconvert cannot read it: {_first(outcome.said)}")
+            why = f"{_first(outcome.said)}{_within(declared)}"
+            raise InputError(f"{declared.file}: netconvert cannot use it: {why}")
         net = cleaned(read_xml(output.read_bytes()))
     if not any(_is_for_cars(lane) for lane in net.iter("lane")):
         raise InputError(f"{declared.file}: has no lane for cars{_within(declared)}")
@@ -182,4 +183,4 @@ def _is_for_cars(lane: Element) -> bool:
 
 
 def _within(declared: MapFile) -> str:
-    return "" if declared.extent_m is None else " within `extent_m`"
+    return "" if declared.extent_m is None else " (within `extent_m`)"

@@ -7,9 +7,11 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from advercity.errors import InputError
 from advercity.world.curves import Points, left_of
+from advercity.world.meshing import polygons_of
 
 LANE_WIDTH_M = 3.2
 """Where a network does not say; SUMO's own."""
@@ -49,11 +51,11 @@ class NetLane:
         """(n, 3) right border."""
         return self.beside(-self.width_m / 2)
 
-    def area(self, margin_m: float = 0.0) -> shapely.Geometry:
+    def area(self, margin_m: float = 0.0) -> BaseGeometry:
         """What it covers, wider by a margin on both sides."""
         half = self.width_m / 2 + margin_m
         ring = np.vstack([self.beside(half), self.beside(-half)[::-1]])
-        return shapely.make_valid(shapely.Polygon(ring[:, :2]))
+        return enclosed(ring)
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,6 +210,12 @@ def points(shape: str) -> Points:
     if not np.isfinite(found).all():
         raise ValueError(f"'{shape[:60]}' is not finite")
     return found
+
+
+def enclosed(ring: Points) -> BaseGeometry:
+    """Area within a ring (n, 2 or 3), however it is wound or crosses itself."""
+    valid = shapely.make_valid(shapely.Polygon(ring[:, :2]))
+    return shapely.union_all(polygons_of(valid))
 
 
 def _without_repeats(line: Points) -> Points:

@@ -15,7 +15,7 @@ from shapely.geometry.base import BaseGeometry
 from shapely.ops import substring
 
 from advercity.world.curves import Points
-from advercity.world.imported.net import Net, NetEdge, NetLane
+from advercity.world.imported.net import Net, NetEdge, NetLane, enclosed
 from advercity.world.meshing import Piece, cells, filled, mesh, polygons_of, ribbon
 from advercity.world.scene import Mesh
 from advercity.world.surface import KERB_HEIGHT_M, KERB_WIDTH_M, LEVEL_WITHIN_M, MATERIALS, UP
@@ -84,8 +84,11 @@ class Surface:
         for junction in self._net.junctions.values():
             shapes = [self._driven[junction.id]] if junction.id in self._driven else []
             if len(junction.outline) > 2:
-                shapes.append(shapely.make_valid(shapely.Polygon(junction.outline[:, :2])))
-            area = shapely.difference(shapely.union_all(shapes), self._carriageways, SNAP_M)
+                shapes.append(enclosed(junction.outline))
+            free = shapely.difference(
+                shapely.union_all(shapes), self._carriageways, grid_size=SNAP_M
+            )
+            area = shapely.union_all(polygons_of(free))
             if not area.is_empty:
                 areas[junction.id] = area
         return areas
@@ -103,13 +106,13 @@ class Surface:
         driven = shapely.union_all([self._carriageways, *self._driven.values()], grid_size=SNAP_M)
         walks = [lane.area() for lane in self._lanes if lane.kind == "sidewalk"]
         corners = [
-            shapely.make_valid(shapely.Polygon(lane.outline[:, :2]))
+            enclosed(lane.outline)
             for edge in self._net.corners
             for lane in edge.lanes
             if lane.outline is not None and len(lane.outline) > 2
         ]
         area = _closed(shapely.union_all([*walks, *corners], grid_size=SNAP_M), SLIVER_M)
-        return _opened(shapely.difference(area, driven, SNAP_M), SLIVER_M)
+        return _opened(shapely.difference(area, driven, grid_size=SNAP_M), SLIVER_M)
 
     @cached_property
     def footprint(self) -> BaseGeometry:
@@ -193,7 +196,7 @@ class Surface:
             heights = self.height_in(name)
             yield from _spread(shapely.buffer(area, OVERLAP_M, join_style="mitre"), heights.at)
         covered = [self._carriageways, *self.crossings_of_streets.values()]
-        left_over = shapely.difference(self.roadway, shapely.union_all(covered), SNAP_M)
+        left_over = shapely.difference(self.roadway, shapely.union_all(covered), grid_size=SNAP_M)
         yield from _spread(shapely.buffer(left_over, OVERLAP_M, join_style="mitre"), self.height)
 
     def _tops(self, area: BaseGeometry) -> Iterator[Piece]:
