@@ -2,7 +2,8 @@
 
     python benchmarks/kill.py [compiled/ui_fog_day_sparse.json] [--kills 20] [--frames 12]
 
-Each time the same command is started again. Exit code 1 if the trees differ or `verify` finds
+Each time the same command is started again; whenever it has come to its end, the trees are
+compared and the next one starts from nothing. Exit code 1 if any of them differs or `verify` finds
 anything. Every process is a new one, killed with SIGKILL along with its children.
 """
 
@@ -10,6 +11,7 @@ import argparse
 import hashlib
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -27,18 +29,21 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         whole, killed = Path(folder) / "whole", Path(folder) / "killed"
         begin = time.perf_counter()
-        subprocess.run(_command(arguments, whole), check=True)
+        subprocess.run(_command(arguments, whole), check=True, stdout=subprocess.DEVNULL)
         whole_s = time.perf_counter() - begin
         print(f"undisturbed: {whole_s:.1f} s, {len(_tree(whole))} files")
-        for number in range(arguments.kills):
-            patience_s = moments.uniform(0.0, whole_s)
-            code = _run_for(_command(arguments, killed), patience_s)
-            print(f"kill {number + 1}: after {patience_s:.1f} s, {_state(code)}, {_done(killed)}")
-        subprocess.run(_command(arguments, killed), check=True)
-        problems = verify_dataset(killed)
-        same = _tree(killed) == _tree(whole)
-        print(f"after the last start: {len(problems)} problems, {'equal' if same else 'DIFFERENT'}")
-    return 0 if same and not problems else 1
+        kills, wrong = 0, 0
+        while kills < arguments.kills:
+            patience_s = moments.uniform(0.1, 0.7) * whole_s
+            if _is_killed(_command(arguments, killed), patience_s):
+                kills += 1
+                print(f"kill {kills}: after {patience_s:.1f} s, {_done(killed)}")
+            else:
+                wrong += _compare(killed, whole)
+                shutil.rmtree(killed)
+        subprocess.run(_command(arguments, killed), check=True, stdout=subprocess.DEVNULL)
+        wrong += _compare(killed, whole)
+    return min(1, wrong)
 
 
 def _command(arguments: argparse.Namespace, output: Path) -> list[str]:
@@ -50,18 +55,26 @@ def _command(arguments: argparse.Namespace, output: Path) -> list[str]:
     ]
 
 
-def _run_for(command: list[str], patience_s: float) -> int:
-    """Exit code of a process that is given so long."""
+def _is_killed(command: list[str], patience_s: float) -> bool:
+    """Give a process so long, then kill it; False if it came to its end before."""
     process = subprocess.Popen(command, start_new_session=True, stdout=subprocess.DEVNULL)
     try:
-        return process.wait(patience_s)
+        code = process.wait(patience_s)
     except subprocess.TimeoutExpired:
         os.killpg(process.pid, signal.SIGKILL)
-        return process.wait()
+        process.wait()
+        return True
+    if code:
+        raise subprocess.CalledProcessError(code, command)
+    return False
 
 
-def _state(code: int) -> str:
-    return "killed" if code == -signal.SIGKILL else f"ended with {code}"
+def _compare(killed: Path, whole: Path) -> bool:
+    """Whether they differ, or something is wrong with them."""
+    problems = verify_dataset(killed)
+    differ = _tree(killed) != _tree(whole)
+    print(f"done: {len(problems)} problems, {'DIFFERENT' if differ else 'equal'}")
+    return differ or bool(problems)
 
 
 def _done(root: Path) -> str:

@@ -76,15 +76,32 @@ def _header(count: int) -> str:
 
 
 def read(path: Path) -> NDArray[np.void]:
-    """The points of a file that `encode` made, as a table of `POINT`; InputError if it is not."""
+    """The points of a binary cloud as a table of the fields that its header names.
+
+    Raises:
+        InputError: It cannot be read, or is something else.
+    """
     try:
-        content = path.read_bytes()
+        header, _, body = path.read_bytes().partition(b"DATA binary\n")
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
-    header, _, body = content.partition(b"DATA binary\n")
-    fields = next((line for line in header.splitlines() if line.startswith(b"FIELDS ")), b"")
-    if fields.decode("ascii", "replace").split()[1:] != list(POINT.names or ()):
-        raise InputError(f"{path}: not a cloud of advercity: {len(content)} bytes, other fields")
-    if len(body) % POINT.itemsize:
-        raise InputError(f"{path}: is cut off after {len(content)} bytes")
-    return np.frombuffer(body, dtype=POINT)
+    try:
+        count, kind = _declared(header.decode("ascii"))
+    except (KeyError, ValueError) as error:
+        raise InputError(f"{path}: not a binary point cloud: {error}") from error
+    if len(body) != count * kind.itemsize:
+        raise InputError(
+            f"{path}: is cut off: {len(body)} bytes for {count} points of {kind.itemsize}"
+        )
+    return np.frombuffer(body, dtype=kind)
+
+
+def _declared(header: str) -> tuple[int, np.dtype[np.void]]:
+    """Number and layout of points; KeyError or ValueError if the header is none."""
+    entries = {key: values for key, *values in map(str.split, header.splitlines())}
+    letters = {"F": "f", "I": "i", "U": "u"}
+    kinds = [
+        f"<{letters[letter]}{size}"
+        for letter, size in zip(entries["TYPE"], entries["SIZE"], strict=True)
+    ]
+    return int(entries["POINTS"][0]), np.dtype(list(zip(entries["FIELDS"], kinds, strict=True)))
