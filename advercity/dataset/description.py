@@ -101,11 +101,17 @@ def _gnss(fix: GnssFix) -> dict[str, Any]:
 
 
 def _imu(sample: ImuSample) -> dict[str, Any]:
+    """Of a unit that is faster than the frames, `earlier` has what came since the last one."""
     return {
+        **({"earlier": [_timed(one) for one in sample.earlier]} if sample.earlier else {}),
         "accelerometer": dict(zip("xyz", plain(mirror(sample.specific_force)), strict=True)),
         "gyroscope": dict(zip("xyz", plain(mirror_rate(sample.angular_rate)), strict=True)),
         "compass": plain(sample.compass_rad),
     }
+
+
+def _timed(sample: ImuSample) -> dict[str, Any]:
+    return {"time_offset": plain(sample.time_s), **_imu(sample)}
 
 
 def _colour(material: str) -> str:

@@ -13,6 +13,7 @@ from advercity.dataset.reading import Picture, Reading
 from advercity.errors import RunError
 from advercity.poses import Matrix
 from advercity.randomness import generator
+from advercity.sensors.gauss_markov import wander
 from advercity.sensors.geodesy import Geodetic, enu_from_geodetic
 from advercity.sensors.gnss import GnssFix, fix
 from advercity.sensors.imu import ImuSample, measure
@@ -132,12 +133,21 @@ class Viewpoints:
         return tuple((x, y, speed) for x, y, speed in points)
 
     def _fix(self, agent: Agent, world_from_agent: Matrix, frame: Frame) -> GnssFix:
+        gnss, spec, index = agent.sensors.gnss, self.spec, frame.index
+        slow = wander(
+            generator(spec.seeds.sensors, spec.id, "gnss wander", agent.id),
+            index,
+            index,
+            memory=math.exp(-self._trace.tick_s / gnss.wander_time_s),
+            axes=3,
+        )
         return fix(
-            agent.sensors.gnss,
+            gnss,
             world_from_agent[:3, 3],
             origin=self._origin,
             time_s=frame.time_s,
             rng=self.rng("gnss", agent, frame),
+            wander=slow[0],
         )
 
     def _located(self, world_from_agent: Matrix, gnss: GnssFix) -> Matrix:
@@ -153,10 +163,10 @@ class Viewpoints:
         if imu is None:
             return None
         middle = min(max(index, 1), len(self._trace) - 2)
-        before, now, after = (self.pose(agent, middle + step) for step in (-1, 0, 1))
+        around = (max(0, middle - 2), middle - 1, middle, middle + 1)
         return measure(
             imu,
-            (before, now, after),
+            [self.pose(agent, tick) for tick in around],
             self._trace.tick_s,
             key=(self.spec.seeds.sensors, self.spec.id, agent.id),
             frame=index,

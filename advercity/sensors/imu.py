@@ -5,14 +5,17 @@ data sheets.
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from advercity_dsl import Imu
 from numpy.typing import NDArray
 
-from advercity.poses import Matrix, angles
+from advercity import poses
+from advercity.poses import Matrix
 from advercity.randomness import generator
+from advercity.sensors.gauss_markov import wander
 
 Array = NDArray[np.float64]
 
@@ -29,11 +32,15 @@ class ImuSample:
         specific_force: (3,) m/s², body frame; (0, 0, 9.81) at rest on level ground.
         angular_rate: (3,) rad/s, body frame.
         compass_rad: Heading clockwise from north, from 0 to 2 pi.
+        time_s: Against the frame's instant; 0 or earlier.
+        earlier: Samples since the frame before, of a unit that is faster than the frames.
     """
 
     specific_force: Array
     angular_rate: Array
     compass_rad: float
+    time_s: float = 0.0
+    earlier: "tuple[ImuSample, ...]" = ()
 
 
 @dataclass(frozen=True)
@@ -57,58 +64,85 @@ _GRADES = {
 
 def measure(
     imu: Imu,
-    world_from_body: tuple[Matrix, Matrix, Matrix],
+    world_from_body: Sequence[Matrix],
     tick_s: float,
     *,
     key: tuple[int | str, ...],
     frame: int,
 ) -> ImuSample:
-    """The sample at the middle one of three consecutive poses.
+    """The sample at the last but one of consecutive poses.
+
+    Between two poses the acceleration changes evenly, as that of a cubic spline does.
 
     Args:
-        imu: Its grade.
-        world_from_body: Poses (4, 4) one tick before, now and one tick after.
+        imu: Its grade and rate.
+        world_from_body: Poses (4, 4) one tick before, now and one tick after; a unit with more
+            than one sample per tick needs the one before these, too.
         tick_s: Time between them.
         key: What the noise is for: seed, agent; the same for all frames.
         frame: Counts from 0; the bias has wandered that many ticks.
     """
+    count = imu.samples_per_tick
+    now = _motion(world_from_body[-3:], tick_s)
+    last = now if count == 1 else _motion(world_from_body[-4:-1], tick_s)
+    errors = _errors(imu, tick_s / count, key, frame)
+    samples = [
+        _sample(last, now, (step + 1) / count, error, tick_s) for step, error in enumerate(errors)
+    ]
+    return replace(samples[-1], earlier=tuple(samples[:-1]))
+
+
+@dataclass(frozen=True, eq=False)
+class _Motion:
+    """Pose (4, 4), acceleration (3,) in the world and turn rate (3,) in the body at a tick."""
+
+    world_from_body: Matrix
+    acceleration: Array
+    rate: Array
+
+
+def _motion(world_from_body: Sequence[Matrix], tick_s: float) -> _Motion:
+    """Motion at the middle one of three poses, by central differences."""
     before, now, after = world_from_body
-    acceleration = (after[:3, 3] - 2.0 * now[:3, 3] + before[:3, 3]) / tick_s**2
-    force = now[:3, :3].T @ (acceleration + _UP)
-    rate = rotation_vector(before[:3, :3].T @ after[:3, :3]) / (2.0 * tick_s)
-    error = _error(_GRADES[imu.grade], tick_s, key, frame)
-    yaw, _, _ = angles(now)
+    return _Motion(
+        world_from_body=now,
+        acceleration=(after[:3, 3] - 2.0 * now[:3, 3] + before[:3, 3]) / tick_s**2,
+        rate=poses.rotation_vector(before[:3, :3].T @ after[:3, :3]) / (2.0 * tick_s),
+    )
+
+
+def _sample(last: _Motion, now: _Motion, share: float, error: Array, tick_s: float) -> ImuSample:
+    """The sample at a share of the way from one tick to the next; error (7,) as of `_errors`."""
+    (turned,) = poses.between(last.world_from_body, now.world_from_body, [share])
+    acceleration = last.acceleration + share * (now.acceleration - last.acceleration)
+    yaw, _, _ = poses.angles(turned)
     return ImuSample(
-        specific_force=force + error[:3],
-        angular_rate=rate + error[3:],
-        compass_rad=(math.pi / 2.0 - yaw) % (2.0 * math.pi),
+        specific_force=turned[:3, :3].T @ (acceleration + _UP) + error[:3],
+        angular_rate=last.rate + share * (now.rate - last.rate) + error[3:6],
+        compass_rad=(math.pi / 2.0 - yaw + float(error[6])) % (2.0 * math.pi),
+        time_s=(share - 1.0) * tick_s,
     )
 
 
-def rotation_vector(rotation: Matrix) -> Array:
-    """Axis times angle in rad (3,) of a rotation (3, 3) of less than half a turn."""
-    twice_sine = np.array(
-        [
-            rotation[2, 1] - rotation[1, 2],
-            rotation[0, 2] - rotation[2, 0],
-            rotation[1, 0] - rotation[0, 1],
-        ]
-    )
-    angle = np.arctan2(np.linalg.norm(twice_sine), np.trace(rotation) - 1.0)
-    return twice_sine / (2.0 * np.sinc(angle / np.pi))
-
-
-def _error(grade: _Grade, tick_s: float, key: tuple[int | str, ...], frame: int) -> Array:
-    """White noise plus bias (6,): accelerometer, then gyroscope."""
+def _errors(imu: Imu, step_s: float, key: tuple[int | str, ...], frame: int) -> Array:
+    """White noise plus bias (samples, 7): accelerometer, gyroscope, compass."""
+    grade, count = _GRADES[imu.grade], imu.samples_per_tick
     density = np.repeat([grade.accelerometer_density, grade.gyro_density], 3)
     bias = np.repeat([grade.accelerometer_bias, grade.gyro_bias], 3)
-    white = generator(*key, "imu noise", frame).standard_normal(6)
-    wander = _wander(generator(*key, "imu bias"), frame, math.exp(-tick_s / BIAS_TIME_S))
-    return density / math.sqrt(tick_s) * white + bias * wander
-
-
-def _wander(rng: np.random.Generator, frame: int, memory: float) -> Array:
-    """Gauss-Markov process (6,) of variance 1 at `frame`, the sum of all steps up to it."""
-    steps = rng.standard_normal((frame + 1, 6))
-    steps[1:] *= math.sqrt(1.0 - memory**2)
-    return memory ** np.arange(frame, -1, -1) @ steps
+    white = generator(*key, "imu noise", frame).standard_normal((count, 6))
+    first = frame * count
+    slow = wander(
+        generator(*key, "imu bias"),
+        first,
+        first + count - 1,
+        memory=math.exp(-step_s / BIAS_TIME_S),
+        axes=6,
+    )
+    compass = generator(*key, "compass", frame).standard_normal((count, 1))
+    return np.concatenate(
+        [
+            density / math.sqrt(step_s) * white + bias * slow,
+            math.radians(imu.compass_noise_deg) * compass,
+        ],
+        axis=1,
+    )

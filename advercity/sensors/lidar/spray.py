@@ -75,7 +75,7 @@ class Spray:
             plume_from_lidar = poses.inverse(world_from_plume) @ fan.world_from_fan
             thickness = EXTINCTION_PER_G_M3 * WATER_G_M3
             thickness *= (state.speed_m_s / REFERENCE_SPEED_M_S) ** 2
-            radius_m = np.array([np.linalg.norm(half)])
+            radius_m = np.array([np.linalg.norm(half)], np.float64)
             for _, run in fan.towards(centre[None, :], radius_m):
                 rows = np.arange(run.start, run.stop)
                 yield _through_box(directions[run], rows, plume_from_lidar, half, thickness)
@@ -86,14 +86,14 @@ def _through_box(
 ) -> Passage:
     """Slab test of rays from the LiDAR against a box around the plume's origin."""
     own = directions @ plume_from_lidar[:3, :3].T.astype(np.float32)
-    start, half = plume_from_lidar[:3, 3].astype(np.float32), half.astype(np.float32)
+    start, reach = plume_from_lidar[:3, 3].astype(np.float32), half.astype(np.float32)
     slope = 1.0 / np.where(np.abs(own) < 1e-6, np.float32(1e-6), own)
-    one, other = (-half - start) * slope, (half - start) * slope
+    one, other = (-reach - start) * slope, (reach - start) * slope
     enter = np.minimum(one, other).max(axis=1).clip(0.0)
     leave = np.maximum(one, other).min(axis=1)
     inside = np.flatnonzero(leave > enter)
     enter, leave, own = enter[inside], leave[inside], own[inside]
-    behind = half[0] - (start[0] + own[:, 0] * (enter + leave) / 2.0)
+    behind = reach[0] - (start[0] + own[:, 0] * (enter + leave) / 2.0)
     return Passage(
         beam=rows[inside],
         enter_m=enter,

@@ -107,7 +107,7 @@ def _cloud(lidar: Lidar, scan: Scan, air: LidarAir, draws: Draws, found: Echoes)
         uniform = draws.stream(Purpose.DROPOFF).random(len(beams(lidar)), np.float32)
         kept = np.flatnonzero(uniform[found.beam] < keep_share(lidar, range_m))
         found, range_m = found.rows(kept), range_m[kept]
-    raw = beams(lidar)[found.beam] * range_m[:, None]
+    raw = (beams(lidar)[found.beam] * range_m[:, None]).astype(np.float32, copy=False)
     intensity = apparent_reflectance(found.power * np.float32(noise_of(lidar, air)), found.range_m)
     points, time_s = _compensated(lidar, scan, raw, found.beam // lidar.channels)
     return PointCloud(
@@ -116,7 +116,7 @@ def _cloud(lidar: Lidar, scan: Scan, air: LidarAir, draws: Draws, found: Echoes)
         intensity=np.minimum(intensity, 1.0).astype(np.float32),
         ring=(found.beam % lidar.channels).astype(np.uint16),
         time_s=time_s,
-        range_m=range_m,
+        range_m=range_m.astype(np.float32, copy=False),
         semantic=found.semantic,
         instance=found.instance,
         kind=found.kind,
