@@ -20,6 +20,7 @@ from advercity.dataset.reading import Picture, Reading
 from advercity.world.scene import Lane
 
 CLOUD = ".pcd"
+RAW_CLOUD = "_lidar_raw.npz"
 
 
 def folder_name(agent: Agent) -> str:
@@ -57,7 +58,8 @@ def encode(readings: Sequence[Reading], lanes: Sequence[Lane], *, name: str) -> 
     files = side_by_side(jobs)
     for stem, reading in zip(stems, ordered, strict=True):
         files[f"{stem}{CLOUD}"] = _cloud(reading)
-        files[f"{stem}_lidar_points.npz"] = point_table.encode(reading.cloud)
+        if reading.agent.sensors.lidar.motion_distortion:
+            files[f"{stem}{RAW_CLOUD}"] = point_table.encode(reading.cloud)
         files[f"{stem}_objects.json"] = json_bytes(extras(reading))
         if reading.gnss is not None or reading.imu is not None:
             files[f"{stem}_additional_gnss_imu.yaml"] = yaml_bytes(motion(reading))

@@ -20,9 +20,11 @@ from advercity_dsl import Agent, Spec
 from numpy.typing import NDArray
 
 from advercity import poses
+from advercity.dataset import point_table
 from advercity.dataset.carla_frame import matrix_from_pose
 from advercity.dataset.formats import Format, format_called, frame_name
 from advercity.dataset.manifest import Manifest, scenarios
+from advercity.dataset.opv2v import RAW_CLOUD
 from advercity.errors import InputError
 from advercity.poses import Matrix
 from advercity.semantics import PALETTE
@@ -103,6 +105,17 @@ class View:
         """Points (n, 3) in the LiDAR's frame."""
         table = self.cloud
         return np.column_stack([table["x"], table["y"], table["z"]])
+
+    @property
+    def measured(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Points (n, 3) as the moving LiDAR saw them, and the time (n,) of each in seconds.
+
+        In the order of `points`; where the rig does not let the LiDAR turn, those and zeros.
+        """
+        if self._format.has_extras and self.agent.sensors.lidar.motion_distortion:
+            return point_table.read(self._path(RAW_CLOUD))
+        points = self.points
+        return points, np.zeros(len(points), np.float32)
 
     @cached_property
     def description(self) -> dict[str, Any]:

@@ -60,16 +60,17 @@ def _cloud(stored: View) -> PointCloud:
     points = np.column_stack([table["x"], table["y"], table["z"]])
     kept = table.dtype.names or ()
     nothing = np.zeros(len(table))
+    raw, time_s = stored.measured
 
     def column(name: str, kind: type[np.generic]) -> NDArray[Any]:
         return (table[name] if name in kept else nothing).astype(kind)
 
     return PointCloud(
         points=points,
-        raw=points,
+        raw=raw,
         intensity=table["intensity"],
         ring=column("ring", np.uint16),
-        time_s=column("time", np.float32),
+        time_s=time_s,
         range_m=np.linalg.norm(points, axis=1),
         semantic=column("tag", np.uint8),
         instance=column("object_id", np.int32),

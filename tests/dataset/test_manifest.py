@@ -16,7 +16,7 @@ from advercity.dataset.writer import DatasetWriter
 from advercity.errors import InputError, RunError
 
 FRAMES = 2
-FILES_PER_FRAME = 108
+FILES_PER_FRAME = 103
 ReadingsOf = Callable[[int], tuple[Reading, ...]]
 Make = Callable[..., DatasetWriter]
 Run = Callable[[Path], list[int]]
@@ -128,7 +128,7 @@ def interrupt() -> None:
     raise _Interrupted
 
 
-MOMENTS = pytest.mark.parametrize("moves", [0, 1, 2, 3, 40, 109, 110, 111, 150, 217])
+MOMENTS = pytest.mark.parametrize("moves", [0, 1, 2, 3, 40, 104, 105, 106, 150, 207])
 
 
 @MOMENTS

@@ -143,10 +143,7 @@ def test_each_frame_has_all_its_files(scenario: Path, agent: str) -> None:
     pictures = [f"_{kind}{k}.png" for kind in ("camera", "semantic", "depth") for k in range(4)]
     pictures += [f"_bev_{kind}.png" for kind in MAPS]
     motion = [] if agent.startswith("-") else ["_additional_gnss_imu.yaml"]
-    expected = {
-        f"000061{end}"
-        for end in [".yaml", ".pcd", "_lidar_points.npz", "_objects.json", *pictures, *motion]
-    }
+    expected = {f"000061{end}" for end in [".yaml", ".pcd", "_objects.json", *pictures, *motion]}
     assert {path.name for path in (scenario / agent).glob("000061*")} == expected
 
 

@@ -1,10 +1,11 @@
 import pickle
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from advercity_dsl import Spec
+from advercity_dsl import Agent, Spec
 
 import advercity
 from advercity import poses
@@ -65,6 +66,46 @@ def test_points_and_pictures_come_back(dataset: Dataset, readings_of: ReadingsOf
         for index, picture in enumerate(reading.pictures):
             np.testing.assert_array_equal(view.image(index), picture.image)
             np.testing.assert_array_equal(view.semantic(index), picture.semantic)
+
+
+def test_points_of_one_instant_were_measured_there(dataset: Dataset) -> None:
+    view = dataset[0]["cav1"]
+    raw, time_s = view.measured
+    np.testing.assert_array_equal(raw, view.points)
+    assert not time_s.any()
+
+
+def test_a_turning_lidar_keeps_where_and_when_it_measured(
+    spec: Spec, readings_of: ReadingsOf, tmp_path: Path
+) -> None:
+    turning = spec.model_copy(update={"agents": tuple(map(turned, spec.agents))})
+    readings = [
+        replace(
+            reading,
+            agent=turned(reading.agent),
+            cloud=replace(
+                reading.cloud,
+                raw=reading.cloud.points + np.float32(0.5),
+                time_s=np.linspace(-0.1, 0, len(reading.cloud.points), dtype=np.float32),
+            ),
+        )
+        for reading in readings_of(0)
+    ]
+    identity = Identity.of(turning, trace_sha256="0" * 64, renderer={})
+    with DatasetWriter(tmp_path, turning, identity, length=1) as writer:
+        writer.write(0, readings)
+        writer.finish()
+    view = advercity.open_dataset(tmp_path)[0]["cav2"]
+    raw, time_s = view.measured
+    np.testing.assert_array_equal(raw, readings[1].cloud.raw)
+    np.testing.assert_array_equal(time_s, readings[1].cloud.time_s)
+    np.testing.assert_allclose(view.points, raw - 0.5, atol=1e-5)
+
+
+def turned(agent: Agent) -> Agent:
+    lidar = agent.sensors.lidar.model_copy(update={"motion_distortion": True})
+    sensors = agent.sensors.model_copy(update={"lidar": lidar})
+    return agent.model_copy(update={"sensors": sensors})
 
 
 def test_boxes_come_back(dataset: Dataset, readings_of: ReadingsOf) -> None:
