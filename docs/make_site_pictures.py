@@ -20,12 +20,11 @@ from advercity.compiler import compile_library
 from advercity.poses import Matrix, pose
 from advercity.rendering.backend import CameraView, Profile
 from advercity.rendering.registry import load_backend
-from advercity.runner.stage import set_stage
+from advercity.runner.stage import set_stage, world_of
 from advercity.runner.viewpoints import Viewpoints
 from advercity.sensors.camera import expose
 from advercity.sensors.sun import with_sun
 from advercity.weather.derivation import atmosphere_of
-from advercity.world.build import build_world
 
 ROOT = Path(__file__).parents[1]
 WIDTH_PX, HEIGHT_PX = 960, 540
@@ -56,7 +55,7 @@ def pictures(spec: Spec, index: int) -> Iterator[tuple[str, NDArray[np.uint8]]]:
     frame = viewpoints.frame(index)
     atmosphere = atmosphere_of(spec.weather, spec.road.land_use)
     profile = Profile("pictures", 1.0, "raster")
-    world = build_world(spec, stage.network)
+    world = world_of(spec, stage.network)
     with load_backend("sapien").open(world, atmosphere, profile) as renderer:
         renderer.place(frame)
         for name, world_from_camera, hide in _views(viewpoints, index):

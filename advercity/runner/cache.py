@@ -1,4 +1,4 @@
-"""What many runs share, kept by content: networks and traces.
+"""What many runs share, kept by content: networks, traces and worlds.
 
 Weathers of one road and density share a trace; that is what makes them pairs.
 """
@@ -32,6 +32,13 @@ def road_key(spec: Spec) -> str:
     return digest_of({"code": _code_digest("world"), "road": road})
 
 
+def world_key(spec: Spec) -> str:
+    """Of everything that the world depends on: the road, who stands beside it, and the bodies."""
+    data = spec.model_dump(mode="json", include={"road", "blueprints"})
+    code = _code_digest("world", "randomness.py", "semantics.py")
+    return digest_of({"code": code, **data})
+
+
 def traffic_key(spec: Spec) -> str:
     """Of everything that the trace depends on: all of the spec but weather and sensors."""
     data = spec.model_dump(
@@ -43,12 +50,12 @@ def traffic_key(spec: Spec) -> str:
 
 
 @functools.cache
-def _code_digest(*packages: str) -> str:
-    """Of the sources that make the cached things: a changed program keeps nothing of the old."""
+def _code_digest(*sources: str) -> str:
+    """Of the packages and modules that make the cached things: no change keeps anything old."""
     digest = hashlib.sha256(version("eclipse-sumo").encode())
     root = Path(advercity.__file__).parent
-    for package in packages:
-        for path in sorted((root / package).rglob("*")):
+    for source in sources:
+        for path in sorted([root / source, *(root / source).rglob("*")]):
             if path.suffix in (".py", ".j2"):
                 digest.update(path.read_bytes())
     return digest.hexdigest()

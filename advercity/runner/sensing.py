@@ -12,7 +12,7 @@ from advercity.dataset.sightings import Sighting, points_of_bodies, sightings
 from advercity.poses import Matrix
 from advercity.rendering.backend import Backend, CameraCapture, CameraView, Profile, Renderer
 from advercity.rendering.casting import Caster
-from advercity.runner.stage import Stage
+from advercity.runner.stage import Stage, world_of
 from advercity.runner.viewpoints import Viewpoints
 from advercity.sensors.camera import expose
 from advercity.sensors.lidar import Scan, air_of, shoot, sweep, visible_counts
@@ -20,7 +20,6 @@ from advercity.sensors.sun import with_sun
 from advercity.traffic.trace import Frame
 from advercity.weather.atmosphere import Atmosphere
 from advercity.weather.derivation import atmosphere_of
-from advercity.world.build import build_world
 from advercity.world.scene import Body
 
 
@@ -30,7 +29,7 @@ def senses(
 ) -> Generator["Senses"]:
     """Open a scenario's world in a backend, with a sensor at every mount."""
     spec = viewpoints.spec
-    world = build_world(spec, stage.network)
+    world = world_of(spec, stage.network)
     atmosphere = atmosphere_of(spec.weather, spec.road.land_use)
     with backend.open(world, atmosphere, profile) as renderer:
         yield Senses(viewpoints, atmosphere, profile, renderer, Caster(world), world.bodies)

@@ -6,10 +6,13 @@ from pathlib import Path
 
 from advercity_dsl import Spec
 
-from advercity.runner.cache import cache_folder, kept, road_key, traffic_key
+from advercity.runner.cache import cache_folder, kept, road_key, traffic_key, world_key
 from advercity.traffic.simulation import simulate
 from advercity.traffic.trace import Trace
+from advercity.world.build import build_world
 from advercity.world.network import build_network
+from advercity.world.scene import World
+from advercity.world.storage import load_world, save_world
 
 
 @dataclass(frozen=True)
@@ -34,6 +37,15 @@ def set_stage(spec: Spec) -> Stage:
     )
     digest = hashlib.sha256(stored.read_bytes()).hexdigest()
     return Stage(network, Trace.load(stored), digest)
+
+
+def world_of(spec: Spec, network: Path) -> World:
+    """The world of a spec, from the cache or made now."""
+    stored = kept(
+        cache_folder() / "worlds" / f"{world_key(spec)}.npz",
+        lambda partial: save_world(build_world(spec, network), partial),
+    )
+    return load_world(stored, network)
 
 
 def _build_network(spec: Spec, path: Path) -> None:

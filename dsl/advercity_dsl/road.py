@@ -258,6 +258,10 @@ _PLACES = {
 _BANDS = (SurroundingKind.CROPS, SurroundingKind.FIELD)
 
 
+def _is_empty(value: object) -> bool:
+    return not value
+
+
 class Surrounding(Model):
     """Things of one kind: beside a street, filling an area, along a line, or one at a point.
 
@@ -266,17 +270,17 @@ class Surrounding(Model):
     """
 
     kind: SurroundingKind
-    beside: Beside | None = None
-    area_m: tuple[Point2, Point2] | None = None
+    beside: Beside | None = Field(default=None, exclude_if=_is_empty)
+    area_m: tuple[Point2, Point2] | None = Field(default=None, exclude_if=_is_empty)
     """Two opposite corners of a rectangle."""
-    line_m: tuple[Point2, ...] = ()
-    at_m: tuple[Point2, ...] = ()
-    height_m: PositiveMetres | None = None
-    spacing_m: PositiveMetres | None = None
+    line_m: tuple[Point2, ...] = Field(default=(), exclude_if=_is_empty)
+    at_m: tuple[Point2, ...] = Field(default=(), exclude_if=_is_empty)
+    height_m: PositiveMetres | None = Field(default=None, exclude_if=_is_empty)
+    spacing_m: PositiveMetres | None = Field(default=None, exclude_if=_is_empty)
     """Between trees, lamps, poles, or buildings."""
-    species: tuple[Species, ...] = ()
+    species: tuple[Species, ...] = Field(default=(), exclude_if=_is_empty)
     """Of trees; all of them if none is named."""
-    seed: Annotated[int, Field(ge=0)] = 0
+    seed: int = Field(default=0, ge=0, exclude_if=_is_empty)
     """Another number gives other trees and buildings."""
 
     @model_validator(mode="after")
