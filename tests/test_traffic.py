@@ -1,6 +1,7 @@
 """Traffic on the shipped roads: it starts where it should, moves as it can, and ends."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,8 @@ from numpy.typing import NDArray
 from advercity.errors import InputError, RunError
 from advercity.poses import angles
 from advercity.traffic import Actor, Frame, Lamp, Signal, Trace, simulate
-from advercity.traffic.lanes import read_lanes
+from advercity.traffic.demand import draw
+from advercity.traffic.lanes import Joint, read_lanes
 from advercity.world.network import build_network
 
 pytestmark = pytest.mark.sumo
@@ -296,6 +298,19 @@ def test_nobody_walks_where_there_are_no_sidewalks(
     spec = with_timing(with_demand(specs["rsnj_clear_day_sparse"], walkers=10), max_ticks=70)
 
     assert all(one.id < 5000 for one in simulate(spec, networks["rsnj"]).actors)
+
+
+def test_nobody_comes_in_where_no_street_leads_in(
+    specs: dict[str, Spec], networks: dict[str, Path]
+):
+    spec, graph = specs["ri_clear_day_dense"], read_lanes(networks["ri"])
+    ends = [lane for lane in graph.driven if lane.id not in graph.onward]
+    back = [Joint(ends[0].id, lane.id, None, "s") for lane in graph.entries]
+
+    rides = draw(spec, replace(graph, joints=(*graph.joints, *back))).vehicles
+
+    assert 0 < len(rides) < len(draw(spec, graph).vehicles) == spec.demand.vehicles
+    assert all(ride.depart_s == 0 for ride in rides)
 
 
 def test_a_route_that_no_movement_allows_is_bad_input(

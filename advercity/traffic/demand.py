@@ -152,7 +152,8 @@ def _background(spec: Spec, graph: LaneGraph, occupancy: Occupancy) -> Iterator[
         if pose is not None:
             poses.remove(pose)
             occupancy.take(*pose, actor.size[0])
-        yield _ride(spec, graph, actor, pose)
+        if pose is not None or graph.entries:
+            yield _ride(spec, graph, actor, pose)
 
 
 def _ride(spec: Spec, graph: LaneGraph, actor: Actor, pose: tuple[Lane, float] | None) -> Ride:
