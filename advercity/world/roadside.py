@@ -21,6 +21,7 @@ from advercity.world.shapes import (
     moved,
     panels,
     plate,
+    repeated,
     shaded,
     tube,
     xyz,
@@ -60,15 +61,11 @@ def fence(line: Sequence[Point2], height_m: float | None, site: Site) -> list[Pi
     """Posts with three rails along a line."""
     height = height_m or FENCE_HEIGHT_M
     foot = _stations(line, _FENCE_BAY_M, site)
-    posts = [
-        box((x - 0.05, y - 0.05, z - 0.3), (x + 0.05, y + 0.05, z + height)) for x, y, z in foot
-    ]
+    post = shaded(box((-0.05, -0.05, -0.3), (0.05, 0.05, height)))
     rails = [
-        tube([start + xyz(z=share * height), end + xyz(z=share * height)], 0.045, sides=4)
-        for start, end in pairwise(foot)
-        for share in (0.35, 0.65, 0.93)
+        shaded(tube(foot + xyz(z=share * height), 0.045, sides=4)) for share in (0.35, 0.65, 0.93)
     ]
-    return [Piece(joined(map(shaded, [*posts, *rails])), "wood", Semantic.FENCE)]
+    return [Piece(joined([repeated(post, foot), *rails]), "wood", Semantic.FENCE)]
 
 
 def hedge(line: Sequence[Point2], height_m: float | None, site: Site, key: str) -> list[Piece]:

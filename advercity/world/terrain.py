@@ -70,8 +70,9 @@ def ground(
     shapely.prepare(built)
     free = shapely.disjoint(cells, built)
     cut = shapely.difference(cells[~free], built)
-    polygons = [*cells[free], *(polygon for shape in cut for polygon in polygons_of(shape))]
-    parts = [filled(polygon) for polygon in polygons]
+    whole = free & _are_boxes(cells)
+    polygons = [*cells[free & ~whole], *(part for shape in cut for part in polygons_of(shape))]
+    parts = [_quads(cells[whole]), *(filled(polygon) for polygon in polygons)]
     corners = np.concatenate([corners for corners, _ in parts])
     shifts = np.cumsum([0, *(len(corners) for corners, _ in parts)])
     triangles = np.concatenate(
@@ -177,6 +178,20 @@ def _blended(
 ) -> NDArray[np.float64]:
     follow = np.exp(-((gap / VERGE_M) ** 2))
     return follow * beside + (1.0 - follow) * beyond
+
+
+def _are_boxes(cells: NDArray[np.object_]) -> NDArray[np.bool_]:
+    west, south, east, north = shapely.bounds(cells).T
+    return np.isclose(shapely.area(cells), (east - west) * (north - south), rtol=1e-9)
+
+
+def _quads(boxes: NDArray[np.object_]) -> tuple[Points, NDArray[np.int64]]:
+    """Corners (4 n, 2) of boxes and their triangles (2 n, 3), counter-clockwise."""
+    west, south, east, north = shapely.bounds(boxes).T
+    x, y = np.stack([west, east, east, west], 1), np.stack([south, south, north, north], 1)
+    first = 4 * np.arange(len(boxes))[:, None, None]
+    triangles = first + np.array([(0, 1, 2), (0, 2, 3)])
+    return np.column_stack([x.ravel(), y.ravel()]), triangles.reshape(-1, 3)
 
 
 def _split(cells: NDArray[np.object_], outline: BaseGeometry) -> NDArray[np.object_]:
