@@ -9,7 +9,7 @@ numbers, cheap to make and to pickle.
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, overload
 
@@ -29,7 +29,6 @@ from advercity.errors import InputError
 from advercity.poses import Matrix
 from advercity.semantics import PALETTE
 
-_TAG_OF_COLOUR = {tuple(colour): tag for tag, colour in enumerate(PALETTE.tolist())}
 M_S_PER_KM_H = 1 / 3.6
 
 
@@ -333,8 +332,19 @@ def _column(items: list[dict[str, Any]], key: str) -> NDArray[np.float64]:
 
 
 def _tags(painted: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Tags (h, w) of a picture (h, w, 3) in CARLA's colours."""
-    tags = np.zeros(painted.shape[:2], np.uint8)
-    for colour, tag in _TAG_OF_COLOUR.items():
-        tags[(painted == colour).all(axis=-1)] = tag
+    """Tags (h, w) of a picture (h, w, 3) in CARLA's colours; what is no such colour is 0."""
+    return _tag_of_colour()[_packed(painted)]
+
+
+@cache
+def _tag_of_colour() -> NDArray[np.uint8]:
+    """Tag by packed colour."""
+    tags = np.zeros(1 << 24, np.uint8)
+    tags[_packed(PALETTE)] = np.arange(len(PALETTE))
     return tags
+
+
+def _packed(colours: NDArray[np.uint8]) -> NDArray[np.uint32]:
+    """Colours (..., 3) as numbers (...)."""
+    red, green, blue = np.moveaxis(colours.astype(np.uint32), -1, 0)
+    return red << 16 | green << 8 | blue
