@@ -34,7 +34,7 @@ def main() -> int:
         print(f"undisturbed: {whole_s:.1f} s, {len(_tree(whole))} files")
         kills, wrong = 0, 0
         while kills < arguments.kills:
-            patience_s = moments.uniform(0.1, 0.7) * whole_s
+            patience_s = moments.uniform(0.3, 0.95) * whole_s
             if _is_killed(_command(arguments, killed), patience_s):
                 kills += 1
                 print(f"kill {kills}: after {patience_s:.1f} s, {_done(killed)}")
