@@ -9,8 +9,9 @@ world's origin.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ from advercity.traffic.trace import ActorState, Frame
 from advercity.world.materials import MATERIALS, PAINT
 from advercity.world.scene import Mesh, World
 
+Array = NDArray[np.float64]
 Floats = NDArray[np.floating[Any]]
 Rows = NDArray[np.intp]
 
@@ -84,43 +86,72 @@ class Fan:
 
     Attributes:
         world_from_fan: (4, 4); bearings turn about its z axis.
-        bearing_rad: (n,) float32 of every ray, ascending, from 0 to 2 pi.
-        spread_rad: How far a ray may stray from its bearing.
+        bearing_rad: (m,) float32 of every column of rays, ascending, from 0 to 2 pi.
+        elevation_rad: (c,) of the rays of each column, ascending; None if a column is one ray of
+            any elevation.
+        spread_rad: How far a ray may stray from its bearing and elevation.
         reach_m: How far from the fan's origin a ray may start.
     """
 
     world_from_fan: Matrix
     bearing_rad: Floats
+    elevation_rad: Floats | None = None
     spread_rad: float = 0.0
     reach_m: float = 0.0
 
     def rows(self, where: Rows) -> "Fan":
         """The fan of those rays alone; `where` ascends."""
-        return Fan(self.world_from_fan, self.bearing_rad[where], self.spread_rad, self.reach_m)
+        width = 1 if self.elevation_rad is None else len(self.elevation_rad)
+        bearing_rad = self.bearing_rad[where // width]
+        return Fan(self.world_from_fan, bearing_rad, None, self.spread_rad, self.reach_m)
 
     def towards(
         self, centres: NDArray[np.float64], radii_m: NDArray[np.float64]
-    ) -> Iterator[tuple[int, slice]]:
-        """Runs of rays that may come within a radius of points of the world, by point.
+    ) -> tuple[Rows, Rows]:
+        """Pairs of a ray and a ball of the world that it may pass through: ray, ball (p,) each.
+
+        They come ball by ball.
 
         Args:
-            centres: (k, 3) metres.
+            centres: (k, 3) of the balls, metres.
             radii_m: (k,).
         """
         own = (centres - self.world_from_fan[:3, 3]) @ self.world_from_fan[:3, :3]
-        away = np.hypot(own[:, 0], own[:, 1])
+        level = np.hypot(own[:, 0], own[:, 1])
         within = radii_m + self.reach_m
-        half = np.arcsin(np.minimum(within / np.maximum(away, within), 1.0)) + self.spread_rad
-        half[(away <= within) | (half > np.pi)] = np.pi
+        half = np.arcsin(np.minimum(within / np.maximum(level, within), 1.0)) + self.spread_rad
+        half[(level <= within) | (half > np.pi)] = np.pi
         first = np.mod(np.arctan2(own[:, 1], own[:, 0]) - half, 2.0 * np.pi)
-        bounds = np.stack([first - 2.0 * np.pi, first - 2.0 * np.pi + 2.0 * half])
-        bounds = np.concatenate([bounds, [first, first + 2.0 * half]])
-        starts_stops = self.bearing_rad.searchsorted(bounds.astype(np.float32)).T
-        for point, (start, stop, again, end) in enumerate(starts_stops.tolist()):
-            if stop > start:
-                yield point, slice(start, stop)
-            if end > max(again, stop):
-                yield point, slice(max(again, stop), end)
+        low, high = self._channels(np.hypot(level, own[:, 2]), np.arctan2(own[:, 2], level), within)
+        # A run that begins before the seam goes on behind it.
+        begins = np.stack([first - 2.0 * np.pi, first], axis=1).ravel()
+        ends = begins + 2.0 * np.repeat(half, 2)
+        start = self.bearing_rad.searchsorted(begins.astype(np.float32))
+        stop = self.bearing_rad.searchsorted(ends.astype(np.float32))
+        start[1::2] = np.maximum(start[1::2], stop[::2])
+        return self._pairs(start, stop, np.repeat(low, 2), np.repeat(high, 2))
+
+    def _channels(self, away: Array, elevation: Array, within: Array) -> tuple[Rows, Rows]:
+        """First and last but one place (k,) in a column that may look at each ball."""
+        if self.elevation_rad is None:
+            return np.zeros(len(away), np.intp), np.ones(len(away), np.intp)
+        half = np.arcsin(np.minimum(within / np.maximum(away, within), 1.0)) + self.spread_rad
+        half[away <= within] = np.pi
+        return (
+            self.elevation_rad.searchsorted((elevation - half).astype(np.float32)),
+            self.elevation_rad.searchsorted((elevation + half).astype(np.float32)),
+        )
+
+    def _pairs(self, start: Rows, stop: Rows, low: Rows, high: Rows) -> tuple[Rows, Rows]:
+        """Rays of columns `start` to `stop` and places `low` to `high`, two runs (2k,) a ball."""
+        width = 1 if self.elevation_rad is None else len(self.elevation_rad)
+        high = np.maximum(high, low)
+        count = np.maximum(stop - start, 0) * (high - low)
+        run = np.repeat(np.arange(len(count)), count)
+        step = np.arange(len(run)) - np.repeat(np.cumsum(count) - count, count)
+        across = (high - low)[run]
+        column = step // np.maximum(across, 1)
+        return (start[run] + column) * width + low[run] + step - column * across, run // 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,6 +196,8 @@ class Caster:
         self._static, *bodies = shapes
         self._bodies = dict(zip(world.bodies, bodies, strict=True))
         self._triangles = _Triangles.of([mesh for group in groups.values() for mesh in group])
+        self._frames: tuple[Frame | None, Frame | None] = (None, None)
+        self._all_movers: tuple[_Mover, ...] = ()
         self._movers: tuple[_Mover, ...] = ()
 
     def place(
@@ -173,14 +206,16 @@ class Caster:
         """Move every actor to where it is in `frame`; rays pass through those in `hide`.
 
         With the frame `before`, rays may be cast at any moment between the two. An actor that was
-        not there yet stays where it is.
+        not there yet stays where it is. Placing the same frames again costs next to nothing.
         """
-        earlier = {} if before is None else {state.actor.id: state for state in before.states}
-        self._movers = tuple(
-            _Mover.of(state, earlier.get(state.actor.id, state), self._bodies)
-            for state in frame.states
-            if state.actor.id not in hide
-        )
+        if self._frames[0] is not frame or self._frames[1] is not before:
+            earlier = {} if before is None else {state.actor.id: state for state in before.states}
+            self._all_movers = tuple(
+                _Mover.of(state, earlier.get(state.actor.id, state), self._bodies)
+                for state in frame.states
+            )
+            self._frames = (frame, before)
+        self._movers = tuple(mover for mover in self._all_movers if mover.id not in hide)
 
     def cast(self, rays: Rays, max_range_m: float) -> Hits:
         """The nearest hit of every ray; surfaces beyond `max_range_m` are missed."""
@@ -191,23 +226,33 @@ class Caster:
             reached.triangle[:], reached.range_m[:] = triangle, range_m
         else:
             reached.put(met, triangle[met], range_m[met], _STATIC)
-        for number, run in self._near(rays, max_range_m):
-            self._movers[number].cast(rays, run, number, reached)
+        self._cast_movers(rays, max_range_m, reached)
         return self._hits(rays, reached)
 
-    def _near(self, rays: Rays, max_range_m: float) -> Iterator[tuple[int, slice]]:
-        """Movers that rays may meet, each with a run of rays."""
+    def _cast_movers(self, rays: Rays, max_range_m: float, reached: "_Reached") -> None:
+        """Put hits of movers where they are nearer than what is there."""
+        ray, mover = self._near(rays, max_range_m, reached)
+        bounds = np.flatnonzero(np.diff(mover, prepend=-1, append=-1))
+        for first, last in pairwise(bounds.tolist()):
+            self._movers[mover[first]].cast(rays, ray[first:last], int(mover[first]), reached)
+
+    def _near(self, rays: Rays, max_range_m: float, reached: "_Reached") -> tuple[Rows, Rows]:
+        """Pairs of a ray and a mover whose ball it passes through before it ends."""
+        nothing = np.empty(0, np.intp)
         if not self._movers or not len(rays):
-            return
+            return nothing, nothing
         centres = np.array([mover.centre for mover in self._movers])
         radii_m = np.array([mover.radius_m for mover in self._movers])
-        if rays.fan is None:
-            yield from ((number, slice(0, len(rays))) for number in range(len(centres)))
-            return
-        away_m = np.linalg.norm(centres - rays.fan.world_from_fan[:3, 3], axis=1)
-        near = np.flatnonzero(away_m < max_range_m + rays.fan.reach_m + radii_m)
-        for point, run in rays.fan.towards(centres[near], radii_m[near]):
-            yield int(near[point]), run
+        fan = rays.fan
+        if fan is None:
+            ray = np.tile(np.arange(len(rays)), len(centres))
+            mover = np.repeat(np.arange(len(centres)), len(rays))
+        else:
+            away_m = np.linalg.norm(centres - fan.world_from_fan[:3, 3], axis=1)
+            near = np.flatnonzero(away_m < max_range_m + fan.reach_m + radii_m)
+            ray, ball = fan.towards(centres[near], radii_m[near])
+            mover = near[ball]
+        return _through(rays, ray, mover, centres, radii_m, reached.range_m)
 
     def _hits(self, rays: Rays, reached: "_Reached") -> Hits:
         """What the triangles that were reached are."""
@@ -373,14 +418,9 @@ class _Mover:
         """World from body (n, 4, 4) at moments (n,)."""
         return poses.between(self.before, self.now, share)
 
-    def cast(self, rays: Rays, run: slice, number: int, reached: _Reached) -> None:
-        """Put its hits where they are nearer than what is there."""
-        origins, directions = rays.origins[run], rays.directions[run]
-        inside = self._inside(origins, directions, reached.range_m[run])
-        if not len(inside):
-            return
-        rows = inside + run.start
-        origins, directions = origins.take(inside, axis=0), directions.take(inside, axis=0)
+    def cast(self, rays: Rays, rows: Rows, number: int, reached: _Reached) -> None:
+        """Put hits of those rays where they are nearer than what is there."""
+        origins, directions = rays.origins.take(rows, axis=0), rays.directions.take(rows, axis=0)
         if rays.share is None:
             origins, directions = (origins - self.place) @ self.turn, directions @ self.turn
         else:
@@ -388,18 +428,23 @@ class _Mover:
             origins = np.einsum("nji,nj->ni", pose[:, :3, :3], origins - pose[:, :3, 3])
             directions = np.einsum("nji,nj->ni", pose[:, :3, :3], directions)
         triangle, range_m = self.shape.run(origins, directions, reached.range_m[rows])
-        met = np.flatnonzero(triangle >= 0)
-        reached.put(rows[met], triangle[met], range_m[met], number)
+        met = (triangle >= 0).nonzero()[0]
+        if len(met):
+            reached.put(rows[met], triangle[met], range_m[met], number)
 
-    def _inside(self, origins: Floats, directions: Floats, limits: Floats) -> Rows:
-        """Rays that pass through its sphere before they end."""
-        to_centre = self.centre.astype(np.float32) - origins
-        along = np.einsum("ij,ij->i", to_centre, directions)
-        reach = np.float32(self.radius_m)
-        before_end = np.flatnonzero((along > -reach) & (along - reach < limits))
-        to_centre, along = to_centre.take(before_end, axis=0), along[before_end]
-        off_2 = np.einsum("ij,ij->i", to_centre, to_centre) - along * along
-        return before_end[off_2 < reach * reach]
+
+def _through(
+    rays: Rays, ray: Rows, mover: Rows, centres: Array, radii_m: Array, limits: Floats
+) -> tuple[Rows, Rows]:
+    """Of pairs of rays and balls, those that meet before the ray ends."""
+    to_centre = centres.astype(np.float32)[mover] - rays.origins.take(ray, axis=0)
+    ahead = rays.directions.take(ray, axis=0)
+    along = np.einsum("ij,ij->i", to_centre, ahead)
+    off_2 = np.einsum("ij,ij->i", to_centre, to_centre) - along * along
+    reach = radii_m.astype(np.float32)[mover]
+    meets = (off_2 < reach * reach) & (along > -reach) & (along - reach < limits.take(ray))
+    kept = np.flatnonzero(meets)
+    return ray[kept], mover[kept]
 
 
 def _triangle_count(meshes: Sequence[Mesh]) -> int:

@@ -68,9 +68,9 @@ def rays(lidar: Lidar) -> NDArray[np.float32]:
 
 
 def bearings_rad(lidar: Lidar) -> NDArray[np.float32]:
-    """Azimuth of the head (azimuths * channels * sub_rays,) when each ray is cast, ascending."""
+    """Azimuth of the head (azimuths,) in its turn, ascending."""
     turn = np.arange(lidar.azimuths) * (2.0 * math.pi / lidar.azimuths)
-    return np.repeat(turn.astype(np.float32), lidar.channels * lidar.sub_rays)
+    return turn.astype(np.float32)
 
 
 def weights(lidar: Lidar) -> NDArray[np.float32]:

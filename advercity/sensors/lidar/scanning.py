@@ -1,6 +1,6 @@
 """One turn of a LiDAR through the world: what its beams meet, whatever the weather."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from advercity.poses import Matrix
 from advercity.rendering.casting import Caster, Fan, Hits, Rays
 from advercity.semantics import Semantic
 from advercity.sensors.lidar import puddles
-from advercity.sensors.lidar.beams import bearings_rad, offsets_rad, rays
+from advercity.sensors.lidar.beams import bearings_rad, elevations_rad, offsets_rad, rays
 from advercity.sensors.lidar.surfaces import IS_GLASS, PANE_TRANSMITTANCE, WATER_INDEX, fresnel
 
 Floats = NDArray[np.floating[Any]]
@@ -20,6 +20,8 @@ Rows = NDArray[np.intp]
 
 PANES = 2
 """A ray gives up at the next window after that many: into a car and out again."""
+SPREAD_RAD = 0.01
+"""Room for sub-rays and for what single precision leaves uncertain."""
 _STEP_PAST_M = 1e-3
 _TILT_RAD = 0.1
 """How far a mirrored ray may leave its bearing when the road is not level."""
@@ -115,19 +117,19 @@ def _poses_of_turn(lidar: Lidar, now: Matrix, before: Matrix | None) -> Matrix |
 
 def _rays(lidar: Lidar, world_from_lidar: Matrix, world_from_head: Matrix | None) -> Rays:
     """All rays of the turn in the world."""
-    own, bearing_rad = rays(lidar), bearings_rad(lidar)
-    spread = float(np.abs(offsets_rad(lidar)).max(initial=0.0)) + 0.01
+    own, spread = rays(lidar), float(np.abs(offsets_rad(lidar)).max(initial=0.0)) + SPREAD_RAD
+    elevation_rad = np.repeat(elevations_rad(lidar), lidar.sub_rays).astype(np.float32)
+    bearing_rad = bearings_rad(lidar)
     if world_from_head is None:
         turn, place = (part.astype(np.float32) for part in _parts(world_from_lidar))
         origins = np.empty_like(own)
         origins[:] = place
-        fan = Fan(world_from_lidar, bearing_rad, spread)
+        fan = Fan(world_from_lidar, bearing_rad, elevation_rad, spread)
         return Rays(origins, _turned(own, turn), fan=fan)
     turns, places = (part.astype(np.float32) for part in _parts(world_from_head))
     each = len(own) // lidar.azimuths
     directions = own.reshape(lidar.azimuths, each, 3) @ turns.swapaxes(1, 2)
-    first = world_from_head[0]
-    moved = poses.inverse(world_from_lidar) @ first
+    moved = poses.inverse(world_from_lidar) @ world_from_head[0]
     return Rays(
         origins=np.repeat(places, each, axis=0),
         directions=directions.reshape(-1, 3),
@@ -135,6 +137,7 @@ def _rays(lidar: Lidar, world_from_lidar: Matrix, world_from_head: Matrix | None
         fan=Fan(
             world_from_lidar,
             bearing_rad,
+            elevation_rad,
             spread_rad=spread + float(np.linalg.norm(poses.rotation_vector(moved[:3, :3]))),
             reach_m=float(np.linalg.norm(moved[:3, 3])),
         ),
@@ -203,7 +206,7 @@ def _cast_on(
         origins += np.float32(_STEP_PAST_M) * bent
     fan = rays_in.fan
     assert fan is not None
-    wider = Fan(fan.world_from_fan, fan.bearing_rad, fan.spread_rad + _TILT_RAD, fan.reach_m)
+    wider = replace(fan, spread_rad=fan.spread_rad + _TILT_RAD)
     hits = caster.cast(Rays(origins, directions, rays_in.share, wider), range_m)
     hits.range_m[:] += start_m
     hits.range_m[hits.range_m > range_m] = np.inf

@@ -11,7 +11,13 @@ from numpy.typing import NDArray
 from advercity.rendering.casting import Fan, Hits
 from advercity.semantics import Semantic
 from advercity.sensors.lidar.air import LidarAir
-from advercity.sensors.lidar.beams import beams, bearings_rad, weights
+from advercity.sensors.lidar.beams import (
+    beams,
+    bearings_rad,
+    elevations_rad,
+    offsets_rad,
+    weights,
+)
 from advercity.sensors.lidar.cloud import PointKind
 from advercity.sensors.lidar.draws import Draws, Purpose
 from advercity.sensors.lidar.echoes import Echoes
@@ -199,7 +205,9 @@ class Sources:
         lidar, spray = self._lidar, self._air.spray
         if spray is None:
             return ()
-        fan = Fan(self._scan.world_from_lidar, bearings_rad(lidar)[:: lidar.sub_rays])
+        elevation_rad = elevations_rad(lidar).astype(np.float32)
+        spread_rad = float(np.abs(offsets_rad(lidar)).max())
+        fan = Fan(self._scan.world_from_lidar, bearings_rad(lidar), elevation_rad, spread_rad)
         return tuple(spray.passages(states, beams(lidar), fan))
 
     def _left_by_spray(self) -> Floats | None:

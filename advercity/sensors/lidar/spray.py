@@ -76,9 +76,8 @@ class Spray:
             thickness = EXTINCTION_PER_G_M3 * WATER_G_M3
             thickness *= (state.speed_m_s / REFERENCE_SPEED_M_S) ** 2
             radius_m = np.array([np.linalg.norm(half)], np.float64)
-            for _, run in fan.towards(centre[None, :], radius_m):
-                rows = np.arange(run.start, run.stop)
-                yield _through_box(directions[run], rows, plume_from_lidar, half, thickness)
+            rows, _ = fan.towards(centre[None, :], radius_m)
+            yield _through_box(directions[rows], rows, plume_from_lidar, half, thickness)
 
 
 def _through_box(
