@@ -115,7 +115,7 @@ def _draw_visibility(axes: Any, table: Table) -> None:
     notes = zip(table.columns["mor_m"], table.columns["echoing_share"], strict=True)
     for row, (mor_m, share) in enumerate(notes):
         axes.annotate(f" {share:.0%} of objects echo", (mor_m, row), va="center", fontsize="small")
-    axes.margins(x=0.3)
+    axes.margins(x=0.45)
 
 
 def _draw_polar(figure: "Figure", table: Table) -> None:

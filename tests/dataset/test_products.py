@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from advercity_dsl import Spec
 
+from advercity.cli import main
 from advercity.dataset import film
 from advercity.dataset.facts import OBJECT, Facts, facts_of_dataset
 from advercity.dataset.manifest import Identity, WeatherTruth, verify_dataset
@@ -224,3 +225,47 @@ def test_boxes_are_drawn_around_what_they_stand_for(dataset: Path) -> None:
 def test_clouds_from_above_are_centred_on_the_first_viewpoint(dataset: Path) -> None:
     picture = film.from_above(open_dataset(dataset)[0], 200)
     assert tuple(picture[100, 100]) == film.VIEW_COLOURS[0]
+
+
+def command(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *arguments: str | Path
+) -> tuple[int, str, str]:
+    """Exit code, data and messages of a command."""
+    monkeypatch.setattr("sys.argv", ["advercity", *map(str, arguments)])
+    with pytest.raises(SystemExit) as left:
+        main()
+    captured = capsys.readouterr()
+    return (left.value.code if isinstance(left.value.code, int) else 0), captured.out, captured.err
+
+
+@pytest.mark.parametrize("name", ["verify", "repair", "stats", "video", "split", "sheet"])
+def test_commands_refuse_what_is_no_dataset(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path, name: str
+) -> None:
+    code, out, err = command(monkeypatch, capsys, name, tmp_path)
+    assert (code, out) == (2, "")
+    assert "so not a dataset" in err
+    assert len(err.splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_commands_say_what_they_wrote(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    dataset: Path,
+) -> None:
+    code, out, err = command(monkeypatch, capsys, "split", dataset, "--output", tmp_path)
+    assert (code, err) == (0, "")
+    assert out.splitlines() == [
+        f"{tmp_path / 'train'}: 0",
+        f"{tmp_path / 'validate'}: 1",
+        f"{tmp_path / 'test'}: 1",
+    ]
+    films = tmp_path / "films"
+    code, out, _ = command(
+        *(monkeypatch, capsys, "video", tmp_path / "test", "--kind", "lidar", "--output", films)
+    )
+    assert (code, out.strip()) == (0, str(films / "ui_clear_night_dense_lidar.mp4"))
+    code, out, err = command(monkeypatch, capsys, "repair", dataset)
+    assert (code, out, err) == (0, "", "")
