@@ -31,7 +31,7 @@ WIDTH_PX, HEIGHT_PX = 960, 540
 OVERSAMPLING = 2
 """Pictures are taken this many times larger and averaged."""
 MOST_BYTES = 120_000
-FRAMES = {"ui": 40, "unj": 45, "ri": 30, "rsnj": 90, "rcnj": 90}
+FRAMES = {"ui": 40, "unj": 45, "ri": 30, "rsnj": 50, "rcnj": 60}
 ABOVE_M = 60.0
 
 
