@@ -6,6 +6,7 @@ from pathlib import Path
 
 from advercity.dataset.formats import format_called
 from advercity.errors import InputError
+from advercity.viewer.clouds import CloudColour
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,8 @@ class ViewerTarget:
     file: Path | None = None
     serve: bool = False
     connect: str | None = None
+    cloud_colour: CloudColour = "intensity"
+    """What the colours of LiDAR points stand for."""
 
     @property
     def is_live(self) -> bool:

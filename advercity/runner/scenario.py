@@ -133,6 +133,7 @@ def _recording(spec: Spec, viewer: ViewerTarget) -> Recording | nullcontext[None
         file=viewer.file,
         serve=viewer.serve,
         connect=viewer.connect,
+        cloud_colour=viewer.cloud_colour,
     )
 
 

@@ -5,7 +5,6 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-import cv2
 import numpy as np
 import rerun as rr
 from advercity_dsl import Agent, Spec
@@ -18,6 +17,7 @@ from advercity.dataset.reading import Picture, Reading, intrinsic
 from advercity.poses import Matrix
 from advercity.traffic.trace import ActorState
 from advercity.viewer import layout
+from advercity.viewer.clouds import CloudColour, colours
 from advercity.viewer.sinks import PORT, connection_to, file_at, server_on
 from advercity.world.scene import Lane
 
@@ -50,6 +50,7 @@ class Recording:
         serve: Be a server that viewers on this machine connect to, at `address`, until closed.
         port: Of that server.
         connect: Address of a running viewer: `host:port`, or a whole `rerun+http://` address.
+        cloud_colour: What the colours of points stand for.
 
     Raises:
         InputError: `connect` is not an address.
@@ -65,6 +66,7 @@ class Recording:
         serve: bool = False,
         port: int = PORT,
         connect: str | None = None,
+        cloud_colour: CloudColour = "intensity",
     ) -> None:
         files = () if file is None else (file_at(file),)
         viewers = () if connect is None else (connection_to(connect),)
@@ -72,6 +74,7 @@ class Recording:
         self._stream = rr.RecordingStream(APPLICATION, recording_id=spec.id, send_properties=False)
         self._stream.set_log_time_enabled(False)
         self._stream.set_sinks(*files, *viewers, *self._servers)
+        self._cloud_colour: CloudColour = cloud_colour
         self._is_laid_out = False
         self._stream.send_recording_name(spec.id)
         self._log_stage(spec, lanes)
@@ -141,7 +144,7 @@ class Recording:
         self._stream.log(layout.agent_path(agent), _transform(reading.world_from_agent))
         lidar = layout.lidar_path(agent)
         self._stream.log(lidar, _transform(agent_from_world @ reading.world_from_lidar))
-        self._stream.log(lidar, _points(reading))
+        self._stream.log(lidar, _points(reading, self._cloud_colour))
         field_of_view = agent.sensors.camera.horizontal_fov_deg
         for index, picture in enumerate(reading.pictures):
             camera = layout.camera_path(agent, index)
@@ -183,12 +186,10 @@ def _pinhole(picture: Picture, *, horizontal_fov_deg: float) -> rr.Pinhole:
     )
 
 
-def _points(reading: Reading) -> rr.Points3D:
-    """Points in the LiDAR's frame, coloured by intensity, dark blue to red."""
-    levels = np.rint(np.clip(reading.cloud.intensity, 0, 1) * 255).astype(np.uint8)
-    colours = cv2.applyColorMap(levels.reshape(-1, 1), cv2.COLORMAP_TURBO).reshape(-1, 3)
+def _points(reading: Reading, by: CloudColour) -> rr.Points3D:
+    """Points in the LiDAR's frame."""
     radii = rr.Radius.ui_points(POINT_PX)
-    return rr.Points3D(reading.cloud.points, colors=colours[:, ::-1], radii=radii)
+    return rr.Points3D(reading.cloud.points, colors=colours(reading.cloud, by), radii=radii)
 
 
 def _boxes(states: Sequence[ActorState]) -> rr.Boxes3D:

@@ -18,6 +18,8 @@ from advercity.dataset.reading import Reading
 from advercity.errors import InputError, RunError
 from advercity.poses import Matrix
 from advercity.semantics import PALETTE
+from advercity.sensors.lidar import PointKind
+from advercity.viewer.clouds import KIND_COLOURS, colours
 from advercity.viewer.recording import Recording
 from advercity.world.scene import Lane
 
@@ -97,6 +99,21 @@ def test_sensors_stand_where_they_were(
 def test_points_are_those_of_the_lidar(recorded: RrdReader, readings_of: ReadingsOf) -> None:
     points = logged(recorded, "world/cav2/lidar", "Points3D:positions")
     np.testing.assert_array_equal(points[1], readings_of(1)[1].cloud.points)
+
+
+def test_points_are_coloured_by_intensity_class_or_kind(readings_of: ReadingsOf) -> None:
+    cloud = readings_of(0)[0].cloud
+    np.testing.assert_array_equal(colours(cloud, "class"), PALETTE[cloud.semantic])
+    by_kind = colours(cloud, "kind")
+    fog = cloud.kind == PointKind.FOG
+    assert fog.any()
+    assert (by_kind[fog] == KIND_COLOURS[PointKind.FOG]).all()
+    assert (by_kind[~fog] == KIND_COLOURS[PointKind.SURFACE]).all()
+    warm, cold = np.argmax(cloud.intensity), np.argmin(cloud.intensity)
+    by_intensity = colours(cloud, "intensity").astype(int)
+    assert (by_intensity[warm] - by_intensity[cold])[0] > (by_intensity[warm] - by_intensity[cold])[
+        2
+    ]
 
 
 def test_pictures_are_whole_and_semantics_exact(

@@ -1,0 +1,33 @@
+"""Colours of points: by intensity, by class, or by what sent the echo."""
+
+from typing import Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from advercity.semantics import PALETTE
+from advercity.sensors.lidar import PointCloud, PointKind
+
+CloudColour = Literal["intensity", "class", "kind"]
+
+KIND_COLOURS = {
+    PointKind.SURFACE: (150, 150, 150),
+    PointKind.FOG: (90, 170, 255),
+    PointKind.RAIN: (60, 90, 255),
+    PointKind.SNOW: (255, 255, 255),
+    PointKind.DUST: (222, 170, 90),
+    PointKind.SPRAY: (90, 230, 210),
+    PointKind.GHOST: (255, 80, 200),
+}
+_KINDS = np.array([KIND_COLOURS[kind] for kind in PointKind], np.uint8)
+
+
+def colours(cloud: PointCloud, by: CloudColour) -> NDArray[np.uint8]:
+    """RGB (n, 3) of points; intensity runs from dark blue to red, classes are as in CARLA."""
+    if by == "class":
+        return PALETTE[cloud.semantic]
+    if by == "kind":
+        return _KINDS[cloud.kind]
+    levels = np.rint(np.clip(cloud.intensity, 0, 1) * 255).astype(np.uint8)
+    return cv2.applyColorMap(levels.reshape(-1, 1), cv2.COLORMAP_TURBO).reshape(-1, 3)[:, ::-1]
