@@ -23,12 +23,11 @@ from advercity.compiler import find_weather
 from advercity.poses import transform
 from advercity.randomness import generator
 from advercity.rendering.casting import Caster, Rays
-from advercity.runner.stage import set_stage
+from advercity.runner.stage import set_stage, world_of
 from advercity.runner.viewpoints import Viewpoints
 from advercity.sensors.lidar import LidarAir, air_of, beams, shoot, sweep
 from advercity.traffic.trace import Frame
 from advercity.weather.derivation import atmosphere_of
-from advercity.world.build import build_world
 from advercity.world.scene import Mesh, World
 
 WEATHERS = ("clear_day", "soft_rain_day", "heavy_rain_day", "fog_day", "foggy_heavy_rain_day")
@@ -41,7 +40,7 @@ class Scene:
     def __init__(self, spec: Spec) -> None:
         stage = set_stage(spec)
         self.viewpoints = Viewpoints(spec, stage.trace)
-        self.world = build_world(spec, stage.network)
+        self.world = world_of(spec, stage.network)
         self.caster = Caster(self.world)
         self.frames = len(stage.trace)
         self.agents = spec.agents
@@ -136,10 +135,9 @@ def table(scene: Scene, frame: Frame, rounds: int) -> None:
             a / b for a, b in zip(alone[WARM_UP:], whole[WARM_UP:], strict=True)
         )
         bare_s, whole_s = (statistics.median(times[WARM_UP:]) for times in (alone, whole))
-        print(
-            f"| {weather.id} | {points} | {points / whole_s / 1e6:.2f} | {count / whole_s / 1e6:.2f}"
-            f" | {count / bare_s / 1e6:.2f} | {ratio:.2f} |"
-        )
+        rates = (n / s / 1e6 for n, s in ((points, whole_s), (count, whole_s), (count, bare_s)))
+        cells = " | ".join(f"{rate:.2f}" for rate in (*rates, ratio))
+        print(f"| {weather.id} | {points} | {cells} |")
 
 
 def memory(scene: Scene, frames: int) -> None:
