@@ -14,8 +14,10 @@ from advercity_sapien.bindings import RasterBindings, RayTracedBindings
 from advercity_sapien.lamps import LitLamp, lamp_row, lit_lamps
 from advercity_sapien.stage import Stage
 from advercity_sapien.sun import SunShadow
-from advercity_sapien.tables import KILO, atmosphere_row, sky_atlas
+from advercity_sapien.tables import KILO, atmosphere_row, sky_atlas, wear_column
+from advercity_sapien.wear import wear_map
 
+WEAR_COLUMN = 14
 SHADERS = Path(__file__).parent / "shaders"
 NEAR_M, FAR_M = 0.1, 3000.0
 
@@ -31,14 +33,17 @@ class SapienRenderer:
         self._profile = profile
         self._scene = sapien.Scene([sapien.render.RenderSystem(device)])
         self._is_ray_traced = profile.renderer == "ray_traced"
-        sky = sky_atlas(atmosphere)
+        sky, wear = sky_atlas(atmosphere), wear_map(world.lanes)
         self._bindings = (
-            RayTracedBindings(self._scene, sky) if self._is_ray_traced else RasterBindings(sky)
+            RayTracedBindings(self._scene, sky, wear)
+            if self._is_ray_traced
+            else RasterBindings(sky, wear)
         )
         self._stage = Stage(world, self._scene, self._bindings, night=atmosphere.night)
         self._sun = SunShadow(atmosphere, self._scene)
         self._cameras: dict[tuple[int, int], sapien.render.RenderCameraComponent] = {}
         self._air = atmosphere_row(atmosphere)
+        self._air[WEAR_COLUMN] = wear_column(wear)
         self._lamps: list[LitLamp] = []
         self._frame_index = 0
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from advercity.weather.atmosphere import Atmosphere
 from advercity.weather.sky import cubemap_directions, texel_solid_angles
+from advercity_sapien.wear import WearMap
 
 KILO = 1e-3
 COLUMNS = 256
@@ -35,6 +36,11 @@ def atmosphere_row(atmosphere: Atmosphere) -> NDArray[np.float32]:
     row[4, :3] = atmosphere.sun_direction
     row[5:14, :3] = irradiance_harmonics(atmosphere.sky) * KILO
     return row
+
+
+def wear_column(wear: WearMap) -> tuple[float, float, float, float]:
+    """Corner and inverse size of the map of wear, as `texture.glsl` reads them."""
+    return (*wear.corner, 1.0 / wear.size[0], 1.0 / wear.size[1])
 
 
 def irradiance_harmonics(sky: NDArray[np.float32]) -> NDArray[np.float64]:

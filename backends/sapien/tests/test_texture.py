@@ -24,7 +24,7 @@ TEXTURED = {
     if material.texture is not Texture.PLAIN
 }
 every_texture = pytest.mark.parametrize("name", TEXTURED.values())
-PATCHES = 60
+PATCHES = 200
 
 
 def field(name: str) -> World:
@@ -68,13 +68,14 @@ def seen_from(
         opened.place(Frame(index=0, time_s=0.0, states=(), signals={}))
         for place in places:
             world_from_camera = pose(tuple(place), pitch=np.radians(pitch_deg))
-            view = CameraView(world_from_camera, 96, 64, np.radians(60))
+            view = CameraView(world_from_camera, 72, 48, np.radians(60))
             pictures.append(opened.camera(view).radiance)
     return np.stack(pictures).astype(np.float64) / 1000.0
 
 
 def scattered(height_m: float) -> NDArray[np.float64]:
-    x, y = np.random.default_rng(4).uniform(-200, 200, (2, PATCHES))
+    reach = 390 - 0.7 * height_m
+    x, y = np.random.default_rng(4).uniform(-reach, reach, (2, PATCHES))
     return np.column_stack([x, y, np.full(PATCHES, height_m)])
 
 

@@ -1,7 +1,7 @@
 // Detail of materials: by what their albedo differs from its mean, as a factor around 1.
 // It hangs on world position alone, so it never repeats in sight. Every term has the mean 0 and
 // fades where its wavelength comes close to the footprint of a pixel, so that nothing shimmers.
-// `kind` is a `Texture` of the world's materials.
+// `kind` is a `Texture` of the world's materials. Needs atmosphere.glsl and samplerWear.
 
 const int ASPHALT = 1, PAVING = 2, GRASS = 3, SOIL = 4, CROPS = 5, BRICK = 6, PLASTER = 7;
 const int BARK = 8, LEAVES = 9, TILES = 10, WOOD = 11, STONE = 12, MARKING = 13;
@@ -105,6 +105,14 @@ vec2 onSurface(vec3 p, vec3 n) {
   return vec2(dot(p.xy, vec2(-n.y, n.x)) / level, p.z / level);
 }
 
+// Polished by tyres (up to 1) or stained by what drips between them (down to -1).
+float wear(vec2 p, float footprint) {
+  vec4 map = parameter(14);
+  vec2 uv = (p - map.xy) * map.zw;
+  if (any(lessThan(uv, vec2(0.0))) || any(greaterThan(uv, vec2(1.0)))) return 0.0;
+  return kept(3.0, footprint) * (textureLod(samplerWear, uv, 0.0).r * (255.0 / 127.0) - 128.0 / 127.0);
+}
+
 vec3 tinted(float tone, float hue) {
   return vec3(1.0 + tone + hue, 1.0 + tone + 0.25 * hue, 1.0 + tone - 0.5 * hue);
 }
@@ -115,6 +123,7 @@ vec3 detail(int kind, vec3 p, vec3 n, float footprint) {
   if (kind == ASPHALT) {
     float tone = 0.30 * term(q, 0.025, f, 1) + 0.10 * term(q, 0.11, f, 2)
         + 0.07 * term(q, 0.9, f, 3) + 0.10 * term(q, 4.3, f, 4) + 0.10 * term(q, 23.0, f, 5);
+    tone += 0.16 * wear(q, f) * (0.75 + 0.25 * noise(q / 5.0, 6));
     tone -= 0.30 * patches(q, f) + 0.45 * cracks(q, f);
     return vec3(1.0 + tone);
   }

@@ -9,6 +9,7 @@ layout(set = 2, binding = 1) uniform sampler2D samplerNormal;
 layout(set = 2, binding = 2) uniform sampler2D samplerDepthEmission;
 layout(set = 2, binding = 3) uniform sampler2D samplerTable;
 layout(set = 2, binding = 4) uniform sampler2D samplerSky;
+layout(set = 2, binding = 5) uniform sampler2D samplerWear;
 
 layout(location = 0) in vec2 inUV;
 layout(location = 0) out vec4 outRadiance;

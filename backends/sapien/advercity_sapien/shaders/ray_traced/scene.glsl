@@ -88,14 +88,16 @@ layout(set = 1, binding = 11) readonly buffer ParallelogramLights { Parallelogra
 
 // SAPIEN binds only its own textures here, so the scene's first object carries ours as the
 // base colour and the emission of its material.
-int tableIndex, skyIndex;
+int tableIndex, skyIndex, wearIndex;
 #define samplerTable textures[nonuniformEXT(tableIndex)]
 #define samplerSky textures[nonuniformEXT(skyIndex)]
+#define samplerWear textures[nonuniformEXT(wearIndex)]
 
 void findTables() {
   TextureIndex carried = textureIndices.t[geometryInstances.i[0].materialIndex];
   tableIndex = carried.diffuse;
   skyIndex = carried.emission;
+  wearIndex = carried.roughness;
 }
 
 // Of a body: its lit lamps and whether it is hidden.
