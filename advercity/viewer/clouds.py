@@ -30,4 +30,5 @@ def colours(cloud: PointCloud, by: CloudColour) -> NDArray[np.uint8]:
     if by == "kind":
         return _KINDS[cloud.kind]
     levels = np.rint(np.clip(cloud.intensity, 0, 1) * 255).astype(np.uint8)
-    return cv2.applyColorMap(levels.reshape(-1, 1), cv2.COLORMAP_TURBO).reshape(-1, 3)[:, ::-1]
+    painted = cv2.applyColorMap(levels.reshape(-1, 1), cv2.COLORMAP_TURBO)
+    return painted.reshape(-1, 3)[:, ::-1].astype(np.uint8)

@@ -1,6 +1,6 @@
 """From everything that sends light back to the echoes that a receiver tells apart and reports."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from typing import Any, Literal
 
 import numpy as np
@@ -70,10 +70,15 @@ def merged(echoes: Echoes) -> Echoes:
     first = np.flatnonzero(apart)
     if len(first) == len(echoes):
         return echoes
-    power = np.add.reduceat(echoes.power, first)
-    range_m = np.add.reduceat(echoes.power * echoes.range_m, first) / power
-    strongest = echoes.rows(_strongest(echoes.power, first))
-    return replace(strongest, power=power, range_m=range_m)
+    one = echoes.rows(_strongest(echoes.power, first))
+    size = np.diff(first, append=len(echoes))
+    several = np.flatnonzero(size > 1)
+    parts = echoes.rows(np.repeat(size > 1, size))
+    begins = np.cumsum(size[several]) - size[several]
+    power = np.add.reduceat(parts.power, begins)
+    one.range_m[several] = np.add.reduceat(parts.power * parts.range_m, begins) / power
+    one.power[several] = power
+    return one
 
 
 def chosen(echoes: Echoes, report: Literal["strongest", "last", "dual"]) -> Echoes:

@@ -33,8 +33,9 @@ from advercity.traffic.trace import ActorState
 Floats = NDArray[np.floating[Any]]
 Rows = NDArray[np.intp]
 
-FAINTEST = 0.02
-"""Power of echoes that not even noise lifts over the threshold, were seven of them to add up."""
+FAINTEST = 0.2
+"""Power of echoes, times the sub-rays that may add up to one, that noise does not lift over the
+threshold: they stand four standard deviations below."""
 SPRAY_DEPTH_M = 3.0
 """How deep into a plume echoes come from."""
 
@@ -95,29 +96,31 @@ class Sources:
         return self._hard(hits, share, None, noise, PointKind.SURFACE)
 
     def _onward(self) -> Iterator[Echoes]:
-        """What is behind windows or mirrored in puddles; every ray has its own noise."""
+        """What is behind windows or mirrored in puddles, last because weather decides on it."""
         scan = self._scan
         onward = [(one, PointKind.SURFACE) for one in scan.behind]
         onward += [] if scan.mirrored is None else [(scan.mirrored, PointKind.GHOST)]
         rng = self._draws.stream(Purpose.ONWARD_NOISE)
-        noise = rng.standard_normal(len(scan.hits.range_m), np.float32)
         for one, kind in onward:
             share = self._reflected(one.hits) * one.passed
-            yield self._hard(one.hits, share, one.ray, noise[one.ray], kind)
+            noise = rng.standard_normal(len(one.ray), np.float32)
+            yield self._hard(one.hits, share, one.ray, noise, kind)
 
     def _soft(self, soft: SoftTarget) -> Echoes:
         """Fog and dust; the droplets of each beam are a little more or fewer than the mean."""
         rng = self._draws.stream(Purpose.SOFT)
         normal = rng.standard_normal((2, self._count), np.float32)
-        uniform = rng.random((2, self._count), np.float32)
+        uniform = rng.random(self._count, np.float32)
         gain = np.full(self._count, self._lidar.soft_gain / self._threshold, np.float32)
         if self._lidar.detection == "noisy":
             gain *= np.exp(np.float32(FLUCTUATION) * normal[0])
         self._dim(gain, None)
-        range_m, power = soft.draw(gain, self._stop_m, uniform[0])
-        kind = np.where(uniform[1] < soft.dust_share, PointKind.DUST, PointKind.FOG)
+        range_m, power = soft.draw(gain, self._stop_m, uniform)
+        kind = np.full(self._count, PointKind.FOG, np.uint8)
+        if soft.dust_share:
+            kind[rng.random(self._count, np.float32) < soft.dust_share] = PointKind.DUST
         beam = np.arange(self._count, dtype=np.int32)
-        return self._airborne(beam, range_m, power, normal[1], kind.astype(np.uint8))
+        return self._airborne(beam, range_m, power, normal[1], kind)
 
     def _particles(self, table: ParticleTable) -> Echoes:
         """Drops or flakes in front of whatever stops the beam."""
@@ -159,7 +162,7 @@ class Sources:
             share = share * weights(self._lidar)[_all_or(ray, len(share)) % sub_rays]
         finite_m = np.minimum(hits.range_m, np.float32(self._lidar.range_m))
         power = echo(finite_m, share * np.float32(1.0 / self._threshold), self._air.extinction)
-        strong = np.flatnonzero((power > FAINTEST) & np.isfinite(hits.range_m))
+        strong = np.flatnonzero((power > FAINTEST / sub_rays) & np.isfinite(hits.range_m))
         rays = strong if ray is None else ray[strong]
         beam = (rays // sub_rays if sub_rays > 1 else rays).astype(np.int32)
         power = power[strong]
@@ -185,7 +188,7 @@ class Sources:
         kind: NDArray[np.uint8],
     ) -> Echoes:
         """Echoes out of the air, those too faint left out."""
-        strong = np.flatnonzero(power > FAINTEST)
+        strong = np.flatnonzero(power > FAINTEST / self._lidar.sub_rays)
         return Echoes(
             beam=beam[strong],
             range_m=range_m[strong],
