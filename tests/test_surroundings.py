@@ -29,6 +29,16 @@ every_road = pytest.mark.parametrize("name", ROADS)
 PAVED = shapely.box(-100, -5, 100, 5)
 
 
+EGO = {
+    "kind": "vehicle",
+    "role": "ego",
+    "spawn_m": (-90, -1.75),
+    "heading_deg": 0,
+    "destination_m": (90, -1.75),
+    "max_speed_km_h": 50,
+}
+
+
 def beside(kind: str, **place: object) -> Surrounding:
     """Something beside the street, on both sides of all of it unless said otherwise."""
     item = {key: place.pop(key) for key in ("spacing_m", "species", "seed") if key in place}
@@ -44,9 +54,7 @@ def sloping(points: np.ndarray) -> np.ndarray:
     return 0.05 * points[:, 0]
 
 
-def street(
-    *items: Surrounding, bend: Mapping[str, object] | None = None, **changes: object
-) -> Road:
+def street(*items: Surrounding, bend: Mapping[str, object] | None = None, **agents: object) -> Road:
     """A street with the given surroundings, straight along x from -100 to 100 without `bend`."""
     section = {
         "left": [{"kind": "lane", "width_m": 3.5}],
@@ -73,7 +81,7 @@ def street(
             "sections": {"lanes": section},
             "streets": {"road": axis},
             "surroundings": [item.model_dump() for item in items],
-            "agents": {},
+            "agents": {"cav1": EGO, **agents},
             "traffic": {
                 "vehicles_per_area": 1,
                 "walkers": 0,
@@ -81,7 +89,6 @@ def street(
                 "around_path_m": 10,
                 "classes": shares,
             },
-            **changes,
         }
     )
 
@@ -341,6 +348,21 @@ def test_nothing_grows_into_a_building():
     assert shapely.distance(footprint, shapely.points(trunks)).min() > 1.0
 
 
+def test_a_plateau_rises_behind_its_outline_and_meets_the_street_that_climbs_to_it():
+    outline = ((-50, 20), (50, 20), (50, 90), (-50, 90))
+    plateau = Surrounding(kind=SurroundingKind.PLATEAU, line_m=outline, height_m=8)
+    level_rim = np.array([(-100.0, 5.0, 0.0), (100.0, 5.0, 0.0)])
+    climbing_rim = np.array([(0.0, 21.0, 1.0), (0.0, 60.0, 8.0)])
+    asked = np.array([(-40.0, 19.9), (-40.0, 22.0), (40.0, 60.0), (0.5, 30.0)])
+    height = terrain.ground_height(
+        [level_rim, climbing_rim], asked, terrain.plateaus(street(plateau))
+    )
+    without = terrain.ground_height([level_rim, climbing_rim], asked)
+    assert height[0] == pytest.approx(without[0])
+    np.testing.assert_allclose(height[1:3], 8, atol=0.05)
+    assert height[3] == pytest.approx(1 + 7 * 9 / 39, abs=0.1)
+
+
 def test_the_same_road_gives_the_same_bytes():
     item = Surrounding(kind=SurroundingKind.TREES, area_m=((-60, -30), (60, 30)))
     for first, second in zip(built(item), built(item), strict=True):
@@ -487,7 +509,7 @@ def nearby(
 
 def test_a_unit_with_nothing_to_stand_on_gets_a_mast_right_below_it():
     unit = {"kind": "roadside_unit", "position_m": (0, 10, 6), "yaw_deg": 0}
-    meshes, _ = furniture(street(agents={"rsu": unit}), level)
+    meshes, _ = furniture(street(rsu=unit), level)
     mast = points(meshes)
     assert mast[:, 2].max() == pytest.approx(5.7)
     assert np.linalg.norm(mast[mast[:, 2] > 1, :2] - (0, 10), axis=1).max() < 0.1
@@ -496,4 +518,4 @@ def test_a_unit_with_nothing_to_stand_on_gets_a_mast_right_below_it():
 def test_a_unit_on_a_pole_needs_no_mast_of_its_own():
     pole = Surrounding(kind=SurroundingKind.POLE, at_m=((0, 10.5),), height_m=5.7)
     unit = {"kind": "roadside_unit", "position_m": (0, 10, 6), "yaw_deg": 0}
-    assert furniture(street(pole, agents={"rsu": unit}), level)[0] == []
+    assert furniture(street(pole, rsu=unit), level)[0] == []

@@ -1,7 +1,8 @@
 """What surfaces are made of: visible albedo and near-infrared reflectance side by side.
 
 Albedo is linear sRGB. Reflectance is the diffuse reflectance at 905 nm that a LiDAR meets
-(typical values; Muckenhuber et al., Sensors 20, 3309, 2020, and common handbooks).
+(typical values; Muckenhuber et al., Sensors 20, 3309, 2020, and common handbooks). A texture varies
+the albedo over a surface and leaves its mean as it stands here.
 """
 
 from dataclasses import dataclass
