@@ -391,7 +391,7 @@ def test_switching_rain_off_leaves_all_other_numbers_alone() -> None:
 def test_a_pane_lets_most_light_through() -> None:
     glass = upright(5, 5, 4, "glass")
     behind = upright(9, 50, 20, "plaster_white")
-    level = with_(EXACT, channels=1, lower_deg=0, upper_deg=0)
+    level = with_(EXACT, channels=1, lower_deg=0, upper_deg=1)
     shaded, plain = (
         cloud(level, shoot(level, STAND, caster_of(*walls)), **VACUUM)
         for walls in ((glass, behind), (behind,))
