@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from advercity.poses import pose
 from advercity.randomness import generator
 from advercity.rendering.backend import CameraCapture, CameraView
-from advercity.semantics import Semantic
-from advercity.sensors.camera import Setting, digitise, expose, meter, semantic_image
+from advercity.sensors.camera import Setting, digitise, expose, meter
 from advercity.sensors.stray_light import scattered
 from advercity.sensors.sun import with_sun
 from advercity.weather.atmosphere import Atmosphere
@@ -195,11 +194,6 @@ def test_the_suns_veil_falls_off_as_the_lens_scatters(off_deg: float, veil_cd_m2
     focal_px = 480 / math.tan(FOV_RAD / 2)
     column = round(480 + focal_px * math.tan(math.radians(off_deg)))
     assert veiled[270, column] == pytest.approx(veil_cd_m2, rel=0.05)
-
-
-def test_tags_are_painted_in_carlas_colours() -> None:
-    tags = np.array([[Semantic.ROAD, Semantic.VEHICLE]], np.uint8)
-    np.testing.assert_array_equal(semantic_image(tags), [[[128, 64, 128], [0, 0, 142]]])
 
 
 @given(darker=st.floats(1.0, 100.0), brighter=st.floats(1.01, 4.0))

@@ -139,6 +139,33 @@ def test_a_missing_spec_is_told(advercity: Command, tmp_path: Path) -> None:
     assert "none.json: cannot be read: No such file" in ran.err
 
 
+@pytest.mark.render
+@pytest.mark.sumo
+@pytest.mark.parametrize("options", [["--connect", "nowhere at all"], ["--rrd", "."]])
+def test_a_viewer_that_cannot_be_leaves_no_dataset(
+    advercity: Command, spec_file: Path, tmp_path: Path, options: list[str]
+) -> None:
+    output = tmp_path / "output"
+    ran = advercity("run", spec_file, "--output", output, "--frames", "0:1", *options)
+    assert ran.code == 2
+    assert not output.exists()
+
+
+def test_one_recording_holds_one_scenario(
+    advercity: Command, specs: dict[str, Spec], tmp_path: Path
+) -> None:
+    two = [specs["ri_fog_day_sparse"], specs["ri_clear_day_sparse"]]
+    write_specs(two, tmp_path)
+    files = [tmp_path / f"{spec.id}.json" for spec in two]
+    ran = advercity("run", *files, "--rrd", tmp_path / "two.rrd")
+    assert ran.code == 2
+    assert "show one scenario" in ran.err
+
+
+def test_file_names_are_told_as_they_are(advercity: Command) -> None:
+    assert ":smile:.json" in advercity("validate", ":smile:.json").err
+
+
 def test_help_lists_the_commands(advercity: Command) -> None:
     ran = advercity("--help")
     assert ran.code == 0

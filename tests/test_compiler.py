@@ -370,6 +370,38 @@ def test_a_suite_must_be_named_where_there_are_two(write: Write) -> None:
     assert len(compile_library(folder, suite="other")) == 1
 
 
+def test_a_road_needs_one_ego(write: Write) -> None:
+    folder = write(road=SMALL["road.yaml"].replace("role: ego", "role: other"))
+    assert complaint(folder) == (
+        "road.yaml:19:3: agents: 0 of the agents have the role 'ego'; one vehicle has it"
+    )
+
+
+def test_beams_open_upwards(write: Write) -> None:
+    road = SMALL["road.yaml"].replace("pitch_deg: 10", "pitch_deg: 10, lidar_upper_deg: -30")
+    assert "lidar_upper_deg: -30 is not above the rig's lower_deg -25" in complaint(
+        write(road=road)
+    )
+    rig = SMALL["rig.yaml"].replace("lidar: {mount", "lidar: {upper_deg: -30, mount")
+    assert "upper_deg -30 is not above lower_deg -25" in complaint(write(rig=rig))
+
+
+def test_a_scenario_keeps_three_frames_at_least(write: Write) -> None:
+    suite = SMALL["suite.yaml"] + "timing: {warm_up_ticks: 59, max_ticks: 60}\n"
+    assert "leaves fewer than three frames" in complaint(write(suite=suite))
+
+
+@pytest.mark.parametrize("field", ["id", "number"])
+def test_agents_of_a_spec_are_told_apart(write: Write, tmp_path: Path, field: str) -> None:
+    (spec,) = compile_library(write())
+    data = json.loads(to_json(spec))
+    data["agents"][1][field] = data["agents"][0][field]
+    path = tmp_path / "twins.json"
+    path.write_text(json.dumps(data))
+    with pytest.raises(InputError, match=f"two agents have the same {field}"):
+        read_spec(path)
+
+
 def test_an_empty_folder_is_no_library(tmp_path: Path) -> None:
     assert "no declarations" in complaint(tmp_path)
 

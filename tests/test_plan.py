@@ -6,14 +6,15 @@ import pytest
 from advercity_dsl import Spec
 
 from advercity.errors import InputError
-from advercity.world.plan import draw_plan, write_plan
+from advercity.pictures import write_picture
+from advercity.world.plan import draw_plan
 
 ASPHALT = (120, 120, 120)
 
 
 def test_a_plan_shows_roads_and_agents(specs: dict[str, Spec], tmp_path: Path) -> None:
     road = specs["rcnj_clear_day_sparse"].road
-    write_plan(draw_plan(road), tmp_path / "plan.png")
+    write_picture(draw_plan(road), tmp_path / "plan.png")
     image = cv2.imread(str(tmp_path / "plan.png"))
     assert image is not None
     assert max(image.shape) >= 1600
@@ -32,6 +33,6 @@ def test_the_same_road_gives_the_same_plan(specs: dict[str, Spec]) -> None:
     np.testing.assert_array_equal(draw_plan(spec.road, spec), draw_plan(spec.road, spec))
 
 
-def test_a_plan_needs_a_picture_to_be_written_into(tmp_path: Path) -> None:
+def test_a_picture_needs_the_name_of_one(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"end it in \.png"):
-        write_plan(np.zeros((4, 4, 3), np.uint8), tmp_path / "plan.doc")
+        write_picture(np.zeros((4, 4, 3), np.uint8), tmp_path / "plan.doc")

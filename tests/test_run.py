@@ -216,6 +216,13 @@ def test_a_recording_is_written_beside_the_dataset(spec: Spec, made: Path, tmp_p
     assert tree(scenario).keys() <= tree(made).keys()
 
 
+def test_a_recording_shows_what_was_asked_for_last(spec: Spec, made: Path, tmp_path: Path) -> None:
+    file = tmp_path / "scene.rrd"
+    file.write_bytes(b"of something else")
+    run(spec, made.parent, 0, 1, viewer=ViewerTarget(file=file))
+    assert file.stat().st_size > 10_000
+
+
 def test_frames_beyond_the_end_are_bad_input(spec: Spec, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="has frames 0 to"):
         run(spec, tmp_path, 5000, 5001)

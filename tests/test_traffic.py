@@ -82,11 +82,22 @@ def boxes(frame: Frame) -> list[shapely.Polygon]:
     return found
 
 
+@pytest.mark.parametrize("density", ["sparse", "dense"])
+@pytest.mark.parametrize("road", ROADS)
+def test_connected_vehicles_are_there_in_every_frame(simulated: Simulated, road: str, density: str):
+    trace = simulated(f"{road}_{density}")
+
+    numbers = np.array([actor.id for actor in trace.actors])[trace.states["actor"]]
+    for connected in (101, 102, 103):
+        ticks = trace.states["tick"][numbers == connected]
+        np.testing.assert_array_equal(ticks, np.arange(len(trace)))
+
+
 @pytest.mark.parametrize("road", ROADS)
 def test_connected_vehicles_start_at_rest_where_they_were_put(
     road: str, specs: dict[str, Spec], networks: dict[str, Path]
 ):
-    spec = with_timing(specs[f"{road}_clear_day_sparse"], warm_up_ticks=0, max_ticks=1)
+    spec = with_timing(specs[f"{road}_clear_day_sparse"], warm_up_ticks=0, max_ticks=3)
 
     frame = simulate(spec, networks[road]).frame(0)
 

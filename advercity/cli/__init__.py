@@ -1,6 +1,8 @@
 """The command line: each command calls the library and prints; nothing is computed here."""
 
+import signal
 import sys
+from types import FrameType
 
 from advercity.cli.app import app
 from advercity.cli.output import fail
@@ -9,6 +11,8 @@ from advercity.errors import InputError, RunError
 
 def main() -> None:
     """Run the command line; 0 done, 1 failed while running, 2 bad input, 130 interrupted."""
+    # Told to end, we leave by the way that cleans up: children and partial files go.
+    signal.signal(signal.SIGTERM, _leave)
     try:
         app()
     except InputError as error:
@@ -21,6 +25,10 @@ def main() -> None:
         # The reader of our output has gone, as `| head` does.
         sys.stderr.close()
         sys.exit(1)
+
+
+def _leave(number: int, frame: FrameType | None) -> None:
+    sys.exit(128 + number)
 
 
 __all__ = ["app", "main"]

@@ -85,9 +85,10 @@ def show(
     road = spec.road if spec else load_declaration(path, Road)
     say(summary(spec) if spec else road_summary(road))
     if map_ is not None:
-        from advercity.world.plan import draw_plan, write_plan
+        from advercity.pictures import write_picture
+        from advercity.world.plan import draw_plan
 
-        write_plan(draw_plan(road, spec), map_)
+        write_picture(draw_plan(road, spec), map_)
         note(f"plan in {map_}")
 
 

@@ -5,7 +5,7 @@ from typing import NoReturn
 
 from rich.console import Console
 
-errors = Console(stderr=True, highlight=False, soft_wrap=True)
+errors = Console(stderr=True, highlight=False, soft_wrap=True, emoji=False)
 
 
 def say(text: str) -> None:

@@ -49,6 +49,8 @@ def cross(library: Library, suite: Suite) -> list[Spec]:
     if problems or rig is None or catalogue is None:
         raise ProblemsError(problems)
     _check_catalogue(library, catalogue)
+    _check_beams(library, rig, roads)
+    _check_egos(library, roads)
     return [
         _spec(library, suite, road, weather, density, rig, catalogue, groups[road.id])
         for road in roads.values()
@@ -125,6 +127,35 @@ def _groups(
             hint = "leave the road out of the suite, or change the suite's selection or coverage"
             problems.append(library.problem(roads[name], "id", message=message, hint=hint))
     return {name: tuple(found) for name, found in groups.items()}
+
+
+def _check_beams(library: Library, rig: Rig, roads: Mapping[str, Road]) -> None:
+    lowest = rig.roadside_unit.lidar.lower_deg
+    problems = [
+        library.problem(
+            road,
+            *("agents", name, "lidar_upper_deg"),
+            message=f"{place.lidar_upper_deg:g} is not above the rig's lower_deg {lowest:g}",
+        )
+        for road in roads.values()
+        for name, place in road.agents.items()
+        if isinstance(place, RoadsideUnit)
+        and place.lidar_upper_deg is not None
+        and place.lidar_upper_deg <= lowest
+    ]
+    if problems:
+        raise ProblemsError(problems)
+
+
+def _check_egos(library: Library, roads: Mapping[str, Road]) -> None:
+    problems: list[Problem] = []
+    for road in roads.values():
+        egos = sum(getattr(place, "role", "") == "ego" for place in road.agents.values())
+        if egos != 1:
+            message = f"{egos} of the agents have the role 'ego'; one vehicle has it"
+            problems.append(library.problem(road, "agents", message=message))
+    if problems:
+        raise ProblemsError(problems)
 
 
 def _check_catalogue(library: Library, catalogue: Catalogue) -> None:

@@ -9,6 +9,7 @@ from pydantic import ValidationError
 from advercity.compiler.problems import Problem, ProblemsError, nearest
 from advercity.compiler.source import Document, Where
 
+LONGEST_SHOWN = 60
 ModelT = TypeVar("ModelT", bound=Model)
 
 
@@ -49,7 +50,10 @@ def _is_id(detail: Any) -> bool:
 def _got(detail: Any) -> str:
     value = detail["input"]
     shown = isinstance(value, str | int | float | bool) and detail["type"] != "value_error"
-    return f" (found {value!r})" if shown else ""
+    if not shown:
+        return ""
+    text = repr(value)
+    return f" (found {text if len(text) <= LONGEST_SHOWN else text[:LONGEST_SHOWN] + '...'})"
 
 
 def _in_document(document: Document, loc: Where) -> Where:

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from advercity.dataset.images import painted
 from advercity.dataset.reader import Scenario, View
-from advercity.errors import InputError, RunError
+from advercity.errors import InputError
+from advercity.pictures import write_picture
 
 CELL_WIDTH = 384
 BAR = 22
@@ -26,17 +27,14 @@ def write_contact_sheet(path: Path, output: Path) -> None:
         output: File to write.
 
     Raises:
-        InputError: There is no frame in it.
-        RunError: The picture cannot be written.
+        InputError: There is no frame in it, or the picture cannot be written.
     """
     scenario = Scenario(path)
     if not len(scenario):
         raise InputError(f"{path}: no frames here; give the folder of one scenario")
     frame = scenario[len(scenario) // 2]
     rows = [_row(view, f"{agent}  frame {frame.name}") for agent, view in frame.views.items()]
-    output.parent.mkdir(parents=True, exist_ok=True)
-    if not cv2.imwrite(str(output), np.vstack(rows)):
-        raise RunError(f"{output}: cannot be written")
+    write_picture(np.vstack(rows), output)
 
 
 def _row(view: View, name: str) -> Image:

@@ -23,6 +23,8 @@ def run_all(specs: Sequence[Spec], options: Options, *, jobs: int, report: Repor
     """
     if len({spec.id for spec in specs}) < len(specs):
         raise InputError("a scenario is given twice; each may run once into an output folder")
+    if len(specs) > 1 and options.viewer.is_asked_for:
+        raise InputError("--rrd, --stream and --connect show one scenario; run them one by one")
     if len(specs) == 1:
         return [run_scenario(specs[0], options, report)]
     failed: dict[str, Exception] = {}

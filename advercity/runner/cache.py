@@ -11,6 +11,7 @@ from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 
+import advercity_dsl
 from advercity_dsl import Spec
 
 import advercity
@@ -29,14 +30,13 @@ def cache_folder() -> Path:
 def road_key(spec: Spec) -> str:
     """Of everything that the network depends on."""
     road = spec.road.model_dump(mode="json", exclude={"agents", "traffic"})
-    return digest_of({"code": _code_digest("world"), "road": road})
+    return digest_of({"code": _code_digest(), "road": road})
 
 
 def world_key(spec: Spec) -> str:
     """Of everything that the world depends on: the road, who stands beside it, and the bodies."""
     data = spec.model_dump(mode="json", include={"road", "blueprints"})
-    code = _code_digest("world", "randomness.py", "semantics.py")
-    return digest_of({"code": code, **data})
+    return digest_of({"code": _code_digest(), **data})
 
 
 def traffic_key(spec: Spec) -> str:
@@ -46,16 +46,15 @@ def traffic_key(spec: Spec) -> str:
     )
     for agent in data["agents"]:
         del agent["sensors"]
-    return digest_of({"code": _code_digest("world", "traffic"), "seed": spec.seeds.traffic, **data})
+    return digest_of({"code": _code_digest(), "seed": spec.seeds.traffic, **data})
 
 
 @functools.cache
-def _code_digest(*sources: str) -> str:
-    """Of the packages and modules that make the cached things: no change keeps anything old."""
+def _code_digest() -> str:
+    """Of the whole program: a changed one keeps nothing of what the old one made."""
     digest = hashlib.sha256(version("eclipse-sumo").encode())
-    root = Path(advercity.__file__).parent
-    for source in sources:
-        for path in sorted([root / source, *(root / source).rglob("*")]):
+    for package in (advercity, advercity_dsl):
+        for path in sorted(Path(package.__path__[0]).rglob("*")):
             if path.suffix in (".py", ".j2"):
                 digest.update(path.read_bytes())
     return digest.hexdigest()

@@ -50,9 +50,9 @@ class ViewerTarget:
     """What the colours of LiDAR points stand for."""
 
     @property
-    def is_live(self) -> bool:
-        """Whether somebody may watch while it runs."""
-        return self.serve or self.connect is not None
+    def is_asked_for(self) -> bool:
+        """Whether anything is to be shown."""
+        return self.serve or self.connect is not None or self.file is not None
 
 
 @dataclass(frozen=True)

@@ -84,7 +84,13 @@ def record(path: Path, file: Path) -> None:
     if not len(scenario):
         raise InputError(f"{path}: no frames here")
     spec = scenario.spec
-    viewpoints = Viewpoints(spec, set_stage(spec).trace)
+    stage = set_stage(spec)
+    if stage.trace_sha256 != scenario.manifest.identity.trace_sha256:
+        raise RunError(
+            f"{path}: made from other traffic than this version simulates;"
+            " look at it with the version that its manifest names"
+        )
+    viewpoints = Viewpoints(spec, stage.trace)
     with Recording(spec, built(spec.road).lanes, file=file) as recording:
         for stored in scenario:
             recording.log(stored_readings(scenario, viewpoints, stored.index))
@@ -113,8 +119,8 @@ def view(dataset: Path, *, web: bool) -> None:
 
 
 def _show(file: Path, *, web: bool) -> None:
-    options: Sequence[str] = ("--web-viewer", "--bind", "127.0.0.1") if web else ()
-    command = [sys.executable, "-m", "rerun", *options, str(file)]
+    options = ["--web-viewer"] if web else []
+    command = [sys.executable, "-m", "rerun", "--bind", "127.0.0.1", *options, str(file)]
     done = subprocess.run(command, check=False)  # noqa: S603 - rerun's own program on our file
     if done.returncode != 0:
         hint = "" if web else "; without a screen, try --web"

@@ -53,13 +53,14 @@ def run_scenario(spec: Spec, options: Options, report: Report = no_report) -> Pa
     writer = DatasetWriter(
         options.output, spec, identity, length=len(stage.trace), fresh=options.fresh
     )
-    with writer:
-        if _is_something_to_do(writer, wanted, options.viewer):
+    # A viewer that cannot be had is found out before anything of the dataset is touched.
+    with _recording(spec, options.viewer) as recording, writer:
+        if recording is not None or not writer.done.issuperset(wanted):
             viewpoints = Viewpoints(spec, stage.trace)
             readings = _readings(viewpoints, stage, writer, wanted, backend, profile)
-            with _recording(spec, options.viewer) as recording, Behind() as behind:
-                watched = recording is not None and recording.address
-                doing = f"frames, live at {watched}" if watched else "frames"
+            watched = recording is not None and recording.address
+            doing = f"frames, live at {watched}" if watched else "frames"
+            with Behind() as behind:
                 for count, (index, reading) in enumerate(readings):
                     report(spec.id, doing, count, len(wanted))
                     if index not in writer.done:
@@ -95,12 +96,6 @@ def _wanted(spec: Spec, stage: Stage, options: Options) -> range:
     return wanted
 
 
-def _is_something_to_do(writer: DatasetWriter, wanted: range, viewer: ViewerTarget) -> bool:
-    """Frames are missing, or somebody watches, or a recording is not there yet."""
-    missing = not writer.done.issuperset(wanted)
-    return missing or viewer.is_live or (viewer.file is not None and not viewer.file.exists())
-
-
 def _readings(
     viewpoints: Viewpoints,
     stage: Stage,
@@ -125,7 +120,7 @@ def _readings(
 
 
 def _recording(spec: Spec, viewer: ViewerTarget) -> Recording | nullcontext[None]:
-    if not viewer.is_live and viewer.file is None:
+    if not viewer.is_asked_for:
         return nullcontext()
     return Recording(
         spec,

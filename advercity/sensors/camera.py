@@ -11,7 +11,6 @@ from advercity_dsl import Camera, Exposure
 from numpy.typing import NDArray
 
 from advercity.rendering.backend import CameraCapture
-from advercity.semantics import PALETTE
 from advercity.sensors.stray_light import scattered
 
 CLEAN_LENS = 0.02
@@ -75,11 +74,6 @@ def expose(
     share = light / np.float32(setting.saturation_cd_m2)
     digital = digitise(share, setting, rng if camera.noise else None)
     return _SRGB_OF_DN[digital]
-
-
-def semantic_image(semantic: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Tags (h, w) painted (h, w, 3) RGB in CARLA's colours."""
-    return PALETTE[semantic]
 
 
 def meter(radiance: NDArray[np.float32], exposure: Exposure) -> Setting:

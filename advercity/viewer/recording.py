@@ -18,7 +18,7 @@ from advercity.poses import Matrix
 from advercity.traffic.trace import ActorState
 from advercity.viewer import layout
 from advercity.viewer.clouds import CloudColour, colours
-from advercity.viewer.sinks import PORT, connection_to, file_at, server_on
+from advercity.viewer.sinks import PORT, connection_to, file_at, partial_of, server_on
 from advercity.world.scene import Lane
 
 APPLICATION = "advercity"
@@ -68,6 +68,7 @@ class Recording:
         connect: str | None = None,
         cloud_colour: CloudColour = "intensity",
     ) -> None:
+        self._file = file
         files = () if file is None else (file_at(file),)
         viewers = () if connect is None else (connection_to(connect),)
         self._servers = (server_on(port),) if serve else ()
@@ -93,12 +94,13 @@ class Recording:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Send what is left, finish the file, stop the server."""
         self._stream.flush()
         self._stream.disconnect()
+        if self._file is not None:
+            if error is None:
+                partial_of(self._file).replace(self._file)
+            else:
+                partial_of(self._file).unlink(missing_ok=True)
 
     def log(self, readings: Sequence[Reading]) -> None:
         """Show one frame: the readings of all its viewpoints."""

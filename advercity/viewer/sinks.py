@@ -17,13 +17,25 @@ PATIENCE_S = 3.0
 
 
 def file_at(path: Path) -> rr.FileSink:
-    """A recording; RunError if it cannot be written."""
+    """A recording that grows in `partial_of(path)`, for whoever closes it to move to `path`.
+
+    Raises:
+        InputError: `path` is a folder.
+        RunError: It cannot be written.
+    """
+    if path.is_dir():
+        raise InputError(f"{path}: is a folder; name a file that ends in .rrd")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.open("wb").close()
+        partial_of(path).open("wb").close()
     except OSError as error:
         raise RunError(f"{path}: cannot be written: {error.strerror}") from error
-    return rr.FileSink(str(path))
+    return rr.FileSink(str(partial_of(path)))
+
+
+def partial_of(path: Path) -> Path:
+    """Where a recording lies while it is not whole."""
+    return path.with_name(f"{path.name}.partial")
 
 
 def server_on(port: int) -> rr.GrpcServerSink:

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterator
 from itertools import pairwise
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -11,7 +10,6 @@ from advercity_dsl import Mount, Road, RoadsideUnit, Spec, Vehicle
 from advercity_dsl.road import Signals
 from numpy.typing import ArrayLike, NDArray
 
-from advercity.errors import InputError
 from advercity.world.lanes import lanes
 from advercity.world.layout import layout
 from advercity.world.scene import Lane
@@ -112,17 +110,6 @@ def draw_plan(road: Road, spec: Spec | None = None) -> Image:
         _draw_agent(canvas, name, place)
     _draw_bar(canvas)
     return canvas.image
-
-
-def write_plan(image: Image, path: Path) -> None:
-    """Write a plan as PNG or JPEG, as the file's name says; InputError if it cannot be."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        written = cv2.imwrite(str(path), image)
-    except cv2.error as error:
-        raise InputError(f"{path}: no picture has such a name; end it in .png") from error
-    if not written:
-        raise InputError(f"{path}: cannot be written")
 
 
 def _canvas(found: tuple[Lane, ...], road: Road) -> Canvas:

@@ -84,6 +84,14 @@ class Lidar(Model):
             raise ValueError(f"{self.channel_table} has 32 channels, not {self.channels}")
         return self
 
+    @model_validator(mode="after")
+    def _opens_upwards(self) -> Self:
+        if self.upper_deg <= self.lower_deg:
+            raise ValueError(
+                f"upper_deg {self.upper_deg:g} is not above lower_deg {self.lower_deg:g}"
+            )
+        return self
+
 
 class Gnss(Model):
     """Satellite positioning: the original's white noise in degrees, or a real receiver's errors.

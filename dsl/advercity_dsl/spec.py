@@ -3,9 +3,9 @@
 Nothing in it refers to another file.
 """
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field, StringConstraints
+from pydantic import Field, StringConstraints, model_validator
 
 from advercity_dsl.base import Id, Model
 from advercity_dsl.rig import Carrier
@@ -82,6 +82,17 @@ class Spec(Model):
     timing: Timing
     seeds: SpecSeeds
     provenance: Provenance
+
+    @model_validator(mode="after")
+    def _agents_are_told_apart(self) -> Self:
+        for what in ("id", "number"):
+            values = [getattr(agent, what) for agent in self.agents]
+            if len(set(values)) < len(values):
+                raise ValueError(f"two agents have the same {what}")
+        egos = [agent for agent in self.agents if getattr(agent.place, "role", "") == "ego"]
+        if len(egos) != 1:
+            raise ValueError(f"{len(egos)} of the agents have the role 'ego'; one has it")
+        return self
 
 
 __all__ = ["SPEC_VERSION", "ActorClass", "Agent", "Spec"]

@@ -1,8 +1,8 @@
 """A suite: which declarations to cross, by which rules, and with which seeds."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from advercity_dsl.base import Declaration, Id, Model, Percent, Seconds
 
@@ -44,7 +44,16 @@ class Timing(Model):
     """Driven, not kept."""
     max_ticks: Annotated[int, Field(ge=1, le=1_000_000)] = 1800
     destination_box_m: Annotated[float, Field(gt=0)] = 10
-    """The scenario ends when the ego is this near to its destination in x and in y."""
+    """The scenario ends when a connected vehicle is this near to its destination in x and in y."""
+
+    @model_validator(mode="after")
+    def _keeps_something(self) -> Self:
+        if self.max_ticks < self.warm_up_ticks + 3:
+            raise ValueError(
+                f"max_ticks {self.max_ticks} leaves fewer than three frames after"
+                f" {self.warm_up_ticks} warm_up_ticks; raise it"
+            )
+        return self
 
 
 class Suite(Declaration):

@@ -244,6 +244,22 @@ def test_what_is_no_address_is_refused(spec: Spec, address: str) -> None:
         Recording(spec, LANES, connect=address)
 
 
-def test_a_file_that_cannot_be_written_is_named(spec: Spec, tmp_path: Path) -> None:
-    with pytest.raises(RunError, match=str(tmp_path)):
+def test_a_folder_is_no_recording(spec: Spec, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=f"{tmp_path}: is a folder"):
         Recording(spec, LANES, file=tmp_path)
+
+
+def test_a_file_that_cannot_be_written_is_named(spec: Spec, tmp_path: Path) -> None:
+    (tmp_path / "in the way").write_text("")
+    with pytest.raises(RunError, match="in the way"):
+        Recording(spec, LANES, file=tmp_path / "in the way" / "scene.rrd")
+
+
+def test_a_recording_is_whole_or_absent(spec: Spec, tmp_path: Path) -> None:
+    file = tmp_path / "scene.rrd"
+    with pytest.raises(KeyError), Recording(spec, LANES, file=file):
+        raise KeyError
+    assert list(tmp_path.iterdir()) == []
+    with Recording(spec, LANES, file=file):
+        assert not file.exists()
+    assert list(tmp_path.iterdir()) == [file]
