@@ -109,5 +109,5 @@ def test_closed_renderers_and_taken_pictures_leave_no_memory_behind(profile: Pro
                 renderer.camera(VIEW)
         return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
-    warm = [once() for _ in range(3)][-1]
-    assert [once() for _ in range(8)][-1] - warm < 15e6
+    # The allocator's arenas grow in a few jumps; a renderer that stays would add to every round.
+    assert np.median(np.diff([once() for _ in range(16)])) < 2e6
