@@ -1,6 +1,7 @@
 """Road and ground meshes, felt out with rays from above."""
 
 from collections.abc import Callable
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
@@ -183,6 +184,26 @@ def test_crossings_and_lines_are_painted(sites: dict[str, Site]) -> None:
     assert shares[-2.25] == 1.0
     assert shares[-5.75] == pytest.approx(0.25, abs=0.04)
     assert shares[-4.0] < 0.02
+
+
+def test_traffic_stops_at_a_bar_and_gives_way_at_blocks(sites: dict[str, Site]) -> None:
+    """Across the arriving lane of rsnj's farm lane (stop) and of its village road (give way)."""
+    plan, meshes = sites["rsnj"]
+    below = looking_down(meshes)
+
+    def painted(street: str, *, at_end: bool) -> list[bool]:
+        axis = plan.streets[street]
+        across = np.linspace(0.15, 2.95, 281) * (-1 if at_end else 1)
+        points = np.stack([axis.line(t)[-1 if at_end else 0, :2] for t in across])
+        ahead = np.diff(axis.axis[-2:] if at_end else axis.axis[:2], axis=0)[0, :2]
+        inwards = -1 if at_end else 1
+        middle = points + 0.4 * inwards * ahead / np.linalg.norm(ahead)
+        classes = below(middle)[1] == Semantic.ROAD_LINE
+        return [bool(value) for value, _ in groupby(classes)]
+
+    assert painted("east_lane", at_end=False) == [True]
+    blocks = painted("parking_road_a", at_end=True)
+    assert blocks.count(True) in (4, 5)
 
 
 def test_the_same_road_gives_the_same_meshes(sites: dict[str, Site]) -> None:

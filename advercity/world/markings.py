@@ -4,7 +4,7 @@ Dimensions follow the Manual on Uniform Traffic Control Devices (2009): normal l
 broken lines 3 m with gaps of 9 m, stop lines 30 to 60 cm, bars of crossings 30 to 60 cm.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from advercity_dsl.road import Paint
@@ -25,6 +25,12 @@ DASH_M = 3.0
 GAP_M = 9.0
 STOP_LINE_M = 0.4
 STOP_LINE_SETBACK_M = 0.2
+GIVE_WAY_BLOCKS = 5
+_BLOCKS = [
+    (2 * index / (2 * GIVE_WAY_BLOCKS - 1), (2 * index + 1) / (2 * GIVE_WAY_BLOCKS - 1))
+    for index in range(GIVE_WAY_BLOCKS)
+]
+"""A give-way line: as many blocks as that, and gaps as wide between them."""
 BAR_M = 0.5
 
 WHITE, YELLOW = "paint_white", "paint_yellow"
@@ -116,21 +122,28 @@ def _lifted(left: Points, right: Points) -> Piece:
 
 
 def _stop_lines(junction: JunctionLayout) -> Iterator[Piece]:
-    stopping = {sign.street for sign in junction.declared.signs if sign.kind == "stop"}
+    """A bar across the arriving lanes where traffic stops, blocks where it gives way."""
+    signs = {sign.street: sign.kind for sign in junction.declared.signs}
     for arm in junction.arms:
-        if junction.declared.control == "signals" or arm.street.id in stopping:
-            yield from _stop_line(arm)
+        kind = signs.get(arm.street.id)
+        if junction.declared.control == "signals" or kind == "stop":
+            yield from _bar_across(arm, [(0.0, 1.0)])
+        elif kind == "yield":
+            yield from _bar_across(arm, _BLOCKS)
 
 
-def _stop_line(arm: Arm) -> Iterator[Piece]:
+def _bar_across(arm: Arm, shares: Sequence[tuple[float, float]]) -> Iterator[Piece]:
+    """Pieces of a bar, each from one share of the arriving lanes' width to another."""
     lanes = [band for band in arm.arriving() if band.number]
     if not lanes:
         return
-    edges = (lanes[0].inner_t, lanes[-1].outer_t)
+    inner, outer = lanes[0].inner_t, lanes[-1].outer_t
     near, far = STOP_LINE_SETBACK_M, STOP_LINE_SETBACK_M + STOP_LINE_M
     end = float(arm.street.stations[-1])
     first, last = (end - far, end - near) if arm.at_end else (near, far)
-    yield _stripe(arm.street, sum(edges) / 2, abs(edges[1] - edges[0]), first, last)
+    for begins, ends in shares:
+        edges = inner + begins * (outer - inner), inner + ends * (outer - inner)
+        yield _stripe(arm.street, sum(edges) / 2, abs(edges[1] - edges[0]), first, last)
 
 
 def zebra(
