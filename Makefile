@@ -8,7 +8,7 @@ FRAMES := 30
 OUTPUT := output/demo
 
 ADVERCITY := .venv/bin/advercity
-RECORDING := $(OUTPUT)/$(SCENARIO).rrd
+RECORDING := $(OUTPUT)/$(SCENARIO)_$(FRAMES).rrd
 SHEET := $(OUTPUT)/contact_sheet.png
 
 .PHONY: demo test setup lock
@@ -16,7 +16,7 @@ SHEET := $(OUTPUT)/contact_sheet.png
 demo: setup
 	$(ADVERCITY) compile library --output compiled
 	$(ADVERCITY) run compiled/$(SCENARIO).json --profile preview --frames 0:$(FRAMES) \
-	  --output $(OUTPUT) --rrd $(RECORDING)
+	  --output $(OUTPUT) $(if $(wildcard $(RECORDING)),,--rrd $(RECORDING))
 	$(ADVERCITY) sheet $(OUTPUT)/$(SCENARIO) --output $(SHEET)
 	@echo
 	@echo "dataset (OPV2V):  $(OUTPUT)/$(SCENARIO)"
