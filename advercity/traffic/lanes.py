@@ -111,8 +111,12 @@ class LaneGraph:
 
     @cached_property
     def sidewalks(self) -> Mapping[str, Lane]:
-        """Sidewalks by edge."""
-        return {lane.edge: lane for lane in self.lanes.values() if lane.is_sidewalk}
+        """Sidewalks by edge; of two on one edge SUMO uses the right one."""
+        found: dict[str, Lane] = {}
+        for lane in self.lanes.values():
+            if lane.is_sidewalk:
+                found.setdefault(lane.edge, lane)
+        return found
 
     @cached_property
     def onward(self) -> Mapping[str, tuple[Joint, ...]]:
@@ -222,7 +226,8 @@ class LaneGraph:
                     continue
                 seen.add(lane.id)
                 if lane.is_sidewalk:
-                    found.add(lane.edge)
+                    if lane is self.sidewalks[lane.edge]:
+                        found.add(lane.edge)
                 else:
                     todo.append(lane.id)
         return found
