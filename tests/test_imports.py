@@ -27,6 +27,7 @@ from advercity.traffic.lanes import read_lanes
 from advercity.world.build import build_world
 from advercity.world.built_road import BuiltRoad
 from advercity.world.network import build_network, signal_groups
+from advercity.world.plan import SURFACES, draw_plan
 from advercity.world.roads import built
 from advercity.world.scene import Lane, Mesh
 from advercity.world.surface import KERB_HEIGHT_M
@@ -297,6 +298,14 @@ def test_every_approach_to_imported_signals_has_a_head_that_faces_it(
         assert np.dot(head.at_m[:2], head.facing) < -5
         assert not shapely.Point(head.pole_m).within(road.kerbless)
         assert 5 < head.at_m[2] < 7
+
+
+def test_the_plan_of_an_imported_road_shows_it(crossroads: Spec) -> None:
+    plan = draw_plan(crossroads.road)
+    colours = {tuple(colour) for colour in np.unique(plan.reshape(-1, 3), axis=0).tolist()}
+
+    assert {SURFACES["driving"], SURFACES["sidewalk"], SURFACES["crossing"]} <= colours
+    assert (plan == SURFACES["driving"]).all(axis=2).mean() > 0.01
 
 
 def positions(trace: Trace, number: int) -> Floats:

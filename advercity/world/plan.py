@@ -7,11 +7,11 @@ from itertools import pairwise
 import cv2
 import numpy as np
 from advercity_dsl import Mount, Road, RoadsideUnit, Spec, Vehicle
-from advercity_dsl.road import Signals
 from numpy.typing import ArrayLike, NDArray
 
-from advercity.world.lanes import lanes
 from advercity.world.layout import layout
+from advercity.world.meshing import filled, polygons_of
+from advercity.world.roads import built
 from advercity.world.scene import Lane
 
 SIZE_PX = 1600
@@ -80,11 +80,13 @@ def draw_plan(road: Road, spec: Spec | None = None) -> Image:
 
     North is up; the bar is 50 m long.
     """
-    plan = layout(road)
-    found = lanes(plan)
+    stage = built(road)
+    found = stage.lanes
     canvas = _canvas(found, road)
-    for junction in plan.junctions.values():
-        canvas.fill(junction.outline, SURFACES["driving"])
+    for polygon in polygons_of(stage.kerbless):
+        corners, triangles = filled(polygon)
+        for triangle in triangles:
+            canvas.fill(corners[triangle], SURFACES["driving"])
     for kind, colour in SURFACES.items():
         for lane in found:
             if lane.kind == kind:
@@ -93,10 +95,11 @@ def draw_plan(road: Road, spec: Spec | None = None) -> Image:
         if lane.kind == "driving" and not lane.in_junction:
             canvas.line(lane.left, (255, 255, 255))
             canvas.line(lane.right, (255, 255, 255))
-    for name, street in plan.streets.items():
+    for name, street in layout(road).streets.items():
         canvas.text(street.axis[len(street.axis) // 2], name)
-    for junction in plan.junctions.values():
-        _draw_signals(canvas, junction.declared.signals)
+    for head in stage.heads:
+        canvas.line([head.pole_m, head.at_m[:2]], INK)
+        canvas.fill(_disc(head.at_m[:2], 0.8), (0, 160, 240))
     if spec is not None:
         for agent in spec.agents:
             camera = agent.sensors.camera
@@ -120,12 +123,6 @@ def _canvas(found: tuple[Lane, ...], road: Road) -> Canvas:
     ]
     points = np.concatenate(corners)
     return Canvas(points.min(axis=0) - MARGIN_M, points.max(axis=0) + MARGIN_M)
-
-
-def _draw_signals(canvas: Canvas, signals: Signals | None) -> None:
-    for head in signals.heads if signals else ():
-        canvas.line([head.pole_m, head.at_m[:2]], INK)
-        canvas.fill(_disc(head.at_m[:2], 0.8), (0, 160, 240))
 
 
 def _draw_view(
