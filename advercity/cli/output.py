@@ -20,10 +20,7 @@ def note(text: str) -> None:
 
 
 def fail(error: Exception, *, exit_code: int) -> NoReturn:
-    """Print one message and leave; lines that are indented belong to the one above."""
+    """Print one message and leave."""
     for line in str(error).splitlines():
-        if line.startswith(" "):
-            errors.print(line, markup=False)
-        else:
-            errors.print(f"error: {line}", markup=False, style="red")
+        errors.print(f"error: {line}", markup=False, style="red")
     sys.exit(exit_code)
