@@ -57,7 +57,7 @@ def test_compile_of_no_library_is_bad_input(advercity: Command, tmp_path: Path) 
     ran = advercity("compile", tmp_path / "nothing")
     assert ran.code == 2
     assert ran.err.startswith("error: ")
-    assert "no declarations" in ran.err
+    assert "there is no such file or folder" in ran.err
     assert ran.out == ""
 
 
@@ -136,7 +136,7 @@ def test_a_truncated_spec_is_told_and_leaves_nothing(
 def test_a_missing_spec_is_told(advercity: Command, tmp_path: Path) -> None:
     ran = advercity("run", tmp_path / "none.json")
     assert ran.code == 2
-    assert "none.json: cannot be read: No such file" in ran.err
+    assert "none.json: there is no such file" in ran.err
 
 
 @pytest.mark.render

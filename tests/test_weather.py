@@ -313,5 +313,5 @@ def test_more_rain_never_clears_the_air(
     ],
 )
 def test_impossible_weather_is_refused(parts: dict[str, Any]) -> None:
-    with pytest.raises(ValueError, match=r"clearer|between|less than|snows|above 0"):
+    with pytest.raises(ValueError, match=r"clearer|greater than|less than|snows|the sun stands"):
         weather(**parts)

@@ -20,7 +20,10 @@ def note(text: str) -> None:
 
 
 def fail(error: Exception, *, exit_code: int) -> NoReturn:
-    """Print one message and leave."""
+    """Print one message and leave; lines that are indented belong to the one above."""
     for line in str(error).splitlines():
-        errors.print(f"error: {line}", markup=False, style="red")
+        if line.startswith(" "):
+            errors.print(line, markup=False)
+        else:
+            errors.print(f"error: {line}", markup=False, style="red")
     sys.exit(exit_code)

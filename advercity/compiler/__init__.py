@@ -6,7 +6,7 @@ from advercity_dsl import Spec, Suite
 
 from advercity.compiler.crossing import cross, under
 from advercity.compiler.emission import differences, read_spec, to_json, write_specs
-from advercity.compiler.library import Library, load_declaration, load_library
+from advercity.compiler.library import Entry, Library, load_declaration, load_library
 from advercity.compiler.problems import Problem, ProblemsError, nearest
 from advercity.compiler.shipped import find_weather, shipped_library, validate_path
 from advercity.errors import InputError
@@ -30,6 +30,7 @@ def compile_library(*folders: Path, suite: str | None = None) -> list[Spec]:
 
 
 __all__ = [
+    "Entry",
     "Library",
     "Problem",
     "ProblemsError",

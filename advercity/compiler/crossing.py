@@ -2,6 +2,8 @@
 
 import hashlib
 from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import product
 from typing import Any, TypeVar
 
 from advercity_dsl import (
@@ -11,6 +13,7 @@ from advercity_dsl import (
     Catalogue,
     Declaration,
     Density,
+    Model,
     Rig,
     Road,
     RoadsideUnit,
@@ -20,24 +23,32 @@ from advercity_dsl import (
     Weather,
     kind_of,
 )
-from advercity_dsl.spec import ClassDemand, CrashGroup, Provenance, SpecSeeds
+from advercity_dsl.distribution import Distribution
+from advercity_dsl.spec import ClassDemand, CrashGroup, Provenance, SpecSeeds, Swept
 
 from advercity import __version__
-from advercity.compiler.library import Library, digest_of
+from advercity.compiler.distributions import Distributions, draw
+from advercity.compiler.library import Entry, Library, digest_of
 from advercity.compiler.problems import Problem, ProblemsError, nearest
 from advercity.compiler.selection import is_selected, required_cells
+from advercity.compiler.source import dotted
+from advercity.compiler.validation import validate
+from advercity.compiler.variation import Step, conditions, steps
 
 DeclarationT = TypeVar("DeclarationT", bound=Declaration)
+MAX_ID = 64
+KINDS_OF = {"roads": "road", "weathers": "weather", "densities": "density"}
+"""What a suite's field holds ids of, where it is not called so itself."""
 SPAWN_AREAS = 8
 """A square around each of five agents and a box along each of three paths."""
 
 
 def cross(library: Library, suite: Suite) -> list[Spec]:
-    """Every scenario of a suite, in the order of roads, weathers and densities.
+    """Every scenario of a suite, in the order of roads, weathers, densities and its sweep.
 
     Raises:
-        ProblemsError: A reference leads nowhere, a required place has no road, or a road has
-            no required place.
+        ProblemsError: A reference leads nowhere, a required place has no road, a road has no
+            required place, or no scenario is left.
     """
     problems: list[Problem] = []
     roads = _chosen(library, suite, "roads", Road, problems)
@@ -45,18 +56,127 @@ def cross(library: Library, suite: Suite) -> list[Spec]:
     densities = _chosen(library, suite, "densities", Density, problems)
     rig = _one(library, suite, "rig", Rig, problems)
     catalogue = _one(library, suite, "catalogue", Catalogue, problems)
-    groups = _groups(library, suite, roads, problems)
     if problems or rig is None or catalogue is None:
+        raise ProblemsError(problems)
+    groups = _groups(library, suite, roads, problems)
+    if problems:
         raise ProblemsError(problems)
     _check_catalogue(library, catalogue)
     _check_beams(library, rig, roads)
     _check_egos(library, roads)
-    return [
-        _spec(library, suite, road, weather, density, rig, catalogue, groups[road.id])
-        for road in roads.values()
-        for weather in weathers.values()
-        for density in densities.values()
+    source = library.entry(suite).source
+    asked, taken = conditions(suite, source), steps(suite, source)
+    scenes = (
+        _scene(library, suite, parts, step)
+        for parts in product(
+            roads.values(), weathers.values(), densities.values(), [rig], [catalogue]
+        )
+        for step in taken
+    )
+    specs = [
+        _spec(library, suite, scene, groups[scene.road.id])
+        for scene in scenes
+        if all(condition.holds(scene.by_kind) for condition in asked)
     ]
+    if not specs:
+        where = ("where",) if suite.where else ()
+        message = "no scenario is left"
+        hint = "widen `where`, or choose more roads, weathers and densities"
+        raise ProblemsError.of(source.problem(where, message, hint=hint))
+    return specs
+
+
+@dataclass(frozen=True)
+class _Scene:
+    """What one scenario is made of, its weather drawn and its step of the sweep taken."""
+
+    id: str
+    road: Road
+    weather: Weather
+    density: Density
+    rig: Rig
+    catalogue: Catalogue
+    draws: Distributions
+    step: Step | None
+
+    @property
+    def by_kind(self) -> dict[str, Model]:
+        return {
+            "road": self.road,
+            "weather": self.weather,
+            "density": self.density,
+            "rig": self.rig,
+            "catalogue": self.catalogue,
+        }
+
+
+Parts = tuple[Road, Weather, Density, Rig, Catalogue]
+
+
+def _scene(library: Library, suite: Suite, parts: Parts, step: Step | None) -> _Scene:
+    road, weather, density, rig, catalogue = parts
+    name = _name(library, suite, road, weather, density, step)
+    try:
+        drawn, draws = weather_of(library.entry(weather), suite.seeds.weather, name, step)
+        road = _stepped(library, road, step)
+        density = _stepped(library, density, step)
+        rig, catalogue = _stepped(library, rig, step), _stepped(library, catalogue, step)
+    except ProblemsError as error:
+        if step is None:
+            raise
+        raise ProblemsError.of(_bad_step(library, suite, step, error.problems[0])) from None
+    return _Scene(name, road, weather_at(drawn, road), density, rig, catalogue, draws, step)
+
+
+def weather_of(
+    entry: Entry[Weather], seed: int, spec_id: str, step: Step | None
+) -> tuple[Weather, Distributions]:
+    """The weather of one spec, and what its numbers were drawn from."""
+    if step is None or step.kind != "weather":
+        if not entry.distributions:
+            return entry.declaration, {}
+        return draw(entry.source, entry.distributions, seed, spec_id), entry.distributions
+    source = entry.source.with_value(step.where, step.value)
+    left = {where: item for where, item in entry.distributions.items() if where != step.where}
+    return draw(source, left, seed, spec_id), left
+
+
+def _stepped(library: Library, item: DeclarationT, step: Step | None) -> DeclarationT:
+    if step is None or step.kind != kind_of(item):
+        return item
+    source = library.entry(item).source.with_value(step.where, step.value)
+    stepped = validate(type(item), source)
+    if isinstance(item, Road):
+        return stepped.model_copy(update={"imported": item.imported})
+    return stepped
+
+
+def _bad_step(library: Library, suite: Suite, step: Step, found: Problem) -> Problem:
+    source = library.entry(suite).source
+    message = f"{step.field} of {step.value:g} does not fit: {found.message}"
+    return source.problem(("sweep",), message, hint=found.hint)
+
+
+def _name(
+    library: Library,
+    suite: Suite,
+    road: Road,
+    weather: Weather,
+    density: Density,
+    step: Step | None,
+) -> str:
+    name = spec_id(road, weather, density, step)
+    if len(name) > MAX_ID:
+        message = f"makes the id '{name}', which is longer than {MAX_ID} characters"
+        hint = "shorten the ids that it is made of"
+        raise ProblemsError.of(library.problem(suite, "id", message=message, hint=hint))
+    return name
+
+
+def spec_id(road: Road, weather: Weather, density: Density, step: Step | None) -> str:
+    """`<road>_<weather>_<density>`, then the step of a sweep."""
+    parts = (road.id, weather.id, density.id, *([step.suffix] if step else []))
+    return "_".join(parts)
 
 
 def _chosen(
@@ -98,7 +218,8 @@ def _dangling(
     name: str,
     there: Mapping[str, Any],
 ) -> Problem:
-    message = f"there is no '{name}' among the library's {what}"
+    kind = KINDS_OF.get(what, what)
+    message = f"there is no {kind} '{name}' in this library"
     return library.problem(suite, *where, message=message, hint=nearest(name, there))
 
 
@@ -165,42 +286,39 @@ def _check_catalogue(library: Library, catalogue: Catalogue) -> None:
         raise ProblemsError.of(library.problem(catalogue, "ego", message=message, hint=hint))
 
 
-def _spec(
-    library: Library,
-    suite: Suite,
-    road: Road,
-    weather: Weather,
-    density: Density,
-    rig: Rig,
-    catalogue: Catalogue,
-    groups: tuple[CrashGroup, ...],
-) -> Spec:
-    name = f"{road.id}_{weather.id}_{density.id}"
-    sources = (suite, road, weather, density, rig, catalogue)
+def _spec(library: Library, suite: Suite, scene: _Scene, groups: tuple[CrashGroup, ...]) -> Spec:
+    road, density = scene.road, scene.density
+    parts = (suite, road, scene.weather, density, scene.rig, scene.catalogue)
+    digests = {f"{kind_of(item)}/{item.id}": library.entry(item).digest for item in parts}
     spec = Spec(
-        id=name,
+        id=scene.id,
         groups=groups,
         road=road,
-        weather=weather_at(weather, road),
+        weather=scene.weather,
         density=density,
-        agents=_agents(road, rig, catalogue),
+        agents=_agents(road, scene.rig, scene.catalogue),
         demand=_demand(road, density),
-        blueprints=_blueprints(road, catalogue),
+        blueprints=_blueprints(road, scene.catalogue),
         timing=suite.timing,
         seeds=SpecSeeds(
             traffic=_seed(suite.seeds.traffic, "traffic", road.id, density.id),
             sensors=suite.seeds.sensors,
+            weather=suite.seeds.weather,
         ),
         provenance=Provenance(
             compiler=__version__,
             suite=suite.id,
-            declarations=dict(
-                sorted((f"{kind_of(item)}/{item.id}", library.digest(item)) for item in sources)
-            ),
+            declarations=dict(sorted(digests.items())),
+            draws=_recorded(scene.draws),
+            sweep=Swept(field=scene.step.field, value=scene.step.value) if scene.step else None,
             digest="0" * 64,
         ),
     )
     return sealed(spec)
+
+
+def _recorded(draws: Distributions) -> dict[str, Distribution]:
+    return {f"weather.{dotted(where)}": item for where, item in draws.items()}
 
 
 def sealed(spec: Spec) -> Spec:
@@ -211,19 +329,25 @@ def sealed(spec: Spec) -> Spec:
     return spec.model_copy(update={"provenance": provenance})
 
 
-def under(spec: Spec, weather: Weather) -> Spec:
+def under(spec: Spec, entry: Entry[Weather]) -> Spec:
     """The same scenario under another weather: what the suite would have compiled to."""
     sources = {
         name: digest
         for name, digest in spec.provenance.declarations.items()
         if not name.startswith("weather/")
     }
-    sources[f"weather/{weather.id}"] = digest_of(weather.model_dump(mode="json"))
-    provenance = spec.provenance.model_copy(update={"declarations": dict(sorted(sources.items()))})
+    sources[f"weather/{entry.declaration.id}"] = entry.digest
+    swept = spec.provenance.sweep
+    step = Step(swept.field, swept.value) if swept else None
+    name = spec_id(spec.road, entry.declaration, spec.density, step)
+    weather, draws = weather_of(entry, spec.seeds.weather, name, step)
+    provenance = spec.provenance.model_copy(
+        update={"declarations": dict(sorted(sources.items())), "draws": _recorded(draws)}
+    )
     return sealed(
         spec.model_copy(
             update={
-                "id": f"{spec.road.id}_{weather.id}_{spec.density.id}",
+                "id": name,
                 "weather": weather_at(weather, spec.road),
                 "provenance": provenance,
             }

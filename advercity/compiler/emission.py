@@ -2,13 +2,15 @@
 
 import json
 from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from advercity_dsl import Spec
+from advercity_dsl import SPEC_VERSION, Spec
+from pydantic import ValidationError
 
-from advercity.compiler.problems import Problem, ProblemsError
-from advercity.compiler.source import parse
+from advercity.compiler.problems import ProblemsError
+from advercity.compiler.source import Document, Place, located, parse, read_text
 from advercity.compiler.validation import validate
 from advercity.errors import InputError
 
@@ -17,11 +19,19 @@ LINE = 100
 
 def to_json(spec: Spec) -> str:
     """Readable JSON: keys in the model's order, short lists and records on one line."""
-    return _text(spec.model_dump(mode="json"), "") + "\n"
+    fields = spec.model_dump(mode="json")
+    items = [f" {_flat(name)}: {_spread(_flat(value), ' ')}" for name, value in fields.items()]
+    return "{\n" + ",\n".join(items) + "\n}\n"
+
+
+@lru_cache(maxsize=1024)
+def _spread(flat: str, indent: str) -> str:
+    """JSON text laid out; kept, since specs share roads, weathers and agents."""
+    return _text(json.loads(flat), indent)
 
 
 def _text(value: Any, indent: str) -> str:
-    flat = json.dumps(value, ensure_ascii=False, allow_nan=False)
+    flat = _flat(value)
     if len(indent) + len(flat) <= LINE or not isinstance(value, dict | list) or not value:
         return flat
     inner = indent + " "
@@ -30,6 +40,10 @@ def _text(value: Any, indent: str) -> str:
         return "{\n" + ",\n".join(items) + f"\n{indent}}}"
     items = [inner + _text(item, inner) for item in value]
     return "[\n" + ",\n".join(items) + f"\n{indent}]"
+
+
+def _flat(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False, allow_nan=False)
 
 
 def write_specs(specs: Sequence[Spec], folder: Path) -> None:
@@ -85,19 +99,32 @@ def differences(specs: Sequence[Spec], folder: Path) -> list[str]:
 
 def read_spec(path: Path) -> Spec:
     """A spec from its file; InputError with the place of what is wrong."""
+    text = read_text(path)
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "is not UTF-8 text"
-        raise InputError(f"{path}: cannot be read: {reason}") from error
-    try:
-        json.loads(text, parse_constant=_refuse_constant)
+        data = json.loads(text, parse_constant=_refuse_constant)
     except (ValueError, RecursionError) as error:
-        line, column = getattr(error, "lineno", 1), getattr(error, "colno", 1)
-        message = f"not a spec: {getattr(error, 'msg', error)}"
+        at = Place(getattr(error, "lineno", 1), getattr(error, "colno", 1))
+        reason = "it is nested too deep" if isinstance(error, RecursionError) else ""
+        message = f"is no spec: {reason or getattr(error, 'msg', error)}"
         hint = "is it cut off? `advercity compile` writes it again"
-        raise ProblemsError.of(Problem(path, line, column, "", message, hint)) from None
-    return validate(Spec, parse(path, text))
+        raise ProblemsError.of(located(path, text, at, message, hint=hint)) from None
+    try:
+        return Spec.model_validate(data)
+    except ValidationError:
+        document = parse(path, text)
+    _check_version(document)
+    return validate(Spec, document, known=document.problems)
+
+
+def _check_version(document: Document) -> None:
+    """Say what to do with a spec of another version before saying what is strange in it."""
+    version = document.data.get("spec_version") if isinstance(document.data, dict) else None
+    if not isinstance(version, int) or version == SPEC_VERSION:
+        return
+    message = f"the spec has version {version}; this advercity reads version {SPEC_VERSION}"
+    newer = "upgrade advercity, or compile its library with this one"
+    hint = newer if version > SPEC_VERSION else "compile its library again"
+    raise ProblemsError.of(document.problem(("spec_version",), message, hint=hint))
 
 
 def _refuse_constant(name: str) -> float:

@@ -3,12 +3,14 @@
 import hashlib
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, Generic, TypeVar, cast
 
-from advercity_dsl import DECLARATIONS, Declaration, MapFile, Road, kind_of
+from advercity_dsl import DECLARATIONS, Declaration, MapFile, Road, Weather, kind_of
 
+from advercity.compiler.distributions import Distributions, check_ends, distributions_in
+from advercity.compiler.extension import Name, Resolved, resolve
 from advercity.compiler.maps import network_of
 from advercity.compiler.problems import Problem, ProblemsError, nearest
 from advercity.compiler.source import Document, read
@@ -16,23 +18,27 @@ from advercity.compiler.validation import validate
 from advercity.errors import InputError
 
 DeclarationT = TypeVar("DeclarationT", bound=Declaration)
+EXAMPLES = "examples"
+"""Folder of declarations to copy from; no part of the library around it."""
 
 
 @dataclass(frozen=True)
-class Entry:
-    """A declaration and the file it stands in."""
+class Entry(Generic[DeclarationT]):
+    """A declaration and where it is written."""
 
-    declaration: Declaration
-    document: Document
+    declaration: DeclarationT
+    """Of a weather with distributions: with typical values in their place."""
+    source: Resolved
     digest: str
     """SHA-256 of its data, `extends` merged in."""
+    distributions: Distributions = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Library:
     """All declarations of a folder or several, by (kind, id)."""
 
-    entries: Mapping[tuple[str, str], Entry]
+    entries: Mapping[Name, Entry[Declaration]]
 
     def of(self, kind: type[DeclarationT]) -> dict[str, DeclarationT]:
         """Every declaration of a kind by id, in the order of ids."""
@@ -42,48 +48,74 @@ class Library:
             if isinstance(entry.declaration, kind)
         }
 
-    def digest(self, declaration: Declaration) -> str:
+    def entry(self, declaration: DeclarationT) -> Entry[DeclarationT]:
         """Of one of its declarations."""
-        return self.entries[kind_of(declaration), declaration.id].digest
+        found = self.entries[kind_of(declaration), declaration.id]
+        return cast(Entry[DeclarationT], found)
 
     def problem(
         self, declaration: Declaration, *where: str | int, message: str, hint: str = ""
     ) -> Problem:
         """A problem with a value of one of its declarations."""
-        document = self.entries[kind_of(declaration), declaration.id].document
-        return document.problem(where, message, hint=hint)
+        return self.entry(declaration).source.problem(where, message, hint=hint)
 
 
 def load_library(*folders: Path) -> Library:
     """Read every `*.yaml` below the folders; one of them may be a file itself.
 
+    Folders called `examples`, and those whose names begin with a dot, are left out.
+
     Raises:
         ProblemsError: With the problems of all files.
     """
-    files: list[Path] = []
-    for folder in folders:
-        found = [folder] if folder.is_file() else sorted(folder.rglob("*.yaml"))
-        if not found:
-            raise InputError(f"{folder}: no declarations (*.yaml) here; is it a library folder?")
-        files += found
     problems: list[Problem] = []
+    files = [path for folder in folders for path in _files(folder, problems)]
     documents = list(_read_all(files, problems))
-    heads = _by_kind_and_id(documents, problems)
-    entries: dict[tuple[str, str], Entry] = {}
-    for name, document in heads.items():
-        try:
-            entries[name] = _entry(name, document, heads)
-        except ProblemsError as error:
-            problems += error.problems
-    if problems:
-        raise ProblemsError(problems)
-    return Library(entries)
+    return Library(_entries(documents, problems))
 
 
 def load_declaration(path: Path, kind: type[DeclarationT]) -> DeclarationT:
-    """One declaration of a known kind from a file of its own; `extends` has nothing to extend."""
+    """One declaration of a known kind from a file that extends nothing."""
     document = read(path)
-    return validate(kind, document)
+    return validate(kind, document, known=document.problems)
+
+
+def load_beside(path: Path, library: Path) -> Entry[Declaration]:
+    """The declaration in a file of its own; it may extend those of a library.
+
+    Raises:
+        ProblemsError: With the problems of the file.
+    """
+    own = read(path)
+    problems: list[Problem] = []
+    heads = _by_kind_and_id([own], problems)
+    if problems:
+        raise ProblemsError(problems)
+    (name,) = heads
+    if isinstance(own.data, dict) and "extends" in own.data:
+        documents = list(_read_all(_files(library, problems), problems))
+        heads = _by_kind_and_id(documents, problems) | heads
+    return _entry(name, heads)
+
+
+def _files(folder: Path, problems: list[Problem]) -> list[Path]:
+    if not folder.exists():
+        raise InputError(f"{folder}: there is no such file or folder; is the path right?")
+    if not folder.is_dir():
+        return [folder]
+    inside = sorted(path for path in folder.rglob("*.y*ml") if _belongs(path.relative_to(folder)))
+    for path in inside:
+        if path.suffix == ".yml":
+            hint = f"call it {path.with_suffix('.yaml').name}"
+            problems.append(Problem(path, 0, 0, "", "declarations end in .yaml", hint))
+    files = [path for path in inside if path.suffix == ".yaml"]
+    if not files and not problems:
+        raise InputError(f"{folder}: no declarations (*.yaml) here; is it a library folder?")
+    return files
+
+
+def _belongs(path: Path) -> bool:
+    return EXAMPLES not in path.parts[:-1] and not any(part.startswith(".") for part in path.parts)
 
 
 def _read_all(files: list[Path], problems: list[Problem]) -> Iterator[Document]:
@@ -94,21 +126,30 @@ def _read_all(files: list[Path], problems: list[Problem]) -> Iterator[Document]:
             problems += error.problems
 
 
-def _by_kind_and_id(
-    documents: list[Document], problems: list[Problem]
-) -> dict[tuple[str, str], Document]:
-    heads: dict[tuple[str, str], Document] = {}
+def _entries(documents: list[Document], problems: list[Problem]) -> dict[Name, Entry[Declaration]]:
+    heads = _by_kind_and_id(documents, problems)
+    entries: dict[Name, Entry[Declaration]] = {}
+    for name in heads:
+        try:
+            entries[name] = _entry(name, heads)
+        except ProblemsError as error:
+            problems += error.problems
+    if problems:
+        raise ProblemsError(problems)
+    return entries
+
+
+def _by_kind_and_id(documents: list[Document], problems: list[Problem]) -> dict[Name, Document]:
+    heads: dict[Name, Document] = {}
     for document in documents:
         problem = _head_problem(document)
         if problem:
-            problems.append(problem)
+            problems += [*document.problems, problem]
             continue
         name = (document.data["kind"], document.data["id"])
         if name in heads:
-            other = heads[name].path
-            problems.append(
-                document.problem(("id",), f"{name[0]} '{name[1]}' is declared in {other} already")
-            )
+            message = f"{name[0]} '{name[1]}' is declared in {heads[name].path} already"
+            problems.append(document.problem(("id",), message, hint="give one another id"))
         else:
             heads[name] = document
     return heads
@@ -116,68 +157,46 @@ def _by_kind_and_id(
 
 def _head_problem(document: Document) -> Problem | None:
     if not isinstance(document.data, dict):
-        return document.problem((), "is not a declaration: a mapping with `kind` and `id`")
+        message = "is no declaration, which is a mapping with `kind` and `id`"
+        return document.problem((), message, hint="begin with `kind: weather`, or another kind")
     kind, name = document.data.get("kind"), document.data.get("id")
-    if kind not in DECLARATIONS:
-        found = f"'{kind}' is no kind of declaration" if kind else "the field 'kind' is missing"
-        return document.problem(("kind",), found, hint=nearest(str(kind), DECLARATIONS))
+    if not isinstance(kind, str) or kind not in DECLARATIONS:
+        found = (
+            "the field 'kind' is missing" if kind is None else f"'{kind}' is no kind of declaration"
+        )
+        hint = nearest(str(kind), DECLARATIONS)
+        return document.problem(("kind",), found, hint=hint)
+    if "id" not in document.data:
+        return document.problem((), "the field 'id' is missing", hint="add it, `id: my_name`")
     if not isinstance(name, str):
-        return document.problem(("id",), "the field 'id' is missing")
+        hint = "lower-case letters, digits and _, starting with a letter; in quotes if it looks"
+        return document.problem(("id",), f"'{name}' is not an id", hint=f"{hint} like a number")
     return None
 
 
-def _entry(
-    name: tuple[str, str], document: Document, heads: Mapping[tuple[str, str], Document]
-) -> Entry:
-    data = _extended(name, document, heads, ())
-    declaration = validate(DECLARATIONS[name[0]], document, data)
-    if isinstance(declaration, Road) and isinstance(declaration.imported, MapFile):
-        declaration = _with_network(declaration, declaration.imported, document)
-    return Entry(declaration, document, digest_of(declaration.model_dump(mode="json")))
+def _entry(name: Name, heads: Mapping[Name, Document]) -> Entry[Declaration]:
+    source = resolve(name, heads)
+    model = DECLARATIONS[name[0]]
+    if model is not Weather:
+        declaration = validate(model, source, known=source.document.problems)
+        if isinstance(declaration, Road) and isinstance(declaration.imported, MapFile):
+            declaration = _with_network(declaration, declaration.imported, source)
+        return Entry(declaration, source, digest_of(declaration.model_dump(mode="json")))
+    distributions = distributions_in(source)
+    weather = check_ends(source, distributions)
+    data: Any = weather.model_dump(mode="json")
+    if distributions:
+        data = [data, [[where, item.model_dump()] for where, item in distributions.items()]]
+    return Entry(weather, source, digest_of(data), distributions)
 
 
-def _with_network(road: Road, declared: MapFile, document: Document) -> Road:
+def _with_network(road: Road, declared: MapFile, source: Resolved) -> Road:
+    where = ("imported", "file")
     try:
-        network = network_of(declared, road, document.path.parent)
+        network = network_of(declared, road, source.document_of(where).path.parent)
     except InputError as error:
-        raise ProblemsError.of(document.problem(("imported", "file"), str(error))) from error
+        raise ProblemsError.of(source.problem(where, str(error))) from error
     return road.model_copy(update={"imported": network})
-
-
-def _extended(
-    name: tuple[str, str],
-    document: Document,
-    heads: Mapping[tuple[str, str], Document],
-    below: tuple[str, ...],
-) -> dict[str, Any]:
-    """The document's data over that of what it extends: mappings merge, all else replaces."""
-    own = dict(document.data)
-    parent = own.pop("extends", None)
-    if parent is None:
-        return own
-    chain = (*below, name[1])
-    if parent in chain:
-        cycle = " > ".join((*chain, parent))
-        raise ProblemsError.of(document.problem(("extends",), f"goes in a circle: {cycle}"))
-    key = (name[0], parent)
-    if key not in heads:
-        valid = [other for kind, other in heads if kind == name[0]]
-        problem = document.problem(
-            ("extends",), f"there is no {name[0]} '{parent}'", hint=nearest(str(parent), valid)
-        )
-        raise ProblemsError.of(problem)
-    return _merged(_extended(key, heads[key], heads, chain), own)
-
-
-def _merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
-    result = dict(base)
-    for key, value in over.items():
-        old = result.get(key)
-        if isinstance(old, dict) and isinstance(value, dict):
-            result[key] = _merged(cast(dict[str, Any], old), cast(dict[str, Any], value))
-        else:
-            result[key] = value
-    return result
 
 
 def digest_of(data: Any) -> str:

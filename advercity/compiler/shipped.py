@@ -2,13 +2,14 @@
 
 from importlib.resources import files
 from pathlib import Path
+from typing import cast
 
 from advercity_dsl import Suite, Weather
 
 from advercity.compiler.crossing import cross
 from advercity.compiler.emission import read_spec
-from advercity.compiler.library import load_declaration, load_library
-from advercity.compiler.problems import nearest
+from advercity.compiler.library import Entry, load_beside, load_library
+from advercity.compiler.problems import ProblemsError, nearest
 from advercity.errors import InputError
 
 
@@ -18,16 +19,24 @@ def shipped_library() -> Path:
     return source if source.is_dir() else Path(str(files("advercity") / "_library"))
 
 
-def find_weather(text: str) -> Weather:
-    """The weather in the file `text`, or the shipped one with that name."""
+def find_weather(text: str) -> Entry[Weather]:
+    """The weather in the file `text`, or the shipped one with that name.
+
+    A weather in a file of its own may extend those that ship.
+    """
     path = Path(text)
     if path.suffix in (".yaml", ".yml") or path.exists():
-        return load_declaration(path, Weather)
-    weathers = load_library(shipped_library()).of(Weather)
+        entry = load_beside(path, shipped_library())
+        if not isinstance(entry.declaration, Weather):
+            problem = entry.source.problem(("kind",), "is no weather", hint="give a weather's file")
+            raise ProblemsError.of(problem)
+        return cast(Entry[Weather], entry)
+    library = load_library(shipped_library())
+    weathers = library.of(Weather)
     if text not in weathers:
         hint = nearest(text, weathers)
         raise InputError(f"there is no weather '{text}', and no such file; {hint}")
-    return weathers[text]
+    return library.entry(weathers[text])
 
 
 def validate_path(path: Path) -> None:
@@ -35,7 +44,9 @@ def validate_path(path: Path) -> None:
     if path.suffix == ".json":
         read_spec(path)
         return
+    if not path.is_dir():
+        load_beside(path, shipped_library())
+        return
     library = load_library(path)
-    if path.is_dir():
-        for suite in library.of(Suite).values():
-            cross(library, suite)
+    for suite in library.of(Suite).values():
+        cross(library, suite)

@@ -28,6 +28,7 @@ class Place:
 
     line: int
     column: int
+    width: int = 1
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,7 @@ class Document:
         data: Plain dicts, lists and scalars.
         places: Where each value, by its path from the root, begins.
         keys: Where each mapping key, by the same path, begins.
+        problems: What is wrong in it before anything is known of its kind.
     """
 
     path: Path
@@ -46,6 +48,11 @@ class Document:
     data: Any
     places: dict[Where, Place]
     keys: dict[Where, Place]
+    problems: tuple[Problem, ...] = ()
+
+    def has(self, where: Where) -> bool:
+        """Whether there is a value at `where`."""
+        return where in self.places
 
     def place(self, where: Where, *, key: bool = False) -> Place:
         """Of the value (or its key) at `where`, else of the nearest value around it."""
@@ -59,7 +66,21 @@ class Document:
     def problem(self, where: Where, message: str, *, hint: str = "", key: bool = False) -> Problem:
         """A problem with the value (or key) at `where`."""
         at = self.place(where, key=key)
-        return Problem(self.path, at.line, at.column, dotted(where), message, hint)
+        return located(self.path, self.text, at, message, where=where, hint=hint)
+
+
+def _lines(text: str) -> list[str]:
+    """Lines as YAML counts them."""
+    return re.split("\r\n|[\n\r\x85\u2028\u2029]", text)
+
+
+def located(
+    path: Path, text: str, at: Place, message: str, *, where: Where = (), hint: str = ""
+) -> Problem:
+    """A problem at a place of `text`, along with the line there."""
+    lines = _lines(text)
+    line = lines[at.line - 1] if at.line <= len(lines) else ""
+    return Problem(path, at.line, at.column, dotted(where), message, hint, line, at.width)
 
 
 def dotted(where: Where) -> str:
@@ -88,22 +109,63 @@ _Loader.add_implicit_resolver(
 )
 
 
+_TEXT_OF_YAML = {
+    "mapping values are not allowed in this context": (
+        "a ':' stands where none can",
+        "put text that holds ': ' in quotes, and align keys of one mapping",
+    ),
+    "found character that cannot start any token": (
+        "a value cannot begin with this character",
+        "put it in quotes",
+    ),
+    "found unexpected end of stream": ("quotes or a bracket are not closed", "close them"),
+    "did not find expected ',' or ']'": ("a list [ is not closed", "close it with ]"),
+    "did not find expected ',' or '}'": ("a mapping { is not closed", "close it with }"),
+    "did not find expected '-' indicator": (
+        "a list does not go on with '- '",
+        "indent keys below their item, or take the '- ' away",
+    ),
+    "did not find expected key": (
+        "no key stands here",
+        "give keys of one mapping the same indentation, and each a ':'",
+    ),
+    "could not find expected ':'": ("a key has no ':'", "write `key: value`"),
+    "but found another document": (
+        "a second document begins here",
+        "put each declaration into a file of its own",
+    ),
+    "found undefined alias": ("there is no anchor of this name", "write the values out"),
+}
+"""What the parser says, in words of the author, with a way out."""
+_TAB = ("a tab stands in the indentation", "indent with spaces")
+
+
 def read(path: Path) -> Document:
     """Read a YAML or JSON file; ProblemsError with the place of every problem."""
+    return parse(path, read_text(path))
+
+
+def read_text(path: Path) -> str:
+    """Text of a file of sensible size; ProblemsError if there is none."""
     try:
-        raw = path.read_bytes()
+        if not path.is_file():
+            raise _refused(path, "is no file" if path.exists() else "there is no such file")
+        with path.open("rb") as file:
+            raw = file.read(MAX_BYTES + 1)
     except OSError as error:
-        raise ProblemsError.of(
-            Problem(path, 0, 0, "", f"cannot be read: {error.strerror}")
-        ) from None
+        raise _refused(path, f"cannot be read: {error.strerror}") from None
     if len(raw) > MAX_BYTES:
-        message = f"has {len(raw)} bytes; at most {MAX_BYTES} are read"
-        raise ProblemsError.of(Problem(path, 0, 0, "", message))
+        raise _refused(path, f"is larger than {MAX_BYTES // 1_000_000} MB; is it a declaration?")
     try:
-        return parse(path, raw.decode("utf-8"))
+        return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        message = f"is not UTF-8 text (byte {error.start})"
-        raise ProblemsError.of(Problem(path, 0, 0, "", message)) from None
+        line = raw.count(b"\n", 0, error.start) + 1
+        message = f"is not UTF-8 text (line {line})"
+        raise _refused(path, message, "save it as UTF-8") from None
+
+
+def _refused(path: Path, message: str, hint: str = "") -> ProblemsError:
+    return ProblemsError.of(Problem(path, 0, 0, "", message, hint))
 
 
 def parse(path: Path, text: str) -> Document:
@@ -116,37 +178,60 @@ def parse(path: Path, text: str) -> Document:
         finally:
             loader.dispose()
     except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
-        what = error.problem or "cannot be parsed"
-        raise ProblemsError.of(Problem(path, line, column, "", f"not valid YAML: {what}")) from None
-    except yaml.YAMLError as error:
-        raise ProblemsError.of(Problem(path, 1, 1, "", f"not valid YAML: {error}")) from None
+        raise ProblemsError.of(_syntax_problem(path, text, error)) from None
+    except yaml.YAMLError:
+        at = next(_control_characters(text), Place(1, 1))
+        message, hint = "a control character stands here", "take it away; is this a text file?"
+        raise ProblemsError.of(located(path, text, at, message, hint=hint)) from None
     if root is None:
-        raise ProblemsError.of(Problem(path, 1, 1, "", "is empty"))
-    builder = _Builder(path)
+        hint = "`advercity new` writes one to start from"
+        raise ProblemsError.of(Problem(path, 1, 1, "", "is empty", hint))
+    builder = _Builder(path, text)
     data = builder.build(root, ())
-    if builder.problems:
-        raise ProblemsError(builder.problems)
-    return Document(path, text, data, builder.places, builder.keys)
+    return Document(path, text, data, builder.places, builder.keys, tuple(builder.problems))
+
+
+def _syntax_problem(path: Path, text: str, error: yaml.MarkedYAMLError) -> Problem:
+    mark = error.problem_mark or error.context_mark
+    at = Place(mark.line + 1, mark.column + 1) if mark else Place(1, 1)
+    what = error.problem or "cannot be parsed"
+    message, hint = _TEXT_OF_YAML.get(what, (what, ""))
+    lines = _lines(text)
+    if at.line <= len(lines) and "\t" in lines[at.line - 1][: at.column]:
+        message, hint = _TAB
+    elif error.context_mark and "not closed" in message:
+        at = Place(error.context_mark.line + 1, error.context_mark.column + 1)
+    elif at.line > len(lines) and lines:
+        at = Place(len(lines), len(lines[-1]) + 1)
+    return located(path, text, at, f"not valid YAML: {message}", hint=hint)
+
+
+def _control_characters(text: str) -> Iterator[Place]:
+    for number, line in enumerate(_lines(text), start=1):
+        for column, character in enumerate(line, start=1):
+            if not character.isprintable() and character != "\t":
+                yield Place(number, column)
 
 
 def _refuse_unsafe(path: Path, text: str) -> None:
     """Stop at foreign tags and at depth before any tree is built."""
     depth = 0
     for event in _events(text):
-        message = ""
+        message = hint = ""
         if getattr(event, "tag", None):
-            message = f"the tag {event.tag} is not used here; write plain values"
+            message = f"the tag {event.tag.removeprefix('tag:yaml.org,2002:')} is not used here"
+            hint = "write the plain value"
         elif isinstance(event, yaml.CollectionStartEvent):
             depth += 1
             if depth > MAX_DEPTH:
                 message = f"is nested deeper than {MAX_DEPTH} levels"
+                hint = "no declaration needs that; is a bracket not closed?"
         elif isinstance(event, yaml.CollectionEndEvent):
             depth -= 1
         if message:
             mark: Any = event.start_mark
-            raise ProblemsError.of(Problem(path, mark.line + 1, mark.column + 1, "", message))
+            at = Place(mark.line + 1, mark.column + 1)
+            raise ProblemsError.of(located(path, text, at, message, hint=hint))
 
 
 def _events(text: str) -> Iterator[Any]:
@@ -156,8 +241,9 @@ def _events(text: str) -> Iterator[Any]:
 class _Builder:
     """Turns a node tree into data, noting places and duplicate keys."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, text: str) -> None:
         self.path = path
+        self.text = text
         self.places: dict[Where, Place] = {}
         self.keys: dict[Where, Place] = {}
         self.problems: list[Problem] = []
@@ -165,9 +251,9 @@ class _Builder:
 
     def build(self, node: yaml.Node, where: Where) -> Any:
         if len(where) > MAX_DEPTH or len(self.places) >= MAX_VALUES:
-            message = f"aliases expand to more than {MAX_VALUES} values or {MAX_DEPTH} levels"
-            at = _place(node)
-            raise ProblemsError.of(Problem(self.path, at.line, at.column, "", message))
+            message = f"aliases (*) expand to more than {MAX_VALUES} values or {MAX_DEPTH} levels"
+            hint = "write the values out"
+            raise ProblemsError.of(located(self.path, self.text, _place(node), message, hint=hint))
         self.places[where] = _place(node)
         if isinstance(node, yaml.MappingNode):
             return self._mapping(node, where)
@@ -176,7 +262,7 @@ class _Builder:
         try:
             return self._constructor.construct_object(node)
         except (ValueError, yaml.YAMLError):
-            self._complain(node, where, f"'{node.value}' cannot be read")
+            self._complain(node, where, f"'{node.value[:40]}' cannot be read as a number")
             return None
 
     def _mapping(self, node: yaml.MappingNode, where: Where) -> dict[str, Any]:
@@ -184,21 +270,26 @@ class _Builder:
         for key_node, value_node in node.value:
             key = key_node.value
             if not isinstance(key_node, yaml.ScalarNode) or not isinstance(key, str):
-                self._complain(key_node, where, "a key must be a plain name")
+                self._complain(key_node, where, "a key must be a plain name", "write `name: value`")
                 continue
             inner = (*where, key)
             if key in result:
                 first = self.keys[inner].line
-                self._complain(key_node, inner, f"is here twice; first in line {first}")
+                self._complain(key_node, inner, f"is here twice, first in line {first}", "keep one")
                 continue
             self.keys[inner] = _place(key_node)
             result[key] = self.build(value_node, inner)
         return result
 
-    def _complain(self, node: yaml.Node, where: Where, message: str) -> None:
-        at = _place(node)
-        self.problems.append(Problem(self.path, at.line, at.column, dotted(where), message))
+    def _complain(self, node: yaml.Node, where: Where, message: str, hint: str = "") -> None:
+        self.problems.append(
+            located(self.path, self.text, _place(node), message, where=where, hint=hint)
+        )
 
 
 def _place(node: yaml.Node) -> Place:
-    return Place(node.start_mark.line + 1, node.start_mark.column + 1)
+    """Where a node begins, and how wide it is if it is a scalar within one line."""
+    begin, end = node.start_mark, node.end_mark
+    one_line = isinstance(node, yaml.ScalarNode) and begin.line == end.line
+    width = max(1, end.column - begin.column) if one_line else 1
+    return Place(begin.line + 1, begin.column + 1, width)

@@ -1,76 +1,194 @@
 """From located data to models, with pydantic's errors put where the author can see them."""
 
 from collections.abc import Iterator
-from typing import Any, TypeVar, get_args
+from typing import Any, Protocol, TypeVar
 
 from advercity_dsl import Model
+from advercity_dsl.base import Misfit
 from pydantic import ValidationError
 
+from advercity.compiler.fields import facts_at, field_names
 from advercity.compiler.problems import Problem, ProblemsError, nearest
-from advercity.compiler.source import Document, Where
+from advercity.compiler.source import Where
 
-LONGEST_SHOWN = 60
 ModelT = TypeVar("ModelT", bound=Model)
+TRUTHS = {"on": "true", "yes": "true", "y": "true", "off": "false", "no": "false", "n": "false"}
+"""What YAML 1.1 took for truth values; text here."""
+_LENGTHS = {
+    "too_short": "must have at least {min_length} of these, has {actual_length}",
+    "too_long": "must have at most {max_length} of these, has {actual_length}",
+}
+_RANGES = ("greater_than", "greater_than_equal", "less_than", "less_than_equal")
 
 
-def validate(model: type[ModelT], document: Document, data: Any = None) -> ModelT:
-    """`model` made of the document's data (or of `data`, e.g. with `extends` merged in)."""
+class Located(Protocol):
+    """Data that knows where each of its values is written."""
+
+    @property
+    def data(self) -> Any:
+        """Plain values."""
+        ...
+
+    def has(self, where: Where) -> bool:
+        """Whether there is a value at `where`."""
+        ...
+
+    def problem(self, where: Where, message: str, *, hint: str = "", key: bool = False) -> Problem:
+        """A problem with the value (or key) at `where`."""
+        ...
+
+
+def validate(
+    model: type[ModelT], source: Located, data: Any = None, *, known: tuple[Problem, ...] = ()
+) -> ModelT:
+    """`model` made of the source's data, or of `data` in its place.
+
+    Args:
+        model: What to make.
+        source: Where values are written.
+        data: Stands in for the source's data, with values of its own.
+        known: Problems found before, to be told along with those found here.
+    """
     try:
-        return model.model_validate(document.data if data is None else data)
+        made = model.model_validate(source.data if data is None else data)
     except ValidationError as error:
-        raise ProblemsError(list(_problems(model, document, error))) from None
+        raise ProblemsError([*known, *problems_of(model, source, error)]) from None
+    if known:
+        raise ProblemsError(known)
+    return made
 
 
-def _problems(model: type[Model], document: Document, error: ValidationError) -> Iterator[Problem]:
+def problems_of(
+    model: type[Model], source: Located, error: ValidationError, *, at: Where = ()
+) -> Iterator[Problem]:
+    """What pydantic found, each at its place; `at` is where the model stands in the source."""
     details = error.errors(include_url=False)
-    for detail in _of_best_alternative(document, details):
-        loc: Where = detail["loc"]
-        where = _in_document(document, loc)
-        match detail["type"]:
-            case "extra_forbidden":
-                name = str(loc[-1])
-                hint = nearest(name, _fields_at(model, loc[:-1]))
-                yield document.problem(where, "no such field", hint=hint, key=True)
-            case "missing":
-                name = str(loc[-1])
-                yield document.problem(where, f"the field '{name}' is missing")
-            case "string_pattern_mismatch" if _is_id(detail):
-                message = f"'{detail['input']}' is not an id"
-                hint = "lower-case letters, digits and _, starting with a letter"
-                yield document.problem(where, message, hint=hint)
-            case _:
-                message = detail["msg"].removeprefix("Value error, ")
-                yield document.problem(where, f"{message[0].lower()}{message[1:]}{_got(detail)}")
+    for detail in _of_best_alternative(source, details, at):
+        where = _in_source(source, detail["loc"], at)
+        yield _problem(model, source, detail, where)
+
+
+def _problem(model: type[Model], source: Located, detail: Any, where: Where) -> Problem:
+    loc: Where = detail["loc"]
+    kind = detail["type"]
+    value = detail["input"]
+    if kind == "extra_forbidden":
+        name = str(loc[-1])
+        hint = _misplaced(name) or nearest(name, field_names(model, loc[:-1]))
+        return source.problem(where, "no such field", hint=hint, key=True)
+    if kind == "missing":
+        if isinstance(loc[-1], int):
+            return source.problem(where[:-1] if loc[-1:] == where[-1:] else where, _too_few(loc))
+        return source.problem(where, f"the field '{loc[-1]}' is missing", hint="add it")
+    if kind == "value_error":
+        reason = detail["ctx"]["error"]
+        if isinstance(reason, Misfit):
+            return source.problem((*where, *reason.where), str(reason), hint=reason.hint)
+        return source.problem(where, str(reason))
+    message, hint = _words(model, detail, kind, value)
+    return source.problem(where, message, hint=hint)
+
+
+def _words(model: type[Model], detail: Any, kind: str, value: Any) -> tuple[str, str]:
+    """What is wrong with a value, and the way out."""
+    loc: Where = detail["loc"]
+    facts = facts_at(model, loc)
+    if kind in _RANGES and facts and facts.range:
+        unit = f" {facts.unit.name}" if facts.unit and facts.unit.name != "1" else ""
+        return f"{value:g}{unit} is outside the range of {facts.range}", facts.reason
+    if kind == "finite_number":
+        return "a number must end somewhere; this is infinite", "write a finite number"
+    if kind in ("float_type", "int_type", "int_from_float"):
+        return _no_number(value, facts.unit.example if facts and facts.unit else "")
+    if kind == "bool_type":
+        meant = TRUTHS.get(str(value).lower())
+        return f"{_quoted(value)} is not true or false", f"write {meant or 'true or false'}"
+    if kind in ("literal_error", "enum"):
+        valid = [
+            item.strip(" '") for item in detail["ctx"]["expected"].replace(" or ", ",").split(",")
+        ]
+        return f"{_quoted(value)} does not stand here", nearest(str(value), valid)
+    if kind == "string_type":
+        return f"{_quoted(value)} is no text", f'write it in quotes: "{value}"'
+    if kind in ("model_type", "dict_type", "model_attributes_type"):
+        names = field_names(model, loc)
+        hint = f"fields here: {', '.join(names)}" if names else "write `name: value`"
+        return f"{_quoted(value)} is no mapping", hint
+    if kind in ("tuple_type", "list_type"):
+        return f"{_quoted(value)} is no list", "write it as [first, second]"
+    if kind in _LENGTHS:
+        return _LENGTHS[kind].format(**detail["ctx"]), ""
+    if kind == "union_tag_not_found":
+        return "the field 'kind' is missing", "it says what this is"
+    if kind == "union_tag_invalid":
+        valid = [item.strip(" '") for item in detail["ctx"]["expected_tags"].split(",")]
+        return f"no such kind: '{detail['ctx']['tag']}'", nearest(detail["ctx"]["tag"], valid)
+    if kind == "string_pattern_mismatch" and _is_id(detail):
+        hint = "lower-case letters, digits and _, at most 64, starting with a letter"
+        return f"'{value}' is not an id", hint
+    message = detail["msg"]
+    shown = isinstance(value, str | int | float | bool)
+    found = f" (found {_quoted(value)})" if shown else ""
+    return f"{message[0].lower()}{message[1:]}{found}", ""
+
+
+def _no_number(value: Any, example: str) -> tuple[str, str]:
+    if isinstance(value, dict):
+        if len(value) == 1 and next(iter(value)) in ("uniform", "normal", "choice"):
+            return "a distribution cannot stand here", "distributions are for numbers of a weather"
+        return "a mapping stands where a number should", f"write a number{_or(example)}"
+    if value is None:
+        return "there is no value", f"write a number{_or(example)}, or leave the field out"
+    return f"{_quoted(value)} is no number", f"write a number{_or(example)}"
+
+
+def _or(example: str) -> str:
+    return f", or a quantity such as {example}" if example else ""
+
+
+def _quoted(value: Any) -> str:
+    if value is None:
+        return "null"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, dict):
+        return "a mapping"
+    if isinstance(value, list | tuple):
+        return "a list"
+    text = str(value)
+    text = text if len(text) <= 40 else f"{text[:37]}..."
+    return f"'{text}'" if isinstance(value, str) else text
+
+
+def _misplaced(name: str) -> str:
+    if name == "<<":
+        return "merge keys of YAML are not used here; write `extends:` with an id"
+    return ""
+
+
+def _too_few(loc: Where) -> str:
+    return f"has too few values; number {int(loc[-1]) + 1} is missing"
 
 
 def _is_id(detail: Any) -> bool:
     return detail["ctx"]["pattern"].startswith("^[a-z][a-z0-9_]{0,")
 
 
-def _got(detail: Any) -> str:
-    value = detail["input"]
-    shown = isinstance(value, str | int | float | bool) and detail["type"] != "value_error"
-    if not shown:
-        return ""
-    text = repr(value)
-    return f" (found {text if len(text) <= LONGEST_SHOWN else text[:LONGEST_SHOWN] + '...'})"
-
-
-def _in_document(document: Document, loc: Where) -> Where:
+def _in_source(source: Located, loc: Where, at: Where) -> Where:
     """`loc` without the tags that pydantic puts in for the alternatives of a union."""
-    where: Where = ()
+    where = at
     for part in loc:
-        if (*where, part) in document.places:
+        if source.has((*where, part)):
             where = (*where, part)
     return where
 
 
-def _of_best_alternative(document: Document, details: list[Any]) -> list[Any]:
+def _of_best_alternative(source: Located, details: list[Any], at: Where) -> list[Any]:
     """Of a union's alternatives, only the complaints of the one that fits best."""
     by_value: dict[Where, dict[str, list[Any]]] = {}
     kept: list[Any] = []
     for detail in details:
-        split = _union_split(document, detail["loc"])
+        split = _union_split(source, detail["loc"], at)
         if split is None:
             kept.append(detail)
         else:
@@ -82,44 +200,19 @@ def _of_best_alternative(document: Document, details: list[Any]) -> list[Any]:
 
 def _misfit(complaints: list[Any]) -> tuple[int, int]:
     """How badly an alternative fits: unknown or missing fields weigh more than wrong values."""
-    structural = sum(item["type"] in ("missing", "extra_forbidden") for item in complaints)
+    structural = sum(
+        item["type"] in ("missing", "extra_forbidden", "model_type", "tuple_type")
+        for item in complaints
+    )
     return structural, len(complaints)
 
 
-def _union_split(document: Document, loc: Where) -> tuple[Where, str] | None:
+def _union_split(source: Located, loc: Where, at: Where) -> tuple[Where, str] | None:
     """The value that a union is about and the alternative's name, if `loc` passes one."""
-    where: Where = ()
+    where = at
     for part in loc[:-1] if len(loc) > 1 else loc:
-        if (*where, part) in document.places:
+        if source.has((*where, part)):
             where = (*where, part)
         elif isinstance(part, str):
             return where, part
     return None
-
-
-def _fields_at(model: type[Model], loc: Where) -> list[str]:
-    """Names of the fields that a value at `loc` may have."""
-    candidates: list[Any] = [model]
-    for part in loc:
-        inner: list[Any] = []
-        for candidate in candidates:
-            if isinstance(candidate, type) and issubclass(candidate, Model):
-                if part in candidate.model_fields:
-                    inner += _models_in(candidate.model_fields[str(part)].annotation)
-                elif candidate.__name__ == part or _tag(candidate) == part:
-                    inner.append(candidate)
-        # An index or a key of a mapping leads to the same candidates.
-        candidates = inner or candidates
-    return sorted({name for candidate in candidates for name in candidate.model_fields})
-
-
-def _tag(model: type[Model]) -> Any:
-    kind = model.model_fields.get("kind")
-    return kind.default if kind else None
-
-
-def _models_in(annotation: Any) -> list[type[Model]]:
-    if isinstance(annotation, type) and issubclass(annotation, Model):
-        return [annotation]
-    parts: tuple[Any, ...] = get_args(annotation)
-    return [found for part in parts for found in _models_in(part)]

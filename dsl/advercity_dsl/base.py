@@ -1,22 +1,24 @@
 """What every model shares: frozen, closed to unknown keys, ids and quantities with units."""
 
 import re
-from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, StringConstraints
+from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic.types import Strict, StringConstraints
+from pydantic_core import CoreSchema, core_schema
 
 Id = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]{0,63}$")]
 """A stable lower-case name; safe as a file name."""
 
 
 class Model(BaseModel):
-    """Frozen record; an unknown key is an error."""
+    """Frozen record; an unknown key is an error, and so is a number without end."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-_UNITS: dict[str, tuple[str, float]] = {
+UNITS: dict[str, tuple[str, float]] = {
     "um": ("length", 1e-6),
     "mm": ("length", 1e-3),
     "cm": ("length", 1e-2),
@@ -40,48 +42,112 @@ _UNITS: dict[str, tuple[str, float]] = {
     "%": ("share", 0.01),
     "1": ("share", 1.0),
 }
-_WRITTEN = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|inf)\s*(\S+)\s*$")
+"""Dimension of every unit, and its size in the dimension's first unit of size 1."""
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_WRITTEN = re.compile(rf"^\s*({_NUMBER}|inf)\s*(\S.*?)?\s*$")
 
 
-def in_unit(unit: str) -> Callable[[Any], Any]:
-    """A validator that turns text such as `"0.1 km"` into a number of `unit`."""
-    dimension, factor = _UNITS[unit]
-    fitting = [name for name, (other, _) in _UNITS.items() if other == dimension and name != "1"]
+@dataclass(frozen=True)
+class Unit:
+    """The unit of a field: reads text such as `"0.1 km"` into numbers of `name`."""
 
-    def convert(value: Any) -> Any:
+    name: str
+
+    @property
+    def dimension(self) -> str:
+        """`length`, `speed`, ..."""
+        return UNITS[self.name][0]
+
+    @property
+    def fitting(self) -> tuple[str, ...]:
+        """Units that may be written: those of the same dimension."""
+        return tuple(
+            name for name, (dimension, _) in UNITS.items()
+            if dimension == self.dimension and name != "1"
+        )  # fmt: skip
+
+    @property
+    def example(self) -> str:
+        """How a quantity of this unit may be written."""
+        return "50 %" if self.dimension == "share" else f"10 {self.name}"
+
+    def read(self, value: Any) -> Any:
+        """A number of this unit from text; whatever is not text as it is.
+
+        Raises:
+            ValueError: The text holds no number, or a unit of another dimension.
+        """
         if not isinstance(value, str):
             return value
         match = _WRITTEN.match(value)
         if match is None:
-            raise ValueError(f"not a {dimension}; write a number or e.g. '{_example(unit)}'")
+            raise ValueError(f"'{value}' is no {self.dimension}; write e.g. {self.example}")
         number, written = match.groups()
-        found = _UNITS.get(written)
-        if found is None or found[0] != dimension:
+        if written is None:
+            raise ValueError(
+                f"'{value}' is text; take the quotes away, or add a unit: {self.example}"
+            )
+        found = UNITS.get(written) if written != "1" else None
+        if found is None or found[0] != self.dimension:
             what = f"a unit of {found[0]}" if found else "no unit known here"
-            raise ValueError(f"'{written}' is {what}; a {dimension} in {', '.join(fitting)} fits")
-        return round(float(number) * found[1] / factor, 12)
+            fitting = ", ".join(self.fitting)
+            raise ValueError(f"'{written}' is {what}; a {self.dimension} has one of {fitting}")
+        return round(float(number) * found[1] / UNITS[self.name][1], 12)
 
-    return convert
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        return core_schema.no_info_before_validator_function(self.read, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        units = "|".join(re.escape(name) for name in self.fitting)
+        text = {"type": "string", "pattern": rf"^\s*({_NUMBER}|inf)\s*({units})\s*$"}
+        return {"anyOf": [handler(schema), text], "unit": self.name, "examples": [self.example]}
 
 
-def _example(unit: str) -> str:
-    return "0.5" if unit == "1" else f"10 {unit}"
+class Misfit(ValueError):
+    """Values that are fine alone and do not go together.
+
+    Attributes:
+        where: Path of the value to change, from the model that found it.
+        hint: The way out.
+    """
+
+    def __init__(self, where: tuple[str | int, ...], message: str, hint: str) -> None:
+        super().__init__(message)
+        self.where = where
+        self.hint = hint
 
 
-Metres = Annotated[float, BeforeValidator(in_unit("m"))]
-Millimetres = Annotated[float, BeforeValidator(in_unit("mm"))]
-Micrometres = Annotated[float, BeforeValidator(in_unit("um"))]
-MetresPerSecond = Annotated[float, BeforeValidator(in_unit("m/s"))]
-KilometresPerHour = Annotated[float, BeforeValidator(in_unit("km/h"))]
-MillimetresPerHour = Annotated[float, BeforeValidator(in_unit("mm/h"))]
-Seconds = Annotated[float, BeforeValidator(in_unit("s"))]
-Degrees = Annotated[float, BeforeValidator(in_unit("deg"))]
-Lux = Annotated[float, BeforeValidator(in_unit("lx"))]
-CandelasPerSquareMetre = Annotated[float, BeforeValidator(in_unit("cd/m2"))]
-GramsPerCubicCentimetre = Annotated[float, BeforeValidator(in_unit("g/cm3"))]
-Celsius = Annotated[float, BeforeValidator(in_unit("degC"))]
-Share = Annotated[float, BeforeValidator(in_unit("1")), Field(ge=0, le=1)]
-Percent = Annotated[float, Field(ge=0, le=100)]
+@dataclass(frozen=True)
+class Reason:
+    """Why a field's range is what it is; told to those who leave it."""
+
+    text: str
+
+
+Number = Annotated[float, Strict()]
+"""A number without a unit; neither text nor a truth value is one."""
+Count = Annotated[int, Strict()]
+Flag = Annotated[bool, Strict()]
+"""`true` or `false`, nothing else."""
+
+Metres = Annotated[Number, Unit("m")]
+Millimetres = Annotated[Number, Unit("mm")]
+Micrometres = Annotated[Number, Unit("um")]
+MetresPerSecond = Annotated[Number, Unit("m/s")]
+KilometresPerHour = Annotated[Number, Unit("km/h")]
+MillimetresPerHour = Annotated[Number, Unit("mm/h")]
+Seconds = Annotated[Number, Unit("s")]
+Degrees = Annotated[Number, Unit("deg")]
+Lux = Annotated[Number, Unit("lx")]
+CandelasPerSquareMetre = Annotated[Number, Unit("cd/m2")]
+GramsPerCubicCentimetre = Annotated[Number, Unit("g/cm3")]
+Celsius = Annotated[Number, Unit("degC")]
+Share = Annotated[Number, Unit("1"), Field(ge=0, le=1)]
+Percent = Annotated[Number, Unit("%"), Field(ge=0, le=100)]
 
 PositiveMetres = Annotated[Metres, Field(gt=0)]
 Point2 = tuple[Metres, Metres]
@@ -94,6 +160,10 @@ class Declaration(Model):
     """What every YAML document has besides its `kind`."""
 
     id: Id
+    """Its name, by which others refer to it; part of the ids of scenarios."""
     title: str = ""
+    """What it is, in a few words."""
     source: str = ""
     """Where the figures come from."""
+    assumption: str = ""
+    """Which figures nobody measured, and why they are what they are."""

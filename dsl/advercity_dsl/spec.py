@@ -8,9 +8,10 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, StringConstraints, model_validator
 
 from advercity_dsl.base import Id, Model
+from advercity_dsl.distribution import Distribution
 from advercity_dsl.rig import Carrier
 from advercity_dsl.road import ClassShares, Road, RoadsideUnit, Vehicle
-from advercity_dsl.suite import Timing
+from advercity_dsl.suite import FieldPath, Timing
 from advercity_dsl.traffic import ActorClass, Blueprint, Density
 from advercity_dsl.weather import Weather
 
@@ -54,6 +55,14 @@ class SpecSeeds(Model):
 
     traffic: int
     sensors: int
+    weather: int = 1
+
+
+class Swept(Model):
+    """The step of a suite's sweep that a scenario is."""
+
+    field: FieldPath
+    value: float
 
 
 class Provenance(Model):
@@ -63,6 +72,9 @@ class Provenance(Model):
     suite: Id
     declarations: dict[str, Digest]
     """SHA-256 of every declaration that went in, as `kind/id`."""
+    draws: dict[str, Distribution] = Field(default_factory=dict)
+    """What numbers of the spec were drawn from, by their path."""
+    sweep: Swept | None = None
     digest: Digest
     """SHA-256 of the spec itself, with this field left out."""
 

@@ -2,11 +2,28 @@
 
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, StringConstraints, model_validator
 
-from advercity_dsl.base import Declaration, Id, Model, Percent, Seconds
+from advercity_dsl.base import (
+    Count,
+    Declaration,
+    Flag,
+    Id,
+    Metres,
+    Misfit,
+    Model,
+    Number,
+    Percent,
+    Seconds,
+)
 
 Choice = Literal["all"] | tuple[Id, ...]
+Scalar = Flag | Number | str
+FieldPath = Annotated[
+    str, StringConstraints(pattern=r"^(weather|road|density|rig|catalogue)(\.[a-z0-9_]+)+$")
+]
+"""A field of what a suite crosses: `weather.fog.mor_m`."""
+MAX_STEPS = 1000
 
 
 class Selection(Model):
@@ -16,7 +33,7 @@ class Selection(Model):
     `vehicles_per_crash` vehicles.
     """
 
-    vehicles_per_crash: Annotated[float, Field(ge=1, le=5)] = 1.5
+    vehicles_per_crash: Annotated[Number, Field(ge=1, le=5)] = 1.5
     fatality_rate_percent: Percent = 0.30
     bad_visibility_percent: Percent = 3
 
@@ -32,18 +49,22 @@ class Coverage(Model):
 class Seeds(Model):
     """Seeds of everything random; the compiler derives one per purpose from them."""
 
-    traffic: Annotated[int, Field(ge=0, lt=2**32)] = 1
-    sensors: Annotated[int, Field(ge=0, lt=2**32)] = 1
+    traffic: Annotated[Count, Field(ge=0, lt=2**32)] = 1
+    """Who drives and walks where; the same under every weather."""
+    sensors: Annotated[Count, Field(ge=0, lt=2**32)] = 1
+    """Noise of sensors."""
+    weather: Annotated[Count, Field(ge=0, lt=2**32)] = 1
+    """Draws from the distributions in weathers."""
 
 
 class Timing(Model):
     """When a scenario is kept and when it ends; one tick is one frame."""
 
     tick_s: Annotated[Seconds, Field(gt=0, le=1)] = 0.1
-    warm_up_ticks: Annotated[int, Field(ge=0, le=100_000)] = 59
+    warm_up_ticks: Annotated[Count, Field(ge=0, le=100_000)] = 59
     """Driven, not kept."""
-    max_ticks: Annotated[int, Field(ge=1, le=1_000_000)] = 1800
-    destination_box_m: Annotated[float, Field(gt=0)] = 10
+    max_ticks: Annotated[Count, Field(ge=1, le=1_000_000)] = 1800
+    destination_box_m: Annotated[Metres, Field(gt=0)] = 10
     """The scenario ends when a connected vehicle is this near to its destination in x and in y."""
 
     @model_validator(mode="after")
@@ -56,6 +77,44 @@ class Timing(Model):
         return self
 
 
+class Range(Model):
+    """Numbers from one end to another; either may be left out."""
+
+    at_least: Scalar | None = None
+    at_most: Scalar | None = None
+
+
+class Sweep(Model):
+    """One field taken through many values, all else and the traffic the same.
+
+    Either `values`, or `from`, `to` and `count`. A scenario's id ends in the field and its value.
+    """
+
+    field: FieldPath
+    """What to vary: `weather.fog.mor_m`."""
+    values: Annotated[tuple[Number | str, ...], Field(max_length=MAX_STEPS)] = ()
+    """The values themselves."""
+    from_: Annotated[Number | str | None, Field(alias="from")] = None
+    """First value."""
+    to: Number | str | None = None
+    """Last value."""
+    count: Annotated[Count, Field(ge=2, le=MAX_STEPS)] | None = None
+    """How many values, both ends among them."""
+    log: Flag = False
+    """Equal factors between values instead of equal distances."""
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        ends = (self.from_, self.to, self.count)
+        if self.values and any(item is not None for item in ends):
+            raise Misfit(("values",), "stands beside from, to, count", "keep one of the two")
+        if not self.values and any(item is None for item in ends):
+            raise Misfit((), "has no values", "give values: [...], or all of from, to and count")
+        if self.log and self.values:
+            raise Misfit(("log",), "goes with from, to and count", "leave it out")
+        return self
+
+
 class Suite(Declaration):
     """What to cross."""
 
@@ -63,9 +122,17 @@ class Suite(Declaration):
     selection: Selection = Selection()
     coverage: Coverage = Coverage()
     roads: Choice = "all"
+    """Ids, or `all` of the library."""
     weathers: Choice = "all"
+    """Ids, or `all` of the library."""
     densities: Choice = "all"
+    """Ids, or `all` of the library."""
+    where: dict[FieldPath, Scalar | tuple[Scalar, ...] | Range] = Field(default_factory=dict)
+    """Only scenarios whose fields have the value, one of the values, or lie in the range given."""
+    sweep: Sweep | None = None
     rig: Id
+    """Sensors of every scenario."""
     catalogue: Id
+    """Vehicles and people of every scenario."""
     seeds: Seeds = Seeds()
     timing: Timing = Timing()

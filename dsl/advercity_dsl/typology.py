@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, StringConstraints
 
-from advercity_dsl.base import Declaration, Model, Percent
+from advercity_dsl.base import Declaration, Flag, Model, Number, Percent
 
 Evidence = Literal["A", "B", "C", "D", "U"]
 """A read directly, B two sources agree, C one secondary source, D inferred, U unverified."""
@@ -25,10 +25,10 @@ class Statistics(Model):
     """Crashes with weather as a main factor."""
     bad_visibility_percent: Percent
     fatality_rate_percent: Percent
-    vehicles_per_crash: Annotated[float, Field(ge=1, le=5)]
+    vehicles_per_crash: Annotated[Number, Field(ge=1, le=5)]
     crash_share_percent: Percent
     """Share of all crashes, 2011 to 2015."""
-    external_entity: bool
+    external_entity: Flag
     """Whether somebody or something other than a vehicle is struck."""
     evidence: Evidence = "A"
 

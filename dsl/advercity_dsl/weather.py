@@ -4,14 +4,16 @@ A component that is `null` (or absent) is not there. `inf` means the same for a 
 """
 
 import math
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from advercity_dsl.base import (
     Celsius,
+    Count,
     Declaration,
     Degrees,
+    Flag,
     GramsPerCubicCentimetre,
     Id,
     Lux,
@@ -20,22 +22,27 @@ from advercity_dsl.base import (
     Micrometres,
     Millimetres,
     MillimetresPerHour,
+    Misfit,
     Model,
+    Number,
+    Reason,
     Share,
 )
 
 
-def _none_if_infinite(value: float | None) -> float | None:
-    return None if value is not None and math.isinf(value) else value
+def _none_if_infinite(value: Any) -> Any:
+    return None if isinstance(value, float) and math.isinf(value) else value
 
 
-def _in_range(value: float | None) -> float | None:
-    if value is not None and not 10 <= value <= 50_000:
-        raise ValueError("a visibility lies between 10 m and 50 km; null if there is none")
-    return value
-
-
-Visibility = Annotated[Metres | None, AfterValidator(_none_if_infinite), AfterValidator(_in_range)]
+Visibility = Annotated[
+    Annotated[
+        Metres,
+        Field(ge=10, le=50_000),
+        Reason("below 10 m nothing can drive, beyond 50 km air is clear; null if it is not there"),
+    ]
+    | None,
+    BeforeValidator(_none_if_infinite),
+]
 """Meteorological optical range in metres: 5 % contrast, WMO-No. 8."""
 Direction = Annotated[Degrees, Field(ge=-360, le=360)]
 
@@ -44,13 +51,18 @@ class Air(Model):
     """Clear air and haze."""
 
     mor_m: Visibility = 20_000
+    """Visibility (5 % contrast) by clear air and haze alone; `null` takes it away."""
 
 
 class Fog(Model):
     """Water droplets in the air."""
 
     mor_m: Visibility = None
-    droplet_um: Annotated[Micrometres, Field(ge=5, le=50)] = 12
+    """Visibility (5 % contrast) by the fog alone; `null` is no fog."""
+    droplet_um: Annotated[
+        Micrometres, Field(ge=5, le=50), Reason("fog droplets are 5 to 50 um, larger ones fall")
+    ] = 12
+    """Effective diameter of the droplets."""
     depth_m: Annotated[Metres, Field(gt=0, le=2000)] = 100
     """Height of the bank; with the extinction it sets how much daylight comes through."""
 
@@ -58,59 +70,104 @@ class Fog(Model):
 class Rain(Model):
     """Falling rain."""
 
-    rate_mm_h: Annotated[MillimetresPerHour, Field(ge=0, le=150)] = 0
-    q_ext: Annotated[float, Field(ge=1, le=2)] = 2.0
+    rate_mm_h: Annotated[
+        MillimetresPerHour, Field(ge=0, le=150), Reason("150 mm/h is a tropical cloudburst")
+    ] = 0
+    """Light below 2.5, heavy above 7.6, violent above 50."""
+    q_ext: Annotated[
+        Number, Field(ge=1, le=2), Reason("1 counts no diffraction around a drop, 2 all of it")
+    ] = 2.0
     """Extinction efficiency of a drop: 2 in the geometric limit."""
 
 
 class Snow(Model):
     """Falling and lying snow."""
 
-    rate_mm_h: Annotated[MillimetresPerHour, Field(ge=0, le=10)] = 0
-    """Liquid equivalent."""
-    density_g_cm3: Annotated[GramsPerCubicCentimetre, Field(ge=0.02, le=0.5)] = 0.1
-    fall_speed_m_s: Annotated[MetresPerSecond, Field(gt=0, le=5)] = 1.0
+    rate_mm_h: Annotated[
+        MillimetresPerHour,
+        Field(ge=0, le=10),
+        Reason("the rate counts melted water; 10 mm/h of it is about 10 cm of snow an hour"),
+    ] = 0
+    """Liquid equivalent: 1 mm/h is about 1 cm of fresh snow an hour."""
+    density_g_cm3: Annotated[
+        GramsPerCubicCentimetre, Field(ge=0.02, le=0.5), Reason("dry powder to wet snow")
+    ] = 0.1
+    """Of the flakes: 0.05 dry, 0.1 usual, 0.2 wet; drier flakes are larger and hide more."""
+    fall_speed_m_s: Annotated[
+        MetresPerSecond, Field(gt=0, le=5), Reason("even wet flakes fall slower than 5 m/s")
+    ] = 1.0
+    """How fast flakes fall in still air."""
     depth_mm: Annotated[Millimetres, Field(ge=0, le=1000)] = 0
+    """Of the lying snow."""
     road_coverage: Share = 0
+    """Share of the carriageway under snow."""
+    rut_coverage: Share = 0
+    """Share of the wheel ruts under snow; traffic keeps them clearer than the rest."""
+
+    @model_validator(mode="after")
+    def _ruts_are_clearer(self) -> Self:
+        if self.rut_coverage > self.road_coverage:
+            raise Misfit(
+                ("rut_coverage",),
+                f"{self.rut_coverage:g} is more than road_coverage, {self.road_coverage:g}",
+                "wheels clear their ruts; give them the same or less",
+            )
+        return self
 
 
 class Dust(Model):
     """Airborne dust."""
 
     mor_m: Visibility = None
+    """Visibility (5 % contrast) by the dust alone; `null` is no dust, below 1 km is a storm."""
     ssa_rgb: tuple[Share, Share, Share] = (0.97, 0.94, 0.88)
-    g: Annotated[float, Field(gt=-1, lt=1)] = 0.70
+    """Single-scattering albedo in red, green and blue; what is not scattered tints the air."""
+    g: Annotated[Number, Field(gt=-1, lt=1)] = 0.70
+    """Asymmetry of scattering: 0 all round, towards 1 forward."""
 
 
 class Wind(Model):
     """Wind at 10 m height."""
 
-    speed_m_s: Annotated[MetresPerSecond, Field(ge=0, le=30)] = 0
+    speed_m_s: Annotated[
+        MetresPerSecond, Field(ge=0, le=30), Reason("above 30 m/s, a hurricane, nobody drives")
+    ] = 0
+    """Mean speed."""
     from_deg: Direction = 250
+    """Where it blows from, clockwise from north."""
 
 
 class Surface(Model):
     """Water on the ground."""
 
     wetness: Share = 0
+    """0 dry, 1 soaked."""
     puddle_coverage: Share = 0
+    """Share of the carriageway under standing water."""
     film_mm: Annotated[Millimetres, Field(ge=0, le=20)] = 0
+    """Depth of the water film on the road."""
 
 
 class LensCoverage(Model):
     """Share of the glass that is covered, by where the camera looks."""
 
     front: Share = 0
+    """Cameras that look ahead; the wind of driving keeps them clearer."""
     side: Share = 0
+    """Cameras that look sideways."""
     rear: Share = 0
+    """Cameras that look back."""
 
 
 class Lens(Model):
     """Drops or dirt on the glass; off as in the original unless enabled."""
 
-    enabled: bool = False
+    enabled: Flag = False
+    """Whether there is anything on the glass."""
     kind: Literal["water", "dust", "snow"] = "water"
+    """What is on it."""
     coverage: LensCoverage = LensCoverage()
+    """How much of the glass it covers."""
     stray_light: Share = 0.02
     """Share of the light that the optics scatter: 0.02 clean, 0.05 damp, 0.10 dirty."""
 
@@ -118,15 +175,21 @@ class Lens(Model):
 class Sun(Model):
     """Where the sun stands: azimuth in degrees clockwise from north."""
 
-    elevation_deg: Annotated[Degrees, Field(ge=-90, le=90)] = 60
+    elevation_deg: Annotated[
+        Degrees, Field(ge=-90, le=90), Reason("90 deg is straight overhead")
+    ] = 60
+    """Above the horizon; below 0 at night."""
     azimuth_deg: Direction = 180
+    """Clockwise from north."""
 
 
 class Sky(Model):
     """Cloud cover in eighths and how clear the air above is."""
 
-    oktas: Annotated[int, Field(ge=0, le=8)] = 0
-    turbidity: Annotated[float, Field(ge=2, le=10)] = 3
+    oktas: Annotated[Count, Field(ge=0, le=8), Reason("cloud cover is counted in eighths")] = 0
+    """Cloud cover: 0 cloudless, 8 overcast."""
+    turbidity: Annotated[Number, Field(ge=2, le=10)] = 3
+    """Linke-like clearness of the air above: 2 very clear, 10 murky."""
     diffuse_lx: Annotated[Lux, Field(ge=0, le=150_000)] | None = None
     """Horizontal illuminance by the sky, above any fog; `null` derives it from sun and clouds."""
     direct_lx: Annotated[Lux, Field(ge=0, le=150_000)] | None = None
@@ -136,8 +199,10 @@ class Sky(Model):
 class ByLandUse(Model):
     """A figure that differs between town and country."""
 
-    urban: Annotated[float, Field(ge=0)]
-    rural: Annotated[float, Field(ge=0)]
+    urban: Annotated[Number, Field(ge=0, le=150_000)]
+    """In town."""
+    rural: Annotated[Number, Field(ge=0, le=150_000)]
+    """In the country."""
 
 
 class Night(Model):
@@ -152,8 +217,10 @@ class Night(Model):
 class Lamps(Model):
     """Vehicle lamps that this weather calls for; brake lamps follow the brakes."""
 
-    low_beam: bool = True
-    fog: bool = False
+    low_beam: Flag = True
+    """Headlamps."""
+    fog: Flag = False
+    """Fog lamps, front and rear."""
 
 
 class Weather(Declaration):
@@ -161,6 +228,7 @@ class Weather(Declaration):
 
     kind: Literal["weather"] = "weather"
     time: Literal["day", "night"]
+    """Whether the sun or lamps light the scene."""
     air: Air = Air()
     fog: Fog = Fog()
     rain: Rain = Rain()
@@ -174,6 +242,7 @@ class Weather(Declaration):
     night: Night = Night()
     lamps: Lamps = Lamps()
     temperature_c: Annotated[Celsius, Field(ge=-60, le=60)] = 15
+    """Of the air."""
     sun_at: dict[Id, Sun] = Field(default_factory=dict)
     """Where the sun stands at a road, by road id; takes the place of `sun` there."""
 
@@ -181,17 +250,26 @@ class Weather(Declaration):
     def _parts_fit(self) -> Self:
         fog, air = self.fog.mor_m, self.air.mor_m
         if fog is not None and air is not None and fog > air:
-            raise ValueError(
-                f"fog.mor_m {fog:g} m is clearer than air.mor_m {air:g} m;"
-                " lower it, or leave fog out"
+            raise Misfit(
+                ("fog", "mor_m"),
+                f"fog of {fog:g} m is clearer than the air's {air:g} m (air.mor_m)",
+                "lower it, or leave fog out",
             )
         if self.snow.rate_mm_h > 0 and self.temperature_c > 3:
-            raise ValueError(
-                f"it snows at {self.temperature_c:g} degC; snow needs temperature_c of 3 or less"
+            raise Misfit(
+                ("temperature_c",),
+                f"it snows at {self.temperature_c:g} degC",
+                "snow needs a temperature_c of 3 or less",
             )
-        if (self.sun.elevation_deg > 0) != (self.time == "day"):
-            raise ValueError(
-                f"time: {self.time} but sun.elevation_deg is {self.sun.elevation_deg:g};"
-                " by day it is above 0, by night below"
-            )
+        self._check_sun(("sun", "elevation_deg"), self.sun)
+        for road, sun in self.sun_at.items():
+            self._check_sun(("sun_at", road, "elevation_deg"), sun)
         return self
+
+    def _check_sun(self, where: tuple[str, ...], sun: Sun) -> None:
+        if (sun.elevation_deg > 0) != (self.time == "day"):
+            raise Misfit(
+                where,
+                f"the sun stands at {sun.elevation_deg:g} deg, but it is {self.time} (time)",
+                "by day it stands above 0, e.g. 30 deg, at night below, e.g. -30 deg",
+            )

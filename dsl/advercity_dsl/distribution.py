@@ -1,0 +1,59 @@
+"""Distributions that may stand in place of a number in a weather; each spec holds one draw."""
+
+from typing import Annotated, Self
+
+from pydantic import Field, model_validator
+
+from advercity_dsl.base import Model, Number
+
+
+class Uniform(Model):
+    """Every number between two is as likely as any other."""
+
+    uniform: tuple[Number, Number]
+    """Lowest and highest, `[50, 150]`."""
+
+    @model_validator(mode="after")
+    def _ascends(self) -> Self:
+        low, high = self.uniform
+        if low >= high:
+            raise ValueError(f"{low:g} to {high:g} is no range; write the lower number first")
+        return self
+
+
+class Bell(Model):
+    """A normal distribution, cut off at both ends."""
+
+    mean: Number
+    sd: Annotated[Number, Field(gt=0)]
+    """Standard deviation."""
+    within: tuple[Number, Number]
+    """Nothing outside of these is drawn; a bell has no ends of its own."""
+
+    @model_validator(mode="after")
+    def _holds_its_mean(self) -> Self:
+        low, high = self.within
+        if not low < high or not low <= self.mean <= high:
+            raise ValueError(f"the mean {self.mean:g} does not lie within {low:g} to {high:g}")
+        return self
+
+
+class Normal(Model):
+    """Numbers near the mean are likelier."""
+
+    normal: Bell
+
+
+class Choice(Model):
+    """One of a list, each as likely as any other."""
+
+    choice: Annotated[tuple[Number, ...], Field(min_length=1, max_length=1000)]
+
+
+Distribution = Uniform | Normal | Choice
+DISTRIBUTIONS: dict[str, type[Distribution]] = {
+    "uniform": Uniform,
+    "normal": Normal,
+    "choice": Choice,
+}
+"""The model of each by the key that it is written with."""
