@@ -119,7 +119,7 @@ def table(scene: Scene, frame: Frame, rounds: int) -> None:
     rays = scene.rays(frame)
     bare = bare_cast(scene.world, frame, rays)
     count = sum(len(one) for one in rays)
-    weathers = [without_weather(), *map(find_weather, WEATHERS)]
+    weathers = [without_weather(), *(find_weather(name).declaration for name in WEATHERS)]
     print(f"{len(rays)} sensors, {count} rays, {len(frame.states)} actors, {rounds} rounds\n")
     print("| weather | points | M points/s | M rays/s | Embree alone | ratio |")
     print("|---|---|---|---|---|---|")
@@ -142,7 +142,7 @@ def table(scene: Scene, frame: Frame, rounds: int) -> None:
 
 def memory(scene: Scene, frames: int) -> None:
     """Print how large the process is along the way."""
-    weather = find_weather("foggy_heavy_rain_day")
+    weather = find_weather("foggy_heavy_rain_day").declaration
     air = air_of(weather, atmosphere_of(weather, "urban"))
     for number in range(frames + 1):
         if number % max(1, frames // 4) == 0:

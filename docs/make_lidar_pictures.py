@@ -112,9 +112,10 @@ def main() -> None:
     folder.mkdir(parents=True, exist_ok=True)
     spec = next(spec for spec in compile_library(ROOT / "library") if spec.id == SPEC)
     place = Place(spec)
-    presets = [find_weather(f"{name}_{time}") for name in PRESETS for time in ("day", "night")]
+    names = [*(f"{name}_{time}" for name in PRESETS for time in ("day", "night")), "glare_day"]
+    presets = [find_weather(name).declaration for name in names]
     rows: list[Row] = []
-    for weather in (*presets, find_weather("glare_day"), SNOW_DAY, DUST_DAY):
+    for weather in (*presets, SNOW_DAY, DUST_DAY):
         clouds = place.clouds(weather)
         rows.append(row_of(weather.id, clouds))
         if weather.id in PICTURED:
