@@ -64,12 +64,13 @@ def test_compile_of_no_library_is_bad_input(advercity: Command, tmp_path: Path) 
 def test_list_has_one_line_per_spec(advercity: Command, spec_file: Path) -> None:
     ran = advercity("list", spec_file.parent)
     assert ran.code == 0
-    assert ran.out.splitlines()[1].split() == [
-        "rcnj_fog_day_sparse",
-        "24",
-        "0",
-        "opposite_direction",
-    ]
+    heads, row = ran.out.splitlines()
+    columns = [heads.index(head) for head in ("scenario", "vehicles", "weather", "crash groups")]
+    begin, vehicles, weather, groups = columns
+    assert row[begin:vehicles].strip() == "rcnj_fog_day_sparse"
+    assert row[vehicles:weather].split() == ["24", "0"]
+    assert row[weather:groups].strip() == "day: thick fog, overcast, 8 degC"
+    assert row[groups:] == "opposite_direction"
 
 
 def test_show_tells_what_a_scenario_holds(advercity: Command, spec_file: Path) -> None:
@@ -172,3 +173,48 @@ def test_help_lists_the_commands(advercity: Command) -> None:
     assert {"compile", "validate", "list", "show", "run", "view", "doctor", "schema"} <= set(
         ran.out.split()
     )
+
+
+def test_show_explains_a_weather_in_words_and_numbers(advercity: Command, library: Path) -> None:
+    ran = advercity("show", library / "examples" / "snow_day.yaml", "--json")
+    facts = json.loads(ran.out)
+    assert facts["in words"].startswith("day: moderate snow, overcast")
+    assert facts["visibility"].startswith("664 m (air 10000 m, snow 711 m")
+    assert facts["LiDAR reach"].startswith("62, 112, 130 m")
+
+
+def test_explain_names_the_line_of_a_value(
+    advercity: Command, spec_file: Path, library: Path
+) -> None:
+    ran = advercity("explain", spec_file, "weather.fog", "--library", library)
+    assert ran.code == 0
+    assert "fog_day.yaml:7:14" in ran.out
+    assert len(ran.out.splitlines()) == 4
+
+
+def test_diff_names_the_fields_that_differ(
+    advercity: Command, spec_file: Path, specs: dict[str, Spec]
+) -> None:
+    write_specs([specs["rcnj_fog_day_dense"]], spec_file.parent / "other")
+    other = spec_file.parent / "other" / "rcnj_fog_day_dense.json"
+    rows = json.loads(advercity("diff", spec_file, other, "--json").out)
+    assert {"id", "density.id", "demand.vehicles"} <= {row["field"] for row in rows}
+    assert advercity("diff", spec_file, spec_file).out == ""
+
+
+def test_new_writes_a_declaration_that_is_valid(advercity: Command, tmp_path: Path) -> None:
+    ran = advercity("new", "weather", "drizzle", "--output", tmp_path)
+    assert ran.out.strip() == str(tmp_path / "drizzle.yaml")
+    assert advercity("validate", tmp_path / "drizzle.yaml").code == 0
+    assert advercity("new", "weather", "drizzle", "--output", tmp_path).code == 2
+
+
+def test_a_mistake_in_a_file_is_shown_with_its_line(advercity: Command, tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text("kind: weather\nid: mine\ntime: day\nrain: {rate_mm_h: 400 mm/h}\n")
+    ran = advercity("validate", path)
+    assert ran.code == 2
+    assert ran.err.splitlines()[1:] == [
+        "    4 | rain: {rate_mm_h: 400 mm/h}",
+        "      |                   ^^^^^^^^",
+    ]

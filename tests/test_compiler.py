@@ -28,76 +28,8 @@ WEATHERS = (
 )
 
 SMALL = {
-    "road.yaml": """\
-kind: road
-id: lane
-land_use: rural
-junction: non_junction
-alignment: straight
-profile: level
-sections:
-  two_lanes: {left: [{kind: lane, width_m: 3.2}], right: [{kind: lane, width_m: 3.2}]}
-streets:
-  main:
-    begins: west
-    ends: east
-    start_m: [0, 0]
-    heading_deg: 0
-    path: [{line_m: 200}]
-    section: two_lanes
-    speed_limit_km_h: 30
-agents:
-  cav1:
-    kind: vehicle
-    role: ego
-    spawn_m: [10, -1.6]
-    heading_deg: 0
-    destination_m: [150, -1.6]
-    route: [main]
-    max_speed_km_h: 40
-  rsu1: {kind: roadside_unit, position_m: [100, 6, 5], yaw_deg: 180, pitch_deg: 10}
-traffic:
-  vehicles_per_area: 2
-  walkers: 0
-  around_agent_m: 25
-  around_path_m: 10
-  classes: {car: 0.5, van: 0.2, truck: 0.1, bicycle: 0.1, motorcycle: 0.1}
-""",
-    "weather.yaml": "kind: weather\nid: clear_day\ntime: day\n",
-    "density.yaml": "kind: density\nid: sparse\nvehicles: 1\nwalkers: 1\n",
-    "rig.yaml": """\
-kind: rig
-id: one_camera
-vehicle: &no
-roadside_unit: {camera: {mounts: [{}]}, lidar: {}}
-""".replace(
-        "vehicle: &no",
-        "vehicle: {camera: {mounts: [{x_m: 1, z_m: 1.5}]}, lidar: {mount: {z_m: 2}}}",
-    ),
-    "catalogue.yaml": """\
-kind: catalogue
-id: one_car
-ego: saloon
-blueprints:
-  saloon: {actor_class: car, length_m: 4.9, width_m: 1.9, height_m: 1.5}
-""",
-    "typology.yaml": """\
-kind: typology
-id: opposite_direction
-crash_types: [{id: "nhtsa2019:19", name: Opposite Direction/No Maneuver}]
-statistics:
-  weather_percent: 15
-  bad_visibility_percent: 4
-  fatality_rate_percent: 3.23
-  vehicles_per_crash: 1.88
-  crash_share_percent: 2
-  external_entity: false
-roads:
-  urban_percent: 35
-  rural_percent: 65
-  junctions: [{junction: non_junction, percent: 87}]
-""",
-    "suite.yaml": "kind: suite\nid: small\nrig: one_camera\ncatalogue: one_car\n",
+    path.name: path.read_text()
+    for path in sorted((Path(__file__).parent / "authoring" / "base").iterdir())
 }
 """A library of one scenario."""
 

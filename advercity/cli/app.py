@@ -19,6 +19,7 @@ app = typer.Typer(
 
 LibraryArgument = Annotated[list[Path], typer.Argument(help="Folders of declarations.")]
 LIBRARIES = [Path("library")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 SpecArgument = Annotated[list[Path], typer.Argument(help="Compiled specs (*.json).")]
 
 
@@ -61,35 +62,96 @@ def validate(
 @app.command("list")
 def list_(
     folder: Annotated[Path, typer.Argument(help="Folder of specs.")] = Path("compiled"),
+    as_json: JsonOption = False,
 ) -> None:
     """List compiled scenarios."""
-    from advercity.cli.tables import spec_table
+    from advercity.cli import tables
 
-    say(spec_table(folder))
+    rows = tables.spec_rows(folder)
+    say(tables.as_json(rows) if as_json else tables.table(rows))
 
 
 @app.command()
 def show(
-    path: Annotated[Path, typer.Argument(help="A compiled spec, or a declared road.")],
+    path: Annotated[Path, typer.Argument(help="A compiled spec, or a declaration.")],
     map_: Annotated[
         Path | None, typer.Option("--map", metavar="FILE", help="Draw the plan into a picture.")
     ] = None,
+    as_json: JsonOption = False,
 ) -> None:
-    """Tell what a scenario holds, without running it; draw its plan."""
+    """Tell what a scenario or a declaration holds, and what follows from it; draw its plan."""
     from advercity_dsl import Road
 
-    from advercity.cli.tables import road_summary, summary
-    from advercity.compiler import load_declaration, read_spec
+    from advercity.cli import tables
+    from advercity.compiler import find_declaration, read_spec
 
     spec = read_spec(path) if path.suffix == ".json" else None
-    road = spec.road if spec else load_declaration(path, Road)
-    say(summary(spec) if spec else road_summary(road))
+    entry = None if spec else find_declaration(path)
+    facts = tables.spec_facts(spec) if spec else tables.declaration_facts(entry) if entry else {}
+    say(tables.as_json(facts) if as_json else tables.aligned(facts))
     if map_ is not None:
         from advercity.pictures import write_picture
         from advercity.world.plan import draw_plan
 
+        road = spec.road if spec else entry.declaration if entry else None
+        if not isinstance(road, Road):
+            raise InputError(f"{path}: --map draws roads and specs; this is neither")
         write_picture(draw_plan(road, spec), map_)
         note(f"plan in {map_}")
+
+
+@app.command()
+def explain(
+    spec: Annotated[Path, typer.Argument(help="A compiled spec.")],
+    fields: Annotated[
+        list[str] | None, typer.Argument(help="Fields, such as weather.fog; all of them.")
+    ] = None,
+    library: Annotated[
+        list[Path] | None, typer.Option(help="Folders that it was compiled from.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Tell where every value of a spec comes from: file and line, default, or rule."""
+    from advercity.cli import tables
+    from advercity.compiler import explained, load_library, read_spec
+
+    origins = explained(read_spec(spec), load_library(*(library or LIBRARIES)))
+    chosen = [item for item in origins if not fields or item.is_within(fields)]
+    if not chosen:
+        raise InputError(f"{spec}: has no field {' or '.join(fields or [])}")
+    rows = [{"field": item.path, "value": str(item.value), "origin": item.text} for item in chosen]
+    say(tables.as_json(rows) if as_json else tables.table(rows))
+
+
+@app.command()
+def diff(
+    first: Annotated[Path, typer.Argument(help="A compiled spec.")],
+    second: Annotated[Path, typer.Argument(help="Another one.")],
+    as_json: JsonOption = False,
+) -> None:
+    """Tell in which fields two specs differ."""
+    from advercity.cli import tables
+    from advercity.compiler import read_spec
+
+    rows = tables.difference_rows(read_spec(first), read_spec(second))
+    if as_json:
+        say(tables.as_json(rows))
+    elif rows:
+        say(tables.table(rows))
+    else:
+        note("no differences")
+
+
+@app.command()
+def new(
+    kind: Annotated[str, typer.Argument(help="Kind of declaration: weather, road, suite, ...")],
+    name: Annotated[str, typer.Argument(help="Its id, and the name of its file.")],
+    output: Annotated[Path, typer.Option(help="Folder for the file.")] = Path(),
+) -> None:
+    """Write a commented declaration to start from."""
+    from advercity.compiler.starting import write_starter
+
+    say(str(write_starter(kind, name, output)))
 
 
 @app.command()

@@ -4,11 +4,18 @@ from pathlib import Path
 
 from advercity_dsl import Spec, Suite
 
+from advercity.compiler.comparison import compared
 from advercity.compiler.crossing import cross, under
 from advercity.compiler.emission import differences, read_spec, to_json, write_specs
+from advercity.compiler.explanation import explained
 from advercity.compiler.library import Entry, Library, load_declaration, load_library
 from advercity.compiler.problems import Problem, ProblemsError, nearest
-from advercity.compiler.shipped import find_weather, shipped_library, validate_path
+from advercity.compiler.shipped import (
+    find_declaration,
+    find_weather,
+    shipped_library,
+    validate_path,
+)
 from advercity.errors import InputError
 
 
@@ -34,8 +41,11 @@ __all__ = [
     "Library",
     "Problem",
     "ProblemsError",
+    "compared",
     "compile_library",
     "differences",
+    "explained",
+    "find_declaration",
     "find_weather",
     "load_declaration",
     "load_library",

@@ -36,8 +36,12 @@ class Resolved:
         return where in self.origins or self.document.has(where)
 
     def with_value(self, where: Where, value: Any) -> "Resolved":
-        """The same with another value at a path."""
-        return replace(self, data=replaced(self.data, {where: value}))
+        """The same with another value at a path; ProblemsError if it leads out of a list."""
+        try:
+            return replace(self, data=replaced(self.data, {where: value}))
+        except IndexError:
+            message, hint = "the list has no such item", "items count from 0"
+            raise ProblemsError.of(self.problem(where, message, hint=hint)) from None
 
     def document_of(self, where: Where) -> Document:
         """The file in which the value at `where`, or the nearest around it, stands."""
@@ -102,13 +106,21 @@ def _parents(
             )
             raise ProblemsError.of(problem)
         if parent in chain:
-            cycle = " > ".join((*chain[chain.index(parent) :], parent))
-            hint = "take one of these `extends` away"
-            raise ProblemsError.of(document.problem(where, f"goes in a circle: {cycle}", hint=hint))
+            raise ProblemsError.of(_circle(chain[chain.index(parent) :], name[0], heads))
         if parent not in known:
             message = f"there is no {name[0]} '{parent}' in this library"
-            raise ProblemsError.of(document.problem(where, message, hint=nearest(parent, known)))
+            others = [other for other in known if other != name[1]]
+            raise ProblemsError.of(document.problem(where, message, hint=nearest(parent, others)))
     return parents
+
+
+def _circle(circle: tuple[str, ...], kind: str, heads: Mapping[Name, Document]) -> Problem:
+    """The same problem from wherever the circle was entered."""
+    begin = circle.index(min(circle))
+    around = (*circle[begin:], *circle[:begin], circle[begin])
+    hint = "take one of these `extends` away" if len(circle) > 1 else "take it away"
+    message = f"goes in a circle: {' > '.join(around)}"
+    return heads[kind, around[0]].problem(("extends",), message, hint=hint)
 
 
 def _clash(
@@ -116,7 +128,7 @@ def _clash(
 ) -> Where | None:
     """Path of a value that two parents give differently and the declaration does not."""
     said: dict[str, Any] = own if isinstance(own, dict) else {}
-    for key in first.keys() & second.keys() - {"kind"}:
+    for key in (key for key in first if key in second and key != "kind"):
         one, other = first[key], second[key]
         if isinstance(one, dict) and isinstance(other, dict):
             if key in said and not isinstance(said[key], dict):

@@ -72,9 +72,14 @@ def _step(annotation: Any, part: str | int) -> list[Any]:
     return [found for argument in arguments for found in _step(argument, part)]
 
 
+def models_at(model: type[Model], where: Where) -> list[type[Model]]:
+    """Every model that may stand at a path."""
+    return [found for item in annotations_at(model, where) for found in _models_in(item)]
+
+
 def field_names(model: type[Model], where: Where) -> list[str]:
     """Names of the fields that a value at a path may have, as they are written."""
-    models = [found for item in annotations_at(model, where) for found in _models_in(item)]
+    models = models_at(model, where)
     return sorted(
         {field.alias or name for item in models for name, field in item.model_fields.items()}
     )

@@ -160,17 +160,17 @@ def _head_problem(document: Document) -> Problem | None:
         message = "is no declaration, which is a mapping with `kind` and `id`"
         return document.problem((), message, hint="begin with `kind: weather`, or another kind")
     kind, name = document.data.get("kind"), document.data.get("id")
+    if kind is None:
+        hint = f"add it, one of: {', '.join(DECLARATIONS)}"
+        return document.problem((), "the field 'kind' is missing", hint=hint)
     if not isinstance(kind, str) or kind not in DECLARATIONS:
-        found = (
-            "the field 'kind' is missing" if kind is None else f"'{kind}' is no kind of declaration"
-        )
-        hint = nearest(str(kind), DECLARATIONS)
-        return document.problem(("kind",), found, hint=hint)
+        message, hint = f"'{kind}' is no kind of declaration", nearest(str(kind), DECLARATIONS)
+        return document.problem(("kind",), message, hint=hint)
     if "id" not in document.data:
         return document.problem((), "the field 'id' is missing", hint="add it, `id: my_name`")
     if not isinstance(name, str):
-        hint = "lower-case letters, digits and _, starting with a letter; in quotes if it looks"
-        return document.problem(("id",), f"'{name}' is not an id", hint=f"{hint} like a number")
+        hint = "lower-case letters, digits and _, starting with a letter"
+        return document.problem(("id",), f"'{name}' is not an id", hint=hint)
     return None
 
 

@@ -10,6 +10,7 @@ from advercity.errors import InputError
 
 EXCERPT = 100
 """Characters of a line that are shown."""
+SHOWN_NAMES = 20
 
 
 @dataclass(frozen=True)
@@ -81,4 +82,5 @@ def nearest(name: str, valid: Iterable[str]) -> str:
     close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
     if close:
         return f"did you mean '{close[0]}'?"
-    return f"there are: {', '.join(names[:12])}" if names else "there are none"
+    more = ", ..." if len(names) > SHOWN_NAMES else ""
+    return f"there are: {', '.join(names[:SHOWN_NAMES])}{more}" if names else "there are none"

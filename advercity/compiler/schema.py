@@ -2,27 +2,120 @@
 
 import json
 from pathlib import Path
+from typing import Any, cast
 
 from advercity_dsl import DECLARATIONS, Model, Spec
+from advercity_dsl.distribution import DISTRIBUTIONS
 
+from advercity.compiler.docstrings import described
 from advercity.compiler.problems import nearest
 from advercity.errors import InputError
 
 KINDS: dict[str, type[Model]] = {**DECLARATIONS, "spec": Spec}
+_BOUNDS = {
+    "ge": "minimum",
+    "gt": "exclusiveMinimum",
+    "le": "maximum",
+    "lt": "exclusiveMaximum",
+}
+"""JSON Schema's words for pydantic's."""
+_EXTENDS = {
+    "description": "What this builds on: an id of the same kind, or a list of ids. Mappings merge,"
+    " all else replaces.",
+    "anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}, "minItems": 1}],
+}
 
 
 def schema_of(kind: str) -> str:
     """JSON Schema of a kind of declaration, or of the spec; InputError if there is no such kind."""
+    return json.dumps(schema_data(kind), indent=2)
+
+
+def schema_data(kind: str) -> dict[str, Any]:
+    """The same as plain data."""
     if kind not in KINDS:
         raise InputError(f"there is no kind '{kind}'; {nearest(kind, KINDS)}")
-    return json.dumps(KINDS[kind].model_json_schema(), indent=2)
+    model = KINDS[kind]
+    schema = _reworded(model.model_json_schema())
+    for name, text in described(model).items():
+        definition = schema if name == model.__name__ else schema["$defs"].get(name, {})
+        for field, words in text.items():
+            if field in definition.get("properties", {}):
+                definition["properties"][field]["description"] = words
+    if kind in DECLARATIONS:
+        schema["properties"]["kind"] |= {"description": "What this file declares."}
+        schema["properties"]["extends"] = _EXTENDS
+        schema["required"] = ["kind", "id"]
+    if kind == "weather":
+        _allow_distributions(schema)
+    return {"$schema": "http://json-schema.org/draft-07/schema#", **schema}
+
+
+def write_schema(kind: str, folder: Path) -> None:
+    """Write `<kind>.schema.json`."""
+    text = schema_of(kind) + "\n"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / f"{kind}.schema.json").write_text(text, encoding="utf-8", newline="\n")
+    except OSError as error:
+        raise InputError(f"{error.filename}: cannot be written: {error.strerror}") from error
 
 
 def write_schemas(folder: Path) -> None:
     """Write `<kind>.schema.json` for every kind."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for kind in KINDS:
-            (folder / f"{kind}.schema.json").write_text(schema_of(kind) + "\n")
-    except OSError as error:
-        raise InputError(f"{error.filename}: cannot be written: {error.strerror}") from error
+    for kind in KINDS:
+        write_schema(kind, folder)
+
+
+def _reworded(data: Any) -> Any:
+    """Bounds in JSON Schema's words, and no titles that only repeat names."""
+    if isinstance(data, list):
+        return [_reworded(item) for item in cast(list[Any], data)]
+    if not isinstance(data, dict):
+        return data
+    mapping = cast(dict[str, Any], data)
+    return {
+        _BOUNDS.get(key, key): _reworded(value)
+        for key, value in mapping.items()
+        if not (key == "title" and isinstance(value, str))
+    }
+
+
+def _allow_distributions(schema: dict[str, Any]) -> None:
+    """Let a distribution stand wherever a weather has a number."""
+    for name, model in DISTRIBUTIONS.items():
+        found = _with_quantities(_reworded(model.model_json_schema()))
+        schema["$defs"] |= found.pop("$defs", {})
+        schema["$defs"][name] = found
+    either = [{"$ref": f"#/$defs/{name}"} for name in DISTRIBUTIONS]
+    for definition in [schema, *schema["$defs"].values()]:
+        if definition in [schema["$defs"][name] for name in DISTRIBUTIONS]:
+            continue
+        for name, field in definition.get("properties", {}).items():
+            if _is_number(field):
+                definition["properties"][name] = _with_alternatives(field, either)
+
+
+def _with_quantities(data: Any) -> Any:
+    """Text, `0.1 km`, wherever a number stands."""
+    if isinstance(data, list):
+        return [_with_quantities(item) for item in cast(list[Any], data)]
+    if not isinstance(data, dict):
+        return data
+    mapping = cast(dict[str, Any], data)
+    result = {key: _with_quantities(value) for key, value in mapping.items()}
+    return result | ({"type": ["number", "string"]} if mapping.get("type") == "number" else {})
+
+
+def _is_number(field: Any) -> bool:
+    if field.get("type") in ("number", "integer"):
+        return True
+    return any(_is_number(item) for item in field.get("anyOf", []))
+
+
+def _with_alternatives(field: dict[str, Any], more: list[Any]) -> dict[str, Any]:
+    about = ("description", "default", "unit", "examples")
+    kept = {key: field[key] for key in about if key in field}
+    inner = {key: value for key, value in field.items() if key not in kept}
+    own = inner["anyOf"] if set(inner) == {"anyOf"} else [inner]
+    return {**kept, "anyOf": [*own, *more]}

@@ -4,7 +4,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import cast
 
-from advercity_dsl import Suite, Weather
+from advercity_dsl import Declaration, Suite, Weather
 
 from advercity.compiler.crossing import cross
 from advercity.compiler.emission import read_spec
@@ -19,6 +19,11 @@ def shipped_library() -> Path:
     return source if source.is_dir() else Path(str(files("advercity") / "_library"))
 
 
+def find_declaration(path: Path) -> Entry[Declaration]:
+    """The declaration in a file; it may extend those that ship."""
+    return load_beside(path, shipped_library())
+
+
 def find_weather(text: str) -> Entry[Weather]:
     """The weather in the file `text`, or the shipped one with that name.
 
@@ -26,7 +31,7 @@ def find_weather(text: str) -> Entry[Weather]:
     """
     path = Path(text)
     if path.suffix in (".yaml", ".yml") or path.exists():
-        entry = load_beside(path, shipped_library())
+        entry = find_declaration(path)
         if not isinstance(entry.declaration, Weather):
             problem = entry.source.problem(("kind",), "is no weather", hint="give a weather's file")
             raise ProblemsError.of(problem)
@@ -45,7 +50,7 @@ def validate_path(path: Path) -> None:
         read_spec(path)
         return
     if not path.is_dir():
-        load_beside(path, shipped_library())
+        find_declaration(path)
         return
     library = load_library(path)
     for suite in library.of(Suite).values():

@@ -1,5 +1,6 @@
 """From located data to models, with pydantic's errors put where the author can see them."""
 
+import math
 from collections.abc import Iterator
 from typing import Any, Protocol, TypeVar
 
@@ -7,7 +8,8 @@ from advercity_dsl import Model
 from advercity_dsl.base import Misfit
 from pydantic import ValidationError
 
-from advercity.compiler.fields import facts_at, field_names
+from advercity.compiler.docstrings import described
+from advercity.compiler.fields import Facts, facts_at, field_names, models_at
 from advercity.compiler.problems import Problem, ProblemsError, nearest
 from advercity.compiler.source import Where
 
@@ -52,7 +54,9 @@ def validate(
     try:
         made = model.model_validate(source.data if data is None else data)
     except ValidationError as error:
-        raise ProblemsError([*known, *problems_of(model, source, error)]) from None
+        told = {problem.where for problem in known if problem.where}
+        found = [item for item in problems_of(model, source, error) if item.where not in told]
+        raise ProblemsError([*known, *found]) from None
     if known:
         raise ProblemsError(known)
     return made
@@ -79,12 +83,15 @@ def _problem(model: type[Model], source: Located, detail: Any, where: Where) -> 
     if kind == "missing":
         if isinstance(loc[-1], int):
             return source.problem(where[:-1] if loc[-1:] == where[-1:] else where, _too_few(loc))
-        return source.problem(where, f"the field '{loc[-1]}' is missing", hint="add it")
+        hint = _add(model, loc)
+        return source.problem(where, f"the field '{loc[-1]}' is missing", hint=hint)
     if kind == "value_error":
         reason = detail["ctx"]["error"]
         if isinstance(reason, Misfit):
-            return source.problem((*where, *reason.where), str(reason), hint=reason.hint)
-        return source.problem(where, str(reason))
+            first, other = (*where, *reason.where), (*where, *reason.otherwise)
+            shown = first if source.has(first) or not source.has(other) else other
+            return source.problem(shown, reason.message, hint=reason.hint)
+        return source.problem(where, str(reason), key=loc[-1:] == ("[key]",))
     message, hint = _words(model, detail, kind, value)
     return source.problem(where, message, hint=hint)
 
@@ -95,10 +102,13 @@ def _words(model: type[Model], detail: Any, kind: str, value: Any) -> tuple[str,
     facts = facts_at(model, loc)
     if kind in _RANGES and facts and facts.range:
         unit = f" {facts.unit.name}" if facts.unit and facts.unit.name != "1" else ""
-        return f"{value:g}{unit} is outside the range of {facts.range}", facts.reason
+        written = value if isinstance(value, str) else f"{value:.12g}{unit}"
+        return f"{written} is outside the range of {facts.range}", _as_percent(facts, value)
     if kind == "finite_number":
         return "a number must end somewhere; this is infinite", "write a finite number"
-    if kind in ("float_type", "int_type", "int_from_float"):
+    if kind in ("int_type", "int_from_float") and isinstance(value, float):
+        return f"{value:g} is no whole number", f"write {math.floor(value)} or {math.ceil(value)}"
+    if kind in ("float_type", "int_type"):
         return _no_number(value, facts.unit.example if facts and facts.unit else "")
     if kind == "bool_type":
         meant = TRUTHS.get(str(value).lower())
@@ -109,7 +119,8 @@ def _words(model: type[Model], detail: Any, kind: str, value: Any) -> tuple[str,
         ]
         return f"{_quoted(value)} does not stand here", nearest(str(value), valid)
     if kind == "string_type":
-        return f"{_quoted(value)} is no text", f'write it in quotes: "{value}"'
+        plain = isinstance(value, int | float)
+        return f"{_quoted(value)} is no text", f'write it in quotes: "{value}"' if plain else ""
     if kind in ("model_type", "dict_type", "model_attributes_type"):
         names = field_names(model, loc)
         hint = f"fields here: {', '.join(names)}" if names else "write `name: value`"
@@ -130,6 +141,14 @@ def _words(model: type[Model], detail: Any, kind: str, value: Any) -> tuple[str,
     shown = isinstance(value, str | int | float | bool)
     found = f" (found {_quoted(value)})" if shown else ""
     return f"{message[0].lower()}{message[1:]}{found}", ""
+
+
+def _as_percent(facts: Facts, value: Any) -> str:
+    """The reason of a range; of a share, what a percentage would be."""
+    is_share = facts.unit is not None and facts.unit.name == "1"
+    if is_share and isinstance(value, int | float) and 1 < value <= 100:
+        return f"write {value:g} % or {value / 100:g}"
+    return facts.reason
 
 
 def _no_number(value: Any, example: str) -> tuple[str, str]:
@@ -160,7 +179,19 @@ def _quoted(value: Any) -> str:
     return f"'{text}'" if isinstance(value, str) else text
 
 
+def _add(model: type[Model], loc: Where) -> str:
+    """What a missing field is for, as its model says."""
+    name = str(loc[-1])
+    for fields in (described(found) for found in models_at(model, loc[:-1])):
+        for texts in fields.values():
+            if name in texts:
+                return f"add it: {texts[name][0].lower()}{texts[name][1:].rstrip('.')}"
+    return "add it"
+
+
 def _misplaced(name: str) -> str:
+    if ":" in name:
+        return "put a space after the colon"
     if name == "<<":
         return "merge keys of YAML are not used here; write `extends:` with an id"
     return ""

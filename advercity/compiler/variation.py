@@ -117,8 +117,10 @@ def steps(suite: Suite, source: Resolved) -> list[Step | None]:
     kind, where = path_of(sweep.field)
     facts = facts_at(CROSSED[kind], where)
     if facts is None:
-        hint = _unknown(kind, where) or "a sweep takes a number through values"
-        raise ProblemsError.of(source.problem(("sweep", "field"), "is no number", hint=hint))
+        unknown = _unknown(kind, where)
+        message = "is no number" if unknown is None else "no such field"
+        hint = unknown or "a sweep takes a number through values"
+        raise ProblemsError.of(source.problem(("sweep", "field"), message, hint=hint))
     try:
         values = _values(sweep, facts)
     except ValueError as error:

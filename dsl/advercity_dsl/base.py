@@ -80,6 +80,8 @@ class Unit:
         if not isinstance(value, str):
             return value
         match = _WRITTEN.match(value)
+        if re.search(r"\d,\d", value):
+            raise ValueError(f"'{value}' has a comma; write a point, as in 2.5 {self.name}")
         if match is None:
             raise ValueError(f"'{value}' is no {self.dimension}; write e.g. {self.example}")
         number, written = match.groups()
@@ -112,13 +114,24 @@ class Misfit(ValueError):
 
     Attributes:
         where: Path of the value to change, from the model that found it.
+        message: What is wrong.
         hint: The way out.
+        otherwise: Path of the other value, to be shown where the first is a default.
     """
 
-    def __init__(self, where: tuple[str | int, ...], message: str, hint: str) -> None:
-        super().__init__(message)
+    def __init__(
+        self,
+        where: tuple[str | int, ...],
+        message: str,
+        hint: str,
+        *,
+        otherwise: tuple[str | int, ...] = (),
+    ) -> None:
+        super().__init__(f"{'.'.join(map(str, where))}: {message}; {hint}")
         self.where = where
+        self.message = message
         self.hint = hint
+        self.otherwise = otherwise
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from advercity_dsl.base import (
     Id,
     KilometresPerHour,
     Metres,
+    Misfit,
     Model,
     Point2,
     Point3,
@@ -417,15 +418,17 @@ class Road(Declaration):
         for name, street in self.streets.items():
             _expect(street.section, self.sections, f"streets.{name}.section")
             if street.begins == street.ends:
-                raise ValueError(f"streets.{name}: begins and ends at '{street.ends}'")
+                message = f"begins and ends at '{street.ends}'"
+                raise Misfit(("streets", name, "ends"), message, "name two places")
         for name, junction in self.junctions.items():
             self._check_junction(f"junctions.{name}", name, junction)
         for name, agent in self.agents.items():
             if isinstance(agent, Vehicle) and agent.route:
                 if self.imported is not None:
-                    raise ValueError(
-                        f"agents.{name}.route: an imported road has no named streets; leave the"
-                        " route out, and the shortest way to the destination is taken"
+                    raise Misfit(
+                        ("agents", name, "route"),
+                        "an imported road has no named streets",
+                        "leave the route out, and the shortest way to the destination is taken",
                     )
                 for street in agent.route:
                     _expect(street, self.streets, f"agents.{name}.route")
@@ -436,15 +439,17 @@ class Road(Declaration):
 
     def _check_beside(self, where: str, beside: Beside) -> None:
         if self.imported is not None:
-            raise ValueError(f"{where}: an imported road has no named streets; say where in metres")
+            message = "an imported road has no named streets"
+            raise Misfit(_path(where), message, "say where in metres")
         _expect(beside.street, self.streets, f"{where}.street")
 
     def _check_junction(self, where: str, name: Id, junction: Junction) -> None:
         meeting = [key for key, item in self.streets.items() if name in (item.begins, item.ends)]
         if not meeting:
-            raise ValueError(f"{where}: no street begins or ends here")
+            raise Misfit(_path(where), "no street begins or ends here", "take it away")
         if (junction.control == "signals") != (junction.signals is not None):
-            raise ValueError(f"{where}: 'control: signals' and 'signals' go together")
+            message = "'control: signals' and 'signals' go together"
+            raise Misfit(_path(where), message, "give both or none")
         named = [("crossings", item.street) for item in junction.crossings]
         named += [("signs", item.street) for item in junction.signs]
         named += [("median", item) for item in junction.median or ()]
@@ -468,11 +473,16 @@ class Road(Declaration):
         count = sum(strip.kind is StripKind.LANE for strip in strips)
         if not 1 <= number <= count:
             way = "along" if along else "against"
-            raise ValueError(
-                f"{where}: no '{street}.{number}'; it has {count} lanes {way} its axis"
-            )
+            message = f"there is no lane '{street}.{number}'"
+            hint = f"the street has {count} lanes {way} its axis"
+            raise Misfit(_path(where), message, hint)
 
 
 def _expect(name: Id, known: Collection[Id], where: str) -> None:
     if name not in known:
-        raise ValueError(f"{where}: no '{name}' here; there are {', '.join(sorted(known))}")
+        hint = f"there are: {', '.join(sorted(known))}"
+        raise Misfit(_path(where), f"there is no '{name}' here", hint)
+
+
+def _path(where: str) -> tuple[str | int, ...]:
+    return tuple(int(part) if part.isdigit() else part for part in where.split("."))

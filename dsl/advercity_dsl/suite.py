@@ -1,8 +1,9 @@
 """A suite: which declarations to cross, by which rules, and with which seeds."""
 
+import re
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, StringConstraints, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from advercity_dsl.base import (
     Count,
@@ -19,9 +20,18 @@ from advercity_dsl.base import (
 
 Choice = Literal["all"] | tuple[Id, ...]
 Scalar = Flag | Number | str
-FieldPath = Annotated[
-    str, StringConstraints(pattern=r"^(weather|road|density|rig|catalogue)(\.[a-z0-9_]+)+$")
-]
+CROSSED = ("weather", "road", "density", "rig", "catalogue")
+
+
+def _begins_with_a_kind(path: str) -> str:
+    kind, *parts = path.split(".")
+    if kind not in CROSSED or not parts or not all(re.fullmatch(r"[a-z0-9_]+", p) for p in parts):
+        kinds = ", ".join(CROSSED)
+        raise ValueError(f"'{path[:60]}' is no field; begin with a kind ({kinds}): weather.time")
+    return path
+
+
+FieldPath = Annotated[str, AfterValidator(_begins_with_a_kind)]
 """A field of what a suite crosses: `weather.fog.mor_m`."""
 MAX_STEPS = 1000
 

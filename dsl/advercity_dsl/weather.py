@@ -254,12 +254,14 @@ class Weather(Declaration):
                 ("fog", "mor_m"),
                 f"fog of {fog:g} m is clearer than the air's {air:g} m (air.mor_m)",
                 "lower it, or leave fog out",
+                otherwise=("air", "mor_m"),
             )
         if self.snow.rate_mm_h > 0 and self.temperature_c > 3:
             raise Misfit(
                 ("temperature_c",),
                 f"it snows at {self.temperature_c:g} degC",
                 "snow needs a temperature_c of 3 or less",
+                otherwise=("snow", "rate_mm_h"),
             )
         self._check_sun(("sun", "elevation_deg"), self.sun)
         for road, sun in self.sun_at.items():
@@ -272,4 +274,5 @@ class Weather(Declaration):
                 where,
                 f"the sun stands at {sun.elevation_deg:g} deg, but it is {self.time} (time)",
                 "by day it stands above 0, e.g. 30 deg, at night below, e.g. -30 deg",
+                otherwise=("time",),
             )

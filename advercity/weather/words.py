@@ -1,0 +1,60 @@
+"""A weather in words, by the names that weather services give to its figures."""
+
+import math
+from collections.abc import Iterator
+
+from advercity_dsl import Weather
+
+from advercity.weather.extinction import KOSCHMIEDER, Extinction, of_snow
+
+FOG = ((50, "dense fog"), (200, "thick fog"), (1000, "fog"))
+"""Below which visibility in metres what is said (WMO, UK roads)."""
+DUST = ((500, "severe dust storm"), (1000, "dust storm"))
+RAIN = ((2.5, "light rain"), (7.6, "moderate rain"), (50, "heavy rain"), (math.inf, "violent rain"))
+"""Up to which rate in mm/h what is said (AMS)."""
+SNOW = ((500, "heavy snow"), (1000, "moderate snow"), (math.inf, "light snow"))
+"""Below which visibility in metres in the snow what is said."""
+CLOUDS = ((0, "clear"), (2, "few clouds"), (4, "scattered clouds"), (7, "broken clouds"))
+
+
+def in_words(weather: Weather) -> str:
+    """`day: thick fog, overcast, wet road, -3 degC`."""
+    return f"{weather.time}: {', '.join(_parts(weather))}"
+
+
+def visibility_m(extinction: Extinction) -> float:
+    """Meteorological optical range of all that is in the air; inf in a vacuum."""
+    return KOSCHMIEDER / extinction.at_550nm if extinction.at_550nm else math.inf
+
+
+def _parts(weather: Weather) -> Iterator[str]:
+    yield from _airborne(weather)
+    oktas = weather.sky.oktas
+    yield next((name for most, name in CLOUDS if oktas <= most), "overcast")
+    snow, surface = weather.snow, weather.surface
+    if snow.road_coverage:
+        yield f"{snow.road_coverage:.0%} of the road under snow"
+    if surface.puddle_coverage:
+        yield f"puddles on {surface.puddle_coverage:.0%} of the road"
+    elif surface.wetness >= 0.3:
+        yield "wet road"
+    if weather.wind.speed_m_s >= 8:
+        yield f"wind of {weather.wind.speed_m_s:g} m/s"
+    yield f"{weather.temperature_c:g} degC"
+
+
+def _airborne(weather: Weather) -> Iterator[str]:
+    fog, dust = weather.fog.mor_m, weather.dust.mor_m
+    if fog is not None:
+        yield next((name for below, name in FOG if fog < below), "mist")
+    if dust is not None:
+        yield next((name for below, name in DUST if dust < below), "dust in the air")
+    if weather.rain.rate_mm_h:
+        yield next(name for most, name in RAIN if weather.rain.rate_mm_h <= most)
+    snow = weather.snow
+    if snow.rate_mm_h:
+        seen_m = KOSCHMIEDER / of_snow(snow.rate_mm_h, density_g_cm3=snow.density_g_cm3)
+        yield next(name for below, name in SNOW if seen_m < below)
+    air = weather.air.mor_m
+    if air is not None and air <= 5000:
+        yield "haze"
