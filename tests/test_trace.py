@@ -16,7 +16,7 @@ BICYCLE = Actor(1001, "bicycle", "roadster", "car_paint_red", (1.8, 0.6, 1.7))
 
 
 def row(tick: int, actor: int, x: float, speed: float = 10.0, lamps: int = 0):
-    return (tick, actor, x, 2.0, 0.5, np.pi / 2, 0.1, speed, 0.0, lamps)
+    return (tick, actor, x, 2.0, 0.5, np.pi / 2, 0.1, speed, 0.0, 0.2, 0.05, 12.0, lamps)
 
 
 def trace_of(*rows: tuple[object, ...], ticks: int = 3) -> Trace:

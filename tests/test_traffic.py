@@ -343,3 +343,27 @@ def test_what_sumo_cannot_read_is_an_error_that_says_so(specs: dict[str, Spec], 
         simulate(specs["ui_clear_day_sparse"], tmp_path / "net.xml")
     with pytest.raises(RunError, match="not a SUMO network"):
         simulate(specs["ui_clear_day_sparse"], tmp_path / "missing.xml")
+
+
+def test_front_wheels_point_along_the_circle_that_a_vehicle_drives(simulated: Simulated):
+    rows = track(simulated("ri_sparse"), actor(simulated("ri_sparse"), EGO))
+    wheelbase = 0.6 * actor(simulated("ri_sparse"), EGO).size[0]
+    turning = (rows["yaw_rate"] > 0.1) & (rows["speed"] > 2)
+
+    radius = rows["speed"][turning] / rows["yaw_rate"][turning]
+
+    assert turning.sum() > 10
+    np.testing.assert_allclose(np.tan(rows["steering"][turning]), wheelbase / radius, rtol=0.15)
+    assert np.abs(rows["steering"]).max() <= np.radians(40.0)
+
+
+@pytest.mark.parametrize("road", ["ui", "rsnj"])
+def test_the_way_travelled_is_what_wheels_and_legs_have_gone(road: str, simulated: Simulated):
+    trace = simulated(f"{road}_sparse")
+
+    for one in trace.actors:
+        rows = track(trace, one)
+        way = np.hypot(np.diff(rows["x"]), np.diff(rows["y"])).sum()
+        gone = rows["travelled"][-1] - rows["travelled"][0]
+        assert (np.diff(rows["travelled"]) >= 0).all(), one
+        assert gone == pytest.approx(way, rel=0.06, abs=0.3), one

@@ -38,6 +38,7 @@ TIGHTEST_TURN_M = 2.5
 """Vehicles that SUMO turns where they stand do so here as they move on, at this radius."""
 WHEELBASE_SHARE = 0.6
 """Of a vehicle's length."""
+MOST_STEERING = np.radians(40.0)
 TURN_RATE_RAD_S = np.pi
 WALKING_M_S = 0.3
 """Slower than this a person keeps looking the same way."""
@@ -74,6 +75,9 @@ def vehicle_states(track: NDArray[np.void], length_m: float, *, tick_s: float) -
         pitch=-climb,
     )
     states["acceleration"] = _eased(track["acceleration"])
+    states["yaw_rate"] = _rate(yaw, tick_s)
+    states["steering"] = _steered(states["yaw_rate"], steps / tick_s, wheelbase)
+    states["travelled"] = along
     held = (track["speed"] < STANDING_M_S) & (states["acceleration"] <= COASTING_M_S2)
     braking = held | (states["acceleration"] < -COASTING_M_S2)
     states["lamps"] |= np.where(braking, Lamp.BRAKE, 0).astype(np.uint8)
@@ -108,7 +112,9 @@ def walker_states(
     track["speed"], track["acceleration"] = speed, np.gradient(speed, tick_s)
     looked = np.where(speed > WALKING_M_S, np.angle(steps), np.nan)
     yaw = _turned(looked, track["yaw"][0], np.full(len(track), TURN_RATE_RAD_S * tick_s))
-    return _states(track, path, z=z, yaw=yaw, pitch=np.zeros(len(track)))
+    states = _states(track, path, z=z, yaw=yaw, pitch=np.zeros(len(track)))
+    states["yaw_rate"], states["travelled"] = _rate(yaw, tick_s), np.cumsum(np.abs(steps))
+    return states
 
 
 def _followed(
@@ -142,6 +148,21 @@ def _turned(
             here += min(max(turn, -most), most)
         headings.append(here)
     return np.array(headings)
+
+
+def _rate(headings: NDArray[np.float64], tick_s: float) -> NDArray[np.float64]:
+    """Turn per second (n,); headings change by less than half a turn a tick."""
+    return np.gradient(headings, tick_s) if len(headings) > 1 else np.zeros(1)
+
+
+def _steered(
+    yaw_rate: NDArray[np.float64], speed: NDArray[np.float64], wheelbase_m: float
+) -> NDArray[np.float64]:
+    """Angle (n,) of the front wheels by the single-track model; kept while standing."""
+    moves = speed > STANDING_M_S
+    wanted = np.arctan2(wheelbase_m * yaw_rate, np.where(moves, speed, 1.0))
+    last = np.maximum.accumulate(np.where(moves, np.arange(len(speed)), 0))
+    return np.clip(np.where(moves[last], wanted[last], 0.0), -MOST_STEERING, MOST_STEERING)
 
 
 def _states(

@@ -55,6 +55,12 @@ class ActorState:
     speed_m_s: float
     acceleration_m_s2: float
     lamps: Lamp
+    yaw_rate_rad_s: float = 0.0
+    """Counter-clockwise."""
+    steering_rad: float = 0.0
+    """Of the front wheels against the body, to the left; 0 for people."""
+    travelled_m: float = 0.0
+    """Way since the actor appeared: what turns its wheels and swings its legs."""
 
 
 @dataclass(frozen=True)
@@ -88,10 +94,16 @@ STATE = np.dtype(
         ("pitch", "<f8"),
         ("speed", "<f8"),
         ("acceleration", "<f8"),
+        ("yaw_rate", "<f8"),
+        ("steering", "<f8"),
+        ("travelled", "<f8"),
         ("lamps", "<u1"),
     ]
 )
-"""A row of the trace: kept tick, index into `actors`, world position, radians, m/s, m/s²."""
+"""A row of the trace: kept tick, index into `actors`, world position (m), yaw and pitch (rad), m/s,
+m/s², rad/s, rad, m."""
+
+COLUMNS = tuple(STATE.names or ())
 
 
 @dataclass(frozen=True)
@@ -142,10 +154,13 @@ class Trace:
             speed_m_s=float(row["speed"]),
             acceleration_m_s2=float(row["acceleration"]),
             lamps=Lamp(int(row["lamps"])),
+            yaw_rate_rad_s=float(row["yaw_rate"]),
+            steering_rad=float(row["steering"]),
+            travelled_m=float(row["travelled"]),
         )
 
     def save(self, path: Path) -> None:
-        """Write as `.npz`; the same trace gives the same bytes."""
+        """Write as `.npz`, an array per column; the same trace gives the same bytes."""
         table = {
             name: np.array([getattr(actor, name) for actor in self.actors])
             for name in (item.name for item in fields(Actor))
@@ -156,7 +171,7 @@ class Trace:
                 allow_pickle=False,
                 tick_s=np.array(self.tick_s),
                 first_tick=np.array(self.first_tick),
-                states=self.states,
+                **{f"state_{name}": self.states[name] for name in COLUMNS},
                 signal_ids=np.array(self.signal_ids, dtype=np.str_),
                 signals=self.signals,
                 **{f"actor_{name}": column for name, column in table.items()},
@@ -176,9 +191,16 @@ class Trace:
                     tick_s=float(data["tick_s"]),
                     first_tick=int(data["first_tick"]),
                     actors=actors,
-                    states=data["states"],
+                    states=_rows({name: data[f"state_{name}"] for name in COLUMNS}),
                     signal_ids=tuple(data["signal_ids"].tolist()),
                     signals=data["signals"],
                 )
         except (OSError, ValueError, KeyError) as error:
             raise RunError(f"{path}: not a trace: {error}") from error
+
+
+def _rows(columns: Mapping[str, NDArray[np.generic]]) -> NDArray[np.void]:
+    rows = np.empty(len(columns["tick"]), STATE)
+    for name, column in columns.items():
+        rows[name] = column
+    return rows
