@@ -33,6 +33,9 @@ class Atmosphere:
         wetness: 0 dry to 1 soaked.
         puddle_coverage: Share of the carriageway under standing water.
         night: Whether lamps light the scene.
+        rain_mm_h: Rate of the falling rain, which ripples puddles.
+        snow_depth_m: Of the snow that lies in the open.
+        road_snow_cover: Share of the carriageway under snow.
     """
 
     extinction_550nm: float
@@ -48,6 +51,9 @@ class Atmosphere:
     wetness: float
     puddle_coverage: float
     night: bool
+    rain_mm_h: float = 0.0
+    snow_depth_m: float = 0.0
+    road_snow_cover: float = 0.0
 
     @property
     def mor_m(self) -> float:

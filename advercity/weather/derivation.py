@@ -63,6 +63,9 @@ def atmosphere_of(weather: Weather, land_use: LandUse) -> Atmosphere:
         wetness=weather.surface.wetness,
         puddle_coverage=weather.surface.puddle_coverage,
         night=weather.time == "night",
+        rain_mm_h=weather.rain.rate_mm_h,
+        snow_depth_m=weather.snow.depth_mm / 1000.0,
+        road_snow_cover=weather.snow.road_coverage,
     )
 
 

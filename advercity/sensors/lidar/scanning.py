@@ -11,9 +11,9 @@ from advercity import poses
 from advercity.poses import Matrix
 from advercity.rendering.casting import Caster, Fan, Hits, Rays
 from advercity.semantics import Semantic
-from advercity.sensors.lidar import puddles
 from advercity.sensors.lidar.beams import bearings_rad, elevations_rad, offsets_rad, rays
 from advercity.sensors.lidar.surfaces import IS_GLASS, PANE_TRANSMITTANCE, WATER_INDEX, fresnel
+from advercity.weather import puddles
 
 Floats = NDArray[np.floating[Any]]
 Rows = NDArray[np.intp]
