@@ -40,7 +40,7 @@ def field() -> NDArray[np.float32]:
         beyond = np.roll(hollows, -1, axis=-1)[..., None]
         hollows = (hollows[..., None] * (1.0 - share) + beyond * share).reshape(len(hollows), -1)
         hollows = np.moveaxis(hollows, -1, axis)
-    heights = hollows + RAGGED * (ragged - 0.5)
+    heights = (hollows + RAGGED * (ragged - 0.5)).astype(np.float32)
     heights.flags.writeable = False
     return heights
 
