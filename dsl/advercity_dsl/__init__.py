@@ -4,6 +4,7 @@ This package holds models and nothing else; it imports neither simulator nor ren
 """
 
 from advercity_dsl.base import Declaration, Id, Model
+from advercity_dsl.conflict import Outcome, StagedActor, StagedConflict
 from advercity_dsl.rig import Camera, Carrier, Exposure, Gnss, Imu, Lidar, Mount, Rig
 from advercity_dsl.road import MapFile, MapNetwork, Road, RoadsideUnit, Street, Vehicle
 from advercity_dsl.spec import SPEC_VERSION, Agent, Spec
@@ -49,10 +50,13 @@ __all__ = [
     "MapNetwork",
     "Model",
     "Mount",
+    "Outcome",
     "Rig",
     "Road",
     "RoadsideUnit",
     "Spec",
+    "StagedActor",
+    "StagedConflict",
     "Street",
     "Suite",
     "Timing",

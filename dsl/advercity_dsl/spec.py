@@ -8,6 +8,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, StringConstraints, model_validator
 
 from advercity_dsl.base import Id, Model
+from advercity_dsl.conflict import StagedConflict
 from advercity_dsl.distribution import Distribution
 from advercity_dsl.rig import Carrier
 from advercity_dsl.road import ClassShares, Road, RoadsideUnit, Vehicle
@@ -79,6 +80,10 @@ class Provenance(Model):
     """SHA-256 of the spec itself, with this field left out."""
 
 
+def _is_empty(value: object) -> bool:
+    return not value
+
+
 class Spec(Model):
     """One scenario."""
 
@@ -90,6 +95,8 @@ class Spec(Model):
     density: Density
     agents: Annotated[tuple[Agent, ...], Field(min_length=1)]
     demand: ClassDemand
+    conflicts: tuple[StagedConflict, ...] = Field(default=(), exclude_if=_is_empty)
+    """In the order in which they happen."""
     blueprints: dict[Id, Blueprint]
     timing: Timing
     seeds: SpecSeeds
