@@ -40,7 +40,7 @@ def circle(radius: float, heading_deg: float, speed: float) -> Way:
 
 
 def trace_of(*ways: Way, ticks: int = 40, size: tuple[float, float] = (4.0, 2.0)) -> Trace:
-    time = np.arange(ticks) * TICK_S
+    time: NDArray[np.float64] = np.linspace(0, (ticks - 1) * TICK_S, ticks)
     rows = np.zeros((ticks, len(ways)), STATE)
     for index, way in enumerate(ways):
         rows["tick"][:, index], rows["actor"][:, index] = np.arange(ticks), index
