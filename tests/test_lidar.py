@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from advercity.compiler.library import load_declaration
+from advercity.compiler import find_weather
 from advercity.poses import Matrix, pose, transform
 from advercity.randomness import generator
 from advercity.rendering.casting import MATERIAL_NAMES, Caster, Hits
@@ -631,12 +631,12 @@ def test_more_fog_never_strengthens_an_echo(range_m: float, mor_m: float, cleare
     assert thick[0] <= thin[0]
 
 
-def test_worse_weather_never_shows_more_of_the_world(library: Path) -> None:
+def test_worse_weather_never_shows_more_of_the_world() -> None:
     places = [(float(x), float(y)) for x in (8, 25, 45, 70) for y in (-30, -9, 0, 9, 30)]
     caster = world_with(*places)
     counts: list[int] = []
     for name in ("clear", "soft_rain", "heavy_rain", "foggy_heavy_rain"):
-        weather = load_declaration(library / "nhtsa" / "weather" / f"{name}_day.yaml", Weather)
+        weather = find_weather(f"{name}_day").declaration
         met = air_of(weather, atmosphere_of(weather, "urban"))
         scan = shoot(Lidar(), STAND, caster, puddle_coverage=met.puddle_coverage)
         found = sweep(Lidar(), scan, met, generator("test"))

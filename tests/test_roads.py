@@ -295,7 +295,7 @@ def test_opposite_lanes_are_travelled_in_opposite_directions() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("section: plain", "section: plane", "there is no 'plane' here; there are: plain"),
+        ("section: plain", "section: plane", "there is no 'plane' here; did you mean 'plain'"),
         ("a.1 > b.1", "a.2 > b.1", "no lane 'a.2'; the street has 1 lanes along its axis"),
         ("a.1 > b.1", "a.1 > c.1", "no 'c' here; there are: a, b"),
         ("ends: j", "ends: west", "begins and ends at 'west'"),

@@ -8,7 +8,7 @@ from advercity_dsl import Weather
 from hypothesis import given
 from hypothesis import strategies as st
 
-from advercity.compiler.library import load_declaration
+from advercity.compiler import find_weather
 from advercity.weather import extinction, sky
 from advercity.weather.atmosphere import Atmosphere
 from advercity.weather.daylight import air_mass, clear_daylight, daylight
@@ -34,8 +34,8 @@ def weather(time: str = "day", **parts: Any) -> Weather:
     return Weather.model_validate({"id": "tried", "time": time, "sun": sun} | parts)
 
 
-def shipped(library: Path, name: str) -> Weather:
-    return load_declaration(library / "nhtsa" / "weather" / f"{name}.yaml", Weather)
+def shipped(name: str) -> Weather:
+    return find_weather(name).declaration
 
 
 def luminance(colour: Any) -> float:
@@ -49,7 +49,7 @@ def horizontal_lx(atmosphere: Atmosphere) -> float:
 def test_the_library_has_exactly_the_eleven_weathers(library: Path) -> None:
     files = {path.stem for path in (library / "nhtsa" / "weather").glob("*.yaml")}
     assert files == set(NAMES)
-    assert all(shipped(library, name).id == name for name in NAMES)
+    assert all(shipped(name).id == name for name in NAMES)
 
 
 @given(mor_m=st.floats(10, 50_000))
@@ -99,16 +99,14 @@ def test_without_anything_in_the_air_one_sees_for_ever() -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_shipped_weather_has_the_visibility_of_its_table(library: Path, name: str) -> None:
+def test_shipped_weather_has_the_visibility_of_its_table(name: str) -> None:
     expected = 15_000 if name == "glare_day" else MOR_M[name.rsplit("_", 1)[0]]
-    assert atmosphere_of(shipped(library, name), "urban").mor_m == pytest.approx(expected, rel=2e-3)
+    assert atmosphere_of(shipped(name), "urban").mor_m == pytest.approx(expected, rel=2e-3)
 
 
 @pytest.mark.parametrize(("name", "lux"), DAYLIGHT_LX.items())
-def test_shipped_days_are_as_bright_as_their_table(library: Path, name: str, lux: float) -> None:
-    assert horizontal_lx(atmosphere_of(shipped(library, name), "rural")) == pytest.approx(
-        lux, rel=0.01
-    )
+def test_shipped_days_are_as_bright_as_their_table(name: str, lux: float) -> None:
+    assert horizontal_lx(atmosphere_of(shipped(name), "rural")) == pytest.approx(lux, rel=0.01)
 
 
 def test_a_white_card_on_a_clear_day_shines_with_26_kcd() -> None:
@@ -166,10 +164,8 @@ def test_azimuth_runs_clockwise_from_north(
     ("road", "carla_yaw_deg"),
     [("ui", 91), ("unj", -178.7), ("ri", -90), ("rsnj", -90), ("rcnj", -80)],
 )
-def test_the_glare_stands_where_the_original_has_it(
-    library: Path, road: str, carla_yaw_deg: float
-) -> None:
-    sun = shipped(library, "glare_day").sun_at[road]
+def test_the_glare_stands_where_the_original_has_it(road: str, carla_yaw_deg: float) -> None:
+    sun = shipped("glare_day").sun_at[road]
     towards = sky.direction_to(sun.elevation_deg, sun.azimuth_deg)
     carla = math.radians(carla_yaw_deg)
     level = math.cos(math.radians(sun.elevation_deg))
@@ -193,8 +189,8 @@ def test_cubemap_faces_lie_as_the_contract_says() -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_sky_gives_the_light_that_it_is_said_to_give(library: Path, name: str) -> None:
-    found = atmosphere_of(shipped(library, name), "urban")
+def test_the_sky_gives_the_light_that_it_is_said_to_give(name: str) -> None:
+    found = atmosphere_of(shipped(name), "urban")
     assert found.sky.shape[0] == 6
     assert found.sky.dtype == np.float32
     assert found.sky.min() > 0
@@ -270,14 +266,14 @@ def test_thick_fog_takes_the_sun_away() -> None:
     assert horizontal_lx(clear) > horizontal_lx(thin) > horizontal_lx(thick)
 
 
-def test_a_night_has_its_glow_and_its_street_lamps_and_no_sun(library: Path) -> None:
-    found = atmosphere_of(shipped(library, "clear_night"), "rural")
+def test_a_night_has_its_glow_and_its_street_lamps_and_no_sun() -> None:
+    found = atmosphere_of(shipped("clear_night"), "rural")
     assert found.night
     assert found.sun_lx == 0
     assert found.street_lx == 0.5
     assert luminance(found.sky[4, 128, 128]) == pytest.approx(0.0005, rel=0.3)
-    assert atmosphere_of(shipped(library, "clear_night"), "urban").street_lx == 12
-    assert atmosphere_of(shipped(library, "clear_day"), "urban").street_lx == 0
+    assert atmosphere_of(shipped("clear_night"), "urban").street_lx == 12
+    assert atmosphere_of(shipped("clear_day"), "urban").street_lx == 0
 
 
 def test_ten_lux_of_street_light_veil_the_fog_with_1_7_candelas() -> None:

@@ -8,7 +8,7 @@ from advercity.compiler.comparison import compared
 from advercity.compiler.crossing import cross, under
 from advercity.compiler.emission import differences, read_spec, to_json, write_specs
 from advercity.compiler.explanation import explained
-from advercity.compiler.library import Entry, Library, load_declaration, load_library
+from advercity.compiler.library import Entry, Library, load_library
 from advercity.compiler.problems import Problem, ProblemsError, nearest
 from advercity.compiler.shipped import (
     find_declaration,
@@ -47,7 +47,6 @@ __all__ = [
     "explained",
     "find_declaration",
     "find_weather",
-    "load_declaration",
     "load_library",
     "nearest",
     "read_spec",

@@ -12,6 +12,8 @@ from typing import Any, cast
 from advercity.compiler.problems import Problem, ProblemsError, nearest
 from advercity.compiler.source import Document, Place, Where, dotted
 
+ABOUT_THE_FILE = ("extends", "version")
+"""Keys of a document that are no fields of what it declares."""
 OWN = ("id", "title", "source", "assumption")
 Name = tuple[str, str]
 """Kind and id."""
@@ -72,7 +74,7 @@ def resolve(name: Name, heads: Mapping[Name, Document]) -> Resolved:
 
 def _resolve(name: Name, heads: Mapping[Name, Document], below: tuple[str, ...]) -> Resolved:
     document = heads[name]
-    own = {key: value for key, value in document.data.items() if key != "extends"}
+    own = {key: value for key, value in document.data.items() if key not in ABOUT_THE_FILE}
     if "extends" not in document.data:
         return Resolved(own, document, {})
     chain = (*below, name[1])

@@ -2,24 +2,34 @@
 
 import hashlib
 import json
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Generic, TypeVar, cast
 
-from advercity_dsl import DECLARATIONS, Declaration, MapFile, Road, Weather, kind_of
+from advercity_dsl import (
+    DECLARATIONS,
+    LANGUAGE_VERSION,
+    Declaration,
+    MapFile,
+    Road,
+    Weather,
+    kind_of,
+)
 
 from advercity.compiler.distributions import Distributions, check_ends, distributions_in
 from advercity.compiler.extension import Name, Resolved, resolve
 from advercity.compiler.maps import network_of
 from advercity.compiler.problems import Problem, ProblemsError, nearest
 from advercity.compiler.source import Document, read
-from advercity.compiler.validation import validate
+from advercity.compiler.validation import ID_HINT, quoted, validate
 from advercity.errors import InputError
 
 DeclarationT = TypeVar("DeclarationT", bound=Declaration)
 EXAMPLES = "examples"
 """Folder of declarations to copy from; no part of the library around it."""
+MAX_FILES = 10_000
 
 
 @dataclass(frozen=True)
@@ -74,12 +84,6 @@ def load_library(*folders: Path) -> Library:
     return Library(_entries(documents, problems))
 
 
-def load_declaration(path: Path, kind: type[DeclarationT]) -> DeclarationT:
-    """One declaration of a known kind from a file that extends nothing."""
-    document = read(path)
-    return validate(kind, document, known=document.problems)
-
-
 def load_beside(path: Path, library: Path) -> Entry[Declaration]:
     """The declaration in a file of its own; it may extend those of a library.
 
@@ -103,7 +107,7 @@ def _files(folder: Path, problems: list[Problem]) -> list[Path]:
         raise InputError(f"{folder}: there is no such file or folder; is the path right?")
     if not folder.is_dir():
         return [folder]
-    inside = sorted(path for path in folder.rglob("*.y*ml") if _belongs(path.relative_to(folder)))
+    inside = sorted(path for path in _walk(folder, problems) if path.suffix in (".yaml", ".yml"))
     for path in inside:
         if path.suffix == ".yml":
             hint = f"call it {path.with_suffix('.yaml').name}"
@@ -114,8 +118,21 @@ def _files(folder: Path, problems: list[Problem]) -> list[Path]:
     return files
 
 
-def _belongs(path: Path) -> bool:
-    return EXAMPLES not in path.parts[:-1] and not any(part.startswith(".") for part in path.parts)
+def _walk(folder: Path, problems: list[Problem]) -> Iterator[Path]:
+    """Files of a library; a folder that is far too large for one is refused, not read through."""
+
+    def complain(error: OSError) -> None:
+        message = f"cannot be read: {error.strerror}"
+        problems.append(Problem(Path(error.filename), 0, 0, "", message))
+
+    seen = 0
+    for inside, folders, names in os.walk(folder, onerror=complain):
+        folders[:] = sorted(name for name in folders if name != EXAMPLES and name[0] != ".")
+        seen += len(folders) + len(names)
+        if seen > MAX_FILES:
+            message = f"holds more than {MAX_FILES} files and folders; is it a library folder?"
+            raise InputError(f"{folder}: {message}")
+        yield from (Path(inside, name) for name in names if name[0] != ".")
 
 
 def _read_all(files: list[Path], problems: list[Problem]) -> Iterator[Document]:
@@ -164,14 +181,29 @@ def _head_problem(document: Document) -> Problem | None:
         hint = f"add it, one of: {', '.join(DECLARATIONS)}"
         return document.problem((), "the field 'kind' is missing", hint=hint)
     if not isinstance(kind, str) or kind not in DECLARATIONS:
-        message, hint = f"'{kind}' is no kind of declaration", nearest(str(kind), DECLARATIONS)
+        message, hint = (
+            f"{quoted(kind)} is no kind of declaration",
+            nearest(str(kind), DECLARATIONS),
+        )
         return document.problem(("kind",), message, hint=hint)
     if "id" not in document.data:
         return document.problem((), "the field 'id' is missing", hint="add it, `id: my_name`")
     if not isinstance(name, str):
-        hint = "lower-case letters, digits and _, starting with a letter"
-        return document.problem(("id",), f"'{name}' is not an id", hint=hint)
-    return None
+        return document.problem(("id",), f"{quoted(name)} is not an id", hint=ID_HINT)
+    return _version_problem(document)
+
+
+def _version_problem(document: Document) -> Problem | None:
+    """Say what to do with a file in another version of the language, before what is strange."""
+    version = document.data.get("version", LANGUAGE_VERSION)
+    is_number = isinstance(version, int) and not isinstance(version, bool)
+    if is_number and version == LANGUAGE_VERSION:
+        return None
+    if is_number and version > LANGUAGE_VERSION:
+        message = f"is written in version {version}; this advercity reads {LANGUAGE_VERSION}"
+        return document.problem(("version",), message, hint="upgrade advercity")
+    hint = f"write {LANGUAGE_VERSION}, or leave it out"
+    return document.problem(("version",), f"there was no version {quoted(version)}", hint=hint)
 
 
 def _entry(name: Name, heads: Mapping[Name, Document]) -> Entry[Declaration]:

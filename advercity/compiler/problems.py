@@ -1,16 +1,16 @@
 """What is wrong with what people wrote, each with its place, its line and a way out."""
 
-import difflib
 import unicodedata
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+from advercity_dsl.names import nearest
 
 from advercity.errors import InputError
 
 EXCERPT = 100
 """Characters of a line that are shown."""
-SHOWN_NAMES = 20
 
 
 @dataclass(frozen=True)
@@ -76,11 +76,4 @@ class ProblemsError(InputError):
         return cls([problem])
 
 
-def nearest(name: str, valid: Iterable[str]) -> str:
-    """A hint that names the nearest valid name, else all of them."""
-    names = sorted(valid)
-    close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
-    if close:
-        return f"did you mean '{close[0]}'?"
-    more = ", ..." if len(names) > SHOWN_NAMES else ""
-    return f"there are: {', '.join(names[:SHOWN_NAMES])}{more}" if names else "there are none"
+__all__ = ["Problem", "ProblemsError", "nearest"]

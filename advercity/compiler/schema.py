@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Any, cast
 
-from advercity_dsl import DECLARATIONS, Model, Spec
+from advercity_dsl import DECLARATIONS, LANGUAGE_VERSION, Model, Spec
 from advercity_dsl.distribution import DISTRIBUTIONS
 
 from advercity.compiler.docstrings import described
@@ -23,6 +23,10 @@ _EXTENDS = {
     "description": "What this builds on: an id of the same kind, or a list of ids. Mappings merge,"
     " all else replaces.",
     "anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}, "minItems": 1}],
+}
+_VERSION = {
+    "description": "Version of the language it is written in; the current one if left out.",
+    "const": LANGUAGE_VERSION,
 }
 
 
@@ -44,7 +48,7 @@ def schema_data(kind: str) -> dict[str, Any]:
                 definition["properties"][field]["description"] = words
     if kind in DECLARATIONS:
         schema["properties"]["kind"] |= {"description": "What this file declares."}
-        schema["properties"]["extends"] = _EXTENDS
+        schema["properties"] |= {"extends": _EXTENDS, "version": _VERSION}
         schema["required"] = ["kind", "id"]
     if kind == "weather":
         _allow_distributions(schema)

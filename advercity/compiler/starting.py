@@ -8,6 +8,7 @@ from advercity_dsl import DECLARATIONS
 
 from advercity.compiler.problems import nearest
 from advercity.compiler.schema import write_schema
+from advercity.compiler.validation import ID_HINT
 from advercity.errors import InputError
 
 SCHEMAS = ".advercity"
@@ -23,8 +24,7 @@ def starter(kind: str, name: str) -> str:
     if kind not in DECLARATIONS:
         raise InputError(f"there is no kind '{kind}'; {nearest(kind, DECLARATIONS)}")
     if not re.fullmatch(r"[a-z][a-z0-9_]{0,63}", name):
-        hint = "lower-case letters, digits and _, starting with a letter"
-        raise InputError(f"'{name}' is not an id; {hint}")
+        raise InputError(f"'{name}' is not an id; {ID_HINT}")
     text = (files("advercity") / "compiler" / "starters" / f"{kind}.yaml").read_text("utf-8")
     modeline = f"# yaml-language-server: $schema={SCHEMAS}/{kind}.schema.json\n"
     return modeline + text.replace("{id}", name)

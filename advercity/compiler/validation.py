@@ -4,11 +4,12 @@ import math
 from collections.abc import Iterator
 from typing import Any, Protocol, TypeVar
 
-from advercity_dsl import Model
+from advercity_dsl import Declaration, Model
 from advercity_dsl.base import Misfit
 from pydantic import ValidationError
 
 from advercity.compiler.docstrings import described
+from advercity.compiler.extension import ABOUT_THE_FILE
 from advercity.compiler.fields import Facts, facts_at, field_names, models_at
 from advercity.compiler.problems import Problem, ProblemsError, nearest
 from advercity.compiler.source import Where
@@ -16,6 +17,7 @@ from advercity.compiler.source import Where
 ModelT = TypeVar("ModelT", bound=Model)
 TRUTHS = {"on": "true", "yes": "true", "y": "true", "off": "false", "no": "false", "n": "false"}
 """What YAML 1.1 took for truth values; text here."""
+ID_HINT = "lower-case letters, digits and _, at most 64, starting with a letter"
 _LENGTHS = {
     "too_short": "must have at least {min_length} of these, has {actual_length}",
     "too_long": "must have at most {max_length} of these, has {actual_length}",
@@ -78,7 +80,8 @@ def _problem(model: type[Model], source: Located, detail: Any, where: Where) -> 
     value = detail["input"]
     if kind == "extra_forbidden":
         name = str(loc[-1])
-        hint = _misplaced(name) or nearest(name, field_names(model, loc[:-1]))
+        names = field_names(model, loc[:-1]) + ([] if loc[:-1] else _about_the_file(model))
+        hint = _misplaced(name) or nearest(name, names)
         return source.problem(where, "no such field", hint=hint, key=True)
     if kind == "missing":
         if isinstance(loc[-1], int):
@@ -93,6 +96,8 @@ def _problem(model: type[Model], source: Located, detail: Any, where: Where) -> 
             return source.problem(shown, reason.message, hint=reason.hint)
         return source.problem(where, str(reason), key=loc[-1:] == ("[key]",))
     message, hint = _words(model, detail, kind, value)
+    if kind == "union_tag_invalid":
+        where = (*where, detail["ctx"]["discriminator"].strip("'"))
     return source.problem(where, message, hint=hint)
 
 
@@ -112,21 +117,21 @@ def _words(model: type[Model], detail: Any, kind: str, value: Any) -> tuple[str,
         return _no_number(value, facts.unit.example if facts and facts.unit else "")
     if kind == "bool_type":
         meant = TRUTHS.get(str(value).lower())
-        return f"{_quoted(value)} is not true or false", f"write {meant or 'true or false'}"
+        return f"{quoted(value)} is not true or false", f"write {meant or 'true or false'}"
     if kind in ("literal_error", "enum"):
         valid = [
             item.strip(" '") for item in detail["ctx"]["expected"].replace(" or ", ",").split(",")
         ]
-        return f"{_quoted(value)} does not stand here", nearest(str(value), valid)
+        return f"{quoted(value)} does not stand here", nearest(str(value), valid)
     if kind == "string_type":
         plain = isinstance(value, int | float)
-        return f"{_quoted(value)} is no text", f'write it in quotes: "{value}"' if plain else ""
+        return f"{quoted(value)} is no text", f'write it in quotes: "{value}"' if plain else ""
     if kind in ("model_type", "dict_type", "model_attributes_type"):
         names = field_names(model, loc)
         hint = f"fields here: {', '.join(names)}" if names else "write `name: value`"
-        return f"{_quoted(value)} is no mapping", hint
+        return f"{quoted(value)} is no mapping", hint
     if kind in ("tuple_type", "list_type"):
-        return f"{_quoted(value)} is no list", "write it as [first, second]"
+        return f"{quoted(value)} is no list", "write it as [first, second]"
     if kind in _LENGTHS:
         return _LENGTHS[kind].format(**detail["ctx"]), ""
     if kind == "union_tag_not_found":
@@ -135,12 +140,15 @@ def _words(model: type[Model], detail: Any, kind: str, value: Any) -> tuple[str,
         valid = [item.strip(" '") for item in detail["ctx"]["expected_tags"].split(",")]
         return f"no such kind: '{detail['ctx']['tag']}'", nearest(detail["ctx"]["tag"], valid)
     if kind == "string_pattern_mismatch" and _is_id(detail):
-        hint = "lower-case letters, digits and _, at most 64, starting with a letter"
-        return f"'{value}' is not an id", hint
+        return f"'{value}' is not an id", ID_HINT
     message = detail["msg"]
     shown = isinstance(value, str | int | float | bool)
-    found = f" (found {_quoted(value)})" if shown else ""
+    found = f" (found {quoted(value)})" if shown else ""
     return f"{message[0].lower()}{message[1:]}{found}", ""
+
+
+def _about_the_file(model: type[Model]) -> list[str]:
+    return list(ABOUT_THE_FILE) if issubclass(model, Declaration) else []
 
 
 def _as_percent(facts: Facts, value: Any) -> str:
@@ -158,14 +166,15 @@ def _no_number(value: Any, example: str) -> tuple[str, str]:
         return "a mapping stands where a number should", f"write a number{_or(example)}"
     if value is None:
         return "there is no value", f"write a number{_or(example)}, or leave the field out"
-    return f"{_quoted(value)} is no number", f"write a number{_or(example)}"
+    return f"{quoted(value)} is no number", f"write a number{_or(example)}"
 
 
 def _or(example: str) -> str:
     return f", or a quantity such as {example}" if example else ""
 
 
-def _quoted(value: Any) -> str:
+def quoted(value: Any) -> str:
+    """A value as it is shown in a message: short, text in quotes."""
     if value is None:
         return "null"
     if isinstance(value, bool):

@@ -151,10 +151,20 @@ class Manifest(Model):
             return Manifest.of(written.identity, written.spec, length=written.length, files=files)
         except FileNotFoundError as error:
             raise InputError(f"{scenario}: no {MANIFEST} in it, so not a dataset") from error
-        except (OSError, ValidationError) as error:
+        except OSError as error:
+            raise RunError(f"{path}: cannot be read: {error.strerror}") from error
+        except ValidationError as error:
             raise RunError(
-                f"{path}: not a manifest of this version; --fresh starts over: {error}"
+                f"{path}: not a manifest of this version: {_first_complaint(error)}"
+                "; `advercity run --fresh` makes the scenario anew"
             ) from error
+
+
+def _first_complaint(error: ValidationError) -> str:
+    """Where the first thing that is wrong stands, and what it is."""
+    first = error.errors(include_url=False)[0]
+    where = ".".join(map(str, first["loc"]))
+    return f"{where}: {first['msg']}" if where else first["msg"]
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,8 @@ DECLARATIONS: dict[str, type[Declaration]] = {
     "suite": Suite,
 }
 """Model of every kind of declaration."""
+LANGUAGE_VERSION = 1
+"""Of the language that declarations are written in; rises when an old one would no longer do."""
 
 
 def kind_of(declaration: Declaration) -> str:
@@ -32,6 +34,7 @@ def kind_of(declaration: Declaration) -> str:
 
 __all__ = [
     "DECLARATIONS",
+    "LANGUAGE_VERSION",
     "SPEC_VERSION",
     "ActorClass",
     "Agent",

@@ -25,6 +25,7 @@ from advercity_dsl.base import (
     Seconds,
     Share,
 )
+from advercity_dsl.names import nearest
 
 
 class Line(Model):
@@ -480,8 +481,7 @@ class Road(Declaration):
 
 def _expect(name: Id, known: Collection[Id], where: str) -> None:
     if name not in known:
-        hint = f"there are: {', '.join(sorted(known))}"
-        raise Misfit(_path(where), f"there is no '{name}' here", hint)
+        raise Misfit(_path(where), f"there is no '{name}' here", nearest(name, known))
 
 
 def _path(where: str) -> tuple[str | int, ...]:

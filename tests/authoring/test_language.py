@@ -198,6 +198,15 @@ def test_new_things_compile_along_with_the_library(library: Path, tmp_path: Path
     assert len(compile_library(copy, suite="my_suite")) == 2 * 8
 
 
+def test_a_folder_that_is_too_large_for_a_library_is_not_read_through(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("advercity.compiler.library.MAX_FILES", 5)
+    shutil.copytree(BASE, tmp_path / "deep" / "library")
+    with pytest.raises(InputError, match="more than 5 files and folders; is it a library folder"):
+        load_library(tmp_path)
+
+
 def test_a_name_that_is_no_id_is_refused() -> None:
     with pytest.raises(InputError, match=r"'\.\./x' is not an id"):
         starter("weather", "../x")
