@@ -7,11 +7,12 @@ import sapien
 
 from advercity.randomness import generator
 from advercity.rendering.backend import CameraCapture, CameraView, Profile
+from advercity.rendering.lamps import LitLamp, lit_lamps
 from advercity.traffic.trace import Frame
 from advercity.weather.atmosphere import Atmosphere
 from advercity.world.scene import World
 from advercity_sapien.bindings import RasterBindings, RayTracedBindings
-from advercity_sapien.lamps import LitLamp, lamp_row, lit_lamps
+from advercity_sapien.lamps import lamp_row
 from advercity_sapien.stage import Stage
 from advercity_sapien.sun import SunShadow
 from advercity_sapien.tables import KILO, atmosphere_row, sky_atlas, wear_column

@@ -7,6 +7,7 @@ import numpy as np
 import sapien
 from numpy.typing import NDArray
 
+from advercity.rendering.lamps import signal_lens
 from advercity.semantics import Semantic
 from advercity.traffic.trace import Signal
 from advercity.world.materials import MATERIALS
@@ -27,9 +28,7 @@ LENSES = {
 }
 """Kinds of lens in `lenses.glsl`; like textures they travel in the materials' emission."""
 TILE_M = 80.0
-LENS_SPACING_M, LENS_RADIUS_M, LENS_CORNERS = 0.31, 0.13, 16
-LENS_AHEAD_M = 0.02
-"""Of the lens that the world's own mesh has."""
+LENS_RADIUS_M, LENS_CORNERS = 0.13, 16
 
 
 class ShapeLibrary:
@@ -105,11 +104,6 @@ def lenses() -> tuple[Mesh, ...]:
         )
         for signal in Signal
     )
-
-
-def signal_lens(signal: Signal) -> tuple[float, float, float]:
-    """Where the lens of a signal is in the frame of its `SignalLamp`, metres."""
-    return LENS_AHEAD_M, 0.0, LENS_SPACING_M * (Signal.YELLOW - signal)
 
 
 def _shaded(

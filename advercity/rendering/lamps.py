@@ -1,0 +1,96 @@
+"""Lamps that light the scene at night: of streets, signals and vehicles."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from advercity_dsl import ActorClass
+
+from advercity.poses import transform
+from advercity.traffic.trace import ActorState, Frame, Lamp, Signal
+from advercity.weather.atmosphere import Colour
+from advercity.world.scene import SignalLamp, StreetLamp, World
+
+LED: Colour = (1.39, 0.94, 0.50)
+"""4000 K in linear sRGB of luminance 1."""
+HALOGEN: Colour = (1.68, 0.87, 0.33)
+RED: Colour = (4.60, 0.03, 0.0)
+SIGNAL_COLOURS: dict[Signal, Colour] = {
+    Signal.RED: RED,
+    Signal.YELLOW: (2.30, 0.72, 0.0),
+    Signal.GREEN: (0.0, 1.30, 0.90),
+}
+LOW_BEAM_CD: dict[ActorClass, float] = {
+    "car": 40e3,
+    "van": 40e3,
+    "truck": 40e3,
+    "motorcycle": 20e3,
+    "bicycle": 1e3,
+}
+"""Peak of all dipped beams of a vehicle together (UN R112 class B, R113)."""
+BRAKE_CD, SIGNAL_CD = 300.0, 400.0
+LAMP_HEIGHT_M, CLEAR_OF_BODY_M = 0.65, 0.1
+LENS_SPACING_M = 0.31
+LENS_AHEAD_M = 0.02
+"""Of the lens that the world's own mesh of a signal has."""
+
+
+class Kind(IntEnum):
+    """How a lamp spreads its light."""
+
+    STREET = 0
+    LOW_BEAM = 1
+    LENS = 2
+
+
+@dataclass(frozen=True)
+class LitLamp:
+    """One source of light."""
+
+    kind: Kind
+    position: tuple[float, ...]
+    facing: tuple[float, ...]
+    intensity_cd: float
+    colour: Colour
+
+
+def lit_lamps(world: World, frame: Frame) -> list[LitLamp]:
+    """Everything that shines in a frame by night."""
+    return [
+        *(_street(lamp) for lamp in world.street_lamps),
+        *(_signal(lamp, frame.signals[lamp.id]) for lamp in world.signal_lamps),
+        *(lamp for state in frame.states for lamp in _vehicle(state)),
+    ]
+
+
+def _street(lamp: StreetLamp) -> LitLamp:
+    """Straight down with the cosine of the angle, so that the flux is pi times the peak."""
+    return LitLamp(Kind.STREET, lamp.position, (0.0, 0.0, -1.0), lamp.flux_lm / np.pi, LED)
+
+
+def _signal(lamp: SignalLamp, shown: Signal) -> LitLamp:
+    facing = (*lamp.facing, 0.0)
+    ahead, _, up = signal_lens(shown)
+    position = np.add(lamp.position, np.multiply(facing, ahead + CLEAR_OF_BODY_M))
+    position[2] += up
+    return LitLamp(Kind.LENS, tuple(position), facing, SIGNAL_CD, SIGNAL_COLOURS[shown])
+
+
+def _vehicle(state: ActorState) -> Iterator[LitLamp]:
+    pose, length = state.world_from_body, state.actor.size[0]
+    ahead = pose[:3, 0]
+    reach = length / 2.0 + CLEAR_OF_BODY_M
+    front = transform(pose, [reach, 0.0, LAMP_HEIGHT_M])
+    rear = transform(pose, [-reach, 0.0, LAMP_HEIGHT_M])
+    beam_cd = LOW_BEAM_CD.get(state.actor.actor_class, 0.0)
+    if Lamp.LOW_BEAM in state.lamps and beam_cd > 0.0:
+        yield LitLamp(Kind.LOW_BEAM, tuple(front), tuple(ahead), beam_cd, HALOGEN)
+    # Tail lamps are seen, but too faint to light anything.
+    if Lamp.BRAKE in state.lamps:
+        yield LitLamp(Kind.LENS, tuple(rear), tuple(-ahead), BRAKE_CD, RED)
+
+
+def signal_lens(signal: Signal) -> tuple[float, float, float]:
+    """Where the lens of a signal is in the frame of its `SignalLamp`, metres."""
+    return LENS_AHEAD_M, 0.0, LENS_SPACING_M * (Signal.YELLOW - signal)
