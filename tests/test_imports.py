@@ -33,7 +33,7 @@ from advercity.world.scene import Lane, Mesh
 from advercity.world.surface import KERB_HEIGHT_M
 from advercity.xml_input import MAX_BYTES, read_xml, written
 
-DATA = Path(__file__).parent / "data"
+DATA = Path(__file__).parent / "data/maps"
 TOWN07 = os.environ.get("ADVERCITY_TOWN07")
 ABOVE_M = 60.0
 

@@ -146,6 +146,36 @@ def test_every_approach_of_a_signal_has_its_links(
     assert len(links) == len(set(links))
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_a_light_is_for_all_movements_of_its_approach(
+    files: dict[str, Path], networks: dict[str, Any], name: str
+) -> None:
+    place = yaml.safe_load((Path(__file__).parent / "data/places.yaml").read_text("utf-8"))[name]
+    groups = signal_groups(files[name])
+    for junction, program in place.get("programmes", {}).items():
+        ways = [movement.split(" > ")[0].split(".")[0] for movement in place["movements"][junction]]
+        links = {
+            approach: [index for _, index in groups[f"{junction}/{approach}"]]
+            for approach in set(ways)
+        }
+        assert {approach: len(found) for approach, found in links.items()} == {
+            approach: ways.count(approach) for approach in links
+        }
+        (shown,) = networks[name].getTLS(junction).getPrograms().values()
+        phases = shown.getPhases()
+        assert -float(shown.getOffset()) == program["elapsed_s"]
+        durations = [program[key] for key in ("green_s", "yellow_s", "all_red_s")]
+        assert [phase.duration for phase in phases] == durations * len(links)
+        cars = [index for found in links.values() for index in found]
+        for green, yellow, red in zip(phases[::3], phases[1::3], phases[2::3], strict=True):
+            (approach,) = (a for a, i in links.items() if green.state[i[0]] in "Gg")
+            others = [index for index in cars if index not in links[approach]]
+            assert {green.state[index] for index in links[approach]} <= {"G", "g"}
+            assert {yellow.state[index] for index in links[approach]} == {"y"}
+            assert {phase.state[index] for phase in (green, yellow) for index in others} == {"r"}
+            assert {red.state[index] for index in cars} == {"r"}
+
+
 @pytest.mark.parametrize(
     ("name", "ego", "waits_s", "green_s"),
     [("ui", "north_road", 13, 10), ("ri", "south_road", 11, 16)],

@@ -13,6 +13,8 @@ from advercity.world.streets import Band, StreetLayout
 
 CROSSING_SETBACK_M = 0.6
 """From the end of a street to the crossing that lies before it."""
+TIGHTEST_M = 0.5
+"""Radius of the inner border of a tight turn."""
 
 
 @dataclass(frozen=True)
@@ -179,7 +181,10 @@ def lay_junction(name: str, declared: Junction, streets: dict[str, StreetLayout]
         arms=arms,
         outline=outline,
         corners=corners,
-        paths=tuple(_path(name, text, by_street, outline) for text in declared.movements),
+        paths=tuple(
+            _path(name, text, by_street, outline, declared.turn_radius_m or np.inf)
+            for text in declared.movements
+        ),
         crossings=tuple(_crossing(item, by_street[item.street]) for item in declared.crossings),
         median=_median(name, declared.median, by_street) if declared.median else None,
     )
@@ -213,7 +218,7 @@ def _corner(arm: Arm, following: Arm, radius_m: float) -> Corner:
     if here is None or there is None:
         return Corner(kerb=kerb, back=None, rim=_chain(ends[0], kerb, ends[1]))
     width = max(abs(here[1] - here[0]), abs(there[1] - there[0]))
-    back = _link(arm, here[1], following, there[1], max(radius_m - width, 0.5))
+    back = _link(arm, here[1], following, there[1], max(radius_m - width, TIGHTEST_M))
     count = max(len(kerb), len(back))
     kerb, back = (
         line if len(line) == count else curves.resampled(line, count) for line in (kerb, back)
@@ -233,24 +238,31 @@ def _link(arm: Arm, u: float, following: Arm, v: float, radius_m: float) -> Poin
     return np.column_stack([plane, z])
 
 
-def _path(name: str, text: str, arms: dict[str, Arm], outline: Points) -> Path:
+def _path(
+    name: str, text: str, arms: dict[str, Arm], outline: Points, turn_radius_m: float
+) -> Path:
     movement = Movement.read(text)
     source, target = arms[movement.from_street], arms[movement.to_street]
     leaving = source.street.lane(movement.from_lane, along=source.at_end)
     entering = target.street.lane(movement.to_lane, along=not target.at_end)
+    out, into = -source.outward, target.outward
+    leftwards = np.sign(out[0] * into[1] - out[1] * into[0])
 
-    def through(first_t: float, last_t: float) -> Points:
+    def through(first_t: float, last_t: float, left_m: float = 0.0) -> Points:
+        """A way that runs `left_m` beside the middle one, around the same centre."""
         start, end = source.at(source.offset_of(first_t)), target.at(target.offset_of(last_t))
-        return curves.link(start[:2], -source.outward, end[:2], target.outward)
+        radius = max(turn_radius_m - leftwards * left_m, TIGHTEST_M)
+        return curves.link(start[:2], out, end[:2], into, radius_m=radius)
 
     centre = through(leaving.centre_t, entering.centre_t)
+    half = leaving.width_m / 2
     count = max(2, int(np.ceil(curves.length(centre))) + 1)
     lines = [
         curves.resampled(line, count)
         for line in (
             centre,
-            through(leaving.inner_t, entering.inner_t),
-            through(leaving.outer_t, entering.outer_t),
+            through(leaving.inner_t, entering.inner_t, half),
+            through(leaving.outer_t, entering.outer_t, -half),
         )
     ]
     z = surface_height(outline, lines[0])

@@ -28,6 +28,10 @@ from advercity_dsl.base import (
 from advercity_dsl.names import nearest
 
 
+def _is_none(value: object) -> bool:
+    return value is None
+
+
 class Line(Model):
     """A straight piece of a street's axis."""
 
@@ -178,6 +182,8 @@ class Junction(Model):
     movements: tuple[MovementText, ...] = ()
     corner_radius_m: PositiveMetres = 5.0
     """Of the roadway's edge between neighbouring streets."""
+    turn_radius_m: PositiveMetres | None = Field(default=None, exclude_if=_is_none)
+    """Largest radius of a turn between straights; without it, as wide as there is room."""
     median: tuple[Id, Id] | None = None
     """Two streets between which the median runs on through the junction."""
     signals: Signals | None = None
@@ -379,10 +385,6 @@ class Demand(Model):
     classes: ClassShares
     speed_offset_percent: Annotated[float, Field(ge=-100, le=100)] = -10
     """Background cars drive `(1 - offset/100)` times the limit, each ±30 %."""
-
-
-def _is_none(value: object) -> bool:
-    return value is None
 
 
 class Road(Declaration):
