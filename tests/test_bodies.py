@@ -32,10 +32,18 @@ def volume(parts: tuple[Mesh, ...]) -> float:
     return float(np.sum(a * np.cross(b, c)) / 6)
 
 
-def test_the_catalogue_has_the_models_of_the_original():
-    classes = Counter(blueprint.actor_class for blueprint in CATALOGUE.blueprints.values())
-    assert classes.pop("pedestrian") >= 12
-    assert classes == {"car": 24, "van": 2, "truck": 2, "bicycle": 3, "motorcycle": 4}
+OURS = {"delivery_van", "box_truck", "daf_tractor"}
+"""Beyond the models of the original."""
+
+
+def test_the_catalogue_has_the_models_of_the_original_and_three_vans_and_trucks():
+    classes = {name: made.actor_class for name, made in CATALOGUE.blueprints.items()}
+    original = Counter(kind for name, kind in classes.items() if name not in OURS)
+    assert original.pop("pedestrian") >= 12
+    assert original == {"car": 24, "van": 2, "truck": 2, "bicycle": 3, "motorcycle": 4}
+    everything = Counter(classes.values())
+    assert everything["van"] >= 3
+    assert everything["truck"] >= 3
 
 
 def test_only_the_fire_truck_is_bound_to_the_town():
@@ -191,6 +199,21 @@ def test_paints_come_in_the_shares_of_traffic():
     assert drawn["car_paint_white"] / 2000 == pytest.approx(0.33, abs=0.05)
     assert drawn["car_paint_red"] / 2000 == pytest.approx(0.06, abs=0.03)
     assert set(drawn) <= set(MATERIALS)
+
+
+def test_a_blueprint_may_have_colours_of_its_own():
+    drawn = Counter(
+        paint_for("car", "own", k, paints={"black": 0.5, "white": 0.25}) for k in range(600)
+    )
+    assert set(drawn) == {"car_paint_black", "car_paint_white"}
+    assert drawn["car_paint_black"] / 600 == pytest.approx(2 / 3, abs=0.07)
+
+
+def test_a_blueprint_says_only_what_does_not_go_without_saying():
+    made = Blueprint(actor_class="car", length_m=3.1, width_m=1.6, height_m=1.6)
+    told = {"actor_class": "car", "length_m": 3.1, "width_m": 1.6, "height_m": 1.6}
+    assert made.model_dump(mode="json") == told
+    assert Blueprint.model_validate(told) == made
 
 
 def test_people_wear_cloth():

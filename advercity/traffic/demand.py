@@ -202,7 +202,7 @@ def _drawn(spec: Spec, number: int) -> Actor:
     models = fitting[list(shares)[draw.choice(len(weights), p=weights)]]
     name = models[draw.integers(len(models))]
     blueprint = spec.blueprints[name]
-    paint = paint_for(blueprint.actor_class, spec.seeds.traffic, number)
+    paint = paint_for(blueprint.actor_class, spec.seeds.traffic, number, paints=blueprint.paints)
     return Actor(number, blueprint.actor_class, name, paint, _size(blueprint))
 
 

@@ -4,12 +4,13 @@ This package holds models and nothing else; it imports neither simulator nor ren
 """
 
 from advercity_dsl.base import Declaration, Id, Model
+from advercity_dsl.catalogue import Blueprint, BodyModel, Catalogue, LampPlaces
 from advercity_dsl.conflict import Outcome, StagedActor, StagedConflict
 from advercity_dsl.rig import Camera, Carrier, Exposure, Gnss, Imu, Lidar, Mount, Rig
 from advercity_dsl.road import MapFile, MapNetwork, Road, RoadsideUnit, Street, Vehicle
 from advercity_dsl.spec import SPEC_VERSION, Agent, Spec
 from advercity_dsl.suite import Suite, Timing
-from advercity_dsl.traffic import ActorClass, Blueprint, Catalogue, Density
+from advercity_dsl.traffic import ActorClass, Density
 from advercity_dsl.typology import Typology
 from advercity_dsl.weather import Weather
 
@@ -39,6 +40,7 @@ __all__ = [
     "ActorClass",
     "Agent",
     "Blueprint",
+    "BodyModel",
     "Camera",
     "Carrier",
     "Catalogue",
@@ -48,6 +50,7 @@ __all__ = [
     "Gnss",
     "Id",
     "Imu",
+    "LampPlaces",
     "Lidar",
     "MapFile",
     "MapNetwork",

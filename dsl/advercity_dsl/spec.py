@@ -5,19 +5,19 @@ Nothing in it refers to another file.
 
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, StringConstraints, model_validator
+from pydantic import Field, model_validator
 
-from advercity_dsl.base import Id, Model
+from advercity_dsl.base import Digest, Id, Model
+from advercity_dsl.catalogue import Blueprint
 from advercity_dsl.conflict import StagedConflict
 from advercity_dsl.distribution import Distribution
 from advercity_dsl.rig import Carrier
 from advercity_dsl.road import ClassShares, Road, RoadsideUnit, Vehicle
 from advercity_dsl.suite import FieldPath, Timing
-from advercity_dsl.traffic import ActorClass, Blueprint, Density
+from advercity_dsl.traffic import ActorClass, Density
 from advercity_dsl.weather import Weather
 
 SPEC_VERSION = 1
-Digest = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
 
 
 class Agent(Model):

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from advercity_dsl.traffic import ActorClass, Blueprint
+from advercity_dsl import ActorClass, Blueprint
 
 from advercity.world.bodies.cars import car, van
 from advercity.world.bodies.cycles import bicycle, motorcycle

@@ -1,6 +1,10 @@
 """Which colour an actor has."""
 
-from advercity_dsl.traffic import ActorClass
+from collections.abc import Mapping
+
+import numpy as np
+from advercity_dsl import ActorClass
+from advercity_dsl.catalogue import Colour
 
 from advercity.randomness import generator
 
@@ -8,12 +12,14 @@ CONNECTED_PAINT = "car_paint_blue"
 """Paint of connected vehicles, as in the original."""
 
 _VEHICLE_SHARES = {
-    "car_paint_white": 0.33,
-    "car_paint_silver": 0.31,
+    "car_paint_white": 0.34,
     "car_paint_black": 0.20,
+    "car_paint_grey": 0.18,
+    "car_paint_silver": 0.12,
     "car_paint_blue": 0.08,
-    "car_paint_red": 0.06,
-    "car_paint_green": 0.02,
+    "car_paint_red": 0.05,
+    "car_paint_brown": 0.02,
+    "car_paint_green": 0.01,
 }
 """Rounded world-wide shares of new cars (Axalta, Global Automotive Color Popularity, 2020-2023);
 the rest of its colours is dealt out to the nearest one here."""
@@ -25,8 +31,19 @@ _COAT_SHARES = {
 }
 
 
-def paint_for(actor_class: ActorClass, *key: int | str) -> str:
-    """Material of an actor's paint (a person's coat), drawn by `key` with the shares of traffic."""
+def paint_for(
+    actor_class: ActorClass, *key: int | str, paints: Mapping[Colour, float] | None = None
+) -> str:
+    """Material of an actor's paint (a person's coat), drawn by `key`.
+
+    Args:
+        actor_class: Whose shares to draw with: traffic's colours, or the coats of people.
+        key: What the draw is for.
+        paints: Shares of colours that a blueprint declares instead.
+    """
     shares = _COAT_SHARES if actor_class == "pedestrian" else _VEHICLE_SHARES
+    if paints:
+        shares = {f"car_paint_{name}": share for name, share in paints.items()}
+    weights = np.array(list(shares.values()))
     draw = generator(*key, "paint", actor_class)
-    return list(shares)[draw.choice(len(shares), p=list(shares.values()))]
+    return list(shares)[draw.choice(len(shares), p=weights / weights.sum())]

@@ -1,0 +1,139 @@
+"""The catalogue of bodies that traffic is drawn from: what each is, how big, and how it looks."""
+
+from pathlib import PurePosixPath
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+
+from advercity_dsl.base import Declaration, Degrees, Digest, Id, Model, Point3, PositiveMetres
+from advercity_dsl.traffic import ActorClass
+
+Colour = Literal[
+    "white", "silver", "grey", "black", "blue", "red", "green", "brown", "yellow", "orange"
+]
+"""Of car paint."""
+PaintShare = Annotated[float, Field(gt=0, le=1)]
+Shape = Literal[
+    "saloon",
+    "hatchback",
+    "suv",
+    "sports",
+    "minibus",
+    "panel_van",
+    "box_truck",
+    "tractor",
+    "fire_truck",
+]
+"""Of the bodies that the program shapes by itself."""
+Part = Literal[
+    "paint",
+    "white_paint",
+    "black_paint",
+    "red_paint",
+    "blue_paint",
+    "glass",
+    "rubber",
+    "chrome",
+    "metal",
+    "plastic",
+    "interior",
+    "plate",
+    "headlamp",
+    "tail_lamp",
+    "indicator",
+    "none",
+]
+"""What a material of a model stands for; `none` leaves its triangles out."""
+FreeLicence = Literal["CC0-1.0", "CC-BY-3.0", "CC-BY-3.0-US", "CC-BY-4.0", "CC-BY-SA-4.0", "MIT"]
+
+
+class Terse(Model):
+    """A record that a spec holds dozens of: what goes without saying is left out of its JSON."""
+
+    @model_serializer(mode="wrap")
+    def _without_defaults(self, serialise: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        fields = type(self).model_fields
+        return {
+            name: value
+            for name, value in serialise(self).items()
+            if fields[name].is_required()
+            or getattr(self, name) != fields[name].get_default(call_default_factory=True)
+        }
+
+
+class LampPlaces(Terse):
+    """Middles of lamps in the body frame, on the left; each has a twin on the right if y is not 0.
+
+    What is not given is found on the body: where its lamp glasses are.
+    """
+
+    low_beam: Point3 | None = None
+    rear: Point3 | None = None
+    """Tail and brake lamps."""
+    front_fog: Point3 | None = None
+    rear_fog: Point3 | None = None
+    front_indicator: Point3 | None = None
+    rear_indicator: Point3 | None = None
+
+
+class BodyModel(Terse):
+    """A 3-D model that a body is made of, scaled to the size of its blueprint.
+
+    It is one of the asset pack, or a GLB file beside the declaration.
+    """
+
+    pack: Annotated[str, Field(pattern=r"^[\w-]+/[\w.-]+$")] | None = None
+    """`collection/model` of Debian's sweethome3d-furniture, such as `scopia/seat_leon`."""
+    file: Annotated[str, Field(pattern=r"^[^/\\].*\.glb$")] | None = None
+    sha256: Digest | None = None
+    """Of the file; the compiler writes it into the spec."""
+    up: Literal["y", "z"] = "y"
+    """Axis of the model that points up."""
+    turn_deg: Degrees = 0
+    """Turn about the vertical, to the left, that brings its front to face along x; a model whose
+    front faces along its own x once it stands upright needs none."""
+    materials: dict[str, Part] = Field(default_factory=dict[str, Part])
+    """What its materials stand for, where their names do not tell."""
+    triangles: Annotated[int, Field(ge=200, le=60_000)] = 9000
+    """It is thinned to about so many."""
+    author: str
+    licence: FreeLicence
+
+    @model_validator(mode="after")
+    def _has_one_source(self) -> Self:
+        if (self.pack is None) == (self.file is None):
+            raise ValueError("write either `pack: collection/model` or `file: model.glb`")
+        if self.file is not None and ".." in PurePosixPath(self.file).parts:
+            raise ValueError(f"'{self.file}' leads out of the declaration's folder")
+        return self
+
+
+class Blueprint(Terse):
+    """A kind of actor; full length, width and height of its box."""
+
+    actor_class: ActorClass
+    """What kind of traffic it is."""
+    length_m: PositiveMetres
+    width_m: PositiveMetres
+    height_m: PositiveMetres
+    land_use: Literal["urban", "rural", "any"] = "any"
+    """Where it is met."""
+    shape: Shape | None = None
+    """Of the body where there is no model; found from class and size if not given."""
+    paints: Annotated[
+        dict[Colour, Annotated[float, Field(gt=0, le=1)]],
+        Field(default_factory=dict[Colour, float]),
+    ]
+    """Shares of the colours of its painted parts; those of real traffic if not given."""
+    lamps: LampPlaces = LampPlaces()
+    model: BodyModel | None = None
+
+
+class Catalogue(Declaration):
+    """The blueprints that a suite draws from; `ego` is the connected vehicles' blueprint."""
+
+    kind: Literal["catalogue"] = "catalogue"
+    ego: Id
+    """Blueprint of every connected vehicle."""
+    blueprints: Annotated[dict[Id, Blueprint], Field(min_length=1)]
+    """What other traffic is drawn from."""
