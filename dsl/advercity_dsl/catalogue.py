@@ -120,10 +120,7 @@ class Blueprint(Terse):
     """Where it is met."""
     shape: Shape | None = None
     """Of the body where there is no model; found from class and size if not given."""
-    paints: Annotated[
-        dict[Colour, Annotated[float, Field(gt=0, le=1)]],
-        Field(default_factory=dict[Colour, float]),
-    ]
+    paints: dict[Colour, PaintShare] = Field(default_factory=dict[Colour, float])
     """Shares of the colours of its painted parts; those of real traffic if not given."""
     lamps: LampPlaces = LampPlaces()
     model: BodyModel | None = None
