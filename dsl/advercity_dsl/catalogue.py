@@ -5,14 +5,25 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
-from advercity_dsl.base import Declaration, Degrees, Digest, Id, Model, Point3, PositiveMetres
+from advercity_dsl.base import (
+    Count,
+    Declaration,
+    Degrees,
+    Digest,
+    Id,
+    Model,
+    Point3,
+    PositiveMetres,
+    Reason,
+    Share,
+)
 from advercity_dsl.traffic import ActorClass
 
 Colour = Literal[
     "white", "silver", "grey", "black", "blue", "red", "green", "brown", "yellow", "orange"
 ]
 """Of car paint."""
-PaintShare = Annotated[float, Field(gt=0, le=1)]
+PaintShare = Annotated[Share, Field(gt=0)]
 Shape = Literal[
     "saloon",
     "hatchback",
@@ -94,7 +105,11 @@ class BodyModel(Terse):
     front faces along its own x once it stands upright needs none."""
     materials: dict[str, Part] = Field(default_factory=dict[str, Part])
     """What its materials stand for, where their names do not tell."""
-    triangles: Annotated[int, Field(ge=200, le=60_000)] = 9000
+    triangles: Annotated[
+        Count,
+        Field(ge=200, le=60_000),
+        Reason("fewer lose its shape, and more slow every picture of a hundred such bodies"),
+    ] = 9000
     """It is thinned to about so many."""
     author: str
     licence: FreeLicence
