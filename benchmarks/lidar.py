@@ -1,28 +1,31 @@
 """How fast the LiDAR is, and how much the weather costs: `python benchmarks/lidar.py [SPEC]`.
 
-All five sensors of one frame of a dense scenario look at the same moment. The bare cast is Embree
-alone: the same rays against one scene of the same triangles, built beforehand, its answers thrown
-away. It is run next to every measurement, so that ratios hold on a busy machine too. With
-`--frames N` it also runs N frames and prints what they leave behind in memory.
+All five sensors of a dense scenario look, frame after frame, on one core. The bare cast is Embree
+alone: the same rays against one scene of the same triangles, built beforehand, for which triangle
+each ray meets and how far away; its answers are thrown away. It is run next to every
+measurement and both are measured in processor time, so that ratios hold on a busy machine too.
+Roadside units stand still, which spares them most of the cast; the last column is of the vehicles'
+sensors alone. With `--frames N` it also runs N frames and prints what they leave behind in memory.
 """
 
 import argparse
 import resource
 import statistics
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
-from advercity_dsl import Spec, Weather
+from advercity_dsl import Agent, RoadsideUnit, Spec, Weather
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
+from numpy.typing import NDArray
 
 from advercity.compiler import find_weather
 from advercity.poses import transform
 from advercity.randomness import generator
-from advercity.rendering.casting import Caster, Rays
+from advercity.rendering.casting import Caster
 from advercity.runner.stage import set_stage, world_of
 from advercity.runner.viewpoints import Viewpoints
 from advercity.sensors.lidar import LidarAir, air_of, beams, shoot, sweep
@@ -30,8 +33,13 @@ from advercity.traffic.trace import Frame
 from advercity.weather.derivation import atmosphere_of
 from advercity.world.scene import Mesh, World
 
+Result = TypeVar("Result")
+Floats = NDArray[np.floating[Any]]
+
 WEATHERS = ("clear_day", "soft_rain_day", "heavy_rain_day", "fog_day", "foggy_heavy_rain_day")
 WARM_UP = 2
+FIRST = 50
+"""Frame to begin with."""
 
 
 class Scene:
@@ -45,37 +53,26 @@ class Scene:
         self.frames = len(stage.trace)
         self.agents = spec.agents
 
-    def look(self, frame: Frame, air: LidarAir) -> int:
-        """Points of all sensors in a frame."""
-        points = 0
-        for agent in self.agents:
-            lidar = agent.sensors.lidar
-            self.caster.place(frame, frozenset({agent.number}))
-            pose = self.viewpoints.lidar_pose(agent, frame)
-            scan = shoot(lidar, pose, self.caster, puddle_coverage=air.puddle_coverage)
-            rng = generator("benchmark", agent.id, frame.index)
-            points += len(sweep(lidar, scan, air, rng, states=frame.states).points)
-        return points
+    def look(self, agent: Agent, frame: Frame, air: LidarAir) -> int:
+        """Points of a sensor in a frame."""
+        lidar = agent.sensors.lidar
+        roadside = isinstance(agent.place, RoadsideUnit)
+        self.caster.place(frame, frozenset() if roadside else frozenset({agent.number}))
+        pose = self.viewpoints.lidar_pose(agent, frame)
+        scan = shoot(lidar, pose, self.caster, puddle_coverage=air.puddle_coverage)
+        rng = generator("benchmark", agent.id, frame.index)
+        return len(sweep(lidar, scan, air, rng, states=frame.states).points)
 
-    def cast(self, frame: Frame) -> None:
-        """What `look` does up to the first surfaces, all rays in one go."""
-        for agent in self.agents:
-            self.caster.place(frame, frozenset({agent.number}))
-            shoot(agent.sensors.lidar, self.viewpoints.lidar_pose(agent, frame), self.caster)
-
-    def rays(self, frame: Frame) -> list[Rays]:
-        """The rays of every sensor."""
-        found: list[Rays] = []
-        for agent in self.agents:
-            pose = self.viewpoints.lidar_pose(agent, frame)
-            directions = (beams(agent.sensors.lidar) @ pose[:3, :3].T).astype(np.float32)
-            origins = np.repeat(pose[None, :3, 3].astype(np.float32), len(directions), axis=0)
-            found.append(Rays(origins, np.ascontiguousarray(directions)))
-        return found
+    def rays(self, agent: Agent, frame: Frame) -> tuple[Floats, Floats]:
+        """Origins and directions of a sensor's rays."""
+        pose = self.viewpoints.lidar_pose(agent, frame)
+        directions = (beams(agent.sensors.lidar) @ pose[:3, :3].T).astype(np.float32)
+        origins = np.repeat(pose[None, :3, 3].astype(np.float32), len(directions), axis=0)
+        return origins, np.ascontiguousarray(directions)
 
 
-def bare_cast(world: World, frame: Frame, rays: Sequence[Rays]) -> Callable[[], None]:
-    """Embree alone on everything that is there in a frame."""
+def everything(world: World, frame: Frame) -> Any:
+    """Embree's scene of all that is there in a frame."""
     vertices, triangles, first = [np.empty((0, 3), np.float32)], [np.empty((0, 3), np.int32)], 0
 
     def add(mesh: Mesh, world_from_mesh: Any) -> None:
@@ -91,20 +88,19 @@ def bare_cast(world: World, frame: Frame, rays: Sequence[Rays]) -> Callable[[], 
             add(mesh, state.world_from_body)
     scene: Any = EmbreeScene(robust=True)
     TriangleMesh(scene, np.concatenate(vertices), np.concatenate(triangles))
-
-    def run() -> None:
-        for one in rays:
-            limits = np.full(len(one), 200.0, np.float32)
-            scene.run(one.origins, one.directions, limits, output=True)
-
-    return run
+    return scene
 
 
-def seconds(work: Callable[[], object]) -> float:
-    """How long it takes."""
-    start = time.perf_counter()
-    work()
-    return time.perf_counter() - start
+def bare_cast(scene: Any, origins: Floats, directions: Floats) -> None:
+    """Embree alone; it commits its scene when it is first asked."""
+    scene.run(origins, directions, np.full(len(origins), 200.0, np.float32), output=True)
+
+
+def timed(work: Callable[[], Result]) -> tuple[float, Result]:
+    """Seconds of processor time that it takes, and what comes of it."""
+    start = time.process_time()
+    result = work()
+    return time.process_time() - start, result
 
 
 def without_weather() -> Weather:
@@ -114,30 +110,50 @@ def without_weather() -> Weather:
     )
 
 
-def table(scene: Scene, frame: Frame, rounds: int) -> None:
+class Round:
+    """What each sensor took in one frame, seconds: Embree alone and everything."""
+
+    def __init__(self, scene: Scene, frame: Frame, air: LidarAir) -> None:
+        self.points = self.rays = 0
+        self.bare: list[float] = []
+        self.whole: list[float] = []
+        everyone = everything(scene.world, frame)
+        for agent in scene.agents:
+            rays = scene.rays(agent, frame)
+            bare_cast(everyone, *(part[:1] for part in rays))
+            bare_s, _ = timed(lambda rays=rays: bare_cast(everyone, *rays))
+            whole_s, points = timed(lambda agent=agent: scene.look(agent, frame, air))
+            self.bare.append(bare_s)
+            self.whole.append(whole_s)
+            self.rays += len(rays[0])
+            self.points += points
+
+    def ratio(self, agents: slice) -> float:
+        """Rate of everything over that of Embree alone."""
+        return sum(self.bare[agents]) / sum(self.whole[agents])
+
+
+def table(scene: Scene, rounds: int) -> None:
     """Print one row per weather."""
-    rays = scene.rays(frame)
-    bare = bare_cast(scene.world, frame, rays)
-    count = sum(len(one) for one in rays)
     weathers = [without_weather(), *(find_weather(name).declaration for name in WEATHERS)]
-    print(f"{len(rays)} sensors, {count} rays, {len(frame.states)} actors, {rounds} rounds\n")
-    print("| weather | points | M points/s | M rays/s | Embree alone | ratio |")
-    print("|---|---|---|---|---|---|")
+    vehicles = slice(sum(not isinstance(agent.place, RoadsideUnit) for agent in scene.agents))
+    actors = len(scene.viewpoints.frame(FIRST).states)
+    print(f"{len(scene.agents)} sensors, {actors} actors, {rounds} frames, medians\n")
+    print("| weather | points | M points/s | M rays/s | Embree alone | ratio | vehicles' ratio |")
+    print("|---|---|---|---|---|---|---|")
     for weather in weathers:
         air = air_of(weather, atmosphere_of(weather, "urban"))
-        alone: list[float] = []
-        whole: list[float] = []
-        points = scene.look(frame, air)
-        for _ in range(rounds + WARM_UP):
-            alone.append(seconds(bare))
-            whole.append(seconds(lambda air=air: scene.look(frame, air)))
-        ratio = statistics.median(
-            a / b for a, b in zip(alone[WARM_UP:], whole[WARM_UP:], strict=True)
-        )
-        bare_s, whole_s = (statistics.median(times[WARM_UP:]) for times in (alone, whole))
-        rates = (n / s / 1e6 for n, s in ((points, whole_s), (count, whole_s), (count, bare_s)))
-        cells = " | ".join(f"{rate:.2f}" for rate in (*rates, ratio))
-        print(f"| {weather.id} | {points} | {cells} |")
+        frames = map(scene.viewpoints.frame, range(FIRST, FIRST + rounds + WARM_UP))
+        done = [Round(scene, frame, air) for frame in frames][WARM_UP:]
+        cells = [
+            statistics.median(one.points / sum(one.whole) / 1e6 for one in done),
+            statistics.median(one.rays / sum(one.whole) / 1e6 for one in done),
+            statistics.median(one.rays / sum(one.bare) / 1e6 for one in done),
+            statistics.median(one.ratio(slice(None)) for one in done),
+            statistics.median(one.ratio(vehicles) for one in done),
+        ]
+        points = round(statistics.median(one.points for one in done))
+        print(f"| {weather.id} | {points} | {' | '.join(f'{cell:.2f}' for cell in cells)} |")
 
 
 def memory(scene: Scene, frames: int) -> None:
@@ -148,7 +164,9 @@ def memory(scene: Scene, frames: int) -> None:
         if number % max(1, frames // 4) == 0:
             peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
             print(f"after {number} frames: peak {peak:.0f} MiB")
-        scene.look(scene.viewpoints.frame(number % scene.frames), air)
+        frame = scene.viewpoints.frame(number % scene.frames)
+        for agent in scene.agents:
+            scene.look(agent, frame, air)
 
 
 def main() -> None:
@@ -159,7 +177,7 @@ def main() -> None:
     parser.add_argument("--frames", default=0, type=int)
     chosen = parser.parse_args()
     scene = Scene(Spec.model_validate_json(chosen.spec.read_text()))
-    table(scene, scene.viewpoints.frame(50), chosen.rounds)
+    table(scene, chosen.rounds)
     if chosen.frames:
         memory(scene, chosen.frames)
 

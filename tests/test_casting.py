@@ -7,7 +7,8 @@ import pytest
 
 from advercity import poses
 from advercity.poses import inverse, pose, rotation, transform
-from advercity.rendering.casting import MATERIAL_NAMES, Caster, Fan, Hits, Rays
+from advercity.rendering.casting import MATERIAL_NAMES, Caster, Hits, Rays
+from advercity.rendering.fan import Fan
 from advercity.semantics import Semantic
 from advercity.traffic.trace import Actor, ActorState, Frame, Lamp
 from advercity.world.scene import Body, Mesh, World

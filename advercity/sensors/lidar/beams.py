@@ -1,6 +1,7 @@
 """Where a LiDAR's beams point: channels, azimuths and the rays that stand for a beam."""
 
 import math
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -34,6 +35,29 @@ _VLP_32C_OFFSET_DEG = np.array(
 """Both by laser, as its manual lists them."""
 
 
+@dataclass(frozen=True)
+class Head:
+    """What turns: all that the directions of its rays depend on.
+
+    Attributes:
+        azimuths: Steps of a turn.
+        elevations_rad: Of every channel, from the lowest up.
+        offsets_rad: How far to the left of the head each channel looks.
+        sub_rays: Rays that stand for one beam.
+    """
+
+    azimuths: int
+    elevations_rad: tuple[float, ...]
+    offsets_rad: tuple[float, ...]
+    sub_rays: int = 1
+
+
+def head_of(lidar: Lidar) -> Head:
+    """The head of a sensor."""
+    elevations, offsets = elevations_rad(lidar), offsets_rad(lidar)
+    return Head(lidar.azimuths, tuple(elevations), tuple(offsets), lidar.sub_rays)
+
+
 def elevations_rad(lidar: Lidar) -> Array:
     """Elevation of every channel (channels,), from the lowest up."""
     if lidar.channel_table == "hdl_32e":
@@ -56,20 +80,12 @@ def beams(lidar: Lidar) -> NDArray[np.float32]:
 
     They turn counter-clockwise from straight ahead, all channels at each azimuth. Read-only.
     """
-    return _table(*_heads(lidar), 1)
+    return directions(replace(head_of(lidar), sub_rays=1))
 
 
-def rays(lidar: Lidar) -> NDArray[np.float32]:
-    """Directions (azimuths * channels * sub_rays, 3) of the rays that stand for the beams.
-
-    Those of a beam are side by side, the one along its axis first. Read-only.
-    """
-    return _table(*_heads(lidar), lidar.sub_rays)
-
-
-def bearings_rad(lidar: Lidar) -> NDArray[np.float32]:
+def bearings_rad(azimuths: int) -> NDArray[np.float32]:
     """Azimuth of the head (azimuths,) in its turn, ascending."""
-    turn = np.arange(lidar.azimuths) * (2.0 * math.pi / lidar.azimuths)
+    turn = np.arange(azimuths) * (2.0 * math.pi / azimuths)
     return turn.astype(np.float32)
 
 
@@ -79,24 +95,21 @@ def weights(lidar: Lidar) -> NDArray[np.float32]:
     return (profile / profile.sum()).astype(np.float32)
 
 
-def _heads(lidar: Lidar) -> tuple[int, tuple[float, ...], tuple[float, ...]]:
-    return lidar.azimuths, tuple(elevations_rad(lidar)), tuple(offsets_rad(lidar))
-
-
 @lru_cache(maxsize=8)
-def _table(
-    azimuths: int, elevations_rad: tuple[float, ...], offsets_rad: tuple[float, ...], sub_rays: int
-) -> NDArray[np.float32]:
-    """Directions (azimuths * channels * sub_rays, 3)."""
-    head = np.arange(azimuths)[:, None] * (2.0 * math.pi / azimuths)
-    azimuth = head + np.array(offsets_rad)
-    elevation = np.broadcast_to(np.array(elevations_rad), azimuth.shape)
+def directions(head: Head) -> NDArray[np.float32]:
+    """Directions (azimuths * channels * sub_rays, 3) of the rays that stand for the beams.
+
+    Those of a beam are side by side, the one along its axis first. Read-only.
+    """
+    turn = np.arange(head.azimuths)[:, None] * (2.0 * math.pi / head.azimuths)
+    azimuth = turn + np.array(head.offsets_rad)
+    elevation = np.broadcast_to(np.array(head.elevations_rad), azimuth.shape)
     cos_az, sin_az = np.cos(azimuth), np.sin(azimuth)
     cos_el, sin_el = np.cos(elevation), np.sin(elevation)
     axis = np.stack([cos_el * cos_az, cos_el * sin_az, sin_el], axis=-1)
     left = np.stack([-sin_az, cos_az, np.zeros_like(azimuth)], axis=-1)
     up = np.stack([-sin_el * cos_az, -sin_el * sin_az, cos_el], axis=-1)
-    spread = np.stack([axis + y * left + z * up for y, z in _spread_rad(sub_rays)], axis=-2)
+    spread = np.stack([axis + y * left + z * up for y, z in _spread_rad(head.sub_rays)], axis=-2)
     spread /= np.linalg.norm(spread, axis=-1, keepdims=True)
     table = spread.reshape(-1, 3).astype(np.float32)
     table.flags.writeable = False

@@ -8,7 +8,8 @@ import numpy as np
 from advercity_dsl import Lidar
 from numpy.typing import NDArray
 
-from advercity.rendering.casting import Fan, Hits
+from advercity.rendering.casting import Hits
+from advercity.rendering.fan import Fan
 from advercity.semantics import Semantic
 from advercity.sensors.lidar.air import LidarAir
 from advercity.sensors.lidar.beams import (
@@ -210,7 +211,12 @@ class Sources:
             return ()
         elevation_rad = elevations_rad(lidar).astype(np.float32)
         spread_rad = float(np.abs(offsets_rad(lidar)).max())
-        fan = Fan(self._scan.world_from_lidar, bearings_rad(lidar), elevation_rad, spread_rad)
+        fan = Fan(
+            self._scan.world_from_lidar,
+            bearings_rad(lidar.azimuths),
+            elevation_rad,
+            spread_rad=spread_rad,
+        )
         return tuple(spray.passages(states, beams(lidar), fan))
 
     def _left_by_spray(self) -> Floats | None:

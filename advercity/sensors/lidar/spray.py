@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from advercity import poses
 from advercity.poses import Matrix
-from advercity.rendering.casting import Fan
+from advercity.rendering.fan import Fan
 from advercity.traffic.trace import ActorState
 
 Floats = NDArray[np.floating[Any]]
@@ -27,6 +27,7 @@ LENGTH_M, HEIGHT_M = 12.0, 1.3
 FADING_M = 6.5
 FARTHEST_M = 60.0
 """Plumes farther away are left out: they send back too little and dim too little."""
+_CORNERS = np.stack(np.meshgrid([-1.0, 1.0], [-1.0, 1.0], [-1.0, 1.0]), axis=-1).reshape(-1, 3)
 WHEELED = ("car", "van", "truck", "motorcycle")
 
 
@@ -75,8 +76,7 @@ class Spray:
             plume_from_lidar = poses.inverse(world_from_plume) @ fan.world_from_fan
             thickness = EXTINCTION_PER_G_M3 * WATER_G_M3
             thickness *= (state.speed_m_s / REFERENCE_SPEED_M_S) ** 2
-            radius_m = np.array([np.linalg.norm(half)], np.float64)
-            rows, _ = fan.towards(centre[None, :], radius_m)
+            rows, _ = fan.towards(poses.transform(world_from_plume, _CORNERS * half)[None])
             yield _through_box(directions[rows], rows, plume_from_lidar, half, thickness)
 
 

@@ -44,7 +44,7 @@ class Window:
         turn = (np.arange(SECTORS) + 0.5) * (2.0 * math.pi / SECTORS)
         ahead = np.minimum(turn, 2.0 * math.pi - turn)
         by_sector = np.where(ahead < _FRONT_RAD, front, np.where(ahead < _REAR_RAD, side, rear))
-        bearing = np.repeat(bearings_rad(lidar), lidar.channels)
+        bearing = np.repeat(bearings_rad(lidar.azimuths), lidar.channels)
         sector = (bearing * (SECTORS / (2.0 * math.pi))).astype(np.int32) % SECTORS
         gain = (1.0 - DIMMING * by_sector) ** 2
         return Window(gain.astype(np.float32)[sector], by_sector.astype(np.float32), sector)
