@@ -1,11 +1,11 @@
 """Who takes part in traffic, where everybody starts and where they go."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from advercity_dsl import Agent, Blueprint, Spec, Vehicle
+from advercity_dsl import Agent, Blueprint, Spec, StagedActor, Vehicle
 
 from advercity.errors import InputError
 from advercity.randomness import generator
@@ -46,6 +46,7 @@ class Ride:
         start_speed_m_s: How fast it drives then.
         speed_factor: Wanted speed as a multiple of the limit; None ignores the limit.
         top_speed_m_s: It never goes faster.
+        limits_m_s2: Most it accelerates and brakes; None does as its class.
     """
 
     actor: Actor
@@ -56,6 +57,7 @@ class Ride:
     start_speed_m_s: float
     speed_factor: float | None
     top_speed_m_s: float
+    limits_m_s2: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -63,28 +65,95 @@ class Demand:
     """Everybody who takes part."""
 
     connected: tuple[Ride, ...]
+    staged: tuple[Ride, ...]
+    """Vehicles of staged conflicts that drive in lanes."""
     vehicles: tuple[Ride, ...]
     walkers: tuple[Walk, ...]
+    scripted: tuple[Actor, ...]
+    """Those in staged conflicts who follow a path of their own; SUMO knows nothing of them."""
+
+    @property
+    def rides(self) -> tuple[Ride, ...]:
+        """Of everybody who drives in lanes."""
+        return (*self.connected, *self.staged, *self.vehicles)
+
+    @property
+    def actors(self) -> tuple[Actor, ...]:
+        """Everybody."""
+        return (*(one.actor for one in (*self.rides, *self.walkers)), *self.scripted)
 
 
-def draw(spec: Spec, graph: LaneGraph) -> Demand:
+def draw(spec: Spec, graph: LaneGraph, again: Mapping[int, int] | None = None) -> Demand:
     """The demand of a scenario: a pure function of the spec's traffic seed, road and numbers.
+
+    Those in staged conflicts count among the vehicles and walkers that are asked for.
 
     Args:
         spec: What is asked for.
         graph: Lanes of the road.
+        again: How many draws of a background actor are passed over, by its id, because it was in
+            somebody's way.
     """
+    again = again or {}
     occupancy = Occupancy()
     connected = tuple(
         _connected(agent, agent.place, spec, graph, occupancy)
         for agent in spec.agents
         if isinstance(agent.place, Vehicle)
     )
+    staged = [actor for conflict in spec.conflicts for actor in conflict.actors]
+    on_foot = sum(actor.actor_class == "pedestrian" for actor in staged)
+    vehicles = max(spec.demand.vehicles - (len(staged) - on_foot), 0)
     return Demand(
         connected=connected,
-        vehicles=tuple(_background(spec, graph, occupancy)),
-        walkers=walks(spec, graph),
+        staged=tuple(_staged(item, spec, graph, occupancy) for item in staged if item.route),
+        vehicles=tuple(_background(spec, graph, occupancy, vehicles, again)),
+        walkers=walks(spec, graph, max(spec.demand.walkers - on_foot, 0), again),
+        scripted=tuple(_body(item, spec) for item in staged if not item.route),
     )
+
+
+def _staged(item: StagedActor, spec: Spec, graph: LaneGraph, occupancy: Occupancy) -> Ride:
+    lane = _first_lane(item, graph)
+    actor = _body(item, spec)
+    middle = lane.length_m - item.start_m
+    occupancy.take(lane, middle, actor.size[0])
+    return Ride(
+        actor=actor,
+        edges=_along(item.route, lane.edge, graph),
+        lane=lane.index,
+        front_m=middle + actor.size[0] / 2,
+        depart_s=0.0,
+        start_speed_m_s=0.0,
+        speed_factor=None,
+        top_speed_m_s=item.speed_m_s,
+        limits_m_s2=(item.acceleration_m_s2, item.braking_m_s2),
+    )
+
+
+def _first_lane(item: StagedActor, graph: LaneGraph) -> Lane:
+    """The lane that a staged vehicle stands in: of those that lead along its route, by number."""
+    for edge in dict.fromkeys(
+        lane.edge for lane in graph.driven if approach(lane.edge) == item.route[0]
+    ):
+        onward = {approach(after) for after in graph.edges_after(edge)}
+        lanes = sorted(
+            (lane for lane in graph.driven if lane.edge == edge), key=lambda lane: -lane.index
+        )
+        if item.route[1:2] and item.route[1] in onward and item.lane <= len(lanes):
+            return lanes[item.lane - 1]
+    raise InputError(
+        f"{item.id}: lane {item.lane} of street '{item.route[0]}' does not lead along"
+        f" {' > '.join(item.route)}"
+    )
+
+
+def _body(item: StagedActor, spec: Spec) -> Actor:
+    if item.blueprint not in spec.blueprints:
+        raise InputError(f"{item.id}: there is no blueprint '{item.blueprint}'")
+    blueprint = spec.blueprints[item.blueprint]
+    paint = paint_for(blueprint.actor_class, spec.seeds.traffic, item.number)
+    return Actor(item.number, blueprint.actor_class, item.blueprint, paint, _size(blueprint))
 
 
 def _connected(
@@ -141,23 +210,32 @@ def _along(streets: tuple[str, ...], first: str, graph: LaneGraph) -> tuple[str,
     return tuple(edges)
 
 
-def _background(spec: Spec, graph: LaneGraph, occupancy: Occupancy) -> Iterator[Ride]:
+def _background(
+    spec: Spec, graph: LaneGraph, occupancy: Occupancy, count: int, again: Mapping[int, int]
+) -> Iterator[Ride]:
     poses = list(grid(graph.driven, areas(spec), VEHICLE_GRID_M))
     generator(spec.seeds.traffic, "places").shuffle(poses)
-    starting = round(STARTING_SHARE * spec.demand.vehicles)
-    for number in range(spec.demand.vehicles):
-        actor = _drawn(spec, FIRST_VEHICLE + number)
-        fitting = (pose for pose in poses if occupancy.fits(*pose, actor.size[0]))
-        pose = next(fitting, None) if number < starting else None
+    starting = round(STARTING_SHARE * count)
+    for index in range(count):
+        number = FIRST_VEHICLE + index
+        actor = _drawn(spec, number)
+        tried = poses
+        if again.get(number):
+            tried = list(poses)
+            generator(spec.seeds.traffic, "places", number, again[number]).shuffle(tried)
+        fitting = (pose for pose in tried if occupancy.fits(*pose, actor.size[0]))
+        pose = next(fitting, None) if index < starting else None
         if pose is not None:
             poses.remove(pose)
             occupancy.take(*pose, actor.size[0])
         if pose is not None or graph.entries:
-            yield _ride(spec, graph, actor, pose)
+            yield _ride(spec, graph, actor, pose, again.get(number, 0))
 
 
-def _ride(spec: Spec, graph: LaneGraph, actor: Actor, pose: tuple[Lane, float] | None) -> Ride:
-    draw = generator(spec.seeds.traffic, "ride", actor.id)
+def _ride(
+    spec: Spec, graph: LaneGraph, actor: Actor, pose: tuple[Lane, float] | None, again: int
+) -> Ride:
+    draw = generator(spec.seeds.traffic, "ride", actor.id, *([again] if again else []))
     lane = pose[0] if pose else graph.entries[draw.integers(len(graph.entries))]
     spread = int(draw.integers(-SPEED_SPREAD_PERCENT, SPEED_SPREAD_PERCENT, endpoint=True))
     entry_s = round(float(draw.uniform(0, ENTRY_WINDOW_S)), 1)

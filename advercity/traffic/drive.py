@@ -3,39 +3,56 @@
 The only module that talks to libsumo.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from functools import reduce
 from operator import or_
 from pathlib import Path
 
 import libsumo
 import numpy as np
-import shapely
-from advercity_dsl import Road, RoadsideUnit, Spec
+from advercity_dsl import RoadsideUnit, Spec
 from advercity_dsl.base import Point2
 from numpy.typing import NDArray
 
 from advercity.errors import RunError
 from advercity.traffic.bends import Pace
-from advercity.traffic.bumpers import FRONT, vehicle_states, walker_states
+from advercity.traffic.bumpers import FRONT
 from advercity.traffic.demand import Demand
 from advercity.traffic.lanes import LaneGraph
-from advercity.traffic.trace import Actor, Lamp, Signal, Trace
+from advercity.traffic.recording import Recording
+from advercity.traffic.trace import Lamp, Signal
 from advercity.world.network import signal_groups
-from advercity.world.roads import built
-from advercity.world.surface import KERB_HEIGHT_M
 
 LATERAL_RESOLUTION_M = 0.8
 _RIGHT_BLINKER, _LEFT_BLINKER = 1, 2
+_USUAL, _AS_TOLD = 31, 39
+"""Speed modes: obey everything; mind whom one follows, but neither lights nor right of way."""
 
 
-def drive(spec: Spec, demand: Demand, graph: LaneGraph, network: Path, routes: Path) -> Trace:
-    """The trace of a spec whose demand is written in the file `routes`."""
+def drive(
+    spec: Spec,
+    demand: Demand,
+    graph: LaneGraph,
+    network: Path,
+    routes: Path,
+    cues: Mapping[int, NDArray[np.float64]],
+) -> Recording:
+    """What happens when the demand, written in the file `routes`, sets out.
+
+    Args:
+        spec: The scenario.
+        demand: Who takes part.
+        graph: Lanes of the road.
+        network: The same as a SUMO network.
+        routes: The demand as a SUMO route file.
+        cues: Speed in every tick of staged vehicles; NaN leaves it to the driver, the last one
+            lasts.
+    """
     log = routes.with_suffix(".log")
     try:
         libsumo.start(["sumo", *_options(spec, network, routes, log)])
         try:
-            return _Drive(spec, demand, graph, network).run()
+            return _Drive(spec, demand, graph, network, cues).run()
         finally:
             libsumo.close()
     except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
@@ -63,34 +80,61 @@ def _options(spec: Spec, network: Path, routes: Path, log: Path) -> list[str]:
 class _Drive:
     """One run: SUMO's state is global, ours is what has been recorded of it."""
 
-    def __init__(self, spec: Spec, demand: Demand, graph: LaneGraph, network: Path) -> None:
+    def __init__(
+        self,
+        spec: Spec,
+        demand: Demand,
+        graph: LaneGraph,
+        network: Path,
+        cues: Mapping[int, NDArray[np.float64]],
+    ) -> None:
         self._spec = spec
         self._demand = demand
-        self._rides = {str(ride.actor.id): ride for ride in (*demand.connected, *demand.vehicles)}
+        self._cues = {str(number): speeds for number, speeds in cues.items()}
+        self._rides = {str(ride.actor.id): ride for ride in demand.rides}
         self._paces = {name: Pace.of(ride, graph) for name, ride in self._rides.items()}
         self._signals = signal_groups(network)
         self._fronts: list[tuple[float, ...]] = []
         self._lights: list[list[Signal]] = []
 
-    def run(self) -> Trace:
+    def run(self) -> Recording:
         """Drive until somebody arrives or time is up."""
         for tick in range(self._spec.timing.max_ticks + 1):
+            self._give_cues(tick)
             libsumo.simulationStep()
             if tick == 0:
                 self._check_start()
+                self._introduce()
             if self._has_arrived():
                 break
             self._fronts.extend((*self._vehicles(tick), *self._people(tick)))
             self._lights.append([_shown(links) for links in self._signals.values()])
             self._mind_bends()
-        return self._trace()
+        return self._recording()
+
+    def _give_cues(self, tick: int) -> None:
+        """Have staged vehicles drive as planned, red lights or not; NaN leaves them to SUMO."""
+        there = libsumo.vehicle.getIDList() if self._cues else ()
+        for name in (name for name in self._cues if name in there):
+            speed = float(self._cues[name][min(tick, len(self._cues[name]) - 1)])
+            free = np.isnan(speed)
+            libsumo.vehicle.setSpeedMode(name, _USUAL if free else _AS_TOLD)
+            libsumo.vehicle.setSpeed(name, -1 if free else speed)
+
+    def _introduce(self) -> None:
+        """Connected and staged vehicles do not give way to each other inside junctions."""
+        connected = [str(ride.actor.id) for ride in self._demand.connected]
+        staged = [str(ride.actor.id) for ride in self._demand.staged]
+        for names, others in ((connected, staged), (staged, connected)):
+            for name in names:
+                libsumo.vehicle.setParameter(name, "junctionModel.ignoreIDs", " ".join(others))
 
     def _check_start(self) -> None:
         there = libsumo.vehicle.getIDList()
-        for ride in self._demand.connected:
+        for ride in (*self._demand.connected, *self._demand.staged):
             if str(ride.actor.id) not in there:
                 raise RunError(
-                    f"SUMO finds no room for connected vehicle {ride.actor.id} on lane"
+                    f"SUMO finds no room for vehicle {ride.actor.id} on lane"
                     f" {ride.edges[0]}_{ride.lane} at {ride.front_m:.1f} m"
                 )
 
@@ -144,54 +188,16 @@ class _Drive:
             top = min(self._rides[name].top_speed_m_s, self._paces[name].at(*here))
             vehicle.setMaxSpeed(name, top)
 
-    def _trace(self) -> Trace:
-        kerb = _kerb(self._spec.road)
-        first, tick_s = self._spec.timing.warm_up_ticks + 1, self._spec.timing.tick_s
-        lights = self._lights[first:]
+    def _recording(self) -> Recording:
         fronts = np.array(self._fronts, dtype=FRONT)
         fronts = fronts[np.lexsort((fronts["tick"], fronts["id"]))]
         ids, begins = np.unique(fronts["id"], return_index=True)
-        walks = {walk.actor.id: walk for walk in self._demand.walkers}
-        rides = {ride.actor.id: ride for ride in self._rides.values()}
-        actors: list[Actor] = []
-        states: list[NDArray[np.void]] = []
-        for number, track in zip(ids.tolist(), np.split(fronts, begins[1:]), strict=True):
-            if number in walks:
-                actor, speed = walks[number].actor, walks[number].speed_m_s
-                kept = walker_states(
-                    track, actor.size[0], speed_m_s=speed, tick_s=tick_s, kerb=kerb
-                )
-            else:
-                actor = rides[number].actor
-                kept = vehicle_states(track, actor.size[0], tick_s=tick_s)
-                if actor.actor_class == "bicycle":
-                    kept["lamps"] = 0
-            kept = kept[kept["tick"] >= first]
-            if len(kept) > 0:
-                kept["tick"] -= first
-                kept["actor"] = len(actors)
-                actors.append(actor)
-                states.append(kept)
-        if not states:
-            raise RunError("a connected vehicle arrives during the warm-up; move it back")
-        together = np.concatenate(states)
-        return Trace(
-            tick_s=tick_s,
-            first_tick=first,
-            actors=tuple(actors),
-            states=together[np.lexsort((together["actor"], together["tick"]))],
+        lights = np.array(self._lights, dtype=np.uint8)
+        return Recording(
+            tracks=dict(zip(ids.tolist(), np.split(fronts, begins[1:]), strict=True)),
             signal_ids=tuple(self._signals),
-            signals=np.array(lights, dtype=np.uint8).reshape(len(lights), len(self._signals)),
+            signals=lights.reshape(len(lights), len(self._signals)),
         )
-
-
-def _kerb(road: Road) -> Callable[[NDArray[np.complex128]], NDArray[np.float64]]:
-    """Height of a sidewalk above the roadway for places on foot, 0 on the roadway."""
-    roadway = built(road).kerbless
-    shapely.prepare(roadway)
-    return lambda places: np.where(
-        shapely.contains_xy(roadway, places.real, places.imag), 0.0, KERB_HEIGHT_M
-    )
 
 
 def _heading(angle_deg: float) -> float:

@@ -54,13 +54,11 @@ def write_route_file(demand: Demand, path: Path) -> None:
     root = Element("routes")
     for ride in demand.connected:
         _type(root, ride, CONNECTED)
-    for ride in demand.vehicles:
+    for ride in (*demand.staged, *demand.vehicles):
         _type(root, ride, DRIVING[ride.actor.actor_class])
     for walk in demand.walkers:
         _walker_type(root, walk)
-    everyone = sorted(
-        (*demand.connected, *demand.vehicles, *demand.walkers), key=lambda one: one.depart_s
-    )
+    everyone = sorted((*demand.rides, *demand.walkers), key=lambda one: one.depart_s)
     for one in everyone:
         _vehicle(root, one) if isinstance(one, Ride) else _person(root, one)
     indent(root)
@@ -69,6 +67,8 @@ def write_route_file(demand: Demand, path: Path) -> None:
 
 def _type(root: Element, ride: Ride, driving: Driving) -> None:
     length, width, height = ride.actor.size
+    usual = driving.acceleration_m_s2, driving.deceleration_m_s2
+    accelerates, brakes = ride.limits_m_s2 or usual
     factor = LIMIT_IGNORED if ride.speed_factor is None else ride.speed_factor
     _add(
         root,
@@ -78,9 +78,9 @@ def _type(root: Element, ride: Ride, driving: Driving) -> None:
         length=length,
         width=width,
         height=height,
-        accel=driving.acceleration_m_s2,
-        decel=driving.deceleration_m_s2,
-        emergencyDecel=driving.deceleration_m_s2 + EMERGENCY_EXTRA_M_S2,
+        accel=accelerates,
+        decel=brakes,
+        emergencyDecel=brakes + EMERGENCY_EXTRA_M_S2,
         tau=driving.headway_s,
         minGap=driving.gap_m,
         maxSpeed=ride.top_speed_m_s,

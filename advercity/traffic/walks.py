@@ -1,6 +1,6 @@
 """Where people walk: over the sidewalks of the site, some of them across streets."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,8 +40,15 @@ class Walk:
     depart_s: float = 0.0
 
 
-def walks(spec: Spec, graph: LaneGraph) -> tuple[Walk, ...]:
-    """Everybody on foot; fewer than asked for if the sidewalks are full."""
+def walks(spec: Spec, graph: LaneGraph, count: int, again: Mapping[int, int]) -> tuple[Walk, ...]:
+    """Up to `count` people on foot; fewer if the sidewalks are full.
+
+    Args:
+        spec: The scenario.
+        graph: Lanes of the road.
+        count: How many are wanted.
+        again: How many draws of a person are passed over, by id.
+    """
     starts = list(grid(graph.sidewalks.values(), areas(spec), WALKER_GRID_M))
     generator(spec.seeds.traffic, "walker places").shuffle(starts)
     people = [name for name, item in spec.blueprints.items() if item.actor_class == "pedestrian"]
@@ -49,8 +56,8 @@ def walks(spec: Spec, graph: LaneGraph) -> tuple[Walk, ...]:
         return ()
     beside = {crossing: graph.beside(crossing=crossing) for crossing in (False, True)}
     return tuple(
-        _walk(spec, graph, beside, people, FIRST_WALKER + index, *start)
-        for index, start in enumerate(starts[: spec.demand.walkers])
+        _walk(spec, graph, beside, people, number, again.get(number, 0), starts, start)
+        for number, start in enumerate(starts[:count], FIRST_WALKER)
     )
 
 
@@ -60,10 +67,12 @@ def _walk(
     beside: Mapping[bool, Beside],
     people: list[str],
     number: int,
-    lane: Lane,
-    start_m: float,
+    again: int,
+    starts: Sequence[tuple[Lane, float]],
+    start: tuple[Lane, float],
 ) -> Walk:
-    draw = generator(spec.seeds.traffic, "walker", number)
+    draw = generator(spec.seeds.traffic, "walker", number, *([again] if again else []))
+    lane, start_m = starts[int(draw.integers(len(starts)))] if again else start
     name = people[draw.integers(len(people))]
     blueprint = spec.blueprints[name]
     crosses = bool(draw.random() < spec.demand.crossing_share)

@@ -4,16 +4,12 @@ SUMO keeps one simulation per process and may end the process it runs in, so it 
 """
 
 import sys
-import tempfile
 from pathlib import Path
 
 from advercity_dsl import Spec
 
 from advercity.errors import AdvercityError, InputError
-from advercity.traffic.demand import draw
-from advercity.traffic.drive import drive
-from advercity.traffic.lanes import read_lanes
-from advercity.traffic.route_file import write_route_file
+from advercity.traffic.staging import stage
 
 BAD_INPUT, FAILED = 2, 1
 
@@ -21,13 +17,7 @@ BAD_INPUT, FAILED = 2, 1
 def main(spec_file: str, network_file: str, trace_file: str) -> None:
     """Simulate the traffic of a spec and write its trace."""
     spec = Spec.model_validate_json(Path(spec_file).read_bytes())
-    network = Path(network_file)
-    graph = read_lanes(network)
-    demand = draw(spec, graph)
-    with tempfile.TemporaryDirectory() as folder:
-        routes = Path(folder) / "demand.rou.xml"
-        write_route_file(demand, routes)
-        drive(spec, demand, graph, network, routes).save(Path(trace_file))
+    stage(spec, Path(network_file)).save(Path(trace_file))
 
 
 if __name__ == "__main__":
