@@ -40,12 +40,7 @@ def schema_data(kind: str) -> dict[str, Any]:
     if kind not in KINDS:
         raise InputError(f"there is no kind '{kind}'; {nearest(kind, KINDS)}")
     model = KINDS[kind]
-    schema = _reworded(model.model_json_schema())
-    for name, text in described(model).items():
-        definition = schema if name == model.__name__ else schema["$defs"].get(name, {})
-        for field, words in text.items():
-            if field in definition.get("properties", {}):
-                definition["properties"][field]["description"] = words
+    schema = _documented(model)
     if kind in DECLARATIONS:
         schema["properties"]["kind"] |= {"description": "What this file declares."}
         schema["properties"] |= {"extends": _EXTENDS, "version": _VERSION}
@@ -71,6 +66,17 @@ def write_schemas(folder: Path) -> None:
         write_schema(kind, folder)
 
 
+def _documented(model: type[Model]) -> dict[str, Any]:
+    """The schema of a model, with what the source says about its fields."""
+    schema = _reworded(model.model_json_schema())
+    for name, text in described(model).items():
+        definition = schema if name == model.__name__ else schema["$defs"].get(name, {})
+        for field, words in text.items():
+            if field in definition.get("properties", {}):
+                definition["properties"][field]["description"] = words
+    return schema
+
+
 def _reworded(data: Any) -> Any:
     """Bounds in JSON Schema's words, and no titles that only repeat names."""
     if isinstance(data, list):
@@ -88,7 +94,7 @@ def _reworded(data: Any) -> Any:
 def _allow_distributions(schema: dict[str, Any]) -> None:
     """Let a distribution stand wherever a weather has a number."""
     for name, model in DISTRIBUTIONS.items():
-        found = _with_quantities(_reworded(model.model_json_schema()))
+        found = _with_quantities(_documented(model))
         schema["$defs"] |= found.pop("$defs", {})
         schema["$defs"][name] = found
     either = [{"$ref": f"#/$defs/{name}"} for name in DISTRIBUTIONS]

@@ -1,5 +1,6 @@
 """Files to start from: one commented declaration of each kind, which compiles as it is."""
 
+import os
 import re
 from importlib.resources import files
 from pathlib import Path
@@ -12,11 +13,16 @@ from advercity.compiler.validation import ID_HINT
 from advercity.errors import InputError
 
 SCHEMAS = ".advercity"
-"""Folder beside a new declaration with the schema that its first line names."""
+"""Folder of a library with the schemas that the first lines of its files name."""
 
 
-def starter(kind: str, name: str) -> str:
+def starter(kind: str, name: str, *, schemas: str = SCHEMAS) -> str:
     """Text of a declaration of `kind` called `name`; its first line tells editors its schema.
+
+    Args:
+        kind: Of the declaration.
+        name: Its id.
+        schemas: Folder of schemas, relative to the file.
 
     Raises:
         InputError: There is no such kind, or the name is no id.
@@ -26,17 +32,20 @@ def starter(kind: str, name: str) -> str:
     if not re.fullmatch(r"[a-z][a-z0-9_]{0,63}", name):
         raise InputError(f"'{name}' is not an id; {ID_HINT}")
     text = (files("advercity") / "compiler" / "starters" / f"{kind}.yaml").read_text("utf-8")
-    modeline = f"# yaml-language-server: $schema={SCHEMAS}/{kind}.schema.json\n"
+    modeline = f"# yaml-language-server: $schema={schemas}/{kind}.schema.json\n"
     return modeline + text.replace("{id}", name)
 
 
 def write_starter(kind: str, name: str, folder: Path) -> Path:
-    """Write a new declaration and, in a folder beside it, its schema; nothing is overwritten.
+    """Write a new declaration, and its schema for editors; no declaration is overwritten.
+
+    The schema goes into the library's folder of schemas, or into a new one beside the file.
 
     Raises:
         InputError: The kind or name is wrong, or the file is there already.
     """
-    text = starter(kind, name)
+    schemas = _schemas_of(folder)
+    text = starter(kind, name, schemas=Path(os.path.relpath(schemas, folder.resolve())).as_posix())
     path = folder / f"{name}.yaml"
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -46,5 +55,13 @@ def write_starter(kind: str, name: str, folder: Path) -> Path:
         raise InputError(f"{path}: is there already; choose another name") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror}") from error
-    write_schema(kind, folder / SCHEMAS)
+    write_schema(kind, schemas)
     return path
+
+
+def _schemas_of(folder: Path) -> Path:
+    """The nearest folder of schemas in or above a folder; in it if there is none."""
+    inside = folder.resolve()
+    around = (inside, *inside.parents)
+    found = (parent / SCHEMAS for parent in around if (parent / SCHEMAS).is_dir())
+    return next(found, inside / SCHEMAS)

@@ -25,6 +25,7 @@ class Bell(Model):
     """A normal distribution, cut off at both ends."""
 
     mean: Number
+    """Where the middle lies."""
     sd: Annotated[Number, Field(gt=0)]
     """Standard deviation."""
     within: tuple[Number, Number]
@@ -42,12 +43,14 @@ class Normal(Model):
     """Numbers near the mean are likelier."""
 
     normal: Bell
+    """Mean, standard deviation and ends."""
 
 
 class Choice(Model):
     """One of a list, each as likely as any other."""
 
     choice: Annotated[tuple[Number, ...], Field(min_length=1, max_length=1000)]
+    """The numbers, `[50, 75, 150]`."""
 
 
 Distribution = Uniform | Normal | Choice

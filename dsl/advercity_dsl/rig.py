@@ -8,39 +8,67 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from advercity_dsl.base import Declaration, Degrees, Metres, Model, PositiveMetres, Seconds, Share
+from advercity_dsl.base import (
+    Count,
+    Declaration,
+    Degrees,
+    Flag,
+    Metres,
+    Model,
+    Number,
+    PositiveMetres,
+    Seconds,
+    Share,
+)
 
 
 class Mount(Model):
     """Where a sensor sits on its carrier."""
 
     x_m: Metres = 0
+    """Forward of the origin."""
     y_m: Metres = 0
+    """Left of the origin."""
     z_m: Metres = 0
+    """Above the ground."""
     yaw_deg: Degrees = 0
+    """Positive turns left."""
     pitch_deg: Degrees = 0
+    """Positive looks down."""
     roll_deg: Degrees = 0
+    """Positive lowers the right side."""
 
 
 class Exposure(Model):
     """How a camera gathers light."""
 
     mode: Literal["auto", "manual"] = "auto"
-    f_number: Annotated[float, Field(gt=0)] = 1.4
+    """`auto` meters every picture, `manual` takes shutter and ISO as they are."""
+    f_number: Annotated[Number, Field(gt=0)] = 1.4
+    """Of the aperture."""
     shutter_s: Annotated[Seconds, Field(gt=0, le=1)] = 0.005
-    iso: Annotated[float, Field(gt=0)] = 100
-    compensation_ev: Annotated[float, Field(ge=-8, le=8)] = 0.79
+    """How long the shutter is open."""
+    iso: Annotated[Number, Field(gt=0)] = 100
+    """Sensitivity."""
+    compensation_ev: Annotated[Number, Field(ge=-8, le=8)] = 0.79
+    """Brighter by so many stops than the meter says."""
 
 
 class Camera(Model):
     """A pinhole camera; its semantic twin shares the pose, size and field of view."""
 
-    width_px: Annotated[int, Field(ge=16, le=8192)] = 1920
-    height_px: Annotated[int, Field(ge=16, le=8192)] = 1080
+    width_px: Annotated[Count, Field(ge=16, le=8192)] = 1920
+    """Columns of pixels."""
+    height_px: Annotated[Count, Field(ge=16, le=8192)] = 1080
+    """Rows of pixels."""
     horizontal_fov_deg: Annotated[Degrees, Field(gt=5, lt=170)] = 100
+    """Angle of view from the left border to the right."""
     exposure: Exposure = Exposure()
-    noise: bool = True
+    """How it gathers light."""
+    noise: Flag = True
+    """Whether photons and electronics make noise."""
     mounts: Annotated[tuple[Mount, ...], Field(min_length=1, max_length=8)]
+    """One per camera of this kind."""
 
 
 class Lidar(Model):
@@ -51,32 +79,41 @@ class Lidar(Model):
     """
 
     mount: Mount = Mount()
+    """Where it sits."""
     channel_table: Literal["uniform", "hdl_32e", "vlp_32c"] = "uniform"
     """Elevations of the channels: evenly from `lower_deg` to `upper_deg`, or of a real sensor."""
-    channels: Annotated[int, Field(ge=1, le=256)] = 32
+    channels: Annotated[Count, Field(ge=1, le=256)] = 32
+    """Beams above each other."""
     lower_deg: Degrees = -25
+    """Elevation of the lowest beam."""
     upper_deg: Degrees = 15
-    azimuths: Annotated[int, Field(ge=16, le=36_000)] = 3750
+    """Elevation of the highest beam."""
+    azimuths: Annotated[Count, Field(ge=16, le=36_000)] = 3750
+    """Beams of a channel in one turn."""
     range_m: Annotated[PositiveMetres, Field(le=1000)] = 200
+    """Beyond this it does not listen."""
     sub_rays: Literal[1, 7] = 1
     """Rays that stand for one beam; 7 let a beam meet two surfaces at an edge."""
-    motion_distortion: bool = False
+    motion_distortion: Flag = False
     """Whether the turn takes the time from tick to tick, while everything moves on."""
     echoes: Literal["strongest", "last", "dual"] = "strongest"
     """Which echoes of a beam are reported; dual is both."""
     detection: Literal["noisy", "step"] = "noisy"
     """Whether the receiver's noise helps or hinders an echo at the threshold."""
     range_noise_m: Annotated[Metres, Field(ge=0, le=1)] = 0
+    """Standard deviation of a distance."""
     range_noise_model: Literal["fixed", "signal"] = "fixed"
     """`signal` adds what a weak echo costs: 0.75 m over its signal-to-noise ratio."""
-    soft_gain: Annotated[float, Field(ge=0, le=100)] = 1
+    soft_gain: Annotated[Number, Field(ge=0, le=100)] = 1
     """Factor on echoes of fog, dust and spray; below 1 for receivers that suppress them."""
-    sunlight_noise: bool = True
+    sunlight_noise: Flag = True
     """Whether daylight raises the threshold and the sun blinds beams that look into it."""
     dropoff_rate: Share = 0
     """Share of rays that are never fired."""
     dropoff_intensity_limit: Share = 1
+    """Echoes weaker than this may be lost."""
     dropoff_zero_intensity: Share = 0
+    """Chance that an echo of no strength is lost; less for stronger ones."""
 
     @model_validator(mode="after")
     def _channels_fit(self) -> Self:
@@ -101,21 +138,31 @@ class Gnss(Model):
     """
 
     mode: Literal["carla", "realistic"] = "carla"
+    """Whose errors: the original's, or a real receiver's."""
     latitude_noise_deg: Annotated[Degrees, Field(ge=0)] = 0
+    """Standard deviation northwards, for `carla`."""
     longitude_noise_deg: Annotated[Degrees, Field(ge=0)] = 0
+    """Standard deviation eastwards, for `carla`."""
     altitude_noise_m: Annotated[Metres, Field(ge=0)] = 0
+    """Standard deviation upwards, for `carla`."""
     white_noise_m: Annotated[Metres, Field(ge=0, le=100)] = 0.3
+    """Standard deviation from fix to fix, for `realistic`."""
     wander_m: Annotated[Metres, Field(ge=0, le=100)] = 1.0
+    """Standard deviation of the error that wanders, for `realistic`."""
     wander_time_s: Annotated[Seconds, Field(ge=1, le=3600)] = 120
-    vertical_factor: Annotated[float, Field(ge=0, le=10)] = 1.75
+    """In this time the wandering error forgets itself, for `realistic`."""
+    vertical_factor: Annotated[Number, Field(ge=0, le=10)] = 1.75
+    """Upwards errors are so many times larger, for `realistic`."""
 
 
 class Imu(Model):
     """Accelerometer, gyroscope and compass at the vehicle's origin."""
 
     grade: Literal["ideal", "low", "mid", "high"] = "ideal"
+    """How good it is; `ideal` has no errors."""
     compass_noise_deg: Annotated[Degrees, Field(ge=0, le=90)] = 0
-    samples_per_tick: Annotated[int, Field(ge=1, le=100)] = 1
+    """Standard deviation of the heading."""
+    samples_per_tick: Annotated[Count, Field(ge=1, le=100)] = 1
     """1 is ten samples a second, 10 a hundred."""
 
 
@@ -123,9 +170,13 @@ class Carrier(Model):
     """The sensors of one kind of agent."""
 
     camera: Camera
+    """Cameras of one kind, and their semantic twins."""
     lidar: Lidar
+    """The LiDAR."""
     gnss: Gnss = Gnss()
+    """Satellite positioning."""
     imu: Imu | None = None
+    """Accelerometer and gyroscope; `null` is none."""
 
 
 class Rig(Declaration):
@@ -133,4 +184,6 @@ class Rig(Declaration):
 
     kind: Literal["rig"] = "rig"
     vehicle: Carrier
+    """What each connected vehicle carries."""
     roadside_unit: Carrier
+    """What each roadside unit carries; the road says where it stands."""

@@ -12,6 +12,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, StringConstraints, model_validator
 
 from advercity_dsl.base import (
+    Count,
     Declaration,
     Degrees,
     Id,
@@ -19,6 +20,7 @@ from advercity_dsl.base import (
     Metres,
     Misfit,
     Model,
+    Number,
     Point2,
     Point3,
     PositiveMetres,
@@ -36,20 +38,25 @@ class Line(Model):
     """A straight piece of a street's axis."""
 
     line_m: PositiveMetres
+    """Its length."""
 
 
 class Arc(Model):
     """A piece of a circle."""
 
     arc_m: PositiveMetres
+    """Its length along the curve."""
     radius_m: PositiveMetres
+    """Of the circle."""
     turn: Literal["left", "right"]
+    """To which side it bends."""
 
 
 class Polyline(Model):
     """Further points of an axis, absolute, for shapes that no line or arc says."""
 
     points_m: tuple[Point2, ...]
+    """Further points, each [east, north]."""
 
 
 class StripKind(StrEnum):
@@ -78,8 +85,11 @@ class Strip(Model):
     """A band along a street, as wide as it says, and the line painted on its outer border."""
 
     kind: StripKind
+    """What it is for."""
     width_m: Annotated[PositiveMetres, Field(le=60)]
+    """Its width."""
     line: Paint | None = None
+    """What is painted on its outer border."""
 
 
 class CrossSection(Model):
@@ -89,8 +99,11 @@ class CrossSection(Model):
     """
 
     left: tuple[Strip, ...] = ()
+    """Strips on the left, from the axis outwards."""
     right: tuple[Strip, ...] = ()
+    """Strips on the right, from the axis outwards."""
     axis_line: Paint | None = None
+    """What is painted on the axis."""
 
 
 class Height(Model):
@@ -100,20 +113,30 @@ class Height(Model):
     """
 
     at_m: Annotated[Metres, Field(ge=0)]
+    """Distance along the axis."""
     z_m: Metres
+    """Height there."""
 
 
 class Street(Model):
     """One axis with one cross-section, from one junction or edge of the site to another."""
 
     begins: Id
+    """Junction, or a name for the edge of the site."""
     ends: Id
+    """Junction, or a name for the edge of the site."""
     start_m: Point2
+    """Where the axis starts, [east, north]."""
     heading_deg: Degrees
+    """Where it leads from there, counter-clockwise from east."""
     path: Annotated[tuple[Line | Arc | Polyline, ...], Field(min_length=1)]
+    """Lines and arcs, one after the other."""
     heights: tuple[Height, ...] = ()
+    """Heights along the axis; left out, it is level."""
     section: Id
+    """Name of one of `sections`."""
     speed_limit_km_h: Annotated[KilometresPerHour, Field(gt=0, le=200)]
+    """For all of it."""
 
 
 MovementText = Annotated[
@@ -144,42 +167,57 @@ class SignalHead(Model):
     """A traffic light: the heads hang at `at_m`, on a mast whose foot is at `pole_m`."""
 
     street: Id
+    """Whose traffic it is for."""
     at_m: Point3
+    """Where the heads hang, [east, north, up]."""
     pole_m: Point2
+    """Foot of the mast, [east, north]."""
 
 
 class Signals(Model):
     """A fixed programme, one approach at a time, in the order of `cycle`."""
 
     cycle: Annotated[tuple[Id, ...], Field(min_length=1)]
+    """Streets in the order in which they get green."""
     green_s: Annotated[Seconds, Field(gt=0)]
+    """Green of each."""
     yellow_s: Annotated[Seconds, Field(gt=0)] = 3
+    """Yellow after it."""
     all_red_s: Annotated[Seconds, Field(ge=0)] = 2
+    """All red after that."""
     elapsed_s: Annotated[Seconds, Field(ge=0)] = 0
     """Time of the first approach's green that is over when the scenario starts."""
     heads: tuple[SignalHead, ...] = ()
+    """Traffic lights to be seen."""
 
 
 class Crossing(Model):
     """A zebra crossing over a street, at the end where it meets the junction."""
 
     street: Id
+    """Which it leads across."""
     width_m: PositiveMetres = 3.0
+    """Along that street."""
 
 
 class Sign(Model):
     """A stop or give-way sign for one approach."""
 
     street: Id
+    """Whose traffic it is for."""
     kind: Literal["stop", "yield"]
+    """What it says."""
     at_m: Point2
+    """Where it stands, [east, north]."""
 
 
 class Junction(Model):
     """Where streets meet, and which lane may go into which."""
 
     control: Literal["signals", "priority", "stop", "yield", "none"] = "none"
+    """Who goes first."""
     movements: tuple[MovementText, ...] = ()
+    """Ways through it: `north.1 > east.1`."""
     corner_radius_m: PositiveMetres = 5.0
     """Of the roadway's edge between neighbouring streets."""
     turn_radius_m: PositiveMetres | None = Field(default=None, exclude_if=_is_none)
@@ -187,8 +225,11 @@ class Junction(Model):
     median: tuple[Id, Id] | None = None
     """Two streets between which the median runs on through the junction."""
     signals: Signals | None = None
+    """Programme of its lights, with `control: signals`."""
     crossings: tuple[Crossing, ...] = ()
+    """Zebra crossings."""
     signs: tuple[Sign, ...] = ()
+    """Stop and give-way signs."""
 
 
 class SurroundingKind(StrEnum):
@@ -223,11 +264,13 @@ class Beside(Model):
     """A place along a street, which goes with the street wherever it leads."""
 
     street: Id
+    """Along which."""
     side: Literal["left", "right", "both"]
     """As seen along the street's axis."""
     from_m: Annotated[Metres, Field(ge=0)] = 0
+    """Distance along the axis where it begins."""
     to_m: Annotated[Metres | None, Field(gt=0)] = None
-    """Distances along the axis; without `to_m`, to its end."""
+    """Distance along the axis where it ends; without it, at the end of the street."""
     offset_m: Metres | tuple[Metres, Metres] = 1
     """Outwards from the edge of all paving: of a line, or of both borders of a band."""
 
@@ -278,17 +321,22 @@ class Surrounding(Model):
     """
 
     kind: SurroundingKind
+    """What stands there."""
     beside: Beside | None = Field(default=None, exclude_if=_is_empty)
+    """Along a street."""
     area_m: tuple[Point2, Point2] | None = Field(default=None, exclude_if=_is_empty)
     """Two opposite corners of a rectangle."""
     line_m: tuple[Point2, ...] = Field(default=(), exclude_if=_is_empty)
+    """Along a line, or as its outline; points [east, north]."""
     at_m: tuple[Point2, ...] = Field(default=(), exclude_if=_is_empty)
+    """At single points, [east, north]."""
     height_m: PositiveMetres | None = Field(default=None, exclude_if=_is_empty)
+    """Of each of them."""
     spacing_m: PositiveMetres | None = Field(default=None, exclude_if=_is_empty)
     """Between trees, lamps, poles, or buildings."""
     species: tuple[Species, ...] = Field(default=(), exclude_if=_is_empty)
     """Of trees; all of them if none is named."""
-    seed: int = Field(default=0, ge=0, exclude_if=_is_empty)
+    seed: Count = Field(default=0, ge=0, exclude_if=_is_empty)
     """Another number gives other trees and buildings."""
 
     @model_validator(mode="after")
@@ -318,6 +366,7 @@ class MapFile(Model):
     """
 
     source: Literal["opendrive", "osm", "sumo"]
+    """Format of the map."""
     file: Annotated[str, StringConstraints(min_length=1, max_length=1000)]
     """Its path, relative to the declaration's file."""
     extent_m: tuple[Point2, Point2] | None = None
@@ -328,6 +377,7 @@ class MapNetwork(Model):
     """What the compiler makes of a map; a spec needs no other file."""
 
     source: Literal["opendrive", "osm", "sumo"]
+    """Format of the map."""
     sha256: Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
     """Of the map's file."""
     network: Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9+/]+={0,2}$")]
@@ -338,24 +388,34 @@ class Vehicle(Model):
     """A connected vehicle: where it starts, where it goes, how fast."""
 
     kind: Literal["vehicle"] = "vehicle"
+    """A connected vehicle."""
     role: Literal["ego", "other"] = "other"
+    """One vehicle of a road is the ego."""
     spawn_m: Point2
+    """Where it starts, [east, north]."""
     heading_deg: Degrees
+    """Where it looks, counter-clockwise from east."""
     destination_m: Point2
+    """Where it goes, [east, north]."""
     route: tuple[Id, ...] = ()
     """Streets from spawn to the edge of the site; none takes the shortest way."""
     max_speed_km_h: Annotated[KilometresPerHour, Field(gt=0, le=200)]
+    """Its own limit; it keeps the street's as well."""
 
 
 class RoadsideUnit(Model):
     """Sensors that stand beside the road. Yaw, pitch and roll turn its cameras."""
 
     kind: Literal["roadside_unit"] = "roadside_unit"
+    """Sensors beside the road."""
     position_m: Point3
+    """Of its mast's head, [east, north, up]."""
     yaw_deg: Degrees
+    """Where its cameras look, counter-clockwise from east."""
     pitch_deg: Degrees = 0
     """Positive looks down."""
     roll_deg: Degrees = 0
+    """Positive lowers the right side."""
     lidar_upper_deg: Degrees | None = None
     """Highest beam; `null` takes the rig's."""
 
@@ -364,10 +424,15 @@ class ClassShares(Model):
     """How often each class of vehicle is drawn; normalised by their sum."""
 
     car: Share
+    """Cars."""
     van: Share
+    """Vans."""
     truck: Share
+    """Lorries and buses."""
     bicycle: Share
+    """Bicycles."""
     motorcycle: Share
+    """Motorcycles."""
 
 
 class Demand(Model):
@@ -377,13 +442,19 @@ class Demand(Model):
     and a box from spawn to destination, grown by `around_path_m`, for each vehicle.
     """
 
-    vehicles_per_area: Annotated[float, Field(ge=0, le=100)]
-    walkers: Annotated[int, Field(ge=0, le=2000)]
+    vehicles_per_area: Annotated[Number, Field(ge=0, le=100)]
+    """For each of eight areas: around five agents, along three paths."""
+    walkers: Annotated[Count, Field(ge=0, le=2000)]
+    """Pedestrians."""
     crossing_share: Share = 0.0
+    """Share of them that cross streets."""
     around_agent_m: PositiveMetres
+    """Half the side of the square around an agent."""
     around_path_m: PositiveMetres
+    """Margin around the box from spawn to destination."""
     classes: ClassShares
-    speed_offset_percent: Annotated[float, Field(ge=-100, le=100)] = -10
+    """What vehicles they are."""
+    speed_offset_percent: Annotated[Number, Field(ge=-100, le=100)] = -10
     """Background cars drive `(1 - offset/100)` times the limit, each ±30 %."""
 
 
@@ -395,18 +466,31 @@ class Road(Declaration):
 
     kind: Literal["road"] = "road"
     land_use: Literal["urban", "rural"]
+    """Town or country; typologies ask for it."""
     junction: Literal["intersection", "non_junction"]
+    """Whether it is about a junction; typologies ask for it."""
     alignment: Literal["straight", "curved"]
+    """Straight or curved; typologies ask for it."""
     profile: Literal["level", "non_level"]
+    """Level or not; typologies ask for it."""
     origin_lat_deg: Annotated[Degrees, Field(ge=-89, le=89)] = 0.0
+    """Latitude of the origin, for GNSS."""
     origin_lon_deg: Annotated[Degrees, Field(ge=-180, le=180)] = 0.0
+    """Longitude of the origin, for GNSS."""
     imported: MapNetwork | MapFile | None = Field(default=None, exclude_if=_is_none)
+    """A map that the streets come from, in place of `streets`."""
     sections: dict[Id, CrossSection] = Field(default_factory=dict)
+    """Cross-sections by name."""
     streets: dict[Id, Street] = Field(default_factory=dict)
+    """Streets by name."""
     junctions: dict[Id, Junction] = Field(default_factory=dict)
+    """Where streets meet, by name."""
     surroundings: tuple[Surrounding, ...] = ()
+    """What stands beside the streets."""
     agents: dict[Id, Annotated[Vehicle | RoadsideUnit, Field(discriminator="kind")]]
+    """Connected vehicles and roadside units by name; one vehicle is the ego."""
     traffic: Demand
+    """Who else is there."""
 
     @model_validator(mode="after")
     def _is_authored_or_imported(self) -> Self:

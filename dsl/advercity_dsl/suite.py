@@ -44,16 +44,22 @@ class Selection(Model):
     """
 
     vehicles_per_crash: Annotated[Number, Field(ge=1, le=5)] = 1.5
+    """From this many on, somebody else is there to be misperceived."""
     fatality_rate_percent: Percent = 0.30
+    """Selected from this rate on."""
     bad_visibility_percent: Percent = 3
+    """Selected from this share on."""
 
 
 class Coverage(Model):
     """From which share on a kind of road must be covered."""
 
     land_use_percent: Percent = 40
+    """Town or country is called for from this share on."""
     junction_percent: Percent = 50
+    """Junctions, or places away from them, likewise."""
     geometry_percent: Percent = 30
+    """Slopes and curves likewise."""
 
 
 class Seeds(Model):
@@ -71,9 +77,11 @@ class Timing(Model):
     """When a scenario is kept and when it ends; one tick is one frame."""
 
     tick_s: Annotated[Seconds, Field(gt=0, le=1)] = 0.1
+    """Time from frame to frame."""
     warm_up_ticks: Annotated[Count, Field(ge=0, le=100_000)] = 59
     """Driven, not kept."""
     max_ticks: Annotated[Count, Field(ge=1, le=1_000_000)] = 1800
+    """The scenario ends here at the latest."""
     destination_box_m: Annotated[Metres, Field(gt=0)] = 10
     """The scenario ends when a connected vehicle is this near to its destination in x and in y."""
 
@@ -91,7 +99,9 @@ class Range(Model):
     """Numbers from one end to another; either may be left out."""
 
     at_least: Scalar | None = None
+    """Lowest that is kept."""
     at_most: Scalar | None = None
+    """Highest that is kept."""
 
 
 class Sweep(Model):
@@ -130,7 +140,9 @@ class Suite(Declaration):
 
     kind: Literal["suite"] = "suite"
     selection: Selection = Selection()
+    """Which typologies count."""
     coverage: Coverage = Coverage()
+    """Which places those call for."""
     roads: Choice = "all"
     """Ids, or `all` of the library."""
     weathers: Choice = "all"
@@ -140,9 +152,12 @@ class Suite(Declaration):
     where: dict[FieldPath, Scalar | tuple[Scalar, ...] | Range] = Field(default_factory=dict)
     """Only scenarios whose fields have the value, one of the values, or lie in the range given."""
     sweep: Sweep | None = None
+    """One field through many values."""
     rig: Id
     """Sensors of every scenario."""
     catalogue: Id
     """Vehicles and people of every scenario."""
     seeds: Seeds = Seeds()
+    """Of all that is drawn."""
     timing: Timing = Timing()
+    """When scenarios begin and end."""

@@ -14,8 +14,11 @@ class CrashType(Model):
     """One crash type; its id names the edition, since editions reuse numbers."""
 
     id: Annotated[str, StringConstraints(pattern=r"^nhtsa(2007|2019):\d{1,2}$")]
+    """Edition and number, `nhtsa2019:19`; in quotes, since it holds a colon."""
     name: str
+    """As the edition calls it."""
     definition: str = ""
+    """What happens, in a sentence."""
 
 
 class Statistics(Model):
@@ -24,31 +27,43 @@ class Statistics(Model):
     weather_percent: Percent
     """Crashes with weather as a main factor."""
     bad_visibility_percent: Percent
+    """Crashes with bad visibility as a main factor."""
     fatality_rate_percent: Percent
+    """Of the crashes, as the report gives it."""
     vehicles_per_crash: Annotated[Number, Field(ge=1, le=5)]
+    """On average; 1 is a crash with nobody else."""
     crash_share_percent: Percent
     """Share of all crashes, 2011 to 2015."""
     external_entity: Flag
     """Whether somebody or something other than a vehicle is struck."""
     evidence: Evidence = "A"
+    """How sure the figures are: A read directly to D inferred, U unverified."""
 
 
 class JunctionShare(Model):
     """Share of a group's crashes at a kind of place, of those with the given manoeuvre."""
 
     junction: Literal["intersection", "non_junction"]
+    """At a junction, or away from any."""
     manoeuvre: Literal["any", "with", "without"] = "any"
+    """Of crashes with the group's manoeuvre, without it, or of all."""
     percent: Percent
+    """Their share."""
 
 
 class RoadFacts(Model):
     """On what roads a group's crashes happen."""
 
     urban_percent: Percent
+    """In towns."""
     rural_percent: Percent
+    """In the country."""
     junctions: tuple[JunctionShare, ...]
+    """At junctions and away from them."""
     non_level_percent: Percent | None = None
+    """On slopes; left out if nobody counted."""
     curved_percent: Percent | None = None
+    """On curves; left out if nobody counted."""
 
 
 class Typology(Declaration):
@@ -56,5 +71,8 @@ class Typology(Declaration):
 
     kind: Literal["typology"] = "typology"
     crash_types: Annotated[tuple[CrashType, ...], Field(min_length=1)]
+    """What the group consists of."""
     statistics: Statistics
+    """What suites select by."""
     roads: RoadFacts | None = None
+    """What decides which roads the group calls for; left out, none."""

@@ -230,17 +230,29 @@ class Weather(Declaration):
     time: Literal["day", "night"]
     """Whether the sun or lamps light the scene."""
     air: Air = Air()
+    """Clear air and haze."""
     fog: Fog = Fog()
+    """Fog; left out, there is none."""
     rain: Rain = Rain()
+    """Rain; left out, there is none."""
     snow: Snow = Snow()
+    """Falling and lying snow; left out, there is none."""
     dust: Dust = Dust()
+    """Dust; left out, there is none."""
     wind: Wind = Wind()
+    """Wind at 10 m height."""
     surface: Surface = Surface()
+    """Water on the ground."""
     lens: Lens = Lens()
+    """Drops or dirt on cameras."""
     sun: Sun = Sun()
+    """Where the sun stands."""
     sky: Sky = Sky()
+    """Clouds, and how bright they are."""
     night: Night = Night()
+    """Light at night that does not come from vehicles."""
     lamps: Lamps = Lamps()
+    """Which lamps drivers switch on."""
     temperature_c: Annotated[Celsius, Field(ge=-60, le=60)] = 15
     """Of the air."""
     sun_at: dict[Id, Sun] = Field(default_factory=dict)

@@ -2,6 +2,7 @@ import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -259,3 +260,11 @@ def test_the_schema_tells_units_and_ranges() -> None:
     assert rate["unit"] == "mm/h"
     assert rate["description"].startswith("Light below 2.5")
     assert {"type": "number", "minimum": 0, "maximum": 150} in rate["anyOf"]
+
+
+@pytest.mark.parametrize("kind", DECLARATIONS)
+def test_the_schema_describes_every_field(kind: str) -> None:
+    schema = schema_data(kind)
+    for definition in [schema, *schema.get("$defs", {}).values()]:
+        fields: dict[str, Any] = definition.get("properties", {})
+        assert [name for name, field in fields.items() if "description" not in field] == []
