@@ -3,7 +3,7 @@
 import json
 import shutil
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -100,7 +100,7 @@ class Client:
 
 
 @contextmanager
-def opened(path: Path, text: str) -> Iterator[Client]:
+def opened(path: Path, text: str) -> Generator[Client]:
     """A language server that has a file open, with `text` in place of what the file holds."""
     assert SERVER
     with subprocess.Popen(
