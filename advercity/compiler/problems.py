@@ -53,8 +53,9 @@ class Problem:
         ).rstrip()
         before = shown[: self.column - 1 - begin]
         width = max(1, min(self.width, len(shown) - len(before)))
+        at_begin = "..." if begin else ""
         at_end = "..." if begin + EXCERPT < len(self.text) else ""
-        return shown + at_end, " " * _cells(before) + "^" * width
+        return at_begin + shown + at_end, " " * _cells(at_begin + before) + "^" * width
 
 
 def _cells(text: str) -> int:

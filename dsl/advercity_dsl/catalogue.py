@@ -79,12 +79,17 @@ class LampPlaces(Terse):
     """
 
     low_beam: Point3 | None = None
+    """Headlamps."""
     rear: Point3 | None = None
     """Tail and brake lamps."""
     front_fog: Point3 | None = None
+    """Fog lamps in front."""
     rear_fog: Point3 | None = None
+    """Fog lamps behind."""
     front_indicator: Point3 | None = None
+    """Indicators in front."""
     rear_indicator: Point3 | None = None
+    """Indicators behind."""
 
 
 class BodyModel(Terse):
@@ -96,6 +101,7 @@ class BodyModel(Terse):
     pack: Annotated[str, Field(pattern=r"^[\w-]+/[\w.-]+$")] | None = None
     """`collection/model` of Debian's sweethome3d-furniture, such as `scopia/seat_leon`."""
     file: Annotated[str, Field(pattern=r"^[^/\\].*\.glb$")] | None = None
+    """Path of a GLB file, relative to the declaration's file."""
     sha256: Digest | None = None
     """Of the file; the compiler writes it into the spec."""
     up: Literal["y", "z"] = "y"
@@ -112,7 +118,9 @@ class BodyModel(Terse):
     ] = 9000
     """It is thinned to about so many."""
     author: str
+    """Who made the model."""
     licence: FreeLicence
+    """Under which terms."""
 
     @model_validator(mode="after")
     def _has_one_source(self) -> Self:
@@ -129,8 +137,11 @@ class Blueprint(Terse):
     actor_class: ActorClass
     """What kind of traffic it is."""
     length_m: PositiveMetres
+    """Of its box, bumper to bumper."""
     width_m: PositiveMetres
+    """Of its box."""
     height_m: PositiveMetres
+    """Of its box, from the ground."""
     land_use: Literal["urban", "rural", "any"] = "any"
     """Where it is met."""
     shape: Shape | None = None
@@ -138,7 +149,9 @@ class Blueprint(Terse):
     paints: dict[Colour, PaintShare] = Field(default_factory=dict[Colour, float])
     """Shares of the colours of its painted parts; those of real traffic if not given."""
     lamps: LampPlaces = LampPlaces()
+    """Where its lamps are, if not where its lamp glasses are."""
     model: BodyModel | None = None
+    """A 3-D model; left out, the program shapes the body."""
 
 
 class Catalogue(Declaration):
