@@ -367,3 +367,39 @@ def test_the_way_travelled_is_what_wheels_and_legs_have_gone(road: str, simulate
         gone = rows["travelled"][-1] - rows["travelled"][0]
         assert (np.diff(rows["travelled"]) >= 0).all(), one
         assert gone == pytest.approx(way, rel=0.06, abs=0.3), one
+
+
+def off_heading(rows: NDArray[np.void], back_m: float) -> NDArray[np.float64]:
+    """Degrees between heading and motion of a point behind the middle, above 1 m/s."""
+    forward = np.exp(1j * rows["yaw"])
+    places = rows["x"] + 1j * rows["y"] - back_m * forward
+    moved = places[2:] - places[:-2]
+    off = np.abs(np.angle(moved / forward[1:-1], deg=True))
+    return off[(np.abs(moved) > 0.2) & (rows["speed"][1:-1] > 1)]
+
+
+@pytest.mark.parametrize("name", [*(f"{road}_sparse" for road in ROADS), "rsnj_dense"])
+def test_rear_wheels_roll_where_they_point(name: str, simulated: Simulated):
+    trace = simulated(name)
+
+    for one in vehicles(trace):
+        rows = track(trace, one)
+        # Axles are 0.6 lengths apart, so the rear one is 0.3 behind the middle.
+        if len(rows) > 2:
+            assert off_heading(rows, 0.3 * one.size[0]).max(initial=0) < 5.0, one
+
+
+@pytest.mark.parametrize("road", ["ui", "unj", "ri"])
+def test_people_look_where_they_walk(road: str, simulated: Simulated):
+    trace = simulated(f"{road}_sparse")
+
+    off = np.concatenate(
+        [
+            off_heading(track(trace, one), 0.0)
+            for one in trace.actors
+            if one.actor_class == "pedestrian"
+        ]
+    )
+
+    assert len(off) > 500
+    assert np.mean(off < 5.0) > 0.995

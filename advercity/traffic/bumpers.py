@@ -31,11 +31,11 @@ gets there by moving on, no faster than this times their speed."""
 EASING_TICKS = 5
 """SUMO's people start and stop at once and its drivers dab at the pedals; here it takes them this
 long."""
+STROLL_TICKS = 9
+"""People take this long to turn round."""
 COASTING_M_S2 = 0.3
 """Slowing down more than this takes the brakes."""
 STANDING_M_S = 0.1
-TIGHTEST_TURN_M = 2.5
-"""Vehicles that SUMO turns where they stand do so here as they move on, at this radius."""
 WHEELBASE_SHARE = 0.6
 """Of a vehicle's length."""
 MOST_STEERING = np.radians(40.0)
@@ -47,30 +47,28 @@ WALKING_M_S = 0.3
 def vehicle_states(track: NDArray[np.void], length_m: float, *, tick_s: float) -> NDArray[np.void]:
     """States of one vehicle from its fronts, both sorted by tick.
 
-    SUMO's heading is that of the chord from the rear to the front bumper, both on the lane's
-    centre line, so the body hangs between them. An axle is as high as the front was when it
-    passed there; before the first tick the lane is taken to go on at its slope. Brake lamps are
-    lit while it slows down and while it is held standing.
+    The front axle goes where the front bumper went and draws the rear axle behind it, which rolls
+    and never slides: so the body cuts corners as real ones do. An axle is as high as the front was
+    when it passed there; before the first tick the lane is taken to go on at its slope. Brake
+    lamps are lit while it slows down and while it is held standing.
     """
     fronts = _followed(track["x"] + 1j * track["y"], CATCH_UP * track["speed"] * tick_s)
     steps = np.abs(np.diff(fronts, prepend=fronts[0]))
     along = np.cumsum(steps)
-    yaw = _turned(track["yaw"], track["yaw"][0], steps / TIGHTEST_TURN_M)
-    behind = track["z"][0] - length_m * np.sin(track["slope"][0])
     wheelbase = WHEELBASE_SHARE * length_m
-    front_axle, rear_axle = (
-        np.interp(
-            along - (length_m + side * wheelbase) / 2,
-            np.concatenate([[-length_m], along]),
-            np.concatenate([[behind], track["z"]]),
-        )
-        for side in (-1, 1)
+    overhang = (length_m - wheelbase) / 2
+    first_yaw, slope = track["yaw"][0], track["slope"][0]
+    axle = _behind(fronts, along, overhang, fronts[0] - overhang * np.exp(1j * first_yaw))
+    yaw = _drawn(axle, wheelbase, first_yaw)
+    front_z, rear_z = (
+        _behind(track["z"], along, back, track["z"][0] - back * np.sin(slope))
+        for back in (overhang, overhang + wheelbase)
     )
-    climb = np.arcsin(np.clip((front_axle - rear_axle) / wheelbase, -1, 1))
+    climb = np.arcsin(np.clip((front_z - rear_z) / wheelbase, -1, 1))
     states = _states(
         track,
-        fronts - length_m / 2 * np.cos(climb) * np.exp(1j * yaw),
-        z=(front_axle + rear_axle) / 2,
+        axle - wheelbase / 2 * np.cos(climb) * np.exp(1j * yaw),
+        z=(front_z + rear_z) / 2,
         yaw=yaw,
         pitch=-climb,
     )
@@ -103,15 +101,16 @@ def walker_states(
     """
     middles = track["x"] + 1j * track["y"] - length_m / 2 * np.exp(1j * track["yaw"])
     path = _followed(middles, np.full(len(track), CATCH_UP * speed_m_s * tick_s))
-    path = _eased(path)
+    path = _eased(path, STROLL_TICKS)
     z = _eased(track["z"] + kerb(path))
     steps = np.diff(path, prepend=path[0])
     speed = np.abs(steps) / tick_s
     speed[0] = track["speed"][0]
     track = track.copy()
     track["speed"], track["acceleration"] = speed, np.gradient(speed, tick_s)
-    looked = np.where(speed > WALKING_M_S, np.angle(steps), np.nan)
-    yaw = _turned(looked, track["yaw"][0], np.full(len(track), TURN_RATE_RAD_S * tick_s))
+    moves = np.gradient(path, tick_s) if len(path) > 1 else np.zeros(1, complex)
+    looked = np.where(np.abs(moves) > WALKING_M_S, np.angle(moves), np.nan)
+    yaw = _turned(looked, track["yaw"][0], TURN_RATE_RAD_S * tick_s)
     states = _states(track, path, z=z, yaw=yaw, pitch=np.zeros(len(track)))
     states["yaw_rate"], states["travelled"] = _rate(yaw, tick_s), np.cumsum(np.abs(steps))
     return states
@@ -130,22 +129,48 @@ def _followed(
     return np.array(path)
 
 
-def _eased(values: NDArray[Number]) -> NDArray[Number]:
-    """Values (n,), each the mean of those around it."""
-    kernel = np.full(EASING_TICKS, 1 / EASING_TICKS)
-    return np.convolve(np.pad(values, EASING_TICKS // 2, mode="edge"), kernel, mode="valid")
+def _eased(values: NDArray[Number], ticks: int = EASING_TICKS) -> NDArray[Number]:
+    """Values (n,), each the mean of the (odd) `ticks` around it."""
+    kernel = np.full(ticks, 1 / ticks)
+    return np.convolve(np.pad(values, ticks // 2, mode="edge"), kernel, mode="valid")
 
 
-def _turned(
-    wanted: NDArray[np.float64], first: float, reach: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Headings (n,) that turn towards the wanted ones, by `reach` (n,) at most; NaN wants none."""
-    here = first
+def _behind(
+    values: NDArray[Number], along: NDArray[np.float64], back_m: float, before: Number
+) -> NDArray[Number]:
+    """Values (n,) `back_m` further back on the way, whose value was `before` that far before it."""
+    way, known = np.concatenate([[-back_m], along]), np.concatenate([[before], values])
+    return np.asarray(np.interp(along - back_m, way, known), dtype=values.dtype)
+
+
+def _drawn(axle: NDArray[np.complex128], wheelbase_m: float, first: float) -> NDArray[np.float64]:
+    """Headings (n,) of a body whose rear axle is drawn by its front axle (a tractrix)."""
+    rear = complex(axle[0]) - wheelbase_m * np.exp(1j * first)
+    directions: list[complex] = []
+    for front in axle.tolist():
+        pull = front - rear
+        directions.append(pull / abs(pull))
+        rear = front - wheelbase_m * directions[-1]
+    return np.unwrap(np.angle(directions))
+
+
+def _turned(wanted: NDArray[np.float64], first: float, reach: float) -> NDArray[np.float64]:
+    """Headings (n,) that turn towards the wanted ones by `reach` at most; NaN wants none.
+
+    Half of a turn comes before it is called for: one looks where one will go.
+    """
+    known = np.concatenate([[first], wanted[~np.isnan(wanted)]])
+    at = np.cumsum(~np.isnan(wanted))
+    aims = np.unwrap(known)[at]
+    late = _limited(aims, reach)
+    return (late + _limited(aims[::-1], reach)[::-1]) / 2
+
+
+def _limited(aims: NDArray[np.float64], reach: float) -> NDArray[np.float64]:
+    here = float(aims[0])
     headings: list[float] = []
-    for target, most in zip(wanted.tolist(), reach.tolist(), strict=True):
-        if not np.isnan(target):
-            turn = (target - here + np.pi) % (2 * np.pi) - np.pi
-            here += min(max(turn, -most), most)
+    for aim in aims.tolist():
+        here += min(max(aim - here, -reach), reach)
         headings.append(here)
     return np.array(headings)
 
