@@ -4,10 +4,15 @@ from pathlib import Path
 
 import pytest
 from advercity_dsl import Spec
+from hypothesis import settings
 
 from advercity.compiler import compile_library
 
 ROOT = Path(__file__).parent.parent
+
+# How long an example takes says more about the machine than about the result.
+settings.register_profile("untimed", deadline=None)
+settings.load_profile("untimed")
 
 
 @pytest.fixture(scope="session")
