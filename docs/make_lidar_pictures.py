@@ -121,7 +121,8 @@ def main() -> None:
         if weather.id in PICTURED:
             path = folder / f"lidar_{weather.id}.png"
             cv2.imwrite(str(path), from_above(clouds[0])[..., ::-1])
-    (folder.parent / "lidar_by_weather.md").write_text(as_table(rows))
+    page = f"# The LiDAR by weather\n\n{as_table(rows)}"
+    (folder.parent / "lidar_by_weather.md").write_text(page)
     plot(rows).savefig(folder / "lidar_by_weather.png", dpi=90, metadata={"Software": None})
 
 

@@ -9,22 +9,23 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 GUIDES = sorted((ROOT / "docs" / "guides").glob("*.md"))
-BLOCK = re.compile(r"^```(bash|yaml)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+BLOCK = re.compile(r"^```(bash|python|toml|yaml)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 pytestmark = [pytest.mark.render, pytest.mark.sumo]
 
 
 @pytest.mark.parametrize("guide", GUIDES, ids=lambda path: path.stem)
 def test_a_guide_does_what_it_says(guide: Path, tmp_path: Path) -> None:
-    """YAML blocks are written to the file that their first line names, bash blocks are run."""
+    """Blocks are written to the file that their first line names; those in bash are run."""
     shutil.copytree(ROOT / "library", tmp_path / "library")
     scripts = Path(sys.executable).parent
     environment = {**os.environ, "PATH": f"{scripts}{os.pathsep}{os.environ['PATH']}"}
     ran = 0
     for language, text in BLOCK.findall(guide.read_text()):
-        if language == "yaml":
-            name = text.splitlines()[0].removeprefix("# ")
-            (tmp_path / name).write_text(text)
+        if language != "bash":
+            path = tmp_path / text.splitlines()[0].removeprefix("# ")
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text)
             continue
         done = subprocess.run(
             ["bash", "-euo", "pipefail", "-c", text],

@@ -226,7 +226,10 @@ def _dangling(
 def _groups(
     library: Library, suite: Suite, roads: Mapping[str, Road], problems: list[Problem]
 ) -> dict[str, tuple[CrashGroup, ...]]:
-    """The selected typologies that each road is here for; every place and road accounted for."""
+    """The selected typologies that each road is here for.
+
+    A suite of all roads has one for every place called for, and every road is called for.
+    """
     groups: dict[str, list[CrashGroup]] = {name: [] for name in roads}
     for typology in library.of(Typology).values():
         if not is_selected(typology, suite.selection):
@@ -236,7 +239,7 @@ def _groups(
         )
         for cell in required_cells(typology, suite.coverage):
             fitting = [road for road in roads.values() if cell.holds(road)]
-            if not fitting:
+            if not fitting and suite.roads == "all":
                 message = f"'{typology.id}' calls for a place that no road is: {cell}"
                 problems.append(library.problem(suite, "roads", message=message))
             for road in fitting:

@@ -144,7 +144,7 @@ class Suite(Declaration):
     coverage: Coverage = Coverage()
     """Which places those call for."""
     roads: Choice = "all"
-    """Ids, or `all` of the library."""
+    """Ids, or `all` of the library, which then holds a road for every place called for."""
     weathers: Choice = "all"
     """Ids, or `all` of the library."""
     densities: Choice = "all"

@@ -148,6 +148,15 @@ def test_a_suite_keeps_only_what_its_conditions_hold_for(compiled: Compile) -> N
     assert kept("weather.fog.mor_m: {at_least: 10}, road.land_use: rural") == {"fog40", "fog400"}
 
 
+def test_roads_that_are_named_need_not_be_all_that_is_called_for(
+    library: Path, tmp_path: Path
+) -> None:
+    suite = SUITE.replace("one_camera", "adver_city").replace("one_car", "adver_city")
+    (tmp_path / "suite.yaml").write_text(suite + "roads: [ui]\nweathers: [fog_day]\n")
+    specs = compile_library(library, tmp_path, suite="small")
+    assert {spec.road.id for spec in specs} == {"ui"}
+
+
 def test_a_declaration_may_extend_several_that_agree(compiled: Compile) -> None:
     specs = compiled(
         fog=FOG + "title: Fog\nfog: {mor_m: 75, depth_m: 20}\n",

@@ -1,0 +1,102 @@
+"""Writes the reference of the language and of the commands from the models and the command line.
+
+The pages are made whenever the site is built, so they cannot be out of date.
+"""
+
+import inspect
+from collections.abc import Iterator
+from enum import StrEnum
+from pathlib import Path
+from typing import Any, Literal, get_args, get_origin
+
+import typer
+from advercity_dsl import Model
+from pydantic.fields import FieldInfo
+from pydantic_core import PydanticUndefined
+
+from advercity.cli import app
+from advercity.compiler.docstrings import described, models_in
+from advercity.compiler.fields import facts_at
+from advercity.compiler.schema import KINDS
+
+HEAD = "| field | what it says | unit and range | left out |\n|---|---|---|---|"
+
+
+def write_reference(folder: Path) -> None:
+    """Write `<kind>.md` for every kind, and `commands.md`."""
+    folder.mkdir(exist_ok=True)
+    for kind, model in KINDS.items():
+        (folder / f"{kind}.md").write_text(page_of(kind, model))
+    (folder / "commands.md").write_text("\n\n".join(["# Commands", *_commands()]) + "\n")
+
+
+def page_of(kind: str, model: type[Model]) -> str:
+    """A kind and all that it holds, a table each."""
+    parts = [f"# `{kind}`", _section(model)]
+    parts += [f"## {inner.__name__}\n\n{_section(inner)}" for inner in _within(model)]
+    return "\n\n".join(parts) + "\n"
+
+
+def _section(model: type[Model]) -> str:
+    texts = described(model)[model.__name__]
+    rows = [_row(model, name, field, texts) for name, field in model.model_fields.items()]
+    return "\n".join([inspect.cleandoc(model.__doc__ or ""), "", HEAD, *rows])
+
+
+def _row(model: type[Model], name: str, field: FieldInfo, texts: dict[str, str]) -> str:
+    written = field.alias or name
+    inner = [f"[{item.__name__}](#{item.__name__.lower()})" for item in models_in(field.annotation)]
+    text = " ".join(texts.get(written, "What this is." if name == "kind" else "").split())
+    holds = f" {', '.join(dict.fromkeys(inner))}." if inner else ""
+    cells = (f"`{written}`", f"{text}{holds}".strip(), _range(model, name), _default(field))
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+
+def _range(model: type[Model], name: str) -> str:
+    facts = facts_at(model, (name,))
+    if facts is None:
+        return ", ".join(f"`{value}`" for value in _values(model.model_fields[name].annotation))
+    unit = facts.unit.name if facts.unit and facts.unit.name != "1" else ""
+    return facts.range or unit
+
+
+def _values(annotation: Any) -> list[str]:
+    """What may stand there, where only a few words may."""
+    if isinstance(annotation, type) and issubclass(annotation, StrEnum):
+        return [item.value for item in annotation]
+    return list(get_args(annotation)) if get_origin(annotation) is Literal else []
+
+
+def _default(field: FieldInfo) -> str:
+    default: Any = field.get_default(call_default_factory=True)
+    if field.is_required() or default is PydanticUndefined:
+        return "has to be there"
+    if isinstance(default, Model) or default in ((), {}, ""):
+        return ""
+    return f"`{'null' if default is None else str(default).lower()}`"
+
+
+def _within(model: type[Model]) -> Iterator[type[Model]]:
+    """Every model below one, each once."""
+    seen = {model: None}
+    todo = [model]
+    while todo:
+        for field in todo.pop(0).model_fields.values():
+            for inner in models_in(field.annotation):
+                if inner not in seen:
+                    seen[inner] = None
+                    todo.append(inner)
+    yield from list(seen)[1:]
+
+
+def _commands() -> Iterator[str]:
+    command: Any = typer.main.get_command(app)
+    for name, item in sorted(command.commands.items()):
+        context = typer.Context(item, info_name=f"advercity {name}")
+        usage = item.get_usage(context).removeprefix("Usage: ")
+        rows = [
+            f"| `{' '.join(parameter.opts)}` | {getattr(parameter, 'help', None) or ''} |"
+            for parameter in item.params
+        ]
+        table = ["| | |", "|---|---|", *rows] if rows else []
+        yield "\n".join([f"## {name}", "", item.help or "", "", f"    {usage}", "", *table])
