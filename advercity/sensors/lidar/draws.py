@@ -5,9 +5,15 @@ as it was.
 """
 
 from enum import IntEnum
+from functools import lru_cache
+from statistics import NormalDist
 from typing import cast
 
 import numpy as np
+from numpy.typing import NDArray
+
+LEVELS = 1 << 16
+"""Different numbers that come out of `normal` and `uniform`."""
 
 
 class Purpose(IntEnum):
@@ -17,12 +23,15 @@ class Purpose(IntEnum):
     SURFACE_NOISE = 1
     RANGE_NOISE = 2
     DROPOFF = 3
-    SOFT = 4
+    SOFT_POWER = 4
     RAIN = 5
     SNOW = 6
     WINDOW = 7
     SPRAY = 8
     ONWARD_NOISE = 9
+    SOFT_NOISE = 10
+    SOFT_RANGE = 11
+    SOFT_KIND = 12
 
 
 class Draws:
@@ -31,6 +40,31 @@ class Draws:
     def __init__(self, rng: np.random.Generator) -> None:
         self._root = cast("np.random.Philox", rng.bit_generator)
 
+    def normal(self, purpose: Purpose, count: int) -> NDArray[np.float32]:
+        """Standard normal numbers (count,), the first of the purpose's stream."""
+        return normals().take(self._levels(purpose, count))
+
+    def uniform(self, purpose: Purpose, count: int) -> NDArray[np.float32]:
+        """Numbers (count,) between 0 and 1, the first of the purpose's stream."""
+        return (self._levels(purpose, count) + np.float32(0.5)) * np.float32(1.0 / LEVELS)
+
+    def _levels(self, purpose: Purpose, count: int) -> NDArray[np.uint16]:
+        return levels(self.stream(purpose), count)
+
     def stream(self, purpose: Purpose) -> np.random.Generator:
         """The generator for a purpose, always from its beginning."""
         return np.random.Generator(self._root.jumped(purpose + 1))
+
+
+def levels(rng: np.random.Generator, count: int) -> NDArray[np.uint16]:
+    """Whole numbers (count,), 0 to `LEVELS` - 1: a fourth of the draws that floats would need."""
+    return np.frombuffer(rng.bytes(2 * count), np.uint16)
+
+
+@lru_cache(maxsize=1)
+def normals() -> NDArray[np.float32]:
+    """Standard normal number of each level: the middle quantiles, out to 4.3 deviations."""
+    inverse = NormalDist().inv_cdf
+    table = np.array([inverse((level + 0.5) / LEVELS) for level in range(LEVELS)], np.float32)
+    table.flags.writeable = False
+    return table

@@ -6,10 +6,11 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from advercity.sensors.lidar.power import PULSE_LENGTH_M
+from advercity.sensors.lidar.power import PULSE_LENGTH_M, detection_margin
 
 Floats = NDArray[np.floating[Any]]
 Rows = NDArray[np.intp]
+Report = Literal["strongest", "last", "dual"]
 
 _RANGE_UNIT_M = 1.0 / 1024.0
 
@@ -39,6 +40,11 @@ class Echoes:
     def __len__(self) -> int:
         return len(self.beam)
 
+    @property
+    def detected(self) -> NDArray[np.bool_]:
+        """Whether each (k,) passes the receiver's threshold."""
+        return self.noise < detection_margin(self.power)
+
     def rows(self, where: "Rows | NDArray[np.bool_]") -> "Echoes":
         """Those echoes alone."""
         rows = np.flatnonzero(where) if where.dtype == bool else where
@@ -55,6 +61,60 @@ class Echoes:
                 for item in fields(Echoes)
             )
         )
+
+
+def reported(parts: list[Echoes], beams: int, report: Report) -> Echoes:
+    """What the receiver reports of `beams` beams: sorted by beam, and by range where both are.
+
+    Echoes of a beam that overlap are one; of those that pass the threshold it takes what it is
+    set to.
+
+    Args:
+        parts: The echoes of every source, each sorted by beam.
+        beams: How many there are.
+        report: What it is set to.
+    """
+    echoes = Echoes.joined(parts)
+    crowded = np.bincount(echoes.beam, minlength=beams) > 1
+    among = crowded.take(echoes.beam)
+    alone = echoes.rows(np.flatnonzero(~among & echoes.detected))
+    if not crowded.any():
+        return alone if len(parts) == 1 else alone.rows(np.argsort(alone.beam, kind="stable"))
+    several = merged(echoes.rows(among))
+    taken = chosen(several.rows(several.detected), report)
+    found = Echoes.joined([alone, taken])
+    return found.rows(np.argsort(found.beam, kind="stable"))
+
+
+def rivals(
+    one: Echoes, other: Echoes, shared: NDArray[np.bool_], report: Report
+) -> tuple[Echoes, Echoes]:
+    """Those of two sources' echoes that may be reported: nothing else is left out.
+
+    A beam's two echoes that do not overlap are told apart at once, which spares most beams of
+    thick air the sorting.
+
+    Args:
+        one: One echo a beam, in the order of the beams; of no power if there is none.
+        other: The same of another source.
+        shared: (beams,) whether a beam may have more echoes than these two.
+        report: What the receiver is set to.
+    """
+    met, also = one.detected, other.detected
+    apart = np.abs(one.range_m - other.range_m) >= PULSE_LENGTH_M
+    told = (apart | (one.power == 0.0) | (other.power == 0.0)) & ~shared
+    if report == "strongest":
+        first = one.power >= other.power
+    elif report == "last":
+        first = one.range_m >= other.range_m
+    else:
+        first = None
+    keep = met if first is None else met & (first | ~also)
+    keep_other = also if first is None else also & ~(first & met)
+    return (
+        one.rows(np.where(told, keep, one.power > 0.0)),
+        other.rows(np.where(told, keep_other, other.power > 0.0)),
+    )
 
 
 def merged(echoes: Echoes) -> Echoes:
@@ -81,7 +141,7 @@ def merged(echoes: Echoes) -> Echoes:
     return one
 
 
-def chosen(echoes: Echoes, report: Literal["strongest", "last", "dual"]) -> Echoes:
+def chosen(echoes: Echoes, report: Report) -> Echoes:
     """The echoes that are reported of those of each beam, sorted by beam and range.
 
     Where the strongest is the last, dual adds the second strongest.

@@ -24,7 +24,7 @@ FLUCTUATION = 0.3
 REACH_M = 60.0
 STEP_M = 0.02
 CUTS = 256
-QUANTILES = 8192
+QUANTILES = 1 << 16
 NEAR_PEAK = 0.95
 """Of the peak: an echo that only noise lifts over the threshold comes from there."""
 
@@ -88,19 +88,17 @@ class SoftTarget:
             uniform: (n,) random numbers from 0 to 1.
         """
         power = gain * np.float32(self.peak)
-        cut = np.full_like(power, NEAR_PEAK)
-        np.divide(1.0, power, out=cut, where=power > 1.0 / NEAR_PEAK)
+        with np.errstate(divide="ignore"):
+            cut = np.minimum(np.float32(1.0) / power, np.float32(NEAR_PEAK))
         level = (cut * CUTS).astype(np.int32)
         first, last = self._mass_from.take(level), self._mass_to.take(level)
         room = np.minimum(end_m, REACH_M) - np.float32(PULSE_LENGTH_M + NEAREST_M)
         cell = (np.maximum(room, 0.0) * (1.0 / STEP_M)).astype(np.int32)
         last = np.minimum(last, self._mass.take(cell, mode="clip"))
-        at = (first + uniform * np.maximum(last - first, 0.0)) * (QUANTILES - 1)
-        below = at.astype(np.int32)
-        low = self._range_of_mass.take(below)
-        high = self._range_of_mass.take(below + 1, mode="clip")
-        power[last <= first] = 0.0
-        return low + (at - below) * (high - low), power
+        width = np.maximum(last - first, 0.0)
+        at = (first + uniform * width) * np.float32(QUANTILES - 1)
+        power *= width > 0.0
+        return self._range_of_mass.take((at + np.float32(0.5)).astype(np.int32)), power
 
 
 def pulse_profile(range_m: Array, backscatter: float, extinction: float) -> Array:

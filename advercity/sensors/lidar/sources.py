@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -20,12 +21,12 @@ from advercity.sensors.lidar.beams import (
     weights,
 )
 from advercity.sensors.lidar.cloud import PointKind
-from advercity.sensors.lidar.draws import Draws, Purpose
+from advercity.sensors.lidar.draws import Draws, Purpose, levels, normals
 from advercity.sensors.lidar.echoes import Echoes
 from advercity.sensors.lidar.particles import ParticleTable
 from advercity.sensors.lidar.power import PULSE_LENGTH_M, echo
 from advercity.sensors.lidar.scanning import Scan
-from advercity.sensors.lidar.soft import FLUCTUATION, LIDAR_RATIO_SR, NEAREST_M, SoftTarget
+from advercity.sensors.lidar.soft import FLUCTUATION, LIDAR_RATIO_SR, NEAREST_M
 from advercity.sensors.lidar.spray import Passage
 from advercity.sensors.lidar.surfaces import reflected_share
 from advercity.sensors.lidar.window import Window
@@ -74,27 +75,45 @@ class Sources:
         self._plumes = self._plumes_of(states)
         self._spray_left = self._left_by_spray()
 
-    def echoes(self) -> Iterator[Echoes]:
-        """The echoes of every source."""
-        yield self._surfaces()
+    def surfaces(self) -> Echoes:
+        """What rays met first: one echo a ray, in their order; of no power if there is none."""
+        hits = self._scan.hits
+        share = self._reflected(hits)
+        share[self._scan.puddled] = 0.0
+        return self._hard(hits, share, None, self._noise(Purpose.SURFACE_NOISE, len(share)))
+
+    def air_itself(self) -> Echoes | None:
+        """Fog and dust: one echo a beam, in their order; None where the air is clear.
+
+        The droplets of each beam are a little more or fewer than the mean.
+        """
+        soft, lidar, count = self._air.soft, self._lidar, self._count
+        if soft is None or lidar.soft_gain <= 0.0:
+            return None
+        gain = np.full(count, lidar.soft_gain / self._threshold, np.float32)
+        if lidar.detection == "noisy":
+            gain *= _fluctuations().take(levels(self._draws.stream(Purpose.SOFT_POWER), count))
+        self._dim(gain, None)
+        uniform = self._draws.uniform(Purpose.SOFT_RANGE, count)
+        range_m, power = soft.draw(gain, self._stop_m, uniform)
+        power *= power > FAINTEST / lidar.sub_rays
+        kind = np.full(count, PointKind.FOG, np.uint8)
+        if soft.dust_share:
+            dusty = self._draws.uniform(Purpose.SOFT_KIND, count) < soft.dust_share
+            kind[dusty] = PointKind.DUST
+        beam = np.arange(count, dtype=np.int32)
+        noise = self._noise(Purpose.SOFT_NOISE, count)
+        return _of_air(beam, range_m, power, noise, kind)
+
+    def others(self) -> Iterator[Echoes]:
+        """The echoes of everything else, source by source, each sorted by beam."""
         yield from self._onward()
-        if self._air.soft is not None and self._lidar.soft_gain > 0.0:
-            yield self._soft(self._air.soft)
         for table in self._air.particles:
             yield self._particles(table)
         if self._plumes and self._lidar.soft_gain > 0.0:
             rng = self._draws.stream(Purpose.SPRAY)
             for plume in self._plumes:
                 yield self._spray(plume, rng)
-
-    def _surfaces(self) -> Echoes:
-        hits = self._scan.hits
-        noise = self._draws.stream(Purpose.SURFACE_NOISE).standard_normal(
-            len(hits.range_m), np.float32
-        )
-        share = self._reflected(hits)
-        share[self._scan.puddled] = 0.0
-        return self._hard(hits, share, None, noise, PointKind.SURFACE)
 
     def _onward(self) -> Iterator[Echoes]:
         """What is behind windows or mirrored in puddles, last because weather decides on it."""
@@ -104,31 +123,16 @@ class Sources:
         rng = self._draws.stream(Purpose.ONWARD_NOISE)
         for one, kind in onward:
             share = self._reflected(one.hits) * one.passed
-            noise = rng.standard_normal(len(one.ray), np.float32)
-            yield self._hard(one.hits, share, one.ray, noise, kind)
-
-    def _soft(self, soft: SoftTarget) -> Echoes:
-        """Fog and dust; the droplets of each beam are a little more or fewer than the mean."""
-        rng = self._draws.stream(Purpose.SOFT)
-        normal = rng.standard_normal((2, self._count), np.float32)
-        uniform = rng.random(self._count, np.float32)
-        gain = np.full(self._count, self._lidar.soft_gain / self._threshold, np.float32)
-        if self._lidar.detection == "noisy":
-            gain *= np.exp(np.float32(FLUCTUATION) * normal[0])
-        self._dim(gain, None)
-        range_m, power = soft.draw(gain, self._stop_m, uniform)
-        kind = np.full(self._count, PointKind.FOG, np.uint8)
-        if soft.dust_share:
-            kind[rng.random(self._count, np.float32) < soft.dust_share] = PointKind.DUST
-        beam = np.arange(self._count, dtype=np.int32)
-        return self._airborne(beam, range_m, power, normal[1], kind)
+            noise = self._noise_of(rng, len(one.ray))
+            echoes = self._hard(one.hits, share, one.ray, noise, kind)
+            yield echoes.rows(echoes.power > 0.0)
 
     def _particles(self, table: ParticleTable) -> Echoes:
         """Drops or flakes in front of whatever stops the beam."""
         kind = table.sizes.kind
         rng = self._draws.stream(Purpose.RAIN if kind == PointKind.RAIN else Purpose.SNOW)
         beam, range_m, power = table.draw(self._count, rng)
-        noise = rng.standard_normal(len(beam), np.float32)
+        noise = self._noise_of(rng, len(beam))
         power *= (range_m < self._stop_m[beam]) / np.float32(self._threshold)
         self._dim(power, beam)
         return self._airborne(beam, range_m, power, noise, np.full(len(beam), kind, np.uint8))
@@ -136,17 +140,29 @@ class Sources:
     def _spray(self, plume: Passage, rng: np.random.Generator) -> Echoes:
         """One vehicle's plume, seen from its near side."""
         beam = plume.beam.astype(np.int32)
-        normal = rng.standard_normal((2, len(beam)), np.float32)
+        fluctuation = _fluctuations().take(levels(rng, len(beam)))
+        noise = self._noise_of(rng, len(beam))
         deep_m = rng.random(len(beam), np.float32) * np.minimum(plume.through_m, SPRAY_DEPTH_M)
         range_m = np.maximum(plume.enter_m + deep_m, np.float32(NEAREST_M))
         depth_m = np.minimum(plume.through_m, np.float32(PULSE_LENGTH_M))
         share = plume.extinction * depth_m * np.float32(math.pi / LIDAR_RATIO_SR["spray"])
         power = echo(range_m, share, self._air.extinction) * (range_m < self._stop_m[beam])
-        power *= np.exp(np.float32(FLUCTUATION) * normal[0])
+        power *= fluctuation
         power *= np.float32(self._lidar.soft_gain / self._threshold)
         self._dim(power, beam)
         kind = np.full(len(beam), PointKind.SPRAY, np.uint8)
-        return self._airborne(beam, range_m, power, normal[1], kind)
+        return self._airborne(beam, range_m, power, noise, kind)
+
+    def _noise(self, purpose: Purpose, count: int) -> Floats:
+        """Of the receiver when each echo arrives; none if its threshold is a step."""
+        if self._lidar.detection == "step":
+            return np.zeros(count, np.float32)
+        return self._draws.normal(purpose, count)
+
+    def _noise_of(self, rng: np.random.Generator, count: int) -> Floats:
+        """The same, out of a stream that goes on."""
+        drawn = levels(rng, count)
+        return normals().take(drawn) * np.float32(self._lidar.detection == "noisy")
 
     def _reflected(self, hits: Hits) -> Floats:
         air = self._air
@@ -155,29 +171,35 @@ class Sources:
         )
 
     def _hard(
-        self, hits: Hits, share: Floats, ray: Rows | None, noise: Floats, kind: PointKind
+        self,
+        hits: Hits,
+        share: Floats,
+        ray: Rows | None,
+        noise: Floats,
+        kind: PointKind = PointKind.SURFACE,
     ) -> Echoes:
-        """Echoes of surfaces that rays met, those too faint left out; `ray` None if all rays."""
-        sub_rays = self._lidar.sub_rays
+        """Echoes of surfaces that rays met, one a ray; `ray` None if all rays."""
+        sub_rays, count = self._lidar.sub_rays, len(share)
+        rays = np.arange(count, dtype=np.int32) if ray is None else ray.astype(np.int32)
+        beam = rays // np.int32(sub_rays) if sub_rays > 1 else rays
         if sub_rays > 1:
-            share = share * weights(self._lidar)[_all_or(ray, len(share)) % sub_rays]
+            share = share * weights(self._lidar)[rays % sub_rays]
         finite_m = np.minimum(hits.range_m, np.float32(self._lidar.range_m))
         power = echo(finite_m, share * np.float32(1.0 / self._threshold), self._air.extinction)
-        strong = np.flatnonzero((power > FAINTEST / sub_rays) & np.isfinite(hits.range_m))
-        rays = strong if ray is None else ray[strong]
-        beam = (rays // sub_rays if sub_rays > 1 else rays).astype(np.int32)
-        power = power[strong]
-        self._dim(power, beam)
+        # A threshold below what noise can lift; what met nothing reflects nothing.
+        power *= power > FAINTEST / sub_rays
+        everywhere = sub_rays == 1 and ray is None
+        self._dim(power, None if everywhere else beam)
         if self._spray_left is not None:
-            power *= self._spray_left[beam]
+            power *= self._spray_left if everywhere else self._spray_left.take(beam)
         return Echoes(
             beam=beam,
-            range_m=hits.range_m[strong],
+            range_m=hits.range_m,
             power=power,
-            noise=noise[strong],
-            kind=np.full(len(strong), kind, np.uint8),
-            semantic=hits.semantic[strong],
-            instance=hits.instance[strong],
+            noise=noise,
+            kind=np.full(count, kind, np.uint8),
+            semantic=hits.semantic,
+            instance=hits.instance,
         )
 
     def _airborne(
@@ -189,16 +211,8 @@ class Sources:
         kind: NDArray[np.uint8],
     ) -> Echoes:
         """Echoes out of the air, those too faint left out."""
-        strong = np.flatnonzero(power > FAINTEST / self._lidar.sub_rays)
-        return Echoes(
-            beam=beam[strong],
-            range_m=range_m[strong],
-            power=power[strong],
-            noise=noise[strong],
-            kind=kind[strong],
-            semantic=np.full(len(strong), Semantic.UNLABELED, np.uint8),
-            instance=np.zeros(len(strong), np.int32),
-        )
+        strong = power > FAINTEST / self._lidar.sub_rays
+        return _of_air(beam, range_m, power, noise, kind).rows(strong)
 
     def _dim(self, power: Floats, beam: NDArray[np.int32] | None) -> None:
         """What the window takes; `beam` None if there is one power a beam."""
@@ -234,5 +248,26 @@ def noise_of(lidar: Lidar, air: LidarAir) -> float:
     return air.noise if lidar.sunlight_noise else 1.0
 
 
-def _all_or(ray: Rows | None, count: int) -> Rows:
-    return np.arange(count) if ray is None else ray
+def _of_air(
+    beam: NDArray[np.int32],
+    range_m: Floats,
+    power: Floats,
+    noise: Floats,
+    kind: NDArray[np.uint8],
+) -> Echoes:
+    """Echoes that no surface sends."""
+    return Echoes(
+        beam=beam,
+        range_m=range_m,
+        power=power,
+        noise=noise,
+        kind=kind,
+        semantic=np.full(len(beam), Semantic.UNLABELED, np.uint8),
+        instance=np.zeros(len(beam), np.int32),
+    )
+
+
+@lru_cache(maxsize=1)
+def _fluctuations() -> NDArray[np.float32]:
+    """Factor on an echo of the air by the level of a draw: log-normal."""
+    return np.exp(np.float32(FLUCTUATION) * normals())

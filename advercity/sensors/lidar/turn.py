@@ -11,10 +11,9 @@ from advercity.sensors.lidar.air import LidarAir
 from advercity.sensors.lidar.beams import beams
 from advercity.sensors.lidar.cloud import PointCloud
 from advercity.sensors.lidar.draws import Draws, Purpose
-from advercity.sensors.lidar.echoes import Echoes, chosen, merged
+from advercity.sensors.lidar.echoes import Echoes, reported, rivals
 from advercity.sensors.lidar.power import (
     apparent_reflectance,
-    detection_margin,
     range_deviation_m,
 )
 from advercity.sensors.lidar.scanning import Scan, turn_shares
@@ -54,15 +53,8 @@ def sweep(
     window = Window.of(lidar, air.window_coverage)
     sources = Sources(lidar, scan, air, draws, window=window, states=states)
     fired = _fired(lidar, scan, air, draws, window)
-    parts = list(sources.echoes())
-    echoes = Echoes.joined(parts)
-    if fired is not None:
-        echoes = echoes.rows(fired[echoes.beam])
-    if lidar.sub_rays > 1 or len(parts) > 1:
-        echoes = merged(echoes)
-    return _cloud(
-        lidar, scan, air, draws, chosen(echoes.rows(_detected(lidar, echoes)), lidar.echoes)
-    )
+    found = reported(_parts(lidar, sources, fired), lidar.azimuths * lidar.channels, lidar.echoes)
+    return _cloud(lidar, scan, air, draws, found)
 
 
 def keep_share(lidar: Lidar, range_m: Floats) -> Floats:
@@ -81,7 +73,7 @@ def _fired(
     """Beams (n,) that leave the sensor and are not blinded; None if all do."""
     fired: NDArray[np.bool_] | None = None
     if lidar.dropoff_rate:
-        uniform = draws.stream(Purpose.FIRED).random(len(beams(lidar)), np.float32)
+        uniform = draws.uniform(Purpose.FIRED, lidar.azimuths * lidar.channels)
         fired = uniform >= lidar.dropoff_rate
     if window is not None:
         clear = window.clear(draws.stream(Purpose.WINDOW).random(SECTORS, np.float32))
@@ -93,28 +85,40 @@ def _fired(
     return fired
 
 
-def _detected(lidar: Lidar, echoes: Echoes) -> NDArray[np.bool_]:
-    """Whether each echo passes the receiver's threshold."""
-    if lidar.detection == "step":
-        return echoes.power >= 1.0
-    return echoes.noise < detection_margin(echoes.power)
+def _parts(lidar: Lidar, sources: Sources, fired: NDArray[np.bool_] | None) -> list[Echoes]:
+    """The echoes of every source that may be reported, of beams that were fired."""
+    surfaces, soft, others = sources.surfaces(), sources.air_itself(), list(sources.others())
+    if fired is not None:
+        surfaces.power[:] *= np.repeat(fired, lidar.sub_rays)
+        others = [echoes.rows(fired.take(echoes.beam)) for echoes in others]
+    if soft is None:
+        return [surfaces.rows(surfaces.power > 0.0), *others]
+    if fired is not None:
+        soft.power[:] *= fired
+    if lidar.sub_rays > 1:
+        return [surfaces.rows(surfaces.power > 0.0), soft.rows(soft.power > 0.0), *others]
+    shared = np.zeros(len(soft), np.bool_)
+    for echoes in others:
+        shared[echoes.beam] = True
+    return [*rivals(surfaces, soft, shared, lidar.echoes), *others]
 
 
 def _cloud(lidar: Lidar, scan: Scan, air: LidarAir, draws: Draws, found: Echoes) -> PointCloud:
     """The points of reported echoes."""
     range_m = _measured_range_m(lidar, draws, found)
     if lidar.dropoff_zero_intensity:
-        uniform = draws.stream(Purpose.DROPOFF).random(len(beams(lidar)), np.float32)
-        kept = np.flatnonzero(uniform[found.beam] < keep_share(lidar, range_m))
+        uniform = draws.uniform(Purpose.DROPOFF, lidar.azimuths * lidar.channels)
+        kept = np.flatnonzero(uniform.take(found.beam) < keep_share(lidar, range_m))
         found, range_m = found.rows(kept), range_m[kept]
-    raw = (beams(lidar)[found.beam] * range_m[:, None]).astype(np.float32, copy=False)
+    azimuth = found.beam // np.int32(lidar.channels)
+    raw = beams(lidar).take(found.beam, axis=0) * range_m[:, None]
     intensity = apparent_reflectance(found.power * np.float32(noise_of(lidar, air)), found.range_m)
-    points, time_s = _compensated(lidar, scan, raw, found.beam // lidar.channels)
+    points, time_s = _compensated(lidar, scan, raw, azimuth)
     return PointCloud(
         points=points,
         raw=raw,
         intensity=np.minimum(intensity, 1.0).astype(np.float32),
-        ring=(found.beam % lidar.channels).astype(np.uint16),
+        ring=(found.beam - azimuth * np.int32(lidar.channels)).astype(np.uint16),
         time_s=time_s,
         range_m=range_m.astype(np.float32, copy=False),
         semantic=found.semantic,
@@ -126,13 +130,13 @@ def _cloud(lidar: Lidar, scan: Scan, air: LidarAir, draws: Draws, found: Echoes)
 def _measured_range_m(lidar: Lidar, draws: Draws, found: Echoes) -> Floats:
     if lidar.range_noise_model == "fixed" and not lidar.range_noise_m:
         return found.range_m
-    error = draws.stream(Purpose.RANGE_NOISE).standard_normal(len(beams(lidar)), np.float32)
+    error = draws.normal(Purpose.RANGE_NOISE, lidar.azimuths * lidar.channels)
     deviation_m = np.float32(lidar.range_noise_m)
     if lidar.range_noise_model == "signal":
-        return found.range_m + error[found.beam] * range_deviation_m(
+        return found.range_m + error.take(found.beam) * range_deviation_m(
             found.power, lidar.range_noise_m
         )
-    return found.range_m + error[found.beam] * deviation_m
+    return found.range_m + error.take(found.beam) * deviation_m
 
 
 def _compensated(
