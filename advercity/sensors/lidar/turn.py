@@ -111,7 +111,7 @@ def _cloud(lidar: Lidar, scan: Scan, air: LidarAir, draws: Draws, found: Echoes)
         kept = np.flatnonzero(uniform.take(found.beam) < keep_share(lidar, range_m))
         found, range_m = found.rows(kept), range_m[kept]
     azimuth = found.beam // np.int32(lidar.channels)
-    raw = beams(lidar).take(found.beam, axis=0) * range_m[:, None]
+    raw = (beams(lidar).take(found.beam, axis=0) * range_m[:, None]).astype(np.float32, copy=False)
     intensity = apparent_reflectance(found.power * np.float32(noise_of(lidar, air)), found.range_m)
     points, time_s = _compensated(lidar, scan, raw, azimuth)
     return PointCloud(
