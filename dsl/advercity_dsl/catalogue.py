@@ -1,5 +1,6 @@
 """The catalogue of bodies that traffic is drawn from: what each is, how big, and how it looks."""
 
+from functools import cache
 from pathlib import PurePosixPath
 from typing import Annotated, Any, Literal, Self
 
@@ -63,13 +64,23 @@ class Terse(Model):
 
     @model_serializer(mode="wrap")
     def _without_defaults(self, serialise: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        fields = type(self).model_fields
+        defaults = _defaults(type(self))
         return {
             name: value
             for name, value in serialise(self).items()
-            if fields[name].is_required()
-            or getattr(self, name) != fields[name].get_default(call_default_factory=True)
+            if name not in defaults or getattr(self, name) != defaults[name]
         }
+
+
+@cache
+def _defaults(model: type[Model]) -> dict[str, Any]:
+    """What goes without saying, by field."""
+    fields = model.model_fields.items()
+    return {
+        name: field.get_default(call_default_factory=True)
+        for name, field in fields
+        if not field.is_required()
+    }
 
 
 class LampPlaces(Terse):
