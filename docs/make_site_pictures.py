@@ -22,8 +22,7 @@ from advercity.rendering.backend import CameraView, Profile
 from advercity.rendering.registry import load_backend
 from advercity.runner.stage import set_stage, world_of
 from advercity.runner.viewpoints import Viewpoints
-from advercity.sensors.camera import expose
-from advercity.sensors.sun import with_sun
+from advercity.sensors.camera import CameraAir, Shot, photograph
 from advercity.weather.derivation import atmosphere_of
 
 ROOT = Path(__file__).parents[1]
@@ -54,6 +53,7 @@ def pictures(spec: Spec, index: int) -> Iterator[tuple[str, NDArray[np.uint8]]]:
     viewpoints = Viewpoints(spec, stage.trace)
     frame = viewpoints.frame(index)
     atmosphere = atmosphere_of(spec.weather, spec.road.land_use)
+    air = CameraAir.of(spec.weather, atmosphere, spec.seeds.sensors, spec.id)
     profile = Profile("pictures", 1.0, "raster")
     world = world_of(spec, stage.network)
     with load_backend("sapien").open(world, atmosphere, profile) as renderer:
@@ -67,8 +67,9 @@ def pictures(spec: Spec, index: int) -> Iterator[tuple[str, NDArray[np.uint8]]]:
                 math.radians(camera.horizontal_fov_deg),
                 hide=hide,
             )
-            capture = with_sun(renderer.camera(view), view, atmosphere)
-            image = expose(capture, camera, viewpoints.rng("picture", spec.agents[0], frame))
+            shot = Shot(view, camera, frame, velocity=np.zeros(3))
+            rng = viewpoints.rng("picture", spec.agents[0], frame)
+            image = photograph(renderer.camera(view), shot, air, rng, mount=camera.mounts[0])
             size = (WIDTH_PX, HEIGHT_PX)
             yield name, cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
 

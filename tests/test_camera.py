@@ -12,8 +12,8 @@ from advercity.poses import pose
 from advercity.randomness import generator
 from advercity.rendering.backend import CameraCapture, CameraView
 from advercity.sensors.camera import Setting, digitise, expose, meter
-from advercity.sensors.stray_light import scattered
-from advercity.sensors.sun import with_sun
+from advercity.sensors.camera.stray_light import scattered
+from advercity.sensors.camera.sun import with_sun
 from advercity.weather.atmosphere import Atmosphere
 from advercity.weather.derivation import atmosphere_of
 
@@ -25,7 +25,13 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
 def camera(*, noise: bool = False, **exposure: Any) -> Camera:
-    return Camera(mounts=(Mount(),), noise=noise, exposure=Exposure(**exposure))
+    return Camera(
+        width_px=WIDTH,
+        height_px=HEIGHT,
+        mounts=(Mount(),),
+        noise=noise,
+        exposure=Exposure(**exposure),
+    )
 
 
 def grey(luminance: float) -> Array:
@@ -44,7 +50,7 @@ def capture(radiance: Array, depth: float = 10.0) -> CameraCapture:
 
 
 def picture(radiance: Array, taken_by: Camera, *key: int) -> NDArray[np.uint8]:
-    return expose(capture(radiance), taken_by, generator("test", *key))
+    return expose(radiance, taken_by, generator("test", *key))
 
 
 @pytest.mark.parametrize(("compensation_ev", "value"), [(0.79, 118), (0.0, 91)])

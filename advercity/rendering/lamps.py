@@ -6,6 +6,7 @@ from enum import IntEnum
 
 import numpy as np
 from advercity_dsl import ActorClass
+from numpy.typing import NDArray
 
 from advercity.poses import transform
 from advercity.traffic.trace import ActorState, Frame, Lamp, Signal
@@ -94,3 +95,33 @@ def _vehicle(state: ActorState) -> Iterator[LitLamp]:
 def signal_lens(signal: Signal) -> tuple[float, float, float]:
     """Where the lens of a signal is in the frame of its `SignalLamp`, metres."""
     return LENS_AHEAD_M, 0.0, LENS_SPACING_M * (Signal.YELLOW - signal)
+
+
+def beam_share(facing: NDArray[np.float64], rays: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Of its peak, what a dipped beam for right-hand traffic sends along unit rays (n, 3).
+
+    The cut-off line is level to the left and rises by 15 degrees to the right.
+
+    Args:
+        facing: (3,) unit, along the beam's axis.
+        rays: (n, 3) unit, away from the lamp.
+    """
+    right = np.array([facing[1], -facing[0], 0.0])
+    right /= np.linalg.norm(right)
+    forward = rays @ facing
+    h = np.degrees(np.arctan2(rays @ right, forward))
+    v = np.degrees(np.arcsin(np.clip(rays @ np.cross(right, facing), -1.0, 1.0)))
+    over = v + 0.57 - np.clip(0.27 * h, 0.0, 2.07)
+    share = 0.018 + 0.982 / (1.0 + np.exp(np.minimum(over / 0.12, 80.0)))
+    share *= np.where(over < 0.0, np.exp(-(((over + 1.0) / 3.5) ** 2)), 1.0)
+    share *= np.where(v > 0.0, np.exp(-((v / 15.0) ** 2)), 1.0)
+    return np.where(forward > 0.0, share * np.exp(-(((h - 1.0) / 12.0) ** 2) / 2.0), 0.0)
+
+
+def intensity_towards(lamp: LitLamp, rays: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Luminous intensity (n,) in cd of a lamp along unit rays (n, 3) away from it."""
+    facing = np.asarray(lamp.facing, np.float64)
+    if lamp.kind is Kind.LOW_BEAM:
+        return lamp.intensity_cd * beam_share(facing, rays)
+    cosine = np.maximum(rays @ facing, 0.0)
+    return lamp.intensity_cd * (cosine**4 if lamp.kind is Kind.LENS else cosine)

@@ -1,7 +1,7 @@
 """What cameras and LiDARs see in a frame; frames may be asked for in any order."""
 
 import math
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 
 from advercity_dsl import Agent, RoadsideUnit
@@ -12,15 +12,15 @@ from advercity.dataset.sightings import Sighting, points_of_bodies, sightings
 from advercity.poses import Matrix
 from advercity.rendering.backend import Backend, CameraCapture, CameraView, Profile, Renderer
 from advercity.rendering.casting import Caster
+from advercity.rendering.lamps import LitLamp, lit_lamps
 from advercity.runner.stage import Stage, world_of
 from advercity.runner.viewpoints import Viewpoints
-from advercity.sensors.camera import expose
+from advercity.sensors.camera import CameraAir, Shot, photograph
 from advercity.sensors.lidar import Scan, air_of, shoot, sweep, visible_counts
-from advercity.sensors.sun import with_sun
 from advercity.traffic.trace import Frame
 from advercity.weather.atmosphere import Atmosphere
 from advercity.weather.derivation import atmosphere_of
-from advercity.world.scene import Body
+from advercity.world.scene import World
 
 
 @contextmanager
@@ -32,7 +32,7 @@ def senses(
     world = world_of(spec, stage.network)
     atmosphere = atmosphere_of(spec.weather, spec.road.land_use)
     with backend.open(world, atmosphere, profile) as renderer:
-        yield Senses(viewpoints, atmosphere, profile, renderer, Caster(world), world.bodies)
+        yield Senses(viewpoints, atmosphere, profile, renderer, Caster(world), world)
 
 
 class Senses:
@@ -45,20 +45,25 @@ class Senses:
         profile: Profile,
         renderer: Renderer,
         caster: Caster,
-        bodies: Mapping[str, Body],
+        world: World,
     ) -> None:
         self._viewpoints = viewpoints
-        self._atmosphere = atmosphere
-        self._air = air_of(viewpoints.spec.weather, atmosphere)
+        spec = viewpoints.spec
+        self._world = world
+        self._air = air_of(spec.weather, atmosphere)
+        self._camera_air = CameraAir.of(spec.weather, atmosphere, spec.seeds.sensors, spec.id)
+        self._lamps: tuple[LitLamp, ...] = ()
         self._profile = profile
         self._renderer = renderer
         self._caster = caster
-        self._points_of = points_of_bodies(bodies)
+        self._points_of = points_of_bodies(world.bodies)
 
     def read(self, index: int) -> tuple[Reading, ...]:
         """The readings of every viewpoint in kept frame `index`, in the spec's order."""
         frame = self._viewpoints.frame(index)
         self._renderer.place(frame)
+        is_night = self._camera_air.atmosphere.night
+        self._lamps = tuple(lit_lamps(self._world, frame)) if is_night else ()
         return tuple(self._reading(agent, frame) for agent in self._viewpoints.spec.agents)
 
     def _reading(self, agent: Agent, frame: Frame) -> Reading:
@@ -87,12 +92,14 @@ class Senses:
 
     def _pictures(self, agent: Agent, frame: Frame) -> Iterator[Picture]:
         camera = agent.sensors.camera
-        stray_light = self._viewpoints.spec.weather.lens.stray_light
-        for index, pose in enumerate(self._viewpoints.camera_poses(agent, frame.index)):
+        velocity = self._viewpoints.velocity(agent, frame)
+        poses = self._viewpoints.camera_poses(agent, frame.index)
+        for index, (mount, pose) in enumerate(zip(camera.mounts, poses, strict=True)):
             view = self._view(agent, pose)
-            capture = with_sun(self._renderer.camera(view), view, self._atmosphere)
+            capture = self._renderer.camera(view)
+            shot = Shot(view, camera, frame, velocity, self._lamps)
             rng = self._viewpoints.rng("camera", agent, frame, index)
-            image = expose(capture, camera, rng, stray_light=stray_light)
+            image = photograph(capture, shot, self._camera_air, rng, mount=mount, carrier=agent.id)
             yield Picture(
                 world_from_camera=pose,
                 image=image,

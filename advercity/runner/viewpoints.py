@@ -7,6 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 from advercity_dsl import Agent, Mount, RoadsideUnit, Spec
+from numpy.typing import NDArray
 
 from advercity import poses
 from advercity.dataset.reading import Picture, Reading
@@ -21,6 +22,8 @@ from advercity.sensors.lidar import PointCloud
 from advercity.traffic.lamps import lit
 from advercity.traffic.plans import planned
 from advercity.traffic.trace import ActorState, Frame, Trace
+
+Vector = NDArray[np.float64]
 
 
 class Viewpoints:
@@ -95,6 +98,13 @@ class Viewpoints:
         if isinstance(agent.place, RoadsideUnit):
             return poses.pose(agent.place.position_m) @ mount
         return self._vehicle_pose(agent, frame) @ mount
+
+    def velocity(self, agent: Agent, frame: Frame) -> Vector:
+        """Velocity (3,) of an agent in the world in m/s; a roadside unit stands."""
+        if isinstance(agent.place, RoadsideUnit):
+            return np.zeros(3)
+        state = frame.of(agent.number)
+        return state.speed_m_s * state.world_from_body[:3, 0]
 
     def before(self, frame: Frame) -> Frame:
         """The frame one tick earlier; nothing is known before the first, so all goes on evenly."""

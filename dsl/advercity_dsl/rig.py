@@ -67,6 +67,10 @@ class Camera(Model):
     """How it gathers light."""
     noise: Flag = True
     """Whether photons and electronics make noise."""
+    vignetting: Annotated[Number, Field(ge=0, le=8)] = 1
+    """Power of the cosine by which pictures darken off the axis: 4 a plain lens, 0 not at all."""
+    flare: Annotated[Number, Field(ge=0, le=10)] = 1
+    """Brightness of ghosts of sun and lamps against those of a coated lens; 0 is none."""
     mounts: Annotated[tuple[Mount, ...], Field(min_length=1, max_length=8)]
     """One per camera of this kind."""
 

@@ -1,20 +1,15 @@
-"""From radiance to picture: lens, exposure, noise of light and electronics, tone.
+"""From light on the sensor to picture: exposure, white balance, noise, tone.
 
 The chain is EMVA 1288's linear camera with the exposure arithmetic of ISO 12232.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from advercity_dsl import Camera, Exposure
 from numpy.typing import NDArray
 
-from advercity.rendering.backend import CameraCapture
-from advercity.sensors.stray_light import scattered
-
-CLEAN_LENS = 0.02
-"""Share of the light that a clean lens scatters."""
 FULL_WELL_E = 10_000.0
 """Electrons of a full pixel at ISO 100."""
 READ_NOISE_E = 3.0
@@ -28,6 +23,7 @@ AUTO_EV100 = (2.0, 15.5)
 """What automatic exposure stays within."""
 METERED_FROM_ROW = 1 / 3
 METERED_PERCENTILE = 98.0
+NEUTRAL = np.ones(3)
 _DARKEST_CD_M2 = 1e-5
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
@@ -38,6 +34,8 @@ class Setting:
 
     ev100: float
     iso: float
+    binned: float = 1.0
+    """Pixels of the sensor that make one of the picture."""
 
     @property
     def saturation_cd_m2(self) -> float:
@@ -46,32 +44,36 @@ class Setting:
 
     @property
     def full_well_e(self) -> float:
-        """Electrons at full scale: gain leaves room for fewer."""
-        return FULL_WELL_E * 100.0 / self.iso
+        """Electrons of a full pixel: gain leaves room for fewer, a larger pixel for more."""
+        return FULL_WELL_E * self.binned * 100.0 / self.iso
+
+    @property
+    def read_noise_e(self) -> float:
+        """Of all the sensor's pixels that make one of the picture."""
+        return READ_NOISE_E * math.sqrt(self.binned)
 
 
 def expose(
-    capture: CameraCapture,
+    light: NDArray[np.float32],
     camera: Camera,
     rng: np.random.Generator,
     *,
-    stray_light: float = CLEAN_LENS,
+    white: NDArray[np.float64] = NEUTRAL,
 ) -> NDArray[np.uint8]:
-    """The picture (h, w, 3) RGB that a camera makes of a capture.
+    """The picture (h, w, 3) RGB that a camera makes of the light on its sensor.
 
     Args:
-        capture: Radiance in cd/m², at any scale of the camera's size.
-        camera: Field of view, exposure and whether there is noise.
+        light: cd/m², at any scale of the camera's size. A pixel of a smaller picture gathers the
+            light of all those that it stands for.
+        camera: Exposure and whether there is noise.
         rng: Of this camera and frame.
-        stray_light: Share of the light that the lens scatters.
+        white: (3,) colour at luminance 1 that is shown as grey.
     """
-    light = scattered(
-        capture.radiance,
-        horizontal_fov_rad=math.radians(camera.horizontal_fov_deg),
-        share=stray_light,
-    )
     setting = meter(light, camera.exposure)
-    share = light / np.float32(setting.saturation_cd_m2)
+    pixels = light.shape[0] * light.shape[1]
+    binned = max(1.0, camera.width_px * camera.height_px / pixels)
+    setting = replace(setting, binned=binned)
+    share = light / (setting.saturation_cd_m2 * white).astype(np.float32)
     digital = digitise(share, setting, rng if camera.noise else None)
     return _SRGB_OF_DN[digital]
 
@@ -106,7 +108,7 @@ def digitise(
     well = np.float32(setting.full_well_e)
     electrons = np.clip(share, 0.0, 1.0) * well
     if rng is not None:
-        deviation = np.sqrt(electrons + np.float32(READ_NOISE_E**2))
+        deviation = np.sqrt(electrons + np.float32(setting.read_noise_e**2))
         electrons = electrons + deviation * rng.standard_normal(share.shape, np.float32)
     return np.rint(np.clip(electrons / well, 0.0, 1.0) * WHITE_DN).astype(np.uint16)
 

@@ -1,0 +1,201 @@
+"""Drops and flakes in the air near a camera, each at its own place in the world.
+
+Particles of nearly one size fall alike, so each size is a rigid block of cells that is repeated
+without end and moves with the particles' velocity. Where every particle is at any time is a
+closed formula: all cameras see the same ones, and frames need not be asked for in order.
+"""
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from advercity_dsl import Weather
+from numpy.typing import NDArray
+
+from advercity.randomness import generator
+from advercity.weather.precipitation import (
+    SizeDistribution,
+    drop_speed_m_s,
+    sizes_of,
+    wind_near_ground,
+)
+
+Array = NDArray[np.float64]
+Floats = NDArray[np.floating[Any]]
+
+CELLS = 16
+"""Along each edge of a block."""
+PARTICLES = 2**16
+"""In a block, in the mean."""
+DROP_BANDS_MM = (*np.arange(0.5, 3.0, 0.2), 3.3, 3.9, 4.8, 6.0)
+FLAKE_BANDS_MM = (0.4, 0.6, 0.8, 1.1, 1.5, 2.0, 3.0, 5.0)
+"""By melted diameter. Smaller ones are part of the air alone."""
+FLAKE_SPEEDS = (0.7, 1.0, 1.3)
+"""Flakes of one size differ in shape and speed."""
+HEIGHT_M = 2.5
+"""Of cameras, for the wind."""
+GUSTINESS = 0.3
+"""Standard deviation of the wind that sways flakes, against its mean."""
+SWAY_HZ = 0.8
+SWAY_CYCLE_RAD = 20.0 * math.pi
+"""After which a sway, of three frequencies, begins again."""
+
+
+@dataclass(frozen=True, eq=False)
+class Particles:
+    """n particles at one moment.
+
+    Attributes:
+        position: (n, 3) metres from the point that was asked around, world axes.
+        velocity: (n, 3) m/s.
+        diameter_m: (n,) in the air.
+    """
+
+    position: Floats
+    velocity: Floats
+    diameter_m: Floats
+
+    @staticmethod
+    def joined(parts: Sequence["Particles"]) -> "Particles":
+        """All of them, in order."""
+        if not parts:
+            return Particles(np.empty((0, 3)), np.empty((0, 3)), np.empty(0))
+        return Particles(
+            np.concatenate([part.position for part in parts]),
+            np.concatenate([part.velocity for part in parts]),
+            np.concatenate([part.diameter_m for part in parts]),
+        )
+
+    def rows(self, where: NDArray[Any]) -> "Particles":
+        """Those alone."""
+        return Particles(self.position[where], self.velocity[where], self.diameter_m[where])
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Particles of nearly one size and speed.
+
+    Attributes:
+        kind: Rain or snow.
+        velocity: (3,) m/s of the whole block.
+        cell_m: Edge of a cell.
+        first: (cells + 1,) where each cell's particles begin in what follows.
+        place: (n, 3) float32 within the cell, metres.
+        diameter_m: (n,) float32.
+        sway_m: How far gusts carry a particle to and fro.
+        phase: (n,) float32 of the sway, radians.
+    """
+
+    kind: str
+    velocity: Array
+    cell_m: float
+    first: NDArray[np.intp]
+    place: NDArray[np.float32]
+    diameter_m: NDArray[np.float32]
+    sway_m: float
+    phase: NDArray[np.float32]
+
+    @property
+    def largest_m(self) -> float:
+        """Diameter that none exceeds."""
+        return float(self.diameter_m.max(initial=0.0))
+
+    @property
+    def fall_speed_m_s(self) -> float:
+        """Downwards."""
+        return -float(self.velocity[2])
+
+    def inside(self, planes: Array, corners: Array, around: Array, time_s: float) -> Particles:
+        """Particles of the cells that reach into a convex volume, and so some beside it.
+
+        Args:
+            planes: (p, 4): unit normal inwards and offset; a point x is inside if n·x + d >= 0.
+            corners: (k, 3) of the volume. Like `planes` in metres from `around`, world axes.
+            around: (3,) point of the world.
+            time_s: Since the scenario's start.
+        """
+        origin = (around - self.velocity * time_s) / self.cell_m
+        base = np.floor(origin)
+        margin = self.cell_m + self.sway_m
+        low = np.floor((corners.min(axis=0) - margin) / self.cell_m).astype(np.intp)
+        high = np.ceil((corners.max(axis=0) + margin) / self.cell_m).astype(np.intp)
+        axes = [np.arange(a, b) for a, b in zip(low, high, strict=True)]
+        cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+        corner = (cells + base - origin) * self.cell_m
+        centre, reach = corner + self.cell_m / 2.0, self.cell_m * math.sqrt(0.75) + self.sway_m
+        seen = np.all(centre @ planes[:, :3].T + planes[:, 3] >= -reach, axis=1)
+        corner, cells = corner[seen].astype(np.float32), cells[seen] + base.astype(np.intp)
+        column = np.mod(cells, CELLS) @ np.array([CELLS * CELLS, CELLS, 1])
+        count = self.first[column + 1] - self.first[column]
+        run = np.repeat(np.arange(len(column)), count)
+        start = self.first[column] - np.cumsum(count) + count
+        row = np.arange(len(run)) + start[run]
+        position = corner[run] + self.place[row]
+        velocity = np.broadcast_to(self.velocity.astype(np.float32), position.shape)
+        if self.sway_m:
+            turn = 2.0 * math.pi * SWAY_HZ
+            angle = self.phase[row] + np.float32(math.fmod(turn * time_s, SWAY_CYCLE_RAD))
+            swing = np.stack([np.sin(angle), np.cos(1.3 * angle), 0.4 * np.sin(2.0 * angle)], 1)
+            swing_speed = np.stack(
+                [np.cos(angle), -1.3 * np.sin(1.3 * angle), 0.8 * np.cos(2.0 * angle)], 1
+            )
+            position = position + np.float32(self.sway_m) * swing
+            velocity = velocity + np.float32(self.sway_m * turn) * swing_speed
+        return Particles(position, velocity, self.diameter_m[row])
+
+
+def blocks_of(weather: Weather, *key: int | str) -> tuple[Block, ...]:
+    """All that falls in `weather` and is large enough to be seen, the same for the same key."""
+    return tuple(
+        block
+        for sizes in sizes_of(weather)
+        for block in (
+            _rain(sizes, weather, key) if sizes.kind == "rain" else _snow(sizes, weather, key)
+        )
+    )
+
+
+def _rain(sizes: SizeDistribution, weather: Weather, key: tuple[int | str, ...]) -> Iterator[Block]:
+    wind = wind_near_ground(weather.wind, HEIGHT_M)
+    for low_mm, high_mm in itertools.pairwise(DROP_BANDS_MM):
+        fall = float(drop_speed_m_s((low_mm + high_mm) / 2.0))
+        velocity = wind - [0.0, 0.0, fall]
+        rng = generator(*key, "rain", round(low_mm * 10))
+        yield _block(sizes, (low_mm, high_mm), velocity, rng)
+
+
+def _snow(sizes: SizeDistribution, weather: Weather, key: tuple[int | str, ...]) -> Iterator[Block]:
+    wind = wind_near_ground(weather.wind, HEIGHT_M)
+    gust = GUSTINESS * float(np.linalg.norm(wind))
+    sway_m = gust * math.sqrt(2.0) / (2.0 * math.pi * SWAY_HZ)
+    edges = (*FLAKE_BANDS_MM, sizes.largest_mm)
+    for low_mm, high_mm in itertools.pairwise(edges):
+        for number, factor in enumerate(FLAKE_SPEEDS):
+            velocity = wind - [0.0, 0.0, weather.snow.fall_speed_m_s * factor]
+            rng = generator(*key, "snow", round(low_mm * 10), number)
+            share = 1.0 / len(FLAKE_SPEEDS)
+            yield _block(sizes, (low_mm, high_mm), velocity, rng, share=share, sway_m=sway_m)
+
+
+def _block(
+    sizes: SizeDistribution,
+    band_mm: tuple[float, float],
+    velocity: Array,
+    rng: np.random.Generator,
+    *,
+    share: float = 1.0,
+    sway_m: float = 0.0,
+) -> Block:
+    low_mm, high_mm = band_mm
+    number_m3 = share * float(sizes.number_above(low_mm) - sizes.number_above(high_mm))
+    cell_m = (PARTICLES / number_m3) ** (1.0 / 3.0) / CELLS
+    count = rng.poisson(PARTICLES / CELLS**3, CELLS**3)
+    first = np.concatenate([[0], np.cumsum(count)]).astype(np.intp)
+    place = rng.random((first[-1], 3), np.float32) * np.float32(cell_m)
+    diameter_mm = sizes.larger(np.full(first[-1], low_mm), rng.random(first[-1]), high_mm)
+    phase = rng.random(first[-1] if sway_m else 0, np.float32) * np.float32(SWAY_CYCLE_RAD)
+    diameter_m = (diameter_mm * sizes.swelling * 1e-3).astype(np.float32)
+    return Block(sizes.kind, velocity, cell_m, first, place, diameter_m, sway_m, phase)

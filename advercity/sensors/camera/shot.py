@@ -1,0 +1,93 @@
+"""What one picture is taken of, and with which lens."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from advercity_dsl import Camera
+from numpy.typing import NDArray
+
+from advercity.rendering.backend import CameraView
+from advercity.rendering.lamps import LitLamp
+from advercity.traffic.trace import Frame
+
+Array = NDArray[np.float64]
+FOCAL_LENGTH_M = 0.004
+"""Of the lens, which with the f-number says how wide its aperture is."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """One picture and the world around it while its shutter is open.
+
+    Attributes:
+        view: Where from and how large.
+        camera: Exposure and optics.
+        frame: Everybody on the road.
+        velocity: (3,) m/s of the camera in the world.
+        lamps: That light the scene; none by day, when they do not count.
+    """
+
+    view: CameraView
+    camera: Camera
+    frame: Frame
+    velocity: Array
+    lamps: tuple[LitLamp, ...] = ()
+
+    @property
+    def focal_px(self) -> float:
+        """Focal length in pixels."""
+        return self.view.width_px / (2.0 * math.tan(self.view.horizontal_fov_rad / 2.0))
+
+    @property
+    def aperture_m(self) -> float:
+        """Diameter of the entrance pupil."""
+        return FOCAL_LENGTH_M / self.camera.exposure.f_number
+
+    @property
+    def eye(self) -> Array:
+        """Position (3,) in the world."""
+        return self.view.world_from_camera[:3, 3]
+
+    def in_camera(self, directions: Array) -> Array:
+        """World vectors (n, 3) in the camera's axes: x along the view, y left, z up."""
+        return directions @ self.view.world_from_camera[:3, :3]
+
+    def rays(self, columns: int, rows: int) -> Array:
+        """Unit vectors (rows, columns, 3) in the world through a grid over the whole picture."""
+        view = self.view
+        right = (np.arange(columns) + 0.5) / columns * view.width_px - view.width_px / 2.0
+        down = (np.arange(rows) + 0.5) / rows * view.height_px - view.height_px / 2.0
+        across, along = np.meshgrid(right, down)
+        rays = np.stack([np.full_like(across, self.focal_px), -across, -along], axis=-1)
+        rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
+        return rays @ view.world_from_camera[:3, :3].T
+
+    def pixels(self, points: Array) -> tuple[Array, Array]:
+        """Column and row (n,) each of points (n, 3) in the camera's axes, before it."""
+        view = self.view
+        column = view.width_px / 2.0 - self.focal_px * points[:, 1] / points[:, 0]
+        row = view.height_px / 2.0 - self.focal_px * points[:, 2] / points[:, 0]
+        return column, row
+
+    def frustum(self, near_m: float, far_m: float) -> tuple[Array, Array]:
+        """Planes (6, 4) and corners (8, 3) of what is seen between two depths.
+
+        In metres from the eye, in the world's axes; a point x is inside if n·x + d >= 0.
+        """
+        across = math.tan(self.view.horizontal_fov_rad / 2.0)
+        down = across * self.view.height_px / self.view.width_px
+        sides = np.array([[across, -1, 0], [across, 1, 0], [down, 0, -1], [down, 0, 1]])
+        sides = sides / np.linalg.norm(sides, axis=1, keepdims=True)
+        normals = np.concatenate([sides, [[1.0, 0, 0], [-1.0, 0, 0]]])
+        offsets = np.array([0.0, 0.0, 0.0, 0.0, -near_m, far_m])
+        corners = np.array(
+            [
+                [x, y * x * across, z * x * down]
+                for x in (near_m, far_m)
+                for y in (-1, 1)
+                for z in (-1, 1)
+            ]
+        )
+        turn = self.view.world_from_camera[:3, :3].T
+        return np.column_stack([normals @ turn, offsets]), corners @ turn

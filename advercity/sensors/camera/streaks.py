@@ -1,0 +1,232 @@
+"""Drops and flakes as the shutter smears them over a picture.
+
+While the shutter is open a particle of s pixels covers (pi / 4) s² pixels of light; the faster it
+moves and the nearer it is to the lens, the thinner that is spread.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from advercity.rendering.backend import CameraCapture
+from advercity.rendering.lamps import LitLamp
+from advercity.sensors.camera.ambience import (
+    DROP_OF_LAMP,
+    FLAKE_OF_LAMP,
+    Ambience,
+    by_lamps,
+)
+from advercity.sensors.camera.falling import Block, Particles
+from advercity.sensors.camera.shot import Shot
+
+Array = NDArray[np.float64]
+Floats = NDArray[np.floating[Any]]
+
+NEAREST_M, FARTHEST_M = 0.25, 20.0
+FAINTEST = 0.01
+"""Share of the light behind that a particle must take to be drawn; fainter ones are air."""
+GRID = (16, 9)
+"""Points across and down at which light from far away is worked out; it is smooth."""
+GRID_DEPTH_M = 3.0
+NEAR_LAMPS_M, LAMPS_M = 8.0, 60.0
+"""Lamps nearer than the first light each particle its own way; farther than the second, none."""
+
+
+@dataclass(frozen=True, eq=False)
+class Streaks:
+    """Traces (n,) of particles in a picture, and what they are.
+
+    Attributes:
+        begin: (n, 2) column and row when the shutter opens, pixels.
+        end: (n, 2) when it closes.
+        depth_m: (n,) in the middle.
+        width_px: (n,) of the particle's own image, sharp.
+        blur_px: (n,) of the disc that the lens makes of a point so near.
+        position: (n, 3) in the middle, metres from the eye, world axes.
+    """
+
+    begin: Floats
+    end: Floats
+    depth_m: Floats
+    width_px: Floats
+    blur_px: Floats
+    position: Floats
+
+    @property
+    def length_px(self) -> Floats:
+        """How far each moves."""
+        return np.hypot(*(self.end - self.begin).T)
+
+    @property
+    def cover_px(self) -> Floats:
+        """Area that each covers in the mean over the exposure, pixels."""
+        return math.pi / 4.0 * self.width_px**2
+
+    @property
+    def broad_px(self) -> Floats:
+        """Width of each trace, blurred and never less than a pixel."""
+        return np.maximum(np.hypot(self.width_px, self.blur_px), 1.0)
+
+    @property
+    def opacity(self) -> Floats:
+        """Share of the light behind that a pixel in the middle of each trace loses."""
+        broad = self.broad_px
+        return self.cover_px / (broad * (self.length_px + broad))
+
+    def rows(self, where: NDArray[Any]) -> "Streaks":
+        """Those alone."""
+        return Streaks(
+            self.begin[where],
+            self.end[where],
+            self.depth_m[where],
+            self.width_px[where],
+            self.blur_px[where],
+            self.position[where],
+        )
+
+
+def with_falling(
+    capture: CameraCapture,
+    shot: Shot,
+    blocks: Sequence[Block],
+    ambience: Ambience,
+    *,
+    extinction: float,
+) -> CameraCapture:
+    """The capture with the drops and flakes that fly between camera and scene.
+
+    Args:
+        capture: What is behind.
+        shot: Where from, and how long the shutter is open.
+        blocks: All that falls.
+        ambience: Light around.
+        extinction: Of the air, 1/m; it takes contrast from what is far.
+    """
+    for kind in ("rain", "snow"):
+        falling = [block for block in blocks if block.kind == kind]
+        seen = traced(particles_before(shot, falling), shot)
+        if len(seen.depth_m):
+            capture = _drawn(capture, shot, seen, ambience, kind, extinction)
+    return capture
+
+
+def particles_before(shot: Shot, blocks: Sequence[Block]) -> Particles:
+    """Particles of blocks that may be seen, in metres from the eye."""
+    found: list[Particles] = []
+    for block in blocks:
+        reach_m = _reach_m(block, shot)
+        if reach_m > NEAREST_M:
+            planes, corners = shot.frustum(NEAREST_M, reach_m)
+            found.append(block.inside(planes, corners, shot.eye, shot.frame.time_s))
+    return Particles.joined(found)
+
+
+def traced(particles: Particles, shot: Shot) -> Streaks:
+    """Traces of the particles that are seen well enough."""
+    open_s = shot.camera.exposure.shutter_s
+    turn = shot.view.world_from_camera[:3, :3].astype(np.float32)
+    start = particles.position @ turn
+    way = (particles.velocity - shot.velocity.astype(np.float32)) @ turn * np.float32(open_s)
+    before = (start[:, 0] > NEAREST_M) & (start[:, 0] + way[:, 0] > NEAREST_M)
+    start, way, diameter_m = start[before], way[before], particles.diameter_m[before]
+    depth_m = start[:, 0] + way[:, 0] / 2.0
+    found = Streaks(
+        begin=np.stack(shot.pixels(start), axis=1),
+        end=np.stack(shot.pixels(start + way), axis=1),
+        depth_m=depth_m,
+        width_px=diameter_m * shot.focal_px / depth_m,
+        blur_px=shot.aperture_m * shot.focal_px / depth_m,
+        position=particles.position[before],
+    )
+    return found.rows(np.flatnonzero(found.opacity > FAINTEST))
+
+
+def _reach_m(block: Block, shot: Shot) -> float:
+    """Depth beyond which no particle of the block is seen well enough, however it flies."""
+    way = block.fall_speed_m_s * shot.camera.exposure.shutter_s * shot.focal_px
+    cover = math.pi * (block.largest_m * shot.focal_px) ** 2 / FAINTEST
+    return min((math.sqrt(way**2 + cover) - way) / 2.0, FARTHEST_M)
+
+
+def _drawn(
+    capture: CameraCapture,
+    shot: Shot,
+    streaks: Streaks,
+    ambience: Ambience,
+    kind: str,
+    extinction: float,
+) -> CameraCapture:
+    is_rain = kind == "rain"
+    per_lx = DROP_OF_LAMP if is_rain else FLAKE_OF_LAMP
+    near, far = _lamps_around(shot)
+    rays = shot.rays(*GRID).reshape(-1, 3)
+    far_light = ambience.of_drops(rays) if is_rain else ambience.of_flakes(rays)
+    middle = shot.eye + GRID_DEPTH_M * rays
+    far_light = far_light + by_lamps(far, middle, shot.eye, per_lx=per_lx, boosted=is_rain)
+    height, width = capture.depth.shape
+    grid = far_light.reshape(GRID[1], GRID[0], 3).astype(np.float32)
+    light = cv2.resize(grid, (width, height), interpolation=cv2.INTER_LINEAR)
+
+    own = None
+    if near:
+        points = streaks.position.astype(np.float64) + shot.eye
+        own = by_lamps(near, points, shot.eye, per_lx=per_lx, boosted=is_rain)
+    weight = streaks.cover_px * np.exp(-extinction * streaks.depth_m)
+    cover, glow = _splat(streaks, weight, own, capture.depth)
+    cover = np.minimum(cover, 1.0)[..., None]
+    radiance = capture.radiance * (1.0 - cover) + light * cover
+    if glow is not None:
+        radiance += glow
+    return replace(capture, radiance=radiance.astype(np.float32))
+
+
+def _lamps_around(shot: Shot) -> tuple[list[LitLamp], list[LitLamp]]:
+    if not shot.lamps:
+        return [], []
+    positions = np.array([lamp.position for lamp in shot.lamps])
+    away = np.linalg.norm(positions - shot.eye, axis=1).tolist()
+    near = [lamp for lamp, m in zip(shot.lamps, away, strict=True) if m < NEAR_LAMPS_M]
+    far = [lamp for lamp, m in zip(shot.lamps, away, strict=True) if NEAR_LAMPS_M <= m < LAMPS_M]
+    return near, far
+
+
+def _splat(
+    streaks: Streaks, weight: Floats, own: Array | None, depth: NDArray[np.float32]
+) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
+    """What traces cover of each pixel (h, w), and the light (h, w, 3) of their own they add.
+
+    Each trace is a row of dots and, where it is broad, several across.
+    """
+    height, width = depth.shape
+    along = np.ceil(streaks.length_px).astype(np.float32) + 1.0
+    across = np.ceil(streaks.broad_px).astype(np.int32)
+    count = along.astype(np.int32) * across
+    run = np.repeat(np.arange(len(count), dtype=np.int32), count)
+    first = (np.cumsum(count) - count).astype(np.int32)
+    line, lane = np.divmod(np.arange(len(run), dtype=np.int32) - first[run], across[run])
+    share = (line + np.float32(0.5)) / along[run]
+    way = streaks.end - streaks.begin
+    place = streaks.begin[run] + way[run] * share[:, None]
+    broad = np.flatnonzero(across[run] > 1)
+    off = ((lane[broad] + 0.5) / across[run[broad]] - 0.5).astype(np.float32)
+    # Discs are thick in the middle: dots of a broad trace lie closer there.
+    off = np.sign(off) * (1.0 - np.sqrt(1.0 - 2.0 * np.abs(off))) * streaks.broad_px[run[broad]]
+    aside = np.stack([-way[:, 1], way[:, 0]], axis=1)
+    aside /= np.maximum(streaks.length_px, 1e-6)[:, None]
+    place[broad] += aside[run[broad]] * off[:, None]
+    pixel = np.floor(place).astype(np.int32)
+    inside = (pixel >= 0).all(axis=1) & (pixel[:, 0] < width) & (pixel[:, 1] < height)
+    index, run = (pixel[:, 1] * width + pixel[:, 0])[inside], run[inside]
+    before = depth.ravel()[index] > streaks.depth_m[run]
+    index, run = index[before], run[before]
+    dot = (weight / count).astype(np.float32)[run]
+    cover = np.bincount(index, dot, height * width).reshape(height, width).astype(np.float32)
+    if own is None:
+        return cover, None
+    shine = [np.bincount(index, dot * own[run, channel], height * width) for channel in range(3)]
+    return cover, np.stack(shine, axis=1).reshape(height, width, 3).astype(np.float32)

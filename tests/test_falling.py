@@ -1,0 +1,242 @@
+"""Drops and flakes between camera and scene."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from advercity_dsl import Camera, Mount, Weather
+from advercity_dsl.weather import Wind
+from numpy.typing import NDArray
+
+from advercity.poses import pose
+from advercity.rendering.backend import CameraCapture, CameraView
+from advercity.sensors.camera import CameraAir, Shot, in_air
+from advercity.sensors.camera.falling import Block, blocks_of
+from advercity.sensors.camera.streaks import traced
+from advercity.traffic.trace import Frame
+from advercity.weather.derivation import atmosphere_of
+from advercity.weather.precipitation import (
+    drop_speed_m_s,
+    settled_mm,
+    sizes_of_rain,
+    wind_near_ground,
+)
+
+FOV_RAD = math.radians(100.0)
+SKY = {"oktas": 8}
+BOX = np.array([[1, 0, 0, 0], [-1, 0, 0, 10], [0, 1, 0, 0], [0, -1, 0, 5], [0, 0, 1, 0]])
+PLANES = np.vstack([BOX, [0, 0, -1, 2]]).astype(float)
+CORNERS = np.array([[x, y, z] for x in (0, 10) for y in (0, 5) for z in (0, 2)], float)
+"""Of a box of 100 m³."""
+
+
+def weather(**parts: Any) -> Weather:
+    return Weather.model_validate({"id": "tried", "time": "day", "sky": SKY} | parts)
+
+
+def rainy(rate_mm_h: float = 50.0, wind_m_s: float = 0.0) -> Weather:
+    wind = {"speed_m_s": wind_m_s, "from_deg": 270}
+    return weather(rain={"rate_mm_h": rate_mm_h}, wind=wind)
+
+
+def snowy(wind_m_s: float = 0.0) -> Weather:
+    return weather(
+        snow={"rate_mm_h": 1.5}, temperature_c=-3, wind={"speed_m_s": wind_m_s, "from_deg": 270}
+    )
+
+
+def shot(
+    width_px: int = 480, *, at: Any = (0.0, 0.0, 1.5), time_s: float = 0.0, velocity: Any = (0, 0, 0)
+) -> Shot:
+    view = CameraView(pose(at), width_px, width_px * 9 // 16, FOV_RAD)
+    camera = Camera(mounts=(Mount(),))
+    return Shot(view, camera, Frame(0, time_s, (), {}), np.asarray(velocity, float))
+
+
+def capture(luminance: float, depth_m: float = 50.0, width_px: int = 480) -> CameraCapture:
+    size = width_px * 9 // 16, width_px
+    return CameraCapture(
+        radiance=np.full((*size, 3), luminance, np.float32),
+        depth=np.full(size, depth_m, np.float32),
+        normal=np.zeros((*size, 3), np.float32),
+        semantic=np.zeros(size, np.uint8),
+        instance=np.zeros(size, np.int32),
+    )
+
+
+def through(said: Weather, seen: CameraCapture, taken: Shot) -> NDArray[np.float32]:
+    air = CameraAir.of(said, atmosphere_of(said, "rural"), "test")
+    return in_air(seen, taken, air).radiance
+
+
+def in_box(block: Block, time_s: float = 0.0, around: Any = (40.0, -7.0, 3.0)) -> NDArray[Any]:
+    """Diameters of what is within the box of 100 m³."""
+    found = block.inside(PLANES, CORNERS, np.asarray(around), time_s)
+    inside = (found.position @ PLANES[:, :3].T + PLANES[:, 3] >= 0.0).all(axis=1)
+    return found.diameter_m[inside]
+
+
+@pytest.mark.parametrize(("rate_mm_h", "expected"), [(10, 25_200), (50, 73_010)])
+def test_as_many_large_drops_fly_as_marshall_and_palmer_counted(
+    rate_mm_h: float, expected: float
+) -> None:
+    blocks = blocks_of(rainy(rate_mm_h), "test")
+    diameter_m = np.concatenate([in_box(block, time_s=12.3) for block in blocks])
+    assert int((diameter_m > 1e-3).sum()) == pytest.approx(expected, abs=3 * math.sqrt(expected))
+    assert float(sizes_of_rain(rate_mm_h).number_above(1.0)) * 100 == pytest.approx(
+        expected, rel=0.002
+    )
+
+
+@pytest.mark.parametrize(
+    ("diameter_mm", "speed_m_s"), [(0.1, 0), (0.5, 2.02), (1, 4.00), (2, 6.55), (5, 9.14)]
+)
+def test_drops_fall_as_fast_as_their_size_lets_them(diameter_mm: float, speed_m_s: float) -> None:
+    assert drop_speed_m_s(diameter_mm) == pytest.approx(speed_m_s, abs=0.01)
+
+
+def of_two_millimetres(said: Weather) -> Block:
+    return next(block for block in blocks_of(said, "test") if block.largest_m > 2e-3)
+
+
+def test_a_drop_of_two_millimetres_streaks_33_millimetres_which_are_26_pixels_at_a_metre() -> None:
+    falling = of_two_millimetres(rainy())
+    assert falling.fall_speed_m_s == pytest.approx(6.55, rel=0.01)
+    taken = shot(1920)
+    planes, corners = taken.frustum(0.9, 1.1)
+    seen = traced(falling.inside(planes, corners, taken.eye, 0.0), taken)
+    row, column = seen.begin[:, 1], seen.begin[:, 0]
+    middle = (abs(row - 540) < 100) & (abs(column - 960) < 300)
+    length_at_1_m = seen.length_px[middle] * seen.depth_m[middle]
+    np.testing.assert_allclose(length_at_1_m, 26.4, rtol=0.01)
+    assert taken.camera.exposure.shutter_s * falling.fall_speed_m_s == pytest.approx(
+        0.0327, rel=0.01
+    )
+
+
+def test_rain_slants_with_the_wind() -> None:
+    wind = Wind(speed_m_s=5.0 / 0.5373, from_deg=270)
+    np.testing.assert_allclose(wind_near_ground(wind, 2.5), [5.0, 0.0, 0.0], atol=1e-2)
+    falling = of_two_millimetres(rainy(wind_m_s=wind.speed_m_s))
+    slant = math.degrees(math.atan2(falling.velocity[0], falling.fall_speed_m_s))
+    assert slant == pytest.approx(37.4, abs=0.5)
+
+
+def test_a_moving_camera_sees_rain_come_towards_it() -> None:
+    still, moving = shot(), shot(velocity=(15.0, 0.0, 0.0))
+    falling = of_two_millimetres(rainy())
+    particles = falling.inside(*still.frustum(0.3, 3.0), still.eye, 0.0)
+    outwards = []
+    for taken in (still, moving):
+        seen = traced(particles, taken)
+        from_middle = seen.begin - [240, 135]
+        outwards.append(np.mean(np.sign(np.sum((seen.end - seen.begin) * from_middle, axis=1))))
+    assert abs(outwards[0]) < 0.2
+    assert outwards[1] > 0.6
+
+
+@pytest.mark.parametrize("said", [rainy(wind_m_s=8.0), snowy(wind_m_s=4.0)], ids=["rain", "snow"])
+def test_all_cameras_see_the_same_particles_at_every_time(said: Weather) -> None:
+    block = blocks_of(said, "test")[-1]
+    here, there = np.array([3.0, 4.0, 1.0]), np.array([5.0, 3.0, 1.5])
+    for time_s in (0.0, 5.9, 177.7):
+        places = []
+        for around in (here, there):
+            low, high = here - around, here + 6.0 - around
+            planes = np.vstack(
+                [np.column_stack([np.eye(3), -low]), np.column_stack([-np.eye(3), high])]
+            )
+            found = block.inside(planes, np.array([low, high]), around, time_s)
+            within = (found.position @ planes[:, :3].T + planes[:, 3] >= 0.01).all(axis=1)
+            places.append(found.position[within] + around)
+        assert len(places[0]) > 10
+        ordered = [part[np.lexsort(part.round(2).T)] for part in places]
+        np.testing.assert_allclose(ordered[0], ordered[1], atol=2e-3)
+
+
+def test_particles_fly_on_from_frame_to_frame() -> None:
+    block = blocks_of(rainy(wind_m_s=5.0), "test")[6]
+    around = np.array([0.0, 0.0, 2.0])
+    planes, corners = PLANES, CORNERS
+    first = block.inside(planes, corners, around, 3.0)
+    second = block.inside(planes, corners, around, 3.05)
+    expected = first.position + first.velocity * 0.05
+    inner = ((expected > [1, 1, 0.5]) & (expected < [9, 4, 1.5])).all(axis=1)
+    gap = np.linalg.norm(expected[inner][:200, None] - second.position[None], axis=2).min(axis=1)
+    assert gap.max() < 1e-3
+
+
+def test_rain_brightens_the_dark_and_is_lost_before_the_sky() -> None:
+    said = rainy()
+    sky = CameraAir.of(said, atmosphere_of(said, "rural"), "test").ambience
+    drop = sky.of_drops(np.array([[1.0, 0.0, 0.0]])).mean()
+    contrast = []
+    for behind in (0.05 * drop, drop):
+        seen = through(said, capture(float(behind)), shot())
+        contrast.append(float((seen / behind - 1.0).mean()))
+    assert contrast[0] > 0.05
+    assert abs(contrast[1]) < 0.05 * contrast[0]
+
+
+def test_more_rain_draws_more_streaks_but_never_a_curtain() -> None:
+    black = capture(0.0)
+    covered = [
+        float((through(rainy(rate), black, shot()) > 0).mean()) for rate in (4.0, 25.0, 50.0, 100.0)
+    ]
+    assert covered == sorted(covered)
+    seen = through(rainy(50), black, shot())
+    drop = seen.max() / CameraAir.of(
+        rainy(50), atmosphere_of(rainy(50), "rural"), "test"
+    ).ambience.of_drops(np.array([[1.0, 0.0, 0.0]])).max()
+    assert 0.03 < drop < 0.8
+    assert np.percentile(seen, 99) < 0.15 * seen.max() / drop
+
+
+def test_what_is_nearer_than_a_drop_hides_it() -> None:
+    black = capture(0.0, depth_m=0.2)
+    assert not through(rainy(), black, shot()).any()
+    half = capture(0.0)
+    half.depth[:, :240] = 0.2
+    seen = through(rainy(), half, shot())
+    assert not seen[:, :240].any()
+    assert seen[:, 240:].any()
+
+
+def test_flakes_are_dots_where_drops_are_streaks() -> None:
+    taken = shot(1920)
+    lengths = []
+    for said in (rainy(), snowy()):
+        block = max(blocks_of(said, "test"), key=lambda block: -abs(block.largest_m - 3e-3))
+        seen = traced(block.inside(*taken.frustum(1.0, 2.0), taken.eye, 0.0), taken)
+        lengths.append(float(np.median(seen.length_px / seen.width_px)))
+    assert lengths[0] > 8.0
+    assert lengths[1] < 3.0
+
+
+def test_flakes_are_dark_before_the_sky_and_bright_before_dark_things() -> None:
+    said = snowy()
+    zenith = float(np.mean(atmosphere_of(said, "rural").airlight_high))
+    assert through(said, capture(zenith), shot()).mean() < zenith
+    assert through(said, capture(0.02 * zenith), shot()).mean() > 0.02 * zenith
+
+
+def test_without_precipitation_the_picture_stays_as_it_is() -> None:
+    seen = capture(123.0)
+    assert in_air(seen, shot(), CameraAir.of(weather(), atmosphere_of(weather(), "rural"))) is seen
+
+
+def test_streaks_do_not_depend_on_what_was_seen_before() -> None:
+    black, said = capture(0.0), rainy()
+    taken, other = shot(time_s=9.1), shot(at=(4.0, 2.0, 1.5), time_s=2.0)
+    first = through(said, black, taken)
+    through(said, black, other)
+    np.testing.assert_array_equal(first, through(said, black, taken))
+    assert (first != through(said, black, replace(taken, frame=Frame(1, 9.2, (), {})))).any()
+
+
+def test_snow_settles_on_what_is_level_and_slides_off_what_stands() -> None:
+    assert settled_mm(1.0, 1.0, 100.0, 1.0) == pytest.approx(10.0, rel=0.05)
+    assert settled_mm(1.0, 1.0, 100.0, 0.0) == 0.0
+    assert settled_mm(1.0, 1.0, 100.0, -1.0) == 0.0
