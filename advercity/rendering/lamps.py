@@ -1,6 +1,6 @@
 """Lamps that light the scene at night: of streets, signals and vehicles."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -30,8 +30,10 @@ LOW_BEAM_CD: dict[ActorClass, float] = {
     "bicycle": 1e3,
 }
 """Peak of all dipped beams of a vehicle together (UN R112 class B, R113)."""
-BRAKE_CD, SIGNAL_CD = 300.0, 400.0
+BRAKE_CD, TAIL_CD, SIGNAL_CD = 300.0, 16.0, 400.0
 LAMP_HEIGHT_M, CLEAR_OF_BODY_M = 0.65, 0.1
+HIDING_GAP_M, HIDDEN_BEHIND_M = 12.0, 6.0
+"""Who is closer ahead than that hides a beam; how far behind its rear the light still reaches."""
 LENS_SPACING_M = 0.31
 LENS_AHEAD_M = 0.02
 """Of the lens that the world's own mesh of a signal has."""
@@ -54,6 +56,8 @@ class LitLamp:
     facing: tuple[float, ...]
     intensity_cd: float
     colour: Colour
+    open_m: float = np.inf
+    """How far ahead nothing stands in its way."""
 
 
 def lit_lamps(world: World, frame: Frame) -> list[LitLamp]:
@@ -61,7 +65,11 @@ def lit_lamps(world: World, frame: Frame) -> list[LitLamp]:
     return [
         *(_street(lamp) for lamp in world.street_lamps),
         *(_signal(lamp, frame.signals[lamp.id]) for lamp in world.signal_lamps),
-        *(lamp for state in frame.states for lamp in _vehicle(state)),
+        *(
+            lamp
+            for state, open_m in zip(frame.states, open_ahead(frame.states), strict=True)
+            for lamp in _vehicle(state, open_m)
+        ),
     ]
 
 
@@ -78,7 +86,21 @@ def _signal(lamp: SignalLamp, shown: Signal) -> LitLamp:
     return LitLamp(Kind.LENS, tuple(position), facing, SIGNAL_CD, SIGNAL_COLOURS[shown])
 
 
-def _vehicle(state: ActorState) -> Iterator[LitLamp]:
+def open_ahead(states: Sequence[ActorState]) -> NDArray[np.float64]:
+    """How far (n,) in metres each actor's beams shine before another hides most of the rest."""
+    if not states:
+        return np.empty(0)
+    pose = np.stack([state.world_from_body for state in states])
+    length, width, _ = np.array([state.actor.size for state in states]).T
+    away = pose[None, :, :2, 3] - pose[:, None, :2, 3]
+    ahead = np.einsum("ijk,ik->ij", away, pose[:, :2, 0])
+    aside = np.abs(np.einsum("ijk,ik->ij", away, pose[:, :2, 1]))
+    gap = ahead - (length[:, None] + length[None]) / 2.0
+    hides = (ahead > 0.0) & (aside < width[None] / 2.0) & (gap < HIDING_GAP_M)
+    return np.where(hides, np.maximum(gap, 0.0) + HIDDEN_BEHIND_M, np.inf).min(axis=1)
+
+
+def _vehicle(state: ActorState, open_m: float) -> Iterator[LitLamp]:
     pose, length = state.world_from_body, state.actor.size[0]
     ahead = pose[:3, 0]
     reach = length / 2.0 + CLEAR_OF_BODY_M
@@ -86,10 +108,10 @@ def _vehicle(state: ActorState) -> Iterator[LitLamp]:
     rear = transform(pose, [-reach, 0.0, LAMP_HEIGHT_M])
     beam_cd = LOW_BEAM_CD.get(state.actor.actor_class, 0.0)
     if Lamp.LOW_BEAM in state.lamps and beam_cd > 0.0:
-        yield LitLamp(Kind.LOW_BEAM, tuple(front), tuple(ahead), beam_cd, HALOGEN)
-    # Tail lamps are seen, but too faint to light anything.
-    if Lamp.BRAKE in state.lamps:
-        yield LitLamp(Kind.LENS, tuple(rear), tuple(-ahead), BRAKE_CD, RED)
+        yield LitLamp(Kind.LOW_BEAM, tuple(front), tuple(ahead), beam_cd, HALOGEN, open_m)
+    if Lamp.BRAKE in state.lamps or Lamp.LOW_BEAM in state.lamps:
+        rear_cd = BRAKE_CD if Lamp.BRAKE in state.lamps else TAIL_CD
+        yield LitLamp(Kind.LENS, tuple(rear), tuple(-ahead), rear_cd, RED)
 
 
 def signal_lens(signal: Signal) -> tuple[float, float, float]:

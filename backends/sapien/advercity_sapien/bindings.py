@@ -1,23 +1,41 @@
 """What the shaders need to know beyond the scene, and how each kind of pack gets at it."""
 
-from typing import Protocol
+from dataclasses import dataclass
+from typing import Any, Literal, Protocol
 
 import numpy as np
 import sapien
 from numpy.typing import NDArray
 
-from advercity_sapien.tables import COLUMNS
-from advercity_sapien.wear import WearMap
+from advercity.errors import BackendError
+from advercity_sapien.tables import COLUMNS, TABLE_ROWS
 
 FORMAT = "R32G32B32A32Sfloat"
 """SAPIEN's name for four 32-bit floats a texel."""
-BYTE = "R8Unorm"
-BODY_ROWS = 16
+PAIR, SINGLE, BYTE = "R32G32Sfloat", "R32Sfloat", "R8Unorm"
+BODY_ROWS = 32
 """Of the ray tracer's table, for the states of as many times COLUMNS bodies."""
 
 
+@dataclass(frozen=True, eq=False)
+class Maps:
+    """What never changes while a scene is open, as texels (h, w) or (h, w, channels).
+
+    Attributes:
+        sky: The sky's faces below each other, four float32.
+        wear: Of carriageways, one byte, with what `tables.map_column` says of it.
+        puddles: Heights of `advercity.weather.puddles.field`, one float32.
+        shelter: Of `ShelterMap`, two float32.
+    """
+
+    sky: NDArray[np.float32]
+    wear: NDArray[np.uint8]
+    puddles: NDArray[np.float32]
+    shelter: NDArray[np.float32]
+
+
 class Bindings(Protocol):
-    """The table of air and lamps, the sky, and the state of every body."""
+    """The table of air and lamps, the maps, and the state of every body."""
 
     def bind(self, camera: sapien.render.RenderCameraComponent) -> None:
         """Let a new camera see them."""
@@ -28,24 +46,28 @@ class Bindings(Protocol):
         ...
 
     def write(self, table: NDArray[np.float32]) -> None:
-        """Replace the table's rows (2, COLUMNS, 4), for the pictures to come."""
+        """Replace the table's rows (TABLE_ROWS, COLUMNS, 4), for the pictures to come."""
         ...
 
 
 class RasterBindings:
-    """Table and sky are textures of each camera, states are properties of the bodies."""
+    """Table and maps are textures of each camera, states are properties of the bodies."""
 
-    def __init__(self, sky: NDArray[np.float32], wear: WearMap) -> None:
-        empty = np.zeros((2, COLUMNS, 4), dtype=np.float32)
-        self._table = sapien.render.RenderTexture(empty, 2, FORMAT, address_mode="edge")
-        self._sky = sapien.render.RenderTexture(sky, 2, FORMAT, address_mode="edge")
-        self._wear = sapien.render.RenderTexture(wear.texels, 2, BYTE, address_mode="edge")
+    def __init__(self, maps: Maps) -> None:
+        empty = np.zeros((TABLE_ROWS, COLUMNS, 4), dtype=np.float32)
+        self._table = _texture(empty, FORMAT, "edge")
+        self._textures = {
+            "Table": self._table,
+            "Sky": _texture(maps.sky, FORMAT, "edge"),
+            "Wear": _texture(maps.wear, BYTE, "edge"),
+            "Puddles": _texture(maps.puddles, SINGLE, "repeat"),
+            "Shelter": _texture(maps.shelter, PAIR, "edge"),
+        }
 
     def bind(self, camera: sapien.render.RenderCameraComponent) -> None:
-        """Let a new camera see table, sky and wear."""
-        camera.set_texture("Table", self._table)
-        camera.set_texture("Sky", self._sky)
-        camera.set_texture("Wear", self._wear)
+        """Let a new camera see table and maps."""
+        for name, texture in self._textures.items():
+            camera.set_texture(name, texture)
 
     def mark(self, body: sapien.render.RenderBodyComponent, lit: int, *, hidden: bool) -> None:
         """Say which lenses of a body shine (bits in `lenses.glsl`), and whether it is hidden."""
@@ -63,16 +85,16 @@ class RayTracedBindings:
     SAPIEN's ray-tracing packs see no textures of cameras and no properties of bodies.
     """
 
-    def __init__(self, scene: sapien.Scene, sky: NDArray[np.float32], wear: WearMap) -> None:
-        self._rows = np.zeros((2 + BODY_ROWS, COLUMNS, 4), dtype=np.float32)
-        self._states = self._rows[2:].reshape(-1, 4)
-        self._table = sapien.render.RenderTexture2D(self._rows, FORMAT, address_mode="edge")
+    def __init__(self, scene: sapien.Scene, maps: Maps) -> None:
+        self._rows = np.zeros((TABLE_ROWS + BODY_ROWS, COLUMNS, 4), dtype=np.float32)
+        self._states = self._rows[TABLE_ROWS:].reshape(-1, 4)
+        self._table = _texture2d(self._rows, FORMAT, "edge")
         material = sapien.render.RenderMaterial()
         material.base_color_texture = self._table
-        material.emission_texture = sapien.render.RenderTexture2D(sky, FORMAT, address_mode="edge")
-        material.roughness_texture = sapien.render.RenderTexture2D(
-            wear.texels, BYTE, address_mode="edge"
-        )
+        material.emission_texture = _texture2d(maps.sky, FORMAT, "edge")
+        material.roughness_texture = _texture2d(maps.wear, BYTE, "edge")
+        material.metallic_texture = _texture2d(maps.puddles, SINGLE, "repeat")
+        material.normal_texture = _texture2d(maps.shelter, PAIR, "edge")
         carrier = sapien.render.RenderBodyComponent()
         carrier.attach(sapien.render.RenderShapeBox([0.01, 0.01, 0.01], material))
         entity = sapien.Entity()
@@ -85,9 +107,27 @@ class RayTracedBindings:
 
     def mark(self, body: sapien.render.RenderBodyComponent, lit: int, *, hidden: bool) -> None:
         """Say which lenses of a body shine (bits in `lenses.glsl`), and whether it is hidden."""
-        self._states[body.entity.per_scene_id, :2] = lit, hidden
+        number = body.entity.per_scene_id
+        if number >= len(self._states):
+            raise BackendError(
+                f"a scene of more than {len(self._states)} bodies; a ray-traced one holds no more,"
+                " a raster one does"
+            )
+        self._states[number, :2] = lit, hidden
 
     def write(self, table: NDArray[np.float32]) -> None:
         """Replace the table, for the pictures to come."""
-        self._rows[:2] = table
+        self._rows[:TABLE_ROWS] = table
         self._table.upload(self._rows)
+
+
+def _texture(
+    texels: NDArray[Any], texel: str, beyond: Literal["edge", "repeat"]
+) -> sapien.render.RenderTexture:
+    return sapien.render.RenderTexture(texels, 2, texel, address_mode=beyond)
+
+
+def _texture2d(
+    texels: NDArray[Any], texel: str, beyond: Literal["edge", "repeat"]
+) -> sapien.render.RenderTexture2D:
+    return sapien.render.RenderTexture2D(texels, texel, address_mode=beyond)

@@ -7,18 +7,20 @@ import sapien
 
 from advercity.randomness import generator
 from advercity.rendering.backend import CameraCapture, CameraView, Profile
-from advercity.rendering.lamps import LitLamp, lit_lamps
+from advercity.rendering.lamps import lit_lamps
 from advercity.traffic.trace import Frame
+from advercity.weather import puddles
 from advercity.weather.atmosphere import Atmosphere
 from advercity.world.scene import World
-from advercity_sapien.bindings import RasterBindings, RayTracedBindings
-from advercity_sapien.lamps import lamp_row
+from advercity_sapien.bindings import Maps, RasterBindings, RayTracedBindings
+from advercity_sapien.lamp_lists import LampLists
+from advercity_sapien.shelter import NO_SHELTER, shelter_map
 from advercity_sapien.stage import Stage
 from advercity_sapien.sun import SunShadow
-from advercity_sapien.tables import KILO, atmosphere_row, sky_atlas, wear_column
+from advercity_sapien.tables import KILO, atmosphere_row, map_column, sky_atlas
 from advercity_sapien.wear import wear_map
 
-WEAR_COLUMN = 14
+WEAR_COLUMN, GROUND_COLUMN, FRAME_COLUMN, SHELTER_COLUMN = 14, 15, 16, 17
 SHADERS = Path(__file__).parent / "shaders"
 NEAR_M, FAR_M = 0.1, 3000.0
 
@@ -30,28 +32,32 @@ class SapienRenderer:
         self, world: World, atmosphere: Atmosphere, profile: Profile, device: sapien.Device
     ) -> None:
         self._world = world
-        self._night = atmosphere.night
         self._profile = profile
         self._scene = sapien.Scene([sapien.render.RenderSystem(device)])
         self._is_ray_traced = profile.renderer == "ray_traced"
-        sky, wear = sky_atlas(atmosphere), wear_map(world.lanes)
+        wear = wear_map(world.lanes)
+        shelter = shelter_map(world) if atmosphere.snow_depth_m else NO_SHELTER
+        maps = Maps(sky_atlas(atmosphere), wear.texels, puddles.field(), shelter.texels)
         self._bindings = (
-            RayTracedBindings(self._scene, sky, wear)
-            if self._is_ray_traced
-            else RasterBindings(sky, wear)
+            RayTracedBindings(self._scene, maps) if self._is_ray_traced else RasterBindings(maps)
         )
         self._stage = Stage(world, self._scene, self._bindings, night=atmosphere.night)
         self._sun = SunShadow(atmosphere, self._scene)
         self._cameras: dict[tuple[int, int], sapien.render.RenderCameraComponent] = {}
         self._air = atmosphere_row(atmosphere)
-        self._air[WEAR_COLUMN] = wear_column(wear)
-        self._lamps: list[LitLamp] = []
+        self._air[WEAR_COLUMN] = map_column(wear)
+        self._air[SHELTER_COLUMN] = map_column(shelter)
+        self._atmosphere = atmosphere
+        self._lamps = LampLists([], atmosphere)
         self._frame_index = 0
 
     def place(self, frame: Frame) -> None:
         """Move every actor to where it is in `frame`, and switch lamps and signals."""
         self._stage.place(frame)
-        self._lamps = lit_lamps(self._world, frame) if self._night else []
+        lit = lit_lamps(self._world, frame) if self._atmosphere.night else []
+        self._lamps = LampLists(lit, self._atmosphere)
+        self._air[GROUND_COLUMN] = self._lamps.ground
+        self._air[FRAME_COLUMN, 3] = frame.index
         self._frame_index = frame.index
 
     def camera(self, view: CameraView) -> CameraCapture:
@@ -59,7 +65,7 @@ class SapienRenderer:
         camera = self._aimed(view)
         self._sun.follow(view)
         with self._stage.without(view.hide):
-            self._bindings.write(np.stack([self._air, lamp_row(self._lamps, view)]))
+            self._bindings.write(np.concatenate([self._air[None], self._lamps.rows(view)]))
             self._scene.update_render()
             camera.take_picture()
         radiance = camera.get_picture("Radiance")

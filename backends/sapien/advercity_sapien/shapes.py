@@ -27,6 +27,8 @@ LENSES = {
     "signal_green": 5,
 }
 """Kinds of lens in `lenses.glsl`; like textures they travel in the materials' emission."""
+SNOWLESS = frozenset({"glass", "rubber", "skin", *LENSES})
+"""What falling snow does not stay on; cloth, too, by its name."""
 TILE_M = 80.0
 LENS_RADIUS_M, LENS_CORNERS = 0.13, 16
 
@@ -65,8 +67,9 @@ class ShapeLibrary:
     def _material(self, name: str) -> sapien.render.RenderMaterial:
         if name not in self._materials:
             known = MATERIALS[name]
+            snowless = name in SNOWLESS or name.startswith("cloth_")
             self._materials[name] = sapien.render.RenderMaterial(
-                emission=[float(LENSES.get(name, 0)), float(known.texture), 0.0, 0.0],
+                emission=[float(LENSES.get(name, 0)), known.texture, snowless, 0.0],
                 base_color=[*known.albedo, 1.0],
                 roughness=known.roughness,
                 metallic=known.metallic,

@@ -6,12 +6,23 @@ The renderer works in kcd/m² and klx, so that no value is far from 1.
 import numpy as np
 from numpy.typing import NDArray
 
+from advercity.weather import puddles
 from advercity.weather.atmosphere import Atmosphere
 from advercity.weather.sky import cubemap_directions, texel_solid_angles
+from advercity_sapien.shelter import ShelterMap
 from advercity_sapien.wear import WearMap
 
 KILO = 1e-3
-COLUMNS = 256
+COLUMNS = 512
+LIST_ROWS = {"lamps": 3, "cells": 8, "tiles": 4, "bearings": 1}
+"""Of the table, below its first row; `lamps.glsl` counts them too."""
+TABLE_ROWS = 1 + sum(LIST_ROWS.values())
+DRY = -1.0
+"""Water level below every hollow."""
+RUT_SNOW_COVER, RUT_SHARE = 0.2, 0.3
+"""Share of a rut under snow at most, and share of a lane that is rut."""
+RIPPLE_SLOPE, RIPPLING_RAIN_MM_H = 0.06, 50.0
+"""Root mean square of the water's slope in puddles in rain of that rate."""
 
 CONVOLVED = np.pi / np.array([1] + [1.5] * 3 + [4] * 5)
 """Of a harmonic's radiance, what the cosine leaves (Ramamoorthi and Hanrahan 2001)."""
@@ -29,18 +40,28 @@ def sky_atlas(atmosphere: Atmosphere) -> NDArray[np.float32]:
 def atmosphere_row(atmosphere: Atmosphere) -> NDArray[np.float32]:
     """The table's first row, (COLUMNS, 4): the columns that `atmosphere.glsl` names."""
     row = np.zeros((COLUMNS, 4), dtype=np.float32)
-    row[0] = atmosphere.extinction_550nm, atmosphere.wetness, atmosphere.puddle_coverage, 0.0
-    row[1, :3] = np.multiply(atmosphere.airlight_low, KILO)
+    coverage = atmosphere.puddle_coverage
+    level = puddles.level(coverage) if coverage > 0.0 else DRY
+    slope = RIPPLE_SLOPE * min(1.0, atmosphere.rain_mm_h / RIPPLING_RAIN_MM_H) ** 0.5
+    row[0] = atmosphere.extinction_550nm, atmosphere.wetness, level, slope
+    row[1] = *np.multiply(atmosphere.airlight_low, KILO), atmosphere.night
     row[2, :3] = np.multiply(atmosphere.airlight_high, KILO)
     row[3, :3] = np.multiply(atmosphere.sun_colour, atmosphere.sun_lx * KILO)
     row[4, :3] = atmosphere.sun_direction
     row[5:14, :3] = irradiance_harmonics(atmosphere.sky) * KILO
+    row[16, :3] = atmosphere.snow_depth_m, *_road_snow(atmosphere.road_snow_cover)
     return row
 
 
-def wear_column(wear: WearMap) -> tuple[float, float, float, float]:
-    """Corner and inverse size of the map of wear, as `texture.glsl` reads them."""
-    return (*wear.corner, 1.0 / wear.size[0], 1.0 / wear.size[1])
+def _road_snow(cover: float) -> tuple[float, float]:
+    """Share under snow between the ruts and in them, which together make that cover."""
+    in_ruts = min(cover, RUT_SNOW_COVER)
+    return min(1.0, (cover - RUT_SHARE * in_ruts) / (1.0 - RUT_SHARE)), in_ruts
+
+
+def map_column(plan: WearMap | ShelterMap) -> tuple[float, float, float, float]:
+    """Corner and inverse size of a map seen from above, as the shaders read them."""
+    return (*plan.corner, 1.0 / plan.size[0], 1.0 / plan.size[1])
 
 
 def irradiance_harmonics(sky: NDArray[np.float32]) -> NDArray[np.float64]:

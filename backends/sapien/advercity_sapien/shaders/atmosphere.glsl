@@ -10,6 +10,7 @@ vec4 parameter(int column) {
 
 float extinction() { return parameter(0).x; }
 float wetness() { return parameter(0).y; }
+bool night() { return parameter(1).w > 0.5; }
 vec3 sunIrradiance() { return parameter(3).rgb; }
 vec3 towardsSun() { return parameter(4).xyz; }
 

@@ -10,14 +10,23 @@ layout(set = 2, binding = 2) uniform sampler2D samplerDepthEmission;
 layout(set = 2, binding = 3) uniform sampler2D samplerTable;
 layout(set = 2, binding = 4) uniform sampler2D samplerSky;
 layout(set = 2, binding = 5) uniform sampler2D samplerWear;
+layout(set = 2, binding = 6) uniform sampler2D samplerPuddles;
+layout(set = 2, binding = 7) uniform sampler2D samplerShelter;
 
 layout(location = 0) in vec2 inUV;
-layout(location = 0) out vec4 outRadiance;
+
+// Light on its way to the camera before air is between, and depth.
+layout(location = 0) out vec4 outLit;
+// Where a level surface mirrors what is around it: its normal's x and y, the share that it mirrors
+// and the width of the lobe.
+layout(location = 1) out vec4 outMirror;
 
 #include "../atmosphere.glsl"
 #include "../surface.glsl"
-#include "../lamps.glsl"
 #include "../texture.glsl"
+#include "../ground.glsl"
+#include "../lamps.glsl"
+#include "./view.glsl"
 
 // Share of the sun that reaches a point, percentage-closer filtered over 3x3 texels.
 float sunlit(vec3 position, vec3 normal) {
@@ -37,45 +46,64 @@ float sunlit(vec3 position, vec3 normal) {
   return lit / 9.0;
 }
 
-// Noise whose neighbours differ most (Jimenez 2014), in [0, 1).
-float interleaved(vec2 pixel) {
-  return fract(52.9829189 * fract(dot(pixel, vec2(0.06711056, 0.00583715))));
+vec3 fromLamps(Surface s, vec3 towardsEye, vec3 position) {
+  // A point lamp in a perfect mirror would be seen by no pixel or blind one.
+  s.alpha = max(s.alpha, 0.05);
+  vec3 sum = vec3(0.0);
+  int list = listOfCell(position.xy);
+  for (int i = 0; list >= 0 && i < FOURS_OF_CELL; ++i) {
+    ivec4 four = fourLamps(CELL_ROW, list + i);
+    for (int j = 0; j < 4 && four[j] >= 0; ++j) {
+      sum += litBy(lamp(four[j]), s, towardsEye, position);
+    }
+    if (four.w < 0) break;
+  }
+  if (!mirrorsFarLamps(s)) return sum;
+  list = listOfBearing(-towardsEye.xy);
+  for (int i = 0; i < FOURS_OF_BEARING; ++i) {
+    ivec4 four = fourLamps(BEARING_ROW, list + i);
+    for (int j = 0; j < 4 && four[j] >= 0; ++j) {
+      sum += mirroredFrom(lamp(four[j]), s, towardsEye, position);
+    }
+    if (four.w < 0) break;
+  }
+  return sum;
 }
 
 void main() {
-  vec4 target = cameraBuffer.projectionMatrixInverse * vec4(inUV * 2.0 - 1.0, 0.5, 1.0);
-  vec3 seen = target.xyz / -target.z;
-  float stretch = length(seen);
-  vec3 ray = mat3(cameraBuffer.viewMatrixInverse) * (seen / stretch);
-
+  float stretch;
+  vec3 ray = rayThrough(inUV, stretch);
   vec4 depthEmission = texture(samplerDepthEmission, inUV);
   float depth = depthEmission.x;
-  vec3 eye = cameraBuffer.viewMatrixInverse[3].xyz;
-  float distance = depth > 0.0 ? depth * stretch : 3000.0;
-  vec3 glowing = glowOfLamps(eye, ray, distance, interleaved(gl_FragCoord.xy));
+  outMirror = vec4(0.0);
   if (depth <= 0.0) {
-    outRadiance = vec4(sky(ray) + glowing, 0.0);
+    outLit = vec4(sky(ray), 0.0);
     return;
   }
   vec4 albedo = texture(samplerAlbedo, inUV);
   vec4 normal = texture(samplerNormal, inUV);
-  vec3 position = eye + ray * distance;
+  float distance = depth * stretch;
+  vec3 position = cameraBuffer.viewMatrixInverse[3].xyz + ray * distance;
   float pixelAngle = 2.0 / (cameraBuffer.projectionMatrix[0][0] * cameraBuffer.width);
   float wide = footprint(pixelAngle, distance, abs(dot(ray, normal.xyz)));
-  albedo.rgb *= detail(int(depthEmission.z), position, normal.xyz, wide);
+  int kind = int(depthEmission.z);
+  vec3 radiance = night() ? vec3(0.0) : depthEmission.y * albedo.rgb;
+  albedo.rgb *= detail(kind, position, normal.xyz, wide);
 
-  Surface s = surface(albedo.rgb, albedo.a, normal.a, normal.xyz);
+  Surface s = surface(albedo.rgb, albedo.a, normal.a, kind, depthEmission.w > 0.5, position,
+      normal.xyz, wide);
   vec3 sun = towardsSun();
-  vec3 radiance = depthEmission.y * albedo.rgb;
-  if (dot(sunIrradiance(), vec3(1.0)) > 0.0 && dot(normal.xyz, sun) > 0.0) {
+  if (dot(sunIrradiance(), vec3(1.0)) > 0.0 && dot(s.normal, sun) > 0.0) {
     radiance += reflected(s, -ray, sun) * sunIrradiance() * sunlit(position, normal.xyz);
   }
-  for (int i = 0; i < lampCount(); ++i) radiance += litBy(lamp(i), s, -ray, position);
-  radiance += s.albedo * skyIrradiance(normal.xyz) / PI;
-  if (s.specular.g > 1e-4) {
-    vec3 mirror = reflect(ray, normal.xyz);
-    vec3 around = mix(sky(mirror), skyIrradiance(mirror) / PI, sqrt(s.alpha));
-    radiance += fresnel(s.specular, -dot(ray, normal.xyz)) * around;
+  if (night()) radiance += fromLamps(s, -ray, position);
+  float cosine = -dot(ray, s.normal);
+  radiance += s.albedo * passing(s, cosine) * skyIrradiance(s.normal) / PI;
+  vec3 mirrored = mirroredShare(s, cosine) * shadowing(s.alpha, cosine);
+  if (s.normal.z > 0.7 && s.alpha < 0.5 && s.coat > 0.0 && mirrored.g > 0.01) {
+    outMirror = vec4(s.normal.xy, mirrored.g, s.alpha);
+  } else if (mirrored.g > 0.0) {
+    radiance += mirrored * skyAround(reflect(ray, s.normal), s.alpha);
   }
-  outRadiance = vec4(throughAir(radiance, ray, distance) + glowing, depth);
+  outLit = vec4(radiance, depth);
 }

@@ -20,6 +20,6 @@ void main() {
   outNormal = vec4(normalize(inWorldNormal), materialBuffer.metallic);
   outDepthEmission = vec4(
       inDistance, lensEmission(materialBuffer.emission.x, objectDataBuffer.lit),
-      materialBuffer.emission.y, 0.0);
+      materialBuffer.emission.y, materialBuffer.emission.z);
   outSegmentation = inIds;
 }

@@ -34,5 +34,6 @@ void main() {
   findTables();
   hit.emission = lensEmission(material.emission.x, int(stateOf(ids.y).x));
   hit.texture = int(material.emission.y);
+  hit.snowless = material.emission.z > 0.5;
   hit.identity = ids.x;
 }

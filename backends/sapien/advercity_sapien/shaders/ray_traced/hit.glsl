@@ -8,5 +8,6 @@ struct Hit {
   float metallic;
   float emission;  // kcd/m² per albedo
   int texture;
+  bool snowless;
   uint identity;
 };

@@ -87,21 +87,27 @@ layout(set = 1, binding = 10) readonly buffer Objects { Object o[]; } objects;
 layout(set = 1, binding = 11) readonly buffer ParallelogramLights { ParallelogramLight l[]; } parallelogramLights;
 
 // SAPIEN binds only its own textures here, so the scene's first object carries ours as the
-// base colour and the emission of its material.
-int tableIndex, skyIndex, wearIndex;
+// textures of its material.
+int tableIndex, skyIndex, wearIndex, puddlesIndex, shelterIndex;
 #define samplerTable textures[nonuniformEXT(tableIndex)]
 #define samplerSky textures[nonuniformEXT(skyIndex)]
 #define samplerWear textures[nonuniformEXT(wearIndex)]
+#define samplerPuddles textures[nonuniformEXT(puddlesIndex)]
+#define samplerShelter textures[nonuniformEXT(shelterIndex)]
+
+const int BODY_ROW = 17;  // of the table, as in `bindings.py`
 
 void findTables() {
   TextureIndex carried = textureIndices.t[geometryInstances.i[0].materialIndex];
   tableIndex = carried.diffuse;
   skyIndex = carried.emission;
   wearIndex = carried.roughness;
+  puddlesIndex = carried.metallic;
+  shelterIndex = carried.normal;
 }
 
 // Of a body: its lit lamps and whether it is hidden.
 vec2 stateOf(uint body) {
   int width = textureSize(samplerTable, 0).x;
-  return texelFetch(samplerTable, ivec2(int(body) % width, 2 + int(body) / width), 0).xy;
+  return texelFetch(samplerTable, ivec2(int(body) % width, BODY_ROW + int(body) / width), 0).xy;
 }
