@@ -7,6 +7,7 @@ edges show.
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from advercity.rendering.lamps import Kind, LitLamp
 from advercity.weather.atmosphere import Atmosphere
 from advercity_sapien.tables import COLUMNS, KILO, LIST_ROWS
 
-Array = NDArray[np.float64]
+Array = NDArray[np.floating[Any]]
 
 CELLS, PER_CELL = 32, 16
 """Along both edges of the ground that has lamps."""
@@ -42,7 +43,7 @@ STRAY_BEAM = 0.1
 BEAM_M, BEAMS, BEAM_SEEN_M = 40.0, 3, 60.0
 """Length of a beam in fog; how many are seen from all sides, and from how far."""
 BEAM_GLOW = 4e-3
-"""Luminance of a beam from behind, by its peak and the extinction (weather reference, night fog)."""
+"""Luminance of a beam seen from behind, by its peak and the extinction (weather reference)."""
 HALO, HALO_FALL = 75.0, 1.9
 """Glow of a lamp one degree off it (weather reference, halos in fog), and its fall with angle."""
 HALO_RAD = np.radians(60.0)

@@ -49,10 +49,9 @@ def shelter_map(world: World) -> ShelterMap:
     above = float(high[2]) + 1.0
     origins = np.stack([*np.meshgrid(x, y), np.full((height, width), above)], axis=-1)
     origins = origins.reshape(-1, 3).astype(np.float32)
-    down = np.broadcast_to(np.float32([0.0, 0.0, -1.0]), origins.shape)
-    hits = Caster(world).cast(
-        Rays(origins, np.ascontiguousarray(down)), above - float(low[2]) + 1.0
-    )
+    down = np.zeros_like(origins)
+    down[:, 2] = -1.0
+    hits = Caster(world).cast(Rays(origins, down), above - float(low[2]) + 1.0)
     met = np.isfinite(hits.range_m)
     top = np.where(met, above - hits.range_m, DEEP_M)
     kept = np.where(hits.semantic == Semantic.VEGETATION, LEAVES_SHELTER, 1.0)

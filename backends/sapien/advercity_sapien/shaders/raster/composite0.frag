@@ -20,9 +20,25 @@ layout(location = 0) out vec4 outRadiance;
 
 const float FAR = 3000.0;
 
+// Depth at a place of the picture; between a roof and the sky there is none in the middle.
+ivec2 pixelAt(vec2 ndc) {
+  ivec2 size = textureSize(samplerLit, 0);
+  return clamp(ivec2((ndc * 0.5 + 0.5) * size), ivec2(0), size - 1);
+}
+
+float depthAt(vec2 ndc) { return texelFetch(samplerLit, pixelAt(ndc), 0).a; }
+
+// Whether what a pixel shows stands out of the mirror, which shows no part of itself.
+bool standsOut(vec2 ndc, float depth, vec3 position, vec3 normal) {
+  float stretch;
+  vec3 ray = rayThrough((vec2(pixelAt(ndc)) + 0.5) / vec2(textureSize(samplerLit, 0)), stretch);
+  vec3 seen = cameraBuffer.viewMatrixInverse[3].xyz + ray * stretch * depth;
+  return dot(seen - position, normal) > 0.03 + 2e-3 * depth;
+}
+
 // Where a ray from a place meets what the camera sees, as a place in the picture and 1, or 0 if it
 // does not. Steps are even in the picture, where depth runs with its inverse.
-vec3 metOnScreen(vec3 position, vec3 ray) {
+vec3 metOnScreen(vec3 position, vec3 ray, vec3 normal) {
   const int STEPS = 20, HALVINGS = 4;
   const float LONGEST = 120.0, NEAR = 0.2;
   vec3 start = (cameraBuffer.viewMatrix * vec4(position, 1.0)).xyz;
@@ -39,14 +55,15 @@ vec3 metOnScreen(vec3 position, vec3 ray) {
     float share = float(i) / float(STEPS);
     vec3 here = from + way * share;
     float depth = 1.0 / here.z;
-    float seen = textureLod(samplerLit, here.xy * 0.5 + 0.5, 0.0).a;
+    float seen = depthAt(here.xy);
     float behind = depth - seen;
-    if (seen > 0.0 && behind > 0.02 * seen && behind < 1.0 + 1.5 * abs(depth - depthBefore)) {
+    if (seen > 0.0 && behind > 0.0 && behind < 1.0 + 1.5 * abs(depth - depthBefore)
+        && standsOut(here.xy, seen, position, normal)) {
       float after = share;
       for (int k = 0; k < HALVINGS; ++k) {
         float middle = 0.5 * (before + after);
         here = from + way * middle;
-        seen = textureLod(samplerLit, here.xy * 0.5 + 0.5, 0.0).a;
+        seen = depthAt(here.xy);
         if (seen > 0.0 && 1.0 / here.z > seen) after = middle;
         else before = middle;
       }
@@ -65,11 +82,11 @@ vec3 reflection(vec3 position, vec3 ray, vec3 normal, float alpha, float distanc
   vec3 mirror = reflect(ray, normal);
   if (mirror.z <= 0.0) return airlight(mirror);
   vec3 around = skyAround(mirror, alpha);
-  vec3 met = metOnScreen(position + normal * (0.01 + 2e-3 * distance), mirror);
+  vec3 met = metOnScreen(position, mirror, normal);
   if (met.z == 0.0) return around;
   float stretch;
   rayThrough(met.xy, stretch);
-  float beyond = max(textureLod(samplerLit, met.xy, 0.0).a * stretch, distance) - distance;
+  float beyond = max(depthAt(met.xy * 2.0 - 1.0) * stretch, distance) - distance;
   float smear = alpha * 0.5 * cameraBuffer.projectionMatrix[1][1] * beyond / (distance + beyond);
   vec3 sum = vec3(0.0);
   for (int i = 0; i < TAPS; ++i) {

@@ -99,7 +99,7 @@ void main() {
   if (night()) radiance += fromLamps(s, -ray, position);
   float cosine = -dot(ray, s.normal);
   radiance += s.albedo * passing(s, cosine) * skyIrradiance(s.normal) / PI;
-  vec3 mirrored = mirroredShare(s, cosine) * shadowing(s.alpha, cosine);
+  vec3 mirrored = mirroredShare(s, roughCosine(s.alpha, cosine));
   if (s.normal.z > 0.7 && s.alpha < 0.5 && s.coat > 0.0 && mirrored.g > 0.01) {
     outMirror = vec4(s.normal.xy, mirrored.g, s.alpha);
   } else if (mirrored.g > 0.0) {

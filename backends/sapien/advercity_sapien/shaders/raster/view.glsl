@@ -13,12 +13,6 @@ vec3 skyAround(vec3 ray, float alpha) {
   return mix(sky(ray), skyIrradiance(ray) / PI, sqrt(alpha));
 }
 
-// What a rough mirror loses because its facets shade each other at grazing angles.
-float shadowing(float alpha, float cosine) {
-  float a2 = alpha * alpha, c = max(cosine, 1e-3);
-  return 2.0 * c / (c + sqrt(a2 + (1.0 - a2) * c * c));
-}
-
 // Noise whose neighbours differ most (Jimenez 2014), in [0, 1).
 float interleaved(vec2 pixel) {
   return fract(52.9829189 * fract(dot(pixel, vec2(0.06711056, 0.00583715))));
