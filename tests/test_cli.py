@@ -73,6 +73,26 @@ def test_list_has_one_line_per_spec(advercity: Command, spec_file: Path) -> None
     assert row[groups:] == "opposite_direction"
 
 
+def test_list_has_one_line_per_declaration_of_a_library(advercity: Command, library: Path) -> None:
+    lines = advercity("list", library).out.splitlines()
+    assert lines[0].split() == ["kind", "id", "title", "file"]
+    (fog,) = [line for line in lines if line.startswith("weather") and " fog_day " in line]
+    assert "Dense fog by day" in fog
+    assert fog.endswith("nhtsa/weather/fog_day.yaml")
+
+
+def test_list_of_nothing_says_what_makes_specs(advercity: Command, tmp_path: Path) -> None:
+    ran = advercity("list", tmp_path)
+    assert ran.code == 2
+    assert "`advercity compile` writes them" in ran.err
+
+
+def test_explain_names_the_nearest_field(advercity: Command, spec_file: Path) -> None:
+    ran = advercity("explain", spec_file, "weather.fog.mor")
+    assert ran.code == 2
+    assert "did you mean 'weather.fog.mor_m'?" in ran.err
+
+
 def test_show_tells_what_a_scenario_holds(advercity: Command, spec_file: Path) -> None:
     out = advercity("show", spec_file).out
     assert "fog 75 m" in out

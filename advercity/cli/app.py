@@ -61,13 +61,15 @@ def validate(
 
 @app.command("list")
 def list_(
-    folder: Annotated[Path, typer.Argument(help="Folder of specs.")] = Path("compiled"),
+    folder: Annotated[
+        Path, typer.Argument(help="Folder of specs, or a library of declarations.")
+    ] = Path("compiled"),
     as_json: JsonOption = False,
 ) -> None:
-    """List compiled scenarios."""
+    """List compiled scenarios, or the declarations of a library."""
     from advercity.cli import tables
 
-    rows = tables.spec_rows(folder)
+    rows = tables.rows_of(folder)
     say(tables.as_json(rows) if as_json else tables.table(rows))
 
 
@@ -113,13 +115,14 @@ def explain(
 ) -> None:
     """Tell where every value of a spec comes from: file and line, default, or rule."""
     from advercity.cli import tables
-    from advercity.compiler import explained, load_library, read_spec
+    from advercity.compiler import explained, load_library, nearest, read_spec
 
     origins = explained(read_spec(spec), load_library(*(library or LIBRARIES)))
     chosen = [item for item in origins if not fields or item.is_within(fields)]
     if not chosen:
-        raise InputError(f"{spec}: has no field {' or '.join(fields or [])}")
-    rows = [{"field": item.path, "value": str(item.value), "origin": item.text} for item in chosen]
+        hint = nearest(" ".join(fields or []), {item.path for item in origins})
+        raise InputError(f"{spec}: has no field {' or '.join(fields or [])}; {hint}")
+    rows = tables.origin_rows(chosen)
     say(tables.as_json(rows) if as_json else tables.table(rows))
 
 

@@ -8,8 +8,9 @@ from typing import Any
 
 from advercity_dsl import Declaration, Road, Spec, Weather
 
-from advercity.compiler import Entry, compared, read_spec
+from advercity.compiler import Entry, compared, load_library, read_spec
 from advercity.compiler.comparison import leaves
+from advercity.compiler.explanation import Origin
 from advercity.compiler.source import dotted
 from advercity.errors import InputError
 from advercity.sensors.lidar.reach import reach_m
@@ -22,24 +23,34 @@ TARGETS = (0.1, 0.5, 0.8)
 """Reflectances of the targets that LiDAR reach is told for: dark car, concrete, white paint."""
 
 
-def spec_rows(folder: Path) -> list[dict[str, Any]]:
-    """One row per spec of a folder: id, vehicles, walkers, crash groups."""
-    paths = sorted(folder.glob("*.json")) if folder.is_dir() else []
-    if not paths:
+def rows_of(folder: Path) -> list[dict[str, Any]]:
+    """One row per spec of a folder, or per declaration of a library."""
+    specs = sorted(folder.glob("*.json")) if folder.is_dir() else []
+    if specs:
+        return [_spec_row(read_spec(path)) for path in specs]
+    if not folder.is_dir() or not any(folder.iterdir()):
         raise InputError(f"{folder}: no specs (*.json) here; `advercity compile` writes them")
-    rows: list[dict[str, Any]] = []
-    for path in paths:
-        spec = read_spec(path)
-        rows.append(
-            {
-                "scenario": spec.id,
-                "vehicles": spec.demand.vehicles,
-                "walkers": spec.demand.walkers,
-                "weather": in_words(spec.weather),
-                "crash groups": " ".join(group.typology for group in spec.groups),
-            }
-        )
-    return rows
+    return [_declaration_row(kind, entry) for kind, entry in _entries(folder)]
+
+
+def _spec_row(spec: Spec) -> dict[str, Any]:
+    return {
+        "scenario": spec.id,
+        "vehicles": spec.demand.vehicles,
+        "walkers": spec.demand.walkers,
+        "weather": in_words(spec.weather),
+        "crash groups": " ".join(group.typology for group in spec.groups),
+    }
+
+
+def _entries(folder: Path) -> list[tuple[str, Entry[Declaration]]]:
+    return [(kind, entry) for (kind, _), entry in sorted(load_library(folder).entries.items())]
+
+
+def _declaration_row(kind: str, entry: Entry[Declaration]) -> dict[str, Any]:
+    declaration = entry.declaration
+    file = entry.source.document.path
+    return {"kind": kind, "id": declaration.id, "title": declaration.title, "file": str(file)}
 
 
 def table(rows: Sequence[Mapping[str, Any]]) -> str:
@@ -132,8 +143,17 @@ def difference_rows(first: Spec, second: Spec) -> list[dict[str, Any]]:
     ]
 
 
+def origin_rows(origins: Sequence[Origin]) -> list[dict[str, Any]]:
+    """Values of a spec and where they come from, a row each."""
+    return [
+        {"field": item.path, "value": _shown(item.value), "origin": item.text} for item in origins
+    ]
+
+
 def _shown(value: Any) -> str:
-    return "-" if value is None else str(value)
+    if value is None:
+        return "-"
+    return f"{value:.9g}" if isinstance(value, float) else str(value)
 
 
 def road_facts(road: Road) -> Facts:

@@ -3,7 +3,7 @@
 import hashlib
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Generic, TypeVar, cast
@@ -85,7 +85,7 @@ def load_library(*folders: Path) -> Library:
 
 
 def load_beside(path: Path, library: Path) -> Entry[Declaration]:
-    """The declaration in a file of its own; it may extend those of a library.
+    """The declaration in a file of its own; it may extend those beside it and those of a library.
 
     Raises:
         ProblemsError: With the problems of the file.
@@ -97,8 +97,10 @@ def load_beside(path: Path, library: Path) -> Entry[Declaration]:
         raise ProblemsError(problems)
     (name,) = heads
     if isinstance(own.data, dict) and "extends" in own.data:
-        documents = list(_read_all(_files(library, problems), problems))
-        heads = _by_kind_and_id(documents, problems) | heads
+        beside = (other for other in sorted(path.parent.glob("*.yaml")) if other != path)
+        for files in (beside, _files(library, problems)):
+            documents = list(_read_all(files, problems))
+            heads = _by_kind_and_id(documents, problems) | heads
     return _entry(name, heads)
 
 
@@ -135,7 +137,7 @@ def _walk(folder: Path, problems: list[Problem]) -> Iterator[Path]:
         yield from (Path(inside, name) for name in names if name[0] != ".")
 
 
-def _read_all(files: list[Path], problems: list[Problem]) -> Iterator[Document]:
+def _read_all(files: Iterable[Path], problems: list[Problem]) -> Iterator[Document]:
     for path in files:
         try:
             yield read(path)

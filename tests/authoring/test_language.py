@@ -168,6 +168,13 @@ def test_a_declaration_may_extend_several_that_agree(compiled: Compile) -> None:
     assert weather.title == ""
 
 
+def test_a_file_may_extend_the_one_beside_it(tmp_path: Path) -> None:
+    (tmp_path / "fog.yaml").write_text(FOG + "extends: clear_day\nfog: {mor_m: 75}\n")
+    (tmp_path / "thick.yaml").write_text(FOG.replace("fog", "thick") + "extends: fog\n")
+    (tmp_path / "broken.yaml").write_text("kind: weather\n- nothing\n")
+    assert find_weather(str(tmp_path / "thick.yaml")).declaration.fog.mor_m == 75
+
+
 def test_null_takes_an_inherited_component_away(compiled: Compile) -> None:
     specs = compiled(
         fog=FOG + "fog: {mor_m: 75}\n",
