@@ -36,6 +36,7 @@ class Atmosphere:
         rain_mm_h: Rate of the falling rain, which ripples puddles.
         snow_depth_m: Of the snow that lies in the open.
         road_snow_cover: Share of the carriageway under snow.
+        rut_snow_cover: Share of its wheel ruts under snow.
     """
 
     extinction_550nm: float
@@ -54,6 +55,7 @@ class Atmosphere:
     rain_mm_h: float = 0.0
     snow_depth_m: float = 0.0
     road_snow_cover: float = 0.0
+    rut_snow_cover: float = 0.0
 
     @property
     def mor_m(self) -> float:

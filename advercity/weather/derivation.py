@@ -66,6 +66,7 @@ def atmosphere_of(weather: Weather, land_use: LandUse) -> Atmosphere:
         rain_mm_h=weather.rain.rate_mm_h,
         snow_depth_m=weather.snow.depth_mm / 1000.0,
         road_snow_cover=weather.snow.road_coverage,
+        rut_snow_cover=weather.snow.rut_coverage,
     )
 
 

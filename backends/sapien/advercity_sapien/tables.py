@@ -19,8 +19,8 @@ LIST_ROWS = {"lamps": 3, "cells": 8, "tiles": 4, "bearings": 1}
 TABLE_ROWS = 1 + sum(LIST_ROWS.values())
 DRY = -1.0
 """Water level below every hollow."""
-RUT_SNOW_COVER, RUT_SHARE = 0.2, 0.3
-"""Share of a rut under snow at most, and share of a lane that is rut."""
+RUT_SHARE = 0.3
+"""Of a lane that is rut."""
 RIPPLE_SLOPE, RIPPLING_RAIN_MM_H = 0.06, 50.0
 """Root mean square of the water's slope in puddles in rain of that rate."""
 
@@ -49,14 +49,14 @@ def atmosphere_row(atmosphere: Atmosphere) -> NDArray[np.float32]:
     row[3, :3] = np.multiply(atmosphere.sun_colour, atmosphere.sun_lx * KILO)
     row[4, :3] = atmosphere.sun_direction
     row[5:14, :3] = irradiance_harmonics(atmosphere.sky) * KILO
-    row[16, :3] = atmosphere.snow_depth_m, *_road_snow(atmosphere.road_snow_cover)
+    row[16, :3] = atmosphere.snow_depth_m, _between_ruts(atmosphere), atmosphere.rut_snow_cover
     return row
 
 
-def _road_snow(cover: float) -> tuple[float, float]:
-    """Share under snow between the ruts and in them, which together make that cover."""
-    in_ruts = min(cover, RUT_SNOW_COVER)
-    return min(1.0, (cover - RUT_SHARE * in_ruts) / (1.0 - RUT_SHARE)), in_ruts
+def _between_ruts(atmosphere: Atmosphere) -> float:
+    """Share under snow between the ruts, which with that in them makes the road's."""
+    in_ruts = RUT_SHARE * atmosphere.rut_snow_cover
+    return min(1.0, (atmosphere.road_snow_cover - in_ruts) / (1.0 - RUT_SHARE))
 
 
 def map_column(plan: WearMap | ShelterMap) -> tuple[float, float, float, float]:

@@ -56,7 +56,7 @@ float exposure(vec3 p) {
 
 // Share of a pixel under lying snow. It stays on what faces up; roads are driven free in ruts.
 float snowCover(int kind, bool snowless, vec3 p, vec3 n, float footprint) {
-  const float ON_ROAD = 0.005, ELSEWHERE = 0.002, SIGMA = 0.24, SOFT = 0.04;
+  const float ON_ROAD = 0.005, ELSEWHERE = 0.002, SIGMA = 0.2, SOFT = 0.04;
   float depth = parameter(16).x;
   float upward = clamp((n.z - 0.35) / 0.4, 0.0, 1.0);
   if (depth <= 0.0 || snowless || upward <= 0.0) return 0.0;
@@ -67,9 +67,9 @@ float snowCover(int kind, bool snowless, vec3 p, vec3 n, float footprint) {
     cover *= mix(parameter(16).y, parameter(16).z, rut);
   }
   float coarse = kept(1.7, footprint), fine = kept(0.4, footprint), finest = kept(0.1, footprint);
-  float seen = 0.6 * coarse * noise(p.xy / 1.7, 91) + 0.3 * fine * noise(p.xy / 0.4, 92)
-      + 0.15 * finest * noise(p.xy / 0.1, 93);
-  float share = sqrt((0.36 * coarse + 0.09 * fine + 0.0225 * finest) / 0.4725);
+  float seen = 0.4 * coarse * noise(p.xy / 1.7, 91) + 0.35 * fine * noise(p.xy / 0.4, 92)
+      + 0.2 * finest * noise(p.xy / 0.1, 93);
+  float share = sqrt((0.16 * coarse + 0.1225 * fine + 0.04 * finest) / 0.3225);
   return patchy(cover, share > 0.0 ? seen / share : 0.0, SIGMA, share, SOFT);
 }
 
