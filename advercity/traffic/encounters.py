@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from advercity.traffic.trace import Trace
 
 CORNERS = np.array([(1, 1), (1, -1), (-1, -1), (-1, 1)]) / 2
-"""Of a box of length and width 1, front left first, clockwise."""
+"""Of a box of length and width 1: front left, front right, rear right, rear left."""
 HORIZON_S = 6.0
 """How far ahead ways are compared."""
 STEP_S = 0.1
@@ -130,14 +130,21 @@ class Track:
         return self.rows["speed"][:, None] * self.axes[:, 0]
 
     @property
+    def corners(self) -> NDArray[np.float64]:
+        """(n, 4, 2) of the boxes on the ground, front left first, clockwise."""
+        offsets = np.einsum("kc,ncd->nkd", CORNERS * self.size, self.axes)
+        return self.middles[:, None] + offsets
+
+    @property
     def boxes(self) -> Polygons:
         """(n,) boxes on the ground."""
-        offsets = np.einsum("kc,ncd->nkd", CORNERS * self.size, self.axes)
-        return shapely.polygons(self.middles[:, None] + offsets)
+        return shapely.polygons(self.corners)
 
 
-def encounter(trace: Trace, first: int, second: int) -> Encounter | None:
-    """How two actors meet; None if they are never there together.
+def encounter(
+    trace: Trace, first: int, second: int, *, within_m: float = np.inf
+) -> Encounter | None:
+    """How two actors meet; None if they are never there together, or never within a distance.
 
     Raises:
         KeyError: The trace has no such actor.
@@ -148,12 +155,16 @@ def encounter(trace: Trace, first: int, second: int) -> Encounter | None:
         return None
     here, there = one.at(ticks), other.at(ticks)
     distances = shapely.distance(here.boxes, there.boxes)
+    if distances.min() > within_m:
+        return None
     return Encounter(
         first=first,
         second=second,
         distance_m=_least(distances, ticks),
         time_to_collision_s=_least_finite(time_to_collision(here, there), ticks),
-        time_to_collision_on_way_s=_least_finite(_on_way(one, other, ticks), ticks),
+        time_to_collision_on_way_s=_least_finite(
+            time_to_collision_on_way(one, other, ticks), ticks
+        ),
         post_encroachment_s=_post_encroachment(one, other, trace.tick_s),
     )
 
@@ -213,8 +224,19 @@ def _post_encroachment(one: Track, other: Track, tick_s: float) -> Moment | None
     return Moment(float(gaps[least] * tick_s), int(max(mine[least], theirs[least])))
 
 
-def _on_way(one: Track, other: Track, ticks: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Seconds (n,) until two boxes touch on their ways at the speeds that they have."""
+def time_to_collision_on_way(
+    one: Track, other: Track, ticks: NDArray[np.int32]
+) -> NDArray[np.float64]:
+    """Seconds until two boxes touch on their ways at the speeds that they have.
+
+    Args:
+        one: A whole track.
+        other: Another.
+        ticks: (n,) at which both are there.
+
+    Returns:
+        (n,): infinity if they do not within `HORIZON_S`.
+    """
     times = np.full(len(ticks), np.inf)
     near = _may_meet(one.at(ticks), other.at(ticks))
     ahead = np.arange(0, HORIZON_S, STEP_S)

@@ -33,6 +33,7 @@ SURFACES = {
 }
 """BGR by kind of lane, in the order in which they are painted."""
 AGENT_COLOURS = {"ego": (40, 40, 220), "other": (200, 90, 20), "unit": (20, 140, 20)}
+CONFLICT = (30, 30, 200)
 
 Image = NDArray[np.uint8]
 
@@ -76,10 +77,15 @@ class Canvas:
 
 
 def draw_plan(road: Road, spec: Spec | None = None) -> Image:
-    """The plan of a road, BGR; with a spec, also what its cameras see.
+    """The plan of a road, BGR; with a spec, also what its cameras see and what it stages.
 
     North is up; the bar is 50 m long.
     """
+    return plan(road, spec).image
+
+
+def plan(road: Road, spec: Spec | None = None) -> Canvas:
+    """The same to draw on."""
     stage = built(road)
     found = stage.lanes
     canvas = _canvas(found, road)
@@ -111,8 +117,14 @@ def draw_plan(road: Road, spec: Spec | None = None) -> Image:
                 canvas.line((lane.left + lane.right) / 2, _colour(place), 2)
     for name, place in road.agents.items():
         _draw_agent(canvas, name, place)
+    for conflict in spec.conflicts if spec is not None else ():
+        canvas.fill(_disc(conflict.point_m, 1.5), CONFLICT, opacity=0.7)
+        canvas.text(conflict.point_m, conflict.conflict, CONFLICT)
+        for actor in conflict.actors:
+            if len(actor.path_m) > 1:
+                canvas.line(actor.path_m, CONFLICT, 2)
     _draw_bar(canvas)
-    return canvas.image
+    return canvas
 
 
 def _canvas(found: tuple[Lane, ...], road: Road) -> Canvas:
