@@ -207,6 +207,33 @@ def run(
 
 
 @app.command()
+def simulate(
+    specs: SpecArgument,
+    output: Annotated[Path, typer.Option(help="Folder for traces and reports.")] = Path("traffic"),
+    film: Annotated[bool, typer.Option(help="Film the moving plan, too.")] = True,
+    table: Annotated[
+        bool, typer.Option("--table", help="Only print the table, as Markdown; write nothing.")
+    ] = False,
+) -> None:
+    """Simulate traffic alone: trace, report and moving plan; tell whether conflicts happened."""
+    from advercity.cli import tables
+    from advercity.compiler import read_spec
+    from advercity.runner.simulating import reports, simulate_to
+    from advercity.traffic.report import markdown, rows
+
+    chosen = [read_spec(path) for path in specs]
+    if table:
+        found = list(reports(chosen))
+        say(markdown(found))
+    else:
+        found = [simulate_to(spec, output, filmed=film) for spec in chosen]
+        say(tables.table(rows(found)))
+    problems = [f"{one.spec}: {problem}" for one in found for problem in one.problems]
+    if problems:
+        raise RunError("\n".join(problems))
+
+
+@app.command()
 def view(
     dataset: Annotated[Path, typer.Argument(help="A scenario of a dataset, or a .rrd recording.")],
     web: Annotated[bool, typer.Option("--web", help="In a browser instead of a window.")] = False,

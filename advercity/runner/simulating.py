@@ -3,6 +3,8 @@
 import json
 import shutil
 import tempfile
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 from advercity_dsl import Spec
@@ -14,15 +16,21 @@ from advercity.traffic.film import film
 from advercity.traffic.report import Report, report
 
 
-def told(spec: Spec) -> Report:
-    """The report on a spec's traffic, which comes from the cache or is simulated now.
+def reports(specs: Iterable[Spec]) -> Iterator[Report]:
+    """The reports on the traffic of specs, which comes from the cache or is simulated now.
+
+    Weathers that share a trace share what is measured on it.
 
     Raises:
-        InputError: The spec asks for what its road does not have.
+        InputError: A spec asks for what its road does not have.
         RunError: The simulation failed.
     """
-    stage = set_stage(spec)
-    return report(spec, stage.trace, stage.trace_sha256)
+    known: dict[str, Report] = {}
+    for spec in specs:
+        stage = set_stage(spec)
+        if stage.trace_sha256 not in known:
+            known[stage.trace_sha256] = report(spec, stage.trace, stage.trace_sha256)
+        yield replace(known[stage.trace_sha256], spec=spec.id)
 
 
 def simulate_to(spec: Spec, output: Path, *, filmed: bool = True) -> Report:

@@ -138,7 +138,7 @@ class Track:
     @property
     def boxes(self) -> Polygons:
         """(n,) boxes on the ground."""
-        return shapely.polygons(self.corners)
+        return np.asarray(shapely.polygons(self.corners))
 
 
 def encounter(

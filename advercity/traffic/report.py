@@ -1,7 +1,7 @@
 """What a scenario's traffic amounts to: who takes part, how near they come, what was staged."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
@@ -113,3 +113,49 @@ def _driving(trace: Trace) -> Driving:
         acceleration_m_s2=float(rows["acceleration"].max()),
         braking_m_s2=float(-rows["acceleration"].min()),
     )
+
+
+def rows(reports: Iterable[Report]) -> list[dict[str, object]]:
+    """A row per staged conflict, or one for a scenario that stages none; for tables."""
+    return [
+        {
+            "scenario": one.spec,
+            "frames": one.frames,
+            "vehicles": one.vehicles,
+            "people": one.pedestrians,
+            **_staged_cells(staged),
+        }
+        for one in reports
+        for staged in one.staged or (None,)
+    ]
+
+
+def markdown(reports: Sequence[Report]) -> str:
+    """The rows as a table in Markdown, the means over all scenarios below it."""
+    table = rows(reports)
+    means = {
+        name: f"{np.mean([getattr(one, attribute) for one in reports]):.1f}"
+        for name, attribute in (
+            ("frames", "frames"),
+            ("vehicles", "vehicles"),
+            ("people", "pedestrians"),
+        )
+    }
+    heads = list(table[0])
+    table.append({"scenario": "mean", **means})
+    lines = [heads, ["---"] * len(heads), *([row.get(head, "") for head in heads] for row in table)]
+    return "".join("| " + " | ".join(map(str, line)) + " |\n" for line in lines)
+
+
+def _staged_cells(staged: StagedOutcome | None) -> dict[str, object]:
+    if staged is None:
+        return {"conflict": "", "distance m": "", "collision s": "", "gap s": "", "happened": ""}
+    gap = staged.met.post_encroachment_s
+    time = staged.time_to_collision_s
+    return {
+        "conflict": staged.conflict,
+        "distance m": f"{staged.met.distance_m.value:.2f}",
+        "collision s": "" if time is None else f"{time:.1f}",
+        "gap s": "" if gap is None else f"{gap.value:.1f}",
+        "happened": "yes" if staged.happened else "no",
+    }
