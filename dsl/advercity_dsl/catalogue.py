@@ -53,9 +53,11 @@ Part = Literal[
     "headlamp",
     "tail_lamp",
     "indicator",
+    "by_colour",
     "none",
 ]
-"""What a material of a model stands for; `none` leaves its triangles out."""
+"""What a material of a model stands for; `by_colour` sorts the triangles of a textured one into
+lamps, metal and plastic, `none` leaves them out."""
 FreeLicence = Literal["CC0-1.0", "CC-BY-3.0", "CC-BY-3.0-US", "CC-BY-4.0", "CC-BY-SA-4.0", "MIT"]
 
 

@@ -1,10 +1,14 @@
 """From a blueprint to its body."""
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
 from advercity_dsl import ActorClass, Blueprint
 
+from advercity.semantics import Semantic
+from advercity.world.assets import Shelf
+from advercity.world.assets.glb import read_glb
 from advercity.world.bodies.cars import car, van
 from advercity.world.bodies.cycles import bicycle, motorcycle
 from advercity.world.bodies.people import pedestrian
@@ -23,14 +27,35 @@ _BUILDERS: dict[ActorClass, Callable[[str, Size], list[Piece]]] = {
 }
 
 
-def body(blueprint_id: str, blueprint: Blueprint) -> Body:
-    """The body of a blueprint; the same id and size always give the same bytes.
+def body(blueprint_id: str, blueprint: Blueprint, shelf: Shelf | None = None) -> Body:
+    """The body of a blueprint; the same blueprint and shelf always give the same bytes.
 
     It fills its box exactly. The part of material `paint` takes the actor's own paint.
+
+    Args:
+        blueprint_id: Name of the blueprint, by which bodies of one shape differ a little.
+        blueprint: What it is.
+        shelf: Where its model may lie; without one, or without the model, it is shaped here.
+
+    Raises:
+        RunError: Its model is there but cannot be used.
     """
     size = (blueprint.length_m, blueprint.width_m, blueprint.height_m)
-    pieces = _BUILDERS[blueprint.actor_class](blueprint_id, size)
+    model = None if shelf is None else shelf.find(blueprint)
+    if model is None:
+        pieces = _BUILDERS[blueprint.actor_class](blueprint_id, size)
+    else:
+        pieces = _modelled(model, blueprint.actor_class)
     return Body(parts=tuple(meshes(_fitted(pieces, size))), size=size)
+
+
+def _modelled(path: Path, actor_class: ActorClass) -> list[Piece]:
+    """Pieces of a converted model."""
+    semantic = Semantic.PEDESTRIAN if actor_class == "pedestrian" else Semantic.VEHICLE
+    return [
+        Piece(Surface(part.vertices, part.triangles), part.material, semantic)
+        for part in read_glb(path.read_bytes(), path.name)
+    ]
 
 
 def _fitted(pieces: Sequence[Piece], size: Size) -> list[Piece]:

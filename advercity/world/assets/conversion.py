@@ -1,0 +1,150 @@
+"""From a foreign model to ours: upright, facing x, in metres, what is seen of it, in few parts.
+
+A converted model is a GLB whose meshes are named after our materials, x forward, y left, z up.
+"""
+
+from collections.abc import Iterable, Sequence
+
+import fast_simplification
+import numpy as np
+from advercity_dsl.catalogue import BodyModel
+from numpy.typing import NDArray
+
+from advercity.errors import RunError
+from advercity.world.assets.materials import MATERIAL_OF, by_colour, part_of
+from advercity.world.assets.visible import seen
+from advercity.world.assets.wavefront import Part
+from advercity.world.materials import PAINT
+
+VERSION = 1
+"""Of this conversion; another one makes other files of the same models."""
+LENGTH_TOLERANCE = 0.25
+"""By how much a model's proportions may differ from its blueprint's before it is turned wrong."""
+WELD_SHARE = 5e-5
+"""Of the model's length: vertices nearer than this are one."""
+SHAPES = frozenset({PAINT, "glass", "lamp_white", "lamp_red"})
+"""What people know a vehicle by; it is thinned less than the rest."""
+SHAPING = 3.0
+FEWEST = 24
+"""Triangles that are left of any part."""
+
+Size = tuple[float, float, float]
+
+
+def converted(parts: Iterable[Part], model: BodyModel, size: Size) -> list[Part]:
+    """The parts that are seen of a model, in our frame and of our materials.
+
+    Args:
+        parts: As they are in its file.
+        model: How to take them.
+        size: Full length, width and height of the blueprint in metres, which it is scaled to.
+
+    Raises:
+        RunError: Nothing is left, or its proportions are another thing's.
+    """
+    kept = [part for part in parts if part_of(part.material, model.materials) != "none"]
+    if not kept:
+        raise RunError(f"{name_of(model)}: no material of it stands for any part")
+    ours = _sorted_out(_fitted([_upright(part, model) for part in kept], model, size), model)
+    outside = _outside(ours)
+    return _thinned(outside, model.triangles)
+
+
+def name_of(model: BodyModel) -> str:
+    """Of a model, for people."""
+    return model.pack or model.file or "model"
+
+
+def _upright(part: Part, model: BodyModel) -> Part:
+    x, y, z = part.vertices.T
+    if model.up == "y":
+        x, y, z = x, -z, y
+    turn = np.radians(model.turn_deg)
+    cosine, sine = np.cos(turn), np.sin(turn)
+    vertices = np.column_stack([x * cosine - y * sine, x * sine + y * cosine, z])
+    return Part(part.material, vertices, part.triangles, part.colours)
+
+
+def _fitted(parts: Sequence[Part], model: BodyModel, size: Size) -> list[Part]:
+    """The parts scaled to the size, standing on the origin."""
+    used = np.concatenate([part.vertices[part.triangles].reshape(-1, 3) for part in parts])
+    low, high = used.min(axis=0), used.max(axis=0)
+    factor = np.asarray(size) / np.maximum(high - low, 1e-9)
+    stretch = factor / np.median(factor)
+    if np.abs(stretch - 1.0).max() > LENGTH_TOLERANCE:
+        found = " x ".join(f"{extent:.3g}" for extent in high - low)
+        raise RunError(
+            f"{name_of(model)}: is {found} (length, width, height in its own unit), which does not"
+            f" fit {size[0]:g} x {size[1]:g} x {size[2]:g} m; set `turn_deg` and `up` so that its"
+            " front faces along x and its roof up"
+        )
+    middle = (low + high) / 2 * (1, 1, 0) + low * (0, 0, 1)
+    return [
+        Part(part.material, (part.vertices - middle) * factor, part.triangles, part.colours)
+        for part in parts
+    ]
+
+
+def _sorted_out(parts: Sequence[Part], model: BodyModel) -> list[Part]:
+    """One part for each of our materials."""
+    found: dict[str, list[Part]] = {}
+    for part in parts:
+        stands_for = part_of(part.material, model.materials)
+        if stands_for == "by_colour":
+            for material, triangles in by_colour(part):
+                found.setdefault(material, []).append(Part(material, part.vertices, triangles))
+        elif stands_for != "none":
+            material = MATERIAL_OF[stands_for]
+            found.setdefault(material, []).append(part)
+    return [_joined(material, some) for material, some in sorted(found.items())]
+
+
+def _joined(material: str, parts: Sequence[Part]) -> Part:
+    """One part of several, with one vertex where theirs meet."""
+    corners = np.concatenate([part.vertices[part.triangles] for part in parts]).reshape(-1, 3)
+    grid = np.round(corners / (WELD_SHARE * np.ptp(corners, axis=0).max() + 1e-6)).astype(np.int64)
+    _, first, index = np.unique(grid, axis=0, return_index=True, return_inverse=True)
+    triangles = index.reshape(-1, 3)
+    a, b, c = triangles.T
+    return Part(material, corners[first], triangles[(a != b) & (b != c) & (c != a)])
+
+
+def _outside(parts: Sequence[Part]) -> list[Part]:
+    """What can be seen of the parts, each triangle facing who sees it; thin sheets face both."""
+    starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
+    vertices = np.concatenate([part.vertices for part in parts])
+    triangles = np.concatenate(
+        [part.triangles + start for part, start in zip(parts, starts, strict=False)]
+    )
+    front, back = seen(vertices, triangles)
+    bounds = np.cumsum([0, *(len(part.triangles) for part in parts)])
+    kept: list[Part] = []
+    for part, first, last in zip(parts, bounds[:-1], bounds[1:], strict=True):
+        ahead, behind = front[first:last], back[first:last]
+        faces = np.concatenate([part.triangles[ahead], part.triangles[behind][:, ::-1]])
+        if len(faces):
+            kept.append(_joined(part.material, [Part(part.material, part.vertices, faces)]))
+    return kept
+
+
+def _thinned(parts: Sequence[Part], budget: int) -> list[Part]:
+    """The parts with about `budget` triangles in all; what makes the shape loses the fewest."""
+    total = sum(len(part.triangles) for part in parts)
+    if total <= budget:
+        return list(parts)
+    weights = [SHAPING if part.material in SHAPES else 1.0 for part in parts]
+    shares = [weight * len(part.triangles) for weight, part in zip(weights, parts, strict=True)]
+    return [
+        _simplified(part, max(FEWEST, int(budget * share / sum(shares))))
+        for part, share in zip(parts, shares, strict=True)
+    ]
+
+
+def _simplified(part: Part, count: int) -> Part:
+    if len(part.triangles) <= count:
+        return part
+    points: NDArray[np.float64]
+    points, triangles = fast_simplification.simplify(
+        part.vertices, part.triangles.astype(np.int32), target_count=count, agg=3
+    )
+    return _joined(part.material, [Part(part.material, points, triangles.astype(np.int64))])

@@ -1,0 +1,101 @@
+"""Reads Wavefront models: triangles by material, and the colour of each where a texture has it."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Triangles of one material.
+
+    Attributes:
+        material: The model's own name of it, or ours.
+        vertices: (n, 3).
+        triangles: (m, 3) into `vertices`.
+        colours: (m, 3) sRGB in [0, 1] that a texture has in the middle of each triangle, or None.
+    """
+
+    material: str
+    vertices: NDArray[np.float64]
+    triangles: NDArray[np.int64]
+    colours: NDArray[np.float64] | None = None
+
+
+def read_obj(obj: bytes, files: Mapping[str, bytes]) -> list[Part]:
+    """Parts of a model; `files` are the materials and textures that it refers to, by name."""
+    vertices: list[list[float]] = []
+    places: list[list[float]] = []
+    faces: dict[str, list[tuple[int, int, int]]] = {}
+    marks: dict[str, list[tuple[int, int, int]]] = {}
+    material = ""
+    for line in obj.decode("latin-1").splitlines():
+        head, _, rest = line.partition(" ")
+        if head == "v":
+            vertices.append([float(word) for word in rest.split()[:3]])
+        elif head == "vt":
+            places.append([float(word) for word in rest.split()[:2]])
+        elif head == "usemtl":
+            material = rest.strip()
+        elif head == "f":
+            corners = [_corner(word, len(vertices), len(places)) for word in rest.split()]
+            for second, third in pairwise(corners[1:]):
+                fan = (corners[0], second, third)
+                faces.setdefault(material, []).append((fan[0][0], fan[1][0], fan[2][0]))
+                marks.setdefault(material, []).append((fan[0][1], fan[1][1], fan[2][1]))
+    points, uv = np.array(vertices), np.array(places or [[0.0, 0.0]])
+    textures = _textures(files)
+    return [
+        Part(
+            name,
+            points,
+            np.array(triangles),
+            _sampled(textures[name], uv, np.array(marks[name])) if name in textures else None,
+        )
+        for name, triangles in faces.items()
+    ]
+
+
+def _corner(word: str, vertices: int, places: int) -> tuple[int, int]:
+    """Indices from 0 of a corner's vertex and place on the texture, which is 0 if there is none."""
+    numbers = [int(number) if number else 0 for number in word.split("/")]
+    vertex, place = numbers[0], numbers[1] if len(numbers) > 1 else 0
+    return (
+        vertex - 1 if vertex > 0 else vertices + vertex,
+        max(0, place - 1 if place >= 0 else places + place),
+    )
+
+
+def _textures(files: Mapping[str, bytes]) -> dict[str, NDArray[np.uint8]]:
+    """Pictures (h, w, 3), BGR, of the materials that have one."""
+    found: dict[str, NDArray[np.uint8]] = {}
+    for name, content in files.items():
+        if not name.endswith(".mtl"):
+            continue
+        material = ""
+        for line in content.decode("latin-1").splitlines():
+            words = re.split(r"\s+", line.strip(), maxsplit=1)
+            if words[0] == "newmtl" and len(words) > 1:
+                material = words[1]
+            elif words[0] == "map_Kd" and len(words) > 1 and words[1] in files:
+                raw = np.frombuffer(files[words[1]], np.uint8)
+                picture = cv2.imdecode(raw, cv2.IMREAD_COLOR)
+                if picture is not None:
+                    found[material] = picture.astype(np.uint8)
+    return found
+
+
+def _sampled(
+    picture: NDArray[np.uint8], uv: NDArray[np.float64], marks: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Colour (m, 3), RGB, of a picture in the middle of triangles (m, 3) of places on it."""
+    middle = uv[marks].mean(axis=1) % 1.0
+    height, width = picture.shape[:2]
+    row = np.clip(((1.0 - middle[:, 1]) * height).astype(int), 0, height - 1)
+    column = np.clip((middle[:, 0] * width).astype(int), 0, width - 1)
+    return picture[row, column, ::-1] / 255.0
