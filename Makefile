@@ -14,6 +14,7 @@ SHEET := $(OUTPUT)/contact_sheet.png
 .PHONY: demo test setup lock
 
 demo: setup
+	$(ADVERCITY) assets install --optional
 	$(ADVERCITY) compile library --output compiled
 	$(ADVERCITY) run compiled/$(SCENARIO).json --profile preview --frames 0:$(FRAMES) \
 	  --output $(OUTPUT) $(if $(wildcard $(RECORDING)),,--rrd $(RECORDING))

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from advercity.cli.assets import assets
 from advercity.cli.output import note, say
 from advercity.errors import InputError, RunError
 
@@ -16,6 +17,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
+
+app.add_typer(assets)
 
 LibraryArgument = Annotated[list[Path], typer.Argument(help="Folders of declarations.")]
 LIBRARIES = [Path("library")]

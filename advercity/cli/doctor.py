@@ -12,7 +12,8 @@ import sumo
 from advercity import __version__
 from advercity.errors import AdvercityError, RunError
 from advercity.rendering.registry import backend_names, load_backend
-from advercity.runner.cache import cache_folder
+from advercity.runner.bodies import catalogue_blueprints
+from advercity.runner.cache import cache_folder, shelf
 
 Check = tuple[str, bool, str]
 """What was looked at, whether it is fine, and what was found."""
@@ -38,6 +39,7 @@ def _checks() -> Iterator[Check]:
         yield _attempt(f"backend {name}", lambda name=name: _backend(name))
     for package in ("embreex", "rerun-sdk", "opencv-python-headless"):
         yield package, True, version(package)
+    yield _attempt("bodies", _bodies)
     yield _attempt("cache", _cache)
 
 
@@ -62,6 +64,14 @@ def _backend(name: str) -> str:
     found = load_backend(name).capabilities()
     rays = "raster and ray tracing" if found.ray_traced else "raster only"
     return f"{found.device}, {rays}"
+
+
+def _bodies() -> str:
+    if not shelf().has_pack:
+        return "shaped by the program; `advercity assets install` fetches models"
+    found = [shelf().find(blueprint) for blueprint in catalogue_blueprints().values()]
+    count = sum(path is not None for path in found)
+    return f"{count} of {len(found)} made of the asset pack's models, the rest shaped"
 
 
 def _cache() -> str:

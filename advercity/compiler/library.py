@@ -11,6 +11,7 @@ from typing import Any, Generic, TypeVar, cast
 from advercity_dsl import (
     DECLARATIONS,
     LANGUAGE_VERSION,
+    Catalogue,
     Declaration,
     MapFile,
     Road,
@@ -21,6 +22,7 @@ from advercity_dsl import (
 from advercity.compiler.distributions import Distributions, check_ends, distributions_in
 from advercity.compiler.extension import Name, Resolved, resolve
 from advercity.compiler.maps import network_of
+from advercity.compiler.models import with_checksums
 from advercity.compiler.problems import Problem, ProblemsError, nearest
 from advercity.compiler.source import Document, read
 from advercity.compiler.validation import ID_HINT, quoted, validate
@@ -215,6 +217,8 @@ def _entry(name: Name, heads: Mapping[Name, Document]) -> Entry[Declaration]:
         declaration = validate(model, source, known=source.document.problems)
         if isinstance(declaration, Road) and isinstance(declaration.imported, MapFile):
             declaration = _with_network(declaration, declaration.imported, source)
+        if isinstance(declaration, Catalogue):
+            declaration = with_checksums(declaration, source)
         return Entry(declaration, source, digest_of(declaration.model_dump(mode="json")))
     distributions = distributions_in(source)
     weather = check_ends(source, distributions)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 from advercity_dsl import Model, Spec, Weather
-from pydantic import ValidationError
+from pydantic import Field, ValidationError
 
 from advercity import __version__
 from advercity.dataset.journal import FileRecord, read_journal
@@ -31,13 +31,20 @@ class Identity(Model):
     trace_sha256: str
     renderer: RendererIdentity
     """Backend, profile, image scale, device class: whatever changes pictures."""
+    bodies: dict[str, str] = Field(default_factory=dict[str, str])
+    """SHA-256 of the model that stands for each blueprint; the others were shaped here."""
     format: str
     versions: dict[str, str]
     """Of advercity and of `PACKAGES`."""
 
     @staticmethod
     def of(
-        spec: Spec, *, trace_sha256: str, renderer: RendererIdentity, format: str = "opv2v"
+        spec: Spec,
+        *,
+        trace_sha256: str,
+        renderer: RendererIdentity,
+        bodies: Mapping[str, str] | None = None,
+        format: str = "opv2v",
     ) -> "Identity":
         """Identity of the data of `spec`."""
         return Identity(
@@ -45,6 +52,7 @@ class Identity(Model):
             spec_sha256=hashlib.sha256(spec.model_dump_json().encode()).hexdigest(),
             trace_sha256=trace_sha256,
             renderer=renderer,
+            bodies=dict(bodies or {}),
             format=format,
             versions={"advercity": __version__} | {name: version(name) for name in PACKAGES},
         )
@@ -59,7 +67,9 @@ class Identity(Model):
         ]
 
     def _flat(self) -> RendererIdentity:
-        return self.model_dump(exclude={"renderer", "versions"}) | self.renderer | self.versions
+        alone = self.model_dump(exclude={"renderer", "versions", "bodies"})
+        bodies = {f"body of {name}": digest for name, digest in self.bodies.items()}
+        return alone | self.renderer | self.versions | bodies
 
 
 class WeatherTruth(Model):

@@ -5,7 +5,8 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
 
-from advercity.dataset.formats import PROTOCOL, format_called, frame_name, protocol
+from advercity.dataset.beside_frames import beside_frames
+from advercity.dataset.formats import format_called, frame_name
 from advercity.dataset.journal import FileRecord, staging_of
 from advercity.dataset.manifest import Manifest, Problem
 from advercity.dataset.reading import Reading
@@ -37,9 +38,9 @@ def restore(scenario: Path, problems: Iterable[Problem], readings_of: ReadingsOf
     staging = staging_of(scenario)
     with failures_named(scenario), lock(staging / "lock"):
         _remove_leftovers(scenario, manifest, found)
-        if any(problem.path == PROTOCOL for problem in found):
-            _put_back(scenario, manifest, {PROTOCOL: protocol(manifest.spec)})
         damaged = {problem.path for problem in found if problem.kind != "extra"}
+        beside = beside_frames(manifest.spec, manifest.identity)
+        _put_back(scenario, manifest, {path: beside[path] for path in damaged & beside.keys()})
         for frame in sorted({item.frame for item in found if item.frame is not None}):
             files = _files(manifest, frame, readings_of(frame))
             _put_back(scenario, manifest, {path: files[path] for path in damaged & files.keys()})

@@ -14,7 +14,8 @@ from typing import Self
 
 from advercity_dsl import Spec
 
-from advercity.dataset.formats import PROTOCOL, format_called, frame_name, protocol
+from advercity.dataset.beside_frames import beside_frames
+from advercity.dataset.formats import format_called, frame_name
 from advercity.dataset.journal import FileRecord, append_to_journal, remove_journal, staging_of
 from advercity.dataset.manifest import MANIFEST, Identity, Manifest
 from advercity.dataset.reading import Reading
@@ -122,10 +123,11 @@ class DatasetWriter:
         self._files = self._recall()
         self._done = {file.frame for file in self._files.values() if file.frame is not None}
         self._sweep()
-        content = protocol(self._spec)
-        self._files[PROTOCOL] = FileRecord.of(content)
+        beside = beside_frames(self._spec, self._identity)
+        self._files |= {path: FileRecord.of(content) for path, content in beside.items()}
         self._save()
-        self._replace(PROTOCOL, content)
+        for path, content in beside.items():
+            self._replace(path, content)
 
     def _clear(self) -> None:
         self._check_it_is_ours()

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from advercity_dsl import Blueprint, Camera
+from advercity_dsl import Blueprint, Camera, Mount
 from numpy.typing import NDArray
 
 from advercity import poses
@@ -19,13 +19,17 @@ from advercity.traffic.trace import Actor, ActorState, Frame, Lamp
 from advercity.weather.derivation import atmosphere_of
 from advercity.world.assets import Shelf
 from advercity.world.bodies import CONNECTED_PAINT, body
-from advercity.world.scene import Mesh, World
+from advercity.world.scene import Mesh, StreetLamp, World
 
 VIEWS = (("three quarters", 0.6), ("side", np.pi / 2), ("rear", np.pi), ("front", 0.0))
 """Where the camera stands around the body, in radians to the left of its front."""
+WEATHERS = ("clear_day", "clear_night")
 CELL_PX = (320, 200)
 BAR_PX = 20
 FIELD_OF_VIEW_RAD = np.radians(30.0)
+OBLIQUE, LEVEL = 0.18, 0.08
+"""Height of the camera over the middle of the body, as a share of its distance."""
+STREET_LAMPS = tuple(StreetLamp((x, y, 8.0)) for x in (-9.0, 9.0) for y in (-7.0, 7.0))
 COATS = "cloth_red"
 ALL_LAMPS = Lamp.BRAKE | Lamp.LEFT | Lamp.RIGHT
 
@@ -39,6 +43,7 @@ def body_sheet(blueprints: Mapping[str, Blueprint], backend: Backend, shelf: She
         static=(_ground(),),
         bodies={name: body(name, blueprint, shelf) for name, blueprint in blueprints.items()},
         lanes=(),
+        street_lamps=STREET_LAMPS,
         network=Path(),
     )
     halves = [list(_pictures(world, blueprints, backend, weather)) for weather in WEATHERS]
@@ -47,9 +52,6 @@ def body_sheet(blueprints: Mapping[str, Blueprint], backend: Backend, shelf: She
         for (name, blueprint), day, night in zip(blueprints.items(), *halves, strict=True)
     ]
     return np.vstack(rows)
-
-
-WEATHERS = ("clear_day", "fog_night")
 
 
 def _pictures(
@@ -77,15 +79,16 @@ def _frame(number: int, name: str, blueprint: Blueprint) -> Frame:
 def _picture(renderer: Renderer, blueprint: Blueprint, azimuth: float) -> Image:
     width, height = CELL_PX
     view = CameraView(_standing(blueprint, azimuth), width, height, FIELD_OF_VIEW_RAD)
-    picture = expose(renderer.camera(view), Camera(mounts=({},)), None, stray_light=0.0)
-    return cv2.cvtColor(picture, cv2.COLOR_RGB2BGR)
+    camera = Camera(mounts=(Mount(),), noise=False)
+    picture = expose(renderer.camera(view), camera, np.random.default_rng(0))
+    return picture[..., ::-1]
 
 
 def _standing(blueprint: Blueprint, azimuth: float) -> Matrix:
     """Where the camera stands: so far that the body fills the picture, a little above it."""
     reach = max(blueprint.length_m, 1.6 * blueprint.height_m, blueprint.width_m)
     away = 0.62 * reach / np.tan(FIELD_OF_VIEW_RAD / 2) + blueprint.width_m / 2
-    raised = 0.18 if azimuth == VIEWS[0][1] else 0.08
+    raised = OBLIQUE if azimuth == VIEWS[0][1] else LEVEL
     place = away * np.array([np.cos(azimuth), np.sin(azimuth), raised])
     place[2] += blueprint.height_m / 2
     return poses.pose(place, yaw=azimuth + np.pi, pitch=float(np.arctan(raised)))

@@ -17,6 +17,7 @@ from advercity_dsl import Spec
 import advercity
 from advercity.compiler.library import digest_of
 from advercity.errors import RunError
+from advercity.world.assets import Shelf
 
 
 def cache_folder() -> Path:
@@ -36,16 +37,38 @@ def road_key(spec: Spec) -> str:
 def world_key(spec: Spec) -> str:
     """Of everything that the world depends on: the road, who stands beside it, and the bodies."""
     data = spec.model_dump(mode="json", include={"road", "blueprints"})
-    return digest_of({"code": _code_digest(), **data})
+    return digest_of({"code": _code_digest(), "models": model_digests(spec), **data})
+
+
+def shelf() -> Shelf:
+    """Where models of bodies lie, if any do."""
+    return Shelf(cache_folder() / "assets")
+
+
+def model_digests(spec: Spec) -> dict[str, str]:
+    """SHA-256 of the model that stands for each blueprint that has one here.
+
+    Raises:
+        RunError: A model is here, but cannot be used.
+    """
+    found = {name: shelf().find(blueprint) for name, blueprint in spec.blueprints.items()}
+    return {
+        name: hashlib.sha256(path.read_bytes()).hexdigest()
+        for name, path in found.items()
+        if path is not None
+    }
 
 
 def traffic_key(spec: Spec) -> str:
-    """Of everything that the trace depends on: all of the spec but weather and sensors."""
+    """Of everything that the trace depends on: all of the spec but weather, sensors and looks."""
     data = spec.model_dump(
         mode="json", include={"road", "demand", "blueprints", "timing", "agents"}
     )
     for agent in data["agents"]:
         del agent["sensors"]
+    for blueprint in data["blueprints"].values():
+        for look in ("shape", "lamps", "model"):
+            blueprint.pop(look, None)
     return digest_of({"code": _code_digest(), "seed": spec.seeds.traffic, **data})
 
 

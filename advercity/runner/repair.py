@@ -10,6 +10,7 @@ from advercity.dataset.restoring import restore
 from advercity.errors import RunError
 from advercity.rendering.backend import Profile
 from advercity.rendering.registry import load_backend
+from advercity.runner.cache import model_digests
 from advercity.runner.scenario import Report, no_report, renderer_identity
 from advercity.runner.sensing import senses
 from advercity.runner.stage import set_stage
@@ -44,6 +45,7 @@ def _repair(scenario: Path, problems: list[Problem], report: Report) -> list[Pro
         spec,
         trace_sha256=stage.trace_sha256,
         renderer=renderer_identity(backend, profile),
+        bodies=model_digests(spec),
         format=manifest.identity.format,
     )
     differences = manifest.identity.differences(here)

@@ -15,6 +15,7 @@ from advercity.errors import BackendError, InputError
 from advercity.rendering.backend import PROFILES, Backend, Capabilities, Profile
 from advercity.rendering.registry import load_backend
 from advercity.runner.behind import Behind
+from advercity.runner.cache import model_digests
 from advercity.runner.options import Options, ViewerTarget
 from advercity.runner.replay import stored_readings
 from advercity.runner.sensing import senses
@@ -48,6 +49,7 @@ def run_scenario(spec: Spec, options: Options, report: Report = no_report) -> Pa
         spec,
         trace_sha256=stage.trace_sha256,
         renderer=renderer_identity(backend, profile),
+        bodies=model_digests(spec),
         format=options.format,
     )
     writer = DatasetWriter(

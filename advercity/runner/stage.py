@@ -6,7 +6,7 @@ from pathlib import Path
 
 from advercity_dsl import Spec
 
-from advercity.runner.cache import cache_folder, kept, road_key, traffic_key, world_key
+from advercity.runner.cache import cache_folder, kept, road_key, shelf, traffic_key, world_key
 from advercity.traffic.simulation import simulate
 from advercity.traffic.trace import Trace
 from advercity.world.build import build_world
@@ -43,7 +43,7 @@ def world_of(spec: Spec, network: Path) -> World:
     """The world of a spec, from the cache or made now."""
     stored = kept(
         cache_folder() / "worlds" / f"{world_key(spec)}.npz",
-        lambda partial: save_world(build_world(spec, network), partial),
+        lambda partial: save_world(build_world(spec, network, shelf()), partial),
     )
     return load_world(stored, network)
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from advercity_dsl import Spec
 
 from advercity.world import terrain
+from advercity.world.assets import Shelf
 from advercity.world.bodies import body
 from advercity.world.furniture import furniture
 from advercity.world.roads import built
@@ -13,8 +14,12 @@ from advercity.world.scene import World
 from advercity.world.surroundings import surroundings
 
 
-def build_world(spec: Spec, network: Path) -> World:
-    """The world of a spec, whose SUMO network is at `network`; a function of the spec alone."""
+def build_world(spec: Spec, network: Path, shelf: Shelf | None = None) -> World:
+    """The world of a spec, whose SUMO network is at `network`.
+
+    It is a function of the spec alone, but for bodies whose models lie on the `shelf`: these look
+    otherwise, at the same size.
+    """
     road = built(spec.road)
     plateaus = terrain.plateaus(spec.road)
     ground_height = partial(terrain.ground_height, road.rims, plateaus=plateaus)
@@ -29,7 +34,7 @@ def build_world(spec: Spec, network: Path) -> World:
             *around,
             *fixed,
         ),
-        bodies={name: body(name, blueprint) for name, blueprint in spec.blueprints.items()},
+        bodies={name: body(name, blueprint, shelf) for name, blueprint in spec.blueprints.items()},
         lanes=road.lanes,
         network=network,
         street_lamps=tuple(street_lamps),

@@ -120,8 +120,8 @@ class BodyModel(Terse):
     up: Literal["y", "z"] = "y"
     """Axis of the model that points up."""
     turn_deg: Degrees = 0
-    """Turn about the vertical, to the left, that brings its front to face along x; a model whose
-    front faces along its own x once it stands upright needs none."""
+    """Turn about the vertical, to the left, that brings its front ahead. None is needed where y is
+    up and the front faces along z, as glTF has it, or where z is up and it faces along x."""
     materials: dict[str, Part] = Field(default_factory=dict[str, Part])
     """What its materials stand for, where their names do not tell."""
     triangles: Annotated[

@@ -4,6 +4,7 @@ A converted model is a GLB whose meshes are named after our materials, x forward
 """
 
 from collections.abc import Iterable, Sequence
+from typing import cast
 
 import fast_simplification
 import numpy as np
@@ -11,7 +12,13 @@ from advercity_dsl.catalogue import BodyModel
 from numpy.typing import NDArray
 
 from advercity.errors import RunError
-from advercity.world.assets.materials import MATERIAL_OF, by_colour, part_of
+from advercity.world.assets.materials import (
+    LENSES,
+    MATERIAL_OF,
+    at_their_places,
+    by_colour,
+    part_of,
+)
 from advercity.world.assets.visible import seen
 from advercity.world.assets.wavefront import Part
 from advercity.world.materials import PAINT
@@ -45,7 +52,8 @@ def converted(parts: Iterable[Part], model: BodyModel, size: Size) -> list[Part]
     kept = [part for part in parts if part_of(part.material, model.materials) != "none"]
     if not kept:
         raise RunError(f"{name_of(model)}: no material of it stands for any part")
-    ours = _sorted_out(_fitted([_upright(part, model) for part in kept], model, size), model)
+    upright = [_upright(part, model) for part in kept]
+    ours = _sorted_out(_fitted(upright, model, size), model, size)
     outside = _outside(ours)
     return _thinned(outside, model.triangles)
 
@@ -58,7 +66,7 @@ def name_of(model: BodyModel) -> str:
 def _upright(part: Part, model: BodyModel) -> Part:
     x, y, z = part.vertices.T
     if model.up == "y":
-        x, y, z = x, -z, y
+        x, y, z = z, x, y
     turn = np.radians(model.turn_deg)
     cosine, sine = np.cos(turn), np.sin(turn)
     vertices = np.column_stack([x * cosine - y * sine, x * sine + y * cosine, z])
@@ -85,17 +93,20 @@ def _fitted(parts: Sequence[Part], model: BodyModel, size: Size) -> list[Part]:
     ]
 
 
-def _sorted_out(parts: Sequence[Part], model: BodyModel) -> list[Part]:
+def _sorted_out(parts: Sequence[Part], model: BodyModel, size: Size) -> list[Part]:
     """One part for each of our materials."""
     found: dict[str, list[Part]] = {}
     for part in parts:
-        stands_for = part_of(part.material, model.materials)
-        if stands_for == "by_colour":
-            for material, triangles in by_colour(part):
-                found.setdefault(material, []).append(Part(material, part.vertices, triangles))
-        elif stands_for != "none":
-            material = MATERIAL_OF[stands_for]
-            found.setdefault(material, []).append(part)
+        named = part_of(part.material, model.materials)
+        stands_for = (
+            by_colour(part) if named == "by_colour" else np.full(len(part.triangles), named)
+        )
+        if named in LENSES or named == "by_colour":
+            stands_for = at_their_places(stands_for, part, size)
+        for kind in np.unique(stands_for):
+            material = MATERIAL_OF[kind]
+            triangles = part.triangles[stands_for == kind]
+            found.setdefault(material, []).append(Part(material, part.vertices, triangles))
     return [_joined(material, some) for material, some in sorted(found.items())]
 
 
@@ -143,8 +154,10 @@ def _thinned(parts: Sequence[Part], budget: int) -> list[Part]:
 def _simplified(part: Part, count: int) -> Part:
     if len(part.triangles) <= count:
         return part
-    points: NDArray[np.float64]
-    points, triangles = fast_simplification.simplify(
-        part.vertices, part.triangles.astype(np.int32), target_count=count, agg=3
+    points, triangles = cast(
+        tuple[NDArray[np.float64], NDArray[np.int32]],
+        fast_simplification.simplify(
+            part.vertices, part.triangles.astype(np.int32), target_count=count, agg=3
+        ),
     )
     return _joined(part.material, [Part(part.material, points, triangles.astype(np.int64))])

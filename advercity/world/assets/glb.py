@@ -39,7 +39,7 @@ def read_glb(content: bytes, name: str) -> list[Part]:
             continue
         material = getattr(getattr(mesh.visual, "material", None), "name", None) or geometry
         vertices = trimesh.transform_points(mesh.vertices, world_from_mesh)
-        parts.append(Part(material, np.asarray(vertices, float), np.asarray(mesh.faces, int)))
+        parts.append(Part(str(material), np.asarray(vertices, float), np.asarray(mesh.faces, int)))
     if not parts:
         raise RunError(f"{name}: holds no triangles")
     return parts

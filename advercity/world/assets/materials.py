@@ -1,7 +1,7 @@
 """What the materials of foreign models stand for here, told from their names."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 from advercity_dsl.catalogue import Part
@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from advercity.world.assets import wavefront
 from advercity.world.materials import PAINT
 
-MATERIAL_OF: dict[Part, str] = {
+LENSES = frozenset({"glass", "headlamp", "tail_lamp"})
+"""Parts whose place on the body says what they really are."""
+MATERIAL_OF: dict[str, str] = {
     "paint": PAINT,
     "white_paint": "car_paint_white",
     "black_paint": "car_paint_black",
@@ -47,36 +49,47 @@ def part_of(name: str, declared: Mapping[str, Part]) -> Part:
     """What a material stands for: as declared, else as its name tells, else plastic."""
     if name in declared:
         return declared[name]
-    lower = name.lower()
-    return next((part for pattern, part in _TOLD if re.search(pattern, lower)), "plastic")
+    for pattern, part in _TOLD:
+        if re.search(pattern, name.lower()):
+            return part
+    return "plastic"
 
 
-def by_colour(part: wavefront.Part) -> Iterator[tuple[str, NDArray[np.int64]]]:
-    """Materials, and which triangles are of them, of a part that one texture paints all over.
+def by_colour(part: wavefront.Part) -> NDArray[np.str_]:
+    """What each triangle (m,) of a part stands for that one texture paints all over.
 
-    Such a part holds what is neither bodywork nor window: red glasses at the back are tail lamps,
-    light ones at the front headlamps, other light spots are metal, dark ones plastic.
+    Such a part holds what is neither bodywork nor window: lamps, plates, trim, the rims of wheels,
+    which alone face sideways.
     """
     if part.colours is None:
-        yield MATERIAL_OF["plastic"], part.triangles
-        return
-    x = part.vertices[part.triangles][:, :, 0].mean(axis=1)
-    middle, half = (x.max() + x.min()) / 2, max(float(np.ptp(x)) / 2, 1e-9)
-    along = (x - middle) / half
+        return np.full(len(part.triangles), "plastic")
     red, green, blue = part.colours.T
-    bright = part.colours.mean(axis=1)
     is_red = (red > 0.3) & (red > 1.8 * green) & (red > 1.8 * blue)
     is_amber = (red > 0.5) & (green > 0.25) & (blue < 0.45 * red) & ~is_red
-    kinds = np.select(
-        [
-            is_red & (along < 0.0),
-            is_amber & (np.abs(along) > 0.6),
-            (bright > 0.45) & (along > 0.7),
-            bright > 0.3,
-        ],
-        [1, 2, 3, 4],
-    )
-    names: tuple[Part, ...] = ("plastic", "tail_lamp", "indicator", "headlamp", "metal")
-    for kind, name in enumerate(names):
-        if (kinds == kind).any():
-            yield MATERIAL_OF[name], part.triangles[kinds == kind]
+    is_light = part.colours.mean(axis=1) > 0.45
+    corners = part.vertices[part.triangles]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    is_rim = np.abs(normal[:, 1]) > 0.85 * np.linalg.norm(normal, axis=1)
+    is_lamp = is_light & ~is_rim & (corners[:, :, 0].mean(axis=1) > 0.0)
+    kinds = [is_red & ~is_rim, is_amber, is_lamp, part.colours.mean(axis=1) > 0.3]
+    return np.select(kinds, ["tail_lamp", "indicator", "headlamp", "metal"], "plastic")
+
+
+def at_their_places(
+    stands_for: NDArray[np.str_], part: wavefront.Part, size: tuple[float, float, float]
+) -> NDArray[np.str_]:
+    """What triangles (m,) stand for once it counts where on a body of this size they are.
+
+    White lamps are at the front, to the sides; red ones are at the back; and low panes at either
+    end are the covers of lamps.
+    """
+    middle = np.abs(part.vertices[part.triangles].mean(axis=1)) / np.maximum(size, 1e-9)
+    along = part.vertices[part.triangles].mean(axis=1)[:, 0] / size[0]
+    across, height = middle[:, 1], middle[:, 2]
+    is_cover = (stands_for == "glass") & (np.abs(along) > 0.36) & (height < 0.5)
+    lamp = np.where(along > 0.0, "headlamp", "tail_lamp")
+    placed = np.where(is_cover | (stands_for == "headlamp"), lamp, stands_for)
+    is_white = (placed == "headlamp") & (along > 0.2) & (across > 0.18) & (height < 0.65)
+    is_red = (placed == "tail_lamp") & (along < -0.2)
+    placed = np.where((placed == "headlamp") & ~is_white, "metal", placed)
+    return np.where((placed == "tail_lamp") & ~is_red, "plastic", placed)

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
-from advercity_dsl import ActorClass, Blueprint
+from advercity_dsl import ActorClass, Blueprint, LampPlaces
 
 from advercity.semantics import Semantic
 from advercity.world.assets import Shelf
@@ -14,9 +14,16 @@ from advercity.world.bodies.cycles import bicycle, motorcycle
 from advercity.world.bodies.people import pedestrian
 from advercity.world.bodies.trucks import truck
 from advercity.world.scene import Body
-from advercity.world.shapes import Piece, Surface, meshes
+from advercity.world.shapes import Piece, Surface, both_sides, ellipsoid, meshes
 
 Size = tuple[float, float, float]
+_LENSES = {
+    "low_beam": "lamp_white",
+    "rear": "lamp_red",
+    "front_indicator": "lamp_amber",
+    "rear_indicator": "lamp_amber",
+}
+_LENS_RADII_M = (0.05, 0.12, 0.08)
 _BUILDERS: dict[ActorClass, Callable[[str, Size], list[Piece]]] = {
     "car": car,
     "van": van,
@@ -45,7 +52,7 @@ def body(blueprint_id: str, blueprint: Blueprint, shelf: Shelf | None = None) ->
     if model is None:
         pieces = _BUILDERS[blueprint.actor_class](blueprint_id, size)
     else:
-        pieces = _modelled(model, blueprint.actor_class)
+        pieces = [*_modelled(model, blueprint.actor_class), *_lenses(blueprint.lamps)]
     return Body(parts=tuple(meshes(_fitted(pieces, size))), size=size)
 
 
@@ -56,6 +63,18 @@ def _modelled(path: Path, actor_class: ActorClass) -> list[Piece]:
         Piece(Surface(part.vertices, part.triangles), part.material, semantic)
         for part in read_glb(path.read_bytes(), path.name)
     ]
+
+
+def _lenses(lamps: LampPlaces) -> list[Piece]:
+    """Glasses of the lamps whose places a blueprint gives, for models that have none there."""
+    pieces: list[Piece] = []
+    for name, material in _LENSES.items():
+        place = getattr(lamps, name)
+        if place is not None:
+            glass = ellipsoid(place, _LENS_RADII_M, sides=10, bands=6)
+            both = both_sides(glass) if place[1] else glass
+            pieces.append(Piece(both, material, Semantic.VEHICLE))
+    return pieces
 
 
 def _fitted(pieces: Sequence[Piece], size: Size) -> list[Piece]:
