@@ -1,5 +1,6 @@
 """Fixtures that many tests share."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,8 @@ from hypothesis import settings
 from advercity.compiler import compile_library
 
 ROOT = Path(__file__).parent.parent
+os.environ.setdefault("ADVERCITY_ASSETS", str(ROOT / "no_models"))
+"""So that bodies look the same whether the asset pack is installed or not."""
 
 # How long an example takes says more about the machine than about the result.
 settings.register_profile("untimed", deadline=None)

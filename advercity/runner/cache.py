@@ -41,8 +41,9 @@ def world_key(spec: Spec) -> str:
 
 
 def shelf() -> Shelf:
-    """Where models of bodies lie, if any do."""
-    return Shelf(cache_folder() / "assets")
+    """Where models of bodies lie: in `$ADVERCITY_ASSETS`, else in the cache's `assets`."""
+    chosen = os.environ.get("ADVERCITY_ASSETS")
+    return Shelf(Path(chosen) if chosen else cache_folder() / "assets")
 
 
 def model_digests(spec: Spec) -> dict[str, str]:
