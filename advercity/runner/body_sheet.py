@@ -14,6 +14,7 @@ from advercity.poses import Matrix
 from advercity.rendering.backend import PROFILES, Backend, CameraView, Renderer
 from advercity.semantics import Semantic
 from advercity.sensors.camera import expose
+from advercity.sensors.camera.stray_light import scattered
 from advercity.traffic.lamps import lit
 from advercity.traffic.trace import Actor, ActorState, Frame, Lamp
 from advercity.weather.derivation import atmosphere_of
@@ -31,6 +32,8 @@ OBLIQUE, LEVEL = 0.18, 0.08
 """Height of the camera over the middle of the body, as a share of its distance."""
 STREET_LAMPS = tuple(StreetLamp((x, y, 8.0)) for x in (-9.0, 9.0) for y in (-7.0, 7.0))
 COATS = "cloth_red"
+CLEAN_LENS = 0.02
+"""Share of the light that it scatters."""
 ALL_LAMPS = Lamp.BRAKE | Lamp.LEFT | Lamp.RIGHT
 
 Image = NDArray[np.uint8]
@@ -80,7 +83,12 @@ def _picture(renderer: Renderer, blueprint: Blueprint, azimuth: float) -> Image:
     width, height = CELL_PX
     view = CameraView(_standing(blueprint, azimuth), width, height, FIELD_OF_VIEW_RAD)
     camera = Camera(mounts=(Mount(),), noise=False)
-    picture = expose(renderer.camera(view), camera, np.random.default_rng(0))
+    light = scattered(
+        renderer.camera(view).radiance,
+        horizontal_fov_rad=view.horizontal_fov_rad,
+        share=CLEAN_LENS,
+    )
+    picture = expose(light, camera, np.random.default_rng(0))
     return picture[..., ::-1]
 
 
