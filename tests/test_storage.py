@@ -9,6 +9,7 @@ from advercity.compiler import read_spec
 from advercity.runner.cache import world_key
 from advercity.runner.stage import world_of
 from advercity.semantics import Semantic
+from advercity.world.assets import Shelf
 from advercity.world.build import build_world
 from advercity.world.scene import Mesh, World
 from advercity.world.storage import load_world, save_world
@@ -76,7 +77,7 @@ def test_a_world_is_built_once_and_then_read(
     )
     built: list[str] = []
 
-    def build(spec: Spec, network: Path) -> World:
+    def build(spec: Spec, network: Path, shelf: Shelf) -> World:
         built.append(spec.id)
         return World(spec.road.id, (mesh,), {}, (), network)
 
