@@ -13,6 +13,7 @@ from advercity.weather import puddles
 from advercity.weather.atmosphere import Atmosphere
 from advercity.world.scene import World
 from advercity_sapien.bindings import Maps, RasterBindings, RayTracedBindings
+from advercity_sapien.denoising import denoised
 from advercity_sapien.lamp_lists import LampLists
 from advercity_sapien.shelter import NO_SHELTER, shelter_map
 from advercity_sapien.stage import Stage
@@ -68,13 +69,16 @@ class SapienRenderer:
             self._bindings.write(np.concatenate([self._air[None], self._lamps.rows(view)]))
             self._scene.update_render()
             camera.take_picture()
-        radiance = camera.get_picture("Radiance")
-        depth = radiance[..., 3]
+        picture = camera.get_picture("Radiance")
+        radiance, depth = picture[..., :3], picture[..., 3]
+        normal = np.ascontiguousarray(camera.get_picture("Normal")[..., :3])
+        if self._is_ray_traced and self._profile.denoise:
+            radiance = denoised(radiance, camera.get_picture("Albedo")[..., :3], normal)
         semantic, instance = self._stage.identities.read(camera.get_picture("Segmentation")[..., 0])
         return CameraCapture(
-            radiance=np.multiply(radiance[..., :3], 1.0 / KILO, dtype=np.float32),
+            radiance=np.multiply(radiance, 1.0 / KILO, dtype=np.float32),
             depth=np.where(depth > 0.0, depth, np.float32(np.inf)),
-            normal=np.ascontiguousarray(camera.get_picture("Normal")[..., :3]),
+            normal=normal,
             semantic=semantic,
             instance=instance,
         )
