@@ -130,6 +130,7 @@ def test_schema_of_an_unknown_kind_suggests_a_name(advercity: Command) -> None:
         (["--scale", "0"], "lies outside 0.01 to 4"),
         (["--weather", "fog_dya"], "did you mean 'fog_day'?"),
         (["--stream", "--rrd", "x.rrd"], "exclude each other"),
+        (["--colour-clouds", "kinds"], "no such colouring; intensity, class or kind"),
     ],
 )
 def test_a_bad_option_is_told_and_leaves_nothing(

@@ -24,6 +24,12 @@ LibraryArgument = Annotated[list[Path], typer.Argument(help="Folders of declarat
 LIBRARIES = [Path("library")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 SpecArgument = Annotated[list[Path], typer.Argument(help="Compiled specs (*.json).")]
+ColourOption = Annotated[
+    str,
+    typer.Option(
+        "--colour-clouds", help="What colours of points show: intensity, class or kind of echo."
+    ),
+]
 
 
 @app.command("compile")
@@ -173,6 +179,7 @@ def run(
     rrd: Annotated[Path | None, typer.Option(help="Write a Rerun recording.")] = None,
     stream: Annotated[bool, typer.Option("--stream", help="Serve the live view.")] = False,
     connect: Annotated[str | None, typer.Option(help="Send to a running Rerun viewer.")] = None,
+    colour_clouds: ColourOption = "intensity",
     weather: Annotated[
         str | None, typer.Option(help="Replay under another weather: a file, or a library name.")
     ] = None,
@@ -186,6 +193,7 @@ def run(
     from advercity.cli.progress import progress
     from advercity.compiler import find_weather, read_spec, under
     from advercity.runner import Options, ViewerTarget, parse_frames, run_all
+    from advercity.viewer.clouds import parse_cloud_colour
 
     if sum((rrd is not None, stream, connect is not None)) > 1:
         raise InputError("--rrd, --stream and --connect exclude each other; give one")
@@ -199,7 +207,12 @@ def run(
         profile=profile,
         scale=scale,
         frames=parse_frames(frames),
-        viewer=ViewerTarget(file=rrd, serve=stream, connect=connect),
+        viewer=ViewerTarget(
+            file=rrd,
+            serve=stream,
+            connect=connect,
+            cloud_colour=parse_cloud_colour(colour_clouds),
+        ),
         fresh=fresh,
         format=layout,
     )
@@ -240,11 +253,13 @@ def simulate(
 def view(
     dataset: Annotated[Path, typer.Argument(help="A scenario of a dataset, or a .rrd recording.")],
     web: Annotated[bool, typer.Option("--web", help="In a browser instead of a window.")] = False,
+    colour_clouds: ColourOption = "intensity",
 ) -> None:
     """Open a recording or a scenario of a dataset in Rerun."""
     from advercity.runner.replay import view as open_view
+    from advercity.viewer.clouds import parse_cloud_colour
 
-    open_view(dataset, web=web)
+    open_view(dataset, web=web, cloud_colour=parse_cloud_colour(colour_clouds))
 
 
 @app.command()

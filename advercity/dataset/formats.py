@@ -38,8 +38,8 @@ class Format:
         encode: Makes the files of a frame.
         cloud: How the names of point clouds end.
         read_cloud: Reads one as a table with `x`, `y`, `z` and `intensity`, left-handed.
-        has_extras: Whether it keeps what the original did not: more of every object, maps,
-            depths, and points as a turning LiDAR measured them.
+        has_extras: Whether it keeps what the original did not: more of every object, maps and
+            depths.
     """
 
     name: str

@@ -9,9 +9,8 @@ from functools import partial
 
 from advercity_dsl import Agent
 
-from advercity.dataset import pcd, point_table
+from advercity.dataset import pcd
 from advercity.dataset.bird_view import bird_views
-from advercity.dataset.carla_frame import mirror
 from advercity.dataset.description import describe, motion
 from advercity.dataset.documents import json_bytes, yaml_bytes
 from advercity.dataset.extras import extras
@@ -20,7 +19,6 @@ from advercity.dataset.reading import Picture, Reading
 from advercity.world.scene import Lane
 
 CLOUD = ".pcd"
-RAW_CLOUD = "_lidar_raw.npz"
 
 
 def folder_name(agent: Agent) -> str:
@@ -58,8 +56,6 @@ def encode(readings: Sequence[Reading], lanes: Sequence[Lane], *, name: str) -> 
     files = side_by_side(jobs)
     for stem, reading in zip(stems, ordered, strict=True):
         files[f"{stem}{CLOUD}"] = _cloud(reading)
-        if reading.agent.sensors.lidar.motion_distortion:
-            files[f"{stem}{RAW_CLOUD}"] = point_table.encode(reading.cloud)
         files[f"{stem}_objects.json"] = json_bytes(extras(reading))
         if reading.gnss is not None or reading.imu is not None:
             files[f"{stem}_additional_gnss_imu.yaml"] = yaml_bytes(motion(reading))
@@ -73,12 +69,4 @@ def _semantic(picture: Picture) -> bytes:
 
 
 def _cloud(reading: Reading) -> bytes:
-    cloud = reading.cloud
-    return pcd.encode(
-        mirror(cloud.points),
-        intensity=cloud.intensity,
-        ring=cloud.ring,
-        object_id=cloud.instance,
-        tag=cloud.semantic,
-        kind=cloud.kind,
-    )
+    return pcd.encode(reading.cloud, raw=reading.agent.sensors.lidar.motion_distortion)

@@ -1,7 +1,8 @@
-"""Point clouds in the PCD format, binary, as readers of OPV2V take them.
+"""Point clouds in the PCD format, binary, as readers of OPV2V take them: the full point table.
 
 They read `x y z` as 4-byte floats and the intensity from the red channel of `rgb`, eight bits
-of it; the fields behind `rgb` hold the full precision and the labels, and are skipped by them.
+of it; the fields behind `rgb` hold the full precision and the rest of what is known of a point, and
+are skipped by them. Like `x y z`, `raw_x raw_y raw_z` are left-handed.
 """
 
 from pathlib import Path
@@ -9,7 +10,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from advercity.dataset.carla_frame import mirror
 from advercity.errors import InputError
+from advercity.sensors.lidar import PointCloud
 
 POINT = np.dtype(
     [
@@ -18,51 +21,49 @@ POINT = np.dtype(
         ("z", "<f4"),
         ("rgb", "<u4"),
         ("intensity", "<f4"),
-        ("ring", "<u2"),
+        ("range", "<f4"),
+        ("time", "<f4"),
         ("object_id", "<i4"),
+        ("ring", "<u2"),
         ("tag", "<u1"),
         ("kind", "<u1"),
     ]
 )
 """A point as it lies in the file, without padding."""
+RAW = [("raw_x", "<f4"), ("raw_y", "<f4"), ("raw_z", "<f4")]
+"""What follows where the LiDAR takes its time: the point where the moving sensor measured it."""
 
 
-def encode(
-    points: NDArray[np.floating],
-    *,
-    intensity: NDArray[np.floating],
-    ring: NDArray[np.integer],
-    object_id: NDArray[np.integer],
-    tag: NDArray[np.integer],
-    kind: NDArray[np.integer],
-) -> bytes:
-    """The file of a cloud.
+def encode(cloud: PointCloud, *, raw: bool = False) -> bytes:
+    """The file of a cloud; the same cloud gives the same bytes.
 
     Args:
-        points: (n, 3) metres.
-        intensity: (n,) from 0 to 1.
-        ring: (n,) LiDAR channel.
-        object_id: (n,) actor that was hit, or 0.
-        tag: (n,) of `Semantic`.
-        kind: (n,) of `PointKind`.
+        cloud: The points.
+        raw: Whether to keep where the moving sensor measured each of them.
     """
-    table = np.empty(len(points), dtype=POINT)
-    table["x"], table["y"], table["z"] = points.T
-    table["rgb"] = np.rint(np.clip(intensity, 0, 1) * 255).astype(np.uint32) << 16
-    table["intensity"] = intensity
-    table["ring"] = ring
-    table["object_id"] = object_id
-    table["tag"] = tag
-    table["kind"] = kind
-    return _header(len(points)).encode("ascii") + table.tobytes()
+    kind = np.dtype([*POINT.descr, *RAW]) if raw else POINT
+    table = np.empty(len(cloud.points), dtype=kind)
+    table["x"], table["y"], table["z"] = mirror(cloud.points).T
+    table["rgb"] = np.rint(np.clip(cloud.intensity, 0, 1) * 255).astype(np.uint32) << 16
+    table["intensity"] = cloud.intensity
+    table["range"] = cloud.range_m
+    table["time"] = cloud.time_s
+    table["object_id"] = cloud.instance
+    table["ring"] = cloud.ring
+    table["tag"] = cloud.semantic
+    table["kind"] = cloud.kind
+    if raw:
+        table["raw_x"], table["raw_y"], table["raw_z"] = mirror(cloud.raw).T
+    return _header(len(table), kind).encode("ascii") + table.tobytes()
 
 
-def _header(count: int) -> str:
-    types = [POINT[name] for name in POINT.names or ()]
+def _header(count: int, point: np.dtype[np.void]) -> str:
+    names = point.names or ()
+    types = [point[name] for name in names]
     lines = (
         "# .PCD v0.7 - Point Cloud Data file format",
         "VERSION 0.7",
-        f"FIELDS {' '.join(POINT.names or ())}",
+        f"FIELDS {' '.join(names)}",
         f"SIZE {' '.join(str(kind.itemsize) for kind in types)}",
         f"TYPE {' '.join(kind.kind.upper() for kind in types)}",
         f"COUNT {' '.join('1' for _ in types)}",

@@ -20,11 +20,9 @@ from advercity_dsl import Agent, Spec
 from numpy.typing import NDArray
 
 from advercity import poses
-from advercity.dataset import point_table
 from advercity.dataset.carla_frame import matrix_from_pose
 from advercity.dataset.formats import Format, format_called, frame_name
 from advercity.dataset.manifest import Manifest, scenarios
-from advercity.dataset.opv2v import RAW_CLOUD
 from advercity.errors import InputError
 from advercity.poses import Matrix
 from advercity.semantics import PALETTE
@@ -94,16 +92,21 @@ class View:
 
     @property
     def cloud(self) -> NDArray[np.void]:
-        """The points as a table, with at least `x`, `y`, `z` in the LiDAR's frame, `intensity`."""
+        """The points as a table, with at least `x`, `y`, `z` in the LiDAR's frame, `intensity`.
+
+        In the OPV2V layout also `range` in metres, `time` in seconds against the frame's, `ring`,
+        `tag` of `Semantic`, `object_id`, `kind` of `PointKind`, and `raw_x`, `raw_y`, `raw_z`
+        where the rig lets the LiDAR turn.
+        """
         table = self._format.read_cloud(self._path(self._format.cloud)).copy()
-        table["y"] *= -1
+        for name in {"y", "raw_y"} & set(table.dtype.names or ()):
+            table[name] *= -1
         return table
 
     @property
     def points(self) -> NDArray[np.float32]:
         """Points (n, 3) in the LiDAR's frame."""
-        table = self.cloud
-        return np.column_stack([table["x"], table["y"], table["z"]])
+        return _columns(self.cloud, "x", "y", "z")
 
     @property
     def measured(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -111,10 +114,10 @@ class View:
 
         In the order of `points`; where the rig does not let the LiDAR turn, those and zeros.
         """
-        if self._format.has_extras and self.agent.sensors.lidar.motion_distortion:
-            return point_table.read(self._path(RAW_CLOUD))
-        points = self.points
-        return points, np.zeros(len(points), np.float32)
+        table = self.cloud
+        if "raw_x" in (table.dtype.names or ()):
+            return _columns(table, "raw_x", "raw_y", "raw_z"), table["time"]
+        return _columns(table, "x", "y", "z"), np.zeros(len(table), np.float32)
 
     @cached_property
     def description(self) -> dict[str, Any]:
@@ -321,6 +324,10 @@ class Dataset(Sequence[FrameView]):
 def open_dataset(path: Path | str) -> Dataset:
     """Open the folder of a dataset, or of one scenario; InputError if it is none."""
     return Dataset(Path(path))
+
+
+def _columns(table: NDArray[np.void], *names: str) -> NDArray[np.float32]:
+    return np.column_stack([table[name] for name in names])
 
 
 def _class_of(item: dict[str, Any]) -> str:

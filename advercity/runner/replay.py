@@ -17,6 +17,7 @@ from advercity.poses import Matrix
 from advercity.runner.stage import set_stage
 from advercity.runner.viewpoints import Viewpoints
 from advercity.sensors.lidar import PointCloud
+from advercity.viewer.clouds import CloudColour
 from advercity.viewer.recording import Recording
 from advercity.world.roads import built
 
@@ -71,14 +72,14 @@ def _cloud(stored: View) -> PointCloud:
         intensity=table["intensity"],
         ring=column("ring", np.uint16),
         time_s=time_s,
-        range_m=np.linalg.norm(points, axis=1),
+        range_m=np.linalg.norm(raw, axis=1),
         semantic=column("tag", np.uint8),
         instance=column("object_id", np.int32),
         kind=column("kind", np.uint8),
     )
 
 
-def record(path: Path, file: Path) -> None:
+def record(path: Path, file: Path, *, cloud_colour: CloudColour = "intensity") -> None:
     """Make a recording of every frame of a scenario's folder."""
     scenario = Scenario(path)
     if not len(scenario):
@@ -91,17 +92,19 @@ def record(path: Path, file: Path) -> None:
             " look at it with the version that its manifest names"
         )
     viewpoints = Viewpoints(spec, stage.trace)
-    with Recording(spec, built(spec.road).lanes, file=file) as recording:
+    lanes = built(spec.road).lanes
+    with Recording(spec, lanes, file=file, cloud_colour=cloud_colour) as recording:
         for stored in scenario:
             recording.log(stored_readings(scenario, viewpoints, stored.index))
 
 
-def view(dataset: Path, *, web: bool) -> None:
+def view(dataset: Path, *, web: bool, cloud_colour: CloudColour = "intensity") -> None:
     """Open a `.rrd` recording, or the folder of a scenario, in Rerun's viewer.
 
     Args:
         dataset: What to show.
         web: In a browser instead of a window.
+        cloud_colour: What the colours of LiDAR points stand for; a recording keeps its own.
 
     Raises:
         InputError: There is no such thing.
@@ -114,7 +117,7 @@ def view(dataset: Path, *, web: bool) -> None:
         return
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "scenario.rrd"
-        record(dataset, file)
+        record(dataset, file, cloud_colour=cloud_colour)
         _show(file, web=web)
 
 

@@ -1,15 +1,18 @@
 """Colours of points: by intensity, by class, or by what sent the echo."""
 
-from typing import Literal
+from typing import Literal, get_args
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from advercity.errors import InputError
 from advercity.semantics import PALETTE
 from advercity.sensors.lidar import PointCloud, PointKind
 
 CloudColour = Literal["intensity", "class", "kind"]
+
+CLOUD_COLOURS: tuple[CloudColour, ...] = get_args(CloudColour)
 
 KIND_COLOURS = {
     PointKind.SURFACE: (150, 150, 150),
@@ -21,6 +24,14 @@ KIND_COLOURS = {
     PointKind.GHOST: (255, 80, 200),
 }
 _KINDS = np.array([KIND_COLOURS[kind] for kind in PointKind], np.uint8)
+
+
+def parse_cloud_colour(text: str) -> CloudColour:
+    """What colours are to stand for; InputError if there is no such thing."""
+    if text not in CLOUD_COLOURS:
+        choices = f"{', '.join(CLOUD_COLOURS[:-1])} or {CLOUD_COLOURS[-1]}"
+        raise InputError(f"--colour-clouds {text}: no such colouring; {choices}")
+    return text
 
 
 def colours(cloud: PointCloud, by: CloudColour) -> NDArray[np.uint8]:

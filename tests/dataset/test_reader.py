@@ -99,6 +99,8 @@ def test_a_turning_lidar_keeps_where_and_when_it_measured(
     raw, time_s = view.measured
     np.testing.assert_array_equal(raw, readings[1].cloud.raw)
     np.testing.assert_array_equal(time_s, readings[1].cloud.time_s)
+    np.testing.assert_array_equal(view.cloud["time"], readings[1].cloud.time_s)
+    np.testing.assert_array_equal(view.cloud["range"], readings[1].cloud.range_m)
     np.testing.assert_allclose(view.points, raw - 0.5, atol=1e-5)
 
 
