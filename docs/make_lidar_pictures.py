@@ -36,28 +36,8 @@ NEAR_M, SIZE_PX = 50.0, 640
 """How far a picture reaches from its middle, and how large it is."""
 LEAST_SHARE = 0.02
 """Of a ring's beams that must find the road for the ring to be there."""
-SNOW_DAY = Weather.model_validate(
-    {
-        "id": "snow_day",
-        "time": "day",
-        "air": {"mor_m": 10_000},
-        "snow": {"rate_mm_h": 1.5, "depth_mm": 30, "road_coverage": 0.6},
-        "surface": {"wetness": 0.3},
-        "sun": {"elevation_deg": 30},
-        "sky": {"oktas": 8},
-        "temperature_c": -3,
-    }
-)
-DUST_DAY = Weather.model_validate(
-    {
-        "id": "dust_day",
-        "time": "day",
-        "air": {"mor_m": None},
-        "dust": {"mor_m": 300},
-        "sun": {"elevation_deg": 45},
-        "sky": {"oktas": 3},
-    }
-)
+EXAMPLES = ("snow_day", "snow_night", "dust_day")
+"""Weathers declared to copy from, beside the presets."""
 PICTURED = ("fog_day", "heavy_rain_day", "snow_day")
 
 
@@ -113,9 +93,9 @@ def main() -> None:
     spec = next(spec for spec in compile_library(ROOT / "library") if spec.id == SPEC)
     place = Place(spec)
     names = [*(f"{name}_{time}" for name in PRESETS for time in ("day", "night")), "glare_day"]
-    presets = [find_weather(name).declaration for name in names]
+    files = [str(ROOT / "library" / "examples" / f"{name}.yaml") for name in EXAMPLES]
     rows: list[Row] = []
-    for weather in (*presets, SNOW_DAY, DUST_DAY):
+    for weather in (find_weather(name).declaration for name in (*names, *files)):
         clouds = place.clouds(weather)
         rows.append(row_of(weather.id, clouds))
         if weather.id in PICTURED:

@@ -405,8 +405,9 @@ def test_a_pane_lets_most_light_through() -> None:
     assert intensity[0] / intensity[1] == pytest.approx(0.85**2, abs=1e-3)
 
 
-def test_signs_shine_farther_than_anything() -> None:
-    found = cloud(EXACT, panel(199.0, EXACT, "sign_red"))
+@pytest.mark.parametrize("material", ["sign_red", "sign_yellow", "licence_plate"])
+def test_signs_and_licence_plates_shine_farther_than_anything(material: str) -> None:
+    found = cloud(EXACT, panel(199.0, EXACT, material))
     assert len(found.points) == 120_000
     assert (found.intensity == 1.0).all()
     assert len(cloud(EXACT, panel(199.0, EXACT, "plaster")).points) == 0

@@ -32,7 +32,9 @@ def _table(values: dict[str, float]) -> Floats:
 
 _DIFFUSE = np.array([MATERIALS[name].reflectance_905nm for name in MATERIAL_NAMES], np.float32)
 _VARNISHED = np.array(["car_paint" in name for name in MATERIAL_NAMES], np.float32)
-_SHEETING = _table({"sign_red": 300.0, "sign_yellow": 300.0, "lamp_red": 20.0})
+_SHEETING = _table(
+    {"sign_red": 300.0, "sign_yellow": 300.0, "licence_plate": 190.0, "lamp_red": 20.0}
+)
 """Retroreflectors by their equivalent reflectance, pi times the coefficient R_A in cd/(lx m²)."""
 _BEADS = _table({"paint_white": 0.5, "paint_yellow": 0.5})
 """Glass beads in lane paint: pi times R_L of EN 1436, at any angle."""
