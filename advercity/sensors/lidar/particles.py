@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from advercity.sensors.lidar.beams import APERTURE_M, DIVERGENCE_RAD
 from advercity.sensors.lidar.cloud import PointKind
+from advercity.sensors.lidar.draws import LEVELS, levels
 from advercity.sensors.lidar.power import echo
 
 Array = NDArray[np.float64]
@@ -73,11 +74,12 @@ class ParticleTable:
     """How often, where and how strongly a beam meets particles of one kind."""
 
     sizes: SizeDistribution
-    range_m: Array
-    least_mm: Array
-    """Melted diameter (m,) by range of a particle of `LEAST_POWER`."""
-    expected: Array
-    """Particles (m,) of at least that power that a beam meets up to each range."""
+    expected: float
+    """Particles of at least `LEAST_POWER` that a beam meets."""
+    range_m: Floats
+    """Where they are: quantiles (LEVELS,)."""
+    least_mm: Floats
+    """Melted diameter (LEVELS,) there of a particle of that power."""
 
     @staticmethod
     def of(sizes: SizeDistribution, extinction: float) -> "ParticleTable":
@@ -86,7 +88,12 @@ class ParticleTable:
         least_mm = least_diameter_mm(range_m, sizes, extinction, LEAST_POWER)
         per_m = beam_area_m2(range_m) * sizes.number_above(least_mm)
         steps = np.concatenate([[0.0], (per_m[1:] + per_m[:-1]) / 2.0 * STEP_M])
-        return ParticleTable(sizes, range_m, least_mm, np.cumsum(steps))
+        met = np.cumsum(steps)
+        middle = np.interp((np.arange(LEVELS) + 0.5) * (met[-1] / LEVELS), met, range_m)
+        least = np.interp(middle, range_m, least_mm)
+        return ParticleTable(
+            sizes, float(met[-1]), middle.astype(np.float32), least.astype(np.float32)
+        )
 
     def draw(
         self, beams: int, rng: np.random.Generator
@@ -95,17 +102,17 @@ class ParticleTable:
 
         As if nothing else stood in the way; what is behind a surface is for the caller to drop.
         """
-        count = int(rng.poisson(beams * self.expected[-1]))
+        count = int(rng.poisson(beams * self.expected))
         beam = np.sort(rng.integers(beams, size=count, dtype=np.int32))
-        range_m = np.interp(rng.random(count) * self.expected[-1], self.expected, self.range_m)
-        least_mm = np.interp(range_m, self.range_m, self.least_mm)
-        diameter_mm = least_mm + self._beyond(least_mm, rng.random(count))
-        power = LEAST_POWER * (diameter_mm / least_mm) ** 2
-        return beam, range_m.astype(np.float32), power.astype(np.float32)
+        level = levels(rng, count)
+        least_mm = self.least_mm.take(level)
+        diameter_mm = least_mm + self._beyond(least_mm, rng.random(count, np.float32))
+        power = np.float32(LEAST_POWER) * (diameter_mm / least_mm) ** 2
+        return beam, self.range_m.take(level), power
 
-    def _beyond(self, least_mm: Array, uniform: Array) -> Array:
+    def _beyond(self, least_mm: Floats, uniform: Floats) -> Floats:
         """How much larger (k,) than the least each is: exponential, cut at the largest."""
-        slope = self.sizes.slope_per_mm
+        slope = np.float32(self.sizes.slope_per_mm)
         cut = 1.0 - np.exp(-slope * np.maximum(self.sizes.largest_mm - least_mm, 0.0))
         return -np.log1p(-uniform * cut) / slope
 

@@ -196,9 +196,10 @@ def _in_puddles(turn: Rays, hits: Hits, coverage: float) -> Rows:
     if not coverage:
         return np.empty(0, np.intp)
     ray = np.flatnonzero((hits.semantic == Semantic.ROAD) | (hits.semantic == Semantic.ROAD_LINE))
-    ray = ray[hits.normal[ray, 2] > 0.9]
-    points = turn.origins[ray, :2] + hits.range_m[ray, None] * turn.directions[ray, :2]
-    return ray[puddles.covered(points, coverage)]
+    ray = ray.compress(hits.normal[:, 2].take(ray) > 0.9)
+    along = turn.directions.take(ray, axis=0)
+    points = turn.origins.take(ray, axis=0) + hits.range_m.take(ray)[:, None] * along
+    return ray.compress(puddles.covered(points, coverage))
 
 
 def _in_mirrors(
