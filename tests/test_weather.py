@@ -311,3 +311,22 @@ def test_more_rain_never_clears_the_air(
 def test_impossible_weather_is_refused(parts: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match=r"clearer|greater than|less than|snows|the sun stands"):
         weather(**parts)
+
+
+def test_dust_turns_the_sky_ochre_and_leaves_its_brightness() -> None:
+    clean = atmosphere_of(weather(), "rural")
+    dusty = atmosphere_of(weather(air={"mor_m": None}, dust={"mor_m": 300}), "rural")
+    red, green, blue = dusty.airlight_low
+    # R = (1 - 0.139 s)(1 - s)/(1 + 1.17 s), s = sqrt((1 - w)/(1 - 0.7 w)) for w 0.97, 0.94, 0.88
+    assert red / green == pytest.approx(0.489 / 0.367, rel=0.01)
+    assert blue / green == pytest.approx(0.246 / 0.367, rel=0.01)
+    assert dusty.sky_lx == pytest.approx(clean.sky_lx, rel=1e-6)
+
+
+def test_grey_dust_and_little_dust_colour_little() -> None:
+    grey = {"mor_m": 300, "ssa_rgb": [0.9, 0.9, 0.9]}
+    red, _, blue = atmosphere_of(weather(dust=grey, sky={"oktas": 8}), "rural").airlight_low
+    assert red == pytest.approx(blue, rel=0.03)
+    little = atmosphere_of(weather(dust={"mor_m": 50_000}), "rural")
+    clean = atmosphere_of(weather(), "rural")
+    assert little.airlight_low == pytest.approx(clean.airlight_low, rel=0.05)

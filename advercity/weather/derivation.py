@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from advercity.weather import extinction, sky
 from advercity.weather.atmosphere import Atmosphere, Colour
 from advercity.weather.daylight import daylight_of, sun_colour
+from advercity.weather.dust import dusty
 
 LandUse = Literal["urban", "rural"]
 Array = NDArray[np.float64]
@@ -56,9 +57,9 @@ def atmosphere_of(weather: Weather, land_use: LandUse) -> Atmosphere:
         sun_lx=light.sun_lx,
         sun_colour=sun_colour(weather.sun.elevation_deg),
         sky_lx=sky.horizontal_illuminance(light.sky),
-        sky=light.sky.astype(np.float32),
-        airlight_low=_colour(light.airlight_low),
-        airlight_high=_colour(light.airlight_high),
+        sky=dusty(light.sky, weather, total).astype(np.float32),
+        airlight_low=_colour(dusty(light.airlight_low, weather, total)),
+        airlight_high=_colour(dusty(light.airlight_high, weather, total)),
         street_lx=light.street_lx,
         wetness=weather.surface.wetness,
         puddle_coverage=weather.surface.puddle_coverage,
