@@ -22,7 +22,7 @@ _BLACK_BODY = np.array(
 """Linear sRGB at luminance 1 by temperature."""
 DAY_K = (5500.0, 7500.0)
 NIGHT_K = (3500.0, 6500.0)
-"""Whites that a camera looks for; what is yellower or bluer stays so, such as dust and a low sun."""
+"""Whites that a camera looks for; what is yellower or bluer stays so, as dust and low sun do."""
 
 
 def white_of(atmosphere: Atmosphere) -> Array:
