@@ -209,7 +209,7 @@ def test_explain_names_the_line_of_a_value(
 ) -> None:
     ran = advercity("explain", spec_file, "weather.fog", "--library", library)
     assert ran.code == 0
-    assert "fog_day.yaml:7:14" in ran.out
+    assert "fog_day.yaml:8:14" in ran.out
     assert len(ran.out.splitlines()) == 4
 
 

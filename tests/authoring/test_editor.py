@@ -12,9 +12,9 @@ import jsonschema
 import pytest
 from advercity_dsl import DECLARATIONS
 
-from advercity.compiler.schema import schema_data
+from advercity.compiler.schema import schema_data, write_schemas
 from advercity.compiler.source import parse, read
-from advercity.compiler.starting import starter, write_starter
+from advercity.compiler.starting import SCHEMAS, starter, write_starter
 
 SERVER = shutil.which("yaml-language-server")
 
@@ -29,6 +29,20 @@ def test_every_shipped_file_meets_its_schema(library: Path) -> None:
     for path in library.rglob("*.yaml"):
         data = read(path).data
         assert complaints(data["kind"], data) == [], path
+
+
+def test_files_of_the_library_name_their_schemas(library: Path, tmp_path: Path) -> None:
+    write_schemas(tmp_path / SCHEMAS)
+    shutil.copytree(library, tmp_path, dirs_exist_ok=True, ignore=shutil.ignore_patterns(".*"))
+    named = 0
+    for path in tmp_path.rglob("*.yaml"):
+        mark, _, schema = path.read_text().splitlines()[0].partition("$schema=")
+        if mark == "# yaml-language-server: ":
+            kind = read(path).data["kind"]
+            fields = json.loads((path.parent / schema).read_text())["properties"]
+            assert fields["kind"]["const"] == kind
+            named += 1
+    assert named >= 30
 
 
 @pytest.mark.parametrize("kind", DECLARATIONS)
