@@ -9,7 +9,7 @@ from embreex.rtcore_scene import EmbreeScene
 
 from advercity.compiler import load_library
 from advercity.semantics import Semantic
-from advercity.world.bodies import body, paint_for
+from advercity.world.bodies import body, paint_for, posed
 from advercity.world.materials import MATERIALS
 from advercity.world.scene import Body, Mesh
 
@@ -60,13 +60,18 @@ def test_connected_vehicles_are_lincolns_of_the_documented_size():
 
 
 @every_blueprint
-def test_a_body_fills_its_box_and_stands_on_the_ground(name: str):
-    made = CATALOGUE.blueprints[name]
-    points = corners(BODIES[name].parts).reshape(-1, 3)
+def test_a_body_fills_its_box_in_the_course_of_its_poses_and_stands_on_the_ground(name: str):
+    made, gait = CATALOGUE.blueprints[name], BODIES[name].gait
+    poses = [None, *range(len(gait.moves) if gait else 0)]
+    points = np.concatenate([corners(posed(BODIES[name], pose)).reshape(-1, 3) for pose in poses])
+    # A walker is put up to half the way between two poses ahead or back.
+    sway = gait.cycle_m / len(gait.moves) / 2 if gait and gait.rests else 0.0
     size = np.array([made.length_m, made.width_m, made.height_m])
     assert BODIES[name].size == tuple(size)
-    np.testing.assert_allclose(points.min(axis=0), size * (-0.5, -0.5, 0.0), atol=1e-3)
-    np.testing.assert_allclose(points.max(axis=0), size * (0.5, 0.5, 1.0), atol=1e-3)
+    low = points.min(axis=0) - np.array([sway, 0, 0])
+    high = points.max(axis=0) + np.array([sway, 0, 0])
+    np.testing.assert_allclose(low, size * (-0.5, -0.5, 0.0), atol=1e-3)
+    np.testing.assert_allclose(high, size * (0.5, 0.5, 1.0), atol=1e-3)
 
 
 @every_blueprint
@@ -161,7 +166,7 @@ def test_white_lamps_shine_ahead_and_red_ones_behind(name: str):
 
 @every_blueprint
 def test_bodies_keep_to_their_budget_of_triangles(name: str):
-    budget = {"pedestrian": 1500, "bicycle": 3200, "motorcycle": 3200}
+    budget = {"pedestrian": 3500, "bicycle": 5000, "motorcycle": 6000}
     assert triangles(BODIES[name]) <= budget.get(CATALOGUE.blueprints[name].actor_class, 2500)
 
 

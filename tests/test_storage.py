@@ -1,4 +1,4 @@
-from dataclasses import replace
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -28,15 +28,12 @@ def world(spec: Spec) -> World:
 
 
 def are_equal(first: Mesh, second: Mesh) -> bool:
-    return (
-        replace(first, vertices=0, triangles=0, normals=0)  # pyright: ignore[reportArgumentType]
-        == replace(second, vertices=0, triangles=0, normals=0)  # pyright: ignore[reportArgumentType]
-        and first.vertices.dtype == second.vertices.dtype
-        and first.triangles.dtype == second.triangles.dtype
-        and np.array_equal(first.vertices, second.vertices)
-        and np.array_equal(first.triangles, second.triangles)
-        and (first.normals is None) == (second.normals is None)
-        and (first.normals is None or np.array_equal(first.normals, second.normals))  # pyright: ignore[reportArgumentType]
+    return all(
+        np.array_equal(one, other) and one.dtype == other.dtype
+        if isinstance(one := getattr(first, item.name), np.ndarray)
+        and isinstance(other := getattr(second, item.name), np.ndarray)
+        else one == getattr(second, item.name)
+        for item in fields(Mesh)
     )
 
 

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from advercity import poses
 from advercity.poses import Matrix
-from advercity.traffic.trace import Actor, Frame
+from advercity.traffic.posture import Shape, posture
+from advercity.traffic.trace import ActorState, Frame
 from advercity.world.scene import Body
 
 NEAR_M = 0.05
@@ -23,7 +24,7 @@ NEAR_M = 0.05
 DIRECTIONS = 256
 BoxPx = tuple[float, float, float, float]
 """Left, top, right and bottom in pixels; pixel k reaches from k to k + 1."""
-PointsOf = Callable[[Actor], NDArray[np.float64]]
+PointsOf = Callable[[ActorState], NDArray[np.float64]]
 """Points (n, 3) of an actor's body, in its frame, whose convex hull is the body's."""
 
 
@@ -60,11 +61,15 @@ def points_of_bodies(bodies: Mapping[str, Body]) -> PointsOf:
     """Finds the points of an actor's body among those of a world."""
 
     @cache
-    def points(blueprint: str) -> NDArray[np.float64]:
-        vertices = np.concatenate([part.vertices for part in bodies[blueprint].parts])
+    def points(shape: Shape) -> NDArray[np.float64]:
+        vertices = np.concatenate([part.vertices for part in shape.meshes(bodies)])
         return extremes(vertices.astype(np.float64))
 
-    return lambda actor: points(actor.blueprint)
+    def points_of(state: ActorState) -> NDArray[np.float64]:
+        seen = posture(state, bodies)
+        return poses.transform(seen.body_from_mesh, points(seen.shape))
+
+    return points_of
 
 
 def extremes(points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -119,7 +124,7 @@ def sightings(
         corners = poses.transform(camera_from_body, box_corners(state.actor.size))
         if corners[:, 0].max() <= NEAR_M:
             continue
-        points = poses.transform(camera_from_body, points_of(state.actor))
+        points = poses.transform(camera_from_body, points_of(state))
         outline = _outline(points, corners, intrinsic)
         sighting = _sighting(outline, seen.get(state.actor.id), width, height)
         if sighting is not None:

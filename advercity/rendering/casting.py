@@ -1,8 +1,9 @@
 """Rays against the world's own meshes and the bodies that move on it, by Embree.
 
-Two levels: the static world is one scene, the blueprints side by side are another, both built once.
-Rays that may meet a mover are brought into its body frame, at the moment of each ray if a frame is
-a stretch of time, and cast at its blueprint. So nothing is built while frames pass.
+The static world is one scene, the blueprints that keep their shape, side by side, are another; the
+poses of each that walks or pedals are one more, built when it is first met. Rays that may meet a
+mover are brought into its frame, at the moment of each ray if a frame is a stretch of time, and
+cast at its shape. So next to nothing is built while frames pass.
 """
 
 from collections.abc import Sequence
@@ -15,7 +16,8 @@ from numpy.typing import NDArray
 
 from advercity.rendering.embree import Shapes
 from advercity.rendering.fan import Fan
-from advercity.rendering.movers import Movers
+from advercity.rendering.movers import Aim, Movers
+from advercity.traffic.posture import Shape, posture
 from advercity.traffic.trace import Frame
 from advercity.world.materials import MATERIALS, PAINT
 from advercity.world.scene import Mesh, World
@@ -113,13 +115,12 @@ class Caster:
     """
 
     def __init__(self, world: World) -> None:
-        parts = [body.parts for body in world.bodies.values()]
-        fixed = sum(len(mesh.triangles) for mesh in world.static)
-        self._world = Shapes([world.static])
-        self._bodies = Shapes(parts, first=fixed)
-        self._row_of = {name: row for row, name in enumerate(world.bodies)}
-        meshes = [*world.static, *(mesh for group in parts for mesh in group)]
-        self._triangles = _Triangles.of(meshes)
+        self._bodies = world.bodies
+        self._triangles = _Triangles()
+        self._world = Shapes([world.static], first=self._triangles.add(world.static))
+        self._scenes: list[Shapes] = []
+        self._places: dict[Shape, tuple[int, int]] = {}
+        self._hold([Shape(name) for name, body in world.bodies.items() if body.gait is None])
         self._frames: tuple[Frame | None, Frame | None] = (None, None)
         self._all_movers = self._movers = self._movers_of(Frame(0, 0.0, (), {}), None)
         self._seen: WeakKeyDictionary[Rays, tuple[float, Hits]] = WeakKeyDictionary()
@@ -151,8 +152,7 @@ class Caster:
             mover,
             limits.take(ray),
         )
-        group = self._movers.body.take(mover.take(aim.pair))
-        triangle, past_m = self._bodies.run(group, aim.origins, aim.directions, aim.length_m)
+        triangle, past_m = self._run(mover.take(aim.pair), aim)
         met = np.flatnonzero(triangle >= 0)
         range_m = aim.start_m[met] + past_m[met]
         pair = aim.pair[met]
@@ -209,36 +209,70 @@ class Caster:
             instance=self._movers.id.take(mover),
         )
 
+    def _run(self, mover: Rows, aim: Aim) -> tuple[NDArray[np.int32], Floats]:
+        """Triangle and range (p,) of the nearest hit of rays aimed at movers (p,)."""
+        scene, row = self._movers.scene.take(mover), self._movers.body.take(mover)
+        triangle, range_m = np.full(len(mover), -1, np.int32), aim.length_m.copy()
+        for number in np.unique(scene).tolist():
+            own = np.flatnonzero(scene == number)
+            triangle[own], range_m[own] = self._scenes[number].run(
+                row[own], aim.origins[own], aim.directions[own], aim.length_m[own]
+            )
+        return triangle, range_m
+
     def _movers_of(self, frame: Frame, before: Frame | None) -> Movers:
-        actors = [state.actor for state in frame.states]
+        seen = [posture(state, self._bodies) for state in frame.states]
+        for one in seen:
+            if one.shape not in self._places:
+                self._hold(one.shape.siblings(self._bodies))
+        places = [self._places[one.shape] for one in seen]
+        corners = [(self._scenes[n].low[row], self._scenes[n].high[row]) for n, row in places]
+        low, high = np.array(corners).reshape(-1, 2, 3).swapaxes(0, 1)
         return Movers.of(
             frame,
             before,
-            paint=[_index_of(actor.paint) for actor in actors],
-            body=[self._row_of[actor.blueprint] for actor in actors],
-            low=self._bodies.low,
-            high=self._bodies.high,
+            paint=[_index_of(state.actor.paint) for state in frame.states],
+            shape=places,
+            body_from_mesh=[one.body_from_mesh for one in seen],
+            low=low,
+            high=high,
         )
 
+    def _hold(self, shapes: Sequence[Shape]) -> None:
+        """Put some shapes into a scene of their own."""
+        groups = [shape.meshes(self._bodies) for shape in shapes]
+        first = self._triangles.add([mesh for group in groups for mesh in group])
+        self._places |= {shape: (len(self._scenes), row) for row, shape in enumerate(shapes)}
+        self._scenes.append(Shapes(groups, first=first))
 
-@dataclass(frozen=True, eq=False)
+
 class _Triangles:
-    """What triangles are; the last row of each table stands for a miss, where -1 finds it."""
+    """What triangles are; the last row of each table stands for a miss, where -1 finds it.
 
-    normal: Floats
-    material: NDArray[np.int16]
-    semantic: NDArray[np.uint8]
+    Tables have room to grow, since shapes come as they are met.
+    """
 
-    @staticmethod
-    def of(meshes: Sequence[Mesh]) -> "_Triangles":
-        counts = [*(len(mesh.triangles) for mesh in meshes), 1]
-        materials = [*(_index_of(mesh.material) for mesh in meshes), 0]
-        semantics = [*(mesh.semantic for mesh in meshes), 0]
-        return _Triangles(
-            normal=np.concatenate([*map(_normals, meshes), np.zeros((1, 3), np.float32)]),
-            material=np.repeat(np.array(materials, np.int16), counts),
-            semantic=np.repeat(np.array(semantics, np.uint8), counts),
-        )
+    def __init__(self) -> None:
+        self._count = 0
+        self.normal: Floats = np.zeros((1, 3), np.float32)
+        self.material: NDArray[np.int16] = np.zeros(1, np.int16)
+        self.semantic: NDArray[np.uint8] = np.zeros(1, np.uint8)
+
+    def add(self, meshes: Sequence[Mesh]) -> int:
+        """Take in the triangles of some meshes; the row of the first."""
+        counts = [len(mesh.triangles) for mesh in meshes]
+        first, self._count = self._count, self._count + sum(counts)
+        if self._count >= len(self.material):
+            room = self._count + self._count // 2 + 1 - len(self.material)
+            self.normal = np.pad(self.normal, ((0, room), (0, 0)))
+            self.material = np.pad(self.material, (0, room))
+            self.semantic = np.pad(self.semantic, (0, room))
+        if meshes:
+            new = slice(first, self._count)
+            self.normal[new] = np.concatenate([_normals(mesh) for mesh in meshes])
+            self.material[new] = np.repeat([_index_of(mesh.material) for mesh in meshes], counts)
+            self.semantic[new] = np.repeat([int(mesh.semantic) for mesh in meshes], counts)
+        return first
 
 
 def _facing(normal: Floats, directions: Floats) -> dict[str, Floats]:

@@ -48,16 +48,18 @@ class Movers:
     Attributes:
         id: (k,) int32 of the actors.
         paint: (k,) int16 material of what is painted.
-        body: (k,) rows of the bodies' shapes.
-        before: (k, 4, 4) world from body at the frame before.
+        scene: (k,) number of the `Shapes` that each is one of.
+        body: (k,) its row there.
+        before: (k, 4, 4) world from mesh at the frame before.
         now: (k, 4, 4) at the frame.
-        low: (k, 3) float64 lower corner of each body's box in its frame, metres.
+        low: (k, 3) float64 lower corner of each mesh's box in its frame, metres.
         high: (k, 3) upper corner.
         corners: (k, 8 or 16, 3) of the world whose hull holds the body all the while.
     """
 
     id: NDArray[np.int32]
     paint: NDArray[np.int16]
+    scene: Rows
     body: Rows
     before: Matrix
     now: Matrix
@@ -71,7 +73,8 @@ class Movers:
         before: Frame | None,
         *,
         paint: Sequence[int],
-        body: Sequence[int],
+        shape: Sequence[tuple[int, int]],
+        body_from_mesh: Sequence[Matrix],
         low: Array,
         high: Array,
     ) -> "Movers":
@@ -81,23 +84,26 @@ class Movers:
             frame: Now.
             before: One tick earlier; None if all rays are cast now.
             paint: Material of each actor.
-            body: Shape of each actor.
-            low: (b, 3) lower corners of the shapes.
-            high: (b, 3) upper corners.
+            shape: Scene and row of each actor's shape.
+            body_from_mesh: (4, 4) of each actor.
+            low: (k, 3) lower corners of the shapes.
+            high: (k, 3) upper corners.
         """
         states = frame.states
-        now = np.array([state.world_from_body for state in states]).reshape(-1, 4, 4)
+        mesh = np.array(body_from_mesh).reshape(-1, 4, 4)
+        now = np.array([state.world_from_body for state in states]).reshape(-1, 4, 4) @ mesh
         earlier = {} if before is None else {state.actor.id: state for state in before.states}
         then = [earlier.get(state.actor.id, state).world_from_body for state in states]
-        rows = np.array(body, np.intp)
+        scene, row = np.array(shape, np.intp).reshape(-1, 2).T
         movers = Movers(
             id=np.array([state.actor.id for state in states], np.int32),
             paint=np.array(paint, np.int16),
-            body=rows,
-            before=now if before is None else np.array(then).reshape(-1, 4, 4),
+            scene=scene,
+            body=row,
+            before=now if before is None else np.array(then).reshape(-1, 4, 4) @ mesh,
             now=now,
-            low=low[rows] - SKIN_M,
-            high=high[rows] + SKIN_M,
+            low=low - SKIN_M,
+            high=high + SKIN_M,
             corners=np.empty((len(states), 8, 3)),
         )
         return replace(movers, corners=movers._hulls())
@@ -113,6 +119,7 @@ class Movers:
         return Movers(
             id=self.id[seen],
             paint=self.paint[seen],
+            scene=self.scene[seen],
             body=self.body[seen],
             before=self.before[seen],
             now=self.now[seen],

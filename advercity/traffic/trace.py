@@ -61,6 +61,8 @@ class ActorState:
     """Of the front wheels against the body, to the left; 0 for people."""
     travelled_m: float = 0.0
     """Way since the actor appeared: what turns its wheels and swings its legs."""
+    umbrella: bool = False
+    """Whether it would hold one up; the weather tells, not the trace."""
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,8 @@ class Mesh:
         material: Key of `advercity.world.materials.MATERIALS`.
         semantic: What it is.
         normals: (n, 3) float32 for smooth shading, or None for flat faces.
+        weights: (n, bones) float32 shares of what carries each vertex as its body moves on the
+            spot, or None if it keeps still.
     """
 
     name: str
@@ -29,6 +31,22 @@ class Mesh:
     material: str
     semantic: Semantic
     normals: NDArray[np.float32] | None = None
+    weights: NDArray[np.float32] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Gait:
+    """How a body moves on the spot while it goes: a cycle of poses.
+
+    Attributes:
+        cycle_m: Way that it goes in a cycle.
+        moves: (poses, bones, 3, 4) float32 from the body at rest to each pose.
+        rests: Whether it stands as it is at rest while it does not go; else it keeps its pose.
+    """
+
+    cycle_m: float
+    moves: NDArray[np.float32]
+    rests: bool
 
 
 @dataclass(frozen=True)
@@ -38,6 +56,9 @@ class Body:
     parts: tuple[Mesh, ...]
     size: tuple[float, float, float]
     """Full length, width and height in metres of the box, which stands centred on the origin."""
+    gait: Gait | None = None
+    sheltered: "Body | None" = None
+    """The same under an umbrella, which reaches beyond the box."""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """Worlds in files: all their arrays end to end in one `.npz`, and what they are as JSON in it."""
 
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import Any
@@ -10,18 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from advercity.semantics import Semantic
-from advercity.world.scene import Body, Lane, Mesh, SignalLamp, StreetLamp, World
+from advercity.world.scene import Body, Gait, Lane, Mesh, SignalLamp, StreetLamp, World
 
 
 def save_world(world: World, path: Path) -> None:
     """Write a world to `path`, which ends in `.npz`; its network stays where it is."""
-    parts = [*world.static, *(part for body in world.bodies.values() for part in body.parts)]
+    bodies = list(_bodies(world.bodies))
+    parts = [*world.static, *(part for _, body in bodies for part in body.parts)]
     lanes = world.lanes
     what = {
         "id": world.id,
         "static": len(world.static),
         "meshes": [_described(mesh) for mesh in parts],
-        "bodies": [(name, body.size, len(body.parts)) for name, body in world.bodies.items()],
+        "bodies": [(*key, body.size, len(body.parts), _gait_row(body)) for key, body in bodies],
         "lanes": [(lane.id, lane.kind, len(lane.left), lane.in_junction) for lane in lanes],
         "street_lamps": [(lamp.position, lamp.flux_lm) for lamp in world.street_lamps],
         "signal_lamps": [(lamp.id, lamp.position, lamp.facing) for lamp in world.signal_lamps],
@@ -32,6 +33,8 @@ def save_world(world: World, path: Path) -> None:
         vertices=_joined((mesh.vertices for mesh in parts), np.float32),
         triangles=_joined((mesh.triangles for mesh in parts), np.int32),
         normals=_joined((m.normals for m in parts if m.normals is not None), np.float32),
+        weights=_flat(mesh.weights for mesh in parts if mesh.weights is not None),
+        moves=_flat((body.gait.moves for _, body in bodies if body.gait is not None)),
         lanes=_joined((side for lane in lanes for side in (lane.left, lane.right)), np.float64),
     )
 
@@ -42,15 +45,11 @@ def load_world(path: Path, network: Path) -> World:
         what = json.loads(stored["what"].tobytes())
         parts = list(_meshes(what["meshes"], *(stored[key] for key in _ARRAYS)))
         lanes = tuple(_lanes(what["lanes"], stored["lanes"]))
-    names, sizes, counts = zip(*what["bodies"], strict=True) if what["bodies"] else ((), (), ())
-    bodies = _sliced(parts[what["static"] :], counts)
+        bodies = _loaded(what["bodies"], parts[what["static"] :], stored["moves"])
     return World(
         id=what["id"],
         static=tuple(parts[: what["static"]]),
-        bodies={
-            name: Body(tuple(own), tuple(size))
-            for name, size, own in zip(names, sizes, bodies, strict=True)
-        },
+        bodies=bodies,
         lanes=lanes,
         network=network,
         street_lamps=tuple(StreetLamp(tuple(at), flux) for at, flux in what["street_lamps"]),
@@ -60,10 +59,42 @@ def load_world(path: Path, network: Path) -> World:
     )
 
 
-_ARRAYS = ("vertices", "triangles", "normals")
+_ARRAYS = ("vertices", "triangles", "normals", "weights")
+_Key = tuple[str, bool]
+"""Of a body: its blueprint, and whether it is the one under an umbrella."""
 
 
-def _described(mesh: Mesh) -> tuple[str, str, int, int, int, bool]:
+def _bodies(bodies: Mapping[str, Body]) -> Iterator[tuple[_Key, Body]]:
+    for name, body in bodies.items():
+        if body.sheltered is not None:
+            yield (name, True), body.sheltered
+        yield (name, False), body
+
+
+def _gait_row(body: Body) -> tuple[float, int, int, bool] | None:
+    gait = body.gait
+    return None if gait is None else (gait.cycle_m, *gait.moves.shape[:2], gait.rests)
+
+
+def _loaded(
+    described: list[Any], parts: Sequence[Mesh], moves: NDArray[np.float32]
+) -> dict[str, Body]:
+    """Bodies by blueprint; one under an umbrella stands before the one that it belongs to."""
+    own = _sliced(parts, [row[3] for row in described])
+    counts = [12 * row[4][1] * row[4][2] if row[4] else 0 for row in described]
+    bodies: dict[str, Body] = {}
+    sheltered: Body | None = None
+    for row, meshes, numbers in zip(described, own, _sliced(moves, counts), strict=True):
+        name, is_sheltered, size, _, walks = row
+        gait = Gait(walks[0], numbers.reshape(*walks[1:3], 3, 4), walks[3]) if walks else None
+        body = Body(tuple(meshes), tuple(size), gait, None if is_sheltered else sheltered)
+        sheltered = body if is_sheltered else None
+        if not is_sheltered:
+            bodies[name] = body
+    return bodies
+
+
+def _described(mesh: Mesh) -> tuple[str, str, int, int, int, bool, int]:
     return (
         mesh.name,
         mesh.material,
@@ -71,11 +102,16 @@ def _described(mesh: Mesh) -> tuple[str, str, int, int, int, bool]:
         len(mesh.vertices),
         len(mesh.triangles),
         mesh.normals is not None,
+        0 if mesh.weights is None else mesh.weights.shape[1],
     )
 
 
 def _joined(arrays: Iterable[NDArray[Any]], dtype: type[np.generic]) -> NDArray[Any]:
     return np.concatenate([np.empty((0, 3), dtype=dtype), *arrays])
+
+
+def _flat(arrays: Iterable[NDArray[np.float32]]) -> NDArray[np.float32]:
+    return np.concatenate([np.empty(0, np.float32), *(array.ravel() for array in arrays)])
 
 
 def _sliced(rows: Any, counts: Sequence[int]) -> list[Any]:
@@ -88,16 +124,18 @@ def _meshes(
     vertices: NDArray[np.float32],
     triangles: NDArray[np.int32],
     normals: NDArray[np.float32],
+    weights: NDArray[np.float32],
 ) -> Iterator[Mesh]:
     smooth = [row[3] if row[5] else 0 for row in described]
-    for row, own_vertices, own_triangles, own_normals in zip(
+    for row, own_vertices, own_triangles, own_normals, own_weights in zip(
         described,
         _sliced(vertices, [row[3] for row in described]),
         _sliced(triangles, [row[4] for row in described]),
         _sliced(normals, smooth),
+        _sliced(weights, [row[3] * row[6] for row in described]),
         strict=True,
     ):
-        name, material, semantic, _, _, is_smooth = row
+        name, material, semantic, count, _, is_smooth, bones = row
         yield Mesh(
             name=name,
             vertices=own_vertices,
@@ -105,6 +143,7 @@ def _meshes(
             material=material,
             semantic=Semantic(semantic),
             normals=own_normals if is_smooth else None,
+            weights=own_weights.reshape(count, bones) if bones else None,
         )
 
 

@@ -6,6 +6,7 @@ This package holds models and nothing else; it imports neither simulator nor ren
 from advercity_dsl.base import Declaration, Id, Model
 from advercity_dsl.catalogue import Blueprint, BodyModel, Catalogue, LampPlaces
 from advercity_dsl.conflict import Outcome, StagedActor, StagedConflict
+from advercity_dsl.looks import Looks
 from advercity_dsl.rig import Camera, Carrier, Exposure, Gnss, Imu, Lidar, Mount, Rig
 from advercity_dsl.road import MapFile, MapNetwork, Road, RoadsideUnit, Street, Vehicle
 from advercity_dsl.spec import SPEC_VERSION, Agent, Spec
@@ -52,6 +53,7 @@ __all__ = [
     "Imu",
     "LampPlaces",
     "Lidar",
+    "Looks",
     "MapFile",
     "MapNetwork",
     "Model",

@@ -2,9 +2,18 @@
 
 import re
 from dataclasses import dataclass
+from functools import cache
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+)
 from pydantic.types import Strict, StringConstraints
 from pydantic_core import CoreSchema, core_schema
 
@@ -182,3 +191,27 @@ class Declaration(Model):
     """Where the figures come from."""
     assumption: str = ""
     """Which figures nobody measured, and why they are what they are."""
+
+
+class Terse(Model):
+    """A record that a spec holds dozens of: what goes without saying is left out of its JSON."""
+
+    @model_serializer(mode="wrap")
+    def _without_defaults(self, serialise: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        defaults = _defaults(type(self))
+        return {
+            name: value
+            for name, value in serialise(self).items()
+            if name not in defaults or getattr(self, name) != defaults[name]
+        }
+
+
+@cache
+def _defaults(model: type[Model]) -> dict[str, Any]:
+    """What goes without saying, by field."""
+    fields = model.model_fields.items()
+    return {
+        name: field.get_default(call_default_factory=True)
+        for name, field in fields
+        if not field.is_required()
+    }

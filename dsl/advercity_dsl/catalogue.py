@@ -1,10 +1,9 @@
 """The catalogue of bodies that traffic is drawn from: what each is, how big, and how it looks."""
 
-from functools import cache
 from pathlib import PurePosixPath
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import Field, model_validator
 
 from advercity_dsl.base import (
     Count,
@@ -12,12 +11,13 @@ from advercity_dsl.base import (
     Degrees,
     Digest,
     Id,
-    Model,
     Point3,
     PositiveMetres,
     Reason,
     Share,
+    Terse,
 )
+from advercity_dsl.looks import Looks
 from advercity_dsl.traffic import ActorClass
 
 Colour = Literal[
@@ -59,30 +59,6 @@ Part = Literal[
 """What a material of a model stands for; `by_colour` sorts the triangles of a textured one into
 lamps, metal and plastic, `none` leaves them out."""
 FreeLicence = Literal["CC0-1.0", "CC-BY-3.0", "CC-BY-3.0-US", "CC-BY-4.0", "CC-BY-SA-4.0", "MIT"]
-
-
-class Terse(Model):
-    """A record that a spec holds dozens of: what goes without saying is left out of its JSON."""
-
-    @model_serializer(mode="wrap")
-    def _without_defaults(self, serialise: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        defaults = _defaults(type(self))
-        return {
-            name: value
-            for name, value in serialise(self).items()
-            if name not in defaults or getattr(self, name) != defaults[name]
-        }
-
-
-@cache
-def _defaults(model: type[Model]) -> dict[str, Any]:
-    """What goes without saying, by field."""
-    fields = model.model_fields.items()
-    return {
-        name: field.get_default(call_default_factory=True)
-        for name, field in fields
-        if not field.is_required()
-    }
 
 
 class LampPlaces(Terse):
@@ -163,6 +139,8 @@ class Blueprint(Terse):
     """Shares of the colours of its painted parts; those of real traffic if not given."""
     lamps: LampPlaces = LampPlaces()
     """Where its lamps are, if not where its lamp glasses are."""
+    looks: Looks | None = None
+    """Of a pedestrian; drawn by the blueprint's id if not given."""
     model: BodyModel | None = None
     """A 3-D model; left out, the program shapes the body."""
 

@@ -195,7 +195,7 @@ def picture(agent: Agent, frame: Frame, world_from_camera: Matrix) -> Picture:
             world_from_camera,
             matrix,
             frame,
-            lambda actor: box_corners(actor.size),
+            lambda state: box_corners(state.actor.size),
             hide=frozenset({agent.number}),
         ),
     )

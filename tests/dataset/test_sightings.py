@@ -26,7 +26,7 @@ def seen(x: float, y: float, *, hidden_px: int = 0) -> Sighting | None:
         poses.pose((0, 0, 1)),
         MATRIX,
         frame,
-        lambda actor: box_corners(actor.size),
+        lambda state: box_corners(state.actor.size),
     )
     return found.get(7)
 

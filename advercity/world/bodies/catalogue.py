@@ -9,9 +9,11 @@ from advercity_dsl import ActorClass, Blueprint, LampPlaces
 from advercity.semantics import Semantic
 from advercity.world.assets import Shelf
 from advercity.world.assets.glb import read_glb
+from advercity.world.bodies.bicycles import bicycle
 from advercity.world.bodies.cars import car, van
-from advercity.world.bodies.cycles import bicycle, motorcycle
-from advercity.world.bodies.people import pedestrian
+from advercity.world.bodies.motorcycles import motorcycle
+from advercity.world.bodies.people import drawn_looks, pedestrian
+from advercity.world.bodies.puppets import fitted
 from advercity.world.bodies.trucks import truck
 from advercity.world.scene import Body
 from advercity.world.shapes import Piece, Surface, both_sides, ellipsoid, meshes
@@ -28,9 +30,10 @@ _BUILDERS: dict[ActorClass, Callable[[str, Size], list[Piece]]] = {
     "car": car,
     "van": van,
     "truck": truck,
+}
+_RIDDEN: dict[ActorClass, Callable[[str, Size], Body]] = {
     "bicycle": bicycle,
     "motorcycle": motorcycle,
-    "pedestrian": pedestrian,
 }
 
 
@@ -49,10 +52,14 @@ def body(blueprint_id: str, blueprint: Blueprint, shelf: Shelf | None = None) ->
     """
     size = (blueprint.length_m, blueprint.width_m, blueprint.height_m)
     model = None if shelf is None else shelf.find(blueprint)
-    if model is None:
-        pieces = _BUILDERS[blueprint.actor_class](blueprint_id, size)
-    else:
+    if model is not None:
         pieces = [*_modelled(model, blueprint.actor_class), *_lenses(blueprint.lamps)]
+    elif blueprint.actor_class == "pedestrian":
+        return pedestrian(blueprint.looks or drawn_looks(blueprint_id, size[2]), size)
+    elif blueprint.actor_class in _RIDDEN:
+        return fitted(_RIDDEN[blueprint.actor_class](blueprint_id, size), size)
+    else:
+        pieces = _BUILDERS[blueprint.actor_class](blueprint_id, size)
     return Body(parts=tuple(meshes(_fitted(pieces, size))), size=size)
 
 

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from advercity.poses import Matrix, pose
 from advercity.semantics import Semantic
-from advercity.traffic.trace import Actor, Frame, Lamp
+from advercity.traffic.posture import Shape, posture
+from advercity.traffic.trace import Frame, Lamp
 from advercity.world.scene import Mesh, SignalLamp, World
 from advercity_sapien.bindings import Bindings
 from advercity_sapien.shapes import ShapeLibrary, lenses, tiles
@@ -21,12 +22,14 @@ FIRST_SIGNAL_BIT = 32
 """Of a body's lit lamps: red, then yellow and green; below are those of `Lamp`."""
 
 Body = sapien.render.RenderBodyComponent
+Look = tuple[Shape, str]
+"""A shape and the paint on it; bodies of one look are the same meshes of the same materials."""
 
 
 class Stage:
     """Puts a world on SAPIEN's stage and moves it.
 
-    A body that nobody uses stands in for the next actor of its blueprint and paint: adding one to
+    A body that nobody uses stands in for the next actor of its shape and paint: adding one to
     a ray-traced scene rebuilds its pipelines, and a long scenario would never stop growing.
     """
 
@@ -38,9 +41,10 @@ class Stage:
         self._scene = scene
         self._bindings = bindings
         self._shapes = ShapeLibrary()
-        self._actors: dict[int, tuple[Actor, Body]] = {}
+        self._actors: dict[int, tuple[Look, Body]] = {}
         self._lit: dict[int, int] = {}
-        self._idle: defaultdict[tuple[str, str], list[Body]] = defaultdict(list)
+        self._idle: defaultdict[Look, list[Body]] = defaultdict(list)
+        self._meshes: dict[Shape, tuple[Mesh, ...]] = {}
         meshes = [tile for mesh in world.static for tile in tiles(mesh)]
         static = self._add(meshes)
         self._identify(static, meshes, 0)
@@ -49,14 +53,16 @@ class Stage:
 
     def place(self, frame: Frame) -> None:
         """Move every actor to where it is in `frame`, and switch lamps and signals."""
-        present = {state.actor.id for state in frame.states}
-        for actor_id in self._actors.keys() - present:
-            actor, body = self._actors.pop(actor_id)
+        seen = {state.actor.id: posture(state, self._world.bodies) for state in frame.states}
+        looks = {s.actor.id: (seen[s.actor.id].shape, s.actor.paint) for s in frame.states}
+        for actor_id in [i for i, (look, _) in self._actors.items() if looks.get(i) != look]:
+            look, body = self._actors.pop(actor_id)
             body.entity.set_pose(PARKED)
-            self._idle[actor.blueprint, actor.paint].append(body)
+            self._idle[look].append(body)
         for state in frame.states:
-            body = self._body_of(state.actor)
-            body.entity.set_pose(sapien.Pose(state.world_from_body))
+            body = self._body_of(state.actor.id, looks[state.actor.id])
+            world_from_mesh = state.world_from_body @ seen[state.actor.id].body_from_mesh
+            body.entity.set_pose(sapien.Pose(world_from_mesh))
             self._lit[state.actor.id] = int(state.lamps)
             self._bindings.mark(body, int(state.lamps), hidden=False)
         for name, body in self._signals.items():
@@ -74,14 +80,19 @@ class Stage:
             for actor_id in hidden:
                 self._bindings.mark(self._actors[actor_id][1], self._lit[actor_id], hidden=False)
 
-    def _body_of(self, actor: Actor) -> Body:
-        if actor.id not in self._actors:
-            parts = self._world.bodies[actor.blueprint].parts
-            idle = self._idle[actor.blueprint, actor.paint]
-            body = idle.pop() if idle else self._add(parts, actor.paint)
-            self._identify(body, parts, actor.id)
-            self._actors[actor.id] = actor, body
-        return self._actors[actor.id][1]
+    def _body_of(self, actor_id: int, look: Look) -> Body:
+        if actor_id not in self._actors:
+            parts, idle = self._parts(look[0]), self._idle[look]
+            body = idle.pop() if idle else self._add(parts, look[1])
+            self._identify(body, parts, actor_id)
+            self._actors[actor_id] = look, body
+        return self._actors[actor_id][1]
+
+    def _parts(self, shape: Shape) -> tuple[Mesh, ...]:
+        """The meshes of a shape, always the same ones: copies on the device are found by them."""
+        if shape not in self._meshes:
+            self._meshes[shape] = shape.meshes(self._world.bodies)
+        return self._meshes[shape]
 
     def _add_signal(self, lamp: SignalLamp) -> Body:
         meshes = lenses()
