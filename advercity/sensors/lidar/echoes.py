@@ -70,19 +70,25 @@ def reported(parts: list[Echoes], beams: int, report: Report) -> Echoes:
     set to.
 
     Args:
-        parts: The echoes of every source, each sorted by beam.
+        parts: The echoes of every source, each sorted by beam; those of no power are none.
         beams: How many there are.
         report: What it is set to.
     """
-    echoes = Echoes.joined(parts)
-    crowded = np.bincount(echoes.beam, minlength=beams) > 1
-    among = crowded.take(echoes.beam)
-    alone = echoes.rows(np.flatnonzero(~among & echoes.detected))
-    if not crowded.any():
-        return alone if len(parts) == 1 else alone.rows(np.argsort(alone.beam, kind="stable"))
-    several = merged(echoes.rows(among))
-    taken = chosen(several.rows(several.detected), report)
-    found = Echoes.joined([alone, taken])
+    there = [np.flatnonzero(part.power) for part in parts]
+    met = np.concatenate([part.beam.take(rows) for part, rows in zip(parts, there, strict=True)])
+    crowded = np.bincount(met, minlength=beams) > 1
+    alone = [part.rows(part.detected & ~crowded.take(part.beam)) for part in parts]
+    if len(parts) == 1 and not crowded.any():
+        return alone[0]
+    several = merged(
+        Echoes.joined(
+            [
+                part.rows(rows.compress(crowded.take(part.beam.take(rows))))
+                for part, rows in zip(parts, there, strict=True)
+            ]
+        )
+    )
+    found = Echoes.joined([*alone, chosen(several.rows(several.detected), report)])
     return found.rows(np.argsort(found.beam, kind="stable"))
 
 

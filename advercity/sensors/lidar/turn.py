@@ -92,11 +92,11 @@ def _parts(lidar: Lidar, sources: Sources, fired: NDArray[np.bool_] | None) -> l
         surfaces.power[:] *= np.repeat(fired, lidar.sub_rays)
         others = [echoes.rows(fired.take(echoes.beam)) for echoes in others]
     if soft is None:
-        return [surfaces.rows(surfaces.power > 0.0), *others]
+        return [surfaces, *others]
     if fired is not None:
         soft.power[:] *= fired
     if lidar.sub_rays > 1:
-        return [surfaces.rows(surfaces.power > 0.0), soft.rows(soft.power > 0.0), *others]
+        return [surfaces, soft, *others]
     shared = np.zeros(len(soft), np.bool_)
     for echoes in others:
         shared[echoes.beam] = True
