@@ -32,7 +32,7 @@ class Pace:
     """
 
     begins_m: dict[str, float]
-    speeds_m_s: NDArray[np.float64]
+    speeds_m_s: list[float]
 
     @staticmethod
     def of(ride: Ride, graph: LaneGraph) -> "Pace":
@@ -49,7 +49,7 @@ class Pace:
         limit = np.sqrt(LATERAL_ACCELERATION_M_S2 / np.maximum(_curvature(path), 1e-9))
         return Pace(
             begins_m={lane.edge: float(at) for lane, at in zip(lanes, begins, strict=False)},
-            speeds_m_s=_braked(_steady(np.minimum(limit, STRAIGHT_M_S))),
+            speeds_m_s=_braked(_steady(np.minimum(limit, STRAIGHT_M_S))).tolist(),
         )
 
     def at(self, edge: str, position_m: float) -> float:
@@ -57,8 +57,9 @@ class Pace:
         if edge not in self.begins_m:
             return STRAIGHT_M_S
         sample = min((self.begins_m[edge] + position_m) / STEP_M, len(self.speeds_m_s) - 1.001)
-        before, after = self.speeds_m_s[int(sample) : int(sample) + 2]
-        return float(before + (sample - int(sample)) * (after - before))
+        at = int(sample)
+        before = self.speeds_m_s[at]
+        return before + (sample - at) * (self.speeds_m_s[at + 1] - before)
 
 
 def _lanes(edges: Iterable[str], lane: Lane, graph: LaneGraph) -> Iterator[Lane]:

@@ -3,9 +3,8 @@
 The only module that talks to libsumo.
 """
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
-from functools import reduce
-from operator import or_
 from pathlib import Path
 
 import libsumo
@@ -24,7 +23,9 @@ from advercity.traffic.trace import Lamp, Signal
 from advercity.world.network import signal_groups
 
 LATERAL_RESOLUTION_M = 0.8
-_RIGHT_BLINKER, _LEFT_BLINKER = 1, 2
+_BLINKERS = 3
+LAMPS = np.array([0, Lamp.RIGHT, Lamp.LEFT, Lamp.RIGHT | Lamp.LEFT], dtype=np.uint8)
+"""By SUMO's two lowest bits of a vehicle's signals."""
 _USUAL, _AS_TOLD = 31, 39
 """Speed modes: obey everything; mind whom one follows, but neither lights nor right of way."""
 
@@ -95,7 +96,8 @@ class _Drive:
         self._paces = {name: Pace.of(ride, graph) for name, ride in self._rides.items()}
         self._signals = signal_groups(network)
         self._fronts: list[tuple[float, ...]] = []
-        self._lights: list[list[Signal]] = []
+        self._lights: list[dict[str, str]] = []
+        self._tops: dict[str, float] = {}
 
     def run(self) -> Recording:
         """Drive until somebody arrives or time is up."""
@@ -108,7 +110,7 @@ class _Drive:
             if self._has_arrived():
                 break
             self._fronts.extend((*self._vehicles(tick), *self._people(tick)))
-            self._lights.append([_shown(links) for links in self._signals.values()])
+            self._lights.append(_states(self._signals))
             self._mind_bends()
         return self._recording()
 
@@ -155,44 +157,56 @@ class _Drive:
         return False
 
     def _is_near(self, name: str, destination: Point2) -> bool:
-        heading = _heading(libsumo.vehicle.getAngle(name))
+        heading = math.radians(90 - libsumo.vehicle.getAngle(name))
         half = self._rides[name].actor.size[0] / 2
         east, north = libsumo.vehicle.getPosition(name)
-        middle = np.array([east - half * np.cos(heading), north - half * np.sin(heading)])
-        return bool((np.abs(middle - destination) <= self._spec.timing.destination_box_m).all())
+        middle = east - half * math.cos(heading), north - half * math.sin(heading)
+        return all(
+            abs(here - there) <= self._spec.timing.destination_box_m
+            for here, there in zip(middle, destination, strict=True)
+        )
 
     def _vehicles(self, tick: int) -> Iterator[tuple[float, ...]]:
+        """Rows of `FRONT`, angles as SUMO tells them."""
         vehicle = libsumo.vehicle
         for name in vehicle.getIDList():
             yield (
                 tick,
                 int(name),
                 *vehicle.getPosition3D(name),
-                _heading(vehicle.getAngle(name)),
-                np.radians(vehicle.getSlope(name)),
+                vehicle.getAngle(name),
+                vehicle.getSlope(name),
                 vehicle.getSpeed(name),
                 vehicle.getAcceleration(name),
-                _indicators(vehicle.getSignals(name)),
+                vehicle.getSignals(name) & _BLINKERS,
             )
 
     def _people(self, tick: int) -> Iterator[tuple[float, ...]]:
         person = libsumo.person
         for name in person.getIDList():
-            position, heading = person.getPosition3D(name), _heading(person.getAngle(name))
-            yield (tick, int(name), *position, heading, 0.0, person.getSpeed(name), 0.0, 0)
+            position, angle = person.getPosition3D(name), person.getAngle(name)
+            yield (tick, int(name), *position, angle, 0.0, person.getSpeed(name), 0.0, 0)
 
     def _mind_bends(self) -> None:
         vehicle = libsumo.vehicle
         for name in vehicle.getIDList():
-            here = vehicle.getRoadID(name), vehicle.getLanePosition(name)
-            top = min(self._rides[name].top_speed_m_s, self._paces[name].at(*here))
-            vehicle.setMaxSpeed(name, top)
+            top = self._paces[name].at(vehicle.getRoadID(name), vehicle.getLanePosition(name))
+            top = min(self._rides[name].top_speed_m_s, top)
+            if self._tops.get(name) != top:
+                vehicle.setMaxSpeed(name, top)
+                self._tops[name] = top
 
     def _recording(self) -> Recording:
         fronts = np.array(self._fronts, dtype=FRONT)
+        fronts["yaw"] = np.pi / 2 - np.radians(fronts["yaw"])
+        fronts["slope"] = np.radians(fronts["slope"])
+        fronts["lamps"] = LAMPS[fronts["lamps"]]
         fronts = fronts[np.lexsort((fronts["tick"], fronts["id"]))]
         ids, begins = np.unique(fronts["id"], return_index=True)
-        lights = np.array(self._lights, dtype=np.uint8)
+        shown = [
+            [_shown(states, links) for links in self._signals.values()] for states in self._lights
+        ]
+        lights = np.array(shown, dtype=np.uint8)
         return Recording(
             tracks=dict(zip(ids.tolist(), np.split(fronts, begins[1:]), strict=True)),
             signal_ids=tuple(self._signals),
@@ -200,18 +214,13 @@ class _Drive:
         )
 
 
-def _heading(angle_deg: float) -> float:
-    """Radians counter-clockwise from east, from SUMO's degrees clockwise from north."""
-    return float(np.pi / 2 - np.radians(angle_deg))
+def _states(signals: Mapping[str, list[tuple[str, int]]]) -> dict[str, str]:
+    """What every light shows to its links."""
+    lights = dict.fromkeys(light for links in signals.values() for light, _ in links)
+    return {light: libsumo.trafficlight.getRedYellowGreenState(light) for light in lights}
 
 
-def _indicators(signals: int) -> Lamp:
-    lit = {Lamp.LEFT: signals & _LEFT_BLINKER, Lamp.RIGHT: signals & _RIGHT_BLINKER}
-    return reduce(or_, (lamp for lamp, on in lit.items() if on), Lamp(0))
-
-
-def _shown(links: Iterable[tuple[str, int]]) -> Signal:
+def _shown(states: Mapping[str, str], links: Iterable[tuple[str, int]]) -> Signal:
     """What an approach's light shows: the most that any of its links is given."""
-    states = [libsumo.trafficlight.getRedYellowGreenState(light)[link] for light, link in links]
     meaning = {"g": Signal.GREEN, "y": Signal.YELLOW}
-    return max(meaning.get(state.lower(), Signal.RED) for state in states)
+    return max(meaning.get(states[light][link].lower(), Signal.RED) for light, link in links)

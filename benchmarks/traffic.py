@@ -1,0 +1,90 @@
+"""What recording costs against SUMO alone, as the ratio of their rates on the same demand.
+
+    python benchmarks/traffic.py [compiled/ui_clear_day_dense.json ...] [--rounds 5]
+
+The same run tells both: SUMO's own share is what starting, stepping and closing it take, the rest
+is asking it what everybody does, keeping to the pace of bends, and the record. The figure is the
+median of the rounds.
+"""
+
+import argparse
+import statistics
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import libsumo
+from advercity_dsl import Spec
+
+from advercity.compiler import read_spec
+from advercity.runner.stage import set_stage
+from advercity.traffic import drive
+from advercity.traffic.demand import draw
+from advercity.traffic.lanes import read_lanes
+from advercity.traffic.route_file import write_route_file
+
+GOAL = 0.8
+SPECS = [Path(f"compiled/{road}_clear_day_dense.json") for road in ("ui", "ri", "rcnj")]
+
+
+def main() -> int:
+    """Measure and print; 1 if recording falls below the goal anywhere."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("specs", nargs="*", type=Path, default=SPECS)
+    parser.add_argument("--rounds", type=int, default=5)
+    arguments = parser.parse_args()
+    ratios = [measure(read_spec(path), arguments.rounds) for path in arguments.specs]
+    return 0 if min(ratios) >= GOAL else 1
+
+
+def measure(spec: Spec, rounds: int) -> float:
+    """Rate of recorded stepping over that of bare stepping."""
+    network = set_stage(spec).network
+    graph = read_lanes(network)
+    demand = draw(spec, graph)
+    ratios: list[float] = []
+    with tempfile.TemporaryDirectory() as folder:
+        routes = Path(folder) / "demand.rou.xml"
+        write_route_file(demand, routes)
+        ticks = 0
+        for _ in range(rounds + 1):
+            bare = Stopwatch()
+            with ExitStack() as stack:
+                for name in ("start", "simulationStep", "close"):
+                    call = bare.timing(getattr(libsumo, name))
+                    stack.enter_context(patch.object(libsumo, name, call))
+                began = time.perf_counter()
+                recording = drive.drive(spec, demand, graph, network, routes, {})
+                whole = time.perf_counter() - began
+            ticks = len(recording)
+            ratios.append(bare.seconds / whole)
+    ratio = statistics.median(ratios[1:])
+    print(f"{spec.id}: {ticks} ticks, recorded at {ratio:.2f} of SUMO's own rate")
+    return ratio
+
+
+class Stopwatch:
+    """Adds up what calls take."""
+
+    def __init__(self) -> None:
+        self.seconds = 0.0
+
+    def timing(self, call: Callable[..., Any]) -> Callable[..., Any]:
+        """The same call, timed."""
+
+        def timed(*arguments: Any) -> Any:
+            began = time.perf_counter()
+            result = call(*arguments)
+            self.seconds += time.perf_counter() - began
+            return result
+
+        return timed
+
+
+if __name__ == "__main__":
+    sys.exit(main())
