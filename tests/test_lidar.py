@@ -30,10 +30,11 @@ from advercity.sensors.lidar import (
     visible_counts,
 )
 from advercity.sensors.lidar.power import detection_margin, echo, noise_factor
-from advercity.sensors.lidar.surfaces import fresnel, wet_factor
+from advercity.sensors.lidar.surfaces import wet_factor
 from advercity.traffic.trace import Actor, ActorState, Frame, Lamp
 from advercity.weather.derivation import atmosphere_of
 from advercity.weather.extinction import of_visibility
+from advercity.weather.water import fresnel
 from advercity.world.scene import Body, Mesh, World
 
 Array = NDArray[np.float64]

@@ -250,6 +250,43 @@ def simulate(
 
 
 @app.command()
+def gallery(
+    specs: SpecArgument,
+    output: Annotated[Path, typer.Option(help="Picture to write.")] = Path("gallery.jpg"),
+    weather: Annotated[
+        list[str] | None, typer.Option(help="A file, or a library name; all that ship.")
+    ] = None,
+    agent: Annotated[str | None, typer.Option(help="Whose camera; the ego's.")] = None,
+    camera: Annotated[int, typer.Option(min=0, help="Which of its cameras.")] = 0,
+    frame: Annotated[
+        int | None, typer.Option(min=0, help="Kept frame; the one in the middle.")
+    ] = None,
+    backend: Annotated[str, typer.Option(help="Rendering backend.")] = "sapien",
+    profile: Annotated[str, typer.Option(help="preview or full.")] = "preview",
+) -> None:
+    """Show one camera of scenarios under every weather, on one sheet."""
+    from advercity.cli.progress import progress
+    from advercity.compiler import find_weather, read_spec, shipped_weathers
+    from advercity.runner.gallery import write_gallery
+
+    chosen = [read_spec(path) for path in specs]
+    weathers = [find_weather(name) for name in weather or shipped_weathers()]
+    with progress(chosen) as report:
+        write_gallery(
+            chosen,
+            weathers,
+            output,
+            agent=agent,
+            camera=camera,
+            frame=frame,
+            backend=backend,
+            profile=profile,
+            report=report,
+        )
+    say(str(output))
+
+
+@app.command()
 def view(
     dataset: Annotated[Path, typer.Argument(help="A scenario of a dataset, or a .rrd recording.")],
     web: Annotated[bool, typer.Option("--web", help="In a browser instead of a window.")] = False,

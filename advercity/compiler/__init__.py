@@ -14,6 +14,7 @@ from advercity.compiler.shipped import (
     find_declaration,
     find_weather,
     shipped_library,
+    shipped_weathers,
     validate_path,
 )
 from advercity.errors import InputError
@@ -51,6 +52,7 @@ __all__ = [
     "nearest",
     "read_spec",
     "shipped_library",
+    "shipped_weathers",
     "to_json",
     "under",
     "validate_path",

@@ -44,6 +44,11 @@ def find_weather(text: str) -> Entry[Weather]:
     return library.entry(weathers[text])
 
 
+def shipped_weathers() -> list[str]:
+    """Names of the weathers that ship."""
+    return list(load_library(shipped_library()).of(Weather))
+
+
 def validate_path(path: Path) -> None:
     """Check a spec, a declaration, or a whole library and its suites; raise on problems."""
     if path.suffix == ".json":

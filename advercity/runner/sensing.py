@@ -4,7 +4,9 @@ import math
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 
+import numpy as np
 from advercity_dsl import Agent, RoadsideUnit
+from numpy.typing import NDArray
 
 from advercity.dataset.images import whole_metres
 from advercity.dataset.reading import Picture, Reading, pinhole
@@ -21,6 +23,8 @@ from advercity.traffic.trace import Frame
 from advercity.weather.atmosphere import Atmosphere
 from advercity.weather.derivation import atmosphere_of
 from advercity.world.scene import World
+
+Image = NDArray[np.uint8]
 
 
 @contextmanager
@@ -60,11 +64,23 @@ class Senses:
 
     def read(self, index: int) -> tuple[Reading, ...]:
         """The readings of every viewpoint in kept frame `index`, in the spec's order."""
+        frame = self._placed(index)
+        return tuple(self._reading(agent, frame) for agent in self._viewpoints.spec.agents)
+
+    def look(self, agent: Agent, camera: int, index: int) -> Image:
+        """The picture (h, w, 3) RGB of one camera alone in kept frame `index`."""
+        frame = self._placed(index)
+        pose = self._viewpoints.camera_poses(agent, index)[camera]
+        capture = self._renderer.camera(self._view(agent, pose))
+        return self._developed(capture, agent, camera, pose, frame)
+
+    def _placed(self, index: int) -> Frame:
+        """Kept frame `index`, ready to be looked at."""
         frame = self._viewpoints.frame(index)
         self._renderer.place(frame)
         is_night = self._camera_air.atmosphere.night
         self._lamps = tuple(lit_lamps(self._world, frame)) if is_night else ()
-        return tuple(self._reading(agent, frame) for agent in self._viewpoints.spec.agents)
+        return frame
 
     def _reading(self, agent: Agent, frame: Frame) -> Reading:
         lidar = agent.sensors.lidar
@@ -91,22 +107,35 @@ class Senses:
         )
 
     def _pictures(self, agent: Agent, frame: Frame) -> Iterator[Picture]:
-        camera = agent.sensors.camera
-        velocity = self._viewpoints.velocity(agent, frame)
-        poses = self._viewpoints.camera_poses(agent, frame.index)
-        for index, (mount, pose) in enumerate(zip(camera.mounts, poses, strict=True)):
+        for camera, pose in enumerate(self._viewpoints.camera_poses(agent, frame.index)):
             view = self._view(agent, pose)
             capture = self._renderer.camera(view)
-            shot = Shot(view, camera, frame, velocity, self._lamps)
-            rng = self._viewpoints.rng("camera", agent, frame, index)
-            image = photograph(capture, shot, self._camera_air, rng, mount=mount, carrier=agent.id)
             yield Picture(
                 world_from_camera=pose,
-                image=image,
+                image=self._developed(capture, agent, camera, pose, frame),
                 semantic=capture.semantic,
                 depth=whole_metres(capture.depth),
                 sightings=self._sightings(capture, view, frame),
             )
+
+    def _developed(
+        self, capture: CameraCapture, agent: Agent, camera: int, pose: Matrix, frame: Frame
+    ) -> Image:
+        shot = Shot(
+            view=self._view(agent, pose),
+            camera=agent.sensors.camera,
+            frame=frame,
+            velocity=self._viewpoints.velocity(agent, frame),
+            lamps=self._lamps,
+        )
+        return photograph(
+            capture,
+            shot,
+            self._camera_air,
+            self._viewpoints.rng("camera", agent, frame, camera),
+            mount=agent.sensors.camera.mounts[camera],
+            carrier=agent.id,
+        )
 
     def _sightings(
         self, capture: CameraCapture, view: CameraView, frame: Frame

@@ -16,57 +16,20 @@ from advercity.sensors.lidar.beams import APERTURE_M, DIVERGENCE_RAD
 from advercity.sensors.lidar.cloud import PointKind
 from advercity.sensors.lidar.draws import LEVELS, levels
 from advercity.sensors.lidar.power import echo
+from advercity.weather.precipitation import SizeDistribution, sizes_of
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.floating[Any]]
 
-RAIN_REFLECTANCE = 0.05
-"""Of a drop seen from a few mrad beside the beam; the glory right behind it is missed."""
-SNOW_REFLECTANCE = 0.2
-LARGEST_DROP_MM = 6.0
-"""Drops that are larger break up."""
+REFLECTANCE = {"rain": 0.05, "snow": 0.2}
+"""Of a drop seen from a few mrad beside the beam, where the glory right behind it is missed; of a
+flake."""
+POINT_KIND = {"rain": PointKind.RAIN, "snow": PointKind.SNOW}
 NEAREST_M = 0.5
 REACH_M = 60.0
 STEP_M = 0.02
 LEAST_POWER = 0.4
 """Weaker particles are left out; three standard deviations of noise would have to help."""
-
-
-@dataclass(frozen=True)
-class SizeDistribution:
-    """Exponential: `intercept` exp(-`slope` D) particles per m³ and mm of melted diameter D."""
-
-    kind: PointKind
-    reflectance: float
-    intercept: float
-    slope_per_mm: float
-    swelling: float
-    """Diameter in the air against melted."""
-    largest_mm: float = math.inf
-
-    def number_above(self, diameter_mm: Array) -> Array:
-        """Particles per m³ (n,) that are larger, by melted diameter."""
-        least = np.minimum(diameter_mm, self.largest_mm)
-        tail = np.exp(-self.slope_per_mm * least) - math.exp(-self.slope_per_mm * self.largest_mm)
-        return self.intercept / self.slope_per_mm * tail
-
-
-def of_rain(rate_mm_h: float) -> SizeDistribution:
-    """Drops by Marshall and Palmer (1948)."""
-    return SizeDistribution(
-        PointKind.RAIN, RAIN_REFLECTANCE, 8000.0, 4.1 * rate_mm_h**-0.21, 1.0, LARGEST_DROP_MM
-    )
-
-
-def of_snow(rate_mm_h: float, density_g_cm3: float) -> SizeDistribution:
-    """Flakes by Gunn and Marshall (1958), as wide as their density makes them."""
-    return SizeDistribution(
-        PointKind.SNOW,
-        SNOW_REFLECTANCE,
-        3.8e3 * rate_mm_h**-0.87,
-        2.55 * rate_mm_h**-0.48,
-        density_g_cm3 ** (-1.0 / 3.0),
-    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,10 +82,7 @@ class ParticleTable:
 
 def tables_of(weather: Weather, extinction: float) -> tuple[ParticleTable, ...]:
     """The tables of all that falls in `weather`."""
-    rain, snow = weather.rain, weather.snow
-    falling = [of_rain(rain.rate_mm_h)] if rain.rate_mm_h else []
-    falling += [of_snow(snow.rate_mm_h, snow.density_g_cm3)] if snow.rate_mm_h else []
-    return tuple(ParticleTable.of(sizes, extinction) for sizes in falling)
+    return tuple(ParticleTable.of(sizes, extinction) for sizes in sizes_of(weather))
 
 
 def beam_area_m2(range_m: Array) -> Array:
@@ -137,6 +97,6 @@ def least_diameter_mm(
     range_m: Array, sizes: SizeDistribution, extinction: float, power: float
 ) -> Array:
     """Melted diameter (n,) of a particle that returns `power`, against the threshold."""
-    filling = echo(range_m, np.full_like(range_m, sizes.reflectance), extinction)
+    filling = echo(range_m, np.full_like(range_m, REFLECTANCE[sizes.kind]), extinction)
     area_m2 = power / filling * beam_area_m2(range_m)
     return np.sqrt(area_m2 * 4.0 / math.pi) * 1e3 / sizes.swelling

@@ -15,8 +15,9 @@ from advercity.rendering.casting import Caster, Hits, Rays
 from advercity.rendering.fan import Fan
 from advercity.semantics import Semantic
 from advercity.sensors.lidar.beams import Head, bearings_rad, directions, head_of
-from advercity.sensors.lidar.surfaces import IS_GLASS, PANE_TRANSMITTANCE, WATER_INDEX, fresnel
+from advercity.sensors.lidar.surfaces import IS_GLASS, PANE_TRANSMITTANCE, WATER_INDEX
 from advercity.weather import puddles
+from advercity.weather.water import fresnel
 
 Floats = NDArray[np.floating[Any]]
 Rows = NDArray[np.intp]

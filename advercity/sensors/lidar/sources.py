@@ -23,7 +23,7 @@ from advercity.sensors.lidar.beams import (
 from advercity.sensors.lidar.cloud import PointKind
 from advercity.sensors.lidar.draws import Draws, Purpose, levels, normals
 from advercity.sensors.lidar.echoes import Echoes
-from advercity.sensors.lidar.particles import ParticleTable
+from advercity.sensors.lidar.particles import POINT_KIND, ParticleTable
 from advercity.sensors.lidar.power import PULSE_LENGTH_M, echo
 from advercity.sensors.lidar.scanning import Scan
 from advercity.sensors.lidar.soft import FLUCTUATION, LIDAR_RATIO_SR, NEAREST_M
@@ -129,7 +129,7 @@ class Sources:
 
     def _particles(self, table: ParticleTable) -> Echoes:
         """Drops or flakes in front of whatever stops the beam."""
-        kind = table.sizes.kind
+        kind = POINT_KIND[table.sizes.kind]
         rng = self._draws.stream(Purpose.RAIN if kind == PointKind.RAIN else Purpose.SNOW)
         beam, range_m, power = table.draw(self._count, rng)
         noise = self._noise_of(rng, len(beam))

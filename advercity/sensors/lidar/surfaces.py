@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from advercity.rendering.casting import MATERIAL_NAMES, Hits
 from advercity.semantics import Semantic
+from advercity.weather.water import fresnel
 from advercity.world.materials import MATERIALS
 
 Floats = NDArray[np.floating[Any]]
@@ -91,11 +92,3 @@ def wet_factor(reflectance: Floats, cosine: Floats) -> Floats:
     """
     passed = 1.0 - fresnel(cosine, WATER_INDEX)
     return passed**2 / (WATER_INDEX**2 * (1.0 - reflectance * _INTERNAL_REFLECTANCE))
-
-
-def fresnel(cosine: Floats, index: float) -> Floats:
-    """Share (n,) of unpolarised light that a smooth surface of that refractive index reflects."""
-    refracted = np.sqrt(1.0 - (1.0 - cosine**2) / index**2)
-    across = (cosine - index * refracted) / (cosine + index * refracted)
-    along = (index * cosine - refracted) / (index * cosine + refracted)
-    return (across**2 + along**2) / 2.0

@@ -1,0 +1,94 @@
+"""How particles in the air turn light aside, once.
+
+Phase functions are per steradian, of the cosine of the angle by which light is turned.
+"""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.floating[Any]]
+Phase = Callable[[Floats], Floats]
+
+STEPS = 64
+"""Of the quadrature along a ray."""
+LEVEL = 1e-4
+"""Rise against the scale height below which a path counts as level."""
+
+
+def henyey_greenstein(cosine: Floats, g: float) -> Floats:
+    """Phase function (n,) with the mean cosine `g` (Henyey and Greenstein 1941)."""
+    return (1.0 - g**2) / (4.0 * math.pi * (1.0 + g**2 - 2.0 * g * cosine) ** 1.5)
+
+
+def droplets(cosine: Floats, diameter_um: float = 12.0) -> Floats:
+    """Phase function (n,) of fog droplets of 5 to 50 um (Jendersie and d'Eon 2023)."""
+    d = diameter_um
+    g_hg = math.exp(-0.0990567 / (d - 1.67154))
+    g = math.exp(-2.20679 / (d + 3.91029) - 0.428934)
+    a = math.exp(3.62489 - 8.29288 / (d + 5.52825))
+    weight = math.exp(-0.599085 / (d - 0.641583) - 0.665888)
+    draine = (
+        henyey_greenstein(cosine, g) * (1.0 + a * cosine**2) / (1.0 + a * (1.0 + 2.0 * g**2) / 3.0)
+    )
+    return (1.0 - weight) * henyey_greenstein(cosine, g_hg) + weight * draine
+
+
+def isotropic(cosine: Floats) -> Floats:
+    """Phase function (n,) of what sends light evenly all around."""
+    return np.full_like(cosine, 1.0 / (4.0 * math.pi))
+
+
+def lamp_airlight(
+    intensity_cd: float,
+    *,
+    aside_m: float,
+    nearest_m: float,
+    distance_m: float,
+    extinction: float,
+    phase: Phase,
+) -> float:
+    """Luminance in cd/m² of air along a ray that a lamp lights, scattered once.
+
+    Steps are equal in the angle at the lamp (equiangular, Kulla and Fajardo 2012).
+
+    Args:
+        intensity_cd: Of the lamp, all around.
+        aside_m: Shortest distance from lamp to ray.
+        nearest_m: Along the ray where it is nearest to the lamp.
+        distance_m: Along the ray where it ends.
+        extinction: Of the air, 1/m; nothing is absorbed.
+        phase: Function of what is in it.
+    """
+    first = math.atan(-nearest_m / aside_m)
+    last = math.atan((distance_m - nearest_m) / aside_m)
+    node, weight = np.polynomial.legendre.leggauss(STEPS)
+    angle = (first + last + (last - first) * node) / 2.0
+    along_m = nearest_m + aside_m * np.tan(angle)
+    from_lamp_m = aside_m / np.cos(angle)
+    left = np.exp(-extinction * (along_m + from_lamp_m))
+    # Light that goes along the ray's own way is turned by nothing, and towards the lamp by half
+    # a turn; the measure of the angle takes the square of the distance away.
+    turned = phase(-np.sin(angle))
+    integral = float(np.sum(weight * turned * left)) * (last - first) / 2.0
+    return intensity_cd * extinction * integral / aside_m
+
+
+def layer_optical_depth(
+    extinction: float, *, scale_height_m: float, from_m: float, rise_m: float, distance_m: float
+) -> float:
+    """Optical depth of fog that thins out exponentially with height, along a straight path.
+
+    Args:
+        extinction: On the ground, 1/m.
+        scale_height_m: Over which it falls to 1/e; inf for fog that is even.
+        from_m: Height of the path's start.
+        rise_m: How much higher it ends.
+        distance_m: Its length.
+    """
+    climb = rise_m / scale_height_m
+    mean = 1.0 if abs(climb) < LEVEL else -math.expm1(-climb) / climb
+    return extinction * math.exp(-from_m / scale_height_m) * distance_m * mean
