@@ -188,6 +188,23 @@ def test_file_names_are_told_as_they_are(advercity: Command) -> None:
     assert ":smile:.json" in advercity("validate", ":smile:.json").err
 
 
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        (["--agent", "nobody"], "has no agent 'nobody'; it has cav1"),
+        (["--camera", "7"], "has cameras 0 to 3, not 7"),
+        (["--profile", "fine"], "no such profile; preview or full"),
+        (["--weather", "fog_dya"], "did you mean 'fog_day'?"),
+    ],
+)
+def test_a_gallery_says_what_it_cannot_show(
+    advercity: Command, spec_file: Path, asked: list[str], message: str
+) -> None:
+    ran = advercity("gallery", spec_file, *asked)
+    assert ran.code == 2
+    assert message in ran.err
+
+
 def test_help_lists_the_commands(advercity: Command) -> None:
     ran = advercity("--help")
     assert ran.code == 0

@@ -8,6 +8,7 @@ import sys
 import time
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 import yaml
@@ -25,6 +26,7 @@ from advercity.runner import (
     repair,
     run_scenario,
 )
+from advercity.runner.gallery import BAR_PX, CELL_PX, write_gallery
 from advercity.sensors.lidar import PointKind
 
 pytestmark = [pytest.mark.render, pytest.mark.sumo]
@@ -174,6 +176,20 @@ def test_weathers_share_traffic_and_boxes(spec: Spec, made: Path, tmp_path: Path
         assert first["true_ego_pos"] == second["true_ego_pos"]
     pictures = [(folder / "+101" / "000060_camera0.png").read_bytes() for folder in (made, other)]
     assert pictures[0] != pictures[1]
+
+
+def test_a_gallery_has_a_row_per_weather_and_a_column_per_scenario(
+    spec: Spec, tmp_path: Path
+) -> None:
+    weathers = [find_weather("clear_day"), find_weather("clear_night")]
+    write_gallery([spec], weathers, tmp_path / "sheet.png", frame=0)
+    sheet = cv2.imread(str(tmp_path / "sheet.png"))
+    assert sheet is not None
+    assert sheet.shape == (BAR_PX + 2 * (BAR_PX + CELL_PX * 9 // 16), CELL_PX, 3)
+    day, night = sheet[40 : 40 + 180], sheet[40 + 200 :]
+    assert day.mean() > 2.0 * night.mean()
+    with pytest.raises(InputError, match="has frames 0 to"):
+        write_gallery([spec], weathers, tmp_path / "sheet.png", frame=99_999)
 
 
 def test_fog_shortens_the_lidar_and_leaves_the_annotation(

@@ -58,7 +58,8 @@ def write_gallery(
     if profile not in PROFILES:
         raise InputError(f"--profile {profile}: no such profile; preview or full")
     columns: list[list[Image]] = []
-    for spec in specs:
+    looking = [_looking(spec, agent, camera) for spec in specs]
+    for spec, viewer in zip(specs, looking, strict=True):
         stage = set_stage(spec)
         index = len(stage.trace) // 2 if frame is None else frame
         if index >= len(stage.trace):
@@ -67,8 +68,7 @@ def write_gallery(
         for count, weather in enumerate(weathers):
             report(spec.id, "pictures", count, len(weathers))
             other = under(spec, weather)
-            looking = _looking(other, agent, camera)
-            taken = _taken(other, stage, looking, camera, index, backend, PROFILES[profile])
+            taken = _taken(other, stage, viewer, camera, index, backend, PROFILES[profile])
             column += [_bar(weather.declaration.id), taken]
         columns.append(column)
         report(spec.id, "done", len(weathers), len(weathers))
