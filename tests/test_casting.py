@@ -170,6 +170,39 @@ def test_a_fan_finds_what_plain_rays_find() -> None:
     np.testing.assert_array_equal(plain.normal, fanned.normal)
 
 
+def test_a_tilted_fan_with_channels_finds_what_plain_rays_find() -> None:
+    eye = caster(GROUND, WALL)
+    places = [(9, 0), (4, 5), (-15, 3), (0, 12), (-40, 20), (60, 60), (2.5, -1.2)]
+    cars = [car(number, x, y, yaw=x / 7) for number, (x, y) in enumerate(places, start=1)]
+    eye.place(frame(*cars))
+    bearing, _ = turn(600)
+    elevation = np.radians(np.linspace(-25, 15, 64))
+    around, up = np.meshgrid(bearing, elevation, indexing="ij")
+    own = np.stack([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)], axis=-1)
+    stand = pose((0, 0, 1.9), yaw=2.0, pitch=0.08, roll=-0.05)
+    world = own.reshape(-1, 3) @ stand[:3, :3].T
+    origins = np.broadcast_to(stand[:3, 3], world.shape)
+    fan = Fan(stand, bearing.astype(np.float32), elevation.astype(np.float32), spread_rad=1e-4)
+    plain, fanned = (eye.cast(rays(origins, world, fan=f), 100.0) for f in (None, fan))
+    assert set(plain.instance) == {0, 1, 2, 3, 4, 5, 6, 7}
+    np.testing.assert_array_equal(plain.instance, fanned.instance)
+    np.testing.assert_array_equal(plain.range_m, fanned.range_m)
+    some = np.arange(0, len(world), 7)
+    part = eye.cast(rays(origins, world, fan=fan).rows(some), 100.0)
+    np.testing.assert_array_equal(part.instance, plain.instance[some])
+
+
+def test_rays_that_are_cast_again_meet_what_has_moved_since() -> None:
+    eye = caster(WALL)
+    ahead = rays([[0, 0, 0.5]], [[1, 0, 0]])
+    ranges: list[float] = []
+    for states in ((car(7, 12.0),), (car(7, 9.0),), ()):
+        eye.place(frame(*states))
+        ranges.append(float(eye.cast(ahead, 100.0).range_m[0]))
+    assert ranges == pytest.approx([10.0, 7.0, 20.0], abs=1e-4)
+    assert eye.cast(ahead, 15.0).range_m[0] == np.inf
+
+
 def test_a_mover_is_met_where_it_is_at_the_moment_of_the_ray() -> None:
     eye = caster(WALL)
     eye.place(frame(car(7, 14.0)), before=frame(car(7, 12.0)))

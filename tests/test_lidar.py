@@ -29,6 +29,7 @@ from advercity.sensors.lidar import (
     sweep,
     visible_counts,
 )
+from advercity.sensors.lidar.echoes import Echoes, Report, reported, rivals
 from advercity.sensors.lidar.power import detection_margin, echo, noise_factor
 from advercity.sensors.lidar.surfaces import wet_factor
 from advercity.traffic.trace import Actor, ActorState, Frame, Lamp
@@ -336,6 +337,33 @@ def test_the_last_echo_looks_through_fog() -> None:
     assert len(dual.points) == 240_000
     np.testing.assert_array_equal(dual.ring[::2], dual.ring[1::2])
     assert (dual.range_m[::2] < dual.range_m[1::2]).all()
+
+
+@pytest.mark.parametrize("report", ["strongest", "last", "dual"])
+def test_two_echoes_told_apart_at_once_are_those_that_sorting_finds(report: Report) -> None:
+    one, other = echoes_of_every_beam(1), echoes_of_every_beam(2)
+    shared = np.arange(len(one)) % 5 == 0
+    third = echoes_of_every_beam(3).rows(shared)
+    quick = reported([*rivals(one, other, shared, report), third], len(one), report)
+    slow = reported([one, other, third], len(one), report)
+    assert len(slow) > 1000
+    for column in ("beam", "range_m", "power", "kind"):
+        np.testing.assert_array_equal(getattr(quick, column), getattr(slow, column))
+
+
+def echoes_of_every_beam(kind: int, beams: int = 4000) -> Echoes:
+    """One echo a beam at most, some of which overlap others; the kind tells them apart."""
+    rng = generator("echoes", kind)
+    power = rng.uniform(0.3, 3.0, beams) * (rng.random(beams) < 0.8)
+    return Echoes(
+        beam=np.arange(beams, dtype=np.int32),
+        range_m=rng.uniform(5.0, 9.0, beams).astype(np.float32),
+        power=power.astype(np.float32),
+        noise=rng.standard_normal(beams, np.float32),
+        kind=np.full(beams, kind, np.uint8),
+        semantic=np.zeros(beams, np.uint8),
+        instance=np.zeros(beams, np.int32),
+    )
 
 
 def test_dust_sends_its_own_kind() -> None:
