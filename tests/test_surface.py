@@ -186,6 +186,81 @@ def test_crossings_and_lines_are_painted(sites: dict[str, Site]) -> None:
     assert shares[-4.0] < 0.02
 
 
+def test_lines_divide_parking_bays(sites: dict[str, Site]) -> None:
+    """Along the middle of the bays of rsnj's village road, 3.73 m wide each."""
+    plan, meshes = sites["rsnj"]
+    street = plan.streets["parking_road_b"]
+    (bays,) = (band for band in street.left if band.bay_m)
+    line = curves.resampled(street.line(bays.centre_t), 5001)
+    painted = looking_down(meshes)(line[:, :2])[1] == Semantic.ROAD_LINE
+    edges = np.flatnonzero(np.diff(painted.astype(int)) == 1) * street.stations[-1] / 5000
+    assert len(edges) == int(street.stations[-1] / 3.73) + 1
+    np.testing.assert_allclose(np.diff(edges), 3.73, atol=0.02)
+
+
+def test_arrows_point_where_a_lane_leads(sites: dict[str, Site]) -> None:
+    """The right-turn lane of ri has two, 4 m and 13.4 m before the crossing."""
+    plan, meshes = sites["ri"]
+    below = looking_down(meshes)
+    street = plan.streets["east_road_a"]
+    lane = street.lane(2, along=True)
+    painted = {
+        t: below(curves.resampled(street.line(lane.centre_t + t), 3001)[:, :2])[1]
+        == Semantic.ROAD_LINE
+        for t in (-0.5, 0.0, 0.5)
+    }
+    starts = np.flatnonzero(np.diff(painted[0.0].astype(int)) == 1) * street.stations[-1] / 3000
+    np.testing.assert_allclose(street.stations[-1] - starts[:2], (14.9, 5.5), atol=0.05)
+    stop_line = street.stations[-1] - 1.0
+    before = np.linspace(0, street.stations[-1], 3001) < stop_line
+    assert painted[-0.5][before].any(), "the head is on the right"
+    assert not painted[0.5][before].any()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_kerbs_are_closed(sites: dict[str, Site], name: str) -> None:
+    """A ray along the road that comes down on a kerb from the roadway meets its upright face."""
+    plan, meshes = sites[name]
+    scene = EmbreeScene()
+    faces = [mesh for mesh in meshes if mesh.name != "ground"]
+    TriangleMesh(scene, np.concatenate([mesh.vertices[mesh.triangles] for mesh in faces]))
+    classes = np.concatenate([np.full(len(m.triangles), m.semantic.value) for m in faces])
+    for street in plan.streets.values():
+        for bands, outward in ((street.left, 1), (street.right, -1)):
+            for band in bands:
+                if band.kind != "sidewalk":
+                    continue
+                foot = along(street.line(band.inner_t))
+                ahead = np.gradient(foot[:, :2], axis=0)
+                across = curves.left_of(ahead / np.linalg.norm(ahead, axis=1, keepdims=True))
+                rays = np.column_stack([outward * across, np.zeros(len(foot))])
+                for height in (0.02, 0.08, 0.13):
+                    starts = foot + np.array([0, 0, height]) - 0.3 * rays
+                    hits = scene.run(
+                        starts.astype(np.float32), rays.astype(np.float32), output=True
+                    )
+                    np.testing.assert_allclose(hits["tfar"], 0.3, atol=0.03)
+                    assert set(classes[hits["primID"]]) == {Semantic.SIDEWALK}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_paint_lies_above_the_road_by_more_than_depth_can_miss(
+    sites: dict[str, Site], name: str
+) -> None:
+    """Every triangle of paint, at its corners and middle: by 4 mm at least, and not 2 cm."""
+    _, meshes = sites[name]
+    beneath = (mesh for mesh in meshes if mesh.semantic is not Semantic.ROAD_LINE)
+    below = looking_down([mesh for mesh in beneath if mesh.name != "ground"])
+    for mesh in meshes:
+        if mesh.semantic is Semantic.ROAD_LINE:
+            corners = mesh.vertices[mesh.triangles].astype(np.float64)
+            middle = corners.mean(axis=1, keepdims=True)
+            points = np.concatenate([middle, 0.98 * corners + 0.02 * middle], axis=1).reshape(-1, 3)
+            lift = points[:, 2] - below(points[:, :2])[0]
+            assert lift.min() > 0.004, points[lift.argmin()]
+            assert lift.max() < 0.02, points[lift.argmax()]
+
+
 def test_traffic_stops_at_a_bar_and_gives_way_at_blocks(sites: dict[str, Site]) -> None:
     """Across the arriving lane of rsnj's farm lane (stop) and of its village road (give way)."""
     plan, meshes = sites["rsnj"]

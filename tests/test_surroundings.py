@@ -258,6 +258,8 @@ def test_a_surrounding_without_its_place_is_an_error(kind: SurroundingKind, need
         ({"kind": "fence", "species": ["oak"], "line_m": [(0, 9), (9, 9)]}, "only trees"),
         ({"kind": "plateau", "line_m": [(0, 9), (9, 9)], "height_m": 2}, "three points"),
         ({"kind": "crops", "beside": {"street": "road", "side": "left"}}, "two offsets"),
+        ({"kind": "woods", "beside": {"street": "road", "side": "left"}}, "two offsets"),
+        ({"kind": "wall", "line_m": [(0, 9), (9, 9)], "limit_km_h": 30}, "only a speed sign"),
         (
             {"kind": "trees", "beside": {"street": "road", "side": "left", "offset_m": (9, 4)}},
             "nearer border",
@@ -337,6 +339,55 @@ def test_nothing_folds_over_on_the_inside_of_a_bend():
     axis = layout(road).streets["road"].axis[:, :2]
     field = points(surroundings(road, level, shapely.LineString(axis).buffer(3.5))[0])
     assert shapely.distance(shapely.LineString(axis), shapely.points(field[:, :2])).min() > 4
+
+
+def test_a_speed_sign_faces_those_who_drive_on_its_side():
+    for side, sign in (("right", 1), ("left", -1)):
+        item = Surrounding.model_validate(
+            {
+                "kind": "speed_sign",
+                "beside": {"street": "road", "side": side, "from_m": 60, "offset_m": 1},
+                "limit_km_h": 70,
+            }
+        )
+        meshes = built(item)
+        digits = next(m for m in meshes if m.name == "surroundings_traffic_sign_black_plastic")
+        np.testing.assert_allclose(
+            digits.vertices[:, :2].mean(axis=0), (-40, -sign * 4.5), atol=0.1
+        )
+        assert digits.normals is not None
+        np.testing.assert_allclose(digits.normals @ (1, 0, 0), -sign, atol=1e-6)
+        # Seen from in front, the three strokes of the 7 are left of the six of the 0.
+        aside = (digits.vertices[:, 1] + sign * 4.5) * -sign
+        assert ((aside < 0).sum(), (aside > 0).sum()) == (3 * 4, 6 * 4)
+
+
+def test_a_speed_sign_says_the_limit_of_its_street_unless_told_otherwise():
+    where = {"street": "road", "side": "right", "from_m": 60}
+    kind = {"kind": "speed_sign", "beside": where}
+    own, same, other = (
+        points(built(Surrounding.model_validate(kind | limit)), Semantic.TRAFFIC_SIGN)
+        for limit in ({}, {"limit_km_h": 50}, {"limit_km_h": 80})
+    )
+    np.testing.assert_array_equal(own, same)
+    assert own.shape != other.shape
+
+
+def test_woods_keep_off_the_road_and_have_ragged_edges():
+    item = Surrounding(kind=SurroundingKind.WOODS, area_m=((-60, -40), (60, 40)))
+    wood = points(built(item))
+    assert shapely.distance(PAVED, shapely.points(wood[:, :2])).min() > 4
+    assert 8 < wood[:, 2].max() < 12
+    assert shapely.MultiPoint(wood[:, :2]).convex_hull.area < 0.97 * 120 * 80
+
+
+def test_a_driveway_begins_at_the_edge_of_the_paving():
+    band = {"street": "road", "side": "left", "from_m": 50, "to_m": 57, "offset_m": (0, 8)}
+    (mesh,) = built(Surrounding.model_validate({"kind": "driveway", "beside": band}))
+    assert mesh.semantic is Semantic.ROAD
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    np.testing.assert_allclose(low, (-50, 3.5, 0.015), atol=1e-3)
+    np.testing.assert_allclose(high, (-43, 11.5, 0.015), atol=1e-3)
 
 
 def test_nothing_grows_into_a_building():

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from advercity.errors import InputError
 from advercity.world.curves import left_of, unit
-from advercity.world.streets import StreetLayout
+from advercity.world.streets import Band, StreetLayout
 
 Floats = NDArray[np.float64]
 FOLD_M = 0.3
@@ -37,6 +37,11 @@ class Side:
     last_m: float
     near_m: float
     far_m: float
+
+    @property
+    def bands(self) -> tuple[Band, ...]:
+        """The strips on this side of the street, from its axis outwards."""
+        return self.street.side(along=self.sign < 0)
 
     @property
     def length_m(self) -> float:
@@ -81,8 +86,7 @@ class Side:
 
     @property
     def _edge_m(self) -> float:
-        bands = self.street.left if self.sign > 0 else self.street.right
-        return abs(bands[-1].outer_t) if bands else 0.0
+        return abs(self.bands[-1].outer_t) if self.bands else 0.0
 
     def _heading(self, station: Floats) -> Floats:
         return np.interp(station, self.street.stations, np.unwrap(self.street.headings))

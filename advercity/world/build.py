@@ -9,6 +9,7 @@ from advercity.world import terrain
 from advercity.world.assets import Shelf
 from advercity.world.bodies import body
 from advercity.world.furniture import furniture
+from advercity.world.parking import parked_cars
 from advercity.world.roads import built
 from advercity.world.scene import World
 from advercity.world.surroundings import surroundings
@@ -25,6 +26,7 @@ def build_world(spec: Spec, network: Path, shelf: Shelf | None = None) -> World:
     ground_height = partial(terrain.ground_height, road.rims, plateaus=plateaus)
     around, street_lamps = surroundings(spec.road, ground_height, road.footprint)
     fixed, signal_lamps = furniture(spec.road, ground_height)
+    bodies = {name: body(name, blueprint, shelf) for name, blueprint in spec.blueprints.items()}
     return World(
         id=spec.road.id,
         static=(
@@ -33,8 +35,9 @@ def build_world(spec: Spec, network: Path, shelf: Shelf | None = None) -> World:
             terrain.ground(road.rims, road.footprint, plateaus),
             *around,
             *fixed,
+            *parked_cars(spec.road, spec.blueprints, bodies),
         ),
-        bodies={name: body(name, blueprint, shelf) for name, blueprint in spec.blueprints.items()},
+        bodies=bodies,
         lanes=road.lanes,
         network=network,
         street_lamps=tuple(street_lamps),

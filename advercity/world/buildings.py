@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from advercity.randomness import generator
 from advercity.semantics import Semantic
-from advercity.world import plants
+from advercity.world import trees
 from advercity.world.beside import Side
 from advercity.world.shapes import Floats, Piece, Surface, box, joined, loft, moved, panels, tube
 from advercity.world.site import Site, rectangle
@@ -96,8 +96,8 @@ def houses(
             pieces += [*_placed(_house(lot, eaves, wall), lot, site), *_hedges(lot, site)]
             taken.append(lot.outline)
             gardens.append(lot.at(lot.width_m / 2 + 1.0, lot.depth_m / 2 + 3.5))
-    trees = np.reshape(gardens, (-1, 2))
-    return pieces + plants.trees(trees, GARDEN_TREE_M, site.without(taken), key), taken
+    corners = np.reshape(gardens, (-1, 2))
+    return pieces + trees.grown(corners, GARDEN_TREE_M, site.without(taken), key), taken
 
 
 def lots_over(

@@ -106,9 +106,9 @@ def heights(along: NDArray[np.float64], declared: tuple[Height, ...]) -> NDArray
     return np.interp(window, at, z).mean(axis=1)
 
 
-def offset(points: Points, headings: NDArray[np.float64], t: float) -> Points:
-    """Points (n, 2) moved by `t` metres to the left of the direction of travel."""
-    return points + t * left_of(unit(headings))
+def offset(points: Points, headings: NDArray[np.float64], t: ArrayLike) -> Points:
+    """Points (..., 2) moved by `t` metres to the left of the direction of travel."""
+    return points + np.asarray(t, dtype=np.float64)[..., None] * left_of(unit(headings))
 
 
 def link(

@@ -1,4 +1,4 @@
-"""Street furniture that traffic rules and sensors need: signals, signs, carriers of sensors."""
+"""Street furniture that traffic rules and sensors need: signals, carriers of sensors."""
 
 from dataclasses import replace
 
@@ -9,7 +9,7 @@ from advercity_dsl.base import Point2
 from advercity_dsl.road import SurroundingKind
 
 from advercity.semantics import Semantic
-from advercity.world.built_road import BuiltRoad, Head, PostedSign
+from advercity.world.built_road import BuiltRoad, Head
 from advercity.world.roads import built
 from advercity.world.scene import Mesh, SignalLamp
 from advercity.world.shapes import (
@@ -21,12 +21,11 @@ from advercity.world.shapes import (
     loft,
     meshes,
     moved,
-    panels,
-    plate,
     prism,
     tube,
     xyz,
 )
+from advercity.world.signs import posted_sign
 from advercity.world.site import GroundHeight
 
 LENS_SPACING_M = 0.31
@@ -38,7 +37,6 @@ so housing and arm stay well below it."""
 CARRIED_WITHIN_M = 1.5
 _ARM_DROP_M = 0.55
 _HEAD_FACE_M = 0.30
-_SIGN_HEIGHT_M = 2.2
 _CARRIER_BELOW_M = 0.3
 _HEAD_MIDDLE_M = 0.2
 """Of a head, ahead of where it hangs."""
@@ -68,7 +66,7 @@ def furniture(road: Road, ground_height: GroundHeight) -> tuple[list[Mesh], list
         if carried is not None:
             pieces.append(_stub(carried, head))
     for sign in place.signs:
-        pieces += _sign(sign, _height(ground_height, sign.at_m))
+        pieces += posted_sign(sign, _height(ground_height, sign.at_m))
     for unit in units:
         if not _is_carried(unit, road, place):
             pieces += _carrier(unit, ground_height)
@@ -158,79 +156,6 @@ def _hood(x: float, z: float) -> Surface:
         for o, i, r in zip(outer, inner, reach, strict=True)
     ]
     return loft(np.stack(rings))
-
-
-def _sign(sign: PostedSign, ground_m: float) -> list[Piece]:
-    """A stop or give-way sign on its mast, facing the traffic that comes along its street."""
-    x, y = sign.facing
-    foot = np.array([*sign.at_m, ground_m])
-    mast = tube([(0, 0, -0.3), (0, 0, _SIGN_HEIGHT_M + 0.2)], 0.035, sides=6)
-    parts = [(mast, "metal", Semantic.POLE)]
-    face = _stop_face() if sign.kind == "stop" else _yield_face()
-    parts += [(part, material, Semantic.TRAFFIC_SIGN) for part, material in face]
-    return [
-        Piece(moved(part, foot, yaw=float(np.arctan2(y, x))), material, semantic)
-        for part, material, semantic in parts
-    ]
-
-
-def _stop_face() -> list[tuple[Surface, str]]:
-    letters = _letters("STOP", np.array([0.075, 0.0, _SIGN_HEIGHT_M]), width_m=0.115, height_m=0.24)
-    return [
-        (_polygon(8, 0.40, 0.04, np.pi / 8), "metal"),
-        (_polygon(8, 0.40, 0.05, np.pi / 8), "paint_white"),
-        (_polygon(8, 0.37, 0.06, np.pi / 8), "sign_red"),
-        (letters, "paint_white"),
-    ]
-
-
-def _yield_face() -> list[tuple[Surface, str]]:
-    return [
-        (_polygon(3, 0.52, 0.04, -np.pi / 2), "metal"),
-        (_polygon(3, 0.52, 0.05, -np.pi / 2), "sign_red"),
-        (_polygon(3, 0.32, 0.06, -np.pi / 2), "paint_white"),
-    ]
-
-
-def _polygon(sides: int, radius: float, x: float, turn: float) -> Surface:
-    """A plate with its face at `x`; 1 cm of it shows behind the next."""
-    angle = turn + 2 * np.pi * np.arange(sides) / sides
-    corners = [
-        np.full(sides, x),
-        radius * np.cos(angle),
-        _SIGN_HEIGHT_M + radius * np.sin(angle),
-    ]
-    return plate(np.column_stack(corners), 0.01)
-
-
-_STROKES = {
-    "S": ((0, 2, 1, 2), (0, 1, 0, 2), (0, 1, 1, 1), (1, 0, 1, 1), (0, 0, 1, 0)),
-    "T": ((0, 2, 1, 2), (0.5, 0, 0.5, 2)),
-    "O": ((0, 0, 0, 2), (1, 0, 1, 2), (0, 0, 1, 0), (0, 2, 1, 2)),
-    "P": ((0, 0, 0, 2), (0, 2, 1, 2), (0, 1, 1, 1), (1, 1, 1, 2)),
-}
-"""Strokes of letters on a grid one wide and two high: from x, z to x, z."""
-
-
-def _letters(text: str, middle: Floats, *, width_m: float, height_m: float) -> Surface:
-    """Flat letters that look along x and so read from -y to +y."""
-    half_stroke = 0.02
-    strokes = [
-        (*stroke, index - (len(text) - 1) / 2)
-        for index, letter in enumerate(text)
-        for stroke in _STROKES[letter]
-    ]
-    x0, z0, x1, z1, column = np.array(strokes).T
-    y = 1.42 * width_m * column + width_m * ((x0 + x1) / 2 - 0.5)
-    z = height_m * ((z0 + z1) / 4 - 0.5)
-    across = width_m * np.abs(x1 - x0) / 2 + half_stroke
-    upward = height_m * np.abs(z1 - z0) / 4 + half_stroke
-    zero = np.zeros(len(y))
-    return panels(
-        middle + np.column_stack([zero, y, z]),
-        np.column_stack([zero, across, zero]),
-        np.column_stack([zero, zero, upward]),
-    )
 
 
 def _is_carried(unit: RoadsideUnit, road: Road, place: BuiltRoad) -> bool:

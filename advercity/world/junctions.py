@@ -161,6 +161,11 @@ class JunctionLayout:
         """The arm of a street."""
         return next(arm for arm in self.arms if arm.street.id == street)
 
+    def turn(self, source: str, target: str) -> float:
+        """Angle in radians by which one turns from a street into another, positive to the left."""
+        out, into = -self.arm(source).outward, self.arm(target).outward
+        return float(np.arctan2(out[0] * into[1] - out[1] * into[0], out @ into))
+
     def height(self, points: Points) -> NDArray[np.float64]:
         """Height (n,) of the roadway at points (n, 2) inside the outline."""
         return surface_height(self.outline, points)

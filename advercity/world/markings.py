@@ -7,16 +7,18 @@ broken lines 3 m with gaps of 9 m, stop lines 30 to 60 cm, bars of crossings 30 
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
+import shapely
 from advercity_dsl.road import Paint
 from numpy.typing import NDArray
+from shapely.affinity import rotate, translate
 
 from advercity.semantics import Semantic
 from advercity.world.curves import Points
 from advercity.world.junctions import Arm, JunctionLayout
 from advercity.world.layout import Layout
-from advercity.world.meshing import Piece, mesh, ribbon
+from advercity.world.meshing import Piece, filled, mesh, ribbon
 from advercity.world.scene import Mesh
-from advercity.world.streets import StreetLayout
+from advercity.world.streets import Band, StreetLayout
 
 LIFT = np.array([0.0, 0.0, 0.007])
 LINE_WIDTH_M = 0.12
@@ -32,6 +34,12 @@ _BLOCKS = [
 ]
 """A give-way line: as many blocks as that, and gaps as wide between them."""
 BAR_M = 0.5
+ARROW_FROM_END_M = 4.0
+"""From the end of a lane to the middle of the last arrow on it."""
+ARROW_SPACING_M = 9.4
+ARROW_REACH_M = 1.5
+STRAIGHT_RAD = np.radians(30)
+"""Those who turn by less go straight on."""
 
 WHITE, YELLOW = "paint_white", "paint_yellow"
 COLOURS = {
@@ -52,7 +60,7 @@ def meshes(layout: Layout) -> list[Mesh]:
         for colour, piece in _lines(street):
             pieces[colour].append(piece)
     for junction in layout.junctions.values():
-        pieces[WHITE] += _stop_lines(junction)
+        pieces[WHITE] += [*_stop_lines(junction), *_arrows(junction)]
         for crossing in junction.crossings:
             start, end = crossing.centre[:, :2]
             pieces[WHITE] += zebra(start, end, width_m=crossing.width_m, height=junction.height)
@@ -65,16 +73,37 @@ def meshes(layout: Layout) -> list[Mesh]:
 
 
 def _lines(street: StreetLayout) -> Iterator[tuple[str, Piece]]:
-    painted = [(band.outer_t, band.paint) for band in (*street.left, *street.right)]
-    for t, paint in (*painted, (0.0, street.axis_paint)):
-        if paint is None:
-            continue
-        shift = (LINE_WIDTH_M + DOUBLE_GAP_M) / 2 if paint is Paint.DOUBLE_YELLOW else 0.0
-        for centre_t in sorted({t - shift, t + shift}):
-            for first, last in (
-                dashes(float(street.stations[-1])) if paint in BROKEN else [(0.0, np.inf)]
-            ):
-                yield COLOURS[paint], _stripe(street, centre_t, LINE_WIDTH_M, first, last)
+    for band in (*street.left, *street.right):
+        for line in _bay_lines(street, band):
+            yield WHITE, line
+    for centre_t, paint in _painted(street):
+        for first, last in (
+            dashes(float(street.stations[-1])) if paint in BROKEN else [(0.0, np.inf)]
+        ):
+            yield COLOURS[paint], _stripe(street, centre_t, LINE_WIDTH_M, first, last)
+
+
+def _painted(street: StreetLayout) -> Iterator[tuple[float, Paint]]:
+    """Offset of the middle of every line along a street, and its paint."""
+    borders = [(band.outer_t, band.paint) for band in (*street.left, *street.right)]
+    for t, paint in (*borders, (0.0, street.axis_paint)):
+        if paint is not None:
+            shift = (LINE_WIDTH_M + DOUBLE_GAP_M) / 2 if paint is Paint.DOUBLE_YELLOW else 0.0
+            yield from ((centre_t, paint) for centre_t in sorted({t - shift, t + shift}))
+
+
+def line_edges(street: StreetLayout) -> list[float]:
+    """Offsets of both edges of all lines, where the road's facets divide, so as to bear them."""
+    half = LINE_WIDTH_M / 2
+    return [t + side for t, _ in _painted(street) for side in (-half, half)]
+
+
+def _bay_lines(street: StreetLayout, band: Band) -> Iterator[Piece]:
+    if band.bay_m is None:
+        return
+    for at in np.arange(LINE_WIDTH_M, street.stations[-1], band.bay_m):
+        half = LINE_WIDTH_M / 2
+        yield _stripe(street, band.centre_t, band.width_m, at - half, at + half)
 
 
 def _lines_through(junction: JunctionLayout) -> Iterator[tuple[str, Piece]]:
@@ -144,6 +173,45 @@ def _bar_across(arm: Arm, shares: Sequence[tuple[float, float]]) -> Iterator[Pie
     for begins, ends in shares:
         edges = inner + begins * (outer - inner), inner + ends * (outer - inner)
         yield _stripe(arm.street, sum(edges) / 2, abs(edges[1] - edges[0]), first, last)
+
+
+def _arrows(junction: JunctionLayout) -> Iterator[Piece]:
+    """Arrows on the lanes that have them, which point where their movements lead."""
+    for text in junction.declared.arrows:
+        name, _, number = text.partition(".")
+        arm = junction.arm(name)
+        lane = arm.street.lane(int(number), along=arm.at_end)
+        turns = [
+            junction.turn(name, path.movement.to_street)
+            for path in junction.paths
+            if (path.movement.from_street, path.movement.from_lane) == (name, int(number))
+        ]
+        corners, triangles = filled(_arrow(turns))
+        length = float(arm.street.stations[-1])
+        for back in np.arange(ARROW_FROM_END_M, length - ARROW_REACH_M, ARROW_SPACING_M):
+            ahead = 1.0 if arm.at_end else -1.0
+            middle = length - back if arm.at_end else back
+            station, t = middle + ahead * corners[:, 0], lane.centre_t + ahead * corners[:, 1]
+            yield Piece(arm.street.at(station, t) + LIFT, triangles)
+
+
+def _arrow(turns: Sequence[float]) -> shapely.Polygon:
+    """An arrow with a head for each way, x along the lane and y to its left, metres."""
+    shaft = shapely.box(-ARROW_REACH_M, -0.08, 0.3, 0.08)
+    head = shapely.Polygon([(0.0, -0.35), (0.75, 0.0), (0.0, 0.35)])
+    parts = [shaft]
+    for turn in turns:
+        if abs(turn) < STRAIGHT_RAD:
+            parts += [shapely.box(0.2, -0.08, 0.8, 0.08), translate(head, 0.75, 0.0)]
+        else:
+            side = np.sign(turn)
+            parts += [
+                shapely.box(0.14, min(0.0, 0.5 * side), 0.3, max(0.0, 0.5 * side)),
+                translate(rotate(head, 90 * side, origin=(0, 0)), 0.22, 0.45 * side),
+            ]
+    joined = shapely.union_all(parts)
+    assert isinstance(joined, shapely.Polygon)
+    return joined
 
 
 def zebra(

@@ -49,6 +49,8 @@ MATERIALS: dict[str, Material] = {
     "paint_white": Material((0.70, 0.70, 0.68), 0.70, roughness=0.6, texture=Texture.MARKING),
     "paint_yellow": Material((0.70, 0.48, 0.06), 0.60, roughness=0.6, texture=Texture.MARKING),
     "concrete": Material((0.36, 0.35, 0.33), 0.35, texture=Texture.PAVING),
+    "pavement": Material((0.36, 0.355, 0.34), 0.35, texture=Texture.STONE),
+    "joint": Material((0.17, 0.165, 0.16), 0.25),
     "kerb": Material((0.42, 0.41, 0.39), 0.35, texture=Texture.STONE),
     "gravel": Material((0.28, 0.26, 0.23), 0.30, texture=Texture.STONE),
     "grass": Material((0.09, 0.16, 0.045), 0.40, texture=Texture.GRASS),

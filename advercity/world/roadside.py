@@ -6,9 +6,11 @@ from itertools import pairwise
 import numpy as np
 import shapely
 from advercity_dsl.base import Point2
+from advercity_dsl.road import StripKind
 
 from advercity.randomness import generator
 from advercity.semantics import Semantic
+from advercity.world.beside import Side
 from advercity.world.scene import StreetLamp
 from advercity.world.shapes import (
     Floats,
@@ -16,6 +18,7 @@ from advercity.world.shapes import (
     Surface,
     box,
     ellipsoid,
+    grid,
     joined,
     loft,
     moved,
@@ -27,12 +30,14 @@ from advercity.world.shapes import (
     xyz,
 )
 from advercity.world.site import Site
+from advercity.world.surface import KERB_HEIGHT_M
 
 WALL_HEIGHT_M, WALL_THICKNESS_M = 2.0, 0.4
 FENCE_HEIGHT_M, HEDGE_HEIGHT_M = 1.2, 1.4
 POLE_HEIGHT_M, LAMP_HEIGHT_M, TOWER_HEIGHT_M = 5.0, 8.0, 12.0
 LAMP_SPACING_M = 30.0
 _LAMP_REACH_M = 1.6
+_PAVED_STEP_M, _RAMP_M = 1.0, 0.7
 _WALL_PIECE_M, _FENCE_BAY_M, _HEDGE_STEP_M = 8.0, 2.6, 1.6
 _SPIKE_M = 0.3
 """Thin top of a tower, so that it does not stand in the view of what it carries."""
@@ -225,6 +230,23 @@ def lamp(at: Point2, height_m: float | None, site: Site) -> tuple[list[Piece], S
     reach = _LAMP_REACH_M * np.array([np.cos(yaw), np.sin(yaw)])
     light = StreetLamp((float(x + reach[0]), float(y + reach[1]), float(z + top - 0.1)))
     return _stood(parts, at, site), light
+
+
+def driveway(side: Side, site: Site) -> list[Piece]:
+    """A paved way from the edge of a street's paving outwards, and its ramp over the kerb."""
+    along = np.linspace(0.0, side.length_m, 2 + int(side.length_m / _PAVED_STEP_M))
+    across = np.arange(side.near_m, side.far_m + 1e-6, _PAVED_STEP_M)
+    plane = side.at(*np.meshgrid(along, across, indexing="ij"))
+    paved = site.on_ground(plane.reshape(-1, 2)).reshape(*plane.shape[:2], 3) + xyz(z=0.015)
+    pieces = [Piece(grid(paved), "asphalt", Semantic.ROAD)]
+    walk = next((band for band in side.bands if band.kind is StripKind.SIDEWALK), None)
+    if walk is not None:
+        kerb = side.sign * abs(walk.inner_t)
+        station = side.first_m + along
+        top = side.street.at(station, kerb) + xyz(z=KERB_HEIGHT_M + 0.004)
+        foot = side.street.at(station, kerb - side.sign * _RAMP_M) + xyz(z=0.004)
+        pieces.append(Piece(grid(np.stack([foot, top])), "concrete", Semantic.SIDEWALK))
+    return pieces
 
 
 def _stood(

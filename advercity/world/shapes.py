@@ -194,6 +194,24 @@ def panels(centres: ArrayLike, across: ArrayLike, upward: ArrayLike) -> Surface:
     return Surface(np.stack(corners, axis=1).reshape(-1, 3), triangles, normals)
 
 
+def grid(points: Floats, cells: NDArray[np.bool_] | None = None) -> Surface:
+    """A sheet over points (n, m, 3) in rows, seen from above.
+
+    Args:
+        points: Corners of its cells.
+        cells: (n - 1, m - 1) which of them there are; all of them without it.
+    """
+    columns = points.shape[1]
+    there = np.ones((len(points) - 1, columns - 1), dtype=bool) if cells is None else cells
+    i, j = np.nonzero(there)
+    a, b = i * columns + j, (i + 1) * columns + j
+    quads = np.stack([a, b, b + 1, a, b + 1, a + 1], axis=-1).reshape(-1, 3)
+    flat = points.reshape(-1, 3)
+    corner = flat[quads[0]]
+    up = np.cross(corner[1] - corner[0], corner[2] - corner[0])[2]
+    return Surface(flat, quads if up > 0 else quads[:, ::-1])
+
+
 def tube(points: ArrayLike, radii: ArrayLike, *, sides: int = 8, rounded: bool = False) -> Surface:
     """A round tube along points.
 

@@ -6,8 +6,6 @@ free of people, and its right turns give way to them.
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from advercity.world.junctions import JunctionLayout
 
 
@@ -67,14 +65,8 @@ def _yellow(junction: JunctionLayout, approach: str) -> str:
 
 def _walks_with(junction: JunctionLayout, street: str) -> str | None:
     into = {
-        path.movement.from_street: _turn(junction, path.movement.from_street, street)
+        path.movement.from_street: junction.turn(path.movement.from_street, street)
         for path in junction.paths
         if path.movement.to_street == street
     }
     return min(into, key=lambda name: into[name]) if into else None
-
-
-def _turn(junction: JunctionLayout, source: str, target: str) -> float:
-    """Angle in radians that a car turns, positive to the left."""
-    out, into = -junction.arm(source).outward, junction.arm(target).outward
-    return float(np.arctan2(out[0] * into[1] - out[1] * into[0], out @ into))

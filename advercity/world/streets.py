@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 from advercity_dsl.road import CrossSection, Paint, Road, Street, StripKind
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from advercity.world import curves
 from advercity.world.curves import Points
@@ -30,6 +30,8 @@ class Band:
     paint: Paint | None
     number: int
     """Of a driving lane, counted from 1, the innermost; 0 for other strips."""
+    bay_m: float | None = None
+    """Width of its parking bays."""
 
     @property
     def along(self) -> bool:
@@ -80,6 +82,16 @@ class StreetLayout:
         plane = curves.offset(self.axis[:, :2], self.headings, t)
         return np.column_stack([plane, self.axis[:, 2]])
 
+    def at(self, station: ArrayLike, t: ArrayLike) -> Points:
+        """(..., 3) points at distances along the axis and offsets from it, on its facets."""
+        station, t = np.broadcast_arrays(station, t)
+        x, y, z, heading = (
+            np.interp(station, self.stations, column)
+            for column in (*self.axis.T, np.unwrap(self.headings))
+        )
+        plane = curves.offset(np.stack([x, y], axis=-1), heading, t)
+        return np.concatenate([plane, z[..., None]], axis=-1)
+
     def travelled(self, t: float, *, along: bool) -> Points:
         """(n, 3) points at offset `t`, in the direction of travel."""
         return self.line(t) if along else self.line(t)[::-1]
@@ -128,6 +140,7 @@ def _bands(section: CrossSection, *, leftwards: bool) -> tuple[Band, ...]:
             outer_t=float(outer),
             paint=strip.line,
             number=int(number) if strip.kind is StripKind.LANE else 0,
+            bay_m=strip.bay_m,
         )
         for strip, (inner, outer), number in zip(strips, pairwise(edges), lanes, strict=True)
     )

@@ -4,14 +4,15 @@ Carriageways are at the height of the layout; sidewalks and medians stand a kerb
 """
 
 from collections.abc import Iterator
-from itertools import groupby
+from itertools import groupby, pairwise
 
 import numpy as np
 import shapely
 from advercity_dsl.road import StripKind
+from numpy.typing import NDArray
 
 from advercity.semantics import Semantic
-from advercity.world import markings
+from advercity.world import curves, markings
 from advercity.world.curves import Points
 from advercity.world.junctions import JunctionLayout
 from advercity.world.layout import Layout
@@ -26,10 +27,16 @@ CELL_M = 2.0
 LEVEL_WITHIN_M = 0.001
 UP = np.array([0.0, 0.0, KERB_HEIGHT_M])
 
+JOINT_SPACING_M, JOINT_M = 2.0, 0.02
+"""Between the joints across a sidewalk, and their width."""
+WIDEST_SLAB_M = 3.0
+
 ASPHALT, SIDEWALK, MEDIAN, VERGE, KERB = "asphalt", "sidewalk", "median", "verge", "kerb"
+JOINTS = "joints"
 MATERIALS = {
     ASPHALT: ("asphalt", Semantic.ROAD),
-    SIDEWALK: ("concrete", Semantic.SIDEWALK),
+    SIDEWALK: ("pavement", Semantic.SIDEWALK),
+    JOINTS: ("joint", Semantic.SIDEWALK),
     MEDIAN: ("grass", Semantic.TERRAIN),
     VERGE: ("grass", Semantic.TERRAIN),
     KERB: ("kerb", Semantic.SIDEWALK),
@@ -60,9 +67,11 @@ def _street(street: StreetLayout) -> Iterator[tuple[str, Piece]]:
         (surface, list(run))
         for surface, run in groupby((*street.left[::-1], *street.right), _surface)
     ]
+    edges = markings.line_edges(street)
     for index, (surface, run) in enumerate(runs):
-        left = street.line(max(run[0].inner_t, run[0].outer_t))
-        right = street.line(min(run[-1].inner_t, run[-1].outer_t))
+        first_t = max(run[0].inner_t, run[0].outer_t)
+        last_t = min(run[-1].inner_t, run[-1].outer_t)
+        left, right = street.line(first_t), street.line(last_t)
         if surface in RAISED:
             beside = [
                 runs[other][0] for other in (index - 1, index + 1) if other in range(len(runs))
@@ -72,7 +81,9 @@ def _street(street: StreetLayout) -> Iterator[tuple[str, Piece]]:
             yield from _raised(surface, left, right, left_kerb=at_left, right_kerb=at_right)
             yield from _caps(left, right)
         else:
-            yield surface, ribbon(left, right)
+            between = {t for t in edges if last_t < t < first_t}
+            for t, next_t in pairwise(sorted({first_t, last_t} | between, reverse=True)):
+                yield surface, ribbon(street.line(t), street.line(next_t))
 
 
 def _junction(junction: JunctionLayout) -> Iterator[tuple[str, Piece]]:
@@ -113,7 +124,34 @@ def _raised(
         inner_right = right + UP - KERB_WIDTH_M * across
         yield KERB, ribbon(inner_right, right + UP)
         yield KERB, ribbon(right + UP, right)
-    yield surface, ribbon(inner_left, inner_right)
+    if surface == SIDEWALK:
+        yield from _slabs(inner_left, inner_right)
+    else:
+        yield surface, ribbon(inner_left, inner_right)
+
+
+def _slabs(left: Points, right: Points) -> Iterator[tuple[str, Piece]]:
+    """A sidewalk between two lines: slabs, and the joints across it and along a wide one."""
+    along = curves.stations((left + right) / 2)
+    width = float(np.linalg.norm(left - right, axis=1).max())
+    rows = _cuts(float(along[-1]), JOINT_SPACING_M)
+    columns = _cuts(width, width / np.ceil(width / WIDEST_SLAB_M)) / width
+    for row, (start, end) in enumerate(pairwise(rows)):
+        at = np.array([start, *along[(along > start) & (along < end)], end])
+        near, far = (
+            np.stack([np.interp(at, along, axis) for axis in line.T], axis=1)
+            for line in (left, right)
+        )
+        for column, (first, last) in enumerate(pairwise(columns)):
+            name = JOINTS if row % 2 or column % 2 else SIDEWALK
+            yield name, ribbon(near + first * (far - near), near + last * (far - near))
+
+
+def _cuts(length_m: float, spacing_m: float) -> NDArray[np.float64]:
+    """Where slabs and joints end, by turns, beginning with a slab."""
+    joints = np.arange(spacing_m, length_m - JOINT_M, spacing_m)
+    edges = np.column_stack([joints - JOINT_M / 2, joints + JOINT_M / 2])
+    return np.concatenate([[0.0], edges.ravel(), [length_m]])
 
 
 def _caps(left: Points, right: Points) -> Iterator[tuple[str, Piece]]:

@@ -9,14 +9,15 @@ from advercity_dsl.road import Surrounding, SurroundingKind
 from shapely.geometry.base import BaseGeometry
 
 from advercity.errors import InputError
-from advercity.world import buildings, plants, roadside
+from advercity.world import buildings, fields, roadside, trees, woods
 from advercity.world.beside import Side, sides
 from advercity.world.buildings import DETACHED, TOWN, Lot
 from advercity.world.layout import layout
 from advercity.world.roads import built
 from advercity.world.scene import Mesh, StreetLamp
 from advercity.world.shapes import Floats, Piece, meshes
-from advercity.world.site import GroundHeight, Site, along
+from advercity.world.signs import speed_sign
+from advercity.world.site import GroundHeight, Site, along, rectangle
 
 SENSOR_CLEARANCE_M = 6.0
 """Around roadside units no trees grow and nothing is built."""
@@ -96,10 +97,10 @@ class _Place:
 
     def scattered(self) -> Floats:
         """(n, 2) points of trees."""
-        spacing = self.item.spacing_m or plants.TREE_SPACING_M
-        rows = [plants.scattered_beside(side, spacing, self.key) for side in self.sides]
+        spacing = self.item.spacing_m or trees.TREE_SPACING_M
+        rows = [trees.scattered_beside(side, spacing, self.key) for side in self.sides]
         if self.item.area_m:
-            rows.append(plants.scattered(self.item.area_m, spacing, self.key))
+            rows.append(trees.scattered(self.item.area_m, spacing, self.key))
         rows += [np.reshape(self.item.at_m, (-1, 2)), along(self.item.line_m, spacing)]
         return np.concatenate(rows)
 
@@ -114,9 +115,19 @@ class _Place:
     def rows(self) -> Iterator[Floats]:
         """Rows (n, m, 2) of each field."""
         for side in self.sides:
-            yield plants.rows_beside(side)
+            yield fields.rows_beside(side)
         if self.item.area_m:
-            yield plants.rows_over(self.item.area_m)
+            yield fields.rows_over(self.item.area_m)
+
+    def tops(self) -> Iterator[Floats]:
+        """Tops (n, m, 2) of the trees of each wood."""
+        for side in self.sides:
+            step = woods.step_m(side.length_m * (side.far_m - side.near_m))
+            yield fields.rows_beside(side, step, step)
+        if self.item.area_m:
+            low, high = rectangle(self.item.area_m)
+            step = woods.step_m(float(np.prod(high - low)))
+            yield fields.rows_over(self.item.area_m, step, step)
 
     def lines(self, paved: BaseGeometry) -> Iterator[tuple[tuple[float, float], ...]]:
         """Where walls, fences and hedges run; beside a street, not over what is paved."""
@@ -162,9 +173,9 @@ def _line(place: _Place, line: tuple[tuple[float, float], ...], site: Site) -> l
 def _fields(place: _Place, site: Site) -> list[Piece]:
     height, key = place.item.height_m, place.key
     if place.item.kind is SurroundingKind.FIELD:
-        groups = [plants.tilled_field(rows, site, key) for rows in place.rows()]
+        groups = [fields.tilled_field(rows, site, key) for rows in place.rows()]
     else:
-        groups = [plants.crops(rows, height, site, key) for rows in place.rows()]
+        groups = [fields.crops(rows, height, site, key) for rows in place.rows()]
     return [piece for pieces in groups for piece in pieces]
 
 
@@ -172,8 +183,8 @@ def _pieces(place: _Place, site: Site) -> list[Piece]:
     item, key = place.item, place.key
     match item.kind:
         case SurroundingKind.TREES:
-            margin = plants.ROW_CLEARANCE_M if place.is_row else plants.TRUNK_CLEARANCE_M
-            return plants.trees(
+            margin = trees.ROW_CLEARANCE_M if place.is_row else trees.TRUNK_CLEARANCE_M
+            return trees.grown(
                 place.scattered(), item.height_m, site, key, item.species, clearance_m=margin
             )
         case SurroundingKind.BUS_STOP:
@@ -183,6 +194,17 @@ def _pieces(place: _Place, site: Site) -> list[Piece]:
         case SurroundingKind.POLE:
             points = place.points(roadside.LAMP_SPACING_M)
             groups = [roadside.pole(point, item.height_m, site) for point in points]
+        case SurroundingKind.WOODS:
+            groups = [woods.woods(tops, item.height_m, site, key) for tops in place.tops()]
+        case SurroundingKind.SPEED_SIGN:
+            groups = [_speed_sign(item.limit_km_h, side, site) for side in place.sides]
+        case SurroundingKind.DRIVEWAY:
+            groups = [roadside.driveway(side, site) for side in place.sides]
         case _:
             groups = []
     return [piece for pieces in groups for piece in pieces]
+
+
+def _speed_sign(limit_km_h: float | None, side: Side, site: Site) -> list[Piece]:
+    foot = site.on_ground(side.at(0.0, side.near_m))[0]
+    return speed_sign(limit_km_h or 3.6 * side.street.speed_limit_m_s, foot, side.yaw(0.0))

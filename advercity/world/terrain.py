@@ -26,6 +26,8 @@ GROWTH = 1.35
 VERGE_M = 9.0
 """Within about this distance the ground follows the edge of the road."""
 SOFTENING_M = 5.0
+HILLS_FROM_M, HILLS_M = 220.0, 16.0
+"""How far from any road the country begins to rise, and how high its hills are about."""
 BANK_M = 1.0
 """How far inside its outline a plateau reaches its height; a wall may stand before it."""
 SNAP_M = 0.001
@@ -113,9 +115,12 @@ def ground_height(
     samples = np.concatenate(
         [resampled(rim, max(2, int(stations(rim)[-1] / CELL_M) + 1)) for rim in rims]
     )
-    height = _in_chunks(
-        points, lambda chunk: _blended(*_beside(chunk, starts, steps), _rolling(chunk, samples))
-    )
+
+    def level(chunk: Points) -> NDArray[np.float64]:
+        gap, beside = _beside(chunk, starts, steps)
+        return _blended(gap, beside, _rolling(chunk, samples)) + _hills(chunk, gap)
+
+    height = _in_chunks(points, level)
     for plateau in plateaus:
         height = _raised(points, height, plateau, starts, steps)
     return height
@@ -171,6 +176,14 @@ def _rolling(points: Points, samples: Points) -> NDArray[np.float64]:
     x, y = (points[:, k, None] - samples[None, :, k] for k in (0, 1))
     weight = 1.0 / (x * x + y * y + SOFTENING_M**2)
     return (weight @ samples[:, 2]) / weight.sum(axis=1)
+
+
+def _hills(points: Points, gap: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Height (n,) of hills on the horizon, where no sensor reaches."""
+    x, y = points.T / HILLS_FROM_M
+    waves = 1 + 0.5 * np.sin(1.7 * x + 0.4) * np.cos(1.3 * y) + 0.4 * np.sin(2.6 * (x + y) + 1.9)
+    rise = np.clip((gap - HILLS_FROM_M) / (2 * HILLS_FROM_M), 0.0, 1.0)
+    return HILLS_M * waves * rise**2 * (3 - 2 * rise)
 
 
 def _blended(

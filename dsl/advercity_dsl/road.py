@@ -34,6 +34,10 @@ def _is_none(value: object) -> bool:
     return value is None
 
 
+def _is_empty(value: object) -> bool:
+    return not value
+
+
 class Line(Model):
     """A straight piece of a street's axis."""
 
@@ -90,6 +94,14 @@ class Strip(Model):
     """Its width."""
     line: Paint | None = None
     """What is painted on its outer border."""
+    bay_m: PositiveMetres | None = Field(default=None, exclude_if=_is_none)
+    """Width of parking bays, which lines across the strip divide; cars stand across it."""
+
+    @model_validator(mode="after")
+    def _has_bays_to_park_in(self) -> Self:
+        if self.bay_m is not None and self.kind is not StripKind.PARKING:
+            raise ValueError("only a parking strip has bays")
+        return self
 
 
 class CrossSection(Model):
@@ -138,6 +150,9 @@ class Street(Model):
     speed_limit_km_h: Annotated[KilometresPerHour, Field(gt=0, le=200)]
     """For all of it."""
 
+
+LaneText = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*\.\d$")]
+"""`north_road.1`: the innermost lane of a street, on the side that the junction means."""
 
 MovementText = Annotated[
     str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*\.\d > [a-z][a-z0-9_]*\.\d$")
@@ -230,6 +245,8 @@ class Junction(Model):
     """Zebra crossings."""
     signs: tuple[Sign, ...] = ()
     """Stop and give-way signs."""
+    arrows: tuple[LaneText, ...] = Field(default=(), exclude_if=_is_empty)
+    """Arriving lanes on which arrows say where they lead."""
 
 
 class SurroundingKind(StrEnum):
@@ -248,6 +265,10 @@ class SurroundingKind(StrEnum):
     POLE = "pole"
     LAMP = "lamp"
     PLATEAU = "plateau"
+    WOODS = "woods"
+    PARKED_CARS = "parked_cars"
+    SPEED_SIGN = "speed_sign"
+    DRIVEWAY = "driveway"
 
 
 class Species(StrEnum):
@@ -305,19 +326,26 @@ _PLACES = {
     SurroundingKind.POLE: (_BESIDE, _LINE, _AT),
     SurroundingKind.LAMP: (_BESIDE, _LINE, _AT),
     SurroundingKind.PLATEAU: (_LINE,),
+    SurroundingKind.WOODS: (_BESIDE, _AREA),
+    SurroundingKind.PARKED_CARS: (_BESIDE,),
+    SurroundingKind.SPEED_SIGN: (_BESIDE,),
+    SurroundingKind.DRIVEWAY: (_BESIDE,),
 }
-_BANDS = (SurroundingKind.CROPS, SurroundingKind.FIELD)
-
-
-def _is_empty(value: object) -> bool:
-    return not value
+_BANDS = (
+    SurroundingKind.CROPS,
+    SurroundingKind.FIELD,
+    SurroundingKind.WOODS,
+    SurroundingKind.DRIVEWAY,
+)
 
 
 class Surrounding(Model):
     """Things of one kind: beside a street, filling an area, along a line, or one at a point.
 
     A plateau is ground that stands `height_m` high within `line_m`, its outline; it meets the
-    streets that climb to it, and falls off steeply elsewhere.
+    streets that climb to it, and falls off steeply elsewhere. Parked cars stand in the parking
+    strip of their street. A speed sign stands at `from_m` and faces those who drive on its side.
+    A driveway is a paved band that crosses the sidewalk.
     """
 
     kind: SurroundingKind
@@ -333,9 +361,13 @@ class Surrounding(Model):
     height_m: PositiveMetres | None = Field(default=None, exclude_if=_is_empty)
     """Of each of them."""
     spacing_m: PositiveMetres | None = Field(default=None, exclude_if=_is_empty)
-    """Between trees, lamps, poles, or buildings."""
+    """Between trees, lamps, poles, buildings, or places to park."""
     species: tuple[Species, ...] = Field(default=(), exclude_if=_is_empty)
     """Of trees; all of them if none is named."""
+    limit_km_h: Annotated[KilometresPerHour, Field(gt=0, lt=1000)] | None = Field(
+        default=None, exclude_if=_is_none
+    )
+    """On a speed sign; without it, the limit of its street."""
     seed: Count = Field(default=0, ge=0, exclude_if=_is_empty)
     """Another number gives other trees and buildings."""
 
@@ -355,6 +387,8 @@ class Surrounding(Model):
             )
         if self.species and self.kind is not SurroundingKind.TREES:
             raise ValueError("only trees have 'species'")
+        if self.limit_km_h and self.kind is not SurroundingKind.SPEED_SIGN:
+            raise ValueError("only a speed sign has a 'limit_km_h'")
         return self
 
 
@@ -521,14 +555,22 @@ class Road(Declaration):
                     _expect(street, self.streets, f"agents.{name}.route")
         for index, item in enumerate(self.surroundings):
             if item.beside:
-                self._check_beside(f"surroundings.{index}.beside", item.beside)
+                self._check_beside(f"surroundings.{index}.beside", item, item.beside)
         return self
 
-    def _check_beside(self, where: str, beside: Beside) -> None:
+    def _check_beside(self, where: str, item: Surrounding, beside: Beside) -> None:
         if self.imported is not None:
             message = "an imported road has no named streets"
             raise Misfit(_path(where), message, "say where in metres")
         _expect(beside.street, self.streets, f"{where}.street")
+        if item.kind is SurroundingKind.PARKED_CARS:
+            section = self.sections[self.streets[beside.street].section]
+            for side in ("left", "right") if beside.side == "both" else (beside.side,):
+                strips = section.left if side == "left" else section.right
+                if all(strip.kind is not StripKind.PARKING for strip in strips):
+                    raise ValueError(
+                        f"{where}: '{beside.street}' has no parking strip on its {side}"
+                    )
 
     def _check_junction(self, where: str, name: Id, junction: Junction) -> None:
         meeting = [key for key, item in self.streets.items() if name in (item.begins, item.ends)]
@@ -545,6 +587,11 @@ class Road(Declaration):
             named += [("signals.heads", item.street) for item in junction.signals.heads]
         for key, street in named:
             _expect(street, meeting, f"{where}.{key}")
+        for text in junction.arrows:
+            street, _, number = text.partition(".")
+            _expect(street, meeting, f"{where}.arrows")
+            arrives = self.streets[street].ends == name
+            self._check_lane(street, int(number), f"{where}.arrows", along=arrives)
         for text in junction.movements:
             way = Movement.read(text)
             _expect(way.from_street, meeting, f"{where}.movements")

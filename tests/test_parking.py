@@ -1,0 +1,143 @@
+"""Cars in parking strips."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+from advercity_dsl import Blueprint, Road, Spec
+from advercity_dsl.road import SurroundingKind
+
+from advercity.semantics import Semantic
+from advercity.traffic import simulate
+from advercity.world.bodies import body
+from advercity.world.layout import layout
+from advercity.world.materials import MATERIALS
+from advercity.world.network import build_network
+from advercity.world.parking import PLACE_M, parked_cars
+from advercity.world.scene import Mesh
+
+BLUEPRINTS = {
+    "small": Blueprint(actor_class="car", length_m=3.8, width_m=1.8, height_m=1.5),
+    "walker": Blueprint(actor_class="pedestrian", length_m=0.4, width_m=0.4, height_m=1.8),
+}
+BODIES = {name: body(name, blueprint) for name, blueprint in BLUEPRINTS.items()}
+
+
+def road(
+    side: str = "right", *, bay_m: float | None = None, width_m: float = 2.5, climb_m: float = 0.0
+) -> Road:
+    strips: list[dict[str, Any]] = [
+        {"kind": "lane", "width_m": 3},
+        {"kind": "parking", "width_m": width_m, "bay_m": bay_m},
+    ]
+    return Road.model_validate(
+        {
+            "id": "street",
+            "land_use": "urban",
+            "junction": "non_junction",
+            "alignment": "straight",
+            "profile": "level",
+            "sections": {"parking": {"left": strips, "right": strips}},
+            "streets": {
+                "road": {
+                    "begins": "west",
+                    "ends": "east",
+                    "start_m": (0, 0),
+                    "heading_deg": 0,
+                    "path": [{"line_m": 200}],
+                    "heights": [{"at_m": 0, "z_m": 0}, {"at_m": 200, "z_m": climb_m}],
+                    "section": "parking",
+                    "speed_limit_km_h": 30,
+                }
+            },
+            "surroundings": [
+                {
+                    "kind": "parked_cars",
+                    "beside": {"street": "road", "side": side, "from_m": 20, "to_m": 180},
+                }
+            ],
+            "agents": {},
+            "traffic": {
+                "vehicles_per_area": 1,
+                "walkers": 0,
+                "around_agent_m": 50,
+                "around_path_m": 10,
+                "classes": dict.fromkeys(("car", "van", "truck", "bicycle", "motorcycle"), 0.2),
+            },
+        }
+    )
+
+
+def boxes(meshes: list[Mesh], place_m: float) -> dict[int, np.ndarray]:
+    """Corners (2, 3), low and high, of the car in every place that has one."""
+    points = np.concatenate([mesh.vertices for mesh in meshes])
+    places = np.floor((points[:, 0] - 20) / place_m).astype(int)
+    return {
+        int(place): np.stack([points[places == place].min(0), points[places == place].max(0)])
+        for place in np.unique(places)
+    }
+
+
+@pytest.mark.parametrize(("side", "low", "high"), [("right", -5.5, -3), ("left", 3, 5.5)])
+def test_cars_stand_in_their_strip_with_gaps_between(side: str, low: float, high: float) -> None:
+    meshes = parked_cars(road(side), BLUEPRINTS, BODIES)
+    found = boxes(meshes, PLACE_M)
+    assert {mesh.semantic for mesh in meshes} == {Semantic.VEHICLE}
+    assert {mesh.material for mesh in meshes} <= set(MATERIALS)
+    assert 12 < len(found) < 25
+    for first, last in found.values():
+        np.testing.assert_allclose(last - first, (3.8, 1.8, 1.5), atol=0.01)
+        assert low <= first[1] and last[1] <= high
+        assert first[0] >= 20 and last[0] <= 180
+        assert first[2] == pytest.approx(0, abs=1e-3)
+
+
+def test_cars_stand_across_bays_one_in_each() -> None:
+    place = road(bay_m=2.6, width_m=5)
+    found = boxes(parked_cars(place, BLUEPRINTS, BODIES), 2.6)
+    assert 30 < len(found) < 55
+    for index, (first, last) in found.items():
+        np.testing.assert_allclose(last - first, (1.8, 3.8, 1.5), atol=0.01)
+        assert (first[0] + last[0]) / 2 == pytest.approx(20 + 2.6 * (index + 0.5), abs=0.01)
+
+
+def test_cars_lean_with_a_hill() -> None:
+    meshes = parked_cars(road(climb_m=30), BLUEPRINTS, BODIES)
+    wheels = np.concatenate([mesh.vertices for mesh in meshes]).astype(float)
+    above = (wheels[:, 2] - 0.15 * wheels[:, 0]) / np.hypot(1, 0.15)
+    assert above.min() == pytest.approx(0, abs=0.01)
+    assert above.max() == pytest.approx(1.5, abs=0.01)
+
+
+def test_a_street_without_a_parking_strip_is_refused() -> None:
+    declared = road().model_dump(mode="json")
+    for side in ("left", "right"):
+        declared["sections"]["parking"][side].pop()
+    with pytest.raises(
+        ValueError, match=r"surroundings.0.*'road' has no parking strip on its right"
+    ):
+        Road.model_validate(declared)
+
+
+@pytest.mark.sumo
+@pytest.mark.parametrize("name", ["ui", "unj", "rsnj"])
+def test_nobody_drives_or_walks_through_a_parked_car(
+    specs: dict[str, Spec], name: str, tmp_path: Any
+) -> None:
+    spec = specs[f"{name}_clear_day_dense"]
+    strips = shapely.union_all(
+        [
+            shapely.Polygon(np.vstack([street.line(inner), street.line(outer)[::-1]])[:, :2])
+            for street in layout(spec.road).streets.values()
+            for band in (*street.left, *street.right)
+            if band.kind == "parking"
+            for inner, outer in [sorted((band.inner_t, band.outer_t))]
+        ]
+    )
+    declared = [i for i in spec.road.surroundings if i.kind is SurroundingKind.PARKED_CARS]
+    assert declared
+    shapely.prepare(strips)
+    trace = simulate(spec, build_network(spec.road, tmp_path))
+    inside = shapely.contains_xy(shapely.buffer(strips, -0.3), trace.states["x"], trace.states["y"])
+    assert not inside.any()
