@@ -17,9 +17,10 @@ LED: Colour = (1.39, 0.94, 0.50)
 """4000 K in linear sRGB of luminance 1."""
 HALOGEN: Colour = (1.68, 0.87, 0.33)
 RED: Colour = (4.60, 0.03, 0.0)
+AMBER: Colour = (2.30, 0.72, 0.0)
 SIGNAL_COLOURS: dict[Signal, Colour] = {
     Signal.RED: RED,
-    Signal.YELLOW: (2.30, 0.72, 0.0),
+    Signal.YELLOW: AMBER,
     Signal.GREEN: (0.0, 1.30, 0.90),
 }
 LOW_BEAM_CD: dict[ActorClass, float] = {
@@ -31,6 +32,10 @@ LOW_BEAM_CD: dict[ActorClass, float] = {
 }
 """Peak of all dipped beams of a vehicle together (UN R112 class B, R113)."""
 BRAKE_CD, TAIL_CD, SIGNAL_CD = 300.0, 16.0, 400.0
+REAR_FOG_CD, FRONT_INDICATOR_CD, REAR_INDICATOR_CD = 200.0, 300.0, 200.0
+"""Of one lamp (UN R148 allows 150-300, 175-1000 and 50-500)."""
+INDICATOR_SPREAD = 0.4
+"""How far an indicator is from the middle, in widths of its vehicle."""
 LAMP_HEIGHT_M, CLEAR_OF_BODY_M = 0.65, 0.1
 HIDING_GAP_M, HIDDEN_BEHIND_M = 12.0, 6.0
 """Who is closer ahead than that hides a beam; how far behind its rear the light still reaches."""
@@ -109,9 +114,23 @@ def _vehicle(state: ActorState, open_m: float) -> Iterator[LitLamp]:
     beam_cd = LOW_BEAM_CD.get(state.actor.actor_class, 0.0)
     if Lamp.LOW_BEAM in state.lamps and beam_cd > 0.0:
         yield LitLamp(Kind.LOW_BEAM, tuple(front), tuple(ahead), beam_cd, HALOGEN, open_m)
-    if Lamp.BRAKE in state.lamps or Lamp.LOW_BEAM in state.lamps:
+    if state.lamps & (Lamp.BRAKE | Lamp.LOW_BEAM | Lamp.FOG):
         rear_cd = BRAKE_CD if Lamp.BRAKE in state.lamps else TAIL_CD
+        rear_cd += REAR_FOG_CD if Lamp.FOG in state.lamps else 0.0
         yield LitLamp(Kind.LENS, tuple(rear), tuple(-ahead), rear_cd, RED)
+    yield from _indicators(state, reach)
+
+
+def _indicators(state: ActorState, reach_m: float) -> Iterator[LitLamp]:
+    pose, ahead = state.world_from_body, state.world_from_body[:3, 0]
+    for lamp, left in ((Lamp.LEFT, 1.0), (Lamp.RIGHT, -1.0)):
+        if lamp in state.lamps:
+            y = left * INDICATOR_SPREAD * state.actor.size[1]
+            front, rear = (
+                tuple(transform(pose, [x, y, LAMP_HEIGHT_M])) for x in (reach_m, -reach_m)
+            )
+            yield LitLamp(Kind.LENS, front, tuple(ahead), FRONT_INDICATOR_CD, AMBER)
+            yield LitLamp(Kind.LENS, rear, tuple(-ahead), REAR_INDICATOR_CD, AMBER)
 
 
 def signal_lens(signal: Signal) -> tuple[float, float, float]:

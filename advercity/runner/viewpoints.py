@@ -22,6 +22,7 @@ from advercity.sensors.lidar import PointCloud
 from advercity.traffic.lamps import lit
 from advercity.traffic.plans import planned
 from advercity.traffic.trace import ActorState, Frame, Trace
+from advercity.traffic.umbrellas import sheltered
 
 Vector = NDArray[np.float64]
 
@@ -36,8 +37,10 @@ class Viewpoints:
         self._origin = Geodetic(spec.road.origin_lat_deg, spec.road.origin_lon_deg)
 
     def frame(self, index: int) -> Frame:
-        """Kept frame `index` with the lamps lit that the weather calls for."""
-        return lit(self._traced(index), self.spec.weather.lamps)
+        """Kept frame `index` with the lamps lit and the umbrellas up that the weather calls for."""
+        weather, seed = self.spec.weather, self.spec.seeds.traffic
+        shown = sheltered(self._traced(index), weather.rain.rate_mm_h, seed=seed)
+        return lit(shown, weather.lamps)
 
     def reading(
         self,

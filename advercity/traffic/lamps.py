@@ -6,22 +6,30 @@ from advercity_dsl.weather import Lamps
 
 from advercity.traffic.trace import ActorState, Frame, Lamp
 
+BLINKS_PER_S = 1.5
+"""UN R48 asks for 90 +- 30 flashes a minute."""
+_GOLDEN = 0.618034
+_INDICATORS = Lamp.LEFT | Lamp.RIGHT
+
 
 def lit(frame: Frame, lamps: Lamps) -> Frame:
-    """The frame with low beams and fog lamps as the weather calls for.
+    """The frame with low beams and fog lamps as the weather calls for, and indicators that blink.
 
-    Two-wheelers have no fog lamps; people carry no lamps.
+    In the trace an indicator is switched on; here it is lit for half of the time, everybody's to
+    their own beat. Two-wheelers have no fog lamps; people carry no lamps.
     """
-    return replace(frame, states=tuple(_lit(state, lamps) for state in frame.states))
+    return replace(frame, states=tuple(_lit(state, lamps, frame.time_s) for state in frame.states))
 
 
-def _lit(state: ActorState, lamps: Lamps) -> ActorState:
+def _lit(state: ActorState, lamps: Lamps, time_s: float) -> ActorState:
     kind = state.actor.actor_class
     if kind == "pedestrian":
         return state
-    added = Lamp(0)
+    shining = state.lamps
+    if (BLINKS_PER_S * time_s + _GOLDEN * state.actor.id) % 1.0 >= 0.5:
+        shining &= ~_INDICATORS
     if lamps.low_beam:
-        added |= Lamp.LOW_BEAM
+        shining |= Lamp.LOW_BEAM
     if lamps.fog and kind not in ("bicycle", "motorcycle"):
-        added |= Lamp.FOG
-    return replace(state, lamps=state.lamps | added)
+        shining |= Lamp.FOG
+    return replace(state, lamps=shining)

@@ -85,6 +85,8 @@ MATERIALS: dict[str, Material] = {
     "lamp_white": Material((0.9, 0.9, 0.85), 0.50, roughness=0.2),
     "lamp_red": Material((0.45, 0.02, 0.02), 0.50, roughness=0.2),
     "lamp_amber": Material((0.60, 0.22, 0.02), 0.50, roughness=0.2),
+    "lamp_amber_left": Material((0.60, 0.22, 0.02), 0.50, roughness=0.2),
+    "lamp_amber_right": Material((0.60, 0.22, 0.02), 0.50, roughness=0.2),
     "skin": Material((0.45, 0.29, 0.21), 0.55),
     "skin_brown": Material((0.27, 0.155, 0.095), 0.52),
     "skin_dark": Material((0.10, 0.058, 0.038), 0.45),

@@ -1,6 +1,7 @@
 """From a blueprint to its body."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from advercity.world.assets import Shelf
 from advercity.world.assets.glb import read_glb
 from advercity.world.bodies.bicycles import bicycle
 from advercity.world.bodies.cars import car, van
+from advercity.world.bodies.indicators import with_indicators
 from advercity.world.bodies.motorcycles import motorcycle
 from advercity.world.bodies.people import drawn_looks, pedestrian
 from advercity.world.bodies.puppets import fitted
@@ -50,6 +52,13 @@ def body(blueprint_id: str, blueprint: Blueprint, shelf: Shelf | None = None) ->
     Raises:
         RunError: Its model is there but cannot be used.
     """
+    made = _made(blueprint_id, blueprint, shelf)
+    if blueprint.actor_class in ("pedestrian", "bicycle"):
+        return made
+    return replace(made, parts=with_indicators(made.parts))
+
+
+def _made(blueprint_id: str, blueprint: Blueprint, shelf: Shelf | None) -> Body:
     size = (blueprint.length_m, blueprint.width_m, blueprint.height_m)
     model = None if shelf is None else shelf.find(blueprint)
     if model is not None:

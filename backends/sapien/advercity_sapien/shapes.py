@@ -25,6 +25,8 @@ LENSES = {
     "signal_red": 3,
     "signal_yellow": 4,
     "signal_green": 5,
+    "lamp_amber_left": 6,
+    "lamp_amber_right": 7,
 }
 """Kinds of lens in `lenses.glsl`; like textures they travel in the materials' emission."""
 SNOWLESS = frozenset({"glass", "rubber", "skin", *LENSES})

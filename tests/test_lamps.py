@@ -1,0 +1,131 @@
+"""Lamps as drivers and weather switch them: beams, fog lamps, brakes, indicators; and umbrellas."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from advercity_dsl import Catalogue
+from advercity_dsl.weather import Lamps
+
+from advercity import poses
+from advercity.compiler import load_library
+from advercity.rendering.lamps import AMBER, RED, Kind, LitLamp, lit_lamps
+from advercity.traffic import Actor, ActorState, Frame, Lamp, lit
+from advercity.traffic.umbrellas import sheltered
+from advercity.world.bodies import body
+from advercity.world.scene import World
+
+CATALOGUE = load_library(Path(__file__).parent.parent / "library").of(Catalogue)["adver_city"]
+CAR = Actor(101, "car", "lincoln_mkz_2017", "car_paint_blue", (4.9, 2.1, 1.5))
+EMPTY = World("w", (), bodies={}, lanes=(), network=Path("none"))
+MOTOR = ("car", "van", "truck", "motorcycle")
+
+
+def frame(lamps: Lamp, *, time_s: float = 0.0, actor: Actor = CAR) -> Frame:
+    pose = poses.pose((10.0, 0.0, 0.0), yaw=np.pi / 2)
+    return Frame(0, time_s, (ActorState(actor, pose, 5.0, 0.0, lamps),), {})
+
+
+def shining(lamps: Lamp) -> list[LitLamp]:
+    return lit_lamps(EMPTY, frame(lamps))
+
+
+def test_an_indicator_blinks_three_times_in_two_seconds():
+    times_s = np.arange(0.0, 20.0, 0.01)
+    shown = [
+        bool(lit(frame(Lamp.LEFT, time_s=time), Lamps()).of(101).lamps & Lamp.LEFT)
+        for time in times_s.tolist()
+    ]
+    assert np.sum(np.diff(np.array(shown, int)) == 1) == pytest.approx(30, abs=1)
+    assert np.mean(shown) == pytest.approx(0.5, abs=0.02)
+
+
+def test_indicators_of_different_vehicles_keep_their_own_beat():
+    def seen(number: int) -> tuple[bool, ...]:
+        actor = replace(CAR, id=number)
+        return tuple(
+            Lamp.RIGHT
+            in lit(frame(Lamp.RIGHT, time_s=0.1 * k, actor=actor), Lamps()).of(number).lamps
+            for k in range(14)
+        )
+
+    assert len({seen(number) for number in range(1001, 1011)}) > 4
+
+
+def test_a_blink_leaves_the_other_lamps_alone():
+    on = Lamp.LEFT | Lamp.BRAKE
+    shown = {lit(frame(on, time_s=0.1 * k), Lamps(low_beam=True)).of(101).lamps for k in range(20)}
+    assert shown == {Lamp.BRAKE | Lamp.LOW_BEAM, on | Lamp.LOW_BEAM}
+
+
+def test_an_indicator_shines_amber_from_both_ends_of_its_own_side():
+    lamps = shining(Lamp.LEFT)
+
+    assert [lamp.colour for lamp in lamps] == [AMBER, AMBER]
+    # The car heads north: its left is west, x < 10.
+    assert all(lamp.position[0] == pytest.approx(10.0 - 0.4 * 2.1) for lamp in lamps)
+    assert sorted(round(lamp.position[1], 2) for lamp in lamps) == [-2.55, 2.55]
+    front = max(lamps, key=lambda lamp: lamp.position[1])
+    assert front.facing == pytest.approx((0.0, 1.0, 0.0), abs=1e-9)
+    assert 175 <= front.intensity_cd <= 1000
+    assert all(shining(Lamp.RIGHT)[k].position[0] > 10.0 for k in range(2))
+
+
+def test_brake_and_rear_fog_lamps_outshine_tail_lamps_within_what_the_rules_allow():
+    def red_cd(lamps: Lamp) -> float:
+        return sum(lamp.intensity_cd for lamp in shining(lamps) if lamp.colour == RED)
+
+    tail, brake, fog = (red_cd(Lamp.LOW_BEAM | more) for more in (Lamp(0), Lamp.BRAKE, Lamp.FOG))
+    assert 4 <= tail <= 34
+    assert 120 <= brake <= 520
+    assert 150 <= fog - tail <= 300
+    assert not shining(Lamp(0))
+
+
+def test_low_beams_are_dipped_and_as_strong_as_the_rules_ask():
+    beams = [lamp for lamp in shining(Lamp.LOW_BEAM) if lamp.kind is Kind.LOW_BEAM]
+    assert len(beams) == 1
+    assert 2 * 10.1e3 < beams[0].intensity_cd < 2 * 25e3
+
+
+@pytest.mark.parametrize(
+    "name", [n for n, made in CATALOGUE.blueprints.items() if made.actor_class in MOTOR]
+)
+def test_every_motor_vehicle_has_an_indicator_at_each_corner(name: str):
+    made = body(name, CATALOGUE.blueprints[name])
+    found = {
+        part.material: part.vertices[np.unique(part.triangles)]
+        for part in made.parts
+        if part.material.startswith("lamp_amber")
+    }
+    assert set(found) == {"lamp_amber_left", "lamp_amber_right"}
+    assert found["lamp_amber_left"][:, 1].min() > 0 > found["lamp_amber_right"][:, 1].max()
+    for points in found.values():
+        assert points[:, 0].max() > 0.2 * made.size[0]
+        assert points[:, 0].min() < -0.2 * made.size[0]
+        assert (np.abs(points) <= np.array(made.size) * (0.5, 0.5, 1) + 0.03).all()
+
+
+def test_umbrellas_go_up_with_the_rain_and_stay_up_when_it_gets_harder():
+    people = tuple(
+        ActorState(
+            Actor(number, "pedestrian", "pedestrian_0001", "cloth_red", (1.0, 0.5, 1.8)),
+            np.eye(4),
+            1.0,
+            0.0,
+            Lamp(0),
+        )
+        for number in range(5001, 5201)
+    )
+    walking = Frame(0, 0.0, people, {})
+
+    def up(rain_mm_h: float) -> set[int]:
+        shown = sheltered(walking, rain_mm_h, seed=7)
+        return {state.actor.id for state in shown.states if state.umbrella}
+
+    assert not up(0.0)
+    assert len(up(1.5)) / 200 == pytest.approx(0.5, abs=0.12)
+    assert up(1.5) <= up(4.5) <= up(50.0)
+    assert len(up(50.0)) == 200
+    assert sheltered(frame(Lamp(0)), 50.0, seed=7).states[0].umbrella is False
