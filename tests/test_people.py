@@ -6,15 +6,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from advercity_dsl import Blueprint, Catalogue, Looks
+from advercity_dsl import Blueprint, Catalogue, Looks, Weather
 from numpy.typing import NDArray
 
 from advercity import poses
 from advercity.compiler import load_library
+from advercity.rendering.backend import PROFILES, CameraView
 from advercity.rendering.casting import Caster, Rays
 from advercity.semantics import Semantic
 from advercity.traffic.posture import posture
 from advercity.traffic.trace import Actor, ActorState, Frame, Lamp
+from advercity.weather.derivation import atmosphere_of
 from advercity.world.bodies import body, posed
 from advercity.world.scene import Body, Mesh, World
 from advercity.world.storage import load_world, save_world
@@ -273,3 +275,42 @@ def test_looks_are_declared_or_drawn_by_name():
     materials = {part.material for part in body("somebody", dressed).parts}
     assert "cloth_yellow" in materials
     assert body("somebody", plain).parts[0].name == body("somebody", plain).parts[0].name
+
+
+@pytest.mark.render
+def test_pictures_show_the_pose_that_rays_meet():
+    backend = pytest.importorskip("advercity_sapien.backend").SapienBackend()
+    weather = load_library(Path(__file__).parent.parent / "library").of(Weather)["clear_day"]
+    world = World("w", (), bodies=PEOPLE | CYCLISTS, lanes=(), network=Path("none"))
+    walker = state("pedestrian_0001", travelled_m=0.35)
+    cyclist = replace(
+        state("bh_crossbike", travelled_m=0.9),
+        actor=replace(state("bh_crossbike").actor, id=8),
+        world_from_body=poses.pose((-0.3, 2.0, 0.0)),
+    )
+    frame = Frame(0, 0.0, (walker, cyclist), {})
+    eye = poses.pose((0.0, -6.0, 1.0), yaw=np.pi / 2)
+    with backend.open(world, atmosphere_of(weather, "urban"), PROFILES["preview"]) as renderer:
+        renderer.place(replace(frame, states=(state("pedestrian_0001", travelled_m=1.0),)))
+        renderer.place(frame)
+        shown = renderer.camera(CameraView(eye, 360, 240, np.radians(60))).instance
+    caster = Caster(world)
+    caster.place(frame)
+    met = caster.cast(pixel_rays(eye, 360, 240, np.radians(60)), 50.0).instance.reshape(240, 360)
+    for number in (7, 8):
+        both = ((shown == number) & (met == number)).sum()
+        either = ((shown == number) | (met == number)).sum()
+        assert either > 500
+        assert both / either > 0.93
+
+
+def pixel_rays(eye: NDArray[np.float64], width: int, height: int, fov_rad: float) -> Rays:
+    """Rays through the middles of a camera's pixels, row by row."""
+    focal = width / 2 / np.tan(fov_rad / 2)
+    column, row = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
+    ahead = np.stack(
+        [np.ones(column.shape), (width / 2 - column) / focal, (height / 2 - row) / focal], axis=-1
+    ).reshape(-1, 3)
+    ahead = ahead / np.linalg.norm(ahead, axis=1, keepdims=True) @ eye[:3, :3].T
+    origins = np.broadcast_to(eye[:3, 3], ahead.shape)
+    return Rays(origins.astype(np.float32), ahead.astype(np.float32))

@@ -403,3 +403,26 @@ def test_people_look_where_they_walk(road: str, simulated: Simulated):
 
     assert len(off) > 500
     assert np.mean(off < 5.0) > 0.995
+
+
+def test_turns_are_announced_in_good_time(simulated: Simulated):
+    trace = simulated("ui_dense")
+    turns = 0
+    for number, one in enumerate(trace.actors):
+        if one.actor_class in ("pedestrian", "bicycle", "motorcycle"):
+            continue
+        rows = trace.states[trace.states["actor"] == number]
+        yaw, way = np.unwrap(rows["yaw"]), rows["travelled"]
+        turned = np.interp(way + 22.0, way, yaw) - yaw
+        sharp = np.abs(turned) > np.radians(55)
+        if not sharp.any() or not (np.abs(yaw - yaw[sharp.argmax()]) > np.radians(8)).any():
+            continue
+        before = int(sharp.argmax())
+        begins = before + int((np.abs(yaw[before:] - yaw[before]) > np.radians(8)).argmax())
+        lamp = Lamp.LEFT if turned[before] > 0 else Lamp.RIGHT
+        ticks = np.arange(len(rows))
+        # 3 s and 30 m before at the latest, whichever is later.
+        late = (ticks >= begins - 30) & (way >= way[begins] - 30.0) & (ticks <= begins)
+        assert (rows["lamps"][late] & lamp).all()
+        turns += 1
+    assert turns >= 5

@@ -33,9 +33,10 @@ LOW_BEAM_CD: dict[ActorClass, float] = {
 """Peak of all dipped beams of a vehicle together (UN R112 class B, R113)."""
 BRAKE_CD, TAIL_CD, SIGNAL_CD = 300.0, 16.0, 400.0
 REAR_FOG_CD, FRONT_INDICATOR_CD, REAR_INDICATOR_CD = 200.0, 300.0, 200.0
-"""Of one lamp (UN R148 allows 150-300, 175-1000 and 50-500)."""
-INDICATOR_SPREAD = 0.4
-"""How far an indicator is from the middle, in widths of its vehicle."""
+"""Rear fog lamps together, indicators each (UN R148 allows 150-300, 175-1000 and 50-500)."""
+LAMP_SPREAD = 0.4
+"""How far rear lamps and indicators are from the middle, in widths of their vehicle."""
+TWO_WHEELED: tuple[ActorClass, ...] = ("bicycle", "motorcycle")
 LAMP_HEIGHT_M, CLEAR_OF_BODY_M = 0.65, 0.1
 HIDING_GAP_M, HIDDEN_BEHIND_M = 12.0, 6.0
 """Who is closer ahead than that hides a beam; how far behind its rear the light still reaches."""
@@ -117,7 +118,10 @@ def _vehicle(state: ActorState, open_m: float) -> Iterator[LitLamp]:
     if state.lamps & (Lamp.BRAKE | Lamp.LOW_BEAM | Lamp.FOG):
         rear_cd = BRAKE_CD if Lamp.BRAKE in state.lamps else TAIL_CD
         rear_cd += REAR_FOG_CD if Lamp.FOG in state.lamps else 0.0
-        yield LitLamp(Kind.LENS, tuple(rear), tuple(-ahead), rear_cd, RED)
+        sides = (0.0,) if state.actor.actor_class in TWO_WHEELED else (1.0, -1.0)
+        for left in sides:
+            aside = left * LAMP_SPREAD * state.actor.size[1] * pose[:3, 1]
+            yield LitLamp(Kind.LENS, tuple(rear + aside), tuple(-ahead), rear_cd / len(sides), RED)
     yield from _indicators(state, reach)
 
 
@@ -125,7 +129,7 @@ def _indicators(state: ActorState, reach_m: float) -> Iterator[LitLamp]:
     pose, ahead = state.world_from_body, state.world_from_body[:3, 0]
     for lamp, left in ((Lamp.LEFT, 1.0), (Lamp.RIGHT, -1.0)):
         if lamp in state.lamps:
-            y = left * INDICATOR_SPREAD * state.actor.size[1]
+            y = left * LAMP_SPREAD * state.actor.size[1]
             front, rear = (
                 tuple(transform(pose, [x, y, LAMP_HEIGHT_M])) for x in (reach_m, -reach_m)
             )

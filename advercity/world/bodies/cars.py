@@ -189,7 +189,7 @@ def _trim(shell: _Shell, width: float) -> list[Piece]:
         box((foot - 0.05, 0.8 * shell.half, belt), (foot, width / 2 - 0.04, belt + 0.04))
     )
     mirror = both_sides(
-        ellipsoid((foot, width / 2 - 0.09, belt + 0.07), (0.055, 0.09, 0.07), sides=8, bands=4)
+        ellipsoid((foot, width / 2 - 0.09, belt + 0.07), (0.055, 0.09, 0.07), sides=6, bands=3)
     )
     plates = [
         box((front - 0.02, -0.26, 0.40), (front + 0.012, 0.26, 0.51)),
