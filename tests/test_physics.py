@@ -2,18 +2,18 @@
 
 | case | what is tried | where |
 | --- | --- | --- |
-| 1, 2 | contrast and airlight of cards in fog, rendered | `backends/sapien/tests/test_physics.py` |
+| 1, 2 | contrast and airlight of cards in fog, rendered | `test_weather_cases.py` of the backend |
 | 3 | a twentieth is left at the optical range | `test_weather.py` |
 | 4 | components add | `test_weather.py` |
-| 5 | furnace: white things in white fog, rendered | `backends/sapien/tests/test_physics.py` |
+| 5 | furnace: white things in white fog, rendered | `test_weather_cases.py` of the backend |
 | 6 | illuminance by the fog dome | here |
 | 7 | equiangular quadrature against a brute-force march | here |
 | 8 | optical depth of fog that thins with height | here |
 | 9 | phase functions | here |
-| 10 | halo of a lamp in fog | here; rendered in `backends/sapien/tests/test_renderer.py` |
+| 10 | halo of a lamp in fog | here; rendered in `test_renderer.py` there |
 | 11 | extinction of rain | `test_weather.py` |
 | 12, 13, 14 | numbers, speed, streaks and slant of drops | `test_falling.py` |
-| 15, 16 | water films and Fresnel | here; rendered in `backends/sapien/tests/test_physics.py` |
+| 15, 16 | water films and Fresnel | here |
 | 17 | skies give their illuminance; overcast from zenith to horizon | here, `test_weather.py` |
 | 18 | a white card under a clear sky | `test_weather.py`; rendered as case 5 |
 | 19, 20, 21 | automatic exposure, saturation, photon transfer | `test_camera.py` |
@@ -21,7 +21,7 @@
 | 24 to 34 | LiDAR | `test_lidar.py` |
 | 35 to 38 | positioning and motion | `test_navigation.py` |
 | 39 | lying snow | `test_falling.py` |
-| 40 | order of the presets | `backends/sapien/tests/test_physics.py`, `test_lidar.py` |
+| 40 | order of the presets | `test_weather_cases.py` of the backend, `test_lidar.py` |
 """
 
 import math
