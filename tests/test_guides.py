@@ -19,7 +19,11 @@ def test_a_guide_does_what_it_says(guide: Path, tmp_path: Path) -> None:
     """Blocks are written to the file that their first line names; those in bash are run."""
     shutil.copytree(ROOT / "library", tmp_path / "library")
     scripts = Path(sys.executable).parent
-    environment = {**os.environ, "PATH": f"{scripts}{os.pathsep}{os.environ['PATH']}"}
+    environment = {
+        **os.environ,
+        "PATH": f"{scripts}{os.pathsep}{os.environ['PATH']}",
+        "ADVERCITY_ASSETS": str(tmp_path / "models"),
+    }
     ran = 0
     for language, text in BLOCK.findall(guide.read_text()):
         if language != "bash":

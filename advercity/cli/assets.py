@@ -15,7 +15,8 @@ assets = typer.Typer(
     rich_markup_mode=None,
 )
 LibraryOption = Annotated[
-    Path | None, typer.Option(help="Folder of declarations whose catalogues count.")
+    list[Path] | None,
+    typer.Option(help="Folders of declarations whose catalogues count; else what ships."),
 ]
 
 
@@ -72,7 +73,7 @@ def list_(library: LibraryOption = None) -> None:
     from advercity.runner.cache import shelf
 
     here = shelf()
-    rows = [facts_of(*item, here) for item in catalogue_blueprints(library).items()]
+    rows = [facts_of(*item, here) for item in catalogue_blueprints(*library or ()).items()]
     say(table([row.told() for row in rows]))
     mib = sum(row.size_mib for row in rows)
     say(f"{len(rows)} bodies, {sum(row.triangles for row in rows)} triangles, {mib:.1f} MiB")
@@ -95,6 +96,6 @@ def sheet(
 
     if bool(blueprints) == every:
         raise InputError("name blueprints to picture, or give --all")
-    wanted = chosen(catalogue_blueprints(library), blueprints or [])
+    wanted = chosen(catalogue_blueprints(*library or ()), blueprints or [])
     write_picture(body_sheet(wanted, load_backend(backend), shelf()), output)
     say(str(output))

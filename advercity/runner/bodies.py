@@ -62,9 +62,9 @@ class BodyFacts:
         return f"{model.author}, {model.licence}" if model and self.is_modelled else "MIT"
 
 
-def catalogue_blueprints(library: Path | None = None) -> dict[str, Blueprint]:
-    """Blueprints of every catalogue of a library, or of the one that ships."""
-    catalogues = load_library(library or shipped_library()).of(Catalogue)
+def catalogue_blueprints(*library: Path) -> dict[str, Blueprint]:
+    """Blueprints of every catalogue of a library's folders, or of the one that ships."""
+    catalogues = load_library(*(library or [shipped_library()])).of(Catalogue)
     return {
         name: blueprint
         for catalogue in catalogues.values()
