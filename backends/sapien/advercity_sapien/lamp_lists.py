@@ -32,7 +32,7 @@ REACH_M = 120.0
 FAINT_SHARE = 0.02
 """Of the light that is everywhere: what need not be shown."""
 FAINTEST_LX, FAINTEST_CD_M2 = 1e-3, 1e-4
-VEIL_SHARE = 0.03
+VEIL_SHARE = 0.05
 """Of the airlight: glow that need not be shown."""
 MOUNTED_M = 6.0
 """From a street lamp to what it lights, at least."""
@@ -40,7 +40,7 @@ WIDE_BEAM_RAD = np.radians(12.0)
 """Spread of a dipped beam to either side."""
 STRAY_BEAM = 0.1
 """Of a dipped beam's peak, what goes up and to the sides where others look into it."""
-BEAM_M, BEAMS, BEAM_SEEN_M = 40.0, 3, 60.0
+BEAM_M, BEAMS, BEAM_SEEN_M = 40.0, 2, 60.0
 """Length of a beam in fog; how many are seen from all sides, and from how far."""
 BEAM_GLOW = 4e-3
 """Luminance of a beam seen from behind, by its peak and the extinction (weather reference)."""

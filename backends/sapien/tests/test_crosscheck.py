@@ -1,0 +1,232 @@
+"""Light and fog against Mitsuba's path tracers, where Mitsuba is installed."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from advercity_sapien import SapienBackend
+from numpy.typing import ArrayLike, NDArray
+
+from advercity.poses import pose
+from advercity.rendering.backend import CameraView, Profile
+from advercity.semantics import Semantic
+from advercity.traffic.trace import Frame
+from advercity.weather.atmosphere import Atmosphere
+from advercity.world.materials import MATERIALS, Material
+from advercity.world.scene import Mesh, StreetLamp, World
+
+mitsuba: Any = pytest.importorskip("mitsuba")
+mitsuba.set_variant("scalar_rgb")
+
+pytestmark = pytest.mark.render
+
+CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+FACES = np.array(
+    [
+        *([0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]),
+        *([2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]),
+    ],
+    dtype=np.int32,
+)
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
+SIZE = 40, 30
+EYE, TARGET = (0.0, 0.0, 1.5), (10.0, 0.0, 1.5)
+SUN = np.array([-0.6, 0.0, 0.8])
+ALBEDO = {"asphalt": 0.0, "wood": 0.0, "concrete": 0.4, "plaster": 0.8}
+Solid = tuple[ArrayLike, ArrayLike, str]
+GROUND: Solid = (0.0, 0.0, -0.5), (400.0, 400.0, 1.0), "concrete"
+WALL: Solid = (13.0, 1.0, 2.0), (2.0, 6.0, 4.0), "plaster"
+BOX: Solid = (7.0, -2.0, 0.75), (1.5, 1.5, 1.5), "plaster"
+
+
+@pytest.fixture(autouse=True)
+def ideal_surfaces(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, albedo in ALBEDO.items():
+        texture = MATERIALS[name].texture if name == "asphalt" else MATERIALS["glass"].texture
+        ideal = Material((albedo, albedo, albedo), 0.5, roughness=1.0, texture=texture)
+        monkeypatch.setitem(MATERIALS, name, ideal)
+
+
+def air_of(**more: Any) -> Atmosphere:
+    """A vacuum at night."""
+    air = Atmosphere(
+        extinction_550nm=0.0,
+        extinction_905nm=0.0,
+        sun_direction=SUN,
+        sun_lx=0.0,
+        sun_colour=(1.0, 1.0, 1.0),
+        sky_lx=0.0,
+        sky=np.zeros((6, 8, 8, 3), dtype=np.float32),
+        airlight_low=(0.0, 0.0, 0.0),
+        airlight_high=(0.0, 0.0, 0.0),
+        street_lx=0.0,
+        wetness=0.0,
+        puddle_coverage=0.0,
+        night=True,
+    )
+    return replace(air, **more)
+
+
+def lit_by_sky(luminance: float, **more: Any) -> Atmosphere:
+    sky = np.full((6, 8, 8, 3), luminance, dtype=np.float32)
+    return air_of(night=False, sky=sky, sky_lx=math.pi * luminance, **more)
+
+
+def ours(air: Atmosphere, *solids: Solid, lamps: tuple[StreetLamp, ...] = ()) -> NDArray[Any]:
+    """Luminance (h, w) by the ray-traced pack."""
+    meshes = tuple(
+        Mesh(
+            f"{middle}",
+            (np.asarray(middle) + CORNERS * np.asarray(size) / 2.0).astype(np.float32),
+            FACES,
+            material,
+            Semantic.ROAD if material == "asphalt" else Semantic.BUILDING,
+        )
+        for middle, size, material in solids
+    )
+    world = World("test", meshes, {}, lanes=(), network=Path("none"), street_lamps=lamps)
+    profile = Profile("test", 1.0, "ray_traced", samples=96, path_depth=5)
+    with SapienBackend().open(world, air, profile) as renderer:
+        renderer.place(Frame(0, 0.0, (), {}))
+        view = CameraView(pose(EYE), *SIZE, math.radians(90.0))
+        return renderer.camera(view).radiance @ LUMINANCE
+
+
+def theirs(
+    scene: dict[str, Any], *solids: Solid, integrator: dict[str, Any], samples: int = 128
+) -> NDArray[Any]:
+    """Radiance (h, w) by Mitsuba; the material `asphalt` is what the scene says it is."""
+    place = mitsuba.ScalarTransform4f
+    bsdfs = {
+        name: {"type": "diffuse", "reflectance": {"type": "rgb", "value": [albedo] * 3}}
+        for name, albedo in ALBEDO.items()
+    } | scene.pop("bsdfs", {})
+    medium = scene.get("fog")
+    sensor: dict[str, Any] = {
+        "type": "perspective",
+        "fov": 90.0,
+        "to_world": place().look_at(origin=EYE, target=TARGET, up=[0, 0, 1]),
+        "film": {
+            "type": "hdrfilm",
+            "width": SIZE[0],
+            "height": SIZE[1],
+            "pixel_format": "luminance",
+            "rfilter": {"type": "box"},
+        },
+        "sampler": {"type": "independent", "sample_count": samples},
+    }
+    if medium is not None:
+        sensor["medium"] = {"type": "ref", "id": "fog"}
+    shapes = {
+        f"solid{number}": {
+            "type": "cube",
+            "to_world": place()
+            .translate(np.asarray(middle).tolist())
+            .scale((np.asarray(size) / 2.0).tolist()),
+            "bsdf": bsdfs[material],
+        }
+        | ({} if medium is None else {"exterior": {"type": "ref", "id": "fog"}})
+        for number, (middle, size, material) in enumerate(solids)
+    }
+    described = {"type": "scene", "integrator": integrator} | scene | shapes | {"sensor": sensor}
+    return np.asarray(mitsuba.render(mitsuba.load_dict(described)))[..., 0]
+
+
+def grey(value: float) -> dict[str, Any]:
+    return {"type": "rgb", "value": [value] * 3}
+
+
+def sun_and_sky(sun_lx: float, luminance: float) -> dict[str, Any]:
+    return {
+        "sky": {"type": "constant", "radiance": grey(luminance)},
+        "sun": {"type": "directional", "direction": list(-SUN), "irradiance": grey(sun_lx)},
+    }
+
+
+PATHS = {"type": "path", "max_depth": 8}
+VOLUME_PATHS = {"type": "volpath", "max_depth": 24, "rr_depth": 12}
+BEAM = math.radians(80.0)
+
+
+def fog_of(extinction: float) -> dict[str, Any]:
+    """Droplets of 12 µm (Jendersie and d'Eon 2023): a narrow lobe by formula, a wide by table."""
+    cosine, g, a = np.linspace(-1.0, 1.0, 401), 0.566864, 23.3775
+    wide = (1.0 - g * g) / (1.0 + g * g - 2.0 * g * cosine) ** 1.5 / (4.0 * math.pi)
+    wide *= (1.0 + a * cosine**2) / (1.0 + a * (1.0 + 2.0 * g * g) / 3.0)
+    phase = {
+        "type": "blendphase",
+        "weight": 0.487418,
+        "narrow": {"type": "hg", "g": 0.990455},
+        "wide": {"type": "tabphase", "values": ",".join(f"{value:.6g}" for value in wide)},
+    }
+    fog = {"type": "homogeneous", "albedo": 1.0, "sigma_t": extinction, "phase": phase}
+    return {"fog": fog}
+
+
+def test_a_diffuse_scene_without_weather_is_as_bright_as_mitsubas() -> None:
+    solids = GROUND, WALL, BOX
+    found = ours(lit_by_sky(2000.0, sun_lx=20_000.0), *solids)
+    expected = theirs(sun_and_sky(20_000.0, 2000.0), *solids, integrator=PATHS)
+    assert found.mean() == pytest.approx(expected.mean(), rel=0.02)
+    np.testing.assert_allclose(_blocks(found), _blocks(expected), rtol=0.05)
+
+
+def test_a_flooded_road_mirrors_as_mitsubas_coated_plastic() -> None:
+    road = (0.0, 0.0, -0.5), (400.0, 400.0, 1.0), "asphalt"
+    solids = road, WALL, BOX
+    # Walls stay dry, which all but no wetness sees to.
+    air = lit_by_sky(500.0, sun_lx=20_000.0, wetness=1e-3, puddle_coverage=1.0)
+    flooded = {
+        "type": "roughplastic",
+        "distribution": "ggx",
+        "alpha": 0.02,
+        "int_ior": 1.333,
+        "diffuse_reflectance": grey(0.0),
+    }
+    scene = sun_and_sky(20_000.0, 500.0) | {"bsdfs": {"asphalt": flooded}}
+    found = ours(air, *solids)
+    expected = theirs(scene, *solids, integrator=PATHS, samples=512)
+    below = slice(SIZE[1] // 2, None)
+    assert found[below].mean() == pytest.approx(expected[below].mean(), rel=0.05)
+
+
+LAMP_AT = (4.0, 3.0, 6.0)
+
+
+def test_a_lamp_in_fog_is_as_bright_as_mitsubas() -> None:
+    """What is scattered once is rendered; in denser fog, more of it is scattered again."""
+    extinction, flux_lm = math.log(20.0) / 1000.0, 8000.0
+    lamp = StreetLamp(LAMP_AT, flux_lm)
+    found = ours(air_of(extinction_550nm=extinction), GROUND, WALL, BOX, lamps=(lamp,))
+    place = mitsuba.ScalarTransform4f
+    up_to = 1024
+    along = np.tan(BEAM) * ((np.arange(up_to) + 0.5) / up_to * 2.0 - 1.0)
+    cosine = 1.0 / np.sqrt(1.0 + along[:, None] ** 2 + along[None] ** 2)
+    scene = fog_of(extinction) | {
+        "lamp": {
+            "type": "spot",
+            "to_world": place().look_at(
+                origin=LAMP_AT, target=[LAMP_AT[0], LAMP_AT[1], 0.0], up=[1, 0, 0]
+            ),
+            "intensity": grey(flux_lm / math.pi),
+            "cutoff_angle": math.degrees(BEAM),
+            "beam_width": math.degrees(BEAM) - 0.1,
+            "texture": {
+                "type": "bitmap",
+                "data": mitsuba.TensorXf(cosine[..., None].astype(np.float32)),
+                "raw": True,
+            },
+            "medium": {"type": "ref", "id": "fog"},
+        }
+    }
+    expected = theirs(scene, GROUND, WALL, BOX, integrator=VOLUME_PATHS, samples=256)
+    assert found.mean() == pytest.approx(expected.mean(), rel=0.05)
+
+
+def _blocks(picture: NDArray[Any]) -> NDArray[Any]:
+    """Means of squares of ten pixels."""
+    high, wide = picture.shape[0] // 10, picture.shape[1] // 10
+    return picture.reshape(high, 10, wide, 10).mean(axis=(1, 3))

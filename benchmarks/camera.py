@@ -1,0 +1,122 @@
+"""What weather costs a camera: `python benchmarks/camera.py [--rounds N] [WEATHER ...]`.
+
+A preview camera of 480x270 pixels in the ego of a dense urban intersection, against SAPIEN's own
+raster pack on the same scene: the same bodies, the same shadow map. Both are taken in turn, so that
+ratios hold on a busy machine too. What an effect costs is the difference between two weathers.
+"""
+
+import argparse
+import math
+import statistics
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import sapien
+from advercity_dsl import Spec
+from advercity_sapien.renderer import FAR_M, NEAR_M
+from advercity_sapien.stage import Stage
+from advercity_sapien.sun import SunShadow
+from numpy.typing import NDArray
+
+from advercity.compiler import compile_library, find_weather
+from advercity.rendering.backend import CameraView, Profile
+from advercity.rendering.registry import load_backend
+from advercity.runner.stage import set_stage, world_of
+from advercity.runner.viewpoints import Viewpoints
+from advercity.traffic.trace import Frame
+from advercity.weather.atmosphere import Atmosphere
+from advercity.weather.derivation import atmosphere_of
+from advercity.world.scene import World
+
+LIBRARY = Path(__file__).parents[1] / "library"
+STOCK = Path(sapien.__file__).parent / "vulkan_shader" / "default"
+SIZE, FRAME, WARM_UP = (480, 270), 40, 2
+WEATHERS = [
+    *("clear_day", "soft_rain_day", "heavy_rain_day", "fog_day", "foggy_heavy_rain_day"),
+    *("clear_night", "soft_rain_night", "heavy_rain_night", "fog_night"),
+    *("foggy_heavy_rain_night", "glare_day"),
+]
+
+
+class NoBindings:
+    """SAPIEN's pack knows neither air nor lamps."""
+
+    def bind(self, camera: sapien.render.RenderCameraComponent) -> None:
+        """Nothing to see."""
+
+    def mark(self, body: sapien.render.RenderBodyComponent, lit: int, *, hidden: bool) -> None:
+        """Nothing to mark."""
+
+    def write(self, table: NDArray[np.float32]) -> None:
+        """Nothing to read."""
+
+
+def stock_picture(
+    world: World, air: Atmosphere, frame: Frame, view: CameraView
+) -> Callable[[], None]:
+    """Takes a picture with SAPIEN's own pack."""
+    scene = sapien.Scene([sapien.render.RenderSystem(sapien.Device("cpu"))])
+    stage, sun = Stage(world, scene, NoBindings(), night=air.night), SunShadow(air, scene)
+    stage.place(frame)
+    sun.follow(view)
+    camera = sapien.render.RenderCameraComponent(*SIZE, str(STOCK))
+    focal = SIZE[0] / 2.0 / math.tan(view.horizontal_fov_rad / 2.0)
+    camera.set_perspective_parameters(NEAR_M, FAR_M, focal, focal, SIZE[0] / 2, SIZE[1] / 2, 0.0)
+    entity = sapien.Entity()
+    entity.add_component(camera)
+    scene.add_entity(entity)
+    entity.set_pose(sapien.Pose(view.world_from_camera))
+
+    def take() -> None:
+        scene.update_render()
+        camera.take_picture()
+        for name in ("Color", "Position", "Segmentation", "Normal"):
+            camera.get_picture(name)
+
+    return take
+
+
+def measure(spec: Spec, weather: str, rounds: int) -> tuple[float, float]:
+    """Median seconds of SAPIEN's picture and of ours."""
+    authored = find_weather(weather).declaration
+    stage = set_stage(spec)
+    viewpoints = Viewpoints(spec, stage.trace)
+    frame, world = viewpoints.frame(FRAME), world_of(spec, stage.network)
+    air, ego = atmosphere_of(authored, spec.road.land_use), spec.agents[0]
+    view = CameraView(
+        viewpoints.camera_poses(ego, FRAME)[0],
+        *SIZE,
+        math.radians(ego.sensors.camera.horizontal_fov_deg),
+        hide=frozenset({ego.number}),
+    )
+    stock = stock_picture(world, air, frame, view)
+    with load_backend("sapien").open(world, air, Profile("bench", 1.0, "raster")) as renderer:
+        renderer.place(frame)
+        times: list[list[float]] = [[], []]
+        for _ in range(rounds + WARM_UP):
+            for taken, picture in zip(times, (stock, lambda: renderer.camera(view)), strict=True):
+                start = time.perf_counter()
+                picture()
+                taken.append(time.perf_counter() - start)
+    return statistics.median(times[0][WARM_UP:]), statistics.median(times[1][WARM_UP:])
+
+
+def main() -> None:
+    """Print a row for every weather."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("weathers", nargs="*", default=WEATHERS)
+    parser.add_argument("--rounds", type=int, default=9)
+    options = parser.parse_args()
+    specs = {spec.id: spec for spec in compile_library(LIBRARY)}
+    print("| weather | SAPIEN's, ms | ours, ms | ratio |\n|---|---|---|---|")
+    for weather in options.weathers:
+        stock, own = measure(specs["ui_clear_day_dense"], weather, options.rounds)
+        print(
+            f"| {weather} | {stock * 1e3:.0f} | {own * 1e3:.0f} | {own / stock:.2f} |", flush=True
+        )
+
+
+if __name__ == "__main__":
+    main()
