@@ -10,11 +10,11 @@ import pytest
 import yaml
 from advercity_dsl import Road, RoadsideUnit, Vehicle
 
-from advercity.world import curves
+from advercity import curves
+from advercity.streets import StreetLayout
 from advercity.world.junctions import JunctionLayout
 from advercity.world.junctions import Path as Way
 from advercity.world.layout import Layout, layout
-from advercity.world.streets import StreetLayout
 
 NAMES = ("ui", "unj", "ri", "rsnj", "rcnj")
 FAR_OFF = {("ui", "cav2"): 0.75, ("ri", "cav2"): 0.75}

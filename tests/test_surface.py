@@ -13,8 +13,9 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
+from advercity import curves
 from advercity.semantics import Semantic
-from advercity.world import curves, terrain
+from advercity.world import terrain
 from advercity.world.authored import AuthoredRoad
 from advercity.world.layout import Layout, layout
 from advercity.world.materials import MATERIALS

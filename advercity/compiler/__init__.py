@@ -21,12 +21,13 @@ from advercity.errors import InputError
 
 
 def compile_library(*folders: Path, suite: str | None = None) -> list[Spec]:
-    """Every spec of a library's suite; of its only one, or of the one called `suite`."""
+    """Every spec of a library's suite; of its default or only one, or of the one called `suite`."""
     library = load_library(*folders)
     named = ", ".join(str(folder) for folder in folders)
     suites = library.of(Suite)
-    if suite is None and len(suites) == 1:
-        (chosen,) = suites.values()
+    usual = [item for item in suites.values() if item.default] or list(suites.values())
+    if suite is None and len(usual) == 1:
+        (chosen,) = usual
     elif suite in suites:
         chosen = suites[suite]
     elif suite is None:

@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any, TypeVar
 
@@ -27,6 +27,7 @@ from advercity_dsl.distribution import Distribution
 from advercity_dsl.spec import ClassDemand, CrashGroup, Provenance, SpecSeeds, Swept
 
 from advercity import __version__
+from advercity.compiler.conflicts import Cell, cells, staged
 from advercity.compiler.distributions import Distributions, draw
 from advercity.compiler.library import Entry, Library, digest_of
 from advercity.compiler.problems import Problem, ProblemsError, nearest
@@ -69,7 +70,11 @@ def cross(library: Library, suite: Suite) -> list[Spec]:
     scenes = (
         _scene(library, suite, parts, step)
         for parts in product(
-            roads.values(), weathers.values(), densities.values(), [rig], [catalogue]
+            cells(library, suite, roads, groups),
+            weathers.values(),
+            densities.values(),
+            [rig],
+            [catalogue],
         )
         for step in taken
     )
@@ -98,6 +103,7 @@ class _Scene:
     catalogue: Catalogue
     draws: Distributions
     step: Step | None
+    cell: Cell
 
     @property
     def by_kind(self) -> dict[str, Model]:
@@ -110,12 +116,13 @@ class _Scene:
         }
 
 
-Parts = tuple[Road, Weather, Density, Rig, Catalogue]
+Parts = tuple[Cell, Weather, Density, Rig, Catalogue]
 
 
 def _scene(library: Library, suite: Suite, parts: Parts, step: Step | None) -> _Scene:
-    road, weather, density, rig, catalogue = parts
-    name = _name(library, suite, road, weather, density, step)
+    cell, weather, density, rig, catalogue = parts
+    road, crossed = cell.road, cell.crossed.id if cell.crossed else None
+    name = _name(library, suite, road, weather, density, step, crossed)
     try:
         drawn, draws = weather_of(library.entry(weather), suite.seeds.weather, name, step)
         road = _stepped(library, road, step)
@@ -125,7 +132,7 @@ def _scene(library: Library, suite: Suite, parts: Parts, step: Step | None) -> _
         if step is None:
             raise
         raise ProblemsError.of(_bad_step(library, suite, step, error.problems[0])) from None
-    return _Scene(name, road, weather_at(drawn, road), density, rig, catalogue, draws, step)
+    return _Scene(name, road, weather_at(drawn, road), density, rig, catalogue, draws, step, cell)
 
 
 def weather_of(
@@ -147,7 +154,8 @@ def _stepped(library: Library, item: DeclarationT, step: Step | None) -> Declara
     source = library.entry(item).source.with_value(step.where, step.value)
     stepped = validate(type(item), source)
     if isinstance(item, Road):
-        return stepped.model_copy(update={"imported": item.imported})
+        kept = {"imported": item.imported, "agents": item.agents, "ego_routes": item.ego_routes}
+        return stepped.model_copy(update=kept)
     return stepped
 
 
@@ -164,8 +172,9 @@ def _name(
     weather: Weather,
     density: Density,
     step: Step | None,
+    crossed: str | None,
 ) -> str:
-    name = spec_id(road, weather, density, step)
+    name = spec_id(road, weather, density, step, crossed)
     if len(name) > MAX_ID:
         message = f"makes the id '{name}', which is longer than {MAX_ID} characters"
         hint = "shorten the ids that it is made of"
@@ -173,9 +182,12 @@ def _name(
     return name
 
 
-def spec_id(road: Road, weather: Weather, density: Density, step: Step | None) -> str:
-    """`<road>_<weather>_<density>`, then the step of a sweep."""
-    parts = (road.id, weather.id, density.id, *([step.suffix] if step else []))
+def spec_id(
+    road: Road, weather: Weather, density: Density, step: Step | None, crossed: str | None
+) -> str:
+    """`<road>_<weather>_<density>`, a crossed conflict after the road, a sweep's step last."""
+    middle = [crossed] if crossed else []
+    parts = (road.id, *middle, weather.id, density.id, *([step.suffix] if step else []))
     return "_".join(parts)
 
 
@@ -292,7 +304,9 @@ def _check_catalogue(library: Library, catalogue: Catalogue) -> None:
 def _spec(library: Library, suite: Suite, scene: _Scene, groups: tuple[CrashGroup, ...]) -> Spec:
     road, density = scene.road, scene.density
     parts = (suite, road, scene.weather, density, scene.rig, scene.catalogue)
+    parts += scene.cell.conflicts
     digests = {f"{kind_of(item)}/{item.id}": library.entry(item).digest for item in parts}
+    blueprints = _blueprints(road, scene.catalogue)
     spec = Spec(
         id=scene.id,
         groups=groups,
@@ -301,7 +315,8 @@ def _spec(library: Library, suite: Suite, scene: _Scene, groups: tuple[CrashGrou
         density=density,
         agents=_agents(road, scene.rig, scene.catalogue),
         demand=_demand(road, density),
-        blueprints=_blueprints(road, scene.catalogue),
+        conflicts=staged(library, suite, replace(scene.cell, road=road), density, blueprints),
+        blueprints=blueprints,
         timing=suite.timing,
         seeds=SpecSeeds(
             traffic=_seed(suite.seeds.traffic, "traffic", road.id, density.id),
@@ -313,6 +328,7 @@ def _spec(library: Library, suite: Suite, scene: _Scene, groups: tuple[CrashGrou
             suite=suite.id,
             declarations=dict(sorted(digests.items())),
             draws=_recorded(scene.draws),
+            conflict=scene.cell.crossed.id if scene.cell.crossed else None,
             sweep=Swept(field=scene.step.field, value=scene.step.value) if scene.step else None,
             digest="0" * 64,
         ),
@@ -342,7 +358,8 @@ def under(spec: Spec, entry: Entry[Weather]) -> Spec:
     sources[f"weather/{entry.declaration.id}"] = entry.digest
     swept = spec.provenance.sweep
     step = Step(swept.field, swept.value) if swept else None
-    name = spec_id(spec.road, entry.declaration, spec.density, step)
+    crossed = spec.provenance.conflict
+    name = spec_id(spec.road, entry.declaration, spec.density, step, crossed)
     weather, draws = weather_of(entry, spec.seeds.weather, name, step)
     provenance = spec.provenance.model_copy(
         update={"declarations": dict(sorted(sources.items())), "draws": _recorded(draws)}

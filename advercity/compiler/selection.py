@@ -9,14 +9,17 @@ from advercity_dsl.suite import Coverage, Selection
 def has_partner(typology: Typology, rule: Selection) -> bool:
     """Whether there is somebody or something that the driver can misperceive."""
     figures = typology.statistics
-    return figures.external_entity or figures.vehicles_per_crash >= rule.vehicles_per_crash
+    return figures is not None and (
+        figures.external_entity or figures.vehicles_per_crash >= rule.vehicles_per_crash
+    )
 
 
 def is_selected(typology: Typology, rule: Selection) -> bool:
     """Whether the crashes are deadly perception errors in which visibility plays a part."""
     figures = typology.statistics
     return (
-        has_partner(typology, rule)
+        figures is not None
+        and has_partner(typology, rule)
         and figures.fatality_rate_percent >= rule.fatality_rate_percent
         and figures.bad_visibility_percent >= rule.bad_visibility_percent
     )

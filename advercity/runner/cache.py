@@ -63,7 +63,7 @@ def model_digests(spec: Spec) -> dict[str, str]:
 def traffic_key(spec: Spec) -> str:
     """Of everything that the trace depends on: all of the spec but weather, sensors and looks."""
     data = spec.model_dump(
-        mode="json", include={"road", "demand", "blueprints", "timing", "agents"}
+        mode="json", include={"road", "demand", "conflicts", "blueprints", "timing", "agents"}
     )
     for agent in data["agents"]:
         del agent["sensors"]

@@ -37,8 +37,7 @@ class Pace:
     @staticmethod
     def of(ride: Ride, graph: LaneGraph) -> "Pace":
         """The pace of a ride's route."""
-        first = graph.lanes[f"{ride.edges[0]}_{ride.lane}"]
-        lanes = list(_lanes(ride.edges, first, graph))
+        lanes = lanes_of(ride, graph)
         begins = np.cumsum([0.0, *(lane.length_m for lane in lanes)])
         stations = np.concatenate(
             [lane.stations_m + begin for lane, begin in zip(lanes, begins, strict=False)]
@@ -60,6 +59,12 @@ class Pace:
         at = int(sample)
         before = self.speeds_m_s[at]
         return before + (sample - at) * (self.speeds_m_s[at + 1] - before)
+
+
+def lanes_of(ride: Ride, graph: LaneGraph) -> list[Lane]:
+    """The lanes of a ride's route, inside junctions too."""
+    first = graph.lanes[f"{ride.edges[0]}_{ride.lane}"]
+    return list(_lanes(ride.edges, first, graph))
 
 
 def _lanes(edges: Iterable[str], lane: Lane, graph: LaneGraph) -> Iterator[Lane]:

@@ -219,17 +219,24 @@ def _background(
     for index in range(count):
         number = FIRST_VEHICLE + index
         actor = _drawn(spec, number)
-        tried = poses
-        if again.get(number):
-            tried = list(poses)
-            generator(spec.seeds.traffic, "places", number, again[number]).shuffle(tried)
-        fitting = (pose for pose in tried if occupancy.fits(*pose, actor.size[0]))
-        pose = next(fitting, None) if index < starting else None
-        if pose is not None:
-            poses.remove(pose)
-            occupancy.take(*pose, actor.size[0])
+        pose: tuple[Lane, float] | None = None
+        for attempt in range(again.get(number, 0) + 1):
+            tried = poses if attempt == 0 else _reordered(spec, poses, number, attempt)
+            fitting = (place for place in tried if occupancy.fits(*place, actor.size[0]))
+            pose = next(fitting, None) if index < starting else None
+            if pose is not None:  # those passed over stay empty, so that nobody else moves
+                poses.remove(pose)
+                occupancy.take(*pose, actor.size[0])
         if pose is not None or graph.entries:
             yield _ride(spec, graph, actor, pose, again.get(number, 0))
+
+
+def _reordered(
+    spec: Spec, poses: list[tuple[Lane, float]], number: int, attempt: int
+) -> list[tuple[Lane, float]]:
+    tried = list(poses)
+    generator(spec.seeds.traffic, "places", number, attempt).shuffle(tried)
+    return tried
 
 
 def _ride(

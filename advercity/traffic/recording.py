@@ -41,10 +41,10 @@ class Recording:
         return replace(self, tracks={**self.tracks, **tracks})
 
 
-def trace_of(spec: Spec, demand: Demand, recording: Recording) -> Trace:
-    """The kept ticks of a recording, bodies in place of front bumpers."""
+def trace_of(spec: Spec, demand: Demand, recording: Recording, *, first: int) -> Trace:
+    """A recording from tick `first` on, bodies in place of front bumpers."""
     kerb = kerb_of(spec.road)
-    first, tick_s = spec.timing.warm_up_ticks + 1, spec.timing.tick_s
+    tick_s = spec.timing.tick_s
     speeds = {walk.actor.id: walk.speed_m_s for walk in demand.walkers}
     known = {actor.id: actor for actor in demand.actors}
     actors: list[Actor] = []

@@ -1,4 +1,9 @@
-"""Stage a spec's conflicts: rehearse the traffic, time the actors, clear their ways."""
+"""Stage a spec's conflicts: rehearse the traffic, time the actors, clear their ways.
+
+Traffic without chance can be rehearsed. Each run of SUMO tells when the ego comes by; actors are
+timed by that, and whoever of the background would be in their way starts somewhere else. What
+SUMO then does again is what was planned for.
+"""
 
 import tempfile
 from collections.abc import Mapping
@@ -8,29 +13,81 @@ import numpy as np
 from advercity_dsl import Spec
 from numpy.typing import NDArray
 
+from advercity.errors import RunError
+from advercity.traffic.clearing import in_the_way
 from advercity.traffic.demand import Demand, draw
 from advercity.traffic.drive import drive
 from advercity.traffic.lanes import LaneGraph, read_lanes
+from advercity.traffic.parts import Play, played
 from advercity.traffic.recording import Recording, trace_of
 from advercity.traffic.route_file import write_route_file
 from advercity.traffic.trace import Trace
 
+MOST_REHEARSALS = 40
+STEADY_S = 0.1
+"""A cue is right if the next rehearsal would move it by no more than this."""
+
 
 def stage(spec: Spec, network: Path) -> Trace:
-    """The trace."""
+    """The traffic of a spec with its conflicts.
+
+    Raises:
+        RunError: A conflict cannot be staged here.
+    """
     graph = read_lanes(network)
-    demand = draw(spec, graph)
-    return trace_of(spec, demand, recorded(spec, demand, graph, network, {}))
+    first = spec.timing.warm_up_ticks + 1
+    again: dict[int, int] = {}
+    plays: Mapping[int, Play] = {}
+    blamed: set[int] = set()
+    for _ in range(MOST_REHEARSALS):
+        demand = draw(spec, graph, again)
+        recording = recorded(spec, demand, graph, network, plays)
+        if not spec.conflicts:
+            return trace_of(spec, demand, recording, first=first)
+        before = plays
+        plays = played(spec, demand, graph, recording, before)
+        if blamed and any(play.waits for play in plays.values()):
+            _draw_again(blamed, again)  # whoever was drawn anew last holds the ego up
+            continue
+        if _is_told_anew(before, plays):
+            continue
+        tracks = {number: play.track for number, play in plays.items() if play.track is not None}
+        trace = trace_of(spec, demand, recording.with_tracks(tracks), first=first)
+        found = set(in_the_way(spec, trace))
+        if not found:
+            return trace
+        blamed = found & _background(demand) or blamed
+        if not blamed:
+            raise RunError(f"{sorted(found)} are in the way of staged conflicts; move the agents")
+        _draw_again(blamed, again)
+    raise RunError(f"{MOST_REHEARSALS} rehearsals did not clear the way for the staged conflicts")
+
+
+def _draw_again(blamed: set[int], again: dict[int, int]) -> None:
+    for number in blamed:
+        again[number] = again.get(number, 0) + 1
+
+
+def _background(demand: Demand) -> set[int]:
+    return {one.actor.id for one in (*demand.vehicles, *demand.walkers)}
+
+
+def _is_told_anew(before: Mapping[int, Play], after: Mapping[int, Play]) -> bool:
+    """Whether a vehicle in SUMO has to be told something else than it was."""
+    return any(
+        play.cue is not None
+        and (number not in before or abs(before[number].cued_s - play.cued_s) > STEADY_S)
+        for number, play in after.items()
+    )
 
 
 def recorded(
-    spec: Spec,
-    demand: Demand,
-    graph: LaneGraph,
-    network: Path,
-    cues: Mapping[int, NDArray[np.float64]],
+    spec: Spec, demand: Demand, graph: LaneGraph, network: Path, plays: Mapping[int, Play]
 ) -> Recording:
-    """One run of SUMO."""
+    """One run of SUMO; staged vehicles that have no cue yet wait."""
+    waits: NDArray[np.float64] = np.zeros(1)
+    cues = {ride.actor.id: waits for ride in demand.staged}
+    cues |= {number: play.cue for number, play in plays.items() if play.cue is not None}
     with tempfile.TemporaryDirectory() as folder:
         routes = Path(folder) / "demand.rou.xml"
         write_route_file(demand, routes)

@@ -7,12 +7,12 @@ import shapely
 from advercity_dsl.road import StripKind
 from shapely.geometry.base import BaseGeometry
 
+from advercity.curves import Points
+from advercity.streets import Band, StreetLayout
 from advercity.world import lanes
 from advercity.world.built_road import Head, PostedSign
-from advercity.world.curves import Points
 from advercity.world.layout import Layout
 from advercity.world.scene import Lane, Mesh
-from advercity.world.streets import Band, StreetLayout
 from advercity.world.surface import KERB_HEIGHT_M, road_meshes
 
 SNAP_M = 0.001

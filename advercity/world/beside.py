@@ -8,9 +8,9 @@ import shapely
 from advercity_dsl.road import Beside
 from numpy.typing import ArrayLike, NDArray
 
+from advercity.curves import left_of, unit
 from advercity.errors import InputError
-from advercity.world.curves import left_of, unit
-from advercity.world.streets import Band, StreetLayout
+from advercity.streets import Band, StreetLayout
 
 Floats = NDArray[np.float64]
 FOLD_M = 0.3

@@ -6,7 +6,7 @@ from typing import Literal, Protocol
 from advercity_dsl.base import Point2, Point3
 from shapely.geometry.base import BaseGeometry
 
-from advercity.world.curves import Points
+from advercity.curves import Points
 from advercity.world.scene import Lane, Mesh
 
 

@@ -2,7 +2,7 @@
 
 from advercity_dsl.road import StripKind
 
-from advercity.world.streets import Band, StreetLayout
+from advercity.streets import Band, StreetLayout
 
 
 def edge_id(street: str, *, along: bool) -> str:

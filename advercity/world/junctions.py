@@ -6,10 +6,10 @@ import numpy as np
 from advercity_dsl.road import Crossing, Junction, Movement, StripKind
 from numpy.typing import NDArray
 
+from advercity import curves
+from advercity.curves import Points
 from advercity.errors import InputError
-from advercity.world import curves
-from advercity.world.curves import Points
-from advercity.world.streets import Band, StreetLayout
+from advercity.streets import Band, StreetLayout
 
 CROSSING_SETBACK_M = 0.6
 """From the end of a street to the crossing that lies before it."""

@@ -6,12 +6,12 @@ from collections.abc import Iterator
 import numpy as np
 from advercity_dsl.road import StripKind
 
-from advercity.world import curves
+from advercity import curves
+from advercity.streets import StreetLayout
 from advercity.world.edges import edge_id
 from advercity.world.junctions import CrossingLayout
 from advercity.world.layout import Layout
 from advercity.world.scene import Lane
-from advercity.world.streets import StreetLayout
 
 KINDS = {
     StripKind.LANE: "driving",

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 from advercity_dsl.road import Road
 
+from advercity.streets import StreetLayout, lay_street
 from advercity.world.junctions import JunctionLayout, lay_junction
-from advercity.world.streets import StreetLayout, lay_street
 
 
 @dataclass(frozen=True)

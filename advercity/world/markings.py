@@ -12,13 +12,13 @@ from advercity_dsl.road import Paint
 from numpy.typing import NDArray
 from shapely.affinity import rotate, translate
 
+from advercity.curves import Points
 from advercity.semantics import Semantic
-from advercity.world.curves import Points
+from advercity.streets import Band, StreetLayout
 from advercity.world.junctions import Arm, JunctionLayout
 from advercity.world.layout import Layout
 from advercity.world.meshing import Piece, filled, mesh, ribbon
 from advercity.world.scene import Mesh
-from advercity.world.streets import Band, StreetLayout
 
 LIFT = np.array([0.0, 0.0, 0.007])
 LINE_WIDTH_M = 0.12

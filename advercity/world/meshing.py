@@ -8,8 +8,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from advercity.curves import Points
 from advercity.semantics import Semantic
-from advercity.world.curves import Points
 from advercity.world.scene import Mesh
 
 

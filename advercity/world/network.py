@@ -17,15 +17,16 @@ import sumolib
 from advercity_dsl import MapNetwork
 from advercity_dsl.road import Road, StripKind
 
+from advercity import curves
+from advercity.curves import Points
 from advercity.errors import InputError, RunError
 from advercity.netconvert import netconvert
 from advercity.networks import unpacked
-from advercity.world import curves, signals
-from advercity.world.curves import Points
+from advercity.streets import StreetLayout
+from advercity.world import signals
 from advercity.world.edges import approach, edge_bands, edge_id, lane_id, lane_index, street_of
 from advercity.world.junctions import JunctionLayout
 from advercity.world.layout import Layout, layout
-from advercity.world.streets import StreetLayout
 from advercity.xml_input import written
 
 __all__ = [

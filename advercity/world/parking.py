@@ -10,13 +10,13 @@ from advercity_dsl.road import StripKind, SurroundingKind
 
 from advercity import poses
 from advercity.randomness import generator
+from advercity.streets import Band
 from advercity.world.beside import Side, sides
 from advercity.world.bodies import paint_for
 from advercity.world.layout import layout
 from advercity.world.materials import PAINT
 from advercity.world.scene import Body, Mesh
 from advercity.world.shapes import Piece, Surface, meshes
-from advercity.world.streets import Band
 
 PLACE_M = 6.4
 """Length of a place to park along a street."""

@@ -11,14 +11,15 @@ import shapely
 from advercity_dsl.road import StripKind
 from numpy.typing import NDArray
 
+from advercity import curves
+from advercity.curves import Points
 from advercity.semantics import Semantic
-from advercity.world import curves, markings
-from advercity.world.curves import Points
+from advercity.streets import Band, StreetLayout
+from advercity.world import markings
 from advercity.world.junctions import JunctionLayout
 from advercity.world.layout import Layout
 from advercity.world.meshing import Piece, cells, filled, mesh, polygons_of, ribbon
 from advercity.world.scene import Mesh
-from advercity.world.streets import Band, StreetLayout
 
 KERB_HEIGHT_M = 0.15
 KERB_WIDTH_M = 0.15

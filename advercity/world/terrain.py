@@ -13,8 +13,8 @@ from advercity_dsl.road import SurroundingKind
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from advercity.curves import Points, resampled, stations
 from advercity.semantics import Semantic
-from advercity.world.curves import Points, resampled, stations
 from advercity.world.meshing import filled, mesh, polygons_of, ribbon
 from advercity.world.scene import Mesh
 

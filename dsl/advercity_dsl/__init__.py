@@ -5,7 +5,7 @@ This package holds models and nothing else; it imports neither simulator nor ren
 
 from advercity_dsl.base import Declaration, Id, Model
 from advercity_dsl.catalogue import Blueprint, BodyModel, Catalogue, LampPlaces
-from advercity_dsl.conflict import Outcome, StagedActor, StagedConflict
+from advercity_dsl.conflict import Conflict, Outcome, StagedActor, StagedConflict
 from advercity_dsl.looks import Looks
 from advercity_dsl.rig import Camera, Carrier, Exposure, Gnss, Imu, Lidar, Mount, Rig
 from advercity_dsl.road import MapFile, MapNetwork, Road, RoadsideUnit, Street, Vehicle
@@ -17,6 +17,7 @@ from advercity_dsl.weather import Weather
 
 DECLARATIONS: dict[str, type[Declaration]] = {
     "typology": Typology,
+    "conflict": Conflict,
     "road": Road,
     "weather": Weather,
     "density": Density,
@@ -45,6 +46,7 @@ __all__ = [
     "Camera",
     "Carrier",
     "Catalogue",
+    "Conflict",
     "Declaration",
     "Density",
     "Exposure",

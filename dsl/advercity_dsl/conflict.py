@@ -1,17 +1,41 @@
-"""Staged conflicts: how a crash type comes about at a place, and what of it a spec holds."""
+"""Conflicts: how a crash type is staged at a place, and what of it a spec holds."""
 
 from typing import Annotated, Literal
 
-from pydantic import Field, StringConstraints
+from pydantic import Field
 
-from advercity_dsl.base import Id, Metres, Model, Point2, PositiveMetres, Seconds
+from advercity_dsl.base import (
+    Declaration,
+    Id,
+    Metres,
+    Model,
+    Number,
+    Point2,
+    PositiveMetres,
+    Seconds,
+)
+from advercity_dsl.distribution import Distribution
 from advercity_dsl.traffic import ActorClass
+from advercity_dsl.typology import CrashTypeId, Evidence
 
-CrashTypeId = Annotated[str, StringConstraints(pattern=r"^nhtsa(2007|2019):\d{1,2}$")]
-"""`nhtsa2019:30`; the editions give the same numbers to different things."""
 Manoeuvre = Literal["straight", "left", "right"]
 Part = Literal["subject", "other"]
 """The subject's action is the critical one."""
+Behaviour = Literal["stops_short", "steers_clear", "drifts", "overtakes", "stands", "drives"]
+"""What an actor does: it stops where the ego comes by, leaves the ego's way to the side, drifts
+over the centre line and back, overtakes on the ego's side, stands, or drives on."""
+Comes = Literal[
+    "nearside",
+    "farside",
+    "oncoming",
+    "oncoming_turning",
+    "from_left",
+    "from_right",
+    "alongside",
+    "ahead",
+    "opposite_lane",
+]
+"""From where an actor comes, as the ego sees it."""
 
 
 class Outcome(Model):
@@ -23,6 +47,7 @@ class Outcome(Model):
     """
 
     kind: Literal["near_miss"] = "near_miss"
+    """How it ends."""
     arrival_tolerance_s: Annotated[Seconds, Field(gt=0, le=2)]
     """Of the time between both at the conflict point, if the actor kept its approach's speed."""
     time_to_collision_below_s: Annotated[Seconds, Field(gt=0, le=6)]
@@ -31,6 +56,97 @@ class Outcome(Model):
     """Time to collision if both kept their speed on the ways that they take, or their velocity."""
     post_encroachment_s: tuple[Seconds, Seconds] | None = None
     """Range of the time between the ego leaving a place and the actor coming there."""
+
+
+class Parameter(Model):
+    """A number, or the distribution that each road and density draws it from."""
+
+    draw: Number | Distribution
+    """`30`, or `{uniform: [20, 40]}`."""
+    source: str = ""
+    """Where it comes from; what has no source is an assumption."""
+    evidence: Evidence = "D"
+    """How sure it is: A read directly to D inferred, U unverified."""
+
+
+class Parameters(Model):
+    """What a conflict draws; the unit is in the name."""
+
+    ego_speed_km_h: Parameter
+    """Range that the staging is meant for."""
+    actor_speed_km_h: Parameter
+    """Of its approach."""
+    acceleration_m_s2: Parameter
+    """With which the actor sets out."""
+    braking_m_s2: Parameter
+    """With which it stops short of the ego."""
+    arrival_offset_s: Parameter
+    """Of the actor after the ego at the conflict point, if it did not brake."""
+    post_encroachment_s: Parameter | None = None
+    """From the ego's leaving the actor's way to the actor's going on."""
+    start_lateral_m: Parameter | None = None
+    """Least distance between where the actor starts and the ego's way."""
+    obstruction_gap_m: Parameter | None = None
+    """Between the actor's path and what hides it."""
+    encroachment_m: Parameter | None = None
+    """How far the actor's body reaches over the centre line."""
+    drift_time_s: Parameter | None = None
+    """In which it leaves its lane."""
+    return_time_s: Parameter | None = None
+    """In which it comes back, or leaves the way of the ego."""
+
+
+class EgoPart(Model):
+    """What the ego does in it."""
+
+    part: Part
+    """Whether its own action is the critical one."""
+    manoeuvre: Manoeuvre
+    """At the junction; straight on away from one."""
+
+
+class ActorPart(Model):
+    """Whom the ego meets."""
+
+    classes: Annotated[tuple[ActorClass, ...], Field(min_length=1)]
+    """One of them is drawn."""
+    comes: Comes
+    """From where, as the ego sees it."""
+    behaviour: Behaviour = "stops_short"
+    """What it does in the end."""
+    violates: Literal["signal"] | None = None
+    """What it does not obey."""
+
+
+class Requirements(Model):
+    """What the place has to be like."""
+
+    junction: Literal["intersection", "non_junction", "any"] = "any"
+    """At a junction, or away from any."""
+    signals: Literal["required", "forbidden", "any"] = "any"
+    """Traffic lights on the ego's way."""
+    median: Literal["forbidden", "any"] = "any"
+    """Whether one may divide the road."""
+    kerb_space: Literal["required", "any"] = "any"
+    """Room for a parked vehicle beside the lane."""
+
+
+class Conflict(Declaration):
+    """How to stage a crash type."""
+
+    kind: Literal["conflict"] = "conflict"
+    stages: Annotated[tuple[CrashTypeId, ...], Field(min_length=1)]
+    """Crash types of a typology; those of one group."""
+    ego: EgoPart
+    """What the ego does."""
+    actor: ActorPart
+    """Whom it meets."""
+    requires: Requirements = Requirements()
+    """What the road has to be like."""
+    parameters: Parameters
+    """Numbers, with their sources."""
+    outcome: Outcome
+    """What has to come of it."""
 
 
 class StagedActor(Model):
@@ -45,6 +161,7 @@ class StagedActor(Model):
     """Id of the actor in the trace and in annotations."""
     part: Literal["subject", "other", "bystander"]
     """A bystander hides the actor, or is overtaken by it."""
+    behaviour: Behaviour
     actor_class: ActorClass
     blueprint: Id
     route: tuple[Id, ...] = ()
@@ -54,7 +171,7 @@ class StagedActor(Model):
     path_m: tuple[Point2, ...] = ()
     """Points it walks or rides along, or the two that a parked vehicle lies between."""
     start_m: Metres = 0.0
-    """Distance of its middle from the end of the first street, or along its path."""
+    """Distance of its middle from the end of the first street."""
     speed_m_s: Annotated[float, Field(ge=0)]
     """Of its approach."""
     acceleration_m_s2: Annotated[float, Field(gt=0)]
@@ -82,7 +199,7 @@ class StagedConflict(Model):
     station_m: PositiveMetres
     """Of that point along the ego's way from its spawn."""
     window_s: tuple[Seconds, Seconds]
-    """When the ego is expected at the point, since the scenario's start."""
+    """When an ego that nobody holds up is expected at the point, since the scenario's start."""
     parameters: dict[Id, float]
     """What was drawn, by name with its unit; `arrival_offset_s` is among them."""
     mode: Literal["open_loop", "reactive"]

@@ -30,6 +30,19 @@ from advercity_dsl.base import (
 from advercity_dsl.names import nearest
 
 
+class EgoRoute(Model):
+    """Another way of the ego through the same place, for conflicts with another manoeuvre."""
+
+    spawn_m: Point2
+    """Where it starts."""
+    heading_deg: Degrees
+    """Counter-clockwise from east."""
+    destination_m: Point2
+    """Near which the scenario ends."""
+    route: Annotated[tuple[Id, ...], Field(min_length=1)]
+    """Streets from spawn to the edge of the site."""
+
+
 def _is_none(value: object) -> bool:
     return value is None
 
@@ -523,6 +536,10 @@ class Road(Declaration):
     """What stands beside the streets."""
     agents: dict[Id, Annotated[Vehicle | RoadsideUnit, Field(discriminator="kind")]]
     """Connected vehicles and roadside units by name; one vehicle is the ego."""
+    ego_routes: dict[Literal["straight", "left", "right"], EgoRoute] = Field(
+        default_factory=dict, exclude_if=_is_empty
+    )
+    """By the ego's manoeuvre at the junction."""
     traffic: Demand
     """Who else is there."""
 

@@ -20,6 +20,10 @@ from advercity_dsl.weather import Weather
 SPEC_VERSION = 1
 
 
+def _is_empty(value: object) -> bool:
+    return not value
+
+
 class Agent(Model):
     """A viewpoint: a connected vehicle or a roadside unit, with its sensors."""
 
@@ -76,12 +80,10 @@ class Provenance(Model):
     draws: dict[str, Distribution] = Field(default_factory=dict)
     """What numbers of the spec were drawn from, by their path."""
     sweep: Swept | None = None
+    conflict: Id | None = Field(default=None, exclude_if=_is_empty)
+    """The conflict that the suite crossed its roads with."""
     digest: Digest
     """SHA-256 of the spec itself, with this field left out."""
-
-
-def _is_empty(value: object) -> bool:
-    return not value
 
 
 class Spec(Model):

@@ -153,6 +153,12 @@ class Suite(Declaration):
     """Only scenarios whose fields have the value, one of the values, or lie in the range given."""
     sweep: Sweep | None = None
     """One field through many values."""
+    stage: dict[Id, tuple[Id, ...]] = Field(default_factory=dict)
+    """Conflicts that each road's scenarios stage, one after the other, by the road's id."""
+    cross_conflicts: Choice = ()
+    """Conflicts to make scenarios of their own of, on every road that calls for them."""
+    default: Flag = False
+    """Whether this is the suite that is compiled where none is named."""
     rig: Id
     """Sensors of every scenario."""
     catalogue: Id

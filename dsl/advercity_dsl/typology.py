@@ -10,15 +10,34 @@ Evidence = Literal["A", "B", "C", "D", "U"]
 """A read directly, B two sources agree, C one secondary source, D inferred, U unverified."""
 
 
+CrashTypeId = Annotated[str, StringConstraints(pattern=r"^nhtsa(2007|2019):\d{1,2}$")]
+"""`nhtsa2019:30`; the editions give the same numbers to different things."""
+
+
 class CrashType(Model):
     """One crash type; its id names the edition, since editions reuse numbers."""
 
-    id: Annotated[str, StringConstraints(pattern=r"^nhtsa(2007|2019):\d{1,2}$")]
+    id: CrashTypeId
     """Edition and number, `nhtsa2019:19`; in quotes, since it holds a colon."""
     name: str
     """As the edition calls it."""
     definition: str = ""
     """What happens, in a sentence."""
+    derived_from: tuple[CrashTypeId, ...] = ()
+    """Crash types of the earlier edition that it stands for, in whole or in part."""
+
+
+class EarlierCrashType(Model):
+    """A crash type of the 2007 edition."""
+
+    id: CrashTypeId
+    """Edition and number, `nhtsa2007:21`."""
+    name: str
+    """As the edition calls it."""
+    thousand_crashes_2004: Annotated[Number, Field(ge=0)]
+    """Crashes in the United States in 2004, in thousands."""
+    evidence: Evidence = "C"
+    """How sure the figure is."""
 
 
 class Statistics(Model):
@@ -72,7 +91,9 @@ class Typology(Declaration):
     kind: Literal["typology"] = "typology"
     crash_types: Annotated[tuple[CrashType, ...], Field(min_length=1)]
     """What the group consists of."""
-    statistics: Statistics
+    earlier: tuple[EarlierCrashType, ...] = ()
+    """What the 2007 edition had in their place."""
+    statistics: Statistics | None = None
     """What suites select by."""
     roads: RoadFacts | None = None
     """What decides which roads the group calls for; left out, none."""

@@ -4,9 +4,9 @@ import shapely
 from advercity_dsl import MapNetwork
 from shapely.geometry.base import BaseGeometry
 
+from advercity.curves import Points
 from advercity.networks import unpacked
 from advercity.world.built_road import Head, PostedSign
-from advercity.world.curves import Points
 from advercity.world.imported import paint, signs
 from advercity.world.imported.net import Net, NetEdge, read_net
 from advercity.world.imported.surface import Surface

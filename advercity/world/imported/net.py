@@ -9,8 +9,8 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from advercity.curves import Points, left_of
 from advercity.errors import InputError
-from advercity.world.curves import Points, left_of
 from advercity.world.meshing import polygons_of
 
 LANE_WIDTH_M = 3.2

@@ -4,9 +4,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from advercity import curves
+from advercity.curves import Points
 from advercity.semantics import Semantic
-from advercity.world import curves, markings
-from advercity.world.curves import Points
+from advercity.world import markings
 from advercity.world.imported.net import Net, NetEdge, NetLane, beside
 from advercity.world.imported.surface import Surface
 from advercity.world.markings import WHITE, YELLOW

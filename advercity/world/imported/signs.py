@@ -10,9 +10,9 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from advercity.world import curves
+from advercity import curves
+from advercity.curves import Points
 from advercity.world.built_road import Head, PostedSign
-from advercity.world.curves import Points
 from advercity.world.edges import approach
 from advercity.world.imported.net import Net, NetEdge
 from advercity.world.imported.surface import Surface

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 from shapely.ops import substring
 
-from advercity.world.curves import Points
+from advercity.curves import Points
 from advercity.world.imported.net import Net, NetEdge, NetLane, enclosed
 from advercity.world.meshing import Piece, cells, filled, mesh, polygons_of, ribbon
 from advercity.world.scene import Mesh

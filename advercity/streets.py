@@ -12,8 +12,8 @@ import numpy as np
 from advercity_dsl.road import CrossSection, Paint, Road, Street, StripKind
 from numpy.typing import ArrayLike, NDArray
 
-from advercity.world import curves
-from advercity.world.curves import Points
+from advercity import curves
+from advercity.curves import Points
 
 LEVEL_STEP_M = 8.0
 """Distance between samples on level lines."""

@@ -1,0 +1,193 @@
+"""The conflicts that a suite's scenarios stage: chosen, bound to roads, drawn, solved, checked."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from advercity_dsl import Blueprint, Conflict, Density, Road, StagedConflict, Suite, Typology
+from advercity_dsl.spec import CrashGroup
+
+from advercity.compiler.binding import Binding, bound, with_manoeuvre
+from advercity.compiler.conflict_checks import misfit
+from advercity.compiler.library import Library
+from advercity.compiler.problems import Problem, ProblemsError, nearest
+from advercity.compiler.staging import UnsolvableError, solved
+
+Groups = Mapping[str, tuple[CrashGroup, ...]]
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A road and the conflicts that one of its scenarios stages."""
+
+    road: Road
+    conflicts: tuple[Conflict, ...]
+    crossed: Conflict | None = None
+    """The conflict that the suite crosses roads with, whose id is part of the scenario's."""
+
+
+def cells(library: Library, suite: Suite, roads: Mapping[str, Road], groups: Groups) -> list[Cell]:
+    """Every road with its conflicts, as a suite asks for.
+
+    Raises:
+        ProblemsError: A conflict is not there, does not fit its road, or a group that calls for a
+            road is not staged on it.
+    """
+    if suite.cross_conflicts:
+        return list(_crossed(library, suite, roads, groups))
+    return list(_listed(library, suite, roads, groups))
+
+
+def bindings(
+    library: Library, roads: Mapping[str, Road], groups: Groups
+) -> dict[tuple[str, str], Binding]:
+    """How every conflict of a library stands to every road, by (conflict, road)."""
+    return {
+        (conflict.id, road.id): _binding(library, conflict, road, groups)
+        for conflict in library.of(Conflict).values()
+        for road in roads.values()
+    }
+
+
+def staged(
+    library: Library,
+    suite: Suite,
+    cell: Cell,
+    density: Density,
+    blueprints: Mapping[str, Blueprint],
+) -> tuple[StagedConflict, ...]:
+    """The conflicts of a scenario, solved; the same under every weather.
+
+    Raises:
+        ProblemsError: One cannot be solved on its road.
+    """
+    solutions: list[StagedConflict] = []
+    for index, conflict in enumerate(cell.conflicts, start=1):
+        key = f"{cell.road.id}/{conflict.id}/{density.id}"
+        try:
+            solution = solved(
+                conflict,
+                typology_of(library, conflict),
+                cell.road,
+                blueprints,
+                seed=suite.seeds.traffic,
+                key=key,
+                index=index,
+            )
+        except UnsolvableError as error:
+            message = f"cannot be staged on '{cell.road.id}': {error}"
+            raise ProblemsError.of(library.problem(conflict, "id", message=message)) from None
+        problem = misfit(library, conflict, cell.road, density, solution)
+        if problem is not None:
+            raise ProblemsError.of(problem)
+        solutions.append(solution)
+    return tuple(solutions)
+
+
+def typology_of(library: Library, conflict: Conflict) -> str:
+    """The typology that a conflict's crash types belong to.
+
+    Raises:
+        ProblemsError: A crash type is unknown, or they belong to several.
+    """
+    owners = {
+        item.id: typology.id
+        for typology in library.of(Typology).values()
+        for item in (*typology.crash_types, *typology.earlier)
+    }
+    for index, name in enumerate(conflict.stages):
+        if name not in owners:
+            message = f"'{name}' is no crash type of this library"
+            hint = nearest(name, owners)
+            problem = library.problem(conflict, "stages", index, message=message, hint=hint)
+            raise ProblemsError.of(problem)
+    groups = sorted({owners[name] for name in conflict.stages})
+    if len(groups) > 1:
+        message = f"belong to {' and '.join(groups)}; a conflict stages one group"
+        raise ProblemsError.of(library.problem(conflict, "stages", message=message))
+    return groups[0]
+
+
+def _binding(library: Library, conflict: Conflict, road: Road, groups: Groups) -> Binding:
+    typology = typology_of(library, conflict)
+    called_for = any(group.typology == typology for group in groups.get(road.id, ()))
+    return bound(conflict, road, called_for=called_for)
+
+
+def _listed(
+    library: Library, suite: Suite, roads: Mapping[str, Road], groups: Groups
+) -> Iterator[Cell]:
+    problems = list(_unknown(library, suite, roads))
+    if problems:
+        raise ProblemsError(problems)
+    there = library.of(Conflict)
+    for road in roads.values():
+        names = suite.stage.get(road.id, ())
+        conflicts = tuple(there[name] for name in names)
+        for index, conflict in enumerate(conflicts):
+            binding = _binding(library, conflict, road, groups)
+            if binding.standing in ("invalid", "variant"):
+                message = f"'{conflict.id}' cannot be staged on '{road.id}': {binding.reason}"
+                problems.append(library.problem(suite, "stage", road.id, index, message=message))
+        problems += _unstaged(library, suite, road, conflicts, groups)
+        manoeuvres = {item.ego.manoeuvre for item in conflicts}
+        if len(manoeuvres) > 1:
+            message = f"the ego cannot go {' and '.join(sorted(manoeuvres))} in one scenario"
+            problems.append(library.problem(suite, "stage", road.id, message=message))
+        elif not problems:
+            moved = with_manoeuvre(road, conflicts[0]) if conflicts else None
+            yield Cell(moved or road.model_copy(update={"ego_routes": {}}), conflicts)
+    if problems:
+        raise ProblemsError(problems)
+
+
+def _unknown(library: Library, suite: Suite, roads: Mapping[str, Road]) -> Iterator[Problem]:
+    there = library.of(Conflict)
+    for name, conflicts in suite.stage.items():
+        if name not in roads:
+            message = f"'{name}' is not among the suite's roads"
+            hint = nearest(name, roads)
+            yield library.problem(suite, "stage", name, message=message, hint=hint)
+        for index, conflict in enumerate(conflicts):
+            if conflict not in there:
+                message = f"there is no conflict '{conflict}' in this library"
+                hint = nearest(conflict, there)
+                yield library.problem(suite, "stage", name, index, message=message, hint=hint)
+
+
+def _unstaged(
+    library: Library, suite: Suite, road: Road, conflicts: tuple[Conflict, ...], groups: Groups
+) -> Iterator[Problem]:
+    """A suite that stages conflicts stages each group that calls for a road, and no other."""
+    if not suite.stage:
+        return
+    asked = {group.typology for group in groups[road.id]}
+    got = {typology_of(library, conflict) for conflict in conflicts}
+    for name in sorted(asked - got):
+        message = f"'{road.id}' is there for {name}, which none of its conflicts stages"
+        hint = "add one of that group's conflicts"
+        yield library.problem(suite, "stage", road.id, message=message, hint=hint)
+    for name in sorted(got - asked):
+        message = f"no selected group calls for {name} on '{road.id}'"
+        hint = "leave the conflict out, or change the suite's selection or coverage"
+        yield library.problem(suite, "stage", road.id, message=message, hint=hint)
+
+
+def _crossed(
+    library: Library, suite: Suite, roads: Mapping[str, Road], groups: Groups
+) -> Iterator[Cell]:
+    there = library.of(Conflict)
+    wanted = tuple(there) if suite.cross_conflicts == "all" else suite.cross_conflicts
+    for index, name in enumerate(wanted):
+        if name not in there:
+            message = f"there is no conflict '{name}' in this library"
+            hint = nearest(name, there)
+            problem = library.problem(suite, "cross_conflicts", index, message=message, hint=hint)
+            raise ProblemsError.of(problem)
+    for road in roads.values():
+        for name in wanted:
+            conflict = there[name]
+            if _binding(library, conflict, road, groups).standing != "primary":
+                continue
+            moved = with_manoeuvre(road, conflict)
+            if moved is not None:
+                yield Cell(moved, (conflict,), crossed=conflict)

@@ -1,0 +1,58 @@
+"""Who is in the way of a staged conflict, and who is in anybody's."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import shapely
+from advercity_dsl import Spec
+from numpy.typing import NDArray
+
+from advercity.traffic.encounters import Polygons, Track, overlaps
+from advercity.traffic.trace import Trace
+
+APART_M = 0.3
+"""Between a staged actor and anybody but the ego."""
+HEADWAY_S = 0.8
+"""Nobody drives up to a staged actor nearer than this: SUMO does not know of all of them."""
+
+
+def in_the_way(spec: Spec, trace: Trace) -> Iterator[int]:
+    """Ids of those too near to a staged actor, or in the same place as somebody else."""
+    staged = {actor.number: actor for conflict in spec.conflicts for actor in conflict.actors}
+    spared = {agent.number for agent in spec.agents} | set(staged)
+    for found in overlaps(trace):
+        yield max(found.first, found.second, key=lambda one: (one not in spared, one))
+    others = [Track.of(trace, actor.id) for actor in trace.actors if actor.id not in spared]
+    on_foot = {actor.id for actor in trace.actors if actor.actor_class == "pedestrian"}
+    for number, actor in staged.items():
+        if number in {item.id for item in trace.actors}:
+            track = Track.of(trace, number)
+            for other in others:
+                drives = not actor.route and other.actor not in on_foot
+                if _is_near(track, other, HEADWAY_S if drives else 0.0):
+                    yield other.actor
+
+
+def _is_near(track: Track, other: Track, headway_s: float) -> bool:
+    """Whether another comes too near; a vehicle is as long as it drives within the headway."""
+    ticks = np.intersect1d(track.rows["tick"], other.rows["tick"])
+    if len(ticks) == 0:
+        return False
+    here, there = track.at(ticks), other.at(ticks)
+    reach = (np.linalg.norm(here.size) + np.linalg.norm(there.size)) / 2 + APART_M
+    apart = np.linalg.norm(here.middles - there.middles, axis=1)
+    close = apart <= reach + headway_s * there.rows["speed"]
+    if not close.any():
+        return False
+    boxes = _grown(there.at(ticks[close]), headway_s)
+    return bool((shapely.distance(here.at(ticks[close]).boxes, boxes) < APART_M).any())
+
+
+def _grown(track: Track, headway_s: float) -> Polygons:
+    """Boxes (n,), each with the ground ahead that is driven over within the headway."""
+    ahead: NDArray[np.float64] = headway_s * track.rows["speed"]
+    moved = track.rows.copy()
+    moved["x"] += ahead * np.cos(moved["yaw"])
+    moved["y"] += ahead * np.sin(moved["yaw"])
+    return shapely.convex_hull(shapely.union(track.boxes, replace(track, rows=moved).boxes))

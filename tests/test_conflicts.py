@@ -1,0 +1,183 @@
+"""What keeps a conflict from being staged is told to whoever wrote it."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+from advercity_dsl import Conflict, Road, Spec, Typology
+
+from advercity.compiler import ProblemsError, compile_library, load_library
+from advercity.compiler.binding import bound
+
+NHTSA = Path(__file__).parent.parent / "library" / "nhtsa"
+BOLD = {"ui": 3, "unj": 1, "ri": 2, "rsnj": 1, "rcnj": 1}
+
+
+@pytest.fixture
+def copied(tmp_path: Path) -> Path:
+    """A copy of the shipped library with one weather, which is quicker to cross."""
+    shutil.copytree(NHTSA, tmp_path / "nhtsa")
+    for path in (tmp_path / "nhtsa" / "weather").glob("*.yaml"):
+        if path.stem != "clear_day":
+            path.unlink()
+    return tmp_path / "nhtsa"
+
+
+def edited(library: Path, path: str, old: str, new: str) -> None:
+    text = (library / path).read_text()
+    assert old in text
+    (library / path).write_text(text.replace(old, new))
+
+
+MISTAKES = {
+    "V1 a parameter without its unit": (
+        "conflicts/od_drift.yaml",
+        "  drift_time_s:",
+        "  drift_time:",
+        "parameters.drift_time: no such field; did you mean 'drift_time_s'?",
+    ),
+    "V2 an id without its edition": (
+        "conflicts/od_drift.yaml",
+        "nhtsa2019:19",
+        '"19"',
+        "stages.0: string should match pattern",
+    ),
+    "V2 an unknown crash type": (
+        "conflicts/od_drift.yaml",
+        "nhtsa2019:19",
+        "nhtsa2019:77",
+        "stages.0: 'nhtsa2019:77' is no crash type of this library",
+    ),
+    "V3 a threshold that drops a group": (
+        "suites/adver_city.yaml",
+        "fatality_rate_percent: 0.30",
+        "fatality_rate_percent: 0.50",
+        "no selected group calls for crossing_paths on 'ui'",
+    ),
+    "V4 a head-on conflict beside a median": (
+        "suites/adver_city.yaml",
+        "unj: [ped_farside_crossing]",
+        "unj: [od_drift]",
+        "'od_drift' cannot be staged on 'unj': a median divides it",
+    ),
+    "V5 an ego that may not go fast enough": (
+        "conflicts/od_drift.yaml",
+        "ego_speed_km_h: {draw: {uniform: [30, 80]}",
+        "ego_speed_km_h: {draw: {uniform: [38, 80]}",
+        "38 to 80 km/h leave 2 km/h below the ego's 40 km/h on 'rcnj'; at least 5 are needed",
+    ),
+    "V6 an approach that is too short": (
+        "conflicts/ped_farside_crossing.yaml",
+        "braking_m_s2: {draw: {uniform: [2.0, 3.0]}}",
+        "braking_m_s2: {draw: 0.02}",
+        "there is room to reach",
+    ),
+    "V7 a pedestrian who outruns everybody": (
+        "conflicts/ped_farside_crossing.yaml",
+        "actor_speed_km_h: {draw: {uniform: [6, 11]}",
+        "actor_speed_km_h: {draw: {uniform: [6, 20]}",
+        "up to 20 km/h, but a pedestrian goes no faster than 12 km/h",
+    ),
+    "V7 a drift that is a swerve": (
+        "conflicts/od_drift.yaml",
+        "drift_time_s: {draw: {uniform: [2.0, 2.6]}}",
+        "drift_time_s: {draw: 1.0}",
+        "nobody who drifts exceeds",
+    ),
+    "V8 an actor that would come too late": (
+        "conflicts/ltap_od_ego_turns.yaml",
+        "actor_speed_km_h: {draw: {uniform: [30, 80]}",
+        "actor_speed_km_h: {draw: 4",
+        "s to the point, but the ego is there after",
+    ),
+    "V9 a conflict that always misses": (
+        "conflicts/ltap_od_ego_turns.yaml",
+        "time_to_collision_below_s: 1.5",
+        "time_to_collision_below_s: 0.2",
+        "that is never below 0.2 s",
+    ),
+    "V10 pedestrians where nobody walks": (
+        "roads/unj.yaml",
+        "walkers: 60",
+        "walkers: 0",
+        "'unj' has no walkers, whose number",
+    ),
+    "V14 a group that nothing stages": (
+        "suites/adver_city.yaml",
+        "ri: [ltap_od_ego_turns, cyc_left_turn]",
+        "ri: [ltap_od_ego_turns]",
+        "'ri' is there for pedalcyclist, which none of its conflicts stages",
+    ),
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_what_keeps_a_conflict_from_happening_is_told(mistake: str, copied: Path):
+    path, old, new, message = MISTAKES[mistake]
+    edited(copied, path, old, new)
+
+    with pytest.raises(ProblemsError) as caught:
+        compile_library(copied)
+
+    assert message in str(caught.value)
+
+
+def test_a_conflict_point_lies_on_the_ego_s_way_and_inside_the_scenario(specs: dict[str, Spec]):
+    for spec in specs.values():
+        for conflict in spec.conflicts:
+            assert conflict.station_m > 0
+            assert conflict.window_s[0] > 0
+
+
+def test_ids_are_unique_and_specs_are_the_same_each_time(copied: Path):
+    first, second = compile_library(copied), compile_library(copied)
+
+    assert len({spec.id for spec in first}) == len(first) == 10
+    assert [spec.provenance.digest for spec in first] == [spec.provenance.digest for spec in second]
+
+
+def test_conflicts_crossed_with_roads_make_31_cells(copied: Path):
+    specs = compile_library(copied, suite="conflicts")
+
+    assert len({(spec.road.id, spec.conflicts[0].conflict) for spec in specs}) == 31
+    assert len(specs) == 31 * 2
+    assert all(len(spec.conflicts) == 1 for spec in specs)
+
+
+def test_another_conflict_leaves_the_draws_of_the_others(copied: Path):
+    before = {spec.id: spec.conflicts for spec in compile_library(copied)}
+    edited(
+        copied,
+        "suites/adver_city.yaml",
+        "unj: [ped_farside_crossing]",
+        "unj: [ped_farside_crossing, ped_nearside_crossing]",
+    )
+
+    after = {spec.id: spec.conflicts for spec in compile_library(copied)}
+
+    for name, conflicts in before.items():
+        assert after[name][: len(conflicts)] == conflicts
+
+
+def test_a_conflict_says_how_it_stands_to_a_road():
+    library = load_library(NHTSA)
+    conflicts, roads = library.of(Conflict), library.of(Road)
+
+    drift, turn = conflicts["od_drift"], conflicts["ped_left_turn"]
+
+    assert bound(drift, roads["rsnj"], called_for=True).standing == "primary"
+    assert bound(turn, roads["ri"], called_for=False).standing == "extension"
+    assert (
+        bound(turn, roads["unj"], called_for=True).reason
+        == "it is away from junctions, not an intersection"
+    )
+
+
+def test_both_editions_are_whole_and_joined():
+    typologies = load_library(NHTSA).of(Typology).values()
+    newer = [item for typology in typologies for item in typology.crash_types]
+    older = {item.id for typology in typologies for item in typology.earlier}
+
+    assert {item.id for item in newer} == {f"nhtsa2019:{number}" for number in range(1, 37)}
+    assert older == {f"nhtsa2007:{number}" for number in range(1, 38)}
+    assert {name for item in newer for name in item.derived_from} == older
