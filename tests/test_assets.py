@@ -122,6 +122,8 @@ def blueprint(model: BodyModel, **more: float) -> Blueprint:
     return Blueprint(actor_class="car", model=model, **size)  # pyright: ignore[reportArgumentType]
 
 
+INDICATORS = ("lamp_amber_left", "lamp_amber_right")
+"""Glasses that every vehicle has at its corners."""
 TINY = BodyModel(pack="tiny/car", author="Ann Author", licence="CC-BY-3.0")
 
 
@@ -149,11 +151,13 @@ def test_a_model_comes_out_upright_in_metres_with_its_front_ahead(shelf: Shelf):
 
 def test_materials_stand_for_parts_by_their_names(shelf: Shelf):
     assert set(points_of(blueprint(TINY), shelf)) == {
-        *("paint", "glass", "lamp_white", "lamp_red", "rubber")
+        *("paint", "glass", "lamp_white", "lamp_red", "rubber"),
+        *INDICATORS,
     }
     other = TINY.model_copy(update={"materials": {"body_paint": "chrome", "tyres": "none"}})
     assert set(points_of(blueprint(other, height_m=1.30), shelf)) == {
-        *("chrome", "glass", "lamp_white", "lamp_red")
+        *("chrome", "glass", "lamp_white", "lamp_red"),
+        *INDICATORS,
     }
 
 

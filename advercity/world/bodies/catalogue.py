@@ -17,7 +17,7 @@ from advercity.world.bodies.motorcycles import motorcycle
 from advercity.world.bodies.people import drawn_looks, pedestrian
 from advercity.world.bodies.puppets import fitted
 from advercity.world.bodies.trucks import truck
-from advercity.world.scene import Body
+from advercity.world.scene import Body, Mesh
 from advercity.world.shapes import Piece, Surface, both_sides, ellipsoid, meshes
 
 Size = tuple[float, float, float]
@@ -55,7 +55,15 @@ def body(blueprint_id: str, blueprint: Blueprint, shelf: Shelf | None = None) ->
     made = _made(blueprint_id, blueprint, shelf)
     if blueprint.actor_class in ("pedestrian", "bicycle"):
         return made
-    return replace(made, parts=with_indicators(made.parts))
+    parts = [_within(part, made.size) for part in with_indicators(made.parts)]
+    return replace(made, parts=tuple(parts))
+
+
+def _within(part: Mesh, size: Size) -> Mesh:
+    """The part flattened where it would stand out of the box, as added lamps may on a model."""
+    low = np.multiply(size, (-0.5, -0.5, 0.0)).astype(np.float32)
+    high = np.multiply(size, (0.5, 0.5, 1.0)).astype(np.float32)
+    return replace(part, vertices=np.clip(part.vertices, low, high))
 
 
 def _made(blueprint_id: str, blueprint: Blueprint, shelf: Shelf | None) -> Body:
