@@ -6,7 +6,9 @@ import pytest
 ROOT = Path(__file__).parent.parent
 LAYERS = {
     "advercity_dsl": 0,
-    **dict.fromkeys(("curves", "errors", "poses", "randomness", "semantics", "streets"), 1),
+    **dict.fromkeys(
+        ("curves", "errors", "poses", "randomness", "semantics", "sources", "streets"), 1
+    ),
     "compiler": 2,
     "world": 3,
     "traffic": 4,

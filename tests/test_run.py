@@ -156,6 +156,28 @@ def test_what_was_made_by_another_version_is_not_repaired(made: Path, tmp_path: 
         repair(tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("place", "named"),
+    [
+        (("code_sha256",), "code of advercity: 0000"),
+        (("renderer", "backend_sha256"), "code of the backend: 0000"),
+    ],
+)
+def test_what_was_made_by_other_code_of_the_same_version_is_not_repaired(
+    made: Path, tmp_path: Path, place: tuple[str, ...], named: str
+) -> None:
+    copy = shutil.copytree(made, tmp_path / made.name)
+    manifest = json.loads((copy / "manifest.json").read_text())
+    told = manifest["identity"]
+    for key in place[:-1]:
+        told = told[key]
+    told[place[-1]] = "0" * 64
+    (copy / "manifest.json").write_text(json.dumps(manifest))
+    (copy / "103" / "000060.pcd").unlink()
+    with pytest.raises(RunError, match=rf"cannot be repaired here.*{named}"):
+        repair(tmp_path)
+
+
 def test_the_original_layout_holds_the_same_pictures(
     spec: Spec, made: Path, tmp_path: Path
 ) -> None:

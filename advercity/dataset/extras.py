@@ -19,8 +19,8 @@ def extras(reading: Reading) -> dict[str, Any]:
     """Document of one viewpoint in one frame, in plain types; objects by id as in its YAML.
 
     `lidar_points` are those that came back through the weather, `lidar_hits` those that would have
-    in none. `role` is what an object does in a staged conflict. `cameras` has those whose pictures
-    its outline reaches into.
+    in none. `roles` are an object's parts in staged conflicts, by their ids. `cameras` has those
+    whose pictures its outline reaches into.
     """
     numbers, counts = np.unique(reading.cloud.instance, return_counts=True)
     points = dict(zip(numbers.tolist(), counts.tolist(), strict=True))
@@ -38,7 +38,7 @@ def _object(item: Annotation, reading: Reading, lidar_points: int) -> dict[str, 
     state = item.state
     return {
         "class": state.actor.actor_class,
-        "role": None,
+        "roles": dict(reading.roles.get(state.actor.id, {})),
         "velocity_m_s": plain(mirror(state.world_from_body[:3, 0] * state.speed_m_s), decimals=6),
         "acceleration_m_s2": plain(state.acceleration_m_s2, decimals=6),
         "lidar_hits": item.lidar_hits,

@@ -15,10 +15,15 @@ from pydantic import Field, ValidationError
 from advercity import __version__
 from advercity.dataset.journal import FileRecord, read_journal
 from advercity.errors import InputError, RunError
+from advercity.sources import source_digest
 from advercity.weather import extinction
 
 MANIFEST = "manifest.json"
+CODE = ("advercity", "advercity_dsl")
+"""Packages that make the data, whatever renders them."""
 RendererIdentity = dict[str, str | int | float | bool]
+NAMES = {"code_sha256": "code of advercity", "backend_sha256": "code of the backend"}
+"""What is told instead of fields."""
 PACKAGES = ("eclipse-sumo", "embreex", "numpy", "opencv-python-headless")
 """Whose versions may change what is written."""
 
@@ -30,10 +35,12 @@ class Identity(Model):
     spec_sha256: str
     trace_sha256: str
     renderer: RendererIdentity
-    """Backend, profile, image scale, device class: whatever changes pictures."""
+    """Backend and its sources, profile, image scale, device: whatever changes pictures."""
     bodies: dict[str, str] = Field(default_factory=dict[str, str])
     """SHA-256 of the model that stands for each blueprint; the others were shaped here."""
     format: str
+    code_sha256: str
+    """Of the sources of `CODE`: a changed program that kept its version number is told by it."""
     versions: dict[str, str]
     """Of advercity and of `PACKAGES`."""
 
@@ -54,6 +61,7 @@ class Identity(Model):
             renderer=renderer,
             bodies=dict(bodies or {}),
             format=format,
+            code_sha256=source_digest(*CODE),
             versions={"advercity": __version__} | {name: version(name) for name in PACKAGES},
         )
 
@@ -69,7 +77,8 @@ class Identity(Model):
     def _flat(self) -> RendererIdentity:
         alone = self.model_dump(exclude={"renderer", "versions", "bodies"})
         bodies = {f"body of {name}": digest for name, digest in self.bodies.items()}
-        return alone | self.renderer | self.versions | bodies
+        flat = alone | self.renderer | self.versions | bodies
+        return {NAMES.get(key, key): value for key, value in flat.items()}
 
 
 class WeatherTruth(Model):
@@ -112,7 +121,7 @@ class WeatherTruth(Model):
 class Manifest(Model):
     """What has been written of a scenario; the same data give the same text."""
 
-    manifest_version: Literal[2] = 2
+    manifest_version: Literal[3] = 3
     identity: Identity
     weather: WeatherTruth
     spec: Spec

@@ -23,6 +23,7 @@ from advercity import poses
 from advercity.dataset.carla_frame import matrix_from_pose
 from advercity.dataset.formats import Format, format_called, frame_name
 from advercity.dataset.manifest import Manifest, scenarios
+from advercity.dataset.roles import Roles, roles_of
 from advercity.errors import InputError
 from advercity.poses import Matrix
 from advercity.semantics import PALETTE
@@ -262,6 +263,11 @@ class Scenario(Sequence[FrameView]):
     def agents(self) -> tuple[str, ...]:
         """Ids of the viewpoints."""
         return tuple(agent.id for agent in self.spec.agents)
+
+    @property
+    def roles(self) -> Roles:
+        """Who takes part in which staged conflict, and as what, by ids as in `Boxes`."""
+        return roles_of(self.spec)
 
     def frame(self, index: int) -> FrameView:
         """The frame with that number, counted from the first kept one."""

@@ -1,12 +1,13 @@
 """What the sensors of one viewpoint report in one frame."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from advercity_dsl import Agent
 from numpy.typing import NDArray
 
+from advercity.dataset.roles import Role, Roles
 from advercity.dataset.sightings import Sighting
 from advercity.poses import Matrix
 from advercity.sensors.gnss import GnssFix
@@ -49,6 +50,7 @@ class Reading:
         visible: Rays of the noise-free LiDAR that met an actor, by actor id.
         gnss: None where there is no receiver to report.
         imu: None where there is none.
+        roles: Who of all actors takes part in staged conflicts, and as what.
         planned: Points that the agent is about to drive through: x, y, speed in m/s.
     """
 
@@ -63,6 +65,7 @@ class Reading:
     gnss: GnssFix | None = None
     imu: ImuSample | None = None
     planned: tuple[tuple[float, float, float], ...] = ()
+    roles: Roles = field(default_factory=dict[int, Mapping[str, Role]])
 
     @property
     def speed_m_s(self) -> float:

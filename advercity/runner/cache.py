@@ -3,7 +3,6 @@
 Weathers of one road and density share a trace; that is what makes them pairs.
 """
 
-import functools
 import hashlib
 import os
 import tempfile
@@ -11,12 +10,12 @@ from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 
-import advercity_dsl
 from advercity_dsl import Spec
 
-import advercity
 from advercity.compiler.library import digest_of
+from advercity.dataset.manifest import CODE
 from advercity.errors import RunError
+from advercity.sources import source_digest
 from advercity.world.assets import Shelf
 
 
@@ -73,15 +72,9 @@ def traffic_key(spec: Spec) -> str:
     return digest_of({"code": _code_digest(), "seed": spec.seeds.traffic, **data})
 
 
-@functools.cache
 def _code_digest() -> str:
     """Of the whole program: a changed one keeps nothing of what the old one made."""
-    digest = hashlib.sha256(version("eclipse-sumo").encode())
-    for package in (advercity, advercity_dsl):
-        for path in sorted(Path(package.__path__[0]).rglob("*")):
-            if path.suffix in (".py", ".j2"):
-                digest.update(path.read_bytes())
-    return digest.hexdigest()
+    return digest_of({"code": source_digest(*CODE), "eclipse-sumo": version("eclipse-sumo")})
 
 
 def kept(path: Path, make: Callable[[Path], None]) -> Path:

@@ -70,6 +70,6 @@ def _repair(scenario: Path, problems: list[Problem], report: Report) -> list[Pro
 
 def _profile(identity: Identity) -> Profile:
     """The profile that a manifest tells of."""
-    kept = identity.renderer.keys() - {"backend", "device"}
+    kept = identity.renderer.keys() - {"backend", "backend_sha256", "device"}
     values = {name: identity.renderer[name] for name in kept}
     return TypeAdapter(Profile).validate_python({"name": "as made", **values})

@@ -21,6 +21,7 @@ from advercity.runner.replay import stored_readings
 from advercity.runner.sensing import senses
 from advercity.runner.stage import Stage, set_stage
 from advercity.runner.viewpoints import Viewpoints
+from advercity.sources import source_digest
 from advercity.viewer.recording import Recording
 from advercity.world.roads import built
 
@@ -135,9 +136,10 @@ def _recording(spec: Spec, viewer: ViewerTarget) -> Recording | nullcontext[None
 
 
 def renderer_identity(backend: Backend, profile: Profile) -> RendererIdentity:
-    """Whatever of backend, device and profile changes pictures."""
+    """Whatever of backend, its sources, device and profile changes pictures."""
     return {
         "backend": backend.name,
+        "backend_sha256": source_digest(type(backend).__module__.partition(".")[0]),
         "device": backend.capabilities().device,
         "renderer": profile.renderer,
         "scale": profile.scale,

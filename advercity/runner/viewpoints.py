@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from advercity import poses
 from advercity.dataset.reading import Picture, Reading
+from advercity.dataset.roles import roles_of
 from advercity.errors import RunError
 from advercity.poses import Matrix
 from advercity.randomness import generator
@@ -33,6 +34,7 @@ class Viewpoints:
     def __init__(self, spec: Spec, trace: Trace) -> None:
         self.spec = spec
         self._trace = trace
+        self._roles = roles_of(spec)
         self._traced = lru_cache(maxsize=4)(trace.frame)
         self._origin = Geodetic(spec.road.origin_lat_deg, spec.road.origin_lon_deg)
 
@@ -69,6 +71,7 @@ class Viewpoints:
             gnss=None if is_unit else gnss,
             imu=self._motion(agent, frame.index),
             planned=() if is_unit else self._plan(agent, frame.index),
+            roles=self._roles,
         )
 
     def rng(self, sensor: str, agent: Agent, frame: Frame, *more: int) -> np.random.Generator:

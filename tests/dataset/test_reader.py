@@ -154,7 +154,7 @@ def test_extras_tell_more_of_every_object(dataset: Dataset, readings_of: Reading
     objects = dataset[0]["cav1"].extras["objects"]
     assert set(objects) == {"102", "103", "201", "202", "203"}
     van = objects["201"]
-    assert (van["class"], van["role"]) == ("van", None)
+    assert (van["class"], van["roles"]) == ("van", {})
     assert (van["lidar_hits"], van["lidar_points"]) == (40, 40)
     velocity = readings_of(0)[0].frame.of(201).world_from_body[:3, 0] * 5.0
     np.testing.assert_allclose(van["velocity_m_s"], velocity * (1, -1, 1), atol=1e-6)

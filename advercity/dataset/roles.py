@@ -1,0 +1,26 @@
+"""Who takes part in which staged conflict, and as what."""
+
+from collections.abc import Mapping
+from typing import Literal
+
+from advercity_dsl import Spec
+
+Role = Literal["subject", "other", "bystander"]
+"""The subject's action is the critical one; a bystander hides the actor, or is overtaken by it."""
+Roles = Mapping[int, Mapping[str, Role]]
+"""By id of the actor, then by id of the conflict."""
+
+
+def roles_of(spec: Spec) -> Roles:
+    """Roles of all who take part in a conflict of a spec, the ego among them."""
+    (ego,) = (
+        agent.number
+        for agent in spec.agents
+        if agent.place.kind == "vehicle" and agent.place.role == "ego"
+    )
+    roles: dict[int, dict[str, Role]] = {}
+    for conflict in spec.conflicts:
+        roles.setdefault(ego, {})[conflict.id] = conflict.ego
+        for actor in conflict.actors:
+            roles.setdefault(actor.number, {})[conflict.id] = actor.part
+    return roles
