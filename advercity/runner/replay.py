@@ -18,6 +18,7 @@ from advercity.runner.stage import set_stage
 from advercity.runner.viewpoints import Viewpoints
 from advercity.sensors.lidar import PointCloud
 from advercity.viewer.clouds import CloudColour
+from advercity.viewer.events import conflict_events
 from advercity.viewer.recording import Recording
 from advercity.world.roads import built
 
@@ -93,7 +94,8 @@ def record(path: Path, file: Path, *, cloud_colour: CloudColour = "intensity") -
         )
     viewpoints = Viewpoints(spec, stage.trace)
     lanes = built(spec.road).lanes
-    with Recording(spec, lanes, file=file, cloud_colour=cloud_colour) as recording:
+    events = conflict_events(spec, stage.trace)
+    with Recording(spec, lanes, file=file, cloud_colour=cloud_colour, events=events) as recording:
         for stored in scenario:
             recording.log(stored_readings(scenario, viewpoints, stored.index))
 

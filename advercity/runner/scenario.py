@@ -22,6 +22,7 @@ from advercity.runner.sensing import senses
 from advercity.runner.stage import Stage, set_stage
 from advercity.runner.viewpoints import Viewpoints
 from advercity.sources import source_digest
+from advercity.viewer.events import conflict_events
 from advercity.viewer.recording import Recording
 from advercity.world.roads import built
 
@@ -57,7 +58,7 @@ def run_scenario(spec: Spec, options: Options, report: Report = no_report) -> Pa
         options.output, spec, identity, length=len(stage.trace), fresh=options.fresh
     )
     # A viewer that cannot be had is found out before anything of the dataset is touched.
-    with _recording(spec, options.viewer) as recording, writer:
+    with _recording(spec, stage, options.viewer) as recording, writer:
         if recording is not None or not writer.done.issuperset(wanted):
             viewpoints = Viewpoints(spec, stage.trace)
             readings = _readings(viewpoints, stage, writer, wanted, backend, profile)
@@ -122,7 +123,7 @@ def _readings(
                 yield index, sensed.read(index)
 
 
-def _recording(spec: Spec, viewer: ViewerTarget) -> Recording | nullcontext[None]:
+def _recording(spec: Spec, stage: Stage, viewer: ViewerTarget) -> Recording | nullcontext[None]:
     if not viewer.is_asked_for:
         return nullcontext()
     return Recording(
@@ -132,6 +133,7 @@ def _recording(spec: Spec, viewer: ViewerTarget) -> Recording | nullcontext[None
         serve=viewer.serve,
         connect=viewer.connect,
         cloud_colour=viewer.cloud_colour,
+        events=conflict_events(spec, stage.trace),
     )
 
 

@@ -12,7 +12,11 @@ TIMELINE = "frame"
 ACTORS_SEEN = "world/actors/seen"
 ACTORS_UNSEEN = "world/actors/unseen"
 ROAD = "world/road"
+CONFLICTS = "world/conflicts"
+EVENTS = "events"
+MAP_ROAD = "map/road"
 FRAMES_PER_S = 10
+MAP_ZOOM = 17.0
 EYE_BEHIND_M, EYE_ABOVE_M, EYE_AHEAD_M = 24.0, 14.0, 10.0
 
 
@@ -41,8 +45,28 @@ def plot_path(quantity: str, agent: Agent) -> str:
     return f"plots/{quantity}/{agent.id}"
 
 
+def weather_path(quantity: str) -> str:
+    """A figure of the weather over time, by its name with the unit at its end."""
+    return f"weather/{quantity}"
+
+
+def driven_path(agent: Agent) -> str:
+    """Where a vehicle has been, in the scene."""
+    return f"world/trajectories/driven/{agent.id}"
+
+
+def planned_path(agent: Agent) -> str:
+    """Where it is about to go."""
+    return f"world/trajectories/planned/{agent.id}"
+
+
+def map_path(agent: Agent) -> str:
+    """Where its receiver says that it is, on the map."""
+    return f"map/{agent.id}"
+
+
 def blueprint(agents: Sequence[Agent], world_from_first: Matrix) -> rrb.Blueprint:
-    """The scene on the left; on the right all front cameras, a tab per viewpoint, curves.
+    """The scene over map and conflicts; aside cameras, a tab per viewpoint, curves, weather.
 
     Args:
         agents: All viewpoints.
@@ -51,11 +75,17 @@ def blueprint(agents: Sequence[Agent], world_from_first: Matrix) -> rrb.Blueprin
     front = rrb.Grid(
         *(_camera(camera_path(agent, 0), agent.id) for agent in agents), name="front cameras"
     )
-    tabs = rrb.Tabs(front, *(_viewpoint(agent) for agent in agents), _plots(), active_tab=0)
+    tabs = rrb.Tabs(
+        front, *(_viewpoint(agent) for agent in agents), _plots(), _weather(), active_tab=0
+    )
     eye = _behind(agents[0], world_from_first)
     scene = rrb.Spatial3DView(origin="/world", name="scene", eye_controls=eye)
+    below = rrb.Horizontal(
+        rrb.MapView(origin="/map", name="receivers", zoom=MAP_ZOOM),
+        rrb.TextLogView(origin=f"/{EVENTS}", name="conflicts"),
+    )
     return rrb.Blueprint(
-        rrb.Horizontal(scene, tabs, column_shares=[1, 1]),
+        rrb.Horizontal(rrb.Vertical(scene, below, row_shares=[2, 1]), tabs, column_shares=[1, 1]),
         rrb.TimePanel(timeline=TIMELINE, state="collapsed", fps=FRAMES_PER_S),
         collapse_panels=True,
     )
@@ -90,3 +120,18 @@ def _plots() -> rrb.Grid:
         for name in quantities
     )
     return rrb.Grid(*views, grid_columns=2, name="motion")
+
+
+def _weather() -> rrb.Grid:
+    views = (
+        rrb.TimeSeriesView(
+            origin="/weather", contents=[f"/{weather_path(name)}" for name in names], name=title
+        )
+        for title, names in {
+            "visibility": ("visibility_m",),
+            "rain and snow": ("rain_mm_h", "snow_mm_h"),
+            "illuminance": ("illuminance_lx",),
+            "wetness": ("wetness",),
+        }.items()
+    )
+    return rrb.Grid(*views, grid_columns=2, name="weather")

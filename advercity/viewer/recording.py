@@ -11,30 +11,20 @@ from advercity_dsl import Agent, Spec
 from numpy.typing import NDArray
 
 from advercity import poses
-from advercity.dataset.annotation import annotate, box_centre
+from advercity.dataset.annotation import annotate
 from advercity.dataset.images import jpeg, painted, png
-from advercity.dataset.reading import Picture, Reading, intrinsic
-from advercity.poses import Matrix
-from advercity.traffic.trace import ActorState
-from advercity.viewer import layout
-from advercity.viewer.clouds import CloudColour, colours
+from advercity.dataset.reading import Reading
+from advercity.viewer import layout, shapes
+from advercity.viewer.ambience import ambience
+from advercity.viewer.clouds import CloudColour
+from advercity.viewer.events import Event
+from advercity.viewer.maps import LocalMap, Track, colour_of, map_line, map_point
 from advercity.viewer.sinks import PORT, connection_to, file_at, partial_of, server_on
 from advercity.world.scene import Lane
 
 APPLICATION = "advercity"
-IMAGE_PLANE_M = 1.5
-POINT_PX = 1.5
-CLASS_COLOURS = {
-    "car": (66, 133, 244),
-    "van": (0, 172, 193),
-    "truck": (171, 71, 188),
-    "bicycle": (124, 179, 66),
-    "motorcycle": (255, 179, 0),
-    "pedestrian": (229, 57, 53),
-}
-CLASS_IDS = {name: index for index, name in enumerate(CLASS_COLOURS, start=1)}
-LANE_COLOURS = {"driving": (190, 190, 190), "sidewalk": (140, 110, 140), "crossing": (220, 200, 90)}
-OTHER_LANE_COLOUR = (110, 110, 110)
+DRIVEN_PX, PLANNED_PX = 2.5, 1.2
+MARK, MARK_RADIUS_M, MARK_ABOVE_M = (255, 60, 60), 0.6, 2.5
 
 
 class Recording:
@@ -51,6 +41,7 @@ class Recording:
         port: Of that server.
         connect: Address of a running viewer: `host:port`, or a whole `rerun+http://` address.
         cloud_colour: What the colours of points stand for.
+        events: What is told of when its frame is shown.
 
     Raises:
         InputError: `connect` is not an address.
@@ -67,6 +58,7 @@ class Recording:
         port: int = PORT,
         connect: str | None = None,
         cloud_colour: CloudColour = "intensity",
+        events: Sequence[Event] = (),
     ) -> None:
         self._file = file
         files = () if file is None else (file_at(file),)
@@ -76,6 +68,12 @@ class Recording:
         self._stream.set_log_time_enabled(False)
         self._stream.set_sinks(*files, *viewers, *self._servers)
         self._cloud_colour: CloudColour = cloud_colour
+        self._events = tuple(events)
+        self._ambience = ambience(spec)
+        self._map = LocalMap.of(spec.road)
+        self._tracks = {
+            agent.id: Track(colour_of(index)) for index, agent in enumerate(spec.agents)
+        }
         self._is_laid_out = False
         self._stream.send_recording_name(spec.id)
         self._log_stage(spec, lanes)
@@ -112,10 +110,15 @@ class Recording:
         seen = {item.state.actor.id for reading in readings for item in annotate(reading)}
         for path, wanted in ((layout.ACTORS_SEEN, True), (layout.ACTORS_UNSEEN, False)):
             states = [state for state in frame.states if (state.actor.id in seen) == wanted]
-            self._stream.log(path, _boxes(states))
+            self._stream.log(path, shapes.boxes(states))
         for reading in readings:
             self._log_viewpoint(reading)
             self._log_motion(reading)
+            if reading.agent.place.kind == "vehicle":
+                self._log_trajectory(reading)
+        for name, value in self._ambience.items():
+            self._stream.log(layout.weather_path(name), rr.Scalars(value))
+        self._log_events(frame.index, ground_m=float(readings[0].world_from_agent[2, 3]))
 
     def _lay_out(self, readings: Sequence[Reading]) -> None:
         """Only the first frame tells where to look."""
@@ -125,12 +128,9 @@ class Recording:
 
     def _log_stage(self, spec: Spec, lanes: Sequence[Lane]) -> None:
         self._stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        classes = [
-            rr.AnnotationInfo(id=CLASS_IDS[name], label=name, color=colour)
-            for name, colour in CLASS_COLOURS.items()
-        ]
-        self._stream.log("world/actors", rr.AnnotationContext(classes), static=True)
-        self._stream.log(layout.ROAD, _road(lanes), static=True)
+        self._stream.log("world/actors", shapes.class_names(), static=True)
+        self._stream.log(layout.ROAD, shapes.road(lanes), static=True)
+        self._stream.log(layout.MAP_ROAD, self._map.road(lanes), static=True)
         for agent in spec.agents:
             if agent.sensors.imu is not None:
                 self._name_curves(agent)
@@ -143,20 +143,47 @@ class Recording:
     def _log_viewpoint(self, reading: Reading) -> None:
         agent = reading.agent
         agent_from_world = poses.inverse(reading.world_from_agent)
-        self._stream.log(layout.agent_path(agent), _transform(reading.world_from_agent))
+        self._stream.log(layout.agent_path(agent), shapes.transform(reading.world_from_agent))
         lidar = layout.lidar_path(agent)
-        self._stream.log(lidar, _transform(agent_from_world @ reading.world_from_lidar))
-        self._stream.log(lidar, _points(reading, self._cloud_colour))
+        self._stream.log(lidar, shapes.transform(agent_from_world @ reading.world_from_lidar))
+        self._stream.log(lidar, shapes.points(reading, self._cloud_colour))
         field_of_view = agent.sensors.camera.horizontal_fov_deg
         for index, picture in enumerate(reading.pictures):
             camera = layout.camera_path(agent, index)
-            self._stream.log(camera, _transform(agent_from_world @ picture.world_from_camera))
-            self._stream.log(camera, _pinhole(picture, horizontal_fov_deg=field_of_view))
+            self._stream.log(camera, shapes.transform(agent_from_world @ picture.world_from_camera))
+            self._stream.log(camera, shapes.pinhole(picture, horizontal_fov_deg=field_of_view))
             image = rr.EncodedImage(contents=jpeg(picture.image), media_type="image/jpeg")
             self._stream.log(camera, image)
             content = png(painted(picture.semantic))
             semantic = rr.EncodedImage(contents=content, media_type="image/png")
             self._stream.log(layout.semantic_path(agent, index), semantic)
+
+    def _log_trajectory(self, reading: Reading) -> None:
+        """Where a vehicle has been, is about to go, and where its receiver says that it is."""
+        agent, track = reading.agent, self._tracks[reading.agent.id]
+        x, y, z = (float(value) for value in reading.world_from_agent[:3, 3])
+        track.driven.append((x, y, z))
+        planned = [(x, y, z), *((ahead, left, z) for ahead, left, _ in reading.planned)]
+        driven = shapes.line(track.driven, track.colour, DRIVEN_PX)
+        self._stream.log(layout.driven_path(agent), driven)
+        self._stream.log(layout.planned_path(agent), shapes.line(planned, track.colour, PLANNED_PX))
+        if reading.gnss is not None:
+            track.fixes.append((reading.gnss.latitude_deg, reading.gnss.longitude_deg))
+            path = layout.map_path(agent)
+            self._stream.log(path, map_point(track.fixes[-1], track.colour))
+            self._stream.log(f"{path}/track", map_line(track.fixes, track.colour))
+
+    def _log_events(self, frame: int, *, ground_m: float) -> None:
+        """Conflicts are told in words, and where their ways meet stands a mark from then on."""
+        for event in self._events:
+            if event.frame == frame:
+                level = rr.TextLogLevel.WARN if event.is_failure else rr.TextLogLevel.INFO
+                self._stream.log(layout.EVENTS, rr.TextLog(event.text, level=level))
+                place = (*event.point_m, ground_m + MARK_ABOVE_M)
+                self._stream.log(
+                    layout.CONFLICTS,
+                    rr.Points3D([place], labels=[event.text], colors=MARK, radii=MARK_RADIUS_M),
+                )
 
     def _log_motion(self, reading: Reading) -> None:
         if reading.agent.place.kind == "vehicle":
@@ -171,63 +198,3 @@ class Recording:
 
     def _plot(self, reading: Reading, quantity: str, value: float | NDArray[np.float64]) -> None:
         self._stream.log(layout.plot_path(quantity, reading.agent), rr.Scalars(value))
-
-
-def _transform(parent_from_child: Matrix) -> rr.Transform3D:
-    return rr.Transform3D(translation=parent_from_child[:3, 3], mat3x3=parent_from_child[:3, :3])
-
-
-def _pinhole(picture: Picture, *, horizontal_fov_deg: float) -> rr.Pinhole:
-    """Body axes are said to the viewer, so that poses need no turning."""
-    height, width = picture.image.shape[:2]
-    return rr.Pinhole(
-        image_from_camera=intrinsic(picture, horizontal_fov_deg=horizontal_fov_deg),
-        resolution=(width, height),
-        camera_xyz=rr.ViewCoordinates.FLU,
-        image_plane_distance=IMAGE_PLANE_M,
-    )
-
-
-def _points(reading: Reading, by: CloudColour) -> rr.Points3D:
-    """Points in the LiDAR's frame."""
-    radii = rr.Radius.ui_points(POINT_PX)
-    return rr.Points3D(reading.cloud.points, colors=colours(reading.cloud, by), radii=radii)
-
-
-def _boxes(states: Sequence[ActorState]) -> rr.Boxes3D:
-    return rr.Boxes3D(
-        centers=np.reshape([box_centre(state) for state in states], (-1, 3)),
-        half_sizes=np.reshape([state.actor.size for state in states], (-1, 3)) / 2,
-        quaternions=[rr.Quaternion(xyzw=_quaternion(state.world_from_body)) for state in states],
-        class_ids=[CLASS_IDS[state.actor.actor_class] for state in states],
-        labels=[f"{state.actor.actor_class} {state.actor.id}" for state in states],
-        show_labels=False,
-    )
-
-
-def _quaternion(matrix: Matrix) -> NDArray[np.float64]:
-    """x, y, z, w of a pose: yaw, pitch and roll in halves (Diebel, Representing Attitude, 2006)."""
-    yaw, pitch, roll = (angle / 2 for angle in poses.angles(matrix))
-    cy, sy, cp, sp, cr, sr = (
-        *(np.cos(yaw), np.sin(yaw)),
-        *(np.cos(pitch), np.sin(pitch)),
-        *(np.cos(roll), np.sin(roll)),
-    )
-    return np.array(
-        [
-            cy * cp * sr - sy * sp * cr,
-            cy * sp * cr + sy * cp * sr,
-            sy * cp * cr - cy * sp * sr,
-            cy * cp * cr + sy * sp * sr,
-        ]
-    )
-
-
-def _road(lanes: Sequence[Lane]) -> rr.LineStrips3D:
-    """Both borders of every lane."""
-    colours = [LANE_COLOURS.get(lane.kind, OTHER_LANE_COLOUR) for lane in lanes]
-    return rr.LineStrips3D(
-        [border for lane in lanes for border in (lane.left, lane.right)],
-        colors=[colour for colour in colours for _ in range(2)],
-        radii=rr.Radius.ui_points(1.0),
-    )

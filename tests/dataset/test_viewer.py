@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 import pytest
 from advercity_dsl import Spec
+from advercity_dsl.conflict import Outcome, StagedActor, StagedConflict
 from rerun.chunk import RrdReader
 
 from advercity.dataset.annotation import box_centre
@@ -19,7 +20,9 @@ from advercity.errors import InputError, RunError
 from advercity.poses import Matrix
 from advercity.semantics import PALETTE
 from advercity.sensors.lidar import PointKind
+from advercity.traffic.trace import STATE, Actor, Trace
 from advercity.viewer.clouds import KIND_COLOURS, colours
+from advercity.viewer.events import Event, conflict_events
 from advercity.viewer.recording import Recording
 from advercity.world.scene import Lane
 
@@ -33,6 +36,10 @@ LANES = (
         right=np.array([[0, -3, 0], [9, -3, 1.0]]),
     ),
 )
+EVENTS = (
+    Event(1, "conflict_1: they come near", (3.0, 4.0)),
+    Event(7, "conflict_2: not as declared", (5.0, 6.0), is_failure=True),
+)
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +47,7 @@ def recorded(
     tmp_path_factory: pytest.TempPathFactory, spec: Spec, readings_of: ReadingsOf
 ) -> RrdReader:
     path = tmp_path_factory.mktemp("viewer") / "made" / "on_the_way.rrd"
-    with Recording(spec, LANES, file=path) as recording:
+    with Recording(spec, LANES, file=path, events=EVENTS) as recording:
         for index in range(FRAMES):
             recording.log(readings_of(index))
     return RrdReader(path)
@@ -176,9 +183,90 @@ def test_motion_is_plotted_for_vehicles_only(recorded: RrdReader) -> None:
     assert not [path for path in paths if path.startswith("/plots") and "rsu" in path]
 
 
+def test_vehicles_leave_trails_and_show_their_plans(
+    recorded: RrdReader, readings_of: ReadingsOf
+) -> None:
+    entity = "world/trajectories/driven/cav1"
+    driven = logged(recorded, entity, "LineStrips3D:strips")
+    origins = [readings_of(index)[0].world_from_agent[:3, 3] for index in range(FRAMES)]
+    assert driven[0] == []
+    np.testing.assert_allclose(driven[1], [origins], atol=1e-4)
+    planned = logged(recorded, "world/trajectories/planned/cav1", "LineStrips3D:strips")[1]
+    way = [point[:2] for point in readings_of(1)[0].planned]
+    np.testing.assert_allclose(np.array(planned[0])[1:, :2], way, atol=1e-4)
+    paths = recorded.store().schema().entity_paths()
+    assert not [path for path in paths if path.startswith("/world/trajectories") and "rsu" in path]
+
+
+def test_the_map_shows_fixes_and_the_road_in_degrees(recorded: RrdReader, spec: Spec) -> None:
+    fixes = logged(recorded, "map/cav3", "GeoPoints:positions")
+    assert [fix[0][0] for fix in fixes.values()] == pytest.approx([49.0, 49.000001], abs=1e-7)
+    tracks = logged(recorded, "map/cav3/track", "GeoLineStrings:line_strings")
+    assert [len(strips) for strips in tracks.values()] == [0, 1]
+    left, _ = logged(recorded, "map/road", "GeoLineStrings:line_strings")[None]
+    origin = (spec.road.origin_lat_deg, spec.road.origin_lon_deg)
+    assert left[0] == pytest.approx(origin)
+    east_deg = 9.0 / (111_319.5 * np.cos(np.deg2rad(origin[0])))
+    assert left[1][1] - origin[1] == pytest.approx(east_deg, rel=0.01)
+
+
+def test_the_weather_is_plotted_in_every_frame(recorded: RrdReader, spec: Spec) -> None:
+    visibility = logged(recorded, "weather/visibility_m", "Scalars:scalars")
+    assert spec.weather.fog.mor_m is not None
+    assert visibility[0] == visibility[1]
+    assert visibility[0][0] == pytest.approx(spec.weather.fog.mor_m, rel=0.1)
+    assert logged(recorded, "weather/rain_mm_h", "Scalars:scalars")[1] == [0.0]
+    (illuminance,) = logged(recorded, "weather/illuminance_lx", "Scalars:scalars")[0]
+    assert 1_000 < illuminance < 120_000
+
+
+def test_conflicts_are_told_when_they_happen(recorded: RrdReader) -> None:
+    assert logged(recorded, "events", "TextLog:text") == {1: ["conflict_1: they come near"]}
+    mark = logged(recorded, "world/conflicts", "Points3D:positions")
+    assert list(mark) == [1]
+    assert mark[1][0][:2] == [3.0, 4.0]
+
+
 def test_times_are_those_of_the_scenario(recorded: RrdReader) -> None:
     times = logged(recorded, "world/cav1", "time")
     assert [value.total_seconds() for value in times.values()] == [6.0, 6.1]
+
+
+def test_events_are_the_moments_of_an_encounter(spec: Spec) -> None:
+    """The ego goes east at 10 m/s through the origin at 2 s, a walker north a second later."""
+    ego, walker, ticks, tick_s = 101, 4001, 60, 0.1
+    time_s = np.arange(ticks) * tick_s
+    rows = np.zeros((ticks, 2), STATE)
+    rows["tick"], rows["actor"] = np.arange(ticks)[:, None], np.arange(2)
+    rows["x"][:, 0], rows["speed"][:, 0] = 10 * time_s - 20, 10
+    rows["y"][:, 1], rows["speed"][:, 1] = 2 * (time_s - 3), 2
+    rows["travelled"] = np.column_stack([10 * time_s, 2 * time_s])
+    rows["yaw"][:, 1] = np.pi / 2
+    actors = (
+        Actor(ego, "car", "saloon", "car_paint_blue", (4.0, 2.0, 1.5)),
+        Actor(walker, "pedestrian", "adult", "cloth_dark", (0.5, 0.5, 1.8)),
+    )
+    trace = Trace(tick_s, 60, actors, rows.ravel(), (), np.zeros((ticks, 0), np.uint8))
+    staged = StagedConflict.model_construct(
+        id="conflict_1",
+        conflict="ped_crossing",
+        actors=(StagedActor.model_construct(number=walker),),
+        point_m=(0.0, 0.0),
+        parameters={"arrival_offset_s": 1.0},
+        outcome=Outcome(
+            arrival_tolerance_s=0.3, time_to_collision_below_s=6.0, post_encroachment_s=None
+        ),
+    )
+    events = conflict_events(spec.model_copy(update={"conflicts": (staged,)}), trace)
+    assert [event.frame for event in events] == sorted(event.frame for event in events)
+    assert all(event.point_m == (0.0, 0.0) for event in events)
+    (failure,) = [event for event in events if event.is_failure]
+    assert failure.frame == 20
+    assert "conflict_1 (ped_crossing), actor 4001: not as declared" in failure.text
+    (nearest,) = [event for event in events if "least distance" in event.text]
+    # At 2.2 s the ego's rear is at x = 0 and the walker's front at y = -1.35, 0.35 m from its side.
+    assert nearest.frame == 22
+    assert nearest.text.endswith("0.35 m")
 
 
 def test_a_frame_in_which_nobody_is_seen_clears_the_boxes(
