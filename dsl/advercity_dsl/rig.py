@@ -19,10 +19,11 @@ from advercity_dsl.base import (
     PositiveMetres,
     Seconds,
     Share,
+    Terse,
 )
 
 
-class Mount(Model):
+class Mount(Terse):
     """Where a sensor sits on its carrier."""
 
     x_m: Metres = 0
@@ -39,7 +40,7 @@ class Mount(Model):
     """Positive lowers the right side."""
 
 
-class Exposure(Model):
+class Exposure(Terse):
     """How a camera gathers light."""
 
     mode: Literal["auto", "manual"] = "auto"
@@ -54,7 +55,7 @@ class Exposure(Model):
     """Brighter by so many stops than the meter says."""
 
 
-class Camera(Model):
+class Camera(Terse):
     """A pinhole camera; its semantic twin shares the pose, size and field of view."""
 
     width_px: Annotated[Count, Field(ge=16, le=8192)] = 1920
@@ -75,7 +76,7 @@ class Camera(Model):
     """One per camera of this kind."""
 
 
-class Lidar(Model):
+class Lidar(Terse):
     """A spinning LiDAR of ten turns a second that starts each turn straight ahead, to the left.
 
     The defaults are the original's: an ideal instrument that sees one instant, but through the
@@ -134,7 +135,7 @@ class Lidar(Model):
         return self
 
 
-class Gnss(Model):
+class Gnss(Terse):
     """Satellite positioning: the original's white noise in degrees, or a real receiver's errors.
 
     `carla` uses the noise in degrees and `altitude_noise_m`; `realistic` the rest: white noise on
@@ -159,7 +160,7 @@ class Gnss(Model):
     """Upwards errors are so many times larger, for `realistic`."""
 
 
-class Imu(Model):
+class Imu(Terse):
     """Accelerometer, gyroscope and compass at the vehicle's origin."""
 
     grade: Literal["ideal", "low", "mid", "high"] = "ideal"

@@ -26,6 +26,7 @@ from advercity_dsl.base import (
     PositiveMetres,
     Seconds,
     Share,
+    Terse,
 )
 from advercity_dsl.names import nearest
 
@@ -98,7 +99,7 @@ class Paint(StrEnum):
     DOUBLE_YELLOW = "double_yellow"
 
 
-class Strip(Model):
+class Strip(Terse):
     """A band along a street, as wide as it says, and the line painted on its outer border."""
 
     kind: StripKind
@@ -143,7 +144,7 @@ class Height(Model):
     """Height there."""
 
 
-class Street(Model):
+class Street(Terse):
     """One axis with one cross-section, from one junction or edge of the site to another."""
 
     begins: Id
@@ -239,7 +240,7 @@ class Sign(Model):
     """Where it stands, [east, north]."""
 
 
-class Junction(Model):
+class Junction(Terse):
     """Where streets meet, and which lane may go into which."""
 
     control: Literal["signals", "priority", "stop", "yield", "none"] = "none"
@@ -294,7 +295,7 @@ class Species(StrEnum):
     SPRUCE = "spruce"
 
 
-class Beside(Model):
+class Beside(Terse):
     """A place along a street, which goes with the street wherever it leads."""
 
     street: Id
