@@ -123,9 +123,25 @@ def view(dataset: Path, *, web: bool, cloud_colour: CloudColour = "intensity") -
         _show(file, web=web)
 
 
-def _show(file: Path, *, web: bool) -> None:
+def viewer_command(
+    file: Path, *, web: bool, port: int | None = None, web_port: int | None = None
+) -> list[str]:
+    """What opens a recording in Rerun's viewer, for this machine only.
+
+    Args:
+        file: `.rrd`.
+        web: In a browser instead of a window.
+        port: That the recording is served at; Rerun's own if None.
+        web_port: That the viewer is served at to a browser; Rerun's own if None.
+    """
     options = ["--web-viewer"] if web else []
-    command = [sys.executable, "-m", "rerun", "--bind", "127.0.0.1", *options, str(file)]
+    options += [] if port is None else ["--port", str(port)]
+    options += [] if web_port is None else ["--web-viewer-port", str(web_port)]
+    return [sys.executable, "-m", "rerun", "--bind", "127.0.0.1", *options, str(file)]
+
+
+def _show(file: Path, *, web: bool) -> None:
+    command = viewer_command(file, web=web)
     done = subprocess.run(command, check=False)  # noqa: S603 - rerun's own program on our file
     if done.returncode != 0:
         hint = "" if web else "; without a screen, try --web"
