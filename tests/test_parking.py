@@ -120,6 +120,30 @@ def test_a_street_without_a_parking_strip_is_refused() -> None:
         Road.model_validate(declared)
 
 
+@pytest.mark.parametrize("path", [((55, -8), (55, 8)), ((80, -4.5), (84, -4.5))])
+def test_places_that_somebody_staged_needs_stay_empty(
+    specs: dict[str, Spec], path: tuple[tuple[float, float], ...]
+) -> None:
+    """Somebody crosses the street, or stands along its kerb."""
+    (conflict,) = specs["unj_clear_day_sparse"].conflicts
+    actor = conflict.actors[0].model_copy(update={"blueprint": "small", "path_m": path})
+    staged = conflict.model_copy(update={"actors": (actor,)})
+
+    without = boxes(parked_cars(road(), BLUEPRINTS, BODIES), PLACE_M)
+    clear = boxes(parked_cars(road(), BLUEPRINTS, BODIES, [staged]), PLACE_M)
+
+    swept = shapely.LineString(path).buffer(0.9 + 0.4)
+    on_it = {
+        place
+        for place, ((left, low, _), (right, high, _)) in without.items()
+        if swept.intersects(shapely.box(left, low, right, high))
+    }
+    assert len(on_it) >= 1
+    assert without.keys() - clear.keys() == on_it
+    for place, corners in clear.items():
+        np.testing.assert_array_equal(corners, without[place])
+
+
 @pytest.mark.sumo
 @pytest.mark.parametrize("name", ["ui", "unj", "rsnj"])
 def test_nobody_drives_or_walks_through_a_parked_car(

@@ -44,7 +44,9 @@ def simulated(specs: dict[str, Spec], networks: dict[str, Path]) -> Simulated:
 
 
 def with_timing(spec: Spec, **timing: int) -> Spec:
-    return spec.model_copy(update={"timing": spec.timing.model_copy(update=timing)})
+    """A spec with other times; it stages nothing, since the ego may not get that far."""
+    timed = spec.timing.model_copy(update=timing)
+    return spec.model_copy(update={"timing": timed, "conflicts": ()})
 
 
 def with_demand(spec: Spec, **demand: float) -> Spec:

@@ -34,8 +34,8 @@ def road_key(spec: Spec) -> str:
 
 
 def world_key(spec: Spec) -> str:
-    """Of everything that the world depends on: the road, who stands beside it, and the bodies."""
-    data = spec.model_dump(mode="json", include={"road", "blueprints"})
+    """Of everything that the world depends on: the road, its bodies, and whose way stays clear."""
+    data = spec.model_dump(mode="json", include={"road", "blueprints", "conflicts"})
     return digest_of({"code": _code_digest(), "models": model_digests(spec), **data})
 
 

@@ -35,7 +35,7 @@ def build_world(spec: Spec, network: Path, shelf: Shelf | None = None) -> World:
             terrain.ground(road.rims, road.footprint, plateaus),
             *around,
             *fixed,
-            *parked_cars(spec.road, spec.blueprints, bodies),
+            *parked_cars(spec.road, spec.blueprints, bodies, spec.conflicts),
         ),
         bodies=bodies,
         lanes=road.lanes,

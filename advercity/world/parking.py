@@ -4,7 +4,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from advercity_dsl import ActorClass, Blueprint, Road
+import shapely
+from advercity_dsl import ActorClass, Blueprint, Road, StagedConflict
 from advercity_dsl.catalogue import Colour
 from advercity_dsl.road import StripKind, SurroundingKind
 
@@ -25,6 +26,8 @@ GAP_M = 0.8
 TAKEN = 0.7
 """Share of places with a car."""
 FROM_KERB_M = 0.35
+CLEAR_M = 0.4
+"""Least gap between a parked car and the path of somebody staged."""
 _CLASSES = ("car", "van")
 
 
@@ -36,15 +39,31 @@ class _Car:
 
 
 def parked_cars(
-    road: Road, blueprints: Mapping[str, Blueprint], bodies: Mapping[str, Body]
+    road: Road,
+    blueprints: Mapping[str, Blueprint],
+    bodies: Mapping[str, Body],
+    conflicts: Sequence[StagedConflict] = (),
 ) -> list[Mesh]:
     """Meshes of the cars that a road has parked: part of the place, they never move.
+
+    Places that somebody staged crosses or stands in stay empty; the other cars are the same.
 
     Args:
         road: The declaration.
         blueprints: What there is, by id; only cars and vans park.
         bodies: What they look like, by id.
+        conflicts: What is staged there.
     """
+    paths = shapely.union_all(
+        [
+            shapely.buffer(
+                shapely.LineString(actor.path_m), blueprints[actor.blueprint].width_m / 2 + CLEAR_M
+            )
+            for conflict in conflicts
+            for actor in conflict.actors
+            if actor.path_m
+        ]
+    )
     cars = [
         _Car(item.actor_class, bodies[name], item.paints)
         for name, item in blueprints.items()
@@ -55,11 +74,17 @@ def parked_cars(
         if item.kind is SurroundingKind.PARKED_CARS and item.beside and cars:
             for side in sides(item.beside, layout(road).streets):
                 key = f"{road.id}/{number}/{item.seed}/{side.sign}"
-                pieces += _row(side, item.spacing_m or PLACE_M, cars, key)
+                pieces += _row(side, item.spacing_m or PLACE_M, cars, paths, key)
     return meshes(pieces, "parked_")
 
 
-def _row(side: Side, place_m: float, cars: Sequence[_Car], key: str) -> Iterator[Piece]:
+def _row(
+    side: Side,
+    place_m: float,
+    cars: Sequence[_Car],
+    paths: shapely.Geometry,
+    key: str,
+) -> Iterator[Piece]:
     band = next(band for band in side.bands if band.kind is StripKind.PARKING)
     draw = generator("parked cars", key)
     place = band.bay_m or place_m
@@ -70,7 +95,8 @@ def _row(side: Side, place_m: float, cars: Sequence[_Car], key: str) -> Iterator
             paint = paint_for(car.actor_class, key, index, paints=car.paints)
             middle = side.first_m + (index + 0.5) * place
             pose = _pose(side, band, middle, place, car.body.size, slip, turned=turned)
-            yield from (_placed(part, pose, paint) for part in car.body.parts)
+            if not shapely.intersects(paths, _footprint(pose, car.body.size)):
+                yield from (_placed(part, pose, paint) for part in car.body.parts)
 
 
 def _pose(
@@ -104,6 +130,11 @@ def _pose(
     yaw = float(np.arctan2(along[1], along[0])) + turn
     grade = float(np.arctan2(along[2], np.linalg.norm(along[:2])))
     return poses.pose(middle, yaw=yaw, pitch=-grade * np.cos(turn), roll=-grade * np.sin(turn))
+
+
+def _footprint(pose: poses.Matrix, size: tuple[float, float, float]) -> shapely.Polygon:
+    corners = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]) / 2 * size
+    return shapely.Polygon(poses.transform(pose, corners)[:, :2])
 
 
 def _placed(part: Mesh, pose: poses.Matrix, paint: str) -> Piece:
