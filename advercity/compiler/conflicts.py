@@ -116,7 +116,7 @@ def _binding(library: Library, conflict: Conflict, road: Road, groups: Groups) -
 def _listed(
     library: Library, suite: Suite, roads: Mapping[str, Road], groups: Groups
 ) -> Iterator[Cell]:
-    problems = list(_unknown(library, suite, roads))
+    problems = list(_unknown(library, suite))
     if problems:
         raise ProblemsError(problems)
     there = library.of(Conflict)
@@ -140,12 +140,12 @@ def _listed(
         raise ProblemsError(problems)
 
 
-def _unknown(library: Library, suite: Suite, roads: Mapping[str, Road]) -> Iterator[Problem]:
+def _unknown(library: Library, suite: Suite) -> Iterator[Problem]:
     there = library.of(Conflict)
     for name, conflicts in suite.stage.items():
-        if name not in roads:
-            message = f"'{name}' is not among the suite's roads"
-            hint = nearest(name, roads)
+        if name not in library.of(Road):
+            message = f"there is no road '{name}' in this library"
+            hint = nearest(name, library.of(Road))
             yield library.problem(suite, "stage", name, message=message, hint=hint)
         for index, conflict in enumerate(conflicts):
             if conflict not in there:
@@ -157,12 +157,16 @@ def _unknown(library: Library, suite: Suite, roads: Mapping[str, Road]) -> Itera
 def _unstaged(
     library: Library, suite: Suite, road: Road, conflicts: tuple[Conflict, ...], groups: Groups
 ) -> Iterator[Problem]:
-    """A suite that stages conflicts stages each group that calls for a road, and no other."""
-    if not suite.stage:
+    """Where a suite stages conflicts it stages each group that calls for the road, and no other.
+
+    A group of which no conflict is declared cannot be staged; that is no mistake of the suite's.
+    """
+    if road.id not in suite.stage:
         return
     asked = {group.typology for group in groups[road.id]}
     got = {typology_of(library, conflict) for conflict in conflicts}
-    for name in sorted(asked - got):
+    declared = {typology_of(library, conflict) for conflict in library.of(Conflict).values()}
+    for name in sorted((asked & declared) - got):
         message = f"'{road.id}' is there for {name}, which none of its conflicts stages"
         hint = "add one of that group's conflicts"
         yield library.problem(suite, "stage", road.id, message=message, hint=hint)
