@@ -10,6 +10,7 @@ from advercity_dsl.road import SurroundingKind
 
 from advercity.semantics import Semantic
 from advercity.traffic import simulate
+from advercity.traffic.encounters import Track
 from advercity.world.bodies import body
 from advercity.world.layout import layout
 from advercity.world.materials import MATERIALS
@@ -163,5 +164,19 @@ def test_nobody_drives_or_walks_through_a_parked_car(
     assert declared
     shapely.prepare(strips)
     trace = simulate(spec, build_network(spec.road, tmp_path))
-    inside = shapely.contains_xy(shapely.buffer(strips, -0.3), trace.states["x"], trace.states["y"])
+    staged = {actor.number for one in spec.conflicts for actor in one.actors if actor.path_m}
+    numbers = np.array([actor.id for actor in trace.actors])
+    rows = trace.states[~np.isin(numbers[trace.states["actor"]], list(staged))]
+    inside = shapely.contains_xy(shapely.buffer(strips, -0.3), rows["x"], rows["y"])
     assert not inside.any()
+    bodies = {key: body(key, blueprint) for key, blueprint in spec.blueprints.items()}
+    cars = ground(parked_cars(spec.road, spec.blueprints, bodies, spec.conflicts))
+    shapely.prepare(cars)
+    for number in staged:
+        assert not shapely.intersects(cars, Track.of(trace, number).boxes).any()
+
+
+def ground(meshes: list[Mesh]) -> shapely.Geometry:
+    """What cars cover, from above."""
+    triangles = np.concatenate([mesh.vertices[mesh.triangles][..., :2] for mesh in meshes])
+    return shapely.union_all(shapely.buffer(shapely.polygons(triangles.astype(float)), 0.005))
