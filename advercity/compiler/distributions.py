@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator, Mapping
 from statistics import NormalDist
 from typing import Any, cast
 
+import numpy as np
 from advercity_dsl import Weather
 from advercity_dsl.distribution import DISTRIBUTIONS, Choice, Distribution, Uniform
 from pydantic import ValidationError
@@ -99,14 +100,16 @@ def check_ends(source: Resolved, distributions: Distributions) -> Weather:
 def draw(source: Resolved, distributions: Distributions, seed: int, spec_id: str) -> Weather:
     """The weather of one spec: every number is a function of seed, spec and field alone."""
     drawn = {
-        where: _rounded(_draw(item, seed, spec_id, dotted(where)), where)
+        where: _rounded(
+            number_from(item, generator(seed, "weather", spec_id, dotted(where))), where
+        )
         for where, item in distributions.items()
     }
     return validate(Weather, source, replaced(source.data, drawn))
 
 
-def _draw(item: Distribution, seed: int, spec_id: str, field: str) -> float:
-    rng = generator(seed, "weather", spec_id, field)
+def number_from(item: Distribution, rng: np.random.Generator) -> float:
+    """A number drawn from a distribution by one draw of `rng`."""
     if isinstance(item, Choice):
         return item.choice[int(rng.integers(len(item.choice)))]
     share = float(rng.random())

@@ -1,10 +1,9 @@
 """Draws a conflict's parameters; every number is a function of seed, key and name alone."""
 
-from statistics import NormalDist
-
 from advercity_dsl.conflict import Parameters
 from advercity_dsl.distribution import Choice, Distribution, Uniform
 
+from advercity.compiler.distributions import number_from
 from advercity.randomness import generator
 
 DIGITS = 4
@@ -31,17 +30,7 @@ def ends(draw: float | Distribution) -> tuple[float, float]:
 def _drawn(draw: float | Distribution, seed: int, key: str, name: str) -> float:
     if isinstance(draw, int | float):
         return float(draw)
-    rng = generator(seed, "conflict", key, name)
-    if isinstance(draw, Choice):
-        return draw.choice[int(rng.integers(len(draw.choice)))]
-    share = float(rng.random())
-    if isinstance(draw, Uniform):
-        low, high = draw.uniform
-        return low + (high - low) * share
-    bell = NormalDist(draw.normal.mean, draw.normal.sd)
-    low, high = draw.normal.within
-    below, above = bell.cdf(low), bell.cdf(high)
-    return min(max(bell.inv_cdf(below + (above - below) * max(share, 1e-9)), low), high)
+    return number_from(draw, generator(seed, "conflict", key, name))
 
 
 def _rounded(value: float) -> float:

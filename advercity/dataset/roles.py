@@ -13,14 +13,9 @@ Roles = Mapping[int, Mapping[str, Role]]
 
 def roles_of(spec: Spec) -> Roles:
     """Roles of all who take part in a conflict of a spec, the ego among them."""
-    (ego,) = (
-        agent.number
-        for agent in spec.agents
-        if agent.place.kind == "vehicle" and agent.place.role == "ego"
-    )
     roles: dict[int, dict[str, Role]] = {}
     for conflict in spec.conflicts:
-        roles.setdefault(ego, {})[conflict.id] = conflict.ego
+        roles.setdefault(spec.ego.number, {})[conflict.id] = conflict.ego
         for actor in conflict.actors:
             roles.setdefault(actor.number, {})[conflict.id] = actor.part
     return roles

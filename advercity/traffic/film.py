@@ -10,7 +10,6 @@ from advercity_dsl.base import Point2
 from numpy.typing import NDArray
 
 from advercity.traffic.encounters import Track, time_to_collision_on_way
-from advercity.traffic.outcomes import ego_number
 from advercity.traffic.trace import Signal, Trace
 from advercity.world.plan import FONT, FONT_SCALE, INK, Canvas, Image, plan
 from advercity.world.roads import built
@@ -71,7 +70,7 @@ def _colours(spec: Spec, trace: Trace) -> list[tuple[int, int, int]]:
 def _meetings(spec: Spec, trace: Trace) -> list[list[str]]:
     """For every tick, how near the ego and the staged actors are to each other."""
     told: list[list[str]] = [[] for _ in range(len(trace))]
-    ego = Track.of(trace, ego_number(spec))
+    ego = Track.of(trace, spec.ego.number)
     for conflict in spec.conflicts:
         actor = Track.of(trace, conflict.actors[0].number)
         ticks = np.intersect1d(ego.rows["tick"], actor.rows["tick"])

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from advercity_dsl import Spec, Vehicle
+from advercity_dsl import Spec
 from advercity_dsl.conflict import Outcome, StagedConflict
 
 from advercity.errors import RunError
@@ -57,7 +57,7 @@ def outcomes(spec: Spec, trace: Trace) -> Iterator[StagedOutcome]:
     Raises:
         RunError: Somebody who takes part is not in the trace.
     """
-    ego = ego_number(spec)
+    ego = spec.ego.number
     for conflict in spec.conflicts:
         actor = conflict.actors[0].number
         try:
@@ -68,15 +68,6 @@ def outcomes(spec: Spec, trace: Trace) -> Iterator[StagedOutcome]:
         if met is None or tracks is None:
             raise RunError(f"{spec.id}: {conflict.id} lacks its actor {actor}, or the ego")
         yield _outcome(conflict, met, *tracks, trace.tick_s)
-
-
-def ego_number(spec: Spec) -> int:
-    """Id of the ego in traces and annotations."""
-    return next(
-        agent.number
-        for agent in spec.agents
-        if isinstance(agent.place, Vehicle) and agent.place.role == "ego"
-    )
 
 
 def _outcome(

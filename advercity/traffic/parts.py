@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from advercity_dsl import Spec, StagedActor, StagedConflict, Vehicle
+from advercity_dsl import Spec, StagedActor, StagedConflict
 from numpy.typing import NDArray
 
 from advercity.traffic.approach import braked, meeting, passed
@@ -44,22 +44,13 @@ def played(
 ) -> dict[int, Play]:
     """What every staged actor is to do, given how the last rehearsal went."""
     rehearsal = trace_of(spec, demand, recording, first=0)
-    ego = Track.of(rehearsal, ego_number(spec))
+    ego = Track.of(rehearsal, spec.ego.number)
     stage = _Stage(spec, demand, graph, recording, rehearsal, ego, before)
     return {
         actor.number: stage.play(conflict, actor)
         for conflict in spec.conflicts
         for actor in conflict.actors
     }
-
-
-def ego_number(spec: Spec) -> int:
-    """Id of the ego in the trace."""
-    return next(
-        agent.number
-        for agent in spec.agents
-        if isinstance(agent.place, Vehicle) and agent.place.role == "ego"
-    )
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import numpy as np
 from advercity_dsl import Spec
 
 from advercity.traffic.encounters import Encounter, Overlap, encounter, overlaps
-from advercity.traffic.outcomes import StagedOutcome, ego_number, outcomes
+from advercity.traffic.outcomes import StagedOutcome, outcomes
 from advercity.traffic.trace import Trace
 
 NEAR_M = 30.0
@@ -98,7 +98,7 @@ def report(spec: Spec, trace: Trace, trace_sha256: str) -> Report:
 
 
 def _met(spec: Spec, trace: Trace) -> Iterator[Encounter]:
-    ego = ego_number(spec)
+    ego = spec.ego.number
     for actor in trace.actors:
         found = encounter(trace, ego, actor.id, within_m=NEAR_M) if actor.id != ego else None
         if found is not None:

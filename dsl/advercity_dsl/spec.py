@@ -104,6 +104,11 @@ class Spec(Model):
     seeds: SpecSeeds
     provenance: Provenance
 
+    @property
+    def ego(self) -> Agent:
+        """The connected vehicle that conflicts are staged for."""
+        return next(agent for agent in self.agents if getattr(agent.place, "role", "") == "ego")
+
     @model_validator(mode="after")
     def _agents_are_told_apart(self) -> Self:
         for what in ("id", "number"):

@@ -109,8 +109,9 @@ def test_closed_renderers_and_taken_pictures_leave_no_memory_behind(profile: Pro
                 renderer.camera(VIEW)
         return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
-    # The allocator's arenas grow in a few jumps; a renderer that stays would add to every round,
-    # so it shows in the median of the slopes between all rounds (Theil-Sen).
-    used = np.array([once() for _ in range(20)][6:])
-    first, last = np.triu_indices(len(used), k=1)
-    assert np.median((used[last] - used[first]) / (last - first)) < 2.5e6
+    # The allocator's arenas grow in a few large jumps before they are used again; a renderer that
+    # stays would add to every round, so memory would never stand still over several of them.
+    used = [once() for _ in range(5)]
+    while used[-1] - used[-5] > 4e6 and len(used) < 60:
+        used.append(once())
+    assert used[-1] - used[-5] <= 4e6
