@@ -9,7 +9,7 @@ import argparse
 import math
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -53,27 +53,30 @@ class NoBindings:
         """Nothing to read."""
 
 
-def stock_picture(
-    world: World, air: Atmosphere, frame: Frame, view: CameraView
+def stock_pictures(
+    world: World, air: Atmosphere, frame: Frame, views: Sequence[CameraView]
 ) -> Callable[[], None]:
-    """Takes a picture with SAPIEN's own pack."""
+    """Takes pictures with SAPIEN's own pack, and fetches all that ours have too."""
     scene = sapien.Scene([sapien.render.RenderSystem(sapien.Device("cpu"))])
     stage, sun = Stage(world, scene, NoBindings(), night=air.night), SunShadow(air, scene)
     stage.place(frame)
-    sun.follow(view)
     camera = sapien.render.RenderCameraComponent(*SIZE, str(STOCK))
-    focal = SIZE[0] / 2.0 / math.tan(view.horizontal_fov_rad / 2.0)
-    camera.set_perspective_parameters(NEAR_M, FAR_M, focal, focal, SIZE[0] / 2, SIZE[1] / 2, 0.0)
     entity = sapien.Entity()
     entity.add_component(camera)
     scene.add_entity(entity)
-    entity.set_pose(sapien.Pose(view.world_from_camera))
 
     def take() -> None:
-        scene.update_render()
-        camera.take_picture()
-        for name in ("Color", "Position", "Segmentation", "Normal"):
-            camera.get_picture(name)
+        for view in views:
+            focal = SIZE[0] / 2.0 / math.tan(view.horizontal_fov_rad / 2.0)
+            camera.set_perspective_parameters(
+                NEAR_M, FAR_M, focal, focal, SIZE[0] / 2, SIZE[1] / 2, 0.0
+            )
+            entity.set_pose(sapien.Pose(view.world_from_camera))
+            sun.follow(view)
+            scene.update_render()
+            camera.take_picture()
+            for name in ("Color", "Position", "Segmentation", "Normal"):
+                camera.get_picture(name)
 
     return take
 
@@ -91,7 +94,7 @@ def measure(spec: Spec, weather: str, rounds: int) -> tuple[float, float]:
         math.radians(ego.sensors.camera.horizontal_fov_deg),
         hide=frozenset({ego.number}),
     )
-    stock = stock_picture(world, air, frame, view)
+    stock = stock_pictures(world, air, frame, [view])
     with load_backend("sapien").open(world, air, Profile("bench", 1.0, "raster")) as renderer:
         renderer.place(frame)
         times: list[list[float]] = [[], []]

@@ -1,5 +1,6 @@
 """The seam between a scene and whatever renders it."""
 
+from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from typing import Literal, Protocol
@@ -94,6 +95,14 @@ class Renderer(Protocol):
 
     def camera(self, view: CameraView) -> CameraCapture:
         """Take one picture of the placed frame."""
+        ...
+
+    def cameras(self, views: Sequence[CameraView]) -> Iterator[CameraCapture]:
+        """Take pictures (at least one) of the placed frame, in order.
+
+        The device works on the next one while the caller looks at the last, and on the first
+        before it is asked for. All must be fetched before another frame is placed.
+        """
         ...
 
 

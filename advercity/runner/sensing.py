@@ -64,14 +64,21 @@ class Senses:
 
     def read(self, index: int) -> tuple[Reading, ...]:
         """The readings of every viewpoint in kept frame `index`, in the spec's order."""
-        frame = self._placed(index)
-        return tuple(self._reading(agent, frame) for agent in self._viewpoints.spec.agents)
+        frame, agents = self._placed(index), self._viewpoints.spec.agents
+        captures = self._renderer.cameras(
+            [
+                view_of(agent, pose, self._profile)
+                for agent in agents
+                for pose in self._viewpoints.camera_poses(agent, index)
+            ]
+        )
+        return tuple(self._reading(agent, frame, captures) for agent in agents)
 
     def look(self, agent: Agent, camera: int, index: int) -> Image:
         """The picture (h, w, 3) RGB of one camera alone in kept frame `index`."""
         frame = self._placed(index)
         pose = self._viewpoints.camera_poses(agent, index)[camera]
-        capture = self._renderer.camera(self._view(agent, pose))
+        capture = self._renderer.camera(view_of(agent, pose, self._profile))
         return self._developed(capture, agent, camera, pose, frame)
 
     def _placed(self, index: int) -> Frame:
@@ -82,14 +89,14 @@ class Senses:
         self._lamps = tuple(lit_lamps(self._world, frame)) if is_night else ()
         return frame
 
-    def _reading(self, agent: Agent, frame: Frame) -> Reading:
+    def _reading(self, agent: Agent, frame: Frame, captures: Iterator[CameraCapture]) -> Reading:
         lidar = agent.sensors.lidar
         scan = self._scan(agent, frame)
         rng = self._viewpoints.rng("lidar", agent, frame)
         return self._viewpoints.reading(
             agent,
             frame,
-            pictures=tuple(self._pictures(agent, frame)),
+            pictures=tuple(self._pictures(agent, frame, captures)),
             cloud=sweep(lidar, scan, self._air, rng, states=frame.states),
             visible=visible_counts(scan, lidar),
         )
@@ -106,10 +113,11 @@ class Senses:
             puddle_coverage=self._air.puddle_coverage,
         )
 
-    def _pictures(self, agent: Agent, frame: Frame) -> Iterator[Picture]:
+    def _pictures(
+        self, agent: Agent, frame: Frame, captures: Iterator[CameraCapture]
+    ) -> Iterator[Picture]:
         for camera, pose in enumerate(self._viewpoints.camera_poses(agent, frame.index)):
-            view = self._view(agent, pose)
-            capture = self._renderer.camera(view)
+            view, capture = view_of(agent, pose, self._profile), next(captures)
             yield Picture(
                 world_from_camera=pose,
                 image=self._developed(capture, agent, camera, pose, frame),
@@ -122,7 +130,7 @@ class Senses:
         self, capture: CameraCapture, agent: Agent, camera: int, pose: Matrix, frame: Frame
     ) -> Image:
         shot = Shot(
-            view=self._view(agent, pose),
+            view=view_of(agent, pose, self._profile),
             camera=agent.sensors.camera,
             frame=frame,
             velocity=self._viewpoints.velocity(agent, frame),
@@ -150,15 +158,17 @@ class Senses:
             hide=view.hide,
         )
 
-    def _view(self, agent: Agent, world_from_camera: Matrix) -> CameraView:
-        camera = agent.sensors.camera
-        return CameraView(
-            world_from_camera=world_from_camera,
-            width_px=max(1, round(camera.width_px * self._profile.scale)),
-            height_px=max(1, round(camera.height_px * self._profile.scale)),
-            horizontal_fov_rad=math.radians(camera.horizontal_fov_deg),
-            hide=_carrier(agent),
-        )
+
+def view_of(agent: Agent, world_from_camera: Matrix, profile: Profile) -> CameraView:
+    """What a camera of an agent that is there (4, 4) looks at, as large as `profile` says."""
+    camera = agent.sensors.camera
+    return CameraView(
+        world_from_camera=world_from_camera,
+        width_px=max(1, round(camera.width_px * profile.scale)),
+        height_px=max(1, round(camera.height_px * profile.scale)),
+        horizontal_fov_rad=math.radians(camera.horizontal_fov_deg),
+        hide=_carrier(agent),
+    )
 
 
 def _carrier(agent: Agent) -> frozenset[int]:

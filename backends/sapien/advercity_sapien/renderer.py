@@ -1,9 +1,12 @@
 """An open scene: cameras over a stage, behind the Renderer protocol."""
 
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import sapien
+from numpy.typing import NDArray
 
 from advercity.randomness import generator
 from advercity.rendering.backend import CameraCapture, CameraView, Profile
@@ -25,6 +28,8 @@ WEAR_COLUMN, GROUND_COLUMN, FRAME_COLUMN, SHELTER_COLUMN = 14, 15, 16, 17
 SHADERS = Path(__file__).parent / "shaders"
 NEAR_M, FAR_M = 0.1, 3000.0
 
+Images = dict[str, NDArray[Any]]
+
 
 class SapienRenderer:
     """Renders one world under one atmosphere."""
@@ -36,6 +41,7 @@ class SapienRenderer:
         self._profile = profile
         self._scene = sapien.Scene([sapien.render.RenderSystem(device)])
         self._is_ray_traced = profile.renderer == "ray_traced"
+        self._is_denoised = self._is_ray_traced and profile.denoise
         wear = wear_map(world.lanes)
         shelter = shelter_map(world) if atmosphere.snow_depth_m else NO_SHELTER
         maps = Maps(sky_atlas(atmosphere), wear.texels, puddles.field(), shelter.texels)
@@ -45,6 +51,7 @@ class SapienRenderer:
         self._stage = Stage(world, self._scene, self._bindings, night=atmosphere.night)
         self._sun = SunShadow(atmosphere, self._scene)
         self._cameras: dict[tuple[int, int], sapien.render.RenderCameraComponent] = {}
+        self._begun: sapien.render.RenderCameraComponent | None = None
         self._air = atmosphere_row(atmosphere)
         self._air[WEAR_COLUMN] = map_column(wear)
         self._air[SHELTER_COLUMN] = map_column(shelter)
@@ -63,18 +70,55 @@ class SapienRenderer:
 
     def camera(self, view: CameraView) -> CameraCapture:
         """Take one picture of the placed frame."""
+        return next(self.cameras([view]))
+
+    def cameras(self, views: Sequence[CameraView]) -> Iterator[CameraCapture]:
+        """Take pictures of the placed frame; the next is in the making while one is looked at.
+
+        The device has begun with the first when this returns.
+        """
+        self._begin(views[0])
+        return self._captures(views[1:])
+
+    def _captures(self, views: Sequence[CameraView]) -> Iterator[CameraCapture]:
+        for view in views:
+            images = self._images()
+            self._begin(view)
+            yield self._capture(images)
+        yield self._capture(self._images())
+
+    def _begin(self, view: CameraView) -> None:
+        """Set the device to work on a picture."""
+        self._finish()
         camera = self._aimed(view)
         self._sun.follow(view)
         with self._stage.without(view.hide):
             self._bindings.write(np.concatenate([self._air[None], self._lamps.rows(view)]))
             self._scene.update_render()
             camera.take_picture()
-        picture = camera.get_picture("Radiance")
-        radiance, depth = picture[..., :3], picture[..., 3]
-        normal = np.ascontiguousarray(camera.get_picture("Normal")[..., :3])
-        if self._is_ray_traced and self._profile.denoise:
-            radiance = denoised(radiance, camera.get_picture("Albedo")[..., :3], normal)
-        semantic, instance = self._stage.identities.read(camera.get_picture("Segmentation")[..., 0])
+        self._begun = camera
+
+    def _images(self) -> Images:
+        """Everything of the picture that was begun, by name, as soon as the device is done."""
+        assert self._begun is not None, "captures are fetched before the next are begun"
+        names = ["Radiance", "Normal", "Segmentation"]
+        if self._is_denoised:
+            names.append("Albedo")
+        images = {name: self._begun.get_picture(name) for name in names}
+        self._begun = None
+        return images
+
+    def _finish(self) -> None:
+        """Wait for a picture that nobody fetched: the device crashes if it is left at work."""
+        if self._begun is not None:
+            self._images()
+
+    def _capture(self, images: Images) -> CameraCapture:
+        radiance, depth = images["Radiance"][..., :3], images["Radiance"][..., 3]
+        normal = np.ascontiguousarray(images["Normal"][..., :3])
+        if self._is_denoised:
+            radiance = denoised(radiance, images["Albedo"][..., :3], normal)
+        semantic, instance = self._stage.identities.read(images["Segmentation"][..., 0])
         return CameraCapture(
             radiance=np.multiply(radiance, 1.0 / KILO, dtype=np.float32),
             depth=np.where(depth > 0.0, depth, np.float32(np.inf)),
@@ -85,6 +129,7 @@ class SapienRenderer:
 
     def close(self) -> None:
         """Give the device's memory back."""
+        self._finish()
         self._cameras.clear()
         self._scene.clear()
 

@@ -316,6 +316,36 @@ def test_pictures_do_not_depend_on_what_was_rendered_before(opened: Open) -> Non
     assert len(set(first.values())) == 4
 
 
+def test_pictures_taken_together_are_those_taken_one_by_one(opened: Open) -> None:
+    ground = box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "asphalt")
+    air = air_of(mor_m=300.0, sky=uniform(900.0), sun_lx=3e4, airlight=grey(900.0))
+    far, near = pose((0, 0, 3), yaw=0.2), pose((0, 0, 1), yaw=-0.1)
+    views = [
+        view_of(far, size=(64, 48)),
+        view_of(near, size=(64, 48), hide=1),
+        view_of(near, size=(32, 24)),
+        view_of(near, size=(64, 48)),
+    ]
+    with opened(world_of(ground), air, samples=2, path_depth=2) as renderer:
+        renderer.place(frame_of(state(1, (8.0, 1.0, 0.0))))
+        together = list(renderer.cameras(views))
+        alone = [renderer.camera(view) for view in views]
+    for one, other in zip(together, alone, strict=True):
+        assert np.array_equal(one.radiance, other.radiance)
+        assert np.array_equal(one.depth, other.depth)
+        assert np.array_equal(one.normal, other.normal)
+        assert np.array_equal(one.instance, other.instance)
+    assert {len(np.unique(one.instance)) for one in together} == {1, 2}
+
+
+def test_pictures_that_nobody_fetches_do_no_harm(opened: Open) -> None:
+    with opened(world_of(), air_of(sky=uniform(1000.0))) as renderer:
+        renderer.place(frame_of(state(1, (8.0, 0.0, 0.0))))
+        renderer.cameras([view_of(), view_of()])
+        assert set(np.unique(renderer.camera(view_of()).instance)) == {0, 1}
+        next(renderer.cameras([view_of(), view_of()]))
+
+
 def test_wet_asphalt_is_darker_below_and_mirrors_the_sky_ahead(opened: Open) -> None:
     ground = box((0.0, 0.0, -0.5), (2000.0, 200.0, 1.0), "asphalt")
     seen: dict[float, Floats] = {}

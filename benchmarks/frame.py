@@ -1,0 +1,216 @@
+"""Where the time of a frame goes, and what all of it takes against SAPIEN's own pictures.
+
+    python benchmarks/frame.py [compiled/ui_fog_day_sparse.json] [--rounds 3] [--frames 6]
+
+Each round makes the same frames as `advercity run` does - sensed, annotated, encoded, written -
+and, before and after, takes as many pictures of the same scene with SAPIEN's own raster pack as the
+frame has cameras. The ratio is that of the walls, medians of the rounds; the first frame of a run,
+which builds the shaders, does not count. Stages overlap, so their walls add up to more than the
+frame's; what is no stage's own is the driver's, which draws in threads of its own.
+"""
+
+import argparse
+import os
+import statistics
+import sys
+import tempfile
+import threading
+import time
+from collections import defaultdict
+from collections.abc import Callable, Generator, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+from advercity_dsl import Spec
+from advercity_sapien.renderer import SapienRenderer
+from camera import stock_pictures
+
+from advercity.compiler import read_spec
+from advercity.dataset import images, opv2v, writer
+from advercity.rendering.backend import PROFILES, CameraView
+from advercity.rendering.registry import load_backend
+from advercity.runner import FrameRange, Options, run_scenario, sensing
+from advercity.runner.stage import set_stage, world_of
+from advercity.runner.viewpoints import Viewpoints
+from advercity.weather.derivation import atmosphere_of
+
+GOAL, BUSY_GOAL = 2.5, 0.85
+STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
+    "placing actors": ((SapienRenderer, "place"),),
+    "asking for pictures": ((SapienRenderer, "_begin"),),
+    "waiting for pictures": ((SapienRenderer, "_images"),),
+    "optics and electronics": ((sensing, "photograph"),),
+    "pixels of every actor": ((sensing, "sightings"),),
+    "LiDAR: rays": ((sensing, "shoot"),),
+    "LiDAR: weather, points": ((sensing, "sweep"),),
+    "maps": ((opv2v, "bird_views"),),
+    "annotations": ((opv2v, "describe"), (opv2v, "extras"), (opv2v, "motion")),
+    "documents as text": ((opv2v, "yaml_bytes"), (opv2v, "json_bytes")),
+    "clouds as files": ((opv2v.pcd, "encode"),),
+    "pictures as PNG": ((images, "_encoded"),),
+    "checksums": ((writer.FileRecord, "of"),),
+    "disk": ((writer, "write"), (writer, "move"), (writer, "append_to_journal")),
+}
+
+
+@dataclass
+class Stage:
+    """What a stage has taken in all threads, seconds."""
+
+    wall_s: float = 0.0
+    cpu_s: float = 0.0
+
+
+@dataclass
+class Stopwatch:
+    """Adds up what calls take, thread by thread."""
+
+    stages: defaultdict[str, Stage] = field(default_factory=lambda: defaultdict(Stage))
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def timing(self, stage: str, call: Callable[..., Any]) -> Callable[..., Any]:
+        """The same call, timed."""
+
+        def timed(*arguments: Any, **more: Any) -> Any:
+            wall, cpu = time.perf_counter(), time.thread_time()
+            result = call(*arguments, **more)
+            wall, cpu = time.perf_counter() - wall, time.thread_time() - cpu
+            with self._lock:
+                self.stages[stage].wall_s += wall
+                self.stages[stage].cpu_s += cpu
+            return result
+
+        return timed
+
+    @contextmanager
+    def running(self) -> Generator[None]:
+        """Time every stage."""
+        with ExitStack() as stack:
+            for stage, calls in STAGES.items():
+                for owner, name in calls:
+                    timed = self.timing(stage, getattr(owner, name))
+                    stack.enter_context(patch.object(owner, name, timed))
+            yield
+
+
+@dataclass(frozen=True)
+class Pace:
+    """What a frame took in the mean."""
+
+    wall_s: float
+    cpu_s: float
+    stages: dict[str, Stage]
+
+    @property
+    def busy(self) -> float:
+        """Share of the machine's cores that it kept at work."""
+        return self.cpu_s / self.wall_s / len(os.sched_getaffinity(0))
+
+
+def pace(spec: Spec, frames: int) -> Pace:
+    """Make frames of a scenario, the first of which does not count."""
+    marks: list[tuple[float, float]] = []
+    stopwatch = Stopwatch()
+
+    def report(_: str, stage: str, done: int, total: int) -> None:
+        if done == 1 or stage == "done":
+            stopwatch.stages.clear() if done == 1 else None
+            marks.append((time.perf_counter(), time.process_time()))
+
+    with tempfile.TemporaryDirectory() as folder, stopwatch.running():
+        options = Options(Path(folder), profile="preview", frames=FrameRange(0, frames + 1))
+        run_scenario(spec, options, report)
+    (wall, cpu), (wall_end, cpu_end) = marks
+    return Pace(
+        (wall_end - wall) / frames,
+        (cpu_end - cpu) / frames,
+        {
+            name: Stage(stage.wall_s / frames, stage.cpu_s / frames)
+            for name, stage in stopwatch.stages.items()
+        },
+    )
+
+
+class Peer:
+    """SAPIEN's own pictures from every camera of a scenario, and ours of them alone."""
+
+    def __init__(self, spec: Spec) -> None:
+        stage = set_stage(spec)
+        viewpoints = Viewpoints(spec, stage.trace)
+        self._frame = viewpoints.frame(1)
+        self._world = world_of(spec, stage.network)
+        self._air = atmosphere_of(spec.weather, spec.road.land_use)
+        self._views = list(_views(viewpoints))
+        self._take = stock_pictures(self._world, self._air, self._frame, self._views)
+        self._take()
+
+    def seconds(self) -> float:
+        """Of a picture from every camera."""
+        began = time.perf_counter()
+        self._take()
+        return time.perf_counter() - began
+
+    def ours(self) -> float:
+        """Seconds of our pictures from every camera, without all that is done to them."""
+        with load_backend("sapien").open(self._world, self._air, PROFILES["preview"]) as renderer:
+            renderer.place(self._frame)
+            for _ in renderer.cameras(self._views):
+                pass
+            began = time.perf_counter()
+            for _ in renderer.cameras(self._views):
+                pass
+            return time.perf_counter() - began
+
+
+def _views(viewpoints: Viewpoints) -> Iterator[CameraView]:
+    for agent in viewpoints.spec.agents:
+        for world_from_camera in viewpoints.camera_poses(agent, 1):
+            yield sensing.view_of(agent, world_from_camera, PROFILES["preview"])
+
+
+def main() -> int:
+    """Measure and print; 1 if a frame takes longer than the goal."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("spec", type=Path, nargs="?", default="compiled/ui_fog_day_sparse.json")
+    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--frames", type=int, default=6)
+    arguments = parser.parse_args()
+    spec = read_spec(arguments.spec)
+    peer = Peer(spec)
+    paces: list[Pace] = []
+    ratios: list[float] = []
+    stock = [peer.seconds()]
+    for _ in range(arguments.rounds):
+        paces.append(pace(spec, arguments.frames))
+        stock.append(peer.seconds())
+        ratios.append(2.0 * paces[-1].wall_s / (stock[-2] + stock[-1]))
+    _print(paces, statistics.median(stock), peer.ours())
+    ratio, busy = statistics.median(ratios), statistics.median(pace.busy for pace in paces)
+    print(f"a frame against SAPIEN's own pictures: {ratio:.2f}; cores busy: {busy:.0%}")
+    return int(ratio > GOAL)
+
+
+def _print(paces: list[Pace], stock_s: float, ours_s: float) -> None:
+    wall_s, cpu_s = (
+        statistics.median(getattr(pace, name) for pace in paces) for name in ("wall_s", "cpu_s")
+    )
+    print("| stage | wall, ms | CPU, ms |\n|---|---|---|")
+    own_s = 0.0
+    for name in STAGES:
+        wall, cpu = (
+            statistics.median(getattr(pace.stages[name], part) for pace in paces)
+            for part in ("wall_s", "cpu_s")
+        )
+        own_s += cpu
+        print(f"| {name} | {wall * 1e3:.0f} | {cpu * 1e3:.0f} |")
+    print(f"| the driver, and what is left | | {(cpu_s - own_s) * 1e3:.0f} |")
+    print(f"| the whole frame | {wall_s * 1e3:.0f} | {cpu_s * 1e3:.0f} |")
+    print(f"| its pictures alone | {ours_s * 1e3:.0f} | |")
+    print(f"| SAPIEN's own pictures | {stock_s * 1e3:.0f} | |")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
