@@ -184,15 +184,29 @@ def run(
         str | None, typer.Option(help="Replay under another weather: a file, or a library name.")
     ] = None,
     jobs: Annotated[int, typer.Option(min=1, help="Scenarios at a time.")] = 1,
+    max_memory: Annotated[
+        str | None, typer.Option(metavar="SIZE", help="Memory of a scenario: 4 GB.")
+    ] = None,
+    max_time: Annotated[
+        str | None, typer.Option(metavar="TIME", help="Time of a scenario: 90 min.")
+    ] = None,
     fresh: Annotated[
         bool, typer.Option("--fresh", help="Start over; discard what is there.")
     ] = False,
     layout: Annotated[str, typer.Option("--format", help="opv2v or adver_city.")] = "opv2v",
 ) -> None:
-    """Run scenarios: traffic, sensors, dataset, live view."""
+    """Run scenarios, each in a process of its own: traffic, sensors, dataset, live view."""
     from advercity.cli.progress import progress
     from advercity.compiler import find_weather, read_spec, under
-    from advercity.runner import Options, ViewerTarget, parse_frames, run_all
+    from advercity.runner import (
+        Limits,
+        Options,
+        ViewerTarget,
+        parse_frames,
+        raise_failures,
+        run_all,
+    )
+    from advercity.runner.limits import parse_size, parse_time
     from advercity.viewer.clouds import parse_cloud_colour
 
     if sum((rrd is not None, stream, connect is not None)) > 1:
@@ -216,10 +230,16 @@ def run(
         fresh=fresh,
         format=layout,
     )
-    with progress(chosen) as report:
-        folders = run_all(chosen, options, jobs=jobs, report=report)
-    for folder in folders:
-        say(str(folder))
+    limits = Limits(
+        memory_bytes=None if max_memory is None else parse_size("--max-memory", max_memory),
+        time_s=None if max_time is None else parse_time("--max-time", max_time),
+    )
+    with progress(chosen) as view:
+        outcomes = run_all(chosen, options, watcher=view, jobs=jobs, limits=limits)
+    for outcome in outcomes:
+        if outcome.error is None:
+            say(str(output / outcome.scenario))
+    raise_failures(outcomes)
 
 
 @app.command()
@@ -271,7 +291,7 @@ def gallery(
 
     chosen = [read_spec(path) for path in specs]
     weathers = [find_weather(name) for name in weather or shipped_weathers()]
-    with progress(chosen) as report:
+    with progress(chosen, things="pictures") as view:
         write_gallery(
             chosen,
             weathers,
@@ -281,7 +301,7 @@ def gallery(
             frame=frame,
             backend=backend,
             profile=profile,
-            report=report,
+            report=view.advanced,
         )
     say(str(output))
 
@@ -322,8 +342,8 @@ def repair(
     from advercity.dataset.reader import Scenario
     from advercity.runner import repair as mend
 
-    with progress([Scenario(path).spec for path in scenarios(dataset)]) as report:
-        left = mend(dataset, report)
+    with progress([Scenario(path).spec for path in scenarios(dataset)]) as view:
+        left = mend(dataset, view.advanced)
     if left:
         lines = [f"{problem}; not part of the dataset, delete it" for problem in left]
         raise RunError("\n".join(lines))

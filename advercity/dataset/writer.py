@@ -61,11 +61,17 @@ class DatasetWriter:
         self._fresh = fresh
         self._files: dict[str, FileRecord] = {}
         self._done: set[int] = set()
+        self._size_bytes = 0
 
     @property
     def done(self) -> frozenset[int]:
         """Frames that need not be written."""
         return frozenset(self._done)
+
+    @property
+    def size_bytes(self) -> int:
+        """Of all files that are in place; may be asked for while another thread writes."""
+        return self._size_bytes
 
     def __enter__(self) -> Self:
         with failures_named(self.scenario):
@@ -106,6 +112,7 @@ class DatasetWriter:
             records = {path: FileRecord.of(content, frame=frame) for path, content in files.items()}
             append_to_journal(self.scenario, records)
             self._files |= records
+            self._size_bytes += sum(record.size for record in records.values())
             self._done.add(frame)
 
     def finish(self) -> None:
@@ -125,6 +132,7 @@ class DatasetWriter:
         self._sweep()
         beside = beside_frames(self._spec, self._identity)
         self._files |= {path: FileRecord.of(content) for path, content in beside.items()}
+        self._size_bytes = sum(record.size for record in self._files.values())
         self._save()
         for path, content in beside.items():
             self._replace(path, content)

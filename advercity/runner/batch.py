@@ -1,68 +1,110 @@
-"""Several scenarios, one after the other or side by side in processes of their own."""
+"""Many scenarios, some at a time, each in a process of its own."""
 
-from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from multiprocessing import get_context
-from pathlib import Path
+from collections.abc import Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from queue import SimpleQueue
+from threading import Event as Flag
+from typing import Protocol
 
 from advercity_dsl import Spec
 
-from advercity.errors import AdvercityError, InputError, RunError
+from advercity.errors import InputError, RunError
+from advercity.rendering.registry import load_backend
+from advercity.runner.gpus import seen_by, visible_gpus
+from advercity.runner.job import Job
+from advercity.runner.limits import Limits
 from advercity.runner.options import Options
-from advercity.runner.scenario import Report, run_scenario
+from advercity.runner.progress import Progress
+from advercity.runner.supervision import Outcome, supervise
 
 
-def run_all(specs: Sequence[Spec], options: Options, *, jobs: int, report: Report) -> list[Path]:
-    """Run every spec; the scenarios' folders in the order of `specs`.
+class Watcher(Protocol):
+    """Somebody who watches; called from several threads."""
 
-    One that fails does not stop the others.
+    def advanced(self, progress: Progress) -> None:
+        """A scenario has got so far."""
+        ...
+
+    def finished(self, outcome: Outcome) -> None:
+        """A scenario has come to its end, good or bad."""
+        ...
+
+
+def run_all(
+    specs: Sequence[Spec],
+    options: Options,
+    *,
+    watcher: Watcher,
+    jobs: int = 1,
+    limits: Limits | None = None,
+) -> list[Outcome]:
+    """Run every spec; how each ended, in the order of `specs`.
+
+    One that fails, dies or is killed does not stop the others. Graphics cards are shared out among
+    those that run at a time. When this call is interrupted, the processes are ended first.
+
+    Args:
+        specs: What to run, all with different ids.
+        options: How to run them.
+        watcher: Told of progress and ends.
+        jobs: How many run at a time.
+        limits: For each of them.
 
     Raises:
         InputError: Two specs have the same id, or an option does not fit.
-        RunError: Some scenarios failed; the text says which and why.
     """
+    _check(specs, options)
+    gpus, stop = visible_gpus(), Flag()
+    slots: SimpleQueue[int] = SimpleQueue()
+    for slot in range(jobs):
+        slots.put(slot)
+
+    def one(spec: Spec) -> Outcome:
+        slot = slots.get()
+        try:
+            outcome = supervise(
+                Job(spec, options),
+                limits or Limits(),
+                watcher.advanced,
+                environment=seen_by(slot, gpus),
+                stop=stop,
+            )
+        finally:
+            slots.put(slot)
+        watcher.finished(outcome)
+        return outcome
+
+    with ThreadPoolExecutor(jobs) as pool:
+        try:
+            runs = [pool.submit(one, spec) for spec in specs]
+            for run in as_completed(runs):
+                run.result()
+        finally:
+            stop.set()
+            pool.shutdown(cancel_futures=True)
+    return [run.result() for run in runs]
+
+
+def _check(specs: Sequence[Spec], options: Options) -> None:
+    """What would go wrong with every one of them."""
     if len({spec.id for spec in specs}) < len(specs):
         raise InputError("a scenario is given twice; each may run once into an output folder")
     if len(specs) > 1 and options.viewer.is_asked_for:
         raise InputError("--rrd, --stream and --connect show one scenario; run them one by one")
-    if len(specs) == 1:
-        return [run_scenario(specs[0], options, report)]
-    failed: dict[str, Exception] = {}
-    if jobs == 1:
-        _one_by_one(specs, options, report, failed)
-    else:
-        _side_by_side(specs, options, jobs, report, failed)
+    load_backend(options.backend)
+
+
+def raise_failures(outcomes: Iterable[Outcome]) -> None:
+    """Raise what failed: the error itself if one scenario was run, else a list of them.
+
+    Raises:
+        AdvercityError: The only scenario failed.
+        RunError: Some of several failed; the text says which and why.
+    """
+    every = list(outcomes)
+    failed = [(item.scenario, item.error) for item in every if item.error is not None]
+    if len(every) == 1 and failed:
+        raise failed[0][1]
     if failed:
-        lines = [f"{name}: {error}" for name, error in failed.items()]
-        raise RunError("\n".join([*lines, f"{len(failed)} of {len(specs)} scenarios failed"]))
-    return [options.output / spec.id for spec in specs]
-
-
-def _one_by_one(
-    specs: Sequence[Spec], options: Options, report: Report, failed: dict[str, Exception]
-) -> None:
-    for spec in specs:
-        try:
-            run_scenario(spec, options, report)
-        except AdvercityError as error:
-            failed[spec.id] = error
-
-
-def _side_by_side(
-    specs: Sequence[Spec],
-    options: Options,
-    jobs: int,
-    report: Report,
-    failed: dict[str, Exception],
-) -> None:
-    # Renderers and simulators do not survive a fork.
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), max_tasks_per_child=1) as pool:
-        runs = {pool.submit(run_scenario, spec, options): spec for spec in specs}
-        for run in as_completed(runs):
-            name = runs[run].id
-            error = run.exception()
-            if error is None:
-                report(name, "done", 1, 1)
-            elif isinstance(error, Exception):
-                failed[name] = error
-                report(name, "failed", 0, 1)
+        lines = [f"{name}: {error}" for name, error in failed]
+        raise RunError("\n".join([*lines, f"{len(failed)} of {len(every)} scenarios failed"]))

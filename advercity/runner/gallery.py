@@ -14,7 +14,7 @@ from advercity.errors import InputError
 from advercity.pictures import write_picture
 from advercity.rendering.backend import PROFILES, Profile
 from advercity.rendering.registry import load_backend
-from advercity.runner.scenario import Report, no_report
+from advercity.runner.progress import Progress, Report, no_report
 from advercity.runner.sensing import senses
 from advercity.runner.stage import Stage, set_stage
 from advercity.runner.viewpoints import Viewpoints
@@ -66,12 +66,12 @@ def write_gallery(
             raise InputError(f"{spec.id} has frames 0 to {len(stage.trace) - 1}, not {index}")
         column = [_bar(spec.road.id)]
         for count, weather in enumerate(weathers):
-            report(spec.id, "pictures", count, len(weathers))
+            report(Progress(spec.id, "pictures", count, len(weathers)))
             other = under(spec, weather)
             taken = _taken(other, stage, viewer, camera, index, backend, PROFILES[profile])
             column += [_bar(weather.declaration.id), taken]
         columns.append(column)
-        report(spec.id, "done", len(weathers), len(weathers))
+        report(Progress(spec.id, "done", len(weathers), len(weathers)))
     height = max(sum(len(cell) for cell in column) for column in columns)
     write_picture(np.hstack([_padded(np.vstack(column), height) for column in columns]), output)
 

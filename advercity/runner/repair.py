@@ -11,7 +11,8 @@ from advercity.errors import RunError
 from advercity.rendering.backend import Profile
 from advercity.rendering.registry import load_backend
 from advercity.runner.cache import model_digests
-from advercity.runner.scenario import Report, no_report, renderer_identity
+from advercity.runner.progress import Progress, Report, no_report
+from advercity.runner.scenario import renderer_identity
 from advercity.runner.sensing import senses
 from advercity.runner.stage import set_stage
 from advercity.runner.viewpoints import Viewpoints
@@ -39,7 +40,7 @@ def _repair(scenario: Path, problems: list[Problem], report: Report) -> list[Pro
     spec, renderer = manifest.spec, manifest.identity.renderer
     backend = load_backend(str(renderer["backend"]))
     profile = _profile(manifest.identity)
-    report(spec.id, "traffic", 0, 0)
+    report(Progress(spec.id, "traffic"))
     stage = set_stage(spec)
     here = Identity.of(
         spec,
@@ -60,11 +61,11 @@ def _repair(scenario: Path, problems: list[Problem], report: Report) -> list[Pro
     with senses(viewpoints, stage, backend, profile) as sensed:
 
         def readings_of(frame: int) -> tuple[Reading, ...]:
-            report(spec.id, "frames", damaged.index(frame), len(damaged))
+            report(Progress(spec.id, "frames", damaged.index(frame), len(damaged)))
             return sensed.read(frame)
 
         left = restore(scenario, problems, readings_of)
-    report(spec.id, "done", len(damaged), len(damaged))
+    report(Progress(spec.id, "done", len(damaged), len(damaged)))
     return left
 
 

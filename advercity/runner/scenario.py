@@ -1,6 +1,6 @@
 """One scenario from spec to dataset: traffic once, then every frame on its own."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
@@ -17,6 +17,7 @@ from advercity.rendering.registry import load_backend
 from advercity.runner.behind import Behind
 from advercity.runner.cache import model_digests
 from advercity.runner.options import Options, ViewerTarget
+from advercity.runner.progress import Progress, Report, no_report
 from advercity.runner.replay import stored_readings
 from advercity.runner.sensing import senses
 from advercity.runner.stage import Stage, set_stage
@@ -25,13 +26,6 @@ from advercity.sources import source_digest
 from advercity.viewer.events import conflict_events
 from advercity.viewer.recording import Recording
 from advercity.world.roads import built
-
-Report = Callable[[str, str, int, int], None]
-"""Called with scenario, stage, frames done and frames in all."""
-
-
-def no_report(scenario: str, stage: str, done: int, total: int) -> None:
-    """Keeps progress to itself."""
 
 
 def run_scenario(spec: Spec, options: Options, report: Report = no_report) -> Path:
@@ -44,7 +38,7 @@ def run_scenario(spec: Spec, options: Options, report: Report = no_report) -> Pa
     backend = load_backend(options.backend)
     capabilities = backend.capabilities()
     profile = choose_profile(options, capabilities)
-    report(spec.id, "traffic", 0, 0)
+    report(Progress(spec.id, "traffic"))
     stage = set_stage(spec)
     wanted = _wanted(spec, stage, options)
     identity = Identity.of(
@@ -66,13 +60,13 @@ def run_scenario(spec: Spec, options: Options, report: Report = no_report) -> Pa
             doing = f"frames, live at {watched}" if watched else "frames"
             with Behind() as behind:
                 for count, (index, reading) in enumerate(readings):
-                    report(spec.id, doing, count, len(wanted))
+                    report(Progress(spec.id, doing, count, len(wanted), writer.size_bytes))
                     if index not in writer.done:
                         behind.run(partial(writer.write, index, reading))
                     if recording is not None:
                         recording.log(reading)
         writer.finish()
-    report(spec.id, "done", len(wanted), len(wanted))
+    report(Progress(spec.id, "done", len(wanted), len(wanted), writer.size_bytes))
     return writer.scenario
 
 

@@ -1,0 +1,55 @@
+"""The process of one scenario: `python -m advercity.runner.worker EVENTS`.
+
+It reads a `Job` from standard input and writes `Event`s, one a line, to the file descriptor EVENTS.
+Standard input stays open as long as somebody waits for it: when it ends, so does everything that
+this process has started, however the one who waited came to its end.
+"""
+
+import os
+import signal
+import sys
+from io import FileIO
+from threading import Thread
+from typing import Literal
+
+from advercity.errors import AdvercityError, BackendError, InputError
+from advercity.runner.job import EVENT, JOB, Advanced, Event, Failed
+from advercity.runner.progress import Progress
+from advercity.runner.scenario import run_scenario
+
+
+def main(events: FileIO) -> int:
+    """Run the scenario of the job; the exit code."""
+    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
+    job = JOB.validate_json(sys.stdin.buffer.readline())
+    Thread(target=_end_with_the_one_who_waits, daemon=True).start()
+
+    def tell(event: Event) -> None:
+        events.write(EVENT.dump_json(event) + b"\n")
+
+    def report(progress: Progress) -> None:
+        tell(Advanced(progress))
+
+    try:
+        run_scenario(job.spec, job.options, report)
+    except AdvercityError as error:
+        tell(Failed(_kind(error), str(error)))
+        return 1
+    return 0
+
+
+def _kind(error: AdvercityError) -> Literal["InputError", "RunError", "BackendError"]:
+    if isinstance(error, InputError):
+        return "InputError"
+    return "BackendError" if isinstance(error, BackendError) else "RunError"
+
+
+def _end_with_the_one_who_waits() -> None:
+    while os.read(sys.stdin.fileno(), 1):
+        pass
+    os.killpg(os.getpgrp(), signal.SIGKILL)
+
+
+if __name__ == "__main__":
+    with FileIO(int(sys.argv[1]), "w") as stream:
+        sys.exit(main(stream))
