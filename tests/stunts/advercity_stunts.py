@@ -1,0 +1,84 @@
+"""A backend that takes grey pictures, and does stunts before: each file in $STUNTS names one.
+
+Whoever takes the file away does it. `$SEEN` is where processes tell which graphics cards they see.
+"""
+
+import os
+import signal
+import time
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import numpy as np
+
+from advercity.rendering.backend import CameraCapture, CameraView, Capabilities, Profile
+from advercity.traffic.trace import Frame
+from advercity.weather.atmosphere import Atmosphere
+from advercity.world.scene import World
+
+
+class GreyRenderer:
+    """Everything is grey and 10 m away."""
+
+    def place(self, frame: Frame) -> None:
+        """Nobody is seen."""
+
+    def camera(self, view: CameraView) -> CameraCapture:
+        """A grey picture."""
+        shape = (view.height_px, view.width_px)
+        return CameraCapture(
+            radiance=np.full((*shape, 3), 100.0, np.float32),
+            depth=np.full(shape, 10.0, np.float32),
+            normal=np.zeros((*shape, 3), np.float32),
+            semantic=np.zeros(shape, np.uint8),
+            instance=np.zeros(shape, np.int32),
+        )
+
+
+class StuntBackend:
+    """Does a stunt when it is asked what it can."""
+
+    name = "stunts"
+
+    def capabilities(self) -> Capabilities:
+        """Nothing; but see what happens first."""
+        _do_stunt()
+        return Capabilities(
+            participating_medium=True,
+            lamps=True,
+            wet_surfaces=True,
+            deterministic=True,
+            ray_traced=False,
+            hardware=False,
+            device="grey",
+        )
+
+    @contextmanager
+    def open(
+        self, world: World, atmosphere: Atmosphere, profile: Profile
+    ) -> Generator[GreyRenderer, None, None]:
+        """A renderer of nothing."""
+        if "SEEN" in os.environ:
+            cards = os.environ.get("CUDA_VISIBLE_DEVICES", "none")
+            Path(os.environ["SEEN"], str(os.getpid())).write_text(cards)
+        yield GreyRenderer()
+
+
+def _do_stunt() -> None:
+    for stunt in sorted(Path(os.environ["STUNTS"]).iterdir()):
+        with suppress(FileNotFoundError):
+            stunt.unlink()
+            if stunt.suffix == ".crash":
+                os.kill(os.getpid(), signal.SIGSEGV)
+            elif stunt.suffix == ".hog":
+                _hog()
+            elif stunt.suffix == ".hang":
+                time.sleep(600)
+
+
+def _hog() -> None:
+    held: list[bytes] = []
+    for _ in range(100):
+        held.append(b"x" * 100_000_000)
+        time.sleep(0.05)

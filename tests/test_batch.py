@@ -1,0 +1,163 @@
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+from advercity_dsl import Spec
+
+from advercity.compiler import write_specs
+from advercity.dataset.manifest import verify_dataset
+from advercity.errors import InputError, RunError
+from advercity.runner import (
+    FrameRange,
+    Limits,
+    Options,
+    Outcome,
+    Progress,
+    raise_failures,
+    run_all,
+)
+from advercity.runner.limits import parse_size, parse_time, size_in_words, time_in_words
+
+STUNTS = Path(__file__).parent / "stunts"
+WEATHERS = ("clear_day", "fog_day", "fog_night")
+
+
+class Witness:
+    """Notes what it is told."""
+
+    def __init__(self) -> None:
+        self.told: list[Progress] = []
+        self.over: list[Outcome] = []
+
+    def advanced(self, progress: Progress) -> None:
+        self.told.append(progress)
+
+    def finished(self, outcome: Outcome) -> None:
+        self.over.append(outcome)
+
+
+@pytest.fixture
+def stunts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Where to put stunts for the `stunts` backend, which is installed for the time being."""
+    folder = tmp_path / "stunts"
+    folder.mkdir()
+    monkeypatch.syspath_prepend(STUNTS)
+    path = os.pathsep.join([str(STUNTS), os.environ.get("PYTHONPATH", "")])
+    monkeypatch.setenv("PYTHONPATH", path)
+    monkeypatch.setenv("STUNTS", str(folder))
+    return folder
+
+
+@pytest.fixture
+def few(specs: dict[str, Spec]) -> list[Spec]:
+    """Scenarios of one road, whose sensors see next to nothing."""
+    return [blunt(specs[f"ri_{weather}_sparse"]) for weather in WEATHERS]
+
+
+def blunt(spec: Spec) -> Spec:
+    data = spec.model_dump(mode="json")
+    for agent in data["agents"]:
+        agent["sensors"]["lidar"] |= {"azimuths": 16, "channels": 1}
+        agent["sensors"]["camera"] |= {"width_px": 16, "height_px": 16}
+    return Spec.model_validate(data)
+
+
+def options(output: Path) -> Options:
+    return Options(
+        output=output, backend="stunts", profile="preview", scale=1.0, frames=FrameRange(0, 1)
+    )
+
+
+@pytest.mark.sumo
+def test_what_crashes_or_takes_too_much_stops_nobody_else_and_is_made_up_for(
+    few: list[Spec], stunts: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen = tmp_path / "seen"
+    seen.mkdir()
+    monkeypatch.setenv("SEEN", str(seen))
+    monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "4,7")
+    (stunts / "1.crash").touch()
+    (stunts / "2.hog").touch()
+    witness = Witness()
+    chosen = options(tmp_path / "output")
+    limits = Limits(memory_bytes=1_000_000_000)
+    outcomes = run_all(few, chosen, watcher=witness, jobs=2, limits=limits)
+    assert [outcome.scenario for outcome in outcomes] == [spec.id for spec in few]
+    errors = sorted(str(outcome.error) for outcome in outcomes if outcome.error)
+    assert len(errors) == 2
+    assert errors[0].startswith("its process died (killed by SIGSEGV) in starting 0")
+    assert "more than the 1.0 GB that it may; --max-memory allows more" in errors[1]
+    with pytest.raises(RunError, match="2 of 3 scenarios failed"):
+        raise_failures(outcomes)
+    good = [outcome for outcome in outcomes if outcome.error is None]
+    for outcome in good:
+        folder = tmp_path / "output" / outcome.scenario
+        files = [path for path in folder.rglob("*") if path.is_file()]
+        assert outcome.frames == 1
+        assert outcome.size_bytes == sum(
+            path.stat().st_size for path in files if path.name != "manifest.json"
+        )
+        assert 50e6 < outcome.peak_memory_bytes < 1e9
+    assert len(witness.over) == 3
+    again = run_all(few, chosen, watcher=witness, jobs=2)
+    raise_failures(again)
+    assert verify_dataset(tmp_path / "output") == []
+    assert {path.name for path in (tmp_path / "output").iterdir()} == {spec.id for spec in few}
+    assert {path.read_text() for path in seen.iterdir()} == {"4", "7"}
+
+
+def test_what_takes_too_long_is_killed_and_told(
+    few: list[Spec], stunts: Path, tmp_path: Path
+) -> None:
+    (stunts / "1.hang").touch()
+    chosen = options(tmp_path / "output")
+    outcomes = run_all(few[:1], chosen, watcher=Witness(), limits=Limits(time_s=0.5))
+    with pytest.raises(RunError, match=r"took longer than 0:0.*--max-time"):
+        raise_failures(outcomes)
+    assert not (tmp_path / "output").exists()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+def test_an_interrupted_run_leaves_no_process_behind(
+    few: list[Spec], stunts: Path, tmp_path: Path, number: signal.Signals
+) -> None:
+    write_specs(few[:2], tmp_path / "compiled")
+    for stunt in ("1.hang", "2.hang"):
+        (stunts / stunt).touch()
+    process = subprocess.Popen(
+        [
+            *(sys.executable, "-c", "from advercity.cli import main; main()", "run"),
+            *map(str, sorted((tmp_path / "compiled").glob("*.json"))),
+            *("--jobs", "2", "--backend", "stunts", "--output", str(tmp_path / "output")),
+        ],
+        stderr=subprocess.DEVNULL,
+    )
+    while any(stunts.iterdir()):
+        assert process.poll() is None
+        time.sleep(0.02)
+    children = psutil.Process(process.pid).children(recursive=True)
+    assert len(children) == 2
+    process.send_signal(number)
+    assert process.wait(60) == (130 if number == signal.SIGINT else -signal.SIGKILL)
+    assert psutil.wait_procs(children, timeout=60)[1] == []
+    assert not (tmp_path / "output").exists()
+
+
+def test_sizes_and_times_are_read_with_their_units() -> None:
+    assert parse_size("--max-memory", "1.5 GB") == 1_500_000_000
+    assert parse_size("--max-memory", "2GiB") == 2 * 2**30
+    assert parse_time("--max-time", "90 min") == 5400
+    assert parse_time("--max-time", "0.5h") == 1800
+    assert (size_in_words(3_440_000_000), size_in_words(12)) == ("3.4 GB", "12 B")
+    assert (time_in_words(7), time_in_words(12_345)) == ("0:07", "3:25:45")
+
+
+@pytest.mark.parametrize("text", ["4", "GB", "-1 GB", "0 GB", "4 gigs", "1e9 B", ""])
+def test_a_size_without_a_unit_is_bad_input(text: str) -> None:
+    with pytest.raises(InputError, match=r"--max-memory .*write 4 GB"):
+        parse_size("--max-memory", text)
