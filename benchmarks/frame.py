@@ -32,7 +32,7 @@ from advercity.compiler import read_spec
 from advercity.dataset import images, opv2v, writer
 from advercity.rendering.backend import PROFILES, CameraView
 from advercity.rendering.registry import load_backend
-from advercity.runner import FrameRange, Options, run_scenario, sensing
+from advercity.runner import FrameRange, Options, Progress, run_scenario, sensing
 from advercity.runner.stage import set_stage, world_of
 from advercity.runner.viewpoints import Viewpoints
 from advercity.weather.derivation import atmosphere_of
@@ -115,9 +115,9 @@ def pace(spec: Spec, frames: int) -> Pace:
     marks: list[tuple[float, float]] = []
     stopwatch = Stopwatch()
 
-    def report(_: str, stage: str, done: int, total: int) -> None:
-        if done == 1 or stage == "done":
-            stopwatch.stages.clear() if done == 1 else None
+    def report(progress: Progress) -> None:
+        if progress.done == 1 or progress.stage == "done":
+            stopwatch.stages.clear() if progress.done == 1 else None
             marks.append((time.perf_counter(), time.process_time()))
 
     with tempfile.TemporaryDirectory() as folder, stopwatch.running():
