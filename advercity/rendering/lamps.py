@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 from advercity_dsl import ActorClass
@@ -12,6 +13,8 @@ from advercity.poses import transform
 from advercity.traffic.trace import ActorState, Frame, Lamp, Signal
 from advercity.weather.atmosphere import Colour
 from advercity.world.scene import SignalLamp, StreetLamp, World
+
+Floats = NDArray[np.floating[Any]]
 
 LED: Colour = (1.39, 0.94, 0.50)
 """4000 K in linear sRGB of luminance 1."""
@@ -142,20 +145,21 @@ def signal_lens(signal: Signal) -> tuple[float, float, float]:
     return LENS_AHEAD_M, 0.0, LENS_SPACING_M * (Signal.YELLOW - signal)
 
 
-def beam_share(facing: NDArray[np.float64], rays: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Of its peak, what a dipped beam for right-hand traffic sends along unit rays (n, 3).
+def beam_share(facing: Floats, rays: Floats) -> Floats:
+    """Of its peak, what a dipped beam for right-hand traffic sends along unit rays (..., n, 3).
 
     The cut-off line is level to the left and rises by 15 degrees to the right.
 
     Args:
-        facing: (3,) unit, along the beam's axis.
-        rays: (n, 3) unit, away from the lamp.
+        facing: (..., 3) unit, along the beam's axis.
+        rays: (..., n, 3) unit, away from the lamp.
     """
-    right = np.array([facing[1], -facing[0], 0.0])
-    right /= np.linalg.norm(right)
-    forward = rays @ facing
-    h = np.degrees(np.arctan2(rays @ right, forward))
-    v = np.degrees(np.arcsin(np.clip(rays @ np.cross(right, facing), -1.0, 1.0)))
+    right = np.stack([facing[..., 1], -facing[..., 0], np.zeros_like(facing[..., 0])], axis=-1)
+    right /= np.linalg.norm(right, axis=-1, keepdims=True)
+    axes = np.stack([facing, right, np.cross(right, facing)], axis=-1)
+    forward, aside, up = np.moveaxis(rays @ axes, -1, 0)
+    h = np.degrees(np.arctan2(aside, forward))
+    v = np.degrees(np.arcsin(np.clip(up, -1.0, 1.0)))
     over = v + 0.57 - np.clip(0.27 * h, 0.0, 2.07)
     share = 0.018 + 0.982 / (1.0 + np.exp(np.minimum(over / 0.12, 80.0)))
     share *= np.where(over < 0.0, np.exp(-(((over + 1.0) / 3.5) ** 2)), 1.0)
@@ -163,10 +167,16 @@ def beam_share(facing: NDArray[np.float64], rays: NDArray[np.float64]) -> NDArra
     return np.where(forward > 0.0, share * np.exp(-(((h - 1.0) / 12.0) ** 2) / 2.0), 0.0)
 
 
-def intensity_towards(lamp: LitLamp, rays: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Luminous intensity (n,) in cd of a lamp along unit rays (n, 3) away from it."""
-    facing = np.asarray(lamp.facing, np.float64)
-    if lamp.kind is Kind.LOW_BEAM:
-        return lamp.intensity_cd * beam_share(facing, rays)
-    cosine = np.maximum(rays @ facing, 0.0)
-    return lamp.intensity_cd * (cosine**4 if lamp.kind is Kind.LENS else cosine)
+def intensity_towards(lamps: Sequence[LitLamp], rays: Floats) -> Floats:
+    """Luminous intensity (m, n) in cd of m lamps along unit rays (m, n, 3) away from each."""
+    found = np.empty(rays.shape[:2], rays.dtype)
+    kinds = np.array([lamp.kind for lamp in lamps])
+    facing = np.array([lamp.facing for lamp in lamps], rays.dtype)
+    for kind in set(kinds.tolist()):
+        one = np.flatnonzero(kinds == kind)
+        if kind == Kind.LOW_BEAM:
+            found[one] = beam_share(facing[one], rays[one])
+        else:
+            cosine = np.maximum((rays[one] @ facing[one][..., None])[..., 0], 0.0)
+            found[one] = cosine**4 if kind == Kind.LENS else cosine
+    return found * np.array([lamp.intensity_cd for lamp in lamps], rays.dtype)[:, None]

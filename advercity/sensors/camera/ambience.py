@@ -7,6 +7,7 @@ behind it (Garg and Nayar 2007); a flake is a white ball.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from advercity.weather.atmosphere import Atmosphere
 from advercity.weather.sky import cubemap_directions, texel_solid_angles
 
 Array = NDArray[np.float64]
+Floats = NDArray[np.floating[Any]]
 
 SIZE = 8
 """Texels along an edge of the sky that is averaged; it is smooth."""
@@ -32,6 +34,8 @@ BOOST, BOOST_RAD = 10.0, math.radians(20.0)
 """How much brighter a drop is right before a lamp, and how far from it that ends."""
 NEAREST_LAMP_M = 0.7
 """The two lamps of a vehicle stand apart; nearer than this they are no point."""
+AT_ONCE = 2**14
+"""Pairs of lamp and point that are worked out together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,33 +90,38 @@ class Ambience:
         return np.broadcast_to(around, rays.shape)
 
 
-def forward_boost(cosine: Array) -> Array:
-    """How much brighter a drop (n,) is by the cosine between view ray and the way to the lamp."""
-    nearness = np.clip(1.0 - np.arccos(np.clip(cosine, -1.0, 1.0)) / BOOST_RAD, 0.0, 1.0)
-    return 1.0 + (BOOST - 1.0) * nearness**2 * (3.0 - 2.0 * nearness)
+def forward_boost(cosine: Floats) -> Floats:
+    """How much brighter a drop (...) is by the cosine between view ray and the way to the lamp."""
+    boost = np.ones_like(cosine)
+    before = np.nonzero(cosine > math.cos(BOOST_RAD))
+    nearness = 1.0 - np.arccos(np.minimum(cosine[before], 1.0)) / BOOST_RAD
+    boost[before] += (BOOST - 1.0) * nearness**2 * (3.0 - 2.0 * nearness)
+    return boost
 
 
 def by_lamps(
-    lamps: Sequence[LitLamp], points: Array, eye: Array, *, per_lx: float, boosted: bool
-) -> Array:
-    """Luminance (n, 3) that lamps give to drops or flakes at points (n, 3) of the world.
+    lamps: Sequence[LitLamp], points: Floats, eye: Array, *, per_lx: float, boosted: bool
+) -> NDArray[np.float32]:
+    """Luminance (n, 3) that lamps give to drops or flakes at points (n, 3).
 
     Args:
         lamps: Nothing is taken to stand between them and the points.
-        points: World, metres.
+        points: Metres from the eye, axes of the world.
         eye: (3,) from where they are seen.
         per_lx: Luminance by illuminance, from aside.
         boosted: Whether they are brighter before a lamp, as drops are.
     """
-    sum_ = np.zeros(points.shape)
-    seen = points - eye
-    seen = seen / np.maximum(np.linalg.norm(seen, axis=1, keepdims=True), 1e-6)
-    for lamp in lamps:
-        away = points - np.asarray(lamp.position)
-        distance = np.maximum(np.linalg.norm(away, axis=1), NEAREST_LAMP_M)
-        away = away / distance[:, None]
-        light = per_lx * intensity_towards(lamp, away) / distance**2
+    near = points.astype(np.float32)
+    seen = near / np.maximum(np.linalg.norm(near, axis=1, keepdims=True), 1e-6)
+    sum_ = np.zeros_like(near)
+    at_once = max(1, AT_ONCE // max(1, len(near)))
+    for some in (lamps[first : first + at_once] for first in range(0, len(lamps), at_once)):
+        position = np.array([lamp.position for lamp in some]) - eye
+        away = near - position[:, None].astype(np.float32)
+        distance = np.maximum(np.linalg.norm(away, axis=2), NEAREST_LAMP_M)
+        away /= distance[..., None]
+        light = per_lx * intensity_towards(some, away) / distance**2
         if boosted:
-            light = light * forward_boost(-np.sum(away * seen, axis=1))
-        sum_ += light[:, None] * np.asarray(lamp.colour)
+            light *= forward_boost(-np.einsum("mni,ni->mn", away, seen))
+        sum_ += light.T @ np.array([lamp.colour for lamp in some], np.float32)
     return sum_

@@ -75,7 +75,7 @@ def expose(
     setting = replace(setting, binned=binned)
     share = light / (setting.saturation_cd_m2 * white).astype(np.float32)
     digital = digitise(share, setting, rng if camera.noise else None)
-    return _SRGB_OF_DN[digital]
+    return _SRGB_OF_DN.take(digital)
 
 
 def meter(radiance: NDArray[np.float32], exposure: Exposure) -> Setting:
@@ -105,12 +105,21 @@ def digitise(
 
     Shot noise is the normal approximation to Poisson's law, read noise is normal.
     """
-    well = np.float32(setting.full_well_e)
-    electrons = np.clip(share, 0.0, 1.0) * well
+    digital = np.clip(share, 0.0, 1.0) * np.float32(WHITE_DN)
     if rng is not None:
-        deviation = np.sqrt(electrons + np.float32(setting.read_noise_e**2))
-        electrons = electrons + deviation * rng.standard_normal(share.shape, np.float32)
-    return np.rint(np.clip(electrons / well, 0.0, 1.0) * WHITE_DN).astype(np.uint16)
+        gain = WHITE_DN / setting.full_well_e
+        deviation = np.sqrt(
+            np.float32(gain) * digital + np.float32((gain * setting.read_noise_e) ** 2)
+        )
+        deviation *= _normal(rng, deviation.size).reshape(deviation.shape)
+        digital += deviation
+        np.clip(digital, 0.0, WHITE_DN, out=digital)
+    return np.rint(digital, out=digital).astype(np.uint16)
+
+
+def _normal(rng: np.random.Generator, count: int) -> NDArray[np.float32]:
+    """Draws (count,) from the standard normal law, each one of 65,536 equally likely values."""
+    return _QUANTILES.take(np.frombuffer(rng.bytes(2 * count), "<u2"))
 
 
 def _metered_luminance(radiance: NDArray[np.float32]) -> float:
@@ -126,4 +135,13 @@ def _srgb_of_dn() -> NDArray[np.uint8]:
     return np.rint(encoded * 255.0).astype(np.uint8)
 
 
+def _quantiles() -> NDArray[np.float32]:
+    x = np.linspace(-5.0, 5.0, 2**16)
+    share = np.cumsum(np.exp(-0.5 * x**2))
+    found = np.interp((np.arange(2**16) + 0.5) / 2**16, share / share[-1], x)
+    found -= found.mean()
+    return (found / found.std()).astype(np.float32)
+
+
 _SRGB_OF_DN = _srgb_of_dn()
+_QUANTILES = _quantiles()

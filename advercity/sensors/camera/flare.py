@@ -57,15 +57,16 @@ def _sources(
         place = _place(shot, atmosphere.sun_direction, math.inf, capture)
         if place is not None:
             yield (*place, atmosphere.sun_lx * np.asarray(atmosphere.sun_colour))
-    for lamp in shot.lamps:
-        way = np.asarray(lamp.position) - shot.eye
-        distance = float(np.linalg.norm(way))
-        lux = float(intensity_towards(lamp, -way[None, :] / distance)[0]) / distance**2
-        lux *= math.exp(-atmosphere.extinction_550nm * distance)
-        if lux > LEAST_LX:
-            place = _place(shot, way, distance, capture)
-            if place is not None:
-                yield (*place, lux * np.asarray(lamp.colour))
+    if not shot.lamps:
+        return
+    way = np.array([lamp.position for lamp in shot.lamps]) - shot.eye
+    distance = np.linalg.norm(way, axis=1)
+    lux = intensity_towards(shot.lamps, -(way / distance[:, None])[:, None])[:, 0] / distance**2
+    lux *= np.exp(-atmosphere.extinction_550nm * distance)
+    for index in np.flatnonzero(lux > LEAST_LX).tolist():
+        place = _place(shot, way[index], float(distance[index]), capture)
+        if place is not None:
+            yield (*place, lux[index] * np.asarray(shot.lamps[index].colour))
 
 
 def _place(

@@ -83,7 +83,8 @@ def _behind_plume(
 
 def _light(shot: Shot, place: Array, ambience: Ambience) -> Array:
     """Luminance (3,) of dense spray: it sends on what comes from all around, and from lamps."""
-    lamps = by_lamps(shot.lamps, place[None, :], shot.eye, per_lx=DROP_OF_LAMP, boosted=True)
+    there = (place - shot.eye)[None, :]
+    lamps = by_lamps(shot.lamps, there, shot.eye, per_lx=DROP_OF_LAMP, boosted=True)
     return ambience.mean + ambience.sun_lx / (4.0 * math.pi) + lamps[0]
 
 

@@ -1,12 +1,16 @@
 """Light that a lens scatters away from where it belongs: veils around lamps and the sun."""
 
 import math
+from functools import lru_cache
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float32]
+Numbers = NDArray[np.floating[Any] | np.integer[Any]]
+"""What OpenCV may return, by its stubs."""
 
 CORE_RAD = math.radians(0.5)
 CUT_RAD = math.radians(60.0)
@@ -28,19 +32,30 @@ def scattered(radiance: Array, *, horizontal_fov_rad: float, share: float) -> Ar
     focal_px = small_size[0] / (2.0 * math.tan(horizontal_fov_rad / 2.0))
     veil = _veil(small.astype(np.float32), focal_px)
     spread = cv2.resize(veil, (width, height), interpolation=cv2.INTER_LINEAR)
-    return ((1.0 - share) * radiance + share * spread).astype(np.float32)
+    return cv2.addWeighted(radiance, 1.0 - share, spread, share, 0.0).astype(np.float32)
 
 
 def _veil(picture: Array, focal_px: float) -> Array:
     """The picture (h, w, 3) convolved with the scattering kernel, edges made up for."""
     height, width = picture.shape[:2]
-    shape = 2 * height, 2 * width
-    spectrum = np.fft.rfft2(_kernel(shape, focal_px))
-    with_ones = np.concatenate([picture, np.ones((height, width, 1), np.float32)], axis=2)
-    blurred = np.fft.irfft2(
-        np.fft.rfft2(with_ones, s=shape, axes=(0, 1)) * spectrum[..., None], s=shape, axes=(0, 1)
-    )[:height, :width]
-    return np.maximum(blurred[..., :3] / blurred[..., 3:], 0.0).astype(np.float32)
+    spectrum, within = _lens(height, width, focal_px)
+    spread = [_convolved(channel, spectrum) / within for channel in cv2.split(picture)]
+    return np.maximum(np.stack(spread, axis=-1), 0.0).astype(np.float32)
+
+
+def _convolved(channel: Numbers, spectrum: Numbers) -> Numbers:
+    height, width = channel.shape
+    padded = np.zeros(spectrum.shape)
+    padded[:height, :width] = channel
+    product = cv2.mulSpectrums(cv2.dft(padded, nonzeroRows=height), spectrum, 0)
+    return cv2.idft(product, flags=cv2.DFT_SCALE, nonzeroRows=height)[:height, :width]
+
+
+@lru_cache(maxsize=16)
+def _lens(height: int, width: int, focal_px: float) -> tuple[Numbers, Numbers]:
+    """Spectrum of the kernel for pictures of a size, and what of it falls within (h, w)."""
+    spectrum = cv2.dft(_kernel((2 * height, 2 * width), focal_px))
+    return spectrum, _convolved(np.ones((height, width)), spectrum)
 
 
 def _kernel(shape: tuple[int, int], focal_px: float) -> NDArray[np.float64]:

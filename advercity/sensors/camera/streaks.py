@@ -24,7 +24,6 @@ from advercity.sensors.camera.ambience import (
 from advercity.sensors.camera.falling import Block, Particles
 from advercity.sensors.camera.shot import Shot
 
-Array = NDArray[np.float64]
 Floats = NDArray[np.floating[Any]]
 
 NEAREST_M, FARTHEST_M = 0.25, 20.0
@@ -33,6 +32,8 @@ FAINTEST = 0.01
 GRID = (16, 9)
 """Points across and down at which light from far away is worked out; it is smooth."""
 GRID_DEPTH_M = 3.0
+DOTS_ALIKE = 8
+"""Dots from which on their number is rounded up, by an eighth at most."""
 NEAR_LAMPS_M, LAMPS_M = 8.0, 60.0
 """Lamps nearer than the first light each particle its own way; farther than the second, none."""
 
@@ -166,7 +167,7 @@ def _drawn(
     near, far = _lamps_around(shot)
     rays = shot.rays(*GRID).reshape(-1, 3)
     far_light = ambience.of_drops(rays) if is_rain else ambience.of_flakes(rays)
-    middle = shot.eye + GRID_DEPTH_M * rays
+    middle = GRID_DEPTH_M * rays
     far_light = far_light + by_lamps(far, middle, shot.eye, per_lx=per_lx, boosted=is_rain)
     height, width = capture.depth.shape
     grid = far_light.reshape(GRID[1], GRID[0], 3).astype(np.float32)
@@ -174,15 +175,16 @@ def _drawn(
 
     own = None
     if near:
-        points = streaks.position.astype(np.float64) + shot.eye
-        own = by_lamps(near, points, shot.eye, per_lx=per_lx, boosted=is_rain)
+        own = by_lamps(near, streaks.position, shot.eye, per_lx=per_lx, boosted=is_rain)
     weight = streaks.cover_px * np.exp(-extinction * streaks.depth_m)
     cover, glow = _splat(streaks, weight, own, capture.depth)
-    cover = np.minimum(cover, 1.0)[..., None]
-    radiance = capture.radiance * (1.0 - cover) + light * cover
+    np.minimum(cover, 1.0, out=cover)
+    light -= capture.radiance
+    light *= cv2.merge([cover] * 3)
+    light += capture.radiance
     if glow is not None:
-        radiance += glow
-    return replace(capture, radiance=radiance.astype(np.float32))
+        light += glow
+    return replace(capture, radiance=light)
 
 
 def _lamps_around(shot: Shot) -> tuple[list[LitLamp], list[LitLamp]]:
@@ -196,33 +198,18 @@ def _lamps_around(shot: Shot) -> tuple[list[LitLamp], list[LitLamp]]:
 
 
 def _splat(
-    streaks: Streaks, weight: Floats, own: Array | None, depth: NDArray[np.float32]
+    streaks: Streaks, weight: Floats, own: Floats | None, depth: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
-    """What traces cover of each pixel (h, w), and the light (h, w, 3) of their own they add.
-
-    Each trace is a row of dots and, where it is broad, several across.
-    """
+    """What traces cover of each pixel (h, w), and the light (h, w, 3) of their own they add."""
     height, width = depth.shape
-    along = np.ceil(streaks.length_px).astype(np.float32) + 1.0
-    across = np.ceil(streaks.broad_px).astype(np.int32)
-    count = along.astype(np.int32) * across
-    run = np.repeat(np.arange(len(count), dtype=np.int32), count)
-    first = (np.cumsum(count) - count).astype(np.int32)
-    line, lane = np.divmod(np.arange(len(run), dtype=np.int32) - first[run], across[run])
-    share = (line + np.float32(0.5)) / along[run]
-    way = streaks.end - streaks.begin
-    place = streaks.begin[run] + way[run] * share[:, None]
-    broad = np.flatnonzero(across[run] > 1)
-    off = ((lane[broad] + 0.5) / across[run[broad]] - 0.5).astype(np.float32)
-    # Discs are thick in the middle: dots of a broad trace lie closer there.
-    off = np.sign(off) * (1.0 - np.sqrt(1.0 - 2.0 * np.abs(off))) * streaks.broad_px[run[broad]]
-    aside = np.stack([-way[:, 1], way[:, 0]], axis=1)
-    aside /= np.maximum(streaks.length_px, 1e-6)[:, None]
-    place[broad] += aside[run[broad]] * off[:, None]
-    pixel = np.floor(place).astype(np.int32)
-    inside = (pixel >= 0).all(axis=1) & (pixel[:, 0] < width) & (pixel[:, 1] < height)
-    index, run = (pixel[:, 1] * width + pixel[:, 0])[inside], run[inside]
-    before = depth.ravel()[index] > streaks.depth_m[run]
+    place, run, count = _dots(streaks)
+    column, row = np.floor(place, out=place).astype(np.int32)
+    # As unsigned numbers what is left of the picture or above it lies far beyond it.
+    inside = column.view(np.uint32) < width
+    inside &= row.view(np.uint32) < height
+    kept = np.flatnonzero(inside)
+    index, run = row[kept] * width + column[kept], run[kept]
+    before = np.flatnonzero(depth.ravel()[index] > streaks.depth_m.astype(np.float32)[run])
     index, run = index[before], run[before]
     dot = (weight / count).astype(np.float32)[run]
     cover = np.bincount(index, dot, height * width).reshape(height, width).astype(np.float32)
@@ -230,3 +217,40 @@ def _splat(
         return cover, None
     shine = [np.bincount(index, dot * own[run, channel], height * width) for channel in range(3)]
     return cover, np.stack(shine, axis=1).reshape(height, width, 3).astype(np.float32)
+
+
+def _dots(streaks: Streaks) -> tuple[Floats, NDArray[np.int32], NDArray[np.intp]]:
+    """Places (2, m) of dots along n traces, whose each (m,) is, and how many dots each (n,) has.
+
+    Each trace is a row of dots and, where it is broad, several across. Traces of as many dots are
+    worked out together.
+    """
+    begin, way = streaks.begin.astype(np.float32), (streaks.end - streaks.begin).astype(np.float32)
+    along = _rounded_up(streaks.length_px + 1.0)
+    across = _rounded_up(streaks.broad_px)
+    aside = np.stack([-way[:, 1], way[:, 0]], axis=1)
+    aside *= (streaks.broad_px / np.maximum(streaks.length_px, 1e-6)).astype(np.float32)[:, None]
+    pattern = along * (across.max() + 1) + across
+    order = np.argsort(pattern, kind="stable")
+    places: list[Floats] = []
+    for some in np.split(order, np.flatnonzero(np.diff(pattern[order])) + 1):
+        lines, lanes = int(along[some[0]]), int(across[some[0]])
+        share = ((np.arange(lines) + 0.5) / lines).astype(np.float32)
+        place = begin[some].T[..., None] + way[some].T[..., None] * share
+        if lanes > 1:
+            place = place[..., None] + aside[some].T[..., None, None] * _lanes(lanes)
+        places.append(place.reshape(2, -1))
+    count = along * across
+    return np.concatenate(places, axis=1), np.repeat(order, count[order]).astype(np.int32), count
+
+
+def _rounded_up(size_px: Floats) -> NDArray[np.intp]:
+    """Numbers of dots (n,) that are enough, of which there are few different ones."""
+    step = 2.0 ** np.floor(np.log2(np.maximum(size_px, DOTS_ALIKE)) - math.log2(DOTS_ALIKE))
+    return (np.ceil(size_px / step) * step).astype(np.intp)
+
+
+def _lanes(number: int) -> NDArray[np.float32]:
+    """Where (number,) dots lie across a trace, in widths of it; discs are thick in the middle."""
+    off = (np.arange(number) + 0.5) / number - 0.5
+    return (np.sign(off) * (1.0 - np.sqrt(1.0 - 2.0 * np.abs(off)))).astype(np.float32)

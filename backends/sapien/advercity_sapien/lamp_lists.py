@@ -137,7 +137,8 @@ class LampLists:
         window = np.where(around, NO_WINDOW, np.cos(np.minimum(angle, HALO_RAD)))
 
         rays, radius = _tile_rays(view)
-        off = np.arccos(np.clip(rays @ (away / distance[:, None]).T, -1.0, 1.0)) - radius
+        ways = (away / distance[:, None]).astype(np.float32)
+        off = np.arccos(np.clip(rays.astype(np.float32) @ ways.T, -1.0, 1.0)) - radius
         score = glow * np.degrees(np.maximum(off, np.radians(0.5))) ** -HALO_FALL
         score = np.where(off > np.where(around, np.pi, angle), 0.0, score)
         score += np.where(around, 1e6 / distance, 0.0)
@@ -193,15 +194,18 @@ def _aside(away: Array, distance: Array, facing: Array) -> Array:
 
 def _best(score: Array, most: int, above: float) -> NDArray[np.float32]:
     """Columns (n, most) of the highest scores (n, lamps) in each row; -1 behind the last."""
-    if score.shape[1] > most:
-        order = np.argpartition(score, -most, axis=1)[:, -most:]
-    else:
-        order = np.broadcast_to(np.arange(score.shape[1]), score.shape)
-    found = np.take_along_axis(score, order, axis=1)
-    ranking = np.argsort(-found, axis=1, kind="stable")
-    found, order = (np.take_along_axis(table, ranking, axis=1) for table in (found, order))
     best = np.full((len(score), most), -1.0, dtype=np.float32)
-    best[:, : order.shape[1]] = np.where(found > above, order, -1)
+    # Most lamps matter nowhere in the list, and partitions of nothing but ties are slow.
+    lamps = np.flatnonzero((score > above).any(axis=0))
+    rows = np.flatnonzero((score > above).any(axis=1))
+    score = score[np.ix_(rows, lamps)]
+    order = np.broadcast_to(np.arange(len(lamps)), score.shape)
+    if len(lamps) > most:
+        order = np.argpartition(score, -most, axis=1)[:, -most:]
+    ranking = np.argsort(-np.take_along_axis(score, order, axis=1), axis=1, kind="stable")
+    order = np.take_along_axis(order, ranking, axis=1)
+    found = np.take_along_axis(score, order, axis=1)
+    best[rows, : order.shape[1]] = np.where(found > above, lamps[order], -1)
     return best
 
 
