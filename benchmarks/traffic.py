@@ -50,7 +50,7 @@ def measure(spec: Spec, rounds: int) -> float:
     ratios: list[float] = []
     with tempfile.TemporaryDirectory() as folder:
         routes = Path(folder) / "demand.rou.xml"
-        write_route_file(demand, routes)
+        write_route_file(demand, routes, spec.caution)
         ticks = 0
         for _ in range(rounds + 1):
             bare = Stopwatch()

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from advercity_dsl import Declaration, Road, Spec, Weather
+from advercity_dsl import Caution, Declaration, Road, Spec, Weather
 
 from advercity.compiler import Entry, compared, load_library, read_spec
 from advercity.compiler.comparison import leaves
@@ -183,9 +183,18 @@ def spec_facts(spec: Spec) -> Facts:
         f"weather {spec.seeds.weather}",
         "digest": spec.provenance.digest,
     }
+    if spec.drivers and spec.caution:
+        facts["drivers"] = f"{spec.drivers.id}: {_cautious(spec.caution)}"
     swept = spec.provenance.sweep
     drawn = {f"drawn {path}": str(item) for path, item in spec.provenance.draws.items()}
     return facts | drawn | ({"sweep": f"{swept.field} at {swept.value:g}"} if swept else {})
+
+
+def _cautious(caution: Caution) -> str:
+    return (
+        f"{1 - caution.speed_share:.0%} slower, {caution.headway_s:.2f} s more headway; they use"
+        f" {caution.usual_m_s2:.1f} m/s2, {caution.hardest_m_s2:.1f} in an emergency"
+    )
 
 
 def aligned(facts: Facts) -> str:

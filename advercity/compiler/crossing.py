@@ -13,6 +13,7 @@ from advercity_dsl import (
     Catalogue,
     Declaration,
     Density,
+    Drivers,
     Model,
     Rig,
     Road,
@@ -27,6 +28,7 @@ from advercity_dsl.distribution import Distribution
 from advercity_dsl.spec import ClassDemand, CrashGroup, Provenance, SpecSeeds, Swept
 
 from advercity import __version__
+from advercity.compiler.caution import caution
 from advercity.compiler.conflicts import Cell, cells, staged
 from advercity.compiler.distributions import Distributions, draw
 from advercity.compiler.library import Entry, Library, digest_of
@@ -38,7 +40,12 @@ from advercity.compiler.variation import Step, conditions, steps
 
 DeclarationT = TypeVar("DeclarationT", bound=Declaration)
 MAX_ID = 64
-KINDS_OF = {"roads": "road", "weathers": "weather", "densities": "density"}
+KINDS_OF = {
+    "roads": "road",
+    "weathers": "weather",
+    "densities": "density",
+    "drivers": "declaration of drivers",
+}
 """What a suite's field holds ids of, where it is not called so itself."""
 SPAWN_AREAS = 8
 """A square around each of five agents and a box along each of three paths."""
@@ -57,6 +64,7 @@ def cross(library: Library, suite: Suite) -> list[Spec]:
     densities = _chosen(library, suite, "densities", Density, problems)
     rig = _one(library, suite, "rig", Rig, problems)
     catalogue = _one(library, suite, "catalogue", Catalogue, problems)
+    drivers = _one(library, suite, "drivers", Drivers, problems) if suite.drivers else None
     if problems or rig is None or catalogue is None:
         raise ProblemsError(problems)
     groups = _groups(library, suite, roads, problems)
@@ -79,7 +87,7 @@ def cross(library: Library, suite: Suite) -> list[Spec]:
         for step in taken
     )
     specs = [
-        _spec(library, suite, scene, groups[scene.road.id])
+        _spec(library, suite, scene, groups[scene.road.id], drivers)
         for scene in scenes
         if all(condition.holds(scene.by_kind) for condition in asked)
     ]
@@ -301,10 +309,16 @@ def _check_catalogue(library: Library, catalogue: Catalogue) -> None:
         raise ProblemsError.of(library.problem(catalogue, "ego", message=message, hint=hint))
 
 
-def _spec(library: Library, suite: Suite, scene: _Scene, groups: tuple[CrashGroup, ...]) -> Spec:
+def _spec(
+    library: Library,
+    suite: Suite,
+    scene: _Scene,
+    groups: tuple[CrashGroup, ...],
+    drivers: Drivers | None,
+) -> Spec:
     road, density = scene.road, scene.density
     parts = (suite, road, scene.weather, density, scene.rig, scene.catalogue)
-    parts += scene.cell.conflicts
+    parts += (*scene.cell.conflicts, *([drivers] if drivers else []))
     digests = {f"{kind_of(item)}/{item.id}": library.entry(item).digest for item in parts}
     blueprints = _blueprints(road, scene.catalogue)
     spec = Spec(
@@ -316,6 +330,8 @@ def _spec(library: Library, suite: Suite, scene: _Scene, groups: tuple[CrashGrou
         agents=_agents(road, scene.rig, scene.catalogue),
         demand=_demand(road, density),
         conflicts=staged(library, suite, replace(scene.cell, road=road), density, blueprints),
+        drivers=drivers,
+        caution=caution(drivers, scene.weather) if drivers else None,
         blueprints=blueprints,
         timing=suite.timing,
         seeds=SpecSeeds(
@@ -369,6 +385,7 @@ def under(spec: Spec, entry: Entry[Weather]) -> Spec:
             update={
                 "id": name,
                 "weather": weather_at(weather, spec.road),
+                "caution": caution(spec.drivers, weather) if spec.drivers else None,
                 "provenance": provenance,
             }
         )

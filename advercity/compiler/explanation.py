@@ -18,6 +18,7 @@ RULES = {
     "demand.vehicles": "8 areas of round(road.traffic.vehicles_per_area x density.vehicles)",
     "demand.walkers": "round(road.traffic.walkers x density.walkers)",
     "seeds.traffic": "from the suite's seeds.traffic, the road's id and the density's",
+    "caution": "from the tables of the drivers, by the weather",
     "road.imported": "built from the map that the road names",
     "provenance": "written by the compiler",
 }
@@ -93,7 +94,7 @@ def _declared(path: str, spec: Spec) -> tuple[str | None, Where]:
     first, *rest = (int(part) if part.isdigit() else part for part in path.split("."))
     where = tuple(rest)
     match first:
-        case "road" | "weather" | "density":
+        case "road" | "weather" | "density" | "drivers":
             return first, where
         case "demand":
             return "road", ("traffic", *where)

@@ -60,10 +60,12 @@ def model_digests(spec: Spec) -> dict[str, str]:
 
 
 def traffic_key(spec: Spec) -> str:
-    """Of everything that the trace depends on: all of the spec but weather, sensors and looks."""
-    data = spec.model_dump(
-        mode="json", include={"road", "demand", "conflicts", "blueprints", "timing", "agents"}
-    )
+    """Of everything that the trace depends on: all of the spec but weather, sensors and looks.
+
+    Of the weather it holds what drivers do about it.
+    """
+    parts = {"road", "demand", "conflicts", "caution", "blueprints", "timing", "agents"}
+    data = spec.model_dump(mode="json", include=parts)
     for agent in data["agents"]:
         del agent["sensors"]
     for blueprint in data["blueprints"].values():

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from math import inf
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -35,8 +36,8 @@ class Pace:
     speeds_m_s: list[float]
 
     @staticmethod
-    def of(ride: Ride, graph: LaneGraph) -> "Pace":
-        """The pace of a ride's route."""
+    def of(ride: Ride, graph: LaneGraph, most_m_s2: float = inf) -> "Pace":
+        """The pace of a ride's route, with no more than `most_m_s2` sideways or in braking."""
         lanes = lanes_of(ride, graph)
         begins = np.cumsum([0.0, *(lane.length_m for lane in lanes)])
         stations = np.concatenate(
@@ -45,10 +46,13 @@ class Pace:
         points = np.concatenate([lane.shape[:, :2] for lane in lanes])
         samples = np.arange(0.0, begins[-1] + STEP_M, STEP_M)
         path = np.column_stack([np.interp(samples, stations, axis) for axis in points.T])
-        limit = np.sqrt(LATERAL_ACCELERATION_M_S2 / np.maximum(_curvature(path), 1e-9))
+        lateral = min(LATERAL_ACCELERATION_M_S2, most_m_s2)
+        limit = np.sqrt(lateral / np.maximum(_curvature(path), 1e-9))
         return Pace(
             begins_m={lane.edge: float(at) for lane, at in zip(lanes, begins, strict=False)},
-            speeds_m_s=_braked(_steady(np.minimum(limit, STRAIGHT_M_S))).tolist(),
+            speeds_m_s=_braked(
+                _steady(np.minimum(limit, STRAIGHT_M_S)), min(BRAKING_M_S2, most_m_s2)
+            ).tolist(),
         )
 
     def at(self, edge: str, position_m: float) -> float:
@@ -103,9 +107,9 @@ def _windows(values: NDArray[np.float64], reach: int) -> NDArray[np.float64]:
     return sliding_window_view(np.pad(values, reach, mode="edge"), 2 * reach + 1)
 
 
-def _braked(limit: NDArray[np.float64]) -> NDArray[np.float64]:
+def _braked(limit: NDArray[np.float64], braking_m_s2: float) -> NDArray[np.float64]:
     """The highest speeds (n,) from which every lower limit further on can be met by braking."""
     stations = np.arange(len(limit)) * STEP_M
-    energy = limit**2 + 2 * BRAKING_M_S2 * stations
+    energy = limit**2 + 2 * braking_m_s2 * stations
     lowest_ahead = np.minimum.accumulate(energy[::-1])[::-1]
-    return np.sqrt(lowest_ahead - 2 * BRAKING_M_S2 * stations)
+    return np.sqrt(lowest_ahead - 2 * braking_m_s2 * stations)

@@ -178,7 +178,7 @@ def _connected(
         depart_s=0.0,
         start_speed_m_s=0.0,
         speed_factor=None,
-        top_speed_m_s=(place.max_speed_km_h - CRUISE_BELOW_MAX_KM_H) / 3.6,
+        top_speed_m_s=_speed_share(spec) * (place.max_speed_km_h - CRUISE_BELOW_MAX_KM_H) / 3.6,
     )
 
 
@@ -246,8 +246,8 @@ def _ride(
     lane = pose[0] if pose else graph.entries[draw.integers(len(graph.entries))]
     spread = int(draw.integers(-SPEED_SPREAD_PERCENT, SPEED_SPREAD_PERCENT, endpoint=True))
     entry_s = round(float(draw.uniform(0, ENTRY_WINDOW_S)), 1)
-    slow = float(draw.uniform(*BICYCLE_SPEED_M_S))
-    factor = 1 - (spec.demand.speed_offset_percent + spread) / 100
+    slow = _speed_share(spec) * float(draw.uniform(*BICYCLE_SPEED_M_S))
+    factor = _speed_share(spec) * (1 - (spec.demand.speed_offset_percent + spread) / 100)
     return Ride(
         actor=actor,
         edges=_through(graph, lane, draw),
@@ -258,6 +258,11 @@ def _ride(
         speed_factor=factor,
         top_speed_m_s=slow if actor.actor_class == "bicycle" else FASTEST_BACKGROUND_M_S,
     )
+
+
+def _speed_share(spec: Spec) -> float:
+    """Of the speeds in clear weather."""
+    return spec.caution.speed_share if spec.caution else 1.0
 
 
 def _through(graph: LaneGraph, lane: Lane, draw: np.random.Generator) -> tuple[str, ...]:

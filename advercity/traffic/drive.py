@@ -93,7 +93,8 @@ class _Drive:
         self._demand = demand
         self._cues = {str(number): speeds for number, speeds in cues.items()}
         self._rides = {str(ride.actor.id): ride for ride in demand.rides}
-        self._paces = {name: Pace.of(ride, graph) for name, ride in self._rides.items()}
+        most_m_s2 = spec.caution.usual_m_s2 if spec.caution else math.inf
+        self._paces = {name: Pace.of(ride, graph, most_m_s2) for name, ride in self._rides.items()}
         self._signals = signal_groups(network)
         self._fronts: list[tuple[float, ...]] = []
         self._lights: list[dict[str, str]] = []

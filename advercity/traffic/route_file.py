@@ -1,11 +1,12 @@
 """The demand as a SUMO route file."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import inf
 from pathlib import Path
 from xml.etree.ElementTree import Element, ElementTree, SubElement, indent
 
-from advercity_dsl import ActorClass
+from advercity_dsl import ActorClass, Caution
 
 from advercity.traffic.demand import Demand, Ride
 from advercity.traffic.walks import Walk
@@ -19,6 +20,7 @@ class Driving:
         sumo_class: SUMO's vehicle class.
         acceleration_m_s2: Most it accelerates.
         deceleration_m_s2: Most it brakes in everyday traffic.
+        hardest_m_s2: Most that the road lets it brake in an emergency.
         headway_s: Time gap it keeps; also the driver's reaction time.
         gap_m: Standing gap to the vehicle ahead.
         alignment: Where it drives in its lane.
@@ -27,6 +29,7 @@ class Driving:
     sumo_class: str
     acceleration_m_s2: float
     deceleration_m_s2: float
+    hardest_m_s2: float = inf
     headway_s: float = 1.0
     gap_m: float = 2.5
     alignment: str = "center"
@@ -49,13 +52,21 @@ LIMIT_IGNORED = 10.0
 """Speed factor of a vehicle whose own top speed rules."""
 
 
-def write_route_file(demand: Demand, path: Path) -> None:
-    """Write vehicles and people, each with a type of its own, in order of departure."""
+def write_route_file(demand: Demand, path: Path, caution: Caution | None = None) -> None:
+    """Write vehicles and people, each with a type of its own, in order of departure.
+
+    Args:
+        demand: Who takes part.
+        path: File to write.
+        caution: What drivers do about the weather; those in staged conflicts do as these say.
+    """
     root = Element("routes")
     for ride in demand.connected:
-        _type(root, ride, CONNECTED)
-    for ride in (*demand.staged, *demand.vehicles):
+        _type(root, ride, _careful(CONNECTED, caution))
+    for ride in demand.staged:
         _type(root, ride, DRIVING[ride.actor.actor_class])
+    for ride in demand.vehicles:
+        _type(root, ride, _careful(DRIVING[ride.actor.actor_class], caution))
     for walk in demand.walkers:
         _walker_type(root, walk)
     everyone = sorted((*demand.rides, *demand.walkers), key=lambda one: one.depart_s)
@@ -63,6 +74,19 @@ def write_route_file(demand: Demand, path: Path) -> None:
         _vehicle(root, one) if isinstance(one, Ride) else _person(root, one)
     indent(root)
     ElementTree(root).write(path, encoding="utf-8")
+
+
+def _careful(driving: Driving, caution: Caution | None) -> Driving:
+    """The same as drivers do it who leave more time and brake no harder than the road lets them."""
+    if caution is None:
+        return driving
+    return replace(
+        driving,
+        acceleration_m_s2=min(driving.acceleration_m_s2, caution.usual_m_s2),
+        deceleration_m_s2=min(driving.deceleration_m_s2, caution.usual_m_s2),
+        hardest_m_s2=min(driving.hardest_m_s2, caution.hardest_m_s2),
+        headway_s=driving.headway_s + caution.headway_s,
+    )
 
 
 def _type(root: Element, ride: Ride, driving: Driving) -> None:
@@ -80,7 +104,7 @@ def _type(root: Element, ride: Ride, driving: Driving) -> None:
         height=height,
         accel=accelerates,
         decel=brakes,
-        emergencyDecel=brakes + EMERGENCY_EXTRA_M_S2,
+        emergencyDecel=min(brakes + EMERGENCY_EXTRA_M_S2, driving.hardest_m_s2),
         tau=driving.headway_s,
         minGap=driving.gap_m,
         maxSpeed=ride.top_speed_m_s,

@@ -16,8 +16,9 @@ BAD_INPUT = 2
 def simulate(spec: Spec, network: Path) -> Trace:
     """The traffic of a spec on its road's SUMO network.
 
-    It depends on the road, the agents' places, the demand, the blueprints, the timing and the
-    traffic seed, and on nothing else; so all weathers of a road and density share it.
+    It depends on the road, the agents' places, the demand, the blueprints, the timing, the traffic
+    seed and what drivers do about the weather, and on nothing else; so all weathers of a road and
+    density share it, unless a suite has drivers who react.
 
     Args:
         spec: What to simulate.

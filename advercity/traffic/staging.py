@@ -90,5 +90,5 @@ def recorded(
     cues |= {number: play.cue for number, play in plays.items() if play.cue is not None}
     with tempfile.TemporaryDirectory() as folder:
         routes = Path(folder) / "demand.rou.xml"
-        write_route_file(demand, routes)
+        write_route_file(demand, routes, spec.caution)
         return drive(spec, demand, graph, network, routes, cues)

@@ -6,6 +6,7 @@ This package holds models and nothing else; it imports neither simulator nor ren
 from advercity_dsl.base import Declaration, Id, Model
 from advercity_dsl.catalogue import Blueprint, BodyModel, Catalogue, LampPlaces
 from advercity_dsl.conflict import Conflict, Outcome, StagedActor, StagedConflict
+from advercity_dsl.drivers import Caution, Drivers
 from advercity_dsl.looks import Looks
 from advercity_dsl.rig import Camera, Carrier, Exposure, Gnss, Imu, Lidar, Mount, Rig
 from advercity_dsl.road import MapFile, MapNetwork, Road, RoadsideUnit, Street, Vehicle
@@ -21,6 +22,7 @@ DECLARATIONS: dict[str, type[Declaration]] = {
     "road": Road,
     "weather": Weather,
     "density": Density,
+    "drivers": Drivers,
     "rig": Rig,
     "catalogue": Catalogue,
     "suite": Suite,
@@ -46,9 +48,11 @@ __all__ = [
     "Camera",
     "Carrier",
     "Catalogue",
+    "Caution",
     "Conflict",
     "Declaration",
     "Density",
+    "Drivers",
     "Exposure",
     "Gnss",
     "Id",

@@ -11,6 +11,7 @@ from advercity_dsl.base import Digest, Id, Model
 from advercity_dsl.catalogue import Blueprint
 from advercity_dsl.conflict import StagedConflict
 from advercity_dsl.distribution import Distribution
+from advercity_dsl.drivers import Caution, Drivers
 from advercity_dsl.rig import Carrier
 from advercity_dsl.road import ClassShares, Road, RoadsideUnit, Vehicle
 from advercity_dsl.suite import FieldPath, Timing
@@ -99,6 +100,10 @@ class Spec(Model):
     demand: ClassDemand
     conflicts: tuple[StagedConflict, ...] = Field(default=(), exclude_if=_is_empty)
     """In the order in which they happen."""
+    drivers: Drivers | None = Field(default=None, exclude_if=_is_empty)
+    """What drivers do about weather; they drive alike in any if it is left out."""
+    caution: Caution | None = Field(default=None, exclude_if=_is_empty)
+    """What they do about this one."""
     blueprints: dict[Id, Blueprint]
     timing: Timing
     seeds: SpecSeeds

@@ -163,6 +163,8 @@ class Suite(Declaration):
     """Sensors of every scenario."""
     catalogue: Id
     """Vehicles and people of every scenario."""
+    drivers: Id | None = Field(default=None, exclude_if=lambda name: name is None)
+    """Drivers who react to weather; left out, they drive alike in any, and weathers are pairs."""
     seeds: Seeds = Seeds()
     """Of all that is drawn."""
     timing: Timing = Timing()
