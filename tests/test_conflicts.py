@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from advercity_dsl import Conflict, Road, Spec, Typology
 
+from advercity.cli.tables import spec_facts
 from advercity.compiler import ProblemsError, compile_library, load_library
 from advercity.compiler.binding import bound
 
@@ -102,6 +103,30 @@ MISTAKES = {
         "walkers: 0",
         "'unj' has no walkers, whose number",
     ),
+    "V10 glare by night": (
+        "weather/clear_day.yaml",
+        "time: day",
+        "time: night",
+        "sun.elevation_deg: the sun stands at 60 deg, but it is night",
+    ),
+    "V11 a vehicle beside the map": (
+        "roads/unj.yaml",
+        "spawn_m: [218.69, 5.03]",
+        "spawn_m: [1000, 2000]",
+        "m from the nearest lane of this map; it may be 3.5 m away; is it the right map?",
+    ),
+    "V11 a roadside unit of another town": (
+        "roads/unj.yaml",
+        "position_m: [140.61, 12.2, 8.61]",
+        "position_m: [-300, 900, 8.61]",
+        "from the nearest lane of this map; it may be 100 m away; is it the right map?",
+    ),
+    "V13 an id that is taken": (
+        "suites/conflicts.yaml",
+        "id: conflicts",
+        "id: adver_city",
+        "id: suite 'adver_city' is declared in",
+    ),
     "V14 a group that nothing stages": (
         "suites/adver_city.yaml",
         "ri: [ltap_od_ego_turns, cyc_left_turn]",
@@ -122,6 +147,27 @@ def test_what_keeps_a_conflict_from_happening_is_told(mistake: str, copied: Path
     assert message in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("mor_m", "told"),
+    [
+        # 35 km/h are 9.72 m/s: 14.58 m to react, 94.52 / (2 x 0.785 x 9.81) = 6.14 m to brake.
+        (75, "21 m from 35 km/h, with 1.5 s to react and a friction of 0.79; visibility 75 m: the"
+         " ego can stop in sight"),
+        (15, "visibility 15 m: the ego cannot stop in sight"),
+    ],
+)  # fmt: skip
+def test_v12_whether_the_ego_can_stop_in_sight_is_told(
+    mor_m: float, told: str, specs: dict[str, Spec]
+):
+    spec = specs["ui_fog_day_sparse"]
+    fog = spec.weather.fog.model_copy(update={"mor_m": mor_m})
+    weather = spec.weather.model_copy(update={"fog": fog})
+
+    facts = spec_facts(spec.model_copy(update={"weather": weather}))
+
+    assert facts["stopping"].endswith(told)
+
+
 def test_a_conflict_point_lies_on_the_ego_s_way_and_inside_the_scenario(specs: dict[str, Spec]):
     for spec in specs.values():
         for conflict in spec.conflicts:
@@ -129,7 +175,7 @@ def test_a_conflict_point_lies_on_the_ego_s_way_and_inside_the_scenario(specs: d
             assert conflict.window_s[0] > 0
 
 
-def test_ids_are_unique_and_specs_are_the_same_each_time(copied: Path):
+def test_v13_ids_are_unique_and_specs_are_the_same_each_time(copied: Path):
     first, second = compile_library(copied), compile_library(copied)
 
     assert len({spec.id for spec in first}) == len(first) == 10

@@ -1,6 +1,7 @@
 """Roads from maps: OpenDRIVE, OpenStreetMap and SUMO files become places like the authored ones."""
 
 import base64
+import hashlib
 import os
 import shutil
 import zlib
@@ -448,6 +449,19 @@ def test_a_path_that_is_no_map_is_refused(file: str, complaint: str, tmp_path: P
 
     with pytest.raises(InputError, match=complaint):
         network_of(MapFile(source="opendrive", file=file), road, tmp_path)
+
+
+def test_another_map_under_the_same_name_is_refused() -> None:
+    """Validator V11."""
+    origin = {"origin_lat_deg": 48.0, "origin_lon_deg": 11.0}
+    road = Road.model_validate(declaration("osm", "crossroads.osm", **origin))
+    right = hashlib.sha256((DATA / "crossroads.osm").read_bytes()).hexdigest()
+
+    network = network_of(MapFile(source="osm", file="crossroads.osm", sha256=right), road, DATA)
+    with pytest.raises(InputError, match=f"made for: its sha256 is {right}; fetch the right one"):
+        network_of(MapFile(source="osm", file="crossroads.osm", sha256="0" * 64), road, DATA)
+
+    assert network.sha256 == right
 
 
 def test_a_huge_file_is_refused_unparsed() -> None:

@@ -51,6 +51,7 @@ def test_simulate_writes_the_trace_its_report_and_a_film(
     assert told["frames"] == len(trace) == 10
     assert told["actors"]["pedestrian"] == spec.demand.walkers
     assert told["overlaps"] == []
+    assert told["stopping"]["distance_m"] == 16.92  # 30 km/h: 12.5 m to react, 4.42 m to brake
     with av.open(str(folder / "plan.mp4")) as film:
         pictures = [frame.to_ndarray(format="rgb24") for frame in film.decode(video=0)]
     assert len(pictures) == 10

@@ -16,6 +16,7 @@ from advercity.errors import InputError
 from advercity.sensors.lidar.reach import reach_m
 from advercity.weather import extinction
 from advercity.weather.daylight import daylight_of
+from advercity.weather.stopping import stopping
 from advercity.weather.words import in_words, visibility_m
 
 Facts = Mapping[str, str]
@@ -176,6 +177,7 @@ def spec_facts(spec: Spec) -> Facts:
         "place": f"{road.land_use}, {road.junction}, {road.alignment}, {road.profile}",
         "crash groups": ", ".join(group.typology for group in spec.groups),
         **weather_facts(spec.weather),
+        "stopping": str(stopping(spec)),
         "traffic": f"{spec.demand.vehicles} vehicles, {spec.demand.walkers} walkers "
         f"({spec.density.id})",
         "agents": ", ".join(f"{agent.id} ({agent.number})" for agent in spec.agents),

@@ -32,6 +32,7 @@ from advercity.compiler.caution import caution
 from advercity.compiler.conflicts import Cell, cells, staged
 from advercity.compiler.distributions import Distributions, draw
 from advercity.compiler.library import Entry, Library, digest_of
+from advercity.compiler.places import misplaced
 from advercity.compiler.problems import Problem, ProblemsError, nearest
 from advercity.compiler.selection import is_selected, required_cells
 from advercity.compiler.source import dotted
@@ -73,6 +74,7 @@ def cross(library: Library, suite: Suite) -> list[Spec]:
     _check_catalogue(library, catalogue)
     _check_beams(library, rig, roads)
     _check_egos(library, roads)
+    _check_places(library, roads)
     source = library.entry(suite).source
     asked, taken = conditions(suite, source), steps(suite, source)
     scenes = (
@@ -298,6 +300,18 @@ def _check_egos(library: Library, roads: Mapping[str, Road]) -> None:
         if egos != 1:
             message = f"{egos} of the agents have the role 'ego'; one vehicle has it"
             problems.append(library.problem(road, "agents", message=message))
+    if problems:
+        raise ProblemsError(problems)
+
+
+def _check_places(library: Library, roads: Mapping[str, Road]) -> None:
+    problems = [
+        library.problem(
+            road, *where, message=message, hint="is it the right map? correct the place"
+        )
+        for road in roads.values()
+        for where, message in misplaced(road)
+    ]
     if problems:
         raise ProblemsError(problems)
 

@@ -88,7 +88,7 @@ def network_of(declared: MapFile, road: Road, folder: Path) -> MapNetwork:
             why = f"{_first(outcome.said)}{_within(declared)}"
             raise InputError(f"{declared.file}: netconvert cannot use it: {why}")
         net = cleaned(read_xml(output.read_bytes()))
-    if not any(_is_for_cars(lane) for lane in net.iter("lane")):
+    if not any(is_for_cars(lane) for lane in net.iter("lane")):
         raise InputError(f"{declared.file}: has no lane for cars{_within(declared)}")
     return MapNetwork(source=declared.source, sha256=found.sha256, network=packed(net))
 
@@ -108,13 +108,19 @@ def _read(declared: MapFile, folder: Path) -> _Map:
         raise InputError(f"{declared.file}: cannot be read: {error.strerror}") from error
     except InputError as error:
         raise InputError(f"{declared.file}: {error}") from None
+    digest = hashlib.sha256(raw).hexdigest()
+    if declared.sha256 not in (None, digest):
+        raise InputError(
+            f"{declared.file}: is not the map that this road was made for: its sha256 is {digest};"
+            " fetch the right one, or check every place and declare this sha256"
+        )
     if root.tag != ROOTS[declared.source]:
         fitting = next((source for source, tag in ROOTS.items() if tag == root.tag), None)
         hint = f"; say `source: {fitting}`" if fitting else ""
         raise InputError(
             f"{declared.file}: begins with <{root.tag[:40]}>, not <{ROOTS[declared.source]}>{hint}"
         )
-    return _Map(_harmless(root, declared.source), hashlib.sha256(raw).hexdigest())
+    return _Map(_harmless(root, declared.source), digest)
 
 
 def _harmless(root: Element, source: str) -> Element:
@@ -175,7 +181,8 @@ def _first(said: str) -> str:
     return (errors or lines[-1:] or ["it says nothing"])[0].removeprefix("Error: ")[:300]
 
 
-def _is_for_cars(lane: Element) -> bool:
+def is_for_cars(lane: Element) -> bool:
+    """Whether cars may drive in a lane of a SUMO network."""
     allowed, forbidden = lane.get("allow"), lane.get("disallow", "").split()
     if allowed is not None:
         return "passenger" in allowed.split()

@@ -4,7 +4,7 @@ import json
 import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 from advercity_dsl import Spec
@@ -14,6 +14,7 @@ from advercity.reel import Reel
 from advercity.runner.stage import Stage, set_stage
 from advercity.traffic.film import film
 from advercity.traffic.report import Report, report
+from advercity.weather.stopping import stopping
 
 
 def reports(specs: Iterable[Spec]) -> Iterator[Report]:
@@ -57,7 +58,8 @@ def simulate_to(spec: Spec, output: Path, *, filmed: bool = True) -> Report:
 
 def _write(spec: Spec, stage: Stage, found: Report, folder: Path, *, filmed: bool) -> None:
     stage.trace.save(folder / "trace.npz")
-    text = json.dumps(found.document(), indent=1, allow_nan=False)
+    document = found.document() | {"stopping": asdict(stopping(spec))}
+    text = json.dumps(document, indent=1, allow_nan=False)
     (folder / "report.json").write_text(text + "\n", encoding="utf-8")
     if filmed:
         with Reel(folder / "plan.mp4", stage.trace.tick_s) as reel:

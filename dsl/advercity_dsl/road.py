@@ -15,6 +15,7 @@ from advercity_dsl.base import (
     Count,
     Declaration,
     Degrees,
+    Digest,
     Id,
     KilometresPerHour,
     Metres,
@@ -417,6 +418,8 @@ class MapFile(Model):
     """Format of the map."""
     file: Annotated[str, StringConstraints(min_length=1, max_length=1000)]
     """Its path, relative to the declaration's file."""
+    sha256: Digest | None = None
+    """Of the file; another map under the same name is refused."""
     extent_m: tuple[Point2, Point2] | None = None
     """Two opposite corners of a rectangle; roads wholly outside are left out."""
 
@@ -426,7 +429,7 @@ class MapNetwork(Model):
 
     source: Literal["opendrive", "osm", "sumo"]
     """Format of the map."""
-    sha256: Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
+    sha256: Digest
     """Of the map's file."""
     network: Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9+/]+={0,2}$")]
     """The SUMO network, as zlib in Base64."""
