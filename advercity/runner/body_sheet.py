@@ -32,6 +32,7 @@ OBLIQUE, LEVEL = 0.18, 0.08
 """Height of the camera over the middle of the body, as a share of its distance."""
 STREET_LAMPS = tuple(StreetLamp((x, y, 8.0)) for x in (-9.0, 9.0) for y in (-7.0, 7.0))
 COATS = "cloth_red"
+STEERING_RAD = np.radians(20.0)
 CLEAN_LENS = 0.02
 """Share of the light that it scatters."""
 ALL_LAMPS = Lamp.BRAKE | Lamp.LEFT | Lamp.RIGHT
@@ -75,7 +76,7 @@ def _frame(number: int, name: str, blueprint: Blueprint) -> Frame:
     size = (blueprint.length_m, blueprint.width_m, blueprint.height_m)
     lamps = Lamp(0) if blueprint.actor_class == "pedestrian" else ALL_LAMPS
     actor = Actor(number, blueprint.actor_class, name, paint, size)
-    state = ActorState(actor, np.eye(4), 0.0, 0.0, lamps)
+    state = ActorState(actor, np.eye(4), 0.0, 0.0, lamps, steering_rad=STEERING_RAD)
     return Frame(index=0, time_s=0.0, states=(state,), signals={})
 
 

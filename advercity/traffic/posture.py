@@ -5,13 +5,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from advercity.poses import Matrix
+from advercity.poses import Matrix, pose
 from advercity.traffic.trace import ActorState
 from advercity.world.bodies import posed
-from advercity.world.scene import Body, Mesh
+from advercity.world.scene import Body, Mesh, Wheel
 
 STANDING_M_S = 0.15
 _GOLDEN = 0.618034
+_MOST_STEERING_RAD = np.radians(40.0)
+"""What wheel arches leave room for."""
 
 
 @dataclass(frozen=True)
@@ -64,3 +66,18 @@ def posture(state: ActorState, bodies: Mapping[str, Body]) -> Posture:
     if gait.rests:
         body_from_mesh[0, 3] = (pose / poses - turns) * gait.cycle_m
     return Posture(Shape(actor.blueprint, sheltered, pose % poses), body_from_mesh)
+
+
+def rolled(state: ActorState, wheel: Wheel) -> Matrix:
+    """Where an actor's wheel (4, 4) is from where it is at rest, both in the body frame.
+
+    It has rolled as far as the actor has gone, and steers if it is one that does.
+    """
+    steering = np.clip(state.steering_rad, -_MOST_STEERING_RAD, _MOST_STEERING_RAD)
+    turn = pose(
+        wheel.hub,
+        yaw=float(steering) if wheel.steers else 0.0,
+        pitch=state.travelled_m / wheel.radius_m % (2.0 * np.pi),
+    )
+    turn[:3, 3] -= turn[:3, :3] @ np.asarray(wheel.hub)
+    return turn

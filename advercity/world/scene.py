@@ -10,6 +10,20 @@ from numpy.typing import NDArray
 from advercity.semantics import Semantic
 
 
+@dataclass(frozen=True, order=True)
+class Wheel:
+    """A wheel that stands on the ground, or several that share an axle and do not steer."""
+
+    hub: tuple[float, float, float]
+    """Its middle in the body frame, metres; as high as its radius."""
+    steers: bool = False
+
+    @property
+    def radius_m(self) -> float:
+        """How far the hub is above the ground."""
+        return self.hub[2]
+
+
 @dataclass(frozen=True)
 class Mesh:
     """Triangles of one material and one semantic class.
@@ -23,6 +37,7 @@ class Mesh:
         normals: (n, 3) float32 for smooth shading, or None for flat faces.
         weights: (n, bones) float32 shares of what carries each vertex as its body moves on the
             spot, or None if it keeps still.
+        wheel: What it turns with, or None if it does not.
     """
 
     name: str
@@ -32,6 +47,7 @@ class Mesh:
     semantic: Semantic
     normals: NDArray[np.float32] | None = None
     weights: NDArray[np.float32] | None = None
+    wheel: Wheel | None = None
 
 
 @dataclass(frozen=True, eq=False)

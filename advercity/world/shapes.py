@@ -1,7 +1,7 @@
 """Mesh primitives: closed surfaces wound outward, and how they become meshes.
 
 A `Surface` is bare geometry; a `Piece` also says what it is made of. `meshes` joins all pieces of
-one material and semantic class, since every mesh costs a draw call.
+one material, semantic class and wheel, since every mesh costs a draw call.
 """
 
 from collections.abc import Iterable, Sequence
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from advercity.semantics import Semantic
-from advercity.world.scene import Mesh
+from advercity.world.scene import Mesh, Wheel
 
 Floats = NDArray[np.float64]
 
@@ -41,6 +41,7 @@ class Piece:
     surface: Surface
     material: str
     semantic: Semantic
+    wheel: Wheel | None = None
 
 
 def xyz(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Floats:
@@ -329,23 +330,22 @@ def _unit(vectors: ArrayLike) -> Floats:
 
 
 def meshes(pieces: Sequence[Piece], prefix: str = "") -> list[Mesh]:
-    """One mesh per material and semantic class, named after both, in a stable order."""
-    groups: dict[tuple[str, Semantic], list[Surface]] = {}
+    """One mesh per material, semantic class and wheel, named after them, in a stable order."""
+    wheels = sorted({piece.wheel for piece in pieces if piece.wheel is not None})
+    groups: dict[tuple[int, str, Semantic], list[Surface]] = {}
     for piece in pieces:
         surface = piece.surface if piece.surface.normals is not None else shaded(piece.surface)
-        groups.setdefault((piece.material, piece.semantic), []).append(surface)
+        number = 0 if piece.wheel is None else 1 + wheels.index(piece.wheel)
+        groups.setdefault((number, piece.material, piece.semantic), []).append(surface)
     return [
-        _mesh(f"{prefix}{semantic.name.lower()}_{material}", joined(parts), material, semantic)
-        for (material, semantic), parts in sorted(groups.items())
+        Mesh(
+            name=f"{prefix}{semantic.name.lower()}_{material}" + f"_wheel_{number}" * (number > 0),
+            vertices=(surface := joined(parts)).vertices.astype(np.float32),
+            triangles=surface.triangles.astype(np.int32),
+            material=material,
+            semantic=semantic,
+            normals=None if surface.normals is None else surface.normals.astype(np.float32),
+            wheel=wheels[number - 1] if number else None,
+        )
+        for (number, material, semantic), parts in sorted(groups.items())
     ]
-
-
-def _mesh(name: str, surface: Surface, material: str, semantic: Semantic) -> Mesh:
-    return Mesh(
-        name,
-        surface.vertices.astype(np.float32),
-        surface.triangles.astype(np.int32),
-        material,
-        semantic,
-        None if surface.normals is None else surface.normals.astype(np.float32),
-    )

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from advercity.semantics import Semantic
-from advercity.world.scene import Body, Gait, Lane, Mesh, SignalLamp, StreetLamp, World
+from advercity.world.scene import Body, Gait, Lane, Mesh, SignalLamp, StreetLamp, Wheel, World
 
 
 def save_world(world: World, path: Path) -> None:
@@ -94,7 +94,7 @@ def _loaded(
     return bodies
 
 
-def _described(mesh: Mesh) -> tuple[str, str, int, int, int, bool, int]:
+def _described(mesh: Mesh) -> tuple[Any, ...]:
     return (
         mesh.name,
         mesh.material,
@@ -103,6 +103,7 @@ def _described(mesh: Mesh) -> tuple[str, str, int, int, int, bool, int]:
         len(mesh.triangles),
         mesh.normals is not None,
         0 if mesh.weights is None else mesh.weights.shape[1],
+        None if mesh.wheel is None else (mesh.wheel.hub, mesh.wheel.steers),
     )
 
 
@@ -135,7 +136,7 @@ def _meshes(
         _sliced(weights, [row[3] * row[6] for row in described]),
         strict=True,
     ):
-        name, material, semantic, count, _, is_smooth, bones = row
+        name, material, semantic, count, _, is_smooth, bones, wheel = row
         yield Mesh(
             name=name,
             vertices=own_vertices,
@@ -144,6 +145,7 @@ def _meshes(
             semantic=Semantic(semantic),
             normals=own_normals if is_smooth else None,
             weights=own_weights.reshape(count, bones) if bones else None,
+            wheel=Wheel(tuple(wheel[0]), wheel[1]) if wheel else None,
         )
 
 

@@ -4,6 +4,7 @@ A converted model is a GLB whose meshes are named after our materials, x forward
 """
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import cast
 
 import fast_simplification
@@ -21,9 +22,10 @@ from advercity.world.assets.materials import (
 )
 from advercity.world.assets.visible import seen
 from advercity.world.assets.wavefront import Part
+from advercity.world.assets.wheels import wheels_apart
 from advercity.world.materials import PAINT
 
-VERSION = 1
+VERSION = 2
 """Of this conversion; another one makes other files of the same models."""
 LENGTH_TOLERANCE = 0.25
 """By how much a model's proportions may differ from its blueprint's before it is turned wrong."""
@@ -32,6 +34,8 @@ WELD_SHARE = 5e-5
 SHAPES = frozenset({PAINT, "glass", "lamp_white", "lamp_red"})
 """What people know a vehicle by; it is thinned less than the rest."""
 SHAPING = 3.0
+LOWEST, ALL_AROUND = -0.25, -1.0
+"""Nobody looks at cars from underneath, but wheels turn."""
 FEWEST = 24
 """Triangles that are left of any part."""
 
@@ -53,8 +57,11 @@ def converted(parts: Iterable[Part], model: BodyModel, size: Size) -> list[Part]
     if not kept:
         raise RunError(f"{name_of(model)}: no material of it stands for any part")
     upright = [_upright(part, model) for part in kept]
-    ours = _sorted_out(_fitted(upright, model, size), model, size)
-    outside = _outside(ours)
+    rest, wheels = wheels_apart(_fitted(upright, model, size))
+    outside = _outside(_sorted_out(rest, model, size), LOWEST)
+    for number, own in enumerate(wheels, start=1):
+        turning = _outside(_sorted_out(own, model, size), ALL_AROUND)
+        outside += [replace(part, wheel=number) for part in turning]
     return _thinned(outside, model.triangles)
 
 
@@ -120,14 +127,17 @@ def _joined(material: str, parts: Sequence[Part]) -> Part:
     return Part(material, corners[first], triangles[(a != b) & (b != c) & (c != a)])
 
 
-def _outside(parts: Sequence[Part]) -> list[Part]:
-    """What can be seen of the parts, each triangle facing who sees it; thin sheets face both."""
+def _outside(parts: Sequence[Part], lowest: float) -> list[Part]:
+    """What can be seen of the parts, each triangle facing who sees it; thin sheets face both.
+
+    `lowest` is the sine of the steepest look upwards.
+    """
     starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
     vertices = np.concatenate([part.vertices for part in parts])
     triangles = np.concatenate(
         [part.triangles + start for part, start in zip(parts, starts, strict=False)]
     )
-    front, back = seen(vertices, triangles)
+    front, back = seen(vertices, triangles, lowest)
     bounds = np.cumsum([0, *(len(part.triangles) for part in parts)])
     kept: list[Part] = []
     for part, first, last in zip(parts, bounds[:-1], bounds[1:], strict=True):
@@ -146,7 +156,7 @@ def _thinned(parts: Sequence[Part], budget: int) -> list[Part]:
     weights = [SHAPING if part.material in SHAPES else 1.0 for part in parts]
     shares = [weight * len(part.triangles) for weight, part in zip(weights, parts, strict=True)]
     return [
-        _simplified(part, max(FEWEST, int(budget * share / sum(shares))))
+        replace(_simplified(part, max(FEWEST, int(budget * share / sum(shares)))), wheel=part.wheel)
         for part, share in zip(parts, shares, strict=True)
     ]
 

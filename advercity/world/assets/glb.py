@@ -10,11 +10,15 @@ from advercity.world.assets.wavefront import Part
 
 
 def to_glb(parts: list[Part]) -> bytes:
-    """The parts as a GLB whose meshes bear the names of their materials; same parts, same bytes."""
+    """The parts as a GLB; same parts, same bytes.
+
+    Meshes bear the names of their materials, and `@` and the number of the wheel that they are of.
+    """
     scene = trimesh.Scene()
     for part in parts:
         mesh = trimesh.Trimesh(part.vertices, part.triangles, process=False)
-        scene.add_geometry(mesh, geom_name=part.material, node_name=part.material)
+        name = f"{part.material}@{part.wheel}" if part.wheel else part.material
+        scene.add_geometry(mesh, geom_name=name, node_name=name)
     exported = scene.export(file_type="glb", include_normals=False)
     if not isinstance(exported, bytes):
         raise TypeError("trimesh exports GLB as bytes")
@@ -39,7 +43,15 @@ def read_glb(content: bytes, name: str) -> list[Part]:
             continue
         material = getattr(getattr(mesh.visual, "material", None), "name", None) or geometry
         vertices = trimesh.transform_points(mesh.vertices, world_from_mesh)
-        parts.append(Part(str(material), np.asarray(vertices, float), np.asarray(mesh.faces, int)))
+        named, wheel = _named(str(material))
+        faces = np.asarray(mesh.faces, int)
+        parts.append(Part(named, np.asarray(vertices, float), faces, wheel=wheel))
     if not parts:
         raise RunError(f"{name}: holds no triangles")
     return parts
+
+
+def _named(name: str) -> tuple[str, int]:
+    """Material and number of the wheel that the name of a mesh says."""
+    material, _, number = name.rpartition("@")
+    return (material, int(number)) if material and number.isdecimal() else (name, 0)

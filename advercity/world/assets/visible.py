@@ -8,14 +8,14 @@ from trimesh.ray.ray_pyembree import RayMeshIntersector
 Floats = NDArray[np.float64]
 
 DIRECTIONS = 64
-LOWEST = -0.25
-"""Sine of the steepest look upwards; nobody looks at cars from underneath."""
 WITHIN = np.array([(1, 1, 1), (4, 1, 1), (1, 4, 1), (1, 1, 4)]) / np.array([[3], [6], [6], [6]])
 """Barycentric places on a triangle from where the sky is looked for."""
 CLEAR_M = 2e-3
 
 
-def seen(vertices: Floats, triangles: NDArray[np.int64]) -> tuple[NDArray[np.bool_], ...]:
+def seen(
+    vertices: Floats, triangles: NDArray[np.int64], lowest: float
+) -> tuple[NDArray[np.bool_], ...]:
     """Whether each triangle can be seen from in front, and from behind.
 
     A side can be seen if from some place on it a ray gets away, over its own horizon.
@@ -23,6 +23,7 @@ def seen(vertices: Floats, triangles: NDArray[np.int64]) -> tuple[NDArray[np.boo
     Args:
         vertices: (n, 3) metres, z up.
         triangles: (m, 3).
+        lowest: Sine of the steepest look upwards.
     """
     world = RayMeshIntersector(trimesh.Trimesh(vertices, triangles, process=False))
     corners = vertices[triangles]
@@ -33,7 +34,7 @@ def seen(vertices: Floats, triangles: NDArray[np.int64]) -> tuple[NDArray[np.boo
         free = np.zeros(len(triangles), dtype=bool)
         for place in WITHIN:
             start = np.einsum("k,nkd->nd", place, corners) + sign * CLEAR_M * normal
-            for direction in _directions():
+            for direction in _directions(lowest):
                 ask = np.flatnonzero(~free & (sign * (normal @ direction) > 0.05))
                 if len(ask):
                     ahead = np.broadcast_to(direction, (len(ask), 3))
@@ -42,10 +43,10 @@ def seen(vertices: Floats, triangles: NDArray[np.int64]) -> tuple[NDArray[np.boo
     return tuple(sides)
 
 
-def _directions() -> Floats:
-    """Directions (k, 3), evenly spread over the sky and a little below its horizon."""
+def _directions(lowest: float) -> Floats:
+    """Directions (k, 3), evenly spread over the sky down to the sine of an elevation."""
     index = np.arange(DIRECTIONS) + 0.5
     azimuth = np.pi * (1.0 + np.sqrt(5.0)) * index
-    height = 1.0 - (1.0 - LOWEST) * index / DIRECTIONS
+    height = 1.0 - (1.0 - lowest) * index / DIRECTIONS
     level = np.sqrt(1.0 - height**2)
     return np.column_stack([level * np.cos(azimuth), level * np.sin(azimuth), height])

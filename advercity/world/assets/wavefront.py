@@ -19,12 +19,14 @@ class Part:
         vertices: (n, 3).
         triangles: (m, 3) into `vertices`.
         colours: (m, 3) sRGB in [0, 1] that a texture has in the middle of each triangle, or None.
+        wheel: Which wheel turns with it, counted from 1; 0 if it does not turn.
     """
 
     material: str
     vertices: NDArray[np.float64]
     triangles: NDArray[np.int64]
     colours: NDArray[np.float64] | None = None
+    wheel: int = 0
 
 
 def read_obj(obj: bytes, files: Mapping[str, bytes]) -> list[Part]:

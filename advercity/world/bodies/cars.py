@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from advercity.randomness import generator
 from advercity.semantics import Semantic
 from advercity.world.bodies.proportions import MINIBUS, PANEL_VAN, Proportions, proportions
-from advercity.world.bodies.wheels import wheels
+from advercity.world.bodies.wheels import axle
 from advercity.world.materials import PAINT
 from advercity.world.shapes import Floats, Piece, Surface, both_sides, box, ellipsoid, loft, split
 
@@ -42,12 +42,15 @@ def _motor_car(blueprint_id: str, size: Size, kind: Proportions) -> list[Piece]:
     length, width, height = size
     radius = min(kind.wheel_m, 0.13 * length) * generator("car", blueprint_id).uniform(0.97, 1.03)
     shell = _Shell(kind, length, 0.455 * width, height, radius)
-    axles = [
-        piece
-        for station in kind.axles
-        for piece in wheels(shell.x(station), shell.half - 0.012, radius, 0.27 * shell.half)
+    front, rear = (shell.x(station) for station in kind.axles)
+    outer, wide = shell.half - 0.012, 0.27 * shell.half
+    return [
+        *shell.pieces(),
+        *_cabin(shell),
+        *_trim(shell, width),
+        *axle(front, outer, radius, wide, steers=True),
+        *axle(rear, outer, radius, wide),
     ]
-    return [*shell.pieces(), *_cabin(shell), *_trim(shell, width), *axles]
 
 
 @dataclass(frozen=True)

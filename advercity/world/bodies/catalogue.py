@@ -1,6 +1,6 @@
 """From a blueprint to its body."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from advercity.world.bodies.motorcycles import motorcycle
 from advercity.world.bodies.people import drawn_looks, pedestrian
 from advercity.world.bodies.puppets import fitted
 from advercity.world.bodies.trucks import truck
+from advercity.world.bodies.wheels import wheels_of
 from advercity.world.scene import Body, Mesh
 from advercity.world.shapes import Piece, Surface, both_sides, ellipsoid, meshes
 
@@ -77,15 +78,19 @@ def _made(blueprint_id: str, blueprint: Blueprint, shelf: Shelf | None) -> Body:
         return fitted(_RIDDEN[blueprint.actor_class](blueprint_id, size), size)
     else:
         pieces = _BUILDERS[blueprint.actor_class](blueprint_id, size)
-    return Body(parts=tuple(meshes(_fitted(pieces, size))), size=size)
+    return fitted(Body(tuple(meshes(pieces)), size), size)
 
 
 def _modelled(path: Path, actor_class: ActorClass) -> list[Piece]:
     """Pieces of a converted model."""
     semantic = Semantic.PEDESTRIAN if actor_class == "pedestrian" else Semantic.VEHICLE
+    parts = read_glb(path.read_bytes(), path.name)
+    wheels = wheels_of(parts)
     return [
-        Piece(Surface(part.vertices, part.triangles), part.material, semantic)
-        for part in read_glb(path.read_bytes(), path.name)
+        Piece(
+            Surface(part.vertices, part.triangles), part.material, semantic, wheels.get(part.wheel)
+        )
+        for part in parts
     ]
 
 
@@ -99,20 +104,3 @@ def _lenses(lamps: LampPlaces) -> list[Piece]:
             both = both_sides(glass) if place[1] else glass
             pieces.append(Piece(both, material, Semantic.VEHICLE))
     return pieces
-
-
-def _fitted(pieces: Sequence[Piece], size: Size) -> list[Piece]:
-    """The pieces stretched, by a few per cent at most, to touch every side of the box."""
-    used = [piece.surface.vertices[piece.surface.triangles] for piece in pieces]
-    points = np.concatenate([corners.reshape(-1, 3) for corners in used])
-    low, high = points.min(axis=0), points.max(axis=0)
-    factor = np.asarray(size) / (high - low)
-    middle = (low + high) / 2 * (1, 1, 0) + low * (0, 0, 1)
-    return [
-        Piece(
-            Surface((piece.surface.vertices - middle) * factor, piece.surface.triangles),
-            piece.material,
-            piece.semantic,
-        )
-        for piece in pieces
-    ]

@@ -4,20 +4,20 @@ import numpy as np
 from advercity_dsl import Looks
 
 from advercity.semantics import Semantic
-from advercity.world.bodies.puppets import Limb, puppet, rigid
 from advercity.world.bodies.riders import Rider, Seat, dressed, riding
-from advercity.world.bodies.skeleton import SIDES, Bone
 from advercity.world.bodies.spokes import spokes, tyre
 from advercity.world.materials import PAINT
-from advercity.world.scene import Body
+from advercity.world.scene import Body, Wheel
 from advercity.world.shapes import (
     Floats,
+    Piece,
     Surface,
     both_sides,
     box,
     ellipsoid,
     hoop,
     loft,
+    meshes,
     tube,
     xyz,
 )
@@ -42,8 +42,6 @@ def motorcycle(blueprint_id: str, size: Size) -> Body:
     fork = both_sides(tube([front + xyz(0, 0.08, 0), head + xyz(0, 0.08, 0)], 0.028, sides=6))
     seat = ellipsoid(saddle + xyz(-0.08, 0, 0.03), (0.30, 0.13, 0.065), sides=10, bands=5)
     fenders = [_fender(hub, radius) for hub in (front, rear)]
-    rims = [hoop(_square(0.66 * radius, 0.035), hub, sides=14) for hub in (front, rear)]
-    arms = [part for hub in (front, rear) for part in spokes(hub, 0.72 * radius)]
     lamp = head + xyz(0.07, 0, -0.04)
     tail = xyz(rear[0] - 0.05, z=0.52 if scooter else saddle[2] + 0.02)
     lamps = [
@@ -57,20 +55,28 @@ def motorcycle(blueprint_id: str, size: Size) -> Body:
     looks = Looks(stout=1.05, bottom_colour="denim" if scooter else "black")
     helmet = "car_paint_white" if scooter else "black_plastic"
     posture = riding(rider, soles)[0]
-    limbs = [
+    worn = dressed(posture, rider.build, looks, helmet, key=blueprint_id, visor=True)
+    pieces = [
         *_vehicle([*shell, *fenders], PAINT),
         *_vehicle([tube(bars, 0.02, sides=6), seat], "black_plastic"),
-        *_vehicle([fork, *rims, *arms, *_engine(rear, length, scooter)], "metal"),
-        *_vehicle([tyre(hub, radius, 0.065) for hub in (front, rear)], "rubber"),
-        *(part for surface, material in lamps for part in _vehicle([surface], material)),
-        *dressed(posture, rider.build, looks, helmet, key=blueprint_id, visor=True),
+        *_vehicle([fork, *_engine(rear, length, scooter)], "metal"),
+        *(piece for surface, material in lamps for piece in _vehicle([surface], material)),
+        *(piece for hub in (front, rear) for piece in _wheel(hub, radius)),
+        *(Piece(limb.surface, limb.material, limb.semantic) for limb in worn),
     ]
-    return puppet(limbs, None, size)
+    return Body(tuple(meshes(pieces)), size)
 
 
-def _vehicle(surfaces: list[Surface], material: str) -> list[Limb]:
+def _vehicle(surfaces: list[Surface], material: str, wheel: Wheel | None = None) -> list[Piece]:
+    return [Piece(surface, material, Semantic.VEHICLE, wheel) for surface in surfaces]
+
+
+def _wheel(hub: Floats, radius: float) -> list[Piece]:
+    wheel = Wheel(tuple(hub.tolist()))
+    rim = hoop(_square(0.66 * radius, 0.035), hub, sides=14)
     return [
-        rigid(surface, Bone.TRUNK, len(SIDES), material, Semantic.VEHICLE) for surface in surfaces
+        *_vehicle([tyre(hub, radius, 0.065)], "rubber", wheel),
+        *_vehicle([rim, *spokes(hub, 0.72 * radius)], "metal", wheel),
     ]
 
 

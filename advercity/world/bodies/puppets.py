@@ -14,6 +14,7 @@ from advercity.world.shapes import Floats, Surface, joined, shaded
 
 POSES = 16
 """Of a cycle; a foot on the ground is kept in place between them."""
+_FITTINGS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +41,7 @@ def rigid(surface: Surface, bone: int, bones: int, material: str, semantic: Sema
     return Limb(smooth, weights, material, semantic)
 
 
-def puppet(limbs: Sequence[Limb], gait: Gait | None, size: tuple[float, float, float]) -> Body:
+def puppet(limbs: Sequence[Limb], gait: Gait, size: tuple[float, float, float]) -> Body:
     """The body of some limbs, one mesh per material and semantic class, unfitted."""
     groups: dict[tuple[str, Semantic], list[Limb]] = {}
     for limb in limbs:
@@ -48,8 +49,6 @@ def puppet(limbs: Sequence[Limb], gait: Gait | None, size: tuple[float, float, f
     parts = tuple(
         _mesh(material, semantic, own) for (material, semantic), own in sorted(groups.items())
     )
-    if gait is None:
-        parts = tuple(replace(part, weights=None) for part in parts)
     return Body(parts, size, gait)
 
 
@@ -89,8 +88,13 @@ def _carried(part: Mesh, moves: NDArray[np.float32]) -> Mesh:
 
 
 def fitted(body: Body, size: tuple[float, float, float]) -> Body:
-    """A body stretched so that its poses, all together, touch every side of its box."""
-    return scaled(body, *fit(body, size))
+    """A body stretched so that its poses, all together, touch every side of its box.
+
+    Wheels stay round and so miss it by a little the first time.
+    """
+    for _ in range(_FITTINGS):
+        body = scaled(body, *fit(body, size))
+    return body
 
 
 def fit(body: Body, size: tuple[float, float, float]) -> tuple[Floats, Floats]:
@@ -124,10 +128,7 @@ def extent(body: Body) -> tuple[Floats, Floats]:
 def scaled(body: Body, factor: Floats, offset: Floats) -> Body:
     """A body stretched along x, y and z, then shifted, in all its poses."""
     stretch = factor.astype(np.float32)
-    parts = tuple(
-        replace(part, vertices=(part.vertices * stretch + offset).astype(np.float32))
-        for part in body.parts
-    )
+    parts = tuple(_stretched(part, factor, offset) for part in body.parts)
     if body.gait is None:
         return replace(body, parts=parts)
     moves = body.gait.moves.copy()
@@ -136,3 +137,14 @@ def scaled(body: Body, factor: Floats, offset: Floats) -> Body:
     moves[..., 3] -= np.einsum("pbij,j->pbi", moves[..., :3], offset)
     gait = replace(body.gait, cycle_m=body.gait.cycle_m * float(factor[0]), moves=moves)
     return replace(body, parts=parts, gait=gait)
+
+
+def _stretched(part: Mesh, factor: Floats, offset: Floats) -> Mesh:
+    """A part stretched, then shifted; what turns is as much longer as it is higher."""
+    if part.wheel is None:
+        return replace(part, vertices=(part.vertices * factor + offset).astype(np.float32))
+    hub = np.asarray(part.wheel.hub)
+    place = hub * factor + offset
+    vertices = (part.vertices - hub) * factor[[2, 1, 2]] + place
+    wheel = replace(part.wheel, hub=tuple(place.tolist()))
+    return replace(part, vertices=vertices.astype(np.float32), wheel=wheel)

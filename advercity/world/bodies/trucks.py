@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from advercity.semantics import Semantic
-from advercity.world.bodies.wheels import wheels
+from advercity.world.bodies.wheels import axle
 from advercity.world.materials import PAINT
 from advercity.world.shapes import Floats, Piece, Surface, both_sides, box, loft, plate, tube
 
@@ -157,8 +157,8 @@ def _rear_lamps(rear: float, half: float, z: float) -> list[Piece]:
 def _axles(stations: tuple[float, float], half: float, radius: float) -> list[Piece]:
     front, rear = stations
     return [
-        *wheels(front, half - 0.02, radius, 0.30),
-        *wheels(rear, half - 0.02, radius, 0.58),
+        *axle(front, half - 0.02, radius, 0.30, steers=True),
+        *axle(rear, half - 0.02, radius, 0.58),
     ]
 
 

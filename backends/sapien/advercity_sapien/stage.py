@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from advercity.poses import Matrix, pose
 from advercity.semantics import Semantic
-from advercity.traffic.posture import Shape, posture
-from advercity.traffic.trace import Frame, Lamp
-from advercity.world.scene import Mesh, SignalLamp, World
+from advercity.traffic.posture import Shape, posture, rolled
+from advercity.traffic.trace import ActorState, Frame, Lamp
+from advercity.world.scene import Mesh, SignalLamp, Wheel, World
 from advercity_sapien.bindings import Bindings
 from advercity_sapien.shapes import ShapeLibrary, lenses, tiles
 
@@ -22,14 +22,16 @@ FIRST_SIGNAL_BIT = 32
 """Of a body's lit lamps: red, then yellow and green; below are those of `Lamp`."""
 
 Body = sapien.render.RenderBodyComponent
+Pieces = dict[Wheel | None, Body]
+"""What an actor is made of: what does not turn, and each wheel."""
 Look = tuple[Shape, str]
-"""A shape and the paint on it; bodies of one look are the same meshes of the same materials."""
+"""A shape and the paint on it; actors of one look are the same meshes of the same materials."""
 
 
 class Stage:
     """Puts a world on SAPIEN's stage and moves it.
 
-    A body that nobody uses stands in for the next actor of its shape and paint: adding one to
+    Pieces that nobody uses stand in for the next actor of their shape and paint: adding some to
     a ray-traced scene rebuilds its pipelines, and a long scenario would never stop growing.
     """
 
@@ -41,10 +43,10 @@ class Stage:
         self._scene = scene
         self._bindings = bindings
         self._shapes = ShapeLibrary()
-        self._actors: dict[int, tuple[Look, Body]] = {}
+        self._actors: dict[int, tuple[Look, Pieces]] = {}
         self._lit: dict[int, int] = {}
-        self._idle: defaultdict[Look, list[Body]] = defaultdict(list)
-        self._meshes: dict[Shape, tuple[Mesh, ...]] = {}
+        self._idle: defaultdict[Look, list[Pieces]] = defaultdict(list)
+        self._meshes: dict[Shape, dict[Wheel | None, list[Mesh]]] = {}
         meshes = [tile for mesh in world.static for tile in tiles(mesh)]
         static = self._add(meshes)
         self._identify(static, meshes, 0)
@@ -56,15 +58,15 @@ class Stage:
         seen = {state.actor.id: posture(state, self._world.bodies) for state in frame.states}
         looks = {s.actor.id: (seen[s.actor.id].shape, s.actor.paint) for s in frame.states}
         for actor_id in [i for i, (look, _) in self._actors.items() if looks.get(i) != look]:
-            look, body = self._actors.pop(actor_id)
-            body.entity.set_pose(PARKED)
-            self._idle[look].append(body)
+            look, pieces = self._actors.pop(actor_id)
+            for body in pieces.values():
+                body.entity.set_pose(PARKED)
+            self._idle[look].append(pieces)
         for state in frame.states:
-            body = self._body_of(state.actor.id, looks[state.actor.id])
-            world_from_mesh = state.world_from_body @ seen[state.actor.id].body_from_mesh
-            body.entity.set_pose(sapien.Pose(world_from_mesh))
+            pieces = self._pieces_of(state.actor.id, looks[state.actor.id])
+            self._move(pieces, state, state.world_from_body @ seen[state.actor.id].body_from_mesh)
             self._lit[state.actor.id] = int(state.lamps)
-            self._bindings.mark(body, int(state.lamps), hidden=False)
+            self._mark(state.actor.id, hidden=False)
         for name, body in self._signals.items():
             self._bindings.mark(body, FIRST_SIGNAL_BIT << frame.signals[name], hidden=False)
 
@@ -73,25 +75,42 @@ class Stage:
         """Hide actors from cameras; they still cast their shadows."""
         hidden = [actor_id for actor_id in actor_ids if actor_id in self._actors]
         for actor_id in hidden:
-            self._bindings.mark(self._actors[actor_id][1], self._lit[actor_id], hidden=True)
+            self._mark(actor_id, hidden=True)
         try:
             yield
         finally:
             for actor_id in hidden:
-                self._bindings.mark(self._actors[actor_id][1], self._lit[actor_id], hidden=False)
+                self._mark(actor_id, hidden=False)
 
-    def _body_of(self, actor_id: int, look: Look) -> Body:
+    def _move(self, pieces: Pieces, state: ActorState, world_from_mesh: Matrix) -> None:
+        for wheel, body in pieces.items():
+            moved = world_from_mesh if wheel is None else world_from_mesh @ rolled(state, wheel)
+            body.entity.set_pose(sapien.Pose(moved))
+
+    def _mark(self, actor_id: int, *, hidden: bool) -> None:
+        for body in self._actors[actor_id][1].values():
+            self._bindings.mark(body, self._lit[actor_id], hidden=hidden)
+
+    def _pieces_of(self, actor_id: int, look: Look) -> Pieces:
         if actor_id not in self._actors:
-            parts, idle = self._parts(look[0]), self._idle[look]
-            body = idle.pop() if idle else self._add(parts, look[1])
-            self._identify(body, parts, actor_id)
-            self._actors[actor_id] = look, body
+            meshes, idle = self._parts(look[0]), self._idle[look]
+            pieces = (
+                idle.pop()
+                if idle
+                else {key: self._add(own, look[1]) for key, own in meshes.items()}
+            )
+            for wheel, body in pieces.items():
+                self._identify(body, meshes[wheel], actor_id)
+            self._actors[actor_id] = look, pieces
         return self._actors[actor_id][1]
 
-    def _parts(self, shape: Shape) -> tuple[Mesh, ...]:
+    def _parts(self, shape: Shape) -> dict[Wheel | None, list[Mesh]]:
         """The meshes of a shape, always the same ones: copies on the device are found by them."""
         if shape not in self._meshes:
-            self._meshes[shape] = shape.meshes(self._world.bodies)
+            parts: defaultdict[Wheel | None, list[Mesh]] = defaultdict(list)
+            for mesh in shape.meshes(self._world.bodies):
+                parts[mesh.wheel].append(mesh)
+            self._meshes[shape] = dict(parts)
         return self._meshes[shape]
 
     def _add_signal(self, lamp: SignalLamp) -> Body:

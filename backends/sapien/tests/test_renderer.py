@@ -19,7 +19,7 @@ from advercity.traffic.trace import Actor, ActorState, Frame, Lamp, Signal
 from advercity.weather.atmosphere import Atmosphere, Colour
 from advercity.weather.sky import cubemap_directions, horizontal_illuminance
 from advercity.world.materials import MATERIALS, Material
-from advercity.world.scene import Body, Mesh, SignalLamp, StreetLamp, World
+from advercity.world.scene import Body, Mesh, SignalLamp, StreetLamp, Wheel, World
 
 pytestmark = pytest.mark.render
 
@@ -281,6 +281,29 @@ def test_who_leaves_the_frame_is_gone_and_another_may_come(opened: Open) -> None
             renderer.place(frame_of(*states))
             seen.append(set(np.unique(renderer.camera(view_of()).instance).tolist()))
     assert seen == [{0, 1}, {0}, {0, 5}]
+
+
+def test_wheels_turn_and_steer_with_their_actor_and_hide_with_it(opened: Open) -> None:
+    # Seen from the left: a bar of 1.6 m by 0.2 m that lies along x and turns 0.8 m above ground.
+    bar = box((0, 0, 0.8), (1.6, 0.2, 0.2), semantic=Semantic.VEHICLE)
+    rolling = replace(bar, wheel=Wheel((0.0, 0.0, 0.8), steers=True))
+    body = Body((rolling,), (1.6, 0.2, 1.6))
+    world = replace(world_of(box((0, 9, 4), (20, 1, 9))), bodies={"box": body})
+    view = view_of(pose((0.0, -4.0, 0.8), yaw=np.pi / 2))
+
+    def extent_px(*, travelled_m: float = 0.0, steering_rad: float = 0.0) -> list[int]:
+        rolled = replace(state(1, (0, 0, 0)), travelled_m=travelled_m, steering_rad=steering_rad)
+        renderer.place(frame_of(rolled))
+        capture = renderer.camera(view)
+        assert (capture.semantic[capture.instance == 1] == Semantic.VEHICLE).all()
+        return np.ptp(np.argwhere(capture.instance == 1), axis=0).tolist()
+
+    with opened(world, air_of(sky=uniform(1000.0))) as renderer:
+        assert extent_px() == pytest.approx([4, 32], abs=1.5)
+        assert extent_px(travelled_m=0.8 * np.pi / 2) == pytest.approx([32, 4], abs=1.5)
+        # 1.6 m at 30 degrees; the end that comes 0.4 m nearer looks larger.
+        assert extent_px(steering_rad=np.pi / 6) == pytest.approx([4, 28], abs=1.5)
+        assert not (renderer.camera(replace(view, hide=frozenset({1}))).instance == 1).any()
 
 
 def test_paint_is_the_actors_own(opened: Open) -> None:
