@@ -49,6 +49,20 @@ def angles(matrix: Matrix) -> tuple[float, float, float]:
     return yaw, pitch, roll
 
 
+def quaternion(matrix: Matrix) -> Matrix:
+    """Unit quaternion (4,) of a pose or rotation, the real part first; pitch within ±pi/2."""
+    halves = np.array(angles(matrix)) / 2.0
+    (cy, cp, cr), (sy, sp, sr) = np.cos(halves), np.sin(halves)
+    return np.array(
+        [
+            cr * cp * cy + sr * sp * sy,
+            sr * cp * cy - cr * sp * sy,
+            cr * sp * cy + sr * cp * sy,
+            cr * cp * sy - sr * sp * cy,
+        ]
+    )
+
+
 def transform(matrix: Matrix, points: ArrayLike) -> NDArray[np.float64]:
     """Points (..., 3) moved by a pose (4, 4)."""
     return np.asarray(points, dtype=np.float64) @ matrix[:3, :3].T + matrix[:3, 3]

@@ -1,11 +1,11 @@
 """How fast the LiDAR is, and how much the weather costs: `python benchmarks/lidar.py [SPEC]`.
 
-All five sensors of a dense scenario look, frame after frame, on one core. The bare cast is Embree
-alone: the same rays against one scene of the same triangles, built beforehand, for which triangle
-each ray meets and how far away; its answers are thrown away. It is run next to every
-measurement and both are measured in processor time, so that ratios hold on a busy machine too.
-Roadside units stand still, which spares them most of the cast; the last column is of the vehicles'
-sensors alone. With `--frames N` it also runs N frames and prints what they leave behind in memory.
+All five sensors of a dense scenario look, frame after frame, on one core. Beside every measurement
+two bare casts run: the same rays against one scene of the same triangles, built beforehand, for
+which triangle each ray meets and how far away; their answers are thrown away. One is Embree as its
+Python wrapper has it, ray by ray; the other takes rays in packets, as the LiDAR does. All are
+measured in processor time, so that ratios hold on a busy machine too. With `--frames N` it also
+runs N frames and prints what they leave behind in memory.
 """
 
 import argparse
@@ -13,11 +13,12 @@ import resource
 import statistics
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-from advercity_dsl import Agent, RoadsideUnit, Spec, Weather
+from advercity_dsl import Agent, Lidar, RoadsideUnit, Spec, Weather
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
@@ -25,21 +26,24 @@ from numpy.typing import NDArray
 from advercity.compiler import find_weather
 from advercity.poses import transform
 from advercity.randomness import generator
+from advercity.rendering import embree
 from advercity.rendering.casting import Caster
 from advercity.runner.stage import set_stage, world_of
 from advercity.runner.viewpoints import Viewpoints
 from advercity.sensors.lidar import LidarAir, air_of, beams, shoot, sweep
 from advercity.traffic.trace import Frame
 from advercity.weather.derivation import atmosphere_of
-from advercity.world.scene import Mesh, World
+from advercity.world.scene import World
 
 Result = TypeVar("Result")
 Floats = NDArray[np.floating[Any]]
+Rows = NDArray[np.intp]
 
 WEATHERS = ("clear_day", "soft_rain_day", "heavy_rain_day", "fog_day", "foggy_heavy_rain_day")
 WARM_UP = 2
 FIRST = 50
 """Frame to begin with."""
+RANGE_M = 200.0
 
 
 class Scene:
@@ -71,29 +75,35 @@ class Scene:
         return origins, np.ascontiguousarray(directions)
 
 
-def everything(world: World, frame: Frame) -> Any:
-    """Embree's scene of all that is there in a frame."""
-    vertices, triangles, first = [np.empty((0, 3), np.float32)], [np.empty((0, 3), np.int32)], 0
+class Bare:
+    """Embree alone with all that is there in a frame."""
 
-    def add(mesh: Mesh, world_from_mesh: Any) -> None:
-        nonlocal first
-        vertices.append(transform(world_from_mesh, mesh.vertices).astype(np.float32))
-        triangles.append(mesh.triangles + np.int32(first))
-        first += len(mesh.vertices)
+    def __init__(self, world: World, frame: Frame) -> None:
+        there = [(mesh, np.eye(4)) for mesh in world.static]
+        for state in frame.states:
+            parts = world.bodies[state.actor.blueprint].parts
+            there += [(mesh, state.world_from_body) for mesh in parts]
+        moved = [
+            replace(mesh, vertices=transform(at, mesh.vertices).astype(np.float32))
+            for mesh, at in there
+        ]
+        starts = np.cumsum([0, *(len(mesh.vertices) for mesh in moved)]).astype(np.int32)
+        triangles = [mesh.triangles + start for mesh, start in zip(moved, starts, strict=False)]
+        self._single: Any = EmbreeScene(robust=True)
+        vertices = np.concatenate([mesh.vertices for mesh in moved])
+        TriangleMesh(self._single, vertices, np.concatenate(triangles))
+        self._packets = embree.Scene([embree.Solid(moved)], np.eye(4)[None])
+        # The wrapper commits its scene when it is first asked.
+        self.single(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
 
-    for mesh in world.static:
-        add(mesh, np.eye(4))
-    for state in frame.states:
-        for mesh in world.bodies[state.actor.blueprint].parts:
-            add(mesh, state.world_from_body)
-    scene: Any = EmbreeScene(robust=True)
-    TriangleMesh(scene, np.concatenate(vertices), np.concatenate(triangles))
-    return scene
+    def single(self, origins: Floats, directions: Floats) -> None:
+        """Cast ray by ray."""
+        limits = np.full(len(origins), RANGE_M, np.float32)
+        self._single.run(origins, directions, limits, output=True)
 
-
-def bare_cast(scene: Any, origins: Floats, directions: Floats) -> None:
-    """Embree alone; it commits its scene when it is first asked."""
-    scene.run(origins, directions, np.full(len(origins), 200.0, np.float32), output=True)
+    def packets(self, origins: Floats, directions: Floats, order: Rows) -> None:
+        """Cast 16 rays at a time."""
+        self._packets.cast(origins, directions, RANGE_M, order=order)
 
 
 def timed(work: Callable[[], Result]) -> tuple[float, Result]:
@@ -111,47 +121,54 @@ def without_weather() -> Weather:
 
 
 class Round:
-    """What each sensor took in one frame, seconds: Embree alone and everything."""
+    """What the sensors took in one frame, seconds: Embree alone, one way and the other, and all."""
 
     def __init__(self, scene: Scene, frame: Frame, air: LidarAir) -> None:
         self.points = self.rays = 0
-        self.bare: list[float] = []
-        self.whole: list[float] = []
-        everyone = everything(scene.world, frame)
+        self.single_s = self.packets_s = self.whole_s = 0.0
+        bare = Bare(scene.world, frame)
         for agent in scene.agents:
-            rays = scene.rays(agent, frame)
-            bare_cast(everyone, *(part[:1] for part in rays))
-            bare_s, _ = timed(lambda rays=rays: bare_cast(everyone, *rays))
+            rays, order = scene.rays(agent, frame), ring_by_ring(agent.sensors.lidar)
+            self.single_s += timed(lambda rays=rays: bare.single(*rays))[0]
+            self.packets_s += timed(lambda rays=rays, order=order: bare.packets(*rays, order))[0]
             whole_s, points = timed(lambda agent=agent: scene.look(agent, frame, air))
-            self.bare.append(bare_s)
-            self.whole.append(whole_s)
-            self.rays += len(rays[0])
+            self.whole_s += whole_s
+            self.rays += len(order)
             self.points += points
 
-    def ratio(self, agents: slice) -> float:
-        """Rate of everything over that of Embree alone."""
-        return sum(self.bare[agents]) / sum(self.whole[agents])
+    def figures(self) -> tuple[float, ...]:
+        """Rates in millions a second, and ratios to Embree alone, as the table has them."""
+        return (
+            self.points / self.whole_s / 1e6,
+            self.rays / self.whole_s / 1e6,
+            self.rays / self.single_s / 1e6,
+            self.single_s / self.whole_s,
+            self.rays / self.packets_s / 1e6,
+            self.packets_s / self.whole_s,
+        )
+
+
+def ring_by_ring(lidar: Lidar) -> Rows:
+    """Rows of a turn's beams, each channel's side by side."""
+    return np.arange(lidar.azimuths * lidar.channels).reshape(-1, lidar.channels).T.ravel()
 
 
 def table(scene: Scene, rounds: int) -> None:
     """Print one row per weather."""
     weathers = [without_weather(), *(find_weather(name).declaration for name in WEATHERS)]
-    vehicles = slice(sum(not isinstance(agent.place, RoadsideUnit) for agent in scene.agents))
-    actors = len(scene.viewpoints.frame(FIRST).states)
-    print(f"{len(scene.agents)} sensors, {actors} actors, {rounds} frames, medians\n")
-    print("| weather | points | M points/s | M rays/s | Embree alone | ratio | vehicles' ratio |")
-    print("|---|---|---|---|---|---|---|")
+    frames = [scene.viewpoints.frame(FIRST + number) for number in range(rounds + WARM_UP)]
+    for frame in frames:
+        # Bodies are built when they are first met.
+        scene.caster.place(frame)
+    print(
+        f"{len(scene.agents)} sensors, {len(frames[0].states)} actors, {rounds} frames, medians\n"
+    )
+    print("| weather | points | M points/s | M rays/s | Embree alone | ratio | packets | ratio |")
+    print("|---|---|---|---|---|---|---|---|")
     for weather in weathers:
         air = air_of(weather, atmosphere_of(weather, "urban"))
-        frames = map(scene.viewpoints.frame, range(FIRST, FIRST + rounds + WARM_UP))
         done = [Round(scene, frame, air) for frame in frames][WARM_UP:]
-        cells = [
-            statistics.median(one.points / sum(one.whole) / 1e6 for one in done),
-            statistics.median(one.rays / sum(one.whole) / 1e6 for one in done),
-            statistics.median(one.rays / sum(one.bare) / 1e6 for one in done),
-            statistics.median(one.ratio(slice(None)) for one in done),
-            statistics.median(one.ratio(vehicles) for one in done),
-        ]
+        cells = np.median([one.figures() for one in done], axis=0)
         points = round(statistics.median(one.points for one in done))
         print(f"| {weather.id} | {points} | {' | '.join(f'{cell:.2f}' for cell in cells)} |")
 

@@ -8,7 +8,6 @@ import pytest
 from advercity import poses
 from advercity.poses import inverse, pose, rotation, transform
 from advercity.rendering.casting import MATERIAL_NAMES, Caster, Hits, Rays
-from advercity.rendering.fan import Fan
 from advercity.semantics import Semantic
 from advercity.traffic.trace import Actor, ActorState, Frame, Lamp
 from advercity.world.scene import Body, Mesh, World
@@ -146,50 +145,52 @@ def test_no_ray_slips_through_a_closed_box() -> None:
     np.testing.assert_allclose(np.abs(points).max(axis=1), 25.0, atol=1e-4)
 
 
-def turn(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Bearings, and level directions along them."""
-    bearing = np.arange(count) * (2 * np.pi / count)
-    return bearing, np.column_stack([np.cos(bearing), np.sin(bearing), np.zeros(count)])
-
-
-def test_a_fan_finds_what_plain_rays_find() -> None:
-    eye = caster(GROUND, WALL)
-    places = [(9, 0), (9, 4), (-15, 3), (0, 12), (-40, 20), (60, 60), (0, -2.2)]
-    eye.place(
-        frame(*(car(number, x, y, yaw=x / 9) for number, (x, y) in enumerate(places, start=1)))
-    )
-    bearing, directions = turn(20_000)
-    stand = pose((0, 0, 0.5), yaw=2.0)
-    world = directions @ stand[:3, :3].T
-    origins = np.broadcast_to(stand[:3, 3], world.shape)
-    fan = Fan(stand, bearing.astype(np.float32))
-    plain, fanned = (eye.cast(rays(origins, world, fan=f), 100.0) for f in (None, fan))
-    assert set(plain.instance) == {0, 1, 2, 3, 4, 5, 6, 7}
-    np.testing.assert_array_equal(plain.instance, fanned.instance)
-    np.testing.assert_array_equal(plain.range_m, fanned.range_m)
-    np.testing.assert_array_equal(plain.normal, fanned.normal)
-
-
-def test_a_tilted_fan_with_channels_finds_what_plain_rays_find() -> None:
+def test_rays_in_rings_find_what_they_find_alone() -> None:
     eye = caster(GROUND, WALL)
     places = [(9, 0), (4, 5), (-15, 3), (0, 12), (-40, 20), (60, 60), (2.5, -1.2)]
     cars = [car(number, x, y, yaw=x / 7) for number, (x, y) in enumerate(places, start=1)]
     eye.place(frame(*cars))
-    bearing, _ = turn(600)
+    bearing = np.arange(601) * (2 * np.pi / 601)
     elevation = np.radians(np.linspace(-25, 15, 64))
     around, up = np.meshgrid(bearing, elevation, indexing="ij")
     own = np.stack([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)], axis=-1)
     stand = pose((0, 0, 1.9), yaw=2.0, pitch=0.08, roll=-0.05)
     world = own.reshape(-1, 3) @ stand[:3, :3].T
     origins = np.broadcast_to(stand[:3, 3], world.shape)
-    fan = Fan(stand, bearing.astype(np.float32), elevation.astype(np.float32), spread_rad=1e-4)
-    plain, fanned = (eye.cast(rays(origins, world, fan=f), 100.0) for f in (None, fan))
-    assert set(plain.instance) == {0, 1, 2, 3, 4, 5, 6, 7}
-    np.testing.assert_array_equal(plain.instance, fanned.instance)
-    np.testing.assert_array_equal(plain.range_m, fanned.range_m)
+    plain = rays(origins, world)
+    ringed = replace(plain, ring=np.tile(np.arange(64, dtype=np.uint16), 601))
+    whole = eye.cast(ringed, 100.0)
+    assert set(whole.instance) == {0, 1, 2, 3, 4, 5, 6, 7}
     some = np.arange(0, len(world), 7)
-    part = eye.cast(rays(origins, world, fan=fan).rows(some), 100.0)
-    np.testing.assert_array_equal(part.instance, plain.instance[some])
+    for rows, hits in (
+        (np.arange(len(world)), eye.cast(plain, 100.0)),
+        (some, eye.cast(ringed.rows(some), 100.0)),
+    ):
+        np.testing.assert_array_equal(hits.instance, whole.instance[rows])
+        np.testing.assert_allclose(hits.range_m, whole.range_m[rows], rtol=1e-6)
+    alone = [
+        eye.cast(plain.rows(np.array([row])), 100.0).range_m[0] for row in range(0, 38_000, 999)
+    ]
+    np.testing.assert_allclose(alone, whole.range_m[:38_000:999], rtol=1e-6)
+
+
+def test_movers_are_met_anywhere_on_their_way_across_the_seam_of_the_compass() -> None:
+    """Between two poses, against the mover placed at the pose between them."""
+    eye, still = caster(), caster()
+    first, last = car(7, 12.0, yaw=3.1), car(7, 13.0, yaw=-3.1)
+    eye.place(frame(last), before=frame(first))
+    around = np.linspace(-0.2, 0.2, 40)
+    ahead = np.column_stack([np.cos(around), np.sin(around), np.zeros(40)])
+    origins = np.full((40, 3), (0, 0, 0.5))
+    for share in (0.0, 0.3, 0.8, 1.0):
+        moment = np.full(40, share, np.float32)
+        between = poses.between(first.world_from_body, last.world_from_body, [share])[0]
+        still.place(frame(replace(last, world_from_body=between)))
+        seen = eye.cast(rays(origins, ahead, share=moment), 100.0)
+        wanted = still.cast(rays(origins, ahead), 100.0)
+        np.testing.assert_array_equal(seen.instance, wanted.instance)
+        np.testing.assert_allclose(seen.range_m, wanted.range_m, atol=2e-4)
+        np.testing.assert_allclose(seen.normal, wanted.normal, atol=1e-5)
 
 
 def test_rays_that_are_cast_again_meet_what_has_moved_since() -> None:

@@ -1,22 +1,20 @@
 """Rays against the world's own meshes and the bodies that move on it, by Embree.
 
-The static world is one scene, the blueprints that keep their shape, side by side, are another; the
-poses of each that walks or pedals are one more, built when it is first met. Rays that may meet a
-mover are brought into its frame, at the moment of each ray if a frame is a stretch of time, and
-cast at its shape. So next to nothing is built while frames pass.
+The static world is one solid, every shape that a body takes on another, built when it is first
+met. A frame is a scene of them: where they stand, or where they go if a frame is a stretch of time.
+So next to nothing is built while frames pass.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
-from advercity.rendering.embree import Shapes
-from advercity.rendering.fan import Fan
-from advercity.rendering.movers import Aim, Movers
+from advercity import poses
+from advercity.poses import Matrix
+from advercity.rendering.embree import Scene, Solid
 from advercity.traffic.posture import Shape, posture
 from advercity.traffic.trace import Frame
 from advercity.world.materials import MATERIALS, PAINT
@@ -34,8 +32,6 @@ _PAINTED = -1
 @dataclass(frozen=True, eq=False)
 class Hits:
     """The first surface that each of n rays met; a miss has range inf and zeros elsewhere.
-
-    Rays that are cast again may share their hits, so nobody writes into them.
 
     Attributes:
         range_m: (n,) float32 along the ray.
@@ -65,13 +61,6 @@ class Hits:
             instance=np.zeros(count, np.int32),
         )
 
-    def with_rows(self, where: Rows, other: "Hits") -> "Hits":
-        """A copy with the rows of `other` over the rows `where`."""
-        copies = {item.name: getattr(self, item.name).copy() for item in fields(self)}
-        for name, column in copies.items():
-            column[where] = getattr(other, name)
-        return Hits(**copies)
-
     def rows(self, where: Rows) -> "Hits":
         """Those rows alone."""
         return Hits(*(getattr(self, item.name).take(where, axis=0) for item in fields(self)))
@@ -86,44 +75,38 @@ class Rays:
         directions: (n, 3) float32, unit vectors.
         share: (n,) float32 of the time from the frame before to this one that has gone by when
             each ray is cast; None if all are cast at this frame.
-        fan: How they spread, if they do.
+        ring: (n,) uint16; rays of a ring, one after the other, go much the same way. None if all
+            rays do.
     """
 
     origins: Floats
     directions: Floats
     share: Floats | None = None
-    fan: Fan | None = None
+    ring: NDArray[np.uint16] | None = None
 
     def __len__(self) -> int:
         return len(self.directions)
 
     def rows(self, where: Rows) -> "Rays":
-        """Those rays alone; `where` ascends."""
+        """Those rays alone."""
         return Rays(
             self.origins.take(where, axis=0),
             self.directions.take(where, axis=0),
-            None if self.share is None else self.share[where],
-            None if self.fan is None else self.fan.rows(where),
+            None if self.share is None else self.share.take(where),
+            None if self.ring is None else self.ring.take(where),
         )
 
 
 class Caster:
-    """Casts rays into a world; movers go where `place` puts them.
-
-    What the world shows to rays is remembered for as long as those `Rays` are kept, so a sensor
-    that stands still pays for it once.
-    """
+    """Casts rays into a world; movers go where `place` puts them."""
 
     def __init__(self, world: World) -> None:
         self._bodies = world.bodies
         self._triangles = _Triangles()
-        self._world = Shapes([world.static], first=self._triangles.add(world.static))
-        self._scenes: list[Shapes] = []
-        self._places: dict[Shape, tuple[int, int]] = {}
-        self._hold([Shape(name) for name, body in world.bodies.items() if body.gait is None])
+        self._world = self._held(world.static)
+        self._shapes: dict[Shape, _Held] = {}
         self._frames: tuple[Frame | None, Frame | None] = (None, None)
-        self._all_movers = self._movers = self._movers_of(Frame(0, 0.0, (), {}), None)
-        self._seen: WeakKeyDictionary[Rays, tuple[float, Hits]] = WeakKeyDictionary()
+        self._placed = self._places(Frame(0, 0.0, (), {}), None)
 
     def place(
         self, frame: Frame, hide: frozenset[int] = frozenset(), *, before: Frame | None = None
@@ -134,116 +117,108 @@ class Caster:
         not there yet stays where it is. Placing the same frames again costs next to nothing.
         """
         if self._frames[0] is not frame or self._frames[1] is not before:
-            self._all_movers = self._movers_of(frame, before)
+            self._placed = self._places(frame, before)
             self._frames = (frame, before)
-        self._movers = self._all_movers.without(hide)
+        hidden = np.isin(self._placed.instance[:-1], list(hide))
+        self._placed.scene.hide(np.flatnonzero(hidden).tolist())
 
     def cast(self, rays: Rays, max_range_m: float) -> Hits:
         """The nearest hit of every ray; surfaces beyond `max_range_m` are missed."""
-        fixed = self._cast_at_world(rays, max_range_m)
-        limits = np.minimum(fixed.range_m, np.float32(max_range_m))
-        ray, mover = self._aimed(rays)
-        if not len(ray):
-            return fixed
-        aim = self._movers.aim(
-            rays.origins.take(ray, axis=0),
-            rays.directions.take(ray, axis=0),
-            None if rays.share is None else rays.share.take(ray),
-            mover,
-            limits.take(ray),
+        placed, known = self._placed, self._triangles
+        met = placed.scene.cast(
+            rays.origins,
+            rays.directions,
+            max_range_m,
+            share=rays.share,
+            order=None if rays.ring is None else np.argsort(rays.ring, kind="stable"),
         )
-        triangle, past_m = self._run(mover.take(aim.pair), aim)
-        met = np.flatnonzero(triangle >= 0)
-        range_m = aim.start_m[met] + past_m[met]
-        pair = aim.pair[met]
-        np.minimum.at(limits, ray[pair], range_m)
-        first = np.flatnonzero(range_m == limits[ray[pair]])
-        if not len(first):
-            return fixed
-        pair = pair[first]
-        nearest = self._of_movers(
-            rays, ray[pair], mover[pair], triangle[met[first]], range_m[first]
-        )
-        return fixed.with_rows(ray[pair], nearest)
-
-    def _cast_at_world(self, rays: Rays, max_range_m: float) -> Hits:
-        """What is met of all that does not move."""
-        known = self._seen.get(rays)
-        if known is not None and known[0] == max_range_m:
-            return known[1]
-        limits = np.full(len(rays), max_range_m, np.float32)
-        triangle, range_m = self._world.run(0, rays.origins, rays.directions, limits)
-        range_m[triangle < 0] = np.inf
-        hits = Hits(
-            range_m=range_m,
-            **_facing(self._triangles.normal.take(triangle, axis=0, mode="wrap"), rays.directions),
-            material=self._triangles.material.take(triangle, mode="wrap"),
-            semantic=self._triangles.semantic.take(triangle, mode="wrap"),
-            instance=np.zeros(len(rays), np.int32),
-        )
-        self._seen[rays] = max_range_m, hits
-        return hits
-
-    def _aimed(self, rays: Rays) -> tuple[Rows, Rows]:
-        """Pairs of a ray and a mover that it may meet, mover by mover."""
-        if rays.fan is not None:
-            return rays.fan.towards(self._movers.corners)
-        count = len(self._movers)
-        return np.tile(np.arange(len(rays)), count), np.repeat(np.arange(count), len(rays))
-
-    def _of_movers(
-        self, rays: Rays, ray: Rows, mover: Rows, triangle: NDArray[np.int32], range_m: Floats
-    ) -> Hits:
-        """Hits (k,) of movers' triangles."""
-        share = None if rays.share is None else rays.share.take(ray)
-        turns, _ = self._movers.poses_at(share, mover)
-        normal = np.einsum("ijn,nj->ni", turns, self._triangles.normal.take(triangle, axis=0))
-        material = self._triangles.material.take(triangle)
+        # What met nothing has -1 for both, which finds the last row of each table.
+        triangle = placed.first.take(met.solid, mode="wrap") + met.triangle
+        met.range_m[triangle < 0] = np.inf
+        normal = known.normal.take(triangle, axis=0, mode="wrap")
+        material = known.material.take(triangle, mode="wrap")
+        moved = np.flatnonzero(met.solid > 0)
+        mover = met.solid.take(moved)
+        share = None if rays.share is None else rays.share.take(moved)
+        normal[moved] = placed.turned(normal.take(moved, axis=0), mover, share)
         painted = np.flatnonzero(material == _PAINTED)
-        material[painted] = self._movers.paint.take(mover[painted])
+        material[painted] = placed.paint.take(met.solid.take(painted))
         return Hits(
-            range_m=range_m,
-            **_facing(normal, rays.directions.take(ray, axis=0)),
+            range_m=met.range_m,
+            **_facing(normal, rays.directions),
             material=material,
-            semantic=self._triangles.semantic.take(triangle),
-            instance=self._movers.id.take(mover),
+            semantic=known.semantic.take(triangle, mode="wrap"),
+            instance=placed.instance.take(met.solid, mode="wrap"),
         )
 
-    def _run(self, mover: Rows, aim: Aim) -> tuple[NDArray[np.int32], Floats]:
-        """Triangle and range (p,) of the nearest hit of rays aimed at movers (p,)."""
-        scene, row = self._movers.scene.take(mover), self._movers.body.take(mover)
-        triangle, range_m = np.full(len(mover), -1, np.int32), aim.length_m.copy()
-        for number in np.unique(scene).tolist():
-            own = np.flatnonzero(scene == number)
-            triangle[own], range_m[own] = self._scenes[number].run(
-                row[own], aim.origins[own], aim.directions[own], aim.length_m[own]
-            )
-        return triangle, range_m
-
-    def _movers_of(self, frame: Frame, before: Frame | None) -> Movers:
-        seen = [posture(state, self._bodies) for state in frame.states]
-        for one in seen:
-            if one.shape not in self._places:
-                self._hold(one.shape.siblings(self._bodies))
-        places = [self._places[one.shape] for one in seen]
-        corners = [(self._scenes[n].low[row], self._scenes[n].high[row]) for n, row in places]
-        low, high = np.array(corners).reshape(-1, 2, 3).swapaxes(0, 1)
-        return Movers.of(
-            frame,
-            before,
-            paint=[_index_of(state.actor.paint) for state in frame.states],
-            shape=places,
-            body_from_mesh=[one.body_from_mesh for one in seen],
-            low=low,
-            high=high,
+    def _places(self, frame: Frame, before: Frame | None) -> "_Placed":
+        states = frame.states
+        seen = [posture(state, self._bodies) for state in states]
+        held = [self._world, *(self._shape(one.shape) for one in seen)]
+        own = [np.eye(4), *(one.body_from_mesh for one in seen)]
+        now = [np.eye(4), *(state.world_from_body for state in states)] @ np.array(own)
+        then = None
+        if before is not None:
+            earlier = {state.actor.id: state for state in before.states}
+            stood = [earlier.get(state.actor.id, state).world_from_body for state in states]
+            then = [np.eye(4), *stood] @ np.array(own)
+        return _Placed(
+            scene=Scene([one.solid for one in held], now, then),
+            now=now,
+            before=then,
+            first=np.array([*(one.first for one in held), 0], np.int32),
+            instance=np.array([0, *(state.actor.id for state in states), 0], np.int32),
+            paint=np.array([0, *(_index_of(state.actor.paint) for state in states)], np.int16),
         )
 
-    def _hold(self, shapes: Sequence[Shape]) -> None:
-        """Put some shapes into a scene of their own."""
-        groups = [shape.meshes(self._bodies) for shape in shapes]
-        first = self._triangles.add([mesh for group in groups for mesh in group])
-        self._places |= {shape: (len(self._scenes), row) for row, shape in enumerate(shapes)}
-        self._scenes.append(Shapes(groups, first=first))
+    def _shape(self, shape: Shape) -> "_Held":
+        if shape not in self._shapes:
+            self._shapes[shape] = self._held(shape.meshes(self._bodies))
+        return self._shapes[shape]
+
+    def _held(self, meshes: Sequence[Mesh]) -> "_Held":
+        return _Held(Solid(meshes), self._triangles.add(meshes))
+
+
+@dataclass(frozen=True, eq=False)
+class _Held:
+    """A solid, and the row of the first of its triangles among those of all."""
+
+    solid: Solid
+    first: int
+
+
+@dataclass(frozen=True, eq=False)
+class _Placed:
+    """A frame: the static world, which comes first, and k - 1 movers.
+
+    Attributes:
+        scene: Of them all.
+        now: (k, 4, 4) `world_from_mesh`.
+        before: (k, 4, 4) at the frame before; None if all rays are cast now.
+        first: (k + 1,) int32 row of each one's first triangle, and 0 for a miss.
+        instance: (k + 1,) int32 ids of the actors, 0 for the world and for a miss.
+        paint: (k,) int16 material of what is painted.
+    """
+
+    scene: Scene
+    now: Matrix
+    before: Matrix | None
+    first: NDArray[np.int32]
+    instance: NDArray[np.int32]
+    paint: NDArray[np.int16]
+
+    def turned(self, vectors: Floats, mover: NDArray[np.int32], share: Floats | None) -> Floats:
+        """Vectors (n, 3) of movers (n,) in the world, at shares (n,) of the tick."""
+        if self.before is None or share is None:
+            turns = self.now[:, :3, :3].astype(np.float32).take(mover, axis=0)
+            return np.einsum("nij,nj->ni", turns, vectors)
+        turned = np.empty_like(vectors)
+        for one in np.unique(mover).tolist():
+            own = np.flatnonzero(mover == one)
+            turns = poses.between(self.before[one], self.now[one], share[own])[:, :3, :3]
+            turned[own] = np.einsum("nij,nj->ni", turns, vectors[own])
+        return turned
 
 
 class _Triangles:

@@ -1,8 +1,6 @@
 """One turn of a LiDAR through the world: what its beams meet, whatever the weather."""
 
-import math
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -12,9 +10,8 @@ from numpy.typing import NDArray
 from advercity import poses
 from advercity.poses import Matrix
 from advercity.rendering.casting import Caster, Hits, Rays
-from advercity.rendering.fan import Fan
 from advercity.semantics import Semantic
-from advercity.sensors.lidar.beams import Head, bearings_rad, directions, head_of
+from advercity.sensors.lidar.beams import directions, head_of
 from advercity.sensors.lidar.surfaces import IS_GLASS, PANE_TRANSMITTANCE, WATER_INDEX
 from advercity.weather import puddles
 from advercity.weather.water import fresnel
@@ -24,11 +21,7 @@ Rows = NDArray[np.intp]
 
 PANES = 2
 """A ray gives up at the next window after that many: into a car and out again."""
-SPREAD_RAD = 0.002
-"""Room for sub-rays and for what single precision leaves uncertain."""
 _STEP_PAST_M = 1e-3
-_STANDING = 8
-"""Sensors that stand still whose rays are kept."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,45 +114,19 @@ def _poses_of_turn(lidar: Lidar, now: Matrix, before: Matrix | None) -> Matrix |
 
 def _rays(lidar: Lidar, world_from_lidar: Matrix, world_from_head: Matrix | None) -> Rays:
     """All rays of the turn in the world."""
-    head = head_of(lidar)
-    if world_from_head is None:
-        return _rays_at_once(head, world_from_lidar.tobytes())
-    own = directions(head)
-    turns, places = (part.astype(np.float32) for part in _parts(world_from_head))
+    own = directions(head_of(lidar))
     each = len(own) // lidar.azimuths
+    ring = np.tile(np.arange(each, dtype=np.uint16), lidar.azimuths)
+    if world_from_head is None:
+        turn, place = (part.astype(np.float32) for part in _parts(world_from_lidar))
+        return Rays(np.tile(place, (len(own), 1)), _turned(own, turn), ring=ring)
+    turns, places = (part.astype(np.float32) for part in _parts(world_from_head))
     turned = own.reshape(lidar.azimuths, each, 3) @ turns.swapaxes(1, 2)
-    moved = poses.inverse(world_from_lidar) @ world_from_head[0]
-    fan = _fan(head, world_from_lidar)
     return Rays(
         origins=np.repeat(places, each, axis=0),
         directions=turned.reshape(-1, 3),
         share=np.repeat(turn_shares(lidar), each).astype(np.float32),
-        fan=replace(
-            fan,
-            spread_rad=fan.spread_rad + float(np.linalg.norm(poses.rotation_vector(moved[:3, :3]))),
-            reach_m=float(np.linalg.norm(moved[:3, 3])),
-        ),
-    )
-
-
-@lru_cache(maxsize=_STANDING)
-def _rays_at_once(head: Head, world_from_lidar: bytes) -> Rays:
-    """Rays of a turn that sees one instant; the same ones again for a sensor that stands still."""
-    pose = np.frombuffer(world_from_lidar).reshape(4, 4)
-    turn, place = (part.astype(np.float32) for part in _parts(pose))
-    own = directions(head)
-    origins = np.empty_like(own)
-    origins[:] = place
-    return Rays(origins, _turned(own, turn), fan=_fan(head, pose))
-
-
-def _fan(head: Head, world_from_lidar: Matrix) -> Fan:
-    """How the rays of a turn spread that sees one instant."""
-    return Fan(
-        world_from_lidar,
-        bearings_rad(head.azimuths),
-        np.repeat(head.elevations_rad, head.sub_rays).astype(np.float32),
-        spread_rad=max(map(abs, head.offsets_rad)) + SPREAD_RAD,
+        ring=ring,
     )
 
 
@@ -221,20 +188,11 @@ def _cast_on(
 ) -> Hits:
     """Hits of rays that start anew where they had got to, straight on or along `bent`."""
     origins = rays_in.origins + start_m[:, None] * rays_in.directions
-    fan = rays_in.fan
-    assert fan is not None
     directions = rays_in.directions
     if bent is not None:
         directions = bent
         origins += np.float32(_STEP_PAST_M) * bent
-        fan = _bent(fan)
-    hits = caster.cast(Rays(origins, directions, rays_in.share, fan), range_m)
+    hits = caster.cast(replace(rays_in, origins=origins, directions=directions), range_m)
     ends_m = hits.range_m + start_m
     ends_m[ends_m > range_m] = np.inf
     return replace(hits, range_m=ends_m)
-
-
-def _bent(fan: Fan) -> Fan:
-    """The fan of rays mirrored in level water: they keep their bearing if the sensor is level."""
-    tilt_rad = math.acos(min(1.0, float(fan.world_from_fan[2, 2])))
-    return replace(fan, single_rad=None, spread_rad=fan.spread_rad + tilt_rad)

@@ -10,7 +10,6 @@ from advercity_dsl import Lidar
 from numpy.typing import NDArray
 
 from advercity.rendering.casting import Hits
-from advercity.rendering.fan import Fan
 from advercity.semantics import Semantic
 from advercity.sensors.lidar.air import LidarAir
 from advercity.sensors.lidar.beams import (
@@ -23,6 +22,7 @@ from advercity.sensors.lidar.beams import (
 from advercity.sensors.lidar.cloud import PointKind
 from advercity.sensors.lidar.draws import Draws, Purpose, levels, normals
 from advercity.sensors.lidar.echoes import Echoes
+from advercity.sensors.lidar.fan import Fan
 from advercity.sensors.lidar.particles import POINT_KIND, ParticleTable
 from advercity.sensors.lidar.power import PULSE_LENGTH_M, echo
 from advercity.sensors.lidar.scanning import Scan

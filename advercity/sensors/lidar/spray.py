@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from advercity import poses
 from advercity.poses import Matrix
-from advercity.rendering.fan import Fan
+from advercity.sensors.lidar.fan import Fan
 from advercity.traffic.trace import ActorState
 
 Floats = NDArray[np.floating[Any]]
@@ -76,7 +76,7 @@ class Spray:
             plume_from_lidar = poses.inverse(world_from_plume) @ fan.world_from_fan
             thickness = EXTINCTION_PER_G_M3 * WATER_G_M3
             thickness *= (state.speed_m_s / REFERENCE_SPEED_M_S) ** 2
-            rows, _ = fan.towards(poses.transform(world_from_plume, _CORNERS * half)[None])
+            rows = fan.towards(poses.transform(world_from_plume, _CORNERS * half))
             yield _through_box(directions[rows], rows, plume_from_lidar, half, thickness)
 
 
