@@ -4,10 +4,11 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
 
-from advercity_dsl import Conflict, Road, Vehicle
+from advercity_dsl import Conflict, Road
 from advercity_dsl.road import StripKind
 
-from advercity.compiler.ways import RoadWays
+from advercity.compiler.following import with_followers
+from advercity.compiler.ways import RoadWays, ego_of
 
 Standing = Literal["primary", "extension", "variant", "invalid"]
 KERB_SPACE_M = 2.0
@@ -45,19 +46,14 @@ def bound(conflict: Conflict, road: Road, *, called_for: bool) -> Binding:
     return Binding("primary" if called_for else "extension")
 
 
-def ego_of(road: Road) -> Vehicle:
-    """The ego's place on a road."""
-    return next(
-        place
-        for place in road.agents.values()
-        if isinstance(place, Vehicle) and place.role == "ego"
-    )
-
-
 def with_manoeuvre(road: Road, conflict: Conflict) -> Road | None:
-    """The road with the ego on a way that makes the conflict's manoeuvre; None if it has none."""
+    """The road with the ego on a way that makes the conflict's manoeuvre; None if it has none.
+
+    Where nobody may lead the ego, connected vehicles that would start behind it.
+    """
     if usual_manoeuvre(road) == conflict.ego.manoeuvre:
-        return road.model_copy(update={"ego_routes": {}})
+        usual = road.model_copy(update={"ego_routes": {}})
+        return usual if conflict.requires.ahead == "any" else with_followers(usual)
     other = road.ego_routes.get(conflict.ego.manoeuvre)
     if other is None:
         return None
@@ -95,6 +91,8 @@ def _obstacle(conflict: Conflict, road: Road) -> str:
     if needs.kerb_space == "required" and not has_kerb_space(road):
         return "there is no kerb space for what hides the actor"
     if with_manoeuvre(road, conflict) is None:
+        if usual_manoeuvre(road) == conflict.ego.manoeuvre:
+            return "no street leads to the ego's, for those who have to follow it"
         return f"no way of the ego goes {conflict.ego.manoeuvre} there; declare it in 'ego_routes'"
     return ""
 

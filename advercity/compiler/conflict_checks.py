@@ -3,12 +3,11 @@
 import numpy as np
 from advercity_dsl import Conflict, Density, Road, StagedConflict
 
-from advercity.compiler.binding import ego_of
 from advercity.compiler.library import Library
 from advercity.compiler.nominal import nominal
 from advercity.compiler.problems import Problem
 from advercity.compiler.sampling import ends
-from advercity.compiler.ways import RoadWays, ego_way
+from advercity.compiler.ways import RoadWays, ego_of, ego_way
 
 SPEED_LEFT_KM_H = 5.0
 FASTEST_KM_H = {"pedestrian": 12.0, "bicycle": 40.0}

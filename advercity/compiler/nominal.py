@@ -8,8 +8,7 @@ from advercity_dsl import Road
 from advercity_dsl.road import Signals
 from numpy.typing import NDArray
 
-from advercity.compiler.binding import ego_of
-from advercity.compiler.ways import RoadWays, Way
+from advercity.compiler.ways import RoadWays, Way, ego_of
 
 GAINS_M_S2, LOSES_M_S2 = 2.5, 2.0
 LATERAL_M_S2 = 3.5

@@ -9,10 +9,9 @@ from advercity_dsl import Blueprint, Conflict, Road, StagedActor, StagedConflict
 from advercity_dsl.road import Movement, StripKind
 from numpy.typing import NDArray
 
-from advercity.compiler.binding import ego_of
 from advercity.compiler.nominal import Pace, nominal
 from advercity.compiler.sampling import sampled
-from advercity.compiler.ways import RoadWays, Stretch, Way, ego_way
+from advercity.compiler.ways import RoadWays, Stretch, Way, ego_of, ego_way
 from advercity.randomness import generator
 
 FIRST_VEHICLE, FIRST_WALKER = 4001, 8001
@@ -262,12 +261,12 @@ class _Solver:
         return abs(_outer_edge(stretch, right=right, to_median=not rides)) + BESIDE_LANE_M
 
     def _place(self) -> float:
-        """Where on its way the ego is crossed: on the exit crossing of a turn, or further on."""
+        """Where on its way the ego is crossed: on the exit crossing, or where somebody can park."""
         if self.road.junction == "intersection":
-            if self.conflict.ego.manoeuvre != "straight":
-                return self.way.stretches[1].begins_m - CROSSING_BEFORE_M
-            last = [item for item in self.way.stretches if item.begins_m < self.end_m][-1]
-            return (max(last.begins_m, self.start_m) + min(last.ends_m, self.end_m)) / 2
+            after = self.way.stretches[1]
+            if self.conflict.parameters.obstruction_gap_m is None:
+                return after.begins_m - CROSSING_BEFORE_M
+            return (after.begins_m + min(after.ends_m, self.end_m)) / 2
         wanted = self.start_m + 0.55 * (self.end_m - self.start_m)
         parts = [
             (max(item.begins_m, self.start_m) + min(item.ends_m, self.end_m)) / 2

@@ -241,6 +241,15 @@ def _link(before: NDArray[np.float64], after: NDArray[np.float64]) -> NDArray[np
     return curves.link(before[-1], out / np.linalg.norm(out), after[0], into / np.linalg.norm(into))
 
 
+def ego_of(road: Road) -> Vehicle:
+    """The ego's place on a road."""
+    return next(
+        place
+        for place in road.agents.values()
+        if isinstance(place, Vehicle) and place.role == "ego"
+    )
+
+
 def ego_way(ways: RoadWays, ego: Vehicle) -> tuple[Way, float, float]:
     """The ego's way, and the stations of its spawn and its destination."""
     street = ways.streets[ego.route[0]]

@@ -1,5 +1,6 @@
 """How a staged actor times its approach: it comes as if to meet the ego, and stops just short."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,8 @@ MERGED_S = 1.5
 """An actor that goes on in the ego's lane lets it go first by this."""
 MUST_PASS_M = 8.0
 """Nearer than this to the declared point the ways have to meet."""
+JOINS_M = 1.0
+"""Ways that come nearer than this without crossing join."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,33 @@ class Meeting:
     clear_s: float
 
 
+def crossing(
+    line: shapely.LineString, ego: Track, point: tuple[float, float]
+) -> NDArray[np.float64] | None:
+    """Where (2,) the ego's recorded way crosses a line, or else joins it; None if it does not.
+
+    Of several crossings it is the one nearest to `point`; beyond `MUST_PASS_M` there is none.
+    """
+    parts = shapely.get_parts(shapely.intersection(line, shapely.LineString(ego.middles)))
+    places = [shapely.get_coordinates(part)[0] for part in parts if not part.is_empty]
+    nearest = _nearest(places, point)
+    if nearest is not None:
+        return nearest
+    gaps = shapely.distance(line, shapely.points(ego.middles))
+    if gaps.min() > JOINS_M:
+        return None
+    joins = shapely.Point(ego.middles[np.argmax(gaps <= max(JOINS_M / 2, gaps.min()))])
+    on_line = shapely.get_coordinates(line.interpolate(line.project(joins)))[0]
+    return _nearest([on_line], point)
+
+
+def _nearest(
+    places: Sequence[NDArray[np.float64]], point: tuple[float, float]
+) -> NDArray[np.float64] | None:
+    gaps = [float(np.linalg.norm(place - np.array(point))) for place in places]
+    return places[int(np.argmin(gaps))] if min(gaps, default=np.inf) <= MUST_PASS_M else None
+
+
 def meeting(
     path: Path,
     size: tuple[float, float, float],
@@ -47,16 +77,11 @@ def meeting(
     point: tuple[float, float],
     tick_s: float,
 ) -> Meeting | None:
-    """Where the ego's recorded way crosses a path, nearest to a declared point; None if not."""
-    way = shapely.LineString(ego.middles)
-    crossings = shapely.get_parts(shapely.intersection(path.line, way))
-    crossings = crossings[~shapely.is_empty(crossings)]
-    places = [shapely.get_coordinates(item)[0] for item in crossings]
-    gaps = [float(np.linalg.norm(place - np.array(point))) for place in places]
-    if min(gaps, default=np.inf) > MUST_PASS_M:
+    """Where the ego's recorded way meets a path, near a declared point; None if it does not."""
+    here = crossing(path.line, ego, point)
+    if here is None:
         return None
-    here = places[int(np.argmin(gaps))]
-    place = shapely.Point(here)
+    way, place = shapely.LineString(ego.middles), shapely.Point(here)
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(ego.middles, axis=0), axis=1))])
     ego_s = float(np.interp(way.project(place), along, ego.rows["tick"])) * tick_s
     distance = path.line.project(place)
@@ -129,6 +154,8 @@ def braked(
 def passed(
     path: Path, ego: Track, point: tuple[float, float], tick_s: float
 ) -> tuple[float, float]:
-    """When the ego passes a point on a path, and how far along the path that is."""
+    """When the ego passes a point, and how far along a path that is whose last leg runs beside."""
     nearest = int(np.argmin(np.linalg.norm(ego.middles - point, axis=1)))
-    return float(ego.rows["tick"][nearest]) * tick_s, float(path.line.project(shapely.Point(point)))
+    leg = shapely.LineString(path.points[-2:])
+    beside = float(path.stations_m[-2]) + leg.project(shapely.Point(point))
+    return float(ego.rows["tick"][nearest]) * tick_s, beside

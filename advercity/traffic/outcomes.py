@@ -4,10 +4,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from advercity_dsl import Spec
 from advercity_dsl.conflict import Outcome, StagedConflict
+from numpy.typing import NDArray
 
 from advercity.errors import RunError
+from advercity.traffic.approach import crossing
 from advercity.traffic.encounters import Encounter, Moment, Track, encounter
 from advercity.traffic.trace import Trace
 
@@ -25,7 +28,7 @@ class StagedOutcome:
         id: Of the staged conflict.
         conflict: Id of its declaration.
         actor: Id of whom the ego met.
-        ego_at_s: When the ego's middle was nearest to the conflict point, from the first kept tick.
+        ego_at_s: When the ego's middle was nearest to where the ways met, from the first kept tick.
         actor_lag_s: How much later the actor would have been there at the speed of its approach.
         met: How near they came to each other.
         missed: What did not happen as declared; empty if the conflict happened.
@@ -73,9 +76,10 @@ def outcomes(spec: Spec, trace: Trace) -> Iterator[StagedOutcome]:
 def _outcome(
     conflict: StagedConflict, met: Encounter, ego: Track, actor: Track, tick_s: float
 ) -> StagedOutcome:
-    ego_at_s = float(ego.rows["tick"][_nearest(ego, conflict.point_m)]) * tick_s
-    lag = _unbraked_arrival_s(actor, conflict.point_m, ego_at_s, tick_s) - ego_at_s
     wanted = conflict.outcome
+    point = _meeting_point(conflict, ego, actor)
+    ego_at_s = float(ego.rows["tick"][_nearest(ego, point)]) * tick_s
+    lag = _unbraked_arrival_s(actor, point, ego_at_s, tick_s) - ego_at_s
     meant = conflict.parameters["arrival_offset_s"]
     missed: list[str] = []
     if met.distance_m.value <= 0:
@@ -109,13 +113,21 @@ def _told(moment: Moment | None) -> str:
     return "(none)" if moment is None else f"{moment.value:.2f} s"
 
 
-def _nearest(track: Track, point_m: tuple[float, float]) -> int:
+def _meeting_point(conflict: StagedConflict, ego: Track, actor: Track) -> NDArray[np.float64]:
+    """Where (2,) both ways really met; as declared if they do not meet."""
+    met = None
+    if conflict.outcome.keeping == "way" and len(actor.rows) > 1:
+        met = crossing(shapely.LineString(actor.middles), ego, conflict.point_m)
+    return np.array(conflict.point_m) if met is None else met
+
+
+def _nearest(track: Track, point_m: NDArray[np.float64]) -> int:
     """The row in which a track is nearest to a point."""
     return int(np.argmin(np.linalg.norm(track.middles - point_m, axis=1)))
 
 
 def _unbraked_arrival_s(
-    actor: Track, point_m: tuple[float, float], ego_at_s: float, tick_s: float
+    actor: Track, point_m: NDArray[np.float64], ego_at_s: float, tick_s: float
 ) -> float:
     """When an actor would be at a point had it kept the speed of its approach."""
     rows = actor.rows

@@ -14,10 +14,11 @@ from advercity_dsl import Spec
 from numpy.typing import NDArray
 
 from advercity.errors import RunError
-from advercity.traffic.clearing import in_the_way
+from advercity.traffic.clearing import holding_up, in_the_way
 from advercity.traffic.demand import Demand, draw
 from advercity.traffic.drive import drive
 from advercity.traffic.lanes import LaneGraph, read_lanes
+from advercity.traffic.outcomes import outcomes
 from advercity.traffic.parts import Play, played
 from advercity.traffic.recording import Recording, trace_of
 from advercity.traffic.route_file import write_route_file
@@ -55,7 +56,11 @@ def stage(spec: Spec, network: Path) -> Trace:
         trace = trace_of(spec, demand, recording.with_tracks(tracks), first=first)
         found = set(in_the_way(spec, trace))
         if not found:
-            return trace
+            blamed = _spoiling(spec, trace, demand)
+            if not blamed:
+                return trace
+            _draw_again(blamed, again)
+            continue
         blamed = found & _background(demand) or blamed
         if not blamed:
             raise RunError(f"{sorted(found)} are in the way of staged conflicts; move the agents")
@@ -66,6 +71,13 @@ def stage(spec: Spec, network: Path) -> Trace:
 def _draw_again(blamed: set[int], again: dict[int, int]) -> None:
     for number in blamed:
         again[number] = again.get(number, 0) + 1
+
+
+def _spoiling(spec: Spec, trace: Trace, demand: Demand) -> set[int]:
+    """Those of the background who hold the ego up, if a conflict did not happen as declared."""
+    if all(outcome.happened for outcome in outcomes(spec, trace)):
+        return set()
+    return set(holding_up(spec, trace)) & _background(demand)
 
 
 def _background(demand: Demand) -> set[int]:

@@ -38,6 +38,10 @@ Comes = Literal[
 """From where an actor comes, as the ego sees it."""
 
 
+def _is_any(value: object) -> bool:
+    return value == "any"
+
+
 class Outcome(Model):
     """What has to be seen in the trace for a conflict to have happened.
 
@@ -129,6 +133,8 @@ class Requirements(Model):
     """Whether one may divide the road."""
     kerb_space: Literal["required", "any"] = "any"
     """Room for a parked vehicle beside the lane."""
+    ahead: Literal["free", "any"] = Field(default="any", exclude_if=_is_any)
+    """Whether connected vehicles that usually lead the ego have to follow it."""
 
 
 class Conflict(Declaration):
