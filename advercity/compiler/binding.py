@@ -82,8 +82,6 @@ def _obstacle(conflict: Conflict, road: Road) -> str:
     needs = conflict.requires
     if road.imported is not None:
         return "its streets are imported and have no names"
-    if conflict.actor.behaviour == "overtakes":
-        return "no traffic here overtakes on the ego's side"
     if needs.junction not in ("any", road.junction):
         return f"it is {_spoken(road.junction)}, not {_spoken(needs.junction)}"
     if needs.median == "forbidden" and _strips(road, StripKind.MEDIAN):

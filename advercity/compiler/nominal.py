@@ -36,6 +36,10 @@ class Pace:
         """When it is at a station."""
         return float(np.interp(station_m, self.stations_m, self.times_s))
 
+    def station(self, time_s: float) -> float:
+        """Where it is at a time."""
+        return float(np.interp(time_s, self.times_s, self.stations_m))
+
     def speed(self, station_m: float) -> float:
         """How fast it is there."""
         return float(np.interp(station_m, self.stations_m, self.speeds_m_s))

@@ -30,10 +30,16 @@ STEADY_SHARE = 0.88
 """Of the most that it could reach and stop again, so that it keeps its speed for a moment."""
 WAITS_S = 1.5
 """An oncoming actor starts so near that it can wait this long, to be in time."""
+PASSED_WAITS_S = 1.0
+"""The same for whom it overtakes."""
+BACK_BEFORE_S = 0.15
+"""It is back in its lane this long before it is beside the ego."""
 EARLIEST_S = 8.8
 """The ego meets nobody sooner; what leads to it is not lost in the warm-up."""
 MIDDLE = (0.25, 0.62)
 """Shares of the ego's way between which it meets somebody oncoming."""
+CYCLIST_M_S2 = (1.0, 2.0)
+"""With which a cyclist sets out and brakes."""
 PARKED_HALF_WIDTH_M = 1.0
 WORDS = {"pedestrian": "walker", "bicycle": "cyclist"}
 
@@ -200,6 +206,8 @@ class _Solver:
         return first + NUMBERS_PER_CONFLICT * (self.index - 1) + offset
 
     def _bystanders(self, placed: Placed, drawn: Mapping[str, float]) -> tuple[StagedActor, ...]:
+        if self.conflict.actor.behaviour == "overtakes":
+            return (self._passed(placed, drawn),)
         if "obstruction_gap_m" not in drawn:
             return ()
         cars = [name for name, item in self.blueprints.items() if item.actor_class == "car"]
@@ -303,14 +311,19 @@ class _Solver:
 
     def _opposite(self, drawn: Mapping[str, float]) -> Placed:
         """From ahead in the other lane, so far that both meet near the middle of the ego's way."""
-        station = self._straightest()
+        overtakes = self.conflict.actor.behaviour == "overtakes"
+        station = self._soonest(drawn) if overtakes else self._straightest()
+        speed, gains = drawn["actor_speed_km_h"] / 3.6, drawn["acceleration_m_s2"]
+        run = speed * (self.pace.time(station) - speed / (2 * gains) - WAITS_S)
+        return self._oncoming(station, run)
+
+    def _oncoming(self, station: float, run_m: float) -> Placed:
+        """Against the ego in its lane, so far before a place on the ego's way."""
         route = tuple(reversed(ego_of(self.road).route))
         route = (*route, *self._onward(route[-1]))
         back = self.ways.route(route)
         meets = back.nearest(self.way.at(station))
-        speed, gains = drawn["actor_speed_km_h"] / 3.6, drawn["acceleration_m_s2"]
-        run = speed * (self.pace.time(station) - speed / (2 * gains) - WAITS_S)
-        start = max(meets - run, 8.0)
+        start = max(meets - run_m, 8.0)
         index, stretch = next(
             (number, item) for number, item in enumerate(back.stretches) if start < item.ends_m - 8
         )
@@ -320,6 +333,57 @@ class _Solver:
             meets - start,
             route=route[index:],
             start_m=stretch.ends_m - start,
+        )
+
+    def _soonest(self, drawn: Mapping[str, float]) -> float:
+        """The first place on the ego's way where one who overtakes can have done so."""
+        sets_out_s = drawn["actor_speed_km_h"] / 3.6 / drawn["acceleration_m_s2"]
+        beside_s = self._beside_s(drawn)
+        after_s = WAITS_S + sets_out_s + drawn["drift_time_s"] + beside_s + self._back_s(drawn)
+        return self.pace.station(after_s)
+
+    def _back_s(self, drawn: Mapping[str, float]) -> float:
+        return drawn["return_time_s"] + BACK_BEFORE_S
+
+    def _beside_s(self, drawn: Mapping[str, float]) -> float:
+        """How long one who overtakes drives beside its lane."""
+        lengths = self._body[1].length_m + self._cyclist[1].length_m
+        closing = (drawn["actor_speed_km_h"] - drawn["passed_speed_km_h"]) / 3.6
+        if closing <= 0:
+            raise UnsolvableError("whom it overtakes is not slower")
+        return (lengths + 2 * drawn["passing_gap_m"]) / closing
+
+    @cached_property
+    def _cyclist(self) -> tuple[str, Blueprint]:
+        """Who is overtaken."""
+        names = [name for name, item in self.blueprints.items() if item.actor_class == "bicycle"]
+        if not names:
+            raise UnsolvableError("no blueprint of the class bicycle is there to be overtaken")
+        name = names[int(generator(self.seed, "conflict", self.key, "passed").integers(len(names)))]
+        return name, self.blueprints[name]
+
+    def _passed(self, placed: Placed, drawn: Mapping[str, float]) -> StagedActor:
+        """The cyclist whom the actor passes as it begins to come back into its lane."""
+        name, body = self._cyclist
+        speed, pace = drawn["actor_speed_km_h"] / 3.6, drawn["passed_speed_km_h"] / 3.6
+        back_s = self._back_s(drawn)
+        before = speed * back_s + (self._body[1].length_m + body.length_m) / 2
+        before += drawn["passing_gap_m"]
+        rides_s = self.pace.time(placed.station_m) - back_s - PASSED_WAITS_S
+        rode = pace * (rides_s - pace / (2 * CYCLIST_M_S2[0]))
+        from_here = self._oncoming(placed.station_m, before + rode)
+        return StagedActor(
+            id=f"conflict_{self.index}_passed",
+            number=self._number("bicycle", 1),
+            part="bystander",
+            behaviour="drives",
+            actor_class="bicycle",
+            blueprint=name,
+            route=from_here.route,
+            start_m=round(from_here.start_m, 3),
+            speed_m_s=round(pace, 3),
+            acceleration_m_s2=CYCLIST_M_S2[0],
+            braking_m_s2=CYCLIST_M_S2[1],
         )
 
     def _straightest(self) -> float:

@@ -18,14 +18,20 @@ def nearest_tick(ego: Track, other: Track) -> tuple[int, float]:
 
 
 def excursion(
-    times_s: NDArray[np.float64], *, shift_m: float, out_s: float, back_s: float, ends_s: float
+    times_s: NDArray[np.float64],
+    *,
+    shift_m: float,
+    out_s: float,
+    beside_s: float,
+    back_s: float,
+    ends_s: float,
 ) -> NDArray[np.float64]:
-    """Offsets (n,) to the left at times (n,): out within `out_s`, at once back within `back_s`.
+    """Offsets (n,) to the left at times (n,): out, beside the lane for a while, and back by an end.
 
     Both are quintic, so that lateral speed and acceleration begin and end at zero.
     """
     turns_s = ends_s - back_s
-    out = _quintic((times_s - turns_s + out_s) / out_s)
+    out = _quintic((times_s - turns_s + beside_s + out_s) / out_s)
     back = _quintic((times_s - turns_s) / back_s)
     return shift_m * (out - back)
 

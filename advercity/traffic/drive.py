@@ -26,8 +26,9 @@ LATERAL_RESOLUTION_M = 0.8
 _BLINKERS = 3
 LAMPS = np.array([0, Lamp.RIGHT, Lamp.LEFT, Lamp.RIGHT | Lamp.LEFT], dtype=np.uint8)
 """By SUMO's two lowest bits of a vehicle's signals."""
-_USUAL, _AS_TOLD = 31, 39
-"""Speed modes: obey everything; mind whom one follows, but neither lights nor right of way."""
+_USUAL, _AS_TOLD, _UNMINDFUL = 31, 39, 38
+"""Speed modes: obey everything; mind whom one follows, but neither lights nor right of way; not
+even whom one follows, since one passes beside the lane."""
 
 
 def drive(
@@ -91,6 +92,12 @@ class _Drive:
     ) -> None:
         self._spec = spec
         self._demand = demand
+        self._passing = {
+            str(actor.number)
+            for conflict in spec.conflicts
+            if conflict.actors[0].behaviour == "overtakes"
+            for actor in conflict.actors
+        }
         self._cues = {str(number): speeds for number, speeds in cues.items()}
         self._rides = {str(ride.actor.id): ride for ride in demand.rides}
         most_m_s2 = spec.caution.usual_m_s2 if spec.caution else math.inf
@@ -121,7 +128,8 @@ class _Drive:
         for name in (name for name in self._cues if name in there):
             speed = float(self._cues[name][min(tick, len(self._cues[name]) - 1)])
             free = np.isnan(speed)
-            libsumo.vehicle.setSpeedMode(name, _USUAL if free else _AS_TOLD)
+            told = _UNMINDFUL if name in self._passing else _AS_TOLD
+            libsumo.vehicle.setSpeedMode(name, _USUAL if free else told)
             libsumo.vehicle.setSpeed(name, -1 if free else speed)
 
     def _introduce(self) -> None:

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from advercity_dsl import Spec, StagedActor, StagedConflict
 from numpy.typing import NDArray
 
@@ -67,8 +68,10 @@ class _Stage:
         match actor.behaviour:
             case "stops_short":
                 return self._stops_short(conflict, actor)
-            case "drifts":
+            case "drifts" | "overtakes":
                 return self._drifts(conflict, actor)
+            case "drives" if conflict.actors[0].behaviour == "overtakes":
+                return self._is_passed(conflict, actor)
             case "steers_clear":
                 return self._steers_clear(conflict, actor)
             case "stands":
@@ -126,6 +129,7 @@ class _Stage:
             track["tick"] * tick_s,
             shift_m=given["encroachment_m"] + apart_m / 2 - other.size[1] / 2,
             out_s=given["drift_time_s"],
+            beside_s=self._beside_s(conflict),
             back_s=given["return_time_s"],
             ends_s=tick * tick_s - (self.ego.size[0] + other.size[0]) / 2 / closing - BACK_BEFORE_S,
         )
@@ -134,6 +138,32 @@ class _Stage:
             cued_s=wait_s,
             track=shifted(track, offsets, tick_s),
         )
+
+    def _beside_s(self, conflict: StagedConflict) -> float:
+        """How long the actor drives beside its lane: as long as it takes to pass somebody."""
+        actor = conflict.actors[0]
+        if actor.behaviour != "overtakes":
+            return 0.0
+        passed = conflict.actors[1]
+        lengths = self._size(actor)[0] + self._size(passed)[0]
+        gaps = 2 * conflict.parameters["passing_gap_m"]
+        return (lengths + gaps) / (actor.speed_m_s - passed.speed_m_s)
+
+    def _is_passed(self, conflict: StagedConflict, passed: StagedActor) -> Play:
+        """Rides so that the actor is ahead of it by the gap as it begins to come back."""
+        if passed.number not in self.before:
+            return Play(cue=np.array([passed.speed_m_s]))
+        actor, given, tick_s = conflict.actors[0], conflict.parameters, self.spec.timing.tick_s
+        ego_s = _passes(self.ego, conflict.point_m) * tick_s
+        back_s = given["return_time_s"] + BACK_BEFORE_S
+        lengths = self._size(actor)[0] + self._size(passed)[0]
+        before_m = actor.speed_m_s * back_s + lengths / 2 + given["passing_gap_m"]
+        path = self._path(actor)
+        there = path.at(np.array([path.line.project(shapely.Point(conflict.point_m)) - before_m]))
+        track = Track.of(self.rehearsal, passed.number)
+        late_s = _passes(track, tuple(there[0])) * tick_s - (ego_s - back_s)
+        wait_s = max(self.before[passed.number].cued_s - late_s, 0.0)
+        return Play(cue=_led(passed, wait_s, ego_s, tick_s), cued_s=wait_s)
 
     def _path(self, actor: StagedActor) -> Path:
         if not actor.route:

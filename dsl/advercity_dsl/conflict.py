@@ -42,6 +42,10 @@ def _is_any(value: object) -> bool:
     return value == "any"
 
 
+def _is_none(value: object) -> bool:
+    return value is None
+
+
 class Outcome(Model):
     """What has to be seen in the trace for a conflict to have happened.
 
@@ -98,6 +102,10 @@ class Parameters(Model):
     """In which it leaves its lane."""
     return_time_s: Parameter | None = None
     """In which it comes back, or leaves the way of the ego."""
+    passed_speed_km_h: Parameter | None = Field(default=None, exclude_if=_is_none)
+    """Of the cyclist whom it overtakes."""
+    passing_gap_m: Parameter | None = Field(default=None, exclude_if=_is_none)
+    """It is beside its lane from this far behind the cyclist to this far ahead."""
 
 
 class EgoPart(Model):
