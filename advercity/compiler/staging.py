@@ -25,6 +25,8 @@ RUN_UP_M = {"pedestrian": 0.0, "bicycle": 6.0}
 CROSSING_BEFORE_M = 2.1
 """From the middle of a crossing to the end of its street, inside the junction."""
 ALONGSIDE_M = 26.0
+BESIDE_EGO_M = 0.3
+"""One who rides beside the ego keeps this much more to the right than others."""
 CLEAR_OF_JUNCTIONS_M = 8.0
 STEADY_SHARE = 0.88
 """Of the most that it could reach and stop again, so that it keeps its speed for a moment."""
@@ -459,7 +461,7 @@ class _Solver:
             start_m=start,
         )
 
-    def _edge_path(self, movement: Movement) -> NDArray[np.float64]:
+    def _edge_path(self, movement: Movement, aside_m: float) -> NDArray[np.float64]:
         """Along the right edge of the roadway, straight through the junction."""
         way = self.ways.route((movement.from_street, movement.to_street), movement.from_lane)
         before, after = way.stretches
@@ -467,16 +469,16 @@ class _Solver:
         far = min(ALONGSIDE_M, after.ends_m - after.begins_m - 3.0)
         places = [(before.ends_m - run, before), (before.ends_m, before)]
         places += [(after.begins_m, after), (after.begins_m + far, after)]
-        return np.array([way.at(station, _edge_line(item)) for station, item in places])
+        return np.array([way.at(station, _edge_line(item) - aside_m) for station, item in places])
 
     def _oncoming_edge(self) -> Placed:
         return self._along_edge(self._straight_from(np.pi)[-1])
 
     def _alongside(self) -> Placed:
-        return self._along_edge(self._straight_from(0.0)[-1])
+        return self._along_edge(self._straight_from(0.0)[-1], BESIDE_EGO_M)
 
-    def _along_edge(self, movement: Movement) -> Placed:
-        path = self._edge_path(movement)
+    def _along_edge(self, movement: Movement, aside_m: float = 0.0) -> Placed:
+        path = self._edge_path(movement, aside_m)
         way = Way(path, ())
         station = self.way.crossing(way)
         if station is None:

@@ -13,7 +13,7 @@ from advercity.traffic.trace import Trace
 
 HELD_M_S = 1.0
 """An ego that drives slower than this is held up."""
-BEFORE_MEETING_S = 8.0
+BEFORE_POINT_M = 25.0
 AHEAD_M = 1.5
 """Whoever is nearer than this to where a held ego drives next may be who holds it."""
 APART_M = 0.3
@@ -40,17 +40,20 @@ def in_the_way(spec: Spec, trace: Trace) -> Iterator[int]:
 
 
 def holding_up(spec: Spec, trace: Trace) -> Iterator[int]:
-    """Ids of those in front of the ego while it waits, soon before it meets somebody staged."""
+    """Ids of those before the ego while it waits, soon before it meets somebody staged or never."""
     ego = Track.of(trace, spec.ego.number)
     spared = {agent.number for agent in spec.agents}
     spared |= {actor.number for conflict in spec.conflicts for actor in conflict.actors}
     others = [Track.of(trace, actor.id) for actor in trace.actors if actor.id not in spared]
     for conflict in spec.conflicts:
-        meets = int(np.argmin(np.linalg.norm(ego.middles - conflict.point_m, axis=1)))
-        first = max(meets - round(BEFORE_MEETING_S / trace.tick_s), 0)
-        waits = first + np.flatnonzero(ego.rows["speed"][first:meets] < HELD_M_S)
+        apart = np.linalg.norm(ego.middles - conflict.point_m, axis=1)
+        meets = int(np.flatnonzero(apart < apart.min() + AHEAD_M)[-1])
+        held = (ego.rows["speed"] < HELD_M_S) & (apart < BEFORE_POINT_M)
+        waits = np.flatnonzero(held[:meets])
         if len(waits) > 0:
-            ahead = shapely.union_all(ego.boxes[waits[0] : meets + 1]).buffer(AHEAD_M)
+            there = shapely.LineString([ego.middles[waits[0]], conflict.point_m])
+            driven = ego.boxes[waits[0] : meets + 1]
+            ahead = shapely.union_all([*driven, there]).buffer(AHEAD_M)
             for other in others:
                 ticks = np.intersect1d(other.rows["tick"], ego.rows["tick"][waits])
                 if shapely.intersects(other.at(ticks).boxes, ahead).any():

@@ -47,9 +47,12 @@ def stage(spec: Spec, network: Path) -> Trace:
             return trace_of(spec, demand, recording, first=first)
         before = plays
         plays = played(spec, demand, graph, recording, before)
-        if blamed and any(play.waits for play in plays.values()):
-            _draw_again(blamed, again)  # whoever was drawn anew last holds the ego up
-            continue
+        if any(play.waits for play in plays.values()):
+            rehearsal = trace_of(spec, demand, recording, first=0)
+            held = set(holding_up(spec, rehearsal)) & _background(demand) or blamed
+            if held:
+                _draw_again(held, again)
+                continue
         if _is_told_anew(before, plays):
             continue
         tracks = {number: play.track for number, play in plays.items() if play.track is not None}
