@@ -4,11 +4,12 @@ import shutil
 from pathlib import Path
 
 import pytest
-from advercity_dsl import Conflict, Road, Spec, Typology
+from advercity_dsl import Conflict, Road, Spec, Typology, Vehicle
 
 from advercity.cli.tables import spec_facts
 from advercity.compiler import ProblemsError, compile_library, load_library
-from advercity.compiler.binding import bound
+from advercity.compiler.binding import bound, with_manoeuvre
+from advercity.compiler.ways import RoadWays
 
 NHTSA = Path(__file__).parent.parent / "library" / "nhtsa"
 BOLD = {"ui": 3, "unj": 1, "ri": 2, "rsnj": 1, "rcnj": 1}
@@ -85,6 +86,18 @@ MISTAKES = {
         "drift_time_s: {draw: 1.0}",
         "nobody who drifts exceeds",
     ),
+    "V7 an overtaking that is a swerve": (
+        "conflicts/od_overtake.yaml",
+        "drift_time_s: {draw: {uniform: [3.1, 3.4]}",
+        "drift_time_s: {draw: 2.0",
+        "nobody who overtakes exceeds 1.5",
+    ),
+    "V8 a cyclist who is too fast to be overtaken": (
+        "conflicts/od_overtake.yaml",
+        "passed_speed_km_h: {draw: {uniform: [9, 13]}",
+        "passed_speed_km_h: {draw: 40",
+        "whom it overtakes is not slower",
+    ),
     "V8 an actor that would come too late": (
         "conflicts/ltap_od_ego_turns.yaml",
         "actor_speed_km_h: {draw: {uniform: [30, 80]}",
@@ -142,7 +155,8 @@ def test_what_keeps_a_conflict_from_happening_is_told(mistake: str, copied: Path
     edited(copied, path, old, new)
 
     with pytest.raises(ProblemsError) as caught:
-        compile_library(copied)
+        for suite in ("adver_city", "conflicts"):
+            compile_library(copied, suite=suite)
 
     assert message in str(caught.value)
 
@@ -182,12 +196,33 @@ def test_v13_ids_are_unique_and_specs_are_the_same_each_time(copied: Path):
     assert [spec.provenance.digest for spec in first] == [spec.provenance.digest for spec in second]
 
 
-def test_conflicts_crossed_with_roads_make_29_cells(copied: Path):
+def test_conflicts_crossed_with_roads_make_31_cells(copied: Path):
     specs = compile_library(copied, suite="conflicts")
 
-    assert len({(spec.road.id, spec.conflicts[0].conflict) for spec in specs}) == 29
-    assert len(specs) == 29 * 2
+    assert len({(spec.road.id, spec.conflicts[0].conflict) for spec in specs}) == 31
+    assert len(specs) == 31 * 2
     assert all(len(spec.conflicts) == 1 for spec in specs)
+
+
+@pytest.mark.parametrize(
+    ("road", "leader"), {"unj": "cav3", "rsnj": "cav3", "rcnj": "cav2"}.items()
+)
+def test_where_nobody_may_lead_the_ego_who_led_it_starts_25_to_30_m_behind(road: str, leader: str):
+    library = load_library(NHTSA)
+    declared = library.of(Road)[road]
+    moved = with_manoeuvre(declared, library.of(Conflict)["od_overtake"])
+    assert moved is not None
+
+    ego, follower = moved.agents["cav1"], moved.agents[leader]
+    assert isinstance(ego, Vehicle)
+    assert isinstance(follower, Vehicle)
+    way = RoadWays(moved).route(follower.route)
+
+    assert 24.9 <= way.nearest(ego.spawn_m) - way.nearest(follower.spawn_m) <= 30.1
+    assert follower.destination_m == declared.agents[leader].destination_m
+    assert [name for name in moved.agents if moved.agents[name] != declared.agents[name]] == [
+        leader
+    ]
 
 
 def test_another_conflict_leaves_the_draws_of_the_others(copied: Path):
@@ -210,12 +245,12 @@ def test_a_conflict_says_how_it_stands_to_a_road():
     conflicts, roads = library.of(Conflict), library.of(Road)
 
     drift, turn = conflicts["od_drift"], conflicts["ped_left_turn"]
-    overtaking = bound(conflicts["od_overtake"], roads["rsnj"], called_for=True)
+    overtaking = bound(conflicts["od_overtake"], roads["unj"], called_for=True)
 
     assert bound(drift, roads["rsnj"], called_for=True).standing == "primary"
     assert bound(turn, roads["ri"], called_for=False).standing == "extension"
     assert overtaking.standing == "invalid"
-    assert overtaking.reason == "no traffic here overtakes on the ego's side"
+    assert overtaking.reason == "a median divides it"
     assert (
         bound(turn, roads["unj"], called_for=True).reason
         == "it is away from junctions, not an intersection"

@@ -42,7 +42,8 @@ MIDDLE = (0.25, 0.62)
 """Shares of the ego's way between which it meets somebody oncoming."""
 CYCLIST_M_S2 = (1.0, 2.0)
 """With which a cyclist sets out and brakes."""
-PARKED_HALF_WIDTH_M = 1.0
+STEPS_ASIDE = 0.35
+"""How far one who leaves the ego's way walks on for each metre to the side."""
 WORDS = {"pedestrian": "walker", "bicycle": "cyclist"}
 
 
@@ -306,7 +307,7 @@ class _Solver:
         speed = drawn["actor_speed_km_h"] / 3.6
         lead = speed * drawn["return_time_s"]
         back = min(speed * (self.pace.time(station) + 2.0), station - self.start_m + 20.0)
-        stations = [station - back, station - lead, station - lead + 0.7 * abs(out), station + 15.0]
+        stations = [station - back, station - lead, station - lead + STEPS_ASIDE * abs(out), station + 15.0]
         sides = [0.15 * out, 0.15 * out, out, out]
         points = [self.way.at(s, side) for s, side in zip(stations, sides, strict=True)]
         return Placed(station, back, path=np.array(points))
