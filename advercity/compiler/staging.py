@@ -307,7 +307,8 @@ class _Solver:
         speed = drawn["actor_speed_km_h"] / 3.6
         lead = speed * drawn["return_time_s"]
         back = min(speed * (self.pace.time(station) + 2.0), station - self.start_m + 20.0)
-        stations = [station - back, station - lead, station - lead + STEPS_ASIDE * abs(out), station + 15.0]
+        aside = station - lead + STEPS_ASIDE * abs(out)
+        stations = [station - back, station - lead, aside, station + 15.0]
         sides = [0.15 * out, 0.15 * out, out, out]
         points = [self.way.at(s, side) for s, side in zip(stations, sides, strict=True)]
         return Placed(station, back, path=np.array(points))

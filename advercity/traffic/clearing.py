@@ -13,7 +13,10 @@ from advercity.traffic.trace import Trace
 
 HELD_M_S = 1.0
 """An ego that drives slower than this is held up."""
-BEFORE_POINT_M = 25.0
+BEFORE_POINT_M = 40.0
+"""It is kept from the point within this distance."""
+BESIDE_M = 4.0
+"""Whoever is nearer than this may keep an ego in its lane that should have changed it."""
 AHEAD_M = 1.5
 """Whoever is nearer than this to where a held ego drives next may be who holds it."""
 APART_M = 0.3
@@ -40,24 +43,34 @@ def in_the_way(spec: Spec, trace: Trace) -> Iterator[int]:
 
 
 def holding_up(spec: Spec, trace: Trace) -> Iterator[int]:
-    """Ids of those before the ego while it waits, soon before it meets somebody staged or never."""
+    """Ids of those who keep the ego from being where and when it is to meet somebody staged."""
     ego = Track.of(trace, spec.ego.number)
     spared = {agent.number for agent in spec.agents}
     spared |= {actor.number for conflict in spec.conflicts for actor in conflict.actors}
     others = [Track.of(trace, actor.id) for actor in trace.actors if actor.id not in spared]
     for conflict in spec.conflicts:
-        apart = np.linalg.norm(ego.middles - conflict.point_m, axis=1)
-        meets = int(np.flatnonzero(apart < apart.min() + AHEAD_M)[-1])
-        held = (ego.rows["speed"] < HELD_M_S) & (apart < BEFORE_POINT_M)
-        waits = np.flatnonzero(held[:meets])
-        if len(waits) > 0:
-            there = shapely.LineString([ego.middles[waits[0]], conflict.point_m])
-            driven = ego.boxes[waits[0] : meets + 1]
-            ahead = shapely.union_all([*driven, there]).buffer(AHEAD_M)
-            for other in others:
-                ticks = np.intersect1d(other.rows["tick"], ego.rows["tick"][waits])
-                if shapely.intersects(other.at(ticks).boxes, ahead).any():
-                    yield other.actor
+        at, area = _kept_away(ego, conflict.point_m)
+        for other in others:
+            ticks = np.intersect1d(other.rows["tick"], ego.rows["tick"][at])
+            if shapely.intersects(other.at(ticks).boxes, area).any():
+                yield other.actor
+
+
+def _kept_away(ego: Track, point: tuple[float, float]) -> tuple[NDArray[np.intp], shapely.Geometry]:
+    """Rows (n,) at which somebody may keep the ego from a point, and where those then are.
+
+    They are before it while it waits, or beside it where it should have changed lanes.
+    """
+    apart = np.linalg.norm(ego.middles - point, axis=1)
+    meets = int(np.flatnonzero(apart < apart.min() + AHEAD_M)[-1])
+    comes = np.flatnonzero(apart[:meets] < BEFORE_POINT_M)
+    waits = comes[ego.rows["speed"][comes] < HELD_M_S]
+    if len(waits) > 0:
+        onward = shapely.LineString([ego.middles[waits[0]], point])
+        driven = ego.boxes[waits[0] : meets + 1]
+        return waits, shapely.union_all([*driven, onward]).buffer(AHEAD_M)
+    reach = BESIDE_M if apart.min() > AHEAD_M else 0.0
+    return comes, shapely.union_all(ego.boxes[comes]).buffer(reach)
 
 
 def _is_near(track: Track, other: Track, headway_s: float) -> bool:

@@ -16,6 +16,8 @@ from advercity.traffic.trace import Trace
 
 APPROACH_S = 8.0
 """Before the ego's arrival; an actor's approach is over by then."""
+BESIDE_M = 6.0
+"""Whoever passes a point nearer than this passes it in a lane beside."""
 STEADY = 0.95
 """Of the approach's speed; slower than this somebody has begun to brake."""
 
@@ -79,7 +81,9 @@ def _outcome(
     wanted = conflict.outcome
     point = _meeting_point(conflict, ego, actor)
     ego_at_s = float(ego.rows["tick"][_nearest(ego, point)]) * tick_s
-    lag = _unbraked_arrival_s(actor, point, ego_at_s, tick_s) - ego_at_s
+    beside = wanted.keeping == "velocity"
+    there = _abreast(actor, ego, point) if beside else _nearest(actor, point)
+    lag = _unbraked_arrival_s(actor, there, point, ego_at_s, tick_s) - ego_at_s
     meant = conflict.parameters["arrival_offset_s"]
     missed: list[str] = []
     if met.distance_m.value <= 0:
@@ -126,10 +130,19 @@ def _nearest(track: Track, point_m: NDArray[np.float64]) -> int:
     return int(np.argmin(np.linalg.norm(track.middles - point_m, axis=1)))
 
 
+def _abreast(actor: Track, ego: Track, point_m: NDArray[np.float64]) -> int:
+    """The row in which an actor is beside a point on the ego's way; the nearest one if it is not."""
+    yaw = ego.rows["yaw"][_nearest(ego, point_m)]
+    gaps = actor.middles - point_m
+    ahead = np.abs(gaps @ np.array([np.cos(yaw), np.sin(yaw)]))
+    near = np.linalg.norm(gaps, axis=1) < BESIDE_M
+    return int(np.argmin(np.where(near, ahead, np.inf))) if near.any() else _nearest(actor, point_m)
+
+
 def _unbraked_arrival_s(
-    actor: Track, point_m: NDArray[np.float64], ego_at_s: float, tick_s: float
+    actor: Track, there: int, point_m: NDArray[np.float64], ego_at_s: float, tick_s: float
 ) -> float:
-    """When an actor would be at a point had it kept the speed of its approach."""
+    """When an actor would be at a point, in its row `there`, had it kept its approach's speed."""
     rows = actor.rows
     times_s = rows["tick"] * tick_s
     approaches = np.flatnonzero((times_s >= ego_at_s - APPROACH_S) & (times_s <= ego_at_s))
@@ -137,7 +150,6 @@ def _unbraked_arrival_s(
         return float("inf")
     speeds = rows["speed"][approaches]
     last = approaches[np.flatnonzero(speeds >= STEADY * speeds.max())[-1]]
-    there = _nearest(actor, point_m)
     left_m = rows["travelled"][there] - rows["travelled"][last]
     left_m += np.linalg.norm(actor.middles[there] - point_m) * (there == len(rows) - 1)
     return float(times_s[last] + left_m / max(rows["speed"][last], 0.1))
