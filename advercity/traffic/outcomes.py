@@ -131,7 +131,7 @@ def _nearest(track: Track, point_m: NDArray[np.float64]) -> int:
 
 
 def _abreast(actor: Track, ego: Track, point_m: NDArray[np.float64]) -> int:
-    """The row in which an actor is beside a point on the ego's way; the nearest one if it is not."""
+    """The row in which an actor is beside a point on the ego's way, or else nearest to it."""
     yaw = ego.rows["yaw"][_nearest(ego, point_m)]
     gaps = actor.middles - point_m
     ahead = np.abs(gaps @ np.array([np.cos(yaw), np.sin(yaw)]))
