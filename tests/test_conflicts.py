@@ -213,13 +213,14 @@ def test_where_nobody_may_lead_the_ego_who_led_it_starts_25_to_30_m_behind(road:
     moved = with_manoeuvre(declared, library.of(Conflict)["od_overtake"])
     assert moved is not None
 
-    ego, follower = moved.agents["cav1"], moved.agents[leader]
+    ego, follower, original = moved.agents["cav1"], moved.agents[leader], declared.agents[leader]
     assert isinstance(ego, Vehicle)
     assert isinstance(follower, Vehicle)
+    assert isinstance(original, Vehicle)
     way = RoadWays(moved).route(follower.route)
 
     assert 24.9 <= way.nearest(ego.spawn_m) - way.nearest(follower.spawn_m) <= 30.1
-    assert follower.destination_m == declared.agents[leader].destination_m
+    assert follower.destination_m == original.destination_m
     assert [name for name in moved.agents if moved.agents[name] != declared.agents[name]] == [
         leader
     ]

@@ -1,5 +1,7 @@
 """Staged conflicts: what the library stages, and what becomes of it in SUMO."""
 
+import random
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -7,8 +9,10 @@ import numpy as np
 import pytest
 from advercity_dsl import Spec
 
+from advercity.compiler import compile_library
 from advercity.traffic import Trace, simulate
-from advercity.traffic.encounters import overlaps
+from advercity.traffic.drift import excursion
+from advercity.traffic.encounters import Track, overlaps
 from advercity.traffic.outcomes import outcomes
 from advercity.world.network import build_network
 
@@ -31,6 +35,22 @@ def simulated(specs: dict[str, Spec], tmp_path_factory: pytest.TempPathFactory) 
     return trace
 
 
+@pytest.fixture(scope="module")
+def crossed(library: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Spec]:
+    """Every conflict on every road that calls for it, on a clear day."""
+    folder = tmp_path_factory.mktemp("crossed") / "nhtsa"
+    others = shutil.ignore_patterns("*_night.yaml", "fog*", "soft*", "heavy*", "glare*")
+    shutil.copytree(library / "nhtsa", folder, ignore=others)
+    return {spec.id: spec for spec in compile_library(folder, suite="conflicts")}
+
+
+@pytest.fixture(scope="module")
+def overtaking(crossed: dict[str, Spec], tmp_path_factory: pytest.TempPathFactory) -> Trace:
+    """An actor that overtakes a cyclist while the ego comes towards it."""
+    spec = crossed["rsnj_od_overtake_clear_day_sparse"]
+    return simulate(spec, build_network(spec.road, tmp_path_factory.mktemp("overtaking")))
+
+
 @pytest.mark.parametrize("road", ROADS)
 def test_the_conflicts_of_a_road_happen_and_nobody_touches_anybody(
     road: str, specs: dict[str, Spec], simulated: Simulated
@@ -43,6 +63,56 @@ def test_the_conflicts_of_a_road_happen_and_nobody_touches_anybody(
         (conflict.conflict, ()) for conflict in spec.conflicts
     ]
     assert list(overlaps(trace)) == []
+
+
+@pytest.mark.parametrize("drawn", range(3))
+def test_conflicts_drawn_from_the_second_suite_happen_and_nobody_touches_anybody(
+    drawn: int, crossed: dict[str, Spec], tmp_path: Path
+):
+    sparse = sorted(name for name in crossed if name.endswith("sparse"))
+    spec = crossed[random.Random(1).sample(sparse, 3)[drawn]]
+
+    trace = simulate(spec, build_network(spec.road, tmp_path))
+
+    assert [item.missed for item in outcomes(spec, trace)] == [()]
+    assert list(overlaps(trace)) == []
+
+
+def test_one_who_overtakes_passes_beside_the_cyclist_and_is_back_before_the_ego_comes(
+    crossed: dict[str, Spec], overtaking: Trace
+):
+    spec = crossed["rsnj_od_overtake_clear_day_sparse"]
+    ego, actor, cyclist = (Track.of(overtaking, number) for number in (101, 4001, 4002))
+    ticks = np.intersect1d(actor.rows["tick"], cyclist.rows["tick"])
+    here, there = actor.at(ticks), cyclist.at(ticks)
+
+    from_cyclist = np.einsum("nad,nd->na", there.axes, here.middles - there.middles)
+    beside = np.abs(from_cyclist[:, 0]) < (here.size[0] + there.size[0]) / 2
+    free = from_cyclist[beside, 1] - (here.size[1] + there.size[1]) / 2
+
+    assert from_cyclist[0, 0] < -10
+    assert from_cyclist[-1, 0] > 10
+    assert beside.sum() > 5
+    assert free.min() > 1.5
+    assert _least_distance_m(ego, actor) > spec.road.sections["country_road"].left[0].width_m - 0.2
+
+
+def _least_distance_m(ego: Track, actor: Track) -> float:
+    """Between the middles of two tracks."""
+    ticks = np.intersect1d(ego.rows["tick"], actor.rows["tick"])
+    return float(np.linalg.norm(ego.at(ticks).middles - actor.at(ticks).middles, axis=1).min())
+
+
+def test_an_excursion_goes_out_stays_for_as_long_as_it_is_told_and_comes_back():
+    times_s = np.arange(0, 10.01, 0.1)
+
+    offsets = excursion(times_s, shift_m=2.0, out_s=3.0, beside_s=1.5, back_s=2.0, ends_s=9.0)
+
+    assert offsets[times_s <= 2.5].max() < 1e-9
+    assert offsets[np.isclose(times_s, 4.0)][0] == pytest.approx(1.0)
+    np.testing.assert_allclose(offsets[(times_s > 5.49) & (times_s < 7.01)], 2.0)
+    assert offsets[np.isclose(times_s, 8.0)][0] == pytest.approx(1.0)
+    np.testing.assert_allclose(offsets[times_s >= 8.99], 0.0, atol=1e-9)
 
 
 def test_staging_leaves_as_many_people_and_vehicles_as_were_asked_for(
