@@ -45,12 +45,6 @@ MOR_75 = math.log(20.0) / 75.0
 NODE, WEIGHT = np.polynomial.legendre.leggauss(2000)
 
 
-def test_the_fog_dome_lights_the_ground_as_two_streams_say() -> None:
-    sine, weight = (NODE + 1.0) / 2.0, WEIGHT / 2.0
-    found = 2.0 * math.pi * np.sum(weight * sine * sky.fog_dome(sine, 15_000.0))
-    assert found == pytest.approx(15_000.0, rel=1e-3)
-
-
 def test_equiangular_steps_find_what_a_brute_force_march_finds() -> None:
     found = lamp_airlight(
         1000.0, aside_m=2.0, nearest_m=10.0, distance_m=60.0, extinction=MOR_75, phase=isotropic

@@ -27,8 +27,9 @@ class Atmosphere:
             +x -x +y -y +z -z of the world; below the horizon it is the light of the ground.
             Face axes (column right, row down): +x: (-y, -z), -x: (+y, -z), +y: (+x, -z),
             -y: (-x, -z), +z: (-y, +x), -z: (-y, -x).
-        airlight_low: (3,) airlight in cd/m² looking at or below the horizon.
-        airlight_high: (3,) airlight at the zenith; between them it runs with sin(elevation).
+        airlight: (6, m, m, 4) float32 cubemap, laid out as `sky`, of the light that air near the
+            ground sends to the eye for each share that it takes away: three colours in cd/m², and
+            by what share this grows along an endless ray, where air is brighter higher up.
         street_lx: Mean illuminance by street lamps, 0 by day.
         wetness: 0 dry to 1 soaked.
         puddle_coverage: Share of the carriageway under standing water.
@@ -46,8 +47,7 @@ class Atmosphere:
     sun_colour: Colour
     sky_lx: float
     sky: NDArray[np.float32]
-    airlight_low: Colour
-    airlight_high: Colour
+    airlight: NDArray[np.float32]
     street_lx: float
     wetness: float
     puddle_coverage: float
@@ -61,3 +61,20 @@ class Atmosphere:
     def mor_m(self) -> float:
         """Meteorological optical range of the whole atmosphere; inf in a vacuum."""
         return math.log(20.0) / self.extinction_550nm if self.extinction_550nm else math.inf
+
+    @property
+    def airlight_low(self) -> Colour:
+        """Airlight in cd/m² looking level, on the mean of all sides."""
+        middle = self.airlight.shape[1] // 2
+        level = self.airlight[:4, middle - 1 : middle + 1, :, :3]
+        red, green, blue = level.mean(axis=(0, 1, 2), dtype=np.float64)
+        return float(red), float(green), float(blue)
+
+    @property
+    def airlight_high(self) -> Colour:
+        """Airlight in cd/m² along an endless ray to the zenith."""
+        middle = self.airlight.shape[1] // 2
+        around = slice(middle - 1, middle + 1)
+        zenith = self.airlight[4, around, around].reshape(-1, 4)
+        red, green, blue = (zenith[:, :3] * (1.0 + zenith[:, 3:])).mean(axis=0, dtype=np.float64)
+        return float(red), float(green), float(blue)

@@ -2,16 +2,18 @@
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from advercity_dsl import Weather
 from numpy.typing import NDArray
 
 from advercity.weather import extinction, sky
-from advercity.weather.atmosphere import Atmosphere, Colour
+from advercity.weather.atmosphere import Atmosphere
 from advercity.weather.daylight import daylight_of, sun_colour
 from advercity.weather.dust import dusty
+from advercity.weather.extinction import Extinction
+from advercity.weather.fog_bank import FogBank, daylit
 
 LandUse = Literal["urban", "rural"]
 Array = NDArray[np.float64]
@@ -35,8 +37,7 @@ class _Light:
 
     sun_lx: float
     sky: Array
-    airlight_low: Array
-    airlight_high: Array
+    airlight: NDArray[np.floating[Any]]
     street_lx: float = 0.0
 
 
@@ -47,7 +48,7 @@ def atmosphere_of(weather: Weather, land_use: LandUse) -> Atmosphere:
     if weather.time == "night":
         light = _night(weather, land_use, total.at_550nm)
     elif weather.fog.mor_m is not None:
-        light = _day_in_fog(weather, extinction.of_visibility(weather.fog.mor_m))
+        light = _day_in_fog(weather, sun, extinction.of_visibility(weather.fog.mor_m))
     else:
         light = _day(weather, sun)
     return Atmosphere(
@@ -58,8 +59,7 @@ def atmosphere_of(weather: Weather, land_use: LandUse) -> Atmosphere:
         sun_colour=sun_colour(weather.sun.elevation_deg),
         sky_lx=sky.horizontal_illuminance(light.sky),
         sky=dusty(light.sky, weather, total).astype(np.float32),
-        airlight_low=_colour(dusty(light.airlight_low, weather, total)),
-        airlight_high=_colour(dusty(light.airlight_high, weather, total)),
+        airlight=_dusty_air(light.airlight, weather, total),
         street_lx=light.street_lx,
         wetness=weather.surface.wetness,
         puddle_coverage=weather.surface.puddle_coverage,
@@ -89,28 +89,34 @@ def _day(weather: Weather, sun: Array) -> _Light:
     return _Light(
         sun_lx=light.direct_lx,
         sky=np.where(below, ground * _WHITE, scale * relative),
-        airlight_low=scale * shape(_horizon()).mean(axis=0),
-        airlight_high=scale * shape(np.array([0.0, 0.0, 1.0])),
+        airlight=sky.airlight_between(
+            scale * shape(_horizon()).mean(axis=0), scale * shape(np.array([0.0, 0.0, 1.0]))
+        ),
     )
 
 
-def _day_in_fog(weather: Weather, fog_extinction: float) -> _Light:
-    """A dome of scattered light; what is left of the direct sun is not in it."""
+def _day_in_fog(weather: Weather, sun: Array, fog_extinction: float) -> _Light:
+    """Light scattered in the bank; what is left of the direct sun is not in it."""
     above = daylight_of(weather)
-    sine = math.sin(math.radians(weather.sun.elevation_deg))
-    depth = fog_extinction * weather.fog.depth_m
-    sun_lx = above.direct_lx * math.exp(-depth / sine)
-    total = sky.illuminance_in_fog(above.diffuse_lx + above.direct_lx * sine, depth)
-    diffuse = max(0.0, total - sun_lx * sine)
+    cie_type = sky.sky_type(weather.sky.oktas, turbidity=weather.sky.turbidity)
 
-    def dome(height: Array) -> Array:
-        return sky.fog_dome(height, diffuse)[..., None] * _WHITE
+    def shape(directions: Array) -> Array:
+        return sky.cie_luminance(directions, sun, cie_type)
 
+    directions = sky.cubemap_directions(SKY_SIZE)
+    scale = above.diffuse_lx / sky.horizontal_illuminance(shape(directions)[..., None] * _WHITE)
+    fog = daylit(
+        FogBank(fog_extinction, weather.fog.depth_m, weather.fog.droplet_um, sky.GROUND_ALBEDO),
+        sun=sun,
+        direct_lx=above.direct_lx,
+        sky=lambda up: scale * shape(up),
+    )
+    rays = sky.cubemap_directions(sky.AIRLIGHT_SIZE)
+    airlight = fog.airlight(rays)[..., None] * np.ones(3)
     return _Light(
-        sun_lx=sun_lx,
-        sky=dome(sky.cubemap_directions(SKY_SIZE)[..., 2]),
-        airlight_low=dome(np.array(0.0)),
-        airlight_high=dome(np.array(1.0)),
+        sun_lx=fog.sun_lx,
+        sky=fog.sky(directions)[..., None] * _WHITE,
+        airlight=np.concatenate([airlight, fog.rise(rays)[..., None]], axis=-1),
     )
 
 
@@ -132,8 +138,9 @@ def _night(weather: Weather, land_use: LandUse, extinction_550nm: float) -> _Lig
     return _Light(
         sun_lx=0.0,
         sky=behind + lit_by_lamps * (1.0 - left),
-        airlight_low=lit_by_glow + lit_by_lamps,
-        airlight_high=glow_cd_m2 * glow_colour + lit_by_lamps * overhead,
+        airlight=sky.airlight_between(
+            lit_by_glow + lit_by_lamps, glow_cd_m2 * glow_colour + lit_by_lamps * overhead
+        ),
         street_lx=street_lx,
     )
 
@@ -143,5 +150,8 @@ def _horizon() -> Array:
     return np.stack([np.cos(turn), np.sin(turn), np.zeros_like(turn)], axis=-1)
 
 
-def _colour(value: Array) -> Colour:
-    return float(value[0]), float(value[1]), float(value[2])
+def _dusty_air(
+    airlight: NDArray[np.floating[Any]], weather: Weather, total: Extinction
+) -> NDArray[np.float32]:
+    coloured = dusty(airlight[..., :3].astype(float), weather, total)
+    return np.concatenate([coloured, airlight[..., 3:]], axis=-1).astype(np.float32)

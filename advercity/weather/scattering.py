@@ -5,6 +5,7 @@ Phase functions are per steradian, of the cosine of the angle by which light is 
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -24,17 +25,55 @@ def henyey_greenstein(cosine: Floats, g: float) -> Floats:
     return (1.0 - g**2) / (4.0 * math.pi * (1.0 + g**2 - 2.0 * g * cosine) ** 1.5)
 
 
+@dataclass(frozen=True)
+class DropletLobes:
+    """How fog droplets of 5 to 50 um scatter: a narrow lobe and a wide one.
+
+    A Henyey-Greenstein and a Draine lobe fitted to Mie theory by Jendersie and d'Eon (2023).
+
+    Attributes:
+        narrow_g: Mean cosine of the narrow lobe.
+        wide_g: Parameter g of the wide one.
+        wide_a: Its parameter alpha.
+        wide_share: Of scattered light, what the wide one has.
+    """
+
+    narrow_g: float
+    wide_g: float
+    wide_a: float
+    wide_share: float
+
+    @classmethod
+    def of(cls, diameter_um: float) -> "DropletLobes":
+        """Those of droplets of a diameter."""
+        d = diameter_um
+        return cls(
+            narrow_g=math.exp(-0.0990567 / (d - 1.67154)),
+            wide_g=math.exp(-2.20679 / (d + 3.91029) - 0.428934),
+            wide_a=math.exp(3.62489 - 8.29288 / (d + 5.52825)),
+            wide_share=math.exp(-0.599085 / (d - 0.641583) - 0.665888),
+        )
+
+    @property
+    def narrow_share(self) -> float:
+        """Of scattered light, what the narrow lobe has."""
+        return 1.0 - self.wide_share
+
+    def wide(self, cosine: Floats) -> Floats:
+        """Phase function (n,) of the wide lobe alone."""
+        g, a = self.wide_g, self.wide_a
+        tilted = (1.0 + a * cosine**2) / (1.0 + a * (1.0 + 2.0 * g**2) / 3.0)
+        return henyey_greenstein(cosine, g) * tilted
+
+    def both(self, cosine: Floats) -> Floats:
+        """Phase function (n,) of the droplets."""
+        narrow = henyey_greenstein(cosine, self.narrow_g)
+        return self.narrow_share * narrow + self.wide_share * self.wide(cosine)
+
+
 def droplets(cosine: Floats, diameter_um: float = 12.0) -> Floats:
-    """Phase function (n,) of fog droplets of 5 to 50 um (Jendersie and d'Eon 2023)."""
-    d = diameter_um
-    g_hg = math.exp(-0.0990567 / (d - 1.67154))
-    g = math.exp(-2.20679 / (d + 3.91029) - 0.428934)
-    a = math.exp(3.62489 - 8.29288 / (d + 5.52825))
-    weight = math.exp(-0.599085 / (d - 0.641583) - 0.665888)
-    draine = (
-        henyey_greenstein(cosine, g) * (1.0 + a * cosine**2) / (1.0 + a * (1.0 + 2.0 * g**2) / 3.0)
-    )
-    return (1.0 - weight) * henyey_greenstein(cosine, g_hg) + weight * draine
+    """Phase function (n,) of fog droplets of 5 to 50 um."""
+    return DropletLobes.of(diameter_um).both(cosine)
 
 
 def isotropic(cosine: Floats) -> Floats:

@@ -7,14 +7,14 @@ the last axis.
 import math
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
 GROUND_ALBEDO = 0.1
 """Of roads and fields in the mean."""
-FOG_ASYMMETRY = 0.87
-"""Mean cosine of scattering by fog droplets."""
+AIRLIGHT_SIZE = 64
+"""Texels along an edge of the cubemap of airlight."""
 
 _CIE_TYPES = {
     1: (4.0, -0.70, 0.0, -1.0, 0.0),
@@ -132,31 +132,21 @@ def daylight_colour(directions: Array, sun: Array, *, cloud_share: float) -> Arr
     return _colour_of(clear + (_OVERCAST_XY - clear) * cloud_share)
 
 
-def fog_transmittance(optical_depth: float) -> float:
-    """Share of daylight that a fog bank of that optical depth lets down (Bohren 1987)."""
-    return 2.0 / (2.0 + (1.0 - FOG_ASYMMETRY) * optical_depth)
-
-
-def illuminance_in_fog(above_lx: float, optical_depth: float) -> float:
-    """Illuminance of level ground in fog, light going back and forth to the ground included."""
-    through = fog_transmittance(optical_depth)
-    return above_lx * through / (1.0 - GROUND_ALBEDO * (1.0 - through))
-
-
-def fog_dome(sine: Array, illuminance_lx: float) -> Array:
-    """Luminance (...) seen in daylit fog by the sine of the elevation (Eddington).
-
-    Its upper half lights level ground with `illuminance_lx`.
-    """
-    upward = GROUND_ALBEDO * illuminance_lx
-    mean = (illuminance_lx + upward) / (2.0 * math.pi)
-    slope = 3.0 / (4.0 * math.pi) * (illuminance_lx - upward)
-    return np.maximum(mean + slope * sine, upward / math.pi)
-
-
 def airlight_of(illuminance_lx: float) -> float:
     """Luminance of air that is lit from above with an illuminance and from below by the ground."""
     return illuminance_lx * (1.0 + GROUND_ALBEDO) / (2.0 * math.pi)
+
+
+def airlight_between(low: ArrayLike, high: ArrayLike) -> NDArray[np.float32]:
+    """Airlight (6, m, m, 4) as `Atmosphere` has it, as bright everywhere along a ray.
+
+    Args:
+        low: (3,) in cd/m² looking at or below the horizon.
+        high: (3,) at the zenith; between them it runs with the sine of the elevation.
+    """
+    share = np.maximum(cubemap_directions(AIRLIGHT_SIZE)[..., 2:], 0.0)
+    colour = np.asarray(low) * (1.0 - share) + np.asarray(high) * share
+    return np.concatenate([colour, np.zeros_like(share)], axis=-1).astype(np.float32)
 
 
 def _colour_of(chromaticity: Array) -> Array:

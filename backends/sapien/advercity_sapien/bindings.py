@@ -23,12 +23,14 @@ class Maps:
 
     Attributes:
         sky: The sky's faces below each other, four float32.
+        airlight: Those of the airlight, four float32.
         wear: Of carriageways, one byte, with what `tables.map_column` says of it.
         puddles: Heights of `advercity.weather.puddles.field`, one float32.
         shelter: Of `ShelterMap`, two float32.
     """
 
     sky: NDArray[np.float32]
+    airlight: NDArray[np.float32]
     wear: NDArray[np.uint8]
     puddles: NDArray[np.float32]
     shelter: NDArray[np.float32]
@@ -59,6 +61,7 @@ class RasterBindings:
         self._textures = {
             "Table": self._table,
             "Sky": _texture(maps.sky, FORMAT, "edge"),
+            "Airlight": _texture(maps.airlight, FORMAT, "edge"),
             "Wear": _texture(maps.wear, BYTE, "edge"),
             "Puddles": _texture(maps.puddles, SINGLE, "repeat"),
             "Shelter": _texture(maps.shelter, PAIR, "edge"),
@@ -92,6 +95,7 @@ class RayTracedBindings:
         material = sapien.render.RenderMaterial()
         material.base_color_texture = self._table
         material.emission_texture = _texture2d(maps.sky, FORMAT, "edge")
+        material.transmission_texture = _texture2d(maps.airlight, FORMAT, "edge")
         material.roughness_texture = _texture2d(maps.wear, BYTE, "edge")
         material.metallic_texture = _texture2d(maps.puddles, SINGLE, "repeat")
         material.normal_texture = _texture2d(maps.shelter, PAIR, "edge")

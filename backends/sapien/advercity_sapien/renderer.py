@@ -21,7 +21,7 @@ from advercity_sapien.lamp_lists import LampLists
 from advercity_sapien.shelter import NO_SHELTER, shelter_map
 from advercity_sapien.stage import Stage
 from advercity_sapien.sun import SunShadow
-from advercity_sapien.tables import KILO, atmosphere_row, map_column, sky_atlas
+from advercity_sapien.tables import KILO, airlight_atlas, atmosphere_row, map_column, sky_atlas
 from advercity_sapien.wear import wear_map
 
 WEAR_COLUMN, GROUND_COLUMN, FRAME_COLUMN, SHELTER_COLUMN = 14, 15, 16, 17
@@ -44,7 +44,13 @@ class SapienRenderer:
         self._is_denoised = self._is_ray_traced and profile.denoise
         wear = wear_map(world.lanes)
         shelter = shelter_map(world) if atmosphere.snow_depth_m else NO_SHELTER
-        maps = Maps(sky_atlas(atmosphere), wear.texels, puddles.field(), shelter.texels)
+        maps = Maps(
+            sky_atlas(atmosphere),
+            airlight_atlas(atmosphere),
+            wear.texels,
+            puddles.field(),
+            shelter.texels,
+        )
         self._bindings = (
             RayTracedBindings(self._scene, maps) if self._is_ray_traced else RasterBindings(maps)
         )

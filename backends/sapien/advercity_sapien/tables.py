@@ -37,6 +37,12 @@ def sky_atlas(atmosphere: Atmosphere) -> NDArray[np.float32]:
     return np.concatenate([sky, np.ones_like(sky[..., :1])], axis=-1)
 
 
+def airlight_atlas(atmosphere: Atmosphere) -> NDArray[np.float32]:
+    """The six faces of the airlight below each other, (6 m, m, 4) in kcd/m² and its growth."""
+    faces = atmosphere.airlight.reshape(-1, atmosphere.airlight.shape[2], 4)
+    return faces * np.array([KILO, KILO, KILO, 1.0], np.float32)
+
+
 def atmosphere_row(atmosphere: Atmosphere) -> NDArray[np.float32]:
     """The table's first row, (COLUMNS, 4): the columns that `atmosphere.glsl` names."""
     row = np.zeros((COLUMNS, 4), dtype=np.float32)
@@ -45,7 +51,6 @@ def atmosphere_row(atmosphere: Atmosphere) -> NDArray[np.float32]:
     slope = RIPPLE_SLOPE * min(1.0, atmosphere.rain_mm_h / RIPPLING_RAIN_MM_H) ** 0.5
     row[0] = atmosphere.extinction_550nm, atmosphere.wetness, level, slope
     row[1] = *np.multiply(atmosphere.airlight_low, KILO), atmosphere.night
-    row[2, :3] = np.multiply(atmosphere.airlight_high, KILO)
     row[3, :3] = np.multiply(atmosphere.sun_colour, atmosphere.sun_lx * KILO)
     row[4, :3] = atmosphere.sun_direction
     row[5:14, :3] = irradiance_harmonics(atmosphere.sky) * KILO

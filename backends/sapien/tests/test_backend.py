@@ -16,6 +16,7 @@ from advercity.rendering.registry import load_backend
 from advercity.semantics import Semantic
 from advercity.traffic.trace import Frame
 from advercity.weather.atmosphere import Atmosphere
+from advercity.weather.sky import airlight_between
 from advercity.world.scene import Mesh, World
 
 RASTER = Profile("raster", 1.0, "raster")
@@ -44,8 +45,7 @@ AIR = Atmosphere(
     sun_colour=(1.0, 1.0, 1.0),
     sky_lx=3e3,
     sky=np.full((6, 4, 4, 3), 1e3, dtype=np.float32),
-    airlight_low=(1e3, 1e3, 1e3),
-    airlight_high=(1e3, 1e3, 1e3),
+    airlight=airlight_between((1e3, 1e3, 1e3), (1e3, 1e3, 1e3)),
     street_lx=0.0,
     wetness=0.0,
     puddle_coverage=0.0,

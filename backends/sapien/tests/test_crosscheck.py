@@ -3,10 +3,11 @@
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
+from advercity_dsl import Weather
 from advercity_sapien import SapienBackend
 from numpy.typing import ArrayLike, NDArray
 
@@ -15,6 +16,9 @@ from advercity.rendering.backend import CameraView, Profile
 from advercity.semantics import Semantic
 from advercity.traffic.trace import Frame
 from advercity.weather.atmosphere import Atmosphere
+from advercity.weather.daylight import daylight_of
+from advercity.weather.derivation import atmosphere_of
+from advercity.weather.sky import airlight_between, cie_luminance, direction_to, sky_type
 from advercity.world.materials import MATERIALS, Material
 from advercity.world.scene import Mesh, StreetLamp, World
 
@@ -35,7 +39,7 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 SIZE = 40, 30
 EYE, TARGET = (0.0, 0.0, 1.5), (10.0, 0.0, 1.5)
 SUN = np.array([-0.6, 0.0, 0.8])
-ALBEDO = {"asphalt": 0.0, "wood": 0.0, "concrete": 0.4, "plaster": 0.8}
+ALBEDO = {"asphalt": 0.0, "gravel": 0.1, "brick": 0.5, "concrete": 0.4, "plaster": 0.8}
 Solid = tuple[ArrayLike, ArrayLike, str]
 GROUND: Solid = (0.0, 0.0, -0.5), (400.0, 400.0, 1.0), "concrete"
 WALL: Solid = (13.0, 1.0, 2.0), (2.0, 6.0, 4.0), "plaster"
@@ -60,8 +64,7 @@ def air_of(**more: Any) -> Atmosphere:
         sun_colour=(1.0, 1.0, 1.0),
         sky_lx=0.0,
         sky=np.zeros((6, 8, 8, 3), dtype=np.float32),
-        airlight_low=(0.0, 0.0, 0.0),
-        airlight_high=(0.0, 0.0, 0.0),
+        airlight=airlight_between((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
         street_lx=0.0,
         wetness=0.0,
         puddle_coverage=0.0,
@@ -75,8 +78,13 @@ def lit_by_sky(luminance: float, **more: Any) -> Atmosphere:
     return air_of(night=False, sky=sky, sky_lx=math.pi * luminance, **more)
 
 
-def ours(air: Atmosphere, *solids: Solid, lamps: tuple[StreetLamp, ...] = ()) -> NDArray[Any]:
-    """Luminance (h, w) by the ray-traced pack."""
+def ours(
+    air: Atmosphere,
+    *solids: Solid,
+    lamps: tuple[StreetLamp, ...] = (),
+    pack: Literal["raster", "ray_traced"] = "ray_traced",
+) -> NDArray[Any]:
+    """Luminance (h, w) by one of the packs."""
     meshes = tuple(
         Mesh(
             f"{middle}",
@@ -88,7 +96,7 @@ def ours(air: Atmosphere, *solids: Solid, lamps: tuple[StreetLamp, ...] = ()) ->
         for middle, size, material in solids
     )
     world = World("test", meshes, {}, lanes=(), network=Path("none"), street_lamps=lamps)
-    profile = Profile("test", 1.0, "ray_traced", samples=96, path_depth=5)
+    profile = Profile("test", 1.0, pack, samples=96, path_depth=5)
     with SapienBackend().open(world, air, profile) as renderer:
         renderer.place(Frame(0, 0.0, (), {}))
         view = CameraView(pose(EYE), *SIZE, math.radians(90.0))
@@ -191,6 +199,78 @@ def test_a_flooded_road_mirrors_as_mitsubas_coated_plastic() -> None:
     expected = theirs(scene, *solids, integrator=PATHS, samples=512)
     below = slice(SIZE[1] // 2, None)
     assert found[below].mean() == pytest.approx(expected[below].mean(), rel=0.05)
+
+
+FIELD: Solid = (0.0, 0.0, -0.5), (5800.0, 5800.0, 1.0), "gravel"
+HUTS: tuple[Solid, ...] = (
+    ((7.0, -2.0, 0.75), (1.5, 1.5, 1.5), "brick"),
+    ((15.0, 3.0, 1.25), (2.0, 3.0, 2.5), "brick"),
+    ((30.0, -10.0, 3.0), (4.0, 6.0, 6.0), "brick"),
+    ((45.0, 15.0, 4.0), (4.0, 8.0, 8.0), "brick"),
+)
+BANK_M = 100.0
+
+
+def foggy_day(*, mor_m: float, oktas: int, elevation_deg: float, azimuth_deg: float) -> Weather:
+    return Weather.model_validate(
+        {
+            "id": "fog",
+            "time": "day",
+            "air": {"mor_m": None},
+            "fog": {"mor_m": mor_m, "depth_m": BANK_M},
+            "sun": {"elevation_deg": elevation_deg, "azimuth_deg": azimuth_deg},
+            "sky": {"oktas": oktas},
+        }
+    )
+
+
+def above_fog(weather: Weather) -> dict[str, Any]:
+    """Sky and sun as a picture of all directions, the sun two degrees wide to be found."""
+    high, wide, radius = 360, 720, math.radians(2.0)
+    polar = (np.arange(high) + 0.5) / high * math.pi
+    turn = (np.arange(wide) + 0.5) / wide * 2.0 * math.pi
+    theta, phi = np.meshgrid(polar, turn, indexing="ij")
+    level = np.sin(theta)
+    rays = np.stack([np.sin(phi) * level, np.cos(phi) * level, np.cos(theta)], axis=-1)
+    solid_angle = level * (math.pi / high) ** 2
+    light = daylight_of(weather)
+    sun = direction_to(weather.sun.elevation_deg, weather.sun.azimuth_deg)
+    sky = cie_luminance(rays, sun, sky_type(weather.sky.oktas)) * (rays[..., 2] > 0.0)
+    sky *= light.diffuse_lx / np.sum(sky * np.maximum(rays[..., 2], 0.0) * solid_angle)
+    disc = rays @ sun > math.cos(radius)
+    sky += disc * light.direct_lx / np.sum(disc * solid_angle)
+    picture = mitsuba.Bitmap(np.repeat(sky[..., None], 3, axis=-1).astype(np.float32))
+    upright = mitsuba.ScalarTransform4f().rotate([1, 0, 0], 90)
+    return {"sky": {"type": "envmap", "bitmap": picture, "to_world": upright}}
+
+
+@pytest.mark.parametrize(
+    ("mor_m", "oktas", "elevation_deg", "azimuth_deg"),
+    [(75.0, 8, 60.0, 180.0), (150.0, 0, 40.0, 150.0)],
+    ids=["overcast", "the sun through fog"],
+)
+def test_a_foggy_day_is_as_bright_as_mitsubas(
+    mor_m: float, oktas: int, elevation_deg: float, azimuth_deg: float
+) -> None:
+    """Light from above a bank of fog, scattered in it hundreds of times."""
+    weather = foggy_day(
+        mor_m=mor_m, oktas=oktas, elevation_deg=elevation_deg, azimuth_deg=azimuth_deg
+    )
+    place = mitsuba.ScalarTransform4f
+    bank = {
+        "type": "cube",
+        "to_world": place()
+        .translate([0.0, 0.0, BANK_M / 2.0 - 0.5])
+        .scale([3000.0, 3000.0, BANK_M / 2.0 + 0.5]),
+        "bsdf": {"type": "null"},
+        "interior": {"type": "ref", "id": "fog"},
+    }
+    scene = fog_of(math.log(20.0) / mor_m) | above_fog(weather) | {"bank": bank}
+    integrator = {"type": "volpath", "max_depth": 256, "rr_depth": 40}
+    expected = theirs(scene, FIELD, *HUTS, integrator=integrator, samples=400)
+    for pack in ("ray_traced", "raster"):
+        found = ours(atmosphere_of(weather, "rural"), FIELD, *HUTS, pack=pack)
+        assert found.mean() == pytest.approx(expected.mean(), rel=0.05), pack
 
 
 LAMP_AT = (4.0, 3.0, 6.0)

@@ -15,6 +15,7 @@ from advercity.semantics import Semantic
 from advercity.traffic.trace import Actor, ActorState, Frame, Lamp
 from advercity.weather import puddles
 from advercity.weather.atmosphere import Atmosphere
+from advercity.weather.sky import airlight_between
 from advercity.world.materials import MATERIALS, Material
 from advercity.world.scene import Body, Lane, Mesh, StreetLamp, World
 
@@ -67,8 +68,7 @@ def air_of(luminance: float = 1000.0, **more: Any) -> Atmosphere:
         sun_colour=(1.0, 1.0, 1.0),
         sky_lx=np.pi * luminance,
         sky=np.full((6, 8, 8, 3), luminance, dtype=np.float32),
-        airlight_low=(0.0, 0.0, 0.0),
-        airlight_high=(0.0, 0.0, 0.0),
+        airlight=airlight_between((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
         street_lx=0.0,
         wetness=0.0,
         puddle_coverage=0.0,

@@ -17,7 +17,7 @@ from advercity.rendering.backend import CameraCapture, CameraView, Profile
 from advercity.semantics import Semantic
 from advercity.traffic.trace import Actor, ActorState, Frame, Lamp, Signal
 from advercity.weather.atmosphere import Atmosphere, Colour
-from advercity.weather.sky import cubemap_directions, horizontal_illuminance
+from advercity.weather.sky import airlight_between, cubemap_directions, horizontal_illuminance
 from advercity.world.materials import MATERIALS, Material
 from advercity.world.scene import Body, Mesh, SignalLamp, StreetLamp, Wheel, World
 
@@ -99,8 +99,7 @@ def air_of(
         sun_colour=(1.0, 1.0, 1.0),
         sky_lx=horizontal_illuminance(cubemap.astype(np.float64)),
         sky=cubemap,
-        airlight_low=airlight,
-        airlight_high=airlight,
+        airlight=airlight_between(airlight, airlight),
         street_lx=0.0,
         wetness=wetness,
         puddle_coverage=0.0,

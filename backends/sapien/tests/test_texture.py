@@ -13,6 +13,7 @@ from advercity.rendering.backend import CameraView, Profile
 from advercity.semantics import Semantic
 from advercity.traffic.trace import Frame
 from advercity.weather.atmosphere import Atmosphere
+from advercity.weather.sky import airlight_between
 from advercity.world.materials import MATERIALS, Texture
 from advercity.world.scene import Mesh, World
 
@@ -45,8 +46,7 @@ def white_sky() -> Atmosphere:
         sun_colour=(1.0, 1.0, 1.0),
         sky_lx=np.pi * 1000.0,
         sky=np.full((6, 32, 32, 3), 1000.0, dtype=np.float32),
-        airlight_low=(0.0, 0.0, 0.0),
-        airlight_high=(0.0, 0.0, 0.0),
+        airlight=airlight_between((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
         street_lx=0.0,
         wetness=0.0,
         puddle_coverage=0.0,

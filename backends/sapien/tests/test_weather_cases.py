@@ -21,6 +21,7 @@ from advercity.sensors.camera import CameraAir, Shot, in_air
 from advercity.traffic.trace import Frame
 from advercity.weather.atmosphere import Atmosphere
 from advercity.weather.derivation import atmosphere_of
+from advercity.weather.sky import airlight_between
 from advercity.world.materials import MATERIALS, Material
 from advercity.world.scene import Mesh, World
 
@@ -103,6 +104,13 @@ def card(distance_m: float) -> World:
     return world_of(box((distance_m + 0.5, 0.0, 0.0), (1.0, distance_m, distance_m), "black"))
 
 
+def airlight_ahead(air: Atmosphere) -> float:
+    """Looking level along +x, where nothing is."""
+    middle = slice(air.airlight.shape[1] // 2 - 1, air.airlight.shape[1] // 2 + 1)
+    red, green, blue, rise = air.airlight[0, middle, middle].mean(axis=(0, 1))
+    return float((1.0 + rise) * (np.array([red, green, blue]) @ LUMINANCE))
+
+
 @pytest.mark.parametrize(
     ("distance_m", "left"), [(10, 0.671), (20, 0.450), (25, 0.368), (50, 0.136), (75, 0.050)]
 )
@@ -113,7 +121,7 @@ def test_fog_leaves_of_a_cards_contrast_what_koschmieder_says(
     clear = atmosphere_of(weather(air={"mor_m": None}, sky={"oktas": 8}), "rural")
     ahead = view_of(pose((0.0, 0.0, 0.0)), (101, 51))
     contrasts: list[float] = []
-    horizon = float(np.asarray(foggy.airlight_low) @ LUMINANCE)
+    horizon = airlight_ahead(foggy)
     for air, behind in ((foggy, horizon), (clear, 1.0)):
         seen = luminance(rendered(opened, card(distance_m), air, ahead))
         contrasts.append((behind - float(seen[25, 50])) / behind)
@@ -129,7 +137,7 @@ def test_a_black_card_in_fog_shines_with_the_airlight_before_it(
 ) -> None:
     foggy = atmosphere_of(weather(air={"mor_m": None}, fog={"mor_m": 75}), "rural")
     seen = luminance(rendered(opened, card(distance_m), foggy, view_of(pose((0, 0, 0)), (101, 51))))
-    horizon = float(np.asarray(foggy.airlight_low) @ LUMINANCE)
+    horizon = airlight_ahead(foggy)
     assert float(seen[25, 50]) * 2500.0 / horizon == pytest.approx(expected, rel=0.02)
 
 
@@ -141,8 +149,7 @@ def test_white_things_in_white_fog_under_a_white_dome_are_not_to_be_seen(opened:
         sky=np.full_like(foggy.sky, dome),
         sky_lx=np.pi * dome,
         sun_lx=0.0,
-        airlight_low=(dome, dome, dome),
-        airlight_high=(dome, dome, dome),
+        airlight=airlight_between((dome, dome, dome), (dome, dome, dome)),
     )
     things = world_of(
         box((20.0, 0.0, 0.0), (4.0, 6.0, 6.0), "white"),

@@ -18,16 +18,9 @@ float transmittance(float distance) {
   return exp(-extinction() * distance);
 }
 
-vec3 airlight(vec3 ray) {
-  return mix(parameter(1).rgb, parameter(2).rgb, max(ray.z, 0.0));
-}
-
-vec3 throughAir(vec3 radiance, vec3 ray, float distance) {
-  return mix(airlight(ray), radiance, transmittance(distance));
-}
-
-// The six faces of the sky lie below each other; each is filtered within itself.
-vec3 sky(vec3 ray) {
+// Where a ray meets a cubemap whose six faces, so many texels wide, lie below each other; each is
+// filtered within itself.
+vec2 onFaces(vec3 ray, float texels) {
   vec3 size = abs(ray);
   vec3 face;
   if (size.x >= size.y && size.x >= size.z) {
@@ -40,9 +33,12 @@ vec3 sky(vec3 ray) {
     face = ray.z > 0.0 ? vec3(-ray.y, ray.x, 4.0) : vec3(-ray.y, -ray.x, 5.0);
     face.xy /= size.z;
   }
-  float halfTexel = 0.5 / textureSize(samplerSky, 0).x;
-  vec2 uv = clamp(face.xy * 0.5 + 0.5, halfTexel, 1.0 - halfTexel);
-  return textureLod(samplerSky, vec2(uv.x, (uv.y + face.z) / 6.0), 0.0).rgb;
+  vec2 uv = clamp(face.xy * 0.5 + 0.5, 0.5 / texels, 1.0 - 0.5 / texels);
+  return vec2(uv.x, (uv.y + face.z) / 6.0);
+}
+
+vec3 sky(vec3 ray) {
+  return textureLod(samplerSky, onFaces(ray, float(textureSize(samplerSky, 0).x)), 0.0).rgb;
 }
 
 // Irradiance by sky and ground light: spherical harmonics to second order, already convolved.

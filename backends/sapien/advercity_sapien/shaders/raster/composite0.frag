@@ -9,11 +9,13 @@ layout(set = 0, binding = 2) uniform sampler2D samplerAlbedo;
 layout(set = 0, binding = 3) uniform sampler2D samplerDepthEmission;
 layout(set = 0, binding = 4) uniform sampler2D samplerTable;
 layout(set = 0, binding = 5) uniform sampler2D samplerSky;
+layout(set = 0, binding = 6) uniform sampler2D samplerAirlight;
 
 layout(location = 0) in vec2 inUV;
 layout(location = 0) out vec4 outRadiance;
 
 #include "../atmosphere.glsl"
+#include "../airlight.glsl"
 #include "../surface.glsl"
 #include "../lamps.glsl"
 #include "./view.glsl"
@@ -80,7 +82,7 @@ vec3 metOnScreen(vec3 position, vec3 ray, vec3 normal) {
 vec3 reflection(vec3 position, vec3 ray, vec3 normal, float alpha, float distance) {
   const int TAPS = 5;
   vec3 mirror = reflect(ray, normal);
-  if (mirror.z <= 0.0) return airlight(mirror);
+  if (mirror.z <= 0.0) return airlight(mirror).rgb;
   vec3 around = skyAround(mirror, alpha);
   vec3 met = metOnScreen(position, mirror, normal);
   if (met.z == 0.0) return around;

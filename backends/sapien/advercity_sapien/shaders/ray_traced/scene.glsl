@@ -88,9 +88,10 @@ layout(set = 1, binding = 11) readonly buffer ParallelogramLights { Parallelogra
 
 // SAPIEN binds only its own textures here, so the scene's first object carries ours as the
 // textures of its material.
-int tableIndex, skyIndex, wearIndex, puddlesIndex, shelterIndex;
+int tableIndex, skyIndex, airlightIndex, wearIndex, puddlesIndex, shelterIndex;
 #define samplerTable textures[nonuniformEXT(tableIndex)]
 #define samplerSky textures[nonuniformEXT(skyIndex)]
+#define samplerAirlight textures[nonuniformEXT(airlightIndex)]
 #define samplerWear textures[nonuniformEXT(wearIndex)]
 #define samplerPuddles textures[nonuniformEXT(puddlesIndex)]
 #define samplerShelter textures[nonuniformEXT(shelterIndex)]
@@ -101,6 +102,7 @@ void findTables() {
   TextureIndex carried = textureIndices.t[geometryInstances.i[0].materialIndex];
   tableIndex = carried.diffuse;
   skyIndex = carried.emission;
+  airlightIndex = carried.transmission;
   wearIndex = carried.roughness;
   puddlesIndex = carried.metallic;
   shelterIndex = carried.normal;
