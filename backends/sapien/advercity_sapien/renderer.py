@@ -16,6 +16,7 @@ from advercity.weather import puddles
 from advercity.weather.atmosphere import Atmosphere
 from advercity.world.scene import World
 from advercity_sapien.bindings import Maps, RasterBindings, RayTracedBindings
+from advercity_sapien.culling import seen_by
 from advercity_sapien.denoising import denoised
 from advercity_sapien.lamp_lists import LampLists
 from advercity_sapien.shelter import NO_SHELTER, shelter_map
@@ -98,6 +99,9 @@ class SapienRenderer:
         self._finish()
         camera = self._aimed(view)
         self._sun.follow(view)
+        if not self._is_ray_traced:
+            casting = self._sun.casting
+            self._stage.culling.show([seen_by(view), *([] if casting is None else [casting])])
         with self._stage.without(view.hide):
             self._bindings.write(np.concatenate([self._air[None], self._lamps.rows(view)]))
             self._scene.update_render()

@@ -1,7 +1,7 @@
 """The bodies of a scene: what stands still, signals, and actors with their stand-ins."""
 
 from collections import defaultdict
-from collections.abc import Generator, Iterable
+from collections.abc import Generator, Iterable, Sequence
 from contextlib import contextmanager
 
 import numpy as np
@@ -14,6 +14,7 @@ from advercity.traffic.posture import Shape, posture, rolled
 from advercity.traffic.trace import ActorState, Frame, Lamp
 from advercity.world.scene import Mesh, SignalLamp, Wheel, World
 from advercity_sapien.bindings import Bindings
+from advercity_sapien.culling import Culling
 from advercity_sapien.shapes import ShapeLibrary, lenses, tiles
 
 PARKED = sapien.Pose([0.0, 0.0, -1e4])
@@ -47,10 +48,9 @@ class Stage:
         self._lit: dict[int, int] = {}
         self._idle: defaultdict[Look, list[Pieces]] = defaultdict(list)
         self._meshes: dict[Shape, dict[Wheel | None, list[Mesh]]] = {}
-        meshes = [tile for mesh in world.static for tile in tiles(mesh)]
-        static = self._add(meshes)
-        self._identify(static, meshes, 0)
-        bindings.mark(static, int(Lamp.LOW_BEAM) if night else 0, hidden=False)
+        self.culling = Culling()
+        for tile in (tile for mesh in world.static for tile in tiles(mesh)):
+            self._add_static(tile, int(Lamp.LOW_BEAM) if night else 0)
         self._signals = {lamp.id: self._add_signal(lamp) for lamp in world.signal_lamps}
 
     def place(self, frame: Frame) -> None:
@@ -60,7 +60,7 @@ class Stage:
         for actor_id in [i for i, (look, _) in self._actors.items() if looks.get(i) != look]:
             look, pieces = self._actors.pop(actor_id)
             for body in pieces.values():
-                body.entity.set_pose(PARKED)
+                self._put(body, PARKED)
             self._idle[look].append(pieces)
         for state in frame.states:
             pieces = self._pieces_of(state.actor.id, looks[state.actor.id])
@@ -85,7 +85,7 @@ class Stage:
     def _move(self, pieces: Pieces, state: ActorState, world_from_mesh: Matrix) -> None:
         for wheel, body in pieces.items():
             moved = world_from_mesh if wheel is None else world_from_mesh @ rolled(state, wheel)
-            body.entity.set_pose(sapien.Pose(moved))
+            self._put(body, sapien.Pose(moved))
 
     def _mark(self, actor_id: int, *, hidden: bool) -> None:
         for body in self._actors[actor_id][1].values():
@@ -97,7 +97,7 @@ class Stage:
             pieces = (
                 idle.pop()
                 if idle
-                else {key: self._add(own, look[1]) for key, own in meshes.items()}
+                else {key: self._add_moving(own, look[1]) for key, own in meshes.items()}
             )
             for wheel, body in pieces.items():
                 self._identify(body, meshes[wheel], actor_id)
@@ -112,6 +112,22 @@ class Stage:
                 parts[mesh.wheel].append(mesh)
             self._meshes[shape] = dict(parts)
         return self._meshes[shape]
+
+    def _put(self, body: Body, pose: sapien.Pose) -> None:
+        body.entity.set_pose(pose)
+        self.culling.move(body, pose.p)
+
+    def _add_static(self, mesh: Mesh, lit: int) -> None:
+        body = self._add([mesh])
+        self._identify(body, [mesh], 0)
+        self._bindings.mark(body, lit, hidden=False)
+        self.culling.add(body, mesh.vertices.min(axis=0), mesh.vertices.max(axis=0))
+
+    def _add_moving(self, meshes: Sequence[Mesh], paint: str) -> Body:
+        body = self._add(meshes, paint)
+        reach_m = max(float(np.linalg.norm(mesh.vertices, axis=1).max()) for mesh in meshes)
+        self.culling.add(body, np.full(3, -reach_m), np.full(3, reach_m))
+        return body
 
     def _add_signal(self, lamp: SignalLamp) -> Body:
         meshes = lenses()

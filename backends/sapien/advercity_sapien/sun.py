@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from advercity.poses import Matrix
 from advercity.rendering.backend import CameraView
 from advercity.weather.atmosphere import Atmosphere
+from advercity_sapien.culling import Volume
 
 HALF_SIZE_M, RANGE_M, TEXELS = 60.0, 400.0, 2048
 AHEAD_M = 36.0
@@ -18,6 +19,8 @@ class SunShadow:
 
     def __init__(self, atmosphere: Atmosphere, scene: sapien.Scene) -> None:
         self._entity: sapien.Entity | None = None
+        self.casting: Volume | None = None
+        """Where shadows that are seen may come from."""
         self._world_from_light = _looking_along(-atmosphere.sun_direction)
         if atmosphere.sun_lx > 0.0:
             light = sapien.render.RenderDirectionalLightComponent()
@@ -42,6 +45,9 @@ class SunShadow:
         pose[:3, :3] = self._world_from_light
         pose[:3, 3] = self._world_from_light @ middle
         self._entity.set_pose(sapien.Pose(pose))
+        normals = np.concatenate([np.eye(3), -np.eye(3)])
+        offsets = [0.0, -HALF_SIZE_M, -HALF_SIZE_M, -RANGE_M, -HALF_SIZE_M, -HALF_SIZE_M]
+        self.casting = Volume.of(pose, normals, np.array(offsets))
 
 
 def _looking_along(direction: NDArray[np.float64]) -> Matrix:

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 import pytest
 from advercity_sapien import SapienBackend
+from advercity_sapien.culling import Culling
 from advercity_sapien.renderer import SapienRenderer
 from numpy.typing import ArrayLike, NDArray
 
@@ -358,6 +359,33 @@ def test_pictures_taken_together_are_those_taken_one_by_one(opened: Open) -> Non
         assert np.array_equal(one.normal, other.normal)
         assert np.array_equal(one.instance, other.instance)
     assert {len(np.unique(one.instance)) for one in together} == {1, 2}
+
+
+def show_all(*_: object) -> None:
+    """Bodies are shown until they are left out."""
+
+
+def test_what_is_left_out_of_a_picture_would_not_have_shown(
+    opened: Open, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    around = [(8 * np.cos(turn), 8 * np.sin(turn)) for turn in np.arange(24) * np.pi / 12]
+    posts = [box((x, y, 2.0), (0.7, 0.7, 4.0)) for x, y in around]
+    ground = box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0))
+    frame = frame_of(*(state(k, (1.5 * x, 1.5 * y, 0)) for k, (x, y) in enumerate(around, 1)))
+    air = air_of(sky=uniform(900.0), sun_lx=3e4, sun_elevation_deg=20.0)
+    views = [view_of(pose((0, 0, 1), yaw=yaw, pitch=0.1), hide=3) for yaw in (0.0, 0.4, 2.0)]
+
+    def shoot() -> list[bytes]:
+        with opened(world_of(ground, *posts), air) as renderer:
+            renderer.place(frame)
+            return [
+                capture.radiance.tobytes() + capture.instance.tobytes()
+                for capture in renderer.cameras(views)
+            ]
+
+    culled = shoot()
+    monkeypatch.setattr(Culling, "show", show_all)
+    assert shoot() == culled
 
 
 def test_pictures_that_nobody_fetches_do_no_harm(opened: Open) -> None:
