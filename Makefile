@@ -2,6 +2,7 @@
 # make test   set up what is missing, then run every check
 # make setup  set up only
 # make lock   renew requirements.lock
+# make bench  measure every figure against a peer or a limit; some ten minutes
 
 SCENARIO := ui_fog_day_sparse
 FRAMES := 30
@@ -11,7 +12,7 @@ ADVERCITY := .venv/bin/advercity
 RECORDING := $(OUTPUT)/$(SCENARIO)_$(FRAMES).rrd
 SHEET := $(OUTPUT)/contact_sheet.png
 
-.PHONY: demo test setup lock
+.PHONY: demo test setup lock bench
 
 demo: setup
 	$(ADVERCITY) assets install --optional
@@ -32,3 +33,6 @@ setup:
 
 lock: setup
 	scripts/lock
+
+bench: setup
+	.venv/bin/python benchmarks/bench.py --output output/bench

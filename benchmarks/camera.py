@@ -19,9 +19,10 @@ from advercity_dsl import Spec
 from advercity_sapien.renderer import FAR_M, NEAR_M
 from advercity_sapien.stage import Stage
 from advercity_sapien.sun import SunShadow
+from figures import Figure
 from numpy.typing import NDArray
 
-from advercity.compiler import compile_library, find_weather
+from advercity.compiler import find_weather, read_spec
 from advercity.randomness import generator
 from advercity.rendering.backend import CameraView, Profile
 from advercity.rendering.lamps import lit_lamps
@@ -34,9 +35,11 @@ from advercity.weather.atmosphere import Atmosphere
 from advercity.weather.derivation import atmosphere_of
 from advercity.world.scene import World
 
-LIBRARY = Path(__file__).parents[1] / "library"
-STOCK = Path(sapien.__file__).parent / "vulkan_shader" / "default"
+SPEC = Path("compiled/ui_clear_day_dense.json")
+STOCK = Path(sapien.__file__).parent / "vulkan_shader"
 SIZE, FRAME, WARM_UP = (480, 270), 40, 2
+GOAL = 1.5
+QUICK = ["fog_day", "heavy_rain_night"]
 WEATHERS = [
     *("clear_day", "soft_rain_day", "heavy_rain_day", "fog_day", "foggy_heavy_rain_day"),
     *("clear_night", "soft_rain_night", "heavy_rain_night", "fog_night"),
@@ -58,22 +61,27 @@ class NoBindings:
 
 
 def stock_pictures(
-    world: World, air: Atmosphere, frame: Frame, views: Sequence[CameraView]
+    world: World,
+    air: Atmosphere,
+    frame: Frame,
+    views: Sequence[CameraView],
+    pack: str = "default",
 ) -> Callable[[], None]:
-    """Takes pictures with SAPIEN's own pack, and fetches all that ours have too."""
+    """Takes pictures of one size with a pack of SAPIEN's own, and fetches all that ours have."""
     scene = sapien.Scene([sapien.render.RenderSystem(sapien.Device("cpu"))])
     stage, sun = Stage(world, scene, NoBindings(), night=air.night), SunShadow(air, scene)
     stage.place(frame)
-    camera = sapien.render.RenderCameraComponent(*SIZE, str(STOCK))
+    width, height = views[0].width_px, views[0].height_px
+    camera = sapien.render.RenderCameraComponent(width, height, str(STOCK / pack))
     entity = sapien.Entity()
     entity.add_component(camera)
     scene.add_entity(entity)
 
     def take() -> None:
         for view in views:
-            focal = SIZE[0] / 2.0 / math.tan(view.horizontal_fov_rad / 2.0)
+            focal = width / 2.0 / math.tan(view.horizontal_fov_rad / 2.0)
             camera.set_perspective_parameters(
-                NEAR_M, FAR_M, focal, focal, SIZE[0] / 2, SIZE[1] / 2, 0.0
+                NEAR_M, FAR_M, focal, focal, width / 2, height / 2, 0.0
             )
             entity.set_pose(sapien.Pose(view.world_from_camera))
             sun.follow(view)
@@ -83,6 +91,18 @@ def stock_pictures(
                 camera.get_picture(name)
 
     return take
+
+
+def figures(*, quick: bool) -> list[Figure]:
+    """A picture by day and by night, or in every weather."""
+    rounds, weathers = (3, QUICK) if quick else (9, WEATHERS)
+    spec = read_spec(SPEC)
+    found: list[Figure] = []
+    for weather in weathers:
+        stock, rendered, made = measure(spec, weather, rounds)
+        ratio = (rendered + made) / stock
+        found.append(Figure(f"picture, {weather}", ratio, "SAPIEN's `default` pack", at_most=GOAL))
+    return found
 
 
 def measure(spec: Spec, weather: str, rounds: int) -> tuple[float, float, float]:
@@ -127,10 +147,10 @@ def main() -> None:
     parser.add_argument("weathers", nargs="*", default=WEATHERS)
     parser.add_argument("--rounds", type=int, default=9)
     options = parser.parse_args()
-    specs = {spec.id: spec for spec in compile_library(LIBRARY)}
+    spec = read_spec(SPEC)
     print("| weather | SAPIEN's, ms | rendered | made | ratio of both |\n|---|---|---|---|---|")
     for weather in options.weathers:
-        stock, *own = measure(specs["ui_clear_day_dense"], weather, options.rounds)
+        stock, *own = measure(spec, weather, options.rounds)
         cells = [f"{item * 1e3:.0f}" for item in (stock, *own)]
         print(f"| {' | '.join([weather, *cells, f'{sum(own) / stock:.2f}'])} |", flush=True)
 

@@ -14,11 +14,29 @@ import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from figures import Figure
+
 from advercity.compiler import compile_library, load_library, write_specs
 
 ROOT = Path(__file__).parent.parent
 PEER = "import yaml, pydantic, typer"
 """What any program of this kind imports; the start-up that is not ours."""
+
+
+def figures(*, quick: bool) -> list[Figure]:
+    """The whole library, and the start of the program."""
+    rounds = 3 if quick else 7
+    peer_s = median_s(process(sys.executable, "-c", PEER), rounds)
+    advercity = str(Path(sys.executable).parent / "advercity")
+    with tempfile.TemporaryDirectory() as scratch:
+        compiling = process(advercity, "compile", str(ROOT / "library"), "--output", scratch)
+        whole_s = median_s(compiling, rounds)
+    help_s = median_s(process(advercity, "--help"), rounds)
+    against = "importing yaml, pydantic and typer"
+    return [
+        Figure("`advercity --help`, processor time", help_s / peer_s, against, at_most=2.0),
+        Figure("`advercity compile`, processor time", whole_s / peer_s, against, at_most=12.0),
+    ]
 
 
 def median_s(work: Callable[[], object], rounds: int) -> float:

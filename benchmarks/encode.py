@@ -1,66 +1,125 @@
-"""What encoding, writing and verifying cost against rendering, as ratios.
+"""What encoding and writing cost against rendering, and against the encoder alone.
 
-    python benchmarks/encode.py [compiled/ui_fog_day_sparse.json] [--frames 0:20] [--profile full]
+    python benchmarks/encode.py [compiled/ui_fog_day_sparse.json] [--rounds 7] [--profile full]
 
-Times the same frames with and without the files being made, in turns, and takes the least of each:
-`overhead` is what a run takes longer for writing behind rendering. `verify` is what a scenario of
-all its frames would take, by the time of these.
+The same few frames are sensed without being written, and then with, again and again, so that the
+load of the machine is the same for both. `processor time` is what a run takes more of: what it
+would take longer if no core had anything to spare. `wall` is what it did take longer, files being
+made behind rendering. The encoder alone is OpenCV with the same pictures and nothing else.
 """
 
 import argparse
+import statistics
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from unittest.mock import patch
+
+import cv2
+from figures import Figure, finish
 
 from advercity.compiler import read_spec
-from advercity.dataset.manifest import Manifest, verify
+from advercity.dataset.manifest import Identity
 from advercity.dataset.writer import DatasetWriter
-from advercity.runner import Options, parse_frames, run_scenario
+from advercity.rendering.backend import PROFILES
+from advercity.rendering.registry import load_backend
+from advercity.runner.behind import Behind
+from advercity.runner.scenario import renderer_identity
+from advercity.runner.sensing import Senses, senses
+from advercity.runner.stage import set_stage
+from advercity.runner.viewpoints import Viewpoints
 
-ROUNDS = 3
+SPEC = Path("compiled/ui_fog_day_sparse.json")
+FRAMES = range(1, 4)
+GOAL = 0.15
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Seconds that something took."""
+
+    wall: float
+    cpu: float
+
+
+def figures(
+    *, quick: bool, spec: Path = SPEC, profile: str = "preview", rounds: int | None = None
+) -> list[Figure]:
+    """What the files of frames take, three ways."""
+    count = rounds or (3 if quick else 7)
+    with tempfile.TemporaryDirectory() as folder, _opened(spec, profile, Path(folder)) as opened:
+        sensed, writer = opened
+        _make(sensed, writer)
+        pairs = [(_make(sensed), _make(sensed, writer)) for _ in range(count)]
+        pictures = sorted(writer.scenario.rglob("*.png"))
+        bare_s = statistics.median(_encoder_s(pictures) for _ in range(count))
+    cpu = statistics.median(made.cpu / seen.cpu for seen, made in pairs)
+    wall = statistics.median(made.wall / seen.wall for seen, made in pairs)
+    own_s = statistics.median(made.cpu - seen.cpu for seen, made in pairs)
+    return [
+        Figure("encode and write, processor time added", cpu - 1.0, "sensing frames", GOAL),
+        Figure("encode and write, wall added", wall - 1.0, "sensing frames"),
+        Figure("encode and write all files", own_s / bare_s, "OpenCV with their pictures alone"),
+    ]
+
+
+@contextmanager
+def _opened(path: Path, profile_name: str, folder: Path) -> Generator[tuple[Senses, DatasetWriter]]:
+    """The sensors and the writer of a scenario."""
+    spec, backend, profile = read_spec(path), load_backend("sapien"), PROFILES[profile_name]
+    stage = set_stage(spec)
+    identity = Identity.of(
+        spec,
+        trace_sha256=stage.trace_sha256,
+        renderer=renderer_identity(backend, profile),
+        bodies={},
+        format="opv2v",
+    )
+    viewpoints = Viewpoints(spec, stage.trace)
+    with (
+        DatasetWriter(folder, spec, identity, length=len(stage.trace)) as writer,
+        senses(viewpoints, stage, backend, profile) as sensed,
+    ):
+        yield sensed, writer
+
+
+def _make(sensed: Senses, writer: DatasetWriter | None = None) -> Cost:
+    """Sense the frames as a run does, and write them too if there is a writer."""
+    wall, cpu = time.perf_counter(), time.process_time()
+    with Behind() as behind:
+        for frame in FRAMES:
+            readings = sensed.read(frame)
+            if writer is not None:
+                behind.run(partial(writer.write, frame, readings))
+    return Cost(time.perf_counter() - wall, time.process_time() - cpu)
+
+
+def _encoder_s(pictures: list[Path]) -> float:
+    """Processor seconds that OpenCV takes for some pictures."""
+    total = 0.0
+    for path in pictures:
+        image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+        assert image is not None
+        began = time.process_time()
+        cv2.imencode(".png", image)
+        total += time.process_time() - began
+    return total
 
 
 def main() -> int:
-    """Measure and print; 1 if the overhead is above 15 % or a verification above 10 s."""
-    arguments = _arguments()
-    spec = read_spec(arguments.spec)
-    frames = parse_frames(arguments.frames)
-    with tempfile.TemporaryDirectory() as folder:
-        options = Options(output=Path(folder), profile=arguments.profile, frames=frames, fresh=True)
-        run_scenario(spec, options)
-        with_files: list[float] = []
-        without: list[float] = []
-        for _ in range(ROUNDS):
-            with patch.object(DatasetWriter, "write"):
-                without.append(_seconds(lambda: run_scenario(spec, options)))
-            with_files.append(_seconds(lambda: run_scenario(spec, options)))
-        scenario = Path(folder) / spec.id
-        manifest = Manifest.load(scenario)
-        verify_s = min(_seconds(lambda: verify(scenario)) for _ in range(ROUNDS))
-        verify_s *= manifest.length / len(manifest.frames)
-    overhead = min(with_files) / min(without) - 1
-    print(f"{len(manifest.frames)} frames, {len(manifest.files)} files")
-    print(f"rendering and sensing: {min(without):.1f} s; with files: {min(with_files):.1f} s")
-    print(f"overhead: {overhead:.1%}")
-    print(f"verify: {verify_s:.1f} s for all {manifest.length} frames")
-    return int(overhead > 0.15 or verify_s > 10)
-
-
-def _seconds(act: Callable[[], object]) -> float:
-    begin = time.perf_counter()
-    act()
-    return time.perf_counter() - begin
-
-
-def _arguments() -> argparse.Namespace:
+    """Measure and print; 1 if writing takes more than it may."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("spec", type=Path, nargs="?", default="compiled/ui_fog_day_sparse.json")
-    parser.add_argument("--frames", default="0:20")
+    parser.add_argument("spec", type=Path, nargs="?", default=SPEC)
     parser.add_argument("--profile", default="preview")
-    return parser.parse_args()
+    parser.add_argument("--rounds", type=int, default=7)
+    chosen = parser.parse_args()
+    return finish(
+        figures(quick=False, spec=chosen.spec, profile=chosen.profile, rounds=chosen.rounds)
+    )
 
 
 if __name__ == "__main__":

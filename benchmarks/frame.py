@@ -27,6 +27,7 @@ from unittest.mock import patch
 from advercity_dsl import Spec
 from advercity_sapien.renderer import SapienRenderer
 from camera import stock_pictures
+from figures import Figure
 
 from advercity.compiler import read_spec
 from advercity.dataset import images, opv2v, writer
@@ -37,7 +38,8 @@ from advercity.runner.stage import set_stage, world_of
 from advercity.runner.viewpoints import Viewpoints
 from advercity.weather.derivation import atmosphere_of
 
-GOAL, BUSY_GOAL = 2.5, 0.85
+SPEC = Path("compiled/ui_fog_day_sparse.json")
+GOAL = 2.5
 STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
     "placing actors": ((SapienRenderer, "place"),),
     "asking for pictures": ((SapienRenderer, "_begin"),),
@@ -138,6 +140,7 @@ class Peer:
     """SAPIEN's own pictures from every camera of a scenario, and ours of them alone."""
 
     def __init__(self, spec: Spec) -> None:
+        self._spec = spec
         stage = set_stage(spec)
         viewpoints = Viewpoints(spec, stage.trace)
         self._frame = viewpoints.frame(1)
@@ -146,6 +149,16 @@ class Peer:
         self._views = list(_views(viewpoints))
         self._take = stock_pictures(self._world, self._air, self._frame, self._views)
         self._take()
+
+    def rounds(self, count: int, frames: int) -> tuple[list[Pace], list[float], list[float]]:
+        """Paces of runs, their ratios to SAPIEN's pictures before and after, and those' seconds."""
+        paces: list[Pace] = []
+        stock = [self.seconds()]
+        for _ in range(count):
+            paces.append(pace(self._spec, frames))
+            stock.append(self.seconds())
+        around = zip(paces, stock, stock[1:], strict=False)
+        return paces, [2.0 * one.wall_s / (ahead + after) for one, ahead, after in around], stock
 
     def seconds(self) -> float:
         """Of a picture from every camera."""
@@ -171,22 +184,37 @@ def _views(viewpoints: Viewpoints) -> Iterator[CameraView]:
             yield sensing.view_of(agent, world_from_camera, PROFILES["preview"])
 
 
+def figures(*, quick: bool) -> list[Figure]:
+    """A preview frame, whole and by stage."""
+    peer = Peer(read_spec(SPEC))
+    rounds, frames = (2, 4) if quick else (5, 8)
+    paces, ratios, _ = peer.rounds(rounds, frames)
+    whole_s = statistics.median(pace.cpu_s for pace in paces)
+    stages = [
+        Figure(
+            f"of a frame's processor time: {name}",
+            statistics.median(pace.stages[name].cpu_s for pace in paces) / whole_s,
+            "the whole frame",
+        )
+        for name in STAGES
+    ]
+    busy = statistics.median(pace.busy for pace in paces)
+    return [
+        Figure("preview frame, wall", statistics.median(ratios), "SAPIEN's 20 pictures", GOAL),
+        Figure("preview frame, cores busy", busy, "all of this process's cores"),
+        *stages,
+    ]
+
+
 def main() -> int:
     """Measure and print; 1 if a frame takes longer than the goal."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("spec", type=Path, nargs="?", default="compiled/ui_fog_day_sparse.json")
+    parser.add_argument("spec", type=Path, nargs="?", default=SPEC)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--frames", type=int, default=6)
     arguments = parser.parse_args()
-    spec = read_spec(arguments.spec)
-    peer = Peer(spec)
-    paces: list[Pace] = []
-    ratios: list[float] = []
-    stock = [peer.seconds()]
-    for _ in range(arguments.rounds):
-        paces.append(pace(spec, arguments.frames))
-        stock.append(peer.seconds())
-        ratios.append(2.0 * paces[-1].wall_s / (stock[-2] + stock[-1]))
+    peer = Peer(read_spec(arguments.spec))
+    paces, ratios, stock = peer.rounds(arguments.rounds, arguments.frames)
     _print(paces, statistics.median(stock), peer.ours())
     ratio, busy = statistics.median(ratios), statistics.median(pace.busy for pace in paces)
     print(f"a frame against SAPIEN's own pictures: {ratio:.2f}; cores busy: {busy:.0%}")

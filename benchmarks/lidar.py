@@ -14,6 +14,8 @@ import statistics
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -21,9 +23,10 @@ import numpy as np
 from advercity_dsl import Agent, Lidar, RoadsideUnit, Spec, Weather
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
+from figures import Figure
 from numpy.typing import NDArray
 
-from advercity.compiler import find_weather
+from advercity.compiler import find_weather, read_spec
 from advercity.poses import transform
 from advercity.randomness import generator
 from advercity.rendering import embree
@@ -44,6 +47,7 @@ WARM_UP = 2
 FIRST = 50
 """Frame to begin with."""
 RANGE_M = 200.0
+SPEC = Path("compiled/ui_clear_day_dense.json")
 
 
 class Scene:
@@ -90,8 +94,8 @@ class Bare:
         starts = np.cumsum([0, *(len(mesh.vertices) for mesh in moved)]).astype(np.int32)
         triangles = [mesh.triangles + start for mesh, start in zip(moved, starts, strict=False)]
         self._single: Any = EmbreeScene(robust=True)
-        vertices = np.concatenate([mesh.vertices for mesh in moved])
-        TriangleMesh(self._single, vertices, np.concatenate(triangles))
+        self.mesh = np.concatenate([mesh.vertices for mesh in moved]), np.concatenate(triangles)
+        TriangleMesh(self._single, *self.mesh)
         self._packets = embree.Scene([embree.Solid(moved)], np.eye(4)[None])
         # The wrapper commits its scene when it is first asked.
         self.single(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
@@ -148,6 +152,53 @@ class Round:
         )
 
 
+class Open3d:
+    """Open3D's ray caster, on one thread like all the others."""
+
+    def __init__(self, bare: Bare) -> None:
+        open3d: Any = import_module("open3d")
+        self._tensor: Any = open3d.core.Tensor
+        self._scene: Any = open3d.t.geometry.RaycastingScene(nthreads=1)
+        vertices, triangles = bare.mesh
+        self._scene.add_triangles(self._tensor(vertices), self._tensor(triangles.astype(np.uint32)))
+
+    def cast(self, origins: Floats, directions: Floats) -> None:
+        """Cast rays; the scene is built when it is first asked."""
+        self._scene.cast_rays(self._tensor(np.hstack([origins, directions])), nthreads=1)
+
+
+def figures(*, quick: bool) -> list[Figure]:
+    """Everything that LiDARs do, against ray casters that do nothing else."""
+    rounds, names = (3, WEATHERS[-1:]) if quick else (9, WEATHERS)
+    scene = Scene(read_spec(SPEC))
+    frames = [scene.viewpoints.frame(FIRST + number) for number in range(rounds + WARM_UP)]
+    for frame in frames:
+        scene.caster.place(frame)
+    found: list[Figure] = []
+    for weather in (without_weather(), *(find_weather(name).declaration for name in names)):
+        air = air_of(weather, atmosphere_of(weather, "urban"))
+        done = [Round(scene, frame, air) for frame in frames][WARM_UP:]
+        ratio = statistics.median(one.single_s / one.whole_s for one in done)
+        found.append(Figure(f"LiDAR, {weather.id}", ratio, "rate of bare Embree", at_least=0.5))
+    if find_spec("open3d"):
+        ratio = statistics.median(_against_open3d(scene, frame) for frame in frames[WARM_UP:])
+        found.append(Figure("LiDAR, none", ratio, "rate of Open3D's caster", at_least=0.5))
+    return found
+
+
+def _against_open3d(scene: Scene, frame: Frame) -> float:
+    """Rate of all that is done without weather over that of Open3D's rays alone."""
+    peer, weather = Open3d(Bare(scene.world, frame)), without_weather()
+    air = air_of(weather, atmosphere_of(weather, "urban"))
+    bare_s = whole_s = 0.0
+    for agent in scene.agents:
+        rays = scene.rays(agent, frame)
+        peer.cast(*(part[:1] for part in rays))
+        bare_s += timed(lambda rays=rays: peer.cast(*rays))[0]
+        whole_s += timed(lambda agent=agent: scene.look(agent, frame, air))[0]
+    return bare_s / whole_s
+
+
 def ring_by_ring(lidar: Lidar) -> Rows:
     """Rows of a turn's beams, each channel's side by side."""
     return np.arange(lidar.azimuths * lidar.channels).reshape(-1, lidar.channels).T.ravel()
@@ -189,7 +240,7 @@ def memory(scene: Scene, frames: int) -> None:
 def main() -> None:
     """Read the command line, measure, print."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("spec", nargs="?", default="compiled/ui_clear_day_dense.json", type=Path)
+    parser.add_argument("spec", nargs="?", default=SPEC, type=Path)
     parser.add_argument("--rounds", default=7, type=int)
     parser.add_argument("--frames", default=0, type=int)
     chosen = parser.parse_args()
