@@ -60,6 +60,8 @@ def test_imports_run_one_way(path: Path) -> None:
         ("libsumo", {"traffic"}),
         ("typer", {"cli"}),
         ("embreex", {"rendering"}),
+        ("fsspec", {"dataset"}),
+        ("ray", {"runner"}),
     ],
 )
 def test_each_engine_has_one_home(library: str, home: set[str]) -> None:

@@ -169,7 +169,9 @@ def new(
 @app.command()
 def run(
     specs: SpecArgument,
-    output: Annotated[Path, typer.Option(help="Folder for the dataset.")] = Path("output"),
+    output: Annotated[
+        str, typer.Option(help="Folder for the dataset; with Ray also a URL: s3://bucket/folder.")
+    ] = "output",
     backend: Annotated[str, typer.Option(help="Rendering backend.")] = "sapien",
     profile: Annotated[str, typer.Option(help="auto, preview or full.")] = "auto",
     scale: Annotated[float | None, typer.Option(help="Image scale, over the profile's.")] = None,
@@ -190,6 +192,10 @@ def run(
     max_time: Annotated[
         str | None, typer.Option(metavar="TIME", help="Time of a scenario: 90 min.")
     ] = None,
+    executor: Annotated[str, typer.Option(help="local, or ray for a cluster.")] = "local",
+    address: Annotated[
+        str | None, typer.Option(help="Ray cluster: auto, or HOST:PORT; one of this machine.")
+    ] = None,
     fresh: Annotated[
         bool, typer.Option("--fresh", help="Start over; discard what is there.")
     ] = False,
@@ -202,9 +208,9 @@ def run(
         Limits,
         Options,
         ViewerTarget,
+        executor_called,
         parse_frames,
         raise_failures,
-        run_all,
     )
     from advercity.runner.limits import parse_size, parse_time
     from advercity.viewer.clouds import parse_cloud_colour
@@ -216,7 +222,7 @@ def run(
         other = find_weather(weather)
         chosen = [under(spec, other) for spec in chosen]
     options = Options(
-        output=output,
+        output=Path(output),
         backend=backend,
         profile=profile,
         scale=scale,
@@ -234,11 +240,12 @@ def run(
         memory_bytes=None if max_memory is None else parse_size("--max-memory", max_memory),
         time_s=None if max_time is None else parse_time("--max-time", max_time),
     )
+    where = executor_called(executor, output=output, address=address, jobs=jobs)
     with progress(chosen) as view:
-        outcomes = run_all(chosen, options, watcher=view, jobs=jobs, limits=limits)
+        outcomes = where.run(chosen, options, watcher=view, limits=limits)
     for outcome in outcomes:
         if outcome.error is None:
-            say(str(output / outcome.scenario))
+            say(f"{output.rstrip('/')}/{outcome.scenario}")
     raise_failures(outcomes)
 
 

@@ -1,6 +1,7 @@
 """The pipeline over frames and scenarios."""
 
 from advercity.runner.batch import Watcher, raise_failures, run_all
+from advercity.runner.executors import executor_called
 from advercity.runner.limits import Limits
 from advercity.runner.options import FrameRange, Options, ViewerTarget, parse_frames
 from advercity.runner.progress import Progress, Report
@@ -17,6 +18,7 @@ __all__ = [
     "Report",
     "ViewerTarget",
     "Watcher",
+    "executor_called",
     "parse_frames",
     "raise_failures",
     "repair",

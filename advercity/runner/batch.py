@@ -53,7 +53,7 @@ def run_all(
     Raises:
         InputError: Two specs have the same id, or an option does not fit.
     """
-    _check(specs, options)
+    check_together(specs, options)
     gpus, stop = visible_gpus(), Flag()
     slots: SimpleQueue[int] = SimpleQueue()
     for slot in range(jobs):
@@ -85,8 +85,12 @@ def run_all(
     return [run.result() for run in runs]
 
 
-def _check(specs: Sequence[Spec], options: Options) -> None:
-    """What would go wrong with every one of them."""
+def check_together(specs: Sequence[Spec], options: Options) -> None:
+    """Find out before anything is run what would go wrong with every spec.
+
+    Raises:
+        InputError: Two specs have the same id, or an option does not fit.
+    """
     if len({spec.id for spec in specs}) < len(specs):
         raise InputError("a scenario is given twice; each may run once into an output folder")
     if len(specs) > 1 and options.viewer.is_asked_for:

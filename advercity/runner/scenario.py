@@ -40,7 +40,7 @@ def run_scenario(spec: Spec, options: Options, report: Report = no_report) -> Pa
     profile = choose_profile(options, capabilities)
     report(Progress(spec.id, "traffic"))
     stage = set_stage(spec)
-    wanted = _wanted(spec, stage, options)
+    wanted = wanted_frames(spec, stage, options)
     identity = Identity.of(
         spec,
         trace_sha256=stage.trace_sha256,
@@ -84,7 +84,8 @@ def choose_profile(options: Options, capabilities: Capabilities) -> Profile:
     return profile.scaled(options.scale)
 
 
-def _wanted(spec: Spec, stage: Stage, options: Options) -> range:
+def wanted_frames(spec: Spec, stage: Stage, options: Options) -> range:
+    """The frames of a scenario that are asked for; InputError if there are none of them."""
     wanted = options.frames.of(len(stage.trace))
     if not wanted:
         raise InputError(

@@ -6,13 +6,13 @@ Whoever takes the file away does it. `$SEEN` is where processes tell which graph
 import os
 import signal
 import time
-from collections.abc import Generator
+from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
 
-from advercity.rendering.backend import CameraCapture, CameraView, Capabilities, Profile
+from advercity.rendering.backend import CameraCapture, CameraView, Capabilities, Profile, Renderer
 from advercity.traffic.trace import Frame
 from advercity.weather.atmosphere import Atmosphere
 from advercity.world.scene import World
@@ -35,6 +35,10 @@ class GreyRenderer:
             instance=np.zeros(shape, np.int32),
         )
 
+    def cameras(self, views: Sequence[CameraView]) -> Iterator[CameraCapture]:
+        """Grey pictures."""
+        return map(self.camera, views)
+
 
 class StuntBackend:
     """Does a stunt when it is asked what it can."""
@@ -55,9 +59,7 @@ class StuntBackend:
         )
 
     @contextmanager
-    def open(
-        self, world: World, atmosphere: Atmosphere, profile: Profile
-    ) -> Generator[GreyRenderer, None, None]:
+    def open(self, world: World, atmosphere: Atmosphere, profile: Profile) -> Generator[Renderer]:
         """A renderer of nothing."""
         if "SEEN" in os.environ:
             cards = os.environ.get("CUDA_VISIBLE_DEVICES", "none")
@@ -74,7 +76,7 @@ def _do_stunt() -> None:
             elif stunt.suffix == ".hog":
                 _hog()
             elif stunt.suffix == ".hang":
-                time.sleep(600)
+                _hang()
 
 
 def _hog() -> None:
@@ -82,3 +84,9 @@ def _hog() -> None:
     for _ in range(100):
         held.append(b"x" * 100_000_000)
         time.sleep(0.05)
+
+
+def _hang() -> None:
+    """Until somebody ends this process, whose number is told beside the stunts."""
+    Path(os.environ["STUNTS"]).with_suffix(".hanging").write_text(str(os.getpid()))
+    time.sleep(600)

@@ -1,9 +1,10 @@
-import os
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import psutil
 import pytest
@@ -12,70 +13,20 @@ from advercity_dsl import Spec
 from advercity.compiler import write_specs
 from advercity.dataset.manifest import verify_dataset
 from advercity.errors import InputError, RunError
-from advercity.runner import (
-    FrameRange,
-    Limits,
-    Options,
-    Outcome,
-    Progress,
-    raise_failures,
-    run_all,
-)
+from advercity.runner import Limits, Options, raise_failures, run_all
 from advercity.runner.limits import parse_size, parse_time, size_in_words, time_in_words
 
-STUNTS = Path(__file__).parent / "stunts"
-WEATHERS = ("clear_day", "fog_day", "fog_night")
-
-
-class Witness:
-    """Notes what it is told."""
-
-    def __init__(self) -> None:
-        self.told: list[Progress] = []
-        self.over: list[Outcome] = []
-
-    def advanced(self, progress: Progress) -> None:
-        self.told.append(progress)
-
-    def finished(self, outcome: Outcome) -> None:
-        self.over.append(outcome)
-
-
-@pytest.fixture
-def stunts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Where to put stunts for the `stunts` backend, which is installed for the time being."""
-    folder = tmp_path / "stunts"
-    folder.mkdir()
-    monkeypatch.syspath_prepend(STUNTS)
-    path = os.pathsep.join([str(STUNTS), os.environ.get("PYTHONPATH", "")])
-    monkeypatch.setenv("PYTHONPATH", path)
-    monkeypatch.setenv("STUNTS", str(folder))
-    return folder
-
-
-@pytest.fixture
-def few(specs: dict[str, Spec]) -> list[Spec]:
-    """Scenarios of one road, whose sensors see next to nothing."""
-    return [blunt(specs[f"ri_{weather}_sparse"]) for weather in WEATHERS]
-
-
-def blunt(spec: Spec) -> Spec:
-    data = spec.model_dump(mode="json")
-    for agent in data["agents"]:
-        agent["sensors"]["lidar"] |= {"azimuths": 16, "channels": 1}
-        agent["sensors"]["camera"] |= {"width_px": 16, "height_px": 16}
-    return Spec.model_validate(data)
-
-
-def options(output: Path) -> Options:
-    return Options(
-        output=output, backend="stunts", profile="preview", scale=1.0, frames=FrameRange(0, 1)
-    )
+OptionsFor = Callable[[Path], Options]
 
 
 @pytest.mark.sumo
 def test_what_crashes_or_takes_too_much_stops_nobody_else_and_is_made_up_for(
-    few: list[Spec], stunts: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    few: list[Spec],
+    stunts: Path,
+    options: OptionsFor,
+    witness: Any,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     seen = tmp_path / "seen"
     seen.mkdir()
@@ -83,7 +34,6 @@ def test_what_crashes_or_takes_too_much_stops_nobody_else_and_is_made_up_for(
     monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "4,7")
     (stunts / "1.crash").touch()
     (stunts / "2.hog").touch()
-    witness = Witness()
     chosen = options(tmp_path / "output")
     limits = Limits(memory_bytes=1_000_000_000)
     outcomes = run_all(few, chosen, watcher=witness, jobs=2, limits=limits)
@@ -112,11 +62,11 @@ def test_what_crashes_or_takes_too_much_stops_nobody_else_and_is_made_up_for(
 
 
 def test_what_takes_too_long_is_killed_and_told(
-    few: list[Spec], stunts: Path, tmp_path: Path
+    few: list[Spec], stunts: Path, options: OptionsFor, witness: Any, tmp_path: Path
 ) -> None:
     (stunts / "1.hang").touch()
     chosen = options(tmp_path / "output")
-    outcomes = run_all(few[:1], chosen, watcher=Witness(), limits=Limits(time_s=0.5))
+    outcomes = run_all(few[:1], chosen, watcher=witness, limits=Limits(time_s=0.5))
     with pytest.raises(RunError, match=r"took longer than 0:0.*--max-time"):
         raise_failures(outcomes)
     assert not (tmp_path / "output").exists()

@@ -1,0 +1,275 @@
+"""Scenarios, and ranges of frames of long ones, over the nodes and graphics cards of a Ray cluster.
+
+A task makes its frames in a folder of its node, in a process within limits as anywhere, and then
+puts them into the store. A task whose node is lost is done again on another one.
+"""
+
+import logging
+import tempfile
+import time
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from advercity_dsl import Spec
+
+from advercity.dataset.manifest import Identity
+from advercity.dataset.parts import Parts, add_part
+from advercity.dataset.store import Store
+from advercity.errors import AdvercityError, InputError, RunError
+from advercity.rendering.registry import load_backend
+from advercity.runner.batch import Watcher, check_together
+from advercity.runner.cache import model_digests
+from advercity.runner.job import JOB, Job
+from advercity.runner.limits import Limits
+from advercity.runner.options import FrameRange, Options
+from advercity.runner.progress import Progress, no_report
+from advercity.runner.scenario import choose_profile, renderer_identity, wanted_frames
+from advercity.runner.stage import set_stage
+from advercity.runner.supervision import PATIENCE_S, Outcome, supervise
+
+FRAMES_PER_TASK = 50
+RETRIES = 3
+"""Of a task whose node is lost."""
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """Where to run, and where what is made shall lie.
+
+    Attributes:
+        output: Folder that all nodes share, or URL of a store.
+        address: Of a running cluster, as `ray.init` takes it; None is one on this machine alone.
+        frames_per_task: Longer ranges are cut.
+    """
+
+    output: str
+    address: str | None = None
+    frames_per_task: int = FRAMES_PER_TASK
+
+    def run(
+        self, specs: Sequence[Spec], options: Options, *, watcher: Watcher, limits: Limits
+    ) -> list[Outcome]:
+        """Run every spec; how each ended, in the order of `specs`.
+
+        The bytes are those of a run on one machine of the same kind. The same call goes on where
+        an earlier one was cut short.
+
+        Args:
+            specs: What to run, all with different ids.
+            options: How to run them; `output` is the cluster's.
+            watcher: Told of progress and ends.
+            limits: For each task.
+
+        Raises:
+            InputError: Ray is not installed, or an option does not fit.
+            RunError: There is no such cluster.
+        """
+        check_together(specs, options)
+        if options.viewer.is_asked_for:
+            raise InputError("--rrd, --stream and --connect show a run on this machine alone")
+        with _connected(self.address) as ray:
+            driver = _Driver(ray, self, options, watcher, limits)
+            try:
+                return driver.run(specs)
+            finally:
+                driver.close()
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What a node finds out before anything is made."""
+
+    wanted: range
+    length: int
+    identity: Identity
+
+
+@dataclass
+class _Run:
+    """A scenario that is under way."""
+
+    spec: Spec
+    began_s: float = field(default_factory=time.monotonic)
+    parts: Parts | None = None
+    open_tasks: int = 0
+    wanted: int = 0
+    done: int = 0
+    size_bytes: int = 0
+    peak_memory_bytes: int = 0
+    error: AdvercityError | None = None
+
+    def progress(self) -> Progress:
+        return Progress(self.spec.id, "frames", self.done, self.wanted, self.size_bytes)
+
+    def outcome(self) -> Outcome:
+        return Outcome(
+            scenario=self.spec.id,
+            error=self.error,
+            frames=self.done,
+            size_bytes=self.size_bytes,
+            time_s=time.monotonic() - self.began_s,
+            peak_memory_bytes=self.peak_memory_bytes,
+        )
+
+
+def survey(job: bytes) -> Survey:
+    """On a node: how long a scenario is, and what its data would be made by there."""
+    asked = JOB.validate_json(job)
+    spec, options = asked.spec, asked.options
+    backend = load_backend(options.backend)
+    profile = choose_profile(options, backend.capabilities())
+    stage = set_stage(spec)
+    identity = Identity.of(
+        spec,
+        trace_sha256=stage.trace_sha256,
+        renderer=renderer_identity(backend, profile),
+        bodies=model_digests(spec),
+        format=options.format,
+    )
+    return Survey(wanted_frames(spec, stage, options), len(stage.trace), identity)
+
+
+def make(job: bytes, output: str, limits: Limits) -> Outcome:
+    """On a node: make frames of a scenario and put them into the store."""
+    asked = JOB.validate_json(job)
+    with tempfile.TemporaryDirectory(prefix="advercity_") as folder:
+        local = replace(asked.options, output=Path(folder))
+        outcome = supervise(Job(asked.spec, local), limits, no_report)
+        if outcome.error is None:
+            add_part(Store(output), Path(folder) / asked.spec.id)
+        return outcome
+
+
+class _Driver:
+    """Hands out tasks and brings together what comes back."""
+
+    def __init__(
+        self, ray: Any, cluster: Cluster, options: Options, watcher: Watcher, limits: Limits
+    ) -> None:
+        self._ray, self._cluster = ray, cluster
+        self._options, self._watcher, self._limits = options, watcher, limits
+        self._store = Store(cluster.output)
+        gpus = 1 if self._ray.cluster_resources().get("GPU", 0) else 0
+        asked = {"num_cpus": 1, "num_gpus": gpus, "max_retries": RETRIES}
+        if limits.memory_bytes is not None:
+            asked["memory"] = limits.memory_bytes
+        self._survey, self._make = (self._ray.remote(**asked)(task) for task in (survey, make))
+        self._pending: dict[Any, _Run] = {}
+
+    def run(self, specs: Sequence[Spec]) -> list[Outcome]:
+        """All of them, to the end."""
+        runs = [_Run(spec) for spec in specs]
+        for run in runs:
+            self._begin(run, self._survey.remote(self._job(run.spec)))
+        while self._pending:
+            (ready, *_), _ = self._ray.wait(list(self._pending), num_returns=1)
+            run = self._pending.pop(ready)
+            run.open_tasks -= 1
+            try:
+                self._heed(run, ready)
+            except self._ray.exceptions.RayError as error:
+                run.error = run.error or _told(error)
+            except AdvercityError as error:
+                run.error = run.error or error
+            if not run.open_tasks:
+                self._watcher.finished(run.outcome())
+        return [run.outcome() for run in runs]
+
+    def close(self) -> None:
+        """End what is still being done."""
+        left = list(self._pending)
+        for task in left:
+            self._ray.cancel(task)
+        if left:
+            self._ray.wait(left, num_returns=len(left), timeout=PATIENCE_S)
+
+    def _begin(self, run: _Run, task: Any) -> None:
+        self._pending[task] = run
+        run.open_tasks += 1
+
+    def _heed(self, run: _Run, ready: Any) -> None:
+        answer = self._ray.get(ready)
+        if isinstance(answer, Survey):
+            self._hand_out(run, answer)
+        else:
+            self._take_in(run, answer)
+        if not run.open_tasks and run.error is None and run.parts is not None:
+            manifest = run.parts.finish()
+            run.size_bytes = sum(record.size for record in manifest.files.values())
+
+    def _hand_out(self, run: _Run, found: Survey) -> None:
+        """A task for every piece of what is not there yet."""
+        run.parts = Parts(self._store, run.spec, found.identity, found.length)
+        records = run.parts.begin(fresh=self._options.fresh)
+        done = {record.frame for record in records.values()}
+        pieces = _pieces(found.wanted, done, self._cluster.frames_per_task)
+        run.wanted = len(found.wanted)
+        run.done = sum(index in done for index in found.wanted)
+        run.size_bytes = sum(record.size for record in records.values())
+        for piece in pieces:
+            frames = FrameRange(piece.start, piece.stop, piece.step)
+            job = self._job(run.spec, frames)
+            self._begin(run, self._make.remote(job, self._cluster.output, self._limits))
+        self._watcher.advanced(run.progress())
+
+    def _take_in(self, run: _Run, made: Outcome) -> None:
+        run.error = run.error or made.error
+        run.peak_memory_bytes = max(run.peak_memory_bytes, made.peak_memory_bytes)
+        if made.error is None:
+            run.done = min(run.wanted, run.done + made.frames)
+            run.size_bytes += made.size_bytes
+        self._watcher.advanced(run.progress())
+
+    def _job(self, spec: Spec, frames: FrameRange | None = None) -> bytes:
+        frames = frames or self._options.frames
+        return JOB.dump_json(Job(spec, replace(self._options, frames=frames, fresh=False)))
+
+
+def _pieces(wanted: range, done: set[int | None], most: int) -> list[range]:
+    """Ranges of at most so many frames that hold all that are not done."""
+    blocks = [wanted[first : first + most] for first in range(0, len(wanted), most)]
+    pieces: list[range] = []
+    for block in blocks:
+        absent = [place for place, index in enumerate(block) if index not in done]
+        if absent:
+            pieces.append(block[absent[0] : absent[-1] + 1])
+    return pieces
+
+
+@contextmanager
+def _connected(address: str | None) -> Generator[Any]:
+    """Ray, with a cluster: a running one, or one that only this machine can reach."""
+    try:
+        import ray
+    except ImportError as error:
+        message = "--executor ray: Ray is not installed; pip install 'advercity[ray]'"
+        raise InputError(message) from error
+    alone: dict[str, Any] = {"_node_ip_address": "127.0.0.1", "include_dashboard": False}
+    more = {} if address else alone
+    try:
+        ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR, **more)
+    except (ConnectionError, ValueError) as error:
+        raise RunError(f"--address {address}: no Ray cluster answers there: {error}") from error
+    try:
+        yield ray
+    finally:
+        ray.shutdown()
+
+
+def here_or_there(output: str) -> str:
+    """A URL as it is; a path as every node that shares the folder knows it."""
+    return output if "://" in output else str(Path(output).resolve())
+
+
+def _told(error: Exception) -> AdvercityError:
+    """What a task failed of, or Ray itself."""
+    cause = getattr(error, "cause", None)
+    if isinstance(cause, AdvercityError):
+        return cause
+    if cause is not None:
+        return RunError(f"a task failed: {type(cause).__name__}: {cause}")
+    first = str(error).strip().splitlines()[0]
+    return RunError(f"lost on the cluster, {RETRIES} retries in vain: {first}; run again to go on")
