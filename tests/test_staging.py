@@ -2,8 +2,11 @@
 
 import random
 import shutil
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -14,11 +17,23 @@ from advercity.traffic import Trace, simulate
 from advercity.traffic.drift import excursion
 from advercity.traffic.encounters import Track, overlaps
 from advercity.traffic.outcomes import outcomes
+from advercity.traffic.route_file import CONNECTED, DRIVING, EMERGENCY_EXTRA_M_S2
 from advercity.world.network import build_network
 
 pytestmark = pytest.mark.sumo
 ROADS = ("ui", "unj", "ri", "rsnj", "rcnj")
 Simulated = Callable[[str], Trace]
+COUNTED = """
+import sys
+import libsumo
+from advercity.traffic import worker
+
+*files, counts = sys.argv[1:]
+start = libsumo.start
+libsumo.start = lambda words: start([*words, "--statistic-output", counts])
+worker.main(*files)
+"""
+"""Traffic as ever, with SUMO's own counts of what went wrong in the last rehearsal."""
 
 
 @pytest.fixture(scope="module")
@@ -167,6 +182,47 @@ def test_an_actor_that_stops_short_lets_the_ego_go_first(
             for number in (101, conflict.actors[0].number)
         ]
         assert passes[0] < passes[1]
+
+
+@pytest.mark.parametrize("road", ["ui", "ri", "rcnj"])
+def test_sumo_counts_no_teleports_collisions_or_emergencies(
+    road: str, specs: dict[str, Spec], tmp_path: Path
+):
+    spec = specs[f"{road}_clear_day_sparse"]
+    (tmp_path / "spec.json").write_text(spec.model_dump_json())
+    files = [tmp_path / "spec.json", build_network(spec.road, tmp_path), tmp_path / "trace.npz"]
+
+    words = [sys.executable, "-c", COUNTED, *map(str, files), str(tmp_path / "counts.xml")]
+    subprocess.run(words, check=True, capture_output=True)
+
+    counts = ElementTree.parse(tmp_path / "counts.xml")
+    driven, teleports, safety = map(counts.find, ("vehicles", "teleports", "safety"))
+    assert driven is not None and int(driven.attrib["inserted"]) > 10
+    assert teleports is not None and set(teleports.attrib.values()) == {"0"}
+    assert safety is not None and safety.attrib == {
+        "collisions": "0",
+        "emergencyStops": "0",
+        "emergencyBraking": "0",
+    }
+
+
+@pytest.mark.parametrize("road", ROADS)
+def test_nobody_speeds_up_or_brakes_harder_than_their_vehicle_can(
+    road: str, specs: dict[str, Spec], simulated: Simulated
+):
+    spec = specs[f"{road}_clear_day_sparse"]
+    trace = simulated(spec.id)
+    staged = {one.number: one for conflict in spec.conflicts for one in conflict.actors}
+
+    for actor in trace.actors:
+        rows = Track.of(trace, actor.id).rows
+        if actor.actor_class != "pedestrian":
+            usual = CONNECTED if actor.id < 1000 else DRIVING[actor.actor_class]
+            part = staged.get(actor.id)
+            gains = part.acceleration_m_s2 if part else usual.acceleration_m_s2
+            loses = part.braking_m_s2 if part else usual.deceleration_m_s2
+            assert rows["acceleration"].max() <= gains + 0.01, actor
+            assert rows["acceleration"].min() >= -(loses + EMERGENCY_EXTRA_M_S2) - 0.01, actor
 
 
 def _middles(trace: Trace, numbers: np.ndarray, number: int) -> np.ndarray:
