@@ -13,11 +13,14 @@ import pytest
 from advercity_dsl import Spec
 
 from advercity.compiler import compile_library
+from advercity.errors import RunError
 from advercity.traffic import Trace, simulate
+from advercity.traffic.clearing import Block
 from advercity.traffic.drift import excursion
 from advercity.traffic.encounters import Track, overlaps
 from advercity.traffic.outcomes import outcomes
 from advercity.traffic.route_file import CONNECTED, DRIVING, EMERGENCY_EXTRA_M_S2
+from advercity.traffic.staging import blocked
 from advercity.world.network import build_network
 
 pytestmark = pytest.mark.sumo
@@ -182,6 +185,36 @@ def test_an_actor_that_stops_short_lets_the_ego_go_first(
             for number in (101, conflict.actors[0].number)
         ]
         assert passes[0] < passes[1]
+
+
+def test_a_scenario_that_ends_before_its_conflict_says_what_to_change(
+    specs: dict[str, Spec], tmp_path: Path
+):
+    spec = specs["unj_clear_day_sparse"]
+    timing = spec.timing.model_copy(update={"max_ticks": 65})
+
+    with pytest.raises(RunError) as caught:
+        simulate(spec.model_copy(update={"timing": timing}), build_network(spec.road, tmp_path))
+
+    assert (
+        "the ego does not cross the way of conflict_1 (ped_farside_crossing) before it arrives or"
+        " the scenario ends, 6.5 s after the start (max_ticks 65); raise timing.max_ticks or lower"
+        " the density"
+    ) in str(caught.value)
+
+
+def test_whoever_is_in_the_way_is_named(specs: dict[str, Spec]):
+    spec = specs["ui_clear_day_sparse"]
+    rider, cyclist, _ = (conflict.actors[0].number for conflict in spec.conflicts)
+
+    told = blocked(spec, {Block(1007, cyclist), Block(cyclist, rider), Block(102, rider)})
+
+    assert told.startswith(
+        f"cav2 (102) is in the way of motorcycle {rider} of conflict_1 (ltap_od_ego_turns),"
+        f" 1007 is in the way of bicycle {cyclist} of conflict_2 (cyc_left_turn),"
+        f" bicycle {cyclist} of conflict_2 (cyc_left_turn) is in the way of motorcycle {rider} of"
+        " conflict_1 (ltap_od_ego_turns); lower the density, move the agents,"
+    )
 
 
 @pytest.mark.parametrize("road", ["ui", "ri", "rcnj"])

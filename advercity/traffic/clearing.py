@@ -1,7 +1,7 @@
 """Who is in the way of a staged conflict, and who is in anybody's."""
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -25,12 +25,21 @@ HEADWAY_S = 0.8
 """Nobody drives up to a staged actor nearer than this: SUMO does not know of all of them."""
 
 
-def in_the_way(spec: Spec, trace: Trace) -> Iterator[int]:
-    """Ids of those too near to a staged actor, or in the same place as somebody else."""
+@dataclass(frozen=True)
+class Block:
+    """Somebody in the way of somebody else; both are ids of actors."""
+
+    who: int
+    of: int
+
+
+def in_the_way(spec: Spec, trace: Trace) -> Iterator[Block]:
+    """Those too near to a staged actor, or in the same place as somebody else."""
     staged = {actor.number: actor for conflict in spec.conflicts for actor in conflict.actors}
     spared = {agent.number for agent in spec.agents} | set(staged)
     for found in overlaps(trace):
-        yield max(found.first, found.second, key=lambda one: (one not in spared, one))
+        of, who = sorted((found.first, found.second), key=lambda one: (one not in spared, one))
+        yield Block(who, of)
     others = [Track.of(trace, actor.id) for actor in trace.actors if actor.id not in spared]
     on_foot = {actor.id for actor in trace.actors if actor.actor_class == "pedestrian"}
     for number, actor in staged.items():
@@ -39,7 +48,7 @@ def in_the_way(spec: Spec, trace: Trace) -> Iterator[int]:
             for other in others:
                 drives = not actor.route and other.actor not in on_foot
                 if _is_near(track, other, HEADWAY_S if drives else 0.0):
-                    yield other.actor
+                    yield Block(other.actor, number)
 
 
 def holding_up(spec: Spec, trace: Trace) -> Iterator[int]:

@@ -6,7 +6,7 @@ SUMO then does again is what was planned for.
 """
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,7 @@ from advercity_dsl import Spec
 from numpy.typing import NDArray
 
 from advercity.errors import RunError
-from advercity.traffic.clearing import holding_up, in_the_way
+from advercity.traffic.clearing import Block, holding_up, in_the_way
 from advercity.traffic.demand import Demand, draw
 from advercity.traffic.drive import drive
 from advercity.traffic.lanes import LaneGraph, read_lanes
@@ -25,6 +25,8 @@ from advercity.traffic.route_file import write_route_file
 from advercity.traffic.trace import Trace
 
 MOST_REHEARSALS = 40
+MOST_TOLD = 4
+"""Pairs that a message names."""
 STEADY_S = 0.1
 """A cue is right if the next rehearsal would move it by no more than this."""
 
@@ -40,6 +42,7 @@ def stage(spec: Spec, network: Path) -> Trace:
     again: dict[int, int] = {}
     plays: Mapping[int, Play] = {}
     blamed: set[int] = set()
+    why = ""
     for _ in range(MOST_REHEARSALS):
         demand = draw(spec, graph, again)
         recording = recorded(spec, demand, graph, network, plays)
@@ -48,27 +51,67 @@ def stage(spec: Spec, network: Path) -> Trace:
         before = plays
         plays = played(spec, demand, graph, recording, before)
         if any(play.waits for play in plays.values()):
+            why = never_met(spec, plays)
             rehearsal = trace_of(spec, demand, recording, first=0)
             held = set(holding_up(spec, rehearsal)) & _background(demand) or blamed
             if held:
                 _draw_again(held, again)
                 continue
         if _is_told_anew(before, plays):
+            why = "the actors' times did not settle; lower the density or take other seeds.traffic"
             continue
         tracks = {number: play.track for number, play in plays.items() if play.track is not None}
         trace = trace_of(spec, demand, recording.with_tracks(tracks), first=first)
-        found = set(in_the_way(spec, trace))
-        if not found:
+        blocks = set(in_the_way(spec, trace))
+        if not blocks and any(play.waits for play in plays.values()):
+            raise RunError(why)
+        if not blocks:
             blamed = _spoiling(spec, trace, demand)
             if not blamed:
                 return trace
+            why = "somebody of the background spoils a staged conflict; take other seeds.traffic"
             _draw_again(blamed, again)
             continue
-        blamed = found & _background(demand) or blamed
+        why = blocked(spec, blocks)
+        blamed = {block.who for block in blocks} & _background(demand) or blamed
         if not blamed:
-            raise RunError(f"{sorted(found)} are in the way of staged conflicts; move the agents")
+            raise RunError(why)
         _draw_again(blamed, again)
-    raise RunError(f"{MOST_REHEARSALS} rehearsals did not clear the way for the staged conflicts")
+    raise RunError(f"after {MOST_REHEARSALS} rehearsals {why}")
+
+
+def never_met(spec: Spec, plays: Mapping[int, Play]) -> str:
+    """Which conflicts the ego did not come by, in a sentence."""
+    named = [
+        f"{conflict.id} ({conflict.conflict})"
+        for conflict in spec.conflicts
+        if any(plays[actor.number].waits for actor in conflict.actors)
+    ]
+    timing = spec.timing
+    end_s = timing.max_ticks * timing.tick_s
+    return (
+        f"the ego does not cross the way of {', '.join(named)} before it arrives or the scenario"
+        f" ends, {end_s:g} s after the start (max_ticks {timing.max_ticks}); raise"
+        " timing.max_ticks or lower the density"
+    )
+
+
+def blocked(spec: Spec, blocks: Iterable[Block]) -> str:
+    """Who was in whose way, in a sentence."""
+    staged = {
+        actor.number: f"{actor.actor_class} {actor.number} of {conflict.id} ({conflict.conflict})"
+        for conflict in spec.conflicts
+        for actor in conflict.actors
+    }
+    agents = {agent.number: f"{agent.id} ({agent.number})" for agent in spec.agents}
+    named = {**agents, **staged}
+    pairs = sorted({(block.who, block.of) for block in blocks})
+    told = [f"{named.get(who, who)} is in the way of {named.get(of, of)}" for who, of in pairs]
+    more = f" and {len(told) - MOST_TOLD} more" if len(told) > MOST_TOLD else ""
+    return (
+        f"{', '.join(told[:MOST_TOLD])}{more}; lower the density, move the agents, stage fewer"
+        " conflicts in one scenario, or take other seeds.traffic"
+    )
 
 
 def _draw_again(blamed: set[int], again: dict[int, int]) -> None:
