@@ -1,5 +1,6 @@
 """From everything that sends light back to the echoes that a receiver tells apart and reports."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any, Literal
 
@@ -63,64 +64,54 @@ class Echoes:
         )
 
 
-def reported(parts: list[Echoes], beams: int, report: Report) -> Echoes:
+def reported(
+    rivals: Sequence[Echoes], others: Sequence[Echoes], beams: int, report: Report
+) -> Echoes:
     """What the receiver reports of `beams` beams: sorted by beam, and by range where both are.
 
     Echoes of a beam that overlap are one; of those that pass the threshold it takes what it is
-    set to.
+    set to. Echoes of no power are none. Where nothing but two rivals is in a beam, and they do not
+    overlap, a comparison settles it, which spares most beams of thick air the sorting.
 
     Args:
-        parts: The echoes of every source, each sorted by beam; those of no power are none.
+        rivals: The echoes of up to two sources that have one for every beam, in their order.
+        others: The echoes of every other source, each sorted by beam.
         beams: How many there are.
-        report: What it is set to.
+        report: What the receiver is set to.
     """
-    there = [np.flatnonzero(part.power) for part in parts]
-    met = np.concatenate([part.beam.take(rows) for part, rows in zip(parts, there, strict=True)])
-    crowded = np.bincount(met, minlength=beams) > 1
-    alone = [part.rows(part.detected & ~crowded.take(part.beam)) for part in parts]
-    if len(parts) == 1 and not crowded.any():
-        return alone[0]
+    crowded = np.zeros(beams, np.bool_)
+    for part in others:
+        crowded[part.beam] = True
+    if len(rivals) == 2:
+        crowded |= _entangled(rivals[0], rivals[1], report)
+    seen = [part.detected & ~crowded for part in rivals]
+    if len(rivals) == 2:
+        one, other = rivals
+        first = one.range_m >= other.range_m if report == "last" else one.power >= other.power
+        seen = [seen[0] & (first | ~seen[1]), seen[1] & ~(first & seen[0])]
     several = merged(
         Echoes.joined(
             [
-                part.rows(rows.compress(crowded.take(part.beam.take(rows))))
-                for part, rows in zip(parts, there, strict=True)
+                *(part.rows(crowded & (part.power > 0.0)) for part in rivals),
+                *(part.rows(part.power > 0.0) for part in others),
             ]
         )
     )
-    found = Echoes.joined([*alone, chosen(several.rows(several.detected), report)])
+    found = Echoes.joined(
+        [
+            *(part.rows(met) for part, met in zip(rivals, seen, strict=True)),
+            chosen(several.rows(several.detected), report),
+        ]
+    )
     return found.rows(np.argsort(found.beam, kind="stable"))
 
 
-def rivals(
-    one: Echoes, other: Echoes, shared: NDArray[np.bool_], report: Report
-) -> tuple[Echoes, Echoes]:
-    """Those of two sources' echoes that may be reported: nothing else is left out.
-
-    A beam's two echoes that do not overlap are told apart at once, which spares most beams of
-    thick air the sorting.
-
-    Args:
-        one: One echo a beam, in the order of the beams; of no power if there is none.
-        other: The same of another source.
-        shared: (beams,) whether a beam may have more echoes than these two.
-        report: What the receiver is set to.
-    """
-    met, also = one.detected, other.detected
-    apart = np.abs(one.range_m - other.range_m) >= PULSE_LENGTH_M
-    told = (apart | (one.power == 0.0) | (other.power == 0.0)) & ~shared
-    if report == "strongest":
-        first = one.power >= other.power
-    elif report == "last":
-        first = one.range_m >= other.range_m
-    else:
-        first = None
-    keep = met if first is None else met & (first | ~also)
-    keep_other = also if first is None else also & ~(first & met)
-    return (
-        one.rows(np.where(told, keep, one.power > 0.0)),
-        other.rows(np.where(told, keep_other, other.power > 0.0)),
-    )
+def _entangled(one: Echoes, other: Echoes, report: Report) -> NDArray[np.bool_]:
+    """Beams whose echoes from two sources overlap, or are both reported."""
+    both = (one.power > 0.0) & (other.power > 0.0)
+    if report == "dual":
+        return both
+    return both & (np.abs(one.range_m - other.range_m) < PULSE_LENGTH_M)
 
 
 def merged(echoes: Echoes) -> Echoes:

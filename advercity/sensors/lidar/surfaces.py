@@ -24,7 +24,6 @@ _BEADS_FADE_BELOW = 0.05
 """Cosine of incidence below which glass beads in paint shade each other."""
 _WET_BEADS = 0.2
 """What rain leaves of their echo."""
-_ROADWAY = (Semantic.ROAD, Semantic.ROAD_LINE)
 
 
 def _table(values: dict[str, float]) -> Floats:
@@ -56,20 +55,20 @@ def reflected_share(
         snow: Share of the ground under snow.
         snow_on_road: The same of carriageways.
     """
-    reflectance = _DIFFUSE[hits.material]
+    reflectance = _DIFFUSE.take(hits.material)
     upward = np.clip(hits.normal[:, 2], 0.0, 1.0) if wetness or snow or snow_on_road else None
     if upward is not None and (snow or snow_on_road):
-        cover = np.where(np.isin(hits.semantic, _ROADWAY), snow_on_road, snow)
-        reflectance = reflectance + upward * cover.astype(np.float32) * (
-            np.float32(SNOW_REFLECTANCE) - reflectance
-        )
+        on_road = (hits.semantic == Semantic.ROAD) | (hits.semantic == Semantic.ROAD_LINE)
+        cover = np.array([snow, snow_on_road], np.float32).take(on_road)
+        reflectance = reflectance + upward * cover * (np.float32(SNOW_REFLECTANCE) - reflectance)
     share = reflectance * hits.cosine
     if upward is not None and wetness:
-        facing = np.flatnonzero(upward)
-        wet = wet_factor(reflectance[facing], hits.cosine[facing])
-        share[facing] *= 1.0 + np.float32(wetness) * upward[facing] * (wet - 1.0)
-    special = np.flatnonzero(~_IS_PLAIN[hits.material])
-    share[special] += _special_share(hits.material[special], hits.cosine[special], wetness)
+        wet = wet_factor(reflectance, hits.cosine)
+        share *= 1.0 + np.float32(wetness) * upward * (wet - 1.0)
+    special = np.flatnonzero(~_IS_PLAIN.take(hits.material))
+    share[special] += _special_share(
+        hits.material.take(special), hits.cosine.take(special), wetness
+    )
     return share
 
 

@@ -11,7 +11,7 @@ from advercity.sensors.lidar.air import LidarAir
 from advercity.sensors.lidar.beams import beams
 from advercity.sensors.lidar.cloud import PointCloud
 from advercity.sensors.lidar.draws import Draws, Purpose
-from advercity.sensors.lidar.echoes import Echoes, reported, rivals
+from advercity.sensors.lidar.echoes import Echoes, reported
 from advercity.sensors.lidar.power import (
     apparent_reflectance,
     range_deviation_m,
@@ -53,7 +53,8 @@ def sweep(
     window = Window.of(lidar, air.window_coverage)
     sources = Sources(lidar, scan, air, draws, window=window, states=states)
     fired = _fired(lidar, scan, air, draws, window)
-    found = reported(_parts(lidar, sources, fired), lidar.azimuths * lidar.channels, lidar.echoes)
+    rivals, others = _parts(lidar, sources, fired)
+    found = reported(rivals, others, lidar.azimuths * lidar.channels, lidar.echoes)
     return _cloud(lidar, scan, air, draws, found)
 
 
@@ -85,22 +86,18 @@ def _fired(
     return fired
 
 
-def _parts(lidar: Lidar, sources: Sources, fired: NDArray[np.bool_] | None) -> list[Echoes]:
-    """The echoes of every source that may be reported, of beams that were fired."""
+def _parts(
+    lidar: Lidar, sources: Sources, fired: NDArray[np.bool_] | None
+) -> tuple[list[Echoes], list[Echoes]]:
+    """Echoes of beams that were fired: of sources with one for every beam, and of the others."""
     surfaces, soft, others = sources.surfaces(), sources.air_itself(), list(sources.others())
+    every = [surfaces] if soft is None else [surfaces, soft]
     if fired is not None:
         surfaces.power[:] *= np.repeat(fired, lidar.sub_rays)
+        if soft is not None:
+            soft.power[:] *= fired
         others = [echoes.rows(fired.take(echoes.beam)) for echoes in others]
-    if soft is None:
-        return [surfaces, *others]
-    if fired is not None:
-        soft.power[:] *= fired
-    if lidar.sub_rays > 1:
-        return [surfaces, soft, *others]
-    shared = np.zeros(len(soft), np.bool_)
-    for echoes in others:
-        shared[echoes.beam] = True
-    return [*rivals(surfaces, soft, shared, lidar.echoes), *others]
+    return (every, others) if lidar.sub_rays == 1 else ([], [*every, *others])
 
 
 def _cloud(lidar: Lidar, scan: Scan, air: LidarAir, draws: Draws, found: Echoes) -> PointCloud:
