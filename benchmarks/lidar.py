@@ -9,6 +9,7 @@ runs N frames and prints what they leave behind in memory.
 """
 
 import argparse
+import math
 import resource
 import statistics
 import time
@@ -17,7 +18,7 @@ from dataclasses import replace
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from advercity_dsl import Agent, Lidar, RoadsideUnit, Spec, Weather
@@ -46,6 +47,8 @@ WEATHERS = ("clear_day", "soft_rain_day", "heavy_rain_day", "fog_day", "foggy_he
 WARM_UP = 2
 FIRST = 50
 """Frame to begin with."""
+TRIALS = 3
+"""Of everything that is timed; what others do to the machine only adds."""
 RANGE_M = 200.0
 SPEC = Path("compiled/ui_clear_day_dense.json")
 
@@ -111,10 +114,13 @@ class Bare:
 
 
 def timed(work: Callable[[], Result]) -> tuple[float, Result]:
-    """Seconds of processor time that it takes, and what comes of it."""
-    start = time.process_time()
-    result = work()
-    return time.process_time() - start, result
+    """Least seconds of processor time that it takes in a few trials, and what comes of it."""
+    least_s, result = math.inf, None
+    for _ in range(TRIALS):
+        start = time.process_time()
+        result = work()
+        least_s = min(least_s, time.process_time() - start)
+    return least_s, cast("Result", result)
 
 
 def without_weather() -> Weather:
@@ -131,6 +137,9 @@ class Round:
         self.points = self.rays = 0
         self.single_s = self.packets_s = self.whole_s = 0.0
         bare = Bare(scene.world, frame)
+        start = time.process_time()
+        scene.caster.place(frame)
+        self.whole_s += time.process_time() - start
         for agent in scene.agents:
             rays, order = scene.rays(agent, frame), ring_by_ring(agent.sensors.lidar)
             self.single_s += timed(lambda rays=rays: bare.single(*rays))[0]

@@ -1,6 +1,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,7 @@ from advercity.sensors.lidar import (
     visible_counts,
 )
 from advercity.sensors.lidar.echoes import Echoes, Report, reported
+from advercity.sensors.lidar.fan import Fan
 from advercity.sensors.lidar.power import detection_margin, echo, noise_factor
 from advercity.sensors.lidar.surfaces import wet_factor
 from advercity.traffic.trace import Actor, ActorState, Frame, Lamp
@@ -75,9 +77,21 @@ def half_detected_m(reflected: float, extinction: float) -> float:
     return near
 
 
+def misses(count: int) -> Hits:
+    """That many rays that met nothing."""
+    return Hits(
+        range_m=np.full(count, np.inf, np.float32),
+        normal=np.zeros((count, 3), np.float32),
+        cosine=np.zeros(count, np.float32),
+        material=np.zeros(count, np.int16),
+        semantic=np.zeros(count, np.uint8),
+        instance=np.zeros(count, np.int32),
+    )
+
+
 def panel(range_m: float, lidar: Lidar = DARK, material: str = "concrete") -> Hits:
     """Hits of a wall that faces the sensor, the same for every beam."""
-    hits = Hits.misses(lidar.azimuths * lidar.channels * lidar.sub_rays)
+    hits = misses(lidar.azimuths * lidar.channels * lidar.sub_rays)
     hits.range_m[:] = range_m
     hits.normal[:, 0] = -1
     hits.cosine[:] = 1
@@ -145,7 +159,7 @@ def share_of(found: PointCloud, kind: PointKind, lidar: Lidar = EXACT) -> float:
 
 def sky(lidar: Lidar = EXACT) -> Hits:
     """Nothing but air."""
-    return Hits.misses(lidar.azimuths * lidar.channels)
+    return misses(lidar.azimuths * lidar.channels)
 
 
 def test_channels_and_azimuths_are_the_original_ones() -> None:
@@ -468,6 +482,21 @@ def test_puddles_cover_the_share_that_is_asked_for() -> None:
     scan = shoot(Lidar(), STAND, caster_of(ground("asphalt")), puddle_coverage=0.35)
     road = (scan.hits.semantic == Semantic.ROAD).sum()
     assert len(scan.puddled) / road == pytest.approx(0.35, abs=0.1)
+
+
+@pytest.mark.parametrize("middle", [(9, 2, 1), (-15, 0.1, 0), (0.5, 12, 3), (12, -9, 4), (0, 1, 0)])
+def test_a_fan_finds_every_beam_that_meets_a_box(middle: tuple[float, float, float]) -> None:
+    lidar = with_(DARK, channel_table="vlp_32c", azimuths=720)
+    stand = pose((1, 2, 0.5), yaw=2.0, pitch=0.08, roll=-0.05)
+    low, high = np.subtract(middle, (2, 1, 1)), np.add(middle, (2, 1, 1))
+    corners = np.array([[x, y, z] for x, y, z in product(*zip(low, high, strict=True))])
+    slope = 1.0 / (beams(lidar) @ stand[:3, :3].T)
+    one, other = (low - stand[:3, 3]) * slope, (high - stand[:3, 3]) * slope
+    enter, leave = np.minimum(one, other).max(axis=1), np.maximum(one, other).min(axis=1)
+    meets = np.flatnonzero(leave > np.maximum(enter, 0.0))
+    found = Fan.of(lidar, stand).towards(corners)
+    assert len(meets) > 20
+    assert set(meets) <= set(found)
 
 
 def test_spray_hangs_behind_fast_vehicles_alone() -> None:

@@ -6,7 +6,7 @@ So next to nothing is built while frames pass.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -48,22 +48,6 @@ class Hits:
     material: NDArray[np.int16]
     semantic: NDArray[np.uint8]
     instance: NDArray[np.int32]
-
-    @staticmethod
-    def misses(count: int) -> "Hits":
-        """That many rays that met nothing."""
-        return Hits(
-            range_m=np.full(count, np.inf, np.float32),
-            normal=np.zeros((count, 3), np.float32),
-            cosine=np.zeros(count, np.float32),
-            material=np.zeros(count, np.int16),
-            semantic=np.zeros(count, np.uint8),
-            instance=np.zeros(count, np.int32),
-        )
-
-    def rows(self, where: Rows) -> "Hits":
-        """Those rows alone."""
-        return Hits(*(getattr(self, item.name).take(where, axis=0) for item in fields(self)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,10 +6,10 @@ import numpy as np
 from advercity_dsl import Weather
 from numpy.typing import NDArray
 
+from advercity.sensors.lidar import spray
 from advercity.sensors.lidar.particles import ParticleTable, tables_of
 from advercity.sensors.lidar.power import noise_factor
 from advercity.sensors.lidar.soft import SoftTarget
-from advercity.sensors.lidar.spray import Spray
 from advercity.weather import extinction
 from advercity.weather.atmosphere import Atmosphere
 
@@ -22,7 +22,7 @@ class LidarAir:
         extinction: Of everything, 1/m.
         soft: Fog and dust; None if there is neither.
         particles: What falls.
-        spray: What wheels throw up; None on a road that is not wet enough.
+        spray: Whether the road is wet enough for wheels to throw water up.
         wetness: 0 dry to 1 soaked.
         puddle_coverage: Share of the carriageway under standing water.
         snow_cover: Share of the ground under snow.
@@ -35,7 +35,7 @@ class LidarAir:
     extinction: float
     soft: SoftTarget | None
     particles: tuple[ParticleTable, ...]
-    spray: Spray | None
+    spray: bool
     wetness: float
     puddle_coverage: float
     snow_cover: float
@@ -59,7 +59,7 @@ def air_of(weather: Weather, atmosphere: Atmosphere) -> LidarAir:
         extinction=total,
         soft=SoftTarget.of(fog=fog, dust=dust, extinction=total) if fog or dust else None,
         particles=tables_of(weather, total),
-        spray=Spray.of(weather),
+        spray=spray.hangs(weather),
         wetness=atmosphere.wetness,
         puddle_coverage=atmosphere.puddle_coverage,
         snow_cover=1.0 if weather.snow.depth_mm else 0.0,

@@ -5,9 +5,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from advercity_dsl import Lidar
 from numpy.typing import NDArray
 
 from advercity.poses import Matrix, inverse, transform
+from advercity.sensors.lidar.beams import bearings_rad, elevations_rad, offsets_rad
 
 Floats = NDArray[np.floating[Any]]
 Rows = NDArray[np.intp]
@@ -29,7 +31,17 @@ class Fan:
     world_from_fan: Matrix
     bearing_rad: Floats
     elevation_rad: Floats
-    spread_rad: float = 0.0
+    spread_rad: float
+
+    @staticmethod
+    def of(lidar: Lidar, world_from_lidar: Matrix) -> "Fan":
+        """The beams of a LiDAR."""
+        return Fan(
+            world_from_lidar,
+            bearings_rad(lidar.azimuths),
+            elevations_rad(lidar).astype(np.float32),
+            spread_rad=float(np.abs(offsets_rad(lidar)).max()),
+        )
 
     def towards(self, corners: Matrix) -> Rows:
         """Beams (n,) that may meet the hull of points (c, 3) of the world, metres; ascending."""

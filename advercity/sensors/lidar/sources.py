@@ -12,22 +12,15 @@ from numpy.typing import NDArray
 from advercity.rendering.casting import Hits
 from advercity.semantics import Semantic
 from advercity.sensors.lidar.air import LidarAir
-from advercity.sensors.lidar.beams import (
-    beams,
-    bearings_rad,
-    elevations_rad,
-    offsets_rad,
-    weights,
-)
+from advercity.sensors.lidar.beams import weights
 from advercity.sensors.lidar.cloud import PointKind
 from advercity.sensors.lidar.draws import Draws, Purpose, levels, normals
 from advercity.sensors.lidar.echoes import Echoes
-from advercity.sensors.lidar.fan import Fan
 from advercity.sensors.lidar.particles import POINT_KIND, ParticleTable
 from advercity.sensors.lidar.power import PULSE_LENGTH_M, echo
 from advercity.sensors.lidar.scanning import Scan
 from advercity.sensors.lidar.soft import FLUCTUATION, LIDAR_RATIO_SR, NEAREST_M
-from advercity.sensors.lidar.spray import Passage
+from advercity.sensors.lidar.spray import Passage, passages
 from advercity.sensors.lidar.surfaces import reflected_share
 from advercity.sensors.lidar.window import Window
 from advercity.traffic.trace import ActorState
@@ -220,18 +213,9 @@ class Sources:
             power *= self._window.gain if beam is None else self._window.gain[beam]
 
     def _plumes_of(self, states: tuple[ActorState, ...]) -> tuple[Passage, ...]:
-        lidar, spray = self._lidar, self._air.spray
-        if spray is None:
+        if not self._air.spray:
             return ()
-        elevation_rad = elevations_rad(lidar).astype(np.float32)
-        spread_rad = float(np.abs(offsets_rad(lidar)).max())
-        fan = Fan(
-            self._scan.world_from_lidar,
-            bearings_rad(lidar.azimuths),
-            elevation_rad,
-            spread_rad=spread_rad,
-        )
-        return tuple(spray.passages(states, beams(lidar), fan))
+        return tuple(passages(self._lidar, self._scan.world_from_lidar, states))
 
     def _left_by_spray(self) -> Floats | None:
         """Share (beams,) of the light that comes through all plumes and back."""

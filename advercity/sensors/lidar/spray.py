@@ -1,15 +1,16 @@
 """Water that wheels throw up from a wet road: a plume behind each fast vehicle."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from advercity_dsl import Weather
+from advercity_dsl import Lidar, Weather
 from numpy.typing import NDArray
 
 from advercity import poses
 from advercity.poses import Matrix
+from advercity.sensors.lidar.beams import beams
 from advercity.sensors.lidar.fan import Fan
 from advercity.traffic.trace import ActorState
 
@@ -41,43 +42,36 @@ class Passage:
     extinction: Floats
 
 
-@dataclass(frozen=True)
-class Spray:
-    """Plumes on a road with enough water on it."""
+def hangs(weather: Weather) -> bool:
+    """Whether enough water lies on the road."""
+    return weather.surface.film_mm > LEAST_FILM_MM
 
-    @staticmethod
-    def of(weather: Weather) -> "Spray | None":
-        """None if too little water lies on the road."""
-        return Spray() if weather.surface.film_mm > LEAST_FILM_MM else None
 
-    def passages(
-        self,
-        states: Sequence[ActorState],
-        directions: Floats,
-        fan: Fan,
-    ) -> Iterator[Passage]:
-        """Every plume that beams (n, 3) of the LiDAR frame go through.
+def passages(
+    lidar: Lidar, world_from_lidar: Matrix, states: Iterable[ActorState]
+) -> Iterator[Passage]:
+    """Every plume that beams of a LiDAR go through.
 
-        Args:
-            states: Everybody on the road.
-            directions: (n, 3) unit vectors in the LiDAR's frame.
-            fan: Of the beams.
-        """
-        for state in states:
-            if state.speed_m_s < LEAST_SPEED_M_S or state.actor.actor_class not in WHEELED:
-                continue
-            length, width, _ = state.actor.size
-            middle = np.array([-(length + LENGTH_M) / 2.0, 0.0, HEIGHT_M / 2.0])
-            world_from_plume = state.world_from_body @ poses.pose(middle)
-            half = np.array([LENGTH_M, width, HEIGHT_M]) / 2.0
-            centre = world_from_plume[:3, 3]
-            if np.linalg.norm(centre - fan.world_from_fan[:3, 3]) > FARTHEST_M:
-                continue
-            plume_from_lidar = poses.inverse(world_from_plume) @ fan.world_from_fan
-            thickness = EXTINCTION_PER_G_M3 * WATER_G_M3
-            thickness *= (state.speed_m_s / REFERENCE_SPEED_M_S) ** 2
-            rows = fan.towards(poses.transform(world_from_plume, _CORNERS * half))
-            yield _through_box(directions[rows], rows, plume_from_lidar, half, thickness)
+    Args:
+        lidar: The sensor.
+        world_from_lidar: (4, 4) where it is.
+        states: Everybody on the road.
+    """
+    directions, fan = beams(lidar), Fan.of(lidar, world_from_lidar)
+    for state in states:
+        if state.speed_m_s < LEAST_SPEED_M_S or state.actor.actor_class not in WHEELED:
+            continue
+        length, width, _ = state.actor.size
+        middle = np.array([-(length + LENGTH_M) / 2.0, 0.0, HEIGHT_M / 2.0])
+        world_from_plume = state.world_from_body @ poses.pose(middle)
+        half = np.array([LENGTH_M, width, HEIGHT_M]) / 2.0
+        if np.linalg.norm(world_from_plume[:3, 3] - world_from_lidar[:3, 3]) > FARTHEST_M:
+            continue
+        plume_from_lidar = poses.inverse(world_from_plume) @ world_from_lidar
+        thickness = EXTINCTION_PER_G_M3 * WATER_G_M3
+        thickness *= (state.speed_m_s / REFERENCE_SPEED_M_S) ** 2
+        rows = fan.towards(poses.transform(world_from_plume, _CORNERS * half))
+        yield _through_box(directions[rows], rows, plume_from_lidar, half, thickness)
 
 
 def _through_box(
