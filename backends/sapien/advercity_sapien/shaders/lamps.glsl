@@ -87,6 +87,14 @@ float within(Lamp l, float distance) {
 // Radiance, all colours together, that does not show beside the airlight and the sky.
 float faintest() { return 5e-3 * (parameter(1).r + parameter(1).g + parameter(5).g); }
 
+// Of a lamp's light, what fog leaves to a place. Half of what droplets scatter goes on within a few
+// degrees and stays in a beam. What shines all around loses nothing: light that is turned away from
+// one place is turned towards it from others.
+float reaching(Lamp l, float distance) {
+  const float OUT_OF_BEAM = 0.487;
+  return l.kind == STREET ? 1.0 : transmittance(OUT_OF_BEAM * distance);
+}
+
 // Irradiance times BRDF by one lamp, as if nothing stood between.
 vec3 litBy(Lamp l, Surface s, vec3 towardsEye, vec3 position) {
   vec3 away = position - l.position;
@@ -97,7 +105,7 @@ vec3 litBy(Lamp l, Surface s, vec3 towardsEye, vec3 position) {
   if (dot(s.normal, ray) >= 0.0) return vec3(0.0);
   // What comes of it is known before its beam, which is dear: unseen lamps end here.
   vec3 shown = reflected(s, towardsEye, -ray)
-      * (transmittance(distance) * within(l, distance) / (distance2 + spread2(l)));
+      * (reaching(l, distance) * within(l, distance) / (distance2 + spread2(l)));
   if (dot(shown, l.intensity) < faintest()) return vec3(0.0);
   return shown * intensity(l, ray);
 }
