@@ -2,8 +2,9 @@
 
     python benchmarks/soak.py [compiled] [--output DIR] [--jobs 2] [--frames 1] [--scale 0.05]
 
-Memory is that of the process which runs them all, and the most that each scenario's own took, both
-in the order in which scenarios ended; slopes are of least squares. Exit code 1 if a scenario fails,
+Memory is that of the process which runs them all, and the most that each scenario's own took, less
+what those of its road and density take in the mean; in the order in which scenarios ended, by least
+squares. Exit code 1 if a scenario fails,
 a file is missing or changed, or a slope is above 1 MB a scenario. The same command with the same
 --output goes on where it was interrupted.
 """
@@ -33,6 +34,7 @@ class Log:
     def __init__(self) -> None:
         self.own_mb: list[float] = []
         self.peaks_mb: list[float] = []
+        self.alike: list[str] = []
 
     def advanced(self, progress: Progress) -> None:
         """Nothing to print."""
@@ -41,6 +43,8 @@ class Log:
         """One line."""
         self.own_mb.append(psutil.Process().memory_info().rss / 1e6)
         self.peaks_mb.append(outcome.peak_memory_bytes / 1e6)
+        road, *_, density = outcome.scenario.split("_")
+        self.alike.append(f"{road} {density}")
         told = f"FAILED: {outcome.error}" if outcome.error else f"{outcome.time_s:.1f} s"
         print(
             f"{len(self.own_mb):3} {outcome.scenario}: {told}, peak {self.peaks_mb[-1]:.0f} MB,"
@@ -68,13 +72,20 @@ def main() -> int:
         whole = sum(manifest.frames == tuple(range(arguments.frames)) for manifest in manifests)
         problems = verify_dataset(output)
     failed = sum(outcome.error is not None for outcome in outcomes)
-    slopes = [_slope(log.own_mb), _slope(log.peaks_mb)]
+    slopes = [_slope(log.own_mb), _slope(_less_the_mean(log.peaks_mb, log.alike))]
     print(f"{len(specs)} scenarios in {time_in_words(took_s)}, {failed} failed; {whole} whole")
     print(f"{sum(len(manifest.files) for manifest in manifests)} files,", end=" ")
     print(f"{size_in_words(sum(outcome.size_bytes for outcome in outcomes))},", end=" ")
     print(f"{len(problems)} not as their manifests say")
     print(f"memory here {slopes[0]:+.3f} MB a scenario, in their processes {slopes[1]:+.3f}")
     return int(bool(failed or problems or whole < len(specs) or max(slopes) > MOST_MB))
+
+
+def _less_the_mean(values: Sequence[float], alike: Sequence[str]) -> list[float]:
+    """Of those that are alike."""
+    _, members = np.unique(alike, return_inverse=True)
+    means = np.bincount(members, values) / np.bincount(members)
+    return (np.asarray(values) - means[members]).tolist()
 
 
 def _slope(values: Sequence[float]) -> float:

@@ -1,5 +1,6 @@
 """The commands and their options."""
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -187,11 +188,16 @@ def run(
     ] = None,
     jobs: Annotated[int, typer.Option(min=1, help="Scenarios at a time.")] = 1,
     max_memory: Annotated[
-        str | None, typer.Option(metavar="SIZE", help="Memory of a scenario: 4 GB.")
+        str | None,
+        typer.Option(metavar="SIZE", help="Memory of a scenario: 4 GB; by the plan."),
     ] = None,
     max_time: Annotated[
-        str | None, typer.Option(metavar="TIME", help="Time of a scenario: 90 min.")
+        str | None,
+        typer.Option(metavar="TIME", help="Time of a scenario: 90 min; by the plan."),
     ] = None,
+    allow_large: Annotated[
+        bool, typer.Option("--allow-large", help="Run what is large by the plan, too.")
+    ] = False,
     executor: Annotated[str, typer.Option(help="local, or ray for a cluster.")] = "local",
     address: Annotated[
         str | None, typer.Option(help="Ray cluster: auto, or HOST:PORT; one of this machine.")
@@ -212,7 +218,9 @@ def run(
         parse_frames,
         raise_failures,
     )
+    from advercity.runner.batch import check_together
     from advercity.runner.limits import parse_size, parse_time
+    from advercity.runner.planning import permitted
     from advercity.viewer.clouds import parse_cloud_colour
 
     if sum((rrd is not None, stream, connect is not None)) > 1:
@@ -236,17 +244,64 @@ def run(
         fresh=fresh,
         format=layout,
     )
-    limits = Limits(
+    asked = Limits(
         memory_bytes=None if max_memory is None else parse_size("--max-memory", max_memory),
         time_s=None if max_time is None else parse_time("--max-time", max_time),
     )
+    check_together(chosen, options)
     where = executor_called(executor, output=output, address=address, jobs=jobs)
+    limits = permitted(
+        chosen,
+        options,
+        asked=asked,
+        jobs=jobs,
+        allow_large=allow_large,
+        on_this_machine=executor == "local",
+    )
     with progress(chosen) as view:
         outcomes = where.run(chosen, options, watcher=view, limits=limits)
     for outcome in outcomes:
         if outcome.error is None:
             say(f"{output.rstrip('/')}/{outcome.scenario}")
     raise_failures(outcomes)
+
+
+@app.command()
+def plan(
+    specs: SpecArgument,
+    output: Annotated[
+        Path, typer.Option(help="Folder for the dataset; what is there need not be made.")
+    ] = Path("output"),
+    backend: Annotated[str, typer.Option(help="Rendering backend.")] = "sapien",
+    profile: Annotated[str, typer.Option(help="auto, preview or full.")] = "auto",
+    scale: Annotated[float | None, typer.Option(help="Image scale, over the profile's.")] = None,
+    frames: Annotated[
+        str | None, typer.Option(metavar="A:B[:STEP]", help="Kept frames to make, B not included.")
+    ] = None,
+    jobs: Annotated[int, typer.Option(min=1, help="Scenarios at a time.")] = 1,
+    as_json: JsonOption = False,
+) -> None:
+    """Tell what running scenarios will take: frames, pictures, bytes, time and memory.
+
+    The first time it measures this machine, which takes a minute, and simulates the traffic.
+    """
+    from advercity.cli import tables
+    from advercity.compiler import read_spec
+    from advercity.runner import Options, parse_frames
+    from advercity.runner.batch import check_together
+    from advercity.runner.planning import plan_of
+
+    chosen = [read_spec(path) for path in specs]
+    options = Options(output, backend, profile, scale, parse_frames(frames))
+    check_together(chosen, options)
+    found = plan_of(chosen, options, jobs=jobs, measure=True, simulate=True)
+    if as_json:
+        told = [asdict(item) for item in (*found.forecasts, found.total)]
+        say(tables.as_json({"scenarios": told[:-1], "total": told[-1]}))
+    else:
+        say(tables.table([item.told() for item in (*found.forecasts, found.total)]))
+    for complaint in found.complaints(output):
+        note(f"run asks for --allow-large: {complaint}")
 
 
 @app.command()

@@ -24,6 +24,12 @@ class Stage:
     trace_sha256: str
 
 
+def kept_trace(spec: Spec) -> Trace | None:
+    """The trace of a spec if it is in the cache."""
+    stored = _trace_file(spec)
+    return Trace.load(stored) if stored.is_file() else None
+
+
 def set_stage(spec: Spec) -> Stage:
     """Network and trace of a spec, from the cache or made now."""
     folder = cache_folder()
@@ -32,11 +38,15 @@ def set_stage(spec: Spec) -> Stage:
         lambda partial: _build_network(spec, partial),
     )
     stored = kept(
-        folder / "traces" / f"{traffic_key(spec)}.npz",
+        _trace_file(spec),
         lambda partial: simulate(spec, network).save(partial),
     )
     digest = hashlib.sha256(stored.read_bytes()).hexdigest()
     return Stage(network, Trace.load(stored), digest)
+
+
+def _trace_file(spec: Spec) -> Path:
+    return cache_folder() / "traces" / f"{traffic_key(spec)}.npz"
 
 
 def world_of(spec: Spec, network: Path) -> World:

@@ -43,6 +43,7 @@ class Outcome:
         size_bytes: Of the scenario's files.
         time_s: By the clock on the wall.
         peak_memory_bytes: The most that was seen resident in its processes at one time.
+        cpu_s: Of processors, as far as was seen.
     """
 
     scenario: str
@@ -51,6 +52,7 @@ class Outcome:
     size_bytes: int
     time_s: float
     peak_memory_bytes: int
+    cpu_s: float = 0.0
 
 
 def supervise(
@@ -88,6 +90,7 @@ def supervise(
         size_bytes=child.last.size_bytes,
         time_s=time.monotonic() - child.began_s,
         peak_memory_bytes=child.peak_memory_bytes,
+        cpu_s=child.cpu_s,
     )
 
 
@@ -99,6 +102,7 @@ class _Child:
         self.began_s = time.monotonic()
         self.last = Progress(job.spec.id, "starting")
         self.peak_memory_bytes = 0
+        self.cpu_s = 0.0
         self._failure: AdvercityError | None = None
 
     def run(self, environment: Mapping[str, str]) -> None:
@@ -163,7 +167,7 @@ class _Child:
             yield from lines
 
     def _watch(self, process: subprocess.Popen[bytes]) -> None:
-        used = _memory_of(process.pid)
+        used, self.cpu_s = _taken_by(process.pid)
         self.peak_memory_bytes = max(self.peak_memory_bytes, used)
         most, longest_s = self._limits.memory_bytes, self._limits.time_s
         if most is not None and used > most:
@@ -188,21 +192,26 @@ class _Child:
         return "\n".join([text, *(f"  {line}" for line in words)])
 
 
-def _memory_of(pid: int) -> int:
-    """Bytes resident in a process and all below it; 0 when it has gone."""
+def _taken_by(pid: int) -> tuple[int, float]:
+    """Bytes resident in a process and all below it, and seconds of processors; 0 when it has gone.
+
+    What the processes below it took counts as long as they live, and once it has waited for them.
+    """
     try:
         process = psutil.Process(pid)
         family = [process, *process.children(recursive=True)]
     except psutil.NoSuchProcess:
-        return 0
-    return sum(map(_resident, family))
+        return 0, 0.0
+    taken = [_taken(member) for member in family]
+    return sum(memory for memory, _ in taken), sum(cpu for _, cpu in taken)
 
 
-def _resident(process: psutil.Process) -> int:
+def _taken(process: psutil.Process) -> tuple[int, float]:
     try:
-        return process.memory_info().rss
+        times = process.cpu_times()
+        return process.memory_info().rss, sum(times[:4])
     except psutil.Error:
-        return 0
+        return 0, 0.0
 
 
 @contextmanager

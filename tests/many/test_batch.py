@@ -83,7 +83,16 @@ def test_an_interrupted_run_leaves_no_process_behind(
         [
             *(sys.executable, "-c", "from advercity.cli import main; main()", "run"),
             *map(str, sorted((tmp_path / "compiled").glob("*.json"))),
-            *("--jobs", "2", "--backend", "stunts", "--output", str(tmp_path / "output")),
+            *(
+                "--jobs",
+                "2",
+                "--backend",
+                "stunts",
+                "--profile",
+                "preview",
+                "--output",
+                str(tmp_path / "output"),
+            ),
         ],
         stderr=subprocess.DEVNULL,
     )

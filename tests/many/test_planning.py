@@ -1,0 +1,116 @@
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from advercity_dsl import Spec
+
+from advercity.errors import InputError
+from advercity.runner import FrameRange, Limits, Options, raise_failures, run_all
+from advercity.runner.calibration import Rates
+from advercity.runner.planning import Plan, permitted, plan_of
+from advercity.runner.workload import Workload
+
+OptionsFor = Callable[[Path], Options]
+
+
+def larger(spec: Spec, camera: dict[str, int], lidar: dict[str, int]) -> Spec:
+    """With other sensors, and a traffic that would take too long to simulate for a plan."""
+    data = spec.model_dump(mode="json")
+    for agent in data["agents"]:
+        agent["sensors"]["camera"] |= camera
+        agent["sensors"]["lidar"] |= lidar
+    data["timing"]["max_ticks"] = 1_000_000
+    return Spec.model_validate(data)
+
+
+def ask(
+    spec: Spec, options: Options, *, asked: Limits | None = None, allow_large: bool = False
+) -> Limits:
+    return permitted(
+        [spec],
+        options,
+        asked=asked or Limits(),
+        jobs=1,
+        allow_large=allow_large,
+        on_this_machine=True,
+    )
+
+
+def test_the_work_of_a_frame_follows_from_the_rig(specs: dict[str, Spec]) -> None:
+    """Three vehicles and two roadside units with four cameras and 32 x 3750 beams each."""
+    work = Workload.of(specs["ui_fog_day_sparse"], scale=0.25)
+    assert (work.agents, work.pictures) == (5, 20)
+    assert work.pixels == 20 * 480 * 270
+    assert work.beams == 5 * 120_000
+
+
+@pytest.mark.sumo
+@pytest.mark.render
+def test_a_plan_is_within_a_factor_of_two_of_what_comes_out(
+    specs: dict[str, Spec], witness: Any, tmp_path: Path
+) -> None:
+    """Measured in fog, foretold for a clear night."""
+    spec = specs["ri_clear_night_sparse"]
+    options = Options(tmp_path, profile="preview", scale=0.05, frames=FrameRange(0, 3))
+    plan = plan_of([spec], options, jobs=1, measure=True, simulate=True)
+    (foretold,) = plan.forecasts
+    assert plan.rates.measured["backend"] == "sapien"
+    assert foretold.is_exact
+    assert (foretold.frames, foretold.pictures) == (3, 60)
+    outcomes = run_all([spec], options, watcher=witness)
+    raise_failures(outcomes)
+    assert 0.5 < foretold.size_bytes / outcomes[0].size_bytes < 2.0
+    assert 0.5 < foretold.memory_bytes / outcomes[0].peak_memory_bytes < 2.0
+    (left,) = plan_of([spec], options, jobs=1, measure=False, simulate=False).forecasts
+    assert (left.frames, left.size_bytes, left.time_s) == (0, 0, 0.0)
+
+
+def test_scenarios_at_a_time_share_cores_and_add_up_in_memory(
+    few: list[Spec], options: OptionsFor, tmp_path: Path
+) -> None:
+    first = plan_of(few, options(tmp_path), jobs=1, measure=False, simulate=False).forecasts[0]
+    items = tuple(replace(first, time_s=t, memory_bytes=m) for t, m in ((10, 5), (20, 9), (30, 7)))
+    alone = Plan(items, 1, Rates(busy_cores=0.0)).total
+    both = Plan(items, 2, Rates(busy_cores=0.0)).total
+    assert (alone.time_s, alone.memory_bytes) == (60, 9)
+    assert (both.time_s, both.memory_bytes) == (30, 16)
+
+
+def test_pictures_of_more_pixels_take_more_bytes_a_pixel() -> None:
+    rates = Rates(bytes_per_pixel=((0.125, 1.0), (0.25, 1.5)))
+    assert rates.picture_bytes(1.0) == pytest.approx(2.5)
+    assert rates.picture_bytes(0.05) == 1.5
+
+
+@pytest.mark.parametrize(
+    ("camera", "lidar", "told"),
+    [
+        ({}, {"azimuths": 36_000, "channels": 256}, r"TB of files, more than"),
+        ({"width_px": 8192, "height_px": 8192}, {}, r"of memory, more than"),
+        ({}, {}, r"about \d+ days, more than 30"),
+    ],
+)
+def test_a_spec_that_would_fill_a_machine_is_refused_before_anything_is_made(
+    specs: dict[str, Spec],
+    tmp_path: Path,
+    camera: dict[str, int],
+    lidar: dict[str, int],
+    told: str,
+) -> None:
+    spec = larger(specs["ui_fog_day_dense"], camera, lidar)
+    options = Options(tmp_path / "output", profile="full")
+    with pytest.raises(InputError, match=rf"{told}.*--allow-large"):
+        ask(spec, options)
+    assert ask(spec, options, allow_large=True).time_s is not None
+    assert not (tmp_path / "output").exists()
+
+
+def test_limits_that_are_asked_for_hold_and_the_others_are_the_plans(
+    few: list[Spec], options: OptionsFor, tmp_path: Path
+) -> None:
+    limits = ask(few[0], options(tmp_path), asked=Limits(memory_bytes=123))
+    assert limits.memory_bytes == 123
+    assert limits.time_s is not None
+    assert limits.time_s > 3600
