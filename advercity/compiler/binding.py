@@ -38,7 +38,7 @@ def bound(conflict: Conflict, road: Road, *, called_for: bool) -> Binding:
     reason = _obstacle(conflict, road)
     if reason:
         return Binding("invalid", reason)
-    signals = _has_signals(road)
+    signals = _signalled(road)
     if conflict.requires.signals == "forbidden" and signals:
         return Binding("variant", "the ego's junction has traffic lights")
     if conflict.requires.signals == "required" and not signals:
@@ -49,8 +49,11 @@ def bound(conflict: Conflict, road: Road, *, called_for: bool) -> Binding:
 def with_manoeuvre(road: Road, conflict: Conflict) -> Road | None:
     """The road with the ego on a way that makes the conflict's manoeuvre; None if it has none.
 
-    Where nobody may lead the ego, connected vehicles that would start behind it.
+    Where nobody may lead the ego, connected vehicles that would start behind it; where there may be
+    no traffic lights, those of the ego's junctions are gone.
     """
+    if conflict.requires.signals == "forbidden":
+        road = _without_signals(road)
     if usual_manoeuvre(road) == conflict.ego.manoeuvre:
         usual = road.model_copy(update={"ego_routes": {}})
         return usual if conflict.requires.ahead == "any" else with_followers(usual)
@@ -119,11 +122,22 @@ def has_kerb_space(road: Road) -> bool:
     )
 
 
-def _has_signals(road: Road) -> bool:
+def _signalled(road: Road) -> tuple[str, ...]:
+    """The junctions on the ego's way that have traffic lights."""
     route = ego_of(road).route
     ways = RoadWays(road)
-    return any(
-        road.junctions[junction].signals is not None
+    return tuple(
+        junction
         for first, second in pairwise(route)
         if (junction := ways.junction_between(first, second))
+        and road.junctions[junction].signals is not None
     )
+
+
+def _without_signals(road: Road) -> Road:
+    """The road with the wider street going first where the ego's way has traffic lights."""
+    unlit = {
+        name: road.junctions[name].model_copy(update={"control": "priority", "signals": None})
+        for name in _signalled(road)
+    }
+    return road.model_copy(update={"junctions": {**road.junctions, **unlit}})

@@ -190,7 +190,7 @@ def _crossed(
     for road in roads.values():
         for name in wanted:
             conflict = there[name]
-            if _binding(library, conflict, road, groups).standing != "primary":
+            if _binding(library, conflict, road, groups).standing not in suite.standings:
                 continue
             moved = with_manoeuvre(road, conflict)
             if moved is not None:

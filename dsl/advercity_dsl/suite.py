@@ -135,6 +135,10 @@ class Sweep(Model):
         return self
 
 
+Standing = Literal["primary", "extension", "variant"]
+"""Its group calls for such a road; it fits one; it would fit one that had no traffic lights."""
+
+
 class Suite(Declaration):
     """What to cross."""
 
@@ -157,6 +161,10 @@ class Suite(Declaration):
     """Conflicts that each road's scenarios stage, one after the other, by the road's id."""
     cross_conflicts: Choice = ()
     """Conflicts to make scenarios of their own of, on every road that calls for them."""
+    standings: tuple[Standing, ...] = Field(
+        default=("primary",), exclude_if=lambda standings: standings == ("primary",)
+    )
+    """How those have to stand to a road: called for, merely fitting, or fitting it without lights."""
     default: Flag = False
     """Whether this is the suite that is compiled where none is named."""
     rig: Id
