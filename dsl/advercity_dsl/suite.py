@@ -164,7 +164,7 @@ class Suite(Declaration):
     standings: tuple[Standing, ...] = Field(
         default=("primary",), exclude_if=lambda standings: standings == ("primary",)
     )
-    """How those have to stand to a road: called for, merely fitting, or fitting it without lights."""
+    """How those have to stand to a road: called for, fitting, or fitting it without lights."""
     default: Flag = False
     """Whether this is the suite that is compiled where none is named."""
     rig: Id
