@@ -1,15 +1,19 @@
 """Which conflicts can be staged on which roads, and why others cannot."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
 
+import numpy as np
 from advercity_dsl import Conflict, Road
-from advercity_dsl.road import StripKind
+from advercity_dsl.road import Sign, StripKind
 
 from advercity.compiler.following import with_followers
 from advercity.compiler.ways import RoadWays, ego_of
 
+SIDEWAYS = np.sin(np.pi / 4)
+"""A street at a larger angle than this comes from the side."""
 Standing = Literal["primary", "extension", "variant", "invalid"]
 KERB_SPACE_M = 2.0
 """Least width of the strips beside the lanes that a vehicle can be parked on."""
@@ -135,9 +139,27 @@ def _signalled(road: Road) -> tuple[str, ...]:
 
 
 def _without_signals(road: Road) -> Road:
-    """The road with the wider street going first where the ego's way has traffic lights."""
+    """The road with stop signs for those from the sides where the ego's way has traffic lights."""
+    ways, ego = RoadWays(road), ego_of(road)
     unlit = {
-        name: road.junctions[name].model_copy(update={"control": "priority", "signals": None})
+        name: road.junctions[name].model_copy(
+            update={
+                "control": "stop",
+                "signals": None,
+                "signs": tuple(_stop_signs(ways, name, ego.route[0])),
+            }
+        )
         for name in _signalled(road)
     }
     return road.model_copy(update={"junctions": {**road.junctions, **unlit}})
+
+
+def _stop_signs(ways: RoadWays, junction: str, main: str) -> Iterator[Sign]:
+    """On the right of every street that comes into a junction at an angle to the main one."""
+    comes = ways.inbound(main, junction)
+    for street in dict.fromkeys(item.from_street for item in ways.movements[junction]):
+        if abs(np.sin(ways.inbound(street, junction) - comes)) > SIDEWAYS:
+            layout, along = ways.streets[street], ways.arrives(street, junction)
+            edge = layout.travelled(layout.side(along=along)[-1].outer_t, along=along)[:, :2]
+            east, north = edge[-1]
+            yield Sign(street=street, kind="stop", at_m=(round(east, 2), round(north, 2)))
