@@ -204,6 +204,33 @@ def test_conflicts_crossed_with_roads_make_31_cells(copied: Path):
     assert all(len(spec.conflicts) == 1 for spec in specs)
 
 
+def test_junctions_without_lights_have_stop_signs_for_those_from_the_sides(copied: Path):
+    specs = compile_library(copied, suite="unsignalised")
+
+    assert {(spec.road.id, spec.conflicts[0].conflict) for spec in specs} == {
+        (road, conflict)
+        for road in ("ui", "ri")
+        for conflict in ("scp_unsignalised", "ltap_ld", "ltip")
+    }
+    for spec in specs:
+        junction = spec.road.junctions["j_main"]
+        streets = {movement.split(".")[0] for movement in junction.movements}
+        assert (junction.control, junction.signals) == ("stop", None)
+        assert {sign.street for sign in junction.signs} == {
+            street for street in streets if street[:4] in ("east", "west")
+        }
+
+
+def test_conflicts_that_only_fit_are_crossed_where_a_suite_says_so(copied: Path):
+    suite = "suites/unsignalised.yaml"
+    edited(copied, suite, "[scp_unsignalised, ltap_ld, ltip]", "[ped_left_turn]")
+    edited(copied, suite, "[variant]", "[extension]\ndensities: [dense]")
+
+    (spec,) = compile_library(copied, suite="unsignalised")
+
+    assert spec.id == "ri_ped_left_turn_clear_day_dense"
+
+
 @pytest.mark.parametrize(
     ("road", "leader"), {"unj": "cav3", "rsnj": "cav3", "rcnj": "cav2"}.items()
 )
