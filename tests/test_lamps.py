@@ -85,8 +85,26 @@ def test_brake_and_rear_fog_lamps_outshine_tail_lamps_within_what_the_rules_allo
 
 def test_low_beams_are_dipped_and_as_strong_as_the_rules_ask():
     beams = [lamp for lamp in shining(Lamp.LOW_BEAM) if lamp.kind is Kind.LOW_BEAM]
-    assert len(beams) == 1
-    assert 2 * 10.1e3 < beams[0].intensity_cd < 2 * 25e3
+    assert len(beams) == 2
+    assert all(10.1e3 < beam.intensity_cd < 25e3 for beam in beams)
+    # The car heads north, its lamps are some 1.3 m apart (weather reference) and look ahead.
+    apart_m = abs(beams[0].position[0] - beams[1].position[0])
+    assert apart_m == pytest.approx(1.4, abs=0.15)
+    assert all(beam.facing == pytest.approx((0.0, 1.0, 0.0), abs=1e-9) for beam in beams)
+
+
+def test_a_motorcycle_has_one_beam_and_no_fog_lamps():
+    rider = replace(CAR, actor_class="motorcycle", size=(2.0, 0.8, 1.5))
+    states = lit(frame(Lamp(0), actor=rider), Lamps(low_beam=True, fog=True))
+    assert [lamp.kind for lamp in lit_lamps(EMPTY, states)] == [Kind.LOW_BEAM, Kind.LENS]
+
+
+def test_front_fog_lamps_look_below_the_dipped_beams_from_below_them():
+    beams = [lamp for lamp in shining(Lamp.LOW_BEAM | Lamp.FOG) if lamp.kind is Kind.LOW_BEAM]
+    fog = min(beams, key=lambda lamp: lamp.position[2])
+    assert len(beams) == 3
+    assert fog.facing[2] < 0.0
+    assert fog.intensity_cd < min(beam.intensity_cd for beam in beams if beam is not fog)
 
 
 @pytest.mark.parametrize(

@@ -33,12 +33,16 @@ LOW_BEAM_CD: dict[ActorClass, float] = {
     "motorcycle": 20e3,
     "bicycle": 1e3,
 }
-"""Peak of all dipped beams of a vehicle together (UN R112 class B, R113)."""
+"""Peak of the dipped beams of a vehicle together (UN R112 class B, R113)."""
 BRAKE_CD, TAIL_CD, SIGNAL_CD = 300.0, 16.0, 400.0
 REAR_FOG_CD, FRONT_INDICATOR_CD, REAR_INDICATOR_CD = 200.0, 300.0, 200.0
 """Rear fog lamps together, indicators each (UN R148 allows 150-300, 175-1000 and 50-500)."""
-LAMP_SPREAD = 0.4
-"""How far rear lamps and indicators are from the middle, in widths of their vehicle."""
+FRONT_FOG_CD = 8e3
+"""Peak of both front fog lamps together; an engineering value, a fifth of the dipped beams."""
+FOG_LAMP_HEIGHT_M, FOG_LAMP_TILT_RAD = 0.40, np.radians(1.5)
+"""Their light ends lower than that of dipped beams."""
+LAMP_SPREAD, BEAM_SPREAD = 0.4, 0.35
+"""How far rear lamps and indicators, and dipped beams, are from the middle, in widths."""
 TWO_WHEELED: tuple[ActorClass, ...] = ("bicycle", "motorcycle")
 LAMP_HEIGHT_M, CLEAR_OF_BODY_M = 0.65, 0.1
 HIDING_GAP_M, HIDDEN_BEHIND_M = 12.0, 6.0
@@ -113,15 +117,21 @@ def _vehicle(state: ActorState, open_m: float) -> Iterator[LitLamp]:
     pose, length = state.world_from_body, state.actor.size[0]
     ahead = pose[:3, 0]
     reach = length / 2.0 + CLEAR_OF_BODY_M
-    front = transform(pose, [reach, 0.0, LAMP_HEIGHT_M])
     rear = transform(pose, [-reach, 0.0, LAMP_HEIGHT_M])
-    beam_cd = LOW_BEAM_CD.get(state.actor.actor_class, 0.0)
+    sides = (0.0,) if state.actor.actor_class in TWO_WHEELED else (1.0, -1.0)
+    beam_cd = LOW_BEAM_CD.get(state.actor.actor_class, 0.0) / len(sides)
     if Lamp.LOW_BEAM in state.lamps and beam_cd > 0.0:
-        yield LitLamp(Kind.LOW_BEAM, tuple(front), tuple(ahead), beam_cd, HALOGEN, open_m)
+        for left in sides:
+            y = left * BEAM_SPREAD * state.actor.size[1]
+            front = tuple(transform(pose, [reach, y, LAMP_HEIGHT_M]))
+            yield LitLamp(Kind.LOW_BEAM, front, tuple(ahead), beam_cd, HALOGEN, open_m)
+    if Lamp.FOG in state.lamps:
+        low = tuple(transform(pose, [reach, 0.0, FOG_LAMP_HEIGHT_M]))
+        down = np.cos(FOG_LAMP_TILT_RAD) * ahead - np.sin(FOG_LAMP_TILT_RAD) * pose[:3, 2]
+        yield LitLamp(Kind.LOW_BEAM, low, tuple(down), FRONT_FOG_CD, HALOGEN, open_m)
     if state.lamps & (Lamp.BRAKE | Lamp.LOW_BEAM | Lamp.FOG):
         rear_cd = BRAKE_CD if Lamp.BRAKE in state.lamps else TAIL_CD
         rear_cd += REAR_FOG_CD if Lamp.FOG in state.lamps else 0.0
-        sides = (0.0,) if state.actor.actor_class in TWO_WHEELED else (1.0, -1.0)
         for left in sides:
             aside = left * LAMP_SPREAD * state.actor.size[1] * pose[:3, 1]
             yield LitLamp(Kind.LENS, tuple(rear + aside), tuple(-ahead), rear_cd / len(sides), RED)

@@ -25,18 +25,6 @@ Colour = Literal[
 ]
 """Of car paint."""
 PaintShare = Annotated[Share, Field(gt=0)]
-Shape = Literal[
-    "saloon",
-    "hatchback",
-    "suv",
-    "sports",
-    "minibus",
-    "panel_van",
-    "box_truck",
-    "tractor",
-    "fire_truck",
-]
-"""Of the bodies that the program shapes by itself."""
 Part = Literal[
     "paint",
     "white_paint",
@@ -81,6 +69,21 @@ class LampPlaces(Terse):
     """Indicators behind."""
 
 
+class Saddle(Terse):
+    """Where somebody sits on a model that is ridden; places in the body frame, on the left."""
+
+    machine_height_m: PositiveMetres
+    """Of the model alone, from the ground; the blueprint's height is that of the helmet."""
+    seat: Point3
+    """What is sat on."""
+    grip: Point3
+    """Of the handlebar."""
+    peg: Point3
+    """What the ball of a foot rests on."""
+    lean_deg: Degrees = 5
+    """Of the back, forward; more if the hands do not reach the grips."""
+
+
 class BodyModel(Terse):
     """A 3-D model that a body is made of, scaled to the size of its blueprint.
 
@@ -106,6 +109,8 @@ class BodyModel(Terse):
         Reason("fewer lose its shape, and more slow every picture of a hundred such bodies"),
     ] = 9000
     """It is thinned to about so many."""
+    ridden: Saddle | None = None
+    """Of a motorcycle: somebody is put on it."""
     author: str
     """Who made the model."""
     licence: FreeLicence
@@ -133,8 +138,6 @@ class Blueprint(Terse):
     """Of its box, from the ground."""
     land_use: Literal["urban", "rural", "any"] = "any"
     """Where it is met."""
-    shape: Shape | None = None
-    """Of the body where there is no model; found from class and size if not given."""
     paints: dict[Colour, PaintShare] = Field(default_factory=dict[Colour, float])
     """Shares of the colours of its painted parts; those of real traffic if not given."""
     lamps: LampPlaces = LampPlaces()

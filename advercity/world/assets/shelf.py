@@ -71,7 +71,8 @@ class Shelf:
         source = self._source(model)
         if source is None:
             return None
-        size = (blueprint.length_m, blueprint.width_m, blueprint.height_m)
+        height_m = model.ridden.machine_height_m if model.ridden else blueprint.height_m
+        size = (blueprint.length_m, blueprint.width_m, height_m)
         made_from = [VERSION, source, size, model.model_dump(mode="json")]
         key = hashlib.sha256(json.dumps(made_from, sort_keys=True).encode()).hexdigest()
         path = self.folder / "models" / f"{key}.glb"

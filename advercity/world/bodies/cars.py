@@ -13,7 +13,17 @@ from advercity.semantics import Semantic
 from advercity.world.bodies.proportions import MINIBUS, PANEL_VAN, Proportions, proportions
 from advercity.world.bodies.wheels import axle
 from advercity.world.materials import PAINT
-from advercity.world.shapes import Floats, Piece, Surface, both_sides, box, ellipsoid, loft, split
+from advercity.world.shapes import (
+    Floats,
+    Piece,
+    Surface,
+    both_sides,
+    box,
+    ellipsoid,
+    loft,
+    split,
+    tube,
+)
 
 Size = tuple[float, float, float]
 
@@ -48,6 +58,8 @@ def _motor_car(blueprint_id: str, size: Size, kind: Proportions) -> list[Piece]:
         *shell.pieces(),
         *_cabin(shell),
         *_trim(shell, width),
+        *_seams(shell),
+        *(_rails(shell) if kind.rails else []),
         *axle(front, outer, radius, wide, steers=True),
         *axle(rear, outer, radius, wide),
     ]
@@ -205,6 +217,36 @@ def _trim(shell: _Shell, width: float) -> list[Piece]:
         Piece(intake, "black_plastic", Semantic.VEHICLE),
         *(Piece(plate, "paint_white", Semantic.VEHICLE) for plate in plates),
     ]
+
+
+def _seams(shell: _Shell) -> list[Piece]:
+    """Gaps between doors, and their handles."""
+    foot, _, _, back_foot = shell.kind.cabin
+    behind = shell.kind.axles[1] - 1.3 * shell.wheel_m / shell.length
+    doors = [foot + 0.03, shell.kind.pillar, min(behind, back_foot - 0.04)]
+    low, outer = shell.kind.clearance_m + 0.10, shell.half + 0.003
+    seams = [
+        box((x - 0.006, outer - 0.02, low), (x + 0.006, outer, float(shell.deck(station)) * 0.9))
+        for station in doors
+        if (x := shell.x(station))
+    ]
+    handles = [
+        box((x, outer - 0.02, z - 0.015), (x + 0.15, outer + 0.018, z + 0.015))
+        for station in doors[1:]
+        if (x := shell.x(station) + 0.06) and (z := 0.84 * float(shell.deck(station)))
+    ]
+    return [
+        Piece(both_sides(part), "black_plastic", Semantic.VEHICLE) for part in (*seams, *handles)
+    ]
+
+
+def _rails(shell: _Shell) -> list[Piece]:
+    """Along the edges of the roof."""
+    _, top, back_top, _ = shell.kind.cabin
+    y, z = 0.88 * shell.kind.roof_width * shell.half, shell.height + 0.02
+    ahead, behind = shell.x(top + 0.04), shell.x(back_top - 0.02)
+    ends = [(ahead, y, z - 0.07), (ahead - 0.1, y, z), (behind + 0.1, y, z), (behind, y, z - 0.07)]
+    return [Piece(both_sides(tube(ends, 0.02, sides=5)), "black_plastic", Semantic.VEHICLE)]
 
 
 def _light_bar(kind: Proportions, size: Size) -> list[Piece]:

@@ -13,7 +13,7 @@ from advercity.world.assets.glb import read_glb
 from advercity.world.bodies.bicycles import bicycle
 from advercity.world.bodies.cars import car, van
 from advercity.world.bodies.indicators import with_indicators
-from advercity.world.bodies.motorcycles import motorcycle
+from advercity.world.bodies.motorcycles import motorcycle, rider_of
 from advercity.world.bodies.people import drawn_looks, pedestrian
 from advercity.world.bodies.puppets import fitted
 from advercity.world.bodies.trucks import truck
@@ -25,6 +25,8 @@ Size = tuple[float, float, float]
 _LENSES = {
     "low_beam": "lamp_white",
     "rear": "lamp_red",
+    "front_fog": "lamp_white",
+    "rear_fog": "lamp_red",
     "front_indicator": "lamp_amber",
     "rear_indicator": "lamp_amber",
 }
@@ -72,6 +74,8 @@ def _made(blueprint_id: str, blueprint: Blueprint, shelf: Shelf | None) -> Body:
     model = None if shelf is None else shelf.find(blueprint)
     if model is not None:
         pieces = [*_modelled(model, blueprint.actor_class), *_lenses(blueprint.lamps)]
+        if blueprint.model and blueprint.model.ridden:
+            pieces += rider_of(blueprint_id, blueprint.model.ridden, size)
     elif blueprint.actor_class == "pedestrian":
         return pedestrian(blueprint.looks or drawn_looks(blueprint_id, size[2]), size)
     elif blueprint.actor_class in _RIDDEN:
@@ -85,7 +89,7 @@ def _modelled(path: Path, actor_class: ActorClass) -> list[Piece]:
     """Pieces of a converted model."""
     semantic = Semantic.PEDESTRIAN if actor_class == "pedestrian" else Semantic.VEHICLE
     parts = read_glb(path.read_bytes(), path.name)
-    wheels = wheels_of(parts)
+    wheels = wheels_of(parts, steer=actor_class != "motorcycle")
     return [
         Piece(
             Surface(part.vertices, part.triangles), part.material, semantic, wheels.get(part.wheel)

@@ -12,8 +12,12 @@ from advercity.world.shapes import Piece, box, meshes
 AMBER = "lamp_amber"
 SIDES = {1: f"{AMBER}_left", -1: f"{AMBER}_right"}
 """Materials of the glasses on the left (y > 0) and on the right."""
-_HALF_M = np.array([0.04, 0.05, 0.035])
-_INSET_M = 0.03
+_HALF_M = np.array([0.05, 0.045, 0.035])
+_INSET_M = 0.035
+"""From the front of the glass that they are put into."""
+_OUTER_SHARE = 0.75
+"""Of how far out a glass reaches: where they are put."""
+_LEAST_ASIDE_M = 0.09
 
 
 def with_indicators(parts: Sequence[Mesh]) -> tuple[Mesh, ...]:
@@ -39,17 +43,18 @@ def _split(part: Mesh) -> Iterator[Mesh]:
 
 
 def _added(parts: Sequence[Mesh]) -> Iterator[Piece]:
-    for glass in ("lamp_white", "lamp_red"):
+    for glass, ahead in (("lamp_white", 1.0), ("lamp_red", -1.0)):
         corners = [
             part.vertices[np.unique(part.triangles)] for part in parts if part.material == glass
         ]
         if not corners:
             continue
         points = np.concatenate(corners).astype(np.float64)
-        outermost = np.abs(points[:, 1]).max()
-        edge = points[np.abs(points[:, 1]) > 0.9 * outermost]
-        x, z = edge[:, 0].mean(), edge[:, 2].mean()
-        y = max(outermost - _INSET_M, 0.07)
+        aside = np.abs(points[:, 1])
+        outer = points[aside >= _OUTER_SHARE * aside.max()]
+        x = (outer[:, 0] * ahead).max() * ahead
+        y, z = np.abs(outer[np.abs(outer[:, 0] - x) < _HALF_M[0]][:, 1:]).mean(axis=0)
+        place = np.array([x - ahead * _INSET_M, max(y, _LEAST_ASIDE_M), z])
         for left, material in SIDES.items():
-            middle = np.array([x, left * y, z])
+            middle = place * (1, left, 1)
             yield Piece(box(middle - _HALF_M, middle + _HALF_M), material, Semantic.VEHICLE)

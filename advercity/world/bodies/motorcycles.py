@@ -2,6 +2,7 @@
 
 import numpy as np
 from advercity_dsl import Looks
+from advercity_dsl.catalogue import Saddle
 
 from advercity.semantics import Semantic
 from advercity.world.bodies.riders import Rider, Seat, dressed, riding
@@ -23,6 +24,7 @@ from advercity.world.shapes import (
 )
 
 Size = tuple[float, float, float]
+_SPORTY_DEG = 15.0
 
 
 def motorcycle(blueprint_id: str, size: Size) -> Body:
@@ -49,22 +51,33 @@ def motorcycle(blueprint_id: str, size: Size) -> Body:
         (ellipsoid(tail, (0.05, 0.07, 0.04), sides=8, bands=4), "lamp_red"),
     ]
     foot = xyz(0.12 * length if scooter or cruiser else -0.08 * length, z=0.30)
-    soles = np.array([[foot + xyz(y=0.19), foot - xyz(y=0.19)]])
     lean = np.radians(3.0 if scooter or cruiser else 24.0)
-    rider = Rider.on(Seat(saddle + xyz(0, 0, 0.15), grip, height, lean))
-    looks = Looks(stout=1.05, bottom_colour="denim" if scooter else "black")
-    helmet = "car_paint_white" if scooter else "black_plastic"
-    posture = riding(rider, soles)[0]
-    worn = dressed(posture, rider.build, looks, helmet, key=blueprint_id, visor=True)
+    place = Seat(saddle + xyz(0, 0, 0.15), grip, height, lean)
     pieces = [
         *_vehicle([*shell, *fenders], PAINT),
         *_vehicle([tube(bars, 0.02, sides=6), seat], "black_plastic"),
         *_vehicle([fork, *_engine(rear, length, scooter)], "metal"),
         *(piece for surface, material in lamps for piece in _vehicle([surface], material)),
         *(piece for hub in (front, rear) for piece in _wheel(hub, radius)),
-        *(Piece(limb.surface, limb.material, limb.semantic) for limb in worn),
+        *_rider(blueprint_id, place, foot + xyz(y=0.19), scooter=scooter),
     ]
     return Body(tuple(meshes(pieces)), size)
+
+
+def rider_of(blueprint_id: str, saddle: Saddle, size: Size) -> list[Piece]:
+    """Somebody on the model of a motorcycle; who hardly leans is dressed for town."""
+    pelvis = xyz(*saddle.seat) + xyz(z=0.12)
+    place = Seat(pelvis, xyz(*saddle.grip), size[2], np.radians(saddle.lean_deg))
+    return _rider(blueprint_id, place, xyz(*saddle.peg), scooter=saddle.lean_deg < _SPORTY_DEG)
+
+
+def _rider(blueprint_id: str, seat: Seat, peg: Floats, *, scooter: bool) -> list[Piece]:
+    rider = Rider.on(seat)
+    looks = Looks(stout=1.05, bottom_colour="denim" if scooter else "black")
+    helmet = "car_paint_white" if scooter else "black_plastic"
+    posture = riding(rider, np.array([[peg, peg * (1, -1, 1)]]))[0]
+    worn = dressed(posture, rider.build, looks, helmet, key=blueprint_id, visor=True)
+    return [Piece(limb.surface, limb.material, limb.semantic) for limb in worn]
 
 
 def _vehicle(surfaces: list[Surface], material: str, wheel: Wheel | None = None) -> list[Piece]:
@@ -122,7 +135,7 @@ def _motorcycle_shell(rear: Floats, saddle: Floats, head: Floats) -> list[Surfac
     tank += [(x1 - 0.14, z + 0.08, 0.15, 0.13), (x1 - 0.02, z + 0.04, 0.09, 0.08)]
     tail = [(rear[0] - 0.10, z + 0.05, 0.04, 0.03), (rear[0] + 0.05, z + 0.0, 0.09, 0.06)]
     tail += [(x0, z - 0.06, 0.12, 0.08)]
-    fairing = [(x1 - 0.25, z - 0.16, 0.12, 0.10), (x1 - 0.05, z - 0.08, 0.18, 0.20)]
+    fairing = [(x1 - 0.30, z - 0.28, 0.13, 0.12), (x1 - 0.08, z - 0.14, 0.18, 0.24)]
     fairing += [(x1 + 0.10, z + 0.02, 0.16, 0.16), (x1 + 0.17, z + 0.06, 0.07, 0.08)]
     return [_hull(tank), _hull(tail), _hull(fairing)]
 
@@ -156,5 +169,10 @@ def _engine(rear: Floats, length: float, scooter: bool) -> list[Surface]:
     exhaust = tube(np.array(pipe) + xyz(0, -0.16, 0), [0.03, 0.035, 0.05], sides=8)
     if scooter:
         return [exhaust]
-    block = ellipsoid((0.0, 0, 0.40), (0.11 * length, 0.15, 0.15), sides=8, bands=5)
-    return [exhaust, block]
+    block = ellipsoid((0.02, 0, 0.36), (0.13 * length, 0.16, 0.16), sides=8, bands=5)
+    cylinders = [
+        tube([xyz(0.0, z=0.38), xyz(0.26 * lean, z=0.66)], [0.10, 0.085], sides=8)
+        for lean in (-0.55, 0.75)
+    ]
+    arm = both_sides(tube([xyz(-0.05, 0.09, 0.36), rear + xyz(y=0.09)], 0.03, sides=5))
+    return [exhaust, block, *cylinders, arm]

@@ -25,6 +25,8 @@ class Proportions:
     """Width of the roof as a share of the widest."""
     windows: int = 2
     """Side windows, counted from the front; a panel van has one."""
+    rails: bool = False
+    """Whether its roof has some."""
 
 
 _SALOON = Proportions(
@@ -84,6 +86,7 @@ _SUV = Proportions(
     cabin=(0.25, 0.36, 0.91, 0.975),
     pillar=0.52,
     roof_width=0.83,
+    rails=True,
 )
 _SPORTS = Proportions(
     deck=(

@@ -31,8 +31,8 @@ def axle(
     ]
 
 
-def wheels_of(parts: Sequence[Part]) -> dict[int, Wheel]:
-    """The wheels of a model by their numbers: those in front steer, the others share axles."""
+def wheels_of(parts: Sequence[Part], *, steer: bool) -> dict[int, Wheel]:
+    """The wheels of a model by their numbers: those in front may steer, others share axles."""
     hubs: dict[int, Floats] = {}
     for number in sorted({part.wheel for part in parts} - {0}):
         own = [part.vertices[np.unique(part.triangles)] for part in parts if part.wheel == number]
@@ -41,7 +41,7 @@ def wheels_of(parts: Sequence[Part]) -> dict[int, Wheel]:
     foremost = max((hub[0] for hub in hubs.values()), default=0.0)
     wheels: dict[int, Wheel] = {}
     for number, (x, y, z) in hubs.items():
-        if x > foremost - _AXLE_M:
+        if steer and x > foremost - _AXLE_M:
             wheels[number] = Wheel((float(x), float(y), float(z)), steers=True)
         else:
             near = (other for other in wheels.values() if abs(other.hub[0] - x) < _AXLE_M)

@@ -40,7 +40,7 @@ WIDE_BEAM_RAD = np.radians(12.0)
 """Spread of a dipped beam to either side."""
 STRAY_BEAM = 0.1
 """Of a dipped beam's peak, what goes up and to the sides where others look into it."""
-BEAM_M, BEAMS, BEAM_SEEN_M = 40.0, 2, 60.0
+BEAM_M, BEAMS, BEAM_SEEN_M = 40.0, 4, 60.0
 """Length of a beam in fog; how many are seen from all sides, and from how far."""
 BEAM_GLOW = 4e-3
 """Luminance of a beam seen from behind, by its peak and the extinction (weather reference)."""
