@@ -169,10 +169,10 @@ def _engine(rear: Floats, length: float, scooter: bool) -> list[Surface]:
     exhaust = tube(np.array(pipe) + xyz(0, -0.16, 0), [0.03, 0.035, 0.05], sides=8)
     if scooter:
         return [exhaust]
-    block = ellipsoid((0.02, 0, 0.36), (0.13 * length, 0.16, 0.16), sides=8, bands=5)
+    block = ellipsoid((0.02, 0, 0.36), (0.13 * length, 0.16, 0.16), sides=8, bands=4)
     cylinders = [
-        tube([xyz(0.0, z=0.38), xyz(0.26 * lean, z=0.66)], [0.10, 0.085], sides=8)
+        tube([xyz(0.0, z=0.38), xyz(0.26 * lean, z=0.66)], [0.10, 0.085], sides=6)
         for lean in (-0.55, 0.75)
     ]
-    arm = both_sides(tube([xyz(-0.05, 0.09, 0.36), rear + xyz(y=0.09)], 0.03, sides=5))
+    arm = both_sides(tube([xyz(-0.05, 0.09, 0.36), rear + xyz(y=0.09)], 0.03, sides=4))
     return [exhaust, block, *cylinders, arm]
