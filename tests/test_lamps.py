@@ -125,6 +125,14 @@ def test_every_motor_vehicle_has_an_indicator_at_each_corner(name: str):
         assert (np.abs(points) <= np.array(made.size) * (0.5, 0.5, 1) + 0.03).all()
 
 
+def test_bicycles_have_no_indicators():
+    rider = replace(CAR, actor_class="bicycle", size=(1.7, 0.6, 1.6))
+    shown = [
+        lit(frame(Lamp.LEFT, time_s=0.1 * k, actor=rider), Lamps(low_beam=False)) for k in range(14)
+    ]
+    assert {one.of(101).lamps for one in shown} == {Lamp(0)}
+
+
 def test_umbrellas_go_up_with_the_rain_and_stay_up_when_it_gets_harder():
     people = tuple(
         ActorState(

@@ -33,6 +33,8 @@ OBLIQUE, LEVEL = 0.18, 0.08
 STREET_LAMPS = tuple(StreetLamp((x, y, 8.0)) for x in (-9.0, 9.0) for y in (-7.0, 7.0))
 COATS = "cloth_red"
 STEERING_RAD = np.radians(20.0)
+BLINKS_AT_ONCE = 2
+"""An actor whose indicators are lit at the beginning."""
 CLEAN_LENS = 0.02
 """Share of the light that it scatters."""
 ALL_LAMPS = Lamp.BRAKE | Lamp.LEFT | Lamp.RIGHT
@@ -65,17 +67,17 @@ def _pictures(
     weather = find_weather(weather_id).declaration
     atmosphere = atmosphere_of(weather, "rural")
     with backend.open(world, atmosphere, PROFILES["preview"]) as renderer:
-        for number, (name, blueprint) in enumerate(blueprints.items(), start=1):
-            frame = lit(_frame(number, name, blueprint), weather.lamps)
+        for name, blueprint in blueprints.items():
+            frame = lit(_frame(name, blueprint), weather.lamps)
             renderer.place(frame)
             yield [_picture(renderer, blueprint, azimuth) for _, azimuth in VIEWS]
 
 
-def _frame(number: int, name: str, blueprint: Blueprint) -> Frame:
+def _frame(name: str, blueprint: Blueprint) -> Frame:
     paint = COATS if blueprint.actor_class == "pedestrian" else CONNECTED_PAINT
     size = (blueprint.length_m, blueprint.width_m, blueprint.height_m)
     lamps = Lamp(0) if blueprint.actor_class == "pedestrian" else ALL_LAMPS
-    actor = Actor(number, blueprint.actor_class, name, paint, size)
+    actor = Actor(BLINKS_AT_ONCE, blueprint.actor_class, name, paint, size)
     state = ActorState(actor, np.eye(4), 0.0, 0.0, lamps, steering_rad=STEERING_RAD)
     return Frame(index=0, time_s=0.0, states=(state,), signals={})
 

@@ -16,7 +16,7 @@ def lit(frame: Frame, lamps: Lamps) -> Frame:
     """The frame with low beams and fog lamps as the weather calls for, and indicators that blink.
 
     In the trace an indicator is switched on; here it is lit for half of the time, everybody's to
-    their own beat. Two-wheelers have no fog lamps; people carry no lamps.
+    their own beat. Two-wheelers have no fog lamps, bicycles no indicators; people carry no lamps.
     """
     return replace(frame, states=tuple(_lit(state, lamps, frame.time_s) for state in frame.states))
 
@@ -26,7 +26,7 @@ def _lit(state: ActorState, lamps: Lamps, time_s: float) -> ActorState:
     if kind == "pedestrian":
         return state
     shining = state.lamps
-    if (BLINKS_PER_S * time_s + _GOLDEN * state.actor.id) % 1.0 >= 0.5:
+    if kind == "bicycle" or (BLINKS_PER_S * time_s + _GOLDEN * state.actor.id) % 1.0 >= 0.5:
         shining &= ~_INDICATORS
     if lamps.low_beam:
         shining |= Lamp.LOW_BEAM
