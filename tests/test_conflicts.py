@@ -224,11 +224,11 @@ def test_junctions_without_lights_have_stop_signs_for_those_from_the_sides(copie
 def test_conflicts_that_only_fit_are_crossed_where_a_suite_says_so(copied: Path):
     suite = "suites/unsignalised.yaml"
     edited(copied, suite, "[scp_unsignalised, ltap_ld, ltip]", "[ped_left_turn]")
-    edited(copied, suite, "[variant]", "[extension]\ndensities: [dense]")
+    edited(copied, suite, "[variant]", "[extension]")
 
     (spec,) = compile_library(copied, suite="unsignalised")
 
-    assert spec.id == "ri_ped_left_turn_clear_day_dense"
+    assert spec.id == "ri_ped_left_turn_clear_day_sparse"
 
 
 @pytest.mark.parametrize(
