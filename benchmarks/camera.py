@@ -22,7 +22,7 @@ from advercity_sapien.sun import SunShadow
 from figures import Figure
 from numpy.typing import NDArray
 
-from advercity.compiler import find_weather, read_spec
+from advercity.compiler import find_weather, read_spec, under
 from advercity.randomness import generator
 from advercity.rendering.backend import CameraView, Profile
 from advercity.rendering.lamps import lit_lamps
@@ -107,7 +107,7 @@ def figures(*, quick: bool) -> list[Figure]:
 
 def measure(spec: Spec, weather: str, rounds: int) -> tuple[float, float, float]:
     """Median seconds of SAPIEN's picture, of our rendering, and of making the picture of it."""
-    authored = find_weather(weather).declaration
+    authored = under(spec, find_weather(weather)).weather
     stage = set_stage(spec)
     viewpoints = Viewpoints(spec, stage.trace)
     frame, world = viewpoints.frame(FRAME), world_of(spec, stage.network)

@@ -161,17 +161,19 @@ def test_azimuth_runs_clockwise_from_north(
 
 
 @pytest.mark.parametrize(
-    ("road", "carla_yaw_deg"),
-    [("ui", 91), ("unj", -178.7), ("ri", -90), ("rsnj", -90), ("rcnj", -80)],
+    ("road", "carla_yaw_deg", "altitude_deg"),
+    [("ui", 91, 8), ("unj", -178.7, 5), ("ri", -90, 10), ("rsnj", -90, 11), ("rcnj", -80, 22)],
 )
-def test_the_glare_stands_where_the_original_has_it(road: str, carla_yaw_deg: float) -> None:
+def test_the_glare_comes_from_where_the_original_has_it_and_no_higher(
+    road: str, carla_yaw_deg: float, altitude_deg: float
+) -> None:
     sun = shipped("glare_day").sun_at[road]
     towards = sky.direction_to(sun.elevation_deg, sun.azimuth_deg)
-    carla = math.radians(carla_yaw_deg)
-    level = math.cos(math.radians(sun.elevation_deg))
-    np.testing.assert_allclose(
-        towards[:2], [level * math.cos(carla), -level * math.sin(carla)], atol=1e-9
+    apart = math.remainder(
+        math.atan2(-towards[1], towards[0]) - math.radians(carla_yaw_deg), math.tau
     )
+    assert abs(math.degrees(apart)) < 9.0
+    assert 5.0 <= sun.elevation_deg <= altitude_deg
 
 
 def test_cubemap_faces_lie_as_the_contract_says() -> None:

@@ -58,6 +58,24 @@ def compile_(
 
 
 @app.command()
+def solve(
+    library: LibraryArgument = LIBRARIES,
+    suite: Annotated[str | None, typer.Option(help="Suite whose roads and weathers.")] = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="Only tell whether what was found still holds.")
+    ] = False,
+) -> None:
+    """Find suns that are to be in the ego's view, by rays against the world; write them down."""
+    from advercity.compiler import chosen_suite, load_library
+    from advercity.runner.glare import check_suns, solve_suns
+
+    loaded = load_library(*library)
+    chosen = chosen_suite(loaded, *library, suite=suite)
+    for line in check_suns(loaded, chosen) if check else solve_suns(loaded, chosen):
+        say(line)
+
+
+@app.command()
 def validate(
     paths: Annotated[list[Path], typer.Argument(help="Specs, declarations or library folders.")],
 ) -> None:

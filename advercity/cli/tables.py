@@ -129,6 +129,9 @@ def _light(weather: Weather) -> str:
             f"street lamps {night.street_lx.urban:g} lx in town, {night.street_lx.rural:g} lx"
             f" outside; sky {night.glow_cd_m2.urban:g}, {night.glow_cd_m2.rural:g} cd/m2"
         )
+    if weather.sun.in_view_of is not None:
+        found = ", ".join(weather.sun_at) or "no road yet"
+        return f"sun in view of the {weather.sun.in_view_of}, found for {found}"
     light = daylight_of(weather)
     return (
         f"sun {light.direct_lx:.0f} lx at {weather.sun.elevation_deg:g} deg, "

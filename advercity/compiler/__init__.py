@@ -23,19 +23,26 @@ from advercity.errors import InputError
 def compile_library(*folders: Path, suite: str | None = None) -> list[Spec]:
     """Every spec of a library's suite; of its default or only one, or of the one called `suite`."""
     library = load_library(*folders)
+    return cross(library, chosen_suite(library, *folders, suite=suite))
+
+
+def chosen_suite(library: Library, *folders: Path, suite: str | None = None) -> Suite:
+    """A library's default or only suite, or the one called `suite`.
+
+    Raises:
+        InputError: There is none, or no such one.
+    """
     named = ", ".join(str(folder) for folder in folders)
     suites = library.of(Suite)
     usual = [item for item in suites.values() if item.default] or list(suites.values())
     if suite is None and len(usual) == 1:
-        (chosen,) = usual
-    elif suite in suites:
-        chosen = suites[suite]
-    elif suite is None:
+        return usual[0]
+    if suite in suites:
+        return suites[suite]
+    if suite is None:
         what = f"has {len(suites)} suites" if suites else "has no suite"
         raise InputError(f"{named}: {what}; name one with --suite: {', '.join(suites)}")
-    else:
-        raise InputError(f"{named}: there is no suite '{suite}'; {nearest(suite, suites)}")
-    return cross(library, chosen)
+    raise InputError(f"{named}: there is no suite '{suite}'; {nearest(suite, suites)}")
 
 
 __all__ = [
@@ -43,8 +50,10 @@ __all__ = [
     "Library",
     "Problem",
     "ProblemsError",
+    "chosen_suite",
     "compared",
     "compile_library",
+    "cross",
     "differences",
     "explained",
     "find_declaration",

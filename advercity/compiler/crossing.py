@@ -26,6 +26,7 @@ from advercity_dsl import (
 )
 from advercity_dsl.distribution import Distribution
 from advercity_dsl.spec import ClassDemand, CrashGroup, Provenance, SpecSeeds, Swept
+from advercity_dsl.weather import Sun
 
 from advercity import __version__
 from advercity.compiler.caution import caution
@@ -52,12 +53,17 @@ SPAWN_AREAS = 8
 """A square around each of five agents and a box along each of three paths."""
 
 
-def cross(library: Library, suite: Suite) -> list[Spec]:
+def cross(library: Library, suite: Suite, *, solved: bool = True) -> list[Spec]:
     """Every scenario of a suite, in the order of roads, weathers, densities and its sweep.
+
+    Args:
+        library: Where everything is.
+        suite: What to cross.
+        solved: Whether suns in somebody's view must have been found; else suns stand anywhere.
 
     Raises:
         ProblemsError: A reference leads nowhere, a required place has no road, a road has no
-            required place, or no scenario is left.
+            required place, a sun in somebody's view is not found yet, or no scenario is left.
     """
     problems: list[Problem] = []
     roads = _chosen(library, suite, "roads", Road, problems)
@@ -78,7 +84,7 @@ def cross(library: Library, suite: Suite) -> list[Spec]:
     source = library.entry(suite).source
     asked, taken = conditions(suite, source), steps(suite, source)
     scenes = (
-        _scene(library, suite, parts, step)
+        _scene(library, suite, parts, step, solved=solved)
         for parts in product(
             cells(library, suite, roads, groups),
             weathers.values(),
@@ -129,7 +135,9 @@ class _Scene:
 Parts = tuple[Cell, Weather, Density, Rig, Catalogue]
 
 
-def _scene(library: Library, suite: Suite, parts: Parts, step: Step | None) -> _Scene:
+def _scene(
+    library: Library, suite: Suite, parts: Parts, step: Step | None, *, solved: bool
+) -> _Scene:
     cell, weather, density, rig, catalogue = parts
     road, crossed = cell.road, cell.crossed.id if cell.crossed else None
     name = _name(library, suite, road, weather, density, step, crossed)
@@ -142,7 +150,8 @@ def _scene(library: Library, suite: Suite, parts: Parts, step: Step | None) -> _
         if step is None:
             raise
         raise ProblemsError.of(_bad_step(library, suite, step, error.problems[0])) from None
-    return _Scene(name, road, weather_at(drawn, road), density, rig, catalogue, draws, step, cell)
+    drawn = weather_at(library.entry(weather), drawn, road, solved=solved)
+    return _Scene(name, road, drawn, density, rig, catalogue, draws, step, cell)
 
 
 def weather_of(
@@ -398,7 +407,7 @@ def under(spec: Spec, entry: Entry[Weather]) -> Spec:
         spec.model_copy(
             update={
                 "id": name,
-                "weather": weather_at(weather, spec.road),
+                "weather": weather_at(entry, weather, spec.road),
                 "caution": caution(spec.drivers, weather) if spec.drivers else None,
                 "provenance": provenance,
             }
@@ -406,9 +415,22 @@ def under(spec: Spec, entry: Entry[Weather]) -> Spec:
     )
 
 
-def weather_at(weather: Weather, road: Road) -> Weather:
-    """The weather as it is at a road: its own sun in place of `sun_at`."""
+def weather_at(
+    entry: Entry[Weather], weather: Weather, road: Road, *, solved: bool = True
+) -> Weather:
+    """The weather as it is at a road: its own sun in place of `sun_at`.
+
+    Raises:
+        ProblemsError: The sun is to be in somebody's view, and is not found yet.
+    """
     sun = weather.sun_at.get(road.id, weather.sun)
+    if sun.in_view_of is not None and solved:
+        where = ("sun", "in_view_of") if sun is weather.sun else ("sun_at", road.id, "in_view_of")
+        message = f"where the sun is in view of the ego at road '{road.id}' is not known yet"
+        hint = "`advercity solve LIBRARY` finds it, and writes it to sun_at"
+        raise ProblemsError.of(entry.source.problem(where, message, hint=hint))
+    if sun.in_view_of is not None:
+        sun = Sun()
     return weather.model_copy(update={"sun": sun, "sun_at": {}})
 
 

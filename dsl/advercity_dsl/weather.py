@@ -172,8 +172,19 @@ class Lens(Model):
     """Share of the light that the optics scatter: 0.02 clean, 0.05 damp, 0.10 dirty."""
 
 
+def _is_none(value: object) -> bool:
+    return value is None
+
+
+USUAL_WITHIN_DEG, USUAL_SEEN_SHARE = 25.0, 0.5
+
+
 class Sun(Model):
-    """Where the sun stands: azimuth in degrees clockwise from north."""
+    """Where the sun stands, or in whose view it is to stand.
+
+    Said by `elevation_deg` and `azimuth_deg`, or by `in_view_of`, which `advercity solve` turns
+    into the former at every road and writes to `sun_at`.
+    """
 
     elevation_deg: Annotated[
         Degrees, Field(ge=-90, le=90), Reason("90 deg is straight overhead")
@@ -181,6 +192,33 @@ class Sun(Model):
     """Above the horizon; below 0 at night."""
     azimuth_deg: Direction = 180
     """Clockwise from north."""
+    in_view_of: Literal["ego"] | None = Field(default=None, exclude_if=_is_none)
+    """Who is to drive into the sun; found so that neither the world nor traffic hides it."""
+    within_deg: Annotated[
+        Degrees, Field(gt=0, le=60), Reason("farther off than 60 deg a camera does not see it")
+    ] = Field(default=USUAL_WITHIN_DEG, exclude_if=lambda value: value == USUAL_WITHIN_DEG)
+    """How far off the axis of the ego's front camera it still counts as in view."""
+    seen_share: Share = Field(
+        default=USUAL_SEEN_SHARE, exclude_if=lambda value: value == USUAL_SEEN_SHARE
+    )
+    """Share of the ego's way on which it is to be in view, at least."""
+
+    @model_validator(mode="after")
+    def _said_in_one_way(self) -> Self:
+        said = self.model_fields_set
+        if self.in_view_of is None:
+            for field in ("within_deg", "seen_share"):
+                if field in said and getattr(self, field) != type(self).model_fields[field].default:
+                    raise Misfit((field,), "goes with in_view_of", "add in_view_of: ego")
+        for field in ("elevation_deg", "azimuth_deg"):
+            if self.in_view_of is not None and field in said:
+                raise Misfit(
+                    (field,),
+                    "stands beside in_view_of, which is there to find it",
+                    "leave one of the two out",
+                    otherwise=("in_view_of",),
+                )
+        return self
 
 
 class Sky(Model):

@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 import pytest
 from advercity_dsl import Camera, Mount, Weather
+from advercity_dsl.weather import Sun
 from advercity_sapien import SapienBackend
 from numpy.typing import ArrayLike, NDArray
 
@@ -109,7 +110,13 @@ def traffic() -> Frame:
 def weathers() -> dict[str, Weather]:
     names = {name: name for name in shipped_weathers()}
     names |= {name: str(ROOT / "library" / "examples" / f"{name}.yaml") for name in EXAMPLES}
-    return {name: find_weather(text).declaration for name, text in names.items()}
+    return {name: at_the_street(find_weather(text).declaration) for name, text in names.items()}
+
+
+def at_the_street(weather: Weather) -> Weather:
+    """With the sun over the end of the street where it is to be in view."""
+    ahead = Sun(elevation_deg=8, azimuth_deg=84)
+    return weather.model_copy(update={"sun": ahead}) if weather.sun.in_view_of else weather
 
 
 def taken(name: str, weather: Weather, renderer: Renderer) -> Image:
