@@ -140,5 +140,7 @@ def _optical_depth(
         place = start + own * (enter + through * (step + 0.5) / STEPS)[..., None]
         side, up = place[..., 1] / half[1], place[..., 2] / half[2]
         profile = (1.0 - side**2) * (1.0 - ((up + 1.0) / 2.0) ** 2)
-        total += np.exp(-(half[0] - place[..., 0]) / FADING_M) * np.maximum(profile, 0.0)
+        # Rays that pass the plume by may be anywhere; they go through nothing of it.
+        behind_m = np.maximum(half[0] - place[..., 0], 0.0)
+        total += np.exp(-behind_m / FADING_M) * np.maximum(profile, 0.0)
     return total * through * peak / (STEPS * MEAN_OF_PROFILE)
