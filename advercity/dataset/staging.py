@@ -2,12 +2,16 @@
 
 import fcntl
 import os
+import time
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
 
 from advercity.errors import RunError
+
+PATIENCE_S = 5.0
+"""For one who was killed to let go of what it held."""
 
 
 @contextmanager
@@ -25,8 +29,10 @@ def failures_named(path: Path) -> Generator[None]:
 def lock(path: Path) -> IO[bytes]:
     """Hold `path` until the stream is closed or the process ends; RunError if somebody else does.
 
-    Whoever held it may have deleted it since it was opened here, hence the second look.
+    A run that was killed may take a moment to let go. Whoever held it may have deleted it since it
+    was opened here, hence the second look.
     """
+    patient_until_s = time.monotonic() + PATIENCE_S
     while True:
         path.parent.mkdir(parents=True, exist_ok=True)
         stream = path.open("ab")
@@ -34,6 +40,9 @@ def lock(path: Path) -> IO[bytes]:
             fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             stream.close()
+            if time.monotonic() < patient_until_s:
+                time.sleep(0.05)
+                continue
             raise RunError(
                 f"{path.parent}: another run is writing this scenario; wait for it or choose"
                 " another --output"
