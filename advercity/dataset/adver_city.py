@@ -10,6 +10,7 @@ from functools import partial
 from advercity_dsl import Agent
 
 from advercity.dataset import ply
+from advercity.dataset.annotation import annotate
 from advercity.dataset.carla_frame import mirror
 from advercity.dataset.description import describe, motion
 from advercity.dataset.documents import yaml_bytes
@@ -42,7 +43,9 @@ def encode(readings: Sequence[Reading], lanes: Sequence[Lane], *, name: str) -> 
         jobs[f"{stem}{CLOUD}"] = partial(_cloud, reading)
         if reading.gnss is not None or reading.imu is not None:
             jobs[f"{stem}_gnss_imu.yaml"] = lambda reading=reading: yaml_bytes(motion(reading))
-        jobs[f"{stem}.yaml"] = lambda reading=reading: yaml_bytes(describe(reading))
+        jobs[f"{stem}.yaml"] = lambda reading=reading: yaml_bytes(
+            describe(reading, annotate(reading))
+        )
     return side_by_side(jobs)
 
 

@@ -4,12 +4,14 @@ Everything here is left-handed (see `carla_frame`), in metres, degrees and km/h.
 loader reads are kept beside those they do: `class`, `bearing`, `lidar_hits`.
 """
 
+from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
 
 from advercity import poses
-from advercity.dataset.annotation import Annotation, annotate
+from advercity.dataset.annotation import Annotation
 from advercity.dataset.carla_frame import (
     angles_deg,
     mirror,
@@ -26,9 +28,8 @@ from advercity.world.materials import MATERIALS
 KM_H_PER_M_S = 3.6
 
 
-def describe(reading: Reading) -> dict[str, Any]:
-    """What `<frame>.yaml` says of a viewpoint, in plain types."""
-    objects = annotate(reading)
+def describe(reading: Reading, objects: Sequence[Annotation]) -> dict[str, Any]:
+    """What `<frame>.yaml` says of a viewpoint and what it annotates, in plain types."""
     cameras = {
         f"camera{index}": _camera(reading, picture)
         for index, picture in enumerate(reading.pictures)
@@ -114,6 +115,7 @@ def _timed(sample: ImuSample) -> dict[str, Any]:
     return {"time_offset": plain(sample.time_s), **_imu(sample)}
 
 
+@cache
 def _colour(material: str) -> str:
     """`r, g, b` from 0 to 255: a material's albedo in sRGB's transfer (IEC 61966-2-1)."""
     linear = np.array(MATERIALS[material].albedo)

@@ -1,6 +1,7 @@
 """YAML and JSON as datasets hold them: plain types, rounded numbers, no anchors, no times."""
 
 import json
+import math
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,11 @@ from numpy.typing import ArrayLike
 
 def plain(values: ArrayLike, *, decimals: int = 9) -> Any:
     """Python floats, rounded; zero without a sign."""
+    if isinstance(values, float):
+        # As NumPy rounds, at a tenth of what it takes for a single number.
+        scale = 10.0**decimals
+        scaled = values * scale
+        return round(scaled) / scale if math.isfinite(scaled) else values
     return (np.round(np.asarray(values, dtype=np.float64), decimals) + 0.0).tolist()
 
 

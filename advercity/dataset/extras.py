@@ -4,19 +4,20 @@ They parse `<frame>.yaml` in pure Python several times over, so it stays short a
 it. Vectors are left-handed as there; boxes are in pixels, counted from the left upper corner.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from advercity.dataset.annotation import Annotation, annotate
+from advercity.dataset.annotation import Annotation
 from advercity.dataset.carla_frame import mirror
 from advercity.dataset.documents import plain
 from advercity.dataset.reading import Reading
 from advercity.dataset.sightings import Sighting
 
 
-def extras(reading: Reading) -> dict[str, Any]:
-    """Document of one viewpoint in one frame, in plain types; objects by id as in its YAML.
+def extras(reading: Reading, objects: Sequence[Annotation]) -> dict[str, Any]:
+    """Document of one viewpoint and what it annotates, in plain types; by id as in its YAML.
 
     `lidar_points` are those that came back through the weather, `lidar_hits` those that would have
     in none. `roles` are an object's parts in staged conflicts, by their ids. `cameras` has those
@@ -29,7 +30,7 @@ def extras(reading: Reading) -> dict[str, Any]:
         "time_s": plain(reading.frame.time_s),
         "objects": {
             str(item.state.actor.id): _object(item, reading, points.get(item.state.actor.id, 0))
-            for item in annotate(reading)
+            for item in objects
         },
     }
 

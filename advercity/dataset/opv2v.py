@@ -10,6 +10,7 @@ from functools import partial
 from advercity_dsl import Agent
 
 from advercity.dataset import pcd
+from advercity.dataset.annotation import annotate
 from advercity.dataset.bird_view import bird_views
 from advercity.dataset.description import describe, motion
 from advercity.dataset.documents import json_bytes, yaml_bytes
@@ -54,13 +55,14 @@ def encode(readings: Sequence[Reading], lanes: Sequence[Lane], *, name: str) -> 
     for stem, maps in zip(stems, bird_views(ordered, lanes), strict=True):
         jobs |= {f"{stem}_bev_{kind}.png": partial(mask_png, mask) for kind, mask in maps.items()}
     files = side_by_side(jobs)
-    for stem, reading in zip(stems, ordered, strict=True):
+    objects = [annotate(reading) for reading in ordered]
+    for stem, reading, items in zip(stems, ordered, objects, strict=True):
         files[f"{stem}{CLOUD}"] = _cloud(reading)
-        files[f"{stem}_objects.json"] = json_bytes(extras(reading))
+        files[f"{stem}_objects.json"] = json_bytes(extras(reading, items))
         if reading.gnss is not None or reading.imu is not None:
             files[f"{stem}_additional_gnss_imu.yaml"] = yaml_bytes(motion(reading))
-    for stem, reading in zip(stems, ordered, strict=True):
-        files[f"{stem}.yaml"] = yaml_bytes(describe(reading))
+    for stem, reading, items in zip(stems, ordered, objects, strict=True):
+        files[f"{stem}.yaml"] = yaml_bytes(describe(reading, items))
     return files
 
 

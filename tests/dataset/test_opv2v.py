@@ -14,6 +14,7 @@ import yaml
 from advercity_dsl import Spec
 from numpy.typing import NDArray
 
+from advercity.dataset.annotation import annotate
 from advercity.dataset.description import describe
 from advercity.dataset.manifest import Identity
 from advercity.dataset.opv2v import folder_name
@@ -182,7 +183,8 @@ def test_a_walker_is_described_like_a_vehicle(scenario: Path) -> None:
 
 
 def test_walkers_are_an_empty_map_where_there_are_none(readings_of: ReadingsOf) -> None:
-    description = describe(replace(readings_of(0)[0], visible={}))
+    reading = replace(readings_of(0)[0], visible={})
+    description = describe(reading, annotate(reading))
     assert (description["vehicles"], description["walkers"]) == ({}, {})
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 from advercity_dsl import Spec
 from advercity_dsl.conflict import StagedActor, StagedConflict
 
+from advercity.dataset.annotation import annotate
 from advercity.dataset.extras import extras
 from advercity.dataset.reading import Reading
 from advercity.dataset.roles import roles_of
@@ -43,7 +44,10 @@ def test_annotations_tell_roles(
     spec: Spec, readings_of: Callable[[int], tuple[Reading, ...]]
 ) -> None:
     reading = replace(readings_of(0)[1], roles=roles_of(staged(spec)))
-    found = {number: item["roles"] for number, item in extras(reading)["objects"].items()}
+    found = {
+        number: item["roles"]
+        for number, item in extras(reading, annotate(reading))["objects"].items()
+    }
     assert found["201"] == {"conflict_1": "subject"}
     assert found["101"] == {"conflict_1": "other", "conflict_2": "subject"}
     assert found["202"] == {}
