@@ -99,7 +99,11 @@ def drawn(image: NDArray[np.uint8], kind: str) -> int:
 
 def test_the_web_view_shows_the_road(page: Any, address: str, tmp_path: Path) -> None:
     errors: list[object] = []
-    page.on("pageerror", lambda error: errors.append(error))
+
+    def note(error: object) -> None:
+        errors.append(error)
+
+    page.on("pageerror", note)
     page.goto(address)
     end = time.monotonic() + PATIENCE_S
     image = shot(page)
