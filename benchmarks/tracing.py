@@ -12,6 +12,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
+from importlib import import_module
 from importlib.util import find_spec
 from multiprocessing import get_context
 from pathlib import Path
@@ -93,8 +94,7 @@ def mitsuba_s(rounds: int) -> float:
 
 def mitsuba_picture(world: World, frame: Frame, view: CameraView) -> Callable[[], object]:
     """Takes a picture with Mitsuba."""
-    import mitsuba
-
+    mitsuba: Any = import_module("mitsuba")
     mitsuba.set_variant("scalar_rgb")
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "scene.ply"
