@@ -239,8 +239,9 @@ def memory(scene: Scene, frames: int) -> None:
     air = air_of(weather, atmosphere_of(weather, "urban"))
     for number in range(frames + 1):
         if number % max(1, frames // 4) == 0:
+            resident = psutil.Process().memory_info().rss / 2**20
             peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-            print(f"after {number} frames: peak {peak:.0f} MiB")
+            print(f"after {number} frames: {resident:.0f} MiB, at most {peak:.0f} MiB")
         frame = scene.viewpoints.frame(number % scene.frames)
         for agent in scene.agents:
             scene.look(agent, frame, air)
