@@ -164,6 +164,22 @@ def test_white_lamps_shine_ahead_and_red_ones_behind(name: str):
     assert lamps["lamp_red"][..., 0].max() < -quarter / 2
 
 
+@pytest.mark.parametrize(
+    "name",
+    [
+        n
+        for n, made in CATALOGUE.blueprints.items()
+        if made.actor_class not in ("pedestrian", *TWO_WHEELERS)
+    ],
+)
+def test_licence_plates_face_ahead_and_behind(name: str):
+    plates = [part for part in BODIES[name].parts if part.material == "licence_plate"]
+    x = corners(tuple(plates))[..., 0]
+    length = BODIES[name].size[0]
+    assert x.max() > 0.48 * length
+    assert x.min() < -0.48 * length
+
+
 @every_blueprint
 def test_bodies_keep_to_their_budget_of_triangles(name: str):
     budget = {"pedestrian": 3500, "bicycle": 5000, "motorcycle": 6000}

@@ -215,7 +215,7 @@ def _trim(shell: _Shell, width: float) -> list[Piece]:
         Piece(arm, "black_plastic", Semantic.VEHICLE),
         Piece(mirror, PAINT, Semantic.VEHICLE),
         Piece(intake, "black_plastic", Semantic.VEHICLE),
-        *(Piece(plate, "paint_white", Semantic.VEHICLE) for plate in plates),
+        *(Piece(plate, "licence_plate", Semantic.VEHICLE) for plate in plates),
     ]
 
 

@@ -103,7 +103,7 @@ def _cab(front: float, behind: float, half: float, height: float, paint: str) ->
         *_vehicle("glass", screen, panes),
         *_vehicle("lamp_white", lamp),
         *_vehicle("black_plastic", grille, bumper),
-        *_vehicle("paint_white", number),
+        *_vehicle("licence_plate", number),
     ]
 
 
@@ -151,7 +151,7 @@ def _mirrors(x: float, half: float, outer: float, z: float) -> list[Piece]:
 def _rear_lamps(rear: float, half: float, z: float) -> list[Piece]:
     lamps = both_sides(box((rear - 0.005, half - 0.42, z), (rear + 0.15, half - 0.06, z + 0.16)))
     number = box((rear - 0.005, -0.26, z), (rear + 0.1, 0.26, z + 0.12))
-    return [*_vehicle("lamp_red", lamps), *_vehicle("paint_white", number)]
+    return [*_vehicle("lamp_red", lamps), *_vehicle("licence_plate", number)]
 
 
 def _axles(stations: tuple[float, float], half: float, radius: float) -> list[Piece]:
