@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numpy as np
+import psutil
 from advercity_dsl import Agent, Lidar, RoadsideUnit, Spec, Weather
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
