@@ -96,6 +96,17 @@ def test_conflicts_drawn_from_the_second_suite_happen_and_nobody_touches_anybody
     assert list(overlaps(trace)) == []
 
 
+def test_rehearsals_that_go_round_settle_once_those_who_hold_the_ego_up_start_elsewhere(
+    crossed: dict[str, Spec], tmp_path: Path
+):
+    spec = crossed["ui_rtip_clear_day_dense"]
+
+    trace = simulate(spec, build_network(spec.road, tmp_path))
+
+    assert [item.missed for item in outcomes(spec, trace)] == [()]
+    assert list(overlaps(trace)) == []
+
+
 def test_one_who_overtakes_passes_beside_the_cyclist_and_is_back_before_the_ego_comes(
     crossed: dict[str, Spec], overtaking: Trace
 ):

@@ -30,6 +30,9 @@ MOST_TOLD = 4
 STEADY_S = 0.1
 """A cue is right if the next rehearsal would move it by no more than this."""
 
+Told = tuple[Mapping[int, int], Mapping[int, Play]]
+"""How often whom was drawn again in a rehearsal, and what actors were told after it."""
+
 
 def stage(spec: Spec, network: Path) -> Trace:
     """The traffic of a spec with its conflicts.
@@ -41,6 +44,7 @@ def stage(spec: Spec, network: Path) -> Trace:
     first = spec.timing.warm_up_ticks + 1
     again: dict[int, int] = {}
     plays: Mapping[int, Play] = {}
+    told: list[Told] = []
     blamed: set[int] = set()
     why = ""
     for _ in range(MOST_REHEARSALS):
@@ -52,13 +56,15 @@ def stage(spec: Spec, network: Path) -> Trace:
         plays = played(spec, demand, graph, recording, before)
         if any(play.waits for play in plays.values()):
             why = never_met(spec, plays)
-            rehearsal = trace_of(spec, demand, recording, first=0)
-            held = set(holding_up(spec, rehearsal)) & _background(demand) or blamed
+            held = _holding_up(spec, demand, recording) or blamed
             if held:
                 _draw_again(held, again)
                 continue
         if _is_told_anew(before, plays):
             why = "the actors' times did not settle; lower the density or take other seeds.traffic"
+            held = _holding_up(spec, demand, recording) if _recurs(plays, again, told) else set()
+            told.append((dict(again), plays))
+            _draw_again(held, again)
             continue
         tracks = {number: play.track for number, play in plays.items() if play.track is not None}
         trace = trace_of(spec, demand, recording.with_tracks(tracks), first=first)
@@ -126,6 +132,12 @@ def _spoiling(spec: Spec, trace: Trace, demand: Demand) -> set[int]:
     return set(holding_up(spec, trace)) & _background(demand)
 
 
+def _holding_up(spec: Spec, demand: Demand, recording: Recording) -> set[int]:
+    """Those of the background who hold the ego up in a rehearsal."""
+    rehearsal = trace_of(spec, demand, recording, first=0)
+    return set(holding_up(spec, rehearsal)) & _background(demand)
+
+
 def _background(demand: Demand) -> set[int]:
     return {one.actor.id for one in (*demand.vehicles, *demand.walkers)}
 
@@ -137,6 +149,11 @@ def _is_told_anew(before: Mapping[int, Play], after: Mapping[int, Play]) -> bool
         and (number not in before or abs(before[number].cued_s - play.cued_s) > STEADY_S)
         for number, play in after.items()
     )
+
+
+def _recurs(plays: Mapping[int, Play], again: dict[int, int], told: Iterable[Told]) -> bool:
+    """Whether the same was told to the same traffic: rehearsals go round and will not settle."""
+    return any(drawn == again and not _is_told_anew(then, plays) for drawn, then in told)
 
 
 def recorded(
