@@ -30,7 +30,7 @@ from camera import stock_pictures
 from figures import Figure
 
 from advercity.compiler import read_spec
-from advercity.dataset import images, opv2v, writer
+from advercity.dataset import opv2v, png, writer
 from advercity.rendering.backend import PROFILES, CameraView
 from advercity.rendering.registry import load_backend
 from advercity.runner import FrameRange, Options, Progress, run_scenario, sensing
@@ -52,7 +52,7 @@ STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
     "annotations": ((opv2v, "describe"), (opv2v, "extras"), (opv2v, "motion")),
     "documents as text": ((opv2v, "yaml_bytes"), (opv2v, "json_bytes")),
     "clouds as files": ((opv2v.pcd, "encode"),),
-    "pictures as PNG": ((images, "_encoded"),),
+    "pictures as PNG": ((png, "_png"),),
     "checksums": ((writer.FileRecord, "of"),),
     "disk": ((writer, "write"), (writer, "move"), (writer, "append_to_journal")),
 }

@@ -14,7 +14,8 @@ from advercity.dataset.annotation import annotate
 from advercity.dataset.carla_frame import mirror
 from advercity.dataset.description import describe, motion
 from advercity.dataset.documents import yaml_bytes
-from advercity.dataset.images import painted, png, side_by_side
+from advercity.dataset.images import painted, side_by_side
+from advercity.dataset.png import label_png, photograph_png
 from advercity.dataset.reading import Picture, Reading
 from advercity.world.scene import Lane
 
@@ -38,7 +39,7 @@ def encode(readings: Sequence[Reading], lanes: Sequence[Lane], *, name: str) -> 
     for reading in readings:
         stem = f"{folder_name(reading.agent)}/{name}"
         for index, picture in enumerate(reading.pictures):
-            jobs[f"{stem}_camera{index}.png"] = partial(png, picture.image)
+            jobs[f"{stem}_camera{index}.png"] = partial(photograph_png, picture.image)
             jobs[f"{stem}_semantic{index}.png"] = partial(_semantic, picture)
         jobs[f"{stem}{CLOUD}"] = partial(_cloud, reading)
         if reading.gnss is not None or reading.imu is not None:
@@ -50,7 +51,7 @@ def encode(readings: Sequence[Reading], lanes: Sequence[Lane], *, name: str) -> 
 
 
 def _semantic(picture: Picture) -> bytes:
-    return png(painted(picture.semantic))
+    return label_png(painted(picture.semantic))
 
 
 def _cloud(reading: Reading) -> bytes:

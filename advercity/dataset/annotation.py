@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from advercity import poses
 from advercity.dataset.reading import Reading
-from advercity.poses import Matrix
 from advercity.traffic.trace import ActorState
 
 
@@ -41,36 +40,37 @@ def annotate(reading: Reading) -> tuple[Annotation, ...]:
     Weather and noise play no part in it, so the annotations of a scenario are the same under
     every weather. Distances count from the true viewpoint, not from the estimated one.
     """
-    annotations = (
-        _annotation(reading, state)
+    own, visible = reading.agent.number, reading.visible
+    seen = [
+        state
         for state in reading.frame.states
-        if state.actor.id != reading.agent.number and reading.visible.get(state.actor.id, 0) > 0
+        if state.actor.id != own and visible.get(state.actor.id, 0) > 0
+    ]
+    if not seen:
+        return ()
+    world_from_object = np.stack([state.world_from_body for state in seen])
+    heights = np.array([state.actor.size[2] for state in seen])
+    on_foot = np.array([state.actor.actor_class == "pedestrian" for state in seen])
+    grounds = world_from_object[:, :3, 3]
+    centres = grounds + world_from_object[:, :3, 2] * (heights[:, None] / 2)
+    locations = np.where(on_foot[:, None], centres, grounds)
+    places = poses.transform(poses.inverse(reading.world_from_agent), locations)
+    yaws = np.arctan2(world_from_object[:, 1, 0], world_from_object[:, 0, 0])
+    turned = yaws - poses.angles(reading.world_from_agent)[0]
+    rows = zip(
+        seen,
+        locations,
+        centres,
+        np.linalg.norm(locations - reading.world_from_agent[:3, 3], axis=1).tolist(),
+        np.arctan2(places[:, 1], places[:, 0]).tolist(),
+        (np.pi - (np.pi - turned) % (2 * np.pi)).tolist(),
+        (visible[state.actor.id] for state in seen),
+        strict=True,
     )
     range_m = reading.agent.sensors.lidar.range_m
-    return tuple(item for item in annotations if item.distance_m < range_m)
+    return tuple(Annotation(*row) for row in rows if row[3] < range_m)
 
 
 def box_centre(state: ActorState) -> NDArray[np.float64]:
     """Middle (3,) of an actor's box, which stands upright on its origin in its body frame."""
     return poses.transform(state.world_from_body, (0.0, 0.0, state.actor.size[2] / 2))
-
-
-def _annotation(reading: Reading, state: ActorState) -> Annotation:
-    centre = box_centre(state)
-    on_foot = state.actor.actor_class == "pedestrian"
-    location = centre if on_foot else state.world_from_body[:3, 3]
-    ahead, left, _ = poses.transform(poses.inverse(reading.world_from_agent), location)
-    return Annotation(
-        state=state,
-        location=location,
-        centre=centre,
-        distance_m=float(np.linalg.norm(location - reading.world_from_agent[:3, 3])),
-        bearing_rad=float(np.arctan2(left, ahead)),
-        relative_yaw_rad=_relative_yaw(state.world_from_body, reading.world_from_agent),
-        lidar_hits=reading.visible[state.actor.id],
-    )
-
-
-def _relative_yaw(world_from_object: Matrix, world_from_viewpoint: Matrix) -> float:
-    difference = poses.angles(world_from_object)[0] - poses.angles(world_from_viewpoint)[0]
-    return float(np.pi - (np.pi - difference) % (2 * np.pi))

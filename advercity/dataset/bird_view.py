@@ -5,6 +5,7 @@ a vehicle's origin, or on a roadside unit's LiDAR, and turned as that is.
 """
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import cv2
@@ -39,8 +40,9 @@ def bird_views(readings: Sequence[Reading], lanes: Sequence[Lane]) -> list[dict[
     """
     seen = [seen_by_cameras(reading.pictures) for reading in readings]
     seen_by_any = frozenset[int]().union(*seen)
+    surfaces, lines = _Shapes.of(_surfaces(lanes)), _Shapes.of(_lines(lanes))
     return [
-        _maps(reading, lanes, seen=own, seen_by_any=seen_by_any)
+        _maps(reading, surfaces, lines, seen=own, seen_by_any=seen_by_any)
         for reading, own in zip(readings, seen, strict=True)
     ]
 
@@ -55,20 +57,49 @@ def seen_by_cameras(pictures: Iterable[Picture]) -> frozenset[int]:
     )
 
 
+@dataclass(frozen=True, eq=False)
+class _Shapes:
+    """Outlines that are moved together.
+
+    Attributes:
+        points: (n, 3) of all of them, in the world.
+        ends: (shapes - 1,) where the next begins.
+    """
+
+    points: NDArray[np.float64]
+    ends: NDArray[np.intp]
+
+    @staticmethod
+    def of(shapes: Iterable[NDArray[np.float64]]) -> "_Shapes":
+        every = [np.empty((0, 3)), *shapes]
+        return _Shapes(np.concatenate(every), np.cumsum([len(shape) for shape in every])[:-1])
+
+    def pixels(self, map_from_world: Matrix) -> list[NDArray[np.int32]]:
+        """Column and row (n, 2) of each, in sixteenths from the middle of pixel 0."""
+        x, y, _ = poses.transform(map_from_world, self.points).T
+        column = SIZE_PX / 2 - y / METRES_PER_PX - 0.5
+        row = SIZE_PX / 2 - x / METRES_PER_PX - 0.5
+        places = np.rint(np.stack([column, row], axis=1) * 2**_SHIFT).astype(np.int32)
+        return np.split(places, self.ends)[1:]
+
+
 def _maps(
-    reading: Reading, lanes: Sequence[Lane], *, seen: frozenset[int], seen_by_any: frozenset[int]
+    reading: Reading,
+    surfaces: _Shapes,
+    lines: _Shapes,
+    *,
+    seen: frozenset[int],
+    seen_by_any: frozenset[int],
 ) -> dict[str, Map]:
     map_from_world = _map_from_world(reading)
-    near = [
-        (state.actor.id, _footprint(map_from_world, state))
-        for state in reading.frame.states
-        if _is_another_vehicle_near(state, reading, map_from_world)
-    ]
-    static = _filled(_surface(map_from_world, lane) for lane in lanes if lane.kind == "driving")
+    vehicles = _other_vehicles_near(reading, map_from_world)
+    footprints = _Shapes.of(map(_footprint, vehicles)).pixels(map_from_world)
+    near = list(zip((state.actor.id for state in vehicles), footprints, strict=True))
+    static = _filled(surfaces.pixels(map_from_world))
     return {
-        "dynamic": _filled(corners for _, corners in near),
+        "dynamic": _filled(footprints),
         "static": static,
-        "lane": _drawn(_lines(map_from_world, lanes)) & static,
+        "lane": _drawn(lines.pixels(map_from_world)) & static,
         "visibility": _filled(corners for number, corners in near if number in seen),
         "visibility_corp": _filled(corners for number, corners in near if number in seen_by_any),
     }
@@ -81,39 +112,37 @@ def _map_from_world(reading: Reading) -> Matrix:
     return poses.inverse(poses.pose(centre[:3, 3], yaw=poses.angles(centre)[0]))
 
 
-def _is_another_vehicle_near(state: ActorState, reading: Reading, map_from_world: Matrix) -> bool:
-    place = poses.transform(map_from_world, state.world_from_body[:3, 3])
-    return (
-        state.actor.actor_class != "pedestrian"
-        and state.actor.id != reading.agent.number
-        and bool(np.abs(place[:2]).max() < REACH_M)
-    )
+def _other_vehicles_near(reading: Reading, map_from_world: Matrix) -> list[ActorState]:
+    others = [
+        state
+        for state in reading.frame.states
+        if state.actor.actor_class != "pedestrian" and state.actor.id != reading.agent.number
+    ]
+    origins = np.reshape([state.world_from_body[:3, 3] for state in others], (-1, 3))
+    reach_m = np.abs(poses.transform(map_from_world, origins)[:, :2]).max(axis=1)
+    return [state for state, far_m in zip(others, reach_m, strict=True) if far_m < REACH_M]
 
 
-def _footprint(map_from_world: Matrix, state: ActorState) -> NDArray[np.int32]:
-    corners = box_corners(state.actor.size)[_GROUND]
-    return _pixels(poses.transform(map_from_world @ state.world_from_body, corners))
+def _footprint(state: ActorState) -> NDArray[np.float64]:
+    return poses.transform(state.world_from_body, box_corners(state.actor.size)[_GROUND])
 
 
-def _surface(map_from_world: Matrix, lane: Lane) -> NDArray[np.int32]:
-    return _pixels(poses.transform(map_from_world, np.concatenate([lane.left, lane.right[::-1]])))
+def _surfaces(lanes: Sequence[Lane]) -> Iterable[NDArray[np.float64]]:
+    return (_outline(lane) for lane in lanes if lane.kind == "driving")
 
 
-def _lines(map_from_world: Matrix, lanes: Sequence[Lane]) -> Iterable[NDArray[np.int32]]:
+def _outline(lane: Lane) -> NDArray[np.float64]:
+    return np.concatenate([lane.left, lane.right[::-1]])
+
+
+def _lines(lanes: Sequence[Lane]) -> Iterable[NDArray[np.float64]]:
     for lane in lanes:
         if lane.kind == "driving" and not lane.in_junction:
-            yield _pixels(poses.transform(map_from_world, lane.left))
-            yield _pixels(poses.transform(map_from_world, lane.right))
+            yield lane.left
+            yield lane.right
         elif lane.kind == "crossing":
-            outline = _surface(map_from_world, lane)
+            outline = _outline(lane)
             yield np.concatenate([outline, outline[:1]])
-
-
-def _pixels(points: NDArray[np.float64]) -> NDArray[np.int32]:
-    """Points (n, 3) as column and row (n, 2), in sixteenths from the middle of pixel 0."""
-    column = SIZE_PX / 2 - points[:, 1] / METRES_PER_PX - 0.5
-    row = SIZE_PX / 2 - points[:, 0] / METRES_PER_PX - 0.5
-    return np.rint(np.stack([column, row], axis=1) * 2**_SHIFT).astype(np.int32)
 
 
 def _filled(shapes: Iterable[NDArray[np.int32]]) -> Map:

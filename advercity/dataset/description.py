@@ -4,6 +4,7 @@ Everything here is left-handed (see `carla_frame`), in metres, degrees and km/h.
 loader reads are kept beside those they do: `class`, `bearing`, `lidar_hits`.
 """
 
+import math
 from collections.abc import Sequence
 from functools import cache
 from typing import Any
@@ -58,18 +59,21 @@ def _is_on_foot(item: Annotation) -> bool:
 def _object(item: Annotation) -> dict[str, Any]:
     """Loaders add `center` to `location` without turning it, so it is written turned."""
     actor = item.state.actor
+    x, y, z = item.location.tolist()
+    ahead, left, up = (item.centre - item.location).tolist()
+    length, width, height = actor.size
     return {
         "class": "walker" if _is_on_foot(item) else actor.actor_class,
         "bp_id": actor.blueprint,
         "color": _colour(actor.paint),
-        "location": plain(mirror(item.location)),
-        "center": plain(mirror(item.centre - item.location)),
+        "location": plain((x, -y, z)),
+        "center": plain((ahead, -left, up)),
         "angle": plain(angles_deg(item.state.world_from_body)),
-        "extent": plain(np.divide(actor.size, 2)),
+        "extent": plain((length / 2, width / 2, height / 2)),
         "speed": plain(item.state.speed_m_s * KM_H_PER_M_S),
         "dist": plain(item.distance_m),
-        "bearing": plain(-np.rad2deg(item.bearing_rad)),
-        "relative_angle": plain(-np.rad2deg(item.relative_yaw_rad)),
+        "bearing": plain(-math.degrees(item.bearing_rad)),
+        "relative_angle": plain(-math.degrees(item.relative_yaw_rad)),
         "lidar_hits": item.lidar_hits,
     }
 

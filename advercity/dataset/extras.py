@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from advercity.dataset.annotation import Annotation
-from advercity.dataset.carla_frame import mirror
 from advercity.dataset.documents import plain
 from advercity.dataset.reading import Reading
 from advercity.dataset.sightings import Sighting
@@ -37,10 +36,11 @@ def extras(reading: Reading, objects: Sequence[Annotation]) -> dict[str, Any]:
 
 def _object(item: Annotation, reading: Reading, lidar_points: int) -> dict[str, Any]:
     state = item.state
+    x, y, z = (state.world_from_body[:3, 0] * state.speed_m_s).tolist()
     return {
         "class": state.actor.actor_class,
         "roles": dict(reading.roles.get(state.actor.id, {})),
-        "velocity_m_s": plain(mirror(state.world_from_body[:3, 0] * state.speed_m_s), decimals=6),
+        "velocity_m_s": plain((x, -y, z), decimals=6),
         "acceleration_m_s2": plain(state.acceleration_m_s2, decimals=6),
         "lidar_hits": item.lidar_hits,
         "lidar_points": lidar_points,

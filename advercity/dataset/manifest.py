@@ -24,7 +24,7 @@ CODE = ("advercity", "advercity_dsl")
 RendererIdentity = dict[str, str | int | float | bool]
 NAMES = {"code_sha256": "code of advercity", "backend_sha256": "code of the backend"}
 """What is told instead of fields."""
-PACKAGES = ("eclipse-sumo", "embreex", "numpy", "opencv-python-headless")
+PACKAGES = ("eclipse-sumo", "embreex", "numpy", "opencv-python-headless", "zlib-ng")
 """Whose versions may change what is written."""
 
 

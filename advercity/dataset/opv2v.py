@@ -7,7 +7,9 @@ every object, GNSS and IMU.
 from collections.abc import Callable, Sequence
 from functools import partial
 
+import numpy as np
 from advercity_dsl import Agent
+from numpy.typing import NDArray
 
 from advercity.dataset import pcd
 from advercity.dataset.annotation import annotate
@@ -15,7 +17,8 @@ from advercity.dataset.bird_view import bird_views
 from advercity.dataset.description import describe, motion
 from advercity.dataset.documents import json_bytes, yaml_bytes
 from advercity.dataset.extras import extras
-from advercity.dataset.images import grey_png, mask_png, painted, png, side_by_side
+from advercity.dataset.images import in_three_channels, painted, side_by_side
+from advercity.dataset.png import label_png, photograph_png
 from advercity.dataset.reading import Picture, Reading
 from advercity.world.scene import Lane
 
@@ -49,11 +52,11 @@ def encode(readings: Sequence[Reading], lanes: Sequence[Lane], *, name: str) -> 
     jobs: dict[str, Callable[[], bytes]] = {}
     for stem, reading in zip(stems, ordered, strict=True):
         for index, picture in enumerate(reading.pictures):
-            jobs[f"{stem}_camera{index}.png"] = partial(png, picture.image)
+            jobs[f"{stem}_camera{index}.png"] = partial(photograph_png, picture.image)
             jobs[f"{stem}_semantic{index}.png"] = partial(_semantic, picture)
-            jobs[f"{stem}_depth{index}.png"] = partial(grey_png, picture.depth)
+            jobs[f"{stem}_depth{index}.png"] = partial(label_png, picture.depth)
     for stem, maps in zip(stems, bird_views(ordered, lanes), strict=True):
-        jobs |= {f"{stem}_bev_{kind}.png": partial(mask_png, mask) for kind, mask in maps.items()}
+        jobs |= {f"{stem}_bev_{kind}.png": partial(_mask, mask) for kind, mask in maps.items()}
     files = side_by_side(jobs)
     objects = [annotate(reading) for reading in ordered]
     for stem, reading, items in zip(stems, ordered, objects, strict=True):
@@ -67,7 +70,11 @@ def encode(readings: Sequence[Reading], lanes: Sequence[Lane], *, name: str) -> 
 
 
 def _semantic(picture: Picture) -> bytes:
-    return png(painted(picture.semantic))
+    return label_png(painted(picture.semantic))
+
+
+def _mask(mask: NDArray[np.uint8]) -> bytes:
+    return label_png(in_three_channels(mask))
 
 
 def _cloud(reading: Reading) -> bytes:

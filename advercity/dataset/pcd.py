@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from advercity.dataset.carla_frame import mirror
 from advercity.errors import InputError
 from advercity.sensors.lidar import PointCloud
 
@@ -43,7 +42,7 @@ def encode(cloud: PointCloud, *, raw: bool = False) -> bytes:
     """
     kind = np.dtype([*POINT.descr, *RAW]) if raw else POINT
     table = np.empty(len(cloud.points), dtype=kind)
-    table["x"], table["y"], table["z"] = mirror(cloud.points).T
+    _place(table, ("x", "y", "z"), cloud.points)
     table["rgb"] = np.rint(np.clip(cloud.intensity, 0, 1) * 255).astype(np.uint32) << 16
     table["intensity"] = cloud.intensity
     table["range"] = cloud.range_m
@@ -53,8 +52,16 @@ def encode(cloud: PointCloud, *, raw: bool = False) -> bytes:
     table["tag"] = cloud.semantic
     table["kind"] = cloud.kind
     if raw:
-        table["raw_x"], table["raw_y"], table["raw_z"] = mirror(cloud.raw).T
-    return _header(len(table), kind).encode("ascii") + table.tobytes()
+        _place(table, ("raw_x", "raw_y", "raw_z"), cloud.raw)
+    return b"".join([_header(len(table), kind).encode("ascii"), table.data])
+
+
+def _place(
+    table: NDArray[np.void], names: tuple[str, str, str], points: NDArray[np.float32]
+) -> None:
+    """Put points (n, 3), mirrored as `carla_frame.mirror` does, into columns."""
+    x, y, z = names
+    table[x], table[y], table[z] = points[:, 0], -points[:, 1], points[:, 2]
 
 
 def _header(count: int, point: np.dtype[np.void]) -> str:

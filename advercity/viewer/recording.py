@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from advercity import poses
 from advercity.dataset.annotation import annotate
-from advercity.dataset.images import jpeg, painted, png
+from advercity.dataset.images import jpeg, painted
+from advercity.dataset.png import label_png
 from advercity.dataset.reading import Reading
 from advercity.viewer import layout, shapes
 from advercity.viewer.ambience import ambience
@@ -154,7 +155,7 @@ class Recording:
             self._stream.log(camera, shapes.pinhole(picture, horizontal_fov_deg=field_of_view))
             image = rr.EncodedImage(contents=jpeg(picture.image), media_type="image/jpeg")
             self._stream.log(camera, image)
-            content = png(painted(picture.semantic))
+            content = label_png(painted(picture.semantic))
             semantic = rr.EncodedImage(contents=content, media_type="image/png")
             self._stream.log(layout.semantic_path(agent, index), semantic)
 

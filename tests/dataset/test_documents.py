@@ -1,10 +1,11 @@
 import math
 
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from advercity.dataset.documents import plain
+from advercity.dataset.documents import plain, yaml_bytes
 
 
 @given(st.floats(-1e6, 1e6), st.integers(0, 12))
@@ -18,3 +19,28 @@ def test_a_number_alone_is_rounded_like_one_of_many(number: float, decimals: int
 )
 def test_nine_decimals_are_kept(number: float, rounded: float) -> None:
     assert str(plain(number)) == str(rounded)
+
+
+texts = st.text(st.characters(codec="utf-8", exclude_categories=["Cs"]), max_size=300)
+scalars = st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | texts
+documents = st.dictionaries(
+    st.integers(0, 10**6) | st.text("abc_", min_size=1, max_size=20),
+    st.recursive(
+        scalars,
+        lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text("xyz"), inner),
+        max_leaves=20,
+    ),
+)
+
+
+@given(documents)
+def test_pyyaml_reads_what_was_written(document: dict[object, object]) -> None:
+    assert yaml.safe_load(yaml_bytes(document)) == document
+
+
+def test_lists_and_mappings_of_scalars_are_on_one_line() -> None:
+    document = {"pose": (1.0, -2.5), "gnss": {"lat": 1e-7}, "rows": [[1.0], [2.0]], 7: {"a": [[]]}}
+    assert yaml_bytes(document).decode().splitlines() == [
+        *("pose: [1.0, -2.5]", "gnss: {lat: 1.0e-07}", "rows:", "- [1.0]", "- [2.0]"),
+        *("7:", "  a:", "  - []"),
+    ]
