@@ -4,8 +4,9 @@ from pathlib import Path
 
 from advercity_dsl import Spec, Suite
 
+from advercity.compiler.assembly import under
 from advercity.compiler.comparison import compared
-from advercity.compiler.crossing import cross, under
+from advercity.compiler.crossing import cross
 from advercity.compiler.emission import differences, read_spec, to_json, write_specs
 from advercity.compiler.explanation import explained
 from advercity.compiler.library import Entry, Library, load_library
