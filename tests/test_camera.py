@@ -14,6 +14,7 @@ from advercity.rendering.backend import CameraCapture, CameraView
 from advercity.sensors.camera import Setting, digitise, expose, meter
 from advercity.sensors.camera.stray_light import scattered
 from advercity.sensors.camera.sun import with_sun
+from advercity.sensors.camera.tone import tone_curve
 from advercity.weather.atmosphere import Atmosphere
 from advercity.weather.derivation import atmosphere_of
 
@@ -24,12 +25,13 @@ FOCAL_PX = WIDTH / 2 / math.tan(FOV_RAD / 2)
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
-def camera(*, noise: bool = False, **exposure: Any) -> Camera:
+def camera(*, noise: bool = False, highlights_ev: float = 4, **exposure: Any) -> Camera:
     return Camera(
         width_px=WIDTH,
         height_px=HEIGHT,
         mounts=(Mount(),),
         noise=noise,
+        highlights_ev=highlights_ev,
         exposure=Exposure(**exposure),
     )
 
@@ -94,6 +96,56 @@ def test_the_meter_looks_at_the_lower_two_thirds_without_highlights() -> None:
     scene[: HEIGHT // 3] = 1e5
     scene[60:63, 100:110] = 1e6
     assert meter(scene, Exposure()).ev100 == pytest.approx(meter(grey(100.0), Exposure()).ev100)
+
+
+def under_a_bright_sky(stops: float) -> Array:
+    """Road that is metered, below a sky so many stops brighter."""
+    scene = grey(100.0)
+    scene[: HEIGHT // 3] = 100.0 * 2.0**stops * np.linspace(0.5, 1.0, WIDTH)[None, :, None]
+    return scene
+
+
+def test_a_bright_sky_is_rolled_off_where_a_plain_sensor_clips() -> None:
+    scene = under_a_bright_sky(5)
+    rolled, clipped = (
+        picture(scene, camera(highlights_ev=stops))[: HEIGHT // 3].astype(int) for stops in (4, 0)
+    )
+    assert (clipped == 255).all()
+    assert (rolled == 255).mean() < 0.04
+    across = rolled[0, :, 0]
+    assert (np.diff(across) >= 0).all()
+    assert across[0] < 240
+    assert across[-1] >= 252
+
+
+def test_a_bright_sky_leaves_the_road_as_it_is() -> None:
+    road = [picture(under_a_bright_sky(stops), camera())[HEIGHT // 3 :] for stops in (0, 3, 5)]
+    np.testing.assert_array_equal(road[0], road[1])
+    np.testing.assert_array_equal(road[0], road[2])
+
+
+def test_without_highlights_the_tone_curve_is_that_of_srgb() -> None:
+    shares = np.array([0.0, 0.18, 0.5, 1.0])
+    values = tone_curve(0.0)[np.rint(shares * 4095).astype(int)]
+    np.testing.assert_allclose(values, [0, 117.6, 187.5, 255], atol=0.6)
+
+
+def test_the_tone_curve_rises_from_middle_grey_to_white_without_a_kink() -> None:
+    grey_dn, whitest_dn = round(0.18 * 4095), 8 * 4095
+    plain, rolled = tone_curve(0.0).astype(int), tone_curve(3.0).astype(int)
+    np.testing.assert_array_equal(rolled[: grey_dn + 1], plain[: grey_dn + 1])
+    assert (np.diff(rolled) >= 0).all()
+    assert rolled[whitest_dn] == 255
+    assert rolled[whitest_dn // 2] < 250
+    assert plain[grey_dn + 100] - rolled[grey_dn + 100] <= 1
+
+
+@pytest.mark.parametrize(("albedo", "value"), [(0.85, 237), (0.5, 188), (0.18, 118), (0.05, 118)])
+def test_what_is_lighter_than_a_grey_card_in_the_same_light_stays_lighter(
+    albedo: float, value: int
+) -> None:
+    taken = expose(grey(albedo * 5000.0), camera(), generator("test"), white_card_cd_m2=5000.0)
+    np.testing.assert_allclose(taken.astype(int), value, atol=2)
 
 
 def test_noise_follows_the_photon_transfer_curve() -> None:

@@ -63,6 +63,11 @@ class Atmosphere:
         return math.log(20.0) / self.extinction_550nm if self.extinction_550nm else math.inf
 
     @property
+    def ground_lx(self) -> float:
+        """Illuminance of level ground in the open by sun and sky."""
+        return self.sky_lx + self.sun_lx * max(0.0, float(self.sun_direction[2]))
+
+    @property
     def airlight_low(self) -> Colour:
         """Airlight in cd/m² looking level, on the mean of all sides."""
         middle = self.airlight.shape[1] // 2

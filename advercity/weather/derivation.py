@@ -72,8 +72,14 @@ def atmosphere_of(weather: Weather, land_use: LandUse) -> Atmosphere:
 
 
 def _day(weather: Weather, sun: Array) -> _Light:
-    """CIE general sky, scaled to the sky's illuminance; its horizon is the airlight."""
+    """CIE general sky, scaled to the sky's illuminance; its horizon is the airlight.
+
+    Over snow a share of that is light which the clouds have from the ground, and even.
+    """
     light = daylight_of(weather)
+    albedo = sky.ground_albedo(weather.snow.depth_mm / 1000.0)
+    from_ground = sky.share_from_ground(albedo, weather.sky.oktas)
+    even = from_ground * light.diffuse_lx / math.pi
     cie_type = sky.sky_type(weather.sky.oktas, turbidity=weather.sky.turbidity)
     cloud_share = min(1.0, weather.sky.oktas / GREY_FROM_OKTAS)
 
@@ -83,14 +89,15 @@ def _day(weather: Weather, sun: Array) -> _Light:
 
     directions = sky.cubemap_directions(SKY_SIZE)
     relative = shape(directions)
-    scale = light.diffuse_lx / sky.horizontal_illuminance(relative)
-    ground = sky.GROUND_ALBEDO * (light.diffuse_lx + light.direct_lx * max(0.0, sun[2])) / math.pi
+    scale = (1.0 - from_ground) * light.diffuse_lx / sky.horizontal_illuminance(relative)
+    ground = albedo * (light.diffuse_lx + light.direct_lx * max(0.0, sun[2])) / math.pi
     below = directions[..., 2:] < 0.0
     return _Light(
         sun_lx=light.direct_lx,
-        sky=np.where(below, ground * _WHITE, scale * relative),
+        sky=np.where(below, ground * _WHITE, scale * relative + even),
         airlight=sky.airlight_between(
-            scale * shape(_horizon()).mean(axis=0), scale * shape(np.array([0.0, 0.0, 1.0]))
+            scale * shape(_horizon()).mean(axis=0) + even,
+            scale * shape(np.array([0.0, 0.0, 1.0])) + even,
         ),
     )
 

@@ -13,6 +13,12 @@ Array = NDArray[np.float64]
 
 GROUND_ALBEDO = 0.1
 """Of roads and fields in the mean."""
+SNOW_ALBEDO = 0.85
+"""Of a landscape under fresh snow."""
+COVERING_M = 0.002
+"""Depth of snow that hides all but 1/e of it."""
+CLOUD_ALBEDO = 0.6
+"""Of an overcast sky, from below."""
 AIRLIGHT_SIZE = 64
 """Texels along an edge of the cubemap of airlight."""
 
@@ -130,6 +136,20 @@ def daylight_colour(directions: Array, sun: Array, *, cloud_share: float) -> Arr
     aureole = np.clip(1.0 - from_sun / _AUREOLE_RAD, 0.0, 1.0)
     clear = clear + (_AUREOLE_XY - clear) * aureole
     return _colour_of(clear + (_OVERCAST_XY - clear) * cloud_share)
+
+
+def ground_albedo(snow_depth_m: float) -> float:
+    """Albedo of the landscape, under snow of a depth."""
+    bare = math.exp(-snow_depth_m / COVERING_M)
+    return SNOW_ALBEDO + (GROUND_ALBEDO - SNOW_ALBEDO) * bare
+
+
+def share_from_ground(albedo: float, oktas: int) -> float:
+    """Of a sky's light on the ground, what clouds have from a ground brighter than usual.
+
+    Light goes to and fro between ground and clouds; what comes from below is even.
+    """
+    return CLOUD_ALBEDO * oktas / 8.0 * (albedo - GROUND_ALBEDO)
 
 
 def airlight_of(illuminance_lx: float) -> float:

@@ -66,6 +66,9 @@ class Camera(Terse):
     """Angle of view from the left border to the right."""
     exposure: Exposure = Exposure()
     """How it gathers light."""
+    highlights_ev: Annotated[Number, Field(ge=0, le=4)] = 4
+    """Stops beyond a full pixel that the sensor tells apart and the tone curve rolls off; 0 is a
+    plain sensor, which clips."""
     noise: Flag = True
     """Whether photons and electronics make noise."""
     vignetting: Annotated[Number, Field(ge=0, le=8)] = 1

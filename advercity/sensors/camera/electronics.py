@@ -1,6 +1,7 @@
 """From light on the sensor to picture: exposure, white balance, noise, tone.
 
-The chain is EMVA 1288's linear camera with the exposure arithmetic of ISO 12232.
+The chain is EMVA 1288's linear camera with the exposure arithmetic of ISO 12232, and a sensor that
+holds highlights beyond that, as those of vehicles do.
 """
 
 import math
@@ -10,11 +11,11 @@ import numpy as np
 from advercity_dsl import Camera, Exposure
 from numpy.typing import NDArray
 
+from advercity.sensors.camera.tone import MIDDLE_GREY, WHITE_DN, tone_curve
+
 FULL_WELL_E = 10_000.0
 """Electrons of a full pixel at ISO 100."""
 READ_NOISE_E = 3.0
-WHITE_DN = 4095
-"""Largest value of the 12-bit converter."""
 METER_CONSTANT = 12.5
 """Of a reflected-light meter, cd s/(m² ISO)."""
 HEADROOM = 1.2
@@ -23,6 +24,10 @@ AUTO_EV100 = (2.0, 15.5)
 """What automatic exposure stays within."""
 METERED_FROM_ROW = 1 / 3
 METERED_PERCENTILE = 98.0
+HIGHLIGHTS = 99.0
+"""Percentile of pixels that the tone curve makes white; the few beyond are lamps and sun."""
+HIGHLIGHT_STEP = 4
+"""Every so many rows and columns say which that is."""
 NEUTRAL = np.ones(3)
 _DARKEST_CD_M2 = 1e-5
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
@@ -36,10 +41,12 @@ class Setting:
     iso: float
     binned: float = 1.0
     """Pixels of the sensor that make one of the picture."""
+    highlights_ev: float = 0.0
+    """Stops beyond saturation that the sensor's short exposures still tell apart."""
 
     @property
     def saturation_cd_m2(self) -> float:
-        """Luminance that just fills a pixel."""
+        """Luminance that just fills a pixel in the long exposure."""
         return HEADROOM * 2.0**self.ev100
 
     @property
@@ -59,6 +66,7 @@ def expose(
     rng: np.random.Generator,
     *,
     white: NDArray[np.float64] = NEUTRAL,
+    white_card_cd_m2: float = math.inf,
 ) -> NDArray[np.uint8]:
     """The picture (h, w, 3) RGB that a camera makes of the light on its sensor.
 
@@ -68,27 +76,38 @@ def expose(
         camera: Exposure and whether there is noise.
         rng: Of this camera and frame.
         white: (3,) colour at luminance 1 that is shown as grey.
+        white_card_cd_m2: See `meter`.
     """
-    setting = meter(light, camera.exposure)
+    setting = meter(light, camera.exposure, white_card_cd_m2=white_card_cd_m2)
     pixels = light.shape[0] * light.shape[1]
     binned = max(1.0, camera.width_px * camera.height_px / pixels)
-    setting = replace(setting, binned=binned)
+    setting = replace(setting, binned=binned, highlights_ev=camera.highlights_ev)
     share = light / (setting.saturation_cd_m2 * white).astype(np.float32)
     digital = digitise(share, setting, rng if camera.noise else None)
-    return _SRGB_OF_DN.take(digital)
+    return tone_curve(_brightest_ev(share, camera.highlights_ev)).take(digital)
 
 
-def meter(radiance: NDArray[np.float32], exposure: Exposure) -> Setting:
+def meter(
+    radiance: NDArray[np.float32], exposure: Exposure, *, white_card_cd_m2: float = math.inf
+) -> Setting:
     """The setting that `exposure` chooses for a picture (h, w, 3) in cd/m².
 
     By hand it is what the three numbers say. Automatic exposure puts the log-average of the
     lower two thirds, highlights left out, at middle grey; a grey filter takes away surplus light
     and gain makes up for missing light, so that the shutter stays as authored.
+
+    What is lighter than a grey card in the same light, as snow and fog are, stays lighter.
+
+    Args:
+        radiance: In cd/m².
+        exposure: As authored.
+        white_card_cd_m2: What a white card on open ground shows; inf where the camera cannot know.
     """
     authored = exposure_value(exposure)
     if exposure.mode == "manual":
         return Setting(authored, exposure.iso)
-    wanted = math.log2(_metered_luminance(radiance) * 100.0 / METER_CONSTANT)
+    metered = min(_metered_luminance(radiance), MIDDLE_GREY * white_card_cd_m2)
+    wanted = math.log2(metered * 100.0 / METER_CONSTANT)
     ev100 = min(max(wanted - exposure.compensation_ev, AUTO_EV100[0]), AUTO_EV100[1])
     return Setting(ev100, exposure.iso * 2.0 ** max(0.0, authored - ev100))
 
@@ -101,11 +120,12 @@ def exposure_value(exposure: Exposure) -> float:
 def digitise(
     share: NDArray[np.float32], setting: Setting, rng: np.random.Generator | None
 ) -> NDArray[np.uint16]:
-    """12-bit values of pixels filled to a `share`; without a generator, free of noise.
+    """Values of pixels filled to a `share`, 12 bits and highlights; without generator, no noise.
 
     Shot noise is the normal approximation to Poisson's law, read noise is normal.
     """
-    digital = np.clip(share, 0.0, 1.0) * np.float32(WHITE_DN)
+    full_dn = WHITE_DN * 2.0**setting.highlights_ev
+    digital = np.clip(share * np.float32(WHITE_DN), 0.0, full_dn)
     if rng is not None:
         gain = WHITE_DN / setting.full_well_e
         deviation = np.sqrt(
@@ -113,7 +133,7 @@ def digitise(
         )
         deviation *= _normal(rng, deviation.size).reshape(deviation.shape)
         digital += deviation
-        np.clip(digital, 0.0, WHITE_DN, out=digital)
+        np.clip(digital, 0.0, full_dn, out=digital)
     return np.rint(digital, out=digital).astype(np.uint16)
 
 
@@ -129,10 +149,13 @@ def _metered_luminance(radiance: NDArray[np.float32]) -> float:
     return float(np.exp(np.log(luminance[luminance <= limit]).mean(dtype=np.float64)))
 
 
-def _srgb_of_dn() -> NDArray[np.uint8]:
-    linear = np.arange(WHITE_DN + 1) / WHITE_DN
-    encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-    return np.rint(encoded * 255.0).astype(np.uint8)
+def _brightest_ev(share: NDArray[np.float32], highlights_ev: float) -> float:
+    """Stops by which the highlights of a picture are above a full pixel, as far as it holds them.
+
+    In eighths, so that there are few curves.
+    """
+    highlights = np.percentile(share[::HIGHLIGHT_STEP, ::HIGHLIGHT_STEP].max(axis=2), HIGHLIGHTS)
+    return min(max(0.0, math.ceil(8.0 * math.log2(max(highlights, 1.0))) / 8.0), highlights_ev)
 
 
 def _quantiles() -> NDArray[np.float32]:
@@ -143,5 +166,4 @@ def _quantiles() -> NDArray[np.float32]:
     return (found / found.std()).astype(np.float32)
 
 
-_SRGB_OF_DN = _srgb_of_dn()
 _QUANTILES = _quantiles()

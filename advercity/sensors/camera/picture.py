@@ -5,6 +5,7 @@ Radiance in cd/m² passes the air (the sun's disc, spray, drops and flakes), the
 What is not there leaves the picture exactly as it is.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,6 +39,8 @@ class CameraAir:
         blocks: All that falls, the same for every camera.
         ambience: Light from around.
         white: (3,) colour that is shown as grey.
+        white_card_cd_m2: What a white card on open ground shows; inf by night, when no
+            light is everywhere.
         key: Of everything random in front of the lenses.
     """
 
@@ -46,6 +49,7 @@ class CameraAir:
     blocks: tuple[Block, ...]
     ambience: Ambience
     white: NDArray[np.float64]
+    white_card_cd_m2: float
     key: tuple[int | str, ...]
 
     @staticmethod
@@ -57,6 +61,7 @@ class CameraAir:
             blocks=blocks_of(weather, *key, "falling"),
             ambience=Ambience.of(atmosphere),
             white=white_of(atmosphere),
+            white_card_cd_m2=math.inf if atmosphere.night else atmosphere.ground_lx / math.pi,
             key=key,
         )
 
@@ -89,7 +94,7 @@ def photograph(
     )
     light = with_ghosts(light, capture, shot, air.atmosphere)
     light = vignetted(light, shot.focal_px, shot.camera.vignetting)
-    return expose(light, shot.camera, rng, white=air.white)
+    return expose(light, shot.camera, rng, white=air.white, white_card_cd_m2=air.white_card_cd_m2)
 
 
 def in_air(capture: CameraCapture, shot: Shot, air: CameraAir) -> CameraCapture:
