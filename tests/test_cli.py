@@ -1,4 +1,5 @@
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -51,6 +52,28 @@ def test_compile_writes_the_110_specs_and_check_finds_them_current(
     ran = advercity("compile", library, "--output", tmp_path, "--check")
     assert ran.code == 1
     assert "ui_fog_day_dense.json: is missing" in ran.err
+
+
+@pytest.mark.parametrize(
+    ("conflict", "told"),
+    {
+        "conflict_draws_that_do_not_fit": "8 to 5 is no range; write the lower number first",
+        "conflict_without_an_edition": "stages.0: 10 names no edition; write ",
+    }.items(),
+)
+def test_compile_tells_once_what_does_not_fit_a_conflict(
+    conflict: str, told: str, advercity: Command, tmp_path: Path
+) -> None:
+    authoring = Path(__file__).parent / "authoring"
+    shutil.copytree(authoring / "base", tmp_path / "library")
+    shutil.copy(authoring / "cases" / f"{conflict}.yaml", tmp_path / "library")
+
+    ran = advercity("compile", tmp_path / "library")
+
+    places = [line.split(": ")[2] for line in ran.err.splitlines() if line.startswith("error: ")]
+    assert ran.code == 2
+    assert told in ran.err
+    assert len(places) == len(set(places)) > 1
 
 
 def test_compile_of_no_library_is_bad_input(advercity: Command, tmp_path: Path) -> None:

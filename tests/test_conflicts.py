@@ -42,7 +42,7 @@ MISTAKES = {
         "conflicts/od_drift.yaml",
         "nhtsa2019:19",
         '"19"',
-        "stages.0: string should match pattern",
+        'stages.0: 19 names no edition; write "nhtsa2019:19" or "nhtsa2007:19"',
     ),
     "V2 an unknown crash type": (
         "conflicts/od_drift.yaml",

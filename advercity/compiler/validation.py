@@ -68,7 +68,7 @@ def problems_of(
     model: type[Model], source: Located, error: ValidationError, *, at: Where = ()
 ) -> Iterator[Problem]:
     """What pydantic found, each at its place; `at` is where the model stands in the source."""
-    details = error.errors(include_url=False)
+    details = [item for item in error.errors(include_url=False) if not _is_echo(item)]
     for detail in _of_best_alternative(source, details, at):
         where = _in_source(source, detail["loc"], at)
         yield _problem(model, source, detail, where)
@@ -96,7 +96,7 @@ def _problem(model: type[Model], source: Located, detail: Any, where: Where) -> 
             return source.problem(shown, reason.message, hint=reason.hint)
         return source.problem(where, str(reason), key=loc[-1:] == ("[key]",))
     message, hint = _words(model, detail, kind, value)
-    if kind == "union_tag_invalid":
+    if kind == "union_tag_invalid" and "kind" in detail["ctx"]["discriminator"]:
         where = (*where, detail["ctx"]["discriminator"].strip("'"))
     return source.problem(where, message, hint=hint)
 
@@ -151,6 +151,11 @@ def _about_the_file(model: type[Model]) -> list[str]:
     return list(ABOUT_THE_FILE) if issubclass(model, Declaration) else []
 
 
+def _is_echo(detail: Any) -> bool:
+    """Whether a list is too short only for want of those items that are told of anyway."""
+    return detail["type"] == "too_short" and len(detail["input"]) >= detail["ctx"]["min_length"]
+
+
 def _as_percent(facts: Facts, value: Any) -> str:
     """The reason of a range; of a share, what a percentage would be."""
     is_share = facts.unit is not None and facts.unit.name == "1"
@@ -162,7 +167,8 @@ def _as_percent(facts: Facts, value: Any) -> str:
 def _no_number(value: Any, example: str) -> tuple[str, str]:
     if isinstance(value, dict):
         if len(value) == 1 and next(iter(value)) in ("uniform", "normal", "choice"):
-            return "a distribution cannot stand here", "distributions are for numbers of a weather"
+            hint = "distributions are for numbers of a weather and for what a conflict draws"
+            return "a distribution cannot stand here", hint
         return "a mapping stands where a number should", f"write a number{_or(example)}"
     if value is None:
         return "there is no value", f"write a number{_or(example)}, or leave the field out"

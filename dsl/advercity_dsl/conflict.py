@@ -9,12 +9,11 @@ from advercity_dsl.base import (
     Id,
     Metres,
     Model,
-    Number,
     Point2,
     PositiveMetres,
     Seconds,
 )
-from advercity_dsl.distribution import Distribution
+from advercity_dsl.distribution import Drawn
 from advercity_dsl.traffic import ActorClass
 from advercity_dsl.typology import CrashTypeId, Evidence
 
@@ -69,7 +68,7 @@ class Outcome(Model):
 class Parameter(Model):
     """A number, or the distribution that each road and density draws it from."""
 
-    draw: Number | Distribution
+    draw: Drawn
     """`30`, or `{uniform: [20, 40]}`."""
     source: str = ""
     """Where it comes from; what has no source is an assumption."""

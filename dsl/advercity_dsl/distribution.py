@@ -1,8 +1,8 @@
-"""Distributions that may stand in place of a number in a weather; each spec holds one draw."""
+"""Distributions in place of a number in a weather or a conflict; each spec holds one draw."""
 
-from typing import Annotated, Self
+from typing import Annotated, Any, Self, cast
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from advercity_dsl.base import Model, Number
 
@@ -60,3 +60,22 @@ DISTRIBUTIONS: dict[str, type[Distribution]] = {
     "choice": Choice,
 }
 """The model of each by the key that it is written with."""
+
+
+def _tag(value: object) -> str:
+    """The key that a distribution is written with; whatever else there is should be a number."""
+    if isinstance(value, Uniform | Normal | Choice):
+        return next(iter(type(value).model_fields))
+    if isinstance(value, dict) and len(written := cast(dict[Any, Any], value)) == 1:
+        return str(next(iter(written)))
+    return "number"
+
+
+Drawn = Annotated[
+    Annotated[Number, Tag("number")]
+    | Annotated[Uniform, Tag("uniform")]
+    | Annotated[Normal, Tag("normal")]
+    | Annotated[Choice, Tag("choice")],
+    Discriminator(_tag),
+]
+"""A number, or a distribution to draw it from."""

@@ -2,15 +2,27 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field, StringConstraints
+from pydantic import BeforeValidator, Field, StringConstraints
 
-from advercity_dsl.base import Declaration, Flag, Model, Number, Percent
+from advercity_dsl.base import Declaration, Flag, Misfit, Model, Number, Percent
 
 Evidence = Literal["A", "B", "C", "D", "U"]
 """A read directly, B two sources agree, C one secondary source, D inferred, U unverified."""
 
 
-CrashTypeId = Annotated[str, StringConstraints(pattern=r"^nhtsa(2007|2019):\d{1,2}$")]
+def _names_its_edition(value: object) -> object:
+    number = str(value)
+    if number.isdecimal():
+        hint = f'write "nhtsa2019:{number}" or "nhtsa2007:{number}"; editions reuse numbers'
+        raise Misfit((), f"{number} names no edition", hint)
+    return value
+
+
+CrashTypeId = Annotated[
+    str,
+    BeforeValidator(_names_its_edition),
+    StringConstraints(pattern=r"^nhtsa(2007|2019):\d{1,2}$"),
+]
 """`nhtsa2019:30`; the editions give the same numbers to different things."""
 
 
