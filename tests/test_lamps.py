@@ -10,7 +10,7 @@ from advercity_dsl.weather import Lamps
 
 from advercity import poses
 from advercity.compiler import load_library
-from advercity.rendering.lamps import AMBER, RED, Kind, LitLamp, lit_lamps
+from advercity.rendering.lamps import AMBER, RED, Kind, LitLamp, intensity_towards, lit_lamps
 from advercity.traffic import Actor, ActorState, Frame, Lamp, lit
 from advercity.traffic.umbrellas import sheltered
 from advercity.world.bodies import body
@@ -100,11 +100,33 @@ def test_a_motorcycle_has_one_beam_and_no_fog_lamps():
 
 
 def test_front_fog_lamps_look_below_the_dipped_beams_from_below_them():
-    beams = [lamp for lamp in shining(Lamp.LOW_BEAM | Lamp.FOG) if lamp.kind is Kind.LOW_BEAM]
-    fog = min(beams, key=lambda lamp: lamp.position[2])
-    assert len(beams) == 3
+    lamps = shining(Lamp.LOW_BEAM | Lamp.FOG)
+    beams = [lamp for lamp in lamps if lamp.kind is Kind.LOW_BEAM]
+    (fog,) = (lamp for lamp in lamps if lamp.kind is Kind.FOG_BEAM)
+    assert fog.position[2] < min(beam.position[2] for beam in beams)
     assert fog.facing[2] < 0.0
-    assert fog.intensity_cd < min(beam.intensity_cd for beam in beams if beam is not fog)
+    assert fog.intensity_cd < min(beam.intensity_cd for beam in beams)
+
+
+@pytest.mark.parametrize(
+    ("above_deg", "aside_deg", "least_cd", "most_cd"),
+    [
+        *((up, 0, 0, most) for up, most in [(20, 60), (8, 90), (4, 105), (2, 170), (1, 250)]),
+        *((0, aside, 0, 340) for aside in (-10, 0, 10)),
+        *((-2.5, aside, 2000, 8000) for aside in (-5, 0, 10)),
+        *((-3.5, aside, 800, 8000) for aside in (-22, 22)),
+        *((-4.5, aside, 320, 8000) for aside in (-35, 35)),
+    ],
+)
+def test_a_front_fog_lamp_is_cut_off_and_as_wide_as_its_regulation_asks(
+    above_deg: float, aside_deg: float, least_cd: float, most_cd: float
+) -> None:
+    """UN R19, class F3, of each of the two lamps that one stands for; the car heads north."""
+    (both,) = (lamp for lamp in shining(Lamp.FOG) if lamp.kind is Kind.FOG_BEAM)
+    up, right = np.radians([above_deg, aside_deg])
+    ray = np.array([np.cos(up) * np.sin(right), np.cos(up) * np.cos(right), np.sin(up)])
+    one_cd = intensity_towards([both], ray[None, None])[0, 0] / 2.0
+    assert least_cd <= one_cd <= most_cd
 
 
 @pytest.mark.parametrize(

@@ -58,6 +58,7 @@ class Kind(IntEnum):
     STREET = 0
     LOW_BEAM = 1
     LENS = 2
+    FOG_BEAM = 3
 
 
 @dataclass(frozen=True)
@@ -128,7 +129,7 @@ def _vehicle(state: ActorState, open_m: float) -> Iterator[LitLamp]:
     if Lamp.FOG in state.lamps:
         low = tuple(transform(pose, [reach, 0.0, FOG_LAMP_HEIGHT_M]))
         down = np.cos(FOG_LAMP_TILT_RAD) * ahead - np.sin(FOG_LAMP_TILT_RAD) * pose[:3, 2]
-        yield LitLamp(Kind.LOW_BEAM, low, tuple(down), FRONT_FOG_CD, HALOGEN, open_m)
+        yield LitLamp(Kind.FOG_BEAM, low, tuple(down), FRONT_FOG_CD, HALOGEN, open_m)
     if state.lamps & (Lamp.BRAKE | Lamp.LOW_BEAM | Lamp.FOG):
         rear_cd = BRAKE_CD if Lamp.BRAKE in state.lamps else TAIL_CD
         rear_cd += REAR_FOG_CD if Lamp.FOG in state.lamps else 0.0
@@ -164,17 +165,36 @@ def beam_share(facing: Floats, rays: Floats) -> Floats:
         facing: (..., 3) unit, along the beam's axis.
         rays: (..., n, 3) unit, away from the lamp.
     """
-    right = np.stack([facing[..., 1], -facing[..., 0], np.zeros_like(facing[..., 0])], axis=-1)
-    right /= np.linalg.norm(right, axis=-1, keepdims=True)
-    axes = np.stack([facing, right, np.cross(right, facing)], axis=-1)
-    forward, aside, up = np.moveaxis(rays @ axes, -1, 0)
-    h = np.degrees(np.arctan2(aside, forward))
-    v = np.degrees(np.arcsin(np.clip(up, -1.0, 1.0)))
+    h, v = _off_axis(facing, rays)
     over = v + 0.57 - np.clip(0.27 * h, 0.0, 2.07)
     share = 0.018 + 0.982 / (1.0 + np.exp(np.minimum(over / 0.12, 80.0)))
     share *= np.where(over < 0.0, np.exp(-(((over + 1.0) / 3.5) ** 2)), 1.0)
     share *= np.where(v > 0.0, np.exp(-((v / 15.0) ** 2)), 1.0)
-    return np.where(forward > 0.0, share * np.exp(-(((h - 1.0) / 12.0) ** 2) / 2.0), 0.0)
+    ahead = np.abs(h) < 90.0
+    return np.where(ahead, share * np.exp(-(((h - 1.0) / 12.0) ** 2) / 2.0), 0.0)
+
+
+def fog_beam_share(facing: Floats, rays: Floats) -> Floats:
+    """Of its peak, what a front fog lamp sends along unit rays (..., n, 3).
+
+    Wide, and cut off level at its axis (UN R149, class F3). Arguments as of `beam_share`.
+    """
+    h, v = _off_axis(facing, rays)
+    share = 0.018 + 0.982 / (1.0 + np.exp(np.minimum(v / 0.2, 80.0)))
+    share *= np.where(v < 0.0, np.exp(-(((v + 1.0) / 3.5) ** 2)), np.exp(-((v / 15.0) ** 2)))
+    return np.where(np.abs(h) < 90.0, share * np.exp(-((h / 20.0) ** 2) / 2.0), 0.0)
+
+
+def _off_axis(facing: Floats, rays: Floats) -> tuple[Floats, Floats]:
+    """Angles (..., n) in degrees of rays to the right of a beam's axis and above it."""
+    right = np.stack([facing[..., 1], -facing[..., 0], np.zeros_like(facing[..., 0])], axis=-1)
+    right /= np.linalg.norm(right, axis=-1, keepdims=True)
+    axes = np.stack([facing, right, np.cross(right, facing)], axis=-1)
+    forward, aside, up = np.moveaxis(rays @ axes, -1, 0)
+    return np.degrees(np.arctan2(aside, forward)), np.degrees(np.arcsin(np.clip(up, -1.0, 1.0)))
+
+
+BEAMS = {Kind.LOW_BEAM: beam_share, Kind.FOG_BEAM: fog_beam_share}
 
 
 def intensity_towards(lamps: Sequence[LitLamp], rays: Floats) -> Floats:
@@ -184,8 +204,8 @@ def intensity_towards(lamps: Sequence[LitLamp], rays: Floats) -> Floats:
     facing = np.array([lamp.facing for lamp in lamps], rays.dtype)
     for kind in set(kinds.tolist()):
         one = np.flatnonzero(kinds == kind)
-        if kind == Kind.LOW_BEAM:
-            found[one] = beam_share(facing[one], rays[one])
+        if kind in BEAMS:
+            found[one] = BEAMS[kind](facing[one], rays[one])
         else:
             cosine = np.maximum((rays[one] @ facing[one][..., None])[..., 0], 0.0)
             found[one] = cosine**4 if kind == Kind.LENS else cosine

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from advercity.rendering.backend import CameraView
-from advercity.rendering.lamps import Kind, LitLamp
+from advercity.rendering.lamps import BEAMS, Kind, LitLamp
 from advercity.weather.atmosphere import Atmosphere
 from advercity_sapien.tables import COLUMNS, KILO, LIST_ROWS
 
@@ -40,7 +40,7 @@ WIDE_BEAM_RAD = np.radians(12.0)
 """Spread of a dipped beam to either side."""
 STRAY_BEAM = 0.1
 """Of a dipped beam's peak, what goes up and to the sides where others look into it."""
-BEAM_M, BEAMS, BEAM_SEEN_M = 40.0, 4, 60.0
+BEAM_M, BEAMS_AROUND, BEAM_SEEN_M = 40.0, 4, 60.0
 """Length of a beam in fog; how many are seen from all sides, and from how far."""
 BEAM_GLOW = 4e-3
 """Luminance of a beam seen from behind, by its peak and the extinction (weather reference)."""
@@ -61,6 +61,7 @@ class LampLists:
         self._position = np.array([lamp.position for lamp in brightest]).reshape(-1, 3)
         self._facing = np.array([lamp.facing for lamp in brightest]).reshape(-1, 3)
         self._kind = np.array([lamp.kind for lamp in brightest], dtype=int)
+        self._is_beam = np.isin(self._kind, list(BEAMS))
         self._intensity_cd = np.array([lamp.intensity_cd for lamp in brightest])
         self._open_m = np.array([lamp.open_m for lamp in brightest])
         self._colour = np.array([lamp.colour for lamp in brightest]).reshape(-1, 3)
@@ -115,7 +116,7 @@ class LampLists:
         aside = _aside(away, distance, self._facing[:, :2])
         aside = np.maximum(aside - np.arcsin(half_m / np.maximum(distance, half_m)), 0.0)
         lux = self._intensity_cd * np.select(
-            [self._kind == Kind.STREET, self._kind == Kind.LOW_BEAM],
+            [self._kind == Kind.STREET, self._is_beam],
             [
                 MOUNTED_M / (nearest**2 + MOUNTED_M**2) ** 1.5,
                 _beam(aside) / (nearest**2 + 2.0),
@@ -162,7 +163,7 @@ class LampLists:
         level = np.maximum(np.hypot(away[:, 0], away[:, 1]), 0.1)
         aside = _aside(away[:, :2], level, self._facing[:, :2])
         return self._intensity_cd * np.select(
-            [self._kind == Kind.STREET, self._kind == Kind.LOW_BEAM],
+            [self._kind == Kind.STREET, self._is_beam],
             [
                 np.maximum(MOUNTED_M / np.maximum(distance, MOUNTED_M), 0.3),
                 STRAY_BEAM * _beam(aside),
@@ -176,9 +177,9 @@ class LampLists:
         along = np.clip((away * self._facing).sum(axis=1), 0.0, BEAM_M)
         distance = np.linalg.norm(away - along[:, None] * self._facing, axis=1)
         shown = BEAM_GLOW * self._intensity_cd * self._extinction > self._faint_cd_m2
-        distance[(self._kind != Kind.LOW_BEAM) | (distance > BEAM_SEEN_M) | ~shown] = np.inf
+        distance[~self._is_beam | (distance > BEAM_SEEN_M) | ~shown] = np.inf
         near = np.zeros(len(distance), dtype=bool)
-        near[np.argsort(distance, kind="stable")[:BEAMS]] = True
+        near[np.argsort(distance, kind="stable")[:BEAMS_AROUND]] = True
         return near & np.isfinite(distance)
 
 

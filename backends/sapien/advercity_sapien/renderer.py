@@ -15,6 +15,7 @@ from advercity.traffic.trace import Frame
 from advercity.weather import puddles
 from advercity.weather.atmosphere import Atmosphere
 from advercity.world.scene import World
+from advercity_sapien.beams_in_fog import NO_BEAMS, spread_rows
 from advercity_sapien.bindings import Maps, RasterBindings, RayTracedBindings
 from advercity_sapien.culling import seen_by
 from advercity_sapien.denoising import denoised
@@ -63,6 +64,7 @@ class SapienRenderer:
         self._air[WEAR_COLUMN] = map_column(wear)
         self._air[SHELTER_COLUMN] = map_column(shelter)
         self._atmosphere = atmosphere
+        self._spread = spread_rows() if atmosphere.night else NO_BEAMS
         self._lamps = LampLists([], atmosphere)
         self._frame_index = 0
 
@@ -103,7 +105,8 @@ class SapienRenderer:
             casting = self._sun.casting
             self._stage.culling.show([seen_by(view), *([] if casting is None else [casting])])
         with self._stage.without(view.hide):
-            self._bindings.write(np.concatenate([self._air[None], self._lamps.rows(view)]))
+            rows = self._air[None], self._lamps.rows(view), self._spread
+            self._bindings.write(np.concatenate(rows))
             self._scene.update_render()
             camera.take_picture()
         self._begun = camera

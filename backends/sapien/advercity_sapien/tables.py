@@ -16,7 +16,9 @@ KILO = 1e-3
 COLUMNS = 512
 LIST_ROWS = {"lamps": 3, "cells": 8, "tiles": 4, "bearings": 1}
 """Of the table, below its first row; `lamps.glsl` counts them too."""
-TABLE_ROWS = 1 + sum(LIST_ROWS.values())
+SPREAD_ROWS = 2
+"""Below them, for what fog spreads of beams."""
+TABLE_ROWS = 1 + sum(LIST_ROWS.values()) + SPREAD_ROWS
 DRY = -1.0
 """Water level below every hollow."""
 RUT_SHARE = 0.3

@@ -13,14 +13,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from advercity.poses import pose
 from advercity.rendering.backend import CameraView, Profile
+from advercity.rendering.lamps import CLEAR_OF_BODY_M, beam_share
 from advercity.semantics import Semantic
-from advercity.traffic.trace import Frame
+from advercity.traffic.trace import Actor, ActorState, Frame, Lamp
 from advercity.weather.atmosphere import Atmosphere
 from advercity.weather.daylight import daylight_of
 from advercity.weather.derivation import atmosphere_of
 from advercity.weather.sky import airlight_between, cie_luminance, direction_to, sky_type
 from advercity.world.materials import MATERIALS, Material
-from advercity.world.scene import Mesh, StreetLamp, World
+from advercity.world.scene import Body, Mesh, StreetLamp, World
 
 mitsuba: Any = pytest.importorskip("mitsuba")
 mitsuba.set_variant("scalar_rgb")
@@ -82,7 +83,9 @@ def ours(
     air: Atmosphere,
     *solids: Solid,
     lamps: tuple[StreetLamp, ...] = (),
+    car: tuple[Body, ActorState] | None = None,
     pack: Literal["raster", "ray_traced"] = "ray_traced",
+    size: tuple[int, int] = SIZE,
 ) -> NDArray[Any]:
     """Luminance (h, w) by one of the packs."""
     meshes = tuple(
@@ -95,11 +98,12 @@ def ours(
         )
         for middle, size, material in solids
     )
-    world = World("test", meshes, {}, lanes=(), network=Path("none"), street_lamps=lamps)
+    bodies, states = ({}, ()) if car is None else ({"car": car[0]}, (car[1],))
+    world = World("test", meshes, bodies, lanes=(), network=Path("none"), street_lamps=lamps)
     profile = Profile("test", 1.0, pack, samples=96, path_depth=5)
     with SapienBackend().open(world, air, profile) as renderer:
-        renderer.place(Frame(0, 0.0, (), {}))
-        view = CameraView(pose(EYE), *SIZE, math.radians(90.0))
+        renderer.place(Frame(0, 0.0, states, {}))
+        view = CameraView(pose(EYE), *size, math.radians(90.0))
         return renderer.camera(view).radiance @ LUMINANCE
 
 
@@ -304,6 +308,79 @@ def test_a_lamp_in_fog_is_as_bright_as_mitsubas(mor_m: float) -> None:
     }
     expected = theirs(scene, GROUND, WALL, BOX, integrator=VOLUME_PATHS, samples=400)
     assert found.mean() == pytest.approx(expected.mean(), rel=0.05)
+
+
+YARD: tuple[Solid, ...] = (
+    GROUND,
+    ((18.0, 1.0, 1.5), (1.0, 30.0, 3.0), "plaster"),
+    ((9.0, -12.0, 1.5), (6.0, 2.0, 3.0), "plaster"),
+)
+BEAMS_AT, BEAM_CD, HALF_TRACK_M = (9.0, 10.0, 0.65), 20e3, 0.63
+FOG_FREE_M = 0.6
+"""Around each lamp, where its light is so dense that a path tracer takes hours to know it."""
+OPENING = math.radians(42.0)
+
+
+def crossing_car() -> tuple[Body, ActorState]:
+    """A body below the ground, whose dipped beams cross the picture from left to right."""
+    size = (4.0, 1.8, 1.5)
+    hidden = Mesh(
+        "car", (CORNERS * 0.1 - [0, 0, 3]).astype(np.float32), FACES, "concrete", Semantic.VEHICLE
+    )
+    at = BEAMS_AT[0], BEAMS_AT[1] + size[0] / 2.0 + CLEAR_OF_BODY_M, 0.0
+    actor = Actor(1, "car", "car", "concrete", size)
+    state = ActorState(actor, pose(at, yaw=-math.pi / 2.0), 0.0, 0.0, Lamp.LOW_BEAM)
+    return Body((hidden,), size), state
+
+
+def mitsubas_beams() -> dict[str, Any]:
+    """Spot lamps with our pattern, each in a bubble without fog."""
+    place, up_to = mitsuba.ScalarTransform4f, 2048
+    along = np.tan(OPENING) * ((np.arange(up_to) + 0.5) / up_to * 2.0 - 1.0)
+    left, up = np.meshgrid(along, along)
+    rays = np.stack([np.ones_like(left), left, up], axis=-1).reshape(1, -1, 3)
+    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
+    share = beam_share(np.array([[1.0, 0.0, 0.0]]), rays).reshape(up_to, up_to, 1)
+    pattern = mitsuba.TensorXf(share.astype(np.float32))
+    found: dict[str, Any] = {}
+    for side in (-1, 1):
+        at = [BEAMS_AT[0] + side * HALF_TRACK_M, *BEAMS_AT[1:]]
+        found[f"lamp_{side + 1}"] = {
+            "type": "spot",
+            "to_world": place().look_at(origin=at, target=[at[0], 0.0, at[2]], up=[0, 0, 1]),
+            "intensity": grey(BEAM_CD),
+            "cutoff_angle": math.degrees(OPENING),
+            "beam_width": math.degrees(OPENING) - 0.1,
+            "texture": {"type": "bitmap", "data": pattern, "raw": True},
+        }
+        found[f"bubble_{side + 1}"] = {
+            "type": "sphere",
+            "center": at,
+            "radius": FOG_FREE_M,
+            "bsdf": {"type": "null"},
+            "exterior": {"type": "ref", "id": "fog"},
+        }
+    return found
+
+
+def test_beams_in_fog_are_as_bright_as_mitsubas(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Light that fog turns aside falls on the road and on walls that no beam meets."""
+    monkeypatch.setattr("advercity.rendering.lamps.TAIL_CD", 0.0)
+    extinction = math.log(20.0) / 300.0
+    scene = fog_of(extinction) | mitsubas_beams()
+    expected = theirs(scene, *YARD, integrator=VOLUME_PATHS, samples=200)
+    found = ours(air_of(extinction_550nm=extinction), *YARD, car=crossing_car())
+    assert found.mean() == pytest.approx(expected.mean(), rel=0.05)
+    # The beams' edge is finer than so few pixels, where each is seen through its middle alone.
+    fine = 4
+    rastered = ours(
+        air_of(extinction_550nm=extinction),
+        *YARD,
+        car=crossing_car(),
+        pack="raster",
+        size=(fine * SIZE[0], fine * SIZE[1]),
+    )
+    assert rastered.mean() == pytest.approx(expected.mean(), rel=0.10)
 
 
 def _blocks(picture: NDArray[Any]) -> NDArray[Any]:

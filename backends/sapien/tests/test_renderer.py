@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from advercity.poses import inverse, pose, transform
 from advercity.rendering.backend import CameraCapture, CameraView, Profile
+from advercity.rendering.lamps import intensity_towards, lit_lamps
 from advercity.semantics import Semantic
 from advercity.traffic.trace import Actor, ActorState, Frame, Lamp, Signal
 from advercity.weather.atmosphere import Atmosphere, Colour
@@ -438,6 +439,29 @@ def test_low_beams_light_the_road_ahead_by_night_only(opened: Open) -> None:
     # third of it blue.
     assert lit[24, 40] == pytest.approx(0.33 * 40e3 * 0.65 / 15.0**3 / np.pi, rel=0.4)
     assert lit[50, 40] == 0.0
+
+
+@pytest.mark.parametrize("lamps", [Lamp.LOW_BEAM, Lamp.FOG])
+def test_beams_have_the_pattern_that_sensors_know(opened: Open, lamps: Lamp) -> None:
+    """On a wall 10 m ahead, at the height of the lamps and below."""
+    wall = world_of(box((11.5, 0.0, 0.0), (1.0, 30.0, 4.0), "white"))
+    frame = frame_of(state(1, (0.0, 0.0, 0.0), lamps=lamps))
+    view = view_of(pose((1.0, 0.0, 0.7)), size=(180, 180))
+    with opened(wall, air_of(night=True)) as renderer:
+        renderer.place(frame)
+        capture = renderer.camera(replace(view, hide=frozenset({1})))
+    row, column = np.mgrid[90:100, 15:165]
+    at = np.stack([np.full(row.shape, 11.0), (90 - column - 0.5) / 9.0, 0.7 - (row - 89.5) / 9.0])
+    expected = np.zeros(row.shape)
+    for lamp in lit_lamps(wall, frame):
+        away = np.moveaxis(at, 0, -1) - lamp.position
+        distance = np.linalg.norm(away, axis=-1)
+        intensity = intensity_towards([lamp], (away / distance[..., None]).reshape(1, -1, 3))
+        lux = intensity.reshape(row.shape) * away[..., 0] / distance**3
+        expected += lux * np.dot(lamp.colour, LUMINANCE) / np.pi
+    found = luminance(capture)[90:100, 15:165]
+    np.testing.assert_allclose(found.mean(axis=1), expected.mean(axis=1), rtol=0.02)
+    np.testing.assert_allclose(found.mean(axis=0), expected.mean(axis=0), rtol=0.02, atol=0.1)
 
 
 def test_a_lamp_in_fog_wears_the_halo_of_its_droplets(opened: Open) -> None:

@@ -1,11 +1,13 @@
 // Lamps of the street and of vehicles, and their glow in fog; needs atmosphere.glsl, surface.glsl.
 
-const int STREET = 0, LOW_BEAM = 1, LENS = 2;
+const int STREET = 0, LOW_BEAM = 1, LENS = 2, FOG_BEAM = 3;
 
 // Rows of the table and sizes of the lists in it, as in `lamp_lists.py`.
 const int LAMP_ROW = 1, CELL_ROW = 4, TILE_ROW = 12, BEARING_ROW = 16, COLUMNS = 512;
 const int CELLS = 32, TILES_HIGH = 18, TILES_WIDE = 32, BEARINGS = 64;
 const int FOURS_OF_CELL = 4, FOURS_OF_TILE = 3, FOURS_OF_BEARING = 2;
+// Below them, one row for dipped beams and one for fog lamps, as in `beams_in_fog.py`.
+const int SPREAD_ROW = 17, SPREAD_RINGS = 16, SPREAD_SPOKES = 32;
 
 struct Lamp {
   vec3 position;
@@ -16,10 +18,10 @@ struct Lamp {
   float reach;     // metres, where its light ends
 };
 
-// The two lamps of a vehicle are one here; nearer than they are apart, they are not a point.
-float spread2(Lamp l) {
-  return l.kind == LOW_BEAM ? 2.0 : 0.01;
-}
+// Square of a lamp's size: nearer than that it is not a point. One fog lamp stands for two.
+float size2(Lamp l) { return l.kind == FOG_BEAM ? 0.4 : 0.01; }
+
+bool isBeam(Lamp l) { return l.kind == LOW_BEAM || l.kind == FOG_BEAM; }
 
 Lamp lamp(int i) {
   vec4 a = texelFetch(samplerTable, ivec2(i, LAMP_ROW), 0);
@@ -52,16 +54,26 @@ int listOfTile(vec2 uv) {
   return (tile.y * TILES_WIDE + tile.x) * FOURS_OF_TILE;
 }
 
-// Of the peak, what a dipped beam for right-hand traffic sends along `ray`: a cut-off line that is
-// level to the left and rises by 15 degrees to the right. Angles from the axis in degrees, the
-// arcs of which are near enough by their first terms.
-float lowBeam(vec3 facing, vec3 ray) {
+vec3 rightOf(vec3 facing) {
+  return vec3(facing.y, -facing.x, 0.0) * inversesqrt(dot(facing.xy, facing.xy));
+}
+
+// Angles in degrees of a ray to the right of a beam's axis and above it, near enough by the first
+// terms of their arcs; false for rays that go no way ahead.
+bool offAxis(vec3 facing, vec3 ray, out float h, out float v) {
   float forward = dot(ray, facing);
-  if (forward <= 0.1) return 0.0;
-  vec3 right = vec3(facing.y, -facing.x, 0.0) * inversesqrt(dot(facing.xy, facing.xy));
+  vec3 right = rightOf(facing);
   float aside = dot(ray, right) / forward, above = dot(ray, cross(right, facing));
-  float h = degrees(aside / (1.0 + 0.28 * aside * aside));
-  float v = degrees(above * (1.0 + above * above / 6.0));
+  h = degrees(aside / (1.0 + 0.28 * aside * aside));
+  v = degrees(above * (1.0 + above * above / 6.0));
+  return forward > 0.1;
+}
+
+// Of the peak, what a dipped beam for right-hand traffic sends along `ray`: a cut-off line that is
+// level to the left and rises by 15 degrees to the right.
+float lowBeam(vec3 facing, vec3 ray) {
+  float h, v;
+  if (!offAxis(facing, ray, h, v)) return 0.0;
   float x = v + 0.57 - clamp(0.27 * h, 0.0, 2.07);
   float falls = (h - 1.0) * (h - 1.0) / 288.0;
   if (x < 0.0) falls += (x + 1.0) * (x + 1.0) / 12.25;
@@ -70,10 +82,23 @@ float lowBeam(vec3 facing, vec3 ray) {
   return (0.018 + 0.982 / (1.0 + exp(clamp(x / 0.12, -40.0, 40.0)))) * exp(-falls);
 }
 
-vec3 intensity(Lamp l, vec3 ray) {
-  if (l.kind == LOW_BEAM) return l.intensity * lowBeam(l.facing, ray);
+// The same of a front fog lamp: wide, and cut off level at its axis.
+float fogBeam(vec3 facing, vec3 ray) {
+  float h, v;
+  if (!offAxis(facing, ray, h, v)) return 0.0;
+  float falls = h * h / 800.0;
+  if (v < 0.0) falls += (v + 1.0) * (v + 1.0) / 12.25;
+  else falls += v * v / 225.0;
+  if (falls > 12.0) return 0.0;
+  return (0.018 + 0.982 / (1.0 + exp(clamp(v / 0.2, -40.0, 40.0)))) * exp(-falls);
+}
+
+// The same of any lamp.
+float beam(Lamp l, vec3 ray) {
+  if (l.kind == LOW_BEAM) return lowBeam(l.facing, ray);
+  if (l.kind == FOG_BEAM) return fogBeam(l.facing, ray);
   float cosine = max(dot(l.facing, ray), 0.0);
-  return l.intensity * (l.kind == LENS ? cosine * cosine * cosine * cosine : cosine);
+  return l.kind == LENS ? cosine * cosine * cosine * cosine : cosine;
 }
 
 // Of a lamp's light, what lights a place: it ends softly where the lists end.
@@ -87,12 +112,48 @@ float within(Lamp l, float distance) {
 // Radiance, all colours together, that does not show beside the airlight and the sky.
 float faintest() { return 5e-3 * (parameter(1).r + parameter(1).g + parameter(5).g); }
 
-// Of a lamp's light, what fog leaves to a place. Half of what droplets scatter goes on within a few
-// degrees and stays in a beam. What shines all around loses nothing: light that is turned away from
-// one place is turned towards it from others.
+// Half of what droplets scatter goes on within a few degrees. It stays in a beam, and what a place
+// in a picture loses of it comes from the places beside.
+const float TURNED_ASIDE = 0.487;
+
+float keepingOn(float distance) { return transmittance(TURNED_ASIDE * distance); }
+
+// By how much more is seen of light that lamps give to a place than is left of a point's; no more
+// than still shows.
+float seenAround(float distance) {
+  return exp(min((1.0 - TURNED_ASIDE) * extinction() * distance, 8.0));
+}
+
+// Of a lamp's light, what fog leaves to a place. What shines all around loses nothing: light that is
+// turned away from one place is turned towards it from others.
 float reaching(Lamp l, float distance) {
-  const float OUT_OF_BEAM = 0.487;
-  return l.kind == STREET ? 1.0 : transmittance(OUT_OF_BEAM * distance);
+  return l.kind == STREET ? 1.0 : keepingOn(distance);
+}
+
+// Irradiance on a surface by the light that fog turns aside from all of a beam, per klx that the
+// beam's peak would give without fog, if all were turned aside up to there.
+float turnedAside(Lamp l, vec3 ray, vec3 normal) {
+  vec3 right = rightOf(l.facing);
+  vec3 up = cross(right, l.facing);
+  float aside = dot(ray, right), above = dot(ray, up);
+  float ring = sqrt(acos(clamp(dot(ray, l.facing), -1.0, 1.0)) / PI) * float(SPREAD_RINGS - 1);
+  float spoke = (atan(above, aside) / (2.0 * PI) + 1.0) * float(SPREAD_SPOKES);
+  int row = SPREAD_ROW + (l.kind == FOG_BEAM ? 1 : 0);
+  int inner = min(int(ring), SPREAD_RINGS - 2), first = int(spoke);
+  vec4 light = vec4(0.0);
+  for (int i = 0; i < 4; ++i) {
+    int texel = (inner + i / 2) * SPREAD_SPOKES + (first + i % 2) % SPREAD_SPOKES;
+    float weight = abs(1.0 - float(i / 2) - ring + float(inner))
+        * abs(1.0 - float(i % 2) - spoke + float(first));
+    light += weight * texelFetch(samplerTable, ivec2(texel, row), 0);
+  }
+  // From all around and along a way to what a surface gets of it (Hazel 2015).
+  vec3 flow = light.x * l.facing + light.y * right + light.z * up;
+  float strength = length(flow);
+  float onTheWay = min(strength / light.w, 1.0);
+  float p = 1.0 + 2.0 * onTheWay, even = (1.0 - onTheWay) / (1.0 + onTheWay);
+  float q = max(0.5 - 0.5 * dot(normal, flow) / strength, 0.0);
+  return 0.25 * light.w * (even + (1.0 - even) * (p + 1.0) * pow(q, p));
 }
 
 // Irradiance times BRDF by one lamp, as if nothing stood between.
@@ -103,11 +164,17 @@ vec3 litBy(Lamp l, Surface s, vec3 towardsEye, vec3 position) {
   float distance = sqrt(max(distance2, 1e-6));
   vec3 ray = away / distance;
   if (dot(s.normal, ray) >= 0.0) return vec3(0.0);
-  // What comes of it is known before its beam, which is dear: unseen lamps end here.
-  vec3 shown = reflected(s, towardsEye, -ray)
-      * (reaching(l, distance) * within(l, distance) / (distance2 + spread2(l)));
-  if (dot(shown, l.intensity) < faintest()) return vec3(0.0);
-  return shown * intensity(l, ray);
+  // What comes of it at most is known before its beam, which is dear.
+  const float MOST_TURNED_ASIDE = 0.25;
+  float left = reaching(l, distance), given = within(l, distance) / (distance2 + size2(l));
+  vec3 straight = l.intensity * given * left * reflected(s, towardsEye, -ray);
+  vec3 turned = l.intensity * given * (1.0 - left) * s.albedo / PI;
+  vec3 sum = vec3(0.0);
+  if (dot(straight, vec3(1.0)) >= faintest()) sum += straight * beam(l, ray);
+  if (isBeam(l) && MOST_TURNED_ASIDE * dot(turned, vec3(1.0)) >= faintest()) {
+    sum += turned * turnedAside(l, ray, s.normal);
+  }
+  return sum;
 }
 
 // The mirrored image on wet ground of a lamp too far away to light it.
@@ -124,7 +191,7 @@ vec3 mirroredFrom(Lamp l, Surface s, vec3 towardsEye, vec3 position) {
   if (fade <= 0.0 || dot(s.normal, ray) >= 0.0 || dot(ray.xy, towardsEye.xy) <= 0.0) {
     return vec3(0.0);
   }
-  return intensity(l, ray) * (transmittance(distance) * rest * fade * fade / distance2)
+  return l.intensity * (beam(l, ray) * transmittance(distance) * rest * fade * fade / distance2)
       * mirroredLobe(s, towardsEye, -ray);
 }
 
@@ -132,14 +199,15 @@ bool mirrorsFarLamps(Surface s) {
   return s.coat > 0.05 && s.alpha < 0.5 && s.normal.z > 0.7;
 }
 
-// Phase function of fog droplets of 12 µm (Jendersie and d'Eon 2023), 1/sr.
-float phase(float cosine) {
-  const float G_HG = 0.990455, G_D = 0.566864, A = 23.3775, W = 0.487418;
+// Phase function of fog droplets of 12 µm (Jendersie and d'Eon 2023), 1/sr: its narrow lobe and
+// its wide one.
+vec2 phase(float cosine) {
+  const float G_HG = 0.990455, G_D = 0.566864, A = 23.3775;
   float a = 1.0 + G_HG * G_HG - 2.0 * G_HG * cosine, b = 1.0 + G_D * G_D - 2.0 * G_D * cosine;
   float hg = (1.0 - G_HG * G_HG) * inversesqrt(a) / a;
   float draine = (1.0 - G_D * G_D) * inversesqrt(b) / b
       * (1.0 + A * cosine * cosine) / (1.0 + A * (1.0 + 2.0 * G_D * G_D) / 3.0);
-  return mix(hg, draine, W) / (4.0 * PI);
+  return vec2((1.0 - TURNED_ASIDE) * hg, TURNED_ASIDE * draine) / (4.0 * PI);
 }
 
 // Cuts from a stretch of a ray what lies behind a plane: keeps t where `start` + `slope` t >= 0.
@@ -156,9 +224,8 @@ vec2 litStretch(Lamp l, vec3 eye, vec3 ray, float distance) {
   vec3 away = eye - l.position;
   vec2 stretch = vec2(0.0, distance);
   clip(stretch, dot(away, l.facing), dot(ray, l.facing));
-  if (l.kind == LOW_BEAM) {
-    vec3 right = normalize(vec3(l.facing.y, -l.facing.x, 0.0));
-    vec3 up = cross(right, l.facing);
+  if (isBeam(l)) {
+    vec3 up = cross(rightOf(l.facing), l.facing);
     vec3 floor = up + BELOW * l.facing, ceiling = ABOVE * l.facing - up;
     clip(stretch, dot(away, floor), dot(ray, floor));
     clip(stretch, dot(away, ceiling), dot(ray, ceiling));
@@ -173,23 +240,24 @@ vec3 glow(Lamp l, vec3 eye, vec3 ray, float distance, float jitter) {
   const int STEPS = 6;
   vec2 stretch = litStretch(l, eye, ray, distance);
   if (stretch.x >= stretch.y) return vec3(0.0);
-  float inStep = l.kind == LOW_BEAM ? jitter : 0.5;
+  float inStep = isBeam(l) ? jitter : 0.5;
   float nearest = dot(l.position - eye, ray);
   float aside = max(length(l.position - eye - nearest * ray), 0.02);
   float first = atan((stretch.x - nearest) / aside);
   float span = atan((stretch.y - nearest) / aside) - first;
-  vec3 sum = vec3(0.0);
+  float sum = 0.0;
   for (int i = 0; i < STEPS; ++i) {
     float u = (float(i) + inStep) / float(STEPS);
     float slope = tan(first + span * u * u * u);
     float sine = inversesqrt(1.0 + slope * slope), t = nearest + aside * slope;
     float fromLamp = aside / sine;
     vec3 away = (eye + t * ray - l.position) / fromLamp;
-    float point = fromLamp * fromLamp / (fromLamp * fromLamp + spread2(l));
-    sum += 3.0 * u * u * point * within(l, fromLamp) * intensity(l, away) * phase(-slope * sine)
-        * transmittance(t + fromLamp);
+    float point = fromLamp * fromLamp / (fromLamp * fromLamp + size2(l));
+    float left = transmittance(t + fromLamp);
+    vec2 turned = phase(-slope * sine) * vec2(left, isBeam(l) ? keepingOn(t + fromLamp) : left);
+    sum += 3.0 * u * u * point * within(l, fromLamp) * beam(l, away) * (turned.x + turned.y);
   }
-  return sum * (extinction() * span / (aside * float(STEPS)));
+  return l.intensity * (sum * extinction() * span / (aside * float(STEPS)));
 }
 
 // Of all lamps whose glow is seen in the tile of the picture at `uv`.

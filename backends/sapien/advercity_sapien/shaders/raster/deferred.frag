@@ -96,7 +96,7 @@ void main() {
   if (dot(sunIrradiance(), vec3(1.0)) > 0.0 && dot(s.normal, sun) > 0.0) {
     radiance += reflected(s, -ray, sun) * sunIrradiance() * sunlit(position, normal.xyz);
   }
-  if (night()) radiance += fromLamps(s, -ray, position);
+  if (night()) radiance += seenAround(distance) * fromLamps(s, -ray, position);
   float cosine = -dot(ray, s.normal);
   radiance += s.albedo * passing(s, cosine) * skyIrradiance(s.normal) / PI;
   vec3 mirrored = mirroredShare(s, roughCosine(s.alpha, cosine));

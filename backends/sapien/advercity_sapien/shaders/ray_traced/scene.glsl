@@ -96,7 +96,7 @@ int tableIndex, skyIndex, airlightIndex, wearIndex, puddlesIndex, shelterIndex;
 #define samplerPuddles textures[nonuniformEXT(puddlesIndex)]
 #define samplerShelter textures[nonuniformEXT(shelterIndex)]
 
-const int BODY_ROW = 17;  // of the table, as in `bindings.py`
+const int BODY_ROW = 19;  // of the table, as in `bindings.py`
 
 void findTables() {
   TextureIndex carried = textureIndices.t[geometryInstances.i[0].materialIndex];
