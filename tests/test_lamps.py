@@ -83,6 +83,21 @@ def test_brake_and_rear_fog_lamps_outshine_tail_lamps_within_what_the_rules_allo
     assert not shining(Lamp(0))
 
 
+@pytest.mark.parametrize(
+    ("off_axis_deg", "least", "most"),
+    [(0, 1.0, 1.0), (5, 0.7, 0.9), (10, 0.35, 0.7), (20, 0.1, 0.35), (45, 0.0, 0.05), (90, 0, 0)],
+)
+def test_rear_lamps_shine_behind_and_hardly_on_the_road_below(
+    off_axis_deg: float, least: float, most: float
+) -> None:
+    """The least is UN R148's share of the peak; the car heads north."""
+    brake = next(lamp for lamp in shining(Lamp.BRAKE) if lamp.colour == RED)
+    down = np.radians(off_axis_deg)
+    ray = np.array([0.0, -np.cos(down), -np.sin(down)])
+    share = intensity_towards([brake], ray[None, None])[0, 0] / brake.intensity_cd
+    assert least - 1e-9 <= share <= most + 1e-9
+
+
 def test_low_beams_are_dipped_and_as_strong_as_the_rules_ask():
     beams = [lamp for lamp in shining(Lamp.LOW_BEAM) if lamp.kind is Kind.LOW_BEAM]
     assert len(beams) == 2

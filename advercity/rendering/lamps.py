@@ -43,6 +43,8 @@ FOG_LAMP_HEIGHT_M, FOG_LAMP_TILT_RAD = 0.40, np.radians(1.5)
 """Their light ends lower than that of dipped beams."""
 LAMP_SPREAD, BEAM_SPREAD = 0.4, 0.35
 """How far rear lamps and indicators, and dipped beams, are from the middle, in widths."""
+LENS_FALLS = 1.0 - np.cos(np.radians(12.0))
+"""How fast light of a lens falls off its axis."""
 TWO_WHEELED: tuple[ActorClass, ...] = ("bicycle", "motorcycle")
 LAMP_HEIGHT_M, CLEAR_OF_BODY_M = 0.65, 0.1
 HIDING_GAP_M, HIDDEN_BEHIND_M = 12.0, 6.0
@@ -197,6 +199,17 @@ def _off_axis(facing: Floats, rays: Floats) -> tuple[Floats, Floats]:
 BEAMS = {Kind.LOW_BEAM: beam_share, Kind.FOG_BEAM: fog_beam_share}
 
 
+def lens_share(cosine: Floats) -> Floats:
+    """Of its peak, what a rear lamp, an indicator or a signal sends at an angle to its axis.
+
+    0.5 at 10 degrees, 0.2 at 20 and 0.03 at 45: between what UN R148 asks of vehicles' lamps (0.2 at
+    10 degrees, 0.1 at 20) and what EN 12368 asks of wide signals.
+    """
+    sideways = (1.0 + 1.0 / LENS_FALLS) ** -1.25
+    share = (1.0 + (1.0 - np.maximum(cosine, 0.0)) / LENS_FALLS) ** -1.25
+    return (share - sideways) / (1.0 - sideways)
+
+
 def intensity_towards(lamps: Sequence[LitLamp], rays: Floats) -> Floats:
     """Luminous intensity (m, n) in cd of m lamps along unit rays (m, n, 3) away from each."""
     found = np.empty(rays.shape[:2], rays.dtype)
@@ -208,5 +221,5 @@ def intensity_towards(lamps: Sequence[LitLamp], rays: Floats) -> Floats:
             found[one] = BEAMS[kind](facing[one], rays[one])
         else:
             cosine = np.maximum((rays[one] @ facing[one][..., None])[..., 0], 0.0)
-            found[one] = cosine**4 if kind == Kind.LENS else cosine
+            found[one] = lens_share(cosine) if kind == Kind.LENS else cosine
     return found * np.array([lamp.intensity_cd for lamp in lamps], rays.dtype)[:, None]

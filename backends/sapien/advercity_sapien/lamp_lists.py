@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from advercity.rendering.backend import CameraView
-from advercity.rendering.lamps import BEAMS, Kind, LitLamp
+from advercity.rendering.lamps import BEAMS, Kind, LitLamp, lens_share
 from advercity.weather.atmosphere import Atmosphere
 from advercity_sapien.tables import COLUMNS, KILO, LIST_ROWS
 
@@ -121,7 +121,7 @@ class LampLists:
                 MOUNTED_M / (nearest**2 + MOUNTED_M**2) ** 1.5,
                 _beam(aside) / (nearest**2 + 2.0),
             ],
-            np.cos(np.minimum(aside, np.pi / 2)) ** 4 / (nearest**2 + 1.0),
+            lens_share(np.cos(aside)) / (nearest**2 + 1.0),
         )
         lux[nearest > self._reach_m] = 0.0
         return _best(lux, PER_CELL, self._faint_lx)
@@ -168,7 +168,7 @@ class LampLists:
                 np.maximum(MOUNTED_M / np.maximum(distance, MOUNTED_M), 0.3),
                 STRAY_BEAM * _beam(aside),
             ],
-            np.cos(np.minimum(aside, np.pi / 2)) ** 4,
+            lens_share(np.cos(aside)),
         )
 
     def _near_beams(self, eye: Array) -> NDArray[np.bool_]:

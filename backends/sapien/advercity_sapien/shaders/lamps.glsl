@@ -93,12 +93,19 @@ float fogBeam(vec3 facing, vec3 ray) {
   return (0.018 + 0.982 / (1.0 + exp(clamp(v / 0.2, -40.0, 40.0)))) * exp(-falls);
 }
 
+// The same of a rear lamp, an indicator or a signal, as `lens_share` in `lamps.py`.
+float lens(float cosine) {
+  const float FALLS = 0.0218524, SIDEWAYS = 0.0081778;
+  float rest = 1.0 + (1.0 - cosine) / FALLS;
+  return (inversesqrt(sqrt(rest)) / rest - SIDEWAYS) / (1.0 - SIDEWAYS);
+}
+
 // The same of any lamp.
 float beam(Lamp l, vec3 ray) {
   if (l.kind == LOW_BEAM) return lowBeam(l.facing, ray);
   if (l.kind == FOG_BEAM) return fogBeam(l.facing, ray);
   float cosine = max(dot(l.facing, ray), 0.0);
-  return l.kind == LENS ? cosine * cosine * cosine * cosine : cosine;
+  return l.kind == LENS ? lens(cosine) : cosine;
 }
 
 // Of a lamp's light, what lights a place: it ends softly where the lists end.
