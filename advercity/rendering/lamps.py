@@ -202,8 +202,8 @@ BEAMS = {Kind.LOW_BEAM: beam_share, Kind.FOG_BEAM: fog_beam_share}
 def lens_share(cosine: Floats) -> Floats:
     """Of its peak, what a rear lamp, an indicator or a signal sends at an angle to its axis.
 
-    0.5 at 10 degrees, 0.2 at 20 and 0.03 at 45: between what UN R148 asks of vehicles' lamps (0.2 at
-    10 degrees, 0.1 at 20) and what EN 12368 asks of wide signals.
+    0.5 at 10 degrees, 0.2 at 20 and 0.03 at 45: between what UN R148 asks of vehicles' lamps (0.2
+    at 10 degrees, 0.1 at 20) and what EN 12368 asks of wide signals.
     """
     sideways = (1.0 + 1.0 / LENS_FALLS) ** -1.25
     share = (1.0 + (1.0 - np.maximum(cosine, 0.0)) / LENS_FALLS) ** -1.25
