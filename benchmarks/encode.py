@@ -10,7 +10,6 @@ made behind rendering. The encoder alone is OpenCV with the same pictures and no
 
 import argparse
 import statistics
-import sys
 import tempfile
 import time
 from collections.abc import Generator
@@ -20,7 +19,7 @@ from functools import partial
 from pathlib import Path
 
 import cv2
-from figures import Figure, finish
+from figures import Figure, table
 
 from advercity.compiler import read_spec
 from advercity.dataset.manifest import Identity
@@ -110,17 +109,16 @@ def _encoder_s(pictures: list[Path]) -> float:
     return total
 
 
-def main() -> int:
-    """Measure and print; 1 if writing takes more than it may."""
+def main() -> None:
+    """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("spec", type=Path, nargs="?", default=SPEC)
     parser.add_argument("--profile", default="preview")
     parser.add_argument("--rounds", type=int, default=7)
     chosen = parser.parse_args()
-    return finish(
-        figures(quick=False, spec=chosen.spec, profile=chosen.profile, rounds=chosen.rounds)
-    )
+    found = figures(quick=False, spec=chosen.spec, profile=chosen.profile, rounds=chosen.rounds)
+    print(table(found))
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

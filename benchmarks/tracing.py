@@ -7,7 +7,6 @@ one diffuse material under an even sky, which asks less of it; it is measured wh
 
 import math
 import statistics
-import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -22,7 +21,7 @@ import numpy as np
 import sapien
 import trimesh
 from camera import stock_pictures
-from figures import Figure, finish
+from figures import Figure, table
 
 from advercity.compiler import read_spec
 from advercity.poses import transform
@@ -146,4 +145,4 @@ def _median_s(act: Callable[[], object], rounds: int) -> float:
 
 
 if __name__ == "__main__":
-    sys.exit(finish(figures(quick=False)))
+    print(table(figures(quick=False)))
