@@ -15,6 +15,7 @@ import os
 import platform
 import subprocess
 import sys
+import tempfile
 import time
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
@@ -41,10 +42,11 @@ def main() -> int:
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(NAMES))
     parser.add_argument("--full", action="store_true", help="more rounds")
     parser.add_argument("--output", type=Path, default=Path("output/bench"))
-    parser.add_argument("--only", choices=NAMES, help="print one benchmark's figures as JSON")
+    parser.add_argument("--only", choices=NAMES, help="write one's figures to OUTPUT as JSON")
     arguments = parser.parse_args()
     if arguments.only:
-        print(json.dumps([asdict(one) for one in _figures(arguments.only, arguments.full)]))
+        figures = importlib.import_module(arguments.only).figures(quick=not arguments.full)
+        arguments.output.write_text(json.dumps([asdict(one) for one in figures]))
         return 0
     found: list[Figure] = []
     failed: list[str] = []
@@ -71,21 +73,21 @@ def main() -> int:
     return int(bool(failed))
 
 
-def _figures(name: str, full: bool) -> list[Figure]:
-    return importlib.import_module(name).figures(quick=not full)
-
-
 def _in_a_child(name: str, full: bool) -> list[Figure] | None:
-    """None if the benchmark breaks, which its own words on stderr explain."""
-    command = [sys.executable, __file__, "--only", name, *(["--full"] if full else [])]
-    try:
-        child = subprocess.run(
-            command, stdout=subprocess.PIPE, text=True, check=True, timeout=LONGEST_S[full]
-        )
-    except (subprocess.CalledProcessError, subprocess.TimeoutExpired) as error:
-        print(f"{name}: {error}", file=sys.stderr)
-        return None
-    return [Figure(**one) for one in json.loads(child.stdout.splitlines()[-1])]
+    """None if the benchmark breaks, which its own words on stderr explain.
+
+    Figures come back in a file: programs that it calls say all sorts of things on stdout.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "figures.json"
+        command = [sys.executable, __file__, "--only", name, "--output", str(file)]
+        command += ["--full"] if full else []
+        try:
+            subprocess.run(command, stdout=sys.stderr, check=True, timeout=LONGEST_S[full])
+        except (subprocess.CalledProcessError, subprocess.TimeoutExpired) as error:
+            print(f"{name}: {error}", file=sys.stderr)
+            return None
+        return [Figure(**one) for one in json.loads(file.read_text())]
 
 
 def _machine() -> list[str]:

@@ -14,7 +14,8 @@ from pathlib import Path
 from figures import Figure, table
 
 from advercity.compiler import read_spec
-from advercity.dataset.manifest import Manifest, verify
+from advercity.dataset.manifest import Manifest
+from advercity.dataset.verification import verify
 from advercity.runner import FrameRange, Options, run_scenario
 
 SPEC = Path("compiled/ui_fog_day_sparse.json")

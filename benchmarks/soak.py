@@ -20,7 +20,8 @@ import numpy as np
 import psutil
 
 from advercity.compiler import read_spec
-from advercity.dataset.manifest import Manifest, verify_dataset
+from advercity.dataset.manifest import Manifest
+from advercity.dataset.verification import verify_dataset
 from advercity.runner import FrameRange, Options, Outcome, Progress, run_all
 from advercity.runner.limits import size_in_words, time_in_words
 

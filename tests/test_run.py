@@ -16,7 +16,7 @@ from advercity_dsl import Spec
 
 from advercity.compiler import find_weather, under, write_specs
 from advercity.dataset import pcd
-from advercity.dataset.manifest import verify_dataset
+from advercity.dataset.verification import verify_dataset
 from advercity.errors import InputError, RunError
 from advercity.runner import (
     FrameRange,

@@ -401,15 +401,24 @@ def view(
 
 @app.command()
 def verify(
-    dataset: Annotated[Path, typer.Argument(help="A dataset, or one scenario of it.")],
+    dataset: Annotated[
+        str, typer.Argument(help="A dataset, or one scenario of it; also s3://bucket/folder.")
+    ],
 ) -> None:
-    """Check every file of a dataset against its manifest."""
-    from advercity.dataset.manifest import verify_dataset
+    """Check every file of a dataset against its manifests, and those against its index."""
+    from advercity.dataset.index import Index
+    from advercity.dataset.verification import verify_dataset
 
-    problems = verify_dataset(dataset)
+    if "://" in dataset:
+        from advercity.dataset.remote import verify_store
+
+        problems = verify_store(dataset)
+    else:
+        problems = verify_dataset(Path(dataset))
     if problems:
         raise RunError("\n".join(str(problem) for problem in problems))
-    note("every file is as its manifest says")
+    index = None if "://" in dataset else Index.of_folder(Path(dataset))
+    note(f"every file is as its manifest says{f'; {index.told()}' if index else ''}")
 
 
 @app.command()
@@ -425,7 +434,9 @@ def repair(
     with progress([Scenario(path).spec for path in scenarios(dataset)]) as view:
         left = mend(dataset, view.advanced)
     if left:
-        lines = [f"{problem}; not part of the dataset, delete it" for problem in left]
+        what_to_do = {"extra": "not part of the dataset, delete it"}
+        again = "`advercity run` with its spec makes the scenario again"
+        lines = [f"{problem}; {what_to_do.get(problem.kind, again)}" for problem in left]
         raise RunError("\n".join(lines))
     note("every file is as its manifest says")
 

@@ -1,10 +1,9 @@
-"""What a scenario's folder holds, with checksums; and whether it still does."""
+"""What a scenario's folder holds, with checksums, and what decides it."""
 
 import hashlib
 import math
-from collections.abc import Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+import re
+from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import Literal
@@ -26,6 +25,11 @@ NAMES = {"code_sha256": "code of advercity", "backend_sha256": "code of the back
 """What is told instead of fields."""
 PACKAGES = ("eclipse-sumo", "embreex", "numpy", "opencv-python-headless", "zlib-ng")
 """Whose versions may change what is written."""
+
+
+def spec_digest(spec: Spec) -> str:
+    """SHA-256 of a spec as JSON."""
+    return hashlib.sha256(spec.model_dump_json().encode()).hexdigest()
 
 
 class Identity(Model):
@@ -56,7 +60,7 @@ class Identity(Model):
         """Identity of the data of `spec`."""
         return Identity(
             spec=spec.id,
-            spec_sha256=hashlib.sha256(spec.model_dump_json().encode()).hexdigest(),
+            spec_sha256=spec_digest(spec),
             trace_sha256=trace_sha256,
             renderer=renderer,
             bodies=dict(bodies or {}),
@@ -165,16 +169,26 @@ class Manifest(Model):
         """
         path = scenario / MANIFEST
         try:
-            written = Manifest.model_validate_json(path.read_bytes())
-            files = written.files | read_journal(scenario)
-            return Manifest.of(written.identity, written.spec, length=written.length, files=files)
+            text = path.read_bytes()
         except FileNotFoundError as error:
             raise InputError(f"{scenario}: no {MANIFEST} in it, so not a dataset") from error
         except OSError as error:
             raise RunError(f"{path}: cannot be read: {error.strerror}") from error
+        written, noted = Manifest.parse(text, where=str(path)), read_journal(scenario)
+        if not noted:
+            return written
+        return Manifest.of(
+            written.identity, written.spec, length=written.length, files=written.files | noted
+        )
+
+    @staticmethod
+    def parse(text: bytes, *, where: str) -> "Manifest":
+        """Read what `to_json` gave; RunError if it is something else."""
+        try:
+            return Manifest.model_validate_json(text)
         except ValidationError as error:
             raise RunError(
-                f"{path}: not a manifest of this version: {_first_complaint(error)}"
+                f"{where}: not a manifest of this version: {_first_complaint(error)}"
                 "; `advercity run --fresh` makes the scenario anew"
             ) from error
 
@@ -186,75 +200,20 @@ def _first_complaint(error: ValidationError) -> str:
     return f"{where}: {first['msg']}" if where else first["msg"]
 
 
-@dataclass(frozen=True)
-class Problem:
-    """A file that is not as the manifest has it."""
-
-    scenario: Path
-    path: str
-    """Within the scenario."""
-    kind: Literal["missing", "extra", "changed"]
-    frame: int | None = None
-    """That has to be written again; None if no frame has."""
-
-    def __str__(self) -> str:
-        return f"{self.scenario / self.path}: {self.kind}"
-
-
-def verify(scenario: Path) -> list[Problem]:
-    """Compare every file of a scenario with its manifest, by size and checksum.
-
-    Raises:
-        InputError: The folder has no manifest.
-        RunError: A file cannot be read.
-    """
-    recorded = Manifest.load(scenario).files
-    found = set(_paths(scenario)) - {MANIFEST}
-    problems = [Problem(scenario, path, "extra") for path in found - recorded.keys()]
-    missing = recorded.keys() - found
-    problems += [Problem(scenario, path, "missing", recorded[path].frame) for path in missing]
-    present = {path: record for path, record in recorded.items() if path in found}
-    with ThreadPoolExecutor() as pool:
-        paths = [scenario / path for path in present]
-        same = pool.map(_matches, paths, present.values())
-        problems += [
-            Problem(scenario, path, "changed", record.frame)
-            for (path, record), is_same in zip(present.items(), same, strict=True)
-            if not is_same
-        ]
-    return sorted(problems, key=lambda problem: problem.path)
-
-
-def verify_dataset(dataset: Path) -> list[Problem]:
-    """Problems of every scenario of a dataset, or of the one scenario that it is."""
-    return [problem for scenario in scenarios(dataset) for problem in verify(scenario)]
-
-
 def scenarios(dataset: Path) -> list[Path]:
     """Folders of scenarios in a dataset or its splits, or the folder itself if it is one.
 
     Raises:
         InputError: There are none.
     """
+    if re.match(r"[a-z0-9+]{2,}:/", str(dataset)):
+        raise InputError(
+            f"{dataset}: a store, which `run --executor ray` and `verify` alone reach into;"
+            " copy the dataset into a folder first, as `aws s3 sync` does"
+        )
     patterns = (MANIFEST, f"*/{MANIFEST}", f"*/*/{MANIFEST}")
     for pattern in patterns:
         found = sorted(path.parent for path in dataset.glob(pattern))
         if found:
             return found
     raise InputError(f"{dataset}: no {MANIFEST} in it or in its folders, so not a dataset")
-
-
-def _paths(scenario: Path) -> Iterator[str]:
-    for path in scenario.rglob("*"):
-        if not path.is_dir():
-            yield path.relative_to(scenario).as_posix()
-
-
-def _matches(path: Path, record: FileRecord) -> bool:
-    try:
-        if path.stat().st_size != record.size:
-            return False
-        with path.open("rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest() == record.sha256
-    except OSError as error:
-        raise RunError(f"{path}: cannot be read: {error.strerror}") from error

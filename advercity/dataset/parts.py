@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from advercity_dsl import Spec
-from pydantic import ValidationError
 
 from advercity.dataset.beside_frames import beside_frames
 from advercity.dataset.journal import FileRecord
@@ -94,7 +93,7 @@ class Parts:
         """The manifest, if there is one, and those of parts."""
         paths = [f"{self.spec.id}/{MANIFEST}", *self.store.paths(_parts_of(self.spec.id))]
         texts = [(path, self.store.read(path)) for path in paths]
-        return [_read(path, text) for path, text in texts if text is not None]
+        return [Manifest.parse(text, where=path) for path, text in texts if text is not None]
 
     def _records(self, found: Iterable[Manifest]) -> dict[str, FileRecord]:
         files: dict[str, FileRecord] = {}
@@ -112,13 +111,6 @@ class Parts:
 
 def _parts_of(name: str) -> str:
     return f".staging/{name}"
-
-
-def _read(path: str, text: bytes) -> Manifest:
-    try:
-        return Manifest.model_validate_json(text)
-    except ValidationError as error:
-        raise RunError(f"{path}: not a manifest of this version; --fresh starts over") from error
 
 
 def _is_of_a_frame(path: str) -> bool:

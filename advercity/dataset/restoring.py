@@ -8,9 +8,10 @@ from pathlib import Path
 from advercity.dataset.beside_frames import beside_frames
 from advercity.dataset.formats import format_called, frame_name
 from advercity.dataset.journal import FileRecord, staging_of
-from advercity.dataset.manifest import Manifest, Problem
+from advercity.dataset.manifest import Manifest
 from advercity.dataset.reading import Reading
 from advercity.dataset.staging import failures_named, lock, move, write
+from advercity.dataset.verification import Problem
 from advercity.errors import RunError
 from advercity.world.roads import built
 

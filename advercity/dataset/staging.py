@@ -26,7 +26,7 @@ def failures_named(path: Path) -> Generator[None]:
         ) from error
 
 
-def lock(path: Path) -> IO[bytes]:
+def lock(path: Path, what: str = "this scenario") -> IO[bytes]:
     """Hold `path` until the stream is closed or the process ends; RunError if somebody else does.
 
     A run that was killed may take a moment to let go. Whoever held it may have deleted it since it
@@ -44,7 +44,7 @@ def lock(path: Path) -> IO[bytes]:
                 time.sleep(0.05)
                 continue
             raise RunError(
-                f"{path.parent}: another run is writing this scenario; wait for it or choose"
+                f"{path.parent}: another run is writing {what}; wait for it or choose"
                 " another --output"
             ) from error
         if path.exists() and os.path.samestat(os.fstat(stream.fileno()), path.stat()):

@@ -8,6 +8,7 @@ from typing import Protocol
 
 from advercity_dsl import Spec
 
+from advercity.dataset.index import FolderIndex
 from advercity.errors import InputError, RunError
 from advercity.rendering.registry import load_backend
 from advercity.runner.gpus import seen_by, visible_gpus
@@ -42,6 +43,7 @@ def run_all(
 
     One that fails, dies or is killed does not stop the others. Graphics cards are shared out among
     those that run at a time. When this call is interrupted, the processes are ended first.
+    The index of the folder tells how every one ended.
 
     Args:
         specs: What to run, all with different ids.
@@ -54,7 +56,7 @@ def run_all(
         InputError: Two specs have the same id, or an option does not fit.
     """
     check_together(specs, options)
-    gpus, stop = visible_gpus(), Flag()
+    gpus, stop, index = visible_gpus(), Flag(), FolderIndex(options.output, specs)
     slots: SimpleQueue[int] = SimpleQueue()
     for slot in range(jobs):
         slots.put(slot)
@@ -71,6 +73,7 @@ def run_all(
             )
         finally:
             slots.put(slot)
+        index.ended(spec.id, failed=outcome.error is not None)
         watcher.finished(outcome)
         return outcome
 

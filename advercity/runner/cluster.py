@@ -15,7 +15,9 @@ from typing import Any
 
 from advercity_dsl import Spec
 
-from advercity.dataset.manifest import Identity
+from advercity.dataset.index import INDEX, Entry, Index
+from advercity.dataset.lease import Lease
+from advercity.dataset.manifest import MANIFEST, Identity
 from advercity.dataset.parts import Parts, add_part
 from advercity.dataset.store import Store
 from advercity.errors import AdvercityError, InputError, RunError
@@ -65,13 +67,14 @@ class Cluster:
 
         Raises:
             InputError: Ray is not installed, or an option does not fit.
-            RunError: There is no such cluster.
+            RunError: There is no such cluster, or another run is making the dataset.
         """
         check_together(specs, options)
         if options.viewer.is_asked_for:
             raise InputError("--rrd, --stream and --connect show a run on this machine alone")
-        with _connected(self.address) as ray:
-            driver = _Driver(ray, self, options, watcher, limits)
+        store = Store(self.output)
+        with Lease(store) as lease, _connected(self.address) as ray:
+            driver = _Driver(ray, self, store, lease, options, watcher, limits)
             try:
                 return driver.run(specs)
             finally:
@@ -147,11 +150,18 @@ class _Driver:
     """Hands out tasks and brings together what comes back."""
 
     def __init__(
-        self, ray: Any, cluster: Cluster, options: Options, watcher: Watcher, limits: Limits
+        self,
+        ray: Any,
+        cluster: Cluster,
+        store: Store,
+        lease: Lease,
+        options: Options,
+        watcher: Watcher,
+        limits: Limits,
     ) -> None:
         self._ray, self._cluster = ray, cluster
+        self._store, self._lease = store, lease
         self._options, self._watcher, self._limits = options, watcher, limits
-        self._store = Store(cluster.output)
         gpus = 1 if self._ray.cluster_resources().get("GPU", 0) else 0
         asked = {"num_cpus": 1, "num_gpus": gpus, "max_retries": RETRIES}
         if limits.memory_bytes is not None:
@@ -162,6 +172,7 @@ class _Driver:
     def run(self, specs: Sequence[Spec]) -> list[Outcome]:
         """All of them, to the end."""
         runs = [_Run(spec) for spec in specs]
+        self._note(specs, {})
         for run in runs:
             self._begin(run, self._survey.remote(self._job(run.spec)))
         while self._pending:
@@ -174,7 +185,11 @@ class _Driver:
                 run.error = run.error or _told(error)
             except AdvercityError as error:
                 run.error = run.error or error
+            self._lease.check()
             if not run.open_tasks:
+                text = self._store.read(f"{run.spec.id}/{MANIFEST}")
+                entry = Entry.of(run.spec, text, failed=run.error is not None)
+                self._note((), {run.spec.id: entry})
                 self._watcher.finished(run.outcome())
         return [run.outcome() for run in runs]
 
@@ -185,6 +200,12 @@ class _Driver:
             self._ray.cancel(task)
         if left:
             self._ray.wait(left, num_returns=len(left), timeout=PATIENCE_S)
+
+    def _note(self, waiting: Sequence[Spec], ended: dict[str, Entry]) -> None:
+        """In the index, which is this driver's alone as long as it holds the lease."""
+        text = self._store.read(INDEX)
+        index = Index() if text is None else Index.parse(text, where=INDEX)
+        self._store.write(INDEX, index.waiting_for(waiting).with_entries(ended).to_json())
 
     def _begin(self, run: _Run, task: Any) -> None:
         self._pending[task] = run

@@ -4,9 +4,10 @@ from pathlib import Path
 
 from pydantic import TypeAdapter
 
-from advercity.dataset.manifest import Identity, Manifest, Problem, scenarios, verify
+from advercity.dataset.manifest import Identity, Manifest, scenarios
 from advercity.dataset.reading import Reading
 from advercity.dataset.restoring import restore
+from advercity.dataset.verification import Problem, unlike_the_index, verify
 from advercity.errors import RunError
 from advercity.rendering.backend import Profile
 from advercity.rendering.registry import load_backend
@@ -21,11 +22,13 @@ from advercity.runner.viewpoints import Viewpoints
 def repair(dataset: Path, report: Report = no_report) -> list[Problem]:
     """Make every missing or changed file of a dataset again; the problems that stay.
 
+    A scenario that is gone, or whose manifest is another one, is for `run` to make again.
+
     Raises:
         InputError: There is no dataset.
         RunError: The files cannot be made again here, or the disk does not take them.
     """
-    left: list[Problem] = []
+    left = unlike_the_index(dataset)
     for scenario in scenarios(dataset):
         problems = verify(scenario)
         if problems:

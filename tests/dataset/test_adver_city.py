@@ -9,8 +9,9 @@ import yaml
 from advercity_dsl import Spec
 
 from advercity.dataset.formats import format_called
-from advercity.dataset.manifest import Identity, verify
+from advercity.dataset.manifest import Identity
 from advercity.dataset.reading import Reading
+from advercity.dataset.verification import verify
 from advercity.dataset.writer import DatasetWriter
 from advercity.errors import InputError, RunError
 

@@ -7,9 +7,10 @@ import pytest
 from advercity_dsl import Spec
 
 from advercity.dataset.beside_frames import ATTRIBUTION
-from advercity.dataset.manifest import Identity, Manifest, verify
+from advercity.dataset.manifest import Identity, Manifest
 from advercity.dataset.reading import Reading
 from advercity.dataset.restoring import restore
+from advercity.dataset.verification import verify
 from advercity.dataset.writer import DatasetWriter
 from advercity.errors import RunError
 

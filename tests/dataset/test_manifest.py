@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 from advercity_dsl import Spec
 
-from advercity.dataset.manifest import MANIFEST, Identity, Manifest, Problem, scenarios, verify
+from advercity.dataset.manifest import MANIFEST, Identity, Manifest, scenarios
 from advercity.dataset.reading import Reading
+from advercity.dataset.verification import Problem, verify
 from advercity.dataset.writer import DatasetWriter
 from advercity.errors import InputError, RunError
 

@@ -15,12 +15,13 @@ from advercity_dsl import Spec
 from advercity.cli import main
 from advercity.dataset import film
 from advercity.dataset.facts import OBJECT, Facts, facts_of_dataset
-from advercity.dataset.manifest import Identity, WeatherTruth, verify_dataset
+from advercity.dataset.manifest import Identity, WeatherTruth
 from advercity.dataset.plots import plot, write_plots
 from advercity.dataset.reader import open_dataset
 from advercity.dataset.reading import Reading
 from advercity.dataset.splits import split
 from advercity.dataset.statistics import Table, tables, write_tables
+from advercity.dataset.verification import verify_dataset
 from advercity.dataset.video import write_videos
 from advercity.dataset.writer import DatasetWriter
 from advercity.errors import InputError

@@ -10,9 +10,10 @@ from pathlib import Path
 import pytest
 from advercity_dsl import Spec
 
-from advercity.dataset.manifest import Identity, verify
+from advercity.dataset.manifest import Identity
 from advercity.dataset.reading import Reading
 from advercity.dataset.restoring import restore
+from advercity.dataset.verification import verify
 from advercity.dataset.writer import DatasetWriter
 from advercity.errors import RunError
 

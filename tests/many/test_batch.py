@@ -11,7 +11,7 @@ import pytest
 from advercity_dsl import Spec
 
 from advercity.compiler import write_specs
-from advercity.dataset.manifest import verify_dataset
+from advercity.dataset.verification import verify_dataset
 from advercity.errors import InputError, RunError
 from advercity.runner import Limits, Options, raise_failures, run_all
 from advercity.runner.limits import parse_size, parse_time, size_in_words, time_in_words
@@ -57,7 +57,10 @@ def test_what_crashes_or_takes_too_much_stops_nobody_else_and_is_made_up_for(
     again = run_all(few, chosen, watcher=witness, jobs=2)
     raise_failures(again)
     assert verify_dataset(tmp_path / "output") == []
-    assert {path.name for path in (tmp_path / "output").iterdir()} == {spec.id for spec in few}
+    assert {path.name for path in (tmp_path / "output").iterdir()} == {
+        *(spec.id for spec in few),
+        "index.json",
+    }
     assert {path.read_text() for path in seen.iterdir()} == {"4", "7"}
 
 

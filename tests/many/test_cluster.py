@@ -10,8 +10,8 @@ import psutil
 import pytest
 from advercity_dsl import Spec
 
-from advercity.dataset.manifest import verify_dataset
 from advercity.dataset.store import Store
+from advercity.dataset.verification import verify_dataset
 from advercity.errors import InputError, RunError
 from advercity.runner import FrameRange, Limits, Options, executor_called, raise_failures, run_all
 
