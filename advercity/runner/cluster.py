@@ -16,7 +16,7 @@ from typing import Any
 from advercity_dsl import Spec
 
 from advercity.dataset.index import INDEX, Entry, Index
-from advercity.dataset.lease import Lease
+from advercity.dataset.lease import PATIENCE_S, Lease
 from advercity.dataset.manifest import MANIFEST, Identity
 from advercity.dataset.parts import Parts, add_part
 from advercity.dataset.store import Store
@@ -30,7 +30,8 @@ from advercity.runner.options import FrameRange, Options
 from advercity.runner.progress import Progress, no_report
 from advercity.runner.scenario import choose_profile, renderer_identity, wanted_frames
 from advercity.runner.stage import set_stage
-from advercity.runner.supervision import PATIENCE_S, Outcome, supervise
+from advercity.runner.supervision import PATIENCE_S as ENDING_S
+from advercity.runner.supervision import Outcome, supervise
 
 FRAMES_PER_TASK = 50
 RETRIES = 3
@@ -45,11 +46,13 @@ class Cluster:
         output: Folder that all nodes share, or URL of a store.
         address: Of a running cluster, as `ray.init` takes it; None is one on this machine alone.
         frames_per_task: Longer ranges are cut.
+        patience_s: How long a dataset that another run began is watched before it is taken over.
     """
 
     output: str
     address: str | None = None
     frames_per_task: int = FRAMES_PER_TASK
+    patience_s: float = PATIENCE_S
 
     def run(
         self, specs: Sequence[Spec], options: Options, *, watcher: Watcher, limits: Limits
@@ -73,7 +76,7 @@ class Cluster:
         if options.viewer.is_asked_for:
             raise InputError("--rrd, --stream and --connect show a run on this machine alone")
         store = Store(self.output)
-        with Lease(store) as lease, _connected(self.address) as ray:
+        with Lease(store, self.patience_s) as lease, _connected(self.address) as ray:
             driver = _Driver(ray, self, store, lease, options, watcher, limits)
             try:
                 return driver.run(specs)
@@ -199,7 +202,7 @@ class _Driver:
         for task in left:
             self._ray.cancel(task)
         if left:
-            self._ray.wait(left, num_returns=len(left), timeout=PATIENCE_S)
+            self._ray.wait(left, num_returns=len(left), timeout=ENDING_S)
 
     def _note(self, waiting: Sequence[Spec], ended: dict[str, Entry]) -> None:
         """In the index, which is this driver's alone as long as it holds the lease."""
