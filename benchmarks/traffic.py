@@ -4,12 +4,12 @@
 
 The same run tells both: SUMO's own share is what starting, stepping and closing it take, the rest
 is asking it what everybody does, keeping to the pace of bends, and the record. The figure is the
-median of the rounds.
+median of the rounds, in processor time. To miss the goal is no failure of the measurement: the exit
+code tells only whether there is one.
 """
 
 import argparse
 import statistics
-import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -33,14 +33,14 @@ GOAL = 0.8
 SPECS = [Path(f"compiled/{road}_clear_day_dense.json") for road in ("ui", "ri", "rcnj")]
 
 
-def main() -> int:
-    """Measure and print; 1 if recording falls below the goal anywhere."""
+def main() -> None:
+    """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("specs", nargs="*", type=Path, default=SPECS)
     parser.add_argument("--rounds", type=int, default=5)
     arguments = parser.parse_args()
-    ratios = [measure(read_spec(path), arguments.rounds) for path in arguments.specs]
-    return 0 if min(ratios) >= GOAL else 1
+    for path in arguments.specs:
+        measure(read_spec(path), arguments.rounds)
 
 
 def figures(*, quick: bool) -> list[Figure]:
@@ -73,13 +73,17 @@ def measure(spec: Spec, rounds: int) -> float:
                 for name in ("start", "simulationStep", "close"):
                     call = bare.timing(getattr(libsumo, name))
                     stack.enter_context(patch.object(libsumo, name, call))
-                began = time.perf_counter()
+                began = time.process_time()
                 recording = drive.drive(spec, demand, graph, network, routes, {})
-                whole = time.perf_counter() - began
+                whole = time.process_time() - began
             ticks = len(recording)
             ratios.append(bare.seconds / whole)
     ratio = statistics.median(ratios[1:])
-    print(f"{spec.id}: {ticks} ticks, recorded at {ratio:.2f} of SUMO's own rate")
+    verdict = "reached" if ratio >= GOAL else "missed"
+    print(
+        f"{spec.id}: {ticks} ticks, recorded at {ratio:.2f} of SUMO's own rate;"
+        f" the goal of {GOAL:g} is {verdict}"
+    )
     return ratio
 
 
@@ -93,13 +97,13 @@ class Stopwatch:
         """The same call, timed."""
 
         def timed(*arguments: Any) -> Any:
-            began = time.perf_counter()
+            began = time.process_time()
             result = call(*arguments)
-            self.seconds += time.perf_counter() - began
+            self.seconds += time.process_time() - began
             return result
 
         return timed
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -11,6 +11,7 @@ from advercity.traffic.bends import BRAKING_M_S2, LATERAL_ACCELERATION_M_S2, Pac
 from advercity.traffic.bumpers import FRONT, vehicle_states, walker_states
 from advercity.traffic.demand import Ride
 from advercity.traffic.lanes import LaneGraph, read_lanes
+from advercity.traffic.pacing import Pacing
 from advercity.traffic.placement import Area, Occupancy, areas, grid
 from advercity.traffic.trace import Actor, Lamp
 
@@ -113,11 +114,40 @@ def test_a_bend_is_taken_at_bearable_speed_and_braked_for_in_time(graph: LaneGra
     pace = Pace.of(Ride(car, ("west", "north"), 1, 10.0, 0.0, 0.0, 1.0, 30.0), graph)
     in_bend = np.sqrt(LATERAL_ACCELERATION_M_S2 * 20.0)
 
-    assert pace.at(":j_0", 15.0) == pytest.approx(in_bend, rel=0.03)
+    def told(edge: str, position_m: float) -> float:
+        pacing = Pacing([pace], [40.0])
+        pacing.meet([0])
+        ((vehicle, top_m_s),) = pacing.news(np.zeros(1), lambda _: (edge, position_m))
+        assert vehicle == 0
+        return top_m_s
+
+    assert told(":j_0", 15.0) == pytest.approx(in_bend, rel=0.03)
     before = np.sqrt(in_bend**2 + 2 * BRAKING_M_S2 * 30.0)
-    assert pace.at("west", 70.0) == pytest.approx(before, rel=0.03)
-    assert pace.at("north", 30.0) > 30.0
-    assert pace.at("elsewhere", 0.0) > 30.0
+    assert told("west", 70.0) == pytest.approx(before, rel=0.03)
+    assert told("north", 30.0) > 30.0
+    assert told("elsewhere", 0.0) == 40.0
+
+
+def test_vehicles_are_asked_where_they_are_only_when_they_may_have_left_their_edge():
+    pace = Pace({"first": 0.0, "next": 10.0}, {"first": 10.0, "next": 20.0}, [20.0, *range(30)])
+    pacing, asked = Pacing([pace, pace], [30.0, 12.5]), list[int]()
+    places = iter([("first", 2.0), ("first", 9.5), ("next", 0.5)])
+
+    def where(vehicle: int) -> tuple[str, float]:
+        asked.append(vehicle)
+        return next(places)
+
+    def news(*moved_m: float) -> dict[int, float]:
+        return dict(pacing.news(np.array(moved_m), where))
+
+    pacing.meet([0])
+    assert (news(0.0), asked) == ({0: 1.0}, [0])
+    assert (news(1.5), asked) == ({0: 2.5}, [0])
+    assert (news(0.0), asked) == ({}, [0])
+    pacing.meet([1, 0])
+    assert (news(0.0, 1.0), asked) == ({1: 8.5, 0: 3.5}, [0, 1])
+    assert (news(1.0, 1.0), asked) == ({1: 9.5, 0: 4.5}, [0, 1, 1])
+    assert (news(4.0, 1.0), asked[3:]) == ({1: 12.5, 0: 5.5}, [])
 
 
 def track(**columns: np.ndarray) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from math import inf
 
 import numpy as np
@@ -29,40 +30,40 @@ class Pace:
 
     Attributes:
         begins_m: Where every edge begins along the route, those inside junctions included.
+        lengths_m: How long the shortest lane of each of those edges is.
         speeds_m_s: Highest speed every `STEP_M`.
     """
 
     begins_m: dict[str, float]
+    lengths_m: dict[str, float]
     speeds_m_s: list[float]
 
     @staticmethod
     def of(ride: Ride, graph: LaneGraph, most_m_s2: float = inf) -> "Pace":
         """The pace of a ride's route, with no more than `most_m_s2` sideways or in braking."""
-        lanes = lanes_of(ride, graph)
-        begins = np.cumsum([0.0, *(lane.length_m for lane in lanes)])
-        stations = np.concatenate(
-            [lane.stations_m + begin for lane, begin in zip(lanes, begins, strict=False)]
-        )
-        points = np.concatenate([lane.shape[:, :2] for lane in lanes])
-        samples = np.arange(0.0, begins[-1] + STEP_M, STEP_M)
-        path = np.column_stack([np.interp(samples, stations, axis) for axis in points.T])
-        lateral = min(LATERAL_ACCELERATION_M_S2, most_m_s2)
-        limit = np.sqrt(lateral / np.maximum(_curvature(path), 1e-9))
-        return Pace(
-            begins_m={lane.edge: float(at) for lane, at in zip(lanes, begins, strict=False)},
-            speeds_m_s=_braked(
-                _steady(np.minimum(limit, STRAIGHT_M_S)), min(BRAKING_M_S2, most_m_s2)
-            ).tolist(),
-        )
+        return _pace(ride.edges, ride.lane, graph, most_m_s2)
 
-    def at(self, edge: str, position_m: float) -> float:
-        """Highest speed at a position on an edge of the route; no limit on another edge."""
-        if edge not in self.begins_m:
-            return STRAIGHT_M_S
-        sample = min((self.begins_m[edge] + position_m) / STEP_M, len(self.speeds_m_s) - 1.001)
-        at = int(sample)
-        before = self.speeds_m_s[at]
-        return before + (sample - at) * (self.speeds_m_s[at + 1] - before)
+
+@lru_cache(maxsize=1024)
+def _pace(edges: tuple[str, ...], lane: int, graph: LaneGraph, most_m_s2: float) -> Pace:
+    """Kept, since many drive one way and rehearsals differ in few of them."""
+    lanes = list(_lanes(edges, graph.lanes[f"{edges[0]}_{lane}"], graph))
+    begins = np.cumsum([0.0, *(lane.length_m for lane in lanes)])
+    stations = np.concatenate(
+        [lane.stations_m + begin for lane, begin in zip(lanes, begins, strict=False)]
+    )
+    points = np.concatenate([lane.shape[:, :2] for lane in lanes])
+    samples = np.arange(0.0, begins[-1] + STEP_M, STEP_M)
+    path = np.column_stack([np.interp(samples, stations, axis) for axis in points.T])
+    lateral = min(LATERAL_ACCELERATION_M_S2, most_m_s2)
+    limit = np.sqrt(lateral / np.maximum(_curvature(path), 1e-9))
+    return Pace(
+        begins_m={lane.edge: float(at) for lane, at in zip(lanes, begins, strict=False)},
+        lengths_m={lane.edge: graph.shortest_m[lane.edge] for lane in lanes},
+        speeds_m_s=_braked(
+            _steady(np.minimum(limit, STRAIGHT_M_S)), min(BRAKING_M_S2, most_m_s2)
+        ).tolist(),
+    )
 
 
 def lanes_of(ride: Ride, graph: LaneGraph) -> list[Lane]:

@@ -1,31 +1,28 @@
 """Drive a demand in SUMO, tick by tick, and keep what everybody does.
 
-The only module that talks to libsumo.
+This and `observation` are the only modules that talk to libsumo.
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import libsumo
 import numpy as np
-from advercity_dsl import RoadsideUnit, Spec
-from advercity_dsl.base import Point2
+from advercity_dsl import Spec
 from numpy.typing import NDArray
 
 from advercity.errors import RunError
+from advercity.traffic import calls
+from advercity.traffic.arrival import goals
 from advercity.traffic.bends import Pace
-from advercity.traffic.bumpers import FRONT
 from advercity.traffic.demand import Demand
 from advercity.traffic.lanes import LaneGraph
+from advercity.traffic.observation import PersonLog, Presence, SignalLog, VehicleLog
+from advercity.traffic.pacing import Pacing
 from advercity.traffic.recording import Recording
-from advercity.traffic.trace import Lamp, Signal
-from advercity.world.network import signal_groups
 
 LATERAL_RESOLUTION_M = 0.8
-_BLINKERS = 3
-LAMPS = np.array([0, Lamp.RIGHT, Lamp.LEFT, Lamp.RIGHT | Lamp.LEFT], dtype=np.uint8)
-"""By SUMO's two lowest bits of a vehicle's signals."""
 _USUAL, _AS_TOLD, _UNMINDFUL = 31, 39, 38
 """Speed modes: obey everything; mind whom one follows, but neither lights nor right of way; not
 even whom one follows, since one passes beside the lane."""
@@ -99,33 +96,41 @@ class _Drive:
             for actor in conflict.actors
         }
         self._cues = {str(number): speeds for number, speeds in cues.items()}
-        self._rides = {str(ride.actor.id): ride for ride in demand.rides}
         most_m_s2 = spec.caution.usual_m_s2 if spec.caution else math.inf
-        self._paces = {name: Pace.of(ride, graph, most_m_s2) for name, ride in self._rides.items()}
-        self._signals = signal_groups(network)
-        self._fronts: list[tuple[float, ...]] = []
-        self._lights: list[dict[str, str]] = []
-        self._tops: dict[str, float] = {}
+        self._goals = goals(spec, demand)
+        self._names = [str(ride.actor.id) for ride in demand.rides]
+        self._pacing = Pacing(
+            [Pace.of(ride, graph, most_m_s2) for ride in demand.rides],
+            [ride.top_speed_m_s for ride in demand.rides],
+        )
+        self._there = Presence(calls.vehicles_that_came, calls.vehicles_that_left)
+        self._on_foot = Presence(calls.people_who_came, calls.people_who_left)
+        self._vehicles = VehicleLog(self._there, (str(ride.actor.id) for ride in demand.staged))
+        self._people = PersonLog(self._on_foot)
+        self._signals = SignalLog(network)
 
     def run(self) -> Recording:
         """Drive until somebody arrives or time is up."""
         for tick in range(self._spec.timing.max_ticks + 1):
             self._give_cues(tick)
             libsumo.simulationStep()
+            if self._there.look():
+                self._pacing.meet([self._names.index(name) for name in self._there.names])
+            self._on_foot.look()
             if tick == 0:
                 self._check_start()
                 self._introduce()
-            if self._has_arrived():
+            if any(goal.is_over(self._there.known) for goal in self._goals):
                 break
-            self._fronts.extend((*self._vehicles(tick), *self._people(tick)))
-            self._lights.append(_states(self._signals))
-            self._mind_bends()
+            speeds = self._vehicles.note()
+            self._people.note()
+            self._signals.note()
+            self._mind_bends(speeds)
         return self._recording()
 
     def _give_cues(self, tick: int) -> None:
         """Have staged vehicles drive as planned, red lights or not; NaN leaves them to SUMO."""
-        there = libsumo.vehicle.getIDList() if self._cues else ()
-        for name in (name for name in self._cues if name in there):
+        for name in (name for name in self._cues if name in self._there.known):
             speed = float(self._cues[name][min(tick, len(self._cues[name]) - 1)])
             free = np.isnan(speed)
             told = _UNMINDFUL if name in self._passing else _AS_TOLD
@@ -141,95 +146,26 @@ class _Drive:
                 libsumo.vehicle.setParameter(name, "junctionModel.ignoreIDs", " ".join(others))
 
     def _check_start(self) -> None:
-        there = libsumo.vehicle.getIDList()
         for ride in (*self._demand.connected, *self._demand.staged):
-            if str(ride.actor.id) not in there:
+            if str(ride.actor.id) not in self._there.known:
                 raise RunError(
                     f"SUMO finds no room for vehicle {ride.actor.id} on lane"
                     f" {ride.edges[0]}_{ride.lane} at {ride.front_m:.1f} m"
                 )
 
-    def _has_arrived(self) -> bool:
-        """Whether a connected vehicle is at its destination; the first one ends the scenario.
+    def _mind_bends(self, speeds: Sequence[float]) -> None:
+        """Tell those for whom it has changed how fast they may go where they are."""
+        moved_m = np.array(speeds) * self._spec.timing.tick_s
+        for ride, top_m_s in self._pacing.news(moved_m, self._where):
+            calls.set_vehicle_top_speed(self._names[ride], top_m_s)
 
-        All of them are there in every frame, so one that has left the site ends it too.
-        """
-        there = libsumo.vehicle.getIDList()
-        for agent in self._spec.agents:
-            if isinstance(agent.place, RoadsideUnit):
-                continue
-            gone = str(agent.number) not in there
-            if gone and agent.place.role == "ego":
-                raise RunError(f"{agent.id} left the site without coming near its destination")
-            if gone or self._is_near(str(agent.number), agent.place.destination_m):
-                return True
-        return False
-
-    def _is_near(self, name: str, destination: Point2) -> bool:
-        heading = math.radians(90 - libsumo.vehicle.getAngle(name))
-        half = self._rides[name].actor.size[0] / 2
-        east, north = libsumo.vehicle.getPosition(name)
-        middle = east - half * math.cos(heading), north - half * math.sin(heading)
-        return all(
-            abs(here - there) <= self._spec.timing.destination_box_m
-            for here, there in zip(middle, destination, strict=True)
-        )
-
-    def _vehicles(self, tick: int) -> Iterator[tuple[float, ...]]:
-        """Rows of `FRONT`, angles as SUMO tells them."""
-        vehicle = libsumo.vehicle
-        for name in vehicle.getIDList():
-            yield (
-                tick,
-                int(name),
-                *vehicle.getPosition3D(name),
-                vehicle.getAngle(name),
-                vehicle.getSlope(name),
-                vehicle.getSpeed(name),
-                vehicle.getAcceleration(name),
-                vehicle.getSignals(name) & _BLINKERS,
-            )
-
-    def _people(self, tick: int) -> Iterator[tuple[float, ...]]:
-        person = libsumo.person
-        for name in person.getIDList():
-            position, angle = person.getPosition3D(name), person.getAngle(name)
-            yield (tick, int(name), *position, angle, 0.0, person.getSpeed(name), 0.0, 0)
-
-    def _mind_bends(self) -> None:
-        vehicle = libsumo.vehicle
-        for name in vehicle.getIDList():
-            top = self._paces[name].at(vehicle.getRoadID(name), vehicle.getLanePosition(name))
-            top = min(self._rides[name].top_speed_m_s, top)
-            if self._tops.get(name) != top:
-                vehicle.setMaxSpeed(name, top)
-                self._tops[name] = top
+    def _where(self, ride: int) -> tuple[str, float]:
+        name = self._names[ride]
+        return calls.vehicle_edge(name), calls.vehicle_lane_position(name)
 
     def _recording(self) -> Recording:
-        fronts = np.array(self._fronts, dtype=FRONT)
-        fronts["yaw"] = np.pi / 2 - np.radians(fronts["yaw"])
-        fronts["slope"] = np.radians(fronts["slope"])
-        fronts["lamps"] = LAMPS[fronts["lamps"]]
-        fronts = fronts[np.lexsort((fronts["tick"], fronts["id"]))]
-        ids, begins = np.unique(fronts["id"], return_index=True)
-        shown = [
-            [_shown(states, links) for links in self._signals.values()] for states in self._lights
-        ]
-        lights = np.array(shown, dtype=np.uint8)
         return Recording(
-            tracks=dict(zip(ids.tolist(), np.split(fronts, begins[1:]), strict=True)),
-            signal_ids=tuple(self._signals),
-            signals=lights.reshape(len(lights), len(self._signals)),
+            tracks=self._vehicles.fronts(self._spec.timing.tick_s) | self._people.fronts(),
+            signal_ids=self._signals.ids,
+            signals=self._signals.shown(),
         )
-
-
-def _states(signals: Mapping[str, list[tuple[str, int]]]) -> dict[str, str]:
-    """What every light shows to its links."""
-    lights = dict.fromkeys(light for links in signals.values() for light, _ in links)
-    return {light: libsumo.trafficlight.getRedYellowGreenState(light) for light in lights}
-
-
-def _shown(states: Mapping[str, str], links: Iterable[tuple[str, int]]) -> Signal:
-    """What an approach's light shows: the most that any of its links is given."""
-    meaning = {"g": Signal.GREEN, "y": Signal.YELLOW}
-    return max(meaning.get(states[light][link].lower(), Signal.RED) for light, link in links)

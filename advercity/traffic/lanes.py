@@ -97,7 +97,7 @@ class Joint:
     """SUMO's letter: `s` straight, `l` left, `r` right, `t` turns around."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LaneGraph:
     """All lanes of a network and how they join."""
 
@@ -116,6 +116,14 @@ class LaneGraph:
         for lane in self.lanes.values():
             if lane.is_sidewalk:
                 found.setdefault(lane.edge, lane)
+        return found
+
+    @cached_property
+    def shortest_m(self) -> Mapping[str, float]:
+        """Length of the shortest lane of every edge."""
+        found: dict[str, float] = {}
+        for lane in self.lanes.values():
+            found[lane.edge] = min(lane.length_m, found.get(lane.edge, lane.length_m))
         return found
 
     @cached_property

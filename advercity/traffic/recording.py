@@ -52,7 +52,7 @@ def trace_of(spec: Spec, demand: Demand, recording: Recording, *, first: int) ->
     for number, track in sorted(recording.tracks.items()):
         actor = known[number]
         if actor.actor_class == "pedestrian":
-            speed = speeds.get(number, float(track["speed"].max()))
+            speed = speeds[number] if number in speeds else float(track["speed"].max())
             kept = walker_states(track, actor.size[0], speed_m_s=speed, tick_s=tick_s, kerb=kerb)
         else:
             kept = vehicle_states(track, actor.size[0], tick_s=tick_s)

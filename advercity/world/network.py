@@ -10,10 +10,10 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from xml.etree import ElementTree
 
 import jinja2
 import numpy as np
-import sumolib
 from advercity_dsl import MapNetwork
 from advercity_dsl.road import Road, StripKind
 
@@ -143,11 +143,16 @@ def signal_groups(network: Path) -> dict[str, list[tuple[str, int]]]:
         By `<light>/<approach>`, an approach being a street or an imported edge: (traffic-light
         id, index into its state) of every movement.
     """
+    lights: dict[str, list[tuple[str, int]]] = {}
+    for link in ElementTree.parse(network).iter("connection"):  # noqa: S314 - from netconvert
+        source, on_foot = link.attrib["from"], link.attrib["to"].startswith(":")
+        if "tl" in link.attrib and not (on_foot or source.startswith(":")):
+            found = lights.setdefault(link.attrib["tl"], [])
+            found.append((approach(source), int(link.attrib["linkIndex"])))
     groups: dict[str, list[tuple[str, int]]] = {}
-    for light in sumolib.net.readNet(str(network)).getTrafficLights():
-        for source, _, index in light.getConnections():
-            name = f"{light.getID()}/{approach(source.getEdge().getID())}"
-            groups.setdefault(name, []).append((light.getID(), index))
+    for light, links in lights.items():
+        for side, index in links:
+            groups.setdefault(f"{light}/{side}", []).append((light, index))
     return {name: sorted(links) for name, links in groups.items()}
 
 
