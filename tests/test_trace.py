@@ -71,6 +71,19 @@ def test_a_trace_comes_back_from_its_file_and_has_the_same_bytes_again(tmp_path:
     assert (tmp_path / "first.npz").read_bytes() == (tmp_path / "second.npz").read_bytes()
 
 
+def test_the_hash_of_a_trace_is_that_of_what_it_holds_however_its_file_is_packed(tmp_path: Path):
+    trace = trace_of(row(0, 0, 1.0, lamps=Lamp.BRAKE), row(1, 1, 2.0))
+    trace.save(tmp_path / "small.npz")
+    with np.load(tmp_path / "small.npz") as packed:
+        np.savez(tmp_path / "large.npz", allow_pickle=False, **packed)
+
+    small, large = (Trace.load(tmp_path / f"{name}.npz") for name in ("small", "large"))
+
+    assert (tmp_path / "small.npz").read_bytes() != (tmp_path / "large.npz").read_bytes()
+    assert small.sha256() == large.sha256() == trace.sha256()
+    assert trace_of(row(0, 0, 1.0), row(1, 1, 2.0)).sha256() != trace.sha256()
+
+
 def test_a_file_that_is_no_trace_says_so(tmp_path: Path):
     (tmp_path / "trace.npz").write_text("hello")
 

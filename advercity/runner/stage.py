@@ -1,6 +1,5 @@
 """What a scenario needs before its first frame: road network and traffic, from the cache or new."""
 
-import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -41,8 +40,8 @@ def set_stage(spec: Spec) -> Stage:
         _trace_file(spec),
         lambda partial: simulate(spec, network).save(partial),
     )
-    digest = hashlib.sha256(stored.read_bytes()).hexdigest()
-    return Stage(network, Trace.load(stored), digest)
+    trace = Trace.load(stored)
+    return Stage(network, trace, trace.sha256())
 
 
 def _trace_file(spec: Spec) -> Path:

@@ -30,7 +30,7 @@ class Report:
 
     Attributes:
         spec: Id of the spec.
-        trace_sha256: Of the stored trace.
+        trace_sha256: Of all that the trace holds.
         frames: Kept ticks.
         duration_s: Of them.
         actors: How many of each class appear.

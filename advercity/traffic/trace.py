@@ -1,5 +1,6 @@
 """What traffic did: every actor and signal at every kept tick, and how it is stored."""
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from enum import IntEnum, IntFlag
@@ -161,23 +162,32 @@ class Trace:
             travelled_m=float(row["travelled"]),
         )
 
+    def sha256(self) -> str:
+        """Of all that it holds; files may differ, since libraries compress each in its way."""
+        digest = hashlib.sha256()
+        for name, column in self._columns().items():
+            digest.update(f"{name} {column.dtype.str} {column.shape}\n".encode())
+            digest.update(column.tobytes())
+        return digest.hexdigest()
+
     def save(self, path: Path) -> None:
-        """Write as `.npz`, an array per column; the same trace gives the same bytes."""
-        table = {
-            name: np.array([getattr(actor, name) for actor in self.actors])
-            for name in (item.name for item in fields(Actor))
-        }
+        """Write as `.npz`, an array per column."""
         with path.open("wb") as stream:
-            np.savez_compressed(
-                stream,
-                allow_pickle=False,
-                tick_s=np.array(self.tick_s),
-                first_tick=np.array(self.first_tick),
-                **{f"state_{name}": self.states[name] for name in COLUMNS},
-                signal_ids=np.array(self.signal_ids, dtype=np.str_),
-                signals=self.signals,
-                **{f"actor_{name}": column for name, column in table.items()},
-            )
+            np.savez_compressed(stream, allow_pickle=False, **self._columns())
+
+    def _columns(self) -> dict[str, NDArray[np.generic]]:
+        table = {
+            f"actor_{item.name}": np.array([getattr(actor, item.name) for actor in self.actors])
+            for item in fields(Actor)
+        }
+        return {
+            "tick_s": np.array(self.tick_s),
+            "first_tick": np.array(self.first_tick),
+            **{f"state_{name}": self.states[name] for name in COLUMNS},
+            "signal_ids": np.array(self.signal_ids, dtype=np.str_),
+            "signals": self.signals,
+            **table,
+        }
 
     @staticmethod
     def load(path: Path) -> "Trace":
