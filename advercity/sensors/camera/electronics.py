@@ -24,8 +24,8 @@ AUTO_EV100 = (2.0, 15.5)
 """What automatic exposure stays within."""
 METERED_FROM_ROW = 1 / 3
 METERED_PERCENTILE = 98.0
-HIGHLIGHTS = 99.0
-"""Percentile of pixels that the tone curve makes white; the few beyond are lamps and sun."""
+HIGHLIGHTS = 98.0
+"""Percentile of pixels that the tone curve makes white; what is beyond are lamps and the sun."""
 HIGHLIGHT_STEP = 4
 """Every so many rows and columns say which that is."""
 NEUTRAL = np.ones(3)

@@ -39,6 +39,9 @@ HEIGHT_M = 2.5
 """Of cameras, for the wind."""
 GUSTINESS = 0.3
 """Standard deviation of the wind that sways flakes, against its mean."""
+GLINT = 1.0
+"""Standard deviation of the logarithm of what a drop adds to a picture, against the mean of all its
+size: drops swing while they fall and glitter with the sky (Garg and Nayar 2006)."""
 SWAY_HZ = 0.8
 SWAY_CYCLE_RAD = 20.0 * math.pi
 """After which a sway, of three frequencies, begins again."""
@@ -52,26 +55,31 @@ class Particles:
         position: (n, 3) metres from the point that was asked around, world axes.
         velocity: (n, 3) m/s.
         diameter_m: (n,) in the air.
+        glint: (n,) how much more each shows than its size says; 1 in the mean.
     """
 
     position: Floats
     velocity: Floats
     diameter_m: Floats
+    glint: Floats
 
     @staticmethod
     def joined(parts: Sequence["Particles"]) -> "Particles":
         """All of them, in order."""
         if not parts:
-            return Particles(np.empty((0, 3)), np.empty((0, 3)), np.empty(0))
+            return Particles(np.empty((0, 3)), np.empty((0, 3)), np.empty(0), np.empty(0))
         return Particles(
             np.concatenate([part.position for part in parts]),
             np.concatenate([part.velocity for part in parts]),
             np.concatenate([part.diameter_m for part in parts]),
+            np.concatenate([part.glint for part in parts]),
         )
 
     def rows(self, where: NDArray[Any]) -> "Particles":
         """Those alone."""
-        return Particles(self.position[where], self.velocity[where], self.diameter_m[where])
+        return Particles(
+            self.position[where], self.velocity[where], self.diameter_m[where], self.glint[where]
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +93,7 @@ class Block:
         first: (cells + 1,) where each cell's particles begin in what follows.
         place: (n, 3) float32 within the cell, metres.
         diameter_m: (n,) float32.
+        glint: (n,) float32 as `Particles` has it.
         sway_m: How far gusts carry a particle to and fro.
         phase: (n,) float32 of the sway, radians.
     """
@@ -95,6 +104,7 @@ class Block:
     first: NDArray[np.intp]
     place: NDArray[np.float32]
     diameter_m: NDArray[np.float32]
+    glint: NDArray[np.float32]
     sway_m: float
     phase: NDArray[np.float32]
 
@@ -144,7 +154,7 @@ class Block:
             )
             position = position + np.float32(self.sway_m) * swing
             velocity = velocity + np.float32(self.sway_m * turn) * swing_speed
-        return Particles(position, velocity, self.diameter_m[row])
+        return Particles(position, velocity, self.diameter_m[row], self.glint[row])
 
 
 def blocks_of(weather: Weather, *key: int | str) -> tuple[Block, ...]:
@@ -198,4 +208,6 @@ def _block(
     diameter_mm = sizes.larger(np.full(first[-1], low_mm), rng.random(first[-1]), high_mm)
     phase = rng.random(first[-1] if sway_m else 0, np.float32) * np.float32(SWAY_CYCLE_RAD)
     diameter_m = (diameter_mm * sizes.swelling * 1e-3).astype(np.float32)
-    return Block(sizes.kind, velocity, cell_m, first, place, diameter_m, sway_m, phase)
+    spread = GLINT if sizes.kind == "rain" else 0.0
+    glint = np.exp(spread * rng.standard_normal(first[-1]) - spread**2 / 2.0).astype(np.float32)
+    return Block(sizes.kind, velocity, cell_m, first, place, diameter_m, glint, sway_m, phase)

@@ -49,6 +49,7 @@ class Streaks:
         width_px: (n,) of the particle's own image, sharp.
         blur_px: (n,) of the disc that the lens makes of a point so near.
         position: (n, 3) in the middle, metres from the eye, world axes.
+        glint: (n,) how much more each shows than its size says; 1 in the mean.
     """
 
     begin: Floats
@@ -57,6 +58,7 @@ class Streaks:
     width_px: Floats
     blur_px: Floats
     position: Floats
+    glint: Floats
 
     @property
     def length_px(self) -> Floats:
@@ -88,6 +90,7 @@ class Streaks:
             self.width_px[where],
             self.blur_px[where],
             self.position[where],
+            self.glint[where],
         )
 
 
@@ -143,6 +146,7 @@ def traced(particles: Particles, shot: Shot) -> Streaks:
         width_px=diameter_m * shot.focal_px / depth_m,
         blur_px=shot.aperture_m * shot.focal_px / depth_m,
         position=particles.position[before],
+        glint=particles.glint[before],
     )
     return found.rows(np.flatnonzero(found.opacity > FAINTEST))
 
@@ -176,7 +180,7 @@ def _drawn(
     own = None
     if near:
         own = by_lamps(near, streaks.position, shot.eye, per_lx=per_lx, boosted=is_rain)
-    weight = streaks.cover_px * np.exp(-extinction * streaks.depth_m)
+    weight = streaks.cover_px * streaks.glint * np.exp(-extinction * streaks.depth_m)
     cover, glow = _splat(streaks, weight, own, capture.depth)
     np.minimum(cover, 1.0, out=cover)
     light -= capture.radiance

@@ -10,15 +10,20 @@ layout(set = 0, binding = 3) uniform sampler2D samplerDepthEmission;
 layout(set = 0, binding = 4) uniform sampler2D samplerTable;
 layout(set = 0, binding = 5) uniform sampler2D samplerSky;
 layout(set = 0, binding = 6) uniform sampler2D samplerAirlight;
+layout(set = 0, binding = 7) uniform sampler2D samplerAmbient;
 
 layout(location = 0) in vec2 inUV;
-layout(location = 0) out vec4 outRadiance;
+// Light that comes to the camera from what it sees, and depth.
+layout(location = 0) out vec4 outSeen;
+// Light of lamps that air scatters to it, dithered.
+layout(location = 1) out vec4 outGlow;
 
 #include "../atmosphere.glsl"
 #include "../airlight.glsl"
 #include "../surface.glsl"
 #include "../lamps.glsl"
 #include "./view.glsl"
+#include "./dither.glsl"
 
 const float FAR = 3000.0;
 
@@ -99,6 +104,23 @@ vec3 reflection(vec3 position, vec3 ray, vec3 normal, float alpha, float distanc
   return mix(around, throughAir(sum / float(TAPS), mirror, beyond), edge.x * edge.y);
 }
 
+// What the sky's light gives more than `lit` has, with the openness of all dithered pixels that are
+// of the same surface.
+vec3 smoothAmbient(float depth) {
+  const float ALIKE = 0.03;
+  vec4 own = texture(samplerAmbient, inUV);
+  ivec2 first = dithered(gl_FragCoord.xy, textureSize(samplerAmbient, 0));
+  float sum = 0.0, weight = 0.0;
+  for (int i = 0; i < DITHER * DITHER; ++i) {
+    ivec2 texel = first + ivec2(i % DITHER, i / DITHER);
+    float off = abs(texelFetch(samplerLit, texel, 0).a - depth);
+    float alike = max(1.0 - off / (ALIKE * depth), 0.0);
+    sum += alike * texelFetch(samplerAmbient, texel, 0).a;
+    weight += alike;
+  }
+  return weight > 0.0 ? own.rgb * (sum / weight - own.a) : vec3(0.0);
+}
+
 void main() {
   float stretch;
   vec3 ray = rayThrough(inUV, stretch);
@@ -106,12 +128,13 @@ void main() {
   vec4 lit = texture(samplerLit, inUV);
   float depth = lit.a;
   float distance = depth > 0.0 ? depth * stretch : FAR;
-  vec3 glowing = glowOfLamps(inUV, eye, ray, distance, interleaved(gl_FragCoord.xy));
+  vec3 glowing = glowOfLamps(inUV, eye, ray, distance, dither(gl_FragCoord.xy));
+  outGlow = vec4(glowing, 0.0);
   if (depth <= 0.0) {
-    outRadiance = vec4(lit.rgb + glowing, 0.0);
+    outSeen = vec4(lit.rgb, 0.0);
     return;
   }
-  vec3 radiance = lit.rgb;
+  vec3 radiance = lit.rgb + smoothAmbient(depth);
   vec4 mirror = texture(samplerMirror, inUV);
   if (mirror.z > 0.0) {
     vec3 normal = vec3(mirror.xy, sqrt(max(1.0 - dot(mirror.xy, mirror.xy), 0.0)));
@@ -121,5 +144,5 @@ void main() {
     float emission = texture(samplerDepthEmission, inUV).y;
     if (emission > 0.0) radiance += emission * texture(samplerAlbedo, inUV).rgb;
   }
-  outRadiance = vec4(throughAir(radiance, ray, distance) + glowing, depth);
+  outSeen = vec4(throughAir(radiance, ray, distance), depth);
 }

@@ -20,6 +20,8 @@ layout(location = 0) out vec4 outLit;
 // Where a level surface mirrors what is around it: its normal's x and y, the share that it mirrors
 // and the width of the lobe.
 layout(location = 1) out vec4 outMirror;
+// What the sky's light gives where all of it comes, and the share that does, dithered.
+layout(location = 2) out vec4 outAmbient;
 
 #include "../atmosphere.glsl"
 #include "../surface.glsl"
@@ -27,6 +29,8 @@ layout(location = 1) out vec4 outMirror;
 #include "../ground.glsl"
 #include "../lamps.glsl"
 #include "./view.glsl"
+#include "./dither.glsl"
+#include "./openness.glsl"
 
 // Share of the sun that reaches a point, percentage-closer filtered over 3x3 texels.
 float sunlit(vec3 position, vec3 normal) {
@@ -76,6 +80,7 @@ void main() {
   vec4 depthEmission = texture(samplerDepthEmission, inUV);
   float depth = depthEmission.x;
   outMirror = vec4(0.0);
+  outAmbient = vec4(0.0);
   if (depth <= 0.0) {
     outLit = vec4(sky(ray), 0.0);
     return;
@@ -98,7 +103,10 @@ void main() {
   }
   if (night()) radiance += seenAround(distance) * fromLamps(s, -ray, position);
   float cosine = -dot(ray, s.normal);
-  radiance += s.albedo * passing(s, cosine) * skyIrradiance(s.normal) / PI;
+  vec3 ambient = s.albedo * passing(s, cosine) * skyIrradiance(s.normal) / PI;
+  float open = openness(inUV, depth, normal.xyz, gl_FragCoord.xy);
+  outAmbient = vec4(ambient, open);
+  radiance += ambient * open;
   vec3 mirrored = mirroredShare(s, roughCosine(s.alpha, cosine));
   if (s.normal.z > 0.7 && s.alpha < 0.5 && s.coat > 0.0 && mirrored.g > 0.01) {
     outMirror = vec4(s.normal.xy, mirrored.g, s.alpha);

@@ -12,8 +12,3 @@ vec3 rayThrough(vec2 uv, out float stretch) {
 vec3 skyAround(vec3 ray, float alpha) {
   return mix(sky(ray), skyIrradiance(ray) / PI, sqrt(alpha));
 }
-
-// Noise whose neighbours differ most (Jimenez 2014), in [0, 1).
-float interleaved(vec2 pixel) {
-  return fract(52.9829189 * fract(dot(pixel, vec2(0.06711056, 0.00583715))));
-}

@@ -1,0 +1,17 @@
+// What is worked out with few samples differs from pixel to pixel in a pattern of four by four, so
+// that the mean of any four by four pixels has sixteen times the samples.
+
+const int DITHER = 4;
+
+// A number of the pattern, each sixteenth of [0, 1) once (Bayer 1973).
+float dither(vec2 pixel) {
+  ivec2 p = ivec2(pixel);
+  ivec2 fine = p & 1, coarse = (p >> 1) & 1;
+  int rank = 4 * (2 * (fine.x ^ fine.y) + fine.y) + 2 * (coarse.x ^ coarse.y) + coarse.y;
+  return (float(rank) + 0.5) / 16.0;
+}
+
+// The pixel from which on such a square lies around another one.
+ivec2 dithered(vec2 pixel, ivec2 size) {
+  return clamp(ivec2(pixel) - DITHER / 2, ivec2(0), size - DITHER);
+}
