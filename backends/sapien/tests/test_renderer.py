@@ -397,6 +397,45 @@ def test_pictures_that_nobody_fetches_do_no_harm(opened: Open) -> None:
         next(renderer.cameras([view_of(), view_of()]))
 
 
+def test_the_foot_of_a_wall_gets_less_of_the_sky_than_open_ground(opened: Open) -> None:
+    ground = box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "white")
+    wall = box((7.0, 0.0, 1.5), (1.0, 60.0, 3.0), "black")
+    ahead = view_of(pose((0.0, 0.0, 2.0), pitch=0.3), size=(160, 160))
+    with opened(world_of(ground, wall), air_of(sky=uniform(1000.0)), samples=64) as renderer:
+        renderer.place(frame_of())
+        seen = renderer.camera(ahead)
+    along = luminance(seen)[:, 60:100].mean(axis=1)
+    on_ground = seen.normal[:, 80, 2] > 0.9
+    depth = np.where(on_ground, seen.depth[:, 80], 0.0)
+    foot = along[depth > depth.max() - 0.3].mean()
+    open_ground = along[(depth > 0.0) & (depth < 3.5)].mean()
+    assert 0.35 < foot / open_ground < 0.85
+    assert open_ground == pytest.approx(1000.0, rel=0.12)
+
+
+def test_open_ground_and_an_open_wall_hide_nothing_from_themselves() -> None:
+    ground = box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "white")
+    profile = Profile("test", 1.0, "raster")
+    with SapienBackend().open(world_of(ground), air_of(sky=uniform(1000.0)), profile) as renderer:
+        renderer.place(frame_of())
+        for pitch in (0.1, 0.5, 1.5):
+            seen = renderer.camera(view_of(pose((0.0, 0.0, 1.5), pitch=pitch)))
+            lit = luminance(seen)[np.isfinite(seen.depth)]
+            np.testing.assert_allclose(lit, 1000.0, rtol=0.01)
+
+
+def test_beams_in_fog_have_no_pattern_of_their_samples() -> None:
+    air, profile = air_of(mor_m=60.0, night=True), Profile("test", 1.0, "raster")
+    with SapienBackend().open(world_of(), air, profile) as renderer:
+        renderer.place(frame_of(state(1, (0.0, 0.0, 0.0), lamps=Lamp.LOW_BEAM)))
+        aside = pose((14.0, -12.0, 2.0), yaw=np.pi / 2, pitch=0.1)
+        seen = luminance(renderer.camera(view_of(aside, size=(320, 240))))
+    middle, beside = seen[1:-1, 1:-1], (seen[1:-1, :-2] + seen[1:-1, 2:]) / 2.0
+    bright = beside > 0.1 * seen.max()
+    assert bright.sum() > 200
+    assert np.median(np.abs(middle / beside - 1.0)[bright]) < 0.01
+
+
 def test_wet_asphalt_is_darker_below_and_mirrors_the_sky_ahead(opened: Open) -> None:
     ground = box((0.0, 0.0, -0.5), (2000.0, 200.0, 1.0), "asphalt")
     seen: dict[float, Floats] = {}
