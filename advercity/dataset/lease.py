@@ -56,9 +56,12 @@ class Lease:
             self._store.remove(LEASE)
 
     def check(self) -> None:
-        """RunError if somebody else has taken the dataset: this run stood still for too long."""
+        """RunError if the dataset may be somebody else's: run or store stood still for too long."""
         if self._lost:
-            raise RunError("another run has taken over the output; run again when it is done")
+            raise RunError(
+                "the lease on the output ran out, and another run may have taken it over; run again"
+                " when that is done"
+            )
 
     def _outlast(self) -> None:
         """Take over from one who shows no sign of life."""
@@ -78,12 +81,21 @@ class Lease:
             raise RunError("another run took the output at the same moment; wait for it")
 
     def _keep(self) -> None:
+        """Renew it until the end; a store that is silent for too long has lost it for us."""
+        renewed_s = time.monotonic()
         while not self._over.wait(self._patience_s / 4):
-            if not self._is_ours():
-                self._lost = True
-                return
-            self._renewals += 1
-            self._store.write(LEASE, self._text())
+            try:
+                if not self._is_ours():
+                    break
+                self._renewals += 1
+                self._store.write(LEASE, self._text())
+                renewed_s = time.monotonic()
+            except RunError:
+                if time.monotonic() - renewed_s > self._patience_s:
+                    break
+        else:
+            return
+        self._lost = True
 
     def _is_ours(self) -> bool:
         return (self._store.read(LEASE) or b"").startswith(self._holder.encode())

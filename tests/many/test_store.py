@@ -124,12 +124,12 @@ def store(request: pytest.FixtureRequest, tmp_path: Path) -> Store:
 
 def test_a_dataset_that_another_run_is_making_is_left_alone(store: Store) -> None:
     with (
-        Lease(store, patience_s=2.0),
+        Lease(store, patience_s=6.0),
         pytest.raises(RunError, match=r"another run is making this dataset \(.* process \d+\)"),
-        Lease(store, patience_s=2.0),
+        Lease(store, patience_s=6.0),
     ):
         pass
-    with Lease(store, patience_s=2.0):
+    with Lease(store, patience_s=6.0):
         pass
     assert store.paths("") == []
 
@@ -144,9 +144,21 @@ def test_a_dataset_whose_run_shows_no_sign_of_life_is_taken_over(store: Store) -
 def test_a_run_whose_dataset_was_taken_over_is_told_and_leaves_the_lease(store: Store) -> None:
     with Lease(store, patience_s=0.2) as lease:
         store.write(LEASE, b"node process 2 0\n0\n")
-        with pytest.raises(RunError, match="another run has taken over the output"):
+        with pytest.raises(RunError, match="another run may have taken it over"):
             _check_again_and_again(lease)
     assert store.read(LEASE) == b"node process 2 0\n0\n"
+
+
+def test_a_run_whose_store_falls_silent_is_told(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def silent(*_: object) -> bytes:
+        raise RunError("no answer")
+
+    with Lease(store, patience_s=0.2) as lease:
+        monkeypatch.setattr(Store, "read", silent)
+        with pytest.raises(RunError, match="the lease on the output ran out"):
+            _check_again_and_again(lease)
 
 
 def _check_again_and_again(lease: Lease) -> None:
