@@ -20,7 +20,7 @@ from advercity.runner.stage import Stage, set_stage
 from advercity.runner.viewpoints import Viewpoints
 
 Image = NDArray[np.uint8]
-CELL_PX = 320
+CELL_PX = 384
 OVERSAMPLING = 2
 """Pictures are taken this many times larger and averaged."""
 BAR_PX = 20
