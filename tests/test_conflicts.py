@@ -3,16 +3,19 @@
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 from advercity_dsl import Conflict, Road, Spec, Typology, Vehicle
 
 from advercity.cli.tables import spec_facts
 from advercity.compiler import ProblemsError, compile_library, load_library
 from advercity.compiler.binding import bound, with_manoeuvre
-from advercity.compiler.ways import RoadWays
+from advercity.compiler.nominal import Pace
+from advercity.compiler.occlusion import outline, seen_from_m
+from advercity.compiler.ways import RoadWays, Way
+from advercity.weather.stopping import stopping
 
 NHTSA = Path(__file__).parent.parent / "library" / "nhtsa"
-BOLD = {"ui": 3, "unj": 1, "ri": 2, "rsnj": 1, "rcnj": 1}
 
 
 @pytest.fixture
@@ -58,7 +61,7 @@ MISTAKES = {
     ),
     "V4 a head-on conflict beside a median": (
         "suites/adver_city.yaml",
-        "unj: [ped_farside_crossing]",
+        "unj: [ped_farside_crossing, ped_nearside_crossing]",
         "unj: [od_drift]",
         "'od_drift' cannot be staged on 'unj': a median divides it",
     ),
@@ -134,6 +137,12 @@ MISTAKES = {
         "position_m: [-300, 900, 8.61]",
         "from the nearest lane of this map; it may be 100 m away; is it the right map?",
     ),
+    "V12 parked cars too far away to hide anybody": (
+        "conflicts/ped_nearside_obstructed.yaml",
+        "obstruction_gap_m: {draw: {uniform: [0.5, 1.5]}",
+        "obstruction_gap_m: {draw: 70",
+        "the ego sees the actor all the time: parked cars that end 70.0 m before it hide nothing",
+    ),
     "V13 an id that is taken": (
         "suites/conflicts.yaml",
         "id: conflicts",
@@ -182,6 +191,34 @@ def test_v12_whether_the_ego_can_stop_in_sight_is_told(
     assert facts["stopping"].endswith(told)
 
 
+def test_v12_whether_the_ego_can_stop_before_whoever_it_sees_late_is_told(specs: dict[str, Spec]):
+    spec = specs["ui_clear_day_sparse"]
+    first, *others = spec.conflicts
+    hidden = first.model_copy(update={"parameters": first.parameters | {"occlusion_m": 12.0}})
+
+    found = stopping(spec.model_copy(update={"conflicts": (*others, hidden)}))
+
+    assert spec.ego.blueprint is not None
+    half_m = spec.blueprints[spec.ego.blueprint].length_m / 2
+    assert found.occlusion_m == pytest.approx(12.0 - half_m, abs=0.01)
+    assert not found.in_sight
+    assert str(found).endswith("10 m past parked cars: the ego cannot stop in sight")
+    assert stopping(spec).occlusion_m is None
+
+
+def test_whoever_comes_out_behind_a_parked_car_is_seen_past_its_corner():
+    """The line from 10 m/s ahead to 2 m/s aside passes the corner 1.5 m before, 3 m aside."""
+    way = Way(np.array([[0.0, 0.0], [100.0, 0.0]]), ())
+    pace = Pace(np.array([0.0, 100.0]), np.array([0.0, 10.0]), np.array([10.0, 10.0]))
+    path = np.array([[80.0, -6.0], [80.0, 6.0]])
+    car = outline(np.array([[74.0, -3.9], [78.5, -3.9]]), 1.8)
+
+    seen_m = seen_from_m(way, pace, 80.0, path, 2.0, [car])
+
+    assert seen_m == pytest.approx(16.5, abs=0.51)  # 0.2 * (seen - 1.5) = 3
+    assert seen_from_m(way, pace, 80.0, path[::-1], 2.0, [car]) is None
+
+
 def test_a_conflict_point_lies_on_the_ego_s_way_and_inside_the_scenario(specs: dict[str, Spec]):
     for spec in specs.values():
         for conflict in spec.conflicts:
@@ -202,6 +239,9 @@ def test_conflicts_crossed_with_roads_make_31_cells(copied: Path):
     assert len({(spec.road.id, spec.conflicts[0].conflict) for spec in specs}) == 31
     assert len(specs) == 31 * 2
     assert all(len(spec.conflicts) == 1 for spec in specs)
+    for conflict in (spec.conflicts[0] for spec in specs):
+        hides = "obstruction_gap_m" in conflict.parameters
+        assert (conflict.parameters.get("occlusion_m", 0.0) > 5.0) == hides
 
 
 def test_junctions_without_lights_have_stop_signs_for_those_from_the_sides(copied: Path):
@@ -254,18 +294,27 @@ def test_where_nobody_may_lead_the_ego_who_led_it_starts_25_to_30_m_behind(road:
 
 
 def test_another_conflict_leaves_the_draws_of_the_others(copied: Path):
-    before = {spec.id: spec.conflicts for spec in compile_library(copied)}
+    more = {spec.id: spec.conflicts for spec in compile_library(copied)}
     edited(
         copied,
         "suites/adver_city.yaml",
-        "unj: [ped_farside_crossing]",
         "unj: [ped_farside_crossing, ped_nearside_crossing]",
+        "unj: [ped_farside_crossing]",
     )
 
-    after = {spec.id: spec.conflicts for spec in compile_library(copied)}
+    fewer = {spec.id: spec.conflicts for spec in compile_library(copied)}
 
-    for name, conflicts in before.items():
-        assert after[name][: len(conflicts)] == conflicts
+    assert len(more["unj_clear_day_sparse"]) == len(fewer["unj_clear_day_sparse"]) + 1 == 2
+    for name, conflicts in fewer.items():
+        assert more[name][: len(conflicts)] == conflicts
+
+
+def test_who_crosses_next_crosses_farther_on(copied: Path):
+    specs = {spec.id: spec for spec in compile_library(copied)}
+
+    far, near = specs["unj_clear_day_sparse"].conflicts
+
+    assert near.station_m > far.station_m + 15.0
 
 
 def test_a_conflict_says_how_it_stands_to_a_road():

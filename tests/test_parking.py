@@ -126,7 +126,7 @@ def test_places_that_somebody_staged_needs_stay_empty(
     specs: dict[str, Spec], path: tuple[tuple[float, float], ...]
 ) -> None:
     """Somebody crosses the street, or stands along its kerb."""
-    (conflict,) = specs["unj_clear_day_sparse"].conflicts
+    conflict, *_ = specs["unj_clear_day_sparse"].conflicts
     actor = conflict.actors[0].model_copy(update={"blueprint": "small", "path_m": path})
     staged = conflict.model_copy(update={"actors": (actor,)})
 

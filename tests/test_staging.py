@@ -208,9 +208,9 @@ def test_a_scenario_that_ends_before_its_conflict_says_what_to_change(
         simulate(spec.model_copy(update={"timing": timing}), build_network(spec.road, tmp_path))
 
     assert (
-        "the ego does not cross the way of conflict_1 (ped_farside_crossing) before it arrives or"
-        " the scenario ends, 6.5 s after the start (max_ticks 65); raise timing.max_ticks or lower"
-        " the density"
+        "the ego does not cross the way of conflict_1 (ped_farside_crossing), conflict_2"
+        " (ped_nearside_crossing) before it arrives or the scenario ends, 6.5 s after the start"
+        " (max_ticks 65); raise timing.max_ticks or lower the density"
     ) in str(caught.value)
 
 

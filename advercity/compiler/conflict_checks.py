@@ -22,7 +22,7 @@ def misfit(
     library: Library, conflict: Conflict, road: Road, density: Density, staged: StagedConflict
 ) -> Problem | None:
     """The first thing that keeps a solved conflict from happening; None if nothing does."""
-    checks = (_envelope, _room, _bodies, _timing, _place, _senses)
+    checks = (_envelope, _room, _bodies, _timing, _place, _sight, _senses)
     for check in checks:
         found = check(conflict, road, density, staged)
         if found is not None:
@@ -112,6 +112,16 @@ def _place(conflict: Conflict, road: Road, density: Density, staged: StagedConfl
     if station > end - 10.0 or kept_s < 0:
         message = f"the conflict point on '{road.id}' lies beyond where the scenario ends"
         return ("actor", "comes"), message, "move the ego's destination on"
+    return None
+
+
+def _sight(conflict: Conflict, road: Road, density: Density, staged: StagedConflict) -> Found:
+    if "obstruction_gap_m" in staged.parameters and "occlusion_m" not in staged.parameters:
+        message = (
+            f"on '{road.id}' the ego sees the actor all the time: parked cars that end"
+            f" {staged.parameters['obstruction_gap_m']:.1f} m before it hide nothing"
+        )
+        return ("parameters", "obstruction_gap_m"), message, "let them end nearer"
     return None
 
 

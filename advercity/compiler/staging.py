@@ -1,6 +1,6 @@
 """Solve conflicts: where the ways meet, who comes from where, and how fast."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,6 +10,7 @@ from advercity_dsl.road import Movement, StripKind
 from numpy.typing import NDArray
 
 from advercity.compiler.nominal import Pace, nominal
+from advercity.compiler.occlusion import outline, seen_from_m
 from advercity.compiler.sampling import sampled
 from advercity.compiler.ways import RoadWays, Stretch, Way, ego_of, ego_way
 from advercity.randomness import generator
@@ -27,6 +28,8 @@ CROSSING_BEFORE_M = 2.1
 ALONGSIDE_M = 26.0
 BESIDE_EGO_M = 0.3
 """One who rides beside the ego keeps this much more to the right than others."""
+FIRST_PLACE, NEXT_PLACE = 0.55, 0.3
+"""Of the ego's way, where it is crossed between junctions, and how much farther on next time."""
 CLEAR_OF_JUNCTIONS_M = 8.0
 STEADY_SHARE = 0.88
 """Of the most that it could reach and stop again, so that it keeps its speed for a moment."""
@@ -115,6 +118,8 @@ class _Solver:
         speed = self._speed(placed, drawn)
         drawn["actor_speed_km_h"] = round(speed * 3.6, 3)
         drawn["approach_m"] = round(placed.room_m, 2)
+        bystanders = self._bystanders(placed, drawn)
+        found = drawn | self._occlusion(placed, speed, bystanders)
         at_s = self.pace.time(placed.station_m)
         here = self.way.at(placed.station_m)
         return StagedConflict(
@@ -125,11 +130,11 @@ class _Solver:
             ego=self.conflict.ego.part,
             manoeuvre=self.conflict.ego.manoeuvre,
             violates=self.conflict.actor.violates,
-            actors=(self._actor(placed, drawn, speed), *self._bystanders(placed, drawn)),
+            actors=(self._actor(placed, drawn, speed), *bystanders),
             point_m=_point(here),
             station_m=round(placed.station_m - self.start_m, 3),
             window_s=(round(at_s - 1.5, 1), round(at_s + 1.5, 1)),
-            parameters=dict(sorted(drawn.items())),
+            parameters=dict(sorted(found.items())),
             mode="open_loop",
             outcome=self.conflict.outcome,
         )
@@ -241,6 +246,20 @@ class _Solver:
             ahead -= body.length_m + 1.0
         return tuple(parked)
 
+    def _occlusion(
+        self, placed: Placed, speed: float, bystanders: Iterable[StagedActor]
+    ) -> dict[str, float]:
+        """From where the ego sees an actor behind parked cars, if there are any."""
+        parked = [
+            outline(np.array(item.path_m), self.blueprints[item.blueprint].width_m)
+            for item in bystanders
+            if item.behaviour == "stands"
+        ]
+        if not parked or placed.path is None:
+            return {}
+        seen_m = seen_from_m(self.way, self.pace, placed.station_m, placed.path, speed, parked)
+        return {} if seen_m is None else {"occlusion_m": round(seen_m, 2)}
+
     def _placed(self, drawn: Mapping[str, float]) -> Placed:
         match self.conflict.actor.comes:
             case "nearside" | "farside" as side:
@@ -278,7 +297,8 @@ class _Solver:
             if self.conflict.parameters.obstruction_gap_m is None:
                 return after.begins_m - CROSSING_BEFORE_M
             return (after.begins_m + min(after.ends_m, self.end_m)) / 2
-        wanted = self.start_m + 0.55 * (self.end_m - self.start_m)
+        share = FIRST_PLACE + (self.index - 1) * NEXT_PLACE
+        wanted = self.start_m + share * (self.end_m - self.start_m)
         parts = [
             (max(item.begins_m, self.start_m) + min(item.ends_m, self.end_m)) / 2
             for item in self.way.stretches

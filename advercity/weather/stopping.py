@@ -26,6 +26,8 @@ class Stopping:
         friction: Coefficient of friction on this road in this weather.
         distance_m: Until it stands.
         visibility_m: Meteorological optical range of the whole air; None if that has no end.
+        occlusion_m: From its front to the conflict point when it sees whoever comes out behind
+            parked cars; the least of all conflicts, None if nobody does.
     """
 
     speed_km_h: float
@@ -33,15 +35,19 @@ class Stopping:
     friction: float
     distance_m: float
     visibility_m: float | None
+    occlusion_m: float | None
 
     @property
     def in_sight(self) -> bool:
         """Whether it sees far enough to stop before whatever it sees."""
-        return self.visibility_m is None or self.distance_m <= self.visibility_m
+        sights_m = (self.visibility_m, self.occlusion_m)
+        return all(sight_m is None or self.distance_m <= sight_m for sight_m in sights_m)
 
     def __str__(self) -> str:
         """In a sentence."""
         seen = "no end" if self.visibility_m is None else f"{self.visibility_m:.0f} m"
+        if self.occlusion_m is not None:
+            seen += f", {self.occlusion_m:.0f} m past parked cars"
         return (
             f"{self.distance_m:.0f} m from {self.speed_km_h:.0f} km/h, with {self.reaction_s:g} s"
             f" to react and a friction of {self.friction:.2f}; visibility {seen}:"
@@ -63,4 +69,14 @@ def stopping(spec: Spec) -> Stopping:
         friction=round(grip, 4),
         distance_m=round(speed_m_s * REACTION_S + speed_m_s**2 / (2 * grip * GRAVITY_M_S2), 2),
         visibility_m=round(seen, 1) if isfinite(seen) else None,
+        occlusion_m=_occlusion_m(spec),
     )
+
+
+def _occlusion_m(spec: Spec) -> float | None:
+    found = [item.parameters.get("occlusion_m") for item in spec.conflicts]
+    middles_m = [seen_m for seen_m in found if seen_m is not None]
+    if not middles_m or spec.ego.blueprint is None:
+        return None
+    front_m = spec.blueprints[spec.ego.blueprint].length_m / 2
+    return round(max(min(middles_m) - front_m, 0.0), 2)
