@@ -1,4 +1,4 @@
-"""What a surface is: the semantic tags and colours of CARLA 0.9.12."""
+"""What a surface is, by the tags and colours of CARLA 0.9.12; the colours of actors' boxes."""
 
 from enum import IntEnum
 
@@ -62,3 +62,13 @@ PALETTE = np.array(
     dtype=np.uint8,
 )
 """RGB per tag, shape (23, 3)."""
+
+ACTOR_COLOURS = {
+    "car": (66, 133, 244),
+    "van": (0, 172, 193),
+    "truck": (171, 71, 188),
+    "bicycle": (124, 179, 66),
+    "motorcycle": (255, 179, 0),
+    "pedestrian": (229, 57, 53),
+}
+"""RGB of boxes by class of actor, in films and in the live view."""

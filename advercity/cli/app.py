@@ -25,6 +25,14 @@ LibraryArgument = Annotated[list[Path], typer.Argument(help="Folders of declarat
 LIBRARIES = [Path("library")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 SpecArgument = Annotated[list[Path], typer.Argument(help="Compiled specs (*.json).")]
+DatasetArgument = Annotated[Path, typer.Argument(help="A dataset, or one scenario of it.")]
+BackendOption = Annotated[str, typer.Option(help="Rendering backend.")]
+ProfileOption = Annotated[str, typer.Option(help="auto, preview or full.")]
+ScaleOption = Annotated[float | None, typer.Option(help="Image scale, over the profile's.")]
+FramesOption = Annotated[
+    str | None, typer.Option(metavar="A:B[:STEP]", help="Kept frames to make, B not included.")
+]
+JobsOption = Annotated[int, typer.Option(min=1, help="Scenarios at a time.")]
 ColourOption = Annotated[
     str,
     typer.Option(
@@ -191,12 +199,10 @@ def run(
     output: Annotated[
         str, typer.Option(help="Folder for the dataset; with Ray also a URL: s3://bucket/folder.")
     ] = "output",
-    backend: Annotated[str, typer.Option(help="Rendering backend.")] = "sapien",
-    profile: Annotated[str, typer.Option(help="auto, preview or full.")] = "auto",
-    scale: Annotated[float | None, typer.Option(help="Image scale, over the profile's.")] = None,
-    frames: Annotated[
-        str | None, typer.Option(metavar="A:B[:STEP]", help="Kept frames to make, B not included.")
-    ] = None,
+    backend: BackendOption = "sapien",
+    profile: ProfileOption = "auto",
+    scale: ScaleOption = None,
+    frames: FramesOption = None,
     rrd: Annotated[Path | None, typer.Option(help="Write a Rerun recording.")] = None,
     stream: Annotated[bool, typer.Option("--stream", help="Serve the live view.")] = False,
     connect: Annotated[str | None, typer.Option(help="Send to a running Rerun viewer.")] = None,
@@ -204,7 +210,7 @@ def run(
     weather: Annotated[
         str | None, typer.Option(help="Replay under another weather: a file, or a library name.")
     ] = None,
-    jobs: Annotated[int, typer.Option(min=1, help="Scenarios at a time.")] = 1,
+    jobs: JobsOption = 1,
     max_memory: Annotated[
         str | None,
         typer.Option(metavar="SIZE", help="Memory of a scenario: 4 GB; by the plan."),
@@ -290,13 +296,11 @@ def plan(
     output: Annotated[
         Path, typer.Option(help="Folder for the dataset; what is there need not be made.")
     ] = Path("output"),
-    backend: Annotated[str, typer.Option(help="Rendering backend.")] = "sapien",
-    profile: Annotated[str, typer.Option(help="auto, preview or full.")] = "auto",
-    scale: Annotated[float | None, typer.Option(help="Image scale, over the profile's.")] = None,
-    frames: Annotated[
-        str | None, typer.Option(metavar="A:B[:STEP]", help="Kept frames to make, B not included.")
-    ] = None,
-    jobs: Annotated[int, typer.Option(min=1, help="Scenarios at a time.")] = 1,
+    backend: BackendOption = "sapien",
+    profile: ProfileOption = "auto",
+    scale: ScaleOption = None,
+    frames: FramesOption = None,
+    jobs: JobsOption = 1,
     as_json: JsonOption = False,
 ) -> None:
     """Tell what running scenarios will take: frames, pictures, bytes, time and memory.
@@ -361,7 +365,7 @@ def gallery(
     frame: Annotated[
         int | None, typer.Option(min=0, help="Kept frame; the one in the middle.")
     ] = None,
-    backend: Annotated[str, typer.Option(help="Rendering backend.")] = "sapien",
+    backend: BackendOption = "sapien",
     profile: Annotated[str, typer.Option(help="preview or full.")] = "preview",
 ) -> None:
     """Show one camera of scenarios under every weather, on one sheet."""
@@ -423,7 +427,7 @@ def verify(
 
 @app.command()
 def repair(
-    dataset: Annotated[Path, typer.Argument(help="A dataset, or one scenario of it.")],
+    dataset: DatasetArgument,
 ) -> None:
     """Make missing and changed files of a dataset again, with the checksums they had."""
     from advercity.cli.progress import progress
@@ -443,7 +447,7 @@ def repair(
 
 @app.command()
 def stats(
-    dataset: Annotated[Path, typer.Argument(help="A dataset, or one scenario of it.")],
+    dataset: DatasetArgument,
     output: Annotated[Path, typer.Option(help="Folder for tables and plots.")] = Path("stats"),
 ) -> None:
     """Count what a dataset holds: tables as CSV, plots as PNG."""
@@ -459,7 +463,7 @@ def stats(
 
 @app.command()
 def video(
-    dataset: Annotated[Path, typer.Argument(help="A dataset, or one scenario of it.")],
+    dataset: DatasetArgument,
     output: Annotated[Path, typer.Option(help="Folder for the films.")] = Path("videos"),
     kind: Annotated[
         list[str] | None, typer.Option(help="front, mosaic, semantic or lidar; all of them.")

@@ -1,7 +1,11 @@
-"""Whether a solved conflict can happen: speeds, room, bodies, timing, place and senses."""
+"""Whether a solved conflict can happen: speeds, room, bodies, timing, place and sight."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
-from advercity_dsl import Conflict, Density, Road, StagedConflict
+from advercity_dsl import Conflict, Density, Road, StagedActor, StagedConflict
 
 from advercity.compiler.library import Library
 from advercity.compiler.nominal import nominal
@@ -22,111 +26,126 @@ def misfit(
     library: Library, conflict: Conflict, road: Road, density: Density, staged: StagedConflict
 ) -> Problem | None:
     """The first thing that keeps a solved conflict from happening; None if nothing does."""
-    checks = (_envelope, _room, _bodies, _timing, _place, _sight, _senses)
-    for check in checks:
-        found = check(conflict, road, density, staged)
-        if found is not None:
-            where, message, hint = found
-            return library.problem(conflict, *where, message=message, hint=hint)
+    case = _Case(conflict, road, density, staged)
+    checks = (
+        case.envelope,
+        case.room,
+        case.bodies,
+        case.sideways,
+        case.arrival,
+        case.braking,
+        case.place,
+        case.sight,
+        case.walkers,
+    )
+    for where, message, hint in chain.from_iterable(check() for check in checks):
+        return library.problem(conflict, *where, message=message, hint=hint)
     return None
 
 
-Found = tuple[tuple[str, ...], str, str] | None
+Complaints = Iterator[tuple[tuple[str, ...], str, str]]
+"""Which field, what is wrong, and the way out."""
 
 
-def _envelope(conflict: Conflict, road: Road, density: Density, staged: StagedConflict) -> Found:
-    low, high = ends(conflict.parameters.ego_speed_km_h.draw)
-    cap = ego_of(road).max_speed_km_h
-    left = min(high, cap) - low
-    if left < SPEED_LEFT_KM_H:
-        message = (
-            f"{low:g} to {high:g} km/h leave {max(left, 0):g} km/h below the ego's {cap:g} km/h on"
-            f" '{road.id}'; at least {SPEED_LEFT_KM_H:g} are needed"
-        )
-        return ("parameters", "ego_speed_km_h"), message, "widen the range or leave the road out"
-    return None
+@dataclass(frozen=True)
+class _Case:
+    conflict: Conflict
+    road: Road
+    density: Density
+    staged: StagedConflict
 
+    @property
+    def actor(self) -> StagedActor:
+        return self.staged.actors[0]
 
-def _room(conflict: Conflict, road: Road, density: Density, staged: StagedConflict) -> Found:
-    low, _ = ends(conflict.parameters.actor_speed_km_h.draw)
-    speed = staged.parameters["actor_speed_km_h"]
-    if speed < 0.6 * low:
-        message = (
-            f"on '{road.id}' there is room to reach {speed:.1f} km/h and stop again, not the"
-            f" {low:g} km/h asked for"
-        )
-        return ("parameters", "actor_speed_km_h"), message, "lower it, or start farther away"
-    return None
+    def envelope(self) -> Complaints:
+        low, high = ends(self.conflict.parameters.ego_speed_km_h.draw)
+        cap = ego_of(self.road).max_speed_km_h
+        left = min(high, cap) - low
+        if left < SPEED_LEFT_KM_H:
+            message = (
+                f"{low:g} to {high:g} km/h leave {max(left, 0):g} km/h below the ego's"
+                f" {cap:g} km/h on '{self.road.id}'; at least {SPEED_LEFT_KM_H:g} are needed"
+            )
+            yield ("parameters", "ego_speed_km_h"), message, "widen the range or leave the road out"
 
+    def room(self) -> Complaints:
+        low, _ = ends(self.conflict.parameters.actor_speed_km_h.draw)
+        speed = self.staged.parameters["actor_speed_km_h"]
+        if speed < 0.6 * low:
+            message = (
+                f"on '{self.road.id}' there is room to reach {speed:.1f} km/h and stop again, not"
+                f" the {low:g} km/h asked for"
+            )
+            yield ("parameters", "actor_speed_km_h"), message, "lower it, or start farther away"
 
-def _bodies(conflict: Conflict, road: Road, density: Density, staged: StagedConflict) -> Found:
-    actor = staged.actors[0]
-    most = FASTEST_KM_H.get(actor.actor_class)
-    _, high = ends(conflict.parameters.actor_speed_km_h.draw)
-    if most is not None and high > most:
-        who = "a pedestrian" if actor.actor_class == "pedestrian" else "a cyclist"
-        message = f"up to {high:g} km/h, but {who} goes no faster than {most:g} km/h"
-        return ("parameters", "actor_speed_km_h"), message, "lower it"
-    if actor.behaviour in SIDEWAYS_M_S2:
-        verb, most = actor.behaviour, SIDEWAYS_M_S2[actor.behaviour]
-        shift = staged.parameters["encroachment_m"] + 0.7
-        sideways = QUINTIC_PEAK * shift / staged.parameters["drift_time_s"] ** 2
-        if sideways > most:
-            message = f"{verb} with {sideways:.1f} m/s2; nobody who {verb} exceeds {most:g}"
-            return ("parameters", "drift_time_s"), message, "lengthen it"
-    return None
+    def bodies(self) -> Complaints:
+        most = FASTEST_KM_H.get(self.actor.actor_class)
+        _, high = ends(self.conflict.parameters.actor_speed_km_h.draw)
+        if most is not None and high > most:
+            who = "a pedestrian" if self.actor.actor_class == "pedestrian" else "a cyclist"
+            message = f"up to {high:g} km/h, but {who} goes no faster than {most:g} km/h"
+            yield ("parameters", "actor_speed_km_h"), message, "lower it"
 
+    def sideways(self) -> Complaints:
+        verb, given = self.actor.behaviour, self.staged.parameters
+        if verb in SIDEWAYS_M_S2:
+            shift = given["encroachment_m"] + 0.7
+            found = QUINTIC_PEAK * shift / given["drift_time_s"] ** 2
+            if found > SIDEWAYS_M_S2[verb]:
+                most = f"nobody who {verb} exceeds {SIDEWAYS_M_S2[verb]:g}"
+                message = f"{verb} with {found:.1f} m/s2; {most}"
+                yield ("parameters", "drift_time_s"), message, "lengthen it"
 
-def _timing(conflict: Conflict, road: Road, density: Density, staged: StagedConflict) -> Found:
-    actor = staged.actors[0]
-    middle = sum(staged.window_s) / 2
-    if actor.behaviour != "stops_short":
-        return None
-    speed, gains, loses = actor.speed_m_s, actor.acceleration_m_s2, actor.braking_m_s2
-    least = speed / (2 * gains) + staged.parameters["approach_m"] / speed
-    if actor.route and least > middle:
-        message = (
-            f"the actor needs {least:.1f} s to the point, but the ego is there after"
-            f" {middle:.1f} s on '{road.id}'"
-        )
-        return ("parameters", "actor_speed_km_h"), message, "let it start nearer or go faster"
-    nearest = speed / (2 * loses)
-    if nearest > staged.outcome.time_to_collision_below_s:
-        message = (
-            f"an actor that brakes as late as it can is {nearest:.1f} s away then, on '{road.id}';"
-            f" that is never below {staged.outcome.time_to_collision_below_s:g} s"
-        )
-        return ("outcome", "time_to_collision_below_s"), message, "raise it, or brake harder"
-    return None
+    def arrival(self) -> Complaints:
+        speed, middle = self.actor.speed_m_s, sum(self.staged.window_s) / 2
+        if self.actor.behaviour == "stops_short" and self.actor.route:
+            gaining = speed / (2 * self.actor.acceleration_m_s2)
+            least = gaining + self.staged.parameters["approach_m"] / speed
+            if least > middle:
+                message = (
+                    f"the actor needs {least:.1f} s to the point, but the ego is there after"
+                    f" {middle:.1f} s on '{self.road.id}'"
+                )
+                hint = "let it start nearer or go faster"
+                yield ("parameters", "actor_speed_km_h"), message, hint
 
+    def braking(self) -> Complaints:
+        most = self.staged.outcome.time_to_collision_below_s
+        nearest = self.actor.speed_m_s / (2 * self.actor.braking_m_s2)
+        if self.actor.behaviour == "stops_short" and nearest > most:
+            message = (
+                f"an actor that brakes as late as it can is {nearest:.1f} s away then, on"
+                f" '{self.road.id}'; that is never below {most:g} s"
+            )
+            yield ("outcome", "time_to_collision_below_s"), message, "raise it, or brake harder"
 
-def _place(conflict: Conflict, road: Road, density: Density, staged: StagedConflict) -> Found:
-    ways = RoadWays(road)
-    way, start, end = ego_way(ways, ego_of(road))
-    station = way.nearest(staged.point_m)
-    gap = float(np.linalg.norm(way.at(station) - np.array(staged.point_m)))
-    if gap > OFF_THE_WAY_M:
-        message = f"the conflict point lies {gap:.1f} m beside the ego's way on '{road.id}'"
-        return ("actor", "comes"), message, "choose another side"
-    kept_s = nominal(road, ways, way, start).time(station)
-    if station > end - 10.0 or kept_s < 0:
-        message = f"the conflict point on '{road.id}' lies beyond where the scenario ends"
-        return ("actor", "comes"), message, "move the ego's destination on"
-    return None
+    def place(self) -> Complaints:
+        ways = RoadWays(self.road)
+        way, start, end = ego_way(ways, ego_of(self.road))
+        station = way.nearest(self.staged.point_m)
+        gap = float(np.linalg.norm(way.at(station) - np.array(self.staged.point_m)))
+        if gap > OFF_THE_WAY_M:
+            message = (
+                f"the conflict point lies {gap:.1f} m beside the ego's way on '{self.road.id}'"
+            )
+            yield ("actor", "comes"), message, "choose another side"
+        if station > end - 10.0 or nominal(self.road, ways, way, start).time(station) < 0:
+            message = f"the conflict point on '{self.road.id}' lies beyond where the scenario ends"
+            yield ("actor", "comes"), message, "move the ego's destination on"
 
+    def sight(self) -> Complaints:
+        given = self.staged.parameters
+        if "obstruction_gap_m" in given and "occlusion_m" not in given:
+            message = (
+                f"on '{self.road.id}' the ego sees the actor all the time: parked cars that end"
+                f" {given['obstruction_gap_m']:.1f} m before it hide nothing"
+            )
+            yield ("parameters", "obstruction_gap_m"), message, "let them end nearer"
 
-def _sight(conflict: Conflict, road: Road, density: Density, staged: StagedConflict) -> Found:
-    if "obstruction_gap_m" in staged.parameters and "occlusion_m" not in staged.parameters:
-        message = (
-            f"on '{road.id}' the ego sees the actor all the time: parked cars that end"
-            f" {staged.parameters['obstruction_gap_m']:.1f} m before it hide nothing"
-        )
-        return ("parameters", "obstruction_gap_m"), message, "let them end nearer"
-    return None
-
-
-def _senses(conflict: Conflict, road: Road, density: Density, staged: StagedConflict) -> Found:
-    if staged.actors[0].actor_class == "pedestrian" and road.traffic.walkers == 0:
-        message = f"'{road.id}' has no walkers, whose number '{density.id}' could change"
-        return ("actor", "classes"), message, "give the road walkers or leave it out"
-    return None
+    def walkers(self) -> Complaints:
+        if self.actor.actor_class == "pedestrian" and self.road.traffic.walkers == 0:
+            message = (
+                f"'{self.road.id}' has no walkers, whose number '{self.density.id}' could change"
+            )
+            yield ("actor", "classes"), message, "give the road walkers or leave it out"

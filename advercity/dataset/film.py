@@ -10,20 +10,13 @@ from advercity import poses
 from advercity.dataset.images import painted
 from advercity.dataset.reader import Boxes, FrameView, View
 from advercity.dataset.sightings import BOX_EDGES, NEAR_M, box_corners
+from advercity.semantics import ACTOR_COLOURS
 
 REACH_M = 80.0
 BAR_PX = 22
 """Height of the strip that holds a name."""
 ABOVE_PX = 720
 VIEW_COLOURS = ((80, 180, 255), (120, 230, 120), (255, 170, 80), (230, 120, 230), (240, 230, 110))
-CLASS_COLOURS = {
-    "car": (66, 133, 244),
-    "van": (0, 172, 193),
-    "truck": (171, 71, 188),
-    "bicycle": (124, 179, 66),
-    "motorcycle": (255, 179, 0),
-    "pedestrian": (229, 57, 53),
-}
 _OTHER_COLOUR = (200, 200, 200)
 _GROUND = [0, 2, 6, 4, 0]
 
@@ -59,7 +52,7 @@ def with_boxes(view: View, camera: int) -> Image:
     boxes = view.boxes
     for corners, kind in zip(_corners(boxes), boxes.classes.tolist(), strict=True):
         for start, end in _edges_ahead(view, camera, corners):
-            colour = CLASS_COLOURS.get(kind, _OTHER_COLOUR)
+            colour = ACTOR_COLOURS.get(kind, _OTHER_COLOUR)
             cv2.line(image, _point(start), _point(end), colour, 1, cv2.LINE_AA)
     return image
 
@@ -78,7 +71,7 @@ def from_above(frame: FrameView, size: int = ABOVE_PX) -> Image:
         boxes = view.boxes
         for corners, kind in zip(_corners(boxes), boxes.classes.tolist(), strict=True):
             outline = _above(corners[_GROUND, :2], middle, size)
-            colour = CLASS_COLOURS.get(kind, _OTHER_COLOUR)
+            colour = ACTOR_COLOURS.get(kind, _OTHER_COLOUR)
             cv2.polylines(picture, [outline], False, colour, 1, cv2.LINE_AA)
     for view, (agent, colour) in zip(
         views, zip(frame.views, VIEW_COLOURS, strict=False), strict=False

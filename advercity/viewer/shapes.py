@@ -10,6 +10,7 @@ from advercity import poses
 from advercity.dataset.annotation import box_centre
 from advercity.dataset.reading import Picture, Reading, intrinsic
 from advercity.poses import Matrix
+from advercity.semantics import ACTOR_COLOURS
 from advercity.traffic.trace import ActorState
 from advercity.viewer.clouds import CloudColour, colours
 from advercity.world.scene import Lane
@@ -17,15 +18,7 @@ from advercity.world.scene import Lane
 Colour = tuple[int, int, int]
 IMAGE_PLANE_M = 1.5
 POINT_PX = 1.5
-CLASS_COLOURS = {
-    "car": (66, 133, 244),
-    "van": (0, 172, 193),
-    "truck": (171, 71, 188),
-    "bicycle": (124, 179, 66),
-    "motorcycle": (255, 179, 0),
-    "pedestrian": (229, 57, 53),
-}
-CLASS_IDS = {name: index for index, name in enumerate(CLASS_COLOURS, start=1)}
+CLASS_IDS = {name: index for index, name in enumerate(ACTOR_COLOURS, start=1)}
 LANE_COLOURS = {"driving": (190, 190, 190), "sidewalk": (140, 110, 140), "crossing": (220, 200, 90)}
 OTHER_LANE_COLOUR = (110, 110, 110)
 
@@ -86,7 +79,7 @@ def class_names() -> rr.AnnotationContext:
     """Names and colours of the classes of `boxes`."""
     classes = [
         rr.AnnotationInfo(id=CLASS_IDS[name], label=name, color=colour)
-        for name, colour in CLASS_COLOURS.items()
+        for name, colour in ACTOR_COLOURS.items()
     ]
     return rr.AnnotationContext(classes)
 
