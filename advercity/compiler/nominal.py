@@ -50,7 +50,7 @@ def nominal(road: Road, ways: RoadWays, way: Way, start_m: float) -> Pace:
     ego = ego_of(road)
     top = (ego.max_speed_km_h - BELOW_MAX_KM_H) / 3.6
     stations = np.arange(start_m, way.length_m, STEP_M)
-    headings = np.unwrap([way.heading(station) for station in stations])
+    headings = np.unwrap(way.headings(stations))
     bends = np.abs(np.gradient(headings, STEP_M))
     bends = np.convolve(np.pad(bends, 6, mode="edge"), np.full(13, 1 / 13), mode="valid")
     limit = np.minimum(top, np.sqrt(LATERAL_M_S2 / np.maximum(bends, 1e-6)))

@@ -81,9 +81,13 @@ class Way:
 
     def heading(self, station_m: float) -> float:
         """Direction of travel at a station, radians counter-clockwise from east."""
-        around = np.clip([station_m - 0.5, station_m + 0.5], 0.0, self.length_m)
-        east, north = np.diff(self._places(around), axis=0)[0]
-        return float(np.arctan2(north, east))
+        return float(self.headings(np.array([station_m]))[0])
+
+    def headings(self, stations_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Directions of travel (m,) at stations (m,)."""
+        ahead = self._places(np.minimum(stations_m + 0.5, self.length_m))
+        east, north = (ahead - self._places(np.maximum(stations_m - 0.5, 0.0))).T
+        return np.arctan2(north, east)
 
     def nearest(self, point: ArrayLike) -> float:
         """The station nearest to a point (2,)."""
