@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import replace
 from queue import SimpleQueue
 from threading import Event as Flag
 from typing import Protocol
@@ -73,7 +74,10 @@ def run_all(
             )
         finally:
             slots.put(slot)
-        index.ended(spec.id, failed=outcome.error is not None)
+        try:
+            index.ended(spec.id, failed=outcome.error is not None)
+        except RunError as error:
+            outcome = replace(outcome, error=outcome.error or error)
         watcher.finished(outcome)
         return outcome
 

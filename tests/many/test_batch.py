@@ -75,6 +75,16 @@ def test_what_takes_too_long_is_killed_and_told(
     assert not (tmp_path / "output").exists()
 
 
+@pytest.mark.sumo
+def test_a_scenario_that_cannot_be_noted_in_the_index_has_failed(
+    few: list[Spec], stunts: Path, options: OptionsFor, witness: Any, tmp_path: Path
+) -> None:
+    (tmp_path / "output" / ".index.json").mkdir(parents=True)
+    (outcome,) = run_all(few[:1], options(tmp_path / "output"), watcher=witness)
+    assert outcome.frames == 1
+    assert "index.json: Is a directory" in str(outcome.error)
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 def test_an_interrupted_run_leaves_no_process_behind(
     few: list[Spec], stunts: Path, tmp_path: Path, number: signal.Signals
