@@ -25,7 +25,7 @@ from pathlib import Path
 from advercity_sapien.device import probe
 from figures import Figure, table
 
-NAMES = ["compile", "traffic", "lidar", "camera", "tracing", "encode", "frame", "resume"]
+NAMES = ["compile", "traffic", "lidar", "camera", "tracing", "effects", "encode", "frame", "resume"]
 PACKAGES = [
     *("advercity", "sapien", "libsumo", "embreex", "numpy", "opencv-python-headless"),
     *("open3d", "open3d-cpu", "mitsuba"),
