@@ -17,7 +17,7 @@ from statistics import median
 from typing import Any
 
 from advercity_dsl import Weather
-from figures import Figure, finish
+from figures import Figure, table
 
 from advercity.compiler import read_spec
 from advercity.randomness import generator
@@ -39,7 +39,11 @@ DAY: Parts = {
     "sun": {"elevation_deg": 60, "azimuth_deg": 180},
     "lens": {"enabled": False},
 }
-NIGHT: Parts = DAY | {"time": "night", "lamps": {"low_beam": True}}
+NIGHT: Parts = DAY | {
+    "time": "night",
+    "sun": {"elevation_deg": -30, "azimuth_deg": 0},
+    "lamps": {"low_beam": True},
+}
 FILM: Parts = {"wetness": 1, "puddle_coverage": 0.35, "film_mm": 0.8}
 BY_DAY: dict[str, Parts] = {
     "fog": {"fog": {"mor_m": 75}, "sky": {"oktas": 8}},
@@ -123,4 +127,4 @@ def ratios(
 
 
 if __name__ == "__main__":
-    sys.exit(finish(figures(quick="--quick" in sys.argv)))
+    print(table(figures(quick="--quick" in sys.argv)))
