@@ -266,9 +266,12 @@ def test_conflicts_that_only_fit_are_crossed_where_a_suite_says_so(copied: Path)
     edited(copied, suite, "[scp_unsignalised, ltap_ld, ltip]", "[ped_left_turn]")
     edited(copied, suite, "[variant]", "[extension]")
 
-    (spec,) = compile_library(copied, suite="unsignalised")
+    specs = compile_library(copied, suite="unsignalised")
 
-    assert spec.id == "ri_ped_left_turn_clear_day_sparse"
+    assert [spec.id for spec in specs] == [
+        "ri_ped_left_turn_clear_day_dense",
+        "ri_ped_left_turn_clear_day_sparse",
+    ]
 
 
 @pytest.mark.parametrize(
