@@ -1,0 +1,180 @@
+"""Commands for those who write declarations, and look at what is made of them."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from advercity.cli.options import LIBRARIES, JsonOption, LibraryArgument
+from advercity.cli.output import note, say
+from advercity.errors import InputError, RunError
+
+commands = typer.Typer()
+
+
+@commands.command("compile")
+def compile_(
+    library: LibraryArgument = LIBRARIES,
+    output: Annotated[Path, typer.Option(help="Folder for the specs.")] = Path("compiled"),
+    suite: Annotated[str | None, typer.Option(help="Suite to compile.")] = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="Only tell whether specs are stale.")
+    ] = False,
+) -> None:
+    """Compile a library of declarations into scenario specs."""
+    from advercity.compiler import compile_library, differences, write_specs
+
+    specs = compile_library(*library, suite=suite)
+    if check:
+        stale = differences(specs, output)
+        if stale:
+            again = " ".join(["advercity compile", *map(str, library)])
+            raise RunError("\n".join([*stale, f"run `{again}` to renew them"]))
+        note(f"{len(specs)} specs in {output} are current")
+        return
+    write_specs(specs, output)
+    note(f"{len(specs)} specs in {output}")
+
+
+@commands.command()
+def solve(
+    library: LibraryArgument = LIBRARIES,
+    suite: Annotated[str | None, typer.Option(help="Suite whose roads and weathers.")] = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="Only tell whether what was found still holds.")
+    ] = False,
+) -> None:
+    """Find suns that are to be in the ego's view, by rays against the world; write them down."""
+    from advercity.compiler import chosen_suite, load_library
+    from advercity.runner.glare import check_suns, solve_suns
+
+    loaded = load_library(*library)
+    chosen = chosen_suite(loaded, *library, suite=suite)
+    for line in check_suns(loaded, chosen) if check else solve_suns(loaded, chosen):
+        say(line)
+
+
+@commands.command()
+def validate(
+    paths: Annotated[list[Path], typer.Argument(help="Specs, declarations or library folders.")],
+) -> None:
+    """Check specs and declarations; print nothing but problems."""
+    from advercity.compiler import validate_path
+
+    for path in paths:
+        validate_path(path)
+    note("no problems found")
+
+
+@commands.command("list")
+def list_(
+    folder: Annotated[
+        Path, typer.Argument(help="Folder of specs, or a library of declarations.")
+    ] = Path("compiled"),
+    as_json: JsonOption = False,
+) -> None:
+    """List compiled scenarios, or the declarations of a library."""
+    from advercity.cli import tables
+
+    rows = tables.rows_of(folder)
+    say(tables.as_json(rows) if as_json else tables.table(rows))
+
+
+@commands.command()
+def show(
+    path: Annotated[Path, typer.Argument(help="A compiled spec, or a declaration.")],
+    map_: Annotated[
+        Path | None, typer.Option("--map", metavar="FILE", help="Draw the plan into a picture.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Tell what a scenario or a declaration holds, and what follows from it; draw its plan."""
+    from advercity_dsl import Road
+
+    from advercity.cli import tables
+    from advercity.compiler import find_declaration, read_spec
+
+    spec = read_spec(path) if path.suffix == ".json" else None
+    entry = None if spec else find_declaration(path)
+    facts = tables.spec_facts(spec) if spec else tables.declaration_facts(entry) if entry else {}
+    say(tables.as_json(facts) if as_json else tables.aligned(facts))
+    if map_ is not None:
+        from advercity.pictures import write_picture
+        from advercity.world.plan import draw_plan
+
+        road = spec.road if spec else entry.declaration if entry else None
+        if not isinstance(road, Road):
+            raise InputError(f"{path}: --map draws roads and specs; this is neither")
+        write_picture(draw_plan(road, spec), map_)
+        note(f"plan in {map_}")
+
+
+@commands.command()
+def explain(
+    spec: Annotated[Path, typer.Argument(help="A compiled spec.")],
+    fields: Annotated[
+        list[str] | None, typer.Argument(help="Fields, such as weather.fog; all of them.")
+    ] = None,
+    library: Annotated[
+        list[Path] | None, typer.Option(help="Folders that it was compiled from.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Tell where every value of a spec comes from: file and line, default, or rule."""
+    from advercity.cli import tables
+    from advercity.compiler import explained, load_library, nearest, read_spec
+
+    origins = explained(read_spec(spec), load_library(*(library or LIBRARIES)))
+    chosen = [item for item in origins if not fields or item.is_within(fields)]
+    if not chosen:
+        hint = nearest(" ".join(fields or []), {item.path for item in origins})
+        raise InputError(f"{spec}: has no field {' or '.join(fields or [])}; {hint}")
+    rows = tables.origin_rows(chosen)
+    say(tables.as_json(rows) if as_json else tables.table(rows))
+
+
+@commands.command()
+def diff(
+    first: Annotated[Path, typer.Argument(help="A compiled spec.")],
+    second: Annotated[Path, typer.Argument(help="Another one.")],
+    as_json: JsonOption = False,
+) -> None:
+    """Tell in which fields two specs differ."""
+    from advercity.cli import tables
+    from advercity.compiler import read_spec
+
+    rows = tables.difference_rows(read_spec(first), read_spec(second))
+    if as_json:
+        say(tables.as_json(rows))
+    elif rows:
+        say(tables.table(rows))
+    else:
+        note("no differences")
+
+
+@commands.command()
+def new(
+    kind: Annotated[str, typer.Argument(help="Kind of declaration: weather, road, suite, ...")],
+    name: Annotated[str, typer.Argument(help="Its id, and the name of its file.")],
+    output: Annotated[Path, typer.Option(help="Folder for the file.")] = Path(),
+) -> None:
+    """Write a commented declaration to start from."""
+    from advercity.compiler.starting import write_starter
+
+    say(str(write_starter(kind, name, output)))
+
+
+@commands.command()
+def schema(
+    kind: Annotated[str | None, typer.Argument(help="Kind of declaration, or spec.")] = None,
+    output: Annotated[Path | None, typer.Option(help="Folder for one file per kind.")] = None,
+) -> None:
+    """Print the JSON Schema of a kind of declaration, for editors."""
+    from advercity.compiler.schema import schema_of, write_schemas
+
+    if output is not None:
+        write_schemas(output)
+    elif kind is not None:
+        say(schema_of(kind))
+    else:
+        raise InputError("name a kind to print, or give --output DIR to write them all")

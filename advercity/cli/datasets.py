@@ -1,0 +1,114 @@
+"""Commands about what runs have made."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from advercity.cli.options import DatasetArgument
+from advercity.cli.output import note, say
+from advercity.errors import RunError
+
+commands = typer.Typer()
+
+
+@commands.command()
+def verify(
+    dataset: Annotated[
+        str, typer.Argument(help="A dataset, or one scenario of it; also s3://bucket/folder.")
+    ],
+) -> None:
+    """Check every file of a dataset against its manifests, and those against its index."""
+    from advercity.dataset.index import Index
+    from advercity.dataset.verification import verify_dataset
+
+    if "://" in dataset:
+        from advercity.dataset.remote import verify_store
+
+        problems = verify_store(dataset)
+    else:
+        problems = verify_dataset(Path(dataset))
+    if problems:
+        raise RunError("\n".join(str(problem) for problem in problems))
+    index = None if "://" in dataset else Index.of_folder(Path(dataset))
+    note(f"every file is as its manifest says{f'; {index.told()}' if index else ''}")
+
+
+@commands.command()
+def repair(
+    dataset: DatasetArgument,
+) -> None:
+    """Make missing and changed files of a dataset again, with the checksums they had."""
+    from advercity.cli.progress import progress
+    from advercity.dataset.manifest import scenarios
+    from advercity.dataset.reader import Scenario
+    from advercity.runner import repair as mend
+
+    with progress([Scenario(path).spec for path in scenarios(dataset)]) as view:
+        left = mend(dataset, view.advanced)
+    if left:
+        what_to_do = {"extra": "not part of the dataset, delete it"}
+        again = "`advercity run` with its spec makes the scenario again"
+        lines = [f"{problem}; {what_to_do.get(problem.kind, again)}" for problem in left]
+        raise RunError("\n".join(lines))
+    note("every file is as its manifest says")
+
+
+@commands.command()
+def stats(
+    dataset: DatasetArgument,
+    output: Annotated[Path, typer.Option(help="Folder for tables and plots.")] = Path("stats"),
+) -> None:
+    """Count what a dataset holds: tables as CSV, plots as PNG."""
+    from advercity.dataset.facts import facts_of_dataset
+    from advercity.dataset.plots import write_plots
+    from advercity.dataset.statistics import tables, write_tables
+
+    found = tables(facts_of_dataset(dataset))
+    write_tables(found, output)
+    write_plots(found, output)
+    say(str(output))
+
+
+@commands.command()
+def video(
+    dataset: DatasetArgument,
+    output: Annotated[Path, typer.Option(help="Folder for the films.")] = Path("videos"),
+    kind: Annotated[
+        list[str] | None, typer.Option(help="front, mosaic, semantic or lidar; all of them.")
+    ] = None,
+) -> None:
+    """Film scenarios: front cameras, mosaic with boxes, semantics, LiDAR from above."""
+    from advercity.dataset.video import KINDS, write_videos
+
+    for path in write_videos(dataset, output, kind or KINDS):
+        say(str(path))
+
+
+@commands.command()
+def split(
+    dataset: Annotated[Path, typer.Argument(help="A dataset.")],
+    output: Annotated[Path, typer.Option(help="Folder for the splits.")] = Path("splits"),
+    train: Annotated[str, typer.Option(help="Roads of this split.")] = "ri,rsnj,unj",
+    validate: Annotated[str, typer.Option(help="Roads of this split.")] = "rcnj",
+    test: Annotated[str, typer.Option(help="Roads of this split.")] = "ui",
+) -> None:
+    """Link scenarios into train, validate and test by their roads."""
+    from advercity.dataset.splits import split as link
+
+    roads = {"train": train, "validate": validate, "test": test}
+    found = link(dataset, output, {name: text.split(",") for name, text in roads.items()})
+    for name, members in found.items():
+        say(f"{output / name}: {len(members)}")
+
+
+@commands.command()
+def sheet(
+    dataset: Annotated[Path, typer.Argument(help="A scenario of a dataset.")],
+    output: Annotated[Path, typer.Option(help="Picture to write.")] = Path("contact_sheet.png"),
+) -> None:
+    """Put all cameras of one frame on a contact sheet."""
+    from advercity.dataset.contact_sheet import write_contact_sheet
+
+    write_contact_sheet(dataset, output)
+    say(str(output))

@@ -1,0 +1,232 @@
+"""Commands that simulate, render and show."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from advercity.cli.options import (
+    BackendOption,
+    ColourOption,
+    FramesOption,
+    JobsOption,
+    JsonOption,
+    ProfileOption,
+    ScaleOption,
+    SpecArgument,
+)
+from advercity.cli.output import note, say
+from advercity.errors import InputError, RunError
+
+commands = typer.Typer()
+
+
+@commands.command()
+def run(
+    specs: SpecArgument,
+    output: Annotated[
+        str, typer.Option(help="Folder for the dataset; with Ray also a URL: s3://bucket/folder.")
+    ] = "output",
+    backend: BackendOption = "sapien",
+    profile: ProfileOption = "auto",
+    scale: ScaleOption = None,
+    frames: FramesOption = None,
+    rrd: Annotated[Path | None, typer.Option(help="Write a Rerun recording.")] = None,
+    stream: Annotated[bool, typer.Option("--stream", help="Serve the live view.")] = False,
+    connect: Annotated[str | None, typer.Option(help="Send to a running Rerun viewer.")] = None,
+    colour_clouds: ColourOption = "intensity",
+    weather: Annotated[
+        str | None, typer.Option(help="Replay under another weather: a file, or a library name.")
+    ] = None,
+    jobs: JobsOption = 1,
+    max_memory: Annotated[
+        str | None,
+        typer.Option(metavar="SIZE", help="Memory of a scenario: 4 GB; by the plan."),
+    ] = None,
+    max_time: Annotated[
+        str | None,
+        typer.Option(metavar="TIME", help="Time of a scenario: 90 min; by the plan."),
+    ] = None,
+    allow_large: Annotated[
+        bool, typer.Option("--allow-large", help="Run what is large by the plan, too.")
+    ] = False,
+    executor: Annotated[str, typer.Option(help="local, or ray for a cluster.")] = "local",
+    address: Annotated[
+        str | None, typer.Option(help="Ray cluster: auto, or HOST:PORT; one of this machine.")
+    ] = None,
+    fresh: Annotated[
+        bool, typer.Option("--fresh", help="Start over; discard what is there.")
+    ] = False,
+    layout: Annotated[str, typer.Option("--format", help="opv2v or adver_city.")] = "opv2v",
+) -> None:
+    """Run scenarios, each in a process of its own: traffic, sensors, dataset, live view."""
+    from advercity.cli.progress import progress
+    from advercity.compiler import find_weather, read_spec, under
+    from advercity.runner import (
+        Limits,
+        Options,
+        ViewerTarget,
+        executor_called,
+        parse_frames,
+        raise_failures,
+    )
+    from advercity.runner.batch import check_together
+    from advercity.runner.limits import parse_size, parse_time
+    from advercity.runner.planning import permitted
+    from advercity.viewer.clouds import parse_cloud_colour
+
+    if sum((rrd is not None, stream, connect is not None)) > 1:
+        raise InputError("--rrd, --stream and --connect exclude each other; give one")
+    chosen = [read_spec(path) for path in specs]
+    if weather is not None:
+        other = find_weather(weather)
+        chosen = [under(spec, other) for spec in chosen]
+    options = Options(
+        output=Path(output),
+        backend=backend,
+        profile=profile,
+        scale=scale,
+        frames=parse_frames(frames),
+        viewer=ViewerTarget(
+            file=rrd,
+            serve=stream,
+            connect=connect,
+            cloud_colour=parse_cloud_colour(colour_clouds),
+        ),
+        fresh=fresh,
+        format=layout,
+    )
+    asked = Limits(
+        memory_bytes=None if max_memory is None else parse_size("--max-memory", max_memory),
+        time_s=None if max_time is None else parse_time("--max-time", max_time),
+    )
+    check_together(chosen, options)
+    where = executor_called(executor, output=output, address=address, jobs=jobs)
+    limits = permitted(
+        chosen,
+        options,
+        asked=asked,
+        jobs=jobs,
+        allow_large=allow_large,
+        on_this_machine=executor == "local",
+    )
+    with progress(chosen) as view:
+        outcomes = where.run(chosen, options, watcher=view, limits=limits)
+    for outcome in outcomes:
+        if outcome.error is None:
+            say(f"{output.rstrip('/')}/{outcome.scenario}")
+    raise_failures(outcomes)
+
+
+@commands.command()
+def plan(
+    specs: SpecArgument,
+    output: Annotated[
+        Path, typer.Option(help="Folder for the dataset; what is there need not be made.")
+    ] = Path("output"),
+    backend: BackendOption = "sapien",
+    profile: ProfileOption = "auto",
+    scale: ScaleOption = None,
+    frames: FramesOption = None,
+    jobs: JobsOption = 1,
+    as_json: JsonOption = False,
+) -> None:
+    """Tell what running scenarios will take: frames, pictures, bytes, time and memory.
+
+    The first time it measures this machine, which takes a minute, and simulates the traffic.
+    """
+    from advercity.cli import tables
+    from advercity.compiler import read_spec
+    from advercity.runner import Options, parse_frames
+    from advercity.runner.batch import check_together
+    from advercity.runner.planning import plan_of
+
+    chosen = [read_spec(path) for path in specs]
+    options = Options(output, backend, profile, scale, parse_frames(frames))
+    check_together(chosen, options)
+    found = plan_of(chosen, options, jobs=jobs, measure=True, simulate=True)
+    if as_json:
+        told = [asdict(item) for item in (*found.forecasts, found.total)]
+        say(tables.as_json({"scenarios": told[:-1], "total": told[-1]}))
+    else:
+        say(tables.table([item.told() for item in (*found.forecasts, found.total)]))
+    for complaint in found.complaints(output):
+        note(f"run asks for --allow-large: {complaint}")
+
+
+@commands.command()
+def simulate(
+    specs: SpecArgument,
+    output: Annotated[Path, typer.Option(help="Folder for traces and reports.")] = Path("traffic"),
+    film: Annotated[bool, typer.Option(help="Film the moving plan, too.")] = True,
+    table: Annotated[
+        bool, typer.Option("--table", help="Only print the table, as Markdown; write nothing.")
+    ] = False,
+) -> None:
+    """Simulate traffic alone: trace, report and moving plan; tell whether conflicts happened."""
+    from advercity.cli import tables
+    from advercity.compiler import read_spec
+    from advercity.runner.simulating import reports, simulate_to
+    from advercity.traffic.report import markdown, rows
+
+    chosen = [read_spec(path) for path in specs]
+    if table:
+        found = list(reports(chosen))
+        say(markdown(found))
+    else:
+        found = [simulate_to(spec, output, filmed=film) for spec in chosen]
+        say(tables.table(rows(found)))
+    problems = [f"{one.spec}: {problem}" for one in found for problem in one.problems]
+    if problems:
+        raise RunError("\n".join(problems))
+
+
+@commands.command()
+def gallery(
+    specs: SpecArgument,
+    output: Annotated[Path, typer.Option(help="Picture to write.")] = Path("gallery.jpg"),
+    weather: Annotated[
+        list[str] | None, typer.Option(help="A file, or a library name; all that ship.")
+    ] = None,
+    agent: Annotated[str | None, typer.Option(help="Whose camera; the ego's.")] = None,
+    camera: Annotated[int, typer.Option(min=0, help="Which of its cameras.")] = 0,
+    frame: Annotated[
+        int | None, typer.Option(min=0, help="Kept frame; the one in the middle.")
+    ] = None,
+    backend: BackendOption = "sapien",
+    profile: Annotated[str, typer.Option(help="preview or full.")] = "preview",
+) -> None:
+    """Show one camera of scenarios under every weather, on one sheet."""
+    from advercity.cli.progress import progress
+    from advercity.compiler import find_weather, read_spec, shipped_weathers
+    from advercity.runner.gallery import write_gallery
+
+    chosen = [read_spec(path) for path in specs]
+    weathers = [find_weather(name) for name in weather or shipped_weathers()]
+    with progress(chosen, things="pictures") as view:
+        write_gallery(
+            chosen,
+            weathers,
+            output,
+            agent=agent,
+            camera=camera,
+            frame=frame,
+            backend=backend,
+            profile=profile,
+            report=view.advanced,
+        )
+    say(str(output))
+
+
+@commands.command()
+def view(
+    dataset: Annotated[Path, typer.Argument(help="A scenario of a dataset, or a .rrd recording.")],
+    web: Annotated[bool, typer.Option("--web", help="In a browser instead of a window.")] = False,
+    colour_clouds: ColourOption = "intensity",
+) -> None:
+    """Open a recording or a scenario of a dataset in Rerun."""
+    from advercity.runner.replay import view as open_view
+    from advercity.viewer.clouds import parse_cloud_colour
+
+    open_view(dataset, web=web, cloud_colour=parse_cloud_colour(colour_clouds))
