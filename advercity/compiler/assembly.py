@@ -1,11 +1,9 @@
 """Makes specs of scenes, and of specs under another weather."""
 
 import hashlib
-from dataclasses import replace
 
 from advercity_dsl import (
     Agent,
-    Blueprint,
     Carrier,
     Catalogue,
     Density,
@@ -19,11 +17,10 @@ from advercity_dsl import (
     kind_of,
 )
 from advercity_dsl.distribution import Distribution
-from advercity_dsl.spec import ClassDemand, CrashGroup, Provenance, SpecSeeds, Swept
+from advercity_dsl.spec import ClassDemand, CrashGroup, Provenance, SpecSeeds, StagedConflict, Swept
 
 from advercity import __version__
 from advercity.compiler.caution import caution
-from advercity.compiler.conflicts import staged
 from advercity.compiler.distributions import Distributions
 from advercity.compiler.library import Entry, Library, digest_of
 from advercity.compiler.scenes import Scene, spec_id, weather_at, weather_of
@@ -39,25 +36,23 @@ def assembled(
     suite: Suite,
     scene: Scene,
     groups: tuple[CrashGroup, ...],
+    conflicts: tuple[StagedConflict, ...],
     drivers: Drivers | None,
 ) -> Spec:
-    """The spec of a scene, its conflicts staged and its digest filled in.
+    """The spec of a scene, its digest filled in.
 
     Args:
         library: Where the declarations are.
         suite: What was crossed.
         scene: What the scenario is made of.
         groups: The typologies that its road is here for.
+        conflicts: As they are staged in its traffic.
         drivers: How weather makes people drive; None leaves them as they are.
-
-    Raises:
-        ProblemsError: A conflict cannot be staged on the road.
     """
     road, density = scene.road, scene.density
     parts = (suite, road, scene.weather, density, scene.rig, scene.catalogue)
     parts += (*scene.cell.conflicts, *([drivers] if drivers else []))
     digests = {f"{kind_of(item)}/{item.id}": library.entry(item).digest for item in parts}
-    blueprints = _blueprints(road, scene.catalogue)
     spec = Spec(
         id=scene.id,
         groups=groups,
@@ -66,10 +61,10 @@ def assembled(
         density=density,
         agents=_agents(road, scene.rig, scene.catalogue),
         demand=_demand(road, density),
-        conflicts=staged(library, suite, replace(scene.cell, road=road), density, blueprints),
+        conflicts=conflicts,
         drivers=drivers,
         caution=caution(drivers, scene.weather) if drivers else None,
-        blueprints=blueprints,
+        blueprints=scene.blueprints,
         timing=suite.timing,
         seeds=SpecSeeds(
             traffic=_seed(suite.seeds.traffic, "traffic", road.id, density.id),
@@ -169,14 +164,6 @@ def _demand(road: Road, density: Density) -> ClassDemand:
         around_path_m=asked.around_path_m,
         speed_offset_percent=asked.speed_offset_percent,
     )
-
-
-def _blueprints(road: Road, catalogue: Catalogue) -> dict[str, Blueprint]:
-    return {
-        name: blueprint
-        for name, blueprint in catalogue.blueprints.items()
-        if blueprint.land_use in ("any", road.land_use)
-    }
 
 
 def _seed(base: int, *purpose: str) -> int:

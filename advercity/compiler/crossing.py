@@ -20,7 +20,7 @@ from advercity_dsl import (
 from advercity_dsl.spec import CrashGroup
 
 from advercity.compiler.assembly import assembled
-from advercity.compiler.conflicts import cells
+from advercity.compiler.conflicts import cells, staged
 from advercity.compiler.library import Library
 from advercity.compiler.places import misplaced
 from advercity.compiler.problems import Problem, ProblemsError, nearest
@@ -79,10 +79,14 @@ def cross(library: Library, suite: Suite, *, solved: bool = True) -> list[Spec]:
         )
         for step in taken
     )
+    kept = [made for made in scenes if all(condition.holds(made.by_kind) for condition in asked)]
+    conflicts = {
+        key: staged(library, suite, made.cell, made.density, made.blueprints)
+        for key, made in {made.traffic_key: made for made in kept}.items()
+    }
     specs = [
-        assembled(library, suite, made, groups[made.road.id], drivers)
-        for made in scenes
-        if all(condition.holds(made.by_kind) for condition in asked)
+        assembled(library, suite, made, groups[made.road.id], conflicts[made.traffic_key], drivers)
+        for made in kept
     ]
     if not specs:
         where = ("where",) if suite.where else ()

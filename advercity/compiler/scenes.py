@@ -1,9 +1,10 @@
 """What one scenario is made of: its declarations, the weather drawn, a sweep's step taken."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 from advercity_dsl import (
+    Blueprint,
     Catalogue,
     Declaration,
     Density,
@@ -52,6 +53,21 @@ class Scene:
             "catalogue": self.catalogue,
         }
 
+    @property
+    def blueprints(self) -> dict[str, Blueprint]:
+        """Bodies that are at home on the road."""
+        return {
+            name: blueprint
+            for name, blueprint in self.catalogue.blueprints.items()
+            if blueprint.land_use in ("any", self.road.land_use)
+        }
+
+    @property
+    def traffic_key(self) -> tuple[str, str, str | None, Step | None]:
+        """Scenes in which it is the same have the same traffic, whatever their weather."""
+        crossed = self.cell.crossed.id if self.cell.crossed else None
+        return self.road.id, self.density.id, crossed, self.step
+
 
 Parts = tuple[Cell, Weather, Density, Rig, Catalogue]
 
@@ -78,6 +94,7 @@ def scene(
             raise
         raise ProblemsError.of(_bad_step(library, suite, step, error.problems[0])) from None
     drawn = weather_at(library.entry(weather), drawn, road, solved=solved)
+    cell = replace(cell, road=road)
     return Scene(name, road, drawn, density, rig, catalogue, draws, step, cell)
 
 
