@@ -134,7 +134,8 @@ void main() {
     outSeen = vec4(lit.rgb, 0.0);
     return;
   }
-  vec3 radiance = lit.rgb + smoothAmbient(depth);
+  vec3 radiance = lit.rgb;
+  if (!night()) radiance += smoothAmbient(depth);
   vec4 mirror = texture(samplerMirror, inUV);
   if (mirror.z > 0.0) {
     vec3 normal = vec3(mirror.xy, sqrt(max(1.0 - dot(mirror.xy, mirror.xy), 0.0)));

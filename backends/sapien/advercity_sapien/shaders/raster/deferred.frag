@@ -104,7 +104,8 @@ void main() {
   if (night()) radiance += seenAround(distance) * fromLamps(s, -ray, position);
   float cosine = -dot(ray, s.normal);
   vec3 ambient = s.albedo * passing(s, cosine) * skyIrradiance(s.normal) / PI;
-  float open = openness(inUV, depth, normal.xyz, gl_FragCoord.xy);
+  // By night hardly any light is the sky's.
+  float open = night() ? 1.0 : openness(inUV, depth, normal.xyz, gl_FragCoord.xy);
   outAmbient = vec4(ambient, open);
   radiance += ambient * open;
   vec3 mirrored = mirroredShare(s, roughCosine(s.alpha, cosine));
