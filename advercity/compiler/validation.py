@@ -109,9 +109,10 @@ def _words(model: type[Model], detail: Any, kind: str, value: Any) -> tuple[str,
         unit = f" {facts.unit.name}" if facts.unit and facts.unit.name != "1" else ""
         written = value if isinstance(value, str) else f"{value:.12g}{unit}"
         return f"{written} is outside the range of {facts.range}", _as_percent(facts, value)
-    if kind == "finite_number":
+    of_whole = kind in ("int_type", "int_from_float") and isinstance(value, float)
+    if kind == "finite_number" or (of_whole and not math.isfinite(value)):
         return "a number must end somewhere; this is infinite", "write a finite number"
-    if kind in ("int_type", "int_from_float") and isinstance(value, float):
+    if of_whole:
         return f"{value:g} is no whole number", f"write {math.floor(value)} or {math.ceil(value)}"
     if kind in ("float_type", "int_type"):
         return _no_number(value, facts.unit.example if facts and facts.unit else "")
