@@ -52,15 +52,16 @@ def capture(radiance: Array, depth: float = 10.0) -> CameraCapture:
 
 
 def picture(radiance: Array, taken_by: Camera, *key: int) -> NDArray[np.uint8]:
-    return expose(radiance, taken_by, generator("test", *key))
+    return expose(radiance, taken_by, meter(radiance, taken_by.exposure), generator("test", *key))
 
 
+@pytest.mark.parametrize("mode", ["auto", "sensor"])
 @pytest.mark.parametrize(("compensation_ev", "value"), [(0.79, 118), (0.0, 91)])
 @pytest.mark.parametrize("luminance", [1.0, 30.0, 400.0, 5500.0])
 def test_automatic_exposure_puts_any_card_at_the_same_grey(
-    luminance: float, compensation_ev: float, value: int
+    luminance: float, compensation_ev: float, value: int, mode: str
 ) -> None:
-    taken = picture(grey(luminance), camera(compensation_ev=compensation_ev))
+    taken = picture(grey(luminance), camera(mode=mode, compensation_ev=compensation_ev))
     np.testing.assert_allclose(taken.astype(int), value, atol=2)
 
 
@@ -89,6 +90,52 @@ def test_daylight_is_filtered_and_darkness_is_amplified() -> None:
     assert by_day.iso == 100
     assert by_night.ev100 == pytest.approx(math.log2(8) - 0.79)
     assert by_night.iso == pytest.approx(100 * 2 ** (8.6147 - by_night.ev100), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("luminance", "shutter_s", "iso", "ev100"),
+    [
+        pytest.param(20_000, 20e-6, 100, 16.580, id="more light than it can shut out"),
+        pytest.param(3183, 76.97e-6, 100, 14.636, id="sunlit asphalt"),
+        pytest.param(477, 513.6e-6, 100, 11.898, id="overcast asphalt"),
+        pytest.param(32, 7.656e-3, 100, 8.0, id="dusk"),
+        pytest.param(14.7, 1 / 60, 100, 6.878, id="where gain begins"),
+        pytest.param(1.0, 1 / 60, 1470, 3.0, id="lit street"),
+        pytest.param(0.0083, 1 / 60, 10_000, 0.234, id="moonlit asphalt"),
+    ],
+)
+def test_a_sensor_by_itself_moves_its_shutter_first_and_then_its_gain(
+    luminance: float, shutter_s: float, iso: float, ev100: float
+) -> None:
+    setting = meter(grey(luminance), Exposure(mode="sensor", compensation_ev=0))
+    assert setting.shutter_s == pytest.approx(shutter_s, rel=1e-3)
+    assert setting.iso == pytest.approx(iso, rel=1e-3)
+    assert setting.ev100 == pytest.approx(ev100, abs=1e-3)
+
+
+def test_gain_above_base_is_given_up_where_the_shutter_cannot_be_shorter() -> None:
+    setting = meter(grey(10_000.0), Exposure(mode="sensor", iso=400, compensation_ev=0))
+    assert (setting.shutter_s, setting.iso) == (20e-6, pytest.approx(122.5))
+
+
+def test_a_longer_shutter_is_used_where_one_is_authored() -> None:
+    setting = meter(grey(1.0), Exposure(mode="sensor", shutter_s=0.04, compensation_ev=0))
+    assert (setting.shutter_s, setting.iso) == (0.04, pytest.approx(612.5))
+
+
+@pytest.mark.parametrize("mode", ["auto", "manual"])
+@pytest.mark.parametrize("luminance", [1e-3, 1.0, 5000.0])
+def test_only_a_sensor_by_itself_moves_the_shutter(mode: Any, luminance: float) -> None:
+    assert meter(grey(luminance), Exposure(mode=mode, shutter_s=0.002)).shutter_s == 0.002
+
+
+def test_a_shutter_open_for_longer_makes_a_night_less_noisy() -> None:
+    """A middle grey of 21 electrons against one of 71, each with 3 of read noise."""
+    steady, longer = (
+        picture(grey(1.0), camera(noise=True, mode=mode)).astype(float).std()
+        for mode in ("auto", "sensor")
+    )
+    assert steady / longer == pytest.approx(2.04, rel=0.1)
 
 
 def test_the_meter_looks_at_the_lower_two_thirds_without_highlights() -> None:
@@ -145,12 +192,14 @@ def test_the_tone_curve_rises_from_middle_grey_to_white_without_a_kink() -> None
 def test_what_is_lighter_than_a_grey_card_in_the_same_light_stays_lighter(
     albedo: float, value: int
 ) -> None:
-    taken = expose(grey(albedo * 5000.0), camera(), generator("test"), white_card_cd_m2=5000.0)
+    lit = grey(albedo * 5000.0)
+    setting = meter(lit, Exposure(), white_card_cd_m2=5000.0)
+    taken = expose(lit, camera(), setting, generator("test"))
     np.testing.assert_allclose(taken.astype(int), value, atol=2)
 
 
 def test_noise_follows_the_photon_transfer_curve() -> None:
-    setting = Setting(ev100=8.61, iso=100)
+    setting = Setting(ev100=8.61, iso=100, shutter_s=0.005)
     gain = 4095 / setting.full_well_e
     levels = np.array([0.05, 0.1, 0.2, 0.4, 0.6, 0.8], np.float32)
     shares = np.broadcast_to(levels[:, None], (6, 200_000)).astype(np.float32)
@@ -166,7 +215,7 @@ def test_noise_follows_the_photon_transfer_curve() -> None:
 @pytest.mark.parametrize(("share", "ratio"), [(0.5, 70.6), (0.18, 42.3), (0.01, 9.6)])
 def test_signal_to_noise_is_that_of_ten_thousand_electrons(share: float, ratio: float) -> None:
     digital = digitise(
-        np.full(400_000, share, np.float32), Setting(8.61, 100), generator("test")
+        np.full(400_000, share, np.float32), Setting(8.61, 100, 0.005), generator("test")
     ).astype(np.float64)
     assert digital.mean() / digital.std() == pytest.approx(ratio, rel=0.01)
 

@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from advercity_dsl import Camera, Mount, Weather
+from advercity_dsl import Camera, Exposure, Mount, Weather
 from advercity_dsl.weather import Wind
 from numpy.typing import NDArray
 
 from advercity.poses import pose
+from advercity.randomness import generator
 from advercity.rendering.backend import CameraCapture, CameraView
-from advercity.sensors.camera import CameraAir, Shot, in_air
+from advercity.sensors.camera import CameraAir, Shot, in_air, meter, photograph
 from advercity.sensors.camera.falling import Block, blocks_of
 from advercity.sensors.camera.streaks import traced
 from advercity.traffic.trace import Frame
@@ -118,6 +119,51 @@ def test_a_drop_of_two_millimetres_streaks_33_millimetres_which_are_26_pixels_at
     assert taken.camera.exposure.shutter_s * falling.fall_speed_m_s == pytest.approx(
         0.0327, rel=0.01
     )
+
+
+@pytest.mark.parametrize(("shutter_s", "length_px"), [(1 / 60, 87.9), (1 / 2000, 2.64)])
+def test_a_drop_streaks_as_far_as_it_falls_while_the_shutter_is_open(
+    shutter_s: float, length_px: float
+) -> None:
+    falling = of_two_millimetres(rainy())
+    taken = shot(1920).open_for(shutter_s)
+    planes, corners = taken.frustum(0.9, 1.1)
+    seen = traced(falling.inside(planes, corners, taken.eye, 0.0), taken)
+    middle = (abs(seen.begin[:, 1] - 540) < 100) & (abs(seen.begin[:, 0] - 960) < 300)
+    length_at_1_m = seen.length_px[middle] * seen.depth_m[middle]
+    np.testing.assert_allclose(length_at_1_m, length_px, rtol=0.01)
+
+
+def picture(said: Weather, seen: CameraCapture, **exposure: Any) -> NDArray[np.uint8]:
+    """What a camera takes from a car that drives 10 m/s."""
+    taken = shot(velocity=(10.0, 0.0, 0.0))
+    camera = taken.camera.model_copy(update={"exposure": Exposure(**exposure)})
+    air = CameraAir.of(said, atmosphere_of(said, "rural"), "test")
+    rng = generator("electronics")
+    return photograph(seen, replace(taken, camera=camera), air, rng, mount=Mount())
+
+
+def test_by_night_a_sensor_streaks_rain_for_a_60th_of_a_second() -> None:
+    said, dark = rainy().model_copy(update={"time": "night"}), capture(0.01)
+    taken = picture(said, dark, mode="sensor")
+    by_hand = {"mode": "manual", "iso": 10_000}
+    np.testing.assert_array_equal(taken, picture(said, dark, **by_hand, shutter_s=1 / 60))
+    assert (taken != picture(said, dark, **by_hand, shutter_s=1 / 60.1)).any()
+
+
+@pytest.mark.parametrize("said", [rainy(), snowy()], ids=["rain", "snow"])
+def test_by_day_a_sensor_freezes_what_falls_with_the_shutter_that_it_metered(
+    said: Weather,
+) -> None:
+    bright = capture(50_000.0)
+    card = CameraAir.of(said, atmosphere_of(said, "rural"), "test").white_card_cd_m2
+    setting = meter(bright.radiance, Exposure(mode="sensor"), white_card_cd_m2=card)
+    assert setting.shutter_s < 0.001
+    taken = picture(said, bright, mode="sensor")
+    frozen = picture(said, bright, mode="manual", shutter_s=setting.shutter_s)
+    np.testing.assert_array_equal(taken, frozen)
+    as_light = {"mode": "manual", "shutter_s": 0.005, "iso": 100 * setting.shutter_s / 0.005}
+    assert (taken != picture(said, bright, **as_light)).any()
 
 
 def test_rain_slants_with_the_wind() -> None:

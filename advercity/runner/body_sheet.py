@@ -13,7 +13,7 @@ from advercity.compiler.shipped import find_weather
 from advercity.poses import Matrix
 from advercity.rendering.backend import PROFILES, Backend, CameraView, Renderer
 from advercity.semantics import Semantic
-from advercity.sensors.camera import expose
+from advercity.sensors.camera import expose, meter
 from advercity.sensors.camera.stray_light import scattered
 from advercity.traffic.lamps import lit
 from advercity.traffic.trace import Actor, ActorState, Frame, Lamp
@@ -91,7 +91,8 @@ def _picture(renderer: Renderer, blueprint: Blueprint, azimuth: float) -> Image:
         horizontal_fov_rad=view.horizontal_fov_rad,
         share=CLEAN_LENS,
     )
-    picture = expose(light, camera, np.random.default_rng(0))
+    setting = meter(light, camera.exposure)
+    picture = expose(light, camera, setting, np.random.default_rng(0))
     return picture[..., ::-1]
 
 

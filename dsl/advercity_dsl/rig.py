@@ -43,8 +43,11 @@ class Mount(Terse):
 class Exposure(Terse):
     """How a camera gathers light."""
 
-    mode: Literal["auto", "manual"] = "auto"
-    """`auto` meters every picture, `manual` takes shutter and ISO as they are."""
+    mode: Literal["auto", "sensor", "manual"] = "auto"
+    """`auto` meters every picture and leaves the shutter as it is: a grey filter dims days, gain
+    lightens nights. `sensor` meters too, but has no filter: it moves the shutter, from 20 µs to
+    1/60 s or `shutter_s` if that is longer, and only then ISO, up to 10,000. `manual` takes shutter
+    and ISO as they are."""
     f_number: Annotated[Number, Field(gt=0)] = 1.4
     """Of the aperture."""
     shutter_s: Annotated[Seconds, Field(gt=0, le=1)] = 0.005

@@ -22,6 +22,11 @@ HEADROOM = 1.2
 """Saturation luminance at EV100 of 0: H_sat = 78 / ISO with q = 0.65."""
 AUTO_EV100 = (2.0, 15.5)
 """What automatic exposure stays within."""
+SHORTEST_S, LONGEST_S = 20e-6, 1.0 / 60.0
+"""Between these a sensor that exposes by itself moves its shutter."""
+BASE_ISO, MOST_ISO = 100.0, 10_000.0
+"""Between these it moves its gain then: from where a full well fills the converter to where
+`auto` ends at f/1.4 and 1/200 s."""
 METERED_FROM_ROW = 1 / 3
 METERED_PERCENTILE = 98.0
 HIGHLIGHTS = 98.0
@@ -39,6 +44,7 @@ class Setting:
 
     ev100: float
     iso: float
+    shutter_s: float
     binned: float = 1.0
     """Pixels of the sensor that make one of the picture."""
     highlights_ev: float = 0.0
@@ -52,7 +58,7 @@ class Setting:
     @property
     def full_well_e(self) -> float:
         """Electrons of a full pixel: gain leaves room for fewer, a larger pixel for more."""
-        return FULL_WELL_E * self.binned * 100.0 / self.iso
+        return FULL_WELL_E * self.binned * BASE_ISO / self.iso
 
     @property
     def read_noise_e(self) -> float:
@@ -63,22 +69,21 @@ class Setting:
 def expose(
     light: NDArray[np.float32],
     camera: Camera,
+    setting: Setting,
     rng: np.random.Generator,
     *,
     white: NDArray[np.float64] = NEUTRAL,
-    white_card_cd_m2: float = math.inf,
 ) -> NDArray[np.uint8]:
     """The picture (h, w, 3) RGB that a camera makes of the light on its sensor.
 
     Args:
         light: cd/m², at any scale of the camera's size. A pixel of a smaller picture gathers the
             light of all those that it stands for.
-        camera: Exposure and whether there is noise.
+        camera: How large it is, what highlights it holds and whether there is noise.
+        setting: How the picture is exposed.
         rng: Of this camera and frame.
         white: (3,) colour at luminance 1 that is shown as grey.
-        white_card_cd_m2: See `meter`.
     """
-    setting = meter(light, camera.exposure, white_card_cd_m2=white_card_cd_m2)
     pixels = light.shape[0] * light.shape[1]
     binned = max(1.0, camera.width_px * camera.height_px / pixels)
     setting = replace(setting, binned=binned, highlights_ev=camera.highlights_ev)
@@ -94,7 +99,8 @@ def meter(
 
     By hand it is what the three numbers say. Automatic exposure puts the log-average of the
     lower two thirds, highlights left out, at middle grey; a grey filter takes away surplus light
-    and gain makes up for missing light, so that the shutter stays as authored.
+    and gain makes up for missing light, so that the shutter stays as authored. A sensor by itself
+    moves the shutter as far as it can, and then its gain.
 
     What is lighter than a grey card in the same light, as snow and fog are, stays lighter.
 
@@ -105,11 +111,13 @@ def meter(
     """
     authored = exposure_value(exposure)
     if exposure.mode == "manual":
-        return Setting(authored, exposure.iso)
+        return Setting(authored, exposure.iso, exposure.shutter_s)
     metered = min(_metered_luminance(radiance), MIDDLE_GREY * white_card_cd_m2)
-    wanted = math.log2(metered * 100.0 / METER_CONSTANT)
-    ev100 = min(max(wanted - exposure.compensation_ev, AUTO_EV100[0]), AUTO_EV100[1])
-    return Setting(ev100, exposure.iso * 2.0 ** max(0.0, authored - ev100))
+    wanted = math.log2(metered * 100.0 / METER_CONSTANT) - exposure.compensation_ev
+    if exposure.mode == "sensor":
+        return _shutter_first(wanted, exposure)
+    ev100 = min(max(wanted, AUTO_EV100[0]), AUTO_EV100[1])
+    return Setting(ev100, exposure.iso * 2.0 ** max(0.0, authored - ev100), exposure.shutter_s)
 
 
 def exposure_value(exposure: Exposure) -> float:
@@ -135,6 +143,17 @@ def digitise(
         digital += deviation
         np.clip(digital, 0.0, full_dn, out=digital)
     return np.rint(digital, out=digital).astype(np.uint16)
+
+
+def _shutter_first(wanted_ev100: float, exposure: Exposure) -> Setting:
+    """The setting nearest to an EV100 that shutter and gain can reach behind an open aperture."""
+    longest_s = max(LONGEST_S, exposure.shutter_s)
+    wanted_iso_s = 100.0 * exposure.f_number**2 / 2.0**wanted_ev100
+    shutter_s = min(max(wanted_iso_s / exposure.iso, SHORTEST_S), longest_s)
+    least_iso, most_iso = min(BASE_ISO, exposure.iso), max(MOST_ISO, exposure.iso)
+    iso = min(max(wanted_iso_s / shutter_s, least_iso), most_iso)
+    chosen = exposure.model_copy(update={"shutter_s": shutter_s, "iso": iso})
+    return Setting(exposure_value(chosen), iso, shutter_s)
 
 
 def _normal(rng: np.random.Generator, count: int) -> NDArray[np.float32]:

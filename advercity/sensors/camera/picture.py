@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from advercity.randomness import generator
 from advercity.rendering.backend import CameraCapture
 from advercity.sensors.camera.ambience import Ambience
-from advercity.sensors.camera.electronics import expose
+from advercity.sensors.camera.electronics import expose, meter
 from advercity.sensors.camera.falling import Block, blocks_of
 from advercity.sensors.camera.flare import with_ghosts
 from advercity.sensors.camera.glass import coverage_of, through_glass
@@ -85,16 +85,13 @@ def photograph(
         mount: How the camera sits on its carrier.
         carrier: Whose it is; tells what is on its glass from what is on another's.
     """
-    before_lens = in_air(capture, shot, air)
-    lens = air.weather.lens
-    spots = generator(*air.key, "glass", carrier, *map(str, mount.model_dump().values()))
-    light = through_glass(before_lens.radiance, shot, lens, coverage_of(lens, mount), spots)
-    light = scattered(
-        light, horizontal_fov_rad=shot.view.horizontal_fov_rad, share=lens.stray_light
-    )
-    light = with_ghosts(light, capture, shot, air.atmosphere)
-    light = vignetted(light, shot.focal_px, shot.camera.vignetting)
-    return expose(light, shot.camera, rng, white=air.white, white_card_cd_m2=air.white_card_cd_m2)
+    light = _on_sensor(capture, shot, air, mount, carrier)
+    exposure = shot.camera.exposure
+    setting = meter(light, exposure, white_card_cd_m2=air.white_card_cd_m2)
+    if air.blocks and setting.shutter_s != exposure.shutter_s:
+        # How drops streak is known only now, and hardly changes what was metered.
+        light = _on_sensor(capture, shot.open_for(setting.shutter_s), air, mount, carrier)
+    return expose(light, shot.camera, setting, rng, white=air.white)
 
 
 def in_air(capture: CameraCapture, shot: Shot, air: CameraAir) -> CameraCapture:
@@ -103,3 +100,18 @@ def in_air(capture: CameraCapture, shot: Shot, air: CameraAir) -> CameraCapture:
     seen = with_spray(seen, shot, air.weather, air.ambience)
     extinction = air.atmosphere.extinction_550nm
     return with_falling(seen, shot, air.blocks, air.ambience, extinction=extinction)
+
+
+def _on_sensor(
+    capture: CameraCapture, shot: Shot, air: CameraAir, mount: Mount, carrier: str
+) -> NDArray[np.float32]:
+    """Light (h, w, 3) in cd/m² that comes through air, glass and lens while the shutter is open."""
+    before_lens = in_air(capture, shot, air)
+    lens = air.weather.lens
+    spots = generator(*air.key, "glass", carrier, *map(str, mount.model_dump().values()))
+    light = through_glass(before_lens.radiance, shot, lens, coverage_of(lens, mount), spots)
+    light = scattered(
+        light, horizontal_fov_rad=shot.view.horizontal_fov_rad, share=lens.stray_light
+    )
+    light = with_ghosts(light, capture, shot, air.atmosphere)
+    return vignetted(light, shot.focal_px, shot.camera.vignetting)

@@ -1,7 +1,7 @@
 """What one picture is taken of, and with which lens."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from advercity_dsl import Camera
@@ -48,6 +48,11 @@ class Shot:
     def eye(self) -> Array:
         """Position (3,) in the world."""
         return self.view.world_from_camera[:3, 3]
+
+    def open_for(self, shutter_s: float) -> "Shot":
+        """The same shot with a shutter that is open for so long, whatever was authored."""
+        exposure = self.camera.exposure.model_copy(update={"shutter_s": shutter_s})
+        return replace(self, camera=self.camera.model_copy(update={"exposure": exposure}))
 
     def in_camera(self, directions: Array) -> Array:
         """World vectors (n, 3) in the camera's axes: x along the view, y left, z up."""
