@@ -134,6 +134,14 @@ def test_a_drop_streaks_as_far_as_it_falls_while_the_shutter_is_open(
     np.testing.assert_allclose(length_at_1_m, length_px, rtol=0.01)
 
 
+def test_a_shutter_open_for_longer_draws_no_fewer_drops_and_thinner_ones() -> None:
+    falling = of_two_millimetres(rainy())
+    particles = falling.inside(*shot().frustum(0.3, 3.0), shot().eye, 0.0)
+    usual, longer = (traced(particles, shot().open_for(open_s)) for open_s in (0.005, 1 / 60))
+    assert len(longer.depth_m) >= len(usual.depth_m) > 100
+    assert longer.opacity.max() < usual.opacity.max()
+
+
 def picture(said: Weather, seen: CameraCapture, **exposure: Any) -> NDArray[np.uint8]:
     """What a camera takes from a car that drives 10 m/s."""
     taken = shot(velocity=(10.0, 0.0, 0.0))

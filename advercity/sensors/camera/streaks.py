@@ -29,6 +29,8 @@ Floats = NDArray[np.floating[Any]]
 NEAREST_M, FARTHEST_M = 0.25, 20.0
 FAINTEST = 0.01
 """Share of the light behind that a particle must take to be drawn; fainter ones are air."""
+FAINTEST_OPEN_S = 0.005
+"""A shutter that is open for longer spreads the same particles thinner, and hides none of them."""
 GRID = (16, 9)
 """Points across and down at which light from far away is worked out; it is smooth."""
 GRID_DEPTH_M = 3.0
@@ -148,14 +150,19 @@ def traced(particles: Particles, shot: Shot) -> Streaks:
         position=particles.position[before],
         glint=particles.glint[before],
     )
-    return found.rows(np.flatnonzero(found.opacity > FAINTEST))
+    return found.rows(np.flatnonzero(found.opacity > _faintest(open_s)))
 
 
 def _reach_m(block: Block, shot: Shot) -> float:
     """Depth beyond which no particle of the block is seen well enough, however it flies."""
-    way = block.fall_speed_m_s * shot.camera.exposure.shutter_s * shot.focal_px
-    cover = math.pi * (block.largest_m * shot.focal_px) ** 2 / FAINTEST
+    open_s = shot.camera.exposure.shutter_s
+    way = block.fall_speed_m_s * open_s * shot.focal_px
+    cover = math.pi * (block.largest_m * shot.focal_px) ** 2 / _faintest(open_s)
     return min((math.sqrt(way**2 + cover) - way) / 2.0, FARTHEST_M)
+
+
+def _faintest(open_s: float) -> float:
+    return FAINTEST * min(1.0, FAINTEST_OPEN_S / open_s)
 
 
 def _drawn(
