@@ -22,12 +22,11 @@ import cv2
 from figures import Figure, table
 
 from advercity.compiler import read_spec
-from advercity.dataset.manifest import Identity
 from advercity.dataset.writer import DatasetWriter
 from advercity.rendering.backend import PROFILES
 from advercity.rendering.registry import load_backend
 from advercity.runner.behind import Behind
-from advercity.runner.scenario import renderer_identity
+from advercity.runner.preparation import identity_of
 from advercity.runner.sensing import Senses, senses
 from advercity.runner.stage import set_stage
 from advercity.runner.viewpoints import Viewpoints
@@ -71,13 +70,7 @@ def _opened(path: Path, profile_name: str, folder: Path) -> Generator[tuple[Sens
     """The sensors and the writer of a scenario."""
     spec, backend, profile = read_spec(path), load_backend("sapien"), PROFILES[profile_name]
     stage = set_stage(spec)
-    identity = Identity.of(
-        spec,
-        trace_sha256=stage.trace_sha256,
-        renderer=renderer_identity(backend, profile),
-        bodies={},
-        format="opv2v",
-    )
+    identity = identity_of(spec, stage, backend, profile, format="opv2v")
     viewpoints = Viewpoints(spec, stage.trace)
     with (
         DatasetWriter(folder, spec, identity, length=len(stage.trace)) as writer,

@@ -1,10 +1,11 @@
 """Kills a run at random again and again, and compares what it leaves with an undisturbed one.
 
-    python benchmarks/kill.py [compiled/ui_fog_day_sparse.json] [--kills 20] [--frames 12]
+    python benchmarks/kill.py [compiled/ui_fog_day_sparse.json] [--kills 20] [--frames 12] [--jobs 2]
 
 Each time the same command is started again; whenever it has come to its end, the trees are
 compared and the next one starts from nothing. Exit code 1 if any of them differs or `verify` finds
-anything. Every process is a new one, killed with SIGKILL along with its children.
+anything. Every process is a new one and killed with SIGKILL; those that make the frames are sessions
+of their own and notice by themselves.
 """
 
 import argparse
@@ -52,7 +53,7 @@ def main() -> int:
 def _command(arguments: argparse.Namespace, output: Path) -> list[str]:
     return [
         *(sys.executable, "-c", "from advercity.cli import main; main()"),
-        *("run", str(arguments.spec), "--output", str(output)),
+        *("run", str(arguments.spec), "--output", str(output), "--jobs", str(arguments.jobs)),
         *("--profile", "preview", "--scale", str(arguments.scale)),
         *("--frames", f"0:{arguments.frames}"),
     ]
@@ -98,6 +99,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("spec", type=Path, nargs="?", default="compiled/ui_fog_day_sparse.json")
     parser.add_argument("--kills", type=int, default=20)
     parser.add_argument("--frames", type=int, default=12)
+    parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--scale", type=float, default=0.05)
     parser.add_argument("--seed", type=int, default=1)
     return parser.parse_args()

@@ -126,7 +126,7 @@ def test_a_killed_run_started_again_ends_with_the_same_bytes(
         ],
         start_new_session=True,
     )
-    journal = tmp_path / "killed" / ".staging" / spec.id / "journal.jsonl"
+    journal = tmp_path / "killed" / ".staging" / spec.id / "journal_0.jsonl"
     while not journal.exists():
         assert process.poll() is None
         time.sleep(0.02)

@@ -16,7 +16,10 @@ ScaleOption = Annotated[float | None, typer.Option(help="Image scale, over the p
 FramesOption = Annotated[
     str | None, typer.Option(metavar="A:B[:STEP]", help="Kept frames to make, B not included.")
 ]
-JobsOption = Annotated[int, typer.Option(min=1, help="Scenarios at a time.")]
+JobsOption = Annotated[
+    int | None,
+    typer.Option(min=1, help="Processes at a time; as many as suit the machine."),
+]
 ColourOption = Annotated[
     str,
     typer.Option(

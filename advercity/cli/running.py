@@ -39,10 +39,10 @@ def run(
     weather: Annotated[
         str | None, typer.Option(help="Replay under another weather: a file, or a library name.")
     ] = None,
-    jobs: JobsOption = 1,
+    jobs: JobsOption = None,
     max_memory: Annotated[
         str | None,
-        typer.Option(metavar="SIZE", help="Memory of a scenario: 4 GB; by the plan."),
+        typer.Option(metavar="SIZE", help="Memory of a process: 4 GB; by the plan."),
     ] = None,
     max_time: Annotated[
         str | None,
@@ -102,8 +102,7 @@ def run(
         time_s=None if max_time is None else parse_time("--max-time", max_time),
     )
     check_together(chosen, options)
-    where = executor_called(executor, output=output, address=address, jobs=jobs)
-    limits = permitted(
+    permit = permitted(
         chosen,
         options,
         asked=asked,
@@ -111,8 +110,9 @@ def run(
         allow_large=allow_large,
         on_this_machine=executor == "local",
     )
+    where = executor_called(executor, output=output, address=address, jobs=permit.jobs)
     with progress(chosen) as view:
-        outcomes = where.run(chosen, options, watcher=view, limits=limits)
+        outcomes = where.run(chosen, options, watcher=view, limits=permit.limits)
     for outcome in outcomes:
         if outcome.error is None:
             say(f"{output.rstrip('/')}/{outcome.scenario}")
@@ -129,7 +129,7 @@ def plan(
     profile: ProfileOption = "auto",
     scale: ScaleOption = None,
     frames: FramesOption = None,
-    jobs: JobsOption = 1,
+    jobs: JobsOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Tell what running scenarios will take: frames, pictures, bytes, time and memory.

@@ -1,7 +1,7 @@
-"""Staging beside a scenario, and in it the journal of frames done since the last manifest.
+"""Staging beside a scenario, and in it the journals of frames done since the last manifest.
 
 `OUTPUT/.staging/<spec id>` lies outside the scenario because readers of OPV2V take every folder
-in a scenario for a viewpoint.
+in a scenario for a viewpoint. Each process that writes frames has a journal of its own.
 """
 
 import errno
@@ -37,36 +37,41 @@ def staging_of(scenario: Path) -> Path:
     return scenario.parent / ".staging" / scenario.name
 
 
-def append_to_journal(scenario: Path, records: Mapping[str, FileRecord]) -> None:
+def append_to_journal(scenario: Path, process: int, records: Mapping[str, FileRecord]) -> None:
     """Note that these files, by path, are in place.
 
     It is one write: if the process is killed the line is whole, or torn and the last.
+
+    Args:
+        scenario: Whose files they are.
+        process: Whose journal it is, by number.
+        records: Of the files.
     """
     line = _RECORDS.dump_json(dict(records), exclude_none=True) + b"\n"
-    path = _journal(scenario)
+    path = staging_of(scenario) / f"journal_{process}.jsonl"
     with path.open("ab", buffering=0) as stream:
         if stream.write(line) != len(line):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
 
 
 def read_journal(scenario: Path) -> dict[str, FileRecord]:
-    """Records of all whole lines, by path; empty if there is no journal."""
-    path = _journal(scenario)
-    if not path.exists():
-        return {}
+    """Records of all whole lines of all processes, by path; empty if nothing is noted."""
     records: dict[str, FileRecord] = {}
-    for line in path.read_bytes().splitlines():
-        try:
-            records |= _RECORDS.validate_json(line)
-        except ValidationError:
-            break
+    for path in journals(scenario):
+        for line in path.read_bytes().splitlines():
+            try:
+                records |= _RECORDS.validate_json(line)
+            except ValidationError:
+                break
     return records
 
 
 def remove_journal(scenario: Path) -> None:
     """Forget what has been noted."""
-    _journal(scenario).unlink(missing_ok=True)
+    for path in journals(scenario):
+        path.unlink()
 
 
-def _journal(scenario: Path) -> Path:
-    return staging_of(scenario) / "journal.jsonl"
+def journals(scenario: Path) -> list[Path]:
+    """Files in which something is noted."""
+    return sorted(staging_of(scenario).glob("journal_*.jsonl"))

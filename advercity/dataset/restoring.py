@@ -7,7 +7,7 @@ from pathlib import Path
 
 from advercity.dataset.beside_frames import beside_frames
 from advercity.dataset.formats import format_called, frame_name
-from advercity.dataset.journal import FileRecord, staging_of
+from advercity.dataset.journal import FileRecord, journals, staging_of
 from advercity.dataset.manifest import Manifest
 from advercity.dataset.reading import Reading
 from advercity.dataset.staging import failures_named, lock, move, write
@@ -46,7 +46,7 @@ def restore(scenario: Path, problems: Iterable[Problem], readings_of: ReadingsOf
             files = _files(manifest, frame, readings_of(frame))
             _put_back(scenario, manifest, {path: files[path] for path in damaged & files.keys()})
         shutil.rmtree(staging / "incoming", ignore_errors=True)
-        if not (staging / "journal.jsonl").exists():
+        if not journals(scenario):
             shutil.rmtree(staging)
             with suppress(OSError):  # another scenario is being written
                 staging.parent.rmdir()

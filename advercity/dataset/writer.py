@@ -1,8 +1,7 @@
-"""Writes a scenario frame by frame, so that a frame is whole or absent whatever happens.
+"""Opens a scenario for writing, and leaves it with a manifest that tells what is there.
 
-A frame's files are written into staging and renamed into place when all of them are there; then
-one write to the journal says so. Whoever opens the scenario next adds the journal to the manifest
-and removes what neither of them knows.
+Frames come from `FrameWriter`s, here and in other processes. Whoever opens the scenario next adds
+the journals of those that were cut short to the manifest, and removes what none of them knows.
 """
 
 import shutil
@@ -15,17 +14,17 @@ from typing import Self
 from advercity_dsl import Spec
 
 from advercity.dataset.beside_frames import beside_frames
-from advercity.dataset.formats import format_called, frame_name
-from advercity.dataset.journal import FileRecord, append_to_journal, remove_journal, staging_of
+from advercity.dataset.formats import frame_name
+from advercity.dataset.frame_writer import FrameWriter
+from advercity.dataset.journal import FileRecord, read_journal, remove_journal, staging_of
 from advercity.dataset.manifest import MANIFEST, Identity, Manifest
 from advercity.dataset.reading import Reading
 from advercity.dataset.staging import failures_named, lock, move, write
 from advercity.errors import RunError
-from advercity.world.roads import built
 
 
 class DatasetWriter:
-    """The one writer of a scenario; a context manager.
+    """The one who has a scenario open; a context manager.
 
     Opening it finds what is already done; closing it, also after an error, writes the manifest.
     Every failure of the disk is a RunError that names the path.
@@ -55,10 +54,10 @@ class DatasetWriter:
         self._staging = staging_of(self.scenario)
         self._incoming = self._staging / "incoming"
         self._spec = spec
-        self._lanes = built(spec.road).lanes
         self._identity = identity
         self._length = length
         self._fresh = fresh
+        self._frames = FrameWriter(self.scenario, spec, identity.format)
         self._files: dict[str, FileRecord] = {}
         self._done: set[int] = set()
         self._size_bytes = 0
@@ -70,8 +69,13 @@ class DatasetWriter:
 
     @property
     def size_bytes(self) -> int:
-        """Of all files that are in place; may be asked for while another thread writes."""
-        return self._size_bytes
+        """Of all files that were there or are written here; also while another thread writes."""
+        return self._size_bytes + self._frames.size_bytes
+
+    @property
+    def lock(self) -> int:
+        """File descriptor; whichever process has it open keeps others from the scenario."""
+        return self._lock.fileno()
 
     def __enter__(self) -> Self:
         with failures_named(self.scenario):
@@ -96,28 +100,23 @@ class DatasetWriter:
         finally:
             self._lock.close()
 
+    def claim(self, frame: int) -> bool:
+        """Whether this process shall make a frame: the first that asks, and no other."""
+        return self._frames.claim(frame)
+
     def write(self, frame: int, readings: Sequence[Reading]) -> None:
         """Add a frame: the readings of all viewpoints.
 
         Raises:
             RunError: The disk does not take it; the frame is absent then.
         """
-        encode = format_called(self._identity.format).encode
-        files = encode(readings, self._lanes, name=frame_name(self._spec, frame))
-        with failures_named(self.scenario):
-            for path, content in files.items():
-                write(self._incoming / path, content)
-            for path in files:
-                move(self._incoming / path, self.scenario / path)
-            records = {path: FileRecord.of(content, frame=frame) for path, content in files.items()}
-            append_to_journal(self.scenario, records)
-            self._files |= records
-            self._size_bytes += sum(record.size for record in records.values())
-            self._done.add(frame)
+        self._frames.write(frame, readings)
+        self._done.add(frame)
 
     def finish(self) -> None:
         """Bring the manifest up to date and clear up; after an error it happens by itself."""
         with failures_named(self.scenario):
+            self._files |= read_journal(self.scenario)
             self._sweep()
             self._save()
             shutil.rmtree(self._staging)
@@ -128,7 +127,6 @@ class DatasetWriter:
         if self._fresh:
             self._clear()
         self._files = self._recall()
-        self._done = {file.frame for file in self._files.values() if file.frame is not None}
         self._sweep()
         beside = beside_frames(self._spec, self._identity)
         self._files |= {path: FileRecord.of(content) for path, content in beside.items()}
@@ -186,13 +184,15 @@ class DatasetWriter:
             return False
 
     def _sweep(self) -> None:
-        """Remove what is left of frames that are not done."""
+        """Remove what is left of frames that are not done, and of making them."""
+        self._done = {file.frame for file in self._files.values() if file.frame is not None}
         absent = {frame_name(self._spec, k) for k in set(range(self._length)) - self._done}
         for path in self.scenario.glob("*/[0-9]*"):
             if path.name[:6] in absent and path.is_file():
                 path.unlink()
-        if self._incoming.exists():
-            shutil.rmtree(self._incoming)
+        for folder in (self._incoming, self._staging / "claims"):
+            if folder.exists():
+                shutil.rmtree(folder)
 
     def _save(self) -> None:
         manifest = Manifest.of(self._identity, self._spec, length=self._length, files=self._files)

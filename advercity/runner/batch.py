@@ -1,8 +1,9 @@
-"""Many scenarios, some at a time, each in a process of its own."""
+"""Many scenarios, some at a time, each in a process of its own or in several."""
 
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import replace
+from itertools import pairwise
 from queue import SimpleQueue
 from threading import Event as Flag
 from typing import Protocol
@@ -42,38 +43,40 @@ def run_all(
 ) -> list[Outcome]:
     """Run every spec; how each ended, in the order of `specs`.
 
-    One that fails, dies or is killed does not stop the others. Graphics cards are shared out among
-    those that run at a time. When this call is interrupted, the processes are ended first.
-    The index of the folder tells how every one ended.
+    One that fails, dies or is killed does not stop the others. If there are fewer scenarios than
+    jobs, several processes make the frames of one, unless they are to be seen live. Graphics cards
+    are shared out among the processes that run at a time. When this call is interrupted, the
+    processes are ended first. The index of the folder tells how every one ended.
 
     Args:
         specs: What to run, all with different ids.
         options: How to run them.
         watcher: Told of progress and ends.
-        jobs: How many run at a time.
-        limits: For each of them.
+        jobs: Processes at a time.
+        limits: For each scenario.
 
     Raises:
         InputError: Two specs have the same id, or an option does not fit.
     """
     check_together(specs, options)
     gpus, stop, index = visible_gpus(), Flag(), FolderIndex(options.output, specs)
-    slots: SimpleQueue[int] = SimpleQueue()
-    for slot in range(jobs):
-        slots.put(slot)
+    free: SimpleQueue[range] = SimpleQueue()
+    shares = shared_out(jobs, len(specs))
+    for share in shares:
+        free.put(share)
 
     def one(spec: Spec) -> Outcome:
-        slot = slots.get()
+        places = free.get()
         try:
             outcome = supervise(
-                Job(spec, options),
+                Job(spec, options, processes=len(places)),
                 limits or Limits(),
                 watcher.advanced,
-                environment=seen_by(slot, gpus),
+                environment=seen_by(places, gpus),
                 stop=stop,
             )
         finally:
-            slots.put(slot)
+            free.put(places)
         try:
             index.ended(spec.id, failed=outcome.error is not None)
         except RunError as error:
@@ -81,7 +84,7 @@ def run_all(
         watcher.finished(outcome)
         return outcome
 
-    with ThreadPoolExecutor(jobs) as pool:
+    with ThreadPoolExecutor(len(shares)) as pool:
         try:
             runs = [pool.submit(one, spec) for spec in specs]
             for run in as_completed(runs):
@@ -90,6 +93,13 @@ def run_all(
             stop.set()
             pool.shutdown(cancel_futures=True)
     return [run.result() for run in runs]
+
+
+def shared_out(jobs: int, scenarios: int) -> list[range]:
+    """Places of processes, a range of them for each scenario that runs at a time."""
+    count = min(jobs, scenarios)
+    ends = [jobs * number // count for number in range(count + 1)]
+    return [range(first, end) for first, end in pairwise(ends)]
 
 
 def check_together(specs: Sequence[Spec], options: Options) -> None:

@@ -26,8 +26,8 @@ from advercity.runner.cache import cache_folder, kept
 from advercity.runner.job import Job
 from advercity.runner.limits import Limits
 from advercity.runner.options import FrameRange, Options, ViewerTarget
+from advercity.runner.preparation import choose_profile
 from advercity.runner.progress import Progress
-from advercity.runner.scenario import choose_profile
 from advercity.runner.stage import set_stage
 from advercity.runner.supervision import Outcome, supervise
 from advercity.runner.workload import Workload

@@ -21,15 +21,12 @@ from advercity.dataset.manifest import MANIFEST, Identity
 from advercity.dataset.parts import Parts, add_part
 from advercity.dataset.store import Store
 from advercity.errors import AdvercityError, InputError, RunError
-from advercity.rendering.registry import load_backend
 from advercity.runner.batch import Watcher, check_together
-from advercity.runner.cache import model_digests
 from advercity.runner.job import JOB, Job
 from advercity.runner.limits import Limits
 from advercity.runner.options import FrameRange, Options
+from advercity.runner.preparation import prepare
 from advercity.runner.progress import Progress, no_report
-from advercity.runner.scenario import choose_profile, renderer_identity, wanted_frames
-from advercity.runner.stage import set_stage
 from advercity.runner.supervision import PATIENCE_S as ENDING_S
 from advercity.runner.supervision import Outcome, supervise
 
@@ -124,18 +121,8 @@ class _Run:
 def survey(job: bytes) -> Survey:
     """On a node: how long a scenario is, and what its data would be made by there."""
     asked = JOB.validate_json(job)
-    spec, options = asked.spec, asked.options
-    backend = load_backend(options.backend)
-    profile = choose_profile(options, backend.capabilities())
-    stage = set_stage(spec)
-    identity = Identity.of(
-        spec,
-        trace_sha256=stage.trace_sha256,
-        renderer=renderer_identity(backend, profile),
-        bodies=model_digests(spec),
-        format=options.format,
-    )
-    return Survey(wanted_frames(spec, stage, options), len(stage.trace), identity)
+    prepared = prepare(asked.spec, asked.options)
+    return Survey(prepared.wanted, prepared.length, prepared.identity)
 
 
 def make(job: bytes, output: str, limits: Limits) -> Outcome:

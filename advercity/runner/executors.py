@@ -25,7 +25,7 @@ class Executor(Protocol):
 
 @dataclass(frozen=True)
 class ThisMachine:
-    """Scenarios in processes of this machine, so many at a time."""
+    """Scenarios in so many processes at a time on this machine."""
 
     jobs: int
 
@@ -43,7 +43,7 @@ def executor_called(name: str, *, output: str, address: str | None, jobs: int) -
         name: `local` or `ray`.
         output: Folder for the dataset; for Ray also the URL of a store.
         address: Of a Ray cluster; None is one on this machine alone.
-        jobs: Scenarios at a time, on this machine; a cluster knows itself how many it takes.
+        jobs: Processes at a time, on this machine; a cluster knows itself how many it takes.
 
     Raises:
         InputError: There is no such executor, or the rest does not fit it.

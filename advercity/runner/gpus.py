@@ -3,6 +3,7 @@
 import os
 import shutil
 import subprocess
+from collections.abc import Iterable
 
 VARIABLE = "CUDA_VISIBLE_DEVICES"
 
@@ -20,6 +21,8 @@ def visible_gpus() -> tuple[str, ...]:
     return tuple(done.stdout.split()) if done.returncode == 0 else ()
 
 
-def seen_by(slot: int, gpus: tuple[str, ...]) -> dict[str, str]:
-    """Variables for the process in place `slot` of those that run side by side: one card each."""
-    return {VARIABLE: gpus[slot % len(gpus)]} if gpus else {}
+def seen_by(places: Iterable[int], gpus: tuple[str, ...]) -> dict[str, str]:
+    """Variables for one who has some places among all that run side by side: a card for each."""
+    if not gpus:
+        return {}
+    return {VARIABLE: ",".join(dict.fromkeys(gpus[place % len(gpus)] for place in places))}

@@ -12,10 +12,19 @@ from advercity.runner.progress import Progress
 
 @dataclass(frozen=True)
 class Job:
-    """A scenario to run, and how."""
+    """A scenario to run, and how.
+
+    Attributes:
+        spec: The scenario.
+        options: How to run it.
+        processes: How many make its frames.
+        process: Number of the one whose job this is; 0 has the scenario open, the others add to it.
+    """
 
     spec: Spec
     options: Options
+    processes: int = 1
+    process: int = 0
 
 
 @dataclass(frozen=True)

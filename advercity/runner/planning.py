@@ -5,11 +5,13 @@ are is known from the traffic, or at most what the spec's timing allows.
 """
 
 import math
+import os
 import shutil
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
+from operator import mul
 from pathlib import Path
 
 import psutil
@@ -17,8 +19,10 @@ from advercity_dsl import Spec
 
 from advercity.dataset.manifest import Manifest
 from advercity.errors import AdvercityError, InputError
+from advercity.runner.batch import shared_out
 from advercity.runner.cache import traffic_key
 from advercity.runner.calibration import Rates, profile_asked_for, rates_here
+from advercity.runner.gpus import visible_gpus
 from advercity.runner.limits import Limits, size_in_words, time_in_words
 from advercity.runner.options import Options
 from advercity.runner.stage import kept_trace, set_stage
@@ -28,6 +32,9 @@ LARGEST_BYTES = 10**12
 LONGEST_S = 30 * 86_400
 SHARE_OF_DISK = 0.9
 SHARE_OF_MEMORY = 0.9
+SHARE_OF_FREE_MEMORY = 0.5
+FRAMES_PER_PROCESS = 16
+"""A process more pays from so many on: starting takes it as long as some frames."""
 ACTOR_TICKS = 20_000_000
 """Traffic of more than this is not simulated for a plan: it would take long itself."""
 
@@ -72,7 +79,7 @@ class Plan:
 
     Attributes:
         forecasts: One for each.
-        jobs: How many run at a time.
+        jobs: Processes at a time.
         rates: That it is reckoned with.
     """
 
@@ -83,17 +90,17 @@ class Plan:
     @property
     def total(self) -> Forecast:
         """All of them together."""
-        cores = psutil.cpu_count() or 1
-        share = max(1 / min(self.jobs, len(self.forecasts)), self.rates.busy_cores / cores)
-        at_a_time = sorted(item.memory_bytes for item in self.forecasts)[-self.jobs :]
+        share = max(1 / self.jobs, self.rates.busy_cores / cores())
+        largest = sorted((item.memory_bytes for item in self.forecasts), reverse=True)
+        processes = sorted(map(len, shared_out(self.jobs, len(largest))), reverse=True)
         return Forecast(
-            scenario=f"{len(self.forecasts)} scenarios, {self.jobs} at a time",
+            scenario=f"{len(self.forecasts)} scenarios, {self.jobs} processes",
             frames=sum(item.frames for item in self.forecasts),
             is_exact=all(item.is_exact for item in self.forecasts),
             pictures=sum(item.pictures for item in self.forecasts),
             size_bytes=sum(item.size_bytes for item in self.forecasts),
             time_s=min(1.0, share) * sum(item.time_s for item in self.forecasts),
-            memory_bytes=sum(at_a_time),
+            memory_bytes=sum(map(mul, largest, processes)),
         )
 
     @property
@@ -131,15 +138,23 @@ class Plan:
         return found
 
 
+@dataclass(frozen=True)
+class Permit:
+    """What runs may begin with: so many processes at a time, within limits."""
+
+    jobs: int
+    limits: Limits
+
+
 def plan_of(
-    specs: Sequence[Spec], options: Options, *, jobs: int, measure: bool, simulate: bool
+    specs: Sequence[Spec], options: Options, *, jobs: int | None, measure: bool, simulate: bool
 ) -> Plan:
     """What running specs will take.
 
     Args:
         specs: What to run.
         options: How; frames that are already in the output are left out.
-        jobs: How many at a time.
+        jobs: Processes at a time; None is as many as suit the machine.
         measure: Calibrate the machine if that has not been done.
         simulate: Simulate the traffic that is not known yet, unless there is very much of it.
 
@@ -149,10 +164,27 @@ def plan_of(
     """
     rates = rates_here(options, measure=measure)
     if simulate:
-        _simulate(specs, jobs)
+        _simulate(specs, jobs or cores())
     scale = profile_asked_for(options).scale
     forecasts = tuple(_forecast(spec, options, rates, scale) for spec in specs)
-    return Plan(forecasts, jobs, rates)
+    return Plan(forecasts, jobs or suitable_jobs(forecasts), rates)
+
+
+def suitable_jobs(forecasts: Sequence[Forecast]) -> int:
+    """Processes at a time that keep this machine busy and leave it half of its free memory.
+
+    One for each graphics card. Without any, one for each core, since a renderer in software uses
+    several at once for part of the time only; but one more for a scenario has to save more time
+    than its start takes.
+    """
+    gpus = visible_gpus()
+    if gpus:
+        return len(gpus)
+    frames = sum(item.frames for item in forecasts)
+    useful = max(len(forecasts), frames // FRAMES_PER_PROCESS)
+    largest = max(item.memory_bytes for item in forecasts)
+    fitting = int(SHARE_OF_FREE_MEMORY * psutil.virtual_memory().available / largest)
+    return max(1, min(cores(), useful, fitting))
 
 
 def permitted(
@@ -160,11 +192,11 @@ def permitted(
     options: Options,
     *,
     asked: Limits,
-    jobs: int,
+    jobs: int | None,
     allow_large: bool,
     on_this_machine: bool,
-) -> Limits:
-    """Limits of runs that may begin; those that were not asked for are the plan's.
+) -> Permit:
+    """What runs may begin with; limits and jobs that were not asked for are the plan's.
 
     Raises:
         InputError: They take more than declared limits; the text says what, and the ways out.
@@ -180,10 +212,11 @@ def permitted(
             " choose another --output or fewer --jobs, or say --allow-large;"
             " `advercity plan` tells more"
         )
-    return Limits(
+    limits = Limits(
         memory_bytes=asked.memory_bytes or plan.limits.memory_bytes,
         time_s=asked.time_s or plan.limits.time_s,
     )
+    return Permit(plan.jobs, limits)
 
 
 def _simulate(specs: Sequence[Spec], jobs: int) -> None:
@@ -225,6 +258,11 @@ def _done(spec: Spec, options: Options) -> set[int]:
         with suppress(AdvercityError):  # the run itself says what is wrong there
             return set(Manifest.load(options.output / spec.id).frames)
     return set()
+
+
+def cores() -> int:
+    """Of the machine that this process may use."""
+    return len(os.sched_getaffinity(0))
 
 
 def _nearest_folder(path: Path) -> Path:

@@ -11,9 +11,8 @@ from advercity.dataset.verification import Problem, unlike_the_index, verify
 from advercity.errors import RunError
 from advercity.rendering.backend import Profile
 from advercity.rendering.registry import load_backend
-from advercity.runner.cache import model_digests
+from advercity.runner.preparation import identity_of
 from advercity.runner.progress import Progress, Report, no_report
-from advercity.runner.scenario import renderer_identity
 from advercity.runner.sensing import senses
 from advercity.runner.stage import set_stage
 from advercity.runner.viewpoints import Viewpoints
@@ -45,13 +44,7 @@ def _repair(scenario: Path, problems: list[Problem], report: Report) -> list[Pro
     profile = _profile(manifest.identity)
     report(Progress(spec.id, "traffic"))
     stage = set_stage(spec)
-    here = Identity.of(
-        spec,
-        trace_sha256=stage.trace_sha256,
-        renderer=renderer_identity(backend, profile),
-        bodies=model_digests(spec),
-        format=manifest.identity.format,
-    )
+    here = identity_of(spec, stage, backend, profile, format=manifest.identity.format)
     differences = manifest.identity.differences(here)
     if differences:
         raise RunError(

@@ -1,121 +1,178 @@
 """One scenario from spec to dataset: traffic once, then every frame on its own."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Collection, Sequence
 from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 
 from advercity_dsl import Spec
 
-from advercity.dataset.manifest import Identity, RendererIdentity
+from advercity.dataset.frame_writer import FrameWriter
+from advercity.dataset.manifest import Manifest
 from advercity.dataset.reader import Scenario
-from advercity.dataset.reading import Reading
 from advercity.dataset.writer import DatasetWriter
-from advercity.errors import BackendError, InputError
-from advercity.rendering.backend import PROFILES, Backend, Capabilities, Profile
-from advercity.rendering.registry import load_backend
+from advercity.errors import RunError
 from advercity.runner.behind import Behind
-from advercity.runner.cache import model_digests
+from advercity.runner.companions import Companions
 from advercity.runner.options import Options, ViewerTarget
+from advercity.runner.preparation import Preparation, prepare
 from advercity.runner.progress import Progress, Report, no_report
 from advercity.runner.replay import stored_readings
 from advercity.runner.sensing import senses
-from advercity.runner.stage import Stage, set_stage
+from advercity.runner.stage import Stage
 from advercity.runner.viewpoints import Viewpoints
-from advercity.sources import source_digest
 from advercity.viewer.events import conflict_events
 from advercity.viewer.recording import Recording
 from advercity.world.roads import built
 
 
-def run_scenario(spec: Spec, options: Options, report: Report = no_report) -> Path:
+def run_scenario(
+    spec: Spec, options: Options, report: Report = no_report, *, processes: int = 1
+) -> Path:
     """Make the frames of a scenario that are not there yet; the scenario's folder.
+
+    Args:
+        spec: The scenario.
+        options: How to run it.
+        report: Told of progress; from several threads if there are several processes.
+        processes: That make its frames, this one included; one alone if they are to be seen live.
 
     Raises:
         InputError: No such backend, or no such frames.
         RunError: Something failed; what is finished stays, and the same call goes on from there.
     """
-    backend = load_backend(options.backend)
-    capabilities = backend.capabilities()
-    profile = choose_profile(options, capabilities)
-    report(Progress(spec.id, "traffic"))
-    stage = set_stage(spec)
-    wanted = wanted_frames(spec, stage, options)
-    identity = Identity.of(
-        spec,
-        trace_sha256=stage.trace_sha256,
-        renderer=renderer_identity(backend, profile),
-        bodies=model_digests(spec),
-        format=options.format,
-    )
+    prepared = prepare(spec, options, report)
     writer = DatasetWriter(
-        options.output, spec, identity, length=len(stage.trace), fresh=options.fresh
+        options.output, spec, prepared.identity, length=prepared.length, fresh=options.fresh
     )
     # A viewer that cannot be had is found out before anything of the dataset is touched.
-    with _recording(spec, stage, options.viewer) as recording, writer:
-        if recording is not None or not writer.done.issuperset(wanted):
-            viewpoints = Viewpoints(spec, stage.trace)
-            readings = _readings(viewpoints, stage, writer, wanted, backend, profile)
-            watched = recording is not None and recording.address
-            doing = f"frames, live at {watched}" if watched else "frames"
-            with Behind() as behind:
-                for count, (index, reading) in enumerate(readings):
-                    report(Progress(spec.id, doing, count, len(wanted), writer.size_bytes))
-                    if index not in writer.done:
-                        behind.run(partial(writer.write, index, reading))
-                    if recording is not None:
-                        recording.log(reading)
+    with _recording(spec, prepared.stage, options.viewer) as recording, writer:
+        if recording is not None:
+            _make_and_show(spec, prepared, writer, recording, report)
+        elif not writer.done.issuperset(prepared.wanted):
+            _make(spec, options, prepared, writer, report, processes)
         writer.finish()
-    report(Progress(spec.id, "done", len(wanted), len(wanted), writer.size_bytes))
+    count = len(prepared.wanted)
+    report(Progress(spec.id, "done", count, count, writer.size_bytes))
     return writer.scenario
 
 
-def choose_profile(options: Options, capabilities: Capabilities) -> Profile:
-    """The profile asked for; `auto` is `full` where hardware traces rays, else `preview`."""
-    name = options.profile
-    if name == "auto":
-        name = "full" if capabilities.ray_traced and capabilities.hardware else "preview"
-    profile = PROFILES[name]
-    if profile.renderer == "ray_traced" and not capabilities.ray_traced:
-        raise BackendError(
-            f"profile '{name}' traces rays, which {capabilities.device} cannot;"
-            " use --profile preview"
-        )
-    return profile.scaled(options.scale)
+def add_frames(spec: Spec, options: Options, process: int, report: Report) -> None:
+    """Make frames of a scenario that another process has open, as long as it leaves any.
+
+    Args:
+        spec: The scenario.
+        options: Of the run.
+        process: Number of this one, above 0.
+        report: Told of what is made here.
+
+    Raises:
+        RunError: Something failed, or is other here than there.
+    """
+    prepared, scenario = prepare(spec, options), options.output / spec.id
+    begun = Manifest.load(scenario)
+    differences = begun.identity.differences(prepared.identity)
+    if differences:
+        raise RunError(f"{scenario}: its processes differ ({'; '.join(differences)}); --jobs 1")
+    writer = FrameWriter(scenario, spec, options.format, process)
+    made = 0
+
+    def tell(count: int) -> None:
+        nonlocal made
+        made = count
+        report(Progress(spec.id, "frames", made, 0, writer.size_bytes))
+
+    _add_frames(spec, prepared, _absent(prepared, begun.frames), writer, tell)
+    report(Progress(spec.id, "done", made, made, writer.size_bytes))
 
 
-def wanted_frames(spec: Spec, stage: Stage, options: Options) -> range:
-    """The frames of a scenario that are asked for; InputError if there are none of them."""
-    wanted = options.frames.of(len(stage.trace))
-    if not wanted:
-        raise InputError(
-            f"--frames begins at {options.frames.first}, but {spec.id}"
-            f" has frames 0 to {len(stage.trace) - 1}"
-        )
-    return wanted
-
-
-def _readings(
-    viewpoints: Viewpoints,
-    stage: Stage,
+def _make(
+    spec: Spec,
+    options: Options,
+    prepared: Preparation,
     writer: DatasetWriter,
-    wanted: range,
-    backend: Backend,
-    profile: Profile,
-) -> Iterator[tuple[int, tuple[Reading, ...]]]:
-    """Every wanted frame with its readings: sensed, or from the files where it is done."""
+    report: Report,
+    processes: int,
+) -> None:
+    """Make every frame that is not there, with other processes."""
+    absent, total = _absent(prepared, writer.done), len(prepared.wanted)
+    made = total - len(absent)
+
+    def tell() -> None:
+        size_bytes = writer.size_bytes + companions.size_bytes
+        report(Progress(spec.id, "frames", made + companions.frames, total, size_bytes))
+
+    def go_on(count: int) -> None:
+        nonlocal made
+        made = total - len(absent) + count
+        companions.check()
+        tell()
+
+    companions = Companions(
+        spec, options, min(processes, len(absent)) - 1, lock=writer.lock, changed=tell
+    )
+    with companions:
+        _add_frames(spec, prepared, absent, writer, go_on)
+
+
+def _add_frames(
+    spec: Spec,
+    prepared: Preparation,
+    absent: Sequence[int],
+    writer: FrameWriter | DatasetWriter,
+    go_on: Callable[[int], None],
+) -> None:
+    """Make frames that nobody else has claimed.
+
+    Args:
+        spec: The scenario.
+        prepared: What they are made with.
+        absent: Frames that are not there.
+        writer: Takes them.
+        go_on: Called with the number of frames made so far, before each and at the end.
+    """
+    count = 0
+    viewpoints = Viewpoints(spec, prepared.stage.trace)
+    with (
+        Behind() as behind,
+        senses(viewpoints, prepared.stage, prepared.backend, prepared.profile) as sensed,
+    ):
+        for index in filter(writer.claim, absent):
+            go_on(count)
+            behind.run(partial(writer.write, index, sensed.read(index)))
+            count += 1
+    go_on(count)
+
+
+def _make_and_show(
+    spec: Spec,
+    prepared: Preparation,
+    writer: DatasetWriter,
+    recording: Recording,
+    report: Report,
+) -> None:
+    """Show every wanted frame in turn: from the files where it is done, else as it is made."""
+    doing = f"frames, live at {recording.address}" if recording.address else "frames"
+    viewpoints, stored = Viewpoints(spec, prepared.stage.trace), Scenario(writer.scenario)
     done = writer.done
-    stored = Scenario(writer.scenario)
-    if done.issuperset(wanted):
-        for index in wanted:
-            yield index, stored_readings(stored, viewpoints, index)
-        return
-    with senses(viewpoints, stage, backend, profile) as sensed:
-        for index in wanted:
-            if index in done:
-                yield index, stored_readings(stored, viewpoints, index)
+    sensing = (
+        nullcontext()
+        if done.issuperset(prepared.wanted)
+        else senses(viewpoints, prepared.stage, prepared.backend, prepared.profile)
+    )
+    with Behind() as behind, sensing as sensed:
+        for count, index in enumerate(prepared.wanted):
+            report(Progress(spec.id, doing, count, len(prepared.wanted), writer.size_bytes))
+            if sensed is None or index in done:
+                recording.log(stored_readings(stored, viewpoints, index))
             else:
-                yield index, sensed.read(index)
+                readings = sensed.read(index)
+                behind.run(partial(writer.write, index, readings))
+                recording.log(readings)
+
+
+def _absent(prepared: Preparation, done: Collection[int]) -> list[int]:
+    return sorted({*prepared.wanted}.difference(done))
 
 
 def _recording(spec: Spec, stage: Stage, viewer: ViewerTarget) -> Recording | nullcontext[None]:
@@ -130,17 +187,3 @@ def _recording(spec: Spec, stage: Stage, viewer: ViewerTarget) -> Recording | nu
         cloud_colour=viewer.cloud_colour,
         events=conflict_events(spec, stage.trace),
     )
-
-
-def renderer_identity(backend: Backend, profile: Profile) -> RendererIdentity:
-    """Whatever of backend, its sources, device and profile changes pictures."""
-    return {
-        "backend": backend.name,
-        "backend_sha256": source_digest(type(backend).__module__.partition(".")[0]),
-        "device": backend.capabilities().device,
-        "renderer": profile.renderer,
-        "scale": profile.scale,
-        "samples": profile.samples,
-        "path_depth": profile.path_depth,
-        "denoise": profile.denoise,
-    }

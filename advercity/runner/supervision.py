@@ -1,12 +1,13 @@
 """Runs a scenario in a process of its own, and ends that when it takes too much."""
 
+import math
 import os
 import signal
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from select import select
@@ -62,6 +63,7 @@ def supervise(
     *,
     environment: Mapping[str, str] | None = None,
     stop: Flag | None = None,
+    keep_open: Sequence[int] = (),
 ) -> Outcome:
     """Run a scenario in a process of its own, within limits.
 
@@ -73,6 +75,7 @@ def supervise(
         report: Told of its progress.
         environment: Variables set for it on top of ours.
         stop: When it is set, the process is ended.
+        keep_open: File descriptors of ours that it has open, too.
 
     Raises:
         Stopped: By `stop`.
@@ -80,7 +83,7 @@ def supervise(
     child = _Child(job, limits, report, stop or Flag())
     error: AdvercityError | None = None
     try:
-        child.run({**os.environ, **(environment or {})})
+        child.run({**os.environ, **(environment or {})}, keep_open)
     except AdvercityError as caught:
         error = caught
     return Outcome(
@@ -105,7 +108,7 @@ class _Child:
         self.cpu_s = 0.0
         self._failure: AdvercityError | None = None
 
-    def run(self, environment: Mapping[str, str]) -> None:
+    def run(self, environment: Mapping[str, str], keep_open: Sequence[int]) -> None:
         """To its end; raises what it failed of."""
         reading, writing = os.pipe()
         with os.fdopen(reading, "rb", buffering=0) as events, tempfile.TemporaryFile() as said:
@@ -116,7 +119,7 @@ class _Child:
                     stdin=subprocess.PIPE,
                     stdout=said,
                     stderr=said,
-                    pass_fds=[writing],
+                    pass_fds=[writing, *keep_open],
                     start_new_session=True,
                     env=environment,
                 )
@@ -169,8 +172,9 @@ class _Child:
     def _watch(self, process: subprocess.Popen[bytes]) -> None:
         used, self.cpu_s = _taken_by(process.pid)
         self.peak_memory_bytes = max(self.peak_memory_bytes, used)
-        most, longest_s = self._limits.memory_bytes, self._limits.time_s
-        if most is not None and used > most:
+        longest_s = self._limits.time_s
+        most = (self._limits.memory_bytes or math.inf) * self._job.processes
+        if used > most:
             _signal_all(process, signal.SIGKILL)
             raise RunError(
                 f"killed: took {size_in_words(used)} of memory, more than the"

@@ -1,4 +1,4 @@
-"""The process of one scenario: `python -m advercity.runner.worker EVENTS`.
+"""A process that makes frames of one scenario: `python -m advercity.runner.worker EVENTS`.
 
 It reads a `Job` from standard input and writes `Event`s, one a line, to the file descriptor EVENTS.
 Standard input stays open as long as somebody waits for it: when it ends, so does everything that
@@ -15,11 +15,11 @@ from typing import Literal
 from advercity.errors import AdvercityError, BackendError, InputError
 from advercity.runner.job import EVENT, JOB, Advanced, Event, Failed
 from advercity.runner.progress import Progress
-from advercity.runner.scenario import run_scenario
+from advercity.runner.scenario import add_frames, run_scenario
 
 
 def main(events: FileIO) -> int:
-    """Run the scenario of the job; the exit code."""
+    """Do the job; the exit code."""
     signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
     job = JOB.validate_json(sys.stdin.buffer.readline())
     Thread(target=_end_with_the_one_who_waits, daemon=True).start()
@@ -31,7 +31,10 @@ def main(events: FileIO) -> int:
         tell(Advanced(progress))
 
     try:
-        run_scenario(job.spec, job.options, report)
+        if job.process:
+            add_frames(job.spec, job.options, job.process, report)
+        else:
+            run_scenario(job.spec, job.options, report, processes=job.processes)
     except AdvercityError as error:
         tell(Failed(_kind(error), str(error)))
         return 1

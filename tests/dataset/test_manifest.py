@@ -185,7 +185,7 @@ def test_a_journal_torn_at_its_end_costs_the_last_frame_only(
     with writer(root) as dataset:
         dataset.write(0, readings_of(0))
         dataset.write(1, readings_of(1))
-    journal = root / ".staging" / spec.id / "journal.jsonl"
+    journal = root / ".staging" / spec.id / "journal_0.jsonl"
     journal.write_bytes(journal.read_bytes()[:-20])
     with writer(root) as dataset:
         assert dataset.done == {0}

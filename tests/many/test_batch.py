@@ -3,6 +3,8 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +15,35 @@ from advercity_dsl import Spec
 from advercity.compiler import write_specs
 from advercity.dataset.verification import verify_dataset
 from advercity.errors import InputError, RunError
-from advercity.runner import Limits, Options, raise_failures, run_all
+from advercity.runner import FrameRange, Limits, Options, Outcome, Progress, raise_failures, run_all
 from advercity.runner.limits import parse_size, parse_time, size_in_words, time_in_words
 
 OptionsFor = Callable[[Path], Options]
+
+
+class Killer:
+    """Kills the process that makes frames beside the first, once."""
+
+    def __init__(self) -> None:
+        self.seen: list[psutil.Process] = []
+
+    def advanced(self, progress: Progress) -> None:
+        """Wait for it, and kill it."""
+        while progress.stage == "frames" and not self.seen:
+            for worker in psutil.Process().children():
+                self.seen = worker.children()
+        for process in self.seen:
+            with suppress(psutil.NoSuchProcess):
+                process.kill()
+
+    def finished(self, outcome: Outcome) -> None:
+        """It is over."""
+
+
+def tree(root: Path) -> dict[str, bytes]:
+    return {
+        str(path.relative_to(root)): path.read_bytes() for path in root.rglob("*") if path.is_file()
+    }
 
 
 @pytest.mark.sumo
@@ -62,6 +89,47 @@ def test_what_crashes_or_takes_too_much_stops_nobody_else_and_is_made_up_for(
         "index.json",
     }
     assert {path.read_text() for path in seen.iterdir()} == {"4", "7"}
+
+
+@pytest.mark.sumo
+def test_several_processes_make_one_scenario_with_the_bytes_of_one_alone(
+    few: list[Spec],
+    stunts: Path,
+    options: OptionsFor,
+    witness: Any,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Three share sixteen frames; each has a graphics card of its own."""
+    seen = tmp_path / "seen"
+    seen.mkdir()
+    frames = FrameRange(0, 16)
+    alone, shared = (replace(options(tmp_path / name), frames=frames) for name in ("one", "three"))
+    raise_failures(run_all(few[:1], alone, watcher=witness))
+    monkeypatch.setenv("SEEN", str(seen))
+    monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "4,7,9")
+    (outcome,) = run_all(few[:1], shared, watcher=witness, jobs=3)
+    raise_failures([outcome])
+    assert outcome.frames == 16
+    assert tree(tmp_path / "three") == tree(tmp_path / "one")
+    assert sorted(path.read_text() for path in seen.iterdir()) == ["4,7,9", "7", "9"]
+    told = [progress for progress in witness.told if progress.stage == "frames"]
+    assert all(progress.done <= progress.total == 16 for progress in told)
+
+
+@pytest.mark.sumo
+def test_when_one_of_several_processes_dies_the_run_fails_and_another_one_goes_on(
+    few: list[Spec], stunts: Path, options: OptionsFor, tmp_path: Path
+) -> None:
+    chosen = replace(options(tmp_path / "output"), frames=FrameRange(0, 6))
+    killer = Killer()
+    (outcome,) = run_all(few[:1], chosen, watcher=killer, jobs=2)
+    assert str(outcome.error).startswith("its process died (killed by SIGKILL)")
+    assert psutil.wait_procs(killer.seen, timeout=60)[1] == []
+    (outcome,) = run_all(few[:1], chosen, watcher=killer, jobs=2)
+    raise_failures([outcome])
+    assert verify_dataset(tmp_path / "output") == []
+    assert not (tmp_path / "output" / ".staging").exists()
 
 
 def test_what_takes_too_long_is_killed_and_told(
