@@ -239,9 +239,8 @@ def main() -> None:
     paces, ratios, stock = peer.rounds(arguments.rounds, arguments.frames)
     _print(paces, statistics.median(stock), peer.ours())
     print(f"a frame against SAPIEN's own pictures: {statistics.median(ratios):.2f}")
-    print(
-        f"cores busy in a run of {arguments.run} frames: {busy(arguments.spec, arguments.run):.0%}"
-    )
+    whole_run = busy(arguments.spec, arguments.run)
+    print(f"cores busy in a run of {arguments.run} frames: {whole_run:.0%}")
 
 
 def _print(paces: list[Pace], stock_s: float, ours_s: float) -> None:

@@ -1,11 +1,11 @@
 """Kills a run at random again and again, and compares what it leaves with an undisturbed one.
 
-    python benchmarks/kill.py [compiled/ui_fog_day_sparse.json] [--kills 20] [--frames 12] [--jobs 2]
+    python benchmarks/kill.py [compiled/ui_fog_day_sparse.json] [--kills 20] [--frames 12]
 
 Each time the same command is started again; whenever it has come to its end, the trees are
 compared and the next one starts from nothing. Exit code 1 if any of them differs or `verify` finds
-anything. Every process is a new one and killed with SIGKILL; those that make the frames are sessions
-of their own and notice by themselves.
+anything. Every process is a new one and is killed with SIGKILL; those that make frames, `--jobs` of
+them, notice by themselves.
 """
 
 import argparse

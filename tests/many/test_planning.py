@@ -1,15 +1,18 @@
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+import psutil
 import pytest
 from advercity_dsl import Spec
 
 from advercity.errors import InputError
 from advercity.runner import FrameRange, Limits, Options, raise_failures, run_all
 from advercity.runner.calibration import Rates
-from advercity.runner.planning import Plan, permitted, plan_of
+from advercity.runner.planning import Permit, Plan, permitted, plan_of, suitable_jobs
 from advercity.runner.workload import Workload
 
 OptionsFor = Callable[[Path], Options]
@@ -27,7 +30,7 @@ def larger(spec: Spec, camera: dict[str, int], lidar: dict[str, int]) -> Spec:
 
 def ask(
     spec: Spec, options: Options, *, asked: Limits | None = None, allow_large: bool = False
-) -> Limits:
+) -> Permit:
     return permitted(
         [spec],
         options,
@@ -36,6 +39,10 @@ def ask(
         allow_large=allow_large,
         on_this_machine=True,
     )
+
+
+def four_cores(process: int) -> set[int]:
+    return {0, 1, 2, 3}
 
 
 def test_the_work_of_a_frame_follows_from_the_rig(specs: dict[str, Spec]) -> None:
@@ -78,6 +85,50 @@ def test_scenarios_at_a_time_share_cores_and_add_up_in_memory(
     assert (both.time_s, both.memory_bytes) == (30, 16)
 
 
+def test_more_jobs_than_scenarios_share_the_frames_and_each_takes_the_memory(
+    few: list[Spec], options: OptionsFor, tmp_path: Path
+) -> None:
+    """Four processes make two scenarios, two each; five give the larger one three."""
+    first = plan_of(few, options(tmp_path), jobs=1, measure=False, simulate=False).forecasts[0]
+    items = tuple(replace(first, time_s=30, memory_bytes=memory) for memory in (5, 9))
+    four, five = (Plan(items, jobs, Rates(busy_cores=0.0)).total for jobs in (4, 5))
+    assert (four.time_s, four.memory_bytes) == (15, 28)
+    assert (five.time_s, five.memory_bytes) == (12, 37)
+    assert five.scenario == "2 scenarios, 5 processes"
+
+
+@pytest.mark.parametrize(
+    ("frames", "memory_bytes", "cards", "jobs"),
+    [
+        ([20], 1, "", 1),
+        ([33], 1, "", 2),
+        ([5, 5, 5], 1, "", 3),
+        ([500], 1, "", 4),
+        ([500], 6, "", 3),
+        ([500], 100, "", 1),
+        ([20], 1, "4,7", 2),
+    ],
+)
+def test_as_many_processes_as_suit_cards_or_cores_memory_and_frames(
+    few: list[Spec],
+    options: OptionsFor,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    *,
+    frames: list[int],
+    memory_bytes: int,
+    cards: str,
+    jobs: int,
+) -> None:
+    """A machine of four cores with 40 bytes of free memory, half of which may be taken."""
+    monkeypatch.setenv("CUDA_VISIBLE_DEVICES", cards)
+    monkeypatch.setattr(os, "sched_getaffinity", four_cores)
+    monkeypatch.setattr(psutil, "virtual_memory", lambda: SimpleNamespace(available=40))
+    first = plan_of(few, options(tmp_path), jobs=1, measure=False, simulate=False).forecasts[0]
+    made = [replace(first, frames=count, memory_bytes=memory_bytes) for count in frames]
+    assert suitable_jobs(made) == jobs
+
+
 def test_pictures_of_more_pixels_take_more_bytes_a_pixel() -> None:
     rates = Rates(bytes_per_pixel=((0.125, 1.0), (0.25, 1.5)))
     assert rates.picture_bytes(1.0) == pytest.approx(2.5)
@@ -103,14 +154,14 @@ def test_a_spec_that_would_fill_a_machine_is_refused_before_anything_is_made(
     options = Options(tmp_path / "output", profile="full")
     with pytest.raises(InputError, match=rf"{told}.*--allow-large"):
         ask(spec, options)
-    assert ask(spec, options, allow_large=True).time_s is not None
+    assert ask(spec, options, allow_large=True).jobs == 1
     assert not (tmp_path / "output").exists()
 
 
 def test_limits_that_are_asked_for_hold_and_the_others_are_the_plans(
     few: list[Spec], options: OptionsFor, tmp_path: Path
 ) -> None:
-    limits = ask(few[0], options(tmp_path), asked=Limits(memory_bytes=123))
+    limits = ask(few[0], options(tmp_path), asked=Limits(memory_bytes=123)).limits
     assert limits.memory_bytes == 123
     assert limits.time_s is not None
     assert limits.time_s > 3600
