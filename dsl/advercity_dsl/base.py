@@ -193,6 +193,16 @@ class Declaration(Model):
     """Which figures nobody measured, and why they are what they are."""
 
 
+def is_none(value: object) -> bool:
+    """For `exclude_if`: a field that says nothing is left out of a spec's JSON."""
+    return value is None
+
+
+def is_empty(value: object) -> bool:
+    """The same for what is none, zero, or holds nothing."""
+    return not value
+
+
 class Terse(Model):
     """A record that a spec holds dozens of: what goes without saying is left out of its JSON."""
 

@@ -12,6 +12,7 @@ from advercity_dsl.base import (
     Point2,
     PositiveMetres,
     Seconds,
+    is_none,
 )
 from advercity_dsl.distribution import Drawn
 from advercity_dsl.traffic import ActorClass
@@ -39,10 +40,6 @@ Comes = Literal[
 
 def _is_any(value: object) -> bool:
     return value == "any"
-
-
-def _is_none(value: object) -> bool:
-    return value is None
 
 
 class Outcome(Model):
@@ -101,9 +98,9 @@ class Parameters(Model):
     """In which it leaves its lane."""
     return_time_s: Parameter | None = None
     """In which it comes back, or leaves the way of the ego."""
-    passed_speed_km_h: Parameter | None = Field(default=None, exclude_if=_is_none)
+    passed_speed_km_h: Parameter | None = Field(default=None, exclude_if=is_none)
     """Of the cyclist whom it overtakes."""
-    passing_gap_m: Parameter | None = Field(default=None, exclude_if=_is_none)
+    passing_gap_m: Parameter | None = Field(default=None, exclude_if=is_none)
     """It is beside its lane from this far behind the cyclist to this far ahead."""
 
 

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from advercity_dsl.base import Digest, Id, Model
+from advercity_dsl.base import Digest, Id, Model, is_empty
 from advercity_dsl.catalogue import Blueprint
 from advercity_dsl.conflict import StagedConflict
 from advercity_dsl.distribution import Distribution
@@ -19,10 +19,6 @@ from advercity_dsl.traffic import ActorClass, Density
 from advercity_dsl.weather import Weather
 
 SPEC_VERSION = 1
-
-
-def _is_empty(value: object) -> bool:
-    return not value
 
 
 class Agent(Model):
@@ -81,7 +77,7 @@ class Provenance(Model):
     draws: dict[str, Distribution] = Field(default_factory=dict)
     """What numbers of the spec were drawn from, by their path."""
     sweep: Swept | None = None
-    conflict: Id | None = Field(default=None, exclude_if=_is_empty)
+    conflict: Id | None = Field(default=None, exclude_if=is_empty)
     """The conflict that the suite crossed its roads with."""
     digest: Digest
     """SHA-256 of the spec itself, with this field left out."""
@@ -98,11 +94,11 @@ class Spec(Model):
     density: Density
     agents: Annotated[tuple[Agent, ...], Field(min_length=1)]
     demand: ClassDemand
-    conflicts: tuple[StagedConflict, ...] = Field(default=(), exclude_if=_is_empty)
+    conflicts: tuple[StagedConflict, ...] = Field(default=(), exclude_if=is_empty)
     """In the order in which they happen."""
-    drivers: Drivers | None = Field(default=None, exclude_if=_is_empty)
+    drivers: Drivers | None = Field(default=None, exclude_if=is_empty)
     """What drivers do about weather; they drive alike in any if it is left out."""
-    caution: Caution | None = Field(default=None, exclude_if=_is_empty)
+    caution: Caution | None = Field(default=None, exclude_if=is_empty)
     """What they do about this one."""
     blueprints: dict[Id, Blueprint]
     timing: Timing

@@ -27,6 +27,7 @@ from advercity_dsl.base import (
     Number,
     Reason,
     Share,
+    is_none,
 )
 
 
@@ -172,10 +173,6 @@ class Lens(Model):
     """Share of the light that the optics scatter: 0.02 clean, 0.05 damp, 0.10 dirty."""
 
 
-def _is_none(value: object) -> bool:
-    return value is None
-
-
 USUAL_WITHIN_DEG, USUAL_SEEN_SHARE = 25.0, 0.5
 
 
@@ -192,7 +189,7 @@ class Sun(Model):
     """Above the horizon; below 0 at night."""
     azimuth_deg: Direction = 180
     """Clockwise from north."""
-    in_view_of: Literal["ego"] | None = Field(default=None, exclude_if=_is_none)
+    in_view_of: Literal["ego"] | None = Field(default=None, exclude_if=is_none)
     """Who is to drive into the sun; found so that neither the world nor traffic hides it."""
     within_deg: Annotated[
         Degrees, Field(gt=0, le=60), Reason("farther off than 60 deg a camera does not see it")

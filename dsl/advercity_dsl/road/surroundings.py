@@ -1,0 +1,162 @@
+"""What stands beside streets, and where."""
+
+from enum import StrEnum
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from advercity_dsl.base import (
+    Count,
+    Id,
+    KilometresPerHour,
+    Metres,
+    Model,
+    Point2,
+    PositiveMetres,
+    Terse,
+    is_empty,
+    is_none,
+)
+
+
+class SurroundingKind(StrEnum):
+    """What stands beside a road."""
+
+    BUILDINGS = "buildings"
+    HOUSES = "houses"
+    TREES = "trees"
+    HEDGE = "hedge"
+    CROPS = "crops"
+    FIELD = "field"
+    WALL = "wall"
+    FENCE = "fence"
+    BUS_STOP = "bus_stop"
+    TOWER = "tower"
+    POLE = "pole"
+    LAMP = "lamp"
+    PLATEAU = "plateau"
+    WOODS = "woods"
+    PARKED_CARS = "parked_cars"
+    SPEED_SIGN = "speed_sign"
+    DRIVEWAY = "driveway"
+
+
+class Species(StrEnum):
+    """A kind of tree."""
+
+    OAK = "oak"
+    MAPLE = "maple"
+    BIRCH = "birch"
+    POPLAR = "poplar"
+    SPRUCE = "spruce"
+
+
+class Beside(Terse):
+    """A place along a street, which goes with the street wherever it leads."""
+
+    street: Id
+    """Along which."""
+    side: Literal["left", "right", "both"]
+    """As seen along the street's axis."""
+    from_m: Annotated[Metres, Field(ge=0)] = 0
+    """Distance along the axis where it begins."""
+    to_m: Annotated[Metres | None, Field(gt=0)] = None
+    """Distance along the axis where it ends; without it, at the end of the street."""
+    offset_m: Metres | tuple[Metres, Metres] = 1
+    """Outwards from the edge of all paving: of a line, or of both borders of a band."""
+
+    @model_validator(mode="after")
+    def _is_ordered(self) -> Self:
+        if self.to_m is not None and self.to_m <= self.from_m:
+            raise ValueError("'to_m' is beyond 'from_m'")
+        if isinstance(self.offset_m, tuple) and self.offset_m[1] <= self.offset_m[0]:
+            raise ValueError("'offset_m' names the nearer border of a band first")
+        return self
+
+    @property
+    def band_m(self) -> tuple[float, float]:
+        """Offsets of the nearer and the further border; the same of a line."""
+        if isinstance(self.offset_m, tuple):
+            return self.offset_m
+        return self.offset_m, self.offset_m
+
+
+_BESIDE, _AREA, _LINE, _AT = "beside", "area_m", "line_m", "at_m"
+_PLACES = {
+    SurroundingKind.BUILDINGS: (_BESIDE, _AREA),
+    SurroundingKind.HOUSES: (_BESIDE, _AREA),
+    SurroundingKind.TREES: (_BESIDE, _AREA, _LINE, _AT),
+    SurroundingKind.HEDGE: (_BESIDE, _LINE),
+    SurroundingKind.CROPS: (_BESIDE, _AREA),
+    SurroundingKind.FIELD: (_BESIDE, _AREA),
+    SurroundingKind.WALL: (_BESIDE, _LINE),
+    SurroundingKind.FENCE: (_BESIDE, _LINE),
+    SurroundingKind.BUS_STOP: (_AT,),
+    SurroundingKind.TOWER: (_AT,),
+    SurroundingKind.POLE: (_BESIDE, _LINE, _AT),
+    SurroundingKind.LAMP: (_BESIDE, _LINE, _AT),
+    SurroundingKind.PLATEAU: (_LINE,),
+    SurroundingKind.WOODS: (_BESIDE, _AREA),
+    SurroundingKind.PARKED_CARS: (_BESIDE,),
+    SurroundingKind.SPEED_SIGN: (_BESIDE,),
+    SurroundingKind.DRIVEWAY: (_BESIDE,),
+}
+_BANDS = (
+    SurroundingKind.CROPS,
+    SurroundingKind.FIELD,
+    SurroundingKind.WOODS,
+    SurroundingKind.DRIVEWAY,
+)
+
+
+class Surrounding(Model):
+    """Things of one kind: beside a street, filling an area, along a line, or one at a point.
+
+    A plateau is ground that stands `height_m` high within `line_m`, its outline; it meets the
+    streets that climb to it, and falls off steeply elsewhere. Parked cars stand in the parking
+    strip of their street. A speed sign stands at `from_m` and faces those who drive on its side.
+    A driveway is a paved band that crosses the sidewalk.
+    """
+
+    kind: SurroundingKind
+    """What stands there."""
+    beside: Beside | None = Field(default=None, exclude_if=is_empty)
+    """Along a street."""
+    area_m: tuple[Point2, Point2] | None = Field(default=None, exclude_if=is_empty)
+    """Two opposite corners of a rectangle."""
+    line_m: tuple[Point2, ...] = Field(default=(), exclude_if=is_empty)
+    """Along a line, or as its outline; points [east, north]."""
+    at_m: tuple[Point2, ...] = Field(default=(), exclude_if=is_empty)
+    """At single points, [east, north]."""
+    height_m: PositiveMetres | None = Field(default=None, exclude_if=is_empty)
+    """Of each of them."""
+    spacing_m: PositiveMetres | None = Field(default=None, exclude_if=is_empty)
+    """Between trees, lamps, poles, buildings, or places to park."""
+    species: tuple[Species, ...] = Field(default=(), exclude_if=is_empty)
+    """Of trees; all of them if none is named."""
+    limit_km_h: Annotated[KilometresPerHour, Field(gt=0, lt=1000)] | None = Field(
+        default=None, exclude_if=is_none
+    )
+    """On a speed sign; without it, the limit of its street."""
+    seed: Count = Field(default=0, ge=0, exclude_if=is_empty)
+    """Another number gives other trees and buildings."""
+
+    @model_validator(mode="after")
+    def _has_a_place(self) -> Self:
+        given = [name for name in (_BESIDE, _AREA, _LINE, _AT) if getattr(self, name)]
+        fitting = _PLACES[self.kind]
+        if not given or any(name not in fitting for name in given):
+            found = f"has {' and '.join(given)}" if given else "has no place"
+            ways = " or ".join(f"'{name}'" for name in fitting)
+            raise ValueError(f"{self.kind} {found}; give it {ways}")
+        if self.kind in _BANDS and self.beside and not isinstance(self.beside.offset_m, tuple):
+            raise ValueError(f"{self.kind} beside a street need two offsets, as in [2, 60]")
+        if self.kind is SurroundingKind.PLATEAU and (len(self.line_m) < 3 or not self.height_m):
+            raise ValueError(
+                "a plateau has an outline 'line_m' of three points or more, and 'height_m'"
+            )
+        if self.species and self.kind is not SurroundingKind.TREES:
+            raise ValueError("only trees have 'species'")
+        if self.limit_km_h and self.kind is not SurroundingKind.SPEED_SIGN:
+            raise ValueError("only a speed sign has a 'limit_km_h'")
+        return self
