@@ -25,7 +25,8 @@ from advercity.compiler.maps import network_of
 from advercity.compiler.models import with_checksums
 from advercity.compiler.problems import Problem, ProblemsError, nearest
 from advercity.compiler.source import Document, read
-from advercity.compiler.validation import ID_HINT, quoted, validate
+from advercity.compiler.validation import validate
+from advercity.compiler.wording import ID_HINT, quoted
 from advercity.errors import InputError
 
 DeclarationT = TypeVar("DeclarationT", bound=Declaration)

@@ -9,7 +9,7 @@ from advercity_dsl import DECLARATIONS
 
 from advercity.compiler.problems import nearest
 from advercity.compiler.schema import write_schema
-from advercity.compiler.validation import ID_HINT
+from advercity.compiler.wording import ID_HINT
 from advercity.errors import InputError
 
 SCHEMAS = ".advercity"

@@ -1,6 +1,5 @@
 """From located data to models, with pydantic's errors put where the author can see them."""
 
-import math
 from collections.abc import Iterator
 from typing import Any, Protocol, TypeVar
 
@@ -10,19 +9,12 @@ from pydantic import ValidationError
 
 from advercity.compiler.docstrings import described
 from advercity.compiler.extension import ABOUT_THE_FILE
-from advercity.compiler.fields import Facts, facts_at, field_names, models_at
+from advercity.compiler.fields import field_names, models_at
 from advercity.compiler.problems import Problem, ProblemsError, nearest
 from advercity.compiler.source import Where
+from advercity.compiler.wording import Complaint, words_for
 
 ModelT = TypeVar("ModelT", bound=Model)
-TRUTHS = {"on": "true", "yes": "true", "y": "true", "off": "false", "no": "false", "n": "false"}
-"""What YAML 1.1 took for truth values; text here."""
-ID_HINT = "lower-case letters, digits and _, at most 64, starting with a letter"
-_LENGTHS = {
-    "too_short": "must have at least {min_length} of these, has {actual_length}",
-    "too_long": "must have at most {max_length} of these, has {actual_length}",
-}
-_RANGES = ("greater_than", "greater_than_equal", "less_than", "less_than_equal")
 
 
 class Located(Protocol):
@@ -77,7 +69,6 @@ def problems_of(
 def _problem(model: type[Model], source: Located, detail: Any, where: Where) -> Problem:
     loc: Where = detail["loc"]
     kind = detail["type"]
-    value = detail["input"]
     if kind == "extra_forbidden":
         name = str(loc[-1])
         names = field_names(model, loc[:-1]) + ([] if loc[:-1] else _about_the_file(model))
@@ -95,57 +86,11 @@ def _problem(model: type[Model], source: Located, detail: Any, where: Where) -> 
             shown = first if source.has(first) or not source.has(other) else other
             return source.problem(shown, reason.message, hint=reason.hint)
         return source.problem(where, str(reason), key=loc[-1:] == ("[key]",))
-    message, hint = _words(model, detail, kind, value)
+    complaint = Complaint(model, detail["input"], loc, detail.get("ctx", {}), detail["msg"])
+    message, hint = words_for(kind, complaint)
     if kind == "union_tag_invalid" and "kind" in detail["ctx"]["discriminator"]:
         where = (*where, detail["ctx"]["discriminator"].strip("'"))
     return source.problem(where, message, hint=hint)
-
-
-def _words(model: type[Model], detail: Any, kind: str, value: Any) -> tuple[str, str]:
-    """What is wrong with a value, and the way out."""
-    loc: Where = detail["loc"]
-    facts = facts_at(model, loc)
-    if kind in _RANGES and facts and facts.range:
-        unit = f" {facts.unit.name}" if facts.unit and facts.unit.name != "1" else ""
-        written = value if isinstance(value, str) else f"{value:.12g}{unit}"
-        return f"{written} is outside the range of {facts.range}", _as_percent(facts, value)
-    of_whole = kind in ("int_type", "int_from_float") and isinstance(value, float)
-    if kind == "finite_number" or (of_whole and not math.isfinite(value)):
-        return "a number must end somewhere; this is infinite", "write a finite number"
-    if of_whole:
-        return f"{value:g} is no whole number", f"write {math.floor(value)} or {math.ceil(value)}"
-    if kind in ("float_type", "int_type"):
-        return _no_number(value, facts.unit.example if facts and facts.unit else "")
-    if kind == "bool_type":
-        meant = TRUTHS.get(str(value).lower())
-        return f"{quoted(value)} is not true or false", f"write {meant or 'true or false'}"
-    if kind in ("literal_error", "enum"):
-        valid = [
-            item.strip(" '") for item in detail["ctx"]["expected"].replace(" or ", ",").split(",")
-        ]
-        return f"{quoted(value)} does not stand here", nearest(str(value), valid)
-    if kind == "string_type":
-        plain = isinstance(value, int | float)
-        return f"{quoted(value)} is no text", f'write it in quotes: "{value}"' if plain else ""
-    if kind in ("model_type", "dict_type", "model_attributes_type"):
-        names = field_names(model, loc)
-        hint = f"fields here: {', '.join(names)}" if names else "write `name: value`"
-        return f"{quoted(value)} is no mapping", hint
-    if kind in ("tuple_type", "list_type"):
-        return f"{quoted(value)} is no list", "write it as [first, second]"
-    if kind in _LENGTHS:
-        return _LENGTHS[kind].format(**detail["ctx"]), ""
-    if kind == "union_tag_not_found":
-        return "the field 'kind' is missing", "it says what this is"
-    if kind == "union_tag_invalid":
-        valid = [item.strip(" '") for item in detail["ctx"]["expected_tags"].split(",")]
-        return f"no such kind: '{detail['ctx']['tag']}'", nearest(detail["ctx"]["tag"], valid)
-    if kind == "string_pattern_mismatch" and _is_id(detail):
-        return f"'{value}' is not an id", ID_HINT
-    message = detail["msg"]
-    shown = isinstance(value, str | int | float | bool)
-    found = f" (found {quoted(value)})" if shown else ""
-    return f"{message[0].lower()}{message[1:]}{found}", ""
 
 
 def _about_the_file(model: type[Model]) -> list[str]:
@@ -155,44 +100,6 @@ def _about_the_file(model: type[Model]) -> list[str]:
 def _is_echo(detail: Any) -> bool:
     """Whether a list is too short only for want of those items that are told of anyway."""
     return detail["type"] == "too_short" and len(detail["input"]) >= detail["ctx"]["min_length"]
-
-
-def _as_percent(facts: Facts, value: Any) -> str:
-    """The reason of a range; of a share, what a percentage would be."""
-    is_share = facts.unit is not None and facts.unit.name == "1"
-    if is_share and isinstance(value, int | float) and 1 < value <= 100:
-        return f"write {value:g} % or {value / 100:g}"
-    return facts.reason
-
-
-def _no_number(value: Any, example: str) -> tuple[str, str]:
-    if isinstance(value, dict):
-        if len(value) == 1 and next(iter(value)) in ("uniform", "normal", "choice"):
-            hint = "distributions are for numbers of a weather and for what a conflict draws"
-            return "a distribution cannot stand here", hint
-        return "a mapping stands where a number should", f"write a number{_or(example)}"
-    if value is None:
-        return "there is no value", f"write a number{_or(example)}, or leave the field out"
-    return f"{quoted(value)} is no number", f"write a number{_or(example)}"
-
-
-def _or(example: str) -> str:
-    return f", or a quantity such as {example}" if example else ""
-
-
-def quoted(value: Any) -> str:
-    """A value as it is shown in a message: short, text in quotes."""
-    if value is None:
-        return "null"
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, dict):
-        return "a mapping"
-    if isinstance(value, list | tuple):
-        return "a list"
-    text = str(value)
-    text = text if len(text) <= 40 else f"{text[:37]}..."
-    return f"'{text}'" if isinstance(value, str) else text
 
 
 def _add(model: type[Model], loc: Where) -> str:
@@ -215,10 +122,6 @@ def _misplaced(name: str) -> str:
 
 def _too_few(loc: Where) -> str:
     return f"has too few values; number {int(loc[-1]) + 1} is missing"
-
-
-def _is_id(detail: Any) -> bool:
-    return detail["ctx"]["pattern"].startswith("^[a-z][a-z0-9_]{0,")
 
 
 def _in_source(source: Located, loc: Where, at: Where) -> Where:
