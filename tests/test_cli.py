@@ -110,6 +110,54 @@ def test_list_of_nothing_says_what_makes_specs(advercity: Command, tmp_path: Pat
     assert "`advercity compile` writes them" in ran.err
 
 
+def test_list_tells_a_missing_folder_from_a_file(advercity: Command, tmp_path: Path) -> None:
+    (tmp_path / "notes").touch()
+    missing, file = advercity("list", tmp_path / "no"), advercity("list", tmp_path / "notes")
+    assert (missing.code, file.code) == (2, 2)
+    assert "there is no such folder" in missing.err
+    assert "is a file; name its folder" in file.err
+
+
+def test_a_library_without_a_suite_is_told_how_to_get_one(
+    advercity: Command, library: Path, tmp_path: Path
+) -> None:
+    ran = advercity("compile", library / "nhtsa" / "weather", "--output", tmp_path / "specs")
+    assert ran.code == 2
+    assert ran.err.endswith("has no suite; `advercity new suite NAME` writes one\n")
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["compile", "LIBRARY"],
+        ["new", "weather", "sleet"],
+        ["schema"],
+        ["run", "SPEC"],
+        ["plan", "SPEC"],
+        ["simulate", "SPEC"],
+    ],
+)
+def test_an_output_that_is_a_file_is_bad_input_and_stays_as_it_is(
+    advercity: Command, library: Path, spec_file: Path, tmp_path: Path, command: list[str]
+) -> None:
+    notes = tmp_path / "notes"
+    notes.write_text("mine")
+    places = {"LIBRARY": library, "SPEC": spec_file}
+    ran = advercity(*[places.get(word, word) for word in command], "--output", notes)
+    assert (ran.code, ran.out) == (2, "")
+    assert "is a file" in ran.err
+    assert "Traceback" not in ran.err
+    assert notes.read_text() == "mine"
+
+
+def test_a_misspelt_field_is_told_though_another_one_is_right(
+    advercity: Command, spec_file: Path
+) -> None:
+    ran = advercity("explain", spec_file, "weather.wind", "weather.fgo")
+    assert (ran.code, ran.out) == (2, "")
+    assert "has no field weather.fgo; did you mean 'weather.fog'?" in ran.err
+
+
 def test_explain_names_the_nearest_field(advercity: Command, spec_file: Path) -> None:
     ran = advercity("explain", spec_file, "weather.fog.mor")
     assert ran.code == 2
@@ -120,6 +168,14 @@ def test_show_tells_what_a_scenario_holds(advercity: Command, spec_file: Path) -
     out = advercity("show", spec_file).out
     assert "fog 75 m" in out
     assert "rural, non_junction, curved, non_level" in out
+
+
+def test_show_of_a_weather_without_a_title_ends_with_its_id(
+    advercity: Command, tmp_path: Path
+) -> None:
+    path = tmp_path / "haze.yaml"
+    path.write_text("kind: weather\nid: haze\ntime: day\nair: {mor_m: 3 km}\n")
+    assert advercity("show", path).out.splitlines()[0].split() == ["weather", "haze"]
 
 
 def test_validate_is_silent_about_good_files(
@@ -176,6 +232,16 @@ def test_a_truncated_spec_is_told_and_leaves_nothing(
     assert f"{spec_file}:" in ran.err
     assert "cut off" in ran.err
     assert not (tmp_path / "output").exists()
+
+
+def test_a_folder_and_a_declaration_are_told_from_a_spec(
+    advercity: Command, spec_file: Path, library: Path
+) -> None:
+    folder = advercity("run", spec_file.parent)
+    declaration = advercity("run", library / "nhtsa" / "weather" / "fog_day.yaml")
+    assert (folder.code, declaration.code) == (2, 2)
+    assert "is a folder; name a file in it" in folder.err
+    assert "`advercity compile` makes specs, which are JSON, of declarations" in declaration.err
 
 
 def test_a_missing_spec_is_told(advercity: Command, tmp_path: Path) -> None:

@@ -15,7 +15,9 @@ commands = typer.Typer()
 @commands.command("compile")
 def compile_(
     library: LibraryArgument = LIBRARIES,
-    output: Annotated[Path, typer.Option(help="Folder for the specs.")] = Path("compiled"),
+    output: Annotated[Path, typer.Option(help="Folder for the specs.", file_okay=False)] = Path(
+        "compiled"
+    ),
     suite: Annotated[str | None, typer.Option(help="Suite to compile.")] = None,
     check: Annotated[
         bool, typer.Option("--check", help="Only tell whether specs are stale.")
@@ -125,11 +127,11 @@ def explain(
     from advercity.compiler import explained, load_library, nearest, read_spec
 
     origins = explained(read_spec(spec), load_library(*(library or LIBRARIES)))
-    chosen = [item for item in origins if not fields or item.is_within(fields)]
-    if not chosen:
-        hint = nearest(" ".join(fields or []), {item.path for item in origins})
-        raise InputError(f"{spec}: has no field {' or '.join(fields or [])}; {hint}")
-    rows = tables.origin_rows(chosen)
+    valid = {field for item in origins for field in item.fields}
+    for field in fields or []:
+        if field not in valid:
+            raise InputError(f"{spec}: has no field {field}; {nearest(field, valid)}")
+    rows = tables.origin_rows([item for item in origins if not fields or item.is_within(fields)])
     say(tables.as_json(rows) if as_json else tables.table(rows))
 
 
@@ -156,7 +158,7 @@ def diff(
 def new(
     kind: Annotated[str, typer.Argument(help="Kind of declaration: weather, road, suite, ...")],
     name: Annotated[str, typer.Argument(help="Its id, and the name of its file.")],
-    output: Annotated[Path, typer.Option(help="Folder for the file.")] = Path(),
+    output: Annotated[Path, typer.Option(help="Folder for the file.", file_okay=False)] = Path(),
 ) -> None:
     """Write a commented declaration to start from."""
     from advercity.compiler.starting import write_starter
@@ -167,7 +169,9 @@ def new(
 @commands.command()
 def schema(
     kind: Annotated[str | None, typer.Argument(help="Kind of declaration, or spec.")] = None,
-    output: Annotated[Path | None, typer.Option(help="Folder for one file per kind.")] = None,
+    output: Annotated[
+        Path | None, typer.Option(help="Folder for one file per kind.", file_okay=False)
+    ] = None,
 ) -> None:
     """Print the JSON Schema of a kind of declaration, for editors."""
     from advercity.compiler.schema import schema_of, write_schemas

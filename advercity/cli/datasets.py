@@ -48,7 +48,9 @@ def repair(
         left = mend(dataset, view.advanced)
     if left:
         what_to_do = {"extra": "not part of the dataset, delete it"}
-        again = "`advercity run` with its spec makes the scenario again"
+        again = (
+            "delete what is left of the scenario, and `advercity run` with its spec makes it again"
+        )
         lines = [f"{problem}; {what_to_do.get(problem.kind, again)}" for problem in left]
         raise RunError("\n".join(lines))
     note("every file is as its manifest says")
@@ -57,7 +59,9 @@ def repair(
 @commands.command()
 def stats(
     dataset: DatasetArgument,
-    output: Annotated[Path, typer.Option(help="Folder for tables and plots.")] = Path("stats"),
+    output: Annotated[
+        Path, typer.Option(help="Folder for tables and plots.", file_okay=False)
+    ] = Path("stats"),
 ) -> None:
     """Count what a dataset holds: tables as CSV, plots as PNG."""
     from advercity.dataset.facts import facts_of_dataset
@@ -73,7 +77,9 @@ def stats(
 @commands.command()
 def video(
     dataset: DatasetArgument,
-    output: Annotated[Path, typer.Option(help="Folder for the films.")] = Path("videos"),
+    output: Annotated[Path, typer.Option(help="Folder for the films.", file_okay=False)] = Path(
+        "videos"
+    ),
     kind: Annotated[
         list[str] | None, typer.Option(help="front, mosaic, semantic or lidar; all of them.")
     ] = None,
@@ -88,7 +94,9 @@ def video(
 @commands.command()
 def split(
     dataset: Annotated[Path, typer.Argument(help="A dataset.")],
-    output: Annotated[Path, typer.Option(help="Folder for the splits.")] = Path("splits"),
+    output: Annotated[Path, typer.Option(help="Folder for the splits.", file_okay=False)] = Path(
+        "splits"
+    ),
     train: Annotated[str, typer.Option(help="Roads of this split.")] = "ri,rsnj,unj",
     validate: Annotated[str, typer.Option(help="Roads of this split.")] = "rcnj",
     test: Annotated[str, typer.Option(help="Roads of this split.")] = "ui",

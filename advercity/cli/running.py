@@ -123,7 +123,10 @@ def run(
 def plan(
     specs: SpecArgument,
     output: Annotated[
-        Path, typer.Option(help="Folder for the dataset; what is there need not be made.")
+        Path,
+        typer.Option(
+            help="Folder for the dataset; what is there need not be made.", file_okay=False
+        ),
     ] = Path("output"),
     backend: BackendOption = "sapien",
     profile: ProfileOption = "auto",
@@ -158,7 +161,9 @@ def plan(
 @commands.command()
 def simulate(
     specs: SpecArgument,
-    output: Annotated[Path, typer.Option(help="Folder for traces and reports.")] = Path("traffic"),
+    output: Annotated[
+        Path, typer.Option(help="Folder for traces and reports.", file_okay=False)
+    ] = Path("traffic"),
     film: Annotated[bool, typer.Option(help="Film the moving plan, too.")] = True,
     table: Annotated[
         bool, typer.Option("--table", help="Only print the table, as Markdown; write nothing.")

@@ -29,7 +29,10 @@ def rows_of(folder: Path) -> list[dict[str, Any]]:
     specs = sorted(folder.glob("*.json")) if folder.is_dir() else []
     if specs:
         return [_spec_row(read_spec(path)) for path in specs]
-    if not folder.is_dir() or not any(folder.iterdir()):
+    if not folder.is_dir():
+        found = "is a file; name its folder" if folder.exists() else "there is no such folder"
+        raise InputError(f"{folder}: {found}; `advercity compile` makes a folder of specs")
+    if not any(folder.iterdir()):
         raise InputError(f"{folder}: no specs (*.json) here; `advercity compile` writes them")
     return [_declaration_row(kind, entry) for kind, entry in _entries(folder)]
 
@@ -93,7 +96,7 @@ def weather_facts(weather: Weather) -> Facts:
     total = extinction.of_weather(weather)
     reach = [reach_m(target, total.at_905nm) for target in TARGETS]
     facts = {
-        "weather": f"{weather.id}: {weather.title}",
+        "weather": _named(weather),
         "in words": in_words(weather),
         "visibility": _visibility(weather, visibility_m(total)),
         "extinction": f"{total.at_550nm:.5f} 1/m at 550 nm, {total.at_905nm:.5f} 1/m at 905 nm",
@@ -106,6 +109,10 @@ def weather_facts(weather: Weather) -> Facts:
         "source": weather.source or "none given",
     }
     return facts | ({"assumption": weather.assumption} if weather.assumption else {})
+
+
+def _named(declaration: Declaration) -> str:
+    return f"{declaration.id}: {declaration.title}" if declaration.title else declaration.id
 
 
 def _visibility(weather: Weather, total_m: float) -> str:
@@ -163,7 +170,7 @@ def _shown(value: Any) -> str:
 def road_facts(road: Road) -> Facts:
     """What a road holds."""
     return {
-        "road": f"{road.id}: {road.title}",
+        "road": _named(road),
         "place": f"{road.land_use}, {road.junction}, {road.alignment}, {road.profile}",
         "streets": ", ".join(road.streets),
         "junctions": ", ".join(f"{name} ({item.control})" for name, item in road.junctions.items()),
@@ -176,7 +183,7 @@ def spec_facts(spec: Spec) -> Facts:
     road = spec.road
     facts = {
         "scenario": spec.id,
-        "road": f"{road.id}: {road.title}",
+        "road": _named(road),
         "place": f"{road.land_use}, {road.junction}, {road.alignment}, {road.profile}",
         "crash groups": ", ".join(group.typology for group in spec.groups),
         **weather_facts(spec.weather),

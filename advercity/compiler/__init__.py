@@ -40,9 +40,11 @@ def chosen_suite(library: Library, *folders: Path, suite: str | None = None) -> 
         return usual[0]
     if suite in suites:
         return suites[suite]
+    if not suites:
+        raise InputError(f"{named}: has no suite; `advercity new suite NAME` writes one")
     if suite is None:
-        what = f"has {len(suites)} suites" if suites else "has no suite"
-        raise InputError(f"{named}: {what}; name one with --suite: {', '.join(suites)}")
+        choice = f"has {len(suites)} suites; name one with --suite: {', '.join(suites)}"
+        raise InputError(f"{named}: {choice}")
     raise InputError(f"{named}: there is no suite '{suite}'; {nearest(suite, suites)}")
 
 

@@ -107,6 +107,8 @@ def read_spec(path: Path) -> Spec:
         reason = "it is nested too deep" if isinstance(error, RecursionError) else ""
         message = f"is no spec: {reason or getattr(error, 'msg', error)}"
         hint = "is it cut off? `advercity compile` writes it again"
+        if path.suffix in (".yaml", ".yml"):
+            hint = "`advercity compile` makes specs, which are JSON, of declarations"
         raise ProblemsError.of(located(path, text, at, message, hint=hint)) from None
     try:
         return Spec.model_validate(data)

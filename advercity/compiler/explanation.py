@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import Any
 
 from advercity_dsl import Declaration, RoadsideUnit, Spec
@@ -35,7 +36,12 @@ class Origin:
 
     def is_within(self, fields: Sequence[str]) -> bool:
         """Whether it is one of the fields, or part of one."""
-        return any(self.path == field or self.path.startswith(f"{field}.") for field in fields)
+        return not set(fields).isdisjoint(self.fields)
+
+    @property
+    def fields(self) -> list[str]:
+        """All that it is part of, from the outermost to itself: `a`, `a.b`, `a.b.c`."""
+        return list(accumulate(self.path.split("."), "{}.{}".format))
 
 
 def explained(spec: Spec, library: Library) -> list[Origin]:

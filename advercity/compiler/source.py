@@ -148,6 +148,8 @@ def read(path: Path) -> Document:
 def read_text(path: Path) -> str:
     """Text of a file of sensible size; ProblemsError if there is none."""
     try:
+        if path.is_dir():
+            raise _refused(path, "is a folder", "name a file in it")
         if not path.is_file():
             raise _refused(path, "is no file" if path.exists() else "there is no such file")
         with path.open("rb") as file:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from advercity.dataset.damage import damage_told
 from advercity.dataset.manifest import WeatherTruth, scenarios
 from advercity.dataset.reader import FrameView, Scenario, View
 
@@ -92,18 +93,18 @@ def _frame(scenario: Scenario, frame: FrameView) -> tuple[NDArray[np.void], list
     objects: dict[int, tuple[Any, ...]] = {}
     visible: dict[int, float] = {}
     for position, view in enumerate(views):
-        extras = view.extras["objects"] if scenario.format.has_extras else {}
+        extras = _extras(view) if scenario.format.has_extras else {}
         boxes = view.boxes
         for row, number in enumerate(boxes.ids.tolist()):
-            extra = extras.get(str(number), {})
-            visible[number] = float(np.fmax(visible.get(number, np.nan), _shown(extra)))
+            points, shown = extras.get(number, (np.nan, np.nan))
+            visible[number] = float(np.fmax(visible.get(number, np.nan), shown))
             if number in objects:
                 continue
             by_ego = (
                 boxes.distances_m[row],
                 boxes.bearings_rad[row],
                 boxes.lidar_hits[row],
-                extra.get("lidar_points", np.nan),
+                points,
             )
             objects[number] = (
                 frame.index,
@@ -121,6 +122,15 @@ def _is_not_ego(view: View) -> bool:
     return not (view.agent.place.kind == "vehicle" and view.agent.place.role == "ego")
 
 
-def _shown(extra: dict[str, Any]) -> float:
-    cameras: Iterable[dict[str, Any]] = extra.get("cameras", {}).values()
-    return max((camera["visible_fraction"] for camera in cameras), default=0.0 if extra else np.nan)
+def _extras(view: View) -> dict[int, tuple[float, float]]:
+    """Points on each object, and how much of it shows at most; by its id."""
+    with damage_told(view.path("_objects.json")):
+        return {
+            int(number): (float(item["lidar_points"]), _shown(item))
+            for number, item in view.extras["objects"].items()
+        }
+
+
+def _shown(item: dict[str, Any]) -> float:
+    cameras: Iterable[dict[str, Any]] = item["cameras"].values()
+    return max((camera["visible_fraction"] for camera in cameras), default=0.0)

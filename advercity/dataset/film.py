@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from advercity import poses
+from advercity.dataset.boxes import Boxes
 from advercity.dataset.images import painted
-from advercity.dataset.reader import Boxes, FrameView, View
+from advercity.dataset.reader import FrameView, View
 from advercity.dataset.sightings import BOX_EDGES, NEAR_M, box_corners
 from advercity.semantics import ACTOR_COLOURS
 

@@ -13,7 +13,7 @@ from pydantic import Field, ValidationError
 
 from advercity.dataset.manifest import MANIFEST, Manifest, spec_digest
 from advercity.dataset.staging import failures_named, lock, move, write
-from advercity.errors import RunError
+from advercity.errors import InputError, RunError
 
 INDEX = "index.json"
 
@@ -82,7 +82,7 @@ class Index(Model):
         states = [entry.state for entry in self.scenarios.values()]
         counts = {state: states.count(state) for state in ("whole", "partial", "failed", "waiting")}
         parts = [f"{count} {state}" for state, count in counts.items() if count]
-        return f"{len(states)} scenarios: {', '.join(parts)}"
+        return f"{len(states)} scenario{'' if len(states) == 1 else 's'}: {', '.join(parts)}"
 
     def to_json(self) -> bytes:
         """Sorted, without times and places, ending in a newline."""
@@ -104,7 +104,7 @@ class Index(Model):
         path = dataset / INDEX
         try:
             return Index.parse(path.read_bytes(), where=str(path))
-        except FileNotFoundError:
+        except (FileNotFoundError, NotADirectoryError):
             return None
         except OSError as error:
             raise RunError(f"{path}: cannot be read: {error.strerror}") from error
@@ -118,9 +118,14 @@ class FolderIndex:
     Args:
         dataset: The folder.
         specs: What a run was asked for.
+
+    Raises:
+        InputError: It is a file.
     """
 
     def __init__(self, dataset: Path, specs: Iterable[Spec]) -> None:
+        if dataset.exists() and not dataset.is_dir():
+            raise InputError(f"--output {dataset}: is a file; name a folder")
         self._dataset = dataset
         self._specs = {spec.id: spec for spec in specs}
         self._noted = False

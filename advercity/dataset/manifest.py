@@ -164,14 +164,14 @@ class Manifest(Model):
         """What is done of a scenario: its manifest, and the journal of a run that was cut short.
 
         Raises:
-            InputError: The folder has no manifest.
+            InputError: There is no such folder, or no manifest in it.
             RunError: It cannot be read.
         """
         path = scenario / MANIFEST
         try:
             text = path.read_bytes()
-        except FileNotFoundError as error:
-            raise InputError(f"{scenario}: no {MANIFEST} in it, so not a dataset") from error
+        except (FileNotFoundError, NotADirectoryError) as error:
+            raise _no_scenario(scenario) from error
         except OSError as error:
             raise RunError(f"{path}: cannot be read: {error.strerror}") from error
         written, noted = Manifest.parse(text, where=str(path)), read_journal(scenario)
@@ -216,4 +216,22 @@ def scenarios(dataset: Path) -> list[Path]:
         found = sorted(path.parent for path in dataset.glob(pattern))
         if found:
             return found
-    raise InputError(f"{dataset}: no {MANIFEST} in it or in its folders, so not a dataset")
+    raise _no_dataset(dataset, "in it or in its folders")
+
+
+def _no_scenario(folder: Path) -> InputError:
+    """Why a folder is no scenario; one with scenarios in it is told which there are."""
+    inside = sorted(path.parent.name for path in folder.glob(f"*/{MANIFEST}"))
+    if not inside:
+        return _no_dataset(folder, "in it")
+    more = f" and {len(inside) - 3} more" if len(inside) > 3 else ""
+    names = ", ".join(inside[:3])
+    return InputError(f"{folder}: is a dataset; name one of its scenarios: {names}{more}")
+
+
+def _no_dataset(folder: Path, where: str) -> InputError:
+    if not folder.exists():
+        return InputError(f"{folder}: there is no such folder; is the path right?")
+    if not folder.is_dir():
+        return InputError(f"{folder}: is a file; name the folder of a dataset")
+    return InputError(f"{folder}: no {MANIFEST} {where}, so not a dataset")

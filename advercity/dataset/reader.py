@@ -8,7 +8,6 @@ numbers, cheap to make and to pickle.
 
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, overload
@@ -20,44 +19,15 @@ from advercity_dsl import Agent, Spec
 from numpy.typing import NDArray
 
 from advercity import poses
+from advercity.dataset.boxes import M_S_PER_KM_H, Boxes, boxes_of
 from advercity.dataset.carla_frame import matrix_from_pose
+from advercity.dataset.damage import REMEDY, damage_told
 from advercity.dataset.formats import Format, format_called, frame_name
 from advercity.dataset.manifest import Manifest, scenarios
 from advercity.dataset.roles import Roles, roles_of
 from advercity.errors import InputError
 from advercity.poses import Matrix
 from advercity.semantics import PALETTE
-
-M_S_PER_KM_H = 1 / 3.6
-
-
-@dataclass(frozen=True, eq=False)
-class Boxes:
-    """Annotated objects of one viewpoint, n of them.
-
-    Attributes:
-        ids: (n,) int64, the same for the same object in all frames and viewpoints of a scenario.
-        classes: (n,) text: car, van, truck, bicycle, motorcycle or pedestrian.
-        world_from_box: (n, 4, 4); origin in the middle of the box, x forward, y left, z up.
-        sizes: (n, 3) full length, width and height in metres.
-        speeds_m_s: (n,).
-        distances_m: (n,) from the viewpoint.
-        bearings_rad: (n,) where the viewpoint sees it; 0 ahead, positive to the left.
-        lidar_hits: (n,) rays of the noise-free LiDAR that met it.
-    """
-
-    ids: NDArray[np.int64]
-    classes: NDArray[np.str_]
-    world_from_box: NDArray[np.float64]
-    sizes: NDArray[np.float64]
-    speeds_m_s: NDArray[np.float64]
-    distances_m: NDArray[np.float64]
-    bearings_rad: NDArray[np.float64]
-    lidar_hits: NDArray[np.int64]
-
-    def __len__(self) -> int:
-        """How many there are."""
-        return len(self.ids)
 
 
 class View:
@@ -99,7 +69,7 @@ class View:
         `tag` of `Semantic`, `object_id`, `kind` of `PointKind`, and `raw_x`, `raw_y`, `raw_z`
         where the rig lets the LiDAR turn.
         """
-        table = self._format.read_cloud(self._path(self._format.cloud)).copy()
+        table = self._format.read_cloud(self.path(self._format.cloud)).copy()
         for name in {"y", "raw_y"} & set(table.dtype.names or ()):
             table[name] *= -1
         return table
@@ -123,38 +93,35 @@ class View:
     @cached_property
     def description(self) -> dict[str, Any]:
         """The frame's YAML as it stands in the file: left-handed, degrees, km/h."""
-        path = self._path(".yaml")
-        try:
+        path = self.path(".yaml")
+        with damage_told(path):
             return yaml.load(path.read_bytes(), Loader=yaml.CSafeLoader)
-        except (OSError, yaml.YAMLError) as error:
-            raise InputError(f"{path}: cannot be read: {error}") from error
 
     @property
     def extras(self) -> dict[str, Any]:
         """What more is known of each object, as it stands in `_objects.json`."""
-        path = self._path("_objects.json")
-        try:
+        path = self.path("_objects.json")
+        with damage_told(path):
             return json.loads(path.read_bytes())
-        except (OSError, ValueError) as error:
-            raise InputError(f"{path}: cannot be read: {error}") from error
 
     @property
     def world_from_agent(self) -> Matrix:
         """(4, 4) of the vehicle's origin on the ground, or of the roadside unit."""
-        return matrix_from_pose(self._said("true_ego_pos"))
+        return self._pose("true_ego_pos")
 
     @property
     def world_from_lidar(self) -> Matrix:
         """(4, 4)."""
-        return matrix_from_pose(self._said("lidar_pose"))
+        return self._pose("lidar_pose")
 
     def world_from_camera(self, camera: int) -> Matrix:
         """(4, 4), body axes: x along the view, y left, z up."""
-        return matrix_from_pose(self._said(f"camera{camera}", "cords"))
+        return self._pose(f"camera{camera}", "cords")
 
     def intrinsic(self, camera: int) -> NDArray[np.float64]:
         """Pinhole matrix (3, 3) in pixels; optical axes x right, y down, z along the view."""
-        return np.array(self._said(f"camera{camera}", "intrinsic"))
+        with damage_told(self.path(".yaml")):
+            return np.reshape(self._said(f"camera{camera}", "intrinsic"), (3, 3)).astype(np.float64)
 
     def pixels(self, camera: int, points_world: NDArray[np.float64]) -> NDArray[np.float64]:
         """Column, row and depth in metres (n, 3) of points (n, 3) of the world in a picture."""
@@ -167,28 +134,22 @@ class View:
     @property
     def speed_m_s(self) -> float:
         """Of the vehicle; 0 for a roadside unit."""
-        return self._said("ego_speed") * M_S_PER_KM_H
+        with damage_told(self.path(".yaml")):
+            return float(self._said("ego_speed")) * M_S_PER_KM_H
 
     @property
     def boxes(self) -> Boxes:
         """Whom it annotates: vehicles first, then pedestrians."""
-        objects = self._said("vehicles") | self._said("walkers")
-        items = list(objects.values())
-        centres = [np.add(item["location"], item["center"]) for item in items]
-        box_poses = [
-            matrix_from_pose([*centre, *item["angle"]])
-            for centre, item in zip(centres, items, strict=True)
-        ]
-        return Boxes(
-            ids=np.array(list(objects), dtype=np.int64),
-            classes=np.array([_class_of(item) for item in items], dtype=np.str_),
-            world_from_box=np.reshape(box_poses, (-1, 4, 4)).astype(np.float64),
-            sizes=np.reshape([item["extent"] for item in items], (-1, 3)) * 2.0,
-            speeds_m_s=_column(items, "speed") * M_S_PER_KM_H,
-            distances_m=_column(items, "dist"),
-            bearings_rad=-np.deg2rad(_column(items, "bearing")),
-            lidar_hits=_column(items, "lidar_hits").astype(np.int64),
-        )
+        with damage_told(self.path(".yaml")):
+            return boxes_of(self._said("vehicles") | self._said("walkers"))
+
+    def path(self, suffix: str) -> Path:
+        """The file of this viewpoint and frame whose name ends so, as `.pcd`."""
+        return self._stem.with_name(self._stem.name + suffix)
+
+    def _pose(self, *keys: str) -> Matrix:
+        with damage_told(self.path(".yaml")):
+            return matrix_from_pose(self._said(*keys))
 
     def _said(self, *keys: str) -> Any:
         value: Any = self.description
@@ -196,19 +157,16 @@ class View:
             for key in keys:
                 value = value[key]
         except (LookupError, TypeError) as error:
-            path = self._path(".yaml")
+            path = self.path(".yaml")
             raise InputError(f"{path}: says nothing of {'.'.join(keys)}") from error
         return value
 
     def _picture(self, suffix: str, mode: int) -> NDArray[np.uint8]:
-        path = self._path(suffix)
+        path = self.path(suffix)
         image: Any = cv2.imread(str(path), mode)
         if image is None:
-            raise InputError(f"{path}: is missing or no picture; `advercity verify` tells more")
+            raise InputError(f"{path}: is missing or no picture; {REMEDY}")
         return image
-
-    def _path(self, suffix: str) -> Path:
-        return self._stem.with_name(self._stem.name + suffix)
 
 
 class FrameView:
@@ -334,14 +292,6 @@ def open_dataset(path: Path | str) -> Dataset:
 
 def _columns(table: NDArray[np.void], *names: str) -> NDArray[np.float32]:
     return np.column_stack([table[name] for name in names])
-
-
-def _class_of(item: dict[str, Any]) -> str:
-    return "pedestrian" if item["class"] == "walker" else item["class"]
-
-
-def _column(items: list[dict[str, Any]], key: str) -> NDArray[np.float64]:
-    return np.array([item[key] for item in items], dtype=np.float64)
 
 
 def _tags(painted: NDArray[np.uint8]) -> NDArray[np.uint8]:

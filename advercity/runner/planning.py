@@ -93,8 +93,10 @@ class Plan:
         share = max(1 / self.jobs, self.rates.busy_cores / cores())
         largest = sorted((item.memory_bytes for item in self.forecasts), reverse=True)
         processes = sorted(map(len, shared_out(self.jobs, len(largest))), reverse=True)
+        scenarios = "1 scenario" if len(largest) == 1 else f"{len(largest)} scenarios"
+        at_a_time = "1 process" if self.jobs == 1 else f"{self.jobs} processes"
         return Forecast(
-            scenario=f"{len(self.forecasts)} scenarios, {self.jobs} processes",
+            scenario=f"{scenarios}, {at_a_time}",
             frames=sum(item.frames for item in self.forecasts),
             is_exact=all(item.is_exact for item in self.forecasts),
             pictures=sum(item.pictures for item in self.forecasts),

@@ -250,6 +250,50 @@ def test_commands_refuse_what_is_no_dataset(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("name", ["verify", "repair", "stats", "video", "split", "sheet", "view"])
+def test_commands_tell_a_missing_folder_and_a_file_from_a_dataset(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path, name: str
+) -> None:
+    notes = tmp_path / "notes"
+    notes.touch()
+    missing = command(monkeypatch, capsys, name, tmp_path / "no")
+    file = command(monkeypatch, capsys, name, notes)
+    assert missing == (
+        2,
+        "",
+        f"error: {tmp_path / 'no'}: there is no such folder; is the path right?\n",
+    )
+    assert file == (2, "", f"error: {notes}: is a file; name the folder of a dataset\n")
+
+
+@pytest.mark.parametrize("name", ["sheet", "view"])
+def test_commands_on_one_scenario_name_those_of_a_dataset(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    dataset: Path,
+    name: str,
+) -> None:
+    code, out, err = command(monkeypatch, capsys, name, dataset)
+    assert (code, out) == (2, "")
+    assert "name one of its scenarios: rcnj_fog_day_sparse, ui_clear_night_dense" in err
+
+
+@pytest.mark.parametrize("name", ["stats", "video", "split"])
+def test_an_output_that_is_a_file_is_bad_input(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    dataset: Path,
+    tmp_path: Path,
+    name: str,
+) -> None:
+    notes = tmp_path / "notes"
+    notes.write_text("mine")
+    code, out, err = command(monkeypatch, capsys, name, dataset, "--output", notes)
+    assert (code, out) == (2, "")
+    assert "is a file" in err
+    assert notes.read_text() == "mine"
+
+
 def test_commands_say_what_they_wrote(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
