@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 from advercity.errors import InputError
 
+JPEG_QUALITY = 85
+
 
 def write_picture(image: NDArray[Any], path: Path) -> None:
     """Write an image (h, w, 3) in BGR as PNG or JPEG, as the file's name says.
@@ -16,7 +18,10 @@ def write_picture(image: NDArray[Any], path: Path) -> None:
         InputError: The name is of no picture, or it cannot be written there.
     """
     try:
-        encoded, content = cv2.imencode(path.suffix, image)
+        # PNG knows no such option and leaves it out.
+        encoded, content = cv2.imencode(
+            path.suffix, image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
+        )
     except cv2.error:
         encoded, content = False, None
     if not encoded or content is None:

@@ -21,7 +21,7 @@ SHEETS = {
     "people": ("pedestrian",),
 }
 SCALE = 0.5
-JPEG_QUALITY = 82
+JPEG_QUALITY = 76
 
 
 def main() -> None:

@@ -26,7 +26,7 @@ from advercity.runner import (
     repair,
     run_scenario,
 )
-from advercity.runner.gallery import BAR_PX, CELL_PX, write_gallery
+from advercity.runner.gallery import BAR_PX, write_gallery
 from advercity.sensors.lidar import PointKind
 
 pytestmark = [pytest.mark.render, pytest.mark.sumo]
@@ -204,10 +204,10 @@ def test_a_gallery_has_a_row_per_weather_and_a_column_per_scenario(
     spec: Spec, tmp_path: Path
 ) -> None:
     weathers = [find_weather("clear_day"), find_weather("clear_night")]
-    write_gallery([spec], weathers, tmp_path / "sheet.png", frame=0)
+    write_gallery([spec], weathers, tmp_path / "sheet.png", frame=0, width_px=320)
     sheet = cv2.imread(str(tmp_path / "sheet.png"))
     assert sheet is not None
-    assert sheet.shape == (BAR_PX + 2 * (BAR_PX + CELL_PX * 9 // 16), CELL_PX, 3)
+    assert sheet.shape == (BAR_PX + 2 * (BAR_PX + 180), 320, 3)
     day, night = sheet[40 : 40 + 180], sheet[40 + 200 :]
     assert day.mean() > 2.0 * night.mean()
     with pytest.raises(InputError, match="has frames 0 to"):

@@ -201,6 +201,7 @@ def gallery(
     ] = None,
     backend: BackendOption = "sapien",
     profile: Annotated[str, typer.Option(help="preview or full.")] = "preview",
+    width: Annotated[int, typer.Option(min=64, max=1920, help="Of each picture, pixels.")] = 384,
 ) -> None:
     """Show one camera of scenarios under every weather, on one sheet."""
     from advercity.cli.progress import progress
@@ -219,6 +220,7 @@ def gallery(
             frame=frame,
             backend=backend,
             profile=profile,
+            width_px=width,
             report=view.advanced,
         )
     say(str(output))

@@ -20,7 +20,8 @@ from advercity.runner.stage import Stage, set_stage
 from advercity.runner.viewpoints import Viewpoints
 
 Image = NDArray[np.uint8]
-CELL_PX = 384
+WIDTH_PX = 384
+"""Of a picture, where nobody asks for another."""
 OVERSAMPLING = 2
 """Pictures are taken this many times larger and averaged."""
 BAR_PX = 20
@@ -36,6 +37,7 @@ def write_gallery(
     frame: int | None = None,
     backend: str = "sapien",
     profile: str = "preview",
+    width_px: int = WIDTH_PX,
     report: Report = no_report,
 ) -> None:
     """Write a sheet with a row per weather and a column per scenario.
@@ -49,6 +51,7 @@ def write_gallery(
         frame: Kept frame; None is the one in the middle of each scenario.
         backend: That renders.
         profile: `preview` or `full`; the size of the pictures is the gallery's own.
+        width_px: Of each picture.
         report: Told of every picture.
 
     Raises:
@@ -64,12 +67,15 @@ def write_gallery(
         index = len(stage.trace) // 2 if frame is None else frame
         if index >= len(stage.trace):
             raise InputError(f"{spec.id} has frames 0 to {len(stage.trace) - 1}, not {index}")
-        column = [_bar(spec.road.id)]
+        column = [_bar(spec.road.id, width_px)]
         for count, weather in enumerate(weathers):
             report(Progress(spec.id, "pictures", count, len(weathers)))
             other = under(spec, weather)
-            taken = _taken(other, stage, viewer, camera, index, backend, PROFILES[profile])
-            column += [_bar(weather.declaration.id), taken]
+            scaled = PROFILES[profile].scaled(
+                width_px * OVERSAMPLING / viewer.sensors.camera.width_px
+            )
+            taken = _taken(other, stage, viewer, camera, index, backend, scaled)
+            column += [_bar(weather.declaration.id, width_px), taken]
         columns.append(column)
         report(Progress(spec.id, "done", len(weathers), len(weathers)))
     height = max(sum(len(cell) for cell in column) for column in columns)
@@ -102,17 +108,16 @@ def _taken(
     backend: str,
     profile: Profile,
 ) -> Image:
-    scaled = profile.scaled(CELL_PX * OVERSAMPLING / agent.sensors.camera.width_px)
     viewpoints = Viewpoints(spec, stage.trace)
-    with senses(viewpoints, stage, load_backend(backend), scaled) as sensed:
+    with senses(viewpoints, stage, load_backend(backend), profile) as sensed:
         image = sensed.look(agent, camera, index)
-    height = round(CELL_PX * image.shape[0] / image.shape[1])
-    small = cv2.resize(image, (CELL_PX, height), interpolation=cv2.INTER_AREA)
+    size = (image.shape[1] // OVERSAMPLING, image.shape[0] // OVERSAMPLING)
+    small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
     return small[..., ::-1].astype(np.uint8)
 
 
-def _bar(text: str) -> Image:
-    bar = np.full((BAR_PX, CELL_PX, 3), 32, np.uint8)
+def _bar(text: str, width_px: int) -> Image:
+    bar = np.full((BAR_PX, width_px, 3), 32, np.uint8)
     place = (6, BAR_PX - 6)
     cv2.putText(bar, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.42, (235,) * 3, 1, cv2.LINE_AA)
     return bar
