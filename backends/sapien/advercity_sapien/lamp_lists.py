@@ -114,7 +114,9 @@ class LampLists:
         distance = np.hypot(away[..., 0], away[..., 1])
         nearest = np.maximum(distance - half_m, 0.0)
         aside = _aside(away, distance, self._facing[:, :2])
-        aside = np.maximum(aside - np.arcsin(half_m / np.maximum(distance, half_m)), 0.0)
+        cell_rad = np.arcsin(half_m / np.maximum(distance, half_m))
+        # Around a lamp within it a cell lies in every direction, also where its middle is behind.
+        aside = np.where(distance < half_m, 0.0, np.maximum(aside - cell_rad, 0.0))
         lux = self._intensity_cd * np.select(
             [self._kind == Kind.STREET, self._is_beam],
             [

@@ -480,6 +480,20 @@ def test_low_beams_light_the_road_ahead_by_night_only(opened: Open) -> None:
     assert lit[50, 40] == 0.0
 
 
+def test_the_road_right_before_a_vehicle_is_lit_wherever_it_stands(opened: Open) -> None:
+    ground = box((0.0, 0.0, -0.5), (2000.0, 200.0, 1.0), "white")
+    far_away = state(2, (-700.0, 0.0, 0.0), lamps=Lamp.LOW_BEAM, yaw=np.pi)
+    seen: list[Floats] = []
+    with opened(world_of(ground), air_of(night=True)) as renderer:
+        for x in np.arange(0.0, 30.0, 6.0):
+            renderer.place(frame_of(far_away, state(1, (x, 0.0, 0.0), lamps=Lamp.LOW_BEAM)))
+            view = view_of(pose((x, 0.0, 1.5), pitch=0.6), size=(64, 48), hide=1)
+            seen.append(renderer.camera(view).radiance[..., 2])
+    assert seen[0].min() < 0.1 * seen[0].max()
+    for other in seen[1:]:
+        np.testing.assert_allclose(other, seen[0], rtol=0.05, atol=0.01 * seen[0].max())
+
+
 @pytest.mark.parametrize("lamps", [Lamp.LOW_BEAM, Lamp.FOG])
 def test_beams_have_the_pattern_that_sensors_know(opened: Open, lamps: Lamp) -> None:
     """On a wall 10 m ahead, at the height of the lamps and below."""
