@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from advercity.dataset.damage import damage_told
 from advercity.dataset.manifest import WeatherTruth, scenarios
 from advercity.dataset.reader import FrameView, Scenario, View
+from advercity.errors import InputError
 
 OBJECT = np.dtype(
     [
@@ -65,11 +66,14 @@ def facts_of_dataset(dataset: Path) -> list[Facts]:
     """Facts of every scenario that has frames, scenarios side by side in processes.
 
     Raises:
-        InputError: There is no dataset, or a file of it cannot be read.
+        InputError: There is no dataset, it has no frames, or a file of it cannot be read.
     """
     folders = scenarios(dataset)
     with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
-        return [facts for facts in pool.map(facts_of, folders) if facts.frames]
+        found = [facts for facts in pool.map(facts_of, folders) if facts.frames]
+    if not found:
+        raise InputError(f"{dataset}: no frames here")
+    return found
 
 
 def facts_of(folder: Path) -> Facts:

@@ -187,17 +187,18 @@ class Manifest(Model):
         try:
             return Manifest.model_validate_json(text)
         except ValidationError as error:
-            raise RunError(
-                f"{where}: not a manifest of this version: {_first_complaint(error)}"
-                "; `advercity run --fresh` makes the scenario anew"
-            ) from error
+            remedy = "`advercity run --fresh` makes the scenario anew"
+            raise RunError(f"{where}: {_first_complaint(error)}; {remedy}") from error
 
 
 def _first_complaint(error: ValidationError) -> str:
     """Where the first thing that is wrong stands, and what it is."""
     first = error.errors(include_url=False)[0]
+    if first["type"] == "json_invalid":
+        return "is damaged or cut off"
     where = ".".join(map(str, first["loc"]))
-    return f"{where}: {first['msg']}" if where else first["msg"]
+    what = f"{where}: {first['msg']}" if where else first["msg"]
+    return f"not a manifest of this version: {what}"
 
 
 def scenarios(dataset: Path) -> list[Path]:

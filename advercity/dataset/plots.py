@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from advercity.dataset.statistics import POLAR_BIN_DEG, POLAR_RANGE_BIN_M, RANGE_M, Table
-from advercity.errors import InputError
+from advercity.errors import InputError, RunError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -39,11 +39,15 @@ def write_plots(tables: Iterable[Table], folder: Path) -> None:
 
     Raises:
         InputError: matplotlib is not installed.
+        RunError: The folder does not take them.
     """
     for table in tables:
         if table.name not in UNPLOTTED:
-            figure = plot(table)
-            figure.savefig(folder / f"{table.name}.png", dpi=120, metadata={"Software": None})
+            path, figure = folder / f"{table.name}.png", plot(table)
+            try:
+                figure.savefig(path, dpi=120, metadata={"Software": None})
+            except OSError as error:
+                raise RunError(f"{path}: cannot be written: {error.strerror}") from error
 
 
 def plot(table: Table) -> "Figure":

@@ -35,7 +35,9 @@ def split(
     try:
         _link({folder.name: folder for folder in folders}, found, output)
     except OSError as error:
-        raise RunError(f"{error.filename or output}: {error.strerror}") from error
+        raise RunError(
+            f"{error.filename or output}: cannot be written: {error.strerror}"
+        ) from error
     return found
 
 

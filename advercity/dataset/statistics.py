@@ -68,7 +68,9 @@ def write_tables(found: Iterable[Table], folder: Path) -> None:
                 writer.writerow(table.columns)
                 writer.writerows([_rounded(value) for value in row] for row in table.rows)
     except OSError as error:
-        raise RunError(f"{error.filename or folder}: {error.strerror}") from error
+        raise RunError(
+            f"{error.filename or folder}: cannot be written: {error.strerror}"
+        ) from error
 
 
 def _rounded(value: Any) -> Any:

@@ -12,7 +12,7 @@ from advercity.dataset.manifest import Identity
 from advercity.dataset.reader import View
 from advercity.dataset.reading import Reading
 from advercity.dataset.writer import DatasetWriter
-from advercity.errors import InputError
+from advercity.errors import InputError, RunError
 
 ReadingsOf = Callable[[int], tuple[Reading, ...]]
 REMEDY = "`advercity verify` tells more, `advercity repair` makes it again"
@@ -76,3 +76,16 @@ def test_statistics_tell_which_file_is_gone(scenario: Path) -> None:
     (scenario / "102" / "000060.yaml").unlink()
     with pytest.raises(InputError, match=r"102/000060\.yaml: is missing; `advercity verify`"):
         facts_of(scenario)
+
+
+def test_a_manifest_that_is_cut_off_is_told_from_one_of_another_version(scenario: Path) -> None:
+    path = scenario / "manifest.json"
+    text = path.read_text()
+    path.write_text(text[:2000])
+    with pytest.raises(
+        RunError, match=r"manifest\.json: is damaged or cut off; `advercity run --fresh`"
+    ):
+        advercity.open_dataset(scenario)
+    path.write_text(text.replace('"manifest_version": 3', '"manifest_version": 2'))
+    with pytest.raises(RunError, match="not a manifest of this version: manifest_version: "):
+        advercity.open_dataset(scenario)

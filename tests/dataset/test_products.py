@@ -24,7 +24,7 @@ from advercity.dataset.statistics import Table, tables, write_tables
 from advercity.dataset.verification import verify_dataset
 from advercity.dataset.video import write_videos
 from advercity.dataset.writer import DatasetWriter
-from advercity.errors import InputError
+from advercity.errors import InputError, RunError
 
 ReadingsOf = Callable[[int], tuple[Reading, ...]]
 FRAMES = 3
@@ -184,6 +184,20 @@ def test_every_table_is_a_csv_and_all_but_one_a_picture(facts: list[Facts], tmp_
         image = cv2.imread(str(path))
         assert image is not None
         assert image.std() > 5
+
+
+def test_a_plot_that_cannot_be_written_is_named(facts: list[Facts], tmp_path: Path) -> None:
+    (tmp_path / "weather.png").mkdir()
+    with pytest.raises(RunError, match=r"weather\.png: cannot be written: "):
+        write_plots(tables(facts), tmp_path)
+
+
+def test_a_dataset_without_frames_has_no_statistics(tmp_path: Path, spec: Spec) -> None:
+    identity = Identity.of(spec, trace_sha256="0" * 64, renderer={})
+    with DatasetWriter(tmp_path, spec, identity, length=FRAMES) as writer:
+        writer.finish()
+    with pytest.raises(InputError, match="no frames here"):
+        facts_of_dataset(tmp_path)
 
 
 def test_plots_without_matplotlib_say_what_to_install(
