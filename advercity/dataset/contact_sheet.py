@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from advercity.dataset.images import painted
-from advercity.dataset.reader import Scenario, View
+from advercity.dataset.reader import Scenario
+from advercity.dataset.view import View
 from advercity.errors import InputError
 from advercity.pictures import write_picture
 

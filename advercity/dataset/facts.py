@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from advercity.dataset.damage import damage_told
 from advercity.dataset.manifest import WeatherTruth, scenarios
-from advercity.dataset.reader import FrameView, Scenario, View
+from advercity.dataset.reader import FrameView, Scenario
+from advercity.dataset.view import View
 from advercity.errors import InputError
 
 OBJECT = np.dtype(

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from advercity import poses
 from advercity.dataset.boxes import Boxes
 from advercity.dataset.images import painted
-from advercity.dataset.reader import FrameView, View
+from advercity.dataset.reader import FrameView
 from advercity.dataset.sightings import BOX_EDGES, NEAR_M, box_corners
+from advercity.dataset.view import View
 from advercity.semantics import ACTOR_COLOURS
 
 REACH_M = 80.0

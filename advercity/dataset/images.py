@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 
 import cv2
 import numpy as np
@@ -26,6 +27,11 @@ def painted(semantic: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.asarray(cv2.applyColorMap(semantic, _COLOURS), dtype=np.uint8)
 
 
+def unpainted(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Tags (h, w) of a picture (h, w, 3) in CARLA's colours; what is no such colour is 0."""
+    return _tag_of_colour()[_packed(picture)]
+
+
 def whole_metres(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
     """Depths (h, w) in metres, inf for the sky, as 8-bit values."""
     return np.rint(np.minimum(depth, 255.0)).astype(np.uint8)
@@ -41,3 +47,17 @@ def side_by_side(jobs: Mapping[str, Callable[[], bytes]]) -> dict[str, bytes]:
     with ThreadPoolExecutor() as pool:
         running = {name: pool.submit(job) for name, job in jobs.items()}
     return {name: future.result() for name, future in running.items()}
+
+
+@cache
+def _tag_of_colour() -> NDArray[np.uint8]:
+    """Tag by packed colour."""
+    tags = np.zeros(1 << 24, np.uint8)
+    tags[_packed(PALETTE)] = np.arange(len(PALETTE))
+    return tags
+
+
+def _packed(colours: NDArray[np.uint8]) -> NDArray[np.uint32]:
+    """Colours (..., 3) as numbers (...)."""
+    red, green, blue = np.moveaxis(colours.astype(np.uint32), -1, 0)
+    return red << 16 | green << 8 | blue

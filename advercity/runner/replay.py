@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from advercity.dataset.reader import Scenario, View
+from advercity.dataset.reader import Scenario
 from advercity.dataset.reading import Picture, Reading
+from advercity.dataset.view import View
 from advercity.errors import InputError, RunError
 from advercity.poses import Matrix
 from advercity.runner.stage import set_stage

@@ -9,8 +9,8 @@ from advercity_dsl import Spec
 import advercity
 from advercity.dataset.facts import facts_of
 from advercity.dataset.manifest import Identity
-from advercity.dataset.reader import View
 from advercity.dataset.reading import Reading
+from advercity.dataset.view import View
 from advercity.dataset.writer import DatasetWriter
 from advercity.errors import InputError, RunError
 
