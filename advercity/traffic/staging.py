@@ -41,49 +41,100 @@ def stage(spec: Spec, network: Path) -> Trace:
         RunError: A conflict cannot be staged here.
     """
     graph = read_lanes(network)
-    first = spec.timing.warm_up_ticks + 1
-    again: dict[int, int] = {}
-    plays: Mapping[int, Play] = {}
-    told: list[Told] = []
-    blamed: set[int] = set()
-    why = ""
+    if not spec.conflicts:
+        demand = draw(spec, graph, {})
+        recording = recorded(spec, demand, graph, network, {})
+        return trace_of(spec, demand, recording, first=spec.timing.warm_up_ticks + 1)
+    rehearsals = _Rehearsals(spec, graph, network)
     for _ in range(MOST_REHEARSALS):
-        demand = draw(spec, graph, again)
-        recording = recorded(spec, demand, graph, network, plays)
-        if not spec.conflicts:
-            return trace_of(spec, demand, recording, first=first)
-        before = plays
-        plays = played(spec, demand, graph, recording, before)
-        if any(play.waits for play in plays.values()):
-            why = never_met(spec, plays)
-            held = _holding_up(spec, demand, recording) or blamed
-            if held:
-                _draw_again(held, again)
-                continue
-        if _is_told_anew(before, plays):
-            why = "the actors' times did not settle; lower the density or take other seeds.traffic"
-            held = _holding_up(spec, demand, recording) if _recurs(plays, again, told) else set()
-            told.append((dict(again), plays))
-            _draw_again(held, again)
-            continue
+        trace = rehearsals.next()
+        if trace is not None:
+            return trace
+    raise RunError(f"after {MOST_REHEARSALS} rehearsals {rehearsals.why}")
+
+
+class _Rehearsals:
+    """Traffic that is run again and again, each time with something mended.
+
+    Attributes:
+        why: What was wrong with the last one.
+    """
+
+    def __init__(self, spec: Spec, graph: LaneGraph, network: Path) -> None:
+        self.why = ""
+        self._spec = spec
+        self._graph = graph
+        self._network = network
+        self._again: dict[int, int] = {}
+        self._plays: Mapping[int, Play] = {}
+        self._told: list[Told] = []
+        self._blamed: set[int] = set()
+
+    def next(self) -> Trace | None:
+        """One more: its trace if all went as declared; else None, and the next will differ.
+
+        Raises:
+            RunError: Nothing that could be changed would help.
+        """
+        spec, graph, before = self._spec, self._graph, self._plays
+        demand = draw(spec, graph, self._again)
+        recording = recorded(spec, demand, graph, self._network, before)
+        self._plays = played(spec, demand, graph, recording, before)
+        if self._make_way(demand, recording) or self._tell_anew(before, demand, recording):
+            return None
+        return self._judge(demand, recording)
+
+    @property
+    def _waits(self) -> bool:
+        return any(play.waits for play in self._plays.values())
+
+    def _make_way(self, demand: Demand, recording: Recording) -> bool:
+        """Draw again who holds up an ego that an actor waits for in vain; whether somebody does."""
+        if not self._waits:
+            return False
+        self.why = never_met(self._spec, self._plays)
+        held = _holding_up(self._spec, demand, recording) or self._blamed
+        self._draw_again(held)
+        return bool(held)
+
+    def _tell_anew(self, before: Mapping[int, Play], demand: Demand, recording: Recording) -> bool:
+        """See whether cues have changed; where that goes round, draw again who holds up the ego."""
+        if not _differs(before, self._plays):
+            return False
+        self.why = "the actors' times did not settle; lower the density or take other seeds.traffic"
+        goes_round = _recurs(self._plays, self._again, self._told)
+        held = _holding_up(self._spec, demand, recording) if goes_round else set()
+        self._told.append((dict(self._again), self._plays))
+        self._draw_again(held)
+        return True
+
+    def _judge(self, demand: Demand, recording: Recording) -> Trace | None:
+        """The trace with all parts played; None, others drawn again, if it is not as declared."""
+        spec, plays = self._spec, self._plays
         tracks = {number: play.track for number, play in plays.items() if play.track is not None}
+        first = spec.timing.warm_up_ticks + 1
         trace = trace_of(spec, demand, recording.with_tracks(tracks), first=first)
         blocks = set(in_the_way(spec, trace))
-        if not blocks and any(play.waits for play in plays.values()):
-            raise RunError(why)
-        if not blocks:
-            blamed = _spoiling(spec, trace, demand)
-            if not blamed:
+        if blocks:
+            self.why = blocked(spec, blocks)
+            self._blamed = {block.who for block in blocks} & _background(demand) or self._blamed
+            if not self._blamed:
+                raise RunError(self.why)
+        else:
+            if self._waits:
+                raise RunError(self.why)
+            self._blamed = _spoiling(spec, trace, demand)
+            if not self._blamed:
                 return trace
-            why = "somebody of the background spoils a staged conflict; take other seeds.traffic"
-            _draw_again(blamed, again)
-            continue
-        why = blocked(spec, blocks)
-        blamed = {block.who for block in blocks} & _background(demand) or blamed
-        if not blamed:
-            raise RunError(why)
-        _draw_again(blamed, again)
-    raise RunError(f"after {MOST_REHEARSALS} rehearsals {why}")
+            self.why = (
+                "somebody of the background spoils a staged conflict; take other seeds.traffic"
+            )
+        self._draw_again(self._blamed)
+        return None
+
+    def _draw_again(self, blamed: set[int]) -> None:
+        for number in blamed:
+            self._again[number] = self._again.get(number, 0) + 1
 
 
 def never_met(spec: Spec, plays: Mapping[int, Play]) -> str:
@@ -120,11 +171,6 @@ def blocked(spec: Spec, blocks: Iterable[Block]) -> str:
     )
 
 
-def _draw_again(blamed: set[int], again: dict[int, int]) -> None:
-    for number in blamed:
-        again[number] = again.get(number, 0) + 1
-
-
 def _spoiling(spec: Spec, trace: Trace, demand: Demand) -> set[int]:
     """Those of the background who hold the ego up, if a conflict did not happen as declared."""
     if all(outcome.happened for outcome in outcomes(spec, trace)):
@@ -142,7 +188,7 @@ def _background(demand: Demand) -> set[int]:
     return {one.actor.id for one in (*demand.vehicles, *demand.walkers)}
 
 
-def _is_told_anew(before: Mapping[int, Play], after: Mapping[int, Play]) -> bool:
+def _differs(before: Mapping[int, Play], after: Mapping[int, Play]) -> bool:
     """Whether a vehicle in SUMO has to be told something else than it was."""
     return any(
         play.cue is not None
@@ -153,7 +199,7 @@ def _is_told_anew(before: Mapping[int, Play], after: Mapping[int, Play]) -> bool
 
 def _recurs(plays: Mapping[int, Play], again: dict[int, int], told: Iterable[Told]) -> bool:
     """Whether the same was told to the same traffic: rehearsals go round and will not settle."""
-    return any(drawn == again and not _is_told_anew(then, plays) for drawn, then in told)
+    return any(drawn == again and not _differs(then, plays) for drawn, then in told)
 
 
 def recorded(
