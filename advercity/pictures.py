@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from advercity.errors import InputError
 
+JPEG_SUFFIXES = (".jpg", ".jpeg")
 JPEG_QUALITY = 85
 
 
@@ -17,11 +18,10 @@ def write_picture(image: NDArray[Any], path: Path) -> None:
     Raises:
         InputError: The name is of no picture, or it cannot be written there.
     """
+    is_jpeg = path.suffix.lower() in JPEG_SUFFIXES
+    options = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY] if is_jpeg else []
     try:
-        # PNG knows no such option and leaves it out.
-        encoded, content = cv2.imencode(
-            path.suffix, image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
-        )
+        encoded, content = cv2.imencode(path.suffix, image, options)
     except cv2.error:
         encoded, content = False, None
     if not encoded or content is None:

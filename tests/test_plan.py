@@ -36,3 +36,12 @@ def test_the_same_road_gives_the_same_plan(specs: dict[str, Spec]) -> None:
 def test_a_picture_needs_the_name_of_one(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"end it in \.png"):
         write_picture(np.zeros((4, 4, 3), np.uint8), tmp_path / "plan.doc")
+
+
+@pytest.mark.parametrize("name", ["plan.png", "plan.jpg"])
+def test_a_picture_is_written_without_a_word(
+    name: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    write_picture(np.full((8, 8, 3), 200, np.uint8), tmp_path / name)
+    assert (tmp_path / name).stat().st_size > 0
+    assert capfd.readouterr() == ("", "")
