@@ -302,6 +302,17 @@ def test_help_lists_the_commands(advercity: Command) -> None:
     )
 
 
+@pytest.mark.parametrize("group", [[], ["assets"]])
+def test_help_says_in_a_whole_line_what_each_command_does(
+    advercity: Command, monkeypatch: pytest.MonkeyPatch, group: list[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    ran = advercity(*group, "--help")
+    lines = ran.out.partition("Commands:\n")[2].splitlines()
+    assert len(lines) >= 5
+    assert [line for line in lines if not line.rstrip().endswith(".") or "..." in line] == []
+
+
 def test_show_explains_a_weather_in_words_and_numbers(advercity: Command, library: Path) -> None:
     ran = advercity("show", library / "examples" / "snow_day.yaml", "--json")
     facts = json.loads(ran.out)

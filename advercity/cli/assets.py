@@ -26,7 +26,10 @@ def install(
         bool, typer.Option("--optional", help="Where that cannot be done, say so and go on.")
     ] = False,
 ) -> None:
-    """Fetch Debian's free furniture models, and make bodies of them; needs apt, not root."""
+    """Fetch Debian's free furniture models, for bodies.
+
+    Needs apt, but not root.
+    """
     from advercity.runner.bodies import catalogue_blueprints
     from advercity.runner.cache import shelf
 
@@ -67,7 +70,7 @@ def remove() -> None:
 
 @assets.command("list")
 def list_(library: LibraryOption = None) -> None:
-    """List blueprints with triangles, memory, source and licence of their bodies."""
+    """List bodies with triangles, memory, source and licence."""
     from advercity.cli.tables import table
     from advercity.runner.bodies import catalogue_blueprints, facts_of
     from advercity.runner.cache import shelf
@@ -87,7 +90,7 @@ def sheet(
     library: LibraryOption = None,
     backend: Annotated[str, typer.Option(help="Rendering backend.")] = "sapien",
 ) -> None:
-    """Picture blueprints from four sides, by day and by night with their lamps."""
+    """Picture bodies from four sides, by day and by night."""
     from advercity.pictures import write_picture
     from advercity.rendering.registry import load_backend
     from advercity.runner.bodies import catalogue_blueprints, chosen

@@ -46,7 +46,10 @@ def solve(
         bool, typer.Option("--check", help="Only tell whether what was found still holds.")
     ] = False,
 ) -> None:
-    """Find suns that are to be in the ego's view, by rays against the world; write them down."""
+    """Find suns that are to be in the ego's view.
+
+    Rays against the world find them, and they are written into the weathers' files.
+    """
     from advercity.compiler import chosen_suite, load_library
     from advercity.runner.glare import check_suns, solve_suns
 
@@ -90,7 +93,7 @@ def show(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Tell what a scenario or a declaration holds, and what follows from it; draw its plan."""
+    """Tell what a scenario or a declaration holds; draw its plan."""
     from advercity_dsl import Road
 
     from advercity.cli import tables
@@ -122,7 +125,10 @@ def explain(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Tell where every value of a spec comes from: file and line, default, or rule."""
+    """Tell where the values of a spec come from.
+
+    That is a file and its line, a default, or a rule.
+    """
     from advercity.cli import tables
     from advercity.compiler import explained, load_library, nearest, read_spec
 

@@ -18,7 +18,10 @@ def verify(
         str, typer.Argument(help="A dataset, or one scenario of it; also s3://bucket/folder.")
     ],
 ) -> None:
-    """Check every file of a dataset against its manifests, and those against its index."""
+    """Check every file of a dataset by its checksum.
+
+    Files are compared with the manifests, and those with the index.
+    """
     from advercity.dataset.index import Index
     from advercity.dataset.verification import verify_dataset
 
@@ -38,7 +41,10 @@ def verify(
 def repair(
     dataset: DatasetArgument,
 ) -> None:
-    """Make missing and changed files of a dataset again, with the checksums they had."""
+    """Make missing and changed files of a dataset again.
+
+    Only what has the checksum that it had is put back.
+    """
     from advercity.cli.progress import progress
     from advercity.dataset.manifest import scenarios
     from advercity.dataset.reader import Scenario
@@ -84,7 +90,10 @@ def video(
         list[str] | None, typer.Option(help="front, mosaic, semantic or lidar; all of them.")
     ] = None,
 ) -> None:
-    """Film scenarios: front cameras, mosaic with boxes, semantics, LiDAR from above."""
+    """Film the scenarios of a dataset.
+
+    Front cameras, mosaic with boxes, semantics, LiDAR from above.
+    """
     from advercity.dataset.video import KINDS, write_videos
 
     for path in write_videos(dataset, output, kind or KINDS):

@@ -60,7 +60,7 @@ def run(
     ] = False,
     layout: Annotated[str, typer.Option("--format", help="opv2v or adver_city.")] = "opv2v",
 ) -> None:
-    """Run scenarios, each in a process of its own: traffic, sensors, dataset, live view."""
+    """Run scenarios: traffic, sensors, dataset, live view."""
     from advercity.cli.progress import progress
     from advercity.compiler import find_weather, read_spec, under
     from advercity.runner import (
@@ -135,7 +135,7 @@ def plan(
     jobs: JobsOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Tell what running scenarios will take: frames, pictures, bytes, time and memory.
+    """Tell what running scenarios will take: bytes, time, memory.
 
     The first time it measures this machine, which takes a minute, and simulates the traffic.
     """
@@ -169,7 +169,10 @@ def simulate(
         bool, typer.Option("--table", help="Only print the table, as Markdown; write nothing.")
     ] = False,
 ) -> None:
-    """Simulate traffic alone: trace, report and moving plan; tell whether conflicts happened."""
+    """Simulate traffic alone; tell whether conflicts happened.
+
+    Writes trace, report and moving plan of every scenario.
+    """
     from advercity.cli import tables
     from advercity.compiler import read_spec
     from advercity.runner.simulating import reports, simulate_to
