@@ -6,10 +6,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from advercity.dataset.damage import no_frames
 from advercity.dataset.images import painted
 from advercity.dataset.reader import Scenario
 from advercity.dataset.view import View
-from advercity.errors import InputError
 from advercity.pictures import write_picture
 
 CELL_WIDTH = 384
@@ -32,7 +32,7 @@ def write_contact_sheet(path: Path, output: Path) -> None:
     """
     scenario = Scenario(path)
     if not len(scenario):
-        raise InputError(f"{path}: no frames here; give the folder of one scenario")
+        raise no_frames(path)
     frame = scenario[len(scenario) // 2]
     rows = [_row(view, f"{agent}  frame {frame.name}") for agent, view in frame.views.items()]
     write_picture(np.vstack(rows), output)

@@ -11,6 +11,11 @@ from advercity.errors import InputError
 REMEDY = "`advercity verify` tells more, `advercity repair` makes it again"
 
 
+def no_frames(path: Path) -> InputError:
+    """What to raise where a scenario, or a whole dataset, has no frames yet."""
+    return InputError(f"{path}: no frames here yet; `advercity run` with its spec makes them")
+
+
 @contextmanager
 def damage_told(path: Path) -> Generator[None]:
     """Turn whatever a file leads to that is not as it was written into an InputError about it."""

@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from advercity.dataset.damage import damage_told
+from advercity.dataset.damage import damage_told, no_frames
 from advercity.dataset.manifest import WeatherTruth, scenarios
 from advercity.dataset.reader import FrameView, Scenario
 from advercity.dataset.view import View
-from advercity.errors import InputError
 
 OBJECT = np.dtype(
     [
@@ -73,7 +72,7 @@ def facts_of_dataset(dataset: Path) -> list[Facts]:
     with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
         found = [facts for facts in pool.map(facts_of, folders) if facts.frames]
     if not found:
-        raise InputError(f"{dataset}: no frames here")
+        raise no_frames(dataset)
     return found
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from advercity.dataset import film
+from advercity.dataset.damage import no_frames
 from advercity.dataset.manifest import scenarios
 from advercity.dataset.reader import FrameView, Scenario
 from advercity.errors import InputError
@@ -34,7 +35,7 @@ def write_videos(dataset: Path, output: Path, kinds: Sequence[str] = KINDS) -> l
     for folder in scenarios(dataset):
         scenario = Scenario(folder)
         if not len(scenario):
-            raise InputError(f"{folder}: no frames here")
+            raise no_frames(folder)
         films = dict(_films(scenario, kinds))
         paths = {name: output / f"{folder.name}_{name}.mp4" for name in films}
         with ExitStack() as stack:

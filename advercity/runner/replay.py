@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from advercity.dataset.damage import no_frames
 from advercity.dataset.reader import Scenario
 from advercity.dataset.reading import Picture, Reading
 from advercity.dataset.view import View
@@ -85,7 +86,7 @@ def record(path: Path, file: Path, *, cloud_colour: CloudColour = "intensity") -
     """Make a recording of every frame of a scenario's folder."""
     scenario = Scenario(path)
     if not len(scenario):
-        raise InputError(f"{path}: no frames here")
+        raise no_frames(path)
     spec = scenario.spec
     stage = set_stage(spec)
     if stage.trace_sha256 != scenario.manifest.identity.trace_sha256:

@@ -192,12 +192,21 @@ def test_a_plot_that_cannot_be_written_is_named(facts: list[Facts], tmp_path: Pa
         write_plots(tables(facts), tmp_path)
 
 
-def test_a_dataset_without_frames_has_no_statistics(tmp_path: Path, spec: Spec) -> None:
+@pytest.mark.parametrize("name", ["stats", "video", "sheet", "view"])
+def test_a_scenario_without_frames_is_told_how_to_get_them(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    spec: Spec,
+    name: str,
+) -> None:
     identity = Identity.of(spec, trace_sha256="0" * 64, renderer={})
     with DatasetWriter(tmp_path, spec, identity, length=FRAMES) as writer:
         writer.finish()
-    with pytest.raises(InputError, match="no frames here"):
-        facts_of_dataset(tmp_path)
+    code, out, err = command(monkeypatch, capsys, name, tmp_path / spec.id)
+    assert (code, out) == (2, "")
+    assert err.endswith("no frames here yet; `advercity run` with its spec makes them\n")
+    assert len(err.splitlines()) == 1
 
 
 def test_plots_without_matplotlib_say_what_to_install(
