@@ -6,7 +6,9 @@ import numpy as np
 from advercity_dsl import Looks
 
 from advercity.randomness import generator
-from advercity.world.bodies.clothes import Figure, garments
+from advercity.world.bodies import headwear
+from advercity.world.bodies.clothes import garments
+from advercity.world.bodies.figure import Figure
 from advercity.world.bodies.puppets import Limb, fleshed
 from advercity.world.bodies.skeleton import JOINTS, Build, Joint, bent, sided
 from advercity.world.materials import PAINT
@@ -133,7 +135,7 @@ def dressed(
         (flesh, coat if material == PAINT else material)
         for flesh, material in garments(posture, build, looks)
     ]
-    worn.append((figure.helmet(), helmet))
+    worn.append((headwear.helmet(figure), helmet))
     if visor:
-        worn += [(figure.chin_guard(), helmet), (figure.visor(), "glass")]
+        worn += [(headwear.chin_guard(figure), helmet), (headwear.visor(figure), "glass")]
     return [fleshed(flesh, material) for flesh, material in worn]
