@@ -1,7 +1,7 @@
 """In which pose an actor is seen, and where: everybody who draws it or casts at it asks here."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -27,12 +27,6 @@ class Shape:
     def meshes(self, bodies: Mapping[str, Body]) -> tuple[Mesh, ...]:
         """Its parts, in the frame of `Posture.world_from_mesh`."""
         return posed(self.body(bodies), self.pose)
-
-    def siblings(self, bodies: Mapping[str, Body]) -> tuple["Shape", ...]:
-        """All shapes that its body takes on."""
-        gait = self.body(bodies).gait
-        poses = range(len(gait.moves)) if gait else ()
-        return tuple(replace(self, pose=pose) for pose in (None, *poses))
 
     def body(self, bodies: Mapping[str, Body]) -> Body:
         """The body that it is a pose of."""

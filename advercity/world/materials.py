@@ -36,8 +36,6 @@ class Material:
     reflectance_905nm: float
     roughness: float = 0.9
     metallic: float = 0.0
-    transmission: float = 0.0
-    """Share of light that passes straight through, as in window glass."""
     texture: Texture = Texture.PLAIN
 
 
