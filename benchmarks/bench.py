@@ -25,7 +25,10 @@ from pathlib import Path
 from advercity_sapien.device import probe
 from figures import Figure, table
 
-NAMES = ["compile", "traffic", "lidar", "camera", "tracing", "effects", "encode", "frame", "resume"]
+NAMES = [
+    *("compile", "traffic", "lidar", "camera", "tracing", "effects", "encode", "frame", "cores"),
+    "resume",
+]
 PACKAGES = [
     *("advercity", "sapien", "libsumo", "embreex", "numpy", "opencv-python-headless"),
     *("open3d", "open3d-cpu", "mitsuba"),

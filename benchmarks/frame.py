@@ -1,23 +1,18 @@
 """Where the time of a frame goes, and what all of it takes against SAPIEN's own pictures.
 
     python benchmarks/frame.py [compiled/ui_fog_day_sparse.json] [--rounds 3] [--frames 6]
+                               [--profile preview|full] [--scale F]
 
 Each round makes the same frames as `advercity run` does - sensed, annotated, encoded, written -
 and, before and after, takes as many pictures of the same scene with SAPIEN's own raster pack as the
 frame has cameras. The ratio is that of the walls, medians of the rounds; the first frame of a run,
 which builds the shaders, does not count. Stages overlap, so their walls add up to more than the
-frame's; what is no stage's own is the driver's, which draws in threads of its own.
-
-How busy the cores are is told by a run of the command line, starting and closing included, which
-shares its frames among as many processes as suit the machine.
+frame's; what is no stage's own is the driver's, which draws in threads of its own. `--scale 1` shows
+what a frame of full resolution takes besides its rendering, whatever renders it.
 """
 
 import argparse
-import os
-import resource
 import statistics
-import subprocess
-import sys
 import tempfile
 import threading
 import time
@@ -36,7 +31,7 @@ from figures import Figure
 
 from advercity.compiler import read_spec
 from advercity.dataset import frame_writer, opv2v, png
-from advercity.rendering.backend import PROFILES, CameraView
+from advercity.rendering.backend import PROFILES, CameraView, Profile
 from advercity.rendering.registry import load_backend
 from advercity.runner import FrameRange, Options, Progress, run_scenario, sensing
 from advercity.runner.stage import set_stage, world_of
@@ -44,7 +39,7 @@ from advercity.runner.viewpoints import Viewpoints
 from advercity.weather.derivation import atmosphere_of
 
 SPEC = Path("compiled/ui_fog_day_sparse.json")
-GOAL, BUSY_GOAL = 2.5, 0.85
+GOAL = 2.5
 STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
     "placing actors": ((SapienRenderer, "place"),),
     "asking for pictures": ((SapienRenderer, "_begin"),),
@@ -112,7 +107,7 @@ class Pace:
     stages: dict[str, Stage]
 
 
-def pace(spec: Spec, frames: int) -> Pace:
+def pace(spec: Spec, profile: Profile, frames: int) -> Pace:
     """Make frames of a scenario, the first of which does not count."""
     marks: list[tuple[float, float]] = []
     stopwatch = Stopwatch()
@@ -123,7 +118,12 @@ def pace(spec: Spec, frames: int) -> Pace:
             marks.append((time.perf_counter(), time.process_time()))
 
     with tempfile.TemporaryDirectory() as folder, stopwatch.running():
-        options = Options(Path(folder), profile="preview", frames=FrameRange(0, frames + 1))
+        options = Options(
+            Path(folder),
+            profile=profile.name,
+            scale=profile.scale,
+            frames=FrameRange(0, frames + 1),
+        )
         run_scenario(spec, options, report)
     (wall, cpu), (wall_end, cpu_end) = marks
     return Pace(
@@ -136,38 +136,17 @@ def pace(spec: Spec, frames: int) -> Pace:
     )
 
 
-def busy(spec: Path, frames: int) -> float:
-    """Share of the machine's cores that a whole run kept at work, once its traffic is known."""
-    set_stage(read_spec(spec))
-    with tempfile.TemporaryDirectory() as folder:
-        command = [
-            *(sys.executable, "-c", "from advercity.cli import main; main()"),
-            *("run", str(spec), "--profile", "preview"),
-            *("--frames", f"0:{frames}", "--output", folder),
-        ]
-        began_s, before_s = time.perf_counter(), _of_children_s()
-        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-        wall_s, cpu_s = time.perf_counter() - began_s, _of_children_s() - before_s
-    return cpu_s / wall_s / len(os.sched_getaffinity(0))
-
-
-def _of_children_s() -> float:
-    """Processor time of all that were started and have ended."""
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
-
-
 class Peer:
-    """SAPIEN's own pictures from every camera of a scenario, and ours of them alone."""
+    """SAPIEN's own raster pictures from every camera of a scenario, and ours of them alone."""
 
-    def __init__(self, spec: Spec) -> None:
-        self._spec = spec
+    def __init__(self, spec: Spec, profile: Profile) -> None:
+        self._spec, self._profile = spec, profile
         stage = set_stage(spec)
         viewpoints = Viewpoints(spec, stage.trace)
         self._frame = viewpoints.frame(1)
         self._world = world_of(spec, stage.network)
         self._air = atmosphere_of(spec.weather, spec.road.land_use)
-        self._views = list(_views(viewpoints))
+        self._views = list(_views(viewpoints, profile))
         self._take = stock_pictures(self._world, self._air, self._frame, self._views)
         self._take()
 
@@ -176,7 +155,7 @@ class Peer:
         paces: list[Pace] = []
         stock = [self.seconds()]
         for _ in range(count):
-            paces.append(pace(self._spec, frames))
+            paces.append(pace(self._spec, self._profile, frames))
             stock.append(self.seconds())
         around = zip(paces, stock, stock[1:], strict=False)
         return paces, [2.0 * one.wall_s / (ahead + after) for one, ahead, after in around], stock
@@ -189,7 +168,7 @@ class Peer:
 
     def ours(self) -> float:
         """Seconds of our pictures from every camera, without all that is done to them."""
-        with load_backend("sapien").open(self._world, self._air, PROFILES["preview"]) as renderer:
+        with load_backend("sapien").open(self._world, self._air, self._profile) as renderer:
             renderer.place(self._frame)
             for _ in renderer.cameras(self._views):
                 pass
@@ -199,15 +178,15 @@ class Peer:
             return time.perf_counter() - began
 
 
-def _views(viewpoints: Viewpoints) -> Iterator[CameraView]:
+def _views(viewpoints: Viewpoints, profile: Profile) -> Iterator[CameraView]:
     for agent in viewpoints.spec.agents:
         for world_from_camera in viewpoints.camera_poses(agent, 1):
-            yield sensing.view_of(agent, world_from_camera, PROFILES["preview"])
+            yield sensing.view_of(agent, world_from_camera, profile)
 
 
 def figures(*, quick: bool) -> list[Figure]:
     """A preview frame, whole and by stage."""
-    peer = Peer(read_spec(SPEC))
+    peer = Peer(read_spec(SPEC), PROFILES["preview"])
     rounds, frames = (2, 4) if quick else (5, 8)
     paces, ratios, _ = peer.rounds(rounds, frames)
     whole_s = statistics.median(pace.cpu_s for pace in paces)
@@ -219,10 +198,8 @@ def figures(*, quick: bool) -> list[Figure]:
         )
         for name in STAGES
     ]
-    whole_run = busy(SPEC, 48 if quick else 190)
     return [
         Figure("preview frame, wall", statistics.median(ratios), "SAPIEN's 20 pictures", GOAL),
-        Figure("preview run, cores busy", whole_run, "all cores", at_least=BUSY_GOAL),
         *stages,
     ]
 
@@ -233,14 +210,14 @@ def main() -> None:
     parser.add_argument("spec", type=Path, nargs="?", default=SPEC)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--frames", type=int, default=6)
-    parser.add_argument("--run", type=int, default=96)
+    parser.add_argument("--profile", choices=sorted(PROFILES), default="preview")
+    parser.add_argument("--scale", type=float)
     arguments = parser.parse_args()
-    peer = Peer(read_spec(arguments.spec))
+    profile = PROFILES[arguments.profile].scaled(arguments.scale)
+    peer = Peer(read_spec(arguments.spec), profile)
     paces, ratios, stock = peer.rounds(arguments.rounds, arguments.frames)
     _print(paces, statistics.median(stock), peer.ours())
     print(f"a frame against SAPIEN's own pictures: {statistics.median(ratios):.2f}")
-    whole_run = busy(arguments.spec, arguments.run)
-    print(f"cores busy in a run of {arguments.run} frames: {whole_run:.0%}")
 
 
 def _print(paces: list[Pace], stock_s: float, ours_s: float) -> None:
