@@ -7,7 +7,6 @@ in as many processes as suit the machine.
 """
 
 import argparse
-import os
 import resource
 import subprocess
 import sys
@@ -18,6 +17,7 @@ from pathlib import Path
 from figures import Figure
 
 from advercity.compiler import read_spec
+from advercity.runner.machine import cores
 from advercity.runner.stage import set_stage
 
 SPEC = Path("compiled/ui_fog_day_sparse.json")
@@ -36,7 +36,7 @@ def busy(spec: Path, frames: int, *options: str) -> float:
         began_s, before_s = time.perf_counter(), _of_children_s()
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
         wall_s, cpu_s = time.perf_counter() - began_s, _of_children_s() - before_s
-    return cpu_s / wall_s / len(os.sched_getaffinity(0))
+    return cpu_s / wall_s / cores()
 
 
 def figures(*, quick: bool) -> list[Figure]:

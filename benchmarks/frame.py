@@ -7,8 +7,8 @@ Each round makes the same frames as `advercity run` does - sensed, annotated, en
 and, before and after, takes as many pictures of the same scene with SAPIEN's own raster pack as the
 frame has cameras. The ratio is that of the walls, medians of the rounds; the first frame of a run,
 which builds the shaders, does not count. Stages overlap, so their walls add up to more than the
-frame's; what is no stage's own is the driver's, which draws in threads of its own. `--scale 1` shows
-what a frame of full resolution takes besides its rendering, whatever renders it.
+frame's; what is no stage's own is the driver's, which draws in threads of its own. `--scale 1`
+tells what a frame of full resolution takes besides its rendering, whatever renders it.
 """
 
 import argparse

@@ -8,6 +8,7 @@ import errno
 import hashlib
 import os
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 
 from advercity_dsl import Model
@@ -58,11 +59,9 @@ def read_journal(scenario: Path) -> dict[str, FileRecord]:
     """Records of all whole lines of all processes, by path; empty if nothing is noted."""
     records: dict[str, FileRecord] = {}
     for path in journals(scenario):
-        for line in path.read_bytes().splitlines():
-            try:
+        with suppress(FileNotFoundError, ValidationError):  # finished meanwhile; torn at its end
+            for line in path.read_bytes().splitlines():
                 records |= _RECORDS.validate_json(line)
-            except ValidationError:
-                break
     return records
 
 

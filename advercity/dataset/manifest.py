@@ -155,6 +155,11 @@ class Manifest(Model):
             files={path: files[path] for path in sorted(files)},
         )
 
+    @property
+    def size_bytes(self) -> int:
+        """Of all files but this."""
+        return sum(record.size for record in self.files.values())
+
     def to_json(self) -> str:
         """Sorted, without times and places, ending in a newline."""
         return self.model_dump_json(indent=1) + "\n"

@@ -113,15 +113,16 @@ class DatasetWriter:
         self._frames.write(frame, readings)
         self._done.add(frame)
 
-    def finish(self) -> None:
+    def finish(self) -> Manifest:
         """Bring the manifest up to date and clear up; after an error it happens by itself."""
         with failures_named(self.scenario):
             self._files |= read_journal(self.scenario)
             self._sweep()
-            self._save()
+            manifest = self._save()
             shutil.rmtree(self._staging)
             with suppress(OSError):  # another scenario is being written
                 self._staging.parent.rmdir()
+        return manifest
 
     def _open(self) -> None:
         if self._fresh:
@@ -194,10 +195,11 @@ class DatasetWriter:
             if folder.exists():
                 shutil.rmtree(folder)
 
-    def _save(self) -> None:
+    def _save(self) -> Manifest:
         manifest = Manifest.of(self._identity, self._spec, length=self._length, files=self._files)
         self._replace(MANIFEST, manifest.to_json().encode())
         remove_journal(self.scenario)
+        return manifest
 
     def _replace(self, path: str, content: bytes) -> None:
         write(self._incoming / path, content)

@@ -69,7 +69,7 @@ def run_all(
         places = free.get()
         try:
             outcome = supervise(
-                Job(spec, options, processes=len(places)),
+                Job(spec, options, processes=1 if options.viewer.is_asked_for else len(places)),
                 limits or Limits(),
                 watcher.advanced,
                 environment=seen_by(places, gpus),
@@ -97,7 +97,7 @@ def run_all(
 
 def shared_out(jobs: int, scenarios: int) -> list[range]:
     """Places of processes, a range of them for each scenario that runs at a time."""
-    count = min(jobs, scenarios)
+    count = max(1, min(jobs, scenarios))
     ends = [jobs * number // count for number in range(count + 1)]
     return [range(first, end) for first, end in pairwise(ends)]
 

@@ -5,7 +5,6 @@ from what all else takes. That is laid to the beams of the LiDARs, which most of
 """
 
 import math
-import os
 import platform
 import tempfile
 import time
@@ -25,6 +24,7 @@ from advercity.rendering.registry import load_backend
 from advercity.runner.cache import cache_folder, kept
 from advercity.runner.job import Job
 from advercity.runner.limits import Limits
+from advercity.runner.machine import cores
 from advercity.runner.options import FrameRange, Options, ViewerTarget
 from advercity.runner.preparation import choose_profile
 from advercity.runner.progress import Progress
@@ -120,7 +120,7 @@ def rates_here(options: Options, *, measure: bool) -> Rates:
         "code_sha256": source_digest(*CODE),
         **{name: version(name) for name in PACKAGES},
         "machine": f"{platform.node()} {platform.machine()}",
-        "cores": len(os.sched_getaffinity(0)),
+        "cores": cores(),
     }
     stored = cache_folder() / "calibrations" / f"{digest_of(key)}.json"
     if not stored.is_file() and not measure:

@@ -209,7 +209,7 @@ class _Driver:
             self._take_in(run, answer)
         if not run.open_tasks and run.error is None and run.parts is not None:
             manifest = run.parts.finish()
-            run.size_bytes = sum(record.size for record in manifest.files.values())
+            run.size_bytes = manifest.size_bytes
 
     def _hand_out(self, run: _Run, found: Survey) -> None:
         """A task for every piece of what is not there yet."""

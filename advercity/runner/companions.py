@@ -1,8 +1,8 @@
 """Processes that make frames of a scenario beside the one that has it open."""
 
-from collections import defaultdict
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
+from dataclasses import replace
 from threading import Event as Flag
 from types import TracebackType
 from typing import Self
@@ -36,11 +36,11 @@ class Companions:
         self, spec: Spec, options: Options, count: int, *, lock: int, changed: Callable[[], None]
     ) -> None:
         self._spec, self._options, self._lock, self._changed = spec, options, lock, changed
-        self._gpus = visible_gpus()
+        self._count = count
+        self._gpus = visible_gpus() if count else ()
         self._pool = ThreadPoolExecutor(max(1, count))
         self._stop = Flag()
-        self._numbers = range(1, count + 1)
-        self._last = defaultdict[int, Progress](lambda: Progress(spec.id, "starting"))
+        self._last: dict[int, Progress] = {}
         self._runs: list[Future[Outcome]] = []
 
     @property
@@ -62,7 +62,7 @@ class Companions:
                     raise error
 
     def __enter__(self) -> Self:
-        self._runs = [self._pool.submit(self._run, number) for number in self._numbers]
+        self._runs = [self._pool.submit(self._run, number) for number in range(1, self._count + 1)]
         return self
 
     def __exit__(
@@ -84,11 +84,16 @@ class Companions:
             self._last[number] = progress
             self._changed()
 
-        return supervise(
+        outcome = supervise(
             Job(self._spec, self._options, process=number),
             Limits(),
             report,
             environment=seen_by([number], self._gpus),
             stop=self._stop,
             keep_open=[self._lock],
+            is_companion=True,
         )
+        if outcome.error is None:
+            return outcome
+        who = f"process {number + 1} of {self._count + 1}"
+        return replace(outcome, error=type(outcome.error)(f"{who}: {outcome.error}"))

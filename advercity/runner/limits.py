@@ -18,7 +18,7 @@ class Limits:
     """What one scenario may take; None is without limit."""
 
     memory_bytes: int | None = None
-    """Resident, of each process that makes its frames, with all that this one has started."""
+    """Resident, for each process that makes its frames; they may take it together."""
     time_s: float | None = None
     """By the clock on the wall."""
 

@@ -5,13 +5,11 @@ are is known from the traffic, or at most what the spec's timing allows.
 """
 
 import math
-import os
 import shutil
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
-from operator import mul
 from pathlib import Path
 
 import psutil
@@ -24,6 +22,7 @@ from advercity.runner.cache import traffic_key
 from advercity.runner.calibration import Rates, profile_asked_for, rates_here
 from advercity.runner.gpus import visible_gpus
 from advercity.runner.limits import Limits, size_in_words, time_in_words
+from advercity.runner.machine import cores, free_memory_bytes
 from advercity.runner.options import Options
 from advercity.runner.stage import kept_trace, set_stage
 from advercity.runner.workload import Workload
@@ -91,8 +90,12 @@ class Plan:
     def total(self) -> Forecast:
         """All of them together."""
         share = max(1 / self.jobs, self.rates.busy_cores / cores())
-        largest = sorted((item.memory_bytes for item in self.forecasts), reverse=True)
-        processes = sorted(map(len, shared_out(self.jobs, len(largest))), reverse=True)
+        largest = sorted(self.forecasts, key=lambda item: item.memory_bytes, reverse=True)
+        places = sorted(map(len, shared_out(self.jobs, len(largest))), reverse=True)
+        memory_bytes = sum(
+            item.memory_bytes * min(count, max(1, item.frames))
+            for item, count in zip(largest, places, strict=False)
+        )
         scenarios = "1 scenario" if len(largest) == 1 else f"{len(largest)} scenarios"
         at_a_time = "1 process" if self.jobs == 1 else f"{self.jobs} processes"
         return Forecast(
@@ -102,7 +105,7 @@ class Plan:
             pictures=sum(item.pictures for item in self.forecasts),
             size_bytes=sum(item.size_bytes for item in self.forecasts),
             time_s=min(1.0, share) * sum(item.time_s for item in self.forecasts),
-            memory_bytes=sum(map(mul, largest, processes)),
+            memory_bytes=memory_bytes,
         )
 
     @property
@@ -179,13 +182,13 @@ def suitable_jobs(forecasts: Sequence[Forecast]) -> int:
     several at once for part of the time only; but one more for a scenario has to save more time
     than its start takes.
     """
-    gpus = visible_gpus()
-    if gpus:
-        return len(gpus)
     frames = sum(item.frames for item in forecasts)
     useful = max(len(forecasts), frames // FRAMES_PER_PROCESS)
+    gpus = visible_gpus()
+    if gpus:
+        return min(len(gpus), useful)
     largest = max(item.memory_bytes for item in forecasts)
-    fitting = int(SHARE_OF_FREE_MEMORY * psutil.virtual_memory().available / largest)
+    fitting = int(SHARE_OF_FREE_MEMORY * free_memory_bytes() / largest)
     return max(1, min(cores(), useful, fitting))
 
 
@@ -260,11 +263,6 @@ def _done(spec: Spec, options: Options) -> set[int]:
         with suppress(AdvercityError):  # the run itself says what is wrong there
             return set(Manifest.load(options.output / spec.id).frames)
     return set()
-
-
-def cores() -> int:
-    """Of the machine that this process may use."""
-    return len(os.sched_getaffinity(0))
 
 
 def _nearest_folder(path: Path) -> Path:

@@ -3,7 +3,9 @@
 from collections.abc import Callable, Collection, Sequence
 from contextlib import nullcontext
 from functools import partial
+from itertools import chain
 from pathlib import Path
+from threading import Lock
 
 from advercity_dsl import Spec
 
@@ -19,7 +21,7 @@ from advercity.runner.preparation import Preparation, prepare
 from advercity.runner.progress import Progress, Report, no_report
 from advercity.runner.replay import stored_readings
 from advercity.runner.sensing import senses
-from advercity.runner.stage import Stage
+from advercity.runner.stage import Stage, world_of
 from advercity.runner.viewpoints import Viewpoints
 from advercity.viewer.events import conflict_events
 from advercity.viewer.recording import Recording
@@ -51,9 +53,12 @@ def run_scenario(
             _make_and_show(spec, prepared, writer, recording, report)
         elif not writer.done.issuperset(prepared.wanted):
             _make(spec, options, prepared, writer, report, processes)
-        writer.finish()
+        manifest = writer.finish()
+    lost = _absent(prepared, manifest.frames)
+    if lost:
+        raise RunError(f"{writer.scenario}: no process made frame {lost[0]}; run again to go on")
     count = len(prepared.wanted)
-    report(Progress(spec.id, "done", count, count, writer.size_bytes))
+    report(Progress(spec.id, "done", count, count, manifest.size_bytes))
     return writer.scenario
 
 
@@ -97,10 +102,12 @@ def _make(
     """Make every frame that is not there, with other processes."""
     absent, total = _absent(prepared, writer.done), len(prepared.wanted)
     made = total - len(absent)
+    one_at_a_time = Lock()
 
     def tell() -> None:
-        size_bytes = writer.size_bytes + companions.size_bytes
-        report(Progress(spec.id, "frames", made + companions.frames, total, size_bytes))
+        with one_at_a_time:
+            size_bytes = writer.size_bytes + companions.size_bytes
+            report(Progress(spec.id, "frames", made + companions.frames, total, size_bytes))
 
     def go_on(count: int) -> None:
         nonlocal made
@@ -108,6 +115,7 @@ def _make(
         companions.check()
         tell()
 
+    world_of(spec, prepared.stage.network)  # into the cache, where the others find it
     companions = Companions(
         spec, options, min(processes, len(absent)) - 1, lock=writer.lock, changed=tell
     )
@@ -129,15 +137,19 @@ def _add_frames(
         prepared: What they are made with.
         absent: Frames that are not there.
         writer: Takes them.
-        go_on: Called with the number of frames made so far, before each and at the end.
+        go_on: Called with the number of frames sensed so far, before each and at the end.
     """
     count = 0
+    claimed = filter(writer.claim, absent)
+    first = next(claimed, None)
+    if first is None:
+        return
     viewpoints = Viewpoints(spec, prepared.stage.trace)
     with (
         Behind() as behind,
         senses(viewpoints, prepared.stage, prepared.backend, prepared.profile) as sensed,
     ):
-        for index in filter(writer.claim, absent):
+        for index in chain([first], claimed):
             go_on(count)
             behind.run(partial(writer.write, index, sensed.read(index)))
             count += 1

@@ -1,4 +1,4 @@
-"""Runs a scenario in a process of its own, and ends that when it takes too much."""
+"""Runs a job in a process of its own, and ends that when it takes too much."""
 
 import math
 import os
@@ -64,8 +64,9 @@ def supervise(
     environment: Mapping[str, str] | None = None,
     stop: Flag | None = None,
     keep_open: Sequence[int] = (),
+    is_companion: bool = False,
 ) -> Outcome:
-    """Run a scenario in a process of its own, within limits.
+    """Run a job in a process of its own, within limits.
 
     It may die, or be killed; what is finished stays, and the same job goes on from there.
 
@@ -76,11 +77,13 @@ def supervise(
         environment: Variables set for it on top of ours.
         stop: When it is set, the process is ended.
         keep_open: File descriptors of ours that it has open, too.
+        is_companion: It belongs to this process, whose own supervisor counts what it takes and ends
+            it along with us; so nobody looks here.
 
     Raises:
         Stopped: By `stop`.
     """
-    child = _Child(job, limits, report, stop or Flag())
+    child = _Child(job, limits, report, stop or Flag(), is_companion=is_companion)
     error: AdvercityError | None = None
     try:
         child.run({**os.environ, **(environment or {})}, keep_open)
@@ -98,10 +101,13 @@ def supervise(
 
 
 class _Child:
-    """The process of one scenario."""
+    """The process of one job."""
 
-    def __init__(self, job: Job, limits: Limits, report: Report, stop: Flag) -> None:
+    def __init__(
+        self, job: Job, limits: Limits, report: Report, stop: Flag, *, is_companion: bool
+    ) -> None:
         self._job, self._limits, self._report, self._stop = job, limits, report, stop
+        self._is_companion = is_companion
         self.began_s = time.monotonic()
         self.last = Progress(job.spec.id, "starting")
         self.peak_memory_bytes = 0
@@ -120,12 +126,12 @@ class _Child:
                     stdout=said,
                     stderr=said,
                     pass_fds=[writing, *keep_open],
-                    start_new_session=True,
+                    start_new_session=not self._is_companion,
                     env=environment,
                 )
             finally:
                 os.close(writing)
-            with process, _all_gone_at_the_end(process):
+            with process, self._gone_at_the_end(process):
                 self._feed(process)
                 for line in self._lines(process, events):
                     self._heed(line)
@@ -158,7 +164,7 @@ class _Child:
         while True:
             if self._stop.is_set():
                 raise Stopped
-            if time.monotonic() - watched_s > LOOK_EVERY_S:
+            if not self._is_companion and time.monotonic() - watched_s > LOOK_EVERY_S:
                 watched_s = time.monotonic()
                 self._watch(process)
             if not select([events], [], [], LOOK_EVERY_S)[0]:
@@ -172,19 +178,45 @@ class _Child:
     def _watch(self, process: subprocess.Popen[bytes]) -> None:
         used, self.cpu_s = _taken_by(process.pid)
         self.peak_memory_bytes = max(self.peak_memory_bytes, used)
-        longest_s = self._limits.time_s
-        most = (self._limits.memory_bytes or math.inf) * self._job.processes
+        longest_s, count = self._limits.time_s, self._job.processes
+        most = (self._limits.memory_bytes or math.inf) * count
         if used > most:
-            _signal_all(process, signal.SIGKILL)
+            self._signal(process, signal.SIGKILL)
+            who = "it" if count == 1 else f"its {count} processes together"
             raise RunError(
                 f"killed: took {size_in_words(used)} of memory, more than the"
-                f" {size_in_words(most)} that it may; --max-memory allows more"
+                f" {size_in_words(most)} that {who} may; --max-memory allows more"
             )
         if longest_s is not None and time.monotonic() - self.began_s > longest_s:
             raise RunError(
                 f"killed: took longer than {time_in_words(longest_s)}; run again to go on from"
                 " there, or allow more with --max-time"
             )
+
+    @contextmanager
+    def _gone_at_the_end(self, process: subprocess.Popen[bytes]) -> Generator[None]:
+        """End a process and all that it started; at once if all is well, else after asking.
+
+        Until it is reaped nobody else has its number.
+        """
+        try:
+            yield
+        except BaseException:
+            self._signal(process, signal.SIGTERM)
+            raise
+        finally:
+            patient_until_s = time.monotonic() + PATIENCE_S
+            while _is_alive(process) and time.monotonic() < patient_until_s:
+                time.sleep(0.02)
+            self._signal(process, signal.SIGKILL)
+
+    def _signal(self, process: subprocess.Popen[bytes], number: int) -> None:
+        """To the process and all that it started, which a companion shares with us."""
+        with suppress(ProcessLookupError, PermissionError):  # only the dead are left
+            if self._is_companion:
+                os.kill(process.pid, number)
+            else:
+                os.killpg(process.pid, number)
 
     def _last_words(self, code: int, said: IO[bytes]) -> str:
         how = f"exit code {code}"
@@ -218,28 +250,5 @@ def _taken(process: psutil.Process) -> tuple[int, float]:
         return 0, 0.0
 
 
-@contextmanager
-def _all_gone_at_the_end(process: subprocess.Popen[bytes]) -> Generator[None]:
-    """End a process and all that it started; at once if all is well, else after asking.
-
-    Until it is reaped nobody else has its number.
-    """
-    try:
-        yield
-    except BaseException:
-        _signal_all(process, signal.SIGTERM)
-        raise
-    finally:
-        patient_until_s = time.monotonic() + PATIENCE_S
-        while _is_alive(process) and time.monotonic() < patient_until_s:
-            time.sleep(0.02)
-        _signal_all(process, signal.SIGKILL)
-
-
 def _is_alive(process: subprocess.Popen[bytes]) -> bool:
     return psutil.Process(process.pid).status() != psutil.STATUS_ZOMBIE
-
-
-def _signal_all(process: subprocess.Popen[bytes], number: int) -> None:
-    with suppress(ProcessLookupError, PermissionError):  # only the dead are left
-        os.killpg(process.pid, number)

@@ -10,7 +10,8 @@ import signal
 import sys
 from io import FileIO
 from threading import Thread
-from typing import Literal
+from types import FrameType
+from typing import Literal, NoReturn
 
 from advercity.errors import AdvercityError, BackendError, InputError
 from advercity.runner.job import EVENT, JOB, Advanced, Event, Failed
@@ -20,7 +21,7 @@ from advercity.runner.scenario import add_frames, run_scenario
 
 def main(events: FileIO) -> int:
     """Do the job; the exit code."""
-    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
+    signal.signal(signal.SIGTERM, _end_in_order)
     job = JOB.validate_json(sys.stdin.buffer.readline())
     Thread(target=_end_with_the_one_who_waits, daemon=True).start()
 
@@ -39,6 +40,12 @@ def main(events: FileIO) -> int:
         tell(Failed(_kind(error), str(error)))
         return 1
     return 0
+
+
+def _end_in_order(number: int, frame: FrameType | None) -> NoReturn:
+    """Close what is open, which nobody may interrupt once more."""
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    sys.exit(128 + number)
 
 
 def _kind(error: AdvercityError) -> Literal["InputError", "RunError", "BackendError"]:

@@ -3,7 +3,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ import pytest
 from advercity_dsl import Spec
 
 from advercity.compiler import write_specs
+from advercity.dataset.manifest import Manifest
 from advercity.dataset.verification import verify_dataset
 from advercity.errors import InputError, RunError
 from advercity.runner import FrameRange, Limits, Options, Outcome, Progress, raise_failures, run_all
@@ -24,20 +24,24 @@ OptionsFor = Callable[[Path], Options]
 class Killer:
     """Kills the process that makes frames beside the first, once."""
 
-    def __init__(self) -> None:
+    def __init__(self, claimed: Path) -> None:
+        self._claimed = claimed
         self.seen: list[psutil.Process] = []
 
     def advanced(self, progress: Progress) -> None:
-        """Wait for it, and kill it."""
-        while progress.stage == "frames" and not self.seen:
+        """Kill it when both have claimed a frame."""
+        if not self.seen and self._claimed.exists() and len(list(self._claimed.iterdir())) > 1:
             for worker in psutil.Process().children():
                 self.seen = worker.children()
-        for process in self.seen:
-            with suppress(psutil.NoSuchProcess):
+            for process in self.seen:
                 process.kill()
 
     def finished(self, outcome: Outcome) -> None:
         """It is over."""
+
+
+def claims(output: Path, spec: Spec) -> Path:
+    return output / ".staging" / spec.id / "claims"
 
 
 def tree(root: Path) -> dict[str, bytes]:
@@ -100,7 +104,7 @@ def test_several_processes_make_one_scenario_with_the_bytes_of_one_alone(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Three share sixteen frames; each has a graphics card of its own."""
+    """Three share sixteen frames, one each at least; each has a graphics card of its own."""
     seen = tmp_path / "seen"
     seen.mkdir()
     frames = FrameRange(0, 16)
@@ -108,9 +112,11 @@ def test_several_processes_make_one_scenario_with_the_bytes_of_one_alone(
     raise_failures(run_all(few[:1], alone, watcher=witness))
     monkeypatch.setenv("SEEN", str(seen))
     monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "4,7,9")
+    monkeypatch.setenv("MEET", f"{claims(tmp_path / 'three', few[0])}:3")
     (outcome,) = run_all(few[:1], shared, watcher=witness, jobs=3)
     raise_failures([outcome])
     assert outcome.frames == 16
+    assert outcome.size_bytes == Manifest.load(tmp_path / "three" / few[0].id).size_bytes
     assert tree(tmp_path / "three") == tree(tmp_path / "one")
     assert sorted(path.read_text() for path in seen.iterdir()) == ["4,7,9", "7", "9"]
     told = [progress for progress in witness.told if progress.stage == "frames"]
@@ -119,12 +125,19 @@ def test_several_processes_make_one_scenario_with_the_bytes_of_one_alone(
 
 @pytest.mark.sumo
 def test_when_one_of_several_processes_dies_the_run_fails_and_another_one_goes_on(
-    few: list[Spec], stunts: Path, options: OptionsFor, tmp_path: Path
+    few: list[Spec],
+    stunts: Path,
+    options: OptionsFor,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     chosen = replace(options(tmp_path / "output"), frames=FrameRange(0, 6))
-    killer = Killer()
+    claimed = claims(tmp_path / "output", few[0])
+    monkeypatch.setenv("MEET", f"{claimed}:2")
+    killer = Killer(claimed)
     (outcome,) = run_all(few[:1], chosen, watcher=killer, jobs=2)
-    assert str(outcome.error).startswith("its process died (killed by SIGKILL)")
+    told = "process 2 of 2: its process died (killed by SIGKILL)"
+    assert str(outcome.error).startswith(told)
     assert psutil.wait_procs(killer.seen, timeout=60)[1] == []
     (outcome,) = run_all(few[:1], chosen, watcher=killer, jobs=2)
     raise_failures([outcome])
@@ -186,6 +199,70 @@ def test_an_interrupted_run_leaves_no_process_behind(
     assert process.wait(60) == (130 if number == signal.SIGINT else -signal.SIGKILL)
     assert psutil.wait_procs(children, timeout=60)[1] == []
     assert not (tmp_path / "output").exists()
+
+
+@pytest.mark.sumo
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+def test_an_interrupted_run_of_several_processes_leaves_none_behind(
+    few: list[Spec],
+    stunts: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    number: signal.Signals,
+) -> None:
+    """One of them is stopped, so that it cannot end by itself."""
+    process, children = interrupted(few[0], tmp_path, monkeypatch)
+    children[-1].suspend()
+    process.send_signal(number)
+    assert process.wait(60) == (130 if number == signal.SIGINT else -signal.SIGKILL)
+    assert psutil.wait_procs(children, timeout=60)[1] == []
+
+
+@pytest.mark.sumo
+def test_a_scenario_is_nobody_elses_as_long_as_one_of_its_processes_lives(
+    few: list[Spec],
+    stunts: Path,
+    options: OptionsFor,
+    witness: Any,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    process, children = interrupted(few[0], tmp_path, monkeypatch)
+    first, last = children
+    last.suspend()
+    try:
+        for other in (process, first):
+            other.send_signal(signal.SIGKILL)
+        process.wait(60)
+        monkeypatch.delenv("MEET")
+        (outcome,) = run_all(few[:1], options(tmp_path / "output"), watcher=witness)
+        assert "another run is writing this scenario" in str(outcome.error)
+    finally:
+        last.resume()
+    assert psutil.wait_procs(children, timeout=60)[1] == []
+    raise_failures(run_all(few[:1], options(tmp_path / "output"), watcher=witness))
+
+
+def interrupted(
+    spec: Spec, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> tuple[subprocess.Popen[bytes], list[psutil.Process]]:
+    """A run in two processes that wait in their first frames for what never happens."""
+    write_specs([spec], folder / "compiled")
+    claimed = claims(folder / "output", spec)
+    monkeypatch.setenv("MEET", f"{claimed}:9")
+    process = subprocess.Popen(
+        [
+            *(sys.executable, "-c", "from advercity.cli import main; main()", "run"),
+            *(str(folder / "compiled" / f"{spec.id}.json"), "--output", str(folder / "output")),
+            *("--jobs", "2", "--backend", "stunts", "--profile", "preview", "--scale", "1"),
+        ],
+        stderr=subprocess.DEVNULL,
+    )
+    while not claimed.exists() or len(list(claimed.iterdir())) < 2:
+        assert process.poll() is None
+        time.sleep(0.02)
+    (first,) = psutil.Process(process.pid).children()
+    return process, [first, *first.children()]
 
 
 def test_sizes_and_times_are_read_with_their_units() -> None:

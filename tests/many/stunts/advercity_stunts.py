@@ -1,6 +1,8 @@
 """A backend that takes grey pictures, and does stunts before: each file in $STUNTS names one.
 
 Whoever takes the file away does it. `$SEEN` is where processes tell which graphics cards they see.
+`$MEET`, a folder and a number, is where frames are claimed: with the first picture everybody waits
+until so many are.
 """
 
 import os
@@ -23,6 +25,9 @@ class GreyRenderer:
 
     def place(self, frame: Frame) -> None:
         """Nobody is seen."""
+        claims, _, number = os.environ.get("MEET", "").rpartition(":")
+        while claims and sum(1 for _ in Path(claims).iterdir()) < int(number):
+            time.sleep(0.01)
 
     def camera(self, view: CameraView) -> CameraCapture:
         """A grey picture."""

@@ -1,0 +1,31 @@
+"""What of the machine this process may use, in a container, too."""
+
+import math
+import os
+from pathlib import Path
+
+import psutil
+
+CGROUP = Path("/sys/fs/cgroup")
+"""Where version 2 of control groups tells what a container may take."""
+
+
+def cores(cgroup: Path = CGROUP) -> int:
+    """Processor cores that may be used, at least one."""
+    quota, _, period = _told(cgroup / "cpu.max").partition(" ")
+    share = float(quota) / float(period) if quota.isdigit() and period else math.inf
+    return max(1, int(min(len(os.sched_getaffinity(0)), share)))
+
+
+def free_memory_bytes(cgroup: Path = CGROUP) -> int:
+    """Memory that can be had without anything being swapped out."""
+    most, used = _told(cgroup / "memory.max"), _told(cgroup / "memory.current")
+    left = int(most) - int(used) if most.isdigit() and used.isdigit() else math.inf
+    return int(max(0, min(psutil.virtual_memory().available, left)))
+
+
+def _told(path: Path) -> str:
+    try:
+        return path.read_text().strip()
+    except OSError:
+        return ""

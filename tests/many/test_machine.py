@@ -1,0 +1,27 @@
+from pathlib import Path
+
+import psutil
+import pytest
+
+from advercity.runner.machine import cores, free_memory_bytes
+
+
+def told(folder: Path, **values: str) -> Path:
+    for name, value in values.items():
+        (folder / name.replace("_", ".")).write_text(f"{value}\n")
+    return folder
+
+
+def test_a_container_may_use_no_more_cores_than_its_quota(tmp_path: Path) -> None:
+    assert cores(told(tmp_path, cpu_max="150000 100000")) == 1
+    assert cores(told(tmp_path, cpu_max="20000 100000")) == 1
+    everything = cores(told(tmp_path, cpu_max="max 100000"))
+    assert cores(told(tmp_path, cpu_max=f"{everything}50000 100000")) == everything
+    assert cores(tmp_path / "none") == everything
+
+
+def test_a_container_may_take_no_more_memory_than_it_has_left(tmp_path: Path) -> None:
+    assert free_memory_bytes(told(tmp_path, memory_max="5000", memory_current="1000")) == 4000
+    assert free_memory_bytes(told(tmp_path, memory_max="5000", memory_current="6000")) == 0
+    unlimited = free_memory_bytes(told(tmp_path, memory_max="max"))
+    assert unlimited == pytest.approx(psutil.virtual_memory().available, rel=0.2)
