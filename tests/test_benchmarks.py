@@ -48,7 +48,9 @@ def benched(folder: Path, body: str) -> subprocess.CompletedProcess[str]:
         f"from figures import Figure\ndef figures(*, quick):\n    {body}\n"
     )
     bench = (folder / "bench.py").read_text()
-    (folder / "bench.py").write_text(re.sub(r"NAMES = \[.*?\]", "NAMES = ['only']", bench))
+    (folder / "bench.py").write_text(
+        re.sub(r"NAMES = \[.*?\]", "NAMES = ['only']", bench, flags=re.DOTALL)
+    )
     return subprocess.run(
         [sys.executable, str(folder / "bench.py"), "--output", str(folder / "out")],
         capture_output=True,

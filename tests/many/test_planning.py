@@ -88,13 +88,15 @@ def test_scenarios_at_a_time_share_cores_and_add_up_in_memory(
 def test_more_jobs_than_scenarios_share_the_frames_and_each_takes_the_memory(
     few: list[Spec], options: OptionsFor, tmp_path: Path
 ) -> None:
-    """Four processes make two scenarios, two each; five give the larger one three."""
+    """Two processes each make two scenarios; of five the larger one gets three, if it has frames."""
     first = plan_of(few, options(tmp_path), jobs=1, measure=False, simulate=False).forecasts[0]
-    items = tuple(replace(first, time_s=30, memory_bytes=memory) for memory in (5, 9))
+    items = tuple(replace(first, frames=40, time_s=30, memory_bytes=memory) for memory in (5, 9))
     four, five = (Plan(items, jobs, Rates(busy_cores=0.0)).total for jobs in (4, 5))
     assert (four.time_s, four.memory_bytes) == (15, 28)
     assert (five.time_s, five.memory_bytes) == (12, 37)
     assert five.scenario == "2 scenarios, 5 processes"
+    short = Plan(tuple(replace(item, frames=2) for item in items), 9, Rates()).total
+    assert short.memory_bytes == 28
 
 
 @pytest.mark.parametrize(
