@@ -88,7 +88,7 @@ def test_scenarios_at_a_time_share_cores_and_add_up_in_memory(
 def test_more_jobs_than_scenarios_share_the_frames_and_each_takes_the_memory(
     few: list[Spec], options: OptionsFor, tmp_path: Path
 ) -> None:
-    """Two processes each make two scenarios; of five the larger one gets three, if it has frames."""
+    """Of four each scenario gets two; of five the larger one three; of nine no more than frames."""
     first = plan_of(few, options(tmp_path), jobs=1, measure=False, simulate=False).forecasts[0]
     items = tuple(replace(first, frames=40, time_s=30, memory_bytes=memory) for memory in (5, 9))
     four, five = (Plan(items, jobs, Rates(busy_cores=0.0)).total for jobs in (4, 5))
