@@ -108,7 +108,8 @@ def test_more_jobs_than_scenarios_share_the_frames_and_each_takes_the_memory(
         ([500], 1, "", 4),
         ([500], 6, "", 3),
         ([500], 100, "", 1),
-        ([20], 1, "4,7", 2),
+        ([20], 1, "4,7", 1),
+        ([500], 1, "4,7", 2),
     ],
 )
 def test_as_many_processes_as_suit_cards_or_cores_memory_and_frames(
