@@ -55,7 +55,8 @@ class Parts:
         found = self._found()
         if not found and self.store.paths(name):
             raise RunError(
-                f"{name}: holds files but no {MANIFEST}, so not a dataset; choose another --output"
+                f"{name}: holds files but no {MANIFEST}, so not a dataset; delete"
+                " it, or choose another --output"
             )
         if fresh:
             self.store.remove(name)

@@ -153,7 +153,7 @@ class DatasetWriter:
         if foreign and not (self.scenario / MANIFEST).exists():
             raise RunError(
                 f"{self.scenario}: holds files but no {MANIFEST}, so not a dataset;"
-                " choose another --output"
+                " delete it, or choose another --output"
             )
 
     def _recall(self) -> dict[str, FileRecord]:

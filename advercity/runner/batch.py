@@ -1,5 +1,6 @@
 """Many scenarios, some at a time, each in a process of its own or in several."""
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import replace
@@ -108,8 +109,9 @@ def check_together(specs: Sequence[Spec], options: Options) -> None:
     Raises:
         InputError: Two specs have the same id, or an option does not fit.
     """
-    if len({spec.id for spec in specs}) < len(specs):
-        raise InputError("a scenario is given twice; each may run once into an output folder")
+    for name, count in Counter(spec.id for spec in specs).items():
+        if count > 1:
+            raise InputError(f"{name} is given {count} times; each may run once into an output")
     if len(specs) > 1 and options.viewer.is_asked_for:
         raise InputError("--rrd, --stream and --connect show one scenario; run them one by one")
     load_backend(options.backend)

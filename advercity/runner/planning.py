@@ -24,6 +24,7 @@ from advercity.runner.gpus import visible_gpus
 from advercity.runner.limits import Limits, size_in_words, time_in_words
 from advercity.runner.machine import cores, free_memory_bytes
 from advercity.runner.options import Options
+from advercity.runner.preparation import wanted_frames
 from advercity.runner.stage import kept_trace, set_stage
 from advercity.runner.workload import Workload
 
@@ -239,7 +240,7 @@ def _forecast(spec: Spec, options: Options, rates: Rates, scale: float) -> Forec
     work = Workload.of(spec, scale)
     trace = kept_trace(spec)
     length = spec.timing.max_ticks - spec.timing.warm_up_ticks if trace is None else len(trace)
-    frames = len(set(options.frames.of(length)) - _done(spec, options))
+    frames = len(set(wanted_frames(spec, length, options)) - _done(spec, options))
     frame_bytes = (
         rates.bytes_per_beam * work.beams
         + rates.bytes_per_agent * work.agents
