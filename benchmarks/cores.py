@@ -1,9 +1,9 @@
-"""How busy one run keeps the cores.
+"""How busy one run keeps the cores, and what sharing its frames among processes gains.
 
     python benchmarks/cores.py [compiled/ui_fog_day_sparse.json] [--frames 96] [--jobs N]
 
-A run of the command line, starting and closing included, once its traffic is known; without --jobs
-in as many processes as suit the machine.
+Runs of the command line, starting and closing included, once the traffic is known: in so many
+processes, without --jobs in as many as suit the machine, and in one.
 """
 
 import argparse
@@ -12,6 +12,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
 from figures import Figure
@@ -24,8 +25,21 @@ SPEC = Path("compiled/ui_fog_day_sparse.json")
 GOAL = 0.85
 
 
-def busy(spec: Path, frames: int, *options: str) -> float:
-    """Share of the cores' time that a run of the first frames took, from its begin to its end."""
+@dataclass(frozen=True)
+class Taken:
+    """What a run took from its begin to its end."""
+
+    wall_s: float
+    cpu_s: float
+
+    @property
+    def busy(self) -> float:
+        """Share of the cores' time."""
+        return self.cpu_s / self.wall_s / cores()
+
+
+def taken(spec: Path, frames: int, *options: str) -> Taken:
+    """By a run of the first frames."""
     set_stage(read_spec(spec))
     with tempfile.TemporaryDirectory() as folder:
         command = [
@@ -35,14 +49,18 @@ def busy(spec: Path, frames: int, *options: str) -> float:
         ]
         began_s, before_s = time.perf_counter(), _of_children_s()
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-        wall_s, cpu_s = time.perf_counter() - began_s, _of_children_s() - before_s
-    return cpu_s / wall_s / cores()
+        return Taken(time.perf_counter() - began_s, _of_children_s() - before_s)
 
 
 def figures(*, quick: bool) -> list[Figure]:
     """A run of a scenario, all of it unless quick."""
-    value = busy(SPEC, 48 if quick else 1000)
-    return [Figure("preview run, cores busy", value, "all cores", at_least=GOAL)]
+    frames = 48 if quick else 1000
+    shared, alone = taken(SPEC, frames), taken(SPEC, frames, "--jobs", "1")
+    ratio = shared.wall_s / alone.wall_s
+    return [
+        Figure("preview run, cores busy", shared.busy, "all cores", at_least=GOAL),
+        Figure("preview run, wall", ratio, "the same in one process", at_most=1.0),
+    ]
 
 
 def _of_children_s() -> float:
@@ -59,7 +77,9 @@ def main() -> None:
     parser.add_argument("--jobs", type=int)
     arguments = parser.parse_args()
     jobs = [] if arguments.jobs is None else ["--jobs", str(arguments.jobs)]
-    print(f"cores busy: {busy(arguments.spec, arguments.frames, *jobs):.1%}")
+    for name, options in (("shared", jobs), ("alone", ["--jobs", "1"])):
+        found = taken(arguments.spec, arguments.frames, *options)
+        print(f"{name}: cores busy {found.busy:.1%}, {found.wall_s:.0f} s by the clock")
 
 
 if __name__ == "__main__":
