@@ -4,7 +4,7 @@
                                [--profile preview|full] [--scale F]
 
 Each round makes the same frames as `advercity run` does - sensed, annotated, encoded, written -
-and, before and after, takes as many pictures of the same scene with SAPIEN's own raster pack as the
+and, before and after, takes as many pictures of the same scene with SAPIEN's own pack as the
 frame has cameras. The ratio is that of the walls, medians of the rounds; the first frame of a run,
 which builds the shaders, does not count. Stages overlap, so their walls add up to more than the
 frame's; what is no stage's own is the driver's, which draws in threads of its own. `--scale 1`
@@ -137,7 +137,7 @@ def pace(spec: Spec, profile: Profile, frames: int) -> Pace:
 
 
 class Peer:
-    """SAPIEN's own raster pictures from every camera of a scenario, and ours of them alone."""
+    """SAPIEN's own pictures from every camera of a scenario, and ours of them alone."""
 
     def __init__(self, spec: Spec, profile: Profile) -> None:
         self._spec, self._profile = spec, profile
@@ -147,7 +147,8 @@ class Peer:
         self._world = world_of(spec, stage.network)
         self._air = atmosphere_of(spec.weather, spec.road.land_use)
         self._views = list(_views(viewpoints, profile))
-        self._take = stock_pictures(self._world, self._air, self._frame, self._views)
+        pack = "default" if profile.renderer == "raster" else "rt"
+        self._take = stock_pictures(self._world, self._air, self._frame, self._views, pack)
         self._take()
 
     def rounds(self, count: int, frames: int) -> tuple[list[Pace], list[float], list[float]]:

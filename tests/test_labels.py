@@ -1,6 +1,5 @@
 """Labels of real pictures: every part of a body is its actor's, and nobody sees their own."""
 
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Literal
 
@@ -146,8 +145,8 @@ def readings(specs: dict[str, Spec]) -> tuple[Reading, ...]:
         network=Path("none"),
     )
     viewpoints = Viewpoints(spec, parked_far_apart(spec, vehicles))
-    with backend.open(world, air, profile) as renderer, ThreadPoolExecutor(1) as darkroom:
-        return Senses(viewpoints, air, profile, renderer, darkroom, Caster(world), world).read(1)
+    with backend.open(world, air, profile) as renderer:
+        return Senses(viewpoints, air, profile, renderer, Caster(world), world).read(1)
 
 
 def parked_far_apart(spec: Spec, vehicles: dict[int, str]) -> Trace:

@@ -17,11 +17,21 @@ def cores(cgroup: Path = CGROUP) -> int:
     return max(1, int(min(len(os.sched_getaffinity(0)), share)))
 
 
+def memory_bytes(cgroup: Path = CGROUP) -> int:
+    """Memory that there is at all."""
+    most = _told(cgroup / "memory.max")
+    total = psutil.virtual_memory().total
+    return min(total, int(most)) if most.isdigit() else total
+
+
 def free_memory_bytes(cgroup: Path = CGROUP) -> int:
-    """Memory that can be had without anything being swapped out."""
+    """Memory that can be had without anything being swapped out; what files are read into can."""
+    free = psutil.virtual_memory().available
     most, used = _told(cgroup / "memory.max"), _told(cgroup / "memory.current")
-    left = int(most) - int(used) if most.isdigit() and used.isdigit() else math.inf
-    return int(max(0, min(psutil.virtual_memory().available, left)))
+    if not (most.isdigit() and used.isdigit()):
+        return free
+    kept = dict(line.split() for line in _told(cgroup / "memory.stat").splitlines())
+    return max(0, min(free, int(most) - int(used) + int(kept.get("inactive_file", 0))))
 
 
 def _told(path: Path) -> str:

@@ -12,7 +12,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-import psutil
 from advercity_dsl import Spec
 
 from advercity.dataset.manifest import Manifest
@@ -22,9 +21,8 @@ from advercity.runner.cache import traffic_key
 from advercity.runner.calibration import Rates, profile_asked_for, rates_here
 from advercity.runner.gpus import visible_gpus
 from advercity.runner.limits import Limits, size_in_words, time_in_words
-from advercity.runner.machine import cores, free_memory_bytes
+from advercity.runner.machine import cores, free_memory_bytes, memory_bytes
 from advercity.runner.options import Options
-from advercity.runner.preparation import wanted_frames
 from advercity.runner.stage import kept_trace, set_stage
 from advercity.runner.workload import Workload
 
@@ -135,7 +133,7 @@ class Plan:
             return found
         if total.time_s > LONGEST_S:
             found.append(f"about {total.time_s / 86_400:.0f} days, more than 30")
-        memory = SHARE_OF_MEMORY * psutil.virtual_memory().total
+        memory = SHARE_OF_MEMORY * memory_bytes()
         if total.memory_bytes > memory:
             found.append(
                 f"about {size_in_words(total.memory_bytes)} of memory, more than"
@@ -240,7 +238,7 @@ def _forecast(spec: Spec, options: Options, rates: Rates, scale: float) -> Forec
     work = Workload.of(spec, scale)
     trace = kept_trace(spec)
     length = spec.timing.max_ticks - spec.timing.warm_up_ticks if trace is None else len(trace)
-    frames = len(set(wanted_frames(spec, length, options)) - _done(spec, options))
+    frames = len(set(options.frames.of(length)) - _done(spec, options))
     frame_bytes = (
         rates.bytes_per_beam * work.beams
         + rates.bytes_per_agent * work.agents

@@ -51,18 +51,14 @@ def prepare(spec: Spec, options: Options, report: Report = no_report) -> Prepara
     profile = choose_profile(options, backend.capabilities())
     report(Progress(spec.id, "traffic"))
     stage = set_stage(spec)
-    wanted = wanted_frames(spec, len(stage.trace), options)
+    wanted = options.frames.of(len(stage.trace))
+    if not wanted:
+        raise InputError(
+            f"--frames begins at {options.frames.first}, but {spec.id}"
+            f" has frames 0 to {len(stage.trace) - 1}"
+        )
     identity = identity_of(spec, stage, backend, profile, format=options.format)
     return Preparation(backend, profile, stage, identity, wanted)
-
-
-def wanted_frames(spec: Spec, length: int, options: Options) -> range:
-    """The frames that are asked for of the `length` that a scenario has; InputError if none are."""
-    wanted = options.frames.of(length)
-    if not wanted:
-        first = options.frames.first
-        raise InputError(f"--frames begins at {first}, but {spec.id} has frames 0 to {length - 1}")
-    return wanted
 
 
 def choose_profile(options: Options, capabilities: Capabilities) -> Profile:

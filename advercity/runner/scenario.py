@@ -115,10 +115,10 @@ def _make(
         companions.check()
         tell()
 
-    world_of(spec, prepared.stage.network)  # into the cache, where the others find it
-    companions = Companions(
-        spec, options, min(processes, len(absent)) - 1, lock=writer.lock, changed=tell
-    )
+    count = min(processes, len(absent)) - 1
+    if count:
+        world_of(spec, prepared.stage.network)  # into the cache, where companions find it
+    companions = Companions(spec, options, count, lock=writer.lock, changed=tell)
     with companions:
         _add_frames(spec, prepared, absent, writer, go_on)
 

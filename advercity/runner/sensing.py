@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Generator, Iterator
-from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager
 
 import numpy as np
@@ -26,8 +25,6 @@ from advercity.weather.derivation import atmosphere_of
 from advercity.world.scene import World
 
 Image = NDArray[np.uint8]
-DEVELOPED_AT_A_TIME = 4
-"""Pictures that are made of what the device has rendered, while it renders more; a viewpoint's."""
 
 
 @contextmanager
@@ -38,11 +35,8 @@ def senses(
     spec = viewpoints.spec
     world = world_of(spec, stage.network)
     atmosphere = atmosphere_of(spec.weather, spec.road.land_use)
-    with (
-        backend.open(world, atmosphere, profile) as renderer,
-        ThreadPoolExecutor(DEVELOPED_AT_A_TIME) as darkroom,
-    ):
-        yield Senses(viewpoints, atmosphere, profile, renderer, darkroom, Caster(world), world)
+    with backend.open(world, atmosphere, profile) as renderer:
+        yield Senses(viewpoints, atmosphere, profile, renderer, Caster(world), world)
 
 
 class Senses:
@@ -54,7 +48,6 @@ class Senses:
         atmosphere: Atmosphere,
         profile: Profile,
         renderer: Renderer,
-        darkroom: Executor,
         caster: Caster,
         world: World,
     ) -> None:
@@ -66,7 +59,6 @@ class Senses:
         self._lamps: tuple[LitLamp, ...] = ()
         self._profile = profile
         self._renderer = renderer
-        self._darkroom = darkroom
         self._caster = caster
         self._points_of = points_of_bodies(world.bodies)
 
@@ -98,20 +90,15 @@ class Senses:
         return frame
 
     def _reading(self, agent: Agent, frame: Frame, captures: Iterator[CameraCapture]) -> Reading:
-        poses = self._viewpoints.camera_poses(agent, frame.index)
-        pictures = [
-            self._darkroom.submit(self._picture, agent, frame, camera, pose, next(captures))
-            for camera, pose in enumerate(poses)
-        ]
         lidar = agent.sensors.lidar
         scan = self._scan(agent, frame)
         rng = self._viewpoints.rng("lidar", agent, frame)
         return self._viewpoints.reading(
             agent,
             frame,
+            pictures=tuple(self._pictures(agent, frame, captures)),
             cloud=sweep(lidar, scan, self._air, rng, states=frame.states),
             visible=visible_counts(scan, lidar),
-            pictures=tuple(picture.result() for picture in pictures),
         )
 
     def _scan(self, agent: Agent, frame: Frame) -> Scan:
@@ -126,17 +113,18 @@ class Senses:
             puddle_coverage=self._air.puddle_coverage,
         )
 
-    def _picture(
-        self, agent: Agent, frame: Frame, camera: int, pose: Matrix, capture: CameraCapture
-    ) -> Picture:
-        view = view_of(agent, pose, self._profile)
-        return Picture(
-            world_from_camera=pose,
-            image=self._developed(capture, agent, camera, pose, frame),
-            semantic=capture.semantic,
-            depth=whole_metres(capture.depth),
-            sightings=self._sightings(capture, view, frame),
-        )
+    def _pictures(
+        self, agent: Agent, frame: Frame, captures: Iterator[CameraCapture]
+    ) -> Iterator[Picture]:
+        for camera, pose in enumerate(self._viewpoints.camera_poses(agent, frame.index)):
+            view, capture = view_of(agent, pose, self._profile), next(captures)
+            yield Picture(
+                world_from_camera=pose,
+                image=self._developed(capture, agent, camera, pose, frame),
+                semantic=capture.semantic,
+                depth=whole_metres(capture.depth),
+                sightings=self._sightings(capture, view, frame),
+            )
 
     def _developed(
         self, capture: CameraCapture, agent: Agent, camera: int, pose: Matrix, frame: Frame

@@ -22,8 +22,8 @@ from advercity.runner.limits import Limits, size_in_words, time_in_words
 from advercity.runner.progress import Progress, Report
 
 LOOK_EVERY_S = 0.25
-PATIENCE_S = 10.0
-"""For a process that was told to end, before it is killed."""
+PATIENCE_S, COMPANION_PATIENCE_S = 10.0, 4.0
+"""For a process that was told to end, before it is killed; it may have companions to end itself."""
 LINES_SHOWN = 12
 """Of what a process said before it died."""
 ERRORS = {"InputError": InputError, "RunError": RunError, "BackendError": BackendError}
@@ -205,7 +205,8 @@ class _Child:
             self._signal(process, signal.SIGTERM)
             raise
         finally:
-            patient_until_s = time.monotonic() + PATIENCE_S
+            patience_s = COMPANION_PATIENCE_S if self._is_companion else PATIENCE_S
+            patient_until_s = time.monotonic() + patience_s
             while _is_alive(process) and time.monotonic() < patient_until_s:
                 time.sleep(0.02)
             self._signal(process, signal.SIGKILL)

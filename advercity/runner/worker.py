@@ -14,7 +14,7 @@ from types import FrameType
 from typing import Literal, NoReturn
 
 from advercity.errors import AdvercityError, BackendError, InputError
-from advercity.runner.job import EVENT, JOB, Advanced, Event, Failed
+from advercity.runner.job import EVENT, JOB, Advanced, Event, Failed, Job
 from advercity.runner.progress import Progress
 from advercity.runner.scenario import add_frames, run_scenario
 
@@ -23,7 +23,7 @@ def main(events: FileIO) -> int:
     """Do the job; the exit code."""
     signal.signal(signal.SIGTERM, _end_in_order)
     job = JOB.validate_json(sys.stdin.buffer.readline())
-    Thread(target=_end_with_the_one_who_waits, daemon=True).start()
+    Thread(target=_end_with_the_one_who_waits, args=(job,), daemon=True).start()
 
     def tell(event: Event) -> None:
         events.write(EVENT.dump_json(event) + b"\n")
@@ -44,7 +44,7 @@ def main(events: FileIO) -> int:
 
 def _end_in_order(number: int, frame: FrameType | None) -> NoReturn:
     """Close what is open, which nobody may interrupt once more."""
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, lambda *_: None)
     sys.exit(128 + number)
 
 
@@ -54,10 +54,14 @@ def _kind(error: AdvercityError) -> Literal["InputError", "RunError", "BackendEr
     return "BackendError" if isinstance(error, BackendError) else "RunError"
 
 
-def _end_with_the_one_who_waits() -> None:
+def _end_with_the_one_who_waits(job: Job) -> None:
+    """Alone, if the group is another's."""
     while os.read(sys.stdin.fileno(), 1):
         pass
-    os.killpg(os.getpgrp(), signal.SIGKILL)
+    if job.process:
+        os.kill(os.getpid(), signal.SIGKILL)
+    else:
+        os.killpg(os.getpgrp(), signal.SIGKILL)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,8 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -32,7 +33,7 @@ class Killer:
         """Kill it when both have claimed a frame."""
         if not self.seen and self._claimed.exists() and len(list(self._claimed.iterdir())) > 1:
             for worker in psutil.Process().children():
-                self.seen = worker.children()
+                self.seen += worker.children()
             for process in self.seen:
                 process.kill()
 
@@ -139,6 +140,7 @@ def test_when_one_of_several_processes_dies_the_run_fails_and_another_one_goes_o
     told = "process 2 of 2: its process died (killed by SIGKILL)"
     assert str(outcome.error).startswith(told)
     assert psutil.wait_procs(killer.seen, timeout=60)[1] == []
+    monkeypatch.delenv("MEET")
     (outcome,) = run_all(few[:1], chosen, watcher=killer, jobs=2)
     raise_failures([outcome])
     assert verify_dataset(tmp_path / "output") == []
@@ -211,11 +213,11 @@ def test_an_interrupted_run_of_several_processes_leaves_none_behind(
     number: signal.Signals,
 ) -> None:
     """One of them is stopped, so that it cannot end by itself."""
-    process, children = interrupted(few[0], tmp_path, monkeypatch)
-    children[-1].suspend()
-    process.send_signal(number)
-    assert process.wait(60) == (130 if number == signal.SIGINT else -signal.SIGKILL)
-    assert psutil.wait_procs(children, timeout=60)[1] == []
+    with shared_run(few[0], tmp_path, monkeypatch) as (process, children):
+        children[-1].suspend()
+        process.send_signal(number)
+        assert process.wait(60) == (130 if number == signal.SIGINT else -signal.SIGKILL)
+        assert psutil.wait_procs(children, timeout=60)[1] == []
 
 
 @pytest.mark.sumo
@@ -227,25 +229,24 @@ def test_a_scenario_is_nobody_elses_as_long_as_one_of_its_processes_lives(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    process, children = interrupted(few[0], tmp_path, monkeypatch)
-    first, last = children
-    last.suspend()
-    try:
+    with shared_run(few[0], tmp_path, monkeypatch) as (process, children):
+        first, last = children
+        last.suspend()
         for other in (process, first):
             other.send_signal(signal.SIGKILL)
         process.wait(60)
         monkeypatch.delenv("MEET")
         (outcome,) = run_all(few[:1], options(tmp_path / "output"), watcher=witness)
         assert "another run is writing this scenario" in str(outcome.error)
-    finally:
         last.resume()
-    assert psutil.wait_procs(children, timeout=60)[1] == []
+        assert psutil.wait_procs(children, timeout=60)[1] == []
     raise_failures(run_all(few[:1], options(tmp_path / "output"), watcher=witness))
 
 
-def interrupted(
+@contextmanager
+def shared_run(
     spec: Spec, folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> tuple[subprocess.Popen[bytes], list[psutil.Process]]:
+) -> Generator[tuple[subprocess.Popen[bytes], list[psutil.Process]]]:
     """A run in two processes that wait in their first frames for what never happens."""
     write_specs([spec], folder / "compiled")
     claimed = claims(folder / "output", spec)
@@ -258,11 +259,20 @@ def interrupted(
         ],
         stderr=subprocess.DEVNULL,
     )
-    while not claimed.exists() or len(list(claimed.iterdir())) < 2:
-        assert process.poll() is None
-        time.sleep(0.02)
-    (first,) = psutil.Process(process.pid).children()
-    return process, [first, *first.children()]
+    children: list[psutil.Process] = []
+    try:
+        while not claimed.exists() or len(list(claimed.iterdir())) < 2:
+            assert process.poll() is None
+            time.sleep(0.02)
+        (first,) = psutil.Process(process.pid).children()
+        children = [first, *first.children()]
+        yield process, children
+    finally:
+        process.kill()
+        process.wait()
+        for child in children:
+            with suppress(psutil.NoSuchProcess):
+                child.kill()
 
 
 def test_sizes_and_times_are_read_with_their_units() -> None:

@@ -3,7 +3,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from advercity.runner.machine import cores, free_memory_bytes
+from advercity.runner.machine import cores, free_memory_bytes, memory_bytes
 
 
 def told(folder: Path, **values: str) -> Path:
@@ -23,5 +23,8 @@ def test_a_container_may_use_no_more_cores_than_its_quota(tmp_path: Path) -> Non
 def test_a_container_may_take_no_more_memory_than_it_has_left(tmp_path: Path) -> None:
     assert free_memory_bytes(told(tmp_path, memory_max="5000", memory_current="1000")) == 4000
     assert free_memory_bytes(told(tmp_path, memory_max="5000", memory_current="6000")) == 0
+    told(tmp_path, memory_stat="anon 1\ninactive_file 700\nslab 2", memory_current="1000")
+    assert free_memory_bytes(tmp_path) == 4700
+    assert memory_bytes(tmp_path) == 5000
     unlimited = free_memory_bytes(told(tmp_path, memory_max="max"))
     assert unlimited == pytest.approx(psutil.virtual_memory().available, rel=0.2)

@@ -132,14 +132,6 @@ def test_as_many_processes_as_suit_cards_or_cores_memory_and_frames(
     assert suitable_jobs(made) == jobs
 
 
-def test_a_plan_refuses_frames_that_a_scenario_does_not_have(
-    few: list[Spec], options: OptionsFor, tmp_path: Path
-) -> None:
-    beyond = replace(options(tmp_path), frames=FrameRange(10**6, 10**6 + 5))
-    with pytest.raises(InputError, match="--frames begins at 1000000, but ri_clear_day_sparse has"):
-        plan_of(few, beyond, jobs=1, measure=False, simulate=False)
-
-
 def test_pictures_of_more_pixels_take_more_bytes_a_pixel() -> None:
     rates = Rates(bytes_per_pixel=((0.125, 1.0), (0.25, 1.5)))
     assert rates.picture_bytes(1.0) == pytest.approx(2.5)
