@@ -265,12 +265,26 @@ def facing(*, width_px: int = WIDTH, yaw: float = 0.0) -> CameraView:
 def test_the_sun_in_the_picture_gives_the_suns_illuminance(width_px: int, yaw: float) -> None:
     view = facing(width_px=width_px, yaw=yaw)
     black = capture(np.zeros((view.height_px, width_px, 3), np.float32), np.inf)
-    radiance = with_sun(black, view, low_sun()).radiance.astype(np.float64)
-    focal_px = width_px / 2 / math.tan(FOV_RAD / 2)
-    row, column = np.mgrid[: view.height_px, :width_px] + 0.5
-    distance = np.sqrt(focal_px**2 + (row - view.height_px / 2) ** 2 + (column - width_px / 2) ** 2)
-    illuminance = np.sum(radiance @ LUMINANCE * focal_px / distance**3)
-    assert illuminance == pytest.approx(60_000, rel=1e-3)
+    assert illuminance(with_sun(black, view, low_sun())) == pytest.approx(60_000, rel=1e-3)
+
+
+def test_the_sun_between_four_pixels_of_a_tiny_picture_is_not_lost() -> None:
+    """Half a pixel above the middle of 16 x 9 pixels, where four meet."""
+    focal_px = 8 / math.tan(FOV_RAD / 2)
+    black = capture(np.zeros((9, 16, 3), np.float32), np.inf)
+    sun = low_sun(elevation_deg=math.degrees(math.atan(0.5 / focal_px)))
+    found = with_sun(black, facing(width_px=16), sun)
+    assert illuminance(found) == pytest.approx(60_000, rel=1e-3)
+
+
+def illuminance(found: CameraCapture) -> float:
+    """Of all that a picture shows, on a plane that faces the camera's pixels one by one, lx."""
+    height, width = found.depth.shape
+    focal_px = width / 2 / math.tan(FOV_RAD / 2)
+    row, column = np.mgrid[:height, :width] + 0.5
+    distance = np.sqrt(focal_px**2 + (row - height / 2) ** 2 + (column - width / 2) ** 2)
+    luminance = found.radiance.astype(np.float64) @ LUMINANCE
+    return float(np.sum(luminance * focal_px / distance**3))
 
 
 def test_the_sun_stands_where_its_direction_says() -> None:

@@ -115,9 +115,7 @@ def test_a_street_without_a_parking_strip_is_refused() -> None:
     declared = road().model_dump(mode="json")
     for side in ("left", "right"):
         declared["sections"]["parking"][side].pop()
-    with pytest.raises(
-        ValueError, match=r"surroundings.0.*'road' has no parking strip on its right"
-    ):
+    with pytest.raises(ValueError, match=r"'road' has no parking strip on its right"):
         Road.model_validate(declared)
 
 

@@ -10,7 +10,7 @@ from advercity.compiler.binding import Binding, bound, with_manoeuvre
 from advercity.compiler.conflict_checks import misfit
 from advercity.compiler.library import Library
 from advercity.compiler.problems import Problem, ProblemsError, nearest
-from advercity.compiler.staging import UnsolvableError, solved
+from advercity.compiler.solving import UnsolvableError, solved
 
 Groups = Mapping[str, tuple[CrashGroup, ...]]
 

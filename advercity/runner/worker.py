@@ -44,8 +44,12 @@ def main(events: FileIO) -> int:
 
 def _end_in_order(number: int, frame: FrameType | None) -> NoReturn:
     """Close what is open, which nobody may interrupt once more."""
-    signal.signal(signal.SIGTERM, lambda *_: None)
+    signal.signal(signal.SIGTERM, _be_about_it)
     sys.exit(128 + number)
+
+
+def _be_about_it(number: int, frame: FrameType | None) -> None:
+    """A handler and not `SIG_IGN`, which those that are started meanwhile would inherit."""
 
 
 def _kind(error: AdvercityError) -> Literal["InputError", "RunError", "BackendError"]:

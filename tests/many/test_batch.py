@@ -13,11 +13,14 @@ import pytest
 from advercity_dsl import Spec
 
 from advercity.compiler import write_specs
+from advercity.dataset.frame_writer import FrameWriter
 from advercity.dataset.manifest import Manifest
 from advercity.dataset.verification import verify_dataset
 from advercity.errors import InputError, RunError
 from advercity.runner import FrameRange, Limits, Options, Outcome, Progress, raise_failures, run_all
 from advercity.runner.limits import parse_size, parse_time, size_in_words, time_in_words
+from advercity.runner.progress import no_report
+from advercity.runner.scenario import add_frames, run_scenario
 
 OptionsFor = Callable[[Path], Options]
 
@@ -201,6 +204,34 @@ def test_an_interrupted_run_leaves_no_process_behind(
     assert process.wait(60) == (130 if number == signal.SIGINT else -signal.SIGKILL)
     assert psutil.wait_procs(children, timeout=60)[1] == []
     assert not (tmp_path / "output").exists()
+
+
+@pytest.mark.sumo
+def test_a_frame_that_every_process_leaves_to_another_is_told(
+    few: list[Spec],
+    stunts: Path,
+    options: OptionsFor,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    chosen = replace(options(tmp_path / "output"), frames=FrameRange(0, 2))
+    monkeypatch.setattr(FrameWriter, "claim", lambda writer, frame: not frame)  # pyright: ignore
+    with pytest.raises(RunError, match="no process made frame 1; run again to go on"):
+        run_scenario(few[0], chosen)
+    assert Manifest.load(tmp_path / "output" / few[0].id).frames == (0,)
+
+
+@pytest.mark.sumo
+def test_a_process_that_would_make_other_bytes_adds_nothing(
+    few: list[Spec], stunts: Path, options: OptionsFor, tmp_path: Path
+) -> None:
+    chosen = options(tmp_path / "output")
+    scenario = run_scenario(few[0], chosen)
+    before = tree(scenario)
+    other = replace(chosen, scale=0.5, frames=FrameRange(0, 2))
+    with pytest.raises(RunError, match=r"its processes differ \(scale: 1.0, 0.5\); --jobs 1"):
+        add_frames(few[0], other, 1, no_report)
+    assert tree(scenario) == before
 
 
 @pytest.mark.sumo

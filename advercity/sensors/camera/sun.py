@@ -40,6 +40,8 @@ def with_sun(capture: CameraCapture, view: CameraView, atmosphere: Atmosphere) -
     rays, solid_angle = _pixels(rows + 0.5 - height / 2.0, columns + 0.5 - width / 2.0, focal_px)
     off_centre = np.linalg.norm(np.cross(rays, sun), axis=-1)
     coverage = np.clip(0.5 + (RADIUS_RAD - off_centre) / np.sqrt(solid_angle), 0.0, 1.0)
+    if not coverage.any():  # between four pixels that are much larger than the disc
+        coverage.flat[off_centre.argmin()] = 1.0
     luminance = atmosphere.sun_lx * coverage / np.sum(coverage * solid_angle)
     disc = luminance[..., None] * np.asarray(atmosphere.sun_colour)
 

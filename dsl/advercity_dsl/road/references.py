@@ -90,8 +90,8 @@ def check_surrounding(network: Network, index: int, item: Surrounding) -> None:
     for side in ("left", "right") if item.beside.side == "both" else (item.beside.side,):
         strips = network.strips(street, right=side == "right")
         if all(strip.kind is not StripKind.PARKING for strip in strips):
-            dotted = ".".join(map(str, where))
-            raise ValueError(f"{dotted}: '{street}' has no parking strip on its {side}")
+            message = f"'{street}' has no parking strip on its {side}"
+            raise Misfit(where, message, "give its section one, or choose the other side")
 
 
 def _named(junction: Junction) -> Iterator[tuple[tuple[str, ...], Id]]:

@@ -7,11 +7,11 @@ from advercity_dsl import Blueprint, Conflict, Road, StagedActor, StagedConflict
 
 from advercity.compiler.occlusion import outline, seen_from_m
 from advercity.compiler.sampling import sampled
-from advercity.compiler.staging.actors import bystanders, met, reached_m_s, rounded
-from advercity.compiler.staging.case import Case, Placed
-from advercity.compiler.staging.casting import Casting
-from advercity.compiler.staging.drive import ego_drive
-from advercity.compiler.staging.placing import placed
+from advercity.compiler.solving.actors import bystanders, met, reached_m_s, rounded
+from advercity.compiler.solving.case import Case, Placed
+from advercity.compiler.solving.cast import Casting
+from advercity.compiler.solving.drive import ego_drive
+from advercity.compiler.solving.placing import placed
 
 WINDOW_S = 1.5
 """Before and after the time when the ego is expected."""

@@ -7,8 +7,8 @@ import numpy as np
 from advercity_dsl import Conflict
 from numpy.typing import NDArray
 
-from advercity.compiler.staging.casting import Body, Casting
-from advercity.compiler.staging.drive import EgoDrive
+from advercity.compiler.solving.cast import Body, Casting
+from advercity.compiler.solving.drive import EgoDrive
 
 
 @dataclass(frozen=True, eq=False)

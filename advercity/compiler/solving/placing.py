@@ -1,10 +1,10 @@
 """Where the actor comes from, and where it meets the ego."""
 
-from advercity.compiler.staging.case import Case, Placed
-from advercity.compiler.staging.crossing import across, ahead
-from advercity.compiler.staging.opposite import opposite, straightest_m
-from advercity.compiler.staging.overtaking import soonest_m
-from advercity.compiler.staging.through import along_edge, in_lane
+from advercity.compiler.solving.across import across, ahead
+from advercity.compiler.solving.case import Case, Placed
+from advercity.compiler.solving.opposite import opposite, straightest_m
+from advercity.compiler.solving.overtaking import soonest_m
+from advercity.compiler.solving.through import along_edge, in_lane
 
 
 def placed(case: Case) -> Placed:

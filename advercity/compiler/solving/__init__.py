@@ -5,7 +5,7 @@
 chooses among them, `actors` makes records of those placed, and `solution` puts all together.
 """
 
-from advercity.compiler.staging.errors import UnsolvableError
-from advercity.compiler.staging.solution import solved
+from advercity.compiler.solving.errors import UnsolvableError
+from advercity.compiler.solving.solution import solved
 
 __all__ = ["UnsolvableError", "solved"]

@@ -5,9 +5,9 @@ from advercity_dsl import StagedActor
 from advercity_dsl.base import Point2
 from numpy.typing import NDArray
 
-from advercity.compiler.staging.case import Case, Placed
-from advercity.compiler.staging.edges import outer_edge
-from advercity.compiler.staging.overtaking import CYCLIST_M_S2, passed, passed_speed_m_s
+from advercity.compiler.solving.case import Case, Placed
+from advercity.compiler.solving.edges import outer_edge
+from advercity.compiler.solving.overtaking import CYCLIST_M_S2, passed, passed_speed_m_s
 
 FIRST_VEHICLE, FIRST_WALKER = 4001, 8001
 NUMBERS_PER_CONFLICT = 10

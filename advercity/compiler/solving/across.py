@@ -3,9 +3,9 @@
 import numpy as np
 from advercity_dsl.road import StripKind
 
-from advercity.compiler.staging.case import Case, Placed
-from advercity.compiler.staging.drive import CROSSING_BEFORE_M
-from advercity.compiler.staging.edges import outer_edge
+from advercity.compiler.solving.case import Case, Placed
+from advercity.compiler.solving.drive import CROSSING_BEFORE_M
+from advercity.compiler.solving.edges import outer_edge
 from advercity.compiler.ways import Stretch
 
 BESIDE_LANE_M = 0.8

@@ -4,10 +4,10 @@ import numpy as np
 from advercity_dsl.road import Movement
 from numpy.typing import NDArray
 
-from advercity.compiler.staging.case import Case, Placed
-from advercity.compiler.staging.drive import EgoDrive
-from advercity.compiler.staging.edges import riding_line
-from advercity.compiler.staging.errors import UnsolvableError
+from advercity.compiler.solving.case import Case, Placed
+from advercity.compiler.solving.drive import EgoDrive
+from advercity.compiler.solving.edges import riding_line
+from advercity.compiler.solving.errors import UnsolvableError
 from advercity.compiler.ways import Way
 
 BEFORE_LINE_M = 1.0

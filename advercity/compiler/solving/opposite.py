@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from advercity.compiler.staging.case import Case, Placed
-from advercity.compiler.staging.drive import EgoDrive
+from advercity.compiler.solving.case import Case, Placed
+from advercity.compiler.solving.drive import EgoDrive
 
 WAITS_S = 1.5
 """An oncoming actor starts so near that it can wait this long, to be in time."""

@@ -7,7 +7,7 @@ import numpy as np
 from advercity_dsl import Blueprint
 from advercity_dsl.traffic import ActorClass
 
-from advercity.compiler.staging.errors import UnsolvableError
+from advercity.compiler.solving.errors import UnsolvableError
 from advercity.randomness import generator
 
 
@@ -72,8 +72,15 @@ class Casting:
         return self._one(names, self._generator("passed"))
 
     def parked(self, number: int) -> Body:
-        """The car that is parked nearest to the actor's path, or the one behind it, from 1."""
-        return self._one(self._of("car"), self._generator("parked", number))
+        """The car that is parked nearest to the actor's path, or the one behind it, from 1.
+
+        Raises:
+            UnsolvableError: There is no car's blueprint.
+        """
+        names = self._of("car")
+        if not names:
+            raise UnsolvableError("no blueprint of the class car is there to be parked")
+        return self._one(names, self._generator("parked", number))
 
     def _of(self, actor_class: ActorClass) -> list[str]:
         return [name for name, item in self.blueprints.items() if item.actor_class == actor_class]

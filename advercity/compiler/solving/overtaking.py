@@ -1,8 +1,8 @@
 """One who overtakes a cyclist in the ego's lane and comes back just before meeting the ego."""
 
-from advercity.compiler.staging.case import Case, Placed
-from advercity.compiler.staging.errors import UnsolvableError
-from advercity.compiler.staging.opposite import WAITS_S, against
+from advercity.compiler.solving.case import Case, Placed
+from advercity.compiler.solving.errors import UnsolvableError
+from advercity.compiler.solving.opposite import WAITS_S, against
 
 PASSED_WAITS_S = 1.0
 """The cyclist starts so near that it can wait this long, to be in time."""
