@@ -8,7 +8,8 @@ and, before and after, takes as many pictures of the same scene with SAPIEN's ow
 frame has cameras. The ratio is that of the walls, medians of the rounds; the first frame of a run,
 which builds the shaders, does not count. Stages overlap, so their walls add up to more than the
 frame's; what is no stage's own is the driver's, which draws in threads of its own. `--scale 1`
-tells what a frame of full resolution takes besides its rendering, whatever renders it.
+tells what a frame of full resolution takes besides its rendering, whatever renders it. A frame that
+is traced has no peer here: SAPIEN does not let its pack and ours be in one process then.
 """
 
 import argparse
@@ -147,8 +148,7 @@ class Peer:
         self._world = world_of(spec, stage.network)
         self._air = atmosphere_of(spec.weather, spec.road.land_use)
         self._views = list(_views(viewpoints, profile))
-        pack = "default" if profile.renderer == "raster" else "rt"
-        self._take = stock_pictures(self._world, self._air, self._frame, self._views, pack)
+        self._take = stock_pictures(self._world, self._air, self._frame, self._views)
         self._take()
 
     def rounds(self, count: int, frames: int) -> tuple[list[Pace], list[float], list[float]]:
@@ -215,13 +215,19 @@ def main() -> None:
     parser.add_argument("--scale", type=float)
     arguments = parser.parse_args()
     profile = PROFILES[arguments.profile].scaled(arguments.scale)
-    peer = Peer(read_spec(arguments.spec), profile)
+    spec = read_spec(arguments.spec)
+    if profile.renderer == "ray_traced":
+        _print([pace(spec, profile, arguments.frames) for _ in range(arguments.rounds)])
+        return
+    peer = Peer(spec, profile)
     paces, ratios, stock = peer.rounds(arguments.rounds, arguments.frames)
-    _print(paces, statistics.median(stock), peer.ours())
+    _print(paces)
+    print(f"| its pictures alone | {peer.ours() * 1e3:.0f} | |")
+    print(f"| SAPIEN's own pictures | {statistics.median(stock) * 1e3:.0f} | |")
     print(f"a frame against SAPIEN's own pictures: {statistics.median(ratios):.2f}")
 
 
-def _print(paces: list[Pace], stock_s: float, ours_s: float) -> None:
+def _print(paces: list[Pace]) -> None:
     wall_s, cpu_s = (
         statistics.median(getattr(pace, name) for pace in paces) for name in ("wall_s", "cpu_s")
     )
@@ -236,8 +242,6 @@ def _print(paces: list[Pace], stock_s: float, ours_s: float) -> None:
         print(f"| {name} | {wall * 1e3:.0f} | {cpu * 1e3:.0f} |")
     print(f"| the driver, and what is left | | {(cpu_s - own_s) * 1e3:.0f} |")
     print(f"| the whole frame | {wall_s * 1e3:.0f} | {cpu_s * 1e3:.0f} |")
-    print(f"| its pictures alone | {ours_s * 1e3:.0f} | |")
-    print(f"| SAPIEN's own pictures | {stock_s * 1e3:.0f} | |")
 
 
 if __name__ == "__main__":
