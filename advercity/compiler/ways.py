@@ -115,7 +115,9 @@ class Way:
 
     def _gaps(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Distances (n, m) of points (m, 2) from the way's every `FINE_M`."""
-        return np.linalg.norm(self._places(self._fine)[:, None] - points[None], axis=2)
+        here = self._places(self._fine)
+        east, north = (np.subtract.outer(here[:, axis], points[:, axis]) for axis in (0, 1))
+        return np.sqrt(east * east + north * north)
 
 
 @dataclass(frozen=True, eq=False)
