@@ -2,7 +2,7 @@
 # make test   set up what is missing, then run every check
 # make setup  set up only
 # make lock   renew requirements.lock
-# make bench  measure every figure against a peer or a limit; some 20 minutes on two cores
+# make bench  measure every figure against a peer or a limit; some ten minutes on two cores
 
 SCENARIO := ui_fog_day_sparse
 FRAMES := 30

@@ -48,6 +48,15 @@ def stunts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
+def seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Where each process that renders notes which graphics cards it sees."""
+    folder = tmp_path / "seen"
+    folder.mkdir()
+    monkeypatch.setenv("SEEN", str(folder))
+    return folder
+
+
+@pytest.fixture
 def few(specs: dict[str, Spec]) -> list[Spec]:
     """Scenarios of one road, cheap to sense."""
     return [_blunt(specs[f"ri_{weather}_sparse"]) for weather in WEATHERS]

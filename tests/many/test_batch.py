@@ -58,14 +58,12 @@ def tree(root: Path) -> dict[str, bytes]:
 def test_what_crashes_or_takes_too_much_stops_nobody_else_and_is_made_up_for(
     few: list[Spec],
     stunts: Path,
+    seen: Path,
     options: OptionsFor,
     witness: Any,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    seen = tmp_path / "seen"
-    seen.mkdir()
-    monkeypatch.setenv("SEEN", str(seen))
     monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "4,7")
     (stunts / "1.crash").touch()
     (stunts / "2.hog").touch()
@@ -103,18 +101,18 @@ def test_what_crashes_or_takes_too_much_stops_nobody_else_and_is_made_up_for(
 def test_several_processes_make_one_scenario_with_the_bytes_of_one_alone(
     few: list[Spec],
     stunts: Path,
+    seen: Path,
     options: OptionsFor,
     witness: Any,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Three share sixteen frames, one each at least; each has a graphics card of its own."""
-    seen = tmp_path / "seen"
-    seen.mkdir()
     frames = FrameRange(0, 16)
     alone, shared = (replace(options(tmp_path / name), frames=frames) for name in ("one", "three"))
     raise_failures(run_all(few[:1], alone, watcher=witness))
-    monkeypatch.setenv("SEEN", str(seen))
+    (alone_pid,) = seen.iterdir()
+    alone_pid.unlink()
     monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "4,7,9")
     monkeypatch.setenv("MEET", f"{claims(tmp_path / 'three', few[0])}:3")
     (outcome,) = run_all(few[:1], shared, watcher=witness, jobs=3)
