@@ -6,7 +6,6 @@ if TYPE_CHECKING:
     from advercity.dataset.reader import open_dataset
 
 __version__ = "0.1.0"
-__all__ = ["__version__", "open_dataset"]
 
 
 def __getattr__(name: str) -> object:
@@ -16,3 +15,6 @@ def __getattr__(name: str) -> object:
 
         return open_dataset
     raise AttributeError(f"module 'advercity' has no attribute {name!r}")
+
+
+__all__ = ["__version__", "open_dataset"]

@@ -22,8 +22,8 @@ from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
 
-from advercity_sapien.device import probe
-from figures import Figure, table
+from advercity_sapien.backend import find_vulkan_device
+from measurement import Figure, table
 
 NAMES = [
     *("compile", "traffic", "lidar", "camera", "tracing", "effects", "encode", "frame", "cores"),
@@ -100,7 +100,7 @@ def _machine() -> list[str]:
         f"{time.strftime('%Y-%m-%d')}, {platform.system()} on {platform.machine()},"
         f" {len(os.sched_getaffinity(0))} cores (load {os.getloadavg()[0]:.1f}),"
         f" Python {platform.python_version()}",
-        f"Vulkan: {probe().name}",
+        f"Vulkan: {find_vulkan_device().name}",
         f"Versions: {', '.join(installed)}",
     ]
 

@@ -8,10 +8,10 @@ import sys
 import time
 from pathlib import Path
 
+from advercity.assets.bodies import build_body
+from advercity.assets.catalogue import compute_body_facts
 from advercity.compiler import read_spec
-from advercity.runner.bodies import facts_of
-from advercity.runner.cache import shelf
-from advercity.world.bodies import body
+from advercity.pipeline.cache import open_model_store
 
 DENSEST = Path("compiled/ui_clear_day_dense.json")
 
@@ -19,13 +19,17 @@ DENSEST = Path("compiled/ui_clear_day_dense.json")
 def main() -> None:
     """Print seconds, triangles and memory."""
     spec = read_spec(Path(sys.argv[1]) if len(sys.argv) > 1 else DENSEST)
-    here = shelf()
-    models = sum(here.find(blueprint) is not None for blueprint in spec.blueprints.values())
+    here = open_model_store()
+    models = sum(
+        here.prepare_model(blueprint) is not None for blueprint in spec.blueprints.values()
+    )
     started, before = time.perf_counter(), time.process_time()
     for name, blueprint in spec.blueprints.items():
-        body(name, blueprint, here)
+        build_body(name, blueprint, here)
     wall, used = time.perf_counter() - started, time.process_time() - before
-    facts = [facts_of(name, blueprint, here) for name, blueprint in spec.blueprints.items()]
+    facts = [
+        compute_body_facts(name, blueprint, here) for name, blueprint in spec.blueprints.items()
+    ]
     triangles = sum(row.triangles for row in facts)
     size_mib = sum(row.size_mib for row in facts)
     peak_mib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

@@ -16,24 +16,22 @@ from pathlib import Path
 import numpy as np
 import sapien
 from advercity_dsl import Spec
+from advercity_sapien.culling import SunShadow
 from advercity_sapien.renderer import FAR_M, NEAR_M
-from advercity_sapien.stage import Stage
-from advercity_sapien.sun import SunShadow
-from figures import Figure
+from advercity_sapien.sapien_scene import SapienScene
+from measurement import Figure
 from numpy.typing import NDArray
 
-from advercity.compiler import find_weather, read_spec, under
-from advercity.randomness import generator
-from advercity.rendering.backend import CameraView, Profile
-from advercity.rendering.lamps import lit_lamps
-from advercity.rendering.registry import load_backend
-from advercity.runner.stage import set_stage, world_of
-from advercity.runner.viewpoints import Viewpoints
-from advercity.sensors.camera import CameraAir, Shot, photograph
-from advercity.traffic.trace import Frame
-from advercity.weather.atmosphere import Atmosphere
-from advercity.weather.derivation import atmosphere_of
-from advercity.world.scene import World
+from advercity.compiler import find_weather, read_spec, with_weather
+from advercity.frames import Frame
+from advercity.physics.atmosphere import Atmosphere, compute_atmosphere
+from advercity.pipeline.agent_poses import AgentPoses
+from advercity.pipeline.preparation import load_or_build_world, load_or_simulate_traffic
+from advercity.randomness import create_generator
+from advercity.rendering.backend import CameraView, RenderProfile, load_backend
+from advercity.rendering.light_sources import list_light_sources
+from advercity.sensors.camera import CameraConditions, CameraExposure, render_image
+from advercity.world import World
 
 SPEC = Path("compiled/ui_clear_day_dense.json")
 STOCK = Path(sapien.__file__).parent / "vulkan_shader"
@@ -50,13 +48,15 @@ WEATHERS = [
 class NoBindings:
     """SAPIEN's pack knows neither air nor lamps."""
 
-    def bind(self, camera: sapien.render.RenderCameraComponent) -> None:
+    def attach_to_camera(self, camera: sapien.render.RenderCameraComponent) -> None:
         """Nothing to see."""
 
-    def mark(self, body: sapien.render.RenderBodyComponent, lit: int, *, hidden: bool) -> None:
+    def set_body_state(
+        self, body: sapien.render.RenderBodyComponent, lamp_bits: int, *, hidden: bool
+    ) -> None:
         """Nothing to mark."""
 
-    def write(self, table: NDArray[np.float32]) -> None:
+    def upload_table(self, table: NDArray[np.float32]) -> None:
         """Nothing to read."""
 
 
@@ -69,8 +69,8 @@ def stock_pictures(
 ) -> Callable[[], None]:
     """Takes pictures of one size with a pack of SAPIEN's own, and fetches all that ours have."""
     scene = sapien.Scene([sapien.render.RenderSystem(sapien.Device("cpu"))])
-    stage, sun = Stage(world, scene, NoBindings(), night=air.night), SunShadow(air, scene)
-    stage.place(frame)
+    stage, sun = SapienScene(world, scene, NoBindings(), night=air.night), SunShadow(air, scene)
+    stage.place_actors(frame)
     width, height = views[0].width_px, views[0].height_px
     camera = sapien.render.RenderCameraComponent(width, height, str(STOCK / pack))
     entity = sapien.Entity()
@@ -84,7 +84,7 @@ def stock_pictures(
                 NEAR_M, FAR_M, focal, focal, width / 2, height / 2, 0.0
             )
             entity.set_pose(sapien.Pose(view.world_from_camera))
-            sun.follow(view)
+            sun.update(view)
             scene.update_render()
             camera.take_picture()
             for name in ("Color", "Position", "Segmentation", "Normal"):
@@ -107,30 +107,30 @@ def figures(*, quick: bool) -> list[Figure]:
 
 def measure(spec: Spec, weather: str, rounds: int) -> tuple[float, float, float]:
     """Median seconds of SAPIEN's picture, of our rendering, and of making the picture of it."""
-    authored = under(spec, find_weather(weather)).weather
-    stage = set_stage(spec)
-    viewpoints = Viewpoints(spec, stage.trace)
-    frame, world = viewpoints.frame(FRAME), world_of(spec, stage.network)
-    air, ego = atmosphere_of(authored, spec.road.land_use), spec.agents[0]
+    authored = with_weather(spec, find_weather(weather)).weather
+    stage = load_or_simulate_traffic(spec)
+    viewpoints = AgentPoses(spec, stage.trace)
+    frame, world = viewpoints.load_frame(FRAME), load_or_build_world(spec, stage.network_path)
+    air, ego = compute_atmosphere(authored, spec.road.land_use), spec.agents[0]
     view = CameraView(
-        viewpoints.camera_poses(ego, FRAME)[0],
+        viewpoints.world_from_cameras(ego, FRAME)[0],
         *SIZE,
         math.radians(ego.sensors.camera.horizontal_fov_deg),
         hide=frozenset({ego.number}),
     )
     stock = stock_pictures(world, air, frame, [view])
-    lamps = tuple(lit_lamps(world, frame)) if air.night else ()
-    shot = Shot(view, ego.sensors.camera, frame, viewpoints.velocity(ego, frame), lamps)
-    camera_air = CameraAir.of(authored, air, "bench")
-    with load_backend("sapien").open(world, air, Profile("bench", 1.0, "raster")) as renderer:
+    lamps = tuple(list_light_sources(world, frame)) if air.night else ()
+    shot = CameraExposure(view, ego.sensors.camera, frame, viewpoints.velocity(ego, frame), lamps)
+    camera_air = CameraConditions.build(authored, air, "bench")
+    with load_backend("sapien").open(world, air, RenderProfile("bench", 1.0, "raster")) as renderer:
         renderer.place(frame)
 
         def develop() -> None:
             mount = shot.camera.mounts[0]
-            photograph(capture, shot, camera_air, generator("bench"), mount=mount)
+            render_image(capture, shot, camera_air, create_generator("bench"), mount=mount)
 
-        capture = renderer.camera(view)
-        steps = (stock, lambda: renderer.camera(view), develop)
+        capture = renderer.render_camera(view)
+        steps = (stock, lambda: renderer.render_camera(view), develop)
         times: tuple[list[float], ...] = ([], [], [])
         for _ in range(rounds + WARM_UP):
             for taken, step in zip(times, steps, strict=True):

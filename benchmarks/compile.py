@@ -14,9 +14,10 @@ import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from figures import Figure
+from measurement import Figure
 
-from advercity.compiler import compile_library, load_library, write_specs
+from advercity.compiler import load_library, write_specs
+from advercity.compiler.crossing import compile_library
 
 ROOT = Path(__file__).parent.parent
 PEER = "import yaml, pydantic, typer"

@@ -15,11 +15,11 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from figures import Figure
+from measurement import Figure
 
 from advercity.compiler import read_spec
-from advercity.runner.machine import cores
-from advercity.runner.stage import set_stage, world_of
+from advercity.pipeline.machine import count_usable_cores
+from advercity.pipeline.preparation import load_or_build_world, load_or_simulate_traffic
 
 SPEC = Path("compiled/ui_fog_day_sparse.json")
 GOAL = 0.85
@@ -35,13 +35,13 @@ class Taken:
     @property
     def busy(self) -> float:
         """Share of the cores' time."""
-        return self.cpu_s / self.wall_s / cores()
+        return self.cpu_s / self.wall_s / count_usable_cores()
 
 
 def taken(spec: Path, frames: int, *options: str) -> Taken:
     """By a run of the first frames, its traffic and world in the cache."""
     scenario = read_spec(spec)
-    world_of(scenario, set_stage(scenario).network)
+    load_or_build_world(scenario, load_or_simulate_traffic(scenario).network_path)
     with tempfile.TemporaryDirectory() as folder:
         command = [
             *(sys.executable, "-c", "from advercity.cli import main; main()"),

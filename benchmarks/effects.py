@@ -17,19 +17,18 @@ from statistics import median
 from typing import Any
 
 from advercity_dsl import Weather
-from figures import Figure, table
+from measurement import Figure, table
 
 from advercity.compiler import read_spec
-from advercity.randomness import generator
-from advercity.rendering.backend import PROFILES, Renderer
-from advercity.rendering.lamps import lit_lamps
-from advercity.rendering.registry import load_backend
-from advercity.runner.sensing import view_of
-from advercity.runner.stage import set_stage, world_of
-from advercity.runner.viewpoints import Viewpoints
-from advercity.sensors.camera import CameraAir, Shot, photograph
-from advercity.traffic.lamps import lit
-from advercity.weather.derivation import atmosphere_of
+from advercity.physics.atmosphere import compute_atmosphere
+from advercity.pipeline.agent_poses import AgentPoses
+from advercity.pipeline.preparation import load_or_build_world, load_or_simulate_traffic
+from advercity.pipeline.sensing import build_camera_view
+from advercity.randomness import create_generator
+from advercity.rendering.backend import RENDER_PROFILES, Renderer, load_backend
+from advercity.rendering.light_sources import list_light_sources
+from advercity.sensors.camera import CameraConditions, CameraExposure, render_image
+from advercity.traffic.weather_effects import apply_lamp_state
 
 SPEC, FRAME, SCALE = Path("compiled/ui_clear_day_sparse.json"), 40, 0.05
 Parts = dict[str, Any]
@@ -65,39 +64,44 @@ class Scene:
 
     def __init__(self) -> None:
         spec = read_spec(SPEC)
-        stage = set_stage(spec)
-        self.viewpoints, self.ego = Viewpoints(spec, stage.trace), spec.agents[0]
-        self.frame, self.world = self.viewpoints.frame(FRAME), world_of(spec, stage.network)
+        stage = load_or_simulate_traffic(spec)
+        self.viewpoints, self.ego = AgentPoses(spec, stage.trace), spec.agents[0]
+        self.frame, self.world = (
+            self.viewpoints.load_frame(FRAME),
+            load_or_build_world(spec, stage.network_path),
+        )
         self.road = spec.road
-        self.profile = PROFILES["full"].scaled(SCALE)
+        self.profile = RENDER_PROFILES["full"].with_scale(SCALE)
 
     @contextmanager
     def opened(self, parts: Parts) -> Generator["Pictures"]:
         """Ready to take pictures in a weather."""
         weather = Weather.model_validate({"id": "effect"} | parts)
-        air = atmosphere_of(weather, self.road.land_use)
+        air = compute_atmosphere(weather, self.road.land_use)
         with load_backend("sapien").open(self.world, air, self.profile) as renderer:
-            yield Pictures(self, renderer, CameraAir.of(weather, air, "bench"))
+            yield Pictures(self, renderer, CameraConditions.build(weather, air, "bench"))
 
 
 class Pictures:
     """Of one scene in one weather."""
 
-    def __init__(self, scene: Scene, renderer: Renderer, air: CameraAir) -> None:
-        frame, ego = lit(scene.frame, air.weather.lamps), scene.ego
+    def __init__(self, scene: Scene, renderer: Renderer, air: CameraConditions) -> None:
+        frame, ego = apply_lamp_state(scene.frame, air.weather.lamps), scene.ego
         renderer.place(frame)
-        view = view_of(ego, scene.viewpoints.camera_poses(ego, FRAME)[0], scene.profile)
-        lamps = tuple(lit_lamps(scene.world, frame)) if air.atmosphere.night else ()
+        view = build_camera_view(
+            ego, scene.viewpoints.world_from_cameras(ego, FRAME)[0], scene.profile
+        )
+        lamps = tuple(list_light_sources(scene.world, frame)) if air.atmosphere.night else ()
         velocity = scene.viewpoints.velocity(ego, frame)
-        self._shot = Shot(view, ego.sensors.camera, frame, velocity, lamps)
+        self._shot = CameraExposure(view, ego.sensors.camera, frame, velocity, lamps)
         self._renderer, self._air = renderer, air
         self.seconds()
 
     def seconds(self) -> float:
         """Processor time of a picture."""
         began = time.process_time()
-        capture, mount = self._renderer.camera(self._shot.view), self._shot.camera.mounts[0]
-        photograph(capture, self._shot, self._air, generator("bench"), mount=mount)
+        capture, mount = self._renderer.render_camera(self._shot.view), self._shot.camera.mounts[0]
+        render_image(capture, self._shot, self._air, create_generator("bench"), mount=mount)
         return time.process_time() - began
 
 

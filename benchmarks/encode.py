@@ -19,17 +19,15 @@ from functools import partial
 from pathlib import Path
 
 import cv2
-from figures import Figure, table
+from measurement import Figure, table
 
 from advercity.compiler import read_spec
-from advercity.dataset.writer import DatasetWriter
-from advercity.rendering.backend import PROFILES
-from advercity.rendering.registry import load_backend
-from advercity.runner.behind import Behind
-from advercity.runner.preparation import identity_of
-from advercity.runner.sensing import Senses, senses
-from advercity.runner.stage import set_stage
-from advercity.runner.viewpoints import Viewpoints
+from advercity.dataset.writer import ScenarioWriter
+from advercity.pipeline.agent_poses import AgentPoses
+from advercity.pipeline.preparation import compute_identity, load_or_simulate_traffic
+from advercity.pipeline.scenario import BackgroundWriter
+from advercity.pipeline.sensing import SensorRig, open_sensors
+from advercity.rendering.backend import RENDER_PROFILES, load_backend
 
 SPEC = Path("compiled/ui_fog_day_sparse.json")
 FRAMES = range(1, 4)
@@ -66,27 +64,29 @@ def figures(
 
 
 @contextmanager
-def _opened(path: Path, profile_name: str, folder: Path) -> Generator[tuple[Senses, DatasetWriter]]:
+def _opened(
+    path: Path, profile_name: str, folder: Path
+) -> Generator[tuple[SensorRig, ScenarioWriter]]:
     """The sensors and the writer of a scenario."""
-    spec, backend, profile = read_spec(path), load_backend("sapien"), PROFILES[profile_name]
-    stage = set_stage(spec)
-    identity = identity_of(spec, stage, backend, profile, format="opv2v")
-    viewpoints = Viewpoints(spec, stage.trace)
+    spec, backend, profile = read_spec(path), load_backend("sapien"), RENDER_PROFILES[profile_name]
+    stage = load_or_simulate_traffic(spec)
+    identity = compute_identity(spec, stage, backend, profile, format="opv2v")
+    viewpoints = AgentPoses(spec, stage.trace)
     with (
-        DatasetWriter(folder, spec, identity, length=len(stage.trace)) as writer,
-        senses(viewpoints, stage, backend, profile) as sensed,
+        ScenarioWriter(folder, spec, identity, length=len(stage.trace)) as writer,
+        open_sensors(viewpoints, stage, backend, profile) as sensed,
     ):
         yield sensed, writer
 
 
-def _make(sensed: Senses, writer: DatasetWriter | None = None) -> Cost:
+def _make(sensed: SensorRig, writer: ScenarioWriter | None = None) -> Cost:
     """Sense the frames as a run does, and write them too if there is a writer."""
     wall, cpu = time.perf_counter(), time.process_time()
-    with Behind() as behind:
+    with BackgroundWriter() as behind:
         for frame in FRAMES:
-            readings = sensed.read(frame)
+            readings = sensed.capture_frame(frame)
             if writer is not None:
-                behind.run(partial(writer.write, frame, readings))
+                behind.submit(partial(writer.write_frame, frame, readings))
     return Cost(time.perf_counter() - wall, time.process_time() - cpu)
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from advercity.compiler import read_spec
 from advercity.errors import AdvercityError
-from advercity.runner import FrameRange, Options, run_scenario
+from advercity.pipeline import FrameRange, RunOptions, run_scenario
 
 
 def main() -> int:
@@ -21,7 +21,7 @@ def main() -> int:
     arguments = _arguments()
     failed = 0
     with tempfile.TemporaryDirectory() as folder:
-        options = Options(
+        options = RunOptions(
             output=Path(folder),
             profile="preview",
             scale=arguments.scale,

@@ -28,34 +28,41 @@ from unittest.mock import patch
 from advercity_dsl import Spec
 from advercity_sapien.renderer import SapienRenderer
 from camera import stock_pictures
-from figures import Figure
+from measurement import Figure
 
 from advercity.compiler import read_spec
-from advercity.dataset import frame_writer, opv2v, png
-from advercity.rendering.backend import PROFILES, CameraView, Profile
-from advercity.rendering.registry import load_backend
-from advercity.runner import FrameRange, Options, Progress, run_scenario, sensing
-from advercity.runner.stage import set_stage, world_of
-from advercity.runner.viewpoints import Viewpoints
-from advercity.weather.derivation import atmosphere_of
+from advercity.dataset import cloud_files, opv2v, partial_files
+from advercity.dataset import image_codec as png
+from advercity.dataset import writer as frame_writer
+from advercity.physics.atmosphere import compute_atmosphere
+from advercity.pipeline import FrameRange, Progress, RunOptions, run_scenario, sensing
+from advercity.pipeline.agent_poses import AgentPoses
+from advercity.pipeline.preparation import load_or_build_world, load_or_simulate_traffic
+from advercity.rendering.backend import RENDER_PROFILES, CameraView, RenderProfile, load_backend
 
 SPEC = Path("compiled/ui_fog_day_sparse.json")
 GOAL = 2.5
 STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
     "placing actors": ((SapienRenderer, "place"),),
-    "asking for pictures": ((SapienRenderer, "_begin"),),
-    "waiting for pictures": ((SapienRenderer, "_images"),),
-    "optics and electronics": ((sensing, "photograph"),),
-    "pixels of every actor": ((sensing, "sightings"),),
-    "LiDAR: rays": ((sensing, "shoot"),),
-    "LiDAR: weather, points": ((sensing, "sweep"),),
-    "maps": ((opv2v, "bird_views"),),
-    "annotations": ((opv2v, "describe"), (opv2v, "extras"), (opv2v, "motion")),
-    "documents as text": ((opv2v, "yaml_bytes"), (opv2v, "json_bytes")),
-    "clouds as files": ((opv2v.pcd, "encode"),),
-    "pictures as PNG": ((png, "_png"),),
-    "checksums": ((frame_writer.FileRecord, "of"),),
-    "disk": tuple((frame_writer, name) for name in ("write", "move", "append_to_journal")),
+    "asking for pictures": ((SapienRenderer, "_start_render"),),
+    "waiting for pictures": ((SapienRenderer, "_fetch_images"),),
+    "optics and electronics": ((sensing, "render_image"),),
+    "pixels of every actor": ((sensing, "project_boxes"),),
+    "LiDAR: rays": ((sensing, "cast_scan"),),
+    "LiDAR: weather, points": ((sensing, "measure_point_cloud"),),
+    "maps": ((opv2v, "draw_bird_views"),),
+    "annotations": (
+        (opv2v, "build_frame_description"),
+        (opv2v, "build_object_extras"),
+        (opv2v, "build_motion_document"),
+    ),
+    "documents as text": ((opv2v, "format_yaml"), (opv2v, "format_json")),
+    "clouds as files": ((cloud_files, "encode_pcd"),),
+    "pictures as PNG": ((png, "_encode_png"),),
+    "checksums": ((partial_files.FileRecord, "from_content"),),
+    "disk": tuple(
+        (frame_writer, name) for name in ("write_file", "move_file", "append_to_journal")
+    ),
 }
 
 
@@ -108,18 +115,18 @@ class Pace:
     stages: dict[str, Stage]
 
 
-def pace(spec: Spec, profile: Profile, frames: int) -> Pace:
+def pace(spec: Spec, profile: RenderProfile, frames: int) -> Pace:
     """Make frames of a scenario, the first of which does not count."""
     marks: list[tuple[float, float]] = []
     stopwatch = Stopwatch()
 
     def report(progress: Progress) -> None:
-        if progress.done == 1 or progress.stage == "done":
+        if progress.done == 1 or progress.phase == "done":
             stopwatch.stages.clear() if progress.done == 1 else None
             marks.append((time.perf_counter(), time.process_time()))
 
     with tempfile.TemporaryDirectory() as folder, stopwatch.running():
-        options = Options(
+        options = RunOptions(
             Path(folder),
             profile=profile.name,
             scale=profile.scale,
@@ -140,13 +147,13 @@ def pace(spec: Spec, profile: Profile, frames: int) -> Pace:
 class Peer:
     """SAPIEN's own pictures from every camera of a scenario, and ours of them alone."""
 
-    def __init__(self, spec: Spec, profile: Profile) -> None:
+    def __init__(self, spec: Spec, profile: RenderProfile) -> None:
         self._spec, self._profile = spec, profile
-        stage = set_stage(spec)
-        viewpoints = Viewpoints(spec, stage.trace)
-        self._frame = viewpoints.frame(1)
-        self._world = world_of(spec, stage.network)
-        self._air = atmosphere_of(spec.weather, spec.road.land_use)
+        stage = load_or_simulate_traffic(spec)
+        viewpoints = AgentPoses(spec, stage.trace)
+        self._frame = viewpoints.load_frame(1)
+        self._world = load_or_build_world(spec, stage.network_path)
+        self._air = compute_atmosphere(spec.weather, spec.road.land_use)
         self._views = list(_views(viewpoints, profile))
         self._take = stock_pictures(self._world, self._air, self._frame, self._views)
         self._take()
@@ -171,23 +178,23 @@ class Peer:
         """Seconds of our pictures from every camera, without all that is done to them."""
         with load_backend("sapien").open(self._world, self._air, self._profile) as renderer:
             renderer.place(self._frame)
-            for _ in renderer.cameras(self._views):
+            for _ in renderer.render_cameras(self._views):
                 pass
             began = time.perf_counter()
-            for _ in renderer.cameras(self._views):
+            for _ in renderer.render_cameras(self._views):
                 pass
             return time.perf_counter() - began
 
 
-def _views(viewpoints: Viewpoints, profile: Profile) -> Iterator[CameraView]:
+def _views(viewpoints: AgentPoses, profile: RenderProfile) -> Iterator[CameraView]:
     for agent in viewpoints.spec.agents:
-        for world_from_camera in viewpoints.camera_poses(agent, 1):
-            yield sensing.view_of(agent, world_from_camera, profile)
+        for world_from_camera in viewpoints.world_from_cameras(agent, 1):
+            yield sensing.build_camera_view(agent, world_from_camera, profile)
 
 
 def figures(*, quick: bool) -> list[Figure]:
     """A preview frame, whole and by stage."""
-    peer = Peer(read_spec(SPEC), PROFILES["preview"])
+    peer = Peer(read_spec(SPEC), RENDER_PROFILES["preview"])
     rounds, frames = (2, 4) if quick else (5, 8)
     paces, ratios, _ = peer.rounds(rounds, frames)
     whole_s = statistics.median(pace.cpu_s for pace in paces)
@@ -211,10 +218,10 @@ def main() -> None:
     parser.add_argument("spec", type=Path, nargs="?", default=SPEC)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--frames", type=int, default=6)
-    parser.add_argument("--profile", choices=sorted(PROFILES), default="preview")
+    parser.add_argument("--profile", choices=sorted(RENDER_PROFILES), default="preview")
     parser.add_argument("--scale", type=float)
     arguments = parser.parse_args()
-    profile = PROFILES[arguments.profile].scaled(arguments.scale)
+    profile = RENDER_PROFILES[arguments.profile].with_scale(arguments.scale)
     spec = read_spec(arguments.spec)
     if profile.renderer == "ray_traced":
         _print([pace(spec, profile, arguments.frames) for _ in range(arguments.rounds)])

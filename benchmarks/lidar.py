@@ -25,20 +25,26 @@ import psutil
 from advercity_dsl import Agent, Lidar, RoadsideUnit, Spec, Weather
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
-from figures import Figure
+from measurement import Figure
 from numpy.typing import NDArray
 
 from advercity.compiler import find_weather, read_spec
-from advercity.poses import transform
-from advercity.randomness import generator
+from advercity.frames import Frame
+from advercity.geometry.poses import transform_points
+from advercity.physics.atmosphere import compute_atmosphere
+from advercity.pipeline.agent_poses import AgentPoses
+from advercity.pipeline.preparation import load_or_build_world, load_or_simulate_traffic
+from advercity.randomness import create_generator
 from advercity.rendering import embree
-from advercity.rendering.casting import Caster
-from advercity.runner.stage import set_stage, world_of
-from advercity.runner.viewpoints import Viewpoints
-from advercity.sensors.lidar import LidarAir, air_of, beams, shoot, sweep
-from advercity.traffic.trace import Frame
-from advercity.weather.derivation import atmosphere_of
-from advercity.world.scene import World
+from advercity.rendering.raycaster import Raycaster
+from advercity.sensors.lidar import (
+    LidarConditions,
+    beam_directions,
+    cast_scan,
+    derive_lidar_conditions,
+    measure_point_cloud,
+)
+from advercity.world import World
 
 Result = TypeVar("Result")
 Floats = NDArray[np.floating[Any]]
@@ -58,27 +64,27 @@ class Scene:
     """All sensors of a scenario, ready to look."""
 
     def __init__(self, spec: Spec) -> None:
-        stage = set_stage(spec)
-        self.viewpoints = Viewpoints(spec, stage.trace)
-        self.world = world_of(spec, stage.network)
-        self.caster = Caster(self.world)
+        stage = load_or_simulate_traffic(spec)
+        self.viewpoints = AgentPoses(spec, stage.trace)
+        self.world = load_or_build_world(spec, stage.network_path)
+        self.caster = Raycaster(self.world)
         self.frames = len(stage.trace)
         self.agents = spec.agents
 
-    def look(self, agent: Agent, frame: Frame, air: LidarAir) -> int:
+    def look(self, agent: Agent, frame: Frame, air: LidarConditions) -> int:
         """Points of a sensor in a frame."""
         lidar = agent.sensors.lidar
         roadside = isinstance(agent.place, RoadsideUnit)
         self.caster.place(frame, frozenset() if roadside else frozenset({agent.number}))
-        pose = self.viewpoints.lidar_pose(agent, frame)
-        scan = shoot(lidar, pose, self.caster, puddle_coverage=air.puddle_coverage)
-        rng = generator("benchmark", agent.id, frame.index)
-        return len(sweep(lidar, scan, air, rng, states=frame.states).points)
+        pose = self.viewpoints.world_from_lidar(agent, frame)
+        scan = cast_scan(lidar, pose, self.caster, puddle_coverage=air.puddle_coverage)
+        rng = create_generator("benchmark", agent.id, frame.index)
+        return len(measure_point_cloud(lidar, scan, air, rng, states=frame.states).points)
 
     def rays(self, agent: Agent, frame: Frame) -> tuple[Floats, Floats]:
         """Origins and directions of a sensor's rays."""
-        pose = self.viewpoints.lidar_pose(agent, frame)
-        directions = (beams(agent.sensors.lidar) @ pose[:3, :3].T).astype(np.float32)
+        pose = self.viewpoints.world_from_lidar(agent, frame)
+        directions = (beam_directions(agent.sensors.lidar) @ pose[:3, :3].T).astype(np.float32)
         origins = np.repeat(pose[None, :3, 3].astype(np.float32), len(directions), axis=0)
         return origins, np.ascontiguousarray(directions)
 
@@ -92,7 +98,7 @@ class Bare:
             parts = world.bodies[state.actor.blueprint].parts
             there += [(mesh, state.world_from_body) for mesh in parts]
         moved = [
-            replace(mesh, vertices=transform(at, mesh.vertices).astype(np.float32))
+            replace(mesh, vertices=transform_points(at, mesh.vertices).astype(np.float32))
             for mesh, at in there
         ]
         starts = np.cumsum([0, *(len(mesh.vertices) for mesh in moved)]).astype(np.int32)
@@ -100,7 +106,7 @@ class Bare:
         self._single: Any = EmbreeScene(robust=True)
         self.mesh = np.concatenate([mesh.vertices for mesh in moved]), np.concatenate(triangles)
         TriangleMesh(self._single, *self.mesh)
-        self._packets = embree.Scene([embree.Solid(moved)], np.eye(4)[None])
+        self._packets = embree.EmbreeScene([embree.EmbreeMesh(moved)], np.eye(4)[None])
         # The wrapper commits its scene when it is first asked.
         self.single(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
 
@@ -111,7 +117,7 @@ class Bare:
 
     def packets(self, origins: Floats, directions: Floats, order: Rows) -> None:
         """Cast 16 rays at a time."""
-        self._packets.cast(origins, directions, RANGE_M, order=order)
+        self._packets.cast(origins, directions, RANGE_M, ray_order=order)
 
 
 def timed(work: Callable[[], Result]) -> tuple[float, Result]:
@@ -134,7 +140,7 @@ def without_weather() -> Weather:
 class Round:
     """What the sensors took in one frame, seconds: Embree alone, one way and the other, and all."""
 
-    def __init__(self, scene: Scene, frame: Frame, air: LidarAir) -> None:
+    def __init__(self, scene: Scene, frame: Frame, air: LidarConditions) -> None:
         self.points = self.rays = 0
         self.single_s = self.packets_s = self.whole_s = 0.0
         bare = Bare(scene.world, frame)
@@ -181,12 +187,12 @@ def figures(*, quick: bool) -> list[Figure]:
     """Everything that LiDARs do, against ray casters that do nothing else."""
     rounds, names = (3, WEATHERS[-1:]) if quick else (9, WEATHERS)
     scene = Scene(read_spec(SPEC))
-    frames = [scene.viewpoints.frame(FIRST + number) for number in range(rounds + WARM_UP)]
+    frames = [scene.viewpoints.load_frame(FIRST + number) for number in range(rounds + WARM_UP)]
     for frame in frames:
         scene.caster.place(frame)
     found: list[Figure] = []
     for weather in (without_weather(), *(find_weather(name).declaration for name in names)):
-        air = air_of(weather, atmosphere_of(weather, "urban"))
+        air = derive_lidar_conditions(weather, compute_atmosphere(weather, "urban"))
         done = [Round(scene, frame, air) for frame in frames][WARM_UP:]
         ratio = statistics.median(one.single_s / one.whole_s for one in done)
         found.append(Figure(f"LiDAR, {weather.id}", ratio, "rate of bare Embree", at_least=0.5))
@@ -199,7 +205,7 @@ def figures(*, quick: bool) -> list[Figure]:
 def _against_open3d(scene: Scene, frame: Frame) -> float:
     """Rate of all that is done without weather over that of Open3D's rays alone."""
     peer, weather = Open3d(Bare(scene.world, frame)), without_weather()
-    air = air_of(weather, atmosphere_of(weather, "urban"))
+    air = derive_lidar_conditions(weather, compute_atmosphere(weather, "urban"))
     bare_s = whole_s = 0.0
     for agent in scene.agents:
         rays = scene.rays(agent, frame)
@@ -217,7 +223,7 @@ def ring_by_ring(lidar: Lidar) -> Rows:
 def table(scene: Scene, rounds: int) -> None:
     """Print one row per weather."""
     weathers = [without_weather(), *(find_weather(name).declaration for name in WEATHERS)]
-    frames = [scene.viewpoints.frame(FIRST + number) for number in range(rounds + WARM_UP)]
+    frames = [scene.viewpoints.load_frame(FIRST + number) for number in range(rounds + WARM_UP)]
     for frame in frames:
         # Bodies are built when they are first met.
         scene.caster.place(frame)
@@ -227,7 +233,7 @@ def table(scene: Scene, rounds: int) -> None:
     print("| weather | points | M points/s | M rays/s | Embree alone | ratio | packets | ratio |")
     print("|---|---|---|---|---|---|---|---|")
     for weather in weathers:
-        air = air_of(weather, atmosphere_of(weather, "urban"))
+        air = derive_lidar_conditions(weather, compute_atmosphere(weather, "urban"))
         done = [Round(scene, frame, air) for frame in frames][WARM_UP:]
         cells = np.median([one.figures() for one in done], axis=0)
         points = round(statistics.median(one.points for one in done))
@@ -237,13 +243,13 @@ def table(scene: Scene, rounds: int) -> None:
 def memory(scene: Scene, frames: int) -> None:
     """Print how large the process is along the way."""
     weather = find_weather("foggy_heavy_rain_day").declaration
-    air = air_of(weather, atmosphere_of(weather, "urban"))
+    air = derive_lidar_conditions(weather, compute_atmosphere(weather, "urban"))
     for number in range(frames + 1):
         if number % max(1, frames // 4) == 0:
             resident = psutil.Process().memory_info().rss / 2**20
             peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
             print(f"after {number} frames: {resident:.0f} MiB, at most {peak:.0f} MiB")
-        frame = scene.viewpoints.frame(number % scene.frames)
+        frame = scene.viewpoints.load_frame(number % scene.frames)
         for agent in scene.agents:
             scene.look(agent, frame, air)
 

@@ -11,12 +11,12 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from figures import Figure, table
+from measurement import Figure, table
 
 from advercity.compiler import read_spec
 from advercity.dataset.manifest import Manifest
-from advercity.dataset.verification import verify
-from advercity.runner import FrameRange, Options, run_scenario
+from advercity.dataset.verification import verify_scenario
+from advercity.pipeline import FrameRange, RunOptions, run_scenario
 
 SPEC = Path("compiled/ui_fog_day_sparse.json")
 
@@ -26,7 +26,7 @@ def figures(*, quick: bool) -> list[Figure]:
     frames, rounds = (6, 3) if quick else (20, 7)
     spec = read_spec(SPEC)
     with tempfile.TemporaryDirectory() as folder:
-        options = Options(Path(folder), profile="preview", frames=FrameRange(0, frames))
+        options = RunOptions(Path(folder), profile="preview", frames=FrameRange(0, frames))
         made_s = _seconds(lambda: run_scenario(spec, options))
         scenario = Path(folder) / spec.id
         files = [path for path in scenario.rglob("*") if path.is_file()]
@@ -36,7 +36,7 @@ def figures(*, quick: bool) -> list[Figure]:
         for _ in range(rounds):
             resumed.append(_seconds(lambda: run_scenario(spec, options)))
             hashed.append(_seconds(lambda: _hash(files)))
-            verified.append(_seconds(lambda: verify(scenario)))
+            verified.append(_seconds(lambda: verify_scenario(scenario)))
         length = Manifest.load(scenario).length
     resumed_s, verified_s = statistics.median(resumed), statistics.median(verified)
     ratio = statistics.median(v / h for v, h in zip(verified, hashed, strict=True))

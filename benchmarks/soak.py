@@ -22,8 +22,8 @@ import psutil
 from advercity.compiler import read_spec
 from advercity.dataset.manifest import Manifest
 from advercity.dataset.verification import verify_dataset
-from advercity.runner import FrameRange, Options, Outcome, Progress, run_all
-from advercity.runner.limits import size_in_words, time_in_words
+from advercity.pipeline import FrameRange, Progress, RunOptions, ScenarioResult, run_scenarios
+from advercity.pipeline.options import format_byte_size, format_duration
 
 MOST_MB = 1.0
 """That memory may grow with every scenario."""
@@ -37,10 +37,10 @@ class Log:
         self.peaks_mb: list[float] = []
         self.alike: list[str] = []
 
-    def advanced(self, progress: Progress) -> None:
+    def on_progress(self, progress: Progress) -> None:
         """Nothing to print."""
 
-    def finished(self, outcome: Outcome) -> None:
+    def on_result(self, outcome: ScenarioResult) -> None:
         """One line."""
         self.own_mb.append(psutil.Process().memory_info().rss / 1e6)
         self.peaks_mb.append(outcome.peak_memory_bytes / 1e6)
@@ -60,23 +60,23 @@ def main() -> int:
     specs = [read_spec(path) for path in sorted(arguments.folder.glob("*.json"))]
     with tempfile.TemporaryDirectory() as folder:
         output = arguments.output or Path(folder)
-        options = Options(
+        options = RunOptions(
             output,
             profile="preview",
             scale=arguments.scale,
             frames=FrameRange(0, arguments.frames),
         )
         log, began_s = Log(), time.perf_counter()
-        outcomes = run_all(specs, options, watcher=log, jobs=arguments.jobs)
+        outcomes = run_scenarios(specs, options, listener=log, jobs=arguments.jobs)
         took_s = time.perf_counter() - began_s
         manifests = [Manifest.load(output / spec.id) for spec in specs]
         whole = sum(manifest.frames == tuple(range(arguments.frames)) for manifest in manifests)
         problems = verify_dataset(output)
     failed = sum(outcome.error is not None for outcome in outcomes)
     slopes = [_slope(log.own_mb), _slope(_less_the_mean(log.peaks_mb, log.alike))]
-    print(f"{len(specs)} scenarios in {time_in_words(took_s)}, {failed} failed; {whole} whole")
+    print(f"{len(specs)} scenarios in {format_duration(took_s)}, {failed} failed; {whole} whole")
     print(f"{sum(len(manifest.files) for manifest in manifests)} files,", end=" ")
-    print(f"{size_in_words(sum(outcome.size_bytes for outcome in outcomes))},", end=" ")
+    print(f"{format_byte_size(sum(outcome.size_bytes for outcome in outcomes))},", end=" ")
     print(f"{len(problems)} not as their manifests say")
     print(f"memory here {slopes[0]:+.3f} MB a scenario, in their processes {slopes[1]:+.3f}")
     return int(bool(failed or problems or whole < len(specs) or max(slopes) > MOST_MB))

@@ -21,21 +21,20 @@ import numpy as np
 import sapien
 import trimesh
 from camera import stock_pictures
-from figures import Figure, table
+from measurement import Figure, table
 
 from advercity.compiler import read_spec
-from advercity.poses import transform
-from advercity.rendering.backend import CameraView, Profile
-from advercity.rendering.registry import load_backend
-from advercity.runner.sensing import view_of
-from advercity.runner.stage import set_stage, world_of
-from advercity.runner.viewpoints import Viewpoints
-from advercity.traffic.trace import Frame
-from advercity.weather.derivation import atmosphere_of
-from advercity.world.scene import World
+from advercity.frames import Frame
+from advercity.geometry.poses import transform_points
+from advercity.physics.atmosphere import compute_atmosphere
+from advercity.pipeline.agent_poses import AgentPoses
+from advercity.pipeline.preparation import load_or_build_world, load_or_simulate_traffic
+from advercity.pipeline.sensing import build_camera_view
+from advercity.rendering.backend import CameraView, RenderProfile, load_backend
+from advercity.world import World
 
 SPEC, FRAME = Path("compiled/ui_clear_day_sparse.json"), 40
-TRACED = Profile("bench", 0.05, "ray_traced", samples=2, path_depth=2)
+TRACED = RenderProfile("bench", 0.05, "ray_traced", samples=2, path_depth=2)
 
 
 def figures(*, quick: bool) -> list[Figure]:
@@ -61,11 +60,14 @@ class Scene:
 
     def __init__(self) -> None:
         spec = read_spec(SPEC)
-        stage = set_stage(spec)
-        viewpoints, ego = Viewpoints(spec, stage.trace), spec.agents[0]
-        self.frame, self.world = viewpoints.frame(FRAME), world_of(spec, stage.network)
-        self.air = atmosphere_of(spec.weather, spec.road.land_use)
-        self.view = view_of(ego, viewpoints.camera_poses(ego, FRAME)[0], TRACED)
+        stage = load_or_simulate_traffic(spec)
+        viewpoints, ego = AgentPoses(spec, stage.trace), spec.agents[0]
+        self.frame, self.world = (
+            viewpoints.load_frame(FRAME),
+            load_or_build_world(spec, stage.network_path),
+        )
+        self.air = compute_atmosphere(spec.weather, spec.road.land_use)
+        self.view = build_camera_view(ego, viewpoints.world_from_cameras(ego, FRAME)[0], TRACED)
 
 
 def ours_s(rounds: int) -> float:
@@ -73,7 +75,7 @@ def ours_s(rounds: int) -> float:
     scene = Scene()
     with load_backend("sapien").open(scene.world, scene.air, TRACED) as renderer:
         renderer.place(scene.frame)
-        return _median_s(lambda: renderer.camera(scene.view), rounds)
+        return _median_s(lambda: renderer.render_camera(scene.view), rounds)
 
 
 def sapien_s(rounds: int) -> float:
@@ -128,7 +130,7 @@ def _everything(world: World, frame: Frame) -> Any:
         parts = world.bodies[state.actor.blueprint].parts
         there += [(mesh, state.world_from_body) for mesh in parts]
     meshes = [
-        trimesh.Trimesh(transform(at, mesh.vertices), mesh.triangles, process=False)
+        trimesh.Trimesh(transform_points(at, mesh.vertices), mesh.triangles, process=False)
         for mesh, at in there
     ]
     return trimesh.util.concatenate(meshes)

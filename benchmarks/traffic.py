@@ -20,13 +20,13 @@ from unittest.mock import patch
 
 import libsumo
 from advercity_dsl import Spec
-from figures import Figure
+from measurement import Figure
 
 from advercity.compiler import read_spec
-from advercity.runner.stage import set_stage
-from advercity.traffic import drive
-from advercity.traffic.demand import draw
-from advercity.traffic.lanes import read_lanes
+from advercity.pipeline.preparation import load_or_simulate_traffic
+from advercity.roads.lane_graph import read_lane_graph
+from advercity.traffic import sumo_run
+from advercity.traffic.demand import draw_demand
 from advercity.traffic.route_file import write_route_file
 
 GOAL = 0.8
@@ -59,9 +59,9 @@ def figures(*, quick: bool) -> list[Figure]:
 
 def measure(spec: Spec, rounds: int) -> float:
     """Rate of recorded stepping over that of bare stepping."""
-    network = set_stage(spec).network
-    graph = read_lanes(network)
-    demand = draw(spec, graph)
+    network = load_or_simulate_traffic(spec).network_path
+    graph = read_lane_graph(network)
+    demand = draw_demand(spec, graph)
     ratios: list[float] = []
     with tempfile.TemporaryDirectory() as folder:
         routes = Path(folder) / "demand.rou.xml"
@@ -74,7 +74,7 @@ def measure(spec: Spec, rounds: int) -> float:
                     call = bare.timing(getattr(libsumo, name))
                     stack.enter_context(patch.object(libsumo, name, call))
                 began = time.process_time()
-                recording = drive.drive(spec, demand, graph, network, routes, {})
+                recording = sumo_run.run_sumo(spec, demand, graph, network, routes, {})
                 whole = time.process_time() - began
             ticks = len(recording)
             ratios.append(bare.seconds / whole)

@@ -9,10 +9,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from advercity.rendering.registry import load_backend
-from advercity.runner.bodies import catalogue_blueprints
-from advercity.runner.body_sheet import body_sheet
-from advercity.runner.cache import shelf
+from advercity.assets.catalogue import load_catalogue_blueprints
+from advercity.pipeline.body_sheet import draw_body_sheet
+from advercity.pipeline.cache import open_model_store
+from advercity.rendering.backend import load_backend
 
 SHEETS = {
     "cars": ("car",),
@@ -32,9 +32,11 @@ def main() -> None:
     backend = load_backend("sapien")
     for name, classes in SHEETS.items():
         some = {
-            key: made for key, made in catalogue_blueprints().items() if made.actor_class in classes
+            key: made
+            for key, made in load_catalogue_blueprints().items()
+            if made.actor_class in classes
         }
-        sheet = body_sheet(some, backend, shelf())
+        sheet = draw_body_sheet(some, backend, open_model_store())
         small = cv2.resize(sheet, None, fx=SCALE, fy=SCALE, interpolation=cv2.INTER_AREA)
         options = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
         _, content = cv2.imencode(".jpg", small.astype(np.uint8), options)

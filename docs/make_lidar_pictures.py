@@ -18,15 +18,17 @@ from advercity_dsl import Agent, Spec, Weather
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from advercity.compiler import compile_library, find_weather
-from advercity.randomness import generator
-from advercity.rendering.casting import Caster
-from advercity.runner.stage import set_stage, world_of
-from advercity.runner.viewpoints import Viewpoints
+from advercity.compiler import find_weather
+from advercity.compiler.crossing import compile_library
+from advercity.physics.atmosphere import compute_atmosphere
+from advercity.pipeline.agent_poses import AgentPoses
+from advercity.pipeline.preparation import load_or_build_world, load_or_simulate_traffic
+from advercity.randomness import create_generator
+from advercity.rendering.raycaster import Raycaster
 from advercity.semantics import Semantic
-from advercity.sensors.lidar import PointCloud, PointKind, air_of, shoot, sweep
-from advercity.viewer.clouds import KIND_COLOURS
-from advercity.weather.derivation import atmosphere_of
+from advercity.sensors.lidar import cast_scan, derive_lidar_conditions, measure_point_cloud
+from advercity.sensors.measurements import PointCloud, PointKind
+from advercity.viewer.cloud_colours import KIND_COLOURS
 
 ROOT = Path(__file__).parents[1]
 SPEC = "ui_clear_day_dense"
@@ -64,9 +66,9 @@ class Place:
     """Three vehicles at a moment, and the world around them."""
 
     def __init__(self, spec: Spec) -> None:
-        stage = set_stage(spec)
-        self._viewpoints = Viewpoints(spec, stage.trace)
-        self._caster = Caster(world_of(spec, stage.network))
+        stage = load_or_simulate_traffic(spec)
+        self._viewpoints = AgentPoses(spec, stage.trace)
+        self._caster = Raycaster(load_or_build_world(spec, stage.network))
         self._frame = self._viewpoints.frame(FRAME)
         self._spec = spec
 
@@ -76,12 +78,16 @@ class Place:
         return [self._cloud(agent, weather) for agent in agents]
 
     def _cloud(self, agent: Agent, weather: Weather) -> PointCloud:
-        air = air_of(weather, atmosphere_of(weather, self._spec.road.land_use))
+        air = derive_lidar_conditions(
+            weather, compute_atmosphere(weather, self._spec.road.land_use)
+        )
         self._caster.place(self._frame, frozenset({agent.number}))
         pose = self._viewpoints.lidar_pose(agent, self._frame)
         lidar = agent.sensors.lidar
-        scan = shoot(lidar, pose, self._caster, puddle_coverage=air.puddle_coverage)
-        return sweep(lidar, scan, air, generator("pictures", agent.id), states=self._frame.states)
+        scan = cast_scan(lidar, pose, self._caster, puddle_coverage=air.puddle_coverage)
+        return measure_point_cloud(
+            lidar, scan, air, create_generator("pictures", agent.id), states=self._frame.states
+        )
 
 
 def main() -> None:

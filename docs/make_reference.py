@@ -15,9 +15,12 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from advercity.cli import app
-from advercity.compiler.docstrings import described, models_in
-from advercity.compiler.fields import facts_at
-from advercity.compiler.schema import KINDS
+from advercity.compiler.fields import (
+    collect_field_docs,
+    find_nested_models,
+    find_number_constraints,
+)
+from advercity.compiler.schema import SCHEMA_MODELS
 
 HEAD = "| field | what it says | unit and range | left out |\n|---|---|---|---|"
 
@@ -25,7 +28,7 @@ HEAD = "| field | what it says | unit and range | left out |\n|---|---|---|---|"
 def write_reference(folder: Path) -> None:
     """Write `<kind>.md` for every kind, and `commands.md`."""
     folder.mkdir(exist_ok=True)
-    for kind, model in KINDS.items():
+    for kind, model in SCHEMA_MODELS.items():
         (folder / f"{kind}.md").write_text(page_of(kind, model))
     (folder / "commands.md").write_text("\n\n".join(["# Commands", *_commands()]) + "\n")
 
@@ -38,14 +41,17 @@ def page_of(kind: str, model: type[Model]) -> str:
 
 
 def _section(model: type[Model]) -> str:
-    texts = described(model)[model.__name__]
+    texts = collect_field_docs(model)[model.__name__]
     rows = [_row(model, name, field, texts) for name, field in model.model_fields.items()]
     return "\n".join([inspect.cleandoc(model.__doc__ or ""), "", HEAD, *rows])
 
 
 def _row(model: type[Model], name: str, field: FieldInfo, texts: dict[str, str]) -> str:
     written = field.alias or name
-    inner = [f"[{item.__name__}](#{item.__name__.lower()})" for item in models_in(field.annotation)]
+    inner = [
+        f"[{item.__name__}](#{item.__name__.lower()})"
+        for item in find_nested_models(field.annotation)
+    ]
     text = " ".join(texts.get(written, "What this is." if name == "kind" else "").split())
     holds = f" {', '.join(dict.fromkeys(inner))}." if inner else ""
     cells = (f"`{written}`", f"{text}{holds}".strip(), _range(model, name), _default(field))
@@ -53,7 +59,7 @@ def _row(model: type[Model], name: str, field: FieldInfo, texts: dict[str, str])
 
 
 def _range(model: type[Model], name: str) -> str:
-    facts = facts_at(model, (name,))
+    facts = find_number_constraints(model, (name,))
     if facts is None:
         return ", ".join(f"`{value}`" for value in _values(model.model_fields[name].annotation))
     unit = facts.unit.name if facts.unit and facts.unit.name != "1" else ""
@@ -82,7 +88,7 @@ def _within(model: type[Model]) -> Iterator[type[Model]]:
     todo = [model]
     while todo:
         for field in todo.pop(0).model_fields.values():
-            for inner in models_in(field.annotation):
+            for inner in find_nested_models(field.annotation):
                 if inner not in seen:
                     seen[inner] = None
                     todo.append(inner)

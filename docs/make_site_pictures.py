@@ -16,14 +16,13 @@ import numpy as np
 from advercity_dsl import Spec
 from numpy.typing import NDArray
 
-from advercity.compiler import compile_library
-from advercity.poses import Matrix, pose
-from advercity.rendering.backend import CameraView, Profile
-from advercity.rendering.registry import load_backend
-from advercity.runner.stage import set_stage, world_of
-from advercity.runner.viewpoints import Viewpoints
-from advercity.sensors.camera import CameraAir, Shot, photograph
-from advercity.weather.derivation import atmosphere_of
+from advercity.compiler.crossing import compile_library
+from advercity.geometry.poses import Matrix, pose_matrix
+from advercity.physics.atmosphere import compute_atmosphere
+from advercity.pipeline.agent_poses import AgentPoses
+from advercity.pipeline.preparation import load_or_build_world, load_or_simulate_traffic
+from advercity.rendering.backend import CameraView, RenderProfile, load_backend
+from advercity.sensors.camera import CameraConditions, CameraExposure, render_image
 
 ROOT = Path(__file__).parents[1]
 WIDTH_PX, HEIGHT_PX = 960, 540
@@ -49,13 +48,13 @@ def main() -> None:
 
 def pictures(spec: Spec, index: int) -> Iterator[tuple[str, NDArray[np.uint8]]]:
     """Name and sRGB picture (h, w, 3) of each view of a scenario in kept frame `index`."""
-    stage = set_stage(spec)
-    viewpoints = Viewpoints(spec, stage.trace)
+    stage = load_or_simulate_traffic(spec)
+    viewpoints = AgentPoses(spec, stage.trace)
     frame = viewpoints.frame(index)
-    atmosphere = atmosphere_of(spec.weather, spec.road.land_use)
-    air = CameraAir.of(spec.weather, atmosphere, spec.seeds.sensors, spec.id)
-    profile = Profile("pictures", 1.0, "raster")
-    world = world_of(spec, stage.network)
+    atmosphere = compute_atmosphere(spec.weather, spec.road.land_use)
+    air = CameraConditions.of(spec.weather, atmosphere, spec.seeds.sensors, spec.id)
+    profile = RenderProfile("pictures", 1.0, "raster")
+    world = load_or_build_world(spec, stage.network)
     with load_backend("sapien").open(world, atmosphere, profile) as renderer:
         renderer.place(frame)
         for name, world_from_camera, hide in _views(viewpoints, index):
@@ -67,14 +66,14 @@ def pictures(spec: Spec, index: int) -> Iterator[tuple[str, NDArray[np.uint8]]]:
                 math.radians(camera.horizontal_fov_deg),
                 hide=hide,
             )
-            shot = Shot(view, camera, frame, velocity=np.zeros(3))
+            shot = CameraExposure(view, camera, frame, velocity=np.zeros(3))
             rng = viewpoints.rng("picture", spec.agents[0], frame)
-            image = photograph(renderer.camera(view), shot, air, rng, mount=camera.mounts[0])
+            image = render_image(renderer.camera(view), shot, air, rng, mount=camera.mounts[0])
             size = (WIDTH_PX, HEIGHT_PX)
             yield name, cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
 
 
-def _views(viewpoints: Viewpoints, index: int) -> Iterator[tuple[str, Matrix, frozenset[int]]]:
+def _views(viewpoints: AgentPoses, index: int) -> Iterator[tuple[str, Matrix, frozenset[int]]]:
     agents = {agent.id: agent for agent in viewpoints.spec.agents}
     ego = agents["cav1"]
     yield "ego", viewpoints.camera_poses(ego, index)[0], frozenset({ego.number})
@@ -87,7 +86,7 @@ def _above(world_from_ego: Matrix) -> Matrix:
     """Behind the ego and `ABOVE_M` over it, looking down where it goes."""
     yaw = math.atan2(world_from_ego[1, 0], world_from_ego[0, 0])
     x, y, z, _ = world_from_ego @ (-45.0, 0.0, ABOVE_M, 1.0)
-    return pose((x, y, z), yaw=yaw, pitch=math.radians(38.0))
+    return pose_matrix((x, y, z), yaw=yaw, pitch=math.radians(38.0))
 
 
 def small_jpeg(image: NDArray[np.uint8]) -> bytes:

@@ -7,7 +7,7 @@ import pytest
 from advercity_dsl import Spec
 from hypothesis import settings
 
-from advercity.compiler import compile_library
+from advercity.compiler.crossing import compile_library
 
 ROOT = Path(__file__).parent.parent
 os.environ.setdefault("ADVERCITY_ASSETS", str(ROOT / "no_models"))

@@ -5,20 +5,20 @@ import sys
 from types import FrameType
 
 from advercity.cli.app import app
-from advercity.cli.output import fail
+from advercity.cli.output import exit_with_error
 from advercity.errors import InputError, RunError
 
 
 def main() -> None:
     """Run the command line; 0 done, 1 failed while running, 2 bad input, 130 interrupted."""
     # Told to end, we leave by the way that cleans up: children and partial files go.
-    signal.signal(signal.SIGTERM, _leave)
+    signal.signal(signal.SIGTERM, _exit_on_signal)
     try:
         app()
     except InputError as error:
-        fail(error, exit_code=2)
+        exit_with_error(error, exit_code=2)
     except RunError as error:
-        fail(error, exit_code=1)
+        exit_with_error(error, exit_code=1)
     except KeyboardInterrupt:
         sys.exit(130)
     except BrokenPipeError:
@@ -27,7 +27,7 @@ def main() -> None:
         sys.exit(1)
 
 
-def _leave(number: int, frame: FrameType | None) -> None:
+def _exit_on_signal(number: int, frame: FrameType | None) -> None:
     sys.exit(128 + number)
 
 

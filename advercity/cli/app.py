@@ -6,7 +6,7 @@ import typer
 
 from advercity.cli import authoring, datasets, running
 from advercity.cli.assets import assets
-from advercity.cli.output import say
+from advercity.cli.output import print_data
 
 app = typer.Typer(
     name="advercity",
@@ -24,10 +24,10 @@ app.add_typer(assets)
 @app.command()
 def doctor() -> None:
     """Tell what this machine has and what is missing."""
-    from advercity.cli.doctor import report
+    from advercity.cli.doctor import check_machine
 
-    text, healthy = report()
-    say(text)
+    text, healthy = check_machine()
+    print_data(text)
     if not healthy:
         raise typer.Exit(1)
 
@@ -40,5 +40,5 @@ def version(
     if show_version:
         from advercity import __version__
 
-        say(__version__)
+        print_data(__version__)
         raise typer.Exit

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from advercity.cli.output import note, say
+from advercity.cli.output import print_data, print_note
 from advercity.errors import InputError, RunError
 
 assets = typer.Typer(
@@ -30,22 +30,25 @@ def install(
 
     Needs apt, but not root.
     """
-    from advercity.runner.bodies import catalogue_blueprints
-    from advercity.runner.cache import shelf
+    from advercity.assets.catalogue import load_catalogue_blueprints
+    from advercity.pipeline.cache import open_model_store
 
-    here = shelf()
+    here = open_model_store()
     try:
-        if not here.has_pack:
-            note("fetching the asset pack (120 MB)")
-            here.install()
+        if not here.has_package:
+            print_note("fetching the asset pack (120 MB)")
+            here.install_package()
     except RunError as error:
         if not optional:
             raise
-        say(f"bodies: shaped by the program ({error})")
+        print_data(f"bodies: shaped by the program ({error})")
         return
-    found = {name: here.find(blueprint) for name, blueprint in catalogue_blueprints().items()}
+    found = {
+        name: here.prepare_model(blueprint)
+        for name, blueprint in load_catalogue_blueprints().items()
+    }
     count = sum(path is not None for path in found.values())
-    say(f"bodies: {count} of {len(found)} made of models, the rest shaped by the program")
+    print_data(f"bodies: {count} of {len(found)} made of models, the rest shaped by the program")
 
 
 @assets.command()
@@ -53,33 +56,36 @@ def add(
     models: Annotated[list[Path], typer.Argument(help="GLB files that a catalogue names.")],
 ) -> None:
     """Keep models of your own where runs find them, by checksum."""
-    from advercity.runner.cache import shelf
+    from advercity.pipeline.cache import open_model_store
 
     for path in models:
-        say(f"{shelf().keep(path)}  {path}")
+        print_data(f"{open_model_store().add_model(path)}  {path}")
 
 
 @assets.command()
 def remove() -> None:
     """Forget the asset pack; bodies are shaped by the program again."""
-    from advercity.runner.cache import shelf
+    from advercity.pipeline.cache import open_model_store
 
-    shelf().remove()
-    note("bodies are shaped by the program")
+    open_model_store().remove_package()
+    print_note("bodies are shaped by the program")
 
 
 @assets.command("list")
 def list_(library: LibraryOption = None) -> None:
     """List bodies with triangles, memory, source and licence."""
-    from advercity.cli.tables import table
-    from advercity.runner.bodies import catalogue_blueprints, facts_of
-    from advercity.runner.cache import shelf
+    from advercity.assets.catalogue import compute_body_facts, load_catalogue_blueprints
+    from advercity.cli.tables import format_columns
+    from advercity.pipeline.cache import open_model_store
 
-    here = shelf()
-    rows = [facts_of(*item, here) for item in catalogue_blueprints(*library or ()).items()]
-    say(table([row.told() for row in rows]))
+    here = open_model_store()
+    rows = [
+        compute_body_facts(*item, here)
+        for item in load_catalogue_blueprints(*library or ()).items()
+    ]
+    print_data(format_columns([row.to_row() for row in rows]))
     mib = sum(row.size_mib for row in rows)
-    say(f"{len(rows)} bodies, {sum(row.triangles for row in rows)} triangles, {mib:.1f} MiB")
+    print_data(f"{len(rows)} bodies, {sum(row.triangles for row in rows)} triangles, {mib:.1f} MiB")
 
 
 @assets.command()
@@ -91,14 +97,14 @@ def sheet(
     backend: Annotated[str, typer.Option(help="Rendering backend.")] = "sapien",
 ) -> None:
     """Picture bodies from four sides, by day and by night."""
-    from advercity.pictures import write_picture
-    from advercity.rendering.registry import load_backend
-    from advercity.runner.bodies import catalogue_blueprints, chosen
-    from advercity.runner.body_sheet import body_sheet
-    from advercity.runner.cache import shelf
+    from advercity.assets.catalogue import load_catalogue_blueprints, select_blueprints
+    from advercity.media import write_image
+    from advercity.pipeline.body_sheet import draw_body_sheet
+    from advercity.pipeline.cache import open_model_store
+    from advercity.rendering.backend import load_backend
 
     if bool(blueprints) == every:
         raise InputError("name blueprints to picture, or give --all")
-    wanted = chosen(catalogue_blueprints(*library or ()), blueprints or [])
-    write_picture(body_sheet(wanted, load_backend(backend), shelf()), output)
-    say(str(output))
+    wanted = select_blueprints(load_catalogue_blueprints(*library or ()), blueprints or [])
+    write_image(draw_body_sheet(wanted, load_backend(backend), open_model_store()), output)
+    print_data(str(output))

@@ -5,16 +5,17 @@ from typing import Annotated
 
 import typer
 
-from advercity.cli.options import LIBRARIES, JsonOption, LibraryArgument
-from advercity.cli.output import note, say
+from advercity.cli.arguments import DEFAULT_LIBRARIES, JsonOption, LibraryArgument
+from advercity.cli.output import print_data, print_note
 from advercity.errors import InputError, RunError
+from advercity.pipeline import descriptions
 
 commands = typer.Typer()
 
 
 @commands.command("compile")
 def compile_(
-    library: LibraryArgument = LIBRARIES,
+    library: LibraryArgument = DEFAULT_LIBRARIES,
     output: Annotated[Path, typer.Option(help="Folder for the specs.", file_okay=False)] = Path(
         "compiled"
     ),
@@ -24,23 +25,24 @@ def compile_(
     ] = False,
 ) -> None:
     """Compile a library of declarations into scenario specs."""
-    from advercity.compiler import compile_library, differences, write_specs
+    from advercity.compiler import describe_spec_differences, write_specs
+    from advercity.compiler.crossing import compile_library
 
     specs = compile_library(*library, suite=suite)
     if check:
-        stale = differences(specs, output)
+        stale = describe_spec_differences(specs, output)
         if stale:
             again = " ".join(["advercity compile", *map(str, library)])
             raise RunError("\n".join([*stale, f"run `{again}` to renew them"]))
-        note(f"{len(specs)} specs in {output} are current")
+        print_note(f"{len(specs)} specs in {output} are current")
         return
     write_specs(specs, output)
-    note(f"{len(specs)} specs in {output}")
+    print_note(f"{len(specs)} specs in {output}")
 
 
 @commands.command()
 def solve(
-    library: LibraryArgument = LIBRARIES,
+    library: LibraryArgument = DEFAULT_LIBRARIES,
     suite: Annotated[str | None, typer.Option(help="Suite whose roads and weathers.")] = None,
     check: Annotated[
         bool, typer.Option("--check", help="Only tell whether what was found still holds.")
@@ -50,13 +52,14 @@ def solve(
 
     Rays against the world find them, and they are written into the weathers' files.
     """
-    from advercity.compiler import chosen_suite, load_library
-    from advercity.runner.glare import check_suns, solve_suns
+    from advercity.compiler import load_library
+    from advercity.compiler.crossing import find_suite
+    from advercity.pipeline.glare import check_suns, solve_suns
 
     loaded = load_library(*library)
-    chosen = chosen_suite(loaded, *library, suite=suite)
+    chosen = find_suite(loaded, *library, suite=suite)
     for line in check_suns(loaded, chosen) if check else solve_suns(loaded, chosen):
-        say(line)
+        print_data(line)
 
 
 @commands.command()
@@ -68,7 +71,7 @@ def validate(
 
     for path in paths:
         validate_path(path)
-    note("no problems found")
+    print_note("no problems found")
 
 
 @commands.command("list")
@@ -81,8 +84,8 @@ def list_(
     """List compiled scenarios, or the declarations of a library."""
     from advercity.cli import tables
 
-    rows = tables.rows_of(folder)
-    say(tables.as_json(rows) if as_json else tables.table(rows))
+    rows = descriptions.load_rows(folder)
+    print_data(tables.format_json(rows) if as_json else tables.format_columns(rows))
 
 
 @commands.command()
@@ -97,21 +100,27 @@ def show(
     from advercity_dsl import Road
 
     from advercity.cli import tables
-    from advercity.compiler import find_declaration, read_spec
+    from advercity.compiler import load_declaration, read_spec
 
     spec = read_spec(path) if path.suffix == ".json" else None
-    entry = None if spec else find_declaration(path)
-    facts = tables.spec_facts(spec) if spec else tables.declaration_facts(entry) if entry else {}
-    say(tables.as_json(facts) if as_json else tables.aligned(facts))
+    entry = None if spec else load_declaration(path)
+    facts = (
+        descriptions.describe_spec(spec)
+        if spec
+        else descriptions.describe_declaration(entry)
+        if entry
+        else {}
+    )
+    print_data(tables.format_json(facts) if as_json else tables.format_facts(facts))
     if map_ is not None:
-        from advercity.pictures import write_picture
-        from advercity.world.plan import draw_plan
+        from advercity.media import write_image
+        from advercity.roads.plan_drawing import draw_plan
 
         road = spec.road if spec else entry.declaration if entry else None
         if not isinstance(road, Road):
             raise InputError(f"{path}: --map draws roads and specs; this is neither")
-        write_picture(draw_plan(road, spec), map_)
-        note(f"plan in {map_}")
+        write_image(draw_plan(road, spec), map_)
+        print_note(f"plan in {map_}")
 
 
 @commands.command()
@@ -129,16 +138,20 @@ def explain(
 
     That is a file and its line, a default, or a rule.
     """
-    from advercity.cli import tables
-    from advercity.compiler import explained, load_library, nearest, read_spec
+    from advercity_dsl.base import suggest_name
 
-    origins = explained(read_spec(spec), load_library(*(library or LIBRARIES)))
+    from advercity.cli import tables
+    from advercity.compiler import explain_spec, load_library, read_spec
+
+    origins = explain_spec(read_spec(spec), load_library(*(library or DEFAULT_LIBRARIES)))
     valid = {field for item in origins for field in item.fields}
     for field in fields or []:
         if field not in valid:
-            raise InputError(f"{spec}: has no field {field}; {nearest(field, valid)}")
-    rows = tables.origin_rows([item for item in origins if not fields or item.is_within(fields)])
-    say(tables.as_json(rows) if as_json else tables.table(rows))
+            raise InputError(f"{spec}: has no field {field}; {suggest_name(field, valid)}")
+    rows = descriptions.build_origin_rows(
+        [item for item in origins if not fields or item.is_within(fields)]
+    )
+    print_data(tables.format_json(rows) if as_json else tables.format_columns(rows))
 
 
 @commands.command()
@@ -151,13 +164,13 @@ def diff(
     from advercity.cli import tables
     from advercity.compiler import read_spec
 
-    rows = tables.difference_rows(read_spec(first), read_spec(second))
+    rows = descriptions.build_difference_rows(read_spec(first), read_spec(second))
     if as_json:
-        say(tables.as_json(rows))
+        print_data(tables.format_json(rows))
     elif rows:
-        say(tables.table(rows))
+        print_data(tables.format_columns(rows))
     else:
-        note("no differences")
+        print_note("no differences")
 
 
 @commands.command()
@@ -167,9 +180,9 @@ def new(
     output: Annotated[Path, typer.Option(help="Folder for the file.", file_okay=False)] = Path(),
 ) -> None:
     """Write a commented declaration to start from."""
-    from advercity.compiler.starting import write_starter
+    from advercity.compiler.authoring import write_starter
 
-    say(str(write_starter(kind, name, output)))
+    print_data(str(write_starter(kind, name, output)))
 
 
 @commands.command()
@@ -180,11 +193,11 @@ def schema(
     ] = None,
 ) -> None:
     """Print the JSON Schema of a kind of declaration, for editors."""
-    from advercity.compiler.schema import schema_of, write_schemas
+    from advercity.compiler.schema import format_schema, write_schemas
 
     if output is not None:
         write_schemas(output)
     elif kind is not None:
-        say(schema_of(kind))
+        print_data(format_schema(kind))
     else:
         raise InputError("name a kind to print, or give --output DIR to write them all")

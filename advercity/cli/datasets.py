@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from advercity.cli.options import DatasetArgument
-from advercity.cli.output import note, say
+from advercity.cli.arguments import DatasetArgument
+from advercity.cli.output import print_data, print_note
 from advercity.errors import RunError
 
 commands = typer.Typer()
@@ -22,7 +22,7 @@ def verify(
 
     Files are compared with the manifests, and those with the index.
     """
-    from advercity.dataset.index import Index
+    from advercity.dataset.index import DatasetIndex
     from advercity.dataset.verification import verify_dataset
 
     if "://" in dataset:
@@ -33,8 +33,10 @@ def verify(
         problems = verify_dataset(Path(dataset))
     if problems:
         raise RunError("\n".join(str(problem) for problem in problems))
-    index = None if "://" in dataset else Index.of_folder(Path(dataset))
-    note(f"every file is as its manifest says{f'; {index.told()}' if index else ''}")
+    index = None if "://" in dataset else DatasetIndex.load(Path(dataset))
+    print_note(
+        f"every file is as its manifest says{f'; {index.format_summary()}' if index else ''}"
+    )
 
 
 @commands.command()
@@ -45,13 +47,13 @@ def repair(
 
     Only what has the checksum that it had is put back.
     """
-    from advercity.cli.progress import progress
-    from advercity.dataset.manifest import scenarios
+    from advercity.cli.progress import show_progress
+    from advercity.dataset.manifest import find_scenarios
     from advercity.dataset.reader import Scenario
-    from advercity.runner import repair as mend
+    from advercity.pipeline import repair_dataset
 
-    with progress([Scenario(path).spec for path in scenarios(dataset)]) as view:
-        left = mend(dataset, view.advanced)
+    with show_progress([Scenario(path).spec for path in find_scenarios(dataset)]) as view:
+        left = repair_dataset(dataset, view.on_progress)
     if left:
         what_to_do = {"extra": "not part of the dataset, delete it"}
         again = (
@@ -59,7 +61,7 @@ def repair(
         )
         lines = [f"{problem}; {what_to_do.get(problem.kind, again)}" for problem in left]
         raise RunError("\n".join(lines))
-    note("every file is as its manifest says")
+    print_note("every file is as its manifest says")
 
 
 @commands.command()
@@ -70,14 +72,14 @@ def stats(
     ] = Path("stats"),
 ) -> None:
     """Count what a dataset holds: tables as CSV, plots as PNG."""
-    from advercity.dataset.facts import facts_of_dataset
-    from advercity.dataset.plots import write_plots
-    from advercity.dataset.statistics import tables, write_tables
+    from advercity.dataset.facts import collect_dataset_facts
+    from advercity.dataset.statistics import compute_tables, write_tables
+    from advercity.dataset.statistics_plots import write_plots
 
-    found = tables(facts_of_dataset(dataset))
+    found = compute_tables(collect_dataset_facts(dataset))
     write_tables(found, output)
     write_plots(found, output)
-    say(str(output))
+    print_data(str(output))
 
 
 @commands.command()
@@ -94,10 +96,10 @@ def video(
 
     Front cameras, mosaic with boxes, semantics, LiDAR from above.
     """
-    from advercity.dataset.video import KINDS, write_videos
+    from advercity.dataset.overview_images import VIDEO_KINDS, write_videos
 
-    for path in write_videos(dataset, output, kind or KINDS):
-        say(str(path))
+    for path in write_videos(dataset, output, kind or VIDEO_KINDS):
+        print_data(str(path))
 
 
 @commands.command()
@@ -111,12 +113,12 @@ def split(
     test: Annotated[str, typer.Option(help="Roads of this split.")] = "ui",
 ) -> None:
     """Link scenarios into train, validate and test by their roads."""
-    from advercity.dataset.splits import split as link
+    from advercity.dataset.index import link_splits as link
 
     roads = {"train": train, "validate": validate, "test": test}
     found = link(dataset, output, {name: text.split(",") for name, text in roads.items()})
     for name, members in found.items():
-        say(f"{output / name}: {len(members)}")
+        print_data(f"{output / name}: {len(members)}")
 
 
 @commands.command()
@@ -125,7 +127,7 @@ def sheet(
     output: Annotated[Path, typer.Option(help="Picture to write.")] = Path("contact_sheet.png"),
 ) -> None:
     """Put all cameras of one frame on a contact sheet."""
-    from advercity.dataset.contact_sheet import write_contact_sheet
+    from advercity.dataset.overview_images import write_contact_sheet
 
     write_contact_sheet(dataset, output)
-    say(str(output))
+    print_data(str(output))

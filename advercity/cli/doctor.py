@@ -10,18 +10,18 @@ from pathlib import Path
 import sumo
 
 from advercity import __version__
+from advercity.assets.catalogue import load_catalogue_blueprints
 from advercity.errors import AdvercityError, RunError
-from advercity.rendering.registry import backend_names, load_backend
-from advercity.runner.bodies import catalogue_blueprints
-from advercity.runner.cache import cache_folder, shelf
+from advercity.pipeline.cache import find_cache_folder, open_model_store
+from advercity.rendering.backend import list_backend_names, load_backend
 
-Check = tuple[str, bool, str]
+CheckResult = tuple[str, bool, str]
 """What was looked at, whether it is fine, and what was found."""
 
 
-def report() -> tuple[str, bool]:
+def check_machine() -> tuple[str, bool]:
     """One line per check, and whether all are fine."""
-    checks = list(_checks())
+    checks = list(_run_checks())
     width = max(len(name) for name, _, _ in checks)
     lines = [
         f"{'ok ' if fine else 'BAD'}  {name:<{width}}  {found}" for name, fine, found in checks
@@ -29,28 +29,28 @@ def report() -> tuple[str, bool]:
     return "\n".join(lines), all(fine for _, fine, _ in checks)
 
 
-def _checks() -> Iterator[Check]:
+def _run_checks() -> Iterator[CheckResult]:
     yield "advercity", True, f"{__version__} on Python {platform.python_version()}"
-    yield _attempt("traffic", _sumo)
-    names = backend_names()
+    yield _run_check("traffic", _check_sumo)
+    names = list_backend_names()
     if not names:
         yield "rendering", False, "no backend is installed; try: pip install advercity-sapien"
     for name in names:
-        yield _attempt(f"backend {name}", lambda name=name: _backend(name))
+        yield _run_check(f"backend {name}", lambda name=name: _check_backend(name))
     for package in ("embreex", "rerun-sdk", "opencv-python-headless"):
         yield package, True, version(package)
-    yield _attempt("bodies", _bodies)
-    yield _attempt("cache", _cache)
+    yield _run_check("bodies", _check_bodies)
+    yield _run_check("cache", _check_cache)
 
 
-def _attempt(name: str, look: Callable[[], str]) -> Check:
+def _run_check(name: str, look: Callable[[], str]) -> CheckResult:
     try:
         return name, True, look()
     except (AdvercityError, ImportError, OSError) as error:
         return name, False, str(error)
 
 
-def _sumo() -> str:
+def _check_sumo() -> str:
     program = Path(sumo.SUMO_HOME) / "bin" / "netconvert"
     done = subprocess.run(  # noqa: S603 - SUMO's own program
         [program, "--version"], capture_output=True, text=True, check=False
@@ -60,22 +60,25 @@ def _sumo() -> str:
     return f"{done.stdout.splitlines()[0]}, libsumo {version('libsumo')}"
 
 
-def _backend(name: str) -> str:
+def _check_backend(name: str) -> str:
     found = load_backend(name).capabilities()
     rays = "raster and ray tracing" if found.ray_traced else "raster only"
     return f"{found.device}, {rays}"
 
 
-def _bodies() -> str:
-    if not shelf().has_pack:
+def _check_bodies() -> str:
+    if not open_model_store().has_package:
         return "shaped by the program; `advercity assets install` fetches models"
-    found = [shelf().find(blueprint) for blueprint in catalogue_blueprints().values()]
+    found = [
+        open_model_store().prepare_model(blueprint)
+        for blueprint in load_catalogue_blueprints().values()
+    ]
     count = sum(path is not None for path in found)
     return f"{count} of {len(found)} made of the asset pack's models, the rest shaped"
 
 
-def _cache() -> str:
-    folder = cache_folder()
+def _check_cache() -> str:
+    folder = find_cache_folder()
     folder.mkdir(parents=True, exist_ok=True)
     free_gb = shutil.disk_usage(folder).free / 1e9
     return f"{folder}, {free_gb:.0f} GB free"

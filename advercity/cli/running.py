@@ -6,9 +6,9 @@ from typing import Annotated
 
 import typer
 
-from advercity.cli.options import (
+from advercity.cli.arguments import (
     BackendOption,
-    ColourOption,
+    CloudColourOption,
     FramesOption,
     JobsOption,
     JsonOption,
@@ -16,7 +16,7 @@ from advercity.cli.options import (
     ScaleOption,
     SpecArgument,
 )
-from advercity.cli.output import note, say
+from advercity.cli.output import print_data, print_note
 from advercity.errors import InputError, RunError
 
 commands = typer.Typer()
@@ -35,7 +35,7 @@ def run(
     rrd: Annotated[Path | None, typer.Option(help="Write a Rerun recording.")] = None,
     stream: Annotated[bool, typer.Option("--stream", help="Serve the live view.")] = False,
     connect: Annotated[str | None, typer.Option(help="Send to a running Rerun viewer.")] = None,
-    colour_clouds: ColourOption = "intensity",
+    colour_clouds: CloudColourOption = "intensity",
     weather: Annotated[
         str | None, typer.Option(help="Replay under another weather: a file, or a library name.")
     ] = None,
@@ -61,33 +61,33 @@ def run(
     layout: Annotated[str, typer.Option("--format", help="opv2v or adver_city.")] = "opv2v",
 ) -> None:
     """Run scenarios: traffic, sensors, dataset, live view."""
-    from advercity.cli.progress import progress
-    from advercity.compiler import find_weather, read_spec, under
-    from advercity.runner import (
-        Limits,
-        Options,
+    from advercity.cli.progress import show_progress
+    from advercity.compiler import find_weather, read_spec, with_weather
+    from advercity.pipeline import (
+        ResourceLimits,
+        RunOptions,
         ViewerTarget,
-        executor_called,
-        parse_frames,
+        create_executor,
+        parse_frame_range,
         raise_failures,
     )
-    from advercity.runner.batch import check_together
-    from advercity.runner.limits import parse_size, parse_time
-    from advercity.runner.planning import permitted
-    from advercity.viewer.clouds import parse_cloud_colour
+    from advercity.pipeline.estimate import check_resources
+    from advercity.pipeline.executors import validate_batch
+    from advercity.pipeline.options import parse_byte_size, parse_duration
+    from advercity.viewer.cloud_colours import parse_cloud_colour
 
     if sum((rrd is not None, stream, connect is not None)) > 1:
         raise InputError("--rrd, --stream and --connect exclude each other; give one")
     chosen = [read_spec(path) for path in specs]
     if weather is not None:
         other = find_weather(weather)
-        chosen = [under(spec, other) for spec in chosen]
-    options = Options(
+        chosen = [with_weather(spec, other) for spec in chosen]
+    options = RunOptions(
         output=Path(output),
         backend=backend,
         profile=profile,
         scale=scale,
-        frames=parse_frames(frames),
+        frames=parse_frame_range(frames),
         viewer=ViewerTarget(
             file=rrd,
             serve=stream,
@@ -97,25 +97,25 @@ def run(
         fresh=fresh,
         format=layout,
     )
-    asked = Limits(
-        memory_bytes=None if max_memory is None else parse_size("--max-memory", max_memory),
-        time_s=None if max_time is None else parse_time("--max-time", max_time),
+    asked = ResourceLimits(
+        memory_bytes=None if max_memory is None else parse_byte_size("--max-memory", max_memory),
+        time_s=None if max_time is None else parse_duration("--max-time", max_time),
     )
-    check_together(chosen, options)
-    permit = permitted(
+    validate_batch(chosen, options)
+    permit = check_resources(
         chosen,
         options,
-        asked=asked,
+        requested_limits=asked,
         jobs=jobs,
         allow_large=allow_large,
-        on_this_machine=executor == "local",
+        is_local=executor == "local",
     )
-    where = executor_called(executor, output=output, address=address, jobs=permit.jobs)
-    with progress(chosen) as view:
-        outcomes = where.run(chosen, options, watcher=view, limits=permit.limits)
+    where = create_executor(executor, output=output, address=address, jobs=permit.jobs)
+    with show_progress(chosen) as view:
+        outcomes = where.run(chosen, options, listener=view, limits=permit.limits)
     for outcome in outcomes:
         if outcome.error is None:
-            say(f"{output.rstrip('/')}/{outcome.scenario}")
+            print_data(f"{output.rstrip('/')}/{outcome.scenario}")
     raise_failures(outcomes)
 
 
@@ -141,21 +141,23 @@ def plan(
     """
     from advercity.cli import tables
     from advercity.compiler import read_spec
-    from advercity.runner import Options, parse_frames
-    from advercity.runner.batch import check_together
-    from advercity.runner.planning import plan_of
+    from advercity.pipeline import RunOptions, parse_frame_range
+    from advercity.pipeline.estimate import estimate_run
+    from advercity.pipeline.executors import validate_batch
 
     chosen = [read_spec(path) for path in specs]
-    options = Options(output, backend, profile, scale, parse_frames(frames))
-    check_together(chosen, options)
-    found = plan_of(chosen, options, jobs=jobs, measure=True, simulate=True)
+    options = RunOptions(output, backend, profile, scale, parse_frame_range(frames))
+    validate_batch(chosen, options)
+    found = estimate_run(chosen, options, jobs=jobs, measure=True, simulate=True)
     if as_json:
-        told = [asdict(item) for item in (*found.forecasts, found.total)]
-        say(tables.as_json({"scenarios": told[:-1], "total": told[-1]}))
+        told = [asdict(item) for item in (*found.estimates, found.total)]
+        print_data(tables.format_json({"scenarios": told[:-1], "total": told[-1]}))
     else:
-        say(tables.table([item.told() for item in (*found.forecasts, found.total)]))
-    for complaint in found.complaints(output):
-        note(f"run asks for --allow-large: {complaint}")
+        print_data(
+            tables.format_columns([item.to_row() for item in (*found.estimates, found.total)])
+        )
+    for complaint in found.describe_excess(output):
+        print_note(f"run asks for --allow-large: {complaint}")
 
 
 @commands.command()
@@ -175,16 +177,16 @@ def simulate(
     """
     from advercity.cli import tables
     from advercity.compiler import read_spec
-    from advercity.runner.simulating import reports, simulate_to
-    from advercity.traffic.report import markdown, rows
+    from advercity.conflicts.report import build_table_rows, format_markdown_table
+    from advercity.pipeline.traffic_report import compute_traffic_reports, simulate_to_folder
 
     chosen = [read_spec(path) for path in specs]
     if table:
-        found = list(reports(chosen))
-        say(markdown(found))
+        found = list(compute_traffic_reports(chosen))
+        print_data(format_markdown_table(found))
     else:
-        found = [simulate_to(spec, output, filmed=film) for spec in chosen]
-        say(tables.table(rows(found)))
+        found = [simulate_to_folder(spec, output, with_video=film) for spec in chosen]
+        print_data(tables.format_columns(build_table_rows(found)))
     problems = [f"{one.spec}: {problem}" for one in found for problem in one.problems]
     if problems:
         raise RunError("\n".join(problems))
@@ -207,14 +209,14 @@ def gallery(
     width: Annotated[int, typer.Option(min=64, max=1920, help="Of each picture, pixels.")] = 384,
 ) -> None:
     """Show one camera of scenarios under every weather, on one sheet."""
-    from advercity.cli.progress import progress
-    from advercity.compiler import find_weather, read_spec, shipped_weathers
-    from advercity.runner.gallery import write_gallery
+    from advercity.cli.progress import show_progress
+    from advercity.compiler import find_weather, list_shipped_weathers, read_spec
+    from advercity.pipeline.weather_gallery import write_weather_gallery
 
     chosen = [read_spec(path) for path in specs]
-    weathers = [find_weather(name) for name in weather or shipped_weathers()]
-    with progress(chosen, things="pictures") as view:
-        write_gallery(
+    weathers = [find_weather(name) for name in weather or list_shipped_weathers()]
+    with show_progress(chosen, things="pictures") as view:
+        write_weather_gallery(
             chosen,
             weathers,
             output,
@@ -224,19 +226,19 @@ def gallery(
             backend=backend,
             profile=profile,
             width_px=width,
-            report=view.advanced,
+            report=view.on_progress,
         )
-    say(str(output))
+    print_data(str(output))
 
 
 @commands.command()
 def view(
     dataset: Annotated[Path, typer.Argument(help="A scenario of a dataset, or a .rrd recording.")],
     web: Annotated[bool, typer.Option("--web", help="In a browser instead of a window.")] = False,
-    colour_clouds: ColourOption = "intensity",
+    colour_clouds: CloudColourOption = "intensity",
 ) -> None:
     """Open a recording or a scenario of a dataset in Rerun."""
-    from advercity.runner.replay import view as open_view
-    from advercity.viewer.clouds import parse_cloud_colour
+    from advercity.pipeline.replay import open_viewer as open_view
+    from advercity.viewer.cloud_colours import parse_cloud_colour
 
     open_view(dataset, web=web, cloud_colour=parse_cloud_colour(colour_clouds))

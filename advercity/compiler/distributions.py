@@ -2,141 +2,136 @@
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from statistics import NormalDist
 from typing import Any, cast
 
-import numpy as np
 from advercity_dsl import Weather
 from advercity_dsl.distribution import DISTRIBUTIONS, Choice, Distribution, Uniform
 from pydantic import ValidationError
 
-from advercity.compiler.extension import Resolved, replaced
-from advercity.compiler.fields import facts_at
-from advercity.compiler.problems import Problem, ProblemsError
-from advercity.compiler.source import Where, dotted
-from advercity.compiler.validation import problems_of, validate
-from advercity.randomness import generator
+from advercity.compiler.diagnostics import Diagnostic, DiagnosticsError
+from advercity.compiler.extends import ResolvedDeclaration, replace_values
+from advercity.compiler.fields import find_number_constraints
+from advercity.compiler.source import ValuePath, format_value_path
+from advercity.compiler.validation import build_diagnostics, validate_model
+from advercity.randomness import create_generator, draw_number
 
-DIGITS = 6
+DRAW_DIGITS = 6
 """Significant digits of a draw."""
-Distributions = Mapping[Where, Distribution]
+Distributions = Mapping[ValuePath, Distribution]
 
 
-def distributions_in(source: Resolved) -> dict[Where, Distribution]:
+def find_distributions(source: ResolvedDeclaration) -> dict[ValuePath, Distribution]:
     """Every distribution in a weather's data, by the path of the number it stands for.
 
     Raises:
         ProblemsError: One is malformed, or stands where no number does.
     """
-    found: dict[Where, Distribution] = {}
-    problems: list[Problem] = []
-    for where, written in _candidates(source.data, ()):
-        facts = facts_at(Weather, where)
+    found: dict[ValuePath, Distribution] = {}
+    problems: list[Diagnostic] = []
+    for where, written in _iterate_candidates(source.data, ()):
+        facts = find_number_constraints(Weather, where)
         (name,) = written
         if facts is None:
             hint = "distributions stand in place of a number"
-            problems.append(source.problem(where, f"'{name}' does not stand here", hint=hint))
+            problems.append(
+                source.build_diagnostic(where, f"'{name}' does not stand here", hint=hint)
+            )
             continue
         try:
-            plain = _without_units(written, facts.unit.read if facts.unit else _as_it_is)
+            plain = _strip_units(written, facts.unit.parse if facts.unit else _return_unchanged)
             found[where] = DISTRIBUTIONS[name].model_validate(plain)
         except ValidationError as error:
-            problems += problems_of(DISTRIBUTIONS[name], source, error, at=where)
+            problems += build_diagnostics(DISTRIBUTIONS[name], source, error, at=where)
         except ValueError as error:
-            problems.append(source.problem(where, str(error)))
+            problems.append(source.build_diagnostic(where, str(error)))
     if problems:
-        raise ProblemsError(problems)
+        raise DiagnosticsError(problems)
     return found
 
 
-def _candidates(data: Any, where: Where) -> Iterator[tuple[Where, dict[str, Any]]]:
+def _iterate_candidates(data: Any, where: ValuePath) -> Iterator[tuple[ValuePath, dict[str, Any]]]:
     if isinstance(data, dict):
         mapping = cast(dict[str, Any], data)
         if len(mapping) == 1 and next(iter(mapping)) in DISTRIBUTIONS:
             yield where, mapping
         else:
             for key, value in mapping.items():
-                yield from _candidates(value, (*where, key))
+                yield from _iterate_candidates(value, (*where, key))
     elif isinstance(data, list):
         for index, value in enumerate(cast(list[Any], data)):
-            yield from _candidates(value, (*where, index))
+            yield from _iterate_candidates(value, (*where, index))
 
 
-def _as_it_is(value: Any) -> Any:
+def _return_unchanged(value: Any) -> Any:
     return value
 
 
-def _without_units(written: Any, read: Callable[[Any], Any]) -> Any:
+def _strip_units(written: Any, read: Callable[[Any], Any]) -> Any:
     if isinstance(written, dict):
         items = cast(dict[str, Any], written).items()
-        return {key: _without_units(value, read) for key, value in items}
+        return {key: _strip_units(value, read) for key, value in items}
     if isinstance(written, list):
-        return [_without_units(value, read) for value in cast(list[Any], written)]
+        return [_strip_units(value, read) for value in cast(list[Any], written)]
     return read(written)
 
 
-def check_ends(source: Resolved, distributions: Distributions) -> Weather:
+def validate_distribution_bounds(
+    source: ResolvedDeclaration, distributions: Distributions
+) -> Weather:
     """The weather with typical values, after trying the ends of each distribution.
 
     Raises:
         ProblemsError: The weather is not valid, or would not be with some draw.
     """
-    typical = {where: _rounded(_typical(item), where) for where, item in distributions.items()}
-    weather = validate(
-        Weather, source, replaced(source.data, typical), known=source.document.problems
+    typical = {
+        where: _round_value(_get_typical_value(item), where)
+        for where, item in distributions.items()
+    }
+    weather = validate_model(
+        Weather, source, replace_values(source.data, typical), known=source.document.diagnostics
     )
     for where, item in distributions.items():
-        for end in _ends(item):
-            data = replaced(source.data, typical | {where: _rounded(end, where)})
+        for end in _get_bounds(item):
+            data = replace_values(source.data, typical | {where: _round_value(end, where)})
             try:
-                validate(Weather, source, data)
-            except ProblemsError as error:
-                problem = error.problems[0]
+                validate_model(Weather, source, data)
+            except DiagnosticsError as error:
+                problem = error.diagnostics[0]
                 message = f"may draw {end:g}, which does not fit: {problem.message}"
-                raise ProblemsError.of(source.problem(where, message, hint=problem.hint)) from None
+                raise DiagnosticsError.from_diagnostic(
+                    source.build_diagnostic(where, message, hint=problem.hint)
+                ) from None
     return weather
 
 
-def draw(source: Resolved, distributions: Distributions, seed: int, spec_id: str) -> Weather:
+def draw_weather(
+    source: ResolvedDeclaration, distributions: Distributions, seed: int, spec_id: str
+) -> Weather:
     """The weather of one spec: every number is a function of seed, spec and field alone."""
     drawn = {
-        where: _rounded(
-            number_from(item, generator(seed, "weather", spec_id, dotted(where))), where
+        where: _round_value(
+            draw_number(item, create_generator(seed, "weather", spec_id, format_value_path(where))),
+            where,
         )
         for where, item in distributions.items()
     }
-    return validate(Weather, source, replaced(source.data, drawn))
+    return validate_model(Weather, source, replace_values(source.data, drawn))
 
 
-def number_from(item: Distribution, rng: np.random.Generator) -> float:
-    """A number drawn from a distribution by one draw of `rng`."""
-    if isinstance(item, Choice):
-        return item.choice[int(rng.integers(len(item.choice)))]
-    share = float(rng.random())
-    if isinstance(item, Uniform):
-        low, high = item.uniform
-        return low + (high - low) * share
-    bell = NormalDist(item.normal.mean, item.normal.sd)
-    low, high = item.normal.within
-    below, above = bell.cdf(low), bell.cdf(high)
-    level = min(max(below + (above - below) * share, 1e-12), 1 - 1e-12)
-    return min(max(bell.inv_cdf(level), low), high)
-
-
-def _typical(item: Distribution) -> float:
+def _get_typical_value(item: Distribution) -> float:
     if isinstance(item, Choice):
         return item.choice[0]
     return sum(item.uniform) / 2 if isinstance(item, Uniform) else item.normal.mean
 
 
-def _ends(item: Distribution) -> tuple[float, ...]:
+def _get_bounds(item: Distribution) -> tuple[float, ...]:
     if isinstance(item, Choice):
         return item.choice
     return item.uniform if isinstance(item, Uniform) else item.normal.within
 
 
-def _rounded(value: float, where: Where) -> float:
-    facts = facts_at(Weather, where)
+def _round_value(value: float, where: ValuePath) -> float:
+    facts = find_number_constraints(Weather, where)
     if facts and facts.whole:
         return math.floor(value + 0.5)
-    return float(f"{value:.{DIGITS}g}")
+    return float(f"{value:.{DRAW_DIGITS}g}")

@@ -1,47 +1,96 @@
-"""A library: a folder of declarations, loaded, with `extends` resolved, found by kind and id."""
+"""Models that a catalogue names by their files: the spec knows them by checksum.
+
+A library: a folder of declarations, loaded, with `extends` resolved, found by kind and id.
+
+Finds declarations that people name: in a file of theirs, or in the library that ships.
+"""
 
 import hashlib
-import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from importlib.resources import files
 from pathlib import Path
 from typing import Any, Generic, TypeVar, cast
 
 from advercity_dsl import (
     DECLARATIONS,
     LANGUAGE_VERSION,
+    Blueprint,
     Catalogue,
     Declaration,
     MapFile,
     Road,
     Weather,
-    kind_of,
+    get_declaration_kind,
 )
+from advercity_dsl.base import suggest_name
 
-from advercity.compiler.distributions import Distributions, check_ends, distributions_in
-from advercity.compiler.extension import Name, Resolved, resolve
-from advercity.compiler.maps import network_of
-from advercity.compiler.models import with_checksums
-from advercity.compiler.problems import Problem, ProblemsError, nearest
-from advercity.compiler.source import Document, read
-from advercity.compiler.validation import validate
-from advercity.compiler.wording import ID_HINT, quoted
+from advercity.compiler.diagnostics import Diagnostic, DiagnosticsError
+from advercity.compiler.distributions import (
+    Distributions,
+    find_distributions,
+    validate_distribution_bounds,
+)
+from advercity.compiler.extends import DeclarationKey, ResolvedDeclaration, resolve_extends
+from advercity.compiler.source import SourceDocument, read_document
+from advercity.compiler.validation import ID_HINT, format_value, validate_model
+from advercity.digests import compute_json_digest
 from advercity.errors import InputError
+from advercity.roads.map_import import import_map
+
+GLB_MAGIC = b"glTF"
+
+
+def add_model_checksums(catalogue: Catalogue, source: ResolvedDeclaration) -> Catalogue:
+    """The catalogue, each model file of its blueprints with its SHA-256.
+
+    Raises:
+        ProblemsError: A file is missing, or is no GLB.
+    """
+    blueprints = {
+        name: _add_model_checksum(name, blueprint, source)
+        for name, blueprint in catalogue.blueprints.items()
+    }
+    return catalogue.model_copy(update={"blueprints": blueprints})
+
+
+def _add_model_checksum(name: str, blueprint: Blueprint, source: ResolvedDeclaration) -> Blueprint:
+    model = blueprint.model
+    if model is None or model.file is None:
+        return blueprint
+    where = ("blueprints", name, "model", "file")
+    path: Path = source.find_document(where).path.parent / model.file
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        message = f"'{model.file}' cannot be read: {error.strerror}"
+        hint = "a model's file lies beside the declaration"
+        raise DiagnosticsError.from_diagnostic(
+            source.build_diagnostic(where, message, hint=hint)
+        ) from error
+    if not content.startswith(GLB_MAGIC):
+        message = f"'{model.file}' is not a GLB file"
+        hint = "export the model as binary glTF"
+        raise DiagnosticsError.from_diagnostic(source.build_diagnostic(where, message, hint=hint))
+    digest = hashlib.sha256(content).hexdigest()
+    known = model.model_copy(update={"sha256": digest})
+    return blueprint.model_copy(update={"model": known})
+
 
 DeclarationT = TypeVar("DeclarationT", bound=Declaration)
-EXAMPLES = "examples"
+EXAMPLES_FOLDER = "examples"
 """Folder of declarations to copy from; no part of the library around it."""
 MAX_FILES = 10_000
 
 
 @dataclass(frozen=True)
-class Entry(Generic[DeclarationT]):
+class LibraryEntry(Generic[DeclarationT]):
     """A declaration and where it is written."""
 
     declaration: DeclarationT
     """Of a weather with distributions: with typical values in their place."""
-    source: Resolved
+    source: ResolvedDeclaration
     digest: str
     """SHA-256 of its data, `extends` merged in."""
     distributions: Distributions = field(default_factory=dict)
@@ -51,9 +100,9 @@ class Entry(Generic[DeclarationT]):
 class Library:
     """All declarations of a folder or several, by (kind, id)."""
 
-    entries: Mapping[Name, Entry[Declaration]]
+    entries: Mapping[DeclarationKey, LibraryEntry[Declaration]]
 
-    def of(self, kind: type[DeclarationT]) -> dict[str, DeclarationT]:
+    def get_declarations(self, kind: type[DeclarationT]) -> dict[str, DeclarationT]:
         """Every declaration of a kind by id, in the order of ids."""
         return {
             name: entry.declaration
@@ -61,16 +110,16 @@ class Library:
             if isinstance(entry.declaration, kind)
         }
 
-    def entry(self, declaration: DeclarationT) -> Entry[DeclarationT]:
+    def find_entry(self, declaration: DeclarationT) -> LibraryEntry[DeclarationT]:
         """Of one of its declarations."""
-        found = self.entries[kind_of(declaration), declaration.id]
-        return cast(Entry[DeclarationT], found)
+        found = self.entries[get_declaration_kind(declaration), declaration.id]
+        return cast(LibraryEntry[DeclarationT], found)
 
-    def problem(
+    def build_diagnostic(
         self, declaration: Declaration, *where: str | int, message: str, hint: str = ""
-    ) -> Problem:
+    ) -> Diagnostic:
         """A problem with a value of one of its declarations."""
-        return self.entry(declaration).source.problem(where, message, hint=hint)
+        return self.find_entry(declaration).source.build_diagnostic(where, message, hint=hint)
 
 
 def load_library(*folders: Path) -> Library:
@@ -81,58 +130,60 @@ def load_library(*folders: Path) -> Library:
     Raises:
         ProblemsError: With the problems of all files.
     """
-    problems: list[Problem] = []
-    files = [path for folder in folders for path in _files(folder, problems)]
-    documents = list(_read_all(files, problems))
-    return Library(_entries(documents, problems))
+    problems: list[Diagnostic] = []
+    files = [path for folder in folders for path in _list_files(folder, problems)]
+    documents = list(_read_documents(files, problems))
+    return Library(_build_entries(documents, problems))
 
 
-def load_beside(path: Path, library: Path) -> Entry[Declaration]:
+def load_declaration_file(path: Path, library: Path) -> LibraryEntry[Declaration]:
     """The declaration in a file of its own; it may extend those beside it and those of a library.
 
     Raises:
         ProblemsError: With the problems of the file.
     """
-    own = read(path)
-    problems: list[Problem] = []
-    heads = _by_kind_and_id([own], problems)
+    own = read_document(path)
+    problems: list[Diagnostic] = []
+    heads = _index_documents([own], problems)
     if problems:
-        raise ProblemsError(problems)
+        raise DiagnosticsError(problems)
     (name,) = heads
     if isinstance(own.data, dict) and "extends" in own.data:
         beside = (other for other in sorted(path.parent.glob("*.yaml")) if other != path)
-        for files in (beside, _files(library, problems)):
-            documents = list(_read_all(files, problems))
-            heads = _by_kind_and_id(documents, problems) | heads
-    return _entry(name, heads)
+        for files in (beside, _list_files(library, problems)):
+            documents = list(_read_documents(files, problems))
+            heads = _index_documents(documents, problems) | heads
+    return _build_entry(name, heads)
 
 
-def _files(folder: Path, problems: list[Problem]) -> list[Path]:
+def _list_files(folder: Path, problems: list[Diagnostic]) -> list[Path]:
     if not folder.exists():
         raise InputError(f"{folder}: there is no such file or folder; is the path right?")
     if not folder.is_dir():
         return [folder]
-    inside = sorted(path for path in _walk(folder, problems) if path.suffix in (".yaml", ".yml"))
+    inside = sorted(
+        path for path in _walk_folder(folder, problems) if path.suffix in (".yaml", ".yml")
+    )
     for path in inside:
         if path.suffix == ".yml":
             hint = f"call it {path.with_suffix('.yaml').name}"
-            problems.append(Problem(path, 0, 0, "", "declarations end in .yaml", hint))
+            problems.append(Diagnostic(path, 0, 0, "", "declarations end in .yaml", hint))
     files = [path for path in inside if path.suffix == ".yaml"]
     if not files and not problems:
         raise InputError(f"{folder}: no declarations (*.yaml) here; is it a library folder?")
     return files
 
 
-def _walk(folder: Path, problems: list[Problem]) -> Iterator[Path]:
+def _walk_folder(folder: Path, problems: list[Diagnostic]) -> Iterator[Path]:
     """Files of a library; a folder that is far too large for one is refused, not read through."""
 
     def complain(error: OSError) -> None:
         message = f"cannot be read: {error.strerror}"
-        problems.append(Problem(Path(error.filename), 0, 0, "", message))
+        problems.append(Diagnostic(Path(error.filename), 0, 0, "", message))
 
     seen = 0
     for inside, folders, names in os.walk(folder, onerror=complain):
-        folders[:] = sorted(name for name in folders if name != EXAMPLES and name[0] != ".")
+        folders[:] = sorted(name for name in folders if name != EXAMPLES_FOLDER and name[0] != ".")
         seen += len(folders) + len(names)
         if seen > MAX_FILES:
             message = f"holds more than {MAX_FILES} files and folders; is it a library folder?"
@@ -140,65 +191,75 @@ def _walk(folder: Path, problems: list[Problem]) -> Iterator[Path]:
         yield from (Path(inside, name) for name in names if name[0] != ".")
 
 
-def _read_all(files: Iterable[Path], problems: list[Problem]) -> Iterator[Document]:
+def _read_documents(files: Iterable[Path], problems: list[Diagnostic]) -> Iterator[SourceDocument]:
     for path in files:
         try:
-            yield read(path)
-        except ProblemsError as error:
-            problems += error.problems
+            yield read_document(path)
+        except DiagnosticsError as error:
+            problems += error.diagnostics
 
 
-def _entries(documents: list[Document], problems: list[Problem]) -> dict[Name, Entry[Declaration]]:
-    heads = _by_kind_and_id(documents, problems)
-    entries: dict[Name, Entry[Declaration]] = {}
+def _build_entries(
+    documents: list[SourceDocument], problems: list[Diagnostic]
+) -> dict[DeclarationKey, LibraryEntry[Declaration]]:
+    heads = _index_documents(documents, problems)
+    entries: dict[DeclarationKey, LibraryEntry[Declaration]] = {}
     for name in heads:
         try:
-            entries[name] = _entry(name, heads)
-        except ProblemsError as error:
-            problems += error.problems
+            entries[name] = _build_entry(name, heads)
+        except DiagnosticsError as error:
+            problems += error.diagnostics
     if problems:
-        raise ProblemsError(problems)
+        raise DiagnosticsError(problems)
     return entries
 
 
-def _by_kind_and_id(documents: list[Document], problems: list[Problem]) -> dict[Name, Document]:
-    heads: dict[Name, Document] = {}
+def _index_documents(
+    documents: list[SourceDocument], problems: list[Diagnostic]
+) -> dict[DeclarationKey, SourceDocument]:
+    heads: dict[DeclarationKey, SourceDocument] = {}
     for document in documents:
-        problem = _head_problem(document)
+        problem = _check_head(document)
         if problem:
-            problems += [*document.problems, problem]
+            problems += [*document.diagnostics, problem]
             continue
         name = (document.data["kind"], document.data["id"])
         if name in heads:
             message = f"{name[0]} '{name[1]}' is declared in {heads[name].path} already"
-            problems.append(document.problem(("id",), message, hint="give one another id"))
+            problems.append(document.build_diagnostic(("id",), message, hint="give one another id"))
         else:
             heads[name] = document
     return heads
 
 
-def _head_problem(document: Document) -> Problem | None:
+def _check_head(document: SourceDocument) -> Diagnostic | None:
     if not isinstance(document.data, dict):
         message = "is no declaration, which is a mapping with `kind` and `id`"
-        return document.problem((), message, hint="begin with `kind: weather`, or another kind")
+        return document.build_diagnostic(
+            (), message, hint="begin with `kind: weather`, or another kind"
+        )
     kind, name = document.data.get("kind"), document.data.get("id")
     if kind is None:
         hint = f"add it, one of: {', '.join(DECLARATIONS)}"
-        return document.problem((), "the field 'kind' is missing", hint=hint)
+        return document.build_diagnostic((), "the field 'kind' is missing", hint=hint)
     if not isinstance(kind, str) or kind not in DECLARATIONS:
         message, hint = (
-            f"{quoted(kind)} is no kind of declaration",
-            nearest(str(kind), DECLARATIONS),
+            f"{format_value(kind)} is no kind of declaration",
+            suggest_name(str(kind), DECLARATIONS),
         )
-        return document.problem(("kind",), message, hint=hint)
+        return document.build_diagnostic(("kind",), message, hint=hint)
     if "id" not in document.data:
-        return document.problem((), "the field 'id' is missing", hint="add it, `id: my_name`")
+        return document.build_diagnostic(
+            (), "the field 'id' is missing", hint="add it, `id: my_name`"
+        )
     if not isinstance(name, str):
-        return document.problem(("id",), f"{quoted(name)} is not an id", hint=ID_HINT)
-    return _version_problem(document)
+        return document.build_diagnostic(
+            ("id",), f"{format_value(name)} is not an id", hint=ID_HINT
+        )
+    return _check_language_version(document)
 
 
-def _version_problem(document: Document) -> Problem | None:
+def _check_language_version(document: SourceDocument) -> Diagnostic | None:
     """Say what to do with a file in another version of the language, before what is strange."""
     version = document.data.get("version", LANGUAGE_VERSION)
     is_number = isinstance(version, int) and not isinstance(version, bool)
@@ -206,39 +267,79 @@ def _version_problem(document: Document) -> Problem | None:
         return None
     if is_number and version > LANGUAGE_VERSION:
         message = f"is written in version {version}; this advercity reads {LANGUAGE_VERSION}"
-        return document.problem(("version",), message, hint="upgrade advercity")
+        return document.build_diagnostic(("version",), message, hint="upgrade advercity")
     hint = f"write {LANGUAGE_VERSION}, or leave it out"
-    return document.problem(("version",), f"there was no version {quoted(version)}", hint=hint)
+    return document.build_diagnostic(
+        ("version",), f"there was no version {format_value(version)}", hint=hint
+    )
 
 
-def _entry(name: Name, heads: Mapping[Name, Document]) -> Entry[Declaration]:
-    source = resolve(name, heads)
+def _build_entry(
+    name: DeclarationKey, heads: Mapping[DeclarationKey, SourceDocument]
+) -> LibraryEntry[Declaration]:
+    source = resolve_extends(name, heads)
     model = DECLARATIONS[name[0]]
     if model is not Weather:
-        declaration = validate(model, source, known=source.document.problems)
+        declaration = validate_model(model, source, known=source.document.diagnostics)
         if isinstance(declaration, Road) and isinstance(declaration.imported, MapFile):
-            declaration = _with_network(declaration, declaration.imported, source)
+            declaration = _import_network(declaration, declaration.imported, source)
         if isinstance(declaration, Catalogue):
-            declaration = with_checksums(declaration, source)
-        return Entry(declaration, source, digest_of(declaration.model_dump(mode="json")))
-    distributions = distributions_in(source)
-    weather = check_ends(source, distributions)
+            declaration = add_model_checksums(declaration, source)
+        return LibraryEntry(
+            declaration, source, compute_json_digest(declaration.model_dump(mode="json"))
+        )
+    distributions = find_distributions(source)
+    weather = validate_distribution_bounds(source, distributions)
     data: Any = weather.model_dump(mode="json")
     if distributions:
         data = [data, [[where, item.model_dump()] for where, item in distributions.items()]]
-    return Entry(weather, source, digest_of(data), distributions)
+    return LibraryEntry(weather, source, compute_json_digest(data), distributions)
 
 
-def _with_network(road: Road, declared: MapFile, source: Resolved) -> Road:
+def _import_network(road: Road, declared: MapFile, source: ResolvedDeclaration) -> Road:
     where = ("imported", "file")
     try:
-        network = network_of(declared, road, source.document_of(where).path.parent)
+        network = import_map(declared, road, source.find_document(where).path.parent)
     except InputError as error:
-        raise ProblemsError.of(source.problem(where, str(error))) from error
+        raise DiagnosticsError.from_diagnostic(
+            source.build_diagnostic(where, str(error))
+        ) from error
     return road.model_copy(update={"imported": network})
 
 
-def digest_of(data: Any) -> str:
-    """SHA-256 of plain data in canonical JSON."""
-    text = json.dumps(data, sort_keys=True, separators=(",", ":"), allow_nan=False)
-    return hashlib.sha256(text.encode()).hexdigest()
+def find_shipped_library() -> Path:
+    """The library inside the installed package, or beside the source in a checkout."""
+    source = Path(__file__).parents[2] / "library"
+    return source if source.is_dir() else Path(str(files("advercity") / "_library"))
+
+
+def load_declaration(path: Path) -> LibraryEntry[Declaration]:
+    """The declaration in a file; it may extend those that ship."""
+    return load_declaration_file(path, find_shipped_library())
+
+
+def find_weather(text: str) -> LibraryEntry[Weather]:
+    """The weather in the file `text`, or the shipped one with that name.
+
+    A weather in a file of its own may extend those that ship.
+    """
+    path = Path(text)
+    if path.suffix in (".yaml", ".yml") or path.exists():
+        entry = load_declaration(path)
+        if not isinstance(entry.declaration, Weather):
+            problem = entry.source.build_diagnostic(
+                ("kind",), "is no weather", hint="give a weather's file"
+            )
+            raise DiagnosticsError.from_diagnostic(problem)
+        return cast(LibraryEntry[Weather], entry)
+    library = load_library(find_shipped_library())
+    weathers = library.get_declarations(Weather)
+    if text not in weathers:
+        hint = suggest_name(text, weathers)
+        raise InputError(f"there is no weather '{text}', and no such file; {hint}")
+    return library.find_entry(weathers[text])
+
+
+def list_shipped_weathers() -> list[str]:
+    """Names of the weathers that ship."""
+    return list(load_library(find_shipped_library()).get_declarations(Weather))

@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from advercity.dataset.damage import damage_told, no_frames
-from advercity.dataset.manifest import WeatherTruth, scenarios
+from advercity.dataset.agent_view import AgentView, report_read_errors
+from advercity.dataset.manifest import WeatherTruth, find_scenarios, no_frames_error
 from advercity.dataset.reader import FrameView, Scenario
-from advercity.dataset.view import View
 
-OBJECT = np.dtype(
+OBJECT_FACT = np.dtype(
     [
         ("frame", "<i4"),
         ("id", "<i8"),
@@ -37,7 +36,7 @@ Fields that begin with `ego` are NaN where the ego does not annotate it, `ego_po
 
 
 @dataclass(frozen=True, eq=False)
-class Facts:
+class ScenarioFacts:
     """What is known of one scenario.
 
     Attributes:
@@ -45,7 +44,7 @@ class Facts:
         density: Id of the density.
         weather: What it really is.
         objects: (n,) of `OBJECT`.
-        annotations: (frames,) objects that at least one viewpoint annotates.
+        num_annotations: (frames,) objects that at least one viewpoint annotates.
         speeds_km_h: (frames, connected vehicles), the ego's first.
     """
 
@@ -53,51 +52,53 @@ class Facts:
     density: str
     weather: WeatherTruth
     objects: NDArray[np.void]
-    annotations: NDArray[np.int64]
+    num_annotations: NDArray[np.int64]
     speeds_km_h: NDArray[np.float64]
 
     @property
-    def frames(self) -> int:
+    def num_frames(self) -> int:
         """How many there are."""
-        return len(self.annotations)
+        return len(self.num_annotations)
 
 
-def facts_of_dataset(dataset: Path) -> list[Facts]:
+def collect_dataset_facts(dataset: Path) -> list[ScenarioFacts]:
     """Facts of every scenario that has frames, scenarios side by side in processes.
 
     Raises:
         InputError: There is no dataset, it has no frames, or a file of it cannot be read.
     """
-    folders = scenarios(dataset)
+    folders = find_scenarios(dataset)
     with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
-        found = [facts for facts in pool.map(facts_of, folders) if facts.frames]
+        found = [facts for facts in pool.map(collect_scenario_facts, folders) if facts.num_frames]
     if not found:
-        raise no_frames(dataset)
+        raise no_frames_error(dataset)
     return found
 
 
-def facts_of(folder: Path) -> Facts:
+def collect_scenario_facts(folder: Path) -> ScenarioFacts:
     """Facts of one scenario."""
     scenario = Scenario(folder)
-    found = [_frame(scenario, frame) for frame in scenario]
-    return Facts(
+    found = [_collect_frame_facts(scenario, frame) for frame in scenario]
+    return ScenarioFacts(
         road=scenario.spec.road.id,
         density=scenario.spec.density.id,
         weather=scenario.manifest.weather,
-        objects=np.concatenate([np.empty(0, OBJECT), *(objects for objects, _ in found)]),
-        annotations=np.array([len(objects) for objects, _ in found], np.int64),
+        objects=np.concatenate([np.empty(0, OBJECT_FACT), *(objects for objects, _ in found)]),
+        num_annotations=np.array([len(objects) for objects, _ in found], np.int64),
         speeds_km_h=np.array([speeds for _, speeds in found], np.float64),
     )
 
 
-def _frame(scenario: Scenario, frame: FrameView) -> tuple[NDArray[np.void], list[float]]:
+def _collect_frame_facts(
+    scenario: Scenario, frame: FrameView
+) -> tuple[NDArray[np.void], list[float]]:
     views = sorted(frame.views.values(), key=_is_not_ego)
     connected = [view for view in views if view.agent.place.kind == "vehicle"]
     numbers = {view.agent.number for view in connected}
     objects: dict[int, tuple[Any, ...]] = {}
     visible: dict[int, float] = {}
     for position, view in enumerate(views):
-        extras = _extras(view) if scenario.format.has_extras else {}
+        extras = _read_extras(view) if scenario.format.has_extras else {}
         boxes = view.boxes
         for row, number in enumerate(boxes.ids.tolist()):
             points, shown = extras.get(number, (np.nan, np.nan))
@@ -119,22 +120,22 @@ def _frame(scenario: Scenario, frame: FrameView) -> tuple[NDArray[np.void], list
                 *(by_ego if position == 0 else (np.nan,) * 4),
             )
     rows = [(*values, visible[number]) for number, values in objects.items()]
-    return np.array(rows, OBJECT), [view.speed_m_s * 3.6 for view in connected]
+    return np.array(rows, OBJECT_FACT), [view.speed_m_s * 3.6 for view in connected]
 
 
-def _is_not_ego(view: View) -> bool:
+def _is_not_ego(view: AgentView) -> bool:
     return not (view.agent.place.kind == "vehicle" and view.agent.place.role == "ego")
 
 
-def _extras(view: View) -> dict[int, tuple[float, float]]:
+def _read_extras(view: AgentView) -> dict[int, tuple[float, float]]:
     """Points on each object, and how much of it shows at most; by its id."""
-    with damage_told(view.path("_objects.json")):
+    with report_read_errors(view.path("_objects.json")):
         return {
-            int(number): (float(item["lidar_points"]), _shown(item))
+            int(number): (float(item["lidar_points"]), _max_visible_fraction(item))
             for number, item in view.extras["objects"].items()
         }
 
 
-def _shown(item: dict[str, Any]) -> float:
+def _max_visible_fraction(item: dict[str, Any]) -> float:
     cameras: Iterable[dict[str, Any]] = item["cameras"].values()
     return max((camera["visible_fraction"] for camera in cameras), default=0.0)

@@ -12,22 +12,22 @@ from advercity_dsl import Model, Spec, Weather
 from pydantic import Field, ValidationError
 
 from advercity import __version__
-from advercity.dataset.journal import FileRecord, read_journal
+from advercity.dataset.partial_files import FileRecord, read_journals
+from advercity.digests import compute_source_digest
 from advercity.errors import InputError, RunError
-from advercity.sources import source_digest
-from advercity.weather import extinction
+from advercity.physics import extinction
 
-MANIFEST = "manifest.json"
-CODE = ("advercity", "advercity_dsl")
+MANIFEST_FILE = "manifest.json"
+CODE_PACKAGES = ("advercity", "advercity_dsl")
 """Packages that make the data, whatever renders them."""
 RendererIdentity = dict[str, str | int | float | bool]
-NAMES = {"code_sha256": "code of advercity", "backend_sha256": "code of the backend"}
+FIELD_LABELS = {"code_sha256": "code of advercity", "backend_sha256": "code of the backend"}
 """What is told instead of fields."""
-PACKAGES = ("eclipse-sumo", "embreex", "numpy", "opencv-python-headless", "zlib-ng")
+VERSIONED_PACKAGES = ("eclipse-sumo", "embreex", "numpy", "opencv-python-headless", "zlib-ng")
 """Whose versions may change what is written."""
 
 
-def spec_digest(spec: Spec) -> str:
+def compute_spec_digest(spec: Spec) -> str:
     """SHA-256 of a spec as JSON."""
     return hashlib.sha256(spec.model_dump_json().encode()).hexdigest()
 
@@ -49,7 +49,7 @@ class Identity(Model):
     """Of advercity and of `PACKAGES`."""
 
     @staticmethod
-    def of(
+    def for_spec(
         spec: Spec,
         *,
         trace_sha256: str,
@@ -60,29 +60,30 @@ class Identity(Model):
         """Identity of the data of `spec`."""
         return Identity(
             spec=spec.id,
-            spec_sha256=spec_digest(spec),
+            spec_sha256=compute_spec_digest(spec),
             trace_sha256=trace_sha256,
             renderer=renderer,
             bodies=dict(bodies or {}),
             format=format,
-            code_sha256=source_digest(*CODE),
-            versions={"advercity": __version__} | {name: version(name) for name in PACKAGES},
+            code_sha256=compute_source_digest(*CODE_PACKAGES),
+            versions={"advercity": __version__}
+            | {name: version(name) for name in VERSIONED_PACKAGES},
         )
 
-    def differences(self, other: "Identity") -> list[str]:
+    def find_differences(self, other: "Identity") -> list[str]:
         """What is not the same in `other`, as `name: value here, value there`, both shortened."""
-        mine, others = self._flat(), other._flat()
+        mine, others = self._flatten(), other._flatten()
         return [
             f"{key}: {mine.get(key)!s:.20}, {others.get(key)!s:.20}"
             for key in sorted(mine | others)
             if mine.get(key) != others.get(key)
         ]
 
-    def _flat(self) -> RendererIdentity:
+    def _flatten(self) -> RendererIdentity:
         alone = self.model_dump(exclude={"renderer", "versions", "bodies"})
         bodies = {f"body of {name}": digest for name, digest in self.bodies.items()}
         flat = alone | self.renderer | self.versions | bodies
-        return {NAMES.get(key, key): value for key, value in flat.items()}
+        return {FIELD_LABELS.get(key, key): value for key, value in flat.items()}
 
 
 class WeatherTruth(Model):
@@ -103,9 +104,9 @@ class WeatherTruth(Model):
     temperature_c: float
 
     @staticmethod
-    def of(weather: Weather) -> "WeatherTruth":
+    def from_weather(weather: Weather) -> "WeatherTruth":
         """Of an authored weather."""
-        total = extinction.of_weather(weather).at_550nm
+        total = extinction.total_extinction(weather).at_550nm
         return WeatherTruth(
             id=weather.id,
             time=weather.time,
@@ -140,14 +141,14 @@ class Manifest(Model):
     """By path within the scenario."""
 
     @staticmethod
-    def of(
+    def from_files(
         identity: Identity, spec: Spec, *, length: int, files: Mapping[str, FileRecord]
     ) -> "Manifest":
         """Manifest of these files."""
         frames = sorted({file.frame for file in files.values() if file.frame is not None})
         return Manifest(
             identity=identity,
-            weather=WeatherTruth.of(spec.weather),
+            weather=WeatherTruth.from_weather(spec.weather),
             spec=spec,
             length=length,
             complete=len(frames) == length,
@@ -172,17 +173,17 @@ class Manifest(Model):
             InputError: There is no such folder, or no manifest in it.
             RunError: It cannot be read.
         """
-        path = scenario / MANIFEST
+        path = scenario / MANIFEST_FILE
         try:
             text = path.read_bytes()
         except (FileNotFoundError, NotADirectoryError) as error:
-            raise _no_scenario(scenario) from error
+            raise _not_a_scenario_error(scenario) from error
         except OSError as error:
             raise RunError(f"{path}: cannot be read: {error.strerror}") from error
-        written, noted = Manifest.parse(text, where=str(path)), read_journal(scenario)
+        written, noted = Manifest.parse(text, where=str(path)), read_journals(scenario)
         if not noted:
             return written
-        return Manifest.of(
+        return Manifest.from_files(
             written.identity, written.spec, length=written.length, files=written.files | noted
         )
 
@@ -193,10 +194,10 @@ class Manifest(Model):
             return Manifest.model_validate_json(text)
         except ValidationError as error:
             remedy = "`advercity run --fresh` makes the scenario anew"
-            raise RunError(f"{where}: {_first_complaint(error)}; {remedy}") from error
+            raise RunError(f"{where}: {_format_first_error(error)}; {remedy}") from error
 
 
-def _first_complaint(error: ValidationError) -> str:
+def _format_first_error(error: ValidationError) -> str:
     """Where the first thing that is wrong stands, and what it is."""
     first = error.errors(include_url=False)[0]
     if first["type"] == "json_invalid":
@@ -206,7 +207,7 @@ def _first_complaint(error: ValidationError) -> str:
     return f"not a manifest of this version: {what}"
 
 
-def scenarios(dataset: Path) -> list[Path]:
+def find_scenarios(dataset: Path) -> list[Path]:
     """Folders of scenarios in a dataset or its splits, or the folder itself if it is one.
 
     Raises:
@@ -217,27 +218,32 @@ def scenarios(dataset: Path) -> list[Path]:
             f"{dataset}: a store, which `run --executor ray` and `verify` alone reach into;"
             " copy the dataset into a folder first, as `aws s3 sync` does"
         )
-    patterns = (MANIFEST, f"*/{MANIFEST}", f"*/*/{MANIFEST}")
+    patterns = (MANIFEST_FILE, f"*/{MANIFEST_FILE}", f"*/*/{MANIFEST_FILE}")
     for pattern in patterns:
         found = sorted(path.parent for path in dataset.glob(pattern))
         if found:
             return found
-    raise _no_dataset(dataset, "in it or in its folders")
+    raise _not_a_dataset_error(dataset, "in it or in its folders")
 
 
-def _no_scenario(folder: Path) -> InputError:
+def _not_a_scenario_error(folder: Path) -> InputError:
     """Why a folder is no scenario; one with scenarios in it is told which there are."""
-    inside = sorted(path.parent.name for path in folder.glob(f"*/{MANIFEST}"))
+    inside = sorted(path.parent.name for path in folder.glob(f"*/{MANIFEST_FILE}"))
     if not inside:
-        return _no_dataset(folder, "in it")
+        return _not_a_dataset_error(folder, "in it")
     more = f" and {len(inside) - 3} more" if len(inside) > 3 else ""
     names = ", ".join(inside[:3])
     return InputError(f"{folder}: is a dataset; name one of its scenarios: {names}{more}")
 
 
-def _no_dataset(folder: Path, where: str) -> InputError:
+def _not_a_dataset_error(folder: Path, where: str) -> InputError:
     if not folder.exists():
         return InputError(f"{folder}: there is no such folder; is the path right?")
     if not folder.is_dir():
         return InputError(f"{folder}: is a file; name the folder of a dataset")
-    return InputError(f"{folder}: no {MANIFEST} {where}, so not a dataset")
+    return InputError(f"{folder}: no {MANIFEST_FILE} {where}, so not a dataset")
+
+
+def no_frames_error(path: Path) -> InputError:
+    """What to raise where a scenario, or a whole dataset, has no frames yet."""
+    return InputError(f"{path}: no frames here yet; `advercity run` with its spec makes them")

@@ -2,30 +2,53 @@
 
 Beside what they read lie extras where none of them looks: semantic images, what more is known of
 every object, GNSS and IMU.
+
+The original's layout: its names and its files, for tools that were written for them.
+
+Loaders of OPV2V do not read it: they miss the `.pcd`, take `_gnss_imu.yaml` for a frame and the
+second roadside unit for the ego.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
 import numpy as np
 from advercity_dsl import Agent
 from numpy.typing import NDArray
 
-from advercity.dataset import pcd
-from advercity.dataset.annotation import annotate
-from advercity.dataset.bird_view import bird_views
-from advercity.dataset.description import describe, motion
-from advercity.dataset.documents import json_bytes, yaml_bytes
-from advercity.dataset.extras import extras
-from advercity.dataset.images import in_three_channels, painted, side_by_side
-from advercity.dataset.png import label_png, photograph_png
-from advercity.dataset.reading import Picture, Reading
-from advercity.world.scene import Lane
+from advercity.dataset import cloud_files
+from advercity.dataset.bird_view import draw_bird_views
+from advercity.dataset.carla_frame import mirror_points
+from advercity.dataset.frame_documents import (
+    build_frame_description,
+    build_motion_document,
+    build_object_extras,
+    format_json,
+    format_yaml,
+)
+from advercity.dataset.image_codec import (
+    encode_label_png,
+    encode_photo_png,
+    to_semantic_colours,
+    to_three_channels,
+)
+from advercity.roads.lane_segments import LaneSegment
+from advercity.sensors.annotation import annotate_actors
+from advercity.sensors.sensor_frame import CameraImage, SensorFrame
 
-CLOUD = ".pcd"
+
+def run_concurrently(jobs: Mapping[str, Callable[[], bytes]]) -> dict[str, bytes]:
+    """What every job gives, by its name; OpenCV and NumPy let threads run together."""
+    with ThreadPoolExecutor() as pool:
+        running = {name: pool.submit(job) for name, job in jobs.items()}
+    return {name: future.result() for name, future in running.items()}
 
 
-def folder_name(agent: Agent) -> str:
+OPV2V_CLOUD_SUFFIX = ".pcd"
+
+
+def format_opv2v_folder(agent: Agent) -> str:
     """Folder of a viewpoint.
 
     Loaders sort the folders as text and take the first as the ego, after moving one negative
@@ -36,7 +59,9 @@ def folder_name(agent: Agent) -> str:
     return f"{agent.number:+d}" if is_ego else str(agent.number)
 
 
-def encode(readings: Sequence[Reading], lanes: Sequence[Lane], *, name: str) -> dict[str, bytes]:
+def encode_opv2v_frame(
+    readings: Sequence[SensorFrame], lanes: Sequence[LaneSegment], *, name: str
+) -> dict[str, bytes]:
     """Every file of one frame, by path within the scenario.
 
     The descriptions come last and the ego's is the very last: loaders take a frame for existing
@@ -47,35 +72,84 @@ def encode(readings: Sequence[Reading], lanes: Sequence[Lane], *, name: str) -> 
         lanes: The road plan.
         name: Of the frame.
     """
-    ordered = sorted(readings, key=lambda reading: folder_name(reading.agent), reverse=True)
-    stems = [f"{folder_name(reading.agent)}/{name}" for reading in ordered]
+    ordered = sorted(readings, key=lambda reading: format_opv2v_folder(reading.agent), reverse=True)
+    stems = [f"{format_opv2v_folder(reading.agent)}/{name}" for reading in ordered]
     jobs: dict[str, Callable[[], bytes]] = {}
     for stem, reading in zip(stems, ordered, strict=True):
-        for index, picture in enumerate(reading.pictures):
-            jobs[f"{stem}_camera{index}.png"] = partial(photograph_png, picture.image)
-            jobs[f"{stem}_semantic{index}.png"] = partial(_semantic, picture)
-            jobs[f"{stem}_depth{index}.png"] = partial(label_png, picture.depth)
-    for stem, maps in zip(stems, bird_views(ordered, lanes), strict=True):
-        jobs |= {f"{stem}_bev_{kind}.png": partial(_mask, mask) for kind, mask in maps.items()}
-    files = side_by_side(jobs)
-    objects = [annotate(reading) for reading in ordered]
+        for index, picture in enumerate(reading.camera_images):
+            jobs[f"{stem}_camera{index}.png"] = partial(encode_photo_png, picture.image)
+            jobs[f"{stem}_semantic{index}.png"] = partial(_encode_semantic, picture)
+            jobs[f"{stem}_depth{index}.png"] = partial(encode_label_png, picture.depth)
+    for stem, maps in zip(stems, draw_bird_views(ordered, lanes), strict=True):
+        jobs |= {
+            f"{stem}_bev_{kind}.png": partial(_encode_mask, mask) for kind, mask in maps.items()
+        }
+    files = run_concurrently(jobs)
+    objects = [annotate_actors(reading) for reading in ordered]
     for stem, reading, items in zip(stems, ordered, objects, strict=True):
-        files[f"{stem}{CLOUD}"] = _cloud(reading)
-        files[f"{stem}_objects.json"] = json_bytes(extras(reading, items))
+        files[f"{stem}{OPV2V_CLOUD_SUFFIX}"] = _encode_pcd_cloud(reading)
+        files[f"{stem}_objects.json"] = format_json(build_object_extras(reading, items))
         if reading.gnss is not None or reading.imu is not None:
-            files[f"{stem}_additional_gnss_imu.yaml"] = yaml_bytes(motion(reading))
+            files[f"{stem}_additional_gnss_imu.yaml"] = format_yaml(build_motion_document(reading))
     for stem, reading, items in zip(stems, ordered, objects, strict=True):
-        files[f"{stem}.yaml"] = yaml_bytes(describe(reading, items))
+        files[f"{stem}.yaml"] = format_yaml(build_frame_description(reading, items))
     return files
 
 
-def _semantic(picture: Picture) -> bytes:
-    return label_png(painted(picture.semantic))
+def _encode_semantic(picture: CameraImage) -> bytes:
+    return encode_label_png(to_semantic_colours(picture.semantic))
 
 
-def _mask(mask: NDArray[np.uint8]) -> bytes:
-    return label_png(in_three_channels(mask))
+def _encode_mask(mask: NDArray[np.uint8]) -> bytes:
+    return encode_label_png(to_three_channels(mask))
 
 
-def _cloud(reading: Reading) -> bytes:
-    return pcd.encode(reading.cloud, raw=reading.agent.sensors.lidar.motion_distortion)
+def _encode_pcd_cloud(reading: SensorFrame) -> bytes:
+    return cloud_files.encode_pcd(
+        reading.point_cloud, raw=reading.agent.sensors.lidar.motion_distortion
+    )
+
+
+ADVER_CITY_CLOUD_SUFFIX = "_lidar.ply"
+
+
+def format_adver_city_folder(agent: Agent) -> str:
+    """Folder of a viewpoint: its number."""
+    return str(agent.number)
+
+
+def encode_adver_city_frame(
+    readings: Sequence[SensorFrame], lanes: Sequence[LaneSegment], *, name: str
+) -> dict[str, bytes]:
+    """Every file of one frame, by path within the scenario.
+
+    Args:
+        readings: One per viewpoint.
+        lanes: Not drawn in this layout.
+        name: Of the frame.
+    """
+    jobs: dict[str, Callable[[], bytes]] = {}
+    for reading in readings:
+        stem = f"{format_adver_city_folder(reading.agent)}/{name}"
+        for index, picture in enumerate(reading.camera_images):
+            jobs[f"{stem}_camera{index}.png"] = partial(encode_photo_png, picture.image)
+            jobs[f"{stem}_semantic{index}.png"] = partial(_encode_adver_city_semantic, picture)
+        jobs[f"{stem}{ADVER_CITY_CLOUD_SUFFIX}"] = partial(_encode_ply_cloud, reading)
+        if reading.gnss is not None or reading.imu is not None:
+            jobs[f"{stem}_gnss_imu.yaml"] = lambda reading=reading: format_yaml(
+                build_motion_document(reading)
+            )
+        jobs[f"{stem}.yaml"] = lambda reading=reading: format_yaml(
+            build_frame_description(reading, annotate_actors(reading))
+        )
+    return run_concurrently(jobs)
+
+
+def _encode_adver_city_semantic(picture: CameraImage) -> bytes:
+    return encode_label_png(to_semantic_colours(picture.semantic))
+
+
+def _encode_ply_cloud(reading: SensorFrame) -> bytes:
+    return cloud_files.encode_ply(
+        mirror_points(reading.point_cloud.points), intensity=reading.point_cloud.intensity
+    )

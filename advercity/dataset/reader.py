@@ -11,10 +11,10 @@ from typing import overload
 import numpy as np
 from advercity_dsl import Spec
 
-from advercity.dataset.formats import Format, format_called, frame_name
-from advercity.dataset.manifest import Manifest, scenarios
-from advercity.dataset.roles import Roles, roles_of
-from advercity.dataset.view import View
+from advercity.conflicts.roles import ConflictRoles, find_conflict_roles
+from advercity.dataset.agent_view import AgentView
+from advercity.dataset.formats import DatasetFormat, find_format, format_frame_name
+from advercity.dataset.manifest import Manifest, find_scenarios
 
 
 class FrameView:
@@ -25,8 +25,8 @@ class FrameView:
         self.index = index
         layout = scenario.format
         self.views = {
-            agent.id: View(
-                agent, index, layout, scenario.path / layout.folder_name(agent) / self.name
+            agent.id: AgentView(
+                agent, index, layout, scenario.path / layout.format_folder(agent) / self.name
             )
             for agent in scenario.spec.agents
         }
@@ -35,14 +35,14 @@ class FrameView:
     @property
     def name(self) -> str:
         """As its files are called."""
-        return frame_name(self.scenario.spec, self.index)
+        return format_frame_name(self.scenario.spec, self.index)
 
     @property
     def time_s(self) -> float:
         """Since the scenario's start, warm-up included."""
         return int(self.name) * self.scenario.spec.timing.tick_s
 
-    def __getitem__(self, agent: str) -> View:
+    def __getitem__(self, agent: str) -> AgentView:
         """The viewpoint of an agent, by its id: `cav1`, `rsu2`."""
         return self.views[agent]
 
@@ -67,9 +67,9 @@ class Scenario(Sequence[FrameView]):
         return self.manifest.spec
 
     @property
-    def format(self) -> Format:
+    def format(self) -> DatasetFormat:
         """How it is laid out."""
-        return format_called(self.manifest.identity.format)
+        return find_format(self.manifest.identity.format)
 
     @property
     def agents(self) -> tuple[str, ...]:
@@ -77,9 +77,9 @@ class Scenario(Sequence[FrameView]):
         return tuple(agent.id for agent in self.spec.agents)
 
     @property
-    def roles(self) -> Roles:
+    def roles(self) -> ConflictRoles:
         """Who takes part in which staged conflict, and as what, by ids as in `Boxes`."""
-        return roles_of(self.spec)
+        return find_conflict_roles(self.spec)
 
     def frame(self, index: int) -> FrameView:
         """The frame with that number, counted from the first kept one."""
@@ -113,7 +113,7 @@ class Dataset(Sequence[FrameView]):
     """
 
     def __init__(self, path: Path) -> None:
-        self.scenarios = tuple(Scenario(folder) for folder in scenarios(path))
+        self.scenarios = tuple(Scenario(folder) for folder in find_scenarios(path))
         self._ends = np.cumsum([len(scenario) for scenario in self.scenarios])
 
     def __len__(self) -> int:

@@ -1,21 +1,27 @@
-"""The seam between a scene and whatever renders it."""
+"""The seam between a scene and whatever renders it.
 
+Finds rendering backends by name; plugins register under the entry point `advercity.backends`.
+"""
+
+import difflib
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
+from importlib.metadata import EntryPoint, entry_points
 from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from advercity.poses import Matrix
-from advercity.traffic.trace import Frame
-from advercity.weather.atmosphere import Atmosphere
-from advercity.world.scene import World
+from advercity.errors import BackendError, InputError
+from advercity.frames import Frame
+from advercity.geometry.poses import Matrix
+from advercity.physics.atmosphere import Atmosphere
+from advercity.world import World
 
 
 @dataclass(frozen=True)
-class Profile:
+class RenderProfile:
     """How well to render, never what."""
 
     name: str
@@ -26,14 +32,14 @@ class Profile:
     path_depth: int = 1
     denoise: bool = False
 
-    def scaled(self, scale: float | None) -> "Profile":
+    def with_scale(self, scale: float | None) -> "RenderProfile":
         """The same quality at another image scale."""
         return self if scale is None else replace(self, scale=scale)
 
 
-PROFILES = {
-    "preview": Profile("preview", 0.25, "raster"),
-    "full": Profile("full", 1.0, "ray_traced", samples=16, path_depth=4, denoise=True),
+RENDER_PROFILES = {
+    "preview": RenderProfile("preview", 0.25, "raster"),
+    "full": RenderProfile("full", 1.0, "ray_traced", samples=16, path_depth=4, denoise=True),
 }
 
 
@@ -93,11 +99,11 @@ class Renderer(Protocol):
         """Move every actor to where it is in `frame`, and switch lamps and signals."""
         ...
 
-    def camera(self, view: CameraView) -> CameraCapture:
+    def render_camera(self, view: CameraView) -> CameraCapture:
         """Take one picture of the placed frame."""
         ...
 
-    def cameras(self, views: Sequence[CameraView]) -> Iterator[CameraCapture]:
+    def render_cameras(self, views: Sequence[CameraView]) -> Iterator[CameraCapture]:
         """Take pictures (at least one) of the placed frame, in order.
 
         The device works on the next one while the caller looks at the last, and on the first
@@ -119,7 +125,49 @@ class Backend(Protocol):
         ...
 
     def open(
-        self, world: World, atmosphere: Atmosphere, profile: Profile
+        self, world: World, atmosphere: Atmosphere, profile: RenderProfile
     ) -> AbstractContextManager[Renderer]:
         """Load a world under an atmosphere; closing the context frees the device's memory."""
         ...
+
+
+ENTRY_POINT_GROUP = "advercity.backends"
+
+
+def list_backend_names() -> list[str]:
+    """Names of all installed backends; imports none of them."""
+    return sorted({entry.name for entry in entry_points(group=ENTRY_POINT_GROUP)})
+
+
+def load_backend(name: str) -> Backend:
+    """The backend called `name`.
+
+    Raises:
+        InputError: No backend has that name.
+        BackendError: It does not import, or two distributions claim the name.
+    """
+    found = [entry for entry in entry_points(group=ENTRY_POINT_GROUP) if entry.name == name]
+    if not found:
+        raise InputError(_format_unknown_backend(name))
+    if len({entry.value for entry in found}) > 1:
+        claims = ", ".join(sorted(entry.value for entry in found))
+        raise BackendError(f"backend '{name}' is claimed by {claims}; uninstall all but one")
+    return _instantiate_backend(found[0])
+
+
+def _instantiate_backend(entry: EntryPoint) -> Backend:
+    try:
+        return entry.load()()
+    except ImportError as error:
+        message = f"backend '{entry.name}' ({entry.value}) does not import: {error}"
+        raise BackendError(message) from error
+
+
+def _format_unknown_backend(name: str) -> str:
+    installed = list_backend_names()
+    close = difflib.get_close_matches(name, installed, n=1)
+    if close:
+        return f"no backend '{name}'; did you mean '{close[0]}'?"
+    if not installed:
+        return f"no backend '{name}'; none is installed; try: pip install advercity-sapien"
+    return f"no backend '{name}'; installed: {', '.join(installed)}"

@@ -20,63 +20,61 @@ import embreex.rtcore_scene as embreex_scene
 import numpy as np
 from numpy.typing import NDArray
 
-from advercity import poses
 from advercity.errors import RunError
-from advercity.poses import Matrix
-from advercity.world.scene import Mesh
+from advercity.geometry import poses
+from advercity.geometry.arrays import FloatArray, IndexArray
+from advercity.geometry.mesh import Mesh
+from advercity.geometry.poses import Matrix
 
-Floats = NDArray[np.floating[Any]]
-Rows = NDArray[np.intp]
-
-_TRIANGLES, _INSTANCE = 0, 121
-_INDEX, _VERTEX = 0, 1
+_GEOMETRY_TRIANGLE, _GEOMETRY_INSTANCE = 0, 121
+_BUFFER_INDEX, _BUFFER_VERTEX = 0, 1
 _UINT3, _FLOAT3, _FLOAT3X4_ROW_MAJOR = 0x5003, 0x9003, 0x9134
 _ROBUST, _COHERENT = 1 << 2, 1 << 16
 _EVERY_FEATURE = 0xFFFFFFFF
 
-_LANES, _FIELDS = 16, 21
+_RAYS_PER_PACKET, _FIELDS_PER_RAY = 16, 21
 """Of RTCRayHit16: rays, and numbers of 4 bytes that each has."""
 _ORIGIN, _DIRECTION, _HIT = slice(0, 3), slice(4, 7), slice(17, 20)
-_TIME, _FAR, _MASK, _TRIANGLE, _SOLID = 7, 8, 9, 17, 19
-_ALIGNED = 64
-_NOW = 1.0
-_PACKETS = 512
+_TIME, _FAR, _MASK, _PRIMITIVE_ID, _INSTANCE_ID = 7, 8, 9, 17, 19
+_ALIGNMENT_BYTES = 64
+_TIME_NOW = 1.0
+_PACKETS_PER_BATCH = 512
 """Packets that are filled, cast and read at a time: as many as a core's cache holds."""
 
 
 @dataclass(frozen=True, eq=False)
-class Met:
+class EmbreeHits:
     """What each of n rays met first.
 
     Attributes:
-        solid: (n,) int32 row in the scene; -1 for nothing.
+        instance: (n,) int32 row in the scene; -1 for nothing.
         triangle: (n,) int32 of that solid; -1 for nothing.
         range_m: (n,) float32; where rays end for nothing.
     """
 
-    solid: NDArray[np.int32]
+    instance: NDArray[np.int32]
     triangle: NDArray[np.int32]
-    range_m: Floats
+    range_m: FloatArray
 
 
-class Solid:
+class EmbreeMesh:
     """The triangles of some meshes, one after the other, in a frame of their own."""
 
     def __init__(self, meshes: Sequence[Mesh]) -> None:
         starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
         moved = [mesh.triangles + start for mesh, start in zip(meshes, starts, strict=False)]
-        embree, geometry = _embree(), _new_geometry(_TRIANGLES)
+        embree, geometry = _load_embree(), _new_geometry(_GEOMETRY_TRIANGLE)
         vertices = [np.zeros((0, 3)), *(mesh.vertices for mesh in meshes)]
-        _copy(geometry, _VERTEX, _FLOAT3, np.concatenate(vertices).astype(np.float32))
+        _copy_buffer(geometry, _BUFFER_VERTEX, _FLOAT3, np.concatenate(vertices).astype(np.float32))
         triangles = [np.zeros((0, 3)), *moved]
-        _copy(geometry, _INDEX, _UINT3, np.concatenate(triangles).astype(np.uint32))
+        _copy_buffer(geometry, _BUFFER_INDEX, _UINT3, np.concatenate(triangles).astype(np.uint32))
         self.scene = _new_scene(self)
         _attach(self.scene, geometry)
         embree.rtcCommitScene(self.scene)
-        _check()
+        _raise_on_error()
 
 
-class Scene:
+class EmbreeScene:
     """Solids where they stand, or where they go while rays are cast.
 
     Args:
@@ -86,27 +84,34 @@ class Scene:
             stand still.
     """
 
-    def __init__(self, solids: Sequence[Solid], now: Matrix, before: Matrix | None = None) -> None:
+    def __init__(
+        self,
+        meshes: Sequence[EmbreeMesh],
+        world_from_mesh: Matrix,
+        previous_world_from_mesh: Matrix | None = None,
+    ) -> None:
         self._scene = _new_scene(self)
         self._hidden: frozenset[int] = frozenset()
-        self._packets = _Packets()
-        for row, solid in enumerate(solids):
-            geometry = _new_geometry(_INSTANCE)
-            _embree().rtcSetGeometryInstancedScene(geometry, solid.scene)
-            if before is None:
-                _place(geometry, now[row])
+        self._packets = _RayPackets()
+        for row, solid in enumerate(meshes):
+            geometry = _new_geometry(_GEOMETRY_INSTANCE)
+            _load_embree().rtcSetGeometryInstancedScene(geometry, solid.scene)
+            if previous_world_from_mesh is None:
+                _set_static_transform(geometry, world_from_mesh[row])
             else:
-                _move(geometry, before[row], now[row])
+                _set_motion_transforms(
+                    geometry, previous_world_from_mesh[row], world_from_mesh[row]
+                )
             _attach(self._scene, geometry)
-        _embree().rtcCommitScene(self._scene)
-        _check()
+        _load_embree().rtcCommitScene(self._scene)
+        _raise_on_error()
 
     def hide(self, rows: Collection[int]) -> None:
         """Let rays pass through those solids, and through no others."""
         hidden = frozenset(rows)
         if hidden == self._hidden:
             return
-        embree = _embree()
+        embree = _load_embree()
         for row in hidden - self._hidden:
             embree.rtcDisableGeometry(embree.rtcGetGeometry(self._scene, row))
         for row in self._hidden - hidden:
@@ -116,80 +121,86 @@ class Scene:
 
     def cast(
         self,
-        origins: Floats,
-        directions: Floats,
+        origins: FloatArray,
+        directions: FloatArray,
         max_range_m: float,
         *,
-        share: Floats | None = None,
-        order: Rows | None = None,
-    ) -> Met:
+        time_fraction: FloatArray | None = None,
+        ray_order: IndexArray | None = None,
+    ) -> EmbreeHits:
         """What each ray meets first.
 
         Args:
             origins: (n, 3) float32.
             directions: (n, 3) float32, unit vectors.
             max_range_m: Where rays end.
-            share: (n,) float32 of the way from before to now when each ray is cast; None for now.
-            order: (n,) rows of rays in an order in which neighbours go much the same way; None
+            time_fraction: (n,) float32, time of each ray, from 0 (previous poses) to 1 (current
+                poses); None for 1.
+            ray_order: (n,) rows of rays in an order in which neighbours go much the same way; None
                 for the order they come in.
         """
         count = len(directions)
-        met = Met(
-            solid=np.empty(count, np.int32),
+        met = EmbreeHits(
+            instance=np.empty(count, np.int32),
             triangle=np.empty(count, np.int32),
             range_m=np.empty(count, np.float32),
         )
-        rows = np.arange(count) if order is None else order
-        floats, whole = self._packets.floats, self._packets.whole
-        for first in range(0, count, _PACKETS * _LANES):
-            some = rows[first : first + _PACKETS * _LANES]
-            packets = -(-len(some) // _LANES)
+        rows = np.arange(count) if ray_order is None else ray_order
+        floats, whole = self._packets.floats, self._packets.integers
+        for first in range(0, count, _PACKETS_PER_BATCH * _RAYS_PER_PACKET):
+            some = rows[first : first + _PACKETS_PER_BATCH * _RAYS_PER_PACKET]
+            packets = -(-len(some) // _RAYS_PER_PACKET)
             # The last ray fills what is left of the last packet.
-            lanes = np.append(some, np.repeat(some[-1:], packets * _LANES - len(some)))
-            floats[:packets, _ORIGIN] = _by_packet(origins.take(lanes, axis=0))
-            floats[:packets, _DIRECTION] = _by_packet(directions.take(lanes, axis=0))
+            lanes = np.append(some, np.repeat(some[-1:], packets * _RAYS_PER_PACKET - len(some)))
+            floats[:packets, _ORIGIN] = _to_packets(origins.take(lanes, axis=0))
+            floats[:packets, _DIRECTION] = _to_packets(directions.take(lanes, axis=0))
             floats[:packets, _TIME] = (
-                1.0 if share is None else share.take(lanes).reshape(-1, _LANES)
+                1.0
+                if time_fraction is None
+                else time_fraction.take(lanes).reshape(-1, _RAYS_PER_PACKET)
             )
             floats[:packets, _FAR] = max_range_m
             whole[:packets, _HIT] = -1
             self._packets.cast(self._scene, packets)
-            met.solid[some] = whole[:packets, _SOLID].reshape(-1)[: len(some)]
-            met.triangle[some] = whole[:packets, _TRIANGLE].reshape(-1)[: len(some)]
+            met.instance[some] = whole[:packets, _INSTANCE_ID].reshape(-1)[: len(some)]
+            met.triangle[some] = whole[:packets, _PRIMITIVE_ID].reshape(-1)[: len(some)]
             met.range_m[some] = floats[:packets, _FAR].reshape(-1)[: len(some)]
         return met
 
 
-class _Packets:
+class _RayPackets:
     """Room for `_PACKETS` RTCRayHit16, which hold field by field what 16 rays are and met.
 
     Attributes:
         floats: (packets, fields, lanes) float32.
-        whole: The same bytes as int32.
+        integers: The same bytes as int32.
     """
 
     def __init__(self) -> None:
-        room = np.zeros(_PACKETS * _FIELDS * _LANES + 2 * _ALIGNED // 4, np.float32)
-        start = -room.ctypes.data % _ALIGNED // 4
-        packets = room[start:][: _PACKETS * _FIELDS * _LANES]
-        self.floats = packets.reshape(_PACKETS, _FIELDS, _LANES)
-        self.whole = self.floats.view(np.int32)
-        self.whole[:, _MASK] = -1
-        self._valid = np.full(_LANES + _ALIGNED // 4, -1, np.int32)
-        self._valid = self._valid[-self._valid.ctypes.data % _ALIGNED // 4 :]
+        room = np.zeros(
+            _PACKETS_PER_BATCH * _FIELDS_PER_RAY * _RAYS_PER_PACKET + 2 * _ALIGNMENT_BYTES // 4,
+            np.float32,
+        )
+        start = -room.ctypes.data % _ALIGNMENT_BYTES // 4
+        packets = room[start:][: _PACKETS_PER_BATCH * _FIELDS_PER_RAY * _RAYS_PER_PACKET]
+        self.floats = packets.reshape(_PACKETS_PER_BATCH, _FIELDS_PER_RAY, _RAYS_PER_PACKET)
+        self.integers = self.floats.view(np.int32)
+        self.integers[:, _MASK] = -1
+        self._valid = np.full(_RAYS_PER_PACKET + _ALIGNMENT_BYTES // 4, -1, np.int32)
+        self._valid = self._valid[-self._valid.ctypes.data % _ALIGNMENT_BYTES // 4 :]
         base, size = self.floats.ctypes.data, self.floats[0].nbytes
-        self._packets = [c_void_p(base + packet * size) for packet in range(_PACKETS)]
-        self._arguments = _Arguments(_COHERENT, _EVERY_FEATURE)
+        self._packets = [c_void_p(base + packet * size) for packet in range(_PACKETS_PER_BATCH)]
+        self._arguments = _IntersectArguments(_COHERENT, _EVERY_FEATURE)
 
     def cast(self, scene: int, count: int) -> None:
         """Have the first `count` packets cast."""
-        intersect, valid = _embree().rtcIntersect16, c_void_p(self._valid.ctypes.data)
+        intersect, valid = _load_embree().rtcIntersect16, c_void_p(self._valid.ctypes.data)
         at, how = c_void_p(scene), ctypes.byref(self._arguments)
         for packet in self._packets[:count]:
             intersect(valid, at, packet, how)
 
 
-class _Arguments(ctypes.Structure):
+class _IntersectArguments(ctypes.Structure):
     """RTCIntersectArguments."""
 
     _fields_ = (
@@ -201,7 +212,7 @@ class _Arguments(ctypes.Structure):
     )
 
 
-_POINTERS_IN = (
+_SINGLE_POINTER_FUNCTIONS = (
     "rtcCommitGeometry",
     "rtcCommitScene",
     "rtcDisableGeometry",
@@ -212,14 +223,14 @@ _POINTERS_IN = (
 
 
 @cache
-def _embree() -> Any:
+def _load_embree() -> Any:
     """Embree's functions, as far as they are called here.
 
     The library that embreex's module is linked to is found by way of that module. Calls are too
     short for others to have the interpreter meanwhile.
     """
     embree = ctypes.PyDLL(embreex_scene.__file__)
-    for name in _POINTERS_IN:
+    for name in _SINGLE_POINTER_FUNCTIONS:
         getattr(embree, name).argtypes = (c_void_p,)
     for name, result, *arguments in (
         ("rtcNewDevice", c_void_p, c_char_p),
@@ -245,62 +256,64 @@ def _embree() -> Any:
 
 
 @cache
-def _device() -> int:
-    return _embree().rtcNewDevice(None)
+def _open_device() -> int:
+    return _load_embree().rtcNewDevice(None)
 
 
-def _check() -> None:
-    error = _embree().rtcGetDeviceError(_device())
+def _raise_on_error() -> None:
+    error = _load_embree().rtcGetDeviceError(_open_device())
     if error:
         raise RunError(f"Embree fails with error {error}; is there enough memory?")
 
 
 def _new_scene(owner: object) -> int:
     """A scene that lives as long as its owner; no ray slips between two triangles of it."""
-    scene = _embree().rtcNewScene(_device())
-    weakref.finalize(owner, _embree().rtcReleaseScene, scene)
-    _embree().rtcSetSceneFlags(scene, _ROBUST)
+    scene = _load_embree().rtcNewScene(_open_device())
+    weakref.finalize(owner, _load_embree().rtcReleaseScene, scene)
+    _load_embree().rtcSetSceneFlags(scene, _ROBUST)
     return scene
 
 
 def _new_geometry(kind: int) -> int:
-    return _embree().rtcNewGeometry(_device(), kind)
+    return _load_embree().rtcNewGeometry(_open_device(), kind)
 
 
 def _attach(scene: int, geometry: int) -> None:
     """Hand a geometry over to a scene."""
-    embree = _embree()
+    embree = _load_embree()
     embree.rtcCommitGeometry(geometry)
     embree.rtcAttachGeometry(scene, geometry)
     embree.rtcReleaseGeometry(geometry)
 
 
-def _copy(geometry: int, kind: int, form: int, rows: NDArray[Any]) -> None:
+def _copy_buffer(geometry: int, kind: int, form: int, rows: NDArray[Any]) -> None:
     """Give a geometry a copy of rows (n, 3) of 4 bytes each."""
-    room = _embree().rtcSetNewGeometryBuffer(geometry, kind, 0, form, rows.strides[0], len(rows))
+    room = _load_embree().rtcSetNewGeometryBuffer(
+        geometry, kind, 0, form, rows.strides[0], len(rows)
+    )
     ctypes.memmove(room, rows.ctypes.data, rows.nbytes)
 
 
-def _place(instance: int, world_from_solid: Matrix) -> None:
+def _set_static_transform(instance: int, world_from_solid: Matrix) -> None:
     rows = world_from_solid[:3].astype(np.float32)
-    _embree().rtcSetGeometryTransform(instance, 0, _FLOAT3X4_ROW_MAJOR, rows.ctypes.data)
+    _load_embree().rtcSetGeometryTransform(instance, 0, _FLOAT3X4_ROW_MAJOR, rows.ctypes.data)
 
 
-def _move(instance: int, before: Matrix, now: Matrix) -> None:
-    embree = _embree()
+def _set_motion_transforms(instance: int, before: Matrix, now: Matrix) -> None:
+    embree = _load_embree()
     embree.rtcSetGeometryTimeStepCount(instance, 2)
     for step, world_from_solid in enumerate((before, now)):
-        parts = _quaternion_parts(world_from_solid)
+        parts = _to_quaternion_decomposition(world_from_solid)
         embree.rtcSetGeometryTransformQuaternion(instance, step, parts.ctypes.data)
 
 
-def _quaternion_parts(matrix: Matrix) -> Floats:
+def _to_quaternion_decomposition(matrix: Matrix) -> FloatArray:
     """RTCQuaternionDecomposition (16,) of a turn and a shift: scale, skew, shift, turn, place."""
     return np.concatenate(
-        [np.ones(3), np.zeros(6), poses.quaternion(matrix), matrix[:3, 3]], dtype=np.float32
+        [np.ones(3), np.zeros(6), poses.to_quaternion(matrix), matrix[:3, 3]], dtype=np.float32
     )
 
 
-def _by_packet(vectors: Floats) -> Floats:
+def _to_packets(vectors: FloatArray) -> FloatArray:
     """Vectors (n, 3) packet by packet (n / lanes, 3, lanes)."""
-    return vectors.reshape(-1, _LANES, 3).transpose(0, 2, 1)
+    return vectors.reshape(-1, _RAYS_PER_PACKET, 3).transpose(0, 2, 1)

@@ -10,41 +10,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from advercity_dsl import Imu
-from numpy.typing import NDArray
 
-from advercity import poses
-from advercity.poses import Matrix
-from advercity.randomness import generator
-from advercity.sensors.gauss_markov import wander
+from advercity.geometry import poses
+from advercity.geometry.arrays import Float64Array
+from advercity.geometry.poses import Matrix
+from advercity.physics.constants import GRAVITY_M_S2
+from advercity.randomness import create_generator, sample_gauss_markov
+from advercity.sensors.measurements import ImuSample
 
-Array = NDArray[np.float64]
-
-GRAVITY_M_S2 = 9.81
-BIAS_TIME_S = 100.0
+BIAS_CORRELATION_TIME_S = 100.0
 """Correlation time of the biases."""
 
 
-@dataclass(frozen=True, eq=False)
-class ImuSample:
-    """What an inertial unit reports.
-
-    Attributes:
-        specific_force: (3,) m/s², body frame; (0, 0, 9.81) at rest on level ground.
-        angular_rate: (3,) rad/s, body frame.
-        compass_rad: Heading clockwise from north, from 0 to 2 pi.
-        time_s: Against the frame's instant; 0 or earlier.
-        earlier: Samples since the frame before, of a unit that is faster than the frames.
-    """
-
-    specific_force: Array
-    angular_rate: Array
-    compass_rad: float
-    time_s: float = 0.0
-    earlier: "tuple[ImuSample, ...]" = ()
-
-
 @dataclass(frozen=True)
-class _Grade:
+class _ImuGrade:
     """Densities per sqrt(Hz) and standard deviations of the biases, SI."""
 
     gyro_density: float
@@ -53,16 +32,16 @@ class _Grade:
     accelerometer_bias: float
 
 
-_UP = np.array([0.0, 0.0, GRAVITY_M_S2])
-_GRADES = {
-    "ideal": _Grade(0.0, 0.0, 0.0, 0.0),
-    "low": _Grade(2.18e-4, math.radians(10.0 / 3600.0), 8.33e-4, 2.0e-4),
-    "mid": _Grade(7.27e-5, math.radians(3.5 / 3600.0), 5.0e-4, 5.0e-5),
-    "high": _Grade(5.8e-7, math.radians(0.1 / 3600.0), 4.2e-7, 3.6e-6),
+_REST_SPECIFIC_FORCE = np.array([0.0, 0.0, GRAVITY_M_S2])
+_IMU_GRADES = {
+    "ideal": _ImuGrade(0.0, 0.0, 0.0, 0.0),
+    "low": _ImuGrade(2.18e-4, math.radians(10.0 / 3600.0), 8.33e-4, 2.0e-4),
+    "mid": _ImuGrade(7.27e-5, math.radians(3.5 / 3600.0), 5.0e-4, 5.0e-5),
+    "high": _ImuGrade(5.8e-7, math.radians(0.1 / 3600.0), 4.2e-7, 3.6e-6),
 }
 
 
-def measure(
+def measure_imu(
     imu: Imu,
     world_from_body: Sequence[Matrix],
     tick_s: float,
@@ -83,62 +62,65 @@ def measure(
         frame: Counts from 0; the bias has wandered that many ticks.
     """
     count = imu.samples_per_tick
-    now = _motion(world_from_body[-3:], tick_s)
-    last = now if count == 1 else _motion(world_from_body[-4:-1], tick_s)
-    errors = _errors(imu, tick_s / count, key, frame)
+    now = _compute_motion(world_from_body[-3:], tick_s)
+    last = now if count == 1 else _compute_motion(world_from_body[-4:-1], tick_s)
+    errors = _draw_errors(imu, tick_s / count, key, frame)
     samples = [
-        _sample(last, now, (step + 1) / count, error, tick_s) for step, error in enumerate(errors)
+        _interpolate_sample(last, now, (step + 1) / count, error, tick_s)
+        for step, error in enumerate(errors)
     ]
     return replace(samples[-1], earlier=tuple(samples[:-1]))
 
 
 @dataclass(frozen=True, eq=False)
-class _Motion:
+class _RigidBodyMotion:
     """Pose (4, 4), acceleration (3,) in the world and turn rate (3,) in the body at a tick."""
 
     world_from_body: Matrix
-    acceleration: Array
-    rate: Array
+    acceleration: Float64Array
+    rate: Float64Array
 
 
-def _motion(world_from_body: Sequence[Matrix], tick_s: float) -> _Motion:
+def _compute_motion(world_from_body: Sequence[Matrix], tick_s: float) -> _RigidBodyMotion:
     """Motion at the middle one of three poses, by central differences."""
     before, now, after = world_from_body
-    return _Motion(
+    return _RigidBodyMotion(
         world_from_body=now,
         acceleration=(after[:3, 3] - 2.0 * now[:3, 3] + before[:3, 3]) / tick_s**2,
-        rate=poses.rotation_vector(before[:3, :3].T @ after[:3, :3]) / (2.0 * tick_s),
+        rate=poses.to_rotation_vector(before[:3, :3].T @ after[:3, :3]) / (2.0 * tick_s),
     )
 
 
-def _sample(last: _Motion, now: _Motion, share: float, error: Array, tick_s: float) -> ImuSample:
+def _interpolate_sample(
+    last: _RigidBodyMotion, now: _RigidBodyMotion, share: float, error: Float64Array, tick_s: float
+) -> ImuSample:
     """The sample at a share of the way from one tick to the next; error (7,) as of `_errors`."""
-    (turned,) = poses.between(last.world_from_body, now.world_from_body, [share])
+    (turned,) = poses.interpolate_poses(last.world_from_body, now.world_from_body, [share])
     acceleration = last.acceleration + share * (now.acceleration - last.acceleration)
-    yaw, _, _ = poses.angles(turned)
+    yaw, _, _ = poses.to_yaw_pitch_roll(turned)
     return ImuSample(
-        specific_force=turned[:3, :3].T @ (acceleration + _UP) + error[:3],
+        specific_force=turned[:3, :3].T @ (acceleration + _REST_SPECIFIC_FORCE) + error[:3],
         angular_rate=last.rate + share * (now.rate - last.rate) + error[3:6],
         compass_rad=(math.pi / 2.0 - yaw + float(error[6])) % (2.0 * math.pi),
         time_s=(share - 1.0) * tick_s,
     )
 
 
-def _errors(imu: Imu, step_s: float, key: tuple[int | str, ...], frame: int) -> Array:
+def _draw_errors(imu: Imu, step_s: float, key: tuple[int | str, ...], frame: int) -> Float64Array:
     """White noise plus bias (samples, 7): accelerometer, gyroscope, compass."""
-    grade, count = _GRADES[imu.grade], imu.samples_per_tick
+    grade, count = _IMU_GRADES[imu.grade], imu.samples_per_tick
     density = np.repeat([grade.accelerometer_density, grade.gyro_density], 3)
     bias = np.repeat([grade.accelerometer_bias, grade.gyro_bias], 3)
-    white = generator(*key, "imu noise", frame).standard_normal((count, 6))
+    white = create_generator(*key, "imu noise", frame).standard_normal((count, 6))
     first = frame * count
-    slow = wander(
-        generator(*key, "imu bias"),
+    slow = sample_gauss_markov(
+        create_generator(*key, "imu bias"),
         first,
         first + count - 1,
-        memory=math.exp(-step_s / BIAS_TIME_S),
+        correlation=math.exp(-step_s / BIAS_CORRELATION_TIME_S),
         axes=6,
     )
-    compass = generator(*key, "compass", frame).standard_normal((count, 1))
+    compass = create_generator(*key, "compass", frame).standard_normal((count, 1))
     return np.concatenate(
         [
             density / math.sqrt(step_s) * white + bias * slow,

@@ -1,9 +1,16 @@
 """Traffic: who drives and walks where, tick by tick, recorded as a trace."""
 
-from advercity.traffic.lamps import lit
-from advercity.traffic.plans import planned
-from advercity.traffic.simulation import simulate
-from advercity.traffic.trace import Actor, ActorState, Frame, Lamp, Signal, Trace
+from advercity.frames import (
+    Actor,
+    ActorState,
+    Frame,
+    Lamp,
+    Signal,
+    Trace,
+    extract_planned_trajectory,
+)
+from advercity.traffic.simulation import simulate_in_subprocess
+from advercity.traffic.weather_effects import apply_lamp_state
 
 __all__ = [
     "Actor",
@@ -12,7 +19,7 @@ __all__ = [
     "Lamp",
     "Signal",
     "Trace",
-    "lit",
-    "planned",
-    "simulate",
+    "apply_lamp_state",
+    "extract_planned_trajectory",
+    "simulate_in_subprocess",
 ]

@@ -8,86 +8,86 @@ from advercity_dsl import Spec, Vehicle
 from advercity_dsl.base import Point2
 from numpy.typing import NDArray
 
-from advercity.traffic.lanes import Lane
+from advercity.roads.lane_graph import SumoLane
 
-STANDING_GAP_M = 5.0
+START_GAP_M = 5.0
 """Between the bodies of vehicles that start in one lane, as in the original."""
-VEHICLE_GRID_M = 8.0
+VEHICLE_SPACING_M = 8.0
 """Spacing of the places where vehicles may start, as in the original."""
-WALKER_GRID_M = 1.0
+WALKER_SPACING_M = 1.0
 
 
 @dataclass(frozen=True)
-class Area:
+class StartArea:
     """A rectangle in the world's plane."""
 
     low: Point2
     high: Point2
 
     @staticmethod
-    def around(points: Iterable[Point2], margin_m: float) -> "Area":
+    def from_points(points: Iterable[Point2], margin_m: float) -> "StartArea":
         """The bounding box of some points, grown on all sides."""
         corners = np.array(tuple(points))
         west, south = corners.min(axis=0) - margin_m
         east, north = corners.max(axis=0) + margin_m
-        return Area((float(west), float(south)), (float(east), float(north)))
+        return StartArea((float(west), float(south)), (float(east), float(north)))
 
-    def holds(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def contains(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Which of the points (n, 2) lie inside, (n,)."""
         inside: NDArray[np.bool_] = (points >= self.low) & (points <= self.high)
         return inside[:, 0] & inside[:, 1]
 
 
-def areas(spec: Spec) -> tuple[Area, ...]:
+def compute_start_areas(spec: Spec) -> tuple[StartArea, ...]:
     """A square around every agent and a box from every vehicle's spawn to its destination."""
     demand = spec.demand
     places = [agent.place for agent in spec.agents]
     squares = [
-        Area.around([place.spawn_m], demand.around_agent_m)
+        StartArea.from_points([place.spawn_m], demand.around_agent_m)
         if isinstance(place, Vehicle)
-        else Area.around([place.position_m[:2]], demand.around_agent_m)
+        else StartArea.from_points([place.position_m[:2]], demand.around_agent_m)
         for place in places
     ]
     boxes = [
-        Area.around([place.spawn_m, place.destination_m], demand.around_path_m)
+        StartArea.from_points([place.spawn_m, place.destination_m], demand.around_path_m)
         for place in places
         if isinstance(place, Vehicle)
     ]
     return (*squares, *boxes)
 
 
-def grid(
-    lanes: Iterable[Lane], within: Iterable[Area], spacing_m: float
-) -> Iterator[tuple[Lane, float]]:
+def iterate_start_positions(
+    lanes: Iterable[SumoLane], within: Iterable[StartArea], spacing_m: float
+) -> Iterator[tuple[SumoLane, float]]:
     """Positions on the lanes, `spacing_m` apart, that lie in one of the areas."""
     boxes = tuple(within)
     for lane in lanes:
         positions = np.arange(spacing_m / 2, lane.length_m, spacing_m)
-        points = np.array([lane.at(position)[:2] for position in positions]).reshape(-1, 2)
-        inside = np.any([box.holds(points) for box in boxes], axis=0)
+        points = np.array([lane.point_at(position)[:2] for position in positions]).reshape(-1, 2)
+        inside = np.any([box.contains(points) for box in boxes], axis=0)
         yield from ((lane, float(position)) for position in positions[inside])
 
 
 @dataclass(frozen=True)
-class Occupancy:
+class LaneOccupancy:
     """Stretches of lanes on which bodies stand."""
 
-    taken: dict[str, list[tuple[float, float]]] = field(
+    occupied: dict[str, list[tuple[float, float]]] = field(
         default_factory=dict[str, list[tuple[float, float]]]
     )
 
-    def fits(self, lane: Lane, middle_m: float, length_m: float) -> bool:
+    def has_room(self, lane: SumoLane, middle_m: float, length_m: float) -> bool:
         """Whether a body stays clear of junctions and of those that stand in its lane."""
         rear, front = middle_m - length_m / 2, middle_m + length_m / 2
-        clear = STANDING_GAP_M / 2
+        clear = START_GAP_M / 2
         if rear < clear or front > lane.length_m - clear:
             return False
         return all(
-            front + STANDING_GAP_M <= other_rear or rear - STANDING_GAP_M >= other_front
-            for other_rear, other_front in self.taken.get(lane.id, ())
+            front + START_GAP_M <= other_rear or rear - START_GAP_M >= other_front
+            for other_rear, other_front in self.occupied.get(lane.id, ())
         )
 
-    def take(self, lane: Lane, middle_m: float, length_m: float) -> None:
+    def occupy(self, lane: SumoLane, middle_m: float, length_m: float) -> None:
         """Note that a body stands there."""
         stretch = (middle_m - length_m / 2, middle_m + length_m / 2)
-        self.taken.setdefault(lane.id, []).append(stretch)
+        self.occupied.setdefault(lane.id, []).append(stretch)

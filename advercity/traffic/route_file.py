@@ -6,53 +6,55 @@ from math import inf
 from pathlib import Path
 from xml.etree.ElementTree import Element, ElementTree, SubElement, indent
 
-from advercity_dsl import ActorClass, Caution
+from advercity_dsl import ActorClass, DriverResponse
 
-from advercity.traffic.demand import Demand, Ride
-from advercity.traffic.walks import Walk
+from advercity.traffic.demand import TrafficDemand, VehicleTrip
+from advercity.traffic.pedestrians import PedestrianTrip
 
 
 @dataclass(frozen=True)
-class Driving:
+class CarFollowing:
     """How a class of vehicle drives: Krauss' car-following model without dawdling.
 
     Attributes:
         sumo_class: SUMO's vehicle class.
         acceleration_m_s2: Most it accelerates.
         deceleration_m_s2: Most it brakes in everyday traffic.
-        hardest_m_s2: Most that the road lets it brake in an emergency.
+        max_emergency_braking_m_s2: Most that the road lets it brake in an emergency.
         headway_s: Time gap it keeps; also the driver's reaction time.
-        gap_m: Standing gap to the vehicle ahead.
+        standing_gap_m: Standing gap to the vehicle ahead.
         alignment: Where it drives in its lane.
     """
 
     sumo_class: str
     acceleration_m_s2: float
     deceleration_m_s2: float
-    hardest_m_s2: float = inf
+    max_emergency_braking_m_s2: float = inf
     headway_s: float = 1.0
-    gap_m: float = 2.5
+    standing_gap_m: float = 2.5
     alignment: str = "center"
 
 
-DRIVING: Mapping[ActorClass, Driving] = {
-    "car": Driving("passenger", 2.2, 3.0),
-    "van": Driving("delivery", 2.0, 3.0),
-    "truck": Driving("truck", 1.2, 2.5, headway_s=1.3),
-    "bicycle": Driving("bicycle", 1.0, 2.0, gap_m=1.0, alignment="right"),
-    "motorcycle": Driving("motorcycle", 2.8, 3.0, gap_m=1.5),
+CAR_FOLLOWING: Mapping[ActorClass, CarFollowing] = {
+    "car": CarFollowing("passenger", 2.2, 3.0),
+    "van": CarFollowing("delivery", 2.0, 3.0),
+    "truck": CarFollowing("truck", 1.2, 2.5, headway_s=1.3),
+    "bicycle": CarFollowing("bicycle", 1.0, 2.0, standing_gap_m=1.0, alignment="right"),
+    "motorcycle": CarFollowing("motorcycle", 2.8, 3.0, standing_gap_m=1.5),
 }
 """The standing gap is what drivers keep at a red light; the original's 5 m apply at the start."""
-CONNECTED = Driving("passenger", 2.5, 3.0, gap_m=3.0)
+CONNECTED_CAR_FOLLOWING = CarFollowing("passenger", 2.5, 3.0, standing_gap_m=3.0)
 EMERGENCY_EXTRA_M_S2 = 4.0
 """How much harder one brakes in an emergency."""
-LATERAL_SHARE = 0.2
+LATERAL_SPEED_FRACTION = 0.2
 """Most of its speed that a vehicle moves sideways."""
-LIMIT_IGNORED = 10.0
+UNLIMITED_SPEED_FACTOR = 10.0
 """Speed factor of a vehicle whose own top speed rules."""
 
 
-def write_route_file(demand: Demand, path: Path, caution: Caution | None = None) -> None:
+def write_route_file(
+    demand: TrafficDemand, path: Path, caution: DriverResponse | None = None
+) -> None:
     """Write vehicles and people, each with a type of its own, in order of departure.
 
     Args:
@@ -62,21 +64,23 @@ def write_route_file(demand: Demand, path: Path, caution: Caution | None = None)
     """
     root = Element("routes")
     for ride in demand.connected:
-        _type(root, ride, _careful(CONNECTED, caution))
+        _add_vehicle_type(root, ride, _apply_driver_response(CONNECTED_CAR_FOLLOWING, caution))
     for ride in demand.staged:
-        _type(root, ride, DRIVING[ride.actor.actor_class])
+        _add_vehicle_type(root, ride, CAR_FOLLOWING[ride.actor.actor_class])
     for ride in demand.vehicles:
-        _type(root, ride, _careful(DRIVING[ride.actor.actor_class], caution))
+        _add_vehicle_type(
+            root, ride, _apply_driver_response(CAR_FOLLOWING[ride.actor.actor_class], caution)
+        )
     for walk in demand.walkers:
-        _walker_type(root, walk)
-    everyone = sorted((*demand.rides, *demand.walkers), key=lambda one: one.depart_s)
+        _add_pedestrian_type(root, walk)
+    everyone = sorted((*demand.trips, *demand.walkers), key=lambda one: one.depart_s)
     for one in everyone:
-        _vehicle(root, one) if isinstance(one, Ride) else _person(root, one)
+        _add_vehicle(root, one) if isinstance(one, VehicleTrip) else _add_person(root, one)
     indent(root)
     ElementTree(root).write(path, encoding="utf-8")
 
 
-def _careful(driving: Driving, caution: Caution | None) -> Driving:
+def _apply_driver_response(driving: CarFollowing, caution: DriverResponse | None) -> CarFollowing:
     """The same as drivers do it who leave more time and brake no harder than the road lets them."""
     if caution is None:
         return driving
@@ -84,17 +88,17 @@ def _careful(driving: Driving, caution: Caution | None) -> Driving:
         driving,
         acceleration_m_s2=min(driving.acceleration_m_s2, caution.usual_m_s2),
         deceleration_m_s2=min(driving.deceleration_m_s2, caution.usual_m_s2),
-        hardest_m_s2=min(driving.hardest_m_s2, caution.hardest_m_s2),
+        hardest_m_s2=min(driving.max_emergency_braking_m_s2, caution.hardest_m_s2),
         headway_s=driving.headway_s + caution.headway_s,
     )
 
 
-def _type(root: Element, ride: Ride, driving: Driving) -> None:
+def _add_vehicle_type(root: Element, ride: VehicleTrip, driving: CarFollowing) -> None:
     length, width, height = ride.actor.size
     usual = driving.acceleration_m_s2, driving.deceleration_m_s2
-    accelerates, brakes = ride.limits_m_s2 or usual
-    factor = LIMIT_IGNORED if ride.speed_factor is None else ride.speed_factor
-    _add(
+    accelerates, brakes = ride.acceleration_limits_m_s2 or usual
+    factor = UNLIMITED_SPEED_FACTOR if ride.speed_factor is None else ride.speed_factor
+    _add_element(
         root,
         "vType",
         id=ride.actor.id,
@@ -104,16 +108,16 @@ def _type(root: Element, ride: Ride, driving: Driving) -> None:
         height=height,
         accel=accelerates,
         decel=brakes,
-        emergencyDecel=min(brakes + EMERGENCY_EXTRA_M_S2, driving.hardest_m_s2),
+        emergencyDecel=min(brakes + EMERGENCY_EXTRA_M_S2, driving.max_emergency_braking_m_s2),
         tau=driving.headway_s,
-        minGap=driving.gap_m,
+        minGap=driving.standing_gap_m,
         maxSpeed=ride.top_speed_m_s,
         speedFactor=factor,
         speedDev=0,
         sigma=0,
         latAlignment=driving.alignment,
         lcMaxSpeedLatStanding=0,
-        lcMaxSpeedLatFactor=LATERAL_SHARE,
+        lcMaxSpeedLatFactor=LATERAL_SPEED_FRACTION,
         lcStrategic=10,
         lcSpeedGain=0,
         lcKeepRight=0,
@@ -121,23 +125,23 @@ def _type(root: Element, ride: Ride, driving: Driving) -> None:
     )
 
 
-def _vehicle(root: Element, ride: Ride) -> None:
-    vehicle = _add(
+def _add_vehicle(root: Element, ride: VehicleTrip) -> None:
+    vehicle = _add_element(
         root,
         "vehicle",
         id=ride.actor.id,
         type=ride.actor.id,
         depart=ride.depart_s,
         departLane=ride.lane,
-        departPos="base" if ride.front_m is None else ride.front_m,
+        departPos="base" if ride.front_position_m is None else ride.front_position_m,
         departSpeed=ride.start_speed_m_s,
     )
-    _add(vehicle, "route", edges=" ".join(ride.edges))
+    _add_element(vehicle, "route", edges=" ".join(ride.edges))
 
 
-def _walker_type(root: Element, walk: Walk) -> None:
+def _add_pedestrian_type(root: Element, walk: PedestrianTrip) -> None:
     length, width, height = walk.actor.size
-    _add(
+    _add_element(
         root,
         "vType",
         id=walk.actor.id,
@@ -152,8 +156,8 @@ def _walker_type(root: Element, walk: Walk) -> None:
     )
 
 
-def _person(root: Element, walk: Walk) -> None:
-    person = _add(
+def _add_person(root: Element, walk: PedestrianTrip) -> None:
+    person = _add_element(
         root,
         "person",
         id=walk.actor.id,
@@ -162,10 +166,10 @@ def _person(root: Element, walk: Walk) -> None:
         departPos=walk.start_m,
     )
     for leg in walk.legs:
-        _add(person, "walk", edges=" ".join(leg.edges), arrivalPos=leg.end_m)
+        _add_element(person, "walk", edges=" ".join(leg.edges), arrivalPos=leg.end_position_m)
 
 
-def _add(parent: Element, tag: str, **attributes: float | str) -> Element:
+def _add_element(parent: Element, tag: str, **attributes: float | str) -> Element:
     texts = {
         name: f"{value:.3f}" if isinstance(value, float) else str(value)
         for name, value in attributes.items()

@@ -8,12 +8,12 @@ from pathlib import Path
 from advercity_dsl import Spec
 
 from advercity.errors import InputError, RunError
-from advercity.traffic.trace import Trace
+from advercity.frames import Trace
 
-BAD_INPUT = 2
+EXIT_BAD_INPUT = 2
 
 
-def simulate(spec: Spec, network: Path) -> Trace:
+def simulate_in_subprocess(spec: Spec, network: Path) -> Trace:
     """The traffic of a spec on its road's SUMO network.
 
     It depends on the road, the agents' places, the demand, the blueprints, the timing, the traffic
@@ -31,21 +31,21 @@ def simulate(spec: Spec, network: Path) -> Trace:
     with tempfile.TemporaryDirectory() as folder:
         spec_file, trace_file = Path(folder) / "spec.json", Path(folder) / "trace.npz"
         spec_file.write_text(spec.model_dump_json(), encoding="utf-8")
-        command = [sys.executable, "-m", "advercity.traffic.worker"]
+        command = [sys.executable, "-m", "advercity.traffic.sumo_worker"]
         done = subprocess.run(  # noqa: S603 - our own module with paths of our own
             [*command, str(spec_file), str(network.resolve()), str(trace_file)],
             capture_output=True,
             text=True,
             check=False,
         )
-        if done.returncode == BAD_INPUT:
+        if done.returncode == EXIT_BAD_INPUT:
             raise InputError(f"{spec.id}: {done.stderr.strip()}")
         if done.returncode != 0:
-            raise RunError(f"{spec.id}: traffic simulation failed: {_reason(done)}")
+            raise RunError(f"{spec.id}: traffic simulation failed: {_format_failure(done)}")
         return Trace.load(trace_file)
 
 
-def _reason(done: subprocess.CompletedProcess[str]) -> str:
+def _format_failure(done: subprocess.CompletedProcess[str]) -> str:
     if done.returncode < 0:
         return f"killed by signal {-done.returncode}"
     said = done.stderr.strip()

@@ -4,15 +4,19 @@ This package holds models and nothing else; it imports neither simulator nor ren
 """
 
 from advercity_dsl.base import Declaration, Id, Model
-from advercity_dsl.catalogue import Blueprint, BodyModel, Catalogue, LampPlaces
-from advercity_dsl.conflict import Conflict, Outcome, StagedActor, StagedConflict
-from advercity_dsl.drivers import Caution, Drivers
-from advercity_dsl.looks import Looks
-from advercity_dsl.rig import Camera, Carrier, Exposure, Gnss, Imu, Lidar, Mount, Rig
+from advercity_dsl.catalogue import (
+    Blueprint,
+    BodyModel,
+    Catalogue,
+    LampPositions,
+    PedestrianAppearance,
+)
+from advercity_dsl.conflict import Conflict, OutcomeCriteria, StagedActor, StagedConflict
+from advercity_dsl.rig import Camera, Exposure, Gnss, Imu, Lidar, Mount, Rig, SensorSet
 from advercity_dsl.road import MapFile, MapNetwork, Road, RoadsideUnit, Street, Vehicle
 from advercity_dsl.spec import SPEC_VERSION, Agent, Spec
 from advercity_dsl.suite import Suite, Timing
-from advercity_dsl.traffic import ActorClass, Density
+from advercity_dsl.traffic import ActorClass, Density, DriverResponse, Drivers
 from advercity_dsl.typology import Typology
 from advercity_dsl.weather import Weather
 
@@ -32,7 +36,7 @@ LANGUAGE_VERSION = 1
 """Of the language that declarations are written in; rises when an old one would no longer do."""
 
 
-def kind_of(declaration: Declaration) -> str:
+def get_declaration_kind(declaration: Declaration) -> str:
     """The `kind` that the declaration's document says."""
     return next(kind for kind, model in DECLARATIONS.items() if isinstance(declaration, model))
 
@@ -46,28 +50,28 @@ __all__ = [
     "Blueprint",
     "BodyModel",
     "Camera",
-    "Carrier",
     "Catalogue",
-    "Caution",
     "Conflict",
     "Declaration",
     "Density",
+    "DriverResponse",
     "Drivers",
     "Exposure",
     "Gnss",
     "Id",
     "Imu",
-    "LampPlaces",
+    "LampPositions",
     "Lidar",
-    "Looks",
     "MapFile",
     "MapNetwork",
     "Model",
     "Mount",
-    "Outcome",
+    "OutcomeCriteria",
+    "PedestrianAppearance",
     "Rig",
     "Road",
     "RoadsideUnit",
+    "SensorSet",
     "Spec",
     "StagedActor",
     "StagedConflict",
@@ -77,5 +81,5 @@ __all__ = [
     "Typology",
     "Vehicle",
     "Weather",
-    "kind_of",
+    "get_declaration_kind",
 ]

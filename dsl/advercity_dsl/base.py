@@ -1,6 +1,11 @@
-"""What every model shares: frozen, closed to unknown keys, ids and quantities with units."""
+"""What every model shares: frozen, closed to unknown keys, ids and quantities with units.
 
+Hints that name what somebody may have meant.
+"""
+
+import difflib
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Any
@@ -55,7 +60,7 @@ UNITS: dict[str, tuple[str, float]] = {
 }
 """Dimension of every unit, and its size in the dimension's first unit of size 1."""
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-_WRITTEN = re.compile(rf"^\s*({_NUMBER}|inf)\s*(\S.*?)?\s*$")
+_QUANTITY = re.compile(rf"^\s*({_NUMBER}|inf)\s*(\S.*?)?\s*$")
 
 
 @dataclass(frozen=True)
@@ -70,7 +75,7 @@ class Unit:
         return UNITS[self.name][0]
 
     @property
-    def fitting(self) -> tuple[str, ...]:
+    def compatible_units(self) -> tuple[str, ...]:
         """Units that may be written: those of the same dimension."""
         return tuple(
             name for name, (dimension, _) in UNITS.items()
@@ -82,7 +87,7 @@ class Unit:
         """How a quantity of this unit may be written."""
         return "50 %" if self.dimension == "share" else f"10 {self.name}"
 
-    def read(self, value: Any) -> Any:
+    def parse(self, value: Any) -> Any:
         """A number of this unit from text; whatever is not text as it is.
 
         Raises:
@@ -90,7 +95,7 @@ class Unit:
         """
         if not isinstance(value, str):
             return value
-        match = _WRITTEN.match(value)
+        match = _QUANTITY.match(value)
         if re.search(r"\d,\d", value):
             raise ValueError(f"'{value}' has a comma; write a point, as in 2.5 {self.name}")
         if match is None:
@@ -103,50 +108,50 @@ class Unit:
         found = UNITS.get(written) if written != "1" else None
         if found is None or found[0] != self.dimension:
             what = f"a unit of {found[0]}" if found else "no unit known here"
-            fitting = ", ".join(self.fitting)
+            fitting = ", ".join(self.compatible_units)
             raise ValueError(f"'{written}' is {what}; a {self.dimension} has one of {fitting}")
         return round(float(number) * found[1] / UNITS[self.name][1], 12)
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
-        return core_schema.no_info_before_validator_function(self.read, handler(source))
+        return core_schema.no_info_before_validator_function(self.parse, handler(source))
 
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
-        units = "|".join(re.escape(name) for name in self.fitting)
+        units = "|".join(re.escape(name) for name in self.compatible_units)
         text = {"type": "string", "pattern": rf"^\s*({_NUMBER}|inf)\s*({units})\s*$"}
         return {"anyOf": [handler(schema), text], "unit": self.name, "examples": [self.example]}
 
 
-class Misfit(ValueError):
+class InvalidCombination(ValueError):
     """Values that are fine alone and do not go together.
 
     Attributes:
-        where: Path of the value to change, from the model that found it.
+        value_path: Path of the value to change, from the model that found it.
         message: What is wrong.
         hint: The way out.
-        otherwise: Path of the other value, to be shown where the first is a default.
+        other_path: Path of the other value, to be shown where the first is a default.
     """
 
     def __init__(
         self,
-        where: tuple[str | int, ...],
+        value_path: tuple[str | int, ...],
         message: str,
         hint: str,
         *,
-        otherwise: tuple[str | int, ...] = (),
+        other_path: tuple[str | int, ...] = (),
     ) -> None:
-        super().__init__(f"{'.'.join(map(str, where))}: {message}; {hint}")
-        self.where = where
+        super().__init__(f"{'.'.join(map(str, value_path))}: {message}; {hint}")
+        self.value_path = value_path
         self.message = message
         self.hint = hint
-        self.otherwise = otherwise
+        self.other_path = other_path
 
 
 @dataclass(frozen=True)
-class Reason:
+class RangeReason:
     """Why a field's range is what it is; told to those who leave it."""
 
     text: str
@@ -169,7 +174,7 @@ Degrees = Annotated[Number, Unit("deg")]
 Lux = Annotated[Number, Unit("lx")]
 GramsPerCubicCentimetre = Annotated[Number, Unit("g/cm3")]
 Celsius = Annotated[Number, Unit("degC")]
-Share = Annotated[Number, Unit("1"), Field(ge=0, le=1)]
+Fraction = Annotated[Number, Unit("1"), Field(ge=0, le=1)]
 Percent = Annotated[Number, Unit("%"), Field(ge=0, le=100)]
 
 PositiveMetres = Annotated[Metres, Field(gt=0)]
@@ -202,12 +207,14 @@ def is_empty(value: object) -> bool:
     return not value
 
 
-class Terse(Model):
+class CompactModel(Model):
     """A record that a spec holds dozens of: what goes without saying is left out of its JSON."""
 
     @model_serializer(mode="wrap")
-    def _without_defaults(self, serialise: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        defaults = _defaults(type(self))
+    def _serialize_without_defaults(
+        self, serialise: SerializerFunctionWrapHandler
+    ) -> dict[str, Any]:
+        defaults = _get_field_defaults(type(self))
         return {
             name: value
             for name, value in serialise(self).items()
@@ -216,7 +223,7 @@ class Terse(Model):
 
 
 @cache
-def _defaults(model: type[Model]) -> dict[str, Any]:
+def _get_field_defaults(model: type[Model]) -> dict[str, Any]:
     """What goes without saying, by field."""
     fields = model.model_fields.items()
     return {
@@ -224,3 +231,16 @@ def _defaults(model: type[Model]) -> dict[str, Any]:
         for name, field in fields
         if not field.is_required()
     }
+
+
+MAX_LISTED_NAMES = 20
+
+
+def suggest_name(name: str, valid: Iterable[str]) -> str:
+    """A hint that names the nearest valid name, else all of them."""
+    names = sorted(valid)
+    close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
+    if close:
+        return f"did you mean '{close[0]}'?"
+    more = ", ..." if len(names) > MAX_LISTED_NAMES else ""
+    return f"there are: {', '.join(names[:MAX_LISTED_NAMES])}{more}" if names else "there are none"

@@ -1,4 +1,7 @@
-"""The catalogue of bodies that traffic is drawn from: what each is, how big, and how it looks."""
+"""What people wear and carry.
+
+The catalogue of bodies that traffic is drawn from: what each is, how big, and how it looks.
+"""
 
 from pathlib import PurePosixPath
 from typing import Annotated, Literal, Self
@@ -6,26 +9,61 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from advercity_dsl.base import (
+    CompactModel,
     Count,
     Declaration,
     Degrees,
     Digest,
+    Fraction,
     Id,
+    Number,
     Point3,
     PositiveMetres,
-    Reason,
-    Share,
-    Terse,
+    RangeReason,
 )
-from advercity_dsl.looks import Looks
 from advercity_dsl.traffic import ActorClass
 
-Colour = Literal[
+ClothColour = Literal[
+    "dark", "black", "grey", "light", "white", "blue", "denim", "red", "green", "brown", "yellow"
+]
+"""Colour of clothes and bags."""
+
+
+class PedestrianAppearance(CompactModel):
+    """How a pedestrian looks; the top has the actor's own colour."""
+
+    stout: Annotated[
+        Number,
+        Field(ge=0.75, le=1.4),
+        RangeReason("figures beyond that would need another skeleton"),
+    ] = 1.0
+    """Girth, 1 for an average figure."""
+    top: Literal["jacket", "coat", "shirt"] = "jacket"
+    """A coat reaches to the knees, a shirt has short sleeves."""
+    bottom: Literal["trousers", "shorts", "skirt"] = "trousers"
+    """What is worn below."""
+    bottom_colour: ClothColour = "dark"
+    """Of what is worn below."""
+    hair: Literal["short", "long", "bun", "bald", "hat", "hood"] = "short"
+    """How it is worn, or what covers it."""
+    hair_colour: Literal["black", "brown", "blond", "grey", "red"] = "brown"
+    """Of the hair, where it shows."""
+    skin: Literal["light", "brown", "dark"] = "light"
+    """Tone of the skin."""
+    bag: Literal["none", "backpack", "shoulder_bag", "case"] = "none"
+    """What is carried."""
+    bag_colour: ClothColour = "dark"
+    """Of the bag, and of a hat; a hood has the colour of the top."""
+    umbrella: ClothColour | None = None
+    """Colour of the umbrella that may go up in rain; `null` has none."""
+
+
+PaintColour = Literal[
     "white", "silver", "grey", "black", "blue", "red", "green", "brown", "yellow", "orange"
 ]
 """Of car paint."""
-PaintShare = Annotated[Share, Field(gt=0)]
-Part = Literal[
+PaintFraction = Annotated[Fraction, Field(gt=0)]
+MaterialPart = Literal[
     "paint",
     "white_paint",
     "black_paint",
@@ -49,7 +87,7 @@ lamps, metal and plastic, `none` leaves them out."""
 FreeLicence = Literal["CC0-1.0", "CC-BY-3.0", "CC-BY-3.0-US", "CC-BY-4.0", "CC-BY-SA-4.0", "MIT"]
 
 
-class LampPlaces(Terse):
+class LampPositions(CompactModel):
     """Middles of lamps in the body frame, on the left; each has a twin on the right if y is not 0.
 
     What is not given is found on the body: where its lamp glasses are.
@@ -69,7 +107,7 @@ class LampPlaces(Terse):
     """Indicators behind."""
 
 
-class Saddle(Terse):
+class Saddle(CompactModel):
     """Where somebody sits on a model that is ridden; places in the body frame, on the left."""
 
     machine_height_m: PositiveMetres
@@ -84,7 +122,7 @@ class Saddle(Terse):
     """Of the back, forward; more if the hands do not reach the grips."""
 
 
-class BodyModel(Terse):
+class BodyModel(CompactModel):
     """A 3-D model that a body is made of, scaled to the size of its blueprint.
 
     It is one of the asset pack, or a GLB file beside the declaration.
@@ -101,12 +139,12 @@ class BodyModel(Terse):
     turn_deg: Degrees = 0
     """Turn about the vertical, to the left, that brings its front ahead. None is needed where y is
     up and the front faces along z, as glTF has it, or where z is up and it faces along x."""
-    materials: dict[str, Part] = Field(default_factory=dict[str, Part])
+    materials: dict[str, MaterialPart] = Field(default_factory=dict[str, MaterialPart])
     """What its materials stand for, where their names do not tell."""
     triangles: Annotated[
         Count,
         Field(ge=200, le=60_000),
-        Reason("fewer lose its shape, and more slow every picture of a hundred such bodies"),
+        RangeReason("fewer lose its shape, and more slow every picture of a hundred such bodies"),
     ] = 9000
     """It is thinned to about so many."""
     ridden: Saddle | None = None
@@ -117,7 +155,7 @@ class BodyModel(Terse):
     """Under which terms."""
 
     @model_validator(mode="after")
-    def _has_one_source(self) -> Self:
+    def _check_source(self) -> Self:
         if (self.pack is None) == (self.file is None):
             raise ValueError("write either `pack: collection/model` or `file: model.glb`")
         if self.file is not None and ".." in PurePosixPath(self.file).parts:
@@ -125,7 +163,7 @@ class BodyModel(Terse):
         return self
 
 
-class Blueprint(Terse):
+class Blueprint(CompactModel):
     """A kind of actor; full length, width and height of its box."""
 
     actor_class: ActorClass
@@ -138,11 +176,11 @@ class Blueprint(Terse):
     """Of its box, from the ground."""
     land_use: Literal["urban", "rural", "any"] = "any"
     """Where it is met."""
-    paints: dict[Colour, PaintShare] = Field(default_factory=dict[Colour, float])
+    paints: dict[PaintColour, PaintFraction] = Field(default_factory=dict[PaintColour, float])
     """Shares of the colours of its painted parts; those of real traffic if not given."""
-    lamps: LampPlaces = LampPlaces()
+    lamps: LampPositions = LampPositions()
     """Where its lamps are, if not where its lamp glasses are."""
-    looks: Looks | None = None
+    looks: PedestrianAppearance | None = None
     """Of a pedestrian; drawn by the blueprint's id if not given."""
     model: BodyModel | None = None
     """A 3-D model; left out, the program shapes the body."""

@@ -14,17 +14,17 @@ from advercity_dsl.base import (
     Seconds,
     is_none,
 )
-from advercity_dsl.distribution import Drawn
+from advercity_dsl.distribution import NumberOrDistribution
 from advercity_dsl.traffic import ActorClass
 from advercity_dsl.typology import CrashTypeId, Evidence
 
 Manoeuvre = Literal["straight", "left", "right"]
-Part = Literal["subject", "other"]
+CrashRole = Literal["subject", "other"]
 """The subject's action is the critical one."""
 Behaviour = Literal["stops_short", "steers_clear", "drifts", "overtakes", "stands", "drives"]
 """What an actor does: it stops where the ego comes by, leaves the ego's way to the side, drifts
 over the centre line and back, overtakes on the ego's side, stands, or drives on."""
-Comes = Literal[
+ApproachDirection = Literal[
     "nearside",
     "farside",
     "oncoming",
@@ -42,7 +42,7 @@ def _is_any(value: object) -> bool:
     return value == "any"
 
 
-class Outcome(Model):
+class OutcomeCriteria(Model):
     """What has to be seen in the trace for a conflict to have happened.
 
     In a near miss the actor comes as if to meet the ego: had it kept the speed of its approach, it
@@ -62,10 +62,10 @@ class Outcome(Model):
     """Range of the time between the ego leaving a place and the actor coming there."""
 
 
-class Parameter(Model):
+class ConflictParameter(Model):
     """A number, or the distribution that each road and density draws it from."""
 
-    draw: Drawn
+    draw: NumberOrDistribution
     """`30`, or `{uniform: [20, 40]}`."""
     source: str = ""
     """Where it comes from; what has no source is an assumption."""
@@ -73,52 +73,52 @@ class Parameter(Model):
     """How sure it is: A read directly to D inferred, U unverified."""
 
 
-class Parameters(Model):
+class ConflictParameters(Model):
     """What a conflict draws; the unit is in the name."""
 
-    ego_speed_km_h: Parameter
+    ego_speed_km_h: ConflictParameter
     """Range that the staging is meant for."""
-    actor_speed_km_h: Parameter
+    actor_speed_km_h: ConflictParameter
     """Of its approach."""
-    acceleration_m_s2: Parameter
+    acceleration_m_s2: ConflictParameter
     """With which the actor sets out."""
-    braking_m_s2: Parameter
+    braking_m_s2: ConflictParameter
     """With which it stops short of the ego."""
-    arrival_offset_s: Parameter
+    arrival_offset_s: ConflictParameter
     """Of the actor after the ego at the conflict point, if it did not brake."""
-    post_encroachment_s: Parameter | None = None
+    post_encroachment_s: ConflictParameter | None = None
     """From the ego's leaving the actor's way to the actor's going on."""
-    start_lateral_m: Parameter | None = None
+    start_lateral_m: ConflictParameter | None = None
     """Least distance between where the actor starts and the ego's way."""
-    obstruction_gap_m: Parameter | None = None
+    obstruction_gap_m: ConflictParameter | None = None
     """Between the actor's path and what hides it."""
-    encroachment_m: Parameter | None = None
+    encroachment_m: ConflictParameter | None = None
     """How far the actor's body reaches over the centre line."""
-    drift_time_s: Parameter | None = None
+    drift_time_s: ConflictParameter | None = None
     """In which it leaves its lane."""
-    return_time_s: Parameter | None = None
+    return_time_s: ConflictParameter | None = None
     """In which it comes back, or leaves the way of the ego."""
-    passed_speed_km_h: Parameter | None = Field(default=None, exclude_if=is_none)
+    passed_speed_km_h: ConflictParameter | None = Field(default=None, exclude_if=is_none)
     """Of the cyclist whom it overtakes."""
-    passing_gap_m: Parameter | None = Field(default=None, exclude_if=is_none)
+    passing_gap_m: ConflictParameter | None = Field(default=None, exclude_if=is_none)
     """It is beside its lane from this far behind the cyclist to this far ahead."""
 
 
-class EgoPart(Model):
+class EgoRole(Model):
     """What the ego does in it."""
 
-    part: Part
+    part: CrashRole
     """Whether its own action is the critical one."""
     manoeuvre: Manoeuvre
     """At the junction; straight on away from one."""
 
 
-class ActorPart(Model):
+class ActorRole(Model):
     """Whom the ego meets."""
 
     classes: Annotated[tuple[ActorClass, ...], Field(min_length=1)]
     """One of them is drawn."""
-    comes: Comes
+    comes: ApproachDirection
     """From where, as the ego sees it."""
     behaviour: Behaviour = "stops_short"
     """What it does in the end."""
@@ -126,7 +126,7 @@ class ActorPart(Model):
     """What it does not obey."""
 
 
-class Requirements(Model):
+class PlaceRequirements(Model):
     """What the place has to be like."""
 
     junction: Literal["intersection", "non_junction", "any"] = "any"
@@ -147,15 +147,15 @@ class Conflict(Declaration):
     kind: Literal["conflict"] = "conflict"
     stages: Annotated[tuple[CrashTypeId, ...], Field(min_length=1)]
     """Crash types of a typology; those of one group."""
-    ego: EgoPart
+    ego: EgoRole
     """What the ego does."""
-    actor: ActorPart
+    actor: ActorRole
     """Whom it meets."""
-    requires: Requirements = Requirements()
+    requires: PlaceRequirements = PlaceRequirements()
     """What the road has to be like."""
-    parameters: Parameters
+    parameters: ConflictParameters
     """Numbers, with their sources."""
-    outcome: Outcome
+    outcome: OutcomeCriteria
     """What has to come of it."""
 
 
@@ -197,7 +197,7 @@ class StagedConflict(Model):
     """The declaration it was made from."""
     typology: Id
     stages: tuple[CrashTypeId, ...]
-    ego: Part
+    ego: CrashRole
     manoeuvre: Manoeuvre
     """Of the ego."""
     violates: Literal["signal"] | None = None
@@ -214,4 +214,4 @@ class StagedConflict(Model):
     """What was drawn, by name with its unit; `arrival_offset_s` is among them."""
     mode: Literal["open_loop", "reactive"]
     """Timed against a rehearsal of the same traffic, or from tick to tick."""
-    outcome: Outcome
+    outcome: OutcomeCriteria

@@ -14,14 +14,14 @@ class Uniform(Model):
     """Lowest and highest, `[50, 150]`."""
 
     @model_validator(mode="after")
-    def _ascends(self) -> Self:
+    def _check_order(self) -> Self:
         low, high = self.uniform
         if low >= high:
             raise ValueError(f"{low:g} to {high:g} is no range; write the lower number first")
         return self
 
 
-class Bell(Model):
+class TruncatedNormal(Model):
     """A normal distribution, cut off at both ends."""
 
     mean: Number
@@ -32,7 +32,7 @@ class Bell(Model):
     """Nothing outside of these is drawn; a bell has no ends of its own."""
 
     @model_validator(mode="after")
-    def _holds_its_mean(self) -> Self:
+    def _check_mean(self) -> Self:
         low, high = self.within
         if not low < high or not low <= self.mean <= high:
             raise ValueError(f"the mean {self.mean:g} does not lie within {low:g} to {high:g}")
@@ -42,7 +42,7 @@ class Bell(Model):
 class Normal(Model):
     """Numbers near the mean are likelier."""
 
-    normal: Bell
+    normal: TruncatedNormal
     """Mean, standard deviation and ends."""
 
 
@@ -62,7 +62,7 @@ DISTRIBUTIONS: dict[str, type[Distribution]] = {
 """The model of each by the key that it is written with."""
 
 
-def _tag(value: object) -> str:
+def _find_distribution_key(value: object) -> str:
     """The key that a distribution is written with; whatever else there is should be a number."""
     if isinstance(value, Uniform | Normal | Choice):
         return next(iter(type(value).model_fields))
@@ -71,11 +71,11 @@ def _tag(value: object) -> str:
     return "number"
 
 
-Drawn = Annotated[
+NumberOrDistribution = Annotated[
     Annotated[Number, Tag("number")]
     | Annotated[Uniform, Tag("uniform")]
     | Annotated[Normal, Tag("normal")]
     | Annotated[Choice, Tag("choice")],
-    Discriminator(_tag),
+    Discriminator(_find_distribution_key),
 ]
 """A number, or a distribution to draw it from."""

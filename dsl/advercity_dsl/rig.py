@@ -9,21 +9,21 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from advercity_dsl.base import (
+    CompactModel,
     Count,
     Declaration,
     Degrees,
     Flag,
+    Fraction,
     Metres,
     Model,
     Number,
     PositiveMetres,
     Seconds,
-    Share,
-    Terse,
 )
 
 
-class Mount(Terse):
+class Mount(CompactModel):
     """Where a sensor sits on its carrier."""
 
     x_m: Metres = 0
@@ -40,7 +40,7 @@ class Mount(Terse):
     """Positive lowers the right side."""
 
 
-class Exposure(Terse):
+class Exposure(CompactModel):
     """How a camera gathers light."""
 
     mode: Literal["auto", "sensor", "manual"] = "auto"
@@ -58,7 +58,7 @@ class Exposure(Terse):
     """Brighter by so many stops than the meter says."""
 
 
-class Camera(Terse):
+class Camera(CompactModel):
     """A pinhole camera; its semantic twin shares the pose, size and field of view."""
 
     width_px: Annotated[Count, Field(ge=16, le=8192)] = 1920
@@ -82,7 +82,7 @@ class Camera(Terse):
     """One per camera of this kind."""
 
 
-class Lidar(Terse):
+class Lidar(CompactModel):
     """A spinning LiDAR of ten turns a second that starts each turn straight ahead, to the left.
 
     The defaults are the original's: an ideal instrument that sees one instant, but through the
@@ -119,21 +119,21 @@ class Lidar(Terse):
     """Factor on echoes of fog, dust and spray; below 1 for receivers that suppress them."""
     sunlight_noise: Flag = True
     """Whether daylight raises the threshold and the sun blinds beams that look into it."""
-    dropoff_rate: Share = 0
+    dropoff_rate: Fraction = 0
     """Share of rays that are never fired."""
-    dropoff_intensity_limit: Share = 1
+    dropoff_intensity_limit: Fraction = 1
     """Echoes weaker than this may be lost."""
-    dropoff_zero_intensity: Share = 0
+    dropoff_zero_intensity: Fraction = 0
     """Chance that an echo of no strength is lost; less for stronger ones."""
 
     @model_validator(mode="after")
-    def _channels_fit(self) -> Self:
+    def _check_channel_count(self) -> Self:
         if self.channel_table != "uniform" and self.channels != 32:
             raise ValueError(f"{self.channel_table} has 32 channels, not {self.channels}")
         return self
 
     @model_validator(mode="after")
-    def _opens_upwards(self) -> Self:
+    def _check_elevation_range(self) -> Self:
         if self.upper_deg <= self.lower_deg:
             raise ValueError(
                 f"upper_deg {self.upper_deg:g} is not above lower_deg {self.lower_deg:g}"
@@ -141,7 +141,7 @@ class Lidar(Terse):
         return self
 
 
-class Gnss(Terse):
+class Gnss(CompactModel):
     """Satellite positioning: the original's white noise in degrees, or a real receiver's errors.
 
     `carla` uses the noise in degrees and `altitude_noise_m`; `realistic` the rest: white noise on
@@ -166,7 +166,7 @@ class Gnss(Terse):
     """Upwards errors are so many times larger, for `realistic`."""
 
 
-class Imu(Terse):
+class Imu(CompactModel):
     """Accelerometer, gyroscope and compass at the vehicle's origin."""
 
     grade: Literal["ideal", "low", "mid", "high"] = "ideal"
@@ -177,7 +177,7 @@ class Imu(Terse):
     """1 is ten samples a second, 10 a hundred."""
 
 
-class Carrier(Model):
+class SensorSet(Model):
     """The sensors of one kind of agent."""
 
     camera: Camera
@@ -194,7 +194,7 @@ class Rig(Declaration):
     """The sensors of every agent of a scenario."""
 
     kind: Literal["rig"] = "rig"
-    vehicle: Carrier
+    vehicle: SensorSet
     """What each connected vehicle carries."""
-    roadside_unit: Carrier
+    roadside_unit: SensorSet
     """What each roadside unit carries; the road says where it stands."""

@@ -11,11 +11,10 @@ from advercity_dsl.base import Digest, Id, Model, is_empty
 from advercity_dsl.catalogue import Blueprint
 from advercity_dsl.conflict import StagedConflict
 from advercity_dsl.distribution import Distribution
-from advercity_dsl.drivers import Caution, Drivers
-from advercity_dsl.rig import Carrier
-from advercity_dsl.road import ClassShares, Road, RoadsideUnit, Vehicle
+from advercity_dsl.rig import SensorSet
+from advercity_dsl.road import ClassFractions, Road, RoadsideUnit, Vehicle
 from advercity_dsl.suite import FieldPath, Timing
-from advercity_dsl.traffic import ActorClass, Density
+from advercity_dsl.traffic import ActorClass, Density, DriverResponse, Drivers
 from advercity_dsl.weather import Weather
 
 SPEC_VERSION = 1
@@ -28,7 +27,7 @@ class Agent(Model):
     number: int
     """Id of the agent in annotations; negative for roadside units."""
     place: Annotated[Vehicle | RoadsideUnit, Field(discriminator="kind")]
-    sensors: Carrier
+    sensors: SensorSet
     blueprint: Id | None = None
     """What a connected vehicle looks like."""
 
@@ -39,7 +38,7 @@ class ClassDemand(Model):
     vehicles: Annotated[int, Field(ge=0, le=20_000)]
     walkers: Annotated[int, Field(ge=0, le=20_000)]
     crossing_share: float
-    classes: ClassShares
+    classes: ClassFractions
     around_agent_m: float
     around_path_m: float
     speed_offset_percent: float
@@ -60,7 +59,7 @@ class SpecSeeds(Model):
     weather: int = 1
 
 
-class Swept(Model):
+class SweepPoint(Model):
     """The step of a suite's sweep that a scenario is."""
 
     field: FieldPath
@@ -76,7 +75,7 @@ class Provenance(Model):
     """SHA-256 of every declaration that went in, as `kind/id`."""
     draws: dict[str, Distribution] = Field(default_factory=dict)
     """What numbers of the spec were drawn from, by their path."""
-    sweep: Swept | None = None
+    sweep: SweepPoint | None = None
     conflict: Id | None = Field(default=None, exclude_if=is_empty)
     """The conflict that the suite crossed its roads with."""
     digest: Digest
@@ -98,7 +97,7 @@ class Spec(Model):
     """In the order in which they happen."""
     drivers: Drivers | None = Field(default=None, exclude_if=is_empty)
     """What drivers do about weather; they drive alike in any if it is left out."""
-    caution: Caution | None = Field(default=None, exclude_if=is_empty)
+    caution: DriverResponse | None = Field(default=None, exclude_if=is_empty)
     """What they do about this one."""
     blueprints: dict[Id, Blueprint]
     timing: Timing
@@ -111,7 +110,7 @@ class Spec(Model):
         return next(agent for agent in self.agents if getattr(agent.place, "role", "") == "ego")
 
     @model_validator(mode="after")
-    def _agents_are_told_apart(self) -> Self:
+    def _check_agents(self) -> Self:
         for what in ("id", "number"):
             values = [getattr(agent, what) for agent in self.agents]
             if len(set(values)) < len(values):

@@ -10,30 +10,34 @@ from advercity_dsl.base import (
     Declaration,
     Flag,
     Id,
+    InvalidCombination,
     Metres,
-    Misfit,
     Model,
     Number,
     Percent,
     Seconds,
 )
 
-Choice = Literal["all"] | tuple[Id, ...]
+IdSelection = Literal["all"] | tuple[Id, ...]
 Scalar = Flag | Number | str
-CROSSED = ("weather", "road", "density", "rig", "catalogue")
+CROSSED_KINDS = ("weather", "road", "density", "rig", "catalogue")
 
 
-def _begins_with_a_kind(path: str) -> str:
+def _check_field_path(path: str) -> str:
     kind, *parts = path.split(".")
-    if kind not in CROSSED or not parts or not all(re.fullmatch(r"[a-z0-9_]+", p) for p in parts):
-        kinds = ", ".join(CROSSED)
+    if (
+        kind not in CROSSED_KINDS
+        or not parts
+        or not all(re.fullmatch(r"[a-z0-9_]+", p) for p in parts)
+    ):
+        kinds = ", ".join(CROSSED_KINDS)
         raise ValueError(f"'{path[:60]}' is no field; begin with a kind ({kinds}): weather.time")
     return path
 
 
-FieldPath = Annotated[str, AfterValidator(_begins_with_a_kind)]
+FieldPath = Annotated[str, AfterValidator(_check_field_path)]
 """A field of what a suite crosses: `weather.fog.mor_m`."""
-MAX_STEPS = 1000
+MAX_SWEEP_STEPS = 1000
 
 
 class Selection(Model):
@@ -86,7 +90,7 @@ class Timing(Model):
     """The scenario ends when a connected vehicle is this near to its destination in x and in y."""
 
     @model_validator(mode="after")
-    def _keeps_something(self) -> Self:
+    def _check_kept_frames(self) -> Self:
         if self.max_ticks < self.warm_up_ticks + 3:
             raise ValueError(
                 f"max_ticks {self.max_ticks} leaves fewer than three frames after"
@@ -95,7 +99,7 @@ class Timing(Model):
         return self
 
 
-class Range(Model):
+class ValueRange(Model):
     """Numbers from one end to another; either may be left out."""
 
     at_least: Scalar | None = None
@@ -112,30 +116,34 @@ class Sweep(Model):
 
     field: FieldPath
     """What to vary: `weather.fog.mor_m`."""
-    values: Annotated[tuple[Number | str, ...], Field(max_length=MAX_STEPS)] = ()
+    values: Annotated[tuple[Number | str, ...], Field(max_length=MAX_SWEEP_STEPS)] = ()
     """The values themselves."""
     from_: Annotated[Number | str | None, Field(alias="from")] = None
     """First value."""
     to: Number | str | None = None
     """Last value."""
-    count: Annotated[Count, Field(ge=2, le=MAX_STEPS)] | None = None
+    count: Annotated[Count, Field(ge=2, le=MAX_SWEEP_STEPS)] | None = None
     """How many values, both ends among them."""
     log: Flag = False
     """Equal factors between values instead of equal distances."""
 
     @model_validator(mode="after")
-    def _one_way(self) -> Self:
+    def _check_exclusive_fields(self) -> Self:
         ends = (self.from_, self.to, self.count)
         if self.values and any(item is not None for item in ends):
-            raise Misfit(("values",), "stands beside from, to, count", "keep one of the two")
+            raise InvalidCombination(
+                ("values",), "stands beside from, to, count", "keep one of the two"
+            )
         if not self.values and any(item is None for item in ends):
-            raise Misfit((), "has no values", "give values: [...], or all of from, to and count")
+            raise InvalidCombination(
+                (), "has no values", "give values: [...], or all of from, to and count"
+            )
         if self.log and self.values:
-            raise Misfit(("log",), "goes with from, to and count", "leave it out")
+            raise InvalidCombination(("log",), "goes with from, to and count", "leave it out")
         return self
 
 
-Standing = Literal["primary", "extension", "variant"]
+ConflictFit = Literal["primary", "extension", "variant"]
 """Its group calls for such a road; it fits one; it would fit one that had no traffic lights."""
 
 
@@ -147,21 +155,21 @@ class Suite(Declaration):
     """Which typologies count."""
     coverage: Coverage = Coverage()
     """Which places those call for."""
-    roads: Choice = "all"
+    roads: IdSelection = "all"
     """Ids, or `all` of the library, which then holds a road for every place called for."""
-    weathers: Choice = "all"
+    weathers: IdSelection = "all"
     """Ids, or `all` of the library."""
-    densities: Choice = "all"
+    densities: IdSelection = "all"
     """Ids, or `all` of the library."""
-    where: dict[FieldPath, Scalar | tuple[Scalar, ...] | Range] = Field(default_factory=dict)
+    where: dict[FieldPath, Scalar | tuple[Scalar, ...] | ValueRange] = Field(default_factory=dict)
     """Only scenarios whose fields have the value, one of the values, or lie in the range given."""
     sweep: Sweep | None = None
     """One field through many values."""
     stage: dict[Id, tuple[Id, ...]] = Field(default_factory=dict)
     """Conflicts that each road's scenarios stage, one after the other, by the road's id."""
-    cross_conflicts: Choice = ()
+    cross_conflicts: IdSelection = ()
     """Conflicts to make scenarios of their own of, on every road that calls for them."""
-    standings: tuple[Standing, ...] = Field(
+    standings: tuple[ConflictFit, ...] = Field(
         default=("primary",), exclude_if=lambda standings: standings == ("primary",)
     )
     """How those have to stand to a road: called for, fitting, or fitting it without lights."""

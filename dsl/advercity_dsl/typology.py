@@ -4,23 +4,23 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, StringConstraints
 
-from advercity_dsl.base import Declaration, Flag, Misfit, Model, Number, Percent
+from advercity_dsl.base import Declaration, Flag, InvalidCombination, Model, Number, Percent
 
 Evidence = Literal["A", "B", "C", "D", "U"]
 """A read directly, B two sources agree, C one secondary source, D inferred, U unverified."""
 
 
-def _names_its_edition(value: object) -> object:
+def _require_edition(value: object) -> object:
     number = str(value)
     if number.isdecimal():
         hint = f'write "nhtsa2019:{number}" or "nhtsa2007:{number}"; editions reuse numbers'
-        raise Misfit((), f"{number} names no edition", hint)
+        raise InvalidCombination((), f"{number} names no edition", hint)
     return value
 
 
 CrashTypeId = Annotated[
     str,
-    BeforeValidator(_names_its_edition),
+    BeforeValidator(_require_edition),
     StringConstraints(pattern=r"^nhtsa(2007|2019):\d{1,2}$"),
 ]
 """`nhtsa2019:30`; the editions give the same numbers to different things."""
@@ -71,7 +71,7 @@ class Statistics(Model):
     """How sure the figures are: A read directly to D inferred, U unverified."""
 
 
-class JunctionShare(Model):
+class JunctionStatistics(Model):
     """Share of a group's crashes at a kind of place, of those with the given manoeuvre."""
 
     junction: Literal["intersection", "non_junction"]
@@ -82,14 +82,14 @@ class JunctionShare(Model):
     """Their share."""
 
 
-class RoadFacts(Model):
+class RoadStatistics(Model):
     """On what roads a group's crashes happen."""
 
     urban_percent: Percent
     """In towns."""
     rural_percent: Percent
     """In the country."""
-    junctions: tuple[JunctionShare, ...]
+    junctions: tuple[JunctionStatistics, ...]
     """At junctions and away from them."""
     non_level_percent: Percent | None = None
     """On slopes; left out if nobody counted."""
@@ -107,5 +107,5 @@ class Typology(Declaration):
     """What the 2007 edition had in their place."""
     statistics: Statistics | None = None
     """What suites select by."""
-    roads: RoadFacts | None = None
+    roads: RoadStatistics | None = None
     """What decides which roads the group calls for; left out, none."""

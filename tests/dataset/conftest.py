@@ -9,22 +9,21 @@ import pytest
 from advercity_dsl import Agent, Spec
 from numpy.typing import NDArray
 
-from advercity import poses
-from advercity.dataset.reading import Picture, Reading, pinhole
-from advercity.dataset.sightings import box_corners, sightings
-from advercity.poses import Matrix
-from advercity.randomness import generator
+from advercity.frames import Actor, ActorState, Frame, Lamp, Signal
+from advercity.geometry import poses
+from advercity.geometry.boxes import compute_box_corners
+from advercity.geometry.poses import Matrix
+from advercity.randomness import create_generator
 from advercity.semantics import Semantic
-from advercity.sensors.gnss import GnssFix
-from advercity.sensors.imu import ImuSample
-from advercity.sensors.lidar import PointCloud, PointKind
-from advercity.traffic.trace import Actor, ActorState, Frame, Lamp, Signal
+from advercity.sensors.annotation import project_boxes
+from advercity.sensors.measurements import GnssFix, ImuSample, PointCloud, PointKind
+from advercity.sensors.sensor_frame import CameraImage, SensorFrame, compute_pinhole_matrix
 
 WIDTH, HEIGHT = 96, 54
 SLOPE_RAD = np.deg2rad(-4.0)
 POINTS_PER_ACTOR = 40
 
-ReadingsOf = Callable[[int], tuple[Reading, ...]]
+ReadingsOf = Callable[[int], tuple[SensorFrame, ...]]
 
 ACTORS = (
     Actor(101, "car", "lincoln_mkz_2017", "car_paint_white", (4.9, 2.06, 1.51)),
@@ -47,7 +46,7 @@ PLACES = {
 """Along the street and to its left in metres, heading against it in degrees, at frame 0."""
 SPEEDS = {101: 10.0, 102: 8.0, 103: 0.0, 201: 5.0, 202: 4.0, 203: 1.2, 204: 12.0}
 
-WORLD_FROM_STREET = poses.pose((60.0, -30.0, 4.0), yaw=np.deg2rad(50.0), pitch=SLOPE_RAD)
+WORLD_FROM_STREET = poses.pose_matrix((60.0, -30.0, 4.0), yaw=np.deg2rad(50.0), pitch=SLOPE_RAD)
 
 
 @pytest.fixture(scope="session")
@@ -60,7 +59,7 @@ def readings_of(spec: Spec) -> ReadingsOf:
     """The five readings of a frame, by its index."""
 
     @functools.cache
-    def readings(index: int) -> tuple[Reading, ...]:
+    def readings(index: int) -> tuple[SensorFrame, ...]:
         frame = frame_of(spec, index)
         return tuple(reading_of(agent, frame) for agent in spec.agents)
 
@@ -75,33 +74,33 @@ def frame_of(spec: Spec, index: int) -> Frame:
 
 def state_of(actor: Actor, time_s: float) -> ActorState:
     along, left, heading = PLACES[actor.id]
-    start = poses.pose((along, left, 0.0), yaw=np.deg2rad(heading))
-    drive = poses.pose((SPEEDS[actor.id] * time_s, 0.0, 0.0))
+    start = poses.pose_matrix((along, left, 0.0), yaw=np.deg2rad(heading))
+    drive = poses.pose_matrix((SPEEDS[actor.id] * time_s, 0.0, 0.0))
     return ActorState(
         actor, WORLD_FROM_STREET @ start @ drive, SPEEDS[actor.id], 0.0, Lamp.LOW_BEAM
     )
 
 
-def reading_of(agent: Agent, frame: Frame) -> Reading:
+def reading_of(agent: Agent, frame: Frame) -> SensorFrame:
     is_vehicle = agent.place.kind == "vehicle"
     world_from_agent = agent_pose(agent, frame)
     world_from_lidar = (
-        world_from_agent @ poses.pose((-0.5, 0.0, 1.9))
+        world_from_agent @ poses.pose_matrix((-0.5, 0.0, 1.9))
         if is_vehicle
-        else poses.pose(world_from_agent[:3, 3])
+        else poses.pose_matrix(world_from_agent[:3, 3])
     )
     cloud, visible = scan(agent, frame, world_from_lidar)
-    drift = poses.pose((0.3, -0.2, 0.05))
-    return Reading(
+    drift = poses.pose_matrix((0.3, -0.2, 0.05))
+    return SensorFrame(
         agent=agent,
         frame=frame,
         world_from_agent=world_from_agent,
         estimated_world_from_agent=world_from_agent if is_vehicle else drift @ world_from_agent,
         world_from_lidar=world_from_lidar,
-        pictures=tuple(
+        camera_images=tuple(
             picture(agent, frame, world_from_agent @ camera)
             for camera in (
-                poses.pose(
+                poses.pose_matrix(
                     (mount.x_m, mount.y_m, mount.z_m),
                     yaw=np.deg2rad(mount.yaw_deg),
                     pitch=np.deg2rad(mount.pitch_deg),
@@ -109,39 +108,41 @@ def reading_of(agent: Agent, frame: Frame) -> Reading:
                 for mount in agent.sensors.camera.mounts
             )
         ),
-        cloud=cloud,
-        visible=visible,
+        point_cloud=cloud,
+        lidar_hits=visible,
         gnss=GnssFix(49.0 + 1e-6 * frame.index, 8.0, 120.5, frame.time_s) if is_vehicle else None,
         imu=(
             ImuSample(np.array([0.5, 0.25, 9.81]), np.array([0.01, 0.02, 0.03]), 1.25)
             if is_vehicle
             else None
         ),
-        planned=((1.0, 2.0, 10.0), (3.0, 4.0, 5.0)) if is_vehicle else (),
+        planned_trajectory=((1.0, 2.0, 10.0), (3.0, 4.0, 5.0)) if is_vehicle else (),
     )
 
 
 def agent_pose(agent: Agent, frame: Frame) -> Matrix:
     if agent.place.kind == "vehicle":
-        return frame.of(agent.number).world_from_body
+        return frame.state_of(agent.number).world_from_body
     along = 16.0 if agent.number == -1 else -6.0
     yaw = 3.0 if agent.number == -1 else -0.5
-    return WORLD_FROM_STREET @ poses.pose((along, -9.0, 6.0), yaw=yaw, pitch=0.2)
+    return WORLD_FROM_STREET @ poses.pose_matrix((along, -9.0, 6.0), yaw=yaw, pitch=0.2)
 
 
 def scan(agent: Agent, frame: Frame, world_from_lidar: Matrix) -> tuple[PointCloud, dict[int, int]]:
     """Points inside every other actor's box, one on the street below, none on who is far."""
-    clouds: list[NDArray[np.float64]] = [poses.transform(WORLD_FROM_STREET, [[3.0, -2.0, 0.0]])]
+    clouds: list[NDArray[np.float64]] = [
+        poses.transform_points(WORLD_FROM_STREET, [[3.0, -2.0, 0.0]])
+    ]
     ids = [np.zeros(1)]
     visible: dict[int, int] = {}
     for state in frame.states:
-        rng = generator("scan", agent.number, state.actor.id, frame.index)
+        rng = create_generator("scan", agent.number, state.actor.id, frame.index)
         share = rng.uniform((-0.5, -0.5, 0.0), (0.5, 0.5, 1.0), (POINTS_PER_ACTOR, 3))
         visible[state.actor.id] = POINTS_PER_ACTOR
         if state.actor.id != agent.number:
-            clouds.append(poses.transform(state.world_from_body, share * state.actor.size))
+            clouds.append(poses.transform_points(state.world_from_body, share * state.actor.size))
             ids.append(np.full(POINTS_PER_ACTOR, state.actor.id))
-    points = poses.transform(poses.inverse(world_from_lidar), np.concatenate(clouds))
+    points = poses.transform_points(poses.invert_pose(world_from_lidar), np.concatenate(clouds))
     instance = np.concatenate(ids).astype(np.int32)
     range_m = np.linalg.norm(points, axis=1)
     semantic = np.where(instance > 0, Semantic.VEHICLE, Semantic.ROAD)
@@ -164,19 +165,19 @@ def scan(agent: Agent, frame: Frame, world_from_lidar: Matrix) -> tuple[PointClo
     )
 
 
-def picture(agent: Agent, frame: Frame, world_from_camera: Matrix) -> Picture:
+def picture(agent: Agent, frame: Frame, world_from_camera: Matrix) -> CameraImage:
     """Sky, and the outline of every other actor's box, the nearer before the farther."""
-    rng = generator("picture", agent.number, frame.index)
+    rng = create_generator("picture", agent.number, frame.index)
     semantic = np.full((HEIGHT, WIDTH), Semantic.SKY, dtype=np.uint8)
     instance = np.zeros((HEIGHT, WIDTH), np.int32)
     fov = agent.sensors.camera.horizontal_fov_deg
-    matrix = pinhole(WIDTH, HEIGHT, horizontal_fov_deg=fov)
+    matrix = compute_pinhole_matrix(WIDTH, HEIGHT, horizontal_fov_deg=fov)
     place = world_from_camera[:3, 3]
     for state in sorted(
         frame.states, key=lambda one: -np.linalg.norm(one.world_from_body[:3, 3] - place)
     ):
         corners = corners_of(state)
-        ahead, left, up = poses.transform(poses.inverse(world_from_camera), corners).T
+        ahead, left, up = poses.transform_points(poses.invert_pose(world_from_camera), corners).T
         if state.actor.id == agent.number or ahead.min() < 0.1:
             continue
         pixels = (matrix @ (-left, -up, ahead) / ahead)[:2].T
@@ -185,17 +186,17 @@ def picture(agent: Agent, frame: Frame, world_from_camera: Matrix) -> Picture:
         tag = Semantic.PEDESTRIAN if on_foot else Semantic.VEHICLE
         cv2.fillConvexPoly(semantic, hull, int(tag))
         cv2.fillConvexPoly(instance, hull, state.actor.id)
-    return Picture(
+    return CameraImage(
         world_from_camera=world_from_camera,
         image=rng.integers(0, 256, (HEIGHT, WIDTH, 3), dtype=np.uint8),
         semantic=semantic,
         depth=np.where(instance > 0, 20, 255).astype(np.uint8),
-        sightings=sightings(
+        projected_boxes=project_boxes(
             instance,
             world_from_camera,
             matrix,
             frame,
-            lambda state: box_corners(state.actor.size),
+            lambda state: compute_box_corners(state.actor.size),
             hide=frozenset({agent.number}),
         ),
     )
@@ -204,4 +205,4 @@ def picture(agent: Agent, frame: Frame, world_from_camera: Matrix) -> Picture:
 def corners_of(state: ActorState) -> NDArray[np.float64]:
     """Corners (8, 3) of an actor's box in the world frame."""
     unit = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (0.0, 1.0)])
-    return poses.transform(state.world_from_body, unit * state.actor.size)
+    return poses.transform_points(state.world_from_body, unit * state.actor.size)

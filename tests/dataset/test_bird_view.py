@@ -6,31 +6,31 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from advercity import poses
-from advercity.dataset.bird_view import bird_views, seen_by_cameras
-from advercity.dataset.reading import Reading
-from advercity.world.scene import Lane
+from advercity.dataset.bird_view import draw_bird_views, find_visible_actors
+from advercity.geometry import poses
+from advercity.roads.lane_segments import LaneSegment
+from advercity.sensors.sensor_frame import SensorFrame
 
-ReadingsOf = Callable[[int], tuple[Reading, ...]]
+ReadingsOf = Callable[[int], tuple[SensorFrame, ...]]
 
 
 @pytest.fixture
-def readings(readings_of: ReadingsOf) -> tuple[Reading, ...]:
+def readings(readings_of: ReadingsOf) -> tuple[SensorFrame, ...]:
     return readings_of(0)
 
 
-def place(reading: Reading, number: int) -> tuple[int, int]:
+def place(reading: SensorFrame, number: int) -> tuple[int, int]:
     """Row and column of the middle of an actor's footprint: ahead is up, right is right."""
     is_unit = reading.agent.number < 0
     centre = reading.world_from_lidar if is_unit else reading.world_from_agent
-    level = poses.pose(centre[:3, 3], yaw=poses.angles(centre)[0])
-    origin = reading.frame.of(number).world_from_body[:3, 3]
-    x, y, _ = poses.transform(poses.inverse(level), origin)
+    level = poses.pose_matrix(centre[:3, 3], yaw=poses.to_yaw_pitch_roll(centre)[0])
+    origin = reading.frame.state_of(number).world_from_body[:3, 3]
+    x, y, _ = poses.transform_points(poses.invert_pose(level), origin)
     return int(128 - x / 0.390625), int(128 - y / 0.390625)
 
 
-def test_other_vehicles_are_drawn_where_they_stand(readings: tuple[Reading, ...]) -> None:
-    for reading, maps in zip(readings, bird_views(readings, ()), strict=True):
+def test_other_vehicles_are_drawn_where_they_stand(readings: tuple[SensorFrame, ...]) -> None:
+    for reading, maps in zip(readings, draw_bird_views(readings, ()), strict=True):
         drawn = {
             number
             for number in (101, 102, 103, 201, 202)
@@ -39,26 +39,27 @@ def test_other_vehicles_are_drawn_where_they_stand(readings: tuple[Reading, ...]
         assert drawn == {101, 102, 103, 201, 202} - {reading.agent.number}
 
 
-def test_footprints_have_their_size(readings: tuple[Reading, ...]) -> None:
+def test_footprints_have_their_size(readings: tuple[SensorFrame, ...]) -> None:
     """Four vehicles: 2 of 4.9 x 2.06 m, 5.9 x 2 m, 1.5 x 0.86 m, drawn half a pixel wider."""
-    area_px = np.count_nonzero(bird_views(readings, ())[0]["dynamic"])
+    area_px = np.count_nonzero(draw_bird_views(readings, ())[0]["dynamic"])
     metres = (4.9 * 2.06 * 2, 5.9 * 2.0, 1.5 * 0.86)
     assert area_px == pytest.approx(sum(metres) / 0.390625**2, rel=0.35)
 
 
-def test_pedestrians_are_not_drawn(readings: tuple[Reading, ...]) -> None:
-    assert bird_views(readings, ())[0]["dynamic"][place(readings[0], 203)] == 0
+def test_pedestrians_are_not_drawn(readings: tuple[SensorFrame, ...]) -> None:
+    assert draw_bird_views(readings, ())[0]["dynamic"][place(readings[0], 203)] == 0
 
 
 def test_what_no_camera_of_ones_own_sees_is_in_the_shared_map_only(
-    readings: tuple[Reading, ...],
+    readings: tuple[SensorFrame, ...],
 ) -> None:
     blind = replace(
-        readings[0], pictures=tuple(replace(one, sightings={}) for one in readings[0].pictures)
+        readings[0],
+        camera_images=tuple(replace(one, projected_boxes={}) for one in readings[0].camera_images),
     )
-    own, *_ = bird_views((blind, *readings[1:]), ())
+    own, *_ = draw_bird_views((blind, *readings[1:]), ())
     assert not own["visibility"].any()
-    seen = seen_by_cameras(picture for one in readings[1:] for picture in one.pictures)
+    seen = find_visible_actors(picture for one in readings[1:] for picture in one.camera_images)
     for number in (102, 103, 201, 202):
         shown = own["visibility_corp"][place(blind, number)] == 255
         assert shown == (number in seen)
@@ -66,21 +67,23 @@ def test_what_no_camera_of_ones_own_sees_is_in_the_shared_map_only(
 
 
 def test_lanes_are_filled_and_their_borders_drawn_outside_junctions(
-    readings: tuple[Reading, ...],
+    readings: tuple[SensorFrame, ...],
 ) -> None:
     reading = readings[0]
     line = np.linspace(-20.0, 20.0, 9)
     zeros = np.zeros_like(line)
 
-    def lane(first_y: float, last_y: float, *, in_junction: bool) -> Lane:
+    def lane(first_y: float, last_y: float, *, in_junction: bool) -> LaneSegment:
         left, right = (
-            poses.transform(reading.world_from_agent, np.stack([line, zeros + y, zeros], axis=1))
+            poses.transform_points(
+                reading.world_from_agent, np.stack([line, zeros + y, zeros], axis=1)
+            )
             for y in (first_y, last_y)
         )
-        return Lane("a", "driving", left, right, in_junction=in_junction)
+        return LaneSegment("a", "driving", left, right, in_junction=in_junction)
 
     lanes = (lane(2.0, -2.0, in_junction=False), lane(12.0, 8.0, in_junction=True))
-    maps = bird_views((reading,), lanes)[0]
+    maps = draw_bird_views((reading,), lanes)[0]
     row = 128
     ahead, aside = maps["static"][row], maps["lane"][row]
     assert ahead[128] == ahead[128 - round(10 / 0.390625)] == 255

@@ -8,14 +8,14 @@ from pathlib import Path
 import pytest
 from advercity_dsl import Spec
 
-from advercity.dataset.index import INDEX, FolderIndex, Index
+from advercity.dataset.index import INDEX_FILE, DatasetIndex, IndexWriter
 from advercity.dataset.manifest import Identity
-from advercity.dataset.reading import Reading
 from advercity.dataset.verification import verify_dataset
-from advercity.dataset.writer import DatasetWriter
+from advercity.dataset.writer import ScenarioWriter
 from advercity.errors import InputError, RunError
+from advercity.sensors.sensor_frame import SensorFrame
 
-ReadingsOf = Callable[[int], tuple[Reading, ...]]
+ReadingsOf = Callable[[int], tuple[SensorFrame, ...]]
 LENGTH = 2
 
 
@@ -30,10 +30,10 @@ def make(readings_of: ReadingsOf) -> Callable[[Path, Spec, int], None]:
     """Writes the first frames of a scenario into a dataset."""
 
     def make(root: Path, spec: Spec, frames: int) -> None:
-        identity = Identity.of(spec, trace_sha256="0" * 64, renderer={})
-        with DatasetWriter(root, spec, identity, length=LENGTH) as writer:
-            for frame in set(range(frames)) - writer.done:
-                writer.write(frame, readings_of(frame))
+        identity = Identity.for_spec(spec, trace_sha256="0" * 64, renderer={})
+        with ScenarioWriter(root, spec, identity, length=LENGTH) as writer:
+            for frame in set(range(frames)) - writer.done_frames:
+                writer.write_frame(frame, readings_of(frame))
             writer.finish()
 
     return make
@@ -43,7 +43,7 @@ Make = Callable[[Path, Spec, int], None]
 
 
 def states(root: Path) -> dict[str, str]:
-    index = Index.of_folder(root)
+    index = DatasetIndex.load(root)
     assert index is not None
     return {name: entry.state for name, entry in index.scenarios.items()}
 
@@ -51,18 +51,18 @@ def states(root: Path) -> dict[str, str]:
 def test_every_scenario_that_was_asked_for_is_told_with_its_state(
     spec: Spec, others: list[Spec], make: Make, tmp_path: Path
 ) -> None:
-    index = FolderIndex(tmp_path, [spec, *others])
+    index = IndexWriter(tmp_path, [spec, *others])
     make(tmp_path, spec, 2)
-    index.ended(spec.id, failed=False)
+    index.record_end(spec.id, failed=False)
     make(tmp_path, others[0], 1)
-    index.ended("other_0", failed=False)
-    index.ended("other_1", failed=True)
+    index.record_end("other_0", failed=False)
+    index.record_end("other_1", failed=True)
     told = {"other_0": "partial", "other_1": "failed", "other_2": "waiting", spec.id: "whole"}
     assert states(tmp_path) == told
     assert list(states(tmp_path)) == sorted(told)
-    found = Index.of_folder(tmp_path)
+    found = DatasetIndex.load(tmp_path)
     assert found is not None
-    assert found.told() == "4 scenarios: 1 whole, 1 partial, 1 failed, 1 waiting"
+    assert found.format_summary() == "4 scenarios: 1 whole, 1 partial, 1 failed, 1 waiting"
     whole, files = found.scenarios[spec.id], list((tmp_path / spec.id).rglob("*.*"))
     assert (whole.frames, whole.length, whole.files) == (2, 2, len(files) - 1)
     assert whole.size_bytes == sum(f.stat().st_size for f in files if f.name != "manifest.json")
@@ -75,11 +75,11 @@ def test_the_next_run_takes_up_the_index_and_the_same_set_has_the_same_bytes(
     both = [spec, others[0]]
     for root, batches in ((tmp_path / "once", [both]), (tmp_path / "twice", [[both[0]], both])):
         for batch in batches:
-            index = FolderIndex(root, batch)
+            index = IndexWriter(root, batch)
             for one in batch:
                 make(root, one, 2)
-                index.ended(one.id, failed=False)
-    once, twice = ((tmp_path / name / INDEX).read_bytes() for name in ("once", "twice"))
+                index.record_end(one.id, failed=False)
+    once, twice = ((tmp_path / name / INDEX_FILE).read_bytes() for name in ("once", "twice"))
     assert once == twice
 
 
@@ -88,8 +88,8 @@ def test_a_run_under_way_vouches_for_no_manifest_of_its_own(
 ) -> None:
     for one in (spec, others[0]):
         make(tmp_path, one, 1)
-        FolderIndex(tmp_path, [one]).ended(one.id, failed=False)
-    FolderIndex(tmp_path, [spec])
+        IndexWriter(tmp_path, [one]).record_end(one.id, failed=False)
+    IndexWriter(tmp_path, [spec])
     make(tmp_path, spec, 2)
     assert states(tmp_path) == {spec.id: "waiting", "other_0": "partial"}
     assert verify_dataset(tmp_path) == []
@@ -98,10 +98,10 @@ def test_a_run_under_way_vouches_for_no_manifest_of_its_own(
 def test_a_scenario_that_is_gone_and_a_changed_manifest_are_found(
     spec: Spec, others: list[Spec], make: Make, tmp_path: Path
 ) -> None:
-    index = FolderIndex(tmp_path, [spec, others[0]])
+    index = IndexWriter(tmp_path, [spec, others[0]])
     for one in (spec, others[0]):
         make(tmp_path, one, 1)
-        index.ended(one.id, failed=False)
+        index.record_end(one.id, failed=False)
     with (tmp_path / spec.id / "manifest.json").open("a") as manifest:
         manifest.write("\n")
     shutil.rmtree(tmp_path / "other_0")
@@ -114,8 +114,8 @@ def test_a_scenario_that_is_gone_and_a_changed_manifest_are_found(
     assert {problem.kind for problem in verify_dataset(tmp_path)} == {"missing"}
 
 
-def end(index: FolderIndex, spec: Spec) -> None:
-    index.ended(spec.id, failed=False)
+def end(index: IndexWriter, spec: Spec) -> None:
+    index.record_end(spec.id, failed=False)
 
 
 def test_many_at_a_time_lose_no_entry(others: list[Spec], make: Make, tmp_path: Path) -> None:
@@ -123,20 +123,20 @@ def test_many_at_a_time_lose_no_entry(others: list[Spec], make: Make, tmp_path: 
         make(tmp_path, one, 0)
     with ThreadPoolExecutor() as pool:
         for _ in range(20):
-            (tmp_path / INDEX).unlink(missing_ok=True)
-            indices = [FolderIndex(tmp_path, [one]) for one in others]
+            (tmp_path / INDEX_FILE).unlink(missing_ok=True)
+            indices = [IndexWriter(tmp_path, [one]) for one in others]
             list(pool.map(end, indices, others))
             assert set(states(tmp_path)) == {one.id for one in others}
 
 
 def test_nothing_is_noted_where_nothing_was_made(spec: Spec, tmp_path: Path) -> None:
-    FolderIndex(tmp_path / "dataset", [spec]).ended(spec.id, failed=True)
+    IndexWriter(tmp_path / "dataset", [spec]).record_end(spec.id, failed=True)
     assert not (tmp_path / "dataset").exists()
     with pytest.raises(InputError, match="not a dataset"):
         verify_dataset(tmp_path)
 
 
 def test_an_index_that_is_none_is_told_with_the_way_out(spec: Spec, tmp_path: Path) -> None:
-    (tmp_path / INDEX).write_text("{}}")
+    (tmp_path / INDEX_FILE).write_text("{}}")
     with pytest.raises(RunError, match=r"index\.json: not an index of this version; delete it"):
-        FolderIndex(tmp_path, [spec])
+        IndexWriter(tmp_path, [spec])

@@ -14,28 +14,28 @@ import yaml
 from advercity_dsl import Spec
 from numpy.typing import NDArray
 
-from advercity.dataset.annotation import annotate
-from advercity.dataset.description import describe
+from advercity.dataset.frame_documents import build_frame_description
 from advercity.dataset.manifest import Identity
-from advercity.dataset.opv2v import folder_name
-from advercity.dataset.reading import Reading
-from advercity.dataset.writer import DatasetWriter
+from advercity.dataset.opv2v import format_opv2v_folder
+from advercity.dataset.writer import ScenarioWriter
 from advercity.semantics import PALETTE, Semantic
+from advercity.sensors.annotation import annotate_actors
+from advercity.sensors.sensor_frame import SensorFrame
 
 FRAMES = 3
 FOLDERS = ["+101", "-1", "-2", "102", "103"]
 MAPS = ("dynamic", "static", "lane", "visibility", "visibility_corp")
 Array = NDArray[np.floating]
-ReadingsOf = Callable[[int], tuple[Reading, ...]]
+ReadingsOf = Callable[[int], tuple[SensorFrame, ...]]
 
 
 @pytest.fixture(scope="module")
 def scenario(tmp_path_factory: pytest.TempPathFactory, spec: Spec, readings_of: ReadingsOf) -> Path:
     root = tmp_path_factory.mktemp("dataset")
-    identity = Identity.of(spec, trace_sha256="0" * 64, renderer={"profile": "preview"})
-    with DatasetWriter(root, spec, identity, length=FRAMES) as writer:
+    identity = Identity.for_spec(spec, trace_sha256="0" * 64, renderer={"profile": "preview"})
+    with ScenarioWriter(root, spec, identity, length=FRAMES) as writer:
         for index in range(FRAMES):
-            writer.write(index, readings_of(index))
+            writer.write_frame(index, readings_of(index))
         writer.finish()
     return root / spec.id
 
@@ -127,7 +127,7 @@ def test_the_ego_comes_first_and_both_roadside_units_stay_negative(scenario: Pat
 
 
 def test_only_the_ego_is_written_with_a_plus(spec: Spec) -> None:
-    assert sorted(folder_name(agent) for agent in spec.agents) == FOLDERS
+    assert sorted(format_opv2v_folder(agent) for agent in spec.agents) == FOLDERS
 
 
 def test_no_other_folder_lies_in_the_dataset(scenario: Path) -> None:
@@ -183,8 +183,8 @@ def test_a_walker_is_described_like_a_vehicle(scenario: Path) -> None:
 
 
 def test_walkers_are_an_empty_map_where_there_are_none(readings_of: ReadingsOf) -> None:
-    reading = replace(readings_of(0)[0], visible={})
-    description = describe(reading, annotate(reading))
+    reading = replace(readings_of(0)[0], lidar_hits={})
+    description = build_frame_description(reading, annotate_actors(reading))
     assert (description["vehicles"], description["walkers"]) == ({}, {})
 
 
@@ -264,10 +264,10 @@ def test_the_ground_is_where_all_agents_see_it(scenario: Path) -> None:
 def test_intensity_is_in_the_red_channel(
     scenario: Path, agent: str, readings_of: ReadingsOf
 ) -> None:
-    (reading,) = (one for one in readings_of(1) if folder_name(one.agent) == agent)
+    (reading,) = (one for one in readings_of(1) if format_opv2v_folder(one.agent) == agent)
     cloud = read_cloud(scenario / agent / "000061.pcd")
-    np.testing.assert_array_equal(cloud.intensity, reading.cloud.intensity)
-    assert np.abs(cloud.red - reading.cloud.intensity).max() <= 0.5 / 255 + 1e-7
+    np.testing.assert_array_equal(cloud.intensity, reading.point_cloud.intensity)
+    assert np.abs(cloud.red - reading.point_cloud.intensity).max() <= 0.5 / 255 + 1e-7
 
 
 @EVERY_AGENT
@@ -310,7 +310,7 @@ def wholly_ahead(description: dict[str, Any], camera: dict[str, Any]) -> list[in
 def test_pictures_are_eight_bit_rgb_without_alpha(scenario: Path, readings_of: ReadingsOf) -> None:
     stored = cv2.imread(str(scenario / "+101" / "000060_camera2.png"), cv2.IMREAD_UNCHANGED)
     assert stored is not None
-    np.testing.assert_array_equal(stored[..., ::-1], readings_of(0)[0].pictures[2].image)
+    np.testing.assert_array_equal(stored[..., ::-1], readings_of(0)[0].camera_images[2].image)
 
 
 def test_semantic_pictures_hold_palette_colours_only(
@@ -319,7 +319,7 @@ def test_semantic_pictures_hold_palette_colours_only(
     stored = cv2.imread(str(scenario / "-1" / "000060_semantic0.png"), cv2.IMREAD_UNCHANGED)
     assert stored is not None
     (unit,) = (one for one in readings_of(0) if one.agent.number == -1)
-    np.testing.assert_array_equal(stored[..., ::-1], PALETTE[unit.pictures[0].semantic])
+    np.testing.assert_array_equal(stored[..., ::-1], PALETTE[unit.camera_images[0].semantic])
 
 
 def test_motion_is_in_the_left_handed_body_frame(scenario: Path) -> None:

@@ -8,15 +8,15 @@ import pytest
 from advercity_dsl import Agent, Spec
 
 import advercity
-from advercity import poses
-from advercity.dataset.annotation import annotate, box_centre
 from advercity.dataset.manifest import Identity
 from advercity.dataset.reader import Dataset
-from advercity.dataset.reading import Reading
-from advercity.dataset.writer import DatasetWriter
+from advercity.dataset.writer import ScenarioWriter
 from advercity.errors import InputError
+from advercity.geometry import poses
+from advercity.sensors.annotation import annotate_actors, compute_box_centre
+from advercity.sensors.sensor_frame import SensorFrame
 
-ReadingsOf = Callable[[int], tuple[Reading, ...]]
+ReadingsOf = Callable[[int], tuple[SensorFrame, ...]]
 FRAMES = 2
 
 
@@ -28,10 +28,10 @@ def dataset(
     readings_of: ReadingsOf,
 ) -> Dataset:
     root = tmp_path_factory.mktemp("dataset")
-    identity = Identity.of(spec, trace_sha256="0" * 64, renderer={}, format=request.param)
-    with DatasetWriter(root, spec, identity, length=FRAMES) as writer:
+    identity = Identity.for_spec(spec, trace_sha256="0" * 64, renderer={}, format=request.param)
+    with ScenarioWriter(root, spec, identity, length=FRAMES) as writer:
         for index in range(FRAMES):
-            writer.write(index, readings_of(index))
+            writer.write_frame(index, readings_of(index))
         writer.finish()
     return advercity.open_dataset(root)
 
@@ -51,7 +51,7 @@ def test_poses_come_back(dataset: Dataset, readings_of: ReadingsOf) -> None:
         view = dataset[1][reading.agent.id]
         np.testing.assert_allclose(view.world_from_agent, reading.world_from_agent, atol=1e-7)
         np.testing.assert_allclose(view.world_from_lidar, reading.world_from_lidar, atol=1e-7)
-        for index, picture in enumerate(reading.pictures):
+        for index, picture in enumerate(reading.camera_images):
             pose = view.world_from_camera(index)
             np.testing.assert_allclose(pose, picture.world_from_camera, atol=1e-7)
         assert view.speed_m_s == pytest.approx(reading.speed_m_s)
@@ -60,10 +60,10 @@ def test_poses_come_back(dataset: Dataset, readings_of: ReadingsOf) -> None:
 def test_points_and_pictures_come_back(dataset: Dataset, readings_of: ReadingsOf) -> None:
     for reading in readings_of(0):
         view = dataset[0][reading.agent.id]
-        np.testing.assert_allclose(view.points, reading.cloud.points, atol=1e-5)
+        np.testing.assert_allclose(view.points, reading.point_cloud.points, atol=1e-5)
         intensity = view.cloud["intensity"]
-        np.testing.assert_allclose(intensity, reading.cloud.intensity, atol=0.5 / 255 + 1e-6)
-        for index, picture in enumerate(reading.pictures):
+        np.testing.assert_allclose(intensity, reading.point_cloud.intensity, atol=0.5 / 255 + 1e-6)
+        for index, picture in enumerate(reading.camera_images):
             np.testing.assert_array_equal(view.image(index), picture.image)
             np.testing.assert_array_equal(view.semantic(index), picture.semantic)
 
@@ -83,24 +83,24 @@ def test_a_turning_lidar_keeps_where_and_when_it_measured(
         replace(
             reading,
             agent=turned(reading.agent),
-            cloud=replace(
-                reading.cloud,
-                raw=reading.cloud.points + np.float32(0.5),
-                time_s=np.linspace(-0.1, 0, len(reading.cloud.points), dtype=np.float32),
+            point_cloud=replace(
+                reading.point_cloud,
+                raw=reading.point_cloud.points + np.float32(0.5),
+                time_s=np.linspace(-0.1, 0, len(reading.point_cloud.points), dtype=np.float32),
             ),
         )
         for reading in readings_of(0)
     ]
-    identity = Identity.of(turning, trace_sha256="0" * 64, renderer={})
-    with DatasetWriter(tmp_path, turning, identity, length=1) as writer:
-        writer.write(0, readings)
+    identity = Identity.for_spec(turning, trace_sha256="0" * 64, renderer={})
+    with ScenarioWriter(tmp_path, turning, identity, length=1) as writer:
+        writer.write_frame(0, readings)
         writer.finish()
     view = advercity.open_dataset(tmp_path)[0]["cav2"]
     raw, time_s = view.measured
-    np.testing.assert_array_equal(raw, readings[1].cloud.raw)
-    np.testing.assert_array_equal(time_s, readings[1].cloud.time_s)
-    np.testing.assert_array_equal(view.cloud["time"], readings[1].cloud.time_s)
-    np.testing.assert_array_equal(view.cloud["range"], readings[1].cloud.range_m)
+    np.testing.assert_array_equal(raw, readings[1].point_cloud.raw)
+    np.testing.assert_array_equal(time_s, readings[1].point_cloud.time_s)
+    np.testing.assert_array_equal(view.cloud["time"], readings[1].point_cloud.time_s)
+    np.testing.assert_array_equal(view.cloud["range"], readings[1].point_cloud.range_m)
     np.testing.assert_allclose(view.points, raw - 0.5, atol=1e-5)
 
 
@@ -113,11 +113,11 @@ def turned(agent: Agent) -> Agent:
 def test_boxes_come_back(dataset: Dataset, readings_of: ReadingsOf) -> None:
     reading = readings_of(0)[0]
     boxes = dataset[0]["cav1"].boxes
-    expected = {item.state.actor.id: item for item in annotate(reading)}
+    expected = {item.state.actor.id: item for item in annotate_actors(reading)}
     assert set(boxes.ids.tolist()) == set(expected)
     for row, number in enumerate(boxes.ids.tolist()):
         item = expected[number]
-        np.testing.assert_allclose(boxes.world_from_box[row, :3, 3], box_centre(item.state))
+        np.testing.assert_allclose(boxes.world_from_box[row, :3, 3], compute_box_centre(item.state))
         turn = item.state.world_from_body[:3, :3]
         np.testing.assert_allclose(boxes.world_from_box[row, :3, :3], turn, atol=1e-7)
         np.testing.assert_allclose(boxes.sizes[row], item.state.actor.size)
@@ -128,7 +128,7 @@ def test_boxes_come_back(dataset: Dataset, readings_of: ReadingsOf) -> None:
 
 def test_points_project_into_pictures(dataset: Dataset) -> None:
     view = dataset[0]["cav1"]
-    ahead = poses.transform(view.world_from_camera(0), [[10.0, 0.0, 0.0], [10.0, 1.0, 2.0]])
+    ahead = poses.transform_points(view.world_from_camera(0), [[10.0, 0.0, 0.0], [10.0, 1.0, 2.0]])
     height, width = view.image(0).shape[:2]
     focal_px = view.intrinsic(0)[0, 0]
     np.testing.assert_allclose(
@@ -156,7 +156,7 @@ def test_extras_tell_more_of_every_object(dataset: Dataset, readings_of: Reading
     van = objects["201"]
     assert (van["class"], van["roles"]) == ("van", {})
     assert (van["lidar_hits"], van["lidar_points"]) == (40, 40)
-    velocity = readings_of(0)[0].frame.of(201).world_from_body[:3, 0] * 5.0
+    velocity = readings_of(0)[0].frame.state_of(201).world_from_body[:3, 0] * 5.0
     np.testing.assert_allclose(van["velocity_m_s"], velocity * (1, -1, 1), atol=1e-6)
     shown = van["cameras"]["camera0"]
     assert shown["visible_px"] > 0

@@ -1,16 +1,21 @@
 """From radiance to picture: air before the lens, glass, lens and electronics."""
 
-from advercity.sensors.camera.electronics import Setting, digitise, expose, meter
-from advercity.sensors.camera.picture import CameraAir, in_air, photograph
-from advercity.sensors.camera.shot import Shot
+from advercity.sensors.camera.electronics import (
+    ExposureSettings,
+    digitise,
+    expose_image,
+    meter_exposure,
+)
+from advercity.sensors.camera.exposure import CameraExposure
+from advercity.sensors.camera.image_formation import CameraConditions, add_air_effects, render_image
 
 __all__ = [
-    "CameraAir",
-    "Setting",
-    "Shot",
+    "CameraConditions",
+    "CameraExposure",
+    "ExposureSettings",
+    "add_air_effects",
     "digitise",
-    "expose",
-    "in_air",
-    "meter",
-    "photograph",
+    "expose_image",
+    "meter_exposure",
+    "render_image",
 ]

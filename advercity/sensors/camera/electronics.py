@@ -1,17 +1,63 @@
-"""From light on the sensor to picture: exposure, white balance, noise, tone.
+"""The tone curve: how the light that a sensor holds becomes the values of a picture.
+
+From light on the sensor to picture: exposure, white balance, noise, tone.
 
 The chain is EMVA 1288's linear camera with the exposure arithmetic of ISO 12232, and a sensor that
 holds highlights beyond that, as those of vehicles do.
+
+White: a camera makes grey of what the light of its scene makes of grey.
 """
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from advercity_dsl import Camera, Exposure
 from numpy.typing import NDArray
 
-from advercity.sensors.camera.tone import MIDDLE_GREY, WHITE_DN, tone_curve
+from advercity.geometry.arrays import Float64Array
+from advercity.physics.atmosphere import Atmosphere
+from advercity.physics.photometry import (
+    BLACK_BODY_COLOURS,
+    BLACK_BODY_TEMPERATURES_K,
+    black_body_colour,
+    cubemap_directions,
+    cubemap_solid_angles,
+)
+
+WHITE_DN = 4095
+"""Of the 12-bit converter, where a pixel is full in the long exposure."""
+MAX_DN = 16 * WHITE_DN
+"""Of a sensor with four stops of highlights."""
+MIDDLE_GREY = 0.18
+"""Of that. Up to here the curve is that of sRGB alone."""
+
+
+@lru_cache(maxsize=64)
+def build_tone_curve(brightest_ev: float) -> NDArray[np.uint8]:
+    """Values of a picture by what the converter says, white for all that is brightest.
+
+    Where nothing is brighter than a full pixel it is sRGB. Else what is lighter than middle grey
+    is rolled off towards white as film does, by Reinhard's extended curve (2002) from there on:
+    it leaves middle grey with slope 1 and comes to white at what is brightest.
+
+    Args:
+        brightest_ev: Stops above a full pixel that are still told apart.
+    """
+    linear = np.arange(MAX_DN + 1) / WHITE_DN
+    whitest = 2.0**brightest_ev
+    shown = np.minimum(_roll_off_highlights(np.minimum(linear, whitest), whitest), 1.0)
+    encoded = np.where(shown <= 0.0031308, 12.92 * shown, 1.055 * shown ** (1 / 2.4) - 0.055)
+    return np.rint(encoded * 255.0).astype(np.uint8)
+
+
+def _roll_off_highlights(linear: NDArray[np.float64], whitest: float) -> NDArray[np.float64]:
+    room = 1.0 - MIDDLE_GREY
+    above = np.maximum(linear - MIDDLE_GREY, 0.0) / room
+    full = (whitest - MIDDLE_GREY) / room
+    return np.minimum(linear, MIDDLE_GREY) + room * above * (1.0 + above / full**2) / (1.0 + above)
+
 
 FULL_WELL_E = 10_000.0
 """Electrons of a full pixel at ISO 100."""
@@ -20,32 +66,32 @@ METER_CONSTANT = 12.5
 """Of a reflected-light meter, cd s/(m² ISO)."""
 HEADROOM = 1.2
 """Saturation luminance at EV100 of 0: H_sat = 78 / ISO with q = 0.65."""
-AUTO_EV100 = (2.0, 15.5)
+AUTO_EV100_RANGE = (2.0, 15.5)
 """What automatic exposure stays within."""
-SHORTEST_S, LONGEST_S = 20e-6, 1.0 / 60.0
+MIN_SHUTTER_S, MAX_SHUTTER_S = 20e-6, 1.0 / 60.0
 """Between these a sensor that exposes by itself moves its shutter."""
-BASE_ISO, MOST_ISO = 100.0, 10_000.0
+BASE_ISO, MAX_ISO = 100.0, 10_000.0
 """Between these it moves its gain then: from where a full well fills the converter to where
 `auto` ends at f/1.4 and 1/200 s."""
 METERED_FROM_ROW = 1 / 3
 METERED_PERCENTILE = 98.0
-HIGHLIGHTS = 98.0
+HIGHLIGHT_PERCENTILE = 98.0
 """Percentile of pixels that the tone curve makes white; what is beyond are lamps and the sun."""
 HIGHLIGHT_STEP = 4
 """Every so many rows and columns say which that is."""
-NEUTRAL = np.ones(3)
-_DARKEST_CD_M2 = 1e-5
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
+NEUTRAL_WHITE = np.ones(3)
+_MIN_METERED_CD_M2 = 1e-5
+_LUMINANCE_WEIGHTS_32 = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 
 @dataclass(frozen=True)
-class Setting:
+class ExposureSettings:
     """How a picture is exposed."""
 
     ev100: float
     iso: float
     shutter_s: float
-    binned: float = 1.0
+    binned_pixels: float = 1.0
     """Pixels of the sensor that make one of the picture."""
     highlights_ev: float = 0.0
     """Stops beyond saturation that the sensor's short exposures still tell apart."""
@@ -58,21 +104,21 @@ class Setting:
     @property
     def full_well_e(self) -> float:
         """Electrons of a full pixel: gain leaves room for fewer, a larger pixel for more."""
-        return FULL_WELL_E * self.binned * BASE_ISO / self.iso
+        return FULL_WELL_E * self.binned_pixels * BASE_ISO / self.iso
 
     @property
     def read_noise_e(self) -> float:
         """Of all the sensor's pixels that make one of the picture."""
-        return READ_NOISE_E * math.sqrt(self.binned)
+        return READ_NOISE_E * math.sqrt(self.binned_pixels)
 
 
-def expose(
+def expose_image(
     light: NDArray[np.float32],
     camera: Camera,
-    setting: Setting,
+    setting: ExposureSettings,
     rng: np.random.Generator,
     *,
-    white: NDArray[np.float64] = NEUTRAL,
+    white_point: NDArray[np.float64] = NEUTRAL_WHITE,
 ) -> NDArray[np.uint8]:
     """The picture (h, w, 3) RGB that a camera makes of the light on its sensor.
 
@@ -82,19 +128,19 @@ def expose(
         camera: How large it is, what highlights it holds and whether there is noise.
         setting: How the picture is exposed.
         rng: Of this camera and frame.
-        white: (3,) colour at luminance 1 that is shown as grey.
+        white_point: (3,) colour at luminance 1 that is shown as grey.
     """
     pixels = light.shape[0] * light.shape[1]
     binned = max(1.0, camera.width_px * camera.height_px / pixels)
-    setting = replace(setting, binned=binned, highlights_ev=camera.highlights_ev)
-    share = light / (setting.saturation_cd_m2 * white).astype(np.float32)
+    setting = replace(setting, binned_pixels=binned, highlights_ev=camera.highlights_ev)
+    share = light / (setting.saturation_cd_m2 * white_point).astype(np.float32)
     digital = digitise(share, setting, rng if camera.noise else None)
-    return tone_curve(_brightest_ev(share, camera.highlights_ev)).take(digital)
+    return build_tone_curve(_brightest_ev(share, camera.highlights_ev)).take(digital)
 
 
-def meter(
+def meter_exposure(
     radiance: NDArray[np.float32], exposure: Exposure, *, white_card_cd_m2: float = math.inf
-) -> Setting:
+) -> ExposureSettings:
     """The setting that `exposure` chooses for a picture (h, w, 3) in cd/m².
 
     By hand it is what the three numbers say. Automatic exposure puts the log-average of the
@@ -111,13 +157,15 @@ def meter(
     """
     authored = exposure_value(exposure)
     if exposure.mode == "manual":
-        return Setting(authored, exposure.iso, exposure.shutter_s)
+        return ExposureSettings(authored, exposure.iso, exposure.shutter_s)
     metered = min(_metered_luminance(radiance), MIDDLE_GREY * white_card_cd_m2)
     wanted = math.log2(metered * 100.0 / METER_CONSTANT) - exposure.compensation_ev
     if exposure.mode == "sensor":
-        return _shutter_first(wanted, exposure)
-    ev100 = min(max(wanted, AUTO_EV100[0]), AUTO_EV100[1])
-    return Setting(ev100, exposure.iso * 2.0 ** max(0.0, authored - ev100), exposure.shutter_s)
+        return _choose_shutter_then_gain(wanted, exposure)
+    ev100 = min(max(wanted, AUTO_EV100_RANGE[0]), AUTO_EV100_RANGE[1])
+    return ExposureSettings(
+        ev100, exposure.iso * 2.0 ** max(0.0, authored - ev100), exposure.shutter_s
+    )
 
 
 def exposure_value(exposure: Exposure) -> float:
@@ -126,44 +174,46 @@ def exposure_value(exposure: Exposure) -> float:
 
 
 def digitise(
-    share: NDArray[np.float32], setting: Setting, rng: np.random.Generator | None
+    fill_fraction: NDArray[np.float32], setting: ExposureSettings, rng: np.random.Generator | None
 ) -> NDArray[np.uint16]:
     """Values of pixels filled to a `share`, 12 bits and highlights; without generator, no noise.
 
     Shot noise is the normal approximation to Poisson's law, read noise is normal.
     """
     full_dn = WHITE_DN * 2.0**setting.highlights_ev
-    digital = np.clip(share * np.float32(WHITE_DN), 0.0, full_dn)
+    digital = np.clip(fill_fraction * np.float32(WHITE_DN), 0.0, full_dn)
     if rng is not None:
         gain = WHITE_DN / setting.full_well_e
         deviation = np.sqrt(
             np.float32(gain) * digital + np.float32((gain * setting.read_noise_e) ** 2)
         )
-        deviation *= _normal(rng, deviation.size).reshape(deviation.shape)
+        deviation *= _draw_normal(rng, deviation.size).reshape(deviation.shape)
         digital += deviation
         np.clip(digital, 0.0, full_dn, out=digital)
     return np.rint(digital, out=digital).astype(np.uint16)
 
 
-def _shutter_first(wanted_ev100: float, exposure: Exposure) -> Setting:
+def _choose_shutter_then_gain(wanted_ev100: float, exposure: Exposure) -> ExposureSettings:
     """The setting nearest to an EV100 that shutter and gain can reach behind an open aperture."""
-    longest_s = max(LONGEST_S, exposure.shutter_s)
+    longest_s = max(MAX_SHUTTER_S, exposure.shutter_s)
     wanted_iso_s = 100.0 * exposure.f_number**2 / 2.0**wanted_ev100
-    shutter_s = min(max(wanted_iso_s / exposure.iso, SHORTEST_S), longest_s)
-    least_iso, most_iso = min(BASE_ISO, exposure.iso), max(MOST_ISO, exposure.iso)
+    shutter_s = min(max(wanted_iso_s / exposure.iso, MIN_SHUTTER_S), longest_s)
+    least_iso, most_iso = min(BASE_ISO, exposure.iso), max(MAX_ISO, exposure.iso)
     iso = min(max(wanted_iso_s / shutter_s, least_iso), most_iso)
     chosen = exposure.model_copy(update={"shutter_s": shutter_s, "iso": iso})
-    return Setting(exposure_value(chosen), iso, shutter_s)
+    return ExposureSettings(exposure_value(chosen), iso, shutter_s)
 
 
-def _normal(rng: np.random.Generator, count: int) -> NDArray[np.float32]:
+def _draw_normal(rng: np.random.Generator, count: int) -> NDArray[np.float32]:
     """Draws (count,) from the standard normal law, each one of 65,536 equally likely values."""
-    return _QUANTILES.take(np.frombuffer(rng.bytes(2 * count), "<u2"))
+    return _NORMAL_TABLE.take(np.frombuffer(rng.bytes(2 * count), "<u2"))
 
 
 def _metered_luminance(radiance: NDArray[np.float32]) -> float:
     first_row = int(len(radiance) * METERED_FROM_ROW)
-    luminance = np.maximum(radiance[first_row:] @ _LUMINANCE, np.float32(_DARKEST_CD_M2))
+    luminance = np.maximum(
+        radiance[first_row:] @ _LUMINANCE_WEIGHTS_32, np.float32(_MIN_METERED_CD_M2)
+    )
     limit = np.percentile(luminance, METERED_PERCENTILE)
     return float(np.exp(np.log(luminance[luminance <= limit]).mean(dtype=np.float64)))
 
@@ -173,11 +223,13 @@ def _brightest_ev(share: NDArray[np.float32], highlights_ev: float) -> float:
 
     In eighths, so that there are few curves.
     """
-    highlights = np.percentile(share[::HIGHLIGHT_STEP, ::HIGHLIGHT_STEP].max(axis=2), HIGHLIGHTS)
+    highlights = np.percentile(
+        share[::HIGHLIGHT_STEP, ::HIGHLIGHT_STEP].max(axis=2), HIGHLIGHT_PERCENTILE
+    )
     return min(max(0.0, math.ceil(8.0 * math.log2(max(highlights, 1.0))) / 8.0), highlights_ev)
 
 
-def _quantiles() -> NDArray[np.float32]:
+def _build_normal_table() -> NDArray[np.float32]:
     x = np.linspace(-5.0, 5.0, 2**16)
     share = np.cumsum(np.exp(-0.5 * x**2))
     found = np.interp((np.arange(2**16) + 0.5) / 2**16, share / share[-1], x)
@@ -185,4 +237,40 @@ def _quantiles() -> NDArray[np.float32]:
     return (found / found.std()).astype(np.float32)
 
 
-_QUANTILES = _quantiles()
+_NORMAL_TABLE = _build_normal_table()
+
+
+DAY_WHITE_RANGE_K = (5500.0, 7500.0)
+NIGHT_WHITE_RANGE_K = (3500.0, 6500.0)
+"""Whites that a camera looks for; what is yellower or bluer stays so, as dust and low sun do."""
+
+
+def find_white_point(atmosphere: Atmosphere) -> Float64Array:
+    """Colour (3,) at luminance 1 that the camera shows as grey.
+
+    That of the light on level ground, as far as the camera follows it: sun and sky by day, the
+    air's glow and street lamps by night. A cast that no temperature has, such as green, stays.
+    """
+    illuminant = _ground_illuminance(atmosphere)
+    low_k, high_k = NIGHT_WHITE_RANGE_K if atmosphere.night else DAY_WHITE_RANGE_K
+    temperature = np.clip(_find_black_body_temperature_k(illuminant), low_k, high_k)
+    return black_body_colour(float(temperature))
+
+
+def _ground_illuminance(atmosphere: Atmosphere) -> Float64Array:
+    if atmosphere.night:
+        return np.asarray(atmosphere.horizon_airlight)
+    sky = atmosphere.sky.astype(np.float64)
+    size = sky.shape[1]
+    weight = np.maximum(cubemap_directions(size)[..., 2], 0.0) * cubemap_solid_angles(size)
+    diffuse = np.tensordot(weight, sky, axes=3)
+    direct = atmosphere.sun_lx * max(0.0, float(atmosphere.sun_direction[2]))
+    return diffuse + direct * np.asarray(atmosphere.sun_colour)
+
+
+def _find_black_body_temperature_k(illuminant: Float64Array) -> float:
+    """Of the black body with the same ratio of red to blue, in K."""
+    red, _, blue = np.maximum(illuminant, 1e-12)
+    ratio = np.log(BLACK_BODY_COLOURS[:, 0] / BLACK_BODY_COLOURS[:, 2])
+    found = np.interp(-np.log(red / blue), -ratio, 1e6 / BLACK_BODY_TEMPERATURES_K)
+    return float(1e6 / found)

@@ -4,21 +4,20 @@ Points are in the LiDAR's own frame, right-handed, x forward, y left, z up. Beam
 counter-clockwise from straight ahead, all channels at each azimuth.
 """
 
-from advercity.sensors.lidar.air import LidarAir, air_of
-from advercity.sensors.lidar.beams import beams, elevations_rad
-from advercity.sensors.lidar.cloud import PointCloud, PointKind
-from advercity.sensors.lidar.scanning import Scan, shoot, visible_counts
-from advercity.sensors.lidar.turn import sweep
+from advercity.sensors.lidar.beams import beam_directions, channel_elevations_rad
+from advercity.sensors.lidar.conditions import LidarConditions, derive_lidar_conditions
+from advercity.sensors.lidar.point_cloud import measure_point_cloud
+from advercity.sensors.lidar.scan import ScanHits, cast_scan
+from advercity.sensors.measurements import PointCloud, PointKind
 
 __all__ = [
-    "LidarAir",
+    "LidarConditions",
     "PointCloud",
     "PointKind",
-    "Scan",
-    "air_of",
-    "beams",
-    "elevations_rad",
-    "shoot",
-    "sweep",
-    "visible_counts",
+    "ScanHits",
+    "beam_directions",
+    "cast_scan",
+    "channel_elevations_rad",
+    "derive_lidar_conditions",
+    "measure_point_cloud",
 ]

@@ -1,4 +1,7 @@
-"""Where a LiDAR's beams point: channels, azimuths and the rays that stand for a beam."""
+"""Where a LiDAR's beams point: channels, azimuths and the rays that stand for a beam.
+
+Beams that spread around a sensor, and which of them may meet a box.
+"""
 
 import math
 from dataclasses import dataclass, replace
@@ -8,13 +11,14 @@ import numpy as np
 from advercity_dsl import Lidar
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from advercity.geometry.arrays import Float64Array, FloatArray, IndexArray
+from advercity.geometry.poses import Matrix, invert_pose, transform_points
 
-DIVERGENCE_RAD = (3.0e-3, 1.5e-3)
+BEAM_DIVERGENCE_RAD = (3.0e-3, 1.5e-3)
 """Full opening of a beam across and along the sensor's axis, as a VLP-32C has it."""
-APERTURE_M = (12e-3, 9e-3)
+BEAM_APERTURE_M = (12e-3, 9e-3)
 """Size of a beam where it leaves the sensor."""
-RING_RADIUS = 0.65
+SUB_RAY_RADIUS = 0.65
 """Of the six outer sub-rays, in half-widths of the beam."""
 
 _HDL_32E_DEG = np.linspace(-30.67, 10.67, 32)
@@ -36,7 +40,7 @@ _VLP_32C_OFFSET_DEG = np.array(
 
 
 @dataclass(frozen=True)
-class Head:
+class ScanPattern:
     """What turns: all that the directions of its rays depend on.
 
     Attributes:
@@ -52,13 +56,13 @@ class Head:
     sub_rays: int = 1
 
 
-def head_of(lidar: Lidar) -> Head:
+def build_scan_pattern(lidar: Lidar) -> ScanPattern:
     """The head of a sensor."""
-    elevations, offsets = elevations_rad(lidar), offsets_rad(lidar)
-    return Head(lidar.azimuths, tuple(elevations), tuple(offsets), lidar.sub_rays)
+    elevations, offsets = channel_elevations_rad(lidar), channel_azimuth_offsets_rad(lidar)
+    return ScanPattern(lidar.azimuths, tuple(elevations), tuple(offsets), lidar.sub_rays)
 
 
-def elevations_rad(lidar: Lidar) -> Array:
+def channel_elevations_rad(lidar: Lidar) -> Float64Array:
     """Elevation of every channel (channels,), from the lowest up."""
     if lidar.channel_table == "hdl_32e":
         return np.radians(_HDL_32E_DEG)
@@ -67,7 +71,7 @@ def elevations_rad(lidar: Lidar) -> Array:
     return np.radians(np.linspace(lidar.lower_deg, lidar.upper_deg, lidar.channels))
 
 
-def offsets_rad(lidar: Lidar) -> Array:
+def channel_azimuth_offsets_rad(lidar: Lidar) -> Float64Array:
     """How far to the left of the turning head each channel (channels,) looks."""
     if lidar.channel_table == "vlp_32c":
         # Velodyne counts azimuth clockwise.
@@ -75,49 +79,100 @@ def offsets_rad(lidar: Lidar) -> Array:
     return np.zeros(lidar.channels)
 
 
-def beams(lidar: Lidar) -> NDArray[np.float32]:
+def beam_directions(lidar: Lidar) -> NDArray[np.float32]:
     """Directions (azimuths * channels, 3) of one turn, unit vectors in the LiDAR frame.
 
     They turn counter-clockwise from straight ahead, all channels at each azimuth. Read-only.
     """
-    return directions(replace(head_of(lidar), sub_rays=1))
+    return build_ray_directions(replace(build_scan_pattern(lidar), sub_rays=1))
 
 
-def bearings_rad(azimuths: int) -> NDArray[np.float32]:
+def scan_azimuths_rad(azimuths: int) -> NDArray[np.float32]:
     """Azimuth of the head (azimuths,) in its turn, ascending."""
     turn = np.arange(azimuths) * (2.0 * math.pi / azimuths)
     return turn.astype(np.float32)
 
 
-def weights(lidar: Lidar) -> NDArray[np.float32]:
+def sub_ray_weights(lidar: Lidar) -> NDArray[np.float32]:
     """Share of a beam's power (sub_rays,) that each of its rays stands for: a Gaussian profile."""
-    profile = np.exp(-2.0 * np.array([0.0, *[RING_RADIUS] * (lidar.sub_rays - 1)]) ** 2)
+    profile = np.exp(-2.0 * np.array([0.0, *[SUB_RAY_RADIUS] * (lidar.sub_rays - 1)]) ** 2)
     return (profile / profile.sum()).astype(np.float32)
 
 
 @lru_cache(maxsize=8)
-def directions(head: Head) -> NDArray[np.float32]:
+def build_ray_directions(pattern: ScanPattern) -> NDArray[np.float32]:
     """Directions (azimuths * channels * sub_rays, 3) of the rays that stand for the beams.
 
     Those of a beam are side by side, the one along its axis first. Read-only.
     """
-    turn = np.arange(head.azimuths)[:, None] * (2.0 * math.pi / head.azimuths)
-    azimuth = turn + np.array(head.offsets_rad)
-    elevation = np.broadcast_to(np.array(head.elevations_rad), azimuth.shape)
+    turn = np.arange(pattern.azimuths)[:, None] * (2.0 * math.pi / pattern.azimuths)
+    azimuth = turn + np.array(pattern.offsets_rad)
+    elevation = np.broadcast_to(np.array(pattern.elevations_rad), azimuth.shape)
     cos_az, sin_az = np.cos(azimuth), np.sin(azimuth)
     cos_el, sin_el = np.cos(elevation), np.sin(elevation)
     axis = np.stack([cos_el * cos_az, cos_el * sin_az, sin_el], axis=-1)
     left = np.stack([-sin_az, cos_az, np.zeros_like(azimuth)], axis=-1)
     up = np.stack([-sin_el * cos_az, -sin_el * sin_az, cos_el], axis=-1)
-    spread = np.stack([axis + y * left + z * up for y, z in _spread_rad(head.sub_rays)], axis=-2)
+    spread = np.stack(
+        [axis + y * left + z * up for y, z in _sub_ray_offsets_rad(pattern.sub_rays)], axis=-2
+    )
     spread /= np.linalg.norm(spread, axis=-1, keepdims=True)
     table = spread.reshape(-1, 3).astype(np.float32)
     table.flags.writeable = False
     return table
 
 
-def _spread_rad(sub_rays: int) -> list[tuple[float, float]]:
+def _sub_ray_offsets_rad(sub_rays: int) -> list[tuple[float, float]]:
     """Leftward and upward angle of each of a beam's rays: its axis and a hexagon around it."""
-    wide, high = (RING_RADIUS * opening / 2.0 for opening in DIVERGENCE_RAD)
+    wide, high = (SUB_RAY_RADIUS * opening / 2.0 for opening in BEAM_DIVERGENCE_RAD)
     turn = [corner * math.pi / 3.0 for corner in range(sub_rays - 1)]
     return [(0.0, 0.0), *((wide * math.cos(angle), high * math.sin(angle)) for angle in turn)]
+
+
+_FULL_CIRCLE_RAD = 2.0 * math.pi
+
+
+@dataclass(frozen=True, eq=False)
+class BeamGrid:
+    """Beams in upright columns around a sensor, all channels at each bearing.
+
+    Attributes:
+        world_from_lidar: (4, 4); bearings turn about its z axis.
+        azimuth_rad: (m,) float32 of every column, ascending, from 0 to 2 pi.
+        elevation_rad: (c,) float32 of the beams of each column, ascending.
+        max_offset_rad: How far a beam may stray from its bearing and elevation.
+    """
+
+    world_from_lidar: Matrix
+    azimuth_rad: FloatArray
+    elevation_rad: FloatArray
+    max_offset_rad: float
+
+    @staticmethod
+    def from_lidar(lidar: Lidar, world_from_lidar: Matrix) -> "BeamGrid":
+        """The beams of a LiDAR."""
+        return BeamGrid(
+            world_from_lidar,
+            scan_azimuths_rad(lidar.azimuths),
+            channel_elevations_rad(lidar).astype(np.float32),
+            max_offset_rad=float(np.abs(channel_azimuth_offsets_rad(lidar)).max()),
+        )
+
+    def find_beams_towards(self, corners: Matrix) -> IndexArray:
+        """Beams (n,) that may meet the hull of points (c, 3) of the world, metres; ascending."""
+        own = transform_points(invert_pose(self.world_from_lidar), corners)
+        bearing = math.atan2(*own.mean(axis=0)[1::-1])
+        ahead = own[:, 0] * math.cos(bearing) + own[:, 1] * math.sin(bearing)
+        near = float(ahead.min())
+        if near <= 0.0:
+            return np.arange(len(self.azimuth_rad) * len(self.elevation_rad))
+        aside = np.arctan2(own[:, 1] * math.cos(bearing) - own[:, 0] * math.sin(bearing), ahead)
+        far = float(np.hypot(own[:, 0], own[:, 1]).max())
+        low, high = float(own[:, 2].min()), float(own[:, 2].max())
+        bottom = math.atan2(low, near if low < 0.0 else far) - self.max_offset_rad
+        top = math.atan2(high, near if high > 0.0 else far) + self.max_offset_rad
+        first = (bearing + float(aside.min()) - self.max_offset_rad) % _FULL_CIRCLE_RAD
+        span = float(np.ptp(aside)) + 2.0 * self.max_offset_rad
+        columns = np.flatnonzero((self.azimuth_rad - first) % _FULL_CIRCLE_RAD <= span)
+        channels = np.flatnonzero((self.elevation_rad >= bottom) & (self.elevation_rad <= top))
+        return (columns[:, None] * len(self.elevation_rad) + channels).ravel()

@@ -1,4 +1,7 @@
-"""An open scene: cameras over a stage, behind the Renderer protocol."""
+"""Takes the noise of few samples out of a picture, on the CPU and the same way every time.
+
+An open scene: cameras over a stage, behind the Renderer protocol.
+"""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -8,26 +11,53 @@ import numpy as np
 import sapien
 from numpy.typing import NDArray
 
-from advercity.randomness import generator
-from advercity.rendering.backend import CameraCapture, CameraView, Profile
-from advercity.rendering.lamps import lit_lamps
-from advercity.traffic.trace import Frame
-from advercity.weather import puddles
-from advercity.weather.atmosphere import Atmosphere
-from advercity.world.scene import World
-from advercity_sapien.beams_in_fog import NO_BEAMS, spread_rows
-from advercity_sapien.bindings import Maps, RasterBindings, RayTracedBindings
-from advercity_sapien.culling import seen_by
-from advercity_sapien.denoising import denoised
+from advercity.frames import Frame
+from advercity.geometry.arrays import Float32Array
+from advercity.physics import water
+from advercity.physics.atmosphere import Atmosphere
+from advercity.randomness import create_generator
+from advercity.rendering.backend import CameraCapture, CameraView, RenderProfile
+from advercity.rendering.light_sources import list_light_sources
+from advercity.world import World
+from advercity_sapien.culling import SunShadow, compute_view_frustum
+from advercity_sapien.fog_beams import EMPTY_FOG_BEAM_ROWS, compute_fog_beam_rows
+from advercity_sapien.ground_maps import NO_SHELTER, build_shelter_map, build_wear_map
 from advercity_sapien.lamp_lists import LampLists
-from advercity_sapien.shelter import NO_SHELTER, shelter_map
-from advercity_sapien.stage import Stage
-from advercity_sapien.sun import SunShadow
-from advercity_sapien.tables import KILO, airlight_atlas, atmosphere_row, map_column, sky_atlas
-from advercity_sapien.wear import wear_map
+from advercity_sapien.sapien_scene import SapienScene
+from advercity_sapien.shader_bindings import RasterBindings, RayTracedBindings, SceneTextures
+from advercity_sapien.shader_table import (
+    FRAME_COLUMN,
+    KILO,
+    LAMP_GRID_COLUMN,
+    SHELTER_MAP_COLUMN,
+    WEAR_MAP_COLUMN,
+    build_airlight_texture,
+    build_sky_texture,
+    pack_atmosphere,
+    pack_map_extent,
+)
 
-WEAR_COLUMN, GROUND_COLUMN, FRAME_COLUMN, SHELTER_COLUMN = 14, 15, 16, 17
-SHADERS = Path(__file__).parent / "shaders"
+
+def denoise(radiance: Float32Array, albedo: Float32Array, normal: Float32Array) -> Float32Array:
+    """A picture (h, w, 3) of any scale by Intel's Open Image Denoise.
+
+    Args:
+        radiance: Linear, with noise.
+        albedo: (h, w, 3) in [0, 1], without noise: where materials change.
+        normal: (h, w, 3), unit, without noise: where shapes do.
+    """
+    # Its library takes a while to load, and only few pictures need it.
+    import pyoidn
+
+    return pyoidn.denoise(
+        np.ascontiguousarray(radiance),
+        albedo=np.ascontiguousarray(albedo),
+        normal=np.ascontiguousarray(normal),
+        hdr=True,
+    )
+
+
+SHADER_FOLDER = Path(__file__).parent / "shaders"
 NEAR_M, FAR_M = 0.1, 3000.0
 
 Images = dict[str, NDArray[Any]]
@@ -37,101 +67,103 @@ class SapienRenderer:
     """Renders one world under one atmosphere."""
 
     def __init__(
-        self, world: World, atmosphere: Atmosphere, profile: Profile, device: sapien.Device
+        self, world: World, atmosphere: Atmosphere, profile: RenderProfile, device: sapien.Device
     ) -> None:
         self._world = world
         self._profile = profile
         self._scene = sapien.Scene([sapien.render.RenderSystem(device)])
         self._is_ray_traced = profile.renderer == "ray_traced"
         self._is_denoised = self._is_ray_traced and profile.denoise
-        wear = wear_map(world.lanes)
-        shelter = shelter_map(world) if atmosphere.snow_depth_m else NO_SHELTER
-        maps = Maps(
-            sky_atlas(atmosphere),
-            airlight_atlas(atmosphere),
+        wear = build_wear_map(world.lanes)
+        shelter = build_shelter_map(world) if atmosphere.snow_depth_m else NO_SHELTER
+        maps = SceneTextures(
+            build_sky_texture(atmosphere),
+            build_airlight_texture(atmosphere),
             wear.texels,
-            puddles.field(),
+            water.build_puddle_height_field(),
             shelter.texels,
         )
         self._bindings = (
             RayTracedBindings(self._scene, maps) if self._is_ray_traced else RasterBindings(maps)
         )
-        self._stage = Stage(world, self._scene, self._bindings, night=atmosphere.night)
-        self._sun = SunShadow(atmosphere, self._scene)
+        self._sapien_scene = SapienScene(world, self._scene, self._bindings, night=atmosphere.night)
+        self._sun_shadow = SunShadow(atmosphere, self._scene)
         self._cameras: dict[tuple[int, int], sapien.render.RenderCameraComponent] = {}
-        self._begun: sapien.render.RenderCameraComponent | None = None
-        self._air = atmosphere_row(atmosphere)
-        self._air[WEAR_COLUMN] = map_column(wear)
-        self._air[SHELTER_COLUMN] = map_column(shelter)
+        self._pending_camera: sapien.render.RenderCameraComponent | None = None
+        self._parameters = pack_atmosphere(atmosphere)
+        self._parameters[WEAR_MAP_COLUMN] = pack_map_extent(wear)
+        self._parameters[SHELTER_MAP_COLUMN] = pack_map_extent(shelter)
         self._atmosphere = atmosphere
-        self._spread = spread_rows() if atmosphere.night else NO_BEAMS
+        self._fog_beams = compute_fog_beam_rows() if atmosphere.night else EMPTY_FOG_BEAM_ROWS
         self._lamps = LampLists([], atmosphere)
         self._frame_index = 0
 
     def place(self, frame: Frame) -> None:
         """Move every actor to where it is in `frame`, and switch lamps and signals."""
-        self._stage.place(frame)
-        lit = lit_lamps(self._world, frame) if self._atmosphere.night else []
+        self._sapien_scene.place_actors(frame)
+        lit = list_light_sources(self._world, frame) if self._atmosphere.night else []
         self._lamps = LampLists(lit, self._atmosphere)
-        self._air[GROUND_COLUMN] = self._lamps.ground
-        self._air[FRAME_COLUMN, 3] = frame.index
+        self._parameters[LAMP_GRID_COLUMN] = self._lamps.cell_grid
+        self._parameters[FRAME_COLUMN, 3] = frame.index
         self._frame_index = frame.index
 
-    def camera(self, view: CameraView) -> CameraCapture:
+    def render_camera(self, view: CameraView) -> CameraCapture:
         """Take one picture of the placed frame."""
-        return next(self.cameras([view]))
+        return next(self.render_cameras([view]))
 
-    def cameras(self, views: Sequence[CameraView]) -> Iterator[CameraCapture]:
+    def render_cameras(self, views: Sequence[CameraView]) -> Iterator[CameraCapture]:
         """Take pictures of the placed frame; the next is in the making while one is looked at.
 
         The device has begun with the first when this returns.
         """
-        self._begin(views[0])
-        return self._captures(views[1:])
+        self._start_render(views[0])
+        return self._yield_captures(views[1:])
 
-    def _captures(self, views: Sequence[CameraView]) -> Iterator[CameraCapture]:
+    def _yield_captures(self, views: Sequence[CameraView]) -> Iterator[CameraCapture]:
         for view in views:
-            images = self._images()
-            self._begin(view)
-            yield self._capture(images)
-        yield self._capture(self._images())
+            images = self._fetch_images()
+            self._start_render(view)
+            yield self._to_capture(images)
+        yield self._to_capture(self._fetch_images())
 
-    def _begin(self, view: CameraView) -> None:
+    def _start_render(self, view: CameraView) -> None:
         """Set the device to work on a picture."""
-        self._finish()
-        camera = self._aimed(view)
-        self._sun.follow(view)
+        self._discard_pending()
+        camera = self._configure_camera(view)
+        self._sun_shadow.update(view)
         if not self._is_ray_traced:
-            casting = self._sun.casting
-            self._stage.culling.show([seen_by(view), *([] if casting is None else [casting])])
-        with self._stage.without(view.hide):
-            rows = self._air[None], self._lamps.rows(view), self._spread
-            self._bindings.write(np.concatenate(rows))
+            casting = self._sun_shadow.caster_volume
+            self._sapien_scene.culler.show_only(
+                [compute_view_frustum(view), *([] if casting is None else [casting])]
+            )
+        with self._sapien_scene.hide_actors(view.hide):
+            rows = self._parameters[None], self._lamps.build_rows(view), self._fog_beams
+            self._bindings.upload_table(np.concatenate(rows))
             self._scene.update_render()
             camera.take_picture()
-        self._begun = camera
+        self._pending_camera = camera
 
-    def _images(self) -> Images:
+    def _fetch_images(self) -> Images:
         """Everything of the picture that was begun, by name, as soon as the device is done."""
-        assert self._begun is not None, "captures are fetched before the next are begun"
+        assert self._pending_camera is not None, "captures are fetched before the next are begun"
         names = ["Radiance", "Normal", "Segmentation"]
         if self._is_denoised:
             names.append("Albedo")
-        images = {name: self._begun.get_picture(name) for name in names}
-        self._begun = None
+        images = {name: self._pending_camera.get_picture(name) for name in names}
+        self._pending_camera = None
         return images
 
-    def _finish(self) -> None:
+    def _discard_pending(self) -> None:
         """Wait for a picture that nobody fetched: the device crashes if it is left at work."""
-        if self._begun is not None:
-            self._images()
+        if self._pending_camera is not None:
+            self._fetch_images()
 
-    def _capture(self, images: Images) -> CameraCapture:
+    def _to_capture(self, images: Images) -> CameraCapture:
         radiance, depth = images["Radiance"][..., :3], images["Radiance"][..., 3]
         normal = np.ascontiguousarray(images["Normal"][..., :3])
         if self._is_denoised:
-            radiance = denoised(radiance, images["Albedo"][..., :3], normal)
-        semantic, instance = self._stage.identities.read(images["Segmentation"][..., 0])
+            radiance = denoise(radiance, images["Albedo"][..., :3], normal)
+        semantic, instance = self._sapien_scene.segmentation.look_up(images["Segmentation"][..., 0])
         return CameraCapture(
             radiance=np.multiply(radiance, 1.0 / KILO, dtype=np.float32),
             depth=np.where(depth > 0.0, depth, np.float32(np.inf)),
@@ -142,11 +174,11 @@ class SapienRenderer:
 
     def close(self) -> None:
         """Give the device's memory back."""
-        self._finish()
+        self._discard_pending()
         self._cameras.clear()
         self._scene.clear()
 
-    def _aimed(self, view: CameraView) -> sapien.render.RenderCameraComponent:
+    def _configure_camera(self, view: CameraView) -> sapien.render.RenderCameraComponent:
         """The camera of the view's size, with its lens, pose and share of work."""
         size = view.width_px, view.height_px
         camera = self._cameras.get(size) or self._add_camera(size)
@@ -158,21 +190,23 @@ class SapienRenderer:
         if self._is_ray_traced:
             camera.set_property("samples", self._profile.samples)
             camera.set_property("pathDepth", self._profile.path_depth)
-            camera.set_property("seed", self._seed(view))
+            camera.set_property("seed", self._compute_seed(view))
             camera.set_property("hiding", len(view.hide))
         return camera
 
     def _add_camera(self, size: tuple[int, int]) -> sapien.render.RenderCameraComponent:
-        camera = sapien.render.RenderCameraComponent(*size, str(SHADERS / self._profile.renderer))
+        camera = sapien.render.RenderCameraComponent(
+            *size, str(SHADER_FOLDER / self._profile.renderer)
+        )
         entity = sapien.Entity()
         entity.add_component(camera)
         self._scene.add_entity(entity)
-        self._bindings.bind(camera)
+        self._bindings.attach_to_camera(camera)
         self._cameras[size] = camera
         return camera
 
-    def _seed(self, view: CameraView) -> int:
+    def _compute_seed(self, view: CameraView) -> int:
         """A number for this picture alone, whatever was rendered before it."""
         pose = view.world_from_camera.astype("<f8").tobytes().hex()
         key = "sapien", self._frame_index, view.width_px, view.height_px, pose
-        return int(generator(*key).integers(2**31))
+        return int(create_generator(*key).integers(2**31))

@@ -8,19 +8,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 from advercity_sapien import SapienBackend
-from advercity_sapien.device import Device
+from advercity_sapien.backend import VulkanDevice
 
 from advercity.errors import BackendError
-from advercity.rendering.backend import CameraView, Profile
-from advercity.rendering.registry import load_backend
+from advercity.frames import Frame
+from advercity.geometry.mesh import Mesh
+from advercity.physics.atmosphere import Atmosphere
+from advercity.physics.sky import build_airlight_cubemap
+from advercity.rendering.backend import CameraView, RenderProfile, load_backend
 from advercity.semantics import Semantic
-from advercity.traffic.trace import Frame
-from advercity.weather.atmosphere import Atmosphere
-from advercity.weather.sky import airlight_between
-from advercity.world.scene import Mesh, World
+from advercity.world import World
 
-RASTER = Profile("raster", 1.0, "raster")
-RAY_TRACED = Profile("traced", 1.0, "ray_traced")
+RASTER = RenderProfile("raster", 1.0, "raster")
+RAY_TRACED = RenderProfile("traced", 1.0, "ray_traced")
 
 
 def world_of(triangles: int) -> World:
@@ -45,7 +45,7 @@ AIR = Atmosphere(
     sun_colour=(1.0, 1.0, 1.0),
     sky_lx=3e3,
     sky=np.full((6, 4, 4, 3), 1e3, dtype=np.float32),
-    airlight=airlight_between((1e3, 1e3, 1e3), (1e3, 1e3, 1e3)),
+    airlight=build_airlight_cubemap((1e3, 1e3, 1e3), (1e3, 1e3, 1e3)),
     street_lx=0.0,
     wetness=0.0,
     puddle_coverage=0.0,
@@ -87,8 +87,8 @@ except BackendError as error:
 
 
 def test_without_ray_tracing_only_raster_profiles_open(monkeypatch: pytest.MonkeyPatch) -> None:
-    old = Device("llvmpipe (old)", cuda=False, ray_traced=False)
-    monkeypatch.setattr("advercity_sapien.backend.probe", lambda: old)
+    old = VulkanDevice("llvmpipe (old)", is_cuda=False, supports_ray_tracing=False)
+    monkeypatch.setattr("advercity_sapien.backend.find_vulkan_device", lambda: old)
     assert not SapienBackend().capabilities().ray_traced
     with (
         pytest.raises(BackendError, match="'traced' asks for ray tracing, which llvmpipe"),
@@ -99,14 +99,14 @@ def test_without_ray_tracing_only_raster_profiles_open(monkeypatch: pytest.Monke
 
 @pytest.mark.render
 @pytest.mark.parametrize("profile", [RASTER, RAY_TRACED], ids=lambda profile: profile.name)
-def test_closed_renderers_and_taken_pictures_leave_no_memory_behind(profile: Profile) -> None:
+def test_closed_renderers_and_taken_pictures_leave_no_memory_behind(profile: RenderProfile) -> None:
     world = world_of(20_000)  # some 5 MB on the device, and as much again for tracing
 
     def once() -> int:
         with SapienBackend().open(world, AIR, profile) as renderer:
             for index in range(5):
                 renderer.place(Frame(index, 0.0, (), {}))
-                renderer.camera(VIEW)
+                renderer.render_camera(VIEW)
         return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
     # The allocator's arenas grow in a few large jumps before they are used again; a renderer that

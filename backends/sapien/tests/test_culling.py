@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from advercity_sapien.culling import Volume, seen_by
+from advercity_sapien.culling import ConvexVolume, compute_view_frustum
 
-from advercity.poses import pose
+from advercity.geometry.poses import pose_matrix
 from advercity.rendering.backend import CameraView
 
-SQUARE = CameraView(pose((10.0, 0.0, 1.0), yaw=np.pi / 2), 100, 100, np.radians(90.0))
+SQUARE = CameraView(pose_matrix((10.0, 0.0, 1.0), yaw=np.pi / 2), 100, 100, np.radians(90.0))
 """Looks north from (10, 0, 1); at 8 m it sees 8 m to either side, up and down."""
 
 
@@ -28,18 +28,22 @@ SQUARE = CameraView(pose((10.0, 0.0, 1.0), yaw=np.pi / 2), 100, 100, np.radians(
 def test_a_box_of_two_metres_is_seen_if_any_of_it_may_be(
     middle: tuple[float, float, float], is_seen: bool
 ) -> None:
-    seen = seen_by(SQUARE).may_hold(np.array([middle]), np.ones((1, 3)))
+    seen = compute_view_frustum(SQUARE).may_intersect(np.array([middle]), np.ones((1, 3)))
     assert seen.tolist() == [is_seen]
 
 
 def test_a_box_around_the_camera_is_seen() -> None:
-    assert seen_by(SQUARE).may_hold(np.zeros((1, 3)), np.full((1, 3), 500.0)).all()
+    assert (
+        compute_view_frustum(SQUARE).may_intersect(np.zeros((1, 3)), np.full((1, 3), 500.0)).all()
+    )
 
 
 def test_a_volume_stands_where_its_body_does() -> None:
-    between = Volume.of(
-        pose((5.0, 0.0, 0.0), yaw=np.pi), np.array([[1.0, 0, 0], [-1.0, 0, 0]]), np.array([0, -2.0])
+    between = ConvexVolume.from_body_planes(
+        pose_matrix((5.0, 0.0, 0.0), yaw=np.pi),
+        np.array([[1.0, 0, 0], [-1.0, 0, 0]]),
+        np.array([0, -2.0]),
     )
     middles = np.array([[x, 0.0, 0.0] for x in (2.4, 2.6, 4.0, 5.4, 5.6)])
-    seen = between.may_hold(middles, np.full((5, 3), 0.5))
+    seen = between.may_intersect(middles, np.full((5, 3), 0.5))
     assert seen.tolist() == [False, True, True, True, False]

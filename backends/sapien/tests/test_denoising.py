@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from advercity_sapien.denoising import denoised
+from advercity_sapien.renderer import denoise
 
 
 def test_noise_goes_and_light_stays() -> None:
@@ -13,7 +13,7 @@ def test_noise_goes_and_light_stays() -> None:
     normal[..., 2] = 1.0
     light = 3.0 * albedo
     noisy = (light * rng.exponential(1.0, albedo.shape)).astype(np.float32)
-    calm = denoised(noisy, albedo, normal)
+    calm = denoise(noisy, albedo, normal)
     assert np.abs(calm - light).mean() < 0.15 * np.abs(noisy - light).mean()
     assert calm[:, :60].mean() == pytest.approx(noisy[:, :60].mean(), rel=0.03)
     assert calm[:, 67].mean() > 3.0 * calm[:, 61].mean()
@@ -22,5 +22,5 @@ def test_noise_goes_and_light_stays() -> None:
 def test_the_same_picture_comes_out_the_same() -> None:
     noisy = np.random.default_rng(6).random((64, 48, 3), np.float32)
     guide = np.full_like(noisy, 0.5)
-    first, second = (denoised(noisy, guide, guide) for _ in range(2))
+    first, second = (denoise(noisy, guide, guide) for _ in range(2))
     np.testing.assert_array_equal(first, second)

@@ -18,17 +18,18 @@ from advercity_dsl.weather import Sun
 from advercity_sapien import SapienBackend
 from numpy.typing import ArrayLike, NDArray
 
-from advercity.compiler import find_weather, shipped_weathers
-from advercity.poses import pose
-from advercity.randomness import generator
-from advercity.rendering.backend import CameraView, Profile
-from advercity.rendering.lamps import lit_lamps
+from advercity.compiler import find_weather, list_shipped_weathers
+from advercity.frames import Actor, ActorState, Frame, Lamp, Signal
+from advercity.geometry.mesh import Mesh
+from advercity.geometry.poses import pose_matrix
+from advercity.physics.atmosphere import compute_atmosphere
+from advercity.randomness import create_generator
+from advercity.rendering.backend import CameraView, RenderProfile
+from advercity.rendering.light_sources import list_light_sources
 from advercity.semantics import Semantic
-from advercity.sensors.camera import CameraAir, Shot, photograph
-from advercity.traffic.lamps import lit
-from advercity.traffic.trace import Actor, ActorState, Frame, Lamp, Signal
-from advercity.weather.derivation import atmosphere_of
-from advercity.world.scene import Body, Mesh, SignalLamp, StreetLamp, World
+from advercity.sensors.camera import CameraConditions, CameraExposure, render_image
+from advercity.traffic.weather_effects import apply_lamp_state
+from advercity.world import Body, SignalLamp, StreetLamp, World
 
 pytestmark = pytest.mark.render
 
@@ -100,7 +101,7 @@ def traffic() -> Frame:
     def driving(number: int, x: float, y: float, yaw: float, paint: str) -> ActorState:
         actor = Actor(number, "car", "car", paint, (4.4, 1.8, 1.5))
         lamps = Lamp.BRAKE if number == 1 else Lamp(0)
-        return ActorState(actor, pose((x, y, 0.0), yaw=yaw), 11.0, 0.0, lamps)
+        return ActorState(actor, pose_matrix((x, y, 0.0), yaw=yaw), 11.0, 0.0, lamps)
 
     ahead = driving(1, 12.0, -1.8, 0.0, "car_paint_silver")
     oncoming = driving(2, 30.0, 1.8, np.pi, "car_paint_red")
@@ -108,7 +109,7 @@ def traffic() -> Frame:
 
 
 def weathers() -> dict[str, Weather]:
-    names = {name: name for name in shipped_weathers()}
+    names = {name: name for name in list_shipped_weathers()}
     names |= {name: str(ROOT / "library" / "examples" / f"{name}.yaml") for name in EXAMPLES}
     return {name: at_the_street(find_weather(text).declaration) for name, text in names.items()}
 
@@ -120,18 +121,20 @@ def at_the_street(weather: Weather) -> Weather:
 
 
 def taken(name: str, weather: Weather, renderer: Renderer) -> Image:
-    profile = Profile("golden", 1.0, renderer, samples=4, path_depth=2)
-    world, frame = street(), lit(traffic(), weather.lamps)
-    air = atmosphere_of(weather, "urban")
+    profile = RenderProfile("golden", 1.0, renderer, samples=4, path_depth=2)
+    world, frame = street(), apply_lamp_state(traffic(), weather.lamps)
+    air = compute_atmosphere(weather, "urban")
     camera = Camera(mounts=(Mount(),))
-    view = CameraView(pose((0.0, -1.8, 1.45)), WIDTH_PX, HEIGHT_PX, np.radians(100.0))
+    view = CameraView(pose_matrix((0.0, -1.8, 1.45)), WIDTH_PX, HEIGHT_PX, np.radians(100.0))
     with SapienBackend().open(world, air, profile) as opened:
         opened.place(frame)
-        capture = opened.camera(view)
-    lamps = tuple(lit_lamps(world, frame)) if air.night else ()
-    shot = Shot(view, camera, frame, np.array([11.0, 0.0, 0.0]), lamps)
-    rng = generator("golden", name)
-    return photograph(capture, shot, CameraAir.of(weather, air, "golden"), rng, mount=Mount())
+        capture = opened.render_camera(view)
+    lamps = tuple(list_light_sources(world, frame)) if air.night else ()
+    shot = CameraExposure(view, camera, frame, np.array([11.0, 0.0, 0.0]), lamps)
+    rng = create_generator("golden", name)
+    return render_image(
+        capture, shot, CameraConditions.build(weather, air, "golden"), rng, mount=Mount()
+    )
 
 
 def device() -> str:

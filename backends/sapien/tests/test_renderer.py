@@ -9,19 +9,22 @@ from typing import Literal
 import numpy as np
 import pytest
 from advercity_sapien import SapienBackend
-from advercity_sapien.culling import Culling
+from advercity_sapien.culling import FrustumCuller
 from advercity_sapien.renderer import SapienRenderer
 from numpy.typing import ArrayLike, NDArray
 
-from advercity.poses import inverse, pose, transform
-from advercity.rendering.backend import CameraCapture, CameraView, Profile
-from advercity.rendering.lamps import intensity_towards, lit_lamps
+from advercity.frames import Actor, ActorState, Frame, Lamp, Signal
+from advercity.geometry.mesh import Mesh, Wheel
+from advercity.geometry.poses import invert_pose, pose_matrix, transform_points
+from advercity.materials import MATERIALS, Material
+from advercity.physics.atmosphere import Atmosphere
+from advercity.physics.lamp_beams import intensity_towards
+from advercity.physics.photometry import Colour, cubemap_directions, horizontal_illuminance
+from advercity.physics.sky import build_airlight_cubemap
+from advercity.rendering.backend import CameraCapture, CameraView, RenderProfile
+from advercity.rendering.light_sources import list_light_sources
 from advercity.semantics import Semantic
-from advercity.traffic.trace import Actor, ActorState, Frame, Lamp, Signal
-from advercity.weather.atmosphere import Atmosphere, Colour
-from advercity.weather.sky import airlight_between, cubemap_directions, horizontal_illuminance
-from advercity.world.materials import MATERIALS, Material
-from advercity.world.scene import Body, Mesh, SignalLamp, StreetLamp, Wheel, World
+from advercity.world import Body, SignalLamp, StreetLamp, World
 
 pytestmark = pytest.mark.render
 
@@ -36,7 +39,7 @@ FACES = np.array(
     ],
     dtype=np.int32,
 )
-FORWARD = pose((0.0, 0.0, 1.0))
+FORWARD = pose_matrix((0.0, 0.0, 1.0))
 UNLIT = Lamp(0)
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
@@ -57,7 +60,7 @@ def opened(renderer: Literal["raster", "ray_traced"]) -> Open:
     def open_it(
         world: World, air: Atmosphere, *, samples: int = 1, path_depth: int = 1
     ) -> AbstractContextManager[SapienRenderer]:
-        profile = Profile("test", 1.0, renderer, samples=samples, path_depth=path_depth)
+        profile = RenderProfile("test", 1.0, renderer, samples=samples, path_depth=path_depth)
         return SapienBackend().open(world, air, profile)
 
     return open_it
@@ -101,7 +104,7 @@ def air_of(
         sun_colour=(1.0, 1.0, 1.0),
         sky_lx=horizontal_illuminance(cubemap.astype(np.float64)),
         sky=cubemap,
-        airlight=airlight_between(airlight, airlight),
+        airlight=build_airlight_cubemap(airlight, airlight),
         street_lx=0.0,
         wetness=wetness,
         puddle_coverage=0.0,
@@ -121,7 +124,7 @@ def state(
     number: int, at: ArrayLike, *, paint: str = "grey", lamps: Lamp = UNLIT, yaw: float = 0.0
 ) -> ActorState:
     actor = Actor(number, "car", "box", paint, (2.0, 2.0, 2.0))
-    return ActorState(actor, pose(at, yaw=yaw), 0.0, 0.0, lamps)
+    return ActorState(actor, pose_matrix(at, yaw=yaw), 0.0, 0.0, lamps)
 
 
 def frame_of(*states: ActorState, index: int = 0, **signals: Signal) -> Frame:
@@ -153,7 +156,7 @@ def test_fog_leaves_the_contrast_of_koschmieder(
         for number, paint in enumerate(("black", "white"), start=1):
             # The front of the box is a metre before its middle.
             renderer.place(frame_of(state(number, (distance_m + 1.0, 0.0, 0.0), paint=paint)))
-            seen[paint] = centre(luminance(renderer.camera(view_of(size=(41, 41)))))
+            seen[paint] = centre(luminance(renderer.render_camera(view_of(size=(41, 41)))))
     bare = 5e4 * np.cos(np.radians(45.0)) / np.pi + airlight
     assert (airlight - seen["black"]) / airlight == pytest.approx(left, rel=0.02)
     assert (seen["white"] - seen["black"]) / bare == pytest.approx(left, rel=0.02)
@@ -164,7 +167,7 @@ def test_fog_counts_along_the_ray_and_not_along_the_axis(opened: Open) -> None:
     wall = box((21.0, 0.0, 0.0), (2.0, 60.0, 60.0), "black")
     with opened(world_of(wall), air) as renderer:
         renderer.place(frame_of())
-        capture = renderer.camera(view_of(size=(100, 100)))
+        capture = renderer.render_camera(view_of(size=(100, 100)))
     slant = np.sqrt(1.0 + 2.0 * ((5.5 - 50.0) / 50.0) ** 2)
     expected = 1000.0 * (1.0 - 0.05 ** (20.0 * slant / 75.0))
     assert float(luminance(capture)[5, 5]) == pytest.approx(expected, rel=0.01)
@@ -175,7 +178,9 @@ def test_sky_is_shown_as_it_is_whatever_the_fog(opened: Open) -> None:
     air = air_of(mor_m=75.0, sky=lambda sine: 1000.0 + 500.0 * sine, airlight=grey(1.0))
     with opened(world_of(), air) as renderer:
         renderer.place(frame_of())
-        capture = renderer.camera(view_of(pose((0, 0, 1), pitch=-np.pi / 2), size=(41, 41)))
+        capture = renderer.render_camera(
+            view_of(pose_matrix((0, 0, 1), pitch=-np.pi / 2), size=(41, 41))
+        )
     assert centre(luminance(capture)) == pytest.approx(1500.0, rel=2e-3)
     assert np.all(np.isinf(capture.depth))
     assert np.all(capture.semantic == Semantic.SKY)
@@ -187,7 +192,9 @@ def test_white_card_has_the_luminance_of_its_illuminance(opened: Open) -> None:
     card = box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "white")
     with opened(world_of(card), air, samples=64) as renderer:
         renderer.place(frame_of())
-        capture = renderer.camera(view_of(pose((0, 0, 5), pitch=np.pi / 2), size=(24, 16)))
+        capture = renderer.render_camera(
+            view_of(pose_matrix((0, 0, 5), pitch=np.pi / 2), size=(24, 16))
+        )
     expected = (8e4 * np.sin(np.radians(40.0)) + air.sky_lx) / np.pi
     assert float(luminance(capture).mean()) == pytest.approx(expected, rel=0.02)
 
@@ -196,7 +203,7 @@ def test_upright_white_card_under_a_uniform_dome_is_as_bright_as_the_dome(opened
     card = box((11.0, 0.0, 1.0), (2.0, 4.0, 4.0), "white")
     with opened(world_of(card), air_of(sky=uniform(3000.0))) as renderer:
         renderer.place(frame_of())
-        capture = renderer.camera(view_of())
+        capture = renderer.render_camera(view_of())
     assert centre(luminance(capture)) == pytest.approx(3000.0, rel=0.01)
 
 
@@ -206,8 +213,8 @@ def test_what_the_sun_does_not_reach_has_only_the_light_of_the_sky(opened: Open)
     air = air_of(sky=uniform(0.0), sun_lx=5e4)
     with opened(world_of(ground, wall), air) as renderer:
         renderer.place(frame_of())
-        above = pose((7.0, 0.0, 8.0), pitch=np.pi / 2)
-        seen = luminance(renderer.camera(view_of(above, size=(160, 160))))
+        above = pose_matrix((7.0, 0.0, 8.0), pitch=np.pi / 2)
+        seen = luminance(renderer.render_camera(view_of(above, size=(160, 160))))
     # Image rows run against x, ten pixels a metre: the shadow ends at 5.5 + 4 - 1 = 9.5 m + 0.
     lit, shaded = seen[10, 80], seen[90, 80]
     assert lit == pytest.approx(5e4 * np.sin(np.radians(45.0)) / np.pi, rel=0.01)
@@ -219,7 +226,7 @@ def test_a_known_box_is_labelled_to_the_pixel_and_measured_to_the_millimetre(
 ) -> None:
     with opened(world_of(), air_of(sky=uniform(1000.0))) as renderer:
         renderer.place(frame_of(state(7, (10.0, 0.0, 0.0))))
-        capture = renderer.camera(view_of())
+        capture = renderer.render_camera(view_of())
     # Its front is 2 m square, 9 m ahead, seen with a focal length of 80 px around (80, 60).
     edge = 80.0 / 9.0
     columns = np.abs(np.arange(160) + 0.5 - 80.0) < edge
@@ -235,12 +242,12 @@ def test_a_known_box_is_labelled_to_the_pixel_and_measured_to_the_millimetre(
 
 
 def test_a_point_is_seen_at_the_pixel_of_the_pinhole_model(opened: Open) -> None:
-    camera = pose((3.0, -2.0, 1.5), yaw=0.7, pitch=0.2, roll=0.1)
-    target = transform(camera, [8.0, 2.5, -1.5])
+    camera = pose_matrix((3.0, -2.0, 1.5), yaw=0.7, pitch=0.2, roll=0.1)
+    target = transform_points(camera, [8.0, 2.5, -1.5])
     mark = box(target, (0.1, 0.1, 0.1), semantic=Semantic.TRAFFIC_SIGN)
     with opened(world_of(mark), air_of(sky=uniform(1000.0))) as renderer:
         renderer.place(frame_of())
-        capture = renderer.camera(view_of(camera))
+        capture = renderer.render_camera(view_of(camera))
     rows, columns = np.nonzero(capture.semantic == Semantic.TRAFFIC_SIGN)
     assert columns.mean() + 0.5 == pytest.approx(80.0 - 80.0 * 2.5 / 8.0, abs=0.6)
     assert rows.mean() + 0.5 == pytest.approx(60.0 + 80.0 * 1.5 / 8.0, abs=0.6)
@@ -248,17 +255,17 @@ def test_a_point_is_seen_at_the_pixel_of_the_pinhole_model(opened: Open) -> None
 
 def test_every_pixel_with_depth_lies_on_what_it_is_labelled(opened: Open) -> None:
     ground = box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), semantic=Semantic.ROAD)
-    camera = pose((0.0, 0.0, 2.0), yaw=0.3, pitch=0.1)
+    camera = pose_matrix((0.0, 0.0, 2.0), yaw=0.3, pitch=0.1)
     with opened(world_of(ground), air_of(sky=uniform(1000.0)), samples=3) as renderer:
         renderer.place(frame_of(state(3, (12.0, 3.0, 0.0), yaw=0.5)))
-        capture = renderer.camera(view_of(camera))
+        capture = renderer.render_camera(view_of(camera))
     row, column = np.indices(capture.depth.shape) + 0.5
     rays = np.stack([np.ones_like(row), (80.0 - column) / 80.0, (60.0 - row) / 80.0], axis=-1)
     known = np.isfinite(capture.depth)
-    points = transform(camera, rays[known] * capture.depth[known][:, None])
+    points = transform_points(camera, rays[known] * capture.depth[known][:, None])
     road = capture.semantic[known] == Semantic.ROAD
     np.testing.assert_allclose(points[road, 2], 0.0, atol=2e-3)
-    in_box = transform(inverse(pose((12.0, 3.0, 1.0), yaw=0.5)), points[~road])
+    in_box = transform_points(invert_pose(pose_matrix((12.0, 3.0, 1.0), yaw=0.5)), points[~road])
     np.testing.assert_allclose(np.abs(in_box).max(axis=1), 1.0, atol=2e-3)
     assert np.array_equal(capture.instance[known] == 3, ~road)
 
@@ -267,8 +274,8 @@ def test_a_camera_does_not_see_its_carrier_but_all_else(opened: Open) -> None:
     wall = box((21.0, 0.0, 1.0), (2.0, 60.0, 60.0), semantic=Semantic.WALL)
     with opened(world_of(wall), air_of(sky=uniform(1000.0))) as renderer:
         renderer.place(frame_of(state(1, (5.0, 0.0, 0.0)), state(2, (10.0, 3.0, 0.0))))
-        hidden = renderer.camera(view_of(hide=1))
-        shown = renderer.camera(view_of())
+        hidden = renderer.render_camera(view_of(hide=1))
+        shown = renderer.render_camera(view_of())
     assert set(np.unique(shown.instance)) == {0, 1, 2}
     assert set(np.unique(hidden.instance)) == {0, 2}
     assert centre(hidden.depth) == pytest.approx(20.0, abs=1e-3)
@@ -280,22 +287,22 @@ def test_who_leaves_the_frame_is_gone_and_another_may_come(opened: Open) -> None
         seen: list[set[int]] = []
         for states in ((state(1, (8, 0, 0)),), (), (state(5, (9, 0, 0)),)):
             renderer.place(frame_of(*states))
-            seen.append(set(np.unique(renderer.camera(view_of()).instance).tolist()))
+            seen.append(set(np.unique(renderer.render_camera(view_of()).instance).tolist()))
     assert seen == [{0, 1}, {0}, {0, 5}]
 
 
 def test_wheels_turn_and_steer_with_their_actor_and_hide_with_it(opened: Open) -> None:
     # Seen from the left: a bar of 1.6 m by 0.2 m that lies along x and turns 0.8 m above ground.
     bar = box((0, 0, 0.8), (1.6, 0.2, 0.2), semantic=Semantic.VEHICLE)
-    rolling = replace(bar, wheel=Wheel((0.0, 0.0, 0.8), steers=True))
+    rolling = replace(bar, wheel=Wheel((0.0, 0.0, 0.8), is_steered=True))
     body = Body((rolling,), (1.6, 0.2, 1.6))
     world = replace(world_of(box((0, 9, 4), (20, 1, 9))), bodies={"box": body})
-    view = view_of(pose((0.0, -4.0, 0.8), yaw=np.pi / 2))
+    view = view_of(pose_matrix((0.0, -4.0, 0.8), yaw=np.pi / 2))
 
     def extent_px(*, travelled_m: float = 0.0, steering_rad: float = 0.0) -> list[int]:
         rolled = replace(state(1, (0, 0, 0)), travelled_m=travelled_m, steering_rad=steering_rad)
         renderer.place(frame_of(rolled))
-        capture = renderer.camera(view)
+        capture = renderer.render_camera(view)
         assert (capture.semantic[capture.instance == 1] == Semantic.VEHICLE).all()
         return np.ptp(np.argwhere(capture.instance == 1), axis=0).tolist()
 
@@ -304,7 +311,7 @@ def test_wheels_turn_and_steer_with_their_actor_and_hide_with_it(opened: Open) -
         assert extent_px(travelled_m=0.8 * np.pi / 2) == pytest.approx([32, 4], abs=1.5)
         # 1.6 m at 30 degrees; the end that comes 0.4 m nearer looks larger.
         assert extent_px(steering_rad=np.pi / 6) == pytest.approx([4, 28], abs=1.5)
-        assert not (renderer.camera(replace(view, hide=frozenset({1}))).instance == 1).any()
+        assert not (renderer.render_camera(replace(view, hide=frozenset({1}))).instance == 1).any()
 
 
 def test_paint_is_the_actors_own(opened: Open) -> None:
@@ -314,7 +321,7 @@ def test_paint_is_the_actors_own(opened: Open) -> None:
                 state(1, (9.0, 2.0, 0.0), paint="white"), state(2, (9.0, -2.0, 0.0), paint="black")
             )
         )
-        capture = renderer.camera(view_of())
+        capture = renderer.render_camera(view_of())
     assert luminance(capture)[capture.instance == 1].mean() > 500.0
     assert luminance(capture)[capture.instance == 2].mean() < 1.0
 
@@ -323,14 +330,17 @@ def test_pictures_do_not_depend_on_what_was_rendered_before(opened: Open) -> Non
     ground = box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "asphalt")
     air = air_of(mor_m=300.0, sky=uniform(900.0), sun_lx=3e4, airlight=grey(900.0))
     frames = [frame_of(state(1, (8.0 + k, 1.0, 0.0)), index=k) for k in range(2)]
-    views = [view_of(size=(64, 48)), view_of(pose((0, 0, 3), yaw=0.2), size=(64, 48), hide=1)]
+    views = [
+        view_of(size=(64, 48)),
+        view_of(pose_matrix((0, 0, 3), yaw=0.2), size=(64, 48), hide=1),
+    ]
 
     def shoot(order: list[tuple[int, int]]) -> dict[tuple[int, int], bytes]:
         pictures: dict[tuple[int, int], bytes] = {}
         with opened(world_of(ground), air, samples=2, path_depth=2) as renderer:
             for frame, view in order:
                 renderer.place(frames[frame])
-                capture = renderer.camera(views[view])
+                capture = renderer.render_camera(views[view])
                 pictures[frame, view] = capture.radiance.tobytes() + capture.depth.tobytes()
         return pictures
 
@@ -343,7 +353,7 @@ def test_pictures_do_not_depend_on_what_was_rendered_before(opened: Open) -> Non
 def test_pictures_taken_together_are_those_taken_one_by_one(opened: Open) -> None:
     ground = box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "asphalt")
     air = air_of(mor_m=300.0, sky=uniform(900.0), sun_lx=3e4, airlight=grey(900.0))
-    far, near = pose((0, 0, 3), yaw=0.2), pose((0, 0, 1), yaw=-0.1)
+    far, near = pose_matrix((0, 0, 3), yaw=0.2), pose_matrix((0, 0, 1), yaw=-0.1)
     views = [
         view_of(far, size=(64, 48)),
         view_of(near, size=(64, 48), hide=1),
@@ -352,8 +362,8 @@ def test_pictures_taken_together_are_those_taken_one_by_one(opened: Open) -> Non
     ]
     with opened(world_of(ground), air, samples=2, path_depth=2) as renderer:
         renderer.place(frame_of(state(1, (8.0, 1.0, 0.0))))
-        together = list(renderer.cameras(views))
-        alone = [renderer.camera(view) for view in views]
+        together = list(renderer.render_cameras(views))
+        alone = [renderer.render_camera(view) for view in views]
     for one, other in zip(together, alone, strict=True):
         assert np.array_equal(one.radiance, other.radiance)
         assert np.array_equal(one.depth, other.depth)
@@ -374,36 +384,36 @@ def test_what_is_left_out_of_a_picture_would_not_have_shown(
     ground = box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0))
     frame = frame_of(*(state(k, (1.5 * x, 1.5 * y, 0)) for k, (x, y) in enumerate(around, 1)))
     air = air_of(sky=uniform(900.0), sun_lx=3e4, sun_elevation_deg=20.0)
-    views = [view_of(pose((0, 0, 1), yaw=yaw, pitch=0.1), hide=3) for yaw in (0.0, 0.4, 2.0)]
+    views = [view_of(pose_matrix((0, 0, 1), yaw=yaw, pitch=0.1), hide=3) for yaw in (0.0, 0.4, 2.0)]
 
     def shoot() -> list[bytes]:
         with opened(world_of(ground, *posts), air) as renderer:
             renderer.place(frame)
             return [
                 capture.radiance.tobytes() + capture.instance.tobytes()
-                for capture in renderer.cameras(views)
+                for capture in renderer.render_cameras(views)
             ]
 
     culled = shoot()
-    monkeypatch.setattr(Culling, "show", show_all)
+    monkeypatch.setattr(FrustumCuller, "show_only", show_all)
     assert shoot() == culled
 
 
 def test_pictures_that_nobody_fetches_do_no_harm(opened: Open) -> None:
     with opened(world_of(), air_of(sky=uniform(1000.0))) as renderer:
         renderer.place(frame_of(state(1, (8.0, 0.0, 0.0))))
-        renderer.cameras([view_of(), view_of()])
-        assert set(np.unique(renderer.camera(view_of()).instance)) == {0, 1}
-        next(renderer.cameras([view_of(), view_of()]))
+        renderer.render_cameras([view_of(), view_of()])
+        assert set(np.unique(renderer.render_camera(view_of()).instance)) == {0, 1}
+        next(renderer.render_cameras([view_of(), view_of()]))
 
 
 def test_the_foot_of_a_wall_gets_less_of_the_sky_than_open_ground(opened: Open) -> None:
     ground = box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "white")
     wall = box((7.0, 0.0, 1.5), (1.0, 60.0, 3.0), "black")
-    ahead = view_of(pose((0.0, 0.0, 2.0), pitch=0.3), size=(160, 160))
+    ahead = view_of(pose_matrix((0.0, 0.0, 2.0), pitch=0.3), size=(160, 160))
     with opened(world_of(ground, wall), air_of(sky=uniform(1000.0)), samples=64) as renderer:
         renderer.place(frame_of())
-        seen = renderer.camera(ahead)
+        seen = renderer.render_camera(ahead)
     along = luminance(seen)[:, 60:100].mean(axis=1)
     on_ground = seen.normal[:, 80, 2] > 0.9
     depth = np.where(on_ground, seen.depth[:, 80], 0.0)
@@ -415,21 +425,21 @@ def test_the_foot_of_a_wall_gets_less_of_the_sky_than_open_ground(opened: Open) 
 
 def test_open_ground_and_an_open_wall_hide_nothing_from_themselves() -> None:
     ground = box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "white")
-    profile = Profile("test", 1.0, "raster")
+    profile = RenderProfile("test", 1.0, "raster")
     with SapienBackend().open(world_of(ground), air_of(sky=uniform(1000.0)), profile) as renderer:
         renderer.place(frame_of())
         for pitch in (0.1, 0.5, 1.5):
-            seen = renderer.camera(view_of(pose((0.0, 0.0, 1.5), pitch=pitch)))
+            seen = renderer.render_camera(view_of(pose_matrix((0.0, 0.0, 1.5), pitch=pitch)))
             lit = luminance(seen)[np.isfinite(seen.depth)]
             np.testing.assert_allclose(lit, 1000.0, rtol=0.01)
 
 
 def test_beams_in_fog_have_no_pattern_of_their_samples() -> None:
-    air, profile = air_of(mor_m=60.0, night=True), Profile("test", 1.0, "raster")
+    air, profile = air_of(mor_m=60.0, night=True), RenderProfile("test", 1.0, "raster")
     with SapienBackend().open(world_of(), air, profile) as renderer:
         renderer.place(frame_of(state(1, (0.0, 0.0, 0.0), lamps=Lamp.LOW_BEAM)))
-        aside = pose((14.0, -12.0, 2.0), yaw=np.pi / 2, pitch=0.1)
-        seen = luminance(renderer.camera(view_of(aside, size=(320, 240))))
+        aside = pose_matrix((14.0, -12.0, 2.0), yaw=np.pi / 2, pitch=0.1)
+        seen = luminance(renderer.render_camera(view_of(aside, size=(320, 240))))
     middle, beside = seen[1:-1, 1:-1], (seen[1:-1, :-2] + seen[1:-1, 2:]) / 2.0
     bright = beside > 0.1 * seen.max()
     assert bright.sum() > 200
@@ -443,8 +453,10 @@ def test_wet_asphalt_is_darker_below_and_mirrors_the_sky_ahead(opened: Open) -> 
         air = air_of(sky=uniform(1000.0), wetness=wetness)
         with opened(world_of(ground), air, samples=32) as renderer:
             renderer.place(frame_of())
-            down = renderer.camera(view_of(pose((0, 0, 5), pitch=np.pi / 2), size=(16, 16)))
-            ahead = renderer.camera(view_of(size=(64, 64)))
+            down = renderer.render_camera(
+                view_of(pose_matrix((0, 0, 5), pitch=np.pi / 2), size=(16, 16))
+            )
+            ahead = renderer.render_camera(view_of(size=(64, 64)))
         seen[wetness] = np.array([luminance(down).mean(), luminance(ahead)[34].mean()])
     assert seen[1.0][0] < 0.9 * seen[0.0][0]
     assert seen[1.0][1] > 2.0 * seen[0.0][1]
@@ -456,7 +468,9 @@ def test_a_street_lamp_gives_the_illuminance_of_its_flux(opened: Open) -> None:
     world = world_of(ground, street_lamps=(lamp,))
     with opened(world, air_of(night=True)) as renderer:
         renderer.place(frame_of())
-        capture = renderer.camera(view_of(pose((0, 0, 5), pitch=np.pi / 2), size=(21, 21)))
+        capture = renderer.render_camera(
+            view_of(pose_matrix((0, 0, 5), pitch=np.pi / 2), size=(21, 21))
+        )
     expected = 8000.0 / np.pi / 8.0**2 / np.pi
     assert centre(luminance(capture)) == pytest.approx(expected, rel=0.02)
 
@@ -468,8 +482,8 @@ def test_low_beams_light_the_road_ahead_by_night_only(opened: Open) -> None:
         with opened(world_of(ground), air_of(night=night)) as renderer:
             for lamps in (Lamp(0), Lamp.LOW_BEAM):
                 renderer.place(frame_of(state(1, (0.0, 0.0, 0.0), lamps=lamps)))
-                above = pose((0.0, 0.0, 40.0), pitch=np.pi / 2)
-                capture = renderer.camera(view_of(above, size=(80, 80)))
+                above = pose_matrix((0.0, 0.0, 40.0), pitch=np.pi / 2)
+                capture = renderer.render_camera(view_of(above, size=(80, 80)))
                 # Tail lamps are lit as well, but have no blue.
                 seen[night, lamps] = capture.radiance[..., 2]
     assert seen[True, Lamp(0)].max() == seen[False, Lamp.LOW_BEAM].max() == 0.0
@@ -487,8 +501,8 @@ def test_the_road_right_before_a_vehicle_is_lit_wherever_it_stands(opened: Open)
     with opened(world_of(ground), air_of(night=True)) as renderer:
         for x in np.arange(0.0, 30.0, 6.0):
             renderer.place(frame_of(far_away, state(1, (x, 0.0, 0.0), lamps=Lamp.LOW_BEAM)))
-            view = view_of(pose((x, 0.0, 1.5), pitch=0.6), size=(64, 48), hide=1)
-            seen.append(renderer.camera(view).radiance[..., 2])
+            view = view_of(pose_matrix((x, 0.0, 1.5), pitch=0.6), size=(64, 48), hide=1)
+            seen.append(renderer.render_camera(view).radiance[..., 2])
     assert seen[0].min() < 0.1 * seen[0].max()
     for other in seen[1:]:
         np.testing.assert_allclose(other, seen[0], rtol=0.05, atol=0.01 * seen[0].max())
@@ -499,14 +513,14 @@ def test_beams_have_the_pattern_that_sensors_know(opened: Open, lamps: Lamp) -> 
     """On a wall 10 m ahead, at the height of the lamps and below."""
     wall = world_of(box((11.5, 0.0, 0.0), (1.0, 30.0, 4.0), "white"))
     frame = frame_of(state(1, (0.0, 0.0, 0.0), lamps=lamps))
-    view = view_of(pose((1.0, 0.0, 0.7)), size=(180, 180))
+    view = view_of(pose_matrix((1.0, 0.0, 0.7)), size=(180, 180))
     with opened(wall, air_of(night=True)) as renderer:
         renderer.place(frame)
-        capture = renderer.camera(replace(view, hide=frozenset({1})))
+        capture = renderer.render_camera(replace(view, hide=frozenset({1})))
     row, column = np.mgrid[90:100, 15:165]
     at = np.stack([np.full(row.shape, 11.0), (90 - column - 0.5) / 9.0, 0.7 - (row - 89.5) / 9.0])
     expected = np.zeros(row.shape)
-    for lamp in lit_lamps(wall, frame):
+    for lamp in list_light_sources(wall, frame):
         away = np.moveaxis(at, 0, -1) - lamp.position
         distance = np.linalg.norm(away, axis=-1)
         intensity = intensity_towards([lamp], (away / distance[..., None]).reshape(1, -1, 3))
@@ -522,8 +536,8 @@ def test_a_lamp_in_fog_wears_the_halo_of_its_droplets(opened: Open) -> None:
     air = air_of(mor_m=100.0, night=True)
     with opened(world_of(street_lamps=(lamp,)), air) as renderer:
         renderer.place(frame_of())
-        up = pose((0, 0, 0), pitch=-np.pi / 2)
-        seen = luminance(renderer.camera(view_of(up, size=(801, 801))))
+        up = pose_matrix((0, 0, 0), pitch=-np.pi / 2)
+        seen = luminance(renderer.render_camera(view_of(up, size=(801, 801))))
     columns = [400 + round(400 * np.tan(np.radians(angle))) for angle in (2.0, 5.0)]
     # Weather reference: 6.3 and 1.20 cd/m² for 1000 cd.
     assert seen[400, columns] == pytest.approx([6.3, 1.20], rel=0.1)
@@ -534,7 +548,7 @@ def test_a_signal_shows_its_lit_lens(opened: Open, shown: Signal) -> None:
     lamp = SignalLamp("j/a", (5.0, 0.0, 1.0), (-1.0, 0.0))
     with opened(world_of(signal_lamps=(lamp,)), air_of(sky=uniform(100.0))) as renderer:
         renderer.place(frame_of(**{"j/a": shown}))
-        capture = renderer.camera(view_of(size=(161, 161)))
+        capture = renderer.render_camera(view_of(size=(161, 161)))
     rows = [80 + round(80 * 0.31 * step / 5.0) for step in (-1, 0, 1)]
     column = capture.radiance[rows, 80]
     assert int((column @ LUMINANCE).argmax()) == shown
@@ -548,7 +562,7 @@ def test_brake_lamps_are_brighter_than_tail_lamps_and_those_than_none(opened: Op
         seen: list[float] = []
         for lamps in (Lamp(0), Lamp.LOW_BEAM, Lamp.LOW_BEAM | Lamp.BRAKE):
             renderer.place(frame_of(state(1, (8, 0, 0), lamps=lamps)))
-            seen.append(centre(luminance(renderer.camera(view_of(size=(21, 21))))))
+            seen.append(centre(luminance(renderer.render_camera(view_of(size=(21, 21))))))
     assert seen[0] == 0.0 < 5.0 * seen[1] < seen[2]
 
 
@@ -563,7 +577,8 @@ def test_leaves_are_seen_from_both_sides(opened: Open) -> None:
     with opened(world_of(leaf), air_of(sky=uniform(1000.0))) as renderer:
         renderer.place(frame_of())
         captures = [
-            renderer.camera(view_of(pose((x, 0, 1), yaw=yaw))) for x, yaw in ((0, 0), (10, np.pi))
+            renderer.render_camera(view_of(pose_matrix((x, 0, 1), yaw=yaw)))
+            for x, yaw in ((0, 0), (10, np.pi))
         ]
     for capture, x in zip(captures, (-1.0, 1.0), strict=True):
         assert centre(capture.semantic) == Semantic.VEGETATION
@@ -573,16 +588,16 @@ def test_leaves_are_seen_from_both_sides(opened: Open) -> None:
 def traced(
     world: World, air: Atmosphere, view: CameraView, *, samples: int, path_depth: int = 1
 ) -> Floats:
-    profile = Profile("test", 1.0, "ray_traced", samples=samples, path_depth=path_depth)
+    profile = RenderProfile("test", 1.0, "ray_traced", samples=samples, path_depth=path_depth)
     with SapienBackend().open(world, air, profile) as renderer:
         renderer.place(frame_of())
-        return luminance(renderer.camera(view))
+        return luminance(renderer.render_camera(view))
 
 
 def test_longer_paths_bring_light_round_the_corner() -> None:
     ground = box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "white")
     roof = box((0.0, 0.0, 3.5), (6.0, 6.0, 1.0))
-    below = view_of(pose((0.0, 0.0, 1.0), pitch=-np.pi / 2), size=(16, 16))
+    below = view_of(pose_matrix((0.0, 0.0, 1.0), pitch=-np.pi / 2), size=(16, 16))
     # The ceiling sees no sun; the sunlit ground around it does, one bounce further on.
     air = air_of(sun_lx=5e4, sun_elevation_deg=80.0)
     dark, lit = (
@@ -596,7 +611,7 @@ def test_longer_paths_bring_light_round_the_corner() -> None:
 def test_more_samples_make_less_noise() -> None:
     ground = box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "white")
     air = air_of(sky=lambda sine: 9000.0 * np.maximum(sine, 0.0) ** 4)
-    down = view_of(pose((0.0, 0.0, 5.0), pitch=np.pi / 2), size=(24, 24))
+    down = view_of(pose_matrix((0.0, 0.0, 5.0), pitch=np.pi / 2), size=(24, 24))
     few, many = (traced(world_of(ground), air, down, samples=samples).std() for samples in (2, 32))
     # Sixteen times the samples, a quarter of the noise.
     assert 3.0 < few / many < 5.5

@@ -14,16 +14,16 @@ from advercity_sapien.renderer import SapienRenderer
 from numpy.typing import ArrayLike, NDArray
 
 from advercity.compiler import find_weather
-from advercity.poses import pose
-from advercity.rendering.backend import CameraCapture, CameraView, Profile
+from advercity.frames import Frame
+from advercity.geometry.mesh import Mesh
+from advercity.geometry.poses import pose_matrix
+from advercity.materials import MATERIALS, Material
+from advercity.physics.atmosphere import Atmosphere, compute_atmosphere
+from advercity.physics.sky import build_airlight_cubemap
+from advercity.rendering.backend import CameraCapture, CameraView, RenderProfile
 from advercity.semantics import Semantic
-from advercity.sensors.camera import CameraAir, Shot, in_air
-from advercity.traffic.trace import Frame
-from advercity.weather.atmosphere import Atmosphere
-from advercity.weather.derivation import atmosphere_of
-from advercity.weather.sky import airlight_between
-from advercity.world.materials import MATERIALS, Material
-from advercity.world.scene import Mesh, World
+from advercity.sensors.camera import CameraConditions, CameraExposure, add_air_effects
+from advercity.world import World
 
 pytestmark = pytest.mark.render
 
@@ -63,7 +63,7 @@ def opening(renderer: Literal["raster", "ray_traced"]) -> Open:
     def open_it(
         world: World, air: Atmosphere, *, samples: int = 1, path_depth: int = 1
     ) -> AbstractContextManager[SapienRenderer]:
-        profile = Profile("test", 1.0, renderer, samples=samples, path_depth=path_depth)
+        profile = RenderProfile("test", 1.0, renderer, samples=samples, path_depth=path_depth)
         return SapienBackend().open(world, air, profile)
 
     return open_it
@@ -96,7 +96,7 @@ def rendered(
 ) -> CameraCapture:
     with opened(world, air, samples=samples, path_depth=samples) as renderer:
         renderer.place(Frame(0, 5.0, (), {}))
-        return renderer.camera(view)
+        return renderer.render_camera(view)
 
 
 def card(distance_m: float) -> World:
@@ -117,9 +117,9 @@ def airlight_ahead(air: Atmosphere) -> float:
 def test_fog_leaves_of_a_cards_contrast_what_koschmieder_says(
     opened: Open, distance_m: float, left: float
 ) -> None:
-    foggy = atmosphere_of(weather(air={"mor_m": None}, fog={"mor_m": 75}), "rural")
-    clear = atmosphere_of(weather(air={"mor_m": None}, sky={"oktas": 8}), "rural")
-    ahead = view_of(pose((0.0, 0.0, 0.0)), (101, 51))
+    foggy = compute_atmosphere(weather(air={"mor_m": None}, fog={"mor_m": 75}), "rural")
+    clear = compute_atmosphere(weather(air={"mor_m": None}, sky={"oktas": 8}), "rural")
+    ahead = view_of(pose_matrix((0.0, 0.0, 0.0)), (101, 51))
     contrasts: list[float] = []
     horizon = airlight_ahead(foggy)
     for air, behind in ((foggy, horizon), (clear, 1.0)):
@@ -135,35 +135,37 @@ def test_fog_leaves_of_a_cards_contrast_what_koschmieder_says(
 def test_a_black_card_in_fog_shines_with_the_airlight_before_it(
     opened: Open, distance_m: float, expected: float
 ) -> None:
-    foggy = atmosphere_of(weather(air={"mor_m": None}, fog={"mor_m": 75}), "rural")
-    seen = luminance(rendered(opened, card(distance_m), foggy, view_of(pose((0, 0, 0)), (101, 51))))
+    foggy = compute_atmosphere(weather(air={"mor_m": None}, fog={"mor_m": 75}), "rural")
+    seen = luminance(
+        rendered(opened, card(distance_m), foggy, view_of(pose_matrix((0, 0, 0)), (101, 51)))
+    )
     horizon = airlight_ahead(foggy)
     assert float(seen[25, 50]) * 2500.0 / horizon == pytest.approx(expected, rel=0.02)
 
 
 def test_white_things_in_white_fog_under_a_white_dome_are_not_to_be_seen(opened: Open) -> None:
     dome = 1000.0
-    foggy = atmosphere_of(weather(air={"mor_m": None}, fog={"mor_m": 50}), "rural")
+    foggy = compute_atmosphere(weather(air={"mor_m": None}, fog={"mor_m": 50}), "rural")
     white = replace(
         foggy,
         sky=np.full_like(foggy.sky, dome),
         sky_lx=np.pi * dome,
         sun_lx=0.0,
-        airlight=airlight_between((dome, dome, dome), (dome, dome, dome)),
+        airlight=build_airlight_cubemap((dome, dome, dome), (dome, dome, dome)),
     )
     things = world_of(
         box((20.0, 0.0, 0.0), (4.0, 6.0, 6.0), "white"),
         box((60.0, 30.0, 5.0), (8.0, 8.0, 8.0), "white"),
     )
-    view = view_of(pose((0.0, 0.0, 1.0)), (80, 45))
+    view = view_of(pose_matrix((0.0, 0.0, 1.0)), (80, 45))
     seen = luminance(rendered(opened, things, white, view, samples=12))
     np.testing.assert_allclose(seen, dome, rtol=0.01)
 
 
 def test_a_white_card_under_a_clear_sky_shines_with_26_kcd(opened: Open) -> None:
-    air = atmosphere_of(weather(air={"mor_m": None}), "rural")
+    air = compute_atmosphere(weather(air={"mor_m": None}), "rural")
     ground = world_of(box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "card"))
-    down = view_of(pose((0.0, 0.0, 5.0), pitch=np.pi / 2), (32, 18))
+    down = view_of(pose_matrix((0.0, 0.0, 5.0), pitch=np.pi / 2), (32, 18))
     seen = luminance(rendered(opened, ground, air, down, samples=16))
     assert float(seen.mean()) == pytest.approx(25_900.0, rel=0.03)
 
@@ -182,10 +184,12 @@ def street() -> World:
 def through_air(
     opened: Open, world: World, said: Weather, size: tuple[int, int] = (160, 90)
 ) -> CameraCapture:
-    air = atmosphere_of(said, "rural")
-    view = view_of(pose((0.0, 0.0, 1.5)), size)
-    shot = Shot(view, Camera(mounts=(Mount(),)), Frame(0, 5.0, (), {}), np.zeros(3))
-    return in_air(rendered(opened, world, air, view), shot, CameraAir.of(said, air, "test"))
+    air = compute_atmosphere(said, "rural")
+    view = view_of(pose_matrix((0.0, 0.0, 1.5)), size)
+    shot = CameraExposure(view, Camera(mounts=(Mount(),)), Frame(0, 5.0, (), {}), np.zeros(3))
+    return add_air_effects(
+        rendered(opened, world, air, view), shot, CameraConditions.build(said, air, "test")
+    )
 
 
 def test_weathers_cost_contrast_in_the_order_of_their_names(rasterised: Open) -> None:

@@ -4,9 +4,14 @@ Positions are in the world frame (x east, y north, z up, metres). Headings are i
 counter-clockwise from east. Traffic drives on the right.
 """
 
-from advercity_dsl.road.agents import EgoRoute, RoadsideUnit, Vehicle
-from advercity_dsl.road.declaration import Road
-from advercity_dsl.road.demand import ClassShares, Demand
+from advercity_dsl.road.declaration import (
+    BackgroundDemand,
+    ClassFractions,
+    EgoRoute,
+    Road,
+    RoadsideUnit,
+    Vehicle,
+)
 from advercity_dsl.road.junctions import (
     Crossing,
     Junction,
@@ -17,30 +22,40 @@ from advercity_dsl.road.junctions import (
     SignalHead,
     Signals,
 )
-from advercity_dsl.road.maps import MapFile, MapNetwork
-from advercity_dsl.road.sections import CrossSection, Paint, Strip, StripKind
-from advercity_dsl.road.streets import Arc, Height, Line, Polyline, Street
-from advercity_dsl.road.surroundings import Beside, Species, Surrounding, SurroundingKind
+from advercity_dsl.road.streets import (
+    AxisArc,
+    AxisHeight,
+    AxisLine,
+    AxisPoints,
+    CrossSection,
+    MapFile,
+    MapNetwork,
+    RoadMark,
+    Street,
+    Strip,
+    StripKind,
+)
+from advercity_dsl.road.surroundings import RoadsidePlacement, Species, Surrounding, SurroundingKind
 
 __all__ = [
-    "Arc",
-    "Beside",
-    "ClassShares",
+    "AxisArc",
+    "AxisHeight",
+    "AxisLine",
+    "AxisPoints",
+    "BackgroundDemand",
+    "ClassFractions",
     "CrossSection",
     "Crossing",
-    "Demand",
     "EgoRoute",
-    "Height",
     "Junction",
     "LaneText",
-    "Line",
     "MapFile",
     "MapNetwork",
     "Movement",
     "MovementText",
-    "Paint",
-    "Polyline",
     "Road",
+    "RoadMark",
+    "RoadsidePlacement",
     "RoadsideUnit",
     "Sign",
     "SignalHead",

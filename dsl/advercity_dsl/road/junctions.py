@@ -6,13 +6,13 @@ from typing import Annotated, Literal
 from pydantic import Field, StringConstraints
 
 from advercity_dsl.base import (
+    CompactModel,
     Id,
     Model,
     Point2,
     Point3,
     PositiveMetres,
     Seconds,
-    Terse,
     is_empty,
     is_none,
 )
@@ -37,7 +37,7 @@ class Movement:
     to_lane: int
 
     @staticmethod
-    def read(text: str) -> "Movement":
+    def parse(text: str) -> "Movement":
         """Take a `MovementText` apart."""
         (from_street, from_lane), (to_street, to_lane) = (
             side.split(".") for side in text.split(" > ")
@@ -93,7 +93,7 @@ class Sign(Model):
     """Where it stands, [east, north]."""
 
 
-class Junction(Terse):
+class Junction(CompactModel):
     """Where streets meet, and which lane may go into which."""
 
     control: Literal["signals", "priority", "stop", "yield", "none"] = "none"

@@ -6,6 +6,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from advercity_dsl.base import (
+    CompactModel,
     Count,
     Id,
     KilometresPerHour,
@@ -13,7 +14,6 @@ from advercity_dsl.base import (
     Model,
     Point2,
     PositiveMetres,
-    Terse,
     is_empty,
     is_none,
 )
@@ -51,7 +51,7 @@ class Species(StrEnum):
     SPRUCE = "spruce"
 
 
-class Beside(Terse):
+class RoadsidePlacement(CompactModel):
     """A place along a street, which goes with the street wherever it leads."""
 
     street: Id
@@ -66,7 +66,7 @@ class Beside(Terse):
     """Outwards from the edge of all paving: of a line, or of both borders of a band."""
 
     @model_validator(mode="after")
-    def _is_ordered(self) -> Self:
+    def _check_order(self) -> Self:
         if self.to_m is not None and self.to_m <= self.from_m:
             raise ValueError("'to_m' is beyond 'from_m'")
         if isinstance(self.offset_m, tuple) and self.offset_m[1] <= self.offset_m[0]:
@@ -82,7 +82,7 @@ class Beside(Terse):
 
 
 _BESIDE, _AREA, _LINE, _AT = "beside", "area_m", "line_m", "at_m"
-_PLACES = {
+_ALLOWED_PLACEMENTS = {
     SurroundingKind.BUILDINGS: (_BESIDE, _AREA),
     SurroundingKind.HOUSES: (_BESIDE, _AREA),
     SurroundingKind.TREES: (_BESIDE, _AREA, _LINE, _AT),
@@ -101,7 +101,7 @@ _PLACES = {
     SurroundingKind.SPEED_SIGN: (_BESIDE,),
     SurroundingKind.DRIVEWAY: (_BESIDE,),
 }
-_BANDS = (
+_BAND_KINDS = (
     SurroundingKind.CROPS,
     SurroundingKind.FIELD,
     SurroundingKind.WOODS,
@@ -120,7 +120,7 @@ class Surrounding(Model):
 
     kind: SurroundingKind
     """What stands there."""
-    beside: Beside | None = Field(default=None, exclude_if=is_empty)
+    beside: RoadsidePlacement | None = Field(default=None, exclude_if=is_empty)
     """Along a street."""
     area_m: tuple[Point2, Point2] | None = Field(default=None, exclude_if=is_empty)
     """Two opposite corners of a rectangle."""
@@ -142,14 +142,14 @@ class Surrounding(Model):
     """Another number gives other trees and buildings."""
 
     @model_validator(mode="after")
-    def _has_a_place(self) -> Self:
+    def _check_placement(self) -> Self:
         given = [name for name in (_BESIDE, _AREA, _LINE, _AT) if getattr(self, name)]
-        fitting = _PLACES[self.kind]
+        fitting = _ALLOWED_PLACEMENTS[self.kind]
         if not given or any(name not in fitting for name in given):
             found = f"has {' and '.join(given)}" if given else "has no place"
             ways = " or ".join(f"'{name}'" for name in fitting)
             raise ValueError(f"{self.kind} {found}; give it {ways}")
-        if self.kind in _BANDS and self.beside and not isinstance(self.beside.offset_m, tuple):
+        if self.kind in _BAND_KINDS and self.beside and not isinstance(self.beside.offset_m, tuple):
             raise ValueError(f"{self.kind} beside a street need two offsets, as in [2, 60]")
         if self.kind is SurroundingKind.PLATEAU and (len(self.line_m) < 3 or not self.height_m):
             raise ValueError(

@@ -1,0 +1,116 @@
+"""Where models lie that are ready to use: converted once, kept by what they are made from."""
+
+import hashlib
+import json
+import shutil
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from advercity_dsl import Blueprint
+from advercity_dsl.catalogue import BodyModel
+
+from advercity.assets.model_conversion import CONVERSION_VERSION, convert_model
+from advercity.assets.model_files import ModelPart, read_glb, read_obj, to_glb
+from advercity.assets.packages import DIGEST_FILE, check_licence, fetch_package, load_source_model
+from advercity.errors import InputError, RunError
+
+
+@dataclass(frozen=True)
+class ModelStore:
+    """A folder of models; nothing in it is needed, bodies that miss theirs are shaped instead.
+
+    `package` holds Debian's collections, `own` the users' files by checksum, `models` what both
+    were converted to.
+    """
+
+    folder: Path
+
+    @property
+    def has_package(self) -> bool:
+        """Whether the asset pack is installed."""
+        return (self._package_folder / DIGEST_FILE).is_file()
+
+    def install_package(self) -> None:
+        """Fetch the asset pack; RunError if that cannot be done here."""
+        fetch_package(self._package_folder)
+
+    def remove_package(self) -> None:
+        """Forget the asset pack and everything made of it."""
+        for folder in (self._package_folder, self.folder / "models"):
+            shutil.rmtree(folder, ignore_errors=True)
+
+    def add_model(self, path: Path) -> str:
+        """Take in a user's GLB; its SHA-256.
+
+        Raises:
+            InputError: It cannot be read, or is no GLB.
+        """
+        try:
+            content = path.read_bytes()
+        except OSError as error:
+            raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+        if not content.startswith(b"glTF"):
+            raise InputError(f"{path}: is not a GLB file; export the model as binary glTF")
+        digest = hashlib.sha256(content).hexdigest()
+        self._write_once(self._user_model_path(digest), lambda: content)
+        return digest
+
+    def prepare_model(self, blueprint: Blueprint) -> Path | None:
+        """The converted model of a blueprint, None if it names none or it is not here.
+
+        Raises:
+            RunError: The model is here, but cannot be made into such a body.
+        """
+        model = blueprint.model
+        if model is None:
+            return None
+        source = self._find_source_digest(model)
+        if source is None:
+            return None
+        height_m = model.ridden.machine_height_m if model.ridden else blueprint.height_m
+        size = (blueprint.length_m, blueprint.width_m, height_m)
+        made_from = [CONVERSION_VERSION, source, size, model.model_dump(mode="json")]
+        key = hashlib.sha256(json.dumps(made_from, sort_keys=True).encode()).hexdigest()
+        path = self.folder / "models" / f"{key}.glb"
+        if not path.is_file():
+            self._write_once(
+                path, lambda: to_glb(convert_model(self._load_parts(model), model, size))
+            )
+        return path
+
+    def _find_source_digest(self, model: BodyModel) -> str | None:
+        """What identifies the file that a model is in; None if it is not here."""
+        if model.pack is not None:
+            return (self._package_folder / DIGEST_FILE).read_text() if self.has_package else None
+        there = model.sha256 is not None and self._user_model_path(model.sha256).is_file()
+        return model.sha256 if there else None
+
+    def _load_parts(self, model: BodyModel) -> list[ModelPart]:
+        if model.pack is not None:
+            source = load_source_model(self._package_folder, model.pack)
+            check_licence(model, source)
+            return read_obj(source.obj, source.files)
+        return read_glb(self._user_model_path(str(model.sha256)).read_bytes(), str(model.file))
+
+    def _write_once(self, path: Path, make: Callable[[], bytes]) -> None:
+        """Write a file, whole or not at all, unless it is there."""
+        if path.is_file():
+            return
+        content = make()
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryDirectory(dir=path.parent) as work:
+                partial = Path(work) / path.name
+                partial.write_bytes(content)
+                partial.replace(path)
+        except OSError as error:
+            raise RunError(f"{path}: cannot be written: {error.strerror}") from error
+
+    @property
+    def _package_folder(self) -> Path:
+        return self.folder / "package"
+
+    def _user_model_path(self, digest: str) -> Path:
+        return self.folder / "own" / f"{digest}.glb"

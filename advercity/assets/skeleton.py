@@ -1,0 +1,318 @@
+"""Joints and bones of people, and how bones carry what is fixed to them.
+
+A posture is an array (joints, 3) in metres, in the body frame. Right joints follow the left ones.
+
+How people walk: postures of one stride, from where the feet stand.
+
+A foot on the ground stays where it is while the body passes over it: first it rolls over the heel,
+then it stands, then it rolls over its tip. Legs follow by inverse kinematics, arms swing against
+them. Proportions and angles are those of textbooks (Perry and Burnfield, Gait Analysis, 2010).
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from advercity.geometry.arrays import Float64Array
+
+
+class Joint(IntEnum):
+    """Rows of a posture; the head is its middle, the toe is where a foot points."""
+
+    PELVIS = 0
+    NECK = 1
+    HEAD = 2
+    SHOULDER = 3
+    ELBOW = 4
+    HAND = 5
+    HIP = 6
+    KNEE = 7
+    ANKLE = 8
+    TOE = 9
+
+
+LEFT_TO_RIGHT_JOINT = len(Joint) - Joint.SHOULDER
+"""Right joints have numbers this much higher than left ones."""
+JOINT_COUNT = len(Joint) + LEFT_TO_RIGHT_JOINT
+
+
+class Bone(IntEnum):
+    """What moves as one; right bones follow the left ones."""
+
+    TRUNK = 0
+    HEAD = 1
+    UPPER_ARM = 2
+    FOREARM = 3
+    THIGH = 4
+    SHIN = 5
+    FOOT = 6
+
+
+LEFT_TO_RIGHT_BONE = len(Bone) - Bone.UPPER_ARM
+BONE_SIDES = (0, 0, *(1,) * LEFT_TO_RIGHT_BONE, *(-1,) * LEFT_TO_RIGHT_BONE)
+"""Of each bone: left 1, right -1, middle 0."""
+_LEFT_BONE_ENDS = (
+    (Joint.PELVIS, Joint.NECK),
+    (Joint.NECK, Joint.HEAD),
+    (Joint.SHOULDER, Joint.ELBOW),
+    (Joint.ELBOW, Joint.HAND),
+    (Joint.HIP, Joint.KNEE),
+    (Joint.KNEE, Joint.ANKLE),
+    (Joint.ANKLE, Joint.TOE),
+)
+_BONE_ENDS = np.array(
+    [
+        *_LEFT_BONE_ENDS,
+        *(
+            (start + LEFT_TO_RIGHT_JOINT, end + LEFT_TO_RIGHT_JOINT)
+            for start, end in _LEFT_BONE_ENDS[Bone.UPPER_ARM :]
+        ),
+    ]
+)
+"""Joints (bones, 2) between which each bone lies."""
+
+
+@dataclass(frozen=True)
+class BodyBuild:
+    """Proportions of a figure in metres; thickness goes with `stout`, 1 for an average one."""
+
+    height_m: float
+    stoutness: float = 1.0
+
+    @property
+    def head_m(self) -> float:
+        """Height of the head; children have nearly as large ones as adults."""
+        return 0.225 * (0.45 + 0.55 * self.height_m / 1.75)
+
+    @property
+    def leg_m(self) -> float:
+        """From hip to ankle, along thigh and shin of the same length."""
+        return (0.488 if self.height_m > 1.45 else 0.47) * self.height_m
+
+    @property
+    def ankle_m(self) -> float:
+        """Height of the ankle above the ground."""
+        return 0.042 * self.height_m
+
+
+def joint_on_side(joint: int, left: int) -> int:
+    """Number of a joint of the left (1) or right (-1) side."""
+    return joint if left > 0 else joint + LEFT_TO_RIGHT_JOINT
+
+
+def bone_on_side(bone: int, left: int) -> int:
+    """Number of a bone of the left (1) or right (-1) side."""
+    return bone if left > 0 else bone + LEFT_TO_RIGHT_BONE
+
+
+def compute_standing_posture(build: BodyBuild) -> Float64Array:
+    """Posture of somebody who stands with hanging arms."""
+    h, wide = build.height_m, 0.5 + 0.5 * build.stoutness
+    hip = build.ankle_m + build.leg_m
+    neck = h - 0.97 * build.head_m - 0.045 * h
+    left = {
+        Joint.SHOULDER: (0.0, 0.100 * wide * h, neck - 0.030 * h),
+        Joint.ELBOW: (-0.012 * h, 0.128 * wide * h, neck - 0.200 * h),
+        Joint.HAND: (0.018 * h, 0.140 * wide * h, neck - 0.360 * h),
+        Joint.HIP: (0.0, 0.049 * wide * h, hip),
+        Joint.KNEE: (0.006 * h, 0.050 * wide * h, (hip + build.ankle_m) / 2),
+        Joint.ANKLE: (0.0, 0.051 * wide * h, build.ankle_m),
+        Joint.TOE: (0.085 * h, 0.051 * wide * h + 0.009 * h, 0.6 * build.ankle_m),
+    }
+    middle = {
+        Joint.PELVIS: (0.0, 0.0, hip + 0.02 * h),
+        Joint.NECK: (-0.004 * h, 0.0, neck),
+        Joint.HEAD: (0.012 * h, 0.0, h - 0.47 * build.head_m),
+    }
+    posture = np.zeros((JOINT_COUNT, 3))
+    for joint, place in (middle | left).items():
+        posture[joint] = place
+    for joint, place in left.items():
+        posture[joint + LEFT_TO_RIGHT_JOINT] = np.multiply(place, (1, -1, 1))
+    return posture
+
+
+def solve_middle_joint(
+    start: ArrayLike, end: ArrayLike, upper_m: float, lower_m: float, towards: ArrayLike
+) -> Float64Array:
+    """The elbows or knees (..., 3) between two joints, on the side that `to` points at.
+
+    Limbs that are too short to reach are stretched.
+    """
+    first, last = np.asarray(start, float), np.asarray(end, float)
+    line = last - first
+    distance = np.linalg.norm(line, axis=-1, keepdims=True)
+    along = line / distance
+    whole = upper_m + lower_m
+    lawful = (distance**2 + upper_m**2 - lower_m**2) / (2 * distance)
+    reach = np.where(distance < whole, lawful, distance * upper_m / whole)
+    height = np.sqrt(np.maximum(upper_m**2 - reach**2, 0.0))
+    aside = np.asarray(towards, float) - np.sum(towards * along, axis=-1, keepdims=True) * along
+    aside = aside / np.linalg.norm(aside, axis=-1, keepdims=True)
+    return first + reach * along + height * aside
+
+
+def compute_bone_transforms(rest: Float64Array, postures: Float64Array) -> NDArray[np.float32]:
+    """How every bone carries points from one posture (joints, 3) to others (n, joints, 3).
+
+    Returns:
+        (n, bones, 3, 4) float32: a point x at rest comes to `move[:, :3] @ x + move[:, 3]`.
+        Bones turn the shortest way.
+    """
+    before = rest[_BONE_ENDS[:, 1]] - rest[_BONE_ENDS[:, 0]]
+    after = postures[:, _BONE_ENDS[:, 1]] - postures[:, _BONE_ENDS[:, 0]]
+    turn = _compute_shortest_rotations(before, after)
+    shift = postures[:, _BONE_ENDS[:, 0]] - np.einsum("nbij,bj->nbi", turn, rest[_BONE_ENDS[:, 0]])
+    return np.concatenate([turn, shift[..., None]], axis=-1).astype(np.float32)
+
+
+def _compute_shortest_rotations(before: Float64Array, after: Float64Array) -> Float64Array:
+    """Shortest rotations (..., 3, 3) between directions (..., 3)."""
+    a = before / np.linalg.norm(before, axis=-1, keepdims=True)
+    b = after / np.linalg.norm(after, axis=-1, keepdims=True)
+    a = np.broadcast_to(a, b.shape)
+    x, y, z = np.moveaxis(np.cross(a, b), -1, 0)
+    zero = np.zeros_like(x)
+    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*x.shape, 3, 3)
+    cosine = np.sum(a * b, axis=-1)[..., None, None]
+    return np.eye(3) + cross + cross @ cross / (1.0 + cosine)
+
+
+STANCE_FRACTION = 0.62
+"""Of a stride that a foot is on the ground."""
+HEEL_STRIKE_FRACTION = 0.225
+"""Of a stride that the ankle is ahead of the hip when the heel strikes."""
+_TYPICAL_STRIDE = 0.76
+"""In heights of the figure."""
+_STRIKE_RAD, _PUSH_RAD = np.radians(20.0), np.radians(-42.0)
+_FLAT_START, _FLAT_END = 0.11, 0.36
+_HEEL_ROLL, _TOE_ROLL = (-0.022, 0.022), (0.104, 0.016)
+"""Of the shoe: how far before the ankle, and radius, in heights of the figure."""
+
+
+def compute_walking_postures(build: BodyBuild, stride_m: float, poses: int) -> Float64Array:
+    """Postures (poses, joints, 3) of a stride; the left heel strikes first.
+
+    In posture k the body has gone k / poses of the stride.
+    """
+    rest = compute_standing_posture(build)
+    phase = np.arange(poses) / poses
+    feet = {
+        left: _compute_foot_path(build, stride_m, (phase + (left < 0) / 2) % 1.0)
+        for left in (1, -1)
+    }
+    hip_z = _compute_hip_height(build, phase, [ankle for ankle, _ in feet.values()])
+    postures = np.broadcast_to(rest, (poses, *rest.shape)).copy()
+    sunk = hip_z - rest[Joint.HIP, 2]
+    upper = [Joint.PELVIS, Joint.NECK, Joint.HEAD]
+    upper += [
+        joint_on_side(joint, left) for joint in (Joint.SHOULDER, Joint.HIP) for left in (1, -1)
+    ]
+    postures[:, upper, 2] += sunk[:, None]
+    for left, (ankle, pitch) in feet.items():
+        _set_leg(postures, build, rest, left, ankle, pitch)
+        vigour = stride_m / (_TYPICAL_STRIDE * build.height_m)
+        _set_arm_swing(postures, rest, left, phase + (left < 0) / 2, vigour)
+    return postures
+
+
+def _compute_foot_path(
+    build: BodyBuild, stride_m: float, phase: Float64Array
+) -> tuple[Float64Array, Float64Array]:
+    """Ankle (n, 2) as x and z, and pitch (n,) of a foot, toe up positive; heel strikes at 0."""
+    stance, pitch = _compute_stance(build, stride_m, np.minimum(phase, STANCE_FRACTION))
+    off, off_pitch = _compute_stance(build, stride_m, np.array([STANCE_FRACTION]))
+    strike, strike_pitch = _compute_stance(build, stride_m, np.array([0.0]))
+    share = np.clip((phase - STANCE_FRACTION) / (1.0 - STANCE_FRACTION), 0.0, 1.0)
+    eased = share**2 * (3.0 - 2.0 * share)
+    swing = off + eased[:, None] * (strike - off)
+    swing[:, 1] += 0.055 * build.height_m * np.sin(np.pi * share) ** 2
+    swung_pitch = off_pitch + np.sqrt(eased) * (strike_pitch - off_pitch)
+    swings = phase > STANCE_FRACTION
+    return np.where(swings[:, None], swing, stance), np.where(swings, swung_pitch, pitch)
+
+
+def _compute_stance(
+    build: BodyBuild, stride_m: float, phase: Float64Array
+) -> tuple[Float64Array, Float64Array]:
+    """Ankle and pitch of a foot on the ground, which rolls about heel and tip."""
+    h = build.height_m
+    flat = HEEL_STRIKE_FRACTION * stride_m - stride_m * phase
+    strikes = np.clip(1.0 - phase / _FLAT_START, 0.0, 1.0)
+    pushes = np.clip((phase - _FLAT_END) / (STANCE_FRACTION - _FLAT_END), 0.0, 1.0) ** 1.5
+    pitch = _STRIKE_RAD * strikes + _PUSH_RAD * pushes
+    ahead, radius = np.where((pitch > 0)[:, None], _HEEL_ROLL, _TOE_ROLL).T * h
+    x, z = -ahead, build.ankle_m - radius
+    cosine, sine = np.cos(pitch), np.sin(pitch)
+    ankle = np.stack([flat + ahead + cosine * x - sine * z, radius + sine * x + cosine * z], axis=1)
+    return ankle, pitch
+
+
+def _compute_hip_height(
+    build: BodyBuild, phase: Float64Array, ankles: list[Float64Array]
+) -> Float64Array:
+    """Height (n,) of the hips, which rise and fall twice a stride, as far as the legs reach."""
+    reach = 0.995 * build.leg_m
+    allowed = np.min(
+        [z + np.sqrt(np.maximum(reach**2 - x**2, 0.0)) for x, z in (a.T for a in ankles)], axis=0
+    )
+    fall = 1.0 - np.cos(4 * np.pi * (phase - 0.29))
+    top = min(build.ankle_m + 0.992 * build.leg_m, float(allowed[fall < 0.3].min()))
+    steep = fall > 0.3
+    depth = max(float(np.max((top - allowed[steep]) / fall[steep])), 0.0)
+    return top - depth * fall
+
+
+def _set_leg(
+    postures: Float64Array,
+    build: BodyBuild,
+    rest: Float64Array,
+    left: int,
+    ankle: Float64Array,
+    pitch: Float64Array,
+) -> None:
+    knee, foot, toe = (joint_on_side(joint, left) for joint in (Joint.KNEE, Joint.ANKLE, Joint.TOE))
+    postures[:, foot, 0], postures[:, foot, 2] = ankle.T
+    half = build.leg_m / 2
+    hip = postures[:, joint_on_side(Joint.HIP, left)]
+    ahead = np.broadcast_to([1.0, 0.0, 0.0], hip.shape)
+    postures[:, knee] = solve_middle_joint(hip, postures[:, foot], half, half, ahead)
+    x, y, z = rest[toe] - rest[foot]
+    cosine, sine = np.cos(pitch), np.sin(pitch)
+    turned = np.stack([cosine * x - sine * z, np.full(len(pitch), y), sine * x + cosine * z], 1)
+    postures[:, toe] = postures[:, foot] + turned
+
+
+def _set_arm_swing(
+    postures: Float64Array, rest: Float64Array, left: int, phase: Float64Array, vigour: float
+) -> None:
+    """Turn an arm about its shoulder, forward when the other leg is."""
+    back = vigour * np.cos(2 * np.pi * (phase - 0.02))
+    upper = np.radians(2.0) - np.radians(21.0) * back
+    lower = upper + np.radians(12.0) - np.radians(9.0) * back
+    shoulder, elbow, hand = (
+        joint_on_side(joint, left) for joint in (Joint.SHOULDER, Joint.ELBOW, Joint.HAND)
+    )
+    postures[:, elbow] = postures[:, shoulder] + _rotate_limb(rest[elbow] - rest[shoulder], upper)
+    postures[:, hand] = postures[:, elbow] + _rotate_limb(rest[hand] - rest[elbow], lower)
+
+
+def _rotate_limb(limb: Float64Array, angle: Float64Array) -> Float64Array:
+    """A hanging limb (3,) turned forward by angles (n,)."""
+    x, y, z = limb
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return np.stack([cosine * x - sine * z, np.full(len(angle), y), sine * x + cosine * z], axis=1)
+
+
+def raise_right_forearm(postures: Float64Array, build: BodyBuild) -> Float64Array:
+    """Postures (..., joints, 3) with the right forearm held up before the shoulder."""
+    h = build.height_m
+    held = postures.copy()
+    shoulder, elbow, hand = (
+        joint_on_side(joint, -1) for joint in (Joint.SHOULDER, Joint.ELBOW, Joint.HAND)
+    )
+    held[..., elbow, :] = held[..., shoulder, :] + np.array([0.035, -0.020, -0.168]) * h
+    held[..., hand, :] = held[..., elbow, :] + np.array([0.115, 0.020, 0.105]) * h
+    return held

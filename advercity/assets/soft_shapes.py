@@ -1,0 +1,344 @@
+"""Soft shapes: round cones that run into each other, and the skin around them.
+
+What is inside has a negative distance. Skins are found by surface nets (Gibson 1998): a vertex in
+every cell of a grid that the surface passes through, then moved onto the surface.
+
+A figure in a posture: places on its skeleton, and the round cones that flesh is made of.
+
+Lengths are shares of the figure's height, those of the head shares of the head's height.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import reduce
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from advercity.assets.skeleton import BodyBuild, Bone, Joint, bone_on_side, joint_on_side
+from advercity.geometry.arrays import Float64Array
+from advercity.geometry.mesh import TriangleSurface, xyz
+
+_GRADIENT_STEP_M = 1e-4
+_WEIGHT_FALLOFF_M = 0.022
+"""How fast a vertex forgets a bone whose flesh is farther away."""
+_SEAM_WIDTH_M = 0.03
+"""Width of the strip in the middle that bones of both sides share."""
+
+
+@dataclass(frozen=True, eq=False)
+class RoundCone:
+    """A ball that moves along a line while it swells or shrinks.
+
+    Attributes:
+        start: (3,) where the ball starts.
+        end: (3,) where it ends.
+        radii: Of the ball at both, metres.
+        bone: Index of the bone that it moves with.
+    """
+
+    start: Float64Array
+    end: Float64Array
+    radii: tuple[float, float]
+    bone: int
+    width_ratio: float = 1.0
+    """How much wider (along y) than deep the ball is."""
+
+    def compute_distance(self, points: Float64Array) -> Float64Array:
+        """Distance (n,) of points (n, 3), metres; right on the surface and close to it nearby."""
+        line = self.end - self.start
+        share = (points - self.start) @ line / max(float(line @ line), 1e-12)
+        share = np.clip(share, 0.0, 1.0)
+        radius = self.radii[0] + share * (self.radii[1] - self.radii[0])
+        away = points - self.start - share[:, None] * line
+        away[:, 1] /= self.width_ratio
+        return np.linalg.norm(away, axis=1) - radius
+
+
+@dataclass(frozen=True, eq=False)
+class SoftShape:
+    """Chains of cones that run into each other.
+
+    Attributes:
+        chains: Cones of a limb or of the trunk; along a chain the skin hardly bulges.
+        blend_m: How far apart chains begin to run together.
+        cell_m: Size (x, y, z) of the cells of the skin.
+        smooth_m: As `blend_m`, within a chain.
+        hems: Height under which each chain is cut off, where some are.
+    """
+
+    chains: tuple[tuple[RoundCone, ...], ...]
+    blend_m: float
+    cell_m: tuple[float, float, float]
+    smooth_m: float
+    hems: tuple[float, ...] = ()
+
+    def compute_distance(self, points: Float64Array) -> Float64Array:
+        """Distance (n,) of points (n, 3), metres."""
+        limbs = [
+            np.maximum(
+                _compute_smooth_minimum(
+                    [cone.compute_distance(points) for cone in chain], self.smooth_m
+                ),
+                hem - points[:, 2],
+            )
+            for chain, hem in zip(self.chains, self.hems or self._no_hems, strict=True)
+        ]
+        return _compute_smooth_minimum(limbs, self.blend_m)
+
+    @property
+    def _no_hems(self) -> tuple[float, ...]:
+        return (-np.inf,) * len(self.chains)
+
+    def build_surface(self) -> TriangleSurface:
+        """The closed surface, with normals."""
+        cones = [cone for chain in self.chains for cone in chain]
+        ends = np.array([end for cone in cones for end in (cone.start, cone.end)])
+        radii = np.array([(r, r * cone.width_ratio, r) for cone in cones for r in cone.radii])
+        margin = self.blend_m / 2 + 2 * np.asarray(self.cell_m)
+        low, high = (ends - radii).min(axis=0) - margin, (ends + radii).max(axis=0) + margin
+        axes = [
+            start + step * np.arange(int(np.ceil((end - start) / step)) + 1)
+            for start, end, step in zip(low, high, self.cell_m, strict=True)
+        ]
+        grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+        values = self.compute_distance(grid.reshape(-1, 3)).reshape(grid.shape[:3])
+        vertices, triangles = _extract_surface_net(values, low, np.asarray(self.cell_m))
+        for _ in range(3):
+            slope = self._compute_gradient(vertices)
+            steepness = np.maximum(np.sum(slope**2, axis=1), 0.2)
+            vertices = vertices - (self.compute_distance(vertices) / steepness)[:, None] * slope
+        slope = self._compute_gradient(vertices)
+        normals = slope / np.linalg.norm(slope, axis=1, keepdims=True)
+        return _fix_normals(TriangleSurface(vertices, triangles, normals))
+
+    def compute_bone_weights(self, points: Float64Array, sides: Sequence[int]) -> Float64Array:
+        """Shares (n, bones) that bones have in points (n, 3) of the skin: whose flesh is near.
+
+        Args:
+            points: On the skin.
+            sides: Of each bone: 1 on the left, -1 on the right, 0 in the middle. A bone has no
+                share in the other side of the body.
+        """
+        weights = np.full((len(points), len(sides)), 1e-12)
+        for chain in self.chains:
+            for cone in chain:
+                near = np.exp(
+                    -((np.maximum(cone.compute_distance(points), 0.0) / _WEIGHT_FALLOFF_M) ** 2)
+                )
+                weights[:, cone.bone] = np.maximum(weights[:, cone.bone], near)
+        weights *= (
+            np.clip(0.5 + points[:, 1:2] * np.asarray(sides) / _SEAM_WIDTH_M, 0.0, 1.0) ** 2 + 1e-9
+        )
+        return weights / weights.sum(axis=1, keepdims=True)
+
+    def _compute_gradient(self, points: Float64Array) -> Float64Array:
+        steps = _GRADIENT_STEP_M * np.eye(3)
+        return np.stack(
+            [
+                (self.compute_distance(points + step) - self.compute_distance(points - step))
+                / (2 * _GRADIENT_STEP_M)
+                for step in steps
+            ],
+            axis=1,
+        )
+
+
+def _fix_normals(surface: TriangleSurface) -> TriangleSurface:
+    """The surface without slivers; corners whose normal looks away get that of their face."""
+    assert surface.normals is not None
+    a, b, c = (surface.vertices[surface.triangles[:, corner]] for corner in range(3))
+    across = np.cross(b - a, c - a)
+    area = np.linalg.norm(across, axis=1)
+    solid = area > 1e-9
+    triangles, face = surface.triangles[solid], across[solid] / area[solid, None]
+    away = np.einsum("nj,nkj->nk", face, surface.normals[triangles]) < 0.1
+    row, corner = np.nonzero(away)
+    vertices = np.concatenate([surface.vertices, surface.vertices[triangles[row, corner]]])
+    triangles[row, corner] = len(surface.vertices) + np.arange(len(row))
+    return TriangleSurface(vertices, triangles, np.concatenate([surface.normals, face[row]]))
+
+
+def _compute_smooth_minimum(distances: Sequence[Float64Array], blend_m: float) -> Float64Array:
+    """The smooth minimum (Quilez' polynomial) of distances (n,) each."""
+
+    def joined(first: Float64Array, second: Float64Array) -> Float64Array:
+        close = np.maximum(blend_m - np.abs(first - second), 0.0) / blend_m
+        return np.minimum(first, second) - close**2 * blend_m / 4
+
+    return reduce(joined, distances)
+
+
+def _extract_surface_net(
+    values: Float64Array, origin: ArrayLike, cell_m: Float64Array
+) -> tuple[Float64Array, np.ndarray]:
+    """Vertices (n, 3) and triangles (m, 3) of the surface where `values` (x, y, z) change sign."""
+    shape = np.array(values.shape) - 1
+    inside = values < 0
+    total, count = np.zeros((*shape, 3)), np.zeros(shape)
+    crossings: list[tuple[int, np.ndarray]] = []
+    for axis in range(3):
+        first = [slice(None)] * 3
+        second = [slice(None)] * 3
+        first[axis], second[axis] = slice(None, -1), slice(1, None)
+        a, b = values[tuple(first)], values[tuple(second)]
+        at = np.argwhere(inside[tuple(first)] != inside[tuple(second)])
+        start, end = a[tuple(at.T)], b[tuple(at.T)]
+        point = at.astype(np.float64)
+        point[:, axis] += start / (start - end)
+        for cell in _find_adjacent_cells(at, axis):
+            np.add.at(total, tuple(cell.T), point)
+            np.add.at(count, tuple(cell.T), 1)
+        crossings.append((axis, at))
+    cells = np.argwhere(count > 0)
+    vertices = total[tuple(cells.T)] / count[tuple(cells.T)][:, None]
+    number = np.full(tuple(shape), -1)
+    number[tuple(cells.T)] = np.arange(len(cells))
+    quads: list[np.ndarray] = []
+    for axis, at in crossings:
+        corners = np.stack(
+            [number[tuple(cell.T)] for cell in _find_adjacent_cells(at, axis)], axis=1
+        )
+        enters = inside[tuple(at.T)]
+        corners[~enters] = corners[~enters][:, ::-1]
+        quads.append(corners)
+    quad = np.concatenate(quads)
+    triangles = np.concatenate([quad[:, [0, 1, 2]], quad[:, [0, 2, 3]]])
+    return np.asarray(origin) + vertices * cell_m, triangles
+
+
+def _find_adjacent_cells(edges: np.ndarray, axis: int) -> list[np.ndarray]:
+    """The four cells around grid edges (n, 3) along an axis, counter-clockwise about it."""
+    v, w = np.eye(3, dtype=int)[(axis + 1) % 3], np.eye(3, dtype=int)[(axis + 2) % 3]
+    return [edges - v - w, edges - w, edges, edges - v]
+
+
+Chain = tuple[RoundCone, ...]
+_CELL_SCALE = 1.3
+"""Times the cells that a close-up would need."""
+
+
+class TrunkSection(NamedTuple):
+    """An ellipse across the trunk, from the pelvis upward."""
+
+    up: float
+    forward: float
+    half_depth: float
+    """Half its depth."""
+    half_width: float
+
+
+@dataclass(frozen=True, eq=False)
+class Figure:
+    """A posture and a build, on which garments are put.
+
+    Attributes:
+        posture: (joints, 3) where every joint is, metres.
+        build: How tall and stout it is.
+    """
+
+    posture: Float64Array
+    build: BodyBuild
+
+    def build_soft_shape(
+        self,
+        chains: list[Chain],
+        *,
+        blend: float,
+        cell: tuple[float, float, float],
+        hems: tuple[float, ...] = (),
+    ) -> SoftShape:
+        """Chains of cones with one skin, in shares of the height.
+
+        Cells shrink less than the figure does, or children would have the finest skin.
+        """
+        h = self.build.height_m
+        scale = _CELL_SCALE * (0.5 + 0.5 * h / 1.75)
+        x, y, z = (scale * edge for edge in cell)
+        return SoftShape(tuple(chains), blend * h, (x, y, z), 0.012 * h, hems)
+
+    def build_head_cover(self, *cones: RoundCone) -> SoftShape:
+        """What covers the head, in one piece."""
+        unit = self.build.head_m
+        return SoftShape((cones,), 0.01, (0.16 * unit, 0.16 * unit, 0.165 * unit), 0.02)
+
+    def make_cone(
+        self, start: Float64Array, end: Float64Array, thick: float, thin: float, bone: int
+    ) -> RoundCone:
+        """Between places (3,) in metres, so thick there; radii are shares of the height."""
+        h = self.build.height_m
+        return RoundCone(start, end, (thick * h, thin * h), bone)
+
+    def make_limb_cone(
+        self, start: Joint, end: Joint, left: int, thick: float, thin: float, bone: Bone
+    ) -> RoundCone:
+        """From joint to joint on the left (1) or right (-1); radii are shares of the height."""
+        first, last = (self.posture[joint_on_side(joint, left)] for joint in (start, end))
+        return self.make_cone(first, last, thick, thin, bone_on_side(bone, left))
+
+    def interpolate_joints(
+        self, start: Joint, end: Joint, left: int, fraction: float
+    ) -> Float64Array:
+        """The place (3,) at a share of the way between joints on the left (1) or right (-1)."""
+        first, last = (self.posture[joint_on_side(joint, left)] for joint in (start, end))
+        return first + fraction * (last - first)
+
+    def compute_up(self) -> Float64Array:
+        """Unit vector (3,) along the spine."""
+        spine = self.posture[Joint.NECK] - self.posture[Joint.PELVIS]
+        return spine / np.linalg.norm(spine)
+
+    def compute_trunk_point(self, fore: float, aside: float, high: float) -> Float64Array:
+        """The place (3,), in metres, so many heights fore, left and up of the pelvis."""
+        up = self.compute_up()
+        across = xyz(y=1.0)
+        spine = np.linalg.norm(self.posture[Joint.NECK] - self.posture[Joint.PELVIS])
+        scale = self.build.height_m
+        away = scale * (fore * np.cross(across, up) + aside * across)
+        return self.posture[Joint.PELVIS] + away + high / 0.27 * spine * up
+
+    def stack_trunk_sections(self, sections: tuple[TrunkSection, ...]) -> Chain:
+        """Cones of the trunk from section to section."""
+        stout = self.build.stoutness
+        return tuple(
+            RoundCone(
+                self.compute_trunk_point(low.forward, 0, low.up),
+                self.compute_trunk_point(high.forward, 0, high.up),
+                (
+                    low.half_depth * stout * self.build.height_m,
+                    high.half_depth * stout * self.build.height_m,
+                ),
+                Bone.TRUNK,
+                width_ratio=(low.half_width / low.half_depth + high.half_width / high.half_depth)
+                / 2,
+            )
+            for low, high in pairwise(sections)
+        )
+
+    def make_trunk_cones(
+        self, start: tuple[float, float, float], end: tuple[float, float, float], *radii: float
+    ) -> Chain:
+        """A cone of the trunk and its mirror image; places are fore, left and up of the pelvis."""
+        scale = self.build.height_m
+        stout = self.build.stoutness
+        thick = (radii[0] * scale * stout, radii[1] * scale * stout)
+        return tuple(
+            RoundCone(
+                self.compute_trunk_point(start[0], left * start[1], start[2]),
+                self.compute_trunk_point(end[0], left * end[1], end[2]),
+                thick,
+                Bone.TRUNK,
+            )
+            for left in (1, -1)
+        )
+
+    def make_head_cone(
+        self, start: tuple[float, float, float], end: tuple[float, float, float], *radii: float
+    ) -> RoundCone:
+        """Between places fore, left and up of the head's middle, in heights of the head."""
+        unit = self.build.head_m
+        middle = self.posture[Joint.HEAD]
+        first, last = middle + unit * np.array(start), middle + unit * np.array(end)
+        return RoundCone(first, last, (radii[0] * unit, radii[1] * unit), Bone.HEAD)

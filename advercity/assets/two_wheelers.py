@@ -1,0 +1,399 @@
+"""Bicycles and those who pedal them.
+
+Motorcycles and scooters with their riders.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from enum import IntEnum
+
+import numpy as np
+from advercity_dsl import PedestrianAppearance
+from advercity_dsl.catalogue import Saddle
+
+from advercity.assets.riders import Rider, Seat, build_rider, compute_riding_postures
+from advercity.assets.rigged_bodies import POSES_PER_CYCLE, attach_to_bone, build_rigged_body
+from advercity.assets.skeleton import BONE_SIDES, compute_bone_transforms
+from advercity.assets.vehicle_parts import SPOKE_COUNT, build_round_tyre, build_spokes
+from advercity.geometry.arrays import Float64Array
+from advercity.geometry.mesh import (
+    MeshPart,
+    Size,
+    TriangleSurface,
+    Wheel,
+    add_mirror_image,
+    build_meshes,
+    xyz,
+)
+from advercity.geometry.primitives import box, ellipsoid, loft_rings, revolve_closed_profile, tube
+from advercity.materials import ACTOR_PAINT
+from advercity.semantics import Semantic
+from advercity.world import Body, Gait
+
+_GEAR_RATIO = 2.5
+"""Turns of the wheels in one of the cranks; a whole number of spokes."""
+_CRANK_M = 0.165
+assert (_GEAR_RATIO * SPOKE_COUNT).is_integer()
+
+
+class BicycleBone(IntEnum):
+    """Bones of the machine, after those of its rider."""
+
+    FRAME = len(BONE_SIDES)
+    CRANKS = FRAME + 1
+    LEFT_PEDAL = FRAME + 2
+    RIGHT_PEDAL = FRAME + 3
+    FRONT_WHEEL = FRAME + 4
+    REAR_WHEEL = FRAME + 5
+
+
+_BONE_COUNT = len(BONE_SIDES) + len(BicycleBone)
+
+
+def build_bicycle(blueprint_id: str, size: Size) -> Body:
+    """A cyclist on a bicycle of about `size`, x forward; short ones are for sport."""
+    frame = _BicycleGeometry(size)
+    rider = Rider.from_seat(frame.seat)
+    postures = compute_riding_postures(
+        rider, frame.compute_soles(np.arange(POSES_PER_CYCLE) / POSES_PER_CYCLE)
+    )
+    rest = compute_riding_postures(rider, frame.compute_soles(np.zeros(1)))[0]
+    sporty = frame.is_sporty
+    looks = PedestrianAppearance(
+        stout=0.95,
+        bottom="shorts" if sporty else "trousers",
+        bottom_colour="black" if sporty else "denim",
+        hair="short",
+        bag="none" if sporty else "backpack",
+    )
+    helmet = "cloth_white" if sporty else "cloth_red"
+    limbs = build_rider(rest, rider.build, looks, helmet, key=blueprint_id)
+    more = ((0, 0), (0, len(BicycleBone)))
+    limbs = [replace(limb, weights=np.pad(limb.weights, more)) for limb in limbs]
+    limbs += [
+        attach_to_bone(surface, bone, _BONE_COUNT, material, Semantic.VEHICLE)
+        for surface, bone, material in frame.generate_surfaces()
+    ]
+    carried = np.concatenate(
+        [compute_bone_transforms(rest, postures), frame.compute_bone_transforms()], axis=1
+    ).astype(np.float32)
+    cycle_m = _GEAR_RATIO * 2 * np.pi * frame.radius
+    return build_rigged_body(limbs, Gait(cycle_m, carried, returns_to_rest=False), size)
+
+
+@dataclass(frozen=True)
+class _BicycleGeometry:
+    """Where things are on a bicycle of a size."""
+
+    size: Size
+
+    @property
+    def is_sporty(self) -> bool:
+        return self.size[0] < 1.8
+
+    @property
+    def radius(self) -> float:
+        return min(0.34, 0.215 * self.size[0])
+
+    @property
+    def rear(self) -> Float64Array:
+        return xyz(self.radius - self.size[0] / 2, z=self.radius)
+
+    @property
+    def front(self) -> Float64Array:
+        return xyz(self.size[0] / 2 - self.radius, z=self.radius)
+
+    @property
+    def saddle(self) -> Float64Array:
+        return xyz(-0.14 * self.size[0], z=0.525 * self.size[2])
+
+    @property
+    def crank(self) -> Float64Array:
+        return xyz(-0.035 * self.size[0], z=0.28)
+
+    @property
+    def head(self) -> Float64Array:
+        """Top of the head tube."""
+        return xyz(self.front[0] - 0.13 * self.size[0], z=0.53 * self.size[2])
+
+    @property
+    def grip(self) -> Float64Array:
+        x = self.head[0] - (0.0 if self.is_sporty else 0.24)
+        return xyz(x, self.size[1] / 2 - 0.06, self.head[2] + 0.11)
+
+    @property
+    def seat(self) -> Seat:
+        lean = np.radians(27.0 if self.is_sporty else 8.0)
+        return Seat(self.saddle + xyz(0.01, 0, 0.12), self.grip, self.size[2], lean)
+
+    def compute_pedals(self, turns: Float64Array) -> Float64Array:
+        """Middles (n, 2, 3) of the left and right pedal after turns (n,) of the cranks."""
+        angle = 2 * np.pi * turns[:, None] + np.array([0.0, np.pi])
+        x, z = _CRANK_M * np.cos(angle), -_CRANK_M * np.sin(angle)
+        y = np.broadcast_to([0.11, -0.11], angle.shape)
+        return self.crank + np.stack([x, y, z], axis=-1)
+
+    def compute_soles(self, turns: Float64Array) -> Float64Array:
+        return self.compute_pedals(turns) + xyz(z=0.012)
+
+    def compute_bone_transforms(self) -> Float64Array:
+        """(poses, irons, 3, 4) from no turn of the cranks to every pose."""
+        turns = np.arange(POSES_PER_CYCLE) / POSES_PER_CYCLE
+        still = np.broadcast_to(np.eye(3, 4), (POSES_PER_CYCLE, 3, 4))
+        pedals = self.compute_pedals(turns) - self.compute_pedals(np.zeros(1))
+        slid = [still.copy() for _ in range(2)]
+        for row, move in enumerate(slid):
+            move[:, :, 3] = pedals[:, row]
+        rolled = [
+            _compute_rolling_transforms(hub, _GEAR_RATIO * turns) for hub in (self.front, self.rear)
+        ]
+        return np.stack(
+            [still, _compute_rolling_transforms(self.crank, turns), *slid, *rolled], axis=1
+        )
+
+    def generate_surfaces(self) -> Iterator[tuple[TriangleSurface, int, str]]:
+        """Surfaces, their bones and materials."""
+        for surface in self._build_tubes():
+            yield surface, BicycleBone.FRAME, ACTOR_PAINT
+        for surface in self._build_fittings():
+            yield surface, BicycleBone.FRAME, "black_plastic"
+        lamp, tail = self.head + xyz(0.05, 0, 0.02), self.saddle + xyz(-0.07, 0, -0.12)
+        ball = (0.03, 0.03, 0.03)
+        yield ellipsoid(lamp, ball, sides=8, bands=4), BicycleBone.FRAME, "lamp_white"
+        yield ellipsoid(tail, ball, sides=8, bands=4), BicycleBone.FRAME, "lamp_red"
+        yield from self._build_drive()
+        for hub, bone in (
+            (self.front, BicycleBone.FRONT_WHEEL),
+            (self.rear, BicycleBone.REAR_WHEEL),
+        ):
+            yield build_round_tyre(hub, self.radius, 0.022), bone, "rubber"
+            for surface in build_spokes(hub, self.radius):
+                yield surface, bone, "metal"
+
+    def _build_tubes(self) -> list[TriangleSurface]:
+        low, head, crank = self.head - xyz(-0.02, 0, 0.10), self.head, self.crank
+        post = crank + 0.86 * (self.saddle - crank)
+        top = post if self.is_sporty else crank + 0.45 * (self.saddle - crank)
+        stays = [
+            add_mirror_image(
+                tube([end + xyz(0, 0.02, 0), self.rear + xyz(0, 0.055, 0)], 0.011, sides=5)
+            )
+            for end in (crank, post)
+        ]
+        fork = add_mirror_image(
+            tube([low + xyz(0.01, 0.03, 0), self.front + xyz(0, 0.055, 0)], 0.014, sides=5)
+        )
+        return [
+            tube([crank, post], 0.02),
+            tube([crank, low], 0.024),
+            tube([top, 0.4 * low + 0.6 * head], 0.022),
+            tube([low, head], 0.024),
+            *stays,
+            fork,
+        ]
+
+    def _build_fittings(self) -> list[TriangleSurface]:
+        stem = self.head + xyz(-0.01, 0, 0.10)
+        half = self.grip + xyz(-0.07, 0.04, -0.01)
+        bend = stem + xyz(0.02, 0.5 * self.grip[1], 0.01)
+        mirror = np.array([1, -1, 1])
+        bars = [half * mirror, self.grip * mirror, bend * mirror, stem, bend, self.grip, half]
+        return [
+            tube(bars, 0.015, sides=6),
+            tube([self.head, stem], 0.016, sides=6),
+            tube([self.crank + 0.84 * (self.saddle - self.crank), self.saddle], 0.014, sides=6),
+            ellipsoid(self.saddle + xyz(0, 0, 0.03), (0.14, 0.08, 0.035), sides=8, bands=4),
+        ]
+
+    def _build_drive(self) -> Iterator[tuple[TriangleSurface, int, str]]:
+        wheel = [self.crank - xyz(0, 0.06, 0), self.crank - xyz(0, 0.045, 0)]
+        yield tube(wheel, 0.09, sides=12), BicycleBone.CRANKS, "metal"
+        pedals = self.compute_pedals(np.zeros(1))[0]
+        for pedal, bone in zip(
+            pedals, (BicycleBone.LEFT_PEDAL, BicycleBone.RIGHT_PEDAL), strict=True
+        ):
+            inner = np.sign(pedal[1]) * xyz(y=0.065)
+            arm = tube([self.crank + inner, pedal * (1, 0, 1) + inner], 0.012, sides=5)
+            yield arm, BicycleBone.CRANKS, "metal"
+            edge = xyz(0.05, 0.042, 0.012)
+            yield box(pedal - edge, pedal + edge), bone, "black_plastic"
+
+
+def _compute_rolling_transforms(hub: Float64Array, turns: Float64Array) -> Float64Array:
+    """Moves (n, 3, 4) of a wheel that rolls forward about its hub by turns (n,)."""
+    angle = 2 * np.pi * turns
+    cosine, sine = np.cos(angle), np.sin(angle)
+    zero, one = np.zeros_like(angle), np.ones_like(angle)
+    rows = [cosine, zero, sine, zero, one, zero, -sine, zero, cosine]
+    turn = np.stack(rows, axis=-1).reshape(-1, 3, 3)
+    return np.concatenate([turn, (hub - turn @ hub)[..., None]], axis=-1)
+
+
+_SPORT_LEAN_DEG = 15.0
+
+
+def build_motorcycle(blueprint_id: str, size: Size) -> Body:
+    """A rider on a motorcycle of about `size`, or on a scooter if it is short."""
+    length, width, height = size
+    scooter = length < 1.95
+    cruiser = length > 2.25
+    radius = 0.24 if scooter else 0.31
+    rear, front = xyz(radius - length / 2, z=radius), xyz(length / 2 - radius, z=radius)
+    saddle = xyz(-0.14 * length, z=0.47 * height)
+    head = xyz(front[0] - (0.30 if cruiser else 0.20), z=0.60 * height)
+    grip = head + xyz(-0.14 if cruiser else -0.08, width / 2 - 0.05, 0.10 if cruiser else 0.02)
+    bars = [grip * (1, -1, 1) - (0.08, 0.04, 0), head, grip + xyz(-0.08, 0.04, 0)]
+    shell = (
+        _build_scooter_shell(front, saddle, head)
+        if scooter
+        else _build_motorcycle_shell(rear, saddle, head)
+    )
+    fork = add_mirror_image(tube([front + xyz(0, 0.08, 0), head + xyz(0, 0.08, 0)], 0.028, sides=6))
+    seat = ellipsoid(saddle + xyz(-0.08, 0, 0.03), (0.30, 0.13, 0.065), sides=10, bands=5)
+    fenders = [_build_fender(hub, radius) for hub in (front, rear)]
+    lamp = head + xyz(0.07, 0, -0.04)
+    tail = xyz(rear[0] - 0.05, z=0.52 if scooter else saddle[2] + 0.02)
+    lamps = [
+        (ellipsoid(lamp, (0.06, 0.085, 0.085), sides=10, bands=5), "lamp_white"),
+        (ellipsoid(tail, (0.05, 0.07, 0.04), sides=8, bands=4), "lamp_red"),
+    ]
+    foot = xyz(0.12 * length if scooter or cruiser else -0.08 * length, z=0.30)
+    lean = np.radians(3.0 if scooter or cruiser else 24.0)
+    place = Seat(saddle + xyz(0, 0, 0.15), grip, height, lean)
+    pieces = [
+        *_make_vehicle_pieces([*shell, *fenders], ACTOR_PAINT),
+        *_make_vehicle_pieces([tube(bars, 0.02, sides=6), seat], "black_plastic"),
+        *_make_vehicle_pieces([fork, *_build_engine(rear, length, scooter)], "metal"),
+        *(
+            piece
+            for surface, material in lamps
+            for piece in _make_vehicle_pieces([surface], material)
+        ),
+        *(piece for hub in (front, rear) for piece in _build_motorcycle_wheel(hub, radius)),
+        *_build_motorcyclist(blueprint_id, place, foot + xyz(y=0.19), scooter=scooter),
+    ]
+    return Body(tuple(build_meshes(pieces)), size)
+
+
+def build_model_rider(blueprint_id: str, saddle: Saddle, size: Size) -> list[MeshPart]:
+    """Somebody on the model of a motorcycle; who hardly leans is dressed for town."""
+    pelvis = xyz(*saddle.seat) + xyz(z=0.12)
+    place = Seat(pelvis, xyz(*saddle.grip), size[2], np.radians(saddle.lean_deg))
+    return _build_motorcyclist(
+        blueprint_id, place, xyz(*saddle.peg), scooter=saddle.lean_deg < _SPORT_LEAN_DEG
+    )
+
+
+def _build_motorcyclist(
+    blueprint_id: str, seat: Seat, peg: Float64Array, *, scooter: bool
+) -> list[MeshPart]:
+    rider = Rider.from_seat(seat)
+    looks = PedestrianAppearance(stout=1.05, bottom_colour="denim" if scooter else "black")
+    helmet = "car_paint_white" if scooter else "black_plastic"
+    posture = compute_riding_postures(rider, np.array([[peg, peg * (1, -1, 1)]]))[0]
+    worn = build_rider(posture, rider.build, looks, helmet, key=blueprint_id, has_visor=True)
+    return [MeshPart(limb.surface, limb.material, limb.semantic) for limb in worn]
+
+
+def _make_vehicle_pieces(
+    surfaces: list[TriangleSurface], material: str, wheel: Wheel | None = None
+) -> list[MeshPart]:
+    return [MeshPart(surface, material, Semantic.VEHICLE, wheel) for surface in surfaces]
+
+
+def _build_motorcycle_wheel(hub: Float64Array, radius: float) -> list[MeshPart]:
+    wheel = Wheel(tuple(hub.tolist()))
+    rim = revolve_closed_profile(_square_profile(0.66 * radius, 0.035), hub, sides=14)
+    return [
+        *_make_vehicle_pieces([build_round_tyre(hub, radius, 0.065)], "rubber", wheel),
+        *_make_vehicle_pieces([rim, *build_spokes(hub, 0.72 * radius)], "metal", wheel),
+    ]
+
+
+def _square_profile(radius: float, half: float) -> Float64Array:
+    return np.array(
+        [(radius, -half), (radius + 0.03, -half), (radius + 0.03, half), (radius, half)]
+    )
+
+
+def _build_fender(hub: Float64Array, radius: float) -> TriangleSurface:
+    angle = np.radians(np.linspace(35, 150, 7))
+    outer, half = radius + 0.035, 0.075
+    arc = np.column_stack([np.cos(angle), np.zeros(7), np.sin(angle)])
+    left = np.array([0.0, half, 0.0])
+    rings = [
+        hub
+        + np.array(
+            [
+                a * outer - left,
+                a * outer + left,
+                a * (outer - 0.02) + left,
+                a * (outer - 0.02) - left,
+            ]
+        )
+        for a in arc
+    ]
+    return loft_rings(np.stack(rings))
+
+
+def _build_hull(stations: list[tuple[float, float, float, float]]) -> TriangleSurface:
+    """A rounded hull of elliptical sections: (x, z of the middle, half width, half height)."""
+    angle = 2 * np.pi * np.arange(10) / 10
+    rings = [
+        np.column_stack([np.full(10, x), half_y * np.cos(angle), z + half_z * np.sin(angle)])
+        for x, z, half_y, half_z in stations
+    ]
+    return loft_rings(np.stack(rings))
+
+
+def _build_motorcycle_shell(
+    rear: Float64Array, saddle: Float64Array, head: Float64Array
+) -> list[TriangleSurface]:
+    x0, x1, z = saddle[0], head[0], saddle[2]
+    tank = [(x0 + 0.05, z + 0.0, 0.08, 0.05), (x0 + 0.16, z + 0.06, 0.14, 0.11)]
+    tank += [(x1 - 0.14, z + 0.08, 0.15, 0.13), (x1 - 0.02, z + 0.04, 0.09, 0.08)]
+    tail = [(rear[0] - 0.10, z + 0.05, 0.04, 0.03), (rear[0] + 0.05, z + 0.0, 0.09, 0.06)]
+    tail += [(x0, z - 0.06, 0.12, 0.08)]
+    fairing = [(x1 - 0.30, z - 0.28, 0.13, 0.12), (x1 - 0.08, z - 0.14, 0.18, 0.24)]
+    fairing += [(x1 + 0.10, z + 0.02, 0.16, 0.16), (x1 + 0.17, z + 0.06, 0.07, 0.08)]
+    return [_build_hull(tank), _build_hull(tail), _build_hull(fairing)]
+
+
+def _build_scooter_shell(
+    front: Float64Array, saddle: Float64Array, head: Float64Array
+) -> list[TriangleSurface]:
+    x0, z = saddle[0], saddle[2]
+    shield_foot = xyz(front[0] - 0.34, z=0.30)
+    rear = [(x0 - 0.42, 0.48, 0.06, 0.08), (x0 - 0.25, 0.48, 0.17, 0.20), (x0, 0.50, 0.18, 0.20)]
+    rear += [(x0 + 0.20, z - 0.16, 0.12, 0.16)]
+    floor = box((x0, -0.17, 0.26), (shield_foot[0], 0.17, 0.32))
+    shield = loft_rings(
+        [
+            [
+                (p[0] + t, w, p[2]),
+                (p[0] + t + 0.03, 0, p[2]),
+                (p[0] + t, -w, p[2]),
+                (p[0] + t - 0.05, 0, p[2]),
+            ]
+            for p, t, w in (
+                (shield_foot, 0, 0.16),
+                ((shield_foot + head) / 2, 0.03, 0.21),
+                (head, 0, 0.12),
+            )
+        ]
+    )
+    return [_build_hull(rear), floor, shield]
+
+
+def _build_engine(rear: Float64Array, length: float, scooter: bool) -> list[TriangleSurface]:
+    pipe = [xyz(0.1, z=0.24), xyz(-0.2, z=0.22), rear + xyz(-0.10, 0, 0.03)]
+    exhaust = tube(np.array(pipe) + xyz(0, -0.16, 0), [0.03, 0.035, 0.05], sides=8)
+    if scooter:
+        return [exhaust]
+    block = ellipsoid((0.02, 0, 0.36), (0.13 * length, 0.16, 0.16), sides=8, bands=4)
+    cylinders = [
+        tube([xyz(0.0, z=0.38), xyz(0.26 * lean, z=0.66)], [0.10, 0.085], sides=6)
+        for lean in (-0.55, 0.75)
+    ]
+    arm = add_mirror_image(tube([xyz(-0.05, 0.09, 0.36), rear + xyz(y=0.09)], 0.03, sides=4))
+    return [exhaust, block, *cylinders, arm]

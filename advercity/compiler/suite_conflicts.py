@@ -1,0 +1,216 @@
+"""The conflicts that a suite's scenarios stage: chosen, bound to roads, drawn, solved, checked."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from advercity_dsl import Blueprint, Conflict, Density, Road, StagedConflict, Suite, Typology
+from advercity_dsl.base import suggest_name
+from advercity_dsl.spec import CrashGroup
+
+from advercity.compiler.diagnostics import Diagnostic, DiagnosticsError
+from advercity.compiler.library import Library
+from advercity.conflicts import UnsolvableError, solve_conflict
+from advercity.conflicts.binding import Binding, match_conflict, with_ego_manoeuvre
+from advercity.conflicts.checks import find_infeasibility
+
+CrashGroups = Mapping[str, tuple[CrashGroup, ...]]
+
+
+@dataclass(frozen=True)
+class RoadConflicts:
+    """A road and the conflicts that one of its scenarios stages."""
+
+    road: Road
+    conflicts: tuple[Conflict, ...]
+    crossed: Conflict | None = None
+    """The conflict that the suite crosses roads with, whose id is part of the scenario's."""
+
+
+def select_conflicts(
+    library: Library, suite: Suite, roads: Mapping[str, Road], groups: CrashGroups
+) -> list[RoadConflicts]:
+    """Every road with its conflicts, as a suite asks for.
+
+    Raises:
+        ProblemsError: A conflict is not there, does not fit its road, or a group that calls for a
+            road is not staged on it.
+    """
+    if suite.cross_conflicts:
+        return list(_select_crossed(library, suite, roads, groups))
+    return list(_select_listed(library, suite, roads, groups))
+
+
+def match_conflicts(
+    library: Library, roads: Mapping[str, Road], groups: CrashGroups
+) -> dict[tuple[str, str], Binding]:
+    """How every conflict of a library stands to every road, by (conflict, road)."""
+    return {
+        (conflict.id, road.id): _match_conflict(library, conflict, road, groups)
+        for conflict in library.get_declarations(Conflict).values()
+        for road in roads.values()
+    }
+
+
+def solve_road_conflicts(
+    library: Library,
+    suite: Suite,
+    cell: RoadConflicts,
+    density: Density,
+    blueprints: Mapping[str, Blueprint],
+) -> tuple[StagedConflict, ...]:
+    """The conflicts of a scenario, solved; the same under every weather.
+
+    Raises:
+        ProblemsError: One cannot be solved on its road.
+    """
+    solutions: list[StagedConflict] = []
+    for index, conflict in enumerate(cell.conflicts, start=1):
+        key = f"{cell.road.id}/{conflict.id}/{density.id}"
+        try:
+            solution = solve_conflict(
+                conflict,
+                find_typology(library, conflict),
+                cell.road,
+                blueprints,
+                seed=suite.seeds.traffic,
+                key=key,
+                index=index,
+            )
+        except UnsolvableError as error:
+            message = f"cannot be staged on '{cell.road.id}': {error}"
+            raise DiagnosticsError.from_diagnostic(
+                library.build_diagnostic(conflict, "id", message=message)
+            ) from None
+        problem = find_infeasibility(library, conflict, cell.road, density, solution)
+        if problem is not None:
+            raise DiagnosticsError.from_diagnostic(problem)
+        solutions.append(solution)
+    return tuple(solutions)
+
+
+def find_typology(library: Library, conflict: Conflict) -> str:
+    """The typology that a conflict's crash types belong to.
+
+    Raises:
+        ProblemsError: A crash type is unknown, or they belong to several.
+    """
+    owners = {
+        item.id: typology.id
+        for typology in library.get_declarations(Typology).values()
+        for item in (*typology.crash_types, *typology.earlier)
+    }
+    for index, name in enumerate(conflict.stages):
+        if name not in owners:
+            message = f"'{name}' is no crash type of this library"
+            hint = suggest_name(name, owners)
+            problem = library.build_diagnostic(
+                conflict, "stages", index, message=message, hint=hint
+            )
+            raise DiagnosticsError.from_diagnostic(problem)
+    groups = sorted({owners[name] for name in conflict.stages})
+    if len(groups) > 1:
+        message = f"belong to {' and '.join(groups)}; a conflict stages one group"
+        raise DiagnosticsError.from_diagnostic(
+            library.build_diagnostic(conflict, "stages", message=message)
+        )
+    return groups[0]
+
+
+def _match_conflict(
+    library: Library, conflict: Conflict, road: Road, groups: CrashGroups
+) -> Binding:
+    typology = find_typology(library, conflict)
+    called_for = any(group.typology == typology for group in groups.get(road.id, ()))
+    return match_conflict(conflict, road, called_for=called_for)
+
+
+def _select_listed(
+    library: Library, suite: Suite, roads: Mapping[str, Road], groups: CrashGroups
+) -> Iterator[RoadConflicts]:
+    problems = list(_find_unknown_names(library, suite))
+    if problems:
+        raise DiagnosticsError(problems)
+    there = library.get_declarations(Conflict)
+    for road in roads.values():
+        names = suite.stage.get(road.id, ())
+        conflicts = tuple(there[name] for name in names)
+        for index, conflict in enumerate(conflicts):
+            binding = _match_conflict(library, conflict, road, groups)
+            if binding.standing in ("invalid", "variant"):
+                message = f"'{conflict.id}' cannot be staged on '{road.id}': {binding.reason}"
+                problems.append(
+                    library.build_diagnostic(suite, "stage", road.id, index, message=message)
+                )
+        problems += _find_unstaged_groups(library, suite, road, conflicts, groups)
+        manoeuvres = {item.ego.manoeuvre for item in conflicts}
+        if len(manoeuvres) > 1:
+            message = f"the ego cannot go {' and '.join(sorted(manoeuvres))} in one scenario"
+            problems.append(library.build_diagnostic(suite, "stage", road.id, message=message))
+        elif not problems:
+            moved = with_ego_manoeuvre(road, conflicts[0]) if conflicts else None
+            yield RoadConflicts(moved or road.model_copy(update={"ego_routes": {}}), conflicts)
+    if problems:
+        raise DiagnosticsError(problems)
+
+
+def _find_unknown_names(library: Library, suite: Suite) -> Iterator[Diagnostic]:
+    there = library.get_declarations(Conflict)
+    for name, conflicts in suite.stage.items():
+        if name not in library.get_declarations(Road):
+            message = f"there is no road '{name}' in this library"
+            hint = suggest_name(name, library.get_declarations(Road))
+            yield library.build_diagnostic(suite, "stage", name, message=message, hint=hint)
+        for index, conflict in enumerate(conflicts):
+            if conflict not in there:
+                message = f"there is no conflict '{conflict}' in this library"
+                hint = suggest_name(conflict, there)
+                yield library.build_diagnostic(
+                    suite, "stage", name, index, message=message, hint=hint
+                )
+
+
+def _find_unstaged_groups(
+    library: Library, suite: Suite, road: Road, conflicts: tuple[Conflict, ...], groups: CrashGroups
+) -> Iterator[Diagnostic]:
+    """Where a suite stages conflicts it stages each group that calls for the road, and no other.
+
+    A group of which no conflict is declared cannot be staged; that is no mistake of the suite's.
+    """
+    if road.id not in suite.stage:
+        return
+    asked = {group.typology for group in groups[road.id]}
+    got = {find_typology(library, conflict) for conflict in conflicts}
+    declared = {
+        find_typology(library, conflict) for conflict in library.get_declarations(Conflict).values()
+    }
+    for name in sorted((asked & declared) - got):
+        message = f"'{road.id}' is there for {name}, which none of its conflicts stages"
+        hint = "add one of that group's conflicts"
+        yield library.build_diagnostic(suite, "stage", road.id, message=message, hint=hint)
+    for name in sorted(got - asked):
+        message = f"no selected group calls for {name} on '{road.id}'"
+        hint = "leave the conflict out, or change the suite's selection or coverage"
+        yield library.build_diagnostic(suite, "stage", road.id, message=message, hint=hint)
+
+
+def _select_crossed(
+    library: Library, suite: Suite, roads: Mapping[str, Road], groups: CrashGroups
+) -> Iterator[RoadConflicts]:
+    there = library.get_declarations(Conflict)
+    wanted = tuple(there) if suite.cross_conflicts == "all" else suite.cross_conflicts
+    for index, name in enumerate(wanted):
+        if name not in there:
+            message = f"there is no conflict '{name}' in this library"
+            hint = suggest_name(name, there)
+            problem = library.build_diagnostic(
+                suite, "cross_conflicts", index, message=message, hint=hint
+            )
+            raise DiagnosticsError.from_diagnostic(problem)
+    for road in roads.values():
+        for name in wanted:
+            conflict = there[name]
+            if _match_conflict(library, conflict, road, groups).standing not in suite.standings:
+                continue
+            moved = with_ego_manoeuvre(road, conflict)
+            if moved is not None:
+                yield RoadConflicts(moved, (conflict,), crossed=conflict)

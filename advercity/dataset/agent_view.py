@@ -1,0 +1,259 @@
+"""Files of a dataset that are missing, or not as they were written.
+
+Annotated objects as arrays, in the right-handed frames of the rest of advercity.
+
+What one viewpoint saw in one frame, read from its files.
+
+Everything comes back in the right-handed frames that the rest of advercity uses, whatever the
+layout of the files: world x east, y north, z up; bodies x forward, y left, z up; metres and
+radians.
+"""
+
+import json
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import yaml
+from advercity_dsl import Agent
+from numpy.typing import NDArray
+
+from advercity.dataset.carla_frame import matrix_from_carla_pose
+from advercity.dataset.formats import DatasetFormat
+from advercity.dataset.image_codec import from_semantic_colours
+from advercity.errors import InputError
+from advercity.geometry import poses
+from advercity.geometry.poses import Matrix
+
+REPAIR_HINT = "`advercity verify` tells more, `advercity repair` makes it again"
+
+
+@contextmanager
+def report_read_errors(path: Path) -> Generator[None]:
+    """Turn whatever a file leads to that is not as it was written into an InputError about it."""
+    try:
+        yield
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: is missing; {REPAIR_HINT}") from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+    except (AttributeError, LookupError, TypeError, ValueError, yaml.YAMLError) as error:
+        raise InputError(f"{path}: is damaged; {REPAIR_HINT}") from error
+
+
+M_S_PER_KM_H = 1 / 3.6
+
+
+@dataclass(frozen=True, eq=False)
+class Boxes:
+    """Annotated objects of one viewpoint, n of them.
+
+    Attributes:
+        ids: (n,) int64, the same for the same object in all frames and viewpoints of a scenario.
+        classes: (n,) text: car, van, truck, bicycle, motorcycle or pedestrian.
+        world_from_box: (n, 4, 4); origin in the middle of the box, x forward, y left, z up.
+        sizes: (n, 3) full length, width and height in metres.
+        speeds_m_s: (n,).
+        distances_m: (n,) from the viewpoint.
+        bearings_rad: (n,) where the viewpoint sees it; 0 ahead, positive to the left.
+        lidar_hits: (n,) rays of the noise-free LiDAR that met it.
+    """
+
+    ids: NDArray[np.int64]
+    classes: NDArray[np.str_]
+    world_from_box: NDArray[np.float64]
+    sizes: NDArray[np.float64]
+    speeds_m_s: NDArray[np.float64]
+    distances_m: NDArray[np.float64]
+    bearings_rad: NDArray[np.float64]
+    lidar_hits: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        """How many there are."""
+        return len(self.ids)
+
+
+def parse_boxes(objects: dict[Any, dict[str, Any]]) -> Boxes:
+    """Of objects as they stand in a frame's YAML, by id; left-handed, degrees, km/h."""
+    items = list(objects.values())
+    centres = [np.add(item["location"], item["center"]) for item in items]
+    box_poses = [
+        matrix_from_carla_pose([*centre, *item["angle"]])
+        for centre, item in zip(centres, items, strict=True)
+    ]
+    return Boxes(
+        ids=np.array(list(objects), dtype=np.int64),
+        classes=np.array([_parse_class(item) for item in items], dtype=np.str_),
+        world_from_box=np.reshape(box_poses, (-1, 4, 4)).astype(np.float64),
+        sizes=np.reshape([item["extent"] for item in items], (-1, 3)) * 2.0,
+        speeds_m_s=_parse_column(items, "speed") * M_S_PER_KM_H,
+        distances_m=_parse_column(items, "dist"),
+        bearings_rad=-np.deg2rad(_parse_column(items, "bearing")),
+        lidar_hits=_parse_column(items, "lidar_hits").astype(np.int64),
+    )
+
+
+def _parse_class(item: dict[str, Any]) -> str:
+    return "pedestrian" if item["class"] == "walker" else item["class"]
+
+
+def _parse_column(items: list[dict[str, Any]], key: str) -> NDArray[np.float64]:
+    return np.array([item[key] for item in items], dtype=np.float64)
+
+
+class AgentView:
+    """One viewpoint in one frame; every property reads its file when it is asked for.
+
+    Args:
+        agent: Whose viewpoint it is.
+        index: Of the frame, counted from the first kept one.
+        layout: Of the files.
+        stem: Path that all its files' paths begin with.
+    """
+
+    def __init__(self, agent: Agent, index: int, layout: DatasetFormat, stem: Path) -> None:
+        self.agent = agent
+        self.index = index
+        self._format = layout
+        self._stem = stem
+
+    @property
+    def num_cameras(self) -> int:
+        """How many there are."""
+        return len(self.agent.sensors.camera.mounts)
+
+    def image(self, camera: int) -> NDArray[np.uint8]:
+        """RGB picture (h, w, 3) of a camera."""
+        return self._read_image(f"_camera{camera}.png", cv2.IMREAD_COLOR_RGB)
+
+    def semantic(self, camera: int) -> NDArray[np.uint8]:
+        """Tags (h, w) of `Semantic` of a camera's pixels."""
+        return from_semantic_colours(
+            self._read_image(f"_semantic{camera}.png", cv2.IMREAD_COLOR_RGB)
+        )
+
+    def depth(self, camera: int) -> NDArray[np.uint8]:
+        """Whole metres (h, w) along a camera's optical axis; 255 for that and all beyond."""
+        return self._read_image(f"_depth{camera}.png", cv2.IMREAD_UNCHANGED)
+
+    def bird_view(self, kind: str) -> NDArray[np.uint8]:
+        """Map (256, 256): dynamic, static, lane, visibility or visibility_corp."""
+        return self._read_image(f"_bev_{kind}.png", cv2.IMREAD_GRAYSCALE)
+
+    @property
+    def cloud(self) -> NDArray[np.void]:
+        """The points as a table, with at least `x`, `y`, `z` in the LiDAR's frame, `intensity`.
+
+        In the OPV2V layout also `range` in metres, `time` in seconds against the frame's, `ring`,
+        `tag` of `Semantic`, `object_id`, `kind` of `PointKind`, and `raw_x`, `raw_y`, `raw_z`
+        where the rig lets the LiDAR turn.
+        """
+        table = self._format.read_cloud(self.path(self._format.cloud_suffix)).copy()
+        for name in {"y", "raw_y"} & set(table.dtype.names or ()):
+            table[name] *= -1
+        return table
+
+    @property
+    def points(self) -> NDArray[np.float32]:
+        """Points (n, 3) in the LiDAR's frame."""
+        return _stack_columns(self.cloud, "x", "y", "z")
+
+    @property
+    def measured(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Points (n, 3) as the moving LiDAR saw them, and the time (n,) of each in seconds.
+
+        In the order of `points`; where the rig does not let the LiDAR turn, those and zeros.
+        """
+        table = self.cloud
+        if "raw_x" in (table.dtype.names or ()):
+            return _stack_columns(table, "raw_x", "raw_y", "raw_z"), table["time"]
+        return _stack_columns(table, "x", "y", "z"), np.zeros(len(table), np.float32)
+
+    @cached_property
+    def description(self) -> dict[str, Any]:
+        """The frame's YAML as it stands in the file: left-handed, degrees, km/h."""
+        path = self.path(".yaml")
+        with report_read_errors(path):
+            return yaml.load(path.read_bytes(), Loader=yaml.CSafeLoader)
+
+    @property
+    def extras(self) -> dict[str, Any]:
+        """What more is known of each object, as it stands in `_objects.json`."""
+        path = self.path("_objects.json")
+        with report_read_errors(path):
+            return json.loads(path.read_bytes())
+
+    @property
+    def world_from_agent(self) -> Matrix:
+        """(4, 4) of the vehicle's origin on the ground, or of the roadside unit."""
+        return self._parse_pose("true_ego_pos")
+
+    @property
+    def world_from_lidar(self) -> Matrix:
+        """(4, 4)."""
+        return self._parse_pose("lidar_pose")
+
+    def world_from_camera(self, camera: int) -> Matrix:
+        """(4, 4), body axes: x along the view, y left, z up."""
+        return self._parse_pose(f"camera{camera}", "cords")
+
+    def intrinsic(self, camera: int) -> NDArray[np.float64]:
+        """Pinhole matrix (3, 3) in pixels; optical axes x right, y down, z along the view."""
+        with report_read_errors(self.path(".yaml")):
+            return np.reshape(self._get_described(f"camera{camera}", "intrinsic"), (3, 3)).astype(
+                np.float64
+            )
+
+    def pixels(self, camera: int, points_world: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Column, row and depth in metres (n, 3) of points (n, 3) of the world in a picture."""
+        camera_from_world = poses.invert_pose(self.world_from_camera(camera))
+        ahead, left, up = poses.transform_points(camera_from_world, points_world).T
+        column, row, depth = self.intrinsic(camera) @ np.stack([-left, -up, ahead])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.stack([column / depth, row / depth, depth], axis=1)
+
+    @property
+    def speed_m_s(self) -> float:
+        """Of the vehicle; 0 for a roadside unit."""
+        with report_read_errors(self.path(".yaml")):
+            return float(self._get_described("ego_speed")) * M_S_PER_KM_H
+
+    @property
+    def boxes(self) -> Boxes:
+        """Whom it annotates: vehicles first, then pedestrians."""
+        with report_read_errors(self.path(".yaml")):
+            return parse_boxes(self._get_described("vehicles") | self._get_described("walkers"))
+
+    def path(self, suffix: str) -> Path:
+        """The file of this viewpoint and frame whose name ends so, as `.pcd`."""
+        return self._stem.with_name(self._stem.name + suffix)
+
+    def _parse_pose(self, *keys: str) -> Matrix:
+        with report_read_errors(self.path(".yaml")):
+            return matrix_from_carla_pose(self._get_described(*keys))
+
+    def _get_described(self, *keys: str) -> Any:
+        value: Any = self.description
+        try:
+            for key in keys:
+                value = value[key]
+        except (LookupError, TypeError) as error:
+            path = self.path(".yaml")
+            raise InputError(f"{path}: says nothing of {'.'.join(keys)}") from error
+        return value
+
+    def _read_image(self, suffix: str, mode: int) -> NDArray[np.uint8]:
+        path = self.path(suffix)
+        image: Any = cv2.imread(str(path), mode)
+        if image is None:
+            raise InputError(f"{path}: is missing or no picture; {REPAIR_HINT}")
+        return image
+
+
+def _stack_columns(table: NDArray[np.void], *names: str) -> NDArray[np.float32]:
+    return np.column_stack([table[name] for name in names])

@@ -1,0 +1,159 @@
+"""Pictures of a dataset's tables, by matplotlib."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from advercity.dataset.statistics import POLAR_BIN_DEG, POLAR_RANGE_BIN_M, RANGE_M, StatisticsTable
+from advercity.errors import InputError, RunError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+PIE_COLOURS = {
+    "clear": "limegreen",
+    "heavy_rain": "teal",
+    "soft_rain": "cornflowerblue",
+    "foggy_heavy_rain": "dimgray",
+    "glare": "gold",
+    "fog": "lightgray",
+    "day": "skyblue",
+    "night": "dimgray",
+}
+"""As the original has them."""
+OTHER_COLOUR = "plum"
+PIE_TABLES = ("weather", "time_of_day")
+LOGARITHMIC_TABLES = (
+    "vehicles_per_speed",
+    "num_frames_per_ego_speed",
+    "num_keyframes_per_num_annotations",
+)
+LINE_TABLES = ("echoes_by_range",)
+TABLES_WITHOUT_PLOT = ("stats",)
+
+
+def write_plots(tables: Iterable[StatisticsTable], folder: Path) -> None:
+    """Draw each table that has a picture as `<name>.png`.
+
+    Raises:
+        InputError: matplotlib is not installed.
+        RunError: The folder does not take them.
+    """
+    for table in tables:
+        if table.name not in TABLES_WITHOUT_PLOT:
+            path, figure = folder / f"{table.name}.png", draw_table(table)
+            try:
+                figure.savefig(path, dpi=120, metadata={"Software": None})
+            except OSError as error:
+                raise RunError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def draw_table(table: StatisticsTable) -> "Figure":
+    """One table as a figure."""
+    try:
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise InputError(
+            "plots take matplotlib, which is not installed; try: pip install 'advercity[stats]'"
+        ) from error
+    figure = Figure(figsize=(7.0, 4.5), layout="constrained")
+    if table.name == "polar_density_map":
+        _draw_polar(figure, table)
+    else:
+        axes = figure.subplots()
+        if table.name in PIE_TABLES:
+            _draw_pie(axes, table)
+        elif table.name == "visibility_by_weather":
+            _draw_visibility(axes, table)
+        elif table.name in LINE_TABLES:
+            _draw_lines(axes, table)
+        else:
+            _draw_bars(axes, table)
+    figure.suptitle(table.title, fontsize="medium")
+    return figure
+
+
+def _draw_pie(axes: Any, table: StatisticsTable) -> None:
+    names, counts = table.columns.values()
+    colours = [PIE_COLOURS.get(name, OTHER_COLOUR) for name in names]
+    labels = [_format_label(name) for name in names]
+    axes.pie(counts, labels=labels, colors=colours, autopct="%.1f %%", counterclock=False)
+
+
+def _draw_bars(axes: Any, table: StatisticsTable) -> None:
+    (first, positions), *series = table.columns.items()
+    step = positions[1] - positions[0] if _is_number(positions) and len(positions) > 1 else 1
+    width = 0.9 * step / len(series)
+    middle = np.array(positions) + step / 2 if _is_binned(first) else positions
+    if not _is_number(positions):
+        middle = np.arange(len(positions))
+        axes.set_xticks(middle, [_format_label(name) for name in positions])
+    for number, (name, values) in enumerate(series):
+        offset = (number - (len(series) - 1) / 2) * width
+        axes.bar(np.asarray(middle, float) + offset, values, width, label=_format_label(name))
+    if table.name in LOGARITHMIC_TABLES:
+        axes.set_yscale("log")
+        axes.set_ylim(bottom=0.5)  # so that a single one shows
+    axes.set_xlabel(_format_label(first.removesuffix("_from")))
+    _label_series(axes, [name for name, _ in series])
+
+
+def _draw_lines(axes: Any, table: StatisticsTable) -> None:
+    (first, positions), *series = table.columns.items()
+    middle = np.array(positions) + (positions[1] - positions[0]) / 2
+    for name, values in series:
+        axes.plot(middle, values, marker="o", markersize=3, label=_format_label(name))
+    axes.set_ylim(0, None)
+    axes.set_xlabel(_format_label(first.removesuffix("_from")))
+    axes.set_ylabel("share")
+    axes.legend(fontsize="small")
+
+
+def _draw_visibility(axes: Any, table: StatisticsTable) -> None:
+    names = [_format_label(name) for name in table.columns["weather"]]
+    axes.barh(names, table.columns["mor_m"], color="slategray")
+    axes.set_xscale("log")
+    axes.set_xlabel("meteorological optical range m")
+    notes = zip(table.columns["mor_m"], table.columns["echoing_share"], strict=True)
+    for row, (mor_m, share) in enumerate(notes):
+        axes.annotate(f" {share:.0%} of objects echo", (mor_m, row), va="center", fontsize="small")
+    axes.margins(x=0.45)
+
+
+def _draw_polar(figure: "Figure", table: StatisticsTable) -> None:
+    """Ahead is up, left is left."""
+    from matplotlib.colors import LogNorm
+
+    bearings = np.arange(-180.0, 180.0 + POLAR_BIN_DEG, POLAR_BIN_DEG)
+    ranges = np.arange(0.0, RANGE_M + POLAR_RANGE_BIN_M, POLAR_RANGE_BIN_M)
+    counts = np.reshape(table.columns["objects"], (len(bearings) - 1, len(ranges) - 1))
+    axes: Any = figure.add_subplot(projection="polar")
+    axes.set_theta_zero_location("N")
+    axes.grid(visible=False)
+    shown = np.ma.masked_equal(counts.T, 0)
+    mesh = axes.pcolormesh(
+        np.deg2rad(bearings), ranges, shown, norm=LogNorm(1, max(2, int(counts.max())))
+    )
+    figure.colorbar(mesh, label="objects", pad=0.12)
+
+
+def _label_series(axes: Any, names: list[str]) -> None:
+    if len(names) > 1:
+        axes.legend()
+    else:
+        axes.set_ylabel(_format_label(names[0]))
+
+
+def _is_number(values: Any) -> bool:
+    return isinstance(values[0], int | float)
+
+
+def _is_binned(name: str) -> bool:
+    return name.endswith("_from")
+
+
+def _format_label(name: str) -> str:
+    return name.replace("km_h", "km/h").replace("_", " ")

@@ -1,0 +1,143 @@
+"""Plane curves that roads are drawn with: lines and arcs in a row, and links between two poses."""
+
+from collections.abc import Iterable
+
+import numpy as np
+from advercity_dsl.road import AxisArc, AxisHeight, AxisLine, AxisPoints
+from numpy.typing import NDArray
+
+from advercity.geometry.polyline import (
+    Points,
+    drop_repeated_points,
+    left_normals,
+    polyline_stations,
+    unit_vectors,
+)
+
+MAX_CHORD_ERROR_M = 0.01
+"""How far a chord may run beside its arc."""
+VERTICAL_CURVE_LENGTH_M = 4.0
+"""Length over which the grade changes where two slopes meet."""
+
+
+def sample_reference_line(
+    start: tuple[float, float],
+    heading: float,
+    path: Iterable[AxisLine | AxisArc | AxisPoints],
+    *,
+    line_step_m: float,
+) -> tuple[Points, NDArray[np.float64], NDArray[np.float64]]:
+    """Sample lines and arcs that follow each other smoothly.
+
+    Args:
+        start: First point.
+        heading: Direction there, radians counter-clockwise from east.
+        path: Pieces in order.
+        line_step_m: Largest distance between samples on lines; on arcs it is at most 2 m.
+
+    Returns:
+        Points (n, 2), headings (n,) and distances along the curve (n,); piece ends are among them.
+    """
+    points, headings, along = [np.array([start])], [np.array([heading])], [np.zeros(1)]
+    for piece in path:
+        here, direction, travelled = points[-1][-1], headings[-1][-1], along[-1][-1]
+        match piece:
+            case AxisLine():
+                s = _even_stations(piece.line_m, line_step_m)
+                points.append(here + s[:, None] * unit_vectors(direction))
+                headings.append(np.full(len(s), direction))
+            case AxisArc():
+                s = _even_stations(
+                    piece.arc_m, min(2.0, np.sqrt(8 * piece.radius_m * MAX_CHORD_ERROR_M))
+                )
+                side = 1.0 if piece.turn == "left" else -1.0
+                turned = direction + side * s / piece.radius_m
+                centre = here + side * piece.radius_m * left_normals(unit_vectors(direction))
+                points.append(centre - side * piece.radius_m * left_normals(unit_vectors(turned)))
+                headings.append(turned)
+            case AxisPoints():
+                corners = np.vstack([here, piece.points_m])
+                s = polyline_stations(corners)[1:]
+                points.append(corners[1:])
+                headings.append(np.arctan2(*np.diff(corners, axis=0).T[::-1]))
+        along.append(travelled + s)
+    return np.concatenate(points), np.concatenate(headings), np.concatenate(along)
+
+
+def _even_stations(total: float, step: float) -> NDArray[np.float64]:
+    count = int(np.ceil(total / step - 1e-9))
+    return np.linspace(0.0, total, count + 1)[1:]
+
+
+def sample_elevation(
+    along: NDArray[np.float64], declared: tuple[AxisHeight, ...]
+) -> NDArray[np.float64]:
+    """Height (n,) at distances along an axis: straight grades, rounded where they meet.
+
+    Rounding is the mean over `GRADE_CHANGE_M`, which makes the parabola of a vertical curve. It
+    fades towards both ends, whose heights stay as declared.
+    """
+    if not declared:
+        return np.zeros_like(along)
+    at = np.array([item.at_m for item in declared])
+    z = np.array([item.z_m for item in declared])
+    reach = np.minimum(VERTICAL_CURVE_LENGTH_M / 2, np.minimum(along, along[-1] - along))
+    window = along[:, None] + reach[:, None] * np.linspace(-1.0, 1.0, 17)
+    return np.interp(window, at, z).mean(axis=1)
+
+
+def build_connecting_curve(
+    start: Points,
+    start_direction: Points,
+    end: Points,
+    end_direction: Points,
+    *,
+    radius_m: float = np.inf,
+) -> Points:
+    """Smooth curve from one pose to another.
+
+    Where the tangents meet ahead of both, it is straight, an arc of at most `radius_m`, straight;
+    otherwise a cubic Bézier curve.
+
+    Args:
+        start: (2,) first point.
+        start_direction: (2,) unit direction there.
+        end: (2,) last point.
+        end_direction: (2,) unit direction there.
+        radius_m: Largest radius of the arc.
+
+    Returns:
+        (n, 2) points, no more than 1 m apart on the bend.
+    """
+    cross = float(start_direction[0] * end_direction[1] - start_direction[1] * end_direction[0])
+    gap = end - start
+    if abs(cross) > 0.05:
+        before = float(gap[0] * end_direction[1] - gap[1] * end_direction[0]) / cross
+        after = float(start_direction[0] * gap[1] - start_direction[1] * gap[0]) / cross
+        if min(before, after) > 0.05:
+            turn = float(np.arctan2(cross, start_direction @ end_direction))
+            radius = min(radius_m, min(before, after) / np.tan(abs(turn) / 2))
+            return _rounded_corner(start, start_direction, end, turn, before, radius)
+    elif abs(float(start_direction @ left_normals(gap))) < 0.02:
+        return np.stack([start, end])
+    reach = 0.4 * float(np.linalg.norm(gap))
+    s = np.linspace(0.0, 1.0, max(3, int(np.ceil(np.linalg.norm(gap)))) + 1)[:, None]
+    return (
+        (1 - s) ** 3 * start
+        + 3 * (1 - s) ** 2 * s * (start + reach * start_direction)
+        + 3 * (1 - s) * s**2 * (end - reach * end_direction)
+        + s**3 * end
+    )
+
+
+def _rounded_corner(
+    start: Points, out: Points, end: Points, turn: float, before: float, radius: float
+) -> Points:
+    """Straight on, an arc that turns by `turn`, straight on to `end`."""
+    side = np.sign(turn)
+    first = start + (before - radius * np.tan(abs(turn) / 2)) * out
+    centre = first + side * radius * left_normals(out)
+    count = max(3, int(np.ceil(max(abs(turn) * radius, abs(turn) * 6))))
+    heading = np.arctan2(out[1], out[0]) + np.linspace(0.0, turn, count + 1)
+    arc = centre - side * radius * left_normals(unit_vectors(heading))
+    return drop_repeated_points(np.vstack([start, arc, end]))

@@ -1,0 +1,302 @@
+"""Pieces of surface and how they are put together into a mesh."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import mapbox_earcut
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+
+from advercity.geometry.arrays import Float64Array
+from advercity.geometry.polyline import Points
+from advercity.semantics import Semantic
+
+Size = tuple[float, float, float]
+"""Length, width and height of a box, metres."""
+
+
+@dataclass(frozen=True, order=True)
+class Wheel:
+    """A wheel that stands on the ground, or several that share an axle and do not steer."""
+
+    hub: tuple[float, float, float]
+    """Its middle in the body frame, metres; as high as its radius."""
+    is_steered: bool = False
+
+    @property
+    def radius_m(self) -> float:
+        """How far the hub is above the ground."""
+        return self.hub[2]
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Triangles of one material and one semantic class.
+
+    Attributes:
+        name: Unique within its world or body.
+        vertices: (n, 3) float32, metres.
+        triangles: (m, 3) int32 into `vertices`, counter-clockwise seen from outside.
+        material: Key of `advercity.world.materials.MATERIALS`.
+        semantic: What it is.
+        normals: (n, 3) float32 for smooth shading, or None for flat faces.
+        weights: (n, bones) float32 shares of what carries each vertex as its body moves on the
+            spot, or None if it keeps still.
+        wheel: What it turns with, or None if it does not.
+    """
+
+    name: str
+    vertices: NDArray[np.float32]
+    triangles: NDArray[np.int32]
+    material: str
+    semantic: Semantic
+    normals: NDArray[np.float32] | None = None
+    weights: NDArray[np.float32] | None = None
+    wheel: Wheel | None = None
+
+
+@dataclass(frozen=True)
+class SurfacePatch:
+    """Triangles (m, 3) into vertices (n, 3), counter-clockwise seen from outside."""
+
+    vertices: Points
+    triangles: NDArray[np.int64]
+
+
+def build_ribbon(left: Points, right: Points) -> SurfacePatch:
+    """Surface between two lines (n, 3), seen from the side where `left` is on the left."""
+    count = len(left)
+    near = np.arange(count - 1)
+    first = np.stack([near, near + count, near + count + 1], axis=1)
+    second = np.stack([near, near + count + 1, near + 1], axis=1)
+    return SurfacePatch(np.vstack([left, right]), np.vstack([first, second]))
+
+
+def triangulate_polygon(polygon: shapely.Polygon) -> tuple[Points, NDArray[np.int64]]:
+    """Corners (n, 2) of a polygon, holes included, and triangles (m, 3), counter-clockwise."""
+    rings = [np.asarray(ring.coords)[:-1] for ring in (polygon.exterior, *polygon.interiors)]
+    corners = np.concatenate(rings)
+    ends = np.cumsum([len(ring) for ring in rings]).astype(np.uint32)
+    triangles = mapbox_earcut.triangulate_float64(corners, ends).reshape(-1, 3).astype(np.int64)
+    a, b, c = (corners[triangles[:, i]] for i in range(3))
+    area = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
+    triangles[area < 0] = triangles[area < 0][:, ::-1]
+    return corners, triangles[np.abs(area) > 1e-9]
+
+
+def extract_polygons(shape: shapely.Geometry) -> list[shapely.Polygon]:
+    """The polygons in a geometry."""
+    parts = [shape] if isinstance(shape, shapely.Polygon) else getattr(shape, "geoms", [])
+    return [part for part in parts if isinstance(part, shapely.Polygon) and not part.is_empty]
+
+
+def build_grid_cells(
+    bounds: tuple[float, float, float, float], size_m: float
+) -> NDArray[np.object_]:
+    """Squares that cover a box (west, south, east, north)."""
+    x, y = (np.arange(bounds[axis], bounds[axis + 2], size_m)[:, None] for axis in (0, 1))
+    west, south = (grid.ravel() for grid in np.meshgrid(x, y))
+    return shapely.box(west, south, west + size_m, south + size_m)
+
+
+def merge_patches(
+    name: str, pieces: Iterable[SurfacePatch], material: str, semantic: Semantic
+) -> Mesh:
+    """One mesh of all pieces; flat faces."""
+    pieces = list(pieces)
+    shifts = np.cumsum([0, *(len(piece.vertices) for piece in pieces)])
+    triangles = [p.triangles + shift for p, shift in zip(pieces, shifts, strict=False)]
+    return Mesh(
+        name=name,
+        vertices=np.concatenate([piece.vertices for piece in pieces]).astype(np.float32),
+        triangles=np.concatenate(triangles).astype(np.int32),
+        material=material,
+        semantic=semantic,
+    )
+
+
+CREASE_RAD = np.radians(38.0)
+"""Faces that meet at less than this are shaded as one curved surface."""
+
+
+@dataclass(frozen=True, eq=False)
+class TriangleSurface:
+    """Triangles, counter-clockwise seen from outside.
+
+    Attributes:
+        vertices: (n, 3) metres.
+        triangles: (m, 3) into `vertices`.
+        normals: (n, 3) unit vectors once shaded, else None.
+    """
+
+    vertices: Float64Array
+    triangles: NDArray[np.int64]
+    normals: Float64Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class MeshPart:
+    """A surface and what it is."""
+
+    surface: TriangleSurface
+    material: str
+    semantic: Semantic
+    wheel: Wheel | None = None
+
+
+def xyz(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Float64Array:
+    """A point or an offset (3,)."""
+    return np.array([x, y, z], dtype=np.float64)
+
+
+def signed_volume(surface: TriangleSurface) -> float:
+    """Volume in cubic metres enclosed by a closed surface; negative if it is inside out."""
+    a, b, c = (surface.vertices[surface.triangles[:, corner]] for corner in range(3))
+    return float(np.sum(a * np.cross(b, c)) / 6)
+
+
+def orient_outward(surface: TriangleSurface) -> TriangleSurface:
+    """A closed surface, turned so that its faces look outward."""
+    if signed_volume(surface) >= 0:
+        return surface
+    return TriangleSurface(surface.vertices, surface.triangles[:, ::-1], surface.normals)
+
+
+def join_surfaces(surfaces: Iterable[TriangleSurface]) -> TriangleSurface:
+    """One surface of several; shaded if all of them are."""
+    parts = list(surfaces)
+    offsets = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
+    normals = [part.normals for part in parts if part.normals is not None]
+    return TriangleSurface(
+        np.concatenate([part.vertices for part in parts]),
+        np.concatenate([part.triangles + o for part, o in zip(parts, offsets, strict=True)]),
+        np.concatenate(normals) if len(normals) == len(parts) else None,
+    )
+
+
+def move_surface(
+    surface: TriangleSurface, offset: ArrayLike, *, yaw: float = 0.0
+) -> TriangleSurface:
+    """A surface turned about the z axis by `yaw` radians, then shifted by `offset` (3,)."""
+    return repeat_surface(surface, np.atleast_2d(offset), yaw=np.array([yaw]))
+
+
+def repeat_surface(
+    surface: TriangleSurface,
+    offsets: ArrayLike,
+    *,
+    yaw: ArrayLike = 0.0,
+    scale: ArrayLike = 1.0,
+) -> TriangleSurface:
+    """Copies of a surface, each scaled, turned about z and shifted.
+
+    Args:
+        surface: What to copy.
+        offsets: (k, 3) metres.
+        yaw: (k,) radians, or one for all.
+        scale: (k, 3) factors along x, y, z of the surface's own axes, or broadcastable to it.
+    """
+    shift = np.asarray(offsets, dtype=np.float64)
+    count = len(shift)
+    factors = np.broadcast_to(np.asarray(scale, dtype=np.float64), (count, 3))
+    turn = np.broadcast_to(np.asarray(yaw, dtype=np.float64), (count,))
+    vertices = _rotate_about_z(surface.vertices * factors[:, None], turn) + shift[:, None]
+    normals = None
+    if surface.normals is not None:
+        normals = normalize(_rotate_about_z(surface.normals / factors[:, None], turn)).reshape(
+            -1, 3
+        )
+    step = len(surface.vertices) * np.arange(count)
+    triangles = surface.triangles + step[:, None, None]
+    return TriangleSurface(vertices.reshape(-1, 3), triangles.reshape(-1, 3), normals)
+
+
+def _rotate_about_z(points: Float64Array, yaw: Float64Array) -> Float64Array:
+    cosine, sine = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
+    x, y, z = np.moveaxis(points, -1, 0)
+    return np.stack([x * cosine - y * sine, x * sine + y * cosine, z], axis=-1)
+
+
+def mirror_surface(surface: TriangleSurface) -> TriangleSurface:
+    """The other side: y becomes -y."""
+    return TriangleSurface(surface.vertices * (1, -1, 1), surface.triangles[:, ::-1])
+
+
+def add_mirror_image(surface: TriangleSurface) -> TriangleSurface:
+    """A surface and its mirror image across y = 0."""
+    return join_surfaces([surface, mirror_surface(surface)])
+
+
+def split_surface(
+    surface: TriangleSurface, mask: NDArray[np.bool_]
+) -> tuple[TriangleSurface, TriangleSurface]:
+    """The triangles where `mask` (m,) holds, and the rest."""
+    return (
+        TriangleSurface(surface.vertices, surface.triangles[mask]),
+        TriangleSurface(surface.vertices, surface.triangles[~mask]),
+    )
+
+
+def shade_smooth(surface: TriangleSurface) -> TriangleSurface:
+    """The surface with normals: smooth across shallow edges, split along creases."""
+    _, shared = np.unique(np.round(surface.vertices, 5), axis=0, return_inverse=True)
+    corner = shared.reshape(-1)[surface.triangles]
+    edges = surface.vertices[surface.triangles]
+    area = np.cross(edges[:, 1] - edges[:, 0], edges[:, 2] - edges[:, 0])
+    solid = np.linalg.norm(area, axis=1) > 1e-10
+    solid &= (corner != np.roll(corner, 1, axis=1)).all(axis=1)
+    corner, area, kept = corner[solid], area[solid], surface.triangles[solid]
+    normals = _crease_normals(corner, area)
+    keys = np.column_stack([corner.reshape(-1), np.round(normals * 1e4)]).astype(np.int64)
+    _, first, index = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    return TriangleSurface(
+        surface.vertices[kept.reshape(-1)[first]], index.reshape(-1, 3), normals[first]
+    )
+
+
+def _crease_normals(corner: NDArray[np.int64], area: Float64Array) -> Float64Array:
+    """Normals (3 m, 3) of triangle corners, averaged over the faces that meet there smoothly."""
+    point = corner.reshape(-1)
+    face = np.repeat(np.arange(len(corner)), 3)
+    order = np.argsort(point, kind="stable")
+    size = np.bincount(point)
+    start = np.cumsum(size) - size
+    left = np.repeat(np.arange(len(point)), size[point])
+    rank = np.arange(len(left)) - np.repeat(np.cumsum(size[point]) - size[point], size[point])
+    right = order[start[point[left]] + rank]
+    unit = normalize(area)
+    smooth = np.sum(unit[face[left]] * unit[face[right]], axis=1) > np.cos(CREASE_RAD)
+    left, right = left[smooth], right[smooth]
+    total = [np.bincount(left, area[face[right], axis], len(point)) for axis in range(3)]
+    return normalize(np.stack(total, axis=-1))
+
+
+def normalize(vectors: ArrayLike) -> Float64Array:
+    """Scale `vectors` (..., 3) to length 1."""
+    directions = np.asarray(vectors, dtype=np.float64)
+    return directions / np.linalg.norm(directions, axis=-1, keepdims=True)
+
+
+def build_meshes(pieces: Sequence[MeshPart], prefix: str = "") -> list[Mesh]:
+    """One mesh per material, semantic class and wheel, named after them, in a stable order."""
+    wheels = sorted({piece.wheel for piece in pieces if piece.wheel is not None})
+    groups: dict[tuple[int, str, Semantic], list[TriangleSurface]] = {}
+    for piece in pieces:
+        surface = (
+            piece.surface if piece.surface.normals is not None else shade_smooth(piece.surface)
+        )
+        number = 0 if piece.wheel is None else 1 + wheels.index(piece.wheel)
+        groups.setdefault((number, piece.material, piece.semantic), []).append(surface)
+    return [
+        Mesh(
+            name=f"{prefix}{semantic.name.lower()}_{material}" + f"_wheel_{number}" * (number > 0),
+            vertices=(surface := join_surfaces(parts)).vertices.astype(np.float32),
+            triangles=surface.triangles.astype(np.int32),
+            material=material,
+            semantic=semantic,
+            normals=None if surface.normals is None else surface.normals.astype(np.float32),
+            wheel=wheels[number - 1] if number else None,
+        )
+        for (number, material, semantic), parts in sorted(groups.items())
+    ]

@@ -1,0 +1,113 @@
+"""What surfaces are made of: visible albedo and near-infrared reflectance side by side.
+
+Albedo is linear sRGB. Reflectance is the diffuse reflectance at 905 nm that a LiDAR meets
+(typical values; Muckenhuber et al., Sensors 20, 3309, 2020, and common handbooks). A texture varies
+the albedo over a surface and leaves its mean as it stands here.
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+
+class Texture(IntEnum):
+    """How the albedo varies over a surface, around its mean; the numbers are the renderer's."""
+
+    PLAIN = 0
+    ASPHALT = 1
+    PAVING = 2
+    GRASS = 3
+    SOIL = 4
+    CROPS = 5
+    BRICK = 6
+    PLASTER = 7
+    BARK = 8
+    LEAVES = 9
+    TILES = 10
+    WOOD = 11
+    STONE = 12
+    MARKING = 13
+
+
+@dataclass(frozen=True)
+class Material:
+    """One surface."""
+
+    albedo: tuple[float, float, float]
+    reflectance_905nm: float
+    roughness: float = 0.9
+    metallic: float = 0.0
+    texture: Texture = Texture.PLAIN
+
+
+ACTOR_PAINT = "paint"
+"""Material of a body's parts that take their actor's own paint."""
+
+MATERIALS: dict[str, Material] = {
+    "asphalt": Material((0.10, 0.10, 0.105), 0.20, roughness=0.85, texture=Texture.ASPHALT),
+    "paint_white": Material((0.70, 0.70, 0.68), 0.70, roughness=0.6, texture=Texture.MARKING),
+    "paint_yellow": Material((0.70, 0.48, 0.06), 0.60, roughness=0.6, texture=Texture.MARKING),
+    "concrete": Material((0.36, 0.35, 0.33), 0.35, texture=Texture.PAVING),
+    "pavement": Material((0.36, 0.355, 0.34), 0.35, texture=Texture.STONE),
+    "joint": Material((0.17, 0.165, 0.16), 0.25),
+    "kerb": Material((0.42, 0.41, 0.39), 0.35, texture=Texture.STONE),
+    "gravel": Material((0.28, 0.26, 0.23), 0.30, texture=Texture.STONE),
+    "grass": Material((0.09, 0.16, 0.045), 0.40, texture=Texture.GRASS),
+    "soil": Material((0.17, 0.11, 0.07), 0.25, texture=Texture.SOIL),
+    "crops": Material((0.25, 0.27, 0.07), 0.45, texture=Texture.CROPS),
+    "leaves": Material((0.06, 0.13, 0.03), 0.45, texture=Texture.LEAVES),
+    "needles": Material((0.035, 0.075, 0.03), 0.40, texture=Texture.LEAVES),
+    "bark": Material((0.12, 0.085, 0.06), 0.30, texture=Texture.BARK),
+    "brick": Material((0.33, 0.14, 0.10), 0.35, texture=Texture.BRICK),
+    "plaster": Material((0.58, 0.54, 0.46), 0.60, texture=Texture.PLASTER),
+    "plaster_ochre": Material((0.54, 0.38, 0.20), 0.55, texture=Texture.PLASTER),
+    "plaster_white": Material((0.68, 0.67, 0.64), 0.65, texture=Texture.PLASTER),
+    "roof_tile": Material((0.24, 0.09, 0.06), 0.35, texture=Texture.TILES),
+    "wood": Material((0.30, 0.20, 0.12), 0.50, texture=Texture.WOOD),
+    "metal": Material((0.45, 0.45, 0.46), 0.30, roughness=0.4, metallic=0.9),
+    "glass": Material((0.03, 0.035, 0.04), 0.02, roughness=0.05),
+    "rubber": Material((0.025, 0.025, 0.025), 0.04),
+    "black_plastic": Material((0.04, 0.04, 0.04), 0.06, roughness=0.5),
+    "car_paint_white": Material((0.78, 0.78, 0.77), 0.75, roughness=0.25),
+    "car_paint_silver": Material((0.48, 0.49, 0.50), 0.50, roughness=0.25, metallic=0.3),
+    "car_paint_grey": Material((0.12, 0.125, 0.13), 0.30, roughness=0.25, metallic=0.2),
+    "car_paint_black": Material((0.02, 0.02, 0.022), 0.06, roughness=0.2),
+    "car_paint_red": Material((0.42, 0.03, 0.025), 0.45, roughness=0.25),
+    "car_paint_blue": Material((0.015, 0.035, 0.50), 0.25, roughness=0.25),
+    "car_paint_green": Material((0.04, 0.15, 0.06), 0.30, roughness=0.25),
+    "car_paint_brown": Material((0.16, 0.10, 0.06), 0.35, roughness=0.25),
+    "car_paint_yellow": Material((0.70, 0.45, 0.02), 0.60, roughness=0.25),
+    "car_paint_orange": Material((0.60, 0.17, 0.02), 0.55, roughness=0.25),
+    "chrome": Material((0.62, 0.62, 0.63), 0.30, roughness=0.12, metallic=1.0),
+    "upholstery": Material((0.06, 0.06, 0.065), 0.35),
+    "licence_plate": Material((0.65, 0.65, 0.62), 0.90, roughness=0.5),
+    "lamp_white": Material((0.9, 0.9, 0.85), 0.50, roughness=0.2),
+    "lamp_red": Material((0.45, 0.02, 0.02), 0.50, roughness=0.2),
+    "lamp_amber": Material((0.60, 0.22, 0.02), 0.50, roughness=0.2),
+    "lamp_amber_left": Material((0.60, 0.22, 0.02), 0.50, roughness=0.2),
+    "lamp_amber_right": Material((0.60, 0.22, 0.02), 0.50, roughness=0.2),
+    "skin": Material((0.45, 0.29, 0.21), 0.55),
+    "skin_brown": Material((0.27, 0.155, 0.095), 0.52),
+    "skin_dark": Material((0.10, 0.058, 0.038), 0.45),
+    "hair_black": Material((0.018, 0.016, 0.015), 0.25),
+    "hair_brown": Material((0.07, 0.042, 0.025), 0.35),
+    "hair_blond": Material((0.36, 0.25, 0.11), 0.55),
+    "hair_grey": Material((0.33, 0.32, 0.31), 0.50),
+    "hair_red": Material((0.22, 0.075, 0.025), 0.45),
+    "leather": Material((0.035, 0.025, 0.02), 0.30, roughness=0.6),
+    "cloth_light": Material((0.55, 0.53, 0.48), 0.75),
+    "cloth_white": Material((0.74, 0.74, 0.73), 0.80),
+    "cloth_grey": Material((0.20, 0.20, 0.21), 0.50),
+    "cloth_dark": Material((0.06, 0.065, 0.08), 0.45),
+    "cloth_black": Material((0.018, 0.018, 0.02), 0.08),
+    "cloth_blue": Material((0.08, 0.13, 0.28), 0.45),
+    "cloth_denim": Material((0.055, 0.085, 0.15), 0.50),
+    "cloth_red": Material((0.38, 0.06, 0.05), 0.50),
+    "cloth_green": Material((0.06, 0.15, 0.07), 0.45),
+    "cloth_brown": Material((0.17, 0.105, 0.06), 0.50),
+    "cloth_yellow": Material((0.62, 0.44, 0.05), 0.65),
+    "sign_red": Material((0.55, 0.03, 0.03), 0.90),
+    "sign_yellow": Material((0.75, 0.55, 0.03), 0.90),
+    "signal_red": Material((0.20, 0.015, 0.012), 0.30, roughness=0.2),
+    "signal_yellow": Material((0.22, 0.12, 0.01), 0.30, roughness=0.2),
+    "signal_green": Material((0.012, 0.14, 0.09), 0.30, roughness=0.2),
+}

@@ -1,0 +1,110 @@
+"""Writes pictures for people to look at.
+
+A film, written picture by picture as MP4 by PyAV.
+"""
+
+from collections.abc import Generator
+from contextlib import contextmanager
+from fractions import Fraction
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from advercity.errors import InputError, RunError
+
+JPEG_SUFFIXES = (".jpg", ".jpeg")
+JPEG_QUALITY = 85
+
+
+def write_image(image: NDArray[Any], path: Path) -> None:
+    """Write an image (h, w, 3) in BGR as PNG or JPEG, as the file's name says.
+
+    Raises:
+        InputError: The name is of no picture, or it cannot be written there.
+    """
+    is_jpeg = path.suffix.lower() in JPEG_SUFFIXES
+    options = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY] if is_jpeg else []
+    try:
+        encoded, content = cv2.imencode(path.suffix, image, options)
+    except cv2.error:
+        encoded, content = False, None
+    if not encoded or content is None:
+        raise InputError(f"{path}: no picture has such a name; end it in .png")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content.tobytes())
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+H264_CONSTANT_RATE_FACTOR = "20"
+"""Constant rate factor of H.264: lower is better."""
+
+
+class VideoWriter:
+    """A film that is being written; it is there when its context ends well."""
+
+    def __init__(self, path: Path, tick_s: float) -> None:
+        """A film with a picture per tick.
+
+        Raises:
+            InputError: PyAV is not installed (when the context is entered).
+            RunError: The file cannot be written.
+        """
+        self._path = path
+        self._partial = path.with_suffix(".partial.mp4")
+        self._rate = Fraction(1 / tick_s).limit_denominator(1000)
+
+    def __enter__(self) -> Self:
+        try:
+            import av
+        except ImportError as error:
+            raise InputError(
+                "films take PyAV, which is not installed; try: pip install 'advercity[video]'"
+            ) from error
+        self._av = av
+        with self._run_errors():
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            self._container = av.open(str(self._partial), "w")
+        options = {"crf": H264_CONSTANT_RATE_FACTOR}
+        self._stream = self._container.add_stream("libx264", rate=self._rate, options=options)
+        self._stream.pix_fmt = "yuv420p"
+        self._is_empty = True
+        return self
+
+    def append(self, image: NDArray[np.uint8]) -> None:
+        """Append a picture (h, w, 3); an odd row or column is left out."""
+        even = image[: image.shape[0] // 2 * 2, : image.shape[1] // 2 * 2]
+        if self._is_empty:
+            self._stream.height, self._stream.width = even.shape[:2]
+            self._is_empty = False
+        frame = self._av.VideoFrame.from_ndarray(np.ascontiguousarray(even), format="rgb24")
+        with self._run_errors():
+            self._container.mux(self._stream.encode(frame))
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        try:
+            with self._run_errors():
+                if error is None:
+                    self._container.mux(self._stream.encode())
+                self._container.close()
+                if error is None:
+                    self._partial.replace(self._path)
+        finally:
+            self._partial.unlink(missing_ok=True)
+
+    @contextmanager
+    def _run_errors(self) -> Generator[None]:
+        try:
+            yield
+        except OSError as error:  # PyAV's errors of the system are OSErrors, too
+            raise RunError(f"{self._path}: cannot be written: {error.strerror}") from error

@@ -1,0 +1,3 @@
+"""advercity.physics.constants."""
+
+GRAVITY_M_S2 = 9.81

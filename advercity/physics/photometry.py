@@ -1,0 +1,86 @@
+"""advercity.physics.photometry."""
+
+import numpy as np
+
+from advercity.geometry.arrays import Float64Array
+
+LUMINANCE_WEIGHTS = np.array([0.2126, 0.7152, 0.0722])
+_RGB_FROM_XYZ = np.array(
+    [
+        [3.2406, -1.5372, -0.4986],
+        [-0.9689, 1.8758, 0.0415],
+        [0.0557, -0.2040, 1.0570],
+    ]
+)
+
+
+def cubemap_directions(size: int) -> Float64Array:
+    """Directions (6, size, size, 3) of the texels of a cubemap, laid out as `Atmosphere.sky`."""
+    axis = (np.arange(size) + 0.5) / size * 2.0 - 1.0
+    down, right = np.meshgrid(axis, axis, indexing="ij")
+    one = np.ones_like(right)
+    faces = np.stack(
+        [
+            np.stack([one, -right, -down], axis=-1),
+            np.stack([-one, right, -down], axis=-1),
+            np.stack([right, one, -down], axis=-1),
+            np.stack([-right, -one, -down], axis=-1),
+            np.stack([down, -right, one], axis=-1),
+            np.stack([-down, -right, -one], axis=-1),
+        ]
+    )
+    return faces / np.linalg.norm(faces, axis=-1, keepdims=True)
+
+
+def cubemap_solid_angles(size: int) -> Float64Array:
+    """Solid angles (size, size) in sr of the texels of one face; six faces make 4 pi."""
+    axis = (np.arange(size) + 0.5) / size * 2.0 - 1.0
+    square = axis[:, None] ** 2 + axis[None, :] ** 2
+    return 4.0 / (size**2 * (1.0 + square) ** 1.5)
+
+
+def luminance(colour: Float64Array) -> Float64Array:
+    """Luminance (...) of linear sRGB (..., 3)."""
+    return colour @ LUMINANCE_WEIGHTS
+
+
+def horizontal_illuminance(cubemap: Float64Array) -> float:
+    """Illuminance in lx of level ground under a cubemap (6, n, n, 3) of cd/m²."""
+    size = cubemap.shape[1]
+    cosine = np.maximum(cubemap_directions(size)[..., 2], 0.0)
+    return float(np.sum(luminance(cubemap) * cosine * cubemap_solid_angles(size)))
+
+
+def colour_from_chromaticity(chromaticity: Float64Array) -> Float64Array:
+    """Convert CIE 1931 chromaticities (..., 2) to linear sRGB (..., 3) of luminance 1."""
+    x, y = chromaticity[..., 0], chromaticity[..., 1]
+    xyz = np.stack([x / y, np.ones_like(x), (1.0 - x - y) / y], axis=-1)
+    rgb = xyz @ _RGB_FROM_XYZ.T
+    return rgb / luminance(rgb)[..., None]
+
+
+Colour = tuple[float, float, float]
+
+
+BLACK_BODY_TEMPERATURES_K = np.array([2700.0, 3200.0, 4000.0, 5500.0, 6500.0, 10_000.0])
+BLACK_BODY_COLOURS = np.array(
+    [
+        [1.93, 0.81, 0.19],
+        [1.68, 0.87, 0.33],
+        [1.39, 0.94, 0.50],
+        [1.10, 0.99, 0.82],
+        [1.0, 1.0, 1.0],
+        [0.82, 1.01, 1.40],
+    ]
+)
+"""Linear sRGB at luminance 1 by temperature."""
+
+
+def black_body_colour(temperature_k: float) -> Float64Array:
+    """Compute the linear sRGB colour (3,) of a black body, at luminance 1."""
+    mired = 1e6 / BLACK_BODY_TEMPERATURES_K[::-1]
+    channels = [
+        np.interp(1e6 / temperature_k, mired, column) for column in BLACK_BODY_COLOURS[::-1].T
+    ]
+    colour = np.array(channels)
+    return colour / float(luminance(colour))

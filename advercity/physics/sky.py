@@ -1,0 +1,212 @@
+"""How much light comes from sun and sky, by the sun's elevation and the clouds.
+
+Where in the sky the light comes from: CIE general sky, fog dome, glow of the night.
+
+Directions are unit vectors (..., 3) in the world frame, luminances in cd/m² with linear sRGB as
+the last axis.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from advercity_dsl import Weather
+from numpy.typing import ArrayLike, NDArray
+
+from advercity.geometry.arrays import Float64Array
+from advercity.physics.photometry import colour_from_chromaticity, cubemap_directions
+
+RAIN_CLOUD_TRANSMITTANCE = 0.5
+"""Light that a raining or snowing cloud lets through, against a dry one of the same cover."""
+
+_SUN_TABLE_ELEVATION_DEG = (5.0, 10.0, 20.0, 60.0)
+_SUN_TABLE_COLOUR = ((1.87, 0.83, 0.12), (1.53, 0.91, 0.33), (1.32, 0.95, 0.54), (1.19, 0.97, 0.74))
+"""Linear sRGB at luminance 1 of Hosek-Wilkie's sun at turbidity 3."""
+
+
+@dataclass(frozen=True)
+class Daylight:
+    """Light above any fog, in lx."""
+
+    direct_lx: float
+    """By the sun, on a surface that faces it."""
+    diffuse_lx: float
+    """By the sky, on level ground."""
+
+
+def air_mass(elevation_deg: float) -> float:
+    """Optical air mass towards the sun (Kasten and Young 1989)."""
+    lifted = elevation_deg + 6.07995
+    return 1.0 / (math.sin(math.radians(elevation_deg)) + 0.50572 * lifted**-1.6364)
+
+
+def clear_daylight(elevation_deg: float) -> Daylight:
+    """A cloudless sky (IES 1984 daylight availability), the sun above the horizon."""
+    sine = math.sin(math.radians(elevation_deg))
+    return Daylight(
+        direct_lx=127_500.0 * math.exp(-0.21 * air_mass(elevation_deg)),
+        diffuse_lx=800.0 + 15_500.0 * math.sqrt(sine),
+    )
+
+
+def cloudy_daylight(
+    elevation_deg: float, *, oktas: int = 0, precipitating: bool = False
+) -> Daylight:
+    """Sun and sky under `oktas` eighths of cloud; nothing when the sun is down.
+
+    The total falls as 1 - 0.75 (N/8)^3.4 (Kasten and Czeplak 1980), and the sky's share of it
+    rises from that of a clear sky to all.
+    """
+    if elevation_deg <= 0.0:
+        return Daylight(0.0, 0.0)
+    clear = clear_daylight(elevation_deg)
+    sine = math.sin(math.radians(elevation_deg))
+    clear_total = clear.direct_lx * sine + clear.diffuse_lx
+    cover = oktas / 8.0
+    total = (
+        clear_total
+        * (1.0 - 0.75 * cover**3.4)
+        * (RAIN_CLOUD_TRANSMITTANCE if precipitating else 1.0)
+    )
+    clear_share = clear.diffuse_lx / clear_total
+    share = clear_share + (1.0 - clear_share) * cover**2
+    return Daylight(direct_lx=total * (1.0 - share) / sine, diffuse_lx=total * share)
+
+
+def daylight_for_weather(weather: Weather) -> Daylight:
+    """Sun and sky of `weather`; what its author gave stands, the rest is derived."""
+    derived = cloudy_daylight(
+        weather.sun.elevation_deg,
+        oktas=weather.sky.oktas,
+        precipitating=weather.rain.rate_mm_h > 0.0 or weather.snow.rate_mm_h > 0.0,
+    )
+    direct, diffuse = weather.sky.direct_lx, weather.sky.diffuse_lx
+    return Daylight(
+        direct_lx=derived.direct_lx if direct is None else direct,
+        diffuse_lx=derived.diffuse_lx if diffuse is None else diffuse,
+    )
+
+
+def sun_colour(elevation_deg: float) -> tuple[float, float, float]:
+    """Colour of direct sunlight, linear sRGB with luminance 1."""
+    red, green, blue = (
+        float(np.interp(elevation_deg, _SUN_TABLE_ELEVATION_DEG, channel))
+        for channel in zip(*_SUN_TABLE_COLOUR, strict=True)
+    )
+    return red, green, blue
+
+
+GROUND_ALBEDO = 0.1
+"""Of roads and fields in the mean."""
+LANDSCAPE_SNOW_ALBEDO = 0.85
+"""Of a landscape under fresh snow."""
+SNOW_COVER_SCALE_M = 0.002
+"""Depth of snow that hides all but 1/e of it."""
+CLOUD_ALBEDO = 0.6
+"""Of an overcast sky, from below."""
+AIRLIGHT_CUBEMAP_SIZE = 64
+"""Texels along an edge of the cubemap of airlight."""
+
+_CIE_TYPES = {
+    1: (4.0, -0.70, 0.0, -1.0, 0.0),
+    3: (1.1, -0.80, 0.0, -1.0, 0.0),
+    5: (0.0, -1.0, 0.0, -1.0, 0.0),
+    7: (0.0, -1.0, 5.0, -2.5, 0.30),
+    8: (0.0, -1.0, 10.0, -3.0, 0.45),
+    11: (-1.0, -0.55, 10.0, -3.0, 0.45),
+    12: (-1.0, -0.32, 10.0, -3.0, 0.45),
+    13: (-1.0, -0.32, 16.0, -3.0, 0.30),
+}
+"""Parameters a to e of ISO 15469:2004 / CIE S 011, by sky type."""
+_CIE_TYPE_BY_OKTAS = (12, 12, 12, 11, 8, 7, 7, 3, 1)
+HAZY_TURBIDITY = 5.0
+"""From here on a clear sky is the polluted one."""
+_ZENITH_XY = np.array([0.241, 0.250])
+_HORIZON_XY = np.array([0.31, 0.33])
+_AUREOLE_XY = np.array([0.36, 0.37])
+_OVERCAST_XY = np.array([0.3127, 0.3290])
+_AUREOLE_RAD = math.radians(20.0)
+
+
+def direction_from_elevation_azimuth(elevation_deg: float, azimuth_deg: float) -> Float64Array:
+    """Unit vector (3,) from an elevation and an azimuth clockwise from north."""
+    elevation, azimuth = math.radians(elevation_deg), math.radians(azimuth_deg)
+    level = math.cos(elevation)
+    return np.array([level * math.sin(azimuth), level * math.cos(azimuth), math.sin(elevation)])
+
+
+def cie_sky_type(oktas: int, *, turbidity: float = 3.0) -> int:
+    """CIE type of a sky with `oktas` eighths of cloud."""
+    clear = _CIE_TYPE_BY_OKTAS[oktas] == 12
+    return 13 if clear and turbidity >= HAZY_TURBIDITY else _CIE_TYPE_BY_OKTAS[oktas]
+
+
+def cie_relative_luminance(
+    directions: Float64Array, sun: Float64Array, cie_type: int
+) -> Float64Array:
+    """Luminance (...) of the CIE general sky against its zenith; at the horizon below it.
+
+    Args:
+        directions: (..., 3).
+        sun: (3,) towards the sun.
+        cie_type: Number of the standard sky.
+    """
+    a, b, c, d, e = _CIE_TYPES[cie_type]
+
+    def gradation(sine: Float64Array | float) -> Float64Array:
+        return 1.0 + a * np.exp(b / np.maximum(sine, 1e-4))
+
+    def indicatrix(angle: Float64Array | float) -> Float64Array:
+        scattered = c * (np.exp(d * np.asarray(angle)) - math.exp(d * math.pi / 2.0))
+        return 1.0 + scattered + e * np.cos(angle) ** 2
+
+    from_sun = np.arccos(np.clip(directions @ sun, -1.0, 1.0))
+    sun_from_zenith = math.acos(min(1.0, max(-1.0, float(sun[2]))))
+    return (
+        indicatrix(from_sun)
+        * gradation(directions[..., 2])
+        / (indicatrix(sun_from_zenith) * gradation(1.0))
+    )
+
+
+def sky_colour(
+    directions: Float64Array, sun: Float64Array, *, cloud_fraction: float
+) -> Float64Array:
+    """Colour (..., 3) of the sky with luminance 1: blue overhead, warm by the sun, grey clouds."""
+    height = np.sqrt(np.clip(directions[..., 2:], 0.0, 1.0))
+    clear = _HORIZON_XY + (_ZENITH_XY - _HORIZON_XY) * height
+    from_sun = np.arccos(np.clip(directions @ sun, -1.0, 1.0))[..., None]
+    aureole = np.clip(1.0 - from_sun / _AUREOLE_RAD, 0.0, 1.0)
+    clear = clear + (_AUREOLE_XY - clear) * aureole
+    return colour_from_chromaticity(clear + (_OVERCAST_XY - clear) * cloud_fraction)
+
+
+def ground_albedo(snow_depth_m: float) -> float:
+    """Albedo of the landscape, under snow of a depth."""
+    bare = math.exp(-snow_depth_m / SNOW_COVER_SCALE_M)
+    return LANDSCAPE_SNOW_ALBEDO + (GROUND_ALBEDO - LANDSCAPE_SNOW_ALBEDO) * bare
+
+
+def ground_lit_fraction(albedo: float, oktas: int) -> float:
+    """Of a sky's light on the ground, what clouds have from a ground brighter than usual.
+
+    Light goes to and fro between ground and clouds; what comes from below is even.
+    """
+    return CLOUD_ALBEDO * oktas / 8.0 * (albedo - GROUND_ALBEDO)
+
+
+def airlight_from_illuminance(illuminance_lx: float) -> float:
+    """Luminance of air that is lit from above with an illuminance and from below by the ground."""
+    return illuminance_lx * (1.0 + GROUND_ALBEDO) / (2.0 * math.pi)
+
+
+def build_airlight_cubemap(low: ArrayLike, high: ArrayLike) -> NDArray[np.float32]:
+    """Airlight (6, m, m, 4) as `Atmosphere` has it, as bright everywhere along a ray.
+
+    Args:
+        low: (3,) in cd/m² looking at or below the horizon.
+        high: (3,) at the zenith; between them it runs with the sine of the elevation.
+    """
+    share = np.maximum(cubemap_directions(AIRLIGHT_CUBEMAP_SIZE)[..., 2:], 0.0)
+    colour = np.asarray(low) * (1.0 - share) + np.asarray(high) * share
+    return np.concatenate([colour, np.zeros_like(share)], axis=-1).astype(np.float32)

@@ -1,0 +1,62 @@
+"""A weather in words, by the names that weather services give to its figures."""
+
+import math
+from collections.abc import Iterator
+
+from advercity_dsl import Weather
+
+from advercity.physics.extinction import KOSCHMIEDER_CONSTANT, snow_extinction
+
+FOG_TERMS = ((50, "dense fog"), (200, "thick fog"), (1000, "fog"))
+"""Below which visibility in metres what is said (WMO, UK roads)."""
+DUST_TERMS = ((500, "severe dust storm"), (1000, "dust storm"))
+RAIN_TERMS = (
+    (2.5, "light rain"),
+    (7.6, "moderate rain"),
+    (50, "heavy rain"),
+    (math.inf, "violent rain"),
+)
+"""Up to which rate in mm/h what is said (AMS)."""
+SNOW_TERMS = ((500, "heavy snow"), (1000, "moderate snow"), (math.inf, "light snow"))
+"""Below which visibility in metres in the snow what is said."""
+CLOUD_TERMS = ((0, "clear"), (2, "few clouds"), (4, "scattered clouds"), (7, "broken clouds"))
+
+
+def format_weather(weather: Weather) -> str:
+    """`day: thick fog, overcast, wet road, -3 degC`."""
+    return f"{weather.time}: {', '.join(_describe_parts(weather))}"
+
+
+def _describe_parts(weather: Weather) -> Iterator[str]:
+    yield from _describe_airborne(weather)
+    oktas = weather.sky.oktas
+    yield next((name for most, name in CLOUD_TERMS if oktas <= most), "overcast")
+    snow, surface = weather.snow, weather.surface
+    if snow.road_coverage:
+        yield f"{snow.road_coverage:.0%} of the road under snow"
+    if surface.puddle_coverage:
+        yield f"puddles on {surface.puddle_coverage:.0%} of the road"
+    elif surface.wetness >= 0.3:
+        yield "wet road"
+    if weather.wind.speed_m_s >= 8:
+        yield f"wind of {weather.wind.speed_m_s:g} m/s"
+    yield f"{weather.temperature_c:g} degC"
+
+
+def _describe_airborne(weather: Weather) -> Iterator[str]:
+    fog, dust = weather.fog.mor_m, weather.dust.mor_m
+    if fog is not None:
+        yield next((name for below, name in FOG_TERMS if fog < below), "mist")
+    if dust is not None:
+        yield next((name for below, name in DUST_TERMS if dust < below), "dust in the air")
+    if weather.rain.rate_mm_h:
+        yield next(name for most, name in RAIN_TERMS if weather.rain.rate_mm_h <= most)
+    snow = weather.snow
+    if snow.rate_mm_h:
+        seen_m = KOSCHMIEDER_CONSTANT / snow_extinction(
+            snow.rate_mm_h, density_g_cm3=snow.density_g_cm3
+        )
+        yield next(name for below, name in SNOW_TERMS if seen_m < below)
+    air = weather.air.mor_m
+    if air is not None and air <= 5000:
+        yield "haze"

@@ -1,0 +1,210 @@
+"""Where the sensors of a scenario are in each frame, and what they read without looking."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+from advercity_dsl import Agent, Mount, RoadsideUnit, Spec
+
+from advercity.conflicts.roles import find_conflict_roles
+from advercity.errors import RunError
+from advercity.frames import ActorState, Frame, Trace, extract_planned_trajectory
+from advercity.geometry import poses
+from advercity.geometry.arrays import Float64Array
+from advercity.geometry.geodesy import Geodetic, enu_from_geodetic
+from advercity.geometry.poses import Matrix
+from advercity.randomness import create_generator, sample_gauss_markov
+from advercity.sensors.gnss import measure_gnss
+from advercity.sensors.imu import measure_imu
+from advercity.sensors.measurements import GnssFix, ImuSample, PointCloud
+from advercity.sensors.sensor_frame import CameraImage, SensorFrame
+from advercity.traffic.weather_effects import apply_lamp_state, raise_umbrellas
+
+
+class AgentPoses:
+    """Poses, satellite fixes, motion and plans of every agent; a function of spec and trace."""
+
+    def __init__(self, spec: Spec, trace: Trace) -> None:
+        self.spec = spec
+        self._trace = trace
+        self._roles = find_conflict_roles(spec)
+        self._traced = lru_cache(maxsize=4)(trace.frame)
+        self._origin = Geodetic(spec.road.origin_lat_deg, spec.road.origin_lon_deg)
+
+    def load_frame(self, index: int) -> Frame:
+        """Kept frame `index` with the lamps lit and the umbrellas up that the weather calls for."""
+        weather, seed = self.spec.weather, self.spec.seeds.traffic
+        shown = raise_umbrellas(self._traced(index), weather.rain.rate_mm_h, seed=seed)
+        return apply_lamp_state(shown, weather.lamps)
+
+    def build_sensor_frame(
+        self,
+        agent: Agent,
+        frame: Frame,
+        *,
+        pictures: tuple[CameraImage, ...],
+        cloud: PointCloud,
+        visible: dict[int, int],
+    ) -> SensorFrame:
+        """The reading of `agent` in `frame`, given what its cameras and LiDAR saw."""
+        world_from_agent = self.world_from_agent(agent, frame.index)
+        gnss = self._measure_gnss(agent, world_from_agent, frame)
+        is_unit = isinstance(agent.place, RoadsideUnit)
+        return SensorFrame(
+            agent=agent,
+            frame=frame,
+            world_from_agent=world_from_agent,
+            estimated_world_from_agent=(
+                self._apply_gnss_position(world_from_agent, gnss) if is_unit else world_from_agent
+            ),
+            world_from_lidar=self.world_from_lidar(agent, frame),
+            camera_images=pictures,
+            point_cloud=cloud,
+            lidar_hits=visible,
+            gnss=None if is_unit else gnss,
+            imu=self._measure_imu(agent, frame.index),
+            planned_trajectory=() if is_unit else self._load_planned_path(agent, frame.index),
+            conflict_roles=self._roles,
+        )
+
+    def make_generator(
+        self, sensor: str, agent: Agent, frame: Frame, *more: int
+    ) -> np.random.Generator:
+        """Random numbers of a sensor of an agent in a frame."""
+        spec = self.spec
+        return create_generator(spec.seeds.sensors, spec.id, sensor, agent.id, frame.index, *more)
+
+    def world_from_agent(self, agent: Agent, index: int) -> Matrix:
+        """`world_from_agent` (4, 4): its vehicle's origin, or the roadside unit.
+
+        Raises:
+            RunError: The vehicle has left the road.
+        """
+        place = agent.place
+        if isinstance(place, RoadsideUnit):
+            return poses.pose_matrix(
+                place.position_m,
+                yaw=math.radians(place.yaw_deg),
+                pitch=math.radians(place.pitch_deg),
+                roll=math.radians(place.roll_deg),
+            )
+        return self._world_from_vehicle(agent, self._traced(index))
+
+    def world_from_lidar(self, agent: Agent, frame: Frame) -> Matrix:
+        """`world_from_lidar` (4, 4) in a frame.
+
+        A roadside unit's LiDAR stands level and looks east, however its cameras are turned.
+        """
+        mount = _carrier_from_sensor(agent.sensors.lidar.mount)
+        if isinstance(agent.place, RoadsideUnit):
+            return poses.pose_matrix(agent.place.position_m) @ mount
+        return self._world_from_vehicle(agent, frame) @ mount
+
+    def velocity(self, agent: Agent, frame: Frame) -> Float64Array:
+        """Velocity (3,) of an agent in the world in m/s; a roadside unit stands."""
+        if isinstance(agent.place, RoadsideUnit):
+            return np.zeros(3)
+        state = frame.state_of(agent.number)
+        return state.speed_m_s * state.world_from_body[:3, 0]
+
+    def previous_frame(self, frame: Frame) -> Frame:
+        """The frame one tick earlier; nothing is known before the first, so all goes on evenly."""
+        if frame.index > 0:
+            return self._traced(frame.index - 1)
+        after = {state.actor.id: state.world_from_body for state in self._traced(1).states}
+        return replace(
+            frame, states=tuple(_extrapolate_back(state, after) for state in frame.states)
+        )
+
+    def world_from_cameras(self, agent: Agent, index: int) -> list[Matrix]:
+        """`world_from_camera` (4, 4) of each of its cameras.
+
+        A roadside unit's cameras turn about the vertical before they tilt, so that all of them
+        look down as far as the unit does.
+        """
+        mounts = agent.sensors.camera.mounts
+        place = agent.place
+        if not isinstance(place, RoadsideUnit):
+            return [
+                self.world_from_agent(agent, index) @ _carrier_from_sensor(mount)
+                for mount in mounts
+            ]
+        upright = poses.pose_matrix(place.position_m, yaw=math.radians(place.yaw_deg))
+        tilt = poses.pose_matrix(
+            (0, 0, 0), pitch=math.radians(place.pitch_deg), roll=math.radians(place.roll_deg)
+        )
+        return [upright @ _carrier_from_sensor(mount) @ tilt for mount in mounts]
+
+    def _world_from_vehicle(self, agent: Agent, frame: Frame) -> Matrix:
+        try:
+            return frame.state_of(agent.number).world_from_body
+        except KeyError:
+            raise RunError(
+                f"{self.spec.id}: {agent.id} is not on the road in frame {frame.index};"
+                " its route ends too early"
+            ) from None
+
+    def _load_planned_path(
+        self, agent: Agent, index: int
+    ) -> tuple[tuple[float, float, float], ...]:
+        points = extract_planned_trajectory(self._trace, agent.number, index).tolist()
+        return tuple((x, y, speed) for x, y, speed in points)
+
+    def _measure_gnss(self, agent: Agent, world_from_agent: Matrix, frame: Frame) -> GnssFix:
+        gnss, spec, index = agent.sensors.gnss, self.spec, frame.index
+        slow = sample_gauss_markov(
+            create_generator(spec.seeds.sensors, spec.id, "gnss wander", agent.id),
+            index,
+            index,
+            correlation=math.exp(-self._trace.tick_s / gnss.wander_time_s),
+            axes=3,
+        )
+        return measure_gnss(
+            gnss,
+            world_from_agent[:3, 3],
+            origin=self._origin,
+            time_s=frame.time_s,
+            rng=self.make_generator("gnss", agent, frame),
+            slow_error=slow[0],
+        )
+
+    def _apply_gnss_position(self, world_from_agent: Matrix, gnss: GnssFix) -> Matrix:
+        """The pose with the position that the receiver reports."""
+        estimate = world_from_agent.copy()
+        place = Geodetic(gnss.latitude_deg, gnss.longitude_deg, gnss.altitude_m)
+        estimate[:3, 3] = enu_from_geodetic(place, self._origin)
+        return estimate
+
+    def _measure_imu(self, agent: Agent, index: int) -> ImuSample | None:
+        """None without an IMU. The first and last frame take the motion of their neighbour."""
+        imu = agent.sensors.imu
+        if imu is None:
+            return None
+        middle = min(max(index, 1), len(self._trace) - 2)
+        around = (max(0, middle - 2), middle - 1, middle, middle + 1)
+        return measure_imu(
+            imu,
+            [self.world_from_agent(agent, tick) for tick in around],
+            self._trace.tick_s,
+            key=(self.spec.seeds.sensors, self.spec.id, agent.id),
+            frame=index,
+        )
+
+
+def _extrapolate_back(state: ActorState, after: Mapping[int, Matrix]) -> ActorState:
+    """Where an actor was a tick ago if it moved then as it moves until the next."""
+    now = state.world_from_body
+    then = now @ poses.invert_pose(after.get(state.actor.id, now)) @ now
+    return replace(state, world_from_body=then)
+
+
+def _carrier_from_sensor(mount: Mount) -> Matrix:
+    """Pose (4, 4) of a sensor in the frame of its carrier."""
+    return poses.pose_matrix(
+        (mount.x_m, mount.y_m, mount.z_m),
+        yaw=math.radians(mount.yaw_deg),
+        pitch=math.radians(mount.pitch_deg),
+        roll=math.radians(mount.roll_deg),
+    )

@@ -1,0 +1,146 @@
+"""Contact sheets of bodies: each blueprint from four sides, by day and by night with its lamps."""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import cv2
+import numpy as np
+from advercity_dsl import Blueprint, Camera, Mount
+
+from advercity.assets.bodies import build_body
+from advercity.assets.model_store import ModelStore
+from advercity.compiler.library import find_weather
+from advercity.frames import Actor, ActorState, Frame, Lamp
+from advercity.geometry import poses
+from advercity.geometry.arrays import Uint8Array
+from advercity.geometry.mesh import Mesh
+from advercity.geometry.poses import Matrix
+from advercity.physics.atmosphere import compute_atmosphere
+from advercity.rendering.backend import RENDER_PROFILES, Backend, CameraView, Renderer
+from advercity.semantics import Semantic
+from advercity.sensors.camera import expose_image, meter_exposure
+from advercity.sensors.camera.optics import add_stray_light
+from advercity.traffic.paints import CONNECTED_PAINT
+from advercity.traffic.weather_effects import apply_lamp_state
+from advercity.world import StreetLamp, World
+
+VIEWS = (("three quarters", 0.6), ("side", np.pi / 2), ("rear", np.pi), ("front", 0.0))
+"""Where the camera stands around the body, in radians to the left of its front."""
+SHEET_WEATHERS = ("clear_day", "clear_night")
+CELL_PX = (320, 200)
+LABEL_HEIGHT_PX = 20
+FIELD_OF_VIEW_RAD = np.radians(30.0)
+RAISED_CAMERA_RATIO, LEVEL_CAMERA_RATIO = 0.18, 0.08
+"""Height of the camera over the middle of the body, as a share of its distance."""
+STREET_LAMPS = tuple(StreetLamp((x, y, 8.0)) for x in (-9.0, 9.0) for y in (-7.0, 7.0))
+PEDESTRIAN_MATERIAL = "cloth_red"
+STEERING_RAD = np.radians(20.0)
+BLINKING_ACTOR_ID = 2
+"""An actor whose indicators are lit at the beginning."""
+CLEAN_LENS_FRACTION = 0.02
+"""Share of the light that it scatters."""
+ALL_LAMPS = Lamp.BRAKE | Lamp.LEFT | Lamp.RIGHT
+
+
+def draw_body_sheet(
+    blueprints: Mapping[str, Blueprint], backend: Backend, shelf: ModelStore
+) -> Uint8Array:
+    """A picture (h, w, 3), BGR: a row for each blueprint, four views by day and four by night."""
+    world = World(
+        id="sheet",
+        static=(_build_ground(),),
+        bodies={name: build_body(name, blueprint, shelf) for name, blueprint in blueprints.items()},
+        lanes=(),
+        street_lamps=STREET_LAMPS,
+        network=Path(),
+    )
+    halves = [
+        list(_render_views(world, blueprints, backend, weather)) for weather in SHEET_WEATHERS
+    ]
+    rows = [
+        np.vstack([_draw_label(name, blueprint, shelf, 8 * CELL_PX[0]), np.hstack([*day, *night])])
+        for (name, blueprint), day, night in zip(blueprints.items(), *halves, strict=True)
+    ]
+    return np.vstack(rows)
+
+
+def _render_views(
+    world: World, blueprints: Mapping[str, Blueprint], backend: Backend, weather_id: str
+) -> Iterator[list[Uint8Array]]:
+    """Four views of each blueprint under a weather."""
+    weather = find_weather(weather_id).declaration
+    atmosphere = compute_atmosphere(weather, "rural")
+    with backend.open(world, atmosphere, RENDER_PROFILES["preview"]) as renderer:
+        for name, blueprint in blueprints.items():
+            frame = apply_lamp_state(_build_frame(name, blueprint), weather.lamps)
+            renderer.place(frame)
+            yield [_render_view(renderer, blueprint, azimuth) for _, azimuth in VIEWS]
+
+
+def _build_frame(name: str, blueprint: Blueprint) -> Frame:
+    paint = PEDESTRIAN_MATERIAL if blueprint.actor_class == "pedestrian" else CONNECTED_PAINT
+    size = (blueprint.length_m, blueprint.width_m, blueprint.height_m)
+    lamps = Lamp(0) if blueprint.actor_class == "pedestrian" else ALL_LAMPS
+    actor = Actor(BLINKING_ACTOR_ID, blueprint.actor_class, name, paint, size)
+    state = ActorState(actor, np.eye(4), 0.0, 0.0, lamps, steering_rad=STEERING_RAD)
+    return Frame(index=0, time_s=0.0, states=(state,), signals={})
+
+
+def _render_view(renderer: Renderer, blueprint: Blueprint, azimuth: float) -> Uint8Array:
+    width, height = CELL_PX
+    view = CameraView(_place_camera(blueprint, azimuth), width, height, FIELD_OF_VIEW_RAD)
+    camera = Camera(mounts=(Mount(),), noise=False)
+    light = add_stray_light(
+        renderer.render_camera(view).radiance,
+        horizontal_fov_rad=view.horizontal_fov_rad,
+        fraction=CLEAN_LENS_FRACTION,
+    )
+    setting = meter_exposure(light, camera.exposure)
+    picture = expose_image(light, camera, setting, np.random.default_rng(0))
+    return picture[..., ::-1]
+
+
+def _place_camera(blueprint: Blueprint, azimuth: float) -> Matrix:
+    """Where the camera stands: so far that the body fills the picture, a little above it."""
+    reach = max(blueprint.length_m, 1.6 * blueprint.height_m, blueprint.width_m)
+    away = 0.62 * reach / np.tan(FIELD_OF_VIEW_RAD / 2) + blueprint.width_m / 2
+    raised = RAISED_CAMERA_RATIO if azimuth == VIEWS[0][1] else LEVEL_CAMERA_RATIO
+    place = away * np.array([np.cos(azimuth), np.sin(azimuth), raised])
+    place[2] += blueprint.height_m / 2
+    return poses.pose_matrix(place, yaw=azimuth + np.pi, pitch=float(np.arctan(raised)))
+
+
+def _build_ground() -> Mesh:
+    corners = [(-200.0, -200.0, 0.0), (200.0, -200.0, 0.0), (200.0, 200.0, 0.0), (-200.0, 200.0, 0)]
+    return Mesh(
+        name="ground",
+        vertices=np.array(corners, dtype=np.float32),
+        triangles=np.array([(0, 1, 2), (0, 2, 3)], dtype=np.int32),
+        material="asphalt",
+        semantic=Semantic.ROAD,
+    )
+
+
+def _draw_label(name: str, blueprint: Blueprint, shelf: ModelStore, width: int) -> Uint8Array:
+    bar = np.full((LABEL_HEIGHT_PX, width, 3), 32, np.uint8)
+    where = (
+        "shaped here" if shelf.prepare_model(blueprint) is None else _format_attribution(blueprint)
+    )
+    size = f"{blueprint.length_m:.2f} x {blueprint.width_m:.2f} x {blueprint.height_m:.2f} m"
+    text = f"{name}: {blueprint.actor_class}, {size}, {where}"
+    cv2.putText(
+        bar,
+        text,
+        (6, LABEL_HEIGHT_PX - 6),
+        cv2.FONT_HERSHEY_SIMPLEX,
+        0.45,
+        (235,) * 3,
+        1,
+        cv2.LINE_AA,
+    )
+    return bar
+
+
+def _format_attribution(blueprint: Blueprint) -> str:
+    model = blueprint.model
+    return f"{model.pack or model.file} by {model.author}, {model.licence}" if model else ""

@@ -1,0 +1,192 @@
+"""advercity.pipeline.descriptions."""
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from advercity_dsl import Declaration, DriverResponse, Road, Spec, Weather
+
+from advercity.compiler import LibraryEntry, compare_specs, load_library, read_spec
+from advercity.compiler.explain import ValueOrigin, flatten_values
+from advercity.compiler.source import format_value_path
+from advercity.errors import InputError
+from advercity.physics import extinction
+from advercity.physics.extinction import visibility_m
+from advercity.physics.sky import daylight_for_weather
+from advercity.physics.stopping import compute_stopping_distance
+from advercity.physics.weather_text import format_weather
+from advercity.sensors.lidar.received_power import detection_range_m
+
+Description = Mapping[str, str]
+TARGET_REFLECTANCES = (0.1, 0.5, 0.8)
+"""Reflectances of the targets that LiDAR reach is told for: dark car, concrete, white paint."""
+
+
+def load_rows(folder: Path) -> list[dict[str, Any]]:
+    """One row per spec of a folder, or per declaration of a library."""
+    specs = sorted(folder.glob("*.json")) if folder.is_dir() else []
+    if specs:
+        return [_build_spec_row(read_spec(path)) for path in specs]
+    if not folder.is_dir():
+        found = "is a file; name its folder" if folder.exists() else "there is no such folder"
+        raise InputError(f"{folder}: {found}; `advercity compile` makes a folder of specs")
+    if not any(folder.iterdir()):
+        raise InputError(f"{folder}: no specs (*.json) here; `advercity compile` writes them")
+    return [_build_declaration_row(kind, entry) for kind, entry in _load_entries(folder)]
+
+
+def _build_spec_row(spec: Spec) -> dict[str, Any]:
+    return {
+        "scenario": spec.id,
+        "vehicles": spec.demand.vehicles,
+        "walkers": spec.demand.walkers,
+        "weather": format_weather(spec.weather),
+        "crash groups": " ".join(group.typology for group in spec.groups),
+    }
+
+
+def _load_entries(folder: Path) -> list[tuple[str, LibraryEntry[Declaration]]]:
+    return [(kind, entry) for (kind, _), entry in sorted(load_library(folder).entries.items())]
+
+
+def _build_declaration_row(kind: str, entry: LibraryEntry[Declaration]) -> dict[str, Any]:
+    declaration = entry.declaration
+    file = entry.source.document.path
+    return {"kind": kind, "id": declaration.id, "title": declaration.title, "file": str(file)}
+
+
+def describe_declaration(entry: LibraryEntry[Declaration]) -> Description:
+    """What a declaration holds."""
+    declaration = entry.declaration
+    if isinstance(declaration, Weather):
+        drawn = {
+            f"drawn {format_value_path(where)}": str(item.model_dump())
+            for where, item in entry.distributions.items()
+        }
+        return {**describe_weather(declaration), **drawn}
+    if isinstance(declaration, Road):
+        return describe_road(declaration)
+    plain = declaration.model_dump(mode="json", exclude_unset=True)
+    return {name: str(value) for name, value in flatten_values(plain).items()}
+
+
+def describe_weather(weather: Weather) -> Description:
+    """A weather in words, and what follows from its figures."""
+    total = extinction.total_extinction(weather)
+    reach = [detection_range_m(target, total.at_905nm) for target in TARGET_REFLECTANCES]
+    facts = {
+        "weather": _format_title(weather),
+        "in words": format_weather(weather),
+        "visibility": _describe_visibility(weather, visibility_m(total)),
+        "extinction": f"{total.at_550nm:.5f} 1/m at 550 nm, {total.at_905nm:.5f} 1/m at 905 nm",
+        "LiDAR reach": f"{', '.join(f'{item:.0f}' for item in reach)} m for targets of "
+        f"{', '.join(f'{target:.0%}' for target in TARGET_REFLECTANCES)}, in the dark",
+        "light": _describe_light(weather),
+        "ground": f"wetness {weather.surface.wetness:g}, "
+        f"puddles {weather.surface.puddle_coverage:.0%}, "
+        f"snow {weather.snow.depth_mm:g} mm on {weather.snow.road_coverage:.0%} of the road",
+        "source": weather.source or "none given",
+    }
+    return facts | ({"assumption": weather.assumption} if weather.assumption else {})
+
+
+def _format_title(declaration: Declaration) -> str:
+    return f"{declaration.id}: {declaration.title}" if declaration.title else declaration.id
+
+
+def _describe_visibility(weather: Weather, total_m: float) -> str:
+    snow, rain = weather.snow, weather.rain
+    falling = {
+        "rain": extinction.rain_extinction(rain.rate_mm_h, q_ext=rain.q_ext),
+        "snow": extinction.snow_extinction(snow.rate_mm_h, density_g_cm3=snow.density_g_cm3),
+    }
+    parts = {"air": weather.air.mor_m, "fog": weather.fog.mor_m, "dust": weather.dust.mor_m}
+    parts |= {
+        name: extinction.KOSCHMIEDER_CONSTANT / item for name, item in falling.items() if item
+    }
+    alone = [f"{name} {metres:.0f} m" for name, metres in parts.items() if metres is not None]
+    if math.isinf(total_m):
+        return "unlimited"
+    return f"{total_m:.0f} m ({', '.join(alone)} alone)"
+
+
+def _describe_light(weather: Weather) -> str:
+    if weather.time == "night":
+        night = weather.night
+        return (
+            f"street lamps {night.street_lx.urban:g} lx in town, {night.street_lx.rural:g} lx"
+            f" outside; sky {night.glow_cd_m2.urban:g}, {night.glow_cd_m2.rural:g} cd/m2"
+        )
+    if weather.sun.in_view_of is not None:
+        found = ", ".join(weather.sun_at) or "no road yet"
+        return f"sun in view of the {weather.sun.in_view_of}, found for {found}"
+    light = daylight_for_weather(weather)
+    return (
+        f"sun {light.direct_lx:.0f} lx at {weather.sun.elevation_deg:g} deg, "
+        f"sky {light.diffuse_lx:.0f} lx"
+    )
+
+
+def build_difference_rows(first: Spec, second: Spec) -> list[dict[str, Any]]:
+    """What differs between two specs, a row per field."""
+    return [
+        {"field": path, first.id: _format_value(one), second.id: _format_value(other)}
+        for path, one, other in compare_specs(first, second)
+    ]
+
+
+def build_origin_rows(origins: Sequence[ValueOrigin]) -> list[dict[str, Any]]:
+    """Values of a spec and where they come from, a row each."""
+    return [
+        {"field": item.path, "value": _format_value(item.value), "origin": item.text}
+        for item in origins
+    ]
+
+
+def _format_value(value: Any) -> str:
+    if value is None:
+        return "-"
+    return f"{value:.9g}" if isinstance(value, float) else str(value)
+
+
+def describe_road(road: Road) -> Description:
+    """What a road holds."""
+    return {
+        "road": _format_title(road),
+        "place": f"{road.land_use}, {road.junction}, {road.alignment}, {road.profile}",
+        "streets": ", ".join(road.streets),
+        "junctions": ", ".join(f"{name} ({item.control})" for name, item in road.junctions.items()),
+        "agents": ", ".join(road.agents),
+    }
+
+
+def describe_spec(spec: Spec) -> Description:
+    """What a spec holds."""
+    road = spec.road
+    facts = {
+        "scenario": spec.id,
+        "road": _format_title(road),
+        "place": f"{road.land_use}, {road.junction}, {road.alignment}, {road.profile}",
+        "crash groups": ", ".join(group.typology for group in spec.groups),
+        **describe_weather(spec.weather),
+        "stopping": str(compute_stopping_distance(spec)),
+        "traffic": f"{spec.demand.vehicles} vehicles, {spec.demand.walkers} walkers "
+        f"({spec.density.id})",
+        "agents": ", ".join(f"{agent.id} ({agent.number})" for agent in spec.agents),
+        "seeds": f"traffic {spec.seeds.traffic}, sensors {spec.seeds.sensors}, "
+        f"weather {spec.seeds.weather}",
+        "digest": spec.provenance.digest,
+    }
+    if spec.drivers and spec.caution:
+        facts["drivers"] = f"{spec.drivers.id}: {_describe_driver_response(spec.caution)}"
+    swept = spec.provenance.sweep
+    drawn = {f"drawn {path}": str(item) for path, item in spec.provenance.draws.items()}
+    return facts | drawn | ({"sweep": f"{swept.field} at {swept.value:g}"} if swept else {})
+
+
+def _describe_driver_response(caution: DriverResponse) -> str:
+    return (
+        f"{1 - caution.speed_share:.0%} slower, {caution.headway_s:.2f} s more headway; they use"
+        f" {caution.usual_m_s2:.1f} m/s2, {caution.hardest_m_s2:.1f} in an emergency"
+    )

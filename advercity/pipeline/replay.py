@@ -1,0 +1,156 @@
+"""Shows what a dataset holds: its readings, put back together, in Rerun."""
+
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from advercity.conflicts.events import find_conflict_events
+from advercity.dataset.agent_view import AgentView
+from advercity.dataset.manifest import no_frames_error
+from advercity.dataset.reader import Scenario
+from advercity.errors import InputError, RunError
+from advercity.geometry.poses import Matrix
+from advercity.pipeline.agent_poses import AgentPoses
+from advercity.pipeline.preparation import load_or_simulate_traffic
+from advercity.roads.road_network import build_road
+from advercity.sensors.measurements import PointCloud
+from advercity.sensors.sensor_frame import CameraImage, SensorFrame
+from advercity.viewer.cloud_colours import CloudColour
+from advercity.viewer.recording import RerunRecording
+
+
+def load_sensor_frames(
+    scenario: Scenario, viewpoints: AgentPoses, index: int
+) -> tuple[SensorFrame, ...]:
+    """The readings of a frame: what was seen from the files, the rest from spec and trace."""
+    frame, stored = viewpoints.load_frame(index), scenario.frame(index)
+    return tuple(
+        viewpoints.build_sensor_frame(
+            agent,
+            frame,
+            pictures=tuple(
+                _load_images(stored[agent.id], viewpoints.world_from_cameras(agent, index))
+            ),
+            cloud=_load_point_cloud(stored[agent.id]),
+            visible=_load_visible_counts(stored[agent.id]),
+        )
+        for agent in scenario.spec.agents
+    )
+
+
+def _load_images(stored: AgentView, world_from_cameras: Sequence[Matrix]) -> Iterator[CameraImage]:
+    """Depths and sightings are not what a viewer shows, and not every layout has them."""
+    for camera, world_from_camera in enumerate(world_from_cameras):
+        semantic = stored.semantic(camera)
+        yield CameraImage(
+            world_from_camera=world_from_camera,
+            image=stored.image(camera),
+            semantic=semantic,
+            depth=np.full_like(semantic, 255),
+            projected_boxes={},
+        )
+
+
+def _load_visible_counts(stored: AgentView) -> dict[int, int]:
+    boxes = stored.boxes
+    return dict(zip(boxes.ids.tolist(), boxes.lidar_hits.tolist(), strict=True))
+
+
+def _load_point_cloud(stored: AgentView) -> PointCloud:
+    """What a layout does not keep is zero."""
+    table = stored.cloud
+    points = np.column_stack([table["x"], table["y"], table["z"]])
+    kept = table.dtype.names or ()
+    nothing = np.zeros(len(table))
+    raw, time_s = stored.measured
+
+    def column(name: str, kind: type[np.generic]) -> NDArray[Any]:
+        return (table[name] if name in kept else nothing).astype(kind)
+
+    return PointCloud(
+        points=points,
+        raw=raw,
+        intensity=table["intensity"],
+        ring=column("ring", np.uint16),
+        time_s=time_s,
+        range_m=np.linalg.norm(raw, axis=1),
+        semantic=column("tag", np.uint8),
+        instance=column("object_id", np.int32),
+        kind=column("kind", np.uint8),
+    )
+
+
+def write_recording(path: Path, file: Path, *, cloud_colour: CloudColour = "intensity") -> None:
+    """Make a recording of every frame of a scenario's folder."""
+    scenario = Scenario(path)
+    if not len(scenario):
+        raise no_frames_error(path)
+    spec = scenario.spec
+    stage = load_or_simulate_traffic(spec)
+    if stage.trace_sha256 != scenario.manifest.identity.trace_sha256:
+        raise RunError(
+            f"{path}: made from other traffic than this version simulates;"
+            " look at it with the version that its manifest names"
+        )
+    viewpoints = AgentPoses(spec, stage.trace)
+    lanes = build_road(spec.road).lanes
+    events = find_conflict_events(spec, stage.trace)
+    with RerunRecording(
+        spec, lanes, file=file, cloud_colour=cloud_colour, events=events
+    ) as recording:
+        for stored in scenario:
+            recording.log_frame(load_sensor_frames(scenario, viewpoints, stored.index))
+
+
+def open_viewer(dataset: Path, *, web: bool, cloud_colour: CloudColour = "intensity") -> None:
+    """Open a `.rrd` recording, or the folder of a scenario, in Rerun's viewer.
+
+    Args:
+        dataset: What to show.
+        web: In a browser instead of a window.
+        cloud_colour: What the colours of LiDAR points stand for; a recording keeps its own.
+
+    Raises:
+        InputError: There is no such thing.
+        RunError: The viewer fails.
+    """
+    if dataset.suffix == ".rrd":
+        if not dataset.is_file():
+            raise InputError(f"{dataset}: no such recording")
+        _show_recording(dataset, web=web)
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "scenario.rrd"
+        write_recording(dataset, file, cloud_colour=cloud_colour)
+        _show_recording(file, web=web)
+
+
+def build_viewer_command(
+    file: Path, *, web: bool, port: int | None = None, web_port: int | None = None
+) -> list[str]:
+    """What opens a recording in Rerun's viewer, for this machine only.
+
+    Args:
+        file: `.rrd`.
+        web: In a browser instead of a window.
+        port: That the recording is served at; Rerun's own if None.
+        web_port: That the viewer is served at to a browser; Rerun's own if None.
+    """
+    options = ["--web-viewer"] if web else []
+    options += [] if port is None else ["--port", str(port)]
+    options += [] if web_port is None else ["--web-viewer-port", str(web_port)]
+    return [sys.executable, "-m", "rerun", "--bind", "127.0.0.1", *options, str(file)]
+
+
+def _show_recording(file: Path, *, web: bool) -> None:
+    command = build_viewer_command(file, web=web)
+    done = subprocess.run(command, check=False)  # noqa: S603 - rerun's own program on our file
+    if done.returncode != 0:
+        hint = "" if web else "; without a screen, try --web"
+        raise RunError(f"the viewer ended with exit code {done.returncode}{hint}")

@@ -1,0 +1,149 @@
+"""Lamps that light the scene at night: of streets, signals and vehicles."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from advercity_dsl import ActorClass
+from numpy.typing import NDArray
+
+from advercity.frames import ActorState, Frame, Lamp, Signal
+from advercity.geometry.poses import transform_points
+from advercity.physics.lamp_beams import LampPattern, LightSource
+from advercity.physics.photometry import Colour
+from advercity.world import SignalLamp, StreetLamp, World
+
+LED_COLOUR: Colour = (1.39, 0.94, 0.50)
+"""4000 K in linear sRGB of luminance 1."""
+HALOGEN_COLOUR: Colour = (1.68, 0.87, 0.33)
+RED_LAMP_COLOUR: Colour = (4.60, 0.03, 0.0)
+AMBER_LAMP_COLOUR: Colour = (2.30, 0.72, 0.0)
+SIGNAL_COLOURS: dict[Signal, Colour] = {
+    Signal.RED: RED_LAMP_COLOUR,
+    Signal.YELLOW: AMBER_LAMP_COLOUR,
+    Signal.GREEN: (0.0, 1.30, 0.90),
+}
+LOW_BEAM_CD: dict[ActorClass, float] = {
+    "car": 40e3,
+    "van": 40e3,
+    "truck": 40e3,
+    "motorcycle": 20e3,
+    "bicycle": 1e3,
+}
+"""Peak of the dipped beams of a vehicle together (UN R112 class B, R113)."""
+BRAKE_CD, TAIL_CD, SIGNAL_CD = 300.0, 16.0, 400.0
+REAR_FOG_CD, FRONT_INDICATOR_CD, REAR_INDICATOR_CD = 200.0, 300.0, 200.0
+"""Rear fog lamps together, indicators each (UN R148 allows 150-300, 175-1000 and 50-500)."""
+FRONT_FOG_CD = 8e3
+"""Peak of both front fog lamps together; an engineering value, a fifth of the dipped beams."""
+FOG_LAMP_HEIGHT_M, FOG_LAMP_TILT_RAD = 0.40, np.radians(1.5)
+"""Their light ends lower than that of dipped beams."""
+REAR_LAMP_OFFSET_FRACTION, LOW_BEAM_OFFSET_FRACTION = 0.4, 0.35
+"""How far rear lamps and indicators, and dipped beams, are from the middle, in widths."""
+TWO_WHEELER_CLASSES: tuple[ActorClass, ...] = ("bicycle", "motorcycle")
+LAMP_HEIGHT_M, LAMP_BODY_CLEARANCE_M = 0.65, 0.1
+MAX_OCCLUDER_GAP_M, LIT_BEHIND_OCCLUDER_M = 12.0, 6.0
+"""Who is closer ahead than that hides a beam; how far behind its rear the light still reaches."""
+SIGNAL_LENS_SPACING_M = 0.31
+SIGNAL_LENS_OFFSET_M = 0.02
+"""Of the lens that the world's own mesh of a signal has."""
+
+
+def list_light_sources(world: World, frame: Frame) -> list[LightSource]:
+    """Everything that shines in a frame by night."""
+    return [
+        *(_street_light(lamp) for lamp in world.street_lamps),
+        *(_signal_light(lamp, frame.signals[lamp.id]) for lamp in world.signal_lamps),
+        *(
+            lamp
+            for state, open_m in zip(
+                frame.states, unobstructed_distance_m(frame.states), strict=True
+            )
+            for lamp in _vehicle_lights(state, open_m)
+        ),
+    ]
+
+
+def _street_light(lamp: StreetLamp) -> LightSource:
+    """Straight down with the cosine of the angle, so that the flux is pi times the peak."""
+    return LightSource(
+        LampPattern.STREET, lamp.position, (0.0, 0.0, -1.0), lamp.flux_lm / np.pi, LED_COLOUR
+    )
+
+
+def _signal_light(lamp: SignalLamp, shown: Signal) -> LightSource:
+    facing = (*lamp.facing, 0.0)
+    ahead, _, up = signal_lens_position(shown)
+    position = np.add(lamp.position, np.multiply(facing, ahead + LAMP_BODY_CLEARANCE_M))
+    position[2] += up
+    return LightSource(LampPattern.LENS, tuple(position), facing, SIGNAL_CD, SIGNAL_COLOURS[shown])
+
+
+def unobstructed_distance_m(states: Sequence[ActorState]) -> NDArray[np.float64]:
+    """How far (n,) in metres each actor's beams shine before another hides most of the rest."""
+    if not states:
+        return np.empty(0)
+    pose = np.stack([state.world_from_body for state in states])
+    length, width, _ = np.array([state.actor.size for state in states]).T
+    away = pose[None, :, :2, 3] - pose[:, None, :2, 3]
+    ahead = np.einsum("ijk,ik->ij", away, pose[:, :2, 0])
+    aside = np.abs(np.einsum("ijk,ik->ij", away, pose[:, :2, 1]))
+    gap = ahead - (length[:, None] + length[None]) / 2.0
+    hides = (ahead > 0.0) & (aside < width[None] / 2.0) & (gap < MAX_OCCLUDER_GAP_M)
+    return np.where(hides, np.maximum(gap, 0.0) + LIT_BEHIND_OCCLUDER_M, np.inf).min(axis=1)
+
+
+def _vehicle_lights(state: ActorState, open_m: float) -> Iterator[LightSource]:
+    pose, length = state.world_from_body, state.actor.size[0]
+    ahead = pose[:3, 0]
+    reach = length / 2.0 + LAMP_BODY_CLEARANCE_M
+    rear = transform_points(pose, [-reach, 0.0, LAMP_HEIGHT_M])
+    sides = (0.0,) if state.actor.actor_class in TWO_WHEELER_CLASSES else (1.0, -1.0)
+    beam_cd = LOW_BEAM_CD.get(state.actor.actor_class, 0.0) / len(sides)
+    if Lamp.LOW_BEAM in state.lamps and beam_cd > 0.0:
+        for left in sides:
+            y = left * LOW_BEAM_OFFSET_FRACTION * state.actor.size[1]
+            front = tuple(transform_points(pose, [reach, y, LAMP_HEIGHT_M]))
+            yield LightSource(
+                LampPattern.LOW_BEAM, front, tuple(ahead), beam_cd, HALOGEN_COLOUR, open_m
+            )
+    if Lamp.FOG in state.lamps:
+        low = tuple(transform_points(pose, [reach, 0.0, FOG_LAMP_HEIGHT_M]))
+        down = np.cos(FOG_LAMP_TILT_RAD) * ahead - np.sin(FOG_LAMP_TILT_RAD) * pose[:3, 2]
+        yield LightSource(
+            LampPattern.FOG_BEAM, low, tuple(down), FRONT_FOG_CD, HALOGEN_COLOUR, open_m
+        )
+    if state.lamps & (Lamp.BRAKE | Lamp.LOW_BEAM | Lamp.FOG):
+        rear_cd = BRAKE_CD if Lamp.BRAKE in state.lamps else TAIL_CD
+        rear_cd += REAR_FOG_CD if Lamp.FOG in state.lamps else 0.0
+        for left in sides:
+            aside = left * REAR_LAMP_OFFSET_FRACTION * state.actor.size[1] * pose[:3, 1]
+            yield LightSource(
+                LampPattern.LENS,
+                tuple(rear + aside),
+                tuple(-ahead),
+                rear_cd / len(sides),
+                RED_LAMP_COLOUR,
+            )
+    yield from _indicator_lights(state, reach)
+
+
+def _indicator_lights(state: ActorState, half_length_m: float) -> Iterator[LightSource]:
+    pose, ahead = state.world_from_body, state.world_from_body[:3, 0]
+    for lamp, left in ((Lamp.LEFT, 1.0), (Lamp.RIGHT, -1.0)):
+        if lamp in state.lamps:
+            y = left * REAR_LAMP_OFFSET_FRACTION * state.actor.size[1]
+            front, rear = (
+                tuple(transform_points(pose, [x, y, LAMP_HEIGHT_M]))
+                for x in (half_length_m, -half_length_m)
+            )
+            yield LightSource(
+                LampPattern.LENS, front, tuple(ahead), FRONT_INDICATOR_CD, AMBER_LAMP_COLOUR
+            )
+            yield LightSource(
+                LampPattern.LENS, rear, tuple(-ahead), REAR_INDICATOR_CD, AMBER_LAMP_COLOUR
+            )
+
+
+def signal_lens_position(signal: Signal) -> tuple[float, float, float]:
+    """Where the lens of a signal is in the frame of its `SignalLamp`, metres."""
+    return SIGNAL_LENS_OFFSET_M, 0.0, SIGNAL_LENS_SPACING_M * (Signal.YELLOW - signal)

@@ -1,0 +1,283 @@
+"""Paint on an imported road, as its lanes and their right of way suggest it.
+
+Signal heads and signs of an imported road, set where such a road has them.
+
+Heads hang over the far side of the junction, on a mast at the right of the road beyond it; where
+no road goes on, they stand there. Signs stand at the right of the approach.
+
+Roads built from the SUMO network that a map was compiled to.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+import shapely
+from advercity_dsl import MapNetwork
+from shapely.geometry.base import BaseGeometry
+
+from advercity.geometry import polyline
+from advercity.geometry.mesh import Mesh, SurfacePatch, build_ribbon, merge_patches
+from advercity.geometry.polyline import Points, offset_polyline
+from advercity.roads import markings
+from advercity.roads.imported_network import (
+    ImportedEdge,
+    ImportedLane,
+    ImportedNetwork,
+    parse_network,
+)
+from advercity.roads.imported_surface import ImportedSurface
+from advercity.roads.lane_segments import LaneSegment
+from advercity.roads.markings import WHITE, YELLOW
+from advercity.roads.signals import TrafficLight, TrafficSign
+from advercity.roads.streets import approach_name
+from advercity.roads.sumo_xml import unpack_network
+from advercity.semantics import Semantic
+
+EDGE_LINE_INSET_M = 0.1
+"""Lines on the edge of the roadway are painted this far inside it."""
+MIN_EDGE_LENGTH_M = 1.0
+
+
+def build_imported_markings(net: ImportedNetwork, surface: ImportedSurface) -> list[Mesh]:
+    """All paint, a mesh per colour."""
+    pieces: dict[str, list[SurfacePatch]] = {WHITE: [], YELLOW: []}
+    for edge in net.edges.values():
+        for colour, piece in _edge_lines(edge, net):
+            pieces[colour].append(piece)
+    for edge in _edges_with_stop_line(net):
+        pieces[WHITE] += _stop_line(edge)
+    for edge in net.crossings:
+        heights = surface.junction_heights(edge.junction)
+        for lane in edge.lanes:
+            for start, end in zip(lane.centre[:-1], lane.centre[1:], strict=True):
+                pieces[WHITE] += markings.build_zebra_bars(
+                    start[:2], end[:2], width_m=lane.width_m, height=heights.height_at
+                )
+    return [
+        merge_patches(colour, found, colour, Semantic.ROAD_LINE)
+        for colour, found in pieces.items()
+        if found
+    ]
+
+
+def _edge_lines(edge: ImportedEdge, net: ImportedNetwork) -> Iterator[tuple[str, SurfacePatch]]:
+    lanes = edge.driving_lanes
+    if not lanes or polyline.polyline_length(lanes[-1].centre) < MIN_EDGE_LENGTH_M:
+        return
+    for lane in lanes[:-1]:
+        for first, last in markings.dash_intervals(polyline.polyline_length(lane.left_border)):
+            yield WHITE, _stripe(_cut_line(lane.left_border, first, last))
+    yield WHITE, _stripe(_border_inset(lanes[0], on_left=False))
+    opposite = net.find_opposite_edge(edge)
+    if opposite is None:
+        yield YELLOW, _stripe(_border_inset(lanes[-1], on_left=True))
+    elif edge.id < opposite.id or net.find_opposite_edge(opposite) is not edge:
+        yield YELLOW, _stripe(lanes[-1].left_border)
+
+
+def _border_inset(lane: ImportedLane, *, on_left: bool) -> Points:
+    half = lane.width_m / 2 - EDGE_LINE_INSET_M
+    return lane.offset_line(half if on_left else -half)
+
+
+def _stripe(line: Points, width_m: float = markings.LINE_WIDTH_M) -> SurfacePatch:
+    half = width_m / 2
+    return build_ribbon(
+        offset_polyline(line, half) + markings.MARKING_LIFT,
+        offset_polyline(line, -half) + markings.MARKING_LIFT,
+    )
+
+
+def _cut_line(line: Points, first_m: float, last_m: float) -> Points:
+    """The part of a line between two distances along it."""
+    stations = polyline.polyline_stations(line)
+    inside = stations[(stations > first_m + MIN_EDGE_LENGTH_M / 10) & (stations < last_m - 0.1)]
+    at = np.array([first_m, *inside, last_m])
+    return np.stack([np.interp(at, stations, column) for column in line.T], axis=1)
+
+
+def _edges_with_stop_line(net: ImportedNetwork) -> Iterator[ImportedEdge]:
+    """Streets that end at a signal or a stop sign."""
+    stopped = {
+        link.from_edge for link in net.lane_links if link.traffic_light or link.state in ("s", "w")
+    }
+    yield from (edge for edge in net.edges.values() if edge.id in stopped and edge.driving_lanes)
+
+
+def _stop_line(edge: ImportedEdge) -> Iterator[SurfacePatch]:
+    near, far = markings.STOP_LINE_SETBACK_M, markings.STOP_LINE_M + markings.STOP_LINE_SETBACK_M
+    for lane in edge.driving_lanes:
+        length = polyline.polyline_length(lane.centre)
+        if length > 2 * far:
+            end = _cut_line(lane.centre, length - far, length - near)
+            yield _stripe(end, lane.width_m)
+
+
+SIGNAL_HEIGHT_M = 5.8
+MAST_CLEARANCE_M = 0.8
+"""From the edge of the roadway to a mast."""
+MAX_MAST_OFFSET_M = 12.0
+MAX_FAR_SIDE_M = 60.0
+MAST_SEARCH_STEP_M = 0.25
+MAX_MAST_ARM_M = 7.0
+
+
+def place_traffic_lights(net: ImportedNetwork, surface: ImportedSurface) -> Iterator[TrafficLight]:
+    """A head for every approach that a light governs."""
+    governed = {
+        (link.traffic_light, link.from_edge) for link in net.lane_links if link.traffic_light
+    }
+    for light, name in sorted(governed):
+        edge = net.edges[name]
+        if edge.driving_lanes:
+            yield _place_traffic_light(f"{light}/{approach_name(name)}", edge, surface)
+
+
+def _place_traffic_light(name: str, edge: ImportedEdge, surface: ImportedSurface) -> TrafficLight:
+    end, heading = _edge_end(edge)
+    far = _find_far_side(end, heading, edge, surface)
+    pole = _find_mast_position(far, heading, surface.roadway_area)
+    arm = far - pole
+    reach = float(np.linalg.norm(arm))
+    if reach > MAX_MAST_ARM_M:
+        far = pole + arm * MAX_MAST_ARM_M / reach
+    z = float(surface.height_at(far[None])[0]) + SIGNAL_HEIGHT_M
+    return TrafficLight(
+        id=name,
+        position_m=(float(far[0]), float(far[1]), z),
+        mast_foot_m=(float(pole[0]), float(pole[1])),
+        facing=(-float(heading[0]), -float(heading[1])),
+    )
+
+
+def _edge_end(edge: ImportedEdge) -> tuple[Points, Points]:
+    """Where the driving lanes of a street end, (2,), and their direction there, (2,)."""
+    lines = [lane.centre[:, :2] for lane in edge.driving_lanes]
+    end = np.mean([line[-1] for line in lines], axis=0)
+    direction = np.mean([line[-1] - line[-2] for line in lines], axis=0)
+    return end, direction / np.linalg.norm(direction)
+
+
+def _find_far_side(
+    end: Points, heading: Points, edge: ImportedEdge, surface: ImportedSurface
+) -> Points:
+    """Where one leaves the junction that a street ends at, going straight on."""
+    area = surface.junction_areas.get(edge.to_junction)
+    ahead = shapely.LineString([end, end + MAX_FAR_SIDE_M * heading])
+    if area is None or not ahead.intersects(area):
+        return end
+    crossed = shapely.get_coordinates(ahead.intersection(area))
+    return crossed[((crossed - end) @ heading).argmax()]
+
+
+def _find_mast_position(point: Points, heading: Points, roadway: BaseGeometry) -> Points:
+    """The nearest place off the roadway: just ahead, else to the right."""
+    ahead = point + 2 * MAST_CLEARANCE_M * heading
+    if not _is_near_roadway(ahead, roadway):
+        return ahead
+    right = -polyline.left_normals(heading)
+    for reach in np.arange(0.0, MAX_MAST_OFFSET_M, MAST_SEARCH_STEP_M):
+        if not _is_near_roadway(point + reach * right, roadway):
+            return point + reach * right
+    return point + MAX_MAST_OFFSET_M * right
+
+
+def _is_near_roadway(point: Points, roadway: BaseGeometry) -> bool:
+    return bool(shapely.dwithin(roadway, shapely.Point(point), MAST_CLEARANCE_M))
+
+
+def place_traffic_signs(net: ImportedNetwork, surface: ImportedSurface) -> Iterator[TrafficSign]:
+    """A stop sign for approaches that must stop, a give-way sign for those that always yield."""
+    states: dict[str, set[str]] = {}
+    for link in net.lane_links:
+        states.setdefault(link.from_edge, set()).add(link.state)
+    for name, found in states.items():
+        edge = net.edges[name]
+        kind = "stop" if found <= {"s", "w"} else "yield" if found == {"m"} else None
+        if kind is None or not edge.driving_lanes:
+            continue
+        end, heading = _edge_end(edge)
+        at = _find_mast_position(
+            end - MAST_CLEARANCE_M * heading, -polyline.left_normals(heading), surface.roadway_area
+        )
+        yield TrafficSign(
+            kind, (float(at[0]), float(at[1])), (-float(heading[0]), -float(heading[1]))
+        )
+
+
+class ImportedRoadNetwork:
+    """A `BuiltRoad` from a map."""
+
+    def __init__(self, imported: MapNetwork) -> None:
+        """InputError if the network is none."""
+        self._net: ImportedNetwork = parse_network(unpack_network(imported.network))
+        self._surface = ImportedSurface(self._net)
+
+    @property
+    def lanes(self) -> tuple[LaneSegment, ...]:
+        """Lanes by SUMO's ids."""
+        streets = [
+            _lane_segment(edge, at, in_junction=False) for edge, at in _lanes_of(self._net.edges)
+        ]
+        inside = (*self._net.internal_edges, *self._net.crossings)
+        return (
+            *streets,
+            *(
+                _lane_segment(edge, at, in_junction=True)
+                for edge, at in _lanes_of({edge.id: edge for edge in inside})
+                if edge.lanes[at].kind in ("driving", "crossing")
+            ),
+        )
+
+    @property
+    def meshes(self) -> list[Mesh]:
+        """Roadway, sidewalks, kerbs and paint."""
+        return [*self._surface.build_meshes(), *build_imported_markings(self._net, self._surface)]
+
+    @property
+    def paved_edges(self) -> list[Points]:
+        """Edges of all paving."""
+        return self._surface.paved_edges
+
+    @property
+    def paved_area(self) -> BaseGeometry:
+        """All that is paved."""
+        return self._surface.footprint
+
+    @property
+    def street_axes(self) -> BaseGeometry:
+        """Left borders of the streets."""
+        return shapely.MultiLineString(
+            [
+                shapely.LineString(edge.driving_lanes[-1].left_border[:, :2])
+                for edge in self._net.edges.values()
+                if edge.driving_lanes
+            ]
+        )
+
+    @property
+    def roadway_level_area(self) -> BaseGeometry:
+        """Where people on foot are on the roadway: on all of it that is not raised."""
+        surface = self._surface
+        return shapely.difference(surface.roadway_area, shapely.buffer(surface.raised_area, 0.01))
+
+    @property
+    def traffic_lights(self) -> tuple[TrafficLight, ...]:
+        """Signal heads."""
+        return tuple(place_traffic_lights(self._net, self._surface))
+
+    @property
+    def traffic_signs(self) -> tuple[TrafficSign, ...]:
+        """Signs."""
+        return tuple(place_traffic_signs(self._net, self._surface))
+
+
+def _lanes_of(edges: dict[str, ImportedEdge]) -> list[tuple[ImportedEdge, int]]:
+    return [(edge, at) for edge in edges.values() for at in range(len(edge.lanes))]
+
+
+def _lane_segment(edge: ImportedEdge, at: int, *, in_junction: bool) -> LaneSegment:
+    lane = edge.lanes[at]
+    return LaneSegment(
+        lane.id, lane.kind, lane.left_border, lane.right_border, in_junction=in_junction
+    )

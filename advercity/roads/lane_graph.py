@@ -1,0 +1,379 @@
+"""The SUMO network as typed lanes: where they run, who may use them, and how they join.
+
+Finds the way of a vehicle of which only start and destination are declared.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from heapq import heappop, heappush
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import NDArray
+
+from advercity.errors import InputError, RunError
+
+LANE_WIDTH_M = 3.5
+
+
+@dataclass(frozen=True, eq=False)
+class SumoLane:
+    """One lane of the network, those inside junctions included.
+
+    Attributes:
+        id: SUMO's id, `<edge>_<index>`.
+        edge: Id of its edge.
+        index: Counts from the right.
+        function: `normal`, `internal`, `crossing` or `walkingarea`.
+        length_m: Length that SUMO counts positions in; it may differ a little from the shape's.
+        speed_limit_m_s: Limit of the lane.
+        shape: (n, 3) points of the centre line in the direction of travel, metres.
+        allowed_classes: Vehicle classes that may use it; None if all may.
+        disallowed_classes: Vehicle classes that may not.
+    """
+
+    id: str
+    edge: str
+    index: int
+    function: str
+    length_m: float
+    speed_limit_m_s: float
+    shape: NDArray[np.float64]
+    allowed_classes: frozenset[str] | None
+    disallowed_classes: frozenset[str]
+
+    def permits(self, vehicle_class: str) -> bool:
+        """Whether a SUMO vehicle class may use this lane."""
+        if self.allowed_classes is not None:
+            return vehicle_class in self.allowed_classes
+        return not {vehicle_class, "all"} & self.disallowed_classes
+
+    @property
+    def is_sidewalk(self) -> bool:
+        """Whether it is there for people on foot only."""
+        permitted = self.permits("pedestrian") and not self.permits("passenger")
+        return self.function == "normal" and permitted
+
+    @property
+    def is_driving_lane(self) -> bool:
+        """Whether it is a driving lane between junctions."""
+        return self.function == "normal" and self.permits("passenger")
+
+    @cached_property
+    def stations_m(self) -> NDArray[np.float64]:
+        """(n,) position of every point of `shape`, from 0 to `length_m`."""
+        steps = np.linalg.norm(np.diff(self.shape, axis=0), axis=1)
+        along = np.concatenate([[0.0], np.cumsum(steps)])
+        return along * (self.length_m / max(along[-1], 1e-6))
+
+    def point_at(self, position_m: float) -> NDArray[np.float64]:
+        """World point (3,) at a position along the lane."""
+        return np.array([np.interp(position_m, self.stations_m, axis) for axis in self.shape.T])
+
+    def heading_at(self, position_m: float) -> float:
+        """Direction of travel at a position, counter-clockwise from east."""
+        piece = int(np.searchsorted(self.stations_m, position_m, side="right")) - 1
+        first = min(max(piece, 0), len(self.shape) - 2)
+        east, north, _ = self.shape[first + 1] - self.shape[first]
+        return float(np.arctan2(north, east))
+
+    def find_nearest_position(self, point: tuple[float, float]) -> tuple[float, float]:
+        """Position along the lane nearest to a point (x, y), and the distance between them."""
+        starts, steps = self.shape[:-1, :2], np.diff(self.shape[:, :2], axis=0)
+        squared = np.maximum((steps**2).sum(axis=1), 1e-12)
+        share = np.clip(((np.array(point) - starts) * steps).sum(axis=1) / squared, 0, 1)
+        distances = np.linalg.norm(starts + share[:, None] * steps - point, axis=1)
+        best = int(np.argmin(distances))
+        along = self.stations_m[best : best + 2]
+        return float(along[0] + share[best] * (along[1] - along[0])), float(distances[best])
+
+
+@dataclass(frozen=True)
+class LaneConnection:
+    """A way from one lane into the next between junctions; `via` lies inside the junction."""
+
+    origin: str
+    target: str
+    via: str | None
+    direction: str
+    """SUMO's letter: `s` straight, `l` left, `r` right, `t` turns around."""
+
+
+@dataclass(frozen=True, eq=False)
+class LaneGraph:
+    """All lanes of a network and how they join."""
+
+    lanes: Mapping[str, SumoLane]
+    connections: tuple[LaneConnection, ...]
+
+    @cached_property
+    def driving_lanes(self) -> tuple[SumoLane, ...]:
+        """Driving lanes between junctions, in the order of the file."""
+        return tuple(lane for lane in self.lanes.values() if lane.is_driving_lane)
+
+    @cached_property
+    def sidewalks(self) -> Mapping[str, SumoLane]:
+        """Sidewalks by edge; of two on one edge SUMO uses the right one."""
+        found: dict[str, SumoLane] = {}
+        for lane in self.lanes.values():
+            if lane.is_sidewalk:
+                found.setdefault(lane.edge, lane)
+        return found
+
+    @cached_property
+    def shortest_lane_m(self) -> Mapping[str, float]:
+        """Length of the shortest lane of every edge."""
+        found: dict[str, float] = {}
+        for lane in self.lanes.values():
+            found[lane.edge] = min(lane.length_m, found.get(lane.edge, lane.length_m))
+        return found
+
+    @cached_property
+    def outgoing_connections(self) -> Mapping[str, tuple[LaneConnection, ...]]:
+        """Joints that leave a driving lane, turning around left out."""
+        return _group_by_origin(
+            joint
+            for joint in self.connections
+            if joint.direction != "t"
+            and self.lanes[joint.origin].is_driving_lane
+            and self.lanes[joint.target].is_driving_lane
+        )
+
+    @cached_property
+    def entry_lanes(self) -> tuple[SumoLane, ...]:
+        """Driving lanes that begin at the edge of the site."""
+        edges = {lane.edge for lane in self.driving_lanes}
+        reached = {
+            self.lanes[joint.target].edge
+            for joints in self.outgoing_connections.values()
+            for joint in joints
+        }
+        return tuple(lane for lane in self.driving_lanes if lane.edge in edges - reached)
+
+    def find_lane(self, point: tuple[float, float], heading_rad: float) -> tuple[SumoLane, float]:
+        """The driving lane at a point that leads within 60 degrees of a heading, and where on it.
+
+        Raises:
+            InputError: No such lane is within a lane's width.
+        """
+        found = [(*lane.find_nearest_position(point)[::-1], lane) for lane in self.driving_lanes]
+        fitting = [
+            (distance, position, lane)
+            for distance, position, lane in found
+            if distance < LANE_WIDTH_M
+            and np.cos(lane.heading_at(position) - heading_rad) > np.cos(np.pi / 3)
+        ]
+        if not fitting:
+            raise InputError(
+                f"no driving lane at {point[0]:g}, {point[1]:g} leads"
+                f" {np.degrees(heading_rad):g} degrees from east; move or turn the vehicle"
+            )
+        _, position, lane = min(fitting, key=lambda item: item[0])
+        return lane, position
+
+    def find_connection(self, lane: SumoLane, edge: str) -> LaneConnection:
+        """A way into an edge: from this lane if there is one, else from a lane beside it."""
+        ways = [
+            joint
+            for joints in self.outgoing_connections.values()
+            for joint in joints
+            if self.lanes[joint.origin].edge == lane.edge and self.lanes[joint.target].edge == edge
+        ]
+        return min(ways, key=lambda way: way.origin != lane.id)
+
+    def iterate_internal_lanes(self, connection: LaneConnection) -> Iterator[SumoLane]:
+        """Lanes inside the junction that a joint leads through."""
+        step = connection
+        while step.via is not None:
+            yield self.lanes[step.via]
+            step = next(other for other in self.connections if other.origin == step.via)
+
+    def find_successor_edges(self, edge: str, *, straight_first: bool = False) -> tuple[str, ...]:
+        """Edges that some lane of an edge leads into, as in the file or straight ones first."""
+        ways = [
+            joint
+            for origin, joints in self.outgoing_connections.items()
+            for joint in joints
+            if self.lanes[origin].edge == edge
+        ]
+        if straight_first:
+            ways.sort(key=lambda joint: joint.direction != "s")
+        return tuple(dict.fromkeys(self.lanes[joint.target].edge for joint in ways))
+
+    def find_successor_lanes(self, lane: SumoLane) -> tuple[SumoLane, ...]:
+        """Lanes to go on in, one an edge: from this lane, or if it ends, from its neighbours."""
+        targets = self._find_successor_targets(lane.edge, lane.id) or self._find_successor_targets(
+            lane.edge, None
+        )
+        return tuple({target.edge: target for target in reversed(targets)}.values())
+
+    def _find_successor_targets(self, edge: str, lane: str | None) -> list[SumoLane]:
+        return [
+            self.lanes[joint.target]
+            for origin, joints in self.outgoing_connections.items()
+            for joint in joints
+            if self.lanes[origin].edge == edge and lane in (None, origin)
+        ]
+
+    def find_adjacent_sidewalks(self, *, use_crossings: bool) -> Mapping[str, tuple[str, ...]]:
+        """Sidewalks (edges) one can walk into from each sidewalk, with or without crossings."""
+        footways = [joint for joint in self.connections if self._is_footway_connection(joint)]
+        back = [replace(joint, origin=joint.target, target=joint.origin) for joint in footways]
+        steps = _group_by_origin(footways + back)
+        return {
+            edge: tuple(
+                sorted(
+                    self._find_reachable_sidewalks(lane.id, steps, crossing=use_crossings) - {edge}
+                )
+            )
+            for edge, lane in self.sidewalks.items()
+        }
+
+    def _is_footway_connection(self, connection: LaneConnection) -> bool:
+        on_foot = ("walkingarea", "crossing")
+        return any(
+            self.lanes[end].function in on_foot for end in (connection.origin, connection.target)
+        )
+
+    def _find_reachable_sidewalks(
+        self, start: str, steps: Mapping[str, tuple[LaneConnection, ...]], *, crossing: bool
+    ) -> set[str]:
+        seen, todo, found = {start}, [start], set[str]()
+        while todo:
+            for joint in steps.get(todo.pop(), ()):
+                lane = self.lanes[joint.target]
+                if lane.id in seen or (lane.function == "crossing" and not crossing):
+                    continue
+                seen.add(lane.id)
+                if lane.is_sidewalk:
+                    if lane is self.sidewalks[lane.edge]:
+                        found.add(lane.edge)
+                else:
+                    todo.append(lane.id)
+        return found
+
+
+def read_lane_graph(network: Path) -> LaneGraph:
+    """The lanes of a SUMO network file; RunError if it is none.
+
+    Where a street leaves the site SUMO lets people walk around its end; nobody does that here.
+    """
+    try:
+        root = ElementTree.parse(network).getroot()  # noqa: S314 - written by our own netconvert
+        ends = tuple(
+            f":{item.attrib['id']}_"
+            for item in root.iter("junction")
+            if item.attrib["type"] == "dead_end"
+        )
+        lanes = {
+            lane.id: lane
+            for edge in root.iter("edge")
+            if not edge.attrib["id"].startswith(ends)
+            for lane in _parse_lanes(edge)
+        }
+        joints = tuple(_parse_connection(item) for item in root.iter("connection"))
+    except (OSError, ElementTree.ParseError, KeyError, ValueError) as error:
+        raise RunError(f"{network}: not a SUMO network: {error}") from error
+    known = tuple(joint for joint in joints if joint.origin in lanes and joint.target in lanes)
+    return LaneGraph(lanes, known)
+
+
+def _parse_lanes(edge: ElementTree.Element) -> Iterator[SumoLane]:
+    for lane in edge.iter("lane"):
+        numbers = [
+            [float(part) for part in text.split(",")] for text in lane.attrib["shape"].split()
+        ]
+        points = [(*point, 0.0)[:3] for point in numbers]
+        yield SumoLane(
+            id=lane.attrib["id"],
+            edge=edge.attrib["id"],
+            index=int(lane.attrib["index"]),
+            function=edge.get("function", "normal"),
+            length_m=float(lane.attrib["length"]),
+            speed_limit_m_s=float(lane.attrib["speed"]),
+            shape=np.array(points),
+            allowed_classes=frozenset(lane.attrib["allow"].split())
+            if "allow" in lane.attrib
+            else None,
+            disallowed_classes=frozenset(lane.get("disallow", "").split()),
+        )
+
+
+def _parse_connection(item: ElementTree.Element) -> LaneConnection:
+    origin = f"{item.attrib['from']}_{item.attrib['fromLane']}"
+    target = f"{item.attrib['to']}_{item.attrib['toLane']}"
+    return LaneConnection(origin, target, item.get("via"), item.attrib["dir"])
+
+
+def _group_by_origin(joints: Iterable[LaneConnection]) -> dict[str, tuple[LaneConnection, ...]]:
+    groups: dict[str, list[LaneConnection]] = {}
+    for joint in joints:
+        groups.setdefault(joint.origin, []).append(joint)
+    return {origin: tuple(found) for origin, found in groups.items()}
+
+
+MAX_DESTINATION_GAP_M = 10.0
+"""From the end of the way to the destination; nearer ones count as reached."""
+DESTINATION_TIE_M = 0.5
+MAX_ROUTE_EDGES = 100
+
+
+def find_shortest_route(
+    graph: LaneGraph, start: SumoLane, position_m: float, destination: tuple[float, float]
+) -> tuple[str, ...]:
+    """Edges from a position on a lane to a point by the shortest way, and on from there.
+
+    Beyond the destination it goes straight on wherever it can, to the edge of the site.
+
+    Raises:
+        InputError: No way leads near the destination.
+    """
+    ways = _compute_routes_from(graph, start.edge)
+    ends = list(_find_arrivals(graph, ways, start, position_m, destination))
+    if not ends or min(gap for gap, _, _ in ends) > MAX_DESTINATION_GAP_M:
+        raise InputError(
+            f"no way leads from lane {start.id} to {destination[0]:g}, {destination[1]:g};"
+            " move the destination onto a lane that can be reached, or turn the vehicle"
+        )
+    nearest = min(gap for gap, _, _ in ends)
+    _, edge = min((cost, edge) for gap, cost, edge in ends if gap <= nearest + DESTINATION_TIE_M)
+    return _extend_route(graph, ways[edge][1])
+
+
+def _compute_routes_from(graph: LaneGraph, start: str) -> dict[str, tuple[float, tuple[str, ...]]]:
+    """Length to the beginning of every edge that can be reached, and the edges there."""
+    lengths = {lane.edge: lane.length_m for lane in graph.driving_lanes}
+    found: dict[str, tuple[float, tuple[str, ...]]] = {}
+    todo: list[tuple[float, tuple[str, ...]]] = [(0.0, (start,))]
+    while todo:
+        cost, edges = heappop(todo)
+        if edges[-1] not in found:
+            found[edges[-1]] = cost, edges
+            for onward in graph.find_successor_edges(edges[-1]):
+                heappush(todo, (cost + lengths[edges[-1]], (*edges, onward)))
+    return found
+
+
+def _find_arrivals(
+    graph: LaneGraph,
+    routes: dict[str, tuple[float, tuple[str, ...]]],
+    start: SumoLane,
+    position_m: float,
+    destination: tuple[float, float],
+) -> Iterator[tuple[float, float, str]]:
+    """Distance to the destination, length of the way, and edge, for every lane to arrive in."""
+    for lane in graph.driving_lanes:
+        if lane.edge in routes:
+            at, gap = lane.find_nearest_position(destination)
+            if lane.edge != start.edge or at >= position_m:
+                yield gap, routes[lane.edge][0] + at, lane.edge
+
+
+def _extend_route(graph: LaneGraph, edges: tuple[str, ...]) -> tuple[str, ...]:
+    while len(edges) < MAX_ROUTE_EDGES and (
+        onward := graph.find_successor_edges(edges[-1], straight_first=True)
+    ):
+        edges = (*edges, onward[0])
+    return edges

@@ -1,0 +1,86 @@
+"""Lanes of a road as annotations and maps need them."""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from advercity_dsl.road import StripKind
+from numpy.typing import NDArray
+
+from advercity.geometry import polyline
+from advercity.roads.layout import CrossingLayout, RoadLayout
+from advercity.roads.streets import StreetLayout, sumo_edge_id
+
+
+@dataclass(frozen=True)
+class LaneSegment:
+    """A lane as annotations and maps need it.
+
+    Attributes:
+        id: `<street>.<number>` with `+` along or `-` against the axis, or a junction movement.
+        kind: driving, parking, shoulder, sidewalk or crossing.
+        left: (n, 3) left border in the direction of travel, metres.
+        right: (n, 3) right border, point by point beside `left`.
+        in_junction: Whether it lies inside a junction, where borders are not painted.
+    """
+
+    id: str
+    kind: str
+    left: NDArray[np.float64]
+    right: NDArray[np.float64]
+    in_junction: bool = False
+
+
+LANE_KINDS = {
+    StripKind.LANE: "driving",
+    StripKind.PARKING: "parking",
+    StripKind.SHOULDER: "shoulder",
+    StripKind.SIDEWALK: "sidewalk",
+}
+
+
+def build_lane_segments(layout: RoadLayout) -> tuple[LaneSegment, ...]:
+    """Every lane of a road, then the ways and crossings of its junctions.
+
+    Driving lanes are `<street>+.<number>` or `<street>-.<number>`, other strips have their kind
+    before the number (`<street>+.sidewalk1`); all count from the axis. Ways are
+    `<junction>: <movement>`, crossings `<junction>/<street>`.
+    """
+    found = [lane for street in layout.streets.values() for lane in _street_lane_segments(street)]
+    for junction in layout.junctions.values():
+        found += [
+            LaneSegment(path.id, "driving", path.left, path.right, in_junction=True)
+            for path in junction.connecting_paths
+        ]
+        found += [_crossing_lane_segment(junction.id, crossing) for crossing in junction.crossings]
+    return tuple(found)
+
+
+def _street_lane_segments(street: StreetLayout) -> Iterator[LaneSegment]:
+    for along in (True, False):
+        seen: Counter[str] = Counter()
+        for band in street.strips_in_direction(along=along):
+            if band.kind in LANE_KINDS:
+                kind = LANE_KINDS[band.kind]
+                seen[kind] += 1
+                name = band.lane_number if band.lane_number else f"{kind}{seen[kind]}"
+                yield LaneSegment(
+                    id=f"{sumo_edge_id(street.id, along=along)}.{name}",
+                    kind=kind,
+                    left=street.directed_line(band.inner_t, along=along),
+                    right=street.directed_line(band.outer_t, along=along),
+                )
+
+
+def _crossing_lane_segment(junction: str, crossing: CrossingLayout) -> LaneSegment:
+    start, end = crossing.centre
+    direction = (end - start)[:2] / np.linalg.norm((end - start)[:2])
+    aside = np.array([*polyline.left_normals(direction), 0.0]) * crossing.width_m / 2
+    return LaneSegment(
+        id=f"{junction}/{crossing.street}",
+        kind="crossing",
+        left=crossing.centre + aside,
+        right=crossing.centre - aside,
+        in_junction=True,
+    )

@@ -1,0 +1,375 @@
+"""Junctions: where streets meet, and how one drives and walks through.
+
+A road's geometry, from which its network, its lanes and its meshes are all made.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from advercity_dsl.road import Crossing, Junction, Movement, Road, StripKind
+from numpy.typing import NDArray
+
+from advercity.errors import InputError
+from advercity.geometry import curves, polyline
+from advercity.geometry.polyline import Points
+from advercity.roads.streets import StreetLayout, StripLayout, lay_out_street
+
+CROSSING_SETBACK_M = 0.6
+"""From the end of a street to the crossing that lies before it."""
+MIN_CORNER_RADIUS_M = 0.5
+"""Radius of the inner border of a tight turn."""
+
+
+@dataclass(frozen=True)
+class JunctionArm:
+    """The end of a street at a junction, seen from the junction.
+
+    `u` is the offset from the axis in metres, positive to the left when looking out along the arm.
+    """
+
+    street: StreetLayout
+    is_street_end: bool
+    """Whether the street ends here, rather than begins."""
+
+    @property
+    def axis_end(self) -> Points:
+        """(3,) end of the axis."""
+        return self.street.axis[-1 if self.is_street_end else 0]
+
+    @property
+    def outward_direction(self) -> Points:
+        """(2,) unit vector away from the junction."""
+        direction = polyline.unit_vectors(self.street.headings[-1 if self.is_street_end else 0])
+        return -direction if self.is_street_end else direction
+
+    def point_at(self, u: float, inward_m: float = 0.0) -> Points:
+        """(3,) point at offset `u`, so far inside the junction."""
+        plane = (
+            self.axis_end[:2]
+            + u * polyline.left_normals(self.outward_direction)
+            - inward_m * self.outward_direction
+        )
+        return np.array([*plane, self.axis_end[2]])
+
+    def to_arm_offset(self, t: float) -> float:
+        """`u` of an offset `t` of its street."""
+        return -t if self.is_street_end else t
+
+    def strips_on_side(self, *, leftwards: bool) -> tuple[StripLayout, ...]:
+        """Bands left or right of the axis as seen from the junction, from the axis outwards."""
+        return self.street.strips_in_direction(along=self.is_street_end == leftwards)
+
+    def inbound_strips(self) -> tuple[StripLayout, ...]:
+        """Bands that are travelled towards the junction, from the axis outwards."""
+        return self.street.strips_in_direction(along=self.is_street_end)
+
+    def outbound_strips(self) -> tuple[StripLayout, ...]:
+        """Bands that are travelled away from the junction, from the axis outwards."""
+        return self.street.strips_in_direction(along=not self.is_street_end)
+
+    def roadway_edge_offset(self, *, leftwards: bool) -> float:
+        """`u` where the roadway ends and sidewalk or verge begins."""
+        bands = self.strips_on_side(leftwards=leftwards)
+        edges = [band.outer_t for band in bands if not _is_raised_border(band)]
+        return self.to_arm_offset(edges[-1]) if edges else 0.0
+
+    def outer_edge_offset(self, *, leftwards: bool) -> float:
+        """`u` of the outer edge of the outermost strip."""
+        bands = self.strips_on_side(leftwards=leftwards)
+        return self.to_arm_offset(bands[-1].outer_t) if bands else 0.0
+
+    def sidewalk_offsets(self, *, leftwards: bool) -> tuple[float, float] | None:
+        """`u` of the inner and outer edge of the sidewalk, if it borders the roadway."""
+        for band in self.strips_on_side(leftwards=leftwards):
+            if band.kind is StripKind.SIDEWALK:
+                return self.to_arm_offset(band.inner_t), self.to_arm_offset(band.outer_t)
+        return None
+
+
+def _is_raised_border(band: StripLayout) -> bool:
+    return band.kind in (StripKind.SIDEWALK, StripKind.VERGE)
+
+
+@dataclass(frozen=True)
+class JunctionCorner:
+    """What lies between two neighbouring arms, counter-clockwise.
+
+    Attributes:
+        kerb: (n, 3) edge of the roadway, from the first arm to the second.
+        sidewalk_outer_edge: (n, 3) outer edge of the sidewalk around it, a point for each
+            of `kerb`'s; None where one of the arms has no sidewalk.
+        outer_edge: (m, 3) outer edge of all strips, from the first arm to the second.
+    """
+
+    kerb: Points
+    sidewalk_outer_edge: Points | None
+    outer_edge: Points
+
+
+@dataclass(frozen=True)
+class ConnectingPath:
+    """A movement through a junction.
+
+    Attributes:
+        id: `<junction>: <movement>`.
+        movement: As declared.
+        centre: (n, 3) from the end of one lane to the start of the other.
+        left: (n, 3) left border, point by point beside `centre`.
+        right: (n, 3) right border.
+    """
+
+    id: str
+    movement: Movement
+    centre: Points
+    left: Points
+    right: Points
+
+
+@dataclass(frozen=True)
+class CrossingLayout:
+    """A zebra crossing over an arm.
+
+    Attributes:
+        street: Id of the street that is crossed.
+        centre: (2, 3) from kerb to kerb.
+        width_m: Across `centre`.
+    """
+
+    street: str
+    centre: Points
+    width_m: float
+
+
+@dataclass(frozen=True)
+class JunctionLayout:
+    """A junction.
+
+    Attributes:
+        id: As declared.
+        declared: The declaration.
+        arms: Counter-clockwise.
+        roadway_outline: (n, 3) edge of its roadway, counter-clockwise, open.
+        corners: One per arm: from it to the next.
+        connecting_paths: Movements.
+        crossings: Zebra crossings.
+        median: (4, 3) the piece of median that runs through it, or None.
+    """
+
+    id: str
+    declared: Junction
+    arms: tuple[JunctionArm, ...]
+    roadway_outline: Points
+    corners: tuple[JunctionCorner, ...]
+    connecting_paths: tuple[ConnectingPath, ...]
+    crossings: tuple[CrossingLayout, ...]
+    median: Points | None
+
+    def find_arm(self, street: str) -> JunctionArm:
+        """The arm of a street."""
+        return next(arm for arm in self.arms if arm.street.id == street)
+
+    def turn_angle(self, source: str, target: str) -> float:
+        """Angle in radians by which one turns from a street into another, positive to the left."""
+        out, into = (
+            -self.find_arm(source).outward_direction,
+            self.find_arm(target).outward_direction,
+        )
+        return float(np.arctan2(out[0] * into[1] - out[1] * into[0], out @ into))
+
+    def height_at(self, points: Points) -> NDArray[np.float64]:
+        """Height (n,) of the roadway at points (n, 2) inside the outline."""
+        return mean_value_height(self.roadway_outline, points)
+
+
+def lay_out_junction(
+    name: str, declared: Junction, streets: dict[str, StreetLayout]
+) -> JunctionLayout:
+    """Lay out a declared junction between sampled streets; InputError where they do not fit."""
+    arms = _build_arms(name, streets)
+    corners = tuple(
+        _build_corner(arm, following, declared.corner_radius_m)
+        for arm, following in zip(arms, (*arms[1:], arms[0]), strict=True)
+    )
+    outline = np.concatenate([corner.kerb for corner in corners])
+    by_street = {arm.street.id: arm for arm in arms}
+    return JunctionLayout(
+        id=name,
+        declared=declared,
+        arms=arms,
+        roadway_outline=outline,
+        corners=corners,
+        connecting_paths=tuple(
+            _build_connecting_path(name, text, by_street, outline, declared.turn_radius_m or np.inf)
+            for text in declared.movements
+        ),
+        crossings=tuple(
+            _lay_out_crossing(item, by_street[item.street]) for item in declared.crossings
+        ),
+        median=_build_median(name, declared.median, by_street) if declared.median else None,
+    )
+
+
+def _build_arms(name: str, streets: dict[str, StreetLayout]) -> tuple[JunctionArm, ...]:
+    arms = [
+        JunctionArm(street, is_street_end=street.ends == name)
+        for street in streets.values()
+        if name in (street.begins, street.ends)
+    ]
+    if len(arms) < 2:
+        raise InputError(
+            f"junctions.{name}: only '{arms[0].street.id}' meets here; a junction joins two "
+            "streets or more (a street that ends at the edge of the site needs none)"
+        )
+    middle = np.mean([arm.axis_end[:2] for arm in arms], axis=0)
+    return tuple(
+        sorted(arms, key=lambda arm: float(np.arctan2(*(arm.axis_end[:2] - middle)[::-1])))
+    )
+
+
+def _build_corner(arm: JunctionArm, following: JunctionArm, radius_m: float) -> JunctionCorner:
+    kerb = _connect_arms(
+        arm,
+        arm.roadway_edge_offset(leftwards=True),
+        following,
+        following.roadway_edge_offset(leftwards=False),
+        radius_m,
+    )
+    here, there = arm.sidewalk_offsets(leftwards=True), following.sidewalk_offsets(leftwards=False)
+    ends = (
+        arm.point_at(arm.outer_edge_offset(leftwards=True)),
+        following.point_at(following.outer_edge_offset(leftwards=False)),
+    )
+    if here is None or there is None:
+        return JunctionCorner(
+            kerb=kerb, sidewalk_outer_edge=None, outer_edge=_join_lines(ends[0], kerb, ends[1])
+        )
+    width = max(abs(here[1] - here[0]), abs(there[1] - there[0]))
+    back = _connect_arms(
+        arm, here[1], following, there[1], max(radius_m - width, MIN_CORNER_RADIUS_M)
+    )
+    count = max(len(kerb), len(back))
+    kerb, back = (
+        line if len(line) == count else polyline.resample_polyline(line, count)
+        for line in (kerb, back)
+    )
+    return JunctionCorner(
+        kerb=kerb, sidewalk_outer_edge=back, outer_edge=_join_lines(ends[0], back, ends[1])
+    )
+
+
+def _join_lines(*parts: Points) -> Points:
+    return polyline.drop_repeated_points(np.vstack(parts))
+
+
+def _connect_arms(
+    arm: JunctionArm, u: float, following: JunctionArm, v: float, radius_m: float
+) -> Points:
+    start, end = arm.point_at(u), following.point_at(v)
+    plane = curves.build_connecting_curve(
+        start[:2], -arm.outward_direction, end[:2], following.outward_direction, radius_m=radius_m
+    )
+    along = polyline.polyline_stations(plane)
+    z = np.interp(along / along[-1], [0.0, 1.0], [start[2], end[2]])
+    return np.column_stack([plane, z])
+
+
+def _build_connecting_path(
+    name: str, text: str, arms: dict[str, JunctionArm], outline: Points, turn_radius_m: float
+) -> ConnectingPath:
+    movement = Movement.parse(text)
+    source, target = arms[movement.from_street], arms[movement.to_street]
+    leaving = source.street.find_lane(movement.from_lane, along=source.is_street_end)
+    entering = target.street.find_lane(movement.to_lane, along=not target.is_street_end)
+    out, into = -source.outward_direction, target.outward_direction
+    leftwards = np.sign(out[0] * into[1] - out[1] * into[0])
+
+    def through(first_t: float, last_t: float, left_m: float = 0.0) -> Points:
+        """A way that runs `left_m` beside the middle one, around the same centre."""
+        start, end = (
+            source.point_at(source.to_arm_offset(first_t)),
+            target.point_at(target.to_arm_offset(last_t)),
+        )
+        radius = max(turn_radius_m - leftwards * left_m, MIN_CORNER_RADIUS_M)
+        return curves.build_connecting_curve(start[:2], out, end[:2], into, radius_m=radius)
+
+    centre = through(leaving.centre_t, entering.centre_t)
+    half = leaving.width_m / 2
+    count = max(2, int(np.ceil(polyline.polyline_length(centre))) + 1)
+    lines = [
+        polyline.resample_polyline(line, count)
+        for line in (
+            centre,
+            through(leaving.inner_t, entering.inner_t, half),
+            through(leaving.outer_t, entering.outer_t, -half),
+        )
+    ]
+    z = mean_value_height(outline, lines[0])
+    z[0], z[-1] = source.axis_end[2], target.axis_end[2]
+    centre, left, right = (np.column_stack([line, z]) for line in lines)
+    return ConnectingPath(f"{name}: {text}", movement, centre, left, right)
+
+
+def _lay_out_crossing(declared: Crossing, arm: JunctionArm) -> CrossingLayout:
+    inward = CROSSING_SETBACK_M + declared.width_m / 2
+    ends = [arm.point_at(arm.roadway_edge_offset(leftwards=side), inward) for side in (False, True)]
+    return CrossingLayout(declared.street, np.stack(ends), declared.width_m)
+
+
+def _build_median(name: str, between: tuple[str, str], arms: dict[str, JunctionArm]) -> Points:
+    edges: list[Points] = []
+    for street in between:
+        arm = arms[street]
+        widths = [
+            [band.outer_t for band in bands if band.kind is StripKind.MEDIAN]
+            for bands in (arm.street.left_strips, arm.street.right_strips)
+        ]
+        if not all(widths):
+            raise InputError(
+                f"junctions.{name}.median: '{street}' has no median on both sides of its axis"
+            )
+        offsets = sorted(arm.to_arm_offset(side[-1]) for side in widths)
+        edges += [arm.point_at(u) for u in offsets]
+    return np.stack(edges)
+
+
+def mean_value_height(outline: Points, points: Points) -> NDArray[np.float64]:
+    """Height inside a polygon, by mean value coordinates of its corners.
+
+    They reproduce heights that lie in a plane and are linear along every side of the polygon
+    (Hormann and Floater, ACM Transactions on Graphics 25, 2006).
+
+    Args:
+        outline: (m, 3) polygon, counter-clockwise, open.
+        points: (n, 2) inside it or on it.
+
+    Returns:
+        (n,) metres.
+    """
+    to_corner = outline[None, :, :2] - points[:, None]
+    distance = np.linalg.norm(to_corner, axis=2)
+    following = np.roll(to_corner, -1, axis=1)
+    cross = to_corner[..., 0] * following[..., 1] - to_corner[..., 1] * following[..., 0]
+    dot = (to_corner * following).sum(axis=2)
+    half_angle = np.tan(np.arctan2(cross, dot) / 2)
+    weight = (half_angle + np.roll(half_angle, 1, axis=1)) / np.maximum(distance, 1e-9)
+    z = (weight @ outline[:, 2]) / weight.sum(axis=1)
+    nearest = distance.argmin(axis=1)
+    return np.where(distance.min(axis=1) < 1e-6, outline[nearest, 2], z)
+
+
+@dataclass(frozen=True)
+class RoadLayout:
+    """Streets and junctions by id, in the order of the declaration."""
+
+    road: Road
+    streets: dict[str, StreetLayout]
+    junctions: dict[str, JunctionLayout]
+
+
+def lay_out_road(road: Road) -> RoadLayout:
+    """Lay out a declared road; InputError where streets cannot be joined as declared."""
+    streets = {name: lay_out_street(name, item, road) for name, item in road.streets.items()}
+    junctions = {
+        name: lay_out_junction(name, item, streets) for name, item in road.junctions.items()
+    }
+    return RoadLayout(road=road, streets=streets, junctions=junctions)

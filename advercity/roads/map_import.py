@@ -1,0 +1,199 @@
+"""Maps from outside: an OpenDRIVE, OpenStreetMap or SUMO file becomes a road's network."""
+
+import hashlib
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+import numpy as np
+from advercity_dsl import MapFile, MapNetwork, Road
+
+from advercity.errors import InputError
+from advercity.roads.sumo_network import run_netconvert
+from advercity.roads.sumo_xml import (
+    MAX_XML_BYTES,
+    pack_network,
+    parse_xml,
+    sanitize_network,
+    to_xml_bytes,
+)
+
+ROOT_TAGS = {"opendrive": "OpenDRIVE", "osm": "osm", "sumo": "net"}
+EARTH_RADIUS_M = 6_371_000.0
+MAX_MAP_DISTANCE_M = 20_000.0
+"""From the road's origin to its map; there the plane still fits the globe to a few centimetres."""
+LANE_TYPES = """<types>
+  <type id="driving" priority="1" speed="13.89" width="3.5" disallow="pedestrian"/>
+  <type id="entry" priority="1" speed="22.22" width="3.5" disallow="pedestrian"/>
+  <type id="exit" priority="1" speed="22.22" width="3.5" disallow="pedestrian"/>
+  <type id="onRamp" priority="1" speed="22.22" width="3.5" disallow="pedestrian"/>
+  <type id="offRamp" priority="1" speed="22.22" width="3.5" disallow="pedestrian"/>
+  <type id="sidewalk" priority="0" speed="2.78" width="2" allow="pedestrian"/>
+  <type id="parking" priority="0" speed="1.39" width="2.5" disallow="all"/>
+  <type id="shoulder" priority="0" speed="1.39" width="1" disallow="all"/>
+  <type id="stop" priority="0" speed="1.39" width="1" disallow="all"/>
+  <type id="biking" priority="0" speed="5.56" width="1.5" disallow="all"/>
+</types>
+"""
+"""Of OpenDRIVE: what netconvert leaves out by default, sidewalks above all, belongs to a place."""
+OPENDRIVE_OPTIONS = {
+    "opendrive-files": "map.xml",
+    "type-files": "lanes.typ.xml",
+    "opendrive.curve-resolution": "1",
+    "crossings.guess": "true",
+}
+OSM_OPTIONS = {
+    "osm-files": "map.xml",
+    "osm.sidewalks": "true",
+    "crossings.guess": "true",
+    "geometry.remove": "true",
+    "roundabouts.guess": "true",
+    "junctions.join": "true",
+    "tls.discard-simple": "true",
+    "tls.join": "true",
+    "tls.guess-signals": "true",
+}
+SUMO_OPTIONS = {"sumo-net-file": "map.xml"}
+CAR_OPTIONS = {
+    "keep-edges.by-vclass": "passenger",
+    "junctions.corner-detail": "8",
+    "junctions.internal-link-detail": "12",
+    "tls.default-type": "static",
+}
+
+
+@dataclass(frozen=True)
+class _LoadedMap:
+    root: Element
+    sha256: str
+
+
+def import_map(declared: MapFile, road: Road, folder: Path) -> MapNetwork:
+    """The network of a map.
+
+    Args:
+        declared: Which map.
+        road: Whose it is; gives the origin of maps with latitudes and longitudes.
+        folder: Of the declaration, which the map's path starts from.
+
+    Raises:
+        InputError: The file is missing, unsafe, or no such map, or holds no road for cars.
+        RunError: `netconvert` does not run.
+    """
+    found = _read_map(declared, folder)
+    options = _build_import_options(declared, road, found.root)
+    with tempfile.TemporaryDirectory() as name:
+        work = Path(name)
+        (work / "map.xml").write_bytes(to_xml_bytes(found.root))
+        (work / "lanes.typ.xml").write_text(LANE_TYPES, encoding="utf-8")
+        output = work / "road.net.xml"
+        outcome = run_netconvert(options, output)
+        if not outcome.succeeded:
+            why = f"{_find_first_error(outcome.messages)}{_describe_extent(declared)}"
+            raise InputError(f"{declared.file}: netconvert cannot use it: {why}")
+        net = sanitize_network(parse_xml(output.read_bytes()))
+    if not any(is_car_lane(lane) for lane in net.iter("lane")):
+        raise InputError(f"{declared.file}: has no lane for cars{_describe_extent(declared)}")
+    return MapNetwork(source=declared.source, sha256=found.sha256, network=pack_network(net))
+
+
+def _read_map(declared: MapFile, folder: Path) -> _LoadedMap:
+    name = Path(declared.file)
+    path = folder / name
+    if name.is_absolute():
+        raise InputError(f"{declared.file}: is an absolute path; write it relative to this file")
+    if not path.is_file():
+        raise InputError(f"{declared.file}: there is no such file in {folder}")
+    try:
+        with path.open("rb") as stream:
+            raw = stream.read(MAX_XML_BYTES + 1)
+        root = parse_xml(raw)
+    except OSError as error:
+        raise InputError(f"{declared.file}: cannot be read: {error.strerror}") from error
+    except InputError as error:
+        raise InputError(f"{declared.file}: {error}") from None
+    digest = hashlib.sha256(raw).hexdigest()
+    if declared.sha256 not in (None, digest):
+        raise InputError(
+            f"{declared.file}: is not the map that this road was made for: its sha256 is {digest};"
+            " fetch the right one, or check every place and declare this sha256"
+        )
+    if root.tag != ROOT_TAGS[declared.source]:
+        fitting = next((source for source, tag in ROOT_TAGS.items() if tag == root.tag), None)
+        hint = f"; say `source: {fitting}`" if fitting else ""
+        raise InputError(
+            f"{declared.file}: begins with <{root.tag[:40]}>, not"
+            f" <{ROOT_TAGS[declared.source]}>{hint}"
+        )
+    return _LoadedMap(_remove_file_references(root, declared.source), digest)
+
+
+def _remove_file_references(root: Element, source: str) -> Element:
+    """The map without references to other files."""
+    if source == "sumo":
+        return sanitize_network(root)
+    for parent in list(root.iter()):
+        for child in list(parent):
+            if child.tag in ("geoReference", "include", "userData", "dataQuality"):
+                parent.remove(child)
+    return root
+
+
+def _build_import_options(declared: MapFile, road: Road, root: Element) -> dict[str, str]:
+    options = dict(CAR_OPTIONS)
+    match declared.source:
+        case "opendrive":
+            options |= OPENDRIVE_OPTIONS
+        case "osm":
+            options |= OSM_OPTIONS | {"proj": _build_projection(declared, road, root)}
+        case "sumo":
+            options |= SUMO_OPTIONS
+    if declared.extent_m is not None:
+        corners = np.array(declared.extent_m)
+        box = (*corners.min(axis=0).tolist(), *corners.max(axis=0).tolist())
+        options["keep-edges.in-boundary"] = ",".join(f"{value:.3f}" for value in box)
+    return options
+
+
+def _build_projection(declared: MapFile, road: Road, root: Element) -> str:
+    """Transverse Mercator around the road's origin: metres east and north of it."""
+    try:
+        nodes = [
+            (float(item.attrib["lat"]), float(item.attrib["lon"])) for item in root.iter("node")
+        ]
+    except (KeyError, ValueError):
+        raise InputError(f"{declared.file}: has a node without latitude and longitude") from None
+    if not nodes:
+        raise InputError(f"{declared.file}: has no nodes")
+    latitude, longitude = np.mean(nodes, axis=0)
+    north, east = np.radians([latitude - road.origin_lat_deg, longitude - road.origin_lon_deg])
+    away = EARTH_RADIUS_M * float(np.hypot(north, east * np.cos(np.radians(latitude))))
+    if not away < MAX_MAP_DISTANCE_M:
+        raise InputError(
+            f"{declared.file}: lies {away / 1000:.0f} km from the road's origin; declare"
+            f" `origin_lat_deg: {latitude:.5f}` and `origin_lon_deg: {longitude:.5f}`, its middle"
+        )
+    return (
+        f"+proj=tmerc +lat_0={road.origin_lat_deg:.9f} +lon_0={road.origin_lon_deg:.9f}"
+        " +k=1 +x_0=0 +y_0=0 +ellps=WGS84 +units=m +no_defs"
+    )
+
+
+def _find_first_error(messages: str) -> str:
+    """The first error that netconvert names, else its last words."""
+    lines = [line.strip() for line in messages.splitlines() if line.strip()]
+    errors = [line for line in lines if line.startswith("Error")]
+    return (errors or lines[-1:] or ["it says nothing"])[0].removeprefix("Error: ")[:300]
+
+
+def is_car_lane(lane: Element) -> bool:
+    """Whether cars may drive in a lane of a SUMO network."""
+    allowed, forbidden = lane.get("allow"), lane.get("disallow", "").split()
+    if allowed is not None:
+        return "passenger" in allowed.split()
+    return not {"passenger", "all"} & set(forbidden)
+
+
+def _describe_extent(declared: MapFile) -> str:
+    return "" if declared.extent_m is None else " (within `extent_m`)"

@@ -1,0 +1,259 @@
+"""Paint on the road: lines along streets, stop lines and zebra crossings.
+
+Dimensions follow the Manual on Uniform Traffic Control Devices (2009): normal lines 10 to 15 cm,
+broken lines 3 m with gaps of 9 m, stop lines 30 to 60 cm, bars of crossings 30 to 60 cm.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+import shapely
+from advercity_dsl.road import RoadMark
+from numpy.typing import NDArray
+from shapely.affinity import rotate, translate
+
+from advercity.geometry.mesh import (
+    Mesh,
+    SurfacePatch,
+    build_ribbon,
+    merge_patches,
+    triangulate_polygon,
+)
+from advercity.geometry.polyline import Points
+from advercity.roads.layout import JunctionArm, JunctionLayout, RoadLayout
+from advercity.roads.streets import StreetLayout, StripLayout
+from advercity.semantics import Semantic
+
+MARKING_LIFT = np.array([0.0, 0.0, 0.007])
+LINE_WIDTH_M = 0.12
+DOUBLE_GAP_M = 0.12
+DASH_LENGTH_M = 3.0
+DASH_GAP_M = 9.0
+STOP_LINE_M = 0.4
+STOP_LINE_SETBACK_M = 0.2
+GIVE_WAY_BLOCKS = 5
+_GIVE_WAY_FRACTIONS = [
+    (2 * index / (2 * GIVE_WAY_BLOCKS - 1), (2 * index + 1) / (2 * GIVE_WAY_BLOCKS - 1))
+    for index in range(GIVE_WAY_BLOCKS)
+]
+"""A give-way line: as many blocks as that, and gaps as wide between them."""
+ZEBRA_BAR_M = 0.5
+ARROW_FROM_END_M = 4.0
+"""From the end of a lane to the middle of the last arrow on it."""
+ARROW_SPACING_M = 9.4
+ARROW_HALF_LENGTH_M = 1.5
+MAX_STRAIGHT_RAD = np.radians(30)
+"""Those who turn by less go straight on."""
+
+WHITE, YELLOW = "paint_white", "paint_yellow"
+MARKING_MATERIALS = {
+    RoadMark.SOLID_WHITE: WHITE,
+    RoadMark.BROKEN_WHITE: WHITE,
+    RoadMark.SOLID_YELLOW: YELLOW,
+    RoadMark.BROKEN_YELLOW: YELLOW,
+    RoadMark.DOUBLE_YELLOW: YELLOW,
+}
+BROKEN_PAINTS = (RoadMark.BROKEN_WHITE, RoadMark.BROKEN_YELLOW)
+SOLID_MATERIALS: dict[RoadMark | None, str] = {
+    RoadMark.SOLID_WHITE: WHITE,
+    RoadMark.SOLID_YELLOW: YELLOW,
+}
+
+
+def build_marking_meshes(layout: RoadLayout) -> list[Mesh]:
+    """All paint, a mesh per colour."""
+    pieces: dict[str, list[SurfacePatch]] = {WHITE: [], YELLOW: []}
+    for street in layout.streets.values():
+        for colour, piece in _street_lines(street):
+            pieces[colour].append(piece)
+    for junction in layout.junctions.values():
+        pieces[WHITE] += [*_stop_lines(junction), *_arrows(junction)]
+        for crossing in junction.crossings:
+            start, end = crossing.centre[:, :2]
+            pieces[WHITE] += build_zebra_bars(
+                start, end, width_m=crossing.width_m, height=junction.height_at
+            )
+        if junction.declared.control == "none":
+            for colour, piece in _junction_lines(junction):
+                pieces[colour].append(piece)
+    return [
+        merge_patches(colour, found, colour, Semantic.ROAD_LINE)
+        for colour, found in pieces.items()
+        if found
+    ]
+
+
+def _street_lines(street: StreetLayout) -> Iterator[tuple[str, SurfacePatch]]:
+    for band in (*street.left_strips, *street.right_strips):
+        for line in _parking_bay_lines(street, band):
+            yield WHITE, line
+    for centre_t, paint in _line_offsets(street):
+        for first, last in (
+            dash_intervals(float(street.stations[-1]))
+            if paint in BROKEN_PAINTS
+            else [(0.0, np.inf)]
+        ):
+            yield MARKING_MATERIALS[paint], _stripe(street, centre_t, LINE_WIDTH_M, first, last)
+
+
+def _line_offsets(street: StreetLayout) -> Iterator[tuple[float, RoadMark]]:
+    """Offset of the middle of every line along a street, and its paint."""
+    borders = [(band.outer_t, band.paint) for band in (*street.left_strips, *street.right_strips)]
+    for t, paint in (*borders, (0.0, street.axis_paint)):
+        if paint is not None:
+            shift = (LINE_WIDTH_M + DOUBLE_GAP_M) / 2 if paint is RoadMark.DOUBLE_YELLOW else 0.0
+            yield from ((centre_t, paint) for centre_t in sorted({t - shift, t + shift}))
+
+
+def marking_edge_offsets(street: StreetLayout) -> list[float]:
+    """Offsets of both edges of all lines, where the road's facets divide, so as to bear them."""
+    half = LINE_WIDTH_M / 2
+    return [t + side for t, _ in _line_offsets(street) for side in (-half, half)]
+
+
+def _parking_bay_lines(street: StreetLayout, band: StripLayout) -> Iterator[SurfacePatch]:
+    if band.bay_width_m is None:
+        return
+    for at in np.arange(LINE_WIDTH_M, street.stations[-1], band.bay_width_m):
+        half = LINE_WIDTH_M / 2
+        yield _stripe(street, band.centre_t, band.width_m, at - half, at + half)
+
+
+def _junction_lines(junction: JunctionLayout) -> Iterator[tuple[str, SurfacePatch]]:
+    """Solid lines of two streets that go on into each other."""
+    for path in junction.connecting_paths:
+        movement = path.movement
+        source, target = (
+            junction.find_arm(movement.from_street),
+            junction.find_arm(movement.to_street),
+        )
+        leaving = source.street.find_lane(movement.from_lane, along=source.is_street_end)
+        entering = target.street.find_lane(movement.to_lane, along=not target.is_street_end)
+        centred = source.is_street_end and leaving.inner_t == entering.inner_t == 0
+        bordering = entering.lane_number == max(
+            band.lane_number for band in target.outbound_strips()
+        )
+        if centred and (colour := SOLID_MATERIALS.get(source.street.axis_paint)):
+            yield colour, _border_line(path.left, path.right)
+        if bordering and (colour := SOLID_MATERIALS.get(leaving.paint)):
+            yield colour, _border_line(path.right[::-1], path.left[::-1])
+
+
+def _border_line(border: Points, other: Points) -> SurfacePatch:
+    """A line on one border of a way, whose other border says which way across it goes."""
+    across = (border - other) / np.linalg.norm(border - other, axis=1, keepdims=True)
+    outer, inner = border + across * LINE_WIDTH_M / 2, border - across * LINE_WIDTH_M / 2
+    return _lifted_ribbon(outer, inner)
+
+
+def dash_intervals(length_m: float) -> list[tuple[float, float]]:
+    """Where the dashes of a broken line begin and end."""
+    starts = np.arange(DASH_GAP_M / 2, length_m - DASH_LENGTH_M, DASH_LENGTH_M + DASH_GAP_M)
+    return [(float(start), float(start) + DASH_LENGTH_M) for start in starts]
+
+
+def _stripe(
+    street: StreetLayout, t: float, width_m: float, first: float, last: float
+) -> SurfacePatch:
+    """Paint between two distances along the axis, which follows the facets of the road."""
+    last = min(last, float(street.stations[-1]))
+    between = street.stations[(street.stations > first) & (street.stations < last)]
+    at = np.array([first, *between, last])
+    left, right = (
+        np.stack(
+            [np.interp(at, street.stations, column) for column in street.offset_line(edge).T],
+            axis=1,
+        )
+        for edge in (t + width_m / 2, t - width_m / 2)
+    )
+    return _lifted_ribbon(left, right)
+
+
+def _lifted_ribbon(left: Points, right: Points) -> SurfacePatch:
+    return build_ribbon(left + MARKING_LIFT, right + MARKING_LIFT)
+
+
+def _stop_lines(junction: JunctionLayout) -> Iterator[SurfacePatch]:
+    """A bar across the arriving lanes where traffic stops, blocks where it gives way."""
+    signs = {sign.street: sign.kind for sign in junction.declared.signs}
+    for arm in junction.arms:
+        kind = signs.get(arm.street.id)
+        if junction.declared.control == "signals" or kind == "stop":
+            yield from _stop_bar(arm, [(0.0, 1.0)])
+        elif kind == "yield":
+            yield from _stop_bar(arm, _GIVE_WAY_FRACTIONS)
+
+
+def _stop_bar(arm: JunctionArm, shares: Sequence[tuple[float, float]]) -> Iterator[SurfacePatch]:
+    """Pieces of a bar, each from one share of the arriving lanes' width to another."""
+    lanes = [band for band in arm.inbound_strips() if band.lane_number]
+    if not lanes:
+        return
+    inner, outer = lanes[0].inner_t, lanes[-1].outer_t
+    near, far = STOP_LINE_SETBACK_M, STOP_LINE_SETBACK_M + STOP_LINE_M
+    end = float(arm.street.stations[-1])
+    first, last = (end - far, end - near) if arm.is_street_end else (near, far)
+    for begins, ends in shares:
+        edges = inner + begins * (outer - inner), inner + ends * (outer - inner)
+        yield _stripe(arm.street, sum(edges) / 2, abs(edges[1] - edges[0]), first, last)
+
+
+def _arrows(junction: JunctionLayout) -> Iterator[SurfacePatch]:
+    """Arrows on the lanes that have them, which point where their movements lead."""
+    for text in junction.declared.arrows:
+        name, _, number = text.partition(".")
+        arm = junction.find_arm(name)
+        lane = arm.street.find_lane(int(number), along=arm.is_street_end)
+        turns = [
+            junction.turn_angle(name, path.movement.to_street)
+            for path in junction.connecting_paths
+            if (path.movement.from_street, path.movement.from_lane) == (name, int(number))
+        ]
+        corners, triangles = triangulate_polygon(_arrow_outline(turns))
+        length = float(arm.street.stations[-1])
+        for back in np.arange(ARROW_FROM_END_M, length - ARROW_HALF_LENGTH_M, ARROW_SPACING_M):
+            ahead = 1.0 if arm.is_street_end else -1.0
+            middle = length - back if arm.is_street_end else back
+            station, t = middle + ahead * corners[:, 0], lane.centre_t + ahead * corners[:, 1]
+            yield SurfacePatch(arm.street.points_at(station, t) + MARKING_LIFT, triangles)
+
+
+def _arrow_outline(turns: Sequence[float]) -> shapely.Polygon:
+    """An arrow with a head for each way, x along the lane and y to its left, metres."""
+    shaft = shapely.box(-ARROW_HALF_LENGTH_M, -0.08, 0.3, 0.08)
+    head = shapely.Polygon([(0.0, -0.35), (0.75, 0.0), (0.0, 0.35)])
+    parts = [shaft]
+    for turn in turns:
+        if abs(turn) < MAX_STRAIGHT_RAD:
+            parts += [shapely.box(0.2, -0.08, 0.8, 0.08), translate(head, 0.75, 0.0)]
+        else:
+            side = np.sign(turn)
+            parts += [
+                shapely.box(0.14, min(0.0, 0.5 * side), 0.3, max(0.0, 0.5 * side)),
+                translate(rotate(head, 90 * side, origin=(0, 0)), 0.22, 0.45 * side),
+            ]
+    joined = shapely.union_all(parts)
+    assert isinstance(joined, shapely.Polygon)
+    return joined
+
+
+def build_zebra_bars(
+    start: Points,
+    end: Points,
+    *,
+    width_m: float,
+    height: Callable[[Points], NDArray[np.float64]],
+) -> Iterator[SurfacePatch]:
+    """Bars of a crossing from kerb to kerb, (2,) each, on a roadway whose height is given."""
+    across = float(np.linalg.norm(end - start))
+    walking = (end - start) / across
+    driving = np.array([walking[1], -walking[0]]) * width_m / 2
+    count = int(across / (2 * ZEBRA_BAR_M))
+    margin = (across - (2 * count - 1) * ZEBRA_BAR_M) / 2
+    for bar in range(count):
+        middle = start + (margin + (2 * bar + 0.5) * ZEBRA_BAR_M) * walking
+        left, right = (
+            np.stack([middle + side - driving, middle + side + driving])
+            for side in (walking * ZEBRA_BAR_M / 2, -walking * ZEBRA_BAR_M / 2)
+        )
+        yield _lifted_ribbon(*(np.column_stack([line, height(line)]) for line in (left, right)))

@@ -1,0 +1,204 @@
+"""The plan of a site: lanes, crossings, signals, agents with their headings, routes and views."""
+
+import math
+from collections.abc import Iterator
+from itertools import pairwise
+
+import cv2
+import numpy as np
+from advercity_dsl import Mount, Road, RoadsideUnit, Spec, Vehicle
+from numpy.typing import ArrayLike, NDArray
+
+from advercity.geometry.arrays import Uint8Array
+from advercity.geometry.mesh import extract_polygons, triangulate_polygon
+from advercity.roads.lane_segments import LaneSegment
+from advercity.roads.layout import lay_out_road
+from advercity.roads.road_network import build_road
+
+SIZE_PX = 1600
+MARGIN_M = 15.0
+VIEW_DISTANCE_M = 40.0
+"""How far the wedges of cameras are drawn."""
+FONT = cv2.FONT_HERSHEY_SIMPLEX
+FONT_SCALE = 0.45
+FRACTIONAL_BITS = 4
+"""Fractional bits of OpenCV's drawing coordinates."""
+BACKGROUND_COLOUR = (214, 232, 222)
+INK_COLOUR = (40, 40, 40)
+LANE_COLOURS = {
+    "driving": (120, 120, 120),
+    "parking": (140, 135, 130),
+    "shoulder": (150, 148, 145),
+    "sidewalk": (205, 195, 205),
+    "crossing": (240, 240, 240),
+}
+"""BGR by kind of lane, in the order in which they are painted."""
+AGENT_COLOURS = {"ego": (40, 40, 220), "other": (200, 90, 20), "unit": (20, 140, 20)}
+CONFLICT_COLOUR = (30, 30, 200)
+
+
+class PlanCanvas:
+    """A picture with a scale: world metres, north up."""
+
+    def __init__(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> None:
+        self.px_per_m = SIZE_PX / float(max(high - low))
+        width, height = np.ceil((high - low) * self.px_per_m).astype(int)
+        self._corner = np.array([low[0], high[1]])
+        self.image: Uint8Array = np.full((height, width, 3), BACKGROUND_COLOUR, np.uint8)
+
+    def _pixels(self, points: ArrayLike) -> NDArray[np.int32]:
+        plane = np.asarray(points, dtype=np.float64)[..., :2] - self._corner
+        scaled = plane * [self.px_per_m, -self.px_per_m] * 2**FRACTIONAL_BITS
+        return np.rint(scaled).astype(np.int32)
+
+    def fill(self, outline: ArrayLike, colour: tuple[int, int, int], *, opacity: float = 1) -> None:
+        """A polygon (n, 2 or 3)."""
+        layer = self.image if opacity >= 1 else self.image.copy()
+        cv2.fillPoly(layer, [self._pixels(outline)], colour, cv2.LINE_AA, FRACTIONAL_BITS)
+        if opacity < 1:
+            self.image = cv2.addWeighted(layer, opacity, self.image, 1 - opacity, 0).astype(
+                np.uint8
+            )
+
+    def line(self, points: ArrayLike, colour: tuple[int, int, int], width_px: int = 1) -> None:
+        """A line (n, 2 or 3)."""
+        pixels = [self._pixels(points)]
+        cv2.polylines(self.image, pixels, False, colour, width_px, cv2.LINE_AA, FRACTIONAL_BITS)
+
+    def text(self, at: ArrayLike, words: str, colour: tuple[int, int, int] = INK_COLOUR) -> None:
+        """Words whose lower left corner is at a point."""
+        x, y = (self._pixels(at) >> FRACTIONAL_BITS).tolist()
+        left, bottom = x + 8, y - 8
+        (width, height), below = cv2.getTextSize(words, FONT, FONT_SCALE, 1)
+        box = (left - 3, bottom - height - 3), (left + width + 3, bottom + below)
+        cv2.rectangle(self.image, *box, (250, 250, 250), cv2.FILLED)
+        cv2.putText(self.image, words, (left, bottom), FONT, FONT_SCALE, colour, 1, cv2.LINE_AA)
+
+
+def draw_plan(road: Road, spec: Spec | None = None) -> Uint8Array:
+    """The plan of a road, BGR; with a spec, also what its cameras see and what it stages.
+
+    North is up; the bar is 50 m long.
+    """
+    return draw_plan_canvas(road, spec).image
+
+
+def draw_plan_canvas(road: Road, spec: Spec | None = None) -> PlanCanvas:
+    """The same to draw on."""
+    stage = build_road(road)
+    found = stage.lanes
+    canvas = _create_canvas(found, road)
+    for polygon in extract_polygons(stage.roadway_level_area):
+        corners, triangles = triangulate_polygon(polygon)
+        for triangle in triangles:
+            canvas.fill(corners[triangle], LANE_COLOURS["driving"])
+    for kind, colour in LANE_COLOURS.items():
+        for lane in found:
+            if lane.kind == kind:
+                canvas.fill(np.concatenate([lane.left, lane.right[::-1]]), colour)
+    for lane in found:
+        if lane.kind == "driving" and not lane.in_junction:
+            canvas.line(lane.left, (255, 255, 255))
+            canvas.line(lane.right, (255, 255, 255))
+    for name, street in lay_out_road(road).streets.items():
+        canvas.text(street.axis[len(street.axis) // 2], name)
+    for head in stage.traffic_lights:
+        canvas.line([head.mast_foot_m, head.position_m[:2]], INK_COLOUR)
+        canvas.fill(_circle(head.position_m[:2], 0.8), (0, 160, 240))
+    if spec is not None:
+        for agent in spec.agents:
+            camera = agent.sensors.camera
+            for mount in camera.mounts:
+                _draw_view(canvas, agent.place, mount, camera.horizontal_fov_deg)
+    for place in road.agents.values():
+        if isinstance(place, Vehicle):
+            for lane in _route_lanes(place, found):
+                canvas.line((lane.left + lane.right) / 2, _agent_colour(place), 2)
+    for name, place in road.agents.items():
+        _draw_agent(canvas, name, place)
+    for conflict in spec.conflicts if spec is not None else ():
+        canvas.fill(_circle(conflict.point_m, 1.5), CONFLICT_COLOUR, opacity=0.7)
+        canvas.text(conflict.point_m, conflict.conflict, CONFLICT_COLOUR)
+        for actor in conflict.actors:
+            if len(actor.path_m) > 1:
+                canvas.line(actor.path_m, CONFLICT_COLOUR, 2)
+    _draw_scale_bar(canvas)
+    return canvas
+
+
+def _create_canvas(found: tuple[LaneSegment, ...], road: Road) -> PlanCanvas:
+    corners = [side[:, :2] for lane in found for side in (lane.left, lane.right)]
+    corners += [
+        np.array([place.position_m[:2] if isinstance(place, RoadsideUnit) else place.spawn_m])
+        for place in road.agents.values()
+    ]
+    points = np.concatenate(corners)
+    return PlanCanvas(points.min(axis=0) - MARGIN_M, points.max(axis=0) + MARGIN_M)
+
+
+def _draw_view(
+    canvas: PlanCanvas, place: Vehicle | RoadsideUnit, mount: Mount, field_of_view_deg: float
+) -> None:
+    at, heading_deg = _agent_position(place)
+    middle = math.radians(heading_deg + mount.yaw_deg)
+    half = math.radians(field_of_view_deg / 2)
+    turn = middle + np.linspace(-half, half, 24)
+    rim = np.add(at, VIEW_DISTANCE_M * np.column_stack([np.cos(turn), np.sin(turn)]))
+    canvas.fill(np.vstack([at, rim]), _agent_colour(place), opacity=0.06)
+
+
+def _route_lanes(vehicle: Vehicle, found: tuple[LaneSegment, ...]) -> Iterator[LaneSegment]:
+    """Ways through junctions along a route, and the lanes that lead to them."""
+    by_id = {lane.id: lane for lane in found}
+    for here, there in pairwise(vehicle.route):
+        turns = (lane for lane in found if _is_movement_between(lane.id, here, there))
+        way = next(turns, None)
+        if way is not None:
+            yield way
+            number = way.id.rpartition(" > ")[0].rpartition(".")[2]
+            ends = [by_id.get(f"{here}{sign}.{number}") for sign in "+-"]
+            near = [
+                lane for lane in ends if lane and np.allclose(lane.left[-1], way.left[0], atol=1)
+            ]
+            yield from near
+
+
+def _is_movement_between(lane_id: str, here: str, there: str) -> bool:
+    origin, _, target = lane_id.partition(": ")[2].partition(" > ")
+    return origin.rpartition(".")[0] == here and target.rpartition(".")[0] == there
+
+
+def _draw_agent(canvas: PlanCanvas, name: str, place: Vehicle | RoadsideUnit) -> None:
+    colour = _agent_colour(place)
+    at, heading_deg = _agent_position(place)
+    if isinstance(place, Vehicle):
+        canvas.fill(_circle(place.destination_m, 1.2), colour, opacity=0.5)
+        canvas.text(place.destination_m, f"{name} ends", colour)
+    ahead = math.radians(heading_deg)
+    turn = ahead + np.radians([0, 140, 220])
+    reach = np.array([4.0, 2.5, 2.5])[:, None]
+    canvas.fill(np.add(at, reach * np.column_stack([np.cos(turn), np.sin(turn)])), colour)
+    canvas.text(at, name, colour)
+
+
+def _draw_scale_bar(canvas: PlanCanvas) -> None:
+    height = canvas.image.shape[0]
+    right = 20 + round(50 * canvas.px_per_m)
+    cv2.line(canvas.image, (20, height - 20), (right, height - 20), INK_COLOUR, 3)
+    label = (20, height - 28)
+    cv2.putText(canvas.image, "50 m", label, FONT, FONT_SCALE, INK_COLOUR, 1, cv2.LINE_AA)
+
+
+def _agent_position(place: Vehicle | RoadsideUnit) -> tuple[tuple[float, float], float]:
+    if isinstance(place, RoadsideUnit):
+        return place.position_m[:2], place.yaw_deg
+    return place.spawn_m, place.heading_deg
+
+
+def _agent_colour(place: Vehicle | RoadsideUnit) -> tuple[int, int, int]:
+    return AGENT_COLOURS["unit" if isinstance(place, RoadsideUnit) else place.role]
+
+
+def _circle(at: ArrayLike, radius_m: float) -> NDArray[np.float64]:
+    turn = np.linspace(0, 2 * math.pi, 24, endpoint=False)
+    return np.asarray(at)[:2] + radius_m * np.column_stack([np.cos(turn), np.sin(turn)])

@@ -1,0 +1,176 @@
+"""Meshes of authored roads.
+
+Carriageways are at the height of the layout; sidewalks and medians stand a kerb higher.
+"""
+
+from collections.abc import Iterator
+from itertools import groupby, pairwise
+
+import numpy as np
+import shapely
+from advercity_dsl.road import StripKind
+from numpy.typing import NDArray
+
+from advercity.geometry import polyline
+from advercity.geometry.mesh import (
+    Mesh,
+    SurfacePatch,
+    build_grid_cells,
+    build_ribbon,
+    extract_polygons,
+    merge_patches,
+    triangulate_polygon,
+)
+from advercity.geometry.polyline import Points
+from advercity.roads import markings
+from advercity.roads.layout import JunctionLayout, RoadLayout
+from advercity.roads.streets import StreetLayout, StripLayout
+from advercity.semantics import Semantic
+
+KERB_HEIGHT_M = 0.15
+KERB_WIDTH_M = 0.15
+FACET_SIZE_M = 2.0
+"""Size of the facets of a junction that is not level."""
+LEVEL_TOLERANCE_M = 0.001
+KERB_RISE = np.array([0.0, 0.0, KERB_HEIGHT_M])
+
+JOINT_SPACING_M, JOINT_M = 2.0, 0.02
+"""Between the joints across a sidewalk, and their width."""
+MAX_SLAB_WIDTH_M = 3.0
+
+ASPHALT, SIDEWALK, MEDIAN, VERGE, KERB = "asphalt", "sidewalk", "median", "verge", "kerb"
+JOINTS = "joints"
+ROAD_SURFACES = {
+    ASPHALT: ("asphalt", Semantic.ROAD),
+    SIDEWALK: ("pavement", Semantic.SIDEWALK),
+    JOINTS: ("joint", Semantic.SIDEWALK),
+    MEDIAN: ("grass", Semantic.TERRAIN),
+    VERGE: ("grass", Semantic.TERRAIN),
+    KERB: ("kerb", Semantic.SIDEWALK),
+}
+STRIP_SURFACES = {StripKind.SIDEWALK: SIDEWALK, StripKind.MEDIAN: MEDIAN, StripKind.VERGE: VERGE}
+RAISED_SURFACES = (SIDEWALK, MEDIAN)
+
+
+def build_road_meshes(layout: RoadLayout) -> list[Mesh]:
+    """Roadways, kerbs, sidewalks, medians and paint, one mesh of each kind."""
+    pieces: dict[str, list[SurfacePatch]] = {}
+    for street in layout.streets.values():
+        for surface, piece in _street_patches(street):
+            pieces.setdefault(surface, []).append(piece)
+    for junction in layout.junctions.values():
+        for surface, piece in _junction_patches(junction):
+            pieces.setdefault(surface, []).append(piece)
+    meshes = [
+        merge_patches(name, pieces[name], *ROAD_SURFACES[name])
+        for name in ROAD_SURFACES
+        if name in pieces
+    ]
+    return [*meshes, *markings.build_marking_meshes(layout)]
+
+
+def _strip_surface(band: StripLayout) -> str:
+    return STRIP_SURFACES.get(band.kind, ASPHALT)
+
+
+def _street_patches(street: StreetLayout) -> Iterator[tuple[str, SurfacePatch]]:
+    runs = [
+        (surface, list(run))
+        for surface, run in groupby(
+            (*street.left_strips[::-1], *street.right_strips), _strip_surface
+        )
+    ]
+    edges = markings.marking_edge_offsets(street)
+    for index, (surface, run) in enumerate(runs):
+        first_t = max(run[0].inner_t, run[0].outer_t)
+        last_t = min(run[-1].inner_t, run[-1].outer_t)
+        left, right = street.offset_line(first_t), street.offset_line(last_t)
+        if surface in RAISED_SURFACES:
+            beside = [
+                runs[other][0] for other in (index - 1, index + 1) if other in range(len(runs))
+            ]
+            at_left = index > 0 and beside[0] not in RAISED_SURFACES
+            at_right = index + 1 < len(runs) and beside[-1] not in RAISED_SURFACES
+            yield from _raised_strip(surface, left, right, left_kerb=at_left, right_kerb=at_right)
+            yield from _strip_ends(left, right)
+        else:
+            between = {t for t in edges if last_t < t < first_t}
+            for t, next_t in pairwise(sorted({first_t, last_t} | between, reverse=True)):
+                yield surface, build_ribbon(street.offset_line(t), street.offset_line(next_t))
+
+
+def _junction_patches(junction: JunctionLayout) -> Iterator[tuple[str, SurfacePatch]]:
+    yield ASPHALT, _junction_roadway(junction)
+    for corner in junction.corners:
+        if corner.sidewalk_outer_edge is not None:
+            yield from _raised_strip(
+                SIDEWALK, corner.kerb, corner.sidewalk_outer_edge, left_kerb=True
+            )
+    if junction.median is not None:
+        left, right = junction.median[[0, 3]], junction.median[[1, 2]]
+        yield from _raised_strip(MEDIAN, left, right, left_kerb=True, right_kerb=True)
+
+
+def _junction_roadway(junction: JunctionLayout) -> SurfacePatch:
+    outline = shapely.Polygon(junction.roadway_outline[:, :2])
+    facets = [outline]
+    if np.ptp(junction.roadway_outline[:, 2]) > LEVEL_TOLERANCE_M:
+        grid = shapely.intersection(build_grid_cells(outline.bounds, FACET_SIZE_M), outline)
+        facets = [polygon for cell in grid for polygon in extract_polygons(cell)]
+    parts = [triangulate_polygon(facet) for facet in facets]
+    corners = np.concatenate([corners for corners, _ in parts])
+    shifts = np.cumsum([0, *(len(corners) for corners, _ in parts)])
+    triangles = [part + shift for (_, part), shift in zip(parts, shifts, strict=False)]
+    vertices = np.column_stack([corners, junction.height_at(corners)])
+    return SurfacePatch(vertices, np.concatenate(triangles))
+
+
+def _raised_strip(
+    surface: str, left: Points, right: Points, *, left_kerb: bool, right_kerb: bool = False
+) -> Iterator[tuple[str, SurfacePatch]]:
+    """A strip between two lines on the ground, a kerb's height above it."""
+    across = (right - left) / np.linalg.norm(right - left, axis=1, keepdims=True)
+    inner_left, inner_right = left + KERB_RISE, right + KERB_RISE
+    if left_kerb:
+        inner_left = left + KERB_RISE + KERB_WIDTH_M * across
+        yield KERB, build_ribbon(left, left + KERB_RISE)
+        yield KERB, build_ribbon(left + KERB_RISE, inner_left)
+    if right_kerb:
+        inner_right = right + KERB_RISE - KERB_WIDTH_M * across
+        yield KERB, build_ribbon(inner_right, right + KERB_RISE)
+        yield KERB, build_ribbon(right + KERB_RISE, right)
+    if surface == SIDEWALK:
+        yield from _sidewalk_slabs(inner_left, inner_right)
+    else:
+        yield surface, build_ribbon(inner_left, inner_right)
+
+
+def _sidewalk_slabs(left: Points, right: Points) -> Iterator[tuple[str, SurfacePatch]]:
+    """A sidewalk between two lines: slabs, and the joints across it and along a wide one."""
+    along = polyline.polyline_stations((left + right) / 2)
+    width = float(np.linalg.norm(left - right, axis=1).max())
+    rows = _joint_stations(float(along[-1]), JOINT_SPACING_M)
+    columns = _joint_stations(width, width / np.ceil(width / MAX_SLAB_WIDTH_M)) / width
+    for row, (start, end) in enumerate(pairwise(rows)):
+        at = np.array([start, *along[(along > start) & (along < end)], end])
+        near, far = (
+            np.stack([np.interp(at, along, axis) for axis in line.T], axis=1)
+            for line in (left, right)
+        )
+        for column, (first, last) in enumerate(pairwise(columns)):
+            name = JOINTS if row % 2 or column % 2 else SIDEWALK
+            yield name, build_ribbon(near + first * (far - near), near + last * (far - near))
+
+
+def _joint_stations(length_m: float, spacing_m: float) -> NDArray[np.float64]:
+    """Where slabs and joints end, by turns, beginning with a slab."""
+    joints = np.arange(spacing_m, length_m - JOINT_M, spacing_m)
+    edges = np.column_stack([joints - JOINT_M / 2, joints + JOINT_M / 2])
+    return np.concatenate([[0.0], edges.ravel(), [length_m]])
+
+
+def _strip_ends(left: Points, right: Points) -> Iterator[tuple[str, SurfacePatch]]:
+    """Upright ends of a raised strip; out of sight where the next one joins."""
+    first, last = np.stack([left[0], right[0]]), np.stack([left[-1], right[-1]])
+    yield KERB, build_ribbon(first + KERB_RISE, first)
+    yield KERB, build_ribbon(last, last + KERB_RISE)

@@ -1,0 +1,190 @@
+"""A road as the rest of the world needs it, whether it was authored or imported.
+
+Roads built from authored streets and junctions.
+
+Builds a road, however it is declared.
+"""
+
+from collections.abc import Iterator
+from typing import Protocol
+
+import numpy as np
+import shapely
+from advercity_dsl import MapFile, Road
+from advercity_dsl.road import StripKind
+from shapely.geometry.base import BaseGeometry
+
+from advercity.errors import InputError
+from advercity.geometry.mesh import Mesh
+from advercity.geometry.polyline import Points
+from advercity.roads import lane_segments
+from advercity.roads.imported_road import ImportedRoadNetwork
+from advercity.roads.lane_segments import LaneSegment
+from advercity.roads.layout import RoadLayout, lay_out_road
+from advercity.roads.road_meshes import KERB_HEIGHT_M, build_road_meshes
+from advercity.roads.signals import TrafficLight, TrafficSign
+from advercity.roads.streets import StreetLayout, StripLayout
+
+
+class RoadNetwork(Protocol):
+    """What lanes, terrain, surroundings and traffic need of a road; made as it is asked for."""
+
+    @property
+    def lanes(self) -> tuple[LaneSegment, ...]:
+        """Every lane, way through a junction and crossing."""
+        ...
+
+    @property
+    def meshes(self) -> list[Mesh]:
+        """Roadways, kerbs, sidewalks and paint, without the ground around them."""
+        ...
+
+    @property
+    def paved_edges(self) -> list[Points]:
+        """Edges (n, 3) of all paving, which is on their left, at the height the ground meets."""
+        ...
+
+    @property
+    def paved_area(self) -> BaseGeometry:
+        """What is paved, sidewalks included."""
+        ...
+
+    @property
+    def street_axes(self) -> BaseGeometry:
+        """Axes of the streets."""
+        ...
+
+    @property
+    def roadway_level_area(self) -> BaseGeometry:
+        """Where people on foot are as low as the roadway."""
+        ...
+
+    @property
+    def traffic_lights(self) -> tuple[TrafficLight, ...]:
+        """Signal heads."""
+        ...
+
+    @property
+    def traffic_signs(self) -> tuple[TrafficSign, ...]:
+        """Stop and give-way signs."""
+        ...
+
+
+GRID_M = 0.001
+
+
+class AuthoredRoadNetwork:
+    """A `BuiltRoad` from a layout."""
+
+    def __init__(self, layout: RoadLayout) -> None:
+        self._layout = layout
+
+    @property
+    def lanes(self) -> tuple[LaneSegment, ...]:
+        """Lanes by street and number."""
+        return lane_segments.build_lane_segments(self._layout)
+
+    @property
+    def meshes(self) -> list[Mesh]:
+        """Roadways, kerbs, sidewalks, medians and paint."""
+        return build_road_meshes(self._layout)
+
+    @property
+    def paved_edges(self) -> list[Points]:
+        """Edges of all paving."""
+        return list(_paved_edges(self._layout))
+
+    @property
+    def paved_area(self) -> BaseGeometry:
+        """What streets and junctions cover."""
+        return _paved_area(self._layout)
+
+    @property
+    def street_axes(self) -> BaseGeometry:
+        """Axes of the streets."""
+        streets = self._layout.streets.values()
+        return shapely.MultiLineString([shapely.LineString(item.axis[:, :2]) for item in streets])
+
+    @property
+    def roadway_level_area(self) -> BaseGeometry:
+        """The roadways of junctions: SUMO's walking areas reach out onto them."""
+        outlines = [junction.roadway_outline[:, :2] for junction in self._layout.junctions.values()]
+        return shapely.union_all([shapely.Polygon(outline) for outline in outlines])
+
+    @property
+    def traffic_lights(self) -> tuple[TrafficLight, ...]:
+        """Signal heads, as declared."""
+        found: list[TrafficLight] = []
+        for junction in self._layout.junctions.values():
+            signals = junction.declared.signals
+            for head in signals.heads if signals else ():
+                x, y = junction.find_arm(head.street).outward_direction
+                name = f"{junction.id}/{head.street}"
+                found.append(TrafficLight(name, head.at_m, head.pole_m, (float(x), float(y))))
+        return tuple(found)
+
+    @property
+    def traffic_signs(self) -> tuple[TrafficSign, ...]:
+        """Signs, as declared."""
+        found: list[TrafficSign] = []
+        for junction in self._layout.junctions.values():
+            for sign in junction.declared.signs:
+                x, y = junction.find_arm(sign.street).outward_direction
+                found.append(TrafficSign(sign.kind, sign.at_m, (float(x), float(y))))
+        return tuple(found)
+
+
+def _paved_edges(layout: RoadLayout) -> Iterator[Points]:
+    def lifted(line: Points, raised: bool) -> Points:
+        return line + np.array([0.0, 0.0, KERB_HEIGHT_M * raised])
+
+    for street in layout.streets.values():
+        left, right = (street.offset_line(t) for t in _outer_offsets(street))
+        yield lifted(left[::-1], _is_raised(street.left_strips))
+        yield lifted(right, _is_raised(street.right_strips))
+        if street.begins not in layout.junctions:
+            yield np.stack([left[0], right[0]])
+        if street.ends not in layout.junctions:
+            yield np.stack([right[-1], left[-1]])
+    for junction in layout.junctions.values():
+        following = (*junction.arms[1:], junction.arms[0])
+        for corner, arm, other in zip(junction.corners, junction.arms, following, strict=True):
+            rim = lifted(corner.outer_edge, corner.sidewalk_outer_edge is not None)
+            if corner.sidewalk_outer_edge is None:
+                rim[0, 2] += KERB_HEIGHT_M * _is_raised(arm.strips_on_side(leftwards=True))
+                rim[-1, 2] += KERB_HEIGHT_M * _is_raised(other.strips_on_side(leftwards=False))
+            yield rim
+
+
+def _is_raised(bands: tuple[StripLayout, ...]) -> bool:
+    return bool(bands) and bands[-1].kind is StripKind.SIDEWALK
+
+
+def _outer_offsets(street: StreetLayout) -> tuple[float, float]:
+    """Offsets of the outer edges of a street, left and right."""
+    return (
+        street.left_strips[-1].outer_t if street.left_strips else 0.0,
+        street.right_strips[-1].outer_t if street.right_strips else 0.0,
+    )
+
+
+def _paved_area(layout: RoadLayout) -> BaseGeometry:
+    shapes: list[shapely.Geometry] = []
+    for street in layout.streets.values():
+        left, right = (street.offset_line(t)[:, :2] for t in _outer_offsets(street))
+        shapes.append(shapely.make_valid(shapely.Polygon(np.vstack([left, right[::-1]]))))
+    for junction in layout.junctions.values():
+        rim = np.concatenate([corner.outer_edge[:, :2] for corner in junction.corners])
+        shapes.append(shapely.make_valid(shapely.Polygon(rim)))
+    return shapely.union_all(shapes, grid_size=GRID_M)
+
+
+def build_road(road: Road) -> RoadNetwork:
+    """A road as its streets or its map say; InputError where they do not fit together."""
+    match road.imported:
+        case None:
+            return AuthoredRoadNetwork(lay_out_road(road))
+        case MapFile() as file:
+            raise InputError(f"road '{road.id}': the map '{file.file}' has not been compiled")
+        case network:
+            return ImportedRoadNetwork(network)

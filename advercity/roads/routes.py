@@ -1,0 +1,295 @@
+"""Ways through a declared road: lane centre lines of streets, joined inside junctions."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from advercity_dsl import Road, Vehicle
+from advercity_dsl.road import Movement, StripKind
+from numpy.typing import ArrayLike, NDArray
+
+from advercity.geometry import curves, polyline
+from advercity.roads.streets import StreetLayout, StripLayout, lay_out_street
+
+SEARCH_STEP_M = 0.25
+CROSSING_GAP_M = 1.0
+"""Ways that come nearer than this to each other cross."""
+LANE_CHANGE_M = 30.0
+"""Length over which a vehicle goes from one lane to another."""
+
+
+LaneChoice = tuple[str, bool, int, int]
+"""A street, whether along its axis, the lane it is entered in and the one it is left in."""
+
+
+@dataclass(frozen=True)
+class RouteSegment:
+    """A street on a way.
+
+    Attributes:
+        street: The street.
+        follows_axis: Whether the way follows its axis.
+        lane: Number of the lane at its end, 1 is the innermost.
+        start_m: Station on the way where it begins.
+        end_m: The same where it ends.
+    """
+
+    street: StreetLayout
+    follows_axis: bool
+    lane: int
+    start_m: float
+    end_m: float
+
+    def bands(self, *, right: bool) -> tuple[StripLayout, ...]:
+        """Strips on either side of the axis as seen in the direction of travel."""
+        return self.street.strips_in_direction(along=self.follows_axis == right)
+
+    def lateral_offset(self, t: float) -> float:
+        """Offset to the left of the lane's centre, in the direction of travel, of an offset `t`."""
+        centre = self.street.find_lane(self.lane, along=self.follows_axis).centre_t
+        return (t - centre) if self.follows_axis else (centre - t)
+
+
+@dataclass(frozen=True, eq=False)
+class RoutePath:
+    """A polyline with the streets that it follows.
+
+    Attributes:
+        points: (n, 2) metres, from the start of its first street.
+        segments: Its streets in order.
+    """
+
+    points: NDArray[np.float64]
+    segments: tuple[RouteSegment, ...]
+
+    @cached_property
+    def stations_m(self) -> NDArray[np.float64]:
+        """(n,) metres along the way."""
+        return polyline.polyline_stations(self.points)
+
+    @property
+    def length_m(self) -> float:
+        """To its end."""
+        return float(self.stations_m[-1])
+
+    def point_at(self, station_m: float, left_m: float = 0.0) -> NDArray[np.float64]:
+        """Point (2,) at a station, so far to its left."""
+        place = self._points_at(np.array([station_m]))[0]
+        return place + left_m * polyline.left_normals(
+            polyline.unit_vectors(self.heading_at(station_m))
+        )
+
+    def heading_at(self, station_m: float) -> float:
+        """Direction of travel at a station, radians counter-clockwise from east."""
+        return float(self.headings_at(np.array([station_m]))[0])
+
+    def headings_at(self, stations_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Directions of travel (m,) at stations (m,)."""
+        ahead = self._points_at(np.minimum(stations_m + 0.5, self.length_m))
+        east, north = (ahead - self._points_at(np.maximum(stations_m - 0.5, 0.0))).T
+        return np.arctan2(north, east)
+
+    def find_nearest_station(self, point: ArrayLike) -> float:
+        """The station nearest to a point (2,)."""
+        return float(
+            self._search_stations[np.argmin(self._distances_to(np.asarray(point)[None])[:, 0])]
+        )
+
+    def find_crossing_station(self, other: "RoutePath") -> float | None:
+        """The station where another way crosses this one; None if it does not."""
+        gaps = self._distances_to(other.sample_points(SEARCH_STEP_M)).min(axis=1)
+        if gaps.min() > CROSSING_GAP_M:
+            return None
+        return float(self._search_stations[np.argmax(gaps <= max(CROSSING_GAP_M / 2, gaps.min()))])
+
+    def sample_points(self, step_m: float) -> NDArray[np.float64]:
+        """Points (n, 2) along it."""
+        return self._points_at(np.arange(0.0, self.length_m, step_m))
+
+    @cached_property
+    def _search_stations(self) -> NDArray[np.float64]:
+        return np.arange(0.0, self.length_m, SEARCH_STEP_M)
+
+    def _points_at(self, stations: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Points (m, 2) at stations (m,)."""
+        columns = [np.interp(stations, self.stations_m, axis) for axis in self.points.T]
+        return np.stack(columns, axis=-1)
+
+    def _distances_to(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Distances (n, m) of points (m, 2) from the way's every `FINE_M`."""
+        here = self._points_at(self._search_stations)
+        east, north = (np.subtract.outer(here[:, axis], points[:, axis]) for axis in (0, 1))
+        return np.sqrt(east * east + north * north)
+
+
+@dataclass(frozen=True, eq=False)
+class RoutePlanner:
+    """Finds ways through a declared road."""
+
+    road: Road
+
+    @cached_property
+    def streets(self) -> dict[str, StreetLayout]:
+        """Every street, sampled."""
+        return {
+            name: lay_out_street(name, item, self.road) for name, item in self.road.streets.items()
+        }
+
+    @cached_property
+    def movements(self) -> dict[str, tuple[Movement, ...]]:
+        """By junction."""
+        return {
+            name: tuple(Movement.parse(text) for text in junction.movements)
+            for name, junction in self.road.junctions.items()
+        }
+
+    def find_junction(self, first: str, second: str) -> str | None:
+        """The junction at which one goes from a street into another."""
+        for name, movements in self.movements.items():
+            if any(item.from_street == first and item.to_street == second for item in movements):
+                return name
+        return None
+
+    def is_towards_junction(self, street: str, junction: str) -> bool:
+        """Whether travelling towards a junction on a street follows the street's axis."""
+        return self.streets[street].ends == junction
+
+    def approach_heading(self, street: str, junction: str) -> float:
+        """Heading with which a street is driven into a junction."""
+        layout = self.streets[street]
+        at_end = layout.ends == junction
+        return float(layout.headings[-1] if at_end else layout.headings[0] + np.pi)
+
+    def turn_angle(self, movement: Movement, junction: str) -> float:
+        """By how much a movement turns, in (-pi, pi]; positive to the left."""
+        leaves = self.approach_heading(movement.to_street, junction) + np.pi
+        turned = leaves - self.approach_heading(movement.from_street, junction)
+        return float(np.pi - (np.pi - turned) % (2 * np.pi))
+
+    def build_path(self, streets: Sequence[str], lane: int | None = None) -> RoutePath:
+        """The way along streets, in the lanes that lead from each into the next.
+
+        Args:
+            streets: Ids in order.
+            lane: Number of the lane on the first street, if it matters.
+        """
+        return self._join_lanes(list(self._choose_lanes(streets, lane)))
+
+    def _choose_lanes(self, streets: Sequence[str], lane: int | None) -> Iterator[LaneChoice]:
+        fitting = self._find_fitting_lanes(streets)
+        entered = lane
+        for index, street in enumerate(streets):
+            along = self.is_along_axis(streets, index)
+            leaves = fitting[index]
+            start = entered if entered is not None else min(leaves)
+            left = min(leaves, key=lambda number: abs(number - start))
+            yield street, along, start, left
+            if index + 1 < len(streets):
+                entered = next(
+                    item.to_lane
+                    for items in self.movements.values()
+                    for item in items
+                    if (item.from_street, item.from_lane, item.to_street)
+                    == (street, left, streets[index + 1])
+                    and item.to_lane in (fitting[index + 1] or {item.to_lane})
+                )
+
+    def _find_fitting_lanes(self, streets: Sequence[str]) -> list[set[int]]:
+        """Per street, the lanes from which the rest of the streets can be reached."""
+        along = self.is_along_axis(streets, len(streets) - 1)
+        last = {
+            band.lane_number
+            for band in self.streets[streets[-1]].strips_in_direction(along=along)
+            if band.lane_number
+        }
+        fitting = [last]
+        for first, second in reversed(list(pairwise(streets))):
+            ways = [
+                item
+                for items in self.movements.values()
+                for item in items
+                if item.from_street == first and item.to_street == second
+            ]
+            good = {item.from_lane for item in ways if item.to_lane in fitting[0]}
+            fitting.insert(0, good or {item.from_lane for item in ways})
+        return fitting
+
+    def is_along_axis(self, streets: Sequence[str], index: int) -> bool:
+        """Whether a route follows the axis of one of its streets; one street alone does."""
+        if len(streets) == 1:
+            return True
+        if index + 1 < len(streets):
+            junction = self.find_junction(streets[index], streets[index + 1])
+            return self.streets[streets[index]].ends == junction
+        junction = self.find_junction(streets[index - 1], streets[index])
+        return self.streets[streets[index]].begins == junction
+
+    def _join_lanes(self, taken: Sequence[LaneChoice]) -> RoutePath:
+        pieces: list[NDArray[np.float64]] = []
+        stretches: list[RouteSegment] = []
+        for name, along, entered, left in taken:
+            street = self.streets[name]
+            line = _build_lane_line(street, entered, along=along)
+            if left != entered:
+                target = street.directed_line(
+                    street.find_lane(left, along=along).centre_t, along=along
+                )[:, :2]
+                fine = max(int(polyline.polyline_length(line)), 2)
+                line, target = (
+                    polyline.resample_polyline(line, fine),
+                    polyline.resample_polyline(target, fine),
+                )
+                share = np.clip(polyline.polyline_stations(line) / LANE_CHANGE_M, 0, 1)[:, None]
+                line = (1 - share) * line + share * target
+            if pieces:
+                pieces.append(_link_lanes(pieces[-1], line)[1:-1])
+            begins = (
+                polyline.polyline_length(np.concatenate([*pieces, line[:1]])) if pieces else 0.0
+            )
+            pieces.append(line)
+            stretches.append(
+                RouteSegment(street, along, left, begins, begins + polyline.polyline_length(line))
+            )
+        return RoutePath(polyline.drop_repeated_points(np.concatenate(pieces)), tuple(stretches))
+
+
+def _build_lane_line(street: StreetLayout, lane: int, *, along: bool) -> NDArray[np.float64]:
+    return street.directed_line(street.find_lane(lane, along=along).centre_t, along=along)[:, :2]
+
+
+def _link_lanes(before: NDArray[np.float64], after: NDArray[np.float64]) -> NDArray[np.float64]:
+    out, into = before[-1] - before[-2], after[1] - after[0]
+    return curves.build_connecting_curve(
+        before[-1], out / np.linalg.norm(out), after[0], into / np.linalg.norm(into)
+    )
+
+
+def find_ego(road: Road) -> Vehicle:
+    """The ego's place on a road."""
+    return next(
+        place
+        for place in road.agents.values()
+        if isinstance(place, Vehicle) and place.role == "ego"
+    )
+
+
+def build_ego_path(planner: RoutePlanner, ego: Vehicle) -> tuple[RoutePath, float, float]:
+    """The ego's way, and the stations of its spawn and its destination."""
+    street = planner.streets[ego.route[0]]
+    along = planner.is_along_axis(ego.route, 0)
+    gaps = {
+        band.lane_number: _compute_lateral_gap(street, band, ego)
+        for band in street.strips_in_direction(along=along)
+        if band.kind is StripKind.LANE
+    }
+    lane = min(gaps, key=lambda number: gaps[number])
+    way = planner.build_path(ego.route, lane)
+    return way, way.find_nearest_station(ego.spawn_m), way.find_nearest_station(ego.destination_m)
+
+
+def _compute_lateral_gap(street: StreetLayout, band: StripLayout, ego: Vehicle) -> float:
+    line = street.offset_line(band.centre_t)[:, :2]
+    fine = polyline.resample_polyline(line, max(int(polyline.polyline_length(line)), 2))
+    return float(np.linalg.norm(fine - np.array(ego.spawn_m), axis=1).min())

@@ -1,0 +1,191 @@
+"""Streets, sampled, with their strips side by side.
+
+Across a street, `t` is the offset from its axis in metres, positive to the left of the axis'
+direction. Traffic drives on the right: strips at negative `t` are travelled along the axis (`+`),
+those at positive `t` against it (`-`).
+
+Names of a street's edges and lanes in the SUMO network.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from advercity_dsl.road import CrossSection, Road, RoadMark, Street, StripKind
+from numpy.typing import ArrayLike, NDArray
+
+from advercity.geometry import curves, polyline
+from advercity.geometry.polyline import Points
+
+MAX_LEVEL_STEP_M = 8.0
+"""Distance between samples on level lines."""
+MAX_SLOPED_STEP_M = 2.0
+
+
+@dataclass(frozen=True)
+class StripLayout:
+    """A strip, placed from `inner_t` near the axis to `outer_t`; its paint is on the outer edge."""
+
+    kind: StripKind
+    inner_t: float
+    outer_t: float
+    paint: RoadMark | None
+    lane_number: int
+    """Of a driving lane, counted from 1, the innermost; 0 for other strips."""
+    bay_width_m: float | None = None
+    """Width of its parking bays."""
+
+    @property
+    def runs_along_axis(self) -> bool:
+        """Whether it is travelled along the axis."""
+        return self.outer_t < 0
+
+    @property
+    def width_m(self) -> float:
+        """From edge to edge."""
+        return abs(self.outer_t - self.inner_t)
+
+    @property
+    def centre_t(self) -> float:
+        """Midway between its edges."""
+        return (self.inner_t + self.outer_t) / 2
+
+
+@dataclass(frozen=True)
+class StreetLayout:
+    """A street, sampled.
+
+    Attributes:
+        id: As declared.
+        begins: Junction or edge of the site at its start.
+        ends: The same at its end.
+        axis: (n, 3) points, ends exact.
+        headings: (n,) radians.
+        stations: (n,) metres along the axis.
+        left_strips: Bands from the axis to the left.
+        right_strips: Bands from the axis to the right.
+        axis_paint: Line painted on the axis.
+        speed_limit_m_s: For both directions.
+    """
+
+    id: str
+    begins: str
+    ends: str
+    axis: Points
+    headings: NDArray[np.float64]
+    stations: NDArray[np.float64]
+    left_strips: tuple[StripLayout, ...]
+    right_strips: tuple[StripLayout, ...]
+    axis_paint: RoadMark | None
+    speed_limit_m_s: float
+
+    def offset_line(self, t: float) -> Points:
+        """(n, 3) points at offset `t`, in the direction of the axis."""
+        plane = polyline.offset_points(self.axis[:, :2], self.headings, t)
+        return np.column_stack([plane, self.axis[:, 2]])
+
+    def points_at(self, station: ArrayLike, t: ArrayLike) -> Points:
+        """(..., 3) points at distances along the axis and offsets from it, on its facets."""
+        station, t = np.broadcast_arrays(station, t)
+        x, y, z, heading = (
+            np.interp(station, self.stations, column)
+            for column in (*self.axis.T, np.unwrap(self.headings))
+        )
+        plane = polyline.offset_points(np.stack([x, y], axis=-1), heading, t)
+        return np.concatenate([plane, z[..., None]], axis=-1)
+
+    def directed_line(self, t: float, *, along: bool) -> Points:
+        """(n, 3) points at offset `t`, in the direction of travel."""
+        return self.offset_line(t) if along else self.offset_line(t)[::-1]
+
+    def strips_in_direction(self, *, along: bool) -> tuple[StripLayout, ...]:
+        """Bands that are travelled that way, from the axis outwards."""
+        return self.right_strips if along else self.left_strips
+
+    def find_lane(self, number: int, *, along: bool) -> StripLayout:
+        """A driving lane; 1 is the innermost."""
+        return next(
+            band for band in self.strips_in_direction(along=along) if band.lane_number == number
+        )
+
+
+def lay_out_street(name: str, declared: Street, road: Road) -> StreetLayout:
+    """Sample a declared street of a road."""
+    section = road.sections[declared.section]
+    plane, headings, along = curves.sample_reference_line(
+        declared.start_m,
+        np.radians(declared.heading_deg),
+        declared.path,
+        line_step_m=MAX_SLOPED_STEP_M if len(declared.heights) > 1 else MAX_LEVEL_STEP_M,
+    )
+    return StreetLayout(
+        id=name,
+        begins=declared.begins,
+        ends=declared.ends,
+        axis=np.column_stack([plane, curves.sample_elevation(along, declared.heights)]),
+        headings=headings,
+        stations=along,
+        left_strips=_lay_out_strips(section, leftwards=True),
+        right_strips=_lay_out_strips(section, leftwards=False),
+        axis_paint=section.axis_line,
+        speed_limit_m_s=declared.speed_limit_km_h / 3.6,
+    )
+
+
+def _lay_out_strips(section: CrossSection, *, leftwards: bool) -> tuple[StripLayout, ...]:
+    strips = section.left if leftwards else section.right
+    sign = 1.0 if leftwards else -1.0
+    edges = sign * np.concatenate([[0.0], np.cumsum([strip.width_m for strip in strips])])
+    lanes = np.cumsum([strip.kind is StripKind.LANE for strip in strips])
+    return tuple(
+        StripLayout(
+            kind=strip.kind,
+            inner_t=float(inner),
+            outer_t=float(outer),
+            paint=strip.line,
+            lane_number=int(number) if strip.kind is StripKind.LANE else 0,
+            bay_width_m=strip.bay_m,
+        )
+        for strip, (inner, outer), number in zip(strips, pairwise(edges), lanes, strict=True)
+    )
+
+
+def sumo_edge_id(street: str, *, along: bool) -> str:
+    """Id of the edge along a street's axis, or against it."""
+    return f"{street}{'+' if along else '-'}"
+
+
+def parse_edge_id(edge: str) -> tuple[str, bool]:
+    """Street of an edge, and whether the edge runs along its axis; KeyError for internal edges."""
+    if edge.startswith(":") or edge[-1:] not in ("+", "-"):
+        raise KeyError(edge)
+    return edge[:-1], edge.endswith("+")
+
+
+def approach_name(edge: str) -> str:
+    """What an edge is called as an approach to a traffic light: its street, or as it is."""
+    try:
+        return parse_edge_id(edge)[0]
+    except KeyError:
+        return edge
+
+
+def edge_strips(street: StreetLayout, *, along: bool) -> tuple[StripLayout, ...]:
+    """Bands of an edge from the innermost driving lane, or sidewalk if it has none, outwards."""
+    bands = street.strips_in_direction(along=along)
+    for kind in (StripKind.LANE, StripKind.SIDEWALK):
+        for index, band in enumerate(bands):
+            if band.kind is kind:
+                return bands[index:]
+    return ()
+
+
+def sumo_lane_index(street: StreetLayout, number: int, *, along: bool) -> int:
+    """Index in its edge, from the right, of a driving lane that counts from 1, the innermost."""
+    bands = edge_strips(street, along=along)
+    return next(index for index, band in enumerate(reversed(bands)) if band.lane_number == number)
+
+
+def sumo_lane_id(street: StreetLayout, number: int, *, along: bool) -> str:
+    """SUMO's id of a driving lane that counts from 1, the innermost."""
+    return f"{sumo_edge_id(street.id, along=along)}_{sumo_lane_index(street, number, along=along)}"

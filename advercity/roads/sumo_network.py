@@ -1,0 +1,351 @@
+"""Runs SUMO's `netconvert`.
+
+The SUMO network of a road: plain XML from templates, compiled by `netconvert`.
+
+Network coordinates are world coordinates, heights included. Ids: the directed edges of a street
+are `<street>+` along its axis and `<street>-` against it; junctions and traffic lights have the
+declared junction's id. Every strip from the innermost driving lane outwards is a lane of its edge,
+closed to traffic where it is neither a driving lane nor a sidewalk, so lateral positions hold.
+"""
+
+import os
+import re
+import subprocess
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+
+import jinja2
+import numpy as np
+import sumo
+from advercity_dsl import MapNetwork
+from advercity_dsl.road import Road, StripKind
+
+from advercity.errors import InputError, RunError
+from advercity.geometry import polyline
+from advercity.geometry.polyline import Points
+from advercity.roads import signals
+from advercity.roads.layout import JunctionLayout, RoadLayout, lay_out_road
+from advercity.roads.streets import (
+    StreetLayout,
+    approach_name,
+    edge_strips,
+    sumo_edge_id,
+    sumo_lane_index,
+)
+from advercity.roads.sumo_xml import to_xml_bytes, unpack_network
+
+NETCONVERT_TIMEOUT_S = 120
+NETCONVERT_OPTIONS = {
+    "offset.disable-normalization": "true",
+    "walkingareas": "true",
+    "no-turnarounds": "true",
+    "precision": "3",
+    "xml-validation": "never",
+}
+"""World coordinates to the millimetre, and ways for people on foot."""
+
+
+@dataclass(frozen=True)
+class NetconvertResult:
+    """What became of a run: whether it wrote the network, and what it had to say."""
+
+    succeeded: bool
+    messages: str
+
+
+def run_netconvert(options: Mapping[str, str], output: Path) -> NetconvertResult:
+    """Write a network.
+
+    Args:
+        options: Over the `COMMON` ones; files in them are relative to the folder of `output`.
+        output: The network.
+
+    Raises:
+        RunError: The program is missing or hangs.
+    """
+    chosen = {**NETCONVERT_OPTIONS, **options, "output-file": output.name}
+    program = str(Path(sumo.SUMO_HOME) / "bin" / "netconvert")
+    command = [program, *(word for name, value in chosen.items() for word in (f"--{name}", value))]
+    try:
+        done = subprocess.run(  # noqa: S603  the program is the wheel's own
+            command,
+            cwd=output.parent,
+            env={**os.environ, "SUMO_HOME": sumo.SUMO_HOME},
+            capture_output=True,
+            text=True,
+            errors="replace",
+            timeout=NETCONVERT_TIMEOUT_S,
+            check=False,
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise RunError(f"netconvert does not run: {error}; is eclipse-sumo installed?") from error
+    succeeded = done.returncode == 0 and output.exists()
+    said = done.stderr.strip()
+    return NetconvertResult(succeeded, said or ("" if succeeded else done.stdout.strip()))
+
+
+MAX_GRADE_PERCENT = 30
+STRIP_PERMISSIONS = {
+    StripKind.LANE: 'disallow="pedestrian"',
+    StripKind.SIDEWALK: 'allow="pedestrian"',
+}
+CLOSED_PERMISSION = 'disallow="all"'
+
+
+@dataclass(frozen=True)
+class _Node:
+    id: str
+    position: Points
+    type: str
+    outline: Points | None
+
+
+@dataclass(frozen=True)
+class _Lane:
+    width_m: float
+    permission: str
+    centre: Points
+
+
+@dataclass(frozen=True)
+class _Edge:
+    id: str
+    begins: str
+    ends: str
+    priority: int
+    speed_m_s: float
+    length_m: float
+    border: Points
+    lanes: tuple[_Lane, ...]
+
+
+@dataclass(frozen=True)
+class _Link:
+    junction: str
+    from_edge: str
+    to_edge: str
+    from_lane: int
+    to_lane: int
+    centre: Points
+    index: int | None
+
+
+@dataclass(frozen=True)
+class _Crossing:
+    junction: str
+    edges: tuple[str, ...]
+    width_m: float
+    centre: Points
+    index: int | None
+
+
+def write_sumo_network(road: Road, folder: Path) -> Path:
+    """Write a road's SUMO network.
+
+    Args:
+        road: What to build.
+        folder: Gets the plain XML files and `<road id>.net.xml`; made if missing.
+
+    Returns:
+        Path of the network; the same road gives the same bytes.
+
+    Raises:
+        InputError: Streets or junctions do not fit together.
+        RunError: `netconvert` is missing or fails.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    if isinstance(road.imported, MapNetwork):
+        return _write_imported_network(road.id, road.imported, folder)
+    plan = lay_out_road(road)
+    links = [link for junction in plan.junctions.values() for link in _build_links(junction)]
+    contents = {
+        "nodes": {"nodes": list(_build_nodes(plan))},
+        "edges": {
+            "edges": [edge for item in plan.streets.values() for edge in _build_edges(item, plan)]
+        },
+        "connections": {
+            "links": links,
+            "crossings": [item for j in plan.junctions.values() for item in _build_crossings(j)],
+        },
+        "tllogics": {
+            "programs": [
+                p for j in plan.junctions.values() if (p := signals.build_signal_program(j))
+            ],
+            "links": links,
+        },
+    }
+    for name, values in contents.items():
+        text = _load_templates().get_template(f"{name}.xml.j2").render(values)
+        (folder / f"{road.id}.{name}.xml").write_text(text, encoding="utf-8")
+    return _compile_network(road.id, folder)
+
+
+def _write_imported_network(name: str, imported: MapNetwork, folder: Path) -> Path:
+    output = folder / f"{name}.net.xml"
+    output.write_bytes(to_xml_bytes(unpack_network(imported.network)))
+    return output
+
+
+def read_signal_groups(network: Path) -> dict[str, list[tuple[str, int]]]:
+    """Links that show the light of an approach.
+
+    Args:
+        network: Path of a network from `build_network`.
+
+    Returns:
+        By `<light>/<approach>`, an approach being a street or an imported edge: (traffic-light
+        id, index into its state) of every movement.
+    """
+    lights: dict[str, list[tuple[str, int]]] = {}
+    for link in ElementTree.parse(network).iter("connection"):  # noqa: S314 - from netconvert
+        source, on_foot = link.attrib["from"], link.attrib["to"].startswith(":")
+        if "tl" in link.attrib and not (on_foot or source.startswith(":")):
+            found = lights.setdefault(link.attrib["tl"], [])
+            found.append((approach_name(source), int(link.attrib["linkIndex"])))
+    groups: dict[str, list[tuple[str, int]]] = {}
+    for light, links in lights.items():
+        for side, index in links:
+            groups.setdefault(f"{light}/{side}", []).append((light, index))
+    return {name: sorted(links) for name, links in groups.items()}
+
+
+def _build_nodes(plan: RoadLayout) -> Iterator[_Node]:
+    for junction in plan.junctions.values():
+        centre = np.mean([arm.axis_end for arm in junction.arms], axis=0)
+        rim = np.concatenate([corner.outer_edge for corner in junction.corners])
+        yield _Node(junction.id, centre, _node_type(junction), rim)
+    for street in plan.streets.values():
+        for name, point in ((street.begins, street.axis[0]), (street.ends, street.axis[-1])):
+            if name not in plan.junctions:
+                yield _Node(name, point, "dead_end", None)
+
+
+def _node_type(junction: JunctionLayout) -> str:
+    signed = {sign.street for sign in junction.declared.signs}
+    everywhere = {path.movement.from_street for path in junction.connecting_paths} <= signed
+    match junction.declared.control:
+        case "signals":
+            return "traffic_light"
+        case "stop":
+            return "allway_stop" if everywhere else "priority_stop"
+        case "yield":
+            return "right_before_left" if everywhere else "priority"
+        case "priority" | "none":
+            return "priority"
+
+
+def _build_edges(street: StreetLayout, plan: RoadLayout) -> Iterator[_Edge]:
+    for along in (True, False):
+        bands = edge_strips(street, along=along)
+        if not bands:
+            continue
+        begins, ends = (street.begins, street.ends) if along else (street.ends, street.begins)
+        centres = [street.directed_line(band.centre_t, along=along) for band in bands]
+        driven = [
+            polyline.polyline_length(centre)
+            for band, centre in zip(bands, centres, strict=True)
+            if band.kind is StripKind.LANE
+        ]
+        yield _Edge(
+            id=sumo_edge_id(street.id, along=along),
+            begins=begins,
+            ends=ends,
+            priority=_priority(street.id, plan.junctions.get(ends)),
+            speed_m_s=street.speed_limit_m_s,
+            length_m=float(np.mean(driven or [polyline.polyline_length(centres[0])])),
+            border=street.directed_line(bands[0].inner_t, along=along),
+            lanes=tuple(
+                _Lane(band.width_m, STRIP_PERMISSIONS.get(band.kind, CLOSED_PERMISSION), centre)
+                for band, centre in zip(reversed(bands), reversed(centres), strict=True)
+            ),
+        )
+
+
+def _priority(street: str, junction: JunctionLayout | None) -> int:
+    """Signed approaches give way; elsewhere the wider street goes first."""
+    if junction is None or any(sign.street == street for sign in junction.declared.signs):
+        return 1
+    arm = junction.find_arm(street)
+    return 1 + sum(band.kind is StripKind.LANE for band in arm.inbound_strips())
+
+
+def _build_links(junction: JunctionLayout) -> Iterator[_Link]:
+    signalled = junction.declared.control == "signals"
+    for index, path in enumerate(junction.connecting_paths):
+        source = junction.find_arm(path.movement.from_street)
+        target = junction.find_arm(path.movement.to_street)
+        yield _Link(
+            junction=junction.id,
+            from_edge=sumo_edge_id(source.street.id, along=source.is_street_end),
+            to_edge=sumo_edge_id(target.street.id, along=not target.is_street_end),
+            from_lane=sumo_lane_index(
+                source.street, path.movement.from_lane, along=source.is_street_end
+            ),
+            to_lane=sumo_lane_index(
+                target.street, path.movement.to_lane, along=not target.is_street_end
+            ),
+            centre=path.centre,
+            index=index if signalled else None,
+        )
+
+
+def _build_crossings(junction: JunctionLayout) -> Iterator[_Crossing]:
+    signalled = junction.declared.control == "signals"
+    for index, crossing in enumerate(junction.crossings, start=len(junction.connecting_paths)):
+        street = junction.find_arm(crossing.street).street
+        yield _Crossing(
+            junction=junction.id,
+            edges=tuple(
+                sumo_edge_id(street.id, along=along)
+                for along in (True, False)
+                if edge_strips(street, along=along)
+            ),
+            width_m=crossing.width_m,
+            centre=crossing.centre,
+            index=index if signalled else None,
+        )
+
+
+def _load_templates() -> jinja2.Environment:
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("advercity.roads"),
+        undefined=jinja2.StrictUndefined,
+        autoescape=False,  # noqa: S701  names are `Id`s; permissions hold quotes
+        keep_trailing_newline=True,
+    )
+    environment.filters["metres"] = _format_metres
+    environment.filters["shape"] = _format_shape
+    return environment
+
+
+def _format_metres(value: float) -> str:
+    return f"{round(float(value), 3) + 0.0:.3f}"
+
+
+def _format_shape(points: Points) -> str:
+    return " ".join(",".join(_format_metres(value) for value in point) for point in points)
+
+
+def _compile_network(name: str, folder: Path) -> Path:
+    output = folder / f"{name}.net.xml"
+    outcome = run_netconvert(
+        {
+            "node-files": f"{name}.nodes.xml",
+            "edge-files": f"{name}.edges.xml",
+            "connection-files": f"{name}.connections.xml",
+            "tllogic-files": f"{name}.tllogics.xml",
+            "geometry.max-grade": str(MAX_GRADE_PERCENT),
+        },
+        output,
+    )
+    if not outcome.succeeded:
+        raise RunError(f"road '{name}': netconvert fails: {outcome.messages}")
+    if outcome.messages:
+        raise InputError(f"road '{name}' makes no clean network: {outcome.messages}")
+    text = output.read_text(encoding="utf-8")
+    output.write_text(
+        re.sub(r"<!-- generated on .*?-->\n*", "", text, flags=re.S), encoding="utf-8"
+    )
+    return output

@@ -1,0 +1,277 @@
+"""What is put up at the roadside: walls, fences, hedges, shelters, towers, poles and lamps."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+import shapely
+from advercity_dsl.base import Point2
+from advercity_dsl.road import StripKind
+
+from advercity.geometry.arrays import Float64Array
+from advercity.geometry.mesh import (
+    MeshPart,
+    TriangleSurface,
+    join_surfaces,
+    move_surface,
+    repeat_surface,
+    shade_smooth,
+    xyz,
+)
+from advercity.geometry.primitives import (
+    box,
+    ellipsoid,
+    grid_sheet,
+    loft_rings,
+    plate,
+    rectangles,
+    tube,
+)
+from advercity.randomness import create_generator
+from advercity.roads.road_meshes import KERB_HEIGHT_M
+from advercity.scene.site import Site, StreetSide
+from advercity.semantics import Semantic
+from advercity.world import StreetLamp
+
+WALL_HEIGHT_M, WALL_THICKNESS_M = 2.0, 0.4
+FENCE_HEIGHT_M, HEDGE_HEIGHT_M = 1.2, 1.4
+POLE_HEIGHT_M, LAMP_HEIGHT_M, TOWER_HEIGHT_M = 5.0, 8.0, 12.0
+LAMP_SPACING_M = 30.0
+_LAMP_ARM_M = 1.6
+_DRIVEWAY_STEP_M, _KERB_RAMP_M = 1.0, 0.7
+_WALL_PIECE_M, _FENCE_BAY_M, _HEDGE_STEP_M = 8.0, 2.6, 1.6
+_SPIKE_M = 0.3
+"""Thin top of a tower, so that it does not stand in the view of what it carries."""
+
+
+def build_wall(line: Sequence[Point2], height_m: float | None, site: Site) -> list[MeshPart]:
+    """A wall along a line: brick if low, concrete with a coping and pilasters if it retains."""
+    foot = _sample_ground_line(line, _WALL_PIECE_M, site)
+    height = height_m or WALL_HEIGHT_M
+    retaining = height > 3.0
+    body: list[TriangleSurface] = []
+    trim: list[TriangleSurface] = []
+    for start, end in pairwise(foot):
+        low = min(start[2], end[2])
+        body.append(_build_slab(start, end, low - 0.6, low + height - 0.2, WALL_THICKNESS_M))
+        trim.append(
+            _build_slab(start, end, low + height - 0.2, low + height, WALL_THICKNESS_M + 0.12)
+        )
+        if retaining:
+            trim.append(_build_pilaster(start, end, low, height))
+    return [
+        MeshPart(
+            join_surfaces(map(shade_smooth, body)),
+            "concrete" if retaining else "brick",
+            Semantic.WALL,
+        ),
+        MeshPart(join_surfaces(map(shade_smooth, trim)), "kerb", Semantic.WALL),
+    ]
+
+
+def build_fence(line: Sequence[Point2], height_m: float | None, site: Site) -> list[MeshPart]:
+    """Posts with three rails along a line."""
+    height = height_m or FENCE_HEIGHT_M
+    foot = _sample_ground_line(line, _FENCE_BAY_M, site)
+    post = shade_smooth(box((-0.05, -0.05, -0.3), (0.05, 0.05, height)))
+    rails = [
+        shade_smooth(tube(foot + xyz(z=share * height), 0.045, sides=4))
+        for share in (0.35, 0.65, 0.93)
+    ]
+    return [MeshPart(join_surfaces([repeat_surface(post, foot), *rails]), "wood", Semantic.FENCE)]
+
+
+def build_hedge(
+    line: Sequence[Point2], height_m: float | None, site: Site, key: str
+) -> list[MeshPart]:
+    """A clipped hedge along a line."""
+    height = height_m or HEDGE_HEIGHT_M
+    foot = _sample_ground_line(line, _HEDGE_STEP_M, site)
+    run = np.gradient(foot[:, :2], axis=0)
+    aside = np.column_stack([-run[:, 1], run[:, 0]])
+    aside /= np.linalg.norm(aside, axis=1, keepdims=True)
+    across = np.array([0.34, 0.40, 0.38, 0.24, -0.24, -0.38, -0.40, -0.34])
+    rise = np.array([-0.3, 0.15, 0.8, 1.0, 1.0, 0.8, 0.15, -0.3]) * height
+    rough = create_generator("hedge", key).uniform(0.9, 1.08, (2, len(foot), len(across)))
+    rings = np.empty((len(foot), len(across), 3))
+    rings[..., :2] = foot[:, None, :2] + (across * rough[0])[..., None] * aside[:, None]
+    rings[..., 2] = foot[:, None, 2] + rise * rough[1]
+    return [MeshPart(loft_rings(rings), "leaves", Semantic.VEGETATION)]
+
+
+def _sample_ground_line(line: Sequence[Point2], step_m: float, site: Site) -> Float64Array:
+    """Points (n, 3) on the ground along a line, at most a step apart, both ends among them."""
+    path = shapely.LineString(line)
+    count = max(1, int(np.ceil(path.length / step_m)))
+    at = np.linspace(0.0, path.length, count + 1)
+    return site.project_to_ground(shapely.get_coordinates(shapely.line_interpolate_point(path, at)))
+
+
+def _build_slab(
+    start: Float64Array, end: Float64Array, bottom: float, top: float, thickness: float
+) -> TriangleSurface:
+    direction = (end - start)[:2] / np.linalg.norm((end - start)[:2])
+    side = thickness / 2 * np.array([-direction[1], direction[0]])
+    outline = [start[:2] - side, end[:2] - side, end[:2] + side, start[:2] + side]
+    rings = [np.column_stack([outline, np.full(4, z)]) for z in (bottom, top)]
+    return loft_rings(np.stack(rings))
+
+
+def _build_pilaster(
+    start: Float64Array, end: Float64Array, low: float, height: float
+) -> TriangleSurface:
+    along = (end - start) / np.linalg.norm((end - start)[:2])
+    half = min(0.3, np.linalg.norm((end - start)[:2]) / 2)
+    middle = (start + end) / 2
+    a, b = middle - half * along, middle + half * along
+    return _build_slab(a, b, low - 0.6, low + height - 0.2, WALL_THICKNESS_M + 0.25)
+
+
+def build_bus_stop(at: Point2, site: Site) -> list[MeshPart]:
+    """A glazed shelter, open towards the nearest street, with a bench and a sign on a mast."""
+    frame = [
+        box((x - 0.04, y - 0.04, 0), (x + 0.04, y + 0.04, 2.4))
+        for x, y in ((-1.9, -0.65), (1.9, -0.65), (-1.9, 0.65), (1.9, 0.65), (0, 0.65))
+    ]
+    frame.append(box((-2.15, -1.0, 2.4), (2.15, 0.85, 2.52)))
+    glazing = [
+        box((-1.85, 0.63, 0.35), (-0.05, 0.66, 2.25)),
+        box((0.05, 0.63, 0.35), (1.85, 0.66, 2.25)),
+        box((-1.92, -0.6, 0.35), (-1.89, 0.6, 2.25)),
+        box((1.89, -0.6, 0.35), (1.92, 0.6, 2.25)),
+    ]
+    bench = [box((-1.2, 0.15, 0.42), (1.2, 0.52, 0.48)), box((-0.9, 0.25, 0), (0.9, 0.4, 0.42))]
+    sign = plate(
+        [(2.62, -0.55, 2.3), (3.02, -0.55, 2.3), (3.02, -0.55, 2.9), (2.62, -0.55, 2.9)], 0.03
+    )
+    parts = [
+        (join_surfaces(frame), "metal", Semantic.STATIC),
+        (join_surfaces(glazing), "glass", Semantic.STATIC),
+        (join_surfaces(bench), "wood", Semantic.STATIC),
+        (tube([(2.6, -0.55, 0), (2.6, -0.55, 2.95)], 0.04), "metal", Semantic.POLE),
+        (sign, "sign_yellow", Semantic.TRAFFIC_SIGN),
+    ]
+    # The shelter is open along -y of its own axes.
+    return _place_on_ground(parts, at, site, turn=np.pi / 2)
+
+
+def build_tower(at: Point2, height_m: float | None, site: Site) -> list[MeshPart]:
+    """A wind pump: a lattice tower with its wheel below the top, turned to the street."""
+    top = height_m or TOWER_HEIGHT_M
+    steel = [
+        *_build_lattice(top - _SPIKE_M),
+        tube([(0, 0, top - 2 * _SPIKE_M), (0, 0, top)], 0.04, sides=6),
+    ]
+    parts = [(join_surfaces(map(shade_smooth, steel)), "metal", Semantic.STATIC)]
+    parts += [(part, "paint_white", Semantic.STATIC) for part in _build_wind_wheel(top)]
+    return _place_on_ground(parts, at, site)
+
+
+def _build_lattice(top: float) -> list[TriangleSurface]:
+    """Four legs that lean together, with rings and crossed braces between them."""
+    signs = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)])
+    levels = np.linspace(0, 1, 6)
+    reach = 0.13 * top * (1 - levels) + 0.09 * levels
+    corners = np.empty((6, 4, 3))
+    corners[..., :2] = reach[:, None, None] * signs
+    corners[..., 2] = (top * levels)[:, None]
+    beyond = np.roll(corners, -1, axis=1)
+    legs = [tube([corners[0, k] - xyz(z=0.3), corners[-1, k]], 0.055, sides=5) for k in range(4)]
+    ends = [
+        *zip(corners[:-1], beyond[1:], strict=True),
+        *zip(beyond[:-1], corners[1:], strict=True),
+    ]
+    braces = [tube([a[k], b[k]], 0.025, sides=4) for a, b in ends for k in range(4)]
+    rings = [
+        tube([a[k], b[k]], 0.03, sides=4)
+        for a, b in zip(corners[1:], beyond[1:], strict=True)
+        for k in range(4)
+    ]
+    return [*legs, *braces, *rings]
+
+
+def _build_wind_wheel(top: float) -> list[TriangleSurface]:
+    """Blades and tail; low and narrow enough to leave the view from the tower's top free."""
+    hub, radius, ahead = 0.78 * top, 0.14 * top, 0.06 * top
+    blades: list[TriangleSurface] = []
+    for angle in 2 * np.pi * np.arange(12) / 12:
+        out = np.array([0.0, np.cos(angle), np.sin(angle)])
+        side = np.array([0.25, -np.sin(angle), np.cos(angle)])
+        middle = np.array([ahead, 0.0, hub])
+        inner, outer = middle + 0.3 * radius * out, middle + radius * out
+        narrow, wide = 0.06 * radius * side, 0.17 * radius * side
+        blades.append(plate([inner - narrow, outer - wide, outer + wide, inner + narrow], 0.015))
+    axle = tube([(ahead + 0.05, 0, hub), (-1.6 * radius, 0, hub)], 0.04, sides=6)
+    tail = plate(
+        [
+            (-1.5 * radius, 0.01, hub - 0.3 * radius),
+            (-0.9 * radius, 0.01, hub - 0.1 * radius),
+            (-0.9 * radius, 0.01, hub + 0.1 * radius),
+            (-1.5 * radius, 0.01, hub + 0.3 * radius),
+        ],
+        0.02,
+    )
+    return [*blades, axle, tail]
+
+
+def build_pole(at: Point2, height_m: float | None, site: Site) -> list[MeshPart]:
+    """A plain mast."""
+    top = height_m or POLE_HEIGHT_M
+    mast = tube([(0, 0, -0.3), (0, 0, top)], [0.09, 0.06])
+    return _place_on_ground([(mast, "metal", Semantic.POLE)], at, site)
+
+
+def build_street_lamp(
+    at: Point2, height_m: float | None, site: Site
+) -> tuple[list[MeshPart], StreetLamp]:
+    """A street lamp whose arm reaches towards the nearest street, and its light."""
+    top = height_m or LAMP_HEIGHT_M
+    arm = [
+        (0, 0, top - 0.45),
+        (0.12, 0, top - 0.12),
+        (0.5, 0, top),
+        (_LAMP_ARM_M - 0.3, 0, top + 0.05),
+    ]
+    mast = tube([(0, 0, -0.3), (0, 0, 1.0), (0, 0, top - 0.4)], [0.1, 0.085, 0.06])
+    head = ellipsoid((_LAMP_ARM_M, 0, top + 0.03), (0.38, 0.15, 0.08), sides=10, bands=5)
+    glass = rectangles([(_LAMP_ARM_M, 0, top - 0.06)], (0.24, 0, 0), (0, -0.09, 0))
+    parts = [
+        (mast, "metal", Semantic.POLE),
+        (tube(arm, 0.05, sides=6), "metal", Semantic.POLE),
+        (head, "metal", Semantic.POLE),
+        (glass, "lamp_white", Semantic.POLE),
+    ]
+    yaw = site.yaw_to_street(at)
+    x, y, z = site.project_to_ground([at])[0]
+    reach = _LAMP_ARM_M * np.array([np.cos(yaw), np.sin(yaw)])
+    light = StreetLamp((float(x + reach[0]), float(y + reach[1]), float(z + top - 0.1)))
+    return _place_on_ground(parts, at, site), light
+
+
+def build_driveway(side: StreetSide, site: Site) -> list[MeshPart]:
+    """A paved way from the edge of a street's paving outwards, and its ramp over the kerb."""
+    along = np.linspace(0.0, side.length_m, 2 + int(side.length_m / _DRIVEWAY_STEP_M))
+    across = np.arange(side.near_offset_m, side.far_offset_m + 1e-6, _DRIVEWAY_STEP_M)
+    plane = side.points_at(*np.meshgrid(along, across, indexing="ij"))
+    paved = site.project_to_ground(plane.reshape(-1, 2)).reshape(*plane.shape[:2], 3) + xyz(z=0.015)
+    pieces = [MeshPart(grid_sheet(paved), "asphalt", Semantic.ROAD)]
+    walk = next((band for band in side.strips if band.kind is StripKind.SIDEWALK), None)
+    if walk is not None:
+        kerb = side.sign * abs(walk.inner_t)
+        station = side.start_m + along
+        top = side.street.points_at(station, kerb) + xyz(z=KERB_HEIGHT_M + 0.004)
+        foot = side.street.points_at(station, kerb - side.sign * _KERB_RAMP_M) + xyz(z=0.004)
+        pieces.append(MeshPart(grid_sheet(np.stack([foot, top])), "concrete", Semantic.SIDEWALK))
+    return pieces
+
+
+def _place_on_ground(
+    parts: list[tuple[TriangleSurface, str, Semantic]], at: Point2, site: Site, *, turn: float = 0.0
+) -> list[MeshPart]:
+    """Parts made around the origin, stood on the ground with their x axis to the nearest street."""
+    yaw = site.yaw_to_street(at) + turn
+    foot = site.project_to_ground([at])[0]
+    return [
+        MeshPart(move_surface(surface, foot, yaw=yaw), material, semantic)
+        for surface, material, semantic in parts
+    ]

@@ -1,0 +1,97 @@
+"""What one picture is taken of, and with which lens."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from advercity_dsl import Camera
+
+from advercity.frames import Frame
+from advercity.geometry.arrays import Float64Array
+from advercity.physics.lamp_beams import LightSource
+from advercity.rendering.backend import CameraView
+
+LENS_FOCAL_LENGTH_M = 0.004
+"""Of the lens, which with the f-number says how wide its aperture is."""
+
+
+@dataclass(frozen=True, eq=False)
+class CameraExposure:
+    """One picture and the world around it while its shutter is open.
+
+    Attributes:
+        view: Where from and how large.
+        camera: Exposure and optics.
+        frame: Everybody on the road.
+        velocity: (3,) m/s of the camera in the world.
+        light_sources: That light the scene; none by day, when they do not count.
+    """
+
+    view: CameraView
+    camera: Camera
+    frame: Frame
+    velocity: Float64Array
+    light_sources: tuple[LightSource, ...] = ()
+
+    @property
+    def focal_px(self) -> float:
+        """Focal length in pixels."""
+        return self.view.width_px / (2.0 * math.tan(self.view.horizontal_fov_rad / 2.0))
+
+    @property
+    def aperture_m(self) -> float:
+        """Diameter of the entrance pupil."""
+        return LENS_FOCAL_LENGTH_M / self.camera.exposure.f_number
+
+    @property
+    def position(self) -> Float64Array:
+        """Position (3,) in the world."""
+        return self.view.world_from_camera[:3, 3]
+
+    def with_shutter(self, shutter_s: float) -> "CameraExposure":
+        """The same shot with a shutter that is open for so long, whatever was authored."""
+        exposure = self.camera.exposure.model_copy(update={"shutter_s": shutter_s})
+        return replace(self, camera=self.camera.model_copy(update={"exposure": exposure}))
+
+    def to_camera_axes(self, directions: Float64Array) -> Float64Array:
+        """World vectors (n, 3) in the camera's axes: x along the view, y left, z up."""
+        return directions @ self.view.world_from_camera[:3, :3]
+
+    def ray_grid(self, columns: int, rows: int) -> Float64Array:
+        """Unit vectors (rows, columns, 3) in the world through a grid over the whole picture."""
+        view = self.view
+        right = (np.arange(columns) + 0.5) / columns * view.width_px - view.width_px / 2.0
+        down = (np.arange(rows) + 0.5) / rows * view.height_px - view.height_px / 2.0
+        across, along = np.meshgrid(right, down)
+        rays = np.stack([np.full_like(across, self.focal_px), -across, -along], axis=-1)
+        rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
+        return rays @ view.world_from_camera[:3, :3].T
+
+    def project_points(self, points: Float64Array) -> tuple[Float64Array, Float64Array]:
+        """Column and row (n,) each of points (n, 3) in the camera's axes, before it."""
+        view = self.view
+        column = view.width_px / 2.0 - self.focal_px * points[:, 1] / points[:, 0]
+        row = view.height_px / 2.0 - self.focal_px * points[:, 2] / points[:, 0]
+        return column, row
+
+    def frustum(self, near_m: float, far_m: float) -> tuple[Float64Array, Float64Array]:
+        """Planes (6, 4) and corners (8, 3) of what is seen between two depths.
+
+        In metres from the eye, in the world's axes; a point x is inside if n·x + d >= 0.
+        """
+        across = math.tan(self.view.horizontal_fov_rad / 2.0)
+        down = across * self.view.height_px / self.view.width_px
+        sides = np.array([[across, -1, 0], [across, 1, 0], [down, 0, -1], [down, 0, 1]])
+        sides = sides / np.linalg.norm(sides, axis=1, keepdims=True)
+        normals = np.concatenate([sides, [[1.0, 0, 0], [-1.0, 0, 0]]])
+        offsets = np.array([0.0, 0.0, 0.0, 0.0, -near_m, far_m])
+        corners = np.array(
+            [
+                [x, y * x * across, z * x * down]
+                for x in (near_m, far_m)
+                for y in (-1, 1)
+                for z in (-1, 1)
+            ]
+        )
+        turn = self.view.world_from_camera[:3, :3].T
+        return np.column_stack([normals @ turn, offsets]), corners @ turn

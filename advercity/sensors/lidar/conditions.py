@@ -1,0 +1,133 @@
+"""Drops and dirt on the window that a LiDAR looks through.
+
+What a laser pulse meets on its way, worked out once per weather.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from advercity_dsl import Lidar, Weather
+from numpy.typing import NDArray
+
+from advercity.geometry.arrays import FloatArray
+from advercity.physics import extinction
+from advercity.physics.atmosphere import Atmosphere
+from advercity.sensors import spray_plumes
+from advercity.sensors.lidar.beams import scan_azimuths_rad
+from advercity.sensors.lidar.received_power import daylight_noise_factor
+from advercity.sensors.lidar.volume_scattering import (
+    ParticleTable,
+    SoftTarget,
+    build_particle_tables,
+)
+
+NUM_WINDOW_SECTORS = 360
+"""Parts of the window, one degree each, that a drop may block."""
+COVERED_WINDOW_LOSS = 0.3
+"""Light that a window loses, one way, where all of it is covered."""
+BLOCKED_PER_COVERED = 2.0
+"""Share of sectors that are blocked, against the share of glass that is covered."""
+_FRONT_SECTOR_RAD, _REAR_SECTOR_RAD = math.radians(45.0), math.radians(135.0)
+
+
+@dataclass(frozen=True, eq=False)
+class LidarWindow:
+    """What the window does to each of n beams: gain (n,), two ways, and sector (n,)."""
+
+    gain: FloatArray
+    coverage: FloatArray
+    """(SECTORS,) share of the glass that is covered."""
+    sector: NDArray[np.int32]
+
+    @staticmethod
+    def from_lidar(lidar: Lidar, coverage: tuple[float, float, float]) -> "LidarWindow | None":
+        """None if it is clean.
+
+        Args:
+            lidar: Whose window it is.
+            coverage: At the front, the sides and the rear.
+        """
+        if not any(coverage):
+            return None
+        front, side, rear = coverage
+        turn = (np.arange(NUM_WINDOW_SECTORS) + 0.5) * (2.0 * math.pi / NUM_WINDOW_SECTORS)
+        ahead = np.minimum(turn, 2.0 * math.pi - turn)
+        by_sector = np.where(
+            ahead < _FRONT_SECTOR_RAD, front, np.where(ahead < _REAR_SECTOR_RAD, side, rear)
+        )
+        bearing = np.repeat(scan_azimuths_rad(lidar.azimuths), lidar.channels)
+        sector = (bearing * (NUM_WINDOW_SECTORS / (2.0 * math.pi))).astype(
+            np.int32
+        ) % NUM_WINDOW_SECTORS
+        gain = (1.0 - COVERED_WINDOW_LOSS * by_sector) ** 2
+        return LidarWindow(gain.astype(np.float32)[sector], by_sector.astype(np.float32), sector)
+
+    def find_clear_beams(self, uniform: FloatArray) -> NDArray[np.bool_]:
+        """Whether each beam (n,) gets out, by random numbers (SECTORS,) from 0 to 1."""
+        return (uniform >= BLOCKED_PER_COVERED * self.coverage)[self.sector]
+
+
+@dataclass(frozen=True, eq=False)
+class LidarConditions:
+    """Air, light and ground as a LiDAR at 905 nm has them.
+
+    Attributes:
+        extinction: Of everything, 1/m.
+        soft_target: Fog and dust; None if there is neither.
+        particles: What falls.
+        has_spray: Whether the road is wet enough for wheels to throw water up.
+        wetness: 0 dry to 1 soaked.
+        puddle_coverage: Share of the carriageway under standing water.
+        snow_cover: Share of the ground under snow.
+        road_snow_cover: The same of carriageways.
+        noise_factor: Factor on the receiver's noise by daylight.
+        sun_direction: (3,) towards the sun's disc; None if it is not to be seen.
+        window_coverage: Share of the sensor's window that drops or dirt cover: front, side, rear.
+    """
+
+    extinction: float
+    soft_target: SoftTarget | None
+    particles: tuple[ParticleTable, ...]
+    has_spray: bool
+    wetness: float
+    puddle_coverage: float
+    snow_cover: float
+    road_snow_cover: float
+    noise_factor: float
+    sun_direction: NDArray[np.float64] | None
+    window_coverage: tuple[float, float, float]
+
+
+MIN_VISIBLE_SUN_LX = 1_000.0
+"""Direct sunlight below this is no disc any more."""
+
+
+def derive_lidar_conditions(weather: Weather, atmosphere: Atmosphere) -> LidarConditions:
+    """The air of `weather`, whose light is that of `atmosphere`."""
+    total = atmosphere.extinction_905nm
+    fog, dust = (
+        extinction.fog_extinction(weather).at_905nm,
+        extinction.dust_extinction(weather).at_905nm,
+    )
+    sun_lx = atmosphere.sun_lx * max(0.0, float(atmosphere.sun_direction[2]))
+    coverage = weather.lens.coverage
+    return LidarConditions(
+        extinction=total,
+        soft_target=SoftTarget.build(fog=fog, dust=dust, extinction=total) if fog or dust else None,
+        particles=build_particle_tables(weather, total),
+        has_spray=spray_plumes.has_spray(weather),
+        wetness=atmosphere.wetness,
+        puddle_coverage=atmosphere.puddle_coverage,
+        snow_cover=1.0 if weather.snow.depth_mm else 0.0,
+        road_snow_cover=weather.snow.road_coverage,
+        noise_factor=daylight_noise_factor(sun_lx + atmosphere.sky_lx),
+        sun_direction=(
+            atmosphere.sun_direction if atmosphere.sun_lx > MIN_VISIBLE_SUN_LX else None
+        ),
+        window_coverage=(
+            (coverage.front, coverage.side, coverage.rear)
+            if weather.lens.enabled
+            else (0.0, 0.0, 0.0)
+        ),
+    )

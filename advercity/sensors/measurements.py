@@ -1,0 +1,82 @@
+"""What one turn of a LiDAR reports."""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from advercity.geometry.arrays import Float64Array
+
+
+@dataclass(frozen=True)
+class GnssFix:
+    """What a receiver reports."""
+
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float
+    time_s: float
+    """Since the scenario's start, as `Frame.time_s`."""
+
+
+@dataclass(frozen=True, eq=False)
+class ImuSample:
+    """What an inertial unit reports.
+
+    Attributes:
+        specific_force: (3,) m/s², body frame; (0, 0, 9.81) at rest on level ground.
+        angular_rate: (3,) rad/s, body frame.
+        compass_rad: Heading clockwise from north, from 0 to 2 pi.
+        time_s: Against the frame's instant; 0 or earlier.
+        earlier: Samples since the frame before, of a unit that is faster than the frames.
+    """
+
+    specific_force: Float64Array
+    angular_rate: Float64Array
+    compass_rad: float
+    time_s: float = 0.0
+    earlier: "tuple[ImuSample, ...]" = ()
+
+
+class PointKind(IntEnum):
+    """What sent the echo."""
+
+    SURFACE = 0
+    FOG = 1
+    RAIN = 2
+    SNOW = 3
+    DUST = 4
+    SPRAY = 5
+    GHOST = 6
+    """A surface seen in a puddle, reported below the ground."""
+
+
+@dataclass(frozen=True, eq=False)
+class PointCloud:
+    """What one turn reports, n points in the order of the beams.
+
+    Attributes:
+        points: (n, 3) float32, metres, in the LiDAR frame at the frame's instant: what moved
+            under the sensor meanwhile is taken out.
+        raw: (n, 3) float32, metres, in the LiDAR frame when each point was measured; the same as
+            `points` unless the rig says `motion_distortion`.
+        intensity: (n,) float32 from 0 to 1: reflectance times cosine, dimmed by the air.
+        ring: (n,) uint16 channel, from the lowest up.
+        time_s: (n,) float32 against the frame's instant, negative; 0 in a turn that sees it all
+            at once.
+        range_m: (n,) float32, noise included.
+        semantic: (n,) uint8 of `Semantic`; unlabelled in the air.
+        instance: (n,) int32 id of the actor; 0 for everything else.
+        kind: (n,) uint8 of `PointKind`.
+    """
+
+    points: NDArray[np.float32]
+    raw: NDArray[np.float32]
+    intensity: NDArray[np.float32]
+    ring: NDArray[np.uint16]
+    time_s: NDArray[np.float32]
+    range_m: NDArray[np.float32]
+    semantic: NDArray[np.uint8]
+    instance: NDArray[np.int32]
+    kind: NDArray[np.uint8]

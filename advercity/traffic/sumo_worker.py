@@ -1,0 +1,28 @@
+"""The child process that runs SUMO: `python -m advercity.traffic.sumo_worker SPEC NETWORK TRACE`.
+
+SUMO keeps one simulation per process and may end the process it runs in, so it gets its own.
+"""
+
+import sys
+from pathlib import Path
+
+from advercity_dsl import Spec
+
+from advercity.errors import AdvercityError, InputError
+from advercity.traffic.dry_run import simulate_with_dry_runs
+
+EXIT_BAD_INPUT, EXIT_FAILED = 2, 1
+
+
+def main(spec_file: str, network_file: str, trace_file: str) -> None:
+    """Simulate the traffic of a spec and write its trace."""
+    spec = Spec.model_validate_json(Path(spec_file).read_bytes())
+    simulate_with_dry_runs(spec, Path(network_file)).save(Path(trace_file))
+
+
+if __name__ == "__main__":
+    try:
+        main(*sys.argv[1:])
+    except AdvercityError as error:
+        sys.stderr.write(str(error))
+        sys.exit(EXIT_BAD_INPUT if isinstance(error, InputError) else EXIT_FAILED)

@@ -1,0 +1,151 @@
+"""Where things are in a recording, and how the viewer's window is divided."""
+
+from collections.abc import Sequence
+
+import rerun.blueprint as rrb
+from advercity_dsl import Agent
+
+from advercity.geometry import poses
+from advercity.geometry.poses import Matrix
+
+TIMELINE = "frame"
+ANNOTATED_ACTORS = "world/actors/seen"
+OTHER_ACTORS = "world/actors/unseen"
+ROAD = "world/road"
+CONFLICTS = "world/conflicts"
+EVENTS = "events"
+MAP_ROAD = "map/road"
+FRAMES_PER_S = 10
+MAP_ZOOM = 17.0
+EYE_BEHIND_M, EYE_ABOVE_M, EYE_AHEAD_M = 24.0, 14.0, 10.0
+
+
+def format_agent_path(agent: Agent) -> str:
+    """A viewpoint, in the scene."""
+    return f"world/{agent.id}"
+
+
+def format_lidar_path(agent: Agent) -> str:
+    """Its point cloud."""
+    return f"{format_agent_path(agent)}/lidar"
+
+
+def format_camera_path(agent: Agent, index: int) -> str:
+    """One of its cameras."""
+    return f"{format_agent_path(agent)}/camera{index}"
+
+
+def format_semantic_path(agent: Agent, index: int) -> str:
+    """A semantic image; outside the scene, where it would cover the camera's."""
+    return f"semantic/{agent.id}/camera{index}"
+
+
+def format_plot_path(quantity: str, agent: Agent) -> str:
+    """A curve over time."""
+    return f"plots/{quantity}/{agent.id}"
+
+
+def format_weather_path(quantity: str) -> str:
+    """A figure of the weather over time, by its name with the unit at its end."""
+    return f"weather/{quantity}"
+
+
+def format_driven_path(agent: Agent) -> str:
+    """Where a vehicle has been, in the scene."""
+    return f"world/trajectories/driven/{agent.id}"
+
+
+def format_planned_path(agent: Agent) -> str:
+    """Where it is about to go."""
+    return f"world/trajectories/planned/{agent.id}"
+
+
+def format_map_path(agent: Agent) -> str:
+    """Where its receiver says that it is, on the map."""
+    return f"map/{agent.id}"
+
+
+def build_blueprint(agents: Sequence[Agent], world_from_first: Matrix) -> rrb.Blueprint:
+    """The scene over map and conflicts; aside cameras, a tab per viewpoint, curves, weather.
+
+    Args:
+        agents: All viewpoints.
+        world_from_first: (4, 4) pose of the first of them, which the scene is seen from.
+    """
+    front = rrb.Grid(
+        *(_build_camera_view(format_camera_path(agent, 0), agent.id) for agent in agents),
+        name="front cameras",
+    )
+    tabs = rrb.Tabs(
+        front,
+        *(_build_agent_views(agent) for agent in agents),
+        _build_motion_plots(),
+        _build_weather_plots(),
+        active_tab=0,
+    )
+    eye = _build_eye_controls(agents[0], world_from_first)
+    scene = rrb.Spatial3DView(origin="/world", name="scene", eye_controls=eye)
+    below = rrb.Horizontal(
+        rrb.MapView(origin="/map", name="receivers", zoom=MAP_ZOOM),
+        rrb.TextLogView(origin=f"/{EVENTS}", name="conflicts"),
+    )
+    return rrb.Blueprint(
+        rrb.Horizontal(rrb.Vertical(scene, below, row_shares=[2, 1]), tabs, column_shares=[1, 1]),
+        rrb.TimePanel(timeline=TIMELINE, state="collapsed", fps=FRAMES_PER_S),
+        collapse_panels=True,
+    )
+
+
+def _build_eye_controls(agent: Agent, world_from_agent: Matrix) -> rrb.EyeControls3D:
+    """The eye starts behind and above a viewpoint, and follows it."""
+    level = poses.pose_matrix(
+        world_from_agent[:3, 3], yaw=poses.to_yaw_pitch_roll(world_from_agent)[0]
+    )
+    return rrb.EyeControls3D(
+        position=poses.transform_points(level, (-EYE_BEHIND_M, 0, EYE_ABOVE_M)),
+        look_target=poses.transform_points(level, (EYE_AHEAD_M, 0, 0)),
+        tracking_entity=f"/{format_agent_path(agent)}",
+    )
+
+
+def _build_agent_views(agent: Agent) -> rrb.Grid:
+    indices = range(len(agent.sensors.camera.mounts))
+    cameras = [
+        _build_camera_view(format_camera_path(agent, index), f"camera {index}") for index in indices
+    ]
+    semantics = [
+        _build_camera_view(format_semantic_path(agent, index), f"semantic {index}")
+        for index in indices
+    ]
+    pairs = [view for pair in zip(cameras, semantics, strict=True) for view in pair]
+    return rrb.Grid(*pairs, grid_columns=2, name=agent.id)
+
+
+def _build_camera_view(path: str, name: str) -> rrb.Spatial2DView:
+    return rrb.Spatial2DView(origin=f"/{path}", name=name)
+
+
+def _build_motion_plots() -> rrb.Grid:
+    quantities = ("speed", "acceleration", "turn_rate", "latitude", "longitude", "altitude")
+    views = (
+        rrb.TimeSeriesView(origin=f"/plots/{name}", name=name.replace("_", " "))
+        for name in quantities
+    )
+    return rrb.Grid(*views, grid_columns=2, name="motion")
+
+
+def _build_weather_plots() -> rrb.Grid:
+    views = (
+        rrb.TimeSeriesView(
+            origin="/weather",
+            contents=[f"/{format_weather_path(name)}" for name in names],
+            name=title,
+        )
+        for title, names in {
+            "visibility": ("visibility_m",),
+            "rain and snow": ("rain_mm_h", "snow_mm_h"),
+            "illuminance": ("illuminance_lx",),
+            "wetness": ("wetness",),
+        }.items()
+    )
+    return rrb.Grid(*views, grid_columns=2, name="weather")

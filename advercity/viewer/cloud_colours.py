@@ -1,0 +1,45 @@
+"""Colours of points: by intensity, by class, or by what sent the echo."""
+
+from typing import Literal, get_args
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from advercity.errors import InputError
+from advercity.semantics import PALETTE
+from advercity.sensors.measurements import PointCloud, PointKind
+
+CloudColour = Literal["intensity", "class", "kind"]
+
+CLOUD_COLOURS: tuple[CloudColour, ...] = get_args(CloudColour)
+
+KIND_COLOURS = {
+    PointKind.SURFACE: (150, 150, 150),
+    PointKind.FOG: (90, 170, 255),
+    PointKind.RAIN: (60, 90, 255),
+    PointKind.SNOW: (255, 255, 255),
+    PointKind.DUST: (222, 170, 90),
+    PointKind.SPRAY: (90, 230, 210),
+    PointKind.GHOST: (255, 80, 200),
+}
+_KIND_COLOUR_TABLE = np.array([KIND_COLOURS[kind] for kind in PointKind], np.uint8)
+
+
+def parse_cloud_colour(text: str) -> CloudColour:
+    """What colours are to stand for; InputError if there is no such thing."""
+    if text not in CLOUD_COLOURS:
+        choices = f"{', '.join(CLOUD_COLOURS[:-1])} or {CLOUD_COLOURS[-1]}"
+        raise InputError(f"--colour-clouds {text}: no such colouring; {choices}")
+    return text
+
+
+def colour_points(cloud: PointCloud, cloud_colour: CloudColour) -> NDArray[np.uint8]:
+    """RGB (n, 3) of points; intensity runs from dark blue to red, classes are as in CARLA."""
+    if cloud_colour == "class":
+        return PALETTE[cloud.semantic]
+    if cloud_colour == "kind":
+        return _KIND_COLOUR_TABLE[cloud.kind]
+    levels = np.rint(np.clip(cloud.intensity, 0, 1) * 255).astype(np.uint8)
+    painted = cv2.applyColorMap(levels.reshape(-1, 1), cv2.COLORMAP_TURBO)
+    return painted.reshape(-1, 3)[:, ::-1].astype(np.uint8)

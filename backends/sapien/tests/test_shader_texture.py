@@ -1,0 +1,115 @@
+"""What textures do to materials: much up close, nothing to their mean, nothing far away."""
+
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import pytest
+from advercity_sapien import SapienBackend
+from numpy.typing import NDArray
+
+from advercity.frames import Frame
+from advercity.geometry.mesh import Mesh
+from advercity.geometry.poses import pose_matrix
+from advercity.materials import MATERIALS, Texture
+from advercity.physics.atmosphere import Atmosphere
+from advercity.physics.sky import build_airlight_cubemap
+from advercity.rendering.backend import CameraView, RenderProfile
+from advercity.semantics import Semantic
+from advercity.world import World
+
+pytestmark = pytest.mark.render
+
+TEXTURED = {
+    material.texture: name
+    for name, material in MATERIALS.items()
+    if material.texture is not Texture.PLAIN
+}
+every_texture = pytest.mark.parametrize("name", TEXTURED.values())
+PATCHES = 200
+
+
+def field(name: str) -> World:
+    """A patch of a material, 800 m wide."""
+    corners = np.array([(-400, -400, 0), (400, -400, 0), (400, 400, 0), (-400, 400, 0)])
+    triangles = np.array([(0, 1, 2), (0, 2, 3)], dtype=np.int32)
+    mesh = Mesh("field", corners.astype(np.float32), triangles, name, Semantic.STATIC)
+    return World("field", (mesh,), {}, lanes=(), network=Path("none"))
+
+
+def white_sky() -> Atmosphere:
+    """Clear air under a sky of 1 kcd/m² everywhere."""
+    return Atmosphere(
+        extinction_550nm=0.0,
+        extinction_905nm=0.0,
+        sun_direction=np.array([0.0, 0.0, 1.0]),
+        sun_lx=0.0,
+        sun_colour=(1.0, 1.0, 1.0),
+        sky_lx=np.pi * 1000.0,
+        sky=np.full((6, 32, 32, 3), 1000.0, dtype=np.float32),
+        airlight=build_airlight_cubemap((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+        street_lx=0.0,
+        wetness=0.0,
+        puddle_coverage=0.0,
+        night=False,
+    )
+
+
+def seen_from(
+    name: str,
+    places: NDArray[np.float64],
+    renderer: Literal["raster", "ray_traced"] = "raster",
+    *,
+    pitch_deg: float = 90.0,
+) -> NDArray[np.float64]:
+    """Radiance (n, h, w, 3) over the sky's, looking down on a material from places (n, 3)."""
+    profile = RenderProfile("test", 1.0, renderer, samples=1, path_depth=1)
+    pictures: list[NDArray[np.float32]] = []
+    with SapienBackend().open(field(name), white_sky(), profile) as opened:
+        opened.place(Frame(index=0, time_s=0.0, states=(), signals={}))
+        for place in places:
+            world_from_camera = pose_matrix(tuple(place), pitch=np.radians(pitch_deg))
+            view = CameraView(world_from_camera, 72, 48, np.radians(60))
+            pictures.append(opened.render_camera(view).radiance)
+    return np.stack(pictures).astype(np.float64) / 1000.0
+
+
+def scattered(height_m: float) -> NDArray[np.float64]:
+    reach = 390 - 0.7 * height_m
+    x, y = np.random.default_rng(4).uniform(-reach, reach, (2, PATCHES))
+    return np.column_stack([x, y, np.full(PATCHES, height_m)])
+
+
+@every_texture
+@pytest.mark.parametrize("height_m", [2.0, 60.0])
+def test_a_texture_leaves_the_mean_of_its_material_alone(name: str, height_m: float):
+    mean = seen_from(name, scattered(height_m)).mean(axis=(0, 1, 2))
+    np.testing.assert_allclose(mean, MATERIALS[name].albedo, rtol=0.03)
+
+
+@every_texture
+def test_a_texture_shows_from_close_by_and_fades_far_away(name: str):
+    near, far = (seen_from(name, scattered(height)[:6]) for height in (1.0, 250.0))
+    assert (near.std(axis=(1, 2)) / near.mean()).mean() > 0.03
+    step = np.abs(np.diff(far, axis=2)).mean() / far.mean()
+    assert step < 0.02
+
+
+@every_texture
+def test_a_texture_does_not_flicker_as_the_camera_moves_by_a_tenth_of_a_pixel(name: str):
+    places = np.array([(0, 0, 1.6), (0, 0.002, 1.6)])
+    first, second = seen_from(name, places, pitch_deg=20.0)
+    assert np.abs(first - second).mean() / first.mean() < 0.04
+
+
+@pytest.mark.parametrize("name", ["asphalt", "brick"])
+def test_both_renderers_show_the_same_texture(name: str):
+    place = np.array([(3.0, 4.0, 1.5)])
+    raster, traced = (seen_from(name, place, kind)[0] for kind in ("raster", "ray_traced"))
+    # One ray of light from a uniform sky carries its mean.
+    np.testing.assert_allclose(traced, raster, rtol=0.02)
+
+
+def test_the_same_place_looks_the_same_every_time():
+    first, second = (seen_from("grass", scattered(2.0)[:2]) for _ in range(2))
+    np.testing.assert_array_equal(first, second)

@@ -1,0 +1,109 @@
+"""Kills a run at random again and again, and compares what it leaves with an undisturbed one.
+
+    python benchmarks/kill_and_resume.py [SPEC] [--kills 20] [--frames 12]
+
+Each time the same command is started again; whenever it has come to its end, the trees are
+compared and the next one starts from nothing. Exit code 1 if any of them differs or `verify` finds
+anything. Every process is a new one and is killed with SIGKILL; those that make frames, `--jobs` of
+them, notice by themselves.
+"""
+
+import argparse
+import hashlib
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from advercity.dataset.verification import verify_dataset
+
+
+def main() -> int:
+    """Run, kill, compare; 1 if anything differs."""
+    arguments = _arguments()
+    moments = random.Random(arguments.seed)
+    with tempfile.TemporaryDirectory() as folder:
+        whole, killed = Path(folder) / "whole", Path(folder) / "killed"
+        begin = time.perf_counter()
+        subprocess.run(_command(arguments, whole), check=True, stdout=subprocess.DEVNULL)
+        whole_s = time.perf_counter() - begin
+        print(f"undisturbed: {whole_s:.1f} s, {len(_tree(whole))} files")
+        kills, wrong = 0, 0
+        while kills < arguments.kills:
+            patience_s = moments.uniform(0.3, 0.95) * whole_s
+            begin = time.perf_counter()
+            if _is_killed(_command(arguments, killed), patience_s):
+                kills += 1
+                print(f"kill {kills}: after {patience_s:.1f} s, {_done(killed)}", flush=True)
+            else:
+                # The machine may have less to do by now.
+                whole_s = max(0.8 * whole_s, time.perf_counter() - begin)
+                wrong += _compare(killed, whole)
+                shutil.rmtree(killed)
+        subprocess.run(_command(arguments, killed), check=True, stdout=subprocess.DEVNULL)
+        wrong += _compare(killed, whole)
+    return min(1, wrong)
+
+
+def _command(arguments: argparse.Namespace, output: Path) -> list[str]:
+    return [
+        *(sys.executable, "-c", "from advercity.cli import main; main()"),
+        *("run", str(arguments.spec), "--output", str(output), "--jobs", str(arguments.jobs)),
+        *("--profile", "preview", "--scale", str(arguments.scale)),
+        *("--frames", f"0:{arguments.frames}"),
+    ]
+
+
+def _is_killed(command: list[str], patience_s: float) -> bool:
+    """Give a process so long, then kill it; False if it came to its end before."""
+    process = subprocess.Popen(command, start_new_session=True, stdout=subprocess.DEVNULL)
+    try:
+        code = process.wait(patience_s)
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        return True
+    if code:
+        raise subprocess.CalledProcessError(code, command)
+    return False
+
+
+def _compare(killed: Path, whole: Path) -> bool:
+    """Whether they differ, or something is wrong with them."""
+    problems = verify_dataset(killed)
+    differ = _tree(killed) != _tree(whole)
+    print(f"done: {len(problems)} problems, {'DIFFERENT' if differ else 'equal'}")
+    return differ or bool(problems)
+
+
+def _done(root: Path) -> str:
+    frames = {path.name[:6] for path in root.glob("*/*/[0-9]*.yaml")}
+    return f"{len(frames)} frames there"
+
+
+def _tree(root: Path) -> dict[str, str]:
+    return {
+        str(path.relative_to(root)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in root.rglob("*")
+        if path.is_file()
+    }
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("spec", type=Path, nargs="?", default="compiled/ui_fog_day_sparse.json")
+    parser.add_argument("--kills", type=int, default=20)
+    parser.add_argument("--frames", type=int, default=12)
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--scale", type=float, default=0.05)
+    parser.add_argument("--seed", type=int, default=1)
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,341 @@
+"""Models of others as bodies: from a package that these tests write, and from users' files."""
+
+import io
+import os
+import tarfile
+import zipfile
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import trimesh
+from advercity_dsl import Blueprint, BodyModel, Catalogue
+from typer.testing import CliRunner
+
+from advercity.assets.bodies import build_body
+from advercity.assets.model_files import ModelPart, read_obj, to_glb
+from advercity.assets.model_store import ModelStore
+from advercity.assets.packages import unpack_package
+from advercity.cli import app
+from advercity.compiler import load_library
+from advercity.errors import InputError, RunError
+from advercity.pipeline.cache import find_cache_folder
+
+COPYRIGHT = """Format: https://www.debian.org/doc/packaging-manuals/copyright-format/1.0/
+
+Files: Tiny/*
+Copyright: 2020, Somebody
+License: CC-BY-3.0
+
+Files: Closed/*
+Copyright: 2020, Somebody Else
+License: All-rights-reserved
+"""
+BOX_FACES = "1 2 3 4|8 7 6 5|1 5 6 2|2 6 7 3|3 7 8 4|4 8 5 1"
+
+
+def box(low: tuple[float, ...], high: tuple[float, ...], first: int, material: str) -> str:
+    """A box of a Wavefront model whose vertices are `first` and the seven after it."""
+    (x0, y0, z0), (x1, y1, z1) = low, high
+    corners = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
+    vertices = [f"v {x} {y} {z}" for z in (z0, z1) for x, y in corners]
+    faces = [
+        "f " + " ".join(str(int(corner) + first - 1) for corner in face.split())
+        for face in BOX_FACES.split("|")
+    ]
+    return "\n".join([*vertices, f"usemtl {material}", *faces, ""])
+
+
+def car_obj() -> bytes:
+    """A car of boxes in centimetres, y up, its front along z; one box is hidden inside it."""
+    parts = [
+        box((-90, 20, -220), (90, 80, 220), 1, "body_paint"),
+        box((-80, 80, -150), (80, 150, 80), 9, "window"),
+        box((-60, 30, -100), (60, 60, 100), 17, "seat"),
+        box((60, 40, 215), (85, 55, 222), 25, "head_light"),
+        box((60, 40, -222), (85, 55, -215), 33, "tail_light"),
+        box((-90, 0, 100), (90, 40, 160), 41, "tyres"),
+        box((-90, 0, -160), (90, 40, -100), 49, "tyres"),
+    ]
+    return "\n".join(parts).encode()
+
+
+def collection(folder: str) -> bytes:
+    """An archive of models as the package has them."""
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w") as archive:
+        archive.writestr(
+            "PluginFurnitureCatalog.properties",
+            f"model#1=/{folder}/car/car.obj\ncreator#1=Ann Author\nname#1=Car\n",
+        )
+        archive.writestr(f"{folder}/car/car.obj", car_obj())
+        archive.writestr(f"{folder}/car/car.mtl", "newmtl body_paint\nKd 1 0 0\n")
+    return content.getvalue()
+
+
+def debian_package() -> bytes:
+    """A Debian package with one free collection and one that is not."""
+    data = io.BytesIO()
+    with tarfile.open(fileobj=data, mode="w:xz") as archive:
+        for name, content in {
+            "./usr/share/sweethome3d/furniture/Tiny.sh3f": collection("tiny"),
+            "./usr/share/sweethome3d/furniture/Closed.sh3f": collection("closed"),
+            "./usr/share/doc/sweethome3d-furniture/copyright": COPYRIGHT.encode(),
+            "./usr/share/doc/sweethome3d-furniture/changelog.Debian.gz": b"nothing",
+        }.items():
+            member = tarfile.TarInfo(name)
+            member.size = len(content)
+            archive.addfile(member, io.BytesIO(content))
+    members = {"debian-binary": b"2.0\n", "data.tar.xz": data.getvalue()}
+    packed = b"!<arch>\n"
+    for name, content in members.items():
+        packed += f"{name:<16}{0:<12}{0:<6}{0:<6}{'100644':<8}{len(content):<10}`\n".encode()
+        packed += content + b"\n" * (len(content) % 2)
+    return packed
+
+
+@pytest.fixture
+def apt(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A stand-in for apt-get that has our package."""
+    package, tools = tmp_path / "tiny.deb", tmp_path / "bin"
+    package.write_bytes(debian_package())
+    tools.mkdir()
+    program = tools / "apt-get"
+    program.write_text(f'#!/bin/sh\n[ "$1" = download ] && cp {package} sweethome3d_1.deb\n')
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tools}{os.pathsep}{os.environ['PATH']}")
+    return program
+
+
+@pytest.fixture
+def shelf(apt: Path, tmp_path: Path) -> ModelStore:
+    """A shelf with the package installed."""
+    here = ModelStore(tmp_path / "shelf")
+    here.install_package()
+    return here
+
+
+def blueprint(model: BodyModel, **more: float) -> Blueprint:
+    size = {"length_m": 4.44, "width_m": 1.80, "height_m": 1.50} | more
+    return Blueprint(actor_class="car", model=model, **size)  # pyright: ignore[reportArgumentType]
+
+
+INDICATORS = ("lamp_amber_left", "lamp_amber_right")
+"""Glasses that every vehicle has at its corners."""
+TINY = BodyModel(pack="tiny/car", author="Ann Author", licence="CC-BY-3.0")
+
+
+def points_of(made: Blueprint, here: ModelStore) -> dict[str, np.ndarray]:
+    """Corners (n, 3, 3) of the triangles of a body, by material."""
+    return {
+        part.material: part.vertices[part.triangles] for part in build_body("x", made, here).parts
+    }
+
+
+def test_the_pack_is_fetched_by_apt_and_unpacked_without_root(shelf: ModelStore):
+    assert shelf.has_package
+    names = sorted(path.name for path in (shelf.folder / "package").iterdir())
+    assert names == ["Closed.sh3f", "Tiny.sh3f", "copyright", "package.sha256"]
+
+
+def test_a_model_comes_out_upright_in_metres_with_its_front_ahead(shelf: ModelStore):
+    found = points_of(blueprint(TINY), shelf)
+    everything = np.concatenate([corners.reshape(-1, 3) for corners in found.values()])
+    np.testing.assert_allclose(everything.min(axis=0), (-2.22, -0.9, 0.0), atol=1e-3)
+    np.testing.assert_allclose(everything.max(axis=0), (2.22, 0.9, 1.5), atol=1e-3)
+    headlamp = found["lamp_white"].reshape(-1, 3)
+    np.testing.assert_allclose(headlamp.max(axis=0), (2.22, 0.85, 0.55), atol=1e-3)
+    assert found["lamp_red"][..., 0].max() < -2.1
+    assert found["glass"][..., 2].min() == pytest.approx(0.8, abs=1e-3)
+
+
+def test_materials_stand_for_parts_by_their_names(shelf: ModelStore):
+    assert set(points_of(blueprint(TINY), shelf)) == {
+        *("paint", "glass", "lamp_white", "lamp_red", "rubber"),
+        *INDICATORS,
+    }
+    other = TINY.model_copy(update={"materials": {"body_paint": "chrome", "tyres": "none"}})
+    assert set(points_of(blueprint(other, height_m=1.30), shelf)) == {
+        *("chrome", "glass", "lamp_white", "lamp_red"),
+        *INDICATORS,
+    }
+
+
+def test_what_nobody_sees_is_left_out_and_faces_look_outward(shelf: ModelStore):
+    found = points_of(blueprint(TINY), shelf)
+    assert "upholstery" not in found
+    roof = found["glass"]
+    normal = np.cross(roof[:, 1] - roof[:, 0], roof[:, 2] - roof[:, 0])
+    middle = roof.mean(axis=1) - (-0.35, 0.0, 1.15)
+    assert (np.einsum("ij,ij->i", normal, middle) > 0).all()
+
+
+def test_a_model_turned_inside_out_still_faces_outward(shelf: ModelStore, tmp_path: Path):
+    flipped = [
+        "f " + " ".join(reversed(line.split()[1:])) if line.startswith("f ") else line
+        for line in car_obj().decode().splitlines()
+    ]
+    path = tmp_path / "flipped.glb"
+    path.write_bytes(to_glb(read_obj("\n".join(flipped).encode(), {})))
+    model = BodyModel(file=path.name, sha256=shelf.add_model(path), author="Me", licence="CC0-1.0")
+    right = points_of(blueprint(TINY), shelf)["paint"]
+    mended = points_of(blueprint(model), shelf)["paint"]
+    for corners in (right, mended):
+        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        assert (np.einsum("ij,ij->i", normal, corners.mean(axis=1) - (0, 0, 0.5)) > 0).all()
+
+
+def test_a_heavy_model_is_thinned_and_keeps_its_shape(shelf: ModelStore, tmp_path: Path):
+    ball = trimesh.creation.icosphere(subdivisions=5, radius=1.0)
+    ball.apply_scale((2.22, 0.9, 0.75))
+    path = tmp_path / "ball.glb"
+    path.write_bytes(to_glb([ModelPart("shell", ball.vertices, ball.faces)]))
+    model = BodyModel(
+        file=path.name,
+        sha256=shelf.add_model(path),
+        up="z",
+        triangles=1500,
+        author="Me",
+        licence="MIT",
+    )
+    corners = points_of(blueprint(model), shelf)["paint"]
+    assert len(ball.faces) > 20_000
+    assert 900 < len(corners) <= 1600
+    place = (corners.reshape(-1, 3) - (0, 0, 0.75)) / (2.22, 0.9, 0.75)
+    np.testing.assert_allclose(np.linalg.norm(place, axis=1), 1.0, atol=0.03)
+
+
+def test_a_model_is_converted_once(shelf: ModelStore):
+    first = shelf.prepare_model(blueprint(TINY))
+    assert first is not None
+    age = first.stat().st_mtime_ns
+    assert shelf.prepare_model(blueprint(TINY)) == first
+    assert first.stat().st_mtime_ns == age
+
+
+def test_the_same_model_converts_to_the_same_bytes(shelf: ModelStore):
+    again = ModelStore(shelf.folder.parent / "other")
+    again.install_package()
+    first, second = shelf.prepare_model(blueprint(TINY)), again.prepare_model(blueprint(TINY))
+    assert first is not None
+    assert second is not None
+    assert second.read_bytes() == first.read_bytes()
+
+
+def test_a_model_of_the_wrong_proportions_is_refused(shelf: ModelStore):
+    sideways = TINY.model_copy(update={"turn_deg": 90.0})
+    with pytest.raises(RunError, match="turn_deg"):
+        shelf.prepare_model(blueprint(sideways))
+
+
+def test_terms_are_those_of_the_package(shelf: ModelStore):
+    other = TINY.model_copy(update={"author": "Somebody Else"})
+    with pytest.raises(RunError, match=r"is by Ann Author under CC-BY-3\.0"):
+        shelf.prepare_model(blueprint(other))
+    closed = TINY.model_copy(update={"pack": "closed/car"})
+    with pytest.raises(RunError, match="not a free one"):
+        shelf.prepare_model(blueprint(closed))
+    missing = TINY.model_copy(update={"pack": "tiny/bus"})
+    with pytest.raises(RunError, match="no model 'tiny/bus'"):
+        shelf.prepare_model(blueprint(missing))
+
+
+def test_without_the_pack_the_program_shapes_a_body_of_the_same_size(
+    shelf: ModelStore, tmp_path: Path
+):
+    nothing = ModelStore(tmp_path / "nothing")
+    made = blueprint(TINY)
+    assert nothing.prepare_model(made) is None
+    shaped, modelled = build_body("x", made, nothing), build_body("x", made, shelf)
+    assert shaped.size == modelled.size
+    for whole in (shaped, modelled):
+        corners = np.concatenate([part.vertices[part.triangles] for part in whole.parts])
+        np.testing.assert_allclose(np.ptp(corners.reshape(-1, 3), axis=0), whole.size, atol=1e-3)
+
+
+def test_a_texture_sorts_triangles_into_lamps_and_trim(shelf: ModelStore):
+    picture = np.zeros((4, 4, 3), np.uint8)
+    picture[:, 2:] = (40, 30, 200)
+    text = (
+        "v 0 0 0\nv 0 1 0\nv 0 0 1\nv 5 0 0\nv 5 1 0\nv 5 0 1\n"
+        "vt 0.1 0.1\nvt 0.9 0.9\nusemtl skin\nf 1/1 2/1 3/1\nf 4/2 5/2 6/2\n"
+    )
+    encoded = cv2.imencode(".png", picture)[1].tobytes()
+    files = {"a.mtl": b"newmtl skin\nmap_Kd skin.png\n", "skin.png": encoded}
+    (part,) = read_obj(text.encode(), files)
+    assert part.colours is not None
+    np.testing.assert_allclose(part.colours, [(0, 0, 0), (200 / 255, 30 / 255, 40 / 255)])
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [(b"nonsense", "not a Debian package"), (b"!<arch>\n", "no data.tar")],
+)
+def test_a_broken_package_is_refused(tmp_path: Path, content: bytes, message: str):
+    path = tmp_path / "broken.deb"
+    path.write_bytes(content)
+    with pytest.raises(RunError, match=message):
+        unpack_package(path, tmp_path)
+
+
+def test_a_file_that_is_no_glb_is_refused(tmp_path: Path):
+    path = tmp_path / "car.glb"
+    path.write_bytes(b"solid car")
+    with pytest.raises(InputError, match="not a GLB"):
+        ModelStore(tmp_path).add_model(path)
+    with pytest.raises(InputError, match="cannot be read"):
+        ModelStore(tmp_path).add_model(tmp_path / "missing.glb")
+
+
+def test_installing_may_be_optional(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    done = CliRunner().invoke(app, ["assets", "install", "--optional"])
+    assert done.exit_code == 0
+    assert "shaped by the program" in done.output
+    with pytest.raises(RunError, match="there is no apt-get here"):
+        ModelStore(tmp_path / "assets").install_package()
+
+
+def test_bodies_are_listed_with_triangles_memory_source_and_licence():
+    done = CliRunner().invoke(app, ["assets", "list"])
+    assert done.exit_code == 0
+    lines = done.output.splitlines()
+    for head in ("blueprint", "triangles", "MiB", "made of", "author, licence"):
+        assert head in lines[0]
+    assert any(
+        line.startswith("lincoln_mkz_2017 ") and "4.90 x 2.13 x 1.51" in line for line in lines
+    )
+    assert "bodies," in lines[-1]
+    assert "triangles" in lines[-1]
+
+
+def test_no_model_is_in_the_repository():
+    root = Path(__file__).parents[2]
+    kinds = (".glb", ".gltf", ".obj", ".sh3f", ".deb", ".fbx", ".stl", ".dae")
+    folders = ("advercity", "dsl", "backends", "library", "compiled", "docs", "examples", "tests")
+    found = [path for name in folders for path in (root / name).rglob("*") if path.suffix in kinds]
+    assert found == []
+
+
+CATALOGUE = load_library(Path(__file__).parents[2] / "library").get_declarations(Catalogue)[
+    "adver_city"
+]
+INSTALLED = ModelStore(find_cache_folder() / "assets")
+MODELLED = [name for name, made in CATALOGUE.blueprints.items() if made.model is not None]
+
+
+@pytest.mark.skipif(not INSTALLED.has_package, reason="the asset pack is not installed")
+@pytest.mark.parametrize("name", MODELLED)
+def test_every_model_of_the_pack_makes_a_sound_body(name: str):
+    made = CATALOGUE.blueprints[name]
+    whole = build_body(name, made, INSTALLED)
+    corners = np.concatenate([part.vertices[part.triangles] for part in whole.parts])
+    size = np.array(whole.size)
+    np.testing.assert_allclose(corners.min(axis=(0, 1)), size * (-0.5, -0.5, 0), atol=1e-3)
+    np.testing.assert_allclose(corners.max(axis=(0, 1)), size * (0.5, 0.5, 1), atol=1e-3)
+    by_material = {part.material: part.vertices[part.triangles] for part in whole.parts}
+    assert {"paint", "glass", "lamp_white", "lamp_red"} <= by_material.keys()
+    assert by_material["lamp_white"][..., 0].min() > 0.1 * size[0]
+    assert by_material["lamp_red"][..., 0].max() < -0.1 * size[0]
+    assert len(corners) < 15_000

@@ -1,0 +1,155 @@
+"""What an editor makes of the schemas: by the standard's validator, and by a language server."""
+
+import json
+import shutil
+import subprocess
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+from advercity_dsl import DECLARATIONS
+
+from advercity.compiler.authoring import SCHEMAS_FOLDER, format_starter, write_starter
+from advercity.compiler.schema import build_schema, write_schemas
+from advercity.compiler.source import parse_document, read_document
+
+SERVER = shutil.which("yaml-language-server")
+
+
+def complaints(kind: str, data: Any) -> list[str]:
+    jsonschema.Draft7Validator.check_schema(build_schema(kind))
+    found = jsonschema.Draft7Validator(build_schema(kind)).iter_errors(data)
+    return [error.message for error in found]
+
+
+def test_every_shipped_file_meets_its_schema(library: Path) -> None:
+    for path in library.rglob("*.yaml"):
+        data = read_document(path).data
+        assert complaints(data["kind"], data) == [], path
+
+
+def test_files_of_the_library_name_their_schemas(library: Path, tmp_path: Path) -> None:
+    write_schemas(tmp_path / SCHEMAS_FOLDER)
+    shutil.copytree(library, tmp_path, dirs_exist_ok=True, ignore=shutil.ignore_patterns(".*"))
+    named = 0
+    for path in tmp_path.rglob("*.yaml"):
+        mark, _, schema = path.read_text().splitlines()[0].partition("$schema=")
+        if mark == "# yaml-language-server: ":
+            kind = read_document(path).data["kind"]
+            fields = json.loads((path.parent / schema).read_text())["properties"]
+            assert fields["kind"]["const"] == kind
+            named += 1
+    assert named >= 30
+
+
+@pytest.mark.parametrize("kind", DECLARATIONS)
+def test_a_new_file_meets_its_schema_until_it_is_spoilt(kind: str) -> None:
+    text = format_starter(kind, "mine")
+    assert complaints(kind, parse_document(Path("mine.yaml"), text).data) == []
+    assert complaints(kind, parse_document(Path("mine.yaml"), text + "\numbrella: 3\n").data)
+
+
+@pytest.mark.parametrize(
+    ("fog", "is_fine"),
+    [
+        ("75", True),
+        ("0.1 km", True),
+        ("null", True),
+        ("{uniform: [50 m, 150]}", True),
+        ("75 s", False),
+        ("thick", False),
+        ("5", False),
+        ("{unifrom: [50, 150]}", False),
+    ],
+)
+def test_the_schema_of_a_number_takes_quantities_and_distributions(fog: str, is_fine: bool) -> None:
+    text = f"kind: weather\nid: mine\ntime: day\nfog: {{mor_m: {fog}}}\n"
+    assert (complaints("weather", parse_document(Path("mine.yaml"), text).data) == []) == is_fine
+
+
+class Client:
+    """The least of an editor that a language server talks to."""
+
+    def __init__(self, server: "subprocess.Popen[bytes]") -> None:
+        assert server.stdin
+        assert server.stdout
+        self._to, self._from = server.stdin, server.stdout
+        self._number = 0
+
+    def tell(self, method: str, **params: Any) -> None:
+        self._send({"method": method, "params": params})
+
+    def ask(self, method: str, **params: Any) -> Any:
+        self._number += 1
+        number = self._number
+        self._send({"id": number, "method": method, "params": params})
+        return next(item["result"] for item in self._messages() if item.get("id") == number)
+
+    def diagnostics(self) -> list[str]:
+        name = "textDocument/publishDiagnostics"
+        found = next(item["params"] for item in self._messages() if item.get("method") == name)
+        return [item["message"] for item in found["diagnostics"]]
+
+    def _send(self, message: dict[str, Any]) -> None:
+        body = json.dumps({"jsonrpc": "2.0", **message}).encode()
+        self._to.write(b"Content-Length: %d\r\n\r\n%b" % (len(body), body))
+        self._to.flush()
+
+    def _messages(self) -> Iterator[dict[str, Any]]:
+        while header := self._from.readline():
+            length = int(header.removeprefix(b"Content-Length: "))
+            self._from.readline()
+            message = json.loads(self._from.read(length))
+            if "method" in message and "id" in message:
+                asked = message["params"].get("items", [])
+                answer = (
+                    [{} for _ in asked] if message["method"].endswith("configuration") else None
+                )
+                self._send({"id": message["id"], "result": answer})
+            else:
+                yield message
+
+
+@contextmanager
+def opened(path: Path, text: str) -> Generator[Client]:
+    """A language server that has a file open, with `text` in place of what the file holds."""
+    assert SERVER
+    with subprocess.Popen(
+        [SERVER, "--stdio"], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as server:
+        client = Client(server)
+        folder = path.parent.as_uri()
+        client.ask("initialize", processId=None, rootUri=folder, capabilities={})
+        client.tell("initialized")
+        settings = {"yaml": {"hover": True, "completion": True, "validate": True}}
+        client.tell("workspace/didChangeConfiguration", settings=settings)
+        document = {"uri": path.as_uri(), "languageId": "yaml", "version": 1, "text": text}
+        client.tell("textDocument/didOpen", textDocument=document)
+        yield client
+        server.terminate()
+
+
+@pytest.mark.skipif(SERVER is None, reason="yaml-language-server is not installed")
+def test_an_editor_checks_explains_and_completes(tmp_path: Path) -> None:
+    path = write_starter("weather", "mine", tmp_path)
+    lines = path.read_text().splitlines()
+    with opened(path, "\n".join(lines)) as editor:
+        assert editor.diagnostics() == []
+        at = next(number for number, line in enumerate(lines) if line.startswith("snow:")) + 1
+        uri = {"uri": path.as_uri()}
+        hover = editor.ask(
+            "textDocument/hover", textDocument=uri, position={"line": at, "character": 4}
+        )
+        assert "Liquid equivalent" in str(hover)
+    spoilt = [line.replace("rate_mm_h: 1 mm/h", "rate_mm_h: 400") for line in lines]
+    with opened(path, "\n".join([*spoilt, "umbrella: 3", "lens: {", "  "])) as editor:
+        said = " ".join(editor.diagnostics())
+        assert "maximum of 10" in said
+        assert "umbrella" in said
+    with opened(path, "\n".join([*lines, "lens:", "  "])) as editor:
+        position = {"line": len(lines) + 1, "character": 2}
+        offered = editor.ask("textDocument/completion", textDocument=uri, position=position)
+        assert {"enabled", "kind", "coverage"} <= {item["label"] for item in offered["items"]}

@@ -1,0 +1,91 @@
+"""Files of a dataset that are cut off, spoilt or gone, as whoever reads it meets them."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from advercity_dsl import Spec
+
+import advercity
+from advercity.dataset.agent_view import AgentView
+from advercity.dataset.facts import collect_scenario_facts
+from advercity.dataset.manifest import Identity
+from advercity.dataset.writer import ScenarioWriter
+from advercity.errors import InputError, RunError
+from advercity.sensors.sensor_frame import SensorFrame
+
+ReadingsOf = Callable[[int], tuple[SensorFrame, ...]]
+REMEDY = "`advercity verify` tells more, `advercity repair` makes it again"
+
+
+@pytest.fixture
+def scenario(tmp_path: Path, spec: Spec, readings_of: ReadingsOf) -> Path:
+    identity = Identity.for_spec(spec, trace_sha256="0" * 64, renderer={})
+    with ScenarioWriter(tmp_path, spec, identity, length=1) as writer:
+        writer.write_frame(0, readings_of(0))
+        writer.finish()
+    return tmp_path / spec.id
+
+
+def read_all(view: AgentView) -> None:
+    """Whatever stands in the frame's YAML."""
+    _ = (view.boxes, view.speed_m_s, view.world_from_agent, view.world_from_lidar)
+    _ = (view.world_from_camera(0), view.intrinsic(0))
+
+
+def test_annotations_cut_off_anywhere_are_read_whole_or_told(scenario: Path) -> None:
+    path = scenario / "+101" / "000060.yaml"
+    whole = path.read_bytes()
+    view = advercity.open_dataset(scenario)[0]["cav1"]
+    read_all(view)
+    expected = len(view.boxes)
+    told = set[str]()
+    for length in range(0, len(whole) - 1, 7):
+        path.write_bytes(whole[:length])
+        view = advercity.open_dataset(scenario)[0]["cav1"]
+        try:
+            read_all(view)
+            assert len(view.boxes) <= expected
+        except InputError as error:
+            told.add(str(error))
+    assert f"{path}: is damaged; {REMEDY}" in told
+    assert all(text.startswith(f"{path}: ") and "\n" not in text for text in told)
+
+
+@pytest.mark.parametrize(
+    ("good", "bad"),
+    [("speed: ", "sped: "), ("extent: [", "extent: [x, "), ("intrinsic:", "intrinsic: 3\nrest:")],
+)
+def test_annotations_that_are_spoilt_are_told(scenario: Path, good: str, bad: str) -> None:
+    path = scenario / "+101" / "000060.yaml"
+    text = path.read_text()
+    assert good in text
+    path.write_text(text.replace(good, bad))
+    with pytest.raises(InputError, match=r"000060\.yaml: is damaged"):
+        read_all(advercity.open_dataset(scenario)[0]["cav1"])
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"objects": 3}', '{"objects": {"1": {}}}'])
+def test_statistics_tell_which_file_is_spoilt(scenario: Path, text: str) -> None:
+    (scenario / "+101" / "000060_objects.json").write_text(text)
+    with pytest.raises(InputError, match=r"000060_objects\.json: is damaged"):
+        collect_scenario_facts(scenario)
+
+
+def test_statistics_tell_which_file_is_gone(scenario: Path) -> None:
+    (scenario / "102" / "000060.yaml").unlink()
+    with pytest.raises(InputError, match=r"102/000060\.yaml: is missing; `advercity verify`"):
+        collect_scenario_facts(scenario)
+
+
+def test_a_manifest_that_is_cut_off_is_told_from_one_of_another_version(scenario: Path) -> None:
+    path = scenario / "manifest.json"
+    text = path.read_text()
+    path.write_text(text[:2000])
+    with pytest.raises(
+        RunError, match=r"manifest\.json: is damaged or cut off; `advercity run --fresh`"
+    ):
+        advercity.open_dataset(scenario)
+    path.write_text(text.replace('"manifest_version": 3', '"manifest_version": 2'))
+    with pytest.raises(RunError, match="not a manifest of this version: manifest_version: "):
+        advercity.open_dataset(scenario)

@@ -1,0 +1,163 @@
+"""What verify finds, restore mends; and a disk that fails leaves nothing half-written."""
+
+import os
+import resource
+import shutil
+import signal
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from advercity_dsl import Spec
+
+from advercity.dataset.manifest import Identity
+from advercity.dataset.verification import restore_files, verify_scenario
+from advercity.dataset.writer import ScenarioWriter
+from advercity.errors import RunError
+from advercity.sensors.sensor_frame import SensorFrame
+
+FRAMES = 2
+ReadingsOf = Callable[[int], tuple[SensorFrame, ...]]
+Run = Callable[[Path], None]
+
+
+@pytest.fixture(scope="module")
+def run(spec: Spec, readings_of: ReadingsOf) -> Run:
+    """Writes what is missing of the two-frame scenario."""
+
+    def run(root: Path) -> None:
+        identity = Identity.for_spec(spec, trace_sha256="0" * 64, renderer={})
+        with ScenarioWriter(root, spec, identity, length=FRAMES) as writer:
+            for index in sorted(set(range(FRAMES)) - writer.done_frames):
+                writer.write_frame(index, readings_of(index))
+            writer.finish()
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def original(tmp_path_factory: pytest.TempPathFactory, run: Run) -> Path:
+    root = tmp_path_factory.mktemp("original") / "whole"
+    run(root)
+    return root
+
+
+@pytest.fixture
+def scenario(tmp_path: Path, original: Path, spec: Spec) -> Path:
+    """A copy to be damaged."""
+    return shutil.copytree(original, tmp_path / "whole") / spec.id
+
+
+def tree(root: Path) -> dict[str, bytes]:
+    return {
+        path.relative_to(root).as_posix(): path.read_bytes()
+        for path in root.rglob("*")
+        if path.is_file()
+    }
+
+
+def flip(path: Path) -> None:
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+
+
+def test_lost_and_changed_files_come_back_and_no_other_is_touched(
+    scenario: Path, original: Path, readings_of: ReadingsOf, spec: Spec
+) -> None:
+    (scenario / "102" / "000061.pcd").unlink()
+    flip(scenario / "-1" / "000061_camera3.png")
+    (scenario / "data_protocol.yaml").unlink()
+    (scenario / "103" / "000075_camera0.png").write_bytes(b"left by a run that was killed")
+    untouched = {
+        path: path.stat().st_mtime_ns for path in scenario.glob("+101/*") if path.is_file()
+    }
+    asked: list[int] = []
+
+    def readings(frame: int) -> tuple[SensorFrame, ...]:
+        asked.append(frame)
+        return readings_of(frame)
+
+    assert restore_files(scenario, verify_scenario(scenario), readings) == []
+    assert asked == [1]
+    assert tree(scenario) == tree(original / spec.id)
+    assert {path: path.stat().st_mtime_ns for path in untouched} == untouched
+    assert [path.name for path in scenario.parent.iterdir()] == [scenario.name]
+
+
+def test_a_file_of_somebody_else_is_left_and_told(scenario: Path, readings_of: ReadingsOf) -> None:
+    (scenario / "103" / "notes.txt").write_text("mine")
+    (problem,) = restore_files(scenario, verify_scenario(scenario), readings_of)
+    assert (problem.path, problem.kind) == ("103/notes.txt", "extra")
+    assert (scenario / "103" / "notes.txt").read_text() == "mine"
+
+
+def test_what_comes_out_otherwise_is_not_put_in(scenario: Path, readings_of: ReadingsOf) -> None:
+    (scenario / "102" / "000061.pcd").unlink()
+    with pytest.raises(RunError, match="comes out other than the manifest has it"):
+        restore_files(scenario, verify_scenario(scenario), lambda frame: readings_of(frame + 1))
+    assert not (scenario / "102" / "000061.pcd").exists()
+
+
+def test_a_scenario_that_is_being_written_is_not_mended(
+    scenario: Path, readings_of: ReadingsOf, spec: Spec
+) -> None:
+    identity = Identity.for_spec(spec, trace_sha256="0" * 64, renderer={})
+    with (
+        ScenarioWriter(scenario.parent, spec, identity, length=FRAMES),
+        pytest.raises(RunError, match="another run is writing"),
+    ):
+        restore_files(scenario, (), readings_of)
+
+
+def in_a_child(act: Callable[[], object], prepare: Callable[[], object]) -> str:
+    """Text of the RunError that `act` raises in a process of its own; other errors are none."""
+    reading, writing = os.pipe()
+    child = os.fork()
+    if child == 0:
+        told = ""
+        try:
+            prepare()
+            act()
+        except RunError as error:
+            told = str(error)
+        os.write(writing, told.encode())
+        os._exit(0)
+    os.close(writing)
+    with os.fdopen(reading) as stream:
+        told = stream.read()
+    os.waitpid(child, 0)
+    return told
+
+
+@pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
+def test_a_file_that_the_system_cuts_off_is_told_and_the_frame_is_absent(
+    tmp_path: Path, original: Path, run: Run, spec: Spec
+) -> None:
+    """As on a full disk, some bytes of a file are written and the rest are not."""
+
+    def limit() -> None:
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        sizes = [path.stat().st_size for path in (original / spec.id).rglob("000060_camera*")]
+        resource.setrlimit(resource.RLIMIT_FSIZE, (min(sizes) // 2, resource.RLIM_INFINITY))
+
+    root = tmp_path / "full"
+    told = in_a_child(lambda: run(root), limit)
+    assert "File too large; what is done stays" in told
+    assert not list((root / spec.id).glob("*/*"))
+    run(root)
+    assert tree(root) == tree(original)
+
+
+@pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
+def test_a_folder_that_may_not_be_written_is_told(tmp_path: Path, run: Run) -> None:
+    """Root may write anywhere, so the child is somebody else."""
+    root = tmp_path / "read_only"
+    root.mkdir(mode=0o555)
+    nobody = 65_534
+    told = in_a_child(
+        lambda: run(root), lambda: os.geteuid() == 0 and (os.setgid(nobody), os.setuid(nobody))
+    )
+    assert f"{root}" in told
+    assert "Permission denied" in told
+    assert not list(root.iterdir())

@@ -1,0 +1,325 @@
+"""A frame is whole or absent: interruption at any point, resumption, locking, verification."""
+
+import itertools
+import json
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from advercity_dsl import Spec
+
+from advercity.dataset.manifest import MANIFEST_FILE, Identity, Manifest, find_scenarios
+from advercity.dataset.verification import FileProblem, verify_scenario
+from advercity.dataset.writer import ScenarioWriter
+from advercity.errors import InputError, RunError
+from advercity.sensors.sensor_frame import SensorFrame
+
+FRAMES = 2
+FILES_PER_FRAME = 103
+ReadingsOf = Callable[[int], tuple[SensorFrame, ...]]
+Make = Callable[..., ScenarioWriter]
+Run = Callable[[Path], list[int]]
+
+
+@pytest.fixture(scope="module")
+def writer(spec: Spec) -> Make:
+    """Makes a writer of the two-frame scenario in a folder."""
+
+    def make(root: Path, *, profile: str = "preview", fresh: bool = False) -> ScenarioWriter:
+        identity = Identity.for_spec(spec, trace_sha256="0" * 64, renderer={"profile": profile})
+        return ScenarioWriter(root, spec, identity, length=FRAMES, fresh=fresh)
+
+    return make
+
+
+@pytest.fixture(scope="module")
+def run(writer: Make, readings_of: ReadingsOf) -> Run:
+    """Writes what is missing; the frames it wrote."""
+
+    def run(root: Path) -> list[int]:
+        with writer(root) as dataset:
+            missing = [index for index in range(FRAMES) if index not in dataset.done_frames]
+            for index in missing:
+                dataset.write_frame(index, readings_of(index))
+            dataset.finish()
+        return missing
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def original(tmp_path_factory: pytest.TempPathFactory, run: Run) -> Path:
+    """A dataset that was never interrupted; not to be changed."""
+    root = tmp_path_factory.mktemp("original") / "whole"
+    assert run(root) == [0, 1]
+    return root
+
+
+@pytest.fixture
+def whole(tmp_path: Path, original: Path) -> Path:
+    """A copy of it."""
+    return shutil.copytree(original, tmp_path / "whole")
+
+
+def tree(root: Path) -> dict[str, bytes]:
+    return {
+        path.relative_to(root).as_posix(): path.read_bytes() if path.is_file() else b""
+        for path in root.rglob("*")
+    }
+
+
+def frames_with_any_file(root: Path) -> set[str]:
+    return {path.name[:6] for path in root.glob("*/*/[0-9]*")}
+
+
+def test_a_finished_scenario_is_as_its_manifest_says(whole: Path) -> None:
+    (scenario,) = find_scenarios(whole)
+    manifest = Manifest.load(scenario)
+    assert (manifest.complete, manifest.frames) == (True, (0, 1))
+    assert len(manifest.files) == FRAMES * FILES_PER_FRAME + 1
+    assert verify_scenario(scenario) == []
+
+
+def test_the_manifest_holds_no_time_and_no_place(whole: Path, tmp_path: Path) -> None:
+    (scenario,) = find_scenarios(whole)
+    text = (scenario / MANIFEST_FILE).read_text()
+    assert str(tmp_path) not in text
+    assert set(json.loads(text)) == {
+        *("manifest_version", "identity", "weather", "spec"),
+        *("length", "complete", "frames", "files"),
+    }
+
+
+def test_the_order_in_which_frames_are_written_does_not_matter(
+    original: Path, tmp_path: Path, writer: Make, readings_of: ReadingsOf
+) -> None:
+    with writer(tmp_path / "backwards") as dataset:
+        for index in reversed(range(FRAMES)):
+            dataset.write_frame(index, readings_of(index))
+        dataset.finish()
+    assert tree(tmp_path / "backwards") == tree(original)
+
+
+def test_a_second_run_has_nothing_to_do_and_changes_nothing(whole: Path, run: Run) -> None:
+    before = tree(whole)
+    assert run(whole) == []
+    assert tree(whole) == before
+
+
+class _Interrupted(Exception):
+    pass
+
+
+def when_moving(count: int, happens: Callable[[], None]) -> Callable[[Path, Path], Path]:
+    """`Path.replace`, before the `count`-th call of which something `happens`."""
+    calls = itertools.count()
+    really_replace = Path.replace
+
+    def replace(source: Path, target: Path) -> Path:
+        if next(calls) == count:
+            happens()
+        return really_replace(source, target)
+
+    return replace
+
+
+def interrupt() -> None:
+    raise _Interrupted
+
+
+MOMENTS = pytest.mark.parametrize("moves", [0, 1, 2, 3, 40, 104, 105, 106, 150, 207])
+
+
+@MOMENTS
+def test_an_interrupted_run_is_completed_by_its_repetition(
+    moves: int, original: Path, tmp_path: Path, run: Run
+) -> None:
+    root = tmp_path / "interrupted"
+    with pytest.MonkeyPatch.context() as patch, pytest.raises(_Interrupted):
+        patch.setattr(Path, "replace", when_moving(moves, interrupt))
+        run(root)
+    assert frames_with_any_file(root) == ({"000060"} if moves > FILES_PER_FRAME + 1 else set())
+    run(root)
+    assert tree(root) == tree(original)
+
+
+@pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
+@MOMENTS
+def test_a_killed_run_is_completed_by_its_repetition(
+    moves: int, original: Path, tmp_path: Path, run: Run
+) -> None:
+    """The child dies without any clearing up, as by SIGKILL."""
+    root = tmp_path / "killed"
+    child = os.fork()
+    if child == 0:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(Path, "replace", when_moving(moves, lambda: os._exit(9)))
+            run(root)
+            os._exit(0)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 9
+    run(root)
+    assert tree(root) == tree(original)
+
+
+def test_an_error_amid_a_frame_leaves_no_trace_of_it(
+    tmp_path: Path, writer: Make, readings_of: ReadingsOf, spec: Spec
+) -> None:
+    (tmp_path / spec.id).mkdir()
+    with pytest.raises(RunError, match="Is a directory"), writer(tmp_path) as dataset:
+        dataset.write_frame(0, readings_of(0))
+        (tmp_path / spec.id / "+101" / "000061.pcd").mkdir()
+        dataset.write_frame(1, readings_of(1))
+    assert frames_with_any_file(tmp_path) - {"000060"} <= {"000061"}
+    (tmp_path / spec.id / "+101" / "000061.pcd").rmdir()
+    assert frames_with_any_file(tmp_path) == {"000060"}
+    assert not (tmp_path / ".staging").exists()
+    assert Manifest.load(tmp_path / spec.id).frames == (0,)
+
+
+def test_a_journal_torn_at_its_end_costs_the_last_frame_only(
+    original: Path, tmp_path: Path, writer: Make, readings_of: ReadingsOf, spec: Spec
+) -> None:
+    root = tmp_path / "torn"
+    with writer(root) as dataset:
+        dataset.write_frame(0, readings_of(0))
+        dataset.write_frame(1, readings_of(1))
+    journal = root / ".staging" / spec.id / "journal_0.jsonl"
+    journal.write_bytes(journal.read_bytes()[:-20])
+    with writer(root) as dataset:
+        assert dataset.done_frames == {0}
+        assert frames_with_any_file(root) == {"000060"}
+        dataset.write_frame(1, readings_of(1))
+        dataset.finish()
+    assert tree(root) == tree(original)
+
+
+def test_an_unfinished_scenario_is_verified_with_its_journal(
+    tmp_path: Path, writer: Make, readings_of: ReadingsOf, spec: Spec
+) -> None:
+    with writer(tmp_path) as dataset:
+        dataset.write_frame(1, readings_of(1))
+    assert verify_scenario(tmp_path / spec.id) == []
+    assert Manifest.load(tmp_path / spec.id).frames == (1,)
+
+
+def test_a_second_writer_is_refused(tmp_path: Path, writer: Make) -> None:
+    with (
+        writer(tmp_path),
+        pytest.raises(RunError, match="another run is writing this scenario"),
+        writer(tmp_path),
+    ):
+        pass
+
+
+def test_a_writer_may_follow_one_that_failed_to_open(tmp_path: Path, writer: Make) -> None:
+    with writer(tmp_path) as dataset:
+        dataset.finish()
+    with pytest.raises(RunError), writer(tmp_path, profile="full"):
+        pass
+    with writer(tmp_path) as dataset:
+        dataset.finish()
+
+
+def test_data_of_another_profile_are_not_continued(whole: Path, writer: Make) -> None:
+    before = tree(whole)
+    with (
+        pytest.raises(RunError, match=r"profile: preview, full.*--fresh"),
+        writer(whole, profile="full"),
+    ):
+        pass
+    assert {path for path in tree(whole) if not path.startswith(".staging")} == set(before)
+
+
+def test_data_of_another_weather_are_not_continued(
+    whole: Path, spec: Spec, specs: dict[str, Spec]
+) -> None:
+    other = spec.model_copy(update={"weather": specs["rcnj_clear_day_sparse"].weather})
+    identity = Identity.for_spec(other, trace_sha256="0" * 64, renderer={"profile": "preview"})
+    with (
+        pytest.raises(RunError, match="spec_sha256"),
+        ScenarioWriter(whole, other, identity, length=FRAMES),
+    ):
+        pass
+
+
+def test_fresh_starts_over(whole: Path, writer: Make, readings_of: ReadingsOf) -> None:
+    with writer(whole, profile="full", fresh=True) as dataset:
+        assert dataset.done_frames == frozenset()
+        assert frames_with_any_file(whole) == set()
+        dataset.write_frame(0, readings_of(0))
+        dataset.finish()
+    manifest = Manifest.load(find_scenarios(whole)[0])
+    assert (manifest.frames, manifest.complete) == ((0,), False)
+    assert manifest.identity.renderer == {"profile": "full"}
+
+
+@pytest.mark.parametrize("fresh", [False, True])
+def test_a_folder_that_is_no_dataset_is_left_alone(
+    tmp_path: Path, writer: Make, spec: Spec, fresh: bool
+) -> None:
+    precious = tmp_path / spec.id / "thesis.tex"
+    precious.parent.mkdir()
+    precious.write_text("chapter 1")
+    with pytest.raises(RunError, match="not a dataset"), writer(tmp_path, fresh=fresh):
+        pass
+    assert precious.read_text() == "chapter 1"
+
+
+def test_an_unreadable_manifest_says_so(whole: Path, writer: Make) -> None:
+    (scenario,) = find_scenarios(whole)
+    (scenario / MANIFEST_FILE).write_text("{}")
+    with pytest.raises(RunError, match=r"manifest.json: not a manifest.*--fresh"), writer(whole):
+        pass
+
+
+def test_verify_finds_what_is_missing_extra_or_changed(whole: Path) -> None:
+    (scenario,) = find_scenarios(whole)
+    (scenario / "102" / "000060.pcd").unlink()
+    (scenario / "103" / "notes.txt").write_text("x")
+    picture = scenario / "-1" / "000061_camera0.png"
+    content = bytearray(picture.read_bytes())
+    content[-1] ^= 1
+    picture.write_bytes(content)
+    assert verify_scenario(scenario) == [
+        FileProblem(scenario, "-1/000061_camera0.png", "changed", 1),
+        FileProblem(scenario, "102/000060.pcd", "missing", 0),
+        FileProblem(scenario, "103/notes.txt", "extra"),
+    ]
+
+
+def test_verify_needs_a_manifest(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"no manifest\.json"):
+        verify_scenario(tmp_path)
+    with pytest.raises(InputError, match="not a dataset"):
+        find_scenarios(tmp_path)
+
+
+def test_a_lost_file_makes_its_frame_undone(whole: Path, run: Run) -> None:
+    before = tree(whole)
+    (find_scenarios(whole)[0] / "103" / "000061_semantic3.png").unlink()
+    assert run(whole) == [1]
+    assert tree(whole) == before
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path, writer: Make) -> None:
+    obstacle = tmp_path / "file"
+    obstacle.write_text("")
+    with pytest.raises(RunError, match=str(obstacle)), writer(obstacle):
+        pass
+
+
+def test_a_full_disk_is_told_and_what_is_done_stays(
+    tmp_path: Path, writer: Make, readings_of: ReadingsOf, spec: Spec
+) -> None:
+    def full(path: Path, content: bytes) -> int:
+        raise OSError(28, "No space left on device", str(path))
+
+    with pytest.raises(RunError, match="No space left on device"), writer(tmp_path) as dataset:
+        dataset.write_frame(0, readings_of(0))
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(Path, "write_bytes", full)
+            dataset.write_frame(1, readings_of(1))
+    assert verify_scenario(tmp_path / spec.id) == []
+    assert Manifest.load(tmp_path / spec.id).frames == (0,)

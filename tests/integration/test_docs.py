@@ -1,0 +1,38 @@
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from advercity_dsl import DECLARATIONS
+
+from advercity.compiler.schema import build_schema
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The documentation, built with every warning an error."""
+    folder = tmp_path_factory.mktemp("site")
+    build = ["sphinx", "-q", "-W", "-n", "--keep-going", "-d", str(folder / "trees")]
+    done = subprocess.run(
+        [sys.executable, "-m", *build, str(ROOT / "docs"), str(folder / "html")],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return folder / "html"
+
+
+def test_the_site_has_the_guides(site: Path) -> None:
+    index = (site / "index.html").read_text()
+    for guide in (ROOT / "docs" / "guides").glob("*.md"):
+        assert f"guides/{guide.stem}.html" in index
+
+
+@pytest.mark.parametrize("kind", DECLARATIONS)
+def test_the_reference_has_every_field(site: Path, kind: str) -> None:
+    page = (site / "reference" / f"{kind}.html").read_text()
+    for field in build_schema(kind)["properties"].keys() - {"extends", "version"}:
+        assert f">{field}</span>" in page

@@ -1,0 +1,67 @@
+"""The notebook and the guide to the dataset, run on a small one."""
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+import pytest
+from advercity_dsl import Spec
+
+from advercity.dataset.manifest import Identity
+from advercity.dataset.writer import ScenarioWriter
+from advercity.sensors.sensor_frame import SensorFrame
+
+ROOT = Path(__file__).parent.parent.parent
+ReadingsOf = Callable[[int], tuple[SensorFrame, ...]]
+
+
+@pytest.fixture(autouse=True)
+def output(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, spec: Spec, readings_of: ReadingsOf
+) -> None:
+    """A dataset in `output`, where the working folder is."""
+    identity = Identity.for_spec(spec, trace_sha256="0" * 64, renderer={})
+    with ScenarioWriter(tmp_path / "output", spec, identity, length=1) as writer:
+        writer.write_frame(0, readings_of(0))
+        writer.finish()
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("ADVERCITY_DATASET", "output")
+    mpl.use("Agg")
+
+
+def test_the_notebook_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    notebook = json.loads((ROOT / "examples" / "read_dataset.ipynb").read_text())
+    names: dict[str, Any] = {}
+    for cell in notebook["cells"]:
+        if cell["cell_type"] == "code":
+            assert not cell["outputs"]
+            exec("".join(cell["source"]), names)
+    figures = plt.get_fignums()
+    plt.close("all")
+    assert len(figures) == 3
+    out = capsys.readouterr().out
+    assert "1 frames of ['rcnj_fog_day_sparse']" in out
+    assert "201 van 40/40 points {'camera0': " in out
+
+
+def test_the_guide_reads_what_is_there() -> None:
+    guide = (ROOT / "docs" / "dataset.md").read_text()
+    first, *_ = re.findall(r"^```python\n(.*?)^```$", guide, re.MULTILINE | re.DOTALL)
+    names: dict[str, Any] = {}
+    exec(first, names)
+    assert len(names["dataset"]) == 1
+    assert names["view"].points.shape == (len(names["view"].cloud), 3)
+
+
+def test_the_guide_names_every_field_of_an_object() -> None:
+    import advercity
+
+    guide = (ROOT / "docs" / "dataset.md").read_text()
+    objects = advercity.open_dataset("output")[0]["cav1"].extras["objects"]
+    for item in objects.values():
+        fields = item.keys() | {name for camera in item["cameras"].values() for name in camera}
+        assert all(f"`{name}`" in guide for name in fields)

@@ -1,0 +1,50 @@
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+GUIDES = sorted((ROOT / "docs" / "guides").glob("*.md"))
+BLOCK = re.compile(r"^```(bash|python|toml|yaml)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+pytestmark = [pytest.mark.render, pytest.mark.sumo]
+
+
+@pytest.mark.parametrize("guide", GUIDES, ids=lambda path: path.stem)
+def test_a_guide_does_what_it_says(guide: Path, tmp_path: Path) -> None:
+    """Blocks are written to the file that their first line names; those in bash are run."""
+    shutil.copytree(ROOT / "library", tmp_path / "library")
+    scripts = Path(sys.executable).parent
+    environment = {
+        **os.environ,
+        "PATH": f"{scripts}{os.pathsep}{os.environ['PATH']}",
+        "ADVERCITY_ASSETS": str(tmp_path / "models"),
+    }
+    ran = 0
+    for language, text in BLOCK.findall(guide.read_text()):
+        if language != "bash":
+            path = tmp_path / text.splitlines()[0].removeprefix("# ")
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text)
+            continue
+        done = subprocess.run(
+            ["bash", "-euo", "pipefail", "-c", text],
+            cwd=tmp_path,
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, f"{text}\n{done.stderr}"
+        ran += 1
+    assert ran > 0
+
+
+def test_the_road_of_the_guide_takes_less_than_forty_lines() -> None:
+    guide = (ROOT / "docs" / "guides" / "add_a_road.md").read_text()
+    (road,) = [text for language, text in BLOCK.findall(guide) if language == "yaml"]
+    assert len(road.splitlines()) < 40

@@ -1,0 +1,52 @@
+"""Vehicles stand on the road that is drawn."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from advercity_dsl import Spec
+
+from advercity.frames import ActorState, Trace
+from advercity.rendering.raycaster import Raycaster, Rays
+from advercity.roads.sumo_network import write_sumo_network
+from advercity.scene.build import build_world
+from advercity.traffic.simulation import simulate_in_subprocess
+from advercity.world import World
+
+pytestmark = pytest.mark.sumo
+LIFT_M = 1.0
+EVERY = 24
+
+
+@pytest.fixture(scope="module")
+def hills(specs: dict[str, Spec], tmp_path_factory: pytest.TempPathFactory) -> tuple[World, Trace]:
+    """The road with the steepest grades, and traffic on it."""
+    spec = specs["rcnj_clear_day_sparse"]
+    network = write_sumo_network(spec.road, tmp_path_factory.mktemp("hills"))
+    return build_world(spec, network), simulate_in_subprocess(spec, network)
+
+
+def wheels(state: ActorState) -> np.ndarray:
+    """Where the wheels (n, 3) of a vehicle touch the ground, in the world."""
+    length, width, _ = state.actor.size
+    sides = (0.0,) if state.actor.actor_class in ("bicycle", "motorcycle") else (-0.4, 0.4)
+    places = [(end * 0.3 * length, side * width, 0, 1) for end in (-1, 1) for side in sides]
+    return (np.array(places) @ state.world_from_body.T)[:, :3]
+
+
+def test_wheels_touch_the_road_on_grades_too(hills: tuple[World, Trace]):
+    world, trace = hills
+    caster = Raycaster(world)
+    gaps: list[float] = []
+    steepest = 0.0
+    for index in range(0, len(trace), EVERY):
+        frame = trace.frame(index)
+        caster.place(replace(frame, states=()))
+        places = np.concatenate([wheels(state) for state in frame.states])
+        down = np.tile(np.array([0, 0, -1], np.float32), (len(places), 1))
+        above = np.add(places, [0, 0, LIFT_M]).astype(np.float32)
+        hits = caster.cast(Rays(above, down), 2 * LIFT_M)
+        gaps += (hits.range_m - LIFT_M).tolist()
+        steepest = max(steepest, *(abs(state.world_from_body[2, 0]) for state in frame.states))
+    assert steepest > 0.07
+    assert np.abs(gaps).max() < 0.02

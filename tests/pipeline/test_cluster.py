@@ -1,0 +1,135 @@
+import hashlib
+import time
+from collections.abc import Callable, Generator
+from dataclasses import replace
+from pathlib import Path
+from threading import Thread
+from typing import Any
+
+import psutil
+import pytest
+from advercity_dsl import Spec
+
+from advercity.dataset.store import DatasetStore
+from advercity.dataset.verification import verify_dataset
+from advercity.errors import InputError, RunError
+from advercity.pipeline import (
+    FrameRange,
+    ResourceLimits,
+    RunOptions,
+    create_executor,
+    raise_failures,
+    run_scenarios,
+)
+
+OptionsFor = Callable[[Path], RunOptions]
+FRAMES = 6
+
+
+@pytest.fixture
+def nodes(stunts: Path, monkeypatch: pytest.MonkeyPatch) -> Generator[Any]:
+    """A Ray cluster of a head that works on nothing and two nodes with one core each."""
+    # Else Ray takes loopback addresses for those of a network card.
+    monkeypatch.setenv("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
+    pytest.importorskip("ray")
+    from ray.cluster_utils import Cluster
+
+    cluster = Cluster(
+        initialize_head=True,
+        head_node_args={"num_cpus": 0, "include_dashboard": False, "node_ip_address": "127.0.0.1"},
+    )
+    for _ in range(2):
+        cluster.add_node(num_cpus=1, node_ip_address="127.0.0.1")
+    yield cluster
+    cluster.shutdown()
+
+
+def tree(folder: Path) -> dict[str, str]:
+    return {
+        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
+
+
+def lose_a_node(nodes: Any, stunts: Path, output: Path) -> None:
+    """As soon as something is done: let the next process hang, and kill the node that it is on."""
+    while not list(output.glob(".staging/*/*.json")):
+        time.sleep(0.05)
+    (stunts / "1.hang").touch()
+    told = stunts.with_suffix(".hanging")
+    while not told.exists() or not told.read_text():
+        time.sleep(0.05)
+    above = {process.pid for process in psutil.Process(int(told.read_text())).parents()}
+    (lost,) = [
+        node
+        for node in nodes.worker_nodes
+        if above & {info.process.pid for infos in node.all_processes.values() for info in infos}
+    ]
+    nodes.remove_node(lost, allow_graceful=False)
+
+
+@pytest.mark.sumo
+def test_a_cluster_that_loses_a_node_makes_what_one_machine_makes(
+    nodes: Any, few: list[Spec], stunts: Path, options: OptionsFor, witness: Any, tmp_path: Path
+) -> None:
+    from advercity.pipeline.cluster import RayExecutor
+
+    alone, shared = tmp_path / "alone", tmp_path / "shared"
+    chosen = replace(options(alone), frames=FrameRange(0, FRAMES))
+    raise_failures(run_scenarios(few[:2], chosen, listener=witness, jobs=2))
+    cluster = RayExecutor(str(shared), nodes.address, frames_per_task=2)
+    losing = Thread(target=lose_a_node, args=(nodes, stunts, shared), daemon=True)
+    losing.start()
+    outcomes = cluster.run(few[:2], chosen, listener=witness, limits=ResourceLimits())
+    raise_failures(outcomes)
+    losing.join()
+    assert len(nodes.worker_nodes) == 1
+    assert [outcome.frames for outcome in outcomes] == [FRAMES, FRAMES]
+    assert tree(shared) == tree(alone)
+    assert verify_dataset(shared) == []
+    again = cluster.run(few[:1], chosen, listener=witness, limits=ResourceLimits())
+    assert again[0].error is None
+    assert tree(shared) == tree(alone)
+
+
+@pytest.mark.parametrize("url", ["memory://dataset", "{folder}/dataset", "file://{folder}/dataset"])
+def test_a_store_keeps_files_whatever_it_is_made_of(url: str, tmp_path: Path) -> None:
+    store = DatasetStore(url.format(folder=tmp_path))
+    store.write("ui/101/000060.yaml", b"one")
+    store.write("ui/101/000060.yaml", b"two")
+    store.write("ui/manifest.json", b"{}")
+    assert store.read("ui/101/000060.yaml") == b"two"
+    assert store.read("ui/101/000061.yaml") is None
+    assert store.list_files("ui") == ["ui/101/000060.yaml", "ui/manifest.json"]
+    store.remove("ui/manifest.json")
+    store.remove("nothing")
+    assert store.list_files("ui") == ["ui/101/000060.yaml"]
+    store.remove("ui")
+    assert store.list_files("ui") == []
+
+
+def test_a_store_that_nothing_reaches_is_bad_input() -> None:
+    with pytest.raises(InputError, match="--output nowhere://x: cannot be reached"):
+        DatasetStore("nowhere://x")
+
+
+def test_a_store_that_takes_no_files_is_told(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(RunError, match=r"ui/a\.png cannot be written"):
+        DatasetStore(str(tmp_path / "file")).write("ui/a.png", b"")
+
+
+@pytest.mark.parametrize(
+    ("name", "output", "address", "message"),
+    [
+        ("slurm", "out", None, "no such executor; local or ray"),
+        ("local", "out", "auto", "--address goes with --executor ray"),
+        ("local", "s3://bucket/out", None, "a store is reached with --executor ray"),
+    ],
+)
+def test_an_executor_that_does_not_fit_is_bad_input(
+    name: str, output: str, address: str | None, message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        create_executor(name, output=output, address=address, jobs=1)

@@ -1,0 +1,332 @@
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Generator
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+from advercity_dsl import Spec
+
+from advercity.compiler import write_specs
+from advercity.dataset.manifest import Manifest
+from advercity.dataset.verification import verify_dataset
+from advercity.dataset.writer import FrameWriter
+from advercity.errors import InputError, RunError
+from advercity.pipeline import (
+    FrameRange,
+    Progress,
+    ResourceLimits,
+    RunOptions,
+    ScenarioResult,
+    raise_failures,
+    run_scenarios,
+)
+from advercity.pipeline.options import (
+    format_byte_size,
+    format_duration,
+    ignore_progress,
+    parse_byte_size,
+    parse_duration,
+)
+from advercity.pipeline.scenario import add_frames, run_scenario
+
+OptionsFor = Callable[[Path], RunOptions]
+
+
+class Killer:
+    """Kills the process that makes frames beside the first, once."""
+
+    def __init__(self, claimed: Path) -> None:
+        self._claimed = claimed
+        self.seen: list[psutil.Process] = []
+
+    def on_progress(self, progress: Progress) -> None:
+        """Kill it when both have claimed a frame."""
+        if not self.seen and self._claimed.exists() and len(list(self._claimed.iterdir())) > 1:
+            for worker in psutil.Process().children():
+                self.seen += worker.children()
+            for process in self.seen:
+                process.kill()
+
+    def on_result(self, outcome: ScenarioResult) -> None:
+        """It is over."""
+
+
+def claims(output: Path, spec: Spec) -> Path:
+    return output / ".staging" / spec.id / "claims"
+
+
+def tree(root: Path) -> dict[str, bytes]:
+    return {
+        str(path.relative_to(root)): path.read_bytes() for path in root.rglob("*") if path.is_file()
+    }
+
+
+@pytest.mark.sumo
+def test_what_crashes_or_takes_too_much_stops_nobody_else_and_is_made_up_for(
+    few: list[Spec],
+    stunts: Path,
+    seen: Path,
+    options: OptionsFor,
+    witness: Any,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "4,7")
+    (stunts / "1.crash").touch()
+    (stunts / "2.hog").touch()
+    chosen = options(tmp_path / "output")
+    limits = ResourceLimits(memory_bytes=1_000_000_000)
+    outcomes = run_scenarios(few, chosen, listener=witness, jobs=2, limits=limits)
+    assert [outcome.scenario for outcome in outcomes] == [spec.id for spec in few]
+    errors = sorted(str(outcome.error) for outcome in outcomes if outcome.error)
+    assert len(errors) == 2
+    assert errors[0].startswith("its process died (killed by SIGSEGV) in starting 0")
+    assert "more than the 1.0 GB that it may; --max-memory allows more" in errors[1]
+    with pytest.raises(RunError, match="2 of 3 scenarios failed"):
+        raise_failures(outcomes)
+    good = [outcome for outcome in outcomes if outcome.error is None]
+    for outcome in good:
+        folder = tmp_path / "output" / outcome.scenario
+        files = [path for path in folder.rglob("*") if path.is_file()]
+        assert outcome.frames == 1
+        assert outcome.size_bytes == sum(
+            path.stat().st_size for path in files if path.name != "manifest.json"
+        )
+        assert 50e6 < outcome.peak_memory_bytes < 1e9
+    assert len(witness.over) == 3
+    again = run_scenarios(few, chosen, listener=witness, jobs=2)
+    raise_failures(again)
+    assert verify_dataset(tmp_path / "output") == []
+    assert {path.name for path in (tmp_path / "output").iterdir()} == {
+        *(spec.id for spec in few),
+        "index.json",
+    }
+    assert {path.read_text() for path in seen.iterdir()} == {"4", "7"}
+
+
+@pytest.mark.sumo
+def test_several_processes_make_one_scenario_with_the_bytes_of_one_alone(
+    few: list[Spec],
+    stunts: Path,
+    seen: Path,
+    options: OptionsFor,
+    witness: Any,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Three share sixteen frames, one each at least; each has a graphics card of its own."""
+    frames = FrameRange(0, 16)
+    alone, shared = (replace(options(tmp_path / name), frames=frames) for name in ("one", "three"))
+    raise_failures(run_scenarios(few[:1], alone, listener=witness))
+    (alone_pid,) = seen.iterdir()
+    alone_pid.unlink()
+    monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "4,7,9")
+    monkeypatch.setenv("MEET", f"{claims(tmp_path / 'three', few[0])}:3")
+    (outcome,) = run_scenarios(few[:1], shared, listener=witness, jobs=3)
+    raise_failures([outcome])
+    assert outcome.frames == 16
+    assert outcome.size_bytes == Manifest.load(tmp_path / "three" / few[0].id).size_bytes
+    assert tree(tmp_path / "three") == tree(tmp_path / "one")
+    assert sorted(path.read_text() for path in seen.iterdir()) == ["4,7,9", "7", "9"]
+    told = [progress for progress in witness.told if progress.stage == "frames"]
+    assert all(progress.done <= progress.total == 16 for progress in told)
+
+
+@pytest.mark.sumo
+def test_when_one_of_several_processes_dies_the_run_fails_and_another_one_goes_on(
+    few: list[Spec],
+    stunts: Path,
+    options: OptionsFor,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    chosen = replace(options(tmp_path / "output"), frames=FrameRange(0, 6))
+    claimed = claims(tmp_path / "output", few[0])
+    monkeypatch.setenv("MEET", f"{claimed}:2")
+    killer = Killer(claimed)
+    (outcome,) = run_scenarios(few[:1], chosen, listener=killer, jobs=2)
+    told = "process 2 of 2: its process died (killed by SIGKILL)"
+    assert str(outcome.error).startswith(told)
+    assert psutil.wait_procs(killer.seen, timeout=60)[1] == []
+    monkeypatch.delenv("MEET")
+    (outcome,) = run_scenarios(few[:1], chosen, listener=killer, jobs=2)
+    raise_failures([outcome])
+    assert verify_dataset(tmp_path / "output") == []
+    assert not (tmp_path / "output" / ".staging").exists()
+
+
+def test_what_takes_too_long_is_killed_and_told(
+    few: list[Spec], stunts: Path, options: OptionsFor, witness: Any, tmp_path: Path
+) -> None:
+    (stunts / "1.hang").touch()
+    chosen = options(tmp_path / "output")
+    outcomes = run_scenarios(few[:1], chosen, listener=witness, limits=ResourceLimits(time_s=0.5))
+    with pytest.raises(RunError, match=r"took longer than 0:0.*--max-time"):
+        raise_failures(outcomes)
+    assert not (tmp_path / "output").exists()
+
+
+@pytest.mark.sumo
+def test_a_scenario_that_cannot_be_noted_in_the_index_has_failed(
+    few: list[Spec], stunts: Path, options: OptionsFor, witness: Any, tmp_path: Path
+) -> None:
+    (tmp_path / "output" / ".index.json").mkdir(parents=True)
+    (outcome,) = run_scenarios(few[:1], options(tmp_path / "output"), listener=witness)
+    assert outcome.frames == 1
+    assert "index.json: Is a directory" in str(outcome.error)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+def test_an_interrupted_run_leaves_no_process_behind(
+    few: list[Spec], stunts: Path, tmp_path: Path, number: signal.Signals
+) -> None:
+    write_specs(few[:2], tmp_path / "compiled")
+    for stunt in ("1.hang", "2.hang"):
+        (stunts / stunt).touch()
+    process = subprocess.Popen(
+        [
+            *(sys.executable, "-c", "from advercity.cli import main; main()", "run"),
+            *map(str, sorted((tmp_path / "compiled").glob("*.json"))),
+            *(
+                "--jobs",
+                "2",
+                "--backend",
+                "stunts",
+                "--profile",
+                "preview",
+                "--output",
+                str(tmp_path / "output"),
+            ),
+        ],
+        stderr=subprocess.DEVNULL,
+    )
+    while any(stunts.iterdir()):
+        assert process.poll() is None
+        time.sleep(0.02)
+    children = psutil.Process(process.pid).children(recursive=True)
+    assert len(children) == 2
+    process.send_signal(number)
+    assert process.wait(60) == (130 if number == signal.SIGINT else -signal.SIGKILL)
+    assert psutil.wait_procs(children, timeout=60)[1] == []
+    assert not (tmp_path / "output").exists()
+
+
+@pytest.mark.sumo
+def test_a_frame_that_every_process_leaves_to_another_is_told(
+    few: list[Spec],
+    stunts: Path,
+    options: OptionsFor,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    chosen = replace(options(tmp_path / "output"), frames=FrameRange(0, 2))
+    monkeypatch.setattr(FrameWriter, "claim_frame", lambda writer, frame: not frame)  # pyright: ignore
+    with pytest.raises(RunError, match="no process made frame 1; run again to go on"):
+        run_scenario(few[0], chosen)
+    assert Manifest.load(tmp_path / "output" / few[0].id).frames == (0,)
+
+
+@pytest.mark.sumo
+def test_a_process_that_would_make_other_bytes_adds_nothing(
+    few: list[Spec], stunts: Path, options: OptionsFor, tmp_path: Path
+) -> None:
+    chosen = options(tmp_path / "output")
+    scenario = run_scenario(few[0], chosen)
+    before = tree(scenario)
+    other = replace(chosen, scale=0.5, frames=FrameRange(0, 2))
+    with pytest.raises(RunError, match=r"its processes differ \(scale: 1.0, 0.5\); --jobs 1"):
+        add_frames(few[0], other, 1, ignore_progress)
+    assert tree(scenario) == before
+
+
+@pytest.mark.sumo
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+def test_an_interrupted_run_of_several_processes_leaves_none_behind(
+    few: list[Spec],
+    stunts: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    number: signal.Signals,
+) -> None:
+    """One of them is stopped, so that it cannot end by itself."""
+    with shared_run(few[0], tmp_path, monkeypatch) as (process, children):
+        children[-1].suspend()
+        process.send_signal(number)
+        assert process.wait(60) == (130 if number == signal.SIGINT else -signal.SIGKILL)
+        assert psutil.wait_procs(children, timeout=60)[1] == []
+
+
+@pytest.mark.sumo
+def test_a_scenario_is_nobody_elses_as_long_as_one_of_its_processes_lives(
+    few: list[Spec],
+    stunts: Path,
+    options: OptionsFor,
+    witness: Any,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with shared_run(few[0], tmp_path, monkeypatch) as (process, children):
+        first, last = children
+        last.suspend()
+        for other in (process, first):
+            other.send_signal(signal.SIGKILL)
+        process.wait(60)
+        monkeypatch.delenv("MEET")
+        (outcome,) = run_scenarios(few[:1], options(tmp_path / "output"), listener=witness)
+        assert "another run is writing this scenario" in str(outcome.error)
+        last.resume()
+        assert psutil.wait_procs(children, timeout=60)[1] == []
+    raise_failures(run_scenarios(few[:1], options(tmp_path / "output"), listener=witness))
+
+
+@contextmanager
+def shared_run(
+    spec: Spec, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> Generator[tuple[subprocess.Popen[bytes], list[psutil.Process]]]:
+    """A run in two processes that wait in their first frames for what never happens."""
+    write_specs([spec], folder / "compiled")
+    claimed = claims(folder / "output", spec)
+    monkeypatch.setenv("MEET", f"{claimed}:9")
+    process = subprocess.Popen(
+        [
+            *(sys.executable, "-c", "from advercity.cli import main; main()", "run"),
+            *(str(folder / "compiled" / f"{spec.id}.json"), "--output", str(folder / "output")),
+            *("--jobs", "2", "--backend", "stunts", "--profile", "preview", "--scale", "1"),
+        ],
+        stderr=subprocess.DEVNULL,
+    )
+    children: list[psutil.Process] = []
+    try:
+        while not claimed.exists() or len(list(claimed.iterdir())) < 2:
+            assert process.poll() is None
+            time.sleep(0.02)
+        (first,) = psutil.Process(process.pid).children()
+        children = [first, *first.children()]
+        yield process, children
+    finally:
+        process.kill()
+        process.wait()
+        for child in children:
+            with suppress(psutil.NoSuchProcess):
+                child.kill()
+
+
+def test_sizes_and_times_are_read_with_their_units() -> None:
+    assert parse_byte_size("--max-memory", "1.5 GB") == 1_500_000_000
+    assert parse_byte_size("--max-memory", "2GiB") == 2 * 2**30
+    assert parse_duration("--max-time", "90 min") == 5400
+    assert parse_duration("--max-time", "0.5h") == 1800
+    assert (format_byte_size(3_440_000_000), format_byte_size(12)) == ("3.4 GB", "12 B")
+    assert (format_duration(7), format_duration(12_345)) == ("0:07", "3:25:45")
+
+
+@pytest.mark.parametrize("text", ["4", "GB", "-1 GB", "0 GB", "4 gigs", "1e9 B", ""])
+def test_a_size_without_a_unit_is_bad_input(text: str) -> None:
+    with pytest.raises(InputError, match=r"--max-memory .*write 4 GB"):
+        parse_byte_size("--max-memory", text)

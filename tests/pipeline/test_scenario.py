@@ -1,0 +1,275 @@
+import hashlib
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+from advercity_dsl import Spec
+
+from advercity.compiler import find_weather, with_weather, write_specs
+from advercity.dataset import cloud_files
+from advercity.dataset.verification import verify_dataset
+from advercity.errors import InputError, RunError
+from advercity.pipeline import (
+    FrameRange,
+    RunOptions,
+    ViewerTarget,
+    parse_frame_range,
+    repair_dataset,
+    run_scenario,
+)
+from advercity.pipeline.weather_gallery import BAR_PX, write_weather_gallery
+from advercity.sensors.measurements import PointKind
+
+pytestmark = [pytest.mark.render, pytest.mark.sumo]
+
+MAPS = ("dynamic", "static", "lane", "visibility", "visibility_corp")
+TINY = 0.05
+"""Of 1920x1080: pictures of 96x54."""
+
+
+@pytest.fixture(scope="module")
+def spec(specs: dict[str, Spec]) -> Spec:
+    return specs["ri_fog_day_sparse"]
+
+
+def run(spec: Spec, output: Path, first: int, last: int, **options: object) -> Path:
+    chosen = RunOptions(
+        output=output,
+        profile="preview",
+        scale=TINY,
+        frames=FrameRange(first, last),
+        **options,  # pyright: ignore[reportArgumentType]
+    )
+    return run_scenario(spec, chosen)
+
+
+@pytest.fixture(scope="module")
+def made(spec: Spec, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two frames of a scenario."""
+    return run(spec, tmp_path_factory.mktemp("made"), 0, 2)
+
+
+def tree(folder: Path) -> dict[str, str]:
+    return {
+        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+def test_every_viewpoint_writes_its_files(made: Path) -> None:
+    parts = [
+        "yaml",
+        "pcd",
+        "objects.json",
+        *(f"bev_{kind}.png" for kind in MAPS),
+        *(f"depth{index}.png" for index in range(4)),
+        *(f"camera{index}.png" for index in range(4)),
+        *(f"semantic{index}.png" for index in range(4)),
+    ]
+    for agent in ("+101", "102", "103", "-1", "-2"):
+        expected = {
+            f"{frame}.{part}" if part in ("yaml", "pcd") else f"{frame}_{part}"
+            for frame in ("000060", "000061")
+            for part in parts
+        }
+        if not agent.startswith("-"):
+            expected |= {f"{frame}_additional_gnss_imu.yaml" for frame in ("000060", "000061")}
+        assert {path.name for path in (made / agent).iterdir()} == expected
+
+
+def test_the_manifest_holds_every_file_with_its_checksum(made: Path) -> None:
+    manifest = json.loads((made / "manifest.json").read_text())
+    text = json.dumps(manifest)
+    for path, digest in tree(made).items():
+        if path != "manifest.json":
+            assert path in text
+            assert digest in text
+
+
+def test_the_same_spec_gives_the_same_bytes(spec: Spec, made: Path, tmp_path: Path) -> None:
+    assert tree(run(spec, tmp_path, 0, 2)) == tree(made)
+
+
+def test_frames_are_independent_of_those_before(spec: Spec, made: Path, tmp_path: Path) -> None:
+    alone = tree(run(spec, tmp_path, 1, 2))
+    whole = tree(made)
+    frames = {path: digest for path, digest in alone.items() if "000061" in path}
+    assert len(frames) == 103
+    assert frames == {path: whole[path] for path in frames}
+
+
+def test_a_run_goes_on_where_an_earlier_one_stopped(spec: Spec, made: Path, tmp_path: Path) -> None:
+    run(spec, tmp_path, 0, 1)
+    assert tree(run(spec, tmp_path, 0, 2)) == tree(made)
+
+
+def test_a_killed_run_started_again_ends_with_the_same_bytes(
+    spec: Spec, made: Path, tmp_path: Path
+) -> None:
+    """SIGKILL as soon as the first frame is there, while the second is being made."""
+    write_specs([spec], tmp_path / "compiled")
+    process = subprocess.Popen(
+        [
+            *(sys.executable, "-c", "from advercity.cli import main; main()", "run"),
+            *(str(tmp_path / "compiled" / f"{spec.id}.json"), "--output", str(tmp_path / "killed")),
+            *("--profile", "preview", "--scale", str(TINY), "--frames", "0:2"),
+        ],
+        start_new_session=True,
+    )
+    journal = tmp_path / "killed" / ".staging" / spec.id / "journal_0.jsonl"
+    while not journal.exists():
+        assert process.poll() is None
+        time.sleep(0.02)
+    os.killpg(process.pid, signal.SIGKILL)
+    assert process.wait() == -signal.SIGKILL
+    scenario = run(spec, tmp_path / "killed", 0, 2)
+    assert tree(scenario) == tree(made)
+    assert [path.name for path in (tmp_path / "killed").iterdir()] == [spec.id]
+
+
+def test_damaged_files_are_made_again_with_their_checksums(made: Path, tmp_path: Path) -> None:
+    copy = shutil.copytree(made, tmp_path / made.name)
+    (copy / "+101" / "000060_camera0.png").unlink()
+    (copy / "-2" / "000061.pcd").write_bytes(b"flipped")
+    assert {problem.kind for problem in verify_dataset(tmp_path)} == {"missing", "changed"}
+    assert repair_dataset(tmp_path) == []
+    assert tree(copy) == tree(made)
+
+
+def test_what_was_made_by_another_version_is_not_repaired(made: Path, tmp_path: Path) -> None:
+    copy = shutil.copytree(made, tmp_path / made.name)
+    manifest = json.loads((copy / "manifest.json").read_text())
+    manifest["identity"]["versions"]["numpy"] = "0.1"
+    (copy / "manifest.json").write_text(json.dumps(manifest))
+    (copy / "103" / "000060.pcd").unlink()
+    with pytest.raises(RunError, match=r"cannot be repaired here.*numpy: 0\.1"):
+        repair_dataset(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("place", "named"),
+    [
+        (("code_sha256",), "code of advercity: 0000"),
+        (("renderer", "backend_sha256"), "code of the backend: 0000"),
+    ],
+)
+def test_what_was_made_by_other_code_of_the_same_version_is_not_repaired(
+    made: Path, tmp_path: Path, place: tuple[str, ...], named: str
+) -> None:
+    copy = shutil.copytree(made, tmp_path / made.name)
+    manifest = json.loads((copy / "manifest.json").read_text())
+    told = manifest["identity"]
+    for key in place[:-1]:
+        told = told[key]
+    told[place[-1]] = "0" * 64
+    (copy / "manifest.json").write_text(json.dumps(manifest))
+    (copy / "103" / "000060.pcd").unlink()
+    with pytest.raises(RunError, match=rf"cannot be repaired here.*{named}"):
+        repair_dataset(tmp_path)
+
+
+def test_the_original_layout_holds_the_same_pictures(
+    spec: Spec, made: Path, tmp_path: Path
+) -> None:
+    other = run(spec, tmp_path, 0, 1, format="adver_city")
+    for name in ("000060_camera0.png", "000060_semantic3.png", "000060.yaml"):
+        assert (other / "101" / name).read_bytes() == (made / "+101" / name).read_bytes()
+    assert len(list(other.glob("*/*"))) == 53
+
+
+def test_weathers_share_traffic_and_boxes(spec: Spec, made: Path, tmp_path: Path) -> None:
+    other = run(with_weather(spec, find_weather("clear_night")), tmp_path, 0, 1)
+    assert other.name == "ri_clear_night_sparse"
+    for agent in ("+101", "102", "-1"):
+        first, second = (
+            yaml.safe_load((folder / agent / "000060.yaml").read_text()) for folder in (made, other)
+        )
+        assert first["vehicles"] == second["vehicles"]
+        assert first["true_ego_pos"] == second["true_ego_pos"]
+    pictures = [(folder / "+101" / "000060_camera0.png").read_bytes() for folder in (made, other)]
+    assert pictures[0] != pictures[1]
+
+
+def test_a_gallery_has_a_row_per_weather_and_a_column_per_scenario(
+    spec: Spec, tmp_path: Path
+) -> None:
+    weathers = [find_weather("clear_day"), find_weather("clear_night")]
+    write_weather_gallery([spec], weathers, tmp_path / "sheet.png", frame=0, width_px=320)
+    sheet = cv2.imread(str(tmp_path / "sheet.png"))
+    assert sheet is not None
+    assert sheet.shape == (BAR_PX + 2 * (BAR_PX + 180), 320, 3)
+    day, night = sheet[40 : 40 + 180], sheet[40 + 200 :]
+    assert day.mean() > 2.0 * night.mean()
+    with pytest.raises(InputError, match="has frames 0 to"):
+        write_weather_gallery([spec], weathers, tmp_path / "sheet.png", frame=99_999)
+
+
+def test_fog_shortens_the_lidar_and_leaves_the_annotation(
+    spec: Spec, made: Path, tmp_path: Path
+) -> None:
+    clear = run(with_weather(spec, find_weather("clear_day")), tmp_path, 0, 1)
+    in_fog = cloud_files.read_pcd(made / "+101" / "000060.pcd")
+    in_clear = cloud_files.read_pcd(clear / "+101" / "000060.pcd")
+    reach = [np.linalg.norm([c["x"], c["y"], c["z"]], axis=0).max() for c in (in_fog, in_clear)]
+    of_surfaces = [
+        int((points["kind"] == PointKind.SURFACE).sum()) for points in (in_fog, in_clear)
+    ]
+    assert of_surfaces[0] < of_surfaces[1]
+    assert (in_fog["kind"] == PointKind.FOG).any()
+    assert reach[0] < 80 < reach[1]
+
+
+def test_lidar_points_lie_in_the_boxes_of_their_actors(made: Path) -> None:
+    """All in the left-handed frame of the files: lidar to world to box."""
+    said = yaml.safe_load((made / "-1" / "000060.yaml").read_text())
+    cloud = cloud_files.read_pcd(made / "-1" / "000060.pcd")
+    x, y, z = said["lidar_pose"][:3]
+    world = np.column_stack([cloud["x"] + x, cloud["y"] + y, cloud["z"] + z])
+    checked = 0
+    for number, item in said["vehicles"].items():
+        points = world[cloud["object_id"] == number]
+        yaw = np.deg2rad(item["angle"][1])
+        turn = np.array([[np.cos(yaw), np.sin(yaw), 0], [-np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
+        local = (points - np.add(item["location"], item["center"])) @ turn.T
+        # The unit's range noise has a standard deviation of 2 cm.
+        assert (np.abs(local) <= np.add(item["extent"], 0.12)).all()
+        checked += len(points)
+    assert checked > 20
+
+
+def test_a_recording_is_written_beside_the_dataset(spec: Spec, made: Path, tmp_path: Path) -> None:
+    file = tmp_path / "scene.rrd"
+    scenario = run(spec, tmp_path, 0, 1, viewer=ViewerTarget(file=file))
+    assert file.stat().st_size > 10_000
+    assert tree(scenario).keys() <= tree(made).keys()
+
+
+def test_a_recording_shows_what_was_asked_for_last(spec: Spec, made: Path, tmp_path: Path) -> None:
+    file = tmp_path / "scene.rrd"
+    file.write_bytes(b"of something else")
+    run(spec, made.parent, 0, 1, viewer=ViewerTarget(file=file))
+    assert file.stat().st_size > 10_000
+
+
+def test_frames_beyond_the_end_are_bad_input(spec: Spec, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="has frames 0 to"):
+        run(spec, tmp_path, 5000, 5001)
+    assert not list(tmp_path.rglob("*"))
+
+
+@pytest.mark.parametrize(
+    ("text", "frames"),
+    [("2:5", [2, 3, 4]), (":3", [0, 1, 2]), ("7:", [7, 8, 9]), ("0:10:4", [0, 4, 8])],
+)
+def test_frame_ranges_count_from_the_first_kept_frame(text: str, frames: list[int]) -> None:
+    assert list(parse_frame_range(text).to_range(10)) == frames

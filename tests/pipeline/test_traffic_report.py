@@ -1,0 +1,125 @@
+"""`advercity simulate`: traffic without sensors, and what it amounts to."""
+
+import json
+import sys
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+from advercity_dsl import Spec
+from advercity_dsl.conflict import OutcomeCriteria, StagedActor, StagedConflict
+
+from advercity.cli import main
+from advercity.compiler import write_specs
+from advercity.conflicts.report import ConflictOutcome, evaluate_outcomes
+from advercity.frames import STATE_DTYPE, Actor, Trace
+
+EGO = 101
+OTHER = 9001
+
+
+def shortened(spec: Spec) -> Spec:
+    """Ten kept frames."""
+    timing = spec.timing.model_copy(update={"max_ticks": spec.timing.warm_up_ticks + 10})
+    return spec.model_copy(update={"timing": timing, "conflicts": ()})
+
+
+@pytest.mark.sumo
+def test_simulate_writes_the_trace_its_report_and_a_film(
+    specs: dict[str, Spec],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+):
+    spec = shortened(specs["ri_clear_day_sparse"])
+    path = tmp_path / "compiled" / f"{spec.id}.json"
+    write_specs([spec], tmp_path / "compiled")
+    arguments = ["simulate", str(path), "--output", str(tmp_path / "out")]
+    monkeypatch.setattr(sys, "argv", ["advercity", *arguments])
+
+    with pytest.raises(SystemExit) as ended:
+        main()
+
+    assert ended.value.code in (0, None)
+
+    folder = tmp_path / "out" / spec.id
+    assert sorted(one.name for one in folder.iterdir()) == ["plan.mp4", "report.json", "trace.npz"]
+    told = json.loads((folder / "report.json").read_text())
+    trace = Trace.load(folder / "trace.npz")
+    assert told["frames"] == len(trace) == 10
+    assert told["actors"]["pedestrian"] == spec.demand.walkers
+    assert told["overlaps"] == []
+    assert told["stopping"]["distance_m"] == 16.92  # 30 km/h: 12.5 m to react, 4.42 m to brake
+    with av.open(str(folder / "plan.mp4")) as film:
+        pictures = [frame.to_ndarray(format="rgb24") for frame in film.decode(video=0)]
+    assert len(pictures) == 10
+    assert np.ptp(pictures[0].astype(int), axis=(0, 1)).min() > 100
+    assert str(len(trace)) in capsys.readouterr().out
+
+
+def crossing(offset_s: float, *, below_s: float = 3.0) -> tuple[StagedConflict, OutcomeCriteria]:
+    """An actor who comes to (0, 0) from the south, 2 s after the start and `offset_s`."""
+    wanted = OutcomeCriteria(
+        arrival_tolerance_s=0.3,
+        time_to_collision_below_s=below_s,
+        post_encroachment_s=(0.2, 2.0),
+    )
+    actor = StagedActor.model_construct(id="conflict_1_walker", number=OTHER)
+    staged = StagedConflict.model_construct(
+        id="conflict_1",
+        conflict="ped_nearside_crossing",
+        actors=(actor,),
+        point_m=(0.0, 0.0),
+        parameters={"arrival_offset_s": offset_s},
+        outcome=wanted,
+    )
+    return staged, wanted
+
+
+def crossed(spec: Spec, lag_s: float, meant_s: float, *, below_s: float = 3.0) -> ConflictOutcome:
+    """The ego goes east at 10 m/s, the other north at 2 m/s; both would be at the origin."""
+    ticks, tick_s = 60, 0.1
+    time = np.linspace(0, (ticks - 1) * tick_s, ticks)
+    rows = np.zeros((ticks, 2), STATE_DTYPE)
+    rows["tick"], rows["actor"] = np.arange(ticks)[:, None], np.arange(2)
+    rows["x"][:, 0], rows["speed"][:, 0], rows["travelled"][:, 0] = 10 * time - 20, 10, 10 * time
+    rows["y"][:, 1] = 2 * (time - 2 - lag_s)
+    rows["speed"][:, 1], rows["travelled"][:, 1] = 2, 2 * time
+    rows["yaw"][:, 1] = np.pi / 2
+    actors = (
+        Actor(EGO, "car", "saloon", "car_paint_blue", (4.0, 2.0, 1.5)),
+        Actor(OTHER, "pedestrian", "adult", "cloth_dark", (0.5, 0.5, 1.8)),
+    )
+    trace = Trace(tick_s, 60, actors, rows.ravel(), (), np.zeros((ticks, 0), np.uint8))
+    staged, _ = crossing(meant_s, below_s=below_s)
+    (found,) = evaluate_outcomes(spec.model_copy(update={"conflicts": (staged,)}), trace)
+    return found
+
+
+def test_a_conflict_happened_if_all_was_as_declared(specs: dict[str, Spec]):
+    # 1 s late: the ego's tail (2 m) is gone at 2.2 s, the other's front comes to the ego's side
+    # (1 m and 0.25 m before the origin) at 2 + 1 - 0.625 s: 0.2 s in between.
+    found = crossed(specs["ui_clear_day_sparse"], lag_s=1.0, meant_s=1.0, below_s=6.0)
+
+    assert found.ego_at_s == pytest.approx(2.0)
+    assert found.actor_lag_s == pytest.approx(1.0)
+    assert found.met.post_encroachment_s is not None
+    assert found.met.post_encroachment_s.value == pytest.approx(0.2, abs=0.1)
+    assert found.time_to_collision_s is None
+    assert found.missed == ("time to collision (none) is not below 6 s",)
+
+
+def test_a_conflict_that_ends_in_a_crash_is_no_near_miss(specs: dict[str, Spec]):
+    found = crossed(specs["ui_clear_day_sparse"], lag_s=0.0, meant_s=0.0)
+
+    assert not found.happened
+    assert found.missed[0] == "they touch"
+    assert found.time_to_collision_s == pytest.approx(0.0)
+
+
+def test_whoever_comes_too_late_has_missed_the_conflict(specs: dict[str, Spec]):
+    found = crossed(specs["ui_clear_day_sparse"], lag_s=3.0, meant_s=0.5)
+
+    assert "the actor comes 3.00 s after the ego instead of 0.50 s" in found.missed
+    assert found.missed[-1].startswith("post-encroachment time 2.")

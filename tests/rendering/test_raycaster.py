@@ -1,0 +1,252 @@
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from advercity.frames import Actor, ActorState, Frame, Lamp
+from advercity.geometry import poses
+from advercity.geometry.mesh import Mesh
+from advercity.geometry.poses import invert_pose, pose_matrix, rotation_matrix, transform_points
+from advercity.rendering.raycaster import MATERIAL_NAMES, Raycaster, RayHits, Rays
+from advercity.semantics import Semantic
+from advercity.world import Body, World
+
+CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float32)
+SIDES = np.array(
+    [
+        [0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
+        [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3],
+    ],
+    np.int32,
+)  # fmt: skip
+
+
+def box(
+    size: tuple[float, float, float],
+    middle: tuple[float, float, float] = (0, 0, 0),
+    material: str = "concrete",
+    semantic: Semantic = Semantic.BUILDING,
+) -> Mesh:
+    vertices = (CORNERS * np.array(size) / 2 + middle).astype(np.float32)
+    return Mesh("box", vertices, SIDES, material, semantic)
+
+
+CAR = Body((box((4, 2, 1), (0, 0, 0.5), "paint", Semantic.VEHICLE),), (4, 2, 1))
+GROUND = box((400, 400, 1), (0, 0, -0.5), "asphalt", Semantic.ROAD)
+WALL = box((1, 40, 10), (20.5, 0, 5))
+
+
+def caster(*static: Mesh) -> Raycaster:
+    return Raycaster(World("tried", static, {"car": CAR}, (), Path("none")))
+
+
+def car(actor_id: int, x: float, y: float = 0.0, *, yaw: float = 0.0) -> ActorState:
+    actor = Actor(actor_id, "car", "car", "car_paint_red", CAR.size)
+    return ActorState(actor, pose_matrix((x, y, 0), yaw=yaw), 0.0, 0.0, Lamp(0))
+
+
+def frame(*states: ActorState) -> Frame:
+    return Frame(0, 0.0, states, {})
+
+
+def rays(origins: Any, directions: Any, **more: Any) -> Rays:
+    return Rays(np.array(origins, np.float32), np.array(directions, np.float32), **more)
+
+
+def forward(eye: Raycaster, *, height: float = 0.5, max_range_m: float = 100.0) -> RayHits:
+    return eye.cast(rays([[0, 0, height]], [[1, 0, 0]]), max_range_m)
+
+
+def test_a_ray_tells_what_it_met() -> None:
+    hits = forward(caster(GROUND, WALL))
+    assert hits.range_m[0] == pytest.approx(20.0, abs=1e-4)
+    np.testing.assert_allclose(hits.normal[0], [-1, 0, 0], atol=1e-6)
+    assert hits.cosine[0] == pytest.approx(1.0)
+    assert MATERIAL_NAMES[hits.material[0]] == "concrete"
+    assert hits.semantic[0] == Semantic.BUILDING
+    assert hits.instance[0] == 0
+
+
+def test_the_normal_faces_the_ray_and_the_cosine_is_of_its_angle() -> None:
+    hits = caster(GROUND).cast(rays([[0, 0, 3]], [[0.8, 0, -0.6]]), 100.0)
+    assert hits.range_m[0] == pytest.approx(5.0, abs=1e-4)
+    assert hits.cosine[0] == pytest.approx(0.6)
+    np.testing.assert_allclose(hits.normal[0], [0, 0, 1], atol=1e-6)
+
+
+def test_what_is_beyond_the_range_is_missed() -> None:
+    hits = forward(caster(WALL), max_range_m=19.9)
+    assert hits.range_m[0] == np.inf
+    assert not hits.semantic[0]
+    assert not hits.normal.any()
+
+
+def test_an_empty_world_misses_everything() -> None:
+    assert forward(caster()).range_m[0] == np.inf
+
+
+def test_a_mover_hides_the_wall_behind_it_and_wears_its_paint() -> None:
+    eye = caster(GROUND, WALL)
+    eye.place(frame(car(7, 12.0)))
+    hits = forward(eye)
+    assert hits.range_m[0] == pytest.approx(10.0, abs=1e-4)
+    assert hits.instance[0] == 7
+    assert hits.semantic[0] == Semantic.VEHICLE
+    assert MATERIAL_NAMES[hits.material[0]] == "car_paint_red"
+
+
+def test_a_mover_behind_the_wall_is_not_seen() -> None:
+    eye = caster(WALL)
+    eye.place(frame(car(7, 40.0)))
+    assert forward(eye).instance[0] == 0
+
+
+def test_movers_turn_with_their_pose() -> None:
+    eye = caster()
+    eye.place(frame(car(7, 12.0, yaw=np.pi / 2)))
+    assert forward(eye).range_m[0] == pytest.approx(11.0, abs=1e-4)
+
+
+def test_every_frame_starts_afresh() -> None:
+    eye = caster(WALL)
+    eye.place(frame(car(7, 12.0), car(8, 30.0)))
+    eye.place(frame(car(8, 15.0)))
+    assert forward(eye).instance[0] == 8
+    eye.place(frame())
+    assert forward(eye).range_m[0] == pytest.approx(20.0, abs=1e-4)
+
+
+def test_rays_go_through_the_hidden_and_meet_what_is_behind() -> None:
+    eye = caster(WALL)
+    placed = frame(car(1, 0.0), car(7, 6.0), car(8, 12.0))
+    eye.place(placed, frozenset({1, 7}))
+    assert forward(eye).instance[0] == 8
+    assert forward(eye).range_m[0] == pytest.approx(10.0, abs=1e-3)
+    eye.place(placed, frozenset({1, 7, 8}))
+    assert forward(eye).range_m[0] == pytest.approx(20.0, abs=1e-4)
+    eye.place(placed)
+    assert forward(eye).instance[0] == 1
+
+
+def test_a_seen_mover_inside_a_hidden_one_is_met() -> None:
+    eye = caster(WALL)
+    eye.place(frame(car(1, 10.0), car(2, 11.0)), frozenset({1}))
+    assert forward(eye).instance[0] == 2
+    assert forward(eye).range_m[0] == pytest.approx(9.0, abs=1e-3)
+
+
+def test_no_ray_slips_through_a_closed_box() -> None:
+    eye = caster(replace(box((50, 50, 50)), name="shell"))
+    directions = np.random.default_rng(3).normal(size=(20_000, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    hits = eye.cast(rays(np.zeros_like(directions), directions), 100.0)
+    points = hits.range_m[:, None] * directions
+    np.testing.assert_allclose(np.abs(points).max(axis=1), 25.0, atol=1e-4)
+
+
+def test_rays_in_rings_find_what_they_find_alone() -> None:
+    eye = caster(GROUND, WALL)
+    places = [(9, 0), (4, 5), (-15, 3), (0, 12), (-40, 20), (60, 60), (2.5, -1.2)]
+    cars = [car(number, x, y, yaw=x / 7) for number, (x, y) in enumerate(places, start=1)]
+    eye.place(frame(*cars))
+    bearing = np.arange(601) * (2 * np.pi / 601)
+    elevation = np.radians(np.linspace(-25, 15, 64))
+    around, up = np.meshgrid(bearing, elevation, indexing="ij")
+    own = np.stack([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)], axis=-1)
+    stand = pose_matrix((0, 0, 1.9), yaw=2.0, pitch=0.08, roll=-0.05)
+    world = own.reshape(-1, 3) @ stand[:3, :3].T
+    origins = np.broadcast_to(stand[:3, 3], world.shape)
+    plain = rays(origins, world)
+    ringed = replace(plain, ring=np.tile(np.arange(64, dtype=np.uint16), 601))
+    whole = eye.cast(ringed, 100.0)
+    assert set(whole.instance) == {0, 1, 2, 3, 4, 5, 6, 7}
+    some = np.arange(0, len(world), 7)
+    for rows, hits in (
+        (np.arange(len(world)), eye.cast(plain, 100.0)),
+        (some, eye.cast(ringed.select(some), 100.0)),
+    ):
+        np.testing.assert_array_equal(hits.instance, whole.instance[rows])
+        np.testing.assert_allclose(hits.range_m, whole.range_m[rows], rtol=1e-6)
+    alone = [
+        eye.cast(plain.select(np.array([row])), 100.0).range_m[0] for row in range(0, 38_000, 999)
+    ]
+    np.testing.assert_allclose(alone, whole.range_m[:38_000:999], rtol=1e-6)
+
+
+def test_movers_are_met_anywhere_on_their_way_across_the_seam_of_the_compass() -> None:
+    """Between two poses, against the mover placed at the pose between them."""
+    eye, still = caster(), caster()
+    first, last = car(7, 12.0, yaw=3.1), car(7, 13.0, yaw=-3.1)
+    eye.place(frame(last), previous_frame=frame(first))
+    around = np.linspace(-0.2, 0.2, 40)
+    ahead = np.column_stack([np.cos(around), np.sin(around), np.zeros(40)])
+    origins = np.full((40, 3), (0, 0, 0.5))
+    for share in (0.0, 0.3, 0.8, 1.0):
+        moment = np.full(40, share, np.float32)
+        between = poses.interpolate_poses(first.world_from_body, last.world_from_body, [share])[0]
+        still.place(frame(replace(last, world_from_body=between)))
+        seen = eye.cast(rays(origins, ahead, share=moment), 100.0)
+        wanted = still.cast(rays(origins, ahead), 100.0)
+        np.testing.assert_array_equal(seen.instance, wanted.instance)
+        np.testing.assert_allclose(seen.range_m, wanted.range_m, atol=2e-4)
+        np.testing.assert_allclose(seen.normal, wanted.normal, atol=1e-5)
+
+
+def test_rays_that_are_cast_again_meet_what_has_moved_since() -> None:
+    eye = caster(WALL)
+    ahead = rays([[0, 0, 0.5]], [[1, 0, 0]])
+    ranges: list[float] = []
+    for states in ((car(7, 12.0),), (car(7, 9.0),), ()):
+        eye.place(frame(*states))
+        ranges.append(float(eye.cast(ahead, 100.0).range_m[0]))
+    assert ranges == pytest.approx([10.0, 7.0, 20.0], abs=1e-4)
+    assert eye.cast(ahead, 15.0).range_m[0] == np.inf
+
+
+def test_a_mover_is_met_where_it_is_at_the_moment_of_the_ray() -> None:
+    eye = caster(WALL)
+    eye.place(frame(car(7, 14.0)), previous_frame=frame(car(7, 12.0)))
+    shares = np.array([0.0, 0.25, 1.0], np.float32)
+    hits = eye.cast(rays([[0, 0, 0.5]] * 3, [[1, 0, 0]] * 3, share=shares), 100.0)
+    np.testing.assert_allclose(hits.range_m, [10.0, 10.5, 12.0], atol=1e-4)
+    assert (hits.instance == 7).all()
+
+
+def test_a_turning_mover_shows_its_side_as_it_turns() -> None:
+    eye = caster()
+    eye.place(frame(car(7, 12.0, yaw=0.4)), previous_frame=frame(car(7, 12.0)))
+    shares = np.array([0.0, 0.5, 1.0], np.float32)
+    hits = eye.cast(rays([[0, 0, 0.5]] * 3, [[1, 0, 0]] * 3, share=shares), 100.0)
+    np.testing.assert_allclose(hits.cosine, np.cos([0.0, 0.2, 0.4]), atol=1e-5)
+    np.testing.assert_allclose(hits.normal[:, 1], -np.sin([0.0, 0.2, 0.4]), atol=1e-5)
+
+
+def test_who_was_not_there_before_stands_still() -> None:
+    eye = caster()
+    eye.place(frame(car(7, 12.0)), previous_frame=frame())
+    hits = eye.cast(rays([[0, 0, 0.5]], [[1, 0, 0]], share=np.zeros(1, np.float32)), 100.0)
+    assert hits.range_m[0] == pytest.approx(10.0, abs=1e-4)
+
+
+def test_a_turned_bodys_normal_is_the_worlds() -> None:
+    eye = caster()
+    eye.place(frame(car(7, 12.0, yaw=0.3)))
+    np.testing.assert_allclose(
+        forward(eye).normal[0], rotation_matrix(yaw=0.3) @ [-1, 0, 0], atol=1e-6
+    )
+
+
+def test_poses_between_two_go_straight_and_turn_evenly() -> None:
+    first, last = (
+        pose_matrix((1, 2, 0), yaw=0.3, pitch=0.1),
+        pose_matrix((3, 1, 1), yaw=0.9, pitch=-0.1),
+    )
+    between = poses.interpolate_poses(first, last, [0.0, 0.5, 1.0])
+    np.testing.assert_allclose(between[0], first, atol=1e-12)
+    np.testing.assert_allclose(between[2], last, atol=1e-12)
+    halves = [invert_pose(first) @ between[1], invert_pose(between[1]) @ last]
+    np.testing.assert_allclose(halves[0][:3, :3], halves[1][:3, :3], atol=1e-12)
+    np.testing.assert_allclose(between[1][:3, 3], [2, 1.5, 0.5])
+    np.testing.assert_allclose(transform_points(between[1], np.zeros(3)), [2, 1.5, 0.5])

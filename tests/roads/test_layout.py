@@ -1,0 +1,171 @@
+"""How streets and junctions are laid out."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+import yaml
+from advercity_dsl import Road
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from advercity.errors import InputError
+from advercity.roads.layout import RoadLayout, lay_out_road, mean_value_height
+
+NAMES = ("ui", "unj", "ri", "rsnj", "rcnj")
+
+TINY = """
+kind: road
+id: tiny
+land_use: rural
+junction: non_junction
+alignment: straight
+profile: level
+sections:
+  plain: {left: [{kind: lane, width_m: 3}], right: [{kind: lane, width_m: 3}]}
+streets:
+  a: {begins: west, ends: j, start_m: [-50, 0], heading_deg: 0, path: [{line_m: 40}],
+      section: plain, speed_limit_km_h: 30}
+  b: {begins: j, ends: east, start_m: [10, 0], heading_deg: 0, path: [{line_m: 40}],
+      section: plain, speed_limit_km_h: 30}
+junctions:
+  j: {movements: [a.1 > b.1, b.1 > a.1]}
+agents: {}
+traffic:
+  vehicles_per_area: 0
+  walkers: 0
+  around_agent_m: 50
+  around_path_m: 15
+  classes: {car: 1, van: 0, truck: 0, bicycle: 0, motorcycle: 0}
+"""
+
+
+@pytest.fixture(scope="module")
+def layouts(library: Path) -> dict[str, RoadLayout]:
+    """Every shipped road, laid out."""
+    return {name: lay_out_road(read(library / f"nhtsa/roads/{name}.yaml")) for name in NAMES}
+
+
+def read(path: Path) -> Road:
+    return Road.model_validate(yaml.safe_load(path.read_text(encoding="utf-8")))
+
+
+def tiny(old: str = "", new: str = "") -> Road:
+    assert old in TINY
+    return Road.model_validate(yaml.safe_load(TINY.replace(old, new) if old else TINY))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_movements_join_lanes_smoothly(layouts: dict[str, RoadLayout], name: str) -> None:
+    plan = layouts[name]
+    for junction in plan.junctions.values():
+        for path in junction.connecting_paths:
+            source = junction.find_arm(path.movement.from_street)
+            target = junction.find_arm(path.movement.to_street)
+            first, last = (path.centre[i + 1] - path.centre[i] for i in (0, -2))
+            for step, direction in (
+                (first, -source.outward_direction),
+                (last, target.outward_direction),
+            ):
+                cosine = step[:2] @ direction / np.linalg.norm(step[:2])
+                assert cosine > np.cos(np.radians(15)), path.id
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_junctions_have_simple_outlines_that_movements_keep_clear_of(
+    layouts: dict[str, RoadLayout], name: str
+) -> None:
+    for junction in layouts[name].junctions.values():
+        ring = shapely.LinearRing(junction.roadway_outline[:, :2])
+        assert ring.is_simple and ring.is_ccw, junction.id
+        for path in junction.connecting_paths:
+            inside = shapely.Polygon(ring).buffer(-1.3)
+            middle = path.centre[2:-2]
+            assert shapely.contains_xy(inside, middle[:, 0], middle[:, 1]).all(), path.id
+
+
+def test_a_quarter_circle_ends_where_geometry_says() -> None:
+    road = tiny(
+        "path: [{line_m: 40}],\n      section: plain, speed_limit_km_h: 30}\n  b",
+        (
+            "path: [{arc_m: 15.707963, radius_m: 10, turn: left}],\n"
+            "      section: plain, speed_limit_km_h: 30}\n  b"
+        ),
+    )
+    street = lay_out_road(road).streets["a"]
+    np.testing.assert_allclose(street.axis[-1], (-40, 10, 0), atol=1e-5)
+    assert street.headings[-1] == pytest.approx(np.pi / 2)
+    right = street.offset_line(-3)
+    np.testing.assert_allclose(right[-1], (-37, 10, 0), atol=1e-5)
+    np.testing.assert_allclose(np.hypot(right[:, 0] + 50, right[:, 1] - 10), 13)
+
+
+def test_opposite_lanes_are_travelled_in_opposite_directions() -> None:
+    street = lay_out_road(tiny()).streets["a"]
+    along = street.directed_line(street.find_lane(1, along=True).centre_t, along=True)
+    against = street.directed_line(street.find_lane(1, along=False).centre_t, along=False)
+    np.testing.assert_allclose((along[0], along[-1]), [(-50, -1.5, 0), (-10, -1.5, 0)])
+    np.testing.assert_allclose((against[0], against[-1]), [(-10, 1.5, 0), (-50, 1.5, 0)])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("section: plain", "section: plane", "there is no 'plane' here; did you mean 'plain'"),
+        ("a.1 > b.1", "a.2 > b.1", "no lane 'a.2'; the street has 1 lanes along its axis"),
+        ("a.1 > b.1", "a.1 > c.1", "no 'c' here; there are: a, b"),
+        ("ends: j", "ends: west", "begins and ends at 'west'"),
+        ("{movements:", "{control: signals, movements:", "go together"),
+        ("{movements:", "{median: [a, d], movements:", "no 'd' here; there are: a, b"),
+    ],
+)
+def test_a_road_that_names_what_is_not_there_is_refused(old: str, new: str, message: str) -> None:
+    with pytest.raises(ValidationError, match=message):
+        tiny(old, new)
+
+
+def test_a_junction_of_one_street_is_refused() -> None:
+    with pytest.raises(InputError, match="only 'b' meets here"):
+        lay_out_road(
+            tiny("[a.1 > b.1, b.1 > a.1]", "[]").model_copy(
+                update={"streets": {"b": tiny().streets["b"]}}
+            )
+        )
+
+
+def test_a_median_needs_a_median() -> None:
+    with pytest.raises(InputError, match="'a' has no median"):
+        lay_out_road(tiny("{movements:", "{median: [a, b], movements:"))
+
+
+@given(
+    slope=st.tuples(st.floats(-0.2, 0.2), st.floats(-0.2, 0.2)),
+    share=st.floats(0.05, 0.95),
+    at=st.tuples(st.floats(-0.9, 0.9), st.floats(-0.9, 0.9)),
+)
+def test_a_junction_whose_outline_is_flat_is_flat(
+    slope: tuple[float, float], share: float, at: tuple[float, float]
+) -> None:
+    corners = np.array([(-1, -1), (1, -1), (1, 1), (2 * share - 1, 1), (-1, 1)], dtype=float)
+    outline = np.column_stack([corners, corners @ slope])
+    z = mean_value_height(outline, np.array([at]))
+    assert z[0] == pytest.approx(float(np.dot(at, slope)), abs=1e-9)
+
+
+def test_grades_change_over_a_few_metres_and_keep_their_ends() -> None:
+    heights = yaml.safe_load("[{at_m: 0, z_m: 1}, {at_m: 20, z_m: 1}, {at_m: 40, z_m: 3}]")
+    road = tiny(
+        "path: [{line_m: 40}],\n      section: plain, speed_limit_km_h: 30}\n  b",
+        (
+            f"path: [{{line_m: 40}}], heights: {heights},\n"
+            "      section: plain, speed_limit_km_h: 30}\n  b"
+        ),
+    )
+    street = lay_out_road(road).streets["a"]
+    z = dict(zip(street.stations.round(6), street.axis[:, 2], strict=True))
+    assert z[0] == 1 and z[40] == 3
+    assert z[16] == 1 and z[30] == pytest.approx(2)
+    # A parabola over 4 m lies grade * 4 / 8 above the corner, here a mean over 17 samples.
+    assert z[20] == pytest.approx(1.05, abs=0.005)

@@ -1,0 +1,47 @@
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from advercity_dsl import Spec
+
+from advercity.errors import InputError
+from advercity.media import write_image
+from advercity.roads.plan_drawing import draw_plan
+
+ASPHALT = (120, 120, 120)
+
+
+def test_a_plan_shows_roads_and_agents(specs: dict[str, Spec], tmp_path: Path) -> None:
+    road = specs["rcnj_clear_day_sparse"].road
+    write_image(draw_plan(road), tmp_path / "plan.png")
+    image = cv2.imread(str(tmp_path / "plan.png"))
+    assert image is not None
+    assert max(image.shape) >= 1600
+    asphalt = (image == ASPHALT).all(axis=-1).mean()
+    assert 0.01 < asphalt < 0.5
+    assert (image == (40, 40, 220)).all(axis=-1).sum() > 50, "the ego is red"
+
+
+def test_a_spec_adds_what_its_cameras_see(specs: dict[str, Spec]) -> None:
+    spec = specs["rcnj_clear_day_sparse"]
+    assert (draw_plan(spec.road) != draw_plan(spec.road, spec)).any()
+
+
+def test_the_same_road_gives_the_same_plan(specs: dict[str, Spec]) -> None:
+    spec = specs["ui_clear_day_sparse"]
+    np.testing.assert_array_equal(draw_plan(spec.road, spec), draw_plan(spec.road, spec))
+
+
+def test_a_picture_needs_the_name_of_one(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"end it in \.png"):
+        write_image(np.zeros((4, 4, 3), np.uint8), tmp_path / "plan.doc")
+
+
+@pytest.mark.parametrize("name", ["plan.png", "plan.jpg"])
+def test_a_picture_is_written_without_a_word(
+    name: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    write_image(np.full((8, 8, 3), 200, np.uint8), tmp_path / name)
+    assert (tmp_path / name).stat().st_size > 0
+    assert capfd.readouterr() == ("", "")

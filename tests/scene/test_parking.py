@@ -1,0 +1,182 @@
+"""Cars in parking strips."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+from advercity_dsl import Blueprint, Road, Spec
+from advercity_dsl.road import SurroundingKind
+
+from advercity.assets.bodies import build_body
+from advercity.conflicts.metrics import ActorTrack
+from advercity.geometry.mesh import Mesh
+from advercity.materials import MATERIALS
+from advercity.roads.layout import lay_out_road
+from advercity.roads.sumo_network import write_sumo_network
+from advercity.scene.parking import PARKING_SPACE_M, build_parked_cars
+from advercity.semantics import Semantic
+from advercity.traffic import simulate_in_subprocess
+
+BLUEPRINTS = {
+    "small": Blueprint(actor_class="car", length_m=3.8, width_m=1.8, height_m=1.5),
+    "walker": Blueprint(actor_class="pedestrian", length_m=0.4, width_m=0.4, height_m=1.8),
+}
+BODIES = {name: build_body(name, blueprint) for name, blueprint in BLUEPRINTS.items()}
+
+
+def road(
+    side: str = "right", *, bay_m: float | None = None, width_m: float = 2.5, climb_m: float = 0.0
+) -> Road:
+    strips: list[dict[str, Any]] = [
+        {"kind": "lane", "width_m": 3},
+        {"kind": "parking", "width_m": width_m, "bay_m": bay_m},
+    ]
+    return Road.model_validate(
+        {
+            "id": "street",
+            "land_use": "urban",
+            "junction": "non_junction",
+            "alignment": "straight",
+            "profile": "level",
+            "sections": {"parking": {"left": strips, "right": strips}},
+            "streets": {
+                "road": {
+                    "begins": "west",
+                    "ends": "east",
+                    "start_m": (0, 0),
+                    "heading_deg": 0,
+                    "path": [{"line_m": 200}],
+                    "heights": [{"at_m": 0, "z_m": 0}, {"at_m": 200, "z_m": climb_m}],
+                    "section": "parking",
+                    "speed_limit_km_h": 30,
+                }
+            },
+            "surroundings": [
+                {
+                    "kind": "parked_cars",
+                    "beside": {"street": "road", "side": side, "from_m": 20, "to_m": 180},
+                }
+            ],
+            "agents": {},
+            "traffic": {
+                "vehicles_per_area": 1,
+                "walkers": 0,
+                "around_agent_m": 50,
+                "around_path_m": 10,
+                "classes": dict.fromkeys(("car", "van", "truck", "bicycle", "motorcycle"), 0.2),
+            },
+        }
+    )
+
+
+def boxes(meshes: list[Mesh], place_m: float) -> dict[int, np.ndarray]:
+    """Corners (2, 3), low and high, of the car in every place that has one."""
+    points = np.concatenate([mesh.vertices for mesh in meshes])
+    places = np.floor((points[:, 0] - 20) / place_m).astype(int)
+    return {
+        int(place): np.stack([points[places == place].min(0), points[places == place].max(0)])
+        for place in np.unique(places)
+    }
+
+
+@pytest.mark.parametrize(("side", "low", "high"), [("right", -5.5, -3), ("left", 3, 5.5)])
+def test_cars_stand_in_their_strip_with_gaps_between(side: str, low: float, high: float) -> None:
+    meshes = build_parked_cars(road(side), BLUEPRINTS, BODIES)
+    found = boxes(meshes, PARKING_SPACE_M)
+    assert {mesh.semantic for mesh in meshes} == {Semantic.VEHICLE}
+    assert {mesh.material for mesh in meshes} <= set(MATERIALS)
+    assert 12 < len(found) < 25
+    for first, last in found.values():
+        np.testing.assert_allclose(last - first, (3.8, 1.8, 1.5), atol=0.01)
+        assert low <= first[1] and last[1] <= high
+        assert first[0] >= 20 and last[0] <= 180
+        assert first[2] == pytest.approx(0, abs=1e-3)
+
+
+def test_cars_stand_across_bays_one_in_each() -> None:
+    place = road(bay_m=2.6, width_m=5)
+    found = boxes(build_parked_cars(place, BLUEPRINTS, BODIES), 2.6)
+    assert 30 < len(found) < 55
+    for index, (first, last) in found.items():
+        np.testing.assert_allclose(last - first, (1.8, 3.8, 1.5), atol=0.01)
+        assert (first[0] + last[0]) / 2 == pytest.approx(20 + 2.6 * (index + 0.5), abs=0.01)
+
+
+def test_cars_lean_with_a_hill() -> None:
+    meshes = build_parked_cars(road(climb_m=30), BLUEPRINTS, BODIES)
+    wheels = np.concatenate([mesh.vertices for mesh in meshes]).astype(float)
+    above = (wheels[:, 2] - 0.15 * wheels[:, 0]) / np.hypot(1, 0.15)
+    assert above.min() == pytest.approx(0, abs=0.01)
+    assert above.max() == pytest.approx(1.5, abs=0.01)
+
+
+def test_a_street_without_a_parking_strip_is_refused() -> None:
+    declared = road().model_dump(mode="json")
+    for side in ("left", "right"):
+        declared["sections"]["parking"][side].pop()
+    with pytest.raises(ValueError, match=r"'road' has no parking strip on its right"):
+        Road.model_validate(declared)
+
+
+@pytest.mark.parametrize("path", [((55, -8), (55, 8)), ((80, -4.5), (84, -4.5))])
+def test_places_that_somebody_staged_needs_stay_empty(
+    specs: dict[str, Spec], path: tuple[tuple[float, float], ...]
+) -> None:
+    """Somebody crosses the street, or stands along its kerb."""
+    conflict, *_ = specs["unj_clear_day_sparse"].conflicts
+    actor = conflict.actors[0].model_copy(update={"blueprint": "small", "path_m": path})
+    staged = conflict.model_copy(update={"actors": (actor,)})
+
+    without = boxes(build_parked_cars(road(), BLUEPRINTS, BODIES), PARKING_SPACE_M)
+    clear = boxes(build_parked_cars(road(), BLUEPRINTS, BODIES, [staged]), PARKING_SPACE_M)
+
+    swept = shapely.LineString(path).buffer(0.9 + 0.4)
+    on_it = {
+        place
+        for place, ((left, low, _), (right, high, _)) in without.items()
+        if swept.intersects(shapely.box(left, low, right, high))
+    }
+    assert len(on_it) >= 1
+    assert without.keys() - clear.keys() == on_it
+    for place, corners in clear.items():
+        np.testing.assert_array_equal(corners, without[place])
+
+
+@pytest.mark.sumo
+@pytest.mark.parametrize("name", ["ui", "unj", "rsnj"])
+def test_nobody_drives_or_walks_through_a_parked_car(
+    specs: dict[str, Spec], name: str, tmp_path: Any
+) -> None:
+    spec = specs[f"{name}_clear_day_dense"]
+    strips = shapely.union_all(
+        [
+            shapely.Polygon(
+                np.vstack([street.offset_line(inner), street.offset_line(outer)[::-1]])[:, :2]
+            )
+            for street in lay_out_road(spec.road).streets.values()
+            for band in (*street.left_strips, *street.right_strips)
+            if band.kind == "parking"
+            for inner, outer in [sorted((band.inner_t, band.outer_t))]
+        ]
+    )
+    declared = [i for i in spec.road.surroundings if i.kind is SurroundingKind.PARKED_CARS]
+    assert declared
+    shapely.prepare(strips)
+    trace = simulate_in_subprocess(spec, write_sumo_network(spec.road, tmp_path))
+    staged = {actor.number for one in spec.conflicts for actor in one.actors if actor.path_m}
+    numbers = np.array([actor.id for actor in trace.actors])
+    rows = trace.states[~np.isin(numbers[trace.states["actor"]], list(staged))]
+    inside = shapely.contains_xy(shapely.buffer(strips, -0.3), rows["x"], rows["y"])
+    assert not inside.any()
+    bodies = {key: build_body(key, blueprint) for key, blueprint in spec.blueprints.items()}
+    cars = ground(build_parked_cars(spec.road, spec.blueprints, bodies, spec.conflicts))
+    shapely.prepare(cars)
+    for number in staged:
+        assert not shapely.intersects(cars, ActorTrack.from_trace(trace, number).boxes).any()
+
+
+def ground(meshes: list[Mesh]) -> shapely.Geometry:
+    """What cars cover, from above."""
+    triangles = np.concatenate([mesh.vertices[mesh.triangles][..., :2] for mesh in meshes])
+    return shapely.union_all(shapely.buffer(shapely.polygons(triangles.astype(float)), 0.005))

@@ -1,0 +1,96 @@
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+from advercity_dsl import Spec
+
+from advercity.assets.model_store import ModelStore
+from advercity.compiler import read_spec
+from advercity.geometry.mesh import Mesh
+from advercity.pipeline.cache import compute_world_key
+from advercity.pipeline.preparation import load_or_build_world
+from advercity.scene.build import build_world
+from advercity.scene.world_storage import load_world, save_world
+from advercity.semantics import Semantic
+from advercity.world import World
+
+NETWORK = Path("road.net.xml")
+
+
+@pytest.fixture(scope="module")
+def spec() -> Spec:
+    return read_spec(Path(__file__).parents[2] / "compiled" / "ui_clear_day_sparse.json")
+
+
+@pytest.fixture(scope="module")
+def world(spec: Spec) -> World:
+    return build_world(spec, NETWORK)
+
+
+def are_equal(first: Mesh, second: Mesh) -> bool:
+    return all(
+        np.array_equal(one, other) and one.dtype == other.dtype
+        if isinstance(one := getattr(first, item.name), np.ndarray)
+        and isinstance(other := getattr(second, item.name), np.ndarray)
+        else one == getattr(second, item.name)
+        for item in fields(Mesh)
+    )
+
+
+def test_a_stored_world_is_the_same_world(world: World, tmp_path: Path):
+    save_world(world, tmp_path / "world.npz")
+    loaded = load_world(tmp_path / "world.npz", NETWORK)
+    assert len(loaded.static) == len(world.static)
+    assert all(map(are_equal, loaded.static, world.static))
+    assert list(loaded.bodies) == list(world.bodies)
+    for name, body in world.bodies.items():
+        assert loaded.bodies[name].size == body.size
+        assert len(loaded.bodies[name].parts) == len(body.parts)
+        assert all(map(are_equal, loaded.bodies[name].parts, body.parts))
+    for lane, other in zip(world.lanes, loaded.lanes, strict=True):
+        assert (lane.id, lane.kind, lane.in_junction) == (other.id, other.kind, other.in_junction)
+        np.testing.assert_array_equal(lane.left, other.left)
+        np.testing.assert_array_equal(lane.right, other.right)
+    assert loaded.street_lamps == world.street_lamps
+    assert loaded.signal_lamps == world.signal_lamps
+    assert (loaded.id, loaded.network) == (world.id, NETWORK)
+
+
+def test_a_world_of_nothing_can_be_stored(tmp_path: Path):
+    save_world(World("empty", (), {}, (), NETWORK), tmp_path / "world.npz")
+    loaded = load_world(tmp_path / "world.npz", NETWORK)
+    assert (loaded.static, loaded.bodies, loaded.lanes) == ((), {}, ())
+
+
+def test_a_world_is_built_once_and_then_read(
+    spec: Spec, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    mesh = Mesh(
+        "ground",
+        np.eye(3, dtype=np.float32),
+        np.array([[0, 1, 2]], np.int32),
+        "grass",
+        Semantic.TERRAIN,
+    )
+    built: list[str] = []
+
+    def build(spec: Spec, network: Path, shelf: ModelStore) -> World:
+        built.append(spec.id)
+        return World(spec.road.id, (mesh,), {}, (), network)
+
+    monkeypatch.setenv("ADVERCITY_CACHE", str(tmp_path))
+    monkeypatch.setattr("advercity.pipeline.preparation.build_world", build)
+    worlds = [load_or_build_world(spec, NETWORK) for _ in range(2)]
+    assert built == [spec.id]
+    assert are_equal(worlds[0].static[0], worlds[1].static[0])
+
+
+def test_worlds_are_shared_between_weathers_but_not_between_places_of_units(spec: Spec):
+    other_weather = spec.model_copy(update={"id": "other", "weather": None})
+    agents = {**spec.road.agents}
+    unit = agents["rsu1"]
+    agents["rsu1"] = unit.model_copy(update={"yaw_deg": 3.0})
+    moved = spec.model_copy(update={"road": spec.road.model_copy(update={"agents": agents})})
+    assert compute_world_key(spec) == compute_world_key(other_weather)
+    assert compute_world_key(spec) != compute_world_key(moved)

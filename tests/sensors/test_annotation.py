@@ -1,0 +1,109 @@
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from advercity.frames import Actor, ActorState, Lamp
+from advercity.geometry import poses
+from advercity.sensors.annotation import Annotation, annotate_actors
+from advercity.sensors.sensor_frame import SensorFrame, compute_image_intrinsics
+
+ReadingsOf = Callable[[int], tuple[SensorFrame, ...]]
+
+
+@pytest.fixture
+def ego(readings_of: ReadingsOf) -> SensorFrame:
+    return readings_of(0)[0]
+
+
+def annotated(reading: SensorFrame) -> dict[int, Annotation]:
+    return {item.state.actor.id: item for item in annotate_actors(reading)}
+
+
+def among(reading: SensorFrame, *states: ActorState, hits: int = 1) -> SensorFrame:
+    """The same viewpoint, level at the origin and facing north, with only itself and these."""
+    own = replace(reading.frame.state_of(reading.agent.number), world_from_body=north)
+    return replace(
+        reading,
+        frame=replace(reading.frame, states=(own, *states)),
+        world_from_agent=north,
+        lidar_hits={state.actor.id: hits for state in states},
+    )
+
+
+north = poses.pose_matrix((0, 0, 0), yaw=np.pi / 2)
+
+
+def car_at(x: float, y: float, *, yaw: float = 0.0, number: int = 300) -> ActorState:
+    actor = Actor(number, "car", "sedan", "car_paint_red", (4.0, 2.0, 1.5))
+    return ActorState(actor, poses.pose_matrix((x, y, 0), yaw=yaw), 5.0, 0.0, Lamp.LOW_BEAM)
+
+
+def test_everybody_hit_and_near_is_annotated_but_not_oneself(ego: SensorFrame) -> None:
+    assert set(annotated(ego)) == {102, 103, 201, 202, 203}
+
+
+def test_roadside_units_annotate_all_connected_vehicles(readings_of: ReadingsOf) -> None:
+    assert {101, 102, 103} <= set(annotated(readings_of(0)[3]))
+
+
+def test_who_is_not_hit_is_not_annotated(ego: SensorFrame) -> None:
+    assert set(annotated(replace(ego, lidar_hits={201: 1, 202: 0}))) == {201}
+
+
+@pytest.mark.parametrize(("distance_m", "expected"), [(199.9, {300}), (200.0, set[int]())])
+def test_lidar_range_is_an_open_bound(
+    ego: SensorFrame, distance_m: float, expected: set[int]
+) -> None:
+    assert set(annotated(among(ego, car_at(0, distance_m)))) == expected
+
+
+def test_distance_counts_from_the_true_place_of_a_drifting_unit(readings_of: ReadingsOf) -> None:
+    unit = readings_of(0)[3]
+    assert not np.allclose(unit.estimated_world_from_agent, unit.world_from_agent)
+    car = annotated(unit)[103]
+    expected = np.linalg.norm(car.location - unit.world_from_agent[:3, 3])
+    assert car.distance_m == pytest.approx(float(expected))
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "bearing_deg"), [(0, 30, 0), (-30, 0, 90), (30, 0, -90), (20, 20, -45)]
+)
+def test_bearing_is_where_the_viewpoint_looks_for_it(
+    ego: SensorFrame, x: float, y: float, bearing_deg: float
+) -> None:
+    item = annotated(among(ego, car_at(x, y)))[300]
+    assert np.rad2deg(item.bearing_rad) == pytest.approx(bearing_deg)
+
+
+@pytest.mark.parametrize(
+    ("yaw_deg", "relative_deg"), [(90, 0), (0, -90), (180, 90), (-90, 180), (-80, -170)]
+)
+def test_relative_yaw_is_a_difference_of_headings(
+    ego: SensorFrame, yaw_deg: float, relative_deg: float
+) -> None:
+    item = annotated(among(ego, car_at(10, 10, yaw=np.deg2rad(yaw_deg))))[300]
+    assert np.rad2deg(item.relative_yaw_rad) == pytest.approx(relative_deg)
+
+
+def test_a_vehicle_stands_on_its_location_and_a_pedestrian_around_it(ego: SensorFrame) -> None:
+    objects = annotated(ego)
+    van, walker = objects[201], objects[203]
+    assert np.linalg.norm(van.centre - van.location) == pytest.approx(2.55 / 2)
+    np.testing.assert_array_equal(walker.centre, walker.location)
+
+
+def test_hits_are_counted(ego: SensorFrame) -> None:
+    assert annotated(among(ego, car_at(0, 20), hits=17))[300].lidar_hits == 17
+
+
+def test_a_roadside_unit_does_not_move(readings_of: ReadingsOf) -> None:
+    ego, *_, unit = readings_of(0)
+    assert (ego.speed_m_s, unit.speed_m_s) == (10.0, 0.0)
+
+
+def test_intrinsics_follow_the_size_of_the_picture(ego: SensorFrame) -> None:
+    picture = replace(ego.camera_images[0], image=np.zeros((1080, 1920, 3), np.uint8))
+    expected = [[805.5356459, 0, 960], [0, 805.5356459, 540], [0, 0, 1]]
+    np.testing.assert_allclose(compute_image_intrinsics(picture, horizontal_fov_deg=100), expected)

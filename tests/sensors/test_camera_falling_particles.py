@@ -1,0 +1,324 @@
+"""Drops and flakes between camera and scene."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from advercity_dsl import Camera, Exposure, Mount, Weather
+from advercity_dsl.weather import Wind
+from numpy.typing import NDArray
+
+from advercity.frames import Frame
+from advercity.geometry.poses import pose_matrix
+from advercity.physics.atmosphere import compute_atmosphere
+from advercity.physics.precipitation import (
+    drop_terminal_speed_m_s,
+    rain_size_distribution,
+    snow_accumulation_mm,
+    wind_at_height,
+)
+from advercity.randomness import create_generator
+from advercity.rendering.backend import CameraCapture, CameraView
+from advercity.sensors.camera import (
+    CameraConditions,
+    CameraExposure,
+    add_air_effects,
+    meter_exposure,
+    render_image,
+)
+from advercity.sensors.camera.falling_particles import ParticleBlock, build_particle_blocks
+from advercity.sensors.camera.motion_streaks import project_streaks
+
+FOV_RAD = math.radians(100.0)
+SKY = {"oktas": 8}
+BOX = np.array([[1, 0, 0, 0], [-1, 0, 0, 10], [0, 1, 0, 0], [0, -1, 0, 5], [0, 0, 1, 0]])
+PLANES = np.vstack([BOX, [0, 0, -1, 2]]).astype(float)
+CORNERS = np.array([[x, y, z] for x in (0, 10) for y in (0, 5) for z in (0, 2)], float)
+"""Of a box of 100 m³."""
+
+
+def weather(**parts: Any) -> Weather:
+    return Weather.model_validate({"id": "tried", "time": "day", "sky": SKY} | parts)
+
+
+def rainy(rate_mm_h: float = 50.0, wind_m_s: float = 0.0) -> Weather:
+    wind = {"speed_m_s": wind_m_s, "from_deg": 270}
+    return weather(rain={"rate_mm_h": rate_mm_h}, wind=wind)
+
+
+def snowy(wind_m_s: float = 0.0) -> Weather:
+    return weather(
+        snow={"rate_mm_h": 1.5}, temperature_c=-3, wind={"speed_m_s": wind_m_s, "from_deg": 270}
+    )
+
+
+def shot(
+    width_px: int = 480,
+    *,
+    at: Any = (0.0, 0.0, 1.5),
+    time_s: float = 0.0,
+    velocity: Any = (0, 0, 0),
+) -> CameraExposure:
+    view = CameraView(pose_matrix(at), width_px, width_px * 9 // 16, FOV_RAD)
+    camera = Camera(mounts=(Mount(),))
+    return CameraExposure(view, camera, Frame(0, time_s, (), {}), np.asarray(velocity, float))
+
+
+def capture(luminance: float, depth_m: float = 50.0, width_px: int = 480) -> CameraCapture:
+    size = width_px * 9 // 16, width_px
+    return CameraCapture(
+        radiance=np.full((*size, 3), luminance, np.float32),
+        depth=np.full(size, depth_m, np.float32),
+        normal=np.zeros((*size, 3), np.float32),
+        semantic=np.zeros(size, np.uint8),
+        instance=np.zeros(size, np.int32),
+    )
+
+
+def through(said: Weather, seen: CameraCapture, taken: CameraExposure) -> NDArray[np.float32]:
+    air = CameraConditions.build(said, compute_atmosphere(said, "rural"), "test")
+    return add_air_effects(seen, taken, air).radiance
+
+
+def in_box(
+    block: ParticleBlock, time_s: float = 0.0, around: Any = (40.0, -7.0, 3.0)
+) -> NDArray[Any]:
+    """Diameters of what is within the box of 100 m³."""
+    found = block.find_particles(PLANES, CORNERS, np.asarray(around), time_s)
+    inside = (found.position @ PLANES[:, :3].T + PLANES[:, 3] >= 0.0).all(axis=1)
+    return found.diameter_m[inside]
+
+
+@pytest.mark.parametrize(("rate_mm_h", "expected"), [(10, 25_200), (50, 73_010)])
+def test_as_many_large_drops_fly_as_marshall_and_palmer_counted(
+    rate_mm_h: float, expected: float
+) -> None:
+    blocks = build_particle_blocks(rainy(rate_mm_h), "test")
+    diameter_m = np.concatenate([in_box(block, time_s=12.3) for block in blocks])
+    assert int((diameter_m > 1e-3).sum()) == pytest.approx(expected, abs=3 * math.sqrt(expected))
+    assert float(
+        rain_size_distribution(rate_mm_h).number_concentration_above(1.0)
+    ) * 100 == pytest.approx(expected, rel=0.003)
+
+
+@pytest.mark.parametrize(
+    ("diameter_mm", "speed_m_s"), [(0.1, 0), (0.5, 2.02), (1, 4.00), (2, 6.55), (5, 9.14)]
+)
+def test_drops_fall_as_fast_as_their_size_lets_them(diameter_mm: float, speed_m_s: float) -> None:
+    assert drop_terminal_speed_m_s(diameter_mm) == pytest.approx(speed_m_s, abs=0.01)
+
+
+def of_two_millimetres(said: Weather) -> ParticleBlock:
+    return next(
+        block for block in build_particle_blocks(said, "test") if block.max_diameter_m > 2e-3
+    )
+
+
+def test_a_drop_of_two_millimetres_streaks_33_millimetres_which_are_26_pixels_at_a_metre() -> None:
+    falling = of_two_millimetres(rainy())
+    assert falling.fall_speed_m_s == pytest.approx(6.55, rel=0.01)
+    taken = shot(1920)
+    planes, corners = taken.frustum(0.9, 1.1)
+    seen = project_streaks(falling.find_particles(planes, corners, taken.position, 0.0), taken)
+    row, column = seen.begin[:, 1], seen.begin[:, 0]
+    middle = (abs(row - 540) < 100) & (abs(column - 960) < 300)
+    length_at_1_m = seen.length_px[middle] * seen.depth_m[middle]
+    np.testing.assert_allclose(length_at_1_m, 26.4, rtol=0.01)
+    assert taken.camera.exposure.shutter_s * falling.fall_speed_m_s == pytest.approx(
+        0.0327, rel=0.01
+    )
+
+
+@pytest.mark.parametrize(("shutter_s", "length_px"), [(1 / 60, 87.9), (1 / 2000, 2.64)])
+def test_a_drop_streaks_as_far_as_it_falls_while_the_shutter_is_open(
+    shutter_s: float, length_px: float
+) -> None:
+    falling = of_two_millimetres(rainy())
+    taken = shot(1920).with_shutter(shutter_s)
+    planes, corners = taken.frustum(0.9, 1.1)
+    seen = project_streaks(falling.find_particles(planes, corners, taken.position, 0.0), taken)
+    middle = (abs(seen.begin[:, 1] - 540) < 100) & (abs(seen.begin[:, 0] - 960) < 300)
+    length_at_1_m = seen.length_px[middle] * seen.depth_m[middle]
+    np.testing.assert_allclose(length_at_1_m, length_px, rtol=0.01)
+
+
+def test_a_shutter_open_for_longer_draws_no_fewer_drops_and_thinner_ones() -> None:
+    falling = of_two_millimetres(rainy())
+    particles = falling.find_particles(*shot().frustum(0.3, 3.0), shot().position, 0.0)
+    usual, longer = (
+        project_streaks(particles, shot().with_shutter(open_s)) for open_s in (0.005, 1 / 60)
+    )
+    assert len(longer.depth_m) >= len(usual.depth_m) > 100
+    assert longer.opacity.max() < usual.opacity.max()
+
+
+def picture(said: Weather, seen: CameraCapture, **exposure: Any) -> NDArray[np.uint8]:
+    """What a camera takes from a car that drives 10 m/s."""
+    taken = shot(velocity=(10.0, 0.0, 0.0))
+    camera = taken.camera.model_copy(update={"exposure": Exposure(**exposure)})
+    air = CameraConditions.build(said, compute_atmosphere(said, "rural"), "test")
+    rng = create_generator("electronics")
+    return render_image(seen, replace(taken, camera=camera), air, rng, mount=Mount())
+
+
+def test_by_night_a_sensor_streaks_rain_for_a_60th_of_a_second() -> None:
+    said, dark = rainy().model_copy(update={"time": "night"}), capture(0.01)
+    taken = picture(said, dark, mode="sensor")
+    by_hand = {"mode": "manual", "iso": 10_000}
+    np.testing.assert_array_equal(taken, picture(said, dark, **by_hand, shutter_s=1 / 60))
+    assert (taken != picture(said, dark, **by_hand, shutter_s=1 / 60.1)).any()
+
+
+@pytest.mark.parametrize("said", [rainy(), snowy()], ids=["rain", "snow"])
+def test_by_day_a_sensor_freezes_what_falls_with_the_shutter_that_it_metered(
+    said: Weather,
+) -> None:
+    bright = capture(50_000.0)
+    card = CameraConditions.build(said, compute_atmosphere(said, "rural"), "test").white_card_cd_m2
+    setting = meter_exposure(bright.radiance, Exposure(mode="sensor"), white_card_cd_m2=card)
+    assert setting.shutter_s < 0.001
+    taken = picture(said, bright, mode="sensor")
+    frozen = picture(said, bright, mode="manual", shutter_s=setting.shutter_s)
+    np.testing.assert_array_equal(taken, frozen)
+    as_light = {"mode": "manual", "shutter_s": 0.005, "iso": 100 * setting.shutter_s / 0.005}
+    assert (taken != picture(said, bright, **as_light)).any()
+
+
+def test_rain_slants_with_the_wind() -> None:
+    wind = Wind(speed_m_s=5.0 / 0.5373, from_deg=270)
+    np.testing.assert_allclose(wind_at_height(wind, 2.5), [5.0, 0.0, 0.0], atol=1e-2)
+    falling = of_two_millimetres(rainy(wind_m_s=wind.speed_m_s))
+    slant = math.degrees(math.atan2(falling.velocity[0], falling.fall_speed_m_s))
+    assert slant == pytest.approx(37.4, abs=0.5)
+
+
+def test_a_moving_camera_sees_rain_come_towards_it() -> None:
+    still, moving = shot(), shot(velocity=(15.0, 0.0, 0.0))
+    falling = of_two_millimetres(rainy())
+    particles = falling.find_particles(*still.frustum(0.3, 3.0), still.position, 0.0)
+    outwards = []
+    for taken in (still, moving):
+        seen = project_streaks(particles, taken)
+        from_middle = seen.begin - [240, 135]
+        outwards.append(np.mean(np.sign(np.sum((seen.end - seen.begin) * from_middle, axis=1))))
+    assert abs(outwards[0]) < 0.2
+    assert outwards[1] > 0.6
+
+
+@pytest.mark.parametrize("said", [rainy(wind_m_s=8.0), snowy(wind_m_s=4.0)], ids=["rain", "snow"])
+def test_all_cameras_see_the_same_particles_at_every_time(said: Weather) -> None:
+    block = build_particle_blocks(said, "test")[6]
+    here, there = np.array([3.0, 4.0, 1.0]), np.array([5.0, 3.0, 1.5])
+    for time_s in (0.0, 5.9, 177.7):
+        places = []
+        for around in (here, there):
+            low, high = here - around, here + 6.0 - around
+            planes = np.vstack(
+                [np.column_stack([np.eye(3), -low]), np.column_stack([-np.eye(3), high])]
+            )
+            found = block.find_particles(planes, np.array([low, high]), around, time_s)
+            within = (found.position @ planes[:, :3].T + planes[:, 3] >= 0.01).all(axis=1)
+            places.append(found.position[within] + around)
+        assert len(places[0]) > 10
+        ordered = [part[np.lexsort(part.round(2).T)] for part in places]
+        np.testing.assert_allclose(ordered[0], ordered[1], atol=2e-3)
+
+
+def test_particles_fly_on_from_frame_to_frame() -> None:
+    block = build_particle_blocks(rainy(wind_m_s=5.0), "test")[6]
+    around = np.array([0.0, 0.0, 2.0])
+    planes, corners = PLANES, CORNERS
+    first = block.find_particles(planes, corners, around, 3.0)
+    second = block.find_particles(planes, corners, around, 3.05)
+    expected = first.position + first.velocity * 0.05
+    inner = ((expected > [1, 1, 0.5]) & (expected < [9, 4, 1.5])).all(axis=1)
+    gap = np.linalg.norm(expected[inner][:200, None] - second.position[None], axis=2).min(axis=1)
+    assert gap.max() < 1e-3
+
+
+def test_rain_brightens_the_dark_and_is_lost_before_the_sky() -> None:
+    said = rainy()
+    sky = CameraConditions.build(said, compute_atmosphere(said, "rural"), "test").ambient_light
+    drop = sky.drop_luminance(np.array([[1.0, 0.0, 0.0]])).mean()
+    contrast = []
+    for behind in (0.05 * drop, drop):
+        seen = through(said, capture(float(behind)), shot())
+        contrast.append(float((seen / behind - 1.0).mean()))
+    assert contrast[0] > 0.03
+    assert abs(contrast[1]) < 0.05 * contrast[0]
+
+
+def test_more_rain_draws_more_streaks_but_never_a_curtain() -> None:
+    black = capture(0.0)
+    covered = [
+        float((through(rainy(rate), black, shot()) > 0).mean()) for rate in (4.0, 25.0, 50.0, 100.0)
+    ]
+    assert covered == sorted(covered)
+    seen = through(rainy(50), black, shot())
+    drop = (
+        seen.max()
+        / CameraConditions.build(rainy(50), compute_atmosphere(rainy(50), "rural"), "test")
+        .ambient_light.drop_luminance(np.array([[1.0, 0.0, 0.0]]))
+        .max()
+    )
+    assert 0.03 < drop < 0.8
+    assert np.percentile(seen, 99) < 0.15 * seen.max() / drop
+
+
+def test_what_is_nearer_than_a_drop_hides_it() -> None:
+    black = capture(0.0, depth_m=0.2)
+    assert not through(rainy(), black, shot()).any()
+    half = capture(0.0)
+    half.depth[:, :240] = 0.2
+    seen = through(rainy(), half, shot())
+    assert not seen[:, :240].any()
+    assert seen[:, 240:].any()
+
+
+def test_flakes_are_dots_where_drops_are_streaks() -> None:
+    taken = shot(1920)
+    lengths = []
+    for said in (rainy(), snowy()):
+        block = max(
+            build_particle_blocks(said, "test"), key=lambda block: -abs(block.max_diameter_m - 3e-3)
+        )
+        seen = project_streaks(
+            block.find_particles(*taken.frustum(1.0, 2.0), taken.position, 0.0), taken
+        )
+        lengths.append(float(np.median(seen.length_px / seen.width_px)))
+    assert lengths[0] > 8.0
+    assert lengths[1] < 3.0
+
+
+def test_flakes_are_dark_before_the_sky_and_bright_before_dark_things() -> None:
+    said = snowy()
+    zenith = float(np.mean(compute_atmosphere(said, "rural").zenith_airlight))
+    assert through(said, capture(zenith), shot()).mean() < zenith
+    assert through(said, capture(0.02 * zenith), shot()).mean() > 0.02 * zenith
+
+
+def test_without_precipitation_the_picture_stays_as_it_is() -> None:
+    seen = capture(123.0)
+    assert (
+        add_air_effects(
+            seen, shot(), CameraConditions.build(weather(), compute_atmosphere(weather(), "rural"))
+        )
+        is seen
+    )
+
+
+def test_streaks_do_not_depend_on_what_was_seen_before() -> None:
+    black, said = capture(0.0), rainy()
+    taken, other = shot(time_s=9.1), shot(at=(4.0, 2.0, 1.5), time_s=2.0)
+    first = through(said, black, taken)
+    through(said, black, other)
+    np.testing.assert_array_equal(first, through(said, black, taken))
+    assert (first != through(said, black, replace(taken, frame=Frame(1, 9.2, (), {})))).any()
+
+
+def test_snow_settles_on_what_is_level_and_slides_off_what_stands() -> None:
+    assert snow_accumulation_mm(1.0, 1.0, 100.0, 1.0) == pytest.approx(10.0, rel=0.05)
+    assert snow_accumulation_mm(1.0, 1.0, 100.0, 0.0) == 0.0
+    assert snow_accumulation_mm(1.0, 1.0, 100.0, -1.0) == 0.0

@@ -1,0 +1,178 @@
+"""Spray, glass, ghosts, vignetting and white balance."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from advercity_dsl import Camera, Mount, Weather
+from advercity_dsl.weather import Lens
+from numpy.typing import NDArray
+
+from advercity.compiler import find_weather
+from advercity.frames import Actor, ActorState, Frame, Lamp
+from advercity.geometry.poses import pose_matrix
+from advercity.physics.atmosphere import compute_atmosphere
+from advercity.physics.lamp_beams import LampPattern, LightSource, low_beam_pattern
+from advercity.randomness import create_generator
+from advercity.rendering.backend import CameraCapture, CameraView
+from advercity.sensors.camera import CameraExposure
+from advercity.sensors.camera.electronics import find_white_point
+from advercity.sensors.camera.optics import (
+    add_lens_ghosts,
+    apply_glass,
+    apply_vignetting,
+    glass_coverage,
+)
+from advercity.sensors.camera.scene_light import AmbientLight
+from advercity.sensors.camera.spray_veil import add_spray
+
+WIDTH, HEIGHT = 240, 135
+FOV_RAD = math.radians(100.0)
+
+
+def shot(
+    *states: ActorState, lamps: tuple[LightSource, ...] = (), flare: float = 1.0
+) -> CameraExposure:
+    view = CameraView(pose_matrix((0.0, 0.0, 1.45)), WIDTH, HEIGHT, FOV_RAD)
+    camera = Camera(mounts=(Mount(),), flare=flare)
+    return CameraExposure(view, camera, Frame(0, 0.0, states, {}), np.zeros(3), lamps)
+
+
+def capture(luminance: float, depth_m: float = np.inf) -> CameraCapture:
+    return CameraCapture(
+        radiance=np.full((HEIGHT, WIDTH, 3), luminance, np.float32),
+        depth=np.full((HEIGHT, WIDTH), depth_m, np.float32),
+        normal=np.zeros((HEIGHT, WIDTH, 3), np.float32),
+        semantic=np.zeros((HEIGHT, WIDTH), np.uint8),
+        instance=np.zeros((HEIGHT, WIDTH), np.int32),
+    )
+
+
+def shipped(name: str) -> Weather:
+    return find_weather(name).declaration
+
+
+def driving(speed_m_s: float, at: Any = (20.0, 0.0, 0.0)) -> ActorState:
+    return ActorState(
+        Actor(1, "car", "car", "paint", (4.4, 1.8, 1.5)), pose_matrix(at), speed_m_s, 0.0, Lamp(0)
+    )
+
+
+@pytest.mark.parametrize(("exponent", "edge"), [(0, 1.0), (1, 0.643), (4, 0.171)])
+def test_pictures_darken_towards_their_edge_by_the_cosine(exponent: float, edge: float) -> None:
+    light = np.ones((HEIGHT, WIDTH, 3), np.float32)
+    focal_px = WIDTH / 2.0 / math.tan(FOV_RAD / 2.0)
+    found = apply_vignetting(light, focal_px, exponent)
+    assert found[67, 120, 0] == pytest.approx(1.0, abs=1e-3)
+    assert found[67, 0, 0] == pytest.approx(edge, rel=0.02)
+
+
+@pytest.mark.parametrize("name", ["heavy_rain_day", "fog_day", "clear_night", "fog_night"])
+def test_grey_is_grey_in_the_light_of_its_weather(name: str) -> None:
+    atmosphere = compute_atmosphere(shipped(name), "urban")
+    light = np.asarray(atmosphere.horizon_airlight)
+    shown = light / find_white_point(atmosphere)
+    np.testing.assert_allclose(shown / shown[1], 1.0, atol=0.05)
+
+
+def test_a_sunlit_road_is_grey_with_a_little_warmth_at_most() -> None:
+    atmosphere = compute_atmosphere(shipped("clear_day"), "rural")
+    upward = math.sin(math.radians(60.0)) * atmosphere.sun_lx
+    sky = atmosphere.sky_lx * np.array([0.85, 1.0, 1.4])
+    shown = (upward * np.asarray(atmosphere.sun_colour) + sky) / find_white_point(atmosphere)
+    assert 0.9 < shown[0] / shown[2] < 1.25
+
+
+def test_a_low_beam_shines_as_much_as_its_regulation_points_say() -> None:
+    def at(h_deg: float, v_deg: float) -> NDArray[np.float64]:
+        h, v = math.radians(h_deg), math.radians(v_deg)
+        return np.array([[math.cos(v) * math.cos(h), -math.cos(v) * math.sin(h), math.sin(v)]])
+
+    facing = np.array([1.0, 0.0, 0.0])
+    points = {(-3.43, 0.57): 338, (0, 0): 527, (1.15, -0.57): 17_900, (0, -0.86): 17_600}
+    for (h_deg, v_deg), candela in points.items():
+        found = 20e3 * float(low_beam_pattern(facing, at(h_deg, v_deg))[0])
+        assert found == pytest.approx(candela, rel=0.06)
+
+
+def test_the_sun_throws_ghosts_to_the_other_side_of_the_picture() -> None:
+    sun = {"elevation_deg": 12.0, "azimuth_deg": 70.0}
+    glare = Weather.model_validate({"id": "tried", "time": "day", "sun": sun})
+    atmosphere = compute_atmosphere(glare, "rural")
+    black = np.zeros((HEIGHT, WIDTH, 3), np.float32)
+    added = add_lens_ghosts(black, capture(0.0), shot(), atmosphere)
+    # The sun stands up to the left, so most of it goes down to the right.
+    assert added[70:, 125:].sum() > added[:65, :115].sum() > 0.0
+    assert add_lens_ghosts(black, capture(0.0), shot(flare=0.0), atmosphere) is black
+    assert not add_lens_ghosts(black, capture(0.0, depth_m=30.0), shot(), atmosphere).any()
+
+
+def test_a_lamp_throws_fainter_ghosts_the_farther_it_is() -> None:
+    atmosphere = compute_atmosphere(shipped("clear_night"), "rural")
+    black = np.zeros((HEIGHT, WIDTH, 3), np.float32)
+    sums: list[float] = []
+    for away_m in (10.0, 20.0):
+        lamp = LightSource(
+            LampPattern.LENS, (away_m, away_m / 5.0, 1.45), (-1.0, 0.0, 0.0), 4e3, (1.0, 1.0, 1.0)
+        )
+        sums.append(
+            float(add_lens_ghosts(black, capture(0.0), shot(lamps=(lamp,)), atmosphere).sum())
+        )
+    assert sums[0] == pytest.approx(4.0 * sums[1], rel=0.02)
+
+
+def test_wheels_throw_up_spray_where_the_road_is_wet_and_they_are_fast() -> None:
+    wet, dry = shipped("heavy_rain_day"), shipped("clear_day")
+    ambience = AmbientLight.from_atmosphere(compute_atmosphere(wet, "urban"))
+    dark = capture(0.0, depth_m=60.0)
+    fast, slow = shot(driving(13.0)), shot(driving(5.0))
+    assert add_spray(dark, fast, dry, ambience) is dark
+    assert add_spray(dark, slow, wet, ambience) is dark
+    sprayed = add_spray(dark, fast, wet, ambience).radiance
+    # Behind the car, and no higher than its plume.
+    assert sprayed[75, 120].min() > 0.0
+    assert not sprayed[:60].any()
+    assert sprayed.max() < 0.5 * float(ambience.mean_luminance.max())
+    hidden = add_spray(capture(0.0, depth_m=2.0), fast, wet, ambience).radiance
+    assert not hidden.any()
+
+
+def test_faster_wheels_throw_up_more() -> None:
+    wet = shipped("heavy_rain_day")
+    ambience = AmbientLight.from_atmosphere(compute_atmosphere(wet, "urban"))
+    dark = capture(0.0, depth_m=60.0)
+    thick = [
+        float(add_spray(dark, shot(driving(speed)), wet, ambience).radiance.sum())
+        for speed in (9.0, 18.0)
+    ]
+    assert thick[1] == pytest.approx(4.0 * thick[0], rel=0.15)
+
+
+@pytest.mark.parametrize("kind", ["water", "dust", "snow"])
+def test_covered_glass_hides_the_share_that_is_covered(kind: str) -> None:
+    lens = Lens.model_validate({"enabled": True, "kind": kind, "coverage": {"front": 0.3}})
+    light = np.full((HEIGHT, WIDTH, 3), 100.0, np.float32)
+    light[:, ::8] = 900.0
+    coverage = glass_coverage(lens, Mount())
+    assert coverage == 0.3
+    assert glass_coverage(lens, Mount(yaw_deg=180)) == 0.0
+    found = [
+        apply_glass(light, shot(), lens, coverage, create_generator("test", key))
+        for key in (1, 1, 2)
+    ]
+    np.testing.assert_array_equal(found[0], found[1])
+    assert (found[0] != found[2]).any()
+    even = np.full_like(light, 100.0)
+    covered = apply_glass(even, shot(), lens, coverage, create_generator("test"))
+    # Water shows what is around it, which here is the same; dust and snow show themselves.
+    spot = {"water": 100.0, "dust": 30.0, "snow": 90.0}[kind]
+    expected = 100.0 - coverage * (100.0 - spot)
+    assert float(covered.mean()) == pytest.approx(expected, abs=0.15 * (100.0 - spot) + 0.01)
+
+
+def test_a_clean_lens_leaves_the_picture_alone() -> None:
+    light = np.ones((HEIGHT, WIDTH, 3), np.float32)
+    lens = Lens.model_validate({"coverage": {"front": 0.3}})
+    assert glass_coverage(lens, Mount()) == 0.0
+    assert apply_glass(light, shot(), lens, 0.0, create_generator("test")) is light

@@ -1,0 +1,122 @@
+"""The record of traffic: kept, stored, asked for plans, and lit."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from advercity_dsl.weather import Lamps
+
+from advercity.errors import RunError
+from advercity.frames import STATE_DTYPE, Actor, Lamp, Signal, Trace, extract_planned_trajectory
+from advercity.traffic import apply_lamp_state
+
+CAR = Actor(101, "car", "sedan", "car_paint_blue", (4.5, 1.8, 1.5))
+WALKER = Actor(5001, "pedestrian", "adult", "cloth_dark", (0.4, 0.4, 1.8))
+BICYCLE = Actor(1001, "bicycle", "roadster", "car_paint_red", (1.8, 0.6, 1.7))
+
+
+def row(tick: int, actor: int, x: float, speed: float = 10.0, lamps: int = 0):
+    return (tick, actor, x, 2.0, 0.5, np.pi / 2, 0.1, speed, 0.0, 0.2, 0.05, 12.0, lamps)
+
+
+def trace_of(*rows: tuple[object, ...], ticks: int = 3) -> Trace:
+    return Trace(
+        tick_s=0.1,
+        first_tick=60,
+        actors=(CAR, WALKER, BICYCLE),
+        states=np.array(list(rows), dtype=STATE_DTYPE),
+        signal_ids=("junction/north", "junction/south"),
+        signals=np.array([[0, 2]] * ticks, dtype=np.uint8),
+    )
+
+
+def test_a_frame_holds_who_is_there_and_what_the_lights_show():
+    trace = trace_of(row(0, 0, 1.0), row(1, 0, 2.0), row(1, 1, 9.0), row(2, 0, 3.0))
+
+    frame = trace.frame(1)
+
+    assert [state.actor.id for state in frame.states] == [101, 5001]
+    assert frame.signals == {"junction/north": Signal.RED, "junction/south": Signal.GREEN}
+    assert frame.time_s == pytest.approx(6.1)
+
+
+def test_a_state_is_posed_nose_down_for_positive_pitch():
+    pose = trace_of(row(0, 0, 7.0)).frame(0).state_of(101).world_from_body
+
+    np.testing.assert_allclose(pose[:3, 3], [7.0, 2.0, 0.5])
+    np.testing.assert_allclose(pose[:3, 0], [0, np.cos(0.1), -np.sin(0.1)], atol=1e-12)
+
+
+def test_asking_for_what_is_not_there_is_an_error():
+    trace = trace_of(row(0, 0, 1.0))
+
+    with pytest.raises(IndexError):
+        trace.frame(3)
+    with pytest.raises(KeyError):
+        trace.frame(0).state_of(5001)
+
+
+def test_a_trace_comes_back_from_its_file_and_has_the_same_bytes_again(tmp_path: Path):
+    trace = trace_of(row(0, 0, 1.0, lamps=Lamp.BRAKE), row(1, 1, 2.0))
+    trace.save(tmp_path / "first.npz")
+
+    again = Trace.load(tmp_path / "first.npz")
+    again.save(tmp_path / "second.npz")
+
+    assert again.actors == trace.actors
+    assert again.signal_ids == trace.signal_ids
+    assert (again.tick_s, again.first_tick) == (0.1, 60)
+    np.testing.assert_array_equal(again.states, trace.states)
+    np.testing.assert_array_equal(again.signals, trace.signals)
+    assert (tmp_path / "first.npz").read_bytes() == (tmp_path / "second.npz").read_bytes()
+
+
+def test_the_hash_of_a_trace_is_that_of_what_it_holds_however_its_file_is_packed(tmp_path: Path):
+    trace = trace_of(row(0, 0, 1.0, lamps=Lamp.BRAKE), row(1, 1, 2.0))
+    trace.save(tmp_path / "small.npz")
+    with np.load(tmp_path / "small.npz") as packed:
+        np.savez(tmp_path / "large.npz", allow_pickle=False, **packed)
+
+    small, large = (Trace.load(tmp_path / f"{name}.npz") for name in ("small", "large"))
+
+    assert (tmp_path / "small.npz").read_bytes() != (tmp_path / "large.npz").read_bytes()
+    assert small.compute_sha256() == large.compute_sha256() == trace.compute_sha256()
+    assert trace_of(row(0, 0, 1.0), row(1, 1, 2.0)).compute_sha256() != trace.compute_sha256()
+
+
+def test_a_file_that_is_no_trace_says_so(tmp_path: Path):
+    (tmp_path / "trace.npz").write_text("hello")
+
+    with pytest.raises(RunError, match=r"trace\.npz: not a trace"):
+        Trace.load(tmp_path / "trace.npz")
+
+
+def test_a_plan_is_what_the_trace_will_do_and_goes_straight_on_after_its_end():
+    trace = trace_of(*(row(tick, 0, float(tick), speed=5.0 + tick) for tick in range(3)))
+
+    plan = extract_planned_trajectory(trace, 101, 0, point_count=2, step_s=0.15)
+
+    # At 0.15 s between ticks 1 and 2; at 0.3 s 0.1 s past the end, heading north at 7 m/s.
+    np.testing.assert_allclose(plan, [[1.5, 2.0, 6.5], [2.0, 2.7, 7.0]])
+
+
+def test_a_plan_starts_at_the_tick_that_is_asked_for():
+    trace = trace_of(*(row(tick, 0, float(tick)) for tick in range(3)))
+
+    np.testing.assert_allclose(
+        extract_planned_trajectory(trace, 101, 1, point_count=1, step_s=0.1)[0, 0], 2.0
+    )
+    assert extract_planned_trajectory(trace, 101, 1).shape == (9, 3)
+    with pytest.raises(KeyError):
+        extract_planned_trajectory(trace, 5001, 0)
+
+
+def test_weather_lights_beams_and_leaves_brakes_to_the_driver():
+    frame = trace_of(row(0, 0, 1.0, lamps=Lamp.BRAKE), row(0, 1, 2.0), row(0, 2, 3.0)).frame(0)
+
+    foggy = apply_lamp_state(frame, Lamps(low_beam=True, fog=True))
+
+    assert foggy.state_of(101).lamps == Lamp.BRAKE | Lamp.LOW_BEAM | Lamp.FOG
+    assert foggy.state_of(1001).lamps == Lamp.LOW_BEAM
+    assert foggy.state_of(5001).lamps == Lamp(0)
+    assert apply_lamp_state(frame, Lamps(low_beam=False)).state_of(101).lamps == Lamp.BRAKE

@@ -1,0 +1,442 @@
+"""Traffic on the shipped roads: it starts where it should, moves as it can, and ends."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from advercity_dsl import Spec, Vehicle
+from numpy.typing import NDArray
+
+from advercity.errors import InputError, RunError
+from advercity.frames import Actor, Frame, Lamp, Signal, Trace
+from advercity.geometry.poses import to_yaw_pitch_roll
+from advercity.roads.lane_graph import LaneConnection, read_lane_graph
+from advercity.roads.sumo_network import write_sumo_network
+from advercity.traffic import simulate_in_subprocess
+from advercity.traffic.demand import draw_demand
+
+pytestmark = pytest.mark.sumo
+ROADS = ("ui", "unj", "ri", "rsnj", "rcnj")
+EGO = 101
+Simulated = Callable[[str], Trace]
+
+
+@pytest.fixture(scope="module")
+def networks(specs: dict[str, Spec], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("networks")
+    return {
+        road: write_sumo_network(specs[f"{road}_clear_day_sparse"].road, folder) for road in ROADS
+    }
+
+
+@pytest.fixture(scope="module")
+def simulated(specs: dict[str, Spec], networks: dict[str, Path]) -> Simulated:
+    """Trace of a road and density under a clear sky."""
+    traces: dict[str, Trace] = {}
+
+    def trace(name: str) -> Trace:
+        if name not in traces:
+            road, density = name.split("_")
+            traces[name] = simulate_in_subprocess(
+                specs[f"{road}_clear_day_{density}"], networks[road]
+            )
+        return traces[name]
+
+    return trace
+
+
+def with_timing(spec: Spec, **timing: int) -> Spec:
+    """A spec with other times; it stages nothing, since the ego may not get that far."""
+    timed = spec.timing.model_copy(update=timing)
+    return spec.model_copy(update={"timing": timed, "conflicts": ()})
+
+
+def with_demand(spec: Spec, **demand: float) -> Spec:
+    return spec.model_copy(update={"demand": spec.demand.model_copy(update=demand)})
+
+
+def ego_of(spec: Spec) -> Vehicle:
+    (ego,) = (
+        agent.place
+        for agent in spec.agents
+        if isinstance(agent.place, Vehicle) and agent.place.role == "ego"
+    )
+    return ego
+
+
+def track(trace: Trace, actor: Actor) -> NDArray[np.void]:
+    return trace.states[trace.states["actor"] == trace.actors.index(actor)]
+
+
+def actor(trace: Trace, number: int) -> Actor:
+    return next(actor for actor in trace.actors if actor.id == number)
+
+
+def vehicles(trace: Trace) -> list[Actor]:
+    return [actor for actor in trace.actors if actor.actor_class != "pedestrian"]
+
+
+def boxes(frame: Frame) -> list[shapely.Polygon]:
+    found: list[shapely.Polygon] = []
+    for state in frame.states:
+        length, width, _ = state.actor.size
+        corners = np.array([[1, 1, 0, 2], [1, -1, 0, 2], [-1, -1, 0, 2], [-1, 1, 0, 2]]) / 2
+        world = corners * [length, width, 1, 1] @ state.world_from_body.T
+        found.append(shapely.Polygon(world[:, :2]))
+    return found
+
+
+@pytest.mark.parametrize("density", ["sparse", "dense"])
+@pytest.mark.parametrize("road", ROADS)
+def test_connected_vehicles_are_there_in_every_frame(simulated: Simulated, road: str, density: str):
+    trace = simulated(f"{road}_{density}")
+
+    numbers = np.array([actor.id for actor in trace.actors])[trace.states["actor"]]
+    for connected in (101, 102, 103):
+        ticks = trace.states["tick"][numbers == connected]
+        np.testing.assert_array_equal(ticks, np.arange(len(trace)))
+
+
+@pytest.mark.parametrize("road", ROADS)
+def test_connected_vehicles_start_at_rest_where_they_were_put(
+    road: str, specs: dict[str, Spec], networks: dict[str, Path]
+):
+    spec = with_timing(specs[f"{road}_clear_day_sparse"], warm_up_ticks=0, max_ticks=3)
+
+    frame = simulate_in_subprocess(spec, networks[road]).frame(0)
+
+    graph = read_lane_graph(networks[road])
+    for agent in spec.agents:
+        if isinstance(agent.place, Vehicle):
+            lane, position = graph.find_lane(
+                agent.place.spawn_m, np.radians(agent.place.heading_deg)
+            )
+            pose = frame.state_of(agent.number).world_from_body
+            turned = to_yaw_pitch_roll(pose)[0] - lane.heading_at(position)
+            assert np.linalg.norm(pose[:2, 3] - lane.point_at(position)[:2]) < 0.3
+            assert abs(np.angle(np.exp(1j * turned), deg=True)) < 2.0
+            assert frame.state_of(agent.number).speed_m_s < 0.3
+
+
+@pytest.mark.parametrize("road", ROADS)
+def test_the_scenario_ends_as_the_ego_comes_near_its_destination(
+    road: str, specs: dict[str, Spec], simulated: Simulated
+):
+    spec, trace = specs[f"{road}_clear_day_sparse"], simulated(f"{road}_sparse")
+
+    last = track(trace, actor(trace, EGO))[-1]
+    gap = np.abs(np.array([last["x"], last["y"]]) - ego_of(spec).destination_m).max()
+
+    assert 50 < len(trace) < spec.timing.max_ticks - spec.timing.warm_up_ticks
+    assert last["tick"] == len(trace) - 1
+    assert 10.0 < gap < 10.0 + 1.5 * last["speed"] * trace.tick_s
+    assert trace.frame(0).time_s == pytest.approx(6.0)
+
+
+@pytest.mark.parametrize("road", ROADS)
+def test_nobody_jumps_spins_or_drives_as_no_vehicle_can(
+    road: str, specs: dict[str, Spec], simulated: Simulated
+):
+    spec, trace = specs[f"{road}_clear_day_sparse"], simulated(f"{road}_sparse")
+    fastest = max(street.speed_limit_km_h for street in spec.road.streets.values()) / 3.6 * 1.4
+
+    for one in trace.actors:
+        rows = track(trace, one)
+        assert (np.diff(rows["tick"]) == 1).all(), one
+        steps = np.hypot(np.diff(rows["x"]), np.diff(rows["y"]))
+        turns = np.abs((np.diff(rows["yaw"]) + np.pi) % (2 * np.pi) - np.pi)
+        assert (steps <= 1.3 * rows["speed"][1:] * trace.tick_s + 0.12).all(), one
+        assert turns.max(initial=0) < np.radians(18.1), one
+        if one.actor_class != "pedestrian":
+            assert rows["speed"].max() <= fastest + 1e-6, one
+            assert rows["acceleration"].min() >= -7.1 and rows["acceleration"].max() <= 2.9, one
+
+
+@pytest.mark.parametrize("road", ROADS)
+def test_connected_vehicles_keep_to_their_cruising_speed(
+    road: str, specs: dict[str, Spec], simulated: Simulated
+):
+    trace = simulated(f"{road}_sparse")
+
+    for agent in specs[f"{road}_clear_day_sparse"].agents:
+        if isinstance(agent.place, Vehicle):
+            speeds = track(trace, actor(trace, agent.number))["speed"]
+            assert speeds.max() <= (agent.place.max_speed_km_h - 1) / 3.6 + 1e-3
+
+
+@pytest.mark.parametrize("name", [*(f"{road}_sparse" for road in ROADS), "ui_dense"])
+def test_boxes_of_vehicles_never_overlap(name: str, simulated: Simulated):
+    trace = simulated(name)
+
+    for index in range(0, len(trace), 20):
+        frame = trace.frame(index)
+        solid = [
+            box
+            for box, state in zip(boxes(frame), frame.states, strict=True)
+            if state.actor.actor_class != "pedestrian"
+        ]
+        for first, second in shapely.STRtree(solid).query(solid, predicate="overlaps").T:
+            overlap = solid[first].intersection(solid[second]).area
+            assert overlap < 0.02, (index, first, second)
+
+
+@pytest.mark.parametrize("road", ROADS)
+def test_vehicles_stand_on_their_lane(road: str, networks: dict[str, Path], simulated: Simulated):
+    trace, graph = simulated(f"{road}_sparse"), read_lane_graph(networks[road])
+    lanes = [lane for lane in graph.lanes.values() if lane.permits("passenger")]
+
+    for state in trace.frame(0).states:
+        if state.actor.actor_class != "pedestrian":
+            x, y, z = state.world_from_body[:3, 3].tolist()
+            lane = min(lanes, key=lambda lane: lane.find_nearest_position((x, y))[1])
+            assert z == pytest.approx(
+                lane.point_at(lane.find_nearest_position((x, y))[0])[2], abs=0.1
+            )
+
+
+def test_the_same_spec_gives_the_same_bytes_under_any_weather(
+    specs: dict[str, Spec], networks: dict[str, Path], simulated: Simulated, tmp_path: Path
+):
+    simulated("rcnj_sparse").save(tmp_path / "clear.npz")
+    simulate_in_subprocess(specs["rcnj_fog_night_sparse"], networks["rcnj"]).save(
+        tmp_path / "fog.npz"
+    )
+
+    assert (tmp_path / "clear.npz").read_bytes() == (tmp_path / "fog.npz").read_bytes()
+
+
+def test_another_seed_gives_other_traffic(specs: dict[str, Spec], networks: dict[str, Path]):
+    spec = with_timing(specs["ri_clear_day_dense"], max_ticks=70)
+    other = spec.model_copy(update={"seeds": spec.seeds.model_copy(update={"traffic": 7})})
+
+    first, second = (simulate_in_subprocess(each, networks["ri"]) for each in (spec, other))
+
+    assert first.actors != second.actors
+
+
+def test_almost_everybody_who_is_asked_for_takes_part(specs: dict[str, Spec], simulated: Simulated):
+    for density in ("sparse", "dense"):
+        trace, demand = simulated(f"ui_{density}"), specs[f"ui_clear_day_{density}"].demand
+        numbers = [one.id for one in trace.actors]
+
+        assert numbers[:3] == [101, 102, 103]
+        background = sum(1000 < number < 5000 for number in numbers)
+        assert 0.85 * demand.vehicles <= background <= demand.vehicles
+        assert sum(number > 5000 for number in numbers) == demand.walkers
+
+
+def test_vehicles_are_drawn_from_the_catalogue_that_fits_the_place(
+    specs: dict[str, Spec], simulated: Simulated
+):
+    urban, rural = simulated("ui_dense"), simulated("ri_sparse")
+    blueprints = specs["ui_clear_day_dense"].blueprints
+
+    assert {one.actor_class for one in vehicles(urban)} == {
+        "car",
+        "van",
+        "truck",
+        "bicycle",
+        "motorcycle",
+    }
+    assert all(blueprints[one.blueprint].land_use != "urban" for one in vehicles(rural))
+
+
+def test_the_ego_waits_at_red_and_turns_left_on_green(simulated: Simulated):
+    trace = simulated("ui_sparse")
+    rows = track(trace, actor(trace, EGO))
+    stop_line_y = -118.3
+    crosses = int(np.argmax(rows["y"] < stop_line_y))
+
+    assert rows["speed"][:crosses].min() < 1.0
+    assert trace.frame(0).signals["j_main/north_road"] is Signal.RED
+    assert trace.frame(crosses).signals["j_main/north_road"] is Signal.GREEN
+    assert trace.frame(crosses).state_of(EGO).lamps & Lamp.LEFT
+    assert not trace.frame(len(trace) - 1).state_of(EGO).lamps & Lamp.LEFT
+    assert np.degrees(rows["yaw"][-1] - rows["yaw"][0]) % 360 == pytest.approx(90, abs=5)
+
+
+def test_one_approach_at_a_time_has_green(simulated: Simulated):
+    trace = simulated("ui_sparse")
+    main = [number for number, name in enumerate(trace.signal_ids) if name.startswith("j_main/")]
+
+    assert len(main) == 4
+    assert ((trace.signals[:, main] != Signal.RED).sum(axis=1) <= 1).all()
+
+
+def test_brake_lamps_are_lit_standing_and_braking_and_out_when_speeding_up(simulated: Simulated):
+    trace = simulated("ui_dense")
+    motor = [
+        number
+        for number, one in enumerate(trace.actors)
+        if one.actor_class in ("car", "van", "truck", "motorcycle")
+    ]
+    rows = trace.states[np.isin(trace.states["actor"], motor)]
+    braking = rows["lamps"] & Lamp.BRAKE > 0
+
+    assert braking[rows["acceleration"] < -0.5].all()
+    assert not braking[rows["acceleration"] > 0.5].any()
+    assert braking[(rows["speed"] == 0) & (rows["acceleration"] < 0.2)].all()
+    assert (rows["lamps"] & ~(Lamp.BRAKE | Lamp.LEFT | Lamp.RIGHT) == 0).all()
+
+
+def test_the_ego_changes_lane_before_its_lane_turns_off(
+    simulated: Simulated, networks: dict[str, Path], specs: dict[str, Spec]
+):
+    trace, graph = simulated("unj_sparse"), read_lane_graph(networks["unj"])
+    rows = track(trace, actor(trace, EGO))
+    ego = ego_of(specs["unj_clear_day_sparse"])
+    started, _ = graph.find_lane(ego.spawn_m, np.radians(ego.heading_deg))
+    before = rows[rows["x"] > 96.0][-1]
+    later, _ = graph.find_lane((before["x"], before["y"]), before["yaw"])
+
+    assert later.index == started.index + 1
+
+
+def test_whoever_may_not_cross_stays_off_the_road(
+    specs: dict[str, Spec], networks: dict[str, Path]
+):
+    spec = with_demand(specs["ri_clear_day_dense"], crossing_share=0.0, vehicles=0)
+
+    trace = simulate_in_subprocess(spec, networks["ri"])
+
+    roadway = shapely.union_all(
+        [
+            shapely.LineString(lane.shape[:, :2]).buffer(1.5, cap_style="flat")
+            for lane in read_lane_graph(networks["ri"]).lanes.values()
+            if lane.permits("passenger")
+        ]
+    )
+    walkers = [number for number, one in enumerate(trace.actors) if one.id > 5000]
+    rows = trace.states[np.isin(trace.states["actor"], walkers)]
+    assert len(walkers) == spec.demand.walkers
+    assert not shapely.contains_xy(roadway, rows["x"], rows["y"]).any()
+    assert 0.8 < rows["speed"].mean() < 2.0
+
+
+def test_nobody_walks_where_there_are_no_sidewalks(
+    specs: dict[str, Spec], networks: dict[str, Path]
+):
+    spec = with_timing(with_demand(specs["rsnj_clear_day_sparse"], walkers=10), max_ticks=70)
+
+    assert all(one.id < 5000 for one in simulate_in_subprocess(spec, networks["rsnj"]).actors)
+
+
+def test_nobody_comes_in_where_no_street_leads_in(
+    specs: dict[str, Spec], networks: dict[str, Path]
+):
+    spec = specs["ri_clear_day_dense"].model_copy(update={"conflicts": ()})
+    graph = read_lane_graph(networks["ri"])
+    ends = [lane for lane in graph.driving_lanes if lane.id not in graph.outgoing_connections]
+    back = [LaneConnection(ends[0].id, lane.id, None, "s") for lane in graph.entry_lanes]
+
+    rides = draw_demand(spec, replace(graph, connections=(*graph.connections, *back))).vehicles
+
+    assert 0 < len(rides) < len(draw_demand(spec, graph).vehicles) == spec.demand.vehicles
+    assert all(ride.depart_s == 0 for ride in rides)
+
+
+def test_a_route_that_no_movement_allows_is_bad_input(
+    specs: dict[str, Spec], networks: dict[str, Path]
+):
+    spec = specs["ui_clear_day_sparse"]
+    ego = spec.agents[0]
+    stray = ego.place.model_copy(update={"route": ("north_road", "far_west_road")})
+    agents = (ego.model_copy(update={"place": stray}), *spec.agents[1:])
+
+    with pytest.raises(InputError, match="no movement leads from 'north_road' into"):
+        simulate_in_subprocess(spec.model_copy(update={"agents": agents}), networks["ui"])
+
+
+def test_what_sumo_cannot_read_is_an_error_that_says_so(specs: dict[str, Spec], tmp_path: Path):
+    (tmp_path / "net.xml").write_text("<net></net>")
+
+    with pytest.raises(InputError, match="no driving lane at"):
+        simulate_in_subprocess(specs["ui_clear_day_sparse"], tmp_path / "net.xml")
+    with pytest.raises(RunError, match="not a SUMO network"):
+        simulate_in_subprocess(specs["ui_clear_day_sparse"], tmp_path / "missing.xml")
+
+
+def test_front_wheels_point_along_the_circle_that_a_vehicle_drives(simulated: Simulated):
+    rows = track(simulated("ri_sparse"), actor(simulated("ri_sparse"), EGO))
+    wheelbase = 0.6 * actor(simulated("ri_sparse"), EGO).size[0]
+    turning = (rows["yaw_rate"] > 0.1) & (rows["speed"] > 2)
+
+    radius = rows["speed"][turning] / rows["yaw_rate"][turning]
+
+    assert turning.sum() > 10
+    np.testing.assert_allclose(np.tan(rows["steering"][turning]), wheelbase / radius, rtol=0.15)
+    assert np.abs(rows["steering"]).max() <= np.radians(40.0)
+
+
+@pytest.mark.parametrize("road", ["ui", "rsnj"])
+def test_the_way_travelled_is_what_wheels_and_legs_have_gone(road: str, simulated: Simulated):
+    trace = simulated(f"{road}_sparse")
+
+    for one in trace.actors:
+        rows = track(trace, one)
+        way = np.hypot(np.diff(rows["x"]), np.diff(rows["y"])).sum()
+        gone = rows["travelled"][-1] - rows["travelled"][0]
+        assert (np.diff(rows["travelled"]) >= 0).all(), one
+        assert gone == pytest.approx(way, rel=0.06, abs=0.3), one
+
+
+def off_heading(rows: NDArray[np.void], back_m: float) -> NDArray[np.float64]:
+    """Degrees between heading and motion of a point behind the middle, above 1 m/s."""
+    forward = np.exp(1j * rows["yaw"])
+    places = rows["x"] + 1j * rows["y"] - back_m * forward
+    moved = places[2:] - places[:-2]
+    off = np.abs(np.angle(moved / forward[1:-1], deg=True))
+    return off[(np.abs(moved) > 0.2) & (rows["speed"][1:-1] > 1)]
+
+
+@pytest.mark.parametrize("name", [*(f"{road}_sparse" for road in ROADS), "rsnj_dense"])
+def test_rear_wheels_roll_where_they_point(name: str, simulated: Simulated):
+    trace = simulated(name)
+
+    for one in vehicles(trace):
+        rows = track(trace, one)
+        # Axles are 0.6 lengths apart, so the rear one is 0.3 behind the middle.
+        if len(rows) > 2:
+            assert off_heading(rows, 0.3 * one.size[0]).max(initial=0) < 5.0, one
+
+
+@pytest.mark.parametrize("road", ["ui", "unj", "ri"])
+def test_people_look_where_they_walk(road: str, simulated: Simulated):
+    trace = simulated(f"{road}_sparse")
+
+    off = np.concatenate(
+        [
+            off_heading(track(trace, one), 0.0)
+            for one in trace.actors
+            if one.actor_class == "pedestrian"
+        ]
+    )
+
+    assert len(off) > 500
+    assert np.mean(off < 5.0) > 0.995
+
+
+def test_turns_are_announced_in_good_time(simulated: Simulated):
+    trace = simulated("ui_dense")
+    turns = 0
+    for number, one in enumerate(trace.actors):
+        if one.actor_class in ("pedestrian", "bicycle", "motorcycle"):
+            continue
+        rows = trace.states[trace.states["actor"] == number]
+        yaw, way = np.unwrap(rows["yaw"]), rows["travelled"]
+        turned = np.interp(way + 22.0, way, yaw) - yaw
+        sharp = np.abs(turned) > np.radians(55)
+        if not sharp.any() or not (np.abs(yaw - yaw[sharp.argmax()]) > np.radians(8)).any():
+            continue
+        before = int(sharp.argmax())
+        begins = before + int((np.abs(yaw[before:] - yaw[before]) > np.radians(8)).argmax())
+        lamp = Lamp.LEFT if turned[before] > 0 else Lamp.RIGHT
+        ticks = np.arange(len(rows))
+        # 3 s and 30 m before at the latest, whichever is later.
+        late = (ticks >= begins - 30) & (way >= way[begins] - 30.0) & (ticks <= begins)
+        assert (rows["lamps"][late] & lamp).all()
+        turns += 1
+    assert turns >= 5
