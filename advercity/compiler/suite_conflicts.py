@@ -81,9 +81,13 @@ def solve_road_conflicts(
             raise DiagnosticsError.from_diagnostic(
                 library.build_diagnostic(conflict, "id", message=message)
             ) from None
-        problem = find_infeasibility(library, conflict, cell.road, density, solution)
-        if problem is not None:
-            raise DiagnosticsError.from_diagnostic(problem)
+        finding = find_infeasibility(conflict, cell.road, density, solution)
+        if finding is not None:
+            raise DiagnosticsError.from_diagnostic(
+                library.build_diagnostic(
+                    conflict, *finding.field, message=finding.message, hint=finding.hint
+                )
+            )
         solutions.append(solution)
     return tuple(solutions)
 

@@ -7,8 +7,6 @@ from itertools import chain
 import numpy as np
 from advercity_dsl import Conflict, Density, Road, StagedActor, StagedConflict
 
-from advercity.compiler.diagnostics import Diagnostic
-from advercity.compiler.library import Library
 from advercity.conflicts.case import compute_bounds
 from advercity.conflicts.ego_motion import compute_nominal_motion
 from advercity.roads.routes import RoutePlanner, build_ego_path, find_ego
@@ -22,10 +20,25 @@ QUINTIC_PEAK_ACCELERATION = 5.7735
 MAX_PATH_GAP_M = 1.0
 
 
+@dataclass(frozen=True)
+class Finding:
+    """A reason why a solved conflict cannot happen.
+
+    Attributes:
+        field: Path of the conflict's field that has to change.
+        message: What is wrong.
+        hint: What to do about it.
+    """
+
+    field: tuple[str, ...]
+    message: str
+    hint: str
+
+
 def find_infeasibility(
-    library: Library, conflict: Conflict, road: Road, density: Density, staged: StagedConflict
-) -> Diagnostic | None:
-    """The first thing that keeps a solved conflict from happening; None if nothing does."""
+    conflict: Conflict, road: Road, density: Density, staged: StagedConflict
+) -> Finding | None:
+    """Return the first reason why a solved conflict cannot happen; None if it can."""
     case = _ConflictChecks(conflict, road, density, staged)
     checks = (
         case.check_ego_speed,
@@ -38,13 +51,10 @@ def find_infeasibility(
         case.check_occlusion,
         case.check_walkers,
     )
-    for where, message, hint in chain.from_iterable(check() for check in checks):
-        return library.build_diagnostic(conflict, *where, message=message, hint=hint)
-    return None
+    return next(chain.from_iterable(check() for check in checks), None)
 
 
-Findings = Iterator[tuple[tuple[str, ...], str, str]]
-"""Which field, what is wrong, and the way out."""
+Findings = Iterator[Finding]
 
 
 @dataclass(frozen=True)
@@ -67,7 +77,9 @@ class _ConflictChecks:
                 f"{low:g} to {high:g} km/h leave {max(left, 0):g} km/h below the ego's"
                 f" {cap:g} km/h on '{self.road.id}'; at least {MIN_SPEED_RANGE_KM_H:g} are needed"
             )
-            yield ("parameters", "ego_speed_km_h"), message, "widen the range or leave the road out"
+            yield Finding(
+                ("parameters", "ego_speed_km_h"), message, "widen the range or leave the road out"
+            )
 
     def check_approach(self) -> Findings:
         low, _ = compute_bounds(self.conflict.parameters.actor_speed_km_h.draw)
@@ -77,7 +89,9 @@ class _ConflictChecks:
                 f"on '{self.road.id}' there is room to reach {speed:.1f} km/h and stop again, not"
                 f" the {low:g} km/h asked for"
             )
-            yield ("parameters", "actor_speed_km_h"), message, "lower it, or start farther away"
+            yield Finding(
+                ("parameters", "actor_speed_km_h"), message, "lower it, or start farther away"
+            )
 
     def check_actor_speed(self) -> Findings:
         most = MAX_SPEED_KM_H.get(self.actor.actor_class)
@@ -85,7 +99,7 @@ class _ConflictChecks:
         if most is not None and high > most:
             who = "a pedestrian" if self.actor.actor_class == "pedestrian" else "a cyclist"
             message = f"up to {high:g} km/h, but {who} goes no faster than {most:g} km/h"
-            yield ("parameters", "actor_speed_km_h"), message, "lower it"
+            yield Finding(("parameters", "actor_speed_km_h"), message, "lower it")
 
     def check_lateral_acceleration(self) -> Findings:
         verb, given = self.actor.behaviour, self.staged.parameters
@@ -95,7 +109,7 @@ class _ConflictChecks:
             if found > MAX_LATERAL_M_S2[verb]:
                 most = f"nobody who {verb} exceeds {MAX_LATERAL_M_S2[verb]:g}"
                 message = f"{verb} with {found:.1f} m/s2; {most}"
-                yield ("parameters", "drift_time_s"), message, "lengthen it"
+                yield Finding(("parameters", "drift_time_s"), message, "lengthen it")
 
     def check_arrival(self) -> Findings:
         speed, middle = self.actor.speed_m_s, sum(self.staged.window_s) / 2
@@ -108,7 +122,7 @@ class _ConflictChecks:
                     f" {middle:.1f} s on '{self.road.id}'"
                 )
                 hint = "let it start nearer or go faster"
-                yield ("parameters", "actor_speed_km_h"), message, hint
+                yield Finding(("parameters", "actor_speed_km_h"), message, hint)
 
     def check_braking(self) -> Findings:
         most = self.staged.outcome.time_to_collision_below_s
@@ -118,7 +132,9 @@ class _ConflictChecks:
                 f"an actor that brakes as late as it can is {nearest:.1f} s away then, on"
                 f" '{self.road.id}'; that is never below {most:g} s"
             )
-            yield ("outcome", "time_to_collision_below_s"), message, "raise it, or brake harder"
+            yield Finding(
+                ("outcome", "time_to_collision_below_s"), message, "raise it, or brake harder"
+            )
 
     def check_location(self) -> Findings:
         ways = RoutePlanner(self.road)
@@ -129,13 +145,13 @@ class _ConflictChecks:
             message = (
                 f"the conflict point lies {gap:.1f} m beside the ego's way on '{self.road.id}'"
             )
-            yield ("actor", "comes"), message, "choose another side"
+            yield Finding(("actor", "comes"), message, "choose another side")
         if (
             station > end - 10.0
             or compute_nominal_motion(self.road, ways, way, start).time_at(station) < 0
         ):
             message = f"the conflict point on '{self.road.id}' lies beyond where the scenario ends"
-            yield ("actor", "comes"), message, "move the ego's destination on"
+            yield Finding(("actor", "comes"), message, "move the ego's destination on")
 
     def check_occlusion(self) -> Findings:
         given = self.staged.parameters
@@ -144,11 +160,11 @@ class _ConflictChecks:
                 f"on '{self.road.id}' the ego sees the actor all the time: parked cars that end"
                 f" {given['obstruction_gap_m']:.1f} m before it hide nothing"
             )
-            yield ("parameters", "obstruction_gap_m"), message, "let them end nearer"
+            yield Finding(("parameters", "obstruction_gap_m"), message, "let them end nearer")
 
     def check_walkers(self) -> Findings:
         if self.actor.actor_class == "pedestrian" and self.road.traffic.walkers == 0:
             message = (
                 f"'{self.road.id}' has no walkers, whose number '{self.density.id}' could change"
             )
-            yield ("actor", "classes"), message, "give the road walkers or leave it out"
+            yield Finding(("actor", "classes"), message, "give the road walkers or leave it out")

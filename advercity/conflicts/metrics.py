@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from advercity.frames import Trace
 
@@ -90,6 +90,14 @@ class ActorTrack:
         """The same track at some of its ticks (m,)."""
         keep = np.searchsorted(self.rows["tick"], ticks)
         return ActorTrack(self.actor, self.size, self.rows[keep])
+
+    def find_nearest_row(self, point_m: ArrayLike) -> int:
+        """Find the row in which the actor's centre is nearest to a point (2,)."""
+        return int(np.argmin(np.linalg.norm(self.centres - np.asarray(point_m), axis=1)))
+
+    def find_nearest_tick(self, point_m: ArrayLike) -> float:
+        """Find the tick at which the actor's centre is nearest to a point (2,)."""
+        return float(self.rows["tick"][self.find_nearest_row(point_m)])
 
     def extrapolate(self, ticks: NDArray[np.int32], after_s: NDArray[np.float64]) -> "ActorTrack":
         """Where the actor comes to on its way at the speed it has.

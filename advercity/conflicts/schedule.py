@@ -1,4 +1,4 @@
-"""The parts that staged actors play, timed by when the ego came by in a rehearsal."""
+"""What staged actors are to do, timed by when the ego passed in the last dry run."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -20,22 +20,33 @@ from advercity.conflicts.trajectories import (
     shift_laterally,
 )
 from advercity.frames import Trace
-from advercity.roads.lane_graph import LaneGraph
-from advercity.traffic.demand import TrafficDemand, VehicleTrip
-from advercity.traffic.kinematics import SumoRecording, build_trace
-from advercity.traffic.speed_profile import list_route_lanes
+
+
+@dataclass(frozen=True, eq=False)
+class DryRun:
+    """One run of the traffic, from which the schedules of the next one follow.
+
+    Attributes:
+        trace: All its ticks, warm-up included.
+        fronts: `FRONT_DTYPE` rows by actor, sorted by tick.
+        lane_paths: Path of each staged vehicle that drives in lanes, from its start, by actor.
+    """
+
+    trace: Trace
+    fronts: Mapping[int, NDArray[np.void]]
+    lane_paths: Mapping[int, ActorPath]
 
 
 @dataclass(frozen=True, eq=False)
 class ActorSchedule:
-    """What an actor is to do.
+    """What a staged actor is to do.
 
     Attributes:
-        speed_commands_m_s: Speed in every tick for SUMO, NaN leaves it to the driver; None if it
-            is not there.
-        trigger_s: The time that the cue is about.
-        track: `FRONT` rows in place of what SUMO records; None keeps those.
-        is_untriggered: Whether it only waits, since the ego never came by.
+        speed_commands_m_s: Speed (ticks,) for SUMO, where NaN leaves it to SUMO's driver and the
+            last value holds on; None for an actor that SUMO does not simulate.
+        trigger_s: Time at which the actor sets out or meets the ego.
+        track: `FRONT_DTYPE` rows in place of what SUMO records; None keeps those.
+        is_untriggered: Whether the actor only waits, because the ego did not pass.
     """
 
     speed_commands_m_s: NDArray[np.float64] | None = None
@@ -45,18 +56,19 @@ class ActorSchedule:
 
 
 def schedule_actors(
-    spec: Spec,
-    demand: TrafficDemand,
-    graph: LaneGraph,
-    recording: SumoRecording,
-    previous: Mapping[int, ActorSchedule],
+    spec: Spec, dry_run: DryRun, previous: Mapping[int, ActorSchedule]
 ) -> dict[int, ActorSchedule]:
-    """What every staged actor is to do, given how the last rehearsal went."""
-    rehearsal = build_trace(spec, demand, recording, first_tick=0)
-    ego = ActorTrack.from_trace(rehearsal, spec.ego.number)
-    stage = _Scheduler(spec, demand, graph, recording, rehearsal, ego, previous)
+    """Schedule every staged actor for the next run.
+
+    Args:
+        spec: The scenario.
+        dry_run: The last run.
+        previous: The schedules that it was driven with, by actor; empty before the first one.
+    """
+    ego = ActorTrack.from_trace(dry_run.trace, spec.ego.number)
+    scheduler = _Scheduler(spec, dry_run, ego, previous)
     return {
-        actor.number: stage.schedule(conflict, actor)
+        actor.number: scheduler.schedule(conflict, actor)
         for conflict in spec.conflicts
         for actor in conflict.actors
     }
@@ -65,12 +77,17 @@ def schedule_actors(
 @dataclass(frozen=True)
 class _Scheduler:
     spec: Spec
-    demand: TrafficDemand
-    graph: LaneGraph
-    recording: SumoRecording
-    rehearsal: Trace
+    dry_run: DryRun
     ego: ActorTrack
     previous: Mapping[int, ActorSchedule]
+
+    @property
+    def tick_s(self) -> float:
+        return self.spec.timing.tick_s
+
+    @property
+    def tick_count(self) -> int:
+        return len(self.dry_run.trace)
 
     def schedule(self, conflict: StagedConflict, actor: StagedActor) -> ActorSchedule:
         match actor.behaviour:
@@ -79,70 +96,69 @@ class _Scheduler:
             case "drifts" | "overtakes":
                 return self._schedule_drift(conflict, actor)
             case "drives" if conflict.actors[0].behaviour == "overtakes":
-                return self._schedule_passed(conflict, actor)
+                return self._schedule_passed_cyclist(conflict, actor)
             case "steers_clear":
                 return self._schedule_evasion(conflict, actor)
             case "stands":
-                path = ActorPath(np.array(actor.path_m))
-                middle = np.full(len(self.recording), path.length_m / 2)
-                return ActorSchedule(track=self._build_track(path, middle, actor, conflict))
+                path = self._get_path(actor)
+                stations = np.full(self.tick_count, path.length_m / 2)
+                return ActorSchedule(track=self._build_track(path, stations, actor, conflict))
             case _:
                 return ActorSchedule(speed_commands_m_s=np.array([np.nan]))
 
     def _schedule_stop(self, conflict: StagedConflict, actor: StagedActor) -> ActorSchedule:
-        tick_s, size = self.spec.timing.tick_s, self._find_size(actor)
-        path = self._build_path(actor)
-        met = compute_path_crossing(path, size, self.ego, conflict.point_m, tick_s)
-        if met is None and actor.route:
+        tick_s, path = self.tick_s, self._get_path(actor)
+        crossing = compute_path_crossing(
+            path, self._get_size(actor), self.ego, conflict.point_m, tick_s
+        )
+        if crossing is None and actor.route:
             return ActorSchedule(speed_commands_m_s=np.zeros(1), is_untriggered=True)
-        if met is None:
-            stays = np.zeros(len(self.recording))
+        if crossing is None:
+            waits = np.zeros(self.tick_count)
             return ActorSchedule(
-                track=self._build_track(path, stays, actor, conflict), is_untriggered=True
+                track=self._build_track(path, waits, actor, conflict), is_untriggered=True
             )
         stations, go_s = compute_stop_stations(
-            met,
+            crossing,
             actor,
             path.length_m,
             offset_s=conflict.parameters["arrival_offset_s"],
             post_encroachment_s=conflict.parameters["post_encroachment_s"],
             tick_s=tick_s,
-            ticks=len(self.recording),
+            ticks=self.tick_count,
         )
         if not actor.route:
             return ActorSchedule(track=self._build_track(path, stations, actor, conflict))
         speeds = np.diff(stations, prepend=stations[0]) / tick_s
         speeds[round(go_s / tick_s) :] = np.nan
-        return ActorSchedule(speed_commands_m_s=speeds, trigger_s=met.ego_s)
+        return ActorSchedule(speed_commands_m_s=speeds, trigger_s=crossing.ego_s)
 
     def _schedule_evasion(self, conflict: StagedConflict, actor: StagedActor) -> ActorSchedule:
-        tick_s, path = self.spec.timing.tick_s, self._build_path(actor)
-        ego_s, distance = find_passing(path, self.ego, conflict.point_m, tick_s)
-        start = distance - actor.speed_m_s * (ego_s + conflict.parameters["arrival_offset_s"])
-        stations = start + actor.speed_m_s * tick_s * np.arange(len(self.recording))
+        tick_s, path = self.tick_s, self._get_path(actor)
+        ego_s, distance_m = find_passing(path, self.ego, conflict.point_m, tick_s)
+        start_m = distance_m - actor.speed_m_s * (ego_s + conflict.parameters["arrival_offset_s"])
+        stations = start_m + actor.speed_m_s * tick_s * np.arange(self.tick_count)
         stations = np.clip(stations, 0.0, path.length_m).astype(np.float64)
         return ActorSchedule(track=self._build_track(path, stations, actor, conflict))
 
     def _schedule_drift(self, conflict: StagedConflict, actor: StagedActor) -> ActorSchedule:
         if actor.number not in self.previous:
             return ActorSchedule(speed_commands_m_s=np.array([actor.speed_m_s]))
-        tick_s, given = self.spec.timing.tick_s, conflict.parameters
-        other = ActorTrack.from_trace(self.rehearsal, actor.number)
-        ego_s = _find_passing_tick(self.ego, conflict.point_m) * tick_s
-        late_s = (
-            _find_passing_tick(other, conflict.point_m) * tick_s - ego_s - given["arrival_offset_s"]
-        )
-        wait_s = max(self.previous[actor.number].trigger_s - late_s, 0.0)
+        tick_s, parameters = self.tick_s, conflict.parameters
+        other = ActorTrack.from_trace(self.dry_run.trace, actor.number)
+        ego_s = self.ego.find_nearest_tick(conflict.point_m) * tick_s
+        actor_s = other.find_nearest_tick(conflict.point_m) * tick_s
+        wait_s = self._correct_wait_s(actor, actor_s - ego_s - parameters["arrival_offset_s"])
         tick, apart_m = find_nearest_tick(self.ego, other)
-        here, there = self.ego.at_ticks(np.array([tick])), other.at_ticks(np.array([tick]))
-        closing = float((here.rows["speed"] + there.rows["speed"])[0])
-        track = self.recording.tracks[actor.number]
+        at = np.array([tick])
+        closing = float((self.ego.at_ticks(at).rows["speed"] + other.at_ticks(at).rows["speed"])[0])
+        track = self.dry_run.fronts[actor.number]
         offsets = compute_lateral_offsets(
             track["tick"] * tick_s,
-            shift_m=given["encroachment_m"] + apart_m / 2 - other.size[1] / 2,
-            out_s=given["drift_time_s"],
-            hold_s=self._compute_hold_s(conflict),
-            return_s=given["return_time_s"],
+            shift_m=parameters["encroachment_m"] + apart_m / 2 - other.size[1] / 2,
+            out_s=parameters["drift_time_s"],
+            hold_s=self._compute_passing_s(conflict),
+            return_s=parameters["return_time_s"],
             end_s=tick * tick_s
             - (self.ego.size[0] + other.size[0]) / 2 / closing
             - DRIFT_RETURN_MARGIN_S,
@@ -153,49 +169,49 @@ class _Scheduler:
             track=shift_laterally(track, offsets, tick_s),
         )
 
-    def _compute_hold_s(self, conflict: StagedConflict) -> float:
-        """How long the actor drives beside its lane: as long as it takes to pass somebody."""
+    def _compute_passing_s(self, conflict: StagedConflict) -> float:
+        """Compute how long the actor drives in the other lane to pass the cyclist, else 0."""
         actor = conflict.actors[0]
         if actor.behaviour != "overtakes":
             return 0.0
         passed = conflict.actors[1]
-        lengths = self._find_size(actor)[0] + self._find_size(passed)[0]
-        gaps = 2 * conflict.parameters["passing_gap_m"]
-        return (lengths + gaps) / (actor.speed_m_s - passed.speed_m_s)
+        lengths_m = self._get_size(actor)[0] + self._get_size(passed)[0]
+        gaps_m = 2 * conflict.parameters["passing_gap_m"]
+        return (lengths_m + gaps_m) / (actor.speed_m_s - passed.speed_m_s)
 
-    def _schedule_passed(self, conflict: StagedConflict, passed: StagedActor) -> ActorSchedule:
-        """Rides so that the actor is ahead of it by the gap as it begins to come back."""
+    def _schedule_passed_cyclist(
+        self, conflict: StagedConflict, passed: StagedActor
+    ) -> ActorSchedule:
+        """Schedule a cyclist so that the actor is ahead by the gap when it begins to return."""
         if passed.number not in self.previous:
             return ActorSchedule(speed_commands_m_s=np.array([passed.speed_m_s]))
-        actor, given, tick_s = conflict.actors[0], conflict.parameters, self.spec.timing.tick_s
-        ego_s = _find_passing_tick(self.ego, conflict.point_m) * tick_s
-        back_s = given["return_time_s"] + DRIFT_RETURN_MARGIN_S
-        lengths = self._find_size(actor)[0] + self._find_size(passed)[0]
-        before_m = actor.speed_m_s * back_s + lengths / 2 + given["passing_gap_m"]
-        path = self._build_path(actor)
-        there = path.points_at(
-            np.array([path.line.project(shapely.Point(conflict.point_m)) - before_m])
-        )
-        track = ActorTrack.from_trace(self.rehearsal, passed.number)
-        late_s = _find_passing_tick(track, tuple(there[0])) * tick_s - (ego_s - back_s)
-        wait_s = max(self.previous[passed.number].trigger_s - late_s, 0.0)
+        actor, parameters, tick_s = conflict.actors[0], conflict.parameters, self.tick_s
+        ego_s = self.ego.find_nearest_tick(conflict.point_m) * tick_s
+        back_s = parameters["return_time_s"] + DRIFT_RETURN_MARGIN_S
+        lengths_m = self._get_size(actor)[0] + self._get_size(passed)[0]
+        before_m = actor.speed_m_s * back_s + lengths_m / 2 + parameters["passing_gap_m"]
+        path = self._get_path(actor)
+        passing_m = path.line.project(shapely.Point(conflict.point_m)) - before_m
+        east, north = path.points_at(np.array([passing_m]))[0]
+        track = ActorTrack.from_trace(self.dry_run.trace, passed.number)
+        late_s = track.find_nearest_tick((east, north)) * tick_s - (ego_s - back_s)
+        wait_s = self._correct_wait_s(passed, late_s)
         return ActorSchedule(
             speed_commands_m_s=_build_speed_commands(passed, wait_s, ego_s, tick_s),
             trigger_s=wait_s,
         )
 
-    def _build_path(self, actor: StagedActor) -> ActorPath:
-        if not actor.route:
-            return ActorPath(np.array(actor.path_m))
-        ride = self._find_trip(actor)
-        lanes = list_route_lanes(ride, self.graph)
-        return ActorPath.from_lanes(lanes, (ride.front_position_m or 0.0) - ride.actor.size[0] / 2)
+    def _correct_wait_s(self, actor: StagedActor, late_s: float) -> float:
+        return max(self.previous[actor.number].trigger_s - late_s, 0.0)
 
-    def _find_trip(self, actor: StagedActor) -> VehicleTrip:
-        return next(ride for ride in self.demand.staged if ride.actor.id == actor.number)
+    def _get_path(self, actor: StagedActor) -> ActorPath:
+        if actor.route:
+            return self.dry_run.lane_paths[actor.number]
+        return ActorPath(np.array(actor.path_m))
 
-    def _find_size(self, actor: StagedActor) -> tuple[float, float, float]:
-        return next(one.size for one in self.demand.actors if one.id == actor.number)
+    def _get_size(self, actor: StagedActor) -> tuple[float, float, float]:
+        blueprint = self.spec.blueprints[actor.blueprint]
+        return blueprint.length_m, blueprint.width_m, blueprint.height_m
 
     def _build_track(
         self,
@@ -204,25 +220,15 @@ class _Scheduler:
         actor: StagedActor,
         conflict: StagedConflict,
     ) -> NDArray[np.void]:
-        nearest = np.argmin(np.linalg.norm(self.ego.centres - conflict.point_m, axis=1))
-        return path.build_front_rows(
-            stations,
-            actor.number,
-            self._find_size(actor)[0],
-            float(self.ego.rows["z"][nearest]),
-            self.spec.timing.tick_s,
-        )
-
-
-def _find_passing_tick(track: ActorTrack, point: tuple[float, float]) -> float:
-    """The tick at which a track is nearest to a point."""
-    nearest = np.argmin(np.linalg.norm(track.centres - point, axis=1))
-    return float(track.rows["tick"][nearest])
+        # Paths have no height: the ego's, where it passes, is that of the road at the conflict.
+        z_m = float(self.ego.rows["z"][self.ego.find_nearest_row(conflict.point_m)])
+        length_m = self._get_size(actor)[0]
+        return path.build_front_rows(stations, actor.number, length_m, z_m, self.tick_s)
 
 
 def _build_speed_commands(
     actor: StagedActor, wait_s: float, until_s: float, tick_s: float
 ) -> NDArray[np.float64]:
-    """The speeds of one who waits, then drives at its speed up to a time, then as it likes."""
+    """Build commands (ticks,): wait, drive at the actor's speed up to a time, then be free."""
     waits, drives = round(wait_s / tick_s), max(round((until_s - wait_s) / tick_s), 0)
     return np.concatenate([np.zeros(waits), np.full(drives, actor.speed_m_s), [np.nan]])

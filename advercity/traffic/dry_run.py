@@ -15,13 +15,15 @@ from numpy.typing import NDArray
 
 from advercity.conflicts.clearance import Blockage, find_blockages, find_ego_blockers
 from advercity.conflicts.report import evaluate_outcomes
-from advercity.conflicts.schedule import ActorSchedule, schedule_actors
+from advercity.conflicts.schedule import ActorSchedule, DryRun, schedule_actors
+from advercity.conflicts.trajectories import ActorPath
 from advercity.errors import RunError
 from advercity.frames import Trace
 from advercity.roads.lane_graph import LaneGraph, read_lane_graph
-from advercity.traffic.demand import TrafficDemand, draw_demand
+from advercity.traffic.demand import TrafficDemand, VehicleTrip, draw_demand
 from advercity.traffic.kinematics import SumoRecording, build_trace
 from advercity.traffic.route_file import write_route_file
+from advercity.traffic.speed_profile import list_route_lanes
 from advercity.traffic.sumo_run import run_sumo
 
 MAX_DRY_RUNS = 40
@@ -79,9 +81,14 @@ class _DryRuns:
         spec, graph, before = self._spec, self._graph, self._plays
         demand = draw_demand(spec, graph, self._again)
         recording = record_traffic(spec, demand, graph, self._network, before)
-        self._plays = schedule_actors(spec, demand, graph, recording, before)
-        if self._redraw_ego_blockers(demand, recording) or self._update_schedules(
-            before, demand, recording
+        dry_run = DryRun(
+            trace=build_trace(spec, demand, recording, first_tick=0),
+            fronts=recording.tracks,
+            lane_paths={trip.actor.id: _build_lane_path(trip, graph) for trip in demand.staged},
+        )
+        self._plays = schedule_actors(spec, dry_run, before)
+        if self._redraw_ego_blockers(demand, dry_run.trace) or self._update_schedules(
+            before, demand, dry_run.trace
         ):
             return None
         return self._check_result(demand, recording)
@@ -90,17 +97,17 @@ class _DryRuns:
     def _has_untriggered(self) -> bool:
         return any(play.is_untriggered for play in self._plays.values())
 
-    def _redraw_ego_blockers(self, demand: TrafficDemand, recording: SumoRecording) -> bool:
+    def _redraw_ego_blockers(self, demand: TrafficDemand, trace: Trace) -> bool:
         """Draw again who holds up an ego that an actor waits for in vain; whether somebody does."""
         if not self._has_untriggered:
             return False
         self.reason = format_unmet_conflicts(self._spec, self._plays)
-        held = _find_background_blockers(self._spec, demand, recording) or self._blamed
+        held = _find_background_blockers(self._spec, demand, trace) or self._blamed
         self._redraw(held)
         return bool(held)
 
     def _update_schedules(
-        self, before: Mapping[int, ActorSchedule], demand: TrafficDemand, recording: SumoRecording
+        self, before: Mapping[int, ActorSchedule], demand: TrafficDemand, trace: Trace
     ) -> bool:
         """See whether cues have changed; where that goes round, draw again who holds up the ego."""
         if not _has_changed(before, self._plays):
@@ -109,7 +116,7 @@ class _DryRuns:
             "the actors' times did not settle; lower the density or take other seeds.traffic"
         )
         goes_round = _is_repeated(self._plays, self._again, self._told)
-        held = _find_background_blockers(self._spec, demand, recording) if goes_round else set()
+        held = _find_background_blockers(self._spec, demand, trace) if goes_round else set()
         self._told.append((dict(self._again), self._plays))
         self._redraw(held)
         return True
@@ -186,12 +193,14 @@ def _find_spoilers(spec: Spec, trace: Trace, demand: TrafficDemand) -> set[int]:
     return set(find_ego_blockers(spec, trace)) & _background_ids(demand)
 
 
-def _find_background_blockers(
-    spec: Spec, demand: TrafficDemand, recording: SumoRecording
-) -> set[int]:
-    """Those of the background who hold the ego up in a rehearsal."""
-    rehearsal = build_trace(spec, demand, recording, first_tick=0)
-    return set(find_ego_blockers(spec, rehearsal)) & _background_ids(demand)
+def _find_background_blockers(spec: Spec, demand: TrafficDemand, trace: Trace) -> set[int]:
+    """Find the background actors that hold the ego up in a dry run."""
+    return set(find_ego_blockers(spec, trace)) & _background_ids(demand)
+
+
+def _build_lane_path(trip: VehicleTrip, graph: LaneGraph) -> ActorPath:
+    start_m = (trip.front_position_m or 0.0) - trip.actor.size[0] / 2
+    return ActorPath.from_lanes(list_route_lanes(trip, graph), start_m)
 
 
 def _background_ids(demand: TrafficDemand) -> set[int]:

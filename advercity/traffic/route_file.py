@@ -88,7 +88,7 @@ def _apply_driver_response(driving: CarFollowing, caution: DriverResponse | None
         driving,
         acceleration_m_s2=min(driving.acceleration_m_s2, caution.usual_m_s2),
         deceleration_m_s2=min(driving.deceleration_m_s2, caution.usual_m_s2),
-        hardest_m_s2=min(driving.max_emergency_braking_m_s2, caution.hardest_m_s2),
+        max_emergency_braking_m_s2=min(driving.max_emergency_braking_m_s2, caution.hardest_m_s2),
         headway_s=driving.headway_s + caution.headway_s,
     )
 
