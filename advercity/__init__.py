@@ -1,20 +1,57 @@
-"""advercity: adverse-weather V2X driving data, compiled from YAML."""
+"""advercity: adverse-weather V2X driving data, compiled from YAML.
 
+The names below are the Python interface. Each is imported when it is first used, so that
+`import advercity` itself costs nothing; `advercity.testing` has what tests of one's own need.
+"""
+
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from advercity_dsl import Spec
+
+    from advercity.api import (
+        RunResult,
+        compile_library,
+        load_spec,
+        run,
+        simulate,
+        write_specs,
+    )
     from advercity.dataset.reader import open_dataset
 
 __version__ = "0.1.0"
+__all__ = [
+    "RunResult",
+    "Spec",
+    "__version__",
+    "compile_library",
+    "load_spec",
+    "open_dataset",
+    "run",
+    "simulate",
+    "write_specs",
+]
+
+_HOMES = {
+    "RunResult": "advercity.api",
+    "Spec": "advercity_dsl",
+    "compile_library": "advercity.api",
+    "load_spec": "advercity.api",
+    "open_dataset": "advercity.dataset.reader",
+    "run": "advercity.api",
+    "simulate": "advercity.api",
+    "write_specs": "advercity.api",
+}
 
 
 def __getattr__(name: str) -> object:
-    """`open_dataset`, imported when it is wanted: the command line starts faster without."""
-    if name == "open_dataset":
-        from advercity.dataset.reader import open_dataset
-
-        return open_dataset
-    raise AttributeError(f"module 'advercity' has no attribute {name!r}")
+    """Import a public name from its module (PEP 562)."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'advercity' has no attribute {name!r}")
+    return getattr(import_module(_HOMES[name]), name)
 
 
-__all__ = ["__version__", "open_dataset"]
+def __dir__() -> list[str]:
+    """List the public names, for completion in editors and notebooks."""
+    return sorted(__all__)

@@ -1,6 +1,12 @@
 """The pipeline over frames and scenarios."""
 
-from advercity.pipeline.executors import RunListener, create_executor, raise_failures, run_scenarios
+from advercity.pipeline.executors import (
+    RunListener,
+    SilentListener,
+    create_executor,
+    raise_failures,
+    run_scenarios,
+)
 from advercity.pipeline.options import (
     FrameRange,
     Progress,
@@ -21,6 +27,7 @@ __all__ = [
     "RunListener",
     "RunOptions",
     "ScenarioResult",
+    "SilentListener",
     "ViewerTarget",
     "create_executor",
     "parse_frame_range",

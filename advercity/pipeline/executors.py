@@ -34,6 +34,16 @@ class RunListener(Protocol):
         ...
 
 
+class SilentListener:
+    """Ignores progress and results."""
+
+    def on_progress(self, progress: Progress) -> None:
+        """Do nothing."""
+
+    def on_result(self, outcome: ScenarioResult) -> None:
+        """Do nothing."""
+
+
 def run_scenarios(
     specs: Sequence[Spec],
     options: RunOptions,

@@ -134,9 +134,21 @@ class Backend(Protocol):
 ENTRY_POINT_GROUP = "advercity.backends"
 
 
+TEST_MODULE = "advercity.testing"
+
+
 def list_backend_names() -> list[str]:
-    """Names of all installed backends; imports none of them."""
-    return sorted({entry.name for entry in entry_points(group=ENTRY_POINT_GROUP)})
+    """List the names of installed backends without importing any.
+
+    The fake backend for tests can be loaded by name, but is not suggested to users.
+    """
+    return sorted(
+        {
+            entry.name
+            for entry in entry_points(group=ENTRY_POINT_GROUP)
+            if entry.module != TEST_MODULE
+        }
+    )
 
 
 def load_backend(name: str) -> Backend:

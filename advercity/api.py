@@ -1,0 +1,215 @@
+"""The Python interface: what `import advercity` gives. The command line calls the same functions.
+
+Paths may be strings. Every function raises `advercity.errors.InputError` for bad input, with file,
+line and column where a file is at fault, and `RunError` for what fails while it runs.
+"""
+
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from advercity_dsl import Spec
+
+from advercity import compiler
+from advercity.errors import InputError
+
+if TYPE_CHECKING:
+    # The pipeline loads SUMO, Rerun and OpenCV; whoever only compiles does not wait for them.
+    from advercity.dataset.reader import Dataset
+    from advercity.pipeline import (
+        FrameRange,
+        ResourceLimits,
+        RunListener,
+        ScenarioResult,
+        ViewerTarget,
+    )
+    from advercity.pipeline.preparation import TrafficResult
+
+PathLike = str | os.PathLike[str]
+
+
+def compile_library(*folders: PathLike, suite: str | None = None) -> list[Spec]:
+    """Compile the scenarios of a suite; `advercity.write_specs` puts them into files.
+
+    Args:
+        folders: Libraries of declarations; later ones may refer to earlier ones. Without any, the
+            library that ships with advercity.
+        suite: Id of the suite; None is the libraries' default or only suite.
+
+    Raises:
+        InputError: A declaration is wrong; the text lists every problem with file, line, column,
+            and what would be right.
+    """
+    paths = [Path(folder) for folder in folders] or [compiler.find_shipped_library()]
+    return compiler.compile_library(*paths, suite=suite)
+
+
+def write_specs(specs: Iterable[Spec], folder: PathLike) -> None:
+    """Write every spec to `<folder>/<spec id>.json`, and remove specs of the suite that are gone.
+
+    Raises:
+        InputError: The folder holds other files of these names, or cannot be written.
+    """
+    compiler.write_specs(list(specs), Path(folder))
+
+
+def load_spec(path: PathLike, *, weather: PathLike | None = None) -> Spec:
+    """Load a compiled spec, optionally under another weather.
+
+    Args:
+        path: The JSON file.
+        weather: A weather file, or the name of a weather that ships. The traffic stays the same,
+            with the same ids, poses and boxes.
+
+    Raises:
+        InputError: The file is no spec of this version, or there is no such weather.
+    """
+    spec = compiler.read_spec(Path(path))
+    if weather is None:
+        return spec
+    return compiler.with_weather(spec, compiler.find_weather(os.fspath(weather)))
+
+
+def simulate(spec: Spec) -> "TrafficResult":
+    """Simulate the traffic of a spec in SUMO, or take it from the cache.
+
+    Returns:
+        The SUMO network's path, the trace (every actor and signal at every recorded tick) and the
+        trace's SHA-256.
+
+    Raises:
+        InputError: The spec asks for what its road does not have.
+        RunError: The simulation fails.
+    """
+    from advercity.pipeline.preparation import load_or_simulate_traffic
+
+    return load_or_simulate_traffic(spec)
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """What a run has made.
+
+    Attributes:
+        output: Folder of the dataset, or the URL of a store.
+        scenarios: How each scenario ended, in the order of the specs.
+    """
+
+    output: str
+    scenarios: "tuple[ScenarioResult, ...]"
+
+    @property
+    def failed(self) -> "tuple[ScenarioResult, ...]":
+        """Scenarios that ended with an error."""
+        return tuple(result for result in self.scenarios if result.error is not None)
+
+    def raise_failures(self) -> None:
+        """Raise what failed; do nothing if every scenario succeeded.
+
+        Raises:
+            AdvercityError: The only scenario failed.
+            RunError: Some of several scenarios failed; the text says which and why.
+        """
+        from advercity.pipeline import raise_failures
+
+        raise_failures(self.scenarios)
+
+    def open_dataset(self) -> "Dataset":
+        """Open the dataset that was written."""
+        from advercity.dataset.reader import open_dataset
+
+        return open_dataset(self.output)
+
+
+def run(
+    specs: Spec | Iterable[Spec],
+    output: PathLike = "output",
+    *,
+    backend: str = "sapien",
+    profile: Literal["auto", "preview", "full"] | str = "auto",
+    scale: float | None = None,
+    frames: slice | None = None,
+    format: str = "opv2v",
+    fresh: bool = False,
+    viewer: "ViewerTarget | None" = None,
+    jobs: int | None = None,
+    limits: "ResourceLimits | None" = None,
+    allow_large: bool = False,
+    executor: str = "local",
+    ray_address: str | None = None,
+    listener: "RunListener | None" = None,
+    check: bool = True,
+) -> RunResult:
+    """Run scenarios: traffic, sensors, dataset. What is finished in `output` is not made again.
+
+    Args:
+        specs: One spec or several, with different ids.
+        output: Folder for the dataset; with Ray also the URL of a store.
+        backend: Rendering backend, by name.
+        profile: How well to render: `preview`, `full`, or `auto` for what suits the device.
+        scale: Image scale in place of the profile's.
+        frames: Recorded frames to make, such as `slice(0, 30)`; None is all.
+        format: Layout of the dataset, `opv2v` or `adver_city`.
+        fresh: Discard what an earlier run left.
+        viewer: Where a live view or a recording goes.
+        jobs: Worker processes at a time; None is as many as suit this machine.
+        limits: Memory and time that a scenario may take; None is what the estimate allows.
+        allow_large: Run what the estimate finds too large.
+        executor: `local`, or `ray` for a cluster.
+        ray_address: Address of the Ray cluster; None starts one on this machine.
+        listener: Gets progress and results, from several threads.
+        check: Raise failures after all scenarios have ended, as `subprocess.run` does; else they
+            are in the result only.
+
+    Raises:
+        InputError: A spec or an option does not fit, before anything is made.
+        AdvercityError: With `check`, what failed.
+    """
+    from advercity import pipeline
+    from advercity.pipeline.estimate import check_resources
+    from advercity.pipeline.executors import validate_batch
+
+    batch = [specs] if isinstance(specs, Spec) else list(specs)
+    target = os.fspath(output)
+    options = pipeline.RunOptions(
+        output=Path(target),
+        backend=backend,
+        profile=profile,
+        scale=scale,
+        frames=_to_frame_range(frames),
+        viewer=viewer or pipeline.ViewerTarget(),
+        fresh=fresh,
+        format=format,
+    )
+    validate_batch(batch, options)
+    resources = check_resources(
+        batch,
+        options,
+        requested_limits=limits or pipeline.ResourceLimits(),
+        jobs=jobs,
+        allow_large=allow_large,
+        is_local=executor == "local",
+    )
+    where = pipeline.create_executor(
+        executor, output=target, address=ray_address, jobs=resources.jobs
+    )
+    results = where.run(
+        batch, options, listener=listener or pipeline.SilentListener(), limits=resources.limits
+    )
+    result = RunResult(target, tuple(results))
+    if check:
+        result.raise_failures()
+    return result
+
+
+def _to_frame_range(frames: slice | None) -> "FrameRange":
+    from advercity.pipeline import FrameRange
+
+    if frames is None:
+        return FrameRange()
+    first, last, step = frames.start or 0, frames.stop, frames.step or 1
+    if first < 0 or step < 1 or (last is not None and last <= first):
+        raise InputError(f"frames {frames}: contains no frame; write slice(0, 30)")
+    return FrameRange(first, last, step)
