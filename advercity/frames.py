@@ -81,7 +81,7 @@ class Frame:
     signals: Mapping[str, Signal]
     """By `SignalLamp.id`."""
 
-    def state_of(self, actor_id: int) -> ActorState:
+    def get_state(self, actor_id: int) -> ActorState:
         """State of one actor; KeyError if it is not there in this frame."""
         for state in self.states:
             if state.actor.id == actor_id:
@@ -136,7 +136,7 @@ class Trace:
         """Kept ticks."""
         return len(self.signals)
 
-    def frame(self, index: int) -> Frame:
+    def build_frame(self, index: int) -> Frame:
         """Kept tick `index`, from 0."""
         if not 0 <= index < len(self):
             raise IndexError(f"frame {index} of {len(self)}")

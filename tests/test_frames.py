@@ -8,7 +8,7 @@ from advercity_dsl.weather import Lamps
 
 from advercity.errors import RunError
 from advercity.frames import STATE_DTYPE, Actor, Lamp, Signal, Trace, extract_planned_trajectory
-from advercity.traffic import apply_lamp_state
+from advercity.traffic.weather_effects import apply_lamp_state
 
 CAR = Actor(101, "car", "sedan", "car_paint_blue", (4.5, 1.8, 1.5))
 WALKER = Actor(5001, "pedestrian", "adult", "cloth_dark", (0.4, 0.4, 1.8))
@@ -33,7 +33,7 @@ def trace_of(*rows: tuple[object, ...], ticks: int = 3) -> Trace:
 def test_a_frame_holds_who_is_there_and_what_the_lights_show():
     trace = trace_of(row(0, 0, 1.0), row(1, 0, 2.0), row(1, 1, 9.0), row(2, 0, 3.0))
 
-    frame = trace.frame(1)
+    frame = trace.build_frame(1)
 
     assert [state.actor.id for state in frame.states] == [101, 5001]
     assert frame.signals == {"junction/north": Signal.RED, "junction/south": Signal.GREEN}
@@ -41,7 +41,7 @@ def test_a_frame_holds_who_is_there_and_what_the_lights_show():
 
 
 def test_a_state_is_posed_nose_down_for_positive_pitch():
-    pose = trace_of(row(0, 0, 7.0)).frame(0).state_of(101).world_from_body
+    pose = trace_of(row(0, 0, 7.0)).build_frame(0).get_state(101).world_from_body
 
     np.testing.assert_allclose(pose[:3, 3], [7.0, 2.0, 0.5])
     np.testing.assert_allclose(pose[:3, 0], [0, np.cos(0.1), -np.sin(0.1)], atol=1e-12)
@@ -51,9 +51,9 @@ def test_asking_for_what_is_not_there_is_an_error():
     trace = trace_of(row(0, 0, 1.0))
 
     with pytest.raises(IndexError):
-        trace.frame(3)
+        trace.build_frame(3)
     with pytest.raises(KeyError):
-        trace.frame(0).state_of(5001)
+        trace.build_frame(0).get_state(5001)
 
 
 def test_a_trace_comes_back_from_its_file_and_has_the_same_bytes_again(tmp_path: Path):
@@ -112,11 +112,13 @@ def test_a_plan_starts_at_the_tick_that_is_asked_for():
 
 
 def test_weather_lights_beams_and_leaves_brakes_to_the_driver():
-    frame = trace_of(row(0, 0, 1.0, lamps=Lamp.BRAKE), row(0, 1, 2.0), row(0, 2, 3.0)).frame(0)
+    frame = trace_of(row(0, 0, 1.0, lamps=Lamp.BRAKE), row(0, 1, 2.0), row(0, 2, 3.0)).build_frame(
+        0
+    )
 
     foggy = apply_lamp_state(frame, Lamps(low_beam=True, fog=True))
 
-    assert foggy.state_of(101).lamps == Lamp.BRAKE | Lamp.LOW_BEAM | Lamp.FOG
-    assert foggy.state_of(1001).lamps == Lamp.LOW_BEAM
-    assert foggy.state_of(5001).lamps == Lamp(0)
-    assert apply_lamp_state(frame, Lamps(low_beam=False)).state_of(101).lamps == Lamp.BRAKE
+    assert foggy.get_state(101).lamps == Lamp.BRAKE | Lamp.LOW_BEAM | Lamp.FOG
+    assert foggy.get_state(1001).lamps == Lamp.LOW_BEAM
+    assert foggy.get_state(5001).lamps == Lamp(0)
+    assert apply_lamp_state(frame, Lamps(low_beam=False)).get_state(101).lamps == Lamp.BRAKE

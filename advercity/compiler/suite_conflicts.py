@@ -9,9 +9,10 @@ from advercity_dsl.spec import CrashGroup
 
 from advercity.compiler.diagnostics import Diagnostic, DiagnosticsError
 from advercity.compiler.library import Library
-from advercity.conflicts import UnsolvableError, solve_conflict
 from advercity.conflicts.binding import Binding, match_conflict, with_ego_manoeuvre
+from advercity.conflicts.case import UnsolvableError
 from advercity.conflicts.checks import find_infeasibility
+from advercity.conflicts.solver import solve_conflict
 
 CrashGroups = Mapping[str, tuple[CrashGroup, ...]]
 

@@ -1,11 +1,6 @@
-"""Solve conflicts: where the ways meet, who comes from where, and how fast.
+"""Staged conflicts: solving them for a road, scheduling their actors, and measuring the outcome.
 
-`drive` and `casting` say how the ego goes and who takes part, and a `Case` holds both. `crossing`,
-`opposite`, `overtaking` and `through` each find the places for one way of coming, `placing`
-chooses among them, `actors` makes records of those placed, and `solution` puts all together.
+At compile time `binding` matches a declared conflict to a road, `solver` places its actors and
+`checks` says whether it can happen. At run time `schedule` times the actors by dry runs of the
+traffic. `metrics` and `report` measure what happened, from the trace alone.
 """
-
-from advercity.conflicts.case import UnsolvableError
-from advercity.conflicts.solver import solve_conflict
-
-__all__ = ["UnsolvableError", "solve_conflict"]

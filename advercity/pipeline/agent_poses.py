@@ -30,7 +30,7 @@ class AgentPoses:
         self.spec = spec
         self._trace = trace
         self._roles = find_conflict_roles(spec)
-        self._traced = lru_cache(maxsize=4)(trace.frame)
+        self._traced = lru_cache(maxsize=4)(trace.build_frame)
         self._origin = Geodetic(spec.road.origin_lat_deg, spec.road.origin_lon_deg)
 
     def load_frame(self, index: int) -> Frame:
@@ -106,7 +106,7 @@ class AgentPoses:
         """Velocity (3,) of an agent in the world in m/s; a roadside unit stands."""
         if isinstance(agent.place, RoadsideUnit):
             return np.zeros(3)
-        state = frame.state_of(agent.number)
+        state = frame.get_state(agent.number)
         return state.speed_m_s * state.world_from_body[:3, 0]
 
     def previous_frame(self, frame: Frame) -> Frame:
@@ -139,7 +139,7 @@ class AgentPoses:
 
     def _world_from_vehicle(self, agent: Agent, frame: Frame) -> Matrix:
         try:
-            return frame.state_of(agent.number).world_from_body
+            return frame.get_state(agent.number).world_from_body
         except KeyError:
             raise RunError(
                 f"{self.spec.id}: {agent.id} is not on the road in frame {frame.index};"

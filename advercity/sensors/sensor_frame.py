@@ -101,7 +101,7 @@ class SensorFrame:
         """Of the agent's vehicle; 0 for a roadside unit."""
         if self.agent.place.kind == "roadside_unit":
             return 0.0
-        return self.frame.state_of(self.agent.number).speed_m_s
+        return self.frame.get_state(self.agent.number).speed_m_s
 
 
 def compute_image_intrinsics(

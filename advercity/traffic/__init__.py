@@ -1,25 +1,5 @@
-"""Traffic: who drives and walks where, tick by tick, recorded as a trace."""
+"""Background traffic, connected vehicles and pedestrians, simulated by SUMO into a trace.
 
-from advercity.frames import (
-    Actor,
-    ActorState,
-    Frame,
-    Lamp,
-    Signal,
-    Trace,
-    extract_planned_trajectory,
-)
-from advercity.traffic.simulation import simulate_in_subprocess
-from advercity.traffic.weather_effects import apply_lamp_state
-
-__all__ = [
-    "Actor",
-    "ActorState",
-    "Frame",
-    "Lamp",
-    "Signal",
-    "Trace",
-    "apply_lamp_state",
-    "extract_planned_trajectory",
-    "simulate_in_subprocess",
-]
+`simulation` is the entry: it starts `sumo_worker` as a child process, which draws the demand,
+repeats dry runs until all staged conflicts happen, and writes the trace.
+"""

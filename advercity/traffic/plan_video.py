@@ -48,7 +48,7 @@ def draw_traffic_pictures(spec: Spec, trace: Trace) -> Iterator[Uint8Array]:
     told = _format_conflict_states(spec, trace)
     for tick in range(len(trace)):
         canvas.image = empty.copy()
-        for name, value in trace.frame(tick).signals.items():
+        for name, value in trace.build_frame(tick).signals.items():
             if name in lamps:
                 canvas.fill(_build_square(lamps[name]), SIGNAL_COLOURS[value])
         for row in np.flatnonzero(rows["tick"] == tick):

@@ -122,7 +122,7 @@ def reading_of(agent: Agent, frame: Frame) -> SensorFrame:
 
 def agent_pose(agent: Agent, frame: Frame) -> Matrix:
     if agent.place.kind == "vehicle":
-        return frame.state_of(agent.number).world_from_body
+        return frame.get_state(agent.number).world_from_body
     along = 16.0 if agent.number == -1 else -6.0
     yaw = 3.0 if agent.number == -1 else -0.5
     return WORLD_FROM_STREET @ poses.pose_matrix((along, -9.0, 6.0), yaw=yaw, pitch=0.2)

@@ -24,7 +24,7 @@ def place(reading: SensorFrame, number: int) -> tuple[int, int]:
     is_unit = reading.agent.number < 0
     centre = reading.world_from_lidar if is_unit else reading.world_from_agent
     level = poses.pose_matrix(centre[:3, 3], yaw=poses.to_yaw_pitch_roll(centre)[0])
-    origin = reading.frame.state_of(number).world_from_body[:3, 3]
+    origin = reading.frame.get_state(number).world_from_body[:3, 3]
     x, y, _ = poses.transform_points(poses.invert_pose(level), origin)
     return int(128 - x / 0.390625), int(128 - y / 0.390625)
 

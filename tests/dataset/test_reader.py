@@ -156,7 +156,7 @@ def test_extras_tell_more_of_every_object(dataset: Dataset, readings_of: Reading
     van = objects["201"]
     assert (van["class"], van["roles"]) == ("van", {})
     assert (van["lidar_hits"], van["lidar_points"]) == (40, 40)
-    velocity = readings_of(0)[0].frame.state_of(201).world_from_body[:3, 0] * 5.0
+    velocity = readings_of(0)[0].frame.get_state(201).world_from_body[:3, 0] * 5.0
     np.testing.assert_allclose(van["velocity_m_s"], velocity * (1, -1, 1), atol=1e-6)
     shown = van["cameras"]["camera0"]
     assert shown["visible_px"] > 0

@@ -15,7 +15,7 @@ from advercity.conflicts.report import evaluate_outcomes
 from advercity.frames import Trace
 from advercity.pipeline.cache import compute_traffic_key
 from advercity.roads.sumo_network import write_sumo_network
-from advercity.traffic import simulate_in_subprocess
+from advercity.traffic.simulation import simulate_in_subprocess
 
 SUITE = """
 kind: suite

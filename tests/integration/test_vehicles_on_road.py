@@ -40,7 +40,7 @@ def test_wheels_touch_the_road_on_grades_too(hills: tuple[World, Trace]):
     gaps: list[float] = []
     steepest = 0.0
     for index in range(0, len(trace), EVERY):
-        frame = trace.frame(index)
+        frame = trace.build_frame(index)
         caster.place(replace(frame, states=()))
         places = np.concatenate([wheels(state) for state in frame.states])
         down = np.tile(np.array([0, 0, -1], np.float32), (len(places), 1))

@@ -39,7 +39,7 @@ from advercity.roads.sumo_xml import (
 )
 from advercity.scene.build import build_world
 from advercity.semantics import Semantic
-from advercity.traffic import simulate_in_subprocess
+from advercity.traffic.simulation import simulate_in_subprocess
 
 DATA = Path(__file__).parents[1] / "data/maps"
 TOWN07 = os.environ.get("ADVERCITY_TOWN07")

@@ -16,7 +16,7 @@ from advercity.roads.layout import lay_out_road
 from advercity.roads.sumo_network import write_sumo_network
 from advercity.scene.parking import PARKING_SPACE_M, build_parked_cars
 from advercity.semantics import Semantic
-from advercity.traffic import simulate_in_subprocess
+from advercity.traffic.simulation import simulate_in_subprocess
 
 BLUEPRINTS = {
     "small": Blueprint(actor_class="car", length_m=3.8, width_m=1.8, height_m=1.5),

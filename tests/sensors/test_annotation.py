@@ -23,7 +23,7 @@ def annotated(reading: SensorFrame) -> dict[int, Annotation]:
 
 def among(reading: SensorFrame, *states: ActorState, hits: int = 1) -> SensorFrame:
     """The same viewpoint, level at the origin and facing north, with only itself and these."""
-    own = replace(reading.frame.state_of(reading.agent.number), world_from_body=north)
+    own = replace(reading.frame.get_state(reading.agent.number), world_from_body=north)
     return replace(
         reading,
         frame=replace(reading.frame, states=(own, *states)),

@@ -20,13 +20,13 @@ from advercity.conflicts.trajectories import compute_lateral_offsets
 from advercity.errors import RunError
 from advercity.frames import Trace
 from advercity.roads.sumo_network import write_sumo_network
-from advercity.traffic import simulate_in_subprocess
 from advercity.traffic.dry_run import format_blockages
 from advercity.traffic.route_file import (
     CAR_FOLLOWING,
     CONNECTED_CAR_FOLLOWING,
     EMERGENCY_EXTRA_M_S2,
 )
+from advercity.traffic.simulation import simulate_in_subprocess
 
 pytestmark = pytest.mark.sumo
 ROADS = ("ui", "unj", "ri", "rsnj", "rcnj")
@@ -34,12 +34,12 @@ Simulated = Callable[[str], Trace]
 COUNTED = """
 import sys
 import libsumo
-from advercity.traffic import worker
+from advercity.traffic import sumo_worker
 
 *files, counts = sys.argv[1:]
 start = libsumo.start
 libsumo.start = lambda words: start([*words, "--statistic-output", counts])
-worker.main(*files)
+sumo_worker.main(*files)
 """
 """Traffic as ever, with SUMO's own counts of what went wrong in the last rehearsal."""
 

@@ -15,8 +15,8 @@ from advercity.frames import Actor, Frame, Lamp, Signal, Trace
 from advercity.geometry.poses import to_yaw_pitch_roll
 from advercity.roads.lane_graph import LaneConnection, read_lane_graph
 from advercity.roads.sumo_network import write_sumo_network
-from advercity.traffic import simulate_in_subprocess
 from advercity.traffic.demand import draw_demand
+from advercity.traffic.simulation import simulate_in_subprocess
 
 pytestmark = pytest.mark.sumo
 ROADS = ("ui", "unj", "ri", "rsnj", "rcnj")
@@ -106,7 +106,7 @@ def test_connected_vehicles_start_at_rest_where_they_were_put(
 ):
     spec = with_timing(specs[f"{road}_clear_day_sparse"], warm_up_ticks=0, max_ticks=3)
 
-    frame = simulate_in_subprocess(spec, networks[road]).frame(0)
+    frame = simulate_in_subprocess(spec, networks[road]).build_frame(0)
 
     graph = read_lane_graph(networks[road])
     for agent in spec.agents:
@@ -114,11 +114,11 @@ def test_connected_vehicles_start_at_rest_where_they_were_put(
             lane, position = graph.find_lane(
                 agent.place.spawn_m, np.radians(agent.place.heading_deg)
             )
-            pose = frame.state_of(agent.number).world_from_body
+            pose = frame.get_state(agent.number).world_from_body
             turned = to_yaw_pitch_roll(pose)[0] - lane.heading_at(position)
             assert np.linalg.norm(pose[:2, 3] - lane.point_at(position)[:2]) < 0.3
             assert abs(np.angle(np.exp(1j * turned), deg=True)) < 2.0
-            assert frame.state_of(agent.number).speed_m_s < 0.3
+            assert frame.get_state(agent.number).speed_m_s < 0.3
 
 
 @pytest.mark.parametrize("road", ROADS)
@@ -133,7 +133,7 @@ def test_the_scenario_ends_as_the_ego_comes_near_its_destination(
     assert 50 < len(trace) < spec.timing.max_ticks - spec.timing.warm_up_ticks
     assert last["tick"] == len(trace) - 1
     assert 10.0 < gap < 10.0 + 1.5 * last["speed"] * trace.tick_s
-    assert trace.frame(0).time_s == pytest.approx(6.0)
+    assert trace.build_frame(0).time_s == pytest.approx(6.0)
 
 
 @pytest.mark.parametrize("road", ROADS)
@@ -172,7 +172,7 @@ def test_boxes_of_vehicles_never_overlap(name: str, simulated: Simulated):
     trace = simulated(name)
 
     for index in range(0, len(trace), 20):
-        frame = trace.frame(index)
+        frame = trace.build_frame(index)
         solid = [
             box
             for box, state in zip(boxes(frame), frame.states, strict=True)
@@ -188,7 +188,7 @@ def test_vehicles_stand_on_their_lane(road: str, networks: dict[str, Path], simu
     trace, graph = simulated(f"{road}_sparse"), read_lane_graph(networks[road])
     lanes = [lane for lane in graph.lanes.values() if lane.permits("passenger")]
 
-    for state in trace.frame(0).states:
+    for state in trace.build_frame(0).states:
         if state.actor.actor_class != "pedestrian":
             x, y, z = state.world_from_body[:3, 3].tolist()
             lane = min(lanes, key=lambda lane: lane.find_nearest_position((x, y))[1])
@@ -251,10 +251,10 @@ def test_the_ego_waits_at_red_and_turns_left_on_green(simulated: Simulated):
     crosses = int(np.argmax(rows["y"] < stop_line_y))
 
     assert rows["speed"][:crosses].min() < 1.0
-    assert trace.frame(0).signals["j_main/north_road"] is Signal.RED
-    assert trace.frame(crosses).signals["j_main/north_road"] is Signal.GREEN
-    assert trace.frame(crosses).state_of(EGO).lamps & Lamp.LEFT
-    assert not trace.frame(len(trace) - 1).state_of(EGO).lamps & Lamp.LEFT
+    assert trace.build_frame(0).signals["j_main/north_road"] is Signal.RED
+    assert trace.build_frame(crosses).signals["j_main/north_road"] is Signal.GREEN
+    assert trace.build_frame(crosses).get_state(EGO).lamps & Lamp.LEFT
+    assert not trace.build_frame(len(trace) - 1).get_state(EGO).lamps & Lamp.LEFT
     assert np.degrees(rows["yaw"][-1] - rows["yaw"][0]) % 360 == pytest.approx(90, abs=5)
 
 

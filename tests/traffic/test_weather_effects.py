@@ -14,8 +14,7 @@ from advercity.frames import Actor, ActorState, Frame, Lamp
 from advercity.geometry import poses
 from advercity.physics.lamp_beams import LampPattern, LightSource, intensity_towards
 from advercity.rendering.light_sources import AMBER_LAMP_COLOUR, RED_LAMP_COLOUR, list_light_sources
-from advercity.traffic import apply_lamp_state
-from advercity.traffic.weather_effects import raise_umbrellas
+from advercity.traffic.weather_effects import apply_lamp_state, raise_umbrellas
 from advercity.world import World
 
 CATALOGUE = load_library(Path(__file__).parents[2] / "library").get_declarations(Catalogue)[
@@ -38,9 +37,7 @@ def shining(lamps: Lamp) -> list[LightSource]:
 def test_an_indicator_blinks_three_times_in_two_seconds():
     times_s = np.arange(0.0, 20.0, 0.01)
     shown = [
-        bool(
-            apply_lamp_state(frame(Lamp.LEFT, time_s=time), Lamps()).state_of(101).lamps & Lamp.LEFT
-        )
+        Lamp.LEFT in apply_lamp_state(frame(Lamp.LEFT, time_s=time), Lamps()).get_state(101).lamps
         for time in times_s.tolist()
     ]
     assert np.sum(np.diff(np.array(shown, int)) == 1) == pytest.approx(30, abs=1)
@@ -53,7 +50,7 @@ def test_indicators_of_different_vehicles_keep_their_own_beat():
         return tuple(
             Lamp.RIGHT
             in apply_lamp_state(frame(Lamp.RIGHT, time_s=0.1 * k, actor=actor), Lamps())
-            .state_of(number)
+            .get_state(number)
             .lamps
             for k in range(14)
         )
@@ -64,7 +61,7 @@ def test_indicators_of_different_vehicles_keep_their_own_beat():
 def test_a_blink_leaves_the_other_lamps_alone():
     on = Lamp.LEFT | Lamp.BRAKE
     shown = {
-        apply_lamp_state(frame(on, time_s=0.1 * k), Lamps(low_beam=True)).state_of(101).lamps
+        apply_lamp_state(frame(on, time_s=0.1 * k), Lamps(low_beam=True)).get_state(101).lamps
         for k in range(20)
     }
     assert shown == {Lamp.BRAKE | Lamp.LOW_BEAM, on | Lamp.LOW_BEAM}
@@ -182,7 +179,7 @@ def test_bicycles_have_no_indicators():
         apply_lamp_state(frame(Lamp.LEFT, time_s=0.1 * k, actor=rider), Lamps(low_beam=False))
         for k in range(14)
     ]
-    assert {one.state_of(101).lamps for one in shown} == {Lamp(0)}
+    assert {one.get_state(101).lamps for one in shown} == {Lamp(0)}
 
 
 def test_umbrellas_go_up_with_the_rain_and_stay_up_when_it_gets_harder():
