@@ -282,7 +282,7 @@ def _check_beams(library: Library, rig: Rig, roads: Mapping[str, Road]) -> None:
 def _check_egos(library: Library, roads: Mapping[str, Road]) -> None:
     problems: list[Diagnostic] = []
     for road in roads.values():
-        egos = sum(getattr(place, "role", "") == "ego" for place in road.agents.values())
+        egos = sum(place.is_ego for place in road.agents.values())
         if egos != 1:
             message = f"{egos} of the agents have the role 'ego'; one vehicle has it"
             problems.append(library.build_diagnostic(road, "agents", message=message))

@@ -12,7 +12,7 @@ import numpy as np
 from advercity_dsl import Conflict, Road, Vehicle
 from advercity_dsl.road import Sign, StripKind
 
-from advercity.roads.routes import RoutePath, RoutePlanner, build_ego_path, find_ego
+from advercity.roads.routes import RoutePath, RoutePlanner, build_ego_path
 
 SIDE_STREET_SINE = np.sin(np.pi / 4)
 """A street at a larger angle than this comes from the side."""
@@ -66,7 +66,7 @@ def with_ego_manoeuvre(road: Road, conflict: Conflict) -> Road | None:
     other = road.ego_routes.get(conflict.ego.manoeuvre)
     if other is None:
         return None
-    ego = find_ego(road)
+    ego = road.ego
     moved = ego.model_copy(update=other.model_dump())
     agents = {name: moved if place is ego else place for name, place in road.agents.items()}
     return road.model_copy(update={"agents": agents, "ego_routes": {}})
@@ -74,7 +74,7 @@ def with_ego_manoeuvre(road: Road, conflict: Conflict) -> Road | None:
 
 def find_usual_manoeuvre(road: Road) -> str:
     """What the ego does at its junction; on other roads it goes straight on."""
-    route = find_ego(road).route
+    route = road.ego.route
     if road.junction == "non_junction" or len(route) < 2:
         return "straight"
     ways = RoutePlanner(road)
@@ -111,7 +111,7 @@ def _describe_junction(junction: str) -> str:
 
 
 def _has_strip(road: Road, kind: StripKind) -> bool:
-    sections = {road.streets[name].section for name in find_ego(road).route}
+    sections = {road.streets[name].section for name in road.ego.route}
     return any(
         strip.kind is kind
         for name in sections
@@ -121,7 +121,7 @@ def _has_strip(road: Road, kind: StripKind) -> bool:
 
 def has_kerb_space(road: Road) -> bool:
     """Whether a vehicle can be parked beside a lane of the ego's streets."""
-    sections = {road.streets[name].section for name in find_ego(road).route}
+    sections = {road.streets[name].section for name in road.ego.route}
     beside = (StripKind.PARKING, StripKind.SHOULDER, StripKind.VERGE, StripKind.SIDEWALK)
     return any(
         sum(strip.width_m for strip in side if strip.kind in beside) >= MIN_KERB_SPACE_M
@@ -132,7 +132,7 @@ def has_kerb_space(road: Road) -> bool:
 
 def _find_signalled_junctions(road: Road) -> tuple[str, ...]:
     """The junctions on the ego's way that have traffic lights."""
-    route = find_ego(road).route
+    route = road.ego.route
     ways = RoutePlanner(road)
     return tuple(
         junction
@@ -144,7 +144,7 @@ def _find_signalled_junctions(road: Road) -> tuple[str, ...]:
 
 def _without_signals(road: Road) -> Road:
     """The road with stop signs for those from the sides where the ego's way has traffic lights."""
-    ways, ego = RoutePlanner(road), find_ego(road)
+    ways, ego = RoutePlanner(road), road.ego
     unlit = {
         name: road.junctions[name].model_copy(
             update={
@@ -181,7 +181,7 @@ SAME_SIDE_GAP_M = 6.0
 
 def with_followers(road: Road) -> Road | None:
     """The road with all connected vehicles that would lead the ego behind it; None without room."""
-    ways, ego = RoutePlanner(road), find_ego(road)
+    ways, ego = RoutePlanner(road), road.ego
     way, start_m, _ = build_ego_path(ways, ego)
     followers = {
         name: _place_behind_ego(place, ego, ways)

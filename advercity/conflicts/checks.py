@@ -9,7 +9,7 @@ from advercity_dsl import Conflict, Density, Road, StagedActor, StagedConflict
 
 from advercity.conflicts.case import compute_bounds
 from advercity.conflicts.ego_motion import compute_nominal_motion
-from advercity.roads.routes import RoutePlanner, build_ego_path, find_ego
+from advercity.roads.routes import RoutePlanner, build_ego_path
 
 MIN_SPEED_RANGE_KM_H = 5.0
 MAX_SPEED_KM_H = {"pedestrian": 12.0, "bicycle": 40.0}
@@ -70,7 +70,7 @@ class _ConflictChecks:
 
     def check_ego_speed(self) -> Findings:
         low, high = compute_bounds(self.conflict.parameters.ego_speed_km_h.draw)
-        cap = find_ego(self.road).max_speed_km_h
+        cap = self.road.ego.max_speed_km_h
         left = min(high, cap) - low
         if left < MIN_SPEED_RANGE_KM_H:
             message = (
@@ -138,7 +138,7 @@ class _ConflictChecks:
 
     def check_location(self) -> Findings:
         ways = RoutePlanner(self.road)
-        way, start, end = build_ego_path(ways, find_ego(self.road))
+        way, start, end = build_ego_path(ways, self.road.ego)
         station = way.find_nearest_station(self.staged.point_m)
         gap = float(np.linalg.norm(way.point_at(station) - np.array(self.staged.point_m)))
         if gap > MAX_PATH_GAP_M:

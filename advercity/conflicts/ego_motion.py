@@ -11,7 +11,7 @@ from advercity_dsl import Road
 from advercity_dsl.road import Signals
 from numpy.typing import NDArray
 
-from advercity.roads.routes import RoutePath, RoutePlanner, RouteSegment, build_ego_path, find_ego
+from advercity.roads.routes import RoutePath, RoutePlanner, RouteSegment, build_ego_path
 
 NOMINAL_ACCELERATION_M_S2, NOMINAL_BRAKING_M_S2 = 2.5, 2.0
 NOMINAL_LATERAL_M_S2 = 3.5
@@ -52,7 +52,7 @@ def compute_nominal_motion(
     road: Road, ways: RoutePlanner, way: RoutePath, start_m: float
 ) -> NominalMotion:
     """The pace of the ego from rest at `start_m` on its way."""
-    ego = find_ego(road)
+    ego = road.ego
     top = (ego.max_speed_km_h - CRUISE_MARGIN_KM_H) / 3.6
     stations = np.arange(start_m, way.length_m, NOMINAL_STEP_M)
     headings = np.unwrap(way.headings_at(stations))
@@ -156,7 +156,7 @@ class EgoDrive:
 
 def build_ego_drive(road: Road) -> EgoDrive:
     """The drive of a road's ego."""
-    ways, ego = RoutePlanner(road), find_ego(road)
+    ways, ego = RoutePlanner(road), road.ego
     way, start_m, destination_m = build_ego_path(ways, ego)
     pace = compute_nominal_motion(road, ways, way, start_m)
     end_m = destination_m - DESTINATION_MARGIN_M

@@ -92,7 +92,7 @@ def collect_scenario_facts(folder: Path) -> ScenarioFacts:
 def _collect_frame_facts(
     scenario: Scenario, frame: FrameView
 ) -> tuple[NDArray[np.void], list[float]]:
-    views = sorted(frame.views.values(), key=_is_not_ego)
+    views = sorted(frame.views.values(), key=lambda view: not view.agent.is_ego)
     connected = [view for view in views if view.agent.place.kind == "vehicle"]
     numbers = {view.agent.number for view in connected}
     objects: dict[int, tuple[Any, ...]] = {}
@@ -121,10 +121,6 @@ def _collect_frame_facts(
             )
     rows = [(*values, visible[number]) for number, values in objects.items()]
     return np.array(rows, OBJECT_FACT), [view.speed_m_s * 3.6 for view in connected]
-
-
-def _is_not_ego(view: AgentView) -> bool:
-    return not (view.agent.place.kind == "vehicle" and view.agent.place.role == "ego")
 
 
 def _read_extras(view: AgentView) -> dict[int, tuple[float, float]]:

@@ -55,8 +55,7 @@ def format_opv2v_folder(agent: Agent) -> str:
     number to the end; with two roadside units that would be the second of them. `+` sorts
     before `-`, and `int("+101")` is 101, so the ego stays the ego.
     """
-    is_ego = agent.place.kind == "vehicle" and agent.place.role == "ego"
-    return f"{agent.number:+d}" if is_ego else str(agent.number)
+    return f"{agent.number:+d}" if agent.is_ego else str(agent.number)
 
 
 def encode_opv2v_frame(

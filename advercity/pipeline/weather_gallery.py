@@ -5,7 +5,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from advercity_dsl import Agent, Spec, Vehicle, Weather
+from advercity_dsl import Agent, Spec, Weather
 
 from advercity.compiler import with_weather
 from advercity.compiler.library import LibraryEntry
@@ -94,7 +94,7 @@ def _find_agent(spec: Spec, name: str | None, camera: int) -> Agent:
 def _is_requested_agent(agent: Agent, name: str | None) -> bool:
     if name is not None:
         return agent.id == name
-    return isinstance(agent.place, Vehicle) and agent.place.role == "ego"
+    return agent.is_ego
 
 
 def _render_picture(

@@ -266,15 +266,6 @@ def _link_lanes(before: NDArray[np.float64], after: NDArray[np.float64]) -> NDAr
     )
 
 
-def find_ego(road: Road) -> Vehicle:
-    """The ego's place on a road."""
-    return next(
-        place
-        for place in road.agents.values()
-        if isinstance(place, Vehicle) and place.role == "ego"
-    )
-
-
 def build_ego_path(planner: RoutePlanner, ego: Vehicle) -> tuple[RoutePath, float, float]:
     """The ego's way, and the stations of its spawn and its destination."""
     street = planner.streets[ego.route[0]]

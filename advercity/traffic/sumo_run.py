@@ -50,7 +50,7 @@ class DestinationMonitor:
             RunError: The ego has left.
         """
         if self._vehicle not in present:
-            if self._place.role == "ego":
+            if self._place.is_ego:
                 raise RunError(f"{self._agent} left the site without coming near its destination")
             return True
         self._far_for -= 1

@@ -31,6 +31,11 @@ class Agent(Model):
     blueprint: Id | None = None
     """What a connected vehicle looks like."""
 
+    @property
+    def is_ego(self) -> bool:
+        """Whether it is the connected vehicle that conflicts are staged for."""
+        return self.place.is_ego
+
 
 class ClassDemand(Model):
     """How many of what is asked for."""
@@ -107,7 +112,7 @@ class Spec(Model):
     @property
     def ego(self) -> Agent:
         """The connected vehicle that conflicts are staged for."""
-        return next(agent for agent in self.agents if getattr(agent.place, "role", "") == "ego")
+        return next(agent for agent in self.agents if agent.is_ego)
 
     @model_validator(mode="after")
     def _check_agents(self) -> Self:
@@ -115,7 +120,7 @@ class Spec(Model):
             values = [getattr(agent, what) for agent in self.agents]
             if len(set(values)) < len(values):
                 raise ValueError(f"two agents have the same {what}")
-        egos = [agent for agent in self.agents if getattr(agent.place, "role", "") == "ego"]
+        egos = [agent for agent in self.agents if agent.is_ego]
         if len(egos) != 1:
             raise ValueError(f"{len(egos)} of the agents have the role 'ego'; one has it")
         return self

@@ -59,12 +59,7 @@ def with_demand(spec: Spec, **demand: float) -> Spec:
 
 
 def ego_of(spec: Spec) -> Vehicle:
-    (ego,) = (
-        agent.place
-        for agent in spec.agents
-        if isinstance(agent.place, Vehicle) and agent.place.role == "ego"
-    )
-    return ego
+    return spec.road.ego
 
 
 def track(trace: Trace, actor: Actor) -> NDArray[np.void]:

@@ -68,6 +68,11 @@ class Vehicle(Model):
     max_speed_km_h: Annotated[KilometresPerHour, Field(gt=0, le=200)]
     """Its own limit; it keeps the street's as well."""
 
+    @property
+    def is_ego(self) -> bool:
+        """Whether it is the vehicle that conflicts are staged for."""
+        return self.role == "ego"
+
 
 class RoadsideUnit(Model):
     """Sensors that stand beside the road. Yaw, pitch and roll turn its cameras."""
@@ -84,6 +89,11 @@ class RoadsideUnit(Model):
     """Positive lowers the right side."""
     lidar_upper_deg: Degrees | None = None
     """Highest beam; `null` takes the rig's."""
+
+    @property
+    def is_ego(self) -> bool:
+        """Always false: the ego is a vehicle."""
+        return False
 
 
 class ClassFractions(Model):
@@ -287,6 +297,13 @@ class Road(Declaration):
     """By the ego's manoeuvre at the junction."""
     traffic: BackgroundDemand
     """Who else is there."""
+
+    @property
+    def ego(self) -> Vehicle:
+        """The vehicle that conflicts are staged for."""
+        return next(
+            agent for agent in self.agents.values() if isinstance(agent, Vehicle) and agent.is_ego
+        )
 
     @model_validator(mode="after")
     def _check_street_source(self) -> Self:
