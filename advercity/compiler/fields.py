@@ -12,7 +12,7 @@ from itertools import pairwise
 from typing import Any, get_args, get_origin
 
 from advercity_dsl import Model
-from advercity_dsl.base import RangeReason, Unit
+from advercity_dsl.units import RangeReason, Unit
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic.fields import FieldInfo
 

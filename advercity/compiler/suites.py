@@ -25,9 +25,10 @@ from advercity_dsl import (
     Vehicle,
     Weather,
 )
-from advercity_dsl.base import Point2, suggest_name
+from advercity_dsl.base import suggest_name
 from advercity_dsl.road import StripKind
 from advercity_dsl.suite import Coverage, Selection
+from advercity_dsl.units import Point2
 
 from advercity.compiler.diagnostics import Diagnostic, DiagnosticsError
 from advercity.compiler.library import Library

@@ -13,6 +13,7 @@ Where the actor comes from, and where it meets the ego.
 
 import numpy as np
 from advercity_dsl.road import Movement, StripKind
+from advercity_dsl.units import KM_H_PER_M_S
 from numpy.typing import NDArray
 
 from advercity.conflicts.case import ActorPlacement, ConflictCase, UnsolvableError
@@ -229,7 +230,7 @@ def place_passed_cyclist(case: ConflictCase, station_m: float) -> ActorPlacement
 
 def cyclist_speed_m_s(case: ConflictCase) -> float:
     """Of the cyclist."""
-    return case.parameters["passed_speed_km_h"] / 3.6
+    return case.parameters["passed_speed_km_h"] / KM_H_PER_M_S
 
 
 def _compute_return_s(case: ConflictCase) -> float:
@@ -240,7 +241,9 @@ def _compute_return_s(case: ConflictCase) -> float:
 def _compute_passing_s(case: ConflictCase) -> float:
     """How long it drives beside its lane."""
     lengths = case.actor.length_m + case.sampler.draw_cyclist().length_m
-    closing = (case.parameters["actor_speed_km_h"] - case.parameters["passed_speed_km_h"]) / 3.6
+    closing = (
+        case.parameters["actor_speed_km_h"] - case.parameters["passed_speed_km_h"]
+    ) / KM_H_PER_M_S
     if closing <= 0:
         raise UnsolvableError("whom it overtakes is not slower")
     return (lengths + 2 * case.parameters["passing_gap_m"]) / closing

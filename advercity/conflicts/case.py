@@ -15,6 +15,7 @@ from advercity_dsl import Blueprint, Conflict
 from advercity_dsl.conflict import ConflictParameters
 from advercity_dsl.distribution import Choice, Distribution, Uniform
 from advercity_dsl.traffic import ActorClass
+from advercity_dsl.units import KM_H_PER_M_S
 from numpy.typing import NDArray
 
 from advercity.conflicts.ego_motion import EgoDrive
@@ -161,7 +162,7 @@ class ConflictCase:
     @property
     def speed_m_s(self) -> float:
         """Of the actor, as drawn."""
-        return self.parameters["actor_speed_km_h"] / 3.6
+        return self.parameters["actor_speed_km_h"] / KM_H_PER_M_S
 
 
 @dataclass(frozen=True, eq=False)

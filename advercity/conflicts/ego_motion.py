@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 from advercity_dsl import Road
 from advercity_dsl.road import Signals
+from advercity_dsl.units import KM_H_PER_M_S
 from numpy.typing import NDArray
 
 from advercity.roads.routes import RoutePath, RoutePlanner, RouteSegment, build_ego_path
@@ -53,7 +54,7 @@ def compute_nominal_motion(
 ) -> NominalMotion:
     """The pace of the ego from rest at `start_m` on its way."""
     ego = road.ego
-    top = (ego.max_speed_km_h - CRUISE_MARGIN_KM_H) / 3.6
+    top = (ego.max_speed_km_h - CRUISE_MARGIN_KM_H) / KM_H_PER_M_S
     stations = np.arange(start_m, way.length_m, NOMINAL_STEP_M)
     headings = np.unwrap(way.headings_at(stations))
     bends = np.abs(np.gradient(headings, NOMINAL_STEP_M))

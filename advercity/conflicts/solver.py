@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 import shapely
 from advercity_dsl import Blueprint, Conflict, Road, StagedActor, StagedConflict
-from advercity_dsl.base import Point2
+from advercity_dsl.units import KM_H_PER_M_S, Point2
 from numpy.typing import NDArray
 
 from advercity.conflicts.approaches import (
@@ -263,7 +263,7 @@ def _collect_parameters(
     """What was drawn, and what came of it, by name."""
     found = {
         **case.parameters,
-        "actor_speed_km_h": round(speed_m_s * 3.6, 3),
+        "actor_speed_km_h": round(speed_m_s * KM_H_PER_M_S, 3),
         "approach_m": round(place.approach_m, 2),
     }
     seen_m = _compute_occlusion_m(case, place, speed_m_s, others)

@@ -21,6 +21,7 @@ import cv2
 import numpy as np
 import yaml
 from advercity_dsl import Agent
+from advercity_dsl.units import M_S_PER_KM_H
 from numpy.typing import NDArray
 
 from advercity.dataset.carla_frame import matrix_from_carla_pose
@@ -44,9 +45,6 @@ def report_read_errors(path: Path) -> Generator[None]:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
     except (AttributeError, LookupError, TypeError, ValueError, yaml.YAMLError) as error:
         raise InputError(f"{path}: is damaged; {REPAIR_HINT}") from error
-
-
-M_S_PER_KM_H = 1 / 3.6
 
 
 @dataclass(frozen=True, eq=False)

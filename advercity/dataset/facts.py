@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from advercity_dsl.units import KM_H_PER_M_S
 from numpy.typing import NDArray
 
 from advercity.dataset.agent_view import AgentView, report_read_errors
@@ -116,11 +117,11 @@ def _collect_frame_facts(
                 number,
                 boxes.classes[row],
                 number in numbers,
-                boxes.speeds_m_s[row] * 3.6,
+                boxes.speeds_m_s[row] * KM_H_PER_M_S,
                 *(by_ego if position == 0 else (np.nan,) * 4),
             )
     rows = [(*values, visible[number]) for number, values in objects.items()]
-    return np.array(rows, OBJECT_FACT), [view.speed_m_s * 3.6 for view in connected]
+    return np.array(rows, OBJECT_FACT), [view.speed_m_s * KM_H_PER_M_S for view in connected]
 
 
 def _read_extras(view: AgentView) -> dict[int, tuple[float, float]]:

@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 import yaml
+from advercity_dsl.units import KM_H_PER_M_S
 from numpy.typing import ArrayLike
 
 from advercity.dataset.carla_frame import (
@@ -135,9 +136,6 @@ def _format_with_pyyaml(value: str | float, *, inside: bool = False) -> str:
         width=UNLIMITED_LINE_WIDTH,
     )
     return text[1:-2] if inside else text[2:-1]
-
-
-KM_H_PER_M_S = 3.6
 
 
 def build_frame_description(reading: SensorFrame, objects: Sequence[Annotation]) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from math import isfinite
 
 from advercity_dsl import Spec, Vehicle, Weather
 from advercity_dsl.traffic import TyreFriction
+from advercity_dsl.units import KM_H_PER_M_S
 
 from advercity.physics import extinction
 from advercity.physics.constants import GRAVITY_M_S2
@@ -67,11 +68,11 @@ def compute_stopping_distance(spec: Spec) -> StoppingDistance:
     place = spec.ego.place
     assert isinstance(place, Vehicle)
     share = spec.caution.speed_share if spec.caution else 1.0
-    speed_m_s = share * place.max_speed_km_h / 3.6
+    speed_m_s = share * place.max_speed_km_h / KM_H_PER_M_S
     grip = friction_coefficient(spec.drivers.grip if spec.drivers else DEFAULT_GRIP, spec.weather)
     seen = visibility_m(extinction.total_extinction(spec.weather))
     return StoppingDistance(
-        speed_km_h=round(3.6 * speed_m_s, 2),
+        speed_km_h=round(KM_H_PER_M_S * speed_m_s, 2),
         reaction_s=REACTION_TIME_S,
         friction=round(grip, 4),
         distance_m=round(speed_m_s * REACTION_TIME_S + speed_m_s**2 / (2 * grip * GRAVITY_M_S2), 2),

@@ -7,7 +7,7 @@ free of people, and its right turns give way to them.
 from dataclasses import dataclass
 from typing import Literal
 
-from advercity_dsl.base import Point2, Point3
+from advercity_dsl.units import Point2, Point3
 
 from advercity.roads.layout import JunctionLayout
 

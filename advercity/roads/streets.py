@@ -12,6 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 from advercity_dsl.road import CrossSection, Road, RoadMark, Street, StripKind
+from advercity_dsl.units import KM_H_PER_M_S
 from numpy.typing import ArrayLike, NDArray
 
 from advercity.geometry import curves, polyline
@@ -128,7 +129,7 @@ def lay_out_street(name: str, declared: Street, road: Road) -> StreetLayout:
         left_strips=_lay_out_strips(section, leftwards=True),
         right_strips=_lay_out_strips(section, leftwards=False),
         axis_paint=section.axis_line,
-        speed_limit_m_s=declared.speed_limit_km_h / 3.6,
+        speed_limit_m_s=declared.speed_limit_km_h / KM_H_PER_M_S,
     )
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from advercity_dsl.base import Point2
+from advercity_dsl.units import Point2
 from numpy.typing import ArrayLike
 
 from advercity.geometry.arrays import Float64Array

@@ -5,8 +5,8 @@ from itertools import pairwise
 
 import numpy as np
 import shapely
-from advercity_dsl.base import Point2
 from advercity_dsl.road import StripKind
+from advercity_dsl.units import Point2
 
 from advercity.geometry.arrays import Float64Array
 from advercity.geometry.mesh import (

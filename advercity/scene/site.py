@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
-from advercity_dsl.base import Point2
 from advercity_dsl.road import RoadsidePlacement
+from advercity_dsl.units import Point2
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 

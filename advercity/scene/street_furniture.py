@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import shapely
 from advercity_dsl import Road, RoadsideUnit
-from advercity_dsl.base import Point2
 from advercity_dsl.road import SurroundingKind
+from advercity_dsl.units import Point2
 
 from advercity.geometry.arrays import Float64Array
 from advercity.geometry.mesh import (

@@ -6,6 +6,7 @@ import numpy as np
 import shapely
 from advercity_dsl import Road, RoadsideUnit
 from advercity_dsl.road import Surrounding, SurroundingKind
+from advercity_dsl.units import KM_H_PER_M_S
 from shapely.geometry.base import BaseGeometry
 
 from advercity.errors import InputError
@@ -250,4 +251,6 @@ def _build_pieces(place: _PlacedSurrounding, site: Site) -> list[MeshPart]:
 
 def _build_speed_sign(limit_km_h: float | None, side: StreetSide, site: Site) -> list[MeshPart]:
     foot = site.project_to_ground(side.points_at(0.0, side.near_offset_m))[0]
-    return build_speed_sign(limit_km_h or 3.6 * side.street.speed_limit_m_s, foot, side.yaw(0.0))
+    return build_speed_sign(
+        limit_km_h or KM_H_PER_M_S * side.street.speed_limit_m_s, foot, side.yaw(0.0)
+    )

@@ -10,8 +10,8 @@ from itertools import product
 
 import numpy as np
 import shapely
-from advercity_dsl.base import Point2
 from advercity_dsl.road import Species
+from advercity_dsl.units import Point2
 from numpy.typing import NDArray
 
 from advercity.geometry.arrays import Float64Array

@@ -1,10 +1,11 @@
 """Water that wheels throw up from a wet road: a plume behind each fast vehicle."""
 
 from advercity_dsl import Weather
+from advercity_dsl.units import KM_H_PER_M_S
 
 MIN_SPRAY_FILM_MM = 0.3
-MIN_SPRAY_SPEED_M_S = 30.0 / 3.6
-SPRAY_REFERENCE_SPEED_M_S = 60.0 / 3.6
+MIN_SPRAY_SPEED_M_S = 30.0 / KM_H_PER_M_S
+SPRAY_REFERENCE_SPEED_M_S = 60.0 / KM_H_PER_M_S
 SPRAY_WATER_G_M3 = 0.5
 """Liquid water right behind a vehicle at that speed; it grows with the square of the speed."""
 SPRAY_EXTINCTION_PER_G_M3 = 0.03

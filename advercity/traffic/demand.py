@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 from advercity_dsl import Agent, Blueprint, Spec, StagedActor, Vehicle
+from advercity_dsl.units import KM_H_PER_M_S
 
 from advercity.errors import InputError
 from advercity.frames import Actor
@@ -195,7 +196,7 @@ def _build_connected_trip(
         speed_factor=None,
         top_speed_m_s=_weather_speed_ratio(spec)
         * (place.max_speed_km_h - CRUISE_MARGIN_KM_H)
-        / 3.6,
+        / KM_H_PER_M_S,
     )
 
 

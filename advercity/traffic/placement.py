@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from advercity_dsl import Spec, Vehicle
-from advercity_dsl.base import Point2
+from advercity_dsl.units import Point2
 from numpy.typing import NDArray
 
 from advercity.roads.lane_graph import SumoLane

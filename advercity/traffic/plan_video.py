@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import shapely
 from advercity_dsl import Spec
-from advercity_dsl.base import Point2
+from advercity_dsl.units import Point2
 from numpy.typing import NDArray
 
 from advercity.conflicts.metrics import ActorTrack, compute_path_time_to_collision

@@ -8,20 +8,17 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from advercity_dsl.base import (
-    CompactModel,
+from advercity_dsl.base import CompactModel, Declaration, Digest, Id
+from advercity_dsl.traffic import ActorClass
+from advercity_dsl.units import (
     Count,
-    Declaration,
     Degrees,
-    Digest,
     Fraction,
-    Id,
     Number,
     Point3,
     PositiveMetres,
     RangeReason,
 )
-from advercity_dsl.traffic import ActorClass
 
 ClothColour = Literal[
     "dark", "black", "grey", "light", "white", "blue", "denim", "red", "green", "brown", "yellow"

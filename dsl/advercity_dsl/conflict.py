@@ -4,19 +4,11 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from advercity_dsl.base import (
-    Declaration,
-    Id,
-    Metres,
-    Model,
-    Point2,
-    PositiveMetres,
-    Seconds,
-    is_none,
-)
+from advercity_dsl.base import Declaration, Id, Model, is_none
 from advercity_dsl.distribution import NumberOrDistribution
 from advercity_dsl.traffic import ActorClass
 from advercity_dsl.typology import CrashTypeId, Evidence
+from advercity_dsl.units import Metres, Point2, PositiveMetres, Seconds
 
 Manoeuvre = Literal["straight", "left", "right"]
 CrashRole = Literal["subject", "other"]

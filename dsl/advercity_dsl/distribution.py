@@ -4,7 +4,8 @@ from typing import Annotated, Any, Self, cast
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from advercity_dsl.base import Model, Number
+from advercity_dsl.base import Model
+from advercity_dsl.units import Number
 
 
 class Uniform(Model):

@@ -8,15 +8,13 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from advercity_dsl.base import (
-    CompactModel,
+from advercity_dsl.base import CompactModel, Declaration, Model
+from advercity_dsl.units import (
     Count,
-    Declaration,
     Degrees,
     Flag,
     Fraction,
     Metres,
-    Model,
     Number,
     PositiveMetres,
     Seconds,

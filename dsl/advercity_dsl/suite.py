@@ -5,18 +5,8 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from advercity_dsl.base import (
-    Count,
-    Declaration,
-    Flag,
-    Id,
-    InvalidCombination,
-    Metres,
-    Model,
-    Number,
-    Percent,
-    Seconds,
-)
+from advercity_dsl.base import Declaration, Id, InvalidCombination, Model
+from advercity_dsl.units import Count, Flag, Metres, Number, Percent, Seconds
 
 IdSelection = Literal["all"] | tuple[Id, ...]
 Scalar = Flag | Number | str

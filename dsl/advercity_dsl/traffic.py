@@ -8,19 +8,17 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from advercity_dsl.base import (
-    Declaration,
+from advercity_dsl.base import Declaration, InvalidCombination, Model
+from advercity_dsl.typology import Evidence
+from advercity_dsl.units import (
     Fraction,
-    InvalidCombination,
     Metres,
     MillimetresPerHour,
-    Model,
     Number,
     Percent,
     RangeReason,
     Seconds,
 )
-from advercity_dsl.typology import Evidence
 
 ActorClass = Literal["car", "van", "truck", "bicycle", "motorcycle", "pedestrian"]
 DemandFactor = Annotated[

@@ -4,7 +4,8 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, StringConstraints
 
-from advercity_dsl.base import Declaration, Flag, InvalidCombination, Model, Number, Percent
+from advercity_dsl.base import Declaration, InvalidCombination, Model
+from advercity_dsl.units import Flag, Number, Percent
 
 Evidence = Literal["A", "B", "C", "D", "U"]
 """A read directly, B two sources agree, C one secondary source, D inferred, U unverified."""

@@ -8,26 +8,22 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from advercity_dsl.base import (
+from advercity_dsl.base import Declaration, Id, InvalidCombination, Model, is_none
+from advercity_dsl.units import (
     Celsius,
     Count,
-    Declaration,
     Degrees,
     Flag,
     Fraction,
     GramsPerCubicCentimetre,
-    Id,
-    InvalidCombination,
     Lux,
     Metres,
     MetresPerSecond,
     Micrometres,
     Millimetres,
     MillimetresPerHour,
-    Model,
     Number,
     RangeReason,
-    is_none,
 )
 
 

@@ -13,7 +13,7 @@ import pytest
 import shapely
 import yaml
 from advercity_dsl import MapFile, MapNetwork, Road, Spec, Vehicle
-from advercity_dsl.base import Point2
+from advercity_dsl.units import Point2
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray

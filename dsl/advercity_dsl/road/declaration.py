@@ -16,18 +16,10 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from advercity_dsl.base import (
-    Count,
     Declaration,
-    Degrees,
-    Fraction,
     Id,
     InvalidCombination,
-    KilometresPerHour,
     Model,
-    Number,
-    Point2,
-    Point3,
-    PositiveMetres,
     is_empty,
     is_none,
     suggest_name,
@@ -35,6 +27,16 @@ from advercity_dsl.base import (
 from advercity_dsl.road.junctions import Junction, Movement
 from advercity_dsl.road.streets import CrossSection, MapFile, MapNetwork, Street, Strip, StripKind
 from advercity_dsl.road.surroundings import Surrounding, SurroundingKind
+from advercity_dsl.units import (
+    Count,
+    Degrees,
+    Fraction,
+    KilometresPerHour,
+    Number,
+    Point2,
+    Point3,
+    PositiveMetres,
+)
 
 
 class EgoRoute(Model):

@@ -5,17 +5,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, StringConstraints
 
-from advercity_dsl.base import (
-    CompactModel,
-    Id,
-    Model,
-    Point2,
-    Point3,
-    PositiveMetres,
-    Seconds,
-    is_empty,
-    is_none,
-)
+from advercity_dsl.base import CompactModel, Id, Model, is_empty, is_none
+from advercity_dsl.units import Point2, Point3, PositiveMetres, Seconds
 
 LaneText = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*\.\d$")]
 """`north_road.1`: the innermost lane of a street, on the side that the junction means."""

@@ -10,18 +10,8 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, StringConstraints, model_validator
 
-from advercity_dsl.base import (
-    CompactModel,
-    Degrees,
-    Digest,
-    Id,
-    KilometresPerHour,
-    Metres,
-    Model,
-    Point2,
-    PositiveMetres,
-    is_none,
-)
+from advercity_dsl.base import CompactModel, Digest, Id, Model, is_none
+from advercity_dsl.units import Degrees, KilometresPerHour, Metres, Point2, PositiveMetres
 
 
 class StripKind(StrEnum):

@@ -5,18 +5,8 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from advercity_dsl.base import (
-    CompactModel,
-    Count,
-    Id,
-    KilometresPerHour,
-    Metres,
-    Model,
-    Point2,
-    PositiveMetres,
-    is_empty,
-    is_none,
-)
+from advercity_dsl.base import CompactModel, Id, Model, is_empty, is_none
+from advercity_dsl.units import Count, KilometresPerHour, Metres, Point2, PositiveMetres
 
 
 class SurroundingKind(StrEnum):

@@ -1,0 +1,137 @@
+"""Quantities: numbers with units, read from text such as `"0.1 km"`."""
+
+import math
+import re
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic.types import Strict
+from pydantic_core import CoreSchema, core_schema
+
+KM_H_PER_M_S = 3.6
+M_S_PER_KM_H = 1 / KM_H_PER_M_S
+
+UNITS: dict[str, tuple[str, float]] = {
+    "um": ("length", 1e-6),
+    "mm": ("length", 1e-3),
+    "cm": ("length", 1e-2),
+    "m": ("length", 1.0),
+    "km": ("length", 1e3),
+    "m/s": ("speed", 1.0),
+    "km/h": ("speed", M_S_PER_KM_H),
+    "mph": ("speed", 0.44704),
+    "mm/h": ("precipitation rate", 1.0),
+    "s": ("time", 1.0),
+    "min": ("time", 60.0),
+    "deg": ("angle", 1.0),
+    "rad": ("angle", math.degrees(1.0)),
+    "lx": ("illuminance", 1.0),
+    "klx": ("illuminance", 1e3),
+    "cd/m2": ("luminance", 1.0),
+    "kcd/m2": ("luminance", 1e3),
+    "g/cm3": ("density", 1.0),
+    "kg/m3": ("density", 1e-3),
+    "degC": ("temperature", 1.0),
+    "%": ("share", 0.01),
+    "1": ("share", 1.0),
+}
+"""Dimension of every unit, and its size in the dimension's first unit of size 1."""
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_QUANTITY = re.compile(rf"^\s*({_NUMBER}|inf)\s*(\S.*?)?\s*$")
+
+
+@dataclass(frozen=True)
+class Unit:
+    """The unit of a field: reads text such as `"0.1 km"` into numbers of `name`."""
+
+    name: str
+
+    @property
+    def dimension(self) -> str:
+        """`length`, `speed`, ..."""
+        return UNITS[self.name][0]
+
+    @property
+    def compatible_units(self) -> tuple[str, ...]:
+        """Units that may be written: those of the same dimension."""
+        return tuple(
+            name for name, (dimension, _) in UNITS.items()
+            if dimension == self.dimension and name != "1"
+        )  # fmt: skip
+
+    @property
+    def example(self) -> str:
+        """How a quantity of this unit may be written."""
+        return "50 %" if self.dimension == "share" else f"10 {self.name}"
+
+    def parse(self, value: Any) -> Any:
+        """A number of this unit from text; whatever is not text as it is.
+
+        Raises:
+            ValueError: The text holds no number, or a unit of another dimension.
+        """
+        if not isinstance(value, str):
+            return value
+        match = _QUANTITY.match(value)
+        if re.search(r"\d,\d", value):
+            raise ValueError(f"'{value}' has a comma; write a point, as in 2.5 {self.name}")
+        if match is None:
+            raise ValueError(f"'{value}' is no {self.dimension}; write e.g. {self.example}")
+        number, written = match.groups()
+        if written is None:
+            raise ValueError(
+                f"'{value}' is text; take the quotes away, or add a unit: {self.example}"
+            )
+        found = UNITS.get(written) if written != "1" else None
+        if found is None or found[0] != self.dimension:
+            what = f"a unit of {found[0]}" if found else "no unit known here"
+            fitting = ", ".join(self.compatible_units)
+            raise ValueError(f"'{written}' is {what}; a {self.dimension} has one of {fitting}")
+        return round(float(number) * found[1] / UNITS[self.name][1], 12)
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        return core_schema.no_info_before_validator_function(self.parse, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        units = "|".join(re.escape(name) for name in self.compatible_units)
+        text = {"type": "string", "pattern": rf"^\s*({_NUMBER}|inf)\s*({units})\s*$"}
+        return {"anyOf": [handler(schema), text], "unit": self.name, "examples": [self.example]}
+
+
+@dataclass(frozen=True)
+class RangeReason:
+    """Why a field's range is what it is; told to those who leave it."""
+
+    text: str
+
+
+Number = Annotated[float, Strict()]
+"""A number without a unit; neither text nor a truth value is one."""
+Count = Annotated[int, Strict()]
+Flag = Annotated[bool, Strict()]
+"""`true` or `false`, nothing else."""
+
+Metres = Annotated[Number, Unit("m")]
+Millimetres = Annotated[Number, Unit("mm")]
+Micrometres = Annotated[Number, Unit("um")]
+MetresPerSecond = Annotated[Number, Unit("m/s")]
+KilometresPerHour = Annotated[Number, Unit("km/h")]
+MillimetresPerHour = Annotated[Number, Unit("mm/h")]
+Seconds = Annotated[Number, Unit("s")]
+Degrees = Annotated[Number, Unit("deg")]
+Lux = Annotated[Number, Unit("lx")]
+GramsPerCubicCentimetre = Annotated[Number, Unit("g/cm3")]
+Celsius = Annotated[Number, Unit("degC")]
+Fraction = Annotated[Number, Unit("1"), Field(ge=0, le=1)]
+Percent = Annotated[Number, Unit("%"), Field(ge=0, le=100)]
+
+PositiveMetres = Annotated[Metres, Field(gt=0)]
+Point2 = tuple[Metres, Metres]
+"""x east, y north, in metres."""
+Point3 = tuple[Metres, Metres, Metres]
+"""x east, y north, z up, in metres."""
