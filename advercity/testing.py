@@ -30,6 +30,22 @@ from advercity.rendering.backend import (
 from advercity.semantics import Semantic
 from advercity.world import Body, World
 
+__all__ = [
+    "CAR",
+    "BackendContract",
+    "FakeBackend",
+    "FakeRenderer",
+    "RecordingListener",
+    "build_box",
+    "build_flat_world",
+    "hash_tree",
+    "load_example_spec",
+    "make_actor_state",
+    "make_capture",
+    "make_frame",
+    "with_small_sensors",
+]
+
 FAKE_RADIANCE_CD_M2 = 100.0
 FAKE_DEPTH_M = 10.0
 

@@ -11,10 +11,15 @@ from advercity import __version__
 
 project = "advercity"
 version = release = __version__
-extensions = ["myst_parser"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 html_theme = "furo"
 html_title = "advercity"
 exclude_patterns = ["images", "**/__pycache__"]
 myst_heading_anchors = 3
+autodoc_member_order = "bysource"
+autodoc_typehints = "signature"
+autodoc_preserve_defaults = True
+# Types of NumPy and pydantic are named, whose sites cannot be reached while building.
+nitpick_ignore_regex = [("py:.*", ".*")]
 
 write_reference(Path(__file__).parent / "reference")

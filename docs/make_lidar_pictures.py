@@ -68,8 +68,8 @@ class Place:
     def __init__(self, spec: Spec) -> None:
         stage = load_or_simulate_traffic(spec)
         self._viewpoints = AgentPoses(spec, stage.trace)
-        self._caster = Raycaster(load_or_build_world(spec, stage.network))
-        self._frame = self._viewpoints.frame(FRAME)
+        self._caster = Raycaster(load_or_build_world(spec, stage.network_path))
+        self._frame = self._viewpoints.load_frame(FRAME)
         self._spec = spec
 
     def clouds(self, weather: Weather) -> list[PointCloud]:
@@ -82,7 +82,7 @@ class Place:
             weather, compute_atmosphere(weather, self._spec.road.land_use)
         )
         self._caster.place(self._frame, frozenset({agent.number}))
-        pose = self._viewpoints.lidar_pose(agent, self._frame)
+        pose = self._viewpoints.world_from_lidar(agent, self._frame)
         lidar = agent.sensors.lidar
         scan = cast_scan(lidar, pose, self._caster, puddle_coverage=air.puddle_coverage)
         return measure_point_cloud(

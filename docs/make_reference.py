@@ -1,4 +1,4 @@
-"""Writes the reference of the language and of the commands from the models and the command line.
+"""Writes the reference of declarations, commands and the Python interface from the code itself.
 
 The pages are made whenever the site is built, so they cannot be out of date.
 """
@@ -6,6 +6,7 @@ The pages are made whenever the site is built, so they cannot be out of date.
 import inspect
 from collections.abc import Iterator
 from enum import StrEnum
+from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
 
@@ -14,6 +15,8 @@ from advercity_dsl import Model
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
+import advercity
+import advercity.testing
 from advercity.cli import app
 from advercity.compiler.fields import (
     collect_field_docs,
@@ -25,9 +28,49 @@ from advercity.compiler.schema import SCHEMA_MODELS
 HEAD = "| field | what it says | unit and range | left out |\n|---|---|---|---|"
 
 
+PYTHON_HEAD = """\
+# Python
+
+`import advercity` gives the names of the first section; the others are what they return and take.
+[From Python](../guides/from_python.md) shows them at work.
+"""
+ERRORS = ("AdvercityError", "InputError", "RunError", "BackendError")
+PYTHON_SECTIONS = {
+    "advercity": [f"advercity.{name}" for name in advercity.__all__ if name != "__version__"],
+    "What a run takes and returns": [
+        "advercity.pipeline.ScenarioResult",
+        "advercity.pipeline.Progress",
+        "advercity.pipeline.RunListener",
+        "advercity.pipeline.ResourceLimits",
+        "advercity.pipeline.ViewerTarget",
+        "advercity.pipeline.preparation.TrafficResult",
+        "advercity.frames.Trace",
+        "advercity.frames.Frame",
+        "advercity.frames.ActorState",
+        "advercity.frames.Actor",
+    ],
+    "Reading a dataset": [
+        "advercity.dataset.reader.Dataset",
+        "advercity.dataset.reader.Scenario",
+        "advercity.dataset.reader.FrameView",
+        "advercity.dataset.agent_view.AgentView",
+    ],
+    "Writing a backend": [
+        "advercity.rendering.backend.Backend",
+        "advercity.rendering.backend.Renderer",
+        "advercity.rendering.backend.CameraView",
+        "advercity.rendering.backend.CameraCapture",
+        "advercity.rendering.backend.Capabilities",
+    ],
+    "advercity.testing": [f"advercity.testing.{name}" for name in advercity.testing.__all__],
+    "advercity.errors": [f"advercity.errors.{name}" for name in ERRORS],
+}
+
+
 def write_reference(folder: Path) -> None:
-    """Write `<kind>.md` for every kind, and `commands.md`."""
+    """Write `<kind>.md` for every kind of declaration, `commands.md` and `python.md`."""
     folder.mkdir(exist_ok=True)
+    (folder / "python.md").write_text("\n".join([PYTHON_HEAD, *_python_sections()]) + "\n")
     for kind, model in SCHEMA_MODELS.items():
         (folder / f"{kind}.md").write_text(page_of(kind, model))
     (folder / "commands.md").write_text("\n\n".join(["# Commands", *_commands()]) + "\n")
@@ -63,7 +106,7 @@ def _range(model: type[Model], name: str) -> str:
     if facts is None:
         return ", ".join(f"`{value}`" for value in _values(model.model_fields[name].annotation))
     unit = facts.unit.name if facts.unit and facts.unit.name != "1" else ""
-    return facts.range or unit
+    return facts.range_text or unit
 
 
 def _values(annotation: Any) -> list[str]:
@@ -93,6 +136,22 @@ def _within(model: type[Model]) -> Iterator[type[Model]]:
                     seen[inner] = None
                     todo.append(inner)
     yield from list(seen)[1:]
+
+
+def _python_sections() -> Iterator[str]:
+    for title, names in PYTHON_SECTIONS.items():
+        directives = "\n".join(map(_directive, names))
+        yield f"## {title}\n\n```{{eval-rst}}\n{directives}\n```\n"
+
+
+def _directive(name: str) -> str:
+    module, _, attribute = name.rpartition(".")
+    kind = getattr(import_module(module), attribute)
+    if not inspect.isclass(kind):
+        return f".. autofunction:: {name}" if callable(kind) else f".. autodata:: {name}"
+    # The fields of a spec are on pages of their own; pydantic's methods are not ours to list.
+    members = "" if issubclass(kind, Model) else "\n   :members:"
+    return f".. autoclass:: {name}{members}"
 
 
 def _commands() -> Iterator[str]:

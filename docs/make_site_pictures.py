@@ -50,11 +50,11 @@ def pictures(spec: Spec, index: int) -> Iterator[tuple[str, NDArray[np.uint8]]]:
     """Name and sRGB picture (h, w, 3) of each view of a scenario in kept frame `index`."""
     stage = load_or_simulate_traffic(spec)
     viewpoints = AgentPoses(spec, stage.trace)
-    frame = viewpoints.frame(index)
+    frame = viewpoints.load_frame(index)
     atmosphere = compute_atmosphere(spec.weather, spec.road.land_use)
-    air = CameraConditions.of(spec.weather, atmosphere, spec.seeds.sensors, spec.id)
+    air = CameraConditions.build(spec.weather, atmosphere, spec.seeds.sensors, spec.id)
     profile = RenderProfile("pictures", 1.0, "raster")
-    world = load_or_build_world(spec, stage.network)
+    world = load_or_build_world(spec, stage.network_path)
     with load_backend("sapien").open(world, atmosphere, profile) as renderer:
         renderer.place(frame)
         for name, world_from_camera, hide in _views(viewpoints, index):
@@ -67,8 +67,10 @@ def pictures(spec: Spec, index: int) -> Iterator[tuple[str, NDArray[np.uint8]]]:
                 hide=hide,
             )
             shot = CameraExposure(view, camera, frame, velocity=np.zeros(3))
-            rng = viewpoints.rng("picture", spec.agents[0], frame)
-            image = render_image(renderer.camera(view), shot, air, rng, mount=camera.mounts[0])
+            rng = viewpoints.make_generator("picture", spec.agents[0], frame)
+            image = render_image(
+                renderer.render_camera(view), shot, air, rng, mount=camera.mounts[0]
+            )
             size = (WIDTH_PX, HEIGHT_PX)
             yield name, cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
 
@@ -76,10 +78,10 @@ def pictures(spec: Spec, index: int) -> Iterator[tuple[str, NDArray[np.uint8]]]:
 def _views(viewpoints: AgentPoses, index: int) -> Iterator[tuple[str, Matrix, frozenset[int]]]:
     agents = {agent.id: agent for agent in viewpoints.spec.agents}
     ego = agents["cav1"]
-    yield "ego", viewpoints.camera_poses(ego, index)[0], frozenset({ego.number})
+    yield "ego", viewpoints.world_from_cameras(ego, index)[0], frozenset({ego.number})
     for name in ("rsu1", "rsu2"):
-        yield name, viewpoints.camera_poses(agents[name], index)[0], frozenset()
-    yield "above", _above(viewpoints.pose(ego, index)), frozenset()
+        yield name, viewpoints.world_from_cameras(agents[name], index)[0], frozenset()
+    yield "above", _above(viewpoints.world_from_agent(ego, index)), frozenset()
 
 
 def _above(world_from_ego: Matrix) -> Matrix:
