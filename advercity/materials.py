@@ -1,8 +1,8 @@
-"""What surfaces are made of: visible albedo and near-infrared reflectance side by side.
+"""Defines what surfaces are made of: the one home of optical properties, for all sensors.
 
-Albedo is linear sRGB. Reflectance is the diffuse reflectance at 905 nm that a LiDAR meets
-(typical values; Muckenhuber et al., Sensors 20, 3309, 2020, and common handbooks). A texture varies
-the albedo over a surface and leaves its mean as it stands here.
+Cameras take the albedo (linear sRGB), LiDARs the reflectance at 905 nm; both are of the same
+surface, so they are in one row. Values are typical ones (Muckenhuber et al., Sensors 20,
+3309, 2020, and common handbooks).
 """
 
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from enum import IntEnum
 
 
 class Texture(IntEnum):
-    """How the albedo varies over a surface, around its mean; the numbers are the renderer's."""
+    """How the albedo varies over a surface, around its mean; shaders know them by number."""
 
     PLAIN = 0
     ASPHALT = 1
@@ -30,22 +30,61 @@ class Texture(IntEnum):
 
 @dataclass(frozen=True)
 class Material:
-    """One surface."""
+    """Optical properties of a surface.
+
+    Attributes:
+        albedo: Linear sRGB; a texture varies it over the surface and keeps its mean.
+        reflectance_905nm: Diffuse reflectance at the wavelength of LiDARs.
+        roughness: Microfacet roughness of the specular lobe, 0 to 1.
+        metallic: 0 for dielectrics, 1 for bare metal.
+        texture: Pattern of the albedo.
+        sheeting_reflectance: Equivalent reflectance of retroreflecting sheeting, pi times its
+            coefficient R_A in cd/(lx m^2).
+        bead_reflectance: The same of glass beads in lane paint, pi times R_L of EN 1436.
+        is_varnished: Whether a clear coat adds a highlight at normal incidence.
+        is_transparent: Whether laser beams get through it.
+    """
 
     albedo: tuple[float, float, float]
     reflectance_905nm: float
     roughness: float = 0.9
     metallic: float = 0.0
     texture: Texture = Texture.PLAIN
+    sheeting_reflectance: float = 0.0
+    bead_reflectance: float = 0.0
+    is_varnished: bool = False
+    is_transparent: bool = False
 
+
+# Snow is no row of the table, since it lies on other surfaces. Its three values are three facts:
+# a landscape has shadows and bare spots, a flake on a lens has none, and snow absorbs infrared.
+SNOWY_LANDSCAPE_ALBEDO = 0.85
+"""Visible albedo of a landscape under fresh snow."""
+SNOWFLAKE_ALBEDO = 0.9
+"""Visible albedo of a flake seen from nearby, as on a lens."""
+SNOW_REFLECTANCE_905NM = 0.8
 
 ACTOR_PAINT = "paint"
-"""Material of a body's parts that take their actor's own paint."""
+"""Placeholder for the material of parts that have the paint of their actor."""
+
+
+def _car_paint(
+    albedo: tuple[float, float, float],
+    reflectance_905nm: float,
+    roughness: float = 0.25,
+    metallic: float = 0.0,
+) -> Material:
+    return Material(albedo, reflectance_905nm, roughness, metallic, is_varnished=True)
+
 
 MATERIALS: dict[str, Material] = {
     "asphalt": Material((0.10, 0.10, 0.105), 0.20, roughness=0.85, texture=Texture.ASPHALT),
-    "paint_white": Material((0.70, 0.70, 0.68), 0.70, roughness=0.6, texture=Texture.MARKING),
-    "paint_yellow": Material((0.70, 0.48, 0.06), 0.60, roughness=0.6, texture=Texture.MARKING),
+    "paint_white": Material(
+        (0.70, 0.70, 0.68), 0.70, roughness=0.6, texture=Texture.MARKING, bead_reflectance=0.5
+    ),
+    "paint_yellow": Material(
+        (0.70, 0.48, 0.06), 0.60, roughness=0.6, texture=Texture.MARKING, bead_reflectance=0.5
+    ),
     "concrete": Material((0.36, 0.35, 0.33), 0.35, texture=Texture.PAVING),
     "pavement": Material((0.36, 0.355, 0.34), 0.35, texture=Texture.STONE),
     "joint": Material((0.17, 0.165, 0.16), 0.25),
@@ -64,24 +103,24 @@ MATERIALS: dict[str, Material] = {
     "roof_tile": Material((0.24, 0.09, 0.06), 0.35, texture=Texture.TILES),
     "wood": Material((0.30, 0.20, 0.12), 0.50, texture=Texture.WOOD),
     "metal": Material((0.45, 0.45, 0.46), 0.30, roughness=0.4, metallic=0.9),
-    "glass": Material((0.03, 0.035, 0.04), 0.02, roughness=0.05),
+    "glass": Material((0.03, 0.035, 0.04), 0.02, roughness=0.05, is_transparent=True),
     "rubber": Material((0.025, 0.025, 0.025), 0.04),
     "black_plastic": Material((0.04, 0.04, 0.04), 0.06, roughness=0.5),
-    "car_paint_white": Material((0.78, 0.78, 0.77), 0.75, roughness=0.25),
-    "car_paint_silver": Material((0.48, 0.49, 0.50), 0.50, roughness=0.25, metallic=0.3),
-    "car_paint_grey": Material((0.12, 0.125, 0.13), 0.30, roughness=0.25, metallic=0.2),
-    "car_paint_black": Material((0.02, 0.02, 0.022), 0.06, roughness=0.2),
-    "car_paint_red": Material((0.42, 0.03, 0.025), 0.45, roughness=0.25),
-    "car_paint_blue": Material((0.015, 0.035, 0.50), 0.25, roughness=0.25),
-    "car_paint_green": Material((0.04, 0.15, 0.06), 0.30, roughness=0.25),
-    "car_paint_brown": Material((0.16, 0.10, 0.06), 0.35, roughness=0.25),
-    "car_paint_yellow": Material((0.70, 0.45, 0.02), 0.60, roughness=0.25),
-    "car_paint_orange": Material((0.60, 0.17, 0.02), 0.55, roughness=0.25),
+    "car_paint_white": _car_paint((0.78, 0.78, 0.77), 0.75),
+    "car_paint_silver": _car_paint((0.48, 0.49, 0.50), 0.50, metallic=0.3),
+    "car_paint_grey": _car_paint((0.12, 0.125, 0.13), 0.30, metallic=0.2),
+    "car_paint_black": _car_paint((0.02, 0.02, 0.022), 0.06, roughness=0.2),
+    "car_paint_red": _car_paint((0.42, 0.03, 0.025), 0.45),
+    "car_paint_blue": _car_paint((0.015, 0.035, 0.50), 0.25),
+    "car_paint_green": _car_paint((0.04, 0.15, 0.06), 0.30),
+    "car_paint_brown": _car_paint((0.16, 0.10, 0.06), 0.35),
+    "car_paint_yellow": _car_paint((0.70, 0.45, 0.02), 0.60),
+    "car_paint_orange": _car_paint((0.60, 0.17, 0.02), 0.55),
     "chrome": Material((0.62, 0.62, 0.63), 0.30, roughness=0.12, metallic=1.0),
     "upholstery": Material((0.06, 0.06, 0.065), 0.35),
-    "licence_plate": Material((0.65, 0.65, 0.62), 0.90, roughness=0.5),
+    "licence_plate": Material((0.65, 0.65, 0.62), 0.90, roughness=0.5, sheeting_reflectance=190.0),
     "lamp_white": Material((0.9, 0.9, 0.85), 0.50, roughness=0.2),
-    "lamp_red": Material((0.45, 0.02, 0.02), 0.50, roughness=0.2),
+    "lamp_red": Material((0.45, 0.02, 0.02), 0.50, roughness=0.2, sheeting_reflectance=20.0),
     "lamp_amber": Material((0.60, 0.22, 0.02), 0.50, roughness=0.2),
     "lamp_amber_left": Material((0.60, 0.22, 0.02), 0.50, roughness=0.2),
     "lamp_amber_right": Material((0.60, 0.22, 0.02), 0.50, roughness=0.2),
@@ -105,8 +144,8 @@ MATERIALS: dict[str, Material] = {
     "cloth_green": Material((0.06, 0.15, 0.07), 0.45),
     "cloth_brown": Material((0.17, 0.105, 0.06), 0.50),
     "cloth_yellow": Material((0.62, 0.44, 0.05), 0.65),
-    "sign_red": Material((0.55, 0.03, 0.03), 0.90),
-    "sign_yellow": Material((0.75, 0.55, 0.03), 0.90),
+    "sign_red": Material((0.55, 0.03, 0.03), 0.90, sheeting_reflectance=300.0),
+    "sign_yellow": Material((0.75, 0.55, 0.03), 0.90, sheeting_reflectance=300.0),
     "signal_red": Material((0.20, 0.015, 0.012), 0.30, roughness=0.2),
     "signal_yellow": Material((0.22, 0.12, 0.01), 0.30, roughness=0.2),
     "signal_green": Material((0.012, 0.14, 0.09), 0.30, roughness=0.2),

@@ -1,7 +1,7 @@
-"""The static stage of a scenario and the bodies that move on it, as plain meshes."""
+"""Defines the world of a scenario: its static meshes, and the bodies of its actors."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,13 +13,13 @@ from advercity.roads.lane_segments import LaneSegment
 
 @dataclass(frozen=True, eq=False)
 class Gait:
-    """How a body moves on the spot while it goes: a cycle of poses.
+    """A cycle of poses that a body repeats while its actor moves: strides, turns of the pedals.
 
     Attributes:
-        cycle_length_m: Way that it goes in a cycle.
+        cycle_length_m: Distance travelled in a cycle.
         bone_transforms: (poses, bones, 3, 4) float32 from the body at rest to each pose.
-        returns_to_rest: Whether it stands as it is at rest while it does not go; else it keeps its
-            pose.
+        returns_to_rest: Whether the body takes its rest pose when the actor stops, as people do;
+            else it keeps the pose in which it stopped, as pedals do.
     """
 
     cycle_length_m: float
@@ -29,19 +29,19 @@ class Gait:
 
 @dataclass(frozen=True)
 class Body:
-    """What an actor of a blueprint looks like, in its body frame (origin on the ground)."""
+    """Shape of the actors of a blueprint, in the body frame (origin on the ground)."""
 
     parts: tuple[Mesh, ...]
     size: tuple[float, float, float]
-    """Full length, width and height in metres of the box, which stands centred on the origin."""
+    """Length, width and height of the box in metres; its base is centred on the origin."""
     gait: Gait | None = None
     with_umbrella: "Body | None" = None
-    """The same under an umbrella, which reaches beyond the box."""
+    """The same body holding an umbrella, which extends beyond the box."""
 
 
 @dataclass(frozen=True)
 class StreetLamp:
-    """A lamp that shines straight down at night, without its own mesh."""
+    """A light that points straight down at night; its mast is among the static meshes."""
 
     position: tuple[float, float, float]
     flux_lm: float = 8000.0
@@ -49,19 +49,19 @@ class StreetLamp:
 
 @dataclass(frozen=True)
 class SignalLamp:
-    """A traffic-light head: its lenses, from top to bottom red, yellow, green."""
+    """Lenses of a traffic-light head, from top to bottom red, yellow, green."""
 
     id: str
-    """`<junction>/<street>`: the approach it is for."""
+    """`<junction>/<street>`: the approach that it controls."""
     position: tuple[float, float, float]
-    """Middle of the yellow lens, on its face."""
+    """Centre of the face of the yellow lens."""
     facing: tuple[float, float]
-    """Unit vector (x, y) towards the traffic it is for."""
+    """Unit vector (x, y) towards the traffic that it controls."""
 
 
 @dataclass(frozen=True)
 class World:
-    """A place, ready to be rendered, cast into and driven on."""
+    """A place with its bodies, ready for renderers, ray casting and traffic."""
 
     id: str
     static: tuple[Mesh, ...]
@@ -69,6 +69,6 @@ class World:
     """By blueprint id; every blueprint of the spec has one."""
     lanes: tuple[LaneSegment, ...]
     network: Path
-    """SUMO network, whose coordinates are the world's."""
+    """SUMO network; it has the coordinates of the world."""
     street_lamps: tuple[StreetLamp, ...] = ()
-    signal_lamps: tuple[SignalLamp, ...] = field(default=())
+    signal_lamps: tuple[SignalLamp, ...] = ()

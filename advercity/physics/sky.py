@@ -14,6 +14,7 @@ from advercity_dsl import Weather
 from numpy.typing import ArrayLike, NDArray
 
 from advercity.geometry.arrays import Float64Array
+from advercity.materials import SNOWY_LANDSCAPE_ALBEDO
 from advercity.physics.photometry import colour_from_chromaticity, cubemap_directions
 
 RAIN_CLOUD_TRANSMITTANCE = 0.5
@@ -98,8 +99,6 @@ def sun_colour(elevation_deg: float) -> tuple[float, float, float]:
 
 GROUND_ALBEDO = 0.1
 """Of roads and fields in the mean."""
-LANDSCAPE_SNOW_ALBEDO = 0.85
-"""Of a landscape under fresh snow."""
 SNOW_COVER_SCALE_M = 0.002
 """Depth of snow that hides all but 1/e of it."""
 CLOUD_ALBEDO = 0.6
@@ -184,7 +183,7 @@ def sky_colour(
 def ground_albedo(snow_depth_m: float) -> float:
     """Albedo of the landscape, under snow of a depth."""
     bare = math.exp(-snow_depth_m / SNOW_COVER_SCALE_M)
-    return LANDSCAPE_SNOW_ALBEDO + (GROUND_ALBEDO - LANDSCAPE_SNOW_ALBEDO) * bare
+    return SNOWY_LANDSCAPE_ALBEDO + (GROUND_ALBEDO - SNOWY_LANDSCAPE_ALBEDO) * bare
 
 
 def ground_lit_fraction(albedo: float, oktas: int) -> float:

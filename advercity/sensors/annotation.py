@@ -20,6 +20,7 @@ from advercity.assets.body_pose import BodyShape, compute_body_pose
 from advercity.frames import ActorState, Frame
 from advercity.geometry import poses
 from advercity.geometry.boxes import BOX_EDGES, compute_box_corners
+from advercity.geometry.directions import spread_directions
 from advercity.geometry.poses import Matrix
 from advercity.sensors.lidar.scan import ScanHits
 from advercity.sensors.sensor_frame import PixelBox, ProjectedBox, SensorFrame
@@ -57,11 +58,7 @@ def build_hull_point_lookup(bodies: Mapping[str, Body]) -> HullPointLookup:
 
 def select_extreme_points(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Of points (n, 3) those that lie farthest in one of many directions, evenly spread."""
-    index = np.arange(NUM_HULL_DIRECTIONS) + 0.5
-    azimuth = np.pi * (1.0 + np.sqrt(5.0)) * index
-    height = 1.0 - 2.0 * index / NUM_HULL_DIRECTIONS
-    level = np.sqrt(1.0 - height**2)
-    directions = np.stack([level * np.cos(azimuth), level * np.sin(azimuth), height])
+    directions = np.ascontiguousarray(spread_directions(NUM_HULL_DIRECTIONS).T)
     return points[np.unique(np.argmax(points @ directions, axis=0))]
 
 

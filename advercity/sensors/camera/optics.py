@@ -19,6 +19,7 @@ from advercity_dsl.weather import Lens
 from numpy.typing import NDArray
 
 from advercity.geometry.arrays import Float32Array, Float64Array
+from advercity.materials import SNOWFLAKE_ALBEDO
 from advercity.physics.atmosphere import Atmosphere
 from advercity.physics.lamp_beams import intensity_towards
 from advercity.rendering.backend import CameraCapture
@@ -32,7 +33,7 @@ SPOT_SIZE_DEVIATION = 0.35
 """Of the logarithm of diameters."""
 DROP_MAGNIFICATION = -2.5
 """How a drop shows what is behind it: upside down, and that much of it within its own width."""
-GLASS_DUST_ALBEDO, GLASS_SNOW_ALBEDO = 0.3, 0.9
+GLASS_DUST_ALBEDO = 0.3
 SIDE_VIEW_DEG, REAR_VIEW_DEG = 45.0, 135.0
 """Headings from which a camera looks to the side, and to the rear."""
 
@@ -81,7 +82,7 @@ def apply_glass(
         )
         spot = (behind + mean) / 2.0
     else:
-        spot = mean * (GLASS_DUST_ALBEDO if lens.kind == "dust" else GLASS_SNOW_ALBEDO)
+        spot = mean * (GLASS_DUST_ALBEDO if lens.kind == "dust" else SNOWFLAKE_ALBEDO)
     return (light * (1.0 - mask) + spot * mask).astype(np.float32)
 
 

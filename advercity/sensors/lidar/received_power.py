@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from advercity.geometry.arrays import FloatArray
-from advercity.materials import MATERIALS
+from advercity.materials import MATERIALS, SNOW_REFLECTANCE_905NM
 from advercity.physics.extinction import extinction_from_mor
 from advercity.physics.water import fresnel_reflectance
 from advercity.rendering.raycaster import MATERIAL_NAMES, RayHits
@@ -83,7 +83,6 @@ WATER_REFRACTIVE_INDEX_905NM = 1.328
 """Refractive index of water at 905 nm."""
 PANE_TRANSMITTANCE = 0.85
 """Share of the light that gets through a window, one way."""
-SNOW_REFLECTANCE_905NM = 0.8
 GLOSS_WIDTH_RAD = 0.07
 """Width of the highlight of varnish: a beam that meets it within 4 degrees comes straight back."""
 _WATER_INTERNAL_REFLECTANCE_905NM = 0.4702
@@ -93,20 +92,13 @@ _WET_BEAD_FACTOR = 0.2
 """What rain leaves of their echo."""
 
 
-def _material_table(values: dict[str, float]) -> FloatArray:
-    return np.array([values.get(name, 0.0) for name in MATERIAL_NAMES], np.float32)
-
-
-_DIFFUSE = np.array([MATERIALS[name].reflectance_905nm for name in MATERIAL_NAMES], np.float32)
-_VARNISHED = np.array(["car_paint" in name for name in MATERIAL_NAMES], np.float32)
-_SHEETING = _material_table(
-    {"sign_red": 300.0, "sign_yellow": 300.0, "licence_plate": 190.0, "lamp_red": 20.0}
-)
-"""Retroreflectors by their equivalent reflectance, pi times the coefficient R_A in cd/(lx m²)."""
-_BEADS = _material_table({"paint_white": 0.5, "paint_yellow": 0.5})
-"""Glass beads in lane paint: pi times R_L of EN 1436, at any angle."""
+_ROWS = [MATERIALS[name] for name in MATERIAL_NAMES]
+_DIFFUSE = np.array([row.reflectance_905nm for row in _ROWS], np.float32)
+_VARNISHED = np.array([row.is_varnished for row in _ROWS], np.float32)
+_SHEETING = np.array([row.sheeting_reflectance for row in _ROWS], np.float32)
+_BEADS = np.array([row.bead_reflectance for row in _ROWS], np.float32)
 _IS_PLAIN = (_VARNISHED + _SHEETING + _BEADS) == 0.0
-IS_GLASS = np.array([name == "glass" for name in MATERIAL_NAMES])
+IS_GLASS = np.array([row.is_transparent for row in _ROWS])
 
 
 def effective_reflectance(
