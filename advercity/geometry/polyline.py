@@ -1,6 +1,14 @@
-"""advercity.geometry.polyline."""
+"""Polylines: distances along them, points and headings at such distances, parallel lines.
+
+A station is a distance along a line from its start, in metres. Headings are radians
+counter-clockwise from east, and all directions are of the (x, y) plane.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+import shapely
 from numpy.typing import ArrayLike, NDArray
 
 Points = NDArray[np.float64]
@@ -31,9 +39,8 @@ def polyline_stations(points: Points) -> NDArray[np.float64]:
 
 def resample_polyline(points: Points, count: int) -> Points:
     """`count` points (count, d) spread evenly along a polyline (n, d), ends kept."""
-    at = polyline_stations(points)
-    wanted = np.linspace(0.0, at[-1], count)
-    return np.stack([np.interp(wanted, at, column) for column in points.T], axis=1)
+    line = StationedPolyline.from_points(points)
+    return line.points_at(np.linspace(0.0, line.length_m, count))
 
 
 def offset_points(points: Points, headings: NDArray[np.float64], t: ArrayLike) -> Points:
@@ -47,6 +54,87 @@ def drop_repeated_points(points: Points) -> Points:
     """A polyline (n, d) without points that only repeat the one before."""
     keep = np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-6
     return points[np.concatenate([[True], keep])]
+
+
+@dataclass(frozen=True, eq=False)
+class StationedPolyline:
+    """A polyline with the station of each of its points.
+
+    Attributes:
+        points: (n, 2) or (n, 3) metres, two or more.
+        stations_m: (n,) metres from the start, rising. They need not be lengths of chords: SUMO
+            counts positions in a length of its own, and samples of an arc keep the arc's length.
+    """
+
+    points: Points
+    stations_m: NDArray[np.float64]
+
+    @classmethod
+    def from_points(cls, points: Points, *, length_m: float | None = None) -> "StationedPolyline":
+        """Measure stations along the chords, scaled so that the last is `length_m` if given."""
+        stations_m = polyline_stations(points)
+        if length_m is not None:
+            # A lane that is a single point in the plan still has a length for SUMO.
+            stations_m = stations_m * (length_m / max(stations_m[-1], 1e-6))
+        return cls(points, stations_m)
+
+    @property
+    def length_m(self) -> float:
+        """Station of the last point."""
+        return float(self.stations_m[-1])
+
+    @cached_property
+    def line(self) -> shapely.LineString:
+        """The polyline as a shapely geometry."""
+        return shapely.LineString(self.points)
+
+    def points_at(self, stations_m: ArrayLike) -> Points:
+        """Interpolate points (..., d) at stations (...); beyond an end, the end."""
+        stations = np.asarray(stations_m, dtype=np.float64)
+        columns = [np.interp(stations, self.stations_m, column) for column in self.points.T]
+        return np.stack(columns, axis=-1)
+
+    def headings_at(self, stations_m: ArrayLike, *, span_m: float = 0.0) -> NDArray[np.float64]:
+        """Compute headings (...) at stations (...).
+
+        Args:
+            stations_m: Metres along the line.
+            span_m: Length of the chord around each station whose heading is taken, cut off at the
+                ends of the line; with 0 it is the segment after the station.
+        """
+        stations = np.asarray(stations_m, dtype=np.float64)
+        if span_m:
+            ahead = self.points_at(np.minimum(stations + span_m / 2, self.length_m))
+            steps = ahead - self.points_at(np.maximum(stations - span_m / 2, 0.0))
+        else:
+            segment = np.searchsorted(self.stations_m, stations, side="right") - 1
+            first = np.clip(segment, 0, len(self.points) - 2)
+            steps = self.points[first + 1] - self.points[first]
+        return np.arctan2(steps[..., 1], steps[..., 0])
+
+    def project_point(self, point: ArrayLike) -> tuple[float, float]:
+        """Find the station nearest to a point (2,) in the plane, and the distance in metres."""
+        starts, steps = self.points[:-1, :2], np.diff(self.points[:, :2], axis=0)
+        squared = np.maximum((steps**2).sum(axis=1), 1e-12)
+        fraction = np.clip(((np.asarray(point) - starts) * steps).sum(axis=1) / squared, 0, 1)
+        distances = np.linalg.norm(starts + fraction[:, None] * steps - point, axis=1)
+        nearest = int(np.argmin(distances))
+        before, after = self.stations_m[nearest : nearest + 2]
+        return float(before + fraction[nearest] * (after - before)), float(distances[nearest])
+
+    def cut(self, start_m: float, end_m: float, *, margin_m: float = 0.0) -> "StationedPolyline":
+        """Cut out the part between two stations; its own stations are chords and begin at 0.
+
+        Points within `margin_m` of either end are left out, so that no sliver remains.
+        """
+        inner = self.stations_m[
+            (self.stations_m > start_m + margin_m) & (self.stations_m < end_m - margin_m)
+        ]
+        return StationedPolyline.from_points(self.points_at([start_m, *inner, end_m]))
+
+    def sample_points(self, step_m: float) -> Points:
+        """Interpolate points (m, d) every `step_m` from the start; the end is not included."""
+        return self.points_at(np.arange(0.0, self.length_m, step_m))
 
 
 MITRE_LIMIT = 2.0

@@ -17,7 +17,7 @@ from shapely.geometry.base import BaseGeometry
 
 from advercity.geometry import polyline
 from advercity.geometry.mesh import Mesh, SurfacePatch, build_ribbon, merge_patches
-from advercity.geometry.polyline import Points, offset_polyline
+from advercity.geometry.polyline import Points, StationedPolyline, offset_polyline
 from advercity.roads import markings
 from advercity.roads.imported_network import (
     ImportedEdge,
@@ -36,6 +36,8 @@ from advercity.semantics import Semantic
 EDGE_LINE_INSET_M = 0.1
 """Lines on the edge of the roadway are painted this far inside it."""
 MIN_EDGE_LENGTH_M = 1.0
+CUT_MARGIN_M = 0.1
+"""Points of a line nearer than this to the end of a painted piece are left out of it."""
 
 
 def build_imported_markings(net: ImportedNetwork, surface: ImportedSurface) -> list[Mesh]:
@@ -65,8 +67,9 @@ def _edge_lines(edge: ImportedEdge, net: ImportedNetwork) -> Iterator[tuple[str,
     if not lanes or polyline.polyline_length(lanes[-1].centre) < MIN_EDGE_LENGTH_M:
         return
     for lane in lanes[:-1]:
-        for first, last in markings.dash_intervals(polyline.polyline_length(lane.left_border)):
-            yield WHITE, _stripe(_cut_line(lane.left_border, first, last))
+        border = StationedPolyline.from_points(lane.left_border)
+        for first, last in markings.dash_intervals(border.length_m):
+            yield WHITE, _stripe(border.cut(first, last, margin_m=CUT_MARGIN_M).points)
     yield WHITE, _stripe(_border_inset(lanes[0], on_left=False))
     opposite = net.find_opposite_edge(edge)
     if opposite is None:
@@ -88,14 +91,6 @@ def _stripe(line: Points, width_m: float = markings.LINE_WIDTH_M) -> SurfacePatc
     )
 
 
-def _cut_line(line: Points, first_m: float, last_m: float) -> Points:
-    """The part of a line between two distances along it."""
-    stations = polyline.polyline_stations(line)
-    inside = stations[(stations > first_m + MIN_EDGE_LENGTH_M / 10) & (stations < last_m - 0.1)]
-    at = np.array([first_m, *inside, last_m])
-    return np.stack([np.interp(at, stations, column) for column in line.T], axis=1)
-
-
 def _edges_with_stop_line(net: ImportedNetwork) -> Iterator[ImportedEdge]:
     """Streets that end at a signal or a stop sign."""
     stopped = {
@@ -107,10 +102,10 @@ def _edges_with_stop_line(net: ImportedNetwork) -> Iterator[ImportedEdge]:
 def _stop_line(edge: ImportedEdge) -> Iterator[SurfacePatch]:
     near, far = markings.STOP_LINE_SETBACK_M, markings.STOP_LINE_M + markings.STOP_LINE_SETBACK_M
     for lane in edge.driving_lanes:
-        length = polyline.polyline_length(lane.centre)
-        if length > 2 * far:
-            end = _cut_line(lane.centre, length - far, length - near)
-            yield _stripe(end, lane.width_m)
+        line = StationedPolyline.from_points(lane.centre)
+        if line.length_m > 2 * far:
+            end = line.cut(line.length_m - far, line.length_m - near, margin_m=CUT_MARGIN_M)
+            yield _stripe(end.points, lane.width_m)
 
 
 SIGNAL_HEIGHT_M = 5.8

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from advercity.errors import InputError, RunError
+from advercity.geometry.polyline import StationedPolyline
 
 LANE_WIDTH_M = 3.5
 
@@ -62,32 +63,9 @@ class SumoLane:
         return self.function == "normal" and self.permits("passenger")
 
     @cached_property
-    def stations_m(self) -> NDArray[np.float64]:
-        """(n,) position of every point of `shape`, from 0 to `length_m`."""
-        steps = np.linalg.norm(np.diff(self.shape, axis=0), axis=1)
-        along = np.concatenate([[0.0], np.cumsum(steps)])
-        return along * (self.length_m / max(along[-1], 1e-6))
-
-    def point_at(self, position_m: float) -> NDArray[np.float64]:
-        """World point (3,) at a position along the lane."""
-        return np.array([np.interp(position_m, self.stations_m, axis) for axis in self.shape.T])
-
-    def heading_at(self, position_m: float) -> float:
-        """Direction of travel at a position, counter-clockwise from east."""
-        piece = int(np.searchsorted(self.stations_m, position_m, side="right")) - 1
-        first = min(max(piece, 0), len(self.shape) - 2)
-        east, north, _ = self.shape[first + 1] - self.shape[first]
-        return float(np.arctan2(north, east))
-
-    def find_nearest_position(self, point: tuple[float, float]) -> tuple[float, float]:
-        """Position along the lane nearest to a point (x, y), and the distance between them."""
-        starts, steps = self.shape[:-1, :2], np.diff(self.shape[:, :2], axis=0)
-        squared = np.maximum((steps**2).sum(axis=1), 1e-12)
-        share = np.clip(((np.array(point) - starts) * steps).sum(axis=1) / squared, 0, 1)
-        distances = np.linalg.norm(starts + share[:, None] * steps - point, axis=1)
-        best = int(np.argmin(distances))
-        along = self.stations_m[best : best + 2]
-        return float(along[0] + share[best] * (along[1] - along[0])), float(distances[best])
+    def line(self) -> StationedPolyline:
+        """The centre line, with SUMO's positions from 0 to `length_m` as stations."""
+        return StationedPolyline.from_points(self.shape, length_m=self.length_m)
 
 
 @dataclass(frozen=True)
@@ -158,12 +136,12 @@ class LaneGraph:
         Raises:
             InputError: No such lane is within a lane's width.
         """
-        found = [(*lane.find_nearest_position(point)[::-1], lane) for lane in self.driving_lanes]
+        found = [(*lane.line.project_point(point)[::-1], lane) for lane in self.driving_lanes]
         fitting = [
             (distance, position, lane)
             for distance, position, lane in found
             if distance < LANE_WIDTH_M
-            and np.cos(lane.heading_at(position) - heading_rad) > np.cos(np.pi / 3)
+            and np.cos(lane.line.headings_at(position) - heading_rad) > np.cos(np.pi / 3)
         ]
         if not fitting:
             raise InputError(
@@ -366,7 +344,7 @@ def _find_arrivals(
     """Distance to the destination, length of the way, and edge, for every lane to arrive in."""
     for lane in graph.driving_lanes:
         if lane.edge in routes:
-            at, gap = lane.find_nearest_position(destination)
+            at, gap = lane.line.project_point(destination)
             if lane.edge != start.edge or at >= position_m:
                 yield gap, routes[lane.edge][0] + at, lane.edge
 

@@ -19,7 +19,7 @@ from advercity.geometry.mesh import (
     merge_patches,
     triangulate_polygon,
 )
-from advercity.geometry.polyline import Points
+from advercity.geometry.polyline import Points, StationedPolyline
 from advercity.roads.layout import JunctionArm, JunctionLayout, RoadLayout
 from advercity.roads.streets import StreetLayout, StripLayout
 from advercity.semantics import Semantic
@@ -157,13 +157,8 @@ def _stripe(
 ) -> SurfacePatch:
     """Paint between two distances along the axis, which follows the facets of the road."""
     last = min(last, float(street.stations[-1]))
-    between = street.stations[(street.stations > first) & (street.stations < last)]
-    at = np.array([first, *between, last])
     left, right = (
-        np.stack(
-            [np.interp(at, street.stations, column) for column in street.offset_line(edge).T],
-            axis=1,
-        )
+        StationedPolyline(street.offset_line(edge), street.stations).cut(first, last).points
         for edge in (t + width_m / 2, t - width_m / 2)
     )
     return _lifted_ribbon(left, right)

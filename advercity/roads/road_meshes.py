@@ -21,7 +21,7 @@ from advercity.geometry.mesh import (
     merge_patches,
     triangulate_polygon,
 )
-from advercity.geometry.polyline import Points
+from advercity.geometry.polyline import Points, StationedPolyline
 from advercity.roads import markings
 from advercity.roads.layout import JunctionLayout, RoadLayout
 from advercity.roads.streets import StreetLayout, StripLayout
@@ -153,10 +153,7 @@ def _sidewalk_slabs(left: Points, right: Points) -> Iterator[tuple[str, SurfaceP
     columns = _joint_stations(width, width / np.ceil(width / MAX_SLAB_WIDTH_M)) / width
     for row, (start, end) in enumerate(pairwise(rows)):
         at = np.array([start, *along[(along > start) & (along < end)], end])
-        near, far = (
-            np.stack([np.interp(at, along, axis) for axis in line.T], axis=1)
-            for line in (left, right)
-        )
+        near, far = (StationedPolyline(line, along).points_at(at) for line in (left, right))
         for column, (first, last) in enumerate(pairwise(columns)):
             name = JOINTS if row % 2 or column % 2 else SIDEWALK
             yield name, build_ribbon(near + first * (far - near), near + last * (far - near))

@@ -11,9 +11,13 @@ from advercity_dsl.road import Movement, StripKind
 from numpy.typing import ArrayLike, NDArray
 
 from advercity.geometry import curves, polyline
+from advercity.geometry.polyline import StationedPolyline
 from advercity.roads.streets import StreetLayout, StripLayout, lay_out_street
 
 SEARCH_STEP_M = 0.25
+"""Between the stations that are searched for the nearest one; compiled specs hold the result."""
+HEADING_SPAN_M = 1.0
+"""Length of the chord that a heading is taken from, so that corners of the polyline do not jerk."""
 CROSSING_GAP_M = 1.0
 """Ways that come nearer than this to each other cross."""
 LANE_CHANGE_M = 30.0
@@ -65,61 +69,48 @@ class RoutePath:
     segments: tuple[RouteSegment, ...]
 
     @cached_property
-    def stations_m(self) -> NDArray[np.float64]:
-        """(n,) metres along the way."""
-        return polyline.polyline_stations(self.points)
+    def line(self) -> StationedPolyline:
+        """The polyline with stations in metres along the chords."""
+        return StationedPolyline.from_points(self.points)
 
     @property
     def length_m(self) -> float:
-        """To its end."""
-        return float(self.stations_m[-1])
+        """Length of the whole path."""
+        return self.line.length_m
 
     def point_at(self, station_m: float, left_m: float = 0.0) -> NDArray[np.float64]:
-        """Point (2,) at a station, so far to its left."""
-        place = self._points_at(np.array([station_m]))[0]
-        return place + left_m * polyline.left_normals(
-            polyline.unit_vectors(self.heading_at(station_m))
-        )
+        """Interpolate the point (2,) at a station, moved `left_m` to the left of the path."""
+        normal = polyline.left_normals(polyline.unit_vectors(self.heading_at(station_m)))
+        return self.line.points_at(station_m) + left_m * normal
 
     def heading_at(self, station_m: float) -> float:
-        """Direction of travel at a station, radians counter-clockwise from east."""
-        return float(self.headings_at(np.array([station_m]))[0])
+        """Compute the direction of travel at a station, radians counter-clockwise from east."""
+        return float(self.headings_at(station_m))
 
-    def headings_at(self, stations_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Directions of travel (m,) at stations (m,)."""
-        ahead = self._points_at(np.minimum(stations_m + 0.5, self.length_m))
-        east, north = (ahead - self._points_at(np.maximum(stations_m - 0.5, 0.0))).T
-        return np.arctan2(north, east)
+    def headings_at(self, stations_m: ArrayLike) -> NDArray[np.float64]:
+        """Compute directions of travel (m,) at stations (m,)."""
+        return self.line.headings_at(stations_m, span_m=HEADING_SPAN_M)
 
     def find_nearest_station(self, point: ArrayLike) -> float:
-        """The station nearest to a point (2,)."""
+        """Find the sampled station that is nearest to a point (2,)."""
         return float(
             self._search_stations[np.argmin(self._distances_to(np.asarray(point)[None])[:, 0])]
         )
 
     def find_crossing_station(self, other: "RoutePath") -> float | None:
-        """The station where another way crosses this one; None if it does not."""
-        gaps = self._distances_to(other.sample_points(SEARCH_STEP_M)).min(axis=1)
+        """Find the sampled station where another path crosses this one; None if none does."""
+        gaps = self._distances_to(other.line.sample_points(SEARCH_STEP_M)).min(axis=1)
         if gaps.min() > CROSSING_GAP_M:
             return None
         return float(self._search_stations[np.argmax(gaps <= max(CROSSING_GAP_M / 2, gaps.min()))])
-
-    def sample_points(self, step_m: float) -> NDArray[np.float64]:
-        """Points (n, 2) along it."""
-        return self._points_at(np.arange(0.0, self.length_m, step_m))
 
     @cached_property
     def _search_stations(self) -> NDArray[np.float64]:
         return np.arange(0.0, self.length_m, SEARCH_STEP_M)
 
-    def _points_at(self, stations: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Points (m, 2) at stations (m,)."""
-        columns = [np.interp(stations, self.stations_m, axis) for axis in self.points.T]
-        return np.stack(columns, axis=-1)
-
     def _distances_to(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Distances (n, m) of points (m, 2) from the way's every `FINE_M`."""
-        here = self._points_at(self._search_stations)
+        """Distances (n, m) of the sampled points of the path from points (m, 2)."""
+        here = self.line.points_at(self._search_stations)
         east, north = (np.subtract.outer(here[:, axis], points[:, axis]) for axis in (0, 1))
         return np.sqrt(east * east + north * north)
 

@@ -16,7 +16,7 @@ from advercity_dsl.units import KM_H_PER_M_S
 from numpy.typing import ArrayLike, NDArray
 
 from advercity.geometry import curves, polyline
-from advercity.geometry.polyline import Points
+from advercity.geometry.polyline import Points, StationedPolyline
 
 MAX_LEVEL_STEP_M = 8.0
 """Distance between samples on level lines."""
@@ -88,12 +88,10 @@ class StreetLayout:
     def points_at(self, station: ArrayLike, t: ArrayLike) -> Points:
         """(..., 3) points at distances along the axis and offsets from it, on its facets."""
         station, t = np.broadcast_arrays(station, t)
-        x, y, z, heading = (
-            np.interp(station, self.stations, column)
-            for column in (*self.axis.T, np.unwrap(self.headings))
-        )
-        plane = polyline.offset_points(np.stack([x, y], axis=-1), heading, t)
-        return np.concatenate([plane, z[..., None]], axis=-1)
+        axis = StationedPolyline(self.axis, self.stations).points_at(station)
+        heading = np.interp(station, self.stations, np.unwrap(self.headings))
+        plane = polyline.offset_points(axis[..., :2], heading, t)
+        return np.concatenate([plane, axis[..., 2:]], axis=-1)
 
     def directed_line(self, t: float, *, along: bool) -> Points:
         """(n, 3) points at offset `t`, in the direction of travel."""

@@ -63,7 +63,9 @@ def iterate_start_positions(
     boxes = tuple(within)
     for lane in lanes:
         positions = np.arange(spacing_m / 2, lane.length_m, spacing_m)
-        points = np.array([lane.point_at(position)[:2] for position in positions]).reshape(-1, 2)
+        points = np.array([lane.line.points_at(position)[:2] for position in positions]).reshape(
+            -1, 2
+        )
         inside = np.any([box.contains(points) for box in boxes], axis=0)
         yield from ((lane, float(position)) for position in positions[inside])
 

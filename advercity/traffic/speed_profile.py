@@ -55,7 +55,7 @@ def _build_profile(
     lanes = list(_iterate_route_lanes(edges, graph.lanes[f"{edges[0]}_{lane}"], graph))
     begins = np.cumsum([0.0, *(lane.length_m for lane in lanes)])
     stations = np.concatenate(
-        [lane.stations_m + begin for lane, begin in zip(lanes, begins, strict=False)]
+        [lane.line.stations_m + begin for lane, begin in zip(lanes, begins, strict=False)]
     )
     points = np.concatenate([lane.shape[:, :2] for lane in lanes])
     samples = np.arange(0.0, begins[-1] + PROFILE_STEP_M, PROFILE_STEP_M)

@@ -110,8 +110,8 @@ def test_connected_vehicles_start_at_rest_where_they_were_put(
                 agent.place.spawn_m, np.radians(agent.place.heading_deg)
             )
             pose = frame.get_state(agent.number).world_from_body
-            turned = to_yaw_pitch_roll(pose)[0] - lane.heading_at(position)
-            assert np.linalg.norm(pose[:2, 3] - lane.point_at(position)[:2]) < 0.3
+            turned = to_yaw_pitch_roll(pose)[0] - lane.line.headings_at(position)
+            assert np.linalg.norm(pose[:2, 3] - lane.line.points_at(position)[:2]) < 0.3
             assert abs(np.angle(np.exp(1j * turned), deg=True)) < 2.0
             assert frame.get_state(agent.number).speed_m_s < 0.3
 
@@ -186,9 +186,9 @@ def test_vehicles_stand_on_their_lane(road: str, networks: dict[str, Path], simu
     for state in trace.build_frame(0).states:
         if state.actor.actor_class != "pedestrian":
             x, y, z = state.world_from_body[:3, 3].tolist()
-            lane = min(lanes, key=lambda lane: lane.find_nearest_position((x, y))[1])
+            lane = min(lanes, key=lambda lane: lane.line.project_point((x, y))[1])
             assert z == pytest.approx(
-                lane.point_at(lane.find_nearest_position((x, y))[0])[2], abs=0.1
+                lane.line.points_at(lane.line.project_point((x, y))[0])[2], abs=0.1
             )
 
 
