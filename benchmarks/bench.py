@@ -27,7 +27,7 @@ from measurement import Figure, table
 
 NAMES = [
     *("compile", "traffic", "lidar", "camera", "tracing", "effects", "encode", "frame", "cores"),
-    "resume",
+    *("resume", "reader"),
 ]
 PACKAGES = [
     *("advercity", "sapien", "libsumo", "embreex", "numpy", "opencv-python-headless"),

@@ -48,8 +48,8 @@ def repair(
     Only what has the checksum that it had is put back.
     """
     from advercity.cli.progress import show_progress
-    from advercity.dataset.manifest import find_scenarios
     from advercity.dataset.reader import Scenario
+    from advercity.dataset.scenario_folders import find_scenarios
     from advercity.pipeline import repair_dataset
 
     with show_progress([Scenario(path).spec for path in find_scenarios(dataset)]) as view:

@@ -1,13 +1,11 @@
-"""Files of a dataset that are missing, or not as they were written.
-
-Annotated objects as arrays, in the right-handed frames of the rest of advercity.
-
-What one viewpoint saw in one frame, read from its files.
+"""What one agent recorded in one frame, read from its files, and annotated objects as arrays.
 
 Everything comes back in the right-handed frames that the rest of advercity uses, whatever the
 layout of the files: world x east, y north, z up; bodies x forward, y left, z up; metres and
 radians.
 """
+
+from __future__ import annotations
 
 import json
 from collections.abc import Generator
@@ -15,28 +13,34 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import cv2
 import numpy as np
 import yaml
-from advercity_dsl import Agent
-from advercity_dsl.units import M_S_PER_KM_H
 from numpy.typing import NDArray
 
-from advercity.dataset.carla_frame import matrix_from_carla_pose
+from advercity.dataset.carla_frame import (
+    matrix_from_carla_pose,
+    mirror_angle,
+    mirror_columns,
+)
 from advercity.dataset.formats import DatasetFormat
 from advercity.dataset.image_codec import from_semantic_colours
 from advercity.errors import InputError
 from advercity.geometry import poses
 from advercity.geometry.poses import Matrix
 
-REPAIR_HINT = "`advercity verify` tells more, `advercity repair` makes it again"
+if TYPE_CHECKING:
+    from advercity_dsl import Agent
+
+_Speed = TypeVar("_Speed", float, NDArray[np.float64])
+REPAIR_HINT = "`advercity verify` lists all such files, `advercity repair` restores them"
 
 
 @contextmanager
 def report_read_errors(path: Path) -> Generator[None]:
-    """Turn whatever a file leads to that is not as it was written into an InputError about it."""
+    """Raise an InputError that names the file for any error that reading or parsing it raises."""
     try:
         yield
     except FileNotFoundError as error:
@@ -49,17 +53,17 @@ def report_read_errors(path: Path) -> Generator[None]:
 
 @dataclass(frozen=True, eq=False)
 class Boxes:
-    """Annotated objects of one viewpoint, n of them.
+    """Objects that one agent annotates, n of them.
 
     Attributes:
-        ids: (n,) int64, the same for the same object in all frames and viewpoints of a scenario.
+        ids: (n,) int64, the same for the same object in all frames and agents of a scenario.
         classes: (n,) text: car, van, truck, bicycle, motorcycle or pedestrian.
         world_from_box: (n, 4, 4); origin in the middle of the box, x forward, y left, z up.
         sizes: (n, 3) full length, width and height in metres.
         speeds_m_s: (n,).
-        distances_m: (n,) from the viewpoint.
-        bearings_rad: (n,) where the viewpoint sees it; 0 ahead, positive to the left.
-        lidar_hits: (n,) rays of the noise-free LiDAR that met it.
+        distances_m: (n,) from the agent's origin.
+        bearings_rad: (n,) direction from the agent; 0 ahead, positive to the left.
+        lidar_hits: (n,) beams of the noise-free LiDAR that hit it.
     """
 
     ids: NDArray[np.int64]
@@ -72,12 +76,12 @@ class Boxes:
     lidar_hits: NDArray[np.int64]
 
     def __len__(self) -> int:
-        """How many there are."""
+        """Return the number of objects."""
         return len(self.ids)
 
 
 def parse_boxes(objects: dict[Any, dict[str, Any]]) -> Boxes:
-    """Of objects as they stand in a frame's YAML, by id; left-handed, degrees, km/h."""
+    """Convert objects of a frame's YAML, by id; there they are left-handed, degrees, km/h."""
     items = list(objects.values())
     centres = [np.add(item["location"], item["center"]) for item in items]
     box_poses = [
@@ -89,11 +93,18 @@ def parse_boxes(objects: dict[Any, dict[str, Any]]) -> Boxes:
         classes=np.array([_parse_class(item) for item in items], dtype=np.str_),
         world_from_box=np.reshape(box_poses, (-1, 4, 4)).astype(np.float64),
         sizes=np.reshape([item["extent"] for item in items], (-1, 3)) * 2.0,
-        speeds_m_s=_parse_column(items, "speed") * M_S_PER_KM_H,
+        speeds_m_s=_to_m_s(_parse_column(items, "speed")),
         distances_m=_parse_column(items, "dist"),
-        bearings_rad=-np.deg2rad(_parse_column(items, "bearing")),
+        bearings_rad=mirror_angle(np.deg2rad(_parse_column(items, "bearing"))),
         lidar_hits=_parse_column(items, "lidar_hits").astype(np.int64),
     )
+
+
+def _to_m_s(speed_km_h: _Speed) -> _Speed:
+    # Imported here: the models that come with it take longer to build than opening a dataset.
+    from advercity_dsl.units import M_S_PER_KM_H
+
+    return speed_km_h * M_S_PER_KM_H
 
 
 def _parse_class(item: dict[str, Any]) -> str:
@@ -105,13 +116,16 @@ def _parse_column(items: list[dict[str, Any]], key: str) -> NDArray[np.float64]:
 
 
 class AgentView:
-    """One viewpoint in one frame; every property reads its file when it is asked for.
+    """What one agent recorded in one frame.
+
+    The properties `cloud`, `points`, `measured` and `extras` read their file at every use: keep the
+    result rather than the view. The frame's YAML, which all others need, is read once and kept.
 
     Args:
-        agent: Whose viewpoint it is.
-        index: Of the frame, counted from the first kept one.
-        layout: Of the files.
-        stem: Path that all its files' paths begin with.
+        agent: The agent.
+        index: Number of the frame, counted from the first kept one.
+        layout: Layout of the files.
+        stem: Beginning of the paths of all its files.
     """
 
     def __init__(self, agent: Agent, index: int, layout: DatasetFormat, stem: Path) -> None:
@@ -120,52 +134,48 @@ class AgentView:
         self._format = layout
         self._stem = stem
 
-    @property
-    def num_cameras(self) -> int:
-        """How many there are."""
-        return len(self.agent.sensors.camera.mounts)
-
     def image(self, camera: int) -> NDArray[np.uint8]:
-        """RGB picture (h, w, 3) of a camera."""
+        """Read the RGB image (h, w, 3) of a camera."""
         return self._read_image(f"_camera{camera}.png", cv2.IMREAD_COLOR_RGB)
 
     def semantic(self, camera: int) -> NDArray[np.uint8]:
-        """Tags (h, w) of `Semantic` of a camera's pixels."""
+        """Read the tags (h, w) of `Semantic` of a camera's pixels."""
         return from_semantic_colours(
             self._read_image(f"_semantic{camera}.png", cv2.IMREAD_COLOR_RGB)
         )
 
     def depth(self, camera: int) -> NDArray[np.uint8]:
-        """Whole metres (h, w) along a camera's optical axis; 255 for that and all beyond."""
+        """Read the depths (h, w) in whole metres along a camera's optical axis; at most 255."""
         return self._read_image(f"_depth{camera}.png", cv2.IMREAD_UNCHANGED)
 
     def bird_view(self, kind: str) -> NDArray[np.uint8]:
-        """Map (256, 256): dynamic, static, lane, visibility or visibility_corp."""
+        """Read a map (256, 256): dynamic, static, lane, visibility or visibility_corp."""
         return self._read_image(f"_bev_{kind}.png", cv2.IMREAD_GRAYSCALE)
 
     @property
     def cloud(self) -> NDArray[np.void]:
-        """The points as a table, with at least `x`, `y`, `z` in the LiDAR's frame, `intensity`.
+        """The point table (n,), read from its file at every use.
 
-        In the OPV2V layout also `range` in metres, `time` in seconds against the frame's, `ring`,
-        `tag` of `Semantic`, `object_id`, `kind` of `PointKind`, and `raw_x`, `raw_y`, `raw_z`
-        where the rig lets the LiDAR turn.
+        Its fields are `x`, `y`, `z` in the LiDAR's frame and `intensity`; in the OPV2V layout also
+        `range` in metres, `time` in seconds relative to the frame's, `ring`, `tag` of `Semantic`,
+        `object_id`, `kind` of `PointKind`, and `raw_x`, `raw_y`, `raw_z` if the sensor rig has
+        `motion_distortion`.
         """
         table = self._format.read_cloud(self.path(self._format.cloud_suffix)).copy()
-        for name in {"y", "raw_y"} & set(table.dtype.names or ()):
-            table[name] *= -1
+        mirror_columns(table)
         return table
 
     @property
     def points(self) -> NDArray[np.float32]:
-        """Points (n, 3) in the LiDAR's frame."""
+        """Points (n, 3) in the LiDAR's frame, read from the file of `cloud` at every use."""
         return _stack_columns(self.cloud, "x", "y", "z")
 
     @property
     def measured(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Points (n, 3) as the moving LiDAR saw them, and the time (n,) of each in seconds.
+        """Points (n, 3) as the moving LiDAR measured them, and the time (n,) of each in seconds.
 
-        In the order of `points`; where the rig does not let the LiDAR turn, those and zeros.
+        They are in the order of `points`; without `motion_distortion` they are those, at time 0.
+        The file of `cloud` is read at every use.
         """
         table = self.cloud
         if "raw_x" in (table.dtype.names or ()):
@@ -174,41 +184,41 @@ class AgentView:
 
     @cached_property
     def description(self) -> dict[str, Any]:
-        """The frame's YAML as it stands in the file: left-handed, degrees, km/h."""
+        """The frame's YAML as it is in the file: left-handed, degrees, km/h; read once."""
         path = self.path(".yaml")
         with report_read_errors(path):
             return yaml.load(path.read_bytes(), Loader=yaml.CSafeLoader)
 
     @property
     def extras(self) -> dict[str, Any]:
-        """What more is known of each object, as it stands in `_objects.json`."""
+        """The content of `_objects.json`, left-handed as in the file; read at every use."""
         path = self.path("_objects.json")
         with report_read_errors(path):
             return json.loads(path.read_bytes())
 
     @property
     def world_from_agent(self) -> Matrix:
-        """(4, 4) of the vehicle's origin on the ground, or of the roadside unit."""
+        """Pose (4, 4) of the vehicle's origin on the ground, or of the roadside unit."""
         return self._parse_pose("true_ego_pos")
 
     @property
     def world_from_lidar(self) -> Matrix:
-        """(4, 4)."""
+        """Pose (4, 4) of the LiDAR: x forward, y left, z up."""
         return self._parse_pose("lidar_pose")
 
     def world_from_camera(self, camera: int) -> Matrix:
-        """(4, 4), body axes: x along the view, y left, z up."""
+        """Return the pose (4, 4) of a camera in body axes: x along the view, y left, z up."""
         return self._parse_pose(f"camera{camera}", "cords")
 
     def intrinsic(self, camera: int) -> NDArray[np.float64]:
-        """Pinhole matrix (3, 3) in pixels; optical axes x right, y down, z along the view."""
+        """Return the pinhole matrix (3, 3) in pixels; optical axes x right, y down, z ahead."""
         with report_read_errors(self.path(".yaml")):
             return np.reshape(self._get_described(f"camera{camera}", "intrinsic"), (3, 3)).astype(
                 np.float64
             )
 
     def pixels(self, camera: int, points_world: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Column, row and depth in metres (n, 3) of points (n, 3) of the world in a picture."""
+        """Project points (n, 3) of the world into an image: column, row, depth in metres (n, 3)."""
         camera_from_world = poses.invert_pose(self.world_from_camera(camera))
         ahead, left, up = poses.transform_points(camera_from_world, points_world).T
         column, row, depth = self.intrinsic(camera) @ np.stack([-left, -up, ahead])
@@ -217,18 +227,18 @@ class AgentView:
 
     @property
     def speed_m_s(self) -> float:
-        """Of the vehicle; 0 for a roadside unit."""
+        """Speed of the vehicle; 0 for a roadside unit."""
         with report_read_errors(self.path(".yaml")):
-            return float(self._get_described("ego_speed")) * M_S_PER_KM_H
+            return _to_m_s(float(self._get_described("ego_speed")))
 
     @property
     def boxes(self) -> Boxes:
-        """Whom it annotates: vehicles first, then pedestrians."""
+        """The annotated objects: vehicles first, then pedestrians."""
         with report_read_errors(self.path(".yaml")):
             return parse_boxes(self._get_described("vehicles") | self._get_described("walkers"))
 
     def path(self, suffix: str) -> Path:
-        """The file of this viewpoint and frame whose name ends so, as `.pcd`."""
+        """Return the path of this agent's file in this frame with that suffix, as `.pcd`."""
         return self._stem.with_name(self._stem.name + suffix)
 
     def _parse_pose(self, *keys: str) -> Matrix:
@@ -242,14 +252,14 @@ class AgentView:
                 value = value[key]
         except (LookupError, TypeError) as error:
             path = self.path(".yaml")
-            raise InputError(f"{path}: says nothing of {'.'.join(keys)}") from error
+            raise InputError(f"{path}: has no field {'.'.join(keys)}") from error
         return value
 
     def _read_image(self, suffix: str, mode: int) -> NDArray[np.uint8]:
         path = self.path(suffix)
         image: Any = cv2.imread(str(path), mode)
         if image is None:
-            raise InputError(f"{path}: is missing or no picture; {REPAIR_HINT}")
+            raise InputError(f"{path}: is missing or no image; {REPAIR_HINT}")
         return image
 
 

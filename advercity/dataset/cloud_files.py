@@ -1,21 +1,26 @@
-"""Point clouds in the PCD format, binary, as readers of OPV2V take them: the full point table.
+"""Point clouds as files: binary PCD with the full point table, and PLY as text.
 
-They read `x y z` as 4-byte floats and the intensity from the red channel of `rgb`, eight bits
-of it; the fields behind `rgb` hold the full precision and the rest of what is known of a point, and
-are skipped by them. Like `x y z`, `raw_x raw_y raw_z` are left-handed.
+PCD: readers of OPV2V take `x y z` as 4-byte floats and the intensity from the red channel of
+`rgb`, eight bits of it. They skip the fields behind `rgb`, which hold the full precision and all
+else that is known of a point. `x y z` and `raw_x raw_y raw_z` are left-handed.
 
-Point clouds in the PLY format, as text, as the original wrote them with Open3D.
-
-Coordinates are doubles; the intensity is the red colour, in eight bits, and there is nothing else.
+PLY: as the original wrote it with Open3D. Coordinates are doubles, the intensity is the red colour
+in eight bits, and there is nothing else.
 """
 
+from __future__ import annotations
+
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from advercity.dataset.carla_frame import mirror_columns
 from advercity.errors import InputError
-from advercity.sensors.measurements import PointCloud
+
+if TYPE_CHECKING:
+    from advercity.sensors.measurements import PointCloud
 
 PCD_POINT = np.dtype(
     [
@@ -32,21 +37,21 @@ PCD_POINT = np.dtype(
         ("kind", "<u1"),
     ]
 )
-"""A point as it lies in the file, without padding."""
+"""A point as it is in the file, without padding."""
 PCD_RAW_FIELDS = [("raw_x", "<f4"), ("raw_y", "<f4"), ("raw_z", "<f4")]
-"""What follows where the LiDAR takes its time: the point where the moving sensor measured it."""
+"""Fields of a LiDAR with motion distortion: the point where the moving sensor measured it."""
 
 
 def encode_pcd(cloud: PointCloud, *, raw: bool = False) -> bytes:
-    """The file of a cloud; the same cloud gives the same bytes.
+    """Encode a cloud as binary PCD; the same cloud gives the same bytes.
 
     Args:
         cloud: The points.
-        raw: Whether to keep where the moving sensor measured each of them.
+        raw: Whether to add where the moving sensor measured each of them.
     """
     kind = np.dtype([*PCD_POINT.descr, *PCD_RAW_FIELDS]) if raw else PCD_POINT
     table = np.empty(len(cloud.points), dtype=kind)
-    _fill_mirrored(table, ("x", "y", "z"), cloud.points)
+    table["x"], table["y"], table["z"] = cloud.points.T
     table["rgb"] = np.rint(np.clip(cloud.intensity, 0, 1) * 255).astype(np.uint32) << 16
     table["intensity"] = cloud.intensity
     table["range"] = cloud.range_m
@@ -56,16 +61,9 @@ def encode_pcd(cloud: PointCloud, *, raw: bool = False) -> bytes:
     table["tag"] = cloud.semantic
     table["kind"] = cloud.kind
     if raw:
-        _fill_mirrored(table, ("raw_x", "raw_y", "raw_z"), cloud.raw)
+        table["raw_x"], table["raw_y"], table["raw_z"] = cloud.raw.T
+    mirror_columns(table)
     return b"".join([_format_pcd_header(len(table), kind).encode("ascii"), table.data])
-
-
-def _fill_mirrored(
-    table: NDArray[np.void], names: tuple[str, str, str], points: NDArray[np.float32]
-) -> None:
-    """Put points (n, 3), mirrored as `carla_frame.mirror` does, into columns."""
-    x, y, z = names
-    table[x], table[y], table[z] = points[:, 0], -points[:, 1], points[:, 2]
 
 
 def _format_pcd_header(count: int, point: np.dtype[np.void]) -> str:
@@ -88,10 +86,10 @@ def _format_pcd_header(count: int, point: np.dtype[np.void]) -> str:
 
 
 def read_pcd(path: Path) -> NDArray[np.void]:
-    """The points of a binary cloud as a table of the fields that its header names.
+    """Read a binary PCD as a table (n,) of the fields that its header names, left-handed.
 
     Raises:
-        InputError: It cannot be read, or is something else.
+        InputError: The file cannot be read, or is no binary PCD.
     """
     try:
         header, _, body = path.read_bytes().partition(b"DATA binary\n")
@@ -109,7 +107,7 @@ def read_pcd(path: Path) -> NDArray[np.void]:
 
 
 def _parse_pcd_header(header: str) -> tuple[int, np.dtype[np.void]]:
-    """Number and layout of points; KeyError or ValueError if the header is none."""
+    """Parse the number of points and their fields; KeyError or ValueError if it is no header."""
     entries = {key: values for key, *values in map(str.split, header.splitlines())}
     letters = {"F": "f", "I": "i", "U": "u"}
     kinds = [
@@ -120,7 +118,7 @@ def _parse_pcd_header(header: str) -> tuple[int, np.dtype[np.void]]:
 
 
 PLY_POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4")])
-"""A point as it is read."""
+"""A point as `read_ply` returns it."""
 _PLY_HEADER = """ply
 format ascii 1.0
 element vertex {count}
@@ -135,15 +133,16 @@ end_header
 
 
 def encode_ply(points: NDArray[np.floating], *, intensity: NDArray[np.floating]) -> bytes:
-    """The file of a cloud: `points` (n, 3) in metres, `intensity` (n,) from 0 to 1."""
+    """Encode left-handed `points` (n, 3) in metres with `intensity` (n,) from 0 to 1 as PLY."""
     red = np.rint(np.clip(intensity, 0, 1) * 255)
     table = np.column_stack([points, red])
+    # One format string for all rows takes two thirds of the time of a loop or of `np.savetxt`.
     body = ("%.6f %.6f %.6f %d 0 0\n" * len(table)) % tuple(table.ravel().tolist())
     return (_PLY_HEADER.format(count=len(table)) + body).encode("ascii")
 
 
 def read_ply(path: Path) -> NDArray[np.void]:
-    """The points of a file that `encode` made, as a table of `POINT`; InputError if it is not."""
+    """Read a file of `encode_ply` as a table (n,) of `PLY_POINT`; InputError if it is none."""
     try:
         header, _, body = path.read_bytes().partition(b"end_header\n")
         count = int(header.partition(b"element vertex ")[2].split(maxsplit=1)[0])

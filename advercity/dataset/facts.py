@@ -12,8 +12,9 @@ from advercity_dsl.units import KM_H_PER_M_S
 from numpy.typing import NDArray
 
 from advercity.dataset.agent_view import AgentView, report_read_errors
-from advercity.dataset.manifest import WeatherTruth, find_scenarios, no_frames_error
+from advercity.dataset.manifest import WeatherTruth
 from advercity.dataset.reader import FrameView, Scenario
+from advercity.dataset.scenario_folders import find_scenarios, no_frames_error
 
 OBJECT_FACT = np.dtype(
     [

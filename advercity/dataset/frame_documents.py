@@ -25,9 +25,11 @@ from numpy.typing import ArrayLike
 from advercity.dataset.carla_frame import (
     carla_pose_from_matrix,
     compute_carla_angles_deg,
+    mirror_angle,
     mirror_angular_rate,
     mirror_points,
     mirror_pose,
+    mirror_xyz,
 )
 from advercity.geometry import poses
 from advercity.materials import MATERIALS
@@ -152,7 +154,8 @@ def build_frame_description(reading: SensorFrame, objects: Sequence[Annotation])
         "lidar_pose": to_plain(carla_pose_from_matrix(reading.world_from_lidar)),
         **cameras,
         "plan_trajectory": [
-            to_plain((x, -y, speed * KM_H_PER_M_S)) for x, y, speed in reading.planned_trajectory
+            to_plain((*mirror_xyz(x, y, 0.0)[:2], speed * KM_H_PER_M_S))
+            for x, y, speed in reading.planned_trajectory
         ],
         "vehicles": {
             item.state.actor.id: _describe_object(item)
@@ -172,21 +175,20 @@ def _is_pedestrian(item: Annotation) -> bool:
 def _describe_object(item: Annotation) -> dict[str, Any]:
     """Loaders add `center` to `location` without turning it, so it is written turned."""
     actor = item.state.actor
-    x, y, z = item.location.tolist()
-    ahead, left, up = (item.centre - item.location).tolist()
+    offset = item.centre - item.location
     length, width, height = actor.size
     return {
         "class": "walker" if _is_pedestrian(item) else actor.actor_class,
         "bp_id": actor.blueprint,
         "color": _format_paint_colour(actor.paint),
-        "location": to_plain((x, -y, z)),
-        "center": to_plain((ahead, -left, up)),
+        "location": to_plain(mirror_xyz(*item.location.tolist())),
+        "center": to_plain(mirror_xyz(*offset.tolist())),
         "angle": to_plain(compute_carla_angles_deg(item.state.world_from_body)),
         "extent": to_plain((length / 2, width / 2, height / 2)),
         "speed": to_plain(item.state.speed_m_s * KM_H_PER_M_S),
         "dist": to_plain(item.distance_m),
-        "bearing": to_plain(-math.degrees(item.bearing_rad)),
-        "relative_angle": to_plain(-math.degrees(item.relative_yaw_rad)),
+        "bearing": to_plain(mirror_angle(math.degrees(item.bearing_rad))),
+        "relative_angle": to_plain(mirror_angle(math.degrees(item.relative_yaw_rad))),
         "lidar_hits": item.lidar_hits,
     }
 
@@ -273,11 +275,11 @@ def _describe_object_extras(
     item: Annotation, reading: SensorFrame, lidar_points: int
 ) -> dict[str, Any]:
     state = item.state
-    x, y, z = (state.world_from_body[:3, 0] * state.speed_m_s).tolist()
+    velocity = mirror_xyz(*(state.world_from_body[:3, 0] * state.speed_m_s).tolist())
     return {
         "class": state.actor.actor_class,
         "roles": dict(reading.conflict_roles.get(state.actor.id, {})),
-        "velocity_m_s": to_plain((x, -y, z), decimals=6),
+        "velocity_m_s": to_plain(velocity, decimals=6),
         "acceleration_m_s2": to_plain(state.acceleration_m_s2, decimals=6),
         "lidar_hits": item.lidar_hits,
         "lidar_points": lidar_points,

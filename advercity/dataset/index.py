@@ -15,8 +15,9 @@ from typing import Literal
 from advercity_dsl import Model, Spec
 from pydantic import Field, ValidationError
 
-from advercity.dataset.manifest import MANIFEST_FILE, Manifest, compute_spec_digest, find_scenarios
+from advercity.dataset.manifest import Manifest, compute_spec_digest
 from advercity.dataset.partial_files import lock_file, move_file, report_disk_errors, write_file
+from advercity.dataset.scenario_folders import MANIFEST_FILE, find_scenarios
 from advercity.errors import InputError, RunError
 
 INDEX_FILE = "index.json"

@@ -2,7 +2,6 @@
 
 import hashlib
 import math
-import re
 from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
@@ -13,11 +12,15 @@ from pydantic import Field, ValidationError
 
 from advercity import __version__
 from advercity.dataset.partial_files import FileRecord, read_journals
+from advercity.dataset.scenario_folders import (
+    MANIFEST_FILE,
+    MANIFEST_VERSION,
+    not_a_scenario_error,
+)
 from advercity.digests import compute_source_digest
-from advercity.errors import InputError, RunError
+from advercity.errors import RunError
 from advercity.physics import extinction
 
-MANIFEST_FILE = "manifest.json"
 CODE_PACKAGES = ("advercity", "advercity_dsl")
 """Packages that make the data, whatever renders them."""
 RendererIdentity = dict[str, str | int | float | bool]
@@ -126,7 +129,7 @@ class WeatherTruth(Model):
 class Manifest(Model):
     """What has been written of a scenario; the same data give the same text."""
 
-    manifest_version: Literal[3] = 3
+    manifest_version: Literal[3] = MANIFEST_VERSION
     identity: Identity
     weather: WeatherTruth
     spec: Spec
@@ -177,7 +180,7 @@ class Manifest(Model):
         try:
             text = path.read_bytes()
         except (FileNotFoundError, NotADirectoryError) as error:
-            raise _not_a_scenario_error(scenario) from error
+            raise not_a_scenario_error(scenario) from error
         except OSError as error:
             raise RunError(f"{path}: cannot be read: {error.strerror}") from error
         written, noted = Manifest.parse(text, where=str(path)), read_journals(scenario)
@@ -205,45 +208,3 @@ def _format_first_error(error: ValidationError) -> str:
     where = ".".join(map(str, first["loc"]))
     what = f"{where}: {first['msg']}" if where else first["msg"]
     return f"not a manifest of this version: {what}"
-
-
-def find_scenarios(dataset: Path) -> list[Path]:
-    """Folders of scenarios in a dataset or its splits, or the folder itself if it is one.
-
-    Raises:
-        InputError: There are none.
-    """
-    if re.match(r"[a-z0-9+]{2,}:/", str(dataset)):
-        raise InputError(
-            f"{dataset}: a store, which `run --executor ray` and `verify` alone reach into;"
-            " copy the dataset into a folder first, as `aws s3 sync` does"
-        )
-    patterns = (MANIFEST_FILE, f"*/{MANIFEST_FILE}", f"*/*/{MANIFEST_FILE}")
-    for pattern in patterns:
-        found = sorted(path.parent for path in dataset.glob(pattern))
-        if found:
-            return found
-    raise _not_a_dataset_error(dataset, "in it or in its folders")
-
-
-def _not_a_scenario_error(folder: Path) -> InputError:
-    """Why a folder is no scenario; one with scenarios in it is told which there are."""
-    inside = sorted(path.parent.name for path in folder.glob(f"*/{MANIFEST_FILE}"))
-    if not inside:
-        return _not_a_dataset_error(folder, "in it")
-    more = f" and {len(inside) - 3} more" if len(inside) > 3 else ""
-    names = ", ".join(inside[:3])
-    return InputError(f"{folder}: is a dataset; name one of its scenarios: {names}{more}")
-
-
-def _not_a_dataset_error(folder: Path, where: str) -> InputError:
-    if not folder.exists():
-        return InputError(f"{folder}: there is no such folder; is the path right?")
-    if not folder.is_dir():
-        return InputError(f"{folder}: is a file; name the folder of a dataset")
-    return InputError(f"{folder}: no {MANIFEST_FILE} {where}, so not a dataset")
-
-
-def no_frames_error(path: Path) -> InputError:
-    """What to raise where a scenario, or a whole dataset, has no frames yet."""
-    return InputError(f"{path}: no frames here yet; `advercity run` with its spec makes them")

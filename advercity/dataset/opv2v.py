@@ -1,25 +1,22 @@
-"""The OPV2V layout: files that OpenCOOD, HEAL, CoAlign and CoBEVT load as they are.
+"""The files of a frame in both layouts, as bytes by their paths.
 
-Beside what they read lie extras where none of them looks: semantic images, what more is known of
-every object, GNSS and IMU.
+OPV2V: files that OpenCOOD, HEAL, CoAlign and CoBEVT load as they are, and extras where none of
+those loaders looks: semantic images, more of every object, GNSS and IMU.
 
-The original's layout: its names and its files, for tools that were written for them.
-
-Loaders of OPV2V do not read it: they miss the `.pcd`, take `_gnss_imu.yaml` for a frame and the
-second roadside unit for the ego.
+Adver-City: the names and files of the original, for tools that were written for them. Loaders of
+OPV2V do not read it: they miss the `.pcd`, take `_gnss_imu.yaml` for a frame and the second
+roadside unit for the ego.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-
-import numpy as np
-from advercity_dsl import Agent
-from numpy.typing import NDArray
+from typing import Protocol
 
 from advercity.dataset import cloud_files
 from advercity.dataset.bird_view import draw_bird_views
 from advercity.dataset.carla_frame import mirror_points
+from advercity.dataset.formats import ADVER_CITY, OPV2V, DatasetFormat
 from advercity.dataset.frame_documents import (
     build_frame_description,
     build_motion_document,
@@ -33,122 +30,123 @@ from advercity.dataset.image_codec import (
     to_semantic_colours,
     to_three_channels,
 )
+from advercity.geometry.arrays import Uint8Array
 from advercity.roads.lane_segments import LaneSegment
 from advercity.sensors.annotation import annotate_actors
-from advercity.sensors.sensor_frame import CameraImage, SensorFrame
+from advercity.sensors.sensor_frame import SensorFrame
+
+EncodingJobs = dict[str, Callable[[], bytes]]
 
 
-def run_concurrently(jobs: Mapping[str, Callable[[], bytes]]) -> dict[str, bytes]:
-    """What every job gives, by its name; OpenCV and NumPy let threads run together."""
+class FrameEncoder(Protocol):
+    """Encodes every file of one frame, by path within the scenario."""
+
+    def __call__(
+        self, sensor_frames: Sequence[SensorFrame], lanes: Sequence[LaneSegment], *, name: str
+    ) -> dict[str, bytes]:
+        """Encode the files of the frame called `name`."""
+        ...
+
+
+def encode_opv2v_frame(
+    sensor_frames: Sequence[SensorFrame], lanes: Sequence[LaneSegment], *, name: str
+) -> dict[str, bytes]:
+    """Encode every file of one frame, by path within the scenario.
+
+    Args:
+        sensor_frames: One per agent; loaders fail where an agent is left out.
+        lanes: Lanes of the road, for the maps.
+        name: Name of the frame.
+    """
+    # Descriptions come last and the ego's is the very last: loaders take a frame for existing when
+    # they find it, and files are moved into place in this order.
+    ordered = sorted(sensor_frames, key=lambda item: OPV2V.format_folder(item.agent), reverse=True)
+    stems = [_format_stem(OPV2V, item, name) for item in ordered]
+    jobs: EncodingJobs = {}
+    for stem, item in zip(stems, ordered, strict=True):
+        for index, image in enumerate(item.camera_images):
+            jobs[f"{stem}_camera{index}.png"] = partial(encode_photo_png, image.image)
+            jobs[f"{stem}_semantic{index}.png"] = partial(_encode_semantic, image.semantic)
+            jobs[f"{stem}_depth{index}.png"] = partial(encode_label_png, image.depth)
+    for stem, maps in zip(stems, draw_bird_views(ordered, lanes), strict=True):
+        jobs |= {
+            f"{stem}_bev_{kind}.png": partial(_encode_mask, mask) for kind, mask in maps.items()
+        }
+    files = _run_concurrently(jobs)
+    annotations = [annotate_actors(item) for item in ordered]
+    for stem, item, annotated in zip(stems, ordered, annotations, strict=True):
+        files[f"{stem}{OPV2V.cloud_suffix}"] = cloud_files.encode_pcd(
+            item.point_cloud, raw=item.agent.sensors.lidar.motion_distortion
+        )
+        files[f"{stem}_objects.json"] = format_json(build_object_extras(item, annotated))
+        if _has_motion(item):
+            files[f"{stem}_additional_gnss_imu.yaml"] = format_yaml(build_motion_document(item))
+    for stem, item, annotated in zip(stems, ordered, annotations, strict=True):
+        files[f"{stem}.yaml"] = format_yaml(build_frame_description(item, annotated))
+    return files
+
+
+def encode_adver_city_frame(
+    sensor_frames: Sequence[SensorFrame], lanes: Sequence[LaneSegment], *, name: str
+) -> dict[str, bytes]:
+    """Encode every file of one frame, by path within the scenario.
+
+    Args:
+        sensor_frames: One per agent.
+        lanes: Not used: this layout has no maps.
+        name: Name of the frame.
+    """
+    jobs: EncodingJobs = {}
+    for item in sensor_frames:
+        stem = _format_stem(ADVER_CITY, item, name)
+        for index, image in enumerate(item.camera_images):
+            jobs[f"{stem}_camera{index}.png"] = partial(encode_photo_png, image.image)
+            jobs[f"{stem}_semantic{index}.png"] = partial(_encode_semantic, image.semantic)
+        jobs[f"{stem}{ADVER_CITY.cloud_suffix}"] = partial(_encode_ply, item)
+        if _has_motion(item):
+            jobs[f"{stem}_gnss_imu.yaml"] = partial(_encode_motion, item)
+        jobs[f"{stem}.yaml"] = partial(_encode_description, item)
+    return _run_concurrently(jobs)
+
+
+FRAME_ENCODERS: dict[str, FrameEncoder] = {
+    OPV2V.name: encode_opv2v_frame,
+    ADVER_CITY.name: encode_adver_city_frame,
+}
+
+
+def _run_concurrently(jobs: Mapping[str, Callable[[], bytes]]) -> dict[str, bytes]:
+    """Run every job in a thread, and return the results by name in the order of the jobs."""
+    # OpenCV, zlib-ng and NumPy release the interpreter lock.
     with ThreadPoolExecutor() as pool:
         running = {name: pool.submit(job) for name, job in jobs.items()}
     return {name: future.result() for name, future in running.items()}
 
 
-OPV2V_CLOUD_SUFFIX = ".pcd"
+def _format_stem(layout: DatasetFormat, item: SensorFrame, name: str) -> str:
+    return f"{layout.format_folder(item.agent)}/{name}"
 
 
-def format_opv2v_folder(agent: Agent) -> str:
-    """Folder of a viewpoint.
-
-    Loaders sort the folders as text and take the first as the ego, after moving one negative
-    number to the end; with two roadside units that would be the second of them. `+` sorts
-    before `-`, and `int("+101")` is 101, so the ego stays the ego.
-    """
-    return f"{agent.number:+d}" if agent.is_ego else str(agent.number)
+def _has_motion(item: SensorFrame) -> bool:
+    return item.gnss is not None or item.imu is not None
 
 
-def encode_opv2v_frame(
-    readings: Sequence[SensorFrame], lanes: Sequence[LaneSegment], *, name: str
-) -> dict[str, bytes]:
-    """Every file of one frame, by path within the scenario.
-
-    The descriptions come last and the ego's is the very last: loaders take a frame for existing
-    when they find it. The readings must be those of all agents, or loaders fail.
-
-    Args:
-        readings: One per viewpoint.
-        lanes: The road plan.
-        name: Of the frame.
-    """
-    ordered = sorted(readings, key=lambda reading: format_opv2v_folder(reading.agent), reverse=True)
-    stems = [f"{format_opv2v_folder(reading.agent)}/{name}" for reading in ordered]
-    jobs: dict[str, Callable[[], bytes]] = {}
-    for stem, reading in zip(stems, ordered, strict=True):
-        for index, picture in enumerate(reading.camera_images):
-            jobs[f"{stem}_camera{index}.png"] = partial(encode_photo_png, picture.image)
-            jobs[f"{stem}_semantic{index}.png"] = partial(_encode_semantic, picture)
-            jobs[f"{stem}_depth{index}.png"] = partial(encode_label_png, picture.depth)
-    for stem, maps in zip(stems, draw_bird_views(ordered, lanes), strict=True):
-        jobs |= {
-            f"{stem}_bev_{kind}.png": partial(_encode_mask, mask) for kind, mask in maps.items()
-        }
-    files = run_concurrently(jobs)
-    objects = [annotate_actors(reading) for reading in ordered]
-    for stem, reading, items in zip(stems, ordered, objects, strict=True):
-        files[f"{stem}{OPV2V_CLOUD_SUFFIX}"] = _encode_pcd_cloud(reading)
-        files[f"{stem}_objects.json"] = format_json(build_object_extras(reading, items))
-        if reading.gnss is not None or reading.imu is not None:
-            files[f"{stem}_additional_gnss_imu.yaml"] = format_yaml(build_motion_document(reading))
-    for stem, reading, items in zip(stems, ordered, objects, strict=True):
-        files[f"{stem}.yaml"] = format_yaml(build_frame_description(reading, items))
-    return files
+def _encode_semantic(semantic: Uint8Array) -> bytes:
+    return encode_label_png(to_semantic_colours(semantic))
 
 
-def _encode_semantic(picture: CameraImage) -> bytes:
-    return encode_label_png(to_semantic_colours(picture.semantic))
-
-
-def _encode_mask(mask: NDArray[np.uint8]) -> bytes:
+def _encode_mask(mask: Uint8Array) -> bytes:
     return encode_label_png(to_three_channels(mask))
 
 
-def _encode_pcd_cloud(reading: SensorFrame) -> bytes:
-    return cloud_files.encode_pcd(
-        reading.point_cloud, raw=reading.agent.sensors.lidar.motion_distortion
-    )
+def _encode_ply(item: SensorFrame) -> bytes:
+    cloud = item.point_cloud
+    return cloud_files.encode_ply(mirror_points(cloud.points), intensity=cloud.intensity)
 
 
-ADVER_CITY_CLOUD_SUFFIX = "_lidar.ply"
+def _encode_motion(item: SensorFrame) -> bytes:
+    return format_yaml(build_motion_document(item))
 
 
-def format_adver_city_folder(agent: Agent) -> str:
-    """Folder of a viewpoint: its number."""
-    return str(agent.number)
-
-
-def encode_adver_city_frame(
-    readings: Sequence[SensorFrame], lanes: Sequence[LaneSegment], *, name: str
-) -> dict[str, bytes]:
-    """Every file of one frame, by path within the scenario.
-
-    Args:
-        readings: One per viewpoint.
-        lanes: Not drawn in this layout.
-        name: Of the frame.
-    """
-    jobs: dict[str, Callable[[], bytes]] = {}
-    for reading in readings:
-        stem = f"{format_adver_city_folder(reading.agent)}/{name}"
-        for index, picture in enumerate(reading.camera_images):
-            jobs[f"{stem}_camera{index}.png"] = partial(encode_photo_png, picture.image)
-            jobs[f"{stem}_semantic{index}.png"] = partial(_encode_adver_city_semantic, picture)
-        jobs[f"{stem}{ADVER_CITY_CLOUD_SUFFIX}"] = partial(_encode_ply_cloud, reading)
-        if reading.gnss is not None or reading.imu is not None:
-            jobs[f"{stem}_gnss_imu.yaml"] = lambda reading=reading: format_yaml(
-                build_motion_document(reading)
-            )
-        jobs[f"{stem}.yaml"] = lambda reading=reading: format_yaml(
-            build_frame_description(reading, annotate_actors(reading))
-        )
-    return run_concurrently(jobs)
-
-
-def _encode_adver_city_semantic(picture: CameraImage) -> bytes:
-    return encode_label_png(to_semantic_colours(picture.semantic))
-
-
-def _encode_ply_cloud(reading: SensorFrame) -> bytes:
-    return cloud_files.encode_ply(
-        mirror_points(reading.point_cloud.points), intensity=reading.point_cloud.intensity
-    )
+def _encode_description(item: SensorFrame) -> bytes:
+    return format_yaml(build_frame_description(item, annotate_actors(item)))

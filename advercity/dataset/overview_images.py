@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from advercity.dataset.agent_view import AgentView, Boxes
 from advercity.dataset.image_codec import to_semantic_colours
-from advercity.dataset.manifest import find_scenarios, no_frames_error
 from advercity.dataset.reader import FrameView, Scenario
+from advercity.dataset.scenario_folders import find_scenarios, no_frames_error
 from advercity.errors import InputError
 from advercity.geometry import poses
 from advercity.geometry.arrays import Uint8Array

@@ -7,7 +7,6 @@ What writing safely takes: one writer at a time, whole files by renaming, failur
 """
 
 import errno
-import fcntl
 import hashlib
 import os
 import time
@@ -19,6 +18,7 @@ from typing import IO
 from advercity_dsl import Model
 from pydantic import TypeAdapter, ValidationError
 
+from advercity.dataset.scenario_folders import find_journals, find_staging_folder
 from advercity.errors import RunError
 
 
@@ -38,11 +38,6 @@ class FileRecord(Model):
 
 
 _RECORDS = TypeAdapter(dict[str, FileRecord])
-
-
-def find_staging_folder(scenario: Path) -> Path:
-    """Where a scenario's files are before they are whole."""
-    return scenario.parent / ".staging" / scenario.name
 
 
 def append_to_journal(scenario: Path, process: int, records: Mapping[str, FileRecord]) -> None:
@@ -78,11 +73,6 @@ def remove_journals(scenario: Path) -> None:
         path.unlink()
 
 
-def find_journals(scenario: Path) -> list[Path]:
-    """Files in which something is noted."""
-    return sorted(find_staging_folder(scenario).glob("journal_*.jsonl"))
-
-
 LOCK_TIMEOUT_S = 5.0
 """For one who was killed to let go of what it held."""
 
@@ -105,6 +95,8 @@ def lock_file(path: Path, what: str = "this scenario") -> IO[bytes]:
     A run that was killed may take a moment to let go. Whoever held it may have deleted it since it
     was opened here, hence the second look.
     """
+    import fcntl  # POSIX only; reading a dataset, which imports this module, works without
+
     patient_until_s = time.monotonic() + LOCK_TIMEOUT_S
     while True:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,28 +1,49 @@
-"""Reads a dataset lazily: scenarios, their frames, and the viewpoints of each.
+"""Reads a dataset lazily: scenarios, their frames, and what each agent recorded in them.
 
-Nothing is read before it is asked for, and nothing is kept: objects here are paths and
-numbers, cheap to make and to pickle.
+Objects here are paths and numbers, cheap to make and to pickle. A file is read when a property asks
+for it, and is not kept, except for the manifest.
 """
 
+from __future__ import annotations
+
+import json
 from collections.abc import Iterator, Sequence
+from functools import cached_property
 from pathlib import Path
-from typing import overload
+from typing import TYPE_CHECKING, overload
 
 import numpy as np
-from advercity_dsl import Spec
 
-from advercity.conflicts.roles import ConflictRoles, find_conflict_roles
 from advercity.dataset.agent_view import AgentView
 from advercity.dataset.formats import DatasetFormat, find_format, format_frame_name
-from advercity.dataset.manifest import Manifest, find_scenarios
+from advercity.dataset.scenario_folders import (
+    MANIFEST_FILE,
+    MANIFEST_VERSION,
+    find_journals,
+    find_scenarios,
+)
+
+if TYPE_CHECKING:
+    from advercity_dsl import Spec
+
+    from advercity.conflicts.roles import ConflictRoles
+    from advercity.dataset.manifest import Manifest
 
 
 class FrameView:
-    """One frame of a scenario: all its viewpoints."""
+    """One frame of a scenario, with the view of every agent.
 
-    def __init__(self, scenario: "Scenario", index: int) -> None:
+    Attributes:
+        scenario: The scenario.
+        index: Number of the frame, counted from the first kept one.
+        name: Name that its files begin with, six digits.
+        views: Views by agent id, in the order of the spec.
+    """
+
+    def __init__(self, scenario: Scenario, index: int) -> None:
         self.scenario = scenario
         self.index = index
+        self.name = format_frame_name(scenario.spec, index)
         layout = scenario.format
         self.views = {
             agent.id: AgentView(
@@ -30,78 +51,96 @@ class FrameView:
             )
             for agent in scenario.spec.agents
         }
-        """By agent id, in the order of the spec."""
-
-    @property
-    def name(self) -> str:
-        """As its files are called."""
-        return format_frame_name(self.scenario.spec, self.index)
 
     @property
     def time_s(self) -> float:
-        """Since the scenario's start, warm-up included."""
+        """Time since the scenario's start in seconds, warm-up included."""
         return int(self.name) * self.scenario.spec.timing.tick_s
 
     def __getitem__(self, agent: str) -> AgentView:
-        """The viewpoint of an agent, by its id: `cav1`, `rsu2`."""
+        """Return the view of an agent by its id: `cav1`, `rsu2`."""
         return self.views[agent]
 
 
 class Scenario(Sequence[FrameView]):
-    """The frames of one scenario that are there.
+    """The written frames of one scenario, in order.
 
     Args:
-        path: Its folder.
+        path: Folder of the scenario.
 
     Raises:
-        InputError: It is not a scenario.
+        InputError: The folder is no scenario.
+        RunError: Its manifest is damaged or of another version.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.manifest = Manifest.load(path)
+        self._frame_numbers = self._load_frame_numbers()
+
+    @cached_property
+    def manifest(self) -> Manifest:
+        """The manifest with the spec, read at the first use and then kept."""
+        # Imported here: building its pydantic models takes longer than opening a dataset.
+        from advercity.dataset.manifest import Manifest
+
+        return Manifest.load(self.path)
 
     @property
     def spec(self) -> Spec:
-        """What it was made from."""
+        """The spec that the scenario was made from."""
         return self.manifest.spec
 
     @property
     def format(self) -> DatasetFormat:
-        """How it is laid out."""
+        """The layout of the files."""
         return find_format(self.manifest.identity.format)
 
     @property
     def agents(self) -> tuple[str, ...]:
-        """Ids of the viewpoints."""
+        """Ids of the agents."""
         return tuple(agent.id for agent in self.spec.agents)
 
     @property
     def roles(self) -> ConflictRoles:
-        """Who takes part in which staged conflict, and as what, by ids as in `Boxes`."""
+        """Roles of actors in staged conflicts, by actor id as in `Boxes.ids`."""
+        from advercity.conflicts.roles import find_conflict_roles
+
         return find_conflict_roles(self.spec)
 
     def frame(self, index: int) -> FrameView:
-        """The frame with that number, counted from the first kept one."""
+        """Return the frame with that number, counted from the first kept one."""
         return FrameView(self, index)
 
     def __len__(self) -> int:
-        """Frames that are there."""
-        return len(self.manifest.frames)
+        """Return the number of written frames."""
+        return len(self._frame_numbers)
 
     @overload
     def __getitem__(self, index: int) -> FrameView: ...
     @overload
     def __getitem__(self, index: slice) -> list[FrameView]: ...
     def __getitem__(self, index: int | slice) -> FrameView | list[FrameView]:
-        """The frame at a position among those that are there."""
+        """Return the frame at a position among the written ones."""
         if isinstance(index, slice):
-            return [self.frame(number) for number in self.manifest.frames[index]]
-        return self.frame(self.manifest.frames[index])
+            return [self.frame(number) for number in self._frame_numbers[index]]
+        return self.frame(self._frame_numbers[index])
+
+    def _load_frame_numbers(self) -> tuple[int, ...]:
+        """Read the numbers of the written frames, without the models of the manifest if possible.
+
+        Damaged manifests, and those of a run that was cut short, go through `Manifest.load`.
+        """
+        try:
+            document = json.loads((self.path / MANIFEST_FILE).read_bytes())
+            if document["manifest_version"] == MANIFEST_VERSION and not find_journals(self.path):
+                return tuple(document["frames"])
+        except (LookupError, OSError, TypeError, ValueError):
+            pass
+        return self.manifest.frames
 
 
 class Dataset(Sequence[FrameView]):
-    """All frames of all scenarios of a dataset, one after the other.
+    """All frames of all scenarios of a dataset, one scenario after the other.
 
     It has a length and takes an index, which is all that PyTorch's `DataLoader` asks for.
 
@@ -109,7 +148,7 @@ class Dataset(Sequence[FrameView]):
         path: Folder of a dataset, or of one scenario.
 
     Raises:
-        InputError: There is no scenario in it.
+        InputError: The folder holds no scenario.
     """
 
     def __init__(self, path: Path) -> None:
@@ -117,7 +156,7 @@ class Dataset(Sequence[FrameView]):
         self._ends = np.cumsum([len(scenario) for scenario in self.scenarios])
 
     def __len__(self) -> int:
-        """Frames in all."""
+        """Return the number of frames of all scenarios."""
         return int(self._ends[-1])
 
     @overload
@@ -125,7 +164,7 @@ class Dataset(Sequence[FrameView]):
     @overload
     def __getitem__(self, index: slice) -> list[FrameView]: ...
     def __getitem__(self, index: int | slice) -> FrameView | list[FrameView]:
-        """The frame at a position, counted through all scenarios."""
+        """Return the frame at a position, counted through all scenarios."""
         if isinstance(index, slice):
             return [self[position] for position in range(len(self))[index]]
         position = range(len(self))[index]
@@ -134,11 +173,15 @@ class Dataset(Sequence[FrameView]):
         return scenario[position - int(self._ends[number])]
 
     def __iter__(self) -> Iterator[FrameView]:
-        """Scenario by scenario."""
+        """Iterate over the frames, scenario by scenario."""
         for scenario in self.scenarios:
             yield from scenario
 
 
 def open_dataset(path: Path | str) -> Dataset:
-    """Open the folder of a dataset, or of one scenario; InputError if it is none."""
+    """Open the folder of a dataset, or of one scenario; InputError if it is neither.
+
+    Only the numbers of the written frames are read; the first frame that is taken from a scenario
+    reads its manifest.
+    """
     return Dataset(Path(path))

@@ -14,9 +14,11 @@ from pathlib import Path
 
 from advercity_dsl import Spec
 
+from advercity.dataset.formats import is_frame_file
 from advercity.dataset.index import INDEX_FILE, DatasetIndex
-from advercity.dataset.manifest import MANIFEST_FILE, Identity, Manifest
+from advercity.dataset.manifest import Identity, Manifest
 from advercity.dataset.partial_files import FileRecord
+from advercity.dataset.scenario_folders import MANIFEST_FILE
 from advercity.dataset.store import DatasetStore
 from advercity.dataset.verification import FileProblem, compare_with_manifest
 from advercity.dataset.writer import encode_scenario_files
@@ -81,7 +83,7 @@ class SharedScenario:
         manifest = self._save(self._merge_records(self._read_manifests()))
         for path in self.store.list_files(name):
             _, _, inside = path.partition("/")
-            if inside not in manifest.files and _is_frame_file(inside):
+            if inside not in manifest.files and is_frame_file(inside):
                 self.store.remove(path)
         self.store.remove(_parts_folder(name))
         return manifest
@@ -122,12 +124,6 @@ class SharedScenario:
 
 def _parts_folder(name: str) -> str:
     return f".staging/{name}"
-
-
-def _is_frame_file(path: str) -> bool:
-    """As `<agent>/<six digits>...`; other files may be precious."""
-    _, _, name = path.rpartition("/")
-    return "/" in path and name[:6].isdigit()
 
 
 def verify_store(url: str) -> list[FileProblem]:

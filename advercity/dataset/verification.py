@@ -14,15 +14,20 @@ from typing import Literal
 
 from advercity.dataset.formats import find_format, format_frame_name
 from advercity.dataset.index import DatasetIndex
-from advercity.dataset.manifest import MANIFEST_FILE, Manifest, find_scenarios
+from advercity.dataset.manifest import Manifest
+from advercity.dataset.opv2v import FRAME_ENCODERS
 from advercity.dataset.partial_files import (
     FileRecord,
-    find_journals,
-    find_staging_folder,
     lock_file,
     move_file,
     report_disk_errors,
     write_file,
+)
+from advercity.dataset.scenario_folders import (
+    MANIFEST_FILE,
+    find_journals,
+    find_scenarios,
+    find_staging_folder,
 )
 from advercity.dataset.writer import encode_scenario_files
 from advercity.errors import RunError
@@ -189,7 +194,7 @@ def restore_files(
 def _encode_frame_files(
     manifest: Manifest, frame: int, readings: tuple[SensorFrame, ...]
 ) -> dict[str, bytes]:
-    encode = find_format(manifest.identity.format).encode_frame
+    encode = FRAME_ENCODERS[manifest.identity.format]
     lanes = build_road(manifest.spec.road).lanes
     return encode(readings, lanes, name=format_frame_name(manifest.spec, frame))
 

@@ -20,13 +20,13 @@ from typing import Self
 
 from advercity_dsl import Spec
 
-from advercity.dataset.formats import find_format, format_frame_name
+from advercity.dataset.formats import format_frame_name
 from advercity.dataset.frame_documents import format_yaml
-from advercity.dataset.manifest import MANIFEST_FILE, Identity, Manifest
+from advercity.dataset.manifest import Identity, Manifest
+from advercity.dataset.opv2v import FRAME_ENCODERS
 from advercity.dataset.partial_files import (
     FileRecord,
     append_to_journal,
-    find_staging_folder,
     lock_file,
     move_file,
     read_journals,
@@ -34,6 +34,7 @@ from advercity.dataset.partial_files import (
     report_disk_errors,
     write_file,
 )
+from advercity.dataset.scenario_folders import MANIFEST_FILE, find_staging_folder
 from advercity.errors import RunError
 from advercity.roads.road_network import build_road
 from advercity.sensors.sensor_frame import SensorFrame
@@ -97,7 +98,7 @@ class FrameWriter:
 
     def __init__(self, scenario: Path, spec: Spec, format: str, process: int = 0) -> None:
         self._scenario, self._spec, self._process = scenario, spec, process
-        self._encode = find_format(format).encode_frame
+        self._encode = FRAME_ENCODERS[format]
         self._lanes = build_road(spec.road).lanes
         self._staging = find_staging_folder(scenario)
         self._size_bytes = 0

@@ -16,8 +16,9 @@ from typing import Any
 from advercity_dsl import Spec
 
 from advercity.dataset.index import INDEX_FILE, DatasetIndex, IndexEntry
-from advercity.dataset.manifest import MANIFEST_FILE, Identity
+from advercity.dataset.manifest import Identity
 from advercity.dataset.remote import SharedScenario, upload_part
+from advercity.dataset.scenario_folders import MANIFEST_FILE
 from advercity.dataset.store import LEASE_TIMEOUT_S, DatasetLease, DatasetStore
 from advercity.errors import AdvercityError, InputError, RunError
 from advercity.pipeline.executors import RunListener, validate_batch

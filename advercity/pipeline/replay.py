@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from advercity.conflicts.events import find_conflict_events
 from advercity.dataset.agent_view import AgentView
-from advercity.dataset.manifest import no_frames_error
 from advercity.dataset.reader import Scenario
+from advercity.dataset.scenario_folders import no_frames_error
 from advercity.errors import InputError, RunError
 from advercity.geometry.poses import Matrix
 from advercity.pipeline.agent_poses import AgentPoses

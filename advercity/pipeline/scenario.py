@@ -19,8 +19,9 @@ from advercity_dsl import Spec
 from pydantic import TypeAdapter
 
 from advercity.conflicts.events import find_conflict_events
-from advercity.dataset.manifest import Identity, Manifest, find_scenarios
+from advercity.dataset.manifest import Identity, Manifest
 from advercity.dataset.reader import Scenario
+from advercity.dataset.scenario_folders import find_scenarios
 from advercity.dataset.verification import (
     FileProblem,
     compare_with_index,

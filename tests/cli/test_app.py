@@ -114,7 +114,7 @@ def test_list_tells_a_missing_folder_from_a_file(advercity: Command, tmp_path: P
     (tmp_path / "notes").touch()
     missing, file = advercity("list", tmp_path / "no"), advercity("list", tmp_path / "notes")
     assert (missing.code, file.code) == (2, 2)
-    assert "there is no such folder" in missing.err
+    assert "no such folder" in missing.err
     assert "is a file; name its folder" in file.err
 
 

@@ -15,7 +15,7 @@ from advercity.errors import InputError, RunError
 from advercity.sensors.sensor_frame import SensorFrame
 
 ReadingsOf = Callable[[int], tuple[SensorFrame, ...]]
-REMEDY = "`advercity verify` tells more, `advercity repair` makes it again"
+REMEDY = "`advercity verify` lists all such files, `advercity repair` restores them"
 
 
 @pytest.fixture

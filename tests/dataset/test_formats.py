@@ -10,6 +10,7 @@ from advercity_dsl import Spec
 
 from advercity.dataset.formats import find_format
 from advercity.dataset.manifest import Identity
+from advercity.dataset.opv2v import encode_opv2v_frame
 from advercity.dataset.verification import verify_scenario
 from advercity.dataset.writer import ScenarioWriter
 from advercity.errors import InputError, RunError
@@ -55,7 +56,7 @@ def test_clouds_are_text_with_the_intensity_in_red(scenario: Path, readings_of: 
 
 
 def test_both_layouts_say_the_same(scenario: Path, readings_of: ReadingsOf) -> None:
-    files = find_format("opv2v").encode_frame(readings_of(0), (), name="000060")
+    files = encode_opv2v_frame(readings_of(0), (), name="000060")
     said = yaml.safe_load((scenario / "101" / "000060.yaml").read_text())
     assert said == yaml.safe_load(files["+101/000060.yaml"])
 

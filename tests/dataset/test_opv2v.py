@@ -14,9 +14,9 @@ import yaml
 from advercity_dsl import Spec
 from numpy.typing import NDArray
 
+from advercity.dataset.formats import format_opv2v_folder
 from advercity.dataset.frame_documents import build_frame_description
 from advercity.dataset.manifest import Identity
-from advercity.dataset.opv2v import format_opv2v_folder
 from advercity.dataset.writer import ScenarioWriter
 from advercity.semantics import PALETTE, Semantic
 from advercity.sensors.annotation import annotate_actors

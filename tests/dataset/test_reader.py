@@ -1,4 +1,6 @@
 import pickle
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -164,11 +166,37 @@ def test_extras_tell_more_of_every_object(dataset: Dataset, readings_of: Reading
     assert shown["truncation"] == pytest.approx(0, abs=1e-4)
 
 
+READ_EVERYTHING = """
+import sys
+import advercity
+dataset = advercity.open_dataset(sys.argv[1])
+assert len(dataset) == 2
+print(*sys.modules)
+for view in dataset[0].views.values():
+    view.boxes, view.points, view.measured, view.description, view.image(0), view.semantic(0)
+dataset.scenarios[0].roles
+print(*sys.modules)
+"""
+ENGINES = {"trimesh", "networkx", "shapely", "scipy", "libsumo", "sumolib", "sapien", "embreex"}
+OTHERS = {"PIL", "av", "fsspec", "matplotlib", "ray", "rerun", "typer"}
+
+
+def test_reading_loads_no_engine_and_opening_no_models_either(dataset: Dataset) -> None:
+    folder = dataset.scenarios[0].path
+    command = [sys.executable, "-c", READ_EVERYTHING, str(folder)]
+    child = subprocess.run(command, capture_output=True, text=True, check=True)
+    opening, reading = (
+        {name.split(".")[0] for name in line.split()} for line in child.stdout.splitlines()
+    )
+    assert not opening & (ENGINES | OTHERS | {"pydantic", "advercity_dsl"})
+    assert not reading & (ENGINES | OTHERS)
+
+
 def test_a_folder_that_is_none_is_told(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="not a dataset"):
         advercity.open_dataset(tmp_path)
 
 
 def test_a_lost_picture_is_told(dataset: Dataset) -> None:
-    with pytest.raises(InputError, match="is missing or no picture"):
+    with pytest.raises(InputError, match="is missing or no image"):
         dataset[0]["cav1"].image(7)

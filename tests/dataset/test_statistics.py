@@ -286,7 +286,7 @@ def test_commands_tell_a_missing_folder_and_a_file_from_a_dataset(
     assert missing == (
         2,
         "",
-        f"error: {tmp_path / 'no'}: there is no such folder; is the path right?\n",
+        f"error: {tmp_path / 'no'}: no such folder; is the path right?\n",
     )
     assert file == (2, "", f"error: {notes}: is a file; name the folder of a dataset\n")
 

@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 from advercity_dsl import Spec
 
-from advercity.dataset.manifest import MANIFEST_FILE, Identity, Manifest, find_scenarios
+from advercity.dataset.manifest import Identity, Manifest
+from advercity.dataset.scenario_folders import MANIFEST_FILE, find_scenarios
 from advercity.dataset.verification import FileProblem, verify_scenario
 from advercity.dataset.writer import ScenarioWriter
 from advercity.errors import InputError, RunError

@@ -1,0 +1,70 @@
+"""Where a dataset's scenarios are, and the errors for folders that are none.
+
+Imports no pydantic model: building those takes longer than opening a dataset.
+"""
+
+import re
+from pathlib import Path
+from typing import Final
+
+from advercity.errors import InputError
+
+MANIFEST_FILE = "manifest.json"
+MANIFEST_VERSION: Final = 3
+"""Version of the manifest's fields that this code writes and reads."""
+
+
+def find_scenarios(dataset: Path) -> list[Path]:
+    """Find the scenario folders in a dataset or its splits; a scenario's folder finds itself.
+
+    Raises:
+        InputError: The folder holds no scenario.
+    """
+    if re.match(r"[a-z0-9+]{2,}:/", str(dataset)):
+        raise InputError(
+            f"{dataset}: is the URL of a store, which only `run --executor ray` and `verify` read;"
+            " copy the dataset into a folder first, as `aws s3 sync` does"
+        )
+    patterns = (MANIFEST_FILE, f"*/{MANIFEST_FILE}", f"*/*/{MANIFEST_FILE}")
+    for pattern in patterns:
+        found = sorted(path.parent for path in dataset.glob(pattern))
+        if found:
+            return found
+    raise _not_a_dataset_error(dataset, "in it or in its folders")
+
+
+def find_staging_folder(scenario: Path) -> Path:
+    """Find the folder of a scenario's unfinished files.
+
+    It is outside the scenario because loaders of OPV2V take every folder in a scenario for an
+    agent.
+    """
+    return scenario.parent / ".staging" / scenario.name
+
+
+def find_journals(scenario: Path) -> list[Path]:
+    """Find the journals of frames written since the last manifest, one per process."""
+    return sorted(find_staging_folder(scenario).glob("journal_*.jsonl"))
+
+
+def not_a_scenario_error(folder: Path) -> InputError:
+    """Explain why a folder is no scenario; for a dataset, list scenarios to choose from."""
+    inside = sorted(path.parent.name for path in folder.glob(f"*/{MANIFEST_FILE}"))
+    if not inside:
+        return _not_a_dataset_error(folder, "in it")
+    more = f" and {len(inside) - 3} more" if len(inside) > 3 else ""
+    names = ", ".join(inside[:3])
+    return InputError(f"{folder}: is a dataset; name one of its scenarios: {names}{more}")
+
+
+def no_frames_error(path: Path) -> InputError:
+    """Explain that a scenario, or a whole dataset, has no frames yet."""
+    return InputError(f"{path}: no frames here yet; `advercity run` with its spec makes them")
+
+
+def _not_a_dataset_error(folder: Path, where: str) -> InputError:
+    if not folder.exists():
+        return InputError(f"{folder}: no such folder; is the path right?")
+    if not folder.is_dir():
+        return InputError(f"{folder}: is a file; name the folder of a dataset")
+    return InputError(f"{folder}: no {MANIFEST_FILE} {where}, so not a dataset")
