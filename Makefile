@@ -1,8 +1,11 @@
-# make demo   set up what is missing, then make a small dataset, its Rerun recording and a picture
-# make test   set up what is missing, then run every check
-# make setup  set up only
-# make lock   renew requirements.lock
-# make bench  measure every figure against a peer or a limit; some ten minutes on two cores
+# make demo      set up what is missing, then make a small dataset, its Rerun recording and a picture
+# make test      set up what is missing, then run every check
+# make test-all  the same, with the tests marked slow
+# make coverage  run the tests under coverage; the report is in output/coverage
+# make setup     set up only
+# make lock      renew requirements.lock
+# make wheels    build both wheels and try them in an empty environment
+# make bench     measure every figure against a peer or a limit; some ten minutes on two cores
 
 SCENARIO := ui_fog_day_sparse
 FRAMES := 30
@@ -12,7 +15,7 @@ ADVERCITY := .venv/bin/advercity
 RECORDING := $(OUTPUT)/$(SCENARIO)_$(FRAMES).rrd
 SHEET := $(OUTPUT)/contact_sheet.png
 
-.PHONY: demo test setup lock bench
+.PHONY: demo test test-all coverage setup lock wheels bench
 
 demo: setup
 	$(ADVERCITY) assets install --optional
@@ -28,11 +31,20 @@ demo: setup
 test: setup
 	@scripts/check
 
+test-all: setup
+	@scripts/check -m ""
+
+coverage: setup
+	.venv/bin/pytest -n 2 --cov --cov-report=term:skip-covered --cov-report=html:output/coverage
+
 setup:
 	@scripts/setup
 
 lock: setup
 	scripts/lock
+
+wheels:
+	scripts/wheels dist
 
 bench: setup
 	.venv/bin/python benchmarks/bench.py --output output/bench
