@@ -2,10 +2,9 @@
 
     python benchmarks/traffic.py [compiled/ui_clear_day_dense.json ...] [--rounds 5]
 
-The same run tells both: SUMO's own share is what starting, stepping and closing it take, the rest
-is asking it what everybody does, keeping to the pace of bends, and the record. The figure is the
-median of the rounds, in processor time. To miss the goal is no failure of the measurement: the exit
-code tells only whether there is one.
+One run measures both: SUMO's own part is what starting, stepping and closing it take, the rest is
+querying the actors, limiting speeds in bends, and recording. The figure is the median of the
+rounds, in processor time. Missing the goal does not fail the command.
 """
 
 import argparse
@@ -29,7 +28,7 @@ from advercity.traffic import sumo_run
 from advercity.traffic.demand import draw_demand
 from advercity.traffic.route_file import write_route_file
 
-GOAL = 0.8
+GOAL = 0.6
 SPECS = [Path(f"compiled/{road}_clear_day_dense.json") for road in ("ui", "ri", "rcnj")]
 
 

@@ -1,131 +1,105 @@
-"""What SUMO tells of everybody, asked for no more than the record needs and kept field by field.
+"""What is recorded of SUMO at every tick: front bumpers, indicators and traffic lights."""
 
-A call for each field of each actor at each tick takes longer than SUMO's own step. A body is drawn
-by its front, so a vehicle's angle and slope and a person's speed count at their first tick alone,
-and a vehicle's acceleration is the difference of its speeds. What is not asked for is NaN.
-"""
-
-from array import array
-from collections.abc import Callable, Iterable, Sequence
-from itertools import chain
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+import libsumo
 import numpy as np
 from numpy.typing import NDArray
 
 from advercity.frames import FRONT_DTYPE, Lamp, Signal
 from advercity.roads.sumo_network import read_signal_groups
-from advercity.traffic import sumo_api
 
 INDICATOR_LAMPS = np.array([0, Lamp.RIGHT, Lamp.LEFT, Lamp.RIGHT | Lamp.LEFT], dtype=np.uint8)
-"""By SUMO's two lowest bits of a vehicle's signals."""
+"""Lamps by the two lowest bits of SUMO's signals of a vehicle."""
 _INDICATOR_BITS = 3
+_ROW_COLUMNS = ["tick", "id", "x", "y", "z", "yaw", "slope", "speed", "lamps"]
 
 
-class ActorPresence:
-    """Who is there.
+class ActorLog:
+    """Fronts of all vehicles and pedestrians, tick by tick."""
 
-    Attributes:
-        ids: SUMO's.
-        id_set: The same, to look one up.
-        numbers: The same as numbers.
-        new_ids: Those of the names who have just come.
-    """
+    def __init__(self) -> None:
+        """Create an empty log."""
+        self._vehicles: list[tuple[float, ...]] = []
+        self._seen = set[str]()
+        self._pedestrians: list[tuple[float, ...]] = []
 
-    def __init__(self, came: sumo_api.IdQuery, left: sumo_api.IdQuery) -> None:
-        """Nobody, before SUMO is asked who came and who left."""
-        self.ids: tuple[str, ...] = ()
-        self.id_set: frozenset[str] = frozenset()
-        self.numbers = array("i")
-        self.new_ids: tuple[str, ...] = ()
-        self._came = came
-        self._left = left
+    def record_vehicles(self, tick: int, names: Sequence[str]) -> list[float]:
+        """Record the vehicles of a tick and return their speeds in m/s.
 
-    def update(self) -> bool:
-        """Look who is there after a step; whether that has changed."""
-        self.new_ids, left = self._came(), self._left()
-        if not (self.new_ids or left):
-            return False
-        self.ids = (*(name for name in self.ids if name not in left), *self.new_ids)
-        self.id_set = frozenset(self.ids)
-        self.numbers = array("i", map(int, self.ids))
-        return True
+        Slope counts at a vehicle's first tick only, since a body follows its own front later.
+        """
+        query, seen = libsumo.vehicle, self._seen
+        rows = [
+            (
+                tick,
+                int(name),
+                *query.getPosition3D(name),
+                query.getAngle(name),
+                0.0 if name in seen else query.getSlope(name),
+                query.getSpeed(name),
+                query.getSignals(name) & _INDICATOR_BITS,
+            )
+            for name in names
+        ]
+        self._vehicles += rows
+        seen.update(names)
+        return [row[-2] for row in rows]
 
-
-class VehicleLog:
-    """Fronts of vehicles, tick by tick."""
-
-    def __init__(self, there: ActorPresence, turning: Iterable[str]) -> None:
-        """Ask after those who are there, and after the angles of those in `turning` always."""
-        self._there = there
-        self._turning = frozenset(turning)
-        self._places = _PositionLog(there, sumo_api.vehicle_position)
-        self._speeds: list[float] = []
-        self._signals: list[int] = []
-        self._turned: list[tuple[int, float, float]] = []
-
-    def record(self) -> list[float]:
-        """Note a tick; speeds in m/s."""
-        names, begin = self._there.ids, len(self._speeds)
-        for name in (self._turning & self._there.id_set).union(self._there.new_ids):
-            row = begin + names.index(name)
-            self._turned.append((row, sumo_api.vehicle_angle(name), sumo_api.vehicle_slope(name)))
-        self._places.record()
-        self._speeds += map(sumo_api.vehicle_speed, names)
-        self._signals += map(sumo_api.vehicle_signals, names)
-        return self._speeds[begin:]
+    def record_pedestrians(self, tick: int, names: Iterable[str]) -> None:
+        """Record the people of a tick; SUMO gives them neither slope nor lamps."""
+        query = libsumo.person
+        self._pedestrians += [
+            (
+                tick,
+                int(name),
+                *query.getPosition3D(name),
+                query.getAngle(name),
+                0.0,
+                query.getSpeed(name),
+                0,
+            )
+            for name in names
+        ]
 
     def build_fronts(self, tick_s: float) -> dict[int, NDArray[np.void]]:
-        """Rows of `FRONT` by vehicle."""
-        rows = self._places.build_fronts()
-        rows["yaw"] = rows["slope"] = np.nan
-        at, angles, slopes = np.array(self._turned).reshape(-1, 3).T
-        rows["yaw"][at.astype(int)] = _to_yaw(angles)
-        rows["slope"][at.astype(int)] = np.radians(slopes)
-        rows["speed"] = self._speeds
-        rows["lamps"] = INDICATOR_LAMPS[np.array(self._signals) & _INDICATOR_BITS]
-        rows, begins = _sort_by_actor(rows)
-        rows["acceleration"][1:] = np.diff(rows["speed"]) / tick_s
-        rows["acceleration"][begins] = 0.0
-        return _split_tracks(rows, begins)
+        """Build `FRONT_DTYPE` rows, sorted by tick, by actor."""
+        vehicles, people = _build_rows(self._vehicles), _build_rows(self._pedestrians)
+        vehicles["lamps"] = INDICATOR_LAMPS[vehicles["lamps"]]
+        tracks = _split_by_actor(vehicles)
+        for track in tracks.values():
+            # SUMO's own acceleration is this difference, so it is not asked for.
+            track["acceleration"][1:] = np.diff(track["speed"]) / tick_s
+        return tracks | _split_by_actor(people)
 
 
-class PedestrianLog:
-    """Fronts of people on foot, tick by tick."""
+def _build_rows(records: Sequence[tuple[float, ...]]) -> NDArray[np.void]:
+    rows = np.zeros(len(records), dtype=FRONT_DTYPE)
+    table = np.array(records, dtype=np.float64).reshape(-1, len(_ROW_COLUMNS))
+    for name, column in zip(_ROW_COLUMNS, table.T, strict=True):
+        rows[name] = column
+    # SUMO's angles are degrees clockwise from north, ours radians counter-clockwise from east.
+    rows["yaw"] = np.pi / 2 - np.radians(rows["yaw"])
+    rows["slope"] = np.radians(rows["slope"])
+    return rows
 
-    def __init__(self, there: ActorPresence) -> None:
-        """Ask after those who are there."""
-        self._there = there
-        self._places = _PositionLog(there, sumo_api.person_position)
-        self._angles: list[float] = []
-        self._speeds: list[tuple[int, float]] = []
 
-    def record(self) -> None:
-        """Note a tick."""
-        names, begin = self._there.ids, len(self._angles)
-        for name in self._there.new_ids:
-            self._speeds.append((begin + names.index(name), sumo_api.person_speed(name)))
-        self._places.record()
-        self._angles += map(sumo_api.person_angle, names)
-
-    def build_fronts(self) -> dict[int, NDArray[np.void]]:
-        """Rows of `FRONT` by person."""
-        rows = self._places.build_fronts()
-        rows["yaw"], rows["speed"] = _to_yaw(np.array(self._angles)), np.nan
-        at, speeds = np.array(self._speeds).reshape(-1, 2).T
-        rows["speed"][at.astype(int)] = speeds
-        return _split_tracks(*_sort_by_actor(rows))
+def _split_by_actor(rows: NDArray[np.void]) -> dict[int, NDArray[np.void]]:
+    rows = rows[np.argsort(rows["id"], kind="stable")]
+    ids, begins = np.unique(rows["id"], return_index=True)
+    return dict(zip(ids.tolist(), np.split(rows, begins)[1:], strict=True))
 
 
 class SignalLog:
-    """What signals show, tick by tick.
+    """What traffic lights show, tick by tick.
 
     Attributes:
         ids: Ids of `SignalLamp`.
     """
 
     def __init__(self, network: Path) -> None:
-        """The signals of a SUMO network."""
+        """Create an empty log of the signals of a SUMO network."""
         groups = read_signal_groups(network)
         self.ids = tuple(groups)
         self._lights = list({light: None for links in groups.values() for light, _ in links})
@@ -136,59 +110,22 @@ class SignalLog:
         self._states: list[tuple[str, ...]] = []
 
     def record(self) -> None:
-        """Note a tick."""
-        self._states.append(tuple(map(sumo_api.traffic_light_state, self._lights)))
+        """Record what all lights show at a tick."""
+        query = libsumo.trafficlight.getRedYellowGreenState
+        self._states.append(tuple(query(light) for light in self._lights))
 
     def build_states(self) -> NDArray[np.uint8]:
-        """(ticks, signals) of `Signal`."""
-        meant = {
+        """Build an array (ticks, signals) of `Signal`."""
+        # The lights show few different states in all, so each is decoded once.
+        decoded = {
             states: [_combine_links(states, links) for links in self._links]
             for states in {*self._states}
         }
-        rows = np.array([meant[states] for states in self._states], dtype=np.uint8)
+        rows = np.array([decoded[states] for states in self._states], dtype=np.uint8)
         return rows.reshape(len(rows), len(self.ids))
 
 
 def _combine_links(states: Sequence[str], links: Iterable[tuple[int, int]]) -> Signal:
-    """What an approach's light shows: the most that any of its links is given."""
-    meaning = {"g": Signal.GREEN, "y": Signal.YELLOW}
-    return max(meaning.get(states[light][link].lower(), Signal.RED) for light, link in links)
-
-
-class _PositionLog:
-    """Where those who are there are, tick by tick."""
-
-    def __init__(self, there: ActorPresence, place_of: Callable[[str], sumo_api.Position]) -> None:
-        self._there = there
-        self._place_of = place_of
-        self._counts: list[int] = []
-        self._numbers = array("i")
-        self._axes: list[float] = []
-
-    def record(self) -> None:
-        self._counts.append(len(self._there.ids))
-        self._numbers += self._there.numbers
-        self._axes += chain.from_iterable(map(self._place_of, self._there.ids))
-
-    def build_fronts(self) -> NDArray[np.void]:
-        rows = np.zeros(len(self._numbers), dtype=FRONT_DTYPE)
-        rows["tick"] = np.repeat(np.arange(len(self._counts)), self._counts)
-        rows["id"] = self._numbers
-        rows["x"], rows["y"], rows["z"] = np.array(self._axes).reshape(-1, 3).T
-        return rows
-
-
-def _sort_by_actor(rows: NDArray[np.void]) -> tuple[NDArray[np.void], NDArray[np.intp]]:
-    """The rows with those of each actor together, and where each begins."""
-    rows = rows[np.argsort(rows["id"], kind="stable")]
-    return rows, np.flatnonzero(np.diff(rows["id"], prepend=-1))
-
-
-def _split_tracks(rows: NDArray[np.void], begins: NDArray[np.intp]) -> dict[int, NDArray[np.void]]:
-    ids = rows["id"][begins].tolist()
-    return dict(zip(ids, np.split(rows, begins)[1:], strict=True))
-
-
-def _to_yaw(angles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """SUMO's degrees clockwise from north as radians counter-clockwise from east."""
-    return np.pi / 2 - np.radians(angles)
+    """Return what an approach's light shows: the most permissive state of its links."""
+    letters = {"g": Signal.GREEN, "y": Signal.YELLOW}
+    return max(letters.get(states[light][link].lower(), Signal.RED) for light, link in links)

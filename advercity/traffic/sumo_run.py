@@ -1,12 +1,11 @@
-"""When a connected vehicle is where it wants to be, which ends a scenario.
+"""One run of SUMO: drive a demand tick by tick and record it.
 
-Drive a demand in SUMO, tick by tick, and keep what everybody does.
-
-This and `observation` are the only modules that talk to libsumo.
+This module and `sumo_observation` are the only ones that talk to libsumo.
 """
 
 import math
 from collections.abc import Container, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import libsumo
@@ -16,34 +15,33 @@ from numpy.typing import NDArray
 
 from advercity.errors import RunError
 from advercity.roads.lane_graph import LaneGraph
-from advercity.traffic import sumo_api
 from advercity.traffic.demand import TrafficDemand, VehicleTrip
 from advercity.traffic.kinematics import SumoRecording
 from advercity.traffic.speed_profile import SpeedLimiter, SpeedProfile
-from advercity.traffic.sumo_observation import ActorPresence, PedestrianLog, SignalLog, VehicleLog
+from advercity.traffic.sumo_observation import ActorLog, SignalLog
 
-MAX_APPROACH_SPEED_M_S = 50.0
+LATERAL_RESOLUTION_M = 0.8
+# Bits of SUMO's speed mode. Default obeys everything. A commanded vehicle still minds its leader,
+# but neither lights nor right of way; one that passes a cyclist in the other lane does not mind
+# its leader either, since SUMO keeps both in one lane.
+_SPEED_MODE_DEFAULT, _SPEED_MODE_COMMANDED, _SPEED_MODE_PASSING = 31, 39, 38
 
 
 class DestinationMonitor:
-    """Where a connected vehicle goes, and whether it is there.
+    """Finds out when a connected vehicle has arrived, which ends the scenario."""
 
-    While it is far from there it is not asked where it is.
-    """
-
-    def __init__(self, ride: VehicleTrip, agent: Agent, place: Vehicle, timing: Timing) -> None:
-        """Of the ride of an agent in a place."""
-        self._vehicle = str(ride.actor.id)
+    def __init__(self, trip: VehicleTrip, agent: Agent, place: Vehicle, timing: Timing) -> None:
+        """Watch the trip of an agent."""
+        self._vehicle = str(trip.actor.id)
+        self._half_length_m = trip.actor.size[0] / 2
         self._agent = agent.id
         self._place = place
-        self._timing = timing
-        self._half_m = ride.actor.size[0] / 2
-        self._far_for = 0
+        self._box_m = timing.destination_box_m
 
     def has_ended(self, present: Container[str]) -> bool:
-        """Whether its vehicle has arrived, or is not among those there, at the next tick.
+        """Return whether the vehicle's centre is near its destination, or the vehicle is gone.
 
-        All connected vehicles are there in every frame, so one that has left the site ends the
+        All connected vehicles take part in every frame, so one that has left the site ends the
         scenario, too.
 
         Raises:
@@ -53,34 +51,24 @@ class DestinationMonitor:
             if self._place.is_ego:
                 raise RunError(f"{self._agent} left the site without coming near its destination")
             return True
-        self._far_for -= 1
-        return self._far_for < 0 and self._is_at_destination()
-
-    def _is_at_destination(self) -> bool:
-        box_m, goal = self._timing.destination_box_m, self._place.destination_m
-        east, north, _ = sumo_api.vehicle_position(self._vehicle)
-        east, north = east - goal[0], north - goal[1]
-        apart_m = max(abs(east), abs(north)) - box_m - self._half_m
-        self._far_for = int(apart_m / (MAX_APPROACH_SPEED_M_S * self._timing.tick_s))
-        heading = math.radians(90 - sumo_api.vehicle_angle(self._vehicle))
-        back = self._half_m * math.cos(heading), self._half_m * math.sin(heading)
-        return abs(east - back[0]) <= box_m and abs(north - back[1]) <= box_m
+        goal = self._place.destination_m
+        east, north, _ = libsumo.vehicle.getPosition3D(self._vehicle)
+        heading = math.radians(90 - libsumo.vehicle.getAngle(self._vehicle))
+        back_m = self._half_length_m * math.cos(heading), self._half_length_m * math.sin(heading)
+        return (
+            abs(east - goal[0] - back_m[0]) <= self._box_m
+            and abs(north - goal[1] - back_m[1]) <= self._box_m
+        )
 
 
 def build_destination_monitors(spec: Spec, demand: TrafficDemand) -> tuple[DestinationMonitor, ...]:
-    """Those of a scenario's connected vehicles."""
-    rides = {ride.actor.id: ride for ride in demand.connected}
+    """Build a monitor for each connected vehicle."""
+    trips = {trip.actor.id: trip for trip in demand.connected}
     return tuple(
-        DestinationMonitor(rides[agent.number], agent, agent.place, spec.timing)
+        DestinationMonitor(trips[agent.number], agent, agent.place, spec.timing)
         for agent in spec.agents
         if isinstance(agent.place, Vehicle)
     )
-
-
-LATERAL_RESOLUTION_M = 0.8
-_SPEED_MODE_DEFAULT, _SPEED_MODE_COMMANDED, _SPEED_MODE_UNCHECKED = 31, 39, 38
-"""Speed modes: obey everything; mind whom one follows, but neither lights nor right of way; not
-even whom one follows, since one passes beside the lane."""
 
 
 def run_sumo(
@@ -91,16 +79,19 @@ def run_sumo(
     routes: Path,
     speed_commands: Mapping[int, NDArray[np.float64]],
 ) -> SumoRecording:
-    """What happens when the demand, written in the file `routes`, sets out.
+    """Run SUMO until a connected vehicle arrives or time is up.
 
     Args:
         spec: The scenario.
-        demand: Who takes part.
+        demand: Its vehicles and pedestrians.
         graph: Lanes of the road.
-        network: The same as a SUMO network.
+        network: The same road as a SUMO network.
         routes: The demand as a SUMO route file.
-        speed_commands: Speed of staged vehicles in every tick; NaN leaves it to the driver, and
-            the last one stays.
+        speed_commands: Speed of staged vehicles at every tick; NaN leaves it to SUMO's driver, and
+            the last value holds on.
+
+    Raises:
+        RunError: SUMO failed, or a vehicle could not start or arrive as declared.
     """
     log = routes.with_suffix(".log")
     try:
@@ -110,8 +101,8 @@ def run_sumo(
         finally:
             libsumo.close()
     except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
-        said = log.read_text(encoding="utf-8").strip() if log.exists() else ""
-        raise RunError(f"SUMO: {said or error}") from error
+        reported = log.read_text(encoding="utf-8").strip() if log.exists() else ""
+        raise RunError(f"SUMO: {reported or error}") from error
 
 
 def _build_options(spec: Spec, network: Path, routes: Path, log: Path) -> list[str]:
@@ -122,6 +113,7 @@ def _build_options(spec: Spec, network: Path, routes: Path, log: Path) -> list[s
         "seed": spec.seeds.traffic % 2**31,
         "step-length": spec.timing.tick_s,
         "lateral-resolution": LATERAL_RESOLUTION_M,
+        # A vehicle that is stuck must not jump elsewhere, nor vanish when it touches another.
         "time-to-teleport": -1,
         "collision.action": "warn",
         "pedestrian.striping.dawdling": 0,
@@ -132,7 +124,7 @@ def _build_options(spec: Spec, network: Path, routes: Path, log: Path) -> list[s
 
 
 class _SumoRun:
-    """One run: SUMO's state is global, ours is what has been recorded of it."""
+    """The state of one run: SUMO's own is global to the process, this is what we add to it."""
 
     def __init__(
         self,
@@ -140,7 +132,7 @@ class _SumoRun:
         demand: TrafficDemand,
         graph: LaneGraph,
         network: Path,
-        cues: Mapping[int, NDArray[np.float64]],
+        speed_commands: Mapping[int, NDArray[np.float64]],
     ) -> None:
         self._spec = spec
         self._demand = demand
@@ -150,78 +142,75 @@ class _SumoRun:
             if conflict.actors[0].behaviour == "overtakes"
             for actor in conflict.actors
         }
-        self._cues = {str(number): speeds for number, speeds in cues.items()}
-        most_m_s2 = spec.caution.usual_m_s2 if spec.caution else math.inf
-        self._goals = build_destination_monitors(spec, demand)
-        self._names = [str(ride.actor.id) for ride in demand.trips]
-        self._pacing = SpeedLimiter(
-            [SpeedProfile.from_trip(ride, graph, most_m_s2) for ride in demand.trips],
-            [ride.top_speed_m_s for ride in demand.trips],
-        )
-        self._there = ActorPresence(sumo_api.departed_vehicle_ids, sumo_api.arrived_vehicle_ids)
-        self._on_foot = ActorPresence(sumo_api.departed_person_ids, sumo_api.arrived_person_ids)
-        self._vehicles = VehicleLog(self._there, (str(ride.actor.id) for ride in demand.staged))
-        self._people = PedestrianLog(self._on_foot)
+        self._speed_commands = {str(number): speeds for number, speeds in speed_commands.items()}
+        self._monitors = build_destination_monitors(spec, demand)
+        max_m_s2 = spec.caution.usual_m_s2 if spec.caution else math.inf
+        self._limiters = {
+            name: SpeedLimiter(
+                SpeedProfile.from_trip(trip, graph, max_m_s2),
+                trip.top_speed_m_s,
+                partial(_locate_vehicle, name),
+            )
+            for trip in demand.trips
+            for name in (str(trip.actor.id),)
+        }
+        self._actors = ActorLog()
         self._signals = SignalLog(network)
 
     def run(self) -> SumoRecording:
-        """Drive until somebody arrives or time is up."""
         for tick in range(self._spec.timing.max_ticks + 1):
             self._apply_speed_commands(tick)
             libsumo.simulationStep()
-            if self._there.update():
-                self._pacing.set_present([self._names.index(name) for name in self._there.ids])
-            self._on_foot.update()
+            vehicles = libsumo.vehicle.getIDList()
             if tick == 0:
-                self._check_start()
+                self._check_start(vehicles)
                 self._ignore_junction_foes()
-            if any(goal.has_ended(self._there.id_set) for goal in self._goals):
+            if any(monitor.has_ended(vehicles) for monitor in self._monitors):
                 break
-            speeds = self._vehicles.record()
-            self._people.record()
+            speeds = self._actors.record_vehicles(tick, vehicles)
+            self._actors.record_pedestrians(tick, libsumo.person.getIDList())
             self._signals.record()
-            self._apply_speed_limits(speeds)
-        return self._build_recording()
+            self._apply_speed_limits(vehicles, speeds)
+        return SumoRecording(
+            tracks=self._actors.build_fronts(self._spec.timing.tick_s),
+            signal_ids=self._signals.ids,
+            signals=self._signals.build_states(),
+        )
 
     def _apply_speed_commands(self, tick: int) -> None:
-        """Have staged vehicles drive as planned, red lights or not; NaN leaves them to SUMO."""
-        for name in (name for name in self._cues if name in self._there.id_set):
-            speed = float(self._cues[name][min(tick, len(self._cues[name]) - 1)])
-            free = np.isnan(speed)
-            told = _SPEED_MODE_UNCHECKED if name in self._passing else _SPEED_MODE_COMMANDED
-            libsumo.vehicle.setSpeedMode(name, _SPEED_MODE_DEFAULT if free else told)
-            libsumo.vehicle.setSpeed(name, -1 if free else speed)
+        """Have staged vehicles drive as scheduled, red lights or not; NaN leaves them to SUMO."""
+        present = libsumo.vehicle.getIDList()
+        for name, speeds in self._speed_commands.items():
+            if name in present:
+                speed = float(speeds[min(tick, len(speeds) - 1)])
+                free = np.isnan(speed)
+                mode = _SPEED_MODE_PASSING if name in self._passing else _SPEED_MODE_COMMANDED
+                libsumo.vehicle.setSpeedMode(name, _SPEED_MODE_DEFAULT if free else mode)
+                libsumo.vehicle.setSpeed(name, -1 if free else speed)
 
     def _ignore_junction_foes(self) -> None:
-        """Connected and staged vehicles do not give way to each other inside junctions."""
-        connected = [str(ride.actor.id) for ride in self._demand.connected]
-        staged = [str(ride.actor.id) for ride in self._demand.staged]
+        """Have connected and staged vehicles not give way to each other inside junctions."""
+        connected = [str(trip.actor.id) for trip in self._demand.connected]
+        staged = [str(trip.actor.id) for trip in self._demand.staged]
         for names, others in ((connected, staged), (staged, connected)):
             for name in names:
                 libsumo.vehicle.setParameter(name, "junctionModel.ignoreIDs", " ".join(others))
 
-    def _check_start(self) -> None:
-        for ride in (*self._demand.connected, *self._demand.staged):
-            if str(ride.actor.id) not in self._there.id_set:
+    def _check_start(self, vehicles: Container[str]) -> None:
+        for trip in (*self._demand.connected, *self._demand.staged):
+            if str(trip.actor.id) not in vehicles:
                 raise RunError(
-                    f"SUMO finds no room for vehicle {ride.actor.id} on lane"
-                    f" {ride.edges[0]}_{ride.lane} at {ride.front_position_m:.1f} m"
+                    f"SUMO finds no room for vehicle {trip.actor.id} on lane"
+                    f" {trip.edges[0]}_{trip.lane} at {trip.front_position_m:.1f} m"
                 )
 
-    def _apply_speed_limits(self, speeds: Sequence[float]) -> None:
-        """Tell those for whom it has changed how fast they may go where they are."""
-        moved_m = np.array(speeds) * self._spec.timing.tick_s
-        for ride, top_m_s in self._pacing.update_limits(moved_m, self._locate):
-            sumo_api.set_vehicle_max_speed(self._names[ride], top_m_s)
+    def _apply_speed_limits(self, vehicles: Sequence[str], speeds: Sequence[float]) -> None:
+        tick_s = self._spec.timing.tick_s
+        for name, speed in zip(vehicles, speeds, strict=True):
+            limit = self._limiters[name].update(speed * tick_s)
+            if limit is not None:
+                libsumo.vehicle.setMaxSpeed(name, limit)
 
-    def _locate(self, ride: int) -> tuple[str, float]:
-        name = self._names[ride]
-        return sumo_api.vehicle_edge(name), sumo_api.vehicle_lane_position(name)
 
-    def _build_recording(self) -> SumoRecording:
-        return SumoRecording(
-            tracks=self._vehicles.build_fronts(self._spec.timing.tick_s)
-            | self._people.build_fronts(),
-            signal_ids=self._signals.ids,
-            signals=self._signals.build_states(),
-        )
+def _locate_vehicle(name: str) -> tuple[str, float]:
+    return libsumo.vehicle.getRoadID(name), libsumo.vehicle.getLanePosition(name)

@@ -120,47 +120,40 @@ def test_vehicles_start_five_metres_apart_and_clear_of_junctions(graph: LaneGrap
 
 def test_a_bend_is_taken_at_bearable_speed_and_braked_for_in_time(graph: LaneGraph):
     car = Actor(1001, "car", "sedan", "car_paint_red", (4.0, 1.8, 1.5))
-    pace = SpeedProfile.from_trip(
+    profile = SpeedProfile.from_trip(
         VehicleTrip(car, ("west", "north"), 1, 10.0, 0.0, 0.0, 1.0, 30.0), graph
     )
     in_bend = np.sqrt(LATERAL_ACCELERATION_M_S2 * 20.0)
 
-    def told(edge: str, position_m: float) -> float:
-        pacing = SpeedLimiter([pace], [40.0])
-        pacing.set_present([0])
-        ((vehicle, top_m_s),) = pacing.update_limits(np.zeros(1), lambda _: (edge, position_m))
-        assert vehicle == 0
-        return top_m_s
+    def limit(edge: str, position_m: float) -> float | None:
+        return SpeedLimiter(profile, 40.0, lambda: (edge, position_m)).update(0.0)
 
-    assert told(":j_0", 15.0) == pytest.approx(in_bend, rel=0.03)
     before = np.sqrt(in_bend**2 + 2 * BRAKING_M_S2 * 30.0)
-    assert told("west", 70.0) == pytest.approx(before, rel=0.03)
-    assert told("north", 30.0) > 30.0
-    assert told("elsewhere", 0.0) == 40.0
+    assert limit(":j_0", 15.0) == pytest.approx(in_bend, rel=0.03)
+    assert limit("west", 70.0) == pytest.approx(before, rel=0.03)
+    assert (limit("north", 30.0) or 0.0) > 30.0
+    assert limit("elsewhere", 0.0) == 40.0
 
 
-def test_vehicles_are_asked_where_they_are_only_when_they_may_have_left_their_edge():
-    pace = SpeedProfile(
+def test_a_vehicle_is_located_only_when_it_may_have_left_its_edge():
+    profile = SpeedProfile(
         {"first": 0.0, "next": 10.0}, {"first": 10.0, "next": 20.0}, [20.0, *range(30)]
     )
-    pacing, asked = SpeedLimiter([pace, pace], [30.0, 12.5]), list[int]()
-    places = iter([("first", 2.0), ("first", 9.5), ("next", 0.5)])
+    positions, located = iter([("first", 2.0), ("first", 9.5), ("next", 0.5)]), list[str]()
 
-    def where(vehicle: int) -> tuple[str, float]:
-        asked.append(vehicle)
-        return next(places)
+    def locate() -> tuple[str, float]:
+        edge, position_m = next(positions)
+        located.append(edge)
+        return edge, position_m
 
-    def news(*moved_m: float) -> dict[int, float]:
-        return dict(pacing.update_limits(np.array(moved_m), where))
-
-    pacing.set_present([0])
-    assert (news(0.0), asked) == ({0: 1.0}, [0])
-    assert (news(1.5), asked) == ({0: 2.5}, [0])
-    assert (news(0.0), asked) == ({}, [0])
-    pacing.set_present([1, 0])
-    assert (news(0.0, 1.0), asked) == ({1: 8.5, 0: 3.5}, [0, 1])
-    assert (news(1.0, 1.0), asked) == ({1: 9.5, 0: 4.5}, [0, 1, 1])
-    assert (news(4.0, 1.0), asked[3:]) == ({1: 12.5, 0: 5.5}, [])
+    limiter = SpeedLimiter(profile, 12.5, locate)
+    assert (limiter.update(0.0), len(located)) == (1.0, 1)
+    assert (limiter.update(1.5), len(located)) == (2.5, 1)
+    assert (limiter.update(0.0), len(located)) == (None, 1)
+    assert (limiter.update(6.5), len(located)) == (8.5, 2)
+    assert (limiter.update(1.0), len(located)) == (9.5, 3)
+    assert (limiter.update(4.0), len(located)) == (12.5, 3)
+    assert (limiter.update(0.5), len(located)) == (None, 3)
 
 
 def track(**columns: np.ndarray) -> np.ndarray:
