@@ -13,14 +13,13 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-import numpy as np
 import sapien
 from advercity_dsl import Spec
 from advercity_sapien.culling import SunShadow
-from advercity_sapien.renderer import FAR_M, NEAR_M
 from advercity_sapien.sapien_scene import SapienScene
+from advercity_sapien.shader_constants import FAR_M, NEAR_M
+from advercity_sapien.shader_table import ShaderTable
 from measurement import Figure
-from numpy.typing import NDArray
 
 from advercity.compiler import find_weather, read_spec, with_weather
 from advercity.frames import Frame
@@ -51,13 +50,14 @@ class NoBindings:
     def attach_to_camera(self, camera: sapien.render.RenderCameraComponent) -> None:
         """Nothing to see."""
 
-    def set_body_state(
-        self, body: sapien.render.RenderBodyComponent, lamp_bits: int, *, hidden: bool
-    ) -> None:
-        """Nothing to mark."""
+    def set_lit_lamps(self, body: sapien.render.RenderBodyComponent, lamp_bits: int) -> None:
+        """Do nothing."""
 
-    def upload_table(self, table: NDArray[np.float32]) -> None:
-        """Nothing to read."""
+    def set_hidden(self, body: sapien.render.RenderBodyComponent, *, hidden: bool) -> None:
+        """Do nothing."""
+
+    def upload_table(self, table: ShaderTable) -> None:
+        """Do nothing."""
 
 
 def stock_pictures(

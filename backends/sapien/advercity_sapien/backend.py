@@ -1,8 +1,7 @@
-"""Which Vulkan device there is, asked in a child process.
+"""The backend that the core finds by name: capabilities of this machine, and open renderers.
 
-Without a usable Vulkan driver SAPIEN may end the process instead of raising, hence the child.
-
-What the core asks for by name: capabilities of this machine, and open renderers.
+The Vulkan device is probed in a child process: without a usable driver SAPIEN may abort the
+process instead of raising.
 """
 
 import re
@@ -19,7 +18,11 @@ from advercity.physics.atmosphere import Atmosphere
 from advercity.rendering.backend import Capabilities, RenderProfile
 from advercity.world import World
 
+if TYPE_CHECKING:
+    from advercity_sapien.renderer import SapienRenderer
+
 PROBE_SCRIPT = "import sapien; print(sapien.render.get_device_summary())"
+PROBE_TIMEOUT_S = 120
 DEVICE_PATTERN = re.compile(
     r"GPU: (?P<name>.+)\n\s*Supported: (?P<supported>\d+)\n.*\n"
     r"\s*cudaId:\s*(?P<cuda>-?\d+)\n\s*rayTrace:\s*(?P<ray_trace>\d+)"
@@ -36,29 +39,33 @@ class VulkanDevice:
 
     name: str
     is_cuda: bool
-    """Whether it is a CUDA GPU, else SAPIEN's device is `cpu`."""
     supports_ray_tracing: bool
 
     @property
+    def sapien_name(self) -> str:
+        """SAPIEN's name of the device."""
+        return "cuda" if self.is_cuda else "cpu"
+
+    @property
     def is_software(self) -> bool:
-        """Whether it is Mesa's CPU driver, whose pictures are the same bytes every time."""
+        """Whether it is Mesa's CPU driver, which renders the same bytes every time."""
         return "llvmpipe" in self.name
 
 
 @cache
 def find_vulkan_device() -> VulkanDevice:
-    """The best device; BackendError with the way out if there is none."""
+    """Find the best device; a GPU before the CPU. BackendError says what to do if none exists."""
     try:
         child = subprocess.run(  # noqa: S603
             [sys.executable, "-c", PROBE_SCRIPT],
             capture_output=True,
             text=True,
-            timeout=120,
+            timeout=PROBE_TIMEOUT_S,
             check=False,
         )
     except subprocess.TimeoutExpired as error:
         raise BackendError(
-            f"SAPIEN found no answer from Vulkan in 120 s; {INSTALL_HINT}"
+            f"Vulkan did not respond within {PROBE_TIMEOUT_S} s; {INSTALL_HINT}"
         ) from error
     devices = [
         VulkanDevice(
@@ -70,15 +77,10 @@ def find_vulkan_device() -> VulkanDevice:
         if found["supported"] == "1"
     ]
     if not devices:
-        said = (child.stderr.strip() or child.stdout.strip()).splitlines()
-        raise BackendError(
-            f"SAPIEN finds no Vulkan device{f' ({said[-1]})' if said else ''}; {INSTALL_HINT}"
-        )
+        output = (child.stderr.strip() or child.stdout.strip()).splitlines()
+        reason = f" ({output[-1]})" if output else ""
+        raise BackendError(f"SAPIEN found no Vulkan device{reason}; {INSTALL_HINT}")
     return max(devices, key=lambda device: (device.is_cuda, device.supports_ray_tracing))
-
-
-if TYPE_CHECKING:
-    from advercity_sapien.renderer import SapienRenderer
 
 
 class SapienBackend:
@@ -87,7 +89,7 @@ class SapienBackend:
     name = "sapien"
 
     def capabilities(self) -> Capabilities:
-        """What SAPIEN can do on this machine; BackendError if there is no Vulkan device."""
+        """Report what SAPIEN can do on this machine; BackendError if there is no Vulkan device."""
         device = find_vulkan_device()
         return Capabilities(
             participating_medium=True,
@@ -103,20 +105,19 @@ class SapienBackend:
     def open(
         self, world: World, atmosphere: Atmosphere, profile: RenderProfile
     ) -> Generator["SapienRenderer", None, None]:
-        """Load a world; BackendError if this machine cannot render it the way `profile` asks."""
+        """Load a world; BackendError if this machine cannot render with `profile`."""
         device = find_vulkan_device()
         if profile.renderer == "ray_traced" and not device.supports_ray_tracing:
             raise BackendError(
-                f"profile '{profile.name}' asks for ray tracing, which {device.name} lacks; "
-                f"choose a raster profile, or {INSTALL_HINT}"
+                f"profile '{profile.name}' requires ray tracing, which {device.name} does not"
+                f" support; choose a raster profile, or {INSTALL_HINT}"
             )
-        # SAPIEN takes seconds to import and looks for a driver; only a renderer needs it.
+        # SAPIEN takes seconds to import and looks for a driver, so only a renderer imports it.
         import sapien
 
         from advercity_sapien.renderer import SapienRenderer
 
-        chosen = sapien.Device("cuda" if device.is_cuda else "cpu")
-        renderer = SapienRenderer(world, atmosphere, profile, chosen)
+        renderer = SapienRenderer(world, atmosphere, profile, sapien.Device(device.sapien_name))
         try:
             yield renderer
         finally:

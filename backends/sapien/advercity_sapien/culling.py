@@ -1,8 +1,7 @@
-"""Leaves out of a rasterised picture the bodies that cannot show in it: SAPIEN draws all there are.
+"""Restricts a rasterised image to the bodies that can show in it; SAPIEN draws all it has.
 
-On a CPU most of a small picture goes into vertices, and most of those lie beside it.
-
-The sun as SAPIEN's directional light, for the raster pack's shadow map.
+On a CPU most of the time of a small image goes into vertices, and most of those are out of view.
+The sun's shadow map is here too, as bodies that cast shadows into view have to be drawn.
 """
 
 from collections.abc import Sequence
@@ -12,17 +11,20 @@ import numpy as np
 import sapien
 from numpy.typing import ArrayLike, NDArray
 
-from advercity.geometry.arrays import FloatArray
+from advercity.geometry.arrays import Float64Array, FloatArray
 from advercity.geometry.poses import Matrix
 from advercity.physics.atmosphere import Atmosphere
 from advercity.rendering.backend import CameraView
+from advercity_sapien.shader_bindings import RenderBody
 
-RenderBody = sapien.render.RenderBodyComponent
+SHADOW_HALF_SIZE_M, SHADOW_RANGE_M, SHADOW_TEXELS = 60.0, 400.0, 2048
+SHADOW_CENTRE_AHEAD_M = 36.0
+"""Distance from the camera to the shadow map's centre: close surfaces need shadows most."""
 
 
 @dataclass(frozen=True, eq=False)
 class ConvexVolume:
-    """The convex part of the world where (k) planes have points (x, y, z) at normal . point >= d.
+    """Points (x, y, z) of the world with normal . point >= d for each of k planes.
 
     Attributes:
         normals: (k, 3), world frame.
@@ -36,28 +38,33 @@ class ConvexVolume:
     def from_body_planes(
         world_from_body: Matrix, normals: FloatArray, offsets: FloatArray | float = 0.0
     ) -> "ConvexVolume":
-        """From planes in the axes of a body at (4, 4)."""
-        turned = normals @ world_from_body[:3, :3].T
-        return ConvexVolume(turned, offsets + turned @ world_from_body[:3, 3])
+        """Transform planes from the axes of a body at (4, 4) to the world."""
+        rotated = normals @ world_from_body[:3, :3].T
+        return ConvexVolume(rotated, offsets + rotated @ world_from_body[:3, 3])
 
     def may_intersect(self, centre: FloatArray, half: FloatArray) -> NDArray[np.bool_]:
-        """Which boxes (n,) along the world's axes may reach into it: never says no wrongly."""
+        """Test boxes (n,) along the world's axes; may say yes wrongly, but never no."""
         farthest = centre @ self.normals.T + half @ np.abs(self.normals).T
         return np.all(farthest >= self.offsets, axis=1, keepdims=True)[:, 0]
 
 
 def compute_view_frustum(view: CameraView) -> ConvexVolume:
-    """What a camera may see."""
-    aside = np.tan(view.horizontal_fov_rad / 2.0)
-    above = aside * view.height_px / view.width_px
-    normals = [[aside, 1, 0], [aside, -1, 0], [above, 0, 1], [above, 0, -1]]
+    """Compute the volume that a camera sees, without near and far planes."""
+    half_width = np.tan(view.horizontal_fov_rad / 2.0)
+    half_height = half_width * view.height_px / view.width_px
+    normals = [
+        [half_width, 1, 0],
+        [half_width, -1, 0],
+        [half_height, 0, 1],
+        [half_height, 0, -1],
+    ]
     return ConvexVolume.from_body_planes(
         view.world_from_camera, np.array(normals, dtype=np.float64)
     )
 
 
 class FrustumCuller:
-    """The bodies of a scene, and which of them the next picture is drawn of."""
+    """Switches bodies of a scene on and off by their bounding boxes."""
 
     def __init__(self) -> None:
         self._numbers: dict[RenderBody, int] = {}
@@ -66,7 +73,7 @@ class FrustumCuller:
         self._shown = np.empty(0, dtype=bool)
 
     def add_body(self, body: RenderBody, low: FloatArray, high: FloatArray) -> None:
-        """Take in a body, shown, in a box between two corners (3,) in the world."""
+        """Add a shown body whose bounding box has two corners (3,) in the world."""
         self._numbers[body] = len(self._bodies)
         self._bodies.append(body)
         self._centre = np.vstack([self._centre, (low + high) / 2.0])
@@ -74,29 +81,27 @@ class FrustumCuller:
         self._shown = np.append(self._shown, True)
 
     def move_body(self, body: RenderBody, centre: ArrayLike) -> None:
-        """Put the middle (3,) of a body's box elsewhere."""
+        """Move the centre (3,) of a body's bounding box."""
         self._centre[self._numbers[body]] = centre
 
     def show_only(self, volumes: Sequence[ConvexVolume]) -> None:
-        """Show what may reach into one of some parts of the world, and nothing else."""
+        """Show the bodies that may intersect one of the volumes, and hide all others."""
         shown = np.any([part.may_intersect(self._centre, self._half) for part in volumes], axis=0)
         for number in np.flatnonzero(shown != self._shown).tolist():
             self._bodies[number].visibility = float(shown[number])
         self._shown = shown
 
 
-SHADOW_HALF_SIZE_M, SHADOW_RANGE_M, SHADOW_TEXELS = 60.0, 400.0, 2048
-SHADOW_CENTRE_AHEAD_M = 36.0
-"""Of the camera, the middle of the shadow map: what is near it needs shadows most."""
-
-
 class SunShadow:
-    """A shadow map that follows the camera; nothing where there is no direct sun."""
+    """A shadow map that follows the camera; none where there is no direct sun.
+
+    Attributes:
+        caster_volume: Volume of all bodies whose shadows the map may hold; None without a map.
+    """
 
     def __init__(self, atmosphere: Atmosphere, scene: sapien.Scene) -> None:
         self._entity: sapien.Entity | None = None
         self.caster_volume: ConvexVolume | None = None
-        """Where shadows that are seen may come from."""
         self._world_from_light = _rotation_along(-atmosphere.sun_direction)
         if atmosphere.sun_lx > 0.0:
             light = sapien.render.RenderDirectionalLightComponent()
@@ -109,33 +114,29 @@ class SunShadow:
             scene.add_entity(self._entity)
 
     def update(self, view: CameraView) -> None:
-        """Cover what a camera sees, in steps of whole texels so that edges do not crawl."""
+        """Move the map to what a camera sees, in whole texels so that edges do not crawl."""
         if self._entity is None:
             return
         camera = view.world_from_camera
-        middle = self._world_from_light.T @ (camera[:3, 3] + SHADOW_CENTRE_AHEAD_M * camera[:3, 0])
+        centre = self._world_from_light.T @ (camera[:3, 3] + SHADOW_CENTRE_AHEAD_M * camera[:3, 0])
         texel = 2.0 * SHADOW_HALF_SIZE_M / SHADOW_TEXELS
-        middle = np.round(middle / texel) * texel
-        middle[0] -= SHADOW_RANGE_M / 2.0
+        centre = np.round(centre / texel) * texel
+        centre[0] -= SHADOW_RANGE_M / 2.0
         pose = np.eye(4)
         pose[:3, :3] = self._world_from_light
-        pose[:3, 3] = self._world_from_light @ middle
+        pose[:3, 3] = self._world_from_light @ centre
         self._entity.set_pose(sapien.Pose(pose))
+        # The light looks along x: from its plane to the map's range, and as wide as the map.
+        half, far = SHADOW_HALF_SIZE_M, SHADOW_RANGE_M
         normals = np.concatenate([np.eye(3), -np.eye(3)])
-        offsets = [
-            0.0,
-            -SHADOW_HALF_SIZE_M,
-            -SHADOW_HALF_SIZE_M,
-            -SHADOW_RANGE_M,
-            -SHADOW_HALF_SIZE_M,
-            -SHADOW_HALF_SIZE_M,
-        ]
-        self.caster_volume = ConvexVolume.from_body_planes(pose, normals, np.array(offsets))
+        offsets = np.array([0.0, -half, -half, -far, -half, -half])
+        self.caster_volume = ConvexVolume.from_body_planes(pose, normals, offsets)
 
 
-def _rotation_along(direction: NDArray[np.float64]) -> Matrix:
-    """Rotation (3, 3) of a body whose x axis points along a unit direction."""
-    aside = np.array([0.0, 0.0, 1.0]) if abs(direction[2]) < 0.9 else np.array([1.0, 0.0, 0.0])
-    left = np.cross(aside, direction)
+def _rotation_along(direction: Float64Array) -> Matrix:
+    """Compute a rotation (3, 3) that takes the x axis to a unit direction (3,)."""
+    # The roll about the direction decides where the map's texels lie, and so the edges of shadows.
+    helper = np.array([0.0, 0.0, 1.0]) if abs(direction[2]) < 0.9 else np.array([1.0, 0.0, 0.0])
+    left = np.cross(helper, direction)
     left /= np.linalg.norm(left)
     return np.stack([direction, left, np.cross(direction, left)], axis=1)

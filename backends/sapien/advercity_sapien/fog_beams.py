@@ -1,9 +1,9 @@
-"""The light that fog turns aside from vehicles' beams, on its way to whatever stands about them.
+"""Light that fog scatters out of vehicles' beams, onto whatever is around them.
 
-Where fog scatters little, what it turns aside from a beam has no length of its own: at a place
-seen from the lamp along a unit ray it is the peak's illuminance there, times the optical depth up
-to there, times a quantity of the ray alone. That is what is tabled; the light that fog has taken
-from the beam up to there stands for the optical depth, so that none is given twice.
+Where fog scatters little, the light that it scatters out of a beam has no length of its own: at a
+point seen from the lamp along a unit ray it is the peak's illuminance there, times the optical
+depth up to there, times a quantity of the ray alone. That quantity is tabled; the shader uses the
+light that the beam has lost up to there for the optical depth, so that no light is counted twice.
 """
 
 import math
@@ -11,30 +11,30 @@ from collections.abc import Callable
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from advercity.geometry.arrays import FloatArray
+from advercity.geometry.arrays import Float32Array, FloatArray
 from advercity.physics.lamp_beams import fog_beam_pattern, low_beam_pattern
 from advercity.physics.scattering import DropletPhaseLobes
-from advercity_sapien.shader_table import COLUMNS, FOG_BEAM_RINGS, FOG_BEAM_ROWS, FOG_BEAM_SPOKES
+from advercity_sapien.shader_table import COLUMNS, FOG_BEAM_RINGS, FOG_BEAM_SPOKES
 
 DROPLET_UM = 12.0
+"""Droplet diameter of every fog by night, in the shaders too; a weather's own is for daylight."""
 BEAM_HALF_WIDTH_RAD, BEAM_BOTTOM_RAD, BEAM_TOP_RAD = np.radians([60.0, -14.0, 8.0])
-"""How far a beam is followed to both sides, down and up."""
+"""Extent of the sampled beam to either side, down and up."""
 STEP_HORIZONTAL_RAD, STEP_VERTICAL_RAD = np.radians([2.0, 0.25])
 MIN_ANGLE_RAD = np.radians(0.26)
-"""From a place to a ray of the beam, which stands for all that are as near as its neighbours."""
+"""Least angle between a point and a ray of the beam: about half a step, as rays have a width."""
+MIN_RAY_FRACTION = 3e-3
+"""Rays with less of the strongest ray's light are left out."""
 PHASE_STEPS = 4000
-EMPTY_FOG_BEAM_ROWS = np.zeros((FOG_BEAM_ROWS, COLUMNS, 4), dtype=np.float32)
-"""Rows of a day."""
 BEAM_AXIS = np.array([[1.0, 0.0, 0.0]])
 
 
 @cache
-def compute_fog_beam_rows() -> NDArray[np.float32]:
-    """Flow along the axis, to the right and up, and fluence, (2, COLUMNS, 4).
+def compute_fog_beam_rows() -> Float32Array:
+    """Compute the table's rows (2, COLUMNS, 4): flow along the axis, right and up, and fluence.
 
-    The first row is of dipped beams, the second of front fog lamps.
+    The first row is of low beams, the second of front fog lamps. Takes about a second.
     """
     rows = np.stack([_integrate_fog_beam(low_beam_pattern), _integrate_fog_beam(fog_beam_pattern)])
     return rows.reshape(2, COLUMNS, 4).astype(np.float32)
@@ -43,59 +43,63 @@ def compute_fog_beam_rows() -> NDArray[np.float32]:
 def _integrate_fog_beam(
     beam_fraction: Callable[[FloatArray, FloatArray], FloatArray],
 ) -> FloatArray:
-    """By ring and spoke (RINGS * SPOKES, 4), of a beam along x."""
+    """Integrate the scattered light of a beam along x by ring and spoke, (RINGS * SPOKES, 4)."""
     beam, light = _sample_beam_rays(beam_fraction)
-    ways = _table_directions()
-    cosine = np.clip(ways @ beam.T, -1.0, 1.0)
-    off = np.maximum(np.arccos(cosine), MIN_ANGLE_RAD)
-    sine = np.maximum(np.sin(off), np.sin(MIN_ANGLE_RAD))
-    around, along, across = light / sine * _integrate_phase_beyond(off)
-    # What is turned goes on along the beam and away from it, in the plane of beam and place.
+    directions = _table_directions()
+    cosine = np.clip(directions @ beam.T, -1.0, 1.0)
+    angle = np.maximum(np.arccos(cosine), MIN_ANGLE_RAD)
+    sine = np.maximum(np.sin(angle), np.sin(MIN_ANGLE_RAD))
+    fluence, along, across = light / sine * _integrate_phase_beyond(angle)
+    # Scattered light goes on along the beam and away from it, in the plane of beam and point.
     across /= sine
-    flow = (along - across * cosine) @ beam + across.sum(axis=1)[:, None] * ways
+    flow = (along - across * cosine) @ beam + across.sum(axis=1)[:, None] * directions
     forward, left, up = flow.T
-    return np.stack([forward, -left, up, around.sum(axis=1)], axis=-1)
+    return np.stack([forward, -left, up, fluence.sum(axis=1)], axis=-1)
 
 
 def _sample_beam_rays(
     beam_fraction: Callable[[FloatArray, FloatArray], FloatArray],
 ) -> tuple[FloatArray, FloatArray]:
-    """Unit rays (n, 3) that make up a beam, and what of the peak's light times sr is in each."""
+    """Sample unit rays (n, 3) of a beam, and the light (n,) of each: peak intensity times sr."""
     h = (
         np.arange(-BEAM_HALF_WIDTH_RAD, BEAM_HALF_WIDTH_RAD, STEP_HORIZONTAL_RAD)
         + STEP_HORIZONTAL_RAD / 2.0
     )
     v = np.arange(BEAM_BOTTOM_RAD, BEAM_TOP_RAD, STEP_VERTICAL_RAD) + STEP_VERTICAL_RAD / 2.0
-    aside, above = (item.ravel() for item in np.meshgrid(h, v))
-    level = np.cos(above)
-    rays = np.stack([level * np.cos(aside), level * np.sin(aside), np.sin(above)], axis=-1)
+    horizontal, vertical = (item.ravel() for item in np.meshgrid(h, v))
+    level = np.cos(vertical)
+    rays = np.stack(
+        [level * np.cos(horizontal), level * np.sin(horizontal), np.sin(vertical)], axis=-1
+    )
+    # Float32 halves the time of some millions of angles; the table has no more digits.
     rays = rays.astype(np.float32)
     light = (
         beam_fraction(BEAM_AXIS, rays[None])[0] * level * STEP_HORIZONTAL_RAD * STEP_VERTICAL_RAD
     )
     light = light.astype(np.float32)
-    counts = light > 3e-3 * light.max()
-    return rays[counts], light[counts]
+    is_strong = light > MIN_RAY_FRACTION * light.max()
+    return rays[is_strong], light[is_strong]
 
 
 def _table_directions() -> FloatArray:
-    """Unit rays (RINGS * SPOKES, 3) to the places of the table; y is to the left."""
-    off = math.pi * (np.arange(FOG_BEAM_RINGS) / (FOG_BEAM_RINGS - 1)) ** 2
-    turn = 2.0 * math.pi * np.arange(FOG_BEAM_SPOKES) / FOG_BEAM_SPOKES
-    off, turn = (item.ravel() for item in np.meshgrid(off, turn, indexing="ij"))
-    level = np.sin(off)
-    ways = [np.cos(off), -level * np.cos(turn), level * np.sin(turn)]
-    return np.stack(ways, axis=-1).astype(np.float32)
+    """Compute unit directions (RINGS * SPOKES, 3) to the points of the table; y is to the left."""
+    off_axis = math.pi * (np.arange(FOG_BEAM_RINGS) / (FOG_BEAM_RINGS - 1)) ** 2
+    azimuth = 2.0 * math.pi * np.arange(FOG_BEAM_SPOKES) / FOG_BEAM_SPOKES
+    off_axis, azimuth = (item.ravel() for item in np.meshgrid(off_axis, azimuth, indexing="ij"))
+    sine = np.sin(off_axis)
+    directions = [np.cos(off_axis), -sine * np.cos(azimuth), sine * np.sin(azimuth)]
+    return np.stack(directions, axis=-1).astype(np.float32)
 
 
 def _integrate_phase_beyond(angle_rad: FloatArray) -> FloatArray:
-    """What an endless beam sends to a place (...) so far off it: in all, along itself and away.
+    """Integrate the phase function's wide lobe over all scattering angles beyond some (...).
 
-    Integrals (3, ...) of the phase function's wide lobe over all angles beyond.
+    This is what an endless ray sends to a point so far off it: (3, ...) in all, along the ray, and
+    away from it.
     """
     width = math.pi / PHASE_STEPS
     turn = (np.arange(PHASE_STEPS) + 0.5) * width
     wide = DropletPhaseLobes.from_diameter_um(DROPLET_UM).wide_phase(np.cos(turn)) * width
-    turned = np.stack([wide, wide * np.cos(turn), wide * np.sin(turn)])
-    sums = np.cumsum(turned[:, ::-1], axis=1)[:, ::-1].astype(np.float32)
+    scattered = np.stack([wide, wide * np.cos(turn), wide * np.sin(turn)])
+    sums = np.cumsum(scattered[:, ::-1], axis=1)[:, ::-1].astype(np.float32)
     return sums[:, np.minimum((angle_rad / width).astype(int), PHASE_STEPS - 1)]

@@ -1,9 +1,8 @@
-"""Which lamps matter where, as lists that the shaders read, so that hundreds of them stay cheap.
+"""Lists of the lamps that matter where, so that shaders stay cheap with hundreds of lamps.
 
-A surface looks up the lamps of its cell of the ground, and on wet ground those of the bearing it is
-seen under, whose mirrored images it may show from far beyond their reach. Air looks up the lamps
-whose glow may be seen in its tile of the picture. Lamps fade to nothing where lists end, so that no
-edges show.
+A surface looks up the lamps of its cell of the ground and, if it is wet, those of the bearing under
+which it is seen: it may mirror them from far beyond their range. Air looks up the lamps whose glow
+may be seen in its tile of the image. Lamps fade to nothing where lists end, so that no edges show.
 """
 
 from collections.abc import Sequence
@@ -11,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from advercity.geometry.arrays import FloatArray
+from advercity.geometry.arrays import Float32Array, FloatArray
 from advercity.physics.atmosphere import Atmosphere
 from advercity.physics.lamp_beams import BEAM_PATTERNS, LampPattern, LightSource, lens_pattern
 from advercity.rendering.backend import CameraView
@@ -20,47 +19,51 @@ from advercity_sapien.shader_table import (
     COLUMNS,
     GRID_CELLS,
     KILO,
-    LAMP_LIST_ROWS,
     LAMPS_PER_BEARING,
     LAMPS_PER_CELL,
     LAMPS_PER_TILE,
     TILES_HIGH,
     TILES_WIDE,
+    ShaderTable,
 )
 
 GRID_MARGIN_M = 60.0
-"""Around the lamps that the cells cover."""
-
+"""Margin of the cells around all lamps."""
 MAX_RANGE_M = 120.0
-"""What a lamp lights at most."""
+"""Longest distance that a lamp lights."""
 NEGLIGIBLE_FRACTION = 0.02
-"""Of the light that is everywhere: what need not be shown."""
+"""Fraction of the light that is everywhere which need not be shown."""
 MIN_ILLUMINANCE_LX, MIN_LUMINANCE_CD_M2 = 1e-3, 1e-4
 NEGLIGIBLE_AIRLIGHT_FRACTION = 0.05
-"""Of the airlight: glow that need not be shown."""
+"""Fraction of the airlight which glow need not exceed to be left out."""
 STREET_LAMP_HEIGHT_M = 6.0
-"""From a street lamp to what it lights, at least."""
+"""Least height of a street lamp above what it lights."""
 LOW_BEAM_SIGMA_RAD = np.radians(12.0)
-"""Spread of a dipped beam to either side."""
+"""Horizontal spread of a low beam; front fog lamps are wider, which only costs list entries."""
 STRAY_BEAM_FRACTION = 0.1
-"""Of a dipped beam's peak, what goes up and to the sides where others look into it."""
+"""Fraction of a beam's peak that leaves it upwards and to the sides, into the eyes of others."""
 FOG_BEAM_LENGTH_M, MAX_NEARBY_BEAMS, BEAM_VISIBLE_RANGE_M = 40.0, 4, 60.0
-"""Length of a beam in fog; how many are seen from all sides, and from how far."""
+"""Length of a beam in fog; number of beams that are seen from all sides, and from how far."""
 BEAM_LUMINANCE_FACTOR = 4e-3
 """Luminance of a beam seen from behind, by its peak and the extinction (weather reference)."""
 HALO_COEFFICIENT, HALO_EXPONENT = 75.0, 1.9
 """Glow of a lamp one degree off it (weather reference, halos in fog), and its fall with angle."""
 HALO_MAX_RAD = np.radians(60.0)
 MIRROR_HALF_ANGLE_RAD = np.radians(9.0)
-"""To the side of a lamp, where a wet road does not mirror it any more."""
+"""Horizontal angle off a lamp beyond which a wet road does not mirror it."""
 NO_ANGLE_LIMIT = -2.0
+"""Cosine of a lamp whose glow is seen all around."""
 
 
 class LampLists:
-    """The lamps of a frame and where each of them matters."""
+    """The lamps of a frame and the lists in which they are.
+
+    Attributes:
+        cell_grid: South-western corner (x, y) of the cells in metres, and cells per metre.
+    """
 
     def __init__(self, lamps: Sequence[LightSource], atmosphere: Atmosphere) -> None:
-        # Where there are more than the table holds, the faintest stay dark.
+        # If there are more than the table holds, the faintest stay dark.
         brightest = sorted(lamps, key=lambda lamp: -lamp.intensity_cd)[:COLUMNS]
         self._position = np.array([lamp.position for lamp in brightest]).reshape(-1, 3)
         self._facing = np.array([lamp.facing for lamp in brightest]).reshape(-1, 3)
@@ -80,32 +83,28 @@ class LampLists:
         self.cell_grid = self._compute_cell_grid()
         self._cells = self._list_by_cell()
 
-    def build_rows(self, view: CameraView) -> NDArray[np.float32]:
-        """The table's rows (16, COLUMNS, 4) for a camera."""
-        table = np.full((sum(LAMP_LIST_ROWS.values()), COLUMNS, 4), -1.0, dtype=np.float32)
+    def write_to(self, table: ShaderTable, view: CameraView) -> None:
+        """Write the lamps and their lists for a camera into the table."""
+        min_cosine, tiles = self._list_by_tile(view)
+        light = self._colour * (self._intensity_cd * KILO)[:, None]
         count = len(self._kind)
-        if count:
-            window, tiles = self._list_by_tile(view)
-            table[0, :count] = np.column_stack([self._position, self._kind])
-            table[1, :count] = np.column_stack([self._facing, window])
-            light = self._colour * (self._intensity_cd * KILO)[:, None]
-            table[2, :count] = np.column_stack([light, self._range_m])
-            lists = (self._cells, tiles, self._list_by_bearing(view))
-            first = LAMP_LIST_ROWS["lamps"]
-            for entries, height in zip(lists, list(LAMP_LIST_ROWS.values())[1:], strict=True):
-                table[first : first + height].reshape(-1)[: entries.size] = entries.ravel()
-                first += height
-        return table
+        lamps = table.section("lamps")
+        lamps[0, :count] = np.column_stack([self._position, self._kind])
+        lamps[1, :count] = np.column_stack([self._facing, min_cosine])
+        lamps[2, :count] = np.column_stack([light, self._range_m])
+        lists = {"cells": self._cells, "tiles": tiles, "bearings": self._list_by_bearing(view)}
+        for name, entries in lists.items():
+            table.section(name).reshape(-1)[: entries.size] = entries.ravel()
 
     def _compute_ranges(self) -> FloatArray:
-        """Where each lamp's light falls below what need not be shown."""
+        """Compute the distance (n,) at which each lamp's light becomes negligible, metres."""
         street = np.cbrt(STREET_LAMP_HEIGHT_M * self._intensity_cd / self._faint_lx)
         other = np.sqrt(self._intensity_cd / self._faint_lx)
         faint = np.where(self._kind == LampPattern.STREET, street, other)
         return np.minimum(faint, np.minimum(self._free_range_m, MAX_RANGE_M))
 
     def _compute_cell_grid(self) -> tuple[float, float, float, float]:
-        """South-western corner of the cells and how many of them go into a metre."""
+        """Compute the south-western corner of the cells, and cells per metre."""
         if not len(self._kind):
             return 0.0, 0.0, 1.0, 1.0
         low = self._position[:, :2].min(axis=0) - GRID_MARGIN_M
@@ -117,8 +116,8 @@ class LampLists:
             GRID_CELLS / float(size[1]),
         )
 
-    def _list_by_cell(self) -> NDArray[np.float32]:
-        """Lamps (cells, PER_CELL) by what they give to the brightest place of each cell."""
+    def _list_by_cell(self) -> Float32Array:
+        """List lamps (cells, LAMPS_PER_CELL) by their light on the brightest point of a cell."""
         x, y, per_x, per_y = self.cell_grid
         middle = np.arange(GRID_CELLS) + 0.5
         grid = np.stack(np.meshgrid(x + middle / per_x, y + middle / per_y), axis=-1).reshape(-1, 2)
@@ -126,23 +125,26 @@ class LampLists:
         away = grid[:, None] - self._position[None, :, :2]
         distance = np.hypot(away[..., 0], away[..., 1])
         nearest = np.maximum(distance - half_m, 0.0)
-        aside = _horizontal_angle(away, distance, self._facing[:, :2])
+        off_axis = _horizontal_angle(away, distance, self._facing[:, :2])
         cell_rad = np.arcsin(half_m / np.maximum(distance, half_m))
-        # Around a lamp within it a cell lies in every direction, also where its middle is behind.
-        aside = np.where(distance < half_m, 0.0, np.maximum(aside - cell_rad, 0.0))
+        # A cell that holds the lamp is in every direction from it, whatever its middle says.
+        off_axis = np.where(distance < half_m, 0.0, np.maximum(off_axis - cell_rad, 0.0))
         lux = self._intensity_cd * np.select(
             [self._kind == LampPattern.STREET, self._is_beam],
             [
                 STREET_LAMP_HEIGHT_M / (nearest**2 + STREET_LAMP_HEIGHT_M**2) ** 1.5,
-                _beam_fraction(aside) / (nearest**2 + 2.0),
+                _beam_fraction(off_axis) / (nearest**2 + 2.0),
             ],
-            lens_pattern(np.cos(aside)) / (nearest**2 + 1.0),
+            lens_pattern(np.cos(off_axis)) / (nearest**2 + 1.0),
         )
         lux[nearest > self._range_m] = 0.0
         return _select_highest(lux, LAMPS_PER_CELL, self._faint_lx)
 
-    def _list_by_tile(self, view: CameraView) -> tuple[FloatArray, NDArray[np.float32]]:
-        """Cosine within which each lamp's glow is seen, and lamps (tiles, PER_TILE) by it."""
+    def _list_by_tile(self, view: CameraView) -> tuple[FloatArray, Float32Array]:
+        """List lamps (tiles, LAMPS_PER_TILE) by their glow.
+
+        The first result (n,) is the least cosine off each lamp at which its glow is seen.
+        """
         eye = view.world_from_camera[:3, 3]
         away = self._position - eye
         distance = np.maximum(np.linalg.norm(away, axis=1), 0.1)
@@ -150,44 +152,44 @@ class LampLists:
         glow = HALO_COEFFICIENT * self._intensity_towards(eye) * self._extinction * left / distance
         angle = np.radians((glow / self._faint_cd_m2) ** (1.0 / HALO_EXPONENT))
         around = (angle > HALO_MAX_RAD) | self._find_nearby_beams(eye)
-        window = np.where(around, NO_ANGLE_LIMIT, np.cos(np.minimum(angle, HALO_MAX_RAD)))
+        min_cosine = np.where(around, NO_ANGLE_LIMIT, np.cos(np.minimum(angle, HALO_MAX_RAD)))
 
         rays, radius = _compute_tile_rays(view)
-        ways = (away / distance[:, None]).astype(np.float32)
-        off = np.arccos(np.clip(rays.astype(np.float32) @ ways.T, -1.0, 1.0)) - radius
+        directions = (away / distance[:, None]).astype(np.float32)
+        off = np.arccos(np.clip(rays.astype(np.float32) @ directions.T, -1.0, 1.0)) - radius
         score = glow * np.degrees(np.maximum(off, np.radians(0.5))) ** -HALO_EXPONENT
         score = np.where(off > np.where(around, np.pi, angle), 0.0, score)
         score += np.where(around, 1e6 / distance, 0.0)
-        return window, _select_highest(score, LAMPS_PER_TILE, 0.0)
+        return min_cosine, _select_highest(score, LAMPS_PER_TILE, 0.0)
 
-    def _list_by_bearing(self, view: CameraView) -> NDArray[np.float32]:
-        """Lamps (BEARINGS, PER_BEARING) by how bright the road mirrors them."""
+    def _list_by_bearing(self, view: CameraView) -> Float32Array:
+        """List lamps (BEARINGS, LAMPS_PER_BEARING) by the brightness of their mirror images."""
         away = self._position - view.world_from_camera[:3, 3]
         distance = np.maximum(np.linalg.norm(away, axis=1), 1.0)
         lux = self._intensity_towards(view.world_from_camera[:3, 3]) / distance**2
         bearing = np.arctan2(away[:, 1], away[:, 0])
         middle = (np.arange(BEARINGS) + 0.5) * (2.0 * np.pi / BEARINGS) - np.pi
-        apart = np.abs(np.mod(middle[:, None] - bearing + np.pi, 2.0 * np.pi) - np.pi)
-        seen = apart < MIRROR_HALF_ANGLE_RAD + np.pi / BEARINGS
+        off = np.abs(np.mod(middle[:, None] - bearing + np.pi, 2.0 * np.pi) - np.pi)
+        seen = off < MIRROR_HALF_ANGLE_RAD + np.pi / BEARINGS
         return _select_highest(np.where(seen, lux, 0.0), LAMPS_PER_BEARING, MIN_ILLUMINANCE_LX)
 
     def _intensity_towards(self, eye: FloatArray) -> FloatArray:
-        """Intensity (n,) in cd that each lamp sends about where it is looked at from."""
+        """Compute the intensity (n,) in cd that each lamp sends roughly towards an eye (3,)."""
         away = eye - self._position
         distance = np.maximum(np.linalg.norm(away, axis=1), 0.1)
         level = np.maximum(np.hypot(away[:, 0], away[:, 1]), 0.1)
-        aside = _horizontal_angle(away[:, :2], level, self._facing[:, :2])
+        off_axis = _horizontal_angle(away[:, :2], level, self._facing[:, :2])
         return self._intensity_cd * np.select(
             [self._kind == LampPattern.STREET, self._is_beam],
             [
                 np.maximum(STREET_LAMP_HEIGHT_M / np.maximum(distance, STREET_LAMP_HEIGHT_M), 0.3),
-                STRAY_BEAM_FRACTION * _beam_fraction(aside),
+                STRAY_BEAM_FRACTION * _beam_fraction(off_axis),
             ],
-            lens_pattern(np.cos(aside)),
+            lens_pattern(np.cos(off_axis)),
         )
 
     def _find_nearby_beams(self, eye: FloatArray) -> NDArray[np.bool_]:
-        """Dipped beams that cross the air about the eye."""
+        """Find the few beams (n,) that cross the air around an eye (3,): each is in every tile."""
         away = eye - self._position
         along = np.clip((away * self._facing).sum(axis=1), 0.0, FOG_BEAM_LENGTH_M)
         distance = np.linalg.norm(away - along[:, None] * self._facing, axis=1)
@@ -199,21 +201,21 @@ class LampLists:
 
 
 def _beam_fraction(aside_rad: FloatArray) -> FloatArray:
-    """Of a dipped beam's peak, to the side of its axis."""
+    """Compute the fraction (...) of a low beam's peak at horizontal angles off its axis."""
     return np.where(
         aside_rad < np.pi / 2, np.exp(-0.5 * (aside_rad / LOW_BEAM_SIGMA_RAD) ** 2), 0.0
     )
 
 
 def _horizontal_angle(away: FloatArray, distance: FloatArray, facing: FloatArray) -> FloatArray:
-    """Angle (...) between level vectors (..., 2) of that length and where lamps (n, 2) face."""
+    """Compute the angle (...) between level vectors (..., 2) and directions of lamps (n, 2)."""
     return np.arccos(np.clip((away * facing).sum(axis=-1) / np.maximum(distance, 1e-3), -1.0, 1.0))
 
 
-def _select_highest(score: FloatArray, most: int, above: float) -> NDArray[np.float32]:
-    """Columns (n, most) of the highest scores (n, lamps) in each row; -1 behind the last."""
+def _select_highest(score: FloatArray, most: int, above: float) -> Float32Array:
+    """Select the columns (n, most) of the highest scores (n, lamps) of each row, then -1."""
     best = np.full((len(score), most), -1.0, dtype=np.float32)
-    # Most lamps matter nowhere in the list, and partitions of nothing but ties are slow.
+    # Most lamps are in no list, and a partition of nothing but ties is slow.
     lamps = np.flatnonzero((score > above).any(axis=0))
     rows = np.flatnonzero((score > above).any(axis=1))
     score = score[np.ix_(rows, lamps)]
@@ -228,15 +230,15 @@ def _select_highest(score: FloatArray, most: int, above: float) -> NDArray[np.fl
 
 
 def _compute_tile_rays(view: CameraView) -> tuple[FloatArray, float]:
-    """Directions (tiles, 3) through the middles of a picture's tiles, and their angular radius."""
-    aside = np.tan(view.horizontal_fov_rad / 2.0)
-    up = aside * view.height_px / view.width_px
-    column = (1.0 - 2.0 * (np.arange(TILES_WIDE) + 0.5) / TILES_WIDE) * aside
-    row = (1.0 - 2.0 * (np.arange(TILES_HIGH) + 0.5) / TILES_HIGH) * up
+    """Compute directions (tiles, 3) through the middles of tiles, and a tile's angular radius."""
+    half_width = np.tan(view.horizontal_fov_rad / 2.0)
+    half_height = half_width * view.height_px / view.width_px
+    column = (1.0 - 2.0 * (np.arange(TILES_WIDE) + 0.5) / TILES_WIDE) * half_width
+    row = (1.0 - 2.0 * (np.arange(TILES_HIGH) + 0.5) / TILES_HIGH) * half_height
     left, above = np.meshgrid(column, row)
     rays = np.stack([np.ones_like(left), left, above], axis=-1).reshape(-1, 3)
     rays = rays @ view.world_from_camera[:3, :3].T
     return (
         rays / np.linalg.norm(rays, axis=1, keepdims=True),
-        float(np.hypot(aside / TILES_WIDE, up / TILES_HIGH)),
+        float(np.hypot(half_width / TILES_WIDE, half_height / TILES_HIGH)),
     )

@@ -1,10 +1,6 @@
-"""Takes the noise of few samples out of a picture, on the CPU and the same way every time.
-
-An open scene: cameras over a stage, behind the Renderer protocol.
-"""
+"""Renders an open scene through SAPIEN, behind the core's Renderer protocol."""
 
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,34 +15,34 @@ from advercity.randomness import create_generator
 from advercity.rendering.backend import CameraCapture, CameraView, RenderProfile
 from advercity.rendering.light_sources import list_light_sources
 from advercity.world import World
+from advercity_sapien.atmosphere_parameters import (
+    build_airlight_texture,
+    build_sky_texture,
+    compute_atmosphere_parameters,
+)
 from advercity_sapien.culling import SunShadow, compute_view_frustum
-from advercity_sapien.fog_beams import EMPTY_FOG_BEAM_ROWS, compute_fog_beam_rows
+from advercity_sapien.fog_beams import compute_fog_beam_rows
 from advercity_sapien.ground_maps import NO_SHELTER, build_shelter_map, build_wear_map
 from advercity_sapien.lamp_lists import LampLists
 from advercity_sapien.sapien_scene import SapienScene
-from advercity_sapien.shader_bindings import RasterBindings, RayTracedBindings, SceneTextures
-from advercity_sapien.shader_table import (
-    FRAME_COLUMN,
-    KILO,
-    LAMP_GRID_COLUMN,
-    SHELTER_MAP_COLUMN,
-    WEAR_MAP_COLUMN,
-    build_airlight_texture,
-    build_sky_texture,
-    pack_atmosphere,
-    pack_map_extent,
-)
+from advercity_sapien.shader_bindings import RasterBindings, RayTracedBindings
+from advercity_sapien.shader_constants import FAR_M, NEAR_M, SHADER_FOLDER
+from advercity_sapien.shader_table import KILO, ShaderTable
+
+Images = dict[str, NDArray[Any]]
 
 
 def denoise(radiance: Float32Array, albedo: Float32Array, normal: Float32Array) -> Float32Array:
-    """A picture (h, w, 3) of any scale by Intel's Open Image Denoise.
+    """Remove the noise of few samples from an image (h, w, 3) by Intel's Open Image Denoise.
+
+    It runs on the CPU, and gives the same bytes every time.
 
     Args:
-        radiance: Linear, with noise.
-        albedo: (h, w, 3) in [0, 1], without noise: where materials change.
-        normal: (h, w, 3), unit, without noise: where shapes do.
+        radiance: Linear, of any scale, with noise.
+        albedo: (h, w, 3) in [0, 1], without noise: shows where materials change.
+        normal: (h, w, 3), unit, without noise: shows where shapes change.
     """
-    # Its library takes a while to load, and only few pictures need it.
+    # The library takes a while to load, and only images of full quality need it.
     import pyoidn
 
     return pyoidn.denoise(
@@ -57,12 +53,6 @@ def denoise(radiance: Float32Array, albedo: Float32Array, normal: Float32Array) 
     )
 
 
-SHADER_FOLDER = Path(__file__).parent / "shaders"
-NEAR_M, FAR_M = 0.1, 3000.0
-
-Images = dict[str, NDArray[Any]]
-
-
 class SapienRenderer:
     """Renders one world under one atmosphere."""
 
@@ -70,19 +60,21 @@ class SapienRenderer:
         self, world: World, atmosphere: Atmosphere, profile: RenderProfile, device: sapien.Device
     ) -> None:
         self._world = world
+        self._atmosphere = atmosphere
         self._profile = profile
         self._scene = sapien.Scene([sapien.render.RenderSystem(device)])
         self._is_ray_traced = profile.renderer == "ray_traced"
         self._is_denoised = self._is_ray_traced and profile.denoise
         wear = build_wear_map(world.lanes)
         shelter = build_shelter_map(world) if atmosphere.snow_depth_m else NO_SHELTER
-        maps = SceneTextures(
-            build_sky_texture(atmosphere),
-            build_airlight_texture(atmosphere),
-            wear.texels,
-            water.build_puddle_height_field(),
-            shelter.texels,
-        )
+        maps = {
+            "Sky": build_sky_texture(atmosphere),
+            "Airlight": build_airlight_texture(atmosphere),
+            "Wear": wear.texels,
+            "Puddles": water.build_puddle_height_field(),
+            "Shelter": shelter.texels,
+        }
+        # Before the scene: the shaders look for the textures in its first object.
         self._bindings = (
             RayTracedBindings(self._scene, maps) if self._is_ray_traced else RasterBindings(maps)
         )
@@ -90,29 +82,31 @@ class SapienRenderer:
         self._sun_shadow = SunShadow(atmosphere, self._scene)
         self._cameras: dict[tuple[int, int], sapien.render.RenderCameraComponent] = {}
         self._pending_camera: sapien.render.RenderCameraComponent | None = None
-        self._parameters = pack_atmosphere(atmosphere)
-        self._parameters[WEAR_MAP_COLUMN] = pack_map_extent(wear)
-        self._parameters[SHELTER_MAP_COLUMN] = pack_map_extent(shelter)
-        self._atmosphere = atmosphere
-        self._fog_beams = compute_fog_beam_rows() if atmosphere.night else EMPTY_FOG_BEAM_ROWS
+        self._table = ShaderTable()
+        self._table.set_parameters(
+            **compute_atmosphere_parameters(atmosphere),
+            wear_map_extent=wear.extent,
+            shelter_map_extent=shelter.extent,
+        )
+        if atmosphere.night:
+            self._table.section("fog_beams")[:] = compute_fog_beam_rows()
         self._lamps = LampLists([], atmosphere)
         self._frame_index = 0
 
     def place(self, frame: Frame) -> None:
-        """Move every actor to where it is in `frame`, and switch lamps and signals."""
+        """Move every actor to its pose in `frame`, and switch lamps and signals."""
         self._sapien_scene.place_actors(frame)
-        lit = list_light_sources(self._world, frame) if self._atmosphere.night else []
-        self._lamps = LampLists(lit, self._atmosphere)
-        self._parameters[LAMP_GRID_COLUMN] = self._lamps.cell_grid
-        self._parameters[FRAME_COLUMN, 3] = frame.index
+        lamps = list_light_sources(self._world, frame) if self._atmosphere.night else []
+        self._lamps = LampLists(lamps, self._atmosphere)
         self._frame_index = frame.index
+        self._table.set_parameters(lamp_grid=self._lamps.cell_grid, frame_index=frame.index)
 
     def render_camera(self, view: CameraView) -> CameraCapture:
-        """Take one picture of the placed frame."""
+        """Render one image of the placed frame."""
         return next(self.render_cameras([view]))
 
     def render_cameras(self, views: Sequence[CameraView]) -> Iterator[CameraCapture]:
-        """Take pictures of the placed frame; the next is in the making while one is looked at.
+        """Render images of the placed frame; while the caller uses one, the next is rendered.
 
         The device has begun with the first when this returns.
         """
@@ -127,24 +121,24 @@ class SapienRenderer:
         yield self._to_capture(self._fetch_images())
 
     def _start_render(self, view: CameraView) -> None:
-        """Set the device to work on a picture."""
+        """Start to render an image on the device."""
         self._discard_pending()
         camera = self._configure_camera(view)
         self._sun_shadow.update(view)
         if not self._is_ray_traced:
-            casting = self._sun_shadow.caster_volume
+            casters = self._sun_shadow.caster_volume
             self._sapien_scene.culler.show_only(
-                [compute_view_frustum(view), *([] if casting is None else [casting])]
+                [compute_view_frustum(view), *([] if casters is None else [casters])]
             )
         with self._sapien_scene.hide_actors(view.hide):
-            rows = self._parameters[None], self._lamps.build_rows(view), self._fog_beams
-            self._bindings.upload_table(np.concatenate(rows))
+            self._lamps.write_to(self._table, view)
+            self._bindings.upload_table(self._table)
             self._scene.update_render()
             camera.take_picture()
         self._pending_camera = camera
 
     def _fetch_images(self) -> Images:
-        """Everything of the picture that was begun, by name, as soon as the device is done."""
+        """Wait for the image that was started, and copy its channels by name."""
         assert self._pending_camera is not None, "captures are fetched before the next are begun"
         names = ["Radiance", "Normal", "Segmentation"]
         if self._is_denoised:
@@ -154,7 +148,7 @@ class SapienRenderer:
         return images
 
     def _discard_pending(self) -> None:
-        """Wait for a picture that nobody fetched: the device crashes if it is left at work."""
+        """Wait for an image that nothing fetched: SAPIEN crashes if it is closed or reused."""
         if self._pending_camera is not None:
             self._fetch_images()
 
@@ -166,6 +160,7 @@ class SapienRenderer:
         semantic, instance = self._sapien_scene.segmentation.look_up(images["Segmentation"][..., 0])
         return CameraCapture(
             radiance=np.multiply(radiance, 1.0 / KILO, dtype=np.float32),
+            # Shaders write a depth of 0 where they see the sky.
             depth=np.where(depth > 0.0, depth, np.float32(np.inf)),
             normal=normal,
             semantic=semantic,
@@ -173,13 +168,13 @@ class SapienRenderer:
         )
 
     def close(self) -> None:
-        """Give the device's memory back."""
+        """Free the device's memory."""
         self._discard_pending()
         self._cameras.clear()
         self._scene.clear()
 
     def _configure_camera(self, view: CameraView) -> sapien.render.RenderCameraComponent:
-        """The camera of the view's size, with its lens, pose and share of work."""
+        """Set lens, pose and quality of the camera that has the view's size."""
         size = view.width_px, view.height_px
         camera = self._cameras.get(size) or self._add_camera(size)
         focal_px = view.width_px / (2.0 * np.tan(view.horizontal_fov_rad / 2.0))
@@ -206,7 +201,7 @@ class SapienRenderer:
         return camera
 
     def _compute_seed(self, view: CameraView) -> int:
-        """A number for this picture alone, whatever was rendered before it."""
+        """Derive a seed from frame and view alone, so that no image depends on the one before."""
         pose = view.world_from_camera.astype("<f8").tobytes().hex()
         key = "sapien", self._frame_index, view.width_px, view.height_px, pose
         return int(create_generator(*key).integers(2**31))

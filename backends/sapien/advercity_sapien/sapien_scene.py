@@ -1,7 +1,4 @@
-"""Meshes of the world as SAPIEN's render shapes, shared wherever they can be.
-
-The bodies of a scene: what stands still, signals, and actors with their stand-ins.
-"""
+"""Puts a world into a SAPIEN scene and moves it: static meshes, signals and actors."""
 
 from collections import defaultdict
 from collections.abc import Generator, Iterable, Iterator, Sequence
@@ -21,40 +18,41 @@ from advercity.rendering.light_sources import signal_lens_position
 from advercity.semantics import Semantic
 from advercity.world import SignalLamp, World
 from advercity_sapien.culling import FrustumCuller
-from advercity_sapien.shader_bindings import ShaderBindings
+from advercity_sapien.shader_bindings import RenderBody, ShaderBindings
+from advercity_sapien.shader_constants import FIRST_SIGNAL_BIT, LensKind
 
 PAINT_MATERIAL = "paint"
-"""Material of parts that take the actor's own."""
+"""Material of the parts that have the paint of their actor."""
 TWO_SIDED_CLASSES = frozenset({Semantic.VEGETATION})
-"""Classes whose surfaces have two sides; SAPIEN draws only one."""
+"""Classes whose surfaces are poses from both sides; SAPIEN draws the front of triangles alone."""
 BACK_NORMAL_FACTORS = np.array([-1.0, -1.0, 1.0], dtype=np.float32)
-"""Of the normal on the other side: light from above shines through leaves."""
-LENS_KINDS = {
-    "lamp_white": 1,
-    "lamp_red": 2,
-    "signal_red": 3,
-    "signal_yellow": 4,
-    "signal_green": 5,
-    "lamp_amber_left": 6,
-    "lamp_amber_right": 7,
-}
-"""Kinds of lens in `lenses.glsl`; like textures they travel in the materials' emission."""
+"""Factors of a normal on its back: z stays, since light from above shines through leaves."""
+LENS_KINDS = {kind.name.lower(): kind for kind in LensKind}
 SNOWLESS_MATERIALS = frozenset({"glass", "rubber", "skin", *LENS_KINDS})
-"""What falling snow does not stay on; cloth, too, by its name."""
+"""Materials that falling snow does not stay on; cloth, too, by its name."""
 MESH_TILE_M = 80.0
+"""Size of the pieces of static meshes."""
 LENS_RADIUS_M, LENS_CORNERS = 0.13, 16
+PARKED_POSE = sapien.Pose([0.0, 0.0, -1e4])
+"""Pose of spare bodies: far below anything visible."""
+
+ActorBodies = dict[Wheel | None, RenderBody]
+"""Bodies of an actor: the one of all parts that do not turn (None), and each wheel."""
+Appearance = tuple[BodyShape, str]
+"""A shape and its paint; actors of one appearance have the same meshes and materials."""
 
 
 class RenderShapeCache:
-    """Makes shapes of meshes; copies of one mesh share its vertices on the device."""
+    """Makes render shapes of meshes; copies of one mesh share its vertices on the device."""
 
     def __init__(self) -> None:
         self._materials: dict[str, sapien.render.RenderMaterial] = {}
         self._shapes: dict[tuple[int, str], sapien.render.RenderShape] = {}
+        # Keys are ids, so meshes must live: another would get the id of one that is gone.
         self._kept: list[Mesh] = []
 
     def create_shape(self, mesh: Mesh, paint: str = "") -> sapien.render.RenderShape:
-        """A new shape of a mesh, of the material `paint` if it is a painted part."""
+        """Create a shape of a mesh; a painted part gets the material `paint`."""
         material = paint if mesh.material == PAINT_MATERIAL else mesh.material
         key = id(mesh), material
         if key not in self._shapes:
@@ -79,6 +77,7 @@ class RenderShapeCache:
     def _get_material(self, name: str) -> sapien.render.RenderMaterial:
         if name not in self._materials:
             known = MATERIALS[name]
+            # Emission is free to carry what the shaders need: they compute it from lens and lamps.
             snowless = name in SNOWLESS_MATERIALS or name.startswith("cloth_")
             self._materials[name] = sapien.render.RenderMaterial(
                 emission=[float(LENS_KINDS.get(name, 0)), known.texture, snowless, 0.0],
@@ -90,7 +89,7 @@ class RenderShapeCache:
 
 
 def split_into_tiles(mesh: Mesh) -> Iterator[Mesh]:
-    """A large mesh cut along a grid: rays pass small meshes by, which halves a traced picture."""
+    """Cut a mesh along a grid: rays skip small meshes, which halves the time of tracing."""
     middles = mesh.vertices[mesh.triangles].mean(axis=1)[:, :2]
     _, tile = np.unique(np.floor(middles / MESH_TILE_M), axis=0, return_inverse=True)
     for number in range(int(tile.max(initial=-1)) + 1):
@@ -104,7 +103,7 @@ def split_into_tiles(mesh: Mesh) -> Iterator[Mesh]:
 
 
 def build_signal_lenses() -> tuple[Mesh, ...]:
-    """The three lenses of a signal as discs that look along x; the yellow one is the origin."""
+    """Build the three lenses of a signal as discs that face along x; yellow is at the origin."""
     turn = np.arange(LENS_CORNERS) / LENS_CORNERS * 2.0 * np.pi
     disc = LENS_RADIUS_M * np.stack([np.zeros_like(turn), np.cos(turn), np.sin(turn)], axis=1)
     corners = np.arange(1, LENS_CORNERS - 1)
@@ -124,7 +123,7 @@ def build_signal_lenses() -> tuple[Mesh, ...]:
 def _with_normals(
     mesh: Mesh,
 ) -> tuple[NDArray[np.float32], NDArray[np.integer], NDArray[np.float32]]:
-    """Vertices, triangles and normals; flat faces get three vertices of their own."""
+    """Get vertices, triangles and normals; flat faces get three vertices of their own."""
     if mesh.normals is not None:
         return mesh.vertices, mesh.triangles, mesh.normals
     corners = mesh.vertices[mesh.triangles]
@@ -138,79 +137,70 @@ def _with_normals(
     )
 
 
-PARKED_POSE = sapien.Pose([0.0, 0.0, -1e4])
-"""Where bodies wait while nobody needs them: far below anything visible."""
-FIRST_SIGNAL_BIT = 32
-"""Of a body's lit lamps: red, then yellow and green; below are those of `Lamp`."""
-
-RenderBody = sapien.render.RenderBodyComponent
-ActorBodies = dict[Wheel | None, RenderBody]
-"""What an actor is made of: what does not turn, and each wheel."""
-Appearance = tuple[BodyShape, str]
-"""A shape and the paint on it; actors of one look are the same meshes of the same materials."""
-
-
 class SapienScene:
-    """Puts a world on SAPIEN's stage and moves it.
+    """The bodies of a world in a SAPIEN scene.
 
-    Pieces that nobody uses stand in for the next actor of their shape and paint: adding some to
-    a ray-traced scene rebuilds its pipelines, and a long scenario would never stop growing.
+    Bodies of actors that left are used for the next of their appearance: adding bodies to a
+    ray-traced scene rebuilds its pipelines, and a long scenario would never stop growing.
+
+    Attributes:
+        segmentation: Classes and actors by SAPIEN's shape ids.
+        culler: Bounding boxes of all bodies.
     """
 
     def __init__(
         self, world: World, scene: sapien.Scene, bindings: ShaderBindings, *, night: bool
     ) -> None:
         self.segmentation = SegmentationTable()
+        self.culler = FrustumCuller()
         self._world = world
         self._scene = scene
         self._bindings = bindings
         self._shapes = RenderShapeCache()
         self._actors: dict[int, tuple[Appearance, ActorBodies]] = {}
-        self._lamp_bits: dict[int, int] = {}
         self._spare_bodies: defaultdict[Appearance, list[ActorBodies]] = defaultdict(list)
         self._meshes: dict[BodyShape, dict[Wheel | None, list[Mesh]]] = {}
-        self.culler = FrustumCuller()
         for tile in (tile for mesh in world.static for tile in split_into_tiles(mesh)):
             self._add_static(tile, int(Lamp.LOW_BEAM) if night else 0)
         self._signals = {lamp.id: self._add_signal(lamp) for lamp in world.signal_lamps}
 
     def place_actors(self, frame: Frame) -> None:
-        """Move every actor to where it is in `frame`, and switch lamps and signals."""
-        seen = {
+        """Move every actor to its pose in `frame`, and switch lamps and signals."""
+        poses = {
             state.actor.id: compute_body_pose(state, self._world.bodies) for state in frame.states
         }
-        looks = {s.actor.id: (seen[s.actor.id].shape, s.actor.paint) for s in frame.states}
-        for actor_id in [i for i, (look, _) in self._actors.items() if looks.get(i) != look]:
-            look, pieces = self._actors.pop(actor_id)
-            for body in pieces.values():
-                self._set_pose(body, PARKED_POSE)
-            self._spare_bodies[look].append(pieces)
+        appearances = {s.actor.id: (poses[s.actor.id].shape, s.actor.paint) for s in frame.states}
+        for actor_id, (appearance, bodies) in list(self._actors.items()):
+            if appearances.get(actor_id) != appearance:
+                del self._actors[actor_id]
+                for body in bodies.values():
+                    self._set_pose(body, PARKED_POSE)
+                self._spare_bodies[appearance].append(bodies)
         for state in frame.states:
-            pieces = self._acquire_bodies(state.actor.id, looks[state.actor.id])
+            bodies = self._acquire_bodies(state.actor.id, appearances[state.actor.id])
             self._move_bodies(
-                pieces, state, state.world_from_body @ seen[state.actor.id].body_from_mesh
+                bodies, state, state.world_from_body @ poses[state.actor.id].body_from_mesh
             )
-            self._lamp_bits[state.actor.id] = int(state.lamps)
-            self._set_state(state.actor.id, hidden=False)
+            for body in bodies.values():
+                self._bindings.set_lit_lamps(body, int(state.lamps))
         for name, body in self._signals.items():
-            self._bindings.set_body_state(
-                body, FIRST_SIGNAL_BIT << frame.signals[name], hidden=False
-            )
+            self._bindings.set_lit_lamps(body, FIRST_SIGNAL_BIT << frame.signals[name])
 
     @contextmanager
     def hide_actors(self, actor_ids: Iterable[int]) -> Generator[None, None, None]:
-        """Hide actors from cameras; they still cast their shadows."""
-        hidden = [actor_id for actor_id in actor_ids if actor_id in self._actors]
-        for actor_id in hidden:
-            self._set_state(actor_id, hidden=True)
+        """Hide actors from cameras for the time of a block; they still cast shadows."""
+        present = [self._actors[number][1] for number in actor_ids if number in self._actors]
+        hidden = [body for bodies in present for body in bodies.values()]
+        for body in hidden:
+            self._bindings.set_hidden(body, hidden=True)
         try:
             yield
         finally:
-            for actor_id in hidden:
-                self._set_state(actor_id, hidden=False)
+            for body in hidden:
+                self._bindings.set_hidden(body, hidden=False)
 
-    def _move_bodies(self, pieces: ActorBodies, state: ActorState, world_from_mesh: Matrix) -> None:
-        for wheel, body in pieces.items():
+    def _move_bodies(self, bodies: ActorBodies, state: ActorState, world_from_mesh: Matrix) -> None:
+        for wheel, body in bodies.items():
             moved = (
                 world_from_mesh
                 if wheel is None
@@ -218,25 +208,21 @@ class SapienScene:
             )
             self._set_pose(body, sapien.Pose(moved))
 
-    def _set_state(self, actor_id: int, *, hidden: bool) -> None:
-        for body in self._actors[actor_id][1].values():
-            self._bindings.set_body_state(body, self._lamp_bits[actor_id], hidden=hidden)
-
-    def _acquire_bodies(self, actor_id: int, look: Appearance) -> ActorBodies:
+    def _acquire_bodies(self, actor_id: int, appearance: Appearance) -> ActorBodies:
         if actor_id not in self._actors:
-            meshes, idle = self._group_meshes(look[0]), self._spare_bodies[look]
-            pieces = (
-                idle.pop()
-                if idle
-                else {key: self._add_moving(own, look[1]) for key, own in meshes.items()}
+            meshes, spare = self._group_meshes(appearance[0]), self._spare_bodies[appearance]
+            bodies = (
+                spare.pop()
+                if spare
+                else {key: self._add_moving(own, appearance[1]) for key, own in meshes.items()}
             )
-            for wheel, body in pieces.items():
+            for wheel, body in bodies.items():
                 self._label_shapes(body, meshes[wheel], actor_id)
-            self._actors[actor_id] = look, pieces
+            self._actors[actor_id] = appearance, bodies
         return self._actors[actor_id][1]
 
     def _group_meshes(self, shape: BodyShape) -> dict[Wheel | None, list[Mesh]]:
-        """The meshes of a shape, always the same ones: copies on the device are found by them."""
+        """Group the meshes of a shape by wheel; always the same objects, as the cache needs."""
         if shape not in self._meshes:
             parts: defaultdict[Wheel | None, list[Mesh]] = defaultdict(list)
             for mesh in shape.build_meshes(self._world.bodies):
@@ -251,13 +237,14 @@ class SapienScene:
     def _add_static(self, mesh: Mesh, lit: int) -> None:
         body = self._add([mesh])
         self._label_shapes(body, [mesh], 0)
-        self._bindings.set_body_state(body, lit, hidden=False)
+        self._bindings.set_lit_lamps(body, lit)
         self.culler.add_body(body, mesh.vertices.min(axis=0), mesh.vertices.max(axis=0))
 
     def _add_moving(self, meshes: Sequence[Mesh], paint: str) -> RenderBody:
         body = self._add(meshes, paint)
-        reach_m = max(float(np.linalg.norm(mesh.vertices, axis=1).max()) for mesh in meshes)
-        self.culler.add_body(body, np.full(3, -reach_m), np.full(3, reach_m))
+        # A cube around the sphere of all vertices fits in any orientation.
+        radius = max(float(np.linalg.norm(mesh.vertices, axis=1).max()) for mesh in meshes)
+        self.culler.add_body(body, np.full(3, -radius), np.full(3, radius))
         return body
 
     def _add_signal(self, lamp: SignalLamp) -> RenderBody:
@@ -274,6 +261,7 @@ class SapienScene:
         entity = sapien.Entity()
         entity.add_component(body)
         self._scene.add_entity(entity)
+        self._bindings.set_hidden(body, hidden=False)
         return body
 
     def _label_shapes(self, body: RenderBody, meshes: Iterable[Mesh], actor_id: int) -> None:
@@ -282,14 +270,14 @@ class SapienScene:
 
 
 class SegmentationTable:
-    """What each of SAPIEN's shape ids stands for; id 0 is the sky."""
+    """Semantic class and actor of each of SAPIEN's shape ids; id 0 is the sky."""
 
     def __init__(self) -> None:
         self._semantic = np.full(64, Semantic.SKY, dtype=np.uint8)
         self._actor = np.zeros(64, dtype=np.int32)
 
     def assign(self, shape_id: int, semantic: Semantic, actor_id: int) -> None:
-        """Remember a shape, or whom it belongs to now."""
+        """Set the class of a shape and the actor that has it now, 0 for none."""
         if shape_id >= len(self._actor):
             room = (0, max(shape_id + 1 - len(self._actor), len(self._actor)))
             self._semantic, self._actor = np.pad(self._semantic, room), np.pad(self._actor, room)
@@ -297,7 +285,7 @@ class SegmentationTable:
         self._actor[shape_id] = actor_id
 
     def look_up(self, ids: NDArray[np.uint32]) -> tuple[NDArray[np.uint8], NDArray[np.int32]]:
-        """Semantic class and actor of each pixel of a picture (h, w) of shape ids."""
+        """Look up the semantic class and the actor of each pixel (h, w) of shape ids."""
         return self._semantic[ids], self._actor[ids]
 
 

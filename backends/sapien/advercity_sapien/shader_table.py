@@ -1,117 +1,202 @@
-"""What the shaders read about air and light, as pictures: a table of numbers and the sky.
+"""The numbers and textures that the shaders read: one description for Python and for GLSL.
 
-The renderer works in kcd/m² and klx, so that no value is far from 1.
+Numbers travel in a texture of rows of COLUMNS texels. The first row has the parameters of air and
+light, the sections below it have lists of lamps and, in ray-traced scenes, the states of bodies.
+`shader_constants` writes this description as GLSL, so that no row, column or size is typed twice.
+The renderer works in kcd/m² and klx, so that no value is far from 1 (half floats, tone of noise).
 """
 
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import accumulate
+from math import ceil
+from typing import Any, Literal
+
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from advercity.physics import water
-from advercity.physics.atmosphere import Atmosphere
-from advercity.physics.photometry import cubemap_directions, cubemap_solid_angles
-from advercity_sapien.ground_maps import ShelterMap, WearMap
-
-WEAR_MAP_COLUMN, LAMP_GRID_COLUMN, FRAME_COLUMN, SHELTER_MAP_COLUMN = 14, 15, 16, 17
-
-
-BODY_STATE_ROWS = 32
-"""Of the ray tracer's table, for the states of as many times COLUMNS bodies."""
-
+from advercity.geometry.arrays import Float32Array
 
 KILO = 1e-3
+"""Factor from cd/m² and lx to the renderer's kcd/m² and klx."""
 COLUMNS = 512
-LAMP_LIST_ROWS = {"lamps": 3, "cells": 8, "tiles": 4, "bearings": 1}
-"""Of the table, below its first row; `lamps.glsl` counts them too."""
-FOG_BEAM_ROWS = 2
-"""Below them, for what fog spreads of beams."""
-TABLE_ROWS = 1 + sum(LAMP_LIST_ROWS.values()) + FOG_BEAM_ROWS
-NO_WATER_LEVEL = -1.0
-"""Water level below every hollow."""
-RUT_FRACTION = 0.3
-"""Of a lane that is rut."""
-RIPPLE_SLOPE, RIPPLE_REFERENCE_RAIN_MM_H = 0.06, 50.0
-"""Root mean square of the water's slope in puddles in rain of that rate."""
+GRID_CELLS, LAMPS_PER_CELL = 32, 16
+"""Cells along each edge of the ground that has lamps."""
+TILES_HIGH, TILES_WIDE, LAMPS_PER_TILE = 18, 32, 12
+"""Tiles of an image."""
+BEARINGS, LAMPS_PER_BEARING = 64, 8
+"""Sectors of the horizon, counterclockwise from -180 degrees."""
+FOG_BEAM_RINGS, FOG_BEAM_SPOKES = 16, 32
+"""Directions off a beam's axis: rings by the square root of the angle, spokes from right to up."""
 
-COSINE_LOBE_FACTORS = np.pi / np.array([1] + [1.5] * 3 + [4] * 5)
-"""Of a harmonic's radiance, what the cosine leaves (Ramamoorthi and Hanrahan 2001)."""
-HARMONIC_NORMS = np.array(
-    [0.282095] + [0.488603] * 3 + [1.092548, 1.092548, 0.315392, 1.092548, 0.546274]
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number or vector of the table's first row.
+
+    Attributes:
+        name: Keyword of `ShaderTable.set_parameters`.
+        glsl: GLSL function that returns it; takes an index if `count` is more than 1.
+        column: First texel.
+        components: Components of the texel, such as `x` or `rgb`.
+        count: Number of texels.
+    """
+
+    name: str
+    glsl: str
+    column: int
+    components: str
+    count: int = 1
+
+    @property
+    def slices(self) -> tuple[slice, slice]:
+        """Texels and components in a row (COLUMNS, 4)."""
+        first = "xyzw".index(self.components[0].replace("r", "x"))
+        columns = slice(self.column, self.column + self.count)
+        return columns, slice(first, first + len(self.components))
+
+
+@dataclass(frozen=True)
+class Section:
+    """Whole rows of the table.
+
+    Attributes:
+        name: Its GLSL constant is `<NAME>_ROW`.
+        texels: Least number of texels; rows are filled up.
+    """
+
+    name: str
+    texels: int
+
+
+@dataclass(frozen=True)
+class SceneTexture:
+    """A texture that every shader pass may read as `sampler<name>`.
+
+    Attributes:
+        name: Name in GLSL; SAPIEN finds the textures of cameras by it.
+        texel: SAPIEN's name of the texel format.
+        wrap: Address mode.
+        material_slot: Slot of the carrier's material in ray-traced scenes, as GLSL calls it.
+    """
+
+    name: str
+    texel: str
+    wrap: Literal["edge", "repeat"]
+    material_slot: str
+
+
+# Columns are explicit so that a change of this list shows what it moves; column 2 is free.
+PARAMETERS = (
+    Parameter("extinction", "extinction", 0, "x"),
+    Parameter("wetness", "wetness", 0, "y"),
+    Parameter("puddle_level", "puddleLevel", 0, "z"),
+    Parameter("ripple_slope", "rippleSlope", 0, "w"),
+    Parameter("horizon_airlight", "horizonAirlight", 1, "rgb"),
+    Parameter("night", "nightFlag", 1, "w"),
+    Parameter("sun_irradiance", "sunIrradiance", 3, "rgb"),
+    Parameter("sun_direction", "sunDirection", 4, "xyz"),
+    Parameter("sky_harmonics", "skyHarmonic", 5, "rgb", count=9),
+    Parameter("wear_map_extent", "wearMapExtent", 14, "xyzw"),
+    Parameter("lamp_grid", "lampGrid", 15, "xyzw"),
+    Parameter("snow_depth", "snowDepth", 16, "x"),
+    Parameter("snow_between_ruts", "snowBetweenRuts", 16, "y"),
+    Parameter("snow_in_ruts", "snowInRuts", 16, "z"),
+    Parameter("frame_index", "frameIndex", 16, "w"),
+    Parameter("shelter_map_extent", "shelterMapExtent", 17, "xyzw"),
+)
+SECTIONS = (
+    Section("parameters", COLUMNS),
+    Section("lamps", 3 * COLUMNS),
+    Section("cells", GRID_CELLS**2 * LAMPS_PER_CELL // 4),
+    Section("tiles", TILES_HIGH * TILES_WIDE * LAMPS_PER_TILE // 4),
+    Section("bearings", BEARINGS * LAMPS_PER_BEARING // 4),
+    Section("fog_beams", 2 * FOG_BEAM_RINGS * FOG_BEAM_SPOKES),
+    Section("bodies", 32 * COLUMNS),
+)
+SCENE_TEXTURES = (
+    # SAPIEN's material calls the slot of GLSL's `diffuse` texture `base_color`.
+    SceneTexture("Table", "R32G32B32A32Sfloat", "edge", "diffuse"),
+    SceneTexture("Sky", "R32G32B32A32Sfloat", "edge", "emission"),
+    SceneTexture("Airlight", "R32G32B32A32Sfloat", "edge", "transmission"),
+    SceneTexture("Wear", "R8Unorm", "edge", "roughness"),
+    SceneTexture("Puddles", "R32Sfloat", "repeat", "metallic"),
+    SceneTexture("Shelter", "R32G32Sfloat", "edge", "normal"),
 )
 
+_HEIGHTS = {section.name: ceil(section.texels / COLUMNS) for section in SECTIONS}
+FIRST_ROWS = dict(zip(_HEIGHTS, accumulate([0, *_HEIGHTS.values()]), strict=False))
+"""First row of each section."""
+TABLE_ROWS = FIRST_ROWS["bodies"]
+"""Rows that both renderers have; the states of bodies follow in ray-traced scenes."""
+BODY_STATE_ROWS = _HEIGHTS["bodies"]
 
-def build_sky_texture(atmosphere: Atmosphere) -> NDArray[np.float32]:
-    """The sky's six faces below each other, (6 n, n, 4) in kcd/m²."""
-    sky = atmosphere.sky.reshape(-1, atmosphere.sky.shape[2], 3) * np.float32(KILO)
-    return np.concatenate([sky, np.ones_like(sky[..., :1])], axis=-1)
-
-
-def build_airlight_texture(atmosphere: Atmosphere) -> NDArray[np.float32]:
-    """The six faces of the airlight below each other, (6 m, m, 4) in kcd/m² and its growth."""
-    faces = atmosphere.airlight.reshape(-1, atmosphere.airlight.shape[2], 4)
-    return faces * np.array([KILO, KILO, KILO, 1.0], np.float32)
+SceneTexels = dict[str, NDArray[Any]]
+"""Texels (h, w) or (h, w, channels) by name of texture, for all but the table."""
 
 
-def pack_atmosphere(atmosphere: Atmosphere) -> NDArray[np.float32]:
-    """The table's first row, (COLUMNS, 4): the columns that `atmosphere.glsl` names."""
-    row = np.zeros((COLUMNS, 4), dtype=np.float32)
-    coverage = atmosphere.puddle_coverage
-    level = water.puddle_water_level(coverage) if coverage > 0.0 else NO_WATER_LEVEL
-    slope = RIPPLE_SLOPE * min(1.0, atmosphere.rain_mm_h / RIPPLE_REFERENCE_RAIN_MM_H) ** 0.5
-    row[0] = atmosphere.extinction_550nm, atmosphere.wetness, level, slope
-    row[1] = *np.multiply(atmosphere.horizon_airlight, KILO), atmosphere.night
-    row[3, :3] = np.multiply(atmosphere.sun_colour, atmosphere.sun_lx * KILO)
-    row[4, :3] = atmosphere.sun_direction
-    row[5:14, :3] = compute_irradiance_harmonics(atmosphere.sky) * KILO
-    row[16, :3] = (
-        atmosphere.snow_depth_m,
-        _snow_cover_between_ruts(atmosphere),
-        atmosphere.rut_snow_cover,
-    )
-    return row
+class ShaderTable:
+    """The table's texels, and named access to them.
 
-
-def _snow_cover_between_ruts(atmosphere: Atmosphere) -> float:
-    """Share under snow between the ruts, which with that in them makes the road's."""
-    in_ruts = RUT_FRACTION * atmosphere.rut_snow_cover
-    return min(1.0, (atmosphere.road_snow_cover - in_ruts) / (1.0 - RUT_FRACTION))
-
-
-def pack_map_extent(plan: WearMap | ShelterMap) -> tuple[float, float, float, float]:
-    """Corner and inverse size of a map seen from above, as the shaders read them."""
-    return (*plan.corner, 1.0 / plan.size[0], 1.0 / plan.size[1])
-
-
-def compute_irradiance_harmonics(sky: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Coefficients (9, 3) in lx of the irradiance by a sky in cd/m².
-
-    They are scaled so that a horizontal surface gets exactly what the sky sends it.
+    Attributes:
+        texels: (TABLE_ROWS, COLUMNS, 4).
     """
-    size = sky.shape[1]
-    directions = cubemap_directions(size).reshape(-1, 3)
-    light = (sky * cubemap_solid_angles(size)[..., None]).reshape(-1, 3)
-    basis = _harmonic_basis(directions)
-    coefficients = (COSINE_LOBE_FACTORS * HARMONIC_NORMS**2)[:, None] * (basis.T @ light)
-    horizontal = np.clip(directions[:, 2], 0.0, None) @ light
-    approximate = _harmonic_basis(np.array([[0.0, 0.0, 1.0]]))[0] @ coefficients
-    return coefficients * np.divide(
-        horizontal, approximate, out=np.ones(3), where=approximate > 0.0
-    )
+
+    def __init__(self) -> None:
+        self.texels: Float32Array = np.zeros((TABLE_ROWS, COLUMNS, 4), dtype=np.float32)
+
+    def set_parameters(self, **values: ArrayLike) -> None:
+        """Write values of PARAMETERS by name, in kcd/m², klx and metres."""
+        for name, value in values.items():
+            parameter = _PARAMETERS_BY_NAME[name]
+            self.texels[0][parameter.slices] = np.reshape(value, (parameter.count, -1))
+
+    def section(self, name: str) -> Float32Array:
+        """Rows (height, COLUMNS, 4) of a section, as a view."""
+        return self.texels[FIRST_ROWS[name] : FIRST_ROWS[name] + _HEIGHTS[name]]
 
 
-def _harmonic_basis(directions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Polynomials (n, 9) of the real harmonics up to second order, as in `atmosphere.glsl`."""
-    x, y, z = directions.T
-    return np.stack(
-        [np.ones_like(x), y, z, x, x * y, y * z, 3 * z * z - 1, x * z, x * x - y * y], axis=1
-    )
+_PARAMETERS_BY_NAME = {parameter.name: parameter for parameter in PARAMETERS}
 
 
-GRID_CELLS, LAMPS_PER_CELL = 32, 16
-"""Along both edges of the ground that has lamps."""
-TILES_HIGH, TILES_WIDE, LAMPS_PER_TILE = 18, 32, 12
-BEARINGS, LAMPS_PER_BEARING = 64, 8
-"""Of all around, clockwise from -180 degrees."""
+def format_table_glsl() -> Iterator[str]:
+    """Lines of GLSL that read the table: rows, sizes and one function for each parameter."""
+    sizes = {
+        "COLUMNS": COLUMNS,
+        **{f"{name.upper()}_ROW": row for name, row in FIRST_ROWS.items()},
+        "GRID_CELLS": GRID_CELLS,
+        "TILES_HIGH": TILES_HIGH,
+        "TILES_WIDE": TILES_WIDE,
+        "BEARINGS": BEARINGS,
+        # A texel holds four lamps.
+        "TEXELS_PER_CELL": LAMPS_PER_CELL // 4,
+        "TEXELS_PER_TILE": LAMPS_PER_TILE // 4,
+        "TEXELS_PER_BEARING": LAMPS_PER_BEARING // 4,
+        "FOG_BEAM_RINGS": FOG_BEAM_RINGS,
+        "FOG_BEAM_SPOKES": FOG_BEAM_SPOKES,
+    }
+    yield from (f"const int {name} = {value};" for name, value in sizes.items())
+    yield ""
+    for parameter in PARAMETERS:
+        kind = {1: "float", 3: "vec3", 4: "vec4"}[len(parameter.components)]
+        index, column = ("int i", " + i") if parameter.count > 1 else ("", "")
+        yield (
+            f"{kind} {parameter.glsl}({index}) {{ return texelFetch(samplerTable,"
+            f" ivec2({parameter.column}{column}, 0), 0).{parameter.components}; }}"
+        )
 
 
-FOG_BEAM_RINGS, FOG_BEAM_SPOKES = 16, 32
-"""Rings crowd about the axis, by the square root of the angle; spokes run from right to up."""
+def format_scene_textures_glsl() -> Iterator[str]:
+    """Lines of GLSL that find the textures in the material of the scene's first object."""
+    for texture in SCENE_TEXTURES:
+        yield f"int {_index_name(texture)};"
+        yield f"#define sampler{texture.name} textures[nonuniformEXT({_index_name(texture)})]"
+    yield "\nvoid bindSceneTextures() {"
+    yield "  TextureIndex carried = textureIndices.t[geometryInstances.i[0].materialIndex];"
+    for texture in SCENE_TEXTURES:
+        yield f"  {_index_name(texture)} = carried.{texture.material_slot};"
+    yield "}"
+
+
+def _index_name(texture: SceneTexture) -> str:
+    return f"{texture.name.lower()}Index"

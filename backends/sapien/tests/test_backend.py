@@ -91,7 +91,7 @@ def test_without_ray_tracing_only_raster_profiles_open(monkeypatch: pytest.Monke
     monkeypatch.setattr("advercity_sapien.backend.find_vulkan_device", lambda: old)
     assert not SapienBackend().capabilities().ray_traced
     with (
-        pytest.raises(BackendError, match="'traced' asks for ray tracing, which llvmpipe"),
+        pytest.raises(BackendError, match="'traced' requires ray tracing, which llvmpipe"),
         SapienBackend().open(world_of(1), AIR, RAY_TRACED),
     ):
         pass

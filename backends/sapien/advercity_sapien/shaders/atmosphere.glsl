@@ -1,26 +1,18 @@
 // The air and the light in it, the same for both renderers.
-// Radiance in kcd/m², irradiance in klx, distances in metres, directions unit and in the world.
-// Needs samplerTable and samplerSky, which `tables.py` fills.
+// Radiance in kcd/m², irradiance in klx, distances in metres, unit directions in the world.
+// Needs shader_table.glsl and samplerSky.
 
 const float PI = 3.14159265358979;
 
-vec4 parameter(int column) {
-  return texelFetch(samplerTable, ivec2(column, 0), 0);
-}
-
-float extinction() { return parameter(0).x; }
-float wetness() { return parameter(0).y; }
-bool night() { return parameter(1).w > 0.5; }
-vec3 sunIrradiance() { return parameter(3).rgb; }
-vec3 towardsSun() { return parameter(4).xyz; }
+bool isNight() { return nightFlag() > 0.5; }
 
 float transmittance(float distance) {
   return exp(-extinction() * distance);
 }
 
-// Where a ray meets a cubemap whose six faces, so many texels wide, lie below each other; each is
-// filtered within itself.
-vec2 onFaces(vec3 ray, float texels) {
+// Texture coordinate of a ray in a cubemap whose six faces, each `texels` wide, lie below each
+// other. The clamp keeps the filter within a face.
+vec2 cubemapUv(vec3 ray, float texels) {
   vec3 size = abs(ray);
   vec3 face;
   if (size.x >= size.y && size.x >= size.z) {
@@ -38,15 +30,16 @@ vec2 onFaces(vec3 ray, float texels) {
 }
 
 vec3 sky(vec3 ray) {
-  return textureLod(samplerSky, onFaces(ray, float(textureSize(samplerSky, 0).x)), 0.0).rgb;
+  return textureLod(samplerSky, cubemapUv(ray, float(textureSize(samplerSky, 0).x)), 0.0).rgb;
 }
 
-// Irradiance by sky and ground light: spherical harmonics to second order, already convolved.
+// Irradiance by sky and ground on a surface of normal n: spherical harmonics to second order,
+// already convolved with the cosine (Ramamoorthi and Hanrahan 2001).
 vec3 skyIrradiance(vec3 n) {
-  vec3 sum = parameter(5).rgb;
-  sum += parameter(6).rgb * n.y + parameter(7).rgb * n.z + parameter(8).rgb * n.x;
-  sum += parameter(9).rgb * n.x * n.y + parameter(10).rgb * n.y * n.z;
-  sum += parameter(11).rgb * (3.0 * n.z * n.z - 1.0) + parameter(12).rgb * n.x * n.z;
-  sum += parameter(13).rgb * (n.x * n.x - n.y * n.y);
+  vec3 sum = skyHarmonic(0);
+  sum += skyHarmonic(1) * n.y + skyHarmonic(2) * n.z + skyHarmonic(3) * n.x;
+  sum += skyHarmonic(4) * n.x * n.y + skyHarmonic(5) * n.y * n.z;
+  sum += skyHarmonic(6) * (3.0 * n.z * n.z - 1.0) + skyHarmonic(7) * n.x * n.z;
+  sum += skyHarmonic(8) * (n.x * n.x - n.y * n.y);
   return max(sum, 0.0);
 }

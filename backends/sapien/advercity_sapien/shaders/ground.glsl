@@ -1,102 +1,113 @@
 // Water and snow on surfaces; needs atmosphere.glsl, surface.glsl, texture.glsl, samplerPuddles and
 // samplerShelter.
 
-// A threshold at which noise of a standard deviation leaves a share above it, as far as the pixel's
-// footprint lets the noise be seen; what it does not show blends. (Logistic for the normal law.)
-float patchy(float share, float noise, float sigma, float kept, float soft) {
-  const float LOGISTIC = 1.702;
-  float likely = clamp(share, 1e-3, 1.0 - 1e-3);
+// Slope of the logistic law that approximates the normal distribution.
+const float LOGISTIC = 1.702;
+// Wavelength of the ripples that rain makes in puddles, metres.
+const float RIPPLE_WAVELENGTH = 0.04;
+
+// Coverage of a pixel by patches: the fraction of the noise above the threshold that a fraction of
+// it exceeds. Noise finer than the pixel's footprint is not resolved and blends.
+//   noise, sigma: its value here and standard deviation
+//   kept: contrast that the footprint leaves; soft: width of the patches' edges
+float coverFraction(float fraction, float noise, float sigma, float kept, float soft) {
+  float likely = clamp(fraction, 1e-3, 1.0 - 1e-3);
   float at = sigma / LOGISTIC * log(likely / (1.0 - likely));
   float lost = sigma * sigma * (1.0 - kept * kept);
   return 1.0 / (1.0 + exp(-LOGISTIC * (kept * noise + at) / sqrt(lost + soft * soft)));
 }
 
-// Between blades, leaves and crumbs water lies in drops.
+// Whether water makes a film; between blades, leaves and crumbs it stays in drops.
 bool holdsFilm(int kind) {
-  return !(kind >= GRASS && kind <= CROPS) && kind != BARK && kind != LEAVES;
+  return !(kind >= TEXTURE_GRASS && kind <= TEXTURE_CROPS) && kind != TEXTURE_BARK
+      && kind != TEXTURE_LEAVES;
 }
 
-bool isRoad(int kind) { return kind == ASPHALT || kind == MARKING; }
+bool isRoad(int kind) { return kind == TEXTURE_ASPHALT || kind == TEXTURE_MARKING; }
 
-// Share of a pixel under standing water: hollows of a fixed field, which the LiDAR reads as well,
-// filled up to a level.
+// Fraction of a pixel under standing water: a fixed field of hollows, which the LiDAR reads as well,
+// filled up to a level. SIGMA and WAVELENGTH are of that field.
 float standingWater(int kind, vec3 p, vec3 n, float footprint) {
-  const float TEXEL = 0.75, SIZE = 512.0, SIGMA = 0.2, SOFT = 0.02, WAVELENGTH = 6.0;
-  float level = parameter(0).z;
-  if (level < -0.5 || !isRoad(kind) || n.z < 0.9) return 0.0;
-  float share = kept(WAVELENGTH, footprint);
-  float height = textureLod(samplerPuddles, (p.xy / TEXEL + 0.5) / SIZE, 0.0).r;
-  float soft = sqrt(SIGMA * SIGMA * (1.0 - share * share) + SOFT * SOFT);
-  height = 0.5 + (height - 0.5) * share;
-  return 1.0 / (1.0 + exp(1.702 * (height - level) / soft));
+  const float SIGMA = 0.2, SOFT = 0.02, WAVELENGTH = 6.0;
+  float level = puddleLevel();
+  if (level <= NO_WATER_LEVEL || !isRoad(kind) || n.z < 0.9) return 0.0;
+  float fraction = retainedContrast(WAVELENGTH, footprint);
+  float height = textureLod(samplerPuddles, (p.xy / PUDDLE_TEXEL_M + 0.5) / PUDDLE_TEXELS, 0.0).r;
+  float soft = sqrt(SIGMA * SIGMA * (1.0 - fraction * fraction) + SOFT * SOFT);
+  height = 0.5 + (height - 0.5) * fraction;
+  return 1.0 / (1.0 + exp(LOGISTIC * (height - level) / soft));
 }
 
-// Normal of standing water in rain: rings as wide as a hand.
-vec3 rippled(vec3 p, float footprint) {
-  const float WAVELENGTH = 0.04;
-  float slope = parameter(0).w * kept(WAVELENGTH, footprint);
+// Normal of standing water in rain; other ripples in every frame.
+vec3 rippleNormal(vec3 p, float footprint) {
+  float slope = rippleSlope() * retainedContrast(RIPPLE_WAVELENGTH, footprint);
   if (slope <= 0.0) return vec3(0.0, 0.0, 1.0);
-  int salt = 200 + 2 * int(parameter(16).w);
-  vec2 q = p.xy / WAVELENGTH;
+  int salt = 200 + 2 * int(frameIndex());
+  vec2 q = p.xy / RIPPLE_WAVELENGTH;
   return normalize(vec3(slope * 2.0 * vec2(noise(q, salt), noise(q, salt + 1)), 1.0));
 }
 
-// Share of falling snow that reaches a place, under trees and roofs less.
-float exposure(vec3 p) {
-  const float ABOVE = 0.4, ASIDE = 0.7;
-  vec4 map = parameter(17);
+// Fraction of falling snow that arrives at a point, less under trees and roofs. Five samples soften
+// the map's texels.
+float snowfallFraction(vec3 p) {
+  const float CLEARANCE = 0.4, OFFSET = 0.7;
+  vec4 map = shelterMapExtent();
   float sum = 0.0;
   for (int i = 0; i < 5; ++i) {
-    vec2 off = i == 0 ? vec2(0.0) : ASIDE * vec2(i % 2 == 0 ? 1.0 : -1.0, i > 2 ? 1.0 : -1.0);
+    vec2 off = i == 0 ? vec2(0.0) : OFFSET * vec2(i % 2 == 0 ? 1.0 : -1.0, i > 2 ? 1.0 : -1.0);
     vec2 top = textureLod(samplerShelter, (p.xy + off - map.xy) * map.zw, 0.0).rg;
-    sum += p.z < top.x - ABOVE ? 1.0 - top.y : 1.0;
+    sum += p.z < top.x - CLEARANCE ? 1.0 - top.y : 1.0;
   }
   return sum / 5.0;
 }
 
-// Share of a pixel under lying snow. It stays on what faces up; roads are driven free in ruts.
+// Fraction of a pixel under lying snow. It stays on what faces up; traffic clears ruts of roads.
 float snowCover(int kind, bool snowless, vec3 p, vec3 n, float footprint) {
   const float ON_ROAD = 0.005, ELSEWHERE = 0.002, SIGMA = 0.2, SOFT = 0.04;
-  float depth = parameter(16).x;
+  float depth = snowDepth();
   float upward = clamp((n.z - 0.35) / 0.4, 0.0, 1.0);
   if (depth <= 0.0 || snowless || upward <= 0.0) return 0.0;
-  float cover = upward * (1.0 - exp(-depth / (isRoad(kind) ? ON_ROAD : ELSEWHERE))) * exposure(p);
-  if (kind == 0) return cover;
+  float cover = upward * (1.0 - exp(-depth / (isRoad(kind) ? ON_ROAD : ELSEWHERE)))
+      * snowfallFraction(p);
+  if (kind == TEXTURE_PLAIN) return cover;
   if (isRoad(kind)) {
     float rut = smoothstep(0.1, 0.5, wear(p.xy, footprint));
-    cover *= mix(parameter(16).y, parameter(16).z, rut);
+    cover *= mix(snowBetweenRuts(), snowInRuts(), rut);
   }
-  float coarse = kept(1.7, footprint), fine = kept(0.4, footprint), finest = kept(0.1, footprint);
-  float seen = 0.4 * coarse * noise(p.xy / 1.7, 91) + 0.35 * fine * noise(p.xy / 0.4, 92)
+  float coarse = retainedContrast(1.7, footprint), fine = retainedContrast(0.4, footprint);
+  float finest = retainedContrast(0.1, footprint);
+  // Three octaves of weights 0.4, 0.35 and 0.2, scaled to the contrast of all that is resolved.
+  float resolved = 0.4 * coarse * noise(p.xy / 1.7, 91) + 0.35 * fine * noise(p.xy / 0.4, 92)
       + 0.2 * finest * noise(p.xy / 0.1, 93);
-  float share = sqrt((0.16 * coarse + 0.1225 * fine + 0.04 * finest) / 0.3225);
-  return patchy(cover, share > 0.0 ? seen / share : 0.0, SIGMA, share, SOFT);
+  float fraction = sqrt((0.16 * coarse + 0.1225 * fine + 0.04 * finest) / 0.3225);
+  return coverFraction(cover, fraction > 0.0 ? resolved / fraction : 0.0, SIGMA, fraction, SOFT);
 }
 
-// What a material looks like at a place, with what lies on it. A water film darkens what is rough
-// and porous and puts a smooth coat on it (Ångström 1925; Lekner and Dorf 1988). What is smooth
-// already, such as car paint, only beads.
-Surface surface(vec3 albedo, float roughness, float metallic, int kind, bool snowless, vec3 p,
+// Optical surface of a material at a point, with water and snow on it. A water film darkens rough,
+// porous materials and coats them smoothly (Ångström 1925; Lekner and Dorf 1988). On smooth ones,
+// such as car paint, water only beads.
+Surface buildSurface(vec3 albedo, float roughness, float metallic, int kind, bool snowless, vec3 p,
     vec3 normal, float footprint) {
-  const float EXTERNAL = 0.0664, INTERNAL = 0.4746, INDEX_MATCHED = 0.85;
+  const float INDEX_MATCHED = 0.85;
   const float FILMED = 0.15, STILL = 0.02;
   const vec3 SNOW = vec3(0.86, 0.88, 0.91);
   float porous = smoothstep(0.45, 0.6, roughness) * (1.0 - metallic);
   float puddle = wetness() > 0.0 ? standingWater(kind, p, normal, footprint) : 0.0;
   float wet = mix(wetness() * porous * mix(0.5, 1.0, max(normal.z, 0.0)), 1.0, puddle);
-  vec3 soaked = INDEX_MATCHED * (1.0 - EXTERNAL) * (1.0 - INTERNAL) * albedo
-      / (1.0 - albedo * INTERNAL);
+  vec3 soaked = INDEX_MATCHED * (1.0 - WATER_EXTERNAL_REFLECTANCE)
+      * (1.0 - WATER_INTERNAL_REFLECTANCE) * albedo / (1.0 - albedo * WATER_INTERNAL_REFLECTANCE);
   float film = holdsFilm(kind) ? smoothstep(0.3, 1.0, wet) : 0.0;
-  float waves = parameter(0).w;
-  waves = STILL + 1.41 * waves * (1.0 - kept(0.04, footprint));
+  // Ripples finer than the pixel widen the lobe: alpha is sqrt(2) of the root mean square slope.
+  float waves = rippleSlope();
+  waves = STILL + 1.41 * waves * (1.0 - retainedContrast(RIPPLE_WAVELENGTH, footprint));
 
   Surface s;
   s.albedo = mix(albedo, soaked, wet) * (1.0 - metallic);
   s.alpha = max(mix(mix(roughness * roughness, FILMED, film), waves, puddle), 0.02);
   s.coat = (1.0 - metallic) * mix(1.0, film, porous);
-  s.index = mix(1.5, WATER, porous);
+  s.index = mix(1.5, WATER_INDEX, porous);
   s.metal = albedo * metallic;
-  s.normal = puddle > 0.5 ? rippled(p, footprint) : normal;
+  s.normal = puddle > 0.5 ? rippleNormal(p, footprint) : normal;
 
   float snow = snowCover(kind, snowless, p, normal, footprint);
   s.albedo = mix(s.albedo, SNOW, snow);

@@ -6,22 +6,23 @@ layout(set = 0, binding = 1) uniform sampler2D samplerGlow;
 layout(location = 0) in vec2 inUV;
 layout(location = 0) out vec4 outRadiance;
 
+#include "../shader_constants.glsl"
 #include "./dither.glsl"
 
-// The glow of lamps, of all dithered pixels that look as far into the air, about.
-vec3 smoothGlow(float depth) {
-  const float ALIKE = 0.25, FAR = 3000.0;
-  ivec2 first = dithered(gl_FragCoord.xy, textureSize(samplerGlow, 0));
-  float inverse = 1.0 / (depth > 0.0 ? depth : FAR);
+// The glow of lamps, averaged over the dithered pixels of about the same depth.
+vec3 filterGlow(float depth) {
+  const float TOLERANCE = 0.25;
+  ivec2 first = ditherBlock(gl_FragCoord.xy, textureSize(samplerGlow, 0));
+  float inverse = 1.0 / (depth > 0.0 ? depth : FAR_M);
   vec3 sum = vec3(0.0);
   float weight = 0.0;
   for (int i = 0; i < DITHER * DITHER; ++i) {
     ivec2 texel = first + ivec2(i % DITHER, i / DITHER);
-    float there = texelFetch(samplerSeen, texel, 0).a;
-    float off = abs(1.0 / (there > 0.0 ? there : FAR) - inverse);
-    float alike = max(1.0 - off / (ALIKE * inverse), 0.0);
-    sum += alike * texelFetch(samplerGlow, texel, 0).rgb;
-    weight += alike;
+    float sampleDepth = texelFetch(samplerSeen, texel, 0).a;
+    float difference = abs(1.0 / (sampleDepth > 0.0 ? sampleDepth : FAR_M) - inverse);
+    float similarity = max(1.0 - difference / (TOLERANCE * inverse), 0.0);
+    sum += similarity * texelFetch(samplerGlow, texel, 0).rgb;
+    weight += similarity;
   }
   return sum / weight;
 }
@@ -29,6 +30,6 @@ vec3 smoothGlow(float depth) {
 void main() {
   vec4 seen = texture(samplerSeen, inUV);
   vec3 glow = texture(samplerGlow, inUV).rgb;
-  if (glow != vec3(0.0)) glow = smoothGlow(seen.a);
+  if (glow != vec3(0.0)) glow = filterGlow(seen.a);
   outRadiance = vec4(seen.rgb + glow, seen.a);
 }

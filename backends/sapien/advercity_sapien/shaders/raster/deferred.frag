@@ -15,14 +15,15 @@ layout(set = 2, binding = 7) uniform sampler2D samplerShelter;
 
 layout(location = 0) in vec2 inUV;
 
-// Light on its way to the camera before air is between, and depth.
+// Radiance of surfaces, without the air before them, and depth.
 layout(location = 0) out vec4 outLit;
-// Where a level surface mirrors what is around it: its normal's x and y, the share that it mirrors
-// and the width of the lobe.
+// Mirror reflections of level surfaces: x and y of the normal, reflectance, and width of the lobe.
 layout(location = 1) out vec4 outMirror;
-// What the sky's light gives where all of it comes, and the share that does, dithered.
+// Reflected sky light without occlusion, and ambient occlusion, dithered.
 layout(location = 2) out vec4 outAmbient;
 
+#include "../shader_constants.glsl"
+#include "../shader_table.glsl"
 #include "../atmosphere.glsl"
 #include "../surface.glsl"
 #include "../texture.glsl"
@@ -30,10 +31,10 @@ layout(location = 2) out vec4 outAmbient;
 #include "../lamps.glsl"
 #include "./view.glsl"
 #include "./dither.glsl"
-#include "./openness.glsl"
+#include "./ambient_occlusion.glsl"
 
-// Share of the sun that reaches a point, percentage-closer filtered over 3x3 texels.
-float sunlit(vec3 position, vec3 normal) {
+// Fraction of the sun that is visible from a point: 3x3 texels of the shadow map, compared.
+float sunVisibility(vec3 position, vec3 normal) {
   if (NUM_DIRECTIONAL_LIGHT_SHADOWS == 0) return 1.0;
   LightView light = shadowBuffer.directionalLightBuffers[0];
   vec2 size = vec2(textureSize(samplerDirectionalLightDepths[0], 0));
@@ -50,24 +51,25 @@ float sunlit(vec3 position, vec3 normal) {
   return lit / 9.0;
 }
 
-vec3 fromLamps(Surface s, vec3 towardsEye, vec3 position) {
-  // A point lamp in a perfect mirror would be seen by no pixel or blind one.
+// Radiance of a surface by the lamps of its cell, and by those that it mirrors from farther away.
+vec3 lampRadiance(Surface s, vec3 towardsEye, vec3 position) {
+  // A point lamp in a perfect mirror would fall between pixels, or be far too bright in one.
   s.alpha = max(s.alpha, 0.05);
   vec3 sum = vec3(0.0);
-  int list = listOfCell(position.xy);
-  for (int i = 0; list >= 0 && i < FOURS_OF_CELL; ++i) {
-    ivec4 four = fourLamps(CELL_ROW, list + i);
+  int list = cellList(position.xy);
+  for (int i = 0; list >= 0 && i < TEXELS_PER_CELL; ++i) {
+    ivec4 four = lampQuad(CELLS_ROW, list + i);
     for (int j = 0; j < 4 && four[j] >= 0; ++j) {
-      sum += litBy(lamp(four[j]), s, towardsEye, position);
+      sum += lampReflection(fetchLamp(four[j]), s, towardsEye, position);
     }
     if (four.w < 0) break;
   }
-  if (!mirrorsFarLamps(s)) return sum;
-  list = listOfBearing(-towardsEye.xy);
-  for (int i = 0; i < FOURS_OF_BEARING; ++i) {
-    ivec4 four = fourLamps(BEARING_ROW, list + i);
+  if (!isMirrorLike(s)) return sum;
+  list = bearingList(-towardsEye.xy);
+  for (int i = 0; i < TEXELS_PER_BEARING; ++i) {
+    ivec4 four = lampQuad(BEARINGS_ROW, list + i);
     for (int j = 0; j < 4 && four[j] >= 0; ++j) {
-      sum += mirroredFrom(lamp(four[j]), s, towardsEye, position);
+      sum += lampMirrorReflection(fetchLamp(four[j]), s, towardsEye, position);
     }
     if (four.w < 0) break;
   }
@@ -75,8 +77,8 @@ vec3 fromLamps(Surface s, vec3 towardsEye, vec3 position) {
 }
 
 void main() {
-  float stretch;
-  vec3 ray = rayThrough(inUV, stretch);
+  float distancePerDepth;
+  vec3 ray = rayThrough(inUV, distancePerDepth);
   vec4 depthEmission = texture(samplerDepthEmission, inUV);
   float depth = depthEmission.x;
   outMirror = vec4(0.0);
@@ -87,32 +89,32 @@ void main() {
   }
   vec4 albedo = texture(samplerAlbedo, inUV);
   vec4 normal = texture(samplerNormal, inUV);
-  float distance = depth * stretch;
+  float distance = depth * distancePerDepth;
   vec3 position = cameraBuffer.viewMatrixInverse[3].xyz + ray * distance;
   float pixelAngle = 2.0 / (cameraBuffer.projectionMatrix[0][0] * cameraBuffer.width);
-  float wide = footprint(pixelAngle, distance, abs(dot(ray, normal.xyz)));
+  float pixelWidth = footprint(pixelAngle, distance, abs(dot(ray, normal.xyz)));
   int kind = int(depthEmission.z);
-  vec3 radiance = night() ? vec3(0.0) : depthEmission.y * albedo.rgb;
-  albedo.rgb *= detail(kind, position, normal.xyz, wide);
+  vec3 radiance = isNight() ? vec3(0.0) : depthEmission.y * albedo.rgb;
+  albedo.rgb *= materialDetail(kind, position, normal.xyz, pixelWidth);
 
-  Surface s = surface(albedo.rgb, albedo.a, normal.a, kind, depthEmission.w > 0.5, position,
-      normal.xyz, wide);
-  vec3 sun = towardsSun();
+  Surface s = buildSurface(albedo.rgb, albedo.a, normal.a, kind, depthEmission.w > 0.5, position,
+      normal.xyz, pixelWidth);
+  vec3 sun = sunDirection();
   if (dot(sunIrradiance(), vec3(1.0)) > 0.0 && dot(s.normal, sun) > 0.0) {
-    radiance += reflected(s, -ray, sun) * sunIrradiance() * sunlit(position, normal.xyz);
+    radiance += brdfCosine(s, -ray, sun) * sunIrradiance() * sunVisibility(position, normal.xyz);
   }
-  if (night()) radiance += seenAround(distance) * fromLamps(s, -ray, position);
+  if (isNight()) radiance += forwardScatterGain(distance) * lampRadiance(s, -ray, position);
   float cosine = -dot(ray, s.normal);
-  vec3 ambient = s.albedo * passing(s, cosine) * skyIrradiance(s.normal) / PI;
-  // By night hardly any light is the sky's.
-  float open = night() ? 1.0 : openness(inUV, depth, normal.xyz, gl_FragCoord.xy);
-  outAmbient = vec4(ambient, open);
-  radiance += ambient * open;
-  vec3 mirrored = mirroredShare(s, roughCosine(s.alpha, cosine));
+  vec3 ambient = s.albedo * coatTransmittance(s, cosine) * skyIrradiance(s.normal) / PI;
+  // By night hardly any light is from the sky, so its occlusion is not worth the time.
+  float occlusion = isNight() ? 1.0 : ambientOcclusion(inUV, depth, normal.xyz, gl_FragCoord.xy);
+  outAmbient = vec4(ambient, occlusion);
+  radiance += ambient * occlusion;
+  vec3 mirrored = fresnelReflectance(s, roughCosine(s.alpha, cosine));
   if (s.normal.z > 0.7 && s.alpha < 0.5 && s.coat > 0.0 && mirrored.g > 0.01) {
     outMirror = vec4(s.normal.xy, mirrored.g, s.alpha);
   } else if (mirrored.g > 0.0) {
-    radiance += mirrored * skyAround(reflect(ray, s.normal), s.alpha);
+    radiance += mirrored * skyLobe(reflect(ray, s.normal), s.alpha);
   }
   outLit = vec4(radiance, depth);
 }

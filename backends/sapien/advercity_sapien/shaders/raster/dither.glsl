@@ -1,9 +1,9 @@
-// What is worked out with few samples differs from pixel to pixel in a pattern of four by four, so
-// that the mean of any four by four pixels has sixteen times the samples.
+// Quantities of few samples use others in each pixel of a pattern of four by four, so that the mean
+// of any four by four pixels has sixteen times the samples.
 
 const int DITHER = 4;
 
-// A number of the pattern, each sixteenth of [0, 1) once (Bayer 1973).
+// Ordered-dither threshold of a pixel, each sixteenth of [0, 1) once (Bayer 1973).
 float dither(vec2 pixel) {
   ivec2 p = ivec2(pixel);
   ivec2 fine = p & 1, coarse = (p >> 1) & 1;
@@ -11,7 +11,7 @@ float dither(vec2 pixel) {
   return (float(rank) + 0.5) / 16.0;
 }
 
-// The pixel from which on such a square lies around another one.
-ivec2 dithered(vec2 pixel, ivec2 size) {
+// First pixel of the block of the pattern's size around a pixel.
+ivec2 ditherBlock(vec2 pixel, ivec2 size) {
   return clamp(ivec2(pixel) - DITHER / 2, ivec2(0), size - DITHER);
 }

@@ -4,7 +4,8 @@
 #define OBJECT_SET 1
 #define MATERIAL_SET 2
 #include "./interface.glsl"
-#include "../lenses.glsl"
+#include "../shader_constants.glsl"
+#include "../lamp_lenses.glsl"
 
 layout(location = 0) in vec3 inWorldNormal;
 layout(location = 1) in float inDistance;
@@ -19,7 +20,7 @@ void main() {
   outAlbedo = vec4(materialBuffer.baseColor.rgb, materialBuffer.roughness);
   outNormal = vec4(normalize(inWorldNormal), materialBuffer.metallic);
   outDepthEmission = vec4(
-      inDistance, lensEmission(materialBuffer.emission.x, objectDataBuffer.lit),
+      inDistance, lensEmission(int(materialBuffer.emission.x), objectDataBuffer.lit),
       materialBuffer.emission.y, materialBuffer.emission.z);
   outSegmentation = inIds;
 }

@@ -19,7 +19,7 @@ void main() {
   outWorldNormal = mat3(objectTransformBuffer.modelMatrix) * normal;
   outDistance = -seen.z;
   outIds = objectDataBuffer.segmentation;
-  // A camera's own carrier is hidden from it, but still casts its shadow.
+  // Hidden bodies, such as the camera's own vehicle, still cast shadows: only this pass drops them.
   gl_Position = objectDataBuffer.hidden != 0
       ? vec4(0.0, 0.0, 2.0, 1.0) : cameraBuffer.projectionMatrix * seen;
 }

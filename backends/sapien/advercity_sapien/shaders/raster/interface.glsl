@@ -1,4 +1,4 @@
-// What SAPIEN hands to every pass; names and members are its interface.
+// Buffers that SAPIEN gives to every pass; it finds them by name, and reads members by offset.
 
 #ifdef CAMERA_SET
 layout(set = CAMERA_SET, binding = 0) uniform CameraBuffer {

@@ -3,12 +3,16 @@
 #extension GL_EXT_scalar_block_layout : enable
 #extension GL_EXT_nonuniform_qualifier : enable
 
-#include "./hit.glsl"
+#include "./ray_hit.glsl"
 #include "./scene.glsl"
-#include "../lenses.glsl"
+#include "./scene_textures.glsl"
+#include "../shader_constants.glsl"
+#include "../shader_table.glsl"
+#include "./body_state.glsl"
+#include "../lamp_lenses.glsl"
 
 hitAttributeEXT vec2 barycentric;
-layout(location = 0) rayPayloadInEXT Hit hit;
+layout(location = 0) rayPayloadInEXT RayHit hit;
 
 vec3 normalOf(uint geometry, uint corner) {
   Vertex v = vertices[nonuniformEXT(geometry)].v[
@@ -31,8 +35,8 @@ void main() {
   hit.roughness = material.roughness;
   hit.metallic = material.metallic;
   uvec4 ids = objects.o[gl_InstanceID].segmentation;
-  findTables();
-  hit.emission = lensEmission(material.emission.x, int(stateOf(ids.y).x));
+  bindSceneTextures();
+  hit.emission = lensEmission(int(material.emission.x), int(bodyState(ids.y).x));
   hit.texture = int(material.emission.y);
   hit.snowless = material.emission.z > 0.5;
   hit.identity = ids.x;

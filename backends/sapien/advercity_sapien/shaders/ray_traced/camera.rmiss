@@ -1,9 +1,9 @@
 #version 460
 #extension GL_EXT_ray_tracing : require
 
-#include "./hit.glsl"
+#include "./ray_hit.glsl"
 
-layout(location = 0) rayPayloadInEXT Hit hit;
+layout(location = 0) rayPayloadInEXT RayHit hit;
 
 void main() {
   hit.distance = -1.0;

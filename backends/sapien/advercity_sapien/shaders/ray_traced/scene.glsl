@@ -1,4 +1,4 @@
-// What SAPIEN hands to a ray-tracing pack; names and members are its interface.
+// Buffers that SAPIEN gives to a ray-tracing pack; it finds them by name.
 
 struct GeometryInstance {
   uint geometryIndex;
@@ -85,31 +85,3 @@ layout(std430, set = 1, binding = 8) readonly buffer Vertices { Vertex v[]; } ve
 layout(set = 1, binding = 9) readonly buffer Indices { uint i[]; } indices[];
 layout(set = 1, binding = 10) readonly buffer Objects { Object o[]; } objects;
 layout(set = 1, binding = 11) readonly buffer ParallelogramLights { ParallelogramLight l[]; } parallelogramLights;
-
-// SAPIEN binds only its own textures here, so the scene's first object carries ours as the
-// textures of its material.
-int tableIndex, skyIndex, airlightIndex, wearIndex, puddlesIndex, shelterIndex;
-#define samplerTable textures[nonuniformEXT(tableIndex)]
-#define samplerSky textures[nonuniformEXT(skyIndex)]
-#define samplerAirlight textures[nonuniformEXT(airlightIndex)]
-#define samplerWear textures[nonuniformEXT(wearIndex)]
-#define samplerPuddles textures[nonuniformEXT(puddlesIndex)]
-#define samplerShelter textures[nonuniformEXT(shelterIndex)]
-
-const int BODY_ROW = 19;  // of the table, as in `bindings.py`
-
-void findTables() {
-  TextureIndex carried = textureIndices.t[geometryInstances.i[0].materialIndex];
-  tableIndex = carried.diffuse;
-  skyIndex = carried.emission;
-  airlightIndex = carried.transmission;
-  wearIndex = carried.roughness;
-  puddlesIndex = carried.metallic;
-  shelterIndex = carried.normal;
-}
-
-// Of a body: its lit lamps and whether it is hidden.
-vec2 stateOf(uint body) {
-  int width = textureSize(samplerTable, 0).x;
-  return texelFetch(samplerTable, ivec2(int(body) % width, BODY_ROW + int(body) / width), 0).xy;
-}

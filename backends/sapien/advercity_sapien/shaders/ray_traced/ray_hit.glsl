@@ -1,7 +1,7 @@
-// What a ray brings home.
+// Payload of a ray: the surface that it hits.
 
-struct Hit {
-  float distance;  // negative: nothing but sky
+struct RayHit {
+  float distance;  // negative: the sky
   vec3 normal;     // unit, towards where the ray came from
   vec3 albedo;
   float roughness;
