@@ -13,13 +13,11 @@ from typing import TYPE_CHECKING, Literal
 from advercity_dsl import Spec
 
 from advercity import compiler
-from advercity.errors import InputError
 
 if TYPE_CHECKING:
     # The pipeline loads SUMO, Rerun and OpenCV; whoever only compiles does not wait for them.
     from advercity.dataset.reader import Dataset
     from advercity.pipeline import (
-        FrameRange,
         ResourceLimits,
         RunListener,
         ScenarioResult,
@@ -168,8 +166,6 @@ def run(
         AdvercityError: With `check`, what failed.
     """
     from advercity import pipeline
-    from advercity.pipeline.estimate import check_resources
-    from advercity.pipeline.executors import validate_batch
 
     batch = [specs] if isinstance(specs, Spec) else list(specs)
     target = os.fspath(output)
@@ -178,38 +174,21 @@ def run(
         backend=backend,
         profile=profile,
         scale=scale,
-        frames=_to_frame_range(frames),
+        frames=frames or slice(None),
         viewer=viewer or pipeline.ViewerTarget(),
         fresh=fresh,
         format=format,
     )
-    validate_batch(batch, options)
-    resources = check_resources(
+    results = pipeline.run_batch(
         batch,
         options,
-        requested_limits=limits or pipeline.ResourceLimits(),
         jobs=jobs,
+        limits=limits,
         allow_large=allow_large,
-        is_local=executor == "local",
-    )
-    where = pipeline.create_executor(
-        executor, output=target, address=ray_address, jobs=resources.jobs
-    )
-    results = where.run(
-        batch, options, listener=listener or pipeline.SilentListener(), limits=resources.limits
+        executor=pipeline.create_executor(executor, output=target, address=ray_address),
+        listener=listener,
     )
     result = RunResult(target, tuple(results))
     if check:
         result.raise_failures()
     return result
-
-
-def _to_frame_range(frames: slice | None) -> "FrameRange":
-    from advercity.pipeline import FrameRange
-
-    if frames is None:
-        return FrameRange()
-    first, last, step = frames.start or 0, frames.stop, frames.step or 1
-    if first < 0 or step < 1 or (last is not None and last <= first):
-        raise InputError(f"frames {frames}: contains no frame; write slice(0, 30)")
-    return FrameRange(first, last, step)

@@ -41,6 +41,17 @@ def write_image(image: NDArray[Any], path: Path) -> None:
         raise InputError(f"{path}: cannot be written: {error.strerror}") from error
 
 
+LABEL_HEIGHT_PX = 20
+
+
+def draw_label_bar(text: str, width_px: int) -> NDArray[np.uint8]:
+    """Draw a dark bar (`LABEL_HEIGHT_PX`, `width_px`, 3), BGR, with light text."""
+    bar = np.full((LABEL_HEIGHT_PX, width_px, 3), 32, np.uint8)
+    origin = (6, LABEL_HEIGHT_PX - 6)
+    cv2.putText(bar, text, origin, cv2.FONT_HERSHEY_SIMPLEX, 0.45, (235,) * 3, 1, cv2.LINE_AA)
+    return bar
+
+
 H264_CONSTANT_RATE_FACTOR = "20"
 """Constant rate factor of H.264: lower is better."""
 

@@ -209,9 +209,9 @@ class RecordingListener:
         """Record progress of a scenario."""
         self.progress.append(progress)
 
-    def on_result(self, outcome: ScenarioResult) -> None:
+    def on_result(self, result: ScenarioResult) -> None:
         """Record how a scenario ended."""
-        self.results.append(outcome)
+        self.results.append(result)
 
 
 def hash_tree(folder: Path) -> dict[str, str]:

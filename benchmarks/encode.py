@@ -23,8 +23,7 @@ from measurement import Figure, table
 
 from advercity.compiler import read_spec
 from advercity.dataset.writer import ScenarioWriter
-from advercity.pipeline.agent_poses import AgentPoses
-from advercity.pipeline.preparation import compute_identity, load_or_simulate_traffic
+from advercity.pipeline.preparation import PreparedScenario, load_or_simulate_traffic
 from advercity.pipeline.scenario import BackgroundWriter
 from advercity.pipeline.sensing import SensorRig, open_sensors
 from advercity.rendering.backend import RENDER_PROFILES, load_backend
@@ -69,12 +68,12 @@ def _opened(
 ) -> Generator[tuple[SensorRig, ScenarioWriter]]:
     """The sensors and the writer of a scenario."""
     spec, backend, profile = read_spec(path), load_backend("sapien"), RENDER_PROFILES[profile_name]
-    stage = load_or_simulate_traffic(spec)
-    identity = compute_identity(spec, stage, backend, profile, format="opv2v")
-    viewpoints = AgentPoses(spec, stage.trace)
+    traffic = load_or_simulate_traffic(spec)
+    frames = range(len(traffic.trace))
+    prepared = PreparedScenario(spec, traffic, backend, profile, frames)
     with (
-        ScenarioWriter(folder, spec, identity, length=len(stage.trace)) as writer,
-        open_sensors(viewpoints, stage, backend, profile) as sensed,
+        ScenarioWriter(folder, spec, prepared.identity, length=len(frames)) as writer,
+        open_sensors(prepared) as sensed,
     ):
         yield sensed, writer
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from advercity.compiler import read_spec
 from advercity.errors import AdvercityError
-from advercity.pipeline import FrameRange, RunOptions, run_scenario
+from advercity.pipeline import RunOptions, run_scenario
 
 
 def main() -> int:
@@ -25,7 +25,7 @@ def main() -> int:
             output=Path(folder),
             profile="preview",
             scale=arguments.scale,
-            frames=FrameRange(0, 1),
+            frames=slice(0, 1),
         )
         for path in sorted(arguments.folder.glob("*.json")):
             begin = time.perf_counter()

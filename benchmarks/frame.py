@@ -35,7 +35,7 @@ from advercity.dataset import cloud_files, opv2v, partial_files
 from advercity.dataset import image_codec as png
 from advercity.dataset import writer as frame_writer
 from advercity.physics.atmosphere import compute_atmosphere
-from advercity.pipeline import FrameRange, Progress, RunOptions, run_scenario, sensing
+from advercity.pipeline import Progress, RunOptions, run_scenario, sensing
 from advercity.pipeline.agent_poses import AgentPoses
 from advercity.pipeline.preparation import load_or_build_world, load_or_simulate_traffic
 from advercity.rendering.backend import RENDER_PROFILES, CameraView, RenderProfile, load_backend
@@ -130,7 +130,7 @@ def pace(spec: Spec, profile: RenderProfile, frames: int) -> Pace:
             Path(folder),
             profile=profile.name,
             scale=profile.scale,
-            frames=FrameRange(0, frames + 1),
+            frames=slice(0, frames + 1),
         )
         run_scenario(spec, options, report)
     (wall, cpu), (wall_end, cpu_end) = marks

@@ -16,7 +16,7 @@ from measurement import Figure, table
 from advercity.compiler import read_spec
 from advercity.dataset.manifest import Manifest
 from advercity.dataset.verification import verify_scenario
-from advercity.pipeline import FrameRange, RunOptions, run_scenario
+from advercity.pipeline import RunOptions, run_scenario
 
 SPEC = Path("compiled/ui_fog_day_sparse.json")
 
@@ -26,7 +26,7 @@ def figures(*, quick: bool) -> list[Figure]:
     frames, rounds = (6, 3) if quick else (20, 7)
     spec = read_spec(SPEC)
     with tempfile.TemporaryDirectory() as folder:
-        options = RunOptions(Path(folder), profile="preview", frames=FrameRange(0, frames))
+        options = RunOptions(Path(folder), profile="preview", frames=slice(0, frames))
         made_s = _seconds(lambda: run_scenario(spec, options))
         scenario = Path(folder) / spec.id
         files = [path for path in scenario.rglob("*") if path.is_file()]

@@ -22,7 +22,7 @@ import psutil
 from advercity.compiler import read_spec
 from advercity.dataset.manifest import Manifest
 from advercity.dataset.verification import verify_dataset
-from advercity.pipeline import FrameRange, Progress, RunOptions, ScenarioResult, run_scenarios
+from advercity.pipeline import Progress, RunOptions, RunResources, ScenarioResult, run_scenarios
 from advercity.pipeline.options import format_byte_size, format_duration
 
 MOST_MB = 1.0
@@ -40,15 +40,15 @@ class Log:
     def on_progress(self, progress: Progress) -> None:
         """Nothing to print."""
 
-    def on_result(self, outcome: ScenarioResult) -> None:
+    def on_result(self, result: ScenarioResult) -> None:
         """One line."""
         self.own_mb.append(psutil.Process().memory_info().rss / 1e6)
-        self.peaks_mb.append(outcome.peak_memory_bytes / 1e6)
-        road, *_, density = outcome.scenario.split("_")
+        self.peaks_mb.append(result.peak_memory_bytes / 1e6)
+        road, *_, density = result.scenario.split("_")
         self.alike.append(f"{road} {density}")
-        told = f"FAILED: {outcome.error}" if outcome.error else f"{outcome.time_s:.1f} s"
+        told = f"FAILED: {result.error}" if result.error else f"{result.time_s:.1f} s"
         print(
-            f"{len(self.own_mb):3} {outcome.scenario}: {told}, peak {self.peaks_mb[-1]:.0f} MB,"
+            f"{len(self.own_mb):3} {result.scenario}: {told}, peak {self.peaks_mb[-1]:.0f} MB,"
             f" here {self.own_mb[-1]:.1f} MB",
             flush=True,
         )
@@ -64,19 +64,21 @@ def main() -> int:
             output,
             profile="preview",
             scale=arguments.scale,
-            frames=FrameRange(0, arguments.frames),
+            frames=slice(0, arguments.frames),
         )
         log, began_s = Log(), time.perf_counter()
-        outcomes = run_scenarios(specs, options, listener=log, jobs=arguments.jobs)
+        results = run_scenarios(
+            specs, options, listener=log, resources=RunResources(arguments.jobs)
+        )
         took_s = time.perf_counter() - began_s
         manifests = [Manifest.load(output / spec.id) for spec in specs]
         whole = sum(manifest.frames == tuple(range(arguments.frames)) for manifest in manifests)
         problems = verify_dataset(output)
-    failed = sum(outcome.error is not None for outcome in outcomes)
+    failed = sum(result.error is not None for result in results)
     slopes = [_slope(log.own_mb), _slope(_less_the_mean(log.peaks_mb, log.alike))]
     print(f"{len(specs)} scenarios in {format_duration(took_s)}, {failed} failed; {whole} whole")
     print(f"{sum(len(manifest.files) for manifest in manifests)} files,", end=" ")
-    print(f"{format_byte_size(sum(outcome.size_bytes for outcome in outcomes))},", end=" ")
+    print(f"{format_byte_size(sum(result.size_bytes for result in results))},", end=" ")
     print(f"{len(problems)} not as their manifests say")
     print(f"memory here {slopes[0]:+.3f} MB a scenario, in their processes {slopes[1]:+.3f}")
     return int(bool(failed or problems or whole < len(specs) or max(slopes) > MOST_MB))

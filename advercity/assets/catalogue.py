@@ -1,4 +1,4 @@
-"""The catalogue's bodies on this machine: which models are here, and what each body weighs."""
+"""Lists the bodies of catalogues: which models are installed, and how large each body is."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,7 +11,6 @@ from advercity.assets.bodies import build_body
 from advercity.assets.model_store import ModelStore
 from advercity.compiler.library import find_shipped_library, load_library
 from advercity.errors import InputError
-from advercity.world import Body
 
 
 @dataclass(frozen=True)
@@ -19,11 +18,11 @@ class BodyFacts:
     """One row of the list of bodies.
 
     Attributes:
-        name: Of the blueprint.
-        blueprint: What it is.
-        triangles: Of its body.
-        size_mib: What vertices, triangles and normals take in memory.
-        has_model: Whether a model stands for it, or it is shaped here.
+        name: Id of the blueprint.
+        blueprint: What the body is built from.
+        triangles: Triangles of the body.
+        size_mib: Memory of its vertices, triangles and normals.
+        has_model: Whether the body is an installed model, not a procedural shape.
     """
 
     name: str
@@ -33,36 +32,37 @@ class BodyFacts:
     has_model: bool
 
     def to_row(self) -> dict[str, str | int | float]:
-        """The row, by its heads."""
-        made = self.blueprint
+        """Return the row by its column heads."""
+        blueprint = self.blueprint
         return {
             "blueprint": self.name,
-            "class": made.actor_class,
-            "size m": f"{made.length_m:.2f} x {made.width_m:.2f} x {made.height_m:.2f}",
+            "class": blueprint.actor_class,
+            "size m": f"{blueprint.length_m:.2f} x {blueprint.width_m:.2f}"
+            f" x {blueprint.height_m:.2f}",
             "triangles": self.triangles,
             "MiB": round(self.size_mib, 2),
-            "made of": self.source,
-            "author, licence": self.terms,
+            "model": self.source,
+            "attribution": self.attribution,
         }
 
     @property
     def source(self) -> str:
-        """What the body is made of."""
+        """Model that the body is made of, or `procedural`."""
         model = self.blueprint.model
         if model is None:
-            return "shaped here"
+            return "procedural"
         name = model.pack or model.file or ""
-        return name if self.has_model else f"shaped here; {name} is not installed"
+        return name if self.has_model else f"procedural; {name} is not installed"
 
     @property
-    def terms(self) -> str:
-        """Author and licence of the model."""
+    def attribution(self) -> str:
+        """Author and licence of the model; procedural bodies have the project's licence."""
         model = self.blueprint.model
         return f"{model.author}, {model.licence}" if model and self.has_model else "MIT"
 
 
 def load_catalogue_blueprints(*library: Path) -> dict[str, Blueprint]:
-    """Blueprints of every catalogue of a library's folders, or of the one that ships."""
+    """Load the blueprints of every catalogue in library folders; no folder: the shipped library."""
     catalogues = load_library(*(library or [find_shipped_library()])).get_declarations(Catalogue)
     return {
         name: blueprint
@@ -74,25 +74,25 @@ def load_catalogue_blueprints(*library: Path) -> dict[str, Blueprint]:
 def select_blueprints(
     blueprints: Mapping[str, Blueprint], names: list[str]
 ) -> dict[str, Blueprint]:
-    """Those with these names, or all if there are none; InputError if one is not there."""
+    """Select blueprints by name, or all if no name is given; InputError for an unknown name."""
     for name in names:
         if name not in blueprints:
             raise InputError(f"there is no blueprint '{name}'; {suggest_name(name, blueprints)}")
     return {name: blueprints[name] for name in names} if names else dict(blueprints)
 
 
-def compute_body_facts(name: str, blueprint: Blueprint, shelf: ModelStore) -> BodyFacts:
-    """What a blueprint's body weighs; RunError if its model is here but cannot be used."""
-    made = build_body(name, blueprint, shelf)
+def compute_body_facts(name: str, blueprint: Blueprint, store: ModelStore) -> BodyFacts:
+    """Build the body of a blueprint and measure it.
+
+    Raises:
+        RunError: Its model is installed, but cannot be used.
+    """
+    parts = build_body(name, blueprint, store).parts
+    arrays = [a for part in parts for a in (part.vertices, part.triangles, part.normals)]
     return BodyFacts(
         name,
         blueprint,
-        triangles=sum(len(part.triangles) for part in made.parts),
-        size_mib=_count_bytes(made) / 2**20,
-        has_model=shelf.prepare_model(blueprint) is not None,
+        triangles=sum(len(part.triangles) for part in parts),
+        size_mib=sum(array.nbytes for array in arrays if array is not None) / 2**20,
+        has_model=store.prepare_model(blueprint) is not None,
     )
-
-
-def _count_bytes(made: Body) -> int:
-    arrays = [(part.vertices, part.triangles, part.normals) for part in made.parts]
-    return sum(array.nbytes for some in arrays for array in some if array is not None)

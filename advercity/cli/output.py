@@ -1,5 +1,6 @@
-"""How the command line speaks: data on stdout, all else on stderr."""
+"""Output of the command line: data on stdout, everything else on stderr."""
 
+import re
 import sys
 from typing import NoReturn
 
@@ -14,14 +15,27 @@ def print_data(text: str) -> None:
 
 
 def print_note(text: str) -> None:
-    """Tell what is going on; quiet when nobody watches."""
+    """Print a remark for a person at a terminal; silent when stderr is redirected."""
     if sys.stderr.isatty():
         stderr_console.print(text, markup=False)
 
 
+OPTION_PARAMETERS = (
+    *("allow_large", "backend", "cloud_colour", "connect", "executor", "format", "frames", "fresh"),
+    *("jobs", "max_memory", "max_time", "output", "profile", "ray_address", "rrd", "scale"),
+    *("stream", "web"),
+)
+_QUOTED_PARAMETER = re.compile(f"`({'|'.join(OPTION_PARAMETERS)})`")
+
+
+def format_options(text: str) -> str:
+    """Replace parameters that the library quotes, such as `max_time`, by options: --max-time."""
+    return _QUOTED_PARAMETER.sub(lambda match: f"--{match[1].replace('_', '-')}", text)
+
+
 def exit_with_error(error: Exception, *, exit_code: int) -> NoReturn:
-    """Print one message and leave; lines that are indented belong to the one above."""
-    for line in str(error).splitlines():
+    """Print one message and exit; indented lines belong to the line above them."""
+    for line in format_options(str(error)).splitlines():
         if line.startswith(" "):
             stderr_console.print(line, markup=False)
         else:

@@ -9,7 +9,7 @@ from threading import Lock
 from advercity_dsl import Spec
 from rich import progress as rich_progress
 
-from advercity.cli.output import stderr_console
+from advercity.cli.output import format_options, stderr_console
 from advercity.pipeline import Progress, ScenarioResult
 from advercity.pipeline.options import format_byte_size, format_duration
 
@@ -41,14 +41,14 @@ class ProgressView:
                 self._remove(progress.scenario)
             self._update_total()
 
-    def on_result(self, outcome: ScenarioResult) -> None:
+    def on_result(self, result: ScenarioResult) -> None:
         """Show how a scenario ended."""
         with self._lock:
-            self._over[outcome.scenario] = outcome
-            self._remove(outcome.scenario)
+            self._over[result.scenario] = result
+            self._remove(result.scenario)
             self._update_total()
             if self._many:
-                stderr_console.print(self._format_result(outcome), markup=False)
+                stderr_console.print(self._format_result(result), markup=False)
 
     def _show(self, progress: Progress) -> None:
         name = progress.scenario
@@ -88,14 +88,14 @@ class ProgressView:
             return None
         return (time.monotonic() - self._began_s) * (total - done) / done
 
-    def _format_result(self, outcome: ScenarioResult) -> str:
-        place = f"{len(self._over)}/{len(self._known)} {outcome.scenario}"
-        if outcome.error is not None:
-            return f"{place}: failed: {outcome.error}"
+    def _format_result(self, result: ScenarioResult) -> str:
+        place = f"{len(self._over)}/{len(self._known)} {result.scenario}"
+        if result.error is not None:
+            return f"{place}: failed: {format_options(str(result.error))}"
         left = "" if self._remaining_s is None else f"; {format_duration(self._remaining_s)} left"
         return (
-            f"{place}: {outcome.frames} {self._things}, {format_byte_size(outcome.size_bytes)} in"
-            f" {format_duration(outcome.time_s)}, {format_byte_size(outcome.peak_memory_bytes)} of"
+            f"{place}: {result.frames} {self._things}, {format_byte_size(result.size_bytes)} in"
+            f" {format_duration(result.time_s)}, {format_byte_size(result.peak_memory_bytes)} of"
             f" memory{left}"
         )
 

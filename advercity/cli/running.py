@@ -15,6 +15,9 @@ from advercity.cli.arguments import (
     ProfileOption,
     ScaleOption,
     SpecArgument,
+    parse_byte_size,
+    parse_duration,
+    parse_frame_slice,
 )
 from advercity.cli.output import print_data, print_note
 from advercity.errors import InputError, RunError
@@ -68,12 +71,9 @@ def run(
         RunOptions,
         ViewerTarget,
         create_executor,
-        parse_frame_range,
         raise_failures,
+        run_batch,
     )
-    from advercity.pipeline.estimate import check_resources
-    from advercity.pipeline.executors import validate_batch
-    from advercity.pipeline.options import parse_byte_size, parse_duration
     from advercity.viewer.cloud_colours import parse_cloud_colour
 
     if sum((rrd is not None, stream, connect is not None)) > 1:
@@ -87,7 +87,7 @@ def run(
         backend=backend,
         profile=profile,
         scale=scale,
-        frames=parse_frame_range(frames),
+        frames=parse_frame_slice(frames),
         viewer=ViewerTarget(
             file=rrd,
             serve=stream,
@@ -101,18 +101,16 @@ def run(
         memory_bytes=None if max_memory is None else parse_byte_size("--max-memory", max_memory),
         time_s=None if max_time is None else parse_duration("--max-time", max_time),
     )
-    validate_batch(chosen, options)
-    permit = check_resources(
-        chosen,
-        options,
-        requested_limits=asked,
-        jobs=jobs,
-        allow_large=allow_large,
-        is_local=executor == "local",
-    )
-    where = create_executor(executor, output=output, address=address, jobs=permit.jobs)
     with show_progress(chosen) as view:
-        outcomes = where.run(chosen, options, listener=view, limits=permit.limits)
+        outcomes = run_batch(
+            chosen,
+            options,
+            jobs=jobs,
+            limits=asked,
+            allow_large=allow_large,
+            executor=create_executor(executor, output=output, address=address),
+            listener=view,
+        )
     for outcome in outcomes:
         if outcome.error is None:
             print_data(f"{output.rstrip('/')}/{outcome.scenario}")
@@ -141,12 +139,12 @@ def plan(
     """
     from advercity.cli import tables
     from advercity.compiler import read_spec
-    from advercity.pipeline import RunOptions, parse_frame_range
+    from advercity.pipeline import RunOptions
     from advercity.pipeline.estimate import estimate_run
     from advercity.pipeline.executors import validate_batch
 
     chosen = [read_spec(path) for path in specs]
-    options = RunOptions(output, backend, profile, scale, parse_frame_range(frames))
+    options = RunOptions(output, backend, profile, scale, parse_frame_slice(frames))
     validate_batch(chosen, options)
     found = estimate_run(chosen, options, jobs=jobs, measure=True, simulate=True)
     if as_json:

@@ -1,38 +1,32 @@
-"""The pipeline over frames and scenarios."""
+"""Runs scenarios: traffic, sensors, dataset and live view, in one process or many."""
 
-from advercity.pipeline.executors import (
-    RunListener,
-    SilentListener,
-    create_executor,
-    raise_failures,
-    run_scenarios,
-)
-from advercity.pipeline.options import (
-    FrameRange,
+from advercity.pipeline.executors import Executor, create_executor, run_batch, run_scenarios
+from advercity.pipeline.options import ResourceLimits, RunOptions, RunResources, ViewerTarget
+from advercity.pipeline.progress import (
     Progress,
     ProgressCallback,
-    ResourceLimits,
-    RunOptions,
-    ViewerTarget,
-    parse_frame_range,
+    RunListener,
+    ScenarioResult,
+    SilentListener,
+    raise_failures,
 )
 from advercity.pipeline.scenario import repair_dataset, run_scenario
-from advercity.pipeline.workers import ScenarioResult
 
 __all__ = [
-    "FrameRange",
+    "Executor",
     "Progress",
     "ProgressCallback",
     "ResourceLimits",
     "RunListener",
     "RunOptions",
+    "RunResources",
     "ScenarioResult",
     "SilentListener",
     "ViewerTarget",
     "create_executor",
-    "parse_frame_range",
     "raise_failures",
     "repair_dataset",
+    "run_batch",
     "run_scenario",
     "run_scenarios",
 ]

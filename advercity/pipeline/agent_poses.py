@@ -44,11 +44,19 @@ class AgentPoses:
         agent: Agent,
         frame: Frame,
         *,
-        pictures: tuple[CameraImage, ...],
-        cloud: PointCloud,
-        visible: dict[int, int],
+        images: tuple[CameraImage, ...],
+        point_cloud: PointCloud,
+        lidar_hits: dict[int, int],
     ) -> SensorFrame:
-        """The reading of `agent` in `frame`, given what its cameras and LiDAR saw."""
+        """Add pose, GNSS, IMU and planned path of an agent to what its cameras and LiDAR saw.
+
+        Args:
+            agent: The agent.
+            frame: Recorded frame, as `load_frame` returns it.
+            images: One per camera, in the order of the mounts.
+            point_cloud: Of its LiDAR.
+            lidar_hits: Beams that hit each actor, by actor id.
+        """
         world_from_agent = self.world_from_agent(agent, frame.index)
         gnss = self._measure_gnss(agent, world_from_agent, frame)
         is_unit = isinstance(agent.place, RoadsideUnit)
@@ -60,9 +68,9 @@ class AgentPoses:
                 self._apply_gnss_position(world_from_agent, gnss) if is_unit else world_from_agent
             ),
             world_from_lidar=self.world_from_lidar(agent, frame),
-            camera_images=pictures,
-            point_cloud=cloud,
-            lidar_hits=visible,
+            camera_images=images,
+            point_cloud=point_cloud,
+            lidar_hits=lidar_hits,
             gnss=None if is_unit else gnss,
             imu=self._measure_imu(agent, frame.index),
             planned_trajectory=() if is_unit else self._load_planned_path(agent, frame.index),

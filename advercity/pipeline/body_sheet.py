@@ -3,11 +3,11 @@
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-import cv2
 import numpy as np
 from advercity_dsl import Blueprint, Camera, Mount
 
 from advercity.assets.bodies import build_body
+from advercity.assets.catalogue import compute_body_facts
 from advercity.assets.model_store import ModelStore
 from advercity.compiler.library import find_weather
 from advercity.frames import Actor, ActorState, Frame, Lamp
@@ -15,6 +15,7 @@ from advercity.geometry import poses
 from advercity.geometry.arrays import Uint8Array
 from advercity.geometry.mesh import Mesh
 from advercity.geometry.poses import Matrix
+from advercity.media import draw_label_bar
 from advercity.physics.atmosphere import compute_atmosphere
 from advercity.rendering.backend import RENDER_PROFILES, Backend, CameraView, Renderer
 from advercity.semantics import Semantic
@@ -28,7 +29,6 @@ VIEWS = (("three quarters", 0.6), ("side", np.pi / 2), ("rear", np.pi), ("front"
 """Where the camera stands around the body, in radians to the left of its front."""
 SHEET_WEATHERS = ("clear_day", "clear_night")
 CELL_PX = (320, 200)
-LABEL_HEIGHT_PX = 20
 FIELD_OF_VIEW_RAD = np.radians(30.0)
 RAISED_CAMERA_RATIO, LEVEL_CAMERA_RATIO = 0.18, 0.08
 """Height of the camera over the middle of the body, as a share of its distance."""
@@ -43,13 +43,13 @@ ALL_LAMPS = Lamp.BRAKE | Lamp.LEFT | Lamp.RIGHT
 
 
 def draw_body_sheet(
-    blueprints: Mapping[str, Blueprint], backend: Backend, shelf: ModelStore
+    blueprints: Mapping[str, Blueprint], backend: Backend, store: ModelStore
 ) -> Uint8Array:
     """A picture (h, w, 3), BGR: a row for each blueprint, four views by day and four by night."""
     world = World(
         id="sheet",
         static=(_build_ground(),),
-        bodies={name: build_body(name, blueprint, shelf) for name, blueprint in blueprints.items()},
+        bodies={name: build_body(name, blueprint, store) for name, blueprint in blueprints.items()},
         lanes=(),
         street_lamps=STREET_LAMPS,
         network=Path(),
@@ -58,7 +58,12 @@ def draw_body_sheet(
         list(_render_views(world, blueprints, backend, weather)) for weather in SHEET_WEATHERS
     ]
     rows = [
-        np.vstack([_draw_label(name, blueprint, shelf, 8 * CELL_PX[0]), np.hstack([*day, *night])])
+        np.vstack(
+            [
+                draw_label_bar(_format_label(name, blueprint, store), 8 * CELL_PX[0]),
+                np.hstack([*day, *night]),
+            ]
+        )
         for (name, blueprint), day, night in zip(blueprints.items(), *halves, strict=True)
     ]
     return np.vstack(rows)
@@ -121,26 +126,7 @@ def _build_ground() -> Mesh:
     )
 
 
-def _draw_label(name: str, blueprint: Blueprint, shelf: ModelStore, width: int) -> Uint8Array:
-    bar = np.full((LABEL_HEIGHT_PX, width, 3), 32, np.uint8)
-    where = (
-        "shaped here" if shelf.prepare_model(blueprint) is None else _format_attribution(blueprint)
-    )
+def _format_label(name: str, blueprint: Blueprint, store: ModelStore) -> str:
+    facts = compute_body_facts(name, blueprint, store)
     size = f"{blueprint.length_m:.2f} x {blueprint.width_m:.2f} x {blueprint.height_m:.2f} m"
-    text = f"{name}: {blueprint.actor_class}, {size}, {where}"
-    cv2.putText(
-        bar,
-        text,
-        (6, LABEL_HEIGHT_PX - 6),
-        cv2.FONT_HERSHEY_SIMPLEX,
-        0.45,
-        (235,) * 3,
-        1,
-        cv2.LINE_AA,
-    )
-    return bar
-
-
-def _format_attribution(blueprint: Blueprint) -> str:
-    model = blueprint.model
-    return f"{model.pack or model.file} by {model.author}, {model.licence}" if model else ""
+    return f"{name}: {blueprint.actor_class}, {size}, {facts.source}, {facts.attribution}"

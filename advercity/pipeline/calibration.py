@@ -23,16 +23,11 @@ from advercity.dataset.manifest import CODE_PACKAGES, VERSIONED_PACKAGES, Manife
 from advercity.digests import compute_json_digest, compute_source_digest
 from advercity.pipeline.cache import build_cached, find_cache_folder
 from advercity.pipeline.machine import count_usable_cores
-from advercity.pipeline.options import (
-    FrameRange,
-    Progress,
-    ResourceLimits,
-    RunOptions,
-    ViewerTarget,
-    WorkerJob,
-)
+from advercity.pipeline.messages import WorkerJob
+from advercity.pipeline.options import ResourceLimits, RunOptions, ViewerTarget
 from advercity.pipeline.preparation import load_or_simulate_traffic, resolve_profile
-from advercity.pipeline.workers import ScenarioResult, run_worker
+from advercity.pipeline.progress import Progress, ScenarioResult
+from advercity.pipeline.workers import run_worker
 from advercity.rendering.backend import RENDER_PROFILES, RenderProfile, load_backend
 
 
@@ -203,7 +198,7 @@ def _run_calibration(spec: Spec, options: RunOptions) -> _CalibrationRun:
 
     quick = replace(
         options,
-        frames=FrameRange(0, CALIBRATION_FRAME_COUNT),
+        frames=slice(0, CALIBRATION_FRAME_COUNT),
         viewer=ViewerTarget(),
         format="opv2v",
     )

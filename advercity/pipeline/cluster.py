@@ -21,19 +21,12 @@ from advercity.dataset.remote import SharedScenario, upload_part
 from advercity.dataset.scenario_folders import MANIFEST_FILE
 from advercity.dataset.store import LEASE_TIMEOUT_S, DatasetLease, DatasetStore
 from advercity.errors import AdvercityError, InputError, RunError
-from advercity.pipeline.executors import RunListener, validate_batch
-from advercity.pipeline.options import (
-    WORKER_JOB,
-    FrameRange,
-    Progress,
-    ResourceLimits,
-    RunOptions,
-    WorkerJob,
-    ignore_progress,
-)
+from advercity.pipeline.messages import WorkerJob
+from advercity.pipeline.options import ResourceLimits, RunOptions, RunResources
 from advercity.pipeline.preparation import prepare_scenario
+from advercity.pipeline.progress import Progress, RunListener, ScenarioResult, ignore_progress
 from advercity.pipeline.workers import TERMINATION_TIMEOUT_S as ENDING_S
-from advercity.pipeline.workers import ScenarioResult, run_worker
+from advercity.pipeline.workers import run_worker
 
 FRAMES_PER_TASK = 50
 TASK_RETRIES = 3
@@ -61,8 +54,8 @@ class RayExecutor:
         specs: Sequence[Spec],
         options: RunOptions,
         *,
+        resources: RunResources,
         listener: RunListener,
-        limits: ResourceLimits,
     ) -> list[ScenarioResult]:
         """Run every spec; how each ended, in the order of `specs`.
 
@@ -73,18 +66,17 @@ class RayExecutor:
             specs: What to run, all with different ids.
             options: How to run them; `output` is the cluster's.
             listener: Told of progress and ends.
-            limits: For each task.
+            resources: Limits for each task; Ray itself decides how many run at a time.
 
         Raises:
             InputError: Ray is not installed, or an option does not fit.
             RunError: There is no such cluster, or another run is making the dataset.
         """
-        validate_batch(specs, options)
         if options.viewer.is_enabled:
             raise InputError("--rrd, --stream and --connect show a run on this machine alone")
         store = DatasetStore(self.output)
         with DatasetLease(store, self.patience_s) as lease, _connect_ray(self.address) as ray:
-            driver = _RayDriver(ray, self, store, lease, options, listener, limits)
+            driver = _RayDriver(ray, self, store, lease, options, listener, resources.limits)
             try:
                 return driver.run(specs)
             finally:
@@ -128,21 +120,21 @@ class _ScenarioRun:
         )
 
 
-def survey_scenario(job: bytes) -> ScenarioSurvey:
+def survey_scenario(spec: Spec, options: RunOptions) -> ScenarioSurvey:
     """On a node: how long a scenario is, and what its data would be made by there."""
-    asked = WORKER_JOB.validate_json(job)
-    prepared = prepare_scenario(asked.spec, asked.options)
-    return ScenarioSurvey(prepared.frames, prepared.length, prepared.identity)
+    prepared = prepare_scenario(spec, options)
+    return ScenarioSurvey(prepared.frames, prepared.frame_count, prepared.identity)
 
 
-def make_task_frames(job: bytes, output: str, limits: ResourceLimits) -> ScenarioResult:
+def make_task_frames(
+    spec: Spec, options: RunOptions, output: str, limits: ResourceLimits
+) -> ScenarioResult:
     """On a node: make frames of a scenario and put them into the store."""
-    asked = WORKER_JOB.validate_json(job)
     with tempfile.TemporaryDirectory(prefix="advercity_") as folder:
-        local = replace(asked.options, output=Path(folder))
-        outcome = run_worker(WorkerJob(asked.spec, local), limits, ignore_progress)
+        local = replace(options, output=Path(folder))
+        outcome = run_worker(WorkerJob(spec, local), limits, ignore_progress)
         if outcome.error is None:
-            upload_part(DatasetStore(output), Path(folder) / asked.spec.id)
+            upload_part(DatasetStore(output), Path(folder) / spec.id)
         return outcome
 
 
@@ -176,7 +168,7 @@ class _RayDriver:
         runs = [_ScenarioRun(spec) for spec in specs]
         self._update_index(specs, {})
         for run in runs:
-            self._track_task(run, self._survey.remote(self._encode_job(run.spec)))
+            self._track_task(run, self._survey.remote(run.spec, self._options))
         while self._pending:
             (ready, *_), _ = self._ray.wait(list(self._pending), num_returns=1)
             run = self._pending.pop(ready)
@@ -233,9 +225,11 @@ class _RayDriver:
         run.done = sum(index in done for index in found.wanted)
         run.size_bytes = sum(record.size for record in records.values())
         for piece in pieces:
-            frames = FrameRange(piece.start, piece.stop, piece.step)
-            job = self._encode_job(run.spec, frames)
-            self._track_task(run, self._make.remote(job, self._cluster.output, self._limits))
+            options = replace(
+                self._options, frames=slice(piece.start, piece.stop, piece.step), fresh=False
+            )
+            task = self._make.remote(run.spec, options, self._cluster.output, self._limits)
+            self._track_task(run, task)
         self._watcher.on_progress(run.progress())
 
     def _record_result(self, run: _ScenarioRun, made: ScenarioResult) -> None:
@@ -245,12 +239,6 @@ class _RayDriver:
             run.done = min(run.wanted, run.done + made.frames)
             run.size_bytes += made.size_bytes
         self._watcher.on_progress(run.progress())
-
-    def _encode_job(self, spec: Spec, frames: FrameRange | None = None) -> bytes:
-        frames = frames or self._options.frames
-        return WORKER_JOB.dump_json(
-            WorkerJob(spec, replace(self._options, frames=frames, fresh=False))
-        )
 
 
 def _split_into_tasks(wanted: range, done: set[int | None], most: int) -> list[range]:

@@ -23,14 +23,20 @@ from advercity.pipeline.calibration import (
     load_or_measure_rates,
     resolve_requested_profile,
 )
-from advercity.pipeline.executors import divide_slots
 from advercity.pipeline.machine import (
     count_usable_cores,
+    divide_slots,
     find_visible_gpus,
     free_memory_bytes,
     total_memory_bytes,
 )
-from advercity.pipeline.options import ResourceLimits, RunOptions, format_byte_size, format_duration
+from advercity.pipeline.options import (
+    ResourceLimits,
+    RunOptions,
+    RunResources,
+    format_byte_size,
+    format_duration,
+)
 from advercity.pipeline.preparation import load_cached_trace, load_or_simulate_traffic
 
 MAX_TOTAL_BYTES = 10**12
@@ -151,14 +157,6 @@ class RunEstimate:
         return found
 
 
-@dataclass(frozen=True)
-class RunResources:
-    """What runs may begin with: so many processes at a time, within limits."""
-
-    jobs: int
-    limits: ResourceLimits
-
-
 def estimate_run(
     specs: Sequence[Spec], options: RunOptions, *, jobs: int | None, measure: bool, simulate: bool
 ) -> RunEstimate:
@@ -253,7 +251,7 @@ def _estimate_scenario(
     work = Workload.from_spec(spec, scale)
     trace = load_cached_trace(spec)
     length = spec.timing.max_ticks - spec.timing.warm_up_ticks if trace is None else len(trace)
-    frames = len(set(options.frames.to_range(length)) - _find_done_frames(spec, options))
+    frames = len(set(range(length)[options.frames]) - _find_done_frames(spec, options))
     frame_bytes = (
         rates.bytes_per_beam * work.beams
         + rates.bytes_per_agent * work.agents

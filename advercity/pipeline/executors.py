@@ -1,13 +1,9 @@
-"""Many scenarios, some at a time, each in a process of its own or in several.
-
-Where scenarios are run: on this machine, or on a cluster.
-"""
+"""Runs batches of scenarios: checks them first, then hands them to this machine or a cluster."""
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from dataclasses import dataclass, replace
-from itertools import pairwise
+from dataclasses import replace
 from queue import SimpleQueue
 from threading import Event as Flag
 from typing import Protocol
@@ -16,43 +12,116 @@ from advercity_dsl import Spec
 
 from advercity.dataset.index import IndexWriter
 from advercity.errors import InputError, RunError
-from advercity.pipeline.machine import build_gpu_environment, find_visible_gpus
-from advercity.pipeline.options import Progress, ResourceLimits, RunOptions, WorkerJob
-from advercity.pipeline.workers import ScenarioResult, run_worker
+from advercity.pipeline.estimate import check_resources
+from advercity.pipeline.machine import build_gpu_environment, divide_slots, find_visible_gpus
+from advercity.pipeline.messages import WorkerJob
+from advercity.pipeline.options import ResourceLimits, RunOptions, RunResources
+from advercity.pipeline.progress import RunListener, ScenarioResult, SilentListener
+from advercity.pipeline.workers import run_worker
 from advercity.rendering.backend import load_backend
 
 
-class RunListener(Protocol):
-    """Somebody who watches; called from several threads."""
+class Executor(Protocol):
+    """Runs scenarios on other machines."""
 
-    def on_progress(self, progress: Progress) -> None:
-        """A scenario has got so far."""
+    def run(
+        self,
+        specs: Sequence[Spec],
+        options: RunOptions,
+        *,
+        resources: RunResources,
+        listener: RunListener,
+    ) -> list[ScenarioResult]:
+        """Run every spec; how each ended, in the order of `specs`."""
         ...
 
-    def on_result(self, outcome: ScenarioResult) -> None:
-        """A scenario has come to its end, good or bad."""
-        ...
+
+def create_executor(name: str, *, output: str, address: str | None = None) -> Executor | None:
+    """Create the executor of that name; None for `local`, which is this machine itself.
+
+    Args:
+        name: `local` or `ray`.
+        output: Folder of the dataset; for Ray also the URL of a store.
+        address: Address of a Ray cluster; None starts one on this machine alone.
+
+    Raises:
+        InputError: The executor does not exist, or the other options do not fit it.
+    """
+    if name == "ray":
+        from advercity.pipeline.cluster import RayExecutor, resolve_output
+
+        return RayExecutor(resolve_output(output), address)
+    if name != "local":
+        raise InputError(f"`executor` {name}: no such executor; local or ray")
+    if address is not None:
+        raise InputError("`ray_address` goes with `executor` ray")
+    if "://" in output:
+        raise InputError(f"`output` {output}: a store needs `executor` ray")
+    return None
 
 
-class SilentListener:
-    """Ignores progress and results."""
+def run_batch(
+    specs: Sequence[Spec],
+    options: RunOptions,
+    *,
+    jobs: int | None = None,
+    limits: ResourceLimits | None = None,
+    allow_large: bool = False,
+    executor: Executor | None = None,
+    listener: RunListener | None = None,
+) -> list[ScenarioResult]:
+    """Check scenarios, estimate what they take, and run them; how each ended, in their order.
 
-    def on_progress(self, progress: Progress) -> None:
-        """Do nothing."""
+    A scenario that fails does not stop the others; `raise_failures` raises what failed.
 
-    def on_result(self, outcome: ScenarioResult) -> None:
-        """Do nothing."""
+    Args:
+        specs: Scenarios to run, all with different ids.
+        options: How to run them.
+        jobs: Worker processes at a time; None is as many as suit the machine.
+        limits: Limits for each scenario; what is None comes from the estimate.
+        allow_large: Run even what would fill the disk or take more than 30 days.
+        executor: Where to run; None is this machine.
+        listener: Receives progress and results.
+
+    Raises:
+        InputError: An option does not fit, or the run would take more than is allowed.
+        BackendError: The backend is not installed, or cannot render the profile.
+    """
+    validate_batch(specs, options)
+    resources = check_resources(
+        specs,
+        options,
+        requested_limits=limits or ResourceLimits(),
+        jobs=jobs,
+        allow_large=allow_large,
+        is_local=executor is None,
+    )
+    run = run_scenarios if executor is None else executor.run
+    return run(specs, options, resources=resources, listener=listener or SilentListener())
+
+
+def validate_batch(specs: Sequence[Spec], options: RunOptions) -> None:
+    """Check what would go wrong with every spec before anything is run.
+
+    Raises:
+        InputError: Two specs have the same id, or an option does not fit.
+    """
+    for name, count in Counter(spec.id for spec in specs).items():
+        if count > 1:
+            raise InputError(f"{name} is given {count} times; each may run once into an output")
+    if len(specs) > 1 and options.viewer.is_enabled:
+        raise InputError("`rrd`, `stream` and `connect` show one scenario; run them one by one")
+    load_backend(options.backend)
 
 
 def run_scenarios(
     specs: Sequence[Spec],
     options: RunOptions,
     *,
-    listener: RunListener,
-    jobs: int = 1,
-    limits: ResourceLimits | None = None,
+    resources: RunResources | None = None,
+    listener: RunListener | None = None,
 ) -> list[ScenarioResult]:
-    """Run every spec; how each ended, in the order of `specs`.
+    """Run every spec on this machine; how each ended, in the order of `specs`.
 
     One that fails, dies or is killed does not stop the others. If there are fewer scenarios than
     jobs, several processes make the frames of one, unless they are to be seen live. Graphics cards
@@ -63,16 +132,16 @@ def run_scenarios(
         specs: What to run, all with different ids.
         options: How to run them.
         listener: Told of progress and ends.
-        jobs: Processes at a time.
-        limits: For each scenario.
+        resources: Processes at a time, and limits for each scenario.
 
     Raises:
         InputError: Two specs have the same id, or an option does not fit.
     """
     validate_batch(specs, options)
+    listener, resources = listener or SilentListener(), resources or RunResources()
     gpus, stop, index = find_visible_gpus(), Flag(), IndexWriter(options.output, specs)
     free: SimpleQueue[range] = SimpleQueue()
-    shares = divide_slots(jobs, len(specs))
+    shares = divide_slots(resources.worker_count, len(specs))
     for share in shares:
         free.put(share)
 
@@ -83,7 +152,7 @@ def run_scenarios(
                 WorkerJob(
                     spec, options, worker_count=1 if options.viewer.is_enabled else len(places)
                 ),
-                limits or ResourceLimits(),
+                resources.limits,
                 listener.on_progress,
                 environment=build_gpu_environment(places, gpus),
                 cancelled=stop,
@@ -106,98 +175,3 @@ def run_scenarios(
             stop.set()
             pool.shutdown(cancel_futures=True)
     return [run.result() for run in runs]
-
-
-def divide_slots(jobs: int, scenarios: int) -> list[range]:
-    """Places of processes, a range of them for each scenario that runs at a time."""
-    count = max(1, min(jobs, scenarios))
-    ends = [jobs * number // count for number in range(count + 1)]
-    return [range(first, end) for first, end in pairwise(ends)]
-
-
-def validate_batch(specs: Sequence[Spec], options: RunOptions) -> None:
-    """Find out before anything is run what would go wrong with every spec.
-
-    Raises:
-        InputError: Two specs have the same id, or an option does not fit.
-    """
-    for name, count in Counter(spec.id for spec in specs).items():
-        if count > 1:
-            raise InputError(f"{name} is given {count} times; each may run once into an output")
-    if len(specs) > 1 and options.viewer.is_enabled:
-        raise InputError("--rrd, --stream and --connect show one scenario; run them one by one")
-    load_backend(options.backend)
-
-
-def raise_failures(outcomes: Iterable[ScenarioResult]) -> None:
-    """Raise what failed: the error itself if one scenario was run, else a list of them.
-
-    Raises:
-        AdvercityError: The only scenario failed.
-        RunError: Some of several failed; the text says which and why.
-    """
-    every = list(outcomes)
-    failed = [(item.scenario, item.error) for item in every if item.error is not None]
-    if len(every) == 1 and failed:
-        raise failed[0][1]
-    if failed:
-        lines = [f"{name}: {error}" for name, error in failed]
-        raise RunError("\n".join([*lines, f"{len(failed)} of {len(every)} scenarios failed"]))
-
-
-class Executor(Protocol):
-    """Runs scenarios somewhere."""
-
-    def run(
-        self,
-        specs: Sequence[Spec],
-        options: RunOptions,
-        *,
-        listener: RunListener,
-        limits: ResourceLimits,
-    ) -> list[ScenarioResult]:
-        """Run every spec; how each ended, in the order of `specs`."""
-        ...
-
-
-@dataclass(frozen=True)
-class LocalExecutor:
-    """Scenarios in so many processes at a time on this machine."""
-
-    jobs: int
-
-    def run(
-        self,
-        specs: Sequence[Spec],
-        options: RunOptions,
-        *,
-        listener: RunListener,
-        limits: ResourceLimits,
-    ) -> list[ScenarioResult]:
-        """Run every spec; how each ended, in the order of `specs`."""
-        return run_scenarios(specs, options, listener=listener, jobs=self.jobs, limits=limits)
-
-
-def create_executor(name: str, *, output: str, address: str | None, jobs: int) -> Executor:
-    """The executor of that name.
-
-    Args:
-        name: `local` or `ray`.
-        output: Folder for the dataset; for Ray also the URL of a store.
-        address: Of a Ray cluster; None is one on this machine alone.
-        jobs: Processes at a time, on this machine; a cluster knows itself how many it takes.
-
-    Raises:
-        InputError: There is no such executor, or the rest does not fit it.
-    """
-    if name == "ray":
-        from advercity.pipeline.cluster import RayExecutor, resolve_output
-
-        return RayExecutor(resolve_output(output), address)
-    if name != "local":
-        raise InputError(f"--executor {name}: no such executor; local or ray")
-    if address is not None:
-        raise InputError("--address goes with --executor ray")
-    if "://" in output:
-        raise InputError(f"--output {output}: a store is reached with --executor ray")
-    return LocalExecutor(jobs)

@@ -8,6 +8,7 @@ import os
 import shutil
 import subprocess
 from collections.abc import Iterable
+from itertools import pairwise
 from pathlib import Path
 
 import psutil
@@ -72,3 +73,10 @@ def build_gpu_environment(slots: Iterable[int], gpus: tuple[str, ...]) -> dict[s
             dict.fromkeys(gpus[place % len(gpus)] for place in slots)
         )
     }
+
+
+def divide_slots(jobs: int, scenarios: int) -> list[range]:
+    """Places of processes, a range of them for each scenario that runs at a time."""
+    count = max(1, min(jobs, scenarios))
+    ends = [jobs * number // count for number in range(count + 1)]
+    return [range(first, end) for first, end in pairwise(ends)]

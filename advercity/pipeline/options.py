@@ -1,208 +1,118 @@
-"""What a run is asked for, besides its spec.
+"""What a run is asked for besides its specs, and how sizes and times are written for people."""
 
-How much memory and time a scenario may take, as people write them.
-
-What those who run scenarios tell those who watch.
-
-What goes to the process of a scenario, and what comes back from it, as JSON.
-"""
-
-import re
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal
-
-from advercity_dsl import Spec
-from pydantic import Field, TypeAdapter
+from typing import TYPE_CHECKING
 
 from advercity.dataset.formats import find_format
 from advercity.errors import InputError
-from advercity.viewer.cloud_colours import CloudColour
 
+if TYPE_CHECKING:
+    from advercity.viewer.cloud_colours import CloudColour
 
-@dataclass(frozen=True)
-class FrameRange:
-    """Kept frames to make: `first` to `last`, which is not included, every `step`-th.
-
-    `last` None means to the end.
-    """
-
-    first: int = 0
-    last: int | None = None
-    step: int = 1
-
-    def to_range(self, count: int) -> range:
-        """The frames of a scenario that has `count` of them."""
-        last = count if self.last is None else min(self.last, count)
-        return range(self.first, last, self.step)
-
-
-def parse_frame_range(text: str | None) -> FrameRange:
-    """`A:B[:STEP]` as a range; either end may be left out. InputError if it is something else."""
-    if text is None:
-        return FrameRange()
-    match = re.fullmatch(r"(\d*):(\d*)(?::(\d+))?", text)
-    if match is None:
-        raise InputError(f"--frames {text}: not a range; write A:B or A:B:STEP, as 0:30")
-    first, last, step = (int(part) if part else None for part in match.groups())
-    if step == 0 or (last is not None and last <= (first or 0)):
-        raise InputError(f"--frames {text}: holds no frame; B must be above A and STEP above 0")
-    return FrameRange(first or 0, last, step or 1)
+PROFILE_NAMES = ("auto", "preview", "full")
+MIN_SCALE, MAX_SCALE = 0.01, 4.0
 
 
 @dataclass(frozen=True)
 class ViewerTarget:
-    """Where the live view goes: a recording, a server of ours, or a running viewer."""
+    """Where the live view goes: a recording, a server of this process, or a running viewer.
+
+    Attributes:
+        file: Recording (`.rrd`) to write.
+        serve: Serve the view from this process.
+        connect: Address of a running Rerun viewer.
+        cloud_colour: What the colours of LiDAR points encode.
+    """
 
     file: Path | None = None
     serve: bool = False
     connect: str | None = None
-    cloud_colour: CloudColour = "intensity"
-    """What the colours of LiDAR points stand for."""
+    cloud_colour: "CloudColour" = "intensity"
 
     @property
     def is_enabled(self) -> bool:
-        """Whether anything is to be shown."""
+        """Whether anything is shown."""
         return self.serve or self.connect is not None or self.file is not None
 
 
 @dataclass(frozen=True)
 class RunOptions:
-    """How to run."""
+    """How scenarios are run.
+
+    Attributes:
+        output: Folder of the dataset.
+        backend: Name of the rendering backend.
+        profile: `auto`, `preview` or `full`.
+        scale: Width and height of images as a fraction of the authored ones; None is the
+            profile's own.
+        frames: Recorded frames to make, counted from 0.
+        viewer: Live view.
+        fresh: Discard what is there and start over.
+        format: Dataset layout, `opv2v` or `adver_city`.
+    """
 
     output: Path
     backend: str = "sapien"
     profile: str = "auto"
     scale: float | None = None
-    frames: FrameRange = field(default_factory=FrameRange)
+    frames: slice = field(default_factory=lambda: slice(None))
     viewer: ViewerTarget = field(default_factory=ViewerTarget)
     fresh: bool = False
     format: str = "opv2v"
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be; the backend refuses the rest."""
-        if self.profile not in ("auto", "preview", "full"):
-            raise InputError(f"--profile {self.profile}: no such profile; auto, preview or full")
+        """Raise InputError for values that no backend takes; the backend checks the rest."""
+        if self.profile not in PROFILE_NAMES:
+            raise InputError(f"`profile` {self.profile}: no such profile; auto, preview or full")
         find_format(self.format)
-        if self.scale is not None and not 0.01 <= self.scale <= 4:
-            raise InputError(f"--scale {self.scale:g}: lies outside 0.01 to 4")
-
-
-BYTES_PER_UNIT = {
-    **{"B": 1, "kB": 10**3, "MB": 10**6, "GB": 10**9, "TB": 10**12},
-    **{"KiB": 2**10, "MiB": 2**20, "GiB": 2**30, "TiB": 2**40},
-}
-SECONDS_PER_UNIT = {"s": 1, "min": 60, "h": 3600, "d": 86_400}
+        if self.scale is not None and not MIN_SCALE <= self.scale <= MAX_SCALE:
+            raise InputError(f"`scale` {self.scale:g}: is outside {MIN_SCALE:g} to {MAX_SCALE:g}")
+        first, last, step = self.frames.start or 0, self.frames.stop, self.frames.step
+        if first < 0 or (step is not None and step < 1) or (last is not None and last <= first):
+            raise InputError(
+                f"`frames` {self.frames}: holds no frame;"
+                " the end must be above the start, both counted from 0, and the step above 0"
+            )
 
 
 @dataclass(frozen=True)
 class ResourceLimits:
-    """What one scenario may take; None is without limit."""
+    """Limits beyond which a scenario is killed; None is unlimited.
+
+    Attributes:
+        memory_bytes: Resident memory per worker process; the workers of a scenario may use the
+            sum together.
+        time_s: Wall-clock time of a scenario.
+    """
 
     memory_bytes: int | None = None
-    """Resident, for each process that makes its frames; they may take it together."""
     time_s: float | None = None
-    """By the clock on the wall."""
-
-
-def parse_byte_size(option: str, text: str) -> int:
-    """Bytes of a text such as `4 GB`; InputError that names the option if it is none."""
-    return int(_parse_quantity(option, text, BYTES_PER_UNIT, "4 GB"))
-
-
-def parse_duration(option: str, text: str) -> float:
-    """Seconds of a text such as `90 min`; InputError that names the option if it is none."""
-    return _parse_quantity(option, text, SECONDS_PER_UNIT, "90 min")
-
-
-def _parse_quantity(option: str, text: str, units: Mapping[str, int], example: str) -> float:
-    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([A-Za-z]+)\s*", text)
-    if match is None or match[2] not in units or not float(match[1]):
-        raise InputError(
-            f"{option} {text}: not a positive number with a unit"
-            f" ({', '.join(units)}); write {example}"
-        )
-    return float(match[1]) * units[match[2]]
 
 
 def format_byte_size(size_bytes: float) -> str:
-    """Such as `3.4 GB`."""
-    for unit in ("TB", "GB", "MB", "kB"):
-        if size_bytes >= BYTES_PER_UNIT[unit]:
-            return f"{size_bytes / BYTES_PER_UNIT[unit]:.1f} {unit}"
+    """Format bytes for people, such as `3.4 GB`."""
+    for exponent, unit in ((12, "TB"), (9, "GB"), (6, "MB"), (3, "kB")):
+        if size_bytes >= 10**exponent:
+            return f"{size_bytes / 10**exponent:.1f} {unit}"
     return f"{size_bytes:.0f} B"
 
 
 def format_duration(time_s: float) -> str:
-    """Such as `3:25:45`, or `0:07`."""
+    """Format seconds as `3:25:45` or `0:07`."""
     minutes, seconds = divmod(round(time_s), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02}:{seconds:02}" if hours else f"{minutes}:{seconds:02}"
 
 
 @dataclass(frozen=True)
-class Progress:
-    """How far a scenario is.
+class RunResources:
+    """What a run may use.
 
     Attributes:
-        scenario: Its id.
-        phase: What is being done, in a word or two; `done` at the end.
-        done: Frames that are finished.
-        total: Frames in all; 0 as long as nobody knows.
-        size_bytes: Of the scenario's files so far.
+        worker_count: Processes at a time.
+        limits: Limits for each scenario.
     """
 
-    scenario: str
-    phase: str
-    done: int = 0
-    total: int = 0
-    size_bytes: int = 0
-
-
-ProgressCallback = Callable[[Progress], None]
-"""Called again and again while a scenario is being made."""
-
-
-def ignore_progress(progress: Progress) -> None:
-    """Keeps progress to itself."""
-
-
-@dataclass(frozen=True)
-class WorkerJob:
-    """A scenario to run, and how.
-
-    Attributes:
-        spec: The scenario.
-        options: How to run it.
-        worker_count: How many make its frames.
-        worker_index: Number of the one whose job this is; 0 has the scenario open, the others add
-            to it.
-    """
-
-    spec: Spec
-    options: RunOptions
     worker_count: int = 1
-    worker_index: int = 0
-
-
-@dataclass(frozen=True)
-class ProgressMessage:
-    """It has got so far."""
-
-    progress: Progress
-    kind: Literal["advanced"] = "advanced"
-
-
-@dataclass(frozen=True)
-class FailureMessage:
-    """It failed for a reason that it knows."""
-
-    error: Literal["InputError", "RunError", "BackendError"]
-    text: str
-    kind: Literal["failed"] = "failed"
-
-
-WorkerMessage = Annotated[ProgressMessage | FailureMessage, Field(discriminator="kind")]
-WORKER_JOB = TypeAdapter(WorkerJob)
-WORKER_MESSAGE: TypeAdapter[ProgressMessage | FailureMessage] = TypeAdapter(WorkerMessage)
+    limits: ResourceLimits = field(default_factory=ResourceLimits)

@@ -1,9 +1,11 @@
-"""What a scenario needs before its first frame: road network and traffic, from the cache or new.
+"""Prepares a scenario for rendering: backend, profile, road network, traffic, world, identity.
 
-What has to be known of a scenario before frames of it can be made.
+Networks, traces and worlds come from the cache where it has them; the first call for a spec runs
+`netconvert`, simulates the traffic in SUMO (seconds to minutes) and builds the meshes.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from advercity_dsl import Spec
@@ -12,6 +14,7 @@ from advercity.dataset.manifest import Identity, RendererIdentity
 from advercity.digests import compute_source_digest
 from advercity.errors import BackendError, InputError
 from advercity.frames import Trace
+from advercity.pipeline.agent_poses import AgentPoses
 from advercity.pipeline.cache import (
     build_cached,
     compute_model_digests,
@@ -21,7 +24,8 @@ from advercity.pipeline.cache import (
     find_cache_folder,
     open_model_store,
 )
-from advercity.pipeline.options import Progress, ProgressCallback, RunOptions, ignore_progress
+from advercity.pipeline.options import RunOptions
+from advercity.pipeline.progress import Progress, ProgressCallback, ignore_progress
 from advercity.rendering.backend import (
     RENDER_PROFILES,
     Backend,
@@ -38,7 +42,13 @@ from advercity.world import World
 
 @dataclass(frozen=True)
 class TrafficResult:
-    """What a scenario needs before its first frame."""
+    """The recorded traffic of a road, density and conflict, which every weather of it shares.
+
+    Attributes:
+        network_path: SUMO network that it was simulated on.
+        trace: Every actor and signal at every tick.
+        trace_sha256: Checksum of the trace's content.
+    """
 
     network_path: Path
     trace: Trace
@@ -46,13 +56,18 @@ class TrafficResult:
 
 
 def load_cached_trace(spec: Spec) -> Trace | None:
-    """The trace of a spec if it is in the cache."""
+    """Load the trace of a spec if the cache has it."""
     stored = _find_trace_file(spec)
     return Trace.load(stored) if stored.is_file() else None
 
 
 def load_or_simulate_traffic(spec: Spec) -> TrafficResult:
-    """Network and trace of a spec, from the cache or made now."""
+    """Load the traffic of a spec from the cache, or simulate it now.
+
+    Raises:
+        InputError: The spec asks for what its road does not have.
+        RunError: The simulation fails, or the cache cannot be written.
+    """
     folder = find_cache_folder()
     network = build_cached(
         folder / "networks" / compute_road_key(spec) / "road.net.xml",
@@ -70,8 +85,12 @@ def _find_trace_file(spec: Spec) -> Path:
     return find_cache_folder() / "traces" / f"{compute_traffic_key(spec)}.npz"
 
 
+def _build_network_file(spec: Spec, path: Path) -> None:
+    write_sumo_network(spec.road, path.parent).replace(path)
+
+
 def load_or_build_world(spec: Spec, network_path: Path) -> World:
-    """The world of a spec, from the cache or made now."""
+    """Load the static scene of a spec from the cache, or build it now."""
     stored = build_cached(
         find_cache_folder() / "worlds" / f"{compute_world_key(spec)}.npz",
         lambda partial: save_world(build_world(spec, network_path, open_model_store()), partial),
@@ -79,60 +98,83 @@ def load_or_build_world(spec: Spec, network_path: Path) -> World:
     return load_world(stored, network_path)
 
 
-def _build_network_file(spec: Spec, path: Path) -> None:
-    write_sumo_network(spec.road, path.parent).replace(path)
-
-
 @dataclass(frozen=True)
 class PreparedScenario:
-    """What frames are made with.
+    """Everything that frames of a scenario are made with.
 
     Attributes:
-        backend: That renders them.
-        profile: How well.
-        traffic: Where, and who is there.
-        identity: What decides their bytes.
-        frames: The frames that are asked for.
+        spec: The scenario.
+        traffic: Its recorded traffic.
+        backend: Renders the frames.
+        profile: Renderer and image scale.
+        frames: Frames that are asked for.
+        format: Dataset layout.
     """
 
+    spec: Spec
+    traffic: TrafficResult
     backend: Backend
     profile: RenderProfile
-    traffic: TrafficResult
-    identity: Identity
     frames: range
+    format: str = "opv2v"
 
     @property
-    def length(self) -> int:
+    def frame_count(self) -> int:
         """Frames of the whole scenario."""
         return len(self.traffic.trace)
+
+    @cached_property
+    def poses(self) -> AgentPoses:
+        """Poses of every agent and sensor in every frame."""
+        return AgentPoses(self.spec, self.traffic.trace)
+
+    @cached_property
+    def identity(self) -> Identity:
+        """What decides the bytes of the dataset.
+
+        Raises:
+            RunError: A model is installed, but cannot be used.
+        """
+        return Identity.for_spec(
+            self.spec,
+            trace_sha256=self.traffic.trace_sha256,
+            renderer=_describe_renderer(self.backend, self.profile),
+            bodies=compute_model_digests(self.spec),
+            format=self.format,
+        )
+
+    def load_world(self) -> World:
+        """Load the static scene, or build it now."""
+        return load_or_build_world(self.spec, self.traffic.network_path)
 
 
 def prepare_scenario(
     spec: Spec, options: RunOptions, report: ProgressCallback = ignore_progress
 ) -> PreparedScenario:
-    """Find the backend and simulate the traffic.
+    """Load the backend, resolve the profile and load or simulate the traffic.
 
     Raises:
-        InputError: No such backend, or no such frames.
-        BackendError: It cannot do what the profile asks for.
-        RunError: The traffic fails.
+        InputError: The backend or the frames do not exist.
+        BackendError: The backend cannot render the profile.
+        RunError: The traffic simulation fails.
     """
     backend = load_backend(options.backend)
     profile = resolve_profile(options, backend.capabilities())
     report(Progress(spec.id, "traffic"))
-    stage = load_or_simulate_traffic(spec)
-    wanted = options.frames.to_range(len(stage.trace))
-    if not wanted:
-        raise InputError(
-            f"--frames begins at {options.frames.first}, but {spec.id}"
-            f" has frames 0 to {len(stage.trace) - 1}"
-        )
-    identity = compute_identity(spec, stage, backend, profile, format=options.format)
-    return PreparedScenario(backend, profile, stage, identity, wanted)
+    traffic = load_or_simulate_traffic(spec)
+    frame_count = len(traffic.trace)
+    frames = range(frame_count)[options.frames]
+    if not frames:
+        raise InputError(f"`frames` selects none: {spec.id} has frames 0 to {frame_count - 1}")
+    return PreparedScenario(spec, traffic, backend, profile, frames, options.format)
 
 
 def resolve_profile(options: RunOptions, capabilities: Capabilities) -> RenderProfile:
-    """The profile asked for; `auto` is `full` where hardware traces rays, else `preview`."""
+    """Resolve the profile asked for; `auto` is `full` where hardware traces rays, else `preview`.
+
+    Raises:
+        BackendError: The profile traces rays, which the device cannot.
+    """
     name = options.profile
     if name == "auto":
         name = "full" if capabilities.ray_traced and capabilities.hardware else "preview"
@@ -140,26 +182,13 @@ def resolve_profile(options: RunOptions, capabilities: Capabilities) -> RenderPr
     if profile.renderer == "ray_traced" and not capabilities.ray_traced:
         raise BackendError(
             f"profile '{name}' traces rays, which {capabilities.device} cannot;"
-            " use --profile preview"
+            " use `profile` preview"
         )
     return profile.with_scale(options.scale)
 
 
-def compute_identity(
-    spec: Spec, stage: TrafficResult, backend: Backend, profile: RenderProfile, *, format: str
-) -> Identity:
-    """What decides the bytes of `spec` in a layout, with the pictures of a backend."""
-    return Identity.for_spec(
-        spec,
-        trace_sha256=stage.trace_sha256,
-        renderer=_describe_renderer(backend, profile),
-        bodies=compute_model_digests(spec),
-        format=format,
-    )
-
-
 def _describe_renderer(backend: Backend, profile: RenderProfile) -> RendererIdentity:
-    """Whatever of backend, its sources, device and profile changes pictures."""
+    """Collect whatever of backend, its sources, device and profile changes images."""
     return {
         "backend": backend.name,
         "backend_sha256": compute_source_digest(type(backend).__module__.partition(".")[0]),

@@ -26,19 +26,17 @@ from advercity.viewer.recording import RerunRecording
 
 
 def load_sensor_frames(
-    scenario: Scenario, viewpoints: AgentPoses, index: int
+    scenario: Scenario, poses: AgentPoses, index: int
 ) -> tuple[SensorFrame, ...]:
     """The readings of a frame: what was seen from the files, the rest from spec and trace."""
-    frame, stored = viewpoints.load_frame(index), scenario.frame(index)
+    frame, stored = poses.load_frame(index), scenario.frame(index)
     return tuple(
-        viewpoints.build_sensor_frame(
+        poses.build_sensor_frame(
             agent,
             frame,
-            pictures=tuple(
-                _load_images(stored[agent.id], viewpoints.world_from_cameras(agent, index))
-            ),
-            cloud=_load_point_cloud(stored[agent.id]),
-            visible=_load_visible_counts(stored[agent.id]),
+            images=tuple(_load_images(stored[agent.id], poses.world_from_cameras(agent, index))),
+            point_cloud=_load_point_cloud(stored[agent.id]),
+            lidar_hits=_load_lidar_hits(stored[agent.id]),
         )
         for agent in scenario.spec.agents
     )
@@ -57,7 +55,7 @@ def _load_images(stored: AgentView, world_from_cameras: Sequence[Matrix]) -> Ite
         )
 
 
-def _load_visible_counts(stored: AgentView) -> dict[int, int]:
+def _load_lidar_hits(stored: AgentView) -> dict[int, int]:
     boxes = stored.boxes
     return dict(zip(boxes.ids.tolist(), boxes.lidar_hits.tolist(), strict=True))
 
@@ -92,20 +90,20 @@ def write_recording(path: Path, file: Path, *, cloud_colour: CloudColour = "inte
     if not len(scenario):
         raise no_frames_error(path)
     spec = scenario.spec
-    stage = load_or_simulate_traffic(spec)
-    if stage.trace_sha256 != scenario.manifest.identity.trace_sha256:
+    traffic = load_or_simulate_traffic(spec)
+    if traffic.trace_sha256 != scenario.manifest.identity.trace_sha256:
         raise RunError(
             f"{path}: made from other traffic than this version simulates;"
             " look at it with the version that its manifest names"
         )
-    viewpoints = AgentPoses(spec, stage.trace)
+    poses = AgentPoses(spec, traffic.trace)
     lanes = build_road(spec.road).lanes
-    events = find_conflict_events(spec, stage.trace)
+    events = find_conflict_events(spec, traffic.trace)
     with RerunRecording(
         spec, lanes, file=file, cloud_colour=cloud_colour, events=events
     ) as recording:
         for stored in scenario:
-            recording.log_frame(load_sensor_frames(scenario, viewpoints, stored.index))
+            recording.log_frame(load_sensor_frames(scenario, poses, stored.index))
 
 
 def open_viewer(dataset: Path, *, web: bool, cloud_colour: CloudColour = "intensity") -> None:

@@ -30,22 +30,13 @@ from advercity.dataset.verification import (
 )
 from advercity.dataset.writer import FrameWriter, ScenarioWriter
 from advercity.errors import RunError
-from advercity.pipeline.agent_poses import AgentPoses
-from advercity.pipeline.options import (
-    Progress,
-    ProgressCallback,
-    RunOptions,
-    ViewerTarget,
-    ignore_progress,
-)
+from advercity.pipeline.options import RunOptions, ViewerTarget
 from advercity.pipeline.preparation import (
     PreparedScenario,
-    TrafficResult,
-    compute_identity,
-    load_or_build_world,
     load_or_simulate_traffic,
     prepare_scenario,
 )
+from advercity.pipeline.progress import Progress, ProgressCallback, ignore_progress
 from advercity.pipeline.replay import load_sensor_frames
 from advercity.pipeline.sensing import open_sensors
 from advercity.pipeline.workers import WorkerGroup
@@ -110,12 +101,12 @@ def run_scenario(
     """
     prepared = prepare_scenario(spec, options, report)
     writer = ScenarioWriter(
-        options.output, spec, prepared.identity, length=prepared.length, fresh=options.fresh
+        options.output, spec, prepared.identity, length=prepared.frame_count, fresh=options.fresh
     )
     # A viewer that cannot be had is found out before anything of the dataset is touched.
-    with _open_recording(spec, prepared.traffic, options.viewer) as recording, writer:
+    with _open_recording(prepared, options.viewer) as recording, writer:
         if recording is not None:
-            _make_and_record(spec, prepared, writer, recording, report)
+            _make_and_record(prepared, writer, recording, report)
         elif not writer.done_frames.issuperset(prepared.frames):
             _make_frames(spec, options, prepared, writer, report, worker_count)
         manifest = writer.finish()
@@ -154,7 +145,7 @@ def add_frames(
         made = count
         report(Progress(spec.id, "frames", made, 0, writer.size_bytes))
 
-    _make_claimed_frames(spec, prepared, _find_missing_frames(prepared, begun.frames), writer, tell)
+    _make_claimed_frames(prepared, _find_missing_frames(prepared, begun.frames), writer, tell)
     report(Progress(spec.id, "done", made, made, writer.size_bytes))
 
 
@@ -184,16 +175,13 @@ def _make_frames(
 
     count = min(processes, len(absent)) - 1
     if count:
-        load_or_build_world(
-            spec, prepared.traffic.network_path
-        )  # into the cache, where companions find it
+        prepared.load_world()  # into the cache, where companions find it
     companions = WorkerGroup(spec, options, count, lock=writer.lock_descriptor, on_change=tell)
     with companions:
-        _make_claimed_frames(spec, prepared, absent, writer, go_on)
+        _make_claimed_frames(prepared, absent, writer, go_on)
 
 
 def _make_claimed_frames(
-    spec: Spec,
     prepared: PreparedScenario,
     absent: Sequence[int],
     writer: FrameWriter | ScenarioWriter,
@@ -202,7 +190,6 @@ def _make_claimed_frames(
     """Make frames that nobody else has claimed.
 
     Args:
-        spec: The scenario.
         prepared: What they are made with.
         absent: Frames that are not there.
         writer: Takes them.
@@ -213,11 +200,7 @@ def _make_claimed_frames(
     first = next(claimed, None)
     if first is None:
         return
-    viewpoints = AgentPoses(spec, prepared.traffic.trace)
-    with (
-        BackgroundWriter() as behind,
-        open_sensors(viewpoints, prepared.traffic, prepared.backend, prepared.profile) as sensed,
-    ):
+    with BackgroundWriter() as behind, open_sensors(prepared) as sensed:
         for index in chain([first], claimed):
             on_frame(count)
             behind.submit(partial(writer.write_frame, index, sensed.capture_frame(index)))
@@ -226,7 +209,6 @@ def _make_claimed_frames(
 
 
 def _make_and_record(
-    spec: Spec,
     prepared: PreparedScenario,
     writer: ScenarioWriter,
     recording: RerunRecording,
@@ -234,18 +216,14 @@ def _make_and_record(
 ) -> None:
     """Show every wanted frame in turn: from the files where it is done, else as it is made."""
     doing = f"frames, live at {recording.address}" if recording.address else "frames"
-    viewpoints, stored = AgentPoses(spec, prepared.traffic.trace), Scenario(writer.scenario)
-    done = writer.done_frames
-    sensing = (
-        nullcontext()
-        if done.issuperset(prepared.frames)
-        else open_sensors(viewpoints, prepared.traffic, prepared.backend, prepared.profile)
-    )
+    stored, done = Scenario(writer.scenario), writer.done_frames
+    sensing = nullcontext() if done.issuperset(prepared.frames) else open_sensors(prepared)
     with BackgroundWriter() as behind, sensing as sensed:
         for count, index in enumerate(prepared.frames):
-            report(Progress(spec.id, doing, count, len(prepared.frames), writer.size_bytes))
+            total, size_bytes = len(prepared.frames), writer.size_bytes
+            report(Progress(prepared.spec.id, doing, count, total, size_bytes))
             if sensed is None or index in done:
-                recording.log_frame(load_sensor_frames(stored, viewpoints, index))
+                recording.log_frame(load_sensor_frames(stored, prepared.poses, index))
             else:
                 readings = sensed.capture_frame(index)
                 behind.submit(partial(writer.write_frame, index, readings))
@@ -257,10 +235,11 @@ def _find_missing_frames(prepared: PreparedScenario, done: Collection[int]) -> l
 
 
 def _open_recording(
-    spec: Spec, stage: TrafficResult, viewer: ViewerTarget
+    prepared: PreparedScenario, viewer: ViewerTarget
 ) -> RerunRecording | nullcontext[None]:
     if not viewer.is_enabled:
         return nullcontext()
+    spec = prepared.spec
     return RerunRecording(
         spec,
         build_road(spec.road).lanes,
@@ -268,7 +247,7 @@ def _open_recording(
         serve=viewer.serve,
         connect=viewer.connect,
         cloud_colour=viewer.cloud_colour,
-        events=find_conflict_events(spec, stage.trace),
+        events=find_conflict_events(spec, prepared.traffic.trace),
     )
 
 
@@ -297,20 +276,24 @@ def _repair_scenario(
     manifest = Manifest.load(scenario)
     spec, renderer = manifest.spec, manifest.identity.renderer
     backend = load_backend(str(renderer["backend"]))
-    profile = _parse_profile(manifest.identity)
     report(Progress(spec.id, "traffic"))
-    stage = load_or_simulate_traffic(spec)
-    here = compute_identity(spec, stage, backend, profile, format=manifest.identity.format)
-    differences = manifest.identity.find_differences(here)
+    prepared = PreparedScenario(
+        spec,
+        load_or_simulate_traffic(spec),
+        backend,
+        _parse_profile(manifest.identity),
+        frames=range(manifest.length),
+        format=manifest.identity.format,
+    )
+    differences = manifest.identity.find_differences(prepared.identity)
     if differences:
         raise RunError(
             f"{scenario}: cannot be repaired here, where something is not as it was"
             f" ({'; '.join(differences)}); repair it with what it was made with, or make it anew"
             " with `advercity run --fresh`"
         )
-    viewpoints = AgentPoses(spec, stage.trace)
     damaged = sorted({problem.frame for problem in problems if problem.frame is not None})
-    with open_sensors(viewpoints, stage, backend, profile) as sensed:
+    with open_sensors(prepared) as sensed:
 
         def readings_of(frame: int) -> tuple[SensorFrame, ...]:
             report(Progress(spec.id, "frames", damaged.index(frame), len(damaged)))

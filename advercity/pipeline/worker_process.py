@@ -6,6 +6,7 @@ this process has started, however the one who waited came to its end.
 """
 
 import os
+import pickle
 import signal
 import sys
 from io import FileIO
@@ -14,22 +15,21 @@ from types import FrameType
 from typing import Literal, NoReturn
 
 from advercity.errors import AdvercityError, BackendError, InputError
-from advercity.pipeline.options import (
-    WORKER_JOB,
+from advercity.pipeline.messages import (
     WORKER_MESSAGE,
     FailureMessage,
-    Progress,
     ProgressMessage,
     WorkerJob,
     WorkerMessage,
 )
+from advercity.pipeline.progress import Progress
 from advercity.pipeline.scenario import add_frames, run_scenario
 
 
 def main(events: FileIO) -> int:
     """Do the job; the exit code."""
     signal.signal(signal.SIGTERM, _exit_on_signal)
-    job = WORKER_JOB.validate_json(sys.stdin.buffer.readline())
+    job = pickle.load(sys.stdin.buffer)  # noqa: S301 - from the parent process
     Thread(target=_exit_when_parent_ends, args=(job,), daemon=True).start()
 
     def tell(event: WorkerMessage) -> None:

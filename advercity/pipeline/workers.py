@@ -5,6 +5,7 @@ Processes that make frames of a scenario beside the one that has it open.
 
 import math
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -13,7 +14,7 @@ import time
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from select import select
 from threading import Event as Flag
 from types import TracebackType
@@ -24,18 +25,14 @@ from advercity_dsl import Spec
 
 from advercity.errors import AdvercityError, BackendError, InputError, RunError
 from advercity.pipeline.machine import build_gpu_environment, find_visible_gpus
+from advercity.pipeline.messages import WORKER_MESSAGE, FailureMessage, WorkerJob
 from advercity.pipeline.options import (
-    WORKER_JOB,
-    WORKER_MESSAGE,
-    FailureMessage,
-    Progress,
-    ProgressCallback,
     ResourceLimits,
     RunOptions,
-    WorkerJob,
     format_byte_size,
     format_duration,
 )
+from advercity.pipeline.progress import Progress, ProgressCallback, ScenarioResult
 
 POLL_INTERVAL_S = 0.25
 TERMINATION_TIMEOUT_S, HELPER_TERMINATION_TIMEOUT_S = 10.0, 4.0
@@ -47,29 +44,6 @@ ERROR_CLASSES = {"InputError": InputError, "RunError": RunError, "BackendError":
 
 class WorkerCancelled(Exception):
     """Nobody wants the scenario any more."""
-
-
-@dataclass(frozen=True)
-class ScenarioResult:
-    """How a scenario came to its end.
-
-    Attributes:
-        scenario: Its id.
-        error: Why it failed; None if it did not.
-        frames: That were asked for and are there.
-        size_bytes: Of the scenario's files.
-        time_s: By the clock on the wall.
-        peak_memory_bytes: The most that was seen resident in its processes at one time.
-        cpu_s: Of processors, as far as was seen.
-    """
-
-    scenario: str
-    error: AdvercityError | None
-    frames: int
-    size_bytes: int
-    time_s: float
-    peak_memory_bytes: int
-    cpu_s: float = 0.0
 
 
 def run_worker(
@@ -166,7 +140,7 @@ class _WorkerProcess:
         """Give it its job; its input stays open, for it ends when that does."""
         assert process.stdin is not None
         try:
-            process.stdin.write(WORKER_JOB.dump_json(self._job) + b"\n")
+            pickle.dump(self._job, process.stdin)
             process.stdin.flush()
         except BrokenPipeError:
             return  # it is dead already, and its exit code tells

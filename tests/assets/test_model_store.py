@@ -301,7 +301,7 @@ def test_bodies_are_listed_with_triangles_memory_source_and_licence():
     done = CliRunner().invoke(app, ["assets", "list"])
     assert done.exit_code == 0
     lines = done.output.splitlines()
-    for head in ("blueprint", "triangles", "MiB", "made of", "author, licence"):
+    for head in ("blueprint", "triangles", "MiB", "model", "attribution"):
         assert head in lines[0]
     assert any(
         line.startswith("lincoln_mkz_2017 ") and "4.90 x 2.13 x 1.51" in line for line in lines

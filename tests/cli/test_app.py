@@ -206,7 +206,7 @@ def test_schema_of_an_unknown_kind_suggests_a_name(advercity: Command) -> None:
         (["--frames", "3"], "not a range; write A:B"),
         (["--frames", "5:5"], "holds no frame"),
         (["--frames", "0:5:0"], "STEP above 0"),
-        (["--scale", "0"], "lies outside 0.01 to 4"),
+        (["--scale", "0"], "is outside 0.01 to 4"),
         (["--weather", "fog_dya"], "did you mean 'fog_day'?"),
         (["--stream", "--rrd", "x.rrd"], "exclude each other"),
         (["--colour-clouds", "kinds"], "no such colouring; intensity, class or kind"),

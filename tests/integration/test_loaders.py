@@ -17,7 +17,7 @@ from advercity_dsl import Spec
 from numpy.typing import NDArray
 
 from advercity.compiler import find_weather, with_weather
-from advercity.pipeline import FrameRange, RunOptions, run_scenario
+from advercity.pipeline import RunOptions, run_scenario
 
 pytestmark = [pytest.mark.render, pytest.mark.sumo]
 
@@ -129,7 +129,7 @@ def agents(specs: dict[str, Spec], tmp_path_factory: pytest.TempPathFactory) -> 
         output=tmp_path_factory.mktemp("loaded"),
         profile="preview",
         scale=0.2,
-        frames=FrameRange(20, 21),
+        frames=slice(20, 21),
     )
     return load(run_scenario(spec, options), "000080")
 

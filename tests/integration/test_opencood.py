@@ -9,7 +9,7 @@ import pytest
 from advercity_dsl import Spec
 
 from advercity.compiler import find_weather, with_weather
-from advercity.pipeline import FrameRange, RunOptions, run_scenario
+from advercity.pipeline import RunOptions, run_scenario
 
 PYTHON = os.environ.get("OPENCOOD_PYTHON", "")
 READER = Path(__file__).with_name("opencood_boxes.py")
@@ -23,7 +23,7 @@ def test_opencood_and_heal_find_points_in_the_boxes_they_read(
 ) -> None:
     """In clear air; a box with few points is one far off or behind others."""
     spec = with_weather(specs["rcnj_fog_day_sparse"], find_weather("clear_day"))
-    frames = FrameRange(0, 2)
+    frames = slice(0, 2)
     run_scenario(spec, RunOptions(output=tmp_path, profile="preview", scale=0.2, frames=frames))
     told = subprocess.run(
         [PYTHON, READER, tmp_path], capture_output=True, text=True, check=True

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from advercity_dsl import Spec
 
-from advercity.pipeline import FrameRange, Progress, RunOptions, ScenarioResult
+from advercity.pipeline import Progress, RunOptions, ScenarioResult
 
 STUNTS = Path(__file__).parent / "stunts"
 WEATHERS = ("clear_day", "fog_day", "fog_night")
@@ -24,9 +24,9 @@ class Witness:
         """Note how far a scenario is."""
         self.told.append(progress)
 
-    def on_result(self, outcome: ScenarioResult) -> None:
+    def on_result(self, result: ScenarioResult) -> None:
         """Note how a scenario ended."""
-        self.over.append(outcome)
+        self.over.append(result)
 
 
 @pytest.fixture
@@ -66,7 +66,7 @@ def few(specs: dict[str, Spec]) -> list[Spec]:
 def options() -> Callable[[Path], RunOptions]:
     """How to run one frame of them into a folder, with the `stunts` backend."""
     return lambda output: RunOptions(
-        output=output, backend="stunts", profile="preview", scale=1.0, frames=FrameRange(0, 1)
+        output=output, backend="stunts", profile="preview", scale=1.0, frames=slice(0, 1)
     )
 
 

@@ -14,9 +14,8 @@ from advercity.dataset.store import DatasetStore
 from advercity.dataset.verification import verify_dataset
 from advercity.errors import InputError, RunError
 from advercity.pipeline import (
-    FrameRange,
-    ResourceLimits,
     RunOptions,
+    RunResources,
     create_executor,
     raise_failures,
     run_scenarios,
@@ -76,19 +75,19 @@ def test_a_cluster_that_loses_a_node_makes_what_one_machine_makes(
     from advercity.pipeline.cluster import RayExecutor
 
     alone, shared = tmp_path / "alone", tmp_path / "shared"
-    chosen = replace(options(alone), frames=FrameRange(0, FRAMES))
-    raise_failures(run_scenarios(few[:2], chosen, listener=witness, jobs=2))
+    chosen = replace(options(alone), frames=slice(0, FRAMES))
+    raise_failures(run_scenarios(few[:2], chosen, listener=witness, resources=RunResources(2)))
     cluster = RayExecutor(str(shared), nodes.address, frames_per_task=2)
     losing = Thread(target=lose_a_node, args=(nodes, stunts, shared), daemon=True)
     losing.start()
-    outcomes = cluster.run(few[:2], chosen, listener=witness, limits=ResourceLimits())
+    outcomes = cluster.run(few[:2], chosen, listener=witness, resources=RunResources())
     raise_failures(outcomes)
     losing.join()
     assert len(nodes.worker_nodes) == 1
     assert [outcome.frames for outcome in outcomes] == [FRAMES, FRAMES]
     assert tree(shared) == tree(alone)
     assert verify_dataset(shared) == []
-    again = cluster.run(few[:1], chosen, listener=witness, limits=ResourceLimits())
+    again = cluster.run(few[:1], chosen, listener=witness, resources=RunResources())
     assert again[0].error is None
     assert tree(shared) == tree(alone)
 
@@ -124,12 +123,12 @@ def test_a_store_that_takes_no_files_is_told(tmp_path: Path) -> None:
     ("name", "output", "address", "message"),
     [
         ("slurm", "out", None, "no such executor; local or ray"),
-        ("local", "out", "auto", "--address goes with --executor ray"),
-        ("local", "s3://bucket/out", None, "a store is reached with --executor ray"),
+        ("local", "out", "auto", "`ray_address` goes with `executor` ray"),
+        ("local", "s3://bucket/out", None, "a store needs `executor` ray"),
     ],
 )
 def test_an_executor_that_does_not_fit_is_bad_input(
     name: str, output: str, address: str | None, message: str
 ) -> None:
     with pytest.raises(InputError, match=message):
-        create_executor(name, output=output, address=address, jobs=1)
+        create_executor(name, output=output, address=address)

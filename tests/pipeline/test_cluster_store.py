@@ -15,7 +15,7 @@ from advercity.cli import main
 from advercity.dataset.remote import upload_part, verify_store
 from advercity.dataset.store import LEASE_FILE, DatasetLease, DatasetStore
 from advercity.errors import InputError, RunError
-from advercity.pipeline import FrameRange, ResourceLimits, RunOptions, raise_failures, run_scenarios
+from advercity.pipeline import RunOptions, RunResources, raise_failures, run_scenarios
 
 OptionsFor = Callable[[Path], RunOptions]
 FRAMES = 2
@@ -69,17 +69,17 @@ def test_a_run_into_a_store_goes_on_after_a_kill_and_ends_with_the_bytes_of_one_
     from advercity.pipeline.cluster import RayExecutor
 
     url, spec = f"{bucket}/dataset", few[0]
-    chosen = replace(options(tmp_path / "alone"), frames=FrameRange(0, FRAMES))
+    chosen = replace(options(tmp_path / "alone"), frames=slice(0, FRAMES))
     raise_failures(run_scenarios([spec], chosen, listener=witness))
     # What a driver leaves that is killed after the first of two tasks, in the middle of the second.
-    half = replace(options(tmp_path / "half"), frames=FrameRange(0, FRAMES // 2))
+    half = replace(options(tmp_path / "half"), frames=slice(0, FRAMES // 2))
     raise_failures(run_scenarios([spec], half, listener=witness))
     store = DatasetStore(url)
     upload_part(store, tmp_path / "half" / spec.id)
     store.write(f"{spec.id}/101/000061.pcd", b"half")
     store.write(LEASE_FILE, b"node process 1 0\n7\n")
     cluster = RayExecutor(url, frames_per_task=FRAMES // 2, patience_s=0.5)
-    raise_failures(cluster.run([spec], chosen, listener=witness, limits=ResourceLimits()))
+    raise_failures(cluster.run([spec], chosen, listener=witness, resources=RunResources()))
     assert in_store(url) == in_folder(tmp_path / "alone")
     assert verify_store(url) == []
     store.write(f"{spec.id}/102/000060.pcd", b"changed")

@@ -10,11 +10,16 @@ import pytest
 from advercity_dsl import Spec
 
 from advercity.errors import InputError
-from advercity.pipeline import FrameRange, ResourceLimits, RunOptions, raise_failures, run_scenarios
+from advercity.pipeline import (
+    ResourceLimits,
+    RunOptions,
+    RunResources,
+    raise_failures,
+    run_scenarios,
+)
 from advercity.pipeline.calibration import MachineRates, Workload
 from advercity.pipeline.estimate import (
     RunEstimate,
-    RunResources,
     check_resources,
     choose_worker_count,
     estimate_run,
@@ -69,7 +74,7 @@ def test_a_plan_is_within_a_factor_of_two_of_what_comes_out(
 ) -> None:
     """Measured in fog, foretold for a clear night."""
     spec = specs["ri_clear_night_sparse"]
-    options = RunOptions(tmp_path, profile="preview", scale=0.05, frames=FrameRange(0, 3))
+    options = RunOptions(tmp_path, profile="preview", scale=0.05, frames=slice(0, 3))
     plan = estimate_run([spec], options, jobs=1, measure=True, simulate=True)
     (foretold,) = plan.estimates
     assert plan.rates.measured["backend"] == "sapien"
@@ -166,7 +171,7 @@ def test_a_spec_that_would_fill_a_machine_is_refused_before_anything_is_made(
     options = RunOptions(tmp_path / "output", profile="full")
     with pytest.raises(InputError, match=rf"{told}.*--allow-large"):
         ask(spec, options)
-    assert ask(spec, options, allow_large=True).jobs == 1
+    assert ask(spec, options, allow_large=True).worker_count == 1
     assert not (tmp_path / "output").exists()
 
 

@@ -12,27 +12,23 @@ import psutil
 import pytest
 from advercity_dsl import Spec
 
+from advercity.cli.arguments import parse_byte_size, parse_duration
 from advercity.compiler import write_specs
 from advercity.dataset.manifest import Manifest
 from advercity.dataset.verification import verify_dataset
 from advercity.dataset.writer import FrameWriter
 from advercity.errors import InputError, RunError
 from advercity.pipeline import (
-    FrameRange,
     Progress,
     ResourceLimits,
     RunOptions,
+    RunResources,
     ScenarioResult,
     raise_failures,
     run_scenarios,
 )
-from advercity.pipeline.options import (
-    format_byte_size,
-    format_duration,
-    ignore_progress,
-    parse_byte_size,
-    parse_duration,
-)
+from advercity.pipeline.options import format_byte_size, format_duration
+from advercity.pipeline.progress import ignore_progress
 from advercity.pipeline.scenario import add_frames, run_scenario
 
 OptionsFor = Callable[[Path], RunOptions]
@@ -53,7 +49,7 @@ class Killer:
             for process in self.seen:
                 process.kill()
 
-    def on_result(self, outcome: ScenarioResult) -> None:
+    def on_result(self, result: ScenarioResult) -> None:
         """It is over."""
 
 
@@ -82,7 +78,7 @@ def test_what_crashes_or_takes_too_much_stops_nobody_else_and_is_made_up_for(
     (stunts / "2.hog").touch()
     chosen = options(tmp_path / "output")
     limits = ResourceLimits(memory_bytes=1_000_000_000)
-    outcomes = run_scenarios(few, chosen, listener=witness, jobs=2, limits=limits)
+    outcomes = run_scenarios(few, chosen, listener=witness, resources=RunResources(2, limits))
     assert [outcome.scenario for outcome in outcomes] == [spec.id for spec in few]
     errors = sorted(str(outcome.error) for outcome in outcomes if outcome.error)
     assert len(errors) == 2
@@ -100,7 +96,7 @@ def test_what_crashes_or_takes_too_much_stops_nobody_else_and_is_made_up_for(
         )
         assert 50e6 < outcome.peak_memory_bytes < 1e9
     assert len(witness.over) == 3
-    again = run_scenarios(few, chosen, listener=witness, jobs=2)
+    again = run_scenarios(few, chosen, listener=witness, resources=RunResources(2))
     raise_failures(again)
     assert verify_dataset(tmp_path / "output") == []
     assert {path.name for path in (tmp_path / "output").iterdir()} == {
@@ -121,20 +117,20 @@ def test_several_processes_make_one_scenario_with_the_bytes_of_one_alone(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Three share sixteen frames, one each at least; each has a graphics card of its own."""
-    frames = FrameRange(0, 16)
+    frames = slice(0, 16)
     alone, shared = (replace(options(tmp_path / name), frames=frames) for name in ("one", "three"))
     raise_failures(run_scenarios(few[:1], alone, listener=witness))
     (alone_pid,) = seen.iterdir()
     alone_pid.unlink()
     monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "4,7,9")
     monkeypatch.setenv("MEET", f"{claims(tmp_path / 'three', few[0])}:3")
-    (outcome,) = run_scenarios(few[:1], shared, listener=witness, jobs=3)
+    (outcome,) = run_scenarios(few[:1], shared, listener=witness, resources=RunResources(3))
     raise_failures([outcome])
     assert outcome.frames == 16
     assert outcome.size_bytes == Manifest.load(tmp_path / "three" / few[0].id).size_bytes
     assert tree(tmp_path / "three") == tree(tmp_path / "one")
     assert sorted(path.read_text() for path in seen.iterdir()) == ["4,7,9", "7", "9"]
-    told = [progress for progress in witness.told if progress.stage == "frames"]
+    told = [progress for progress in witness.told if progress.phase == "frames"]
     assert all(progress.done <= progress.total == 16 for progress in told)
 
 
@@ -146,16 +142,16 @@ def test_when_one_of_several_processes_dies_the_run_fails_and_another_one_goes_o
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    chosen = replace(options(tmp_path / "output"), frames=FrameRange(0, 6))
+    chosen = replace(options(tmp_path / "output"), frames=slice(0, 6))
     claimed = claims(tmp_path / "output", few[0])
     monkeypatch.setenv("MEET", f"{claimed}:2")
     killer = Killer(claimed)
-    (outcome,) = run_scenarios(few[:1], chosen, listener=killer, jobs=2)
+    (outcome,) = run_scenarios(few[:1], chosen, listener=killer, resources=RunResources(2))
     told = "process 2 of 2: its process died (killed by SIGKILL)"
     assert str(outcome.error).startswith(told)
     assert psutil.wait_procs(killer.seen, timeout=60)[1] == []
     monkeypatch.delenv("MEET")
-    (outcome,) = run_scenarios(few[:1], chosen, listener=killer, jobs=2)
+    (outcome,) = run_scenarios(few[:1], chosen, listener=killer, resources=RunResources(2))
     raise_failures([outcome])
     assert verify_dataset(tmp_path / "output") == []
     assert not (tmp_path / "output" / ".staging").exists()
@@ -166,7 +162,9 @@ def test_what_takes_too_long_is_killed_and_told(
 ) -> None:
     (stunts / "1.hang").touch()
     chosen = options(tmp_path / "output")
-    outcomes = run_scenarios(few[:1], chosen, listener=witness, limits=ResourceLimits(time_s=0.5))
+    outcomes = run_scenarios(
+        few[:1], chosen, listener=witness, resources=RunResources(limits=ResourceLimits(time_s=0.5))
+    )
     with pytest.raises(RunError, match=r"took longer than 0:0.*--max-time"):
         raise_failures(outcomes)
     assert not (tmp_path / "output").exists()
@@ -225,7 +223,7 @@ def test_a_frame_that_every_process_leaves_to_another_is_told(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    chosen = replace(options(tmp_path / "output"), frames=FrameRange(0, 2))
+    chosen = replace(options(tmp_path / "output"), frames=slice(0, 2))
     monkeypatch.setattr(FrameWriter, "claim_frame", lambda writer, frame: not frame)  # pyright: ignore
     with pytest.raises(RunError, match="no process made frame 1; run again to go on"):
         run_scenario(few[0], chosen)
@@ -239,7 +237,7 @@ def test_a_process_that_would_make_other_bytes_adds_nothing(
     chosen = options(tmp_path / "output")
     scenario = run_scenario(few[0], chosen)
     before = tree(scenario)
-    other = replace(chosen, scale=0.5, frames=FrameRange(0, 2))
+    other = replace(chosen, scale=0.5, frames=slice(0, 2))
     with pytest.raises(RunError, match=r"its processes differ \(scale: 1.0, 0.5\); --jobs 1"):
         add_frames(few[0], other, 1, ignore_progress)
     assert tree(scenario) == before

@@ -14,19 +14,19 @@ import pytest
 import yaml
 from advercity_dsl import Spec
 
+from advercity.cli.arguments import parse_frame_slice
 from advercity.compiler import find_weather, with_weather, write_specs
 from advercity.dataset import cloud_files
 from advercity.dataset.verification import verify_dataset
 from advercity.errors import InputError, RunError
+from advercity.media import LABEL_HEIGHT_PX
 from advercity.pipeline import (
-    FrameRange,
     RunOptions,
     ViewerTarget,
-    parse_frame_range,
     repair_dataset,
     run_scenario,
 )
-from advercity.pipeline.weather_gallery import BAR_PX, write_weather_gallery
+from advercity.pipeline.weather_gallery import write_weather_gallery
 from advercity.sensors.measurements import PointKind
 
 pytestmark = [pytest.mark.render, pytest.mark.sumo]
@@ -46,7 +46,7 @@ def run(spec: Spec, output: Path, first: int, last: int, **options: object) -> P
         output=output,
         profile="preview",
         scale=TINY,
-        frames=FrameRange(first, last),
+        frames=slice(first, last),
         **options,  # pyright: ignore[reportArgumentType]
     )
     return run_scenario(spec, chosen)
@@ -207,7 +207,7 @@ def test_a_gallery_has_a_row_per_weather_and_a_column_per_scenario(
     write_weather_gallery([spec], weathers, tmp_path / "sheet.png", frame=0, width_px=320)
     sheet = cv2.imread(str(tmp_path / "sheet.png"))
     assert sheet is not None
-    assert sheet.shape == (BAR_PX + 2 * (BAR_PX + 180), 320, 3)
+    assert sheet.shape == (LABEL_HEIGHT_PX + 2 * (LABEL_HEIGHT_PX + 180), 320, 3)
     day, night = sheet[40 : 40 + 180], sheet[40 + 200 :]
     assert day.mean() > 2.0 * night.mean()
     with pytest.raises(InputError, match="has frames 0 to"):
@@ -272,4 +272,4 @@ def test_frames_beyond_the_end_are_bad_input(spec: Spec, tmp_path: Path) -> None
     [("2:5", [2, 3, 4]), (":3", [0, 1, 2]), ("7:", [7, 8, 9]), ("0:10:4", [0, 4, 8])],
 )
 def test_frame_ranges_count_from_the_first_kept_frame(text: str, frames: list[int]) -> None:
-    assert list(parse_frame_range(text).to_range(10)) == frames
+    assert list(range(10)[parse_frame_slice(text)]) == frames

@@ -1,0 +1,95 @@
+"""How far scenarios are, how they ended, and who is told."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Protocol
+
+from advercity.errors import AdvercityError, RunError
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a scenario is.
+
+    Attributes:
+        scenario: Id of its spec.
+        phase: What is being done, in a word or two; `done` at the end.
+        done: Finished frames.
+        total: Frames that are asked for; 0 until the traffic is known.
+        size_bytes: Files of the scenario so far.
+    """
+
+    scenario: str
+    phase: str
+    done: int = 0
+    total: int = 0
+    size_bytes: int = 0
+
+
+ProgressCallback = Callable[[Progress], None]
+"""Called repeatedly while a scenario is being made."""
+
+
+def ignore_progress(progress: Progress) -> None:
+    """Discard progress."""
+
+
+@dataclass(frozen=True)
+class ScenarioResult:
+    """How a scenario ended.
+
+    Attributes:
+        scenario: Id of its spec.
+        error: Why it failed; None if it succeeded.
+        frames: Frames that were asked for and exist.
+        size_bytes: Files of the scenario.
+        time_s: Wall-clock time.
+        peak_memory_bytes: Largest resident memory of its processes at one time.
+        cpu_s: Processor time, as far as it was measured.
+    """
+
+    scenario: str
+    error: AdvercityError | None
+    frames: int
+    size_bytes: int
+    time_s: float
+    peak_memory_bytes: int
+    cpu_s: float = 0.0
+
+
+class RunListener(Protocol):
+    """Receives progress and results of a run."""
+
+    def on_progress(self, progress: Progress) -> None:
+        """Handle the progress of a scenario."""
+        ...
+
+    def on_result(self, result: ScenarioResult) -> None:
+        """Handle the end of a scenario."""
+        ...
+
+
+class SilentListener:
+    """Discards progress and results."""
+
+    def on_progress(self, progress: Progress) -> None:
+        """Discard it."""
+
+    def on_result(self, result: ScenarioResult) -> None:
+        """Discard it."""
+
+
+def raise_failures(results: Iterable[ScenarioResult]) -> None:
+    """Raise what failed: the error itself if one scenario was run, else a list of them.
+
+    Raises:
+        AdvercityError: The only scenario failed.
+        RunError: Some of several failed; the text says which and why.
+    """
+    every = list(results)
+    failed = [(item.scenario, item.error) for item in every if item.error is not None]
+    if len(every) == 1 and failed:
+        raise failed[0][1]
+    if failed:
+        lines = [f"{name}: {error}" for name, error in failed]
+        raise RunError("\n".join([*lines, f"{len(failed)} of {len(every)} scenarios failed"]))
