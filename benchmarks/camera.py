@@ -121,7 +121,7 @@ def measure(spec: Spec, weather: str, rounds: int) -> tuple[float, float, float]
     stock = stock_pictures(world, air, frame, [view])
     lamps = tuple(list_light_sources(world, frame)) if air.night else ()
     shot = CameraExposure(view, ego.sensors.camera, frame, viewpoints.velocity(ego, frame), lamps)
-    camera_air = CameraConditions.build(authored, air, "bench")
+    camera_air = CameraConditions.build(air, authored.lens, "bench")
     with load_backend("sapien").open(world, air, RenderProfile("bench", 1.0, "raster")) as renderer:
         renderer.place(frame)
 

@@ -17,6 +17,7 @@ from statistics import median
 from typing import Any
 
 from advercity_dsl import Weather
+from advercity_dsl.weather import Lamps
 from measurement import Figure, table
 
 from advercity.compiler import read_spec
@@ -79,14 +80,17 @@ class Scene:
         weather = Weather.model_validate({"id": "effect"} | parts)
         air = compute_atmosphere(weather, self.road.land_use)
         with load_backend("sapien").open(self.world, air, self.profile) as renderer:
-            yield Pictures(self, renderer, CameraConditions.build(weather, air, "bench"))
+            conditions = CameraConditions.build(air, weather.lens, "bench")
+            yield Pictures(self, renderer, conditions, weather.lamps)
 
 
 class Pictures:
     """Of one scene in one weather."""
 
-    def __init__(self, scene: Scene, renderer: Renderer, air: CameraConditions) -> None:
-        frame, ego = apply_lamp_state(scene.frame, air.weather.lamps), scene.ego
+    def __init__(
+        self, scene: Scene, renderer: Renderer, air: CameraConditions, lamps_on: Lamps
+    ) -> None:
+        frame, ego = apply_lamp_state(scene.frame, lamps_on), scene.ego
         renderer.place(frame)
         view = build_camera_view(
             ego, scene.viewpoints.world_from_cameras(ego, FRAME)[0], scene.profile

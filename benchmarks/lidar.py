@@ -192,7 +192,7 @@ def figures(*, quick: bool) -> list[Figure]:
         scene.caster.place(frame)
     found: list[Figure] = []
     for weather in (without_weather(), *(find_weather(name).declaration for name in names)):
-        air = derive_lidar_conditions(weather, compute_atmosphere(weather, "urban"))
+        air = derive_lidar_conditions(compute_atmosphere(weather, "urban"), weather.lens)
         done = [Round(scene, frame, air) for frame in frames][WARM_UP:]
         ratio = statistics.median(one.single_s / one.whole_s for one in done)
         found.append(Figure(f"LiDAR, {weather.id}", ratio, "rate of bare Embree", at_least=0.5))
@@ -205,7 +205,7 @@ def figures(*, quick: bool) -> list[Figure]:
 def _against_open3d(scene: Scene, frame: Frame) -> float:
     """Rate of all that is done without weather over that of Open3D's rays alone."""
     peer, weather = Open3d(Bare(scene.world, frame)), without_weather()
-    air = derive_lidar_conditions(weather, compute_atmosphere(weather, "urban"))
+    air = derive_lidar_conditions(compute_atmosphere(weather, "urban"), weather.lens)
     bare_s = whole_s = 0.0
     for agent in scene.agents:
         rays = scene.rays(agent, frame)
@@ -233,7 +233,7 @@ def table(scene: Scene, rounds: int) -> None:
     print("| weather | points | M points/s | M rays/s | Embree alone | ratio | packets | ratio |")
     print("|---|---|---|---|---|---|---|---|")
     for weather in weathers:
-        air = derive_lidar_conditions(weather, compute_atmosphere(weather, "urban"))
+        air = derive_lidar_conditions(compute_atmosphere(weather, "urban"), weather.lens)
         done = [Round(scene, frame, air) for frame in frames][WARM_UP:]
         cells = np.median([one.figures() for one in done], axis=0)
         points = round(statistics.median(one.points for one in done))
@@ -243,7 +243,7 @@ def table(scene: Scene, rounds: int) -> None:
 def memory(scene: Scene, frames: int) -> None:
     """Print how large the process is along the way."""
     weather = find_weather("foggy_heavy_rain_day").declaration
-    air = derive_lidar_conditions(weather, compute_atmosphere(weather, "urban"))
+    air = derive_lidar_conditions(compute_atmosphere(weather, "urban"), weather.lens)
     for number in range(frames + 1):
         if number % max(1, frames // 4) == 0:
             resident = psutil.Process().memory_info().rss / 2**20

@@ -79,7 +79,7 @@ class Place:
 
     def _cloud(self, agent: Agent, weather: Weather) -> PointCloud:
         air = derive_lidar_conditions(
-            weather, compute_atmosphere(weather, self._spec.road.land_use)
+            compute_atmosphere(weather, self._spec.road.land_use), weather.lens
         )
         self._caster.place(self._frame, frozenset({agent.number}))
         pose = self._viewpoints.world_from_lidar(agent, self._frame)

@@ -9,11 +9,10 @@ from advercity.assets.rigged_bodies import pose_body
 from advercity.frames import ActorState
 from advercity.geometry.mesh import Mesh, Wheel
 from advercity.geometry.poses import Matrix, pose_matrix
+from advercity.physics.constants import GOLDEN_FRACTION, MAX_STEERING_RAD
 from advercity.world import Body
 
 STATIONARY_POSE_M_S = 0.15
-_GOLDEN_FRACTION = 0.618034
-_MAX_STEERING_RAD = np.radians(40.0)
 """What wheel arches leave room for."""
 
 
@@ -55,7 +54,7 @@ def compute_body_pose(state: ActorState, bodies: Mapping[str, Body]) -> BodyPose
     if gait is None or (gait.returns_to_rest and state.speed_m_s < STATIONARY_POSE_M_S):
         return BodyPose(BodyShape(actor.blueprint, sheltered), np.eye(4))
     poses = len(gait.bone_transforms)
-    turns = (state.travelled_m / gait.cycle_length_m + _GOLDEN_FRACTION * actor.id) % 1.0
+    turns = (state.travelled_m / gait.cycle_length_m + GOLDEN_FRACTION * actor.id) % 1.0
     pose = round(turns * poses)
     body_from_mesh = np.eye(4)
     if gait.returns_to_rest:
@@ -68,7 +67,7 @@ def compute_wheel_pose(state: ActorState, wheel: Wheel) -> Matrix:
 
     It has rolled as far as the actor has gone, and steers if it is one that does.
     """
-    steering = np.clip(state.steering_rad, -_MAX_STEERING_RAD, _MAX_STEERING_RAD)
+    steering = np.clip(state.steering_rad, -MAX_STEERING_RAD, MAX_STEERING_RAD)
     turn = pose_matrix(
         wheel.hub,
         yaw=float(steering) if wheel.is_steered else 0.0,

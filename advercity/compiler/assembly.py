@@ -41,7 +41,7 @@ from advercity.compiler.scenarios import (
 from advercity.compiler.source import format_value_path
 from advercity.digests import compute_json_digest
 from advercity.physics.constants import GRAVITY_M_S2
-from advercity.physics.extinction import visibility_without_precipitation_m
+from advercity.physics.extinction import mor_without_precipitation_m
 from advercity.physics.stopping import friction_coefficient
 
 
@@ -73,7 +73,7 @@ def _get_response_tables(drivers: Drivers, weather: Weather) -> tuple[ResponseTa
         (drivers.rain, rates, rain.rate_mm_h),
         (drivers.snowfall, snow_rates, snow.rate_mm_h),
         (drivers.snow_cover, covers, snow.road_coverage),
-        (drivers.visibility, nearness, -visibility_without_precipitation_m(weather)),
+        (drivers.visibility, nearness, -mor_without_precipitation_m(weather)),
     )
 
 

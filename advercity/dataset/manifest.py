@@ -19,7 +19,7 @@ from advercity.dataset.scenario_folders import (
 )
 from advercity.digests import compute_source_digest
 from advercity.errors import RunError
-from advercity.physics import extinction
+from advercity.physics.extinction import compute_extinction
 
 CODE_PACKAGES = ("advercity", "advercity_dsl")
 """Packages that make the data, whatever renders them."""
@@ -109,11 +109,11 @@ class WeatherTruth(Model):
     @staticmethod
     def from_weather(weather: Weather) -> "WeatherTruth":
         """Of an authored weather."""
-        total = extinction.total_extinction(weather).at_550nm
+        mor_m = compute_extinction(weather).mor_m
         return WeatherTruth(
             id=weather.id,
             time=weather.time,
-            mor_m=round(math.log(20.0) / total, 6) if total else None,
+            mor_m=round(mor_m, 6) if math.isfinite(mor_m) else None,
             rain_mm_h=weather.rain.rate_mm_h,
             snow_mm_h=weather.snow.rate_mm_h,
             wind_m_s=weather.wind.speed_m_s,

@@ -1,90 +1,58 @@
-"""What dust does to the colour of light: scattered many times, light takes the colour of dust.
+"""The one physical state of air and light that every sensor sees, derived from a weather.
 
-From authored weather to what light does: extinction, airlight, sky, sun and ground light.
-
-All photometric: cd/m², lx, 1/m. Colours are linear sRGB factors with luminance 1.
-
-From authored weather to the atmosphere that every sensor sees.
+Everything is photometric: cd/m², lx and 1/m. Colours are linear sRGB factors with luminance 1.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
 from advercity_dsl import Weather
+from advercity_dsl.weather import Wind
 from numpy.typing import NDArray
 
 from advercity.geometry.arrays import Float64Array
-from advercity.physics import extinction, photometry, sky
-from advercity.physics.extinction import Extinction, dust_extinction
+from advercity.physics import photometry, sky
+from advercity.physics.extinction import AirExtinction, compute_extinction
 from advercity.physics.fog_transfer import FogBank, compute_fog_radiance
-from advercity.physics.photometry import Colour, luminance
+from advercity.physics.photometry import LED_COLOUR, Colour, luminance
+from advercity.physics.precipitation import ParticleSizeDistribution, size_distributions
 from advercity.physics.sky import daylight_for_weather, sun_colour
 
-DUST_LAYER_M = 1000.0
-"""Depth of the dust above the ground: that of a storm's lower part."""
 
-
-def dust_colour(weather: Weather) -> Float64Array:
-    """Colour (3,) at luminance 1 that a thick layer of the dust throws back.
-
-    Van de Hulst's fit for a layer without end, by the similarity of single-scattering albedo and
-    asymmetry; grey dust gives white.
-    """
-    albedo = np.asarray(weather.dust.ssa_rgb)
-    absorbed = np.sqrt((1.0 - albedo) / np.maximum(1.0 - albedo * weather.dust.g, 1e-9))
-    back = (1.0 - 0.139 * absorbed) * (1.0 - absorbed) / (1.0 + 1.17 * absorbed)
-    bright = float(luminance(back))
-    return back / bright if bright > 0.0 else np.ones(3)
-
-
-def dust_light_fraction(weather: Weather, total: Extinction) -> float:
-    """Share of scattered light, 0 to 1, that the dust has coloured."""
-    dust = dust_extinction(weather).at_550nm
-    if not dust:
-        return 0.0
-    return dust / total.at_550nm * (1.0 - math.exp(-dust * DUST_LAYER_M))
-
-
-def tint_by_dust(light: Float64Array, weather: Weather, total: Extinction) -> Float64Array:
-    """Light (..., 3) as dust colours it, as bright as before."""
-    share = dust_light_fraction(weather, total)
-    if not share:
-        return light
-    return (1.0 - share) * light + share * luminance(light)[..., None] * dust_colour(weather)
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Atmosphere:
     """The physical state that every sensor sees.
 
     Attributes:
-        extinction_550nm: Total extinction in the visible, 1/m.
-        extinction_905nm: Total extinction at the LiDAR's wavelength, 1/m.
+        extinction: Extinction coefficients of the air by component, 1/m.
         sun_direction: Unit vector (3,) towards the sun.
-        sun_lx: Direct normal illuminance by the sun, already dimmed by fog above.
+        sun_lx: Direct normal illuminance by the sun, after the loss in fog above the ground.
         sun_colour: Colour of direct sunlight.
-        sky_lx: Diffuse horizontal illuminance: what the upper half of `sky` gives.
+        sky_lx: Diffuse horizontal illuminance by the upper half of `sky`.
         sky: (6, n, n, 3) float32 cubemap of luminance in cd/m² without the sun's disc, faces
-            +x -x +y -y +z -z of the world; below the horizon it is the light of the ground.
+            +x -x +y -y +z -z of the world; below the horizon it holds the light of the ground.
             Face axes (column right, row down): +x: (-y, -z), -x: (+y, -z), +y: (+x, -z),
             -y: (-x, -z), +z: (-y, +x), -z: (-y, -x).
-        airlight: (6, m, m, 4) float32 cubemap, laid out as `sky`, of the light that air near the
-            ground sends to the eye for each share that it takes away: three colours in cd/m², and
-            by what share this grows along an endless ray, where air is brighter higher up.
+        airlight: (6, m, m, 4) float32 cubemap, laid out as `sky`: light scattered towards the eye
+            by air near the ground, per unit of opacity (the source function), three colours in
+            cd/m²; then its relative growth along an infinite ray, where air higher up is brighter.
         street_lx: Mean illuminance by street lamps, 0 by day.
         wetness: 0 dry to 1 soaked.
-        puddle_coverage: Share of the carriageway under standing water.
+        puddle_coverage: Fraction of the carriageway under standing water.
         night: Whether lamps light the scene.
         rain_mm_h: Rate of the falling rain, which ripples puddles.
-        snow_depth_m: Of the snow that lies in the open.
-        road_snow_cover: Share of the carriageway under snow.
-        rut_snow_cover: Share of its wheel ruts under snow.
+        snow_depth_m: Depth of lying snow in the open.
+        road_snow_cover: Fraction of the carriageway under snow.
+        rut_snow_cover: Fraction of its wheel ruts under snow.
+        water_film_mm: Depth of the water film on the road, which wheels throw up as spray.
+        precipitation: Size distributions of falling rain and snow.
+        snow_fall_speed_m_s: Terminal speed of the flakes.
+        wind: Wind at 10 m height.
     """
 
-    extinction_550nm: float
-    extinction_905nm: float
+    extinction: AirExtinction
     sun_direction: NDArray[np.float64]
     sun_lx: float
     sun_colour: Colour
@@ -99,11 +67,15 @@ class Atmosphere:
     snow_depth_m: float = 0.0
     road_snow_cover: float = 0.0
     rut_snow_cover: float = 0.0
+    water_film_mm: float = 0.0
+    precipitation: tuple[ParticleSizeDistribution, ...] = ()
+    snow_fall_speed_m_s: float = 1.0
+    wind: Wind = field(default_factory=Wind)
 
     @property
     def mor_m(self) -> float:
-        """Meteorological optical range of the whole atmosphere; inf in a vacuum."""
-        return math.log(20.0) / self.extinction_550nm if self.extinction_550nm else math.inf
+        """Visibility (MOR) of the whole atmosphere in metres; inf in a vacuum."""
+        return self.extinction.mor_m
 
     @property
     def ground_lx(self) -> float:
@@ -112,40 +84,32 @@ class Atmosphere:
 
     @property
     def horizon_airlight(self) -> Colour:
-        """Airlight in cd/m² looking level, on the mean of all sides."""
+        """Airlight in cd/m² of horizontal rays, averaged over all azimuths."""
         middle = self.airlight.shape[1] // 2
         level = self.airlight[:4, middle - 1 : middle + 1, :, :3]
         red, green, blue = level.mean(axis=(0, 1, 2), dtype=np.float64)
-        return float(red), float(green), float(blue)
-
-    @property
-    def zenith_airlight(self) -> Colour:
-        """Airlight in cd/m² along an endless ray to the zenith."""
-        middle = self.airlight.shape[1] // 2
-        around = slice(middle - 1, middle + 1)
-        zenith = self.airlight[4, around, around].reshape(-1, 4)
-        red, green, blue = (zenith[:, :3] * (1.0 + zenith[:, 3:])).mean(axis=0, dtype=np.float64)
         return float(red), float(green), float(blue)
 
 
 LandUse = Literal["urban", "rural"]
 
 SKY_SIZE = 256
-"""Texels along an edge of the sky's cubemap."""
-STREET_LIGHT_COLOUR = np.array([1.39, 0.94, 0.50])
-"""4000 K, linear sRGB at luminance 1."""
+"""Texels along an edge of the sky cubemap."""
+STREET_LIGHT_COLOUR = np.array(LED_COLOUR)
 STREET_LIGHT_LAYER_M = 10.0
 """Height up to which street lamps light the air."""
 STREET_LIGHT_EXTENT_M = 500.0
-"""How far along the ground they do."""
+"""How far along the ground street lamps light the air: no town is infinite."""
 GREY_SKY_FROM_OKTAS = 7.0
-"""Cover at which no blue is left in the sky."""
+"""Cloud cover at which no blue is left in the sky."""
+DUST_LAYER_M = 1000.0
+"""Depth of the dust above the ground: that of the lower part of a storm."""
 _WHITE = np.ones(3)
 
 
 @dataclass(frozen=True)
 class _SceneLight:
-    """What an atmosphere has of light; fields as in `Atmosphere`."""
+    """Light of an atmosphere; fields as in `Atmosphere`, before dust colours them."""
 
     sun_lx: float
     sky: Float64Array
@@ -154,26 +118,23 @@ class _SceneLight:
 
 
 def compute_atmosphere(weather: Weather, land_use: LandUse) -> Atmosphere:
-    """The atmosphere of `weather` over town or country."""
-    total = extinction.total_extinction(weather)
+    """Compute the atmosphere of `weather` over a town or the country."""
+    extinction = compute_extinction(weather)
     sun = sky.direction_from_elevation_azimuth(weather.sun.elevation_deg, weather.sun.azimuth_deg)
     if weather.time == "night":
-        light = _compute_night_light(weather, land_use, total.at_550nm)
+        light = _compute_night_light(weather, land_use, extinction.at_550nm)
     elif weather.fog.mor_m is not None:
-        light = _compute_foggy_day_light(
-            weather, sun, extinction.extinction_from_mor(weather.fog.mor_m)
-        )
+        light = _compute_foggy_day_light(weather, sun, extinction.fog.at_550nm)
     else:
         light = _compute_day_light(weather, sun)
     return Atmosphere(
-        extinction_550nm=total.at_550nm,
-        extinction_905nm=total.at_905nm,
+        extinction=extinction,
         sun_direction=sun,
         sun_lx=light.sun_lx,
         sun_colour=sun_colour(weather.sun.elevation_deg),
         sky_lx=photometry.horizontal_illuminance(light.sky),
-        sky=tint_by_dust(light.sky, weather, total).astype(np.float32),
-        airlight=_tint_airlight(light.airlight, weather, total),
+        sky=tint_by_dust(light.sky, weather, extinction).astype(np.float32),
+        airlight=_tint_airlight(light.airlight, weather, extinction),
         street_lx=light.street_lx,
         wetness=weather.surface.wetness,
         puddle_coverage=weather.surface.puddle_coverage,
@@ -182,24 +143,29 @@ def compute_atmosphere(weather: Weather, land_use: LandUse) -> Atmosphere:
         snow_depth_m=weather.snow.depth_mm / 1000.0,
         road_snow_cover=weather.snow.road_coverage,
         rut_snow_cover=weather.snow.rut_coverage,
+        water_film_mm=weather.surface.film_mm,
+        precipitation=size_distributions(weather),
+        snow_fall_speed_m_s=weather.snow.fall_speed_m_s,
+        wind=weather.wind,
     )
 
 
 def _compute_day_light(weather: Weather, sun: Float64Array) -> _SceneLight:
-    """CIE general sky, scaled to the sky's illuminance; its horizon is the airlight.
+    """Compute a CIE general sky, scaled to the diffuse illuminance; its horizon is the airlight.
 
-    Over snow a share of that is light which the clouds have from the ground, and even.
+    Over snow a fraction of the sky's light has come from the ground to the clouds; that part is
+    uniform.
     """
     light = daylight_for_weather(weather)
     albedo = sky.ground_albedo(weather.snow.depth_mm / 1000.0)
     from_ground = sky.ground_lit_fraction(albedo, weather.sky.oktas)
-    even = from_ground * light.diffuse_lx / math.pi
+    uniform = from_ground * light.diffuse_lx / math.pi
     cie_type = sky.cie_sky_type(weather.sky.oktas, turbidity=weather.sky.turbidity)
-    cloud_share = min(1.0, weather.sky.oktas / GREY_SKY_FROM_OKTAS)
+    cloud_fraction = min(1.0, weather.sky.oktas / GREY_SKY_FROM_OKTAS)
 
     def shape(directions: Float64Array) -> Float64Array:
         relative = sky.cie_relative_luminance(directions, sun, cie_type)[..., None]
-        return relative * sky.sky_colour(directions, sun, cloud_fraction=cloud_share)
+        return relative * sky.sky_colour(directions, sun, cloud_fraction=cloud_fraction)
 
     directions = photometry.cubemap_directions(SKY_SIZE)
     relative = shape(directions)
@@ -208,18 +174,18 @@ def _compute_day_light(weather: Weather, sun: Float64Array) -> _SceneLight:
     below = directions[..., 2:] < 0.0
     return _SceneLight(
         sun_lx=light.direct_lx,
-        sky=np.where(below, ground * _WHITE, scale * relative + even),
+        sky=np.where(below, ground * _WHITE, scale * relative + uniform),
         airlight=sky.build_airlight_cubemap(
-            scale * shape(_horizon_directions()).mean(axis=0) + even,
-            scale * shape(np.array([0.0, 0.0, 1.0])) + even,
+            scale * shape(_horizon_directions()).mean(axis=0) + uniform,
+            scale * shape(np.array([0.0, 0.0, 1.0])) + uniform,
         ),
     )
 
 
 def _compute_foggy_day_light(
-    weather: Weather, sun: Float64Array, fog_extinction: float
+    weather: Weather, sun: Float64Array, extinction_per_m: float
 ) -> _SceneLight:
-    """Light scattered in the bank; what is left of the direct sun is not in it."""
+    """Compute the light scattered in a fog bank and the direct sun that it leaves."""
     above = daylight_for_weather(weather)
     cie_type = sky.cie_sky_type(weather.sky.oktas, turbidity=weather.sky.turbidity)
 
@@ -231,7 +197,7 @@ def _compute_foggy_day_light(
         shape(directions)[..., None] * _WHITE
     )
     fog = compute_fog_radiance(
-        FogBank(fog_extinction, weather.fog.depth_m, weather.fog.droplet_um, sky.GROUND_ALBEDO),
+        FogBank(extinction_per_m, weather.fog.depth_m, weather.fog.droplet_um, sky.GROUND_ALBEDO),
         sun=sun,
         direct_lx=above.direct_lx,
         sky=lambda up: scale * shape(up),
@@ -246,9 +212,9 @@ def _compute_foggy_day_light(
 
 
 def _compute_night_light(
-    weather: Weather, land_use: LandUse, extinction_550nm: float
+    weather: Weather, land_use: LandUse, extinction_per_m: float
 ) -> _SceneLight:
-    """Glow overhead, ground below, both seen through a layer of air that street lamps light."""
+    """Compute the glow above and the ground below, seen through air that street lamps light."""
     glow_cd_m2: float = getattr(weather.night.glow_cd_m2, land_use)
     street_lx: float = getattr(weather.night.street_lx, land_use)
     glow_colour = STREET_LIGHT_COLOUR if land_use == "urban" else _WHITE
@@ -258,27 +224,57 @@ def _compute_night_light(
 
     height = photometry.cubemap_directions(SKY_SIZE)[..., 2:]
     path_m = np.minimum(STREET_LIGHT_LAYER_M / np.abs(height), STREET_LIGHT_EXTENT_M)
-    left = np.exp(-extinction_550nm * path_m)
+    transmittance = np.exp(-extinction_per_m * path_m)
     ground = sky.GROUND_ALBEDO / math.pi * (glow_lx * glow_colour + street_lx * STREET_LIGHT_COLOUR)
-    behind = np.where(height > 0.0, glow_cd_m2 * glow_colour, ground * left)
-    overhead = 1.0 - math.exp(-extinction_550nm * STREET_LIGHT_LAYER_M)
+    background = np.where(height > 0.0, glow_cd_m2 * glow_colour, ground * transmittance)
+    zenith_opacity = 1.0 - math.exp(-extinction_per_m * STREET_LIGHT_LAYER_M)
     return _SceneLight(
         sun_lx=0.0,
-        sky=behind + lit_by_lamps * (1.0 - left),
+        sky=background + lit_by_lamps * (1.0 - transmittance),
         airlight=sky.build_airlight_cubemap(
-            lit_by_glow + lit_by_lamps, glow_cd_m2 * glow_colour + lit_by_lamps * overhead
+            lit_by_glow + lit_by_lamps, glow_cd_m2 * glow_colour + lit_by_lamps * zenith_opacity
         ),
         street_lx=street_lx,
     )
 
 
 def _horizon_directions() -> Float64Array:
-    turn = np.arange(72) / 72 * 2.0 * math.pi
-    return np.stack([np.cos(turn), np.sin(turn), np.zeros_like(turn)], axis=-1)
+    azimuth = np.arange(72) / 72 * 2.0 * math.pi
+    return np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros_like(azimuth)], axis=-1)
 
 
 def _tint_airlight(
-    airlight: NDArray[np.floating[Any]], weather: Weather, total: Extinction
+    airlight: NDArray[np.floating[Any]], weather: Weather, extinction: AirExtinction
 ) -> NDArray[np.float32]:
-    coloured = tint_by_dust(airlight[..., :3].astype(float), weather, total)
+    coloured = tint_by_dust(airlight[..., :3].astype(float), weather, extinction)
     return np.concatenate([coloured, airlight[..., 3:]], axis=-1).astype(np.float32)
+
+
+def tint_by_dust(light: Float64Array, weather: Weather, extinction: AirExtinction) -> Float64Array:
+    """Colour light (..., 3) as scattering by dust does, keeping its luminance."""
+    fraction = _dust_light_fraction(extinction)
+    if not fraction:
+        return light
+    dusty = fraction * luminance(light)[..., None] * _dust_colour(weather)
+    return (1.0 - fraction) * light + dusty
+
+
+def _dust_light_fraction(extinction: AirExtinction) -> float:
+    """Compute the fraction of scattered light, 0 to 1, that dust has scattered."""
+    dust = extinction.dust.at_550nm
+    if not dust:
+        return 0.0
+    return dust / extinction.at_550nm * (1.0 - math.exp(-dust * DUST_LAYER_M))
+
+
+def _dust_colour(weather: Weather) -> Float64Array:
+    """Compute the colour (3,) of light that an infinitely thick layer of the dust reflects.
+
+    Van de Hulst's fit for a semi-infinite layer, with the similarity relation between
+    single-scattering albedo and asymmetry; grey dust gives white.
+    """
+    albedo = np.asarray(weather.dust.ssa_rgb)
+    similarity = np.sqrt((1.0 - albedo) / np.maximum(1.0 - albedo * weather.dust.g, 1e-9))
+    reflectance = (1.0 - 0.139 * similarity) * (1.0 - similarity) / (1.0 + 1.17 * similarity)
+    brightness = float(luminance(reflectance))
+    return reflectance / brightness if brightness > 0.0 else np.ones(3)

@@ -1,4 +1,9 @@
-"""advercity.physics.lamp_beams."""
+"""Lamps and the angular distribution of their light.
+
+`LOW_BEAM`, `FRONT_FOG_BEAM` and `LENS` are the only descriptions of these distributions: NumPy
+evaluates them here, and renderers are to take their shaders' constants from the same fields.
+Intensities are relative to the peak of a lamp.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,12 +14,9 @@ import numpy as np
 from advercity.geometry.arrays import FloatArray
 from advercity.physics.photometry import Colour
 
-LENS_FALLOFF = 1.0 - np.cos(np.radians(12.0))
-"""How fast light of a lens falls off its axis."""
-
 
 class LampPattern(IntEnum):
-    """How a lamp spreads its light."""
+    """How a lamp distributes its light; shaders know the same numbers."""
 
     STREET = 0
     LOW_BEAM = 1
@@ -24,79 +26,152 @@ class LampPattern(IntEnum):
 
 @dataclass(frozen=True)
 class LightSource:
-    """One source of light."""
+    """One lamp that lights the scene."""
 
     pattern: LampPattern
     position: tuple[float, ...]
     facing: tuple[float, ...]
+    """Unit vector along the axis of its light."""
     intensity_cd: float
+    """At the peak."""
     colour: Colour
     unobstructed_m: float = np.inf
-    """How far ahead nothing stands in its way."""
+    """Length of the free path along its axis, before another vehicle hides its light."""
 
 
-def low_beam_pattern(facing: FloatArray, rays: FloatArray) -> FloatArray:
-    """Of its peak, what a dipped beam for right-hand traffic sends along unit rays (..., n, 3).
+@dataclass(frozen=True)
+class LampBeam:
+    """Relative intensity of a headlamp with a cut-off, for right-hand traffic.
 
-    The cut-off line is level to the left and rises by 15 degrees to the right.
+    With h and v the angles in degrees to the right of the axis and above it, the cut-off lies at
+    `v = clip(kink_slope h, 0, kink_max_deg) - cutoff_drop_deg`, x is the angle above it, and
 
-    Args:
-        facing: (..., 3) unit, along the beam's axis.
-        rays: (..., n, 3) unit, away from the lamp.
+        intensity = (stray + (1 - stray) / (1 + exp(x / cutoff_softness_deg)))
+            * exp(-((x + peak_below_cutoff_deg) / below_width_deg)²)   where x < 0
+            * exp(-(v / above_width_deg)²)                             where v > 0
+            * exp(-((h - peak_right_deg) / horizontal_sigma_deg)² / 2)
+
+    Attributes:
+        cutoff_drop_deg: Angle of the level part of the cut-off below the axis.
+        kink_slope: Rise of the cut-off to the right, degrees per degree; 0 for a level one.
+        kink_max_deg: Height at which the rising part ends.
+        cutoff_softness_deg: Width of the transition from light to dark.
+        stray_fraction: Relative intensity that remains above the cut-off.
+        peak_below_cutoff_deg: Angle from the cut-off down to the peak.
+        below_width_deg: Width of the decline below the peak, to 1/e.
+        above_width_deg: Width of the decline of the stray light above the axis, to 1/e.
+        peak_right_deg: Angle of the peak to the right of the axis.
+        horizontal_sigma_deg: Standard deviation of the horizontal spread.
     """
-    h, v = _angles_off_axis_deg(facing, rays)
-    over = v + 0.57 - np.clip(0.27 * h, 0.0, 2.07)
-    share = 0.018 + 0.982 / (1.0 + np.exp(np.minimum(over / 0.12, 80.0)))
-    share *= np.where(over < 0.0, np.exp(-(((over + 1.0) / 3.5) ** 2)), 1.0)
-    share *= np.where(v > 0.0, np.exp(-((v / 15.0) ** 2)), 1.0)
-    ahead = np.abs(h) < 90.0
-    return np.where(ahead, share * np.exp(-(((h - 1.0) / 12.0) ** 2) / 2.0), 0.0)
+
+    cutoff_drop_deg: float
+    kink_slope: float
+    kink_max_deg: float
+    cutoff_softness_deg: float
+    stray_fraction: float
+    peak_below_cutoff_deg: float
+    below_width_deg: float
+    above_width_deg: float
+    peak_right_deg: float
+    horizontal_sigma_deg: float
+
+    def relative_intensity(self, facing: FloatArray, rays: FloatArray) -> FloatArray:
+        """Compute the intensity relative to the peak along rays (..., n).
+
+        Args:
+            facing: (..., 3) unit, along the beam's axis.
+            rays: (..., n, 3) unit, away from the lamp.
+        """
+        h, v = _angles_off_axis_deg(facing, rays)
+        above = v + self.cutoff_drop_deg - np.clip(self.kink_slope * h, 0.0, self.kink_max_deg)
+        # The exponent is bounded because exp overflows for float32 rays far above the cut-off.
+        dark = np.exp(np.minimum(above / self.cutoff_softness_deg, 80.0))
+        light = self.stray_fraction + (1.0 - self.stray_fraction) / (1.0 + dark)
+        below_peak = (above + self.peak_below_cutoff_deg) / self.below_width_deg
+        light *= np.where(above < 0.0, np.exp(-(below_peak**2)), 1.0)
+        light *= np.where(v > 0.0, np.exp(-((v / self.above_width_deg) ** 2)), 1.0)
+        sideways = (h - self.peak_right_deg) / self.horizontal_sigma_deg
+        return np.where(np.abs(h) < 90.0, light * np.exp(-(sideways**2) / 2.0), 0.0)
 
 
-def fog_beam_pattern(facing: FloatArray, rays: FloatArray) -> FloatArray:
-    """Of its peak, what a front fog lamp sends along unit rays (..., n, 3).
+LOW_BEAM = LampBeam(
+    cutoff_drop_deg=0.57,
+    kink_slope=0.27,
+    kink_max_deg=2.07,
+    cutoff_softness_deg=0.12,
+    stray_fraction=0.018,
+    peak_below_cutoff_deg=1.0,
+    below_width_deg=3.5,
+    above_width_deg=15.0,
+    peak_right_deg=1.0,
+    horizontal_sigma_deg=12.0,
+)
+"""Low beam (UN R112, class B); the cut-off rises by 15 degrees (tan 15° = 0.27) to the right."""
+FRONT_FOG_BEAM = LampBeam(
+    cutoff_drop_deg=0.0,
+    kink_slope=0.0,
+    kink_max_deg=0.0,
+    cutoff_softness_deg=0.2,
+    stray_fraction=0.018,
+    peak_below_cutoff_deg=1.0,
+    below_width_deg=3.5,
+    above_width_deg=15.0,
+    peak_right_deg=0.0,
+    horizontal_sigma_deg=20.0,
+)
+"""Front fog lamp: wide, with a level cut-off at its axis (UN R149, class F3)."""
+BEAMS = {LampPattern.LOW_BEAM: LOW_BEAM, LampPattern.FOG_BEAM: FRONT_FOG_BEAM}
 
-    Wide, and cut off level at its axis (UN R149, class F3). Arguments as of `beam_share`.
+
+@dataclass(frozen=True)
+class LensBeam:
+    """Relative intensity of a lens, `(1 + (1 - cos a) / falloff)^-1.25`, shifted to 0 at 90°.
+
+    Attributes:
+        falloff: One minus the cosine of the angle over which the light declines.
     """
-    h, v = _angles_off_axis_deg(facing, rays)
-    share = 0.018 + 0.982 / (1.0 + np.exp(np.minimum(v / 0.2, 80.0)))
-    share *= np.where(v < 0.0, np.exp(-(((v + 1.0) / 3.5) ** 2)), np.exp(-((v / 15.0) ** 2)))
-    return np.where(np.abs(h) < 90.0, share * np.exp(-((h / 20.0) ** 2) / 2.0), 0.0)
+
+    falloff: float
+
+    @property
+    def at_right_angle(self) -> float:
+        """Value of the unshifted distribution at 90 degrees."""
+        return (1.0 + 1.0 / self.falloff) ** -1.25
+
+    def relative_intensity(self, cosine: FloatArray) -> FloatArray:
+        """Compute the intensity relative to the peak, by cosine (...) of the angle to the axis."""
+        unshifted = (1.0 + (1.0 - np.maximum(cosine, 0.0)) / self.falloff) ** -1.25
+        return (unshifted - self.at_right_angle) / (1.0 - self.at_right_angle)
 
 
-def _angles_off_axis_deg(facing: FloatArray, rays: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Angles (..., n) in degrees of rays to the right of a beam's axis and above it."""
-    right = np.stack([facing[..., 1], -facing[..., 0], np.zeros_like(facing[..., 0])], axis=-1)
-    right /= np.linalg.norm(right, axis=-1, keepdims=True)
-    axes = np.stack([facing, right, np.cross(right, facing)], axis=-1)
-    forward, aside, up = np.moveaxis(rays @ axes, -1, 0)
-    return np.degrees(np.arctan2(aside, forward)), np.degrees(np.arcsin(np.clip(up, -1.0, 1.0)))
+LENS = LensBeam(falloff=1.0 - np.cos(np.radians(12.0)))
+"""Rear lamps, indicators and signals: 0.5 at 10 degrees, 0.2 at 20 and 0.03 at 45.
 
-
-BEAM_PATTERNS = {LampPattern.LOW_BEAM: low_beam_pattern, LampPattern.FOG_BEAM: fog_beam_pattern}
-
-
-def lens_pattern(cosine: FloatArray) -> FloatArray:
-    """Of its peak, what a rear lamp, an indicator or a signal sends at an angle to its axis.
-
-    0.5 at 10 degrees, 0.2 at 20 and 0.03 at 45: between what UN R148 asks of vehicles' lamps (0.2
-    at 10 degrees, 0.1 at 20) and what EN 12368 asks of wide signals.
-    """
-    sideways = (1.0 + 1.0 / LENS_FALLOFF) ** -1.25
-    share = (1.0 + (1.0 - np.maximum(cosine, 0.0)) / LENS_FALLOFF) ** -1.25
-    return (share - sideways) / (1.0 - sideways)
+Between what UN R148 demands of vehicles' lamps (0.2 at 10 degrees, 0.1 at 20) and what EN 12368
+demands of wide signals.
+"""
 
 
 def intensity_towards(lamps: Sequence[LightSource], rays: FloatArray) -> FloatArray:
-    """Luminous intensity (m, n) in cd of m lamps along unit rays (m, n, 3) away from each."""
-    found = np.empty(rays.shape[:2], rays.dtype)
-    kinds = np.array([lamp.pattern for lamp in lamps])
+    """Compute the luminous intensity (m, n) in cd of m lamps along unit rays (m, n, 3)."""
+    relative = np.empty(rays.shape[:2], rays.dtype)
+    patterns = np.array([lamp.pattern for lamp in lamps])
     facing = np.array([lamp.facing for lamp in lamps], rays.dtype)
-    for kind in set(kinds.tolist()):
-        one = np.flatnonzero(kinds == kind)
-        if kind in BEAM_PATTERNS:
-            found[one] = BEAM_PATTERNS[kind](facing[one], rays[one])
+    for pattern in set(patterns.tolist()):
+        rows = np.flatnonzero(patterns == pattern)
+        if pattern in BEAMS:
+            relative[rows] = BEAMS[pattern].relative_intensity(facing[rows], rays[rows])
         else:
-            cosine = np.maximum((rays[one] @ facing[one][..., None])[..., 0], 0.0)
-            found[one] = lens_pattern(cosine) if kind == LampPattern.LENS else cosine
-    return found * np.array([lamp.intensity_cd for lamp in lamps], rays.dtype)[:, None]
+            cosine = np.maximum((rays[rows] @ facing[rows][..., None])[..., 0], 0.0)
+            is_lens = pattern == LampPattern.LENS
+            relative[rows] = LENS.relative_intensity(cosine) if is_lens else cosine
+    return relative * np.array([lamp.intensity_cd for lamp in lamps], rays.dtype)[:, None]
+
+
+def _angles_off_axis_deg(facing: FloatArray, rays: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Compute the angles (..., n) in degrees of rays to the right of a beam's axis and above it."""
+    right = np.stack([facing[..., 1], -facing[..., 0], np.zeros_like(facing[..., 0])], axis=-1)
+    right /= np.linalg.norm(right, axis=-1, keepdims=True)
+    axes = np.stack([facing, right, np.cross(right, facing)], axis=-1)
+    forward, sideways, up = np.moveaxis(rays @ axes, -1, 0)
+    return np.degrees(np.arctan2(sideways, forward)), np.degrees(np.arcsin(np.clip(up, -1.0, 1.0)))

@@ -1,10 +1,20 @@
-"""advercity.physics.photometry."""
+"""Photometry: colours, luminance, and integrals over cubemaps.
+
+Colours are linear sRGB; a `Colour` has luminance 1 unless a docstring says otherwise.
+"""
 
 import numpy as np
 
 from advercity.geometry.arrays import Float64Array
 
+Colour = tuple[float, float, float]
+LED_COLOUR: Colour = (1.39, 0.94, 0.50)
+"""White LEDs of street lamps, 4000 K."""
+HALOGEN_COLOUR: Colour = (1.68, 0.87, 0.33)
+"""Halogen headlamps, 3200 K."""
+
 LUMINANCE_WEIGHTS = np.array([0.2126, 0.7152, 0.0722])
+"""Luminance of the linear sRGB primaries (ITU-R BT.709)."""
 _RGB_FROM_XYZ = np.array(
     [
         [3.2406, -1.5372, -0.4986],
@@ -59,15 +69,12 @@ def colour_from_chromaticity(chromaticity: Float64Array) -> Float64Array:
     return rgb / luminance(rgb)[..., None]
 
 
-Colour = tuple[float, float, float]
-
-
 BLACK_BODY_TEMPERATURES_K = np.array([2700.0, 3200.0, 4000.0, 5500.0, 6500.0, 10_000.0])
 BLACK_BODY_COLOURS = np.array(
     [
         [1.93, 0.81, 0.19],
-        [1.68, 0.87, 0.33],
-        [1.39, 0.94, 0.50],
+        HALOGEN_COLOUR,
+        LED_COLOUR,
         [1.10, 0.99, 0.82],
         [1.0, 1.0, 1.0],
         [0.82, 1.01, 1.40],

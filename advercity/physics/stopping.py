@@ -7,9 +7,8 @@ from advercity_dsl import Spec, Vehicle, Weather
 from advercity_dsl.traffic import TyreFriction
 from advercity_dsl.units import KM_H_PER_M_S
 
-from advercity.physics import extinction
 from advercity.physics.constants import GRAVITY_M_S2
-from advercity.physics.extinction import visibility_m
+from advercity.physics.extinction import compute_extinction
 
 
 def friction_coefficient(grip: TyreFriction, weather: Weather) -> float:
@@ -70,7 +69,7 @@ def compute_stopping_distance(spec: Spec) -> StoppingDistance:
     share = spec.caution.speed_share if spec.caution else 1.0
     speed_m_s = share * place.max_speed_km_h / KM_H_PER_M_S
     grip = friction_coefficient(spec.drivers.grip if spec.drivers else DEFAULT_GRIP, spec.weather)
-    seen = visibility_m(extinction.total_extinction(spec.weather))
+    seen = compute_extinction(spec.weather).mor_m
     return StoppingDistance(
         speed_km_h=round(KM_H_PER_M_S * speed_m_s, 2),
         reaction_s=REACTION_TIME_S,

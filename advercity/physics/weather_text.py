@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 from advercity_dsl import Weather
 
-from advercity.physics.extinction import KOSCHMIEDER_CONSTANT, snow_extinction
+from advercity.physics.extinction import mor_from_extinction, snow_extinction
 
 FOG_TERMS = ((50, "dense fog"), (200, "thick fog"), (1000, "fog"))
 """Below which visibility in metres what is said (WMO, UK roads)."""
@@ -53,8 +53,8 @@ def _describe_airborne(weather: Weather) -> Iterator[str]:
         yield next(name for most, name in RAIN_TERMS if weather.rain.rate_mm_h <= most)
     snow = weather.snow
     if snow.rate_mm_h:
-        seen_m = KOSCHMIEDER_CONSTANT / snow_extinction(
-            snow.rate_mm_h, density_g_cm3=snow.density_g_cm3
+        seen_m = mor_from_extinction(
+            snow_extinction(snow.rate_mm_h, density_g_cm3=snow.density_g_cm3)
         )
         yield next(name for below, name in SNOW_TERMS if seen_m < below)
     air = weather.air.mor_m

@@ -11,8 +11,11 @@ from advercity.compiler import LibraryEntry, compare_specs, load_library, read_s
 from advercity.compiler.explain import ValueOrigin, flatten_values
 from advercity.compiler.source import format_value_path
 from advercity.errors import InputError
-from advercity.physics import extinction
-from advercity.physics.extinction import visibility_m
+from advercity.physics.extinction import (
+    AirExtinction,
+    compute_extinction,
+    mor_from_extinction,
+)
 from advercity.physics.sky import daylight_for_weather
 from advercity.physics.stopping import compute_stopping_distance
 from advercity.physics.weather_text import format_weather
@@ -73,13 +76,13 @@ def describe_declaration(entry: LibraryEntry[Declaration]) -> Description:
 
 def describe_weather(weather: Weather) -> Description:
     """A weather in words, and what follows from its figures."""
-    total = extinction.total_extinction(weather)
-    reach = [detection_range_m(target, total.at_905nm) for target in TARGET_REFLECTANCES]
+    air = compute_extinction(weather)
+    reach = [detection_range_m(target, air.at_905nm) for target in TARGET_REFLECTANCES]
     facts = {
         "weather": _format_title(weather),
         "in words": format_weather(weather),
-        "visibility": _describe_visibility(weather, visibility_m(total)),
-        "extinction": f"{total.at_550nm:.5f} 1/m at 550 nm, {total.at_905nm:.5f} 1/m at 905 nm",
+        "visibility": _describe_visibility(air),
+        "extinction": f"{air.at_550nm:.5f} 1/m at 550 nm, {air.at_905nm:.5f} 1/m at 905 nm",
         "LiDAR reach": f"{', '.join(f'{item:.0f}' for item in reach)} m for targets of "
         f"{', '.join(f'{target:.0%}' for target in TARGET_REFLECTANCES)}, in the dark",
         "light": _describe_light(weather),
@@ -95,20 +98,17 @@ def _format_title(declaration: Declaration) -> str:
     return f"{declaration.id}: {declaration.title}" if declaration.title else declaration.id
 
 
-def _describe_visibility(weather: Weather, total_m: float) -> str:
-    snow, rain = weather.snow, weather.rain
-    falling = {
-        "rain": extinction.rain_extinction(rain.rate_mm_h, q_ext=rain.q_ext),
-        "snow": extinction.snow_extinction(snow.rate_mm_h, density_g_cm3=snow.density_g_cm3),
-    }
-    parts = {"air": weather.air.mor_m, "fog": weather.fog.mor_m, "dust": weather.dust.mor_m}
-    parts |= {
-        name: extinction.KOSCHMIEDER_CONSTANT / item for name, item in falling.items() if item
-    }
-    alone = [f"{name} {metres:.0f} m" for name, metres in parts.items() if metres is not None]
-    if math.isinf(total_m):
+def _describe_visibility(air: AirExtinction) -> str:
+    """Format the visibility and what each component alone would leave of it."""
+    parts = {"air": air.haze, "fog": air.fog, "dust": air.dust, "rain": air.rain, "snow": air.snow}
+    alone = [
+        f"{name} {mor_from_extinction(part.at_550nm):.0f} m"
+        for name, part in parts.items()
+        if part.at_550nm
+    ]
+    if math.isinf(air.mor_m):
         return "unlimited"
-    return f"{total_m:.0f} m ({', '.join(alone)} alone)"
+    return f"{air.mor_m:.0f} m ({', '.join(alone)} alone)"
 
 
 def _describe_light(weather: Weather) -> str:

@@ -54,9 +54,9 @@ class SensorRig:
         spec = prepared.spec
         self._spec, self._profile, self._poses = spec, prepared.profile, prepared.poses
         self._world, self._renderer, self._raycaster = world, renderer, Raycaster(world)
-        self._lidar_conditions = derive_lidar_conditions(spec.weather, atmosphere)
+        self._lidar_conditions = derive_lidar_conditions(atmosphere, spec.weather.lens)
         self._camera_conditions = CameraConditions.build(
-            spec.weather, atmosphere, spec.seeds.sensors, spec.id
+            atmosphere, spec.weather.lens, spec.seeds.sensors, spec.id
         )
         self._light_sources: tuple[LightSource, ...] = ()
         self._hull_points = build_hull_point_lookup(world.bodies)

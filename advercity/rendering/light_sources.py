@@ -9,12 +9,9 @@ from numpy.typing import NDArray
 from advercity.frames import ActorState, Frame, Lamp, Signal
 from advercity.geometry.poses import transform_points
 from advercity.physics.lamp_beams import LampPattern, LightSource
-from advercity.physics.photometry import Colour
+from advercity.physics.photometry import HALOGEN_COLOUR, LED_COLOUR, Colour
 from advercity.world import SignalLamp, StreetLamp, World
 
-LED_COLOUR: Colour = (1.39, 0.94, 0.50)
-"""4000 K in linear sRGB of luminance 1."""
-HALOGEN_COLOUR: Colour = (1.68, 0.87, 0.33)
 RED_LAMP_COLOUR: Colour = (4.60, 0.03, 0.0)
 AMBER_LAMP_COLOUR: Colour = (2.30, 0.72, 0.0)
 SIGNAL_COLOURS: dict[Signal, Colour] = {

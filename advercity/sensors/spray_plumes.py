@@ -1,6 +1,5 @@
 """Water that wheels throw up from a wet road: a plume behind each fast vehicle."""
 
-from advercity_dsl import Weather
 from advercity_dsl.units import KM_H_PER_M_S
 
 MIN_SPRAY_FILM_MM = 0.3
@@ -17,6 +16,6 @@ MAX_PLUME_DISTANCE_M = 60.0
 SPRAYING_CLASSES = ("car", "van", "truck", "motorcycle")
 
 
-def has_spray(weather: Weather) -> bool:
+def has_spray(water_film_mm: float) -> bool:
     """Whether enough water lies on the road."""
-    return weather.surface.film_mm > MIN_SPRAY_FILM_MM
+    return water_film_mm > MIN_SPRAY_FILM_MM

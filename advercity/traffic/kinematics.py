@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from advercity.errors import RunError
 from advercity.frames import STATE_DTYPE, Actor, Lamp, Trace
+from advercity.physics.constants import MAX_STEERING_RAD
 from advercity.roads.road_meshes import KERB_HEIGHT_M
 from advercity.roads.road_network import build_road
 from advercity.traffic.demand import TrafficDemand
@@ -33,7 +34,6 @@ COASTING_M_S2 = 0.3
 STATIONARY_M_S = 0.1
 WHEELBASE_FRACTION = 0.6
 """Of a vehicle's length."""
-MAX_STEERING_RAD = np.radians(40.0)
 MAX_TURN_RATE_RAD_S = np.pi
 MIN_HEADING_SPEED_M_S = 0.3
 """Slower than this a person keeps looking the same way."""

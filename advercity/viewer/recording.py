@@ -47,12 +47,11 @@ def compute_weather_quantities(spec: Spec) -> dict[str, float]:
     """
     weather = spec.weather
     atmosphere = compute_atmosphere(weather, spec.road.land_use)
-    sun_lx = atmosphere.sun_lx * max(0.0, float(atmosphere.sun_direction[2]))
     found = {
         "visibility_m": atmosphere.mor_m,
         "rain_mm_h": weather.rain.rate_mm_h,
         "snow_mm_h": weather.snow.rate_mm_h,
-        "illuminance_lx": sun_lx + atmosphere.sky_lx + atmosphere.street_lx,
+        "illuminance_lx": atmosphere.ground_lx + atmosphere.street_lx,
         "wetness": atmosphere.wetness,
     }
     return {name: value for name, value in found.items() if math.isfinite(value)}

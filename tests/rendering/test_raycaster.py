@@ -187,7 +187,7 @@ def test_movers_are_met_anywhere_on_their_way_across_the_seam_of_the_compass() -
         moment = np.full(40, share, np.float32)
         between = poses.interpolate_poses(first.world_from_body, last.world_from_body, [share])[0]
         still.place(frame(replace(last, world_from_body=between)))
-        seen = eye.cast(rays(origins, ahead, share=moment), 100.0)
+        seen = eye.cast(rays(origins, ahead, time_fraction=moment), 100.0)
         wanted = still.cast(rays(origins, ahead), 100.0)
         np.testing.assert_array_equal(seen.instance, wanted.instance)
         np.testing.assert_allclose(seen.range_m, wanted.range_m, atol=2e-4)
@@ -209,7 +209,7 @@ def test_a_mover_is_met_where_it_is_at_the_moment_of_the_ray() -> None:
     eye = caster(WALL)
     eye.place(frame(car(7, 14.0)), previous_frame=frame(car(7, 12.0)))
     shares = np.array([0.0, 0.25, 1.0], np.float32)
-    hits = eye.cast(rays([[0, 0, 0.5]] * 3, [[1, 0, 0]] * 3, share=shares), 100.0)
+    hits = eye.cast(rays([[0, 0, 0.5]] * 3, [[1, 0, 0]] * 3, time_fraction=shares), 100.0)
     np.testing.assert_allclose(hits.range_m, [10.0, 10.5, 12.0], atol=1e-4)
     assert (hits.instance == 7).all()
 
@@ -218,7 +218,7 @@ def test_a_turning_mover_shows_its_side_as_it_turns() -> None:
     eye = caster()
     eye.place(frame(car(7, 12.0, yaw=0.4)), previous_frame=frame(car(7, 12.0)))
     shares = np.array([0.0, 0.5, 1.0], np.float32)
-    hits = eye.cast(rays([[0, 0, 0.5]] * 3, [[1, 0, 0]] * 3, share=shares), 100.0)
+    hits = eye.cast(rays([[0, 0, 0.5]] * 3, [[1, 0, 0]] * 3, time_fraction=shares), 100.0)
     np.testing.assert_allclose(hits.cosine, np.cos([0.0, 0.2, 0.4]), atol=1e-5)
     np.testing.assert_allclose(hits.normal[:, 1], -np.sin([0.0, 0.2, 0.4]), atol=1e-5)
 
@@ -226,7 +226,7 @@ def test_a_turning_mover_shows_its_side_as_it_turns() -> None:
 def test_who_was_not_there_before_stands_still() -> None:
     eye = caster()
     eye.place(frame(car(7, 12.0)), previous_frame=frame())
-    hits = eye.cast(rays([[0, 0, 0.5]], [[1, 0, 0]], share=np.zeros(1, np.float32)), 100.0)
+    hits = eye.cast(rays([[0, 0, 0.5]], [[1, 0, 0]], time_fraction=np.zeros(1, np.float32)), 100.0)
     assert hits.range_m[0] == pytest.approx(10.0, abs=1e-4)
 
 

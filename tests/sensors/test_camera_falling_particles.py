@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from advercity.frames import Frame
 from advercity.geometry.poses import pose_matrix
-from advercity.physics.atmosphere import compute_atmosphere
+from advercity.physics.atmosphere import Atmosphere, compute_atmosphere
 from advercity.physics.precipitation import (
     drop_terminal_speed_m_s,
     rain_size_distribution,
@@ -41,6 +41,20 @@ CORNERS = np.array([[x, y, z] for x in (0, 10) for y in (0, 5) for z in (0, 2)],
 
 def weather(**parts: Any) -> Weather:
     return Weather.model_validate({"id": "tried", "time": "day", "sky": SKY} | parts)
+
+
+def camera_conditions(said: Weather) -> CameraConditions:
+    return CameraConditions.build(compute_atmosphere(said, "rural"), said.lens, "test")
+
+
+def particle_blocks(said: Weather) -> tuple[ParticleBlock, ...]:
+    return build_particle_blocks(compute_atmosphere(said, "rural"), "test")
+
+
+def zenith_airlight(air: Atmosphere) -> NDArray[np.float64]:
+    middle = air.airlight.shape[1] // 2
+    texel = air.airlight[4, middle, middle]
+    return texel[:3] * (1.0 + texel[3])
 
 
 def rainy(rate_mm_h: float = 50.0, wind_m_s: float = 0.0) -> Weather:
@@ -78,7 +92,7 @@ def capture(luminance: float, depth_m: float = 50.0, width_px: int = 480) -> Cam
 
 
 def through(said: Weather, seen: CameraCapture, taken: CameraExposure) -> NDArray[np.float32]:
-    air = CameraConditions.build(said, compute_atmosphere(said, "rural"), "test")
+    air = camera_conditions(said)
     return add_air_effects(seen, taken, air).radiance
 
 
@@ -95,7 +109,7 @@ def in_box(
 def test_as_many_large_drops_fly_as_marshall_and_palmer_counted(
     rate_mm_h: float, expected: float
 ) -> None:
-    blocks = build_particle_blocks(rainy(rate_mm_h), "test")
+    blocks = particle_blocks(rainy(rate_mm_h))
     diameter_m = np.concatenate([in_box(block, time_s=12.3) for block in blocks])
     assert int((diameter_m > 1e-3).sum()) == pytest.approx(expected, abs=3 * math.sqrt(expected))
     assert float(
@@ -111,9 +125,7 @@ def test_drops_fall_as_fast_as_their_size_lets_them(diameter_mm: float, speed_m_
 
 
 def of_two_millimetres(said: Weather) -> ParticleBlock:
-    return next(
-        block for block in build_particle_blocks(said, "test") if block.max_diameter_m > 2e-3
-    )
+    return next(block for block in particle_blocks(said) if block.max_diameter_m > 2e-3)
 
 
 def test_a_drop_of_two_millimetres_streaks_33_millimetres_which_are_26_pixels_at_a_metre() -> None:
@@ -158,7 +170,7 @@ def picture(said: Weather, seen: CameraCapture, **exposure: Any) -> NDArray[np.u
     """What a camera takes from a car that drives 10 m/s."""
     taken = shot(velocity=(10.0, 0.0, 0.0))
     camera = taken.camera.model_copy(update={"exposure": Exposure(**exposure)})
-    air = CameraConditions.build(said, compute_atmosphere(said, "rural"), "test")
+    air = camera_conditions(said)
     rng = create_generator("electronics")
     return render_image(seen, replace(taken, camera=camera), air, rng, mount=Mount())
 
@@ -176,7 +188,7 @@ def test_by_day_a_sensor_freezes_what_falls_with_the_shutter_that_it_metered(
     said: Weather,
 ) -> None:
     bright = capture(50_000.0)
-    card = CameraConditions.build(said, compute_atmosphere(said, "rural"), "test").white_card_cd_m2
+    card = camera_conditions(said).white_card_cd_m2
     setting = meter_exposure(bright.radiance, Exposure(mode="sensor"), white_card_cd_m2=card)
     assert setting.shutter_s < 0.001
     taken = picture(said, bright, mode="sensor")
@@ -209,7 +221,7 @@ def test_a_moving_camera_sees_rain_come_towards_it() -> None:
 
 @pytest.mark.parametrize("said", [rainy(wind_m_s=8.0), snowy(wind_m_s=4.0)], ids=["rain", "snow"])
 def test_all_cameras_see_the_same_particles_at_every_time(said: Weather) -> None:
-    block = build_particle_blocks(said, "test")[6]
+    block = particle_blocks(said)[6]
     here, there = np.array([3.0, 4.0, 1.0]), np.array([5.0, 3.0, 1.5])
     for time_s in (0.0, 5.9, 177.7):
         places = []
@@ -227,7 +239,7 @@ def test_all_cameras_see_the_same_particles_at_every_time(said: Weather) -> None
 
 
 def test_particles_fly_on_from_frame_to_frame() -> None:
-    block = build_particle_blocks(rainy(wind_m_s=5.0), "test")[6]
+    block = particle_blocks(rainy(wind_m_s=5.0))[6]
     around = np.array([0.0, 0.0, 2.0])
     planes, corners = PLANES, CORNERS
     first = block.find_particles(planes, corners, around, 3.0)
@@ -240,7 +252,7 @@ def test_particles_fly_on_from_frame_to_frame() -> None:
 
 def test_rain_brightens_the_dark_and_is_lost_before_the_sky() -> None:
     said = rainy()
-    sky = CameraConditions.build(said, compute_atmosphere(said, "rural"), "test").ambient_light
+    sky = camera_conditions(said).ambient_light
     drop = sky.drop_luminance(np.array([[1.0, 0.0, 0.0]])).mean()
     contrast = []
     for behind in (0.05 * drop, drop):
@@ -259,7 +271,7 @@ def test_more_rain_draws_more_streaks_but_never_a_curtain() -> None:
     seen = through(rainy(50), black, shot())
     drop = (
         seen.max()
-        / CameraConditions.build(rainy(50), compute_atmosphere(rainy(50), "rural"), "test")
+        / camera_conditions(rainy(50))
         .ambient_light.drop_luminance(np.array([[1.0, 0.0, 0.0]]))
         .max()
     )
@@ -281,9 +293,7 @@ def test_flakes_are_dots_where_drops_are_streaks() -> None:
     taken = shot(1920)
     lengths = []
     for said in (rainy(), snowy()):
-        block = max(
-            build_particle_blocks(said, "test"), key=lambda block: -abs(block.max_diameter_m - 3e-3)
-        )
+        block = max(particle_blocks(said), key=lambda block: -abs(block.max_diameter_m - 3e-3))
         seen = project_streaks(
             block.find_particles(*taken.frustum(1.0, 2.0), taken.position, 0.0), taken
         )
@@ -294,19 +304,14 @@ def test_flakes_are_dots_where_drops_are_streaks() -> None:
 
 def test_flakes_are_dark_before_the_sky_and_bright_before_dark_things() -> None:
     said = snowy()
-    zenith = float(np.mean(compute_atmosphere(said, "rural").zenith_airlight))
+    zenith = float(np.mean(zenith_airlight(compute_atmosphere(said, "rural"))))
     assert through(said, capture(zenith), shot()).mean() < zenith
     assert through(said, capture(0.02 * zenith), shot()).mean() > 0.02 * zenith
 
 
 def test_without_precipitation_the_picture_stays_as_it_is() -> None:
     seen = capture(123.0)
-    assert (
-        add_air_effects(
-            seen, shot(), CameraConditions.build(weather(), compute_atmosphere(weather(), "rural"))
-        )
-        is seen
-    )
+    assert add_air_effects(seen, shot(), camera_conditions(weather())) is seen
 
 
 def test_streaks_do_not_depend_on_what_was_seen_before() -> None:

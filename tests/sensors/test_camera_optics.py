@@ -13,7 +13,7 @@ from advercity.compiler import find_weather
 from advercity.frames import Actor, ActorState, Frame, Lamp
 from advercity.geometry.poses import pose_matrix
 from advercity.physics.atmosphere import compute_atmosphere
-from advercity.physics.lamp_beams import LampPattern, LightSource, low_beam_pattern
+from advercity.physics.lamp_beams import LOW_BEAM, LampPattern, LightSource
 from advercity.randomness import create_generator
 from advercity.rendering.backend import CameraCapture, CameraView
 from advercity.sensors.camera import CameraExposure
@@ -29,6 +29,12 @@ from advercity.sensors.camera.spray_veil import add_spray
 
 WIDTH, HEIGHT = 240, 135
 FOV_RAD = math.radians(100.0)
+
+
+def sprayed_by(
+    seen: CameraCapture, taken: CameraExposure, said: Weather, ambience: AmbientLight
+) -> CameraCapture:
+    return add_spray(seen, taken, ambience, water_film_mm=said.surface.film_mm)
 
 
 def shot(
@@ -92,7 +98,7 @@ def test_a_low_beam_shines_as_much_as_its_regulation_points_say() -> None:
     facing = np.array([1.0, 0.0, 0.0])
     points = {(-3.43, 0.57): 338, (0, 0): 527, (1.15, -0.57): 17_900, (0, -0.86): 17_600}
     for (h_deg, v_deg), candela in points.items():
-        found = 20e3 * float(low_beam_pattern(facing, at(h_deg, v_deg))[0])
+        found = 20e3 * float(LOW_BEAM.relative_intensity(facing, at(h_deg, v_deg))[0])
         assert found == pytest.approx(candela, rel=0.06)
 
 
@@ -127,14 +133,14 @@ def test_wheels_throw_up_spray_where_the_road_is_wet_and_they_are_fast() -> None
     ambience = AmbientLight.from_atmosphere(compute_atmosphere(wet, "urban"))
     dark = capture(0.0, depth_m=60.0)
     fast, slow = shot(driving(13.0)), shot(driving(5.0))
-    assert add_spray(dark, fast, dry, ambience) is dark
-    assert add_spray(dark, slow, wet, ambience) is dark
-    sprayed = add_spray(dark, fast, wet, ambience).radiance
+    assert sprayed_by(dark, fast, dry, ambience) is dark
+    assert sprayed_by(dark, slow, wet, ambience) is dark
+    sprayed = sprayed_by(dark, fast, wet, ambience).radiance
     # Behind the car, and no higher than its plume.
     assert sprayed[75, 120].min() > 0.0
     assert not sprayed[:60].any()
     assert sprayed.max() < 0.5 * float(ambience.mean_luminance.max())
-    hidden = add_spray(capture(0.0, depth_m=2.0), fast, wet, ambience).radiance
+    hidden = sprayed_by(capture(0.0, depth_m=2.0), fast, wet, ambience).radiance
     assert not hidden.any()
 
 
@@ -143,7 +149,7 @@ def test_faster_wheels_throw_up_more() -> None:
     ambience = AmbientLight.from_atmosphere(compute_atmosphere(wet, "urban"))
     dark = capture(0.0, depth_m=60.0)
     thick = [
-        float(add_spray(dark, shot(driving(speed)), wet, ambience).radiance.sum())
+        float(sprayed_by(dark, shot(driving(speed)), wet, ambience).radiance.sum())
         for speed in (9.0, 18.0)
     ]
     assert thick[1] == pytest.approx(4.0 * thick[0], rel=0.15)

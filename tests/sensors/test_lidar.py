@@ -60,7 +60,7 @@ ROADSIDE = Lidar(
 
 def air(**parts: Any) -> LidarConditions:
     weather = Weather.model_validate({"id": "tried", "time": "day"} | CLEAR | parts)
-    return derive_lidar_conditions(weather, compute_atmosphere(weather, "rural"))
+    return derive_lidar_conditions(compute_atmosphere(weather, "rural"), weather.lens)
 
 
 def with_(lidar: Lidar, **fields: Any) -> Lidar:
@@ -214,30 +214,30 @@ def test_ten_per_cent_are_seen_to_80_m_in_clear_air() -> None:
 @pytest.mark.parametrize(("mor_m", "range_m"), [(50, 21.0), (100, 30.8), (200, 42.2)])
 def test_fog_shortens_the_sight_of_ten_per_cent(mor_m: float, range_m: float) -> None:
     foggy = air(air={"mor_m": None}, fog={"mor_m": mor_m})
-    assert half_detected_m(0.10, foggy.extinction) == pytest.approx(range_m, rel=0.01)
+    assert half_detected_m(0.10, foggy.extinction_per_m) == pytest.approx(range_m, rel=0.01)
 
 
 def test_heavy_rain_shortens_the_sight_of_fifty_per_cent() -> None:
     rainy = air(air={"mor_m": None}, rain={"rate_mm_h": 50})
-    assert half_detected_m(0.50, rainy.extinction) == pytest.approx(112.3, rel=0.01)
-    assert math.exp(-2 * rainy.extinction * 100) == pytest.approx(0.424, rel=0.01)
+    assert half_detected_m(0.50, rainy.extinction_per_m) == pytest.approx(112.3, rel=0.01)
+    assert math.exp(-2 * rainy.extinction_per_m * 100) == pytest.approx(0.424, rel=0.01)
 
 
 def test_light_crosses_fog_twice() -> None:
     fog = {"air": {"mor_m": None}, "fog": {"mor_m": 75}}
     lidar = with_(DARK, soft_gain=0, azimuths=100)
     found = cloud(lidar, panel(25.0, lidar, "plaster"), **fog)
-    assert math.exp(-2 * air(**fog).extinction * 25) == pytest.approx(0.1357, abs=1e-3)
+    assert math.exp(-2 * air(**fog).extinction_per_m * 25) == pytest.approx(0.1357, abs=1e-3)
     np.testing.assert_allclose(found.intensity, 0.6 * 0.1357, atol=1e-3)
 
 
 def test_an_echo_at_the_threshold_is_reported_every_other_time() -> None:
-    range_m = half_detected_m(0.35, air().extinction)
+    range_m = half_detected_m(0.35, air().extinction_per_m)
     assert len(cloud(DARK, panel(range_m)).points) / 120_000 == pytest.approx(0.5, abs=0.008)
 
 
 def test_without_noise_an_echo_is_there_or_not() -> None:
-    range_m = half_detected_m(0.35, air().extinction)
+    range_m = half_detected_m(0.35, air().extinction_per_m)
     counts = [len(cloud(EXACT, panel(range_m + step)).points) for step in (-0.01, 0.01)]
     assert counts == [120_000, 0]
 
@@ -571,7 +571,7 @@ def test_intensity_is_reflectance_times_cosine_on_a_clear_day() -> None:
     for lidar in (DARK, Lidar()):
         found = cloud(lidar, panel(10.0, lidar, "plaster"))
         np.testing.assert_allclose(
-            found.intensity, 0.6 * math.exp(-20 * air().extinction), rtol=1e-4
+            found.intensity, 0.6 * math.exp(-20 * air().extinction_per_m), rtol=1e-4
         )
 
 
@@ -717,7 +717,7 @@ def test_worse_weather_never_shows_more_of_the_world() -> None:
     counts: list[int] = []
     for name in ("clear", "soft_rain", "heavy_rain", "foggy_heavy_rain"):
         weather = find_weather(f"{name}_day").declaration
-        met = derive_lidar_conditions(weather, compute_atmosphere(weather, "urban"))
+        met = derive_lidar_conditions(compute_atmosphere(weather, "urban"), weather.lens)
         scan = cast_scan(Lidar(), STAND, caster, puddle_coverage=met.puddle_coverage)
         found = measure_point_cloud(Lidar(), scan, met, create_generator("test"))
         counts.append(int((found.kind == PointKind.SURFACE).sum()))

@@ -21,6 +21,7 @@ from advercity.physics.atmosphere import Atmosphere
 from advercity.physics.photometry import (
     BLACK_BODY_COLOURS,
     BLACK_BODY_TEMPERATURES_K,
+    LUMINANCE_WEIGHTS,
     black_body_colour,
     cubemap_directions,
     cubemap_solid_angles,
@@ -81,7 +82,7 @@ HIGHLIGHT_STEP = 4
 """Every so many rows and columns say which that is."""
 NEUTRAL_WHITE = np.ones(3)
 _MIN_METERED_CD_M2 = 1e-5
-_LUMINANCE_WEIGHTS_32 = np.array([0.2126, 0.7152, 0.0722], np.float32)
+_LUMINANCE_WEIGHTS_32 = LUMINANCE_WEIGHTS.astype(np.float32)
 
 
 @dataclass(frozen=True)

@@ -12,14 +12,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from advercity_dsl import Weather
 from numpy.typing import NDArray
 
 from advercity.geometry.arrays import Float64Array, FloatArray
+from advercity.physics.atmosphere import Atmosphere
 from advercity.physics.precipitation import (
     ParticleSizeDistribution,
     drop_terminal_speed_m_s,
-    size_distributions,
     wind_at_height,
 )
 from advercity.randomness import create_generator
@@ -159,23 +158,23 @@ class ParticleBlock:
         return FallingParticles(position, velocity, self.diameter_m[row], self.glint[row])
 
 
-def build_particle_blocks(weather: Weather, *key: int | str) -> tuple[ParticleBlock, ...]:
-    """All that falls in `weather` and is large enough to be seen, the same for the same key."""
+def build_particle_blocks(air: Atmosphere, *key: int | str) -> tuple[ParticleBlock, ...]:
+    """Build the blocks of all drops and flakes large enough to see, the same for the same key."""
     return tuple(
         block
-        for sizes in size_distributions(weather)
+        for sizes in air.precipitation
         for block in (
-            _build_rain_blocks(sizes, weather, key)
+            _build_rain_blocks(sizes, air, key)
             if sizes.kind == "rain"
-            else _build_snow_blocks(sizes, weather, key)
+            else _build_snow_blocks(sizes, air, key)
         )
     )
 
 
 def _build_rain_blocks(
-    sizes: ParticleSizeDistribution, weather: Weather, key: tuple[int | str, ...]
+    sizes: ParticleSizeDistribution, air: Atmosphere, key: tuple[int | str, ...]
 ) -> Iterator[ParticleBlock]:
-    wind = wind_at_height(weather.wind, CAMERA_HEIGHT_M)
+    wind = wind_at_height(air.wind, CAMERA_HEIGHT_M)
     for low_mm, high_mm in itertools.pairwise(DROP_BANDS_MM):
         fall = float(drop_terminal_speed_m_s((low_mm + high_mm) / 2.0))
         velocity = wind - [0.0, 0.0, fall]
@@ -184,15 +183,15 @@ def _build_rain_blocks(
 
 
 def _build_snow_blocks(
-    sizes: ParticleSizeDistribution, weather: Weather, key: tuple[int | str, ...]
+    sizes: ParticleSizeDistribution, air: Atmosphere, key: tuple[int | str, ...]
 ) -> Iterator[ParticleBlock]:
-    wind = wind_at_height(weather.wind, CAMERA_HEIGHT_M)
+    wind = wind_at_height(air.wind, CAMERA_HEIGHT_M)
     gust = GUSTINESS * float(np.linalg.norm(wind))
     sway_m = gust * math.sqrt(2.0) / (2.0 * math.pi * SWAY_HZ)
     edges = (*FLAKE_BANDS_MM, sizes.max_melted_mm)
     for low_mm, high_mm in itertools.pairwise(edges):
         for number, factor in enumerate(FLAKE_SPEEDS):
-            velocity = wind - [0.0, 0.0, weather.snow.fall_speed_m_s * factor]
+            velocity = wind - [0.0, 0.0, air.snow_fall_speed_m_s * factor]
             rng = create_generator(*key, "snow", round(low_mm * 10), number)
             share = 1.0 / len(FLAKE_SPEEDS)
             yield _build_block(sizes, (low_mm, high_mm), velocity, rng, share=share, sway_m=sway_m)

@@ -9,7 +9,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from advercity_dsl import Mount, Weather
+from advercity_dsl import Mount
+from advercity_dsl.weather import Lens
 from numpy.typing import NDArray
 
 from advercity.physics.atmosphere import Atmosphere
@@ -35,8 +36,8 @@ class CameraConditions:
     """Air and light as cameras have them, worked out once per scenario.
 
     Attributes:
-        weather: As authored.
-        atmosphere: What it makes of light.
+        atmosphere: Air and light of the scene.
+        lens: What is on the lenses' glass.
         blocks: All that falls, the same for every camera.
         ambient_light: Light from around.
         white_point: (3,) colour that is shown as grey.
@@ -45,8 +46,8 @@ class CameraConditions:
         key: Of everything random in front of the lenses.
     """
 
-    weather: Weather
     atmosphere: Atmosphere
+    lens: Lens
     blocks: tuple[ParticleBlock, ...]
     ambient_light: AmbientLight
     white_point: NDArray[np.float64]
@@ -54,12 +55,12 @@ class CameraConditions:
     key: tuple[int | str, ...]
 
     @staticmethod
-    def build(weather: Weather, atmosphere: Atmosphere, *key: int | str) -> "CameraConditions":
-        """Of a weather; the same key lets the same drops fall."""
+    def build(atmosphere: Atmosphere, lens: Lens, *key: int | str) -> "CameraConditions":
+        """Derive the conditions; the same key lets the same drops fall."""
         return CameraConditions(
-            weather=weather,
             atmosphere=atmosphere,
-            blocks=build_particle_blocks(weather, *key, "falling"),
+            lens=lens,
+            blocks=build_particle_blocks(atmosphere, *key, "falling"),
             ambient_light=AmbientLight.from_atmosphere(atmosphere),
             white_point=find_white_point(atmosphere),
             white_card_cd_m2=math.inf if atmosphere.night else atmosphere.ground_lx / math.pi,
@@ -102,8 +103,8 @@ def add_air_effects(
 ) -> CameraCapture:
     """The capture with the sun's disc and with what the air before the camera holds."""
     seen = add_sun_disc(capture, shot.view, air.atmosphere)
-    seen = add_spray(seen, shot, air.weather, air.ambient_light)
-    extinction = air.atmosphere.extinction_550nm
+    seen = add_spray(seen, shot, air.ambient_light, water_film_mm=air.atmosphere.water_film_mm)
+    extinction = air.atmosphere.extinction.at_550nm
     return add_falling_particles(seen, shot, air.blocks, air.ambient_light, extinction=extinction)
 
 
@@ -112,7 +113,7 @@ def _light_on_sensor(
 ) -> NDArray[np.float32]:
     """Light (h, w, 3) in cd/m² that comes through air, glass and lens while the shutter is open."""
     before_lens = add_air_effects(capture, shot, air)
-    lens = air.weather.lens
+    lens = air.lens
     spots = create_generator(*air.key, "glass", carrier, *map(str, mount.model_dump().values()))
     light = apply_glass(before_lens.radiance, shot, lens, glass_coverage(lens, mount), spots)
     light = add_stray_light(

@@ -230,7 +230,7 @@ def _find_ghost_sources(
         intensity_towards(shot.light_sources, -(way / distance[:, None])[:, None])[:, 0]
         / distance**2
     )
-    lux *= np.exp(-atmosphere.extinction_550nm * distance)
+    lux *= np.exp(-atmosphere.extinction.at_550nm * distance)
     for index in np.flatnonzero(lux > MIN_GHOST_LX).tolist():
         place = _locate_in_image(shot, way[index], float(distance[index]), capture)
         if place is not None:

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from advercity_dsl import Weather
 
 from advercity.frames import ActorState
 from advercity.geometry import poses
@@ -16,7 +15,6 @@ from advercity.sensors.camera.exposure import CameraExposure
 from advercity.sensors.camera.scene_light import DROP_LUMINANCE_PER_LX, AmbientLight, lamp_luminance
 from advercity.sensors.spray_plumes import (
     MAX_PLUME_DISTANCE_M,
-    MIN_SPRAY_FILM_MM,
     MIN_SPRAY_SPEED_M_S,
     PLUME_DECAY_M,
     PLUME_HEIGHT_M,
@@ -25,6 +23,7 @@ from advercity.sensors.spray_plumes import (
     SPRAY_REFERENCE_SPEED_M_S,
     SPRAY_WATER_G_M3,
     SPRAYING_CLASSES,
+    has_spray,
 )
 
 NUM_PLUME_STEPS = 6
@@ -34,10 +33,14 @@ MEAN_PLUME_PROFILE = 4.0 / 9.0
 
 
 def add_spray(
-    capture: CameraCapture, shot: CameraExposure, weather: Weather, ambience: AmbientLight
+    capture: CameraCapture,
+    shot: CameraExposure,
+    ambience: AmbientLight,
+    *,
+    water_film_mm: float,
 ) -> CameraCapture:
     """The capture through the plumes that wheels throw up; itself where no road is so wet."""
-    if weather.surface.film_mm <= MIN_SPRAY_FILM_MM:
+    if not has_spray(water_film_mm):
         return capture
     for state in _find_spraying_vehicles(shot):
         capture = _add_plume(capture, shot, state, ambience)

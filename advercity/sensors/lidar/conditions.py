@@ -7,20 +7,19 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from advercity_dsl import Lidar, Weather
+from advercity_dsl import Lidar
+from advercity_dsl.weather import Lens
 from numpy.typing import NDArray
 
 from advercity.geometry.arrays import FloatArray
-from advercity.physics import extinction
 from advercity.physics.atmosphere import Atmosphere
-from advercity.sensors import spray_plumes
 from advercity.sensors.lidar.beams import scan_azimuths_rad
 from advercity.sensors.lidar.received_power import daylight_noise_factor
 from advercity.sensors.lidar.volume_scattering import (
     ParticleTable,
     SoftTarget,
-    build_particle_tables,
 )
+from advercity.sensors.spray_plumes import has_spray
 
 NUM_WINDOW_SECTORS = 360
 """Parts of the window, one degree each, that a drop may block."""
@@ -73,7 +72,7 @@ class LidarConditions:
     """Air, light and ground as a LiDAR at 905 nm has them.
 
     Attributes:
-        extinction: Of everything, 1/m.
+        extinction_per_m: Total extinction coefficient at 905 nm.
         soft_target: Fog and dust; None if there is neither.
         particles: What falls.
         has_spray: Whether the road is wet enough for wheels to throw water up.
@@ -86,7 +85,7 @@ class LidarConditions:
         window_coverage: Share of the sensor's window that drops or dirt cover: front, side, rear.
     """
 
-    extinction: float
+    extinction_per_m: float
     soft_target: SoftTarget | None
     particles: tuple[ParticleTable, ...]
     has_spray: bool
@@ -103,31 +102,25 @@ MIN_VISIBLE_SUN_LX = 1_000.0
 """Direct sunlight below this is no disc any more."""
 
 
-def derive_lidar_conditions(weather: Weather, atmosphere: Atmosphere) -> LidarConditions:
-    """The air of `weather`, whose light is that of `atmosphere`."""
-    total = atmosphere.extinction_905nm
-    fog, dust = (
-        extinction.fog_extinction(weather).at_905nm,
-        extinction.dust_extinction(weather).at_905nm,
-    )
-    sun_lx = atmosphere.sun_lx * max(0.0, float(atmosphere.sun_direction[2]))
-    coverage = weather.lens.coverage
+def derive_lidar_conditions(atmosphere: Atmosphere, lens: Lens) -> LidarConditions:
+    """Derive what a LiDAR at 905 nm needs of an atmosphere, and of the glass before it."""
+    total = atmosphere.extinction.at_905nm
     return LidarConditions(
-        extinction=total,
-        soft_target=SoftTarget.build(fog=fog, dust=dust, extinction=total) if fog or dust else None,
-        particles=build_particle_tables(weather, total),
-        has_spray=spray_plumes.has_spray(weather),
+        extinction_per_m=total,
+        soft_target=SoftTarget.from_extinction(atmosphere.extinction),
+        particles=tuple(ParticleTable.build(sizes, total) for sizes in atmosphere.precipitation),
+        has_spray=has_spray(atmosphere.water_film_mm),
         wetness=atmosphere.wetness,
         puddle_coverage=atmosphere.puddle_coverage,
-        snow_cover=1.0 if weather.snow.depth_mm else 0.0,
-        road_snow_cover=weather.snow.road_coverage,
-        noise_factor=daylight_noise_factor(sun_lx + atmosphere.sky_lx),
+        snow_cover=1.0 if atmosphere.snow_depth_m else 0.0,
+        road_snow_cover=atmosphere.road_snow_cover,
+        noise_factor=daylight_noise_factor(atmosphere.ground_lx),
         sun_direction=(
             atmosphere.sun_direction if atmosphere.sun_lx > MIN_VISIBLE_SUN_LX else None
         ),
         window_coverage=(
-            (coverage.front, coverage.side, coverage.rear)
-            if weather.lens.enabled
+            (lens.coverage.front, lens.coverage.side, lens.coverage.rear)
+            if lens.enabled
             else (0.0, 0.0, 0.0)
         ),
     )

@@ -44,16 +44,16 @@ WHITE_TARGET_POWER = 1.0 / (math.pi * _DARK_THRESHOLD)
 
 
 def received_power(
-    range_m: FloatArray, reflected_fraction: FloatArray, extinction_905nm: float
+    range_m: FloatArray, reflected_fraction: FloatArray, extinction_per_m: float
 ) -> FloatArray:
     """Power (n,) of a hard Lambertian target, against the threshold.
 
     Args:
         range_m: (n,) metres.
         reflected_fraction: (n,) reflectance times cosine of incidence.
-        extinction_905nm: Of the air between, 1/m.
+        extinction_per_m: Extinction coefficient at 905 nm, of the air between, 1/m.
     """
-    left = np.exp(range_m * range_m.dtype.type(-2.0 * extinction_905nm))
+    left = np.exp(range_m * range_m.dtype.type(-2.0 * extinction_per_m))
     return left * reflected_fraction * (WHITE_TARGET_POWER / (range_m * range_m + NEAR_FIELD_M**2))
 
 
@@ -166,17 +166,17 @@ DETECTION_RANGE_STEP_M = 0.1
 
 
 def detection_range_m(
-    reflectance: float, extinction_905nm: float, *, max_range_m: float = 200.0
+    reflectance: float, extinction_per_m: float, *, max_range_m: float = 200.0
 ) -> float:
     """Range at which a target that faces the sensor is found half of the time.
 
     Args:
         reflectance: Of a Lambertian target, at 905 nm.
-        extinction_905nm: Of the air, 1/m.
+        extinction_per_m: Extinction coefficient at 905 nm, of the air, 1/m.
         max_range_m: Beyond this the sensor does not listen.
     """
     ranges = np.arange(
         DETECTION_RANGE_STEP_M, max_range_m + DETECTION_RANGE_STEP_M / 2, DETECTION_RANGE_STEP_M
     )
-    found = received_power(ranges, np.full_like(ranges, reflectance), extinction_905nm) >= 1.0
+    found = received_power(ranges, np.full_like(ranges, reflectance), extinction_per_m) >= 1.0
     return float(ranges[found][-1]) if found.any() else 0.0

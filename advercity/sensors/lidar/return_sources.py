@@ -161,7 +161,7 @@ class ReturnSources:
         range_m = np.maximum(plume.enter_m + deep_m, np.float32(MIN_RANGE_M))
         depth_m = np.minimum(plume.through_m, np.float32(PULSE_LENGTH_M))
         share = plume.extinction * depth_m * np.float32(math.pi / LIDAR_RATIO_SR["spray"])
-        power = received_power(range_m, share, self._air.extinction) * (
+        power = received_power(range_m, share, self._air.extinction_per_m) * (
             range_m < self._stop_m[beam]
         )
         power *= fluctuation
@@ -206,7 +206,7 @@ class ReturnSources:
             share = share * sub_ray_weights(self._lidar)[rays % sub_rays]
         finite_m = np.minimum(hits.range_m, np.float32(self._lidar.range_m))
         power = received_power(
-            finite_m, share * np.float32(1.0 / self._threshold), self._air.extinction
+            finite_m, share * np.float32(1.0 / self._threshold), self._air.extinction_per_m
         )
         # A threshold below what noise can lift; what met nothing reflects nothing.
         power *= power > MIN_RELEVANT_POWER / sub_rays

@@ -14,14 +14,15 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from advercity_dsl import Lidar, Weather
+from advercity_dsl import Lidar
 from numpy.typing import NDArray
 
 from advercity.frames import ActorState
 from advercity.geometry import poses
 from advercity.geometry.arrays import Float64Array, FloatArray, IndexArray
 from advercity.geometry.poses import Matrix
-from advercity.physics.precipitation import ParticleSizeDistribution, size_distributions
+from advercity.physics.extinction import AirExtinction
+from advercity.physics.precipitation import ParticleSizeDistribution
 from advercity.sensors.lidar.beams import (
     BEAM_APERTURE_M,
     BEAM_DIVERGENCE_RAD,
@@ -146,11 +147,14 @@ class SoftTarget:
     """The same for where it falls through it."""
 
     @staticmethod
-    def build(*, fog: float, dust: float, extinction: float) -> "SoftTarget":
-        """The target of fog and dust of these extinctions, in air of `extinction` in all, 1/m."""
-        by_fog, by_dust = fog / LIDAR_RATIO_SR["fog"], dust / LIDAR_RATIO_SR["dust"]
+    def from_extinction(extinction: AirExtinction) -> "SoftTarget | None":
+        """Tabulate the fog and dust of an air; None if it has neither."""
+        by_fog = extinction.fog.at_905nm / LIDAR_RATIO_SR["fog"]
+        by_dust = extinction.dust.at_905nm / LIDAR_RATIO_SR["dust"]
+        if not by_fog and not by_dust:
+            return None
         range_m = np.arange(MIN_RANGE_M, MAX_RANGE_M, RANGE_STEP_M)
-        profile = pulse_profile(range_m, by_fog + by_dust, extinction)
+        profile = pulse_profile(range_m, by_fog + by_dust, extinction.at_905nm)
         mass = np.cumsum(profile) - profile[0]
         mass /= mass[-1]
         levels = profile.max() * np.arange(NUM_PROFILE_LEVELS + 1) / NUM_PROFILE_LEVELS
@@ -199,7 +203,9 @@ class SoftTarget:
         return self._range_of_mass.take((at + np.float32(0.5)).astype(np.int32)), power
 
 
-def pulse_profile(range_m: Float64Array, backscatter: float, extinction: float) -> Float64Array:
+def pulse_profile(
+    range_m: Float64Array, backscatter: float, extinction_per_m: float
+) -> Float64Array:
     """Power (n,) against the threshold of a layer without end, by apparent range.
 
     A pulse of the shape sine squared, that stretches over twice `PULSE_LENGTH_M`, gathers light
@@ -208,14 +214,14 @@ def pulse_profile(range_m: Float64Array, backscatter: float, extinction: float) 
     Args:
         range_m: (n,) metres.
         backscatter: 1/(m sr).
-        extinction: 1/m.
+        extinction_per_m: Of the air, at 905 nm.
     """
     step = PULSE_LENGTH_M / 32.0
     along = (np.arange(64) + 0.5) * step
     shape = np.sin(np.pi * along / (2.0 * PULSE_LENGTH_M)) ** 2 * step
     reached = range_m[:, None] + PULSE_LENGTH_M - along
     layer = received_power(
-        np.maximum(reached, 0.0), np.full_like(reached, math.pi * backscatter), extinction
+        np.maximum(reached, 0.0), np.full_like(reached, math.pi * backscatter), extinction_per_m
     )
     return np.where(reached > 0.0, layer, 0.0) @ shape
 
@@ -244,10 +250,10 @@ class ParticleTable:
     """Melted diameter (LEVELS,) there of a particle of that power."""
 
     @staticmethod
-    def build(sizes: ParticleSizeDistribution, extinction: float) -> "ParticleTable":
-        """The table for air of that extinction, 1/m."""
+    def build(sizes: ParticleSizeDistribution, extinction_per_m: float) -> "ParticleTable":
+        """The table for air of that extinction at 905 nm."""
         range_m = np.arange(PARTICLE_MIN_RANGE_M, PARTICLE_MAX_RANGE_M, PARTICLE_RANGE_STEP_M)
-        least_mm = min_detectable_diameter_mm(range_m, sizes, extinction, MIN_PARTICLE_POWER)
+        least_mm = min_detectable_diameter_mm(range_m, sizes, extinction_per_m, MIN_PARTICLE_POWER)
         per_m = beam_cross_section_m2(range_m) * sizes.number_concentration_above(least_mm)
         steps = np.concatenate([[0.0], (per_m[1:] + per_m[:-1]) / 2.0 * PARTICLE_RANGE_STEP_M])
         met = np.cumsum(steps)
@@ -279,11 +285,6 @@ class ParticleTable:
         return -np.log1p(-uniform * cut) / slope
 
 
-def build_particle_tables(weather: Weather, extinction: float) -> tuple[ParticleTable, ...]:
-    """The tables of all that falls in `weather`."""
-    return tuple(ParticleTable.build(sizes, extinction) for sizes in size_distributions(weather))
-
-
 def beam_cross_section_m2(range_m: Float64Array) -> Float64Array:
     """Cross-section (n,) of a beam, an ellipse."""
     wide, high = (
@@ -294,11 +295,11 @@ def beam_cross_section_m2(range_m: Float64Array) -> Float64Array:
 
 
 def min_detectable_diameter_mm(
-    range_m: Float64Array, sizes: ParticleSizeDistribution, extinction: float, power: float
+    range_m: Float64Array, sizes: ParticleSizeDistribution, extinction_per_m: float, power: float
 ) -> Float64Array:
     """Melted diameter (n,) of a particle that returns `power`, against the threshold."""
     filling = received_power(
-        range_m, np.full_like(range_m, PARTICLE_REFLECTANCE[sizes.kind]), extinction
+        range_m, np.full_like(range_m, PARTICLE_REFLECTANCE[sizes.kind]), extinction_per_m
     )
     area_m2 = power / filling * beam_cross_section_m2(range_m)
     return np.sqrt(area_m2 * 4.0 / math.pi) * 1e3 / sizes.air_to_melted_diameter

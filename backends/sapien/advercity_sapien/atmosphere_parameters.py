@@ -40,7 +40,7 @@ def compute_atmosphere_parameters(atmosphere: Atmosphere) -> dict[str, ArrayLike
     coverage = atmosphere.puddle_coverage
     rain = min(1.0, atmosphere.rain_mm_h / RIPPLE_REFERENCE_RAIN_MM_H)
     return {
-        "extinction": atmosphere.extinction_550nm,
+        "extinction": atmosphere.extinction.at_550nm,
         "wetness": atmosphere.wetness,
         "puddle_level": water.puddle_water_level(coverage) if coverage > 0.0 else NO_WATER_LEVEL,
         "ripple_slope": RIPPLE_SLOPE * rain**0.5,

@@ -7,13 +7,12 @@ light that the beam has lost up to there for the optical depth, so that no light
 """
 
 import math
-from collections.abc import Callable
 from functools import cache
 
 import numpy as np
 
 from advercity.geometry.arrays import Float32Array, FloatArray
-from advercity.physics.lamp_beams import fog_beam_pattern, low_beam_pattern
+from advercity.physics.lamp_beams import FRONT_FOG_BEAM, LOW_BEAM, LampBeam
 from advercity.physics.scattering import DropletPhaseLobes
 from advercity_sapien.shader_table import COLUMNS, FOG_BEAM_RINGS, FOG_BEAM_SPOKES
 
@@ -36,15 +35,13 @@ def compute_fog_beam_rows() -> Float32Array:
 
     The first row is of low beams, the second of front fog lamps. Takes about a second.
     """
-    rows = np.stack([_integrate_fog_beam(low_beam_pattern), _integrate_fog_beam(fog_beam_pattern)])
+    rows = np.stack([_integrate_fog_beam(LOW_BEAM), _integrate_fog_beam(FRONT_FOG_BEAM)])
     return rows.reshape(2, COLUMNS, 4).astype(np.float32)
 
 
-def _integrate_fog_beam(
-    beam_fraction: Callable[[FloatArray, FloatArray], FloatArray],
-) -> FloatArray:
+def _integrate_fog_beam(lamp_beam: LampBeam) -> FloatArray:
     """Integrate the scattered light of a beam along x by ring and spoke, (RINGS * SPOKES, 4)."""
-    beam, light = _sample_beam_rays(beam_fraction)
+    beam, light = _sample_beam_rays(lamp_beam)
     directions = _table_directions()
     cosine = np.clip(directions @ beam.T, -1.0, 1.0)
     angle = np.maximum(np.arccos(cosine), MIN_ANGLE_RAD)
@@ -57,9 +54,7 @@ def _integrate_fog_beam(
     return np.stack([forward, -left, up, fluence.sum(axis=1)], axis=-1)
 
 
-def _sample_beam_rays(
-    beam_fraction: Callable[[FloatArray, FloatArray], FloatArray],
-) -> tuple[FloatArray, FloatArray]:
+def _sample_beam_rays(lamp_beam: LampBeam) -> tuple[FloatArray, FloatArray]:
     """Sample unit rays (n, 3) of a beam, and the light (n,) of each: peak intensity times sr."""
     h = (
         np.arange(-BEAM_HALF_WIDTH_RAD, BEAM_HALF_WIDTH_RAD, STEP_HORIZONTAL_RAD)
@@ -73,10 +68,8 @@ def _sample_beam_rays(
     )
     # Float32 halves the time of some millions of angles; the table has no more digits.
     rays = rays.astype(np.float32)
-    light = (
-        beam_fraction(BEAM_AXIS, rays[None])[0] * level * STEP_HORIZONTAL_RAD * STEP_VERTICAL_RAD
-    )
-    light = light.astype(np.float32)
+    relative = lamp_beam.relative_intensity(BEAM_AXIS, rays[None])[0]
+    light = (relative * level * STEP_HORIZONTAL_RAD * STEP_VERTICAL_RAD).astype(np.float32)
     is_strong = light > MIN_RAY_FRACTION * light.max()
     return rays[is_strong], light[is_strong]
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from advercity.geometry.arrays import Float32Array, FloatArray
 from advercity.physics.atmosphere import Atmosphere
-from advercity.physics.lamp_beams import BEAM_PATTERNS, LampPattern, LightSource, lens_pattern
+from advercity.physics.lamp_beams import BEAMS, LENS, LOW_BEAM, LampPattern, LightSource
 from advercity.rendering.backend import CameraView
 from advercity_sapien.shader_table import (
     BEARINGS,
@@ -38,7 +38,7 @@ NEGLIGIBLE_AIRLIGHT_FRACTION = 0.05
 """Fraction of the airlight which glow need not exceed to be left out."""
 STREET_LAMP_HEIGHT_M = 6.0
 """Least height of a street lamp above what it lights."""
-LOW_BEAM_SIGMA_RAD = np.radians(12.0)
+LOW_BEAM_SIGMA_RAD = np.radians(LOW_BEAM.horizontal_sigma_deg)
 """Horizontal spread of a low beam; front fog lamps are wider, which only costs list entries."""
 STRAY_BEAM_FRACTION = 0.1
 """Fraction of a beam's peak that leaves it upwards and to the sides, into the eyes of others."""
@@ -68,11 +68,11 @@ class LampLists:
         self._position = np.array([lamp.position for lamp in brightest]).reshape(-1, 3)
         self._facing = np.array([lamp.facing for lamp in brightest]).reshape(-1, 3)
         self._kind = np.array([lamp.pattern for lamp in brightest], dtype=int)
-        self._is_beam = np.isin(self._kind, list(BEAM_PATTERNS))
+        self._is_beam = np.isin(self._kind, list(BEAMS))
         self._intensity_cd = np.array([lamp.intensity_cd for lamp in brightest])
         self._free_range_m = np.array([lamp.unobstructed_m for lamp in brightest])
         self._colour = np.array([lamp.colour for lamp in brightest]).reshape(-1, 3)
-        self._extinction = atmosphere.extinction_550nm
+        self._extinction = atmosphere.extinction.at_550nm
         self._faint_lx = max(
             NEGLIGIBLE_FRACTION * (atmosphere.street_lx + atmosphere.sky_lx), MIN_ILLUMINANCE_LX
         )
@@ -135,7 +135,7 @@ class LampLists:
                 STREET_LAMP_HEIGHT_M / (nearest**2 + STREET_LAMP_HEIGHT_M**2) ** 1.5,
                 _beam_fraction(off_axis) / (nearest**2 + 2.0),
             ],
-            lens_pattern(np.cos(off_axis)) / (nearest**2 + 1.0),
+            LENS.relative_intensity(np.cos(off_axis)) / (nearest**2 + 1.0),
         )
         lux[nearest > self._range_m] = 0.0
         return _select_highest(lux, LAMPS_PER_CELL, self._faint_lx)
@@ -185,7 +185,7 @@ class LampLists:
                 np.maximum(STREET_LAMP_HEIGHT_M / np.maximum(distance, STREET_LAMP_HEIGHT_M), 0.3),
                 STRAY_BEAM_FRACTION * _beam_fraction(off_axis),
             ],
-            lens_pattern(np.cos(off_axis)),
+            LENS.relative_intensity(np.cos(off_axis)),
         )
 
     def _find_nearby_beams(self, eye: FloatArray) -> NDArray[np.bool_]:

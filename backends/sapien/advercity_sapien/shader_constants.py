@@ -17,7 +17,7 @@ import numpy as np
 from advercity.frames import Lamp, Signal
 from advercity.materials import Texture
 from advercity.physics import water
-from advercity.physics.lamp_beams import LENS_FALLOFF, LampPattern
+from advercity.physics.lamp_beams import LENS, LampPattern
 from advercity.physics.scattering import DropletPhaseLobes
 from advercity_sapien.atmosphere_parameters import NO_WATER_LEVEL
 from advercity_sapien.fog_beams import DROPLET_UM
@@ -70,7 +70,6 @@ def _format_constants() -> Iterator[str]:
     signals = {f"SIGNAL_{item.name}": FIRST_SIGNAL_BIT << item for item in Signal}
     yield from _format_integers("LIT", signals)
     lobes = DropletPhaseLobes.from_diameter_um(DROPLET_UM)
-    lens_side = (1.0 + 1.0 / LENS_FALLOFF) ** -1.25
     # As many digits as the golden images were made with.
     yield from (
         f"const float {name} = {value};"
@@ -90,8 +89,8 @@ def _format_constants() -> Iterator[str]:
             "DROPLET_WIDE_G": _float(lobes.wide_g),
             "DROPLET_WIDE_A": _float(lobes.wide_a),
             "DROPLET_WIDE_FRACTION": _float(lobes.wide_fraction, 3),
-            "LENS_FALLOFF": _float(LENS_FALLOFF),
-            "LENS_SIDE_FRACTION": _float(lens_side, 5),
+            "LENS_FALLOFF": _float(LENS.falloff),
+            "LENS_SIDE_FRACTION": _float(LENS.at_right_angle, 5),
         }.items()
     )
 

@@ -14,6 +14,7 @@ from advercity.errors import BackendError
 from advercity.frames import Frame
 from advercity.geometry.mesh import Mesh
 from advercity.physics.atmosphere import Atmosphere
+from advercity.physics.extinction import AirExtinction, Extinction
 from advercity.physics.sky import build_airlight_cubemap
 from advercity.rendering.backend import CameraView, RenderProfile, load_backend
 from advercity.semantics import Semantic
@@ -38,8 +39,7 @@ def world_of(triangles: int) -> World:
 
 
 AIR = Atmosphere(
-    extinction_550nm=1e-4,
-    extinction_905nm=1e-4,
+    extinction=AirExtinction(haze=Extinction(1e-4, 1e-4)),
     sun_direction=np.array([0.0, 0.0, 1.0]),
     sun_lx=1e4,
     sun_colour=(1.0, 1.0, 1.0),

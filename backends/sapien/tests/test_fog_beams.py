@@ -1,36 +1,36 @@
 """The table of what fog turns aside from beams."""
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pytest
 from advercity_sapien.fog_beams import compute_fog_beam_rows
 from advercity_sapien.shader_table import FOG_BEAM_RINGS, FOG_BEAM_SPOKES
-from numpy.typing import NDArray
 
-from advercity.physics.lamp_beams import fog_beam_pattern, low_beam_pattern
+from advercity.physics.lamp_beams import FRONT_FOG_BEAM, LOW_BEAM, LampBeam
 
-Share = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 FINE = 64
 BEAMS = pytest.mark.parametrize(
-    ("row", "share"), [(0, low_beam_pattern), (1, fog_beam_pattern)], ids=["dipped", "fog"]
+    ("row", "lamp_beam"), [(0, LOW_BEAM), (1, FRONT_FOG_BEAM)], ids=["dipped", "fog"]
 )
 
 
-def flux_of(share: Share) -> float:
+def flux_of(lamp_beam: LampBeam) -> float:
     """Lumens per candela of the peak."""
     step = math.radians(0.1)
     h, v = np.meshgrid(np.arange(-60.0, 60.0, 0.1), np.arange(-20.0, 20.0, 0.1))
     level, aside, above = np.cos(np.radians(v)), np.radians(h), np.radians(v)
     rays = np.stack([level * np.cos(aside), level * np.sin(aside), np.sin(above)], axis=-1)
-    light = share(np.array([[1.0, 0.0, 0.0]]), rays.reshape(1, -1, 3))[0] * level.ravel()
+    light = (
+        lamp_beam.relative_intensity(np.array([[1.0, 0.0, 0.0]]), rays.reshape(1, -1, 3))[0]
+        * level.ravel()
+    )
     return float(light.sum()) * step**2
 
 
 @BEAMS
 def test_all_that_leaves_a_beam_goes_out_through_a_sphere_around_the_lamp(
-    row: int, share: Share
+    row: int, lamp_beam: LampBeam
 ) -> None:
     """What is turned on the first metre, all of the beam times its optical depth."""
     table = compute_fog_beam_rows()[row].reshape(FOG_BEAM_RINGS, FOG_BEAM_SPOKES, 4)
@@ -49,11 +49,11 @@ def test_all_that_leaves_a_beam_goes_out_through_a_sphere_around_the_lamp(
     )
     through = np.einsum("rsi,rsi->rs", light[..., :3], out)
     total = np.sum(through * (np.sin(off) * wide)[:, None]) * 2.0 * math.pi / FOG_BEAM_SPOKES
-    assert total == pytest.approx(flux_of(share), rel=0.05)
+    assert total == pytest.approx(flux_of(lamp_beam), rel=0.05)
 
 
 @BEAMS
-def test_no_more_light_flows_than_there_is(row: int, share: Share) -> None:
+def test_no_more_light_flows_than_there_is(row: int, lamp_beam: LampBeam) -> None:
     table = compute_fog_beam_rows()[row]
     assert (np.linalg.norm(table[:, :3], axis=1) <= table[:, 3] * 1.001).all()
 

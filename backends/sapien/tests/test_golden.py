@@ -133,7 +133,7 @@ def taken(name: str, weather: Weather, renderer: Renderer) -> Image:
     shot = CameraExposure(view, camera, frame, np.array([11.0, 0.0, 0.0]), lamps)
     rng = create_generator("golden", name)
     return render_image(
-        capture, shot, CameraConditions.build(weather, air, "golden"), rng, mount=Mount()
+        capture, shot, CameraConditions.build(air, weather.lens, "golden"), rng, mount=Mount()
     )
 
 

@@ -16,7 +16,8 @@ from advercity.geometry.mesh import Mesh
 from advercity.geometry.poses import pose_matrix
 from advercity.materials import MATERIALS, Material
 from advercity.physics.atmosphere import Atmosphere, compute_atmosphere
-from advercity.physics.lamp_beams import low_beam_pattern
+from advercity.physics.extinction import AirExtinction, Extinction
+from advercity.physics.lamp_beams import LOW_BEAM
 from advercity.physics.sky import (
     build_airlight_cubemap,
     cie_relative_luminance,
@@ -64,8 +65,7 @@ def ideal_surfaces(monkeypatch: pytest.MonkeyPatch) -> None:
 def air_of(**more: Any) -> Atmosphere:
     """A vacuum at night."""
     air = Atmosphere(
-        extinction_550nm=0.0,
-        extinction_905nm=0.0,
+        extinction=AirExtinction(),
         sun_direction=SUN,
         sun_lx=0.0,
         sun_colour=(1.0, 1.0, 1.0),
@@ -78,6 +78,10 @@ def air_of(**more: Any) -> Atmosphere:
         night=True,
     )
     return replace(air, **more)
+
+
+def fog_air(extinction_per_m: float) -> AirExtinction:
+    return AirExtinction(fog=Extinction(at_550nm=extinction_per_m))
 
 
 def lit_by_sky(luminance: float, **more: Any) -> Atmosphere:
@@ -290,7 +294,13 @@ LAMP_AT = (4.0, 3.0, 6.0)
 def test_a_lamp_in_fog_is_as_bright_as_mitsubas(mor_m: float) -> None:
     extinction, flux_lm = math.log(20.0) / mor_m, 8000.0
     lamp = StreetLamp(LAMP_AT, flux_lm)
-    found = ours(air_of(extinction_550nm=extinction), GROUND, WALL, BOX, lamps=(lamp,))
+    found = ours(
+        air_of(extinction=fog_air(extinction)),
+        GROUND,
+        WALL,
+        BOX,
+        lamps=(lamp,),
+    )
     place = mitsuba.ScalarTransform4f
     up_to = 1024
     along = np.tan(BEAM) * ((np.arange(up_to) + 0.5) / up_to * 2.0 - 1.0)
@@ -346,7 +356,7 @@ def mitsubas_beams() -> dict[str, Any]:
     left, up = np.meshgrid(along, along)
     rays = np.stack([np.ones_like(left), left, up], axis=-1).reshape(1, -1, 3)
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
-    share = low_beam_pattern(np.array([[1.0, 0.0, 0.0]]), rays).reshape(up_to, up_to, 1)
+    share = LOW_BEAM.relative_intensity(np.array([[1.0, 0.0, 0.0]]), rays).reshape(up_to, up_to, 1)
     pattern = mitsuba.TensorXf(share.astype(np.float32))
     found: dict[str, Any] = {}
     for side in (-1, 1):
@@ -375,12 +385,12 @@ def test_beams_in_fog_are_as_bright_as_mitsubas(monkeypatch: pytest.MonkeyPatch)
     extinction = math.log(20.0) / 300.0
     scene = fog_of(extinction) | mitsubas_beams()
     expected = theirs(scene, *YARD, integrator=VOLUME_PATHS, samples=200)
-    found = ours(air_of(extinction_550nm=extinction), *YARD, car=crossing_car())
+    found = ours(air_of(extinction=fog_air(extinction)), *YARD, car=crossing_car())
     assert found.mean() == pytest.approx(expected.mean(), rel=0.05)
     # The beams' edge is finer than so few pixels, where each is seen through its middle alone.
     fine = 4
     rastered = ours(
-        air_of(extinction_550nm=extinction),
+        air_of(extinction=fog_air(extinction)),
         *YARD,
         car=crossing_car(),
         pack="raster",

@@ -18,6 +18,7 @@ from advercity.geometry.mesh import Mesh, Wheel
 from advercity.geometry.poses import invert_pose, pose_matrix, transform_points
 from advercity.materials import MATERIALS, Material
 from advercity.physics.atmosphere import Atmosphere
+from advercity.physics.extinction import AirExtinction, Extinction, extinction_from_mor
 from advercity.physics.lamp_beams import intensity_towards
 from advercity.physics.photometry import Colour, cubemap_directions, horizontal_illuminance
 from advercity.physics.sky import build_airlight_cubemap
@@ -97,8 +98,7 @@ def air_of(
     cubemap = np.repeat(luminance[..., None], 3, axis=-1)
     elevation = np.radians(sun_elevation_deg)
     return Atmosphere(
-        extinction_550nm=float(np.log(20.0) / mor_m),
-        extinction_905nm=float(np.log(20.0) / mor_m),
+        extinction=AirExtinction(fog=Extinction(at_550nm=extinction_from_mor(mor_m))),
         sun_direction=np.array([-np.cos(elevation), 0.0, np.sin(elevation)]),
         sun_lx=sun_lx,
         sun_colour=(1.0, 1.0, 1.0),

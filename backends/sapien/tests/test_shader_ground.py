@@ -15,6 +15,7 @@ from advercity.geometry.poses import pose_matrix, transform_points
 from advercity.materials import MATERIALS, Material
 from advercity.physics import water
 from advercity.physics.atmosphere import Atmosphere
+from advercity.physics.extinction import AirExtinction
 from advercity.physics.sky import build_airlight_cubemap
 from advercity.rendering.backend import CameraCapture, CameraView, RenderProfile
 from advercity.roads.lane_segments import LaneSegment
@@ -63,8 +64,7 @@ def world_of(*static: Mesh, **more: Any) -> World:
 def air_of(luminance: float = 1000.0, **more: Any) -> Atmosphere:
     """Clear air under a sky as bright everywhere."""
     air = Atmosphere(
-        extinction_550nm=0.0,
-        extinction_905nm=0.0,
+        extinction=AirExtinction(),
         sun_direction=np.array([-0.6, 0.0, 0.8]),
         sun_lx=0.0,
         sun_colour=(1.0, 1.0, 1.0),

@@ -13,6 +13,7 @@ from advercity.geometry.mesh import Mesh
 from advercity.geometry.poses import pose_matrix
 from advercity.materials import MATERIALS, Texture
 from advercity.physics.atmosphere import Atmosphere
+from advercity.physics.extinction import AirExtinction
 from advercity.physics.sky import build_airlight_cubemap
 from advercity.rendering.backend import CameraView, RenderProfile
 from advercity.semantics import Semantic
@@ -40,8 +41,7 @@ def field(name: str) -> World:
 def white_sky() -> Atmosphere:
     """Clear air under a sky of 1 kcd/m² everywhere."""
     return Atmosphere(
-        extinction_550nm=0.0,
-        extinction_905nm=0.0,
+        extinction=AirExtinction(),
         sun_direction=np.array([0.0, 0.0, 1.0]),
         sun_lx=0.0,
         sun_colour=(1.0, 1.0, 1.0),

@@ -188,7 +188,7 @@ def through_air(
     view = view_of(pose_matrix((0.0, 0.0, 1.5)), size)
     shot = CameraExposure(view, Camera(mounts=(Mount(),)), Frame(0, 5.0, (), {}), np.zeros(3))
     return add_air_effects(
-        rendered(opened, world, air, view), shot, CameraConditions.build(said, air, "test")
+        rendered(opened, world, air, view), shot, CameraConditions.build(air, said.lens, "test")
     )
 
 
