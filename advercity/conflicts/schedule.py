@@ -11,15 +11,16 @@ from numpy.typing import NDArray
 from advercity.conflicts.metrics import ActorTrack
 from advercity.conflicts.trajectories import (
     DRIFT_RETURN_MARGIN_S,
-    ActorPath,
+    build_front_rows,
     compute_lateral_offsets,
     compute_path_crossing,
     compute_stop_stations,
-    find_nearest_tick,
-    find_passing,
+    find_closest_approach,
+    find_evasion,
     shift_laterally,
 )
 from advercity.frames import Trace
+from advercity.geometry.polyline import StationedPolyline
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +35,7 @@ class DryRun:
 
     trace: Trace
     fronts: Mapping[int, NDArray[np.void]]
-    lane_paths: Mapping[int, ActorPath]
+    lane_paths: Mapping[int, StationedPolyline]
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +136,7 @@ class _Scheduler:
 
     def _schedule_evasion(self, conflict: StagedConflict, actor: StagedActor) -> ActorSchedule:
         tick_s, path = self.tick_s, self._get_path(actor)
-        ego_s, distance_m = find_passing(path, self.ego, conflict.point_m, tick_s)
+        ego_s, distance_m = find_evasion(path, self.ego, conflict.point_m, tick_s)
         start_m = distance_m - actor.speed_m_s * (ego_s + conflict.parameters["arrival_offset_s"])
         stations = start_m + actor.speed_m_s * tick_s * np.arange(self.tick_count)
         stations = np.clip(stations, 0.0, path.length_m).astype(np.float64)
@@ -149,7 +150,7 @@ class _Scheduler:
         ego_s = self.ego.find_nearest_tick(conflict.point_m) * tick_s
         actor_s = other.find_nearest_tick(conflict.point_m) * tick_s
         wait_s = self._correct_wait_s(actor, actor_s - ego_s - parameters["arrival_offset_s"])
-        tick, apart_m = find_nearest_tick(self.ego, other)
+        tick, apart_m = find_closest_approach(self.ego, other)
         at = np.array([tick])
         closing = float((self.ego.at_ticks(at).rows["speed"] + other.at_ticks(at).rows["speed"])[0])
         track = self.dry_run.fronts[actor.number]
@@ -192,9 +193,8 @@ class _Scheduler:
         before_m = actor.speed_m_s * back_s + lengths_m / 2 + parameters["passing_gap_m"]
         path = self._get_path(actor)
         passing_m = path.line.project(shapely.Point(conflict.point_m)) - before_m
-        east, north = path.points_at(np.array([passing_m]))[0]
         track = ActorTrack.from_trace(self.dry_run.trace, passed.number)
-        late_s = track.find_nearest_tick((east, north)) * tick_s - (ego_s - back_s)
+        late_s = track.find_nearest_tick(path.points_at(passing_m)) * tick_s - (ego_s - back_s)
         wait_s = self._correct_wait_s(passed, late_s)
         return ActorSchedule(
             speed_commands_m_s=_build_speed_commands(passed, wait_s, ego_s, tick_s),
@@ -204,10 +204,10 @@ class _Scheduler:
     def _correct_wait_s(self, actor: StagedActor, late_s: float) -> float:
         return max(self.previous[actor.number].trigger_s - late_s, 0.0)
 
-    def _get_path(self, actor: StagedActor) -> ActorPath:
+    def _get_path(self, actor: StagedActor) -> StationedPolyline:
         if actor.route:
             return self.dry_run.lane_paths[actor.number]
-        return ActorPath(np.array(actor.path_m))
+        return StationedPolyline.from_points(np.array(actor.path_m))
 
     def _get_size(self, actor: StagedActor) -> tuple[float, float, float]:
         blueprint = self.spec.blueprints[actor.blueprint]
@@ -215,15 +215,21 @@ class _Scheduler:
 
     def _build_track(
         self,
-        path: ActorPath,
+        path: StationedPolyline,
         stations: NDArray[np.float64],
         actor: StagedActor,
         conflict: StagedConflict,
     ) -> NDArray[np.void]:
         # Paths have no height: the ego's, where it passes, is that of the road at the conflict.
         z_m = float(self.ego.rows["z"][self.ego.find_nearest_row(conflict.point_m)])
-        length_m = self._get_size(actor)[0]
-        return path.build_front_rows(stations, actor.number, length_m, z_m, self.tick_s)
+        return build_front_rows(
+            path,
+            stations,
+            number=actor.number,
+            length_m=self._get_size(actor)[0],
+            z_m=z_m,
+            tick_s=self.tick_s,
+        )
 
 
 def _build_speed_commands(

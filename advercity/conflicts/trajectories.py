@@ -1,13 +1,11 @@
-"""Paths that staged actors follow, and what they look like from tick to tick.
+"""How staged actors move along their paths: stopping short of the ego, or leaving their lane.
 
-Leaving one's lane to the left and coming back, over what SUMO records of a vehicle.
-
-How a staged actor times its approach: it comes as if to meet the ego, and stops just short.
+Paths are `StationedPolyline`s that the centre of a body follows. Times count from the start of the
+scenario, warm-up included.
 """
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import shapely
@@ -16,98 +14,64 @@ from numpy.typing import NDArray
 
 from advercity.conflicts.metrics import UNIT_BOX_CORNERS, ActorTrack, Polygons
 from advercity.frames import FRONT_DTYPE
+from advercity.geometry.polyline import (
+    StationedPolyline,
+    drop_repeated_points,
+    left_normals,
+    unit_vectors,
+)
 from advercity.roads.lane_graph import SumoLane
 
 
-@dataclass(frozen=True, eq=False)
-class ActorPath:
-    """A polyline that the middle of a body follows.
+def build_lane_path(lanes: Iterable[SumoLane], start_m: float) -> StationedPolyline:
+    """Join the centre lines of successive lanes, from `start_m` on the first one on."""
+    points = drop_repeated_points(np.concatenate([lane.shape[:, :2] for lane in lanes]))
+    whole = StationedPolyline.from_points(points)
+    return whole.cut(start_m, whole.length_m)
 
-    Attributes:
-        points: (n, 2) metres.
-    """
 
-    points: NDArray[np.float64]
+def build_boxes(
+    path: StationedPolyline, stations: NDArray[np.float64], size: tuple[float, ...]
+) -> Polygons:
+    """Build the outlines (m,) on the ground of a body whose centre is at stations (m,)."""
+    ahead = unit_vectors(path.headings_at(stations))
+    left = left_normals(ahead)
+    offsets = UNIT_BOX_CORNERS * np.array(size[:2])
+    corners = offsets[:, :1] * ahead[:, None] + offsets[:, 1:] * left[:, None]
+    return np.asarray(shapely.polygons(path.points_at(stations)[:, None] + corners))
 
-    @staticmethod
-    def from_lanes(lanes: Iterable[SumoLane], start_m: float) -> "ActorPath":
-        """The centre lines of lanes that follow each other, from `start_m` on the first on."""
-        shapes = np.concatenate([lane.shape[:, :2] for lane in lanes])
-        steps = np.linalg.norm(np.diff(shapes, axis=0), axis=1)
-        whole = ActorPath(shapes[np.concatenate([[True], steps > 1e-6])])
-        return ActorPath(shapely.get_coordinates(whole.cut_segment(start_m, whole.length_m)))
 
-    @cached_property
-    def line(self) -> shapely.LineString:
-        """The same for shapely."""
-        return shapely.LineString(self.points)
-
-    @cached_property
-    def stations_m(self) -> NDArray[np.float64]:
-        """(n,) distance of every point from the first."""
-        steps = np.linalg.norm(np.diff(self.points, axis=0), axis=1)
-        return np.concatenate([[0.0], np.cumsum(steps)])
-
-    @property
-    def length_m(self) -> float:
-        """From its first point to the last."""
-        return float(self.stations_m[-1])
-
-    def cut_segment(self, from_m: float, to_m: float) -> shapely.LineString:
-        """The part between two stations."""
-        inside = (self.stations_m > from_m) & (self.stations_m < to_m)
-        ends = self.points_at(np.array([from_m, to_m]))
-        return shapely.LineString([ends[0], *self.points[inside], ends[1]])
-
-    def points_at(self, stations: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Points (m, 2) at stations (m,)."""
-        return np.column_stack(
-            [np.interp(stations, self.stations_m, axis) for axis in self.points.T]
-        )
-
-    def headings_at(self, stations: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Directions (m,) at stations (m,), radians counter-clockwise from east."""
-        piece = np.searchsorted(self.stations_m, stations, side="right") - 1
-        first = np.clip(piece, 0, len(self.points) - 2)
-        steps = self.points[first + 1] - self.points[first]
-        return np.arctan2(steps[:, 1], steps[:, 0])
-
-    def boxes_at(self, stations: NDArray[np.float64], size: tuple[float, ...]) -> Polygons:
-        """(m,) boxes of a body at stations (m,)."""
-        yaw = self.headings_at(stations)
-        ahead = np.column_stack([np.cos(yaw), np.sin(yaw)])
-        left = np.column_stack([-ahead[:, 1], ahead[:, 0]])
-        offsets = UNIT_BOX_CORNERS * np.array(size[:2])
-        corners = offsets[:, :1] * ahead[:, None] + offsets[:, 1:] * left[:, None]
-        return np.asarray(shapely.polygons(self.points_at(stations)[:, None] + corners))
-
-    def build_front_rows(
-        self, stations: NDArray[np.float64], number: int, length_m: float, z_m: float, tick_s: float
-    ) -> NDArray[np.void]:
-        """`FRONT` rows, from tick 0 on, of a body whose middle is at stations (ticks,)."""
-        rows = np.zeros(len(stations), dtype=FRONT_DTYPE)
-        yaw = self.headings_at(stations)
-        fronts = self.points_at(stations) + length_m / 2 * np.column_stack(
-            [np.cos(yaw), np.sin(yaw)]
-        )
-        speed = np.diff(stations, prepend=stations[0]) / tick_s
-        rows["tick"], rows["id"] = np.arange(len(stations)), number
-        rows["x"], rows["y"] = fronts.T
-        rows["z"], rows["yaw"], rows["speed"] = z_m, yaw, speed
-        rows["acceleration"] = np.diff(speed, prepend=speed[0]) / tick_s
-        return rows
+def build_front_rows(
+    path: StationedPolyline,
+    stations: NDArray[np.float64],
+    *,
+    number: int,
+    length_m: float,
+    z_m: float,
+    tick_s: float,
+) -> NDArray[np.void]:
+    """Build `FRONT_DTYPE` rows, from tick 0 on, of a body whose centre is at stations (ticks,)."""
+    rows = np.zeros(len(stations), dtype=FRONT_DTYPE)
+    yaw = path.headings_at(stations)
+    fronts = path.points_at(stations) + length_m / 2 * unit_vectors(yaw)
+    speed = np.diff(stations, prepend=stations[0]) / tick_s
+    rows["tick"], rows["id"] = np.arange(len(stations)), number
+    rows["x"], rows["y"] = fronts.T
+    rows["z"], rows["yaw"], rows["speed"] = z_m, yaw, speed
+    rows["acceleration"] = np.diff(speed, prepend=speed[0]) / tick_s
+    return rows
 
 
 DRIFT_RETURN_MARGIN_S = 0.15
-"""The drifting vehicle is back in its lane this long before both fronts meet."""
+"""Time between a drifting vehicle's return to its lane and the meeting of both fronts."""
 
 
-def find_nearest_tick(ego: ActorTrack, other: ActorTrack) -> tuple[int, float]:
-    """The tick at which the middles of two tracks are nearest, and their distance there."""
+def find_closest_approach(ego: ActorTrack, other: ActorTrack) -> tuple[int, float]:
+    """Find the tick at which the centres of two tracks are nearest, and their distance then."""
     ticks = np.intersect1d(ego.rows["tick"], other.rows["tick"])
     gaps = np.linalg.norm(ego.at_ticks(ticks).centres - other.at_ticks(ticks).centres, axis=1)
-    least = int(np.argmin(gaps))
-    return int(ticks[least]), float(gaps[least])
+    nearest = int(np.argmin(gaps))
+    return int(ticks[nearest]), float(gaps[nearest])
 
 
 def compute_lateral_offsets(
@@ -119,29 +83,32 @@ def compute_lateral_offsets(
     return_s: float,
     end_s: float,
 ) -> NDArray[np.float64]:
-    """Offsets (n,) to the left at times (n,): out, beside the lane for a while, and back by an end.
+    """Compute offsets (n,) to the left at times (n,) of an excursion from the lane.
 
-    Both are quintic, so that lateral speed and acceleration begin and end at zero.
+    The actor moves out by `shift_m` within `out_s`, stays there for `hold_s`, and comes back within
+    `return_s`, so that it is in its lane again at `end_s`. Both moves are quintics, so that lateral
+    speed and acceleration begin and end at zero.
     """
-    turns_s = end_s - return_s
-    out = _quintic_step((times_s - turns_s + hold_s + out_s) / out_s)
-    back = _quintic_step((times_s - turns_s) / return_s)
+    return_start_s = end_s - return_s
+    out = _quintic_step((times_s - return_start_s + hold_s + out_s) / out_s)
+    back = _quintic_step((times_s - return_start_s) / return_s)
     return shift_m * (out - back)
 
 
-def _quintic_step(share: NDArray[np.float64]) -> NDArray[np.float64]:
-    u = np.clip(share, 0.0, 1.0)
+def _quintic_step(fraction: NDArray[np.float64]) -> NDArray[np.float64]:
+    u = np.clip(fraction, 0.0, 1.0)
     return u**3 * (10 - 15 * u + 6 * u**2)
 
 
 def shift_laterally(
     track: NDArray[np.void], offsets: NDArray[np.float64], tick_s: float
 ) -> NDArray[np.void]:
-    """`FRONT` rows moved to the left by offsets (n,), with the yaw that this takes."""
+    """Move `FRONT_DTYPE` rows to the left by offsets (n,), with the yaw that this takes."""
     rows = track.copy()
     rows["x"] -= offsets * np.sin(track["yaw"])
     rows["y"] += offsets * np.cos(track["yaw"])
     sideways = np.gradient(offsets, tick_s)
+    # Below 1 m/s the ratio of the speeds says nothing about where the body points.
     rows["yaw"] += np.where(
         track["speed"] > 1.0, np.arctan2(sideways, np.maximum(track["speed"], 1.0)), 0.0
     )
@@ -149,16 +116,16 @@ def shift_laterally(
 
 
 CLEARANCE_M = 0.6
-"""Between a stopped actor and where the ego drives."""
+"""Distance of a stopped actor from where the ego drives."""
 STOP_SEARCH_STEP_M = 0.1
 EGO_SWEEP_BEFORE_S, EGO_SWEEP_AFTER_S = 6.0, 5.0
-"""Part of the ego's way, around its time at the point, that the actor keeps clear of."""
+"""Part of the ego's path, around its time at the crossing, that the actor keeps clear of."""
 MERGE_HEADWAY_S = 1.5
-"""An actor that goes on in the ego's lane lets it go first by this."""
+"""Headway behind the ego of an actor that goes on in the ego's lane."""
 MAX_CROSSING_GAP_M = 8.0
-"""Nearer than this to the declared point the ways have to meet."""
+"""Maximum distance of the actual crossing from the declared point."""
 MERGE_GAP_M = 1.0
-"""Ways that come nearer than this without crossing join."""
+"""Paths that come nearer than this without crossing join."""
 
 
 @dataclass(frozen=True)
@@ -166,14 +133,12 @@ class PathCrossing:
     """Where and when the ego crosses an actor's path.
 
     Attributes:
-        point: (2,) where the ways cross.
-        distance_m: Along the actor's path from its start to the point.
-        ego_s: When the ego's middle is there.
-        stop_m: Along the path, up to where the actor is clear of the ego.
-        clear_s: When the ego is out of the actor's way.
+        distance_m: Station of the crossing on the actor's path.
+        ego_s: Time at which the ego's centre is there.
+        stop_m: Last station on the actor's path at which it is clear of the ego.
+        clear_s: Time at which the ego has left the actor's path.
     """
 
-    point: NDArray[np.float64]
     distance_m: float
     ego_s: float
     stop_m: float
@@ -183,13 +148,13 @@ class PathCrossing:
 def find_crossing(
     line: shapely.LineString, ego: ActorTrack, point: tuple[float, float]
 ) -> NDArray[np.float64] | None:
-    """Where (2,) the ego's recorded way crosses a line, or else joins it; None if it does not.
+    """Find where (2,) the ego's driven path crosses a line, or else joins it; None if nowhere.
 
-    Of several crossings it is the one nearest to `point`; beyond `MUST_PASS_M` there is none.
+    Of several crossings it is the one nearest to `point`, within `MAX_CROSSING_GAP_M`.
     """
     parts = shapely.get_parts(shapely.intersection(line, shapely.LineString(ego.centres)))
-    places = [shapely.get_coordinates(part)[0] for part in parts if not part.is_empty]
-    nearest = _find_nearest_point(places, point)
+    crossings = [shapely.get_coordinates(part)[0] for part in parts if not part.is_empty]
+    nearest = _find_nearest_point(crossings, point)
     if nearest is not None:
         return nearest
     gaps = shapely.distance(line, shapely.points(ego.centres))
@@ -201,44 +166,56 @@ def find_crossing(
 
 
 def _find_nearest_point(
-    places: Sequence[NDArray[np.float64]], point: tuple[float, float]
+    candidates: Sequence[NDArray[np.float64]], point: tuple[float, float]
 ) -> NDArray[np.float64] | None:
-    gaps = [float(np.linalg.norm(place - np.array(point))) for place in places]
-    return places[int(np.argmin(gaps))] if min(gaps, default=np.inf) <= MAX_CROSSING_GAP_M else None
+    gaps = [float(np.linalg.norm(candidate - np.array(point))) for candidate in candidates]
+    if min(gaps, default=np.inf) > MAX_CROSSING_GAP_M:
+        return None
+    return candidates[int(np.argmin(gaps))]
 
 
 def compute_path_crossing(
-    path: ActorPath,
+    path: StationedPolyline,
     size: tuple[float, float, float],
     ego: ActorTrack,
     point: tuple[float, float],
     tick_s: float,
 ) -> PathCrossing | None:
-    """Where the ego's recorded way meets a path, near a declared point; None if it does not."""
-    here = find_crossing(path.line, ego, point)
-    if here is None:
+    """Compute where an actor has to stop for the ego, and until when; None if they do not meet.
+
+    Args:
+        path: Of the actor.
+        size: Length, width and height of the actor in metres.
+        ego: Recorded track of the ego.
+        point: Declared conflict point.
+        tick_s: Length of a tick.
+    """
+    crossing = find_crossing(path.line, ego, point)
+    if crossing is None:
         return None
-    way, place = shapely.LineString(ego.centres), shapely.Point(here)
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(ego.centres, axis=0), axis=1))])
-    ego_s = float(np.interp(way.project(place), along, ego.rows["tick"])) * tick_s
-    distance = path.line.project(place)
+    driven = StationedPolyline.from_points(ego.centres)
+    crossing_m = driven.line.project(shapely.Point(crossing))
+    ego_s = float(np.interp(crossing_m, driven.stations_m, ego.rows["tick"])) * tick_s
+    distance_m = path.line.project(shapely.Point(crossing))
     near = (
         np.abs(ego.rows["tick"] * tick_s - ego_s - (EGO_SWEEP_AFTER_S - EGO_SWEEP_BEFORE_S) / 2)
         <= (EGO_SWEEP_BEFORE_S + EGO_SWEEP_AFTER_S) / 2
     )
     swept = shapely.union_all(ego.boxes[near])
-    probes = np.arange(0.0, distance, STOP_SEARCH_STEP_M)
-    free = shapely.distance(path.boxes_at(probes, size), swept) > CLEARANCE_M
-    stop = float(probes[np.argmin(free)]) - STOP_SEARCH_STEP_M if not free.all() else distance
-    corridor = path.cut_segment(max(stop, 0.0), path.length_m).buffer(size[1] / 2, cap_style="flat")
-    inside = shapely.intersects(ego.boxes, corridor) & near
-    last = float(ego.rows["tick"][inside].max(initial=0)) * tick_s
+    probes = np.arange(0.0, distance_m, STOP_SEARCH_STEP_M)
+    free = shapely.distance(build_boxes(path, probes, size), swept) > CLEARANCE_M
+    stop_m = distance_m if free.all() else float(probes[np.argmin(free)]) - STOP_SEARCH_STEP_M
+    stop_m = max(stop_m, 0.0)
+    ahead = path.cut(stop_m, path.length_m).line.buffer(size[1] / 2, cap_style="flat")
+    inside = shapely.intersects(ego.boxes, ahead) & near
+    last_s = float(ego.rows["tick"][inside].max(initial=0)) * tick_s
     return PathCrossing(
-        point=here,
-        distance_m=distance,
+        distance_m=distance_m,
         ego_s=ego_s,
-        stop_m=max(stop, 0.0),
-        clear_s=min(last, ego_s + MERGE_HEADWAY_S + size[0] / 5),
+        stop_m=stop_m,
+        # Where the paths join, the ego never leaves the actor's: a headway counts instead, and a
+        # fifth of a second per metre of the actor's length.
+        clear_s=min(last_s, ego_s + MERGE_HEADWAY_S + size[0] / 5),
     )
 
 
@@ -252,48 +229,52 @@ def compute_stop_stations(
     tick_s: float,
     ticks: int,
 ) -> tuple[NDArray[np.float64], float]:
-    """Stations (ticks,) along the path of one who stops short of the ego and goes on after it.
+    """Compute stations along its path of an actor that stops short of the ego and then goes on.
 
-    Had it not braked, it would be at the point `offset_s` after the ego.
+    Without braking it would be at the crossing `offset_s` after the ego.
 
     Args:
-        crossing: Where and when.
+        crossing: Where and when the ego crosses the path.
         actor: Its speed, acceleration and braking.
-        length_m: Where the path ends.
-        offset_s: As above; negative before the ego.
+        length_m: Length of the path.
+        offset_s: Time of the actor at the crossing less that of the ego.
         post_encroachment_s: Time between the ego leaving the actor's path and the actor
             entering the ego's.
         tick_s: Length of a tick.
-        ticks: How many.
+        ticks: Number of stations.
 
     Returns:
-        Stations, and when it sets out again.
+        Stations (ticks,), and the time at which the actor sets out again.
     """
-    speed, gains, loses = actor.speed_m_s, actor.acceleration_m_s2, actor.braking_m_s2
-    start_s = crossing.ego_s + offset_s - crossing.distance_m / speed - speed / (2 * gains)
-    go_s = crossing.clear_s + post_encroachment_s - np.sqrt(2 * CLEARANCE_M / gains)
+    acceleration, braking = actor.acceleration_m_s2, actor.braking_m_s2
+    start_s = (
+        crossing.ego_s
+        + offset_s
+        - crossing.distance_m / actor.speed_m_s
+        - actor.speed_m_s / (2 * acceleration)
+    )
+    go_s = crossing.clear_s + post_encroachment_s - np.sqrt(2 * CLEARANCE_M / acceleration)
+    # An actor that would have to set out before the scenario begins has moved by tick 0.
     first = int(np.floor(min(start_s, 0.0) / tick_s))
     stations: list[float] = []
-    here = pace = 0.0
+    station = speed = 0.0
     for tick in range(first, ticks):
-        now = tick * tick_s
-        goes = now >= go_s
-        halt = length_m if goes else crossing.stop_m
-        wanted = min(speed, pace + gains * tick_s) if now >= start_s else 0.0
-        room = max(halt - here - wanted * tick_s / 2, 0.0)
-        pace = max(min(wanted, np.sqrt(2 * loses * room)), 0.0)
-        pace = min(pace, max(halt - here, 0.0) / tick_s)
-        here += pace * tick_s
+        time_s = tick * tick_s
+        halt = length_m if time_s >= go_s else crossing.stop_m
+        wanted = min(actor.speed_m_s, speed + acceleration * tick_s) if time_s >= start_s else 0.0
+        room = max(halt - station - wanted * tick_s / 2, 0.0)
+        speed = max(min(wanted, np.sqrt(2 * braking * room)), 0.0)
+        speed = min(speed, max(halt - station, 0.0) / tick_s)
+        station += speed * tick_s
         if tick >= 0:
-            stations.append(here)
+            stations.append(station)
     return np.array(stations), go_s
 
 
-def find_passing(
-    path: ActorPath, ego: ActorTrack, point: tuple[float, float], tick_s: float
+def find_evasion(
+    path: StationedPolyline, ego: ActorTrack, point: tuple[float, float], tick_s: float
 ) -> tuple[float, float]:
-    """When the ego passes a point, and how far along a path that is whose last leg runs beside."""
-    nearest = int(np.argmin(np.linalg.norm(ego.centres - point, axis=1)))
+    """Find when the ego passes a point, and the station of the path's last leg next to it."""
     leg = shapely.LineString(path.points[-2:])
-    beside = float(path.stations_m[-2]) + leg.project(shapely.Point(point))
-    return float(ego.rows["tick"][nearest]) * tick_s, beside
+    station_m = float(path.stations_m[-2]) + leg.project(shapely.Point(point))
+    return ego.find_nearest_tick(point) * tick_s, station_m

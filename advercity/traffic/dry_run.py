@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from advercity.conflicts.clearance import Blockage, find_blockages, find_ego_blockers
 from advercity.conflicts.report import evaluate_outcomes
 from advercity.conflicts.schedule import ActorSchedule, DryRun, schedule_actors
-from advercity.conflicts.trajectories import ActorPath
+from advercity.conflicts.trajectories import build_lane_path
 from advercity.errors import RunError
 from advercity.frames import Trace
+from advercity.geometry.polyline import StationedPolyline
 from advercity.roads.lane_graph import LaneGraph, read_lane_graph
 from advercity.traffic.demand import TrafficDemand, VehicleTrip, draw_demand
 from advercity.traffic.kinematics import SumoRecording, build_trace
@@ -84,7 +85,7 @@ class _DryRuns:
         dry_run = DryRun(
             trace=build_trace(spec, demand, recording, first_tick=0),
             fronts=recording.tracks,
-            lane_paths={trip.actor.id: _build_lane_path(trip, graph) for trip in demand.staged},
+            lane_paths={trip.actor.id: _build_trip_path(trip, graph) for trip in demand.staged},
         )
         self._plays = schedule_actors(spec, dry_run, before)
         if self._redraw_ego_blockers(demand, dry_run.trace) or self._update_schedules(
@@ -198,9 +199,9 @@ def _find_background_blockers(spec: Spec, demand: TrafficDemand, trace: Trace) -
     return set(find_ego_blockers(spec, trace)) & _background_ids(demand)
 
 
-def _build_lane_path(trip: VehicleTrip, graph: LaneGraph) -> ActorPath:
+def _build_trip_path(trip: VehicleTrip, graph: LaneGraph) -> StationedPolyline:
     start_m = (trip.front_position_m or 0.0) - trip.actor.size[0] / 2
-    return ActorPath.from_lanes(list_route_lanes(trip, graph), start_m)
+    return build_lane_path(list_route_lanes(trip, graph), start_m)
 
 
 def _background_ids(demand: TrafficDemand) -> set[int]:
