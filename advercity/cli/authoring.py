@@ -115,11 +115,12 @@ def show(
     if map_ is not None:
         from advercity.media import write_image
         from advercity.roads.plan_drawing import draw_plan
+        from advercity.roads.road_network import build_road
 
         road = spec.road if spec else entry.declaration if entry else None
         if not isinstance(road, Road):
             raise InputError(f"{path}: --map draws roads and specs; this is neither")
-        write_image(draw_plan(road, spec), map_)
+        write_image(draw_plan(build_road(road), spec), map_)
         print_note(f"plan in {map_}")
 
 

@@ -8,11 +8,13 @@ no road goes on, they stand there. Signs stand at the right of the approach.
 Roads built from the SUMO network that a map was compiled to.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 import shapely
-from advercity_dsl import MapNetwork
+from advercity_dsl import MapNetwork, Road
 from shapely.geometry.base import BaseGeometry
 
 from advercity.geometry import polyline
@@ -29,7 +31,7 @@ from advercity.roads.imported_surface import ImportedSurface
 from advercity.roads.lane_segments import LaneSegment
 from advercity.roads.markings import WHITE, YELLOW
 from advercity.roads.signals import TrafficLight, TrafficSign
-from advercity.roads.streets import approach_name
+from advercity.roads.streets import StreetLayout, approach_name
 from advercity.roads.sumo_xml import unpack_network
 from advercity.semantics import Semantic
 
@@ -203,12 +205,15 @@ def place_traffic_signs(net: ImportedNetwork, surface: ImportedSurface) -> Itera
 class ImportedRoadNetwork:
     """A `BuiltRoad` from a map."""
 
-    def __init__(self, imported: MapNetwork) -> None:
-        """InputError if the network is none."""
+    streets: Mapping[str, StreetLayout] = MappingProxyType({})
+
+    def __init__(self, road: Road, imported: MapNetwork) -> None:
+        """Read the network; InputError if it is none."""
+        self.declaration = road
         self._net: ImportedNetwork = parse_network(unpack_network(imported.network))
         self._surface = ImportedSurface(self._net)
 
-    @property
+    @cached_property
     def lanes(self) -> tuple[LaneSegment, ...]:
         """Lanes by SUMO's ids."""
         streets = [
@@ -229,12 +234,12 @@ class ImportedRoadNetwork:
         """Roadway, sidewalks, kerbs and paint."""
         return [*self._surface.build_meshes(), *build_imported_markings(self._net, self._surface)]
 
-    @property
+    @cached_property
     def paved_edges(self) -> list[Points]:
         """Edges of all paving."""
         return self._surface.paved_edges
 
-    @property
+    @cached_property
     def paved_area(self) -> BaseGeometry:
         """All that is paved."""
         return self._surface.footprint

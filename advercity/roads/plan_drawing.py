@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from advercity.geometry.arrays import Uint8Array
 from advercity.geometry.mesh import extract_polygons, triangulate_polygon
 from advercity.roads.lane_segments import LaneSegment
-from advercity.roads.layout import lay_out_road
-from advercity.roads.road_network import build_road
+from advercity.roads.road_network import RoadNetwork
 
 SIZE_PX = 1600
 MARGIN_M = 15.0
@@ -75,20 +74,19 @@ class PlanCanvas:
         cv2.putText(self.image, words, (left, bottom), FONT, FONT_SCALE, colour, 1, cv2.LINE_AA)
 
 
-def draw_plan(road: Road, spec: Spec | None = None) -> Uint8Array:
-    """The plan of a road, BGR; with a spec, also what its cameras see and what it stages.
+def draw_plan(network: RoadNetwork, spec: Spec | None = None) -> Uint8Array:
+    """Draw the plan of a road, BGR; with a spec, also what its cameras see and what it stages.
 
     North is up; the bar is 50 m long.
     """
-    return draw_plan_canvas(road, spec).image
+    return draw_plan_canvas(network, spec).image
 
 
-def draw_plan_canvas(road: Road, spec: Spec | None = None) -> PlanCanvas:
-    """The same to draw on."""
-    stage = build_road(road)
-    found = stage.lanes
+def draw_plan_canvas(network: RoadNetwork, spec: Spec | None = None) -> PlanCanvas:
+    """Draw the plan on a canvas that can be drawn on further."""
+    road, found = network.declaration, network.lanes
     canvas = _create_canvas(found, road)
-    for polygon in extract_polygons(stage.roadway_level_area):
+    for polygon in extract_polygons(network.roadway_level_area):
         corners, triangles = triangulate_polygon(polygon)
         for triangle in triangles:
             canvas.fill(corners[triangle], LANE_COLOURS["driving"])
@@ -100,9 +98,9 @@ def draw_plan_canvas(road: Road, spec: Spec | None = None) -> PlanCanvas:
         if lane.kind == "driving" and not lane.in_junction:
             canvas.line(lane.left, (255, 255, 255))
             canvas.line(lane.right, (255, 255, 255))
-    for name, street in lay_out_road(road).streets.items():
+    for name, street in network.streets.items():
         canvas.text(street.axis[len(street.axis) // 2], name)
-    for head in stage.traffic_lights:
+    for head in network.traffic_lights:
         canvas.line([head.mast_foot_m, head.position_m[:2]], INK_COLOUR)
         canvas.fill(_circle(head.position_m[:2], 0.8), (0, 160, 240))
     if spec is not None:

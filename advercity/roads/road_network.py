@@ -5,7 +5,8 @@ Roads built from authored streets and junctions.
 Builds a road, however it is declared.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -30,8 +31,18 @@ class RoadNetwork(Protocol):
     """What lanes, terrain, surroundings and traffic need of a road; made as it is asked for."""
 
     @property
+    def declaration(self) -> Road:
+        """The declared road."""
+        ...
+
+    @property
+    def streets(self) -> Mapping[str, StreetLayout]:
+        """Declared streets by id, sampled; an imported road has none."""
+        ...
+
+    @cached_property
     def lanes(self) -> tuple[LaneSegment, ...]:
-        """Every lane, way through a junction and crossing."""
+        """Every lane, connecting path and crossing."""
         ...
 
     @property
@@ -39,12 +50,12 @@ class RoadNetwork(Protocol):
         """Roadways, kerbs, sidewalks and paint, without the ground around them."""
         ...
 
-    @property
+    @cached_property
     def paved_edges(self) -> list[Points]:
         """Edges (n, 3) of all paving, which is on their left, at the height the ground meets."""
         ...
 
-    @property
+    @cached_property
     def paved_area(self) -> BaseGeometry:
         """What is paved, sidewalks included."""
         ...
@@ -80,6 +91,16 @@ class AuthoredRoadNetwork:
         self._layout = layout
 
     @property
+    def declaration(self) -> Road:
+        """The road that was laid out."""
+        return self._layout.road
+
+    @property
+    def streets(self) -> Mapping[str, StreetLayout]:
+        """Streets of the layout."""
+        return self._layout.streets
+
+    @cached_property
     def lanes(self) -> tuple[LaneSegment, ...]:
         """Lanes by street and number."""
         return lane_segments.build_lane_segments(self._layout)
@@ -89,12 +110,12 @@ class AuthoredRoadNetwork:
         """Roadways, kerbs, sidewalks, medians and paint."""
         return build_road_meshes(self._layout)
 
-    @property
+    @cached_property
     def paved_edges(self) -> list[Points]:
         """Edges of all paving."""
         return list(_paved_edges(self._layout))
 
-    @property
+    @cached_property
     def paved_area(self) -> BaseGeometry:
         """What streets and junctions cover."""
         return _paved_area(self._layout)
@@ -187,4 +208,4 @@ def build_road(road: Road) -> RoadNetwork:
         case MapFile() as file:
             raise InputError(f"road '{road.id}': the map '{file.file}' has not been compiled")
         case network:
-            return ImportedRoadNetwork(network)
+            return ImportedRoadNetwork(road, network)

@@ -24,8 +24,8 @@ def build_world(spec: Spec, network: Path, model_store: ModelStore | None = None
     road = build_road(spec.road)
     plateaus = terrain.find_plateaus(spec.road)
     ground_height = partial(terrain.compute_ground_height, road.paved_edges, plateaus=plateaus)
-    around, street_lamps = build_surroundings(spec.road, ground_height, road.paved_area)
-    fixed, signal_lamps = build_street_furniture(spec.road, ground_height)
+    around, street_lamps = build_surroundings(road, ground_height, road.paved_area)
+    fixed, signal_lamps = build_street_furniture(road, ground_height)
     bodies = {
         name: build_body(name, blueprint, model_store)
         for name, blueprint in spec.blueprints.items()
@@ -38,7 +38,7 @@ def build_world(spec: Spec, network: Path, model_store: ModelStore | None = None
             terrain.build_ground(road.paved_edges, road.paved_area, plateaus),
             *around,
             *fixed,
-            *build_parked_cars(spec.road, spec.blueprints, bodies, spec.conflicts),
+            *build_parked_cars(road, spec.blueprints, bodies, spec.conflicts),
         ),
         bodies=bodies,
         lanes=road.lanes,

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from advercity_dsl import ActorClass, Blueprint, Road, StagedConflict
+from advercity_dsl import ActorClass, Blueprint, StagedConflict
 from advercity_dsl.catalogue import PaintColour
 from advercity_dsl.road import StripKind, SurroundingKind
 
@@ -13,7 +13,7 @@ from advercity.geometry import poses
 from advercity.geometry.mesh import Mesh, MeshPart, TriangleSurface, build_meshes
 from advercity.materials import ACTOR_PAINT
 from advercity.randomness import create_generator
-from advercity.roads.layout import lay_out_road
+from advercity.roads.road_network import RoadNetwork
 from advercity.roads.streets import StripLayout
 from advercity.scene.site import StreetSide, resolve_street_sides
 from advercity.traffic.paints import draw_paint
@@ -39,7 +39,7 @@ class _ParkableCar:
 
 
 def build_parked_cars(
-    road: Road,
+    network: RoadNetwork,
     blueprints: Mapping[str, Blueprint],
     bodies: Mapping[str, Body],
     conflicts: Sequence[StagedConflict] = (),
@@ -49,7 +49,7 @@ def build_parked_cars(
     Places that somebody staged crosses or stands in stay empty; the other cars are the same.
 
     Args:
-        road: The declaration.
+        network: The road, whose declaration places the cars.
         blueprints: What there is, by id; only cars and vans park.
         bodies: What they look like, by id.
         conflicts: What is staged there.
@@ -71,10 +71,10 @@ def build_parked_cars(
         if item.actor_class in _CLASSES
     ]
     pieces: list[MeshPart] = []
-    for number, item in enumerate(road.surroundings):
+    for number, item in enumerate(network.declaration.surroundings):
         if item.kind is SurroundingKind.PARKED_CARS and item.beside and cars:
-            for side in resolve_street_sides(item.beside, lay_out_road(road).streets):
-                key = f"{road.id}/{number}/{item.seed}/{side.sign}"
+            for side in resolve_street_sides(item.beside, network.streets):
+                key = f"{network.declaration.id}/{number}/{item.seed}/{side.sign}"
                 pieces += _park_row(side, item.spacing_m or PARKING_SPACE_M, cars, paths, key)
     return build_meshes(pieces, "parked_")
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import shapely
-from advercity_dsl import Road, RoadsideUnit
+from advercity_dsl import RoadsideUnit
 from advercity_dsl.road import SurroundingKind
 from advercity_dsl.units import Point2
 
@@ -22,7 +22,7 @@ from advercity.geometry.mesh import (
     xyz,
 )
 from advercity.geometry.primitives import box, loft_rings, plate, prism, rectangles, tube
-from advercity.roads.road_network import RoadNetwork, build_road
+from advercity.roads.road_network import RoadNetwork
 from advercity.roads.signals import TrafficLight, TrafficSign
 from advercity.scene.site import GroundHeight
 from advercity.semantics import Semantic
@@ -171,29 +171,29 @@ _CARRIERS = (
 
 
 def build_street_furniture(
-    road: Road, ground_height: GroundHeight
+    network: RoadNetwork, ground_height: GroundHeight
 ) -> tuple[list[Mesh], list[SignalLamp]]:
     """Meshes of signals, signs and carriers of roadside units, and the signals' lamps.
 
     Args:
-        road: The declaration.
+        network: The road.
         ground_height: World positions (n, 2) to heights (n,), metres.
     """
-    place = build_road(road)
+    road = network.declaration
     pieces: list[MeshPart] = []
     lamps: list[SignalLamp] = []
     units = [unit for unit in road.agents.values() if isinstance(unit, RoadsideUnit)]
-    for declared in place.traffic_lights:
+    for declared in network.traffic_lights:
         carried = next((unit for unit in units if _can_carry(declared, unit)), None)
         head = declared if carried is None else _lower_head(carried, declared)
         lamps.append(_signal_lamp(head))
         pieces += _build_traffic_light(head, _ground_height_at(ground_height, head.mast_foot_m))
         if carried is not None:
             pieces.append(_build_stub(carried, head))
-    for sign in place.traffic_signs:
+    for sign in network.traffic_signs:
         pieces += build_traffic_sign(sign, _ground_height_at(ground_height, sign.position_m))
     for unit in units:
-        if not _is_carried(unit, road, place):
+        if not _is_carried(unit, network):
             pieces += _build_mast(unit, ground_height)
     return build_meshes(pieces, "furniture_"), lamps
 
@@ -285,20 +285,21 @@ def _build_visor(x: float, z: float) -> TriangleSurface:
     return loft_rings(np.stack(rings))
 
 
-def _is_carried(unit: RoadsideUnit, road: Road, place: RoadNetwork) -> bool:
+def _is_carried(unit: RoadsideUnit, network: RoadNetwork) -> bool:
     """Whether a signal, tower, pole or wall is there already to carry the unit."""
     heads = [
-        shapely.LineString([head.position_m[:2], head.mast_foot_m]) for head in place.traffic_lights
+        shapely.LineString([head.position_m[:2], head.mast_foot_m])
+        for head in network.traffic_lights
     ]
     masts = [
         shapely.Point(point)
-        for item in road.surroundings
+        for item in network.declaration.surroundings
         if item.kind in _CARRIERS
         for point in item.at_m
     ]
     walls = [
         shapely.LineString(item.line_m)
-        for item in road.surroundings
+        for item in network.declaration.surroundings
         if item.kind in _CARRIERS and len(item.line_m) > 1
     ]
     here = shapely.Point(unit.position_m[:2])

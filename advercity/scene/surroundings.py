@@ -12,8 +12,7 @@ from shapely.geometry.base import BaseGeometry
 from advercity.errors import InputError
 from advercity.geometry.arrays import Float64Array
 from advercity.geometry.mesh import Mesh, MeshPart, build_meshes
-from advercity.roads.layout import lay_out_road
-from advercity.roads.road_network import build_road
+from advercity.roads.road_network import RoadNetwork
 from advercity.scene import buildings, roadside, vegetation
 from advercity.scene.buildings import HOUSE_LOTS, TOWN_LOTS, Lot
 from advercity.scene.site import (
@@ -37,14 +36,14 @@ _LINEAR_KINDS = (SurroundingKind.WALL, SurroundingKind.FENCE, SurroundingKind.HE
 
 
 def build_surroundings(
-    road: Road, ground_height: GroundHeight, keep_off: BaseGeometry
+    network: RoadNetwork, ground_height: GroundHeight, keep_off: BaseGeometry
 ) -> tuple[list[Mesh], list[StreetLamp]]:
     """Meshes of the surroundings, one per material and class, and the lights among them.
 
     Buildings take their ground first, so that nothing grows into them.
 
     Args:
-        road: The declaration; its id and the order of its surroundings key what is random.
+        network: The road; its id and the order of its surroundings key what is random.
         ground_height: World positions (n, 2) to heights (n,), metres.
         keep_off: Footprint of roadways and sidewalks, where nothing may grow or be built. Masts,
             walls and shelters stand where the declaration says.
@@ -52,10 +51,11 @@ def build_surroundings(
     Raises:
         InputError: A declaration means a stretch that its street does not have.
     """
-    open_ground = Site(ground_height, keep_off, build_road(road).street_axes)
+    road = network.declaration
+    open_ground = Site(ground_height, keep_off, network.street_axes)
     site = open_ground.exclude(_find_sensor_clearances(road))
     places = [
-        _PlacedSurrounding(road, number, item) for number, item in enumerate(road.surroundings)
+        _PlacedSurrounding(network, number, item) for number, item in enumerate(road.surroundings)
     ]
     pieces: list[MeshPart] = []
     lamps: list[StreetLamp] = []
@@ -83,13 +83,14 @@ def build_surroundings(
 class _PlacedSurrounding:
     """A declaration with the sides of the street that it means."""
 
-    def __init__(self, road: Road, number: int, item: Surrounding) -> None:
+    def __init__(self, network: RoadNetwork, number: int, item: Surrounding) -> None:
+        road = network.declaration
         self.declaration = item
         self.random_key = f"{road.id}/{number}/{item.seed}"
         self.sides: list[StreetSide] = []
         if item.beside:
             try:
-                self.sides = resolve_street_sides(item.beside, lay_out_road(road).streets)
+                self.sides = resolve_street_sides(item.beside, network.streets)
             except InputError as error:
                 raise InputError(f"road '{road.id}', surroundings.{number}: {error}") from error
 

@@ -38,13 +38,14 @@ SHOWN_TIME_TO_COLLISION_S = 5.0
 
 def draw_traffic_pictures(spec: Spec, trace: Trace) -> Iterator[Uint8Array]:
     """The plan of a spec's road with everybody on it, RGB, a picture per kept tick."""
-    canvas = draw_plan_canvas(spec.road)
+    road = build_road(spec.road)
+    canvas = draw_plan_canvas(road)
     empty = canvas.image
     tracks = [ActorTrack.from_trace(trace, actor.id) for actor in trace.actors]
     rows = np.concatenate([track.rows for track in tracks])
     corners = np.concatenate([track.corners for track in tracks])
     colours = _choose_colours(spec, trace)
-    lamps = {head.id: head.position_m[:2] for head in build_road(spec.road).traffic_lights}
+    lamps = {head.id: head.position_m[:2] for head in road.traffic_lights}
     told = _format_conflict_states(spec, trace)
     for tick in range(len(trace)):
         canvas.image = empty.copy()

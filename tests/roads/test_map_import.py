@@ -309,7 +309,7 @@ def test_every_approach_to_imported_signals_has_a_head_that_faces_it(
 
 
 def test_the_plan_of_an_imported_road_shows_it(crossroads: Spec) -> None:
-    plan = draw_plan(crossroads.road)
+    plan = draw_plan(build_road(crossroads.road))
     colours = {tuple(colour) for colour in np.unique(plan.reshape(-1, 3), axis=0).tolist()}
 
     assert {LANE_COLOURS["driving"], LANE_COLOURS["sidewalk"], LANE_COLOURS["crossing"]} <= colours

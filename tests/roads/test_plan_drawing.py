@@ -8,13 +8,14 @@ from advercity_dsl import Spec
 from advercity.errors import InputError
 from advercity.media import write_image
 from advercity.roads.plan_drawing import draw_plan
+from advercity.roads.road_network import build_road
 
 ASPHALT = (120, 120, 120)
 
 
 def test_a_plan_shows_roads_and_agents(specs: dict[str, Spec], tmp_path: Path) -> None:
     road = specs["rcnj_clear_day_sparse"].road
-    write_image(draw_plan(road), tmp_path / "plan.png")
+    write_image(draw_plan(build_road(road)), tmp_path / "plan.png")
     image = cv2.imread(str(tmp_path / "plan.png"))
     assert image is not None
     assert max(image.shape) >= 1600
@@ -25,12 +26,14 @@ def test_a_plan_shows_roads_and_agents(specs: dict[str, Spec], tmp_path: Path) -
 
 def test_a_spec_adds_what_its_cameras_see(specs: dict[str, Spec]) -> None:
     spec = specs["rcnj_clear_day_sparse"]
-    assert (draw_plan(spec.road) != draw_plan(spec.road, spec)).any()
+    assert (draw_plan(build_road(spec.road)) != draw_plan(build_road(spec.road), spec)).any()
 
 
 def test_the_same_road_gives_the_same_plan(specs: dict[str, Spec]) -> None:
     spec = specs["ui_clear_day_sparse"]
-    np.testing.assert_array_equal(draw_plan(spec.road, spec), draw_plan(spec.road, spec))
+    np.testing.assert_array_equal(
+        draw_plan(build_road(spec.road), spec), draw_plan(build_road(spec.road), spec)
+    )
 
 
 def test_a_picture_needs_the_name_of_one(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from advercity.conflicts.metrics import ActorTrack
 from advercity.geometry.mesh import Mesh
 from advercity.materials import MATERIALS
 from advercity.roads.layout import lay_out_road
+from advercity.roads.road_network import build_road
 from advercity.roads.sumo_network import write_sumo_network
 from advercity.scene.parking import PARKING_SPACE_M, build_parked_cars
 from advercity.semantics import Semantic
@@ -82,7 +83,7 @@ def boxes(meshes: list[Mesh], place_m: float) -> dict[int, np.ndarray]:
 
 @pytest.mark.parametrize(("side", "low", "high"), [("right", -5.5, -3), ("left", 3, 5.5)])
 def test_cars_stand_in_their_strip_with_gaps_between(side: str, low: float, high: float) -> None:
-    meshes = build_parked_cars(road(side), BLUEPRINTS, BODIES)
+    meshes = build_parked_cars(build_road(road(side)), BLUEPRINTS, BODIES)
     found = boxes(meshes, PARKING_SPACE_M)
     assert {mesh.semantic for mesh in meshes} == {Semantic.VEHICLE}
     assert {mesh.material for mesh in meshes} <= set(MATERIALS)
@@ -96,7 +97,7 @@ def test_cars_stand_in_their_strip_with_gaps_between(side: str, low: float, high
 
 def test_cars_stand_across_bays_one_in_each() -> None:
     place = road(bay_m=2.6, width_m=5)
-    found = boxes(build_parked_cars(place, BLUEPRINTS, BODIES), 2.6)
+    found = boxes(build_parked_cars(build_road(place), BLUEPRINTS, BODIES), 2.6)
     assert 30 < len(found) < 55
     for index, (first, last) in found.items():
         np.testing.assert_allclose(last - first, (1.8, 3.8, 1.5), atol=0.01)
@@ -104,7 +105,7 @@ def test_cars_stand_across_bays_one_in_each() -> None:
 
 
 def test_cars_lean_with_a_hill() -> None:
-    meshes = build_parked_cars(road(climb_m=30), BLUEPRINTS, BODIES)
+    meshes = build_parked_cars(build_road(road(climb_m=30)), BLUEPRINTS, BODIES)
     wheels = np.concatenate([mesh.vertices for mesh in meshes]).astype(float)
     above = (wheels[:, 2] - 0.15 * wheels[:, 0]) / np.hypot(1, 0.15)
     assert above.min() == pytest.approx(0, abs=0.01)
@@ -128,8 +129,10 @@ def test_places_that_somebody_staged_needs_stay_empty(
     actor = conflict.actors[0].model_copy(update={"blueprint": "small", "path_m": path})
     staged = conflict.model_copy(update={"actors": (actor,)})
 
-    without = boxes(build_parked_cars(road(), BLUEPRINTS, BODIES), PARKING_SPACE_M)
-    clear = boxes(build_parked_cars(road(), BLUEPRINTS, BODIES, [staged]), PARKING_SPACE_M)
+    without = boxes(build_parked_cars(build_road(road()), BLUEPRINTS, BODIES), PARKING_SPACE_M)
+    clear = boxes(
+        build_parked_cars(build_road(road()), BLUEPRINTS, BODIES, [staged]), PARKING_SPACE_M
+    )
 
     swept = shapely.LineString(path).buffer(0.9 + 0.4)
     on_it = {
@@ -170,7 +173,7 @@ def test_nobody_drives_or_walks_through_a_parked_car(
     inside = shapely.contains_xy(shapely.buffer(strips, -0.3), rows["x"], rows["y"])
     assert not inside.any()
     bodies = {key: build_body(key, blueprint) for key, blueprint in spec.blueprints.items()}
-    cars = ground(build_parked_cars(spec.road, spec.blueprints, bodies, spec.conflicts))
+    cars = ground(build_parked_cars(build_road(spec.road), spec.blueprints, bodies, spec.conflicts))
     shapely.prepare(cars)
     for number in staged:
         assert not shapely.intersects(cars, ActorTrack.from_trace(trace, number).boxes).any()

@@ -17,7 +17,7 @@ from advercity.geometry import poses
 from advercity.geometry.mesh import Mesh
 from advercity.materials import MATERIALS
 from advercity.roads.layout import lay_out_road
-from advercity.roads.road_network import build_road as built_road
+from advercity.roads.road_network import build_road
 from advercity.scene import terrain
 from advercity.scene.site import GroundHeight
 from advercity.scene.street_furniture import build_street_furniture
@@ -94,7 +94,7 @@ def street(*items: Surrounding, bend: Mapping[str, object] | None = None, **agen
 
 
 def built(item: Surrounding, ground: GroundHeight = level) -> list[Mesh]:
-    return build_surroundings(street(item), ground, PAVED)[0]
+    return build_surroundings(build_road(street(item)), ground, PAVED)[0]
 
 
 def points(meshes: list[Mesh], *classes: Semantic) -> np.ndarray:
@@ -217,7 +217,7 @@ def test_walls_low_enough_to_look_over_are_of_brick():
 
 def test_lamps_reach_towards_the_road_and_shine():
     item = Surrounding(kind=SurroundingKind.LAMP, line_m=((-60, 6), (60, 6)), spacing_m=30)
-    meshes, lamps = build_surroundings(street(item), level, PAVED)
+    meshes, lamps = build_surroundings(build_road(street(item)), level, PAVED)
     assert {mesh.semantic for mesh in meshes} == {Semantic.POLE}
     np.testing.assert_allclose(
         [lamp.position[0] for lamp in lamps], (-60, -30, 0, 30, 60), atol=1e-9
@@ -314,7 +314,7 @@ def test_another_seed_gives_other_trees():
 
 def test_lamps_on_both_sides_of_a_street_alternate():
     item = beside("lamp", spacing_m=40, from_m=20, offset_m=2)
-    _, lamps = build_surroundings(street(item), level, PAVED)
+    _, lamps = build_surroundings(build_road(street(item)), level, PAVED)
     places = np.array([lamp.position[:2] for lamp in lamps])
     left, right = places[places[:, 1] > 0], places[places[:, 1] < 0]
     np.testing.assert_allclose(left[:, 0], (-80, -40, 0, 40, 80), atol=1e-9)
@@ -332,7 +332,9 @@ def test_houses_beside_a_street_show_it_their_doors():
 
 def test_a_fence_lets_side_streets_through():
     paved = shapely.union(PAVED, shapely.box(-10, 0, 10, 50))
-    fence = build_surroundings(street(beside("fence", side="left", offset_m=4)), level, paved)[0]
+    fence = build_surroundings(
+        build_road(street(beside("fence", side="left", offset_m=4))), level, paved
+    )[0]
     assert {mesh.semantic for mesh in fence} == {Semantic.FENCE}
     x = points(fence)[:, 0]
     assert np.abs(x).min() > 10
@@ -344,7 +346,9 @@ def test_nothing_folds_over_on_the_inside_of_a_bend():
     item = beside("crops", side="left", offset_m=(2, 60))
     road = street(item, bend=bend)
     axis = lay_out_road(road).streets["road"].axis[:, :2]
-    field = points(build_surroundings(road, level, shapely.LineString(axis).buffer(3.5))[0])
+    field = points(
+        build_surroundings(build_road(road), level, shapely.LineString(axis).buffer(3.5))[0]
+    )
     assert shapely.distance(shapely.LineString(axis), shapely.points(field[:, :2])).min() > 4
 
 
@@ -400,7 +404,7 @@ def test_a_driveway_begins_at_the_edge_of_the_paving():
 def test_nothing_grows_into_a_building():
     house = Surrounding(kind=SurroundingKind.HOUSES, area_m=((-6, 20), (6, 30)))
     forest = Surrounding(kind=SurroundingKind.TREES, area_m=((-30, 8), (30, 50)), spacing_m=4)
-    meshes, _ = build_surroundings(street(forest, house), level, PAVED)
+    meshes, _ = build_surroundings(build_road(street(forest, house)), level, PAVED)
     walls = points(meshes, Semantic.BUILDING)[:, :2]
     trunks = points([mesh for mesh in meshes if mesh.material == "bark"])[:, :2]
     footprint = shapely.MultiPoint(walls).convex_hull
@@ -432,8 +436,8 @@ def test_the_same_road_gives_the_same_bytes():
 @every_road
 def test_shipped_roads_keep_to_the_budget_in_few_sound_meshes(name: str):
     road = ROADS[name]
-    meshes, _ = build_surroundings(road, level, roadway(road))
-    fixed, _ = build_street_furniture(road, level)
+    meshes, _ = build_surroundings(build_road(road), level, roadway(road))
+    fixed, _ = build_street_furniture(build_road(road), level)
     everything = [*meshes, *fixed]
     assert triangles(everything) < 150_000
     assert len(everything) < 40
@@ -449,7 +453,7 @@ def test_shipped_roads_keep_to_the_budget_in_few_sound_meshes(name: str):
 def test_nothing_grows_or_is_built_on_a_shipped_road(name: str):
     road = ROADS[name]
     keep_off = roadway(road)
-    meshes, _ = build_surroundings(road, level, keep_off)
+    meshes, _ = build_surroundings(build_road(road), level, keep_off)
     rooted = [m for m in meshes if m.semantic is Semantic.BUILDING or m.material == "bark"]
     low = points(rooted)
     low = low[low[:, 2] < 0.3]
@@ -460,7 +464,7 @@ def test_nothing_grows_or_is_built_on_a_shipped_road(name: str):
 @every_road
 def test_every_signal_head_looks_at_the_traffic_of_its_street(name: str):
     road = ROADS[name]
-    _, lamps = build_street_furniture(road, level)
+    _, lamps = build_street_furniture(build_road(road), level)
     heads = {
         f"{junction}/{head.street}": head
         for junction, declared in road.junctions.items()
@@ -480,7 +484,7 @@ def test_every_signal_head_looks_at_the_traffic_of_its_street(name: str):
 
 
 def test_lenses_are_red_over_yellow_over_green():
-    meshes, lamps = build_street_furniture(ROADS["ui"], level)
+    meshes, lamps = build_street_furniture(build_road(ROADS["ui"]), level)
     lens = {mesh.material: mesh.vertices for mesh in meshes if mesh.material.startswith("signal_")}
     heights = [lens[f"signal_{colour}"][:, 2].mean() for colour in ("red", "yellow", "green")]
     assert heights == sorted(heights, reverse=True)
@@ -491,7 +495,7 @@ def test_lenses_are_red_over_yellow_over_green():
 
 def test_signs_face_those_who_have_to_wait():
     road = ROADS["rsnj"]
-    meshes, _ = build_street_furniture(road, level)
+    meshes, _ = build_street_furniture(build_road(road), level)
     white = next(mesh for mesh in meshes if mesh.name == "furniture_traffic_sign_paint_white")
     arm = lay_out_road(road).junctions["j_south"].find_arm("south_road")
     sign = next(s for s in road.junctions["j_south"].signs if s.street == "south_road")
@@ -531,7 +535,7 @@ def picture_rays(unit: RoadsideUnit) -> np.ndarray:
 @every_road
 def test_what_carries_a_roadside_unit_keeps_out_of_its_view(name: str):
     road = ROADS[name]
-    place = built_road(road)
+    place = build_road(road)
     ground = partial(
         terrain.compute_ground_height, place.paved_edges, plateaus=terrain.find_plateaus(road)
     )
@@ -540,8 +544,8 @@ def test_what_carries_a_roadside_unit_keeps_out_of_its_view(name: str):
         update={"surroundings": tuple(i for i in road.surroundings if i.kind in carriers)}
     )
     around, fixed = (
-        build_surroundings(alone, ground, place.paved_area)[0],
-        build_street_furniture(road, ground)[0],
+        build_surroundings(build_road(alone), ground, place.paved_area)[0],
+        build_street_furniture(build_road(road), ground)[0],
     )
     unit_count = 0
     for unit in road.agents.values():
@@ -578,7 +582,7 @@ def nearby(
 
 def test_a_unit_with_nothing_to_stand_on_gets_a_mast_right_below_it():
     unit = {"kind": "roadside_unit", "position_m": (0, 10, 6), "yaw_deg": 0}
-    meshes, _ = build_street_furniture(street(rsu=unit), level)
+    meshes, _ = build_street_furniture(build_road(street(rsu=unit)), level)
     mast = points(meshes)
     assert mast[:, 2].max() == pytest.approx(5.7)
     assert np.linalg.norm(mast[mast[:, 2] > 1, :2] - (0, 10), axis=1).max() < 0.1
@@ -587,4 +591,4 @@ def test_a_unit_with_nothing_to_stand_on_gets_a_mast_right_below_it():
 def test_a_unit_on_a_pole_needs_no_mast_of_its_own():
     pole = Surrounding(kind=SurroundingKind.POLE, at_m=((0, 10.5),), height_m=5.7)
     unit = {"kind": "roadside_unit", "position_m": (0, 10, 6), "yaw_deg": 0}
-    assert build_street_furniture(street(pole, rsu=unit), level)[0] == []
+    assert build_street_furniture(build_road(street(pole, rsu=unit)), level)[0] == []
