@@ -1,3 +1,4 @@
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -36,3 +37,20 @@ def test_the_reference_has_every_field(site: Path, kind: str) -> None:
     page = (site / "reference" / f"{kind}.html").read_text()
     for field in build_schema(kind)["properties"].keys() - {"extends", "version"}:
         assert f">{field}</span>" in page
+
+
+NAMED = re.compile(r"`((?:[\w-]+/)*[\w-]+\.(?:py|glsl|md|yaml)|(?:[\w-]+/){2,})`")
+
+
+@pytest.mark.parametrize("page", ["ARCHITECTURE.md", "CONTRIBUTING.md"])
+def test_files_that_the_architecture_names_exist(page: str) -> None:
+    homes = [
+        ROOT,
+        ROOT / "advercity",
+        ROOT / "backends/sapien/advercity_sapien",
+        *(folder for folder in (ROOT / "advercity").iterdir() if folder.is_dir()),
+        ROOT / "dsl/advercity_dsl",
+    ]
+    named = set(NAMED.findall((ROOT / page).read_text()))
+    assert named
+    assert {name for name in named if not any((home / name).exists() for home in homes)} == set()
