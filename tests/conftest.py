@@ -9,6 +9,8 @@ from hypothesis import settings
 
 from advercity.compiler.crossing import compile_library
 
+pytest_plugins = ["tests.builders"]
+
 ROOT = Path(__file__).parent.parent
 os.environ.setdefault("ADVERCITY_ASSETS", str(ROOT / "no_models"))
 """So that bodies look the same whether the asset pack is installed or not."""

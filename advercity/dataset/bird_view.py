@@ -31,7 +31,7 @@ _BASE_CORNERS = [0, 2, 6, 4]
 
 
 def draw_bird_views(
-    readings: Sequence[SensorFrame], lanes: Sequence[LaneSegment]
+    sensor_frames: Sequence[SensorFrame], lanes: Sequence[LaneSegment]
 ) -> list[dict[str, Uint8Array]]:
     """The maps (256, 256) of every viewpoint, by name, in the order of `readings`.
 
@@ -39,7 +39,7 @@ def draw_bird_views(
     `visibility_corp` those that any viewpoint's cameras see, `static` the driving lanes, and
     `lane` their borders outside junctions, and crossings.
     """
-    seen = [find_visible_actors(reading.camera_images) for reading in readings]
+    seen = [find_visible_actors(reading.camera_images) for reading in sensor_frames]
     seen_by_any = frozenset[int]().union(*seen)
     surfaces, lines = (
         _Outlines.from_outlines(_iter_lane_surfaces(lanes)),
@@ -47,15 +47,15 @@ def draw_bird_views(
     )
     return [
         _draw_masks(reading, surfaces, lines, seen=own, seen_by_any=seen_by_any)
-        for reading, own in zip(readings, seen, strict=True)
+        for reading, own in zip(sensor_frames, seen, strict=True)
     ]
 
 
-def find_visible_actors(pictures: Iterable[CameraImage]) -> frozenset[int]:
+def find_visible_actors(images: Iterable[CameraImage]) -> frozenset[int]:
     """Ids of the actors that show in at least one of some pictures."""
     return frozenset(
         number
-        for picture in pictures
+        for picture in images
         for number, sighting in picture.projected_boxes.items()
         if sighting.visible_px > MIN_VISIBLE_FRACTION * picture.semantic.size
     )

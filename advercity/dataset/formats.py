@@ -75,5 +75,5 @@ def format_frame_name(spec: Spec, index: int) -> str:
 
 def is_frame_file(path: str) -> bool:
     """Return whether a path within a scenario is of a frame's file: `<agent>/<six digits>...`."""
-    _, _, name = path.rpartition("/")
-    return "/" in path and name[:6].isdigit()
+    _, slash, name = path.partition("/")
+    return bool(slash) and name[:6].isdigit()

@@ -140,30 +140,36 @@ def _format_with_pyyaml(value: str | float, *, inside: bool = False) -> str:
     return text[1:-2] if inside else text[2:-1]
 
 
-def build_frame_description(reading: SensorFrame, objects: Sequence[Annotation]) -> dict[str, Any]:
+def build_frame_description(
+    sensor_frame: SensorFrame, annotations: Sequence[Annotation]
+) -> dict[str, Any]:
     """What `<frame>.yaml` says of a viewpoint and what it annotates, in plain types."""
     cameras = {
-        f"camera{index}": _describe_camera(reading, picture)
-        for index, picture in enumerate(reading.camera_images)
+        f"camera{index}": _describe_camera(sensor_frame, picture)
+        for index, picture in enumerate(sensor_frame.camera_images)
     }
     return {
-        "RSU": reading.agent.place.kind == "roadside_unit",
-        "ego_speed": to_plain(reading.speed_m_s * KM_H_PER_M_S),
-        "true_ego_pos": to_plain(carla_pose_from_matrix(reading.world_from_agent)),
-        "predicted_ego_pos": to_plain(carla_pose_from_matrix(reading.estimated_world_from_agent)),
-        "lidar_pose": to_plain(carla_pose_from_matrix(reading.world_from_lidar)),
+        "RSU": sensor_frame.agent.place.kind == "roadside_unit",
+        "ego_speed": to_plain(sensor_frame.speed_m_s * KM_H_PER_M_S),
+        "true_ego_pos": to_plain(carla_pose_from_matrix(sensor_frame.world_from_agent)),
+        "predicted_ego_pos": to_plain(
+            carla_pose_from_matrix(sensor_frame.estimated_world_from_agent)
+        ),
+        "lidar_pose": to_plain(carla_pose_from_matrix(sensor_frame.world_from_lidar)),
         **cameras,
         "plan_trajectory": [
             to_plain((*mirror_xyz(x, y, 0.0)[:2], speed * KM_H_PER_M_S))
-            for x, y, speed in reading.planned_trajectory
+            for x, y, speed in sensor_frame.planned_trajectory
         ],
         "vehicles": {
             item.state.actor.id: _describe_object(item)
-            for item in objects
+            for item in annotations
             if not _is_pedestrian(item)
         },
         "walkers": {
-            item.state.actor.id: _describe_object(item) for item in objects if _is_pedestrian(item)
+            item.state.actor.id: _describe_object(item)
+            for item in annotations
+            if _is_pedestrian(item)
         },
     }
 
@@ -204,10 +210,10 @@ def _describe_camera(reading: SensorFrame, picture: CameraImage) -> dict[str, An
     }
 
 
-def build_motion_document(reading: SensorFrame) -> dict[str, Any]:
+def build_motion_document(sensor_frame: SensorFrame) -> dict[str, Any]:
     """What satellite receiver and inertial unit say, each where there is one."""
-    gnss = {} if reading.gnss is None else {"gnss": _describe_gnss(reading.gnss)}
-    imu = {} if reading.imu is None else {"imu": _describe_imu(reading.imu)}
+    gnss = {} if sensor_frame.gnss is None else {"gnss": _describe_gnss(sensor_frame.gnss)}
+    imu = {} if sensor_frame.imu is None else {"imu": _describe_imu(sensor_frame.imu)}
     return gnss | imu
 
 
@@ -250,23 +256,25 @@ def _format_paint_colour(material: str) -> str:
     return ", ".join(str(value) for value in np.rint(encoded * 255).astype(int))
 
 
-def build_object_extras(reading: SensorFrame, objects: Sequence[Annotation]) -> dict[str, Any]:
+def build_object_extras(
+    sensor_frame: SensorFrame, annotations: Sequence[Annotation]
+) -> dict[str, Any]:
     """Document of one viewpoint and what it annotates, in plain types; by id as in its YAML.
 
     `lidar_points` are those that came back through the weather, `lidar_hits` those that would have
     in none. `roles` are an object's parts in staged conflicts, by their ids. `cameras` has those
     whose pictures its outline reaches into.
     """
-    numbers, counts = np.unique(reading.point_cloud.instance, return_counts=True)
+    numbers, counts = np.unique(sensor_frame.point_cloud.instance, return_counts=True)
     points = dict(zip(numbers.tolist(), counts.tolist(), strict=True))
     return {
-        "frame": reading.frame.index,
-        "time_s": to_plain(reading.frame.time_s),
+        "frame": sensor_frame.frame.index,
+        "time_s": to_plain(sensor_frame.frame.time_s),
         "objects": {
             str(item.state.actor.id): _describe_object_extras(
-                item, reading, points.get(item.state.actor.id, 0)
+                item, sensor_frame, points.get(item.state.actor.id, 0)
             )
-            for item in objects
+            for item in annotations
         },
     }
 

@@ -1,8 +1,7 @@
-"""The index of a set: every scenario that was asked for, what it is made from, how far it is.
+"""The index of a dataset, with the state of every scenario, and splits of a dataset by road.
 
-It lies beside the scenarios' folders, where loaders, which look for folders, pass it by.
-
-Splits of a dataset by road, as folders of links that loaders take as their roots.
+The index is a file next to the folders of the scenarios; loaders look for folders only. A split is
+a folder of links to scenarios, which loaders take as their root.
 """
 
 import hashlib
@@ -24,22 +23,29 @@ INDEX_FILE = "index.json"
 
 
 class IndexEntry(Model):
-    """A scenario of a set, as it was when a run came to its end."""
+    """A scenario of a dataset, as it was when a run of it ended.
+
+    Attributes:
+        spec_sha256: Checksum of the spec.
+        state: `waiting` has no result yet, `partial` lacks frames.
+        frames: Number of written frames.
+        length: Number of frames of the whole scenario.
+        files: Number of files.
+        size_bytes: Size of the files.
+        manifest_sha256: Checksum of the manifest; None without one.
+    """
 
     spec_sha256: str
     state: Literal["waiting", "failed", "partial", "whole"] = "waiting"
-    """Waiting for a run that was cut short to be started again; partial if frames are left."""
     frames: int = 0
-    """That are done."""
     length: int | None = None
-    """Frames of the whole scenario."""
     files: int = 0
     size_bytes: int = 0
     manifest_sha256: str | None = None
 
     @staticmethod
     def from_manifest_text(spec: Spec, text: bytes | None, *, failed: bool = False) -> "IndexEntry":
-        """Of a scenario with the manifest `text`, or of one that has none."""
+        """Build the entry of a scenario with the manifest `text`, or of one without a manifest."""
         if text is None:
             state = "failed" if failed else "waiting"
             return IndexEntry(spec_sha256=compute_spec_digest(spec), state=state)
@@ -50,54 +56,53 @@ class IndexEntry(Model):
             frames=len(manifest.frames),
             length=manifest.length,
             files=len(manifest.files),
-            size_bytes=sum(record.size for record in manifest.files.values()),
+            size_bytes=manifest.size_bytes,
             manifest_sha256=hashlib.sha256(text).hexdigest(),
         )
 
 
 class DatasetIndex(Model):
-    """What a set consists of; the same set gives the same text."""
+    """Entries of the scenarios of a dataset by folder; the same dataset gives the same text."""
 
     index_version: Literal[1] = 1
     scenarios: dict[str, IndexEntry] = Field(default_factory=dict[str, IndexEntry])
-    """By folder."""
 
     @property
     def present_scenarios(self) -> set[str]:
-        """Scenarios that are there, wholly or in part."""
+        """Names of the scenarios that have a manifest."""
         return {name for name, entry in self.scenarios.items() if entry.manifest_sha256}
 
     def matches_manifest(self, name: str, manifest: bytes) -> bool:
-        """Whether the manifest of a scenario is the one that is known, if one is."""
+        """Return whether a scenario's manifest has the recorded checksum, or none is recorded."""
         entry = self.scenarios.get(name)
         known = None if entry is None else entry.manifest_sha256
         return known in (None, hashlib.sha256(manifest).hexdigest())
 
     def with_entries(self, entries: Mapping[str, IndexEntry]) -> "DatasetIndex":
-        """The same but for these."""
-        every = {**self.scenarios, **entries}
-        return DatasetIndex(scenarios={name: every[name] for name in sorted(every)})
+        """Return a copy with these entries added or replaced, sorted by name."""
+        merged = {**self.scenarios, **entries}
+        return DatasetIndex(scenarios={name: merged[name] for name in sorted(merged)})
 
     def with_waiting(self, specs: Iterable[Spec]) -> "DatasetIndex":
-        """The same, with these scenarios under way: nothing is known of them but their specs."""
+        """Return a copy in which these scenarios are waiting."""
         return self.with_entries(
             {spec.id: IndexEntry.from_manifest_text(spec, None) for spec in specs}
         )
 
     def format_summary(self) -> str:
-        """How many scenarios are how far, in words."""
+        """Format the number of scenarios in each state: `3 scenarios: 2 whole, 1 failed`."""
         states = [entry.state for entry in self.scenarios.values()]
         counts = {state: states.count(state) for state in ("whole", "partial", "failed", "waiting")}
         parts = [f"{count} {state}" for state, count in counts.items() if count]
         return f"{len(states)} scenario{'' if len(states) == 1 else 's'}: {', '.join(parts)}"
 
     def to_json(self) -> bytes:
-        """Sorted, without times and places, ending in a newline."""
+        """Format it as JSON: sorted, without times and machine paths, with a newline."""
         return self.model_dump_json(indent=1).encode() + b"\n"
 
     @staticmethod
     def parse(text: bytes, *, where: str) -> "DatasetIndex":
-        """Read what `to_json` gave; RunError if it is something else."""
+        """Parse the text of `to_json`; RunError if it is something else."""
         try:
             return DatasetIndex.model_validate_json(text)
         except ValidationError as error:
@@ -107,7 +112,7 @@ class DatasetIndex(Model):
 
     @staticmethod
     def load(dataset: Path) -> "DatasetIndex | None":
-        """That of a dataset; None if it has none. RunError if it cannot be read."""
+        """Load the index of a dataset; None if it has none, RunError if it cannot be read."""
         path = dataset / INDEX_FILE
         try:
             return DatasetIndex.parse(path.read_bytes(), where=str(path))
@@ -118,16 +123,16 @@ class DatasetIndex(Model):
 
 
 class IndexWriter:
-    """Keeps the index of a folder up to date; several processes may at a time.
+    """Keeps the index of a dataset up to date; several processes may do so at a time.
 
-    A folder comes into being with its first scenario; before that nothing is noted.
+    The folder of a dataset is created by its first scenario; until then nothing is written.
 
     Args:
-        dataset: The folder.
-        specs: What a run was asked for.
+        dataset: Folder of the dataset.
+        specs: The specs of a run.
 
     Raises:
-        InputError: It is a file.
+        InputError: The path is a file.
     """
 
     def __init__(self, dataset: Path, specs: Iterable[Spec]) -> None:
@@ -139,8 +144,8 @@ class IndexWriter:
         if (dataset / INDEX_FILE).exists():
             self._update({})
 
-    def record_end(self, name: str, *, failed: bool) -> None:
-        """Note how a scenario came to its end; RunError if the disk does not take it."""
+    def record_result(self, name: str, *, failed: bool) -> None:
+        """Record the end of a scenario; RunError if the disk is full or not writable."""
         if self._dataset.is_dir():
             path = self._dataset / name / MANIFEST_FILE
             text = path.read_bytes() if path.exists() else None
@@ -149,14 +154,14 @@ class IndexWriter:
             )
 
     def _update(self, entries: Mapping[str, IndexEntry]) -> None:
-        incoming, held = self._dataset / f".{INDEX_FILE}", self._dataset / ".index.lock"
-        with report_disk_errors(self._dataset), lock_file(held, "the index"):
+        incoming, lock = self._dataset / f".{INDEX_FILE}", self._dataset / ".index.lock"
+        with report_disk_errors(self._dataset), lock_file(lock, "the index"):
             index = DatasetIndex.load(self._dataset) or DatasetIndex()
             if not self._has_written:
                 index = index.with_waiting(self._specs.values())
             write_file(incoming, index.with_entries(entries).to_json())
             move_file(incoming, self._dataset / INDEX_FILE)
-            held.unlink()
+            lock.unlink()
         self._has_written = True
 
 
@@ -168,9 +173,9 @@ SPLITS_FILE = "splits.json"
 def link_splits(
     dataset: Path, output: Path, roads: Mapping[str, Sequence[str]] = PUBLISHED_SPLITS
 ) -> dict[str, list[str]]:
-    """Link every scenario into `output/<split>/`, and write an index; scenarios by split.
+    """Link every scenario into `output/<split>/`, and write an index; return scenarios by split.
 
-    Nothing is copied. Calling it again brings the links up to date.
+    Nothing is copied. Calling it again updates the links.
 
     Raises:
         InputError: A road belongs to no split, or to two.

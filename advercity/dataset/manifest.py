@@ -1,4 +1,4 @@
-"""What a scenario's folder holds, with checksums, and what decides it."""
+"""The manifest of a scenario: what its data are made from, and every file with its checksum."""
 
 import hashlib
 import math
@@ -22,34 +22,41 @@ from advercity.errors import RunError
 from advercity.physics.extinction import compute_extinction
 
 CODE_PACKAGES = ("advercity", "advercity_dsl")
-"""Packages that make the data, whatever renders them."""
+"""Packages whose sources make the data, whichever backend renders them."""
 RendererIdentity = dict[str, str | int | float | bool]
 FIELD_LABELS = {"code_sha256": "code of advercity", "backend_sha256": "code of the backend"}
-"""What is told instead of fields."""
+"""Words for fields of the identity in messages."""
 VERSIONED_PACKAGES = ("eclipse-sumo", "embreex", "numpy", "opencv-python-headless", "zlib-ng")
-"""Whose versions may change what is written."""
+"""Distributions that may change the bytes with their version."""
 
 
 def compute_spec_digest(spec: Spec) -> str:
-    """SHA-256 of a spec as JSON."""
+    """Compute the SHA-256 of a spec as JSON."""
     return hashlib.sha256(spec.model_dump_json().encode()).hexdigest()
 
 
 class Identity(Model):
-    """What decides every byte of a scenario's data."""
+    """Everything that decides the bytes of a scenario's data.
+
+    Attributes:
+        spec: Id of the spec.
+        spec_sha256: Checksum of the spec.
+        trace_sha256: Checksum of the simulated traffic.
+        renderer: Backend and its sources, profile, image scale, device.
+        bodies: SHA-256 of the 3-D model of each blueprint that has one.
+        format: Layout of the files.
+        code_sha256: Checksum of the sources of `CODE_PACKAGES`, which may change between versions.
+        versions: Versions of advercity and of `VERSIONED_PACKAGES`.
+    """
 
     spec: str
     spec_sha256: str
     trace_sha256: str
     renderer: RendererIdentity
-    """Backend and its sources, profile, image scale, device: whatever changes pictures."""
     bodies: dict[str, str] = Field(default_factory=dict[str, str])
-    """SHA-256 of the model that stands for each blueprint; the others were shaped here."""
     format: str
     code_sha256: str
-    """Of the sources of `CODE`: a changed program that kept its version number is told by it."""
     versions: dict[str, str]
-    """Of advercity and of `PACKAGES`."""
 
     @staticmethod
     def for_spec(
@@ -60,7 +67,7 @@ class Identity(Model):
         bodies: Mapping[str, str] | None = None,
         format: str = "opv2v",
     ) -> "Identity":
-        """Identity of the data of `spec`."""
+        """Identify the data that this installation makes from `spec`."""
         return Identity(
             spec=spec.id,
             spec_sha256=compute_spec_digest(spec),
@@ -73,8 +80,8 @@ class Identity(Model):
             | {name: version(name) for name in VERSIONED_PACKAGES},
         )
 
-    def find_differences(self, other: "Identity") -> list[str]:
-        """What is not the same in `other`, as `name: value here, value there`, both shortened."""
+    def list_differences(self, other: "Identity") -> list[str]:
+        """List what differs in `other`, as `name: value here, value there`, values shortened."""
         mine, others = self._flatten(), other._flatten()
         return [
             f"{key}: {mine.get(key)!s:.20}, {others.get(key)!s:.20}"
@@ -82,20 +89,36 @@ class Identity(Model):
             if mine.get(key) != others.get(key)
         ]
 
+    def check_same(self, other: "Identity", where: Path | str, *, remedy: str) -> None:
+        """Check that a scenario of this identity can take data of another one.
+
+        Raises:
+            RunError: They differ; the text lists the differences and what to do about them.
+        """
+        differences = self.list_differences(other)
+        if differences:
+            raise RunError(
+                f"{where}: was made from another spec, version or device"
+                f" ({'; '.join(differences)}); {remedy}"
+            )
+
     def _flatten(self) -> RendererIdentity:
-        alone = self.model_dump(exclude={"renderer", "versions", "bodies"})
+        fields = self.model_dump(exclude={"renderer", "versions", "bodies"})
         bodies = {f"body of {name}": digest for name, digest in self.bodies.items()}
-        flat = alone | self.renderer | self.versions | bodies
+        flat = fields | self.renderer | self.versions | bodies
         return {FIELD_LABELS.get(key, key): value for key, value in flat.items()}
 
 
 class WeatherTruth(Model):
-    """The weather as it really is; the same in every frame of a scenario."""
+    """The weather in physical quantities; the same in every frame of a scenario.
+
+    `mor_m` is the meteorological optical range of haze, fog, precipitation and dust together; None
+    in air that is perfectly clear.
+    """
 
     id: str
     time: str
     mor_m: float | None
-    """Meteorological optical range of all that is in the air; None if nothing is."""
     rain_mm_h: float
     snow_mm_h: float
     wind_m_s: float
@@ -108,7 +131,7 @@ class WeatherTruth(Model):
 
     @staticmethod
     def from_weather(weather: Weather) -> "WeatherTruth":
-        """Of an authored weather."""
+        """Compute the quantities of an authored weather."""
         mor_m = compute_extinction(weather).mor_m
         return WeatherTruth(
             id=weather.id,
@@ -127,27 +150,33 @@ class WeatherTruth(Model):
 
 
 class Manifest(Model):
-    """What has been written of a scenario; the same data give the same text."""
+    """The written files of a scenario; the same data give the same text.
+
+    Attributes:
+        manifest_version: Version of these fields.
+        identity: What decides the bytes.
+        weather: The weather in physical quantities.
+        spec: The spec of the scenario; any other file can be made from it again.
+        length: Number of frames of the whole scenario.
+        complete: Whether all of them are written.
+        frames: Numbers of the written frames, sorted.
+        files: Records by path within the scenario.
+    """
 
     manifest_version: Literal[3] = MANIFEST_VERSION
     identity: Identity
     weather: WeatherTruth
     spec: Spec
-    """What the data are made from, so that any other file can be made again."""
     length: int
-    """Frames of the whole scenario."""
     complete: bool
-    """Whether all of them are done."""
     frames: tuple[int, ...]
-    """Those that are done."""
     files: dict[str, FileRecord]
-    """By path within the scenario."""
 
     @staticmethod
     def from_files(
         identity: Identity, spec: Spec, *, length: int, files: Mapping[str, FileRecord]
     ) -> "Manifest":
-        """Manifest of these files."""
+        """Build the manifest of these files."""
         frames = sorted({file.frame for file in files.values() if file.frame is not None})
         return Manifest(
             identity=identity,
@@ -161,20 +190,20 @@ class Manifest(Model):
 
     @property
     def size_bytes(self) -> int:
-        """Of all files but this."""
+        """Size of all files without the manifest."""
         return sum(record.size for record in self.files.values())
 
     def to_json(self) -> str:
-        """Sorted, without times and places, ending in a newline."""
+        """Format it as JSON: files sorted, without times and machine paths, with a newline."""
         return self.model_dump_json(indent=1) + "\n"
 
     @staticmethod
     def load(scenario: Path) -> "Manifest":
-        """What is done of a scenario: its manifest, and the journal of a run that was cut short.
+        """Load the manifest of a scenario, with the journals of a run that was cut short.
 
         Raises:
-            InputError: There is no such folder, or no manifest in it.
-            RunError: It cannot be read.
+            InputError: The folder does not exist, or has no manifest.
+            RunError: The manifest cannot be read.
         """
         path = scenario / MANIFEST_FILE
         try:
@@ -183,25 +212,28 @@ class Manifest(Model):
             raise not_a_scenario_error(scenario) from error
         except OSError as error:
             raise RunError(f"{path}: cannot be read: {error.strerror}") from error
-        written, noted = Manifest.parse(text, where=str(path)), read_journals(scenario)
-        if not noted:
-            return written
+        manifest, journaled = Manifest.parse(text, where=str(path)), read_journals(scenario)
+        if not journaled:
+            return manifest
         return Manifest.from_files(
-            written.identity, written.spec, length=written.length, files=written.files | noted
+            manifest.identity,
+            manifest.spec,
+            length=manifest.length,
+            files=manifest.files | journaled,
         )
 
     @staticmethod
     def parse(text: bytes, *, where: str) -> "Manifest":
-        """Read what `to_json` gave; RunError if it is something else."""
+        """Parse the text of `to_json`; RunError if it is something else."""
         try:
             return Manifest.model_validate_json(text)
         except ValidationError as error:
-            remedy = "`advercity run --fresh` makes the scenario anew"
+            remedy = "`advercity run --fresh` makes the scenario again"
             raise RunError(f"{where}: {_format_first_error(error)}; {remedy}") from error
 
 
 def _format_first_error(error: ValidationError) -> str:
-    """Where the first thing that is wrong stands, and what it is."""
+    """Describe the first field that is wrong, by its path."""
     first = error.errors(include_url=False)[0]
     if first["type"] == "json_invalid":
         return "is damaged or cut off"

@@ -1,14 +1,14 @@
-"""Staging beside a scenario, and in it the journals of frames done since the last manifest.
+"""Safe writing: unfinished files in a staging folder, journals of frames, one writer at a time.
 
-`OUTPUT/.staging/<spec id>` lies outside the scenario because readers of OPV2V take every folder
-in a scenario for a viewpoint. Each process that writes frames has a journal of its own.
-
-What writing safely takes: one writer at a time, whole files by renaming, failures by name.
+A frame's files are written to `OUTPUT/.staging/<spec id>` and renamed into the scenario when all of
+them are complete. Each process that writes frames appends to a journal of its own, so a scenario
+whose run was killed is described by its manifest and its journals.
 """
 
 import errno
 import hashlib
 import os
+import shutil
 import time
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager, suppress
@@ -21,9 +21,18 @@ from pydantic import TypeAdapter, ValidationError
 from advercity.dataset.scenario_folders import find_journals, find_staging_folder
 from advercity.errors import RunError
 
+LOCK_TIMEOUT_S = 5.0
+"""How long a run that was killed may take to release its lock."""
+
 
 class FileRecord(Model):
-    """A file as it was written; `frame` is None for files that belong to the whole scenario."""
+    """Size and checksum of a written file.
+
+    Attributes:
+        size: Size in bytes.
+        sha256: Checksum of the content.
+        frame: Number of the frame; None for files that belong to the whole scenario.
+    """
 
     size: int
     sha256: str
@@ -31,7 +40,7 @@ class FileRecord(Model):
 
     @staticmethod
     def from_content(content: bytes, *, frame: int | None = None) -> "FileRecord":
-        """Record of a file with this content."""
+        """Record a file with this content."""
         return FileRecord(
             size=len(content), sha256=hashlib.sha256(content).hexdigest(), frame=frame
         )
@@ -41,63 +50,60 @@ _RECORDS = TypeAdapter(dict[str, FileRecord])
 
 
 def append_to_journal(scenario: Path, process: int, records: Mapping[str, FileRecord]) -> None:
-    """Note that these files, by path, are in place.
-
-    It is one write: if the process is killed the line is whole, or torn and the last.
-
-    Args:
-        scenario: Whose files they are.
-        process: Whose journal it is, by number.
-        records: Of the files.
-    """
+    """Append to the journal of a process, by its number, that files at these paths are in place."""
     line = _RECORDS.dump_json(dict(records), exclude_none=True) + b"\n"
     path = find_staging_folder(scenario) / f"journal_{process}.jsonl"
+    # One write without a buffer: if the process is killed the line is whole, or torn and the last.
     with path.open("ab", buffering=0) as stream:
         if stream.write(line) != len(line):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
 
 
 def read_journals(scenario: Path) -> dict[str, FileRecord]:
-    """Records of all whole lines of all processes, by path; empty if nothing is noted."""
+    """Read the records of all whole lines of all journals, by path; empty without journals."""
     records: dict[str, FileRecord] = {}
     for path in find_journals(scenario):
-        with suppress(FileNotFoundError, ValidationError):  # finished meanwhile; torn at its end
+        with suppress(FileNotFoundError, ValidationError):  # run has finished; last line is torn
             for line in path.read_bytes().splitlines():
                 records |= _RECORDS.validate_json(line)
     return records
 
 
 def remove_journals(scenario: Path) -> None:
-    """Forget what has been noted."""
+    """Delete all journals of a scenario."""
     for path in find_journals(scenario):
         path.unlink()
 
 
-LOCK_TIMEOUT_S = 5.0
-"""For one who was killed to let go of what it held."""
+def remove_staging_folder(scenario: Path) -> None:
+    """Delete the staging folder of a scenario, and the dataset's if no other scenario is in it."""
+    staging = find_staging_folder(scenario)
+    shutil.rmtree(staging)
+    with suppress(OSError):  # not empty: another scenario is being written
+        staging.parent.rmdir()
 
 
 @contextmanager
 def report_disk_errors(path: Path) -> Generator[None]:
-    """Turn failures of the disk into a RunError that says where; `path` if the system does not."""
+    """Raise a RunError that names the file, or `path` if the system names none, for an OSError."""
     try:
         yield
     except OSError as error:
         raise RunError(
-            f"{error.filename or path}: {error.strerror}; what is done stays: make room or choose"
-            " another --output, and run again"
+            f"{error.filename or path}: {error.strerror}; finished frames are kept: make room or"
+            " choose another --output, and run again"
         ) from error
 
 
 def lock_file(path: Path, what: str = "this scenario") -> IO[bytes]:
-    """Hold `path` until the stream is closed or the process ends; RunError if somebody else does.
+    """Lock `path` until the returned stream is closed or the process ends.
 
-    A run that was killed may take a moment to let go. Whoever held it may have deleted it since it
-    was opened here, hence the second look.
+    Raises:
+        RunError: Another process holds the lock, and does so for longer than a killed one would.
     """
     import fcntl  # POSIX only; reading a dataset, which imports this module, works without
 
-    patient_until_s = time.monotonic() + LOCK_TIMEOUT_S
+    deadline_s = time.monotonic() + LOCK_TIMEOUT_S
     while True:
         path.parent.mkdir(parents=True, exist_ok=True)
         stream = path.open("ab")
@@ -105,25 +111,34 @@ def lock_file(path: Path, what: str = "this scenario") -> IO[bytes]:
             fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             stream.close()
-            if time.monotonic() < patient_until_s:
+            if time.monotonic() < deadline_s:
                 time.sleep(0.05)
                 continue
             raise RunError(
                 f"{path.parent}: another run is writing {what}; wait for it or choose"
                 " another --output"
             ) from error
+        # The previous owner may have deleted the file after it was opened here; then this lock
+        # is on a file that no other process can see.
         if path.exists() and os.path.samestat(os.fstat(stream.fileno()), path.stat()):
             return stream
         stream.close()
 
 
 def write_file(path: Path, content: bytes) -> None:
-    """Write a file, making its folder."""
+    """Write a file, and create its folder if necessary."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(content)
 
 
 def move_file(source: Path, target: Path) -> None:
-    """Put a file in its place at once, making its folder."""
+    """Rename a file, and create the target's folder if necessary."""
     target.parent.mkdir(parents=True, exist_ok=True)
     source.replace(target)
+
+
+def replace_file(scenario: Path, path: str, content: bytes) -> None:
+    """Write a file of a scenario so that it is either the old or the new one at any moment."""
+    incoming = find_staging_folder(scenario) / "incoming" / path
+    write_file(incoming, content)
+    move_file(incoming, scenario / path)

@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 from typing import Final
 
-from advercity.errors import InputError
+from advercity.errors import InputError, RunError
 
 MANIFEST_FILE = "manifest.json"
 MANIFEST_VERSION: Final = 3
@@ -55,6 +55,14 @@ def not_a_scenario_error(folder: Path) -> InputError:
     more = f" and {len(inside) - 3} more" if len(inside) > 3 else ""
     names = ", ".join(inside[:3])
     return InputError(f"{folder}: is a dataset; name one of its scenarios: {names}{more}")
+
+
+def no_dataset_to_replace_error(folder: Path | str) -> RunError:
+    """Explain that a run does not write into a folder that holds other files."""
+    return RunError(
+        f"{folder}: holds files but no {MANIFEST_FILE}, so not a dataset; delete it, or choose"
+        " another --output"
+    )
 
 
 def no_frames_error(path: Path) -> InputError:

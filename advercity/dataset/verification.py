@@ -1,27 +1,26 @@
-"""Whether a dataset still is as its manifests and its index say.
+"""Compares a dataset with its manifests and its index, and restores missing and changed files.
 
-Puts back files of a scenario as its manifest has them, and touches no others.
+Restoring touches only files that a manifest records, and what a killed run left of a frame.
 """
 
 import hashlib
 import shutil
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from advercity.dataset.formats import find_format, format_frame_name
+from advercity.dataset.formats import find_format, format_frame_name, is_frame_file
 from advercity.dataset.index import DatasetIndex
 from advercity.dataset.manifest import Manifest
 from advercity.dataset.opv2v import FRAME_ENCODERS
 from advercity.dataset.partial_files import (
     FileRecord,
     lock_file,
-    move_file,
+    remove_staging_folder,
+    replace_file,
     report_disk_errors,
-    write_file,
 )
 from advercity.dataset.scenario_folders import (
     MANIFEST_FILE,
@@ -37,40 +36,42 @@ from advercity.sensors.sensor_frame import SensorFrame
 
 @dataclass(frozen=True)
 class FileProblem:
-    """A file that is not as the manifest has it."""
+    """A file that differs from the manifest.
+
+    Attributes:
+        scenario: Folder of the scenario.
+        path: Path within the scenario.
+        kind: What is wrong; `extra` files are in no manifest.
+        frame: Frame that has to be written again; None for files of the whole scenario.
+    """
 
     scenario: Path
     path: str
-    """Within the scenario."""
     kind: Literal["missing", "extra", "changed"]
     frame: int | None = None
-    """That has to be written again; None if no frame has."""
 
     def __str__(self) -> str:
         return f"{self.scenario / self.path}: {self.kind}"
 
 
 def verify_dataset(dataset: Path) -> list[FileProblem]:
-    """Problems of every scenario of a dataset, or of the one scenario that it is.
-
-    Where there is an index, also of the scenarios in it that are gone, and of manifests that are
-    others than it says.
+    """Verify every scenario of a dataset, or one scenario, and the dataset's index if it has one.
 
     Raises:
-        InputError: There is no dataset.
+        InputError: The folder holds no scenario.
         RunError: A file cannot be read.
     """
-    unlike = compare_with_index(dataset)
-    if unlike and not any(path.exists() for path in dataset.glob(f"*/{MANIFEST_FILE}")):
-        return unlike
+    differing = compare_with_index(dataset)
+    if differing and not any(path.exists() for path in dataset.glob(f"*/{MANIFEST_FILE}")):
+        return differing
     return [
-        *unlike,
+        *differing,
         *(item for scenario in find_scenarios(dataset) for item in verify_scenario(scenario)),
     ]
 
 
 def compare_with_index(dataset: Path) -> list[FileProblem]:
-    """Scenarios of the index that are gone, and manifests that are others than it says.
+    """List scenarios of the index that are missing, and manifests with another checksum.
 
     Raises:
         RunError: A file cannot be read.
@@ -110,13 +111,13 @@ def compare_with_manifest(
     paths: Iterable[str],
     matches: Callable[[str, FileRecord], bool],
 ) -> list[FileProblem]:
-    """Compare what is there of a scenario with its manifest.
+    """Compare the files of a scenario with its manifest.
 
     Args:
-        scenario: Its folder, for the problems.
-        manifest: What ought to be there.
-        paths: What is there, within the scenario.
-        matches: Whether the file at a path is as recorded; called by several threads.
+        scenario: Folder of the scenario, for the problems.
+        manifest: Manifest of the scenario.
+        paths: Paths of the files that exist, within the scenario.
+        matches: Returns whether the file at a path is as recorded; called by several threads.
     """
     recorded, found = manifest.files, set(paths) - {MANIFEST_FILE}
     problems = [FileProblem(scenario, path, "extra") for path in found - recorded.keys()]
@@ -149,26 +150,25 @@ def _matches_record(path: Path, record: FileRecord) -> bool:
         raise RunError(f"{path}: cannot be read: {error.strerror}") from error
 
 
-SensorFrameSource = Callable[[int], tuple[SensorFrame, ...]]
-
-
 def restore_files(
-    scenario: Path, problems: Iterable[FileProblem], readings_of: SensorFrameSource
+    scenario: Path,
+    problems: Iterable[FileProblem],
+    capture_frame: Callable[[int], tuple[SensorFrame, ...]],
 ) -> list[FileProblem]:
-    """Mend what `verify` found; the problems that stay, which are files of somebody else.
+    """Restore the files that `verify_scenario` found; return the problems that are left.
 
-    Frames are made again one by one; of each, the files that are missing or changed take their
-    places by renaming, once their checksums are those of the manifest. So whatever interrupts it,
-    the scenario is no worse than before, and the same call goes on.
+    Those are extra files, which no manifest records. Frames are captured again one by one; a
+    missing or changed file is replaced once the new content has the checksum of the manifest. So
+    an interruption leaves the scenario no worse than before, and the same call continues.
 
     Args:
         scenario: Folder of the scenario.
-        problems: What is wrong with it.
-        readings_of: Makes the readings of a frame.
+        problems: Problems of the scenario.
+        capture_frame: Returns the sensor frames of all agents in a frame.
 
     Raises:
-        RunError: What is made again is not what was there, another run is writing, or the disk
-            does not take it.
+        RunError: A new content differs from the recorded one, another run is writing, or the disk
+            is full or not writable.
     """
     manifest = Manifest.load(scenario)
     found = list(problems)
@@ -176,49 +176,41 @@ def restore_files(
     with report_disk_errors(scenario), lock_file(staging / "lock"):
         _remove_leftovers(scenario, manifest, found)
         damaged = {problem.path for problem in found if problem.kind != "extra"}
-        beside = encode_scenario_files(manifest.spec, manifest.identity)
-        _replace_files(scenario, manifest, {path: beside[path] for path in damaged & beside.keys()})
+        _restore(
+            scenario, manifest, encode_scenario_files(manifest.spec, manifest.identity), damaged
+        )
+        lanes = build_road(manifest.spec.road).lanes
+        encode = FRAME_ENCODERS[manifest.identity.format]
         for frame in sorted({item.frame for item in found if item.frame is not None}):
-            files = _encode_frame_files(manifest, frame, readings_of(frame))
-            _replace_files(
-                scenario, manifest, {path: files[path] for path in damaged & files.keys()}
-            )
+            name = format_frame_name(manifest.spec, frame)
+            _restore(scenario, manifest, encode(capture_frame(frame), lanes, name=name), damaged)
         shutil.rmtree(staging / "incoming", ignore_errors=True)
-        if not find_journals(scenario):
-            shutil.rmtree(staging)
-            with suppress(OSError):  # another scenario is being written
-                staging.parent.rmdir()
+        if not find_journals(scenario):  # journals of a killed run are still needed
+            remove_staging_folder(scenario)
     return [item for item in found if item.kind == "extra" and (scenario / item.path).exists()]
 
 
-def _encode_frame_files(
-    manifest: Manifest, frame: int, readings: tuple[SensorFrame, ...]
-) -> dict[str, bytes]:
-    encode = FRAME_ENCODERS[manifest.identity.format]
-    lanes = build_road(manifest.spec.road).lanes
-    return encode(readings, lanes, name=format_frame_name(manifest.spec, frame))
-
-
-def _replace_files(scenario: Path, manifest: Manifest, files: dict[str, bytes]) -> None:
-    incoming = find_staging_folder(scenario) / "incoming"
-    for path, content in files.items():
-        expected = manifest.files[path]
+def _restore(
+    scenario: Path, manifest: Manifest, files: Mapping[str, bytes], damaged: set[str]
+) -> None:
+    """Replace those of the files that are damaged, if they are as the manifest records them."""
+    for path in damaged & files.keys():
+        content, expected = files[path], manifest.files[path]
         if FileRecord.from_content(content, frame=expected.frame) != expected:
             raise RunError(
-                f"{scenario / path}: comes out other than the manifest has it, although spec,"
-                " traffic, versions and device are the same; it is left as it is:"
-                " `advercity run --fresh` makes the scenario anew"
+                f"{scenario / path}: its new content differs from the manifest's, although spec,"
+                " traffic, versions and device are the same; the file is left as it is:"
+                " `advercity run --fresh` makes the scenario again"
             )
-        write_file(incoming / path, content)
-        move_file(incoming / path, scenario / path)
+        replace_file(scenario, path, content)
 
 
 def _remove_leftovers(scenario: Path, manifest: Manifest, problems: Iterable[FileProblem]) -> None:
-    """What a killed run left of a frame; anything else that is extra may be precious."""
-    folders = {
-        find_format(manifest.identity.format).format_folder(agent) for agent in manifest.spec.agents
-    }
+    """Delete extra files with names of frames, which a killed run left."""
+    # Any other extra file may be a user's.
+    layout = find_format(manifest.identity.format)
+    folders = {layout.format_folder(agent) for agent in manifest.spec.agents}
     for problem in problems:
-        folder, _, name = problem.path.partition("/")
-        if problem.kind == "extra" and folder in folders and name[:6].isdigit():
+        folder = problem.path.partition("/")[0]
+        if problem.kind == "extra" and folder in folders and is_frame_file(problem.path):
             (scenario / problem.path).unlink()

@@ -1,21 +1,14 @@
-"""Files of a scenario that belong to no frame: its protocol, and whose models it shows.
+"""Writes a scenario so that a frame is either complete or absent, whatever interrupts the run.
 
-Adds frames to a scenario that is open, so that a frame is whole or absent whatever happens.
-
-A frame's files are written into staging and renamed into place when all of them are there; then
-one write to the journal says so.
-
-Opens a scenario for writing, and leaves it with a manifest that tells what is there.
-
-Frames come from `FrameWriter`s, here and in other processes. Whoever opens the scenario next adds
-the journals of those that were cut short to the manifest, and removes what none of them knows.
+`ScenarioWriter` opens a scenario for one run: it adds the journals of runs that were cut short to
+the manifest, removes what no record names, and leaves a manifest of what is there. Frames come from
+it and from a `FrameWriter` in each further process.
 """
 
 import shutil
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from advercity_dsl import Spec
@@ -31,22 +24,21 @@ from advercity.dataset.partial_files import (
     move_file,
     read_journals,
     remove_journals,
+    remove_staging_folder,
+    replace_file,
     report_disk_errors,
     write_file,
 )
-from advercity.dataset.scenario_folders import MANIFEST_FILE, find_staging_folder
+from advercity.dataset.scenario_folders import (
+    MANIFEST_FILE,
+    find_staging_folder,
+    no_dataset_to_replace_error,
+)
 from advercity.errors import RunError
 from advercity.roads.road_network import build_road
 from advercity.sensors.sensor_frame import SensorFrame
 
 PROTOCOL_FILE = "data_protocol.yaml"
-
-
-def encode_protocol(spec: Spec) -> bytes:
-    """`data_protocol.yaml`: the whole spec."""
-    return format_yaml(spec.model_dump(mode="json"))
-
-
 ATTRIBUTION_FILE = "ATTRIBUTION.md"
 LICENCE_URLS = {
     "CC0-1.0": "https://creativecommons.org/publicdomain/zero/1.0/",
@@ -68,15 +60,18 @@ under these licences:
 
 
 def encode_scenario_files(spec: Spec, identity: Identity) -> dict[str, bytes]:
-    """Content of every such file by its path; models are attributed where any were used."""
-    files = {PROTOCOL_FILE: encode_protocol(spec)}
+    """Encode the files that belong to no frame, by path.
+
+    These are the spec as YAML, and the attribution of 3-D models if the scenario shows any.
+    """
+    files = {PROTOCOL_FILE: format_yaml(spec.model_dump(mode="json"))}
     if identity.bodies:
         files[ATTRIBUTION_FILE] = format_attribution(spec, identity).encode()
     return files
 
 
 def format_attribution(spec: Spec, identity: Identity) -> str:
-    """Who made the models that the scenario shows, and on what terms they are used."""
+    """Format the authors and licences of the models that the scenario shows, as Markdown."""
     rows = [
         f"| {name} | {model.pack or model.file} | {model.author} |"
         f" [{model.licence}]({LICENCE_URLS[model.licence]}) |\n"
@@ -87,17 +82,18 @@ def format_attribution(spec: Spec, identity: Identity) -> str:
 
 
 class FrameWriter:
-    """One of the processes that write frames of a scenario, which a `DatasetWriter` has open.
+    """Adds frames to a scenario that a `ScenarioWriter` has open, here or in another process.
 
     Args:
-        scenario: Its folder.
-        spec: What is written.
-        format: In which layout.
-        process: Number of the process among those that write frames of the scenario.
+        scenario: Folder of the scenario.
+        spec: The spec.
+        format: Name of the layout.
+        process: Number of this process among those that write frames of the scenario.
     """
 
     def __init__(self, scenario: Path, spec: Spec, format: str, process: int = 0) -> None:
-        self._scenario, self._spec, self._process = scenario, spec, process
+        self.scenario = scenario
+        self._spec, self._process = spec, process
         self._encode = FRAME_ENCODERS[format]
         self._lanes = build_road(spec.road).lanes
         self._staging = find_staging_folder(scenario)
@@ -105,91 +101,75 @@ class FrameWriter:
 
     @property
     def size_bytes(self) -> int:
-        """Of the files that were written here; may be asked for while another thread writes."""
+        """Size of the files written so far; safe to read while another thread writes."""
         return self._size_bytes
 
     def claim_frame(self, frame: int) -> bool:
-        """Whether this process shall make a frame: the first that asks, and no other."""
-        with report_disk_errors(self._scenario):
+        """Claim a frame for this process; False if another process was first."""
+        with report_disk_errors(self.scenario):
             try:
+                # Creating a folder is atomic on every file system, network drives included.
                 (self._staging / "claims" / str(frame)).mkdir(parents=True)
             except FileExistsError:
                 return False
         return True
 
-    def write_frame(self, frame: int, readings: Sequence[SensorFrame]) -> None:
-        """Add a frame: the readings of all viewpoints.
+    def write_frame(self, frame: int, sensor_frames: Sequence[SensorFrame]) -> None:
+        """Write the files of a frame, given the sensor frames of all agents.
 
         Raises:
-            RunError: The disk does not take it; the frame is absent then.
+            RunError: The disk is full or not writable; the frame is absent then.
         """
         incoming = self._staging / "incoming" / str(self._process)
-        files = self._encode(readings, self._lanes, name=format_frame_name(self._spec, frame))
-        with report_disk_errors(self._scenario):
+        files = self._encode(sensor_frames, self._lanes, name=format_frame_name(self._spec, frame))
+        with report_disk_errors(self.scenario):
             for path, content in files.items():
                 write_file(incoming / path, content)
             for path in files:
-                move_file(incoming / path, self._scenario / path)
+                move_file(incoming / path, self.scenario / path)
             records = {
                 path: FileRecord.from_content(content, frame=frame)
                 for path, content in files.items()
             }
-            append_to_journal(self._scenario, self._process, records)
+            append_to_journal(self.scenario, self._process, records)
         self._size_bytes += sum(record.size for record in records.values())
 
 
-class ScenarioWriter:
-    """The one who has a scenario open; a context manager.
+class ScenarioWriter(FrameWriter):
+    """Opens a scenario for one run, writes frames, and keeps the manifest; a context manager.
 
-    Opening it finds what is already done; closing it, also after an error, writes the manifest.
-    Every failure of the disk is a RunError that names the path.
+    Entering it finds the frames that are complete. Leaving it, also after an error, writes the
+    manifest. Every failure of the disk is a RunError that names the path.
 
     Args:
-        root: Folder of the dataset; the scenario goes into `root/<spec id>`.
-        spec: What is written.
-        identity: What decides the bytes; data of another identity are not continued.
-        length: Frames of the whole scenario.
-        fresh: Start over, whatever is there.
+        root: Folder of the dataset; the scenario's is `root/<spec id>`.
+        spec: The spec.
+        identity: What decides the bytes; a scenario of another identity is not continued.
+        length: Number of frames of the whole scenario.
+        fresh: Delete what is there and start over.
 
     Raises:
-        RunError: Another run is writing, the data there are of another identity, or the folder
+        RunError: Another run is writing, the scenario is of another identity, or the folder
             holds something that is not a dataset.
     """
 
     def __init__(
-        self,
-        root: Path,
-        spec: Spec,
-        identity: Identity,
-        *,
-        length: int,
-        fresh: bool = False,
+        self, root: Path, spec: Spec, identity: Identity, *, length: int, fresh: bool = False
     ) -> None:
-        self.scenario = root / spec.id
-        self._staging = find_staging_folder(self.scenario)
-        self._incoming = self._staging / "incoming"
-        self._spec = spec
+        super().__init__(root / spec.id, spec, identity.format)
         self._identity = identity
         self._length = length
         self._fresh = fresh
-        self._frames = FrameWriter(self.scenario, spec, identity.format)
         self._files: dict[str, FileRecord] = {}
-        self._done_frames: set[int] = set()
-        self._size_bytes = 0
 
     @property
     def done_frames(self) -> frozenset[int]:
-        """Frames that need not be written."""
-        return frozenset(self._done_frames)
-
-    @property
-    def size_bytes(self) -> int:
-        """Of all files that were there or are written here; also while another thread writes."""
-        return self._size_bytes + self._frames.size_bytes
+        """Frames that were complete when the scenario was opened."""
+        return frozenset(file.frame for file in self._files.values() if file.frame is not None)
 
     @property
     def lock_descriptor(self) -> int:
-        """File descriptor; whichever process has it open keeps others from the scenario."""
+        """File descriptor of the lock; any process that has it open keeps other runs out."""
         return self._lock.fileno()
 
     def __enter__(self) -> Self:
@@ -202,12 +182,7 @@ class ScenarioWriter:
                 raise
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: object, error: BaseException | None, traceback: object) -> None:
         try:
             if error is not None:
                 with suppress(RunError):
@@ -215,74 +190,49 @@ class ScenarioWriter:
         finally:
             self._lock.close()
 
-    def claim_frame(self, frame: int) -> bool:
-        """Whether this process shall make a frame: the first that asks, and no other."""
-        return self._frames.claim_frame(frame)
-
-    def write_frame(self, frame: int, readings: Sequence[SensorFrame]) -> None:
-        """Add a frame: the readings of all viewpoints.
-
-        Raises:
-            RunError: The disk does not take it; the frame is absent then.
-        """
-        self._frames.write_frame(frame, readings)
-        self._done_frames.add(frame)
-
     def finish(self) -> Manifest:
-        """Bring the manifest up to date and clear up; after an error it happens by itself."""
+        """Update the manifest and delete the staging folder; an error does the same."""
         with report_disk_errors(self.scenario):
             self._files |= read_journals(self.scenario)
             self._remove_unfinished()
             manifest = self._save()
-            shutil.rmtree(self._staging)
-            with suppress(OSError):  # another scenario is being written
-                self._staging.parent.rmdir()
+            remove_staging_folder(self.scenario)
         return manifest
 
     def _open(self) -> None:
+        # So that no mistyped output folder is emptied or mixed into a dataset.
+        has_manifest = (self.scenario / MANIFEST_FILE).exists()
+        if not has_manifest and self.scenario.exists() and any(self.scenario.iterdir()):
+            raise no_dataset_to_replace_error(self.scenario)
         if self._fresh:
             self._clear()
-        self._files = self._load_finished_records()
+        elif has_manifest:
+            self._files = self._load_finished_records()
         self._remove_unfinished()
-        beside = encode_scenario_files(self._spec, self._identity)
-        self._files |= {path: FileRecord.from_content(content) for path, content in beside.items()}
+        own = encode_scenario_files(self._spec, self._identity)
+        self._files |= {path: FileRecord.from_content(content) for path, content in own.items()}
         self._size_bytes = sum(record.size for record in self._files.values())
         self._save()
-        for path, content in beside.items():
-            self._replace(path, content)
+        for path, content in own.items():
+            replace_file(self.scenario, path, content)
 
     def _clear(self) -> None:
-        self._check_ownership()
         remove_journals(self.scenario)
-        if self.scenario.exists():
-            for path in self.scenario.iterdir():
-                if path.is_dir():
-                    shutil.rmtree(path)
-                elif path.name != MANIFEST_FILE:
-                    path.unlink()
-            (self.scenario / MANIFEST_FILE).unlink(missing_ok=True)
-
-    def _check_ownership(self) -> None:
-        """So that no mistyped output folder is emptied or mixed into a dataset."""
-        foreign = self.scenario.exists() and any(self.scenario.iterdir())
-        if foreign and not (self.scenario / MANIFEST_FILE).exists():
-            raise RunError(
-                f"{self.scenario}: holds files but no {MANIFEST_FILE}, so not a dataset;"
-                " delete it, or choose another --output"
-            )
+        # The manifest goes last: until then an interrupted run still finds a dataset to replace.
+        for path in sorted(self.scenario.glob("*"), key=lambda path: path.name == MANIFEST_FILE):
+            if path.is_dir():
+                shutil.rmtree(path)
+            else:
+                path.unlink()
 
     def _load_finished_records(self) -> dict[str, FileRecord]:
-        """Records of the frames that are done and wholly there."""
-        self._check_ownership()
-        if not (self.scenario / MANIFEST_FILE).exists():
-            return {}
+        """Load the records of the frames whose files all have the recorded size."""
         manifest = Manifest.load(self.scenario)
-        differences = manifest.identity.find_differences(self._identity)
-        if differences:
-            raise RunError(
-                f"{self.scenario}: made from something else ({'; '.join(differences)});"
-                " --fresh starts over, another --output leaves it alone"
-            )
+        manifest.identity.check_same(
+            self._identity,
+            self.scenario,
+            remedy="--fresh starts over, another --output leaves it alone",
+        )
         damaged = {
             record.frame
             for path, record in manifest.files.items()
@@ -300,26 +250,21 @@ class ScenarioWriter:
             return False
 
     def _remove_unfinished(self) -> None:
-        """Remove what is left of frames that are not done, and of making them."""
-        self._done_frames = {file.frame for file in self._files.values() if file.frame is not None}
+        """Delete the files of incomplete frames, unfinished files and claims."""
         absent = {
-            format_frame_name(self._spec, k) for k in set(range(self._length)) - self._done_frames
+            format_frame_name(self._spec, k) for k in set(range(self._length)) - self.done_frames
         }
         for path in self.scenario.glob("*/[0-9]*"):
             if path.name[:6] in absent and path.is_file():
                 path.unlink()
-        for folder in (self._incoming, self._staging / "claims"):
-            if folder.exists():
-                shutil.rmtree(folder)
+        for name in ("incoming", "claims"):
+            if (self._staging / name).exists():
+                shutil.rmtree(self._staging / name)
 
     def _save(self) -> Manifest:
         manifest = Manifest.from_files(
             self._identity, self._spec, length=self._length, files=self._files
         )
-        self._replace(MANIFEST_FILE, manifest.to_json().encode())
+        replace_file(self.scenario, MANIFEST_FILE, manifest.to_json().encode())
         remove_journals(self.scenario)
         return manifest
-
-    def _replace(self, path: str, content: bytes) -> None:
-        write_file(self._incoming / path, content)
-        move_file(self._incoming / path, self.scenario / path)

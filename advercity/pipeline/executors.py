@@ -160,7 +160,7 @@ def run_scenarios(
         finally:
             free.put(places)
         try:
-            index.record_end(spec.id, failed=outcome.error is not None)
+            index.record_result(spec.id, failed=outcome.error is not None)
         except RunError as error:
             outcome = replace(outcome, error=outcome.error or error)
         listener.on_result(outcome)

@@ -134,7 +134,7 @@ def add_frames(
     """
     prepared, scenario = prepare_scenario(spec, options), options.output / spec.id
     begun = Manifest.load(scenario)
-    differences = begun.identity.find_differences(prepared.identity)
+    differences = begun.identity.list_differences(prepared.identity)
     if differences:
         raise RunError(f"{scenario}: its processes differ ({'; '.join(differences)}); --jobs 1")
     writer = FrameWriter(scenario, spec, options.format, worker_index)
@@ -285,7 +285,7 @@ def _repair_scenario(
         frames=range(manifest.length),
         format=manifest.identity.format,
     )
-    differences = manifest.identity.find_differences(prepared.identity)
+    differences = manifest.identity.list_differences(prepared.identity)
     if differences:
         raise RunError(
             f"{scenario}: cannot be repaired here, where something is not as it was"

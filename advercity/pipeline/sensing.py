@@ -16,7 +16,7 @@ from advercity.pipeline.preparation import PreparedScenario
 from advercity.rendering.backend import CameraCapture, CameraView, Renderer, RenderProfile
 from advercity.rendering.light_sources import list_light_sources
 from advercity.rendering.raycaster import Raycaster
-from advercity.sensors.annotation import build_hull_point_lookup, count_visible_beams, project_boxes
+from advercity.sensors.annotation import build_hull_point_lookup, count_lidar_hits, project_boxes
 from advercity.sensors.camera import CameraConditions, CameraExposure, render_image
 from advercity.sensors.lidar import (
     ScanHits,
@@ -101,7 +101,7 @@ class SensorRig:
             point_cloud=measure_point_cloud(
                 lidar, scan, self._lidar_conditions, rng, states=frame.states
             ),
-            lidar_hits=count_visible_beams(scan, lidar),
+            lidar_hits=count_lidar_hits(scan, lidar),
         )
 
     def _cast_scan(self, agent: Agent, frame: Frame) -> ScanHits:

@@ -27,7 +27,7 @@ from advercity.sensors.sensor_frame import PixelBox, ProjectedBox, SensorFrame
 from advercity.world import Body
 
 
-def count_visible_beams(scan: ScanHits, lidar: Lidar) -> dict[int, int]:
+def count_lidar_hits(scan: ScanHits, lidar: Lidar) -> dict[int, int]:
     """Beams that meet each actor first, by its id: the original's test of who is annotated."""
     instance = scan.hits.instance[:: lidar.sub_rays]
     actors, counts = np.unique(instance[instance > 0], return_counts=True)
@@ -67,7 +67,7 @@ def project_boxes(
     world_from_camera: Matrix,
     intrinsic: NDArray[np.float64],
     frame: Frame,
-    points_of: HullPointLookup,
+    find_hull_points: HullPointLookup,
     *,
     hide: frozenset[int] = frozenset(),
 ) -> dict[int, ProjectedBox]:
@@ -78,7 +78,7 @@ def project_boxes(
         world_from_camera: (4, 4), body axes.
         intrinsic: (3, 3) pinhole matrix, optical axes.
         frame: Where everybody is.
-        points_of: Tells their shapes.
+        find_hull_points: Returns points whose convex hull is the actor's.
         hide: Ids of actors that the camera does not see.
     """
     height, width = instance.shape
@@ -92,7 +92,7 @@ def project_boxes(
         corners = poses.transform_points(camera_from_body, compute_box_corners(state.actor.size))
         if corners[:, 0].max() <= NEAR_PLANE_M:
             continue
-        points = poses.transform_points(camera_from_body, points_of(state))
+        points = poses.transform_points(camera_from_body, find_hull_points(state))
         outline = _project_outline(points, corners, intrinsic)
         sighting = _clip_to_image(outline, seen.get(state.actor.id), width, height)
         if sighting is not None:
@@ -190,16 +190,16 @@ class Annotation:
     lidar_hits: int
 
 
-def annotate_actors(reading: SensorFrame) -> tuple[Annotation, ...]:
+def annotate_actors(sensor_frame: SensorFrame) -> tuple[Annotation, ...]:
     """Everybody but the viewpoint itself within LiDAR range whom its noise-free LiDAR hits.
 
     Weather and noise play no part in it, so the annotations of a scenario are the same under
     every weather. Distances count from the true viewpoint, not from the estimated one.
     """
-    own, visible = reading.agent.number, reading.lidar_hits
+    own, visible = sensor_frame.agent.number, sensor_frame.lidar_hits
     seen = [
         state
-        for state in reading.frame.states
+        for state in sensor_frame.frame.states
         if state.actor.id != own and visible.get(state.actor.id, 0) > 0
     ]
     if not seen:
@@ -210,20 +210,20 @@ def annotate_actors(reading: SensorFrame) -> tuple[Annotation, ...]:
     grounds = world_from_object[:, :3, 3]
     centres = grounds + world_from_object[:, :3, 2] * (heights[:, None] / 2)
     locations = np.where(on_foot[:, None], centres, grounds)
-    places = poses.transform_points(poses.invert_pose(reading.world_from_agent), locations)
+    places = poses.transform_points(poses.invert_pose(sensor_frame.world_from_agent), locations)
     yaws = np.arctan2(world_from_object[:, 1, 0], world_from_object[:, 0, 0])
-    turned = yaws - poses.to_yaw_pitch_roll(reading.world_from_agent)[0]
+    turned = yaws - poses.to_yaw_pitch_roll(sensor_frame.world_from_agent)[0]
     rows = zip(
         seen,
         locations,
         centres,
-        np.linalg.norm(locations - reading.world_from_agent[:3, 3], axis=1).tolist(),
+        np.linalg.norm(locations - sensor_frame.world_from_agent[:3, 3], axis=1).tolist(),
         np.arctan2(places[:, 1], places[:, 0]).tolist(),
         (np.pi - (np.pi - turned) % (2 * np.pi)).tolist(),
         (visible[state.actor.id] for state in seen),
         strict=True,
     )
-    range_m = reading.agent.sensors.lidar.range_m
+    range_m = sensor_frame.agent.sensors.lidar.range_m
     return tuple(Annotation(*row) for row in rows if row[3] < range_m)
 
 

@@ -205,25 +205,27 @@ class RerunRecording:
             else:
                 partial_path(self._file).unlink(missing_ok=True)
 
-    def log_frame(self, readings: Sequence[SensorFrame]) -> None:
+    def log_frame(self, sensor_frames: Sequence[SensorFrame]) -> None:
         """Show one frame: the readings of all its viewpoints."""
         if not self._has_blueprint:
-            self._send_blueprint(readings)
-        frame = readings[0].frame
+            self._send_blueprint(sensor_frames)
+        frame = sensor_frames[0].frame
         self._stream.set_time(blueprint.TIMELINE, sequence=frame.index)
         self._stream.set_time("time", duration=frame.time_s)
-        seen = {item.state.actor.id for reading in readings for item in annotate_actors(reading)}
+        seen = {
+            item.state.actor.id for reading in sensor_frames for item in annotate_actors(reading)
+        }
         for path, wanted in ((blueprint.ANNOTATED_ACTORS, True), (blueprint.OTHER_ACTORS, False)):
             states = [state for state in frame.states if (state.actor.id in seen) == wanted]
             self._stream.log(path, archetypes.to_boxes3d(states))
-        for reading in readings:
+        for reading in sensor_frames:
             self._log_viewpoint(reading)
             self._log_motion(reading)
             if reading.agent.place.kind == "vehicle":
                 self._log_trajectory(reading)
         for name, value in self._weather_quantities.items():
             self._stream.log(blueprint.format_weather_path(name), rr.Scalars(value))
-        self._log_events(frame.index, ground_m=float(readings[0].world_from_agent[2, 3]))
+        self._log_events(frame.index, ground_m=float(sensor_frames[0].world_from_agent[2, 3]))
 
     def _send_blueprint(self, readings: Sequence[SensorFrame]) -> None:
         """Only the first frame tells where to look."""

@@ -53,10 +53,10 @@ def test_every_scenario_that_was_asked_for_is_told_with_its_state(
 ) -> None:
     index = IndexWriter(tmp_path, [spec, *others])
     make(tmp_path, spec, 2)
-    index.record_end(spec.id, failed=False)
+    index.record_result(spec.id, failed=False)
     make(tmp_path, others[0], 1)
-    index.record_end("other_0", failed=False)
-    index.record_end("other_1", failed=True)
+    index.record_result("other_0", failed=False)
+    index.record_result("other_1", failed=True)
     told = {"other_0": "partial", "other_1": "failed", "other_2": "waiting", spec.id: "whole"}
     assert states(tmp_path) == told
     assert list(states(tmp_path)) == sorted(told)
@@ -78,7 +78,7 @@ def test_the_next_run_takes_up_the_index_and_the_same_set_has_the_same_bytes(
             index = IndexWriter(root, batch)
             for one in batch:
                 make(root, one, 2)
-                index.record_end(one.id, failed=False)
+                index.record_result(one.id, failed=False)
     once, twice = ((tmp_path / name / INDEX_FILE).read_bytes() for name in ("once", "twice"))
     assert once == twice
 
@@ -88,7 +88,7 @@ def test_a_run_under_way_vouches_for_no_manifest_of_its_own(
 ) -> None:
     for one in (spec, others[0]):
         make(tmp_path, one, 1)
-        IndexWriter(tmp_path, [one]).record_end(one.id, failed=False)
+        IndexWriter(tmp_path, [one]).record_result(one.id, failed=False)
     IndexWriter(tmp_path, [spec])
     make(tmp_path, spec, 2)
     assert states(tmp_path) == {spec.id: "waiting", "other_0": "partial"}
@@ -101,7 +101,7 @@ def test_a_scenario_that_is_gone_and_a_changed_manifest_are_found(
     index = IndexWriter(tmp_path, [spec, others[0]])
     for one in (spec, others[0]):
         make(tmp_path, one, 1)
-        index.record_end(one.id, failed=False)
+        index.record_result(one.id, failed=False)
     with (tmp_path / spec.id / "manifest.json").open("a") as manifest:
         manifest.write("\n")
     shutil.rmtree(tmp_path / "other_0")
@@ -115,7 +115,7 @@ def test_a_scenario_that_is_gone_and_a_changed_manifest_are_found(
 
 
 def end(index: IndexWriter, spec: Spec) -> None:
-    index.record_end(spec.id, failed=False)
+    index.record_result(spec.id, failed=False)
 
 
 def test_many_at_a_time_lose_no_entry(others: list[Spec], make: Make, tmp_path: Path) -> None:
@@ -130,7 +130,7 @@ def test_many_at_a_time_lose_no_entry(others: list[Spec], make: Make, tmp_path: 
 
 
 def test_nothing_is_noted_where_nothing_was_made(spec: Spec, tmp_path: Path) -> None:
-    IndexWriter(tmp_path / "dataset", [spec]).record_end(spec.id, failed=True)
+    IndexWriter(tmp_path / "dataset", [spec]).record_result(spec.id, failed=True)
     assert not (tmp_path / "dataset").exists()
     with pytest.raises(InputError, match="not a dataset"):
         verify_dataset(tmp_path)

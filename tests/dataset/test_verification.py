@@ -94,7 +94,7 @@ def test_a_file_of_somebody_else_is_left_and_told(scenario: Path, readings_of: R
 
 def test_what_comes_out_otherwise_is_not_put_in(scenario: Path, readings_of: ReadingsOf) -> None:
     (scenario / "102" / "000061.pcd").unlink()
-    with pytest.raises(RunError, match="comes out other than the manifest has it"):
+    with pytest.raises(RunError, match="its new content differs from the manifest"):
         restore_files(scenario, verify_scenario(scenario), lambda frame: readings_of(frame + 1))
     assert not (scenario / "102" / "000061.pcd").exists()
 
@@ -143,7 +143,7 @@ def test_a_file_that_the_system_cuts_off_is_told_and_the_frame_is_absent(
 
     root = tmp_path / "full"
     told = in_a_child(lambda: run(root), limit)
-    assert "File too large; what is done stays" in told
+    assert "File too large; finished frames are kept" in told
     assert not list((root / spec.id).glob("*/*"))
     run(root)
     assert tree(root) == tree(original)

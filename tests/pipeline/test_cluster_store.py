@@ -122,19 +122,19 @@ def store(request: pytest.FixtureRequest, tmp_path: Path) -> DatasetStore:
 
 def test_a_dataset_that_another_run_is_making_is_left_alone(store: DatasetStore) -> None:
     with (
-        DatasetLease(store, patience_s=6.0),
+        DatasetLease(store, timeout_s=6.0),
         pytest.raises(RunError, match=r"another run is making this dataset \(.* process \d+\)"),
-        DatasetLease(store, patience_s=6.0),
+        DatasetLease(store, timeout_s=6.0),
     ):
         pass
-    with DatasetLease(store, patience_s=6.0):
+    with DatasetLease(store, timeout_s=6.0):
         pass
     assert store.list_files("") == []
 
 
 def test_a_dataset_whose_run_shows_no_sign_of_life_is_taken_over(store: DatasetStore) -> None:
     store.write(LEASE_FILE, b"node process 1 0\n7\n")
-    with DatasetLease(store, patience_s=0.4) as lease:
+    with DatasetLease(store, timeout_s=0.4) as lease:
         lease.check()
     assert store.read(LEASE_FILE) is None
 
@@ -142,7 +142,7 @@ def test_a_dataset_whose_run_shows_no_sign_of_life_is_taken_over(store: DatasetS
 def test_a_run_whose_dataset_was_taken_over_is_told_and_leaves_the_lease(
     store: DatasetStore,
 ) -> None:
-    with DatasetLease(store, patience_s=0.2) as lease:
+    with DatasetLease(store, timeout_s=0.2) as lease:
         store.write(LEASE_FILE, b"node process 2 0\n0\n")
         with pytest.raises(RunError, match="another run may have taken it over"):
             _check_again_and_again(lease)
@@ -155,7 +155,7 @@ def test_a_run_whose_store_falls_silent_is_told(
     def silent(*_: object) -> bytes:
         raise RunError("no answer")
 
-    with DatasetLease(store, patience_s=0.2) as lease:
+    with DatasetLease(store, timeout_s=0.2) as lease:
         monkeypatch.setattr(DatasetStore, "read", silent)
         with pytest.raises(RunError, match="the lease on the output ran out"):
             _check_again_and_again(lease)

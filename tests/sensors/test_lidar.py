@@ -23,7 +23,7 @@ from advercity.physics.water import fresnel_reflectance
 from advercity.randomness import create_generator
 from advercity.rendering.raycaster import MATERIAL_NAMES, Raycaster, RayHits
 from advercity.semantics import Semantic
-from advercity.sensors.annotation import count_visible_beams
+from advercity.sensors.annotation import count_lidar_hits
 from advercity.sensors.lidar import (
     LidarConditions,
     ScanHits,
@@ -608,11 +608,11 @@ def test_an_ideal_lidar_in_clear_air_drops_nothing_near() -> None:
 def test_beams_are_counted_by_actor_whatever_the_weather() -> None:
     caster = world_with((10.0, 0.0), (20.0, 30.0), (30.0, 0.0))
     scan = cast_scan(Lidar(), STAND, caster)
-    counts = count_visible_beams(scan, Lidar())
+    counts = count_lidar_hits(scan, Lidar())
     assert set(counts) == {1, 2}
     assert counts[1] == (scan.hits.instance == 1).sum() > counts[2] > 0
     fine = with_(Lidar(), sub_rays=7)
-    assert count_visible_beams(cast_scan(fine, STAND, caster), fine) == counts
+    assert count_lidar_hits(cast_scan(fine, STAND, caster), fine) == counts
 
 
 def test_a_beam_that_straddles_an_edge_echoes_twice() -> None:

@@ -1,4 +1,4 @@
-"""A hand-made scenario: five viewpoints on a sloping street, and what they sense of it."""
+"""Builders that tests share: sensor frames of five agents on a sloping street."""
 
 import functools
 from collections.abc import Callable
