@@ -1,6 +1,7 @@
-"""What traffic did: every actor and signal at every kept tick, and how it is stored.
+"""What traffic did, tick by tick: `Trace` holds all of it in arrays, `Frame` one tick as objects.
 
-What a connected vehicle is about to drive.
+These are the types that every later room takes. A pose is kept as a row of `STATE_DTYPE` and turned
+into a matrix when a frame is built.
 """
 
 import hashlib
@@ -18,7 +19,7 @@ from advercity.geometry.poses import Matrix, pose_matrix
 
 
 class Lamp(IntFlag):
-    """Lamps of a vehicle that are lit."""
+    """Lamps of a vehicle that are switched on."""
 
     LOW_BEAM = 1
     BRAKE = 2
@@ -37,14 +38,14 @@ class Signal(IntEnum):
 
 @dataclass(frozen=True)
 class Actor:
-    """Somebody or something that moves; the same for the whole scenario."""
+    """A road user or a parked vehicle; the same for the whole scenario."""
 
     id: int
-    """Positive; connected vehicles have their agent's number."""
+    """Positive; a connected vehicle has its agent's number."""
     actor_class: ActorClass
     blueprint: str
     paint: str
-    """Material of its painted parts, or of a person's coat."""
+    """Material of a vehicle's painted parts, or of a person's coat."""
     size: tuple[float, float, float]
     """Full length, width and height in metres."""
 
@@ -55,18 +56,18 @@ class ActorState:
 
     actor: Actor
     world_from_body: Matrix
-    """(4, 4); origin on the ground under the middle of the box, x forward."""
+    """(4, 4); origin on the ground under the centre of the body, x forward, y left, z up."""
     speed_m_s: float
     acceleration_m_s2: float
     lamps: Lamp
     yaw_rate_rad_s: float = 0.0
     """Counter-clockwise."""
     steering_rad: float = 0.0
-    """Of the front wheels against the body, to the left; 0 for people."""
+    """Angle of the front wheels to the body, positive to the left; 0 for people."""
     travelled_m: float = 0.0
-    """Way since the actor appeared: what turns its wheels and swings its legs."""
+    """Distance since the actor appeared, which turns its wheels and swings its legs."""
     umbrella: bool = False
-    """Whether it would hold one up; the weather tells, not the trace."""
+    """Whether a person holds one up; set from the weather, not part of the trace."""
 
 
 @dataclass(frozen=True)
@@ -74,15 +75,15 @@ class Frame:
     """One tick, ready to render and to sense."""
 
     index: int
-    """Counts from the first kept tick."""
+    """Number of the tick, from 0 at the first kept one."""
     time_s: float
-    """Since the scenario's start, warm-up included."""
+    """Time since the scenario's start, warm-up included."""
     states: tuple[ActorState, ...]
     signals: Mapping[str, Signal]
-    """By `SignalLamp.id`."""
+    """State of traffic lights by `SignalLamp.id`."""
 
     def get_state(self, actor_id: int) -> ActorState:
-        """State of one actor; KeyError if it is not there in this frame."""
+        """Return the state of an actor; KeyError if it is not in this frame."""
         for state in self.states:
             if state.actor.id == actor_id:
                 return state
@@ -106,21 +107,22 @@ STATE_DTYPE = np.dtype(
         ("lamps", "<u1"),
     ]
 )
-"""A row of the trace: kept tick, index into `actors`, world position (m), yaw and pitch (rad), m/s,
-m/s², rad/s, rad, m."""
+"""A row of a trace: kept tick, index into `Trace.actors`, world position in m, yaw and pitch in
+rad, speed in m/s, acceleration in m/s², yaw rate in rad/s, steering in rad, distance travelled in
+m, and `Lamp` bits. Names and order are those of the columns in the file."""
 
 STATE_COLUMNS = tuple(STATE_DTYPE.names or ())
 
 
 @dataclass(frozen=True)
 class Trace:
-    """Traffic of a scenario.
+    """The traffic of a scenario.
 
     Attributes:
         tick_s: Length of a tick.
         first_tick: Ticks of warm-up before the first kept one.
-        actors: Everybody who appears.
-        states: (n,) of `STATE`, sorted by tick, then actor.
+        actors: All actors that appear.
+        states: (n,) of `STATE_DTYPE`, sorted by tick, then actor.
         signal_ids: Ids of `SignalLamp`.
         signals: (ticks, signals) uint8 of `Signal`.
     """
@@ -133,11 +135,11 @@ class Trace:
     signals: NDArray[np.uint8]
 
     def __len__(self) -> int:
-        """Kept ticks."""
+        """Return the number of kept ticks."""
         return len(self.signals)
 
     def build_frame(self, index: int) -> Frame:
-        """Kept tick `index`, from 0."""
+        """Build the frame of kept tick `index`, from 0; IndexError if there is none."""
         if not 0 <= index < len(self):
             raise IndexError(f"frame {index} of {len(self)}")
         first, last = np.searchsorted(self.states["tick"], [index, index + 1])
@@ -150,6 +152,13 @@ class Trace:
                 for name, value in zip(self.signal_ids, self.signals[index], strict=True)
             },
         )
+
+    def get_track(self, actor_id: int) -> tuple[Actor, NDArray[np.void]]:
+        """Return an actor and its rows, sorted by tick; KeyError if the trace has none."""
+        for index, actor in enumerate(self.actors):
+            if actor.id == actor_id:
+                return actor, self.states[self.states["actor"] == index]
+        raise KeyError(actor_id)
 
     def _build_state(self, row: NDArray[np.void]) -> ActorState:
         return ActorState(
@@ -166,7 +175,7 @@ class Trace:
         )
 
     def compute_sha256(self) -> str:
-        """Of all that it holds; files may differ, since libraries compress each in its way."""
+        """Hash the content, not the file, whose compression depends on the version of zlib."""
         digest = hashlib.sha256()
         for name, column in self._columns().items():
             digest.update(f"{name} {column.dtype.str} {column.shape}\n".encode())
@@ -174,7 +183,7 @@ class Trace:
         return digest.hexdigest()
 
     def save(self, path: Path) -> None:
-        """Write as `.npz`, an array per column."""
+        """Write an `.npz` file with an array per column."""
         with path.open("wb") as stream:
             np.savez_compressed(stream, allow_pickle=False, **self._columns())
 
@@ -194,7 +203,7 @@ class Trace:
 
     @staticmethod
     def load(path: Path) -> "Trace":
-        """Read what `save` wrote; RunError if it is something else."""
+        """Read a file that `save` wrote; RunError if it is something else."""
         try:
             with np.load(path, allow_pickle=False) as data:
                 columns = [data[f"actor_{item.name}"].tolist() for item in fields(Actor)]
@@ -202,13 +211,14 @@ class Trace:
                     Actor(*values[:-1], size=tuple(values[-1]))
                     for values in zip(*columns, strict=True)
                 )
+                states = np.empty(len(data["state_tick"]), STATE_DTYPE)
+                for name in STATE_COLUMNS:
+                    states[name] = data[f"state_{name}"]
                 return Trace(
                     tick_s=float(data["tick_s"]),
                     first_tick=int(data["first_tick"]),
                     actors=actors,
-                    states=_rows_from_columns(
-                        {name: data[f"state_{name}"] for name in STATE_COLUMNS}
-                    ),
+                    states=states,
                     signal_ids=tuple(data["signal_ids"].tolist()),
                     signals=data["signals"],
                 )
@@ -216,29 +226,29 @@ class Trace:
             raise RunError(f"{path}: not a trace: {error}") from error
 
 
-def _rows_from_columns(columns: Mapping[str, NDArray[np.generic]]) -> NDArray[np.void]:
-    rows = np.empty(len(columns["tick"]), STATE_DTYPE)
-    for name, column in columns.items():
-        rows[name] = column
-    return rows
-
-
 def extract_planned_trajectory(
     trace: Trace, actor_id: int, index: int, *, point_count: int = 9, step_s: float = 0.2
 ) -> NDArray[np.float64]:
-    """The plan of an actor at a kept tick: what the trace says it will do.
+    """Extract what an actor is about to drive from what the trace says it will do.
 
     Beyond its last tick the actor is taken to go straight on at its last speed.
+
+    Args:
+        trace: The traffic.
+        actor_id: Id of the actor.
+        index: Kept tick from which the trajectory is planned.
+        point_count: Number of points.
+        step_s: Time between points.
 
     Returns:
         (points, 3): world x and y in metres and speed in m/s, `step_s` apart, the first one
         `step_s` ahead.
 
     Raises:
-        KeyError: The actor is not there at that tick.
+        KeyError: The trace has no such actor at that tick.
     """
-    number = next((at for at, actor in enumerate(trace.actors) if actor.id == actor_id), None)
-    track = trace.states[(trace.states["actor"] == number) & (trace.states["tick"] >= index)]
+    _, track = trace.get_track(actor_id)
+    track = track[track["tick"] >= index]
     if len(track) == 0 or track["tick"][0] != index:
         raise KeyError(actor_id)
     ahead_s = step_s * np.arange(1, point_count + 1)
@@ -267,4 +277,5 @@ FRONT_DTYPE = np.dtype(
         ("lamps", "<u1"),
     ]
 )
-"""An actor at one tick: middle of its front, heading and slope of its lane (rad), m/s, m/s²."""
+"""An actor at one tick as SUMO has it: centre of its front bumper in m, heading and slope of its
+lane in rad, speed in m/s, acceleration in m/s², `Lamp` bits."""

@@ -1,7 +1,10 @@
-"""How near actors come to each other: distance, time to collision, post-encroachment time."""
+"""How near actors come to each other: distance, time to collision, post-encroachment time.
+
+All of it is measured on a trace, on outlines on the ground; heights play no part.
+"""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,18 +14,18 @@ from numpy.typing import ArrayLike, NDArray
 from advercity.frames import Trace
 
 UNIT_BOX_CORNERS = np.array([(1, 1), (1, -1), (-1, -1), (-1, 1)]) / 2
-"""Of a box of length and width 1: front left, front right, rear right, rear left."""
+"""Corners of a box of length and width 1: front left, front right, rear right, rear left."""
 PREDICTION_HORIZON_S = 6.0
-"""How far ahead ways are compared."""
+"""Time ahead over which the paths of two actors are compared."""
 PREDICTION_STEP_S = 0.1
 
 Polygons = NDArray[Any]
-"""(n,) of shapely polygons."""
+"""Shapely polygons (n,)."""
 
 
 @dataclass(frozen=True)
 class MetricAtTick:
-    """A figure and the kept tick at which it was met."""
+    """A value of a metric and the kept tick at which it was measured."""
 
     value: float
     tick: int
@@ -30,19 +33,19 @@ class MetricAtTick:
 
 @dataclass(frozen=True)
 class Encounter:
-    """How near two actors come to each other while both are there.
+    """How near two actors come to each other while both are present.
 
     Attributes:
         first: Id of an actor.
         second: Id of the other.
-        distance_m: Least distance between their boxes, 0 if they touch.
-        time_to_collision_s: Least time until their boxes would touch if both kept their velocity
-            (Hayward, 1972); None if that never was to be.
-        time_to_collision_on_way_s: The same if both kept their speed on the ways that they take:
-            a bend brings nobody near who is oncoming in the other lane; None beyond
-            `HORIZON_S`.
-        post_encroachment_s: Least time between one leaving a place and the other coming there
-            (Allen, Shin and Cooper, 1978); None if their ways share no place.
+        distance_m: Minimum distance between their outlines, 0 if they touch.
+        time_to_collision_s: Minimum time until their outlines would touch if both kept their
+            velocity (Hayward, 1972); None if they never would.
+        time_to_collision_on_way_s: The same if both kept their speed on the paths that they drive,
+            so that oncoming traffic in the other lane of a bend does not count; None beyond
+            `PREDICTION_HORIZON_S`.
+        post_encroachment_s: Minimum time between one leaving a place and the other entering it
+            (Allen, Shin and Cooper, 1978); None if their paths share no place.
     """
 
     first: int
@@ -55,7 +58,7 @@ class Encounter:
 
 @dataclass(frozen=True)
 class BoxOverlap:
-    """Two actors in one place."""
+    """Two actors whose outlines overlap at a tick."""
 
     first: int
     second: int
@@ -65,12 +68,12 @@ class BoxOverlap:
 
 @dataclass(frozen=True)
 class ActorTrack:
-    """One actor's rows of a trace with its box on the ground.
+    """One actor's rows of a trace with its outline on the ground.
 
     Attributes:
         actor: Id.
         size: Length and width in metres.
-        rows: (n,) of `STATE`, a row per tick, sorted.
+        rows: (n,) of `STATE_DTYPE`, a row per tick, sorted.
     """
 
     actor: int
@@ -79,17 +82,14 @@ class ActorTrack:
 
     @staticmethod
     def from_trace(trace: Trace, actor_id: int) -> "ActorTrack":
-        """The track of an actor; KeyError if the trace has none."""
-        for index, actor in enumerate(trace.actors):
-            if actor.id == actor_id:
-                rows = trace.states[trace.states["actor"] == index]
-                return ActorTrack(actor_id, np.array(actor.size[:2]), rows)
-        raise KeyError(actor_id)
+        """Select the track of an actor; KeyError if the trace has none."""
+        actor, rows = trace.get_track(actor_id)
+        return ActorTrack(actor_id, np.array(actor.size[:2]), rows)
 
     def at_ticks(self, ticks: NDArray[np.int32]) -> "ActorTrack":
-        """The same track at some of its ticks (m,)."""
+        """Select some of the track's ticks (m,)."""
         keep = np.searchsorted(self.rows["tick"], ticks)
-        return ActorTrack(self.actor, self.size, self.rows[keep])
+        return replace(self, rows=self.rows[keep])
 
     def find_nearest_row(self, point_m: ArrayLike) -> int:
         """Find the row in which the actor's centre is nearest to a point (2,)."""
@@ -100,9 +100,9 @@ class ActorTrack:
         return float(self.rows["tick"][self.find_nearest_row(point_m)])
 
     def extrapolate(self, ticks: NDArray[np.int32], after_s: NDArray[np.float64]) -> "ActorTrack":
-        """Where the actor comes to on its way at the speed it has.
+        """Predict the track from some ticks on, along its own path at the speed of that tick.
 
-        Beyond the last row it goes straight on.
+        Beyond the last row the actor goes straight on.
 
         Args:
             ticks: (m,) some of the track's.
@@ -113,155 +113,156 @@ class ActorTrack:
         """
         rows = np.repeat(self.at_ticks(ticks).rows, len(after_s))
         rows["travelled"] += np.tile(after_s, len(ticks)) * rows["speed"]
-        way = self.rows["travelled"]
-        beyond = np.maximum(rows["travelled"] - way[-1], 0)
+        stations = self.rows["travelled"]
+        beyond = np.maximum(rows["travelled"] - stations[-1], 0)
         for name in ("x", "y", "yaw"):
-            rows[name] = np.interp(rows["travelled"], way, self.rows[name])
+            rows[name] = np.interp(rows["travelled"], stations, self.rows[name])
         rows["x"] += beyond * np.cos(rows["yaw"])
         rows["y"] += beyond * np.sin(rows["yaw"])
-        return ActorTrack(self.actor, self.size, rows)
+        return replace(self, rows=rows)
 
     @property
     def centres(self) -> NDArray[np.float64]:
-        """(n, 2) world positions."""
+        """World positions (n, 2)."""
         return np.column_stack([self.rows["x"], self.rows["y"]])
 
     @property
     def axes(self) -> NDArray[np.float64]:
-        """(n, 2, 2): the unit vectors forward and to the left."""
+        """Unit vectors (n, 2, 2) forward and to the left."""
         cosine, sine = np.cos(self.rows["yaw"]), np.sin(self.rows["yaw"])
         return np.stack([np.stack([cosine, sine], 1), np.stack([-sine, cosine], 1)], 1)
 
     @property
     def velocities(self) -> NDArray[np.float64]:
-        """(n, 2) m/s, along the body."""
+        """Velocities (n, 2) in m/s, along the body."""
         return self.rows["speed"][:, None] * self.axes[:, 0]
 
     @property
     def corners(self) -> NDArray[np.float64]:
-        """(n, 4, 2) of the boxes on the ground, front left first, clockwise."""
+        """Corners (n, 4, 2) of the outlines, front left first, clockwise."""
         offsets = np.einsum("kc,ncd->nkd", UNIT_BOX_CORNERS * self.size, self.axes)
         return self.centres[:, None] + offsets
 
     @property
     def boxes(self) -> Polygons:
-        """(n,) boxes on the ground."""
+        """Outlines (n,) on the ground."""
         return np.asarray(shapely.polygons(self.corners))
 
 
 def measure_encounter(
     trace: Trace, first: int, second: int, *, within_m: float = np.inf
 ) -> Encounter | None:
-    """How two actors meet; None if they are never there together, or never within a distance.
+    """Measure how two actors meet; None if they never do, or not within a distance.
 
     Raises:
         KeyError: The trace has no such actor.
     """
-    one, other = ActorTrack.from_trace(trace, first), ActorTrack.from_trace(trace, second)
-    ticks = np.intersect1d(one.rows["tick"], other.rows["tick"])
+    own, other = ActorTrack.from_trace(trace, first), ActorTrack.from_trace(trace, second)
+    ticks = np.intersect1d(own.rows["tick"], other.rows["tick"])
     if len(ticks) == 0:
         return None
-    here, there = one.at_ticks(ticks), other.at_ticks(ticks)
-    distances = shapely.distance(here.boxes, there.boxes)
+    own_now, other_now = own.at_ticks(ticks), other.at_ticks(ticks)
+    distances = shapely.distance(own_now.boxes, other_now.boxes)
     if distances.min() > within_m:
         return None
+    collision_s = compute_time_to_collision(own_now, other_now)
+    path_collision_s = compute_path_time_to_collision(own, other, ticks)
     return Encounter(
         first=first,
         second=second,
         distance_m=_find_minimum(distances, ticks),
-        time_to_collision_s=_find_finite_minimum(compute_time_to_collision(here, there), ticks),
-        time_to_collision_on_way_s=_find_finite_minimum(
-            compute_path_time_to_collision(one, other, ticks), ticks
-        ),
-        post_encroachment_s=_compute_post_encroachment(one, other, trace.tick_s),
+        time_to_collision_s=_find_finite_minimum(collision_s, ticks),
+        time_to_collision_on_way_s=_find_finite_minimum(path_collision_s, ticks),
+        post_encroachment_s=_compute_post_encroachment(own, other, trace.tick_s),
     )
 
 
-def compute_time_to_collision(here: ActorTrack, there: ActorTrack) -> NDArray[np.float64]:
-    """Seconds until the boxes of two tracks touch if both keep their velocities.
+def compute_time_to_collision(own: ActorTrack, other: ActorTrack) -> NDArray[np.float64]:
+    """Compute the seconds until the outlines of two tracks touch if both keep their velocities.
 
-    Two convex shapes touch once their shadows on every axis of either touch; along an axis the
-    shadows approach steadily, so each gives an interval of time and the boxes touch in the common
-    one.
+    Two convex shapes touch once their projections on every axis of either touch (separating axis
+    theorem). Along an axis the projections approach steadily, so each axis gives an interval of
+    time, and the outlines touch in the common one.
 
     Args:
-        here: A track, (n,) ticks.
-        there: Another at the same ticks.
+        own: A track, (n,) ticks.
+        other: Another at the same ticks.
 
     Returns:
         (n,): 0 while they touch, infinity if they never do.
     """
-    gap = there.centres - here.centres
-    closing = there.velocities - here.velocities
+    gap = other.centres - own.centres
+    closing = other.velocities - own.velocities
     begin, end = np.zeros(len(gap)), np.full(len(gap), np.inf)
-    for axes in (here.axes, there.axes):
+    for axes in (own.axes, other.axes):
         for axis in (axes[:, 0], axes[:, 1]):
-            reach = _project_half_extent(here, axis) + _project_half_extent(there, axis)
+            extent = _project_half_extent(own, axis) + _project_half_extent(other, axis)
             enters, leaves = _compute_contact_interval(
-                np.sum(gap * axis, axis=1), np.sum(closing * axis, axis=1), reach
+                np.sum(gap * axis, axis=1), np.sum(closing * axis, axis=1), extent
             )
             begin, end = np.maximum(begin, enters), np.minimum(end, leaves)
     return np.where(begin <= end, begin, np.inf)
 
 
 def _project_half_extent(track: ActorTrack, axis: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Half length (n,) of a track's boxes along axes (n, 2)."""
+    """Project half the size of a track's outlines on axes (n, 2): half lengths (n,)."""
     return np.abs(np.einsum("nad,nd->na", track.axes, axis)) @ track.size / 2
 
 
 def _compute_contact_interval(
     offset: NDArray[np.float64], speed: NDArray[np.float64], max_distance: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """When (n,), (n,) `offset + speed * t` comes within `reach` of 0, and when it is out again."""
+    """Compute when (n,), (n,) `offset + speed * t` enters and leaves `max_distance` around 0."""
     moves = np.abs(speed) > 1e-9
     pace = np.where(moves, np.abs(speed), 1.0)
-    middle = -offset * np.sign(speed) / pace
+    centre = -offset * np.sign(speed) / pace
     within = np.abs(offset) <= max_distance
-    enters = np.where(moves, middle - max_distance / pace, np.where(within, -np.inf, np.inf))
-    leaves = np.where(moves, middle + max_distance / pace, np.where(within, np.inf, -np.inf))
+    enters = np.where(moves, centre - max_distance / pace, np.where(within, -np.inf, np.inf))
+    leaves = np.where(moves, centre + max_distance / pace, np.where(within, np.inf, -np.inf))
     return enters, leaves
 
 
 def _compute_post_encroachment(
-    one: ActorTrack, other: ActorTrack, tick_s: float
+    own: ActorTrack, other: ActorTrack, tick_s: float
 ) -> MetricAtTick | None:
-    here, there = shapely.STRtree(one.boxes).query(other.boxes, predicate="intersects")[::-1]
-    if len(here) == 0:
+    other_row, own_row = shapely.STRtree(own.boxes).query(other.boxes, predicate="intersects")
+    if len(own_row) == 0:
         return None
-    mine, theirs = one.rows["tick"][here], other.rows["tick"][there]
-    gaps = np.abs(mine - theirs)
+    own_ticks, other_ticks = own.rows["tick"][own_row], other.rows["tick"][other_row]
+    gaps = np.abs(own_ticks - other_ticks)
     least = int(np.argmin(gaps))
-    return MetricAtTick(float(gaps[least] * tick_s), int(max(mine[least], theirs[least])))
+    tick = int(max(own_ticks[least], other_ticks[least]))
+    return MetricAtTick(float(gaps[least] * tick_s), tick)
 
 
 def compute_path_time_to_collision(
-    one: ActorTrack, other: ActorTrack, ticks: NDArray[np.int32]
+    own: ActorTrack, other: ActorTrack, ticks: NDArray[np.int32]
 ) -> NDArray[np.float64]:
-    """Seconds until two boxes touch on their ways at the speeds that they have.
+    """Compute the seconds until two outlines touch on their paths at the speeds of each tick.
 
     Args:
-        one: A whole track.
+        own: A whole track.
         other: Another.
-        ticks: (n,) at which both are there.
+        ticks: (n,) at which both are present.
 
     Returns:
-        (n,): infinity if they do not within `HORIZON_S`.
+        (n,): infinity if they do not within `PREDICTION_HORIZON_S`.
     """
     times = np.full(len(ticks), np.inf)
-    near = _can_meet(one.at_ticks(ticks), other.at_ticks(ticks))
+    near = _can_meet(own.at_ticks(ticks), other.at_ticks(ticks))
     ahead = np.arange(0, PREDICTION_HORIZON_S, PREDICTION_STEP_S)
     touch = shapely.intersects(
-        one.extrapolate(ticks[near], ahead).boxes, other.extrapolate(ticks[near], ahead).boxes
+        own.extrapolate(ticks[near], ahead).boxes, other.extrapolate(ticks[near], ahead).boxes
     ).reshape(-1, len(ahead))
     times[near] = np.where(touch.any(axis=1), ahead[touch.argmax(axis=1)], np.inf)
     return times
 
 
-def _can_meet(here: ActorTrack, there: ActorTrack) -> NDArray[np.bool_]:
-    """Whether (n,) two are near enough to meet within `HORIZON_S` whatever their ways."""
-    apart = np.linalg.norm(here.centres - there.centres, axis=1)
-    reach = np.linalg.norm(here.size) / 2 + np.linalg.norm(there.size) / 2
-    return apart - reach <= PREDICTION_HORIZON_S * (here.rows["speed"] + there.rows["speed"])
+def _can_meet(own: ActorTrack, other: ActorTrack) -> NDArray[np.bool_]:
+    """Return whether (n,) two actors are near enough to meet in time on whatever paths."""
+    gaps = np.linalg.norm(own.centres - other.centres, axis=1)
+    radii = np.linalg.norm(own.size) / 2 + np.linalg.norm(other.size) / 2
+    return gaps - radii <= PREDICTION_HORIZON_S * (own.rows["speed"] + other.rows["speed"])
 
 
 def _find_finite_minimum(
@@ -276,20 +277,19 @@ def _find_minimum(values: NDArray[np.float64], ticks: NDArray[np.int32]) -> Metr
 
 
 def find_overlaps(trace: Trace, *, min_area_m2: float = 0.0) -> Iterator[BoxOverlap]:
-    """Wherever the boxes of two actors share more than `least_m2` of the ground, tick by tick."""
+    """Find, tick by tick, pairs of actors whose outlines overlap by more than an area."""
     tracks = [ActorTrack.from_trace(trace, actor.id) for actor in trace.actors]
     if not tracks:
         return
     rows = np.concatenate([track.rows for track in tracks])
     boxes = np.concatenate([track.boxes for track in tracks])
-    ids = np.array([actor.id for actor in trace.actors])
+    ids = np.array([actor.id for actor in trace.actors])[rows["actor"]]
     for tick in range(len(trace)):
         now = np.flatnonzero(rows["tick"] == tick)
-        for first, second in shapely.STRtree(boxes[now]).query(boxes[now], "intersects").T:
-            a, b = now[first], now[second]
+        for pair in shapely.STRtree(boxes[now]).query(boxes[now], "intersects").T:
+            first, second = now[pair]
+            # The tree finds each pair twice, and every box in itself.
             if first < second:
-                area = float(shapely.area(shapely.intersection(boxes[a], boxes[b])))
+                area = float(shapely.area(shapely.intersection(boxes[first], boxes[second])))
                 if area > min_area_m2:
-                    yield BoxOverlap(
-                        int(ids[rows["actor"][a]]), int(ids[rows["actor"][b]]), tick, area
-                    )
+                    yield BoxOverlap(int(ids[first]), int(ids[second]), tick, area)

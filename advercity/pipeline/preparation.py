@@ -36,7 +36,7 @@ from advercity.rendering.backend import (
 from advercity.roads.sumo_network import write_sumo_network
 from advercity.scene.build import build_world
 from advercity.scene.world_storage import load_world, save_world
-from advercity.traffic.simulation import simulate_in_subprocess
+from advercity.traffic.simulation import write_simulated_trace
 from advercity.world import World
 
 
@@ -75,7 +75,7 @@ def load_or_simulate_traffic(spec: Spec) -> TrafficResult:
     )
     stored = build_cached(
         _find_trace_file(spec),
-        lambda partial: simulate_in_subprocess(spec, network).save(partial),
+        lambda partial: write_simulated_trace(spec, network, partial),
     )
     trace = Trace.load(stored)
     return TrafficResult(network, trace, trace.compute_sha256())

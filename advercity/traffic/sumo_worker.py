@@ -10,8 +10,7 @@ from advercity_dsl import Spec
 
 from advercity.errors import AdvercityError, InputError
 from advercity.traffic.dry_run import simulate_with_dry_runs
-
-EXIT_BAD_INPUT, EXIT_FAILED = 2, 1
+from advercity.traffic.simulation import EXIT_BAD_INPUT, EXIT_FAILED
 
 
 def main(spec_file: str, network_file: str, trace_file: str) -> None:
