@@ -13,7 +13,7 @@ pytest_plugins = ["tests.builders"]
 
 ROOT = Path(__file__).parent.parent
 os.environ.setdefault("ADVERCITY_ASSETS", str(ROOT / "no_models"))
-"""So that bodies look the same whether the asset pack is installed or not."""
+"""Makes bodies look the same whether the asset package is installed or not."""
 
 # How long an example takes says more about the machine than about the result.
 settings.register_profile("untimed", deadline=None)

@@ -1,4 +1,1 @@
-"""3-D models that bodies are made of: where they come from, and how they are made fit.
-
-What actors look like: plain bodies made to the size of their blueprint.
-"""
+"""Bodies of actors: procedural shapes, rigged people, and converted 3-D models."""

@@ -1,4 +1,4 @@
-"""From a blueprint to its body."""
+"""Builds the body of a blueprint: an installed model, or a procedural shape of the same size."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,7 +15,7 @@ from advercity.assets.pedestrians import build_pedestrian, draw_looks
 from advercity.assets.rigged_bodies import fit_to_box
 from advercity.assets.trucks import build_truck
 from advercity.assets.two_wheelers import build_bicycle, build_model_rider, build_motorcycle
-from advercity.assets.vehicle_parts import add_indicators
+from advercity.assets.vehicle_parts import add_indicators, make_vehicle_parts
 from advercity.geometry.mesh import (
     Mesh,
     MeshPart,
@@ -36,13 +36,14 @@ _LENS_MATERIALS = {
     "front_indicator": "lamp_amber",
     "rear_indicator": "lamp_amber",
 }
+"""Materials of lenses by fields of `LampPositions`."""
 _LENS_RADII_M = (0.05, 0.12, 0.08)
-_BUILDERS: dict[ActorClass, Callable[[str, Size], list[MeshPart]]] = {
+_PART_BUILDERS: dict[ActorClass, Callable[[str, Size], list[MeshPart]]] = {
     "car": build_car,
     "van": build_van,
     "truck": build_truck,
 }
-_RIDDEN_BUILDERS: dict[ActorClass, Callable[[str, Size], Body]] = {
+_BODY_BUILDERS: dict[ActorClass, Callable[[str, Size], Body]] = {
     "bicycle": build_bicycle,
     "motorcycle": build_motorcycle,
 }
@@ -51,53 +52,53 @@ _RIDDEN_BUILDERS: dict[ActorClass, Callable[[str, Size], Body]] = {
 def build_body(
     blueprint_id: str, blueprint: Blueprint, model_store: ModelStore | None = None
 ) -> Body:
-    """The body of a blueprint; the same blueprint and shelf always give the same bytes.
+    """Build the body of a blueprint; the same blueprint and models give the same bytes.
 
-    It fills its box exactly. The part of material `paint` takes the actor's own paint.
+    It fills its box exactly. Parts of material `paint` take the paint of their actor.
 
     Args:
-        blueprint_id: Name of the blueprint, by which bodies of one shape differ a little.
-        blueprint: What it is.
-        model_store: Where its model may lie; without one, or without the model, it is shaped here.
+        blueprint_id: Name of the blueprint; procedural bodies of one shape differ by it a little.
+        blueprint: Class, size, model and looks.
+        model_store: Where its model may be; without it, or without the model, the body is
+            procedural.
 
     Raises:
-        RunError: Its model is there but cannot be used.
+        RunError: Its model is installed, but cannot be used.
     """
-    made = _build_fitted_body(blueprint_id, blueprint, model_store)
+    body = _build_fitted_body(blueprint_id, blueprint, model_store)
     if blueprint.actor_class in ("pedestrian", "bicycle"):
-        return made
-    parts = [_clip_to_box(part, made.size) for part in add_indicators(made.parts)]
-    return replace(made, parts=tuple(parts))
+        return body
+    parts = [_clip_to_box(part, body.size) for part in add_indicators(body.parts)]
+    return replace(body, parts=tuple(parts))
 
 
 def _clip_to_box(part: Mesh, size: Size) -> Mesh:
-    """The part flattened where it would stand out of the box, as added lamps may on a model."""
+    """Flatten a part where it extends beyond the box, as added lenses may on a model."""
     low = np.multiply(size, (-0.5, -0.5, 0.0)).astype(np.float32)
     high = np.multiply(size, (0.5, 0.5, 1.0)).astype(np.float32)
     return replace(part, vertices=np.clip(part.vertices, low, high))
 
 
-def _build_fitted_body(blueprint_id: str, blueprint: Blueprint, shelf: ModelStore | None) -> Body:
+def _build_fitted_body(blueprint_id: str, blueprint: Blueprint, store: ModelStore | None) -> Body:
     size = (blueprint.length_m, blueprint.width_m, blueprint.height_m)
-    model = None if shelf is None else shelf.prepare_model(blueprint)
+    actor_class = blueprint.actor_class
+    model = None if store is None else store.prepare_model(blueprint)
     if model is not None:
-        pieces = [
-            *_load_model_pieces(model, blueprint.actor_class),
-            *_build_lenses(blueprint.lamps),
-        ]
+        parts = [*_load_model_parts(model, actor_class), *_build_lenses(blueprint.lamps)]
         if blueprint.model and blueprint.model.ridden:
-            pieces += build_model_rider(blueprint_id, blueprint.model.ridden, size)
-    elif blueprint.actor_class == "pedestrian":
+            parts += build_model_rider(blueprint_id, blueprint.model.ridden, size)
+    elif actor_class == "pedestrian":
+        # Its box holds a whole stride, so its builder fits it while it solves for the stride.
         return build_pedestrian(blueprint.looks or draw_looks(blueprint_id, size[2]), size)
-    elif blueprint.actor_class in _RIDDEN_BUILDERS:
-        return fit_to_box(_RIDDEN_BUILDERS[blueprint.actor_class](blueprint_id, size), size)
+    elif actor_class in _BODY_BUILDERS:
+        return fit_to_box(_BODY_BUILDERS[actor_class](blueprint_id, size), size)
     else:
-        pieces = _BUILDERS[blueprint.actor_class](blueprint_id, size)
-    return fit_to_box(Body(tuple(build_meshes(pieces)), size), size)
+        parts = _PART_BUILDERS[actor_class](blueprint_id, size)
+    return fit_to_box(Body(tuple(build_meshes(parts)), size), size)
 
 
-def _load_model_pieces(path: Path, actor_class: ActorClass) -> list[MeshPart]:
-    """Pieces of a converted model."""
+def _load_model_parts(path: Path, actor_class: ActorClass) -> list[MeshPart]:
+    """Load the parts of a converted model."""
     semantic = Semantic.PEDESTRIAN if actor_class == "pedestrian" else Semantic.VEHICLE
     parts = read_glb(path.read_bytes(), path.name)
     wheels = find_model_wheels(parts, has_steering=actor_class != "motorcycle")
@@ -113,12 +114,13 @@ def _load_model_pieces(path: Path, actor_class: ActorClass) -> list[MeshPart]:
 
 
 def _build_lenses(lamps: LampPositions) -> list[MeshPart]:
-    """Glasses of the lamps whose places a blueprint gives, for models that have none there."""
-    pieces: list[MeshPart] = []
+    """Build lenses at the lamp positions of a blueprint, for models without glass there."""
+    parts: list[MeshPart] = []
     for name, material in _LENS_MATERIALS.items():
-        place = getattr(lamps, name)
-        if place is not None:
-            glass = ellipsoid(place, _LENS_RADII_M, sides=10, bands=6)
-            both = add_mirror_image(glass) if place[1] else glass
-            pieces.append(MeshPart(both, material, Semantic.VEHICLE))
-    return pieces
+        position = getattr(lamps, name)
+        if position is not None:
+            lens = ellipsoid(position, _LENS_RADII_M, sides=10, bands=6)
+            # A lamp on the centre line is one; others are declared on the left and come in pairs.
+            pair = add_mirror_image(lens) if position[1] else lens
+            parts += make_vehicle_parts(material, pair)
+    return parts

@@ -1,10 +1,6 @@
-"""Heads, and what is worn on them: hair, hats, hoods and helmets.
+"""Builds heads, hands and garments of people as soft shapes, in the posture of a figure.
 
-Lengths are shares of the head's height.
-
-What people are made of, garment by garment, in the posture that a skeleton has.
-
-Lengths are shares of the figure's height.
+Lengths are fractions of the figure's height, on the head fractions of the head's height.
 """
 
 import numpy as np
@@ -18,7 +14,7 @@ from advercity.materials import ACTOR_PAINT
 
 
 def build_head(figure: Figure) -> SoftShape:
-    """Head and neck."""
+    """Build head and neck."""
     unit = figure.build.head_m
     skull = figure.make_head_cone((-0.09, 0, 0.09), (0.08, 0, 0.10), 0.345, 0.335)
     jaw = figure.make_head_cone((0.10, 0, -0.12), (0.19, 0, -0.36), 0.27, 0.115)
@@ -37,7 +33,7 @@ def build_head(figure: Figure) -> SoftShape:
 
 
 def build_hair(figure: Figure, looks: PedestrianAppearance) -> list[tuple[SoftShape, str]]:
-    """Hair, a cap over it, or the hood of the top."""
+    """Build hair, a cap over it, or the hood of the top, with their materials."""
     if looks.hair == "bald":
         return []
     if looks.hair == "hood":
@@ -45,33 +41,33 @@ def build_hair(figure: Figure, looks: PedestrianAppearance) -> list[tuple[SoftSh
         nape = figure.make_head_cone((-0.16, 0, -0.1), (-0.12, 0, -0.62), 0.36, 0.32)
         return [(figure.build_head_cover(crown, nape), ACTOR_PAINT)]
     crown = figure.make_head_cone((-0.13, 0, 0.12), (0.05, 0, 0.165), 0.365, 0.345)
-    grown = [crown, figure.make_head_cone((-0.19, 0, 0.10), (-0.2, 0, -0.16), 0.29, 0.23)]
+    hair = [crown, figure.make_head_cone((-0.19, 0, 0.10), (-0.2, 0, -0.16), 0.29, 0.23)]
     if looks.hair == "long":
-        grown += [
+        hair += [
             figure.make_head_cone((-0.1, y, 0.1), (-0.14, 0.95 * y, -0.6), 0.2, 0.15)
             for y in (0.2, -0.2)
         ]
-        grown.append(figure.make_head_cone((-0.24, 0, -0.1), (-0.27, 0, -0.75), 0.24, 0.18))
+        hair.append(figure.make_head_cone((-0.24, 0, -0.1), (-0.27, 0, -0.75), 0.24, 0.18))
     if looks.hair == "bun":
-        grown.append(figure.make_head_cone((-0.48, 0, 0.16), (-0.52, 0, 0.14), 0.15, 0.13))
-    worn = [(figure.build_head_cover(*grown), f"hair_{looks.hair_colour}")]
+        hair.append(figure.make_head_cone((-0.48, 0, 0.16), (-0.52, 0, 0.14), 0.15, 0.13))
+    layers = [(figure.build_head_cover(*hair), f"hair_{looks.hair_colour}")]
     if looks.hair == "hat":
-        worn = [(figure.build_head_cover(grown[1]), f"hair_{looks.hair_colour}")]
+        layers = [(figure.build_head_cover(hair[1]), f"hair_{looks.hair_colour}")]
         cap = figure.make_head_cone((-0.12, 0, 0.15), (0.05, 0, 0.19), 0.385, 0.37)
         peak = figure.make_head_cone((0.40, 0, 0.15), (0.50, 0, 0.11), 0.06, 0.05)
-        worn.append((figure.build_head_cover(cap, peak), f"cloth_{looks.bag_colour}"))
-    return worn
+        layers.append((figure.build_head_cover(cap, peak), f"cloth_{looks.bag_colour}"))
+    return layers
 
 
 def build_helmet(figure: Figure) -> SoftShape:
-    """What covers the top of the head."""
+    """Build a helmet that leaves the face free."""
     return figure.build_head_cover(
         figure.make_head_cone((-0.16, 0, 0.14), (0.14, 0, 0.17), 0.43, 0.38)
     )
 
 
 def build_chin_guard(figure: Figure) -> SoftShape:
-    """What makes a helmet one of a motorcyclist."""
+    """Build the part of a motorcyclist's helmet that covers nape, cheeks and chin."""
     nape = figure.make_head_cone((-0.16, 0, 0.10), (-0.12, 0, -0.22), 0.42, 0.36)
     cheeks = [
         figure.make_head_cone((-0.05, y, -0.2), (0.3, 0.7 * y, -0.3), 0.25, 0.18)
@@ -81,7 +77,7 @@ def build_chin_guard(figure: Figure) -> SoftShape:
 
 
 def build_visor(figure: Figure) -> SoftShape:
-    """Over the face, inside the rims of the helmet."""
+    """Build the visor of a motorcyclist's helmet."""
     return figure.build_head_cover(
         figure.make_head_cone((0.12, 0, 0.05), (0.2, 0, -0.05), 0.36, 0.30)
     )
@@ -104,10 +100,10 @@ _SEAT_SECTIONS = (
 def build_garments(
     posture: Float64Array, build: BodyBuild, looks: PedestrianAppearance
 ) -> list[tuple[SoftShape, str]]:
-    """Soft shapes of a figure that walks or stands, and their materials."""
+    """Build everything that is seen of a person, with materials; the top has the actor's paint."""
     figure = Figure(posture, build)
     skin, bottom = _SKIN_MATERIALS[looks.skin], f"cloth_{looks.bottom_colour}"
-    worn = [
+    garments = [
         (build_top(figure, looks.top), ACTOR_PAINT),
         (build_legs(figure, looks.bottom), skin if looks.bottom == "skirt" else bottom),
         (build_head(figure), skin),
@@ -116,16 +112,16 @@ def build_garments(
         *build_hair(figure, looks),
     ]
     if looks.bottom == "skirt":
-        worn.append((build_skirt_garment(figure), bottom))
+        garments.append((build_skirt_garment(figure), bottom))
     if looks.bottom == "shorts":
-        worn.append((build_calves(figure), skin))
+        garments.append((build_calves(figure), skin))
     if looks.bag != "none":
-        worn.append((build_bag(figure, looks.bag), f"cloth_{looks.bag_colour}"))
-    return worn
+        garments.append((build_bag(figure, looks.bag), f"cloth_{looks.bag_colour}"))
+    return garments
 
 
 def build_top(figure: Figure, kind: str) -> SoftShape:
-    """Jacket, coat or shirt, down to the hips or knees."""
+    """Build a jacket, a coat down to the knees, or a shirt."""
     girdle = tuple(
         figure.make_cone(
             figure.compute_trunk_point(0, 0.03 * left, 0.256),
@@ -146,15 +142,15 @@ def build_top(figure: Figure, kind: str) -> SoftShape:
     torso = (*figure.stack_trunk_sections(_TORSO_SECTIONS), *girdle, collar)
     skirts = [_build_coat_tail(figure, left) for left in (1, -1)] if kind == "coat" else []
     sleeves = [_build_sleeve(figure, left, short=kind == "shirt") for left in (1, -1)]
-    share = 0.7 if kind == "coat" else -0.35
-    hem = 0.97 * figure.interpolate_joints(Joint.HIP, Joint.KNEE, 1, share)[2]
+    hem_at = 0.7 if kind == "coat" else -0.35
+    hem = 0.97 * figure.interpolate_joints(Joint.HIP, Joint.KNEE, 1, hem_at)[2]
     chains = [torso, *skirts, *sleeves]
     hems = (hem,) * (1 + len(skirts)) + (-np.inf,) * len(sleeves)
     return figure.build_soft_shape(chains, blend=0.022, cell=(0.035, 0.035, 0.052), hems=hems)
 
 
 def build_legs(figure: Figure, bottom: str) -> SoftShape:
-    """Trousers, shorts, or bare legs under a skirt."""
+    """Build trousers, shorts, or bare legs under a skirt."""
     chains = [_build_leg(figure, left, bottom) for left in (1, -1)]
     if bottom != "skirt":
         chains.append(figure.stack_trunk_sections(_SEAT_SECTIONS))
@@ -162,7 +158,7 @@ def build_legs(figure: Figure, bottom: str) -> SoftShape:
 
 
 def build_calves(figure: Figure) -> SoftShape:
-    """Bare legs under shorts."""
+    """Build bare lower legs, for shorts."""
     chains = [
         (figure.make_limb_cone(Joint.KNEE, Joint.ANKLE, left, 0.033, 0.024, Bone.SHIN),)
         for left in (1, -1)
@@ -171,7 +167,7 @@ def build_calves(figure: Figure) -> SoftShape:
 
 
 def build_skirt_garment(figure: Figure) -> SoftShape:
-    """Down to the knees."""
+    """Build a skirt down to the knees."""
     chains = [
         (
             figure.make_cone(
@@ -189,7 +185,7 @@ def build_skirt_garment(figure: Figure) -> SoftShape:
 
 
 def build_hands(figure: Figure, top: str) -> SoftShape:
-    """Hands, with bare arms under short sleeves."""
+    """Build the hands, with bare arms under short sleeves."""
     chains: list[Chain] = []
     for left in (1, -1):
         palm = figure.interpolate_joints(Joint.ELBOW, Joint.HAND, left, 0.94)
@@ -209,7 +205,7 @@ def build_hands(figure: Figure, top: str) -> SoftShape:
 
 
 def build_shoe(figure: Figure, left: int) -> SoftShape:
-    """The shoe of the left (1) or right (-1) foot."""
+    """Build the shoe of the left (1) or right (-1) foot."""
     h, bone = figure.build.height_m, bone_on_side(Bone.FOOT, left)
     ankle, toe = (figure.posture[joint_on_side(joint, left)] for joint in (Joint.ANKLE, Joint.TOE))
     fore = (toe - ankle) * (1, 1, 0)
@@ -227,36 +223,30 @@ def build_shoe(figure: Figure, left: int) -> SoftShape:
 
 
 def build_bag(figure: Figure, kind: str) -> SoftShape:
-    """A backpack, a bag on a strap, or a case in the right hand."""
+    """Build a backpack, a bag on a strap, or a case in the right hand."""
     if kind == "backpack":
-        corners = figure.make_trunk_cones(
-            (-0.092, 0.030, 0.22), (-0.100, 0.034, 0.07), 0.042, 0.048
-        )
-        return figure.build_soft_shape([corners], blend=0.01, cell=(0.038, 0.042, 0.056))
+        pair = figure.make_trunk_cones((-0.092, 0.030, 0.22), (-0.100, 0.034, 0.07), 0.042, 0.048)
+        return figure.build_soft_shape([pair], blend=0.01, cell=(0.038, 0.042, 0.056))
     if kind == "shoulder_bag":
-        body = figure.make_trunk_cones((-0.03, -0.105, -0.02), (0.03, -0.105, -0.02), 0.035, 0.035)[
-            1:
-        ]
-        low = figure.make_trunk_cones((-0.03, -0.108, -0.06), (0.03, -0.108, -0.06), 0.035, 0.035)[
-            1:
-        ]
-        strap = figure.make_trunk_cones((0, -0.072, 0.262), (0, -0.102, 0.0), 0.012, 0.010)[1:]
+        # One cone of each mirrored pair: the bag hangs on the left.
+        _, upper = figure.make_trunk_cones(
+            (-0.03, -0.105, -0.02), (0.03, -0.105, -0.02), 0.035, 0.035
+        )
+        _, lower = figure.make_trunk_cones(
+            (-0.03, -0.108, -0.06), (0.03, -0.108, -0.06), 0.035, 0.035
+        )
+        _, strap = figure.make_trunk_cones((0, -0.072, 0.262), (0, -0.102, 0.0), 0.012, 0.010)
         return figure.build_soft_shape(
-            [(*body, *low, *strap)], blend=0.01, cell=(0.032, 0.026, 0.038)
+            [(upper, lower, strap)], blend=0.01, cell=(0.032, 0.026, 0.038)
         )
     hand = figure.interpolate_joints(Joint.ELBOW, Joint.HAND, -1, 1.3)
     h, bone = figure.build.height_m, bone_on_side(Bone.FOREARM, -1)
-    corners = (
-        figure.make_cone(
-            hand + xyz(-0.045 * h, 0, z * h),
-            hand + xyz(0.045 * h, 0, z * h),
-            0.022,
-            0.022,
-            bone,
-        )
+    half = xyz(0.045 * h)
+    case = tuple(
+        figure.make_cone(hand + xyz(z=z * h) - half, hand + xyz(z=z * h) + half, 0.022, 0.022, bone)
         for z in (-0.035, -0.06, -0.085)
     )
-    return figure.build_soft_shape([tuple(corners)], blend=0.01, cell=(0.03, 0.02, 0.03))
+    return figure.build_soft_shape([case], blend=0.01, cell=(0.03, 0.02, 0.03))
 
 
 def _build_sleeve(figure: Figure, left: int, *, short: bool) -> Chain:

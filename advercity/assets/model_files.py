@@ -1,6 +1,7 @@
-"""Reads Wavefront models: triangles by material, and the colour of each where a texture has it.
+"""Reads models from Wavefront OBJ and binary glTF files, and writes converted ones as glTF.
 
-Models as binary glTF files: ours, with one mesh for each material, and other people's.
+The OBJ reader is our own because trimesh splits quads along other diagonals than the models were
+converted with, and does not keep the order of triangles, so all converted models would change.
 """
 
 import io
@@ -15,6 +16,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from advercity.errors import RunError
+from advercity.geometry.arrays import Float64Array, Uint8Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,69 +24,63 @@ class ModelPart:
     """Triangles of one material.
 
     Attributes:
-        material: The model's own name of it, or ours.
+        material: Name in the file; in converted models a key of MATERIALS.
         vertices: (n, 3).
         triangles: (m, 3) into `vertices`.
-        colours: (m, 3) sRGB in [0, 1] that a texture has in the middle of each triangle, or None.
-        wheel: Which wheel turns with it, counted from 1; 0 if it does not turn.
+        colours: (m, 3) sRGB in [0, 1] of a texture at the centre of each triangle, or None.
+        wheel: Number of the wheel that the part belongs to, from 1; 0 if it does not turn.
     """
 
     material: str
-    vertices: NDArray[np.float64]
+    vertices: Float64Array
     triangles: NDArray[np.int64]
-    colours: NDArray[np.float64] | None = None
+    colours: Float64Array | None = None
     wheel: int = 0
 
 
 def read_obj(obj: bytes, files: Mapping[str, bytes]) -> list[ModelPart]:
-    """Parts of a model; `files` are the materials and textures that it refers to, by name."""
+    """Read the parts of a model; `files` are its materials and textures by name."""
     vertices: list[list[float]] = []
-    places: list[list[float]] = []
-    faces: dict[str, list[tuple[int, int, int]]] = {}
-    marks: dict[str, list[tuple[int, int, int]]] = {}
+    texcoords: list[list[float]] = []
+    faces: dict[str, list[tuple[tuple[int, int], ...]]] = {}
     material = ""
     for line in obj.decode("latin-1").splitlines():
         head, _, rest = line.partition(" ")
         if head == "v":
             vertices.append([float(word) for word in rest.split()[:3]])
         elif head == "vt":
-            places.append([float(word) for word in rest.split()[:2]])
+            texcoords.append([float(word) for word in rest.split()[:2]])
         elif head == "usemtl":
             material = rest.strip()
         elif head == "f":
-            corners = [_parse_corner(word, len(vertices), len(places)) for word in rest.split()]
-            for second, third in pairwise(corners[1:]):
-                fan = (corners[0], second, third)
-                faces.setdefault(material, []).append((fan[0][0], fan[1][0], fan[2][0]))
-                marks.setdefault(material, []).append((fan[0][1], fan[1][1], fan[2][1]))
-    points, uv = np.array(vertices), np.array(places or [[0.0, 0.0]])
+            corners = [_parse_corner(word, len(vertices), len(texcoords)) for word in rest.split()]
+            triangles = ((corners[0], *pair) for pair in pairwise(corners[1:]))
+            faces.setdefault(material, []).extend(triangles)
+    points, uv = np.array(vertices), np.array(texcoords or [[0.0, 0.0]])
     textures = _load_textures(files)
-    return [
-        ModelPart(
-            name,
-            points,
-            np.array(triangles),
-            _sample_texture(textures[name], uv, np.array(marks[name]))
-            if name in textures
-            else None,
-        )
-        for name, triangles in faces.items()
-    ]
+    parts: list[ModelPart] = []
+    for name, rows in faces.items():
+        corner = np.array(rows)
+        texture = textures.get(name)
+        colours = None if texture is None else _sample_texture(texture, uv, corner[..., 1])
+        parts.append(ModelPart(name, points, np.ascontiguousarray(corner[..., 0]), colours))
+    return parts
 
 
-def _parse_corner(word: str, vertices: int, places: int) -> tuple[int, int]:
-    """Indices from 0 of a corner's vertex and place on the texture, which is 0 if there is none."""
+def _parse_corner(word: str, vertices: int, texcoords: int) -> tuple[int, int]:
+    """Parse a corner `vertex/texcoord/normal` into indices from 0; a missing texcoord is 0."""
     numbers = [int(number) if number else 0 for number in word.split("/")]
-    vertex, place = numbers[0], numbers[1] if len(numbers) > 1 else 0
+    vertex, texcoord = numbers[0], numbers[1] if len(numbers) > 1 else 0
+    # Positive indices count from 1, negative ones back from the latest element.
     return (
         vertex - 1 if vertex > 0 else vertices + vertex,
-        max(0, place - 1 if place >= 0 else places + place),
+        max(0, texcoord - 1 if texcoord >= 0 else texcoords + texcoord),
     )
 
 
-def _load_textures(files: Mapping[str, bytes]) -> dict[str, NDArray[np.uint8]]:
-    """Pictures (h, w, 3), BGR, of the materials that have one."""
-    found: dict[str, NDArray[np.uint8]] = {}
+def _load_textures(files: Mapping[str, bytes]) -> dict[str, Uint8Array]:
+    """Load the diffuse textures (h, w, 3), BGR, of materials that have one."""
+    textures: dict[str, Uint8Array] = {}
     for name, content in files.items():
         if not name.endswith(".mtl"):
             continue
@@ -95,27 +91,27 @@ def _load_textures(files: Mapping[str, bytes]) -> dict[str, NDArray[np.uint8]]:
                 material = words[1]
             elif words[0] == "map_Kd" and len(words) > 1 and words[1] in files:
                 raw = np.frombuffer(files[words[1]], np.uint8)
-                picture = cv2.imdecode(raw, cv2.IMREAD_COLOR)
-                if picture is not None:
-                    found[material] = picture.astype(np.uint8)
-    return found
+                image = cv2.imdecode(raw, cv2.IMREAD_COLOR)
+                if image is not None:
+                    textures[material] = image.astype(np.uint8)
+    return textures
 
 
 def _sample_texture(
-    picture: NDArray[np.uint8], uv: NDArray[np.float64], marks: NDArray[np.int64]
-) -> NDArray[np.float64]:
-    """Colour (m, 3), RGB, of a picture in the middle of triangles (m, 3) of places on it."""
-    middle = uv[marks].mean(axis=1) % 1.0
-    height, width = picture.shape[:2]
+    image: Uint8Array, uv: Float64Array, corners: NDArray[np.int64]
+) -> Float64Array:
+    """Sample the colours (m, 3), RGB in [0, 1], at the centres of triangles (m, 3) of texcoords."""
+    middle = uv[corners].mean(axis=1) % 1.0
+    height, width = image.shape[:2]
     row = np.clip(((1.0 - middle[:, 1]) * height).astype(int), 0, height - 1)
     column = np.clip((middle[:, 0] * width).astype(int), 0, width - 1)
-    return picture[row, column, ::-1] / 255.0
+    return image[row, column, ::-1] / 255.0
 
 
 def to_glb(parts: list[ModelPart]) -> bytes:
-    """The parts as a GLB; same parts, same bytes.
+    """Export parts as a GLB; the same parts give the same bytes.
 
-    Meshes bear the names of their materials, and `@` and the number of the wheel that they are of.
+    Meshes are named after their materials, those of wheels followed by `@` and the wheel's number.
     """
     scene = trimesh.Scene()
     for part in parts:
@@ -129,14 +125,14 @@ def to_glb(parts: list[ModelPart]) -> bytes:
 
 
 def read_glb(content: bytes, name: str) -> list[ModelPart]:
-    """Parts of a GLB, each named after its material, or its mesh where it has none.
+    """Read the parts of a GLB, each named after its material, or after its mesh without one.
 
     Raises:
-        RunError: It is no GLB, or holds no triangles.
+        RunError: It is not a GLB, or has no triangles.
     """
-    try:  # the parser raises whatever a broken file breaks in it
+    try:
         scene = trimesh.load_scene(io.BytesIO(content), file_type="glb")
-    except Exception as error:
+    except Exception as error:  # trimesh's parser raises errors of any type for broken files
         raise RunError(f"{name}: is not a GLB file that can be read: {error}") from error
     parts: list[ModelPart] = []
     for node in sorted(scene.graph.nodes_geometry):
@@ -146,15 +142,15 @@ def read_glb(content: bytes, name: str) -> list[ModelPart]:
             continue
         material = getattr(getattr(mesh.visual, "material", None), "name", None) or geometry
         vertices = trimesh.transform_points(mesh.vertices, world_from_mesh)
-        named, wheel = _parse_mesh_name(str(material))
+        name_of_part, wheel = _parse_mesh_name(str(material))
         faces = np.asarray(mesh.faces, int)
-        parts.append(ModelPart(named, np.asarray(vertices, float), faces, wheel=wheel))
+        parts.append(ModelPart(name_of_part, np.asarray(vertices, float), faces, wheel=wheel))
     if not parts:
         raise RunError(f"{name}: holds no triangles")
     return parts
 
 
 def _parse_mesh_name(name: str) -> tuple[str, int]:
-    """Material and number of the wheel that the name of a mesh says."""
+    """Parse the name of a mesh into its material and the number of its wheel."""
     material, _, number = name.rpartition("@")
     return (material, int(number)) if material and number.isdecimal() else (name, 0)

@@ -1,4 +1,4 @@
-"""Where models lie that are ready to use: converted once, kept by what they are made from."""
+"""Stores models: downloads, users' files, and conversions of both, keyed by their sources."""
 
 import hashlib
 import json
@@ -19,33 +19,33 @@ from advercity.errors import InputError, RunError
 
 @dataclass(frozen=True)
 class ModelStore:
-    """A folder of models; nothing in it is needed, bodies that miss theirs are shaped instead.
+    """A folder of models; blueprints whose models are missing get procedural bodies.
 
-    `package` holds Debian's collections, `own` the users' files by checksum, `models` what both
-    were converted to.
+    `package` holds Debian's collections, `own` the users' files by checksum, and `models` the
+    converted models of both.
     """
 
     folder: Path
 
     @property
     def has_package(self) -> bool:
-        """Whether the asset pack is installed."""
+        """Whether the asset package is installed."""
         return (self._package_folder / DIGEST_FILE).is_file()
 
     def install_package(self) -> None:
-        """Fetch the asset pack; RunError if that cannot be done here."""
+        """Download and unpack the asset package; RunError if that is impossible on this machine."""
         fetch_package(self._package_folder)
 
     def remove_package(self) -> None:
-        """Forget the asset pack and everything made of it."""
+        """Delete the asset package and all converted models."""
         for folder in (self._package_folder, self.folder / "models"):
             shutil.rmtree(folder, ignore_errors=True)
 
     def add_model(self, path: Path) -> str:
-        """Take in a user's GLB; its SHA-256.
+        """Store a user's GLB and return its SHA-256.
 
         Raises:
-            InputError: It cannot be read, or is no GLB.
+            InputError: It cannot be read, or is not a GLB.
         """
         try:
             content = path.read_bytes()
@@ -58,10 +58,10 @@ class ModelStore:
         return digest
 
     def prepare_model(self, blueprint: Blueprint) -> Path | None:
-        """The converted model of a blueprint, None if it names none or it is not here.
+        """Return the converted model of a blueprint; None if it names none or it is not installed.
 
         Raises:
-            RunError: The model is here, but cannot be made into such a body.
+            RunError: The model is installed, but cannot be converted.
         """
         model = blueprint.model
         if model is None:
@@ -69,23 +69,21 @@ class ModelStore:
         source = self._find_source_digest(model)
         if source is None:
             return None
+        # A rider sits on top of the machine, whose model is therefore lower than the box.
         height_m = model.ridden.machine_height_m if model.ridden else blueprint.height_m
         size = (blueprint.length_m, blueprint.width_m, height_m)
-        made_from = [CONVERSION_VERSION, source, size, model.model_dump(mode="json")]
-        key = hashlib.sha256(json.dumps(made_from, sort_keys=True).encode()).hexdigest()
+        inputs = [CONVERSION_VERSION, source, size, model.model_dump(mode="json")]
+        key = hashlib.sha256(json.dumps(inputs, sort_keys=True).encode()).hexdigest()
         path = self.folder / "models" / f"{key}.glb"
-        if not path.is_file():
-            self._write_once(
-                path, lambda: to_glb(convert_model(self._load_parts(model), model, size))
-            )
+        self._write_once(path, lambda: to_glb(convert_model(self._load_parts(model), model, size)))
         return path
 
     def _find_source_digest(self, model: BodyModel) -> str | None:
-        """What identifies the file that a model is in; None if it is not here."""
+        """Find the digest of the file that holds a model; None if it is not installed."""
         if model.pack is not None:
             return (self._package_folder / DIGEST_FILE).read_text() if self.has_package else None
-        there = model.sha256 is not None and self._user_model_path(model.sha256).is_file()
-        return model.sha256 if there else None
+        exists = model.sha256 is not None and self._user_model_path(model.sha256).is_file()
+        return model.sha256 if exists else None
 
     def _load_parts(self, model: BodyModel) -> list[ModelPart]:
         if model.pack is not None:
@@ -95,7 +93,7 @@ class ModelStore:
         return read_glb(self._user_model_path(str(model.sha256)).read_bytes(), str(model.file))
 
     def _write_once(self, path: Path, make: Callable[[], bytes]) -> None:
-        """Write a file, whole or not at all, unless it is there."""
+        """Write a file atomically, unless it exists; other processes may write the same one."""
         if path.is_file():
             return
         content = make()

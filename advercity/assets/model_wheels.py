@@ -1,4 +1,4 @@
-"""The wheels of foreign models, found by their tyres: rings that stand on the ground."""
+"""Finds the wheels of foreign models by their tyres: rings on the ground."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -11,26 +11,28 @@ from advercity.geometry.arrays import Float64Array
 from advercity.geometry.mesh import Wheel
 
 WELD_M = 1e-3
-"""Vertices nearer than this are one."""
+"""Vertices closer than this are the same."""
 DIAMETER_RANGE_M = (0.4, 1.3)
 MAX_GROUND_GAP_M = 0.03
 MAX_WIDTH_FRACTION, ROUND_TOLERANCE = 0.6, 0.25
-"""Width of a tyre in diameters, at most; by how much its height may differ from its length."""
+"""Greatest width of a tyre in diameters, and difference between its height and its length."""
 TWIN_TYRE_DISTANCE_M = 0.25
-"""Tyres on one side whose hubs are this near along the body are one wheel."""
+"""Tyres on one side with hubs closer than this along the body are twins, one wheel."""
 RIM_OVERHANG_M = 0.06
-"""How far rims and hub caps stand out of a tyre."""
+"""Distance by which rims and hub caps may extend beyond a tyre."""
+_SHARED_AXLE_DISTANCE_M = 0.3
+"""Wheels closer than this along a body share an axle."""
 
 
 @dataclass(frozen=True, eq=False)
 class Tyre:
-    """A tyre.
+    """Position and size of a tyre.
 
     Attributes:
-        hub: (3,) its middle.
-        rolling_direction: (2,) unit, where it rolls, seen from above.
+        hub: (3,) its centre.
+        rolling_direction: (2,) unit vector, seen from above.
         radii: Half its length and half its height.
-        half_width: Along its axle.
+        half_width: Half its width, along the axle.
     """
 
     hub: Float64Array
@@ -40,10 +42,11 @@ class Tyre:
 
     @staticmethod
     def from_points(points: Float64Array) -> "Tyre | None":
-        """The tyre that some points (n, 3) are, or None if they are something else."""
+        """Fit a tyre to points (n, 3); None if they have not its shape."""
         low, high = points[:, 2].min(), points[:, 2].max()
         if low > MAX_GROUND_GAP_M or not DIAMETER_RANGE_M[0] < high - low < DIAMETER_RANGE_M[1]:
             return None
+        # Seen from above, a tyre is longest along its rolling direction, also a steered one.
         _, axes = np.linalg.eigh(np.cov(points[:, :2].T))
         along = axes[:, 1] * (1.0 if axes[0, 1] > 0 else -1.0)
         across = np.array([-along[1], along[0]])
@@ -56,73 +59,71 @@ class Tyre:
         return Tyre(hub, along, (length / 2, height / 2), width / 2)
 
     def to_tyre_frame(self, points: Float64Array) -> Float64Array:
-        """Points (n, 3) from its hub: along the way it rolls, along its axle, up."""
-        away = points - self.hub
+        """Transform points (n, 3) to its axes: rolling direction, axle, up; origin at the hub."""
+        offset = points - self.hub
         x, y = self.rolling_direction
-        return np.column_stack([away[:, :2] @ (x, y), away[:, :2] @ (-y, x), away[:, 2]])
+        return np.column_stack([offset[:, :2] @ (x, y), offset[:, :2] @ (-y, x), offset[:, 2]])
 
     def contains(self, points: Float64Array) -> bool:
-        """Whether points (n, 3) turn with it."""
-        along, aside, up = self.to_tyre_frame(points).T
-        far = (along / self.radii[0]) ** 2 + (up / self.radii[1]) ** 2
-        return bool((far < 1.02).all() and (np.abs(aside) < self.half_width + RIM_OVERHANG_M).all())
+        """Return whether points (n, 3) lie in its cylinder, so that they turn with it."""
+        along, lateral, up = self.to_tyre_frame(points).T
+        radius = (along / self.radii[0]) ** 2 + (up / self.radii[1]) ** 2
+        half_width = self.half_width + RIM_OVERHANG_M
+        return bool((radius < 1.02).all() and (np.abs(lateral) < half_width).all())
 
     def straighten(self, points: Float64Array, x_m: float) -> Float64Array:
-        """Points (n, 3) of it once it is round, on the ground and straight ahead, its hub at x."""
+        """Move points (n, 3) with it to where it is round, on the ground, unsteered and at x."""
         radius = sum(self.radii) / 2
         stretch = np.array([radius / self.radii[0], 1.0, radius / self.radii[1]])
         return self.to_tyre_frame(points) * stretch + np.array([x_m, self.hub[1], radius])
 
 
 def separate_wheels(parts: Iterable[ModelPart]) -> tuple[list[ModelPart], list[list[ModelPart]]]:
-    """What does not turn of a model, and each of its wheels, straight ahead.
+    """Separate a model into what does not turn, and its wheels, unsteered.
 
     Args:
-        parts: In our frame, metres, on the ground.
+        parts: Parts in the body frame, metres.
     """
     pieces = [piece for part in parts for piece in _split_connected(part)]
-    rings = [
-        ring for ring in map(Tyre.from_points, map(_get_used_vertices, pieces)) if ring is not None
-    ]
-    groups = _group_twin_tyres(rings)
-    tyres = [max(group, key=lambda ring: ring.radii) for group in groups]
+    fits = [Tyre.from_points(get_used_vertices(piece)) for piece in pieces]
+    groups = _group_twin_tyres([tyre for tyre in fits if tyre is not None])
+    largest = [max(group, key=lambda tyre: tyre.radii) for group in groups]
     wheels: list[list[ModelPart]] = [[] for _ in groups]
     rest: list[ModelPart] = []
     for piece in pieces:
-        points = _get_used_vertices(piece)
+        points = get_used_vertices(piece)
         number = next(
-            (n for n, own in enumerate(groups) if any(r.contains(points) for r in own)), -1
+            (n for n, group in enumerate(groups) if any(t.contains(points) for t in group)), -1
         )
         if number < 0:
             rest.append(piece)
         else:
-            straight = tyres[number].straighten(
-                piece.vertices, _compute_axle_x_m(tyres[number], tyres)
-            )
-            wheels[number].append(replace(piece, vertices=straight))
+            tyre = largest[number]
+            vertices = tyre.straighten(piece.vertices, _compute_axle_x_m(tyre, largest))
+            wheels[number].append(replace(piece, vertices=vertices))
     return rest, wheels
 
 
 def _compute_axle_x_m(tyre: Tyre, tyres: Sequence[Tyre]) -> float:
-    """Where the axle of a tyre is; one that is turned may stand beside it."""
+    """Average the hubs of an axle: steering moves those of a model's front wheels apart."""
     return float(
         np.mean([t.hub[0] for t in tyres if abs(t.hub[0] - tyre.hub[0]) < TWIN_TYRE_DISTANCE_M])
     )
 
 
-def _get_used_vertices(part: ModelPart) -> Float64Array:
+def get_used_vertices(part: ModelPart) -> Float64Array:
+    """Return the vertices (n, 3) that triangles of a part use; parts may share one array."""
     return part.vertices[np.unique(part.triangles)]
 
 
 def _split_connected(part: ModelPart) -> list[ModelPart]:
-    """The pieces of a part that hang together."""
+    """Split a part into its connected components."""
     corners = part.vertices[part.triangles].reshape(-1, 3)
     grid = np.round(corners / WELD_M).astype(np.int64)
     _, index = np.unique(grid, axis=0, return_inverse=True)
-    point = index.reshape(-1, 3)
-    own = _label_components(point)
-    order = np.argsort(own, kind="stable")
-    bounds = np.flatnonzero(np.diff(own[order])) + 1
+    labels = _label_components(index.reshape(-1, 3))
+    order = np.argsort(labels, kind="stable")
+    bounds = np.flatnonzero(np.diff(labels[order])) + 1
     return [
         replace(
             part,
@@ -134,7 +135,8 @@ def _split_connected(part: ModelPart) -> list[ModelPart]:
 
 
 def _label_components(triangles: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The lowest vertex (m,) that each triangle hangs together with."""
+    """Label triangles (m, 3) by the lowest vertex (m,) that each is connected with."""
+    # Labels spread in a few rounds over whole arrays; trimesh's own search needs scipy or loops.
     label = np.arange(int(triangles.max(initial=-1)) + 1)
     while True:
         before = label.copy()
@@ -146,30 +148,25 @@ def _label_components(triangles: NDArray[np.int64]) -> NDArray[np.int64]:
             return label[triangles[:, 0]]
 
 
-def _group_twin_tyres(rings: Sequence[Tyre]) -> list[list[Tyre]]:
-    """Rings side by side, from the front to the rear."""
+def _group_twin_tyres(tyres: Sequence[Tyre]) -> list[list[Tyre]]:
+    """Group tyres that are side by side, from front to rear."""
     groups: list[list[Tyre]] = []
-    for ring in sorted(rings, key=lambda ring: -ring.hub[0]):
+    for tyre in sorted(tyres, key=lambda tyre: -tyre.hub[0]):
         for group in groups:
-            near = abs(group[0].hub[0] - ring.hub[0]) < TWIN_TYRE_DISTANCE_M
-            if near and group[0].hub[1] * ring.hub[1] > 0.0:
-                group.append(ring)
+            is_close = abs(group[0].hub[0] - tyre.hub[0]) < TWIN_TYRE_DISTANCE_M
+            if is_close and group[0].hub[1] * tyre.hub[1] > 0.0:
+                group.append(tyre)
                 break
         else:
-            groups.append([ring])
+            groups.append([tyre])
     return groups
 
 
-_SHARED_AXLE_DISTANCE_M = 0.3
-"""Wheels that are this near along a body share an axle."""
-
-
 def find_model_wheels(parts: Sequence[ModelPart], *, has_steering: bool) -> dict[int, Wheel]:
-    """The wheels of a model by their numbers: those in front may steer, others share axles."""
+    """Find the wheels of a converted model by number; front ones may steer, others share axles."""
     hubs: dict[int, Float64Array] = {}
     for number in sorted({part.wheel for part in parts} - {0}):
-        own = [part.vertices[np.unique(part.triangles)] for part in parts if part.wheel == number]
-        points = np.concatenate(own)
+        points = np.concatenate([get_used_vertices(p) for p in parts if p.wheel == number])
         hubs[number] = (points.min(axis=0) + points.max(axis=0)) / 2
     foremost = max((hub[0] for hub in hubs.values()), default=0.0)
     wheels: dict[int, Wheel] = {}
@@ -177,10 +174,10 @@ def find_model_wheels(parts: Sequence[ModelPart], *, has_steering: bool) -> dict
         if has_steering and x > foremost - _SHARED_AXLE_DISTANCE_M:
             wheels[number] = Wheel((float(x), float(y), float(z)), is_steered=True)
         else:
-            near = (
-                other
-                for other in wheels.values()
-                if abs(other.hub[0] - x) < _SHARED_AXLE_DISTANCE_M
+            same_axle = (
+                wheel
+                for wheel in wheels.values()
+                if abs(wheel.hub[0] - x) < _SHARED_AXLE_DISTANCE_M
             )
-            wheels[number] = next(near, Wheel((float(x), 0.0, float(z))))
+            wheels[number] = next(same_axle, Wheel((float(x), 0.0, float(z))))
     return wheels

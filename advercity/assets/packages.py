@@ -1,6 +1,6 @@
-"""Debian's package of furniture models, fetched with apt's own sources and without root.
+"""Downloads Debian's package of furniture models, and reads models, authors and licences from it.
 
-The package's collections of models (`.sh3f` archives): what is in them, whose, on what terms.
+Models are in collections, `.sh3f` archives, each with a catalogue and one licence.
 """
 
 import hashlib
@@ -22,17 +22,24 @@ from advercity.errors import RunError
 
 PACKAGE_NAME = "sweethome3d-furniture"
 WANTED_FILES = re.compile(r"(?:.*/)?(?:[\w-]+\.sh3f|copyright)$")
-"""The collections of models, and who holds which rights in them."""
+"""Members of the package that are kept: collections, and the file with their licences."""
 DIGEST_FILE = "package.sha256"
-"""File that tells which package it was."""
+"""File with the digest of the package that was unpacked."""
 _AR_MAGIC, _AR_HEADER = b"!<arch>\n", 60
+FREE_LICENCES: dict[str, FreeLicence] = {
+    "CC0": "CC0-1.0",
+    "CC-BY-3.0": "CC-BY-3.0",
+    "CC-BY-3.0-USA": "CC-BY-3.0-US",
+}
+"""Accepted licences by their names in the package's copyright file."""
+CATALOGUE_FILE = "PluginFurnitureCatalog.properties"
 
 
 def fetch_package(folder: Path) -> None:
-    """Fill `folder` with the package's collections and its `copyright`; whole or absent.
+    """Download and unpack the package's collections and `copyright` into `folder`, atomically.
 
     Raises:
-        RunError: There is no apt here, it finds no such package, or no network.
+        RunError: apt is missing, does not know the package, or has no network.
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=folder.parent) as name:
@@ -50,24 +57,24 @@ def fetch_package(folder: Path) -> None:
 def _download_package(work: Path) -> Path:
     apt = shutil.which("apt-get")
     if apt is None:
-        raise RunError(f"there is no apt-get here to fetch Debian's {PACKAGE_NAME} with")
+        raise RunError(f"apt-get was not found; it is needed to download {PACKAGE_NAME}")
     done = subprocess.run(  # noqa: S603 - the system's own package manager
         [apt, "download", "-q", PACKAGE_NAME], cwd=work, capture_output=True, text=True, check=False
     )
-    found = next(work.glob("*.deb"), None)
-    if done.returncode != 0 or found is None:
-        said = done.stderr.strip().splitlines() or ["it says nothing"]
+    package = next(work.glob("*.deb"), None)
+    if done.returncode != 0 or package is None:
+        messages = done.stderr.strip().splitlines() or ["no error message"]
         raise RunError(
-            f"apt-get cannot download {PACKAGE_NAME}: {said[-1]}; is `apt-get update` done?"
+            f"apt-get cannot download {PACKAGE_NAME}: {messages[-1]}; run `apt-get update` first"
         )
-    return found
+    return package
 
 
 def unpack_package(package: Path, folder: Path) -> None:
-    """Put what is wanted of a Debian package into a folder.
+    """Unpack the wanted files of a Debian package into a folder.
 
     Raises:
-        RunError: It is no Debian package, or holds no models.
+        RunError: It is not a Debian package, or has no models.
     """
     try:
         with tarfile.open(fileobj=_open_data_archive(package.read_bytes())) as archive:
@@ -83,7 +90,7 @@ def unpack_package(package: Path, folder: Path) -> None:
 
 
 def _open_data_archive(content: bytes) -> io.BytesIO:
-    """The `data.tar` of a Debian package, still compressed."""
+    """Open the compressed `data.tar` of a Debian package."""
     for name, member in _iterate_ar_members(content):
         if name.startswith("data.tar"):
             return io.BytesIO(member)
@@ -91,7 +98,7 @@ def _open_data_archive(content: bytes) -> io.BytesIO:
 
 
 def _iterate_ar_members(content: bytes) -> Iterator[tuple[str, bytes]]:
-    """Names and contents of the members of an `ar` archive."""
+    """Iterate over names and contents of the members of an `ar` archive (deb(5), ar(5))."""
     if not content.startswith(_AR_MAGIC):
         raise ValueError("it is no ar archive")
     at = len(_AR_MAGIC)
@@ -100,27 +107,18 @@ def _iterate_ar_members(content: bytes) -> Iterator[tuple[str, bytes]]:
         size = int(header[48:58])
         at += _AR_HEADER
         yield header[:16].decode("ascii", "replace").strip().rstrip("/"), content[at : at + size]
-        at += size + size % 2
-
-
-FREE_LICENCES: dict[str, FreeLicence] = {
-    "CC0": "CC0-1.0",
-    "CC-BY-3.0": "CC-BY-3.0",
-    "CC-BY-3.0-USA": "CC-BY-3.0-US",
-}
-"""Free ones, by their names in the package's copyright file."""
-CATALOGUE_FILE = "PluginFurnitureCatalog.properties"
+        at += size + size % 2  # members begin at even offsets
 
 
 @dataclass(frozen=True)
 class SourceModel:
-    """A model as the package has it.
+    """A model of the package, not converted.
 
     Attributes:
-        obj: Its Wavefront text.
-        files: What the text may refer to, by name: materials and textures.
-        author: As the collection's catalogue names them.
-        licence: Of the collection.
+        obj: Wavefront text.
+        files: Materials and textures that it may refer to, by name.
+        author: Author according to the catalogue of the collection.
+        licence: Licence of the collection.
     """
 
     obj: bytes
@@ -130,10 +128,10 @@ class SourceModel:
 
 
 def load_source_model(package: Path, model: str) -> SourceModel:
-    """A model, `collection/model`, of the unpacked package.
+    """Load the model `collection/model` from the unpacked package.
 
     Raises:
-        RunError: There is none, or its collection is not free.
+        RunError: It does not exist, or its collection has no accepted licence.
     """
     for archive in sorted(package.glob("*.sh3f")):
         with zipfile.ZipFile(archive) as files:
@@ -151,21 +149,20 @@ def load_source_model(package: Path, model: str) -> SourceModel:
                     author=_find_author(files.read(CATALOGUE_FILE).decode("latin-1"), wanted),
                     licence=_find_licence(package / "copyright", archive.stem),
                 )
-    raise RunError(f"the asset pack has no model '{model}'")
+    raise RunError(f"the asset package has no model '{model}'")
 
 
 def check_licence(model: BodyModel, source: SourceModel) -> None:
-    """RunError if a declaration gives another author or licence than the package does."""
-    said, true = (model.author, model.licence), (source.author, source.licence)
-    if said != true:
+    """Raise RunError if a declaration has another author or licence than the package."""
+    if (model.author, model.licence) != (source.author, source.licence):
         raise RunError(
-            f"model '{model.pack}' is by {true[0]} under {true[1]}; the catalogue says"
-            f" {said[0]} under {said[1]}"
+            f"model '{model.pack}' is by {source.author} under {source.licence}; the catalogue"
+            f" declares {model.author} under {model.licence}"
         )
 
 
 def _find_author(catalogue: str, path: str) -> str:
-    """Who made the model at a path, from the collection's own list."""
+    """Find the author of the model at a path in the catalogue of its collection."""
     number = re.search(rf"^model#(\d+)\s*=\s*/?{re.escape(path)}\s*$", catalogue, re.MULTILINE)
     if number is None:
         return "unknown"
@@ -180,5 +177,7 @@ def _find_licence(copyright_file: Path, collection: str) -> FreeLicence:
     )
     named = stanza[1] if stanza else "no licence"
     if named not in FREE_LICENCES:
-        raise RunError(f"the asset pack's collection {collection} is under {named}, not a free one")
+        raise RunError(
+            f"the asset package's collection {collection} is under {named}, not a free one"
+        )
     return FREE_LICENCES[named]

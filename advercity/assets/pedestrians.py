@@ -1,7 +1,4 @@
-"""Umbrellas over the heads of those who hold them.
-
-Pedestrians: skinned figures whose steps are as long as their boxes.
-"""
+"""Builds pedestrians: skinned figures, with and without umbrella, whose boxes set their strides."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -38,6 +35,10 @@ from advercity.randomness import create_generator
 from advercity.semantics import Semantic
 from advercity.world import Body, Gait
 
+_STRIDE_LIMITS = 0.05, 0.90
+"""Shortest and longest stride, in heights of the figure."""
+_TRIAL_STRIDES = 0.4, 0.8
+_CHILD_MAX_HEIGHT_M = 1.45
 _RIB_COUNT = 8
 _RADIUS_M, _RISE_M, _HEAD_CLEARANCE_M = 0.50, 0.17, 0.08
 _THICKNESS_M = 0.006
@@ -46,7 +47,7 @@ _THICKNESS_M = 0.006
 def build_umbrella(
     posture: Float64Array, build: BodyBuild, canopy_material: str
 ) -> list[tuple[TriangleSurface, str]]:
-    """Canopy and stick of an umbrella in the right hand, with their materials."""
+    """Build canopy and stick of an umbrella in the right hand, with their materials."""
     hand = posture[joint_on_side(Joint.HAND, -1)]
     above = posture[Joint.HEAD] + xyz(0.03, -0.06, 0.5 * build.head_m + _HEAD_CLEARANCE_M + _RISE_M)
     along = (above - hand) / np.linalg.norm(above - hand)
@@ -55,52 +56,44 @@ def build_umbrella(
 
 
 def _build_canopy(top: Float64Array) -> TriangleSurface:
-    """A closed shell over eight ribs, sagging between them."""
+    """Build a closed shell over eight ribs, lower between them, with its top at (3,)."""
     angle = np.pi * np.arange(2 * _RIB_COUNT) / _RIB_COUNT
     sag = np.where(np.arange(2 * _RIB_COUNT) % 2, 0.93, 1.0)
     circle = (
         np.column_stack([np.cos(angle), np.sin(angle), np.zeros(2 * _RIB_COUNT)]) * sag[:, None]
     )
-    share = np.array([0.04, 0.4, 0.75, 1.0])
-    outer = [top + r * _RADIUS_M * circle - xyz(z=_RISE_M * r**2) for r in share]
-    inner = [ring * 1.0 - xyz(z=_THICKNESS_M) for ring in outer[::-1]]
+    radii = np.array([0.04, 0.4, 0.75, 1.0])
+    outer = [top + r * _RADIUS_M * circle - xyz(z=_RISE_M * r**2) for r in radii]
+    inner = [ring - xyz(z=_THICKNESS_M) for ring in outer[::-1]]
     return loft_rings(np.stack([*outer, *inner]))
 
 
-_STRIDE_LIMITS = 0.05, 0.90
-"""Shortest and longest stride, in heights of the figure."""
-_TRIAL_STRIDES = 0.4, 0.8
-_CHILD_MAX_HEIGHT_M = 1.45
-
-
 def build_pedestrian(looks: PedestrianAppearance, size: Size) -> Body:
-    """A person who fills `size`: its height standing, its length in the longest moment of a stride.
+    """Build a person whose stride, with all its poses, just fills the box of `size`.
 
-    The length of the box sets the stride.
+    The length of the box sets the stride; a standing person is as wide and high as the box.
     """
     build = BodyBuild(size[2], looks.stout)
     rest = compute_standing_posture(build)
     limbs = build_figure(rest, build, looks)
 
-    def walker(stride_m: float) -> Body:
+    def build_walker(stride_m: float) -> Body:
         postures = compute_walking_postures(build, stride_m, POSES_PER_CYCLE)
-        return build_rigged_body(
-            limbs,
-            Gait(stride_m, compute_bone_transforms(rest, postures), returns_to_rest=True),
-            size,
-        )
+        return _build_walker(limbs, rest, postures, stride_m, size)
 
-    body = walker(_solve_stride_m(walker, build, size[0]))
+    body = build_walker(_solve_stride_m(build_walker, build, size[0]))
     factor, offset = compute_box_fit(body, size)
     fitted = scale_body(body, factor, offset)
     if looks.umbrella is None or body.gait is None:
         return fitted
-    under = _build_umbrella_body(build, looks, body.gait.cycle_length_m, size)
-    return replace(fitted, with_umbrella=scale_body(under, factor, offset))
+    with_umbrella = _build_umbrella_body(build, looks, body.gait.cycle_length_m, size)
+    # The same scale as without, so that the same feet touch the ground and the same box holds.
+    return replace(fitted, with_umbrella=scale_body(with_umbrella, factor, offset))
 
 
 def draw_looks(blueprint_id: str, height_m: float) -> PedestrianAppearance:
-    """Looks for a blueprint that does not declare them."""
+    """Draw the looks of a blueprint that does not declare them."""
+    # Each field is one draw, in this order: another order would dress everyone anew.
     draw = create_generator("pedestrian", blueprint_id)
     child = height_m < _CHILD_MAX_HEIGHT_M
     return PedestrianAppearance(
@@ -118,17 +111,30 @@ def draw_looks(blueprint_id: str, height_m: float) -> PedestrianAppearance:
 def build_figure(
     posture: Float64Array, build: BodyBuild, looks: PedestrianAppearance
 ) -> list[SkinnedSurface]:
-    """A dressed figure in some posture, carried by its bones."""
+    """Build a dressed figure in a posture, skinned to its bones."""
     return [
-        skin_soft_shape(flesh, material)
-        for flesh, material in build_garments(posture, build, looks)
+        skin_soft_shape(shape, material)
+        for shape, material in build_garments(posture, build, looks)
     ]
 
 
-def _solve_stride_m(walker: Callable[[float], Body], build: BodyBuild, length_m: float) -> float:
-    """Stride at which a walker is `length_m` long: length grows evenly with it."""
+def _build_walker(
+    limbs: list[SkinnedSurface],
+    rest: Float64Array,
+    postures: Float64Array,
+    stride_m: float,
+    size: Size,
+) -> Body:
+    gait = Gait(stride_m, compute_bone_transforms(rest, postures), returns_to_rest=True)
+    return build_rigged_body(limbs, gait, size)
+
+
+def _solve_stride_m(
+    build_walker: Callable[[float], Body], build: BodyBuild, length_m: float
+) -> float:
+    """Solve for the stride at which a walker is `length_m` long, by linear extrapolation."""
     strides = np.array(_TRIAL_STRIDES) * build.height_m
-    lengths = [np.subtract(*compute_extent(walker(stride))[::-1])[0] for stride in strides]
+    lengths = [np.subtract(*compute_extent(build_walker(stride))[::-1])[0] for stride in strides]
     slope = (strides[1] - strides[0]) / (lengths[1] - lengths[0])
     wanted = strides[0] + slope * (length_m - lengths[0])
     return float(np.clip(wanted, *np.multiply(_STRIDE_LIMITS, build.height_m)))
@@ -137,7 +143,7 @@ def _solve_stride_m(walker: Callable[[float], Body], build: BodyBuild, length_m:
 def _build_umbrella_body(
     build: BodyBuild, looks: PedestrianAppearance, stride_m: float, size: Size
 ) -> Body:
-    """The walker with a raised right hand that holds an umbrella."""
+    """Build the walker with a raised right hand that holds an umbrella."""
     rest = raise_right_forearm(compute_standing_posture(build), build)
     postures = raise_right_forearm(
         compute_walking_postures(build, stride_m, POSES_PER_CYCLE), build
@@ -147,6 +153,4 @@ def _build_umbrella_body(
         attach_to_bone(surface, Bone.TRUNK, len(BONE_SIDES), material, Semantic.PEDESTRIAN)
         for surface, material in build_umbrella(rest, build, f"cloth_{looks.umbrella}")
     ]
-    return build_rigged_body(
-        limbs, Gait(stride_m, compute_bone_transforms(rest, postures), returns_to_rest=True), size
-    )
+    return _build_walker(limbs, rest, postures, stride_m, size)

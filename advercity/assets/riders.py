@@ -1,4 +1,4 @@
-"""Those who sit on bicycles and motorcycles: hands on the bars, feet on pedals or pegs."""
+"""Builds riders of bicycles and motorcycles: hands on the grips, feet on pedals or pegs."""
 
 from dataclasses import dataclass
 
@@ -6,7 +6,6 @@ import numpy as np
 from advercity_dsl import PedestrianAppearance
 
 from advercity.assets import clothing
-from advercity.assets.clothing import build_garments
 from advercity.assets.rigged_bodies import SkinnedSurface, skin_soft_shape
 from advercity.assets.skeleton import (
     JOINT_COUNT,
@@ -23,9 +22,9 @@ from advercity.randomness import create_generator
 
 _TRUNK_LENGTH, _NECK_LENGTH = 0.27, 0.045
 _ARM_LENGTHS = 0.172, 0.166
-"""Lengths in heights of the figure, as in a standing one."""
+"""Lengths in heights of the figure, as in its standing posture."""
 _HELMET_RISE = 0.08
-"""How far it rises above the head, in heights of the head."""
+"""Thickness of the helmet on top of the head, in heights of the head."""
 _MAX_ARM_EXTENSION, _MAX_LEAN_RAD = 0.94, np.radians(50.0)
 _COAT_MATERIALS = (
     "cloth_red",
@@ -39,13 +38,13 @@ _COAT_MATERIALS = (
 
 @dataclass(frozen=True, eq=False)
 class Seat:
-    """What a rider sits on and holds on to.
+    """Constraints of a two-wheeler on its rider.
 
     Attributes:
-        pelvis: (3,) over the saddle.
-        grip: (3,) the left one, metres.
-        top_m: Height of the rider's helmet.
-        lean_rad: Of the trunk, forward; more if the hands do not reach the grips.
+        pelvis: (3,) point over the saddle, metres.
+        grip: (3,) left grip.
+        top_m: Height of the rider's helmet above the ground.
+        lean_rad: Forward lean of the trunk; riders lean more if they cannot reach the grips.
     """
 
     pelvis: Float64Array
@@ -56,12 +55,12 @@ class Seat:
 
 @dataclass(frozen=True, eq=False)
 class Rider:
-    """A figure that fits its seat.
+    """A figure that meets the constraints of its seat.
 
     Attributes:
-        build: Its helmet is where it has to be.
+        build: Proportions at which the helmet is at its declared height.
         trunk: (2, 3) pelvis and neck.
-        grip: (3,) the left one.
+        grip: (3,) left grip.
     """
 
     build: BodyBuild
@@ -70,32 +69,33 @@ class Rider:
 
     @staticmethod
     def from_seat(seat: Seat) -> "Rider":
-        """The rider of a seat."""
+        """Find the least lean, in whole degrees more than the seat's, that reaches the grips."""
         leans = np.arange(seat.lean_rad, _MAX_LEAN_RAD, np.radians(1.0))
         riders = [Rider.with_lean(seat, float(lean_rad)) for lean_rad in leans]
         return next((rider for rider in riders if rider.can_reach_grips()), riders[-1])
 
     @staticmethod
     def with_lean(seat: Seat, lean_rad: float) -> "Rider":
-        """The rider of a seat who leans so far, whether the hands reach or not."""
+        """Fit a rider with a given lean, whether the hands reach the grips or not."""
         build = _solve_build(seat, lean_rad)
         up = xyz(np.sin(lean_rad), 0, np.cos(lean_rad))
         neck = seat.pelvis + _TRUNK_LENGTH * build.height_m * up
         return Rider(build, np.stack([seat.pelvis, neck]), seat.grip)
 
     def can_reach_grips(self) -> bool:
-        """Whether the hands reach the grips."""
-        reach = float(np.linalg.norm(self.compute_shoulder(1) - self.grip))
-        return reach < _MAX_ARM_EXTENSION * sum(_ARM_LENGTHS) * self.build.height_m
+        """Return whether slightly bent arms are long enough for the grips."""
+        distance = float(np.linalg.norm(self.compute_shoulder(1) - self.grip))
+        return distance < _MAX_ARM_EXTENSION * sum(_ARM_LENGTHS) * self.build.height_m
 
     def compute_shoulder(self, left: int) -> Float64Array:
-        """The left (1) or right (-1) shoulder (3,)."""
+        """Compute the left (1) or right (-1) shoulder (3,)."""
         return self.trunk[1] + self.build.height_m * xyz(-0.005, 0.098 * left, -0.028)
 
 
 def _solve_build(seat: Seat, lean_rad: float) -> BodyBuild:
-    """The figure whose helmet is where it has to be."""
+    """Solve for the height of the figure whose helmet is at the top of the seat's box."""
     height_m = 1.7
+    # The head shrinks less than the body, so a few rounds of substitution are needed.
     for _ in range(4):
         head = (0.97 + _HELMET_RISE) * BodyBuild(height_m).head_m / height_m
         height_m = (seat.top_m - seat.pelvis[2]) / (
@@ -105,11 +105,11 @@ def _solve_build(seat: Seat, lean_rad: float) -> BodyBuild:
 
 
 def compute_riding_postures(rider: Rider, soles: Float64Array) -> Float64Array:
-    """Postures (n, joints, 3) of a rider.
+    """Compute postures (n, joints, 3) of a rider.
 
     Args:
-        rider: Who sits there.
-        soles: (n, 2, 3) what the balls of the left and right foot rest on.
+        rider: Figure on its seat.
+        soles: (n, 2, 3) points under the balls of the left and right foot.
     """
     build = rider.build
     h = build.height_m
@@ -145,26 +145,27 @@ def build_rider(
     key: str,
     has_visor: bool = False,
 ) -> list[SkinnedSurface]:
-    """A rider in some posture.
+    """Build a rider in a posture, with a helmet.
 
     Args:
-        posture: Of the joints.
-        build: Of the figure.
-        looks: What they wear, but for the colour of the top.
+        posture: (joints, 3).
+        build: Proportions of the figure.
+        looks: Appearance; the colour of the top is drawn.
         helmet_material: Material of the helmet.
-        key: What the colour of the top is drawn for.
-        has_visor: Whether the helmet is one for motorcycles.
+        key: Key of the draw.
+        has_visor: Whether the helmet has chin guard and visor, as for motorcycles.
     """
     figure = Figure(posture, build)
     coat = str(create_generator("rider", key).choice(_COAT_MATERIALS))
-    worn = [
-        (flesh, coat if material == ACTOR_PAINT else material)
-        for flesh, material in build_garments(posture, build, looks)
+    # Paint is the machine's, so the top has a material of its own.
+    layers = [
+        (shape, coat if material == ACTOR_PAINT else material)
+        for shape, material in clothing.build_garments(posture, build, looks)
     ]
-    worn.append((clothing.build_helmet(figure), helmet_material))
+    layers.append((clothing.build_helmet(figure), helmet_material))
     if has_visor:
-        worn += [
+        layers += [
             (clothing.build_chin_guard(figure), helmet_material),
             (clothing.build_visor(figure), "glass"),
         ]
-    return [skin_soft_shape(flesh, material) for flesh, material in worn]
+    return [skin_soft_shape(shape, material) for shape, material in layers]

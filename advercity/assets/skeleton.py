@@ -1,12 +1,10 @@
-"""Joints and bones of people, and how bones carry what is fixed to them.
+"""Computes postures of people, standing and walking, and the transforms of their bones.
 
-A posture is an array (joints, 3) in metres, in the body frame. Right joints follow the left ones.
+A posture is an array (joints, 3) in metres, in the body frame; right joints follow the left ones.
 
-How people walk: postures of one stride, from where the feet stand.
-
-A foot on the ground stays where it is while the body passes over it: first it rolls over the heel,
-then it stands, then it rolls over its tip. Legs follow by inverse kinematics, arms swing against
-them. Proportions and angles are those of textbooks (Perry and Burnfield, Gait Analysis, 2010).
+In a stride the foot on the ground keeps its place while the body passes over it: it rolls over the
+heel, rests, then rolls over its tip. Legs follow by inverse kinematics, arms swing opposite to
+them. Proportions and angles are from Perry and Burnfield, Gait Analysis, 2010.
 """
 
 from dataclasses import dataclass
@@ -19,7 +17,7 @@ from advercity.geometry.arrays import Float64Array
 
 
 class Joint(IntEnum):
-    """Rows of a posture; the head is its middle, the toe is where a foot points."""
+    """Rows of a posture; HEAD is the centre of the head, TOE gives the direction of the foot."""
 
     PELVIS = 0
     NECK = 1
@@ -34,12 +32,12 @@ class Joint(IntEnum):
 
 
 LEFT_TO_RIGHT_JOINT = len(Joint) - Joint.SHOULDER
-"""Right joints have numbers this much higher than left ones."""
+"""Offset from the number of a left joint to that of the right one."""
 JOINT_COUNT = len(Joint) + LEFT_TO_RIGHT_JOINT
 
 
 class Bone(IntEnum):
-    """What moves as one; right bones follow the left ones."""
+    """Rigid segments of the body; right bones follow the left ones."""
 
     TRUNK = 0
     HEAD = 1
@@ -52,7 +50,7 @@ class Bone(IntEnum):
 
 LEFT_TO_RIGHT_BONE = len(Bone) - Bone.UPPER_ARM
 BONE_SIDES = (0, 0, *(1,) * LEFT_TO_RIGHT_BONE, *(-1,) * LEFT_TO_RIGHT_BONE)
-"""Of each bone: left 1, right -1, middle 0."""
+"""Side of each bone: left 1, right -1, middle 0."""
 _LEFT_BONE_ENDS = (
     (Joint.PELVIS, Joint.NECK),
     (Joint.NECK, Joint.HEAD),
@@ -71,24 +69,24 @@ _BONE_ENDS = np.array(
         ),
     ]
 )
-"""Joints (bones, 2) between which each bone lies."""
+"""Joints (bones, 2) at the ends of each bone; a bone turns about the first."""
 
 
 @dataclass(frozen=True)
 class BodyBuild:
-    """Proportions of a figure in metres; thickness goes with `stout`, 1 for an average one."""
+    """Proportions of a figure; its thickness scales with `stoutness`, 1 for an average one."""
 
     height_m: float
     stoutness: float = 1.0
 
     @property
     def head_m(self) -> float:
-        """Height of the head; children have nearly as large ones as adults."""
+        """Height of the head; those of children are nearly as large as those of adults."""
         return 0.225 * (0.45 + 0.55 * self.height_m / 1.75)
 
     @property
     def leg_m(self) -> float:
-        """From hip to ankle, along thigh and shin of the same length."""
+        """Length from hip to ankle, along thigh and shin of the same length."""
         return (0.488 if self.height_m > 1.45 else 0.47) * self.height_m
 
     @property
@@ -98,17 +96,17 @@ class BodyBuild:
 
 
 def joint_on_side(joint: int, left: int) -> int:
-    """Number of a joint of the left (1) or right (-1) side."""
+    """Return the number of a joint on the left (1) or right (-1)."""
     return joint if left > 0 else joint + LEFT_TO_RIGHT_JOINT
 
 
 def bone_on_side(bone: int, left: int) -> int:
-    """Number of a bone of the left (1) or right (-1) side."""
+    """Return the number of a bone on the left (1) or right (-1)."""
     return bone if left > 0 else bone + LEFT_TO_RIGHT_BONE
 
 
 def compute_standing_posture(build: BodyBuild) -> Float64Array:
-    """Posture of somebody who stands with hanging arms."""
+    """Compute the posture (joints, 3) of standing with hanging arms."""
     h, wide = build.height_m, 0.5 + 0.5 * build.stoutness
     hip = build.ankle_m + build.leg_m
     neck = h - 0.97 * build.head_m - 0.045 * h
@@ -137,29 +135,35 @@ def compute_standing_posture(build: BodyBuild) -> Float64Array:
 def solve_middle_joint(
     start: ArrayLike, end: ArrayLike, upper_m: float, lower_m: float, towards: ArrayLike
 ) -> Float64Array:
-    """The elbows or knees (..., 3) between two joints, on the side that `to` points at.
+    """Compute elbows or knees (..., 3) by two-bone inverse kinematics.
 
-    Limbs that are too short to reach are stretched.
+    Args:
+        start: (..., 3) shoulder or hip.
+        end: (..., 3) hand or ankle; a limb that is too short is stretched to it.
+        upper_m: Length of the upper bone.
+        lower_m: Length of the lower bone.
+        towards: (..., 3) direction in which the joint bends.
     """
     first, last = np.asarray(start, float), np.asarray(end, float)
     line = last - first
     distance = np.linalg.norm(line, axis=-1, keepdims=True)
     along = line / distance
     whole = upper_m + lower_m
-    lawful = (distance**2 + upper_m**2 - lower_m**2) / (2 * distance)
-    reach = np.where(distance < whole, lawful, distance * upper_m / whole)
-    height = np.sqrt(np.maximum(upper_m**2 - reach**2, 0.0))
-    aside = np.asarray(towards, float) - np.sum(towards * along, axis=-1, keepdims=True) * along
-    aside = aside / np.linalg.norm(aside, axis=-1, keepdims=True)
-    return first + reach * along + height * aside
+    # The law of cosines gives where the joint's perpendicular meets the line between the ends.
+    foot = (distance**2 + upper_m**2 - lower_m**2) / (2 * distance)
+    foot = np.where(distance < whole, foot, distance * upper_m / whole)
+    height = np.sqrt(np.maximum(upper_m**2 - foot**2, 0.0))
+    bend = np.asarray(towards, float) - np.sum(towards * along, axis=-1, keepdims=True) * along
+    bend = bend / np.linalg.norm(bend, axis=-1, keepdims=True)
+    return first + foot * along + height * bend
 
 
 def compute_bone_transforms(rest: Float64Array, postures: Float64Array) -> NDArray[np.float32]:
-    """How every bone carries points from one posture (joints, 3) to others (n, joints, 3).
+    """Compute the transforms of all bones from one posture (joints, 3) to others (n, joints, 3).
 
     Returns:
-        (n, bones, 3, 4) float32: a point x at rest comes to `move[:, :3] @ x + move[:, 3]`.
-        Bones turn the shortest way.
+        (n, bones, 3, 4) float32: a point x at rest moves to `transform[:, :3] @ x +
+        transform[:, 3]`. Bones do not twist about their own axes.
     """
     before = rest[_BONE_ENDS[:, 1]] - rest[_BONE_ENDS[:, 0]]
     after = postures[:, _BONE_ENDS[:, 1]] - postures[:, _BONE_ENDS[:, 0]]
@@ -169,7 +173,7 @@ def compute_bone_transforms(rest: Float64Array, postures: Float64Array) -> NDArr
 
 
 def _compute_shortest_rotations(before: Float64Array, after: Float64Array) -> Float64Array:
-    """Shortest rotations (..., 3, 3) between directions (..., 3)."""
+    """Compute the smallest rotations (..., 3, 3) from directions to directions (..., 3)."""
     a = before / np.linalg.norm(before, axis=-1, keepdims=True)
     b = after / np.linalg.norm(after, axis=-1, keepdims=True)
     a = np.broadcast_to(a, b.shape)
@@ -177,25 +181,28 @@ def _compute_shortest_rotations(before: Float64Array, after: Float64Array) -> Fl
     zero = np.zeros_like(x)
     cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*x.shape, 3, 3)
     cosine = np.sum(a * b, axis=-1)[..., None, None]
+    # Rodrigues' formula without angles; no limb turns by 180 degrees, where it divides by 0.
     return np.eye(3) + cross + cross @ cross / (1.0 + cosine)
 
 
 STANCE_FRACTION = 0.62
-"""Of a stride that a foot is on the ground."""
+"""Fraction of a stride during which a foot is on the ground."""
 HEEL_STRIKE_FRACTION = 0.225
-"""Of a stride that the ankle is ahead of the hip when the heel strikes."""
+"""Distance of the ankle ahead of the hip at heel strike, as a fraction of the stride."""
 _TYPICAL_STRIDE = 0.76
-"""In heights of the figure."""
+"""Length of a usual stride in heights of the figure, at which arms swing fully."""
 _STRIKE_RAD, _PUSH_RAD = np.radians(20.0), np.radians(-42.0)
+"""Pitch of the foot at heel strike and at push-off, toe up positive."""
 _FLAT_START, _FLAT_END = 0.11, 0.36
+"""Phases between which the foot is flat on the ground."""
 _HEEL_ROLL, _TOE_ROLL = (-0.022, 0.022), (0.104, 0.016)
-"""Of the shoe: how far before the ankle, and radius, in heights of the figure."""
+"""Rounded heel and tip of the shoe: distance ahead of the ankle and radius, in heights."""
 
 
 def compute_walking_postures(build: BodyBuild, stride_m: float, poses: int) -> Float64Array:
-    """Postures (poses, joints, 3) of a stride; the left heel strikes first.
+    """Compute the postures (poses, joints, 3) of a stride, from the strike of the left heel.
 
-    In posture k the body has gone k / poses of the stride.
+    In posture k the body has travelled k / poses of the stride.
     """
     rest = compute_standing_posture(build)
     phase = np.arange(poses) / poses
@@ -205,30 +212,29 @@ def compute_walking_postures(build: BodyBuild, stride_m: float, poses: int) -> F
     }
     hip_z = _compute_hip_height(build, phase, [ankle for ankle, _ in feet.values()])
     postures = np.broadcast_to(rest, (poses, *rest.shape)).copy()
-    sunk = hip_z - rest[Joint.HIP, 2]
     upper = [Joint.PELVIS, Joint.NECK, Joint.HEAD]
     upper += [
         joint_on_side(joint, left) for joint in (Joint.SHOULDER, Joint.HIP) for left in (1, -1)
     ]
-    postures[:, upper, 2] += sunk[:, None]
+    postures[:, upper, 2] += (hip_z - rest[Joint.HIP, 2])[:, None]
     for left, (ankle, pitch) in feet.items():
         _set_leg(postures, build, rest, left, ankle, pitch)
-        vigour = stride_m / (_TYPICAL_STRIDE * build.height_m)
-        _set_arm_swing(postures, rest, left, phase + (left < 0) / 2, vigour)
+        amplitude = stride_m / (_TYPICAL_STRIDE * build.height_m)
+        _set_arm_swing(postures, rest, left, phase + (left < 0) / 2, amplitude)
     return postures
 
 
 def _compute_foot_path(
     build: BodyBuild, stride_m: float, phase: Float64Array
 ) -> tuple[Float64Array, Float64Array]:
-    """Ankle (n, 2) as x and z, and pitch (n,) of a foot, toe up positive; heel strikes at 0."""
+    """Compute the ankle (n, 2), x and z, and pitch (n,) of a foot whose heel strikes at phase 0."""
     stance, pitch = _compute_stance(build, stride_m, np.minimum(phase, STANCE_FRACTION))
     off, off_pitch = _compute_stance(build, stride_m, np.array([STANCE_FRACTION]))
     strike, strike_pitch = _compute_stance(build, stride_m, np.array([0.0]))
-    share = np.clip((phase - STANCE_FRACTION) / (1.0 - STANCE_FRACTION), 0.0, 1.0)
-    eased = share**2 * (3.0 - 2.0 * share)
+    fraction = np.clip((phase - STANCE_FRACTION) / (1.0 - STANCE_FRACTION), 0.0, 1.0)
+    eased = fraction**2 * (3.0 - 2.0 * fraction)
     swing = off + eased[:, None] * (strike - off)
-    swing[:, 1] += 0.055 * build.height_m * np.sin(np.pi * share) ** 2
+    swing[:, 1] += 0.055 * build.height_m * np.sin(np.pi * fraction) ** 2
     swung_pitch = off_pitch + np.sqrt(eased) * (strike_pitch - off_pitch)
     swings = phase > STANCE_FRACTION
     return np.where(swings[:, None], swing, stance), np.where(swings, swung_pitch, pitch)
@@ -237,7 +243,7 @@ def _compute_foot_path(
 def _compute_stance(
     build: BodyBuild, stride_m: float, phase: Float64Array
 ) -> tuple[Float64Array, Float64Array]:
-    """Ankle and pitch of a foot on the ground, which rolls about heel and tip."""
+    """Compute ankle (n, 2) and pitch (n,) of a foot on the ground, rolling over heel and tip."""
     h = build.height_m
     flat = HEEL_STRIKE_FRACTION * stride_m - stride_m * phase
     strikes = np.clip(1.0 - phase / _FLAT_START, 0.0, 1.0)
@@ -253,10 +259,11 @@ def _compute_stance(
 def _compute_hip_height(
     build: BodyBuild, phase: Float64Array, ankles: list[Float64Array]
 ) -> Float64Array:
-    """Height (n,) of the hips, which rise and fall twice a stride, as far as the legs reach."""
-    reach = 0.995 * build.leg_m
+    """Compute the height (n,) of the hips: two falls a stride, as deep as leg length requires."""
+    # Legs are never quite straight: a stretched knee would jump between poses.
+    leg_m = 0.995 * build.leg_m
     allowed = np.min(
-        [z + np.sqrt(np.maximum(reach**2 - x**2, 0.0)) for x, z in (a.T for a in ankles)], axis=0
+        [z + np.sqrt(np.maximum(leg_m**2 - x**2, 0.0)) for x, z in (a.T for a in ankles)], axis=0
     )
     fall = 1.0 - np.cos(4 * np.pi * (phase - 0.29))
     top = min(build.ankle_m + 0.992 * build.leg_m, float(allowed[fall < 0.3].min()))
@@ -279,40 +286,37 @@ def _set_leg(
     hip = postures[:, joint_on_side(Joint.HIP, left)]
     ahead = np.broadcast_to([1.0, 0.0, 0.0], hip.shape)
     postures[:, knee] = solve_middle_joint(hip, postures[:, foot], half, half, ahead)
-    x, y, z = rest[toe] - rest[foot]
-    cosine, sine = np.cos(pitch), np.sin(pitch)
-    turned = np.stack([cosine * x - sine * z, np.full(len(pitch), y), sine * x + cosine * z], 1)
-    postures[:, toe] = postures[:, foot] + turned
+    postures[:, toe] = postures[:, foot] + _pitch_limb(rest[toe] - rest[foot], pitch)
 
 
 def _set_arm_swing(
-    postures: Float64Array, rest: Float64Array, left: int, phase: Float64Array, vigour: float
+    postures: Float64Array, rest: Float64Array, left: int, phase: Float64Array, amplitude: float
 ) -> None:
-    """Turn an arm about its shoulder, forward when the other leg is."""
-    back = vigour * np.cos(2 * np.pi * (phase - 0.02))
+    """Swing an arm about its shoulder: forward while the other leg is forward."""
+    back = amplitude * np.cos(2 * np.pi * (phase - 0.02))
     upper = np.radians(2.0) - np.radians(21.0) * back
     lower = upper + np.radians(12.0) - np.radians(9.0) * back
     shoulder, elbow, hand = (
         joint_on_side(joint, left) for joint in (Joint.SHOULDER, Joint.ELBOW, Joint.HAND)
     )
-    postures[:, elbow] = postures[:, shoulder] + _rotate_limb(rest[elbow] - rest[shoulder], upper)
-    postures[:, hand] = postures[:, elbow] + _rotate_limb(rest[hand] - rest[elbow], lower)
+    postures[:, elbow] = postures[:, shoulder] + _pitch_limb(rest[elbow] - rest[shoulder], upper)
+    postures[:, hand] = postures[:, elbow] + _pitch_limb(rest[hand] - rest[elbow], lower)
 
 
-def _rotate_limb(limb: Float64Array, angle: Float64Array) -> Float64Array:
-    """A hanging limb (3,) turned forward by angles (n,)."""
+def _pitch_limb(limb: Float64Array, angle: Float64Array) -> Float64Array:
+    """Rotate a limb (3,) about the y axis, its front end up, by angles (n,) into (n, 3)."""
     x, y, z = limb
     cosine, sine = np.cos(angle), np.sin(angle)
     return np.stack([cosine * x - sine * z, np.full(len(angle), y), sine * x + cosine * z], axis=1)
 
 
 def raise_right_forearm(postures: Float64Array, build: BodyBuild) -> Float64Array:
-    """Postures (..., joints, 3) with the right forearm held up before the shoulder."""
+    """Raise the right forearm of postures (..., joints, 3), as if it held an umbrella."""
     h = build.height_m
-    held = postures.copy()
+    raised = postures.copy()
     shoulder, elbow, hand = (
         joint_on_side(joint, -1) for joint in (Joint.SHOULDER, Joint.ELBOW, Joint.HAND)
     )
-    held[..., elbow, :] = held[..., shoulder, :] + np.array([0.035, -0.020, -0.168]) * h
-    held[..., hand, :] = held[..., elbow, :] + np.array([0.115, 0.020, 0.105]) * h
-    return held
+    raised[..., elbow, :] = raised[..., shoulder, :] + np.array([0.035, -0.020, -0.168]) * h
+    raised[..., hand, :] = raised[..., elbow, :] + np.array([0.115, 0.020, 0.105]) * h
+    return raised

@@ -1,11 +1,10 @@
-"""Soft shapes: round cones that run into each other, and the skin around them.
+"""Builds smooth surfaces around round cones that blend into each other: limbs, heads and garments.
 
-What is inside has a negative distance. Skins are found by surface nets (Gibson 1998): a vertex in
-every cell of a grid that the surface passes through, then moved onto the surface.
+A soft shape is a signed distance field, negative inside. Its surface is found by surface nets
+(Gibson 1998): a vertex in every cell of a grid that the surface crosses, then moved onto it.
 
-A figure in a posture: places on its skeleton, and the round cones that flesh is made of.
-
-Lengths are shares of the figure's height, those of the head shares of the head's height.
+A figure places cones on its skeleton. Lengths are fractions of the figure's height, on the head
+fractions of the head's height, unless their names end in `_m`.
 """
 
 from collections.abc import Sequence
@@ -23,20 +22,23 @@ from advercity.geometry.mesh import TriangleSurface, xyz
 
 _GRADIENT_STEP_M = 1e-4
 _WEIGHT_FALLOFF_M = 0.022
-"""How fast a vertex forgets a bone whose flesh is farther away."""
+"""Distance over which the weight of a bone falls off, outside its own cones."""
+_CELL_SCALE = 1.3
+"""Factor on cell sizes that suit a close-up: people are seen from some metres."""
 _SEAM_WIDTH_M = 0.03
-"""Width of the strip in the middle that bones of both sides share."""
+"""Width of the strip in the middle where bones of both sides have weight."""
 
 
 @dataclass(frozen=True, eq=False)
 class RoundCone:
-    """A ball that moves along a line while it swells or shrinks.
+    """Volume swept by a ball along a line while its radius changes.
 
     Attributes:
-        start: (3,) where the ball starts.
-        end: (3,) where it ends.
-        radii: Of the ball at both, metres.
-        bone: Index of the bone that it moves with.
+        start: (3,) first centre of the ball, metres.
+        end: (3,) last centre.
+        radii: Radii of the ball at both, metres.
+        bone: Number of the bone that it moves with.
+        width_ratio: Width of the ball (along y) over its depth.
     """
 
     start: Float64Array
@@ -44,39 +46,41 @@ class RoundCone:
     radii: tuple[float, float]
     bone: int
     width_ratio: float = 1.0
-    """How much wider (along y) than deep the ball is."""
 
     def compute_distance(self, points: Float64Array) -> Float64Array:
-        """Distance (n,) of points (n, 3), metres; right on the surface and close to it nearby."""
+        """Compute the distances (n,) of points (n, 3); exact on the surface, else approximate."""
         line = self.end - self.start
-        share = (points - self.start) @ line / max(float(line @ line), 1e-12)
-        share = np.clip(share, 0.0, 1.0)
-        radius = self.radii[0] + share * (self.radii[1] - self.radii[0])
-        away = points - self.start - share[:, None] * line
-        away[:, 1] /= self.width_ratio
-        return np.linalg.norm(away, axis=1) - radius
+        fraction = (points - self.start) @ line / max(float(line @ line), 1e-12)
+        fraction = np.clip(fraction, 0.0, 1.0)
+        radius = self.radii[0] + fraction * (self.radii[1] - self.radii[0])
+        offset = points - self.start - fraction[:, None] * line
+        offset[:, 1] /= self.width_ratio
+        return np.linalg.norm(offset, axis=1) - radius
+
+
+Chain = tuple[RoundCone, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class SoftShape:
-    """Chains of cones that run into each other.
+    """Chains of cones with one surface.
 
     Attributes:
-        chains: Cones of a limb or of the trunk; along a chain the skin hardly bulges.
-        blend_m: How far apart chains begin to run together.
-        cell_m: Size (x, y, z) of the cells of the skin.
-        smooth_m: As `blend_m`, within a chain.
-        hems: Height under which each chain is cut off, where some are.
+        chains: Cones of limbs and of the trunk.
+        blend_m: Distance between chains at which they begin to merge.
+        cell_m: Size (x, y, z) of the grid cells of the surface.
+        smooth_m: The same distance within a chain, small so that the surface hardly bulges.
+        hems: Height below which each chain is cut off; empty: no chain is.
     """
 
-    chains: tuple[tuple[RoundCone, ...], ...]
+    chains: tuple[Chain, ...]
     blend_m: float
     cell_m: tuple[float, float, float]
     smooth_m: float
     hems: tuple[float, ...] = ()
 
     def compute_distance(self, points: Float64Array) -> Float64Array:
-        """Distance (n,) of points (n, 3), metres."""
+        """Compute the distances (n,) of points (n, 3), metres."""
         limbs = [
             np.maximum(
                 _compute_smooth_minimum(
@@ -84,16 +88,14 @@ class SoftShape:
                 ),
                 hem - points[:, 2],
             )
-            for chain, hem in zip(self.chains, self.hems or self._no_hems, strict=True)
+            for chain, hem in zip(
+                self.chains, self.hems or (-np.inf,) * len(self.chains), strict=True
+            )
         ]
         return _compute_smooth_minimum(limbs, self.blend_m)
 
-    @property
-    def _no_hems(self) -> tuple[float, ...]:
-        return (-np.inf,) * len(self.chains)
-
     def build_surface(self) -> TriangleSurface:
-        """The closed surface, with normals."""
+        """Build the closed surface, with normals."""
         cones = [cone for chain in self.chains for cone in chain]
         ends = np.array([end for cone in cones for end in (cone.start, cone.end)])
         radii = np.array([(r, r * cone.width_ratio, r) for cone in cones for r in cone.radii])
@@ -108,6 +110,7 @@ class SoftShape:
         vertices, triangles = _extract_surface_net(values, low, np.asarray(self.cell_m))
         for _ in range(3):
             slope = self._compute_gradient(vertices)
+            # Newton's step onto the surface; where chains blend, slopes near 0 would throw it off.
             steepness = np.maximum(np.sum(slope**2, axis=1), 0.2)
             vertices = vertices - (self.compute_distance(vertices) / steepness)[:, None] * slope
         slope = self._compute_gradient(vertices)
@@ -115,12 +118,12 @@ class SoftShape:
         return _fix_normals(TriangleSurface(vertices, triangles, normals))
 
     def compute_bone_weights(self, points: Float64Array, sides: Sequence[int]) -> Float64Array:
-        """Shares (n, bones) that bones have in points (n, 3) of the skin: whose flesh is near.
+        """Compute the weights (n, bones) of bones in points (n, 3) by the distance of their cones.
 
         Args:
-            points: On the skin.
-            sides: Of each bone: 1 on the left, -1 on the right, 0 in the middle. A bone has no
-                share in the other side of the body.
+            points: Points on the surface.
+            sides: Side of each bone: 1 left, -1 right, 0 middle. A bone has no weight on the other
+                side of the body, however near: thighs must not pull at each other.
         """
         weights = np.full((len(points), len(sides)), 1e-12)
         for chain in self.chains:
@@ -147,7 +150,7 @@ class SoftShape:
 
 
 def _fix_normals(surface: TriangleSurface) -> TriangleSurface:
-    """The surface without slivers; corners whose normal looks away get that of their face."""
+    """Drop slivers; corners whose normal points away from their face get the face's normal."""
     assert surface.normals is not None
     a, b, c = (surface.vertices[surface.triangles[:, corner]] for corner in range(3))
     across = np.cross(b - a, c - a)
@@ -162,19 +165,19 @@ def _fix_normals(surface: TriangleSurface) -> TriangleSurface:
 
 
 def _compute_smooth_minimum(distances: Sequence[Float64Array], blend_m: float) -> Float64Array:
-    """The smooth minimum (Quilez' polynomial) of distances (n,) each."""
+    """Compute the polynomial smooth minimum (Quilez) of distances (n,) each."""
 
-    def joined(first: Float64Array, second: Float64Array) -> Float64Array:
+    def blend(first: Float64Array, second: Float64Array) -> Float64Array:
         close = np.maximum(blend_m - np.abs(first - second), 0.0) / blend_m
         return np.minimum(first, second) - close**2 * blend_m / 4
 
-    return reduce(joined, distances)
+    return reduce(blend, distances)
 
 
 def _extract_surface_net(
     values: Float64Array, origin: ArrayLike, cell_m: Float64Array
 ) -> tuple[Float64Array, np.ndarray]:
-    """Vertices (n, 3) and triangles (m, 3) of the surface where `values` (x, y, z) change sign."""
+    """Extract vertices (n, 3) and triangles (m, 3) where `values` (x, y, z) change sign."""
     shape = np.array(values.shape) - 1
     inside = values < 0
     total, count = np.zeros((*shape, 3)), np.zeros(shape)
@@ -192,6 +195,7 @@ def _extract_surface_net(
             np.add.at(total, tuple(cell.T), point)
             np.add.at(count, tuple(cell.T), 1)
         crossings.append((axis, at))
+    # The vertex of a cell is the mean of the crossings on its edges.
     cells = np.argwhere(count > 0)
     vertices = total[tuple(cells.T)] / count[tuple(cells.T)][:, None]
     number = np.full(tuple(shape), -1)
@@ -210,34 +214,23 @@ def _extract_surface_net(
 
 
 def _find_adjacent_cells(edges: np.ndarray, axis: int) -> list[np.ndarray]:
-    """The four cells around grid edges (n, 3) along an axis, counter-clockwise about it."""
+    """Find the four cells around grid edges (n, 3) along an axis, counter-clockwise about it."""
     v, w = np.eye(3, dtype=int)[(axis + 1) % 3], np.eye(3, dtype=int)[(axis + 2) % 3]
     return [edges - v - w, edges - w, edges, edges - v]
 
 
-Chain = tuple[RoundCone, ...]
-_CELL_SCALE = 1.3
-"""Times the cells that a close-up would need."""
-
-
 class TrunkSection(NamedTuple):
-    """An ellipse across the trunk, from the pelvis upward."""
+    """An ellipse across the trunk; `up` and `forward` are from the pelvis."""
 
     up: float
     forward: float
     half_depth: float
-    """Half its depth."""
     half_width: float
 
 
 @dataclass(frozen=True, eq=False)
 class Figure:
-    """A posture and a build, on which garments are put.
-
-    Attributes:
-        posture: (joints, 3) where every joint is, metres.
-        build: How tall and stout it is.
-    """
+    """A person without clothes: a posture (joints, 3) in metres, and a build."""
 
     posture: Float64Array
     build: BodyBuild
@@ -250,57 +243,56 @@ class Figure:
         cell: tuple[float, float, float],
         hems: tuple[float, ...] = (),
     ) -> SoftShape:
-        """Chains of cones with one skin, in shares of the height.
-
-        Cells shrink less than the figure does, or children would have the finest skin.
-        """
+        """Make a soft shape; `blend` and `cell` are fractions of the height, `hems` metres."""
         h = self.build.height_m
+        # Cells shrink less than the figure, or children would have the most triangles.
         scale = _CELL_SCALE * (0.5 + 0.5 * h / 1.75)
         x, y, z = (scale * edge for edge in cell)
         return SoftShape(tuple(chains), blend * h, (x, y, z), 0.012 * h, hems)
 
     def build_head_cover(self, *cones: RoundCone) -> SoftShape:
-        """What covers the head, in one piece."""
+        """Make a soft shape of cones on the head: hair, a cap, a helmet."""
         unit = self.build.head_m
         return SoftShape((cones,), 0.01, (0.16 * unit, 0.16 * unit, 0.165 * unit), 0.02)
 
     def make_cone(
         self, start: Float64Array, end: Float64Array, thick: float, thin: float, bone: int
     ) -> RoundCone:
-        """Between places (3,) in metres, so thick there; radii are shares of the height."""
+        """Make a cone between points (3,) in metres; radii are fractions of the height."""
         h = self.build.height_m
         return RoundCone(start, end, (thick * h, thin * h), bone)
 
     def make_limb_cone(
         self, start: Joint, end: Joint, left: int, thick: float, thin: float, bone: Bone
     ) -> RoundCone:
-        """From joint to joint on the left (1) or right (-1); radii are shares of the height."""
+        """Make a cone between joints on the left (1) or right (-1)."""
         first, last = (self.posture[joint_on_side(joint, left)] for joint in (start, end))
         return self.make_cone(first, last, thick, thin, bone_on_side(bone, left))
 
     def interpolate_joints(
         self, start: Joint, end: Joint, left: int, fraction: float
     ) -> Float64Array:
-        """The place (3,) at a share of the way between joints on the left (1) or right (-1)."""
+        """Interpolate a point (3,) between joints on the left (1) or right (-1)."""
         first, last = (self.posture[joint_on_side(joint, left)] for joint in (start, end))
         return first + fraction * (last - first)
 
     def compute_up(self) -> Float64Array:
-        """Unit vector (3,) along the spine."""
+        """Compute the unit vector (3,) along the spine."""
         spine = self.posture[Joint.NECK] - self.posture[Joint.PELVIS]
         return spine / np.linalg.norm(spine)
 
-    def compute_trunk_point(self, fore: float, aside: float, high: float) -> Float64Array:
-        """The place (3,), in metres, so many heights fore, left and up of the pelvis."""
+    def compute_trunk_point(self, fore: float, left: float, high: float) -> Float64Array:
+        """Compute a point (3,) in metres from fractions of the height forward, left and up."""
         up = self.compute_up()
         across = xyz(y=1.0)
         spine = np.linalg.norm(self.posture[Joint.NECK] - self.posture[Joint.PELVIS])
         scale = self.build.height_m
-        away = scale * (fore * np.cross(across, up) + aside * across)
-        return self.posture[Joint.PELVIS] + away + high / 0.27 * spine * up
+        offset = scale * (fore * np.cross(across, up) + left * across)
+        # The spine of a standing figure is 0.27 heights long; that of a rider may differ.
+        return self.posture[Joint.PELVIS] + offset + high / 0.27 * spine * up
 
     def stack_trunk_sections(self, sections: tuple[TrunkSection, ...]) -> Chain:
-        """Cones of the trunk from section to section."""
+        """Make the cones of the trunk from section to section."""
         stout = self.build.stoutness
         return tuple(
             RoundCone(
@@ -320,7 +312,7 @@ class Figure:
     def make_trunk_cones(
         self, start: tuple[float, float, float], end: tuple[float, float, float], *radii: float
     ) -> Chain:
-        """A cone of the trunk and its mirror image; places are fore, left and up of the pelvis."""
+        """Make a cone between two trunk points (forward, left, up), and its mirror image."""
         scale = self.build.height_m
         stout = self.build.stoutness
         thick = (radii[0] * scale * stout, radii[1] * scale * stout)
@@ -337,7 +329,7 @@ class Figure:
     def make_head_cone(
         self, start: tuple[float, float, float], end: tuple[float, float, float], *radii: float
     ) -> RoundCone:
-        """Between places fore, left and up of the head's middle, in heights of the head."""
+        """Make a cone between points forward, left and up of the centre of the head."""
         unit = self.build.head_m
         middle = self.posture[Joint.HEAD]
         first, last = middle + unit * np.array(start), middle + unit * np.array(end)

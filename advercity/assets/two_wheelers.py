@@ -1,6 +1,6 @@
-"""Bicycles and those who pedal them.
+"""Builds bicycles and motorcycles with their riders.
 
-Motorcycles and scooters with their riders.
+Bicycles are rigged: pedals, legs and wheels move. Motorcycles are rigid but for their wheels.
 """
 
 from collections.abc import Iterator
@@ -14,7 +14,12 @@ from advercity_dsl.catalogue import Saddle
 from advercity.assets.riders import Rider, Seat, build_rider, compute_riding_postures
 from advercity.assets.rigged_bodies import POSES_PER_CYCLE, attach_to_bone, build_rigged_body
 from advercity.assets.skeleton import BONE_SIDES, compute_bone_transforms
-from advercity.assets.vehicle_parts import SPOKE_COUNT, build_round_tyre, build_spokes
+from advercity.assets.vehicle_parts import (
+    SPOKE_COUNT,
+    build_round_tyre,
+    build_spokes,
+    make_vehicle_parts,
+)
 from advercity.geometry.arrays import Float64Array
 from advercity.geometry.mesh import (
     MeshPart,
@@ -31,13 +36,16 @@ from advercity.semantics import Semantic
 from advercity.world import Body, Gait
 
 _GEAR_RATIO = 2.5
-"""Turns of the wheels in one of the cranks; a whole number of spokes."""
-_CRANK_M = 0.165
+"""Turns of the wheels in one turn of the cranks."""
+# Poses repeat after a turn of the cranks, so wheels must look the same after it.
 assert (_GEAR_RATIO * SPOKE_COUNT).is_integer()
+_CRANK_M = 0.165
+_SPORT_LEAN_DEG = 15.0
+"""Riders of model motorcycles who lean less are dressed as on a scooter."""
 
 
 class BicycleBone(IntEnum):
-    """Bones of the machine, after those of its rider."""
+    """Bones of a bicycle; their numbers follow those of its rider."""
 
     FRAME = len(BONE_SIDES)
     CRANKS = FRAME + 1
@@ -51,7 +59,7 @@ _BONE_COUNT = len(BONE_SIDES) + len(BicycleBone)
 
 
 def build_bicycle(blueprint_id: str, size: Size) -> Body:
-    """A cyclist on a bicycle of about `size`, x forward; short ones are for sport."""
+    """Build a cyclist on a bicycle of about `size`, x forward; short bicycles are sporty."""
     frame = _BicycleGeometry(size)
     rider = Rider.from_seat(frame.seat)
     postures = compute_riding_postures(
@@ -68,22 +76,22 @@ def build_bicycle(blueprint_id: str, size: Size) -> Body:
     )
     helmet = "cloth_white" if sporty else "cloth_red"
     limbs = build_rider(rest, rider.build, looks, helmet, key=blueprint_id)
-    more = ((0, 0), (0, len(BicycleBone)))
-    limbs = [replace(limb, weights=np.pad(limb.weights, more)) for limb in limbs]
+    no_machine = ((0, 0), (0, len(BicycleBone)))
+    limbs = [replace(limb, weights=np.pad(limb.weights, no_machine)) for limb in limbs]
     limbs += [
         attach_to_bone(surface, bone, _BONE_COUNT, material, Semantic.VEHICLE)
         for surface, bone, material in frame.generate_surfaces()
     ]
-    carried = np.concatenate(
+    transforms = np.concatenate(
         [compute_bone_transforms(rest, postures), frame.compute_bone_transforms()], axis=1
     ).astype(np.float32)
     cycle_m = _GEAR_RATIO * 2 * np.pi * frame.radius
-    return build_rigged_body(limbs, Gait(cycle_m, carried, returns_to_rest=False), size)
+    return build_rigged_body(limbs, Gait(cycle_m, transforms, returns_to_rest=False), size)
 
 
 @dataclass(frozen=True)
 class _BicycleGeometry:
-    """Where things are on a bicycle of a size."""
+    """Measures of a bicycle of a size, in metres in its body frame."""
 
     size: Size
 
@@ -127,7 +135,7 @@ class _BicycleGeometry:
         return Seat(self.saddle + xyz(0.01, 0, 0.12), self.grip, self.size[2], lean)
 
     def compute_pedals(self, turns: Float64Array) -> Float64Array:
-        """Middles (n, 2, 3) of the left and right pedal after turns (n,) of the cranks."""
+        """Compute the centres (n, 2, 3) of the left and right pedal after crank turns (n,)."""
         angle = 2 * np.pi * turns[:, None] + np.array([0.0, np.pi])
         x, z = _CRANK_M * np.cos(angle), -_CRANK_M * np.sin(angle)
         y = np.broadcast_to([0.11, -0.11], angle.shape)
@@ -137,22 +145,24 @@ class _BicycleGeometry:
         return self.compute_pedals(turns) + xyz(z=0.012)
 
     def compute_bone_transforms(self) -> Float64Array:
-        """(poses, irons, 3, 4) from no turn of the cranks to every pose."""
+        """Compute transforms (poses, bicycle bones, 3, 4) from the rest pose to every pose."""
         turns = np.arange(POSES_PER_CYCLE) / POSES_PER_CYCLE
         still = np.broadcast_to(np.eye(3, 4), (POSES_PER_CYCLE, 3, 4))
         pedals = self.compute_pedals(turns) - self.compute_pedals(np.zeros(1))
-        slid = [still.copy() for _ in range(2)]
-        for row, move in enumerate(slid):
-            move[:, :, 3] = pedals[:, row]
-        rolled = [
-            _compute_rolling_transforms(hub, _GEAR_RATIO * turns) for hub in (self.front, self.rear)
-        ]
-        return np.stack(
-            [still, _compute_rolling_transforms(self.crank, turns), *slid, *rolled], axis=1
-        )
+        transforms = np.stack([still] * len(BicycleBone), axis=1)
+        first = BicycleBone.FRAME
+        transforms[:, BicycleBone.LEFT_PEDAL - first, :, 3] = pedals[:, 0]
+        transforms[:, BicycleBone.RIGHT_PEDAL - first, :, 3] = pedals[:, 1]
+        for bone, hub, ratio in (
+            (BicycleBone.CRANKS, self.crank, 1.0),
+            (BicycleBone.FRONT_WHEEL, self.front, _GEAR_RATIO),
+            (BicycleBone.REAR_WHEEL, self.rear, _GEAR_RATIO),
+        ):
+            transforms[:, bone - first] = _compute_rolling_transforms(hub, ratio * turns)
+        return transforms
 
     def generate_surfaces(self) -> Iterator[tuple[TriangleSurface, int, str]]:
-        """Surfaces, their bones and materials."""
+        """Generate the surfaces of the machine with their bones and materials."""
         for surface in self._build_tubes():
             yield surface, BicycleBone.FRAME, ACTOR_PAINT
         for surface in self._build_fittings():
@@ -220,7 +230,7 @@ class _BicycleGeometry:
 
 
 def _compute_rolling_transforms(hub: Float64Array, turns: Float64Array) -> Float64Array:
-    """Moves (n, 3, 4) of a wheel that rolls forward about its hub by turns (n,)."""
+    """Compute transforms (n, 3, 4) of a wheel rolling forward about its hub (3,) by turns (n,)."""
     angle = 2 * np.pi * turns
     cosine, sine = np.cos(angle), np.sin(angle)
     zero, one = np.zeros_like(angle), np.ones_like(angle)
@@ -229,11 +239,8 @@ def _compute_rolling_transforms(hub: Float64Array, turns: Float64Array) -> Float
     return np.concatenate([turn, (hub - turn @ hub)[..., None]], axis=-1)
 
 
-_SPORT_LEAN_DEG = 15.0
-
-
 def build_motorcycle(blueprint_id: str, size: Size) -> Body:
-    """A rider on a motorcycle of about `size`, or on a scooter if it is short."""
+    """Build a rider on a motorcycle of about `size`, or on a scooter if it is short."""
     length, width, height = size
     scooter = length < 1.95
     cruiser = length > 2.25
@@ -253,30 +260,26 @@ def build_motorcycle(blueprint_id: str, size: Size) -> Body:
     fenders = [_build_fender(hub, radius) for hub in (front, rear)]
     lamp = head + xyz(0.07, 0, -0.04)
     tail = xyz(rear[0] - 0.05, z=0.52 if scooter else saddle[2] + 0.02)
-    lamps = [
-        (ellipsoid(lamp, (0.06, 0.085, 0.085), sides=10, bands=5), "lamp_white"),
-        (ellipsoid(tail, (0.05, 0.07, 0.04), sides=8, bands=4), "lamp_red"),
-    ]
+    headlamp = ellipsoid(lamp, (0.06, 0.085, 0.085), sides=10, bands=5)
+    tail_lamp = ellipsoid(tail, (0.05, 0.07, 0.04), sides=8, bands=4)
     foot = xyz(0.12 * length if scooter or cruiser else -0.08 * length, z=0.30)
     lean = np.radians(3.0 if scooter or cruiser else 24.0)
     place = Seat(saddle + xyz(0, 0, 0.15), grip, height, lean)
-    pieces = [
-        *_make_vehicle_pieces([*shell, *fenders], ACTOR_PAINT),
-        *_make_vehicle_pieces([tube(bars, 0.02, sides=6), seat], "black_plastic"),
-        *_make_vehicle_pieces([fork, *_build_engine(rear, length, scooter)], "metal"),
-        *(
-            piece
-            for surface, material in lamps
-            for piece in _make_vehicle_pieces([surface], material)
-        ),
-        *(piece for hub in (front, rear) for piece in _build_motorcycle_wheel(hub, radius)),
+    parts = [
+        *make_vehicle_parts(ACTOR_PAINT, *shell, *fenders),
+        *make_vehicle_parts("black_plastic", tube(bars, 0.02, sides=6), seat),
+        *make_vehicle_parts("metal", fork, *_build_engine(rear, length, scooter)),
+        *make_vehicle_parts("lamp_white", headlamp),
+        *make_vehicle_parts("lamp_red", tail_lamp),
+        *_build_motorcycle_wheel(front, radius),
+        *_build_motorcycle_wheel(rear, radius),
         *_build_motorcyclist(blueprint_id, place, foot + xyz(y=0.19), scooter=scooter),
     ]
-    return Body(tuple(build_meshes(pieces)), size)
+    return Body(tuple(build_meshes(parts)), size)
 
 
 def build_model_rider(blueprint_id: str, saddle: Saddle, size: Size) -> list[MeshPart]:
-    """Somebody on the model of a motorcycle; who hardly leans is dressed for town."""
+    """Build a rider for the model of a motorcycle, from its declared saddle, grip and peg."""
     pelvis = xyz(*saddle.seat) + xyz(z=0.12)
     place = Seat(pelvis, xyz(*saddle.grip), size[2], np.radians(saddle.lean_deg))
     return _build_motorcyclist(
@@ -291,53 +294,38 @@ def _build_motorcyclist(
     looks = PedestrianAppearance(stout=1.05, bottom_colour="denim" if scooter else "black")
     helmet = "car_paint_white" if scooter else "black_plastic"
     posture = compute_riding_postures(rider, np.array([[peg, peg * (1, -1, 1)]]))[0]
-    worn = build_rider(posture, rider.build, looks, helmet, key=blueprint_id, has_visor=True)
-    return [MeshPart(limb.surface, limb.material, limb.semantic) for limb in worn]
-
-
-def _make_vehicle_pieces(
-    surfaces: list[TriangleSurface], material: str, wheel: Wheel | None = None
-) -> list[MeshPart]:
-    return [MeshPart(surface, material, Semantic.VEHICLE, wheel) for surface in surfaces]
+    limbs = build_rider(posture, rider.build, looks, helmet, key=blueprint_id, has_visor=True)
+    return [MeshPart(limb.surface, limb.material, limb.semantic) for limb in limbs]
 
 
 def _build_motorcycle_wheel(hub: Float64Array, radius: float) -> list[MeshPart]:
     wheel = Wheel(tuple(hub.tolist()))
-    rim = revolve_closed_profile(_square_profile(0.66 * radius, 0.035), hub, sides=14)
-    return [
-        *_make_vehicle_pieces([build_round_tyre(hub, radius, 0.065)], "rubber", wheel),
-        *_make_vehicle_pieces([rim, *build_spokes(hub, 0.72 * radius)], "metal", wheel),
-    ]
-
-
-def _square_profile(radius: float, half: float) -> Float64Array:
-    return np.array(
-        [(radius, -half), (radius + 0.03, -half), (radius + 0.03, half), (radius, half)]
+    inner, half = 0.66 * radius, 0.035
+    outer = inner + 0.03
+    rim = revolve_closed_profile(
+        [(inner, -half), (outer, -half), (outer, half), (inner, half)], hub, sides=14
     )
+    tyre, spokes = build_round_tyre(hub, radius, 0.065), build_spokes(hub, 0.72 * radius)
+    return [
+        *make_vehicle_parts("rubber", tyre, wheel=wheel),
+        *make_vehicle_parts("metal", rim, *spokes, wheel=wheel),
+    ]
 
 
 def _build_fender(hub: Float64Array, radius: float) -> TriangleSurface:
     angle = np.radians(np.linspace(35, 150, 7))
     outer, half = radius + 0.035, 0.075
     arc = np.column_stack([np.cos(angle), np.zeros(7), np.sin(angle)])
-    left = np.array([0.0, half, 0.0])
+    side, inner = np.array([0.0, half, 0.0]), outer - 0.02
     rings = [
-        hub
-        + np.array(
-            [
-                a * outer - left,
-                a * outer + left,
-                a * (outer - 0.02) + left,
-                a * (outer - 0.02) - left,
-            ]
-        )
+        hub + np.array([a * outer - side, a * outer + side, a * inner + side, a * inner - side])
         for a in arc
     ]
     return loft_rings(np.stack(rings))
 
 
 def _build_hull(stations: list[tuple[float, float, float, float]]) -> TriangleSurface:
-    """A rounded hull of elliptical sections: (x, z of the middle, half width, half height)."""
+    """Loft a hull over elliptical sections: (x, z of the centre, half width, half height)."""
     angle = 2 * np.pi * np.arange(10) / 10
     rings = [
         np.column_stack([np.full(10, x), half_y * np.cos(angle), z + half_z * np.sin(angle)])

@@ -1,9 +1,4 @@
-"""Road wheels of cars, vans and trucks.
-
-Wheels of bicycles and motorcycles.
-
-Glasses of indicators, left and right apart, since they blink apart.
-"""
+"""Builds parts that vehicles of several classes have: wheels and indicators."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -31,30 +26,51 @@ from advercity.semantics import Semantic
 
 _WHEEL_SIDES = 16
 _RIM_SPOKES = 5
+SPOKE_COUNT = 10
+"""Spokes of two-wheelers; a wheel looks the same after a turn by one of them."""
+INDICATOR_GLASS = "lamp_amber"
+INDICATOR_MATERIALS = {1: f"{INDICATOR_GLASS}_left", -1: f"{INDICATOR_GLASS}_right"}
+"""Materials of indicators on the left (y > 0) and on the right: the sides blink separately."""
+_INDICATOR_HALF_SIZE_M = np.array([0.05, 0.045, 0.035])
+_INDICATOR_INSET_M = 0.035
+"""Distance of an added indicator behind the front of the lens that it is set into."""
+_OUTER_FRACTION = 0.75
+"""Lateral position of the vertices that an indicator is placed by, as a fraction of the lens's."""
+_MIN_LATERAL_M = 0.09
+
+
+def make_vehicle_parts(
+    material: str, *surfaces: TriangleSurface, wheel: Wheel | None = None
+) -> list[MeshPart]:
+    """Make parts of the semantic class of vehicles from surfaces of one material."""
+    return [MeshPart(surface, material, Semantic.VEHICLE, wheel) for surface in surfaces]
 
 
 def build_axle(
     x_m: float, outer_y_m: float, radius_m: float, width_m: float, *, is_steered: bool = False
 ) -> list[MeshPart]:
-    """The two wheels of an axle; they stand on the ground, outer faces at `outer_y_m`.
+    """Build the two wheels of an axle, on the ground, with outer faces at `outer_y_m`.
 
-    Those that steer turn about their own middles, the others about the middle of their axle.
+    Steered wheels turn about their own centres, the others about the centre of the axle.
     """
-    left = _build_road_wheel(xyz(x_m, outer_y_m, radius_m), radius_m, width_m)
     middle_m = outer_y_m - width_m / 2 if is_steered else 0.0
+    left, right = (
+        Wheel((x_m, sign * middle_m, radius_m), is_steered=is_steered) for sign in (1.0, -1.0)
+    )
     return [
-        MeshPart(
-            side, material, Semantic.VEHICLE, Wheel((x_m, sign * middle_m, radius_m), is_steered)
+        part
+        for surface, material in _build_road_wheel(xyz(x_m, outer_y_m, radius_m), radius_m, width_m)
+        for part in (
+            *make_vehicle_parts(material, surface, wheel=left),
+            *make_vehicle_parts(material, mirror_surface(surface), wheel=right),
         )
-        for surface, material in left
-        for side, sign in ((surface, 1.0), (mirror_surface(surface), -1.0))
     ]
 
 
 def _build_road_wheel(
     face: Float64Array, radius_m: float, width_m: float
 ) -> list[tuple[TriangleSurface, str]]:
-    """A left-hand wheel around the middle of its outer face: tyre, and rim with spokes."""
+    """Build tyre, rim and spokes of a left-hand wheel around the centre (3,) of its outer face."""
     radius = np.array([0.66, 0.93, 1.0, 1.0, 0.8]) * radius_m
     y = -np.array([0.10, 0.0, 0.14, 0.86, 1.0]) * width_m
     tyre = revolve_profile(np.column_stack([radius, y]), face, sides=_WHEEL_SIDES)
@@ -68,19 +84,15 @@ def _build_road_wheel(
 
 
 def _compute_spoke_outline() -> Float64Array:
-    """Outline (3 spokes, 3) in the plane of a rim: two corners at each tip, one between."""
+    """Outline (3 spokes, 3) in the plane of a rim: two corners at each tip, one in between."""
     middle = 2 * np.pi * np.arange(_RIM_SPOKES)[:, None] / _RIM_SPOKES
     angle = (middle + np.array([-0.17, 0.17, np.pi / _RIM_SPOKES])).ravel()
-    reach = np.tile([0.62, 0.62, 0.22], _RIM_SPOKES)
-    return np.column_stack([reach * np.cos(angle), np.zeros(len(angle)), reach * np.sin(angle)])
-
-
-SPOKE_COUNT = 10
-"""All look alike: a wheel that turns by a tenth looks the same."""
+    radius = np.tile([0.62, 0.62, 0.22], _RIM_SPOKES)
+    return np.column_stack([radius * np.cos(angle), np.zeros(len(angle)), radius * np.sin(angle)])
 
 
 def build_round_tyre(hub: Float64Array, radius_m: float, half_width_m: float) -> TriangleSurface:
-    """A round tyre that stands on the ground."""
+    """Build a tyre of round cross-section, as two-wheelers have."""
     angle = 2 * np.pi * np.arange(6) / 6
     profile = np.column_stack(
         [radius_m - half_width_m + half_width_m * np.cos(angle), half_width_m * np.sin(angle)]
@@ -89,65 +101,52 @@ def build_round_tyre(hub: Float64Array, radius_m: float, half_width_m: float) ->
 
 
 def build_spokes(hub: Float64Array, radius_m: float) -> list[TriangleSurface]:
-    """Axle and spokes."""
+    """Build the axle and the spokes of a two-wheeler's wheel."""
     angle = 2 * np.pi * np.arange(SPOKE_COUNT // 2) / SPOKE_COUNT
-    along = np.column_stack([np.cos(angle), np.zeros(len(angle)), np.sin(angle)]) * 0.95 * radius_m
+    arms = np.column_stack([np.cos(angle), np.zeros(len(angle)), np.sin(angle)]) * 0.95 * radius_m
     axle = tube([hub - xyz(0, 0.05, 0), hub + xyz(0, 0.05, 0)], 0.03, sides=6)
-    return [axle, *(tube([hub - arm, hub + arm], 0.006, sides=3) for arm in along)]
-
-
-INDICATOR_GLASS = "lamp_amber"
-INDICATOR_MATERIALS = {1: f"{INDICATOR_GLASS}_left", -1: f"{INDICATOR_GLASS}_right"}
-"""Materials of the glasses on the left (y > 0) and on the right."""
-_INDICATOR_HALF_SIZE_M = np.array([0.05, 0.045, 0.035])
-_INDICATOR_INSET_M = 0.035
-"""From the front of the glass that they are put into."""
-_OUTER_FRACTION = 0.75
-"""Of how far out a glass reaches: where they are put."""
-_MIN_LATERAL_M = 0.09
+    return [axle, *(tube([hub - arm, hub + arm], 0.006, sides=3) for arm in arms)]
 
 
 def add_indicators(parts: Sequence[Mesh]) -> tuple[Mesh, ...]:
-    """The parts of a vehicle with an indicator at each corner.
+    """Give a vehicle an indicator at each corner.
 
-    Amber glass that is there already is told apart by its side; without any, small glasses are put
-    at the outer ends of the white glass in front and of the red glass behind.
+    Amber glass that the body has already is split into left and right. Without any, small lenses
+    are added at the outer ends of the white glass in front and of the red glass behind.
     """
-    there = [part for part in parts if part.material == INDICATOR_GLASS]
+    amber = [part for part in parts if part.material == INDICATOR_GLASS]
+    if not amber:
+        return (*parts, *build_meshes(list(_build_indicators(parts))))
     rest = [part for part in parts if part.material != INDICATOR_GLASS]
-    if there:
-        return (*rest, *(side for part in there for side in _split_by_side(part)))
-    return (*rest, *build_meshes(list(_build_indicators(parts))))
+    return (*rest, *(side for part in amber for side in _split_by_side(part)))
 
 
 def _split_by_side(part: Mesh) -> Iterator[Mesh]:
-    """The triangles of each side, as meshes of their own."""
+    """Split a mesh into one of the triangles on the left and one of those on the right."""
     middle = part.vertices[part.triangles][..., 1].mean(axis=1)
     for left, material in INDICATOR_MATERIALS.items():
-        own = part.triangles[(middle >= 0) == (left > 0)]
-        if len(own):
-            yield replace(part, name=f"{part.name}_{material}", triangles=own, material=material)
+        triangles = part.triangles[(middle >= 0) == (left > 0)]
+        if len(triangles):
+            name = f"{part.name}_{material}"
+            yield replace(part, name=name, triangles=triangles, material=material)
 
 
 def _build_indicators(parts: Sequence[Mesh]) -> Iterator[MeshPart]:
-    for glass, ahead in (("lamp_white", 1.0), ("lamp_red", -1.0)):
+    for glass, sign in (("lamp_white", 1.0), ("lamp_red", -1.0)):
         corners = [
             part.vertices[np.unique(part.triangles)] for part in parts if part.material == glass
         ]
         if not corners:
             continue
         points = np.concatenate(corners).astype(np.float64)
-        aside = np.abs(points[:, 1])
-        outer = points[aside >= _OUTER_FRACTION * aside.max()]
-        x = (outer[:, 0] * ahead).max() * ahead
+        lateral = np.abs(points[:, 1])
+        outer = points[lateral >= _OUTER_FRACTION * lateral.max()]
+        x = (outer[:, 0] * sign).max() * sign
         y, z = np.abs(outer[np.abs(outer[:, 0] - x) < _INDICATOR_HALF_SIZE_M[0]][:, 1:]).mean(
             axis=0
         )
-        place = np.array([x - ahead * _INDICATOR_INSET_M, max(y, _MIN_LATERAL_M), z])
+        place = np.array([x - sign * _INDICATOR_INSET_M, max(y, _MIN_LATERAL_M), z])
         for left, material in INDICATOR_MATERIALS.items():
             middle = place * (1, left, 1)
-            yield MeshPart(
-                box(middle - _INDICATOR_HALF_SIZE_M, middle + _INDICATOR_HALF_SIZE_M),
-                material,
-                Semantic.VEHICLE,
-            )
+            lens = box(middle - _INDICATOR_HALF_SIZE_M, middle + _INDICATOR_HALF_SIZE_M)
+            yield from make_vehicle_parts(material, lens)

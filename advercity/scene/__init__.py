@@ -1,1 +1,1 @@
-"""The static stage of a scenario: road network, meshes, materials, bodies."""
+"""Static world of a scenario: ground, buildings, vegetation, roadside objects and bodies."""

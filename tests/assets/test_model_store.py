@@ -293,7 +293,7 @@ def test_installing_may_be_optional(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     done = CliRunner().invoke(app, ["assets", "install", "--optional"])
     assert done.exit_code == 0
     assert "shaped by the program" in done.output
-    with pytest.raises(RunError, match="there is no apt-get here"):
+    with pytest.raises(RunError, match="apt-get was not found"):
         ModelStore(tmp_path / "assets").install_package()
 
 
@@ -325,7 +325,7 @@ INSTALLED = ModelStore(find_cache_folder() / "assets")
 MODELLED = [name for name, made in CATALOGUE.blueprints.items() if made.model is not None]
 
 
-@pytest.mark.skipif(not INSTALLED.has_package, reason="the asset pack is not installed")
+@pytest.mark.skipif(not INSTALLED.has_package, reason="the asset package is not installed")
 @pytest.mark.parametrize("name", MODELLED)
 def test_every_model_of_the_pack_makes_a_sound_body(name: str):
     made = CATALOGUE.blueprints[name]
