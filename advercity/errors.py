@@ -1,23 +1,35 @@
-"""Every error a caller may want to handle.
+"""Errors that a caller may want to handle.
 
 AdvercityError
-├── InputError      what a person wrote is wrong: a declaration, a spec, an option (exit code 2)
+├── InputError      the input is not valid: a declaration, a spec, an option (exit code 2)
 └── RunError        a run failed: simulator, renderer, disk, machine (exit code 1)
     └── BackendError    a rendering backend is missing, broken or has no device
 """
 
+from collections.abc import Generator
+from contextlib import contextmanager
+
 
 class AdvercityError(Exception):
-    """Base of all errors raised on purpose; its text is for the user, without a traceback."""
+    """Base of all expected errors; the message is for the user, without a traceback."""
 
 
 class InputError(AdvercityError):
-    """What a person wrote is wrong; the text says where and what would be right."""
+    """The input is not valid; the message gives the place and how to correct it."""
 
 
 class RunError(AdvercityError):
-    """Something failed while running; the text says what and what to try."""
+    """A run failed; the message gives the cause and what to try."""
 
 
 class BackendError(RunError):
     """A rendering backend is missing, does not import, or finds no device."""
+
+
+@contextmanager
+def report_write_errors() -> Generator[None]:
+    """Convert an OSError into an InputError that names the file, as the user chose the path."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f"{error.filename}: cannot be written: {error.strerror}") from error

@@ -1,11 +1,7 @@
-"""What drivers do about a weather, from their tables.
-
-Makes specs of scenes, and of specs under another weather.
-"""
+"""Assembly of specs from the inputs of a scenario, and of specs with another weather."""
 
 import hashlib
 from collections.abc import Sequence
-from typing import Literal
 
 import numpy as np
 from advercity_dsl import (
@@ -44,92 +40,53 @@ from advercity.physics.constants import GRAVITY_M_S2
 from advercity.physics.extinction import mor_without_precipitation_m
 from advercity.physics.stopping import friction_coefficient
 
-
-def compute_driver_response(drivers: Drivers, weather: Weather) -> DriverResponse:
-    """How much slower, farther apart and more gently drivers drive under a weather."""
-    tables = _get_response_tables(drivers, weather)
-    grip_m_s2 = GRAVITY_M_S2 * friction_coefficient(drivers.grip, weather)
-    slower = max(_interpolate_response("slower_percent", *table) for table in tables)
-    headway_s = max(_interpolate_response("headway_s", *table) for table in tables)
-    return DriverResponse(
-        speed_share=round(1 - slower / 100, 4),
-        headway_s=round(headway_s, 3),
-        usual_m_s2=round(drivers.grip.used_share * grip_m_s2, 3),
-        hardest_m_s2=round(grip_m_s2, 3),
-    )
-
-
-ResponseTable = tuple[Sequence[ResponseStep], Sequence[float], float]
-"""Steps, the intensity of each, and the intensity that is there."""
-
-
-def _get_response_tables(drivers: Drivers, weather: Weather) -> tuple[ResponseTable, ...]:
-    rain, snow = weather.rain, weather.snow
-    rates = [step.rate_mm_h for step in drivers.rain]
-    snow_rates = [step.rate_mm_h for step in drivers.snowfall]
-    covers = [step.road_coverage for step in drivers.snow_cover]
-    nearness = [-step.mor_m for step in drivers.visibility]
-    return (
-        (drivers.rain, rates, rain.rate_mm_h),
-        (drivers.snowfall, snow_rates, snow.rate_mm_h),
-        (drivers.snow_cover, covers, snow.road_coverage),
-        (drivers.visibility, nearness, -mor_without_precipitation_m(weather)),
-    )
-
-
-def _interpolate_response(
-    what: Literal["slower_percent", "headway_s"],
-    steps: Sequence[ResponseStep],
-    intensities: Sequence[float],
-    there: float,
-) -> float:
-    if not steps or there < intensities[0]:
-        return 0.0
-    return float(np.interp(there, intensities, [getattr(step, what) for step in steps]))
-
-
 SPAWN_AREAS = 8
-"""A square around each of five agents and a box along each of three paths."""
+"""Areas for which vehicles are counted: around each of five agents, along each of three paths."""
+FIRST_VEHICLE_NUMBER = 101
+"""Number of the first connected vehicle in annotations; roadside units count down from -1."""
 
 
 def build_spec(
     library: Library,
     suite: Suite,
-    scene: ScenarioInputs,
+    inputs: ScenarioInputs,
     groups: tuple[CrashGroup, ...],
     conflicts: tuple[StagedConflict, ...],
     drivers: Drivers | None,
 ) -> Spec:
-    """The spec of a scene, its digest filled in.
+    """Build the spec of a scenario, with its digest.
 
     Args:
-        library: Where the declarations are.
-        suite: What was crossed.
-        scene: What the scenario is made of.
-        groups: The typologies that its road is here for.
-        conflicts: As they are staged in its traffic.
-        drivers: How weather makes people drive; None leaves them as they are.
+        library: Library of all declarations.
+        suite: The suite that is crossed.
+        inputs: Declarations of the scenario.
+        groups: Crash groups for which its road was selected.
+        conflicts: Solved conflicts.
+        drivers: Drivers who react to weather, if any.
     """
-    road, density = scene.road, scene.density
-    parts = (suite, road, scene.weather, density, scene.rig, scene.catalogue)
-    parts += (*scene.cell.conflicts, *([drivers] if drivers else []))
+    road, density = inputs.road, inputs.density
+    declarations = [suite, road, inputs.weather, density, inputs.rig, inputs.catalogue]
+    declarations += [*inputs.conflicts.conflicts, *([drivers] if drivers else [])]
     digests = {
-        f"{get_declaration_kind(item)}/{item.id}": library.find_entry(item).digest for item in parts
+        f"{get_declaration_kind(item)}/{item.id}": library.find_entry(item).digest
+        for item in declarations
     }
+    step = inputs.step
     spec = Spec(
-        id=scene.id,
+        id=inputs.id,
         groups=groups,
         road=road,
-        weather=scene.weather,
+        weather=inputs.weather,
         density=density,
-        agents=_build_agents(road, scene.rig, scene.catalogue),
+        agents=_build_agents(road, inputs.rig, inputs.catalogue),
         demand=_compute_demand(road, density),
         conflicts=conflicts,
         drivers=drivers,
-        caution=compute_driver_response(drivers, scene.weather) if drivers else None,
-        blueprints=scene.blueprints,
+        caution=compute_driver_response(drivers, inputs.weather) if drivers else None,
+        blueprints=inputs.blueprints,
         timing=suite.timing,
         seeds=SpecSeeds(
+            # Without the weather, so that all weathers of a road and density have one traffic.
             traffic=_derive_seed(suite.seeds.traffic, "traffic", road.id, density.id),
             sensors=suite.seeds.sensors,
             weather=suite.seeds.weather,
@@ -138,54 +95,85 @@ def build_spec(
             compiler=__version__,
             suite=suite.id,
             declarations=dict(sorted(digests.items())),
-            draws=_format_draws(scene.draws),
-            conflict=scene.cell.crossed.id if scene.cell.crossed else None,
-            sweep=SweepPoint(field=scene.step.field, value=scene.step.value)
-            if scene.step
-            else None,
+            draws=_format_draws(inputs.draws),
+            conflict=inputs.conflicts.crossed_id,
+            sweep=SweepPoint(field=step.field, value=step.value) if step else None,
             digest="0" * 64,
         ),
     )
-    return with_digest(spec)
+    return _with_digest(spec)
+
+
+def with_weather(spec: Spec, entry: LibraryEntry[Weather]) -> Spec:
+    """Return the scenario under another weather, equal to what its suite would compile to."""
+    provenance, declared = spec.provenance, entry.declaration
+    step = SweepStep(provenance.sweep.field, provenance.sweep.value) if provenance.sweep else None
+    name = build_spec_id(spec.road, declared, spec.density, step, provenance.conflict)
+    weather, draws = draw_scenario_weather(entry, spec.seeds.weather, name, step)
+    digests = {
+        key: digest
+        for key, digest in provenance.declarations.items()
+        if not key.startswith("weather/")
+    }
+    digests[f"weather/{declared.id}"] = entry.digest
+    changes = {
+        "id": name,
+        "weather": localize_weather(entry, weather, spec.road),
+        "caution": compute_driver_response(spec.drivers, weather) if spec.drivers else None,
+        "provenance": provenance.model_copy(
+            update={"declarations": dict(sorted(digests.items())), "draws": _format_draws(draws)}
+        ),
+    }
+    return _with_digest(spec.model_copy(update=changes))
 
 
 def _format_draws(draws: Distributions) -> dict[str, Distribution]:
-    return {f"weather.{format_value_path(where)}": item for where, item in draws.items()}
+    return {f"weather.{format_value_path(path)}": item for path, item in draws.items()}
 
 
-def with_digest(spec: Spec) -> Spec:
-    """The spec with its own digest filled in."""
+def _with_digest(spec: Spec) -> Spec:
     data = spec.model_dump(mode="json")
     del data["provenance"]["digest"]
     provenance = spec.provenance.model_copy(update={"digest": compute_json_digest(data)})
     return spec.model_copy(update={"provenance": provenance})
 
 
-def with_weather(spec: Spec, entry: LibraryEntry[Weather]) -> Spec:
-    """The same scenario under another weather: what the suite would have compiled to."""
-    sources = {
-        name: digest
-        for name, digest in spec.provenance.declarations.items()
-        if not name.startswith("weather/")
-    }
-    sources[f"weather/{entry.declaration.id}"] = entry.digest
-    swept = spec.provenance.sweep
-    step = SweepStep(swept.field, swept.value) if swept else None
-    crossed = spec.provenance.conflict
-    name = build_spec_id(spec.road, entry.declaration, spec.density, step, crossed)
-    weather, draws = draw_scenario_weather(entry, spec.seeds.weather, name, step)
-    provenance = spec.provenance.model_copy(
-        update={"declarations": dict(sorted(sources.items())), "draws": _format_draws(draws)}
+def compute_driver_response(drivers: Drivers, weather: Weather) -> DriverResponse:
+    """Compute speed, headway and accelerations of drivers under a weather from their tables."""
+    # Intensities must rise from step to step, and the effect rises as visibility falls.
+    nearness = -mor_without_precipitation_m(weather)
+    tables: list[tuple[Sequence[ResponseStep], list[float], float]] = [
+        (drivers.rain, [step.rate_mm_h for step in drivers.rain], weather.rain.rate_mm_h),
+        (drivers.snowfall, [step.rate_mm_h for step in drivers.snowfall], weather.snow.rate_mm_h),
+        (
+            drivers.snow_cover,
+            [step.road_coverage for step in drivers.snow_cover],
+            weather.snow.road_coverage,
+        ),
+        (drivers.visibility, [-step.mor_m for step in drivers.visibility], nearness),
+    ]
+    effects = [_interpolate(*table) for table in tables]
+    slower_percent, headway_s = (max(values) for values in zip(*effects, strict=True))
+    grip_m_s2 = GRAVITY_M_S2 * friction_coefficient(drivers.grip, weather)
+    return DriverResponse(
+        speed_share=round(1 - slower_percent / 100, 4),
+        headway_s=round(headway_s, 3),
+        usual_m_s2=round(drivers.grip.used_share * grip_m_s2, 3),
+        hardest_m_s2=round(grip_m_s2, 3),
     )
-    return with_digest(
-        spec.model_copy(
-            update={
-                "id": name,
-                "weather": localize_weather(entry, weather, spec.road),
-                "caution": compute_driver_response(spec.drivers, weather) if spec.drivers else None,
-                "provenance": provenance,
-            }
-        )
+
+
+def _interpolate(
+    steps: Sequence[ResponseStep], intensities: Sequence[float], intensity: float
+) -> tuple[float, float]:
+    """Interpolate reduction of speed in percent and headway in s; 0 below the first step."""
+    if not steps or intensity < intensities[0]:
+        return 0.0, 0.0
+    slower_percent = [step.slower_percent for step in steps]
+    headways_s = [step.headway_s for step in steps]
+    return (
+        float(np.interp(intensity, intensities, slower_percent)),
+        float(np.interp(intensity, intensities, headways_s)),
     )
 
 
@@ -197,37 +185,38 @@ def _build_agents(road: Road, rig: Rig, catalogue: Catalogue) -> tuple[Agent, ..
             units += 1
             sensors = _build_roadside_sensors(rig.roadside_unit, place)
             agents.append(Agent(id=name, number=-units, place=place, sensors=sensors))
-        else:
-            number = 101 + len(agents) - units
-            agents.append(
-                Agent(
-                    id=name,
-                    number=number,
-                    place=place,
-                    sensors=rig.vehicle,
-                    blueprint=catalogue.ego,
-                )
+            continue
+        number = FIRST_VEHICLE_NUMBER + len(agents) - units
+        agents.append(
+            Agent(
+                id=name,
+                number=number,
+                place=place,
+                sensors=rig.vehicle,
+                blueprint=catalogue.ego,
             )
+        )
     return tuple(agents)
 
 
-def _build_roadside_sensors(carrier: SensorSet, unit: RoadsideUnit) -> SensorSet:
+def _build_roadside_sensors(sensors: SensorSet, unit: RoadsideUnit) -> SensorSet:
     if unit.lidar_upper_deg is None:
-        return carrier
-    lidar = carrier.lidar.model_copy(update={"upper_deg": unit.lidar_upper_deg})
-    return carrier.model_copy(update={"lidar": lidar})
+        return sensors
+    lidar = sensors.lidar.model_copy(update={"upper_deg": unit.lidar_upper_deg})
+    return sensors.model_copy(update={"lidar": lidar})
 
 
 def _compute_demand(road: Road, density: Density) -> ClassDemand:
-    asked = road.traffic
+    traffic = road.traffic
     return ClassDemand(
-        vehicles=SPAWN_AREAS * round(asked.vehicles_per_area * density.vehicles),
-        walkers=round(asked.walkers * density.walkers),
-        crossing_share=asked.crossing_share,
-        classes=asked.classes,
-        around_agent_m=asked.around_agent_m,
-        around_path_m=asked.around_path_m,
-        speed_offset_percent=asked.speed_offset_percent,
+        # Rounded per area, as the original does, then multiplied.
+        vehicles=SPAWN_AREAS * round(traffic.vehicles_per_area * density.vehicles),
+        walkers=round(traffic.walkers * density.walkers),
+        crossing_share=traffic.crossing_share,
+        classes=traffic.classes,
+        around_agent_m=traffic.around_agent_m,
+        around_path_m=traffic.around_path_m,
+        speed_offset_percent=traffic.speed_offset_percent,
     )
 
 

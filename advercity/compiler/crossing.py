@@ -1,4 +1,4 @@
-"""Crosses a suite's roads, weathers and densities into specs."""
+"""Compilation of suites: crossing roads, weathers and densities into specs."""
 
 from collections.abc import Mapping
 from itertools import product
@@ -30,34 +30,42 @@ from advercity.errors import InputError
 
 
 def compile_library(*folders: Path, suite: str | None = None) -> list[Spec]:
-    """Every spec of a library's suite; of its default or only one, or of the one called `suite`."""
+    """Load a library and compile its suite `suite`, by default its default or only one.
+
+    Raises:
+        InputError: With the errors of all files, or if the suite cannot be found or compiled.
+    """
     library = load_library(*folders)
     return compile_suite(library, find_suite(library, *folders, suite=suite))
 
 
 def find_suite(library: Library, *folders: Path, suite: str | None = None) -> Suite:
-    """A library's default or only suite, or the one called `suite`.
+    """Return the suite `suite` of a library, by default its default or only one.
 
     Raises:
-        InputError: There is none, or no such one.
+        InputError: No suite has that name, or several could be meant.
     """
-    named = ", ".join(str(folder) for folder in folders)
+    where = ", ".join(str(folder) for folder in folders)
     suites = library.get_declarations(Suite)
-    usual = [item for item in suites.values() if item.default] or list(suites.values())
-    if suite is None and len(usual) == 1:
-        return usual[0]
+    defaults = [item for item in suites.values() if item.default] or list(suites.values())
+    if suite is None and len(defaults) == 1:
+        return defaults[0]
     if suite in suites:
         return suites[suite]
     if not suites:
-        raise InputError(f"{named}: has no suite; `advercity new suite NAME` writes one")
+        raise InputError(f"{where}: has no suite; `advercity new suite NAME` writes one")
     if suite is None:
-        choice = f"has {len(suites)} suites; name one with --suite: {', '.join(suites)}"
-        raise InputError(f"{named}: {choice}")
-    raise InputError(f"{named}: there is no suite '{suite}'; {suggest_name(suite, suites)}")
+        names = ", ".join(suites)
+        raise InputError(f"{where}: has {len(suites)} suites; select one with --suite: {names}")
+    raise InputError(f"{where}: unknown suite '{suite}'; {suggest_name(suite, suites)}")
 
 
 def validate_path(path: Path) -> None:
-    """Check a spec, a declaration, or a whole library and its suites; raise on problems."""
+    """Validate a spec, a declaration, or a library with all its suites.
+
+    Raises:
+        InputError: With all errors.
+    """
     if path.suffix == ".json":
         read_spec(path)
         return
@@ -70,62 +78,74 @@ def validate_path(path: Path) -> None:
 
 
 def compile_suite(library: Library, suite: Suite, *, require_sun: bool = True) -> list[Spec]:
-    """Every scenario of a suite, in the order of roads, weathers, densities and its sweep.
+    """Compile every scenario of a suite, in the order of roads, weathers, densities and steps.
 
     Args:
-        library: Where everything is.
-        suite: What to cross.
-        require_sun: Whether suns in somebody's view must have been found; else suns stand anywhere.
+        library: Library of all declarations.
+        suite: Suite to compile.
+        require_sun: Whether a sun in view of the ego must have been computed; any is used if not.
 
     Raises:
-        ProblemsError: A reference leads nowhere, a required place has no road, a road has no
-            required place, a sun in somebody's view is not found yet, or no scenario is left.
+        DiagnosticsError: A name is unknown, a required kind of road is missing, a road is not
+            required, a sun in view of the ego has not been computed, or no scenario remains.
     """
-    found = resolve_suite(library, suite)
-    groups = _assign_crash_groups(library, suite, found.roads)
-    check_resolved_suite(library, found)
-    scenes = _build_crossings(library, suite, found, groups, require_sun=require_sun)
+    resolved = resolve_suite(library, suite)
+    groups = _assign_crash_groups(library, suite, resolved.roads)
+    check_resolved_suite(library, resolved)
+    scenarios = _build_crossings(library, suite, resolved, groups, require_sun=require_sun)
+    # Solving is slow and ignores the weather: once per road, density and sweep step.
     conflicts = {
-        key: solve_road_conflicts(library, suite, made.cell, made.density, made.blueprints)
-        for key, made in {made.traffic_key: made for made in scenes}.items()
+        key: solve_road_conflicts(
+            library, suite, inputs.conflicts, inputs.density, inputs.blueprints
+        )
+        for key, inputs in {inputs.traffic_key: inputs for inputs in scenarios}.items()
     }
     return [
         build_spec(
             library,
             suite,
-            made,
-            groups[made.road.id],
-            conflicts[made.traffic_key],
-            found.drivers,
+            inputs,
+            groups[inputs.road.id],
+            conflicts[inputs.traffic_key],
+            resolved.drivers,
         )
-        for made in scenes
+        for inputs in scenarios
     ]
 
 
 def _build_crossings(
-    library: Library, suite: Suite, found: ResolvedSuite, groups: CrashGroups, *, require_sun: bool
+    library: Library,
+    suite: Suite,
+    resolved: ResolvedSuite,
+    groups: CrashGroups,
+    *,
+    require_sun: bool,
 ) -> list[ScenarioInputs]:
-    """Every crossing under every step, as far as the suite's conditions hold."""
+    """Build the inputs of every crossing and sweep step that meets the suite's conditions."""
     source = library.find_entry(suite).source
-    asked, taken = parse_conditions(suite, source), expand_sweep(suite, source)
-    crossed = product(
-        select_conflicts(library, suite, found.roads, groups),
-        found.weathers.values(),
-        found.densities.values(),
-        [found.rig],
-        [found.catalogue],
+    conditions, steps = parse_conditions(suite, source), expand_sweep(suite, source)
+    crossings = product(
+        select_conflicts(library, suite, resolved.roads, groups),
+        resolved.weathers.values(),
+        resolved.densities.values(),
+        [resolved.rig],
+        [resolved.catalogue],
     )
-    made = (
-        build_scenario_inputs(library, suite, parts, step, require_sun=require_sun)
-        for parts in crossed
-        for step in taken
-    )
-    kept = [one for one in made if all(condition.is_met(one.by_kind) for condition in asked)]
+    scenarios = [
+        build_scenario_inputs(library, suite, crossed, step, require_sun=require_sun)
+        for crossed in crossings
+        for step in steps
+    ]
+    kept = [
+        inputs
+        for inputs in scenarios
+        if all(condition.is_met(inputs.by_kind) for condition in conditions)
+    ]
     if not kept:
-        where = ("where",) if suite.where else ()
-        hint = "widen `where`, or choose more roads, weathers and densities"
-        raise DiagnosticsError.from_diagnostic(
-            source.build_diagnostic(where, "no scenario is left", hint=hint)
+        value_path = ("where",) if suite.where else ()
+        hint = "widen `where`, or select more roads, weathers and densities"
+        raise DiagnosticsError(
+            source.build_diagnostic(value_path, "no scenario remains", hint=hint)
         )
     return kept
 
@@ -133,31 +153,30 @@ def _build_crossings(
 def _assign_crash_groups(
     library: Library, suite: Suite, roads: Mapping[str, Road]
 ) -> dict[str, tuple[CrashGroup, ...]]:
-    """The selected typologies that each road is here for.
+    """Return the selected crash groups that require each road.
 
-    A suite of all roads has one for every place called for, and every road is called for.
+    A suite of all roads must have a road of every required kind; any suite's roads must each be
+    required.
     """
-    problems: list[Diagnostic] = []
+    diagnostics: list[Diagnostic] = []
     groups: dict[str, list[CrashGroup]] = {name: [] for name in roads}
     for typology in library.get_declarations(Typology).values():
         if not is_selected(typology, suite.selection):
             continue
-        group = CrashGroup(
-            typology=typology.id, crash_types=tuple(item.id for item in typology.crash_types)
-        )
-        for cell in find_required_categories(typology, suite.coverage):
-            fitting = [road for road in roads.values() if cell.matches(road)]
-            if not fitting and suite.roads == "all":
-                message = f"'{typology.id}' calls for a place that no road is: {cell}"
-                problems.append(library.build_diagnostic(suite, "roads", message=message))
-            for road in fitting:
-                if group not in groups[road.id]:
-                    groups[road.id].append(group)
-    for name, found in groups.items():
-        if not found:
-            message = "no selected typology calls for such a place"
-            hint = "leave the road out of the suite, or change the suite's selection or coverage"
-            problems.append(library.build_diagnostic(roads[name], "id", message=message, hint=hint))
-    if problems:
-        raise DiagnosticsError(problems)
-    return {name: tuple(found) for name, found in groups.items()}
+        crash_types = tuple(item.id for item in typology.crash_types)
+        group = CrashGroup(typology=typology.id, crash_types=crash_types)
+        for category in find_required_categories(typology, suite.coverage):
+            matching = [road.id for road in roads.values() if category.matches(road)]
+            if not matching and suite.roads == "all":
+                message = f"'{typology.id}' requires a kind of road that is missing: {category}"
+                diagnostics.append(library.build_diagnostic(suite, "roads", message=message))
+            for name in matching:
+                if group not in groups[name]:
+                    groups[name].append(group)
+    for name in (name for name, assigned in groups.items() if not assigned):
+        message = "no selected typology requires this kind of road"
+        hint = "remove the road from the suite, or change the suite's selection or coverage"
+        diagnostics.append(library.build_diagnostic(roads[name], "id", message=message, hint=hint))
+    if diagnostics:
+        raise DiagnosticsError(*diagnostics)
+    return {name: tuple(assigned) for name, assigned in groups.items()}

@@ -1,86 +1,80 @@
-"""What is wrong with what people wrote, each with its place, its line and a way out."""
+"""Diagnostics of declarations and specs: place, message, hint and an excerpt of the line."""
 
 import unicodedata
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-
-from advercity_dsl.base import suggest_name
 
 from advercity.errors import InputError
 
 MAX_EXCERPT_CHARACTERS = 100
-"""Characters of a line that are shown."""
+"""Longest part of a line that is shown."""
 
 
 @dataclass(frozen=True)
 class Diagnostic:
-    """One thing that is wrong, and where; line 0 means the file as a whole."""
+    """One error in a file; line 0 means the file as a whole.
+
+    Attributes:
+        path: The file.
+        line: Counted from 1.
+        column: Counted from 1.
+        value_path: Dotted path of the value, `fog.mor_m`.
+        message: What is wrong.
+        hint: How to correct it.
+        line_text: The line of the file.
+        width: Number of characters to underline.
+    """
 
     path: Path
     line: int
     column: int
     value_path: str
-    """Dotted path of the value, `fog.mor_m`."""
     message: str
     hint: str = ""
     line_text: str = ""
-    """The line that it stands in."""
     width: int = 1
-    """Characters of that line that it is about."""
 
     @property
     def headline(self) -> str:
-        """`file:line:column: fog.mor_m: what is wrong; way out`."""
+        """`file:line:column: fog.mor_m: message; hint`."""
         place = f"{self.path}:{self.line}:{self.column}" if self.line else f"{self.path}"
-        middle = f" {self.value_path}:" if self.value_path else ""
-        return f"{place}:{middle} {self.message}" + (f"; {self.hint}" if self.hint else "")
+        value = f" {self.value_path}:" if self.value_path else ""
+        return f"{place}:{value} {self.message}" + (f"; {self.hint}" if self.hint else "")
 
     def __str__(self) -> str:
-        """The headline and, below it and indented, the line with carets under what is meant."""
+        """Return the headline and, indented below it, the line with carets under the value."""
         if not self.line_text.strip():
             return self.headline
         number = f"{self.line:>5}"
-        shown, caret = self._excerpt()
-        return f"{self.headline}\n{number} | {shown}\n{' ' * len(number)} | {caret}"
+        excerpt, carets = self._format_excerpt()
+        return f"{self.headline}\n{number} | {excerpt}\n{' ' * len(number)} | {carets}"
 
-    def _excerpt(self) -> tuple[str, str]:
-        """The part of the line around the problem, and the carets."""
-        begin = (
-            max(0, self.column - 1 - MAX_EXCERPT_CHARACTERS // 2)
-            if len(self.line_text) > MAX_EXCERPT_CHARACTERS
-            else 0
-        )
-        shown = "".join(
-            character if character.isprintable() else " "
-            for character in self.line_text[begin : begin + MAX_EXCERPT_CHARACTERS]
+    def _format_excerpt(self) -> tuple[str, str]:
+        """Return the part of the line around the value, and the carets below it."""
+        is_long = len(self.line_text) > MAX_EXCERPT_CHARACTERS
+        begin = max(0, self.column - 1 - MAX_EXCERPT_CHARACTERS // 2) if is_long else 0
+        end = begin + MAX_EXCERPT_CHARACTERS
+        # Tabs and control characters would shift the carets or change the terminal's state.
+        excerpt = "".join(
+            character if character.isprintable() else " " for character in self.line_text[begin:end]
         ).rstrip()
-        before = shown[: self.column - 1 - begin]
-        width = max(1, min(self.width, len(shown) - len(before)))
-        at_begin = "..." if begin else ""
-        at_end = "..." if begin + MAX_EXCERPT_CHARACTERS < len(self.line_text) else ""
-        return at_begin + shown + at_end, " " * _count_terminal_columns(
-            at_begin + before
-        ) + "^" * width
+        before = excerpt[: self.column - 1 - begin]
+        width = max(1, min(self.width, len(excerpt) - len(before)))
+        prefix = "..." if begin else ""
+        suffix = "..." if end < len(self.line_text) else ""
+        indent = " " * _count_terminal_columns(prefix + before)
+        return prefix + excerpt + suffix, indent + "^" * width
 
 
 def _count_terminal_columns(text: str) -> int:
-    """Columns that a terminal gives to `text`."""
+    """Return the width of `text` in a terminal, where wide characters take two columns."""
     return sum(2 if unicodedata.east_asian_width(character) in "WF" else 1 for character in text)
 
 
 class DiagnosticsError(InputError):
-    """Everything that is wrong with some files, in the order of the files."""
+    """All errors found in some files, without duplicates, in the order of the files."""
 
-    def __init__(self, problems: Sequence[Diagnostic]) -> None:
-        unique = dict.fromkeys(problems)
-        self.diagnostics = tuple(sorted(unique, key=lambda p: (str(p.path), p.line, p.column)))
-        super().__init__("\n".join(str(problem) for problem in self.diagnostics))
-
-    @classmethod
-    def from_diagnostic(cls, problem: Diagnostic) -> "DiagnosticsError":
-        """An error with one problem."""
-        return cls([problem])
-
-
-__all__ = ["Diagnostic", "DiagnosticsError", "suggest_name"]
+    def __init__(self, *diagnostics: Diagnostic) -> None:
+        unique = dict.fromkeys(diagnostics)
+        self.diagnostics = tuple(sorted(unique, key=lambda d: (str(d.path), d.line, d.column)))
+        super().__init__("\n".join(str(diagnostic) for diagnostic in self.diagnostics))

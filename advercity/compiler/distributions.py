@@ -1,105 +1,91 @@
-"""Distributions in weathers: found in the data, checked at their ends, drawn once per spec."""
+"""Distributions in weathers: found in the data, validated at their bounds, drawn once per spec."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, cast
 
 from advercity_dsl import Weather
+from advercity_dsl.base import ValuePath
 from advercity_dsl.distribution import DISTRIBUTIONS, Choice, Distribution, Uniform
 from pydantic import ValidationError
 
 from advercity.compiler.diagnostics import Diagnostic, DiagnosticsError
-from advercity.compiler.extends import ResolvedDeclaration, replace_values
-from advercity.compiler.fields import find_number_constraints
-from advercity.compiler.source import ValuePath, format_value_path
+from advercity.compiler.extends import ResolvedDeclaration
+from advercity.compiler.fields import NumberConstraints, find_number_constraints
+from advercity.compiler.source import format_value_path, iterate_values, replace_values
 from advercity.compiler.validation import build_diagnostics, validate_model
 from advercity.randomness import create_generator, draw_number
 
 DRAW_DIGITS = 6
-"""Significant digits of a draw."""
+"""Significant digits of a drawn number."""
 Distributions = Mapping[ValuePath, Distribution]
 
 
 def find_distributions(source: ResolvedDeclaration) -> dict[ValuePath, Distribution]:
-    """Every distribution in a weather's data, by the path of the number it stands for.
+    """Return every distribution in a weather's data, by the path of the number that it replaces.
 
     Raises:
-        ProblemsError: One is malformed, or stands where no number does.
+        DiagnosticsError: A distribution is malformed, or does not replace a number.
     """
-    found: dict[ValuePath, Distribution] = {}
-    problems: list[Diagnostic] = []
-    for where, written in _iterate_candidates(source.data, ()):
-        facts = find_number_constraints(Weather, where)
-        (name,) = written
-        if facts is None:
-            hint = "distributions stand in place of a number"
-            problems.append(
-                source.build_diagnostic(where, f"'{name}' does not stand here", hint=hint)
-            )
+    distributions: dict[ValuePath, Distribution] = {}
+    diagnostics: list[Diagnostic] = []
+    for value_path, name, written in _iterate_candidates(source.data):
+        constraints = find_number_constraints(Weather, value_path)
+        if constraints is None:
+            message, hint = f"'{name}' is not allowed here", "distributions replace numbers"
+            diagnostics.append(source.build_diagnostic(value_path, message, hint=hint))
             continue
         try:
-            plain = _strip_units(written, facts.unit.parse if facts.unit else _return_unchanged)
-            found[where] = DISTRIBUTIONS[name].model_validate(plain)
+            plain = _strip_units(written, constraints)
+            distributions[value_path] = DISTRIBUTIONS[name].model_validate(plain)
         except ValidationError as error:
-            problems += build_diagnostics(DISTRIBUTIONS[name], source, error, at=where)
+            diagnostics += build_diagnostics(DISTRIBUTIONS[name], source, error, at=value_path)
         except ValueError as error:
-            problems.append(source.build_diagnostic(where, str(error)))
-    if problems:
-        raise DiagnosticsError(problems)
-    return found
+            diagnostics.append(source.build_diagnostic(value_path, str(error)))
+    if diagnostics:
+        raise DiagnosticsError(*diagnostics)
+    return distributions
 
 
-def _iterate_candidates(data: Any, where: ValuePath) -> Iterator[tuple[ValuePath, dict[str, Any]]]:
-    if isinstance(data, dict):
-        mapping = cast(dict[str, Any], data)
-        if len(mapping) == 1 and next(iter(mapping)) in DISTRIBUTIONS:
-            yield where, mapping
-        else:
-            for key, value in mapping.items():
-                yield from _iterate_candidates(value, (*where, key))
-    elif isinstance(data, list):
-        for index, value in enumerate(cast(list[Any], data)):
-            yield from _iterate_candidates(value, (*where, index))
+def _iterate_candidates(data: Any) -> Iterator[tuple[ValuePath, str, dict[str, Any]]]:
+    """Yield path, key and data of mappings with the key of a distribution as their only one."""
+    for value_path, value in iterate_values(data):
+        if isinstance(value, dict) and len(mapping := cast(dict[str, Any], value)) == 1:
+            (name,) = mapping
+            if name in DISTRIBUTIONS:
+                yield value_path, name, mapping
 
 
-def _return_unchanged(value: Any) -> Any:
-    return value
-
-
-def _strip_units(written: Any, read: Callable[[Any], Any]) -> Any:
+def _strip_units(written: Any, constraints: NumberConstraints) -> Any:
     if isinstance(written, dict):
         items = cast(dict[str, Any], written).items()
-        return {key: _strip_units(value, read) for key, value in items}
+        return {key: _strip_units(value, constraints) for key, value in items}
     if isinstance(written, list):
-        return [_strip_units(value, read) for value in cast(list[Any], written)]
-    return read(written)
+        return [_strip_units(value, constraints) for value in cast(list[Any], written)]
+    return constraints.parse(written)
 
 
 def validate_distribution_bounds(
     source: ResolvedDeclaration, distributions: Distributions
 ) -> Weather:
-    """The weather with typical values, after trying the ends of each distribution.
+    """Return the weather with typical values, after validating it at each distribution's bounds.
 
     Raises:
-        ProblemsError: The weather is not valid, or would not be with some draw.
+        DiagnosticsError: The weather is not valid, or would not be with some draw.
     """
-    typical = {
-        where: _round_value(_get_typical_value(item), where)
-        for where, item in distributions.items()
-    }
-    weather = validate_model(
-        Weather, source, replace_values(source.data, typical), known=source.document.diagnostics
-    )
-    for where, item in distributions.items():
-        for end in _get_bounds(item):
-            data = replace_values(source.data, typical | {where: _round_value(end, where)})
+    typical = {path: _round_value(_get_typical_value(d), path) for path, d in distributions.items()}
+    data = replace_values(source.data, typical)
+    weather = validate_model(Weather, source, data, previous=source.document.diagnostics)
+    for value_path, distribution in distributions.items():
+        for bound in _get_bounds(distribution):
+            drawn = typical | {value_path: _round_value(bound, value_path)}
             try:
-                validate_model(Weather, source, data)
+                validate_model(Weather, source, replace_values(source.data, drawn))
             except DiagnosticsError as error:
-                problem = error.diagnostics[0]
-                message = f"may draw {end:g}, which does not fit: {problem.message}"
-                raise DiagnosticsError.from_diagnostic(
-                    source.build_diagnostic(where, message, hint=problem.hint)
+                first = error.diagnostics[0]
+                message = f"{bound:g} may be drawn, which is not valid: {first.message}"
+                raise DiagnosticsError(
+                    source.build_diagnostic(value_path, message, hint=first.hint)
                 ) from None
     return weather
 
@@ -107,31 +93,33 @@ def validate_distribution_bounds(
 def draw_weather(
     source: ResolvedDeclaration, distributions: Distributions, seed: int, spec_id: str
 ) -> Weather:
-    """The weather of one spec: every number is a function of seed, spec and field alone."""
-    drawn = {
-        where: _round_value(
-            draw_number(item, create_generator(seed, "weather", spec_id, format_value_path(where))),
-            where,
-        )
-        for where, item in distributions.items()
-    }
+    """Draw the weather of a spec; each number depends on seed, spec id and its path alone."""
+    drawn: dict[ValuePath, float] = {}
+    for value_path, distribution in distributions.items():
+        rng = create_generator(seed, "weather", spec_id, format_value_path(value_path))
+        drawn[value_path] = _round_value(draw_number(distribution, rng), value_path)
     return validate_model(Weather, source, replace_values(source.data, drawn))
 
 
-def _get_typical_value(item: Distribution) -> float:
-    if isinstance(item, Choice):
-        return item.choice[0]
-    return sum(item.uniform) / 2 if isinstance(item, Uniform) else item.normal.mean
+def _get_typical_value(distribution: Distribution) -> float:
+    if isinstance(distribution, Choice):
+        return distribution.choice[0]
+    if isinstance(distribution, Uniform):
+        return sum(distribution.uniform) / 2
+    return distribution.normal.mean
 
 
-def _get_bounds(item: Distribution) -> tuple[float, ...]:
-    if isinstance(item, Choice):
-        return item.choice
-    return item.uniform if isinstance(item, Uniform) else item.normal.within
+def _get_bounds(distribution: Distribution) -> tuple[float, ...]:
+    if isinstance(distribution, Choice):
+        return distribution.choice
+    if isinstance(distribution, Uniform):
+        return distribution.uniform
+    return distribution.normal.within
 
 
-def _round_value(value: float, where: ValuePath) -> float:
-    facts = find_number_constraints(Weather, where)
-    if facts and facts.whole:
+def _round_value(value: float, value_path: ValuePath) -> float:
+    constraints = find_number_constraints(Weather, value_path)
+    if constraints and constraints.whole:
+        # Halves round up; round() would favour even numbers.
         return math.floor(value + 0.5)
     return float(f"{value:.{DRAW_DIGITS}g}")

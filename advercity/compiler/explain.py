@@ -1,55 +1,21 @@
-"""What differs between two specs, field by field.
-
-Where every value of a spec comes from: a line of a file, a default, or a rule.
-"""
+"""Explanations of specs: the origin of every value, and the differences between two specs."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
-from typing import Any, cast
+from typing import Any
 
 from advercity_dsl import Declaration, RoadsideUnit, Spec
+from advercity_dsl.base import ValuePath
 
 from advercity.compiler.library import Library, LibraryEntry
-from advercity.compiler.source import ValuePath
+from advercity.compiler.source import format_value_path, iterate_values
 from advercity.errors import InputError
-
-IGNORED_FIELDS = ("provenance",)
-"""Says where a spec comes from, not what it is."""
-
-
-def flatten_values(data: Any, path: str = "") -> dict[str, Any]:
-    """Every value of nested data that is no mapping or list, by its dotted path."""
-    if isinstance(data, dict) and data:
-        items = cast(dict[str, Any], data).items()
-    elif isinstance(data, list) and data:
-        items = enumerate(cast(list[Any], data))
-    else:
-        return {path: data}
-    found: dict[str, Any] = {}
-    for key, value in items:
-        found |= flatten_values(value, f"{path}.{key}" if path else str(key))
-    return found
-
-
-def compare_specs(first: Spec, second: Spec) -> list[tuple[str, Any, Any]]:
-    """Path and both values of every field that differs; None where one has none."""
-    one, other = (
-        flatten_values(spec.model_dump(mode="json", exclude=set(IGNORED_FIELDS)))
-        for spec in (first, second)
-    )
-    paths = [*one, *(path for path in other if path not in one)]
-    return [
-        (path, one.get(path), other.get(path))
-        for path in paths
-        if path not in one or path not in other or one[path] != other[path]
-    ]
-
 
 DERIVATION_RULES = {
     "spec_version": "version of the format",
     "id": "ids of road, weather and density, and the step of a sweep",
-    "groups": "typologies that the suite selects and that call for such a road",
+    "groups": "typologies that the suite selects and that require such a road",
     "demand.vehicles": "8 areas of round(road.traffic.vehicles_per_area x density.vehicles)",
     "demand.walkers": "round(road.traffic.walkers x density.walkers)",
     "seeds.traffic": "from the suite's seeds.traffic, the road's id and the density's",
@@ -57,60 +23,84 @@ DERIVATION_RULES = {
     "road.imported": "built from the map that the road names",
     "provenance": "written by the compiler",
 }
-"""What is derived, by the beginning of its path."""
+"""Rules for derived values, by the beginning of their paths."""
+Entries = Mapping[str, LibraryEntry[Declaration]]
+"""Library entries that a spec was compiled from, by kind."""
+
+
+def flatten_values(data: Any) -> dict[str, Any]:
+    """Return the scalars and empty collections of nested data, by dotted path."""
+    return {
+        format_value_path(value_path): value
+        for value_path, value in iterate_values(data)
+        if not (isinstance(value, dict | list) and value)
+    }
+
+
+def compare_specs(first: Spec, second: Spec) -> list[tuple[str, Any, Any]]:
+    """Return path and both values of every field that differs, None for an absent one.
+
+    Provenance is ignored: it describes how a spec was made, not what it is.
+    """
+    one, other = (
+        flatten_values(spec.model_dump(mode="json", exclude={"provenance"}))
+        for spec in (first, second)
+    )
+    return [
+        (path, one.get(path), other.get(path))
+        for path in one | other
+        if path not in one or path not in other or one[path] != other[path]
+    ]
 
 
 @dataclass(frozen=True)
 class ValueOrigin:
-    """One value of a spec and where it comes from."""
+    """A value of a spec and a text on its origin."""
 
     path: str
     value: Any
     text: str
 
     def is_within(self, fields: Sequence[str]) -> bool:
-        """Whether it is one of the fields, or part of one."""
+        """Return whether the value is one of some fields, or part of one."""
         return not set(fields).isdisjoint(self.fields)
 
     @property
     def fields(self) -> list[str]:
-        """All that it is part of, from the outermost to itself: `a`, `a.b`, `a.b.c`."""
+        """Dotted paths of the value and of all that enclose it: `a`, `a.b`, `a.b.c`."""
         return list(accumulate(self.path.split("."), "{}.{}".format))
 
 
 def explain_spec(spec: Spec, library: Library) -> list[ValueOrigin]:
-    """The origin of every value of a spec.
+    """Return the origin of every value of a spec.
 
     Raises:
-        InputError: The library is not what the spec was compiled from.
+        InputError: The library differs from the one that the spec was compiled from.
     """
     entries = _find_provenance_entries(spec, library)
-    found = flatten_values(spec.model_dump(mode="json"))
     return [
         ValueOrigin(path, value, _describe_origin(path, spec, entries))
-        for path, value in found.items()
+        for path, value in flatten_values(spec.model_dump(mode="json")).items()
     ]
 
 
-def _find_provenance_entries(spec: Spec, library: Library) -> dict[str, LibraryEntry[Declaration]]:
+def _find_provenance_entries(spec: Spec, library: Library) -> Entries:
     entries: dict[str, LibraryEntry[Declaration]] = {}
-    for name, digest in spec.provenance.declarations.items():
-        kind, identifier = name.split("/")
-        entry = library.entries.get((kind, identifier))
+    for key, digest in spec.provenance.declarations.items():
+        kind, name = key.split("/")
+        entry = library.entries.get((kind, name))
         if entry is None or entry.digest != digest:
             what = "is not in this library" if entry is None else "has changed since"
-            raise InputError(f"{spec.id}: {kind} '{identifier}' {what}; compile the library again")
+            raise InputError(f"{spec.id}: {kind} '{name}' {what}; compile the library again")
         entries[kind] = entry
     return entries
 
 
-def _describe_origin(
-    path: str, spec: Spec, entries: Mapping[str, LibraryEntry[Declaration]]
-) -> str:
+def _describe_origin(path: str, spec: Spec, entries: Entries) -> str:
     provenance = spec.provenance
     if path in provenance.draws:
-        drawn = provenance.draws[path].model_dump(exclude_none=True)
-        return f"drawn from {drawn}, {_describe_source(path, spec, entries)}"
+        distribution = provenance.draws[path].model_dump(exclude_none=True)
+        return f"drawn from {distribution}, {_describe_source(path, spec, entries)}"
     if provenance.sweep and path == provenance.sweep.field:
         source = entries["suite"].source
         return f"step of the sweep, {source.document.path}:{source.find_position(('sweep',)).line}"
@@ -120,43 +110,41 @@ def _describe_origin(
     return _describe_source(path, spec, entries)
 
 
-def _describe_source(
-    path: str, spec: Spec, entries: Mapping[str, LibraryEntry[Declaration]]
-) -> str:
-    kind, where = _find_declared_path(path, spec)
+def _describe_source(path: str, spec: Spec, entries: Entries) -> str:
+    kind, value_path = _find_declared_path(path, spec)
     if kind is None:
         return "rule: written by the compiler"
     source = entries[kind].source
-    own_sun = ("sun_at", spec.road.id, *where[1:])
-    if kind == "weather" and where[:1] == ("sun",) and source.has_value(own_sun[:2]):
-        where = own_sun
-    if not source.has_value(where):
+    sun_at = ("sun_at", spec.road.id)
+    if kind == "weather" and value_path[:1] == ("sun",) and source.has_value(sun_at):
+        value_path = (*sun_at, *value_path[1:])
+    if not source.has_value(value_path):
         return "default"
-    at = source.find_position(where)
-    return f"{source.find_document(where).path}:{at.line}:{at.column}"
+    position = source.find_position(value_path)
+    return f"{source.find_document(value_path).path}:{position.line}:{position.column}"
 
 
 def _find_declared_path(path: str, spec: Spec) -> tuple[str | None, ValuePath]:
-    """Kind of the declaration that says a value, and the path there."""
+    """Return the kind of the declaration that gives a value, and its path in there."""
     first, *rest = (int(part) if part.isdigit() else part for part in path.split("."))
-    where = tuple(rest)
+    value_path = tuple(rest)
     match first:
         case "road" | "weather" | "density" | "drivers":
-            return first, where
+            return first, value_path
         case "demand":
-            return "road", ("traffic", *where)
+            return "road", ("traffic", *value_path)
         case "timing" | "seeds":
-            return "suite", (first, *where)
+            return "suite", (first, *value_path)
         case "blueprints":
-            return "catalogue", ("blueprints", *where)
+            return "catalogue", ("blueprints", *value_path)
         case "agents":
-            return _find_agent_path(spec, where)
+            return _find_agent_path(spec, value_path)
         case _:
             return None, ()
 
 
-def _find_agent_path(spec: Spec, where: ValuePath) -> tuple[str | None, ValuePath]:
-    index, field, *rest = where
+def _find_agent_path(spec: Spec, value_path: ValuePath) -> tuple[str | None, ValuePath]:
+    index, field, *rest = value_path
     agent = spec.agents[int(index)]
     place = agent.place
     match field:

@@ -1,192 +1,180 @@
-"""`extends`: a declaration over those that it builds on.
+"""`extends`: merging a declaration with those that it builds on.
 
-Mappings merge key by key; numbers, text and lists replace; `null` in place of a mapping takes the
-inherited one away. Name and provenance (`id`, `title`, `source`, `assumption`) are never
-inherited. Where two parents disagree, the declaration has to say which value it means.
+Mappings merge key by key; numbers, text and lists replace; `null` instead of a mapping removes the
+inherited one. Identity and provenance (`id`, `title`, `source`, `assumption`) are never inherited.
+If two parents disagree, the declaration must give the value itself.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, cast
 
-from advercity_dsl.base import suggest_name
+from advercity_dsl.base import ValuePath, suggest_name
 
 from advercity.compiler.diagnostics import Diagnostic, DiagnosticsError
-from advercity.compiler.source import SourceDocument, SourcePosition, ValuePath, format_value_path
+from advercity.compiler.source import (
+    SourceDocument,
+    SourcePosition,
+    format_value_path,
+    iterate_values,
+    replace_values,
+)
 
 DOCUMENT_KEYS = ("extends", "version")
-"""Keys of a document that are no fields of what it declares."""
+"""Keys of a document that are not fields of the declaration."""
 NEVER_INHERITED = ("id", "title", "source", "assumption")
 DeclarationKey = tuple[str, str]
 """Kind and id."""
+Documents = Mapping[DeclarationKey, SourceDocument]
 
 
 @dataclass(frozen=True)
 class ResolvedDeclaration:
-    """A declaration's data with all that it extends merged in.
+    """Data of a declaration, merged with that of its parents.
 
     Attributes:
         data: Plain values.
-        document: Where it is written.
-        origins: The document that each inherited value stands in, by path.
+        document: The declaration's own file.
+        origins: Document of each inherited value, by path.
     """
 
     data: dict[str, Any]
     document: SourceDocument
     origins: Mapping[ValuePath, SourceDocument]
 
-    def has_value(self, where: ValuePath) -> bool:
-        """Whether there is a value at `where`, its own or inherited."""
-        return where in self.origins or self.document.has_value(where)
+    def has_value(self, value_path: ValuePath) -> bool:
+        """Return whether a value at a path is given or inherited."""
+        return value_path in self.origins or self.document.has_value(value_path)
 
-    def replace_value(self, where: ValuePath, value: Any) -> "ResolvedDeclaration":
-        """The same with another value at a path; ProblemsError if it leads out of a list."""
+    def replace_value(self, value_path: ValuePath, value: Any) -> "ResolvedDeclaration":
+        """Return a copy with another value at a path.
+
+        Raises:
+            DiagnosticsError: The path leads to an item that a list does not have.
+        """
         try:
-            return replace(self, data=replace_values(self.data, {where: value}))
+            return replace(self, data=replace_values(self.data, {value_path: value}))
         except IndexError:
             message, hint = "the list has no such item", "items count from 0"
-            raise DiagnosticsError.from_diagnostic(
-                self.build_diagnostic(where, message, hint=hint)
-            ) from None
+            raise DiagnosticsError(self.build_diagnostic(value_path, message, hint=hint)) from None
 
-    def find_document(self, where: ValuePath) -> SourceDocument:
-        """The file in which the value at `where`, or the nearest around it, stands."""
-        for length in range(len(where), 0, -1):
-            if self.document.has_value(where[:length]):
+    def find_document(self, value_path: ValuePath) -> SourceDocument:
+        """Return the document that gives the value at a path, or its nearest enclosing value."""
+        for length in range(len(value_path), 0, -1):
+            if self.document.has_value(value_path[:length]):
                 return self.document
-            if where[:length] in self.origins:
-                return self.origins[where[:length]]
+            if value_path[:length] in self.origins:
+                return self.origins[value_path[:length]]
         return self.document
 
-    def find_position(self, where: ValuePath) -> SourcePosition:
-        """Of the value at `where` in its document."""
-        return self.find_document(where).find_position(where)
+    def find_position(self, value_path: ValuePath) -> SourcePosition:
+        """Return the position of a value in its document."""
+        return self.find_document(value_path).find_position(value_path)
 
     def build_diagnostic(
-        self, where: ValuePath, message: str, *, hint: str = "", key: bool = False
+        self, value_path: ValuePath, message: str, *, hint: str = "", key: bool = False
     ) -> Diagnostic:
-        """A problem with the value (or key) at `where`, in the file that says it."""
-        return self.find_document(where).build_diagnostic(where, message, hint=hint, key=key)
+        """Build a diagnostic at a value (or key), in the file that gives it."""
+        document = self.find_document(value_path)
+        return document.build_diagnostic(value_path, message, hint=hint, key=key)
 
 
-def resolve_extends(
-    name: DeclarationKey, heads: Mapping[DeclarationKey, SourceDocument]
-) -> ResolvedDeclaration:
-    """The declaration `name` with what it extends.
+def resolve_extends(name: DeclarationKey, documents: Documents) -> ResolvedDeclaration:
+    """Merge a declaration with all that it extends.
 
     Raises:
-        ProblemsError: It extends what is not there, itself, or parents that disagree.
+        DiagnosticsError: A parent is unknown, extends form a cycle, or parents disagree.
     """
-    return _resolve_chain(name, heads, ())
+    return _resolve_chain(name, documents, ())
 
 
 def _resolve_chain(
-    name: DeclarationKey, heads: Mapping[DeclarationKey, SourceDocument], below: tuple[str, ...]
+    name: DeclarationKey, documents: Documents, descendants: tuple[str, ...]
 ) -> ResolvedDeclaration:
-    document = heads[name]
+    document = documents[name]
     own = {key: value for key, value in document.data.items() if key not in DOCUMENT_KEYS}
     if "extends" not in document.data:
         return ResolvedDeclaration(own, document, {})
-    chain = (*below, name[1])
+    chain = (*descendants, name[1])
     parents = [
-        _resolve_chain((name[0], parent), heads, chain)
-        for parent in _find_parents(document, name, heads, chain)
+        _resolve_chain((name[0], parent), documents, chain)
+        for parent in _find_parents(document, name, documents, chain)
     ]
     merged: dict[str, Any] = {}
     origins: dict[ValuePath, SourceDocument] = {}
     for parent in parents:
         inherited = {key: value for key, value in parent.data.items() if key not in NEVER_INHERITED}
-        clash = _find_disagreement(merged, inherited, own, ())
-        if clash:
-            raise DiagnosticsError.from_diagnostic(
-                _build_disagreement_diagnostic(document, clash, merged, inherited)
-            )
+        _check_agreement(document, merged, inherited, own)
         merged = _merge_mappings(merged, inherited)
-        origins |= {
-            where: parent.find_document(where) for where in _list_value_paths(inherited, ())
-        }
+        origins |= {path: parent.find_document(path) for path, _ in iterate_values(inherited)}
     return ResolvedDeclaration(_merge_mappings(merged, own), document, origins)
 
 
 def _find_parents(
-    document: SourceDocument,
-    name: DeclarationKey,
-    heads: Mapping[DeclarationKey, SourceDocument],
-    chain: tuple[str, ...],
+    document: SourceDocument, name: DeclarationKey, documents: Documents, chain: tuple[str, ...]
 ) -> list[str]:
     written = document.data["extends"]
     parents = cast(list[Any], written) if isinstance(written, list) else [written]
-    known = [other for kind, other in heads if kind == name[0]]
     for index, parent in enumerate(parents):
-        where = ("extends", index) if isinstance(written, list) else ("extends",)
+        value_path = ("extends", index) if isinstance(written, list) else ("extends",)
         if not isinstance(parent, str):
-            problem = document.build_diagnostic(
-                where, f"must name a {name[0]}", hint="write an id, or a list of ids"
-            )
-            raise DiagnosticsError.from_diagnostic(problem)
+            message, hint = f"must name a {name[0]}", "write an id, or a list of ids"
+            raise DiagnosticsError(document.build_diagnostic(value_path, message, hint=hint))
         if parent in chain:
-            raise DiagnosticsError.from_diagnostic(
-                _build_cycle_diagnostic(chain[chain.index(parent) :], name[0], heads)
-            )
-        if parent not in known:
-            message = f"there is no {name[0]} '{parent}' in this library"
-            others = [other for other in known if other != name[1]]
-            raise DiagnosticsError.from_diagnostic(
-                document.build_diagnostic(where, message, hint=suggest_name(parent, others))
-            )
+            cycle = chain[chain.index(parent) :]
+            raise DiagnosticsError(_build_cycle_diagnostic(cycle, name[0], documents))
+        if (name[0], parent) not in documents:
+            others = [other for kind, other in documents if kind == name[0] and other != name[1]]
+            message, hint = f"unknown {name[0]} '{parent}'", suggest_name(parent, others)
+            raise DiagnosticsError(document.build_diagnostic(value_path, message, hint=hint))
     return parents
 
 
-def _build_cycle_diagnostic(
-    circle: tuple[str, ...], kind: str, heads: Mapping[DeclarationKey, SourceDocument]
-) -> Diagnostic:
-    """The same problem from wherever the circle was entered."""
-    begin = circle.index(min(circle))
-    around = (*circle[begin:], *circle[:begin], circle[begin])
-    hint = "take one of these `extends` away" if len(circle) > 1 else "take it away"
-    message = f"goes in a circle: {' > '.join(around)}"
-    return heads[kind, around[0]].build_diagnostic(("extends",), message, hint=hint)
+def _build_cycle_diagnostic(cycle: tuple[str, ...], kind: str, documents: Documents) -> Diagnostic:
+    """Build the diagnostic of a cycle, the same wherever resolving entered it."""
+    first = cycle.index(min(cycle))
+    names = (*cycle[first:], *cycle[:first], cycle[first])
+    hint = "remove one of these `extends`" if len(cycle) > 1 else "remove it"
+    message = f"circular extends: {' > '.join(names)}"
+    return documents[kind, names[0]].build_diagnostic(("extends",), message, hint=hint)
 
 
-def _find_disagreement(
-    first: Mapping[str, Any], second: Mapping[str, Any], own: Any, where: ValuePath
-) -> ValuePath | None:
-    """Path of a value that two parents give differently and the declaration does not."""
-    said: dict[str, Any] = own if isinstance(own, dict) else {}
-    for key in (key for key in first if key in second and key != "kind"):
-        one, other = first[key], second[key]
-        if isinstance(one, dict) and isinstance(other, dict):
-            if key in said and not isinstance(said[key], dict):
-                continue
-            inner = _find_disagreement(
-                cast(dict[str, Any], one), cast(dict[str, Any], other), said.get(key), (*where, key)
-            )
-            if inner:
-                return inner
-        elif key not in said and one != other:
-            return (*where, key)
-    return None
-
-
-def _build_disagreement_diagnostic(
-    document: SourceDocument, where: ValuePath, first: Mapping[str, Any], second: Mapping[str, Any]
-) -> Diagnostic:
-    one, other = (_get_value(data, where) for data in (first, second))
-    message = f"what it extends disagrees on {format_value_path(where)}: {one} and {other}"
-    return document.build_diagnostic(
-        ("extends",), message, hint=f"give {format_value_path(where)} here"
+def _check_agreement(
+    document: SourceDocument, first: Mapping[str, Any], second: Mapping[str, Any], own: Any
+) -> None:
+    disagreement = _find_disagreement(first, second, own, ())
+    if disagreement is None:
+        return
+    value_path, one, other = disagreement
+    field = format_value_path(value_path)
+    message = f"parents disagree on {field}: {one} and {other}"
+    raise DiagnosticsError(
+        document.build_diagnostic(("extends",), message, hint=f"give {field} here")
     )
 
 
-def _get_value(data: Any, where: ValuePath) -> Any:
-    for part in where:
-        data = data[part]
-    return data
+def _find_disagreement(
+    first: Mapping[str, Any], second: Mapping[str, Any], own: Any, value_path: ValuePath
+) -> tuple[ValuePath, Any, Any] | None:
+    """Return path and values where two parents differ and the declaration gives no value."""
+    given: dict[str, Any] = own if isinstance(own, dict) else {}
+    for key in (key for key in first if key in second and key != "kind"):
+        one, other, inner_path = first[key], second[key], (*value_path, key)
+        if isinstance(one, dict) and isinstance(other, dict):
+            if key in given and not isinstance(given[key], dict):
+                continue
+            mappings = cast(dict[str, Any], one), cast(dict[str, Any], other)
+            found = _find_disagreement(*mappings, given.get(key), inner_path)
+            if found:
+                return found
+        elif key not in given and one != other:
+            return inner_path, one, other
+    return None
 
 
-def _merge_mappings(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+def _merge_mappings(base: Mapping[str, Any], override: Mapping[str, Any]) -> dict[str, Any]:
     result = dict(base)
-    for key, value in over.items():
+    for key, value in override.items():
         old = result.get(key)
         if isinstance(old, dict) and isinstance(value, dict):
             result[key] = _merge_mappings(cast(dict[str, Any], old), cast(dict[str, Any], value))
@@ -195,37 +183,3 @@ def _merge_mappings(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[st
         else:
             result[key] = value
     return result
-
-
-def _list_value_paths(data: Any, where: ValuePath) -> list[ValuePath]:
-    inner: list[ValuePath] = [where] if where else []
-    if isinstance(data, dict):
-        items = list(cast(dict[str, Any], data).items())
-    elif isinstance(data, list):
-        items = list(enumerate(cast(list[Any], data)))
-    else:
-        items = []
-    for key, value in items:
-        inner += _list_value_paths(value, (*where, key))
-    return inner
-
-
-def replace_values(data: Any, values: Mapping[ValuePath, Any]) -> Any:
-    """A copy of nested data with other values at some paths; mappings on the way are made."""
-    result = data
-    for where, value in values.items():
-        result = _replace_value(result, where, value)
-    return result
-
-
-def _replace_value(data: Any, where: ValuePath, value: Any) -> Any:
-    if not where:
-        return value
-    head, rest = where[0], where[1:]
-    if isinstance(data, list) and isinstance(head, int):
-        items = list(cast(list[Any], data))
-        items[head] = _replace_value(items[head], rest, value)
-        return items
-    mapping = dict(cast(dict[Any, Any], data)) if isinstance(data, dict) else {}
-    mapping[head] = _replace_value(mapping.get(head), rest, value)
-    return mapping

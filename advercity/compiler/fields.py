@@ -1,7 +1,4 @@
-"""What a model says about the field at a path: its unit, range, and the names beside it.
-
-What models say about their fields: the texts below them in the source.
-"""
+"""Introspection of models: constraints, field names and documentation of the field at a path."""
 
 import ast
 import inspect
@@ -12,16 +9,15 @@ from itertools import pairwise
 from typing import Any, get_args, get_origin
 
 from advercity_dsl import Model
+from advercity_dsl.base import ValuePath
 from advercity_dsl.units import RangeReason, Unit
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic.fields import FieldInfo
 
-from advercity.compiler.source import ValuePath
-
 
 @dataclass(frozen=True)
 class NumberConstraints:
-    """What is known of a number: its unit and the range it lies in, and why."""
+    """Unit and range of a number, and the reason for the range."""
 
     unit: Unit | None = None
     low: float | None = None
@@ -32,29 +28,42 @@ class NumberConstraints:
     whole: bool = False
 
     @property
+    def unit_name(self) -> str:
+        """Name of the unit; empty for plain numbers."""
+        return self.unit.name if self.unit and self.unit.name != "1" else ""
+
+    @property
     def range_text(self) -> str:
-        """`0 to 150 mm/h`, `above 0 m`; empty where any number will do."""
-        name = self.unit.name if self.unit and self.unit.name != "1" else ""
+        """`0 to 150 mm/h`, `above 0 m`; empty without a range."""
         if self.low is not None and self.high is not None:
             low = f"above {self.low:g}" if self.open_low else f"{self.low:g}"
-            high = f"below {self.high:g}" if self.open_high else f"{self.high:g}"
-            words = f"{low} to {high}" if not self.open_high else f"{low} and {high}"
+            text = f"{low} and below {self.high:g}" if self.open_high else f"{low} to {self.high:g}"
         elif self.low is not None:
-            words = f"above {self.low:g}" if self.open_low else f"{self.low:g} or more"
+            text = f"above {self.low:g}" if self.open_low else f"{self.low:g} or more"
         elif self.high is not None:
-            words = f"below {self.high:g}" if self.open_high else f"at most {self.high:g}"
+            text = f"below {self.high:g}" if self.open_high else f"at most {self.high:g}"
         else:
             return ""
-        return f"{words} {name}".rstrip()
+        return f"{text} {self.unit_name}".rstrip()
+
+    def parse(self, value: Any) -> Any:
+        """Convert text with a unit to a number; return any other value unchanged.
+
+        Raises:
+            ValueError: The text is not a quantity of this unit.
+        """
+        return self.unit.parse(value) if self.unit else value
 
 
-def find_annotations(model: type[Model], where: ValuePath) -> list[Any]:
-    """What may stand at a path: classes, unions, `Annotated` forms; tags of unions pass."""
+def find_annotations(model: type[Model], value_path: ValuePath) -> list[Any]:
+    """Return the annotations of the value at a path: classes, unions, `Annotated` forms.
+
+    Parts of the path may be tags of unions, as in pydantic's error locations.
+    """
     candidates: list[Any] = [model]
-    for part in where:
-        inner: list[Any] = []
-        for candidate in candidates:
-            inner += _descend(candidate, part)
+    for part in value_path:
+        inner = [found for candidate in candidates for found in _descend(candidate, part)]
+        # A tag leads nowhere in the annotation that it selects: stay at the same level.
         candidates = inner or candidates
     return candidates
 
@@ -64,69 +73,93 @@ def _descend(annotation: Any, part: str | int) -> list[Any]:
         for name, field in annotation.model_fields.items():
             if part == (field.alias or name):
                 return [field]
-        tagged = annotation.__name__ == part or _find_kind_tag(annotation) == part
-        return [annotation] if tagged else []
+        is_tagged = annotation.__name__ == part or _find_kind_tag(annotation) == part
+        return [annotation] if is_tagged else []
     if isinstance(annotation, FieldInfo):
         return _descend(annotation.annotation, part)
     if annotation is None or isinstance(annotation, str):
         return []
     origin, arguments = get_origin(annotation), get_args(annotation)
     if origin is tuple and isinstance(part, int):
-        repeated = len(arguments) == 2 and arguments[1] is Ellipsis
-        return [arguments[0]] if repeated else [arguments[min(part, len(arguments) - 1)]]
+        is_repeated = len(arguments) == 2 and arguments[1] is Ellipsis
+        return [arguments[0]] if is_repeated else [arguments[min(part, len(arguments) - 1)]]
     if origin is dict:
         return [arguments[1]]
     return [found for argument in arguments for found in _descend(argument, part)]
 
 
-def find_models(model: type[Model], where: ValuePath) -> list[type[Model]]:
-    """Every model that may stand at a path."""
-    return [found for item in find_annotations(model, where) for found in _find_direct_models(item)]
+def _find_kind_tag(model: type[Model]) -> Any:
+    kind = model.model_fields.get("kind")
+    return kind.default if kind else None
 
 
-def find_field_names(model: type[Model], where: ValuePath) -> list[str]:
-    """Names of the fields that a value at a path may have, as they are written."""
-    models = find_models(model, where)
+def find_models(model: type[Model], value_path: ValuePath) -> list[type[Model]]:
+    """Return every model that is valid at a path."""
+    return [
+        found
+        for annotation in find_annotations(model, value_path)
+        for found in find_nested_models(annotation, into_items=False)
+    ]
+
+
+def find_nested_models(annotation: Any, *, into_items: bool = True) -> list[type[Model]]:
+    """Return every model in an annotation, by default with those of list and mapping items."""
+    if isinstance(annotation, FieldInfo):
+        annotation = annotation.annotation
+    if isinstance(annotation, type) and issubclass(annotation, Model):
+        return [annotation]
+    if not into_items and get_origin(annotation) in (tuple, dict):
+        return []
+    return [
+        found
+        for part in get_args(annotation)
+        for found in find_nested_models(part, into_items=into_items)
+    ]
+
+
+def find_field_names(model: type[Model], value_path: ValuePath) -> list[str]:
+    """Return the names, as written in YAML, of the fields of a value at a path."""
+    models = find_models(model, value_path)
     return sorted(
         {field.alias or name for item in models for name, field in item.model_fields.items()}
     )
 
 
-def find_number_constraints(model: type[Model], where: ValuePath) -> NumberConstraints | None:
-    """Unit and range of the number at a path; None if no number stands there."""
+def find_number_constraints(model: type[Model], value_path: ValuePath) -> NumberConstraints | None:
+    """Return unit and range of the number at a path; None if the value is not a number."""
     known: dict[str, Any] = {}
-    for item in find_annotations(model, where):
-        for mark in _iterate_metadata(item):
-            match mark:
+    for annotation in find_annotations(model, value_path):
+        for item in _iterate_metadata(annotation):
+            match item:
                 case Unit():
-                    known["unit"] = mark
+                    known["unit"] = item
                 case RangeReason(text):
                     known["reason"] = text
-                case Ge(ge):
-                    known |= {"low": ge, "open_low": False}
-                case Gt(gt):
-                    known |= {"low": gt, "open_low": True}
-                case Le(le):
-                    known |= {"high": le, "open_high": False}
-                case Lt(lt):
-                    known |= {"high": lt, "open_high": True}
-                case type() if mark in (int, float):
-                    known["whole"] = mark is int
+                case Ge(bound):
+                    known |= {"low": bound, "open_low": False}
+                case Gt(bound):
+                    known |= {"low": bound, "open_low": True}
+                case Le(bound):
+                    known |= {"high": bound, "open_high": False}
+                case Lt(bound):
+                    known |= {"high": bound, "open_high": True}
+                case type() if item in (int, float):
+                    known["whole"] = item is int
                 case _:
                     pass
     return NumberConstraints(**known) if "whole" in known else None
 
 
 def _iterate_metadata(annotation: Any) -> Iterator[Any]:
-    """The types and metadata of an annotation, from the inside out; not those of its items."""
+    """Yield types and metadata of an annotation from the inside out, without those of items."""
     if isinstance(annotation, FieldInfo):
         yield from _iterate_metadata(annotation.annotation)
-        for mark in annotation.metadata:
-            yield from _iterate_metadata(mark)
+        for item in annotation.metadata:
+            yield from _iterate_metadata(item)
     elif hasattr(annotation, "__metadata__"):
         yield from _iterate_metadata(annotation.__origin__)
-        for mark in annotation.__metadata__:
-            yield from _iterate_metadata(mark)
+        for item in annotation.__metadata__:
+            yield from _iterate_metadata(item)
     elif get_origin(annotation) in (tuple, dict):
         return
     elif get_args(annotation):
@@ -136,61 +169,35 @@ def _iterate_metadata(annotation: Any) -> Iterator[Any]:
         yield annotation
 
 
-def _find_direct_models(annotation: Any) -> list[type[Model]]:
-    if isinstance(annotation, FieldInfo):
-        return _find_direct_models(annotation.annotation)
-    if isinstance(annotation, type) and issubclass(annotation, Model):
-        return [annotation]
-    if get_origin(annotation) in (tuple, dict):
-        return []
-    parts: tuple[Any, ...] = get_args(annotation)
-    return [found for part in parts for found in _find_direct_models(part)]
-
-
-def _find_kind_tag(model: type[Model]) -> Any:
-    kind = model.model_fields.get("kind")
-    return kind.default if kind else None
-
-
 def collect_field_docs(model: type[Model]) -> dict[str, dict[str, str]]:
-    """Texts of the fields, by written name, of a model and of all that it holds, by class name."""
-    found: dict[str, dict[str, str]] = {}
-    _collect_field_docs(model, found)
-    return found
-
-
-def _collect_field_docs(model: type[Model], found: dict[str, dict[str, str]]) -> None:
-    if model.__name__ in found:
-        return
-    texts: dict[str, str] = {}
-    for base in reversed(model.__mro__):
-        if issubclass(base, Model) and base is not Model:
-            texts |= _parse_field_docs(base)
-    fields = model.model_fields.items()
-    found[model.__name__] = {
-        field.alias or name: texts[name] for name, field in fields if name in texts
-    }
-    for _, field in fields:
-        for inner in find_nested_models(field.annotation):
-            _collect_field_docs(inner, found)
+    """Return docstrings of fields by class name and YAML name, of a model and all nested ones."""
+    docs: dict[str, dict[str, str]] = {}
+    pending = [model]
+    while pending:
+        current = pending.pop(0)
+        if current.__name__ in docs:
+            continue
+        texts: dict[str, str] = {}
+        for base in reversed(current.__mro__):
+            if issubclass(base, Model) and base is not Model:
+                texts |= _parse_field_docs(base)
+        fields = current.model_fields.items()
+        docs[current.__name__] = {
+            field.alias or name: texts[name] for name, field in fields if name in texts
+        }
+        pending += [inner for _, field in fields for inner in find_nested_models(field)]
+    return docs
 
 
 def _parse_field_docs(model: type[Model]) -> dict[str, str]:
-    """Texts below the fields of one class."""
+    """Return the strings below the fields in the source of one class."""
     (tree,) = ast.parse(textwrap.dedent(inspect.getsource(model))).body
     body = tree.body if isinstance(tree, ast.ClassDef) else []
     texts: dict[str, str] = {}
-    for line, below in pairwise(body):
-        match line, below:
+    for statement, below in pairwise(body):
+        match statement, below:
             case ast.AnnAssign(target=ast.Name(name)), ast.Expr(value=ast.Constant(str(text))):
                 texts[name] = inspect.cleandoc(text)
             case _:
                 pass
     return texts
-
-
-def find_nested_models(annotation: Any) -> list[type[Model]]:
-    """Every model in an annotation, those of lists and mappings too."""
-    if isinstance(annotation, type) and issubclass(annotation, Model):
-        return [annotation]
-    return [found for part in get_args(annotation) for found in find_nested_models(part)]

@@ -1,9 +1,4 @@
-"""Models that a catalogue names by their files: the spec knows them by checksum.
-
-A library: a folder of declarations, loaded, with `extends` resolved, found by kind and id.
-
-Finds declarations that people name: in a file of theirs, or in the library that ships.
-"""
+"""Libraries: folders of declarations, loaded with `extends` resolved, found by kind and id."""
 
 import hashlib
 import os
@@ -24,7 +19,7 @@ from advercity_dsl import (
     Weather,
     get_declaration_kind,
 )
-from advercity_dsl.base import suggest_name
+from advercity_dsl.base import ID_HINT, suggest_name
 
 from advercity.compiler.diagnostics import Diagnostic, DiagnosticsError
 from advercity.compiler.distributions import (
@@ -32,22 +27,293 @@ from advercity.compiler.distributions import (
     find_distributions,
     validate_distribution_bounds,
 )
-from advercity.compiler.extends import DeclarationKey, ResolvedDeclaration, resolve_extends
+from advercity.compiler.extends import (
+    DeclarationKey,
+    Documents,
+    ResolvedDeclaration,
+    resolve_extends,
+)
 from advercity.compiler.source import SourceDocument, read_document
-from advercity.compiler.validation import ID_HINT, format_value, validate_model
+from advercity.compiler.validation import format_value, validate_model
 from advercity.digests import compute_json_digest
 from advercity.errors import InputError
 from advercity.roads.map_import import import_map
 
+DeclarationT = TypeVar("DeclarationT", bound=Declaration)
+EXAMPLES_FOLDER = "examples"
+"""Folder of declarations to copy from, which is not part of the library around it."""
+MAX_FILES = 10_000
 GLB_MAGIC = b"glTF"
 
 
-def add_model_checksums(catalogue: Catalogue, source: ResolvedDeclaration) -> Catalogue:
-    """The catalogue, each model file of its blueprints with its SHA-256.
+@dataclass(frozen=True)
+class LibraryEntry(Generic[DeclarationT]):
+    """A declaration and its source.
+
+    Attributes:
+        declaration: The model; a weather with distributions has typical values in their place.
+        source: Data and positions.
+        digest: SHA-256 of the data, with `extends` merged.
+        distributions: Distributions of a weather.
+    """
+
+    declaration: DeclarationT
+    source: ResolvedDeclaration
+    digest: str
+    distributions: Distributions = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Library:
+    """All declarations of one or several folders, by kind and id."""
+
+    entries: Mapping[DeclarationKey, LibraryEntry[Declaration]]
+
+    def get_declarations(self, kind: type[DeclarationT]) -> dict[str, DeclarationT]:
+        """Return all declarations of a kind by id, sorted by id."""
+        return {
+            name: entry.declaration
+            for (_, name), entry in sorted(self.entries.items())
+            if isinstance(entry.declaration, kind)
+        }
+
+    def find_entry(self, declaration: DeclarationT) -> LibraryEntry[DeclarationT]:
+        """Return the entry of one of the library's declarations."""
+        entry = self.entries[get_declaration_kind(declaration), declaration.id]
+        return cast(LibraryEntry[DeclarationT], entry)
+
+    def build_diagnostic(
+        self, declaration: Declaration, *value_path: str | int, message: str, hint: str = ""
+    ) -> Diagnostic:
+        """Build a diagnostic at a value of one of the library's declarations."""
+        return self.find_entry(declaration).source.build_diagnostic(value_path, message, hint=hint)
+
+    def check_reference(
+        self, declaration: Declaration, *value_path: str | int, kind: str, name: str
+    ) -> list[Diagnostic]:
+        """Return a diagnostic at a value that names an unknown declaration of a kind, else none."""
+        if (kind, name) in self.entries:
+            return []
+        hint = suggest_name(name, [other for of_kind, other in self.entries if of_kind == kind])
+        message = f"unknown {kind} '{name}'"
+        return [self.build_diagnostic(declaration, *value_path, message=message, hint=hint)]
+
+
+def load_library(*folders: Path) -> Library:
+    """Load every `*.yaml` below some folders; a file can take the place of a folder.
+
+    Folders named `examples` and those that begin with a dot are skipped.
 
     Raises:
-        ProblemsError: A file is missing, or is no GLB.
+        DiagnosticsError: With the errors of all files.
+        InputError: A folder does not exist, has no declarations, or is too large for a library.
     """
+    diagnostics: list[Diagnostic] = []
+    paths = [path for folder in folders for path in _list_files(folder, diagnostics)]
+    documents = _index_documents(_read_documents(paths, diagnostics), diagnostics)
+    entries: dict[DeclarationKey, LibraryEntry[Declaration]] = {}
+    for name in documents:
+        try:
+            entries[name] = _build_entry(name, documents)
+        except DiagnosticsError as error:
+            diagnostics += error.diagnostics
+    if diagnostics:
+        raise DiagnosticsError(*diagnostics)
+    return Library(entries)
+
+
+def load_declaration(path: Path) -> LibraryEntry[Declaration]:
+    """Load the declaration of a file, which may extend its neighbours and the shipped library.
+
+    Raises:
+        DiagnosticsError: With the errors of the file.
+    """
+    document = read_document(path)
+    diagnostics: list[Diagnostic] = []
+    documents = _index_documents([document], diagnostics)
+    if diagnostics:
+        raise DiagnosticsError(*diagnostics)
+    (name,) = documents
+    if isinstance(document.data, dict) and "extends" in document.data:
+        # Errors in other files matter only if they hide the parent, which is then unknown.
+        ignored: list[Diagnostic] = []
+        neighbours = (other for other in sorted(path.parent.glob("*.yaml")) if other != path)
+        for paths in (neighbours, _list_files(find_shipped_library(), ignored)):
+            documents = _index_documents(_read_documents(paths, ignored), ignored) | documents
+    return _build_entry(name, documents)
+
+
+def find_shipped_library() -> Path:
+    """Return the library of the installed package, or of the checkout around the source."""
+    folder = Path(__file__).parents[2] / "library"
+    return folder if folder.is_dir() else Path(str(files("advercity") / "_library"))
+
+
+def find_weather(text: str) -> LibraryEntry[Weather]:
+    """Load the weather in the file `text`, or the shipped weather of that name.
+
+    Raises:
+        InputError: Neither exists, or the file is not a weather.
+    """
+    path = Path(text)
+    if path.suffix in (".yaml", ".yml") or path.exists():
+        entry = load_declaration(path)
+        if not isinstance(entry.declaration, Weather):
+            raise DiagnosticsError(
+                entry.source.build_diagnostic(
+                    ("kind",), "is not a weather", hint="give the file of a weather"
+                )
+            )
+        return cast(LibraryEntry[Weather], entry)
+    library = load_library(find_shipped_library())
+    weathers = library.get_declarations(Weather)
+    if text not in weathers:
+        raise InputError(
+            f"unknown weather '{text}', and no such file; {suggest_name(text, weathers)}"
+        )
+    return library.find_entry(weathers[text])
+
+
+def list_shipped_weathers() -> list[str]:
+    """Return the names of the shipped weathers."""
+    return list(load_library(find_shipped_library()).get_declarations(Weather))
+
+
+def _list_files(folder: Path, diagnostics: list[Diagnostic]) -> list[Path]:
+    if not folder.exists():
+        raise InputError(f"{folder}: no such file or folder; is the path right?")
+    if not folder.is_dir():
+        return [folder]
+    inside = sorted(
+        path for path in _walk_folder(folder, diagnostics) if path.suffix in (".yaml", ".yml")
+    )
+    for path in inside:
+        if path.suffix == ".yml":
+            hint = f"rename it to {path.with_suffix('.yaml').name}"
+            diagnostics.append(Diagnostic(path, 0, 0, "", "declarations end in .yaml", hint))
+    paths = [path for path in inside if path.suffix == ".yaml"]
+    if not paths and not diagnostics:
+        raise InputError(f"{folder}: no declarations (*.yaml) here; is it a library folder?")
+    return paths
+
+
+def _walk_folder(folder: Path, diagnostics: list[Diagnostic]) -> Iterator[Path]:
+    """Yield the files of a library; raise for a folder that is far too large for one."""
+
+    def add_error(error: OSError) -> None:
+        message = f"cannot be read: {error.strerror}"
+        diagnostics.append(Diagnostic(Path(error.filename), 0, 0, "", message))
+
+    count = 0
+    for inside, folders, names in os.walk(folder, onerror=add_error):
+        # os.walk descends into what is left of this list.
+        folders[:] = sorted(name for name in folders if name != EXAMPLES_FOLDER and name[0] != ".")
+        count += len(folders) + len(names)
+        if count > MAX_FILES:
+            message = f"holds more than {MAX_FILES} files and folders; is it a library folder?"
+            raise InputError(f"{folder}: {message}")
+        yield from (Path(inside, name) for name in names if name[0] != ".")
+
+
+def _read_documents(
+    paths: Iterable[Path], diagnostics: list[Diagnostic]
+) -> Iterator[SourceDocument]:
+    for path in paths:
+        try:
+            yield read_document(path)
+        except DiagnosticsError as error:
+            diagnostics += error.diagnostics
+
+
+def _index_documents(
+    documents: Iterable[SourceDocument], diagnostics: list[Diagnostic]
+) -> dict[DeclarationKey, SourceDocument]:
+    index: dict[DeclarationKey, SourceDocument] = {}
+    for document in documents:
+        error = _check_head(document)
+        if error:
+            diagnostics += [*document.diagnostics, error]
+            continue
+        kind, name = document.data["kind"], document.data["id"]
+        if (kind, name) in index:
+            message = f"{kind} '{name}' is already declared in {index[kind, name].path}"
+            diagnostics.append(document.build_diagnostic(("id",), message, hint="change one id"))
+        else:
+            index[kind, name] = document
+    return index
+
+
+def _check_head(document: SourceDocument) -> Diagnostic | None:
+    """Check `kind`, `id` and `version`, without which a document cannot be validated."""
+    if not isinstance(document.data, dict):
+        message = "is not a declaration, which is a mapping with `kind` and `id`"
+        hint = "begin with `kind: weather`, or another kind"
+        return document.build_diagnostic((), message, hint=hint)
+    kind, name = document.data.get("kind"), document.data.get("id")
+    if kind is None:
+        hint = f"add it, one of: {', '.join(DECLARATIONS)}"
+        return document.build_diagnostic((), "the field 'kind' is missing", hint=hint)
+    if not isinstance(kind, str) or kind not in DECLARATIONS:
+        message = f"{format_value(kind)} is not a kind of declaration"
+        hint = suggest_name(str(kind), DECLARATIONS)
+        return document.build_diagnostic(("kind",), message, hint=hint)
+    if "id" not in document.data:
+        message, hint = "the field 'id' is missing", "add it, `id: my_name`"
+        return document.build_diagnostic((), message, hint=hint)
+    if not isinstance(name, str):
+        message = f"{format_value(name)} is not an id"
+        return document.build_diagnostic(("id",), message, hint=ID_HINT)
+    return _check_language_version(document)
+
+
+def _check_language_version(document: SourceDocument) -> Diagnostic | None:
+    """Check the version first, since another version explains all other errors."""
+    version = document.data.get("version", LANGUAGE_VERSION)
+    is_number = isinstance(version, int) and not isinstance(version, bool)
+    if is_number and version == LANGUAGE_VERSION:
+        return None
+    if is_number and version > LANGUAGE_VERSION:
+        message = f"is written in version {version}; this advercity reads {LANGUAGE_VERSION}"
+        return document.build_diagnostic(("version",), message, hint="upgrade advercity")
+    message = f"unknown version {format_value(version)}"
+    hint = f"write {LANGUAGE_VERSION}, or remove it"
+    return document.build_diagnostic(("version",), message, hint=hint)
+
+
+def _build_entry(name: DeclarationKey, documents: Documents) -> LibraryEntry[Declaration]:
+    source = resolve_extends(name, documents)
+    model = DECLARATIONS[name[0]]
+    if model is Weather:
+        return _build_weather_entry(source)
+    declaration = validate_model(model, source, previous=source.document.diagnostics)
+    if isinstance(declaration, Road) and isinstance(declaration.imported, MapFile):
+        declaration = _import_network(declaration, declaration.imported, source)
+    if isinstance(declaration, Catalogue):
+        declaration = _add_model_checksums(declaration, source)
+    digest = compute_json_digest(declaration.model_dump(mode="json"))
+    return LibraryEntry(declaration, source, digest)
+
+
+def _build_weather_entry(source: ResolvedDeclaration) -> LibraryEntry[Declaration]:
+    distributions = find_distributions(source)
+    weather = validate_distribution_bounds(source, distributions)
+    data: Any = weather.model_dump(mode="json")
+    if distributions:
+        data = [data, [[path, item.model_dump()] for path, item in distributions.items()]]
+    return LibraryEntry(weather, source, compute_json_digest(data), distributions)
+
+
+def _import_network(road: Road, declared: MapFile, source: ResolvedDeclaration) -> Road:
+    value_path = ("imported", "file")
+    try:
+        network = import_map(declared, road, source.find_document(value_path).path.parent)
+    except InputError as error:
+        raise DiagnosticsError(source.build_diagnostic(value_path, str(error))) from error
+    return road.model_copy(update={"imported": network})
+
+
+def _add_model_checksums(catalogue: Catalogue, source: ResolvedDeclaration) -> Catalogue:
+    """Add the SHA-256 of each GLB file, by which a spec knows it."""
     blueprints = {
         name: _add_model_checksum(name, blueprint, source)
         for name, blueprint in catalogue.blueprints.items()
@@ -59,287 +325,16 @@ def _add_model_checksum(name: str, blueprint: Blueprint, source: ResolvedDeclara
     model = blueprint.model
     if model is None or model.file is None:
         return blueprint
-    where = ("blueprints", name, "model", "file")
-    path: Path = source.find_document(where).path.parent / model.file
+    value_path = ("blueprints", name, "model", "file")
+    path = source.find_document(value_path).path.parent / model.file
     try:
         content = path.read_bytes()
     except OSError as error:
         message = f"'{model.file}' cannot be read: {error.strerror}"
-        hint = "a model's file lies beside the declaration"
-        raise DiagnosticsError.from_diagnostic(
-            source.build_diagnostic(where, message, hint=hint)
-        ) from error
+        hint = "put the model's file next to the declaration"
+        raise DiagnosticsError(source.build_diagnostic(value_path, message, hint=hint)) from error
     if not content.startswith(GLB_MAGIC):
-        message = f"'{model.file}' is not a GLB file"
-        hint = "export the model as binary glTF"
-        raise DiagnosticsError.from_diagnostic(source.build_diagnostic(where, message, hint=hint))
+        message, hint = f"'{model.file}' is not a GLB file", "export the model as binary glTF"
+        raise DiagnosticsError(source.build_diagnostic(value_path, message, hint=hint))
     digest = hashlib.sha256(content).hexdigest()
-    known = model.model_copy(update={"sha256": digest})
-    return blueprint.model_copy(update={"model": known})
-
-
-DeclarationT = TypeVar("DeclarationT", bound=Declaration)
-EXAMPLES_FOLDER = "examples"
-"""Folder of declarations to copy from; no part of the library around it."""
-MAX_FILES = 10_000
-
-
-@dataclass(frozen=True)
-class LibraryEntry(Generic[DeclarationT]):
-    """A declaration and where it is written."""
-
-    declaration: DeclarationT
-    """Of a weather with distributions: with typical values in their place."""
-    source: ResolvedDeclaration
-    digest: str
-    """SHA-256 of its data, `extends` merged in."""
-    distributions: Distributions = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Library:
-    """All declarations of a folder or several, by (kind, id)."""
-
-    entries: Mapping[DeclarationKey, LibraryEntry[Declaration]]
-
-    def get_declarations(self, kind: type[DeclarationT]) -> dict[str, DeclarationT]:
-        """Every declaration of a kind by id, in the order of ids."""
-        return {
-            name: entry.declaration
-            for (_, name), entry in sorted(self.entries.items())
-            if isinstance(entry.declaration, kind)
-        }
-
-    def find_entry(self, declaration: DeclarationT) -> LibraryEntry[DeclarationT]:
-        """Of one of its declarations."""
-        found = self.entries[get_declaration_kind(declaration), declaration.id]
-        return cast(LibraryEntry[DeclarationT], found)
-
-    def build_diagnostic(
-        self, declaration: Declaration, *where: str | int, message: str, hint: str = ""
-    ) -> Diagnostic:
-        """A problem with a value of one of its declarations."""
-        return self.find_entry(declaration).source.build_diagnostic(where, message, hint=hint)
-
-
-def load_library(*folders: Path) -> Library:
-    """Read every `*.yaml` below the folders; one of them may be a file itself.
-
-    Folders called `examples`, and those whose names begin with a dot, are left out.
-
-    Raises:
-        ProblemsError: With the problems of all files.
-    """
-    problems: list[Diagnostic] = []
-    files = [path for folder in folders for path in _list_files(folder, problems)]
-    documents = list(_read_documents(files, problems))
-    return Library(_build_entries(documents, problems))
-
-
-def load_declaration_file(path: Path, library: Path) -> LibraryEntry[Declaration]:
-    """The declaration in a file of its own; it may extend those beside it and those of a library.
-
-    Raises:
-        ProblemsError: With the problems of the file.
-    """
-    own = read_document(path)
-    problems: list[Diagnostic] = []
-    heads = _index_documents([own], problems)
-    if problems:
-        raise DiagnosticsError(problems)
-    (name,) = heads
-    if isinstance(own.data, dict) and "extends" in own.data:
-        beside = (other for other in sorted(path.parent.glob("*.yaml")) if other != path)
-        for files in (beside, _list_files(library, problems)):
-            documents = list(_read_documents(files, problems))
-            heads = _index_documents(documents, problems) | heads
-    return _build_entry(name, heads)
-
-
-def _list_files(folder: Path, problems: list[Diagnostic]) -> list[Path]:
-    if not folder.exists():
-        raise InputError(f"{folder}: there is no such file or folder; is the path right?")
-    if not folder.is_dir():
-        return [folder]
-    inside = sorted(
-        path for path in _walk_folder(folder, problems) if path.suffix in (".yaml", ".yml")
-    )
-    for path in inside:
-        if path.suffix == ".yml":
-            hint = f"call it {path.with_suffix('.yaml').name}"
-            problems.append(Diagnostic(path, 0, 0, "", "declarations end in .yaml", hint))
-    files = [path for path in inside if path.suffix == ".yaml"]
-    if not files and not problems:
-        raise InputError(f"{folder}: no declarations (*.yaml) here; is it a library folder?")
-    return files
-
-
-def _walk_folder(folder: Path, problems: list[Diagnostic]) -> Iterator[Path]:
-    """Files of a library; a folder that is far too large for one is refused, not read through."""
-
-    def complain(error: OSError) -> None:
-        message = f"cannot be read: {error.strerror}"
-        problems.append(Diagnostic(Path(error.filename), 0, 0, "", message))
-
-    seen = 0
-    for inside, folders, names in os.walk(folder, onerror=complain):
-        folders[:] = sorted(name for name in folders if name != EXAMPLES_FOLDER and name[0] != ".")
-        seen += len(folders) + len(names)
-        if seen > MAX_FILES:
-            message = f"holds more than {MAX_FILES} files and folders; is it a library folder?"
-            raise InputError(f"{folder}: {message}")
-        yield from (Path(inside, name) for name in names if name[0] != ".")
-
-
-def _read_documents(files: Iterable[Path], problems: list[Diagnostic]) -> Iterator[SourceDocument]:
-    for path in files:
-        try:
-            yield read_document(path)
-        except DiagnosticsError as error:
-            problems += error.diagnostics
-
-
-def _build_entries(
-    documents: list[SourceDocument], problems: list[Diagnostic]
-) -> dict[DeclarationKey, LibraryEntry[Declaration]]:
-    heads = _index_documents(documents, problems)
-    entries: dict[DeclarationKey, LibraryEntry[Declaration]] = {}
-    for name in heads:
-        try:
-            entries[name] = _build_entry(name, heads)
-        except DiagnosticsError as error:
-            problems += error.diagnostics
-    if problems:
-        raise DiagnosticsError(problems)
-    return entries
-
-
-def _index_documents(
-    documents: list[SourceDocument], problems: list[Diagnostic]
-) -> dict[DeclarationKey, SourceDocument]:
-    heads: dict[DeclarationKey, SourceDocument] = {}
-    for document in documents:
-        problem = _check_head(document)
-        if problem:
-            problems += [*document.diagnostics, problem]
-            continue
-        name = (document.data["kind"], document.data["id"])
-        if name in heads:
-            message = f"{name[0]} '{name[1]}' is declared in {heads[name].path} already"
-            problems.append(document.build_diagnostic(("id",), message, hint="give one another id"))
-        else:
-            heads[name] = document
-    return heads
-
-
-def _check_head(document: SourceDocument) -> Diagnostic | None:
-    if not isinstance(document.data, dict):
-        message = "is no declaration, which is a mapping with `kind` and `id`"
-        return document.build_diagnostic(
-            (), message, hint="begin with `kind: weather`, or another kind"
-        )
-    kind, name = document.data.get("kind"), document.data.get("id")
-    if kind is None:
-        hint = f"add it, one of: {', '.join(DECLARATIONS)}"
-        return document.build_diagnostic((), "the field 'kind' is missing", hint=hint)
-    if not isinstance(kind, str) or kind not in DECLARATIONS:
-        message, hint = (
-            f"{format_value(kind)} is no kind of declaration",
-            suggest_name(str(kind), DECLARATIONS),
-        )
-        return document.build_diagnostic(("kind",), message, hint=hint)
-    if "id" not in document.data:
-        return document.build_diagnostic(
-            (), "the field 'id' is missing", hint="add it, `id: my_name`"
-        )
-    if not isinstance(name, str):
-        return document.build_diagnostic(
-            ("id",), f"{format_value(name)} is not an id", hint=ID_HINT
-        )
-    return _check_language_version(document)
-
-
-def _check_language_version(document: SourceDocument) -> Diagnostic | None:
-    """Say what to do with a file in another version of the language, before what is strange."""
-    version = document.data.get("version", LANGUAGE_VERSION)
-    is_number = isinstance(version, int) and not isinstance(version, bool)
-    if is_number and version == LANGUAGE_VERSION:
-        return None
-    if is_number and version > LANGUAGE_VERSION:
-        message = f"is written in version {version}; this advercity reads {LANGUAGE_VERSION}"
-        return document.build_diagnostic(("version",), message, hint="upgrade advercity")
-    hint = f"write {LANGUAGE_VERSION}, or leave it out"
-    return document.build_diagnostic(
-        ("version",), f"there was no version {format_value(version)}", hint=hint
-    )
-
-
-def _build_entry(
-    name: DeclarationKey, heads: Mapping[DeclarationKey, SourceDocument]
-) -> LibraryEntry[Declaration]:
-    source = resolve_extends(name, heads)
-    model = DECLARATIONS[name[0]]
-    if model is not Weather:
-        declaration = validate_model(model, source, known=source.document.diagnostics)
-        if isinstance(declaration, Road) and isinstance(declaration.imported, MapFile):
-            declaration = _import_network(declaration, declaration.imported, source)
-        if isinstance(declaration, Catalogue):
-            declaration = add_model_checksums(declaration, source)
-        return LibraryEntry(
-            declaration, source, compute_json_digest(declaration.model_dump(mode="json"))
-        )
-    distributions = find_distributions(source)
-    weather = validate_distribution_bounds(source, distributions)
-    data: Any = weather.model_dump(mode="json")
-    if distributions:
-        data = [data, [[where, item.model_dump()] for where, item in distributions.items()]]
-    return LibraryEntry(weather, source, compute_json_digest(data), distributions)
-
-
-def _import_network(road: Road, declared: MapFile, source: ResolvedDeclaration) -> Road:
-    where = ("imported", "file")
-    try:
-        network = import_map(declared, road, source.find_document(where).path.parent)
-    except InputError as error:
-        raise DiagnosticsError.from_diagnostic(
-            source.build_diagnostic(where, str(error))
-        ) from error
-    return road.model_copy(update={"imported": network})
-
-
-def find_shipped_library() -> Path:
-    """The library inside the installed package, or beside the source in a checkout."""
-    source = Path(__file__).parents[2] / "library"
-    return source if source.is_dir() else Path(str(files("advercity") / "_library"))
-
-
-def load_declaration(path: Path) -> LibraryEntry[Declaration]:
-    """The declaration in a file; it may extend those that ship."""
-    return load_declaration_file(path, find_shipped_library())
-
-
-def find_weather(text: str) -> LibraryEntry[Weather]:
-    """The weather in the file `text`, or the shipped one with that name.
-
-    A weather in a file of its own may extend those that ship.
-    """
-    path = Path(text)
-    if path.suffix in (".yaml", ".yml") or path.exists():
-        entry = load_declaration(path)
-        if not isinstance(entry.declaration, Weather):
-            problem = entry.source.build_diagnostic(
-                ("kind",), "is no weather", hint="give a weather's file"
-            )
-            raise DiagnosticsError.from_diagnostic(problem)
-        return cast(LibraryEntry[Weather], entry)
-    library = load_library(find_shipped_library())
-    weathers = library.get_declarations(Weather)
-    if text not in weathers:
-        hint = suggest_name(text, weathers)
-        raise InputError(f"there is no weather '{text}', and no such file; {hint}")
-    return library.find_entry(weathers[text])
-
-
-def list_shipped_weathers() -> list[str]:
-    """Names of the weathers that ship."""
-    return list(load_library(find_shipped_library()).get_declarations(Weather))
+    return blueprint.model_copy(update={"model": model.model_copy(update={"sha256": digest})})

@@ -1,14 +1,12 @@
-"""What a suite does to the plain cross: conditions that thin it out, a sweep that multiplies it.
-
-What one scenario is made of: its declarations, the weather drawn, a sweep's step taken.
-"""
+"""Scenarios of a suite: its conditions, the steps of its sweep, and the inputs of each scenario."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 from advercity_dsl import (
+    DECLARATIONS,
     Blueprint,
     Catalogue,
     Declaration,
@@ -20,7 +18,7 @@ from advercity_dsl import (
     Weather,
     get_declaration_kind,
 )
-from advercity_dsl.base import suggest_name
+from advercity_dsl.base import MAX_ID_LENGTH, ValuePath, suggest_name
 from advercity_dsl.suite import Sweep, ValueRange
 from advercity_dsl.weather import Sun
 
@@ -29,19 +27,12 @@ from advercity.compiler.distributions import Distributions, draw_weather
 from advercity.compiler.extends import ResolvedDeclaration
 from advercity.compiler.fields import NumberConstraints, find_field_names, find_number_constraints
 from advercity.compiler.library import Library, LibraryEntry
-from advercity.compiler.source import ValuePath
 from advercity.compiler.suite_conflicts import RoadConflicts
 from advercity.compiler.validation import validate_model
 
-CROSSED_MODELS: dict[str, type[Model]] = {
-    "weather": Weather,
-    "road": Road,
-    "density": Density,
-    "rig": Rig,
-    "catalogue": Catalogue,
-}
+DeclarationT = TypeVar("DeclarationT", bound=Declaration)
 SWEEP_DIGITS = 3
-"""Significant digits of a step between the ends of a sweep."""
+"""Significant digits of the computed values between the ends of a sweep."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +45,7 @@ class SweepStep:
     @property
     def kind(self) -> str:
         """Kind of the declaration that it changes."""
-        return self.field.split(".")[0]
+        return parse_field_path(self.field)[0]
 
     @property
     def value_path(self) -> ValuePath:
@@ -63,23 +54,23 @@ class SweepStep:
 
     @property
     def suffix(self) -> str:
-        """`mor_m_75`: end of the scenario's id; a point is `p`, a minus `n`."""
+        """`mor_m_75`: end of the scenario's id, with `p` for a point and `n` for a minus."""
         number = f"{self.value:.6g}".replace("e+0", "e").replace("e-0", "en").replace("+", "")
         return f"{self.value_path[-1]}_{number.replace('.', 'p').replace('-', 'n')}"
 
 
 @dataclass(frozen=True)
 class SuiteCondition:
-    """What one line of a suite's `where` asks for."""
+    """One condition of a suite's `where`: allowed values, or lowest and highest value."""
 
     kind: str
     value_path: ValuePath
-    allowed: tuple[Any, ...] | tuple[float | None, float | None]
+    allowed: Sequence[Any]
     is_range: bool
 
-    def is_met(self, scene: Mapping[str, Model]) -> bool:
-        """Whether the declarations of a scenario, by kind, meet it."""
-        value = _get_value_at(scene[self.kind], self.value_path)
+    def is_met(self, declarations: Mapping[str, Model]) -> bool:
+        """Return whether the declarations of a scenario, by kind, meet the condition."""
+        value = _get_value(declarations[self.kind], self.value_path)
         if not self.is_range:
             return value in self.allowed
         if not isinstance(value, int | float):
@@ -89,115 +80,55 @@ class SuiteCondition:
 
 
 def parse_field_path(field: str) -> tuple[str, ValuePath]:
-    """`weather.fog.mor_m` as kind and path."""
+    """Split `weather.fog.mor_m` into kind and path."""
     kind, *parts = field.split(".")
     return kind, tuple(int(part) if part.isdigit() else part for part in parts)
 
 
 def parse_conditions(suite: Suite, source: ResolvedDeclaration) -> list[SuiteCondition]:
-    """What the suite's `where` asks for.
+    """Parse the conditions of a suite's `where`.
 
     Raises:
-        ProblemsError: A field is not there, or a value has a wrong unit.
+        DiagnosticsError: A field is unknown, or a value has an invalid unit.
     """
-    found: list[SuiteCondition] = []
-    problems: list[Diagnostic] = []
-    for field, asked in suite.where.items():
-        kind, where = parse_field_path(field)
+    conditions: list[SuiteCondition] = []
+    diagnostics: list[Diagnostic] = []
+    for field, written in suite.where.items():
         at = ("where", field)
-        hint = _suggest_field(kind, where)
+        kind, value_path = parse_field_path(field)
+        hint = _suggest_field(kind, value_path)
         if hint is not None:
-            problems.append(source.build_diagnostic(at, "no such field", hint=hint, key=True))
+            diagnostics.append(source.build_diagnostic(at, "no such field", hint=hint, key=True))
             continue
-        facts = find_number_constraints(CROSSED_MODELS[kind], where)
+        is_range = isinstance(written, ValueRange)
+        if isinstance(written, ValueRange):
+            values = (written.at_least, written.at_most)
+        else:
+            values = written if isinstance(written, tuple) else (written,)
+        constraints = find_number_constraints(DECLARATIONS[kind], value_path) or NumberConstraints()
         try:
-            if isinstance(asked, ValueRange):
-                ends = (_parse_value(facts, asked.at_least), _parse_value(facts, asked.at_most))
-                found.append(SuiteCondition(kind, where, ends, is_range=True))
-            else:
-                written = asked if isinstance(asked, tuple) else (asked,)
-                values = tuple(_parse_value(facts, value) for value in written)
-                found.append(SuiteCondition(kind, where, values, is_range=False))
+            allowed = tuple(constraints.parse(value) for value in values)
+            conditions.append(SuiteCondition(kind, value_path, allowed, is_range=is_range))
         except ValueError as error:
-            problems.append(source.build_diagnostic(at, str(error)))
-    if problems:
-        raise DiagnosticsError(problems)
-    return found
+            diagnostics.append(source.build_diagnostic(at, str(error)))
+    if diagnostics:
+        raise DiagnosticsError(*diagnostics)
+    return conditions
 
 
-def expand_sweep(suite: Suite, source: ResolvedDeclaration) -> list[SweepStep | None]:
-    """The values of the suite's sweep; one None where there is no sweep.
-
-    Raises:
-        ProblemsError: The field is no number, or a value has a wrong unit.
-    """
-    sweep = suite.sweep
-    if sweep is None:
-        return [None]
-    kind, where = parse_field_path(sweep.field)
-    facts = find_number_constraints(CROSSED_MODELS[kind], where)
-    if facts is None:
-        unknown = _suggest_field(kind, where)
-        message = "is no number" if unknown is None else "no such field"
-        hint = unknown or "a sweep takes a number through values"
-        raise DiagnosticsError.from_diagnostic(
-            source.build_diagnostic(("sweep", "field"), message, hint=hint)
-        )
-    try:
-        values = _compute_sweep_values(sweep, facts)
-    except ValueError as error:
-        raise DiagnosticsError.from_diagnostic(
-            source.build_diagnostic(("sweep",), str(error))
-        ) from None
-    if len(set(values)) < len(values):
-        message = "two steps have the same value"
-        hint = "ask for fewer, or spread them further"
-        raise DiagnosticsError.from_diagnostic(
-            source.build_diagnostic(("sweep",), message, hint=hint)
-        )
-    return [SweepStep(sweep.field, value) for value in values]
-
-
-def _compute_sweep_values(sweep: Sweep, facts: NumberConstraints) -> list[float]:
-    if sweep.values:
-        return [_parse_number(facts, value) for value in sweep.values]
-    first, last = _parse_number(facts, sweep.from_), _parse_number(facts, sweep.to)
-    count = sweep.count or 2
-    if not sweep.log:
-        between = [first + (last - first) * i / (count - 1) for i in range(1, count - 1)]
-    elif first > 0 and last > 0:
-        between = [first * (last / first) ** (i / (count - 1)) for i in range(1, count - 1)]
-    else:
-        raise ValueError("equal factors (log) need both ends above 0")
-    rounded = [
-        round(value) if facts.whole else float(f"{value:.{SWEEP_DIGITS}g}") for value in between
-    ]
-    return [first, *rounded, last]
-
-
-def _parse_number(facts: NumberConstraints, value: Any) -> float:
-    number = _parse_value(facts, value)
-    if isinstance(number, str) or number is None or not math.isfinite(number):
-        raise ValueError(f"'{value}' is no number")
-    return int(number) if facts.whole and number == int(number) else number
-
-
-def _parse_value(facts: NumberConstraints | None, value: Any) -> Any:
-    return facts.unit.parse(value) if facts and facts.unit else value
-
-
-def _suggest_field(kind: str, where: ValuePath) -> str | None:
-    """The nearest name where a path leaves the model, else None."""
-    for depth, part in enumerate(where):
-        names = find_field_names(CROSSED_MODELS[kind], where[:depth])
+def _suggest_field(kind: str, value_path: ValuePath) -> str | None:
+    """Return the most similar name for the first unknown part of a path; None if all are known."""
+    for depth, part in enumerate(value_path):
+        names = find_field_names(DECLARATIONS[kind], value_path[:depth])
         if isinstance(part, str) and names and part not in names:
             return suggest_name(part, names)
     return None
 
 
-def _get_value_at(model: Any, where: ValuePath) -> Any:
-    value = model
-    for part in where:
+def _get_value(model: Model, value_path: ValuePath) -> Any:
+    """Return the value at a path of nested models; None if a part is absent."""
+    value: Any = model
+    for part in value_path:
         if isinstance(value, Model):
             value = getattr(value, str(part), None)
         elif isinstance(value, Mapping):
@@ -209,13 +140,61 @@ def _get_value_at(model: Any, where: ValuePath) -> Any:
     return value
 
 
-DeclarationT = TypeVar("DeclarationT", bound=Declaration)
-MAX_ID_LENGTH = 64
+def expand_sweep(suite: Suite, source: ResolvedDeclaration) -> list[SweepStep | None]:
+    """Return the steps of a suite's sweep; one None without a sweep.
+
+    Raises:
+        DiagnosticsError: The field is not a number, or a value has an invalid unit.
+    """
+    sweep = suite.sweep
+    if sweep is None:
+        return [None]
+    kind, value_path = parse_field_path(sweep.field)
+    constraints = find_number_constraints(DECLARATIONS[kind], value_path)
+    if constraints is None:
+        unknown = _suggest_field(kind, value_path)
+        message = "is not a number" if unknown is None else "no such field"
+        hint = unknown or "a sweep varies a number"
+        raise DiagnosticsError(source.build_diagnostic(("sweep", "field"), message, hint=hint))
+    try:
+        values = _compute_sweep_values(sweep, constraints)
+    except ValueError as error:
+        raise DiagnosticsError(source.build_diagnostic(("sweep",), str(error))) from None
+    if len(set(values)) < len(values):
+        message, hint = "two steps have the same value", "reduce the count, or widen the range"
+        raise DiagnosticsError(source.build_diagnostic(("sweep",), message, hint=hint))
+    return [SweepStep(sweep.field, value) for value in values]
+
+
+def _compute_sweep_values(sweep: Sweep, constraints: NumberConstraints) -> list[float]:
+    if sweep.values:
+        return [_parse_number(constraints, value) for value in sweep.values]
+    first, last = (_parse_number(constraints, end) for end in (sweep.from_, sweep.to))
+    count = sweep.count or 2
+    inner = range(1, count - 1)
+    if not sweep.log:
+        between = [first + (last - first) * i / (count - 1) for i in inner]
+    elif first > 0 and last > 0:
+        between = [first * (last / first) ** (i / (count - 1)) for i in inner]
+    else:
+        raise ValueError("logarithmic steps (log) need both ends above 0")
+    rounded = [
+        round(value) if constraints.whole else float(f"{value:.{SWEEP_DIGITS}g}")
+        for value in between
+    ]
+    return [first, *rounded, last]
+
+
+def _parse_number(constraints: NumberConstraints, value: Any) -> float:
+    number = constraints.parse(value)
+    if isinstance(number, str) or number is None or not math.isfinite(number):
+        raise ValueError(f"'{value}' is not a number")
+    return int(number) if constraints.whole and number == int(number) else number
 
 
 @dataclass(frozen=True)
 class ScenarioInputs:
-    """What one scenario is made of, its weather drawn and its step of the sweep taken."""
+    """Declarations of one scenario, with its weather drawn and its sweep step applied."""
 
     id: str
     road: Road
@@ -225,11 +204,11 @@ class ScenarioInputs:
     catalogue: Catalogue
     draws: Distributions
     step: SweepStep | None
-    cell: RoadConflicts
+    conflicts: RoadConflicts
 
     @property
     def by_kind(self) -> dict[str, Model]:
-        """What the conditions of a suite ask about."""
+        """Declarations to which the conditions of a suite apply."""
         return {
             "road": self.road,
             "weather": self.weather,
@@ -240,7 +219,7 @@ class ScenarioInputs:
 
     @property
     def blueprints(self) -> dict[str, Blueprint]:
-        """Bodies that are at home on the road."""
+        """Blueprints that occur in the road's surroundings."""
         return {
             name: blueprint
             for name, blueprint in self.catalogue.blueprints.items()
@@ -249,9 +228,8 @@ class ScenarioInputs:
 
     @property
     def traffic_key(self) -> tuple[str, str, str | None, SweepStep | None]:
-        """Scenes in which it is the same have the same traffic, whatever their weather."""
-        crossed = self.cell.crossed.id if self.cell.crossed else None
-        return self.road.id, self.density.id, crossed, self.step
+        """Key that is equal for scenarios with the same traffic, which ignores the weather."""
+        return self.road.id, self.density.id, self.conflicts.crossed_id, self.step
 
 
 CrossedDeclarations = tuple[RoadConflicts, Weather, Density, Rig, Catalogue]
@@ -260,116 +238,94 @@ CrossedDeclarations = tuple[RoadConflicts, Weather, Density, Rig, Catalogue]
 def build_scenario_inputs(
     library: Library,
     suite: Suite,
-    parts: CrossedDeclarations,
+    crossed: CrossedDeclarations,
     step: SweepStep | None,
     *,
     require_sun: bool,
 ) -> ScenarioInputs:
-    """The scene of one crossing of a suite, under one step of its sweep.
+    """Build the inputs of one crossing of a suite at one step of its sweep.
 
     Raises:
-        ProblemsError: The id is too long, a drawn or swept value does not fit, or a sun in
-            somebody's view is asked for as `solved` and is not.
+        DiagnosticsError: The id is too long, a drawn or swept value is not valid, or
+            `require_sun` is set and a sun in view of the ego has not been computed.
     """
-    cell, weather, density, rig, catalogue = parts
-    road, crossed = cell.road, cell.crossed.id if cell.crossed else None
-    name = _build_checked_id(library, suite, road, weather, density, step, crossed)
+    conflicts, weather, density, rig, catalogue = crossed
+    entry = library.find_entry(weather)
+    name = build_spec_id(conflicts.road, weather, density, step, conflicts.crossed_id)
+    if len(name) > MAX_ID_LENGTH:
+        message = f"makes the id '{name}', which is longer than {MAX_ID_LENGTH} characters"
+        hint = "shorten the ids of which it consists"
+        raise DiagnosticsError(library.build_diagnostic(suite, "id", message=message, hint=hint))
     try:
-        drawn, draws = draw_scenario_weather(
-            library.find_entry(weather), suite.seeds.weather, name, step
-        )
-        road = _apply_sweep_step(library, road, step)
+        drawn, draws = draw_scenario_weather(entry, suite.seeds.weather, name, step)
+        road = _apply_sweep_step(library, conflicts.road, step)
         density = _apply_sweep_step(library, density, step)
-        rig, catalogue = (
-            _apply_sweep_step(library, rig, step),
-            _apply_sweep_step(library, catalogue, step),
-        )
+        rig = _apply_sweep_step(library, rig, step)
+        catalogue = _apply_sweep_step(library, catalogue, step)
     except DiagnosticsError as error:
         if step is None:
             raise
-        raise DiagnosticsError.from_diagnostic(
-            _build_step_diagnostic(library, suite, step, error.diagnostics[0])
+        first = error.diagnostics[0]
+        message = f"{step.field} of {step.value:g} is not valid: {first.message}"
+        raise DiagnosticsError(
+            library.build_diagnostic(suite, "sweep", message=message, hint=first.hint)
         ) from None
-    drawn = localize_weather(library.find_entry(weather), drawn, road, require_sun=require_sun)
-    cell = replace(cell, road=road)
-    return ScenarioInputs(name, road, drawn, density, rig, catalogue, draws, step, cell)
+    weather = localize_weather(entry, drawn, road, require_sun=require_sun)
+    conflicts = replace(conflicts, road=road)
+    return ScenarioInputs(name, road, weather, density, rig, catalogue, draws, step, conflicts)
 
 
 def draw_scenario_weather(
     entry: LibraryEntry[Weather], seed: int, spec_id: str, step: SweepStep | None
 ) -> tuple[Weather, Distributions]:
-    """The weather of one spec, and what its numbers were drawn from."""
-    if step is None or step.kind != "weather":
-        if not entry.distributions:
-            return entry.declaration, {}
-        return draw_weather(entry.source, entry.distributions, seed, spec_id), entry.distributions
-    source = entry.source.replace_value(step.value_path, step.value)
-    left = {where: item for where, item in entry.distributions.items() if where != step.value_path}
-    return draw_weather(source, left, seed, spec_id), left
+    """Draw the weather of one spec; return it with the distributions that were drawn."""
+    source, distributions = entry.source, entry.distributions
+    if step is not None and step.kind == "weather":
+        # The swept value replaces a distribution at its path, which then is not drawn.
+        source = source.replace_value(step.value_path, step.value)
+        distributions = {
+            path: item for path, item in distributions.items() if path != step.value_path
+        }
+    elif not distributions:
+        return entry.declaration, {}
+    return draw_weather(source, distributions, seed, spec_id), distributions
 
 
 def _apply_sweep_step(library: Library, item: DeclarationT, step: SweepStep | None) -> DeclarationT:
     if step is None or step.kind != get_declaration_kind(item):
         return item
     source = library.find_entry(item).source.replace_value(step.value_path, step.value)
-    stepped = validate_model(type(item), source)
+    changed = validate_model(type(item), source)
     if isinstance(item, Road):
+        # The road came with its map imported and its ego set by the conflict; keep both.
         kept = {"imported": item.imported, "agents": item.agents, "ego_routes": item.ego_routes}
-        return stepped.model_copy(update=kept)
-    return stepped
-
-
-def _build_step_diagnostic(
-    library: Library, suite: Suite, step: SweepStep, found: Diagnostic
-) -> Diagnostic:
-    source = library.find_entry(suite).source
-    message = f"{step.field} of {step.value:g} does not fit: {found.message}"
-    return source.build_diagnostic(("sweep",), message, hint=found.hint)
-
-
-def _build_checked_id(
-    library: Library,
-    suite: Suite,
-    road: Road,
-    weather: Weather,
-    density: Density,
-    step: SweepStep | None,
-    crossed: str | None,
-) -> str:
-    name = build_spec_id(road, weather, density, step, crossed)
-    if len(name) > MAX_ID_LENGTH:
-        message = f"makes the id '{name}', which is longer than {MAX_ID_LENGTH} characters"
-        hint = "shorten the ids that it is made of"
-        raise DiagnosticsError.from_diagnostic(
-            library.build_diagnostic(suite, "id", message=message, hint=hint)
-        )
-    return name
+        return changed.model_copy(update=kept)
+    return changed
 
 
 def build_spec_id(
     road: Road, weather: Weather, density: Density, step: SweepStep | None, crossed: str | None
 ) -> str:
-    """`<road>_<weather>_<density>`, a crossed conflict after the road, a sweep's step last."""
-    middle = [crossed] if crossed else []
-    parts = (road.id, *middle, weather.id, density.id, *([step.suffix] if step else []))
-    return "_".join(parts)
+    """Build `<road>_<weather>_<density>`, with a crossed conflict after the road, a step last."""
+    parts = (road.id, crossed, weather.id, density.id, step.suffix if step else None)
+    return "_".join(part for part in parts if part)
 
 
 def localize_weather(
     entry: LibraryEntry[Weather], weather: Weather, road: Road, *, require_sun: bool = True
 ) -> Weather:
-    """The weather as it is at a road: its own sun in place of `sun_at`.
+    """Replace the sun of a weather by that of `sun_at` at a road.
 
     Raises:
-        ProblemsError: The sun is to be in somebody's view, and is not found yet.
+        DiagnosticsError: The sun in view of the ego is required but has not been computed.
     """
     sun = weather.sun_at.get(road.id, weather.sun)
     if sun.in_view_of is not None and require_sun:
-        where = ("sun", "in_view_of") if sun is weather.sun else ("sun_at", road.id, "in_view_of")
-        message = f"where the sun is in view of the ego at road '{road.id}' is not known yet"
-        hint = "`advercity solve LIBRARY` finds it, and writes it to sun_at"
-        raise DiagnosticsError.from_diagnostic(
-            entry.source.build_diagnostic(where, message, hint=hint)
+        field = ("sun",) if sun is weather.sun else ("sun_at", road.id)
+        message = f"the sun in view of the ego at road '{road.id}' has not been computed"
+        hint = "`advercity solve LIBRARY` computes it and writes it to sun_at"
+        raise DiagnosticsError(
+            entry.source.build_diagnostic((*field, "in_view_of"), message, hint=hint)
         )
     if sun.in_view_of is not None:
         sun = Sun()

@@ -1,4 +1,4 @@
-"""JSON Schemas of what people write, for editors that complete and check YAML."""
+"""JSON Schemas of declarations, with which editors complete and check YAML."""
 
 import json
 from pathlib import Path
@@ -9,7 +9,7 @@ from advercity_dsl.base import suggest_name
 from advercity_dsl.distribution import DISTRIBUTIONS
 
 from advercity.compiler.fields import collect_field_docs
-from advercity.errors import InputError
+from advercity.errors import InputError, report_write_errors
 
 SCHEMA_MODELS: dict[str, type[Model]] = {**DECLARATIONS, "spec": Spec}
 _BOUNDS = {
@@ -18,7 +18,7 @@ _BOUNDS = {
     "le": "maximum",
     "lt": "exclusiveMaximum",
 }
-"""JSON Schema's words for pydantic's."""
+"""Keywords of JSON Schema for the names of constraints in pydantic."""
 _EXTENDS_SCHEMA = {
     "description": "What this builds on: an id of the same kind, or a list of ids. Mappings merge,"
     " all else replaces.",
@@ -31,14 +31,14 @@ _VERSION_SCHEMA = {
 
 
 def format_schema(kind: str) -> str:
-    """JSON Schema of a kind of declaration, or of the spec; InputError if there is no such kind."""
+    """Format the JSON Schema of a kind of declaration, or of the spec; InputError if unknown."""
     return json.dumps(build_schema(kind), indent=2)
 
 
 def build_schema(kind: str) -> dict[str, Any]:
-    """The same as plain data."""
+    """Build the same schema as plain data."""
     if kind not in SCHEMA_MODELS:
-        raise InputError(f"there is no kind '{kind}'; {suggest_name(kind, SCHEMA_MODELS)}")
+        raise InputError(f"unknown kind '{kind}'; {suggest_name(kind, SCHEMA_MODELS)}")
     model = SCHEMA_MODELS[kind]
     schema = _build_model_schema(model)
     if kind in DECLARATIONS:
@@ -53,11 +53,9 @@ def build_schema(kind: str) -> dict[str, Any]:
 def write_schema(kind: str, folder: Path) -> None:
     """Write `<kind>.schema.json`."""
     text = format_schema(kind) + "\n"
-    try:
+    with report_write_errors():
         folder.mkdir(parents=True, exist_ok=True)
         (folder / f"{kind}.schema.json").write_text(text, encoding="utf-8", newline="\n")
-    except OSError as error:
-        raise InputError(f"{error.filename}: cannot be written: {error.strerror}") from error
 
 
 def write_schemas(folder: Path) -> None:
@@ -67,18 +65,18 @@ def write_schemas(folder: Path) -> None:
 
 
 def _build_model_schema(model: type[Model]) -> dict[str, Any]:
-    """The schema of a model, with what the source says about its fields."""
+    """Build the schema of a model, with the docstrings of its fields as descriptions."""
     schema = _normalize_keywords(model.model_json_schema())
-    for name, text in collect_field_docs(model).items():
+    for name, texts in collect_field_docs(model).items():
         definition = schema if name == model.__name__ else schema["$defs"].get(name, {})
-        for field, words in text.items():
+        for field, text in texts.items():
             if field in definition.get("properties", {}):
-                definition["properties"][field]["description"] = words
+                definition["properties"][field]["description"] = text
     return schema
 
 
 def _normalize_keywords(data: Any) -> Any:
-    """Bounds in JSON Schema's words, and no titles that only repeat names."""
+    """Rename constraints to JSON Schema's keywords, and drop titles, which only repeat names."""
     if isinstance(data, list):
         return [_normalize_keywords(item) for item in cast(list[Any], data)]
     if not isinstance(data, dict):
@@ -92,22 +90,22 @@ def _normalize_keywords(data: Any) -> Any:
 
 
 def _allow_distributions(schema: dict[str, Any]) -> None:
-    """Let a distribution stand wherever a weather has a number."""
+    """Allow a distribution instead of every number of a weather."""
     for name, model in DISTRIBUTIONS.items():
-        found = _allow_quantities(_build_model_schema(model))
-        schema["$defs"] |= found.pop("$defs", {})
-        schema["$defs"][name] = found
-    either = [{"$ref": f"#/$defs/{name}"} for name in DISTRIBUTIONS]
+        definition = _allow_quantities(_build_model_schema(model))
+        schema["$defs"] |= definition.pop("$defs", {})
+        schema["$defs"][name] = definition
+    references = [{"$ref": f"#/$defs/{name}"} for name in DISTRIBUTIONS]
     for definition in [schema, *schema["$defs"].values()]:
         if definition in [schema["$defs"][name] for name in DISTRIBUTIONS]:
             continue
         for name, field in definition.get("properties", {}).items():
             if _is_number(field):
-                definition["properties"][name] = _add_alternatives(field, either)
+                definition["properties"][name] = _add_alternatives(field, references)
 
 
 def _allow_quantities(data: Any) -> Any:
-    """Text, `0.1 km`, wherever a number stands."""
+    """Allow text such as `0.1 km` instead of every number."""
     if isinstance(data, list):
         return [_allow_quantities(item) for item in cast(list[Any], data)]
     if not isinstance(data, dict):
@@ -124,8 +122,8 @@ def _is_number(field: Any) -> bool:
 
 
 def _add_alternatives(field: dict[str, Any], more: list[Any]) -> dict[str, Any]:
-    about = ("description", "default", "unit", "examples")
-    kept = {key: field[key] for key in about if key in field}
+    # Editors look for these next to `anyOf`, not inside its alternatives.
+    kept = {k: field[k] for k in ("description", "default", "unit", "examples") if k in field}
     inner = {key: value for key, value in field.items() if key not in kept}
     own = inner["anyOf"] if set(inner) == {"anyOf"} else [inner]
     return {**kept, "anyOf": [*own, *more]}

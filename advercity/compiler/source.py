@@ -1,16 +1,17 @@
-"""YAML and JSON text as plain data that remembers where every value stands.
+"""YAML and JSON text as plain data, with the position of every value.
 
-Safe by construction: no tags, no duplicate keys, limits on size, depth and what aliases expand
-to, and the booleans and numbers of YAML 1.2 (`on` is text, `1e-6` is a number).
+Reading is safe: no tags, no duplicate keys, limits on size, depth and expansion of aliases.
+Booleans and numbers follow YAML 1.2 (`on` is text, `1e-6` is a number).
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import yaml
+from advercity_dsl.base import ValuePath
 
 from advercity.compiler.diagnostics import Diagnostic, DiagnosticsError
 
@@ -18,13 +19,10 @@ MAX_BYTES = 4_000_000
 MAX_DEPTH = 40
 MAX_VALUES = 100_000
 
-PathPart = str | int
-ValuePath = tuple[PathPart, ...]
-
 
 @dataclass(frozen=True)
 class SourcePosition:
-    """A position in a file, counted from 1."""
+    """A position in a file; line and column count from 1."""
 
     line: int
     column: int
@@ -33,14 +31,15 @@ class SourcePosition:
 
 @dataclass(frozen=True)
 class SourceDocument:
-    """One file, read.
+    """A parsed file.
 
     Attributes:
-        path: As it was asked for.
+        path: The file, as requested.
+        text: Its content.
         data: Plain dicts, lists and scalars.
-        positions: Where each value, by its path from the root, begins.
-        key_positions: Where each mapping key, by the same path, begins.
-        diagnostics: What is wrong in it before anything is known of its kind.
+        positions: Position of each value, by its path from the root.
+        key_positions: Position of each mapping key, by the same path.
+        diagnostics: Errors that do not depend on the kind of the declaration.
     """
 
     path: Path
@@ -50,30 +49,27 @@ class SourceDocument:
     key_positions: dict[ValuePath, SourcePosition]
     diagnostics: tuple[Diagnostic, ...] = ()
 
-    def has_value(self, where: ValuePath) -> bool:
-        """Whether there is a value at `where`."""
-        return where in self.positions
+    def has_value(self, value_path: ValuePath) -> bool:
+        """Return whether the document has a value at a path."""
+        return value_path in self.positions
 
-    def find_position(self, where: ValuePath, *, key: bool = False) -> SourcePosition:
-        """Of the value (or its key) at `where`, else of the nearest value around it."""
-        if key and where in self.key_positions:
-            return self.key_positions[where]
-        for length in range(len(where), -1, -1):
-            if where[:length] in self.positions:
-                return self.positions[where[:length]]
+    def find_position(self, value_path: ValuePath, *, key: bool = False) -> SourcePosition:
+        """Return the position of a value (or its key), else of the nearest enclosing value."""
+        if key and value_path in self.key_positions:
+            return self.key_positions[value_path]
+        for length in range(len(value_path), -1, -1):
+            if value_path[:length] in self.positions:
+                return self.positions[value_path[:length]]
         return SourcePosition(1, 1)
 
     def build_diagnostic(
-        self, where: ValuePath, message: str, *, hint: str = "", key: bool = False
+        self, value_path: ValuePath, message: str, *, hint: str = "", key: bool = False
     ) -> Diagnostic:
-        """A problem with the value (or key) at `where`."""
-        at = self.find_position(where, key=key)
-        return build_text_diagnostic(self.path, self.text, at, message, value_path=where, hint=hint)
-
-
-def _split_lines(text: str) -> list[str]:
-    """Lines as YAML counts them."""
-    return re.split("\r\n|[\n\r\x85\u2028\u2029]", text)
+        """Build a diagnostic at the value (or key) of a path."""
+        position = self.find_position(value_path, key=key)
+        return build_text_diagnostic(
+            self.path, self.text, position, message, value_path=value_path, hint=hint
+        )
 
 
 def build_text_diagnostic(
@@ -85,9 +81,8 @@ def build_text_diagnostic(
     value_path: ValuePath = (),
     hint: str = "",
 ) -> Diagnostic:
-    """A problem at a place of `text`, along with the line there."""
+    """Build a diagnostic at a position of `text`, with the line for its excerpt."""
     lines = _split_lines(text)
-    line = lines[position.line - 1] if position.line <= len(lines) else ""
     return Diagnostic(
         path,
         position.line,
@@ -95,18 +90,59 @@ def build_text_diagnostic(
         format_value_path(value_path),
         message,
         hint,
-        line,
+        lines[position.line - 1] if position.line <= len(lines) else "",
         position.width,
     )
 
 
-def format_value_path(where: ValuePath) -> str:
-    """`('fog', 'mor_m')` as `fog.mor_m`."""
-    return ".".join(str(part) for part in where)
+def _split_lines(text: str) -> list[str]:
+    """Split text into the lines that YAML counts."""
+    return re.split("\r\n|[\n\r\x85\u2028\u2029]", text)
+
+
+def format_value_path(value_path: ValuePath) -> str:
+    """Format `('fog', 'mor_m')` as `fog.mor_m`."""
+    return ".".join(map(str, value_path))
+
+
+def iterate_values(data: Any, value_path: ValuePath = ()) -> Iterator[tuple[ValuePath, Any]]:
+    """Yield nested data and everything inside it, each with its path, outer values first."""
+    yield value_path, data
+    items: Any = ()
+    if isinstance(data, dict):
+        items = cast(dict[str, Any], data).items()
+    elif isinstance(data, list):
+        items = enumerate(cast(list[Any], data))
+    for key, value in items:
+        yield from iterate_values(value, (*value_path, key))
+
+
+def replace_values(data: Any, values: Mapping[ValuePath, Any]) -> Any:
+    """Return a copy of nested data with other values at some paths, creating missing mappings.
+
+    Raises:
+        IndexError: A path leads to an item that a list does not have.
+    """
+    for value_path, value in values.items():
+        data = _replace_value(data, value_path, value)
+    return data
+
+
+def _replace_value(data: Any, value_path: ValuePath, value: Any) -> Any:
+    if not value_path:
+        return value
+    head, rest = value_path[0], value_path[1:]
+    if isinstance(data, list) and isinstance(head, int):
+        items = list(cast(list[Any], data))
+        items[head] = _replace_value(items[head], rest, value)
+        return items
+    mapping = dict(cast(dict[Any, Any], data)) if isinstance(data, dict) else {}
+    mapping[head] = _replace_value(mapping.get(head), rest, value)
+    return mapping
 
 
 class _Loader(yaml.CSafeLoader):
-    """Resolves plain scalars as YAML 1.2's core schema does."""
+    """Resolves plain scalars by the core schema of YAML 1.2 instead of YAML 1.1."""
 
     yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}  # noqa: RUF012
 
@@ -128,8 +164,8 @@ _Loader.add_implicit_resolver(
 
 _YAML_MESSAGES = {
     "mapping values are not allowed in this context": (
-        "a ':' stands where none can",
-        "put text that holds ': ' in quotes, and align keys of one mapping",
+        "unexpected ':'",
+        "put text that contains ': ' in quotes, and align the keys of a mapping",
     ),
     "found character that cannot start any token": (
         "a value cannot begin with this character",
@@ -139,46 +175,52 @@ _YAML_MESSAGES = {
     "did not find expected ',' or ']'": ("a list [ is not closed", "close it with ]"),
     "did not find expected ',' or '}'": ("a mapping { is not closed", "close it with }"),
     "did not find expected '-' indicator": (
-        "a list does not go on with '- '",
-        "indent keys below their item, or take the '- ' away",
+        "expected the next list item, '- '",
+        "indent keys below their item, or remove the '- '",
     ),
     "did not find expected key": (
-        "no key stands here",
-        "give keys of one mapping the same indentation, and each a ':'",
+        "expected a key",
+        "give the keys of a mapping the same indentation, and each a ':'",
     ),
     "could not find expected ':'": ("a key has no ':'", "write `key: value`"),
     "but found another document": (
         "a second document begins here",
-        "put each declaration into a file of its own",
+        "put each declaration into its own file",
     ),
-    "found undefined alias": ("there is no anchor of this name", "write the values out"),
+    "found undefined alias": ("unknown anchor", "write the values out"),
 }
-"""What the parser says, in words of the author, with a way out."""
-_TAB_MESSAGE = ("a tab stands in the indentation", "indent with spaces")
+"""Message and hint for each message of the parser."""
+_TAB_MESSAGE = ("a tab in the indentation", "indent with spaces")
 
 
 def read_document(path: Path) -> SourceDocument:
-    """Read a YAML or JSON file; ProblemsError with the place of every problem."""
+    """Read a YAML or JSON file.
+
+    Raises:
+        DiagnosticsError: The file cannot be read or parsed.
+    """
     return parse_document(path, read_source_text(path))
 
 
 def read_source_text(path: Path) -> str:
-    """Text of a file of sensible size; ProblemsError if there is none."""
+    """Read a file as UTF-8 text.
+
+    Raises:
+        DiagnosticsError: The file is missing, unreadable, too large, or not UTF-8.
+    """
     try:
         if path.is_dir():
             raise _build_file_error(path, "is a folder", "name a file in it")
         if not path.is_file():
-            raise _build_file_error(
-                path, "is no file" if path.exists() else "there is no such file"
-            )
+            message = "is not a file" if path.exists() else "file not found"
+            raise _build_file_error(path, message)
         with path.open("rb") as file:
             raw = file.read(MAX_BYTES + 1)
     except OSError as error:
         raise _build_file_error(path, f"cannot be read: {error.strerror}") from None
     if len(raw) > MAX_BYTES:
-        raise _build_file_error(
-            path, f"is larger than {MAX_BYTES // 1_000_000} MB; is it a declaration?"
-        )
+        message = f"is larger than {MAX_BYTES // 1_000_000} MB; is it a declaration?"
+        raise _build_file_error(path, message)
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -188,31 +230,19 @@ def read_source_text(path: Path) -> str:
 
 
 def _build_file_error(path: Path, message: str, hint: str = "") -> DiagnosticsError:
-    return DiagnosticsError.from_diagnostic(Diagnostic(path, 0, 0, "", message, hint))
+    return DiagnosticsError(Diagnostic(path, 0, 0, "", message, hint))
 
 
 def parse_document(path: Path, text: str) -> SourceDocument:
-    """Parse YAML or JSON text that came from `path`."""
-    try:
-        _check_safety(path, text)
-        loader = _Loader(text)
-        try:
-            root = loader.get_single_node()
-        finally:
-            loader.dispose()
-    except yaml.MarkedYAMLError as error:
-        raise DiagnosticsError.from_diagnostic(
-            _build_syntax_diagnostic(path, text, error)
-        ) from None
-    except yaml.YAMLError:
-        at = next(_find_control_characters(text), SourcePosition(1, 1))
-        message, hint = "a control character stands here", "take it away; is this a text file?"
-        raise DiagnosticsError.from_diagnostic(
-            build_text_diagnostic(path, text, at, message, hint=hint)
-        ) from None
+    """Parse YAML or JSON text of the file `path`.
+
+    Raises:
+        DiagnosticsError: The text is not valid YAML, empty, or exceeds a limit.
+    """
+    root = _compose_tree(path, text)
     if root is None:
-        hint = "`advercity new` writes one to start from"
-        raise DiagnosticsError.from_diagnostic(Diagnostic(path, 1, 1, "", "is empty", hint))
+        hint = "`advercity new` writes a declaration to start from"
+        raise DiagnosticsError(Diagnostic(path, 1, 1, "", "is empty", hint))
     builder = _DataBuilder(path, text)
     data = builder.build(root, ())
     return SourceDocument(
@@ -220,19 +250,39 @@ def parse_document(path: Path, text: str) -> SourceDocument:
     )
 
 
+def _compose_tree(path: Path, text: str) -> yaml.Node | None:
+    try:
+        _check_safety(path, text)
+        loader = _Loader(text)
+        try:
+            return loader.get_single_node()
+        finally:
+            loader.dispose()
+    except yaml.MarkedYAMLError as error:
+        raise DiagnosticsError(_build_syntax_diagnostic(path, text, error)) from None
+    except yaml.YAMLError:
+        # libyaml reports characters that it cannot read without a position.
+        position = next(_find_control_characters(text), SourcePosition(1, 1))
+        message, hint = "unexpected control character", "remove it; is this a text file?"
+        raise DiagnosticsError(
+            build_text_diagnostic(path, text, position, message, hint=hint)
+        ) from None
+
+
 def _build_syntax_diagnostic(path: Path, text: str, error: yaml.MarkedYAMLError) -> Diagnostic:
     mark = error.problem_mark or error.context_mark
-    at = SourcePosition(mark.line + 1, mark.column + 1) if mark else SourcePosition(1, 1)
-    what = error.problem or "cannot be parsed"
-    message, hint = _YAML_MESSAGES.get(what, (what, ""))
+    position = SourcePosition(mark.line + 1, mark.column + 1) if mark else SourcePosition(1, 1)
+    problem = error.problem or "cannot be parsed"
+    message, hint = _YAML_MESSAGES.get(problem, (problem, ""))
     lines = _split_lines(text)
-    if at.line <= len(lines) and "\t" in lines[at.line - 1][: at.column]:
+    if position.line <= len(lines) and "\t" in lines[position.line - 1][: position.column]:
         message, hint = _TAB_MESSAGE
     elif error.context_mark and "not closed" in message:
-        at = SourcePosition(error.context_mark.line + 1, error.context_mark.column + 1)
-    elif at.line > len(lines) and lines:
-        at = SourcePosition(len(lines), len(lines[-1]) + 1)
-    return build_text_diagnostic(path, text, at, f"not valid YAML: {message}", hint=hint)
+        # The parser notices a missing bracket lines later; the opening one is what to look at.
+        position = SourcePosition(error.context_mark.line + 1, error.context_mark.column + 1)
+    elif position.line > len(lines) and lines:
+        position = SourcePosition(len(lines), len(lines[-1]) + 1)
+    return build_text_diagnostic(path, text, position, f"not valid YAML: {message}", hint=hint)
 
 
 def _find_control_characters(text: str) -> Iterator[SourcePosition]:
@@ -243,13 +293,13 @@ def _find_control_characters(text: str) -> Iterator[SourcePosition]:
 
 
 def _check_safety(path: Path, text: str) -> None:
-    """Stop at foreign tags and at depth before any tree is built."""
+    """Raise on tags and on excessive depth, before the parser builds a tree by recursion."""
     depth = 0
     for event in _iterate_events(text):
         message = hint = ""
         if getattr(event, "tag", None):
-            message = f"the tag {event.tag.removeprefix('tag:yaml.org,2002:')} is not used here"
-            hint = "write the plain value"
+            tag = event.tag.removeprefix("tag:yaml.org,2002:")
+            message, hint = f"the tag {tag} is not supported", "write the plain value"
         elif isinstance(event, yaml.CollectionStartEvent):
             depth += 1
             if depth > MAX_DEPTH:
@@ -259,18 +309,17 @@ def _check_safety(path: Path, text: str) -> None:
             depth -= 1
         if message:
             mark: Any = event.start_mark
-            at = SourcePosition(mark.line + 1, mark.column + 1)
-            raise DiagnosticsError.from_diagnostic(
-                build_text_diagnostic(path, text, at, message, hint=hint)
-            )
+            position = SourcePosition(mark.line + 1, mark.column + 1)
+            raise DiagnosticsError(build_text_diagnostic(path, text, position, message, hint=hint))
 
 
 def _iterate_events(text: str) -> Iterator[Any]:
+    # PyYAML's type stubs know neither the loader's subclass nor the events' attributes.
     yield from yaml.parse(text, Loader=_Loader)
 
 
 class _DataBuilder:
-    """Turns a node tree into data, noting places and duplicate keys."""
+    """Converts a node tree into data, recording positions and duplicate keys."""
 
     def __init__(self, path: Path, text: str) -> None:
         self.path = path
@@ -280,64 +329,56 @@ class _DataBuilder:
         self.diagnostics: list[Diagnostic] = []
         self._constructor = yaml.constructor.SafeConstructor()
 
-    def build(self, node: yaml.Node, where: ValuePath) -> Any:
-        if len(where) > MAX_DEPTH or len(self.positions) >= MAX_VALUES:
+    def build(self, node: yaml.Node, value_path: ValuePath) -> Any:
+        # Nested aliases make a small file expand to billions of values.
+        if len(value_path) > MAX_DEPTH or len(self.positions) >= MAX_VALUES:
             message = f"aliases (*) expand to more than {MAX_VALUES} values or {MAX_DEPTH} levels"
-            hint = "write the values out"
-            raise DiagnosticsError.from_diagnostic(
-                build_text_diagnostic(
-                    self.path, self.text, _find_node_position(node), message, hint=hint
-                )
+            raise DiagnosticsError(
+                self._build_diagnostic(node, (), message, "write the values out")
             )
-        self.positions[where] = _find_node_position(node)
+        self.positions[value_path] = _find_node_position(node)
         if isinstance(node, yaml.MappingNode):
-            return self._build_mapping(node, where)
+            return self._build_mapping(node, value_path)
         if isinstance(node, yaml.SequenceNode):
-            return [self.build(item, (*where, index)) for index, item in enumerate(node.value)]
+            return [self.build(item, (*value_path, index)) for index, item in enumerate(node.value)]
         try:
             return self._constructor.construct_object(node)
         except (ValueError, yaml.YAMLError):
-            self._add_diagnostic(node, where, f"'{node.value[:40]}' cannot be read as a number")
+            message = f"'{node.value[:40]}' cannot be read as a number"
+            self.diagnostics.append(self._build_diagnostic(node, value_path, message))
             return None
 
-    def _build_mapping(self, node: yaml.MappingNode, where: ValuePath) -> dict[str, Any]:
+    def _build_mapping(self, node: yaml.MappingNode, value_path: ValuePath) -> dict[str, Any]:
         result: dict[str, Any] = {}
         for key_node, value_node in node.value:
             key = key_node.value
             if not isinstance(key_node, yaml.ScalarNode) or not isinstance(key, str):
-                self._add_diagnostic(
-                    key_node, where, "a key must be a plain name", "write `name: value`"
-                )
+                message, hint = "a key must be a plain name", "write `name: value`"
+                self.diagnostics.append(self._build_diagnostic(key_node, value_path, message, hint))
                 continue
-            inner = (*where, key)
+            inner = (*value_path, key)
             if key in result:
-                first = self.key_positions[inner].line
-                self._add_diagnostic(
-                    key_node, inner, f"is here twice, first in line {first}", "keep one"
+                message = f"duplicate key, first in line {self.key_positions[inner].line}"
+                self.diagnostics.append(
+                    self._build_diagnostic(key_node, inner, message, "keep one")
                 )
                 continue
             self.key_positions[inner] = _find_node_position(key_node)
             result[key] = self.build(value_node, inner)
         return result
 
-    def _add_diagnostic(
-        self, node: yaml.Node, where: ValuePath, message: str, hint: str = ""
-    ) -> None:
-        self.diagnostics.append(
-            build_text_diagnostic(
-                self.path,
-                self.text,
-                _find_node_position(node),
-                message,
-                value_path=where,
-                hint=hint,
-            )
+    def _build_diagnostic(
+        self, node: yaml.Node, value_path: ValuePath, message: str, hint: str = ""
+    ) -> Diagnostic:
+        position = _find_node_position(node)
+        return build_text_diagnostic(
+            self.path, self.text, position, message, value_path=value_path, hint=hint
         )
 
 
 def _find_node_position(node: yaml.Node) -> SourcePosition:
-    """Where a node begins, and how wide it is if it is a scalar within one line."""
+    """Return the start of a node, with its width if it is a scalar within one line."""
     begin, end = node.start_mark, node.end_mark
-    one_line = isinstance(node, yaml.ScalarNode) and begin.line == end.line
-    width = max(1, end.column - begin.column) if one_line else 1
+    is_one_line = isinstance(node, yaml.ScalarNode) and begin.line == end.line
+    width = max(1, end.column - begin.column) if is_one_line else 1
     return SourcePosition(begin.line + 1, begin.column + 1, width)

@@ -1,4 +1,4 @@
-"""Writes specs as JSON and reads them back; the same spec gives the same bytes anywhere."""
+"""Specs as JSON files; the same spec has the same bytes on every machine."""
 
 import json
 from collections.abc import Sequence
@@ -18,13 +18,13 @@ from advercity.compiler.source import (
     read_source_text,
 )
 from advercity.compiler.validation import validate_model
-from advercity.errors import InputError
+from advercity.errors import report_write_errors
 
 MAX_LINE_LENGTH = 100
 
 
 def to_json(spec: Spec) -> str:
-    """Readable JSON: keys in the model's order, short lists and records on one line."""
+    """Format a spec as JSON with keys in model order, short lists and records on one line."""
     fields = spec.model_dump(mode="json")
     items = [
         f" {_format_flat(name)}: {_format_cached(_format_flat(value), ' ')}"
@@ -35,7 +35,7 @@ def to_json(spec: Spec) -> str:
 
 @lru_cache(maxsize=1024)
 def _format_cached(flat: str, indent: str) -> str:
-    """JSON text laid out; kept, since specs share roads, weathers and agents."""
+    """Lay out JSON text; cached, since specs share roads, weathers and agents."""
     return _format_value(json.loads(flat), indent)
 
 
@@ -62,30 +62,25 @@ def _format_flat(value: Any) -> str:
 
 
 def write_specs(specs: Sequence[Spec], folder: Path) -> None:
-    """Write every spec as `<id>.json`, and remove specs of the same suite that are no more.
+    """Write every spec as `<id>.json`, and remove obsolete specs of the same suites.
 
     Raises:
-        InputError: The folder cannot be written to.
+        InputError: The folder is not writable.
     """
     texts = {f"{spec.id}.json": to_json(spec) for spec in specs}
-    try:
+    with report_write_errors():
         folder.mkdir(parents=True, exist_ok=True)
         for name, text in texts.items():
-            _write_atomically(folder / name, text)
-        for stale in _find_stale_files(folder, specs):
-            stale.unlink()
-    except OSError as error:
-        raise InputError(f"{error.filename}: cannot be written: {error.strerror}") from error
-
-
-def _write_atomically(path: Path, text: str) -> None:
-    partial = path.with_suffix(".json.partial")
-    partial.write_text(text, encoding="utf-8", newline="\n")
-    partial.replace(path)
+            # Replaced in one step, so that an interrupted run leaves no half-written spec.
+            partial = folder / f"{name}.partial"
+            partial.write_text(text, encoding="utf-8", newline="\n")
+            partial.replace(folder / name)
+        for path in _find_stale_files(folder, specs):
+            path.unlink()
 
 
 def _find_stale_files(folder: Path, specs: Sequence[Spec]) -> list[Path]:
-    """Specs in `folder` that an earlier compilation of the same suites has left."""
+    """Return the specs in a folder that earlier compilations of the same suites have left."""
     suites = {spec.provenance.suite for spec in specs}
     names = {f"{spec.id}.json" for spec in specs}
     others = [path for path in sorted(folder.glob("*.json")) if path.name not in names]
@@ -100,53 +95,58 @@ def _read_suite_id(path: Path) -> str | None:
 
 
 def describe_spec_differences(specs: Sequence[Spec], folder: Path) -> list[str]:
-    """What is missing, stale or different in `folder`, as sentences; empty if all is current."""
+    """Describe each spec that is missing, obsolete or different in a folder."""
     texts = {f"{spec.id}.json": to_json(spec) for spec in specs}
-    found = [f"{path}: no declaration makes this spec" for path in _find_stale_files(folder, specs)]
+    differences = [
+        f"{path}: no declaration compiles to this spec" for path in _find_stale_files(folder, specs)
+    ]
     for name, text in texts.items():
         path = folder / name
         if not path.is_file():
-            found.append(f"{path}: is missing")
+            differences.append(f"{path}: is missing")
         elif path.read_text(encoding="utf-8") != text:
-            found.append(f"{path}: differs from what the library compiles to")
-    return found
+            differences.append(f"{path}: differs from what the library compiles to")
+    return differences
 
 
 def read_spec(path: Path) -> Spec:
-    """A spec from its file; InputError with the place of what is wrong."""
+    """Read a spec.
+
+    Raises:
+        DiagnosticsError: The file is not a valid spec of this version.
+    """
     text = read_source_text(path)
     try:
         data = json.loads(text, parse_constant=_refuse_constant)
     except (ValueError, RecursionError) as error:
-        at = SourcePosition(getattr(error, "lineno", 1), getattr(error, "colno", 1))
+        position = SourcePosition(getattr(error, "lineno", 1), getattr(error, "colno", 1))
         reason = "it is nested too deep" if isinstance(error, RecursionError) else ""
-        message = f"is no spec: {reason or getattr(error, 'msg', error)}"
-        hint = "is it cut off? `advercity compile` writes it again"
+        message = f"is not a spec: {reason or getattr(error, 'msg', error)}"
+        hint = "is it truncated? `advercity compile` writes it again"
         if path.suffix in (".yaml", ".yml"):
-            hint = "`advercity compile` makes specs, which are JSON, of declarations"
-        raise DiagnosticsError.from_diagnostic(
-            build_text_diagnostic(path, text, at, message, hint=hint)
+            hint = "`advercity compile` makes specs, which are JSON, from declarations"
+        raise DiagnosticsError(
+            build_text_diagnostic(path, text, position, message, hint=hint)
         ) from None
     try:
         return Spec.model_validate(data)
     except ValidationError:
+        # Positions cost ten times as much as plain JSON and are needed for errors only.
         document = parse_document(path, text)
     _check_spec_version(document)
-    return validate_model(Spec, document, known=document.diagnostics)
+    return validate_model(Spec, document, previous=document.diagnostics)
 
 
 def _check_spec_version(document: SourceDocument) -> None:
-    """Say what to do with a spec of another version before saying what is strange in it."""
+    """Check the version first, since another version explains all other errors."""
     version = document.data.get("spec_version") if isinstance(document.data, dict) else None
     if not isinstance(version, int) or version == SPEC_VERSION:
         return
     message = f"the spec has version {version}; this advercity reads version {SPEC_VERSION}"
     newer = "upgrade advercity, or compile its library with this one"
     hint = newer if version > SPEC_VERSION else "compile its library again"
-    raise DiagnosticsError.from_diagnostic(
-        document.build_diagnostic(("spec_version",), message, hint=hint)
-    )
+    raise DiagnosticsError(document.build_diagnostic(("spec_version",), message, hint=hint))
 
 
 def _refuse_constant(name: str) -> float:
-    raise ValueError(f"{name} is no number of JSON")
+    raise ValueError(f"{name} is not a number in JSON")

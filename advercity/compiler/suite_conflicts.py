@@ -26,6 +26,11 @@ class RoadConflicts:
     crossed: Conflict | None = None
     """The conflict that the suite crosses roads with, whose id is part of the scenario's."""
 
+    @property
+    def crossed_id(self) -> str | None:
+        """Id of the conflict that the suite crosses roads with."""
+        return self.crossed.id if self.crossed else None
+
 
 def select_conflicts(
     library: Library, suite: Suite, roads: Mapping[str, Road], groups: CrashGroups
@@ -33,8 +38,8 @@ def select_conflicts(
     """Every road with its conflicts, as a suite asks for.
 
     Raises:
-        ProblemsError: A conflict is not there, does not fit its road, or a group that calls for a
-            road is not staged on it.
+        DiagnosticsError: A conflict is not there, does not fit its road, or a group that calls for
+            a road is not staged on it.
     """
     if suite.cross_conflicts:
         return list(_select_crossed(library, suite, roads, groups))
@@ -62,7 +67,7 @@ def solve_road_conflicts(
     """The conflicts of a scenario, solved; the same under every weather.
 
     Raises:
-        ProblemsError: One cannot be solved on its road.
+        DiagnosticsError: One cannot be solved on its road.
     """
     solutions: list[StagedConflict] = []
     for index, conflict in enumerate(cell.conflicts, start=1):
@@ -79,12 +84,12 @@ def solve_road_conflicts(
             )
         except UnsolvableError as error:
             message = f"cannot be staged on '{cell.road.id}': {error}"
-            raise DiagnosticsError.from_diagnostic(
+            raise DiagnosticsError(
                 library.build_diagnostic(conflict, "id", message=message)
             ) from None
         finding = find_infeasibility(conflict, cell.road, density, solution)
         if finding is not None:
-            raise DiagnosticsError.from_diagnostic(
+            raise DiagnosticsError(
                 library.build_diagnostic(
                     conflict, *finding.field, message=finding.message, hint=finding.hint
                 )
@@ -97,7 +102,7 @@ def find_typology(library: Library, conflict: Conflict) -> str:
     """The typology that a conflict's crash types belong to.
 
     Raises:
-        ProblemsError: A crash type is unknown, or they belong to several.
+        DiagnosticsError: A crash type is unknown, or they belong to several.
     """
     owners = {
         item.id: typology.id
@@ -111,13 +116,11 @@ def find_typology(library: Library, conflict: Conflict) -> str:
             problem = library.build_diagnostic(
                 conflict, "stages", index, message=message, hint=hint
             )
-            raise DiagnosticsError.from_diagnostic(problem)
+            raise DiagnosticsError(problem)
     groups = sorted({owners[name] for name in conflict.stages})
     if len(groups) > 1:
         message = f"belong to {' and '.join(groups)}; a conflict stages one group"
-        raise DiagnosticsError.from_diagnostic(
-            library.build_diagnostic(conflict, "stages", message=message)
-        )
+        raise DiagnosticsError(library.build_diagnostic(conflict, "stages", message=message))
     return groups[0]
 
 
@@ -134,7 +137,7 @@ def _select_listed(
 ) -> Iterator[RoadConflicts]:
     problems = list(_find_unknown_names(library, suite))
     if problems:
-        raise DiagnosticsError(problems)
+        raise DiagnosticsError(*problems)
     there = library.get_declarations(Conflict)
     for road in roads.values():
         names = suite.stage.get(road.id, ())
@@ -155,7 +158,7 @@ def _select_listed(
             moved = with_ego_manoeuvre(road, conflicts[0]) if conflicts else None
             yield RoadConflicts(moved or road.model_copy(update={"ego_routes": {}}), conflicts)
     if problems:
-        raise DiagnosticsError(problems)
+        raise DiagnosticsError(*problems)
 
 
 def _find_unknown_names(library: Library, suite: Suite) -> Iterator[Diagnostic]:
@@ -210,7 +213,7 @@ def _select_crossed(
             problem = library.build_diagnostic(
                 suite, "cross_conflicts", index, message=message, hint=hint
             )
-            raise DiagnosticsError.from_diagnostic(problem)
+            raise DiagnosticsError(problem)
     for road in roads.values():
         for name in wanted:
             conflict = there[name]

@@ -1,8 +1,6 @@
-"""Says what is wrong with a value, and the way out, in the words of those who write declarations.
+"""Validation of located data against models, with pydantic's errors in the author's terms.
 
-A function a type of pydantic's errors; what none of them knows keeps pydantic's words.
-
-From located data to models, with pydantic's errors put where the author can see them.
+Each type of pydantic's errors has a function that describes it; any other keeps pydantic's text.
 """
 
 import math
@@ -10,7 +8,7 @@ from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 from advercity_dsl import Declaration, Model
-from advercity_dsl.base import InvalidCombination, suggest_name
+from advercity_dsl.base import ID_HINT, InvalidCombination, ValuePath, suggest_name
 from pydantic import ValidationError
 
 from advercity.compiler.diagnostics import Diagnostic, DiagnosticsError
@@ -22,7 +20,6 @@ from advercity.compiler.fields import (
     find_models,
     find_number_constraints,
 )
-from advercity.compiler.source import ValuePath
 
 YAML_1_1_BOOLEANS = {
     "on": "true",
@@ -32,22 +29,21 @@ YAML_1_1_BOOLEANS = {
     "no": "false",
     "n": "false",
 }
-"""What YAML 1.1 took for truth values; text here."""
-ID_HINT = "lower-case letters, digits and _, at most 64, starting with a letter"
+"""Booleans of YAML 1.1, which are text here."""
 
 MessageAndHint = tuple[str, str]
-"""What is wrong, and the way out; the latter may be empty."""
+"""What is wrong, and how to correct it; the hint may be empty."""
 
 
 class FieldError(NamedTuple):
-    """What pydantic says of a value.
+    """One error of pydantic.
 
     Attributes:
-        model: That the value is for.
-        value: As it was found.
-        loc: From the model, with the tags of unions.
-        context: What belongs to the type of the error: lengths, a pattern, what was expected.
-        message: Pydantic's own.
+        model: Model against which the data was validated.
+        value: The invalid value.
+        loc: Its location in the model, including tags of unions.
+        context: Details that depend on the type of the error: lengths, a pattern, expected values.
+        message: Pydantic's message.
     """
 
     model: type[Model]
@@ -58,18 +54,13 @@ class FieldError(NamedTuple):
 
 
 def describe_field_error(kind: str, error: FieldError) -> MessageAndHint:
-    """What is wrong with a value, and the way out.
-
-    Args:
-        kind: Type of pydantic's error.
-        error: The rest of it.
-    """
-    words = _DESCRIBERS[kind](error) if kind in _DESCRIBERS else None
-    return words or _describe_as_pydantic(error)
+    """Describe an error of pydantic, whose type is `kind`."""
+    description = _DESCRIBERS[kind](error) if kind in _DESCRIBERS else None
+    return description or _describe_as_pydantic(error)
 
 
 def format_value(value: Any) -> str:
-    """A value as it is shown in a message: short, text in quotes."""
+    """Format a value for a message: shortened, text in quotes, no content of collections."""
     if value is None:
         return "null"
     if isinstance(value, bool):
@@ -83,111 +74,105 @@ def format_value(value: Any) -> str:
     return f"'{text}'" if isinstance(value, str) else text
 
 
-def _describe_out_of_range(complaint: FieldError) -> MessageAndHint | None:
-    value, facts = complaint.value, find_number_constraints(complaint.model, complaint.loc)
-    if facts is None or not facts.range_text:
+def _describe_out_of_range(error: FieldError) -> MessageAndHint | None:
+    value, constraints = error.value, find_number_constraints(error.model, error.loc)
+    if constraints is None or not constraints.range_text:
         return None
-    unit = f" {facts.unit.name}" if facts.unit and facts.unit.name != "1" else ""
-    written = value if isinstance(value, str) else f"{value:.12g}{unit}"
-    return f"{written} is outside the range of {facts.range_text}", _suggest_percentage(
-        facts, value
-    )
+    written = value if isinstance(value, str) else f"{value:.12g} {constraints.unit_name}".rstrip()
+    message = f"{written} is outside the range of {constraints.range_text}"
+    return message, _suggest_percentage(constraints, value)
 
 
-def _suggest_percentage(facts: NumberConstraints, value: Any) -> str:
-    """The reason of a range; of a share, what a percentage would be."""
-    is_share = facts.unit is not None and facts.unit.name == "1"
-    if is_share and isinstance(value, int | float) and 1 < value <= 100:
+def _suggest_percentage(constraints: NumberConstraints, value: Any) -> str:
+    """Return the reason of a range, or for a fraction above 1 how to write it as a percentage."""
+    is_fraction = constraints.unit is not None and constraints.unit.name == "1"
+    if is_fraction and isinstance(value, int | float) and 1 < value <= 100:
         return f"write {value:g} % or {value / 100:g}"
-    return facts.reason
+    return constraints.reason
 
 
 def _describe_infinite(_: FieldError) -> MessageAndHint:
-    return "a number must end somewhere; this is infinite", "write a finite number"
+    return "the number is infinite", "write a finite number"
 
 
-def _describe_non_integer(complaint: FieldError) -> MessageAndHint:
-    value = complaint.value
+def _describe_non_integer(error: FieldError) -> MessageAndHint:
+    value = error.value
     if not isinstance(value, float):
-        return _describe_non_number(complaint)
+        return _describe_non_number(error)
     if not math.isfinite(value):
-        return _describe_infinite(complaint)
-    return f"{value:g} is no whole number", f"write {math.floor(value)} or {math.ceil(value)}"
+        return _describe_infinite(error)
+    return f"{value:g} is not an integer", f"write {math.floor(value)} or {math.ceil(value)}"
 
 
-def _describe_non_number(complaint: FieldError) -> MessageAndHint:
-    value, facts = complaint.value, find_number_constraints(complaint.model, complaint.loc)
-    example = f", or a quantity such as {facts.unit.example}" if facts and facts.unit else ""
+def _describe_non_number(error: FieldError) -> MessageAndHint:
+    value, constraints = error.value, find_number_constraints(error.model, error.loc)
+    unit = constraints.unit if constraints else None
+    example = f", or a quantity such as {unit.example}" if unit else ""
     if isinstance(value, dict):
         if len(value) == 1 and next(iter(value)) in ("uniform", "normal", "choice"):
-            hint = "distributions are for numbers of a weather and for what a conflict draws"
-            return "a distribution cannot stand here", hint
-        return "a mapping stands where a number should", f"write a number{example}"
+            hint = "distributions are for numbers of weathers and parameters of conflicts"
+            return "a distribution is not allowed here", hint
+        return "expected a number, found a mapping", f"write a number{example}"
     if value is None:
-        return "there is no value", f"write a number{example}, or leave the field out"
-    return f"{format_value(value)} is no number", f"write a number{example}"
+        return "the value is missing", f"write a number{example}, or remove the field"
+    return f"{format_value(value)} is not a number", f"write a number{example}"
 
 
-def _describe_non_boolean(complaint: FieldError) -> MessageAndHint:
-    meant = YAML_1_1_BOOLEANS.get(str(complaint.value).lower())
-    return (
-        f"{format_value(complaint.value)} is not true or false",
-        f"write {meant or 'true or false'}",
-    )
+def _describe_non_boolean(error: FieldError) -> MessageAndHint:
+    meant = YAML_1_1_BOOLEANS.get(str(error.value).lower(), "true or false")
+    return f"{format_value(error.value)} is not true or false", f"write {meant}"
 
 
-def _describe_non_string(complaint: FieldError) -> MessageAndHint:
-    plain = isinstance(complaint.value, int | float)
-    hint = f'write it in quotes: "{complaint.value}"' if plain else ""
-    return f"{format_value(complaint.value)} is no text", hint
+def _describe_non_string(error: FieldError) -> MessageAndHint:
+    is_plain = isinstance(error.value, int | float)
+    hint = f'write it in quotes: "{error.value}"' if is_plain else ""
+    return f"{format_value(error.value)} is not text", hint
 
 
-def _describe_invalid_id(complaint: FieldError) -> MessageAndHint | None:
-    if not complaint.context["pattern"].startswith("^[a-z][a-z0-9_]{0,"):
+def _describe_invalid_id(error: FieldError) -> MessageAndHint | None:
+    # All patterns of ids begin like this; other patterns keep pydantic's message.
+    if not error.context["pattern"].startswith("^[a-z][a-z0-9_]{0,"):
         return None
-    return f"'{complaint.value}' is not an id", ID_HINT
+    return f"'{error.value}' is not an id", ID_HINT
 
 
-def _describe_unknown_choice(complaint: FieldError) -> MessageAndHint:
-    valid = _split_list(complaint.context["expected"].replace(" or ", ","))
-    return f"{format_value(complaint.value)} does not stand here", suggest_name(
-        str(complaint.value), valid
-    )
+def _describe_unknown_choice(error: FieldError) -> MessageAndHint:
+    valid = _split_list(error.context["expected"].replace(" or ", ","))
+    message = f"{format_value(error.value)} is not allowed here"
+    return message, suggest_name(str(error.value), valid)
 
 
-def _describe_non_mapping(complaint: FieldError) -> MessageAndHint:
-    names = find_field_names(complaint.model, complaint.loc)
-    hint = f"fields here: {', '.join(names)}" if names else "write `name: value`"
-    return f"{format_value(complaint.value)} is no mapping", hint
+def _describe_non_mapping(error: FieldError) -> MessageAndHint:
+    names = find_field_names(error.model, error.loc)
+    hint = f"fields: {', '.join(names)}" if names else "write `name: value`"
+    return f"{format_value(error.value)} is not a mapping", hint
 
 
-def _describe_non_list(complaint: FieldError) -> MessageAndHint:
-    return f"{format_value(complaint.value)} is no list", "write it as [first, second]"
+def _describe_non_list(error: FieldError) -> MessageAndHint:
+    return f"{format_value(error.value)} is not a list", "write it as [first, second]"
 
 
-def _describe_too_short(complaint: FieldError) -> MessageAndHint:
-    least, found = complaint.context["min_length"], complaint.context["actual_length"]
-    return f"must have at least {least} of these, has {found}", ""
+def _describe_too_short(error: FieldError) -> MessageAndHint:
+    least, length = error.context["min_length"], error.context["actual_length"]
+    return f"expected {least} or more items, found {length}", ""
 
 
-def _describe_too_long(complaint: FieldError) -> MessageAndHint:
-    most, found = complaint.context["max_length"], complaint.context["actual_length"]
-    return f"must have at most {most} of these, has {found}", ""
+def _describe_too_long(error: FieldError) -> MessageAndHint:
+    most, length = error.context["max_length"], error.context["actual_length"]
+    return f"expected at most {most} items, found {length}", ""
 
 
 def _describe_missing_kind(_: FieldError) -> MessageAndHint:
-    return "the field 'kind' is missing", "it says what this is"
+    return "the field 'kind' is missing", "add it to select one of the alternatives"
 
 
-def _describe_unknown_kind(complaint: FieldError) -> MessageAndHint:
-    tag = complaint.context["tag"]
-    return f"no such kind: '{tag}'", suggest_name(
-        tag, _split_list(complaint.context["expected_tags"])
-    )
+def _describe_unknown_kind(error: FieldError) -> MessageAndHint:
+    tag, valid = error.context["tag"], _split_list(error.context["expected_tags"])
+    return f"unknown kind '{tag}'", suggest_name(tag, valid)
 
 
-def _describe_as_pydantic(complaint: FieldError) -> MessageAndHint:
-    message, value = complaint.message, complaint.value
+def _describe_as_pydantic(error: FieldError) -> MessageAndHint:
+    message, value = error.message, error.value
     found = f" (found {format_value(value)})" if isinstance(value, str | int | float | bool) else ""
     return f"{message[0].lower()}{message[1:]}{found}", ""
 
@@ -197,10 +182,10 @@ def _split_list(text: str) -> list[str]:
 
 
 _DESCRIBERS: dict[str, Callable[[FieldError], MessageAndHint | None]] = {
-    **dict.fromkeys(
-        ("greater_than", "greater_than_equal", "less_than", "less_than_equal"),
-        _describe_out_of_range,
-    ),
+    "greater_than": _describe_out_of_range,
+    "greater_than_equal": _describe_out_of_range,
+    "less_than": _describe_out_of_range,
+    "less_than_equal": _describe_out_of_range,
     "finite_number": _describe_infinite,
     "int_type": _describe_non_integer,
     "int_from_float": _describe_non_integer,
@@ -226,21 +211,21 @@ ModelT = TypeVar("ModelT", bound=Model)
 
 
 class LocatedData(Protocol):
-    """Data that knows where each of its values is written."""
+    """Data whose values have positions in files."""
 
     @property
     def data(self) -> Any:
         """Plain values."""
         ...
 
-    def has_value(self, where: ValuePath) -> bool:
-        """Whether there is a value at `where`."""
+    def has_value(self, value_path: ValuePath) -> bool:
+        """Return whether the data has a value at a path."""
         ...
 
     def build_diagnostic(
-        self, where: ValuePath, message: str, *, hint: str = "", key: bool = False
+        self, value_path: ValuePath, message: str, *, hint: str = "", key: bool = False
     ) -> Diagnostic:
-        """A problem with the value (or key) at `where`."""
+        """Build a diagnostic at a value (or key)."""
         ...
 
 
@@ -249,112 +234,119 @@ def validate_model(
     source: LocatedData,
     data: Any = None,
     *,
-    known: tuple[Diagnostic, ...] = (),
+    previous: tuple[Diagnostic, ...] = (),
 ) -> ModelT:
-    """`model` made of the source's data, or of `data` in its place.
+    """Build a model from the source's data.
 
     Args:
-        model: What to make.
-        source: Where values are written.
-        data: Stands in for the source's data, with values of its own.
-        known: Problems found before, to be told along with those found here.
+        model: Class of the model.
+        source: Data with positions.
+        data: Data to use instead, with values that the source does not have.
+        previous: Diagnostics found earlier, reported together with those found here.
+
+    Raises:
+        DiagnosticsError: The data is not valid, or `previous` is not empty.
     """
     try:
-        made = model.model_validate(source.data if data is None else data)
+        instance = model.model_validate(source.data if data is None else data)
     except ValidationError as error:
-        told = {problem.value_path for problem in known if problem.value_path}
-        found = [
-            item for item in build_diagnostics(model, source, error) if item.value_path not in told
-        ]
-        raise DiagnosticsError([*known, *found]) from None
-    if known:
-        raise DiagnosticsError(known)
-    return made
+        # A value that could not even be parsed is reported once, not again as missing.
+        reported = {item.value_path for item in previous if item.value_path}
+        diagnostics = build_diagnostics(model, source, error)
+        new = [item for item in diagnostics if item.value_path not in reported]
+        raise DiagnosticsError(*previous, *new) from None
+    if previous:
+        raise DiagnosticsError(*previous)
+    return instance
 
 
 def build_diagnostics(
     model: type[Model], source: LocatedData, error: ValidationError, *, at: ValuePath = ()
 ) -> Iterator[Diagnostic]:
-    """What pydantic found, each at its place; `at` is where the model stands in the source."""
+    """Yield a diagnostic for each error of pydantic; `at` is the model's path in the source."""
     details = [item for item in error.errors(include_url=False) if not _is_consequence(item)]
     for detail in _keep_best_alternative(source, details, at):
-        where = _find_source_path(source, detail["loc"], at)
-        yield _build_field_diagnostic(model, source, detail, where)
+        value_path = _find_source_path(source, detail["loc"], at)
+        yield _build_field_diagnostic(model, source, detail, value_path)
 
 
 def _build_field_diagnostic(
-    model: type[Model], source: LocatedData, detail: Any, where: ValuePath
+    model: type[Model], source: LocatedData, detail: Any, value_path: ValuePath
 ) -> Diagnostic:
     loc: ValuePath = detail["loc"]
-    kind = detail["type"]
-    if kind == "extra_forbidden":
-        name = str(loc[-1])
-        names = find_field_names(model, loc[:-1]) + ([] if loc[:-1] else _get_document_keys(model))
-        hint = _suggest_yaml_fix(name) or suggest_name(name, names)
-        return source.build_diagnostic(where, "no such field", hint=hint, key=True)
-    if kind == "missing":
-        if isinstance(loc[-1], int):
-            return source.build_diagnostic(
-                where[:-1] if loc[-1:] == where[-1:] else where, _describe_missing_item(loc)
-            )
-        hint = _suggest_missing_field(model, loc)
-        return source.build_diagnostic(where, f"the field '{loc[-1]}' is missing", hint=hint)
-    if kind == "value_error":
-        reason = detail["ctx"]["error"]
-        if isinstance(reason, InvalidCombination):
-            first, other = (*where, *reason.value_path), (*where, *reason.other_path)
-            shown = first if source.has_value(first) or not source.has_value(other) else other
-            return source.build_diagnostic(shown, reason.message, hint=reason.hint)
-        return source.build_diagnostic(where, str(reason), key=loc[-1:] == ("[key]",))
-    complaint = FieldError(model, detail["input"], loc, detail.get("ctx", {}), detail["msg"])
-    message, hint = describe_field_error(kind, complaint)
+    match detail["type"]:
+        case "extra_forbidden":
+            hint = _suggest_field(model, loc)
+            return source.build_diagnostic(value_path, "no such field", hint=hint, key=True)
+        case "missing":
+            return _build_missing_diagnostic(model, source, loc, value_path)
+        case "value_error":
+            return _build_combination_diagnostic(source, detail, value_path)
+        case kind:
+            error = FieldError(model, detail["input"], loc, detail.get("ctx", {}), detail["msg"])
+            message, hint = describe_field_error(kind, error)
     if kind == "union_tag_invalid" and "kind" in detail["ctx"]["discriminator"]:
-        where = (*where, detail["ctx"]["discriminator"].strip("'"))
-    return source.build_diagnostic(where, message, hint=hint)
+        value_path = (*value_path, detail["ctx"]["discriminator"].strip("'"))
+    return source.build_diagnostic(value_path, message, hint=hint)
 
 
-def _get_document_keys(model: type[Model]) -> list[str]:
-    return list(DOCUMENT_KEYS) if issubclass(model, Declaration) else []
-
-
-def _is_consequence(detail: Any) -> bool:
-    """Whether a list is too short only for want of those items that are told of anyway."""
-    return detail["type"] == "too_short" and len(detail["input"]) >= detail["ctx"]["min_length"]
-
-
-def _suggest_missing_field(model: type[Model], loc: ValuePath) -> str:
-    """What a missing field is for, as its model says."""
+def _suggest_field(model: type[Model], loc: ValuePath) -> str:
+    """Return the most similar field, or how to correct a key that YAML read differently."""
     name = str(loc[-1])
-    for fields in (collect_field_docs(found) for found in find_models(model, loc[:-1])):
-        for texts in fields.values():
-            if name in texts:
-                return f"add it: {texts[name][0].lower()}{texts[name][1:].rstrip('.')}"
-    return "add it"
-
-
-def _suggest_yaml_fix(name: str) -> str:
     if ":" in name:
         return "put a space after the colon"
     if name == "<<":
-        return "merge keys of YAML are not used here; write `extends:` with an id"
-    return ""
+        return "YAML merge keys are not supported; write `extends:` with an id"
+    is_document = len(loc) == 1 and issubclass(model, Declaration)
+    names = find_field_names(model, loc[:-1]) + (list(DOCUMENT_KEYS) if is_document else [])
+    return suggest_name(name, names)
 
 
-def _describe_missing_item(loc: ValuePath) -> str:
-    return f"has too few values; number {int(loc[-1]) + 1} is missing"
+def _build_missing_diagnostic(
+    model: type[Model], source: LocatedData, loc: ValuePath, value_path: ValuePath
+) -> Diagnostic:
+    name = loc[-1]
+    if isinstance(name, int):
+        parent = value_path[:-1] if value_path[-1:] == (name,) else value_path
+        return source.build_diagnostic(parent, f"has too few values; number {name + 1} is missing")
+    hint = "add it"
+    for found in find_models(model, loc[:-1]):
+        text = next((docs[name] for docs in collect_field_docs(found).values() if name in docs), "")
+        if text:
+            hint = f"add it: {text[0].lower()}{text[1:].rstrip('.')}"
+            break
+    return source.build_diagnostic(value_path, f"the field '{name}' is missing", hint=hint)
+
+
+def _build_combination_diagnostic(
+    source: LocatedData, detail: Any, value_path: ValuePath
+) -> Diagnostic:
+    reason = detail["ctx"]["error"]
+    if not isinstance(reason, InvalidCombination):
+        is_key = detail["loc"][-1:] == ("[key]",)
+        return source.build_diagnostic(value_path, str(reason), key=is_key)
+    # If the first value is a default, the author can only see the other one.
+    first, other = (*value_path, *reason.value_path), (*value_path, *reason.other_path)
+    shown = first if source.has_value(first) or not source.has_value(other) else other
+    return source.build_diagnostic(shown, reason.message, hint=reason.hint)
+
+
+def _is_consequence(detail: Any) -> bool:
+    """Return whether a list is too short only because its invalid items were dropped."""
+    return detail["type"] == "too_short" and len(detail["input"]) >= detail["ctx"]["min_length"]
 
 
 def _find_source_path(source: LocatedData, loc: ValuePath, at: ValuePath) -> ValuePath:
-    """`loc` without the tags that pydantic puts in for the alternatives of a union."""
-    where = at
+    """Remove from `loc` the tags that pydantic inserts for the alternatives of a union."""
+    value_path = at
     for part in loc:
-        if source.has_value((*where, part)):
-            where = (*where, part)
-    return where
+        if source.has_value((*value_path, part)):
+            value_path = (*value_path, part)
+    return value_path
 
 
 def _keep_best_alternative(source: LocatedData, details: list[Any], at: ValuePath) -> list[Any]:
-    """Of a union's alternatives, only the complaints of the one that fits best."""
+    """Drop the errors of all alternatives of a union but the best match, others unchanged."""
     by_value: dict[ValuePath, dict[str, list[Any]]] = {}
     kept: list[Any] = []
     for detail in details:
@@ -368,23 +360,23 @@ def _keep_best_alternative(source: LocatedData, details: list[Any], at: ValuePat
     return kept
 
 
-def _score_mismatch(complaints: list[Any]) -> tuple[int, int]:
-    """How badly an alternative fits: unknown or missing fields weigh more than wrong values."""
+def _score_mismatch(details: list[Any]) -> tuple[int, int]:
+    """Score an alternative: unknown or missing fields count more than invalid values."""
     structural = sum(
-        item["type"] in ("missing", "extra_forbidden", "model_type", "tuple_type")
-        for item in complaints
+        detail["type"] in ("missing", "extra_forbidden", "model_type", "tuple_type")
+        for detail in details
     )
-    return structural, len(complaints)
+    return structural, len(details)
 
 
 def _split_union_path(
     source: LocatedData, loc: ValuePath, at: ValuePath
 ) -> tuple[ValuePath, str] | None:
-    """The value that a union is about and the alternative's name, if `loc` passes one."""
-    where = at
+    """Return the path of a union's value and the alternative's name, if `loc` contains one."""
+    value_path = at
     for part in loc[:-1] if len(loc) > 1 else loc:
-        if source.has_value((*where, part)):
-            where = (*where, part)
+        if source.has_value((*value_path, part)):
+            value_path = (*value_path, part)
         elif isinstance(part, str):
-            return where, part
+            return value_path, part
     return None

@@ -1,6 +1,6 @@
-"""The language of advercity: what people write, and the spec it compiles to.
+"""Models of the declaration language and of the compiled spec.
 
-This package holds models and nothing else; it imports neither simulator nor renderer.
+The package depends on pydantic alone; it imports neither simulator nor renderer.
 """
 
 from advercity_dsl.base import Declaration, Id, Model
@@ -31,13 +31,13 @@ DECLARATIONS: dict[str, type[Declaration]] = {
     "catalogue": Catalogue,
     "suite": Suite,
 }
-"""Model of every kind of declaration."""
+"""Model class of each kind of declaration."""
 LANGUAGE_VERSION = 1
-"""Of the language that declarations are written in; rises when an old one would no longer do."""
+"""Version of the declaration language; raised by a change that breaks existing files."""
 
 
 def get_declaration_kind(declaration: Declaration) -> str:
-    """The `kind` that the declaration's document says."""
+    """Return the `kind` under which a declaration is written."""
     return next(kind for kind, model in DECLARATIONS.items() if isinstance(declaration, model))
 
 

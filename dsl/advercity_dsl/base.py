@@ -1,7 +1,4 @@
-"""What every model shares: frozen, closed to unknown keys, ids and quantities with units.
-
-Hints that name what somebody may have meant.
-"""
+"""Base classes of all models, ids, errors of combinations, and suggestions for misspelt names."""
 
 import difflib
 from collections.abc import Iterable
@@ -16,35 +13,40 @@ from pydantic import (
 )
 from pydantic.types import StringConstraints
 
-Id = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]{0,63}$")]
-"""A stable lower-case name; safe as a file name."""
+MAX_ID_LENGTH = 64
+ID_PATTERN = r"^[a-z][a-z0-9_]{0,63}$"
+ID_HINT = f"lower-case letters, digits and _, at most {MAX_ID_LENGTH}, starting with a letter"
+Id = Annotated[str, StringConstraints(pattern=ID_PATTERN)]
+"""A stable lower-case name, safe as a file name on every system."""
 Digest = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
-"""A SHA-256."""
+"""A SHA-256 in hexadecimal."""
+ValuePath = tuple[str | int, ...]
+"""Path of a value in nested data: keys of mappings and indices of lists."""
 
 
 class Model(BaseModel):
-    """Frozen record; an unknown key is an error, and so is a number without end."""
+    """Frozen record that rejects unknown keys and infinite numbers."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class InvalidCombination(ValueError):
-    """Values that are fine alone and do not go together.
+    """Values that are valid one by one but contradict each other.
 
     Attributes:
-        value_path: Path of the value to change, from the model that found it.
+        value_path: Path of the value to change, relative to the model that raises.
         message: What is wrong.
-        hint: The way out.
-        other_path: Path of the other value, to be shown where the first is a default.
+        hint: How to correct it.
+        other_path: Path of the conflicting value, shown if the first is a default.
     """
 
     def __init__(
         self,
-        value_path: tuple[str | int, ...],
+        value_path: ValuePath,
         message: str,
         hint: str,
         *,
-        other_path: tuple[str | int, ...] = (),
+        other_path: ValuePath = (),
     ) -> None:
         super().__init__(f"{'.'.join(map(str, value_path))}: {message}; {hint}")
         self.value_path = value_path
@@ -54,30 +56,30 @@ class InvalidCombination(ValueError):
 
 
 class Declaration(Model):
-    """What every YAML document has besides its `kind`."""
+    """Fields that every YAML document has besides its `kind`."""
 
     id: Id
-    """Its name, by which others refer to it; part of the ids of scenarios."""
+    """Name by which others refer to it; part of the ids of scenarios."""
     title: str = ""
-    """What it is, in a few words."""
+    """Short description."""
     source: str = ""
-    """Where the figures come from."""
+    """Source of the figures."""
     assumption: str = ""
-    """Which figures nobody measured, and why they are what they are."""
+    """Figures that are assumed rather than measured, and why they were chosen."""
 
 
 def is_none(value: object) -> bool:
-    """For `exclude_if`: a field that says nothing is left out of a spec's JSON."""
+    """Return whether a field is None, for `exclude_if`, which omits it from the spec's JSON."""
     return value is None
 
 
 def is_empty(value: object) -> bool:
-    """The same for what is none, zero, or holds nothing."""
+    """Return whether a field is None, zero or empty, for `exclude_if`."""
     return not value
 
 
 class CompactModel(Model):
-    """A record that a spec holds dozens of: what goes without saying is left out of its JSON."""
+    """A record whose default values are omitted from JSON, since a spec holds dozens of them."""
 
     @model_serializer(mode="wrap")
     def _serialize_without_defaults(
@@ -93,7 +95,7 @@ class CompactModel(Model):
 
 @cache
 def _get_field_defaults(model: type[Model]) -> dict[str, Any]:
-    """What goes without saying, by field."""
+    """Map each optional field of a model to its default."""
     fields = model.model_fields.items()
     return {
         name: field.get_default(call_default_factory=True)
@@ -106,10 +108,10 @@ MAX_LISTED_NAMES = 20
 
 
 def suggest_name(name: str, valid: Iterable[str]) -> str:
-    """A hint that names the nearest valid name, else all of them."""
+    """Return a hint with the most similar valid name, else with all valid names."""
     names = sorted(valid)
     close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
     if close:
         return f"did you mean '{close[0]}'?"
     more = ", ..." if len(names) > MAX_LISTED_NAMES else ""
-    return f"there are: {', '.join(names[:MAX_LISTED_NAMES])}{more}" if names else "there are none"
+    return f"available: {', '.join(names[:MAX_LISTED_NAMES])}{more}" if names else "none available"

@@ -1,4 +1,4 @@
-"""Conflicts: how a crash type is staged at a place, and what of it a spec holds."""
+"""Conflicts: how a crash type is staged on a road, and the staged result in a spec."""
 
 from typing import Annotated, Literal
 
@@ -12,10 +12,10 @@ from advercity_dsl.units import Metres, Point2, PositiveMetres, Seconds
 
 Manoeuvre = Literal["straight", "left", "right"]
 CrashRole = Literal["subject", "other"]
-"""The subject's action is the critical one."""
+"""Role in a crash; the subject's action is the critical one."""
 Behaviour = Literal["stops_short", "steers_clear", "drifts", "overtakes", "stands", "drives"]
-"""What an actor does: it stops where the ego comes by, leaves the ego's way to the side, drifts
-over the centre line and back, overtakes on the ego's side, stands, or drives on."""
+"""What an actor does: it stops short of the ego's path, leaves the path sideways, drifts over the
+centre line and back, overtakes on the ego's side, stays parked, or drives on."""
 ApproachDirection = Literal[
     "nearside",
     "farside",
@@ -27,7 +27,7 @@ ApproachDirection = Literal[
     "ahead",
     "opposite_lane",
 ]
-"""From where an actor comes, as the ego sees it."""
+"""Direction from which an actor approaches, relative to the ego."""
 
 
 def _is_any(value: object) -> bool:
@@ -35,175 +35,175 @@ def _is_any(value: object) -> bool:
 
 
 class OutcomeCriteria(Model):
-    """What has to be seen in the trace for a conflict to have happened.
+    """Criteria on the trace by which a conflict counts as staged.
 
-    In a near miss the actor comes as if to meet the ego: had it kept the speed of its approach, it
-    would be at the conflict point `arrival_offset_s` (a parameter) after the ego, up to the
-    tolerance. Then it brakes or steers, so that nobody touches.
+    In a near miss the actor approaches on a collision course: at constant speed it would arrive at
+    the conflict point `arrival_offset_s` (a parameter) after the ego, within the tolerance. It then
+    brakes or steers, so that no contact occurs.
     """
 
     kind: Literal["near_miss"] = "near_miss"
-    """How it ends."""
+    """Kind of outcome."""
     arrival_tolerance_s: Annotated[Seconds, Field(gt=0, le=2)]
-    """Of the time between both at the conflict point, if the actor kept its approach's speed."""
+    """Tolerance of the time between both arrivals, if the actor kept its approach speed."""
     time_to_collision_below_s: Annotated[Seconds, Field(gt=0, le=6)]
-    """The least time to collision is below this at some tick."""
+    """Upper bound of the lowest time to collision."""
     keeping: Literal["way", "velocity"] = "way"
-    """Time to collision if both kept their speed on the ways that they take, or their velocity."""
+    """Prediction for the time to collision: constant speed along paths, or constant velocity."""
     post_encroachment_s: tuple[Seconds, Seconds] | None = None
-    """Range of the time between the ego leaving a place and the actor coming there."""
+    """Range of the time between the ego leaving the conflict area and the actor entering it."""
 
 
 class ConflictParameter(Model):
-    """A number, or the distribution that each road and density draws it from."""
+    """A number, or a distribution from which it is drawn for each road and density."""
 
     draw: NumberOrDistribution
-    """`30`, or `{uniform: [20, 40]}`."""
+    """Number or distribution: `30`, or `{uniform: [20, 40]}`."""
     source: str = ""
-    """Where it comes from; what has no source is an assumption."""
+    """Source of the figure; without one it is an assumption."""
     evidence: Evidence = "D"
-    """How sure it is: A read directly to D inferred, U unverified."""
+    """Strength of the evidence: A read directly to D inferred, U unverified."""
 
 
 class ConflictParameters(Model):
-    """What a conflict draws; the unit is in the name."""
+    """Parameters of a conflict; the unit is part of the name."""
 
     ego_speed_km_h: ConflictParameter
-    """Range that the staging is meant for."""
+    """Speed of the ego for which the staging is designed."""
     actor_speed_km_h: ConflictParameter
-    """Of its approach."""
+    """Speed of the actor's approach."""
     acceleration_m_s2: ConflictParameter
-    """With which the actor sets out."""
+    """Acceleration of the actor from standstill."""
     braking_m_s2: ConflictParameter
-    """With which it stops short of the ego."""
+    """Deceleration with which the actor stops short of the ego."""
     arrival_offset_s: ConflictParameter
-    """Of the actor after the ego at the conflict point, if it did not brake."""
+    """Time from the ego's arrival at the conflict point to the actor's, if it did not brake."""
     post_encroachment_s: ConflictParameter | None = None
-    """From the ego's leaving the actor's way to the actor's going on."""
+    """Time from the ego leaving the actor's path to the actor continuing."""
     start_lateral_m: ConflictParameter | None = None
-    """Least distance between where the actor starts and the ego's way."""
+    """Lowest distance between the actor's start and the ego's path."""
     obstruction_gap_m: ConflictParameter | None = None
-    """Between the actor's path and what hides it."""
+    """Distance between the actor's path and the vehicle that hides it."""
     encroachment_m: ConflictParameter | None = None
-    """How far the actor's body reaches over the centre line."""
+    """Overlap of the actor's body over the centre line."""
     drift_time_s: ConflictParameter | None = None
-    """In which it leaves its lane."""
+    """Duration of leaving its lane."""
     return_time_s: ConflictParameter | None = None
-    """In which it comes back, or leaves the way of the ego."""
+    """Duration of returning to its lane, or of leaving the ego's path."""
     passed_speed_km_h: ConflictParameter | None = Field(default=None, exclude_if=is_none)
-    """Of the cyclist whom it overtakes."""
+    """Speed of the cyclist that is overtaken."""
     passing_gap_m: ConflictParameter | None = Field(default=None, exclude_if=is_none)
-    """It is beside its lane from this far behind the cyclist to this far ahead."""
+    """Distance behind the cyclist at which it leaves its lane, and ahead at which it is back."""
 
 
 class EgoRole(Model):
-    """What the ego does in it."""
+    """Role and manoeuvre of the ego."""
 
     part: CrashRole
-    """Whether its own action is the critical one."""
+    """Whether the ego's action is the critical one."""
     manoeuvre: Manoeuvre
-    """At the junction; straight on away from one."""
+    """Manoeuvre at the junction; straight away from one."""
 
 
 class ActorRole(Model):
-    """Whom the ego meets."""
+    """Role of the actor that conflicts with the ego."""
 
     classes: Annotated[tuple[ActorClass, ...], Field(min_length=1)]
-    """One of them is drawn."""
+    """Classes from which one is drawn."""
     comes: ApproachDirection
-    """From where, as the ego sees it."""
+    """Direction of approach, relative to the ego."""
     behaviour: Behaviour = "stops_short"
-    """What it does in the end."""
+    """What it does at the conflict point."""
     violates: Literal["signal"] | None = None
-    """What it does not obey."""
+    """Traffic control that it violates."""
 
 
 class PlaceRequirements(Model):
-    """What the place has to be like."""
+    """Requirements on the road."""
 
     junction: Literal["intersection", "non_junction", "any"] = "any"
     """At a junction, or away from any."""
     signals: Literal["required", "forbidden", "any"] = "any"
-    """Traffic lights on the ego's way."""
+    """Traffic lights on the ego's path."""
     median: Literal["forbidden", "any"] = "any"
-    """Whether one may divide the road."""
+    """Whether a median may divide the road."""
     kerb_space: Literal["required", "any"] = "any"
-    """Room for a parked vehicle beside the lane."""
+    """Room for a parked vehicle next to the lane."""
     ahead: Literal["free", "any"] = Field(default="any", exclude_if=_is_any)
-    """Whether connected vehicles that usually lead the ego have to follow it."""
+    """Whether connected vehicles that normally lead the ego must follow it instead."""
 
 
 class Conflict(Declaration):
-    """How to stage a crash type."""
+    """Instructions for staging a crash type."""
 
     kind: Literal["conflict"] = "conflict"
     stages: Annotated[tuple[CrashTypeId, ...], Field(min_length=1)]
-    """Crash types of a typology; those of one group."""
+    """Crash types that it stages, all of one typology."""
     ego: EgoRole
-    """What the ego does."""
+    """Role of the ego."""
     actor: ActorRole
-    """Whom it meets."""
+    """Role of the actor."""
     requires: PlaceRequirements = PlaceRequirements()
-    """What the road has to be like."""
+    """Requirements on the road."""
     parameters: ConflictParameters
-    """Numbers, with their sources."""
+    """Parameters with their sources."""
     outcome: OutcomeCriteria
-    """What has to come of it."""
+    """Criteria of success."""
 
 
 class StagedActor(Model):
-    """Somebody who takes part in a conflict along with the ego.
+    """An actor that takes part in a conflict with the ego.
 
-    It drives a route in its lanes, or follows a path of its own over any ground.
+    It drives a route in lanes, or follows a free path over any ground.
     """
 
     id: Id
-    """`conflict_1_walker`."""
+    """Id such as `conflict_1_walker`."""
     number: Annotated[int, Field(gt=0)]
     """Id of the actor in the trace and in annotations."""
     part: Literal["subject", "other", "bystander"]
-    """A bystander hides the actor, or is overtaken by it."""
+    """Role; a bystander hides the actor, or is overtaken by it."""
     behaviour: Behaviour
     actor_class: ActorClass
     blueprint: Id
     route: tuple[Id, ...] = ()
-    """Streets it drives along."""
+    """Streets along which it drives."""
     lane: Annotated[int, Field(ge=1)] = 1
-    """On the first street, 1 is innermost."""
+    """Lane on the first street, 1 is innermost."""
     path_m: tuple[Point2, ...] = ()
-    """Points it walks or rides along, or the two that a parked vehicle lies between."""
+    """Points of a free path, or the two ends of a parked vehicle."""
     start_m: Metres = 0.0
-    """Distance of its middle from the end of the first street."""
+    """Distance of its centre from the end of the first street."""
     speed_m_s: Annotated[float, Field(ge=0)]
-    """Of its approach."""
+    """Speed of its approach."""
     acceleration_m_s2: Annotated[float, Field(gt=0)]
     braking_m_s2: Annotated[float, Field(gt=0)]
 
 
 class StagedConflict(Model):
-    """A conflict that a scenario stages, solved: numbers instead of distributions."""
+    """A conflict solved for a scenario, with numbers instead of distributions."""
 
     id: Id
-    """`conflict_1`; in the order in which they happen."""
+    """Id such as `conflict_1`, numbered in the order of occurrence."""
     conflict: Id
-    """The declaration it was made from."""
+    """Conflict declaration that it was solved from."""
     typology: Id
     stages: tuple[CrashTypeId, ...]
     ego: CrashRole
     manoeuvre: Manoeuvre
-    """Of the ego."""
+    """Manoeuvre of the ego."""
     violates: Literal["signal"] | None = None
-    """What the actor does not obey."""
+    """Traffic control that the actor violates."""
     actors: Annotated[tuple[StagedActor, ...], Field(min_length=1)]
-    """The first one meets the ego."""
+    """Actors; the first conflicts with the ego."""
     point_m: Point2
-    """Where both ways meet."""
+    """Point where both paths cross."""
     station_m: PositiveMetres
-    """Of that point along the ego's way from its spawn."""
+    """Distance of that point along the ego's path from its spawn."""
     window_s: tuple[Seconds, Seconds]
-    """When an ego that nobody holds up is expected at the point, since the scenario's start."""
+    """Expected times of an unhindered ego at the point, from the scenario's start."""
     parameters: dict[Id, float]
-    """What was drawn, by name with its unit; `arrival_offset_s` is among them."""
+    """Drawn parameters by name with unit, including `arrival_offset_s`."""
     mode: Literal["open_loop", "reactive"]
-    """Timed against a rehearsal of the same traffic, or from tick to tick."""
+    """Timed against a dry run of the same traffic, or controlled at each tick."""
     outcome: OutcomeCriteria

@@ -1,4 +1,4 @@
-"""Distributions in place of a number in a weather or a conflict; each spec holds one draw."""
+"""Distributions that replace a number in a weather or a conflict; each spec holds one draw."""
 
 from typing import Annotated, Any, Self, cast
 
@@ -9,7 +9,7 @@ from advercity_dsl.units import Number
 
 
 class Uniform(Model):
-    """Every number between two is as likely as any other."""
+    """Uniform distribution over an interval."""
 
     uniform: tuple[Number, Number]
     """Lowest and highest, `[50, 150]`."""
@@ -18,40 +18,40 @@ class Uniform(Model):
     def _check_order(self) -> Self:
         low, high = self.uniform
         if low >= high:
-            raise ValueError(f"{low:g} to {high:g} is no range; write the lower number first")
+            raise ValueError(f"{low:g} to {high:g} is not a range; write the lower number first")
         return self
 
 
 class TruncatedNormal(Model):
-    """A normal distribution, cut off at both ends."""
+    """Parameters of a normal distribution truncated at both ends."""
 
     mean: Number
-    """Where the middle lies."""
+    """Mean before truncation."""
     sd: Annotated[Number, Field(gt=0)]
     """Standard deviation."""
     within: tuple[Number, Number]
-    """Nothing outside of these is drawn; a bell has no ends of its own."""
+    """Lowest and highest value that may be drawn."""
 
     @model_validator(mode="after")
     def _check_mean(self) -> Self:
         low, high = self.within
         if not low < high or not low <= self.mean <= high:
-            raise ValueError(f"the mean {self.mean:g} does not lie within {low:g} to {high:g}")
+            raise ValueError(f"the mean {self.mean:g} is outside {low:g} to {high:g}")
         return self
 
 
 class Normal(Model):
-    """Numbers near the mean are likelier."""
+    """Truncated normal distribution."""
 
     normal: TruncatedNormal
-    """Mean, standard deviation and ends."""
+    """Mean, standard deviation and bounds."""
 
 
 class Choice(Model):
-    """One of a list, each as likely as any other."""
+    """Uniform choice from a list."""
 
     choice: Annotated[tuple[Number, ...], Field(min_length=1, max_length=1000)]
-    """The numbers, `[50, 75, 150]`."""
+    """Numbers to choose from, `[50, 75, 150]`."""
 
 
 Distribution = Uniform | Normal | Choice
@@ -60,11 +60,11 @@ DISTRIBUTIONS: dict[str, type[Distribution]] = {
     "normal": Normal,
     "choice": Choice,
 }
-"""The model of each by the key that it is written with."""
+"""Model of each distribution, by its key in YAML."""
 
 
 def _find_distribution_key(value: object) -> str:
-    """The key that a distribution is written with; whatever else there is should be a number."""
+    """Return the key of a distribution, or `number` for anything else, as the union's tag."""
     if isinstance(value, Uniform | Normal | Choice):
         return next(iter(type(value).model_fields))
     if isinstance(value, dict) and len(written := cast(dict[Any, Any], value)) == 1:
@@ -79,4 +79,7 @@ NumberOrDistribution = Annotated[
     | Annotated[Choice, Tag("choice")],
     Discriminator(_find_distribution_key),
 ]
-"""A number, or a distribution to draw it from."""
+"""A number, or a distribution to draw it from.
+
+The tag is explicit so that errors name the distribution that the author wrote.
+"""

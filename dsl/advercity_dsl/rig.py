@@ -1,7 +1,7 @@
-"""A sensor rig: what connected vehicles and roadside units carry, and where.
+"""Sensor rigs of connected vehicles and roadside units.
 
-Mounts are in the body frame (x forward, y left, z up, metres, origin on the ground under the
-middle of the vehicle). A positive pitch looks down, a positive yaw left.
+Mounts are in the body frame (x forward, y left, z up, metres, origin on the ground below the
+centre of the vehicle). A positive pitch looks down, a positive yaw left.
 """
 
 from typing import Annotated, Literal, Self
@@ -22,7 +22,7 @@ from advercity_dsl.units import (
 
 
 class Mount(CompactModel):
-    """Where a sensor sits on its carrier."""
+    """Pose of a sensor on its carrier."""
 
     x_m: Metres = 0
     """Forward of the origin."""
@@ -39,90 +39,90 @@ class Mount(CompactModel):
 
 
 class Exposure(CompactModel):
-    """How a camera gathers light."""
+    """Exposure of a camera."""
 
     mode: Literal["auto", "sensor", "manual"] = "auto"
-    """`auto` meters every picture and leaves the shutter as it is: a grey filter dims days, gain
-    lightens nights. `sensor` meters too, but has no filter: it moves the shutter, from 20 µs to
-    1/60 s or `shutter_s` if that is longer, and only then ISO, up to 10,000. `manual` takes shutter
-    and ISO as they are."""
+    """`auto` meters every image with a fixed shutter: a grey filter darkens days, gain brightens
+    nights. `sensor` meters without a filter: it adjusts the shutter from 20 µs to 1/60 s, or to
+    `shutter_s` if that is longer, and then ISO up to 10,000. `manual` uses shutter and ISO as
+    given."""
     f_number: Annotated[Number, Field(gt=0)] = 1.4
-    """Of the aperture."""
+    """F-number of the aperture."""
     shutter_s: Annotated[Seconds, Field(gt=0, le=1)] = 0.005
-    """How long the shutter is open."""
+    """Exposure time."""
     iso: Annotated[Number, Field(gt=0)] = 100
     """Sensitivity."""
     compensation_ev: Annotated[Number, Field(ge=-8, le=8)] = 0.79
-    """Brighter by so many stops than the meter says."""
+    """Exposure compensation in stops, positive for brighter images."""
 
 
 class Camera(CompactModel):
-    """A pinhole camera; its semantic twin shares the pose, size and field of view."""
+    """A pinhole camera; the semantic camera has the same pose, size and field of view."""
 
     width_px: Annotated[Count, Field(ge=16, le=8192)] = 1920
-    """Columns of pixels."""
+    """Image width."""
     height_px: Annotated[Count, Field(ge=16, le=8192)] = 1080
-    """Rows of pixels."""
+    """Image height."""
     horizontal_fov_deg: Annotated[Degrees, Field(gt=5, lt=170)] = 100
-    """Angle of view from the left border to the right."""
+    """Horizontal field of view."""
     exposure: Exposure = Exposure()
-    """How it gathers light."""
+    """How it is exposed."""
     highlights_ev: Annotated[Number, Field(ge=0, le=4)] = 4
-    """Stops beyond a full pixel that the sensor tells apart and the tone curve rolls off; 0 is a
+    """Stops above pixel saturation that the sensor resolves and the tone curve compresses; 0 is a
     plain sensor, which clips."""
     noise: Flag = True
-    """Whether photons and electronics make noise."""
+    """Whether shot noise and read noise are simulated."""
     vignetting: Annotated[Number, Field(ge=0, le=8)] = 1
-    """Power of the cosine by which pictures darken off the axis: 4 a plain lens, 0 not at all."""
+    """Exponent of the cosine by which images darken off axis: 4 for a simple lens, 0 for none."""
     flare: Annotated[Number, Field(ge=0, le=10)] = 1
-    """Brightness of ghosts of sun and lamps against those of a coated lens; 0 is none."""
+    """Brightness of lens ghosts relative to a coated lens; 0 is none."""
     mounts: Annotated[tuple[Mount, ...], Field(min_length=1, max_length=8)]
-    """One per camera of this kind."""
+    """Pose of each camera of this kind."""
 
 
 class Lidar(CompactModel):
-    """A spinning LiDAR of ten turns a second that starts each turn straight ahead, to the left.
+    """A spinning LiDAR with ten scans a second, each starting straight ahead and turning left.
 
-    The defaults are the original's: an ideal instrument that sees one instant, but through the
-    weather.
+    The defaults are those of the original dataset: an ideal instrument that scans in an instant,
+    but through the weather.
     """
 
     mount: Mount = Mount()
-    """Where it sits."""
+    """Pose on the carrier."""
     channel_table: Literal["uniform", "hdl_32e", "vlp_32c"] = "uniform"
-    """Elevations of the channels: evenly from `lower_deg` to `upper_deg`, or of a real sensor."""
+    """Elevations of the channels: uniform from `lower_deg` to `upper_deg`, or of a real sensor."""
     channels: Annotated[Count, Field(ge=1, le=256)] = 32
-    """Beams above each other."""
+    """Number of channels."""
     lower_deg: Degrees = -25
     """Elevation of the lowest beam."""
     upper_deg: Degrees = 15
     """Elevation of the highest beam."""
     azimuths: Annotated[Count, Field(ge=16, le=36_000)] = 3750
-    """Beams of a channel in one turn."""
+    """Beams per channel in one scan."""
     range_m: Annotated[PositiveMetres, Field(le=1000)] = 200
-    """Beyond this it does not listen."""
+    """Maximum range."""
     sub_rays: Literal[1, 7] = 1
-    """Rays that stand for one beam; 7 let a beam meet two surfaces at an edge."""
+    """Rays per beam; with 7, a beam can hit two surfaces at an edge."""
     motion_distortion: Flag = False
-    """Whether the turn takes the time from tick to tick, while everything moves on."""
+    """Whether the scan takes one tick while everything moves, instead of an instant."""
     echoes: Literal["strongest", "last", "dual"] = "strongest"
-    """Which echoes of a beam are reported; dual is both."""
+    """Which returns of a beam are reported; dual is both."""
     detection: Literal["noisy", "step"] = "noisy"
-    """Whether the receiver's noise helps or hinders an echo at the threshold."""
+    """Whether noise of the receiver affects detection near the threshold, or a step decides."""
     range_noise_m: Annotated[Metres, Field(ge=0, le=1)] = 0
-    """Standard deviation of a distance."""
+    """Standard deviation of the range."""
     range_noise_model: Literal["fixed", "signal"] = "fixed"
-    """`signal` adds what a weak echo costs: 0.75 m over its signal-to-noise ratio."""
+    """`signal` adds noise for weak returns: 0.75 m over the signal-to-noise ratio."""
     soft_gain: Annotated[Number, Field(ge=0, le=100)] = 1
-    """Factor on echoes of fog, dust and spray; below 1 for receivers that suppress them."""
+    """Gain on returns from fog, dust and spray; below 1 for receivers that suppress them."""
     sunlight_noise: Flag = True
-    """Whether daylight raises the threshold and the sun blinds beams that look into it."""
+    """Whether daylight raises the threshold and the sun blinds beams towards it."""
     dropoff_rate: Fraction = 0
-    """Share of rays that are never fired."""
+    """Fraction of rays that are dropped at random."""
     dropoff_intensity_limit: Fraction = 1
-    """Echoes weaker than this may be lost."""
+    """Intensity below which a return may be lost."""
     dropoff_zero_intensity: Fraction = 0
-    """Chance that an echo of no strength is lost; less for stronger ones."""
+    """Probability that a return of zero intensity is lost; lower for stronger ones."""
 
     @model_validator(mode="after")
     def _check_channel_count(self) -> Self:
@@ -140,46 +140,46 @@ class Lidar(CompactModel):
 
 
 class Gnss(CompactModel):
-    """Satellite positioning: the original's white noise in degrees, or a real receiver's errors.
+    """Satellite positioning with white noise in degrees or with the errors of a real receiver.
 
-    `carla` uses the noise in degrees and `altitude_noise_m`; `realistic` the rest: white noise on
-    top of an error that wanders (first-order Gauss-Markov), both in metres, larger upwards.
+    `carla` uses the noise in degrees and `altitude_noise_m`; `realistic` uses the other fields:
+    white noise plus a first-order Gauss-Markov error, both in metres and larger vertically.
     """
 
     mode: Literal["carla", "realistic"] = "carla"
-    """Whose errors: the original's, or a real receiver's."""
+    """Error model: that of CARLA, or of a real receiver."""
     latitude_noise_deg: Annotated[Degrees, Field(ge=0)] = 0
-    """Standard deviation northwards, for `carla`."""
+    """Standard deviation of the latitude, for `carla`."""
     longitude_noise_deg: Annotated[Degrees, Field(ge=0)] = 0
-    """Standard deviation eastwards, for `carla`."""
+    """Standard deviation of the longitude, for `carla`."""
     altitude_noise_m: Annotated[Metres, Field(ge=0)] = 0
-    """Standard deviation upwards, for `carla`."""
+    """Standard deviation of the altitude, for `carla`."""
     white_noise_m: Annotated[Metres, Field(ge=0, le=100)] = 0.3
-    """Standard deviation from fix to fix, for `realistic`."""
+    """Standard deviation of the white noise, for `realistic`."""
     wander_m: Annotated[Metres, Field(ge=0, le=100)] = 1.0
-    """Standard deviation of the error that wanders, for `realistic`."""
+    """Standard deviation of the Gauss-Markov error, for `realistic`."""
     wander_time_s: Annotated[Seconds, Field(ge=1, le=3600)] = 120
-    """In this time the wandering error forgets itself, for `realistic`."""
+    """Correlation time of the Gauss-Markov error, for `realistic`."""
     vertical_factor: Annotated[Number, Field(ge=0, le=10)] = 1.75
-    """Upwards errors are so many times larger, for `realistic`."""
+    """Factor of vertical errors over horizontal ones, for `realistic`."""
 
 
 class Imu(CompactModel):
     """Accelerometer, gyroscope and compass at the vehicle's origin."""
 
     grade: Literal["ideal", "low", "mid", "high"] = "ideal"
-    """How good it is; `ideal` has no errors."""
+    """Quality of the instrument; `ideal` has no errors."""
     compass_noise_deg: Annotated[Degrees, Field(ge=0, le=90)] = 0
     """Standard deviation of the heading."""
     samples_per_tick: Annotated[Count, Field(ge=1, le=100)] = 1
-    """1 is ten samples a second, 10 a hundred."""
+    """Samples per tick: 1 is 10 Hz, 10 is 100 Hz."""
 
 
 class SensorSet(Model):
     """The sensors of one kind of agent."""
 
     camera: Camera
-    """Cameras of one kind, and their semantic twins."""
+    """Cameras, and the semantic cameras at the same poses."""
     lidar: Lidar
     """The LiDAR."""
     gnss: Gnss = Gnss()
@@ -193,6 +193,6 @@ class Rig(Declaration):
 
     kind: Literal["rig"] = "rig"
     vehicle: SensorSet
-    """What each connected vehicle carries."""
+    """Sensors of each connected vehicle."""
     roadside_unit: SensorSet
-    """What each roadside unit carries; the road says where it stands."""
+    """Sensors of each roadside unit; the road gives its position."""

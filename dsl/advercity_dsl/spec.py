@@ -1,7 +1,4 @@
-"""A compiled scenario: self-contained, versioned, and enough to regenerate its data.
-
-Nothing in it refers to another file.
-"""
+"""The compiled scenario: versioned, self-contained, sufficient to regenerate its data."""
 
 from typing import Annotated, Literal, Self
 
@@ -14,14 +11,14 @@ from advercity_dsl.distribution import Distribution
 from advercity_dsl.rig import SensorSet
 from advercity_dsl.road import ClassFractions, Road, RoadsideUnit, Vehicle
 from advercity_dsl.suite import FieldPath, Timing
-from advercity_dsl.traffic import ActorClass, Density, DriverResponse, Drivers
+from advercity_dsl.traffic import Density, DriverResponse, Drivers
 from advercity_dsl.weather import Weather
 
 SPEC_VERSION = 1
 
 
 class Agent(Model):
-    """A viewpoint: a connected vehicle or a roadside unit, with its sensors."""
+    """A connected vehicle or a roadside unit, with its sensors."""
 
     id: Id
     number: int
@@ -29,7 +26,7 @@ class Agent(Model):
     place: Annotated[Vehicle | RoadsideUnit, Field(discriminator="kind")]
     sensors: SensorSet
     blueprint: Id | None = None
-    """What a connected vehicle looks like."""
+    """Blueprint of a connected vehicle."""
 
     @property
     def is_ego(self) -> bool:
@@ -38,7 +35,7 @@ class Agent(Model):
 
 
 class ClassDemand(Model):
-    """How many of what is asked for."""
+    """Background traffic to spawn: numbers by kind, and where."""
 
     vehicles: Annotated[int, Field(ge=0, le=20_000)]
     walkers: Annotated[int, Field(ge=0, le=20_000)]
@@ -50,14 +47,17 @@ class ClassDemand(Model):
 
 
 class CrashGroup(Model):
-    """A group of crash types that this road is here for."""
+    """A group of crash types for which a scenario's road was selected."""
 
     typology: Id
     crash_types: tuple[str, ...]
 
 
 class SpecSeeds(Model):
-    """`traffic` differs by road and density alone; `sensors` is used along with the spec's id."""
+    """Seeds of a scenario; `traffic` depends on road and density alone, never on the weather.
+
+    `sensors` is combined with the spec's id wherever it is used.
+    """
 
     traffic: int
     sensors: int
@@ -65,30 +65,30 @@ class SpecSeeds(Model):
 
 
 class SweepPoint(Model):
-    """The step of a suite's sweep that a scenario is."""
+    """The field and value that a scenario takes from its suite's sweep."""
 
     field: FieldPath
     value: float
 
 
 class Provenance(Model):
-    """What the spec was compiled from."""
+    """Inputs that a spec was compiled from."""
 
     compiler: str
     suite: Id
     declarations: dict[str, Digest]
-    """SHA-256 of every declaration that went in, as `kind/id`."""
+    """SHA-256 of every declaration used, by `kind/id`."""
     draws: dict[str, Distribution] = Field(default_factory=dict)
-    """What numbers of the spec were drawn from, by their path."""
+    """Distributions that numbers of the spec were drawn from, by path of the number."""
     sweep: SweepPoint | None = None
     conflict: Id | None = Field(default=None, exclude_if=is_empty)
-    """The conflict that the suite crossed its roads with."""
+    """Conflict that the suite crossed its roads with."""
     digest: Digest
-    """SHA-256 of the spec itself, with this field left out."""
+    """SHA-256 of the spec itself, this field excluded."""
 
 
 class Spec(Model):
-    """One scenario."""
+    """A compiled scenario."""
 
     spec_version: Literal[1] = SPEC_VERSION
     id: Id
@@ -99,11 +99,11 @@ class Spec(Model):
     agents: Annotated[tuple[Agent, ...], Field(min_length=1)]
     demand: ClassDemand
     conflicts: tuple[StagedConflict, ...] = Field(default=(), exclude_if=is_empty)
-    """In the order in which they happen."""
+    """Staged conflicts in the order in which they occur."""
     drivers: Drivers | None = Field(default=None, exclude_if=is_empty)
-    """What drivers do about weather; they drive alike in any if it is left out."""
+    """Reactions of drivers to weather; without them, weather does not change traffic."""
     caution: DriverResponse | None = Field(default=None, exclude_if=is_empty)
-    """What they do about this one."""
+    """Response of the drivers to this weather."""
     blueprints: dict[Id, Blueprint]
     timing: Timing
     seeds: SpecSeeds
@@ -122,8 +122,5 @@ class Spec(Model):
                 raise ValueError(f"two agents have the same {what}")
         egos = [agent for agent in self.agents if agent.is_ego]
         if len(egos) != 1:
-            raise ValueError(f"{len(egos)} of the agents have the role 'ego'; one has it")
+            raise ValueError(f"{len(egos)} agents have the role 'ego'; exactly one is required")
         return self
-
-
-__all__ = ["SPEC_VERSION", "ActorClass", "Agent", "Spec"]

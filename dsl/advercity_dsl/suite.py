@@ -1,4 +1,4 @@
-"""A suite: which declarations to cross, by which rules, and with which seeds."""
+"""Suites: which declarations to cross, by which rules, and with which seeds."""
 
 import re
 from typing import Annotated, Literal, Self
@@ -21,63 +21,63 @@ def _check_field_path(path: str) -> str:
         or not all(re.fullmatch(r"[a-z0-9_]+", p) for p in parts)
     ):
         kinds = ", ".join(CROSSED_KINDS)
-        raise ValueError(f"'{path[:60]}' is no field; begin with a kind ({kinds}): weather.time")
+        raise ValueError(f"'{path[:60]}' is not a field; begin with a kind ({kinds}): weather.time")
     return path
 
 
 FieldPath = Annotated[str, AfterValidator(_check_field_path)]
-"""A field of what a suite crosses: `weather.fog.mor_m`."""
+"""Field of a crossed declaration: `weather.fog.mor_m`."""
 MAX_SWEEP_STEPS = 1000
 
 
 class Selection(Model):
-    """Which typologies are about perception: somebody to misperceive, deadly, visibility-related.
+    """Thresholds that select typologies: a collision partner, fatalities, bad visibility.
 
-    A typology has a partner if it strikes an external entity or involves at least
-    `vehicles_per_crash` vehicles.
+    A typology has a collision partner if an external entity is struck or at least
+    `vehicles_per_crash` vehicles are involved.
     """
 
     vehicles_per_crash: Annotated[Number, Field(ge=1, le=5)] = 1.5
-    """From this many on, somebody else is there to be misperceived."""
+    """Lowest mean number of vehicles that implies a collision partner."""
     fatality_rate_percent: Percent = 0.30
-    """Selected from this rate on."""
+    """Lowest fatality rate that is selected."""
     bad_visibility_percent: Percent = 3
-    """Selected from this share on."""
+    """Lowest percentage of crashes in bad visibility that is selected."""
 
 
 class Coverage(Model):
-    """From which share on a kind of road must be covered."""
+    """Lowest percentages of a group's crashes for which a kind of road must be covered."""
 
     land_use_percent: Percent = 40
-    """Town or country is called for from this share on."""
+    """Threshold for urban or rural roads."""
     junction_percent: Percent = 50
-    """Junctions, or places away from them, likewise."""
+    """Threshold for junctions, or places away from them."""
     geometry_percent: Percent = 30
-    """Slopes and curves likewise."""
+    """Threshold for slopes and curves."""
 
 
 class Seeds(Model):
-    """Seeds of everything random; the compiler derives one per purpose from them."""
+    """Seeds of all random numbers; the compiler derives one per purpose."""
 
     traffic: Annotated[Count, Field(ge=0, lt=2**32)] = 1
-    """Who drives and walks where; the same under every weather."""
+    """Seed of traffic, which is the same under every weather."""
     sensors: Annotated[Count, Field(ge=0, lt=2**32)] = 1
-    """Noise of sensors."""
+    """Seed of sensor noise."""
     weather: Annotated[Count, Field(ge=0, lt=2**32)] = 1
-    """Draws from the distributions in weathers."""
+    """Seed of draws from the distributions in weathers."""
 
 
 class Timing(Model):
-    """When a scenario is kept and when it ends; one tick is one frame."""
+    """When recording starts and when a scenario ends; one tick is one frame."""
 
     tick_s: Annotated[Seconds, Field(gt=0, le=1)] = 0.1
-    """Time from frame to frame."""
+    """Time between frames."""
     warm_up_ticks: Annotated[Count, Field(ge=0, le=100_000)] = 59
-    """Driven, not kept."""
+    """Ticks simulated before recording starts."""
     max_ticks: Annotated[Count, Field(ge=1, le=1_000_000)] = 1800
-    """The scenario ends here at the latest."""
+    """Tick at which the scenario ends at the latest."""
     destination_box_m: Annotated[Metres, Field(gt=0)] = 10
-    """The scenario ends when a connected vehicle is this near to its destination in x and in y."""
+    """Distance to a connected vehicle's destination, in x and in y, at which the scenario ends."""
 
     @model_validator(mode="after")
     def _check_kept_frames(self) -> Self:
@@ -90,88 +90,89 @@ class Timing(Model):
 
 
 class ValueRange(Model):
-    """Numbers from one end to another; either may be left out."""
+    """Range of numbers; either end may be left out."""
 
     at_least: Scalar | None = None
-    """Lowest that is kept."""
+    """Lowest value."""
     at_most: Scalar | None = None
-    """Highest that is kept."""
+    """Highest value."""
 
 
 class Sweep(Model):
-    """One field taken through many values, all else and the traffic the same.
+    """Variation of one field over many values, with everything else and the traffic unchanged.
 
     Either `values`, or `from`, `to` and `count`. A scenario's id ends in the field and its value.
     """
 
     field: FieldPath
-    """What to vary: `weather.fog.mor_m`."""
+    """Field to vary: `weather.fog.mor_m`."""
     values: Annotated[tuple[Number | str, ...], Field(max_length=MAX_SWEEP_STEPS)] = ()
-    """The values themselves."""
+    """Values of the field."""
     from_: Annotated[Number | str | None, Field(alias="from")] = None
     """First value."""
     to: Number | str | None = None
     """Last value."""
     count: Annotated[Count, Field(ge=2, le=MAX_SWEEP_STEPS)] | None = None
-    """How many values, both ends among them."""
+    """Number of values, including both ends."""
     log: Flag = False
-    """Equal factors between values instead of equal distances."""
+    """Whether values are spaced logarithmically instead of linearly."""
 
     @model_validator(mode="after")
     def _check_exclusive_fields(self) -> Self:
         ends = (self.from_, self.to, self.count)
         if self.values and any(item is not None for item in ends):
             raise InvalidCombination(
-                ("values",), "stands beside from, to, count", "keep one of the two"
+                ("values",), "cannot be combined with from, to, count", "keep one of the two"
             )
         if not self.values and any(item is None for item in ends):
             raise InvalidCombination(
                 (), "has no values", "give values: [...], or all of from, to and count"
             )
         if self.log and self.values:
-            raise InvalidCombination(("log",), "goes with from, to and count", "leave it out")
+            raise InvalidCombination(("log",), "requires from, to and count", "remove it")
         return self
 
 
 ConflictFit = Literal["primary", "extension", "variant"]
-"""Its group calls for such a road; it fits one; it would fit one that had no traffic lights."""
+"""How a conflict matches a road: its group requires such a road, it can be staged there, or it
+could be staged there without the traffic lights."""
 
 
 class Suite(Declaration):
-    """What to cross."""
+    """Roads, weathers and densities to cross, and what all scenarios have in common."""
 
     kind: Literal["suite"] = "suite"
     selection: Selection = Selection()
-    """Which typologies count."""
+    """Rule that selects typologies."""
     coverage: Coverage = Coverage()
-    """Which places those call for."""
+    """Rule for the kinds of roads that selected typologies require."""
     roads: IdSelection = "all"
-    """Ids, or `all` of the library, which then holds a road for every place called for."""
+    """Ids, or `all` of the library, which then needs a road of every required kind."""
     weathers: IdSelection = "all"
     """Ids, or `all` of the library."""
     densities: IdSelection = "all"
     """Ids, or `all` of the library."""
     where: dict[FieldPath, Scalar | tuple[Scalar, ...] | ValueRange] = Field(default_factory=dict)
-    """Only scenarios whose fields have the value, one of the values, or lie in the range given."""
+    """Conditions on scenarios, by field: a value, one of several values, or a range."""
     sweep: Sweep | None = None
-    """One field through many values."""
+    """Variation of one field over many values."""
     stage: dict[Id, tuple[Id, ...]] = Field(default_factory=dict)
-    """Conflicts that each road's scenarios stage, one after the other, by the road's id."""
+    """Conflicts that the scenarios of a road stage in turn, by road id."""
     cross_conflicts: IdSelection = ()
-    """Conflicts to make scenarios of their own of, on every road that calls for them."""
+    """Conflicts that get their own scenarios on every road where they can be staged."""
     standings: tuple[ConflictFit, ...] = Field(
         default=("primary",), exclude_if=lambda standings: standings == ("primary",)
     )
-    """How those have to stand to a road: called for, fitting, or fitting it without lights."""
+    """How conflicts of `cross_conflicts` must match a road: primary, extension or variant."""
     default: Flag = False
-    """Whether this is the suite that is compiled where none is named."""
+    """Whether this suite is compiled if none is named."""
     rig: Id
     """Sensors of every scenario."""
     catalogue: Id
     """Vehicles and people of every scenario."""
     drivers: Id | None = Field(default=None, exclude_if=lambda name: name is None)
-    """Drivers who react to weather; left out, they drive alike in any, and weathers are pairs."""
+    """Drivers who react to weather; without them, traffic is the same in every weather."""
     seeds: Seeds = Seeds()
-    """Of all that is drawn."""
+    """Seeds of all random numbers."""
     timing: Timing = Timing()
-    """When scenarios begin and end."""
+    """Start and end of scenarios."""

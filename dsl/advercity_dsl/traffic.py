@@ -1,7 +1,4 @@
-"""How much traffic there is, and of which classes.
-
-Drivers: what they do about the weather, as tables over what they see and drive on.
-"""
+"""Density of traffic, and how drivers respond to weather."""
 
 from collections.abc import Sequence
 from typing import Annotated, Literal, Self
@@ -22,103 +19,103 @@ from advercity_dsl.units import (
 
 ActorClass = Literal["car", "van", "truck", "bicycle", "motorcycle", "pedestrian"]
 DemandFactor = Annotated[
-    Number, Field(ge=0, le=20), RangeReason("a road has no room for more than 20 times its demand")
+    Number, Field(ge=0, le=20), RangeReason("no road has room for more than 20 times its demand")
 ]
 
 
 class Density(Declaration):
-    """How much traffic there is, as multiples of the road's own demand."""
+    """Amount of traffic, as multiples of the road's own demand."""
 
     kind: Literal["density"] = "density"
     vehicles: DemandFactor
-    """Of the road's `traffic.vehicles_per_area`."""
+    """Factor on the road's `traffic.vehicles_per_area`."""
     walkers: DemandFactor
-    """Of the road's `traffic.walkers`."""
+    """Factor on the road's `traffic.walkers`."""
 
 
 FrictionCoefficient = Annotated[
     Number,
     Field(gt=0, le=1.2),
-    RangeReason("rubber holds with less than 1.2 of the wheel's load, even on dry asphalt"),
+    RangeReason("tyres grip with less than 1.2 of the wheel's load, even on dry asphalt"),
 ]
 
 
 class ResponseStep(Model):
-    """What drivers do from some intensity on; between two steps it changes evenly."""
+    """Response of drivers at one intensity; linear between two steps."""
 
     slower_percent: Annotated[Percent, Field(lt=100)] = 0
-    """How much slower they drive than they would in clear weather."""
+    """Reduction of speed against clear weather."""
     headway_s: Annotated[Seconds, Field(ge=0, le=10)] = 0
-    """How much more time they leave to whom they follow."""
+    """Additional time headway to the vehicle ahead."""
     source: str = ""
-    """Where it comes from; what has no source is an assumption."""
+    """Source of the figures; without one they are an assumption."""
     evidence: Evidence = "D"
-    """How sure it is: A read directly to D inferred, U unverified."""
+    """Strength of the evidence: A read directly to D inferred, U unverified."""
 
 
 class RainStep(ResponseStep):
-    """In rain of a rate."""
+    """Response to rain."""
 
     rate_mm_h: Annotated[MillimetresPerHour, Field(ge=0)]
-    """Of the rain."""
+    """Rate of the rain."""
 
 
 class SnowfallStep(ResponseStep):
-    """In snowfall of a rate."""
+    """Response to snowfall."""
 
     rate_mm_h: Annotated[MillimetresPerHour, Field(ge=0)]
-    """Of melted water."""
+    """Rate of the snowfall as melted water."""
 
 
 class SnowCoverStep(ResponseStep):
-    """On a road that snow lies on."""
+    """Response to snow on the road."""
 
     road_coverage: Fraction
-    """Share of the carriageway under snow."""
+    """Fraction of the carriageway covered by snow."""
 
 
 class VisibilityStep(ResponseStep):
-    """In haze, fog or dust; rain and snow have steps of their own."""
+    """Response to haze, fog or dust; rain and snow have their own tables."""
 
     mor_m: Annotated[Metres, Field(gt=0)]
     """Visibility (5 % contrast)."""
 
 
 class TyreFriction(Model):
-    """What tyres hold on, and how much of it drivers use."""
+    """Friction between tyres and road, and the fraction of it that drivers use."""
 
     dry: FrictionCoefficient
     """Coefficient of friction on a dry road."""
     wet: FrictionCoefficient
-    """On one that is soaked; in between it falls with `surface.wetness`."""
+    """Coefficient on a soaked road; in between it falls linearly with `surface.wetness`."""
     snow: FrictionCoefficient
-    """On snow; of ruts that are partly clear it is the mean, by `snow.rut_coverage`."""
+    """Coefficient on snow; averaged with the bare road by `snow.rut_coverage`."""
     used_share: Annotated[Fraction, Field(gt=0)]
-    """Share of it that drivers use to speed up, to brake and in bends, but in an emergency."""
+    """Fraction of it that drivers use to accelerate, brake and corner, except in an emergency."""
     source: str = ""
-    """Where the figures come from."""
+    """Source of the figures."""
     evidence: Evidence = "D"
-    """How sure they are."""
+    """Strength of the evidence."""
 
 
 class Drivers(Declaration):
     """How drivers react to weather.
 
-    A table has no effect before its first step and stays at its last. Where several apply, the
-    strongest counts, since each was observed with the others about.
+    A table has no effect below its first step and is constant above its last. If several tables
+    apply, the strongest response counts, since each was observed with the other effects present.
     """
 
     kind: Literal["drivers"] = "drivers"
     rain: tuple[RainStep, ...] = ()
-    """By how hard it rains, the lightest first."""
+    """Steps by rate of rain, the lightest first."""
     snowfall: tuple[SnowfallStep, ...] = ()
-    """By how hard it snows, the lightest first."""
+    """Steps by rate of snowfall, the lightest first."""
     snow_cover: tuple[SnowCoverStep, ...] = ()
-    """By how much of the road is white, the least first."""
+    """Steps by snow on the road, the least first."""
     visibility: tuple[VisibilityStep, ...] = ()
-    """By how far one sees, the farthest first."""
+    """Steps by visibility, the farthest first."""
     grip: TyreFriction
-    """On what they brake."""
+    """Friction that limits acceleration."""
 
     @model_validator(mode="after")
     def _check_tables(self) -> Self:
@@ -132,20 +129,20 @@ class Drivers(Declaration):
 def _check_table_order(table: str, intensities: Sequence[float]) -> None:
     for index in range(1, len(intensities)):
         if intensities[index] <= intensities[index - 1]:
-            what = f"is no worse than the step before: {abs(intensities[index]):g}"
+            what = f"is not worse than the step before: {abs(intensities[index]):g}"
             raise InvalidCombination(
                 (table, index), what, "order steps from the mildest to the worst"
             )
 
 
 class DriverResponse(Model):
-    """What drivers do about the weather of one scenario."""
+    """Response of drivers to the weather of one scenario."""
 
     speed_share: Annotated[Number, Field(gt=0, le=1)]
-    """Of the speed that they would drive in clear weather."""
+    """Speed as a fraction of that in clear weather."""
     headway_s: Annotated[Seconds, Field(ge=0)]
-    """How much more time they leave to whom they follow."""
+    """Additional time headway to the vehicle ahead."""
     usual_m_s2: Annotated[Number, Field(gt=0)]
-    """Most that they speed up, brake and go round bends with."""
+    """Highest acceleration, deceleration and lateral acceleration in normal driving."""
     hardest_m_s2: Annotated[Number, Field(gt=0)]
-    """Most that they brake with in an emergency."""
+    """Highest deceleration in an emergency."""

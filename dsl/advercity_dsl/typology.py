@@ -15,7 +15,7 @@ def _require_edition(value: object) -> object:
     number = str(value)
     if number.isdecimal():
         hint = f'write "nhtsa2019:{number}" or "nhtsa2007:{number}"; editions reuse numbers'
-        raise InvalidCombination((), f"{number} names no edition", hint)
+        raise InvalidCombination((), f"{number} does not name an edition", hint)
     return value
 
 
@@ -24,7 +24,7 @@ CrashTypeId = Annotated[
     BeforeValidator(_require_edition),
     StringConstraints(pattern=r"^nhtsa(2007|2019):\d{1,2}$"),
 ]
-"""`nhtsa2019:30`; the editions give the same numbers to different things."""
+"""`nhtsa2019:30`; the editions use the same numbers for different crash types."""
 
 
 class CrashType(Model):
@@ -33,11 +33,11 @@ class CrashType(Model):
     id: CrashTypeId
     """Edition and number, `nhtsa2019:19`; in quotes, since it holds a colon."""
     name: str
-    """As the edition calls it."""
+    """Name in the edition."""
     definition: str = ""
-    """What happens, in a sentence."""
+    """Definition in a sentence."""
     derived_from: tuple[CrashTypeId, ...] = ()
-    """Crash types of the earlier edition that it stands for, in whole or in part."""
+    """Crash types of the earlier edition that it replaces, in whole or in part."""
 
 
 class EarlierCrashType(Model):
@@ -46,56 +46,56 @@ class EarlierCrashType(Model):
     id: CrashTypeId
     """Edition and number, `nhtsa2007:21`."""
     name: str
-    """As the edition calls it."""
+    """Name in the edition."""
     thousand_crashes_2004: Annotated[Number, Field(ge=0)]
     """Crashes in the United States in 2004, in thousands."""
     evidence: Evidence = "C"
-    """How sure the figure is."""
+    """Strength of the evidence."""
 
 
 class Statistics(Model):
-    """Figures of a group of crash types."""
+    """Statistics of a group of crash types."""
 
     weather_percent: Percent
     """Crashes with weather as a main factor."""
     bad_visibility_percent: Percent
     """Crashes with bad visibility as a main factor."""
     fatality_rate_percent: Percent
-    """Of the crashes, as the report gives it."""
+    """Fatal crashes, as the report gives them."""
     vehicles_per_crash: Annotated[Number, Field(ge=1, le=5)]
-    """On average; 1 is a crash with nobody else."""
+    """Mean number of vehicles; 1 is a crash of a single vehicle."""
     crash_share_percent: Percent
-    """Share of all crashes, 2011 to 2015."""
+    """Percentage of all crashes, 2011 to 2015."""
     external_entity: Flag
-    """Whether somebody or something other than a vehicle is struck."""
+    """Whether a person or an object other than a vehicle is struck."""
     evidence: Evidence = "A"
-    """How sure the figures are: A read directly to D inferred, U unverified."""
+    """Strength of the evidence: A read directly to D inferred, U unverified."""
 
 
 class JunctionStatistics(Model):
-    """Share of a group's crashes at a kind of place, of those with the given manoeuvre."""
+    """Percentage of a group's crashes at a kind of place, among those with a manoeuvre."""
 
     junction: Literal["intersection", "non_junction"]
     """At a junction, or away from any."""
     manoeuvre: Literal["any", "with", "without"] = "any"
-    """Of crashes with the group's manoeuvre, without it, or of all."""
+    """Base of the percentage: crashes with the group's manoeuvre, without it, or all."""
     percent: Percent
-    """Their share."""
+    """Percentage of those crashes."""
 
 
 class RoadStatistics(Model):
-    """On what roads a group's crashes happen."""
+    """Kinds of roads on which a group's crashes happen."""
 
     urban_percent: Percent
-    """In towns."""
+    """Percentage in urban areas."""
     rural_percent: Percent
-    """In the country."""
+    """Percentage in rural areas."""
     junctions: tuple[JunctionStatistics, ...]
-    """At junctions and away from them."""
+    """Percentages at junctions and away from them."""
     non_level_percent: Percent | None = None
-    """On slopes; left out if nobody counted."""
+    """Percentage on slopes, if known."""
     curved_percent: Percent | None = None
-    """On curves; left out if nobody counted."""
+    """Percentage on curves, if known."""
 
 
 class Typology(Declaration):
@@ -103,10 +103,10 @@ class Typology(Declaration):
 
     kind: Literal["typology"] = "typology"
     crash_types: Annotated[tuple[CrashType, ...], Field(min_length=1)]
-    """What the group consists of."""
+    """Crash types of the group."""
     earlier: tuple[EarlierCrashType, ...] = ()
-    """What the 2007 edition had in their place."""
+    """Corresponding crash types of the 2007 edition."""
     statistics: Statistics | None = None
-    """What suites select by."""
+    """Figures by which suites select groups."""
     roads: RoadStatistics | None = None
-    """What decides which roads the group calls for; left out, none."""
+    """Figures that decide which roads the group requires; without them, none."""

@@ -33,28 +33,28 @@ UNITS: dict[str, tuple[str, float]] = {
     "g/cm3": ("density", 1.0),
     "kg/m3": ("density", 1e-3),
     "degC": ("temperature", 1.0),
-    "%": ("share", 0.01),
-    "1": ("share", 1.0),
+    "%": ("fraction", 0.01),
+    "1": ("fraction", 1.0),
 }
-"""Dimension of every unit, and its size in the dimension's first unit of size 1."""
+"""Dimension of each unit, and its size relative to the unit of size 1 in that dimension."""
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _QUANTITY = re.compile(rf"^\s*({_NUMBER}|inf)\s*(\S.*?)?\s*$")
 
 
 @dataclass(frozen=True)
 class Unit:
-    """The unit of a field: reads text such as `"0.1 km"` into numbers of `name`."""
+    """The unit of a field, into which text such as `"0.1 km"` is converted."""
 
     name: str
 
     @property
     def dimension(self) -> str:
-        """`length`, `speed`, ..."""
+        """Physical dimension, such as `length` or `speed`."""
         return UNITS[self.name][0]
 
     @property
     def compatible_units(self) -> tuple[str, ...]:
-        """Units that may be written: those of the same dimension."""
+        """Units of the same dimension, which an author may write."""
         return tuple(
             name for name, (dimension, _) in UNITS.items()
             if dimension == self.dimension and name != "1"
@@ -62,11 +62,11 @@ class Unit:
 
     @property
     def example(self) -> str:
-        """How a quantity of this unit may be written."""
-        return "50 %" if self.dimension == "share" else f"10 {self.name}"
+        """Example of a quantity, for hints."""
+        return "50 %" if self.dimension == "fraction" else f"10 {self.name}"
 
     def parse(self, value: Any) -> Any:
-        """A number of this unit from text; whatever is not text as it is.
+        """Convert text to a number in this unit; return any other value unchanged.
 
         Raises:
             ValueError: The text holds no number, or a unit of another dimension.
@@ -77,18 +77,18 @@ class Unit:
         if re.search(r"\d,\d", value):
             raise ValueError(f"'{value}' has a comma; write a point, as in 2.5 {self.name}")
         if match is None:
-            raise ValueError(f"'{value}' is no {self.dimension}; write e.g. {self.example}")
+            raise ValueError(f"'{value}' is not a {self.dimension}; write e.g. {self.example}")
         number, written = match.groups()
         if written is None:
-            raise ValueError(
-                f"'{value}' is text; take the quotes away, or add a unit: {self.example}"
-            )
-        found = UNITS.get(written) if written != "1" else None
-        if found is None or found[0] != self.dimension:
-            what = f"a unit of {found[0]}" if found else "no unit known here"
-            fitting = ", ".join(self.compatible_units)
-            raise ValueError(f"'{written}' is {what}; a {self.dimension} has one of {fitting}")
-        return round(float(number) * found[1] / UNITS[self.name][1], 12)
+            raise ValueError(f"'{value}' is text; remove the quotes, or add a unit: {self.example}")
+        # "1" is the unit of plain fractions in the schema; "0.5 1" is not valid input.
+        dimension, size = UNITS.get(written, ("", 1.0)) if written != "1" else ("", 1.0)
+        if dimension != self.dimension:
+            what = f"is a unit of {dimension}" if dimension else "is not a known unit"
+            valid = ", ".join(self.compatible_units)
+            raise ValueError(f"'{written}' {what}; units of {self.dimension}: {valid}")
+        # Rounding hides the factor's representation error: "0.1 km" is 100 m exactly.
+        return round(float(number) * size / UNITS[self.name][1], 12)
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
@@ -105,13 +105,13 @@ class Unit:
 
 @dataclass(frozen=True)
 class RangeReason:
-    """Why a field's range is what it is; told to those who leave it."""
+    """Reason for a field's range; the hint when a value lies outside it."""
 
     text: str
 
 
 Number = Annotated[float, Strict()]
-"""A number without a unit; neither text nor a truth value is one."""
+"""A number without a unit; neither text nor a boolean is accepted."""
 Count = Annotated[int, Strict()]
 Flag = Annotated[bool, Strict()]
 """`true` or `false`, nothing else."""

@@ -1,6 +1,6 @@
-"""Weather as physical components, each authored separately; extinctions add.
+"""Weather as physical components whose extinctions add up.
 
-A component that is `null` (or absent) is not there. `inf` means the same for a visibility.
+A component that is `null` or omitted is absent; so is one with a visibility of `inf`.
 """
 
 import math
@@ -36,7 +36,7 @@ Visibility = Annotated[
         Metres,
         Field(ge=10, le=50_000),
         RangeReason(
-            "below 10 m nothing can drive, beyond 50 km air is clear; null if it is not there"
+            "below 10 m nothing can drive, above 50 km air is clear; write null if it is absent"
         ),
     ]
     | None,
@@ -50,7 +50,7 @@ class Air(Model):
     """Clear air and haze."""
 
     mor_m: Visibility = 20_000
-    """Visibility (5 % contrast) by clear air and haze alone; `null` takes it away."""
+    """Visibility (5 % contrast) by clear air and haze alone; `null` is no extinction."""
 
 
 class Fog(Model):
@@ -65,7 +65,7 @@ class Fog(Model):
     ] = 12
     """Effective diameter of the droplets."""
     depth_m: Annotated[Metres, Field(gt=0, le=2000)] = 100
-    """Height of the bank; with the extinction it sets how much daylight comes through."""
+    """Height of the fog bank, which determines the transmitted daylight."""
 
 
 class Rain(Model):
@@ -74,9 +74,11 @@ class Rain(Model):
     rate_mm_h: Annotated[
         MillimetresPerHour, Field(ge=0, le=150), RangeReason("150 mm/h is a tropical cloudburst")
     ] = 0
-    """Light below 2.5, heavy above 7.6, violent above 50."""
+    """Rate of rain: light below 2.5, heavy above 7.6, violent above 50."""
     q_ext: Annotated[
-        Number, Field(ge=1, le=2), RangeReason("1 counts no diffraction around a drop, 2 all of it")
+        Number,
+        Field(ge=1, le=2),
+        RangeReason("1 is without diffraction around a drop, 2 with it"),
     ] = 2.0
     """Extinction efficiency of a drop: 2 in the geometric limit."""
 
@@ -87,23 +89,23 @@ class Snow(Model):
     rate_mm_h: Annotated[
         MillimetresPerHour,
         Field(ge=0, le=10),
-        RangeReason("the rate counts melted water; 10 mm/h of it is about 10 cm of snow an hour"),
+        RangeReason("the rate is that of melted water; 10 mm/h are about 10 cm of snow an hour"),
     ] = 0
     """Liquid equivalent: 1 mm/h is about 1 cm of fresh snow an hour."""
     density_g_cm3: Annotated[
         GramsPerCubicCentimetre, Field(ge=0.02, le=0.5), RangeReason("dry powder to wet snow")
     ] = 0.1
-    """Of the flakes: 0.05 dry, 0.1 usual, 0.2 wet; drier flakes are larger and hide more."""
+    """Density of flakes: 0.05 dry, 0.1 typical, 0.2 wet; drier flakes are larger and hide more."""
     fall_speed_m_s: Annotated[
         MetresPerSecond, Field(gt=0, le=5), RangeReason("even wet flakes fall slower than 5 m/s")
     ] = 1.0
-    """How fast flakes fall in still air."""
+    """Terminal velocity of flakes in still air."""
     depth_mm: Annotated[Millimetres, Field(ge=0, le=1000)] = 0
-    """Of the lying snow."""
+    """Depth of the lying snow."""
     road_coverage: Fraction = 0
-    """Share of the carriageway under snow."""
+    """Fraction of the carriageway covered by snow."""
     rut_coverage: Fraction = 0
-    """Share of the wheel ruts under snow; traffic keeps them clearer than the rest."""
+    """Fraction of the wheel ruts covered by snow; traffic keeps them clearer than the rest."""
 
     @model_validator(mode="after")
     def _check_rut_coverage(self) -> Self:
@@ -111,7 +113,7 @@ class Snow(Model):
             raise InvalidCombination(
                 ("rut_coverage",),
                 f"{self.rut_coverage:g} is more than road_coverage, {self.road_coverage:g}",
-                "wheels clear their ruts; give them the same or less",
+                "wheels clear the ruts; give the same or less",
             )
         return self
 
@@ -122,38 +124,38 @@ class Dust(Model):
     mor_m: Visibility = None
     """Visibility (5 % contrast) by the dust alone; `null` is no dust, below 1 km is a storm."""
     ssa_rgb: tuple[Fraction, Fraction, Fraction] = (0.97, 0.94, 0.88)
-    """Single-scattering albedo in red, green and blue; what is not scattered tints the air."""
+    """Single-scattering albedo in red, green and blue; absorption tints the air."""
     g: Annotated[Number, Field(gt=-1, lt=1)] = 0.70
-    """Asymmetry of scattering: 0 all round, towards 1 forward."""
+    """Asymmetry parameter of scattering: 0 isotropic, towards 1 forward."""
 
 
 class Wind(Model):
     """Wind at 10 m height."""
 
     speed_m_s: Annotated[
-        MetresPerSecond, Field(ge=0, le=30), RangeReason("above 30 m/s, a hurricane, nobody drives")
+        MetresPerSecond, Field(ge=0, le=30), RangeReason("above 30 m/s, a hurricane, traffic stops")
     ] = 0
     """Mean speed."""
     from_deg: Direction = 250
-    """Where it blows from, clockwise from north."""
+    """Direction that it blows from, clockwise from north."""
 
 
 class SurfaceWater(Model):
     """Water on the ground."""
 
     wetness: Fraction = 0
-    """0 dry, 1 soaked."""
+    """Wetness of surfaces: 0 dry, 1 soaked."""
     puddle_coverage: Fraction = 0
-    """Share of the carriageway under standing water."""
+    """Fraction of the carriageway covered by puddles."""
     film_mm: Annotated[Millimetres, Field(ge=0, le=20)] = 0
     """Depth of the water film on the road."""
 
 
 class LensCoverage(Model):
-    """Share of the glass that is covered, by where the camera looks."""
+    """Fraction of the glass that is covered, by viewing direction of the camera."""
 
     front: Fraction = 0
-    """Cameras that look ahead; the wind of driving keeps them clearer."""
+    """Cameras that look ahead, which airflow keeps clearer."""
     side: Fraction = 0
     """Cameras that look sideways."""
     rear: Fraction = 0
@@ -161,89 +163,90 @@ class LensCoverage(Model):
 
 
 class Lens(Model):
-    """Drops or dirt on the glass; off as in the original unless enabled."""
+    """Drops or dirt on the glass; disabled by default, as in the original dataset."""
 
     enabled: Flag = False
-    """Whether there is anything on the glass."""
+    """Whether the glass is covered at all."""
     kind: Literal["water", "dust", "snow"] = "water"
-    """What is on it."""
+    """Kind of cover."""
     coverage: LensCoverage = LensCoverage()
-    """How much of the glass it covers."""
+    """Covered fractions of the glass."""
     stray_light: Fraction = 0.02
-    """Share of the light that the optics scatter: 0.02 clean, 0.05 damp, 0.10 dirty."""
+    """Fraction of light that the optics scatter: 0.02 clean, 0.05 damp, 0.10 dirty."""
 
 
 DEFAULT_WITHIN_DEG, DEFAULT_SEEN_FRACTION = 25.0, 0.5
 
 
 class Sun(Model):
-    """Where the sun stands, or in whose view it is to stand.
+    """Position of the sun, or the agent in whose view it must be.
 
-    Said by `elevation_deg` and `azimuth_deg`, or by `in_view_of`, which `advercity solve` turns
-    into the former at every road and writes to `sun_at`.
+    Given by `elevation_deg` and `azimuth_deg`, or by `in_view_of`, for which `advercity solve`
+    computes both at every road and writes them to `sun_at`.
     """
 
     elevation_deg: Annotated[
         Degrees, Field(ge=-90, le=90), RangeReason("90 deg is straight overhead")
     ] = 60
-    """Above the horizon; below 0 at night."""
+    """Elevation above the horizon; negative at night."""
     azimuth_deg: Direction = 180
-    """Clockwise from north."""
+    """Azimuth, clockwise from north."""
     in_view_of: Literal["ego"] | None = Field(default=None, exclude_if=is_none)
-    """Who is to drive into the sun; found so that neither the world nor traffic hides it."""
+    """Agent that drives into the sun, with neither the world nor traffic hiding it."""
     within_deg: Annotated[
-        Degrees, Field(gt=0, le=60), RangeReason("farther off than 60 deg a camera does not see it")
+        Degrees, Field(gt=0, le=60), RangeReason("beyond 60 deg a camera does not see it")
     ] = Field(default=DEFAULT_WITHIN_DEG, exclude_if=lambda value: value == DEFAULT_WITHIN_DEG)
-    """How far off the axis of the ego's front camera it still counts as in view."""
+    """Largest angle from the axis of the ego's front camera that counts as in view."""
     seen_share: Fraction = Field(
         default=DEFAULT_SEEN_FRACTION, exclude_if=lambda value: value == DEFAULT_SEEN_FRACTION
     )
-    """Share of the ego's way on which it is to be in view, at least."""
+    """Lowest fraction of the ego's path on which it is in view."""
 
     @model_validator(mode="after")
     def _check_exclusive_fields(self) -> Self:
-        said = self.model_fields_set
+        given = self.model_fields_set
         if self.in_view_of is None:
             for field in ("within_deg", "seen_share"):
-                if field in said and getattr(self, field) != type(self).model_fields[field].default:
-                    raise InvalidCombination(
-                        (field,), "goes with in_view_of", "add in_view_of: ego"
-                    )
+                if (
+                    field in given
+                    and getattr(self, field) != type(self).model_fields[field].default
+                ):
+                    raise InvalidCombination((field,), "requires in_view_of", "add in_view_of: ego")
         for field in ("elevation_deg", "azimuth_deg"):
-            if self.in_view_of is not None and field in said:
+            if self.in_view_of is not None and field in given:
                 raise InvalidCombination(
                     (field,),
-                    "stands beside in_view_of, which is there to find it",
-                    "leave one of the two out",
+                    "cannot be combined with in_view_of, which determines it",
+                    "remove one of the two",
                     other_path=("in_view_of",),
                 )
         return self
 
 
 class Sky(Model):
-    """Cloud cover in eighths and how clear the air above is."""
+    """Cloud cover and clearness of the sky."""
 
     oktas: Annotated[Count, Field(ge=0, le=8), RangeReason("cloud cover is counted in eighths")] = 0
     """Cloud cover: 0 cloudless, 8 overcast."""
     turbidity: Annotated[Number, Field(ge=2, le=10)] = 3
-    """Linke-like clearness of the air above: 2 very clear, 10 murky."""
+    """Turbidity, similar to Linke's: 2 very clear, 10 murky."""
     diffuse_lx: Annotated[Lux, Field(ge=0, le=150_000)] | None = None
-    """Horizontal illuminance by the sky, above any fog; `null` derives it from sun and clouds."""
+    """Horizontal illuminance by the sky above any fog; `null` derives it from sun and clouds."""
     direct_lx: Annotated[Lux, Field(ge=0, le=150_000)] | None = None
-    """Direct normal illuminance by the sun, above any fog; `null` derives it likewise."""
+    """Direct normal illuminance by the sun above any fog; `null` derives it likewise."""
 
 
 class ByLandUse(Model):
-    """A figure that differs between town and country."""
+    """A figure that differs between urban and rural areas."""
 
     urban: Annotated[Number, Field(ge=0, le=150_000)]
-    """In town."""
+    """Value in urban areas."""
     rural: Annotated[Number, Field(ge=0, le=150_000)]
-    """In the country."""
+    """Value in rural areas."""
 
 
 class Night(Model):
-    """Light at night that does not come from vehicles."""
+    """Light at night from other sources than vehicles."""
 
     glow_cd_m2: ByLandUse = ByLandUse(urban=0.007, rural=0.0005)
     """Mean luminance of the night sky."""
@@ -252,7 +255,7 @@ class Night(Model):
 
 
 class Lamps(Model):
-    """Vehicle lamps that this weather calls for; brake lamps follow the brakes."""
+    """Vehicle lamps that are on in this weather; brake lamps follow the brakes."""
 
     low_beam: Flag = True
     """Headlamps."""
@@ -261,7 +264,7 @@ class Lamps(Model):
 
 
 class Weather(Declaration):
-    """The state of air, light and ground that every sensor sees."""
+    """State of air, light and ground, as observed by every sensor."""
 
     kind: Literal["weather"] = "weather"
     time: Literal["day", "night"]
@@ -269,13 +272,13 @@ class Weather(Declaration):
     air: Air = Air()
     """Clear air and haze."""
     fog: Fog = Fog()
-    """Fog; left out, there is none."""
+    """Fog; none by default."""
     rain: Rain = Rain()
-    """Rain; left out, there is none."""
+    """Rain; none by default."""
     snow: Snow = Snow()
-    """Falling and lying snow; left out, there is none."""
+    """Falling and lying snow; none by default."""
     dust: Dust = Dust()
-    """Dust; left out, there is none."""
+    """Dust; none by default."""
     wind: Wind = Wind()
     """Wind at 10 m height."""
     surface: SurfaceWater = SurfaceWater()
@@ -283,17 +286,17 @@ class Weather(Declaration):
     lens: Lens = Lens()
     """Drops or dirt on cameras."""
     sun: Sun = Sun()
-    """Where the sun stands."""
+    """Position of the sun."""
     sky: Sky = Sky()
-    """Clouds, and how bright they are."""
+    """Clouds and their brightness."""
     night: Night = Night()
-    """Light at night that does not come from vehicles."""
+    """Light at night from other sources than vehicles."""
     lamps: Lamps = Lamps()
-    """Which lamps drivers switch on."""
+    """Lamps that drivers switch on."""
     temperature_c: Annotated[Celsius, Field(ge=-60, le=60)] = 15
-    """Of the air."""
+    """Temperature of the air."""
     sun_at: dict[Id, Sun] = Field(default_factory=dict)
-    """Where the sun stands at a road, by road id; takes the place of `sun` there."""
+    """Position of the sun at a road, by road id; replaces `sun` at that road."""
 
     @model_validator(mode="after")
     def _check_components(self) -> Self:
@@ -302,7 +305,7 @@ class Weather(Declaration):
             raise InvalidCombination(
                 ("fog", "mor_m"),
                 f"fog of {fog:g} m is clearer than the air's {air:g} m (air.mor_m)",
-                "lower it, or leave fog out",
+                "lower it, or remove the fog",
                 other_path=("air", "mor_m"),
             )
         if self.snow.rate_mm_h > 0 and self.temperature_c > 3:
@@ -321,7 +324,7 @@ class Weather(Declaration):
         if (sun.elevation_deg > 0) != (self.time == "day"):
             raise InvalidCombination(
                 value_path,
-                f"the sun stands at {sun.elevation_deg:g} deg, but it is {self.time} (time)",
-                "by day it stands above 0, e.g. 30 deg, at night below, e.g. -30 deg",
+                f"the sun is at {sun.elevation_deg:g} deg, but it is {self.time} (time)",
+                "write a positive elevation by day, e.g. 30 deg, a negative one at night",
                 other_path=("time",),
             )

@@ -80,7 +80,7 @@ def test_compile_of_no_library_is_bad_input(advercity: Command, tmp_path: Path) 
     ran = advercity("compile", tmp_path / "nothing")
     assert ran.code == 2
     assert ran.err.startswith("error: ")
-    assert "there is no such file or folder" in ran.err
+    assert "no such file or folder" in ran.err
     assert ran.out == ""
 
 
@@ -247,7 +247,7 @@ def test_a_folder_and_a_declaration_are_told_from_a_spec(
 def test_a_missing_spec_is_told(advercity: Command, tmp_path: Path) -> None:
     ran = advercity("run", tmp_path / "none.json")
     assert ran.code == 2
-    assert "none.json: there is no such file" in ran.err
+    assert "none.json: file not found" in ran.err
 
 
 @pytest.mark.render

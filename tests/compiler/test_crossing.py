@@ -225,16 +225,14 @@ def test_a_misspelt_key_gets_its_place_and_the_nearest_name(write: Write) -> Non
 def test_a_wrong_unit_is_named_with_those_that_fit(write: Write) -> None:
     folder = write(weather="kind: weather\nid: fog_day\ntime: day\nfog: {mor_m: 75 deg}\n")
     assert complaint(folder) == (
-        "weather.yaml:4:14: fog.mor_m: 'deg' is a unit of angle;"
-        " a length has one of um, mm, cm, m, km"
+        "weather.yaml:4:14: fog.mor_m: 'deg' is a unit of angle; units of length: um, mm, cm, m, km"
     )
 
 
 def test_a_missing_reference_gets_the_nearest_name(write: Write) -> None:
     folder = write(suite="kind: suite\nid: small\nrig: one_camra\ncatalogue: one_car\n")
     assert complaint(folder) == (
-        "suite.yaml:3:6: rig: there is no rig 'one_camra' in this library;"
-        " did you mean 'one_camera'?"
+        "suite.yaml:3:6: rig: unknown rig 'one_camra'; did you mean 'one_camera'?"
     )
 
 
@@ -268,21 +266,21 @@ def test_on_and_off_are_text_and_exponents_are_numbers(write: Write) -> None:
 def test_a_place_that_no_road_is_stops_the_suite(write: Write) -> None:
     folder = write(road=SMALL["road.yaml"].replace("rural", "urban"))
     text = complaint(folder)
-    assert "'opposite_direction' calls for a place that no road is: rural non_junction" in text
-    assert "no selected typology calls for such a place" in text
+    assert "requires a kind of road that is missing: rural non_junction" in text
+    assert "no selected typology requires this kind of road" in text
 
 
 def test_a_suite_must_be_named_where_there_are_two(write: Write) -> None:
     other = "kind: suite\nid: other\nrig: one_camera\ncatalogue: one_car\n"
     folder = write(other=other)
-    assert "name one with --suite: other, small" in complaint(folder)
+    assert "select one with --suite: other, small" in complaint(folder)
     assert len(compile_library(folder, suite="other")) == 1
 
 
 def test_a_road_needs_one_ego(write: Write) -> None:
     folder = write(road=SMALL["road.yaml"].replace("role: ego", "role: other"))
     assert complaint(folder) == (
-        "road.yaml:19:3: agents: 0 of the agents have the role 'ego'; one vehicle has it"
+        "road.yaml:19:3: agents: 0 agents have the role 'ego'; exactly one is required"
     )
 
 
@@ -319,7 +317,7 @@ def test_a_truncated_spec_is_told_with_its_place(write: Write, tmp_path: Path) -
     (spec,) = compile_library(write())
     path = tmp_path / "cut.json"
     path.write_text(to_json(spec)[:-200])
-    with pytest.raises(InputError, match=r"cut\.json:\d+:\d+: is no spec.*is it cut off\?"):
+    with pytest.raises(InputError, match=r"cut\.json:\d+:\d+: is not a spec.*is it truncated\?"):
         read_spec(path)
 
 
@@ -338,7 +336,7 @@ def test_a_spec_with_a_wrong_value_is_told_with_its_place(write: Write, tmp_path
 def test_numbers_that_json_does_not_know_are_refused(write: Write, tmp_path: Path) -> None:
     path = tmp_path / "nan.json"
     path.write_text('{"spec_version": NaN}')
-    with pytest.raises(InputError, match="NaN is no number of JSON"):
+    with pytest.raises(InputError, match="NaN is not a number in JSON"):
         read_spec(path)
 
 

@@ -203,7 +203,7 @@ def test_a_new_declaration_is_valid_and_never_overwrites(kind: str, tmp_path: Pa
     validate_path(path)
     assert (tmp_path / ".advercity" / f"{kind}.schema.json").is_file()
     assert path.read_text().splitlines()[0].startswith("# yaml-language-server: $schema=")
-    with pytest.raises(InputError, match="is there already"):
+    with pytest.raises(InputError, match="already exists"):
         write_starter(kind, "mine", tmp_path)
 
 

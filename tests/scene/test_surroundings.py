@@ -273,7 +273,7 @@ def test_a_surrounding_without_its_place_is_an_error(kind: SurroundingKind, need
         ),
         (
             {"kind": "hedge", "beside": {"street": "road", "side": "left", "from_m": 9, "to_m": 4}},
-            "beyond",
+            "greater than",
         ),
     ],
 )
@@ -284,7 +284,7 @@ def test_what_cannot_stand_as_declared_is_an_error(wrong: dict[str, object], mes
 
 def test_a_street_that_is_not_there_is_an_error_that_names_those_that_are():
     with pytest.raises(
-        ValidationError, match=r"surroundings.0.beside.street: there is no 'raod'.*'road'"
+        ValidationError, match=r"surroundings.0.beside.street: unknown name 'raod'.*'road'"
     ):
         street(beside("hedge", street="raod"))
 

@@ -1,4 +1,4 @@
-"""A road: streets with lanes, junctions, signals, surroundings, and where agents stand.
+"""Roads: streets with lanes, junctions, signals, surroundings, and positions of agents.
 
 Positions are in the world frame (x east, y north, z up, metres). Headings are in degrees,
 counter-clockwise from east. Traffic drives on the right.

@@ -1,13 +1,4 @@
-"""Connected vehicles and roadside units: where they start or stand.
-
-Background traffic.
-
-Whether the streets and lanes that parts of a road name are there.
-
-Each check raises a `Misfit` that says where the name stands, seen from the road.
-
-The declaration of a road.
-"""
+"""The declaration of a road: its agents, its background traffic, and checks of its references."""
 
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
@@ -20,6 +11,7 @@ from advercity_dsl.base import (
     Id,
     InvalidCombination,
     Model,
+    ValuePath,
     is_empty,
     is_none,
     suggest_name,
@@ -40,35 +32,35 @@ from advercity_dsl.units import (
 
 
 class EgoRoute(Model):
-    """Another way of the ego through the same place, for conflicts with another manoeuvre."""
+    """An alternative route of the ego on the same road, for conflicts with another manoeuvre."""
 
     spawn_m: Point2
-    """Where it starts."""
+    """Start position."""
     heading_deg: Degrees
-    """Counter-clockwise from east."""
+    """Heading at the start, counter-clockwise from east."""
     destination_m: Point2
-    """Near which the scenario ends."""
+    """Position near which the scenario ends."""
     route: Annotated[tuple[Id, ...], Field(min_length=1)]
     """Streets from spawn to the edge of the site."""
 
 
 class Vehicle(Model):
-    """A connected vehicle: where it starts, where it goes, how fast."""
+    """A connected vehicle: its start, destination and speed."""
 
     kind: Literal["vehicle"] = "vehicle"
     """A connected vehicle."""
     role: Literal["ego", "other"] = "other"
-    """One vehicle of a road is the ego."""
+    """Role of the vehicle; each road has one ego."""
     spawn_m: Point2
-    """Where it starts, [east, north]."""
+    """Start position, [east, north]."""
     heading_deg: Degrees
-    """Where it looks, counter-clockwise from east."""
+    """Heading at the start, counter-clockwise from east."""
     destination_m: Point2
-    """Where it goes, [east, north]."""
+    """Destination, [east, north]."""
     route: tuple[Id, ...] = ()
-    """Streets from spawn to the edge of the site; none takes the shortest way."""
+    """Streets from spawn to the edge of the site; by default the shortest route."""
     max_speed_km_h: Annotated[KilometresPerHour, Field(gt=0, le=200)]
-    """Its own limit; it keeps the street's as well."""
+    """Speed limit of the vehicle, which also obeys that of the street."""
 
     @property
     def is_ego(self) -> bool:
@@ -77,20 +69,20 @@ class Vehicle(Model):
 
 
 class RoadsideUnit(Model):
-    """Sensors that stand beside the road. Yaw, pitch and roll turn its cameras."""
+    """Stationary sensors at the roadside; yaw, pitch and roll apply to the cameras."""
 
     kind: Literal["roadside_unit"] = "roadside_unit"
-    """Sensors beside the road."""
+    """Stationary sensors at the roadside."""
     position_m: Point3
-    """Of its mast's head, [east, north, up]."""
+    """Position of the mast's head, [east, north, up]."""
     yaw_deg: Degrees
-    """Where its cameras look, counter-clockwise from east."""
+    """Yaw of the cameras, counter-clockwise from east."""
     pitch_deg: Degrees = 0
     """Positive looks down."""
     roll_deg: Degrees = 0
     """Positive lowers the right side."""
     lidar_upper_deg: Degrees | None = None
-    """Highest beam; `null` takes the rig's."""
+    """Elevation of the highest beam; `null` uses that of the rig."""
 
     @property
     def is_ego(self) -> bool:
@@ -99,55 +91,51 @@ class RoadsideUnit(Model):
 
 
 class ClassFractions(Model):
-    """How often each class of vehicle is drawn; normalised by their sum."""
+    """Frequency of each class of vehicle, normalised by the sum."""
 
     car: Fraction
-    """Cars."""
+    """Fraction of cars."""
     van: Fraction
-    """Vans."""
+    """Fraction of vans."""
     truck: Fraction
-    """Lorries and buses."""
+    """Fraction of trucks and buses."""
     bicycle: Fraction
-    """Bicycles."""
+    """Fraction of bicycles."""
     motorcycle: Fraction
-    """Motorcycles."""
+    """Fraction of motorcycles."""
 
 
 class BackgroundDemand(Model):
-    """Background traffic at density 1, in the original's terms.
+    """Background traffic at density 1, with the parameters of the original dataset.
 
-    Vehicles are asked for per area: a square of `around_agent_m` around each of the five agents
-    and a box from spawn to destination, grown by `around_path_m`, for each vehicle.
+    Vehicles are counted per spawn area: a square of `around_agent_m` around each of the five agents
+    and a box from spawn to destination, extended by `around_path_m`, for each connected vehicle.
     """
 
     vehicles_per_area: Annotated[Number, Field(ge=0, le=100)]
-    """For each of eight areas: around five agents, along three paths."""
+    """Vehicles in each of eight areas: around five agents, along three paths."""
     walkers: Annotated[Count, Field(ge=0, le=2000)]
-    """Pedestrians."""
+    """Number of pedestrians."""
     crossing_share: Fraction = 0.0
-    """Share of them that cross streets."""
+    """Fraction of pedestrians that cross streets."""
     around_agent_m: PositiveMetres
     """Half the side of the square around an agent."""
     around_path_m: PositiveMetres
     """Margin around the box from spawn to destination."""
     classes: ClassFractions
-    """What vehicles they are."""
+    """Classes of the vehicles."""
     speed_offset_percent: Annotated[Number, Field(ge=-100, le=100)] = -10
-    """Background cars drive `(1 - offset/100)` times the limit, each ±30 %."""
-
-
-RoadValuePath = tuple[str | int, ...]
-"""Path of a value, from the road."""
+    """Background vehicles drive `(1 - offset/100)` times the limit, each ±30 %."""
 
 
 @dataclass(frozen=True)
 class DeclaredStreets:
-    """What can be named.
+    """Streets and cross-sections to which other parts of a road refer.
 
     Attributes:
-        sections: By name.
-        streets: By name.
-        imported: Whether the streets come from a map, and so have no names.
+        sections: Cross-sections by name.
+        streets: Streets by name.
+        imported: Whether the streets come from a map and therefore have no names.
     """
 
     sections: Mapping[Id, CrossSection]
@@ -155,60 +143,60 @@ class DeclaredStreets:
     imported: bool
 
     def get_strips(self, street: Id, *, right: bool) -> tuple[Strip, ...]:
-        """Those on a side of a street's axis."""
+        """Return the strips on one side of a street's axis."""
         section = self.sections[self.streets[street].section]
         return section.right if right else section.left
 
 
 def check_street(network: DeclaredStreets, name: Id) -> None:
-    """A street has a section and two ends."""
+    """Check that a street has a known cross-section and two different ends."""
     street = network.streets[name]
     _require_name(street.section, network.sections, ("streets", name, "section"))
     if street.begins == street.ends:
         message = f"begins and ends at '{street.ends}'"
-        raise InvalidCombination(("streets", name, "ends"), message, "name two places")
+        raise InvalidCombination(("streets", name, "ends"), message, "give two different names")
 
 
 def check_junction(network: DeclaredStreets, name: Id, junction: Junction) -> None:
-    """A junction names streets that meet there and lanes that they have."""
-    where = ("junctions", name)
+    """Check that a junction refers to streets that meet at it, and to lanes that they have."""
+    value_path = ("junctions", name)
     meeting = [key for key, item in network.streets.items() if name in (item.begins, item.ends)]
     if not meeting:
-        raise InvalidCombination(where, "no street begins or ends here", "take it away")
+        raise InvalidCombination(value_path, "no street begins or ends here", "remove it")
     if (junction.control == "signals") != (junction.signals is not None):
-        message = "'control: signals' and 'signals' go together"
-        raise InvalidCombination(where, message, "give both or none")
+        message = "'control: signals' and 'signals' require each other"
+        raise InvalidCombination(value_path, message, "give both or neither")
     for field, street in _iterate_street_references(junction):
-        _require_name(street, meeting, (*where, *field))
+        _require_name(street, meeting, (*value_path, *field))
     for text in junction.arrows:
         street, _, number = text.partition(".")
-        _require_name(street, meeting, (*where, "arrows"))
+        _require_name(street, meeting, (*value_path, "arrows"))
         arrives = network.streets[street].ends == name
-        _check_lane(network, street, int(number), (*where, "arrows"), along=arrives)
+        _check_lane(network, street, int(number), (*value_path, "arrows"), along=arrives)
     for text in junction.movements:
         _check_movement(network, name, Movement.parse(text), meeting)
 
 
 def check_route(network: DeclaredStreets, name: Id, vehicle: Vehicle) -> None:
-    """A vehicle drives along streets that there are."""
-    where = ("agents", name, "route")
+    """Check that the streets of a vehicle's route exist."""
+    value_path = ("agents", name, "route")
     if vehicle.route and network.imported:
-        hint = "leave the route out, and the shortest way to the destination is taken"
-        raise InvalidCombination(where, "an imported road has no named streets", hint)
+        hint = "remove the route; the vehicle takes the shortest one to its destination"
+        raise InvalidCombination(value_path, "an imported road has no named streets", hint)
     for street in vehicle.route:
-        _require_name(street, network.streets, where)
+        _require_name(street, network.streets, value_path)
 
 
 def check_surrounding(network: DeclaredStreets, index: int, item: Surrounding) -> None:
-    """What stands beside a street names one; parked cars, one with room for them."""
+    """Check that an object along a street refers to one, and parked cars to one with parking."""
     if item.beside is None:
         return
-    where, street = ("surroundings", index, "beside"), item.beside.street
+    value_path, street = ("surroundings", index, "beside"), item.beside.street
     if network.imported:
         raise InvalidCombination(
-            where, "an imported road has no named streets", "say where in metres"
+            value_path, "an imported road has no named streets", "give coordinates in metres"
         )
-    _require_name(street, network.streets, (*where, "street"))
+    _require_name(street, network.streets, (*value_path, "street"))
     if item.kind is not SurroundingKind.PARKED_CARS:
         return
     for side in ("left", "right") if item.beside.side == "both" else (item.beside.side,):
@@ -216,12 +204,12 @@ def check_surrounding(network: DeclaredStreets, index: int, item: Surrounding) -
         if all(strip.kind is not StripKind.PARKING for strip in strips):
             message = f"'{street}' has no parking strip on its {side}"
             raise InvalidCombination(
-                where, message, "give its section one, or choose the other side"
+                value_path, message, "add one to its section, or choose the other side"
             )
 
 
 def _iterate_street_references(junction: Junction) -> Iterator[tuple[tuple[str, ...], Id]]:
-    """Streets that a junction names, each with the field that does."""
+    """Yield the streets to which a junction refers, each with the path of the field."""
     yield from ((("crossings",), item.street) for item in junction.crossings)
     yield from ((("signs",), item.street) for item in junction.signs)
     yield from ((("median",), street) for street in junction.median or ())
@@ -233,72 +221,70 @@ def _iterate_street_references(junction: Junction) -> Iterator[tuple[tuple[str, 
 def _check_movement(
     network: DeclaredStreets, name: Id, movement: Movement, meeting: Collection[Id]
 ) -> None:
-    where = ("junctions", name, "movements")
-    _require_name(movement.from_street, meeting, where)
-    _require_name(movement.to_street, meeting, where)
+    value_path = ("junctions", name, "movements")
+    _require_name(movement.from_street, meeting, value_path)
+    _require_name(movement.to_street, meeting, value_path)
     arrives = network.streets[movement.from_street].ends == name
     leaves = network.streets[movement.to_street].begins == name
-    _check_lane(network, movement.from_street, movement.from_lane, where, along=arrives)
-    _check_lane(network, movement.to_street, movement.to_lane, where, along=leaves)
+    _check_lane(network, movement.from_street, movement.from_lane, value_path, along=arrives)
+    _check_lane(network, movement.to_street, movement.to_lane, value_path, along=leaves)
 
 
 def _check_lane(
-    network: DeclaredStreets, street: Id, number: int, value_path: RoadValuePath, *, along: bool
+    network: DeclaredStreets, street: Id, number: int, value_path: ValuePath, *, along: bool
 ) -> None:
     strips = network.get_strips(street, right=along)
     count = sum(strip.kind is StripKind.LANE for strip in strips)
     if not 1 <= number <= count:
-        way = "along" if along else "against"
-        message = f"there is no lane '{street}.{number}'"
+        side = "along" if along else "against"
+        message = f"unknown lane '{street}.{number}'"
         raise InvalidCombination(
-            value_path, message, f"the street has {count} lanes {way} its axis"
+            value_path, message, f"the street has {count} lanes {side} its axis"
         )
 
 
-def _require_name(name: Id, known: Collection[Id], value_path: RoadValuePath) -> None:
+def _require_name(name: Id, known: Collection[Id], value_path: ValuePath) -> None:
     if name not in known:
-        raise InvalidCombination(
-            value_path, f"there is no '{name}' here", suggest_name(name, known)
-        )
+        raise InvalidCombination(value_path, f"unknown name '{name}'", suggest_name(name, known))
 
 
 class Road(Declaration):
-    """A place: the static stage of a scenario.
+    """The static environment of a scenario, with its agents and its traffic demand.
 
-    Its streets are authored here, or imported from a map.
+    Streets are declared, or imported from a map.
     """
 
     kind: Literal["road"] = "road"
     land_use: Literal["urban", "rural"]
-    """Town or country; typologies ask for it."""
+    """Land use, by which typologies require roads."""
     junction: Literal["intersection", "non_junction"]
-    """Whether it is about a junction; typologies ask for it."""
+    """Whether traffic meets at a junction, by which typologies require roads."""
     alignment: Literal["straight", "curved"]
-    """Straight or curved; typologies ask for it."""
+    """Horizontal alignment, by which typologies require roads."""
     profile: Literal["level", "non_level"]
-    """Level or not; typologies ask for it."""
+    """Vertical profile, by which typologies require roads."""
     origin_lat_deg: Annotated[Degrees, Field(ge=-89, le=89)] = 0.0
     """Latitude of the origin, for GNSS."""
     origin_lon_deg: Annotated[Degrees, Field(ge=-180, le=180)] = 0.0
     """Longitude of the origin, for GNSS."""
     imported: MapNetwork | MapFile | None = Field(default=None, exclude_if=is_none)
-    """A map that the streets come from, in place of `streets`."""
+    """Map from which the streets are imported, instead of `streets`."""
     sections: dict[Id, CrossSection] = Field(default_factory=dict)
     """Cross-sections by name."""
     streets: dict[Id, Street] = Field(default_factory=dict)
     """Streets by name."""
     junctions: dict[Id, Junction] = Field(default_factory=dict)
-    """Where streets meet, by name."""
+    """Junctions by name."""
     surroundings: tuple[Surrounding, ...] = ()
-    """What stands beside the streets."""
+    """Objects in the surroundings."""
     agents: dict[Id, Annotated[Vehicle | RoadsideUnit, Field(discriminator="kind")]]
     """Connected vehicles and roadside units by name; one vehicle is the ego."""
     ego_routes: dict[Literal["straight", "left", "right"], EgoRoute] = Field(
         default_factory=dict, exclude_if=is_empty
     )
-    """By the ego's manoeuvre at the junction."""
+    """Alternative routes of the ego, by its manoeuvre at the junction."""
     traffic: BackgroundDemand
-    """Who else is there."""
+    """Demand of background traffic."""
 
     @property
     def ego(self) -> Vehicle:
@@ -310,9 +296,9 @@ class Road(Declaration):
     @model_validator(mode="after")
     def _check_street_source(self) -> Self:
         if self.imported is None and not self.streets:
-            raise ValueError("a road has 'streets', or a map to be 'imported'")
+            raise ValueError("a road needs 'streets' or an 'imported' map")
         if self.imported is not None and (self.sections or self.streets or self.junctions):
-            raise ValueError("an 'imported' road has its streets from the map; declare none here")
+            raise ValueError("an 'imported' road takes its streets from the map; declare none here")
         return self
 
     @model_validator(mode="after")

@@ -1,4 +1,4 @@
-"""Junctions: which lane leads into which, lights, signs and crossings."""
+"""Junctions: movements between lanes, traffic lights, signs and crossings."""
 
 from dataclasses import dataclass
 from typing import Annotated, Literal
@@ -9,7 +9,7 @@ from advercity_dsl.base import CompactModel, Id, Model, is_empty, is_none
 from advercity_dsl.units import Point2, Point3, PositiveMetres, Seconds
 
 LaneText = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*\.\d$")]
-"""`north_road.1`: the innermost lane of a street, on the side that the junction means."""
+"""`north_road.1`: the innermost lane of a street, on the side that the context implies."""
 
 
 MovementText = Annotated[
@@ -20,7 +20,7 @@ MovementText = Annotated[
 
 @dataclass(frozen=True)
 class Movement:
-    """A way through a junction; lanes count from 1, the innermost."""
+    """A path through a junction; lanes count from 1, the innermost."""
 
     from_street: Id
     from_lane: int
@@ -29,7 +29,7 @@ class Movement:
 
     @staticmethod
     def parse(text: str) -> "Movement":
-        """Take a `MovementText` apart."""
+        """Parse a `MovementText`."""
         (from_street, from_lane), (to_street, to_lane) = (
             side.split(".") for side in text.split(" > ")
         )
@@ -37,71 +37,71 @@ class Movement:
 
 
 class SignalHead(Model):
-    """A traffic light: the heads hang at `at_m`, on a mast whose foot is at `pole_m`."""
+    """A traffic light at `at_m`, on a mast with its foot at `pole_m`."""
 
     street: Id
-    """Whose traffic it is for."""
+    """Street for which it applies."""
     at_m: Point3
-    """Where the heads hang, [east, north, up]."""
+    """Position of the head, [east, north, up]."""
     pole_m: Point2
     """Foot of the mast, [east, north]."""
 
 
 class Signals(Model):
-    """A fixed programme, one approach at a time, in the order of `cycle`."""
+    """A fixed signal programme, one approach at a time."""
 
     cycle: Annotated[tuple[Id, ...], Field(min_length=1)]
-    """Streets in the order in which they get green."""
+    """Streets in the order of their green phases."""
     green_s: Annotated[Seconds, Field(gt=0)]
-    """Green of each."""
+    """Duration of green for each street."""
     yellow_s: Annotated[Seconds, Field(gt=0)] = 3
-    """Yellow after it."""
+    """Duration of yellow."""
     all_red_s: Annotated[Seconds, Field(ge=0)] = 2
-    """All red after that."""
+    """Duration of the all-red phase."""
     elapsed_s: Annotated[Seconds, Field(ge=0)] = 0
-    """Time of the first approach's green that is over when the scenario starts."""
+    """Time of the first green phase that has passed when the scenario starts."""
     heads: tuple[SignalHead, ...] = ()
-    """Traffic lights to be seen."""
+    """Visible traffic lights."""
 
 
 class Crossing(Model):
-    """A zebra crossing over a street, at the end where it meets the junction."""
+    """A zebra crossing over a street, at the end that meets the junction."""
 
     street: Id
-    """Which it leads across."""
+    """Street that it crosses."""
     width_m: PositiveMetres = 3.0
-    """Along that street."""
+    """Width along that street."""
 
 
 class Sign(Model):
     """A stop or give-way sign for one approach."""
 
     street: Id
-    """Whose traffic it is for."""
+    """Street for which it applies."""
     kind: Literal["stop", "yield"]
-    """What it says."""
+    """Kind of sign."""
     at_m: Point2
-    """Where it stands, [east, north]."""
+    """Position, [east, north]."""
 
 
 class Junction(CompactModel):
-    """Where streets meet, and which lane may go into which."""
+    """A junction of streets, with the movements that it allows."""
 
     control: Literal["signals", "priority", "stop", "yield", "none"] = "none"
-    """Who goes first."""
+    """Rule of right of way."""
     movements: tuple[MovementText, ...] = ()
-    """Ways through it: `north.1 > east.1`."""
+    """Lane links through it: `north.1 > east.1`."""
     corner_radius_m: PositiveMetres = 5.0
-    """Of the roadway's edge between neighbouring streets."""
+    """Radius of the roadway's edge between neighbouring streets."""
     turn_radius_m: PositiveMetres | None = Field(default=None, exclude_if=is_none)
-    """Largest radius of a turn between straights; without it, as wide as there is room."""
+    """Largest radius of a turn between straights; without it, as large as space permits."""
     median: tuple[Id, Id] | None = None
-    """Two streets between which the median runs on through the junction."""
+    """Two streets between which the median continues through the junction."""
     signals: Signals | None = None
-    """Programme of its lights, with `control: signals`."""
+    """Signal programme, with `control: signals`."""
     crossings: tuple[Crossing, ...] = ()
     """Zebra crossings."""
     signs: tuple[Sign, ...] = ()
     """Stop and give-way signs."""
     arrows: tuple[LaneText, ...] = Field(default=(), exclude_if=is_empty)
-    """Arriving lanes on which arrows say where they lead."""
+    """Incoming lanes with arrow markings."""

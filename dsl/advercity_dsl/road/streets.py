@@ -1,9 +1,4 @@
-"""Cross-sections: what lies beside a street's axis, strip by strip.
-
-Streets: an axis in plan and height, and which cross-section lies along it.
-
-Maps of others that a road's streets come from.
-"""
+"""Streets: axis in plan and height, cross-section strip by strip, and imported maps."""
 
 from enum import StrEnum
 from typing import Annotated, Literal, Self
@@ -15,7 +10,7 @@ from advercity_dsl.units import Degrees, KilometresPerHour, Metres, Point2, Posi
 
 
 class StripKind(StrEnum):
-    """What a strip of a cross-section is for."""
+    """Purpose of a strip of a cross-section."""
 
     LANE = "lane"
     PARKING = "parking"
@@ -27,7 +22,7 @@ class StripKind(StrEnum):
 
 
 class RoadMark(StrEnum):
-    """A painted line."""
+    """Style of a painted line."""
 
     SOLID_WHITE = "solid_white"
     BROKEN_WHITE = "broken_white"
@@ -37,16 +32,16 @@ class RoadMark(StrEnum):
 
 
 class Strip(CompactModel):
-    """A band along a street, as wide as it says, and the line painted on its outer border."""
+    """A band along a street, and the line painted on its outer border."""
 
     kind: StripKind
-    """What it is for."""
+    """Purpose of the strip."""
     width_m: Annotated[PositiveMetres, Field(le=60)]
-    """Its width."""
+    """Width of the strip."""
     line: RoadMark | None = None
-    """What is painted on its outer border."""
+    """Line painted on its outer border."""
     bay_m: PositiveMetres | None = Field(default=None, exclude_if=is_none)
-    """Width of parking bays, which lines across the strip divide; cars stand across it."""
+    """Width of parking bays separated by lines; cars park across the strip."""
 
     @model_validator(mode="after")
     def _check_bays(self) -> Self:
@@ -66,44 +61,44 @@ class CrossSection(Model):
     right: tuple[Strip, ...] = ()
     """Strips on the right, from the axis outwards."""
     axis_line: RoadMark | None = None
-    """What is painted on the axis."""
+    """Line painted on the axis."""
 
 
 class AxisLine(Model):
     """A straight piece of a street's axis."""
 
     line_m: PositiveMetres
-    """Its length."""
+    """Length of the piece."""
 
 
 class AxisArc(Model):
     """A piece of a circle."""
 
     arc_m: PositiveMetres
-    """Its length along the curve."""
+    """Length along the curve."""
     radius_m: PositiveMetres
-    """Of the circle."""
+    """Radius of the circle."""
     turn: Literal["left", "right"]
-    """To which side it bends."""
+    """Side to which it bends."""
 
 
 class AxisPoints(Model):
-    """Further points of an axis, absolute, for shapes that no line or arc says."""
+    """Further points of an axis in absolute coordinates, for other shapes than lines and arcs."""
 
     points_m: tuple[Point2, ...]
-    """Further points, each [east, north]."""
+    """Points, each [east, north]."""
 
 
 class AxisHeight(Model):
     """Height of the axis at a distance along it.
 
-    The grade is constant between two of them and changes over 4 m where they meet.
+    The grade is constant between two heights and changes over 4 m at each of them.
     """
 
     at_m: Annotated[Metres, Field(ge=0)]
     """Distance along the axis."""
     z_m: Metres
-    """Height there."""
+    """Height at that distance."""
 
 
 class Street(CompactModel):
@@ -114,42 +109,42 @@ class Street(CompactModel):
     ends: Id
     """Junction, or a name for the edge of the site."""
     start_m: Point2
-    """Where the axis starts, [east, north]."""
+    """Start of the axis, [east, north]."""
     heading_deg: Degrees
-    """Where it leads from there, counter-clockwise from east."""
+    """Heading at the start, counter-clockwise from east."""
     path: Annotated[tuple[AxisLine | AxisArc | AxisPoints, ...], Field(min_length=1)]
-    """Lines and arcs, one after the other."""
+    """Lines and arcs in sequence."""
     heights: tuple[AxisHeight, ...] = ()
-    """Heights along the axis; left out, it is level."""
+    """Heights along the axis; level by default."""
     section: Id
     """Name of one of `sections`."""
     speed_limit_km_h: Annotated[KilometresPerHour, Field(gt=0, le=200)]
-    """For all of it."""
+    """Speed limit of the whole street."""
 
 
 class MapFile(Model):
-    """A map that others made, from which the road's network is built when it is compiled.
+    """An external map, from which the compiler builds the road's network.
 
-    OpenDRIVE and SUMO maps keep their coordinates; an OpenStreetMap one lies around the road's
-    `origin_lat_deg` and `origin_lon_deg`.
+    OpenDRIVE and SUMO maps keep their coordinates; the origin of an OpenStreetMap map is at the
+    road's `origin_lat_deg` and `origin_lon_deg`.
     """
 
     source: Literal["opendrive", "osm", "sumo"]
     """Format of the map."""
     file: Annotated[str, StringConstraints(min_length=1, max_length=1000)]
-    """Its path, relative to the declaration's file."""
+    """Path of the map, relative to the declaration's file."""
     sha256: Digest | None = None
-    """Of the file; another map under the same name is refused."""
+    """SHA-256 of the file; a map with another one is rejected."""
     extent_m: tuple[Point2, Point2] | None = None
-    """Two opposite corners of a rectangle; roads wholly outside are left out."""
+    """Two opposite corners of a rectangle; roads entirely outside are omitted."""
 
 
 class MapNetwork(Model):
-    """What the compiler makes of a map; a spec needs no other file."""
+    """The network that the compiler builds from a map; a spec needs no other file."""
 
     source: Literal["opendrive", "osm", "sumo"]
     """Format of the map."""
     sha256: Digest
-    """Of the map's file."""
+    """SHA-256 of the map's file."""
     network: Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9+/]+={0,2}$")]
-    """The SUMO network, as zlib in Base64."""
+    """SUMO network, compressed with zlib and encoded in Base64."""

@@ -1,4 +1,4 @@
-"""What stands beside streets, and where."""
+"""Surroundings of streets: buildings, vegetation, street furniture, parked cars."""
 
 from enum import StrEnum
 from typing import Annotated, Literal, Self
@@ -10,7 +10,7 @@ from advercity_dsl.units import Count, KilometresPerHour, Metres, Point2, Positi
 
 
 class SurroundingKind(StrEnum):
-    """What stands beside a road."""
+    """Kind of object in the surroundings of a road."""
 
     BUILDINGS = "buildings"
     HOUSES = "houses"
@@ -31,8 +31,9 @@ class SurroundingKind(StrEnum):
     DRIVEWAY = "driveway"
 
 
+# The name of this class is part of random stream keys: renaming it changes every tree.
 class Species(StrEnum):
-    """A kind of tree."""
+    """Species of tree."""
 
     OAK = "oak"
     MAPLE = "maple"
@@ -42,30 +43,30 @@ class Species(StrEnum):
 
 
 class RoadsidePlacement(CompactModel):
-    """A place along a street, which goes with the street wherever it leads."""
+    """A place along a street, given in the street's own coordinates."""
 
     street: Id
-    """Along which."""
+    """Street along which it extends."""
     side: Literal["left", "right", "both"]
-    """As seen along the street's axis."""
+    """Side of the street, seen along its axis."""
     from_m: Annotated[Metres, Field(ge=0)] = 0
-    """Distance along the axis where it begins."""
+    """Distance along the axis at which it begins."""
     to_m: Annotated[Metres | None, Field(gt=0)] = None
-    """Distance along the axis where it ends; without it, at the end of the street."""
+    """Distance along the axis at which it ends; by default the end of the street."""
     offset_m: Metres | tuple[Metres, Metres] = 1
-    """Outwards from the edge of all paving: of a line, or of both borders of a band."""
+    """Distance outwards from the edge of the paving: of a line, or of both borders of a band."""
 
     @model_validator(mode="after")
     def _check_order(self) -> Self:
         if self.to_m is not None and self.to_m <= self.from_m:
-            raise ValueError("'to_m' is beyond 'from_m'")
+            raise ValueError("'to_m' must be greater than 'from_m'")
         if isinstance(self.offset_m, tuple) and self.offset_m[1] <= self.offset_m[0]:
-            raise ValueError("'offset_m' names the nearer border of a band first")
+            raise ValueError("'offset_m' must give the nearer border of a band first")
         return self
 
     @property
     def band_m(self) -> tuple[float, float]:
-        """Offsets of the nearer and the further border; the same of a line."""
+        """Offsets of the nearer and the farther border; equal for a line."""
         if isinstance(self.offset_m, tuple):
             return self.offset_m
         return self.offset_m, self.offset_m
@@ -100,47 +101,47 @@ _BAND_KINDS = (
 
 
 class Surrounding(Model):
-    """Things of one kind: beside a street, filling an area, along a line, or one at a point.
+    """Objects of one kind along a street, in an area, along a line, or at points.
 
-    A plateau is ground that stands `height_m` high within `line_m`, its outline; it meets the
-    streets that climb to it, and falls off steeply elsewhere. Parked cars stand in the parking
-    strip of their street. A speed sign stands at `from_m` and faces those who drive on its side.
-    A driveway is a paved band that crosses the sidewalk.
+    A plateau is ground raised by `height_m` within its outline `line_m`; it meets the streets that
+    climb to it and drops steeply elsewhere. Parked cars occupy the parking strip of their street. A
+    speed sign is at `from_m` and faces the traffic on its side. A driveway is a paved band across
+    the sidewalk.
     """
 
     kind: SurroundingKind
-    """What stands there."""
+    """Kind of objects."""
     beside: RoadsidePlacement | None = Field(default=None, exclude_if=is_empty)
-    """Along a street."""
+    """Place along a street."""
     area_m: tuple[Point2, Point2] | None = Field(default=None, exclude_if=is_empty)
-    """Two opposite corners of a rectangle."""
+    """Two opposite corners of a rectangular area."""
     line_m: tuple[Point2, ...] = Field(default=(), exclude_if=is_empty)
-    """Along a line, or as its outline; points [east, north]."""
+    """Line along which they are placed, or outline; points [east, north]."""
     at_m: tuple[Point2, ...] = Field(default=(), exclude_if=is_empty)
-    """At single points, [east, north]."""
+    """Single points, [east, north]."""
     height_m: PositiveMetres | None = Field(default=None, exclude_if=is_empty)
-    """Of each of them."""
+    """Height of each object."""
     spacing_m: PositiveMetres | None = Field(default=None, exclude_if=is_empty)
-    """Between trees, lamps, poles, buildings, or places to park."""
+    """Spacing of trees, lamps, poles, buildings, or parking spaces."""
     species: tuple[Species, ...] = Field(default=(), exclude_if=is_empty)
-    """Of trees; all of them if none is named."""
+    """Species of trees; all if none is given."""
     limit_km_h: Annotated[KilometresPerHour, Field(gt=0, lt=1000)] | None = Field(
         default=None, exclude_if=is_none
     )
-    """On a speed sign; without it, the limit of its street."""
+    """Limit on a speed sign; by default that of its street."""
     seed: Count = Field(default=0, ge=0, exclude_if=is_empty)
-    """Another number gives other trees and buildings."""
+    """Seed of the random shapes of trees and buildings."""
 
     @model_validator(mode="after")
     def _check_placement(self) -> Self:
         given = [name for name in (_BESIDE, _AREA, _LINE, _AT) if getattr(self, name)]
-        fitting = _ALLOWED_PLACEMENTS[self.kind]
-        if not given or any(name not in fitting for name in given):
-            found = f"has {' and '.join(given)}" if given else "has no place"
-            ways = " or ".join(f"'{name}'" for name in fitting)
-            raise ValueError(f"{self.kind} {found}; give it {ways}")
+        allowed = _ALLOWED_PLACEMENTS[self.kind]
+        if not given or any(name not in allowed for name in given):
+            given_text = f"has {' and '.join(given)}" if given else "has no place"
+            options = " or ".join(f"'{name}'" for name in allowed)
+            raise ValueError(f"{self.kind} {given_text}; give it {options}")
         if self.kind in _BAND_KINDS and self.beside and not isinstance(self.beside.offset_m, tuple):
-            raise ValueError(f"{self.kind} beside a street need two offsets, as in [2, 60]")
+            raise ValueError(f"{self.kind} along a street need two offsets, as in [2, 60]")
         if self.kind is SurroundingKind.PLATEAU and (len(self.line_m) < 3 or not self.height_m):
             raise ValueError(
                 "a plateau has an outline 'line_m' of three points or more, and 'height_m'"
