@@ -22,7 +22,7 @@ from advercity.errors import InputError
 from advercity.randomness import create_generator
 
 ROOT = Path(__file__).parent.parent
-SMALL = ROOT / "tests" / "authoring" / "base"
+SMALL = ROOT / "tests" / "compiler" / "base"
 LIMIT_S = 10
 """Of processor time, which a busy machine does not lengthen."""
 ODD_VALUES = (

@@ -57,8 +57,8 @@ def test_compile_writes_the_110_specs_and_check_finds_them_current(
 @pytest.mark.parametrize(
     ("conflict", "told"),
     {
-        "conflict_draws_that_do_not_fit": "8 to 5 is no range; write the lower number first",
-        "conflict_without_an_edition": "stages.0: 10 names no edition; write ",
+        "conflict_draws_that_do_not_fit": "8 to 5 is not a range; write the lower number first",
+        "conflict_without_an_edition": "stages.0: 10 does not name an edition; write ",
     }.items(),
 )
 def test_compile_tells_once_what_does_not_fit_a_conflict(
@@ -230,7 +230,7 @@ def test_a_truncated_spec_is_told_and_leaves_nothing(
     ran = advercity("run", spec_file, "--output", tmp_path / "output")
     assert ran.code == 2
     assert f"{spec_file}:" in ran.err
-    assert "cut off" in ran.err
+    assert "truncated" in ran.err
     assert not (tmp_path / "output").exists()
 
 
@@ -241,7 +241,7 @@ def test_a_folder_and_a_declaration_are_told_from_a_spec(
     declaration = advercity("run", library / "nhtsa" / "weather" / "fog_day.yaml")
     assert (folder.code, declaration.code) == (2, 2)
     assert "is a folder; name a file in it" in folder.err
-    assert "`advercity compile` makes specs, which are JSON, of declarations" in declaration.err
+    assert "`advercity compile` makes specs, which are JSON, from declarations" in declaration.err
 
 
 def test_a_missing_spec_is_told(advercity: Command, tmp_path: Path) -> None:

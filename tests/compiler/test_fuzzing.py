@@ -9,7 +9,9 @@ BATCHES = 20
 
 
 def mutations() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("mutations", ROOT / "benchmarks" / "mutations.py")
+    spec = importlib.util.spec_from_file_location(
+        "fuzz_declarations", ROOT / "benchmarks" / "fuzz_declarations.py"
+    )
     assert spec
     assert spec.loader
     module = importlib.util.module_from_spec(spec)

@@ -274,7 +274,7 @@ def test_schemas_have_what_every_declaration_has(kind: str) -> None:
 def test_the_schema_tells_units_and_ranges() -> None:
     rate = build_schema("weather")["$defs"]["Rain"]["properties"]["rate_mm_h"]
     assert rate["unit"] == "mm/h"
-    assert rate["description"].startswith("Light below 2.5")
+    assert rate["description"].startswith("Rate of rain: light below 2.5")
     assert {"type": "number", "minimum": 0, "maximum": 150} in rate["anyOf"]
 
 

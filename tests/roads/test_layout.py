@@ -113,12 +113,12 @@ def test_opposite_lanes_are_travelled_in_opposite_directions() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("section: plain", "section: plane", "there is no 'plane' here; did you mean 'plain'"),
-        ("a.1 > b.1", "a.2 > b.1", "no lane 'a.2'; the street has 1 lanes along its axis"),
-        ("a.1 > b.1", "a.1 > c.1", "no 'c' here; there are: a, b"),
+        ("section: plain", "section: plane", "unknown name 'plane'; did you mean 'plain'"),
+        ("a.1 > b.1", "a.2 > b.1", "unknown lane 'a.2'; the street has 1 lanes along its axis"),
+        ("a.1 > b.1", "a.1 > c.1", "unknown name 'c'; available: a, b"),
         ("ends: j", "ends: west", "begins and ends at 'west'"),
-        ("{movements:", "{control: signals, movements:", "go together"),
-        ("{movements:", "{median: [a, d], movements:", "no 'd' here; there are: a, b"),
+        ("{movements:", "{control: signals, movements:", "require each other"),
+        ("{movements:", "{median: [a, d], movements:", "unknown name 'd'; available: a, b"),
     ],
 )
 def test_a_road_that_names_what_is_not_there_is_refused(old: str, new: str, message: str) -> None:
