@@ -1,7 +1,4 @@
-"""Whether a staged conflict happened, told from the trace alone.
-
-What a scenario's traffic amounts to: who takes part, how near they come, what was staged.
-"""
+"""What came of staged conflicts and of a scenario's traffic, measured on its trace alone."""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
@@ -10,7 +7,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 import shapely
 from advercity_dsl import Spec
-from advercity_dsl.conflict import OutcomeCriteria, StagedConflict
+from advercity_dsl.conflict import StagedConflict
 from numpy.typing import NDArray
 
 from advercity.conflicts.metrics import (
@@ -26,22 +23,23 @@ from advercity.errors import RunError
 from advercity.frames import Trace
 
 APPROACH_WINDOW_S = 8.0
-"""Before the ego's arrival; an actor's approach is over by then."""
+"""Time before the ego's arrival in which the actor's approach is looked for."""
 ADJACENT_LANE_GAP_M = 6.0
-"""Whoever passes a point nearer than this passes it in a lane beside."""
+"""An actor that passes a point within this distance passes it in an adjacent lane."""
 STEADY_SPEED_RATIO = 0.95
-"""Of the approach's speed; slower than this somebody has begun to brake."""
+"""Fraction of the approach speed below which an actor has begun to brake."""
 
 
 @dataclass(frozen=True)
 class ConflictOutcome:
-    """What came of a staged conflict.
+    """What came of a staged conflict; its fields are those of `report.json`.
 
     Attributes:
-        id: Of the staged conflict.
+        id: Id of the staged conflict.
         conflict: Id of its declaration.
-        actor: Id of whom the ego met.
-        ego_at_s: When the ego's middle was nearest to where the ways met, from the first kept tick.
+        actor: Id of the actor that the ego met.
+        ego_at_s: Time from the first kept tick at which the ego's centre was nearest to the
+            crossing of both paths.
         actor_lag_s: How much later the actor would have been there at the speed of its approach.
         met: How near they came to each other.
         missed: What did not happen as declared; empty if the conflict happened.
@@ -57,129 +55,178 @@ class ConflictOutcome:
 
     @property
     def happened(self) -> bool:
-        """Whether everything was as declared."""
+        """Whether everything happened as declared."""
         return not self.missed
 
     @property
     def time_to_collision_s(self) -> float | None:
-        """The least by either measure."""
-        found = (self.met.time_to_collision_s, self.met.time_to_collision_on_way_s)
-        return min((moment.value for moment in found if moment), default=None)
+        """The smaller one of both times to collision, in seconds; None if there is neither."""
+        metrics = (self.met.time_to_collision_s, self.met.time_to_collision_on_way_s)
+        return min((metric.value for metric in metrics if metric), default=None)
 
 
 def evaluate_outcomes(spec: Spec, trace: Trace) -> Iterator[ConflictOutcome]:
-    """What came of every staged conflict of a spec.
+    """Evaluate every staged conflict of a spec.
 
     Raises:
-        RunError: Somebody who takes part is not in the trace.
+        RunError: An actor that takes part is not in the trace.
     """
     ego = spec.ego.number
     for conflict in spec.conflicts:
         actor = conflict.actors[0].number
         try:
-            met = measure_encounter(trace, ego, actor)
+            encounter = measure_encounter(trace, ego, actor)
             tracks = ActorTrack.from_trace(trace, ego), ActorTrack.from_trace(trace, actor)
         except KeyError:
-            met, tracks = None, None
-        if met is None or tracks is None:
+            encounter, tracks = None, None
+        if encounter is None or tracks is None:
             raise RunError(f"{spec.id}: {conflict.id} lacks its actor {actor}, or the ego")
-        yield _evaluate_outcome(conflict, met, *tracks, trace.tick_s)
+        yield _evaluate_outcome(conflict, encounter, *tracks, trace.tick_s)
 
 
 def _evaluate_outcome(
-    conflict: StagedConflict, met: Encounter, ego: ActorTrack, actor: ActorTrack, tick_s: float
+    conflict: StagedConflict,
+    encounter: Encounter,
+    ego: ActorTrack,
+    actor: ActorTrack,
+    tick_s: float,
 ) -> ConflictOutcome:
-    wanted = conflict.outcome
     point = _find_meeting_point(conflict, ego, actor)
-    ego_at_s = float(ego.rows["tick"][_find_nearest_row(ego, point)]) * tick_s
-    beside = wanted.keeping == "velocity"
-    there = _find_adjacent_row(actor, ego, point) if beside else _find_nearest_row(actor, point)
-    lag = _extrapolate_arrival_s(actor, there, point, ego_at_s, tick_s) - ego_at_s
-    meant = conflict.parameters["arrival_offset_s"]
-    missed: list[str] = []
-    if met.distance_m.value <= 0:
-        missed.append("they touch")
-    if abs(lag - meant) > wanted.arrival_tolerance_s:
-        missed.append(f"the actor comes {lag:.2f} s after the ego instead of {meant:.2f} s")
-    missed.extend(_find_deviations(wanted, met))
+    ego_at_s = ego.find_nearest_tick(point) * tick_s
+    row = _find_arrival_row(conflict, ego, actor, point)
+    lag_s = _extrapolate_arrival_s(actor, row, point, ego_at_s, tick_s) - ego_at_s
+    missed = tuple(_find_deviations(conflict, encounter, lag_s))
     return ConflictOutcome(
-        conflict.id, conflict.conflict, actor.actor, ego_at_s, lag, met, tuple(missed)
+        conflict.id, conflict.conflict, actor.actor, ego_at_s, lag_s, encounter, missed
     )
 
 
-def _find_deviations(wanted: OutcomeCriteria, met: Encounter) -> Iterator[str]:
-    nearest = {
-        "way": met.time_to_collision_on_way_s,
-        "velocity": met.time_to_collision_s,
-    }[wanted.keeping]
-    if nearest is None or nearest.value >= wanted.time_to_collision_below_s:
-        yield (
-            f"time to collision {_format_metric(nearest)} is not below"
-            f" {wanted.time_to_collision_below_s:g} s"
-        )
-    if wanted.post_encroachment_s is not None:
-        low, high = wanted.post_encroachment_s
-        gap = met.post_encroachment_s
+def _find_deviations(conflict: StagedConflict, encounter: Encounter, lag_s: float) -> Iterator[str]:
+    outcome, offset_s = conflict.outcome, conflict.parameters["arrival_offset_s"]
+    if encounter.distance_m.value <= 0:
+        yield "they touch"
+    if abs(lag_s - offset_s) > outcome.arrival_tolerance_s:
+        yield f"the actor comes {lag_s:.2f} s after the ego instead of {offset_s:.2f} s"
+    collision = {
+        "way": encounter.time_to_collision_on_way_s,
+        "velocity": encounter.time_to_collision_s,
+    }[outcome.keeping]
+    if collision is None or collision.value >= outcome.time_to_collision_below_s:
+        limit = f"{outcome.time_to_collision_below_s:g} s"
+        yield f"time to collision {_format_metric(collision)} is not below {limit}"
+    if outcome.post_encroachment_s is not None:
+        low, high = outcome.post_encroachment_s
+        gap = encounter.post_encroachment_s
         if gap is None or not low <= gap.value <= high:
-            found = _format_metric(gap)
-            yield f"post-encroachment time {found} is not within {low:g} to {high:g} s"
+            limits = f"{low:g} to {high:g} s"
+            yield f"post-encroachment time {_format_metric(gap)} is not within {limits}"
 
 
-def _format_metric(moment: MetricAtTick | None) -> str:
-    return "(none)" if moment is None else f"{moment.value:.2f} s"
+def _format_metric(metric: MetricAtTick | None) -> str:
+    return "(none)" if metric is None else f"{metric.value:.2f} s"
 
 
 def _find_meeting_point(
     conflict: StagedConflict, ego: ActorTrack, actor: ActorTrack
 ) -> NDArray[np.float64]:
-    """Where (2,) both ways really met; as declared if they do not meet."""
-    met = None
+    """Find where (2,) the driven paths cross; the declared point if they do not."""
+    point = None
     if conflict.outcome.keeping == "way" and len(actor.rows) > 1:
-        met = find_crossing(shapely.LineString(actor.centres), ego, conflict.point_m)
-    return np.array(conflict.point_m) if met is None else met
+        point = find_crossing(shapely.LineString(actor.centres), ego, conflict.point_m)
+    return np.array(conflict.point_m) if point is None else point
 
 
-def _find_nearest_row(track: ActorTrack, point_m: NDArray[np.float64]) -> int:
-    """The row in which a track is nearest to a point."""
-    return int(np.argmin(np.linalg.norm(track.centres - point_m, axis=1)))
-
-
-def _find_adjacent_row(actor: ActorTrack, ego: ActorTrack, point_m: NDArray[np.float64]) -> int:
-    """The row in which an actor is beside a point on the ego's way, or else nearest to it."""
-    yaw = ego.rows["yaw"][_find_nearest_row(ego, point_m)]
+def _find_arrival_row(
+    conflict: StagedConflict, ego: ActorTrack, actor: ActorTrack, point_m: NDArray[np.float64]
+) -> int:
+    """Find the row in which an actor arrives at a point, or next to it in an adjacent lane."""
     gaps = actor.centres - point_m
-    ahead = np.abs(gaps @ np.array([np.cos(yaw), np.sin(yaw)]))
     near = np.linalg.norm(gaps, axis=1) < ADJACENT_LANE_GAP_M
-    return (
-        int(np.argmin(np.where(near, ahead, np.inf)))
-        if near.any()
-        else _find_nearest_row(actor, point_m)
-    )
+    if conflict.outcome.keeping != "velocity" or not near.any():
+        return actor.find_nearest_row(point_m)
+    # The actor passes in the other lane, so it arrives when it is level with the point.
+    yaw = ego.rows["yaw"][ego.find_nearest_row(point_m)]
+    ahead = np.abs(gaps @ np.array([np.cos(yaw), np.sin(yaw)]))
+    return int(np.argmin(np.where(near, ahead, np.inf)))
 
 
 def _extrapolate_arrival_s(
     actor: ActorTrack, row: int, point_m: NDArray[np.float64], ego_at_s: float, tick_s: float
 ) -> float:
-    """When an actor would be at a point, in its row `there`, had it kept its approach's speed."""
+    """Compute when an actor would be where it is in a row had it kept its approach speed."""
     rows = actor.rows
     times_s = rows["tick"] * tick_s
-    approaches = np.flatnonzero((times_s >= ego_at_s - APPROACH_WINDOW_S) & (times_s <= ego_at_s))
-    if len(approaches) == 0:
+    approach = np.flatnonzero((times_s >= ego_at_s - APPROACH_WINDOW_S) & (times_s <= ego_at_s))
+    if len(approach) == 0:
         return float("inf")
-    speeds = rows["speed"][approaches]
-    last = approaches[np.flatnonzero(speeds >= STEADY_SPEED_RATIO * speeds.max())[-1]]
+    speeds = rows["speed"][approach]
+    last = approach[np.flatnonzero(speeds >= STEADY_SPEED_RATIO * speeds.max())[-1]]
     left_m = rows["travelled"][row] - rows["travelled"][last]
+    # A track that ends before the point has the rest of the path still ahead.
     left_m += np.linalg.norm(actor.centres[row] - point_m) * (row == len(rows) - 1)
     return float(times_s[last] + left_m / max(rows["speed"][last], 0.1))
 
 
+@dataclass(frozen=True)
+class ConflictEvent:
+    """A moment of a staged conflict, for a viewer.
+
+    Attributes:
+        frame: Kept tick at which it happens.
+        text: What happens, for people.
+        point_m: Conflict point on the ground.
+        is_failure: Whether the conflict did not happen as declared.
+    """
+
+    frame: int
+    text: str
+    point_m: tuple[float, float]
+    is_failure: bool = False
+
+
+def find_conflict_events(spec: Spec, trace: Trace) -> tuple[ConflictEvent, ...]:
+    """Find the moments of all staged conflicts of a spec, by frame.
+
+    Raises:
+        RunError: An actor that takes part is not in the trace.
+    """
+    outcomes = zip(spec.conflicts, evaluate_outcomes(spec, trace), strict=True)
+    events = (
+        event
+        for conflict, outcome in outcomes
+        for event in _iter_outcome_events(outcome, conflict.point_m, trace.tick_s)
+    )
+    return tuple(sorted(events, key=lambda event: event.frame))
+
+
+def _iter_outcome_events(
+    outcome: ConflictOutcome, point_m: tuple[float, float], tick_s: float
+) -> Iterator[ConflictEvent]:
+    name = f"{outcome.id} ({outcome.conflict}), actor {outcome.actor}"
+    arrival = round(outcome.ego_at_s / tick_s)
+    if outcome.happened:
+        yield ConflictEvent(arrival, f"{name}: the ego is at the conflict point", point_m)
+    else:
+        missed = "; ".join(outcome.missed)
+        yield ConflictEvent(arrival, f"{name}: not as declared: {missed}", point_m, is_failure=True)
+    metrics: tuple[tuple[str, str, MetricAtTick | None], ...] = (
+        ("minimum distance", "m", outcome.met.distance_m),
+        ("minimum time to collision at the same velocities", "s", outcome.met.time_to_collision_s),
+        ("minimum time to collision on their paths", "s", outcome.met.time_to_collision_on_way_s),
+        ("post-encroachment time", "s", outcome.met.post_encroachment_s),
+    )
+    for title, unit, metric in metrics:
+        if metric is not None:
+            yield ConflictEvent(metric.tick, f"{name}: {title} {metric.value:.2f} {unit}", point_m)
+
+
 ENCOUNTER_RANGE_M = 30.0
-"""Whoever comes this near to the ego is met by it."""
+"""Distance within which an actor counts as met by the ego."""
 
 
 @dataclass(frozen=True)
 class DrivingExtremes:
-    """Extremes over all vehicles."""
+    """Extremes of all vehicles' driving."""
 
     top_speed_m_s: float
     acceleration_m_s2: float
@@ -188,17 +235,17 @@ class DrivingExtremes:
 
 @dataclass(frozen=True)
 class TrafficReport:
-    """What a scenario's traffic amounts to.
+    """What a scenario's traffic amounts to; its fields are those of `report.json`.
 
     Attributes:
         spec: Id of the spec.
-        trace_sha256: Of all that the trace holds.
-        frames: Kept ticks.
-        duration_s: Of them.
-        actors: How many of each class appear.
+        trace_sha256: Checksum of the trace's content.
+        frames: Number of kept ticks.
+        duration_s: Their duration.
+        actors: Number of actors by class.
         driving: Extremes of the vehicles' driving.
         staged: What came of the staged conflicts, in their order.
-        met: The ego's encounters with everybody who comes near it, the nearest first.
+        met: The ego's encounters with all actors that come near it, the nearest first.
         overlaps: Actors in one place, tick by tick; there should be none.
     """
 
@@ -214,38 +261,45 @@ class TrafficReport:
 
     @property
     def vehicles(self) -> int:
-        """How many vehicles appear, connected ones included."""
+        """Number of vehicles, connected ones included."""
         return sum(self.actors.values()) - self.pedestrians
 
     @property
     def pedestrians(self) -> int:
-        """How many people on foot appear."""
+        """Number of people on foot."""
         return self.actors.get("pedestrian", 0)
 
     @property
     def problems(self) -> tuple[str, ...]:
-        """What should not be: conflicts that did not happen, actors in one place."""
+        """Conflicts that did not happen as declared, and actors in one place."""
         missed = (
-            f"{one.id} ({one.conflict}): {reason}" for one in self.staged for reason in one.missed
+            f"{outcome.id} ({outcome.conflict}): {reason}"
+            for outcome in self.staged
+            for reason in outcome.missed
         )
-        pairs = dict.fromkeys((one.first, one.second) for one in self.overlaps)
+        pairs = dict.fromkeys((overlap.first, overlap.second) for overlap in self.overlaps)
         return (*missed, *(f"{first} and {second} overlap" for first, second in pairs))
 
     def to_document(self) -> dict[str, object]:
-        """The report as plain data for JSON."""
+        """Convert the report to plain data for JSON."""
         return {
             **asdict(self),
-            "staged": [{**asdict(one), "happened": one.happened} for one in self.staged],
+            "staged": [{**asdict(item), "happened": item.happened} for item in self.staged],
         }
 
 
 def build_traffic_report(spec: Spec, trace: Trace, trace_sha256: str) -> TrafficReport:
-    """The report on a spec's traffic.
+    """Measure a spec's traffic.
 
     Raises:
-        RunError: Somebody who takes part in a staged conflict is not in the trace.
+        RunError: An actor that takes part in a staged conflict is not in the trace.
     """
-    nearest = sorted(_measure_ego_encounters(spec, trace), key=lambda one: one.distance_m.value)
+    encounters = (
+        measure_encounter(trace, spec.ego.number, actor.id, within_m=ENCOUNTER_RANGE_M)
+        for actor in trace.actors
+        if actor.id != spec.ego.number
+    )
+    met = sorted((item for item in encounters if item), key=lambda item: item.distance_m.value)
     return TrafficReport(
         spec=spec.id,
         trace_sha256=trace_sha256,
@@ -254,21 +308,9 @@ def build_traffic_report(spec: Spec, trace: Trace, trace_sha256: str) -> Traffic
         actors=dict(sorted(Counter(actor.actor_class for actor in trace.actors).items())),
         driving=_compute_driving_extremes(trace),
         staged=tuple(evaluate_outcomes(spec, trace)),
-        met=tuple(nearest),
+        met=tuple(met),
         overlaps=tuple(find_overlaps(trace)),
     )
-
-
-def _measure_ego_encounters(spec: Spec, trace: Trace) -> Iterator[Encounter]:
-    ego = spec.ego.number
-    for actor in trace.actors:
-        found = (
-            measure_encounter(trace, ego, actor.id, within_m=ENCOUNTER_RANGE_M)
-            if actor.id != ego
-            else None
-        )
-        if found is not None:
-            yield found
 
 
 def _compute_driving_extremes(trace: Trace) -> DrivingExtremes:
@@ -282,32 +324,30 @@ def _compute_driving_extremes(trace: Trace) -> DrivingExtremes:
 
 
 def build_table_rows(reports: Iterable[TrafficReport]) -> list[dict[str, object]]:
-    """A row per staged conflict, or one for a scenario that stages none; for tables."""
+    """Build a table row per staged conflict, or one for a scenario that stages none."""
     return [
         {
-            "scenario": one.spec,
-            "frames": one.frames,
-            "vehicles": one.vehicles,
-            "people": one.pedestrians,
+            "scenario": report.spec,
+            "frames": report.frames,
+            "vehicles": report.vehicles,
+            "people": report.pedestrians,
             **_build_conflict_cells(staged),
         }
-        for one in reports
-        for staged in one.staged or (None,)
+        for report in reports
+        for staged in report.staged or (None,)
     ]
 
 
 def format_markdown_table(reports: Sequence[TrafficReport]) -> str:
-    """The rows as a table in Markdown, the means over all scenarios below it."""
+    """Format the rows as a table in Markdown, the means over all scenarios below it."""
     table = build_table_rows(reports)
-    means = {
-        name: f"{np.mean([getattr(one, attribute) for one in reports]):.1f}"
-        for name, attribute in (
-            ("frames", "frames"),
-            ("vehicles", "vehicles"),
-            ("people", "pedestrians"),
-        )
+    counts = {
+        "frames": [report.frames for report in reports],
+        "vehicles": [report.vehicles for report in reports],
+        "people": [report.pedestrians for report in reports],
     }
     heads = list(table[0])
+    means = {name: f"{np.mean(values):.1f}" for name, values in counts.items()}
     table.append({"scenario": "mean", **means})
     lines = [heads, ["---"] * len(heads), *([row.get(head, "") for head in heads] for row in table)]
     return "".join("| " + " | ".join(map(str, line)) + " |\n" for line in lines)
@@ -317,11 +357,11 @@ def _build_conflict_cells(staged: ConflictOutcome | None) -> dict[str, object]:
     if staged is None:
         return {"conflict": "", "distance m": "", "collision s": "", "gap s": "", "happened": ""}
     gap = staged.met.post_encroachment_s
-    time = staged.time_to_collision_s
+    time_s = staged.time_to_collision_s
     return {
         "conflict": staged.conflict,
         "distance m": f"{staged.met.distance_m.value:.2f}",
-        "collision s": "" if time is None else f"{time:.1f}",
+        "collision s": "" if time_s is None else f"{time_s:.1f}",
         "gap s": "" if gap is None else f"{gap.value:.1f}",
         "happened": "yes" if staged.happened else "no",
     }

@@ -1,4 +1,7 @@
-"""Who takes part in which staged conflict, and as what."""
+"""Which actors take part in which staged conflict, and in which role.
+
+The dataset reader imports this module, so it imports neither numpy nor shapely.
+"""
 
 from collections.abc import Mapping
 from typing import Literal
@@ -8,11 +11,11 @@ from advercity_dsl import Spec
 ConflictRole = Literal["subject", "other", "bystander"]
 """The subject's action is the critical one; a bystander hides the actor, or is overtaken by it."""
 ConflictRoles = Mapping[int, Mapping[str, ConflictRole]]
-"""By id of the actor, then by id of the conflict."""
+"""Roles by id of the actor, then by id of the conflict."""
 
 
 def find_conflict_roles(spec: Spec) -> ConflictRoles:
-    """Roles of all who take part in a conflict of a spec, the ego among them."""
+    """Find the roles of all actors that take part in a conflict of a spec, the ego among them."""
     roles: dict[int, dict[str, ConflictRole]] = {}
     for conflict in spec.conflicts:
         roles.setdefault(spec.ego.number, {})[conflict.id] = conflict.ego

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from advercity.conflicts.events import find_conflict_events
+from advercity.conflicts.report import find_conflict_events
 from advercity.dataset.agent_view import AgentView
 from advercity.dataset.reader import Scenario
 from advercity.dataset.scenario_folders import no_frames_error

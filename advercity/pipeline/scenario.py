@@ -18,7 +18,7 @@ from typing import Self
 from advercity_dsl import Spec
 from pydantic import TypeAdapter
 
-from advercity.conflicts.events import find_conflict_events
+from advercity.conflicts.report import find_conflict_events
 from advercity.dataset.manifest import Identity, Manifest
 from advercity.dataset.reader import Scenario
 from advercity.dataset.scenario_folders import find_scenarios

@@ -20,7 +20,7 @@ import rerun as rr
 from advercity_dsl import Agent, Spec
 from numpy.typing import NDArray
 
-from advercity.conflicts.events import ConflictEvent
+from advercity.conflicts.report import ConflictEvent
 from advercity.dataset.image_codec import encode_jpeg, encode_label_png, to_semantic_colours
 from advercity.errors import InputError, RunError
 from advercity.geometry import poses

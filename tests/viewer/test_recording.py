@@ -14,7 +14,7 @@ from advercity_dsl import Spec
 from advercity_dsl.conflict import OutcomeCriteria, StagedActor, StagedConflict
 from rerun.chunk import RrdReader
 
-from advercity.conflicts.events import ConflictEvent, find_conflict_events
+from advercity.conflicts.report import ConflictEvent, find_conflict_events
 from advercity.errors import InputError, RunError
 from advercity.frames import STATE_DTYPE, Actor, Trace
 from advercity.geometry.poses import Matrix
@@ -263,7 +263,7 @@ def test_events_are_the_moments_of_an_encounter(spec: Spec) -> None:
     (failure,) = [event for event in events if event.is_failure]
     assert failure.frame == 20
     assert "conflict_1 (ped_crossing), actor 4001: not as declared" in failure.text
-    (nearest,) = [event for event in events if "least distance" in event.text]
+    (nearest,) = [event for event in events if "minimum distance" in event.text]
     # At 2.2 s the ego's rear is at x = 0 and the walker's front at y = -1.35, 0.35 m from its side.
     assert nearest.frame == 22
     assert nearest.text.endswith("0.35 m")
