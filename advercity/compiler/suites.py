@@ -4,7 +4,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TypeVar
 
-import numpy as np
 import shapely
 from advercity_dsl import (
     Catalogue,
@@ -27,9 +26,8 @@ from advercity_dsl.units import Point2
 
 from advercity.compiler.diagnostics import Diagnostic, DiagnosticsError
 from advercity.compiler.library import Library
-from advercity.roads.map_import import is_car_lane
+from advercity.roads.network_file import parse_packed_network
 from advercity.roads.routes import RoutePlanner
-from advercity.roads.sumo_xml import unpack_network
 
 DeclarationT = TypeVar("DeclarationT", bound=Declaration)
 
@@ -123,10 +121,9 @@ def find_misplaced_agents(road: Road) -> Iterator[tuple[ValuePath, str]]:
 
 def _iterate_lane_centre_lines(road: Road) -> Iterator[shapely.LineString]:
     if isinstance(road.imported, MapNetwork):
-        for lane in unpack_network(road.imported.network).iter("lane"):
-            if is_car_lane(lane):
-                points = [point.split(",")[:2] for point in lane.get("shape", "").split()]
-                yield shapely.LineString(np.array(points, dtype=float))
+        for lane in parse_packed_network(road.imported.network).lanes:
+            if lane.permits("passenger"):
+                yield shapely.LineString(lane.shape[:, :2])
         return
     for street in RoutePlanner(road).streets.values():
         for along in (True, False):

@@ -20,7 +20,7 @@ from advercity.geometry.polyline import (
     left_normals,
     unit_vectors,
 )
-from advercity.roads.lane_graph import SumoLane
+from advercity.roads.network_file import SumoLane
 
 
 def build_lane_path(lanes: Iterable[SumoLane], start_m: float) -> StationedPolyline:

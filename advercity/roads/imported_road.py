@@ -21,18 +21,13 @@ from advercity.geometry import polyline
 from advercity.geometry.mesh import Mesh, SurfacePatch, build_ribbon, merge_patches
 from advercity.geometry.polyline import Points, StationedPolyline, offset_polyline
 from advercity.roads import markings
-from advercity.roads.imported_network import (
-    ImportedEdge,
-    ImportedLane,
-    ImportedNetwork,
-    parse_network,
-)
+from advercity.roads.imported_network import ImportedNetwork
 from advercity.roads.imported_surface import ImportedSurface
 from advercity.roads.lane_segments import LaneSegment
 from advercity.roads.markings import WHITE, YELLOW
+from advercity.roads.network_file import SumoEdge, SumoLane, parse_packed_network
 from advercity.roads.signals import TrafficLight, TrafficSign
 from advercity.roads.streets import StreetLayout, approach_name
-from advercity.roads.sumo_xml import unpack_network
 from advercity.semantics import Semantic
 
 EDGE_LINE_INSET_M = 0.1
@@ -64,7 +59,7 @@ def build_imported_markings(net: ImportedNetwork, surface: ImportedSurface) -> l
     ]
 
 
-def _edge_lines(edge: ImportedEdge, net: ImportedNetwork) -> Iterator[tuple[str, SurfacePatch]]:
+def _edge_lines(edge: SumoEdge, net: ImportedNetwork) -> Iterator[tuple[str, SurfacePatch]]:
     lanes = edge.driving_lanes
     if not lanes or polyline.polyline_length(lanes[-1].centre) < MIN_EDGE_LENGTH_M:
         return
@@ -80,7 +75,7 @@ def _edge_lines(edge: ImportedEdge, net: ImportedNetwork) -> Iterator[tuple[str,
         yield YELLOW, _stripe(lanes[-1].left_border)
 
 
-def _border_inset(lane: ImportedLane, *, on_left: bool) -> Points:
+def _border_inset(lane: SumoLane, *, on_left: bool) -> Points:
     half = lane.width_m / 2 - EDGE_LINE_INSET_M
     return lane.offset_line(half if on_left else -half)
 
@@ -93,7 +88,7 @@ def _stripe(line: Points, width_m: float = markings.LINE_WIDTH_M) -> SurfacePatc
     )
 
 
-def _edges_with_stop_line(net: ImportedNetwork) -> Iterator[ImportedEdge]:
+def _edges_with_stop_line(net: ImportedNetwork) -> Iterator[SumoEdge]:
     """Streets that end at a signal or a stop sign."""
     stopped = {
         link.from_edge for link in net.lane_links if link.traffic_light or link.state in ("s", "w")
@@ -101,7 +96,7 @@ def _edges_with_stop_line(net: ImportedNetwork) -> Iterator[ImportedEdge]:
     yield from (edge for edge in net.edges.values() if edge.id in stopped and edge.driving_lanes)
 
 
-def _stop_line(edge: ImportedEdge) -> Iterator[SurfacePatch]:
+def _stop_line(edge: SumoEdge) -> Iterator[SurfacePatch]:
     near, far = markings.STOP_LINE_SETBACK_M, markings.STOP_LINE_M + markings.STOP_LINE_SETBACK_M
     for lane in edge.driving_lanes:
         line = StationedPolyline.from_points(lane.centre)
@@ -130,7 +125,7 @@ def place_traffic_lights(net: ImportedNetwork, surface: ImportedSurface) -> Iter
             yield _place_traffic_light(f"{light}/{approach_name(name)}", edge, surface)
 
 
-def _place_traffic_light(name: str, edge: ImportedEdge, surface: ImportedSurface) -> TrafficLight:
+def _place_traffic_light(name: str, edge: SumoEdge, surface: ImportedSurface) -> TrafficLight:
     end, heading = _edge_end(edge)
     far = _find_far_side(end, heading, edge, surface)
     pole = _find_mast_position(far, heading, surface.roadway_area)
@@ -147,7 +142,7 @@ def _place_traffic_light(name: str, edge: ImportedEdge, surface: ImportedSurface
     )
 
 
-def _edge_end(edge: ImportedEdge) -> tuple[Points, Points]:
+def _edge_end(edge: SumoEdge) -> tuple[Points, Points]:
     """Where the driving lanes of a street end, (2,), and their direction there, (2,)."""
     lines = [lane.centre[:, :2] for lane in edge.driving_lanes]
     end = np.mean([line[-1] for line in lines], axis=0)
@@ -156,7 +151,7 @@ def _edge_end(edge: ImportedEdge) -> tuple[Points, Points]:
 
 
 def _find_far_side(
-    end: Points, heading: Points, edge: ImportedEdge, surface: ImportedSurface
+    end: Points, heading: Points, edge: SumoEdge, surface: ImportedSurface
 ) -> Points:
     """Where one leaves the junction that a street ends at, going straight on."""
     area = surface.junction_areas.get(edge.to_junction)
@@ -210,7 +205,7 @@ class ImportedRoadNetwork:
     def __init__(self, road: Road, imported: MapNetwork) -> None:
         """Read the network; InputError if it is none."""
         self.declaration = road
-        self._net: ImportedNetwork = parse_network(unpack_network(imported.network))
+        self._net = ImportedNetwork.from_network(parse_packed_network(imported.network))
         self._surface = ImportedSurface(self._net)
 
     @cached_property
@@ -272,11 +267,11 @@ class ImportedRoadNetwork:
         return tuple(place_traffic_signs(self._net, self._surface))
 
 
-def _lanes_of(edges: dict[str, ImportedEdge]) -> list[tuple[ImportedEdge, int]]:
+def _lanes_of(edges: dict[str, SumoEdge]) -> list[tuple[SumoEdge, int]]:
     return [(edge, at) for edge in edges.values() for at in range(len(edge.lanes))]
 
 
-def _lane_segment(edge: ImportedEdge, at: int, *, in_junction: bool) -> LaneSegment:
+def _lane_segment(edge: SumoEdge, at: int, *, in_junction: bool) -> LaneSegment:
     lane = edge.lanes[at]
     return LaneSegment(
         lane.id, lane.kind, lane.left_border, lane.right_border, in_junction=in_junction

@@ -24,12 +24,8 @@ from advercity.geometry.mesh import (
     triangulate_polygon,
 )
 from advercity.geometry.polyline import Points
-from advercity.roads.imported_network import (
-    ImportedEdge,
-    ImportedLane,
-    ImportedNetwork,
-    enclosed_area,
-)
+from advercity.roads.imported_network import ImportedNetwork
+from advercity.roads.network_file import SumoEdge, SumoLane, build_enclosed_area
 from advercity.roads.road_meshes import (
     KERB_HEIGHT_M,
     KERB_RISE,
@@ -77,13 +73,13 @@ class ImportedSurface:
         self._net = net
 
     @cached_property
-    def _lanes(self) -> list[ImportedLane]:
+    def _lanes(self) -> list[SumoLane]:
         return [lane for edge in self._net.edges.values() for lane in edge.lanes]
 
     @cached_property
     def _carriageways(self) -> BaseGeometry:
         """What the lanes of streets cover, sidewalks left out."""
-        lanes = [lane.area(LANE_OVERLAP_M) for lane in self._lanes if lane.kind != "sidewalk"]
+        lanes = [lane.build_area(LANE_OVERLAP_M) for lane in self._lanes if lane.kind != "sidewalk"]
         return shapely.union_all(lanes, grid_size=GRID_M)
 
     @cached_property
@@ -92,7 +88,7 @@ class ImportedSurface:
         areas: dict[str, list[shapely.Geometry]] = {}
         for edge in (*self._net.internal_edges, *self._net.crossings):
             for lane in edge.lanes:
-                areas.setdefault(edge.junction, []).append(lane.area())
+                areas.setdefault(edge.junction, []).append(lane.build_area())
         return {name: shapely.union_all(found, grid_size=GRID_M) for name, found in areas.items()}
 
     @cached_property
@@ -106,7 +102,7 @@ class ImportedSurface:
                 else []
             )
             if len(junction.outline) > 2:
-                shapes.append(enclosed_area(junction.outline))
+                shapes.append(build_enclosed_area(junction.outline))
             free = shapely.difference(
                 shapely.union_all(shapes), self._carriageways, grid_size=GRID_M
             )
@@ -128,12 +124,12 @@ class ImportedSurface:
         driven = shapely.union_all(
             [self._carriageways, *self._junction_path_areas.values()], grid_size=GRID_M
         )
-        walks = [lane.area() for lane in self._lanes if lane.kind == "sidewalk"]
+        walks = [lane.build_area() for lane in self._lanes if lane.kind == "sidewalk"]
         corners = [
-            enclosed_area(lane.outline)
+            build_enclosed_area(lane.shape)
             for edge in self._net.walking_areas
             for lane in edge.lanes
-            if lane.outline is not None and len(lane.outline) > 2
+            if len(lane.shape) > 2
         ]
         area = _close_gaps(shapely.union_all([*walks, *corners], grid_size=GRID_M), HALF_SLIVER_M)
         return _remove_slivers(shapely.difference(area, driven, grid_size=GRID_M), HALF_SLIVER_M)
@@ -187,9 +183,9 @@ class ImportedSurface:
         return lines, shapely.STRtree(lines)
 
     @cached_property
-    def _edges_by_junction(self) -> dict[str, list[tuple[ImportedEdge, bool]]]:
+    def _edges_by_junction(self) -> dict[str, list[tuple[SumoEdge, bool]]]:
         """Streets by junction, and whether they end there."""
-        found: dict[str, list[tuple[ImportedEdge, bool]]] = {}
+        found: dict[str, list[tuple[SumoEdge, bool]]] = {}
         for edge in self._net.edges.values():
             found.setdefault(edge.to_junction, []).append((edge, True))
             found.setdefault(edge.from_junction, []).append((edge, False))

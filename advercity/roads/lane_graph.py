@@ -8,75 +8,14 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from heapq import heappop, heappush
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
-from numpy.typing import NDArray
 
-from advercity.errors import InputError, RunError
-from advercity.geometry.polyline import StationedPolyline
+from advercity.errors import InputError
+from advercity.roads.network_file import LaneConnection, SumoLane, read_network
 
-LANE_WIDTH_M = 3.5
-
-
-@dataclass(frozen=True, eq=False)
-class SumoLane:
-    """One lane of the network, those inside junctions included.
-
-    Attributes:
-        id: SUMO's id, `<edge>_<index>`.
-        edge: Id of its edge.
-        index: Counts from the right.
-        function: `normal`, `internal`, `crossing` or `walkingarea`.
-        length_m: Length that SUMO counts positions in; it may differ a little from the shape's.
-        speed_limit_m_s: Limit of the lane.
-        shape: (n, 3) points of the centre line in the direction of travel, metres.
-        allowed_classes: Vehicle classes that may use it; None if all may.
-        disallowed_classes: Vehicle classes that may not.
-    """
-
-    id: str
-    edge: str
-    index: int
-    function: str
-    length_m: float
-    speed_limit_m_s: float
-    shape: NDArray[np.float64]
-    allowed_classes: frozenset[str] | None
-    disallowed_classes: frozenset[str]
-
-    def permits(self, vehicle_class: str) -> bool:
-        """Whether a SUMO vehicle class may use this lane."""
-        if self.allowed_classes is not None:
-            return vehicle_class in self.allowed_classes
-        return not {vehicle_class, "all"} & self.disallowed_classes
-
-    @property
-    def is_sidewalk(self) -> bool:
-        """Whether it is there for people on foot only."""
-        permitted = self.permits("pedestrian") and not self.permits("passenger")
-        return self.function == "normal" and permitted
-
-    @property
-    def is_driving_lane(self) -> bool:
-        """Whether it is a driving lane between junctions."""
-        return self.function == "normal" and self.permits("passenger")
-
-    @cached_property
-    def line(self) -> StationedPolyline:
-        """The centre line, with SUMO's positions from 0 to `length_m` as stations."""
-        return StationedPolyline.from_points(self.shape, length_m=self.length_m)
-
-
-@dataclass(frozen=True)
-class LaneConnection:
-    """A way from one lane into the next between junctions; `via` lies inside the junction."""
-
-    origin: str
-    target: str
-    via: str | None
-    direction: str
-    """SUMO's letter: `s` straight, `l` left, `r` right, `t` turns around."""
+MAX_LANE_DISTANCE_M = 3.5
+"""Between a declared pose and the centre line of its lane; a lane's width."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +79,7 @@ class LaneGraph:
         fitting = [
             (distance, position, lane)
             for distance, position, lane in found
-            if distance < LANE_WIDTH_M
+            if distance < MAX_LANE_DISTANCE_M
             and np.cos(lane.line.headings_at(position) - heading_rad) > np.cos(np.pi / 3)
         ]
         if not fitting:
@@ -233,56 +172,21 @@ class LaneGraph:
         return found
 
 
-def read_lane_graph(network: Path) -> LaneGraph:
-    """The lanes of a SUMO network file; RunError if it is none.
+def read_lane_graph(path: Path) -> LaneGraph:
+    """Read the lanes of a SUMO network file; RunError if it is none.
 
-    Where a street leaves the site SUMO lets people walk around its end; nobody does that here.
+    Where a street leaves the site SUMO lets pedestrians walk around its end; here they cannot.
     """
-    try:
-        root = ElementTree.parse(network).getroot()  # noqa: S314 - written by our own netconvert
-        ends = tuple(
-            f":{item.attrib['id']}_"
-            for item in root.iter("junction")
-            if item.attrib["type"] == "dead_end"
-        )
-        lanes = {
-            lane.id: lane
-            for edge in root.iter("edge")
-            if not edge.attrib["id"].startswith(ends)
-            for lane in _parse_lanes(edge)
-        }
-        joints = tuple(_parse_connection(item) for item in root.iter("connection"))
-    except (OSError, ElementTree.ParseError, KeyError, ValueError) as error:
-        raise RunError(f"{network}: not a SUMO network: {error}") from error
-    known = tuple(joint for joint in joints if joint.origin in lanes and joint.target in lanes)
-    return LaneGraph(lanes, known)
-
-
-def _parse_lanes(edge: ElementTree.Element) -> Iterator[SumoLane]:
-    for lane in edge.iter("lane"):
-        numbers = [
-            [float(part) for part in text.split(",")] for text in lane.attrib["shape"].split()
-        ]
-        points = [(*point, 0.0)[:3] for point in numbers]
-        yield SumoLane(
-            id=lane.attrib["id"],
-            edge=edge.attrib["id"],
-            index=int(lane.attrib["index"]),
-            function=edge.get("function", "normal"),
-            length_m=float(lane.attrib["length"]),
-            speed_limit_m_s=float(lane.attrib["speed"]),
-            shape=np.array(points),
-            allowed_classes=frozenset(lane.attrib["allow"].split())
-            if "allow" in lane.attrib
-            else None,
-            disallowed_classes=frozenset(lane.get("disallow", "").split()),
-        )
-
-
-def _parse_connection(item: ElementTree.Element) -> LaneConnection:
-    origin = f"{item.attrib['from']}_{item.attrib['fromLane']}"
-    target = f"{item.attrib['to']}_{item.attrib['toLane']}"
-    return LaneConnection(origin, target, item.get("via"), item.attrib["dir"])
+    network = read_network(path)
+    dead_ends = {item.id for item in network.junctions if item.type == "dead_end"}
+    lanes = {
+        lane.id: lane
+        for edge in network.edges
+        if edge.junction not in dead_ends
+        for lane in edge.lanes
+    }
+    known = (link for link in network.connections if {link.origin, link.target} <= lanes.keys())
+    return LaneGraph(lanes, tuple(known))
 
 
 def _group_by_origin(joints: Iterable[LaneConnection]) -> dict[str, tuple[LaneConnection, ...]]:

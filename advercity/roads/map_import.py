@@ -10,6 +10,7 @@ import numpy as np
 from advercity_dsl import MapFile, MapNetwork, Road
 
 from advercity.errors import InputError
+from advercity.roads.network_file import parse_network
 from advercity.roads.sumo_network import run_netconvert
 from advercity.roads.sumo_xml import (
     MAX_XML_BYTES,
@@ -93,7 +94,7 @@ def import_map(declared: MapFile, road: Road, folder: Path) -> MapNetwork:
             why = f"{_find_first_error(outcome.messages)}{_describe_extent(declared)}"
             raise InputError(f"{declared.file}: netconvert cannot use it: {why}")
         net = sanitize_network(parse_xml(output.read_bytes()))
-    if not any(is_car_lane(lane) for lane in net.iter("lane")):
+    if not any(lane.permits("passenger") for lane in parse_network(net).lanes):
         raise InputError(f"{declared.file}: has no lane for cars{_describe_extent(declared)}")
     return MapNetwork(source=declared.source, sha256=found.sha256, network=pack_network(net))
 
@@ -185,14 +186,6 @@ def _find_first_error(messages: str) -> str:
     lines = [line.strip() for line in messages.splitlines() if line.strip()]
     errors = [line for line in lines if line.startswith("Error")]
     return (errors or lines[-1:] or ["it says nothing"])[0].removeprefix("Error: ")[:300]
-
-
-def is_car_lane(lane: Element) -> bool:
-    """Whether cars may drive in a lane of a SUMO network."""
-    allowed, forbidden = lane.get("allow"), lane.get("disallow", "").split()
-    if allowed is not None:
-        return "passenger" in allowed.split()
-    return not {"passenger", "all"} & set(forbidden)
 
 
 def _describe_extent(declared: MapFile) -> str:

@@ -14,7 +14,6 @@ import subprocess
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from xml.etree import ElementTree
 
 import jinja2
 import numpy as np
@@ -29,7 +28,6 @@ from advercity.roads import signals
 from advercity.roads.layout import JunctionLayout, RoadLayout, lay_out_road
 from advercity.roads.streets import (
     StreetLayout,
-    approach_name,
     edge_strips,
     sumo_edge_id,
     sumo_lane_index,
@@ -186,29 +184,6 @@ def _write_imported_network(name: str, imported: MapNetwork, folder: Path) -> Pa
     output = folder / f"{name}.net.xml"
     output.write_bytes(to_xml_bytes(unpack_network(imported.network)))
     return output
-
-
-def read_signal_groups(network: Path) -> dict[str, list[tuple[str, int]]]:
-    """Links that show the light of an approach.
-
-    Args:
-        network: Path of a network from `build_network`.
-
-    Returns:
-        By `<light>/<approach>`, an approach being a street or an imported edge: (traffic-light
-        id, index into its state) of every movement.
-    """
-    lights: dict[str, list[tuple[str, int]]] = {}
-    for link in ElementTree.parse(network).iter("connection"):  # noqa: S314 - from netconvert
-        source, on_foot = link.attrib["from"], link.attrib["to"].startswith(":")
-        if "tl" in link.attrib and not (on_foot or source.startswith(":")):
-            found = lights.setdefault(link.attrib["tl"], [])
-            found.append((approach_name(source), int(link.attrib["linkIndex"])))
-    groups: dict[str, list[tuple[str, int]]] = {}
-    for light, links in lights.items():
-        for side, index in links:
-            groups.setdefault(f"{light}/{side}", []).append((light, index))
-    return {name: sorted(links) for name, links in groups.items()}
 
 
 def _build_nodes(plan: RoadLayout) -> Iterator[_Node]:

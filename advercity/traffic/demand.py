@@ -11,7 +11,8 @@ from advercity_dsl.units import KM_H_PER_M_S
 from advercity.errors import InputError
 from advercity.frames import Actor
 from advercity.randomness import create_generator
-from advercity.roads.lane_graph import LaneGraph, SumoLane, find_shortest_route
+from advercity.roads.lane_graph import LaneGraph, find_shortest_route
+from advercity.roads.network_file import SumoLane
 from advercity.roads.streets import approach_name
 from advercity.traffic.paints import CONNECTED_PAINT, draw_paint
 from advercity.traffic.pedestrians import PedestrianTrip, draw_pedestrian_trips

@@ -8,7 +8,8 @@ from advercity_dsl import Spec
 
 from advercity.frames import Actor
 from advercity.randomness import create_generator
-from advercity.roads.lane_graph import LaneGraph, SumoLane
+from advercity.roads.lane_graph import LaneGraph
+from advercity.roads.network_file import SumoLane
 from advercity.traffic.paints import draw_paint
 from advercity.traffic.placement import (
     WALKER_SPACING_M,

@@ -8,7 +8,7 @@ from advercity_dsl import Spec, Vehicle
 from advercity_dsl.units import Point2
 from numpy.typing import NDArray
 
-from advercity.roads.lane_graph import SumoLane
+from advercity.roads.network_file import SumoLane
 
 START_GAP_M = 5.0
 """Between the bodies of vehicles that start in one lane, as in the original."""

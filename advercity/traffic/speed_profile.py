@@ -13,7 +13,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from advercity.roads.lane_graph import LaneGraph, SumoLane
+from advercity.roads.lane_graph import LaneGraph
+from advercity.roads.network_file import SumoLane
 from advercity.traffic.demand import VehicleTrip
 
 LATERAL_ACCELERATION_M_S2 = 3.5

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from advercity.frames import FRONT_DTYPE, Lamp, Signal
-from advercity.roads.sumo_network import read_signal_groups
+from advercity.roads.network_file import read_signal_groups
 
 INDICATOR_LAMPS = np.array([0, Lamp.RIGHT, Lamp.LEFT, Lamp.RIGHT | Lamp.LEFT], dtype=np.uint8)
 """Lamps by the two lowest bits of SUMO's signals of a vehicle."""

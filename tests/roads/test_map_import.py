@@ -26,10 +26,11 @@ from advercity.geometry.mesh import Mesh
 from advercity.roads.lane_graph import read_lane_graph
 from advercity.roads.lane_segments import LaneSegment
 from advercity.roads.map_import import import_map
+from advercity.roads.network_file import read_signal_groups
 from advercity.roads.plan_drawing import LANE_COLOURS, draw_plan
 from advercity.roads.road_meshes import KERB_HEIGHT_M
 from advercity.roads.road_network import RoadNetwork, build_road
-from advercity.roads.sumo_network import read_signal_groups, write_sumo_network
+from advercity.roads.sumo_network import write_sumo_network
 from advercity.roads.sumo_xml import (
     MAX_XML_BYTES,
     pack_network,

@@ -18,8 +18,9 @@ from advercity_dsl import Road, Vehicle
 from advercity.errors import InputError
 from advercity.roads.lane_segments import build_lane_segments
 from advercity.roads.layout import RoadLayout, lay_out_road
+from advercity.roads.network_file import read_signal_groups
 from advercity.roads.streets import edge_strips, parse_edge_id, sumo_edge_id, sumo_lane_id
-from advercity.roads.sumo_network import read_signal_groups, write_sumo_network
+from advercity.roads.sumo_network import write_sumo_network
 
 NAMES = ("ui", "unj", "ri", "rsnj", "rcnj")
 pytestmark = pytest.mark.sumo

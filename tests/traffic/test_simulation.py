@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from advercity.errors import InputError, RunError
 from advercity.frames import Actor, Frame, Lamp, Signal, Trace
 from advercity.geometry.poses import to_yaw_pitch_roll
-from advercity.roads.lane_graph import LaneConnection, read_lane_graph
+from advercity.roads.lane_graph import read_lane_graph
+from advercity.roads.network_file import LaneConnection
 from advercity.roads.sumo_network import write_sumo_network
 from advercity.traffic.demand import draw_demand
 from advercity.traffic.simulation import simulate_in_subprocess

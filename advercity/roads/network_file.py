@@ -1,0 +1,307 @@
+"""SUMO networks (`.net.xml`): their edges, lanes, junctions and connections, in file order.
+
+This is the only reader of such files. `docs/decisions/0018-one-network-reader.md` says why it is
+not `sumolib`.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from advercity.errors import InputError, RunError
+from advercity.geometry.mesh import extract_polygons
+from advercity.geometry.polyline import Points, StationedPolyline, offset_polyline
+from advercity.roads.streets import approach_name
+from advercity.roads.sumo_xml import unpack_network
+
+DEFAULT_LANE_WIDTH_M = 3.2
+"""SUMO's own width of a lane that declares none."""
+MIN_POINT_SPACING_M = 0.01
+"""Points of a centre line that are closer in the plan would give its borders random directions."""
+
+
+@dataclass(frozen=True, eq=False)
+class SumoLane:
+    """One lane of the network, those inside junctions included.
+
+    Attributes:
+        id: SUMO's id, `<edge>_<index>`.
+        edge: Id of its edge.
+        index: Position in its edge, counted from the right.
+        function: `normal`, `internal`, `crossing` or `walkingarea`.
+        length_m: Length that SUMO counts positions in; it may differ a little from the shape's.
+        speed_limit_m_s: Limit of the lane.
+        shape: (n, 3) centre line in the direction of travel, metres; outline of a walking area.
+        width_m: Distance between its borders.
+        type: SUMO's type of lane, if the file has one.
+        allowed_classes: Vehicle classes that may use it; None if all may.
+        disallowed_classes: Vehicle classes that may not.
+    """
+
+    id: str
+    edge: str
+    index: int
+    function: str
+    length_m: float
+    speed_limit_m_s: float
+    shape: NDArray[np.float64]
+    width_m: float
+    type: str
+    allowed_classes: frozenset[str] | None
+    disallowed_classes: frozenset[str]
+
+    def permits(self, vehicle_class: str) -> bool:
+        """Whether a SUMO vehicle class may use this lane."""
+        if self.allowed_classes is not None:
+            return vehicle_class in self.allowed_classes
+        return not {vehicle_class, "all"} & self.disallowed_classes
+
+    @property
+    def is_sidewalk(self) -> bool:
+        """Whether it lies between junctions and is for pedestrians but not for cars."""
+        permitted = self.permits("pedestrian") and not self.permits("passenger")
+        return self.function == "normal" and permitted
+
+    @property
+    def is_driving_lane(self) -> bool:
+        """Whether it lies between junctions and is open to cars."""
+        return self.function == "normal" and self.permits("passenger")
+
+    @property
+    def kind(self) -> str:
+        """What it is in annotations: driving, parking, shoulder, sidewalk or crossing."""
+        if self.function == "crossing":
+            return "crossing"
+        if self.function == "walkingarea" or self.allowed_classes == frozenset({"pedestrian"}):
+            return "sidewalk"
+        if self.permits("passenger"):
+            return "driving"
+        return "parking" if self.type == "parking" else "shoulder"
+
+    @cached_property
+    def line(self) -> StationedPolyline:
+        """The centre line, with SUMO's positions from 0 to `length_m` as stations."""
+        return StationedPolyline.from_points(self.shape, length_m=self.length_m)
+
+    @cached_property
+    def centre(self) -> Points:
+        """(n, 3) centre line without points that repeat the one before in the plan."""
+        steps = np.linalg.norm(np.diff(self.shape[:, :2], axis=0), axis=1)
+        return self.shape[np.concatenate([[True], steps > MIN_POINT_SPACING_M])]
+
+    def offset_line(self, lateral_m: float) -> Points:
+        """Compute the line (n, 3) that runs `lateral_m` to the left of the centre."""
+        return offset_polyline(self.centre, lateral_m)
+
+    @cached_property
+    def left_border(self) -> Points:
+        """(n, 3) left border."""
+        return self.offset_line(self.width_m / 2)
+
+    @cached_property
+    def right_border(self) -> Points:
+        """(n, 3) right border."""
+        return self.offset_line(-self.width_m / 2)
+
+    def build_area(self, margin_m: float = 0.0) -> BaseGeometry:
+        """Build the area between its borders, wider by a margin on both sides."""
+        half = self.width_m / 2 + margin_m
+        return build_enclosed_area(
+            np.vstack([self.offset_line(half), self.offset_line(-half)[::-1]])
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class SumoEdge:
+    """Lanes side by side in one direction, from the right."""
+
+    id: str
+    function: str
+    """`normal`, `internal`, `crossing` or `walkingarea`."""
+    from_junction: str
+    to_junction: str
+    lanes: tuple[SumoLane, ...]
+
+    @property
+    def junction(self) -> str:
+        """Id of the junction that it lies in; empty for edges between junctions."""
+        # SUMO names edges inside a junction `:<junction>_<number>`.
+        return self.id[1:].rpartition("_")[0] if self.id.startswith(":") else ""
+
+    @cached_property
+    def driving_lanes(self) -> tuple[SumoLane, ...]:
+        """Lanes that are open to cars, from the right."""
+        return tuple(lane for lane in self.lanes if lane.kind == "driving")
+
+
+@dataclass(frozen=True, eq=False)
+class SumoJunction:
+    """A node of the network; `outline` (n, 3) is empty at the edge of the site."""
+
+    id: str
+    type: str
+    outline: Points
+
+
+@dataclass(frozen=True)
+class LaneConnection:
+    """A connection from one lane into the next.
+
+    Attributes:
+        origin: Id of the lane that it leaves.
+        target: Id of the lane that it enters.
+        via: Id of the lane inside the junction that it leads through, if there is one.
+        direction: SUMO's letter: `s` straight, `l` left, `r` right, `t` turns around.
+        state: SUMO's letter for the right of way.
+        traffic_light: Id of the traffic light that governs it; empty if none does.
+        link_index: Index into the light's state; -1 without a light.
+    """
+
+    origin: str
+    target: str
+    via: str | None
+    direction: str
+    state: str = "M"
+    traffic_light: str = ""
+    link_index: int = -1
+
+    @property
+    def from_edge(self) -> str:
+        """Id of the edge that it leaves."""
+        return self.origin.rpartition("_")[0]
+
+    @property
+    def to_edge(self) -> str:
+        """Id of the edge that it enters."""
+        return self.target.rpartition("_")[0]
+
+
+@dataclass(frozen=True, eq=False)
+class SumoNetwork:
+    """Everything of a network, in file order; the order decides what random draws mean."""
+
+    edges: tuple[SumoEdge, ...]
+    junctions: tuple[SumoJunction, ...]
+    connections: tuple[LaneConnection, ...]
+
+    @property
+    def lanes(self) -> Iterator[SumoLane]:
+        """Lanes of all edges."""
+        return (lane for edge in self.edges for lane in edge.lanes)
+
+
+def read_network(path: Path) -> SumoNetwork:
+    """Read a network that our own netconvert has written; RunError if it is none."""
+    try:
+        return parse_network(ElementTree.parse(path).getroot())  # noqa: S314 - our own file
+    except (OSError, ElementTree.ParseError, ValueError) as error:
+        raise RunError(f"{path}: not a SUMO network: {error}") from error
+
+
+def parse_packed_network(text: str) -> SumoNetwork:
+    """Parse a network that is packed into a spec; InputError if it is none."""
+    root = unpack_network(text)
+    try:
+        return parse_network(root)
+    except ValueError as error:
+        raise InputError(f"imported.network: not a SUMO network: {error}") from None
+
+
+def parse_network(root: Element) -> SumoNetwork:
+    """Parse a network; ValueError where an attribute is missing or is no finite number."""
+    try:
+        return SumoNetwork(
+            edges=tuple(_parse_edge(item) for item in root.iter("edge")),
+            junctions=tuple(_parse_junction(item) for item in root.iter("junction")),
+            connections=tuple(_parse_connection(item) for item in root.iter("connection")),
+        )
+    except KeyError as error:
+        raise ValueError(f"attribute {error} is missing") from None
+
+
+def read_signal_groups(path: Path) -> dict[str, list[tuple[str, int]]]:
+    """Read which movements show the light of each approach.
+
+    Returns:
+        By `<light>/<approach>`, an approach being a street or an imported edge: (traffic-light
+        id, index into its state) of every movement of vehicles, sorted.
+    """
+    governed = [
+        link
+        for link in read_network(path).connections
+        if link.traffic_light and not (link.from_edge[0] == ":" or link.to_edge[0] == ":")
+    ]
+    groups: dict[str, list[tuple[str, int]]] = {}
+    # Lights follow each other in the order of their first link, and so do approaches to a light.
+    for light in dict.fromkeys(link.traffic_light for link in governed):
+        for link in governed:
+            if link.traffic_light == light:
+                name = f"{light}/{approach_name(link.from_edge)}"
+                groups.setdefault(name, []).append((light, link.link_index))
+    return {name: sorted(links) for name, links in groups.items()}
+
+
+def _parse_edge(item: Element) -> SumoEdge:
+    name, function = item.attrib["id"], item.get("function", "normal")
+    lanes = sorted(
+        (_parse_lane(lane, name, function) for lane in item.iter("lane")),
+        key=lambda lane: lane.index,
+    )
+    return SumoEdge(name, function, item.get("from", ""), item.get("to", ""), tuple(lanes))
+
+
+def _parse_lane(item: Element, edge: str, function: str) -> SumoLane:
+    allowed = item.get("allow")
+    return SumoLane(
+        id=item.attrib["id"],
+        edge=edge,
+        index=int(item.attrib["index"]),
+        function=function,
+        length_m=float(item.attrib["length"]),
+        speed_limit_m_s=float(item.attrib["speed"]),
+        shape=_parse_shape(item.attrib["shape"]),
+        width_m=float(item.get("width", DEFAULT_LANE_WIDTH_M)),
+        type=item.get("type", ""),
+        allowed_classes=None if allowed is None else frozenset(allowed.split()),
+        disallowed_classes=frozenset(item.get("disallow", "").split()),
+    )
+
+
+def _parse_junction(item: Element) -> SumoJunction:
+    outline = _parse_shape(item.get("shape", ""))
+    return SumoJunction(item.attrib["id"], item.get("type", ""), outline)
+
+
+def _parse_connection(item: Element) -> LaneConnection:
+    return LaneConnection(
+        origin=f"{item.attrib['from']}_{item.attrib['fromLane']}",
+        target=f"{item.attrib['to']}_{item.attrib['toLane']}",
+        via=item.get("via"),
+        direction=item.attrib["dir"],
+        state=item.get("state", "M"),
+        traffic_light=item.get("tl", ""),
+        link_index=int(item.get("linkIndex", -1)),
+    )
+
+
+def _parse_shape(shape: str) -> Points:
+    """Points (n, 3) of a SUMO shape, z 0 where it has none; ValueError if one is not finite."""
+    numbers = [[float(value) for value in point.split(",")] for point in shape.split()]
+    found = np.array([(*point, 0.0)[:3] for point in numbers], dtype=np.float64).reshape(-1, 3)
+    if not np.isfinite(found).all():
+        raise ValueError(f"'{shape[:60]}' is not finite")
+    return found
+
+
+def build_enclosed_area(ring: Points) -> BaseGeometry:
+    """Build the area within a ring (n, 2 or 3), however it is wound or crosses itself."""
+    valid = shapely.make_valid(shapely.Polygon(ring[:, :2]))
+    return shapely.union_all(extract_polygons(valid))
