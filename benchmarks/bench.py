@@ -1,11 +1,11 @@
-"""Every figure that the project quotes, in one run: `make bench`.
+"""Every value that the project quotes, in one run: `make bench`.
 
     python benchmarks/bench.py [--full] [--output output/bench] [NAME ...]
 
-Each benchmark is measured in a process of its own, one after the other; the table goes to
-`OUTPUT.md` and, for programs, to `OUTPUT.json`. Quick rounds take some ten minutes on two cores.
-Peers that are not installed are left out, and named. Exit code 1 if a benchmark breaks or does not
-come to its end; a figure that misses its goal says so in the table.
+Each benchmark runs in a process of its own, one after the other; the table goes to `OUTPUT.md` and,
+for programs, to `OUTPUT.json`. Quick rounds take some ten minutes on two cores. Baselines that are
+not installed are left out, and named. Exit code 1 if a benchmark fails or does not end in time; a
+value that misses its goal is marked in the table.
 """
 
 import argparse
@@ -23,79 +23,92 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from advercity_sapien.backend import find_vulkan_device
-from measurement import Figure, table
+from measurement import Measurement, format_table
 
 NAMES = [
-    *("compile", "traffic", "lidar", "camera", "tracing", "effects", "encode", "frame", "cores"),
-    *("resume", "reader"),
+    *("compile", "traffic", "bodies", "lidar", "camera", "tracing", "effects", "encode", "frame"),
+    *("cores", "resume"),
 ]
 PACKAGES = [
     *("advercity", "sapien", "libsumo", "embreex", "numpy", "opencv-python-headless"),
     *("open3d", "open3d-cpu", "mitsuba"),
 ]
 PEERS = {"mitsuba": "Mitsuba", "open3d": "Open3D"}
-"""Modules of those that come with the extra `bench`."""
-LONGEST_S = {False: 900, True: 3600}
-"""That one benchmark may take, quick or full."""
+"""Modules of the baselines that come with the extra `bench`."""
+TIME_LIMIT_S = {False: 900, True: 3600}
+"""Longest time of one benchmark, quick or full."""
 
 
 def main() -> int:
-    """Measure all and print the table; 1 if a benchmark broke."""
+    """Measure all and print the table; 1 if a benchmark failed."""
+    arguments = _parse_arguments()
+    if arguments.only:
+        module = importlib.import_module(arguments.only)
+        found = module.run_benchmark(quick=not arguments.full)
+        arguments.output.write_text(json.dumps([asdict(one) for one in found]))
+        return 0
+    measurements: list[Measurement] = []
+    failed: list[str] = []
+    for name in arguments.names or NAMES:
+        started = time.perf_counter()
+        found = _run_in_subprocess(name, arguments.full)
+        measurements += found or []
+        failed += [] if found else [name]
+        line = f"{name}: {time.perf_counter() - started:.0f} s"
+        print(line if found else f"{line}, FAILED", file=sys.stderr, flush=True)
+    _write_report(arguments.output, measurements, failed)
+    return int(bool(failed))
+
+
+def _parse_arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(NAMES))
     parser.add_argument("--full", action="store_true", help="more rounds")
     parser.add_argument("--output", type=Path, default=Path("output/bench"))
-    parser.add_argument("--only", choices=NAMES, help="write one's figures to OUTPUT as JSON")
-    arguments = parser.parse_args()
-    if arguments.only:
-        figures = importlib.import_module(arguments.only).figures(quick=not arguments.full)
-        arguments.output.write_text(json.dumps([asdict(one) for one in figures]))
-        return 0
-    found: list[Figure] = []
-    failed: list[str] = []
-    for name in arguments.names or NAMES:
-        began = time.perf_counter()
-        figures = _in_a_child(name, arguments.full)
-        found += figures or []
-        failed += [] if figures else [name]
-        took = f"{name}: {time.perf_counter() - began:.0f} s"
-        print(took if figures else f"{took}, BROKEN", file=sys.stderr, flush=True)
-    left_out = [
-        f"\n{name} is not installed, so no figure is against it: pip install 'advercity[bench]'"
-        for module, name in PEERS.items()
-        if find_spec(module) is None
-    ]
-    broken = [f"\n{name} broke; what it said is above" for name in failed]
-    text = "\n".join([*_machine(), "", table(found), *left_out, *broken])
-    print(text)
-    arguments.output.parent.mkdir(parents=True, exist_ok=True)
-    arguments.output.with_suffix(".md").write_text(text + "\n")
-    rows = [asdict(one) | {"holds": one.holds} for one in found]
-    record = {"machine": _machine(), "figures": rows, "failed": failed}
-    arguments.output.with_suffix(".json").write_text(json.dumps(record, indent=1) + "\n")
-    return int(bool(failed))
+    parser.add_argument("--only", choices=NAMES, help="write one's values to OUTPUT as JSON")
+    return parser.parse_args()
 
 
-def _in_a_child(name: str, full: bool) -> list[Figure] | None:
-    """None if the benchmark breaks, which its own words on stderr explain.
+def _run_in_subprocess(name: str, full: bool) -> list[Measurement] | None:
+    """Run a benchmark; None if it fails, with its own output on stderr.
 
-    Figures come back in a file: programs that it calls say all sorts of things on stdout.
+    Values come back in a file: programs that it calls print all sorts of things on stdout.
     """
     with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "figures.json"
+        file = Path(folder) / "measurements.json"
         command = [sys.executable, __file__, "--only", name, "--output", str(file)]
         command += ["--full"] if full else []
         try:
-            subprocess.run(command, stdout=sys.stderr, check=True, timeout=LONGEST_S[full])
+            subprocess.run(command, stdout=sys.stderr, check=True, timeout=TIME_LIMIT_S[full])
         except (subprocess.CalledProcessError, subprocess.TimeoutExpired) as error:
             print(f"{name}: {error}", file=sys.stderr)
             return None
-        return [Figure(**one) for one in json.loads(file.read_text())]
+        return [Measurement(**one) for one in json.loads(file.read_text())]
 
 
-def _machine() -> list[str]:
-    """Lines on what was measured where."""
-    installed = [f"{name} {number}" for name in PACKAGES if (number := _version(name))]
+def _write_report(output: Path, measurements: list[Measurement], failed: list[str]) -> None:
+    """Print the table, and write it as Markdown and as JSON."""
+    machine = _describe_machine()
+    missing = [
+        f"\n{name} is not installed, so nothing is measured against it: pip install"
+        " 'advercity[bench]'"
+        for module, name in PEERS.items()
+        if find_spec(module) is None
+    ]
+    failures = [f"\n{name} FAILED; see its output above" for name in failed]
+    text = "\n".join([*machine, "", format_table(measurements), *missing, *failures])
+    print(text)
+    output.parent.mkdir(parents=True, exist_ok=True)
+    output.with_suffix(".md").write_text(text + "\n")
+    # Programs read these keys: they stay.
+    rows = [asdict(one) | {"holds": one.meets_goal} for one in measurements]
+    record = {"machine": machine, "figures": rows, "failed": failed}
+    output.with_suffix(".json").write_text(json.dumps(record, indent=1) + "\n")
+
+
+def _describe_machine() -> list[str]:
+    """Describe machine, device and versions, a line each."""
+    installed = [f"{name} {number}" for name in PACKAGES if (number := _find_version(name))]
     return [
         f"{time.strftime('%Y-%m-%d')}, {platform.system()} on {platform.machine()},"
         f" {len(os.sched_getaffinity(0))} cores (load {os.getloadavg()[0]:.1f}),"
@@ -105,7 +118,7 @@ def _machine() -> list[str]:
     ]
 
 
-def _version(package: str) -> str | None:
+def _find_version(package: str) -> str | None:
     try:
         return version(package)
     except PackageNotFoundError:

@@ -1,97 +1,76 @@
-"""Times the compiler on the library with the example weathers in it, and says where time goes.
+"""Times the compiler on the library with the example weathers in it: `python benchmarks/compile.py`.
 
-python benchmarks/compile.py [ROUNDS]
+Where the time goes is seen best by `python -m cProfile -s tottime -m advercity compile library`.
 """
 
-import cProfile
-import os
-import pstats
 import shutil
-import statistics
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
-from measurement import Figure
+from measurement import Measurement, cpu_with_children_s, measure_median_cpu_s
 
 from advercity.compiler import load_library, write_specs
 from advercity.compiler.crossing import compile_library
 
 ROOT = Path(__file__).parent.parent
-PEER = "import yaml, pydantic, typer"
-"""What any program of this kind imports; the start-up that is not ours."""
+ADVERCITY = str(Path(sys.executable).parent / "advercity")
+BASELINE_IMPORTS = "import yaml, pydantic, typer"
+"""Imports of any program of this kind: the part of the start-up that is not ours."""
 
 
-def figures(*, quick: bool) -> list[Figure]:
-    """The whole library, and the start of the program."""
+def run_benchmark(*, quick: bool) -> list[Measurement]:
+    """Measure the whole library, and the start of the program."""
     rounds = 3 if quick else 7
-    peer_s = median_s(process(sys.executable, "-c", PEER), rounds)
-    advercity = str(Path(sys.executable).parent / "advercity")
-    with tempfile.TemporaryDirectory() as scratch:
-        compiling = process(advercity, "compile", str(ROOT / "library"), "--output", scratch)
-        whole_s = median_s(compiling, rounds)
-    help_s = median_s(process(advercity, "--help"), rounds)
+    baseline_s = _median_s(_subprocess_call(sys.executable, "-c", BASELINE_IMPORTS), rounds)
+    with tempfile.TemporaryDirectory() as folder:
+        compiling = _subprocess_call(
+            ADVERCITY, "compile", str(ROOT / "library"), "--output", folder
+        )
+        compile_s = _median_s(compiling, rounds)
+    help_s = _median_s(_subprocess_call(ADVERCITY, "--help"), rounds)
     against = "importing yaml, pydantic and typer"
     return [
-        Figure("`advercity --help`, processor time", help_s / peer_s, against, at_most=2.0),
-        Figure("`advercity compile`, processor time", whole_s / peer_s, against, at_most=12.0),
+        Measurement("`advercity --help`, processor time", help_s / baseline_s, against, 2.0),
+        Measurement("`advercity compile`, processor time", compile_s / baseline_s, against, 12.0),
     ]
 
 
-def median_s(work: Callable[[], object], rounds: int) -> float:
-    """Median of the processor time that `work` takes in this process and its children."""
-    taken: list[float] = []
-    for _ in range(rounds):
-        begin = sum(os.times()[:4])
-        work()
-        taken.append(sum(os.times()[:4]) - begin)
-    return statistics.median(taken)
+def _median_s(work: Callable[[], object], rounds: int) -> float:
+    return measure_median_cpu_s(work, rounds, clock=cpu_with_children_s)
 
 
-def process(*command: str) -> Callable[[], object]:
-    """Work that is a process of its own."""
+def _subprocess_call(*command: str) -> Callable[[], object]:
     return lambda: subprocess.run(command, check=True, capture_output=True)
 
 
 def main() -> None:
-    """Print a table, then the functions that took most."""
+    """Print seconds of each stage of compiling."""
     rounds = int(sys.argv[1]) if len(sys.argv) > 1 else 5
-    advercity = str(Path(sys.executable).parent / "advercity")
-    with tempfile.TemporaryDirectory() as scratch:
-        library, output = Path(scratch, "library"), Path(scratch, "specs")
+    with tempfile.TemporaryDirectory() as folder:
+        library, output = Path(folder, "library"), Path(folder, "specs")
         shutil.copytree(ROOT / "library", library)
         for example in (ROOT / "library" / "examples").glob("*.yaml"):
             shutil.copy(example, library / "nhtsa" / "weather")
         specs = compile_library(library, suite="adver_city")
         rows = {
-            "`advercity --help`": process(advercity, "--help"),
-            f"python -c '{PEER}'": process(sys.executable, "-c", PEER),
-            "`advercity compile`, the whole process": process(
-                *(advercity, "compile", str(library), "--output", str(output)),
+            "`advercity --help`": _subprocess_call(ADVERCITY, "--help"),
+            f"python -c '{BASELINE_IMPORTS}'": _subprocess_call(
+                sys.executable, "-c", BASELINE_IMPORTS
+            ),
+            "`advercity compile`, the whole process": _subprocess_call(
+                *(ADVERCITY, "compile", str(library), "--output", str(output)),
                 *("--suite", "adver_city"),
             ),
             "reading the library": lambda: load_library(library),
             "reading and crossing": lambda: compile_library(library, suite="adver_city"),
             "writing": lambda: write_specs(specs, output),
         }
-        print(f"{len(specs)} specs, median of {rounds}\n\n| what | s |\n|---|---|")
+        print(f"{len(specs)} specs, median of {rounds}\n\n| stage | CPU, s |\n|---|---|")
         for name, work in rows.items():
-            print(f"| {name} | {median_s(work, rounds):.2f} |")
-        _print_profile(lambda: write_specs(compile_library(library, suite="adver_city"), output))
-
-
-def _print_profile(work: Callable[[], object], shown: int = 12) -> None:
-    profile = cProfile.Profile()
-    profile.runcall(work)
-    stats = pstats.Stats(profile)
-    rows: Sequence[tuple[tuple[str, int, str], tuple[int, int, float, float, object]]]
-    rows = sorted(stats.stats.items(), key=lambda item: -item[1][2])  # pyright: ignore
-    total = sum(row[1][2] for row in rows)
-    print("\n| function | calls | share of the time, its own |\n|---|---|---|")
-    for (file, _, name), (_, calls, own, _, _) in rows[:shown]:
-        print(f"| {Path(file).name}: {name} | {calls} | {own / total:.0%} |")
+            print(f"| {name} | {_median_s(work, rounds):.2f} |")
 
 
 if __name__ == "__main__":

@@ -3,9 +3,9 @@
     python benchmarks/encode.py [compiled/ui_fog_day_sparse.json] [--rounds 7] [--profile full]
 
 The same few frames are sensed without being written, and then with, again and again, so that the
-load of the machine is the same for both. `processor time` is what a run takes more of: what it
-would take longer if no core had anything to spare. `wall` is what it did take longer, files being
-made behind rendering. The encoder alone is OpenCV with the same pictures and nothing else.
+load of the machine is the same for both. `processor time` is what a run would take longer if no
+core had anything to spare; `wall` is what it did take longer, as files are made in the background
+of rendering. The encoder alone is OpenCV with the same images and nothing else.
 """
 
 import argparse
@@ -14,12 +14,11 @@ import tempfile
 import time
 from collections.abc import Generator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 import cv2
-from measurement import Figure, table
+from measurement import Measurement, RunTime, format_table, measure_run_time
 
 from advercity.compiler import read_spec
 from advercity.dataset.writer import ScenarioWriter
@@ -33,71 +32,67 @@ FRAMES = range(1, 4)
 GOAL = 0.15
 
 
-@dataclass(frozen=True)
-class Cost:
-    """Seconds that something took."""
-
-    wall: float
-    cpu: float
-
-
-def figures(
+def run_benchmark(
     *, quick: bool, spec: Path = SPEC, profile: str = "preview", rounds: int | None = None
-) -> list[Figure]:
-    """What the files of frames take, three ways."""
+) -> list[Measurement]:
+    """Measure the files of some frames, three ways."""
     count = rounds or (3 if quick else 7)
-    with tempfile.TemporaryDirectory() as folder, _opened(spec, profile, Path(folder)) as opened:
-        sensed, writer = opened
-        _make(sensed, writer)
-        pairs = [(_make(sensed), _make(sensed, writer)) for _ in range(count)]
-        pictures = sorted(writer.scenario.rglob("*.png"))
-        bare_s = statistics.median(_encoder_s(pictures) for _ in range(count))
-    cpu = statistics.median(made.cpu / seen.cpu for seen, made in pairs)
-    wall = statistics.median(made.wall / seen.wall for seen, made in pairs)
-    own_s = statistics.median(made.cpu - seen.cpu for seen, made in pairs)
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        _open_scenario(spec, profile, Path(folder)) as (sensors, writer),
+    ):
+        _measure_frames(sensors, writer)
+        pairs = [(_measure_frames(sensors), _measure_frames(sensors, writer)) for _ in range(count)]
+        images = sorted(writer.scenario.rglob("*.png"))
+        encoder_s = statistics.median(_measure_encoder_s(images) for _ in range(count))
+    cpu = statistics.median(written.cpu_s / sensed.cpu_s for sensed, written in pairs)
+    wall = statistics.median(written.wall_s / sensed.wall_s for sensed, written in pairs)
+    own_s = statistics.median(written.cpu_s - sensed.cpu_s for sensed, written in pairs)
     return [
-        Figure("encode and write, processor time added", cpu - 1.0, "sensing frames", GOAL),
-        Figure("encode and write, wall added", wall - 1.0, "sensing frames"),
-        Figure("encode and write all files", own_s / bare_s, "OpenCV with their pictures alone"),
+        Measurement("encode and write, processor time added", cpu - 1.0, "sensing frames", GOAL),
+        Measurement("encode and write, wall added", wall - 1.0, "sensing frames"),
+        Measurement("encode and write all files", own_s / encoder_s, "OpenCV, images alone"),
     ]
 
 
 @contextmanager
-def _opened(
+def _open_scenario(
     path: Path, profile_name: str, folder: Path
 ) -> Generator[tuple[SensorRig, ScenarioWriter]]:
-    """The sensors and the writer of a scenario."""
+    """Open the sensors and the writer of a scenario."""
     spec, backend, profile = read_spec(path), load_backend("sapien"), RENDER_PROFILES[profile_name]
     traffic = load_or_simulate_traffic(spec)
     frames = range(len(traffic.trace))
     prepared = PreparedScenario(spec, traffic, backend, profile, frames)
     with (
         ScenarioWriter(folder, spec, prepared.identity, length=len(frames)) as writer,
-        open_sensors(prepared) as sensed,
+        open_sensors(prepared) as sensors,
     ):
-        yield sensed, writer
+        yield sensors, writer
 
 
-def _make(sensed: SensorRig, writer: ScenarioWriter | None = None) -> Cost:
-    """Sense the frames as a run does, and write them too if there is a writer."""
-    wall, cpu = time.perf_counter(), time.process_time()
-    with BackgroundWriter() as behind:
-        for frame in FRAMES:
-            readings = sensed.capture_frame(frame)
-            if writer is not None:
-                behind.submit(partial(writer.write_frame, frame, readings))
-    return Cost(time.perf_counter() - wall, time.process_time() - cpu)
+def _measure_frames(sensors: SensorRig, writer: ScenarioWriter | None = None) -> RunTime:
+    """Sense the frames as a run does, and write them if there is a writer."""
+
+    def make_frames() -> None:
+        with BackgroundWriter() as background:
+            for frame in FRAMES:
+                readings = sensors.capture_frame(frame)
+                if writer is not None:
+                    background.submit(partial(writer.write_frame, frame, readings))
+
+    return measure_run_time(make_frames)
 
 
-def _encoder_s(pictures: list[Path]) -> float:
-    """Processor seconds that OpenCV takes for some pictures."""
+def _measure_encoder_s(images: list[Path]) -> float:
+    """Measure the processor time of OpenCV's encoder, without reading the images."""
     total = 0.0
-    for path in pictures:
+    for path in images:
         image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
         assert image is not None
-        began = time.process_time()
+        started = time.process_time()
         cv2.imencode(".png", image)
-        total += time.process_time() - began
+        total += time.process_time() - started
     return total
 
 
@@ -107,9 +102,8 @@ def main() -> None:
     parser.add_argument("spec", type=Path, nargs="?", default=SPEC)
     parser.add_argument("--profile", default="preview")
     parser.add_argument("--rounds", type=int, default=7)
-    chosen = parser.parse_args()
-    found = figures(quick=False, spec=chosen.spec, profile=chosen.profile, rounds=chosen.rounds)
-    print(table(found))
+    options = vars(parser.parse_args())
+    print(format_table(run_benchmark(quick=False, **options)))
 
 
 if __name__ == "__main__":
