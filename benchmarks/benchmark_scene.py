@@ -7,6 +7,7 @@ import numpy as np
 from advercity_dsl import Agent
 
 from advercity.compiler import read_spec
+from advercity.frames import Frame
 from advercity.geometry.mesh import Mesh
 from advercity.geometry.poses import transform_points
 from advercity.physics.atmosphere import compute_atmosphere
@@ -21,6 +22,7 @@ class BenchmarkScene:
 
     Attributes:
         spec: The scenario.
+        length: Number of its frames.
         poses: Poses of its agents.
         frame: The frame.
         world: Its world.
@@ -31,6 +33,7 @@ class BenchmarkScene:
     def __init__(self, spec_path: Path, frame_index: int) -> None:
         self.spec = read_spec(spec_path)
         traffic = load_or_simulate_traffic(self.spec)
+        self.length = len(traffic.trace)
         self.poses = AgentPoses(self.spec, traffic.trace)
         self.frame = self.poses.load_frame(frame_index)
         self.world = load_or_build_world(self.spec, traffic.network_path)
@@ -44,10 +47,10 @@ class BenchmarkScene:
             for pose in self.poses.world_from_cameras(agent, self.frame.index)
         ]
 
-    def list_world_meshes(self) -> list[Mesh]:
-        """List all meshes of the frame in world coordinates, vertices in float32."""
+    def list_world_meshes(self, frame: Frame) -> list[Mesh]:
+        """List all meshes of a frame in world coordinates, vertices in float32."""
         placed = [(mesh, np.eye(4)) for mesh in self.world.static]
-        for state in self.frame.states:
+        for state in frame.states:
             parts = self.world.bodies[state.actor.blueprint].parts
             placed += [(mesh, state.world_from_body) for mesh in parts]
         return [

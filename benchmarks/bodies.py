@@ -1,4 +1,4 @@
-"""How long the bodies of a scenario take to load from the cache: `python benchmarks/bodies.py [SPEC]`."""
+"""How long the bodies of a scenario take to load: `python benchmarks/bodies.py [SPEC]`."""
 
 import resource
 import sys

@@ -33,7 +33,7 @@ from advercity.rendering.backend import RENDER_PROFILES, RenderProfile, load_bac
 
 SPEC = Path("compiled/ui_fog_day_sparse.json")
 GOAL = 2.5
-# Names of functions as strings: `test_stages_of_a_frame_exist` finds those that were renamed.
+# Functions are named by strings, which renaming tools miss; a test finds those that are gone.
 STAGES: dict[str, tuple[tuple[object, str], ...]] = {
     "placing actors": ((SapienRenderer, "place"),),
     "starting images": ((SapienRenderer, "_start_render"),),

@@ -1,4 +1,4 @@
-"""Damages declarations and specs at random; each is read whole or told about, and nothing else.
+"""Damages declarations and specs at random: each must be read, or rejected with a message.
 
 python benchmarks/fuzz_declarations.py [COUNT] [SEED]
 """
@@ -22,9 +22,9 @@ from advercity.errors import InputError
 from advercity.randomness import create_generator
 
 ROOT = Path(__file__).parent.parent
-SMALL = ROOT / "tests" / "compiler" / "base"
+SMALL_LIBRARY = ROOT / "tests" / "compiler" / "base"
 LIMIT_S = 10
-"""Of processor time, which a busy machine does not lengthen."""
+"""Limit of processor time, which does not depend on how busy the machine is."""
 ODD_VALUES = (
     *("null", "true", "off", "0", "-1", "1e999", "-0.0", "9" * 400, ".inf", "[]", "{}", "''"),
     *("[1, [2, [3]]]", "{a: {b: 1}}", "75 m", "3 parsecs", "*a", "&a x", "!!int 3", "../../etc"),
@@ -43,14 +43,14 @@ ODD_LINES = (
 )
 
 
-class TookTooLongError(Exception):
+class MutationTimeoutError(Exception):
     """A damaged file kept the compiler busy."""
 
 
-def mutated(text: str, rng: np.random.Generator) -> bytes:
-    """The text with one to four damages."""
+def mutate(text: str, rng: np.random.Generator) -> bytes:
+    """Return the text with one to four damages, as bytes that may not even be UTF-8."""
     for _ in range(int(rng.integers(1, 5))):
-        text = _damage(text, rng)
+        text = _apply_damage(text, rng)
     raw = text.encode("utf-8", "surrogatepass")
     if rng.random() < 0.05 and raw:
         at = int(rng.integers(len(raw)))
@@ -58,7 +58,7 @@ def mutated(text: str, rng: np.random.Generator) -> bytes:
     return raw
 
 
-def _damage(text: str, rng: np.random.Generator) -> str:
+def _apply_damage(text: str, rng: np.random.Generator) -> str:
     lines = text.split("\n")
     at = int(rng.integers(len(lines)))
     other = int(rng.integers(len(lines)))
@@ -72,29 +72,29 @@ def _damage(text: str, rng: np.random.Generator) -> str:
         case 3:
             lines[at] = " " * int(rng.integers(5)) + lines[at].lstrip()
         case 4:
-            lines.insert(at, _one_of(ODD_LINES, rng))
+            lines.insert(at, _choose(ODD_LINES, rng))
         case 5:
             return text[: int(rng.integers(len(text) + 1))]
         case 6:
             begin = int(rng.integers(len(text) + 1))
-            return text[:begin] + _one_of(list("{}[]:,#&*!|>'\"%@`- \t\r\n0x"), rng) + text[begin:]
+            return text[:begin] + _choose(list("{}[]:,#&*!|>'\"%@`- \t\r\n0x"), rng) + text[begin:]
         case 7:
             begin = int(rng.integers(len(text) + 1))
             return text[:begin] + text[begin + int(rng.integers(1, 8)) :]
         case _:
             key, colon, _ = lines[at].partition(":")
-            lines[at] = f"{key}{colon} {_one_of(ODD_VALUES, rng)}"
+            lines[at] = f"{key}{colon} {_choose(ODD_VALUES, rng)}"
     return "\n".join(lines)
 
 
-def _one_of(choices: Sequence[str], rng: np.random.Generator) -> str:
+def _choose(choices: Sequence[str], rng: np.random.Generator) -> str:
     return choices[int(rng.integers(len(choices)))]
 
 
 @contextmanager
 def _time_limit() -> Generator[None]:
     def stop(number: int, frame: FrameType | None) -> None:
-        raise TookTooLongError
+        raise MutationTimeoutError
 
     before = signal.signal(signal.SIGPROF, stop)
     signal.setitimer(signal.ITIMER_PROF, LIMIT_S)
@@ -105,42 +105,42 @@ def _time_limit() -> Generator[None]:
         signal.signal(signal.SIGPROF, before)
 
 
-def outcome(number: int, seed: int, folder: Path) -> str:
-    """What came of one damaged file: `read` or `told`; anything else is raised.
+def check_mutation(number: int, seed: int, folder: Path) -> str:
+    """Damage one file and read it: `read` or `rejected`; anything else is raised.
 
     Args:
-        number: Which damage; together with `seed` it says all.
-        seed: Of the series.
+        number: Number of the mutation; with `seed` it decides everything.
+        seed: Seed of the series.
         folder: An empty folder to work in.
     """
     rng = create_generator(seed, "mutation", number)
     with _time_limit():
         match int(rng.integers(4)):
             case 0:
-                return _library(rng, folder)
+                return _check_library(rng, folder)
             case 1:
                 shipped = sorted((ROOT / "library").rglob("*.yaml"))
-                return _file(shipped[int(rng.integers(len(shipped)))], rng, folder)
+                return _check_file(shipped[int(rng.integers(len(shipped)))], rng, folder)
             case 2:
                 specs = sorted((ROOT / "compiled").glob("*.json"))
-                return _file(specs[int(rng.integers(len(specs)))], rng, folder)
+                return _check_file(specs[int(rng.integers(len(specs)))], rng, folder)
             case _:
-                return _library(rng, folder, only="suite")
+                return _check_library(rng, folder, only="suite")
 
 
-def _library(rng: np.random.Generator, folder: Path, only: str = "*") -> str:
+def _check_library(rng: np.random.Generator, folder: Path, only: str = "*") -> str:
     library, output = folder / "library", folder / "output"
-    shutil.copytree(SMALL, library)
+    shutil.copytree(SMALL_LIBRARY, library)
     files = sorted(library.glob(f"{only}.yaml"))
     path = files[int(rng.integers(len(files)))]
-    path.write_bytes(mutated(path.read_text(), rng))
+    path.write_bytes(mutate(path.read_text(), rng))
     before = {item for item in folder.rglob("*") if item.is_file()}
     try:
         write_specs(compile_library(library), output)
     except InputError as error:
-        assert str(error).strip(), "nothing is told"
-        assert not output.exists(), "half an output is left"
-        return "told"
+        assert str(error).strip(), "empty message"
+        assert not output.exists(), "partial output is left"
+        return "rejected"
     for spec in output.glob("*.json"):
         read_spec(spec)
     new = {item for item in folder.rglob("*") if item.is_file()} - before
@@ -148,33 +148,33 @@ def _library(rng: np.random.Generator, folder: Path, only: str = "*") -> str:
     return "read"
 
 
-def _file(original: Path, rng: np.random.Generator, folder: Path) -> str:
+def _check_file(original: Path, rng: np.random.Generator, folder: Path) -> str:
     path = folder / original.name
-    path.write_bytes(mutated(original.read_text(), rng))
+    path.write_bytes(mutate(original.read_text(), rng))
     try:
         validate_path(path)
     except InputError as error:
-        assert str(error).startswith(str(folder)), f"no place: {error}"
-        return "told"
+        assert str(error).startswith(str(folder)), f"no file in the message: {error}"
+        return "rejected"
     return "read"
 
 
 def main() -> int:
-    """Damage many files; the first that fails is raised with its number."""
+    """Damage many files, and print those that fail with their numbers."""
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 10_000
     seed = int(sys.argv[2]) if len(sys.argv) > 2 else 1
-    found: Counter[str] = Counter()
+    outcomes: Counter[str] = Counter()
     begin = time.perf_counter()
     failed = 0
     for number in range(count):
         with tempfile.TemporaryDirectory() as folder:
             try:
-                found[outcome(number, seed, Path(folder))] += 1
+                outcomes[check_mutation(number, seed, Path(folder))] += 1
             except Exception as error:
                 failed += 1
                 print(f"{number}: {type(error).__name__}: {str(error)[:300]}")
-    took = time.perf_counter() - begin
-    print(f"{count} in {took:.0f} s: {dict(found)}, {failed} failed")
+    wall_s = time.perf_counter() - begin
+    print(f"{count} in {wall_s:.0f} s: {dict(outcomes)}, {failed} failed")
     return 1 if failed else 0
 
 

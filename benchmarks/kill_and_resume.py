@@ -1,11 +1,10 @@
-"""Kills a run at random again and again, and compares what it leaves with an undisturbed one.
+"""Kills a run at random moments, and compares the resumed result with that of an undisturbed run.
 
     python benchmarks/kill_and_resume.py [SPEC] [--kills 20] [--frames 12]
 
-Each time the same command is started again; whenever it has come to its end, the trees are
-compared and the next one starts from nothing. Exit code 1 if any of them differs or `verify` finds
-anything. Every process is a new one and is killed with SIGKILL; those that make frames, `--jobs` of
-them, notice by themselves.
+The same command is started again after each kill; when it ends, the trees are compared and the next
+series starts from an empty folder. Exit code 1 if any of them differs or `verify` finds a problem.
+Only the run's own process is killed (SIGKILL); its `--jobs` workers notice that by themselves.
 """
 
 import argparse
@@ -30,27 +29,29 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         whole, killed = Path(folder) / "whole", Path(folder) / "killed"
         begin = time.perf_counter()
-        subprocess.run(_command(arguments, whole), check=True, stdout=subprocess.DEVNULL)
+        subprocess.run(_build_command(arguments, whole), check=True, stdout=subprocess.DEVNULL)
         whole_s = time.perf_counter() - begin
-        print(f"undisturbed: {whole_s:.1f} s, {len(_tree(whole))} files")
+        print(f"undisturbed: {whole_s:.1f} s, {len(_hash_tree(whole))} files")
         kills, wrong = 0, 0
         while kills < arguments.kills:
-            patience_s = moments.uniform(0.3, 0.95) * whole_s
+            delay_s = moments.uniform(0.3, 0.95) * whole_s
             begin = time.perf_counter()
-            if _is_killed(_command(arguments, killed), patience_s):
+            if _run_and_kill(_build_command(arguments, killed), delay_s):
                 kills += 1
-                print(f"kill {kills}: after {patience_s:.1f} s, {_done(killed)}", flush=True)
+                print(
+                    f"kill {kills}: after {delay_s:.1f} s, {_format_progress(killed)}", flush=True
+                )
             else:
-                # The machine may have less to do by now.
+                # The machine may be less busy than during the first run.
                 whole_s = max(0.8 * whole_s, time.perf_counter() - begin)
-                wrong += _compare(killed, whole)
+                wrong += _has_differences(killed, whole)
                 shutil.rmtree(killed)
-        subprocess.run(_command(arguments, killed), check=True, stdout=subprocess.DEVNULL)
-        wrong += _compare(killed, whole)
+        subprocess.run(_build_command(arguments, killed), check=True, stdout=subprocess.DEVNULL)
+        wrong += _has_differences(killed, whole)
     return min(1, wrong)
 
 
-def _command(arguments: argparse.Namespace, output: Path) -> list[str]:
+def _build_command(arguments: argparse.Namespace, output: Path) -> list[str]:
     return [
         *(sys.executable, "-c", "from advercity.cli import main; main()"),
         *("run", str(arguments.spec), "--output", str(output), "--jobs", str(arguments.jobs)),
@@ -59,11 +60,11 @@ def _command(arguments: argparse.Namespace, output: Path) -> list[str]:
     ]
 
 
-def _is_killed(command: list[str], patience_s: float) -> bool:
-    """Give a process so long, then kill it; False if it came to its end before."""
+def _run_and_kill(command: list[str], delay_s: float) -> bool:
+    """Start a process and kill it after a delay; False if it ended before."""
     process = subprocess.Popen(command, start_new_session=True, stdout=subprocess.DEVNULL)
     try:
-        code = process.wait(patience_s)
+        code = process.wait(delay_s)
     except subprocess.TimeoutExpired:
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()
@@ -73,20 +74,20 @@ def _is_killed(command: list[str], patience_s: float) -> bool:
     return False
 
 
-def _compare(killed: Path, whole: Path) -> bool:
-    """Whether they differ, or something is wrong with them."""
+def _has_differences(killed: Path, whole: Path) -> bool:
+    """Whether the trees differ, or `verify` finds a problem."""
     problems = verify_dataset(killed)
-    differ = _tree(killed) != _tree(whole)
+    differ = _hash_tree(killed) != _hash_tree(whole)
     print(f"done: {len(problems)} problems, {'DIFFERENT' if differ else 'equal'}")
     return differ or bool(problems)
 
 
-def _done(root: Path) -> str:
+def _format_progress(root: Path) -> str:
     frames = {path.name[:6] for path in root.glob("*/*/[0-9]*.yaml")}
-    return f"{len(frames)} frames there"
+    return f"{len(frames)} frames"
 
 
-def _tree(root: Path) -> dict[str, str]:
+def _hash_tree(root: Path) -> dict[str, str]:
     return {
         str(path.relative_to(root)): hashlib.sha256(path.read_bytes()).hexdigest()
         for path in root.rglob("*")

@@ -1,39 +1,33 @@
 """How fast the LiDAR is, and how much the weather costs: `python benchmarks/lidar.py [SPEC]`.
 
-All five sensors of a dense scenario look, frame after frame, on one core. Beside every measurement
-two bare casts run: the same rays against one scene of the same triangles, built beforehand, for
-which triangle each ray meets and how far away; their answers are thrown away. One is Embree as its
-Python wrapper has it, ray by ray; the other takes rays in packets, as the LiDAR does. All are
-measured in processor time, so that ratios hold on a busy machine too. With `--frames N` it also
-runs N frames and prints what they leave behind in memory.
+All five sensors of a dense scenario scan, frame after frame, on one core. Each measurement comes
+with two baselines: the same rays against one scene of the same triangles, built beforehand, for the
+triangle and the range of each hit alone. One is Embree through its Python wrapper, ray by ray; the
+other casts rays in packets, as the LiDAR does. All are measured in processor time, so that ratios
+hold on a busy machine too. With `--frames N` it also runs N frames and prints the memory in use.
 """
 
 import argparse
-import math
 import resource
 import statistics
-import time
 from collections.abc import Callable
-from dataclasses import replace
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any
 
 import numpy as np
 import psutil
-from advercity_dsl import Agent, Lidar, RoadsideUnit, Spec, Weather
+from advercity_dsl import Agent, Lidar, RoadsideUnit, Weather
+from benchmark_scene import BenchmarkScene
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
-from measurement import Figure
-from numpy.typing import NDArray
+from measurement import Measurement, measure_run_time
 
-from advercity.compiler import find_weather, read_spec
+from advercity.compiler import find_weather
 from advercity.frames import Frame
-from advercity.geometry.poses import transform_points
+from advercity.geometry.arrays import FloatArray, IndexArray
 from advercity.physics.atmosphere import compute_atmosphere
-from advercity.pipeline.agent_poses import AgentPoses
-from advercity.pipeline.preparation import load_or_build_world, load_or_simulate_traffic
 from advercity.randomness import create_generator
 from advercity.rendering import embree
 from advercity.rendering.raycaster import Raycaster
@@ -44,120 +38,114 @@ from advercity.sensors.lidar import (
     derive_lidar_conditions,
     measure_point_cloud,
 )
-from advercity.world import World
-
-Result = TypeVar("Result")
-Floats = NDArray[np.floating[Any]]
-Rows = NDArray[np.intp]
 
 WEATHERS = ("clear_day", "soft_rain_day", "heavy_rain_day", "fog_day", "foggy_heavy_rain_day")
 WARM_UP = 2
-FIRST = 50
-"""Frame to begin with."""
+FIRST_FRAME = 50
 TRIALS = 3
-"""Of everything that is timed; what others do to the machine only adds."""
+"""Calls of which the quickest counts: other processes can only add time."""
 RANGE_M = 200.0
 SPEC = Path("compiled/ui_clear_day_dense.json")
 
 
-class Scene:
-    """All sensors of a scenario, ready to look."""
+class LidarScene(BenchmarkScene):
+    """All sensors of a scenario, and a ray caster."""
 
-    def __init__(self, spec: Spec) -> None:
-        stage = load_or_simulate_traffic(spec)
-        self.viewpoints = AgentPoses(spec, stage.trace)
-        self.world = load_or_build_world(spec, stage.network_path)
+    def __init__(self, spec_path: Path) -> None:
+        super().__init__(spec_path, FIRST_FRAME)
         self.caster = Raycaster(self.world)
-        self.frames = len(stage.trace)
-        self.agents = spec.agents
 
-    def look(self, agent: Agent, frame: Frame, air: LidarConditions) -> int:
-        """Points of a sensor in a frame."""
+    def load_frames(self, count: int) -> list[Frame]:
+        """Load frames from the first on, with all their bodies built."""
+        frames = [self.poses.load_frame(FIRST_FRAME + number) for number in range(count)]
+        for frame in frames:
+            self.caster.place(frame)
+        return frames
+
+    def count_points(self, agent: Agent, frame: Frame, air: LidarConditions) -> int:
+        """Scan with a sensor and count the points."""
         lidar = agent.sensors.lidar
-        roadside = isinstance(agent.place, RoadsideUnit)
-        self.caster.place(frame, frozenset() if roadside else frozenset({agent.number}))
-        pose = self.viewpoints.world_from_lidar(agent, frame)
+        is_roadside = isinstance(agent.place, RoadsideUnit)
+        self.caster.place(frame, frozenset() if is_roadside else frozenset({agent.number}))
+        pose = self.poses.world_from_lidar(agent, frame)
         scan = cast_scan(lidar, pose, self.caster, puddle_coverage=air.puddle_coverage)
         rng = create_generator("benchmark", agent.id, frame.index)
         return len(measure_point_cloud(lidar, scan, air, rng, states=frame.states).points)
 
-    def rays(self, agent: Agent, frame: Frame) -> tuple[Floats, Floats]:
-        """Origins and directions of a sensor's rays."""
-        pose = self.viewpoints.world_from_lidar(agent, frame)
+    def compute_rays(self, agent: Agent, frame: Frame) -> tuple[FloatArray, FloatArray]:
+        """Compute origins and directions (n, 3) of a sensor's rays."""
+        pose = self.poses.world_from_lidar(agent, frame)
         directions = (beam_directions(agent.sensors.lidar) @ pose[:3, :3].T).astype(np.float32)
         origins = np.repeat(pose[None, :3, 3].astype(np.float32), len(directions), axis=0)
         return origins, np.ascontiguousarray(directions)
 
 
-class Bare:
-    """Embree alone with all that is there in a frame."""
+class EmbreeBaseline:
+    """Embree alone with all meshes of a frame.
 
-    def __init__(self, world: World, frame: Frame) -> None:
-        there = [(mesh, np.eye(4)) for mesh in world.static]
-        for state in frame.states:
-            parts = world.bodies[state.actor.blueprint].parts
-            there += [(mesh, state.world_from_body) for mesh in parts]
-        moved = [
-            replace(mesh, vertices=transform_points(at, mesh.vertices).astype(np.float32))
-            for mesh, at in there
-        ]
-        starts = np.cumsum([0, *(len(mesh.vertices) for mesh in moved)]).astype(np.int32)
-        triangles = [mesh.triangles + start for mesh, start in zip(moved, starts, strict=False)]
+    Attributes:
+        mesh: Vertices (n, 3) and triangles (m, 3) of all together.
+    """
+
+    def __init__(self, scene: BenchmarkScene, frame: Frame) -> None:
+        meshes = scene.list_world_meshes(frame)
+        starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)]).astype(np.int32)
+        triangles = [mesh.triangles + start for mesh, start in zip(meshes, starts, strict=False)]
         self._single: Any = EmbreeScene(robust=True)
-        self.mesh = np.concatenate([mesh.vertices for mesh in moved]), np.concatenate(triangles)
+        self.mesh = np.concatenate([mesh.vertices for mesh in meshes]), np.concatenate(triangles)
         TriangleMesh(self._single, *self.mesh)
-        self._packets = embree.EmbreeScene([embree.EmbreeMesh(moved)], np.eye(4)[None])
-        # The wrapper commits its scene when it is first asked.
-        self.single(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
+        self._packets = embree.EmbreeScene([embree.EmbreeMesh(meshes)], np.eye(4)[None])
+        # The wrapper builds its acceleration structure at the first cast.
+        self.cast_single(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
 
-    def single(self, origins: Floats, directions: Floats) -> None:
+    def cast_single(self, origins: FloatArray, directions: FloatArray) -> None:
         """Cast ray by ray."""
         limits = np.full(len(origins), RANGE_M, np.float32)
         self._single.run(origins, directions, limits, output=True)
 
-    def packets(self, origins: Floats, directions: Floats, order: Rows) -> None:
+    def cast_packets(self, origins: FloatArray, directions: FloatArray, order: IndexArray) -> None:
         """Cast 16 rays at a time."""
         self._packets.cast(origins, directions, RANGE_M, ray_order=order)
 
 
-def timed(work: Callable[[], Result]) -> tuple[float, Result]:
-    """Least seconds of processor time that it takes in a few trials, and what comes of it."""
-    least_s, result = math.inf, None
-    for _ in range(TRIALS):
-        start = time.process_time()
-        result = work()
-        least_s = min(least_s, time.process_time() - start)
-    return least_s, cast("Result", result)
+class Open3dBaseline:
+    """Open3D's ray caster, on one thread like all the others."""
+
+    def __init__(self, embree_baseline: EmbreeBaseline) -> None:
+        open3d: Any = import_module("open3d")
+        self._tensor: Any = open3d.core.Tensor
+        self._scene: Any = open3d.t.geometry.RaycastingScene(nthreads=1)
+        vertices, triangles = embree_baseline.mesh
+        self._scene.add_triangles(self._tensor(vertices), self._tensor(triangles.astype(np.uint32)))
+
+    def cast(self, origins: FloatArray, directions: FloatArray) -> None:
+        """Cast rays; the first cast builds the acceleration structure."""
+        self._scene.cast_rays(self._tensor(np.hstack([origins, directions])), nthreads=1)
 
 
-def without_weather() -> Weather:
-    """Nothing in the air, nothing on the ground, no sun."""
-    return Weather.model_validate(
-        {"id": "none", "time": "night", "air": {"mor_m": None}, "sun": {"elevation_deg": -30}}
-    )
+class LidarRound:
+    """Processor time of all sensors in one frame: the baselines, and all that the LiDAR does."""
 
-
-class Round:
-    """What the sensors took in one frame, seconds: Embree alone, one way and the other, and all."""
-
-    def __init__(self, scene: Scene, frame: Frame, air: LidarConditions) -> None:
+    def __init__(self, scene: LidarScene, frame: Frame, air: LidarConditions) -> None:
         self.points = self.rays = 0
-        self.single_s = self.packets_s = self.whole_s = 0.0
-        bare = Bare(scene.world, frame)
-        start = time.process_time()
-        scene.caster.place(frame)
-        self.whole_s += time.process_time() - start
-        for agent in scene.agents:
-            rays, order = scene.rays(agent, frame), ring_by_ring(agent.sensors.lidar)
-            self.single_s += timed(lambda rays=rays: bare.single(*rays))[0]
-            self.packets_s += timed(lambda rays=rays, order=order: bare.packets(*rays, order))[0]
-            whole_s, points = timed(lambda agent=agent: scene.look(agent, frame, air))
-            self.whole_s += whole_s
+        self.single_s = self.packets_s = 0.0
+        baseline = EmbreeBaseline(scene, frame)
+        self.whole_s = measure_run_time(lambda: scene.caster.place(frame)).cpu_s
+        for agent in scene.spec.agents:
+            rays, order = scene.compute_rays(agent, frame), order_by_ring(agent.sensors.lidar)
+            self.single_s += measure_min_cpu_s(lambda rays=rays: baseline.cast_single(*rays))
+            self.packets_s += measure_min_cpu_s(
+                lambda rays=rays, order=order: baseline.cast_packets(*rays, order)
+            )
+            self.whole_s += measure_min_cpu_s(
+                lambda agent=agent: scene.count_points(agent, frame, air)
+            )
             self.rays += len(order)
-            self.points += points
+            self.points += scene.count_points(agent, frame, air)
 
-    def figures(self) -> tuple[float, ...]:
-        """Rates in millions a second, and ratios to Embree alone, as the table has them."""
+    @property
+    def rates(self) -> tuple[float, ...]:
+        """Rates in millions per second, and ratios to Embree alone, in the table's order."""
         return (
             self.points / self.whole_s / 1e6,
             self.rays / self.whole_s / 1e6,
@@ -168,103 +156,103 @@ class Round:
         )
 
 
-class Open3d:
-    """Open3D's ray caster, on one thread like all the others."""
-
-    def __init__(self, bare: Bare) -> None:
-        open3d: Any = import_module("open3d")
-        self._tensor: Any = open3d.core.Tensor
-        self._scene: Any = open3d.t.geometry.RaycastingScene(nthreads=1)
-        vertices, triangles = bare.mesh
-        self._scene.add_triangles(self._tensor(vertices), self._tensor(triangles.astype(np.uint32)))
-
-    def cast(self, origins: Floats, directions: Floats) -> None:
-        """Cast rays; the scene is built when it is first asked."""
-        self._scene.cast_rays(self._tensor(np.hstack([origins, directions])), nthreads=1)
-
-
-def figures(*, quick: bool) -> list[Figure]:
-    """Everything that LiDARs do, against ray casters that do nothing else."""
+def run_benchmark(*, quick: bool) -> list[Measurement]:
+    """Measure everything that LiDARs do against ray casting alone."""
     rounds, names = (3, WEATHERS[-1:]) if quick else (9, WEATHERS)
-    scene = Scene(read_spec(SPEC))
-    frames = [scene.viewpoints.load_frame(FIRST + number) for number in range(rounds + WARM_UP)]
-    for frame in frames:
-        scene.caster.place(frame)
-    found: list[Figure] = []
-    for weather in (without_weather(), *(find_weather(name).declaration for name in names)):
-        air = derive_lidar_conditions(compute_atmosphere(weather, "urban"), weather.lens)
-        done = [Round(scene, frame, air) for frame in frames][WARM_UP:]
-        ratio = statistics.median(one.single_s / one.whole_s for one in done)
-        found.append(Figure(f"LiDAR, {weather.id}", ratio, "rate of bare Embree", at_least=0.5))
+    scene = LidarScene(SPEC)
+    frames = scene.load_frames(rounds + WARM_UP)
+    found: list[Measurement] = []
+    for weather in (build_clear_weather(), *(find_weather(name).declaration for name in names)):
+        rows = measure_rounds(scene, frames, weather)
+        ratio = statistics.median(row.single_s / row.whole_s for row in rows)
+        found.append(
+            Measurement(f"LiDAR, {weather.id}", ratio, "rate of Embree alone", at_least=0.5)
+        )
     if find_spec("open3d"):
-        ratio = statistics.median(_against_open3d(scene, frame) for frame in frames[WARM_UP:])
-        found.append(Figure("LiDAR, none", ratio, "rate of Open3D's caster", at_least=0.5))
+        ratio = statistics.median(_measure_against_open3d(scene, item) for item in frames[WARM_UP:])
+        found.append(Measurement("LiDAR, none", ratio, "rate of Open3D's caster", at_least=0.5))
     return found
 
 
-def _against_open3d(scene: Scene, frame: Frame) -> float:
-    """Rate of all that is done without weather over that of Open3D's rays alone."""
-    peer, weather = Open3d(Bare(scene.world, frame)), without_weather()
-    air = derive_lidar_conditions(compute_atmosphere(weather, "urban"), weather.lens)
-    bare_s = whole_s = 0.0
-    for agent in scene.agents:
-        rays = scene.rays(agent, frame)
+def measure_rounds(scene: LidarScene, frames: list[Frame], weather: Weather) -> list[LidarRound]:
+    """Measure all frames after the warm-up in a weather."""
+    air = derive_conditions(weather)
+    return [LidarRound(scene, frame, air) for frame in frames][WARM_UP:]
+
+
+def measure_min_cpu_s(work: Callable[[], object]) -> float:
+    """Measure the least processor time of a few calls."""
+    return min(measure_run_time(work).cpu_s for _ in range(TRIALS))
+
+
+def derive_conditions(weather: Weather) -> LidarConditions:
+    """Derive the LiDAR's conditions of a weather in town."""
+    return derive_lidar_conditions(compute_atmosphere(weather, "urban"), weather.lens)
+
+
+def build_clear_weather() -> Weather:
+    """Build a weather without air, water or sun."""
+    return Weather.model_validate(
+        {"id": "none", "time": "night", "air": {"mor_m": None}, "sun": {"elevation_deg": -30}}
+    )
+
+
+def _measure_against_open3d(scene: LidarScene, frame: Frame) -> float:
+    """Measure the rate of all that is done without weather relative to Open3D's rays alone."""
+    peer = Open3dBaseline(EmbreeBaseline(scene, frame))
+    air = derive_conditions(build_clear_weather())
+    baseline_s = whole_s = 0.0
+    for agent in scene.spec.agents:
+        rays = scene.compute_rays(agent, frame)
         peer.cast(*(part[:1] for part in rays))
-        bare_s += timed(lambda rays=rays: peer.cast(*rays))[0]
-        whole_s += timed(lambda agent=agent: scene.look(agent, frame, air))[0]
-    return bare_s / whole_s
+        baseline_s += measure_min_cpu_s(lambda rays=rays: peer.cast(*rays))
+        whole_s += measure_min_cpu_s(lambda agent=agent: scene.count_points(agent, frame, air))
+    return baseline_s / whole_s
 
 
-def ring_by_ring(lidar: Lidar) -> Rows:
-    """Rows of a turn's beams, each channel's side by side."""
+def order_by_ring(lidar: Lidar) -> IndexArray:
+    """Order a scan's beams by channel, each channel's along its ring: packets are then coherent."""
     return np.arange(lidar.azimuths * lidar.channels).reshape(-1, lidar.channels).T.ravel()
 
 
-def table(scene: Scene, rounds: int) -> None:
+def print_table(scene: LidarScene, rounds: int) -> None:
     """Print one row per weather."""
-    weathers = [without_weather(), *(find_weather(name).declaration for name in WEATHERS)]
-    frames = [scene.viewpoints.load_frame(FIRST + number) for number in range(rounds + WARM_UP)]
-    for frame in frames:
-        # Bodies are built when they are first met.
-        scene.caster.place(frame)
-    print(
-        f"{len(scene.agents)} sensors, {len(frames[0].states)} actors, {rounds} frames, medians\n"
-    )
+    frames = scene.load_frames(rounds + WARM_UP)
+    sensors, actors = len(scene.spec.agents), len(frames[0].states)
+    print(f"{sensors} sensors, {actors} actors, {rounds} frames, medians\n")
     print("| weather | points | M points/s | M rays/s | Embree alone | ratio | packets | ratio |")
     print("|---|---|---|---|---|---|---|---|")
-    for weather in weathers:
-        air = derive_lidar_conditions(compute_atmosphere(weather, "urban"), weather.lens)
-        done = [Round(scene, frame, air) for frame in frames][WARM_UP:]
-        cells = np.median([one.figures() for one in done], axis=0)
-        points = round(statistics.median(one.points for one in done))
+    for weather in (build_clear_weather(), *(find_weather(name).declaration for name in WEATHERS)):
+        rows = measure_rounds(scene, frames, weather)
+        cells = np.median([row.rates for row in rows], axis=0)
+        points = round(statistics.median(row.points for row in rows))
         print(f"| {weather.id} | {points} | {' | '.join(f'{cell:.2f}' for cell in cells)} |")
 
 
-def memory(scene: Scene, frames: int) -> None:
-    """Print how large the process is along the way."""
-    weather = find_weather("foggy_heavy_rain_day").declaration
-    air = derive_lidar_conditions(compute_atmosphere(weather, "urban"), weather.lens)
+def print_memory(scene: LidarScene, frames: int) -> None:
+    """Print the memory of the process during many frames."""
+    air = derive_conditions(find_weather("foggy_heavy_rain_day").declaration)
     for number in range(frames + 1):
         if number % max(1, frames // 4) == 0:
             resident = psutil.Process().memory_info().rss / 2**20
             peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
             print(f"after {number} frames: {resident:.0f} MiB, at most {peak:.0f} MiB")
-        frame = scene.viewpoints.load_frame(number % scene.frames)
-        for agent in scene.agents:
-            scene.look(agent, frame, air)
+        frame = scene.poses.load_frame(number % scene.length)
+        for agent in scene.spec.agents:
+            scene.count_points(agent, frame, air)
 
 
 def main() -> None:
-    """Read the command line, measure, print."""
+    """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("spec", nargs="?", default=SPEC, type=Path)
     parser.add_argument("--rounds", default=7, type=int)
     parser.add_argument("--frames", default=0, type=int)
-    chosen = parser.parse_args()
-    scene = Scene(Spec.model_validate_json(chosen.spec.read_text()))
-    table(scene, chosen.rounds)
-    if chosen.frames:
-        memory(scene, chosen.frames)
+    options = parser.parse_args()
+    scene = LidarScene(options.spec)
+    print_table(scene, options.rounds)
+    if options.frames:
+        print_memory(scene, options.frames)
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ that misses its goal is a finding, not a failure: the table shows it, and the ex
 
 import os
 import statistics
+import subprocess
 import threading
 import time
 from collections import defaultdict
@@ -88,6 +89,15 @@ def measure_median_cpu_s(
     """Measure the median of processor time; the calls of the warm-up do not count."""
     times = [measure_run_time(work, clock).cpu_s for _ in range(warm_up + rounds)]
     return statistics.median(times[warm_up:])
+
+
+def measure_command_cpu_s(rounds: int, *command: str) -> float:
+    """Measure the median of a command's processor time."""
+    return measure_median_cpu_s(
+        lambda: subprocess.run(command, check=True, capture_output=True),
+        rounds,
+        clock=cpu_with_children_s,
+    )
 
 
 class Stopwatch:

@@ -7,8 +7,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from compile import median_s, process
-from measurement import Figure, table
+from measurement import Measurement, format_table, measure_command_cpu_s
 
 from advercity.compiler import read_spec
 from advercity.dataset.manifest import Identity, Manifest
@@ -17,20 +16,22 @@ from advercity.dataset.scenario_folders import MANIFEST_FILE
 
 SPEC = Path(__file__).parent.parent / "compiled" / "ui_fog_day_sparse.json"
 NUM_FRAMES, FILES_PER_FRAME = 300, 64
-PEER = "import numpy, pydantic, yaml"
-"""What a reader of the manifest and of the YAML files cannot do without."""
+BASELINE_IMPORTS = "import numpy, pydantic, yaml"
+"""Imports that a reader of the manifest and of the YAML files cannot do without."""
 
 
-def figures(*, quick: bool, rounds: int | None = None) -> list[Figure]:
-    """Open a dataset of one scenario whose manifest is as long as a whole run makes it."""
+def run_benchmark(*, quick: bool, rounds: int | None = None) -> list[Measurement]:
+    """Measure opening a dataset of one scenario with a manifest as long as that of a whole run."""
     count = rounds or (5 if quick else 15)
     with tempfile.TemporaryDirectory() as folder:
         _write_manifest(Path(folder))
         code = f"import advercity; advercity.open_dataset({folder!r})"
-        opening_s = median_s(process(sys.executable, "-c", code), count)
-    peer_s = median_s(process(sys.executable, "-c", PEER), count)
+        opening_s = measure_command_cpu_s(count, sys.executable, "-c", code)
+    baseline_s = measure_command_cpu_s(count, sys.executable, "-c", BASELINE_IMPORTS)
     against = "importing numpy, pydantic and yaml"
-    return [Figure("`open_dataset`, processor time", opening_s / peer_s, against, at_most=1.8)]
+    return [
+        Measurement("`open_dataset`, processor time", opening_s / baseline_s, against, at_most=1.8)
+    ]
 
 
 def _write_manifest(folder: Path) -> None:
@@ -47,4 +48,4 @@ def _write_manifest(folder: Path) -> None:
 
 if __name__ == "__main__":
     asked = int(sys.argv[1]) if len(sys.argv) > 1 else None
-    print(table(figures(quick=True, rounds=asked)))
+    print(format_table(run_benchmark(quick=True, rounds=asked)))

@@ -1,12 +1,11 @@
-"""Runs every compiled spec at a tiny scale in one go, and tells whether memory grows meanwhile.
+"""Runs every compiled spec at a tiny scale in one batch, verifies it, and measures memory growth.
 
     python benchmarks/soak.py [compiled] [--output DIR] [--jobs 2] [--frames 1] [--scale 0.05]
 
-Memory is that of the process which runs them all, and the most that each scenario's own took, less
-what those of its road and density take in the mean; in the order in which scenarios ended, by least
-squares. Exit code 1 if a scenario fails,
-a file is missing or changed, or a slope is above 1 MB a scenario. The same command with the same
---output goes on where it was interrupted.
+Memory is that of the process which runs the batch, and the peak of each scenario's own processes
+relative to the mean of its road and density; growth is a least-squares slope in the order in which
+scenarios ended. Exit code 1 if a scenario fails, a file is missing or changed, or memory grows by
+more than 1 MB per scenario. The same command with the same --output resumes an interrupted batch.
 """
 
 import argparse
@@ -25,37 +24,43 @@ from advercity.dataset.verification import verify_dataset
 from advercity.pipeline import Progress, RunOptions, RunResources, ScenarioResult, run_scenarios
 from advercity.pipeline.options import format_byte_size, format_duration
 
-MOST_MB = 1.0
-"""That memory may grow with every scenario."""
+MAX_GROWTH_MB = 1.0
+"""Largest growth of memory per scenario."""
 
 
-class Log:
-    """Prints and keeps how scenarios end, and what memory this process has then."""
+class MemoryLog:
+    """Prints and keeps the memory at the end of each scenario.
+
+    Attributes:
+        own_mb: Memory of this process.
+        peaks_mb: Peak memory of the scenario's processes.
+        groups: Road and density of the scenario.
+    """
 
     def __init__(self) -> None:
         self.own_mb: list[float] = []
         self.peaks_mb: list[float] = []
-        self.alike: list[str] = []
+        self.groups: list[str] = []
 
     def on_progress(self, progress: Progress) -> None:
-        """Nothing to print."""
+        """Print nothing."""
 
     def on_result(self, result: ScenarioResult) -> None:
-        """One line."""
+        """Print one line."""
         self.own_mb.append(psutil.Process().memory_info().rss / 1e6)
         self.peaks_mb.append(result.peak_memory_bytes / 1e6)
         road, *_, density = result.scenario.split("_")
-        self.alike.append(f"{road} {density}")
-        told = f"FAILED: {result.error}" if result.error else f"{result.time_s:.1f} s"
+        self.groups.append(f"{road} {density}")
+        outcome = f"FAILED: {result.error}" if result.error else f"{result.time_s:.1f} s"
         print(
-            f"{len(self.own_mb):3} {result.scenario}: {told}, peak {self.peaks_mb[-1]:.0f} MB,"
-            f" here {self.own_mb[-1]:.1f} MB",
+            f"{len(self.own_mb):3} {result.scenario}: {outcome}, peak {self.peaks_mb[-1]:.0f} MB,"
+            f" this process {self.own_mb[-1]:.1f} MB",
             flush=True,
         )
 
 
 def main() -> int:
-    """Run, verify, fit; 1 if anything is not as it should be."""
+    """Run, verify, fit; 1 if anything is wrong."""
     arguments = _arguments()
     specs = [read_spec(path) for path in sorted(arguments.folder.glob("*.json"))]
     with tempfile.TemporaryDirectory() as folder:
@@ -66,33 +71,33 @@ def main() -> int:
             scale=arguments.scale,
             frames=slice(0, arguments.frames),
         )
-        log, began_s = Log(), time.perf_counter()
+        log, start_s = MemoryLog(), time.perf_counter()
         results = run_scenarios(
             specs, options, listener=log, resources=RunResources(arguments.jobs)
         )
-        took_s = time.perf_counter() - began_s
+        wall_s = time.perf_counter() - start_s
         manifests = [Manifest.load(output / spec.id) for spec in specs]
         whole = sum(manifest.frames == tuple(range(arguments.frames)) for manifest in manifests)
         problems = verify_dataset(output)
     failed = sum(result.error is not None for result in results)
-    slopes = [_slope(log.own_mb), _slope(_less_the_mean(log.peaks_mb, log.alike))]
-    print(f"{len(specs)} scenarios in {format_duration(took_s)}, {failed} failed; {whole} whole")
+    slopes = [_fit_slope(log.own_mb), _fit_slope(_subtract_group_means(log.peaks_mb, log.groups))]
+    print(f"{len(specs)} scenarios in {format_duration(wall_s)}, {failed} failed; {whole} complete")
     print(f"{sum(len(manifest.files) for manifest in manifests)} files,", end=" ")
     print(f"{format_byte_size(sum(result.size_bytes for result in results))},", end=" ")
-    print(f"{len(problems)} not as their manifests say")
-    print(f"memory here {slopes[0]:+.3f} MB a scenario, in their processes {slopes[1]:+.3f}")
-    return int(bool(failed or problems or whole < len(specs) or max(slopes) > MOST_MB))
+    print(f"{len(problems)} differing from their manifests")
+    print(f"memory growth per scenario: {slopes[0]:+.3f} MB here, {slopes[1]:+.3f} MB in scenarios")
+    return int(bool(failed or problems or whole < len(specs) or max(slopes) > MAX_GROWTH_MB))
 
 
-def _less_the_mean(values: Sequence[float], alike: Sequence[str]) -> list[float]:
-    """Of those that are alike."""
-    _, members = np.unique(alike, return_inverse=True)
+def _subtract_group_means(values: Sequence[float], groups: Sequence[str]) -> list[float]:
+    """Subtract the mean of its group from each value."""
+    _, members = np.unique(groups, return_inverse=True)
     means = np.bincount(members, values) / np.bincount(members)
     return (np.asarray(values) - means[members]).tolist()
 
 
-def _slope(values: Sequence[float]) -> float:
-    """MB a scenario."""
+def _fit_slope(values: Sequence[float]) -> float:
+    """Fit the growth per scenario."""
     return float(np.polynomial.Polynomial.fit(range(len(values)), values, 1).convert().coef[1])
 
 

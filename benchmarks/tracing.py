@@ -105,7 +105,7 @@ def _merge_meshes(scene: BenchmarkScene) -> Any:
     return trimesh.util.concatenate(
         [
             trimesh.Trimesh(mesh.vertices, mesh.triangles, process=False)
-            for mesh in scene.list_world_meshes()
+            for mesh in scene.list_world_meshes(scene.frame)
         ]
     )
 

@@ -2,9 +2,9 @@
 
     python benchmarks/traffic.py [compiled/ui_clear_day_dense.json ...] [--rounds 5]
 
-One run gives both: SUMO's own time is that of starting, stepping and closing it; the rest is reading
-the state of every road user, limiting speeds in curves, and the record. The value is the median of
-the rounds, in processor time.
+One run gives both: SUMO's own time is that of starting, stepping and closing it; the rest is
+reading the state of every road user, limiting speeds in curves, and the record. The value is the
+median of the rounds, in processor time.
 """
 
 import argparse
