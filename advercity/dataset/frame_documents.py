@@ -1,14 +1,11 @@
-"""YAML and JSON as datasets hold them: plain types, rounded numbers, no anchors, no times.
+"""The YAML and JSON documents of a frame: poses, calibration, annotated objects, GNSS and IMU.
 
-What a frame's YAML files say of a viewpoint, the same in every layout.
+Documents hold plain types and rounded numbers. They are left-handed (see `carla_frame`), in metres,
+degrees and km/h; boxes in images are in pixels from the upper left corner.
 
-Everything here is left-handed (see `carla_frame`), in metres, degrees and km/h. Fields that no
-loader reads are kept beside those they do: `class`, `bearing`, `lidar_hits`.
-
-What more is known of every annotated object, in a file that no loader of OPV2V opens.
-
-They parse `<frame>.yaml` in pure Python several times over, so it stays short and this lies beside
-it. Vectors are left-handed as there; boxes are in pixels, counted from the left upper corner.
+Loaders of OPV2V parse `<frame>.yaml` in pure Python several times over, so it stays short: it has
+the fields that they read, and `class`, `bearing` and `lidar_hits`. All else that is known of an
+object is in `<frame>_objects.json`, which none of them opens.
 """
 
 import json
@@ -35,21 +32,17 @@ from advercity.geometry import poses
 from advercity.materials import MATERIALS
 from advercity.sensors.annotation import Annotation
 from advercity.sensors.measurements import GnssFix, ImuSample
-from advercity.sensors.sensor_frame import (
-    CameraImage,
-    ProjectedBox,
-    SensorFrame,
-    compute_image_intrinsics,
-)
+from advercity.sensors.sensor_frame import ProjectedBox, SensorFrame
 
 UNLIMITED_LINE_WIDTH = 2**30
-"""Width of lines."""
+"""Line width at which PyYAML never folds a text."""
 
 
 def to_plain(values: ArrayLike, *, decimals: int = 9) -> Any:
-    """Python floats, rounded; zero without a sign. Short vectors are quickest as tuples."""
+    """Convert numbers to rounded Python floats, zeros to +0.0; short vectors go best as tuples."""
     if isinstance(values, float):
-        # As NumPy rounds, at a tenth of what it takes for a single number.
+        # Rounds as `np.round` does, which takes ten times as long for a single number. `round`
+        # returns an int, and so loses the sign of zero.
         scale = 10.0**decimals
         scaled = values * scale
         return round(scaled) / scale if math.isfinite(scaled) else values
@@ -59,9 +52,9 @@ def to_plain(values: ArrayLike, *, decimals: int = 9) -> Any:
 
 
 def format_yaml(document: Mapping[Any, Any]) -> bytes:
-    """A document in the order of its keys; what holds nothing but scalars is on one line.
+    """Format a document in the order of its keys; what holds only scalars is on one line.
 
-    PyYAML, which only tells how texts are quoted here, takes six times as long for it all.
+    PyYAML takes six times as long for a whole document; here it only quotes texts.
     """
     lines: list[str] = []
     if _is_one_line(document):
@@ -72,12 +65,12 @@ def format_yaml(document: Mapping[Any, Any]) -> bytes:
 
 
 def format_json(document: dict[str, Any]) -> bytes:
-    """A document in the order of its keys, without blanks."""
+    """Format a document in the order of its keys, without blanks."""
     return json.dumps(document, separators=(",", ":"), allow_nan=False).encode() + b"\n"
 
 
 def _append_lines(lines: list[str], value: Any, indent: str) -> None:
-    """Of a mapping or list that takes several."""
+    """Append the lines of a mapping or list that takes several."""
     if isinstance(value, Mapping):
         for key, item in value.items():
             if _is_one_line(item):
@@ -114,63 +107,56 @@ def _format_line(value: Any) -> str:
 
 
 def _format_flow_item(value: Any) -> str:
-    """A scalar between brackets, where commas part."""
+    """Format a scalar inside brackets, where a text with a comma needs quotes."""
     return _format_scalar(value, inside=True)
 
 
 def _format_scalar(value: Any, *, inside: bool = False) -> str:
     if isinstance(value, float):
         text = repr(value)
+        # YAML 1.1 reads `1e-09` as a text, and writes `.nan` and `.inf`: PyYAML knows how.
         return _format_with_pyyaml(value) if "e" in text or "n" in text else text
     if isinstance(value, str):
         return _format_with_pyyaml(value, inside=inside)
     return json.dumps(value)
 
 
+# Texts repeat from frame to frame: classes, blueprints, keys.
 @lru_cache(maxsize=4096)
 def _format_with_pyyaml(value: str | float, *, inside: bool = False) -> str:
-    several_lines = isinstance(value, str) and "\n" in value
+    is_multiline = isinstance(value, str) and "\n" in value
     text: str = yaml.dump(
         [value],
         Dumper=yaml.CSafeDumper,
         default_flow_style=inside,
-        default_style='"' if several_lines else None,
+        default_style='"' if is_multiline else None,
         width=UNLIMITED_LINE_WIDTH,
     )
-    return text[1:-2] if inside else text[2:-1]
+    return text[1:-2] if inside else text[2:-1]  # `[x]\n` or `- x\n`
 
 
 def build_frame_description(
     sensor_frame: SensorFrame, annotations: Sequence[Annotation]
 ) -> dict[str, Any]:
-    """What `<frame>.yaml` says of a viewpoint and what it annotates, in plain types."""
-    cameras = {
-        f"camera{index}": _describe_camera(sensor_frame, picture)
-        for index, picture in enumerate(sensor_frame.camera_images)
-    }
+    """Build the document `<frame>.yaml` of an agent and what it annotates."""
+    agent_pose = carla_pose_from_matrix(sensor_frame.world_from_agent)
+    estimated_pose = carla_pose_from_matrix(sensor_frame.estimated_world_from_agent)
+    cameras = range(len(sensor_frame.camera_images))
+    pedestrians = [item for item in annotations if _is_pedestrian(item)]
+    vehicles = [item for item in annotations if not _is_pedestrian(item)]
     return {
         "RSU": sensor_frame.agent.place.kind == "roadside_unit",
         "ego_speed": to_plain(sensor_frame.speed_m_s * KM_H_PER_M_S),
-        "true_ego_pos": to_plain(carla_pose_from_matrix(sensor_frame.world_from_agent)),
-        "predicted_ego_pos": to_plain(
-            carla_pose_from_matrix(sensor_frame.estimated_world_from_agent)
-        ),
+        "true_ego_pos": to_plain(agent_pose),
+        "predicted_ego_pos": to_plain(estimated_pose),
         "lidar_pose": to_plain(carla_pose_from_matrix(sensor_frame.world_from_lidar)),
-        **cameras,
+        **{f"camera{index}": _describe_camera(sensor_frame, index) for index in cameras},
         "plan_trajectory": [
             to_plain((*mirror_xyz(x, y, 0.0)[:2], speed * KM_H_PER_M_S))
             for x, y, speed in sensor_frame.planned_trajectory
         ],
-        "vehicles": {
-            item.state.actor.id: _describe_object(item)
-            for item in annotations
-            if not _is_pedestrian(item)
-        },
-        "walkers": {
-            item.state.actor.id: _describe_object(item)
-            for item in annotations
-            if _is_pedestrian(item)
-        },
+        "vehicles": {item.state.actor.id: _describe_object(item) for item in vehicles},
+        "walkers": {item.state.actor.id: _describe_object(item) for item in pedestrians},
     }
 
 
@@ -179,7 +165,6 @@ def _is_pedestrian(item: Annotation) -> bool:
 
 
 def _describe_object(item: Annotation) -> dict[str, Any]:
-    """Loaders add `center` to `location` without turning it, so it is written turned."""
     actor = item.state.actor
     offset = item.centre - item.location
     length, width, height = actor.size
@@ -188,6 +173,7 @@ def _describe_object(item: Annotation) -> dict[str, Any]:
         "bp_id": actor.blueprint,
         "color": _format_paint_colour(actor.paint),
         "location": to_plain(mirror_xyz(*item.location.tolist())),
+        # Loaders add `center` to `location` without rotating it, so it is in the world's axes.
         "center": to_plain(mirror_xyz(*offset.tolist())),
         "angle": to_plain(compute_carla_angles_deg(item.state.world_from_body)),
         "extent": to_plain((length / 2, width / 2, height / 2)),
@@ -199,19 +185,19 @@ def _describe_object(item: Annotation) -> dict[str, Any]:
     }
 
 
-def _describe_camera(reading: SensorFrame, picture: CameraImage) -> dict[str, Any]:
-    """`extrinsic` leads from the LiDAR to the camera, in body axes, as loaders compute it."""
-    camera_from_lidar = poses.invert_pose(picture.world_from_camera) @ reading.world_from_lidar
-    field_of_view = reading.agent.sensors.camera.horizontal_fov_deg
+def _describe_camera(sensor_frame: SensorFrame, camera: int) -> dict[str, Any]:
+    """Describe a camera; `extrinsic` maps LiDAR to camera in body axes, as loaders compute it."""
+    world_from_camera = sensor_frame.camera_images[camera].world_from_camera
+    camera_from_lidar = poses.invert_pose(world_from_camera) @ sensor_frame.world_from_lidar
     return {
-        "cords": to_plain(carla_pose_from_matrix(picture.world_from_camera)),
+        "cords": to_plain(carla_pose_from_matrix(world_from_camera)),
         "extrinsic": to_plain(mirror_pose(camera_from_lidar)),
-        "intrinsic": to_plain(compute_image_intrinsics(picture, horizontal_fov_deg=field_of_view)),
+        "intrinsic": to_plain(sensor_frame.compute_intrinsic(camera)),
     }
 
 
 def build_motion_document(sensor_frame: SensorFrame) -> dict[str, Any]:
-    """What satellite receiver and inertial unit say, each where there is one."""
+    """Build the document of GNSS and IMU, with those of the two that the agent has."""
     gnss = {} if sensor_frame.gnss is None else {"gnss": _describe_gnss(sensor_frame.gnss)}
     imu = {} if sensor_frame.imu is None else {"imu": _describe_imu(sensor_frame.imu)}
     return gnss | imu
@@ -219,6 +205,7 @@ def build_motion_document(sensor_frame: SensorFrame) -> dict[str, Any]:
 
 def _describe_gnss(fix: GnssFix) -> dict[str, Any]:
     return {
+        # 1e-12 degrees are 0.1 micrometres; 1e-9 degrees would be 0.1 millimetres.
         "lat": to_plain(fix.latitude_deg, decimals=12),
         "lon": to_plain(fix.longitude_deg, decimals=12),
         "alt": to_plain(fix.altitude_m),
@@ -227,30 +214,23 @@ def _describe_gnss(fix: GnssFix) -> dict[str, Any]:
 
 
 def _describe_imu(sample: ImuSample) -> dict[str, Any]:
-    """Of a unit that is faster than the frames, `earlier` has what came since the last one."""
+    """Describe a sample; `earlier` has those since the last frame, of a unit with a higher rate."""
+    earlier = [
+        {"time_offset": to_plain(one.time_s), **_describe_imu(one)} for one in sample.earlier
+    ]
+    acceleration = to_plain(mirror_points(sample.specific_force))
+    rate = to_plain(mirror_angular_rate(sample.angular_rate))
     return {
-        **(
-            {"earlier": [_describe_timed_sample(one) for one in sample.earlier]}
-            if sample.earlier
-            else {}
-        ),
-        "accelerometer": dict(
-            zip("xyz", to_plain(mirror_points(sample.specific_force)), strict=True)
-        ),
-        "gyroscope": dict(
-            zip("xyz", to_plain(mirror_angular_rate(sample.angular_rate)), strict=True)
-        ),
+        **({"earlier": earlier} if earlier else {}),
+        "accelerometer": dict(zip("xyz", acceleration, strict=True)),
+        "gyroscope": dict(zip("xyz", rate, strict=True)),
         "compass": to_plain(sample.compass_rad),
     }
 
 
-def _describe_timed_sample(sample: ImuSample) -> dict[str, Any]:
-    return {"time_offset": to_plain(sample.time_s), **_describe_imu(sample)}
-
-
 @cache
 def _format_paint_colour(material: str) -> str:
-    """`r, g, b` from 0 to 255: a material's albedo in sRGB's transfer (IEC 61966-2-1)."""
+    """Format a material's albedo as `r, g, b` from 0 to 255, in sRGB's transfer (IEC 61966-2-1)."""
     linear = np.array(MATERIALS[material].albedo)
     encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
     return ", ".join(str(value) for value in np.rint(encoded * 255).astype(int))
@@ -259,14 +239,14 @@ def _format_paint_colour(material: str) -> str:
 def build_object_extras(
     sensor_frame: SensorFrame, annotations: Sequence[Annotation]
 ) -> dict[str, Any]:
-    """Document of one viewpoint and what it annotates, in plain types; by id as in its YAML.
+    """Build the document `<frame>_objects.json`: what an agent annotates, by id as in its YAML.
 
-    `lidar_points` are those that came back through the weather, `lidar_hits` those that would have
-    in none. `roles` are an object's parts in staged conflicts, by their ids. `cameras` has those
-    whose pictures its outline reaches into.
+    `lidar_points` counts the points returned in this weather, `lidar_hits` the beams that would
+    hit in none. `roles` are the object's roles in staged conflicts, by conflict id. `cameras` has
+    the cameras whose image the object's outline overlaps.
     """
-    numbers, counts = np.unique(sensor_frame.point_cloud.instance, return_counts=True)
-    points = dict(zip(numbers.tolist(), counts.tolist(), strict=True))
+    ids, counts = np.unique(sensor_frame.point_cloud.instance, return_counts=True)
+    points = dict(zip(ids.tolist(), counts.tolist(), strict=True))
     return {
         "frame": sensor_frame.frame.index,
         "time_s": to_plain(sensor_frame.frame.time_s),
@@ -280,32 +260,32 @@ def build_object_extras(
 
 
 def _describe_object_extras(
-    item: Annotation, reading: SensorFrame, lidar_points: int
+    item: Annotation, sensor_frame: SensorFrame, lidar_points: int
 ) -> dict[str, Any]:
     state = item.state
     velocity = mirror_xyz(*(state.world_from_body[:3, 0] * state.speed_m_s).tolist())
     return {
         "class": state.actor.actor_class,
-        "roles": dict(reading.conflict_roles.get(state.actor.id, {})),
+        "roles": dict(sensor_frame.conflict_roles.get(state.actor.id, {})),
         "velocity_m_s": to_plain(velocity, decimals=6),
         "acceleration_m_s2": to_plain(state.acceleration_m_s2, decimals=6),
         "lidar_hits": item.lidar_hits,
         "lidar_points": lidar_points,
         "cameras": {
-            f"camera{index}": _describe_projected_box(picture.projected_boxes[state.actor.id])
-            for index, picture in enumerate(reading.camera_images)
-            if state.actor.id in picture.projected_boxes
+            f"camera{index}": _describe_projected_box(image.projected_boxes[state.actor.id])
+            for index, image in enumerate(sensor_frame.camera_images)
+            if state.actor.id in image.projected_boxes
         },
     }
 
 
-def _describe_projected_box(sighting: ProjectedBox) -> dict[str, Any]:
-    box = sighting.visible_box
+def _describe_projected_box(box: ProjectedBox) -> dict[str, Any]:
+    visible_box = box.visible_box
     return {
-        "visible_px": sighting.visible_px,
-        "visible_fraction": to_plain(sighting.visible_fraction, decimals=4),
-        "occlusion": to_plain(sighting.occlusion, decimals=4),
-        "truncation": to_plain(sighting.truncation, decimals=4),
-        "visible_box": None if box is None else to_plain(box, decimals=2),
-        "outline_box": to_plain(sighting.outline_box, decimals=2),
+        "visible_px": box.visible_px,
+        "visible_fraction": to_plain(box.visible_fraction, decimals=4),
+        "occlusion": to_plain(box.occlusion, decimals=4),
+        "truncation": to_plain(box.truncation, decimals=4),
+        "visible_box": None if visible_box is None else to_plain(visible_box, decimals=2),
+        "outline_box": to_plain(box.outline_box, decimals=2),
     }

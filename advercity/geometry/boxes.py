@@ -14,3 +14,6 @@ BOX_EDGES = np.array(
     [(a, a | bit) for a in range(8) for bit in (1, 2, 4) if not a & bit], dtype=np.intp
 )
 """Indices (12, 2) of corners that an edge joins."""
+
+BOX_BASE = [0, 2, 6, 4]
+"""Indices of the lower corners, in order around the base."""

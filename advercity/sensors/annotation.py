@@ -1,10 +1,8 @@
-"""How much of every actor a picture shows: pixels, outlines, boxes in the picture.
+"""Annotations: which actors an agent annotates, and their visible pixels and boxes in images.
 
-An actor's outline is the convex hull of its body's vertices in the picture: what would be seen of
-it, were nothing in front of it. A car fills its outline but for a few per cent; a bicycle, which
-one sees through, leaves about half of it open, so its visible fraction stays low.
-
-Which actors a viewpoint annotates, and what it says of them.
+An actor's outline in an image is the convex hull of its body's projected vertices: what would be
+visible with nothing in front of it. A car fills its outline except for a few per cent; a bicycle,
+which is see-through, leaves about half of it open, so its visible fraction stays low.
 """
 
 from collections.abc import Callable, Mapping
@@ -28,36 +26,41 @@ from advercity.world import Body
 
 
 def count_lidar_hits(scan: ScanHits, lidar: Lidar) -> dict[int, int]:
-    """Beams that meet each actor first, by its id: the original's test of who is annotated."""
+    """Count the beams whose first hit is on each actor, by its id.
+
+    Adver-City annotates the actors with at least one.
+    """
+    # The first sub-ray of a beam is its axis, so a finer LiDAR gives the same annotations.
     instance = scan.hits.instance[:: lidar.sub_rays]
     actors, counts = np.unique(instance[instance > 0], return_counts=True)
     return dict(zip(actors.tolist(), counts.tolist(), strict=True))
 
 
 NEAR_PLANE_M = 0.05
-"""What lies nearer to the camera's plane, or behind it, has no place in a picture."""
+"""Least depth that is projected; nearer points and those behind the camera have no pixel."""
 NUM_HULL_DIRECTIONS = 256
 HullPointLookup = Callable[[ActorState], NDArray[np.float64]]
-"""Points (n, 3) of an actor's body, in its frame, whose convex hull is the body's."""
+"""Returns points (n, 3) of an actor's body, in its frame, whose convex hull is the body's."""
 
 
 def build_hull_point_lookup(bodies: Mapping[str, Body]) -> HullPointLookup:
-    """Finds the points of an actor's body among those of a world."""
+    """Build the lookup for the actors of a world; points are kept for each shape of a body."""
 
     @cache
-    def points(shape: BodyShape) -> NDArray[np.float64]:
+    def select_points(shape: BodyShape) -> NDArray[np.float64]:
         vertices = np.concatenate([part.vertices for part in shape.build_meshes(bodies)])
         return select_extreme_points(vertices.astype(np.float64))
 
-    def points_of(state: ActorState) -> NDArray[np.float64]:
-        seen = compute_body_pose(state, bodies)
-        return poses.transform_points(seen.body_from_mesh, points(seen.shape))
+    def find_hull_points(state: ActorState) -> NDArray[np.float64]:
+        pose = compute_body_pose(state, bodies)
+        return poses.transform_points(pose.body_from_mesh, select_points(pose.shape))
 
-    return points_of
+    return find_hull_points
 
 
 def select_extreme_points(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Of points (n, 3) those that lie farthest in one of many directions, evenly spread."""
+    """Select the points (n, 3) that are the farthest in one of many evenly spread directions."""
+    # A Fibonacci lattice: directions at golden-ratio azimuths and equal steps of height.
     directions = np.ascontiguousarray(spread_directions(NUM_HULL_DIRECTIONS).T)
     return points[np.unique(np.argmax(points @ directions, axis=0))]
 
@@ -71,18 +74,18 @@ def project_boxes(
     *,
     hide: frozenset[int] = frozenset(),
 ) -> dict[int, ProjectedBox]:
-    """Every actor whose outline reaches into a picture, by its id.
+    """Project every actor whose outline overlaps an image, by its id.
 
     Args:
         instance: (h, w) id of the actor that each pixel shows; 0 for everything static.
         world_from_camera: (4, 4), body axes.
         intrinsic: (3, 3) pinhole matrix, optical axes.
-        frame: Where everybody is.
+        frame: States of all actors.
         find_hull_points: Returns points whose convex hull is the actor's.
-        hide: Ids of actors that the camera does not see.
+        hide: Ids of actors that the camera does not show, as its own vehicle.
     """
     height, width = instance.shape
-    seen = _measure_visible_pixels(instance)
+    visible = _measure_visible_pixels(instance)
     camera_from_world = poses.invert_pose(world_from_camera)
     found: dict[int, ProjectedBox] = {}
     for state in frame.states:
@@ -94,14 +97,15 @@ def project_boxes(
             continue
         points = poses.transform_points(camera_from_body, find_hull_points(state))
         outline = _project_outline(points, corners, intrinsic)
-        sighting = _clip_to_image(outline, seen.get(state.actor.id), width, height)
-        if sighting is not None:
-            found[state.actor.id] = sighting
+        box = _clip_to_image(outline, visible.get(state.actor.id), width, height)
+        if box is not None:
+            found[state.actor.id] = box
     return found
 
 
 def _measure_visible_pixels(instance: NDArray[np.int32]) -> dict[int, tuple[int, PixelBox]]:
-    """Number of pixels and the box around them, by id."""
+    """Measure the number of pixels of each actor and the box around them, by id."""
+    # Sorting the few actor pixels once is faster than a mask of the image for every actor.
     row, column = np.nonzero(instance)
     ids = instance[row, column]
     order = np.argsort(ids, kind="stable")
@@ -127,27 +131,26 @@ def _measure_visible_pixels(instance: NDArray[np.int32]) -> dict[int, tuple[int,
 def _project_outline(
     points: NDArray[np.float64], corners: NDArray[np.float64], intrinsic: NDArray[np.float64]
 ) -> NDArray[np.float32]:
-    """Convex outline (n, 1, 2) in pixels of what is ahead of a camera, given in its body axes.
-
-    Where the camera's plane cuts the body, its box is cut instead.
-    """
+    """Project points (n, 3) in a camera's body axes to their convex outline (n, 1, 2) in pixels."""
     ahead = points[points[:, 0] > NEAR_PLANE_M]
+    # Where the near plane cuts the body, the cut of its box closes the outline: of the body only
+    # vertices are known.
     before, behind = corners[BOX_EDGES[:, 0]], corners[BOX_EDGES[:, 1]]
     crossing = (before[:, 0] > NEAR_PLANE_M) != (behind[:, 0] > NEAR_PLANE_M)
     before, behind = before[crossing], behind[crossing]
-    share = (NEAR_PLANE_M - before[:, :1]) / (behind[:, :1] - before[:, :1])
-    ahead = np.concatenate([ahead, before + share * (behind - before)])
+    fraction = (NEAR_PLANE_M - before[:, :1]) / (behind[:, :1] - before[:, :1])
+    ahead = np.concatenate([ahead, before + fraction * (behind - before)])
     optical = np.stack([-ahead[:, 1], -ahead[:, 2], ahead[:, 0]])
     pixels = (intrinsic @ optical)[:2] / optical[2]
     return cv2.convexHull(pixels.T.astype(np.float32)).astype(np.float32)
 
 
 def _clip_to_image(
-    outline: NDArray[np.float32], seen: tuple[int, PixelBox] | None, width: int, height: int
+    outline: NDArray[np.float32], visible: tuple[int, PixelBox] | None, width: int, height: int
 ) -> ProjectedBox | None:
-    picture = np.array([[0, 0], [width, 0], [width, height], [0, height]], np.float32)
-    inside_px, inside = cv2.intersectConvexConvex(outline, picture)
-    visible_px, visible_box = seen or (0, None)
+    image = np.array([[0, 0], [width, 0], [width, height], [0, height]], np.float32)
+    inside_px, inside = cv2.intersectConvexConvex(outline, image)
+    visible_px, visible_box = visible or (0, None)
     if inside_px <= 0:
         return None
     left, top = inside.reshape(-1, 2).min(axis=0)
@@ -168,17 +171,17 @@ def _to_pixel_box(edges: NDArray[np.floating] | NDArray[np.integer]) -> PixelBox
 
 @dataclass(frozen=True, eq=False)
 class Annotation:
-    """An actor as one viewpoint has it, in the right-handed world frame.
+    """An actor as one agent annotates it, in the right-handed world frame.
 
     Attributes:
-        state: Who it is and where.
-        location: (3,) where the original puts it: on the ground under a vehicle, in the middle
-            of a pedestrian's body.
+        state: State of the actor.
+        location: (3,) reference point as in CARLA: on the ground under a vehicle, the middle of
+            a pedestrian's body.
         centre: (3,) middle of its box.
-        distance_m: From the viewpoint's origin to `location`.
-        bearing_rad: Direction in which the viewpoint sees it; 0 ahead, positive to the left.
-        relative_yaw_rad: Its heading less the viewpoint's, in (-pi, pi].
-        lidar_hits: Rays of the noise-free LiDAR that met it.
+        distance_m: From the agent's origin to `location`.
+        bearing_rad: Direction from the agent to `location`; 0 ahead, positive to the left.
+        relative_yaw_rad: Heading relative to the agent's, in (-pi, pi].
+        lidar_hits: Number of beams of the noise-free LiDAR that hit it.
     """
 
     state: ActorState
@@ -191,36 +194,36 @@ class Annotation:
 
 
 def annotate_actors(sensor_frame: SensorFrame) -> tuple[Annotation, ...]:
-    """Everybody but the viewpoint itself within LiDAR range whom its noise-free LiDAR hits.
+    """Annotate the other actors within LiDAR range that the noise-free LiDAR hits.
 
-    Weather and noise play no part in it, so the annotations of a scenario are the same under
-    every weather. Distances count from the true viewpoint, not from the estimated one.
+    Weather and noise have no influence, so the annotations of a scenario are the same under every
+    weather. Distances are from the agent's true pose, not from the estimated one.
     """
-    own, visible = sensor_frame.agent.number, sensor_frame.lidar_hits
-    seen = [
+    own, hits = sensor_frame.agent.number, sensor_frame.lidar_hits
+    states = [
         state
         for state in sensor_frame.frame.states
-        if state.actor.id != own and visible.get(state.actor.id, 0) > 0
+        if state.actor.id != own and hits.get(state.actor.id, 0) > 0
     ]
-    if not seen:
+    if not states:
         return ()
-    world_from_object = np.stack([state.world_from_body for state in seen])
-    heights = np.array([state.actor.size[2] for state in seen])
-    on_foot = np.array([state.actor.actor_class == "pedestrian" for state in seen])
+    world_from_object = np.stack([state.world_from_body for state in states])
+    heights = np.array([state.actor.size[2] for state in states])
+    on_foot = np.array([state.actor.actor_class == "pedestrian" for state in states])
     grounds = world_from_object[:, :3, 3]
     centres = grounds + world_from_object[:, :3, 2] * (heights[:, None] / 2)
     locations = np.where(on_foot[:, None], centres, grounds)
     places = poses.transform_points(poses.invert_pose(sensor_frame.world_from_agent), locations)
     yaws = np.arctan2(world_from_object[:, 1, 0], world_from_object[:, 0, 0])
-    turned = yaws - poses.to_yaw_pitch_roll(sensor_frame.world_from_agent)[0]
+    relative = yaws - poses.to_yaw_pitch_roll(sensor_frame.world_from_agent)[0]
     rows = zip(
-        seen,
+        states,
         locations,
         centres,
         np.linalg.norm(locations - sensor_frame.world_from_agent[:3, 3], axis=1).tolist(),
         np.arctan2(places[:, 1], places[:, 0]).tolist(),
-        (np.pi - (np.pi - turned) % (2 * np.pi)).tolist(),
-        (visible[state.actor.id] for state in seen),
+        (np.pi - (np.pi - relative) % (2 * np.pi)).tolist(),
+        (hits[state.actor.id] for state in states),
         strict=True,
     )
     range_m = sensor_frame.agent.sensors.lidar.range_m
@@ -228,5 +231,5 @@ def annotate_actors(sensor_frame: SensorFrame) -> tuple[Annotation, ...]:
 
 
 def compute_box_centre(state: ActorState) -> NDArray[np.float64]:
-    """Middle (3,) of an actor's box, which stands upright on its origin in its body frame."""
+    """Compute the middle (3,) of an actor's box in the world; the origin is the base's middle."""
     return poses.transform_points(state.world_from_body, (0.0, 0.0, state.actor.size[2] / 2))

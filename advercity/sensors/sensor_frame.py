@@ -1,4 +1,4 @@
-"""What the sensors of one viewpoint report in one frame."""
+"""The measurements of all sensors of one agent in one frame."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -13,19 +13,19 @@ from advercity.geometry.poses import Matrix
 from advercity.sensors.measurements import GnssFix, ImuSample, PointCloud
 
 PixelBox = tuple[float, float, float, float]
-"""Left, top, right and bottom in pixels; pixel k reaches from k to k + 1."""
+"""Left, top, right and bottom in pixels; pixel k extends from k to k + 1."""
 
 
 @dataclass(frozen=True)
 class ProjectedBox:
-    """An actor in one picture.
+    """An actor in one camera image.
 
     Attributes:
-        visible_px: Pixels that show it.
-        outline_px: Area of its outline within the picture.
-        truncation: Share of its outline that lies outside the picture.
-        visible_box: Around the pixels that show it; None if there are none.
-        outline_box: Around its outline within the picture.
+        visible_px: Number of pixels that show the actor.
+        outline_px: Area of the actor's outline inside the image.
+        truncation: Fraction of the outline outside the image.
+        visible_box: Bounding box of the pixels that show the actor; None if no pixel does.
+        outline_box: Bounding box of the outline inside the image.
     """
 
     visible_px: int
@@ -36,25 +36,25 @@ class ProjectedBox:
 
     @property
     def occlusion(self) -> float:
-        """Share of what the picture could show of it that something hides."""
+        """Fraction of the outline inside the image that other things hide."""
         return 1.0 - min(1.0, self.visible_px / self.outline_px)
 
     @property
     def visible_fraction(self) -> float:
-        """Share of its whole outline that the picture shows."""
+        """Fraction of the whole outline that the image shows."""
         return (1.0 - self.occlusion) * (1.0 - self.truncation)
 
 
 @dataclass(frozen=True, eq=False)
 class CameraImage:
-    """A camera's image, its semantic and depth twins, and how much of whom it shows.
+    """A camera's image, with semantics, depths and projected boxes of the same pixels.
 
     Attributes:
         world_from_camera: (4, 4), body axes: x along the view, y left, z up.
         image: (h, w, 3) uint8 RGB.
         semantic: (h, w) uint8 of `Semantic`.
         depth: (h, w) uint8, whole metres along the optical axis, 255 for that and all beyond.
-        projected_boxes: By id of the actor, for all whose outlines reach into the picture.
+        projected_boxes: Boxes by actor id, of the actors whose outline overlaps the image.
     """
 
     world_from_camera: Matrix
@@ -66,21 +66,21 @@ class CameraImage:
 
 @dataclass(frozen=True, eq=False)
 class SensorFrame:
-    """One viewpoint at one tick; everything is in the right-handed world and body frames.
+    """Measurements of one agent at one tick, in the right-handed world and body frames.
 
     Attributes:
-        agent: Whose sensors these are.
-        frame: The truth at this tick.
+        agent: The agent.
+        frame: True state of all actors at this tick.
         world_from_agent: (4, 4), the vehicle's origin on the ground or the roadside unit.
-        estimated_world_from_agent: The same as the agent's localisation believes it to be.
+        estimated_world_from_agent: (4, 4), the same as estimated by the agent's localisation.
         world_from_lidar: (4, 4).
-        camera_images: In the order of the rig's mounts.
+        camera_images: Images in the order of the rig's mounts.
         point_cloud: Points in the LiDAR's frame.
-        lidar_hits: Rays of the noise-free LiDAR that met an actor, by actor id.
-        gnss: None where there is no receiver to report.
-        imu: None where there is none.
-        conflict_roles: Who of all actors takes part in staged conflicts, and as what.
-        planned_trajectory: Points that the agent is about to drive through: x, y, speed in m/s.
+        lidar_hits: Number of beams of the noise-free LiDAR that hit an actor, by actor id.
+        gnss: Fix of the receiver; None without a receiver or a fix.
+        imu: Sample of the inertial unit; None without one.
+        planned_trajectory: Next points of the agent's trajectory: x, y, speed in m/s.
+        conflict_roles: Roles of all actors in staged conflicts.
     """
 
     agent: Agent
@@ -98,26 +98,24 @@ class SensorFrame:
 
     @property
     def speed_m_s(self) -> float:
-        """Of the agent's vehicle; 0 for a roadside unit."""
+        """Speed of the agent's vehicle; 0 for a roadside unit."""
         if self.agent.place.kind == "roadside_unit":
             return 0.0
         return self.frame.get_state(self.agent.number).speed_m_s
 
-
-def compute_image_intrinsics(
-    picture: CameraImage, *, horizontal_fov_deg: float
-) -> NDArray[np.float64]:
-    """Pinhole matrix (3, 3) in pixels of a picture as large as it is."""
-    height, width = picture.image.shape[:2]
-    return compute_pinhole_matrix(width, height, horizontal_fov_deg=horizontal_fov_deg)
+    def compute_intrinsic(self, camera: int) -> NDArray[np.float64]:
+        """Compute the pinhole matrix (3, 3) of a camera in pixels of its image."""
+        height, width = self.camera_images[camera].image.shape[:2]
+        field_of_view = self.agent.sensors.camera.horizontal_fov_deg
+        return compute_pinhole_matrix(width, height, horizontal_fov_deg=field_of_view)
 
 
 def compute_pinhole_matrix(
     width: int, height: int, *, horizontal_fov_deg: float
 ) -> NDArray[np.float64]:
-    """Pinhole matrix (3, 3) in pixels.
+    """Compute the pinhole matrix (3, 3) in pixels of a camera without distortion.
 
-    Optical axes: x right, y down, z along the view; no distortion.
+    Optical axes: x right, y down, z along the view.
     """
     focal_px = width / (2 * np.tan(np.deg2rad(horizontal_fov_deg) / 2))
     return np.array([[focal_px, 0, width / 2], [0, focal_px, height / 2], [0, 0, 1]])

@@ -1,1 +1,1 @@
-"""The live view and recordings in Rerun."""
+"""Live views and recordings of a run in Rerun."""

@@ -1,7 +1,4 @@
-"""What poses, points, boxes and roads are in Rerun.
-
-Roads and receivers' fixes on a map of the Earth.
-"""
+"""Converts poses, points, boxes, lanes and GNSS fixes to Rerun's archetypes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -18,75 +15,66 @@ from advercity.geometry.poses import Matrix
 from advercity.roads.lane_segments import LaneSegment
 from advercity.semantics import ACTOR_COLOURS
 from advercity.sensors.annotation import compute_box_centre
-from advercity.sensors.sensor_frame import CameraImage, SensorFrame, compute_image_intrinsics
+from advercity.sensors.measurements import PointCloud
+from advercity.sensors.sensor_frame import SensorFrame
 from advercity.viewer.cloud_colours import CloudColour, colour_points
 
 RgbColour = tuple[int, int, int]
 IMAGE_PLANE_M = 1.5
-POINT_PX = 1.5
+"""Distance from a camera at which the scene shows its image."""
+POINT_PX, FIX_PX, TRACK_PX, LANE_PX = 1.5, 6.0, 2.0, 1.0
 CLASS_IDS = {name: index for index, name in enumerate(ACTOR_COLOURS, start=1)}
 LANE_COLOURS = {"driving": (190, 190, 190), "sidewalk": (140, 110, 140), "crossing": (220, 200, 90)}
 OTHER_LANE_COLOUR = (110, 110, 110)
+ROAD_COLOUR = (120, 120, 120)
+AGENT_COLOURS: tuple[RgbColour, ...] = (
+    (0, 200, 120),
+    (255, 170, 0),
+    (90, 140, 255),
+    (230, 90, 200),
+)
+LINEARISATION_SPAN_M = 1000.0
+"""Length over which a map's degrees per metre are measured."""
 
 
 def to_transform3d(parent_from_child: Matrix) -> rr.Transform3D:
-    """Where a child stands in its parent."""
+    """Convert the pose (4, 4) of a child in its parent."""
     return rr.Transform3D(translation=parent_from_child[:3, 3], mat3x3=parent_from_child[:3, :3])
 
 
-def to_pinhole(picture: CameraImage, *, horizontal_fov_deg: float) -> rr.Pinhole:
-    """Body axes are said to the viewer, so that poses need no turning."""
-    height, width = picture.image.shape[:2]
+def to_pinhole(sensor_frame: SensorFrame, camera: int) -> rr.Pinhole:
+    """Convert a camera's intrinsics; its axes are declared, so its pose stays in body axes."""
+    height, width = sensor_frame.camera_images[camera].image.shape[:2]
     return rr.Pinhole(
-        image_from_camera=compute_image_intrinsics(picture, horizontal_fov_deg=horizontal_fov_deg),
+        image_from_camera=sensor_frame.compute_intrinsic(camera),
         resolution=(width, height),
         camera_xyz=rr.ViewCoordinates.FLU,
         image_plane_distance=IMAGE_PLANE_M,
     )
 
 
-def to_points3d(reading: SensorFrame, by: CloudColour) -> rr.Points3D:
-    """Points in the LiDAR's frame."""
+def to_points3d(cloud: PointCloud, by: CloudColour) -> rr.Points3D:
+    """Convert points in the LiDAR's frame."""
     radii = rr.Radius.ui_points(POINT_PX)
-    return rr.Points3D(
-        reading.point_cloud.points, colors=colour_points(reading.point_cloud, by), radii=radii
-    )
+    return rr.Points3D(cloud.points, colors=colour_points(cloud, by), radii=radii)
 
 
 def to_boxes3d(states: Sequence[ActorState]) -> rr.Boxes3D:
-    """Boxes of actors in the world, told by their classes."""
+    """Convert the boxes of actors in the world, with their classes and ids."""
+    # Rerun has the real part of a quaternion last.
+    quaternions = [np.roll(poses.to_quaternion(state.world_from_body), -1) for state in states]
     return rr.Boxes3D(
         centers=np.reshape([compute_box_centre(state) for state in states], (-1, 3)),
         half_sizes=np.reshape([state.actor.size for state in states], (-1, 3)) / 2,
-        quaternions=[
-            rr.Quaternion(xyzw=_to_quaternion_xyzw(state.world_from_body)) for state in states
-        ],
+        quaternions=[rr.Quaternion(xyzw=quaternion) for quaternion in quaternions],
         class_ids=[CLASS_IDS[state.actor.actor_class] for state in states],
         labels=[f"{state.actor.actor_class} {state.actor.id}" for state in states],
         show_labels=False,
     )
 
 
-def _to_quaternion_xyzw(matrix: Matrix) -> NDArray[np.float64]:
-    """x, y, z, w of a pose: yaw, pitch and roll in halves (Diebel, Representing Attitude, 2006)."""
-    yaw, pitch, roll = (angle / 2 for angle in poses.to_yaw_pitch_roll(matrix))
-    cy, sy, cp, sp, cr, sr = (
-        *(np.cos(yaw), np.sin(yaw)),
-        *(np.cos(pitch), np.sin(pitch)),
-        *(np.cos(roll), np.sin(roll)),
-    )
-    return np.array(
-        [
-            cy * cp * sr - sy * sp * cr,
-            cy * sp * cr + sy * cp * sr,
-            sy * cp * cr - cy * sp * sr,
-            cy * cp * cr + sy * sp * sr,
-        ]
-    )
-
-
 def build_annotation_context() -> rr.AnnotationContext:
-    """Names and colours of the classes of `boxes`."""
+    """Build the names and colours of the classes of `to_boxes3d`."""
     classes = [
         rr.AnnotationInfo(id=CLASS_IDS[name], label=name, color=colour)
         for name, colour in ACTOR_COLOURS.items()
@@ -97,35 +85,24 @@ def build_annotation_context() -> rr.AnnotationContext:
 def to_line_strip(
     points: Sequence[Sequence[float]], colour: RgbColour, width_px: float
 ) -> rr.LineStrips3D:
-    """A trajectory through points (n, 3) of the world."""
+    """Convert a trajectory through points (n, 3) of the world; one point gives no line."""
     strips = [points] if len(points) > 1 else []
     return rr.LineStrips3D(strips, colors=colour, radii=rr.Radius.ui_points(width_px))
 
 
 def to_lane_strips(lanes: Sequence[LaneSegment]) -> rr.LineStrips3D:
-    """Both borders of every lane."""
+    """Convert both borders of every lane."""
     colours = [LANE_COLOURS.get(lane.kind, OTHER_LANE_COLOUR) for lane in lanes]
     return rr.LineStrips3D(
         [border for lane in lanes for border in (lane.left, lane.right)],
         colors=[colour for colour in colours for _ in range(2)],
-        radii=rr.Radius.ui_points(1.0),
+        radii=rr.Radius.ui_points(LANE_PX),
     )
-
-
-AGENT_COLOURS: tuple[RgbColour, ...] = (
-    (0, 200, 120),
-    (255, 170, 0),
-    (90, 140, 255),
-    (230, 90, 200),
-)
-ROAD_COLOUR = (120, 120, 120)
-FIX_PX, TRACK_PX, ROAD_PX = 6.0, 2.0, 1.0
-LINEARISATION_SPAN_M = 1000.0
 
 
 @dataclass
 class AgentTrack:
-    """Where a vehicle has been: places (x, y, z) in the world, and fixes in degrees."""
+    """Past of a vehicle: positions (x, y, z) in the world, and GNSS fixes in degrees."""
 
     colour: RgbColour
     driven: list[tuple[float, float, float]] = field(default_factory=list)
@@ -134,11 +111,11 @@ class AgentTrack:
 
 @dataclass(frozen=True, eq=False)
 class LocalGeoMap:
-    """Latitude and longitude around a road's origin, to a decimetre within a kilometre.
+    """Linear map from metres to degrees around a road's origin: 0.1 m of error within 1 km.
 
     Attributes:
         origin_deg: (2,) latitude and longitude.
-        degrees_per_m: (2, 2) of latitude and longitude by metre to the east and to the north.
+        degrees_per_m: (2, 2) change of latitude and longitude (rows) per metre east and north.
     """
 
     origin_deg: NDArray[np.float64]
@@ -146,47 +123,38 @@ class LocalGeoMap:
 
     @staticmethod
     def around_road(road: Road) -> "LocalGeoMap":
-        """The map around a road."""
+        """Build the map around a road."""
         origin = Geodetic(road.origin_lat_deg, road.origin_lon_deg)
-        middle, east, north = (
-            np.array([place.latitude_deg, place.longitude_deg])
-            for place in (
-                geodetic_from_enu(point, origin)
-                for point in (
-                    (0.0, 0.0, 0.0),
-                    (LINEARISATION_SPAN_M, 0.0, 0.0),
-                    (0.0, LINEARISATION_SPAN_M, 0.0),
-                )
-            )
-        )
-        return LocalGeoMap(
-            middle, np.column_stack([east - middle, north - middle]) / LINEARISATION_SPAN_M
-        )
+        span = LINEARISATION_SPAN_M
+        points = ((0.0, 0.0, 0.0), (span, 0.0, 0.0), (0.0, span, 0.0))
+        fixes = [geodetic_from_enu(point, origin) for point in points]
+        middle, east, north = (np.array([fix.latitude_deg, fix.longitude_deg]) for fix in fixes)
+        return LocalGeoMap(middle, np.column_stack([east - middle, north - middle]) / span)
 
     def to_degrees(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Latitudes and longitudes (n, 2) of points (n, 3) of the world."""
+        """Convert points (n, 3) of the world to latitudes and longitudes (n, 2)."""
         return self.origin_deg + points[:, :2] @ self.degrees_per_m.T
 
     def to_lane_lines(self, lanes: Sequence[LaneSegment]) -> rr.GeoLineStrings:
-        """Both borders of every lane; without the map's tiles there is still the road."""
+        """Convert both borders of every lane, so that the road shows without the map's tiles."""
         return rr.GeoLineStrings(
             lat_lon=[self.to_degrees(side) for lane in lanes for side in (lane.left, lane.right)],
             colors=ROAD_COLOUR,
-            radii=rr.Radius.ui_points(ROAD_PX),
+            radii=rr.Radius.ui_points(LANE_PX),
         )
 
 
 def choose_agent_colour(index: int) -> RgbColour:
-    """What a viewpoint is drawn in, in the scene and on the map."""
+    """Choose the colour of an agent in the scene and on the map."""
     return AGENT_COLOURS[index % len(AGENT_COLOURS)]
 
 
 def to_geo_point(fix: tuple[float, float], colour: RgbColour) -> rr.GeoPoints:
-    """Where a receiver says that it is."""
+    """Convert the latest fix (latitude, longitude) of a receiver."""
     return rr.GeoPoints(lat_lon=[fix], colors=colour, radii=rr.Radius.ui_points(FIX_PX))
 
 
 def to_geo_line(fixes: Sequence[tuple[float, float]], colour: RgbColour) -> rr.GeoLineStrings:
-    """Where it has said to be."""
+    """Convert all fixes (latitude, longitude) of a receiver; one fix gives no line."""
     strips = [fixes] if len(fixes) > 1 else []
     return rr.GeoLineStrings(lat_lon=strips, colors=colour, radii=rr.Radius.ui_points(TRACK_PX))

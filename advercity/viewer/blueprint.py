@@ -1,4 +1,4 @@
-"""Where things are in a recording, and how the viewer's window is divided."""
+"""Entity paths of a recording, and the blueprint of the viewer's window."""
 
 from collections.abc import Sequence
 
@@ -18,62 +18,64 @@ MAP_ROAD = "map/road"
 FRAMES_PER_S = 10
 MAP_ZOOM = 17.0
 EYE_BEHIND_M, EYE_ABOVE_M, EYE_AHEAD_M = 24.0, 14.0, 10.0
+"""Start of the eye relative to the first agent, and the point ahead that it looks at."""
 
 
 def format_agent_path(agent: Agent) -> str:
-    """A viewpoint, in the scene."""
+    """Return the path of an agent in the scene."""
     return f"world/{agent.id}"
 
 
 def format_lidar_path(agent: Agent) -> str:
-    """Its point cloud."""
+    """Return the path of an agent's point cloud."""
     return f"{format_agent_path(agent)}/lidar"
 
 
 def format_camera_path(agent: Agent, index: int) -> str:
-    """One of its cameras."""
+    """Return the path of an agent's camera."""
     return f"{format_agent_path(agent)}/camera{index}"
 
 
 def format_semantic_path(agent: Agent, index: int) -> str:
-    """A semantic image; outside the scene, where it would cover the camera's."""
+    """Return the path of a semantic image."""
+    # Not in the scene, where it would cover the image of the camera.
     return f"semantic/{agent.id}/camera{index}"
 
 
 def format_plot_path(quantity: str, agent: Agent) -> str:
-    """A curve over time."""
+    """Return the path of a curve over time."""
     return f"plots/{quantity}/{agent.id}"
 
 
 def format_weather_path(quantity: str) -> str:
-    """A figure of the weather over time, by its name with the unit at its end."""
+    """Return the path of a weather quantity, by its name with the unit at its end."""
     return f"weather/{quantity}"
 
 
 def format_driven_path(agent: Agent) -> str:
-    """Where a vehicle has been, in the scene."""
+    """Return the path of a vehicle's past trajectory in the scene."""
     return f"world/trajectories/driven/{agent.id}"
 
 
 def format_planned_path(agent: Agent) -> str:
-    """Where it is about to go."""
+    """Return the path of a vehicle's planned trajectory in the scene."""
     return f"world/trajectories/planned/{agent.id}"
 
 
 def format_map_path(agent: Agent) -> str:
-    """Where its receiver says that it is, on the map."""
+    """Return the path of a vehicle's GNSS fix on the map."""
     return f"map/{agent.id}"
 
 
 def build_blueprint(agents: Sequence[Agent], world_from_first: Matrix) -> rrb.Blueprint:
-    """The scene over map and conflicts; aside cameras, a tab per viewpoint, curves, weather.
+    """Build the window: the scene above map and conflicts, and tabs of cameras, agents, curves.
 
     Args:
-        agents: All viewpoints.
-        world_from_first: (4, 4) pose of the first of them, which the scene is seen from.
+        agents: All agents.
+        world_from_first: (4, 4) pose of the first agent, where the eye starts.
     """
     front = rrb.Grid(
-        *(_build_camera_view(format_camera_path(agent, 0), agent.id) for agent in agents),
+        *(_build_image_view(format_camera_path(agent, 0), agent.id) for agent in agents),
         name="front cameras",
     )
     tabs = rrb.Tabs(
@@ -97,7 +99,8 @@ def build_blueprint(agents: Sequence[Agent], world_from_first: Matrix) -> rrb.Bl
 
 
 def _build_eye_controls(agent: Agent, world_from_agent: Matrix) -> rrb.EyeControls3D:
-    """The eye starts behind and above a viewpoint, and follows it."""
+    """Place the eye behind and above an agent, and let it follow the agent."""
+    # Only the heading counts: on a slope the eye would look at the sky or at the ground.
     level = poses.pose_matrix(
         world_from_agent[:3, 3], yaw=poses.to_yaw_pitch_roll(world_from_agent)[0]
     )
@@ -111,17 +114,17 @@ def _build_eye_controls(agent: Agent, world_from_agent: Matrix) -> rrb.EyeContro
 def _build_agent_views(agent: Agent) -> rrb.Grid:
     indices = range(len(agent.sensors.camera.mounts))
     cameras = [
-        _build_camera_view(format_camera_path(agent, index), f"camera {index}") for index in indices
+        _build_image_view(format_camera_path(agent, index), f"camera {index}") for index in indices
     ]
     semantics = [
-        _build_camera_view(format_semantic_path(agent, index), f"semantic {index}")
+        _build_image_view(format_semantic_path(agent, index), f"semantic {index}")
         for index in indices
     ]
     pairs = [view for pair in zip(cameras, semantics, strict=True) for view in pair]
     return rrb.Grid(*pairs, grid_columns=2, name=agent.id)
 
 
-def _build_camera_view(path: str, name: str) -> rrb.Spatial2DView:
+def _build_image_view(path: str, name: str) -> rrb.Spatial2DView:
     return rrb.Spatial2DView(origin=f"/{path}", name=name)
 
 

@@ -1,4 +1,4 @@
-"""Colours of points: by intensity, by class, or by what sent the echo."""
+"""Colours of LiDAR points: by intensity, by class, or by what returned them."""
 
 from typing import Literal, get_args
 
@@ -27,7 +27,7 @@ _KIND_COLOUR_TABLE = np.array([KIND_COLOURS[kind] for kind in PointKind], np.uin
 
 
 def parse_cloud_colour(text: str) -> CloudColour:
-    """What colours are to stand for; InputError if there is no such thing."""
+    """Parse the option `--colour-clouds`; InputError if there is no such colouring."""
     if text not in CLOUD_COLOURS:
         choices = f"{', '.join(CLOUD_COLOURS[:-1])} or {CLOUD_COLOURS[-1]}"
         raise InputError(f"--colour-clouds {text}: no such colouring; {choices}")
@@ -35,11 +35,11 @@ def parse_cloud_colour(text: str) -> CloudColour:
 
 
 def colour_points(cloud: PointCloud, cloud_colour: CloudColour) -> NDArray[np.uint8]:
-    """RGB (n, 3) of points; intensity runs from dark blue to red, classes are as in CARLA."""
+    """Compute RGB (n, 3) of points; intensity runs from dark blue to red, classes as in CARLA."""
     if cloud_colour == "class":
         return PALETTE[cloud.semantic]
     if cloud_colour == "kind":
         return _KIND_COLOUR_TABLE[cloud.kind]
     levels = np.rint(np.clip(cloud.intensity, 0, 1) * 255).astype(np.uint8)
-    painted = cv2.applyColorMap(levels.reshape(-1, 1), cv2.COLORMAP_TURBO)
-    return painted.reshape(-1, 3)[:, ::-1].astype(np.uint8)
+    coloured = cv2.applyColorMap(levels.reshape(-1, 1), cv2.COLORMAP_TURBO)
+    return coloured.reshape(-1, 3)[:, ::-1].astype(np.uint8)

@@ -1,23 +1,19 @@
-"""The weather in figures, as it is plotted.
+"""Sends a run frame by frame to Rerun: to a file, to viewers that connect, or to a running viewer.
 
-Where a recording goes, checked before anything is sent.
-
-Rerun itself only logs that a port is taken or that nobody listens, and goes on without an audience.
-
-A live or stored Rerun view of a scenario, frame by frame while it is made.
+Sinks are checked before anything is sent: Rerun itself only logs that a port is taken or that no
+viewer answers, and goes on.
 """
 
 import math
 import socket
 from collections.abc import Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 from urllib.parse import urlsplit
 
 import numpy as np
 import rerun as rr
-from advercity_dsl import Agent, Spec
+from advercity_dsl import Spec
 from numpy.typing import NDArray
 
 from advercity.conflicts.report import ConflictEvent
@@ -38,36 +34,39 @@ from advercity.viewer.archetypes import (
 )
 from advercity.viewer.cloud_colours import CloudColour
 
+LOOPBACK_ADDRESS = "127.0.0.1"
+DEFAULT_PORT = 9876
+"""Rerun's own port."""
+CONNECT_TIMEOUT_S = 3.0
+APPLICATION_ID = "advercity"
+DRIVEN_PX, PLANNED_PX = 2.5, 1.2
+CONFLICT_MARK_COLOUR, CONFLICT_MARK_RADIUS_M, CONFLICT_MARK_HEIGHT_M = (255, 60, 60), 0.6, 2.5
+
 
 def compute_weather_quantities(spec: Spec) -> dict[str, float]:
-    """What the weather of a spec comes to, by quantity with its unit.
+    """Compute the plotted quantities of a spec's weather, by name with the unit at its end.
 
-    The visibility (meteorological optical range) is left out where nothing limits it. The
+    The visibility is the meteorological optical range; it is absent if nothing limits it. The
     illuminance is that of level ground in the open: sun, sky and street lamps.
     """
     weather = spec.weather
     atmosphere = compute_atmosphere(weather, spec.road.land_use)
-    found = {
+    quantities = {
         "visibility_m": atmosphere.mor_m,
         "rain_mm_h": weather.rain.rate_mm_h,
         "snow_mm_h": weather.snow.rate_mm_h,
         "illuminance_lx": atmosphere.ground_lx + atmosphere.street_lx,
         "wetness": atmosphere.wetness,
     }
-    return {name: value for name, value in found.items() if math.isfinite(value)}
-
-
-LOOPBACK_ADDRESS = "127.0.0.1"
-DEFAULT_PORT = 9876
-CONNECT_TIMEOUT_S = 3.0
+    return {name: value for name, value in quantities.items() if math.isfinite(value)}
 
 
 def open_file_sink(path: Path) -> rr.FileSink:
-    """A recording that grows in `partial_of(path)`, for whoever closes it to move to `path`.
+    """Open a sink that writes to `partial_path(path)`, which `RerunRecording` renames at its end.
 
     Raises:
         InputError: `path` is a folder.
-        RunError: It cannot be written.
+        RunError: The file cannot be written.
     """
     if path.is_dir():
         raise InputError(f"{path}: is a folder; name a file that ends in .rrd")
@@ -80,14 +79,15 @@ def open_file_sink(path: Path) -> rr.FileSink:
 
 
 def partial_path(path: Path) -> Path:
-    """Where a recording lies while it is not whole."""
+    """Return the path of a recording that is not complete."""
     return path.with_name(f"{path.name}.partial")
 
 
 def start_server_sink(port: int) -> rr.GrpcServerSink:
-    """A server for viewers on this machine, and only for them; RunError if the port is taken."""
+    """Start a server for viewers on this machine only; RunError if the port is taken."""
     try:
         with socket.socket() as probe:
+            # As the server does; else a port of a run that has just ended counts as taken.
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             probe.bind((LOOPBACK_ADDRESS, port))
     except OSError as error:
@@ -99,14 +99,14 @@ def start_server_sink(port: int) -> rr.GrpcServerSink:
 
 
 def connect_viewer_sink(address: str) -> rr.GrpcSink:
-    """A running viewer.
+    """Connect to a running viewer.
 
     Args:
         address: `host:port` or a whole `rerun+http://host:port/proxy`.
 
     Raises:
         InputError: `address` is neither.
-        RunError: Nobody listens there.
+        RunError: No viewer answers.
     """
     url = address if "://" in address else f"rerun+http://{address}/proxy"
     try:
@@ -124,26 +124,21 @@ def connect_viewer_sink(address: str) -> rr.GrpcSink:
     return sink
 
 
-APPLICATION_ID = "advercity"
-DRIVEN_PX, PLANNED_PX = 2.5, 1.2
-CONFLICT_MARK_COLOUR, CONFLICT_MARK_RADIUS_M, CONFLICT_MARK_HEIGHT_M = (255, 60, 60), 0.6, 2.5
-
-
 class RerunRecording:
-    """Sends what a run reads to a file, to whoever connects, or to a running viewer.
+    """Sends the sensor frames of a run to Rerun; a context manager.
 
-    A context manager; several of the three may be asked for at once. The recording's id is the
-    spec's, so a viewer adds a resumed run to what it has.
+    Any of `file`, `serve` and `connect` may be combined. The recording's id is the spec's, so a
+    viewer adds a resumed run to the frames it has.
 
     Args:
-        spec: What is run.
-        lanes: The road plan.
+        spec: The spec.
+        lanes: Lanes of the road.
         file: `.rrd` file to write.
-        serve: Be a server that viewers on this machine connect to, at `address`, until closed.
-        port: Of that server.
+        serve: Whether to serve the recording at `address` to viewers on this machine.
+        port: Port of that server.
         connect: Address of a running viewer: `host:port`, or a whole `rerun+http://` address.
-        cloud_colour: What the colours of points stand for.
-        events: What is told of when its frame is shown.
+        cloud_colour: Quantity that the colours of points show.
+        events: Events of conflicts, logged at their frames.
 
     Raises:
         InputError: `connect` is not an address.
@@ -185,18 +180,13 @@ class RerunRecording:
 
     @property
     def address(self) -> str | None:
-        """Where a viewer finds the server; None if there is none."""
+        """Address of the server; None without one."""
         return self._servers[0].uri if self._servers else None
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: object, error: BaseException | None, traceback: object) -> None:
         self._stream.flush()
         self._stream.disconnect()
         if self._file is not None:
@@ -206,31 +196,29 @@ class RerunRecording:
                 partial_path(self._file).unlink(missing_ok=True)
 
     def log_frame(self, sensor_frames: Sequence[SensorFrame]) -> None:
-        """Show one frame: the readings of all its viewpoints."""
+        """Log one frame, given the sensor frames of all agents."""
         if not self._has_blueprint:
             self._send_blueprint(sensor_frames)
         frame = sensor_frames[0].frame
         self._stream.set_time(blueprint.TIMELINE, sequence=frame.index)
         self._stream.set_time("time", duration=frame.time_s)
-        seen = {
-            item.state.actor.id for reading in sensor_frames for item in annotate_actors(reading)
-        }
+        annotated = {one.state.actor.id for item in sensor_frames for one in annotate_actors(item)}
         for path, wanted in ((blueprint.ANNOTATED_ACTORS, True), (blueprint.OTHER_ACTORS, False)):
-            states = [state for state in frame.states if (state.actor.id in seen) == wanted]
+            states = [state for state in frame.states if (state.actor.id in annotated) == wanted]
             self._stream.log(path, archetypes.to_boxes3d(states))
-        for reading in sensor_frames:
-            self._log_viewpoint(reading)
-            self._log_motion(reading)
-            if reading.agent.place.kind == "vehicle":
-                self._log_trajectory(reading)
+        for item in sensor_frames:
+            self._log_sensors(item)
+            self._log_motion(item)
+            if item.agent.place.kind == "vehicle":
+                self._log_trajectory(item)
         for name, value in self._weather_quantities.items():
             self._stream.log(blueprint.format_weather_path(name), rr.Scalars(value))
         self._log_events(frame.index, ground_m=float(sensor_frames[0].world_from_agent[2, 3]))
 
-    def _send_blueprint(self, readings: Sequence[SensorFrame]) -> None:
-        """Only the first frame tells where to look."""
-        agents = [reading.agent for reading in readings]
-        self._stream.send_blueprint(blueprint.build_blueprint(agents, readings[0].world_from_agent))
+    def _send_blueprint(self, sensor_frames: Sequence[SensorFrame]) -> None:
+        # With the first frame, because the eye starts at the first agent's pose.
+        agents, pose = [item.agent for item in sensor_frames], sensor_frames[0].world_from_agent
+        self._stream.send_blueprint(blueprint.build_blueprint(agents, pose))
         self._has_blueprint = True
 
     def _log_static_scene(self, spec: Spec, lanes: Sequence[LaneSegment]) -> None:
@@ -240,86 +228,72 @@ class RerunRecording:
         self._stream.log(blueprint.MAP_ROAD, self._map.to_lane_lines(lanes), static=True)
         for agent in spec.agents:
             if agent.sensors.imu is not None:
-                self._log_curve_names(agent)
+                names = [f"{agent.id} {axis}" for axis in ("ahead", "left", "up")]
+                for quantity in ("acceleration", "turn_rate"):
+                    path = blueprint.format_plot_path(quantity, agent)
+                    self._stream.log(path, rr.SeriesLines(names=names), static=True)
 
-    def _log_curve_names(self, agent: Agent) -> None:
-        curves = rr.SeriesLines(names=[f"{agent.id} {axis}" for axis in ("ahead", "left", "up")])
-        for quantity in ("acceleration", "turn_rate"):
-            self._stream.log(blueprint.format_plot_path(quantity, agent), curves, static=True)
-
-    def _log_viewpoint(self, reading: SensorFrame) -> None:
-        agent = reading.agent
-        agent_from_world = poses.invert_pose(reading.world_from_agent)
-        self._stream.log(
-            blueprint.format_agent_path(agent), archetypes.to_transform3d(reading.world_from_agent)
-        )
+    def _log_sensors(self, item: SensorFrame) -> None:
+        log, agent = self._stream.log, item.agent
+        agent_from_world = poses.invert_pose(item.world_from_agent)
+        log(blueprint.format_agent_path(agent), archetypes.to_transform3d(item.world_from_agent))
         lidar = blueprint.format_lidar_path(agent)
-        self._stream.log(
-            lidar, archetypes.to_transform3d(agent_from_world @ reading.world_from_lidar)
-        )
-        self._stream.log(lidar, archetypes.to_points3d(reading, self._cloud_colour))
-        field_of_view = agent.sensors.camera.horizontal_fov_deg
-        for index, picture in enumerate(reading.camera_images):
+        log(lidar, archetypes.to_transform3d(agent_from_world @ item.world_from_lidar))
+        log(lidar, archetypes.to_points3d(item.point_cloud, self._cloud_colour))
+        for index, image in enumerate(item.camera_images):
             camera = blueprint.format_camera_path(agent, index)
-            self._stream.log(
-                camera, archetypes.to_transform3d(agent_from_world @ picture.world_from_camera)
-            )
-            self._stream.log(
-                camera, archetypes.to_pinhole(picture, horizontal_fov_deg=field_of_view)
-            )
-            image = rr.EncodedImage(contents=encode_jpeg(picture.image), media_type="image/jpeg")
-            self._stream.log(camera, image)
-            content = encode_label_png(to_semantic_colours(picture.semantic))
-            semantic = rr.EncodedImage(contents=content, media_type="image/png")
-            self._stream.log(blueprint.format_semantic_path(agent, index), semantic)
+            log(camera, archetypes.to_transform3d(agent_from_world @ image.world_from_camera))
+            log(camera, archetypes.to_pinhole(item, index))
+            photo = encode_jpeg(image.image)
+            log(camera, rr.EncodedImage(contents=photo, media_type="image/jpeg"))
+            # Labels would not survive JPEG's loss.
+            labels = encode_label_png(to_semantic_colours(image.semantic))
+            semantic = blueprint.format_semantic_path(agent, index)
+            log(semantic, rr.EncodedImage(contents=labels, media_type="image/png"))
 
-    def _log_trajectory(self, reading: SensorFrame) -> None:
-        """Where a vehicle has been, is about to go, and where its receiver says that it is."""
-        agent, track = reading.agent, self._tracks[reading.agent.id]
-        x, y, z = (float(value) for value in reading.world_from_agent[:3, 3])
-        track.driven.append((x, y, z))
-        planned = [(x, y, z), *((ahead, left, z) for ahead, left, _ in reading.planned_trajectory)]
-        driven = archetypes.to_line_strip(track.driven, track.colour, DRIVEN_PX)
-        self._stream.log(blueprint.format_driven_path(agent), driven)
-        self._stream.log(
-            blueprint.format_planned_path(agent),
-            archetypes.to_line_strip(planned, track.colour, PLANNED_PX),
-        )
-        if reading.gnss is not None:
-            track.fixes.append((reading.gnss.latitude_deg, reading.gnss.longitude_deg))
+    def _log_trajectory(self, item: SensorFrame) -> None:
+        """Log the past and the planned trajectory of a vehicle, and its GNSS fixes."""
+        log, agent, track = self._stream.log, item.agent, self._tracks[item.agent.id]
+        east, north, up = (float(value) for value in item.world_from_agent[:3, 3])
+        track.driven.append((east, north, up))
+        # The plan has no heights; the vehicle's own keeps it visible on a slope.
+        planned = [(east, north, up), *((x, y, up) for x, y, _ in item.planned_trajectory)]
+        for path, points, width_px in (
+            (blueprint.format_driven_path(agent), track.driven, DRIVEN_PX),
+            (blueprint.format_planned_path(agent), planned, PLANNED_PX),
+        ):
+            log(path, archetypes.to_line_strip(points, track.colour, width_px))
+        if item.gnss is not None:
+            track.fixes.append((item.gnss.latitude_deg, item.gnss.longitude_deg))
             path = blueprint.format_map_path(agent)
-            self._stream.log(path, to_geo_point(track.fixes[-1], track.colour))
-            self._stream.log(f"{path}/track", to_geo_line(track.fixes, track.colour))
+            log(path, to_geo_point(track.fixes[-1], track.colour))
+            log(f"{path}/track", to_geo_line(track.fixes, track.colour))
 
     def _log_events(self, frame: int, *, ground_m: float) -> None:
-        """Conflicts are told in words, and where their ways meet stands a mark from then on."""
+        """Log the events of a frame as text, and mark their conflict points from then on."""
         for event in self._events:
             if event.frame == frame:
                 level = rr.TextLogLevel.WARN if event.is_failure else rr.TextLogLevel.INFO
                 self._stream.log(blueprint.EVENTS, rr.TextLog(event.text, level=level))
-                place = (*event.point_m, ground_m + CONFLICT_MARK_HEIGHT_M)
-                self._stream.log(
-                    blueprint.CONFLICTS,
-                    rr.Points3D(
-                        [place],
-                        labels=[event.text],
-                        colors=CONFLICT_MARK_COLOUR,
-                        radii=CONFLICT_MARK_RADIUS_M,
-                    ),
+                mark = rr.Points3D(
+                    [(*event.point_m, ground_m + CONFLICT_MARK_HEIGHT_M)],
+                    labels=[event.text],
+                    colors=CONFLICT_MARK_COLOUR,
+                    radii=CONFLICT_MARK_RADIUS_M,
                 )
+                self._stream.log(blueprint.CONFLICTS, mark)
 
-    def _log_motion(self, reading: SensorFrame) -> None:
-        if reading.agent.place.kind == "vehicle":
-            self._plot(reading, "speed", reading.speed_m_s)
-        if reading.gnss is not None:
-            self._plot(reading, "latitude", reading.gnss.latitude_deg)
-            self._plot(reading, "longitude", reading.gnss.longitude_deg)
-            self._plot(reading, "altitude", reading.gnss.altitude_m)
-        if reading.imu is not None:
-            self._plot(reading, "acceleration", reading.imu.specific_force)
-            self._plot(reading, "turn_rate", reading.imu.angular_rate)
-
-    def _plot(
-        self, reading: SensorFrame, quantity: str, value: float | NDArray[np.float64]
-    ) -> None:
-        self._stream.log(blueprint.format_plot_path(quantity, reading.agent), rr.Scalars(value))
+    def _log_motion(self, item: SensorFrame) -> None:
+        curves: dict[str, float | NDArray[np.float64]] = {}
+        if item.agent.place.kind == "vehicle":
+            curves["speed"] = item.speed_m_s
+        if item.gnss is not None:
+            curves["latitude"] = item.gnss.latitude_deg
+            curves["longitude"] = item.gnss.longitude_deg
+            curves["altitude"] = item.gnss.altitude_m
+        if item.imu is not None:
+            curves["acceleration"] = item.imu.specific_force
+            curves["turn_rate"] = item.imu.angular_rate
+        for quantity, value in curves.items():
+            path = blueprint.format_plot_path(quantity, item.agent)
+            self._stream.log(path, rr.Scalars(value))

@@ -7,7 +7,7 @@ import pytest
 from advercity.frames import Actor, ActorState, Lamp
 from advercity.geometry import poses
 from advercity.sensors.annotation import Annotation, annotate_actors
-from advercity.sensors.sensor_frame import SensorFrame, compute_image_intrinsics
+from advercity.sensors.sensor_frame import SensorFrame
 
 ReadingsOf = Callable[[int], tuple[SensorFrame, ...]]
 
@@ -104,6 +104,8 @@ def test_a_roadside_unit_does_not_move(readings_of: ReadingsOf) -> None:
 
 
 def test_intrinsics_follow_the_size_of_the_picture(ego: SensorFrame) -> None:
-    picture = replace(ego.camera_images[0], image=np.zeros((1080, 1920, 3), np.uint8))
+    image = replace(ego.camera_images[0], image=np.zeros((1080, 1920, 3), np.uint8))
+    full = replace(ego, camera_images=(image,))
+    assert full.agent.sensors.camera.horizontal_fov_deg == 100
     expected = [[805.5356459, 0, 960], [0, 805.5356459, 540], [0, 0, 1]]
-    np.testing.assert_allclose(compute_image_intrinsics(picture, horizontal_fov_deg=100), expected)
+    np.testing.assert_allclose(full.compute_intrinsic(0), expected)
