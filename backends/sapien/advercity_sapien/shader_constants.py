@@ -8,7 +8,7 @@ The generated files are committed, so that they can be read and reviewed with th
 installed package needs no folder to write to; a test compares them with this description.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from enum import IntEnum
 from pathlib import Path
 
@@ -17,7 +17,7 @@ import numpy as np
 from advercity.frames import Lamp, Signal
 from advercity.materials import Texture
 from advercity.physics import water
-from advercity.physics.lamp_beams import LENS, LampPattern
+from advercity.physics.lamp_beams import FRONT_FOG_BEAM, LENS, LOW_BEAM, LampBeam, LampPattern
 from advercity.physics.scattering import DropletPhaseLobes
 from advercity_sapien.atmosphere_parameters import NO_WATER_LEVEL
 from advercity_sapien.fog_beams import DROPLET_UM
@@ -44,6 +44,20 @@ class LensKind(IntEnum):
 
 FIRST_SIGNAL_BIT = 32
 """Bit of a red signal among a body's lit lamps, then yellow and green; `Lamp` has those below."""
+BEAM_FIELDS: dict[str, Callable[[LampBeam], float]] = {
+    "cutoffDrop": lambda beam: beam.cutoff_drop_deg,
+    "kinkSlope": lambda beam: beam.kink_slope,
+    "kinkMax": lambda beam: beam.kink_max_deg,
+    "cutoffSoftness": lambda beam: beam.cutoff_softness_deg,
+    "stray": lambda beam: beam.stray_fraction,
+    "peakBelowCutoff": lambda beam: beam.peak_below_cutoff_deg,
+    "peakRight": lambda beam: beam.peak_right_deg,
+    # Divisors of squared angles, so that the shader does not square constants for every sample.
+    "belowSquared": lambda beam: beam.below_width_deg**2,
+    "aboveSquared": lambda beam: beam.above_width_deg**2,
+    "horizontalSquared": lambda beam: 2.0 * beam.horizontal_sigma_deg**2,
+}
+"""Members of GLSL's `LampBeam`, angles in degrees, by the core's record."""
 
 
 def format_shader_files() -> dict[str, str]:
@@ -93,6 +107,15 @@ def _format_constants() -> Iterator[str]:
             "LENS_SIDE_FRACTION": _float(LENS.at_right_angle, 5),
         }.items()
     )
+
+    yield from ("", "struct LampBeam {", *(f"  float {name};" for name in BEAM_FIELDS), "};")
+    yield _format_beam("LOW_BEAM", LOW_BEAM)
+    yield _format_beam("FRONT_FOG_BEAM", FRONT_FOG_BEAM)
+
+
+def _format_beam(name: str, beam: LampBeam) -> str:
+    values = ", ".join(_float(field(beam)) for field in BEAM_FIELDS.values())
+    return f"const LampBeam {name} = LampBeam({values});"
 
 
 def _format_integers(prefix: str, values: Mapping[str, int]) -> Iterator[str]:

@@ -64,28 +64,18 @@ bool beamAngles(vec3 facing, vec3 ray, out float h, out float v) {
   return forward > 0.1;
 }
 
-// Intensity of a low beam for right-hand traffic along a ray, relative to its peak: a cut-off that
-// is level to the left and rises by 15 degrees to the right.
-float lowBeam(vec3 facing, vec3 ray) {
+// Intensity of a low beam or a front fog lamp along a ray, relative to its peak: `LampBeam` of the
+// core's lamp_beams.py has the formula. What is below exp(-12) of it is dark.
+float beamIntensity(LampBeam b, vec3 facing, vec3 ray) {
   float h, v;
   if (!beamAngles(facing, ray, h, v)) return 0.0;
-  float x = v + 0.57 - clamp(0.27 * h, 0.0, 2.07);
-  float exponent = (h - 1.0) * (h - 1.0) / 288.0;
-  if (x < 0.0) exponent += (x + 1.0) * (x + 1.0) / 12.25;
-  if (v > 0.0) exponent += v * v / 225.0;
+  float x = v + b.cutoffDrop - clamp(b.kinkSlope * h, 0.0, b.kinkMax);
+  float exponent = (h - b.peakRight) * (h - b.peakRight) / b.horizontalSquared;
+  if (x < 0.0) exponent += (x + b.peakBelowCutoff) * (x + b.peakBelowCutoff) / b.belowSquared;
+  if (v > 0.0) exponent += v * v / b.aboveSquared;
   if (exponent > 12.0) return 0.0;
-  return (0.018 + 0.982 / (1.0 + exp(clamp(x / 0.12, -40.0, 40.0)))) * exp(-exponent);
-}
-
-// The same of a front fog lamp: wide, with a level cut-off at its axis.
-float fogBeam(vec3 facing, vec3 ray) {
-  float h, v;
-  if (!beamAngles(facing, ray, h, v)) return 0.0;
-  float exponent = h * h / 800.0;
-  if (v < 0.0) exponent += (v + 1.0) * (v + 1.0) / 12.25;
-  else exponent += v * v / 225.0;
-  if (exponent > 12.0) return 0.0;
-  return (0.018 + 0.982 / (1.0 + exp(clamp(v / 0.2, -40.0, 40.0)))) * exp(-exponent);
+  float dark = exp(clamp(x / b.cutoffSoftness, -40.0, 40.0));
+  return (b.stray + (1.0 - b.stray) / (1.0 + dark)) * exp(-exponent);
 }
 
 // The same of a rear lamp, an indicator or a signal, by the cosine off its axis.
@@ -94,10 +84,11 @@ float lensFraction(float cosine) {
   return (inversesqrt(sqrt(base)) / base - LENS_SIDE_FRACTION) / (1.0 - LENS_SIDE_FRACTION);
 }
 
-// The same of any lamp; street lamps are Lambertian.
+// The same of any lamp; street lamps are Lambertian. Each kind of beam has a call of its own, so that
+// the compiler folds its constants.
 float intensityFraction(Lamp l, vec3 ray) {
-  if (l.kind == LAMP_LOW_BEAM) return lowBeam(l.facing, ray);
-  if (l.kind == LAMP_FOG_BEAM) return fogBeam(l.facing, ray);
+  if (l.kind == LAMP_LOW_BEAM) return beamIntensity(LOW_BEAM, l.facing, ray);
+  if (l.kind == LAMP_FOG_BEAM) return beamIntensity(FRONT_FOG_BEAM, l.facing, ray);
   float cosine = max(dot(l.facing, ray), 0.0);
   return l.kind == LAMP_LENS ? lensFraction(cosine) : cosine;
 }

@@ -50,3 +50,18 @@ const float DROPLET_WIDE_A = 23.3775;
 const float DROPLET_WIDE_FRACTION = 0.487;
 const float LENS_FALLOFF = 0.0218524;
 const float LENS_SIDE_FRACTION = 0.0081778;
+
+struct LampBeam {
+  float cutoffDrop;
+  float kinkSlope;
+  float kinkMax;
+  float cutoffSoftness;
+  float stray;
+  float peakBelowCutoff;
+  float peakRight;
+  float belowSquared;
+  float aboveSquared;
+  float horizontalSquared;
+};
+const LampBeam LOW_BEAM = LampBeam(0.57, 0.27, 2.07, 0.12, 0.018, 1.0, 1.0, 12.25, 225.0, 288.0);
+const LampBeam FRONT_FOG_BEAM = LampBeam(0.0, 0.0, 0.0, 0.2, 0.018, 1.0, 0.0, 12.25, 225.0, 800.0);
