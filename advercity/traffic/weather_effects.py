@@ -1,6 +1,6 @@
-"""Which lamps are lit: what the driver does is in the trace, what the weather calls for is not.
+"""What the weather changes in a frame: lamps that it calls for, and umbrellas.
 
-Who holds up an umbrella: the weather tells, the trace stays the same.
+The trace holds what drivers do, so that all weathers share it; these functions add the rest.
 """
 
 import math
@@ -9,73 +9,67 @@ from dataclasses import replace
 from advercity_dsl.weather import Lamps
 
 from advercity.frames import ActorState, Frame, Lamp
-from advercity.physics.constants import GOLDEN_FRACTION
 from advercity.randomness import create_generator
 
 INDICATOR_FREQUENCY_HZ = 1.5
 """UN R48 asks for 90 +- 30 flashes a minute."""
+_GOLDEN_FRACTION = 0.618034
 _INDICATORS = Lamp.LEFT | Lamp.RIGHT
 
 
 def apply_lamp_state(frame: Frame, lamps: Lamps) -> Frame:
-    """The frame with low beams and fog lamps as the weather calls for, and indicators that blink.
+    """Light low beams and fog lamps as the weather calls for, and let indicators blink.
 
-    In the trace an indicator is switched on; here it is lit for half of the time, everybody's to
-    their own beat. Two-wheelers have no fog lamps, bicycles no indicators; people carry no lamps.
+    In the trace an indicator is switched on; here it is lit for half of the time, with a phase of
+    its own for each vehicle. Two-wheelers have no fog lamps, bicycles no indicators, people no
+    lamps.
     """
-    return replace(
-        frame,
-        states=tuple(
-            _apply_lamp_state_to_actor(state, lamps, frame.time_s) for state in frame.states
-        ),
-    )
+    states = tuple(_apply_lamps(state, lamps, frame.time_s) for state in frame.states)
+    return replace(frame, states=states)
 
 
-def _apply_lamp_state_to_actor(state: ActorState, lamps: Lamps, time_s: float) -> ActorState:
-    kind = state.actor.actor_class
-    if kind == "pedestrian":
+def _apply_lamps(state: ActorState, lamps: Lamps, time_s: float) -> ActorState:
+    actor_class = state.actor.actor_class
+    if actor_class == "pedestrian":
         return state
-    shining = state.lamps
-    if (
-        kind == "bicycle"
-        or (INDICATOR_FREQUENCY_HZ * time_s + GOLDEN_FRACTION * state.actor.id) % 1.0 >= 0.5
-    ):
-        shining &= ~_INDICATORS
+    lit = state.lamps
+    # Multiples of the golden ratio spread the phases of successive ids evenly.
+    phase = (INDICATOR_FREQUENCY_HZ * time_s + _GOLDEN_FRACTION * state.actor.id) % 1.0
+    if actor_class == "bicycle" or phase >= 0.5:
+        lit &= ~_INDICATORS
     if lamps.low_beam:
-        shining |= Lamp.LOW_BEAM
-    if lamps.fog and kind not in ("bicycle", "motorcycle"):
-        shining |= Lamp.FOG
-    return replace(state, lamps=shining)
+        lit |= Lamp.LOW_BEAM
+    if lamps.fog and actor_class not in ("bicycle", "motorcycle"):
+        lit |= Lamp.FOG
+    return replace(state, lamps=lit)
 
 
 HALF_UMBRELLAS_MM_H = 1.5
-"""Rain under which every second person who has an umbrella puts it up; a plausible figure."""
+"""Rain rate at which half of the people with an umbrella hold it up; a plausible figure."""
 
 
 def raise_umbrellas(frame: Frame, rain_mm_h: float, *, seed: int) -> Frame:
-    """The frame with umbrellas up, the more of them the harder it rains.
+    """Raise umbrellas, the more of them the harder it rains.
 
-    Who puts one up in some rain also does so in a harder one.
+    A person that raises one in some rain also does so in harder rain.
 
     Args:
-        frame: Who is there.
+        frame: Without umbrellas.
         rain_mm_h: Rain rate.
-        seed: Of the traffic.
+        seed: Seed of the traffic.
     """
-    share = 1.0 - math.pow(2.0, -rain_mm_h / HALF_UMBRELLAS_MM_H)
-    if share <= 0.0:
+    fraction = 1.0 - math.pow(2.0, -rain_mm_h / HALF_UMBRELLAS_MM_H)
+    if fraction <= 0.0:
         return frame
-    return replace(
-        frame,
-        states=tuple(
-            replace(state, umbrella=_compute_umbrella_threshold(seed, state.actor.id) < share)
-            if state.actor.actor_class == "pedestrian"
-            else state
-            for state in frame.states
-        ),
+    states = tuple(
+        replace(state, umbrella=_draw_threshold(seed, state.actor.id) < fraction)
+        if state.actor.actor_class == "pedestrian"
+        else state
+        for state in frame.states
     )
+    return replace(frame, states=states)
 
 
-def _compute_umbrella_threshold(seed: int, actor_id: int) -> float:
-    """Below which share of umbrellas that are up somebody's is one."""
+def _draw_threshold(seed: int, actor_id: int) -> float:
+    """Draw the fraction of raised umbrellas from which on a person's is one of them."""
     return float(create_generator(seed, "umbrella", actor_id).random())
