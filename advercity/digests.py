@@ -1,4 +1,4 @@
-"""Digests of code: what tells whether two programs of one version number are the same."""
+"""Digests of data and of source code, which distinguish programs of the same version."""
 
 import functools
 import hashlib
@@ -9,31 +9,31 @@ from typing import Any
 
 
 def compute_json_digest(data: Any) -> str:
-    """SHA-256 of plain data in canonical JSON."""
+    """Compute the SHA-256 of plain data as canonical JSON."""
     text = json.dumps(data, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 EXCLUDED_NAMES = {"__pycache__", "_library"}
-"""Byte code, and declarations that come with a wheel: what of them counts stands in each spec."""
+"""Byte code, and the library of a wheel, whose declarations each spec records itself."""
 
 
 @functools.cache
 def compute_source_digest(*modules: str) -> str:
-    """SHA-256 of all files of packages, or of modules that are one file, by their names.
+    """Compute the SHA-256 of all files of packages or single-file modules, given by name.
 
-    The same whether they are installed or lie in a checkout.
+    It is the same for an installation and for a checkout.
     """
     digest = hashlib.sha256()
     for name in modules:
-        for path, inside in _module_files(name):
+        for path, inside in _list_module_files(name):
             digest.update(f"{inside}\0".encode())
             digest.update(hashlib.sha256(path.read_bytes()).digest())
     return digest.hexdigest()
 
 
-def _module_files(name: str) -> list[tuple[Path, str]]:
-    """Files of a module, sorted, each with its path below where the module lies."""
+def _list_module_files(name: str) -> list[tuple[Path, str]]:
+    """Return the sorted files of a module, each with its path relative to the module's parent."""
     module = import_module(name)
     folders = [Path(folder) for folder in getattr(module, "__path__", ())]
     if not folders and module.__file__ is not None:

@@ -1,7 +1,4 @@
-"""Random numbers keyed by what they are for, never by the order in which they are asked for.
-
-Errors that wander: slow to change, never far from zero.
-"""
+"""Random generators keyed by purpose instead of call order, and random processes."""
 
 import hashlib
 import math
@@ -14,26 +11,28 @@ from advercity.geometry.arrays import Float64Array
 
 
 def draw_number(item: Distribution, rng: np.random.Generator) -> float:
-    """A number drawn from a distribution by one draw of `rng`."""
+    """Draw a number from a distribution, with one draw of `rng`."""
     if isinstance(item, Choice):
         return item.choice[int(rng.integers(len(item.choice)))]
-    share = float(rng.random())
+    fraction = float(rng.random())
     if isinstance(item, Uniform):
         low, high = item.uniform
-        return low + (high - low) * share
-    bell = NormalDist(item.normal.mean, item.normal.sd)
+        return low + (high - low) * fraction
+    # Inverse transform sampling: one draw, which rejection sampling would not guarantee.
+    normal = NormalDist(item.normal.mean, item.normal.sd)
     low, high = item.normal.within
-    below, above = bell.cdf(low), bell.cdf(high)
-    level = min(max(below + (above - below) * share, 1e-12), 1 - 1e-12)
-    return min(max(bell.inv_cdf(level), low), high)
+    lowest, highest = normal.cdf(low), normal.cdf(high)
+    level = min(max(lowest + (highest - lowest) * fraction, 1e-12), 1 - 1e-12)
+    return min(max(normal.inv_cdf(level), low), high)
 
 
 def create_generator(*key: int | str) -> np.random.Generator:
-    """A Philox generator that is a pure function of `key`.
+    """Create a Philox generator that is a pure function of `key`.
 
-    Example: `generator(spec.seeds.sensors, "lidar", agent_id, frame)`. Two keys that differ
-    anywhere give independent streams (the key is hashed to Philox's 128 bits).
+    Example: `create_generator(spec.seeds.sensors, "lidar", agent_id, frame)`. Keys that differ
+    anywhere give independent streams, since the key is hashed to Philox's 128 bits.
     """
+    # Names of types are part of the stream: 1 and "1" differ, and renaming an enum changes it.
     text = "\x1f".join(f"{type(part).__name__}:{part}" for part in key)
     digest = hashlib.blake2b(text.encode(), digest_size=16).digest()
     return np.random.Generator(np.random.Philox(key=int.from_bytes(digest, "little")))
@@ -42,17 +41,16 @@ def create_generator(*key: int | str) -> np.random.Generator:
 def sample_gauss_markov(
     rng: np.random.Generator, first: int, last: int, *, correlation: float, axes: int
 ) -> Float64Array:
-    """First-order Gauss-Markov process of variance 1 at steps `first` to `last`, both included.
+    """Sample a stationary first-order Gauss-Markov process of variance 1.
 
-    It has its variance from step 0 on, and is the sum of all steps up to each, so that any stretch
-    of it can be asked for by itself.
+    Each state is computed from all steps before it, so that any segment can be sampled alone.
 
     Args:
-        rng: At its beginning; the same for every stretch.
-        first: Step, from 0.
-        last: Step.
-        correlation: Correlation of neighbouring steps: exp(-dt / tau).
-        axes: Independent processes.
+        rng: Generator in its initial state, the same for every segment.
+        first: First step of the segment, counted from 0.
+        last: Last step, included.
+        correlation: Correlation of successive steps: exp(-dt / tau).
+        axes: Number of independent processes.
 
     Returns:
         (last - first + 1, axes).

@@ -1,4 +1,4 @@
-"""What a surface is, by the tags and colours of CARLA 0.9.12; the colours of actors' boxes."""
+"""Semantic tags and colours of CARLA 0.9.12, and colours of actors' boxes."""
 
 from enum import IntEnum
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 class Semantic(IntEnum):
-    """Tag of a surface; the value is the id in CARLA 0.9.12's table."""
+    """Semantic tag of a surface; the value is its id in CARLA 0.9.12."""
 
     UNLABELED = 0
     BUILDING = 1
@@ -61,7 +61,7 @@ PALETTE = np.array(
     ],
     dtype=np.uint8,
 )
-"""RGB per tag, shape (23, 3)."""
+"""RGB of each tag, shape (23, 3)."""
 
 ACTOR_COLOURS = {
     "car": (66, 133, 244),
@@ -71,4 +71,4 @@ ACTOR_COLOURS = {
     "motorcycle": (255, 179, 0),
     "pedestrian": (229, 57, 53),
 }
-"""RGB of boxes by class of actor, in films and in the live view."""
+"""RGB of boxes by class of actor, in videos and in the live view."""

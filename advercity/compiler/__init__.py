@@ -1,6 +1,10 @@
-"""From a library of declarations to specs: load, resolve, select, cover, cross, emit."""
+"""The compiler: from YAML declarations to specs.
 
-from advercity_dsl.base import suggest_name
+A declaration is read with positions (`source`), merged with what it extends (`extends`), validated
+(`validation`) and indexed in a library (`library`). A suite is resolved (`suites`), crossed into
+the inputs of scenarios (`crossing`, `scenarios`), and assembled into specs (`assembly`), which are
+JSON files (`spec_files`).
+"""
 
 from advercity.compiler.assembly import with_weather
 from advercity.compiler.crossing import compile_library, compile_suite, find_suite, validate_path
@@ -34,7 +38,6 @@ __all__ = [
     "load_declaration",
     "load_library",
     "read_spec",
-    "suggest_name",
     "to_json",
     "validate_path",
     "with_weather",

@@ -125,7 +125,7 @@ def _describe_source(path: str, spec: Spec, entries: Entries) -> str:
 
 
 def _find_declared_path(path: str, spec: Spec) -> tuple[str | None, ValuePath]:
-    """Return the kind of the declaration that gives a value, and its path in there."""
+    """Return the kind of the declaration that gives a value, and its path in it."""
     first, *rest = (int(part) if part.isdigit() else part for part in path.split("."))
     value_path = tuple(rest)
     match first:

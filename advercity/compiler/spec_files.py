@@ -35,7 +35,7 @@ def to_json(spec: Spec) -> str:
 
 @lru_cache(maxsize=1024)
 def _format_cached(flat: str, indent: str) -> str:
-    """Lay out JSON text; cached, since specs share roads, weathers and agents."""
+    """Lay out JSON text; cached, since specs have roads, weathers and agents in common."""
     return _format_value(json.loads(flat), indent)
 
 

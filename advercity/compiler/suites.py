@@ -134,7 +134,7 @@ def _iterate_lane_centre_lines(road: Road) -> Iterator[shapely.LineString]:
 
 @dataclass(frozen=True)
 class ResolvedSuite:
-    """Declarations that a suite crosses, by id, and those that all its scenarios share."""
+    """Declarations that a suite crosses, by id, and those that are common to its scenarios."""
 
     roads: Mapping[str, Road]
     weathers: Mapping[str, Weather]

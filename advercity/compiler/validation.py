@@ -54,7 +54,7 @@ class FieldError(NamedTuple):
 
 
 def describe_field_error(kind: str, error: FieldError) -> MessageAndHint:
-    """Describe an error of pydantic, whose type is `kind`."""
+    """Describe an error of pydantic of the type `kind`."""
     description = _DESCRIBERS[kind](error) if kind in _DESCRIBERS else None
     return description or _describe_as_pydantic(error)
 
@@ -211,7 +211,7 @@ ModelT = TypeVar("ModelT", bound=Model)
 
 
 class LocatedData(Protocol):
-    """Data whose values have positions in files."""
+    """Data with the positions of its values in files."""
 
     @property
     def data(self) -> Any:
