@@ -1,7 +1,8 @@
-"""Builders that tests share: sensor frames of five agents on a sloping street."""
+"""Builders for tests: a small library, and sensor frames of five agents on a sloping street."""
 
 import functools
 from collections.abc import Callable
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -9,6 +10,9 @@ import pytest
 from advercity_dsl import Agent, Spec
 from numpy.typing import NDArray
 
+from advercity.compiler.crossing import compile_library
+from advercity.compiler.diagnostics import DiagnosticsError
+from advercity.errors import InputError
 from advercity.frames import Actor, ActorState, Frame, Lamp, Signal
 from advercity.geometry import poses
 from advercity.geometry.boxes import compute_box_corners
@@ -206,3 +210,23 @@ def corners_of(state: ActorState) -> NDArray[np.float64]:
     """Corners (8, 3) of an actor's box in the world frame."""
     unit = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (0.0, 1.0)])
     return poses.transform_points(state.world_from_body, unit * state.actor.size)
+
+
+SMALL_LIBRARY = Path(__file__).parent / "compiler" / "base"
+"""A library of one scenario."""
+Write = Callable[..., Path]
+"""Writes the small library with some files, by name without ending, and returns its folder."""
+Compile = Callable[..., dict[str, Spec]]
+"""Compiles the small library with some files to specs by id."""
+
+
+def describe_errors(folder: Path) -> str:
+    """Headlines of the errors with which a library does not compile, without the folder's path."""
+    with pytest.raises(InputError) as caught:
+        compile_library(folder)
+    error = caught.value
+    if isinstance(error, DiagnosticsError):
+        text = "\n".join(diagnostic.headline for diagnostic in error.diagnostics)
+    else:
+        text = str(error)
+    return text.replace(f"{folder}/", "")

@@ -1,7 +1,7 @@
-"""Everything that an author can do wrong, with what is told about it.
+"""Mistakes of authors, each with the diagnostics that the compiler prints.
 
-A case is a file, or a folder of files, put over a small library; the text beside it is all that
-is told. `python tests/authoring/test_catalogue.py` writes the texts anew, to be read.
+A case is a file, or a folder of files, copied into the small library; the text next to it is the
+whole output. `python tests/compiler/test_diagnostics.py` writes all texts again, for review.
 """
 
 import shutil
@@ -18,7 +18,7 @@ FOLDER = Path(__file__).parent
 CASES = sorted(path for path in (FOLDER / "cases").iterdir() if path.suffix != ".txt")
 
 
-def told_about(case: Path, folder: Path) -> str:
+def compile_case(case: Path, folder: Path) -> str:
     shutil.copytree(FOLDER / "base", folder)
     if case.is_dir():
         shutil.copytree(case, folder, dirs_exist_ok=True)
@@ -32,12 +32,12 @@ def told_about(case: Path, folder: Path) -> str:
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda path: path.stem)
-def test_a_mistake_is_told_with_its_place_and_a_way_out(case: Path, tmp_path: Path) -> None:
+def test_a_mistake_is_reported_with_position_and_hint(case: Path, tmp_path: Path) -> None:
     expected = case.with_suffix(".txt").read_text(encoding="utf-8")
-    assert told_about(case, tmp_path / "library") == expected
+    assert compile_case(case, tmp_path / "library") == expected
 
 
-def test_no_text_is_left_without_its_case() -> None:
+def test_every_text_has_a_case() -> None:
     texts = {path.stem for path in (FOLDER / "cases").glob("*.txt")}
     assert texts == {path.stem for path in CASES}
 
@@ -45,7 +45,7 @@ def test_no_text_is_left_without_its_case() -> None:
 def write_texts() -> None:
     for case in CASES:
         with tempfile.TemporaryDirectory() as folder:
-            text = told_about(case, Path(folder) / "library")
+            text = compile_case(case, Path(folder) / "library")
         case.with_suffix(".txt").write_text(text, encoding="utf-8")
 
 

@@ -1,0 +1,38 @@
+from pathlib import Path
+
+import pytest
+from advercity_dsl import Spec
+
+from advercity.compiler import (
+    compare_specs,
+    explain_spec,
+    load_library,
+)
+from advercity.errors import InputError
+from tests.builders import Compile
+
+
+def test_every_value_of_a_spec_is_explained(library: Path, specs: dict[str, Spec]) -> None:
+    spec = specs["ui_glare_day_sparse"]
+    origins = {item.path: item.text for item in explain_spec(spec, load_library(library))}
+    sun = (library / "nhtsa" / "weather" / "glare_day.yaml").read_text().splitlines()
+    place = origins["weather.sun.elevation_deg"].split("glare_day.yaml:")[1]
+    line, column = map(int, place.split(":"))
+    assert sun[line - 1][column - 1 :].startswith(f"{spec.weather.sun.elevation_deg:g},")
+    assert origins["weather.fog.mor_m"] == "default"
+    assert origins["demand.vehicles"].startswith("rule: ")
+    assert all(origins.values())
+
+
+def test_a_changed_library_is_rejected_as_the_origin(
+    compile_small: Compile, specs: dict[str, Spec], tmp_path: Path
+) -> None:
+    compile_small()
+    with pytest.raises(InputError, match="is not in this library; compile"):
+        explain_spec(specs["ui_fog_day_sparse"], load_library(tmp_path / "library"))
+
+
+def test_specs_are_compared_by_meaning(specs: dict[str, Spec]) -> None:
+    changes = compare_specs(specs["ui_fog_day_sparse"], specs["ui_fog_day_dense"])
+    assert ("demand.vehicles", 48, 128) in changes
+    assert not any(path.startswith(("weather", "road")) for path, _, _ in changes)

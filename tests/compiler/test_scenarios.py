@@ -1,0 +1,49 @@
+from advercity.compiler import (
+    compare_specs,
+)
+from tests.builders import Compile
+
+SUITE = "kind: suite\nid: small\nrig: one_camera\ncatalogue: one_car\n"
+FOG = "kind: weather\nid: fog\ntime: day\n"
+
+
+def test_a_sweep_names_its_steps_by_value_and_keeps_the_traffic(compile_small: Compile) -> None:
+    sweep = "sweep: {field: weather.fog.mor_m, from: 20 m, to: 1 km, count: 3, log: true}\n"
+    specs = compile_small(suite=SUITE + sweep)
+    assert {name: spec.weather.fog.mor_m for name, spec in specs.items()} == {
+        "lane_clear_day_sparse_mor_m_20": 20,
+        "lane_clear_day_sparse_mor_m_141": 141,
+        "lane_clear_day_sparse_mor_m_1000": 1000,
+    }
+    assert len({spec.seeds.traffic for spec in specs.values()}) == 1
+
+
+def test_a_sweep_may_vary_any_number_of_a_crossed_declaration(compile_small: Compile) -> None:
+    for field, value, path in (
+        ("road.streets.main.path.0.line_m", 180, "road.streets.main.path.0.line_m"),
+        ("density.vehicles", 2.5, "density.vehicles"),
+        ("rig.vehicle.camera.mounts.0.z_m", 1.2, "agents.0.sensors.camera.mounts.0.z_m"),
+    ):
+        suite = SUITE + f"sweep: {{field: {field}, values: [{value}]}}\n"
+        (spec,) = compile_small(suite=suite).values()
+        (plain,) = compile_small().values()
+        found = {change: after for change, _, after in compare_specs(plain, spec)}
+        assert found[path] == value
+
+
+def test_a_suite_keeps_only_scenarios_that_meet_its_conditions(compile_small: Compile) -> None:
+    night = "kind: weather\nid: dark\ntime: night\nsun: {elevation_deg: -30}\n"
+    thick, thin = (
+        FOG.replace("id: fog", f"id: fog{metres}") + f"fog: {{mor_m: {metres}}}\n"
+        for metres in (40, 400)
+    )
+    weathers = {"dark": night, "thick": thick, "thin": thin}
+
+    def kept(where: str) -> set[str]:
+        specs = compile_small(suite=SUITE + f"where: {{{where}}}\n", **weathers)
+        return {spec.weather.id for spec in specs.values()}
+
+    assert kept("weather.time: night") == {"dark"}
+    assert kept("weather.time: [day, night]") == {"dark", "clear_day", "fog40", "fog400"}
+    assert kept("weather.fog.mor_m: {at_most: 0.1 km}") == {"fog40"}
+    assert kept("weather.fog.mor_m: {at_least: 10}, road.land_use: rural") == {"fog40", "fog400"}

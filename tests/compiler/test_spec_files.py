@@ -1,0 +1,105 @@
+import json
+from pathlib import Path
+
+import pytest
+from advercity_dsl import Spec
+
+from advercity.compiler import (
+    DiagnosticsError,
+    describe_spec_differences,
+    read_spec,
+    to_json,
+    write_specs,
+)
+from advercity.compiler.crossing import compile_library
+from advercity.errors import InputError
+from tests.builders import Write
+
+
+def test_specs_are_read_back_as_they_were_written(specs: dict[str, Spec], tmp_path: Path) -> None:
+    spec = specs["rcnj_fog_night_dense"]
+    write_specs([spec], tmp_path)
+    assert read_spec(tmp_path / f"{spec.id}.json") == spec
+
+
+def test_a_spec_stays_below_forty_kilobytes(specs: dict[str, Spec]) -> None:
+    assert max(len(to_json(spec)) for spec in specs.values()) < 40_000
+
+
+def test_writing_removes_obsolete_specs_of_the_suite_and_nothing_else(
+    write: Write, tmp_path: Path
+) -> None:
+    (spec,) = compile_library(write())
+    folder = tmp_path / "compiled"
+    write_specs([spec.model_copy(update={"id": "gone"}), spec], folder)
+    (folder / "mine.json").write_text('{"mine": 1}')
+    write_specs([spec], folder)
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "lane_clear_day_sparse.json",
+        "mine.json",
+    ]
+
+
+def test_differences_name_missing_and_obsolete_specs(write: Write, tmp_path: Path) -> None:
+    (spec,) = compile_library(write())
+    folder = tmp_path / "compiled"
+    assert describe_spec_differences([spec], folder) == [
+        f"{folder}/lane_clear_day_sparse.json: is missing"
+    ]
+    write_specs([spec], folder)
+    assert describe_spec_differences([spec], folder) == []
+    (folder / "lane_clear_day_sparse.json").write_text("{}")
+    assert "differs" in describe_spec_differences([spec], folder)[0]
+
+
+@pytest.mark.parametrize("field", ["id", "number"])
+def test_agents_of_a_spec_have_different_ids_and_numbers(
+    write: Write, tmp_path: Path, field: str
+) -> None:
+    (spec,) = compile_library(write())
+    data = json.loads(to_json(spec))
+    data["agents"][1][field] = data["agents"][0][field]
+    path = tmp_path / "twins.json"
+    path.write_text(json.dumps(data))
+    with pytest.raises(InputError, match=f"two agents have the same {field}"):
+        read_spec(path)
+
+
+def test_a_truncated_spec_is_reported_with_its_position(write: Write, tmp_path: Path) -> None:
+    (spec,) = compile_library(write())
+    path = tmp_path / "cut.json"
+    path.write_text(to_json(spec)[:-200])
+    with pytest.raises(InputError, match=r"cut\.json:\d+:\d+: is not a spec.*is it truncated\?"):
+        read_spec(path)
+
+
+def test_an_invalid_value_of_a_spec_is_reported_with_its_position(
+    write: Write, tmp_path: Path
+) -> None:
+    (spec,) = compile_library(write())
+    data = json.loads(to_json(spec))
+    data["weather"]["rain"]["rate_mm_h"] = 1000
+    path = tmp_path / "wet.json"
+    path.write_text(json.dumps(data, indent=1))
+    with pytest.raises(
+        DiagnosticsError, match=r"wet\.json:\d+:\d+: weather\.rain\.rate_mm_h: .*150"
+    ):
+        read_spec(path)
+
+
+def test_numbers_that_json_lacks_are_rejected(write: Write, tmp_path: Path) -> None:
+    path = tmp_path / "nan.json"
+    path.write_text('{"spec_version": NaN}')
+    with pytest.raises(InputError, match="NaN is not a number in JSON"):
+        read_spec(path)
+
+
+@pytest.mark.parametrize(("version", "way_out"), [(0, "compile its library"), (2, "upgrade")])
+def test_a_spec_of_another_version_is_reported_with_what_to_do(
+    specs: dict[str, Spec], tmp_path: Path, version: int, way_out: str
+) -> None:
+    data = json.loads(to_json(specs["ui_fog_day_sparse"])) | {"spec_version": version}
+    path = tmp_path / "spec.json"
+    path.write_text(json.dumps(data))
+    with pytest.raises(DiagnosticsError, match=f"has version {version}; this .* {way_out}"):
+        read_spec(path)

@@ -1,0 +1,92 @@
+from pathlib import Path
+
+import pytest
+from advercity_dsl import Suite, Typology
+from advercity_dsl.suite import Coverage, Selection
+
+from advercity.compiler import (
+    load_library,
+)
+from advercity.compiler.suites import find_required_categories, is_selected
+from tests.builders import SMALL_LIBRARY, Write, describe_errors
+
+
+def test_the_rule_selects_the_four_groups_of_the_paper(library: Path) -> None:
+    typologies = load_library(library).get_declarations(Typology).values()
+    selected = {item.id for item in typologies if is_selected(item, Selection())}
+    assert selected == {"pedestrian", "pedalcyclist", "opposite_direction", "crossing_paths"}
+
+
+@pytest.mark.parametrize(
+    "rule",
+    [
+        Selection(fatality_rate_percent=0.13),
+        Selection(fatality_rate_percent=0.35),
+        Selection(bad_visibility_percent=2.01),
+        Selection(bad_visibility_percent=4),
+        Selection(vehicles_per_crash=1.17),
+        Selection(vehicles_per_crash=1.88),
+    ],
+)
+def test_the_selection_is_robust_against_its_thresholds(library: Path, rule: Selection) -> None:
+    typologies = load_library(library).get_declarations(Typology).values()
+    assert sum(is_selected(item, rule) for item in typologies) == 4
+
+
+def test_road_departure_would_be_selected_without_the_partner_rule(library: Path) -> None:
+    departure = load_library(library).get_declarations(Typology)["road_departure"]
+    rule = Selection(vehicles_per_crash=1.0, bad_visibility_percent=2)
+    assert is_selected(departure, rule)
+    assert not is_selected(departure, Selection(bad_visibility_percent=2))
+
+
+def test_required_kinds_of_roads_are_those_of_the_paper(library: Path) -> None:
+    typologies = load_library(library).get_declarations(Typology)
+    cells = {
+        name: sorted(str(cell) for cell in find_required_categories(typologies[name], Coverage()))
+        for name in ("pedestrian", "pedalcyclist", "opposite_direction", "crossing_paths")
+    }
+    assert cells == {
+        "pedestrian": ["urban intersection", "urban non_junction"],
+        "pedalcyclist": ["rural intersection", "urban intersection"],
+        "opposite_direction": ["rural non_junction curved", "rural non_junction straight"],
+        "crossing_paths": ["rural intersection", "urban intersection"],
+    }
+
+
+def test_an_unknown_name_is_reported_with_the_most_similar_one(write: Write) -> None:
+    folder = write(suite="kind: suite\nid: small\nrig: one_camra\ncatalogue: one_car\n")
+    assert describe_errors(folder) == (
+        "suite.yaml:3:6: rig: unknown rig 'one_camra'; did you mean 'one_camera'?"
+    )
+
+
+def test_a_road_needs_one_ego(write: Write) -> None:
+    folder = write(
+        road=(SMALL_LIBRARY / "road.yaml").read_text().replace("role: ego", "role: other")
+    )
+    assert describe_errors(folder) == (
+        "road.yaml:19:3: agents: 0 agents have the role 'ego'; exactly one is required"
+    )
+
+
+def test_the_highest_beam_must_be_above_the_lowest(write: Write) -> None:
+    road = (
+        (SMALL_LIBRARY / "road.yaml")
+        .read_text()
+        .replace("pitch_deg: 10", "pitch_deg: 10, lidar_upper_deg: -30")
+    )
+    assert "lidar_upper_deg: -30 is not above the rig's lower_deg -25" in describe_errors(
+        write(road=road)
+    )
+    rig = (
+        (SMALL_LIBRARY / "rig.yaml")
+        .read_text()
+        .replace("lidar: {mount", "lidar: {upper_deg: -30, mount")
+    )
+    assert "upper_deg -30 is not above lower_deg -25" in describe_errors(write(rig=rig))
+
+
+def test_a_suite_has_its_rules_in_the_library(library: Path) -> None:
+    suite = load_library(library).get_declarations(Suite)["adver_city"]
+    assert (suite.selection.fatality_rate_percent, suite.coverage.junction_percent) == (0.3, 50)
