@@ -11,7 +11,7 @@ from enum import IntEnum, IntFlag
 from pathlib import Path
 
 import numpy as np
-from advercity_dsl import ActorClass
+from advercity_dsl import ActorClass, Blueprint
 from numpy.typing import NDArray
 
 from advercity.errors import RunError
@@ -48,6 +48,12 @@ class Actor:
     """Material of a vehicle's painted parts, or of a person's coat."""
     size: tuple[float, float, float]
     """Full length, width and height in metres."""
+
+    @staticmethod
+    def from_blueprint(number: int, name: str, blueprint: Blueprint, paint: str) -> "Actor":
+        """Build an actor from the blueprint of a name."""
+        size = blueprint.length_m, blueprint.width_m, blueprint.height_m
+        return Actor(number, blueprint.actor_class, name, paint, size)
 
 
 @dataclass(frozen=True)

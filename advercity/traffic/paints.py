@@ -1,4 +1,4 @@
-"""Which colour an actor has."""
+"""Draw the colours of actors."""
 
 from collections.abc import Mapping
 
@@ -21,8 +21,8 @@ _VEHICLE_PAINT_FRACTIONS = {
     "car_paint_brown": 0.02,
     "car_paint_green": 0.01,
 }
-"""Rounded world-wide shares of new cars (Axalta, Global Automotive Color Popularity, 2020-2023);
-the rest of its colours is dealt out to the nearest one here."""
+"""Rounded fractions of new cars world-wide (Axalta, Global Automotive Color Popularity, 2020-2023);
+its other colours are added to the nearest one here."""
 _COAT_COLOUR_FRACTIONS = {
     "cloth_dark": 0.45,
     "cloth_blue": 0.22,
@@ -34,16 +34,16 @@ _COAT_COLOUR_FRACTIONS = {
 def draw_paint(
     actor_class: ActorClass, *key: int | str, paints: Mapping[PaintColour, float] | None = None
 ) -> str:
-    """Material of an actor's paint (a person's coat), drawn by `key`.
+    """Draw the material of a vehicle's paint or of a person's coat.
 
     Args:
-        actor_class: Whose shares to draw with: traffic's colours, or the coats of people.
-        key: What the draw is for.
-        paints: Shares of colours that a blueprint declares instead.
+        actor_class: Selects the colours of traffic, or of coats.
+        key: Key of the random stream.
+        paints: Fractions of colours that a blueprint declares instead.
     """
-    shares = _COAT_COLOUR_FRACTIONS if actor_class == "pedestrian" else _VEHICLE_PAINT_FRACTIONS
+    fractions = _COAT_COLOUR_FRACTIONS if actor_class == "pedestrian" else _VEHICLE_PAINT_FRACTIONS
     if paints:
-        shares = {f"car_paint_{name}": share for name, share in paints.items()}
-    weights = np.array(list(shares.values()))
+        fractions = {f"car_paint_{name}": fraction for name, fraction in paints.items()}
+    weights = np.array(list(fractions.values()))
     draw = create_generator(*key, "paint", actor_class)
-    return list(shares)[draw.choice(len(shares), p=weights / weights.sum())]
+    return list(fractions)[draw.choice(len(fractions), p=weights / weights.sum())]

@@ -1,4 +1,4 @@
-"""Where people walk: over the sidewalks of the site, some of them across streets."""
+"""Draw pedestrians' trips over the sidewalks of the site, some of them across streets."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ AdjacentSidewalks = Mapping[str, tuple[str, ...]]
 
 @dataclass(frozen=True)
 class WalkLeg:
-    """Sidewalks (edges) up to the next place to turn, and where on the last one that is."""
+    """Sidewalks (SUMO edges) to a destination, and its position on the last one."""
 
     edges: tuple[str, ...]
     end_position_m: float
@@ -35,7 +35,7 @@ class WalkLeg:
 
 @dataclass(frozen=True)
 class PedestrianTrip:
-    """A person's way: from place to place, longer than the scenario can last."""
+    """A person's walk from destination to destination, longer than the scenario can last."""
 
     actor: Actor
     edge: str
@@ -48,13 +48,13 @@ class PedestrianTrip:
 def draw_pedestrian_trips(
     spec: Spec, graph: LaneGraph, count: int, redraws: Mapping[int, int]
 ) -> tuple[PedestrianTrip, ...]:
-    """Up to `count` people on foot; fewer if the sidewalks are full.
+    """Draw the trips of people on foot.
 
     Args:
         spec: The scenario.
         graph: Lanes of the road.
-        count: How many are wanted.
-        redraws: How many draws of a person are passed over, by id.
+        count: Number of people; fewer are drawn if the sidewalks are full.
+        redraws: Number of draws to pass over, by id of a person.
     """
     starts = list(
         iterate_start_positions(
@@ -65,12 +65,12 @@ def draw_pedestrian_trips(
     people = [name for name, item in spec.blueprints.items() if item.actor_class == "pedestrian"]
     if not people:
         return ()
-    beside = {
+    adjacent = {
         crossing: graph.find_adjacent_sidewalks(use_crossings=crossing)
         for crossing in (False, True)
     }
     return tuple(
-        _draw_trip(spec, graph, beside, people, number, redraws.get(number, 0), starts, start)
+        _draw_trip(spec, graph, adjacent, people, number, redraws.get(number, 0), starts, start)
         for number, start in enumerate(starts[:count], FIRST_BACKGROUND_WALKER)
     )
 
@@ -88,18 +88,12 @@ def _draw_trip(
     draw = create_generator(spec.seeds.traffic, "walker", number, *([redraws] if redraws else []))
     lane, start_m = starts[int(draw.integers(len(starts)))] if redraws else start
     name = people[draw.integers(len(people))]
-    blueprint = spec.blueprints[name]
+    paint = draw_paint("pedestrian", spec.seeds.traffic, number)
     crosses = bool(draw.random() < spec.demand.crossing_share)
     speed = float(draw.uniform(MIN_WALKING_SPEED_M_S, MAX_WALKING_SPEED_M_S))
     distance = speed * spec.timing.max_ticks * spec.timing.tick_s
     return PedestrianTrip(
-        actor=Actor(
-            number,
-            "pedestrian",
-            name,
-            draw_paint("pedestrian", spec.seeds.traffic, number),
-            (blueprint.length_m, blueprint.width_m, blueprint.height_m),
-        ),
+        actor=Actor.from_blueprint(number, name, spec.blueprints[name], paint),
         edge=lane.edge,
         start_m=start_m,
         legs=tuple(_draw_legs(graph, adjacent[crosses], lane.edge, start_m, distance, draw)),
@@ -115,9 +109,8 @@ def _draw_legs(
     distance_m: float,
     draw: np.random.Generator,
 ) -> Iterator[WalkLeg]:
-    """Legs to random places until at least `distance_m` is walked."""
-    ways = _find_shortest_chains(adjacent, edge)
-    names = sorted(ways)
+    """Draw legs to random destinations until they add up to a distance."""
+    names = sorted(_find_shortest_chains(adjacent, edge))
     lengths = np.array([graph.sidewalks[name].length_m for name in names])
     while distance_m > 0:
         target = names[draw.choice(len(names), p=lengths / lengths.sum())]
@@ -125,7 +118,7 @@ def _draw_legs(
         end = END_CLEARANCE_M + float(draw.uniform(0, max(room, 0.0)))
         edges = _find_shortest_chains(adjacent, edge)[target]
         if target == edge and abs(end - position_m) < min(MIN_LEG_M, room / 4):
-            continue
+            continue  # hardly a walk: draw another destination
         yield WalkLeg(edges, end)
         between = sum(graph.sidewalks[name].length_m for name in edges[1:-1])
         distance_m -= abs(end - position_m) if target == edge else max(between, 1.0)
@@ -133,11 +126,11 @@ def _draw_legs(
 
 
 def _find_shortest_chains(adjacent: AdjacentSidewalks, start: str) -> dict[str, tuple[str, ...]]:
-    """Shortest chains of sidewalks from `start` to all it is joined with, itself included."""
-    found: dict[str, tuple[str, ...]] = {start: (start,)}
-    todo = [start]
-    for edge in todo:
-        new = [name for name in adjacent[edge] if name not in found]
-        found.update({name: (*found[edge], name) for name in new})
-        todo.extend(new)
-    return found
+    """Find the shortest chain of sidewalks from one to each that it is connected with."""
+    chains: dict[str, tuple[str, ...]] = {start: (start,)}
+    queue = [start]
+    for edge in queue:  # breadth first: the list grows while it is read
+        new = [name for name in adjacent[edge] if name not in chains]
+        chains.update({name: (*chains[edge], name) for name in new})
+        queue.extend(new)
+    return chains

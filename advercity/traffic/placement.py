@@ -1,4 +1,4 @@
-"""Where background traffic may start: the original's areas, as far as the site has lanes there."""
+"""Positions where background traffic may start: lanes of the site in the original's areas."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from advercity.roads.network_file import SumoLane
 
 START_GAP_M = 5.0
-"""Between the bodies of vehicles that start in one lane, as in the original."""
+"""Gap between the bodies of vehicles that start in one lane, as in the original."""
 VEHICLE_SPACING_M = 8.0
-"""Spacing of the places where vehicles may start, as in the original."""
+"""Spacing of the positions where vehicles may start, as in the original."""
 WALKER_SPACING_M = 1.0
 
 
@@ -26,28 +26,26 @@ class StartArea:
 
     @staticmethod
     def from_points(points: Iterable[Point2], margin_m: float) -> "StartArea":
-        """The bounding box of some points, grown on all sides."""
+        """Build the bounding box of some points, grown on all sides."""
         corners = np.array(tuple(points))
         west, south = corners.min(axis=0) - margin_m
         east, north = corners.max(axis=0) + margin_m
         return StartArea((float(west), float(south)), (float(east), float(north)))
 
     def contains(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Which of the points (n, 2) lie inside, (n,)."""
+        """Return whether (n,) each of the points (n, 2) lies inside."""
         inside: NDArray[np.bool_] = (points >= self.low) & (points <= self.high)
         return inside[:, 0] & inside[:, 1]
 
 
 def compute_start_areas(spec: Spec) -> tuple[StartArea, ...]:
-    """A square around every agent and a box from every vehicle's spawn to its destination."""
+    """Compute a square around each agent and a box from each vehicle's spawn to its destination."""
     demand = spec.demand
     places = [agent.place for agent in spec.agents]
-    squares = [
-        StartArea.from_points([place.spawn_m], demand.around_agent_m)
-        if isinstance(place, Vehicle)
-        else StartArea.from_points([place.position_m[:2]], demand.around_agent_m)
-        for place in places
+    centres = [
+        place.spawn_m if isinstance(place, Vehicle) else place.position_m[:2] for place in places
     ]
+    squares = [StartArea.from_points([centre], demand.around_agent_m) for centre in centres]
     boxes = [
         StartArea.from_points([place.spawn_m, place.destination_m], demand.around_path_m)
         for place in places
@@ -59,7 +57,7 @@ def compute_start_areas(spec: Spec) -> tuple[StartArea, ...]:
 def iterate_start_positions(
     lanes: Iterable[SumoLane], within: Iterable[StartArea], spacing_m: float
 ) -> Iterator[tuple[SumoLane, float]]:
-    """Positions on the lanes, `spacing_m` apart, that lie in one of the areas."""
+    """Iterate over positions on the lanes, `spacing_m` apart, that lie in one of the areas."""
     boxes = tuple(within)
     for lane in lanes:
         positions = np.arange(spacing_m / 2, lane.length_m, spacing_m)
@@ -72,15 +70,15 @@ def iterate_start_positions(
 
 @dataclass(frozen=True)
 class LaneOccupancy:
-    """Stretches of lanes on which bodies stand."""
+    """Intervals of lanes that bodies occupy, by lane."""
 
     occupied: dict[str, list[tuple[float, float]]] = field(
         default_factory=dict[str, list[tuple[float, float]]]
     )
 
-    def has_room(self, lane: SumoLane, middle_m: float, length_m: float) -> bool:
-        """Whether a body stays clear of junctions and of those that stand in its lane."""
-        rear, front = middle_m - length_m / 2, middle_m + length_m / 2
+    def has_room(self, lane: SumoLane, centre_m: float, length_m: float) -> bool:
+        """Return whether a body stays clear of junctions and of the bodies in its lane."""
+        rear, front = centre_m - length_m / 2, centre_m + length_m / 2
         clear = START_GAP_M / 2
         if rear < clear or front > lane.length_m - clear:
             return False
@@ -89,7 +87,7 @@ class LaneOccupancy:
             for other_rear, other_front in self.occupied.get(lane.id, ())
         )
 
-    def occupy(self, lane: SumoLane, middle_m: float, length_m: float) -> None:
-        """Note that a body stands there."""
-        stretch = (middle_m - length_m / 2, middle_m + length_m / 2)
-        self.occupied.setdefault(lane.id, []).append(stretch)
+    def occupy(self, lane: SumoLane, centre_m: float, length_m: float) -> None:
+        """Add a body."""
+        interval = (centre_m - length_m / 2, centre_m + length_m / 2)
+        self.occupied.setdefault(lane.id, []).append(interval)

@@ -1,4 +1,4 @@
-"""A scenario's traffic as a moving plan."""
+"""Draw a scenario's traffic as a video of its road's plan."""
 
 from collections.abc import Iterator
 
@@ -9,7 +9,11 @@ from advercity_dsl import Spec
 from advercity_dsl.units import Point2
 from numpy.typing import NDArray
 
-from advercity.conflicts.metrics import ActorTrack, compute_path_time_to_collision
+from advercity.conflicts.metrics import (
+    UNIT_BOX_CORNERS,
+    ActorTrack,
+    compute_path_time_to_collision,
+)
 from advercity.frames import Signal, Trace
 from advercity.geometry.arrays import Uint8Array
 from advercity.roads.plan_drawing import FONT, FONT_SCALE, INK_COLOUR, PlanCanvas, draw_plan_canvas
@@ -23,7 +27,7 @@ CLASS_COLOURS = {
     "motorcycle": (60, 200, 230),
     "pedestrian": (190, 90, 190),
 }
-"""BGR by class."""
+"""Colours in BGR, OpenCV's order, by class."""
 CONNECTED_COLOUR = (220, 110, 30)
 STAGED_COLOUR = (40, 40, 230)
 SIGNAL_COLOURS = {
@@ -33,11 +37,11 @@ SIGNAL_COLOURS = {
 }
 SIGNAL_SIZE_M = 1.4
 SHOWN_TIME_TO_COLLISION_S = 5.0
-"""Times to collision below this are told."""
+"""Times to collision below this are written on the pictures."""
 
 
 def draw_traffic_pictures(spec: Spec, trace: Trace) -> Iterator[Uint8Array]:
-    """The plan of a spec's road with everybody on it, RGB, a picture per kept tick."""
+    """Draw the plan of a spec's road with all actors on it: an RGB picture per kept tick."""
     road = build_road(spec.road)
     canvas = draw_plan_canvas(road)
     empty = canvas.image
@@ -46,7 +50,7 @@ def draw_traffic_pictures(spec: Spec, trace: Trace) -> Iterator[Uint8Array]:
     corners = np.concatenate([track.corners for track in tracks])
     colours = _choose_colours(spec, trace)
     lamps = {head.id: head.position_m[:2] for head in road.traffic_lights}
-    told = _format_conflict_states(spec, trace)
+    texts = _format_conflict_states(spec, trace)
     for tick in range(len(trace)):
         canvas.image = empty.copy()
         for name, value in trace.build_frame(tick).signals.items():
@@ -55,7 +59,7 @@ def draw_traffic_pictures(spec: Spec, trace: Trace) -> Iterator[Uint8Array]:
         for row in np.flatnonzero(rows["tick"] == tick):
             canvas.fill(corners[row], colours[int(rows["actor"][row])])
             canvas.line(corners[row][[0, 1, 2, 3, 0]], INK_COLOUR)
-        lines = [f"{spec.id}   {tick * trace.tick_s:5.1f} s", *told[tick]]
+        lines = [f"{spec.id}   {tick * trace.tick_s:5.1f} s", *texts[tick]]
         _draw_lines(canvas, lines)
         yield np.ascontiguousarray(canvas.image[..., ::-1])
 
@@ -74,8 +78,8 @@ def _choose_colours(spec: Spec, trace: Trace) -> list[tuple[int, int, int]]:
 
 
 def _format_conflict_states(spec: Spec, trace: Trace) -> list[list[str]]:
-    """For every tick, how near the ego and the staged actors are to each other."""
-    told: list[list[str]] = [[] for _ in range(len(trace))]
+    """Format, for every tick, how near the ego and the staged actors are to each other."""
+    texts: list[list[str]] = [[] for _ in range(len(trace))]
     ego = ActorTrack.from_trace(trace, spec.ego.number)
     for conflict in spec.conflicts:
         actor = ActorTrack.from_trace(trace, conflict.actors[0].number)
@@ -84,15 +88,15 @@ def _format_conflict_states(spec: Spec, trace: Trace) -> list[list[str]]:
         times = compute_path_time_to_collision(ego, actor, ticks)
         for tick, gap, time in zip(ticks.tolist(), gaps.tolist(), times.tolist(), strict=True):
             ahead = f", collision in {time:.1f} s" if time < SHOWN_TIME_TO_COLLISION_S else ""
-            told[tick].append(f"{conflict.conflict}: {gap:.1f} m{ahead}")
-    return told
+            texts[tick].append(f"{conflict.conflict}: {gap:.1f} m{ahead}")
+    return texts
 
 
-def _build_square(at: Point2) -> NDArray[np.float64]:
-    return np.asarray(at) + SIGNAL_SIZE_M / 2 * np.array([(1, 1), (1, -1), (-1, -1), (-1, 1)])
+def _build_square(centre: Point2) -> NDArray[np.float64]:
+    return np.asarray(centre) + SIGNAL_SIZE_M * UNIT_BOX_CORNERS
 
 
 def _draw_lines(canvas: PlanCanvas, lines: list[str]) -> None:
-    for index, words in enumerate(lines):
-        place = (16, 28 + 24 * index)
-        cv2.putText(canvas.image, words, place, FONT, 1.3 * FONT_SCALE, INK_COLOUR, 1, cv2.LINE_AA)
+    for index, text in enumerate(lines):
+        at = (16, 28 + 24 * index)
+        cv2.putText(canvas.image, text, at, FONT, 1.3 * FONT_SCALE, INK_COLOUR, 1, cv2.LINE_AA)

@@ -1,4 +1,7 @@
-"""The demand as a SUMO route file."""
+"""Write the demand as a SUMO route file.
+
+Every actor has a vehicle type of its own, since SUMO keeps sizes and driving in types.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -18,12 +21,12 @@ class CarFollowing:
 
     Attributes:
         sumo_class: SUMO's vehicle class.
-        acceleration_m_s2: Most it accelerates.
-        deceleration_m_s2: Most it brakes in everyday traffic.
-        max_emergency_braking_m_s2: Most that the road lets it brake in an emergency.
-        headway_s: Time gap it keeps; also the driver's reaction time.
-        standing_gap_m: Standing gap to the vehicle ahead.
-        alignment: Where it drives in its lane.
+        acceleration_m_s2: Maximum acceleration.
+        deceleration_m_s2: Maximum braking in everyday traffic.
+        max_emergency_braking_m_s2: Maximum braking that the road permits in an emergency.
+        headway_s: Time gap to the vehicle ahead; also the driver's reaction time.
+        standing_gap_m: Gap to the vehicle ahead at standstill.
+        alignment: Lateral position in the lane, in SUMO's words.
     """
 
     sumo_class: str
@@ -42,14 +45,14 @@ CAR_FOLLOWING: Mapping[ActorClass, CarFollowing] = {
     "bicycle": CarFollowing("bicycle", 1.0, 2.0, standing_gap_m=1.0, alignment="right"),
     "motorcycle": CarFollowing("motorcycle", 2.8, 3.0, standing_gap_m=1.5),
 }
-"""The standing gap is what drivers keep at a red light; the original's 5 m apply at the start."""
+"""Driving by class; the gap is that at a red light, while the original's 5 m apply at the start."""
 CONNECTED_CAR_FOLLOWING = CarFollowing("passenger", 2.5, 3.0, standing_gap_m=3.0)
 EMERGENCY_EXTRA_M_S2 = 4.0
-"""How much harder one brakes in an emergency."""
+"""Emergency braking less everyday braking."""
 LATERAL_SPEED_FRACTION = 0.2
-"""Most of its speed that a vehicle moves sideways."""
+"""Maximum lateral speed of a vehicle as a fraction of its speed."""
 UNLIMITED_SPEED_FACTOR = 10.0
-"""Speed factor of a vehicle whose own top speed rules."""
+"""Speed factor of a vehicle that only its own top speed limits."""
 
 
 def write_route_file(
@@ -58,30 +61,30 @@ def write_route_file(
     """Write vehicles and people, each with a type of its own, in order of departure.
 
     Args:
-        demand: Who takes part.
+        demand: The vehicles and people.
         path: File to write.
-        caution: What drivers do about the weather; those in staged conflicts do as these say.
+        caution: Drivers' response to the weather; staged vehicles do not respond.
     """
     root = Element("routes")
-    for ride in demand.connected:
-        _add_vehicle_type(root, ride, _apply_driver_response(CONNECTED_CAR_FOLLOWING, caution))
-    for ride in demand.staged:
-        _add_vehicle_type(root, ride, CAR_FOLLOWING[ride.actor.actor_class])
-    for ride in demand.vehicles:
+    for trip in demand.connected:
+        _add_vehicle_type(root, trip, _apply_driver_response(CONNECTED_CAR_FOLLOWING, caution))
+    for trip in demand.staged:
+        _add_vehicle_type(root, trip, CAR_FOLLOWING[trip.actor.actor_class])
+    for trip in demand.vehicles:
         _add_vehicle_type(
-            root, ride, _apply_driver_response(CAR_FOLLOWING[ride.actor.actor_class], caution)
+            root, trip, _apply_driver_response(CAR_FOLLOWING[trip.actor.actor_class], caution)
         )
-    for walk in demand.walkers:
-        _add_pedestrian_type(root, walk)
-    everyone = sorted((*demand.trips, *demand.walkers), key=lambda one: one.depart_s)
-    for one in everyone:
-        _add_vehicle(root, one) if isinstance(one, VehicleTrip) else _add_person(root, one)
+    for trip in demand.walkers:
+        _add_pedestrian_type(root, trip)
+    # SUMO skips actors that depart before the one above them in the file.
+    for trip in sorted((*demand.trips, *demand.walkers), key=lambda trip: trip.depart_s):
+        _add_vehicle(root, trip) if isinstance(trip, VehicleTrip) else _add_person(root, trip)
     indent(root)
     ElementTree(root).write(path, encoding="utf-8")
 
 
 def _apply_driver_response(driving: CarFollowing, caution: DriverResponse | None) -> CarFollowing:
-    """The same as drivers do it who leave more time and brake no harder than the road lets them."""
+    """Change driving for weather: longer headways, and no more than the road's grip permits."""
     if caution is None:
         return driving
     return replace(
@@ -93,31 +96,33 @@ def _apply_driver_response(driving: CarFollowing, caution: DriverResponse | None
     )
 
 
-def _add_vehicle_type(root: Element, ride: VehicleTrip, driving: CarFollowing) -> None:
-    length, width, height = ride.actor.size
+def _add_vehicle_type(root: Element, trip: VehicleTrip, driving: CarFollowing) -> None:
+    length, width, height = trip.actor.size
     usual = driving.acceleration_m_s2, driving.deceleration_m_s2
-    accelerates, brakes = ride.acceleration_limits_m_s2 or usual
-    factor = UNLIMITED_SPEED_FACTOR if ride.speed_factor is None else ride.speed_factor
+    acceleration, braking = trip.acceleration_limits_m_s2 or usual
+    factor = UNLIMITED_SPEED_FACTOR if trip.speed_factor is None else trip.speed_factor
     _add_element(
         root,
         "vType",
-        id=ride.actor.id,
+        id=trip.actor.id,
         vClass=driving.sumo_class,
         length=length,
         width=width,
         height=height,
-        accel=accelerates,
-        decel=brakes,
-        emergencyDecel=min(brakes + EMERGENCY_EXTRA_M_S2, driving.max_emergency_braking_m_s2),
+        accel=acceleration,
+        decel=braking,
+        emergencyDecel=min(braking + EMERGENCY_EXTRA_M_S2, driving.max_emergency_braking_m_s2),
         tau=driving.headway_s,
         minGap=driving.standing_gap_m,
-        maxSpeed=ride.top_speed_m_s,
+        maxSpeed=trip.top_speed_m_s,
         speedFactor=factor,
+        # No chance: dry runs rely on a second run doing the same.
         speedDev=0,
         sigma=0,
         latAlignment=driving.alignment,
         lcMaxSpeedLatStanding=0,
         lcMaxSpeedLatFactor=LATERAL_SPEED_FRACTION,
+        # Only the lane changes that the route needs, and those early.
         lcStrategic=10,
         lcSpeedGain=0,
         lcKeepRight=0,
@@ -125,47 +130,47 @@ def _add_vehicle_type(root: Element, ride: VehicleTrip, driving: CarFollowing) -
     )
 
 
-def _add_vehicle(root: Element, ride: VehicleTrip) -> None:
+def _add_vehicle(root: Element, trip: VehicleTrip) -> None:
     vehicle = _add_element(
         root,
         "vehicle",
-        id=ride.actor.id,
-        type=ride.actor.id,
-        depart=ride.depart_s,
-        departLane=ride.lane,
-        departPos="base" if ride.front_position_m is None else ride.front_position_m,
-        departSpeed=ride.start_speed_m_s,
+        id=trip.actor.id,
+        type=trip.actor.id,
+        depart=trip.depart_s,
+        departLane=trip.lane,
+        departPos="base" if trip.front_position_m is None else trip.front_position_m,
+        departSpeed=trip.start_speed_m_s,
     )
-    _add_element(vehicle, "route", edges=" ".join(ride.edges))
+    _add_element(vehicle, "route", edges=" ".join(trip.edges))
 
 
-def _add_pedestrian_type(root: Element, walk: PedestrianTrip) -> None:
-    length, width, height = walk.actor.size
+def _add_pedestrian_type(root: Element, trip: PedestrianTrip) -> None:
+    length, width, height = trip.actor.size
     _add_element(
         root,
         "vType",
-        id=walk.actor.id,
+        id=trip.actor.id,
         vClass="pedestrian",
         length=length,
         width=width,
         height=height,
         minGap=0.25,
-        maxSpeed=walk.speed_m_s,
+        maxSpeed=trip.speed_m_s,
         speedFactor=1,
         speedDev=0,
     )
 
 
-def _add_person(root: Element, walk: PedestrianTrip) -> None:
+def _add_person(root: Element, trip: PedestrianTrip) -> None:
     person = _add_element(
         root,
         "person",
-        id=walk.actor.id,
-        type=walk.actor.id,
-        depart=walk.depart_s,
-        departPos=walk.start_m,
+        id=trip.actor.id,
+        type=trip.actor.id,
+        depart=trip.depart_s,
+        departPos=trip.start_m,
     )
-    for leg in walk.legs:
+    for leg in trip.legs:
         _add_element(person, "walk", edges=" ".join(leg.edges), arrivalPos=leg.end_position_m)
 
 

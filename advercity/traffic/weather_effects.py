@@ -9,11 +9,11 @@ from dataclasses import replace
 from advercity_dsl.weather import Lamps
 
 from advercity.frames import ActorState, Frame, Lamp
+from advercity.physics.constants import GOLDEN_FRACTION
 from advercity.randomness import create_generator
 
 INDICATOR_FREQUENCY_HZ = 1.5
 """UN R48 asks for 90 +- 30 flashes a minute."""
-_GOLDEN_FRACTION = 0.618034
 _INDICATORS = Lamp.LEFT | Lamp.RIGHT
 
 
@@ -33,8 +33,7 @@ def _apply_lamps(state: ActorState, lamps: Lamps, time_s: float) -> ActorState:
     if actor_class == "pedestrian":
         return state
     lit = state.lamps
-    # Multiples of the golden ratio spread the phases of successive ids evenly.
-    phase = (INDICATOR_FREQUENCY_HZ * time_s + _GOLDEN_FRACTION * state.actor.id) % 1.0
+    phase = (INDICATOR_FREQUENCY_HZ * time_s + GOLDEN_FRACTION * state.actor.id) % 1.0
     if actor_class == "bicycle" or phase >= 0.5:
         lit &= ~_INDICATORS
     if lamps.low_beam:
