@@ -1,4 +1,4 @@
-"""What statistics are made of: every annotated object of every frame, as one table."""
+"""The fact table behind statistics: every annotated object of every frame, once."""
 
 from collections.abc import Iterable
 from concurrent.futures import ProcessPoolExecutor
@@ -30,23 +30,24 @@ OBJECT_FACT = np.dtype(
         ("visible_fraction", "<f8"),
     ]
 )
-"""An object in a frame, once however many viewpoints annotate it.
+"""An object in a frame, once however many agents annotate it.
 
-Fields that begin with `ego` are NaN where the ego does not annotate it, `ego_points` and
-`visible_fraction` (the most that any camera shows of it) also where the layout does not tell.
+Fields that begin with `ego` are NaN where the ego does not annotate it. `ego_points` and
+`visible_fraction` (the maximum over all cameras) are also NaN where the layout does not hold them.
 """
+_NOT_BY_EGO = (np.nan,) * 4
 
 
 @dataclass(frozen=True, eq=False)
 class ScenarioFacts:
-    """What is known of one scenario.
+    """Facts of one scenario.
 
     Attributes:
         road: Id of the road.
         density: Id of the density.
-        weather: What it really is.
-        objects: (n,) of `OBJECT`.
-        num_annotations: (frames,) objects that at least one viewpoint annotates.
+        weather: The weather in physical quantities.
+        objects: (n,) of `OBJECT_FACT`.
+        num_annotations: (frames,) number of objects that at least one agent annotates.
         speeds_km_h: (frames, connected vehicles), the ego's first.
     """
 
@@ -59,17 +60,18 @@ class ScenarioFacts:
 
     @property
     def num_frames(self) -> int:
-        """How many there are."""
+        """Number of frames."""
         return len(self.num_annotations)
 
 
 def collect_dataset_facts(dataset: Path) -> list[ScenarioFacts]:
-    """Facts of every scenario that has frames, scenarios side by side in processes.
+    """Collect the facts of every scenario that has frames, scenarios in parallel processes.
 
     Raises:
         InputError: There is no dataset, it has no frames, or a file of it cannot be read.
     """
     folders = find_scenarios(dataset)
+    # Forking a process that has threads, as OpenCV starts them, may deadlock.
     with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
         found = [facts for facts in pool.map(collect_scenario_facts, folders) if facts.num_frames]
     if not found:
@@ -78,7 +80,7 @@ def collect_dataset_facts(dataset: Path) -> list[ScenarioFacts]:
 
 
 def collect_scenario_facts(folder: Path) -> ScenarioFacts:
-    """Facts of one scenario."""
+    """Collect the facts of one scenario; InputError if a file of it cannot be read."""
     scenario = Scenario(folder)
     found = [_collect_frame_facts(scenario, frame) for frame in scenario]
     return ScenarioFacts(
@@ -94,39 +96,35 @@ def collect_scenario_facts(folder: Path) -> ScenarioFacts:
 def _collect_frame_facts(
     scenario: Scenario, frame: FrameView
 ) -> tuple[NDArray[np.void], list[float]]:
+    """Collect the objects of a frame, and the speeds of its connected vehicles."""
+    # The ego first: of an object that several agents annotate, its row is kept.
     views = sorted(frame.views.values(), key=lambda view: not view.agent.is_ego)
-    connected = [view for view in views if view.agent.place.kind == "vehicle"]
-    numbers = {view.agent.number for view in connected}
+    vehicles = [view for view in views if view.agent.place.kind == "vehicle"]
+    connected = {view.agent.number for view in vehicles}
     objects: dict[int, tuple[Any, ...]] = {}
     visible: dict[int, float] = {}
-    for position, view in enumerate(views):
+    for view in views:
         extras = _read_extras(view) if scenario.format.has_extras else {}
         boxes = view.boxes
         for row, number in enumerate(boxes.ids.tolist()):
-            points, shown = extras.get(number, (np.nan, np.nan))
-            visible[number] = float(np.fmax(visible.get(number, np.nan), shown))
-            if number in objects:
-                continue
-            by_ego = (
-                boxes.distances_m[row],
-                boxes.bearings_rad[row],
-                boxes.lidar_hits[row],
+            points, fraction = extras.get(number, (np.nan, np.nan))
+            visible[number] = float(np.fmax(visible.get(number, np.nan), fraction))
+            by_agent = (
+                *(boxes.distances_m[row], boxes.bearings_rad[row], boxes.lidar_hits[row]),
                 points,
             )
-            objects[number] = (
-                frame.index,
-                number,
-                boxes.classes[row],
-                number in numbers,
+            fact = (
+                *(frame.index, number, boxes.classes[row], number in connected),
                 boxes.speeds_m_s[row] * KM_H_PER_M_S,
-                *(by_ego if position == 0 else (np.nan,) * 4),
+                *(by_agent if view.agent.is_ego else _NOT_BY_EGO),
             )
-    rows = [(*values, visible[number]) for number, values in objects.items()]
-    return np.array(rows, OBJECT_FACT), [view.speed_m_s * KM_H_PER_M_S for view in connected]
+            objects.setdefault(number, fact)
+    rows = [(*fact, visible[number]) for number, fact in objects.items()]
+    return np.array(rows, OBJECT_FACT), [view.speed_m_s * KM_H_PER_M_S for view in vehicles]
 
 
 def _read_extras(view: AgentView) -> dict[int, tuple[float, float]]:
-    """Points on each object, and how much of it shows at most; by its id."""
+    """Read the number of points on each object and its largest visible fraction, by its id."""
     with report_read_errors(view.path("_objects.json")):
         return {
             int(number): (float(item["lidar_points"]), _max_visible_fraction(item))

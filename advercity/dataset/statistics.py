@@ -1,9 +1,9 @@
-"""Tables of a dataset, as the original has them with their definitions put right, and more.
+"""Statistics of a dataset as tables: those of Adver-City with corrected definitions, and more.
 
-An object counts once per frame, however many viewpoints annotate it, in all tables alike;
-connected vehicles are objects, where others annotate them, but not traffic. Vehicles and
-pedestrians of a scenario are those that were annotated, not those asked for. Bearings are where the
-ego sees an object, not how it is turned.
+An object counts once per frame in all tables, however many agents annotate it. Connected vehicles
+are objects where others annotate them, but not traffic. Vehicles and pedestrians of a scenario are
+those that were annotated, not those asked for. Bearings are directions from the ego to an object,
+not headings of the object.
 """
 
 import csv
@@ -24,11 +24,15 @@ RANGE_BIN_M = 20.0
 POLAR_RANGE_BIN_M = 12.5
 POLAR_BIN_DEG = 10.0
 ANNOTATION_BIN = 10
+RANGE_EDGES_M = np.arange(0.0, RANGE_M + RANGE_BIN_M, RANGE_BIN_M)
+POLAR_RANGE_EDGES_M = np.arange(0.0, RANGE_M + POLAR_RANGE_BIN_M, POLAR_RANGE_BIN_M)
+POLAR_EDGES_DEG = np.arange(-180.0, 180.0 + POLAR_BIN_DEG, POLAR_BIN_DEG)
+FRACTION_EDGES = np.linspace(0.0, 1.0, 11)
 
 
 @dataclass(frozen=True)
 class StatisticsTable:
-    """Columns of equal length, under their names, with what they show."""
+    """A table with a file name, a title and columns of equal length by name."""
 
     name: str
     title: str
@@ -36,12 +40,14 @@ class StatisticsTable:
 
     @property
     def rows(self) -> list[tuple[Any, ...]]:
-        """Its rows."""
+        """Rows of the table."""
         return list(zip(*self.columns.values(), strict=True))
 
 
 def compute_tables(facts: Sequence[ScenarioFacts]) -> list[StatisticsTable]:
-    """Every table of a dataset."""
+    """Compute every table of a dataset."""
+    traffic = np.concatenate([_traffic_speeds(item) for item in facts])
+    ego = np.concatenate([item.speeds_km_h[:, 0] for item in facts])
     return [
         _tabulate_roads(facts),
         _tabulate_frames_by(facts, "weather", "Frames by weather", _weather_without_time),
@@ -49,9 +55,17 @@ def compute_tables(facts: Sequence[ScenarioFacts]) -> list[StatisticsTable]:
             facts, "time_of_day", "Frames by time of day", lambda item: item.weather.time
         ),
         _tabulate_classes(facts),
-        _tabulate_vehicle_speeds(facts),
+        StatisticsTable(
+            "vehicles_per_speed",
+            "Traffic by speed, vehicles of all frames",
+            _count_by_integer(traffic, "speed_km_h", "vehicles"),
+        ),
         _tabulate_ranges(facts),
-        _tabulate_ego_speeds(facts),
+        StatisticsTable(
+            "num_frames_per_ego_speed",
+            "Frames by the ego's speed",
+            _count_by_integer(ego, "speed_km_h", "frames"),
+        ),
         _tabulate_annotation_counts(facts),
         _tabulate_polar_density(facts),
         _tabulate_visibility(facts),
@@ -60,11 +74,11 @@ def compute_tables(facts: Sequence[ScenarioFacts]) -> list[StatisticsTable]:
     ]
 
 
-def write_tables(found: Iterable[StatisticsTable], folder: Path) -> None:
-    """Write each table as `<name>.csv`; RunError if the folder does not take them."""
+def write_tables(tables: Iterable[StatisticsTable], folder: Path) -> None:
+    """Write each table as `<name>.csv`; RunError if the folder is full or not writable."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for table in found:
+        for table in tables:
             with (folder / f"{table.name}.csv").open("w", newline="") as stream:
                 writer = csv.writer(stream, lineterminator="\n")
                 writer.writerow(table.columns)
@@ -79,31 +93,53 @@ def _format_value(value: Any) -> Any:
     return f"{value:.3f}".rstrip("0").rstrip(".") if isinstance(value, float) else value
 
 
+def _group_by(
+    facts: Sequence[ScenarioFacts], key: Callable[[ScenarioFacts], str]
+) -> dict[str, list[ScenarioFacts]]:
+    """Group scenarios by a key, sorted by it."""
+    groups: dict[str, list[ScenarioFacts]] = {name: [] for name in sorted(set(map(key, facts)))}
+    for item in facts:
+        groups[key(item)].append(item)
+    return groups
+
+
+def _by_weather(facts: Sequence[ScenarioFacts]) -> dict[str, list[ScenarioFacts]]:
+    return _group_by(facts, lambda item: item.weather.id)
+
+
+def _weather_without_time(facts: ScenarioFacts) -> str:
+    return facts.weather.id.removesuffix(f"_{facts.weather.time}")
+
+
+def _to_columns(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
+    return {name: [row[name] for row in rows] for name in rows[0]}
+
+
+def _concatenate_column(facts: Sequence[ScenarioFacts], name: str) -> NDArray[Any]:
+    return np.concatenate([item.objects[name] for item in facts])
+
+
 def _tabulate_roads(facts: Sequence[ScenarioFacts]) -> StatisticsTable:
-    """The original's `stats.csv`: a line per road, then one of all."""
-    roads = sorted({item.road for item in facts})
-    groups = [[item for item in facts if item.road == road] for road in roads]
-    rows = [
-        _summarise_group(name, group)
-        for name, group in zip([*roads, "total"], [*groups, facts], strict=True)
-    ]
-    columns = {key: [row[key] for row in rows] for key in rows[0]}
-    return StatisticsTable("stats", "Scenarios by road", columns)
+    """Tabulate the original's `stats.csv`: a line per road, then one of all."""
+    groups = {**_group_by(facts, lambda item: item.road), "total": facts}
+    rows = [_summarise_group(name, group) for name, group in groups.items()]
+    return StatisticsTable("stats", "Scenarios by road", _to_columns(rows))
 
 
 def _summarise_group(name: str, facts: Sequence[ScenarioFacts]) -> dict[str, Any]:
-    frames = np.array([item.num_frames for item in facts])
-    vehicles = np.array([_count_distinct_actors(item, on_foot=False) for item in facts])
-    pedestrians = np.array([_count_distinct_actors(item, on_foot=True) for item in facts])
     traffic = np.concatenate([_traffic_speeds(item) for item in facts])
     connected = np.concatenate([item.speeds_km_h.ravel() for item in facts])
     annotations = np.concatenate([item.num_annotations for item in facts])
     return {
         "road": name,
         "scenarios": len(facts),
-        **_summarise_counts("frames", frames),
-        **_summarise_counts("vehicles", vehicles),
-        **_summarise_counts("pedestrians", pedestrians),
+        **_summarise_counts("frames", [item.num_frames for item in facts]),
+        **_summarise_counts(
+            "vehicles", [_count_distinct_actors(item, on_foot=False) for item in facts]
+        ),
+        **_summarise_counts(
+            "pedestrians", [_count_distinct_actors(item, on_foot=True) for item in facts]
+        ),
         "annotations": int(annotations.sum()),
         "annotations_per_frame": float(annotations.mean()),
         "traffic_speed_km_h_mean": _mean(traffic),
@@ -113,11 +149,12 @@ def _summarise_group(name: str, facts: Sequence[ScenarioFacts]) -> dict[str, Any
     }
 
 
-def _summarise_counts(name: str, values: NDArray[np.integer]) -> dict[str, Any]:
+def _summarise_counts(name: str, counts: Sequence[int]) -> dict[str, Any]:
+    """Summarise counts; the deviation is that of the population, as all of them are known."""
     return {
-        f"{name}_mean": float(values.mean()),
-        f"{name}_std": float(values.std()),
-        name: int(values.sum()),
+        f"{name}_mean": float(np.mean(counts)),
+        f"{name}_std": float(np.std(counts)),
+        name: sum(counts),
     }
 
 
@@ -130,8 +167,8 @@ def _std(values: Float64Array) -> float:
 
 
 def _count_distinct_actors(facts: ScenarioFacts, *, on_foot: bool) -> int:
-    chosen = (facts.objects["class"] == "pedestrian") == on_foot
-    return len(np.unique(facts.objects["id"][chosen]))
+    of_kind = (facts.objects["class"] == "pedestrian") == on_foot
+    return len(np.unique(facts.objects["id"][of_kind]))
 
 
 def _traffic_speeds(facts: ScenarioFacts) -> Float64Array:
@@ -142,16 +179,14 @@ def _traffic_speeds(facts: ScenarioFacts) -> Float64Array:
 def _tabulate_frames_by(
     facts: Sequence[ScenarioFacts], name: str, title: str, key: Callable[[ScenarioFacts], str]
 ) -> StatisticsTable:
-    counts: dict[str, int] = {}
-    for item in facts:
-        counts[key(item)] = counts.get(key(item), 0) + item.num_frames
-    ordered = dict(sorted(counts.items(), key=lambda entry: (-entry[1], entry[0])))
-    return StatisticsTable(name, title, {name: list(ordered), "frames": list(ordered.values())})
-
-
-def _weather_without_time(facts: ScenarioFacts) -> str:
-    """The weather without its time of day."""
-    return facts.weather.id.removesuffix(f"_{facts.weather.time}")
+    counts = {
+        group: sum(item.num_frames for item in items)
+        for group, items in _group_by(facts, key).items()
+    }
+    # Sorting is stable, so equal counts stay in the order of their names.
+    ordered = sorted(counts, key=lambda group: -counts[group])
+    columns = {name: ordered, "frames": [counts[group] for group in ordered]}
+    return StatisticsTable(name, title, columns)
 
 
 def _tabulate_classes(facts: Sequence[ScenarioFacts]) -> StatisticsTable:
@@ -161,22 +196,8 @@ def _tabulate_classes(facts: Sequence[ScenarioFacts]) -> StatisticsTable:
     return StatisticsTable("class_histogram", "Annotated objects by class, once per frame", columns)
 
 
-def _tabulate_vehicle_speeds(facts: Sequence[ScenarioFacts]) -> StatisticsTable:
-    speeds = np.concatenate([_traffic_speeds(item) for item in facts])
-    columns = _count_by_integer(speeds, "speed_km_h", "vehicles")
-    return StatisticsTable(
-        "vehicles_per_speed", "Traffic by speed, vehicles of all frames", columns
-    )
-
-
-def _tabulate_ego_speeds(facts: Sequence[ScenarioFacts]) -> StatisticsTable:
-    speeds = np.concatenate([item.speeds_km_h[:, 0] for item in facts])
-    columns = _count_by_integer(speeds, "speed_km_h", "frames")
-    return StatisticsTable("num_frames_per_ego_speed", "Frames by the ego's speed", columns)
-
-
 def _count_by_integer(values: Float64Array, name: str, counted: str) -> dict[str, Sequence[Any]]:
-    """Counts of values by the nearest whole number, from 0."""
+    """Count values by the nearest whole number, from 0."""
     counts = np.bincount(np.rint(values).astype(np.int64)) if len(values) else np.zeros(1, np.int64)
     return {name: list(range(len(counts))), counted: counts.tolist()}
 
@@ -193,25 +214,22 @@ def _tabulate_annotation_counts(facts: Sequence[ScenarioFacts]) -> StatisticsTab
 
 
 def _tabulate_ranges(facts: Sequence[ScenarioFacts]) -> StatisticsTable:
-    """Mean number per frame, so that densities of unequal share can be compared."""
-    edges = np.arange(0.0, RANGE_M + RANGE_BIN_M, RANGE_BIN_M)
-    columns: dict[str, Sequence[Any]] = {"distance_m_from": edges[:-1].tolist()}
-    for density in sorted({item.density for item in facts}):
-        chosen = [item for item in facts if item.density == density]
-        counts, _ = np.histogram(_concatenate_column(chosen, "ego_distance_m"), edges)
-        columns[density] = (counts / sum(item.num_frames for item in chosen)).tolist()
+    """Tabulate means per frame, so that densities with different numbers of frames compare."""
+    columns: dict[str, Sequence[Any]] = {"distance_m_from": RANGE_EDGES_M[:-1].tolist()}
+    for density, group in _group_by(facts, lambda item: item.density).items():
+        counts, _ = np.histogram(_concatenate_column(group, "ego_distance_m"), RANGE_EDGES_M)
+        columns[density] = (counts / sum(item.num_frames for item in group)).tolist()
     title = "Objects in the ego's line of sight by distance, mean per frame"
     return StatisticsTable("density_by_range_to_ego", title, columns)
 
 
 def _tabulate_polar_density(facts: Sequence[ScenarioFacts]) -> StatisticsTable:
-    bearings = np.arange(-180.0, 180.0 + POLAR_BIN_DEG, POLAR_BIN_DEG)
-    ranges = np.arange(0.0, RANGE_M + POLAR_RANGE_BIN_M, POLAR_RANGE_BIN_M)
-    seen = np.degrees(_concatenate_column(facts, "ego_bearing_rad"))
     counts, _, _ = np.histogram2d(
-        seen, _concatenate_column(facts, "ego_distance_m"), [bearings, ranges]
+        np.degrees(_concatenate_column(facts, "ego_bearing_rad")),
+        _concatenate_column(facts, "ego_distance_m"),
+        [POLAR_EDGES_DEG, POLAR_RANGE_EDGES_M],
     )
-    bearing, distance = np.meshgrid(bearings[:-1], ranges[:-1], indexing="ij")
+    bearing, distance = np.meshgrid(POLAR_EDGES_DEG[:-1], POLAR_RANGE_EDGES_M[:-1], indexing="ij")
     columns = {
         "bearing_deg_from": bearing.ravel().tolist(),
         "distance_m_from": distance.ravel().tolist(),
@@ -221,67 +239,57 @@ def _tabulate_polar_density(facts: Sequence[ScenarioFacts]) -> StatisticsTable:
 
 
 def _tabulate_visibility(facts: Sequence[ScenarioFacts]) -> StatisticsTable:
-    """`echoing_share` is that of the ego's annotated objects which return it at least one point."""
-    rows: list[tuple[Any, ...]] = []
-    for weather, group in _by_weather(facts):
-        _, points = _hits_and_points(group)
+    """Tabulate weathers; `echoing_share` is the fraction of the ego's objects with points."""
+    rows: list[dict[str, Any]] = []
+    for weather, group in _by_weather(facts).items():
+        _, _, points = _select_counted(group)
+        mor_m = group[0].weather.mor_m
         rows.append(
-            (
-                weather,
-                group[0].weather.mor_m if group[0].weather.mor_m is not None else float("inf"),
-                group[0].weather.rain_mm_h,
-                sum(item.num_frames for item in group),
-                float(np.concatenate([item.num_annotations for item in group]).mean()),
-                _mean((points > 0).astype(np.float64)),
-            )
+            {
+                "weather": weather,
+                "mor_m": float("inf") if mor_m is None else mor_m,
+                "rain_mm_h": group[0].weather.rain_mm_h,
+                "frames": sum(item.num_frames for item in group),
+                "annotations_per_frame": float(
+                    np.concatenate([item.num_annotations for item in group]).mean()
+                ),
+                "echoing_share": _mean((points > 0).astype(np.float64)),
+            }
         )
-    names = ("weather", "mor_m", "rain_mm_h", "frames", "annotations_per_frame", "echoing_share")
-    rows.sort(key=lambda row: row[1])
-    columns = {name: [row[k] for row in rows] for k, name in enumerate(names)}
-    return StatisticsTable("visibility_by_weather", "Visibility by weather", columns)
+    rows.sort(key=lambda row: row["mor_m"])
+    return StatisticsTable("visibility_by_weather", "Visibility by weather", _to_columns(rows))
 
 
 def _tabulate_returns_by_range(facts: Sequence[ScenarioFacts]) -> StatisticsTable:
-    """Of the rays that would meet an object in no weather, how many come back in this one."""
-    edges = np.arange(0.0, RANGE_M + RANGE_BIN_M, RANGE_BIN_M)
-    columns: dict[str, Sequence[Any]] = {"distance_m_from": edges[:-1].tolist()}
-    for weather, group in _by_weather(facts):
-        hits, points = _hits_and_points(group)
-        distance = _concatenate_column(group, "ego_distance_m")[_has_point_counts(group)]
-        with np.errstate(invalid="ignore"):
-            sums = [np.histogram(distance, edges, weights=values)[0] for values in (points, hits)]
-            columns[weather] = (sums[0] / sums[1]).tolist()
+    """Tabulate the fraction of the beams on objects that return a point in each weather."""
+    columns: dict[str, Sequence[Any]] = {"distance_m_from": RANGE_EDGES_M[:-1].tolist()}
+    for weather, group in _by_weather(facts).items():
+        distance, hits, points = _select_counted(group)
+        returned, hit = (
+            np.histogram(distance, RANGE_EDGES_M, weights=values)[0] for values in (points, hits)
+        )
+        with np.errstate(invalid="ignore"):  # 0 / 0 where no object is: NaN
+            columns[weather] = (returned / hit).tolist()
     title = "Rays on objects that come back to the ego, by distance"
     return StatisticsTable("echoes_by_range", title, columns)
 
 
+def _select_counted(
+    facts: Sequence[ScenarioFacts],
+) -> tuple[Float64Array, Float64Array, Float64Array]:
+    """Select distances, hits and points (n,) of the ego's objects whose points are counted."""
+    names = ("ego_distance_m", "ego_hits", "ego_points")
+    distance, hits, points = (_concatenate_column(facts, name) for name in names)
+    counted = np.isfinite(points)
+    return distance[counted], hits[counted], points[counted]
+
+
 def _tabulate_visible_fraction(facts: Sequence[ScenarioFacts]) -> StatisticsTable:
-    edges = np.linspace(0.0, 1.0, 11)
-    shown = _concatenate_column(facts, "visible_fraction")
-    counts, _ = np.histogram(shown[np.isfinite(shown)], edges)
+    fractions = _concatenate_column(facts, "visible_fraction")
+    counts, _ = np.histogram(fractions[np.isfinite(fractions)], FRACTION_EDGES)
     columns = {
-        "visible_fraction_from": edges[:-1].round(1).tolist(),
+        "visible_fraction_from": FRACTION_EDGES[:-1].round(1).tolist(),
         "annotations": counts.tolist(),
     }
     title = "Annotated objects by the most that any camera shows of them"
     return StatisticsTable("visible_fraction", title, columns)
-
-
-def _by_weather(facts: Sequence[ScenarioFacts]) -> list[tuple[str, list[ScenarioFacts]]]:
-    names = sorted({item.weather.id for item in facts})
-    return [(name, [item for item in facts if item.weather.id == name]) for name in names]
-
-
-def _has_point_counts(facts: Sequence[ScenarioFacts]) -> NDArray[np.bool_]:
-    return np.isfinite(_concatenate_column(facts, "ego_points"))
-
-
-def _hits_and_points(facts: Sequence[ScenarioFacts]) -> tuple[Float64Array, Float64Array]:
-    told = _has_point_counts(facts)
-    return _concatenate_column(facts, "ego_hits")[told], _concatenate_column(facts, "ego_points")[
-        told
-    ]
-
-
-def _concatenate_column(facts: Sequence[ScenarioFacts], name: str) -> NDArray[Any]:
-    return np.concatenate([item.objects[name] for item in facts])

@@ -1,13 +1,12 @@
-"""Pictures of a dataset's tables, by matplotlib."""
+"""Plots of a dataset's statistics, with matplotlib from the extra `stats`."""
 
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
-from advercity.dataset.statistics import POLAR_BIN_DEG, POLAR_RANGE_BIN_M, RANGE_M, StatisticsTable
+from advercity.dataset.statistics import POLAR_EDGES_DEG, POLAR_RANGE_EDGES_M, StatisticsTable
 from advercity.errors import InputError, RunError
 
 if TYPE_CHECKING:
@@ -23,7 +22,7 @@ PIE_COLOURS = {
     "day": "skyblue",
     "night": "dimgray",
 }
-"""As the original has them."""
+"""Colours of the original's charts."""
 OTHER_COLOUR = "plum"
 PIE_TABLES = ("weather", "time_of_day")
 LOGARITHMIC_TABLES = (
@@ -36,28 +35,29 @@ TABLES_WITHOUT_PLOT = ("stats",)
 
 
 def write_plots(tables: Iterable[StatisticsTable], folder: Path) -> None:
-    """Draw each table that has a picture as `<name>.png`.
+    """Plot each table that has a plot as `<name>.png`.
 
     Raises:
         InputError: matplotlib is not installed.
-        RunError: The folder does not take them.
+        RunError: The folder is full or not writable.
     """
     for table in tables:
         if table.name not in TABLES_WITHOUT_PLOT:
             path, figure = folder / f"{table.name}.png", draw_table(table)
             try:
+                # Without the version of matplotlib, the same table gives the same bytes.
                 figure.savefig(path, dpi=120, metadata={"Software": None})
             except OSError as error:
                 raise RunError(f"{path}: cannot be written: {error.strerror}") from error
 
 
 def draw_table(table: StatisticsTable) -> "Figure":
-    """One table as a figure."""
+    """Draw one table as a figure; InputError if matplotlib is not installed."""
     try:
         from matplotlib.figure import Figure
     except ImportError as error:
         raise InputError(
-            "plots take matplotlib, which is not installed; try: pip install 'advercity[stats]'"
+            "plots need matplotlib, which is not installed; try: pip install 'advercity[stats]'"
         ) from error
     figure = Figure(figsize=(7.0, 4.5), layout="constrained")
     if table.name == "polar_density_map":
@@ -96,7 +96,7 @@ def _draw_bars(axes: Any, table: StatisticsTable) -> None:
         axes.bar(np.asarray(middle, float) + offset, values, width, label=_format_label(name))
     if table.name in LOGARITHMIC_TABLES:
         axes.set_yscale("log")
-        axes.set_ylim(bottom=0.5)  # so that a single one shows
+        axes.set_ylim(bottom=0.5)  # so that a count of 1 is visible
     axes.set_xlabel(_format_label(first.removesuffix("_from")))
     _label_series(axes, [name for name, _ in series])
 
@@ -108,7 +108,7 @@ def _draw_lines(axes: Any, table: StatisticsTable) -> None:
         axes.plot(middle, values, marker="o", markersize=3, label=_format_label(name))
     axes.set_ylim(0, None)
     axes.set_xlabel(_format_label(first.removesuffix("_from")))
-    axes.set_ylabel("share")
+    axes.set_ylabel("fraction")
     axes.legend(fontsize="small")
 
 
@@ -118,24 +118,26 @@ def _draw_visibility(axes: Any, table: StatisticsTable) -> None:
     axes.set_xscale("log")
     axes.set_xlabel("meteorological optical range m")
     notes = zip(table.columns["mor_m"], table.columns["echoing_share"], strict=True)
-    for row, (mor_m, share) in enumerate(notes):
-        axes.annotate(f" {share:.0%} of objects echo", (mor_m, row), va="center", fontsize="small")
+    for row, (mor_m, fraction) in enumerate(notes):
+        text = f" {fraction:.0%} of objects return points"
+        axes.annotate(text, (mor_m, row), va="center", fontsize="small")
     axes.margins(x=0.45)
 
 
 def _draw_polar(figure: "Figure", table: StatisticsTable) -> None:
-    """Ahead is up, left is left."""
+    """Draw bearings around the ego: ahead is up, left is left."""
     from matplotlib.colors import LogNorm
 
-    bearings = np.arange(-180.0, 180.0 + POLAR_BIN_DEG, POLAR_BIN_DEG)
-    ranges = np.arange(0.0, RANGE_M + POLAR_RANGE_BIN_M, POLAR_RANGE_BIN_M)
-    counts = np.reshape(table.columns["objects"], (len(bearings) - 1, len(ranges) - 1))
+    shape = (len(POLAR_EDGES_DEG) - 1, len(POLAR_RANGE_EDGES_M) - 1)
+    counts = np.reshape(table.columns["objects"], shape)
     axes: Any = figure.add_subplot(projection="polar")
     axes.set_theta_zero_location("N")
     axes.grid(visible=False)
-    shown = np.ma.masked_equal(counts.T, 0)
     mesh = axes.pcolormesh(
-        np.deg2rad(bearings), ranges, shown, norm=LogNorm(1, max(2, int(counts.max())))
+        np.deg2rad(POLAR_EDGES_DEG),
+        POLAR_RANGE_EDGES_M,
+        np.ma.masked_equal(counts.T, 0),
+        norm=LogNorm(1, max(2, int(counts.max()))),
     )
     figure.colorbar(mesh, label="objects", pad=0.12)
 

@@ -234,7 +234,7 @@ def test_films_have_a_picture_per_frame(dataset: Path, tmp_path: Path) -> None:
 
 
 def test_an_unknown_film_is_told(dataset: Path, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no such film; front, mosaic, semantic, lidar"):
+    with pytest.raises(InputError, match="no such video; front, mosaic, semantic, lidar"):
         write_videos(dataset, tmp_path, ["drone"])
 
 
