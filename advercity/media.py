@@ -1,7 +1,4 @@
-"""Writes pictures for people to look at.
-
-A film, written picture by picture as MP4 by PyAV.
-"""
+"""Images and videos for people to look at; no sensor reads them."""
 
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -24,7 +21,7 @@ def write_image(image: NDArray[Any], path: Path) -> None:
     """Write an image (h, w, 3) in BGR as PNG or JPEG, as the file's name says.
 
     Raises:
-        InputError: The name is of no picture, or it cannot be written there.
+        InputError: The suffix is of no image format, or the file cannot be written.
     """
     is_jpeg = path.suffix.lower() in JPEG_SUFFIXES
     options = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY] if is_jpeg else []
@@ -33,7 +30,7 @@ def write_image(image: NDArray[Any], path: Path) -> None:
     except cv2.error:
         encoded, content = False, None
     if not encoded or content is None:
-        raise InputError(f"{path}: no picture has such a name; end it in .png")
+        raise InputError(f"{path}: this suffix is of no image format; end the name in .png")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(content.tobytes())
@@ -53,14 +50,14 @@ def draw_label_bar(text: str, width_px: int) -> NDArray[np.uint8]:
 
 
 H264_CONSTANT_RATE_FACTOR = "20"
-"""Constant rate factor of H.264: lower is better."""
+"""Quality of H.264, 0 (lossless) to 51; text on labels is clean from about 20 down."""
 
 
 class VideoWriter:
-    """A film that is being written; it is there when its context ends well."""
+    """Writes an MP4 video image by image; the file appears when the context ends without error."""
 
     def __init__(self, path: Path, tick_s: float) -> None:
-        """A film with a picture per tick.
+        """Prepare a video with an image per tick of `tick_s` seconds.
 
         Raises:
             InputError: PyAV is not installed (when the context is entered).
@@ -75,7 +72,7 @@ class VideoWriter:
             import av
         except ImportError as error:
             raise InputError(
-                "films take PyAV, which is not installed; try: pip install 'advercity[video]'"
+                "videos need PyAV, which is not installed; try: pip install 'advercity[video]'"
             ) from error
         self._av = av
         with self._run_errors():
@@ -88,7 +85,8 @@ class VideoWriter:
         return self
 
     def append(self, image: NDArray[np.uint8]) -> None:
-        """Append a picture (h, w, 3); an odd row or column is left out."""
+        """Append an image (h, w, 3), RGB; an odd row or column is cut off."""
+        # H.264 with halved colour resolution takes even sizes only.
         even = image[: image.shape[0] // 2 * 2, : image.shape[1] // 2 * 2]
         if self._is_empty:
             self._stream.height, self._stream.width = even.shape[:2]
@@ -117,5 +115,5 @@ class VideoWriter:
     def _run_errors(self) -> Generator[None]:
         try:
             yield
-        except OSError as error:  # PyAV's errors of the system are OSErrors, too
+        except OSError as error:  # PyAV raises system errors as OSError
             raise RunError(f"{self._path}: cannot be written: {error.strerror}") from error

@@ -26,6 +26,7 @@ from advercity_dsl.units import Point2
 
 from advercity.compiler.diagnostics import Diagnostic, DiagnosticsError
 from advercity.compiler.library import Library
+from advercity.roads.lane_graph import MAX_DESTINATION_GAP_M, MAX_LANE_DISTANCE_M
 from advercity.roads.network_file import parse_packed_network
 from advercity.roads.routes import RoutePlanner
 
@@ -86,10 +87,6 @@ def find_required_categories(typology: Typology, rule: Coverage) -> tuple[RoadCa
     )
 
 
-MAX_SPAWN_DISTANCE_M = 3.5
-"""Longest distance of a spawn from the centre line of a lane: the width of a lane."""
-MAX_DESTINATION_DISTANCE_M = 10.0
-"""Distance from its destination at which a vehicle has arrived."""
 MAX_ROADSIDE_DISTANCE_M = 100.0
 """Distance from any lane beyond which a roadside unit observes no traffic."""
 
@@ -103,8 +100,8 @@ def find_misplaced_agents(road: Road) -> Iterator[tuple[ValuePath, str]]:
     for name, agent in road.agents.items():
         checks: list[tuple[str, Point2, float]] = (
             [
-                ("spawn_m", agent.spawn_m, MAX_SPAWN_DISTANCE_M),
-                ("destination_m", agent.destination_m, MAX_DESTINATION_DISTANCE_M),
+                ("spawn_m", agent.spawn_m, MAX_LANE_DISTANCE_M),
+                ("destination_m", agent.destination_m, MAX_DESTINATION_GAP_M),
             ]
             if isinstance(agent, Vehicle)
             else [("position_m", agent.position_m[:2], MAX_ROADSIDE_DISTANCE_M)]

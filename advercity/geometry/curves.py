@@ -1,4 +1,4 @@
-"""Plane curves that roads are drawn with: lines and arcs in a row, and links between two poses."""
+"""Plane curves of roads: reference lines of lines and arcs, and curves that connect two poses."""
 
 from collections.abc import Iterable
 
@@ -14,8 +14,10 @@ from advercity.geometry.polyline import (
     unit_vectors,
 )
 
+MAX_ARC_STEP_M = 2.0
+"""Between samples of an arc, however flat it is."""
 MAX_CHORD_ERROR_M = 0.01
-"""How far a chord may run beside its arc."""
+"""Largest distance between an arc and its chords."""
 VERTICAL_CURVE_LENGTH_M = 4.0
 """Length over which the grade changes where two slopes meet."""
 
@@ -27,16 +29,16 @@ def sample_reference_line(
     *,
     line_step_m: float,
 ) -> tuple[Points, NDArray[np.float64], NDArray[np.float64]]:
-    """Sample lines and arcs that follow each other smoothly.
+    """Sample lines and arcs, each of which continues from the end of the one before.
 
     Args:
         start: First point.
-        heading: Direction there, radians counter-clockwise from east.
-        path: Pieces in order.
-        line_step_m: Largest distance between samples on lines; on arcs it is at most 2 m.
+        heading: Direction at `start`, radians counter-clockwise from east.
+        path: Pieces in order; corners of `AxisPoints` are not rounded.
+        line_step_m: Largest distance between samples on lines.
 
     Returns:
-        Points (n, 2), headings (n,) and distances along the curve (n,); piece ends are among them.
+        Points (n, 2), headings (n,) and arc lengths (n,); piece ends are among them.
     """
     points, headings, along = [np.array([start])], [np.array([heading])], [np.zeros(1)]
     for piece in path:
@@ -48,7 +50,8 @@ def sample_reference_line(
                 headings.append(np.full(len(s), direction))
             case AxisArc():
                 s = _even_stations(
-                    piece.arc_m, min(2.0, np.sqrt(8 * piece.radius_m * MAX_CHORD_ERROR_M))
+                    piece.arc_m,
+                    min(MAX_ARC_STEP_M, np.sqrt(8 * piece.radius_m * MAX_CHORD_ERROR_M)),
                 )
                 side = 1.0 if piece.turn == "left" else -1.0
                 turned = direction + side * s / piece.radius_m
@@ -65,6 +68,7 @@ def sample_reference_line(
 
 
 def _even_stations(total: float, step: float) -> NDArray[np.float64]:
+    # Without the tolerance, rounding adds a sample to lengths that are a multiple of the step.
     count = int(np.ceil(total / step - 1e-9))
     return np.linspace(0.0, total, count + 1)[1:]
 
@@ -72,17 +76,17 @@ def _even_stations(total: float, step: float) -> NDArray[np.float64]:
 def sample_elevation(
     along: NDArray[np.float64], declared: tuple[AxisHeight, ...]
 ) -> NDArray[np.float64]:
-    """Height (n,) at distances along an axis: straight grades, rounded where they meet.
+    """Compute heights (n,) at distances along an axis: straight grades, rounded where they meet.
 
-    Rounding is the mean over `GRADE_CHANGE_M`, which makes the parabola of a vertical curve. It
-    fades towards both ends, whose heights stay as declared.
+    A height is the mean over `VERTICAL_CURVE_LENGTH_M`, which makes the parabola of a vertical
+    curve. The length falls to 0 towards both ends, where heights stay as declared.
     """
     if not declared:
         return np.zeros_like(along)
     at = np.array([item.at_m for item in declared])
     z = np.array([item.z_m for item in declared])
-    reach = np.minimum(VERTICAL_CURVE_LENGTH_M / 2, np.minimum(along, along[-1] - along))
-    window = along[:, None] + reach[:, None] * np.linspace(-1.0, 1.0, 17)
+    half_m = np.minimum(VERTICAL_CURVE_LENGTH_M / 2, np.minimum(along, along[-1] - along))
+    window = along[:, None] + half_m[:, None] * np.linspace(-1.0, 1.0, 17)
     return np.interp(window, at, z).mean(axis=1)
 
 
@@ -94,16 +98,16 @@ def build_connecting_curve(
     *,
     radius_m: float = np.inf,
 ) -> Points:
-    """Smooth curve from one pose to another.
+    """Build a smooth curve from one pose to another.
 
-    Where the tangents meet ahead of both, it is straight, an arc of at most `radius_m`, straight;
-    otherwise a cubic Bézier curve.
+    Where the tangents meet in front of the start and behind the end, it is a line, an arc of at
+    most `radius_m` and a line; otherwise a cubic Bézier curve.
 
     Args:
         start: (2,) first point.
-        start_direction: (2,) unit direction there.
+        start_direction: (2,) unit direction at `start`.
         end: (2,) last point.
-        end_direction: (2,) unit direction there.
+        end_direction: (2,) unit direction at `end`.
         radius_m: Largest radius of the arc.
 
     Returns:
@@ -120,12 +124,13 @@ def build_connecting_curve(
             return _rounded_corner(start, start_direction, end, turn, before, radius)
     elif abs(float(start_direction @ left_normals(gap))) < 0.02:
         return np.stack([start, end])
-    reach = 0.4 * float(np.linalg.norm(gap))
+    # 0.4 of the distance makes the cubic close to an arc for turns of up to a right angle.
+    handle = 0.4 * float(np.linalg.norm(gap))
     s = np.linspace(0.0, 1.0, max(3, int(np.ceil(np.linalg.norm(gap)))) + 1)[:, None]
     return (
         (1 - s) ** 3 * start
-        + 3 * (1 - s) ** 2 * s * (start + reach * start_direction)
-        + 3 * (1 - s) * s**2 * (end - reach * end_direction)
+        + 3 * (1 - s) ** 2 * s * (start + handle * start_direction)
+        + 3 * (1 - s) * s**2 * (end - handle * end_direction)
         + s**3 * end
     )
 
@@ -133,7 +138,10 @@ def build_connecting_curve(
 def _rounded_corner(
     start: Points, out: Points, end: Points, turn: float, before: float, radius: float
 ) -> Points:
-    """Straight on, an arc that turns by `turn`, straight on to `end`."""
+    """Build a line, an arc that turns by `turn` radians and a line to `end`.
+
+    `before` is the distance in metres from the start to the point where both tangents meet.
+    """
     side = np.sign(turn)
     first = start + (before - radius * np.tan(abs(turn) / 2)) * out
     centre = first + side * radius * left_normals(out)

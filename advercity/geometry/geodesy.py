@@ -1,4 +1,7 @@
-"""Places on the ellipsoid WGS84 and in the world frame around an origin, exact both ways."""
+"""Conversion between the ellipsoid WGS84 and the world frame (east, north, up) at an origin.
+
+Both directions are exact to rounding; the formulas are those of EPSG guidance note 7-2.
+"""
 
 import math
 from dataclasses import dataclass
@@ -12,24 +15,25 @@ SEMI_MAJOR_M = 6_378_137.0
 FLATTENING = 1.0 / 298.257223563
 _ECCENTRICITY_2 = FLATTENING * (2.0 - FLATTENING)
 _LATITUDE_ITERATIONS = 5
-"""Latitude gains more than two digits in each."""
+"""Each iteration of the latitude gains more than two digits, so five exhaust a double."""
 
 
 @dataclass(frozen=True)
 class Geodetic:
-    """A place on the Earth."""
+    """A position in geodetic coordinates of WGS84."""
 
     latitude_deg: float
     longitude_deg: float
     altitude_m: float = 0.0
-    """Above the ellipsoid."""
+    """Height above the ellipsoid, not above sea level."""
 
 
 def geodetic_from_enu(enu: ArrayLike, origin: Geodetic) -> Geodetic:
-    """The place of a point (3,) of the world frame whose origin stands at `origin`."""
+    """Convert a point (3,) of the world frame, metres, whose origin is at `origin`."""
     ecef = _ecef_from_geodetic(origin) + _ecef_from_enu(origin) @ np.asarray(enu, dtype=np.float64)
     from_axis = math.hypot(ecef[0], ecef[1])
     latitude = math.atan2(ecef[2], from_axis * (1.0 - _ECCENTRICITY_2))
+    # The ellipsoid has no closed form for the latitude of a point above it.
     for _ in range(_LATITUDE_ITERATIONS):
         normal = _prime_vertical_radius_m(latitude)
         latitude = math.atan2(ecef[2] + _ECCENTRICITY_2 * normal * math.sin(latitude), from_axis)
@@ -40,30 +44,31 @@ def geodetic_from_enu(enu: ArrayLike, origin: Geodetic) -> Geodetic:
     return Geodetic(math.degrees(latitude), math.degrees(math.atan2(ecef[1], ecef[0])), height)
 
 
-def enu_from_geodetic(place: Geodetic, origin: Geodetic) -> Float64Array:
-    """The point (3,) of the world frame around `origin` at a place."""
-    return _ecef_from_enu(origin).T @ (_ecef_from_geodetic(place) - _ecef_from_geodetic(origin))
+def enu_from_geodetic(position: Geodetic, origin: Geodetic) -> Float64Array:
+    """Convert a geodetic position to a point (3,) of the world frame at `origin`, metres."""
+    return _ecef_from_enu(origin).T @ (_ecef_from_geodetic(position) - _ecef_from_geodetic(origin))
 
 
 def _prime_vertical_radius_m(latitude: float) -> float:
-    """Radius of curvature in the prime vertical."""
+    """Compute the radius of curvature in the prime vertical at a latitude in radians."""
     return SEMI_MAJOR_M / math.sqrt(1.0 - _ECCENTRICITY_2 * math.sin(latitude) ** 2)
 
 
-def _ecef_from_geodetic(place: Geodetic) -> Float64Array:
-    latitude, longitude = math.radians(place.latitude_deg), math.radians(place.longitude_deg)
+def _ecef_from_geodetic(position: Geodetic) -> Float64Array:
+    latitude, longitude = math.radians(position.latitude_deg), math.radians(position.longitude_deg)
     normal = _prime_vertical_radius_m(latitude)
-    from_axis = (normal + place.altitude_m) * math.cos(latitude)
+    from_axis = (normal + position.altitude_m) * math.cos(latitude)
     return np.array(
         [
             from_axis * math.cos(longitude),
             from_axis * math.sin(longitude),
-            (normal * (1.0 - _ECCENTRICITY_2) + place.altitude_m) * math.sin(latitude),
+            (normal * (1.0 - _ECCENTRICITY_2) + position.altitude_m) * math.sin(latitude),
         ]
     )
 
 
 def _ecef_from_enu(origin: Geodetic) -> Float64Array:
+    """Rotation (3, 3) from east, north, up at `origin` to the Earth-centred frame."""
     latitude, longitude = math.radians(origin.latitude_deg), math.radians(origin.longitude_deg)
     sin_lat, cos_lat = math.sin(latitude), math.cos(latitude)
     sin_lon, cos_lon = math.sin(longitude), math.cos(longitude)

@@ -1,4 +1,9 @@
-"""Pieces of surface and how they are put together into a mesh."""
+"""Triangle surfaces, and the meshes that worlds and bodies consist of.
+
+A `TriangleSurface` is bare geometry in double precision; a `MeshPart` adds what it is made of. A
+`Mesh` joins all parts of one material, semantic class and wheel, since every mesh costs a renderer
+a draw call.
+"""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -15,18 +20,21 @@ from advercity.semantics import Semantic
 Size = tuple[float, float, float]
 """Length, width and height of a box, metres."""
 
+GRID_M = 0.001
+"""Areas are computed on this grid, which keeps overlays free of slivers and reproducible."""
+
 
 @dataclass(frozen=True, order=True)
 class Wheel:
-    """A wheel that stands on the ground, or several that share an axle and do not steer."""
+    """A wheel that rolls on the ground, or several on a common axle that does not steer."""
 
     hub: tuple[float, float, float]
-    """Its middle in the body frame, metres; as high as its radius."""
+    """Centre in the body frame, metres; its height is the radius."""
     is_steered: bool = False
 
     @property
     def radius_m(self) -> float:
-        """How far the hub is above the ground."""
+        """Height of the hub above the ground."""
         return self.hub[2]
 
 
@@ -38,12 +46,12 @@ class Mesh:
         name: Unique within its world or body.
         vertices: (n, 3) float32, metres.
         triangles: (m, 3) int32 into `vertices`, counter-clockwise seen from outside.
-        material: Key of `advercity.world.materials.MATERIALS`.
-        semantic: What it is.
+        material: Key of `advercity.materials.MATERIALS`.
+        semantic: Semantic class in labels.
         normals: (n, 3) float32 for smooth shading, or None for flat faces.
-        weights: (n, bones) float32 shares of what carries each vertex as its body moves on the
-            spot, or None if it keeps still.
-        wheel: What it turns with, or None if it does not.
+        weights: (n, bones) float32 skinning weights of a body with a gait, rows sum to 1; None for
+            rigid meshes.
+        wheel: The wheel that it turns with, or None.
     """
 
     name: str
@@ -56,77 +64,13 @@ class Mesh:
     wheel: Wheel | None = None
 
 
-@dataclass(frozen=True)
-class SurfacePatch:
-    """Triangles (m, 3) into vertices (n, 3), counter-clockwise seen from outside."""
-
-    vertices: Points
-    triangles: NDArray[np.int64]
-
-
-def build_ribbon(left: Points, right: Points) -> SurfacePatch:
-    """Surface between two lines (n, 3), seen from the side where `left` is on the left."""
-    count = len(left)
-    near = np.arange(count - 1)
-    first = np.stack([near, near + count, near + count + 1], axis=1)
-    second = np.stack([near, near + count + 1, near + 1], axis=1)
-    return SurfacePatch(np.vstack([left, right]), np.vstack([first, second]))
-
-
-def triangulate_polygon(polygon: shapely.Polygon) -> tuple[Points, NDArray[np.int64]]:
-    """Corners (n, 2) of a polygon, holes included, and triangles (m, 3), counter-clockwise."""
-    rings = [np.asarray(ring.coords)[:-1] for ring in (polygon.exterior, *polygon.interiors)]
-    corners = np.concatenate(rings)
-    ends = np.cumsum([len(ring) for ring in rings]).astype(np.uint32)
-    triangles = mapbox_earcut.triangulate_float64(corners, ends).reshape(-1, 3).astype(np.int64)
-    a, b, c = (corners[triangles[:, i]] for i in range(3))
-    area = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
-    triangles[area < 0] = triangles[area < 0][:, ::-1]
-    return corners, triangles[np.abs(area) > 1e-9]
-
-
-def extract_polygons(shape: shapely.Geometry) -> list[shapely.Polygon]:
-    """The polygons in a geometry."""
-    parts = [shape] if isinstance(shape, shapely.Polygon) else getattr(shape, "geoms", [])
-    return [part for part in parts if isinstance(part, shapely.Polygon) and not part.is_empty]
-
-
-def build_grid_cells(
-    bounds: tuple[float, float, float, float], size_m: float
-) -> NDArray[np.object_]:
-    """Squares that cover a box (west, south, east, north)."""
-    x, y = (np.arange(bounds[axis], bounds[axis + 2], size_m)[:, None] for axis in (0, 1))
-    west, south = (grid.ravel() for grid in np.meshgrid(x, y))
-    return shapely.box(west, south, west + size_m, south + size_m)
-
-
-def merge_patches(
-    name: str, pieces: Iterable[SurfacePatch], material: str, semantic: Semantic
-) -> Mesh:
-    """One mesh of all pieces; flat faces."""
-    pieces = list(pieces)
-    shifts = np.cumsum([0, *(len(piece.vertices) for piece in pieces)])
-    triangles = [p.triangles + shift for p, shift in zip(pieces, shifts, strict=False)]
-    return Mesh(
-        name=name,
-        vertices=np.concatenate([piece.vertices for piece in pieces]).astype(np.float32),
-        triangles=np.concatenate(triangles).astype(np.int32),
-        material=material,
-        semantic=semantic,
-    )
-
-
-CREASE_RAD = np.radians(38.0)
-"""Faces that meet at less than this are shaded as one curved surface."""
-
-
 @dataclass(frozen=True, eq=False)
 class TriangleSurface:
     """Triangles, counter-clockwise seen from outside.
 
     Attributes:
         vertices: (n, 3) metres.
-        triangles: (m, 3) into `vertices`.
+        triangles: (m, 3) rows of `vertices`.
         normals: (n, 3) unit vectors once shaded, else None.
     """
 
@@ -134,10 +78,24 @@ class TriangleSurface:
     triangles: NDArray[np.int64]
     normals: Float64Array | None = None
 
+    def to_mesh(
+        self, name: str, material: str, semantic: Semantic, wheel: Wheel | None = None
+    ) -> Mesh:
+        """Convert to a mesh in single precision, as renderers and ray casters take it."""
+        return Mesh(
+            name=name,
+            vertices=self.vertices.astype(np.float32),
+            triangles=self.triangles.astype(np.int32),
+            material=material,
+            semantic=semantic,
+            normals=None if self.normals is None else self.normals.astype(np.float32),
+            wheel=wheel,
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class MeshPart:
-    """A surface and what it is."""
+    """A surface with its material, its semantic class and the wheel that it turns with."""
 
     surface: TriangleSurface
     material: str
@@ -145,26 +103,67 @@ class MeshPart:
     wheel: Wheel | None = None
 
 
+def build_ribbon(left: Points, right: Points) -> TriangleSurface:
+    """Build the surface between two lines (n, 3) that is seen where `left` is on the left."""
+    count = len(left)
+    near = np.arange(count - 1)
+    first = np.stack([near, near + count, near + count + 1], axis=1)
+    second = np.stack([near, near + count + 1, near + 1], axis=1)
+    return TriangleSurface(np.vstack([left, right]), np.vstack([first, second]))
+
+
+def triangulate_polygon(polygon: shapely.Polygon) -> tuple[Points, NDArray[np.int64]]:
+    """Triangulate a polygon: corners (n, 2), holes included, and triangles (m, 3), all upward."""
+    rings = [np.asarray(ring.coords)[:-1] for ring in (polygon.exterior, *polygon.interiors)]
+    corners = np.concatenate(rings)
+    ends = np.cumsum([len(ring) for ring in rings]).astype(np.uint32)
+    triangles = mapbox_earcut.triangulate_float64(corners, ends).reshape(-1, 3).astype(np.int64)
+    a, b, c = (corners[triangles[:, i]] for i in range(3))
+    area = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
+    # Earcut keeps the winding of the ring that it cuts, which shapely does not fix.
+    triangles[area < 0] = triangles[area < 0][:, ::-1]
+    return corners, triangles[np.abs(area) > 1e-9]
+
+
+def extract_polygons(shape: shapely.Geometry) -> list[shapely.Polygon]:
+    """List the polygons in a geometry; points and lines, which overlays leave, are dropped."""
+    parts = [shape] if isinstance(shape, shapely.Polygon) else getattr(shape, "geoms", [])
+    return [part for part in parts if isinstance(part, shapely.Polygon) and not part.is_empty]
+
+
+def build_grid_cells(
+    bounds: tuple[float, float, float, float], size_m: float
+) -> NDArray[np.object_]:
+    """Build squares of `size_m` that cover a box (west, south, east, north)."""
+    x, y = (np.arange(bounds[axis], bounds[axis + 2], size_m)[:, None] for axis in (0, 1))
+    west, south = (grid.ravel() for grid in np.meshgrid(x, y))
+    return shapely.box(west, south, west + size_m, south + size_m)
+
+
+CREASE_RAD = np.radians(38.0)
+"""Faces whose normals differ by less are shaded as one curved surface."""
+
+
 def xyz(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Float64Array:
-    """A point or an offset (3,)."""
+    """Build a point or an offset (3,)."""
     return np.array([x, y, z], dtype=np.float64)
 
 
 def signed_volume(surface: TriangleSurface) -> float:
-    """Volume in cubic metres enclosed by a closed surface; negative if it is inside out."""
+    """Compute the volume of a closed surface in cubic metres; negative if it is inside out."""
     a, b, c = (surface.vertices[surface.triangles[:, corner]] for corner in range(3))
     return float(np.sum(a * np.cross(b, c)) / 6)
 
 
 def orient_outward(surface: TriangleSurface) -> TriangleSurface:
-    """A closed surface, turned so that its faces look outward."""
+    """Turn the faces of a closed surface outward."""
     if signed_volume(surface) >= 0:
         return surface
     return TriangleSurface(surface.vertices, surface.triangles[:, ::-1], surface.normals)
 
 
 def join_surfaces(surfaces: Iterable[TriangleSurface]) -> TriangleSurface:
-    """One surface of several; shaded if all of them are."""
+    """Join surfaces, one at least; the result has normals if all of them have."""
     parts = list(surfaces)
     offsets = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
     normals = [part.normals for part in parts if part.normals is not None]
@@ -178,7 +177,7 @@ def join_surfaces(surfaces: Iterable[TriangleSurface]) -> TriangleSurface:
 def move_surface(
     surface: TriangleSurface, offset: ArrayLike, *, yaw: float = 0.0
 ) -> TriangleSurface:
-    """A surface turned about the z axis by `yaw` radians, then shifted by `offset` (3,)."""
+    """Turn a surface about the z axis by `yaw` radians, then shift it by `offset` (3,)."""
     return repeat_surface(surface, np.atleast_2d(offset), yaw=np.array([yaw]))
 
 
@@ -189,13 +188,13 @@ def repeat_surface(
     yaw: ArrayLike = 0.0,
     scale: ArrayLike = 1.0,
 ) -> TriangleSurface:
-    """Copies of a surface, each scaled, turned about z and shifted.
+    """Copy a surface, each copy scaled, turned about z and shifted.
 
     Args:
-        surface: What to copy.
+        surface: The surface to copy.
         offsets: (k, 3) metres.
-        yaw: (k,) radians, or one for all.
-        scale: (k, 3) factors along x, y, z of the surface's own axes, or broadcastable to it.
+        yaw: (k,) radians, or one angle for all copies.
+        scale: (k, 3) factors along the surface's own x, y and z, or broadcastable to that.
     """
     shift = np.asarray(offsets, dtype=np.float64)
     count = len(shift)
@@ -204,6 +203,7 @@ def repeat_surface(
     vertices = _rotate_about_z(surface.vertices * factors[:, None], turn) + shift[:, None]
     normals = None
     if surface.normals is not None:
+        # Normals scale with the inverse transpose.
         normals = normalize(_rotate_about_z(surface.normals / factors[:, None], turn)).reshape(
             -1, 3
         )
@@ -219,19 +219,19 @@ def _rotate_about_z(points: Float64Array, yaw: Float64Array) -> Float64Array:
 
 
 def mirror_surface(surface: TriangleSurface) -> TriangleSurface:
-    """The other side: y becomes -y."""
+    """Mirror a surface across y = 0, faces still outward."""
     return TriangleSurface(surface.vertices * (1, -1, 1), surface.triangles[:, ::-1])
 
 
 def add_mirror_image(surface: TriangleSurface) -> TriangleSurface:
-    """A surface and its mirror image across y = 0."""
+    """Join a surface with its mirror image across y = 0."""
     return join_surfaces([surface, mirror_surface(surface)])
 
 
 def split_surface(
     surface: TriangleSurface, mask: NDArray[np.bool_]
 ) -> tuple[TriangleSurface, TriangleSurface]:
-    """The triangles where `mask` (m,) holds, and the rest."""
+    """Split a surface into the triangles where `mask` (m,) holds and the others."""
     return (
         TriangleSurface(surface.vertices, surface.triangles[mask]),
         TriangleSurface(surface.vertices, surface.triangles[~mask]),
@@ -239,7 +239,11 @@ def split_surface(
 
 
 def shade_smooth(surface: TriangleSurface) -> TriangleSurface:
-    """The surface with normals: smooth across shallow edges, split along creases."""
+    """Add normals to a surface: smooth across shallow edges, split along creases.
+
+    Triangles without area are dropped.
+    """
+    # Vertices that coincide to 10 µm are one, however many parts of the surface have them.
     _, shared = np.unique(np.round(surface.vertices, 5), axis=0, return_inverse=True)
     corner = shared.reshape(-1)[surface.triangles]
     edges = surface.vertices[surface.triangles]
@@ -248,6 +252,7 @@ def shade_smooth(surface: TriangleSurface) -> TriangleSurface:
     solid &= (corner != np.roll(corner, 1, axis=1)).all(axis=1)
     corner, area, kept = corner[solid], area[solid], surface.triangles[solid]
     normals = _crease_normals(corner, area)
+    # A point is one vertex for all its corners whose normals agree to 1e-4.
     keys = np.column_stack([corner.reshape(-1), np.round(normals * 1e4)]).astype(np.int64)
     _, first, index = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     return TriangleSurface(
@@ -256,12 +261,18 @@ def shade_smooth(surface: TriangleSurface) -> TriangleSurface:
 
 
 def _crease_normals(corner: NDArray[np.int64], area: Float64Array) -> Float64Array:
-    """Normals (3 m, 3) of triangle corners, averaged over the faces that meet there smoothly."""
+    """Average normals (3 m, 3) of triangle corners over the faces that meet there smoothly.
+
+    Args:
+        corner: (m, 3) number of the point at each corner.
+        area: (m, 3) normals as long as twice the face's area, so that large faces count more.
+    """
     point = corner.reshape(-1)
     face = np.repeat(np.arange(len(corner)), 3)
     order = np.argsort(point, kind="stable")
     size = np.bincount(point)
     start = np.cumsum(size) - size
+    # All pairs (left, right) of corners at one point, without a loop over points.
     left = np.repeat(np.arange(len(point)), size[point])
     rank = np.arange(len(left)) - np.repeat(np.cumsum(size[point]) - size[point], size[point])
     right = order[start[point[left]] + rank]
@@ -273,13 +284,13 @@ def _crease_normals(corner: NDArray[np.int64], area: Float64Array) -> Float64Arr
 
 
 def normalize(vectors: ArrayLike) -> Float64Array:
-    """Scale `vectors` (..., 3) to length 1."""
+    """Scale vectors (..., 3) to length 1."""
     directions = np.asarray(vectors, dtype=np.float64)
     return directions / np.linalg.norm(directions, axis=-1, keepdims=True)
 
 
 def build_meshes(pieces: Sequence[MeshPart], prefix: str = "") -> list[Mesh]:
-    """One mesh per material, semantic class and wheel, named after them, in a stable order."""
+    """Build a mesh per material, semantic class and wheel, named after them, in stable order."""
     wheels = sorted({piece.wheel for piece in pieces if piece.wheel is not None})
     groups: dict[tuple[int, str, Semantic], list[TriangleSurface]] = {}
     for piece in pieces:
@@ -289,14 +300,11 @@ def build_meshes(pieces: Sequence[MeshPart], prefix: str = "") -> list[Mesh]:
         number = 0 if piece.wheel is None else 1 + wheels.index(piece.wheel)
         groups.setdefault((number, piece.material, piece.semantic), []).append(surface)
     return [
-        Mesh(
-            name=f"{prefix}{semantic.name.lower()}_{material}" + f"_wheel_{number}" * (number > 0),
-            vertices=(surface := join_surfaces(parts)).vertices.astype(np.float32),
-            triangles=surface.triangles.astype(np.int32),
-            material=material,
-            semantic=semantic,
-            normals=None if surface.normals is None else surface.normals.astype(np.float32),
-            wheel=wheels[number - 1] if number else None,
+        join_surfaces(surfaces).to_mesh(
+            f"{prefix}{semantic.name.lower()}_{material}" + f"_wheel_{number}" * (number > 0),
+            material,
+            semantic,
+            wheels[number - 1] if number else None,
         )
-        for (number, material, semantic), parts in sorted(groups.items())
+        for (number, material, semantic), surfaces in sorted(groups.items())
     ]

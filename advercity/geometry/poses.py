@@ -12,7 +12,7 @@ Matrix = NDArray[np.float64]
 
 
 def rotation_matrix(*, yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> Matrix:
-    """3x3 rotation `Rz(yaw) Ry(pitch) Rx(roll)`, angles in radians."""
+    """Build the 3x3 rotation `Rz(yaw) Ry(pitch) Rx(roll)`, angles in radians."""
     cy, sy = np.cos(yaw), np.sin(yaw)
     cp, sp = np.cos(pitch), np.sin(pitch)
     cr, sr = np.cos(roll), np.sin(roll)
@@ -28,7 +28,7 @@ def rotation_matrix(*, yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0) 
 def pose_matrix(
     position: ArrayLike, *, yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0
 ) -> Matrix:
-    """4x4 pose from a position (3,) in metres and angles in radians."""
+    """Build a 4x4 pose from a position (3,) in metres and angles in radians."""
     matrix = np.eye(4)
     matrix[:3, :3] = rotation_matrix(yaw=yaw, pitch=pitch, roll=roll)
     matrix[:3, 3] = position
@@ -36,7 +36,7 @@ def pose_matrix(
 
 
 def invert_pose(matrix: Matrix) -> Matrix:
-    """Inverse of a rigid pose (4, 4)."""
+    """Invert a rigid pose (4, 4)."""
     result = np.eye(4)
     result[:3, :3] = matrix[:3, :3].T
     result[:3, 3] = -matrix[:3, :3].T @ matrix[:3, 3]
@@ -44,7 +44,7 @@ def invert_pose(matrix: Matrix) -> Matrix:
 
 
 def to_yaw_pitch_roll(matrix: Matrix) -> tuple[float, float, float]:
-    """Yaw, pitch and roll in radians of a pose or rotation; pitch within ±pi/2."""
+    """Convert a pose or rotation to yaw, pitch and roll in radians; pitch within ±pi/2."""
     yaw = float(np.arctan2(matrix[1, 0], matrix[0, 0]))
     pitch = float(np.arcsin(np.clip(-matrix[2, 0], -1.0, 1.0)))
     roll = float(np.arctan2(matrix[2, 1], matrix[2, 2]))
@@ -52,7 +52,7 @@ def to_yaw_pitch_roll(matrix: Matrix) -> tuple[float, float, float]:
 
 
 def to_quaternion(matrix: Matrix) -> Matrix:
-    """Unit quaternion (4,) of a pose or rotation, the real part first; pitch within ±pi/2."""
+    """Convert a pose or rotation to a unit quaternion (4,), the real part first."""
     halves = np.array(to_yaw_pitch_roll(matrix)) / 2.0
     (cy, cp, cr), (sy, sp, sr) = np.cos(halves), np.sin(halves)
     return np.array(
@@ -66,12 +66,12 @@ def to_quaternion(matrix: Matrix) -> Matrix:
 
 
 def transform_points(matrix: Matrix, points: ArrayLike) -> NDArray[np.float64]:
-    """Points (..., 3) moved by a pose (4, 4)."""
+    """Transform points (..., 3) by a pose (4, 4)."""
     return np.asarray(points, dtype=np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def to_rotation_vector(rotation: Matrix) -> Matrix:
-    """Axis times angle in rad (3,) of a rotation (3, 3) of less than half a turn."""
+    """Convert a rotation (3, 3) of less than half a turn to axis times angle (3,), radians."""
     twice_sine = np.array(
         [
             rotation[2, 1] - rotation[1, 2],
@@ -84,9 +84,10 @@ def to_rotation_vector(rotation: Matrix) -> Matrix:
 
 
 def interpolate_poses(first: Matrix, second: Matrix, fraction: ArrayLike) -> Matrix:
-    """Poses (n, 4, 4) at shares (n,) of the way from one pose (4, 4) to another.
+    """Interpolate poses (n, 4, 4) at fractions (n,) between two poses (4, 4).
 
-    Places go straight, turns go evenly about one axis (Rodrigues); at 0 and 1 they are exact.
+    Positions are linear, rotations go evenly about one axis (Rodrigues' formula); fractions 0 and
+    1 give the two poses exactly.
     """
     part = np.asarray(fraction, dtype=np.float64)[:, None, None]
     x, y, z = to_rotation_vector(first[:3, :3].T @ second[:3, :3])

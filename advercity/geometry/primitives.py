@@ -1,7 +1,7 @@
-"""Mesh primitives: closed surfaces wound outward, and how they become meshes.
+"""Mesh primitives: boxes, tubes, ellipsoids and other closed surfaces, wound outward.
 
-A `Surface` is bare geometry; a `Piece` also says what it is made of. `meshes` joins all pieces of
-one material, semantic class and wheel, since every mesh costs a draw call.
+Vertices come ring by ring. `trimesh.creation` has most of these shapes, but in another order of
+vertices, and every body and every house would change in each dataset written so far.
 """
 
 import numpy as np
@@ -12,13 +12,13 @@ from advercity.geometry.mesh import TriangleSurface, normalize, orient_outward
 
 
 def loft_rings(rings: ArrayLike) -> TriangleSurface:
-    """A closed skin over cross-sections, with both ends capped.
+    """Build a closed skin over cross-sections, with both ends capped.
 
-    The triangles of the quad between rings i and i + 1 and points j and j + 1 stand at
-    `2 (i n + j)` and the one after; the caps come last.
+    The quad between rings i and i + 1 and points j and j + 1 is triangles `2 (i n + j)` and
+    `2 (i n + j) + 1`; the caps come last.
 
     Args:
-        rings: (k, n, 3) cross-sections of n points each, all in the same sense.
+        rings: (k, n, 3) cross-sections of n points each, all in one sense of rotation.
     """
     grid = np.asarray(rings, dtype=np.float64)
     count, points, _ = grid.shape
@@ -36,33 +36,33 @@ def loft_rings(rings: ArrayLike) -> TriangleSurface:
 
 
 def box(low: ArrayLike, high: ArrayLike) -> TriangleSurface:
-    """An upright box between two opposite corners (3,)."""
+    """Build an upright box between two opposite corners (3,)."""
     (x0, y0, z0), (x1, y1, z1) = np.asarray(low, float), np.asarray(high, float)
     outline = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
     return prism(outline, z0, z1)
 
 
 def prism(outline: ArrayLike, bottom_m: float, top_m: float) -> TriangleSurface:
-    """An upright prism over a star-shaped outline (n, 2)."""
+    """Build an upright prism over a star-shaped outline (n, 2)."""
     flat = np.asarray(outline, dtype=np.float64)
     rings = [np.column_stack([flat, np.full(len(flat), z)]) for z in (bottom_m, top_m)]
     return loft_rings(np.stack(rings))
 
 
 def plate(corners: ArrayLike, thickness_m: float) -> TriangleSurface:
-    """A flat plate; `corners` (n, 3) is its face, counter-clockwise seen from in front."""
+    """Build a flat plate; `corners` (n, 3) are its face, counter-clockwise from in front."""
     face = np.asarray(corners, dtype=np.float64)
     normal = normalize(np.cross(face[1] - face[0], face[2] - face[1]))
     return loft_rings(np.stack([face, face - thickness_m * normal]))
 
 
 def rectangles(centres: ArrayLike, across: ArrayLike, upward: ArrayLike) -> TriangleSurface:
-    """Flat rectangles seen from one side, shaded.
+    """Build flat rectangles that are seen from one side, with normals.
 
     Args:
-        centres: (k, 3) middles.
-        across: (k, 3) from the middle to the right edge, as seen from in front.
-        upward: (k, 3) from the middle to the upper edge.
+        centres: (k, 3) metres.
+        across: (k, 3) from the centre to the right edge, as seen from in front.
+        upward: (k, 3) from the centre to the upper edge.
     """
     middle = np.asarray(centres, dtype=np.float64)
     right = np.broadcast_to(np.asarray(across, dtype=np.float64), middle.shape)
@@ -76,15 +76,15 @@ def rectangles(centres: ArrayLike, across: ArrayLike, upward: ArrayLike) -> Tria
 
 
 def grid_sheet(points: Float64Array, cells: NDArray[np.bool_] | None = None) -> TriangleSurface:
-    """A sheet over points (n, m, 3) in rows, seen from above.
+    """Build a sheet over points (n, m, 3) in rows that is seen from above.
 
     Args:
         points: Corners of its cells.
-        cells: (n - 1, m - 1) which of them there are; all of them without it.
+        cells: (n - 1, m - 1) which cells to build; all without it.
     """
     columns = points.shape[1]
-    there = np.ones((len(points) - 1, columns - 1), dtype=bool) if cells is None else cells
-    i, j = np.nonzero(there)
+    built = np.ones((len(points) - 1, columns - 1), dtype=bool) if cells is None else cells
+    i, j = np.nonzero(built)
     a, b = i * columns + j, (i + 1) * columns + j
     quads = np.stack([a, b, b + 1, a, b + 1, a + 1], axis=-1).reshape(-1, 3)
     flat = points.reshape(-1, 3)
@@ -96,13 +96,13 @@ def grid_sheet(points: Float64Array, cells: NDArray[np.bool_] | None = None) -> 
 def tube(
     points: ArrayLike, radii: ArrayLike, *, sides: int = 8, rounded: bool = False
 ) -> TriangleSurface:
-    """A round tube along points.
+    """Build a round tube along points.
 
     Args:
-        points: (k, 3) its axis.
-        radii: (k,) or one for all, metres.
+        points: (k, 3) points of its axis.
+        radii: (k,) metres, or one radius for all points.
         sides: Number of sides.
-        rounded: Whether the ends are domes that reach a radius further, or flat.
+        rounded: Whether the ends are domes, which add a radius to the length, or flat.
     """
     axis = np.asarray(points, dtype=np.float64)
     radius = np.broadcast_to(np.asarray(radii, dtype=np.float64), (len(axis),))
@@ -110,6 +110,7 @@ def tube(
         axis, radius = _add_domes(axis, radius)
     along = normalize(axis[1:] - axis[:-1])
     along = normalize(np.concatenate([along[:1], along[:-1] + along[1:], along[-1:]]))
+    # The axis that the tube follows least is across it everywhere.
     reference = np.eye(3)[np.argmin(np.abs(along).mean(axis=0))]
     across = normalize(np.cross(along, reference))
     upward = np.cross(along, across)
@@ -120,9 +121,9 @@ def tube(
 
 def _add_domes(axis: Float64Array, radius: Float64Array) -> tuple[Float64Array, Float64Array]:
     first, last = normalize(axis[0] - axis[1]), normalize(axis[-1] - axis[-2])
-    reach, shrink = np.array([0.98, 0.75]), np.array([0.25, 0.7])
-    head = axis[0] + first * (radius[0] * reach)[:, None]
-    tail = axis[-1] + last * (radius[-1] * reach[::-1])[:, None]
+    extent, shrink = np.array([0.98, 0.75]), np.array([0.25, 0.7])
+    head = axis[0] + first * (radius[0] * extent)[:, None]
+    tail = axis[-1] + last * (radius[-1] * extent[::-1])[:, None]
     return (
         np.concatenate([head, axis, tail]),
         np.concatenate([radius[0] * shrink, radius, radius[-1] * shrink[::-1]]),
@@ -132,7 +133,8 @@ def _add_domes(axis: Float64Array, radius: Float64Array) -> tuple[Float64Array, 
 def ellipsoid(
     centre: ArrayLike, radii: ArrayLike, *, sides: int = 10, bands: int = 6
 ) -> TriangleSurface:
-    """An ellipsoid with its axes along x, y and z."""
+    """Build an ellipsoid with its axes along x, y and z."""
+    # The caps begin off the poles, where a ring would be a point.
     polar = np.linspace(0.08, np.pi - 0.08, bands + 1)
     angle = 2 * np.pi * np.arange(sides) / sides
     rings = np.stack(
@@ -149,7 +151,7 @@ def ellipsoid(
 
 
 def revolve_profile(profile: ArrayLike, centre: ArrayLike, *, sides: int = 16) -> TriangleSurface:
-    """A profile of (radius, y) pairs (k, 2) revolved about the y axis through `centre`, capped."""
+    """Revolve (radius, y) pairs (k, 2) about the y axis through `centre` (3,); ends are capped."""
     rings = _revolve(profile, sides)
     return loft_rings(np.asarray(centre, dtype=np.float64) + rings)
 
@@ -157,7 +159,7 @@ def revolve_profile(profile: ArrayLike, centre: ArrayLike, *, sides: int = 16) -
 def revolve_closed_profile(
     profile: ArrayLike, centre: ArrayLike, *, sides: int = 16
 ) -> TriangleSurface:
-    """A closed profile (k, 2), as of `turned_about_y`, revolved to a ring with a hole."""
+    """Revolve a closed profile of (radius, y) pairs (k, 2) to a ring with a hole."""
     rings = _revolve(profile, sides).swapaxes(0, 1) + np.asarray(centre, dtype=np.float64)
     points = rings.shape[1]
     here, row = np.arange(points), points * np.arange(sides)[:, None]

@@ -1,1 +1,1 @@
-"""advercity.roads."""
+"""Roads: their layout, SUMO networks, lanes, markings and meshes, authored or imported."""

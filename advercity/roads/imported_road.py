@@ -18,7 +18,7 @@ from advercity_dsl import MapNetwork, Road
 from shapely.geometry.base import BaseGeometry
 
 from advercity.geometry import polyline
-from advercity.geometry.mesh import Mesh, SurfacePatch, build_ribbon, merge_patches
+from advercity.geometry.mesh import Mesh, TriangleSurface, build_ribbon, join_surfaces
 from advercity.geometry.polyline import Points, StationedPolyline, offset_polyline
 from advercity.roads import markings
 from advercity.roads.imported_network import ImportedNetwork
@@ -39,7 +39,7 @@ CUT_MARGIN_M = 0.1
 
 def build_imported_markings(net: ImportedNetwork, surface: ImportedSurface) -> list[Mesh]:
     """All paint, a mesh per colour."""
-    pieces: dict[str, list[SurfacePatch]] = {WHITE: [], YELLOW: []}
+    pieces: dict[str, list[TriangleSurface]] = {WHITE: [], YELLOW: []}
     for edge in net.edges.values():
         for colour, piece in _edge_lines(edge, net):
             pieces[colour].append(piece)
@@ -53,13 +53,13 @@ def build_imported_markings(net: ImportedNetwork, surface: ImportedSurface) -> l
                     start[:2], end[:2], width_m=lane.width_m, height=heights.height_at
                 )
     return [
-        merge_patches(colour, found, colour, Semantic.ROAD_LINE)
+        join_surfaces(found).to_mesh(colour, colour, Semantic.ROAD_LINE)
         for colour, found in pieces.items()
         if found
     ]
 
 
-def _edge_lines(edge: SumoEdge, net: ImportedNetwork) -> Iterator[tuple[str, SurfacePatch]]:
+def _edge_lines(edge: SumoEdge, net: ImportedNetwork) -> Iterator[tuple[str, TriangleSurface]]:
     lanes = edge.driving_lanes
     if not lanes or polyline.polyline_length(lanes[-1].centre) < MIN_EDGE_LENGTH_M:
         return
@@ -80,7 +80,7 @@ def _border_inset(lane: SumoLane, *, on_left: bool) -> Points:
     return lane.offset_line(half if on_left else -half)
 
 
-def _stripe(line: Points, width_m: float = markings.LINE_WIDTH_M) -> SurfacePatch:
+def _stripe(line: Points, width_m: float = markings.LINE_WIDTH_M) -> TriangleSurface:
     half = width_m / 2
     return build_ribbon(
         offset_polyline(line, half) + markings.MARKING_LIFT,
@@ -96,7 +96,7 @@ def _edges_with_stop_line(net: ImportedNetwork) -> Iterator[SumoEdge]:
     yield from (edge for edge in net.edges.values() if edge.id in stopped and edge.driving_lanes)
 
 
-def _stop_line(edge: SumoEdge) -> Iterator[SurfacePatch]:
+def _stop_line(edge: SumoEdge) -> Iterator[TriangleSurface]:
     near, far = markings.STOP_LINE_SETBACK_M, markings.STOP_LINE_M + markings.STOP_LINE_SETBACK_M
     for lane in edge.driving_lanes:
         line = StationedPolyline.from_points(lane.centre)

@@ -16,11 +16,11 @@ from shapely.ops import substring
 
 from advercity.geometry.mesh import (
     Mesh,
-    SurfacePatch,
+    TriangleSurface,
     build_grid_cells,
     build_ribbon,
     extract_polygons,
-    merge_patches,
+    join_surfaces,
     triangulate_polygon,
 )
 from advercity.geometry.polyline import Points
@@ -210,12 +210,12 @@ class ImportedSurface:
             "kerb": list(self._kerb_patches()),
         }
         return [
-            merge_patches(name, found, *ROAD_SURFACES[name])
+            join_surfaces(found).to_mesh(name, *ROAD_SURFACES[name])
             for name, found in pieces.items()
             if len(found) > 0
         ]
 
-    def _asphalt_patches(self) -> Iterator[SurfacePatch]:
+    def _asphalt_patches(self) -> Iterator[TriangleSurface]:
         for lane in self._lanes:
             if lane.kind != "sidewalk":
                 half = lane.width_m / 2 + LANE_OVERLAP_M
@@ -233,11 +233,11 @@ class ImportedSurface:
             shapely.buffer(left_over, LANE_OVERLAP_M, join_style="mitre"), self.height_at
         )
 
-    def _raised_patches(self, area: BaseGeometry) -> Iterator[SurfacePatch]:
+    def _raised_patches(self, area: BaseGeometry) -> Iterator[TriangleSurface]:
         for piece in _triangulate_area(area, self.height_at):
-            yield SurfacePatch(piece.vertices + KERB_RISE, piece.triangles)
+            yield TriangleSurface(piece.vertices + KERB_RISE, piece.triangles)
 
-    def _kerb_patches(self) -> Iterator[SurfacePatch]:
+    def _kerb_patches(self) -> Iterator[TriangleSurface]:
         stones = shapely.difference(
             self.raised_area, shapely.buffer(self.raised_area, -KERB_WIDTH_M)
         )
@@ -252,18 +252,18 @@ class ImportedSurface:
 
 def _triangulate_area(
     area: BaseGeometry, height: Callable[[Points], NDArray[np.float64]]
-) -> Iterator[SurfacePatch]:
+) -> Iterator[TriangleSurface]:
     """An area as surface; in small facets where it is not level."""
     for polygon in extract_polygons(area):
         whole = triangulate_polygon(polygon)
         z = height(whole[0])
         if np.ptp(z) <= LEVEL_TOLERANCE_M:
-            yield SurfacePatch(np.column_stack([whole[0], z]), whole[1])
+            yield TriangleSurface(np.column_stack([whole[0], z]), whole[1])
             continue
         cut = shapely.intersection(build_grid_cells(polygon.bounds, CELL_M), polygon)
         for cell in (part for shape in cut for part in extract_polygons(shape)):
             corners, triangles = triangulate_polygon(cell)
-            yield SurfacePatch(np.column_stack([corners, height(corners)]), triangles)
+            yield TriangleSurface(np.column_stack([corners, height(corners)]), triangles)
 
 
 def _close_gaps(area: BaseGeometry, reach_m: float) -> BaseGeometry:

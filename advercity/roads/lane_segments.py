@@ -60,16 +60,16 @@ def build_lane_segments(layout: RoadLayout) -> tuple[LaneSegment, ...]:
 def _street_lane_segments(street: StreetLayout) -> Iterator[LaneSegment]:
     for along in (True, False):
         seen: Counter[str] = Counter()
-        for band in street.strips_in_direction(along=along):
-            if band.kind in LANE_KINDS:
-                kind = LANE_KINDS[band.kind]
+        for strip in street.strips_in_direction(along=along):
+            if strip.kind in LANE_KINDS:
+                kind = LANE_KINDS[strip.kind]
                 seen[kind] += 1
-                name = band.lane_number if band.lane_number else f"{kind}{seen[kind]}"
+                name = strip.lane_number if strip.lane_number else f"{kind}{seen[kind]}"
                 yield LaneSegment(
                     id=f"{sumo_edge_id(street.id, along=along)}.{name}",
                     kind=kind,
-                    left=street.directed_line(band.inner_t, along=along),
-                    right=street.directed_line(band.outer_t, along=along),
+                    left=street.directed_line(strip.inner_t, along=along),
+                    right=street.directed_line(strip.outer_t, along=along),
                 )
 
 

@@ -1,6 +1,6 @@
-"""Junctions: where streets meet, and how one drives and walks through.
+"""The layout of a declared road: its streets, and junctions with their paths and crossings.
 
-A road's geometry, from which its network, its lanes and its meshes are all made.
+The SUMO network, the lanes and the meshes of the road are all made from one layout, so they agree.
 """
 
 from dataclasses import dataclass
@@ -15,9 +15,9 @@ from advercity.geometry.polyline import Points
 from advercity.roads.streets import StreetLayout, StripLayout, lay_out_street
 
 CROSSING_SETBACK_M = 0.6
-"""From the end of a street to the crossing that lies before it."""
+"""Distance from the end of a street to the near edge of its crossing."""
 MIN_CORNER_RADIUS_M = 0.5
-"""Radius of the inner border of a tight turn."""
+"""Smallest radius of the inner border of a turn."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class JunctionArm:
 
     @property
     def axis_end(self) -> Points:
-        """(3,) end of the axis."""
+        """(3,) end of the axis at the junction."""
         return self.street.axis[-1 if self.is_street_end else 0]
 
     @property
@@ -43,7 +43,7 @@ class JunctionArm:
         return -direction if self.is_street_end else direction
 
     def point_at(self, u: float, inward_m: float = 0.0) -> Points:
-        """(3,) point at offset `u`, so far inside the junction."""
+        """Compute the point (3,) at offset `u`, `inward_m` inside the junction."""
         plane = (
             self.axis_end[:2]
             + u * polyline.left_normals(self.outward_direction)
@@ -52,52 +52,52 @@ class JunctionArm:
         return np.array([*plane, self.axis_end[2]])
 
     def to_arm_offset(self, t: float) -> float:
-        """`u` of an offset `t` of its street."""
+        """Convert an offset `t` of its street to `u`."""
         return -t if self.is_street_end else t
 
     def strips_on_side(self, *, leftwards: bool) -> tuple[StripLayout, ...]:
-        """Bands left or right of the axis as seen from the junction, from the axis outwards."""
+        """Strips left or right of the axis seen from the junction, from the axis outwards."""
         return self.street.strips_in_direction(along=self.is_street_end == leftwards)
 
     def inbound_strips(self) -> tuple[StripLayout, ...]:
-        """Bands that are travelled towards the junction, from the axis outwards."""
+        """List strips that are travelled towards the junction, from the axis outwards."""
         return self.street.strips_in_direction(along=self.is_street_end)
 
     def outbound_strips(self) -> tuple[StripLayout, ...]:
-        """Bands that are travelled away from the junction, from the axis outwards."""
+        """List strips that are travelled away from the junction, from the axis outwards."""
         return self.street.strips_in_direction(along=not self.is_street_end)
 
     def roadway_edge_offset(self, *, leftwards: bool) -> float:
-        """`u` where the roadway ends and sidewalk or verge begins."""
-        bands = self.strips_on_side(leftwards=leftwards)
-        edges = [band.outer_t for band in bands if not _is_raised_border(band)]
+        """Compute `u` of the edge between the roadway and the sidewalk or verge."""
+        strips = self.strips_on_side(leftwards=leftwards)
+        edges = [strip.outer_t for strip in strips if not _is_raised_border(strip)]
         return self.to_arm_offset(edges[-1]) if edges else 0.0
 
     def outer_edge_offset(self, *, leftwards: bool) -> float:
-        """`u` of the outer edge of the outermost strip."""
-        bands = self.strips_on_side(leftwards=leftwards)
-        return self.to_arm_offset(bands[-1].outer_t) if bands else 0.0
+        """Compute `u` of the outer edge of the outermost strip."""
+        strips = self.strips_on_side(leftwards=leftwards)
+        return self.to_arm_offset(strips[-1].outer_t) if strips else 0.0
 
     def sidewalk_offsets(self, *, leftwards: bool) -> tuple[float, float] | None:
-        """`u` of the inner and outer edge of the sidewalk, if it borders the roadway."""
-        for band in self.strips_on_side(leftwards=leftwards):
-            if band.kind is StripKind.SIDEWALK:
-                return self.to_arm_offset(band.inner_t), self.to_arm_offset(band.outer_t)
+        """Compute `u` of the inner and outer edge of the sidewalk; None without one."""
+        for strip in self.strips_on_side(leftwards=leftwards):
+            if strip.kind is StripKind.SIDEWALK:
+                return self.to_arm_offset(strip.inner_t), self.to_arm_offset(strip.outer_t)
         return None
 
 
-def _is_raised_border(band: StripLayout) -> bool:
-    return band.kind in (StripKind.SIDEWALK, StripKind.VERGE)
+def _is_raised_border(strip: StripLayout) -> bool:
+    return strip.kind in (StripKind.SIDEWALK, StripKind.VERGE)
 
 
 @dataclass(frozen=True)
 class JunctionCorner:
-    """What lies between two neighbouring arms, counter-clockwise.
+    """The corner between two neighbouring arms, counter-clockwise.
 
     Attributes:
         kerb: (n, 3) edge of the roadway, from the first arm to the second.
         sidewalk_outer_edge: (n, 3) outer edge of the sidewalk around it, a point for each
-            of `kerb`'s; None where one of the arms has no sidewalk.
+            of `kerb`; None where one of the arms has no sidewalk.
         outer_edge: (m, 3) outer edge of all strips, from the first arm to the second.
     """
 
@@ -112,10 +112,10 @@ class ConnectingPath:
 
     Attributes:
         id: `<junction>: <movement>`.
-        movement: As declared.
+        movement: The declared movement.
         centre: (n, 3) from the end of one lane to the start of the other.
-        left: (n, 3) left border, point by point beside `centre`.
-        right: (n, 3) right border.
+        left: (n, 3) left border, a point for each of `centre`.
+        right: (n, 3) right border, likewise.
     """
 
     id: str
@@ -132,7 +132,7 @@ class CrossingLayout:
     Attributes:
         street: Id of the street that is crossed.
         centre: (2, 3) from kerb to kerb.
-        width_m: Across `centre`.
+        width_m: Width across `centre`.
     """
 
     street: str
@@ -142,15 +142,15 @@ class CrossingLayout:
 
 @dataclass(frozen=True)
 class JunctionLayout:
-    """A junction.
+    """A junction with everything in it.
 
     Attributes:
-        id: As declared.
+        id: Declared id.
         declared: The declaration.
-        arms: Counter-clockwise.
+        arms: Ends of the streets that meet, counter-clockwise.
         roadway_outline: (n, 3) edge of its roadway, counter-clockwise, open.
-        corners: One per arm: from it to the next.
-        connecting_paths: Movements.
+        corners: One per arm, from it to the next.
+        connecting_paths: One per declared movement.
         crossings: Zebra crossings.
         median: (4, 3) the piece of median that runs through it, or None.
     """
@@ -165,11 +165,11 @@ class JunctionLayout:
     median: Points | None
 
     def find_arm(self, street: str) -> JunctionArm:
-        """The arm of a street."""
+        """Find the arm of a street."""
         return next(arm for arm in self.arms if arm.street.id == street)
 
     def turn_angle(self, source: str, target: str) -> float:
-        """Angle in radians by which one turns from a street into another, positive to the left."""
+        """Compute the angle in radians from a street into another, positive to the left."""
         out, into = (
             -self.find_arm(source).outward_direction,
             self.find_arm(target).outward_direction,
@@ -177,8 +177,8 @@ class JunctionLayout:
         return float(np.arctan2(out[0] * into[1] - out[1] * into[0], out @ into))
 
     def height_at(self, points: Points) -> NDArray[np.float64]:
-        """Height (n,) of the roadway at points (n, 2) inside the outline."""
-        return mean_value_height(self.roadway_outline, points)
+        """Compute heights (n,) of the roadway at points (n, 2) inside the outline."""
+        return interpolate_mean_value_height(self.roadway_outline, points)
 
 
 def lay_out_junction(
@@ -217,7 +217,7 @@ def _build_arms(name: str, streets: dict[str, StreetLayout]) -> tuple[JunctionAr
     ]
     if len(arms) < 2:
         raise InputError(
-            f"junctions.{name}: only '{arms[0].street.id}' meets here; a junction joins two "
+            f"junctions.{name}: only '{arms[0].street.id}' leads to it; a junction joins two "
             "streets or more (a street that ends at the edge of the site needs none)"
         )
     middle = np.mean([arm.axis_end[:2] for arm in arms], axis=0)
@@ -284,7 +284,7 @@ def _build_connecting_path(
     leftwards = np.sign(out[0] * into[1] - out[1] * into[0])
 
     def through(first_t: float, last_t: float, left_m: float = 0.0) -> Points:
-        """A way that runs `left_m` beside the middle one, around the same centre."""
+        """Connect two offsets around the centre of the middle path, which is `left_m` away."""
         start, end = (
             source.point_at(source.to_arm_offset(first_t)),
             target.point_at(target.to_arm_offset(last_t)),
@@ -303,7 +303,8 @@ def _build_connecting_path(
             through(leaving.outer_t, entering.outer_t, -half),
         )
     ]
-    z = mean_value_height(outline, lines[0])
+    z = interpolate_mean_value_height(outline, lines[0])
+    # Lanes and paths share their end points exactly, so netconvert leaves no step between them.
     z[0], z[-1] = source.axis_end[2], target.axis_end[2]
     centre, left, right = (np.column_stack([line, z]) for line in lines)
     return ConnectingPath(f"{name}: {text}", movement, centre, left, right)
@@ -320,8 +321,8 @@ def _build_median(name: str, between: tuple[str, str], arms: dict[str, JunctionA
     for street in between:
         arm = arms[street]
         widths = [
-            [band.outer_t for band in bands if band.kind is StripKind.MEDIAN]
-            for bands in (arm.street.left_strips, arm.street.right_strips)
+            [strip.outer_t for strip in strips if strip.kind is StripKind.MEDIAN]
+            for strips in (arm.street.left_strips, arm.street.right_strips)
         ]
         if not all(widths):
             raise InputError(
@@ -332,8 +333,8 @@ def _build_median(name: str, between: tuple[str, str], arms: dict[str, JunctionA
     return np.stack(edges)
 
 
-def mean_value_height(outline: Points, points: Points) -> NDArray[np.float64]:
-    """Height inside a polygon, by mean value coordinates of its corners.
+def interpolate_mean_value_height(outline: Points, points: Points) -> NDArray[np.float64]:
+    """Interpolate heights inside a polygon by mean value coordinates of its corners.
 
     They reproduce heights that lie in a plane and are linear along every side of the polygon
     (Hormann and Floater, ACM Transactions on Graphics 25, 2006).
@@ -353,6 +354,7 @@ def mean_value_height(outline: Points, points: Points) -> NDArray[np.float64]:
     half_angle = np.tan(np.arctan2(cross, dot) / 2)
     weight = (half_angle + np.roll(half_angle, 1, axis=1)) / np.maximum(distance, 1e-9)
     z = (weight @ outline[:, 2]) / weight.sum(axis=1)
+    # At a corner all weights are infinite; its height is the limit.
     nearest = distance.argmin(axis=1)
     return np.where(distance.min(axis=1) < 1e-6, outline[nearest, 2], z)
 

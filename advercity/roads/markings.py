@@ -14,9 +14,9 @@ from shapely.affinity import rotate, translate
 
 from advercity.geometry.mesh import (
     Mesh,
-    SurfacePatch,
+    TriangleSurface,
     build_ribbon,
-    merge_patches,
+    join_surfaces,
     triangulate_polygon,
 )
 from advercity.geometry.polyline import Points, StationedPolyline
@@ -62,7 +62,7 @@ SOLID_MATERIALS: dict[RoadMark | None, str] = {
 
 def build_marking_meshes(layout: RoadLayout) -> list[Mesh]:
     """All paint, a mesh per colour."""
-    pieces: dict[str, list[SurfacePatch]] = {WHITE: [], YELLOW: []}
+    pieces: dict[str, list[TriangleSurface]] = {WHITE: [], YELLOW: []}
     for street in layout.streets.values():
         for colour, piece in _street_lines(street):
             pieces[colour].append(piece)
@@ -77,15 +77,15 @@ def build_marking_meshes(layout: RoadLayout) -> list[Mesh]:
             for colour, piece in _junction_lines(junction):
                 pieces[colour].append(piece)
     return [
-        merge_patches(colour, found, colour, Semantic.ROAD_LINE)
+        join_surfaces(found).to_mesh(colour, colour, Semantic.ROAD_LINE)
         for colour, found in pieces.items()
         if found
     ]
 
 
-def _street_lines(street: StreetLayout) -> Iterator[tuple[str, SurfacePatch]]:
-    for band in (*street.left_strips, *street.right_strips):
-        for line in _parking_bay_lines(street, band):
+def _street_lines(street: StreetLayout) -> Iterator[tuple[str, TriangleSurface]]:
+    for strip in (*street.left_strips, *street.right_strips):
+        for line in _parking_bay_lines(street, strip):
             yield WHITE, line
     for centre_t, paint in _line_offsets(street):
         for first, last in (
@@ -98,7 +98,9 @@ def _street_lines(street: StreetLayout) -> Iterator[tuple[str, SurfacePatch]]:
 
 def _line_offsets(street: StreetLayout) -> Iterator[tuple[float, RoadMark]]:
     """Offset of the middle of every line along a street, and its paint."""
-    borders = [(band.outer_t, band.paint) for band in (*street.left_strips, *street.right_strips)]
+    borders = [
+        (strip.outer_t, strip.paint) for strip in (*street.left_strips, *street.right_strips)
+    ]
     for t, paint in (*borders, (0.0, street.axis_paint)):
         if paint is not None:
             shift = (LINE_WIDTH_M + DOUBLE_GAP_M) / 2 if paint is RoadMark.DOUBLE_YELLOW else 0.0
@@ -111,15 +113,15 @@ def marking_edge_offsets(street: StreetLayout) -> list[float]:
     return [t + side for t, _ in _line_offsets(street) for side in (-half, half)]
 
 
-def _parking_bay_lines(street: StreetLayout, band: StripLayout) -> Iterator[SurfacePatch]:
-    if band.bay_width_m is None:
+def _parking_bay_lines(street: StreetLayout, strip: StripLayout) -> Iterator[TriangleSurface]:
+    if strip.bay_width_m is None:
         return
-    for at in np.arange(LINE_WIDTH_M, street.stations[-1], band.bay_width_m):
+    for at in np.arange(LINE_WIDTH_M, street.stations[-1], strip.bay_width_m):
         half = LINE_WIDTH_M / 2
-        yield _stripe(street, band.centre_t, band.width_m, at - half, at + half)
+        yield _stripe(street, strip.centre_t, strip.width_m, at - half, at + half)
 
 
-def _junction_lines(junction: JunctionLayout) -> Iterator[tuple[str, SurfacePatch]]:
+def _junction_lines(junction: JunctionLayout) -> Iterator[tuple[str, TriangleSurface]]:
     """Solid lines of two streets that go on into each other."""
     for path in junction.connecting_paths:
         movement = path.movement
@@ -131,7 +133,7 @@ def _junction_lines(junction: JunctionLayout) -> Iterator[tuple[str, SurfacePatc
         entering = target.street.find_lane(movement.to_lane, along=not target.is_street_end)
         centred = source.is_street_end and leaving.inner_t == entering.inner_t == 0
         bordering = entering.lane_number == max(
-            band.lane_number for band in target.outbound_strips()
+            strip.lane_number for strip in target.outbound_strips()
         )
         if centred and (colour := SOLID_MATERIALS.get(source.street.axis_paint)):
             yield colour, _border_line(path.left, path.right)
@@ -139,7 +141,7 @@ def _junction_lines(junction: JunctionLayout) -> Iterator[tuple[str, SurfacePatc
             yield colour, _border_line(path.right[::-1], path.left[::-1])
 
 
-def _border_line(border: Points, other: Points) -> SurfacePatch:
+def _border_line(border: Points, other: Points) -> TriangleSurface:
     """A line on one border of a way, whose other border says which way across it goes."""
     across = (border - other) / np.linalg.norm(border - other, axis=1, keepdims=True)
     outer, inner = border + across * LINE_WIDTH_M / 2, border - across * LINE_WIDTH_M / 2
@@ -154,7 +156,7 @@ def dash_intervals(length_m: float) -> list[tuple[float, float]]:
 
 def _stripe(
     street: StreetLayout, t: float, width_m: float, first: float, last: float
-) -> SurfacePatch:
+) -> TriangleSurface:
     """Paint between two distances along the axis, which follows the facets of the road."""
     last = min(last, float(street.stations[-1]))
     left, right = (
@@ -164,11 +166,11 @@ def _stripe(
     return _lifted_ribbon(left, right)
 
 
-def _lifted_ribbon(left: Points, right: Points) -> SurfacePatch:
+def _lifted_ribbon(left: Points, right: Points) -> TriangleSurface:
     return build_ribbon(left + MARKING_LIFT, right + MARKING_LIFT)
 
 
-def _stop_lines(junction: JunctionLayout) -> Iterator[SurfacePatch]:
+def _stop_lines(junction: JunctionLayout) -> Iterator[TriangleSurface]:
     """A bar across the arriving lanes where traffic stops, blocks where it gives way."""
     signs = {sign.street: sign.kind for sign in junction.declared.signs}
     for arm in junction.arms:
@@ -179,9 +181,9 @@ def _stop_lines(junction: JunctionLayout) -> Iterator[SurfacePatch]:
             yield from _stop_bar(arm, _GIVE_WAY_FRACTIONS)
 
 
-def _stop_bar(arm: JunctionArm, shares: Sequence[tuple[float, float]]) -> Iterator[SurfacePatch]:
+def _stop_bar(arm: JunctionArm, shares: Sequence[tuple[float, float]]) -> Iterator[TriangleSurface]:
     """Pieces of a bar, each from one share of the arriving lanes' width to another."""
-    lanes = [band for band in arm.inbound_strips() if band.lane_number]
+    lanes = [strip for strip in arm.inbound_strips() if strip.lane_number]
     if not lanes:
         return
     inner, outer = lanes[0].inner_t, lanes[-1].outer_t
@@ -193,7 +195,7 @@ def _stop_bar(arm: JunctionArm, shares: Sequence[tuple[float, float]]) -> Iterat
         yield _stripe(arm.street, sum(edges) / 2, abs(edges[1] - edges[0]), first, last)
 
 
-def _arrows(junction: JunctionLayout) -> Iterator[SurfacePatch]:
+def _arrows(junction: JunctionLayout) -> Iterator[TriangleSurface]:
     """Arrows on the lanes that have them, which point where their movements lead."""
     for text in junction.declared.arrows:
         name, _, number = text.partition(".")
@@ -210,7 +212,7 @@ def _arrows(junction: JunctionLayout) -> Iterator[SurfacePatch]:
             ahead = 1.0 if arm.is_street_end else -1.0
             middle = length - back if arm.is_street_end else back
             station, t = middle + ahead * corners[:, 0], lane.centre_t + ahead * corners[:, 1]
-            yield SurfacePatch(arm.street.points_at(station, t) + MARKING_LIFT, triangles)
+            yield TriangleSurface(arm.street.points_at(station, t) + MARKING_LIFT, triangles)
 
 
 def _arrow_outline(turns: Sequence[float]) -> shapely.Polygon:
@@ -238,7 +240,7 @@ def build_zebra_bars(
     *,
     width_m: float,
     height: Callable[[Points], NDArray[np.float64]],
-) -> Iterator[SurfacePatch]:
+) -> Iterator[TriangleSurface]:
     """Bars of a crossing from kerb to kerb, (2,) each, on a roadway whose height is given."""
     across = float(np.linalg.norm(end - start))
     walking = (end - start) / across

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from advercity.geometry import polyline
 from advercity.geometry.mesh import (
     Mesh,
-    SurfacePatch,
+    TriangleSurface,
     build_grid_cells,
     build_ribbon,
     extract_polygons,
-    merge_patches,
+    join_surfaces,
     triangulate_polygon,
 )
 from advercity.geometry.polyline import Points, StationedPolyline
@@ -54,7 +54,7 @@ RAISED_SURFACES = (SIDEWALK, MEDIAN)
 
 def build_road_meshes(layout: RoadLayout) -> list[Mesh]:
     """Roadways, kerbs, sidewalks, medians and paint, one mesh of each kind."""
-    pieces: dict[str, list[SurfacePatch]] = {}
+    pieces: dict[str, list[TriangleSurface]] = {}
     for street in layout.streets.values():
         for surface, piece in _street_patches(street):
             pieces.setdefault(surface, []).append(piece)
@@ -62,18 +62,18 @@ def build_road_meshes(layout: RoadLayout) -> list[Mesh]:
         for surface, piece in _junction_patches(junction):
             pieces.setdefault(surface, []).append(piece)
     meshes = [
-        merge_patches(name, pieces[name], *ROAD_SURFACES[name])
+        join_surfaces(pieces[name]).to_mesh(name, *ROAD_SURFACES[name])
         for name in ROAD_SURFACES
         if name in pieces
     ]
     return [*meshes, *markings.build_marking_meshes(layout)]
 
 
-def _strip_surface(band: StripLayout) -> str:
-    return STRIP_SURFACES.get(band.kind, ASPHALT)
+def _strip_surface(strip: StripLayout) -> str:
+    return STRIP_SURFACES.get(strip.kind, ASPHALT)
 
 
-def _street_patches(street: StreetLayout) -> Iterator[tuple[str, SurfacePatch]]:
+def _street_patches(street: StreetLayout) -> Iterator[tuple[str, TriangleSurface]]:
     runs = [
         (surface, list(run))
         for surface, run in groupby(
@@ -99,7 +99,7 @@ def _street_patches(street: StreetLayout) -> Iterator[tuple[str, SurfacePatch]]:
                 yield surface, build_ribbon(street.offset_line(t), street.offset_line(next_t))
 
 
-def _junction_patches(junction: JunctionLayout) -> Iterator[tuple[str, SurfacePatch]]:
+def _junction_patches(junction: JunctionLayout) -> Iterator[tuple[str, TriangleSurface]]:
     yield ASPHALT, _junction_roadway(junction)
     for corner in junction.corners:
         if corner.sidewalk_outer_edge is not None:
@@ -111,7 +111,7 @@ def _junction_patches(junction: JunctionLayout) -> Iterator[tuple[str, SurfacePa
         yield from _raised_strip(MEDIAN, left, right, left_kerb=True, right_kerb=True)
 
 
-def _junction_roadway(junction: JunctionLayout) -> SurfacePatch:
+def _junction_roadway(junction: JunctionLayout) -> TriangleSurface:
     outline = shapely.Polygon(junction.roadway_outline[:, :2])
     facets = [outline]
     if np.ptp(junction.roadway_outline[:, 2]) > LEVEL_TOLERANCE_M:
@@ -122,12 +122,12 @@ def _junction_roadway(junction: JunctionLayout) -> SurfacePatch:
     shifts = np.cumsum([0, *(len(corners) for corners, _ in parts)])
     triangles = [part + shift for (_, part), shift in zip(parts, shifts, strict=False)]
     vertices = np.column_stack([corners, junction.height_at(corners)])
-    return SurfacePatch(vertices, np.concatenate(triangles))
+    return TriangleSurface(vertices, np.concatenate(triangles))
 
 
 def _raised_strip(
     surface: str, left: Points, right: Points, *, left_kerb: bool, right_kerb: bool = False
-) -> Iterator[tuple[str, SurfacePatch]]:
+) -> Iterator[tuple[str, TriangleSurface]]:
     """A strip between two lines on the ground, a kerb's height above it."""
     across = (right - left) / np.linalg.norm(right - left, axis=1, keepdims=True)
     inner_left, inner_right = left + KERB_RISE, right + KERB_RISE
@@ -145,7 +145,7 @@ def _raised_strip(
         yield surface, build_ribbon(inner_left, inner_right)
 
 
-def _sidewalk_slabs(left: Points, right: Points) -> Iterator[tuple[str, SurfacePatch]]:
+def _sidewalk_slabs(left: Points, right: Points) -> Iterator[tuple[str, TriangleSurface]]:
     """A sidewalk between two lines: slabs, and the joints across it and along a wide one."""
     along = polyline.polyline_stations((left + right) / 2)
     width = float(np.linalg.norm(left - right, axis=1).max())
@@ -166,7 +166,7 @@ def _joint_stations(length_m: float, spacing_m: float) -> NDArray[np.float64]:
     return np.concatenate([[0.0], edges.ravel(), [length_m]])
 
 
-def _strip_ends(left: Points, right: Points) -> Iterator[tuple[str, SurfacePatch]]:
+def _strip_ends(left: Points, right: Points) -> Iterator[tuple[str, TriangleSurface]]:
     """Upright ends of a raised strip; out of sight where the next one joins."""
     first, last = np.stack([left[0], right[0]]), np.stack([left[-1], right[-1]])
     yield KERB, build_ribbon(first + KERB_RISE, first)

@@ -177,8 +177,8 @@ def _paved_edges(layout: RoadLayout) -> Iterator[Points]:
             yield rim
 
 
-def _is_raised(bands: tuple[StripLayout, ...]) -> bool:
-    return bool(bands) and bands[-1].kind is StripKind.SIDEWALK
+def _is_raised(strips: tuple[StripLayout, ...]) -> bool:
+    return bool(strips) and strips[-1].kind is StripKind.SIDEWALK
 
 
 def _outer_offsets(street: StreetLayout) -> tuple[float, float]:

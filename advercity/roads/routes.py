@@ -46,7 +46,7 @@ class RouteSegment:
     start_m: float
     end_m: float
 
-    def bands(self, *, right: bool) -> tuple[StripLayout, ...]:
+    def strips(self, *, right: bool) -> tuple[StripLayout, ...]:
         """Strips on either side of the axis as seen in the direction of travel."""
         return self.street.strips_in_direction(along=self.follows_axis == right)
 
@@ -191,9 +191,9 @@ class RoutePlanner:
         """Per street, the lanes from which the rest of the streets can be reached."""
         along = self.is_along_axis(streets, len(streets) - 1)
         last = {
-            band.lane_number
-            for band in self.streets[streets[-1]].strips_in_direction(along=along)
-            if band.lane_number
+            strip.lane_number
+            for strip in self.streets[streets[-1]].strips_in_direction(along=along)
+            if strip.lane_number
         }
         fitting = [last]
         for first, second in reversed(list(pairwise(streets))):
@@ -262,16 +262,16 @@ def build_ego_path(planner: RoutePlanner, ego: Vehicle) -> tuple[RoutePath, floa
     street = planner.streets[ego.route[0]]
     along = planner.is_along_axis(ego.route, 0)
     gaps = {
-        band.lane_number: _compute_lateral_gap(street, band, ego)
-        for band in street.strips_in_direction(along=along)
-        if band.kind is StripKind.LANE
+        strip.lane_number: _compute_lateral_gap(street, strip, ego)
+        for strip in street.strips_in_direction(along=along)
+        if strip.kind is StripKind.LANE
     }
     lane = min(gaps, key=lambda number: gaps[number])
     way = planner.build_path(ego.route, lane)
     return way, way.find_nearest_station(ego.spawn_m), way.find_nearest_station(ego.destination_m)
 
 
-def _compute_lateral_gap(street: StreetLayout, band: StripLayout, ego: Vehicle) -> float:
-    line = street.offset_line(band.centre_t)[:, :2]
+def _compute_lateral_gap(street: StreetLayout, strip: StripLayout, ego: Vehicle) -> float:
+    line = street.offset_line(strip.centre_t)[:, :2]
     fine = polyline.resample_polyline(line, max(int(polyline.polyline_length(line)), 2))
     return float(np.linalg.norm(fine - np.array(ego.spawn_m), axis=1).min())

@@ -1,10 +1,9 @@
-"""Streets, sampled, with their strips side by side.
+"""Sampled streets with their strips side by side, and the ids of their edges in SUMO.
 
 Across a street, `t` is the offset from its axis in metres, positive to the left of the axis'
 direction. Traffic drives on the right: strips at negative `t` are travelled along the axis (`+`),
-those at positive `t` against it (`-`).
-
-Names of a street's edges and lanes in the SUMO network.
+strips at positive `t` against it (`-`). So a street has up to two edges in the SUMO network,
+`<street>+` and `<street>-`.
 """
 
 from dataclasses import dataclass
@@ -19,22 +18,23 @@ from advercity.geometry import curves, polyline
 from advercity.geometry.polyline import Points, StationedPolyline
 
 MAX_LEVEL_STEP_M = 8.0
-"""Distance between samples on level lines."""
+"""Largest distance between samples of level lines."""
 MAX_SLOPED_STEP_M = 2.0
+"""The same where heights are declared: short enough for vertical curves."""
 
 
 @dataclass(frozen=True)
 class StripLayout:
-    """A strip, placed from `inner_t` near the axis to `outer_t`; its paint is on the outer edge."""
+    """A strip from `inner_t` near the axis to `outer_t`; its paint is on the outer edge."""
 
     kind: StripKind
     inner_t: float
     outer_t: float
     paint: RoadMark | None
     lane_number: int
-    """Of a driving lane, counted from 1, the innermost; 0 for other strips."""
+    """Number of a driving lane, 1 is the innermost; 0 for other strips."""
     bay_width_m: float | None = None
-    """Width of its parking bays."""
+    """Width of its parking bays along the street, if it has any."""
 
     @property
     def runs_along_axis(self) -> bool:
@@ -43,12 +43,12 @@ class StripLayout:
 
     @property
     def width_m(self) -> float:
-        """From edge to edge."""
+        """Distance between its edges."""
         return abs(self.outer_t - self.inner_t)
 
     @property
     def centre_t(self) -> float:
-        """Midway between its edges."""
+        """Offset of its middle."""
         return (self.inner_t + self.outer_t) / 2
 
 
@@ -57,16 +57,16 @@ class StreetLayout:
     """A street, sampled.
 
     Attributes:
-        id: As declared.
-        begins: Junction or edge of the site at its start.
-        ends: The same at its end.
-        axis: (n, 3) points, ends exact.
-        headings: (n,) radians.
-        stations: (n,) metres along the axis.
-        left_strips: Bands from the axis to the left.
-        right_strips: Bands from the axis to the right.
+        id: Declared id.
+        begins: Id of the junction, or of the edge of the site, at its start.
+        ends: Id of the junction, or of the edge of the site, at its end.
+        axis: (n, 3) points; the ends are exact.
+        headings: (n,) tangents of the curve, radians, which chords are only close to.
+        stations: (n,) arc lengths in metres, not sums of chords.
+        left_strips: Strips left of the axis, from the axis outwards.
+        right_strips: Strips right of the axis, from the axis outwards.
         axis_paint: Line painted on the axis.
-        speed_limit_m_s: For both directions.
+        speed_limit_m_s: Limit in both directions.
     """
 
     id: str
@@ -81,12 +81,12 @@ class StreetLayout:
     speed_limit_m_s: float
 
     def offset_line(self, t: float) -> Points:
-        """(n, 3) points at offset `t`, in the direction of the axis."""
+        """Compute points (n, 3) at offset `t`, in the direction of the axis."""
         plane = polyline.offset_points(self.axis[:, :2], self.headings, t)
         return np.column_stack([plane, self.axis[:, 2]])
 
     def points_at(self, station: ArrayLike, t: ArrayLike) -> Points:
-        """(..., 3) points at distances along the axis and offsets from it, on its facets."""
+        """Compute points (..., 3) on the facets at distances along the axis and offsets from it."""
         station, t = np.broadcast_arrays(station, t)
         axis = StationedPolyline(self.axis, self.stations).points_at(station)
         heading = np.interp(station, self.stations, np.unwrap(self.headings))
@@ -94,17 +94,17 @@ class StreetLayout:
         return np.concatenate([plane, axis[..., 2:]], axis=-1)
 
     def directed_line(self, t: float, *, along: bool) -> Points:
-        """(n, 3) points at offset `t`, in the direction of travel."""
+        """Compute points (n, 3) at offset `t`, along the axis or against it."""
         return self.offset_line(t) if along else self.offset_line(t)[::-1]
 
     def strips_in_direction(self, *, along: bool) -> tuple[StripLayout, ...]:
-        """Bands that are travelled that way, from the axis outwards."""
+        """Strips that are travelled along the axis or against it, from the axis outwards."""
         return self.right_strips if along else self.left_strips
 
     def find_lane(self, number: int, *, along: bool) -> StripLayout:
-        """A driving lane; 1 is the innermost."""
+        """Find a driving lane by its number; 1 is the innermost."""
         return next(
-            band for band in self.strips_in_direction(along=along) if band.lane_number == number
+            strip for strip in self.strips_in_direction(along=along) if strip.lane_number == number
         )
 
 
@@ -150,19 +150,19 @@ def _lay_out_strips(section: CrossSection, *, leftwards: bool) -> tuple[StripLay
 
 
 def sumo_edge_id(street: str, *, along: bool) -> str:
-    """Id of the edge along a street's axis, or against it."""
+    """Build the id of the edge along a street's axis, or against it."""
     return f"{street}{'+' if along else '-'}"
 
 
 def parse_edge_id(edge: str) -> tuple[str, bool]:
-    """Street of an edge, and whether the edge runs along its axis; KeyError for internal edges."""
+    """Parse the street of an edge and whether it runs along the axis; KeyError if it has none."""
     if edge.startswith(":") or edge[-1:] not in ("+", "-"):
         raise KeyError(edge)
     return edge[:-1], edge.endswith("+")
 
 
 def approach_name(edge: str) -> str:
-    """What an edge is called as an approach to a traffic light: its street, or as it is."""
+    """Name an edge as an approach to a traffic light: by its street, else by its own id."""
     try:
         return parse_edge_id(edge)[0]
     except KeyError:
@@ -170,21 +170,23 @@ def approach_name(edge: str) -> str:
 
 
 def edge_strips(street: StreetLayout, *, along: bool) -> tuple[StripLayout, ...]:
-    """Bands of an edge from the innermost driving lane, or sidewalk if it has none, outwards."""
-    bands = street.strips_in_direction(along=along)
+    """List the strips of an edge from the innermost driving lane, else sidewalk, outwards."""
+    strips = street.strips_in_direction(along=along)
     for kind in (StripKind.LANE, StripKind.SIDEWALK):
-        for index, band in enumerate(bands):
-            if band.kind is kind:
-                return bands[index:]
+        for index, strip in enumerate(strips):
+            if strip.kind is kind:
+                return strips[index:]
     return ()
 
 
 def sumo_lane_index(street: StreetLayout, number: int, *, along: bool) -> int:
-    """Index in its edge, from the right, of a driving lane that counts from 1, the innermost."""
-    bands = edge_strips(street, along=along)
-    return next(index for index, band in enumerate(reversed(bands)) if band.lane_number == number)
+    """Compute the index in its edge of a lane; SUMO counts from the right, we from the axis."""
+    strips = edge_strips(street, along=along)
+    return next(
+        index for index, strip in enumerate(reversed(strips)) if strip.lane_number == number
+    )
 
 
 def sumo_lane_id(street: StreetLayout, number: int, *, along: bool) -> str:
-    """SUMO's id of a driving lane that counts from 1, the innermost."""
+    """Build SUMO's id of a driving lane by its number; 1 is the innermost."""
     return f"{sumo_edge_id(street.id, along=along)}_{sumo_lane_index(street, number, along=along)}"

@@ -213,15 +213,15 @@ def _node_type(junction: JunctionLayout) -> str:
 
 def _build_edges(street: StreetLayout, plan: RoadLayout) -> Iterator[_Edge]:
     for along in (True, False):
-        bands = edge_strips(street, along=along)
-        if not bands:
+        strips = edge_strips(street, along=along)
+        if not strips:
             continue
         begins, ends = (street.begins, street.ends) if along else (street.ends, street.begins)
-        centres = [street.directed_line(band.centre_t, along=along) for band in bands]
+        centres = [street.directed_line(strip.centre_t, along=along) for strip in strips]
         driven = [
             polyline.polyline_length(centre)
-            for band, centre in zip(bands, centres, strict=True)
-            if band.kind is StripKind.LANE
+            for strip, centre in zip(strips, centres, strict=True)
+            if strip.kind is StripKind.LANE
         ]
         yield _Edge(
             id=sumo_edge_id(street.id, along=along),
@@ -230,10 +230,10 @@ def _build_edges(street: StreetLayout, plan: RoadLayout) -> Iterator[_Edge]:
             priority=_priority(street.id, plan.junctions.get(ends)),
             speed_m_s=street.speed_limit_m_s,
             length_m=float(np.mean(driven or [polyline.polyline_length(centres[0])])),
-            border=street.directed_line(bands[0].inner_t, along=along),
+            border=street.directed_line(strips[0].inner_t, along=along),
             lanes=tuple(
-                _Lane(band.width_m, STRIP_PERMISSIONS.get(band.kind, CLOSED_PERMISSION), centre)
-                for band, centre in zip(reversed(bands), reversed(centres), strict=True)
+                _Lane(strip.width_m, STRIP_PERMISSIONS.get(strip.kind, CLOSED_PERMISSION), centre)
+                for strip, centre in zip(reversed(strips), reversed(centres), strict=True)
             ),
         )
 
@@ -243,7 +243,7 @@ def _priority(street: str, junction: JunctionLayout | None) -> int:
     if junction is None or any(sign.street == street for sign in junction.declared.signs):
         return 1
     arm = junction.find_arm(street)
-    return 1 + sum(band.kind is StripKind.LANE for band in arm.inbound_strips())
+    return 1 + sum(strip.kind is StripKind.LANE for strip in arm.inbound_strips())
 
 
 def _build_links(junction: JunctionLayout) -> Iterator[_Link]:

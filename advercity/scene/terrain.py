@@ -17,7 +17,7 @@ from advercity.geometry.mesh import (
     Mesh,
     build_ribbon,
     extract_polygons,
-    merge_patches,
+    join_surfaces,
     triangulate_polygon,
 )
 from advercity.geometry.polyline import Points, polyline_stations, resample_polyline
@@ -106,7 +106,7 @@ def build_skirt(rims: Sequence[Points]) -> Mesh:
     """Upright faces below the edge of all paving, which close the step down to the ground."""
     down = np.array([0.0, 0.0, SKIRT_HEIGHT_M])
     pieces = [build_ribbon(rim, rim - down) for rim in rims]
-    return merge_patches("skirt", pieces, "asphalt", Semantic.ROAD)
+    return join_surfaces(pieces).to_mesh("skirt", "asphalt", Semantic.ROAD)
 
 
 def compute_ground_height(

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from advercity.errors import InputError
-from advercity.roads.layout import RoadLayout, lay_out_road, mean_value_height
+from advercity.roads.layout import RoadLayout, interpolate_mean_value_height, lay_out_road
 
 NAMES = ("ui", "unj", "ri", "rsnj", "rcnj")
 
@@ -127,7 +127,7 @@ def test_a_road_that_names_what_is_not_there_is_refused(old: str, new: str, mess
 
 
 def test_a_junction_of_one_street_is_refused() -> None:
-    with pytest.raises(InputError, match="only 'b' meets here"):
+    with pytest.raises(InputError, match="only 'b' leads to it"):
         lay_out_road(
             tiny("[a.1 > b.1, b.1 > a.1]", "[]").model_copy(
                 update={"streets": {"b": tiny().streets["b"]}}
@@ -150,7 +150,7 @@ def test_a_junction_whose_outline_is_flat_is_flat(
 ) -> None:
     corners = np.array([(-1, -1), (1, -1), (1, 1), (2 * share - 1, 1), (-1, 1)], dtype=float)
     outline = np.column_stack([corners, corners @ slope])
-    z = mean_value_height(outline, np.array([at]))
+    z = interpolate_mean_value_height(outline, np.array([at]))
     assert z[0] == pytest.approx(float(np.dot(at, slope)), abs=1e-9)
 
 
