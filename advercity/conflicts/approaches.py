@@ -31,12 +31,12 @@ def compute_lane_edge_offset(
         right: On which side.
         to_median: Whether to the left a median counts as the edge.
     """
-    own = stretch.bands(right=True)
+    own = stretch.strips_on_side(right=True)
     if right:
         return stretch.lateral_offset([b for b in own if b.kind is StripKind.LANE][-1].outer_t)
     if to_median and any(band.kind is StripKind.MEDIAN for band in own):
         return stretch.lateral_offset(next(b for b in own if b.kind is StripKind.LANE).inner_t)
-    other = [b for b in stretch.bands(right=False) if b.kind is StripKind.LANE]
+    other = [b for b in stretch.strips_on_side(right=False) if b.kind is StripKind.LANE]
     return stretch.lateral_offset(other[-1].outer_t) if other else stretch.lateral_offset(0.0)
 
 
@@ -45,7 +45,7 @@ def compute_riding_offset(stretch: RouteSegment) -> float:
 
     In the middle of the shoulder or parking lane, else just beside the lanes.
     """
-    bands = stretch.bands(right=True)
+    bands = stretch.strips_on_side(right=True)
     last = max(index for index, band in enumerate(bands) if band.kind is StripKind.LANE)
     beside = bands[last + 1] if last + 1 < len(bands) else None
     if beside and beside.kind in (StripKind.SHOULDER, StripKind.PARKING) and beside.width_m > 1:
@@ -87,7 +87,7 @@ def place_ahead(case: ConflictCase) -> ActorPlacement:
     stretch = drive.segment_at(station)
     right = not any(
         band.kind is StripKind.LANE and band.lane_number > stretch.lane
-        for band in stretch.bands(right=True)
+        for band in stretch.strips_on_side(right=True)
     )
     out = _compute_waiting_offset_m(case, stretch, right=right) * (-1 if right else 1)
     lead = case.speed_m_s * case.parameters["return_time_s"]

@@ -1,11 +1,8 @@
-"""Paint on an imported road, as its lanes and their right of way suggest it.
+"""Roads imported from a map, built from the SUMO network that the map was compiled to.
 
-Signal heads and signs of an imported road, set where such a road has them.
-
-Heads hang over the far side of the junction, on a mast at the right of the road beyond it; where
-no road goes on, they stand there. Signs stand at the right of the approach.
-
-Roads built from the SUMO network that a map was compiled to.
+Maps seldom hold paint, signal heads or signs, so they are derived from lanes and right of way.
+Heads hang over the far side of the junction, from a mast at the right of the road beyond it; signs
+are at the right of the approach.
 """
 
 from collections.abc import Iterator, Mapping
@@ -31,14 +28,15 @@ from advercity.roads.streets import StreetLayout, approach_name
 from advercity.semantics import Semantic
 
 EDGE_LINE_INSET_M = 0.1
-"""Lines on the edge of the roadway are painted this far inside it."""
+"""Distance from the edge of the roadway to its edge line."""
 MIN_EDGE_LENGTH_M = 1.0
+"""Shorter edges, which joined junctions leave, get no lines."""
 CUT_MARGIN_M = 0.1
 """Points of a line nearer than this to the end of a painted piece are left out of it."""
 
 
 def build_imported_markings(net: ImportedNetwork, surface: ImportedSurface) -> list[Mesh]:
-    """All paint, a mesh per colour."""
+    """Build all paint, a mesh per colour."""
     pieces: dict[str, list[TriangleSurface]] = {WHITE: [], YELLOW: []}
     for edge in net.edges.values():
         for colour, piece in _edge_lines(edge, net):
@@ -71,6 +69,7 @@ def _edge_lines(edge: SumoEdge, net: ImportedNetwork) -> Iterator[tuple[str, Tri
     opposite = net.find_opposite_edge(edge)
     if opposite is None:
         yield YELLOW, _stripe(_border_inset(lanes[-1], on_left=True))
+    # Both edges have the line between them as border; one of them paints it.
     elif edge.id < opposite.id or net.find_opposite_edge(opposite) is not edge:
         yield YELLOW, _stripe(lanes[-1].left_border)
 
@@ -89,7 +88,7 @@ def _stripe(line: Points, width_m: float = markings.LINE_WIDTH_M) -> TriangleSur
 
 
 def _edges_with_stop_line(net: ImportedNetwork) -> Iterator[SumoEdge]:
-    """Streets that end at a signal or a stop sign."""
+    """Yield streets that end at a signal or a stop sign."""
     stopped = {
         link.from_edge for link in net.lane_links if link.traffic_light or link.state in ("s", "w")
     }
@@ -107,15 +106,16 @@ def _stop_line(edge: SumoEdge) -> Iterator[TriangleSurface]:
 
 SIGNAL_HEIGHT_M = 5.8
 MAST_CLEARANCE_M = 0.8
-"""From the edge of the roadway to a mast."""
+"""Distance from the edge of the roadway to a mast or sign."""
 MAX_MAST_OFFSET_M = 12.0
 MAX_FAR_SIDE_M = 60.0
+"""Longest junction that is searched for its far side."""
 MAST_SEARCH_STEP_M = 0.25
 MAX_MAST_ARM_M = 7.0
 
 
 def place_traffic_lights(net: ImportedNetwork, surface: ImportedSurface) -> Iterator[TrafficLight]:
-    """A head for every approach that a light governs."""
+    """Place a head for every approach that a light governs."""
     governed = {
         (link.traffic_light, link.from_edge) for link in net.lane_links if link.traffic_light
     }
@@ -130,9 +130,9 @@ def _place_traffic_light(name: str, edge: SumoEdge, surface: ImportedSurface) ->
     far = _find_far_side(end, heading, edge, surface)
     pole = _find_mast_position(far, heading, surface.roadway_area)
     arm = far - pole
-    reach = float(np.linalg.norm(arm))
-    if reach > MAX_MAST_ARM_M:
-        far = pole + arm * MAX_MAST_ARM_M / reach
+    length_m = float(np.linalg.norm(arm))
+    if length_m > MAX_MAST_ARM_M:
+        far = pole + arm * MAX_MAST_ARM_M / length_m
     z = float(surface.height_at(far[None])[0]) + SIGNAL_HEIGHT_M
     return TrafficLight(
         id=name,
@@ -143,7 +143,7 @@ def _place_traffic_light(name: str, edge: SumoEdge, surface: ImportedSurface) ->
 
 
 def _edge_end(edge: SumoEdge) -> tuple[Points, Points]:
-    """Where the driving lanes of a street end, (2,), and their direction there, (2,)."""
+    """Compute the mean end (2,) of a street's driving lanes and their direction (2,) at it."""
     lines = [lane.centre[:, :2] for lane in edge.driving_lanes]
     end = np.mean([line[-1] for line in lines], axis=0)
     direction = np.mean([line[-1] - line[-2] for line in lines], axis=0)
@@ -153,7 +153,7 @@ def _edge_end(edge: SumoEdge) -> tuple[Points, Points]:
 def _find_far_side(
     end: Points, heading: Points, edge: SumoEdge, surface: ImportedSurface
 ) -> Points:
-    """Where one leaves the junction that a street ends at, going straight on."""
+    """Find the point (2,) where a vehicle that goes straight on leaves the junction."""
     area = surface.junction_areas.get(edge.to_junction)
     ahead = shapely.LineString([end, end + MAX_FAR_SIDE_M * heading])
     if area is None or not ahead.intersects(area):
@@ -163,14 +163,14 @@ def _find_far_side(
 
 
 def _find_mast_position(point: Points, heading: Points, roadway: BaseGeometry) -> Points:
-    """The nearest place off the roadway: just ahead, else to the right."""
+    """Find the nearest point (2,) off the roadway: just ahead, else to the right."""
     ahead = point + 2 * MAST_CLEARANCE_M * heading
     if not _is_near_roadway(ahead, roadway):
         return ahead
     right = -polyline.left_normals(heading)
-    for reach in np.arange(0.0, MAX_MAST_OFFSET_M, MAST_SEARCH_STEP_M):
-        if not _is_near_roadway(point + reach * right, roadway):
-            return point + reach * right
+    for offset_m in np.arange(0.0, MAX_MAST_OFFSET_M, MAST_SEARCH_STEP_M):
+        if not _is_near_roadway(point + offset_m * right, roadway):
+            return point + offset_m * right
     return point + MAX_MAST_OFFSET_M * right
 
 
@@ -179,10 +179,11 @@ def _is_near_roadway(point: Points, roadway: BaseGeometry) -> bool:
 
 
 def place_traffic_signs(net: ImportedNetwork, surface: ImportedSurface) -> Iterator[TrafficSign]:
-    """A stop sign for approaches that must stop, a give-way sign for those that always yield."""
+    """Place stop signs where every link must stop, and give-way signs where every link yields."""
     states: dict[str, set[str]] = {}
     for link in net.lane_links:
         states.setdefault(link.from_edge, set()).add(link.state)
+    # SUMO's states: `s` and `w` are stop (all-way stop), `m` a minor link that yields.
     for name, found in states.items():
         edge = net.edges[name]
         kind = "stop" if found <= {"s", "w"} else "yield" if found == {"m"} else None
@@ -198,7 +199,7 @@ def place_traffic_signs(net: ImportedNetwork, surface: ImportedSurface) -> Itera
 
 
 class ImportedRoadNetwork:
-    """A `BuiltRoad` from a map."""
+    """A `RoadNetwork` from a map."""
 
     streets: Mapping[str, StreetLayout] = MappingProxyType({})
 
@@ -210,7 +211,7 @@ class ImportedRoadNetwork:
 
     @cached_property
     def lanes(self) -> tuple[LaneSegment, ...]:
-        """Lanes by SUMO's ids."""
+        """Lanes under SUMO's ids."""
         streets = [
             _lane_segment(edge, at, in_junction=False) for edge, at in _lanes_of(self._net.edges)
         ]
@@ -231,12 +232,12 @@ class ImportedRoadNetwork:
 
     @cached_property
     def paved_edges(self) -> list[Points]:
-        """Edges of all paving."""
+        """Outlines of the paving."""
         return self._surface.paved_edges
 
     @cached_property
     def paved_area(self) -> BaseGeometry:
-        """All that is paved."""
+        """Area of roadways and sidewalks."""
         return self._surface.footprint
 
     @property
@@ -252,18 +253,18 @@ class ImportedRoadNetwork:
 
     @property
     def roadway_level_area(self) -> BaseGeometry:
-        """Where people on foot are on the roadway: on all of it that is not raised."""
+        """The roadway without sidewalks and the corners between them."""
         surface = self._surface
         return shapely.difference(surface.roadway_area, shapely.buffer(surface.raised_area, 0.01))
 
     @property
     def traffic_lights(self) -> tuple[TrafficLight, ...]:
-        """Signal heads."""
+        """Heads of all governed approaches."""
         return tuple(place_traffic_lights(self._net, self._surface))
 
     @property
     def traffic_signs(self) -> tuple[TrafficSign, ...]:
-        """Signs."""
+        """Signs of all approaches that stop or yield."""
         return tuple(place_traffic_signs(self._net, self._surface))
 
 

@@ -1,7 +1,7 @@
 """Roadways, sidewalks and kerbs of an imported network.
 
-Lanes are ribbons at their own height; junctions and what is left between lanes are areas, whose
-height is that of the lanes around. Sidewalks stand a kerb higher.
+Lanes are ribbons at their own height. Junctions and gaps between lanes are areas whose height is
+interpolated from the lanes around. Sidewalks are a kerb higher.
 """
 
 from collections.abc import Callable, Iterator
@@ -15,6 +15,7 @@ from shapely.geometry.base import BaseGeometry
 from shapely.ops import substring
 
 from advercity.geometry.mesh import (
+    GRID_M,
     Mesh,
     TriangleSurface,
     build_grid_cells,
@@ -27,6 +28,7 @@ from advercity.geometry.polyline import Points
 from advercity.roads.imported_network import ImportedNetwork
 from advercity.roads.network_file import SumoEdge, SumoLane, build_enclosed_area
 from advercity.roads.road_meshes import (
+    FACET_SIZE_M,
     KERB_HEIGHT_M,
     KERB_RISE,
     KERB_WIDTH_M,
@@ -35,31 +37,32 @@ from advercity.roads.road_meshes import (
 )
 
 LANE_OVERLAP_M = 0.01
-"""Neighbouring lanes reach into each other by this, so that no crack opens between them."""
+"""Overlap of neighbouring lanes, so that no crack opens between them."""
 HALF_GAP_M = 0.4
-"""Twice as wide a gap between lanes is paved."""
+"""Half the width of the widest gap between lanes that is paved."""
 HALF_SLIVER_M = 0.25
+"""Half the width of the narrowest strip that can be a sidewalk."""
 MAX_HOLE_M2 = 6.0
 """Smaller islands are paved over."""
-CELL_M = 2.0
 EDGE_STEP_M = 4.0
+"""Largest distance between points of paved edges, which take the height of the ground."""
 SIMPLIFY_TOLERANCE_M = 0.02
-GRID_M = 0.001
 APPROACH_LENGTH_M = 2.0
-"""How much of a street counts for the height of the junction that it meets."""
+"""Length of a street's end that the height of its junction is interpolated from."""
 
 
 @dataclass(frozen=True, eq=False)
 class HeightInterpolator:
-    """Height from lines whose height is known: the mean of all, the near ones counting most."""
+    """Heights between lines (k,) in space, weighted by the inverse fourth power of distance."""
 
     lines: NDArray[np.object_]
 
     def height_at(self, points: Points) -> NDArray[np.float64]:
-        """Height (n,) at points (n, 2)."""
+        """Interpolate heights (n,) at points (n, 2)."""
         if not len(points) or not len(self.lines):
             return np.zeros(len(points))
         places = np.asarray(shapely.points(points))[:, None]
+        # The grid size keeps the weight finite on a line.
         weight = 1.0 / (shapely.distance(places, self.lines) ** 2 + GRID_M**2) ** 2
         along = shapely.line_locate_point(self.lines, places)
         z = shapely.get_z(shapely.line_interpolate_point(self.lines, along))
@@ -67,7 +70,7 @@ class HeightInterpolator:
 
 
 class ImportedSurface:
-    """The paving of a network."""
+    """The paving of a network; areas are computed when they are first needed."""
 
     def __init__(self, net: ImportedNetwork) -> None:
         self._net = net
@@ -78,13 +81,13 @@ class ImportedSurface:
 
     @cached_property
     def _carriageways(self) -> BaseGeometry:
-        """What the lanes of streets cover, sidewalks left out."""
+        """Area of all lanes of streets but sidewalks."""
         lanes = [lane.build_area(LANE_OVERLAP_M) for lane in self._lanes if lane.kind != "sidewalk"]
         return shapely.union_all(lanes, grid_size=GRID_M)
 
     @cached_property
     def _junction_path_areas(self) -> dict[str, BaseGeometry]:
-        """What the ways through each junction cover."""
+        """Area of the paths and crossings of each junction, by id."""
         areas: dict[str, list[shapely.Geometry]] = {}
         for edge in (*self._net.internal_edges, *self._net.crossings):
             for lane in edge.lanes:
@@ -93,7 +96,7 @@ class ImportedSurface:
 
     @cached_property
     def junction_areas(self) -> dict[str, BaseGeometry]:
-        """The area of each junction that no street covers."""
+        """Area of each junction that no street covers, by id."""
         areas: dict[str, BaseGeometry] = {}
         for junction in self._net.junctions.values():
             shapes = (
@@ -113,14 +116,14 @@ class ImportedSurface:
 
     @cached_property
     def roadway_area(self) -> BaseGeometry:
-        """All that is asphalt, gaps closed; where it lies below sidewalks too."""
+        """Area of all asphalt, gaps closed, the part below sidewalks included."""
         parts = [self._carriageways, *self.junction_areas.values()]
         joined = shapely.union_all(parts, grid_size=GRID_M)
         return _fill_small_holes(_close_gaps(joined, HALF_GAP_M))
 
     @cached_property
     def raised_area(self) -> BaseGeometry:
-        """Sidewalks and the corners between them."""
+        """Area of sidewalks and of the corners between them."""
         driven = shapely.union_all(
             [self._carriageways, *self._junction_path_areas.values()], grid_size=GRID_M
         )
@@ -136,13 +139,13 @@ class ImportedSurface:
 
     @cached_property
     def footprint(self) -> BaseGeometry:
-        """All that is paved."""
+        """Area of roadways and sidewalks."""
         area = shapely.union_all([self.roadway_area, self.raised_area], grid_size=GRID_M)
         return _fill_small_holes(shapely.simplify(area, SIMPLIFY_TOLERANCE_M))
 
     @cached_property
     def paved_edges(self) -> list[Points]:
-        """Edges (n, 3) of all paving, with it on their left, at the height the ground meets."""
+        """Outlines (n, 3) of all paving, which is on their left, at the height of the ground."""
         rings: list[Points] = []
         for polygon in extract_polygons(self.footprint):
             upright = shapely.orient_polygons(polygon)
@@ -157,7 +160,7 @@ class ImportedSurface:
         return rings
 
     def height_at(self, points: Points) -> NDArray[np.float64]:
-        """Height (n,) of the roadway at points (n, 2), that of the nearest lane."""
+        """Compute heights (n,) at points (n, 2): those of the nearest lane border."""
         lines, tree = self._height_lines
         if not len(lines):
             return np.zeros(len(points))
@@ -167,24 +170,24 @@ class ImportedSurface:
         return shapely.get_z(shapely.line_interpolate_point(nearest, along))
 
     def junction_heights(self, junction: str) -> HeightInterpolator:
-        """Heights of a junction's area."""
+        """Build the heights of a junction's area from its paths and the ends of its streets."""
         return HeightInterpolator(
             np.array(list(self._junction_height_lines(junction)), dtype=np.object_)
         )
 
     @cached_property
     def _height_lines(self) -> tuple[NDArray[np.object_], shapely.STRtree]:
-        ways = [lane for edge in self._net.internal_edges for lane in edge.lanes]
+        paths = [lane for edge in self._net.internal_edges for lane in edge.lanes]
         borders = [line for lane in self._lanes for line in (lane.left_border, lane.right_border)]
         lines = np.array(
-            [shapely.LineString(line) for line in (*borders, *(lane.centre for lane in ways))],
+            [shapely.LineString(line) for line in (*borders, *(lane.centre for lane in paths))],
             dtype=np.object_,
         )
         return lines, shapely.STRtree(lines)
 
     @cached_property
     def _edges_by_junction(self) -> dict[str, list[tuple[SumoEdge, bool]]]:
-        """Streets by junction, and whether they end there."""
+        """Streets by junction, and whether they end rather than begin at it."""
         found: dict[str, list[tuple[SumoEdge, bool]]] = {}
         for edge in self._net.edges.values():
             found.setdefault(edge.to_junction, []).append((edge, True))
@@ -203,7 +206,7 @@ class ImportedSurface:
                     yield substring(line, 0.0, APPROACH_LENGTH_M)
 
     def build_meshes(self) -> list[Mesh]:
-        """Asphalt, sidewalks and kerbs."""
+        """Build meshes of asphalt, sidewalks and kerbs."""
         pieces = {
             "asphalt": list(self._asphalt_patches()),
             "sidewalk": list(self._raised_patches(shapely.buffer(self.raised_area, -KERB_WIDTH_M))),
@@ -245,7 +248,7 @@ class ImportedSurface:
         for polygon in extract_polygons(self.raised_area):
             upright = shapely.orient_polygons(polygon)
             for ring in (upright.exterior, *upright.interiors):
-                plane = shapely.get_coordinates(shapely.segmentize(ring, CELL_M))
+                plane = shapely.get_coordinates(shapely.segmentize(ring, FACET_SIZE_M))
                 foot = np.column_stack([plane, self.height_at(plane)])
                 yield build_ribbon(foot + KERB_RISE, foot - LANE_OVERLAP_M * KERB_RISE)
 
@@ -253,29 +256,29 @@ class ImportedSurface:
 def _triangulate_area(
     area: BaseGeometry, height: Callable[[Points], NDArray[np.float64]]
 ) -> Iterator[TriangleSurface]:
-    """An area as surface; in small facets where it is not level."""
+    """Triangulate an area, in small facets where it is not level."""
     for polygon in extract_polygons(area):
         whole = triangulate_polygon(polygon)
         z = height(whole[0])
         if np.ptp(z) <= LEVEL_TOLERANCE_M:
             yield TriangleSurface(np.column_stack([whole[0], z]), whole[1])
             continue
-        cut = shapely.intersection(build_grid_cells(polygon.bounds, CELL_M), polygon)
+        cut = shapely.intersection(build_grid_cells(polygon.bounds, FACET_SIZE_M), polygon)
         for cell in (part for shape in cut for part in extract_polygons(shape)):
             corners, triangles = triangulate_polygon(cell)
             yield TriangleSurface(np.column_stack([corners, height(corners)]), triangles)
 
 
-def _close_gaps(area: BaseGeometry, reach_m: float) -> BaseGeometry:
-    """The area with gaps narrower than twice the reach filled."""
-    grown = shapely.buffer(area, reach_m, join_style="mitre")
-    return shapely.buffer(grown, -reach_m, join_style="mitre")
+def _close_gaps(area: BaseGeometry, half_m: float) -> BaseGeometry:
+    """Close gaps of an area that are narrower than twice `half_m`."""
+    grown = shapely.buffer(area, half_m, join_style="mitre")
+    return shapely.buffer(grown, -half_m, join_style="mitre")
 
 
-def _remove_slivers(area: BaseGeometry, reach_m: float) -> BaseGeometry:
-    """The area without strips narrower than twice the reach."""
-    shrunk = shapely.buffer(area, -reach_m, join_style="mitre")
-    return shapely.buffer(shrunk, reach_m, join_style="mitre")
+def _remove_slivers(area: BaseGeometry, half_m: float) -> BaseGeometry:
+    """Remove parts of an area that are narrower than twice `half_m`."""
+    shrunk = shapely.buffer(area, -half_m, join_style="mitre")
+    return shapely.buffer(shrunk, half_m, join_style="mitre")
 
 
 def _fill_small_holes(area: BaseGeometry) -> BaseGeometry:

@@ -1,12 +1,10 @@
-"""The SUMO network as typed lanes: where they run, who may use them, and how they join.
+"""Lanes of a SUMO network and how they connect, and shortest routes over them."""
 
-Finds the way of a vehicle of which only start and destination are declared.
-"""
-
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from heapq import heappop, heappush
+from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +18,7 @@ MAX_LANE_DISTANCE_M = 3.5
 
 @dataclass(frozen=True, eq=False)
 class LaneGraph:
-    """All lanes of a network and how they join."""
+    """All lanes of a network by id, in file order, and how they connect."""
 
     lanes: Mapping[str, SumoLane]
     connections: tuple[LaneConnection, ...]
@@ -48,29 +46,27 @@ class LaneGraph:
         return found
 
     @cached_property
-    def outgoing_connections(self) -> Mapping[str, tuple[LaneConnection, ...]]:
-        """Joints that leave a driving lane, turning around left out."""
-        return _group_by_origin(
-            joint
-            for joint in self.connections
-            if joint.direction != "t"
-            and self.lanes[joint.origin].is_driving_lane
-            and self.lanes[joint.target].is_driving_lane
+    def driving_connections(self) -> tuple[LaneConnection, ...]:
+        """Connections between driving lanes, without turning around, in file order."""
+        driving = {lane.id for lane in self.driving_lanes}
+        return tuple(
+            link
+            for link in self.connections
+            if link.direction != "t" and {link.origin, link.target} <= driving
         )
+
+    @cached_property
+    def _links_by_edge(self) -> Mapping[str, list[LaneConnection]]:
+        return _group(self.driving_connections, attrgetter("from_edge"))
 
     @cached_property
     def entry_lanes(self) -> tuple[SumoLane, ...]:
         """Driving lanes that begin at the edge of the site."""
-        edges = {lane.edge for lane in self.driving_lanes}
-        reached = {
-            self.lanes[joint.target].edge
-            for joints in self.outgoing_connections.values()
-            for joint in joints
-        }
-        return tuple(lane for lane in self.driving_lanes if lane.edge in edges - reached)
+        entered = {link.to_edge for link in self.driving_connections}
+        return tuple(lane for lane in self.driving_lanes if lane.edge not in entered)
 
     def find_lane(self, point: tuple[float, float], heading_rad: float) -> tuple[SumoLane, float]:
-        """The driving lane at a point that leads within 60 degrees of a heading, and where on it.
+        """Find the driving lane at a point within 60 degrees of a heading, and the position on it.
 
         Raises:
             InputError: No such lane is within a lane's width.
@@ -91,54 +87,38 @@ class LaneGraph:
         return lane, position
 
     def find_connection(self, lane: SumoLane, edge: str) -> LaneConnection:
-        """A way into an edge: from this lane if there is one, else from a lane beside it."""
-        ways = [
-            joint
-            for joints in self.outgoing_connections.values()
-            for joint in joints
-            if self.lanes[joint.origin].edge == lane.edge and self.lanes[joint.target].edge == edge
-        ]
-        return min(ways, key=lambda way: way.origin != lane.id)
+        """Find a connection into an edge, from this lane rather than from its neighbours."""
+        links = [link for link in self._links_by_edge[lane.edge] if link.to_edge == edge]
+        return min(links, key=lambda link: link.origin != lane.id)
 
     def iterate_internal_lanes(self, connection: LaneConnection) -> Iterator[SumoLane]:
-        """Lanes inside the junction that a joint leads through."""
+        """Yield the lanes inside the junction that a connection leads through."""
         step = connection
         while step.via is not None:
             yield self.lanes[step.via]
             step = next(other for other in self.connections if other.origin == step.via)
 
     def find_successor_edges(self, edge: str, *, straight_first: bool = False) -> tuple[str, ...]:
-        """Edges that some lane of an edge leads into, as in the file or straight ones first."""
-        ways = [
-            joint
-            for origin, joints in self.outgoing_connections.items()
-            for joint in joints
-            if self.lanes[origin].edge == edge
-        ]
+        """List edges that lanes of an edge lead into, in file order or straight ones first."""
+        links = self._links_by_edge.get(edge, [])
         if straight_first:
-            ways.sort(key=lambda joint: joint.direction != "s")
-        return tuple(dict.fromkeys(self.lanes[joint.target].edge for joint in ways))
+            links = sorted(links, key=lambda link: link.direction != "s")
+        return tuple(dict.fromkeys(link.to_edge for link in links))
 
     def find_successor_lanes(self, lane: SumoLane) -> tuple[SumoLane, ...]:
-        """Lanes to go on in, one an edge: from this lane, or if it ends, from its neighbours."""
-        targets = self._find_successor_targets(lane.edge, lane.id) or self._find_successor_targets(
-            lane.edge, None
-        )
-        return tuple({target.edge: target for target in reversed(targets)}.values())
-
-    def _find_successor_targets(self, edge: str, lane: str | None) -> list[SumoLane]:
-        return [
-            self.lanes[joint.target]
-            for origin, joints in self.outgoing_connections.items()
-            for joint in joints
-            if self.lanes[origin].edge == edge and lane in (None, origin)
-        ]
+        """List lanes to continue in, one per edge; those of neighbours where this lane ends."""
+        links = self._links_by_edge.get(lane.edge, [])
+        own = [link for link in links if link.origin == lane.id] or links
+        # The first connection into an edge counts, but edges come in the order of their last:
+        # random draws pick by position, so the order must stay.
+        return tuple({link.to_edge: self.lanes[link.target] for link in reversed(own)}.values())
 
     def find_adjacent_sidewalks(self, *, use_crossings: bool) -> Mapping[str, tuple[str, ...]]:
-        """Sidewalks (edges) one can walk into from each sidewalk, with or without crossings."""
-        footways = [joint for joint in self.connections if self._is_footway_connection(joint)]
-        back = [replace(joint, origin=joint.target, target=joint.origin) for joint in footways]
-        steps = _group_by_origin(footways + back)
+        """Find the edges with a sidewalk that each sidewalk leads to, with or without crossings."""
+        footways = [link for link in self.connections if self._is_footway_connection(link)]
+        # SUMO lists a footway once, but pedestrians walk in both directions.
+        back = [replace(link, origin=link.target, target=link.origin) for link in footways]
+        steps = _group(footways + back, attrgetter("origin"))
         return {
             edge: tuple(
                 sorted(
@@ -148,27 +128,24 @@ class LaneGraph:
             for edge, lane in self.sidewalks.items()
         }
 
-    def _is_footway_connection(self, connection: LaneConnection) -> bool:
-        on_foot = ("walkingarea", "crossing")
-        return any(
-            self.lanes[end].function in on_foot for end in (connection.origin, connection.target)
-        )
+    def _is_footway_connection(self, link: LaneConnection) -> bool:
+        ends = (self.lanes[link.origin], self.lanes[link.target])
+        return any(lane.function in ("walkingarea", "crossing") for lane in ends)
 
     def _find_reachable_sidewalks(
-        self, start: str, steps: Mapping[str, tuple[LaneConnection, ...]], *, crossing: bool
+        self, start: str, steps: Mapping[str, list[LaneConnection]], *, crossing: bool
     ) -> set[str]:
         seen, todo, found = {start}, [start], set[str]()
         while todo:
-            for joint in steps.get(todo.pop(), ()):
-                lane = self.lanes[joint.target]
+            for link in steps.get(todo.pop(), ()):
+                lane = self.lanes[link.target]
                 if lane.id in seen or (lane.function == "crossing" and not crossing):
                     continue
                 seen.add(lane.id)
-                if lane.is_sidewalk:
-                    if lane is self.sidewalks[lane.edge]:
-                        found.add(lane.edge)
-                else:
+                if not lane.is_sidewalk:
                     todo.append(lane.id)
+                elif lane is self.sidewalks[lane.edge]:
+                    found.add(lane.edge)
         return found
 
 
@@ -189,43 +166,54 @@ def read_lane_graph(path: Path) -> LaneGraph:
     return LaneGraph(lanes, tuple(known))
 
 
-def _group_by_origin(joints: Iterable[LaneConnection]) -> dict[str, tuple[LaneConnection, ...]]:
+def _group(
+    links: Iterable[LaneConnection], key: Callable[[LaneConnection], str]
+) -> dict[str, list[LaneConnection]]:
     groups: dict[str, list[LaneConnection]] = {}
-    for joint in joints:
-        groups.setdefault(joint.origin, []).append(joint)
-    return {origin: tuple(found) for origin, found in groups.items()}
+    for link in links:
+        groups.setdefault(key(link), []).append(link)
+    return groups
 
 
 MAX_DESTINATION_GAP_M = 10.0
-"""From the end of the way to the destination; nearer ones count as reached."""
+"""Largest distance between the end of a route and the destination."""
 DESTINATION_TIE_M = 0.5
+"""Lanes that end up so much further from the destination than the nearest compete in length."""
 MAX_ROUTE_EDGES = 100
+"""Bound on a route that goes on in circles."""
 
 
 def find_shortest_route(
     graph: LaneGraph, start: SumoLane, position_m: float, destination: tuple[float, float]
 ) -> tuple[str, ...]:
-    """Edges from a position on a lane to a point by the shortest way, and on from there.
+    """Find the shortest route from a position on a lane to a point, and on to the edge of the site.
 
-    Beyond the destination it goes straight on wherever it can, to the edge of the site.
+    Beyond the destination it goes straight on wherever it can.
+
+    Returns:
+        Ids of the edges in order.
 
     Raises:
-        InputError: No way leads near the destination.
+        InputError: No route leads near the destination.
     """
-    ways = _compute_routes_from(graph, start.edge)
-    ends = list(_find_arrivals(graph, ways, start, position_m, destination))
+    routes = _compute_routes_from(graph, start.edge)
+    ends = list(_find_arrivals(graph, routes, start, position_m, destination))
     if not ends or min(gap for gap, _, _ in ends) > MAX_DESTINATION_GAP_M:
         raise InputError(
-            f"no way leads from lane {start.id} to {destination[0]:g}, {destination[1]:g};"
+            f"no route leads from lane {start.id} to {destination[0]:g}, {destination[1]:g};"
             " move the destination onto a lane that can be reached, or turn the vehicle"
         )
     nearest = min(gap for gap, _, _ in ends)
     _, edge = min((cost, edge) for gap, cost, edge in ends if gap <= nearest + DESTINATION_TIE_M)
-    return _extend_route(graph, ways[edge][1])
+    return _extend_route(graph, routes[edge][1])
 
 
 def _compute_routes_from(graph: LaneGraph, start: str) -> dict[str, tuple[float, tuple[str, ...]]]:
-    """Length to the beginning of every edge that can be reached, and the edges there."""
+    """Compute, for every edge that can be reached, the length to its start and the edges to it.
+
+    It is Dijkstra's algorithm; equal lengths are ordered by the ids, so results are the same
+    everywhere.
+    """
     lengths = {lane.edge: lane.length_m for lane in graph.driving_lanes}
     found: dict[str, tuple[float, tuple[str, ...]]] = {}
     todo: list[tuple[float, tuple[str, ...]]] = [(0.0, (start,))]
@@ -245,7 +233,7 @@ def _find_arrivals(
     position_m: float,
     destination: tuple[float, float],
 ) -> Iterator[tuple[float, float, str]]:
-    """Distance to the destination, length of the way, and edge, for every lane to arrive in."""
+    """Yield the distance to the destination, the length of the route and the edge of every lane."""
     for lane in graph.driving_lanes:
         if lane.edge in routes:
             at, gap = lane.line.project_point(destination)

@@ -1,4 +1,4 @@
-"""Lanes of a road as annotations and maps need them."""
+"""Lanes with their borders, as annotations, maps and the plan need them."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -15,13 +15,13 @@ from advercity.roads.streets import StreetLayout, sumo_edge_id
 
 @dataclass(frozen=True)
 class LaneSegment:
-    """A lane as annotations and maps need it.
+    """A lane with its borders.
 
     Attributes:
-        id: `<street>.<number>` with `+` along or `-` against the axis, or a junction movement.
+        id: See `build_lane_segments`; SUMO's id of the lane on an imported road.
         kind: driving, parking, shoulder, sidewalk or crossing.
         left: (n, 3) left border in the direction of travel, metres.
-        right: (n, 3) right border, point by point beside `left`.
+        right: (n, 3) right border, a point for each of `left`.
         in_junction: Whether it lies inside a junction, where borders are not painted.
     """
 
@@ -41,10 +41,10 @@ LANE_KINDS = {
 
 
 def build_lane_segments(layout: RoadLayout) -> tuple[LaneSegment, ...]:
-    """Every lane of a road, then the ways and crossings of its junctions.
+    """Build every lane of a road, then the connecting paths and crossings of its junctions.
 
     Driving lanes are `<street>+.<number>` or `<street>-.<number>`, other strips have their kind
-    before the number (`<street>+.sidewalk1`); all count from the axis. Ways are
+    before the number (`<street>+.sidewalk1`); all count from the axis. Connecting paths are
     `<junction>: <movement>`, crossings `<junction>/<street>`.
     """
     found = [lane for street in layout.streets.values() for lane in _street_lane_segments(street)]

@@ -25,6 +25,7 @@ from advercity.roads.streets import StreetLayout, StripLayout
 from advercity.semantics import Semantic
 
 MARKING_LIFT = np.array([0.0, 0.0, 0.007])
+"""Height of paint over the roadway: enough for a depth buffer, too little to be seen."""
 LINE_WIDTH_M = 0.12
 DOUBLE_GAP_M = 0.12
 DASH_LENGTH_M = 3.0
@@ -36,14 +37,14 @@ _GIVE_WAY_FRACTIONS = [
     (2 * index / (2 * GIVE_WAY_BLOCKS - 1), (2 * index + 1) / (2 * GIVE_WAY_BLOCKS - 1))
     for index in range(GIVE_WAY_BLOCKS)
 ]
-"""A give-way line: as many blocks as that, and gaps as wide between them."""
+"""Blocks of a give-way line across its width, with gaps of the same width between them."""
 ZEBRA_BAR_M = 0.5
 ARROW_FROM_END_M = 4.0
-"""From the end of a lane to the middle of the last arrow on it."""
+"""Distance from the end of a lane to the middle of its last arrow."""
 ARROW_SPACING_M = 9.4
 ARROW_HALF_LENGTH_M = 1.5
 MAX_STRAIGHT_RAD = np.radians(30)
-"""Those who turn by less go straight on."""
+"""Movements that turn by less get a straight arrow."""
 
 WHITE, YELLOW = "paint_white", "paint_yellow"
 MARKING_MATERIALS = {
@@ -61,7 +62,7 @@ SOLID_MATERIALS: dict[RoadMark | None, str] = {
 
 
 def build_marking_meshes(layout: RoadLayout) -> list[Mesh]:
-    """All paint, a mesh per colour."""
+    """Build all paint, a mesh per colour."""
     pieces: dict[str, list[TriangleSurface]] = {WHITE: [], YELLOW: []}
     for street in layout.streets.values():
         for colour, piece in _street_lines(street):
@@ -97,7 +98,7 @@ def _street_lines(street: StreetLayout) -> Iterator[tuple[str, TriangleSurface]]
 
 
 def _line_offsets(street: StreetLayout) -> Iterator[tuple[float, RoadMark]]:
-    """Offset of the middle of every line along a street, and its paint."""
+    """Yield the offset of the middle of every line along a street, and its paint."""
     borders = [
         (strip.outer_t, strip.paint) for strip in (*street.left_strips, *street.right_strips)
     ]
@@ -108,7 +109,10 @@ def _line_offsets(street: StreetLayout) -> Iterator[tuple[float, RoadMark]]:
 
 
 def marking_edge_offsets(street: StreetLayout) -> list[float]:
-    """Offsets of both edges of all lines, where the road's facets divide, so as to bear them."""
+    """List offsets of both edges of all lines, where the road has edges of facets too.
+
+    Paint over the inside of a facet of a bend would sink into it.
+    """
     half = LINE_WIDTH_M / 2
     return [t + side for t, _ in _line_offsets(street) for side in (-half, half)]
 
@@ -122,7 +126,7 @@ def _parking_bay_lines(street: StreetLayout, strip: StripLayout) -> Iterator[Tri
 
 
 def _junction_lines(junction: JunctionLayout) -> Iterator[tuple[str, TriangleSurface]]:
-    """Solid lines of two streets that go on into each other."""
+    """Continue solid lines of streets that only change their name or section at a junction."""
     for path in junction.connecting_paths:
         movement = path.movement
         source, target = (
@@ -142,14 +146,14 @@ def _junction_lines(junction: JunctionLayout) -> Iterator[tuple[str, TriangleSur
 
 
 def _border_line(border: Points, other: Points) -> TriangleSurface:
-    """A line on one border of a way, whose other border says which way across it goes."""
+    """Build a line on one border of a path; the other border gives the direction across."""
     across = (border - other) / np.linalg.norm(border - other, axis=1, keepdims=True)
     outer, inner = border + across * LINE_WIDTH_M / 2, border - across * LINE_WIDTH_M / 2
     return _lifted_ribbon(outer, inner)
 
 
 def dash_intervals(length_m: float) -> list[tuple[float, float]]:
-    """Where the dashes of a broken line begin and end."""
+    """Compute the stations where dashes of a broken line begin and end."""
     starts = np.arange(DASH_GAP_M / 2, length_m - DASH_LENGTH_M, DASH_LENGTH_M + DASH_GAP_M)
     return [(float(start), float(start) + DASH_LENGTH_M) for start in starts]
 
@@ -157,7 +161,7 @@ def dash_intervals(length_m: float) -> list[tuple[float, float]]:
 def _stripe(
     street: StreetLayout, t: float, width_m: float, first: float, last: float
 ) -> TriangleSurface:
-    """Paint between two distances along the axis, which follows the facets of the road."""
+    """Build paint between two distances along the axis, on the facets of the road."""
     last = min(last, float(street.stations[-1]))
     left, right = (
         StationedPolyline(street.offset_line(edge), street.stations).cut(first, last).points
@@ -171,7 +175,7 @@ def _lifted_ribbon(left: Points, right: Points) -> TriangleSurface:
 
 
 def _stop_lines(junction: JunctionLayout) -> Iterator[TriangleSurface]:
-    """A bar across the arriving lanes where traffic stops, blocks where it gives way."""
+    """Build bars across arriving lanes that stop, and blocks across lanes that give way."""
     signs = {sign.street: sign.kind for sign in junction.declared.signs}
     for arm in junction.arms:
         kind = signs.get(arm.street.id)
@@ -181,8 +185,10 @@ def _stop_lines(junction: JunctionLayout) -> Iterator[TriangleSurface]:
             yield from _stop_bar(arm, _GIVE_WAY_FRACTIONS)
 
 
-def _stop_bar(arm: JunctionArm, shares: Sequence[tuple[float, float]]) -> Iterator[TriangleSurface]:
-    """Pieces of a bar, each from one share of the arriving lanes' width to another."""
+def _stop_bar(
+    arm: JunctionArm, fractions: Sequence[tuple[float, float]]
+) -> Iterator[TriangleSurface]:
+    """Build pieces of a bar between fractions of the arriving lanes' width."""
     lanes = [strip for strip in arm.inbound_strips() if strip.lane_number]
     if not lanes:
         return
@@ -190,13 +196,13 @@ def _stop_bar(arm: JunctionArm, shares: Sequence[tuple[float, float]]) -> Iterat
     near, far = STOP_LINE_SETBACK_M, STOP_LINE_SETBACK_M + STOP_LINE_M
     end = float(arm.street.stations[-1])
     first, last = (end - far, end - near) if arm.is_street_end else (near, far)
-    for begins, ends in shares:
+    for begins, ends in fractions:
         edges = inner + begins * (outer - inner), inner + ends * (outer - inner)
         yield _stripe(arm.street, sum(edges) / 2, abs(edges[1] - edges[0]), first, last)
 
 
 def _arrows(junction: JunctionLayout) -> Iterator[TriangleSurface]:
-    """Arrows on the lanes that have them, which point where their movements lead."""
+    """Build arrows on declared lanes; they point where the lane's movements lead."""
     for text in junction.declared.arrows:
         name, _, number = text.partition(".")
         arm = junction.find_arm(name)
@@ -216,7 +222,7 @@ def _arrows(junction: JunctionLayout) -> Iterator[TriangleSurface]:
 
 
 def _arrow_outline(turns: Sequence[float]) -> shapely.Polygon:
-    """An arrow with a head for each way, x along the lane and y to its left, metres."""
+    """Build an arrow with a head for each turn (radians); x is along the lane, y to its left."""
     shaft = shapely.box(-ARROW_HALF_LENGTH_M, -0.08, 0.3, 0.08)
     head = shapely.Polygon([(0.0, -0.35), (0.75, 0.0), (0.0, 0.35)])
     parts = [shaft]
@@ -241,7 +247,14 @@ def build_zebra_bars(
     width_m: float,
     height: Callable[[Points], NDArray[np.float64]],
 ) -> Iterator[TriangleSurface]:
-    """Bars of a crossing from kerb to kerb, (2,) each, on a roadway whose height is given."""
+    """Build bars of a crossing between points (2,) on both kerbs.
+
+    Args:
+        start: One end.
+        end: Other end.
+        width_m: Length of the bars, across the walking direction.
+        height: Heights (n,) of the roadway at points (n, 2).
+    """
     across = float(np.linalg.norm(end - start))
     walking = (end - start) / across
     driving = np.array([walking[1], -walking[0]]) * width_m / 2

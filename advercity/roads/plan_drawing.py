@@ -1,4 +1,4 @@
-"""The plan of a site: lanes, crossings, signals, agents with their headings, routes and views."""
+"""Plans of a road: lanes, crossings, signals, agents with headings, routes and fields of view."""
 
 import math
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ from advercity.roads.road_network import RoadNetwork
 SIZE_PX = 1600
 MARGIN_M = 15.0
 VIEW_DISTANCE_M = 40.0
-"""How far the wedges of cameras are drawn."""
+"""Length of the wedges that show fields of view."""
 FONT = cv2.FONT_HERSHEY_SIMPLEX
 FONT_SCALE = 0.45
 FRACTIONAL_BITS = 4
@@ -31,13 +31,13 @@ LANE_COLOURS = {
     "sidewalk": (205, 195, 205),
     "crossing": (240, 240, 240),
 }
-"""BGR by kind of lane, in the order in which they are painted."""
+"""BGR by kind of lane, in drawing order."""
 AGENT_COLOURS = {"ego": (40, 40, 220), "other": (200, 90, 20), "unit": (20, 140, 20)}
 CONFLICT_COLOUR = (30, 30, 200)
 
 
 class PlanCanvas:
-    """A picture with a scale: world metres, north up."""
+    """An image that is drawn on in world metres, north up, BGR."""
 
     def __init__(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> None:
         self.px_per_m = SIZE_PX / float(max(high - low))
@@ -51,7 +51,7 @@ class PlanCanvas:
         return np.rint(scaled).astype(np.int32)
 
     def fill(self, outline: ArrayLike, colour: tuple[int, int, int], *, opacity: float = 1) -> None:
-        """A polygon (n, 2 or 3)."""
+        """Fill a polygon (n, 2 or 3)."""
         layer = self.image if opacity >= 1 else self.image.copy()
         cv2.fillPoly(layer, [self._pixels(outline)], colour, cv2.LINE_AA, FRACTIONAL_BITS)
         if opacity < 1:
@@ -60,18 +60,18 @@ class PlanCanvas:
             )
 
     def line(self, points: ArrayLike, colour: tuple[int, int, int], width_px: int = 1) -> None:
-        """A line (n, 2 or 3)."""
+        """Draw a line (n, 2 or 3)."""
         pixels = [self._pixels(points)]
         cv2.polylines(self.image, pixels, False, colour, width_px, cv2.LINE_AA, FRACTIONAL_BITS)
 
-    def text(self, at: ArrayLike, words: str, colour: tuple[int, int, int] = INK_COLOUR) -> None:
-        """Words whose lower left corner is at a point."""
+    def text(self, at: ArrayLike, label: str, colour: tuple[int, int, int] = INK_COLOUR) -> None:
+        """Draw a label whose lower left corner is at a point (2,)."""
         x, y = (self._pixels(at) >> FRACTIONAL_BITS).tolist()
         left, bottom = x + 8, y - 8
-        (width, height), below = cv2.getTextSize(words, FONT, FONT_SCALE, 1)
+        (width, height), below = cv2.getTextSize(label, FONT, FONT_SCALE, 1)
         box = (left - 3, bottom - height - 3), (left + width + 3, bottom + below)
         cv2.rectangle(self.image, *box, (250, 250, 250), cv2.FILLED)
-        cv2.putText(self.image, words, (left, bottom), FONT, FONT_SCALE, colour, 1, cv2.LINE_AA)
+        cv2.putText(self.image, label, (left, bottom), FONT, FONT_SCALE, colour, 1, cv2.LINE_AA)
 
 
 def draw_plan(network: RoadNetwork, spec: Spec | None = None) -> Uint8Array:
@@ -141,29 +141,29 @@ def _draw_view(
     middle = math.radians(heading_deg + mount.yaw_deg)
     half = math.radians(field_of_view_deg / 2)
     turn = middle + np.linspace(-half, half, 24)
-    rim = np.add(at, VIEW_DISTANCE_M * np.column_stack([np.cos(turn), np.sin(turn)]))
-    canvas.fill(np.vstack([at, rim]), _agent_colour(place), opacity=0.06)
+    outline = np.add(at, VIEW_DISTANCE_M * np.column_stack([np.cos(turn), np.sin(turn)]))
+    canvas.fill(np.vstack([at, outline]), _agent_colour(place), opacity=0.06)
 
 
 def _route_lanes(vehicle: Vehicle, found: tuple[LaneSegment, ...]) -> Iterator[LaneSegment]:
-    """Ways through junctions along a route, and the lanes that lead to them."""
+    """Yield the connecting paths along a route and the lanes that lead to them."""
     by_id = {lane.id: lane for lane in found}
-    for here, there in pairwise(vehicle.route):
-        turns = (lane for lane in found if _is_movement_between(lane.id, here, there))
-        way = next(turns, None)
-        if way is not None:
-            yield way
-            number = way.id.rpartition(" > ")[0].rpartition(".")[2]
-            ends = [by_id.get(f"{here}{sign}.{number}") for sign in "+-"]
+    for street, following in pairwise(vehicle.route):
+        turns = (lane for lane in found if _is_movement_between(lane.id, street, following))
+        path = next(turns, None)
+        if path is not None:
+            yield path
+            number = path.id.rpartition(" > ")[0].rpartition(".")[2]
+            ends = [by_id.get(f"{street}{sign}.{number}") for sign in "+-"]
             near = [
-                lane for lane in ends if lane and np.allclose(lane.left[-1], way.left[0], atol=1)
+                lane for lane in ends if lane and np.allclose(lane.left[-1], path.left[0], atol=1)
             ]
             yield from near
 
 
-def _is_movement_between(lane_id: str, here: str, there: str) -> bool:
+def _is_movement_between(lane_id: str, street: str, following: str) -> bool:
     origin, _, target = lane_id.partition(": ")[2].partition(" > ")
-    return origin.rpartition(".")[0] == here and target.rpartition(".")[0] == there
+    return origin.rpartition(".")[0] == street and target.rpartition(".")[0] == following
 
 
 def _draw_agent(canvas: PlanCanvas, name: str, place: Vehicle | RoadsideUnit) -> None:
@@ -174,8 +174,8 @@ def _draw_agent(canvas: PlanCanvas, name: str, place: Vehicle | RoadsideUnit) ->
         canvas.text(place.destination_m, f"{name} ends", colour)
     ahead = math.radians(heading_deg)
     turn = ahead + np.radians([0, 140, 220])
-    reach = np.array([4.0, 2.5, 2.5])[:, None]
-    canvas.fill(np.add(at, reach * np.column_stack([np.cos(turn), np.sin(turn)])), colour)
+    radius_m = np.array([4.0, 2.5, 2.5])[:, None]
+    canvas.fill(np.add(at, radius_m * np.column_stack([np.cos(turn), np.sin(turn)])), colour)
     canvas.text(at, name, colour)
 
 

@@ -1,6 +1,6 @@
 """Meshes of authored roads.
 
-Carriageways are at the height of the layout; sidewalks and medians stand a kerb higher.
+Carriageways are at the height of the layout, sidewalks and medians a kerb higher.
 """
 
 from collections.abc import Iterator
@@ -32,11 +32,13 @@ KERB_WIDTH_M = 0.15
 FACET_SIZE_M = 2.0
 """Size of the facets of a junction that is not level."""
 LEVEL_TOLERANCE_M = 0.001
+"""Areas whose heights differ by less are triangulated in one piece."""
 KERB_RISE = np.array([0.0, 0.0, KERB_HEIGHT_M])
 
 JOINT_SPACING_M, JOINT_M = 2.0, 0.02
-"""Between the joints across a sidewalk, and their width."""
+"""Distance between the joints across a sidewalk, and their width."""
 MAX_SLAB_WIDTH_M = 3.0
+"""Wider sidewalks have joints along them, too."""
 
 ASPHALT, SIDEWALK, MEDIAN, VERGE, KERB = "asphalt", "sidewalk", "median", "verge", "kerb"
 JOINTS = "joints"
@@ -53,7 +55,7 @@ RAISED_SURFACES = (SIDEWALK, MEDIAN)
 
 
 def build_road_meshes(layout: RoadLayout) -> list[Mesh]:
-    """Roadways, kerbs, sidewalks, medians and paint, one mesh of each kind."""
+    """Build roadways, kerbs, sidewalks, medians and paint, one mesh of each kind."""
     pieces: dict[str, list[TriangleSurface]] = {}
     for street in layout.streets.values():
         for surface, piece in _street_patches(street):
@@ -86,11 +88,11 @@ def _street_patches(street: StreetLayout) -> Iterator[tuple[str, TriangleSurface
         last_t = min(run[-1].inner_t, run[-1].outer_t)
         left, right = street.offset_line(first_t), street.offset_line(last_t)
         if surface in RAISED_SURFACES:
-            beside = [
+            adjacent = [
                 runs[other][0] for other in (index - 1, index + 1) if other in range(len(runs))
             ]
-            at_left = index > 0 and beside[0] not in RAISED_SURFACES
-            at_right = index + 1 < len(runs) and beside[-1] not in RAISED_SURFACES
+            at_left = index > 0 and adjacent[0] not in RAISED_SURFACES
+            at_right = index + 1 < len(runs) and adjacent[-1] not in RAISED_SURFACES
             yield from _raised_strip(surface, left, right, left_kerb=at_left, right_kerb=at_right)
             yield from _strip_ends(left, right)
         else:
@@ -128,7 +130,7 @@ def _junction_roadway(junction: JunctionLayout) -> TriangleSurface:
 def _raised_strip(
     surface: str, left: Points, right: Points, *, left_kerb: bool, right_kerb: bool = False
 ) -> Iterator[tuple[str, TriangleSurface]]:
-    """A strip between two lines on the ground, a kerb's height above it."""
+    """Build a strip a kerb's height above two lines on the ground, with kerbs where asked."""
     across = (right - left) / np.linalg.norm(right - left, axis=1, keepdims=True)
     inner_left, inner_right = left + KERB_RISE, right + KERB_RISE
     if left_kerb:
@@ -146,7 +148,7 @@ def _raised_strip(
 
 
 def _sidewalk_slabs(left: Points, right: Points) -> Iterator[tuple[str, TriangleSurface]]:
-    """A sidewalk between two lines: slabs, and the joints across it and along a wide one."""
+    """Build a sidewalk between two lines: slabs, and the joints across and along it."""
     along = polyline.polyline_stations((left + right) / 2)
     width = float(np.linalg.norm(left - right, axis=1).max())
     rows = _joint_stations(float(along[-1]), JOINT_SPACING_M)
@@ -155,19 +157,20 @@ def _sidewalk_slabs(left: Points, right: Points) -> Iterator[tuple[str, Triangle
         at = np.array([start, *along[(along > start) & (along < end)], end])
         near, far = (StationedPolyline(line, along).points_at(at) for line in (left, right))
         for column, (first, last) in enumerate(pairwise(columns)):
+            # Rows and columns alternate between slabs (even) and joints (odd).
             name = JOINTS if row % 2 or column % 2 else SIDEWALK
             yield name, build_ribbon(near + first * (far - near), near + last * (far - near))
 
 
 def _joint_stations(length_m: float, spacing_m: float) -> NDArray[np.float64]:
-    """Where slabs and joints end, by turns, beginning with a slab."""
+    """Compute where slabs and joints end in turn, beginning with a slab."""
     joints = np.arange(spacing_m, length_m - JOINT_M, spacing_m)
     edges = np.column_stack([joints - JOINT_M / 2, joints + JOINT_M / 2])
     return np.concatenate([[0.0], edges.ravel(), [length_m]])
 
 
 def _strip_ends(left: Points, right: Points) -> Iterator[tuple[str, TriangleSurface]]:
-    """Upright ends of a raised strip; out of sight where the next one joins."""
+    """Build upright ends of a raised strip; they are hidden where another one joins."""
     first, last = np.stack([left[0], right[0]]), np.stack([left[-1], right[-1]])
     yield KERB, build_ribbon(first + KERB_RISE, first)
     yield KERB, build_ribbon(last, last + KERB_RISE)

@@ -1,4 +1,7 @@
-"""Ways through a declared road: lane centre lines of streets, joined inside junctions."""
+"""Routes through a declared road: lane centre lines of streets, connected inside junctions.
+
+The compiler works on them, before there is a SUMO network.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -19,25 +22,25 @@ SEARCH_STEP_M = 0.25
 HEADING_SPAN_M = 1.0
 """Length of the chord that a heading is taken from, so that corners of the polyline do not jerk."""
 CROSSING_GAP_M = 1.0
-"""Ways that come nearer than this to each other cross."""
+"""Paths that come closer than this cross."""
 LANE_CHANGE_M = 30.0
-"""Length over which a vehicle goes from one lane to another."""
+"""Length over which a vehicle changes from one lane to another."""
 
 
 LaneChoice = tuple[str, bool, int, int]
-"""A street, whether along its axis, the lane it is entered in and the one it is left in."""
+"""A street, whether along its axis, the lane at its start and the lane at its end."""
 
 
 @dataclass(frozen=True)
 class RouteSegment:
-    """A street on a way.
+    """A street on a route.
 
     Attributes:
         street: The street.
-        follows_axis: Whether the way follows its axis.
+        follows_axis: Whether the route follows its axis.
         lane: Number of the lane at its end, 1 is the innermost.
-        start_m: Station on the way where it begins.
-        end_m: The same where it ends.
+        start_m: Station of the path at which it begins.
+        end_m: Station of the path at which it ends.
     """
 
     street: StreetLayout
@@ -46,23 +49,23 @@ class RouteSegment:
     start_m: float
     end_m: float
 
-    def strips(self, *, right: bool) -> tuple[StripLayout, ...]:
-        """Strips on either side of the axis as seen in the direction of travel."""
+    def strips_on_side(self, *, right: bool) -> tuple[StripLayout, ...]:
+        """List strips right or left of the axis, seen in the direction of travel."""
         return self.street.strips_in_direction(along=self.follows_axis == right)
 
     def lateral_offset(self, t: float) -> float:
-        """Offset to the left of the lane's centre, in the direction of travel, of an offset `t`."""
+        """Convert an offset `t` to an offset to the left of the lane's centre line."""
         centre = self.street.find_lane(self.lane, along=self.follows_axis).centre_t
         return (t - centre) if self.follows_axis else (centre - t)
 
 
 @dataclass(frozen=True, eq=False)
 class RoutePath:
-    """A polyline with the streets that it follows.
+    """The path of a vehicle with the streets that it follows.
 
     Attributes:
         points: (n, 2) metres, from the start of its first street.
-        segments: Its streets in order.
+        segments: Streets in order.
     """
 
     points: NDArray[np.float64]
@@ -117,27 +120,27 @@ class RoutePath:
 
 @dataclass(frozen=True, eq=False)
 class RoutePlanner:
-    """Finds ways through a declared road."""
+    """Finds routes through a declared road."""
 
     road: Road
 
     @cached_property
     def streets(self) -> dict[str, StreetLayout]:
-        """Every street, sampled."""
+        """Sampled streets by id."""
         return {
             name: lay_out_street(name, item, self.road) for name, item in self.road.streets.items()
         }
 
     @cached_property
     def movements(self) -> dict[str, tuple[Movement, ...]]:
-        """By junction."""
+        """Declared movements by junction."""
         return {
             name: tuple(Movement.parse(text) for text in junction.movements)
             for name, junction in self.road.junctions.items()
         }
 
     def find_junction(self, first: str, second: str) -> str | None:
-        """The junction at which one goes from a street into another."""
+        """Find the junction with a movement from a street into another; None without one."""
         for name, movements in self.movements.items():
             if any(item.from_street == first and item.to_street == second for item in movements):
                 return name
@@ -148,23 +151,23 @@ class RoutePlanner:
         return self.streets[street].ends == junction
 
     def approach_heading(self, street: str, junction: str) -> float:
-        """Heading with which a street is driven into a junction."""
+        """Compute the heading, radians, with which a street leads into a junction."""
         layout = self.streets[street]
         at_end = layout.ends == junction
         return float(layout.headings[-1] if at_end else layout.headings[0] + np.pi)
 
     def turn_angle(self, movement: Movement, junction: str) -> float:
-        """By how much a movement turns, in (-pi, pi]; positive to the left."""
+        """Compute the angle that a movement turns, in (-pi, pi] radians; positive to the left."""
         leaves = self.approach_heading(movement.to_street, junction) + np.pi
         turned = leaves - self.approach_heading(movement.from_street, junction)
         return float(np.pi - (np.pi - turned) % (2 * np.pi))
 
     def build_path(self, streets: Sequence[str], lane: int | None = None) -> RoutePath:
-        """The way along streets, in the lanes that lead from each into the next.
+        """Build the path along streets, in the lanes that lead from each into the next.
 
         Args:
             streets: Ids in order.
-            lane: Number of the lane on the first street, if it matters.
+            lane: Number of the lane at the start; None for the innermost that fits.
         """
         return self._join_lanes(list(self._choose_lanes(streets, lane)))
 
@@ -188,7 +191,7 @@ class RoutePlanner:
                 )
 
     def _find_fitting_lanes(self, streets: Sequence[str]) -> list[set[int]]:
-        """Per street, the lanes from which the rest of the streets can be reached."""
+        """List, per street, the lanes from which the remaining streets can be reached."""
         along = self.is_along_axis(streets, len(streets) - 1)
         last = {
             strip.lane_number
@@ -197,18 +200,18 @@ class RoutePlanner:
         }
         fitting = [last]
         for first, second in reversed(list(pairwise(streets))):
-            ways = [
+            links = [
                 item
                 for items in self.movements.values()
                 for item in items
                 if item.from_street == first and item.to_street == second
             ]
-            good = {item.from_lane for item in ways if item.to_lane in fitting[0]}
-            fitting.insert(0, good or {item.from_lane for item in ways})
+            good = {item.from_lane for item in links if item.to_lane in fitting[0]}
+            fitting.insert(0, good or {item.from_lane for item in links})
         return fitting
 
     def is_along_axis(self, streets: Sequence[str], index: int) -> bool:
-        """Whether a route follows the axis of one of its streets; one street alone does."""
+        """Whether a route follows the axis of one of its streets; a single street does."""
         if len(streets) == 1:
             return True
         if index + 1 < len(streets):
@@ -219,7 +222,7 @@ class RoutePlanner:
 
     def _join_lanes(self, taken: Sequence[LaneChoice]) -> RoutePath:
         pieces: list[NDArray[np.float64]] = []
-        stretches: list[RouteSegment] = []
+        segments: list[RouteSegment] = []
         for name, along, entered, left in taken:
             street = self.streets[name]
             line = _build_lane_line(street, entered, along=along)
@@ -232,18 +235,18 @@ class RoutePlanner:
                     polyline.resample_polyline(line, fine),
                     polyline.resample_polyline(target, fine),
                 )
-                share = np.clip(polyline.polyline_stations(line) / LANE_CHANGE_M, 0, 1)[:, None]
-                line = (1 - share) * line + share * target
+                fraction = np.clip(polyline.polyline_stations(line) / LANE_CHANGE_M, 0, 1)[:, None]
+                line = (1 - fraction) * line + fraction * target
             if pieces:
                 pieces.append(_link_lanes(pieces[-1], line)[1:-1])
             begins = (
                 polyline.polyline_length(np.concatenate([*pieces, line[:1]])) if pieces else 0.0
             )
             pieces.append(line)
-            stretches.append(
+            segments.append(
                 RouteSegment(street, along, left, begins, begins + polyline.polyline_length(line))
             )
-        return RoutePath(polyline.drop_repeated_points(np.concatenate(pieces)), tuple(stretches))
+        return RoutePath(polyline.drop_repeated_points(np.concatenate(pieces)), tuple(segments))
 
 
 def _build_lane_line(street: StreetLayout, lane: int, *, along: bool) -> NDArray[np.float64]:
@@ -258,7 +261,7 @@ def _link_lanes(before: NDArray[np.float64], after: NDArray[np.float64]) -> NDAr
 
 
 def build_ego_path(planner: RoutePlanner, ego: Vehicle) -> tuple[RoutePath, float, float]:
-    """The ego's way, and the stations of its spawn and its destination."""
+    """Build the ego's path, and find the stations of its spawn and its destination on it."""
     street = planner.streets[ego.route[0]]
     along = planner.is_along_axis(ego.route, 0)
     gaps = {
@@ -267,8 +270,9 @@ def build_ego_path(planner: RoutePlanner, ego: Vehicle) -> tuple[RoutePath, floa
         if strip.kind is StripKind.LANE
     }
     lane = min(gaps, key=lambda number: gaps[number])
-    way = planner.build_path(ego.route, lane)
-    return way, way.find_nearest_station(ego.spawn_m), way.find_nearest_station(ego.destination_m)
+    path = planner.build_path(ego.route, lane)
+    start_m, end_m = (path.find_nearest_station(p) for p in (ego.spawn_m, ego.destination_m))
+    return path, start_m, end_m
 
 
 def _compute_lateral_gap(street: StreetLayout, strip: StripLayout, ego: Vehicle) -> float:

@@ -1,7 +1,8 @@
-"""Fixed signal programmes: one approach at a time, with crossings that walk beside it.
+"""Traffic lights and signs, and the fixed signal programs of declared junctions.
 
-A crossing walks with the approach that turns right into the crossed street: its left turns stay
-free of people, and its right turns give way to them.
+A program gives green to one approach at a time. A crossing is green together with the approach
+that turns right into the crossed street: left turns then never meet pedestrians, and right turns
+give way to them.
 """
 
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ from advercity.roads.layout import JunctionLayout
 
 @dataclass(frozen=True)
 class SignalPhase:
-    """What every link shows for some time: a SUMO state with a letter per link."""
+    """A SUMO state, a letter per link, and how long it is shown."""
 
     duration_s: float
     state: str
@@ -22,7 +23,7 @@ class SignalPhase:
 
 @dataclass(frozen=True)
 class SignalProgram:
-    """The programme of a junction: links are its movements in order, then its crossings."""
+    """The program of a junction; its links are the movements in order, then the crossings."""
 
     junction: str
     offset_s: float
@@ -30,7 +31,7 @@ class SignalProgram:
 
 
 def build_signal_program(junction: JunctionLayout) -> SignalProgram | None:
-    """The programme of a signalised junction, None for any other."""
+    """Build the program of a signalised junction; None for any other."""
     declared = junction.declared.signals
     if declared is None:
         return None
@@ -47,6 +48,7 @@ def build_signal_program(junction: JunctionLayout) -> SignalProgram | None:
 
 
 def _green_state(junction: JunctionLayout, approach: str) -> str:
+    # `g` gives way to pedestrians and `G` does not; pedestrians always have `G`.
     walking = [
         crossing.street
         for crossing in junction.crossings
@@ -79,21 +81,22 @@ def _concurrent_approach(junction: JunctionLayout, street: str) -> str | None:
 
 @dataclass(frozen=True)
 class TrafficLight:
-    """A traffic light: heads hang at `at_m`, on a mast whose foot is at `pole_m`."""
+    """A signal head over the road, on a mast."""
 
     id: str
-    """`<light>/<approach>`, as in `signal_groups`."""
+    """`<light>/<approach>`, as in `read_signal_groups`."""
     position_m: Point3
+    """Where the head is attached to its arm."""
     mast_foot_m: Point2
     facing: tuple[float, float]
-    """Unit vector towards the traffic it is for."""
+    """Unit vector (x, y) towards the traffic that it governs."""
 
 
 @dataclass(frozen=True)
 class TrafficSign:
-    """A stop or give-way sign."""
+    """A stop or give-way sign at the roadside."""
 
     kind: Literal["stop", "yield"]
     position_m: Point2
     facing: tuple[float, float]
-    """Unit vector towards the traffic it is for."""
+    """Unit vector (x, y) towards the traffic that it governs."""

@@ -1,6 +1,4 @@
-"""Runs SUMO's `netconvert`.
-
-The SUMO network of a road: plain XML from templates, compiled by `netconvert`.
+"""The SUMO network of a road: plain XML from templates, compiled by SUMO's `netconvert`.
 
 Network coordinates are world coordinates, heights included. Ids: the directed edges of a street
 are `<street>+` along its axis and `<street>-` against it; junctions and traffic lights have the
@@ -42,26 +40,26 @@ NETCONVERT_OPTIONS = {
     "precision": "3",
     "xml-validation": "never",
 }
-"""World coordinates to the millimetre, and ways for people on foot."""
+"""World coordinates to the millimetre, and areas where pedestrians walk."""
 
 
 @dataclass(frozen=True)
 class NetconvertResult:
-    """What became of a run: whether it wrote the network, and what it had to say."""
+    """Whether netconvert wrote the network, and what it printed."""
 
     succeeded: bool
     messages: str
 
 
 def run_netconvert(options: Mapping[str, str], output: Path) -> NetconvertResult:
-    """Write a network.
+    """Run netconvert.
 
     Args:
-        options: Over the `COMMON` ones; files in them are relative to the folder of `output`.
-        output: The network.
+        options: They override `NETCONVERT_OPTIONS`; files are relative to the folder of `output`.
+        output: Path of the network to write.
 
     Raises:
-        RunError: The program is missing or hangs.
+        RunError: The program is missing or does not end in time.
     """
     chosen = {**NETCONVERT_OPTIONS, **options, "output-file": output.name}
     program = str(Path(sumo.SUMO_HOME) / "bin" / "netconvert")
@@ -80,11 +78,12 @@ def run_netconvert(options: Mapping[str, str], output: Path) -> NetconvertResult
     except (OSError, subprocess.TimeoutExpired) as error:
         raise RunError(f"netconvert does not run: {error}; is eclipse-sumo installed?") from error
     succeeded = done.returncode == 0 and output.exists()
-    said = done.stderr.strip()
-    return NetconvertResult(succeeded, said or ("" if succeeded else done.stdout.strip()))
+    messages = done.stderr.strip()
+    return NetconvertResult(succeeded, messages or ("" if succeeded else done.stdout.strip()))
 
 
 MAX_GRADE_PERCENT = 30
+"""netconvert warns of steeper edges, and a warning is an error here."""
 STRIP_PERMISSIONS = {
     StripKind.LANE: 'disallow="pedestrian"',
     StripKind.SIDEWALK: 'allow="pedestrian"',
@@ -143,8 +142,8 @@ def write_sumo_network(road: Road, folder: Path) -> Path:
     """Write a road's SUMO network.
 
     Args:
-        road: What to build.
-        folder: Gets the plain XML files and `<road id>.net.xml`; made if missing.
+        road: The declaration.
+        folder: Folder for the plain XML files and `<road id>.net.xml`; created if missing.
 
     Returns:
         Path of the network; the same road gives the same bytes.
@@ -239,7 +238,7 @@ def _build_edges(street: StreetLayout, plan: RoadLayout) -> Iterator[_Edge]:
 
 
 def _priority(street: str, junction: JunctionLayout | None) -> int:
-    """Signed approaches give way; elsewhere the wider street goes first."""
+    """Compute SUMO's priority: signed approaches give way, else wider streets go first."""
     if junction is None or any(sign.street == street for sign in junction.declared.signs):
         return 1
     arm = junction.find_arm(street)
@@ -318,7 +317,10 @@ def _compile_network(name: str, folder: Path) -> Path:
     if not outcome.succeeded:
         raise RunError(f"road '{name}': netconvert fails: {outcome.messages}")
     if outcome.messages:
-        raise InputError(f"road '{name}' makes no clean network: {outcome.messages}")
+        raise InputError(
+            f"road '{name}' gives a network that netconvert warns about: {outcome.messages}"
+        )
+    # The header holds a date and paths of this machine, but equal roads give equal bytes.
     text = output.read_text(encoding="utf-8")
     output.write_text(
         re.sub(r"<!-- generated on .*?-->\n*", "", text, flags=re.S), encoding="utf-8"

@@ -527,7 +527,7 @@ def test_a_destination_that_no_way_leads_to_is_bad_input(bend: Spec, tmp_path: P
         for agent in bend.agents
     )
 
-    with pytest.raises(InputError, match="no way leads from lane"):
+    with pytest.raises(InputError, match="no route leads from lane"):
         simulate_in_subprocess(
             bend.model_copy(update={"agents": agents}), write_sumo_network(bend.road, tmp_path)
         )

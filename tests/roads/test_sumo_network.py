@@ -314,5 +314,5 @@ def test_a_crossing_without_sidewalks_is_refused_with_netconverts_words(
 ) -> None:
     text = roads["rcnj"].model_dump(mode="json")
     text["junctions"]["j_north"]["crossings"] = [{"street": "hill_road"}]
-    with pytest.raises(InputError, match=r"road 'rcnj' makes no clean network.*crossing"):
+    with pytest.raises(InputError, match=r"road 'rcnj' netconvert warns about.*crossing"):
         write_sumo_network(Road.model_validate(text), tmp_path)

@@ -325,7 +325,8 @@ def test_nobody_comes_in_where_no_street_leads_in(
 ):
     spec = specs["ri_clear_day_dense"].model_copy(update={"conflicts": ()})
     graph = read_lane_graph(networks["ri"])
-    ends = [lane for lane in graph.driving_lanes if lane.id not in graph.outgoing_connections]
+    left = {link.origin for link in graph.driving_connections}
+    ends = [lane for lane in graph.driving_lanes if lane.id not in left]
     back = [LaneConnection(ends[0].id, lane.id, None, "s") for lane in graph.entry_lanes]
 
     rides = draw_demand(spec, replace(graph, connections=(*graph.connections, *back))).vehicles
