@@ -1,4 +1,4 @@
-"""From radiance to picture: air before the lens, glass, lens and electronics."""
+"""Turns rendered radiance into camera images: air before the lens, glass, lens, electronics."""
 
 from advercity.sensors.camera.electronics import (
     ExposureSettings,

@@ -1,11 +1,7 @@
-"""The tone curve: how the light that a sensor holds becomes the values of a picture.
-
-From light on the sensor to picture: exposure, white balance, noise, tone.
+"""Turns light on the sensor into an image: exposure, white balance, noise and tone.
 
 The chain is EMVA 1288's linear camera with the exposure arithmetic of ISO 12232, and a sensor that
-holds highlights beyond that, as those of vehicles do.
-
-White: a camera makes grey of what the light of its scene makes of grey.
+resolves highlights beyond that, as those of vehicles do.
 """
 
 import math
@@ -28,74 +24,76 @@ from advercity.physics.photometry import (
 )
 
 WHITE_DN = 4095
-"""Of the 12-bit converter, where a pixel is full in the long exposure."""
+"""Value of the 12-bit converter where a pixel is full in the long exposure."""
 MAX_DN = 16 * WHITE_DN
-"""Of a sensor with four stops of highlights."""
+"""Largest value of a sensor with four stops of highlights."""
 MIDDLE_GREY = 0.18
-"""Of that. Up to here the curve is that of sRGB alone."""
-
-
-@lru_cache(maxsize=64)
-def build_tone_curve(brightest_ev: float) -> NDArray[np.uint8]:
-    """Values of a picture by what the converter says, white for all that is brightest.
-
-    Where nothing is brighter than a full pixel it is sRGB. Else what is lighter than middle grey
-    is rolled off towards white as film does, by Reinhard's extended curve (2002) from there on:
-    it leaves middle grey with slope 1 and comes to white at what is brightest.
-
-    Args:
-        brightest_ev: Stops above a full pixel that are still told apart.
-    """
-    linear = np.arange(MAX_DN + 1) / WHITE_DN
-    whitest = 2.0**brightest_ev
-    shown = np.minimum(_roll_off_highlights(np.minimum(linear, whitest), whitest), 1.0)
-    encoded = np.where(shown <= 0.0031308, 12.92 * shown, 1.055 * shown ** (1 / 2.4) - 0.055)
-    return np.rint(encoded * 255.0).astype(np.uint8)
-
-
-def _roll_off_highlights(linear: NDArray[np.float64], whitest: float) -> NDArray[np.float64]:
-    room = 1.0 - MIDDLE_GREY
-    above = np.maximum(linear - MIDDLE_GREY, 0.0) / room
-    full = (whitest - MIDDLE_GREY) / room
-    return np.minimum(linear, MIDDLE_GREY) + room * above * (1.0 + above / full**2) / (1.0 + above)
-
-
+"""Fraction of a full pixel up to which the tone curve is that of sRGB alone."""
 FULL_WELL_E = 10_000.0
 """Electrons of a full pixel at ISO 100."""
 READ_NOISE_E = 3.0
 METER_CONSTANT = 12.5
-"""Of a reflected-light meter, cd s/(m² ISO)."""
+"""Calibration constant of a reflected-light meter (ISO 2720), cd s/(m² ISO)."""
 HEADROOM = 1.2
 """Saturation luminance at EV100 of 0: H_sat = 78 / ISO with q = 0.65."""
 AUTO_EV100_RANGE = (2.0, 15.5)
-"""What automatic exposure stays within."""
+"""Range of automatic exposure."""
 MIN_SHUTTER_S, MAX_SHUTTER_S = 20e-6, 1.0 / 60.0
-"""Between these a sensor that exposes by itself moves its shutter."""
+"""Range in which a self-exposing sensor moves its shutter."""
 BASE_ISO, MAX_ISO = 100.0, 10_000.0
-"""Between these it moves its gain then: from where a full well fills the converter to where
-`auto` ends at f/1.4 and 1/200 s."""
+"""Range in which it then moves its gain: from a full well that fills the converter to where `auto`
+ends at f/1.4 and 1/200 s."""
 METERED_FROM_ROW = 1 / 3
+"""Fraction of the rows, from the top, that the meter ignores: the sky."""
 METERED_PERCENTILE = 98.0
 HIGHLIGHT_PERCENTILE = 98.0
-"""Percentile of pixels that the tone curve makes white; what is beyond are lamps and the sun."""
+"""Percentile of pixels that the tone curve makes white; brighter ones are lamps and the sun."""
 HIGHLIGHT_STEP = 4
-"""Every so many rows and columns say which that is."""
+"""Step of rows and columns that are sampled for it."""
 NEUTRAL_WHITE = np.ones(3)
 _MIN_METERED_CD_M2 = 1e-5
 _LUMINANCE_WEIGHTS_32 = LUMINANCE_WEIGHTS.astype(np.float32)
+DAY_WHITE_RANGE_K = (5500.0, 7500.0)
+NIGHT_WHITE_RANGE_K = (3500.0, 6500.0)
+"""Ranges of white; scenes that are yellower or bluer stay so, as in dust and under a low sun."""
+
+
+@lru_cache(maxsize=64)
+def build_tone_curve(brightest_ev: float) -> NDArray[np.uint8]:
+    """Build the table (MAX_DN + 1,) from converter values to 8-bit values of the image.
+
+    If nothing is brighter than a full pixel it is sRGB. Otherwise values above middle grey are
+    rolled off towards white as film does, by Reinhard's extended curve (2002): it leaves middle
+    grey with slope 1 and is white at the brightest.
+
+    Args:
+        brightest_ev: Stops above a full pixel that are still resolved.
+    """
+    linear = np.arange(MAX_DN + 1) / WHITE_DN
+    brightest = 2.0**brightest_ev
+    shown = np.minimum(_roll_off_highlights(np.minimum(linear, brightest), brightest), 1.0)
+    encoded = np.where(shown <= 0.0031308, 12.92 * shown, 1.055 * shown ** (1 / 2.4) - 0.055)
+    return np.rint(encoded * 255.0).astype(np.uint8)
+
+
+def _roll_off_highlights(linear: NDArray[np.float64], brightest: float) -> NDArray[np.float64]:
+    span = 1.0 - MIDDLE_GREY
+    above = np.maximum(linear - MIDDLE_GREY, 0.0) / span
+    full = (brightest - MIDDLE_GREY) / span
+    return np.minimum(linear, MIDDLE_GREY) + span * above * (1.0 + above / full**2) / (1.0 + above)
 
 
 @dataclass(frozen=True)
 class ExposureSettings:
-    """How a picture is exposed."""
+    """Exposure of one image."""
 
     ev100: float
     iso: float
     shutter_s: float
     binned_pixels: float = 1.0
-    """Pixels of the sensor that make one of the picture."""
+    """Number of the sensor's pixels in one of the image."""
     highlights_ev: float = 0.0
-    """Stops beyond saturation that the sensor's short exposures still tell apart."""
+    """Stops beyond saturation that the sensor's short exposures still resolve."""
 
     @property
     def saturation_cd_m2(self) -> float:
@@ -104,12 +102,12 @@ class ExposureSettings:
 
     @property
     def full_well_e(self) -> float:
-        """Electrons of a full pixel: gain leaves room for fewer, a larger pixel for more."""
+        """Electrons of a full pixel: fewer with more gain, more with larger pixels."""
         return FULL_WELL_E * self.binned_pixels * BASE_ISO / self.iso
 
     @property
     def read_noise_e(self) -> float:
-        """Of all the sensor's pixels that make one of the picture."""
+        """Read noise in electrons of all the sensor's pixels in one of the image."""
         return READ_NOISE_E * math.sqrt(self.binned_pixels)
 
 
@@ -121,65 +119,67 @@ def expose_image(
     *,
     white_point: NDArray[np.float64] = NEUTRAL_WHITE,
 ) -> NDArray[np.uint8]:
-    """The picture (h, w, 3) RGB that a camera makes of the light on its sensor.
+    """Expose and digitise the light on a sensor to an image (h, w, 3) RGB.
 
     Args:
-        light: cd/m², at any scale of the camera's size. A pixel of a smaller picture gathers the
-            light of all those that it stands for.
-        camera: How large it is, what highlights it holds and whether there is noise.
-        setting: How the picture is exposed.
-        rng: Of this camera and frame.
+        light: (h, w, 3) cd/m², at any scale of the camera's size. A pixel of a smaller image
+            gathers the light of all pixels that it represents.
+        camera: Gives size, highlights and whether there is noise.
+        setting: Exposure of the image.
+        rng: Generator of this camera and frame.
         white_point: (3,) colour at luminance 1 that is shown as grey.
     """
     pixels = light.shape[0] * light.shape[1]
     binned = max(1.0, camera.width_px * camera.height_px / pixels)
     setting = replace(setting, binned_pixels=binned, highlights_ev=camera.highlights_ev)
-    share = light / (setting.saturation_cd_m2 * white_point).astype(np.float32)
-    digital = digitise(share, setting, rng if camera.noise else None)
-    return build_tone_curve(_brightest_ev(share, camera.highlights_ev)).take(digital)
+    fill_fraction = light / (setting.saturation_cd_m2 * white_point).astype(np.float32)
+    digital = digitise(fill_fraction, setting, rng if camera.noise else None)
+    return build_tone_curve(_brightest_ev(fill_fraction, camera.highlights_ev)).take(digital)
 
 
 def meter_exposure(
     radiance: NDArray[np.float32], exposure: Exposure, *, white_card_cd_m2: float = math.inf
 ) -> ExposureSettings:
-    """The setting that `exposure` chooses for a picture (h, w, 3) in cd/m².
+    """Choose the settings for an image (h, w, 3) in cd/m² in the mode of `exposure`.
 
-    By hand it is what the three numbers say. Automatic exposure puts the log-average of the
-    lower two thirds, highlights left out, at middle grey; a grey filter takes away surplus light
-    and gain makes up for missing light, so that the shutter stays as authored. A sensor by itself
+    Manual exposure is given by the three numbers. Automatic exposure puts the log-average of the
+    lower two thirds, without highlights, at middle grey; a grey filter removes surplus light and
+    gain makes up for missing light, so that the shutter stays as authored. A self-exposing sensor
     moves the shutter as far as it can, and then its gain.
 
-    What is lighter than a grey card in the same light, as snow and fog are, stays lighter.
+    Scenes that are lighter than a grey card in the same light, as in snow and fog, stay lighter.
 
     Args:
         radiance: In cd/m².
         exposure: As authored.
-        white_card_cd_m2: What a white card on open ground shows; inf where the camera cannot know.
+        white_card_cd_m2: Luminance of a white card on open ground; inf if the camera cannot know
+            it.
     """
     authored = exposure_value(exposure)
     if exposure.mode == "manual":
         return ExposureSettings(authored, exposure.iso, exposure.shutter_s)
     metered = min(_metered_luminance(radiance), MIDDLE_GREY * white_card_cd_m2)
-    wanted = math.log2(metered * 100.0 / METER_CONSTANT) - exposure.compensation_ev
+    target_ev100 = math.log2(metered * 100.0 / METER_CONSTANT) - exposure.compensation_ev
     if exposure.mode == "sensor":
-        return _choose_shutter_then_gain(wanted, exposure)
-    ev100 = min(max(wanted, AUTO_EV100_RANGE[0]), AUTO_EV100_RANGE[1])
+        return _choose_shutter_then_gain(target_ev100, exposure)
+    ev100 = min(max(target_ev100, AUTO_EV100_RANGE[0]), AUTO_EV100_RANGE[1])
     return ExposureSettings(
         ev100, exposure.iso * 2.0 ** max(0.0, authored - ev100), exposure.shutter_s
     )
 
 
 def exposure_value(exposure: Exposure) -> float:
-    """EV100 of f-number, shutter and ISO."""
+    """Compute EV100 of f-number, shutter and ISO."""
     return math.log2(exposure.f_number**2 / exposure.shutter_s * 100.0 / exposure.iso)
 
 
 def digitise(
     fill_fraction: NDArray[np.float32], setting: ExposureSettings, rng: np.random.Generator | None
 ) -> NDArray[np.uint16]:
-    """Values of pixels filled to a `share`, 12 bits and highlights; without generator, no noise.
+    """Convert fractions of a full pixel to values of 12 bits and highlights.
 
-    Shot noise is the normal approximation to Poisson's law, read noise is normal.
+    Shot noise is the normal approximation to Poisson's law, read noise is normal; without a
+    generator there is none.
     """
     full_dn = WHITE_DN * 2.0**setting.highlights_ev
     digital = np.clip(fill_fraction * np.float32(WHITE_DN), 0.0, full_dn)
@@ -195,7 +195,7 @@ def digitise(
 
 
 def _choose_shutter_then_gain(wanted_ev100: float, exposure: Exposure) -> ExposureSettings:
-    """The setting nearest to an EV100 that shutter and gain can reach behind an open aperture."""
+    """Choose shutter and gain nearest to an EV100 with an open aperture."""
     longest_s = max(MAX_SHUTTER_S, exposure.shutter_s)
     wanted_iso_s = 100.0 * exposure.f_number**2 / 2.0**wanted_ev100
     shutter_s = min(max(wanted_iso_s / exposure.iso, MIN_SHUTTER_S), longest_s)
@@ -206,7 +206,7 @@ def _choose_shutter_then_gain(wanted_ev100: float, exposure: Exposure) -> Exposu
 
 
 def _draw_normal(rng: np.random.Generator, count: int) -> NDArray[np.float32]:
-    """Draws (count,) from the standard normal law, each one of 65,536 equally likely values."""
+    """Draw (count,) standard normal numbers from a table of 65,536 equally likely values."""
     return _NORMAL_TABLE.take(np.frombuffer(rng.bytes(2 * count), "<u2"))
 
 
@@ -219,21 +219,22 @@ def _metered_luminance(radiance: NDArray[np.float32]) -> float:
     return float(np.exp(np.log(luminance[luminance <= limit]).mean(dtype=np.float64)))
 
 
-def _brightest_ev(share: NDArray[np.float32], highlights_ev: float) -> float:
-    """Stops by which the highlights of a picture are above a full pixel, as far as it holds them.
+def _brightest_ev(fill_fraction: NDArray[np.float32], highlights_ev: float) -> float:
+    """Compute the stops of an image's highlights above a full pixel, up to those of the sensor.
 
-    In eighths, so that there are few curves.
+    Rounded up to eighths, so that few tone curves are built.
     """
     highlights = np.percentile(
-        share[::HIGHLIGHT_STEP, ::HIGHLIGHT_STEP].max(axis=2), HIGHLIGHT_PERCENTILE
+        fill_fraction[::HIGHLIGHT_STEP, ::HIGHLIGHT_STEP].max(axis=2), HIGHLIGHT_PERCENTILE
     )
     return min(max(0.0, math.ceil(8.0 * math.log2(max(highlights, 1.0))) / 8.0), highlights_ev)
 
 
 def _build_normal_table() -> NDArray[np.float32]:
+    """Build normal quantiles (65536,) with mean 0 and deviation 1."""
     x = np.linspace(-5.0, 5.0, 2**16)
-    share = np.cumsum(np.exp(-0.5 * x**2))
-    found = np.interp((np.arange(2**16) + 0.5) / 2**16, share / share[-1], x)
+    cumulative = np.cumsum(np.exp(-0.5 * x**2))
+    found = np.interp((np.arange(2**16) + 0.5) / 2**16, cumulative / cumulative[-1], x)
     found -= found.mean()
     return (found / found.std()).astype(np.float32)
 
@@ -241,16 +242,12 @@ def _build_normal_table() -> NDArray[np.float32]:
 _NORMAL_TABLE = _build_normal_table()
 
 
-DAY_WHITE_RANGE_K = (5500.0, 7500.0)
-NIGHT_WHITE_RANGE_K = (3500.0, 6500.0)
-"""Whites that a camera looks for; what is yellower or bluer stays so, as dust and low sun do."""
-
-
 def find_white_point(atmosphere: Atmosphere) -> Float64Array:
-    """Colour (3,) at luminance 1 that the camera shows as grey.
+    """Find the colour (3,) at luminance 1 that the camera shows as grey.
 
-    That of the light on level ground, as far as the camera follows it: sun and sky by day, the
-    air's glow and street lamps by night. A cast that no temperature has, such as green, stays.
+    It is the black body nearest to the light on level ground within the camera's range: sun and sky
+    by day, airlight with street lamps by night. A cast that no black body has, such as green,
+    stays.
     """
     illuminant = _ground_illuminance(atmosphere)
     low_k, high_k = NIGHT_WHITE_RANGE_K if atmosphere.night else DAY_WHITE_RANGE_K
@@ -270,7 +267,7 @@ def _ground_illuminance(atmosphere: Atmosphere) -> Float64Array:
 
 
 def _find_black_body_temperature_k(illuminant: Float64Array) -> float:
-    """Of the black body with the same ratio of red to blue, in K."""
+    """Find the temperature of the black body with the same ratio of red to blue, in K."""
     red, _, blue = np.maximum(illuminant, 1e-12)
     ratio = np.log(BLACK_BODY_COLOURS[:, 0] / BLACK_BODY_COLOURS[:, 2])
     found = np.interp(-np.log(red / blue), -ratio, 1e6 / BLACK_BODY_TEMPERATURES_K)

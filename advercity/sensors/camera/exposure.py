@@ -1,4 +1,4 @@
-"""What one picture is taken of, and with which lens."""
+"""One exposure of a camera: pose, lens, and the world around it while the shutter is open."""
 
 import math
 from dataclasses import dataclass, replace
@@ -12,19 +12,19 @@ from advercity.physics.lamp_beams import LightSource
 from advercity.rendering.backend import CameraView
 
 LENS_FOCAL_LENGTH_M = 0.004
-"""Of the lens, which with the f-number says how wide its aperture is."""
+"""Focal length of every lens, which with the f-number gives the width of the aperture."""
 
 
 @dataclass(frozen=True, eq=False)
 class CameraExposure:
-    """One picture and the world around it while its shutter is open.
+    """One image and the world around the camera while its shutter is open.
 
     Attributes:
-        view: Where from and how large.
-        camera: Exposure and optics.
-        frame: Everybody on the road.
-        velocity: (3,) m/s of the camera in the world.
-        light_sources: That light the scene; none by day, when they do not count.
+        view: Pose and size of the image.
+        camera: Exposure settings and optics as authored.
+        frame: Actors on the road.
+        velocity: Velocity (3,) of the camera in the world, m/s.
+        light_sources: Lamps that light the scene; none by day, when daylight outshines them.
     """
 
     view: CameraView
@@ -49,33 +49,31 @@ class CameraExposure:
         return self.view.world_from_camera[:3, 3]
 
     def with_shutter(self, shutter_s: float) -> "CameraExposure":
-        """The same shot with a shutter that is open for so long, whatever was authored."""
+        """Return the same exposure with another shutter time than authored."""
         exposure = self.camera.exposure.model_copy(update={"shutter_s": shutter_s})
         return replace(self, camera=self.camera.model_copy(update={"exposure": exposure}))
 
     def to_camera_axes(self, directions: Float64Array) -> Float64Array:
-        """World vectors (n, 3) in the camera's axes: x along the view, y left, z up."""
+        """Rotate world vectors (n, 3) to the camera's axes: x along the view, y left, z up."""
         return directions @ self.view.world_from_camera[:3, :3]
 
     def ray_grid(self, columns: int, rows: int) -> Float64Array:
-        """Unit vectors (rows, columns, 3) in the world through a grid over the whole picture."""
+        """Compute unit rays (rows, columns, 3) in the world through a grid over the whole image."""
         view = self.view
         right = (np.arange(columns) + 0.5) / columns * view.width_px - view.width_px / 2.0
         down = (np.arange(rows) + 0.5) / rows * view.height_px - view.height_px / 2.0
-        across, along = np.meshgrid(right, down)
-        rays = np.stack([np.full_like(across, self.focal_px), -across, -along], axis=-1)
-        rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
+        rays, _ = pixel_rays(down, right, self.focal_px)
         return rays @ view.world_from_camera[:3, :3].T
 
     def project_points(self, points: Float64Array) -> tuple[Float64Array, Float64Array]:
-        """Column and row (n,) each of points (n, 3) in the camera's axes, before it."""
+        """Project points (n, 3) before the camera, in its axes, to columns and rows (n,)."""
         view = self.view
         column = view.width_px / 2.0 - self.focal_px * points[:, 1] / points[:, 0]
         row = view.height_px / 2.0 - self.focal_px * points[:, 2] / points[:, 0]
         return column, row
 
     def frustum(self, near_m: float, far_m: float) -> tuple[Float64Array, Float64Array]:
-        """Planes (6, 4) and corners (8, 3) of what is seen between two depths.
+        """Compute planes (6, 4) and corners (8, 3) of the visible volume between two depths.
 
         In metres from the eye, in the world's axes; a point x is inside if n·x + d >= 0.
         """
@@ -93,5 +91,21 @@ class CameraExposure:
                 for z in (-1, 1)
             ]
         )
-        turn = self.view.world_from_camera[:3, :3].T
-        return np.column_stack([normals @ turn, offsets]), corners @ turn
+        camera_from_world = self.view.world_from_camera[:3, :3].T
+        return np.column_stack([normals @ camera_from_world, offsets]), corners @ camera_from_world
+
+
+def pixel_rays(
+    down_px: Float64Array, right_px: Float64Array, focal_px: float
+) -> tuple[Float64Array, Float64Array]:
+    """Compute unit rays (r, c, 3) in the camera's axes, and their lengths (r, c) in pixels.
+
+    Args:
+        down_px: (r,) offsets from the image's centre.
+        right_px: (c,) offsets from the image's centre.
+        focal_px: Focal length.
+    """
+    down, right = np.meshgrid(down_px, right_px, indexing="ij")
+    rays = np.stack([np.full_like(down, focal_px), -right, -down], axis=-1)
+    length = np.linalg.norm(rays, axis=-1)
+    return rays / length[..., None], length

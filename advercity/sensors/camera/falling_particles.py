@@ -1,8 +1,8 @@
-"""Drops and flakes in the air near a camera, each at its own place in the world.
+"""Drops and flakes in the air near a camera, each at its own position in the world.
 
-Particles of nearly one size fall alike, so each size is a rigid block of cells that is repeated
-without end and moves with the particles' velocity. Where every particle is at any time is a
-closed formula: all cameras see the same ones, and frames need not be asked for in order.
+Particles of nearly one size fall alike, so each size is a rigid block of cells that repeats in all
+directions and moves with the particles' velocity. The position of every particle at any time is a
+closed formula: all cameras see the same ones, and frames can be computed in any order.
 """
 
 import itertools
@@ -24,24 +24,24 @@ from advercity.physics.precipitation import (
 from advercity.randomness import create_generator
 
 CELLS_PER_EDGE = 16
-"""Along each edge of a block."""
+"""Cells along each edge of a block."""
 PARTICLES_PER_BLOCK = 2**16
-"""In a block, in the mean."""
+"""Mean number of particles in a block."""
 DROP_BANDS_MM = (*np.arange(0.5, 3.0, 0.2), 3.3, 3.9, 4.8, 6.0)
 FLAKE_BANDS_MM = (0.4, 0.6, 0.8, 1.1, 1.5, 2.0, 3.0, 5.0)
-"""By melted diameter. Smaller ones are part of the air alone."""
+"""Edges of bands of (melted) diameter. Smaller particles only add to the extinction of the air."""
 FLAKE_SPEEDS = (0.7, 1.0, 1.3)
-"""Flakes of one size differ in shape and speed."""
+"""Factors of the fall speed: flakes of one size differ in shape and speed."""
 CAMERA_HEIGHT_M = 2.5
-"""Of cameras, for the wind."""
+"""Height of cameras, at which the wind is taken."""
 GUSTINESS = 0.3
-"""Standard deviation of the wind that sways flakes, against its mean."""
+"""Standard deviation of the wind that sways flakes, relative to its mean."""
 GLINT_DEVIATION = 1.0
-"""Standard deviation of the logarithm of what a drop adds to a picture, against the mean of all its
-size: drops swing while they fall and glitter with the sky (Garg and Nayar 2006)."""
+"""Standard deviation of the logarithm of a drop's brightness relative to the mean of its size:
+drops oscillate while they fall and glitter (Garg and Nayar 2006)."""
 SWAY_HZ = 0.8
 SWAY_CYCLE_RAD = 20.0 * math.pi
-"""After which a sway, of three frequencies, begins again."""
+"""Phase after which a sway, of three frequencies, repeats."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,10 +49,10 @@ class FallingParticles:
     """n particles at one moment.
 
     Attributes:
-        position: (n, 3) metres from the point that was asked around, world axes.
+        position: (n, 3) metres from the requested centre, world axes.
         velocity: (n, 3) m/s.
-        diameter_m: (n,) in the air.
-        glint: (n,) how much more each shows than its size says; 1 in the mean.
+        diameter_m: (n,) in the air, not melted.
+        glint: (n,) brightness relative to the mean of its size.
     """
 
     position: FloatArray
@@ -62,21 +62,15 @@ class FallingParticles:
 
     @staticmethod
     def concatenate(parts: Sequence["FallingParticles"]) -> "FallingParticles":
-        """All of them, in order."""
+        """Join groups of particles, in order."""
         if not parts:
             return FallingParticles(np.empty((0, 3)), np.empty((0, 3)), np.empty(0), np.empty(0))
-        return FallingParticles(
-            np.concatenate([part.position for part in parts]),
-            np.concatenate([part.velocity for part in parts]),
-            np.concatenate([part.diameter_m for part in parts]),
-            np.concatenate([part.glint for part in parts]),
-        )
+        columns = zip(*([*vars(part).values()] for part in parts), strict=True)
+        return FallingParticles(*(np.concatenate(column) for column in columns))
 
     def select(self, where: NDArray[Any]) -> "FallingParticles":
-        """Those alone."""
-        return FallingParticles(
-            self.position[where], self.velocity[where], self.diameter_m[where], self.glint[where]
-        )
+        """Select particles by index or mask."""
+        return FallingParticles(*(column[where] for column in vars(self).values()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,15 +78,15 @@ class ParticleBlock:
     """Particles of nearly one size and speed.
 
     Attributes:
-        kind: Rain or snow.
-        velocity: (3,) m/s of the whole block.
+        kind: `rain` or `snow`.
+        velocity: Velocity (3,) of the whole block, m/s.
         cell_m: Edge of a cell.
-        cell_starts: (cells + 1,) where each cell's particles begin in what follows.
-        offset_m: (n, 3) float32 within the cell, metres.
+        cell_starts: (cells + 1,) first particle of each cell in the arrays below.
+        offset_m: (n, 3) float32 position within the cell, metres.
         diameter_m: (n,) float32.
-        glint: (n,) float32 as `Particles` has it.
-        sway_m: How far gusts carry a particle to and fro.
-        phase: (n,) float32 of the sway, radians.
+        glint: (n,) float32 as in `FallingParticles`.
+        sway_m: Amplitude by which gusts move a particle.
+        phase: (n,) float32 phase of the sway, radians; empty without sway.
     """
 
     kind: str
@@ -107,25 +101,26 @@ class ParticleBlock:
 
     @property
     def max_diameter_m(self) -> float:
-        """Diameter that none exceeds."""
+        """Largest diameter in the block."""
         return float(self.diameter_m.max(initial=0.0))
 
     @property
     def fall_speed_m_s(self) -> float:
-        """Downwards."""
+        """Downward speed."""
         return -float(self.velocity[2])
 
     def find_particles(
         self, planes: Float64Array, corners: Float64Array, around: Float64Array, time_s: float
     ) -> FallingParticles:
-        """Particles of the cells that reach into a convex volume, and so some beside it.
+        """Find the particles of all cells that intersect a convex volume, so some are outside it.
 
         Args:
             planes: (p, 4): unit normal inwards and offset; a point x is inside if n·x + d >= 0.
             corners: (k, 3) of the volume. Like `planes` in metres from `around`, world axes.
-            around: (3,) point of the world.
-            time_s: Since the scenario's start.
+            around: Centre (3,) in the world.
+            time_s: Time since the scenario's start.
         """
+        # In cells, in the axes of the moving block; integer parts are split off for precision.
         origin = (around - self.velocity * time_s) / self.cell_m
         base = np.floor(origin)
         margin = self.cell_m + self.sway_m
@@ -134,9 +129,9 @@ class ParticleBlock:
         axes = [np.arange(a, b) for a, b in zip(low, high, strict=True)]
         cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
         corner = (cells + base - origin) * self.cell_m
-        centre, reach = corner + self.cell_m / 2.0, self.cell_m * math.sqrt(0.75) + self.sway_m
-        seen = np.all(centre @ planes[:, :3].T + planes[:, 3] >= -reach, axis=1)
-        corner, cells = corner[seen].astype(np.float32), cells[seen] + base.astype(np.intp)
+        centre, radius = corner + self.cell_m / 2.0, self.cell_m * math.sqrt(0.75) + self.sway_m
+        visible = np.all(centre @ planes[:, :3].T + planes[:, 3] >= -radius, axis=1)
+        corner, cells = corner[visible].astype(np.float32), cells[visible] + base.astype(np.intp)
         column = np.mod(cells, CELLS_PER_EDGE) @ np.array(
             [CELLS_PER_EDGE * CELLS_PER_EDGE, CELLS_PER_EDGE, 1]
         )
@@ -147,14 +142,15 @@ class ParticleBlock:
         position = corner[run] + self.offset_m[row]
         velocity = np.broadcast_to(self.velocity.astype(np.float32), position.shape)
         if self.sway_m:
-            turn = 2.0 * math.pi * SWAY_HZ
-            angle = self.phase[row] + np.float32(math.fmod(turn * time_s, SWAY_CYCLE_RAD))
+            # Frequencies of 1 : 1.3 : 2 do not trace a visible loop.
+            omega = 2.0 * math.pi * SWAY_HZ
+            angle = self.phase[row] + np.float32(math.fmod(omega * time_s, SWAY_CYCLE_RAD))
             swing = np.stack([np.sin(angle), np.cos(1.3 * angle), 0.4 * np.sin(2.0 * angle)], 1)
             swing_speed = np.stack(
                 [np.cos(angle), -1.3 * np.sin(1.3 * angle), 0.8 * np.cos(2.0 * angle)], 1
             )
             position = position + np.float32(self.sway_m) * swing
-            velocity = velocity + np.float32(self.sway_m * turn) * swing_speed
+            velocity = velocity + np.float32(self.sway_m * omega) * swing_speed
         return FallingParticles(position, velocity, self.diameter_m[row], self.glint[row])
 
 
@@ -193,8 +189,10 @@ def _build_snow_blocks(
         for number, factor in enumerate(FLAKE_SPEEDS):
             velocity = wind - [0.0, 0.0, air.snow_fall_speed_m_s * factor]
             rng = create_generator(*key, "snow", round(low_mm * 10), number)
-            share = 1.0 / len(FLAKE_SPEEDS)
-            yield _build_block(sizes, (low_mm, high_mm), velocity, rng, share=share, sway_m=sway_m)
+            fraction = 1.0 / len(FLAKE_SPEEDS)
+            yield _build_block(
+                sizes, (low_mm, high_mm), velocity, rng, fraction=fraction, sway_m=sway_m
+            )
 
 
 def _build_block(
@@ -203,24 +201,26 @@ def _build_block(
     velocity: Float64Array,
     rng: np.random.Generator,
     *,
-    share: float = 1.0,
+    fraction: float = 1.0,
     sway_m: float = 0.0,
 ) -> ParticleBlock:
+    """Draw a block of a fraction of the particles within a band of diameters."""
     low_mm, high_mm = band_mm
-    number_m3 = share * float(
+    number_m3 = fraction * float(
         sizes.number_concentration_above(low_mm) - sizes.number_concentration_above(high_mm)
     )
     cell_m = (PARTICLES_PER_BLOCK / number_m3) ** (1.0 / 3.0) / CELLS_PER_EDGE
     count = rng.poisson(PARTICLES_PER_BLOCK / CELLS_PER_EDGE**3, CELLS_PER_EDGE**3)
-    first = np.concatenate([[0], np.cumsum(count)]).astype(np.intp)
-    place = rng.random((first[-1], 3), np.float32) * np.float32(cell_m)
+    starts = np.concatenate([[0], np.cumsum(count)]).astype(np.intp)
+    offset = rng.random((starts[-1], 3), np.float32) * np.float32(cell_m)
     diameter_mm = sizes.sample_diameters_mm(
-        np.full(first[-1], low_mm), rng.random(first[-1]), high_mm
+        np.full(starts[-1], low_mm), rng.random(starts[-1]), high_mm
     )
-    phase = rng.random(first[-1] if sway_m else 0, np.float32) * np.float32(SWAY_CYCLE_RAD)
+    phase = rng.random(starts[-1] if sway_m else 0, np.float32) * np.float32(SWAY_CYCLE_RAD)
     diameter_m = (diameter_mm * sizes.air_to_melted_diameter * 1e-3).astype(np.float32)
     spread = GLINT_DEVIATION if sizes.kind == "rain" else 0.0
-    glint = np.exp(spread * rng.standard_normal(first[-1]) - spread**2 / 2.0).astype(np.float32)
+    # Mean 1 of a log-normal distribution.
+    glint = np.exp(spread * rng.standard_normal(starts[-1]) - spread**2 / 2.0).astype(np.float32)
     return ParticleBlock(
-        sizes.kind, velocity, cell_m, first, place, diameter_m, glint, sway_m, phase
+        sizes.kind, velocity, cell_m, starts, offset, diameter_m, glint, sway_m, phase
     )

@@ -1,8 +1,8 @@
-"""The way from what a renderer captured to what a camera reports.
+"""Forms a camera image from the radiance that a renderer captured.
 
 Radiance in cd/m² passes the air (the sun's disc, spray, drops and flakes), the glass, the lens
-(scattered light, ghosts, vignetting) and the electronics (exposure, white balance, noise, tone).
-What is not there leaves the picture exactly as it is.
+(stray light, ghosts, vignetting) and the electronics (exposure, white balance, noise, tone).
+Absent effects leave the image unchanged bit for bit.
 """
 
 import math
@@ -33,17 +33,17 @@ from advercity.sensors.camera.spray_veil import add_spray
 
 @dataclass(frozen=True, eq=False)
 class CameraConditions:
-    """Air and light as cameras have them, worked out once per scenario.
+    """Air and light as cameras need them, computed once per scenario.
 
     Attributes:
         atmosphere: Air and light of the scene.
-        lens: What is on the lenses' glass.
-        blocks: All that falls, the same for every camera.
-        ambient_light: Light from around.
+        lens: Drops, dust or snow on the glass of the cameras.
+        blocks: Falling drops and flakes, the same for every camera.
+        ambient_light: Light on particles in the air.
         white_point: (3,) colour that is shown as grey.
-        white_card_cd_m2: What a white card on open ground shows; inf by night, when no
-            light is everywhere.
-        key: Of everything random in front of the lenses.
+        white_card_cd_m2: Luminance of a white card on open ground; inf by night, when lamps light
+            some places only.
+        key: Random key of everything in front of the lenses.
     """
 
     atmosphere: Atmosphere
@@ -56,7 +56,7 @@ class CameraConditions:
 
     @staticmethod
     def build(atmosphere: Atmosphere, lens: Lens, *key: int | str) -> "CameraConditions":
-        """Derive the conditions; the same key lets the same drops fall."""
+        """Derive the conditions; the same key gives the same drops."""
         return CameraConditions(
             atmosphere=atmosphere,
             lens=lens,
@@ -77,21 +77,22 @@ def render_image(
     mount: Mount,
     carrier: str = "",
 ) -> NDArray[np.uint8]:
-    """The picture (h, w, 3) RGB that a camera takes.
+    """Form the image (h, w, 3) RGB that a camera takes.
 
     Args:
-        capture: What its pixels met.
-        exposure: Where from, of what, with which camera.
-        conditions: Between.
-        rng: Of this camera and frame, for the electronics.
-        mount: How the camera sits on its carrier.
-        carrier: Whose it is; tells what is on its glass from what is on another's.
+        capture: Radiance and depth of the scene.
+        exposure: Camera, pose and frame.
+        conditions: Air, light and glass.
+        rng: Generator of this camera and frame, for the electronics.
+        mount: Mount of the camera, which decides what is on its glass.
+        carrier: Name of the carrier; each has other spots on its glass.
     """
     light = _light_on_sensor(capture, exposure, conditions, mount, carrier)
     control = exposure.camera.exposure
     setting = meter_exposure(light, control, white_card_cd_m2=conditions.white_card_cd_m2)
     if conditions.blocks and setting.shutter_s != control.shutter_s:
-        # How drops streak is known only now, and hardly changes what was metered.
+        # The shutter decides how drops streak; that hardly changes what was metered, so once is
+        # enough.
         light = _light_on_sensor(
             capture, exposure.with_shutter(setting.shutter_s), conditions, mount, carrier
         )
@@ -99,25 +100,38 @@ def render_image(
 
 
 def add_air_effects(
-    capture: CameraCapture, shot: CameraExposure, air: CameraConditions
+    capture: CameraCapture, exposure: CameraExposure, conditions: CameraConditions
 ) -> CameraCapture:
-    """The capture with the sun's disc and with what the air before the camera holds."""
-    seen = add_sun_disc(capture, shot.view, air.atmosphere)
-    seen = add_spray(seen, shot, air.ambient_light, water_film_mm=air.atmosphere.water_film_mm)
-    extinction = air.atmosphere.extinction.at_550nm
-    return add_falling_particles(seen, shot, air.blocks, air.ambient_light, extinction=extinction)
+    """Add the sun's disc, spray, and falling drops and flakes to a capture."""
+    capture = add_sun_disc(capture, exposure.view, conditions.atmosphere)
+    capture = add_spray(
+        capture,
+        exposure,
+        conditions.ambient_light,
+        water_film_mm=conditions.atmosphere.water_film_mm,
+    )
+    extinction = conditions.atmosphere.extinction.at_550nm
+    return add_falling_particles(
+        capture, exposure, conditions.blocks, conditions.ambient_light, extinction=extinction
+    )
 
 
 def _light_on_sensor(
-    capture: CameraCapture, shot: CameraExposure, air: CameraConditions, mount: Mount, carrier: str
+    capture: CameraCapture,
+    exposure: CameraExposure,
+    conditions: CameraConditions,
+    mount: Mount,
+    carrier: str,
 ) -> NDArray[np.float32]:
-    """Light (h, w, 3) in cd/m² that comes through air, glass and lens while the shutter is open."""
-    before_lens = add_air_effects(capture, shot, air)
-    lens = air.lens
-    spots = create_generator(*air.key, "glass", carrier, *map(str, mount.model_dump().values()))
-    light = apply_glass(before_lens.radiance, shot, lens, glass_coverage(lens, mount), spots)
-    light = add_stray_light(
-        light, horizontal_fov_rad=shot.view.horizontal_fov_rad, fraction=lens.stray_light
+    """Compute the light (h, w, 3) in cd/m² that passes air, glass and lens."""
+    before_lens = add_air_effects(capture, exposure, conditions)
+    lens = conditions.lens
+    spots = create_generator(
+        *conditions.key, "glass", carrier, *map(str, mount.model_dump().values())
     )
-    light = add_lens_ghosts(light, capture, shot, air.atmosphere)
-    return apply_vignetting(light, shot.focal_px, shot.camera.vignetting)
+    light = apply_glass(before_lens.radiance, exposure, lens, glass_coverage(lens, mount), spots)
+    light = add_stray_light(
+        light, horizontal_fov_rad=exposure.view.horizontal_fov_rad, fraction=lens.stray_light
+    )
+    light = add_lens_ghosts(light, capture, exposure, conditions.atmosphere)
+    return apply_vignetting(light, exposure.focal_px, exposure.camera.vignetting)

@@ -1,7 +1,7 @@
-"""Drops and flakes as the shutter smears them over a picture.
+"""Draws drops and flakes as streaks over the exposure time.
 
-While the shutter is open a particle of s pixels covers (pi / 4) s² pixels of light; the faster it
-moves and the nearer it is to the lens, the thinner that is spread.
+A particle of s pixels covers (pi / 4) s² pixels of light; the faster it moves and the closer it is
+to the lens, the larger the area over which this cover is spread.
 """
 
 import math
@@ -27,30 +27,30 @@ from advercity.sensors.camera.scene_light import (
 
 MIN_DEPTH_M, MAX_DEPTH_M = 0.25, 20.0
 MIN_OPACITY = 0.01
-"""Share of the light behind that a particle must take to be drawn; fainter ones are air."""
+"""Least fraction of the background that a drawn particle hides; fainter ones count as air."""
 MIN_OPACITY_SHUTTER_S = 0.005
-"""A shutter that is open for longer spreads the same particles thinner, and hides none of them."""
+"""Shutter time above which MIN_OPACITY falls, so that long exposures keep the same particles."""
 LIGHT_GRID = (16, 9)
-"""Points across and down at which light from far away is worked out; it is smooth."""
+"""Columns and rows of points at which light from far away is computed; it is smooth."""
 LIGHT_GRID_DEPTH_M = 3.0
 DOT_COUNT_ROUNDING = 8
-"""Dots from which on their number is rounded up, by an eighth at most."""
+"""Number of dots above which it is rounded up, by an eighth at most, so that few differ."""
 NEAR_LAMPS_M, FAR_LAMPS_M = 8.0, 60.0
-"""Lamps nearer than the first light each particle its own way; farther than the second, none."""
+"""Lamps within the first distance light each particle separately; beyond the second, none."""
 
 
 @dataclass(frozen=True, eq=False)
 class MotionStreaks:
-    """Traces (n,) of particles in a picture, and what they are.
+    """Streaks (n,) of particles in an image.
 
     Attributes:
         begin: (n, 2) column and row when the shutter opens, pixels.
-        end: (n, 2) when it closes.
-        depth_m: (n,) in the middle.
-        width_px: (n,) of the particle's own image, sharp.
-        blur_px: (n,) of the disc that the lens makes of a point so near.
-        position: (n, 3) in the middle, metres from the eye, world axes.
-        glint: (n,) how much more each shows than its size says; 1 in the mean.
+        end: (n, 2) column and row when it closes.
+        depth_m: (n,) depth halfway.
+        width_px: (n,) width of the particle's sharp image.
+        blur_px: (n,) diameter of the blur disc of a point at this depth.
+        position: (n, 3) at the opening of the shutter, metres from the eye, world axes.
+        glint: (n,) brightness relative to the mean of its size.
     """
 
     begin: FloatArray
@@ -63,103 +63,101 @@ class MotionStreaks:
 
     @property
     def length_px(self) -> FloatArray:
-        """How far each moves."""
+        """Length of each streak."""
         return np.hypot(*(self.end - self.begin).T)
 
     @property
     def covered_area_px(self) -> FloatArray:
-        """Area that each covers in the mean over the exposure, pixels."""
+        """Area that each particle covers, pixels."""
         return math.pi / 4.0 * self.width_px**2
 
     @property
     def blurred_width_px(self) -> FloatArray:
-        """Width of each trace, blurred and never less than a pixel."""
+        """Width of each streak, blurred and never less than a pixel."""
         return np.maximum(np.hypot(self.width_px, self.blur_px), 1.0)
 
     @property
     def opacity(self) -> FloatArray:
-        """Share of the light behind that a pixel in the middle of each trace loses."""
+        """Fraction of the background that each streak hides along its middle."""
         broad = self.blurred_width_px
         return self.covered_area_px / (broad * (self.length_px + broad))
 
     def select(self, where: NDArray[Any]) -> "MotionStreaks":
-        """Those alone."""
-        return MotionStreaks(
-            self.begin[where],
-            self.end[where],
-            self.depth_m[where],
-            self.width_px[where],
-            self.blur_px[where],
-            self.position[where],
-            self.glint[where],
-        )
+        """Select streaks by index or mask."""
+        return MotionStreaks(*(column[where] for column in vars(self).values()))
 
 
 def add_falling_particles(
     capture: CameraCapture,
-    shot: CameraExposure,
+    exposure: CameraExposure,
     blocks: Sequence[ParticleBlock],
-    ambience: AmbientLight,
+    ambient_light: AmbientLight,
     *,
     extinction: float,
 ) -> CameraCapture:
-    """The capture with the drops and flakes that fly between camera and scene.
+    """Add the drops and flakes between camera and scene to a capture.
 
     Args:
-        capture: What is behind.
-        shot: Where from, and how long the shutter is open.
-        blocks: All that falls.
-        ambience: Light around.
-        extinction: Of the air, 1/m; it takes contrast from what is far.
+        capture: Radiance and depth of the scene.
+        exposure: Pose of the camera and shutter time.
+        blocks: All falling particles.
+        ambient_light: Light on particles.
+        extinction: Extinction of the air, 1/m, which reduces the contrast of far particles.
     """
     for kind in ("rain", "snow"):
         falling = [block for block in blocks if block.kind == kind]
-        seen = project_streaks(find_visible_particles(shot, falling), shot)
+        seen = project_streaks(find_visible_particles(exposure, falling), exposure)
         if len(seen.depth_m):
-            capture = _draw_streaks(capture, shot, seen, ambience, kind, extinction)
+            capture = _draw_streaks(capture, exposure, seen, ambient_light, kind, extinction)
     return capture
 
 
 def find_visible_particles(
-    shot: CameraExposure, blocks: Sequence[ParticleBlock]
+    exposure: CameraExposure, blocks: Sequence[ParticleBlock]
 ) -> FallingParticles:
-    """Particles of blocks that may be seen, in metres from the eye."""
+    """Find the particles of blocks that may be visible, in metres from the eye."""
     found: list[FallingParticles] = []
     for block in blocks:
-        reach_m = _max_visible_depth_m(block, shot)
-        if reach_m > MIN_DEPTH_M:
-            planes, corners = shot.frustum(MIN_DEPTH_M, reach_m)
-            found.append(block.find_particles(planes, corners, shot.position, shot.frame.time_s))
+        max_depth_m = _max_visible_depth_m(block, exposure)
+        if max_depth_m > MIN_DEPTH_M:
+            planes, corners = exposure.frustum(MIN_DEPTH_M, max_depth_m)
+            found.append(
+                block.find_particles(planes, corners, exposure.position, exposure.frame.time_s)
+            )
     return FallingParticles.concatenate(found)
 
 
-def project_streaks(particles: FallingParticles, shot: CameraExposure) -> MotionStreaks:
-    """Traces of the particles that are seen well enough."""
-    open_s = shot.camera.exposure.shutter_s
-    turn = shot.view.world_from_camera[:3, :3].astype(np.float32)
-    start = particles.position @ turn
-    way = (particles.velocity - shot.velocity.astype(np.float32)) @ turn * np.float32(open_s)
-    before = (start[:, 0] > MIN_DEPTH_M) & (start[:, 0] + way[:, 0] > MIN_DEPTH_M)
-    start, way, diameter_m = start[before], way[before], particles.diameter_m[before]
-    depth_m = start[:, 0] + way[:, 0] / 2.0
+def project_streaks(particles: FallingParticles, exposure: CameraExposure) -> MotionStreaks:
+    """Project particles to streaks, without those below the least opacity."""
+    open_s = exposure.camera.exposure.shutter_s
+    camera_axes = exposure.view.world_from_camera[:3, :3].astype(np.float32)
+    start = particles.position @ camera_axes
+    path = (
+        (particles.velocity - exposure.velocity.astype(np.float32))
+        @ camera_axes
+        * np.float32(open_s)
+    )
+    before = (start[:, 0] > MIN_DEPTH_M) & (start[:, 0] + path[:, 0] > MIN_DEPTH_M)
+    start, path, diameter_m = start[before], path[before], particles.diameter_m[before]
+    depth_m = start[:, 0] + path[:, 0] / 2.0
     found = MotionStreaks(
-        begin=np.stack(shot.project_points(start), axis=1),
-        end=np.stack(shot.project_points(start + way), axis=1),
+        begin=np.stack(exposure.project_points(start), axis=1),
+        end=np.stack(exposure.project_points(start + path), axis=1),
         depth_m=depth_m,
-        width_px=diameter_m * shot.focal_px / depth_m,
-        blur_px=shot.aperture_m * shot.focal_px / depth_m,
+        width_px=diameter_m * exposure.focal_px / depth_m,
+        blur_px=exposure.aperture_m * exposure.focal_px / depth_m,
         position=particles.position[before],
         glint=particles.glint[before],
     )
     return found.select(np.flatnonzero(found.opacity > _min_opacity(open_s)))
 
 
-def _max_visible_depth_m(block: ParticleBlock, shot: CameraExposure) -> float:
-    """Depth beyond which no particle of the block is seen well enough, however it flies."""
-    open_s = shot.camera.exposure.shutter_s
-    way = block.fall_speed_m_s * open_s * shot.focal_px
-    cover = math.pi * (block.max_diameter_m * shot.focal_px) ** 2 / _min_opacity(open_s)
-    return min((math.sqrt(way**2 + cover) - way) / 2.0, MAX_DEPTH_M)
+def _max_visible_depth_m(block: ParticleBlock, exposure: CameraExposure) -> float:
+    """Compute the depth beyond which no particle of a block can have the least opacity."""
+    open_s = exposure.camera.exposure.shutter_s
+    path = block.fall_speed_m_s * open_s * exposure.focal_px
+    cover = math.pi * (block.max_diameter_m * exposure.focal_px) ** 2 / _min_opacity(open_s)
+    return min((math.sqrt(path**2 + cover) - path) / 2.0, MAX_DEPTH_M)
 
 
 def _min_opacity(open_s: float) -> float:
@@ -168,32 +166,35 @@ def _min_opacity(open_s: float) -> float:
 
 def _draw_streaks(
     capture: CameraCapture,
-    shot: CameraExposure,
+    exposure: CameraExposure,
     streaks: MotionStreaks,
-    ambience: AmbientLight,
+    ambient_light: AmbientLight,
     kind: str,
     extinction: float,
 ) -> CameraCapture:
+    """Draw streaks of one kind over a capture."""
     is_rain = kind == "rain"
     per_lx = DROP_LUMINANCE_PER_LX if is_rain else FLAKE_LUMINANCE_PER_LX
-    near, far = _split_lamps_by_distance(shot)
-    rays = shot.ray_grid(*LIGHT_GRID).reshape(-1, 3)
-    far_light = ambience.drop_luminance(rays) if is_rain else ambience.flake_luminance(rays)
+    near, far = _split_lamps_by_distance(exposure)
+    rays = exposure.ray_grid(*LIGHT_GRID).reshape(-1, 3)
+    far_light = (
+        ambient_light.drop_luminance(rays) if is_rain else ambient_light.flake_luminance(rays)
+    )
     middle = LIGHT_GRID_DEPTH_M * rays
     far_light = far_light + lamp_luminance(
-        far, middle, shot.position, per_lx=per_lx, forward_scattering=is_rain
+        far, middle, exposure.position, per_lx=per_lx, forward_scattering=is_rain
     )
     height, width = capture.depth.shape
     grid = far_light.reshape(LIGHT_GRID[1], LIGHT_GRID[0], 3).astype(np.float32)
     light = cv2.resize(grid, (width, height), interpolation=cv2.INTER_LINEAR)
 
-    own = None
+    own_light = None
     if near:
-        own = lamp_luminance(
-            near, streaks.position, shot.position, per_lx=per_lx, forward_scattering=is_rain
+        own_light = lamp_luminance(
+            near, streaks.position, exposure.position, per_lx=per_lx, forward_scattering=is_rain
         )
     weight = streaks.covered_area_px * streaks.glint * np.exp(-extinction * streaks.depth_m)
-    cover, glow = _splat_dots(streaks, weight, own, capture.depth)
+    cover, glow = _splat_dots(streaks, weight, own_light, capture.depth)
     np.minimum(cover, 1.0, out=cover)
     light -= capture.radiance
     light *= cv2.merge([cover] * 3)
@@ -203,71 +204,80 @@ def _draw_streaks(
     return replace(capture, radiance=light)
 
 
-def _split_lamps_by_distance(shot: CameraExposure) -> tuple[list[LightSource], list[LightSource]]:
-    if not shot.light_sources:
+def _split_lamps_by_distance(
+    exposure: CameraExposure,
+) -> tuple[list[LightSource], list[LightSource]]:
+    if not exposure.light_sources:
         return [], []
-    positions = np.array([lamp.position for lamp in shot.light_sources])
-    away = np.linalg.norm(positions - shot.position, axis=1).tolist()
-    near = [lamp for lamp, m in zip(shot.light_sources, away, strict=True) if m < NEAR_LAMPS_M]
+    positions = np.array([lamp.position for lamp in exposure.light_sources])
+    away = np.linalg.norm(positions - exposure.position, axis=1).tolist()
+    near = [lamp for lamp, m in zip(exposure.light_sources, away, strict=True) if m < NEAR_LAMPS_M]
     far = [
         lamp
-        for lamp, m in zip(shot.light_sources, away, strict=True)
+        for lamp, m in zip(exposure.light_sources, away, strict=True)
         if NEAR_LAMPS_M <= m < FAR_LAMPS_M
     ]
     return near, far
 
 
 def _splat_dots(
-    streaks: MotionStreaks, weight: FloatArray, own: FloatArray | None, depth: NDArray[np.float32]
+    streaks: MotionStreaks,
+    weight: FloatArray,
+    own_light: FloatArray | None,
+    depth: NDArray[np.float32],
 ) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
-    """What traces cover of each pixel (h, w), and the light (h, w, 3) of their own they add."""
+    """Sum the cover of streaks per pixel (h, w), and their own light (h, w, 3) if they have any."""
     height, width = depth.shape
-    place, run, count = _place_dots(streaks)
-    column, row = np.floor(place, out=place).astype(np.int32)
-    # As unsigned numbers what is left of the picture or above it lies far beyond it.
+    position, run, count = _place_dots(streaks)
+    column, row = np.floor(position, out=position).astype(np.int32)
+    # As unsigned numbers, negative indices are far beyond the other edge: one comparison for both.
     inside = column.view(np.uint32) < width
     inside &= row.view(np.uint32) < height
-    kept = np.flatnonzero(inside)
-    index, run = row[kept] * width + column[kept], run[kept]
+    visible = np.flatnonzero(inside)
+    index, run = row[visible] * width + column[visible], run[visible]
     before = np.flatnonzero(depth.ravel()[index] > streaks.depth_m.astype(np.float32)[run])
     index, run = index[before], run[before]
     dot = (weight / count).astype(np.float32)[run]
     cover = np.bincount(index, dot, height * width).reshape(height, width).astype(np.float32)
-    if own is None:
+    if own_light is None:
         return cover, None
-    shine = [np.bincount(index, dot * own[run, channel], height * width) for channel in range(3)]
-    return cover, np.stack(shine, axis=1).reshape(height, width, 3).astype(np.float32)
+    light = [
+        np.bincount(index, dot * own_light[run, channel], height * width) for channel in range(3)
+    ]
+    return cover, np.stack(light, axis=1).reshape(height, width, 3).astype(np.float32)
 
 
 def _place_dots(streaks: MotionStreaks) -> tuple[FloatArray, NDArray[np.int32], NDArray[np.intp]]:
-    """Places (2, m) of dots along n traces, whose each (m,) is, and how many dots each (n,) has.
+    """Place dots along n streaks: positions (2, m), streak of each dot (m,), dots per streak (n,).
 
-    Each trace is a row of dots and, where it is broad, several across. Traces of as many dots are
-    worked out together.
+    Each streak is a row of dots and, if it is broad, several rows. Streaks with equal numbers of
+    dots are computed together.
     """
-    begin, way = streaks.begin.astype(np.float32), (streaks.end - streaks.begin).astype(np.float32)
+    begin, path = streaks.begin.astype(np.float32), (streaks.end - streaks.begin).astype(np.float32)
     along = _round_up_dot_count(streaks.length_px + 1.0)
     across = _round_up_dot_count(streaks.blurred_width_px)
-    aside = np.stack([-way[:, 1], way[:, 0]], axis=1)
-    aside *= (streaks.blurred_width_px / np.maximum(streaks.length_px, 1e-6)).astype(np.float32)[
-        :, None
-    ]
+    across_step = np.stack([-path[:, 1], path[:, 0]], axis=1)
+    across_step *= (streaks.blurred_width_px / np.maximum(streaks.length_px, 1e-6)).astype(
+        np.float32
+    )[:, None]
     pattern = along * (across.max() + 1) + across
     order = np.argsort(pattern, kind="stable")
-    places: list[FloatArray] = []
-    for some in np.split(order, np.flatnonzero(np.diff(pattern[order])) + 1):
-        lines, lanes = int(along[some[0]]), int(across[some[0]])
-        share = ((np.arange(lines) + 0.5) / lines).astype(np.float32)
-        place = begin[some].T[..., None] + way[some].T[..., None] * share
-        if lanes > 1:
-            place = place[..., None] + aside[some].T[..., None, None] * _lane_offsets(lanes)
-        places.append(place.reshape(2, -1))
+    positions: list[FloatArray] = []
+    for members in np.split(order, np.flatnonzero(np.diff(pattern[order])) + 1):
+        along_count, lane_count = int(along[members[0]]), int(across[members[0]])
+        fraction = ((np.arange(along_count) + 0.5) / along_count).astype(np.float32)
+        position = begin[members].T[..., None] + path[members].T[..., None] * fraction
+        if lane_count > 1:
+            position = position[..., None] + across_step[members].T[
+                ..., None, None
+            ] * _lane_offsets(lane_count)
+        positions.append(position.reshape(2, -1))
     count = along * across
-    return np.concatenate(places, axis=1), np.repeat(order, count[order]).astype(np.int32), count
+    return np.concatenate(positions, axis=1), np.repeat(order, count[order]).astype(np.int32), count
 
 
 def _round_up_dot_count(size_px: FloatArray) -> NDArray[np.intp]:
-    """Numbers of dots (n,) that are enough, of which there are few different ones."""
+    """Round sizes (n,) up to numbers of dots, to few different ones."""
     step = 2.0 ** np.floor(
         np.log2(np.maximum(size_px, DOT_COUNT_ROUNDING)) - math.log2(DOT_COUNT_ROUNDING)
     )
@@ -275,6 +285,6 @@ def _round_up_dot_count(size_px: FloatArray) -> NDArray[np.intp]:
 
 
 def _lane_offsets(number: int) -> NDArray[np.float32]:
-    """Where (number,) dots lie across a trace, in widths of it; discs are thick in the middle."""
+    """Compute offsets (number,) across a streak in its widths; discs are thicker in the middle."""
     off = (np.arange(number) + 0.5) / number - 0.5
     return (np.sign(off) * (1.0 - np.sqrt(1.0 - 2.0 * np.abs(off)))).astype(np.float32)

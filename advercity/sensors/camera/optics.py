@@ -1,11 +1,4 @@
-"""Drops, dust and snow on the glass before a lens; much too near to be sharp.
-
-Light that a lens scatters away from where it belongs: veils around lamps and the sun.
-
-Ghosts: discs of light that two reflections inside a lens throw opposite bright lamps.
-
-Pictures are darker towards their corners.
-"""
+"""Optics of a camera: spots on the glass, stray light, ghosts of bright lamps, and vignetting."""
 
 import math
 from collections.abc import Iterator
@@ -26,49 +19,79 @@ from advercity.rendering.backend import CameraCapture
 from advercity.sensors.camera.exposure import CameraExposure
 
 GLASS_DISTANCE_M = 0.05
-"""Before the entrance pupil."""
+"""Distance of the glass from the entrance pupil: much too close to be sharp."""
 SPOT_MM = {"water": 3.0, "dust": 0.8, "snow": 6.0}
-"""Median diameter of a spot, by what it is."""
+"""Median diameter of a spot, by kind."""
 SPOT_SIZE_DEVIATION = 0.35
-"""Of the logarithm of diameters."""
+"""Standard deviation of the logarithm of diameters."""
 DROP_MAGNIFICATION = -2.5
-"""How a drop shows what is behind it: upside down, and that much of it within its own width."""
+"""Scale of the scene in a drop: inverted, and reduced to this many of the drop's own widths."""
 GLASS_DUST_ALBEDO = 0.3
 SIDE_VIEW_DEG, REAR_VIEW_DEG = 45.0, 135.0
-"""Headings from which a camera looks to the side, and to the rear."""
+"""Headings from which a camera faces the side, and the rear."""
+OpenCvArray = NDArray[np.floating[Any] | np.integer[Any]]
+"""Arrays that OpenCV returns according to its type stubs."""
+
+STRAY_LIGHT_CORE_RAD = math.radians(0.5)
+STRAY_LIGHT_CUTOFF_RAD = math.radians(60.0)
+VEIL_WIDTH_PX = 256
+"""Width of the image at which the veil is computed; it is smooth, so that is enough."""
+GHOST_REFLECTANCE = 5e-5
+"""Fraction of a lamp's light that reflections at two coated surfaces send into one ghost."""
+LENS_GHOSTS: tuple[tuple[float, float, tuple[float, float, float]], ...] = (
+    (0.4, 2.0, (0.7, 1.1, 0.9)),
+    (0.7, 3.5, (0.8, 1.0, 1.5)),
+    (1.2, 5.0, (1.3, 0.9, 0.8)),
+    (-0.5, 1.5, (1.0, 1.0, 1.0)),
+    (-1.3, 4.0, (0.9, 1.1, 0.7)),
+)
+"""Position of each ghost on the line from lamp to image centre, its radius in degrees, tint.
+
+Position 0 is the centre, 1 is as far beyond it as the lamp is on this side.
+"""
+GHOST_EDGE_FRACTION = 0.25
+"""Width of a ghost's soft edge relative to its radius."""
+LAMP_HOUSING_M = 0.5
+"""Depth by which a lamp may lie behind the surface of its own housing."""
+MIN_GHOST_LX = 0.05
+"""Least illuminance of the lens by a lamp whose ghosts are visible."""
 
 
 def glass_coverage(lens: Lens, mount: Mount) -> float:
-    """Share of the glass of a camera that is covered, by where it looks; 0 if lenses stay clean."""
+    """Return the covered fraction of a camera's glass by its heading; 0 if lenses stay clean."""
     if not lens.enabled:
         return 0.0
-    turned = abs(math.remainder(mount.yaw_deg, 360.0))
-    if turned < SIDE_VIEW_DEG:
+    heading_deg = abs(math.remainder(mount.yaw_deg, 360.0))
+    if heading_deg < SIDE_VIEW_DEG:
         return lens.coverage.front
-    return lens.coverage.side if turned < REAR_VIEW_DEG else lens.coverage.rear
+    return lens.coverage.side if heading_deg < REAR_VIEW_DEG else lens.coverage.rear
 
 
 def apply_glass(
-    light: Float32Array, shot: CameraExposure, lens: Lens, coverage: float, rng: np.random.Generator
+    light: Float32Array,
+    exposure: CameraExposure,
+    lens: Lens,
+    coverage: float,
+    rng: np.random.Generator,
 ) -> Float32Array:
-    """A picture (h, w, 3) in cd/m² through glass of which a share is covered.
+    """Cover a fraction of the glass in front of an image (h, w, 3) in cd/m².
 
     Args:
-        light: What comes to the glass.
-        shot: Its focal length and aperture say how blurred the glass is.
-        lens: What is on it.
-        coverage: 0 leaves the picture as it is.
-        rng: Of this camera; the same puts the same spots in the same places.
+        light: Image before the glass.
+        exposure: Gives focal length and aperture, and so the blur of the glass.
+        lens: Kind of spots.
+        coverage: Covered fraction; 0 leaves the image unchanged.
+        rng: Generator of this camera; the same state gives the same spots.
     """
     if coverage == 0.0:
         return light
     height, width = light.shape[:2]
-    middle, radius_px = _draw_spots(shot, lens.kind, coverage, rng)
+    middle, radius_px = _draw_spots(exposure, lens.kind, coverage, rng)
     mask = np.zeros((height, width), np.float32)
     shift = np.zeros((height, width, 2), np.float32)
     for at, radius in zip(middle, radius_px, strict=True):
         _stamp_spot(mask, shift, at, radius)
-    blur_px = max(shot.aperture_m * shot.focal_px / GLASS_DISTANCE_M, 1.0)
+    blur_px = max(exposure.aperture_m * exposure.focal_px / GLASS_DISTANCE_M, 1.0)
     mask = cv2.GaussianBlur(mask, (0, 0), blur_px / 4.0)[..., None]
     mean = light.mean(axis=(0, 1))
     if lens.kind == "water":
@@ -87,14 +110,15 @@ def apply_glass(
 
 
 def _draw_spots(
-    shot: CameraExposure, kind: str, coverage: float, rng: np.random.Generator
+    exposure: CameraExposure, kind: str, coverage: float, rng: np.random.Generator
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Column and row (n, 2) and radius (n,) in pixels of spots that cover a share of the glass."""
-    height, width = shot.view.height_px, shot.view.width_px
-    scale = shot.focal_px / GLASS_DISTANCE_M
+    """Draw columns and rows (n, 2) and radii (n,) in pixels of spots that cover the glass."""
+    height, width = exposure.view.height_px, exposure.view.width_px
+    scale = exposure.focal_px / GLASS_DISTANCE_M
     mean_area = (
         math.pi / 4.0 * (SPOT_MM[kind] * 1e-3 * scale) ** 2 * math.exp(2.0 * SPOT_SIZE_DEVIATION**2)
     )
+    # Spots overlap at random, so the uncovered fraction is exp(-number times mean area).
     count = rng.poisson(-math.log1p(-min(coverage, 0.95)) * height * width / mean_area)
     diameter = SPOT_MM[kind] * 1e-3 * np.exp(SPOT_SIZE_DEVIATION * rng.standard_normal(count))
     return rng.random((count, 2)) * [width, height], diameter * scale / 2.0
@@ -103,37 +127,36 @@ def _draw_spots(
 def _stamp_spot(
     mask: Float32Array, shift: Float32Array, at: NDArray[np.float64], radius: float
 ) -> None:
-    height, width = mask.shape
+    """Mark the pixels of a spot, and the shift (h, w, 2) to the pixels that it shows."""
+    pixels, off = _pixels_around(at, radius, mask.shape)
+    inside = np.hypot(off[..., 0], off[..., 1]) < radius
+    mask[pixels][inside] = 1.0
+    shift[pixels][inside] = ((DROP_MAGNIFICATION - 1.0) * off[inside]).astype(np.float32)
+
+
+def _pixels_around(
+    at: NDArray[np.float64], radius: float, shape: tuple[int, ...]
+) -> tuple[tuple[slice, slice], NDArray[np.float64]]:
+    """Find the pixels around a disc, and the offsets (r, c, 2) of their centres from its own.
+
+    Empty if the disc is not in the image.
+    """
+    height, width = shape[:2]
     left, right = max(0, math.floor(at[0] - radius)), min(width, math.ceil(at[0] + radius))
     top, bottom = max(0, math.floor(at[1] - radius)), min(height, math.ceil(at[1] + radius))
-    if left >= right or top >= bottom:
-        return
-    down, across = np.mgrid[top:bottom, left:right] + 0.5
-    off = np.stack([across - at[0], down - at[1]], axis=-1)
-    inside = np.hypot(off[..., 0], off[..., 1]) < radius
-    mask[top:bottom, left:right][inside] = 1.0
-    shift[top:bottom, left:right][inside] = ((DROP_MAGNIFICATION - 1.0) * off[inside]).astype(
-        np.float32
-    )
-
-
-OpenCvArray = NDArray[np.floating[Any] | np.integer[Any]]
-"""What OpenCV may return, by its stubs."""
-
-STRAY_LIGHT_CORE_RAD = math.radians(0.5)
-STRAY_LIGHT_CUTOFF_RAD = math.radians(60.0)
-VEIL_WIDTH_PX = 256
-"""Width at which the veil is worked out; it is smooth, so that is fine enough."""
+    pixels = slice(top, max(top, bottom)), slice(left, max(left, right))
+    row, column = np.mgrid[pixels] + 0.5
+    return pixels, np.stack([column - at[0], row - at[1]], axis=-1)
 
 
 def add_stray_light(
     radiance: Float32Array, *, horizontal_fov_rad: float, fraction: float
 ) -> Float32Array:
-    """Radiance (h, w, 3) behind a lens that scatters `share` of the light.
+    """Compute the radiance (h, w, 3) behind a lens that scatters a fraction e of the light.
 
-    The point-spread function is (1 - e) delta + e C / (theta² + theta_0²)^1.5. The veil is worked
-    out on a small copy of the picture, as around its middle; what is beyond the edges is taken to
-    be like what is within.
+    The point-spread function is (1 - e) delta + e C / (theta² + theta_0²)^1.5. The veil is computed
+    on a small copy of the image with the kernel of its centre; the surroundings are assumed to be
+    like the image.
     """
     height, width = radiance.shape[:2]
     scale = min(1.0, VEIL_WIDTH_PX / width)
@@ -145,11 +168,11 @@ def add_stray_light(
     return cv2.addWeighted(radiance, 1.0 - fraction, spread, fraction, 0.0).astype(np.float32)
 
 
-def _compute_veil(picture: Float32Array, focal_px: float) -> Float32Array:
-    """The picture (h, w, 3) convolved with the scattering kernel, edges made up for."""
-    height, width = picture.shape[:2]
+def _compute_veil(image: Float32Array, focal_px: float) -> Float32Array:
+    """Convolve an image (h, w, 3) with the scattering kernel, normalised at the edges."""
+    height, width = image.shape[:2]
     spectrum, within = _kernel_spectrum(height, width, focal_px)
-    spread = [_convolve_channel(channel, spectrum) / within for channel in cv2.split(picture)]
+    spread = [_convolve_channel(channel, spectrum) / within for channel in cv2.split(image)]
     return np.maximum(np.stack(spread, axis=-1), 0.0).astype(np.float32)
 
 
@@ -163,13 +186,13 @@ def _convolve_channel(channel: OpenCvArray, spectrum: OpenCvArray) -> OpenCvArra
 
 @lru_cache(maxsize=16)
 def _kernel_spectrum(height: int, width: int, focal_px: float) -> tuple[OpenCvArray, OpenCvArray]:
-    """Spectrum of the kernel for pictures of a size, and what of it falls within (h, w)."""
+    """Compute the kernel's spectrum for images of a size, and its weight within them (h, w)."""
     spectrum = cv2.dft(_scattering_kernel((2 * height, 2 * width), focal_px))
     return spectrum, _convolve_channel(np.ones((height, width)), spectrum)
 
 
 def _scattering_kernel(shape: tuple[int, int], focal_px: float) -> NDArray[np.float64]:
-    """Scattering kernel of sum 1 around the optical axis, centred on [0, 0] and wrapped around."""
+    """Compute the kernel of sum 1 around the optical axis, centred on [0, 0] and wrapped around."""
     rows, columns = (np.fft.fftfreq(count, 1.0 / count) for count in shape)
     angle = np.arctan(np.hypot(rows[:, None], columns[None, :]) / focal_px)
     kernel = np.where(
@@ -178,109 +201,87 @@ def _scattering_kernel(shape: tuple[int, int], focal_px: float) -> NDArray[np.fl
     return kernel / kernel.sum()
 
 
-GHOST_REFLECTANCE = 5e-5
-"""Of the light of a lamp, what two coated surfaces send into one ghost."""
-LENS_GHOSTS: tuple[tuple[float, float, tuple[float, float, float]], ...] = (
-    (0.4, 2.0, (0.7, 1.1, 0.9)),
-    (0.7, 3.5, (0.8, 1.0, 1.5)),
-    (1.2, 5.0, (1.3, 0.9, 0.8)),
-    (-0.5, 1.5, (1.0, 1.0, 1.0)),
-    (-1.3, 4.0, (0.9, 1.1, 0.7)),
-)
-"""Where a ghost stands on the line from the lamp through the middle, its radius in degrees, tint.
-
-A place of 0 is the middle itself, 1 is as far beyond it as the lamp is on this side.
-"""
-GHOST_EDGE_FRACTION = 0.25
-"""Of a ghost's radius."""
-MIN_GHOST_LX = 0.05
-"""Lamps that light the lens less throw none that are seen."""
-
-
 def add_lens_ghosts(
-    light: NDArray[np.float32], capture: CameraCapture, shot: CameraExposure, atmosphere: Atmosphere
+    light: NDArray[np.float32],
+    capture: CameraCapture,
+    exposure: CameraExposure,
+    atmosphere: Atmosphere,
 ) -> NDArray[np.float32]:
-    """A picture (h, w, 3) in cd/m² with the ghosts of the sun and of lamps it looks into."""
-    strength = shot.camera.flare
+    """Add the ghosts of the sun and of lamps in view to an image (h, w, 3) in cd/m²."""
+    strength = exposure.camera.flare
     if strength == 0.0:
         return light
     found = light.copy()
-    for column, row, lux in _find_ghost_sources(capture, shot, atmosphere):
+    for column, row, lux in _find_ghost_sources(capture, exposure, atmosphere):
         for place, radius_deg, tint in LENS_GHOSTS:
-            at = _mirror_position(column, row, place, shot)
+            at = _mirror_position(column, row, place, exposure)
             radius = math.radians(radius_deg)
             luminance = strength * GHOST_REFLECTANCE / (math.pi * radius**2) * lux * np.array(tint)
-            _add_disc(found, at, radius * shot.focal_px, luminance)
+            _add_disc(found, at, radius * exposure.focal_px, luminance)
     return found
 
 
 def _find_ghost_sources(
-    capture: CameraCapture, shot: CameraExposure, atmosphere: Atmosphere
+    capture: CameraCapture, exposure: CameraExposure, atmosphere: Atmosphere
 ) -> Iterator[tuple[float, float, Float64Array]]:
-    """Column, row and illuminance (3,) of the lens in lx of every lamp that is in the picture."""
+    """Yield column, row and illuminance (3,) of the lens in lx for every visible bright lamp."""
     if atmosphere.sun_lx > 0.0:
-        place = _locate_in_image(shot, atmosphere.sun_direction, math.inf, capture)
+        place = _locate_in_image(exposure, atmosphere.sun_direction, math.inf, capture)
         if place is not None:
             yield (*place, atmosphere.sun_lx * np.asarray(atmosphere.sun_colour))
-    if not shot.light_sources:
+    if not exposure.light_sources:
         return
-    way = np.array([lamp.position for lamp in shot.light_sources]) - shot.position
-    distance = np.linalg.norm(way, axis=1)
+    direction = np.array([lamp.position for lamp in exposure.light_sources]) - exposure.position
+    distance = np.linalg.norm(direction, axis=1)
     lux = (
-        intensity_towards(shot.light_sources, -(way / distance[:, None])[:, None])[:, 0]
+        intensity_towards(exposure.light_sources, -(direction / distance[:, None])[:, None])[:, 0]
         / distance**2
     )
     lux *= np.exp(-atmosphere.extinction.at_550nm * distance)
     for index in np.flatnonzero(lux > MIN_GHOST_LX).tolist():
-        place = _locate_in_image(shot, way[index], float(distance[index]), capture)
+        place = _locate_in_image(exposure, direction[index], float(distance[index]), capture)
         if place is not None:
-            yield (*place, lux[index] * np.asarray(shot.light_sources[index].colour))
+            yield (*place, lux[index] * np.asarray(exposure.light_sources[index].colour))
 
 
 def _locate_in_image(
-    shot: CameraExposure, way: Float64Array, distance_m: float, capture: CameraCapture
+    exposure: CameraExposure, direction: Float64Array, distance_m: float, capture: CameraCapture
 ) -> tuple[float, float] | None:
-    """Column and row where something stands in the picture; None if it is hidden or beside."""
-    IN_HOUSING_M = 0.5
-    point = shot.to_camera_axes(way[None, :])
+    """Find column and row of a lamp; None if it is hidden or outside the image."""
+    point = exposure.to_camera_axes(direction[None, :])
     if point[0, 0] <= 0.0:
         return None
-    column, row = (float(item[0]) for item in shot.project_points(point))
+    column, row = (float(item[0]) for item in exposure.project_points(point))
     height, width = capture.depth.shape
     if not (0.0 <= column < width and 0.0 <= row < height):
         return None
-    behind = float(capture.depth[int(row), int(column)])
-    along = distance_m * float(point[0, 0]) / float(np.linalg.norm(way))
-    return (column, row) if behind >= along - IN_HOUSING_M else None
+    background_m = float(capture.depth[int(row), int(column)])
+    along = distance_m * float(point[0, 0]) / float(np.linalg.norm(direction))
+    return (column, row) if background_m >= along - LAMP_HOUSING_M else None
 
 
 def _mirror_position(
-    column: float, row: float, place: float, shot: CameraExposure
+    column: float, row: float, place: float, exposure: CameraExposure
 ) -> tuple[float, float]:
-    middle_x, middle_y = shot.view.width_px / 2.0, shot.view.height_px / 2.0
+    middle_x, middle_y = exposure.view.width_px / 2.0, exposure.view.height_px / 2.0
     return middle_x + place * (middle_x - column), middle_y + place * (middle_y - row)
 
 
 def _add_disc(
-    picture: NDArray[np.float32], at: tuple[float, float], radius_px: float, luminance: Float64Array
+    image: NDArray[np.float32], at: tuple[float, float], radius_px: float, luminance: Float64Array
 ) -> None:
-    height, width = picture.shape[:2]
-    left, right = max(0, math.floor(at[0] - radius_px)), min(width, math.ceil(at[0] + radius_px))
-    top, bottom = max(0, math.floor(at[1] - radius_px)), min(height, math.ceil(at[1] + radius_px))
-    if left >= right or top >= bottom:
-        return
-    down, across = np.mgrid[top:bottom, left:right] + 0.5
-    from_edge = 1.0 - np.hypot(across - at[0], down - at[1]) / radius_px
+    pixels, off = _pixels_around(np.array(at), radius_px, image.shape)
+    from_edge = 1.0 - np.hypot(off[..., 0], off[..., 1]) / radius_px
     disc = np.clip(from_edge / GHOST_EDGE_FRACTION, 0.0, 1.0)
-    picture[top:bottom, left:right] += (disc[..., None] * luminance).astype(np.float32)
+    image[pixels] += (disc[..., None] * luminance).astype(np.float32)
 
 
 def apply_vignetting(
     light: NDArray[np.float32], focal_px: float, exponent: float
 ) -> NDArray[np.float32]:
-    """A picture (h, w, 3) behind a lens that lets cos^exponent through, by the angle off its axis.
+    """Darken an image (h, w, 3) by cos^exponent of the angle off the optical axis.
 
-    4 is a plain lens without any vignetting of its own, 0 one that makes up for everything.
+    4 is a simple lens without vignetting of its own, 0 a fully corrected one.
     """
     if exponent == 0.0:
         return light
@@ -291,7 +292,7 @@ def apply_vignetting(
 def _vignetting_factor(
     height: int, width: int, focal_px: float, exponent: float
 ) -> NDArray[np.float32]:
-    """What comes through (h, w, 1) of the light."""
+    """Compute the transmittance (h, w, 1) of each pixel."""
     down = (np.arange(height, dtype=np.float32) + 0.5 - height / 2.0) / focal_px
     right = (np.arange(width, dtype=np.float32) + 0.5 - width / 2.0) / focal_px
     cosine = 1.0 / np.sqrt(1.0 + down[:, None] ** 2 + right[None, :] ** 2)

@@ -1,4 +1,4 @@
-"""Spray behind vehicles on a wet road: the plumes that a LiDAR meets, as a camera sees them."""
+"""Spray behind vehicles on a wet road: the plumes of the LiDAR, as veils in a camera's image."""
 
 import math
 from collections.abc import Sequence
@@ -27,90 +27,92 @@ from advercity.sensors.spray_plumes import (
 )
 
 NUM_PLUME_STEPS = 6
-"""Points along a ray at which the thickness of a plume is taken."""
+"""Points along a ray at which the density of a plume is sampled."""
 MEAN_PLUME_PROFILE = 4.0 / 9.0
-"""Of what thins a plume towards its sides and its top, so that its water is the LiDAR's."""
+"""Mean of the profile across a plume, which keeps its water the same as the LiDAR's."""
 
 
 def add_spray(
     capture: CameraCapture,
-    shot: CameraExposure,
-    ambience: AmbientLight,
+    exposure: CameraExposure,
+    ambient_light: AmbientLight,
     *,
     water_film_mm: float,
 ) -> CameraCapture:
-    """The capture through the plumes that wheels throw up; itself where no road is so wet."""
+    """Veil a capture by the plumes of all vehicles; unchanged unless the road is wet enough."""
     if not has_spray(water_film_mm):
         return capture
-    for state in _find_spraying_vehicles(shot):
-        capture = _add_plume(capture, shot, state, ambience)
+    for state in _find_spraying_vehicles(exposure):
+        capture = _add_plume(capture, exposure, state, ambient_light)
     return capture
 
 
-def _find_spraying_vehicles(shot: CameraExposure) -> Sequence[ActorState]:
-    """Those that spray, the farthest first, so that nearer plumes lie before theirs."""
+def _find_spraying_vehicles(exposure: CameraExposure) -> Sequence[ActorState]:
+    """List the spraying vehicles, the farthest first, so that nearer plumes cover theirs."""
     found = [
         state
-        for state in shot.frame.states
+        for state in exposure.frame.states
         if state.speed_m_s >= MIN_SPRAY_SPEED_M_S
         and state.actor.actor_class in SPRAYING_CLASSES
-        and _distance_m(state, shot) < MAX_PLUME_DISTANCE_M
+        and _distance_m(state, exposure) < MAX_PLUME_DISTANCE_M
     ]
-    return sorted(found, key=lambda state: -_distance_m(state, shot))
+    return sorted(found, key=lambda state: -_distance_m(state, exposure))
 
 
-def _distance_m(state: ActorState, shot: CameraExposure) -> float:
-    return float(np.linalg.norm(state.world_from_body[:3, 3] - shot.position))
+def _distance_m(state: ActorState, exposure: CameraExposure) -> float:
+    return float(np.linalg.norm(state.world_from_body[:3, 3] - exposure.position))
 
 
 def _add_plume(
-    capture: CameraCapture, shot: CameraExposure, state: ActorState, ambience: AmbientLight
+    capture: CameraCapture, exposure: CameraExposure, state: ActorState, ambient_light: AmbientLight
 ) -> CameraCapture:
     length, width, _ = state.actor.size
     middle = np.array([-(length + PLUME_LENGTH_M) / 2.0, 0.0, PLUME_HEIGHT_M / 2.0])
     world_from_plume = state.world_from_body @ poses.pose_matrix(middle)
     half = np.array([PLUME_LENGTH_M, width, PLUME_HEIGHT_M]) / 2.0
-    window = _image_region(shot, world_from_plume, half)
-    if window is None:
+    region = _image_region(exposure, world_from_plume, half)
+    if region is None:
         return capture
-    depth = capture.depth[window]
-    rays, stretch = _pixel_rays(shot, window)
-    tau = _optical_depth(shot, world_from_plume, half, rays, depth * stretch, state.speed_m_s)
-    left = np.exp(-tau)[..., None]
-    light = _spray_luminance(shot, world_from_plume[:3, 3], ambience)
+    depth = capture.depth[region]
+    rays, distance_per_depth = _pixel_rays(exposure, region)
+    tau = _optical_depth(
+        exposure, world_from_plume, half, rays, depth * distance_per_depth, state.speed_m_s
+    )
+    transmittance = np.exp(-tau)[..., None]
+    light = _spray_luminance(exposure, world_from_plume[:3, 3], ambient_light)
     radiance = capture.radiance.copy()
-    radiance[window] = radiance[window] * left + light * (1.0 - left)
+    radiance[region] = radiance[region] * transmittance + light * (1.0 - transmittance)
     return replace(capture, radiance=radiance.astype(np.float32))
 
 
 def _spray_luminance(
-    shot: CameraExposure, place: Float64Array, ambience: AmbientLight
+    exposure: CameraExposure, position: Float64Array, ambient_light: AmbientLight
 ) -> Float64Array:
-    """Luminance (3,) of dense spray: it sends on what comes from all around, and from lamps."""
-    there = (place - shot.position)[None, :]
+    """Compute the luminance (3,) of dense spray, which scatters ambient light and that of lamps."""
     lamps = lamp_luminance(
-        shot.light_sources,
-        there,
-        shot.position,
+        exposure.light_sources,
+        (position - exposure.position)[None, :],
+        exposure.position,
         per_lx=DROP_LUMINANCE_PER_LX,
         forward_scattering=True,
     )
-    return ambience.mean_luminance + ambience.sun_lx / (4.0 * math.pi) + lamps[0]
+    return ambient_light.mean_luminance + ambient_light.sun_lx / (4.0 * math.pi) + lamps[0]
 
 
 def _image_region(
-    shot: CameraExposure, world_from_plume: Matrix, half: Float64Array
+    exposure: CameraExposure, world_from_plume: Matrix, half: Float64Array
 ) -> tuple[slice, slice] | None:
-    """Rows and columns that a plume may reach into; None if it is out of sight."""
+    """Find the rows and columns that a plume may cover; None if it is not in the image."""
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     corners = poses.transform_points(world_from_plume, signs * half)
-    points = shot.to_camera_axes(corners - shot.position)
+    points = exposure.to_camera_axes(corners - exposure.position)
     if (points[:, 0] <= 0.0).all():
         return None
-    height, width = shot.view.height_px, shot.view.width_px
+    height, width = exposure.view.height_px, exposure.view.width_px
+    # A corner beside or behind the camera has no useful projection.
     if (points[:, 0] < 0.2).any():
         return slice(0, height), slice(0, width)
-    column, row = shot.project_points(points)
+    column, row = exposure.project_points(points)
     top, bottom = max(0, math.floor(row.min())), min(height, math.ceil(row.max()))
     left, right = max(0, math.floor(column.min())), min(width, math.ceil(column.max()))
     if top >= bottom or left >= right:
@@ -119,44 +121,46 @@ def _image_region(
 
 
 def _pixel_rays(
-    shot: CameraExposure, window: tuple[slice, slice]
+    exposure: CameraExposure, region: tuple[slice, slice]
 ) -> tuple[Float64Array, Float64Array]:
-    """Unit rays (r, c, 3) of the world through pixels, and their lengths (r, c) by depth."""
-    rows, columns = (np.arange(item.start, item.stop) + 0.5 for item in window)
+    """Compute unit rays (r, c, 3) in the world, and ratios (r, c) of distance to depth."""
+    rows, columns = (np.arange(item.start, item.stop) + 0.5 for item in region)
     right, down = np.meshgrid(
-        (columns - shot.view.width_px / 2.0) / shot.focal_px,
-        (rows - shot.view.height_px / 2.0) / shot.focal_px,
+        (columns - exposure.view.width_px / 2.0) / exposure.focal_px,
+        (rows - exposure.view.height_px / 2.0) / exposure.focal_px,
     )
     rays = np.stack([np.ones_like(right), -right, -down], axis=-1)
-    stretch = np.linalg.norm(rays, axis=-1)
-    return rays / stretch[..., None] @ shot.view.world_from_camera[:3, :3].T, stretch
+    distance_per_depth = np.linalg.norm(rays, axis=-1)
+    return rays / distance_per_depth[..., None] @ exposure.view.world_from_camera[
+        :3, :3
+    ].T, distance_per_depth
 
 
 def _optical_depth(
-    shot: CameraExposure,
+    exposure: CameraExposure,
     world_from_plume: Matrix,
     half: Float64Array,
     rays: Float64Array,
-    until_m: Float64Array,
+    max_m: Float64Array,
     speed_m_s: float,
 ) -> Float64Array:
-    """Optical depth (r, c) of a plume along rays, as far as the surfaces behind."""
+    """Integrate the optical depth (r, c) of a plume along rays up to the surfaces behind it."""
     own = rays @ world_from_plume[:3, :3]
-    start = (shot.position - world_from_plume[:3, 3]) @ world_from_plume[:3, :3]
+    start = (exposure.position - world_from_plume[:3, 3]) @ world_from_plume[:3, :3]
     slope = 1.0 / np.where(np.abs(own) < 1e-9, 1e-9, own)
-    one, other = (-half - start) * slope, (half - start) * slope
-    enter = np.minimum(one, other).max(axis=-1).clip(0.0)
-    leave = np.minimum(np.maximum(one, other).min(axis=-1), until_m)
-    through = np.maximum(leave - enter, 0.0)
+    low, high = (-half - start) * slope, (half - start) * slope
+    enter = np.minimum(low, high).max(axis=-1).clip(0.0)
+    leave = np.minimum(np.maximum(low, high).min(axis=-1), max_m)
+    path_m = np.maximum(leave - enter, 0.0)
     peak = (
         SPRAY_EXTINCTION_PER_G_M3 * SPRAY_WATER_G_M3 * (speed_m_s / SPRAY_REFERENCE_SPEED_M_S) ** 2
     )
-    total = np.zeros(through.shape)
+    total = np.zeros(path_m.shape)
     for step in range(NUM_PLUME_STEPS):
-        place = start + own * (enter + through * (step + 0.5) / NUM_PLUME_STEPS)[..., None]
-        side, up = place[..., 1] / half[1], place[..., 2] / half[2]
+        point = start + own * (enter + path_m * (step + 0.5) / NUM_PLUME_STEPS)[..., None]
+        side, up = point[..., 1] / half[1], point[..., 2] / half[2]
         profile = (1.0 - side**2) * (1.0 - ((up + 1.0) / 2.0) ** 2)
-        # Rays that pass the plume by may be anywhere; they go through nothing of it.
-        behind_m = np.maximum(half[0] - place[..., 0], 0.0)
+        # Rays that miss the plume may be anywhere, but their path in it is 0.
+        behind_m = np.maximum(half[0] - point[..., 0], 0.0)
         total += np.exp(-behind_m / PLUME_DECAY_M) * np.maximum(profile, 0.0)
-    return total * through * peak / (NUM_PLUME_STEPS * MEAN_PLUME_PROFILE)
+    return total * path_m * peak / (NUM_PLUME_STEPS * MEAN_PLUME_PROFILE)
