@@ -1,9 +1,9 @@
-"""Takes the pictures of the five sites that lie under `docs/images/sites/`.
+"""Renders the images of the five sites in `docs/images/sites/`.
 
     python docs/make_site_pictures.py [FOLDER [ROAD ...]]
 
-Of every road: what the ego sees through its windscreen, what both roadside units see, and the site
-from 60 m above, on a clear day in sparse traffic.
+Four images per road: from the ego's front camera, from both roadside units and from 60 m above, on
+a clear day in sparse traffic.
 """
 
 import argparse
@@ -27,14 +27,14 @@ from advercity.sensors.camera import CameraConditions, CameraExposure, render_im
 ROOT = Path(__file__).parents[1]
 WIDTH_PX, HEIGHT_PX = 960, 540
 OVERSAMPLING = 2
-"""Pictures are taken this many times larger and averaged."""
-MOST_BYTES = 120_000
+"""Images are rendered this many times larger and averaged."""
+MAX_BYTES = 120_000
 FRAMES = {"ui": 40, "unj": 45, "ri": 30, "rsnj": 50, "rcnj": 60}
 ABOVE_M = 60.0
 
 
 def main() -> None:
-    """Take the pictures of the roads named, or of all."""
+    """Render the images of the named roads, or of all."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", nargs="?", type=Path, default=ROOT / "docs/images/sites")
     parser.add_argument("roads", nargs="*", default=list(FRAMES))
@@ -42,22 +42,22 @@ def main() -> None:
     specs = {spec.id: spec for spec in compile_library(ROOT / "library")}
     options.folder.mkdir(parents=True, exist_ok=True)
     for road in options.roads:
-        for name, image in pictures(specs[f"{road}_clear_day_sparse"], FRAMES[road]):
-            (options.folder / f"{road}_{name}.jpg").write_bytes(small_jpeg(image))
+        for name, image in render_views(specs[f"{road}_clear_day_sparse"], FRAMES[road]):
+            (options.folder / f"{road}_{name}.jpg").write_bytes(encode_jpeg(image))
 
 
-def pictures(spec: Spec, index: int) -> Iterator[tuple[str, NDArray[np.uint8]]]:
-    """Name and sRGB picture (h, w, 3) of each view of a scenario in kept frame `index`."""
+def render_views(spec: Spec, index: int) -> Iterator[tuple[str, NDArray[np.uint8]]]:
+    """Yield the name and the sRGB image (h, w, 3) of each view of a scenario at frame `index`."""
     stage = load_or_simulate_traffic(spec)
     viewpoints = AgentPoses(spec, stage.trace)
     frame = viewpoints.load_frame(index)
     atmosphere = compute_atmosphere(spec.weather, spec.road.land_use)
-    air = CameraConditions.build(spec.weather, atmosphere, spec.seeds.sensors, spec.id)
+    air = CameraConditions.build(atmosphere, spec.weather.lens, spec.seeds.sensors, spec.id)
     profile = RenderProfile("pictures", 1.0, "raster")
     world = load_or_build_world(spec, stage.network_path)
     with load_backend("sapien").open(world, atmosphere, profile) as renderer:
         renderer.place(frame)
-        for name, world_from_camera, hide in _views(viewpoints, index):
+        for name, world_from_camera, hide in _list_views(viewpoints, index):
             camera = spec.agents[0].sensors.camera
             view = CameraView(
                 world_from_camera,
@@ -66,38 +66,38 @@ def pictures(spec: Spec, index: int) -> Iterator[tuple[str, NDArray[np.uint8]]]:
                 math.radians(camera.horizontal_fov_deg),
                 hide=hide,
             )
-            shot = CameraExposure(view, camera, frame, velocity=np.zeros(3))
+            exposure = CameraExposure(view, camera, frame, velocity=np.zeros(3))
             rng = viewpoints.make_generator("picture", spec.agents[0], frame)
             image = render_image(
-                renderer.render_camera(view), shot, air, rng, mount=camera.mounts[0]
+                renderer.render_camera(view), exposure, air, rng, mount=camera.mounts[0]
             )
             size = (WIDTH_PX, HEIGHT_PX)
             yield name, cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
 
 
-def _views(viewpoints: AgentPoses, index: int) -> Iterator[tuple[str, Matrix, frozenset[int]]]:
+def _list_views(viewpoints: AgentPoses, index: int) -> Iterator[tuple[str, Matrix, frozenset[int]]]:
     agents = {agent.id: agent for agent in viewpoints.spec.agents}
     ego = agents["cav1"]
     yield "ego", viewpoints.world_from_cameras(ego, index)[0], frozenset({ego.number})
     for name in ("rsu1", "rsu2"):
         yield name, viewpoints.world_from_cameras(agents[name], index)[0], frozenset()
-    yield "above", _above(viewpoints.world_from_agent(ego, index)), frozenset()
+    yield "above", _build_aerial_pose(viewpoints.world_from_agent(ego, index)), frozenset()
 
 
-def _above(world_from_ego: Matrix) -> Matrix:
-    """Behind the ego and `ABOVE_M` over it, looking down where it goes."""
+def _build_aerial_pose(world_from_ego: Matrix) -> Matrix:
+    """Build a camera pose behind the ego and `ABOVE_M` over it that looks down ahead of it."""
     yaw = math.atan2(world_from_ego[1, 0], world_from_ego[0, 0])
     x, y, z, _ = world_from_ego @ (-45.0, 0.0, ABOVE_M, 1.0)
     return pose_matrix((x, y, z), yaw=yaw, pitch=math.radians(38.0))
 
 
-def small_jpeg(image: NDArray[np.uint8]) -> bytes:
-    """An sRGB picture (h, w, 3) as JPEG, as good as `MOST_BYTES` allow."""
+def encode_jpeg(image: NDArray[np.uint8]) -> bytes:
+    """Encode an sRGB image (h, w, 3) as JPEG in the best quality that fits `MAX_BYTES`."""
     for quality in range(90, 30, -5):
         _, data = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
-        if len(data) <= MOST_BYTES:
+        if len(data) <= MAX_BYTES:
             return data.tobytes()
-    raise AssertionError("a picture of noise")
+    raise AssertionError("an image of noise")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Maps from outside: an OpenDRIVE, OpenStreetMap or SUMO file becomes a road's network."""
+"""Import of OpenDRIVE, OpenStreetMap and SUMO files as the SUMO network of a road."""
 
 import hashlib
 import tempfile
@@ -23,7 +23,7 @@ from advercity.roads.sumo_xml import (
 ROOT_TAGS = {"opendrive": "OpenDRIVE", "osm": "osm", "sumo": "net"}
 EARTH_RADIUS_M = 6_371_000.0
 MAX_MAP_DISTANCE_M = 20_000.0
-"""From the road's origin to its map; there the plane still fits the globe to a few centimetres."""
+"""Longest distance from the road's origin to its map; a plane fits the globe to centimetres."""
 LANE_TYPES = """<types>
   <type id="driving" priority="1" speed="13.89" width="3.5" disallow="pedestrian"/>
   <type id="entry" priority="1" speed="22.22" width="3.5" disallow="pedestrian"/>
@@ -37,7 +37,7 @@ LANE_TYPES = """<types>
   <type id="biking" priority="0" speed="5.56" width="1.5" disallow="all"/>
 </types>
 """
-"""Of OpenDRIVE: what netconvert leaves out by default, sidewalks above all, belongs to a place."""
+"""Lane types of OpenDRIVE; by default netconvert drops most of them, sidewalks above all."""
 OPENDRIVE_OPTIONS = {
     "opendrive-files": "map.xml",
     "type-files": "lanes.typ.xml",
@@ -71,15 +71,15 @@ class _LoadedMap:
 
 
 def import_map(declared: MapFile, road: Road, folder: Path) -> MapNetwork:
-    """The network of a map.
+    """Convert a map to a network.
 
     Args:
-        declared: Which map.
-        road: Whose it is; gives the origin of maps with latitudes and longitudes.
-        folder: Of the declaration, which the map's path starts from.
+        declared: The map's file, source and extent.
+        road: The road; its origin locates maps with latitudes and longitudes.
+        folder: Folder of the declaration, which the map's path is relative to.
 
     Raises:
-        InputError: The file is missing, unsafe, or no such map, or holds no road for cars.
+        InputError: The file is missing, unsafe, of another kind, or without a lane for cars.
         RunError: `netconvert` does not run.
     """
     found = _read_map(declared, folder)
@@ -131,7 +131,7 @@ def _read_map(declared: MapFile, folder: Path) -> _LoadedMap:
 
 
 def _remove_file_references(root: Element, source: str) -> Element:
-    """The map without references to other files."""
+    """Remove references to other files from a map."""
     if source == "sumo":
         return sanitize_network(root)
     for parent in list(root.iter()):
@@ -158,7 +158,7 @@ def _build_import_options(declared: MapFile, road: Road, root: Element) -> dict[
 
 
 def _build_projection(declared: MapFile, road: Road, root: Element) -> str:
-    """Transverse Mercator around the road's origin: metres east and north of it."""
+    """Build a transverse Mercator projection: metres east and north of the road's origin."""
     try:
         nodes = [
             (float(item.attrib["lat"]), float(item.attrib["lon"])) for item in root.iter("node")
@@ -172,7 +172,7 @@ def _build_projection(declared: MapFile, road: Road, root: Element) -> str:
     away = EARTH_RADIUS_M * float(np.hypot(north, east * np.cos(np.radians(latitude))))
     if not away < MAX_MAP_DISTANCE_M:
         raise InputError(
-            f"{declared.file}: lies {away / 1000:.0f} km from the road's origin; declare"
+            f"{declared.file}: is {away / 1000:.0f} km from the road's origin; declare"
             f" `origin_lat_deg: {latitude:.5f}` and `origin_lon_deg: {longitude:.5f}`, its middle"
         )
     return (
@@ -182,10 +182,10 @@ def _build_projection(declared: MapFile, road: Road, root: Element) -> str:
 
 
 def _find_first_error(messages: str) -> str:
-    """The first error that netconvert names, else its last words."""
+    """Find netconvert's first error message, else its last line."""
     lines = [line.strip() for line in messages.splitlines() if line.strip()]
     errors = [line for line in lines if line.startswith("Error")]
-    return (errors or lines[-1:] or ["it says nothing"])[0].removeprefix("Error: ")[:300]
+    return (errors or lines[-1:] or ["it printed nothing"])[0].removeprefix("Error: ")[:300]
 
 
 def _describe_extent(declared: MapFile) -> str:

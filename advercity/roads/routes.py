@@ -147,7 +147,7 @@ class RoutePlanner:
         return None
 
     def is_towards_junction(self, street: str, junction: str) -> bool:
-        """Whether travelling towards a junction on a street follows the street's axis."""
+        """Whether a street leads towards a junction along its axis."""
         return self.streets[street].ends == junction
 
     def approach_heading(self, street: str, junction: str) -> float:

@@ -12,6 +12,7 @@ import subprocess
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import jinja2
 import numpy as np
@@ -91,51 +92,8 @@ STRIP_PERMISSIONS = {
 CLOSED_PERMISSION = 'disallow="all"'
 
 
-@dataclass(frozen=True)
-class _Node:
-    id: str
-    position: Points
-    type: str
-    outline: Points | None
-
-
-@dataclass(frozen=True)
-class _Lane:
-    width_m: float
-    permission: str
-    centre: Points
-
-
-@dataclass(frozen=True)
-class _Edge:
-    id: str
-    begins: str
-    ends: str
-    priority: int
-    speed_m_s: float
-    length_m: float
-    border: Points
-    lanes: tuple[_Lane, ...]
-
-
-@dataclass(frozen=True)
-class _Link:
-    junction: str
-    from_edge: str
-    to_edge: str
-    from_lane: int
-    to_lane: int
-    centre: Points
-    index: int | None
-
-
-@dataclass(frozen=True)
-class _Crossing:
-    junction: str
-    edges: tuple[str, ...]
-    width_m: float
-    centre: Points
-    index: int | None
+Record = dict[str, Any]
+"""Values of one element, by the names that the templates use."""
 
 
 def write_sumo_network(road: Road, folder: Path) -> Path:
@@ -185,15 +143,20 @@ def _write_imported_network(name: str, imported: MapNetwork, folder: Path) -> Pa
     return output
 
 
-def _build_nodes(plan: RoadLayout) -> Iterator[_Node]:
+def _build_nodes(plan: RoadLayout) -> Iterator[Record]:
     for junction in plan.junctions.values():
         centre = np.mean([arm.axis_end for arm in junction.arms], axis=0)
-        rim = np.concatenate([corner.outer_edge for corner in junction.corners])
-        yield _Node(junction.id, centre, _node_type(junction), rim)
+        outline = np.concatenate([corner.outer_edge for corner in junction.corners])
+        yield {
+            "id": junction.id,
+            "position": centre,
+            "type": _node_type(junction),
+            "outline": outline,
+        }
     for street in plan.streets.values():
         for name, point in ((street.begins, street.axis[0]), (street.ends, street.axis[-1])):
             if name not in plan.junctions:
-                yield _Node(name, point, "dead_end", None)
+                yield {"id": name, "position": point, "type": "dead_end", "outline": None}
 
 
 def _node_type(junction: JunctionLayout) -> str:
@@ -210,7 +173,7 @@ def _node_type(junction: JunctionLayout) -> str:
             return "priority"
 
 
-def _build_edges(street: StreetLayout, plan: RoadLayout) -> Iterator[_Edge]:
+def _build_edges(street: StreetLayout, plan: RoadLayout) -> Iterator[Record]:
     for along in (True, False):
         strips = edge_strips(street, along=along)
         if not strips:
@@ -222,19 +185,23 @@ def _build_edges(street: StreetLayout, plan: RoadLayout) -> Iterator[_Edge]:
             for strip, centre in zip(strips, centres, strict=True)
             if strip.kind is StripKind.LANE
         ]
-        yield _Edge(
-            id=sumo_edge_id(street.id, along=along),
-            begins=begins,
-            ends=ends,
-            priority=_priority(street.id, plan.junctions.get(ends)),
-            speed_m_s=street.speed_limit_m_s,
-            length_m=float(np.mean(driven or [polyline.polyline_length(centres[0])])),
-            border=street.directed_line(strips[0].inner_t, along=along),
-            lanes=tuple(
-                _Lane(strip.width_m, STRIP_PERMISSIONS.get(strip.kind, CLOSED_PERMISSION), centre)
+        yield {
+            "id": sumo_edge_id(street.id, along=along),
+            "begins": begins,
+            "ends": ends,
+            "priority": _priority(street.id, plan.junctions.get(ends)),
+            "speed_m_s": street.speed_limit_m_s,
+            "length_m": float(np.mean(driven or [polyline.polyline_length(centres[0])])),
+            "border": street.directed_line(strips[0].inner_t, along=along),
+            "lanes": tuple(
+                {
+                    "width_m": strip.width_m,
+                    "permission": STRIP_PERMISSIONS.get(strip.kind, CLOSED_PERMISSION),
+                    "centre": centre,
+                }
                 for strip, centre in zip(reversed(strips), reversed(centres), strict=True)
             ),
-        )
+        }
 
 
 def _priority(street: str, junction: JunctionLayout | None) -> int:
@@ -245,41 +212,41 @@ def _priority(street: str, junction: JunctionLayout | None) -> int:
     return 1 + sum(strip.kind is StripKind.LANE for strip in arm.inbound_strips())
 
 
-def _build_links(junction: JunctionLayout) -> Iterator[_Link]:
+def _build_links(junction: JunctionLayout) -> Iterator[Record]:
     signalled = junction.declared.control == "signals"
     for index, path in enumerate(junction.connecting_paths):
         source = junction.find_arm(path.movement.from_street)
         target = junction.find_arm(path.movement.to_street)
-        yield _Link(
-            junction=junction.id,
-            from_edge=sumo_edge_id(source.street.id, along=source.is_street_end),
-            to_edge=sumo_edge_id(target.street.id, along=not target.is_street_end),
-            from_lane=sumo_lane_index(
+        yield {
+            "junction": junction.id,
+            "from_edge": sumo_edge_id(source.street.id, along=source.is_street_end),
+            "to_edge": sumo_edge_id(target.street.id, along=not target.is_street_end),
+            "from_lane": sumo_lane_index(
                 source.street, path.movement.from_lane, along=source.is_street_end
             ),
-            to_lane=sumo_lane_index(
+            "to_lane": sumo_lane_index(
                 target.street, path.movement.to_lane, along=not target.is_street_end
             ),
-            centre=path.centre,
-            index=index if signalled else None,
-        )
+            "centre": path.centre,
+            "index": index if signalled else None,
+        }
 
 
-def _build_crossings(junction: JunctionLayout) -> Iterator[_Crossing]:
+def _build_crossings(junction: JunctionLayout) -> Iterator[Record]:
     signalled = junction.declared.control == "signals"
     for index, crossing in enumerate(junction.crossings, start=len(junction.connecting_paths)):
         street = junction.find_arm(crossing.street).street
-        yield _Crossing(
-            junction=junction.id,
-            edges=tuple(
+        yield {
+            "junction": junction.id,
+            "edges": tuple(
                 sumo_edge_id(street.id, along=along)
                 for along in (True, False)
                 if edge_strips(street, along=along)
             ),
-            width_m=crossing.width_m,
-            centre=crossing.centre,
-            index=index if signalled else None,
-        )
+            "width_m": crossing.width_m,
+            "centre": crossing.centre,
+            "index": index if signalled else None,
+        }
 
 
 def _load_templates() -> jinja2.Environment:

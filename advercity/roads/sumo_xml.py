@@ -1,14 +1,11 @@
-"""XML from outside, read so that it can neither fetch nor blow up anything.
+"""Untrusted XML and SUMO networks, checked so that other programs can read them safely.
 
 A document type is refused, and with it every entity and every external file; size and depth are
-limited. What goes on to other programs is written anew from the tree, so that they read what was
-checked and nothing else.
+limited. What is passed on is written anew from the checked tree.
 
-SUMO networks as text that may come from anywhere: packed into a spec, and safe to simulate.
-
-SUMO reads a network with the parser that also reads detectors and signal programmes that write
-files, and a projection may name grids to open. So only the elements and attributes of a plain
-network pass.
+SUMO reads networks with the parser that also reads detectors and signal programs that write files,
+and a projection may name grid files to open. So only elements and attributes of a plain network
+pass, both into a spec and out of it.
 """
 
 import base64
@@ -25,7 +22,7 @@ MAX_XML_DEPTH = 60
 
 
 def parse_xml(raw: bytes) -> Element:
-    """The root of a document; InputError if it is too large, too deep, unsafe or not XML."""
+    """Parse a document; InputError if it is too large, too deep, unsafe or not XML."""
     if len(raw) > MAX_XML_BYTES:
         raise InputError(f"has {len(raw)} bytes; at most {MAX_XML_BYTES} are read")
     try:
@@ -36,11 +33,12 @@ def parse_xml(raw: bytes) -> Element:
 
 
 def to_xml_bytes(root: Element) -> bytes:
-    """The tree as UTF-8 text, without comments."""
+    """Encode a tree as UTF-8 text without comments."""
     return ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
 
 
 def _check_limits(raw: bytes) -> None:
+    # expat reports what ElementTree hides, before a tree is built.
     depth = 0
 
     def refuse(*_: object) -> None:
@@ -84,7 +82,7 @@ _LOCATION = {
 
 
 def sanitize_network(root: Element) -> Element:
-    """A plain network: streets, junctions, connections and fixed signal programmes."""
+    """Copy edges, junctions, connections and fixed signal programs of a network."""
     net = Element("net", {"version": root.get("version", "1.20"), "walkingareas": "true"})
     SubElement(net, "location", _LOCATION)
     for item in root:
@@ -104,12 +102,12 @@ def _copy_element(parent: Element, item: Element) -> Element:
 
 
 def pack_network(net: Element) -> str:
-    """A network as text that fits into a spec: zlib in Base64."""
+    """Pack a network into text for a spec: zlib in Base64."""
     return base64.b64encode(zlib.compress(to_xml_bytes(net), 9)).decode("ascii")
 
 
 def unpack_network(text: str) -> Element:
-    """The plain network in what `packed` made; InputError if it is something else."""
+    """Unpack and sanitise a network from `pack_network`; InputError if it is something else."""
     try:
         inflate = zlib.decompressobj()
         raw = inflate.decompress(base64.b64decode(text, validate=True), MAX_XML_BYTES)
