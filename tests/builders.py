@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from advercity.compiler.crossing import compile_library
 from advercity.compiler.diagnostics import DiagnosticsError
+from advercity.dataset.manifest import Identity
+from advercity.dataset.writer import ScenarioWriter
 from advercity.errors import InputError
 from advercity.frames import Actor, ActorState, Frame, Lamp, Signal
 from advercity.geometry import poses
@@ -27,7 +29,8 @@ WIDTH, HEIGHT = 96, 54
 SLOPE_RAD = np.deg2rad(-4.0)
 POINTS_PER_ACTOR = 40
 
-ReadingsOf = Callable[[int], tuple[SensorFrame, ...]]
+
+SensorFramesOf = Callable[[int], tuple[SensorFrame, ...]]
 
 ACTORS = (
     Actor(101, "car", "lincoln_mkz_2017", "car_paint_white", (4.9, 2.06, 1.51)),
@@ -53,21 +56,59 @@ SPEEDS = {101: 10.0, 102: 8.0, 103: 0.0, 201: 5.0, 202: 4.0, 203: 1.2, 204: 12.0
 WORLD_FROM_STREET = poses.pose_matrix((60.0, -30.0, 4.0), yaw=np.deg2rad(50.0), pitch=SLOPE_RAD)
 
 
+def identify(spec: Spec, *, format: str = "opv2v", **renderer: str) -> Identity:
+    """Identify the data of a spec whose traffic was not simulated."""
+    return Identity.for_spec(spec, trace_sha256="0" * 64, renderer=dict(renderer), format=format)
+
+
+def write_scenario(
+    root: Path,
+    spec: Spec,
+    sensor_frames_of: SensorFramesOf,
+    *,
+    frames: int = 1,
+    format: str = "opv2v",
+) -> Path:
+    """Write the first frames of a scenario that are missing, and return its folder."""
+    with ScenarioWriter(root, spec, identify(spec, format=format), length=frames) as writer:
+        for index in sorted(set(range(frames)) - writer.done_frames):
+            writer.write_frame(index, sensor_frames_of(index))
+        writer.finish()
+    return writer.scenario
+
+
 @pytest.fixture(scope="session")
 def spec(specs: dict[str, Spec]) -> Spec:
     return specs["rcnj_fog_day_sparse"]
 
 
 @pytest.fixture(scope="session")
-def readings_of(spec: Spec) -> ReadingsOf:
-    """The five readings of a frame, by its index."""
+def sensor_frames_of(spec: Spec) -> SensorFramesOf:
+    """Returns the sensor frames of the five agents in a frame, by its index."""
 
     @functools.cache
-    def readings(index: int) -> tuple[SensorFrame, ...]:
+    def sensor_frames(index: int) -> tuple[SensorFrame, ...]:
         frame = frame_of(spec, index)
-        return tuple(reading_of(agent, frame) for agent in spec.agents)
+        return tuple(sensor_frame_of(agent, frame) for agent in spec.agents)
 
-    return readings
+    return sensor_frames
+
+
+TWO_ROADS_FRAMES = 3
+
+
+@pytest.fixture(scope="session")
+def two_roads(
+    tmp_path_factory: pytest.TempPathFactory,
+    spec: Spec,
+    specs: dict[str, Spec],
+    sensor_frames_of: SensorFramesOf,
+) -> Path:
+    """A dataset of two scenarios with the same images, of different roads and densities."""
+    root = tmp_path_factory.mktemp("two_roads")
+    for one in (spec, specs["ui_clear_night_dense"]):
+        write_scenario(root, one, sensor_frames_of, frames=TWO_ROADS_FRAMES)
+    return root
 
 
 def frame_of(spec: Spec, index: int) -> Frame:
@@ -85,7 +126,7 @@ def state_of(actor: Actor, time_s: float) -> ActorState:
     )
 
 
-def reading_of(agent: Agent, frame: Frame) -> SensorFrame:
+def sensor_frame_of(agent: Agent, frame: Frame) -> SensorFrame:
     is_vehicle = agent.place.kind == "vehicle"
     world_from_agent = agent_pose(agent, frame)
     world_from_lidar = (
@@ -93,7 +134,7 @@ def reading_of(agent: Agent, frame: Frame) -> SensorFrame:
         if is_vehicle
         else poses.pose_matrix(world_from_agent[:3, 3])
     )
-    cloud, visible = scan(agent, frame, world_from_lidar)
+    cloud, hits = scan(agent, frame, world_from_lidar)
     drift = poses.pose_matrix((0.3, -0.2, 0.05))
     return SensorFrame(
         agent=agent,
@@ -102,7 +143,7 @@ def reading_of(agent: Agent, frame: Frame) -> SensorFrame:
         estimated_world_from_agent=world_from_agent if is_vehicle else drift @ world_from_agent,
         world_from_lidar=world_from_lidar,
         camera_images=tuple(
-            picture(agent, frame, world_from_agent @ camera)
+            image_of(agent, frame, world_from_agent @ camera)
             for camera in (
                 poses.pose_matrix(
                     (mount.x_m, mount.y_m, mount.z_m),
@@ -113,7 +154,7 @@ def reading_of(agent: Agent, frame: Frame) -> SensorFrame:
             )
         ),
         point_cloud=cloud,
-        lidar_hits=visible,
+        lidar_hits=hits,
         gnss=GnssFix(49.0 + 1e-6 * frame.index, 8.0, 120.5, frame.time_s) if is_vehicle else None,
         imu=(
             ImuSample(np.array([0.5, 0.25, 9.81]), np.array([0.01, 0.02, 0.03]), 1.25)
@@ -133,18 +174,18 @@ def agent_pose(agent: Agent, frame: Frame) -> Matrix:
 
 
 def scan(agent: Agent, frame: Frame, world_from_lidar: Matrix) -> tuple[PointCloud, dict[int, int]]:
-    """Points inside every other actor's box, one on the street below, none on who is far."""
+    """Points inside every other actor's box and one on the street, and the hits of every actor."""
     clouds: list[NDArray[np.float64]] = [
         poses.transform_points(WORLD_FROM_STREET, [[3.0, -2.0, 0.0]])
     ]
     ids = [np.zeros(1)]
-    visible: dict[int, int] = {}
+    hits: dict[int, int] = {}
     for state in frame.states:
         rng = create_generator("scan", agent.number, state.actor.id, frame.index)
-        share = rng.uniform((-0.5, -0.5, 0.0), (0.5, 0.5, 1.0), (POINTS_PER_ACTOR, 3))
-        visible[state.actor.id] = POINTS_PER_ACTOR
+        offset = rng.uniform((-0.5, -0.5, 0.0), (0.5, 0.5, 1.0), (POINTS_PER_ACTOR, 3))
+        hits[state.actor.id] = POINTS_PER_ACTOR
         if state.actor.id != agent.number:
-            clouds.append(poses.transform_points(state.world_from_body, share * state.actor.size))
+            clouds.append(poses.transform_points(state.world_from_body, offset * state.actor.size))
             ids.append(np.full(POINTS_PER_ACTOR, state.actor.id))
     points = poses.transform_points(poses.invert_pose(world_from_lidar), np.concatenate(clouds))
     instance = np.concatenate(ids).astype(np.int32)
@@ -165,12 +206,12 @@ def scan(agent: Agent, frame: Frame, world_from_lidar: Matrix) -> tuple[PointClo
                 np.uint8
             ),
         ),
-        visible,
+        hits,
     )
 
 
-def picture(agent: Agent, frame: Frame, world_from_camera: Matrix) -> CameraImage:
-    """Sky, and the outline of every other actor's box, the nearer before the farther."""
+def image_of(agent: Agent, frame: Frame, world_from_camera: Matrix) -> CameraImage:
+    """Sky, and the box of every other actor, nearer ones in front of farther ones."""
     rng = create_generator("picture", agent.number, frame.index)
     semantic = np.full((HEIGHT, WIDTH), Semantic.SKY, dtype=np.uint8)
     instance = np.zeros((HEIGHT, WIDTH), np.int32)

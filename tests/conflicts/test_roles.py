@@ -1,6 +1,5 @@
 """Who takes part in staged conflicts, in annotations and for whoever reads them."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 from advercity_dsl import Spec
@@ -9,7 +8,7 @@ from advercity_dsl.conflict import StagedActor, StagedConflict
 from advercity.conflicts.roles import find_conflict_roles
 from advercity.dataset.frame_documents import build_object_extras
 from advercity.sensors.annotation import annotate_actors
-from advercity.sensors.sensor_frame import SensorFrame
+from tests.builders import SensorFramesOf
 
 
 def staged(spec: Spec) -> Spec:
@@ -30,7 +29,7 @@ def staged(spec: Spec) -> Spec:
     return spec.model_copy(update={"conflicts": (turning, stepping)})
 
 
-def test_all_who_take_part_have_roles(spec: Spec) -> None:
+def test_all_participants_have_roles(spec: Spec) -> None:
     assert find_conflict_roles(staged(spec)) == {
         101: {"conflict_1": "other", "conflict_2": "subject"},
         201: {"conflict_1": "subject"},
@@ -40,10 +39,8 @@ def test_all_who_take_part_have_roles(spec: Spec) -> None:
     assert find_conflict_roles(spec.model_copy(update={"conflicts": ()})) == {}
 
 
-def test_annotations_tell_roles(
-    spec: Spec, readings_of: Callable[[int], tuple[SensorFrame, ...]]
-) -> None:
-    reading = replace(readings_of(0)[1], conflict_roles=find_conflict_roles(staged(spec)))
+def test_annotations_have_roles(spec: Spec, sensor_frames_of: SensorFramesOf) -> None:
+    reading = replace(sensor_frames_of(0)[1], conflict_roles=find_conflict_roles(staged(spec)))
     found = {
         number: item["roles"]
         for number, item in build_object_extras(reading, annotate_actors(reading))[

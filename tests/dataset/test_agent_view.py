@@ -1,6 +1,5 @@
 """Files of a dataset that are cut off, spoilt or gone, as whoever reads it meets them."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -9,21 +8,15 @@ from advercity_dsl import Spec
 import advercity
 from advercity.dataset.agent_view import AgentView
 from advercity.dataset.facts import collect_scenario_facts
-from advercity.dataset.manifest import Identity
-from advercity.dataset.writer import ScenarioWriter
 from advercity.errors import InputError, RunError
-from advercity.sensors.sensor_frame import SensorFrame
+from tests.builders import SensorFramesOf, write_scenario
 
-ReadingsOf = Callable[[int], tuple[SensorFrame, ...]]
 REMEDY = "`advercity verify` lists all such files, `advercity repair` restores them"
 
 
 @pytest.fixture
-def scenario(tmp_path: Path, spec: Spec, readings_of: ReadingsOf) -> Path:
-    identity = Identity.for_spec(spec, trace_sha256="0" * 64, renderer={})
-    with ScenarioWriter(tmp_path, spec, identity, length=1) as writer:
-        writer.write_frame(0, readings_of(0))
-        writer.finish()
+def scenario(tmp_path: Path, spec: Spec, sensor_frames_of: SensorFramesOf) -> Path:
+    write_scenario(tmp_path, spec, sensor_frames_of)
     return tmp_path / spec.id
 
 
@@ -33,7 +26,7 @@ def read_all(view: AgentView) -> None:
     _ = (view.world_from_camera(0), view.intrinsic(0))
 
 
-def test_annotations_cut_off_anywhere_are_read_whole_or_told(scenario: Path) -> None:
+def test_annotations_cut_off_anywhere_are_read_completely_or_reported(scenario: Path) -> None:
     path = scenario / "+101" / "000060.yaml"
     whole = path.read_bytes()
     view = advercity.open_dataset(scenario)[0]["cav1"]
@@ -56,7 +49,7 @@ def test_annotations_cut_off_anywhere_are_read_whole_or_told(scenario: Path) -> 
     ("good", "bad"),
     [("speed: ", "sped: "), ("extent: [", "extent: [x, "), ("intrinsic:", "intrinsic: 3\nrest:")],
 )
-def test_annotations_that_are_spoilt_are_told(scenario: Path, good: str, bad: str) -> None:
+def test_damaged_annotations_are_reported(scenario: Path, good: str, bad: str) -> None:
     path = scenario / "+101" / "000060.yaml"
     text = path.read_text()
     assert good in text
@@ -66,19 +59,21 @@ def test_annotations_that_are_spoilt_are_told(scenario: Path, good: str, bad: st
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"objects": 3}', '{"objects": {"1": {}}}'])
-def test_statistics_tell_which_file_is_spoilt(scenario: Path, text: str) -> None:
+def test_statistics_name_a_damaged_file(scenario: Path, text: str) -> None:
     (scenario / "+101" / "000060_objects.json").write_text(text)
     with pytest.raises(InputError, match=r"000060_objects\.json: is damaged"):
         collect_scenario_facts(scenario)
 
 
-def test_statistics_tell_which_file_is_gone(scenario: Path) -> None:
+def test_statistics_name_a_missing_file(scenario: Path) -> None:
     (scenario / "102" / "000060.yaml").unlink()
     with pytest.raises(InputError, match=r"102/000060\.yaml: is missing; `advercity verify`"):
         collect_scenario_facts(scenario)
 
 
-def test_a_manifest_that_is_cut_off_is_told_from_one_of_another_version(scenario: Path) -> None:
+def test_a_truncated_manifest_and_one_of_another_version_have_their_own_errors(
+    scenario: Path,
+) -> None:
     path = scenario / "manifest.json"
     text = path.read_text()
     path.write_text(text[:2000])

@@ -1,6 +1,5 @@
 """Masks as CoBEVT and HEAL look them up, by the published rules."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -10,13 +9,12 @@ from advercity.dataset.bird_view import draw_bird_views, find_visible_actors
 from advercity.geometry import poses
 from advercity.roads.lane_segments import LaneSegment
 from advercity.sensors.sensor_frame import SensorFrame
-
-ReadingsOf = Callable[[int], tuple[SensorFrame, ...]]
+from tests.builders import SensorFramesOf
 
 
 @pytest.fixture
-def readings(readings_of: ReadingsOf) -> tuple[SensorFrame, ...]:
-    return readings_of(0)
+def readings(sensor_frames_of: SensorFramesOf) -> tuple[SensorFrame, ...]:
+    return sensor_frames_of(0)
 
 
 def place(reading: SensorFrame, number: int) -> tuple[int, int]:
@@ -29,7 +27,7 @@ def place(reading: SensorFrame, number: int) -> tuple[int, int]:
     return int(128 - x / 0.390625), int(128 - y / 0.390625)
 
 
-def test_other_vehicles_are_drawn_where_they_stand(readings: tuple[SensorFrame, ...]) -> None:
+def test_other_vehicles_are_drawn_at_their_positions(readings: tuple[SensorFrame, ...]) -> None:
     for reading, maps in zip(readings, draw_bird_views(readings, ()), strict=True):
         drawn = {
             number
@@ -50,7 +48,7 @@ def test_pedestrians_are_not_drawn(readings: tuple[SensorFrame, ...]) -> None:
     assert draw_bird_views(readings, ())[0]["dynamic"][place(readings[0], 203)] == 0
 
 
-def test_what_no_camera_of_ones_own_sees_is_in_the_shared_map_only(
+def test_vehicles_visible_only_to_other_agents_are_in_the_shared_map_only(
     readings: tuple[SensorFrame, ...],
 ) -> None:
     blind = replace(

@@ -38,7 +38,7 @@ def test_points_go_from_agent_to_agent_as_in_opencood() -> None:
     np.testing.assert_allclose(point, (5.109262, -11.528993, 1.020883), atol=1e-6)
 
 
-def test_a_box_lies_in_the_ego_frame_as_in_opencood() -> None:
+def test_a_box_is_in_the_ego_frame_as_in_opencood() -> None:
     ego = left_handed([100, 50, 1.9, 0, 90, 0])
     box = left_handed([110, 70, 0.75, 0, 45, 0])
     bottom = [(2.4, -1, -0.75), (2.4, 1, -0.75), (-2.4, 1, -0.75), (-2.4, -1, -0.75)]
@@ -78,7 +78,7 @@ pose = st.tuples(*[st.floats(-500, 500)] * 3, st.floats(-179, 179), st.floats(-1
 
 
 @given(pose)
-def test_a_pose_survives_the_way_there_and_back(values: tuple[float, ...]) -> None:
+def test_a_pose_survives_a_round_trip(values: tuple[float, ...]) -> None:
     np.testing.assert_allclose(
         carla_pose_from_matrix(matrix_from_carla_pose(values)), values, atol=1e-6
     )

@@ -1,4 +1,3 @@
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -6,15 +5,13 @@ import pytest
 
 from advercity.dataset import cloud_files
 from advercity.errors import InputError
-from advercity.sensors.sensor_frame import SensorFrame
-
-ReadingsOf = Callable[[int], tuple[SensorFrame, ...]]
+from tests.builders import SensorFramesOf
 
 
-def test_the_table_keeps_all_that_is_known_of_a_point(
-    readings_of: ReadingsOf, tmp_path: Path
+def test_the_table_has_every_field_of_a_point(
+    sensor_frames_of: SensorFramesOf, tmp_path: Path
 ) -> None:
-    cloud = readings_of(0)[0].point_cloud
+    cloud = sensor_frames_of(0)[0].point_cloud
     path = tmp_path / "points.pcd"
     path.write_bytes(cloud_files.encode_pcd(cloud, raw=True))
     table = cloud_files.read_pcd(path)
@@ -34,22 +31,22 @@ def test_the_table_keeps_all_that_is_known_of_a_point(
         np.testing.assert_array_equal(table[name], column, err_msg=name)
 
 
-def test_a_turn_that_sees_one_instant_takes_36_bytes_a_point(readings_of: ReadingsOf) -> None:
-    cloud = readings_of(0)[0].point_cloud
+def test_a_scan_without_motion_takes_36_bytes_a_point(sensor_frames_of: SensorFramesOf) -> None:
+    cloud = sensor_frames_of(0)[0].point_cloud
     header, _, body = cloud_files.encode_pcd(cloud).partition(b"DATA binary\n")
     assert len(body) == 36 * len(cloud.points)
     assert b"raw" not in header
 
 
-def test_the_same_cloud_gives_the_same_bytes(readings_of: ReadingsOf) -> None:
-    cloud = readings_of(1)[2].point_cloud
+def test_the_same_cloud_gives_the_same_bytes(sensor_frames_of: SensorFramesOf) -> None:
+    cloud = sensor_frames_of(1)[2].point_cloud
     assert cloud_files.encode_pcd(cloud) == cloud_files.encode_pcd(cloud)
 
 
 @pytest.mark.parametrize(
     "content", [b"something else", b"DATA binary\n", b"POINTS x\nDATA binary\n"]
 )
-def test_another_file_is_no_cloud(tmp_path: Path, content: bytes) -> None:
+def test_another_file_is_refused_as_a_cloud(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "points.pcd"
     path.write_bytes(content)
     with pytest.raises(InputError, match="not a binary point cloud"):

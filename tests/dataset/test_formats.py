@@ -1,6 +1,5 @@
 """The original's layout, by its published description."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -9,27 +8,23 @@ import yaml
 from advercity_dsl import Spec
 
 from advercity.dataset.formats import find_format
-from advercity.dataset.manifest import Identity
 from advercity.dataset.opv2v import encode_opv2v_frame
 from advercity.dataset.verification import verify_scenario
 from advercity.dataset.writer import ScenarioWriter
 from advercity.errors import InputError, RunError
-from advercity.sensors.sensor_frame import SensorFrame
-
-ReadingsOf = Callable[[int], tuple[SensorFrame, ...]]
+from tests.builders import SensorFramesOf, identify, write_scenario
 
 
 @pytest.fixture(scope="module")
-def scenario(tmp_path_factory: pytest.TempPathFactory, spec: Spec, readings_of: ReadingsOf) -> Path:
+def scenario(
+    tmp_path_factory: pytest.TempPathFactory, spec: Spec, sensor_frames_of: SensorFramesOf
+) -> Path:
     root = tmp_path_factory.mktemp("original")
-    identity = Identity.for_spec(spec, trace_sha256="0" * 64, renderer={}, format="adver_city")
-    with ScenarioWriter(root, spec, identity, length=1) as writer:
-        writer.write_frame(0, readings_of(0))
-        writer.finish()
+    write_scenario(root, spec, sensor_frames_of, format="adver_city")
     return root / spec.id
 
 
-def test_folders_and_files_are_called_as_in_the_original(scenario: Path) -> None:
+def test_folders_and_files_are_named_as_in_the_original(scenario: Path) -> None:
     folders = sorted(path.name for path in scenario.iterdir() if path.is_dir())
     assert folders == ["-1", "-2", "101", "102", "103"]
     pictures = {f"000060_{kind}{k}.png" for kind in ("camera", "semantic") for k in range(4)}
@@ -41,8 +36,10 @@ def test_folders_and_files_are_called_as_in_the_original(scenario: Path) -> None
     assert (scenario / "data_protocol.yaml").is_file()
 
 
-def test_clouds_are_text_with_the_intensity_in_red(scenario: Path, readings_of: ReadingsOf) -> None:
-    cloud = readings_of(0)[0].point_cloud
+def test_clouds_are_text_with_the_intensity_in_red(
+    scenario: Path, sensor_frames_of: SensorFramesOf
+) -> None:
+    cloud = sensor_frames_of(0)[0].point_cloud
     header, _, body = (scenario / "101" / "000060_lidar.ply").read_text().partition("end_header\n")
     assert header.splitlines()[:3] == [
         "ply",
@@ -55,18 +52,20 @@ def test_clouds_are_text_with_the_intensity_in_red(scenario: Path, readings_of: 
     assert not rows[:, 4:].any()
 
 
-def test_both_layouts_say_the_same(scenario: Path, readings_of: ReadingsOf) -> None:
-    files = encode_opv2v_frame(readings_of(0), (), name="000060")
+def test_both_layouts_have_the_same_description(
+    scenario: Path, sensor_frames_of: SensorFramesOf
+) -> None:
+    files = encode_opv2v_frame(sensor_frames_of(0), (), name="000060")
     said = yaml.safe_load((scenario / "101" / "000060.yaml").read_text())
     assert said == yaml.safe_load(files["+101/000060.yaml"])
 
 
-def test_it_is_verified_like_any_other(scenario: Path) -> None:
+def test_the_original_layout_is_verified_too(scenario: Path) -> None:
     assert verify_scenario(scenario) == []
 
 
 def test_one_scenario_has_one_layout(scenario: Path, spec: Spec) -> None:
-    identity = Identity.for_spec(spec, trace_sha256="0" * 64, renderer={}, format="opv2v")
+    identity = identify(spec, format="opv2v")
     with (
         pytest.raises(RunError, match="format: adver_city, opv2v"),
         ScenarioWriter(scenario.parent, spec, identity, length=1),
@@ -74,6 +73,6 @@ def test_one_scenario_has_one_layout(scenario: Path, spec: Spec) -> None:
         pass
 
 
-def test_an_unknown_layout_is_told() -> None:
+def test_an_unknown_layout_is_refused() -> None:
     with pytest.raises(InputError, match="opv2v or adver_city"):
         find_format("kitti")

@@ -21,25 +21,25 @@ def noise(*shape: int) -> Image:
 
 
 @pytest.mark.parametrize("shape", [(1, 1, 3), (2, 7, 3), (270, 480, 3)])
-def test_photographs_come_back_as_they_were(shape: tuple[int, ...]) -> None:
+def test_photographs_are_encoded_without_loss(shape: tuple[int, ...]) -> None:
     np.testing.assert_array_equal(decoded(encode_photo_png(noise(*shape))), noise(*shape))
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (5, 3), (1, 1, 3), (64, 48), (64, 48, 3)])
-def test_labels_come_back_as_they_were(shape: tuple[int, ...]) -> None:
+def test_labels_are_encoded_without_loss(shape: tuple[int, ...]) -> None:
     areas = noise(*shape) // 64
     np.testing.assert_array_equal(decoded(encode_label_png(areas)), areas)
 
 
-def test_a_view_of_every_second_pixel_is_written_as_seen() -> None:
+def test_a_strided_array_is_encoded_as_its_values() -> None:
     every = noise(16, 16, 3)
     np.testing.assert_array_equal(decoded(encode_photo_png(every[::2, ::2])), every[::2, ::2])
 
 
-def test_areas_of_one_value_take_next_to_nothing() -> None:
+def test_areas_of_one_value_take_almost_no_bytes() -> None:
     assert len(encode_label_png(np.full((256, 256, 3), 7, np.uint8))) < 256 * 256 * 3 / 100
 
 
-def test_smooth_pictures_take_less_than_their_pixels() -> None:
+def test_smooth_images_take_fewer_bytes_than_their_pixels() -> None:
     slope = np.add.outer(np.arange(100), np.arange(200))[..., None] + np.zeros(3)
     assert len(encode_photo_png(slope.astype(np.uint8))) < 100 * 200 * 3 / 3

@@ -1,5 +1,6 @@
 """The index of a set of scenarios."""
 
+import json
 import shutil
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -8,14 +9,13 @@ from pathlib import Path
 import pytest
 from advercity_dsl import Spec
 
-from advercity.dataset.index import INDEX_FILE, DatasetIndex, IndexWriter
-from advercity.dataset.manifest import Identity
+from advercity.dataset.index import INDEX_FILE, DatasetIndex, IndexWriter, link_splits
+from advercity.dataset.reader import open_dataset
 from advercity.dataset.verification import verify_dataset
 from advercity.dataset.writer import ScenarioWriter
 from advercity.errors import InputError, RunError
-from advercity.sensors.sensor_frame import SensorFrame
+from tests.builders import TWO_ROADS_FRAMES, SensorFramesOf, identify
 
-ReadingsOf = Callable[[int], tuple[SensorFrame, ...]]
 LENGTH = 2
 
 
@@ -26,14 +26,14 @@ def others(spec: Spec) -> list[Spec]:
 
 
 @pytest.fixture
-def make(readings_of: ReadingsOf) -> Callable[[Path, Spec, int], None]:
+def make(sensor_frames_of: SensorFramesOf) -> Callable[[Path, Spec, int], None]:
     """Writes the first frames of a scenario into a dataset."""
 
     def make(root: Path, spec: Spec, frames: int) -> None:
-        identity = Identity.for_spec(spec, trace_sha256="0" * 64, renderer={})
+        identity = identify(spec)
         with ScenarioWriter(root, spec, identity, length=LENGTH) as writer:
             for frame in set(range(frames)) - writer.done_frames:
-                writer.write_frame(frame, readings_of(frame))
+                writer.write_frame(frame, sensor_frames_of(frame))
             writer.finish()
 
     return make
@@ -48,7 +48,7 @@ def states(root: Path) -> dict[str, str]:
     return {name: entry.state for name, entry in index.scenarios.items()}
 
 
-def test_every_scenario_that_was_asked_for_is_told_with_its_state(
+def test_the_index_has_every_requested_scenario_with_its_state(
     spec: Spec, others: list[Spec], make: Make, tmp_path: Path
 ) -> None:
     index = IndexWriter(tmp_path, [spec, *others])
@@ -69,7 +69,7 @@ def test_every_scenario_that_was_asked_for_is_told_with_its_state(
     assert verify_dataset(tmp_path) == []
 
 
-def test_the_next_run_takes_up_the_index_and_the_same_set_has_the_same_bytes(
+def test_the_next_run_continues_the_index_and_the_same_dataset_has_the_same_bytes(
     spec: Spec, others: list[Spec], make: Make, tmp_path: Path
 ) -> None:
     both = [spec, others[0]]
@@ -83,7 +83,7 @@ def test_the_next_run_takes_up_the_index_and_the_same_set_has_the_same_bytes(
     assert once == twice
 
 
-def test_a_run_under_way_vouches_for_no_manifest_of_its_own(
+def test_an_unfinished_run_records_no_manifest_of_its_scenarios(
     spec: Spec, others: list[Spec], make: Make, tmp_path: Path
 ) -> None:
     for one in (spec, others[0]):
@@ -95,7 +95,7 @@ def test_a_run_under_way_vouches_for_no_manifest_of_its_own(
     assert verify_dataset(tmp_path) == []
 
 
-def test_a_scenario_that_is_gone_and_a_changed_manifest_are_found(
+def test_a_missing_scenario_and_a_changed_manifest_are_found(
     spec: Spec, others: list[Spec], make: Make, tmp_path: Path
 ) -> None:
     index = IndexWriter(tmp_path, [spec, others[0]])
@@ -118,7 +118,7 @@ def end(index: IndexWriter, spec: Spec) -> None:
     index.record_result(spec.id, failed=False)
 
 
-def test_many_at_a_time_lose_no_entry(others: list[Spec], make: Make, tmp_path: Path) -> None:
+def test_concurrent_runs_lose_no_entry(others: list[Spec], make: Make, tmp_path: Path) -> None:
     for one in others:
         make(tmp_path, one, 0)
     with ThreadPoolExecutor() as pool:
@@ -129,14 +129,49 @@ def test_many_at_a_time_lose_no_entry(others: list[Spec], make: Make, tmp_path: 
             assert set(states(tmp_path)) == {one.id for one in others}
 
 
-def test_nothing_is_noted_where_nothing_was_made(spec: Spec, tmp_path: Path) -> None:
+def test_no_index_is_written_without_a_scenario(spec: Spec, tmp_path: Path) -> None:
     IndexWriter(tmp_path / "dataset", [spec]).record_result(spec.id, failed=True)
     assert not (tmp_path / "dataset").exists()
     with pytest.raises(InputError, match="not a dataset"):
         verify_dataset(tmp_path)
 
 
-def test_an_index_that_is_none_is_told_with_the_way_out(spec: Spec, tmp_path: Path) -> None:
+def test_a_damaged_index_is_reported_with_a_remedy(spec: Spec, tmp_path: Path) -> None:
     (tmp_path / INDEX_FILE).write_text("{}}")
     with pytest.raises(RunError, match=r"index\.json: not an index of this version; delete it"):
         IndexWriter(tmp_path, [spec])
+
+
+def test_scenarios_are_linked_by_road(two_roads: Path, tmp_path: Path) -> None:
+    found = link_splits(two_roads, tmp_path)
+    expected = {
+        "train": [],
+        "validate": ["rcnj_fog_day_sparse"],
+        "test": ["ui_clear_night_dense"],
+    }
+    assert found == expected
+    assert json.loads((tmp_path / "splits.json").read_text()) == expected
+    assert (tmp_path / "test" / "ui_clear_night_dense" / "+101" / "000060.pcd").is_file()
+    assert verify_dataset(tmp_path) == []
+    assert len(open_dataset(tmp_path)) == 2 * TWO_ROADS_FRAMES
+
+
+def test_links_are_updated(two_roads: Path, tmp_path: Path) -> None:
+    link_splits(two_roads, tmp_path)
+    link_splits(two_roads, tmp_path, {"train": ["ui"], "validate": ["rcnj"], "test": []})
+    assert [path.name for path in (tmp_path / "train").iterdir()] == ["ui_clear_night_dense"]
+    assert list((tmp_path / "test").iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("roads", "message"),
+    [
+        ({"train": ["rcnj"]}, "road 'ui' is in no split"),
+        ({"train": ["ui", "rcnj"], "test": ["ui"]}, "road 'ui' is in two splits"),
+    ],
+)
+def test_a_road_belongs_to_one_split(
+    two_roads: Path, tmp_path: Path, roads: dict[str, list[str]], message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        link_splits(two_roads, tmp_path, roads)

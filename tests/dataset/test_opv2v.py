@@ -2,7 +2,6 @@
 
 import math
 import struct
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,26 +15,26 @@ from numpy.typing import NDArray
 
 from advercity.dataset.formats import format_opv2v_folder
 from advercity.dataset.frame_documents import build_frame_description
-from advercity.dataset.manifest import Identity
 from advercity.dataset.writer import ScenarioWriter
 from advercity.semantics import PALETTE, Semantic
 from advercity.sensors.annotation import annotate_actors
-from advercity.sensors.sensor_frame import SensorFrame
+from tests.builders import SensorFramesOf, identify
 
 FRAMES = 3
 FOLDERS = ["+101", "-1", "-2", "102", "103"]
 MAPS = ("dynamic", "static", "lane", "visibility", "visibility_corp")
 Array = NDArray[np.floating]
-ReadingsOf = Callable[[int], tuple[SensorFrame, ...]]
 
 
 @pytest.fixture(scope="module")
-def scenario(tmp_path_factory: pytest.TempPathFactory, spec: Spec, readings_of: ReadingsOf) -> Path:
+def scenario(
+    tmp_path_factory: pytest.TempPathFactory, spec: Spec, sensor_frames_of: SensorFramesOf
+) -> Path:
     root = tmp_path_factory.mktemp("dataset")
-    identity = Identity.for_spec(spec, trace_sha256="0" * 64, renderer={"profile": "preview"})
+    identity = identify(spec, profile="preview")
     with ScenarioWriter(root, spec, identity, length=FRAMES) as writer:
         for index in range(FRAMES):
-            writer.write_frame(index, readings_of(index))
+            writer.write_frame(index, sensor_frames_of(index))
         writer.finish()
     return root / spec.id
 
@@ -130,7 +129,7 @@ def test_only_the_ego_is_written_with_a_plus(spec: Spec) -> None:
     assert sorted(format_opv2v_folder(agent) for agent in spec.agents) == FOLDERS
 
 
-def test_no_other_folder_lies_in_the_dataset(scenario: Path) -> None:
+def test_the_scenario_has_no_other_folder(scenario: Path) -> None:
     assert [path.name for path in scenario.parent.iterdir()] == [scenario.name]
 
 
@@ -149,7 +148,7 @@ def test_each_frame_has_all_its_files(scenario: Path, agent: str) -> None:
 
 
 @EVERY_AGENT
-def test_every_field_is_there_and_plain(scenario: Path, agent: str) -> None:
+def test_every_field_exists_and_is_plain(scenario: Path, agent: str) -> None:
     description = load(scenario / agent / "000060.yaml")
     assert set(description) == {
         *("RSU", "ego_speed", "true_ego_pos", "predicted_ego_pos", "lidar_pose"),
@@ -182,14 +181,14 @@ def test_a_walker_is_described_like_a_vehicle(scenario: Path) -> None:
     assert walker["class"] == "walker"
 
 
-def test_walkers_are_an_empty_map_where_there_are_none(readings_of: ReadingsOf) -> None:
-    reading = replace(readings_of(0)[0], lidar_hits={})
+def test_walkers_are_an_empty_map_where_there_are_none(sensor_frames_of: SensorFramesOf) -> None:
+    reading = replace(sensor_frames_of(0)[0], lidar_hits={})
     description = build_frame_description(reading, annotate_actors(reading))
     assert (description["vehicles"], description["walkers"]) == ({}, {})
 
 
 @EVERY_AGENT
-def test_speed_is_in_km_h_and_agrees_with_the_way(scenario: Path, agent: str) -> None:
+def test_speed_is_in_km_h_and_agrees_with_the_path(scenario: Path, agent: str) -> None:
     first, second = (load(scenario / agent / f"{name}.yaml") for name in ("000060", "000061"))
     way_m = math.dist(first["true_ego_pos"][:3], second["true_ego_pos"][:3])
     assert way_m == pytest.approx(first["ego_speed"] / 3.6 * 0.1, abs=1e-6)
@@ -201,7 +200,7 @@ def test_the_plan_is_mirrored_and_in_km_h(scenario: Path) -> None:
     assert unit["plan_trajectory"] == []
 
 
-def test_a_roadside_unit_knows_how_it_is_turned(scenario: Path) -> None:
+def test_a_roadside_unit_has_its_orientation(scenario: Path) -> None:
     unit = load(scenario / "-1" / "000060.yaml")
     assert unit["true_ego_pos"] == unit["camera0"]["cords"]
     assert unit["lidar_pose"][3:] == [0.0, 0.0, 0.0]
@@ -210,7 +209,7 @@ def test_a_roadside_unit_knows_how_it_is_turned(scenario: Path) -> None:
 
 
 @EVERY_AGENT
-def test_extrinsics_lead_from_the_lidar_to_the_camera(scenario: Path, agent: str) -> None:
+def test_extrinsics_map_the_lidar_to_the_camera(scenario: Path, agent: str) -> None:
     description = load(scenario / agent / "000060.yaml")
     world_from_lidar = world_from(description["lidar_pose"])
     for index in range(4):
@@ -232,7 +231,7 @@ def test_the_right_camera_looks_right(scenario: Path) -> None:
 
 
 @EVERY_AGENT
-def test_points_lie_in_the_box_of_what_they_hit(scenario: Path, agent: str) -> None:
+def test_points_are_in_the_box_of_the_object_they_hit(scenario: Path, agent: str) -> None:
     description = load(scenario / agent / "000061.yaml")
     cloud = read_cloud(scenario / agent / "000061.pcd")
     points = move(world_from(description["lidar_pose"]), cloud.xyz)
@@ -250,7 +249,7 @@ def test_every_agent_puts_the_same_box_in_the_same_place(scenario: Path) -> None
         assert all(box[key] == boxes[0][key] for box in boxes)
 
 
-def test_the_ground_is_where_all_agents_see_it(scenario: Path) -> None:
+def test_the_ground_is_at_the_same_height_for_all_agents(scenario: Path) -> None:
     heights: list[Array] = []
     for path in agents_of(scenario):
         cloud = read_cloud(path / "000060.pcd")
@@ -262,9 +261,9 @@ def test_the_ground_is_where_all_agents_see_it(scenario: Path) -> None:
 
 @EVERY_AGENT
 def test_intensity_is_in_the_red_channel(
-    scenario: Path, agent: str, readings_of: ReadingsOf
+    scenario: Path, agent: str, sensor_frames_of: SensorFramesOf
 ) -> None:
-    (reading,) = (one for one in readings_of(1) if format_opv2v_folder(one.agent) == agent)
+    (reading,) = (one for one in sensor_frames_of(1) if format_opv2v_folder(one.agent) == agent)
     cloud = read_cloud(scenario / agent / "000061.pcd")
     np.testing.assert_array_equal(cloud.intensity, reading.point_cloud.intensity)
     assert np.abs(cloud.red - reading.point_cloud.intensity).max() <= 0.5 / 255 + 1e-7
@@ -307,18 +306,20 @@ def wholly_ahead(description: dict[str, Any], camera: dict[str, Any]) -> list[in
     return ahead
 
 
-def test_pictures_are_eight_bit_rgb_without_alpha(scenario: Path, readings_of: ReadingsOf) -> None:
+def test_images_are_eight_bit_rgb_without_alpha(
+    scenario: Path, sensor_frames_of: SensorFramesOf
+) -> None:
     stored = cv2.imread(str(scenario / "+101" / "000060_camera2.png"), cv2.IMREAD_UNCHANGED)
     assert stored is not None
-    np.testing.assert_array_equal(stored[..., ::-1], readings_of(0)[0].camera_images[2].image)
+    np.testing.assert_array_equal(stored[..., ::-1], sensor_frames_of(0)[0].camera_images[2].image)
 
 
-def test_semantic_pictures_hold_palette_colours_only(
-    scenario: Path, readings_of: ReadingsOf
+def test_semantic_images_have_palette_colours_only(
+    scenario: Path, sensor_frames_of: SensorFramesOf
 ) -> None:
     stored = cv2.imread(str(scenario / "-1" / "000060_semantic0.png"), cv2.IMREAD_UNCHANGED)
     assert stored is not None
-    (unit,) = (one for one in readings_of(0) if one.agent.number == -1)
+    (unit,) = (one for one in sensor_frames_of(0) if one.agent.number == -1)
     np.testing.assert_array_equal(stored[..., ::-1], PALETTE[unit.camera_images[0].semantic])
 
 
@@ -334,7 +335,7 @@ def test_the_protocol_is_the_spec(scenario: Path, spec: Spec) -> None:
     assert Spec.model_validate(load(scenario / "data_protocol.yaml")) == spec
 
 
-def test_scenes_fit_in_the_arrays_of_the_loaders(scenario: Path) -> None:
+def test_annotations_fit_in_the_arrays_of_the_loaders(scenario: Path) -> None:
     for path in agents_of(scenario):
         for name in frames_of(path):
             assert len(load(path / f"{name}.yaml")["vehicles"]) < 100

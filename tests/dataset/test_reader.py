@@ -1,7 +1,6 @@
 import pickle
 import subprocess
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,15 +9,13 @@ import pytest
 from advercity_dsl import Agent, Spec
 
 import advercity
-from advercity.dataset.manifest import Identity
 from advercity.dataset.reader import Dataset
 from advercity.dataset.writer import ScenarioWriter
 from advercity.errors import InputError
 from advercity.geometry import poses
 from advercity.sensors.annotation import annotate_actors, compute_box_centre
-from advercity.sensors.sensor_frame import SensorFrame
+from tests.builders import SensorFramesOf, identify, write_scenario
 
-ReadingsOf = Callable[[int], tuple[SensorFrame, ...]]
 FRAMES = 2
 
 
@@ -27,14 +24,10 @@ def dataset(
     request: pytest.FixtureRequest,
     tmp_path_factory: pytest.TempPathFactory,
     spec: Spec,
-    readings_of: ReadingsOf,
+    sensor_frames_of: SensorFramesOf,
 ) -> Dataset:
     root = tmp_path_factory.mktemp("dataset")
-    identity = Identity.for_spec(spec, trace_sha256="0" * 64, renderer={}, format=request.param)
-    with ScenarioWriter(root, spec, identity, length=FRAMES) as writer:
-        for index in range(FRAMES):
-            writer.write_frame(index, readings_of(index))
-        writer.finish()
+    write_scenario(root, spec, sensor_frames_of, frames=FRAMES, format=request.param)
     return advercity.open_dataset(root)
 
 
@@ -48,8 +41,8 @@ def test_frames_are_counted_and_found_by_position(dataset: Dataset) -> None:
         dataset[FRAMES]
 
 
-def test_poses_come_back(dataset: Dataset, readings_of: ReadingsOf) -> None:
-    for reading in readings_of(1):
+def test_poses_come_back(dataset: Dataset, sensor_frames_of: SensorFramesOf) -> None:
+    for reading in sensor_frames_of(1):
         view = dataset[1][reading.agent.id]
         np.testing.assert_allclose(view.world_from_agent, reading.world_from_agent, atol=1e-7)
         np.testing.assert_allclose(view.world_from_lidar, reading.world_from_lidar, atol=1e-7)
@@ -59,8 +52,8 @@ def test_poses_come_back(dataset: Dataset, readings_of: ReadingsOf) -> None:
         assert view.speed_m_s == pytest.approx(reading.speed_m_s)
 
 
-def test_points_and_pictures_come_back(dataset: Dataset, readings_of: ReadingsOf) -> None:
-    for reading in readings_of(0):
+def test_points_and_images_come_back(dataset: Dataset, sensor_frames_of: SensorFramesOf) -> None:
+    for reading in sensor_frames_of(0):
         view = dataset[0][reading.agent.id]
         np.testing.assert_allclose(view.points, reading.point_cloud.points, atol=1e-5)
         intensity = view.cloud["intensity"]
@@ -70,15 +63,15 @@ def test_points_and_pictures_come_back(dataset: Dataset, readings_of: ReadingsOf
             np.testing.assert_array_equal(view.semantic(index), picture.semantic)
 
 
-def test_points_of_one_instant_were_measured_there(dataset: Dataset) -> None:
+def test_points_without_motion_were_measured_where_they_are(dataset: Dataset) -> None:
     view = dataset[0]["cav1"]
     raw, time_s = view.measured
     np.testing.assert_array_equal(raw, view.points)
     assert not time_s.any()
 
 
-def test_a_turning_lidar_keeps_where_and_when_it_measured(
-    spec: Spec, readings_of: ReadingsOf, tmp_path: Path
+def test_a_lidar_with_motion_keeps_where_and_when_it_measured(
+    spec: Spec, sensor_frames_of: SensorFramesOf, tmp_path: Path
 ) -> None:
     turning = spec.model_copy(update={"agents": tuple(map(turned, spec.agents))})
     readings = [
@@ -91,9 +84,9 @@ def test_a_turning_lidar_keeps_where_and_when_it_measured(
                 time_s=np.linspace(-0.1, 0, len(reading.point_cloud.points), dtype=np.float32),
             ),
         )
-        for reading in readings_of(0)
+        for reading in sensor_frames_of(0)
     ]
-    identity = Identity.for_spec(turning, trace_sha256="0" * 64, renderer={})
+    identity = identify(turning)
     with ScenarioWriter(tmp_path, turning, identity, length=1) as writer:
         writer.write_frame(0, readings)
         writer.finish()
@@ -112,8 +105,8 @@ def turned(agent: Agent) -> Agent:
     return agent.model_copy(update={"sensors": sensors})
 
 
-def test_boxes_come_back(dataset: Dataset, readings_of: ReadingsOf) -> None:
-    reading = readings_of(0)[0]
+def test_boxes_come_back(dataset: Dataset, sensor_frames_of: SensorFramesOf) -> None:
+    reading = sensor_frames_of(0)[0]
     boxes = dataset[0]["cav1"].boxes
     expected = {item.state.actor.id: item for item in annotate_actors(reading)}
     assert set(boxes.ids.tolist()) == set(expected)
@@ -128,7 +121,7 @@ def test_boxes_come_back(dataset: Dataset, readings_of: ReadingsOf) -> None:
         assert boxes.speeds_m_s[row] == pytest.approx(item.state.speed_m_s)
 
 
-def test_points_project_into_pictures(dataset: Dataset) -> None:
+def test_points_project_into_images(dataset: Dataset) -> None:
     view = dataset[0]["cav1"]
     ahead = poses.transform_points(view.world_from_camera(0), [[10.0, 0.0, 0.0], [10.0, 1.0, 2.0]])
     height, width = view.image(0).shape[:2]
@@ -143,12 +136,12 @@ def test_points_project_into_pictures(dataset: Dataset) -> None:
     )
 
 
-def test_it_goes_to_other_processes(dataset: Dataset) -> None:
+def test_a_dataset_can_be_pickled(dataset: Dataset) -> None:
     copy = pickle.loads(pickle.dumps(dataset))
     np.testing.assert_array_equal(copy[1]["rsu1"].points, dataset[1]["rsu1"].points)
 
 
-def test_extras_tell_more_of_every_object(dataset: Dataset, readings_of: ReadingsOf) -> None:
+def test_extras_describe_every_object(dataset: Dataset, sensor_frames_of: SensorFramesOf) -> None:
     if not dataset.scenarios[0].format.has_extras:
         with pytest.raises(InputError, match=r"_objects\.json"):
             _ = dataset[0]["cav1"].extras
@@ -158,7 +151,7 @@ def test_extras_tell_more_of_every_object(dataset: Dataset, readings_of: Reading
     van = objects["201"]
     assert (van["class"], van["roles"]) == ("van", {})
     assert (van["lidar_hits"], van["lidar_points"]) == (40, 40)
-    velocity = readings_of(0)[0].frame.get_state(201).world_from_body[:3, 0] * 5.0
+    velocity = sensor_frames_of(0)[0].frame.get_state(201).world_from_body[:3, 0] * 5.0
     np.testing.assert_allclose(van["velocity_m_s"], velocity * (1, -1, 1), atol=1e-6)
     shown = van["cameras"]["camera0"]
     assert shown["visible_px"] > 0
@@ -181,7 +174,7 @@ ENGINES = {"trimesh", "networkx", "shapely", "scipy", "libsumo", "sumolib", "sap
 OTHERS = {"PIL", "av", "fsspec", "matplotlib", "ray", "rerun", "typer"}
 
 
-def test_reading_loads_no_engine_and_opening_no_models_either(dataset: Dataset) -> None:
+def test_reading_loads_no_engine_and_opening_no_models(dataset: Dataset) -> None:
     folder = dataset.scenarios[0].path
     command = [sys.executable, "-c", READ_EVERYTHING, str(folder)]
     child = subprocess.run(command, capture_output=True, text=True, check=True)
@@ -192,11 +185,11 @@ def test_reading_loads_no_engine_and_opening_no_models_either(dataset: Dataset) 
     assert not reading & (ENGINES | OTHERS)
 
 
-def test_a_folder_that_is_none_is_told(tmp_path: Path) -> None:
+def test_a_folder_without_scenarios_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="not a dataset"):
         advercity.open_dataset(tmp_path)
 
 
-def test_a_lost_picture_is_told(dataset: Dataset) -> None:
+def test_a_missing_image_is_reported(dataset: Dataset) -> None:
     with pytest.raises(InputError, match="is missing or no image"):
         dataset[0]["cav1"].image(7)

@@ -10,26 +10,25 @@ from pathlib import Path
 import pytest
 from advercity_dsl import Spec
 
-from advercity.dataset.manifest import Identity
 from advercity.dataset.verification import restore_files, verify_scenario
 from advercity.dataset.writer import ScenarioWriter
 from advercity.errors import RunError
 from advercity.sensors.sensor_frame import SensorFrame
+from tests.builders import SensorFramesOf, identify
 
 FRAMES = 2
-ReadingsOf = Callable[[int], tuple[SensorFrame, ...]]
 Run = Callable[[Path], None]
 
 
 @pytest.fixture(scope="module")
-def run(spec: Spec, readings_of: ReadingsOf) -> Run:
+def run(spec: Spec, sensor_frames_of: SensorFramesOf) -> Run:
     """Writes what is missing of the two-frame scenario."""
 
     def run(root: Path) -> None:
-        identity = Identity.for_spec(spec, trace_sha256="0" * 64, renderer={})
+        identity = identify(spec)
         with ScenarioWriter(root, spec, identity, length=FRAMES) as writer:
             for index in sorted(set(range(FRAMES)) - writer.done_frames):
-                writer.write_frame(index, readings_of(index))
+                writer.write_frame(index, sensor_frames_of(index))
             writer.finish()
 
     return run
@@ -62,8 +61,8 @@ def flip(path: Path) -> None:
     path.write_bytes(content)
 
 
-def test_lost_and_changed_files_come_back_and_no_other_is_touched(
-    scenario: Path, original: Path, readings_of: ReadingsOf, spec: Spec
+def test_missing_and_changed_files_are_restored_and_no_other_is_touched(
+    scenario: Path, original: Path, sensor_frames_of: SensorFramesOf, spec: Spec
 ) -> None:
     (scenario / "102" / "000061.pcd").unlink()
     flip(scenario / "-1" / "000061_camera3.png")
@@ -76,7 +75,7 @@ def test_lost_and_changed_files_come_back_and_no_other_is_touched(
 
     def readings(frame: int) -> tuple[SensorFrame, ...]:
         asked.append(frame)
-        return readings_of(frame)
+        return sensor_frames_of(frame)
 
     assert restore_files(scenario, verify_scenario(scenario), readings) == []
     assert asked == [1]
@@ -85,29 +84,35 @@ def test_lost_and_changed_files_come_back_and_no_other_is_touched(
     assert [path.name for path in scenario.parent.iterdir()] == [scenario.name]
 
 
-def test_a_file_of_somebody_else_is_left_and_told(scenario: Path, readings_of: ReadingsOf) -> None:
+def test_an_unknown_file_is_kept_and_reported(
+    scenario: Path, sensor_frames_of: SensorFramesOf
+) -> None:
     (scenario / "103" / "notes.txt").write_text("mine")
-    (problem,) = restore_files(scenario, verify_scenario(scenario), readings_of)
+    (problem,) = restore_files(scenario, verify_scenario(scenario), sensor_frames_of)
     assert (problem.path, problem.kind) == ("103/notes.txt", "extra")
     assert (scenario / "103" / "notes.txt").read_text() == "mine"
 
 
-def test_what_comes_out_otherwise_is_not_put_in(scenario: Path, readings_of: ReadingsOf) -> None:
+def test_content_that_differs_from_the_manifest_is_not_written(
+    scenario: Path, sensor_frames_of: SensorFramesOf
+) -> None:
     (scenario / "102" / "000061.pcd").unlink()
     with pytest.raises(RunError, match="its new content differs from the manifest"):
-        restore_files(scenario, verify_scenario(scenario), lambda frame: readings_of(frame + 1))
+        restore_files(
+            scenario, verify_scenario(scenario), lambda frame: sensor_frames_of(frame + 1)
+        )
     assert not (scenario / "102" / "000061.pcd").exists()
 
 
-def test_a_scenario_that_is_being_written_is_not_mended(
-    scenario: Path, readings_of: ReadingsOf, spec: Spec
+def test_a_scenario_that_is_being_written_is_not_restored(
+    scenario: Path, sensor_frames_of: SensorFramesOf, spec: Spec
 ) -> None:
-    identity = Identity.for_spec(spec, trace_sha256="0" * 64, renderer={})
+    identity = identify(spec)
     with (
         ScenarioWriter(scenario.parent, spec, identity, length=FRAMES),
         pytest.raises(RunError, match="another run is writing"),
     ):
-        restore_files(scenario, (), readings_of)
+        restore_files(scenario, (), sensor_frames_of)
 
 
 def in_a_child(act: Callable[[], object], prepare: Callable[[], object]) -> str:
@@ -131,7 +136,7 @@ def in_a_child(act: Callable[[], object], prepare: Callable[[], object]) -> str:
 
 
 @pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
-def test_a_file_that_the_system_cuts_off_is_told_and_the_frame_is_absent(
+def test_a_file_over_the_size_limit_is_reported_and_the_frame_is_absent(
     tmp_path: Path, original: Path, run: Run, spec: Spec
 ) -> None:
     """As on a full disk, some bytes of a file are written and the rest are not."""
@@ -150,7 +155,7 @@ def test_a_file_that_the_system_cuts_off_is_told_and_the_frame_is_absent(
 
 
 @pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
-def test_a_folder_that_may_not_be_written_is_told(tmp_path: Path, run: Run) -> None:
+def test_a_read_only_folder_is_reported(tmp_path: Path, run: Run) -> None:
     """Root may write anywhere, so the child is somebody else."""
     root = tmp_path / "read_only"
     root.mkdir(mode=0o555)

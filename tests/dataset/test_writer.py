@@ -1,4 +1,4 @@
-"""A frame is whole or absent: interruption at any point, resumption, locking, verification."""
+"""A frame is complete or absent: interruption at any point, resumption, locking, attribution."""
 
 import itertools
 import json
@@ -12,14 +12,13 @@ from advercity_dsl import Spec
 
 from advercity.dataset.manifest import Identity, Manifest
 from advercity.dataset.scenario_folders import MANIFEST_FILE, find_scenarios
-from advercity.dataset.verification import FileProblem, verify_scenario
-from advercity.dataset.writer import ScenarioWriter
+from advercity.dataset.verification import FileProblem, restore_files, verify_scenario
+from advercity.dataset.writer import ATTRIBUTION_FILE, ScenarioWriter
 from advercity.errors import InputError, RunError
-from advercity.sensors.sensor_frame import SensorFrame
+from tests.builders import SensorFramesOf, identify
 
 FRAMES = 2
 FILES_PER_FRAME = 103
-ReadingsOf = Callable[[int], tuple[SensorFrame, ...]]
 Make = Callable[..., ScenarioWriter]
 Run = Callable[[Path], list[int]]
 
@@ -29,21 +28,21 @@ def writer(spec: Spec) -> Make:
     """Makes a writer of the two-frame scenario in a folder."""
 
     def make(root: Path, *, profile: str = "preview", fresh: bool = False) -> ScenarioWriter:
-        identity = Identity.for_spec(spec, trace_sha256="0" * 64, renderer={"profile": profile})
+        identity = identify(spec, profile=profile)
         return ScenarioWriter(root, spec, identity, length=FRAMES, fresh=fresh)
 
     return make
 
 
 @pytest.fixture(scope="module")
-def run(writer: Make, readings_of: ReadingsOf) -> Run:
+def run(writer: Make, sensor_frames_of: SensorFramesOf) -> Run:
     """Writes what is missing; the frames it wrote."""
 
     def run(root: Path) -> list[int]:
         with writer(root) as dataset:
             missing = [index for index in range(FRAMES) if index not in dataset.done_frames]
             for index in missing:
-                dataset.write_frame(index, readings_of(index))
+                dataset.write_frame(index, sensor_frames_of(index))
             dataset.finish()
         return missing
 
@@ -75,7 +74,7 @@ def frames_with_any_file(root: Path) -> set[str]:
     return {path.name[:6] for path in root.glob("*/*/[0-9]*")}
 
 
-def test_a_finished_scenario_is_as_its_manifest_says(whole: Path) -> None:
+def test_a_finished_scenario_matches_its_manifest(whole: Path) -> None:
     (scenario,) = find_scenarios(whole)
     manifest = Manifest.load(scenario)
     assert (manifest.complete, manifest.frames) == (True, (0, 1))
@@ -83,7 +82,7 @@ def test_a_finished_scenario_is_as_its_manifest_says(whole: Path) -> None:
     assert verify_scenario(scenario) == []
 
 
-def test_the_manifest_holds_no_time_and_no_place(whole: Path, tmp_path: Path) -> None:
+def test_the_manifest_has_no_times_and_no_machine_paths(whole: Path, tmp_path: Path) -> None:
     (scenario,) = find_scenarios(whole)
     text = (scenario / MANIFEST_FILE).read_text()
     assert str(tmp_path) not in text
@@ -94,11 +93,11 @@ def test_the_manifest_holds_no_time_and_no_place(whole: Path, tmp_path: Path) ->
 
 
 def test_the_order_in_which_frames_are_written_does_not_matter(
-    original: Path, tmp_path: Path, writer: Make, readings_of: ReadingsOf
+    original: Path, tmp_path: Path, writer: Make, sensor_frames_of: SensorFramesOf
 ) -> None:
     with writer(tmp_path / "backwards") as dataset:
         for index in reversed(range(FRAMES)):
-            dataset.write_frame(index, readings_of(index))
+            dataset.write_frame(index, sensor_frames_of(index))
         dataset.finish()
     assert tree(tmp_path / "backwards") == tree(original)
 
@@ -164,14 +163,14 @@ def test_a_killed_run_is_completed_by_its_repetition(
     assert tree(root) == tree(original)
 
 
-def test_an_error_amid_a_frame_leaves_no_trace_of_it(
-    tmp_path: Path, writer: Make, readings_of: ReadingsOf, spec: Spec
+def test_an_error_during_a_frame_leaves_none_of_its_files(
+    tmp_path: Path, writer: Make, sensor_frames_of: SensorFramesOf, spec: Spec
 ) -> None:
     (tmp_path / spec.id).mkdir()
     with pytest.raises(RunError, match="Is a directory"), writer(tmp_path) as dataset:
-        dataset.write_frame(0, readings_of(0))
+        dataset.write_frame(0, sensor_frames_of(0))
         (tmp_path / spec.id / "+101" / "000061.pcd").mkdir()
-        dataset.write_frame(1, readings_of(1))
+        dataset.write_frame(1, sensor_frames_of(1))
     assert frames_with_any_file(tmp_path) - {"000060"} <= {"000061"}
     (tmp_path / spec.id / "+101" / "000061.pcd").rmdir()
     assert frames_with_any_file(tmp_path) == {"000060"}
@@ -180,27 +179,27 @@ def test_an_error_amid_a_frame_leaves_no_trace_of_it(
 
 
 def test_a_journal_torn_at_its_end_costs_the_last_frame_only(
-    original: Path, tmp_path: Path, writer: Make, readings_of: ReadingsOf, spec: Spec
+    original: Path, tmp_path: Path, writer: Make, sensor_frames_of: SensorFramesOf, spec: Spec
 ) -> None:
     root = tmp_path / "torn"
     with writer(root) as dataset:
-        dataset.write_frame(0, readings_of(0))
-        dataset.write_frame(1, readings_of(1))
+        dataset.write_frame(0, sensor_frames_of(0))
+        dataset.write_frame(1, sensor_frames_of(1))
     journal = root / ".staging" / spec.id / "journal_0.jsonl"
     journal.write_bytes(journal.read_bytes()[:-20])
     with writer(root) as dataset:
         assert dataset.done_frames == {0}
         assert frames_with_any_file(root) == {"000060"}
-        dataset.write_frame(1, readings_of(1))
+        dataset.write_frame(1, sensor_frames_of(1))
         dataset.finish()
     assert tree(root) == tree(original)
 
 
 def test_an_unfinished_scenario_is_verified_with_its_journal(
-    tmp_path: Path, writer: Make, readings_of: ReadingsOf, spec: Spec
+    tmp_path: Path, writer: Make, sensor_frames_of: SensorFramesOf, spec: Spec
 ) -> None:
     with writer(tmp_path) as dataset:
-        dataset.write_frame(1, readings_of(1))
+        dataset.write_frame(1, sensor_frames_of(1))
     assert verify_scenario(tmp_path / spec.id) == []
     assert Manifest.load(tmp_path / spec.id).frames == (1,)
 
@@ -223,7 +222,7 @@ def test_a_writer_may_follow_one_that_failed_to_open(tmp_path: Path, writer: Mak
         dataset.finish()
 
 
-def test_data_of_another_profile_are_not_continued(whole: Path, writer: Make) -> None:
+def test_a_scenario_of_another_profile_is_not_continued(whole: Path, writer: Make) -> None:
     before = tree(whole)
     with (
         pytest.raises(RunError, match=r"profile: preview, full.*--fresh"),
@@ -233,11 +232,11 @@ def test_data_of_another_profile_are_not_continued(whole: Path, writer: Make) ->
     assert {path for path in tree(whole) if not path.startswith(".staging")} == set(before)
 
 
-def test_data_of_another_weather_are_not_continued(
+def test_a_scenario_of_another_weather_is_not_continued(
     whole: Path, spec: Spec, specs: dict[str, Spec]
 ) -> None:
     other = spec.model_copy(update={"weather": specs["rcnj_clear_day_sparse"].weather})
-    identity = Identity.for_spec(other, trace_sha256="0" * 64, renderer={"profile": "preview"})
+    identity = identify(other, profile="preview")
     with (
         pytest.raises(RunError, match="spec_sha256"),
         ScenarioWriter(whole, other, identity, length=FRAMES),
@@ -245,11 +244,11 @@ def test_data_of_another_weather_are_not_continued(
         pass
 
 
-def test_fresh_starts_over(whole: Path, writer: Make, readings_of: ReadingsOf) -> None:
+def test_fresh_starts_over(whole: Path, writer: Make, sensor_frames_of: SensorFramesOf) -> None:
     with writer(whole, profile="full", fresh=True) as dataset:
         assert dataset.done_frames == frozenset()
         assert frames_with_any_file(whole) == set()
-        dataset.write_frame(0, readings_of(0))
+        dataset.write_frame(0, sensor_frames_of(0))
         dataset.finish()
     manifest = Manifest.load(find_scenarios(whole)[0])
     assert (manifest.frames, manifest.complete) == ((0,), False)
@@ -257,7 +256,7 @@ def test_fresh_starts_over(whole: Path, writer: Make, readings_of: ReadingsOf) -
 
 
 @pytest.mark.parametrize("fresh", [False, True])
-def test_a_folder_that_is_no_dataset_is_left_alone(
+def test_a_folder_with_other_files_is_left_alone(
     tmp_path: Path, writer: Make, spec: Spec, fresh: bool
 ) -> None:
     precious = tmp_path / spec.id / "thesis.tex"
@@ -268,7 +267,7 @@ def test_a_folder_that_is_no_dataset_is_left_alone(
     assert precious.read_text() == "chapter 1"
 
 
-def test_an_unreadable_manifest_says_so(whole: Path, writer: Make) -> None:
+def test_a_damaged_manifest_is_reported(whole: Path, writer: Make) -> None:
     (scenario,) = find_scenarios(whole)
     (scenario / MANIFEST_FILE).write_text("{}")
     with pytest.raises(RunError, match=r"manifest.json: not a manifest.*--fresh"), writer(whole):
@@ -297,30 +296,71 @@ def test_verify_needs_a_manifest(tmp_path: Path) -> None:
         find_scenarios(tmp_path)
 
 
-def test_a_lost_file_makes_its_frame_undone(whole: Path, run: Run) -> None:
+def test_a_frame_with_a_missing_file_is_made_again(whole: Path, run: Run) -> None:
     before = tree(whole)
     (find_scenarios(whole)[0] / "103" / "000061_semantic3.png").unlink()
     assert run(whole) == [1]
     assert tree(whole) == before
 
 
-def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path, writer: Make) -> None:
+def test_a_folder_that_cannot_be_created_is_named(tmp_path: Path, writer: Make) -> None:
     obstacle = tmp_path / "file"
     obstacle.write_text("")
     with pytest.raises(RunError, match=str(obstacle)), writer(obstacle):
         pass
 
 
-def test_a_full_disk_is_told_and_what_is_done_stays(
-    tmp_path: Path, writer: Make, readings_of: ReadingsOf, spec: Spec
+def test_a_full_disk_is_reported_and_finished_frames_stay(
+    tmp_path: Path, writer: Make, sensor_frames_of: SensorFramesOf, spec: Spec
 ) -> None:
     def full(path: Path, content: bytes) -> int:
         raise OSError(28, "No space left on device", str(path))
 
     with pytest.raises(RunError, match="No space left on device"), writer(tmp_path) as dataset:
-        dataset.write_frame(0, readings_of(0))
+        dataset.write_frame(0, sensor_frames_of(0))
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(Path, "write_bytes", full)
-            dataset.write_frame(1, readings_of(1))
+            dataset.write_frame(1, sensor_frames_of(1))
     assert verify_scenario(tmp_path / spec.id) == []
     assert Manifest.load(tmp_path / spec.id).frames == (0,)
+
+
+MODEL = "ab" * 32
+
+
+@pytest.fixture
+def modelled(tmp_path: Path, spec: Spec) -> Path:
+    """A scenario without frames, one of whose bodies is a model of the pack."""
+    return written(tmp_path, spec, {"lincoln_mkz_2017": MODEL})
+
+
+def written(root: Path, spec: Spec, bodies: dict[str, str]) -> Path:
+    identity = Identity.for_spec(spec, trace_sha256="0" * 64, renderer={}, bodies=bodies)
+    with ScenarioWriter(root, spec, identity, length=1) as dataset:
+        dataset.finish()
+    return dataset.scenario
+
+
+def test_authors_and_licences_of_models_are_written(modelled: Path):
+    text = (modelled / ATTRIBUTION_FILE).read_text()
+    assert "| lincoln_mkz_2017 | katorlegaz/concept-sedan-01v1 | Kator Legaz |" in text
+    assert "[CC-BY-3.0-US](https://creativecommons.org/licenses/by/3.0/us/)" in text
+    assert "seat_leon" not in text
+    assert Manifest.load(modelled).identity.bodies == {"lincoln_mkz_2017": MODEL}
+    assert verify_scenario(modelled) == []
+
+
+def test_without_models_no_attribution_is_written(tmp_path: Path, spec: Spec):
+    assert not (written(tmp_path, spec, {}) / ATTRIBUTION_FILE).exists()
+
+
+def test_a_scenario_with_other_bodies_is_not_continued(modelled: Path, spec: Spec):
+    with pytest.raises(RunError, match="body of lincoln_mkz_2017"):
+        written(modelled.parent, spec, {})
+
+
+def test_a_missing_attribution_is_restored(modelled: Path, sensor_frames_of: SensorFramesOf):
+    text = (modelled / ATTRIBUTION_FILE).read_text()
+    (modelled / ATTRIBUTION_FILE).unlink()
+    assert restore_files(modelled, verify_scenario(modelled), sensor_frames_of) == []
+    assert (modelled / ATTRIBUTION_FILE).read_text() == text

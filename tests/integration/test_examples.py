@@ -2,7 +2,6 @@
 
 import json
 import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,23 +10,17 @@ import matplotlib.pyplot as plt
 import pytest
 from advercity_dsl import Spec
 
-from advercity.dataset.manifest import Identity
-from advercity.dataset.writer import ScenarioWriter
-from advercity.sensors.sensor_frame import SensorFrame
+from tests.builders import SensorFramesOf, write_scenario
 
 ROOT = Path(__file__).parent.parent.parent
-ReadingsOf = Callable[[int], tuple[SensorFrame, ...]]
 
 
 @pytest.fixture(autouse=True)
 def output(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, spec: Spec, readings_of: ReadingsOf
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, spec: Spec, sensor_frames_of: SensorFramesOf
 ) -> None:
     """A dataset in `output`, where the working folder is."""
-    identity = Identity.for_spec(spec, trace_sha256="0" * 64, renderer={})
-    with ScenarioWriter(tmp_path / "output", spec, identity, length=1) as writer:
-        writer.write_frame(0, readings_of(0))
-        writer.finish()
+    write_scenario(tmp_path / "output", spec, sensor_frames_of)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("ADVERCITY_DATASET", "output")
     mpl.use("Agg")

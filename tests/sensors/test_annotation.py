@@ -1,4 +1,3 @@
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -8,13 +7,12 @@ from advercity.frames import Actor, ActorState, Lamp
 from advercity.geometry import poses
 from advercity.sensors.annotation import Annotation, annotate_actors
 from advercity.sensors.sensor_frame import SensorFrame
-
-ReadingsOf = Callable[[int], tuple[SensorFrame, ...]]
+from tests.builders import SensorFramesOf
 
 
 @pytest.fixture
-def ego(readings_of: ReadingsOf) -> SensorFrame:
-    return readings_of(0)[0]
+def ego(sensor_frames_of: SensorFramesOf) -> SensorFrame:
+    return sensor_frames_of(0)[0]
 
 
 def annotated(reading: SensorFrame) -> dict[int, Annotation]:
@@ -40,15 +38,15 @@ def car_at(x: float, y: float, *, yaw: float = 0.0, number: int = 300) -> ActorS
     return ActorState(actor, poses.pose_matrix((x, y, 0), yaw=yaw), 5.0, 0.0, Lamp.LOW_BEAM)
 
 
-def test_everybody_hit_and_near_is_annotated_but_not_oneself(ego: SensorFrame) -> None:
+def test_every_other_actor_that_is_hit_and_near_is_annotated(ego: SensorFrame) -> None:
     assert set(annotated(ego)) == {102, 103, 201, 202, 203}
 
 
-def test_roadside_units_annotate_all_connected_vehicles(readings_of: ReadingsOf) -> None:
-    assert {101, 102, 103} <= set(annotated(readings_of(0)[3]))
+def test_roadside_units_annotate_all_connected_vehicles(sensor_frames_of: SensorFramesOf) -> None:
+    assert {101, 102, 103} <= set(annotated(sensor_frames_of(0)[3]))
 
 
-def test_who_is_not_hit_is_not_annotated(ego: SensorFrame) -> None:
+def test_an_actor_without_hits_is_not_annotated(ego: SensorFrame) -> None:
     assert set(annotated(replace(ego, lidar_hits={201: 1, 202: 0}))) == {201}
 
 
@@ -59,8 +57,10 @@ def test_lidar_range_is_an_open_bound(
     assert set(annotated(among(ego, car_at(0, distance_m)))) == expected
 
 
-def test_distance_counts_from_the_true_place_of_a_drifting_unit(readings_of: ReadingsOf) -> None:
-    unit = readings_of(0)[3]
+def test_distance_is_from_the_true_pose_of_a_drifting_unit(
+    sensor_frames_of: SensorFramesOf,
+) -> None:
+    unit = sensor_frames_of(0)[3]
     assert not np.allclose(unit.estimated_world_from_agent, unit.world_from_agent)
     car = annotated(unit)[103]
     expected = np.linalg.norm(car.location - unit.world_from_agent[:3, 3])
@@ -70,7 +70,7 @@ def test_distance_counts_from_the_true_place_of_a_drifting_unit(readings_of: Rea
 @pytest.mark.parametrize(
     ("x", "y", "bearing_deg"), [(0, 30, 0), (-30, 0, 90), (30, 0, -90), (20, 20, -45)]
 )
-def test_bearing_is_where_the_viewpoint_looks_for_it(
+def test_bearing_is_the_direction_from_the_agent(
     ego: SensorFrame, x: float, y: float, bearing_deg: float
 ) -> None:
     item = annotated(among(ego, car_at(x, y)))[300]
@@ -87,7 +87,7 @@ def test_relative_yaw_is_a_difference_of_headings(
     assert np.rad2deg(item.relative_yaw_rad) == pytest.approx(relative_deg)
 
 
-def test_a_vehicle_stands_on_its_location_and_a_pedestrian_around_it(ego: SensorFrame) -> None:
+def test_location_is_below_a_vehicle_and_in_the_middle_of_a_pedestrian(ego: SensorFrame) -> None:
     objects = annotated(ego)
     van, walker = objects[201], objects[203]
     assert np.linalg.norm(van.centre - van.location) == pytest.approx(2.55 / 2)
@@ -98,12 +98,12 @@ def test_hits_are_counted(ego: SensorFrame) -> None:
     assert annotated(among(ego, car_at(0, 20), hits=17))[300].lidar_hits == 17
 
 
-def test_a_roadside_unit_does_not_move(readings_of: ReadingsOf) -> None:
-    ego, *_, unit = readings_of(0)
+def test_a_roadside_unit_has_no_speed(sensor_frames_of: SensorFramesOf) -> None:
+    ego, *_, unit = sensor_frames_of(0)
     assert (ego.speed_m_s, unit.speed_m_s) == (10.0, 0.0)
 
 
-def test_intrinsics_follow_the_size_of_the_picture(ego: SensorFrame) -> None:
+def test_intrinsics_follow_the_size_of_the_image(ego: SensorFrame) -> None:
     image = replace(ego.camera_images[0], image=np.zeros((1080, 1920, 3), np.uint8))
     full = replace(ego, camera_images=(image,))
     assert full.agent.sensors.camera.horizontal_fov_deg == 100

@@ -32,7 +32,7 @@ def seen(x: float, y: float, *, hidden_px: int = 0) -> ProjectedBox | None:
     return found.get(7)
 
 
-def test_a_cube_in_the_open_is_wholly_visible() -> None:
+def test_a_cube_in_the_open_is_entirely_visible() -> None:
     cube = seen(10, 0)
     assert cube is not None
     assert cube.visible_px == 400
@@ -43,7 +43,7 @@ def test_a_cube_in_the_open_is_wholly_visible() -> None:
     assert cube.visible_fraction == pytest.approx(1, abs=1e-3)
 
 
-def test_what_hides_a_quarter_is_occlusion() -> None:
+def test_a_hidden_quarter_is_occlusion() -> None:
     cube = seen(10, 0, hidden_px=5)
     assert cube is not None
     assert cube.occlusion == pytest.approx(0.25, abs=1e-3)
@@ -51,7 +51,7 @@ def test_what_hides_a_quarter_is_occlusion() -> None:
     assert cube.visible_box == (95, 40, 110, 60)
 
 
-def test_what_the_edge_cuts_off_is_truncation() -> None:
+def test_the_part_outside_the_image_is_truncation() -> None:
     """The near face reaches from 110 px left of the middle to 90: half of it is in the picture.
 
     The far face, at 12 m, spans 75 to 91.7 px: within, so the outline is near face and a trapezium.
@@ -64,12 +64,12 @@ def test_what_the_edge_cuts_off_is_truncation() -> None:
     assert cube.visible_fraction < 1 - cube.truncation + 1e-6
 
 
-def test_who_is_behind_or_beside_is_not_there() -> None:
+def test_actors_behind_or_outside_the_view_are_absent() -> None:
     assert seen(-10, 0) is None
     assert seen(10, 40) is None
 
 
-def test_who_stands_across_the_cameras_plane_is_cut() -> None:
+def test_an_actor_across_the_cameras_plane_is_cut() -> None:
     """The cube reaches from behind the camera to 0.5 m ahead, 2 to 4 m to the left: out of sight.
 
     At 1.5 to 3.5 m ahead it would show.
@@ -80,13 +80,13 @@ def test_who_stands_across_the_cameras_plane_is_cut() -> None:
     assert 0 < ahead.truncation < 1
 
 
-def test_who_is_wholly_hidden_has_an_outline_but_no_pixels() -> None:
+def test_a_hidden_actor_has_an_outline_but_no_pixels() -> None:
     cube = seen(10, 0, hidden_px=20)
     assert cube is not None
     assert (cube.visible_px, cube.visible_box, cube.occlusion) == (0, None, 1.0)
 
 
-def test_extremes_keep_the_hull() -> None:
+def test_extreme_points_keep_the_hull() -> None:
     grid = np.stack(np.meshgrid(*[np.linspace(-1, 1, 7)] * 3), axis=-1).reshape(-1, 3)
     kept = select_extreme_points(grid)
     assert {tuple(point) for point in kept} == {

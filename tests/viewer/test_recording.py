@@ -2,7 +2,6 @@
 
 import socket
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -22,12 +21,11 @@ from advercity.roads.lane_segments import LaneSegment
 from advercity.semantics import PALETTE
 from advercity.sensors.annotation import compute_box_centre
 from advercity.sensors.measurements import PointKind
-from advercity.sensors.sensor_frame import SensorFrame
 from advercity.viewer.cloud_colours import KIND_COLOURS, colour_points
 from advercity.viewer.recording import RerunRecording
+from tests.builders import SensorFramesOf
 
 FRAMES = 2
-ReadingsOf = Callable[[int], tuple[SensorFrame, ...]]
 LANES = (
     LaneSegment(
         "a.+1",
@@ -44,12 +42,12 @@ EVENTS = (
 
 @pytest.fixture(scope="module")
 def recorded(
-    tmp_path_factory: pytest.TempPathFactory, spec: Spec, readings_of: ReadingsOf
+    tmp_path_factory: pytest.TempPathFactory, spec: Spec, sensor_frames_of: SensorFramesOf
 ) -> RrdReader:
     path = tmp_path_factory.mktemp("viewer") / "made" / "on_the_way.rrd"
     with RerunRecording(spec, LANES, file=path, events=EVENTS) as recording:
         for index in range(FRAMES):
-            recording.log_frame(readings_of(index))
+            recording.log_frame(sensor_frames_of(index))
     return RrdReader(path)
 
 
@@ -73,16 +71,16 @@ def pose_of(recorded: RrdReader, entity: str, frame: int) -> Matrix:
     return matrix
 
 
-def test_the_recording_is_known_by_the_spec(recorded: RrdReader, spec: Spec) -> None:
+def test_the_recording_has_the_id_of_the_spec(recorded: RrdReader, spec: Spec) -> None:
     (entry,) = recorded.recordings()
     assert (entry.application_id, entry.recording_id) == ("advercity", spec.id)
 
 
-def test_a_layout_comes_with_it(recorded: RrdReader) -> None:
+def test_the_recording_has_a_blueprint(recorded: RrdReader) -> None:
     assert len(recorded.blueprints()) == 1
 
 
-def test_every_viewpoint_has_cameras_semantics_and_points(recorded: RrdReader, spec: Spec) -> None:
+def test_every_agent_has_cameras_semantics_and_points(recorded: RrdReader, spec: Spec) -> None:
     paths = set(recorded.store().schema().entity_paths())
     for agent in spec.agents:
         assert f"/world/{agent.id}/lidar" in paths
@@ -91,10 +89,10 @@ def test_every_viewpoint_has_cameras_semantics_and_points(recorded: RrdReader, s
 
 
 @pytest.mark.parametrize("number", range(5))
-def test_sensors_stand_where_they_were(
-    recorded: RrdReader, readings_of: ReadingsOf, number: int
+def test_sensors_are_at_their_poses(
+    recorded: RrdReader, sensor_frames_of: SensorFramesOf, number: int
 ) -> None:
-    reading = readings_of(1)[number]
+    reading = sensor_frames_of(1)[number]
     path = f"world/{reading.agent.id}"
     world_from_agent = pose_of(recorded, path, 1)
     lidar = world_from_agent @ pose_of(recorded, f"{path}/lidar", 1)
@@ -103,13 +101,15 @@ def test_sensors_stand_where_they_were(
     np.testing.assert_allclose(camera, reading.camera_images[2].world_from_camera, atol=1e-4)
 
 
-def test_points_are_those_of_the_lidar(recorded: RrdReader, readings_of: ReadingsOf) -> None:
+def test_points_are_those_of_the_lidar(
+    recorded: RrdReader, sensor_frames_of: SensorFramesOf
+) -> None:
     points = logged(recorded, "world/cav2/lidar", "Points3D:positions")
-    np.testing.assert_array_equal(points[1], readings_of(1)[1].point_cloud.points)
+    np.testing.assert_array_equal(points[1], sensor_frames_of(1)[1].point_cloud.points)
 
 
-def test_points_are_coloured_by_intensity_class_or_kind(readings_of: ReadingsOf) -> None:
-    cloud = readings_of(0)[0].point_cloud
+def test_points_are_coloured_by_intensity_class_or_kind(sensor_frames_of: SensorFramesOf) -> None:
+    cloud = sensor_frames_of(0)[0].point_cloud
     np.testing.assert_array_equal(colour_points(cloud, "class"), PALETTE[cloud.semantic])
     by_kind = colour_points(cloud, "kind")
     fog = cloud.kind == PointKind.FOG
@@ -123,10 +123,10 @@ def test_points_are_coloured_by_intensity_class_or_kind(readings_of: ReadingsOf)
     ]
 
 
-def test_pictures_are_whole_and_semantics_exact(
-    recorded: RrdReader, readings_of: ReadingsOf
+def test_images_are_complete_and_semantics_exact(
+    recorded: RrdReader, sensor_frames_of: SensorFramesOf
 ) -> None:
-    picture = readings_of(0)[4].camera_images[3]
+    picture = sensor_frames_of(0)[4].camera_images[3]
     assert decoded(recorded, "world/rsu2/camera3").shape == picture.image.shape
     np.testing.assert_array_equal(
         decoded(recorded, "semantic/rsu2/camera3"), PALETTE[picture.semantic]
@@ -140,16 +140,18 @@ def decoded(recorded: RrdReader, entity: str) -> Any:
     return image[..., ::-1]
 
 
-def test_actors_are_boxes_seen_or_unseen(recorded: RrdReader, readings_of: ReadingsOf) -> None:
+def test_actors_are_boxes_annotated_or_not(
+    recorded: RrdReader, sensor_frames_of: SensorFramesOf
+) -> None:
     seen = logged(recorded, "world/actors/seen", "Boxes3D:labels")[0]
     unseen = logged(recorded, "world/actors/unseen", "Boxes3D:labels")[0]
     assert "pedestrian 203" in seen
     assert unseen == ["truck 204"]
-    assert len(seen) + len(unseen) == len(readings_of(0)[0].frame.states)
+    assert len(seen) + len(unseen) == len(sensor_frames_of(0)[0].frame.states)
 
 
-def test_boxes_enclose_what_they_stand_for(recorded: RrdReader, readings_of: ReadingsOf) -> None:
-    states = readings_of(1)[0].frame.states
+def test_boxes_enclose_their_actors(recorded: RrdReader, sensor_frames_of: SensorFramesOf) -> None:
+    states = sensor_frames_of(1)[0].frame.states
     seen = [state for state in states if state.actor.id != 204]
     entity = "world/actors/seen"
     centres = logged(recorded, entity, "Boxes3D:centers")[1]
@@ -170,7 +172,7 @@ def turned(vector: tuple[float, float, float], xyzw: list[float]) -> Any:
     return vector + 2 * np.cross(axis, np.cross(axis, vector) + w * np.array(vector))
 
 
-def test_the_road_plan_holds_always(recorded: RrdReader) -> None:
+def test_the_road_is_static(recorded: RrdReader) -> None:
     strips = logged(recorded, "world/road", "LineStrips3D:strips")[None]
     np.testing.assert_array_equal(strips, [LANES[0].left, LANES[0].right])
 
@@ -183,16 +185,16 @@ def test_motion_is_plotted_for_vehicles_only(recorded: RrdReader) -> None:
     assert not [path for path in paths if path.startswith("/plots") and "rsu" in path]
 
 
-def test_vehicles_leave_trails_and_show_their_plans(
-    recorded: RrdReader, readings_of: ReadingsOf
+def test_vehicles_have_past_and_planned_trajectories(
+    recorded: RrdReader, sensor_frames_of: SensorFramesOf
 ) -> None:
     entity = "world/trajectories/driven/cav1"
     driven = logged(recorded, entity, "LineStrips3D:strips")
-    origins = [readings_of(index)[0].world_from_agent[:3, 3] for index in range(FRAMES)]
+    origins = [sensor_frames_of(index)[0].world_from_agent[:3, 3] for index in range(FRAMES)]
     assert driven[0] == []
     np.testing.assert_allclose(driven[1], [origins], atol=1e-4)
     planned = logged(recorded, "world/trajectories/planned/cav1", "LineStrips3D:strips")[1]
-    way = [point[:2] for point in readings_of(1)[0].planned_trajectory]
+    way = [point[:2] for point in sensor_frames_of(1)[0].planned_trajectory]
     np.testing.assert_allclose(np.array(planned[0])[1:, :2], way, atol=1e-4)
     paths = recorded.store().schema().entity_paths()
     assert not [path for path in paths if path.startswith("/world/trajectories") and "rsu" in path]
@@ -220,7 +222,7 @@ def test_the_weather_is_plotted_in_every_frame(recorded: RrdReader, spec: Spec) 
     assert 1_000 < illuminance < 120_000
 
 
-def test_conflicts_are_told_when_they_happen(recorded: RrdReader) -> None:
+def test_conflicts_are_logged_when_they_happen(recorded: RrdReader) -> None:
     assert logged(recorded, "events", "TextLog:text") == {1: ["conflict_1: they come near"]}
     mark = logged(recorded, "world/conflicts", "Points3D:positions")
     assert list(mark) == [1]
@@ -232,7 +234,7 @@ def test_times_are_those_of_the_scenario(recorded: RrdReader) -> None:
     assert [value.total_seconds() for value in times.values()] == [6.0, 6.1]
 
 
-def test_events_are_the_moments_of_an_encounter(spec: Spec) -> None:
+def test_events_are_the_extremes_of_an_encounter(spec: Spec) -> None:
     """The ego goes east at 10 m/s through the origin at 2 s, a walker north a second later."""
     ego, walker, ticks, tick_s = 101, 4001, 60, 0.1
     time_s = np.arange(ticks) * tick_s
@@ -269,13 +271,13 @@ def test_events_are_the_moments_of_an_encounter(spec: Spec) -> None:
     assert nearest.text.endswith("0.35 m")
 
 
-def test_a_frame_in_which_nobody_is_seen_clears_the_boxes(
-    tmp_path: Path, spec: Spec, readings_of: ReadingsOf
+def test_a_frame_without_annotations_clears_the_boxes(
+    tmp_path: Path, spec: Spec, sensor_frames_of: SensorFramesOf
 ) -> None:
     path = tmp_path / "nobody.rrd"
-    blind = [replace(reading, lidar_hits={}) for reading in readings_of(1)]
+    blind = [replace(reading, lidar_hits={}) for reading in sensor_frames_of(1)]
     with RerunRecording(spec, (), file=path) as recording:
-        recording.log_frame(readings_of(0))
+        recording.log_frame(sensor_frames_of(0))
         recording.log_frame(blind)
     labels = logged(RrdReader(path), "world/actors/seen", "Boxes3D:labels")
     assert len(labels[0]) == 6
@@ -289,12 +291,12 @@ def free_port() -> int:
 
 
 def test_viewers_on_this_machine_can_connect_while_it_is_open(
-    spec: Spec, readings_of: ReadingsOf
+    spec: Spec, sensor_frames_of: SensorFramesOf
 ) -> None:
     port = free_port()
     with RerunRecording(spec, LANES, serve=True, port=port) as recording:
         assert recording.address == f"rerun+http://127.0.0.1:{port}/proxy"
-        recording.log_frame(readings_of(0))
+        recording.log_frame(sensor_frames_of(0))
         connect(port)
         with (
             pytest.raises(RunError, match=f"port {port} is taken"),
@@ -303,13 +305,15 @@ def test_viewers_on_this_machine_can_connect_while_it_is_open(
             pass
 
 
-def test_a_recording_can_be_sent_to_a_running_server(spec: Spec, readings_of: ReadingsOf) -> None:
+def test_a_recording_can_be_sent_to_a_running_server(
+    spec: Spec, sensor_frames_of: SensorFramesOf
+) -> None:
     port = free_port()
     with RerunRecording(spec, LANES, serve=True, port=port):
         connect(port)
         with RerunRecording(spec, LANES, connect=f"127.0.0.1:{port}") as sender:
             assert sender.address is None
-            sender.log_frame(readings_of(0))
+            sender.log_frame(sensor_frames_of(0))
 
 
 def connect(port: int) -> None:
@@ -321,18 +325,18 @@ def connect(port: int) -> None:
     raise AssertionError("nobody listens")
 
 
-def test_an_absent_viewer_is_told_at_once(spec: Spec) -> None:
+def test_an_absent_viewer_is_reported_at_once(spec: Spec) -> None:
     with pytest.raises(RunError, match="no Rerun viewer answers"):
         RerunRecording(spec, LANES, connect=f"127.0.0.1:{free_port()}")
 
 
 @pytest.mark.parametrize("address", ["http://here", "127.0.0.1:many", "ftp://127.0.0.1:9/proxy"])
-def test_what_is_no_address_is_refused(spec: Spec, address: str) -> None:
+def test_an_invalid_address_is_refused(spec: Spec, address: str) -> None:
     with pytest.raises(InputError, match="not an address of a Rerun viewer"):
         RerunRecording(spec, LANES, connect=address)
 
 
-def test_a_folder_is_no_recording(spec: Spec, tmp_path: Path) -> None:
+def test_a_folder_is_refused_as_a_recording(spec: Spec, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=f"{tmp_path}: is a folder"):
         RerunRecording(spec, LANES, file=tmp_path)
 
@@ -343,7 +347,7 @@ def test_a_file_that_cannot_be_written_is_named(spec: Spec, tmp_path: Path) -> N
         RerunRecording(spec, LANES, file=tmp_path / "in the way" / "scene.rrd")
 
 
-def test_a_recording_is_whole_or_absent(spec: Spec, tmp_path: Path) -> None:
+def test_a_recording_is_complete_or_absent(spec: Spec, tmp_path: Path) -> None:
     file = tmp_path / "scene.rrd"
     with pytest.raises(KeyError), RerunRecording(spec, LANES, file=file):
         raise KeyError

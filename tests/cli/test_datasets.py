@@ -1,0 +1,114 @@
+"""Commands on datasets: what they refuse, write and print."""
+
+from pathlib import Path
+
+import pytest
+from advercity_dsl import Spec
+
+from advercity.cli import main
+from advercity.dataset.writer import ScenarioWriter
+from tests.builders import TWO_ROADS_FRAMES, identify
+
+
+def command(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *arguments: str | Path
+) -> tuple[int, str, str]:
+    """Exit code, data and messages of a command."""
+    monkeypatch.setattr("sys.argv", ["advercity", *map(str, arguments)])
+    with pytest.raises(SystemExit) as left:
+        main()
+    captured = capsys.readouterr()
+    return (left.value.code if isinstance(left.value.code, int) else 0), captured.out, captured.err
+
+
+@pytest.mark.parametrize("name", ["stats", "video", "sheet", "view"])
+def test_commands_explain_a_scenario_without_frames(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    spec: Spec,
+    name: str,
+) -> None:
+    with ScenarioWriter(tmp_path, spec, identify(spec), length=TWO_ROADS_FRAMES) as writer:
+        writer.finish()
+    code, out, err = command(monkeypatch, capsys, name, tmp_path / spec.id)
+    assert (code, out) == (2, "")
+    assert err.endswith("no frames here yet; `advercity run` with its spec makes them\n")
+    assert len(err.splitlines()) == 1
+
+
+@pytest.mark.parametrize("name", ["verify", "repair", "stats", "video", "split", "sheet"])
+def test_commands_refuse_a_folder_without_a_dataset(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path, name: str
+) -> None:
+    code, out, err = command(monkeypatch, capsys, name, tmp_path)
+    assert (code, out) == (2, "")
+    assert "so not a dataset" in err
+    assert len(err.splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["verify", "repair", "stats", "video", "split", "sheet", "view"])
+def test_commands_distinguish_a_missing_folder_and_a_file(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path, name: str
+) -> None:
+    notes = tmp_path / "notes"
+    notes.touch()
+    missing = command(monkeypatch, capsys, name, tmp_path / "no")
+    file = command(monkeypatch, capsys, name, notes)
+    assert missing == (
+        2,
+        "",
+        f"error: {tmp_path / 'no'}: no such folder; is the path right?\n",
+    )
+    assert file == (2, "", f"error: {notes}: is a file; name the folder of a dataset\n")
+
+
+@pytest.mark.parametrize("name", ["sheet", "view"])
+def test_commands_on_one_scenario_list_those_of_a_dataset(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    two_roads: Path,
+    name: str,
+) -> None:
+    code, out, err = command(monkeypatch, capsys, name, two_roads)
+    assert (code, out) == (2, "")
+    assert "name one of its scenarios: rcnj_fog_day_sparse, ui_clear_night_dense" in err
+
+
+@pytest.mark.parametrize("name", ["stats", "video", "split"])
+def test_an_output_that_is_a_file_is_refused(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    two_roads: Path,
+    tmp_path: Path,
+    name: str,
+) -> None:
+    notes = tmp_path / "notes"
+    notes.write_text("mine")
+    code, out, err = command(monkeypatch, capsys, name, two_roads, "--output", notes)
+    assert (code, out) == (2, "")
+    assert "is a file" in err
+    assert notes.read_text() == "mine"
+
+
+def test_commands_print_what_they_wrote(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    two_roads: Path,
+) -> None:
+    code, out, err = command(monkeypatch, capsys, "split", two_roads, "--output", tmp_path)
+    assert (code, err) == (0, "")
+    assert out.splitlines() == [
+        f"{tmp_path / 'train'}: 0",
+        f"{tmp_path / 'validate'}: 1",
+        f"{tmp_path / 'test'}: 1",
+    ]
+    films = tmp_path / "films"
+    code, out, _ = command(
+        *(monkeypatch, capsys, "video", tmp_path / "test", "--kind", "lidar", "--output", films)
+    )
+    assert (code, out.strip()) == (0, str(films / "ui_clear_night_dense_lidar.mp4"))
+    code, out, err = command(monkeypatch, capsys, "repair", two_roads)
+    assert (code, out, err) == (0, "", "")
