@@ -98,6 +98,7 @@ def build_spec(
             draws=_format_draws(inputs.draws),
             conflict=inputs.conflicts.crossed_id,
             sweep=SweepPoint(field=step.field, value=step.value) if step else None,
+            # Replaced below, since the digest covers everything but itself.
             digest="0" * 64,
         ),
     )
@@ -153,8 +154,10 @@ def compute_driver_response(drivers: Drivers, weather: Weather) -> DriverRespons
         (drivers.visibility, [-step.mor_m for step in drivers.visibility], nearness),
     ]
     effects = [_interpolate(*table) for table in tables]
+    # Effects were observed together in the field: adding them would count each twice.
     slower_percent, headway_s = (max(values) for values in zip(*effects, strict=True))
     grip_m_s2 = GRAVITY_M_S2 * friction_coefficient(drivers.grip, weather)
+    # Rounded so that the last bits of a machine's arithmetic do not change specs.
     return DriverResponse(
         speed_share=round(1 - slower_percent / 100, 4),
         headway_s=round(headway_s, 3),
@@ -221,5 +224,6 @@ def _compute_demand(road: Road, density: Density) -> ClassDemand:
 
 
 def _derive_seed(base: int, *purpose: str) -> int:
+    # hash() differs from process to process; 32 bits as for the seeds of suites.
     digest = hashlib.blake2b("/".join((str(base), *purpose)).encode(), digest_size=4).digest()
     return int.from_bytes(digest, "little")

@@ -58,6 +58,7 @@ def write_starter(kind: str, name: str, folder: Path) -> Path:
                 file.write(text)
         except FileExistsError:
             raise InputError(f"{path}: already exists; choose another name") from None
+    # After the declaration: a name that is taken must not leave a schema behind.
     write_schema(kind, schemas)
     return path
 

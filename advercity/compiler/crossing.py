@@ -92,7 +92,7 @@ def compile_suite(library: Library, suite: Suite, *, require_sun: bool = True) -
     resolved = resolve_suite(library, suite)
     groups = _assign_crash_groups(library, suite, resolved.roads)
     check_resolved_suite(library, resolved)
-    scenarios = _build_crossings(library, suite, resolved, groups, require_sun=require_sun)
+    scenarios = _build_scenarios(library, suite, resolved, groups, require_sun=require_sun)
     # Solving is slow and ignores the weather: once per road, density and sweep step.
     conflicts = {
         key: solve_road_conflicts(
@@ -113,7 +113,7 @@ def compile_suite(library: Library, suite: Suite, *, require_sun: bool = True) -
     ]
 
 
-def _build_crossings(
+def _build_scenarios(
     library: Library,
     suite: Suite,
     resolved: ResolvedSuite,

@@ -76,6 +76,7 @@ def validate_distribution_bounds(
     typical = {path: _round_value(_get_typical_value(d), path) for path, d in distributions.items()}
     data = replace_values(source.data, typical)
     weather = validate_model(Weather, source, data, previous=source.document.diagnostics)
+    # One at a time: combinations of bounds would grow exponentially.
     for value_path, distribution in distributions.items():
         for bound in _get_bounds(distribution):
             drawn = typical | {value_path: _round_value(bound, value_path)}
@@ -122,4 +123,5 @@ def _round_value(value: float, value_path: ValuePath) -> float:
     if constraints and constraints.whole:
         # Halves round up; round() would favour even numbers.
         return math.floor(value + 0.5)
+    # Fewer digits make specs readable and hide differences between math libraries.
     return float(f"{value:.{DRAW_DIGITS}g}")

@@ -104,6 +104,7 @@ def _resolve_chain(
     origins: dict[ValuePath, SourceDocument] = {}
     for parent in parents:
         inherited = {key: value for key, value in parent.data.items() if key not in NEVER_INHERITED}
+        # Before merging, since the last parent would win silently.
         _check_agreement(document, merged, inherited, own)
         merged = _merge_mappings(merged, inherited)
         origins |= {path: parent.find_document(path) for path, _ in iterate_values(inherited)}
@@ -132,6 +133,7 @@ def _find_parents(
 
 def _build_cycle_diagnostic(cycle: tuple[str, ...], kind: str, documents: Documents) -> Diagnostic:
     """Build the diagnostic of a cycle, the same wherever resolving entered it."""
+    # Begins at the smallest name, so that every member of the cycle reports the same error once.
     first = cycle.index(min(cycle))
     names = (*cycle[first:], *cycle[:first], cycle[first])
     hint = "remove one of these `extends`" if len(cycle) > 1 else "remove it"
@@ -179,6 +181,7 @@ def _merge_mappings(base: Mapping[str, Any], override: Mapping[str, Any]) -> dic
         if isinstance(old, dict) and isinstance(value, dict):
             result[key] = _merge_mappings(cast(dict[str, Any], old), cast(dict[str, Any], value))
         elif isinstance(old, dict) and value is None:
+            # Only components are removed: for a scalar, null is a value of its own.
             del result[key]
         else:
             result[key] = value

@@ -71,6 +71,7 @@ def find_annotations(model: type[Model], value_path: ValuePath) -> list[Any]:
 def _descend(annotation: Any, part: str | int) -> list[Any]:
     if isinstance(annotation, type) and issubclass(annotation, Model):
         for name, field in annotation.model_fields.items():
+            # Aliases are YAML keys that Python reserves, such as `from`.
             if part == (field.alias or name):
                 return [field]
         is_tagged = annotation.__name__ == part or _find_kind_tag(annotation) == part
@@ -178,6 +179,7 @@ def collect_field_docs(model: type[Model]) -> dict[str, dict[str, str]]:
         if current.__name__ in docs:
             continue
         texts: dict[str, str] = {}
+        # Base classes first, so that a class can describe an inherited field differently.
         for base in reversed(current.__mro__):
             if issubclass(base, Model) and base is not Model:
                 texts |= _parse_field_docs(base)
@@ -191,6 +193,7 @@ def collect_field_docs(model: type[Model]) -> dict[str, dict[str, str]]:
 
 def _parse_field_docs(model: type[Model]) -> dict[str, str]:
     """Return the strings below the fields in the source of one class."""
+    # pydantic's use_attribute_docstrings would parse all sources at every import instead.
     (tree,) = ast.parse(textwrap.dedent(inspect.getsource(model))).body
     body = tree.body if isinstance(tree, ast.ClassDef) else []
     texts: dict[str, str] = {}

@@ -109,7 +109,7 @@ def load_library(*folders: Path) -> Library:
         InputError: A folder does not exist, has no declarations, or is too large for a library.
     """
     diagnostics: list[Diagnostic] = []
-    paths = [path for folder in folders for path in _list_files(folder, diagnostics)]
+    paths = [path for folder in folders for path in _list_declaration_files(folder, diagnostics)]
     documents = _index_documents(_read_documents(paths, diagnostics), diagnostics)
     entries: dict[DeclarationKey, LibraryEntry[Declaration]] = {}
     for name in documents:
@@ -138,13 +138,14 @@ def load_declaration(path: Path) -> LibraryEntry[Declaration]:
         # Errors in other files matter only if they hide the parent, which is then unknown.
         ignored: list[Diagnostic] = []
         neighbours = (other for other in sorted(path.parent.glob("*.yaml")) if other != path)
-        for paths in (neighbours, _list_files(find_shipped_library(), ignored)):
+        for paths in (neighbours, _list_declaration_files(find_shipped_library(), ignored)):
             documents = _index_documents(_read_documents(paths, ignored), ignored) | documents
     return _build_entry(name, documents)
 
 
 def find_shipped_library() -> Path:
     """Return the library of the installed package, or of the checkout around the source."""
+    # The checkout first: an editable install can leave a stale copy inside the package.
     folder = Path(__file__).parents[2] / "library"
     return folder if folder.is_dir() else Path(str(files("advercity") / "_library"))
 
@@ -179,7 +180,7 @@ def list_shipped_weathers() -> list[str]:
     return list(load_library(find_shipped_library()).get_declarations(Weather))
 
 
-def _list_files(folder: Path, diagnostics: list[Diagnostic]) -> list[Path]:
+def _list_declaration_files(folder: Path, diagnostics: list[Diagnostic]) -> list[Path]:
     if not folder.exists():
         raise InputError(f"{folder}: no such file or folder; is the path right?")
     if not folder.is_dir():
@@ -187,6 +188,7 @@ def _list_files(folder: Path, diagnostics: list[Diagnostic]) -> list[Path]:
     inside = sorted(
         path for path in _walk_folder(folder, diagnostics) if path.suffix in (".yaml", ".yml")
     )
+    # Reported rather than skipped: a declaration that is silently missing is hard to find.
     for path in inside:
         if path.suffix == ".yml":
             hint = f"rename it to {path.with_suffix('.yaml').name}"
@@ -299,6 +301,7 @@ def _build_weather_entry(source: ResolvedDeclaration) -> LibraryEntry[Declaratio
     weather = validate_distribution_bounds(source, distributions)
     data: Any = weather.model_dump(mode="json")
     if distributions:
+        # Different distributions may have the same typical values.
         data = [data, [[path, item.model_dump()] for path, item in distributions.items()]]
     return LibraryEntry(weather, source, compute_json_digest(data), distributions)
 
@@ -333,6 +336,7 @@ def _add_model_checksum(name: str, blueprint: Blueprint, source: ResolvedDeclara
         message = f"'{model.file}' cannot be read: {error.strerror}"
         hint = "put the model's file next to the declaration"
         raise DiagnosticsError(source.build_diagnostic(value_path, message, hint=hint)) from error
+    # Checked here, since a wrong file would otherwise fail only when its body is built.
     if not content.startswith(GLB_MAGIC):
         message, hint = f"'{model.file}' is not a GLB file", "export the model as binary glTF"
         raise DiagnosticsError(source.build_diagnostic(value_path, message, hint=hint))

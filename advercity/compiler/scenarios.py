@@ -55,6 +55,7 @@ class SweepStep:
     @property
     def suffix(self) -> str:
         """`mor_m_75`: end of the scenario's id, with `p` for a point and `n` for a minus."""
+        # Ids are limited to letters, digits and underscores.
         number = f"{self.value:.6g}".replace("e+0", "e").replace("e-0", "en").replace("+", "")
         return f"{self.value_path[-1]}_{number.replace('.', 'p').replace('-', 'n')}"
 
@@ -96,7 +97,7 @@ def parse_conditions(suite: Suite, source: ResolvedDeclaration) -> list[SuiteCon
     for field, written in suite.where.items():
         at = ("where", field)
         kind, value_path = parse_field_path(field)
-        hint = _suggest_field(kind, value_path)
+        hint = _suggest_path_part(kind, value_path)
         if hint is not None:
             diagnostics.append(source.build_diagnostic(at, "no such field", hint=hint, key=True))
             continue
@@ -116,7 +117,7 @@ def parse_conditions(suite: Suite, source: ResolvedDeclaration) -> list[SuiteCon
     return conditions
 
 
-def _suggest_field(kind: str, value_path: ValuePath) -> str | None:
+def _suggest_path_part(kind: str, value_path: ValuePath) -> str | None:
     """Return the most similar name for the first unknown part of a path; None if all are known."""
     for depth, part in enumerate(value_path):
         names = find_field_names(DECLARATIONS[kind], value_path[:depth])
@@ -152,7 +153,7 @@ def expand_sweep(suite: Suite, source: ResolvedDeclaration) -> list[SweepStep | 
     kind, value_path = parse_field_path(sweep.field)
     constraints = find_number_constraints(DECLARATIONS[kind], value_path)
     if constraints is None:
-        unknown = _suggest_field(kind, value_path)
+        unknown = _suggest_path_part(kind, value_path)
         message = "is not a number" if unknown is None else "no such field"
         hint = unknown or "a sweep varies a number"
         raise DiagnosticsError(source.build_diagnostic(("sweep", "field"), message, hint=hint))
@@ -182,6 +183,7 @@ def _compute_sweep_values(sweep: Sweep, constraints: NumberConstraints) -> list[
         round(value) if constraints.whole else float(f"{value:.{SWEEP_DIGITS}g}")
         for value in between
     ]
+    # The ends are what the author wrote, so they are not rounded.
     return [first, *rounded, last]
 
 
@@ -189,6 +191,7 @@ def _parse_number(constraints: NumberConstraints, value: Any) -> float:
     number = constraints.parse(value)
     if isinstance(number, str) or number is None or not math.isfinite(number):
         raise ValueError(f"'{value}' is not a number")
+    # Fields of integers are strict: 3.0 would be rejected.
     return int(number) if constraints.whole and number == int(number) else number
 
 
@@ -271,6 +274,7 @@ def build_scenario_inputs(
             library.build_diagnostic(suite, "sweep", message=message, hint=first.hint)
         ) from None
     weather = localize_weather(entry, drawn, road, require_sun=require_sun)
+    # Conflicts are solved on the road with the sweep applied.
     conflicts = replace(conflicts, road=road)
     return ScenarioInputs(name, road, weather, density, rig, catalogue, draws, step, conflicts)
 
@@ -328,5 +332,7 @@ def localize_weather(
             entry.source.build_diagnostic((*field, "in_view_of"), message, hint=hint)
         )
     if sun.in_view_of is not None:
+        # `advercity solve` compiles before it knows the sun, for the traffic alone.
         sun = Sun()
+    # A spec has one road, so the suns of other roads would only change its digest.
     return weather.model_copy(update={"sun": sun, "sun_at": {}})

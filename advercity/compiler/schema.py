@@ -44,9 +44,11 @@ def build_schema(kind: str) -> dict[str, Any]:
     if kind in DECLARATIONS:
         schema["properties"]["kind"] |= {"description": "What this file declares."}
         schema["properties"] |= {"extends": _EXTENDS_SCHEMA, "version": _VERSION_SCHEMA}
+        # Other required fields may be inherited by `extends`, which a schema cannot know.
         schema["required"] = ["kind", "id"]
     if kind == "weather":
         _allow_distributions(schema)
+    # The newest draft that the YAML language server supports completely.
     return {"$schema": "http://json-schema.org/draft-07/schema#", **schema}
 
 
@@ -100,7 +102,7 @@ def _allow_distributions(schema: dict[str, Any]) -> None:
         if definition in [schema["$defs"][name] for name in DISTRIBUTIONS]:
             continue
         for name, field in definition.get("properties", {}).items():
-            if _is_number(field):
+            if _allows_numbers(field):
                 definition["properties"][name] = _add_alternatives(field, references)
 
 
@@ -115,10 +117,10 @@ def _allow_quantities(data: Any) -> Any:
     return result | ({"type": ["number", "string"]} if mapping.get("type") == "number" else {})
 
 
-def _is_number(field: Any) -> bool:
+def _allows_numbers(field: Any) -> bool:
     if field.get("type") in ("number", "integer"):
         return True
-    return any(_is_number(item) for item in field.get("anyOf", []))
+    return any(_allows_numbers(item) for item in field.get("anyOf", []))
 
 
 def _add_alternatives(field: dict[str, Any], more: list[Any]) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from advercity_dsl.base import ValuePath
 
 from advercity.compiler.diagnostics import Diagnostic, DiagnosticsError
 
+# Far above any declaration, since maps and models are files of their own.
 MAX_BYTES = 4_000_000
 MAX_DEPTH = 40
 MAX_VALUES = 100_000
@@ -97,6 +98,7 @@ def build_text_diagnostic(
 
 def _split_lines(text: str) -> list[str]:
     """Split text into the lines that YAML counts."""
+    # str.splitlines() also splits at form feeds and separators, which would shift line numbers.
     return re.split("\r\n|[\n\r\x85\u2028\u2029]", text)
 
 
@@ -144,6 +146,7 @@ def _replace_value(data: Any, value_path: ValuePath, value: Any) -> Any:
 class _Loader(yaml.CSafeLoader):
     """Resolves plain scalars by the core schema of YAML 1.2 instead of YAML 1.1."""
 
+    # Its own table: PyYAML would otherwise copy that of YAML 1.1, where `on` and `1_0` are values.
     yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}  # noqa: RUF012
 
 
@@ -215,6 +218,7 @@ def read_source_text(path: Path) -> str:
             message = "is not a file" if path.exists() else "file not found"
             raise _build_file_error(path, message)
         with path.open("rb") as file:
+            # One byte more shows that a file is too large without reading all of it.
             raw = file.read(MAX_BYTES + 1)
     except OSError as error:
         raise _build_file_error(path, f"cannot be read: {error.strerror}") from None
@@ -222,6 +226,7 @@ def read_source_text(path: Path) -> str:
         message = f"is larger than {MAX_BYTES // 1_000_000} MB; is it a declaration?"
         raise _build_file_error(path, message)
     try:
+        # Editors on Windows begin files with a byte order mark.
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
@@ -253,11 +258,7 @@ def parse_document(path: Path, text: str) -> SourceDocument:
 def _compose_tree(path: Path, text: str) -> yaml.Node | None:
     try:
         _check_safety(path, text)
-        loader = _Loader(text)
-        try:
-            return loader.get_single_node()
-        finally:
-            loader.dispose()
+        return _Loader(text).get_single_node()
     except yaml.MarkedYAMLError as error:
         raise DiagnosticsError(_build_syntax_diagnostic(path, text, error)) from None
     except yaml.YAMLError:
@@ -281,6 +282,7 @@ def _build_syntax_diagnostic(path: Path, text: str, error: yaml.MarkedYAMLError)
         # The parser notices a missing bracket lines later; the opening one is what to look at.
         position = SourcePosition(error.context_mark.line + 1, error.context_mark.column + 1)
     elif position.line > len(lines) and lines:
+        # At the end of the file the parser names the line after the last.
         position = SourcePosition(len(lines), len(lines[-1]) + 1)
     return build_text_diagnostic(path, text, position, f"not valid YAML: {message}", hint=hint)
 

@@ -27,19 +27,20 @@ def to_json(spec: Spec) -> str:
     """Format a spec as JSON with keys in model order, short lists and records on one line."""
     fields = spec.model_dump(mode="json")
     items = [
-        f" {_format_flat(name)}: {_format_cached(_format_flat(value), ' ')}"
+        f" {_format_flat(name)}: {_lay_out_cached(_format_flat(value), ' ')}"
         for name, value in fields.items()
     ]
     return "{\n" + ",\n".join(items) + "\n}\n"
 
 
+# By text, since nested data is not hashable.
 @lru_cache(maxsize=1024)
-def _format_cached(flat: str, indent: str) -> str:
+def _lay_out_cached(flat: str, indent: str) -> str:
     """Lay out JSON text; cached, since specs have roads, weathers and agents in common."""
-    return _format_value(json.loads(flat), indent)
+    return _lay_out_value(json.loads(flat), indent)
 
 
-def _format_value(value: Any, indent: str) -> str:
+def _lay_out_value(value: Any, indent: str) -> str:
     flat = _format_flat(value)
     if (
         len(indent) + len(flat) <= MAX_LINE_LENGTH
@@ -50,10 +51,11 @@ def _format_value(value: Any, indent: str) -> str:
     inner = indent + " "
     if isinstance(value, dict):
         items = [
-            f"{inner}{json.dumps(key)}: {_format_value(item, inner)}" for key, item in value.items()
+            f"{inner}{json.dumps(key)}: {_lay_out_value(item, inner)}"
+            for key, item in value.items()
         ]
         return "{\n" + ",\n".join(items) + f"\n{indent}}}"
-    items = [inner + _format_value(item, inner) for item in value]
+    items = [inner + _lay_out_value(item, inner) for item in value]
     return "[\n" + ",\n".join(items) + f"\n{indent}]"
 
 

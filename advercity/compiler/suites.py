@@ -96,6 +96,7 @@ def find_misplaced_agents(road: Road) -> Iterator[tuple[ValuePath, str]]:
 
     Coordinates for one map of a town are easily used with another map of the same town.
     """
+    # One geometry of all lanes, so that shapely searches the nearest in C.
     lanes = shapely.MultiLineString(list(_iterate_lane_centre_lines(road)))
     for name, agent in road.agents.items():
         checks: list[tuple[str, Point2, float]] = (

@@ -137,6 +137,7 @@ def _describe_invalid_id(error: FieldError) -> MessageAndHint | None:
 
 
 def _describe_unknown_choice(error: FieldError) -> MessageAndHint:
+    # pydantic joins the choices to one text: "'a', 'b' or 'c'".
     valid = _split_list(error.context["expected"].replace(" or ", ","))
     message = f"{format_value(error.value)} is not allowed here"
     return message, suggest_name(str(error.value), valid)
@@ -285,6 +286,7 @@ def _build_field_diagnostic(
         case kind:
             error = FieldError(model, detail["input"], loc, detail.get("ctx", {}), detail["msg"])
             message, hint = describe_field_error(kind, error)
+    # Points at the tag itself; its name comes in quotes.
     if kind == "union_tag_invalid" and "kind" in detail["ctx"]["discriminator"]:
         value_path = (*value_path, detail["ctx"]["discriminator"].strip("'"))
     return source.build_diagnostic(value_path, message, hint=hint)
@@ -297,6 +299,7 @@ def _suggest_field(model: type[Model], loc: ValuePath) -> str:
         return "put a space after the colon"
     if name == "<<":
         return "YAML merge keys are not supported; write `extends:` with an id"
+    # `extends` and `version` belong to documents; no model has them as fields.
     is_document = len(loc) == 1 and issubclass(model, Declaration)
     names = find_field_names(model, loc[:-1]) + (list(DOCUMENT_KEYS) if is_document else [])
     return suggest_name(name, names)
@@ -347,6 +350,7 @@ def _find_source_path(source: LocatedData, loc: ValuePath, at: ValuePath) -> Val
 
 def _keep_best_alternative(source: LocatedData, details: list[Any], at: ValuePath) -> list[Any]:
     """Drop the errors of all alternatives of a union but the best match, others unchanged."""
+    # pydantic reports every alternative of a union that failed, which is all of them.
     by_value: dict[ValuePath, dict[str, list[Any]]] = {}
     kept: list[Any] = []
     for detail in details:
@@ -378,5 +382,6 @@ def _split_union_path(
         if source.has_value((*value_path, part)):
             value_path = (*value_path, part)
         elif isinstance(part, str):
+            # A part that the source does not have is the name of an alternative.
             return value_path, part
     return None

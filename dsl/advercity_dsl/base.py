@@ -27,6 +27,7 @@ ValuePath = tuple[str | int, ...]
 class Model(BaseModel):
     """Frozen record that rejects unknown keys and infinite numbers."""
 
+    # JSON has no infinite numbers; a misspelt key must not be ignored.
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
@@ -81,6 +82,7 @@ def is_empty(value: object) -> bool:
 class CompactModel(Model):
     """A record whose default values are omitted from JSON, since a spec holds dozens of them."""
 
+    # A serializer per class, since pydantic's exclude_defaults applies to a whole dump.
     @model_serializer(mode="wrap")
     def _serialize_without_defaults(
         self, serialise: SerializerFunctionWrapHandler
@@ -110,6 +112,7 @@ MAX_LISTED_NAMES = 20
 def suggest_name(name: str, valid: Iterable[str]) -> str:
     """Return a hint with the most similar valid name, else with all valid names."""
     names = sorted(valid)
+    # Below the default of 0.6: a doubtful suggestion says more than a list of all names.
     close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
     if close:
         return f"did you mean '{close[0]}'?"

@@ -152,6 +152,7 @@ class BodyModel(CompactModel):
     def _check_source(self) -> Self:
         if (self.pack is None) == (self.file is None):
             raise ValueError("write either `pack: collection/model` or `file: model.glb`")
+        # Declarations come from others: they must not read files elsewhere.
         if self.file is not None and ".." in PurePosixPath(self.file).parts:
             raise ValueError(f"'{self.file}' is outside the declaration's folder")
         return self

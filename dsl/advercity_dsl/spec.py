@@ -61,7 +61,7 @@ class SpecSeeds(Model):
 
     traffic: int
     sensors: int
-    weather: int = 1
+    weather: int = 1  # specs from before distributions lack it
 
 
 class SweepPoint(Model):

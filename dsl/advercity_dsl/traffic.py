@@ -119,6 +119,7 @@ class Drivers(Declaration):
 
     @model_validator(mode="after")
     def _check_tables(self) -> Self:
+        # Interpolation needs intensities that rise; falling visibility is a rising effect.
         _check_table_order("rain", [step.rate_mm_h for step in self.rain])
         _check_table_order("snowfall", [step.rate_mm_h for step in self.snowfall])
         _check_table_order("snow_cover", [step.road_coverage for step in self.snow_cover])

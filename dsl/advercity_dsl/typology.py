@@ -12,6 +12,7 @@ Evidence = Literal["A", "B", "C", "D", "U"]
 
 
 def _require_edition(value: object) -> object:
+    # Both editions number from 1: a bare number would silently name another crash type.
     number = str(value)
     if number.isdecimal():
         hint = f'write "nhtsa2019:{number}" or "nhtsa2007:{number}"; editions reuse numbers'

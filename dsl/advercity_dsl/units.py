@@ -20,7 +20,7 @@ UNITS: dict[str, tuple[str, float]] = {
     "km": ("length", 1e3),
     "m/s": ("speed", 1.0),
     "km/h": ("speed", M_S_PER_KM_H),
-    "mph": ("speed", 0.44704),
+    "mph": ("speed", 0.44704),  # exact: the international mile is 1609.344 m
     "mm/h": ("precipitation rate", 1.0),
     "s": ("time", 1.0),
     "min": ("time", 60.0),
@@ -90,6 +90,7 @@ class Unit:
         # Rounding hides the factor's representation error: "0.1 km" is 100 m exactly.
         return round(float(number) * size / UNITS[self.name][1], 12)
 
+    # Before the inner validator, which is strict and would reject text.
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
     ) -> CoreSchema:

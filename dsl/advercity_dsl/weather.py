@@ -175,6 +175,7 @@ class Lens(Model):
     """Fraction of light that the optics scatter: 0.02 clean, 0.05 damp, 0.10 dirty."""
 
 
+# Omitted from JSON at these values, so that specs without glare do not mention them.
 DEFAULT_WITHIN_DEG, DEFAULT_SEEN_FRACTION = 25.0, 0.5
 
 
@@ -204,6 +205,7 @@ class Sun(Model):
 
     @model_validator(mode="after")
     def _check_exclusive_fields(self) -> Self:
+        # Defaults are filled in by now; only what was written can contradict.
         given = self.model_fields_set
         if self.in_view_of is None:
             for field in ("within_deg", "seen_share"):
