@@ -1,10 +1,6 @@
-"""What any step of a solution may raise.
+"""A conflict at a road before it is solved: its drawn parameters and participants.
 
-Draws a conflict's parameters; every number is a function of seed, key and name alone.
-
-Draws who takes part in a conflict from the blueprints that are there.
-
-A conflict at a road before it is solved, and the places that its solution finds.
+Every draw is a function of seed, key and name alone, so that none depends on another.
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,14 +19,14 @@ from advercity.randomness import create_generator, draw_number
 
 
 class UnsolvableError(ValueError):
-    """A conflict that does not fit a road after all; the message says why."""
+    """A conflict does not fit a road after all; the message says why."""
 
 
 PARAMETER_DIGITS = 4
 
 
 def sample_parameters(parameters: ConflictParameters, seed: int, key: str) -> dict[str, float]:
-    """A number for every parameter but the range that the ego's speed is meant for."""
+    """Draw a number for every parameter except the ego's speed, which the road determines."""
     return {
         name: _round_significant(_draw_value(item.draw, seed, key, name))
         for name in type(parameters).model_fields
@@ -39,7 +35,7 @@ def sample_parameters(parameters: ConflictParameters, seed: int, key: str) -> di
 
 
 def compute_bounds(draw: float | Distribution) -> tuple[float, float]:
-    """The least and the most that may be drawn."""
+    """Compute the smallest and the largest value that can be drawn."""
     if isinstance(draw, int | float):
         return float(draw), float(draw)
     if isinstance(draw, Choice):
@@ -59,35 +55,35 @@ def _round_significant(value: float) -> float:
 
 @dataclass(frozen=True)
 class RoadUser:
-    """A road user: the name of its blueprint, and the blueprint."""
+    """A participant: the name of its blueprint, and the blueprint."""
 
     name: str
     blueprint: Blueprint
 
     @property
     def actor_class(self) -> ActorClass:
-        """Car, pedestrian, ..."""
+        """Class of the blueprint."""
         return self.blueprint.actor_class
 
     @property
     def length_m(self) -> float:
-        """From its rear to its front."""
+        """Length of the body."""
         return self.blueprint.length_m
 
     @property
     def width_m(self) -> float:
-        """From its left to its right."""
+        """Width of the body."""
         return self.blueprint.width_m
 
 
 @dataclass(frozen=True)
 class ParticipantSampler:
-    """Draws bodies; each draw has a name of its own, so none depends on another.
+    """Draws the participants of a conflict from blueprints.
 
     Attributes:
-        blueprints: To draw from.
-        seed: Of the suite.
-        key: What the draws are for.
+        blueprints: Blueprints by name.
+        seed: Seed of the suite's traffic.
+        key: Road, conflict and density, which the random streams are keyed by.
     """
 
     blueprints: Mapping[str, Blueprint]
@@ -95,61 +91,61 @@ class ParticipantSampler:
     key: str
 
     def draw_actor(self, classes: Sequence[ActorClass]) -> RoadUser:
-        """Whom the ego meets: of one of the classes.
+        """Draw the actor that the ego meets, of one of the classes.
 
         Raises:
-            UnsolvableError: There is no blueprint of any.
+            UnsolvableError: No blueprint is of any of them.
         """
-        there = [names for item in classes if (names := self._list_blueprints(item))]
-        if not there:
-            raise UnsolvableError(f"no blueprint of the class {' or '.join(classes)} is there")
-        draw = self._generator("blueprint")
-        return self._draw_one(there[int(draw.integers(len(there)))], draw)
+        candidates = [names for item in classes if (names := self._list_blueprints(item))]
+        if not candidates:
+            raise UnsolvableError(f"no blueprint is of the class {' or '.join(classes)}")
+        draw = self._create_generator("blueprint")
+        return self._draw_from(candidates[int(draw.integers(len(candidates)))], draw)
 
     def draw_cyclist(self) -> RoadUser:
-        """Who is overtaken.
+        """Draw the cyclist that is overtaken; every call returns the same one.
 
         Raises:
-            UnsolvableError: There is no bicycle's blueprint.
+            UnsolvableError: No blueprint is a bicycle.
         """
         names = self._list_blueprints("bicycle")
         if not names:
-            raise UnsolvableError("no blueprint of the class bicycle is there to be overtaken")
-        return self._draw_one(names, self._generator("passed"))
+            raise UnsolvableError("no blueprint is of the class bicycle, to be overtaken")
+        return self._draw_from(names, self._create_generator("passed"))
 
     def draw_parked_car(self, number: int) -> RoadUser:
-        """The car that is parked nearest to the actor's path, or the one behind it, from 1.
+        """Draw a parked car by its number, from 1 for the one nearest to the actor's path.
 
         Raises:
-            UnsolvableError: There is no car's blueprint.
+            UnsolvableError: No blueprint is a car.
         """
         names = self._list_blueprints("car")
         if not names:
-            raise UnsolvableError("no blueprint of the class car is there to be parked")
-        return self._draw_one(names, self._generator("parked", number))
+            raise UnsolvableError("no blueprint is of the class car, to be parked")
+        return self._draw_from(names, self._create_generator("parked", number))
 
     def _list_blueprints(self, actor_class: ActorClass) -> list[str]:
         return [name for name, item in self.blueprints.items() if item.actor_class == actor_class]
 
-    def _draw_one(self, names: Sequence[str], draw: np.random.Generator) -> RoadUser:
+    def _draw_from(self, names: Sequence[str], draw: np.random.Generator) -> RoadUser:
         name = names[int(draw.integers(len(names)))]
         return RoadUser(name, self.blueprints[name])
 
-    def _generator(self, *what_for: str | int) -> np.random.Generator:
-        return create_generator(self.seed, "conflict", self.key, *what_for)
+    def _create_generator(self, *name: str | int) -> np.random.Generator:
+        return create_generator(self.seed, "conflict", self.key, *name)
 
 
 @dataclass(frozen=True, eq=False)
 class ConflictCase:
-    """What everybody's place follows from.
+    """A conflict at a road, from which the places of all participants follow.
 
     Attributes:
-        conflict: What to stage.
-        index: Place among the scenario's conflicts, from 1.
-        drive: Of the ego.
-        sampler: Draws who else takes part.
-        actor: Whom the ego meets.
-        parameters: The conflict's parameters by name with their unit.
+        conflict: The declaration.
+        index: Number among the scenario's conflicts, from 1.
+        drive: Drive of the ego.
+        sampler: Draws bystanders.
+        actor: The actor that the ego meets.
+        parameters: The conflict's drawn parameters by name; the name ends with the unit.
     """
 
     conflict: Conflict
@@ -161,21 +157,21 @@ class ConflictCase:
 
     @property
     def speed_m_s(self) -> float:
-        """Of the actor, as drawn."""
+        """Drawn speed of the actor."""
         return self.parameters["actor_speed_km_h"] / KM_H_PER_M_S
 
 
 @dataclass(frozen=True, eq=False)
 class ActorPlacement:
-    """A way for an actor that meets the ego's.
+    """The start and the path of an actor that meets the ego.
 
     Attributes:
-        station_m: On the ego's way, where both meet.
-        approach_m: From its start to the point.
-        path: Points (n, 2) of a path of its own, or none.
-        route: Streets of a route in lanes, or none.
-        lane: Of its first street.
-        start_m: Of its middle before the end of that street.
+        station_m: Station of the meeting on the ego's path.
+        approach_m: Distance of the actor's start from the meeting.
+        path: Points (n, 2) of a path of its own, or None.
+        route: Streets of a route in lanes, or empty.
+        lane: Lane of its first street.
+        start_m: Distance of its centre from the end of that street.
     """
 
     station_m: float

@@ -1,9 +1,4 @@
-"""From where the ego sees whoever comes out behind parked cars.
-
-Records of those who take part besides the ego: whom it meets, who is passed, who is parked.
-
-A conflict at a road, with numbers in place of distributions.
-"""
+"""Solve a conflict at a road: place its participants, with numbers in place of distributions."""
 
 from collections.abc import Iterable, Mapping
 
@@ -15,8 +10,8 @@ from numpy.typing import NDArray
 
 from advercity.conflicts.approaches import (
     CYCLIST_LIMITS_M_S2,
+    compute_cyclist_speed_m_s,
     compute_lane_edge_offset,
-    cyclist_speed_m_s,
     place_actor,
     place_passed_cyclist,
 )
@@ -27,7 +22,7 @@ from advercity.conflicts.case import (
     sample_parameters,
 )
 from advercity.conflicts.ego_motion import NominalMotion, build_ego_drive
-from advercity.geometry import polyline
+from advercity.geometry.polyline import StationedPolyline
 from advercity.roads.routes import RoutePath
 
 SIGHT_HISTORY_S = 6.0
@@ -42,65 +37,67 @@ def compute_sight_distance_m(
     speed_m_s: float,
     obstructions: Iterable[shapely.Geometry],
 ) -> float | None:
-    """How far before the conflict point the ego's middle is when the actor comes into sight.
+    """Compute how far before the conflict point the ego is when the actor comes into sight.
 
-    Both come as if to meet there: the ego at the pace of its way, the actor at its speed. A sight
-    line from middle to middle counts, and that cars are higher than it: what is seen over a roof or
-    through windows is not. Cars in ordinary parking places are left out.
+    Both move as if to meet there: the ego by its nominal motion, the actor at its speed. The line
+    of sight runs from centre to centre in the plane, so nothing is seen over roofs or through
+    windows. Cars in ordinary parking spaces are left out.
 
     Args:
-        ego_path: Of the ego.
-        motion: Of the ego.
-        station_m: Of the conflict point on the way.
-        actor_path: Points (n, 2) of the actor's way.
-        speed_m_s: Of the actor.
+        ego_path: Path of the ego.
+        motion: Motion of the ego.
+        station_m: Station of the conflict point on the ego's path.
+        actor_path: Points (n, 2) of the actor's path.
+        speed_m_s: Speed of the actor.
         obstructions: Outlines of parked cars.
 
     Returns:
-        None if nothing ever hides the actor.
+        The distance in metres; None if nothing ever hides the actor.
     """
     times_s = np.arange(0.0, SIGHT_HISTORY_S, SIGHT_STEP_S)
     stations = [motion.station_at(motion.time_at(station_m) - time_s) for time_s in times_s]
-    eyes = np.array([ego_path.point_at(station) for station in stations])
-    along = polyline.polyline_stations(actor_path)
-    meets_m = shapely.LineString(actor_path).project(shapely.Point(ego_path.point_at(station_m)))
-    walked = np.maximum(meets_m - speed_m_s * times_s, 0.0)
-    actor = np.stack([np.interp(walked, along, axis) for axis in actor_path.T], axis=-1)
+    eyes = ego_path.line.points_at(stations)
+    walk = StationedPolyline.from_points(actor_path)
+    meeting_m = walk.line.project(shapely.Point(ego_path.point_at(station_m)))
+    actor = walk.points_at(np.maximum(meeting_m - speed_m_s * times_s, 0.0))
     sight = shapely.linestrings(np.stack([eyes, actor], axis=1))
     hidden = np.flatnonzero(shapely.intersects(sight, shapely.union_all(list(obstructions))))
     return float(station_m - stations[hidden[0]]) if len(hidden) > 0 else None
 
 
 def build_car_outline(ends: NDArray[np.float64], width_m: float) -> shapely.Geometry:
-    """Of a car between the middles (2, 2) of its rear and its front."""
+    """Build the outline of a car from the centres (2, 2) of its rear and its front."""
     return shapely.LineString(ends).buffer(width_m / 2, cap_style="flat")
 
 
 FIRST_STAGED_VEHICLE, FIRST_STAGED_WALKER = 4001, 8001
 NUMBERS_PER_CONFLICT = 10
 STEADY_SPEED_FRACTION = 0.88
-"""Of the most that it could reach and stop again, so that it keeps its speed for a moment."""
+"""Fraction of the speed from which it can just stop, so that it keeps its speed for a moment."""
 STOPPING_MARGIN_M = 2.2
-"""Least distance between its front and the point where the ways meet."""
+"""Minimum distance of its front from the crossing of both paths."""
 PARKED_CARS = 2
 PARKED_LANE_GAP_M = 0.15
-"""Between a parked car and the lanes."""
+"""Distance of a parked car from the lanes."""
 PARKED_SPACING_M = 1.0
 ID_NOUNS = {"pedestrian": "walker", "bicycle": "cyclist"}
 
 
 def compute_actor_speed_m_s(case: ConflictCase, place: ActorPlacement) -> float:
-    """The actor's drawn speed, or the most from which it can still stop short."""
+    """Compute the actor's speed: as drawn, or the highest from which it can still stop short."""
     if case.conflict.actor.behaviour != "stops_short":
         return case.speed_m_s
     room = place.approach_m - case.actor.length_m / 2 - STOPPING_MARGIN_M
-    gains, loses = case.parameters["acceleration_m_s2"], case.parameters["braking_m_s2"]
-    most = np.sqrt(2 * max(room, 0.0) / (1 / gains + 1 / loses))
-    return round(float(min(case.speed_m_s, STEADY_SPEED_FRACTION * most)), 3)
+    acceleration, braking = (
+        case.parameters["acceleration_m_s2"],
+        case.parameters["braking_m_s2"],
+    )
+    highest = np.sqrt(2 * max(room, 0.0) / (1 / acceleration + 1 / braking))
+    return round(float(min(case.speed_m_s, STEADY_SPEED_FRACTION * highest)), 3)
 
 
 def build_staged_actor(case: ConflictCase, place: ActorPlacement, speed_m_s: float) -> StagedActor:
-    """Whom the ego meets."""
+    """Build the record of the actor that the ego meets."""
     body = case.actor
     return StagedActor(
         id=f"conflict_{case.index}_{ID_NOUNS.get(body.actor_class, 'vehicle')}",
@@ -120,11 +117,11 @@ def build_staged_actor(case: ConflictCase, place: ActorPlacement, speed_m_s: flo
 
 
 def build_bystanders(case: ConflictCase, station_m: float) -> tuple[StagedActor, ...]:
-    """Who is passed or parked; nobody in most conflicts.
+    """Build the cyclist that is passed or the cars that are parked; none in most conflicts.
 
     Args:
         case: The conflict.
-        station_m: Where the actor meets the ego.
+        station_m: Station at which the actor meets the ego.
     """
     if case.conflict.actor.behaviour == "overtakes":
         return (_build_passed_cyclist(case, station_m),)
@@ -133,9 +130,9 @@ def build_bystanders(case: ConflictCase, station_m: float) -> tuple[StagedActor,
     return ()
 
 
-def round_point(place: NDArray[np.float64]) -> Point2:
-    """A point (2,) to the millimetre."""
-    return round(float(place[0]), 3), round(float(place[1]), 3)
+def round_point(point: NDArray[np.float64]) -> Point2:
+    """Round a point (2,) to the millimetre."""
+    return round(float(point[0]), 3), round(float(point[1]), 3)
 
 
 def _build_passed_cyclist(case: ConflictCase, station_m: float) -> StagedActor:
@@ -149,24 +146,24 @@ def _build_passed_cyclist(case: ConflictCase, station_m: float) -> StagedActor:
         blueprint=case.sampler.draw_cyclist().name,
         route=place.route,
         start_m=round(place.start_m, 3),
-        speed_m_s=round(cyclist_speed_m_s(case), 3),
+        speed_m_s=round(compute_cyclist_speed_m_s(case), 3),
         acceleration_m_s2=CYCLIST_LIMITS_M_S2[0],
         braking_m_s2=CYCLIST_LIMITS_M_S2[1],
     )
 
 
 def _build_parked_cars(case: ConflictCase, station_m: float) -> tuple[StagedActor, ...]:
-    """Cars that hide the actor, one behind the other on the right of the ego's lanes."""
-    way = case.drive.path
+    """Build cars that hide the actor, one behind the other on the right of the ego's lanes."""
+    path = case.drive.path
     edge = (
         compute_lane_edge_offset(case.drive.segment_at(station_m), right=True) - PARKED_LANE_GAP_M
     )
     front = station_m - case.actor.width_m / 2 - case.parameters["obstruction_gap_m"]
-    found: list[StagedActor] = []
+    cars: list[StagedActor] = []
     for number in range(1, PARKED_CARS + 1):
         car = case.sampler.draw_parked_car(number)
         side, rear = edge - car.width_m / 2, front - car.length_m
-        found.append(
+        cars.append(
             StagedActor(
                 id=f"conflict_{case.index}_parked_{number}",
                 number=_actor_number(case, "car", number),
@@ -175,8 +172,8 @@ def _build_parked_cars(case: ConflictCase, station_m: float) -> tuple[StagedActo
                 actor_class="car",
                 blueprint=car.name,
                 path_m=(
-                    round_point(way.point_at(rear, side)),
-                    round_point(way.point_at(front, side)),
+                    round_point(path.point_at(rear, side)),
+                    round_point(path.point_at(front, side)),
                 ),
                 speed_m_s=0.0,
                 acceleration_m_s2=1.0,
@@ -184,7 +181,7 @@ def _build_parked_cars(case: ConflictCase, station_m: float) -> tuple[StagedActo
             )
         )
         front -= car.length_m + PARKED_SPACING_M
-    return tuple(found)
+    return tuple(cars)
 
 
 def _actor_number(case: ConflictCase, actor_class: str, offset: int) -> int:
@@ -193,7 +190,7 @@ def _actor_number(case: ConflictCase, actor_class: str, offset: int) -> int:
 
 
 ARRIVAL_WINDOW_S = 1.5
-"""Before and after the time when the ego is expected."""
+"""Half width of the window around the ego's predicted arrival."""
 
 
 def solve_conflict(
@@ -206,27 +203,27 @@ def solve_conflict(
     key: str,
     index: int,
 ) -> StagedConflict:
-    """Place everybody who takes part, and find out how fast and when they come.
+    """Place all participants of a conflict, with their speeds and the expected time.
 
     Args:
-        conflict: What to stage.
+        conflict: The declaration.
         typology: Id of the typology that its crash types belong to.
-        road: Where; the ego makes the conflict's manoeuvre on it.
-        blueprints: To draw the actor's from.
-        seed: Of the suite.
-        key: What the draws are for: road, conflict and density, whatever the weather.
-        index: Place among the scenario's conflicts, from 1.
+        road: Road on which the ego makes the conflict's manoeuvre.
+        blueprints: Blueprints by name.
+        seed: Seed of the suite's traffic.
+        key: Key of the draws: road, conflict and density, so that all weathers share them.
+        index: Number among the scenario's conflicts, from 1.
 
     Raises:
-        UnsolvableError: It does not fit.
+        UnsolvableError: The conflict does not fit the road.
     """
-    casting = ParticipantSampler(blueprints, seed, key)
+    sampler = ParticipantSampler(blueprints, seed, key)
     case = ConflictCase(
         conflict,
         index,
         drive=build_ego_drive(road),
-        sampler=casting,
-        actor=casting.draw_actor(conflict.actor.classes),
+        sampler=sampler,
+        actor=sampler.draw_actor(conflict.actor.classes),
         parameters=sample_parameters(conflict.parameters, seed, key),
     )
     return _build_staged_conflict(case, typology, place_actor(case))
@@ -260,22 +257,22 @@ def _build_staged_conflict(
 def _collect_parameters(
     case: ConflictCase, place: ActorPlacement, speed_m_s: float, others: Iterable[StagedActor]
 ) -> dict[str, float]:
-    """What was drawn, and what came of it, by name."""
-    found = {
+    """Collect what was drawn and what followed from it, sorted by name."""
+    parameters = {
         **case.parameters,
         "actor_speed_km_h": round(speed_m_s * KM_H_PER_M_S, 3),
         "approach_m": round(place.approach_m, 2),
     }
     seen_m = _compute_occlusion_m(case, place, speed_m_s, others)
     if seen_m is not None:
-        found["occlusion_m"] = round(seen_m, 2)
-    return dict(sorted(found.items()))
+        parameters["occlusion_m"] = round(seen_m, 2)
+    return dict(sorted(parameters.items()))
 
 
 def _compute_occlusion_m(
     case: ConflictCase, place: ActorPlacement, speed_m_s: float, others: Iterable[StagedActor]
 ) -> float | None:
-    """From where the ego sees an actor behind parked cars, if there are any."""
+    """Compute from where the ego sees an actor behind parked cars; None without any."""
     blueprints = case.sampler.blueprints
     parked = [
         build_car_outline(np.array(item.path_m), blueprints[item.blueprint].width_m)

@@ -100,7 +100,7 @@ MISTAKES = {
         "conflicts/od_overtake.yaml",
         "passed_speed_km_h: {draw: {uniform: [9, 13]}",
         "passed_speed_km_h: {draw: 40",
-        "whom it overtakes is not slower",
+        "the cyclist is not slower than the actor that overtakes it",
     ),
     "V8 an actor that would come too late": (
         "conflicts/ltap_od_ego_turns.yaml",
@@ -210,7 +210,7 @@ def test_v12_whether_the_ego_can_stop_before_whoever_it_sees_late_is_told(specs:
 def test_whoever_comes_out_behind_a_parked_car_is_seen_past_its_corner():
     """The line from 10 m/s ahead to 2 m/s aside passes the corner 1.5 m before, 3 m aside."""
     way = RoutePath(np.array([[0.0, 0.0], [100.0, 0.0]]), ())
-    pace = NominalMotion(np.array([0.0, 100.0]), np.array([0.0, 10.0]), np.array([10.0, 10.0]))
+    pace = NominalMotion(np.array([0.0, 100.0]), np.array([0.0, 10.0]))
     path = np.array([[80.0, -6.0], [80.0, 6.0]])
     car = build_car_outline(np.array([[74.0, -3.9], [78.5, -3.9]]), 1.8)
 
