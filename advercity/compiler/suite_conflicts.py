@@ -1,4 +1,4 @@
-"""The conflicts that a suite's scenarios stage: chosen, bound to roads, drawn, solved, checked."""
+"""Select, match and solve the conflicts that a suite's scenarios stage, with diagnostics."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -35,11 +35,11 @@ class RoadConflicts:
 def select_conflicts(
     library: Library, suite: Suite, roads: Mapping[str, Road], groups: CrashGroups
 ) -> list[RoadConflicts]:
-    """Every road with its conflicts, as a suite asks for.
+    """Select the conflicts of every road, as a suite asks for.
 
     Raises:
-        DiagnosticsError: A conflict is not there, does not fit its road, or a group that calls for
-            a road is not staged on it.
+        DiagnosticsError: A conflict does not exist or does not fit its road, or a group that calls
+            for a road is not staged on it.
     """
     if suite.cross_conflicts:
         return list(_select_crossed(library, suite, roads, groups))
@@ -49,7 +49,7 @@ def select_conflicts(
 def match_conflicts(
     library: Library, roads: Mapping[str, Road], groups: CrashGroups
 ) -> dict[tuple[str, str], Binding]:
-    """How every conflict of a library stands to every road, by (conflict, road)."""
+    """Match every conflict of a library to every road, by (conflict, road)."""
     return {
         (conflict.id, road.id): _match_conflict(library, conflict, road, groups)
         for conflict in library.get_declarations(Conflict).values()
@@ -64,7 +64,7 @@ def solve_road_conflicts(
     density: Density,
     blueprints: Mapping[str, Blueprint],
 ) -> tuple[StagedConflict, ...]:
-    """The conflicts of a scenario, solved; the same under every weather.
+    """Solve the conflicts of a scenario; they are the same under every weather.
 
     Raises:
         DiagnosticsError: One cannot be solved on its road.
@@ -99,7 +99,7 @@ def solve_road_conflicts(
 
 
 def find_typology(library: Library, conflict: Conflict) -> str:
-    """The typology that a conflict's crash types belong to.
+    """Find the typology that a conflict's crash types belong to.
 
     Raises:
         DiagnosticsError: A crash type is unknown, or they belong to several.
@@ -138,10 +138,10 @@ def _select_listed(
     problems = list(_find_unknown_names(library, suite))
     if problems:
         raise DiagnosticsError(*problems)
-    there = library.get_declarations(Conflict)
+    declared = library.get_declarations(Conflict)
     for road in roads.values():
         names = suite.stage.get(road.id, ())
-        conflicts = tuple(there[name] for name in names)
+        conflicts = tuple(declared[name] for name in names)
         for index, conflict in enumerate(conflicts):
             binding = _match_conflict(library, conflict, road, groups)
             if binding.standing in ("invalid", "variant"):
@@ -162,16 +162,16 @@ def _select_listed(
 
 
 def _find_unknown_names(library: Library, suite: Suite) -> Iterator[Diagnostic]:
-    there = library.get_declarations(Conflict)
+    declared = library.get_declarations(Conflict)
     for name, conflicts in suite.stage.items():
         if name not in library.get_declarations(Road):
-            message = f"there is no road '{name}' in this library"
+            message = f"no road '{name}' in this library"
             hint = suggest_name(name, library.get_declarations(Road))
             yield library.build_diagnostic(suite, "stage", name, message=message, hint=hint)
         for index, conflict in enumerate(conflicts):
-            if conflict not in there:
-                message = f"there is no conflict '{conflict}' in this library"
-                hint = suggest_name(conflict, there)
+            if conflict not in declared:
+                message = f"no conflict '{conflict}' in this library"
+                hint = suggest_name(conflict, declared)
                 yield library.build_diagnostic(
                     suite, "stage", name, index, message=message, hint=hint
                 )
@@ -180,22 +180,22 @@ def _find_unknown_names(library: Library, suite: Suite) -> Iterator[Diagnostic]:
 def _find_unstaged_groups(
     library: Library, suite: Suite, road: Road, conflicts: tuple[Conflict, ...], groups: CrashGroups
 ) -> Iterator[Diagnostic]:
-    """Where a suite stages conflicts it stages each group that calls for the road, and no other.
+    """Find groups that call for a road and are not staged on it, and the other way round.
 
-    A group of which no conflict is declared cannot be staged; that is no mistake of the suite's.
+    A group without any declared conflict cannot be staged; that is no mistake of the suite's.
     """
     if road.id not in suite.stage:
         return
-    asked = {group.typology for group in groups[road.id]}
-    got = {find_typology(library, conflict) for conflict in conflicts}
-    declared = {
+    wanted = {group.typology for group in groups[road.id]}
+    staged = {find_typology(library, conflict) for conflict in conflicts}
+    stageable = {
         find_typology(library, conflict) for conflict in library.get_declarations(Conflict).values()
     }
-    for name in sorted((asked & declared) - got):
-        message = f"'{road.id}' is there for {name}, which none of its conflicts stages"
+    for name in sorted((wanted & stageable) - staged):
+        message = f"'{road.id}' is selected for {name}, which none of its conflicts stages"
         hint = "add one of that group's conflicts"
         yield library.build_diagnostic(suite, "stage", road.id, message=message, hint=hint)
-    for name in sorted(got - asked):
+    for name in sorted(staged - wanted):
         message = f"no selected group calls for {name} on '{road.id}'"
         hint = "leave the conflict out, or change the suite's selection or coverage"
         yield library.build_diagnostic(suite, "stage", road.id, message=message, hint=hint)
@@ -204,19 +204,19 @@ def _find_unstaged_groups(
 def _select_crossed(
     library: Library, suite: Suite, roads: Mapping[str, Road], groups: CrashGroups
 ) -> Iterator[RoadConflicts]:
-    there = library.get_declarations(Conflict)
-    wanted = tuple(there) if suite.cross_conflicts == "all" else suite.cross_conflicts
+    declared = library.get_declarations(Conflict)
+    wanted = tuple(declared) if suite.cross_conflicts == "all" else suite.cross_conflicts
     for index, name in enumerate(wanted):
-        if name not in there:
-            message = f"there is no conflict '{name}' in this library"
-            hint = suggest_name(name, there)
+        if name not in declared:
+            message = f"no conflict '{name}' in this library"
+            hint = suggest_name(name, declared)
             problem = library.build_diagnostic(
                 suite, "cross_conflicts", index, message=message, hint=hint
             )
             raise DiagnosticsError(problem)
     for road in roads.values():
         for name in wanted:
-            conflict = there[name]
+            conflict = declared[name]
             if _match_conflict(library, conflict, road, groups).standing not in suite.standings:
                 continue
             moved = with_ego_manoeuvre(road, conflict)

@@ -1,6 +1,7 @@
-"""Which conflicts can be staged on which roads, and why others cannot.
+"""Match conflicts to roads: which can be staged where, and why others cannot.
 
-Connected vehicles that follow the ego where the original has them lead it.
+A road may have to change for a conflict: another route of the ego, no traffic lights at its
+junction, or connected vehicles behind the ego instead of ahead of it.
 """
 
 from collections.abc import Iterator
@@ -10,23 +11,28 @@ from typing import Literal
 
 import numpy as np
 from advercity_dsl import Conflict, Road, Vehicle
-from advercity_dsl.road import Sign, StripKind
+from advercity_dsl.road import Sign, Strip, StripKind
 
 from advercity.roads.routes import RoutePath, RoutePlanner, build_ego_path
 
 SIDE_STREET_SINE = np.sin(np.pi / 4)
-"""A street at a larger angle than this comes from the side."""
+"""Sine of the angle to the ego's street beyond which a street comes from the side."""
 Standing = Literal["primary", "extension", "variant", "invalid"]
 MIN_KERB_SPACE_M = 2.0
-"""Least width of the strips beside the lanes that a vehicle can be parked on."""
+"""Minimum width of the strips next to the lanes that a vehicle can be parked on."""
+STRAIGHT_TURN_RAD = 0.6
+"""The ego goes straight on if it turns by less than this at its junction."""
 
 
 @dataclass(frozen=True)
 class Binding:
-    """How a conflict stands to a road.
+    """How a conflict matches a road.
 
-    Primary: its group calls for such a road. Extension: it fits, but no group calls for it.
-    Variant: it would fit if the junction had no lights. Invalid: it does not fit.
+    Attributes:
+        standing: `primary`: its crash group calls for such a road; `extension`: it fits, but no
+            group calls for it; `variant`: it would fit if the junction had no traffic lights;
+            `invalid`: it does not fit.
+        reason: Why it is a variant or invalid.
     """
 
     standing: Standing
@@ -34,7 +40,7 @@ class Binding:
 
 
 def match_conflict(conflict: Conflict, road: Road, *, called_for: bool) -> Binding:
-    """How a conflict stands to a road.
+    """Match a conflict to a road.
 
     Args:
         conflict: The conflict.
@@ -53,10 +59,10 @@ def match_conflict(conflict: Conflict, road: Road, *, called_for: bool) -> Bindi
 
 
 def with_ego_manoeuvre(road: Road, conflict: Conflict) -> Road | None:
-    """The road with the ego on a way that makes the conflict's manoeuvre; None if it has none.
+    """Return the road with the ego on a route for the conflict's manoeuvre; None if it has none.
 
-    Where nobody may lead the ego, connected vehicles that would start behind it; where there may be
-    no traffic lights, those of the ego's junctions are gone.
+    Where the conflict wants a free road ahead, connected vehicles that would lead the ego start
+    behind it; where it forbids traffic lights, the ego's junctions have none.
     """
     if conflict.requires.signals == "forbidden":
         road = _without_signals(road)
@@ -73,21 +79,22 @@ def with_ego_manoeuvre(road: Road, conflict: Conflict) -> Road | None:
 
 
 def find_usual_manoeuvre(road: Road) -> str:
-    """What the ego does at its junction; on other roads it goes straight on."""
+    """Find the manoeuvre of the ego's declared route; without a junction it is `straight`."""
     route = road.ego.route
     if road.junction == "non_junction" or len(route) < 2:
         return "straight"
-    ways = RoutePlanner(road)
-    junction = ways.find_junction(route[0], route[1])
+    planner = RoutePlanner(road)
+    junction = planner.find_junction(route[0], route[1]) or ""
     turn = next(
-        ways.turn_angle(item, junction or "")
-        for item in ways.movements[junction or ""]
+        planner.turn_angle(item, junction)
+        for item in planner.movements[junction]
         if item.from_street == route[0] and item.to_street == route[1]
     )
-    return "straight" if abs(turn) < 0.6 else ("left" if turn > 0 else "right")
+    return "straight" if abs(turn) < STRAIGHT_TURN_RAD else ("left" if turn > 0 else "right")
 
 
 def _find_obstacle(conflict: Conflict, road: Road) -> str:
+    """Find why a conflict does not fit a road, traffic lights aside; empty if it does."""
     needs = conflict.requires
     if road.imported is not None:
         return "its streets are imported and have no names"
@@ -98,11 +105,11 @@ def _find_obstacle(conflict: Conflict, road: Road) -> str:
     if needs.median == "forbidden" and _has_strip(road, StripKind.MEDIAN):
         return "a median divides it"
     if needs.kerb_space == "required" and not has_kerb_space(road):
-        return "there is no kerb space for what hides the actor"
+        return "it has no kerb space for the cars that hide the actor"
     if with_ego_manoeuvre(road, conflict) is None:
         if find_usual_manoeuvre(road) == conflict.ego.manoeuvre:
-            return "no street leads to the ego's, for those who have to follow it"
-        return f"no way of the ego goes {conflict.ego.manoeuvre} there; declare it in 'ego_routes'"
+            return "no street leads to the ego's, for the vehicles that have to follow it"
+        return f"no route of the ego goes {conflict.ego.manoeuvre}; declare it in 'ego_routes'"
     return ""
 
 
@@ -111,59 +118,59 @@ def _describe_junction(junction: str) -> str:
 
 
 def _has_strip(road: Road, kind: StripKind) -> bool:
-    sections = {road.streets[name].section for name in road.ego.route}
-    return any(
-        strip.kind is kind
-        for name in sections
-        for strip in (*road.sections[name].left, *road.sections[name].right)
-    )
+    return any(strip.kind is kind for side in _list_ego_sides(road) for strip in side)
 
 
 def has_kerb_space(road: Road) -> bool:
-    """Whether a vehicle can be parked beside a lane of the ego's streets."""
-    sections = {road.streets[name].section for name in road.ego.route}
-    beside = (StripKind.PARKING, StripKind.SHOULDER, StripKind.VERGE, StripKind.SIDEWALK)
+    """Return whether a vehicle can be parked next to a lane of the ego's streets."""
+    kinds = (StripKind.PARKING, StripKind.SHOULDER, StripKind.VERGE, StripKind.SIDEWALK)
     return any(
-        sum(strip.width_m for strip in side if strip.kind in beside) >= MIN_KERB_SPACE_M
-        for name in sections
-        for side in (road.sections[name].left, road.sections[name].right)
+        sum(strip.width_m for strip in side if strip.kind in kinds) >= MIN_KERB_SPACE_M
+        for side in _list_ego_sides(road)
     )
 
 
+def _list_ego_sides(road: Road) -> list[tuple[Strip, ...]]:
+    """List the strips on either side of each of the ego's streets."""
+    sections = {road.streets[name].section for name in road.ego.route}
+    return [
+        side for name in sections for side in (road.sections[name].left, road.sections[name].right)
+    ]
+
+
 def _find_signalled_junctions(road: Road) -> tuple[str, ...]:
-    """The junctions on the ego's way that have traffic lights."""
-    route = road.ego.route
-    ways = RoutePlanner(road)
+    """Find the junctions on the ego's route that have traffic lights."""
+    planner = RoutePlanner(road)
     return tuple(
         junction
-        for first, second in pairwise(route)
-        if (junction := ways.find_junction(first, second))
+        for first, second in pairwise(road.ego.route)
+        if (junction := planner.find_junction(first, second))
         and road.junctions[junction].signals is not None
     )
 
 
 def _without_signals(road: Road) -> Road:
-    """The road with stop signs for those from the sides where the ego's way has traffic lights."""
-    ways, ego = RoutePlanner(road), road.ego
-    unlit = {
+    """Replace traffic lights on the ego's route by stop signs for the streets from the sides."""
+    planner = RoutePlanner(road)
+    unsignalled = {
         name: road.junctions[name].model_copy(
             update={
                 "control": "stop",
                 "signals": None,
-                "signs": tuple(_build_stop_signs(ways, name, ego.route[0])),
+                "signs": tuple(_build_stop_signs(planner, name, road.ego.route[0])),
             }
         )
         for name in _find_signalled_junctions(road)
     }
-    return road.model_copy(update={"junctions": {**road.junctions, **unlit}})
+    return road.model_copy(update={"junctions": {**road.junctions, **unsignalled}})
 
 
-def _build_stop_signs(ways: RoutePlanner, junction: str, main: str) -> Iterator[Sign]:
-    """On the right of every street that comes into a junction at an angle to the main one."""
-    comes = ways.approach_heading(main, junction)
-    for street in dict.fromkeys(item.from_street for item in ways.movements[junction]):
-        if abs(np.sin(ways.approach_heading(street, junction) - comes)) > SIDE_STREET_SINE:
-            layout, along = ways.streets[street], ways.is_towards_junction(street, junction)
+def _build_stop_signs(planner: RoutePlanner, junction: str, main: str) -> Iterator[Sign]:
+    """Build signs on the right of every street that meets the main one at an angle."""
+    heading = planner.approach_heading(main, junction)
+    for street in dict.fromkeys(item.from_street for item in planner.movements[junction]):
+        if abs(np.sin(planner.approach_heading(street, junction) - heading)) > SIDE_STREET_SINE:
+            layout, along = planner.streets[street], planner.is_towards_junction(street, junction)
             edge = layout.directed_line(
                 layout.strips_in_direction(along=along)[-1].outer_t, along=along
             )[:, :2]
@@ -172,74 +179,73 @@ def _build_stop_signs(ways: RoutePlanner, junction: str, main: str) -> Iterator[
 
 
 FOLLOWING_DISTANCE_M = 25.0
-"""From the ego's middle to that of who follows it."""
+"""Distance of a follower's centre from the ego's."""
 FOLLOWER_LINE_GAP_M = 5.0
-"""A follower's middle is at least this far before the end of its street."""
+"""Minimum distance of a follower's centre from the end of its street."""
 SAME_SIDE_GAP_M = 6.0
-"""Nearer than this to the ego's way a vehicle is on its side of the road."""
+"""Distance from the ego's path within which a vehicle is on its side of the road."""
 
 
 def with_followers(road: Road) -> Road | None:
-    """The road with all connected vehicles that would lead the ego behind it; None without room."""
-    ways, ego = RoutePlanner(road), road.ego
-    way, start_m, _ = build_ego_path(ways, ego)
+    """Move connected vehicles that would lead the ego behind it; None without room."""
+    planner, ego = RoutePlanner(road), road.ego
+    path, start_m, _ = build_ego_path(planner, ego)
     followers = {
-        name: _place_behind_ego(place, ego, ways)
+        name: _place_behind_ego(place, ego, planner)
         for name, place in road.agents.items()
-        if isinstance(place, Vehicle) and place is not ego and _is_leading(place, way, start_m)
+        if isinstance(place, Vehicle) and place is not ego and _is_leading(place, path, start_m)
     }
     if None in followers.values():
         return None
     return road.model_copy(update={"agents": {**road.agents, **followers}})
 
 
-def _is_leading(place: Vehicle, way: RoutePath, start_m: float) -> bool:
-    """Whether a vehicle starts farther on the ego's way and drives as the ego does."""
-    station = way.find_nearest_station(place.spawn_m)
-    apart = np.linalg.norm(way.point_at(station) - np.array(place.spawn_m))
-    same = np.cos(way.heading_at(station) - np.radians(place.heading_deg)) > 0
-    return bool(station > start_m and apart < SAME_SIDE_GAP_M and same)
+def _is_leading(place: Vehicle, path: RoutePath, start_m: float) -> bool:
+    """Return whether a vehicle starts farther on the ego's path and in its direction."""
+    station = path.find_nearest_station(place.spawn_m)
+    gap_m = np.linalg.norm(path.point_at(station) - np.array(place.spawn_m))
+    same_way = np.cos(path.heading_at(station) - np.radians(place.heading_deg)) > 0
+    return bool(station > start_m and gap_m < SAME_SIDE_GAP_M and same_way)
 
 
-def _place_behind_ego(place: Vehicle, ego: Vehicle, ways: RoutePlanner) -> Vehicle | None:
-    """A vehicle that drives where it meant to, but starts behind the ego."""
-    onward = (*ego.route[: ego.route.index(place.route[0])], *place.route)
-    way, ego_m, _ = build_ego_path(ways, ego)
-    route, station = onward, ego_m - FOLLOWING_DISTANCE_M
+def _place_behind_ego(place: Vehicle, ego: Vehicle, planner: RoutePlanner) -> Vehicle | None:
+    """Move a vehicle behind the ego, with its destination kept; None without room."""
+    route = (*ego.route[: ego.route.index(place.route[0])], *place.route)
+    path, ego_m, _ = build_ego_path(planner, ego)
+    station = ego_m - FOLLOWING_DISTANCE_M
     if station < FOLLOWER_LINE_GAP_M:
-        longer = _find_preceding_route(onward, ego, ways)
+        longer = _find_preceding_route(route, ego, planner)
         if longer is None:
             return None
-        route, way = longer
-        line_m = way.segments[0].end_m
+        route, path = longer
         station = min(
-            way.find_nearest_station(ego.spawn_m) - FOLLOWING_DISTANCE_M,
-            line_m - FOLLOWER_LINE_GAP_M,
+            path.find_nearest_station(ego.spawn_m) - FOLLOWING_DISTANCE_M,
+            path.segments[0].end_m - FOLLOWER_LINE_GAP_M,
         )
-    east, north = way.point_at(station)
+    east, north = path.point_at(station)
     return place.model_copy(
         update={
             "spawn_m": (round(float(east), 2), round(float(north), 2)),
-            "heading_deg": round(float(np.degrees(way.heading_at(station))), 2),
+            "heading_deg": round(float(np.degrees(path.heading_at(station))), 2),
             "route": route,
         }
     )
 
 
 def _find_preceding_route(
-    onward: tuple[str, ...], ego: Vehicle, ways: RoutePlanner
+    onward: tuple[str, ...], ego: Vehicle, planner: RoutePlanner
 ) -> tuple[tuple[str, ...], RoutePath] | None:
-    """A route that begins on a street before, leads to the ego's lane and turns least."""
-    street = ways.streets[onward[0]]
-    junction = street.begins if ways.is_along_axis(onward, 0) else street.ends
-    found: list[tuple[float, float, tuple[str, ...], RoutePath]] = []
-    for item in ways.movements.get(junction, ()):
+    """Find a route that begins on a street before, leads to the ego's lane and turns least."""
+    street = planner.streets[onward[0]]
+    junction = street.begins if planner.is_along_axis(onward, 0) else street.ends
+    candidates: list[tuple[float, float, tuple[str, ...], RoutePath]] = []
+    for item in planner.movements.get(junction, ()):
         if item.to_street == onward[0]:
             route = (item.from_street, *onward)
-            way = ways.build_path(route, item.from_lane)
-            gap = np.linalg.norm(
-                way.point_at(way.find_nearest_station(ego.spawn_m)) - np.array(ego.spawn_m)
-            )
-            found.append((round(float(gap)), abs(ways.turn_angle(item, junction)), route, way))
-    best = min(found, key=lambda one: one[:2], default=None)
+            path = planner.build_path(route, item.from_lane)
+            nearest = path.point_at(path.find_nearest_station(ego.spawn_m))
+            gap_m = round(float(np.linalg.norm(nearest - np.array(ego.spawn_m))))
+            turn = abs(planner.turn_angle(item, junction))
+            candidates.append((gap_m, turn, route, path))
+    best = min(candidates, key=lambda candidate: candidate[:2], default=None)
     return best and best[2:]

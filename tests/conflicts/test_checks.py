@@ -46,7 +46,7 @@ MISTAKES = {
         "conflicts/od_drift.yaml",
         "nhtsa2019:19",
         '"19"',
-        'stages.0: 19 names no edition; write "nhtsa2019:19" or "nhtsa2007:19"',
+        'stages.0: 19 does not name an edition; write "nhtsa2019:19" or "nhtsa2007:19"',
     ),
     "V2 an unknown crash type": (
         "conflicts/od_drift.yaml",
@@ -88,13 +88,13 @@ MISTAKES = {
         "conflicts/od_drift.yaml",
         "drift_time_s: {draw: {uniform: [2.0, 2.6]}}",
         "drift_time_s: {draw: 1.0}",
-        "nobody who drifts exceeds",
+        "no driver that drifts exceeds",
     ),
     "V7 an overtaking that is a swerve": (
         "conflicts/od_overtake.yaml",
         "drift_time_s: {draw: {uniform: [3.1, 3.4]}",
         "drift_time_s: {draw: 2.0",
-        "nobody who overtakes exceeds 1.5",
+        "no driver that overtakes exceeds 1.5",
     ),
     "V8 a cyclist who is too fast to be overtaken": (
         "conflicts/od_overtake.yaml",
@@ -154,7 +154,7 @@ MISTAKES = {
         "suites/adver_city.yaml",
         "ri: [ltap_od_ego_turns, cyc_left_turn]",
         "ri: [ltap_od_ego_turns]",
-        "'ri' is there for pedalcyclist, which none of its conflicts stages",
+        "'ri' is selected for pedalcyclist, which none of its conflicts stages",
     ),
 }
 
