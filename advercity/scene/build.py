@@ -1,6 +1,5 @@
-"""Puts a spec's world together: road, ground, surroundings, furniture, bodies."""
+"""Builds the world of a spec: road, ground, surroundings, street furniture and bodies."""
 
-from functools import partial
 from pathlib import Path
 
 from advercity_dsl import Spec
@@ -8,24 +7,28 @@ from advercity_dsl import Spec
 from advercity.assets.bodies import build_body
 from advercity.assets.model_store import ModelStore
 from advercity.roads.road_network import build_road
-from advercity.scene import terrain
 from advercity.scene.parking import build_parked_cars
 from advercity.scene.street_furniture import build_street_furniture
 from advercity.scene.surroundings import build_surroundings
+from advercity.scene.terrain import GroundModel, build_ground, build_skirt, find_plateaus
 from advercity.world import World
 
 
 def build_world(spec: Spec, network: Path, model_store: ModelStore | None = None) -> World:
-    """The world of a spec, whose SUMO network is at `network`.
+    """Build the world of a spec; takes some seconds.
 
-    It is a function of the spec alone, but for bodies whose models lie on the `shelf`: these look
-    otherwise, at the same size.
+    The world depends on the spec alone, except for bodies with an installed model: they have
+    another shape of the same size.
+
+    Args:
+        spec: Road, blueprints and staged conflicts, whose paths parked cars leave free.
+        network: SUMO network of the road.
+        model_store: Installed models; without it all bodies are procedural.
     """
     road = build_road(spec.road)
-    plateaus = terrain.find_plateaus(spec.road)
-    ground_height = partial(terrain.compute_ground_height, road.paved_edges, plateaus=plateaus)
-    around, street_lamps = build_surroundings(road, ground_height, road.paved_area)
-    fixed, signal_lamps = build_street_furniture(road, ground_height)
+    ground = GroundModel.from_edges(road.paved_edges, find_plateaus(spec.road))
+    surroundings, street_lamps = build_surroundings(road, ground.height_at, road.paved_area)
+    furniture, signal_lamps = build_street_furniture(road, ground.height_at)
     bodies = {
         name: build_body(name, blueprint, model_store)
         for name, blueprint in spec.blueprints.items()
@@ -34,10 +37,10 @@ def build_world(spec: Spec, network: Path, model_store: ModelStore | None = None
         id=spec.road.id,
         static=(
             *road.meshes,
-            terrain.build_skirt(road.paved_edges),
-            terrain.build_ground(road.paved_edges, road.paved_area, plateaus),
-            *around,
-            *fixed,
+            build_skirt(road.paved_edges),
+            build_ground(ground, road.paved_area),
+            *surroundings,
+            *furniture,
             *build_parked_cars(road, spec.blueprints, bodies, spec.conflicts),
         ),
         bodies=bodies,

@@ -1,7 +1,8 @@
-"""Town blocks and houses."""
+"""Builds town blocks and houses on lots along streets and in areas."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import shapely
@@ -13,7 +14,7 @@ from advercity.geometry.mesh import MeshPart, TriangleSurface, join_surfaces, mo
 from advercity.geometry.primitives import box, loft_rings, rectangles, tube
 from advercity.randomness import create_generator
 from advercity.scene import vegetation
-from advercity.scene.site import Site, StreetSide, rectangle_corners
+from advercity.scene.site import Rectangle, Site, StreetSide
 from advercity.semantics import Semantic
 
 FLOOR_M = 3.1
@@ -25,9 +26,13 @@ _TOWN_WALL_MATERIALS = ("plaster", "brick", "plaster_ochre", "plaster_white", "b
 _HOUSE_WALL_MATERIALS = ("plaster_white", "brick", "plaster", "plaster_ochre")
 
 
+SurfaceMaterials = list[tuple[TriangleSurface, str]]
+"""Surfaces of a building around the origin, with their materials."""
+
+
 @dataclass(frozen=True)
 class Lot:
-    """Where a building stands: its middle, heading of its front in radians, and its size."""
+    """Ground of one building: centre, yaw in radians and size; its front faces -y."""
 
     centre: Point2
     yaw: float
@@ -35,25 +40,25 @@ class Lot:
     depth_m: float
 
     def to_world(self, x: ArrayLike, y: ArrayLike) -> Float64Array:
-        """(..., 2) points given along the lot's own axes; its front looks along -y."""
+        """Transform coordinates (...) along the lot's own axes to points (..., 2)."""
         cosine, sine = np.cos(self.yaw), np.sin(self.yaw)
         local = np.stack(np.broadcast_arrays(x, y), axis=-1)
         return np.asarray(self.centre) + local @ np.array([[cosine, sine], [-sine, cosine]])
 
     def compute_corners(self) -> Float64Array:
-        """(4, 2) corners of the footprint."""
+        """Compute the corners (4, 2) of the footprint."""
         x, y = self.width_m / 2, self.depth_m / 2
         return self.to_world([-x, x, x, -x], [-y, -y, y, y])
 
     @property
     def outline(self) -> shapely.Polygon:
-        """The footprint."""
+        """Footprint of the building."""
         return shapely.Polygon(self.compute_corners())
 
 
 @dataclass(frozen=True)
 class LotPattern:
-    """How buildings of a kind follow each other in a row."""
+    """Sizes and distances of buildings in a row."""
 
     width_range_m: tuple[float, float]
     depth_m: float
@@ -65,98 +70,116 @@ HOUSE_LOTS = LotPattern((8.5, 11.5), 8.5, 7.0)
 
 
 def build_town_blocks(
-    lots: list[Lot], height_m: float | None, site: Site, key: str
+    lots: Sequence[Lot], height_m: float | None, site: Site, key: str
 ) -> tuple[list[MeshPart], list[shapely.Polygon]]:
-    """Town blocks of two to six floors on lots, and the ground that they take."""
+    """Build town blocks of two to six floors on lots, and return their footprints."""
     draw = create_generator("buildings", key)
-    pieces: list[MeshPart] = []
-    taken: list[shapely.Polygon] = []
-    for lot in lots:
+
+    def draw_block(lot: Lot) -> Callable[[], SurfaceMaterials]:
         height = height_m or draw.uniform(6.5, 18.0)
         floors = max(2, round(height * draw.uniform(0.9, 1.1) / FLOOR_M))
         wall = str(draw.choice(_TOWN_WALL_MATERIALS))
-        pitched = bool(draw.random() < 0.4)
-        if _is_buildable(lot, site, taken):
-            pieces += _place_on_lot(_build_town_block(lot, floors, wall, pitched), lot, site)
-            taken.append(lot.outline)
-    return pieces, taken
+        return partial(_build_town_block, lot, floors, wall, bool(draw.random() < 0.4))
+
+    parts, built = _build_on_lots(lots, site, draw_block)
+    return parts, [lot.outline for lot in built]
 
 
 def build_houses(
-    lots: list[Lot], height_m: float | None, site: Site, key: str
+    lots: Sequence[Lot], height_m: float | None, site: Site, key: str
 ) -> tuple[list[MeshPart], list[shapely.Polygon]]:
-    """Detached houses with pitched roofs, hedges and a tree beside each, and the ground taken."""
+    """Build detached houses with hedges and a tree each, and return the houses' footprints."""
     draw = create_generator("houses", key)
-    pieces: list[MeshPart] = []
-    taken: list[shapely.Polygon] = []
-    gardens: list[Float64Array] = []
-    for lot in lots:
+
+    def draw_house(lot: Lot) -> Callable[[], SurfaceMaterials]:
         eaves = 0.62 * height_m if height_m else draw.uniform(3.0, 5.6)
-        wall = str(draw.choice(_HOUSE_WALL_MATERIALS))
-        if _is_buildable(lot, site, taken):
-            pieces += [
-                *_place_on_lot(_build_house(lot, eaves, wall), lot, site),
-                *_build_garden_hedges(lot, site),
-            ]
-            taken.append(lot.outline)
-            gardens.append(lot.to_world(lot.width_m / 2 + 1.0, lot.depth_m / 2 + 3.5))
-    corners = np.reshape(gardens, (-1, 2))
-    return pieces + vegetation.build_trees(corners, GARDEN_TREE_M, site.exclude(taken), key), taken
+        return partial(_build_house, lot, eaves, str(draw.choice(_HOUSE_WALL_MATERIALS)))
+
+    parts, built = _build_on_lots(lots, site, draw_house)
+    hedges = [hedge for lot in built for hedge in _build_garden_hedges(lot, site)]
+    footprints = [lot.outline for lot in built]
+    corners = [lot.to_world(lot.width_m / 2 + 1.0, lot.depth_m / 2 + 3.5) for lot in built]
+    trees = vegetation.build_trees(
+        np.reshape(corners, (-1, 2)), GARDEN_TREE_M, site.exclude(footprints), key
+    )
+    return [*parts, *hedges, *trees], footprints
 
 
-def place_lots_in_area(
-    area: tuple[Point2, Point2], plots: LotPattern, spacing_m: float | None, key: str
+def _build_on_lots(
+    lots: Sequence[Lot], site: Site, draw_building: Callable[[Lot], Callable[[], SurfaceMaterials]]
+) -> tuple[list[MeshPart], list[Lot]]:
+    """Build on all lots that are free, and return these lots."""
+    parts: list[MeshPart] = []
+    built: list[Lot] = []
+    for lot in lots:
+        # Drawn for blocked lots, too, so that one of them does not change the buildings after it.
+        build = draw_building(lot)
+        if _is_buildable(lot, site, built):
+            parts += _place_on_lot(build(), lot, site)
+            built.append(lot)
+    return parts, built
+
+
+def place_lots(
+    band: StreetSide | Rectangle, pattern: LotPattern, spacing_m: float | None, key: str
 ) -> list[Lot]:
-    """One row along the longer side of an area, or two back to back where it is deep enough."""
-    low, high = rectangle_corners(area)
-    extent = high - low
-    lengthways = int(np.argmax(extent))
-    depth = float(min(plots.depth_m, extent[1 - lengthways]))
-    edges = [low[1 - lengthways] + depth / 2, high[1 - lengthways] - depth / 2]
-    rows = edges if extent[1 - lengthways] >= 2 * depth + 4 else edges[:1]
+    """Place lots in a row along a street, or in one or two rows in a rectangle."""
+    if isinstance(band, Rectangle):
+        return _place_lots_in_area(band, pattern, spacing_m, key)
+    return _place_lots_along_street(band, pattern, spacing_m, key)
+
+
+def _place_lots_in_area(
+    area: Rectangle, pattern: LotPattern, spacing_m: float | None, key: str
+) -> list[Lot]:
+    """Place one row along the longer side, or two back to back where the area is deep enough."""
+    long, short = area.long_axis, 1 - area.long_axis
+    depth = float(min(pattern.depth_m, area.extent[short]))
+    edges = [area.low[short] + depth / 2, area.high[short] - depth / 2]
+    rows = edges if area.extent[short] >= 2 * depth + 4 else edges[:1]
     draw = create_generator("lots", key)
     lots: list[Lot] = []
     for side, across in enumerate(rows):
-        # The front looks out of the area: along -y of the lot's own axes.
-        yaw = (np.pi * side) if lengthways == 0 else (-np.pi / 2 + np.pi * side)
-        for middle, width in _generate_row(float(extent[lengthways]), plots, spacing_m, draw):
-            along = low[lengthways] + middle
-            x, y = (along, across) if lengthways == 0 else (across, along)
+        # Fronts face out of the area; they are on the -y side of a lot's own axes.
+        yaw = (np.pi * side) if long == 0 else (-np.pi / 2 + np.pi * side)
+        for middle, width in _generate_row(float(area.extent[long]), pattern, spacing_m, draw):
+            along = area.low[long] + middle
+            x, y = (along, across) if long == 0 else (across, along)
             lots.append(Lot((float(x), float(y)), float(yaw), width, depth))
     return lots
 
 
-def place_lots_along_street(
-    side: StreetSide, plots: LotPattern, spacing_m: float | None, key: str
+def _place_lots_along_street(
+    side: StreetSide, pattern: LotPattern, spacing_m: float | None, key: str
 ) -> list[Lot]:
-    """A row beside a street, its fronts at the band's offsets."""
     draw = create_generator("lots", key, side.sign)
     lots: list[Lot] = []
-    for middle, width in _generate_row(side.length_m, plots, spacing_m, draw):
+    for middle, width in _generate_row(side.length_m, pattern, spacing_m, draw):
         front = float(draw.uniform(side.near_offset_m, side.far_offset_m))
-        x, y = side.points_at(middle, front + plots.depth_m / 2)
-        lots.append(Lot((float(x), float(y)), side.yaw(middle), width, plots.depth_m))
+        x, y = side.points_at(middle, front + pattern.depth_m / 2)
+        lots.append(Lot((float(x), float(y)), side.yaw(middle), width, pattern.depth_m))
     return lots
 
 
 def _generate_row(
-    length_m: float, plots: LotPattern, spacing_m: float | None, draw: np.random.Generator
+    length_m: float, pattern: LotPattern, spacing_m: float | None, draw: np.random.Generator
 ) -> Iterator[tuple[float, float]]:
-    """Middles and widths of buildings one after the other."""
+    """Generate centres and widths of buildings along a row."""
     start = 0.0
-    while start + (width := float(draw.uniform(*plots.width_range_m))) <= length_m:
+    while start + (width := float(draw.uniform(*pattern.width_range_m))) <= length_m:
         yield start + width / 2, width
-        gap = plots.gap_m * float(draw.uniform(0.7, 1.5)) if spacing_m is None else spacing_m
+        gap = pattern.gap_m * float(draw.uniform(0.7, 1.5)) if spacing_m is None else spacing_m
         start += width + gap
 
 
-def _is_buildable(lot: Lot, site: Site, taken: list[shapely.Polygon]) -> bool:
-    away = shapely.distance(lot.outline, np.array([site.reserved_area, *taken], dtype=object))
-    return bool(away[0] >= ROAD_CLEARANCE_M and (away[1:] >= 0.5).all())
+def _is_buildable(lot: Lot, site: Site, built: Sequence[Lot]) -> bool:
+    others = np.array([site.reserved_area, *(other.outline for other in built)], dtype=object)
+    distance = shapely.distance(lot.outline, others)
+    return bool(distance[0] >= ROAD_CLEARANCE_M and (distance[1:] >= 0.5).all())
 
 
-def _place_on_lot(parts: list[tuple[TriangleSurface, str]], lot: Lot, site: Site) -> list[MeshPart]:
-    """A building moved to its lot, its floor at the highest ground."""
+def _place_on_lot(parts: SurfaceMaterials, lot: Lot, site: Site) -> list[MeshPart]:
+    """Move a building to its lot, with its floor at the highest ground, on a foundation."""
     ground = site.ground_height(lot.compute_corners())
     offset = (*lot.centre, float(ground.max()))
     foundation = box(
@@ -169,12 +192,9 @@ def _place_on_lot(parts: list[tuple[TriangleSurface, str]], lot: Lot, site: Site
     ]
 
 
-def _build_town_block(
-    lot: Lot, floors: int, wall: str, pitched: bool
-) -> list[tuple[TriangleSurface, str]]:
+def _build_town_block(lot: Lot, floors: int, wall: str, pitched: bool) -> SurfaceMaterials:
     x, y, top = lot.width_m / 2, lot.depth_m / 2, floors * FLOOR_M + 0.4
-    # The walls stand a hand's breadth inside the foundation.
-    x, y = x - 0.08, y - 0.08
+    x, y = x - 0.08, y - 0.08  # walls are a little inside the foundation, or both would flicker
     parts = [(box((-x, -y, 0), (x, y, top)), wall)]
     if pitched:
         parts += [
@@ -188,14 +208,9 @@ def _build_town_block(
         ]
     door = rectangles([(0, -y - 0.03, 1.5)], (0.9, 0, 0), (0, 0, 1.25))
     shop_front = _build_window_row(x, y, 1.75, (2.1, 1.9), 3.4, skip_m=1.6)
-    upper = [
-        _build_windows(x, y, 1.75 + FLOOR_M * floor, _WINDOW_M, _BAY_M)
-        for floor in range(1, floors)
-    ]
-    frames = [
-        _build_windows(x, y, 1.75 + FLOOR_M * floor, (1.45, 1.75), _BAY_M, out_m=0.012)
-        for floor in range(1, floors)
-    ]
+    levels = [1.75 + FLOOR_M * floor for floor in range(1, floors)]
+    upper = [_build_windows(x, y, z, _WINDOW_M, _BAY_M) for z in levels]
+    frames = [_build_windows(x, y, z, (1.45, 1.75), _BAY_M, out_m=0.012) for z in levels]
     return [
         *parts,
         (door, "wood"),
@@ -204,7 +219,7 @@ def _build_town_block(
     ]
 
 
-def _build_house(lot: Lot, eaves: float, wall: str) -> list[tuple[TriangleSurface, str]]:
+def _build_house(lot: Lot, eaves: float, wall: str) -> SurfaceMaterials:
     x, y = lot.width_m / 2 - 0.08, lot.depth_m / 2 - 0.08
     floors = 2 if eaves > 4.4 else 1
     ridge = eaves + 0.75 * (y + 0.45)
@@ -230,7 +245,7 @@ def _build_house(lot: Lot, eaves: float, wall: str) -> list[tuple[TriangleSurfac
 
 
 def _build_garden_hedges(lot: Lot, site: Site) -> list[MeshPart]:
-    """Clipped hedges along the front garden, with a gap before the door, where there is room."""
+    """Build hedges along the front garden, with a gap at the door, where the ground is free."""
     y = -lot.depth_m / 2 - 1.7
     ends = [(-lot.width_m / 2 - 1.5, -1.3), (1.3, lot.width_m / 2 + 1.5)]
     hedges: list[MeshPart] = []
@@ -246,25 +261,22 @@ def _build_garden_hedges(lot: Lot, site: Site) -> list[MeshPart]:
 
 
 def _build_gable_roof(x: float, y: float, eaves: float, overhang: float) -> TriangleSurface:
-    """A pitched roof with its ridge along x: a folded slab, drawn from gable to gable."""
+    """Build a pitched roof with its ridge along x: a folded slab from gable to gable."""
     span = y + overhang
     rise, drop, thick = 0.75 * span, 0.75 * overhang, 0.22
     fold = [(-span, eaves - drop), (0.0, eaves - drop + rise), (span, eaves - drop)]
     outline = [*fold, *((b, z + thick) for b, z in fold[::-1])]
     ends = [[(end, b, z) for b, z in outline] for end in (-x - overhang, x + overhang)]
-    return _loft_folded_profile(np.asarray(ends))
+    # The folded profile is not star-shaped, as caps must be, so each half is lofted by itself.
+    profile = np.asarray(ends)
+    halves = profile[:, [0, 1, 4, 5]], profile[:, [1, 2, 3, 4]]
+    return join_surfaces([loft_rings(half) for half in halves])
 
 
 def _build_gable_walls(x: float, y: float, eaves: float, overhang: float) -> TriangleSurface:
-    """The triangle of wall under a pitched roof, drawn through the building."""
+    """Build the triangular walls under a pitched roof, as a prism through the building."""
     gable = [(-y, eaves), (y, eaves), (0.0, eaves + 0.75 * (y + overhang) - 0.75 * overhang)]
     return loft_rings(np.stack([[(side, *point) for point in gable] for side in (-x, x)]))
-
-
-def _loft_folded_profile(ends: Float64Array) -> TriangleSurface:
-    """A skin between two six-cornered profiles that are not star-shaped: two slabs side by side."""
-    left, right = ends[:, [0, 1, 4, 5]], ends[:, [1, 2, 3, 4]]
-    return join_surfaces([loft_rings(left), loft_rings(right)])
 
 
 def _build_windows(
@@ -277,7 +289,7 @@ def _build_windows(
     skip_m: float = 0.0,
     out_m: float = 0.03,
 ) -> TriangleSurface:
-    """A row of windows around a building at height `z`; none within `skip_m` of the door."""
+    """Build windows around a building at height `z`, none within `skip_m` of the door."""
     front = _build_window_row(x, y, z, size, bay_m, skip_m=skip_m, out_m=out_m)
     back = move_surface(_build_window_row(x, y, z, size, bay_m, out_m=out_m), (0, 0, 0), yaw=np.pi)
     side = _build_window_row(y, x, z, size, bay_m, out_m=out_m)
@@ -295,7 +307,7 @@ def _build_window_row(
     skip_m: float = 0.0,
     out_m: float = 0.03,
 ) -> TriangleSurface:
-    """Windows along the front, which looks along -y."""
+    """Build windows along the front, which faces -y."""
     count = max(1, int((2 * x - 0.8) / bay_m))
     at = (np.arange(count) - (count - 1) / 2) * (2 * x - 0.8) / count
     at = at[np.abs(at) >= skip_m] if skip_m else at

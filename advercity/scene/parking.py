@@ -1,4 +1,4 @@
-"""Cars that stand in the parking strips of streets."""
+"""Builds parked cars in the parking strips of streets."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,14 +20,14 @@ from advercity.traffic.paints import draw_paint
 from advercity.world import Body
 
 PARKING_SPACE_M = 6.4
-"""Length of a place to park along a street."""
+"""Length of a parking space along a street."""
 MIN_CAR_GAP_M = 0.8
-"""Least gap between two cars in a row."""
+"""Smallest gap between two cars in a row."""
 OCCUPANCY = 0.7
-"""Share of places with a car."""
+"""Fraction of spaces with a car."""
 KERB_DISTANCE_M = 0.35
 PATH_CLEARANCE_M = 0.4
-"""Least gap between a parked car and the path of somebody staged."""
+"""Smallest gap between a parked car and the path of a staged actor."""
 _CLASSES = ("car", "van")
 
 
@@ -44,15 +44,15 @@ def build_parked_cars(
     bodies: Mapping[str, Body],
     conflicts: Sequence[StagedConflict] = (),
 ) -> list[Mesh]:
-    """Meshes of the cars that a road has parked: part of the place, they never move.
+    """Build the cars that are parked on a road; they are static, like buildings.
 
-    Places that somebody staged crosses or stands in stay empty; the other cars are the same.
+    Spaces on the path of a staged actor stay empty; all other cars are the same as without it.
 
     Args:
         network: The road, whose declaration places the cars.
-        blueprints: What there is, by id; only cars and vans park.
-        bodies: What they look like, by id.
-        conflicts: What is staged there.
+        blueprints: Blueprints by id; only cars and vans park.
+        bodies: Their bodies by id.
+        conflicts: Staged conflicts with the paths of their actors.
     """
     paths = shapely.union_all(
         [
@@ -87,6 +87,7 @@ def _park_row(
     key: str,
 ) -> Iterator[MeshPart]:
     band = next(band for band in side.strips if band.kind is StripKind.PARKING)
+    # All draws of a space come before it is tested, so that a path empties only its own spaces.
     draw = create_generator("parked cars", key)
     place = band.bay_width_m or place_m
     for index in range(int(side.length_m / place)):
@@ -95,12 +96,14 @@ def _park_row(
         if taken:
             paint = draw_paint(car.actor_class, key, index, paints=car.paints)
             middle = side.start_m + (index + 0.5) * place
-            pose = _parking_pose(side, band, middle, place, car.body.size, slip, turned=turned)
-            if not shapely.intersects(paths, _footprint(pose, car.body.size)):
+            pose = _compute_parking_pose(
+                side, band, middle, place, car.body.size, slip, turned=turned
+            )
+            if not shapely.intersects(paths, _compute_footprint(pose, car.body.size)):
                 yield from (_place_mesh(part, pose, paint) for part in car.body.parts)
 
 
-def _parking_pose(
+def _compute_parking_pose(
     side: StreetSide,
     band: StripLayout,
     station: float,
@@ -110,10 +113,16 @@ def _parking_pose(
     *,
     turned: bool,
 ) -> poses.Matrix:
-    """Where a car stands: in its bay, nose in or out as `turned` says, or along the kerb.
+    """Compute the pose of a car: across its bay, or along the kerb in the direction of traffic.
 
-    Along the kerb it looks where traffic beside it drives. `slip`, -1 to 1, is how far it is
-    from the middle of its place.
+    Args:
+        side: Side of the street.
+        band: Parking strip.
+        station: Station of the centre of the space, from the start of the street.
+        place_m: Width of the bay, or length of the space along the kerb.
+        size: Size of the car.
+        slip: Displacement within the space, -1 to 1.
+        turned: Whether a car in a bay has its nose towards the street.
     """
     length, width, _ = size
     inner, outer = abs(band.inner_t), abs(band.outer_t)
@@ -125,8 +134,8 @@ def _parking_pose(
         offset = max(outer - KERB_DISTANCE_M - width / 2, inner + width / 2)
         station += slip * max(0.0, (place_m - MIN_CAR_GAP_M - length) / 2)
         turn = np.pi if side.sign > 0 else 0.0
-    reach = np.array([-length / 2, 0.0, length / 2])
-    rear, middle, front = side.street.points_at(station + reach, side.sign * offset)
+    ends = np.array([-length / 2, 0.0, length / 2])
+    rear, middle, front = side.street.points_at(station + ends, side.sign * offset)
     along = front - rear
     yaw = float(np.arctan2(along[1], along[0])) + turn
     grade = float(np.arctan2(along[2], np.linalg.norm(along[:2])))
@@ -135,7 +144,7 @@ def _parking_pose(
     )
 
 
-def _footprint(pose: poses.Matrix, size: tuple[float, float, float]) -> shapely.Polygon:
+def _compute_footprint(pose: poses.Matrix, size: tuple[float, float, float]) -> shapely.Polygon:
     corners = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]) / 2 * size
     return shapely.Polygon(poses.transform_points(pose, corners)[:, :2])
 

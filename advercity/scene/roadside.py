@@ -1,4 +1,4 @@
-"""What is put up at the roadside: walls, fences, hedges, shelters, towers, poles and lamps."""
+"""Builds roadside objects: walls, fences, hedges, shelters, towers, poles, lamps, driveways."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -41,11 +41,11 @@ _LAMP_ARM_M = 1.6
 _DRIVEWAY_STEP_M, _KERB_RAMP_M = 1.0, 0.7
 _WALL_PIECE_M, _FENCE_BAY_M, _HEDGE_STEP_M = 8.0, 2.6, 1.6
 _SPIKE_M = 0.3
-"""Thin top of a tower, so that it does not stand in the view of what it carries."""
+"""Height of the thin top of a tower: thin, so that it does not block the view of its sensors."""
 
 
 def build_wall(line: Sequence[Point2], height_m: float | None, site: Site) -> list[MeshPart]:
-    """A wall along a line: brick if low, concrete with a coping and pilasters if it retains."""
+    """Build a wall along a line: brick if low, concrete with coping and pilasters if it retains."""
     foot = _sample_ground_line(line, _WALL_PIECE_M, site)
     height = height_m or WALL_HEIGHT_M
     retaining = height > 3.0
@@ -59,24 +59,21 @@ def build_wall(line: Sequence[Point2], height_m: float | None, site: Site) -> li
         )
         if retaining:
             trim.append(_build_pilaster(start, end, low, height))
+    material = "concrete" if retaining else "brick"
     return [
-        MeshPart(
-            join_surfaces(map(shade_smooth, body)),
-            "concrete" if retaining else "brick",
-            Semantic.WALL,
-        ),
+        MeshPart(join_surfaces(map(shade_smooth, body)), material, Semantic.WALL),
         MeshPart(join_surfaces(map(shade_smooth, trim)), "kerb", Semantic.WALL),
     ]
 
 
 def build_fence(line: Sequence[Point2], height_m: float | None, site: Site) -> list[MeshPart]:
-    """Posts with three rails along a line."""
+    """Build a fence along a line, of posts and three rails."""
     height = height_m or FENCE_HEIGHT_M
     foot = _sample_ground_line(line, _FENCE_BAY_M, site)
     post = shade_smooth(box((-0.05, -0.05, -0.3), (0.05, 0.05, height)))
     rails = [
-        shade_smooth(tube(foot + xyz(z=share * height), 0.045, sides=4))
-        for share in (0.35, 0.65, 0.93)
+        shade_smooth(tube(foot + xyz(z=fraction * height), 0.045, sides=4))
+        for fraction in (0.35, 0.65, 0.93)
     ]
     return [MeshPart(join_surfaces([repeat_surface(post, foot), *rails]), "wood", Semantic.FENCE)]
 
@@ -84,23 +81,23 @@ def build_fence(line: Sequence[Point2], height_m: float | None, site: Site) -> l
 def build_hedge(
     line: Sequence[Point2], height_m: float | None, site: Site, key: str
 ) -> list[MeshPart]:
-    """A clipped hedge along a line."""
+    """Build a clipped hedge along a line."""
     height = height_m or HEDGE_HEIGHT_M
     foot = _sample_ground_line(line, _HEDGE_STEP_M, site)
     run = np.gradient(foot[:, :2], axis=0)
-    aside = np.column_stack([-run[:, 1], run[:, 0]])
-    aside /= np.linalg.norm(aside, axis=1, keepdims=True)
+    lateral = np.column_stack([-run[:, 1], run[:, 0]])
+    lateral /= np.linalg.norm(lateral, axis=1, keepdims=True)
     across = np.array([0.34, 0.40, 0.38, 0.24, -0.24, -0.38, -0.40, -0.34])
     rise = np.array([-0.3, 0.15, 0.8, 1.0, 1.0, 0.8, 0.15, -0.3]) * height
     rough = create_generator("hedge", key).uniform(0.9, 1.08, (2, len(foot), len(across)))
     rings = np.empty((len(foot), len(across), 3))
-    rings[..., :2] = foot[:, None, :2] + (across * rough[0])[..., None] * aside[:, None]
+    rings[..., :2] = foot[:, None, :2] + (across * rough[0])[..., None] * lateral[:, None]
     rings[..., 2] = foot[:, None, 2] + rise * rough[1]
     return [MeshPart(loft_rings(rings), "leaves", Semantic.VEGETATION)]
 
 
 def _sample_ground_line(line: Sequence[Point2], step_m: float, site: Site) -> Float64Array:
-    """Points (n, 3) on the ground along a line, at most a step apart, both ends among them."""
+    """Sample points (n, 3) on the ground along a line at most a step apart, with both ends."""
     path = shapely.LineString(line)
     count = max(1, int(np.ceil(path.length / step_m)))
     at = np.linspace(0.0, path.length, count + 1)
@@ -128,7 +125,7 @@ def _build_pilaster(
 
 
 def build_bus_stop(at: Point2, site: Site) -> list[MeshPart]:
-    """A glazed shelter, open towards the nearest street, with a bench and a sign on a mast."""
+    """Build a glazed shelter, open to the nearest street, with a bench and a sign on a mast."""
     frame = [
         box((x - 0.04, y - 0.04, 0), (x + 0.04, y + 0.04, 2.4))
         for x, y in ((-1.9, -0.65), (1.9, -0.65), (-1.9, 0.65), (1.9, 0.65), (0, 0.65))
@@ -156,7 +153,7 @@ def build_bus_stop(at: Point2, site: Site) -> list[MeshPart]:
 
 
 def build_tower(at: Point2, height_m: float | None, site: Site) -> list[MeshPart]:
-    """A wind pump: a lattice tower with its wheel below the top, turned to the street."""
+    """Build a wind pump facing the street: a lattice tower with a wheel below its top."""
     top = height_m or TOWER_HEIGHT_M
     steel = [
         *_build_lattice(top - _SPIKE_M),
@@ -168,30 +165,30 @@ def build_tower(at: Point2, height_m: float | None, site: Site) -> list[MeshPart
 
 
 def _build_lattice(top: float) -> list[TriangleSurface]:
-    """Four legs that lean together, with rings and crossed braces between them."""
+    """Build four converging legs with rings and crossed braces."""
     signs = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)])
     levels = np.linspace(0, 1, 6)
-    reach = 0.13 * top * (1 - levels) + 0.09 * levels
+    half_width = 0.13 * top * (1 - levels) + 0.09 * levels
     corners = np.empty((6, 4, 3))
-    corners[..., :2] = reach[:, None, None] * signs
+    corners[..., :2] = half_width[:, None, None] * signs
     corners[..., 2] = (top * levels)[:, None]
-    beyond = np.roll(corners, -1, axis=1)
+    following = np.roll(corners, -1, axis=1)
     legs = [tube([corners[0, k] - xyz(z=0.3), corners[-1, k]], 0.055, sides=5) for k in range(4)]
     ends = [
-        *zip(corners[:-1], beyond[1:], strict=True),
-        *zip(beyond[:-1], corners[1:], strict=True),
+        *zip(corners[:-1], following[1:], strict=True),
+        *zip(following[:-1], corners[1:], strict=True),
     ]
     braces = [tube([a[k], b[k]], 0.025, sides=4) for a, b in ends for k in range(4)]
     rings = [
         tube([a[k], b[k]], 0.03, sides=4)
-        for a, b in zip(corners[1:], beyond[1:], strict=True)
+        for a, b in zip(corners[1:], following[1:], strict=True)
         for k in range(4)
     ]
     return [*legs, *braces, *rings]
 
 
 def _build_wind_wheel(top: float) -> list[TriangleSurface]:
-    """Blades and tail; low and narrow enough to leave the view from the tower's top free."""
+    """Build blades and tail, low and narrow enough to leave the view from the top free."""
     hub, radius, ahead = 0.78 * top, 0.14 * top, 0.06 * top
     blades: list[TriangleSurface] = []
     for angle in 2 * np.pi * np.arange(12) / 12:
@@ -215,7 +212,7 @@ def _build_wind_wheel(top: float) -> list[TriangleSurface]:
 
 
 def build_pole(at: Point2, height_m: float | None, site: Site) -> list[MeshPart]:
-    """A plain mast."""
+    """Build a plain mast."""
     top = height_m or POLE_HEIGHT_M
     mast = tube([(0, 0, -0.3), (0, 0, top)], [0.09, 0.06])
     return _place_on_ground([(mast, "metal", Semantic.POLE)], at, site)
@@ -224,7 +221,7 @@ def build_pole(at: Point2, height_m: float | None, site: Site) -> list[MeshPart]
 def build_street_lamp(
     at: Point2, height_m: float | None, site: Site
 ) -> tuple[list[MeshPart], StreetLamp]:
-    """A street lamp whose arm reaches towards the nearest street, and its light."""
+    """Build a street lamp with its arm towards the nearest street, and its light."""
     top = height_m or LAMP_HEIGHT_M
     arm = [
         (0, 0, top - 0.45),
@@ -243,13 +240,13 @@ def build_street_lamp(
     ]
     yaw = site.yaw_to_street(at)
     x, y, z = site.project_to_ground([at])[0]
-    reach = _LAMP_ARM_M * np.array([np.cos(yaw), np.sin(yaw)])
-    light = StreetLamp((float(x + reach[0]), float(y + reach[1]), float(z + top - 0.1)))
+    dx, dy = _LAMP_ARM_M * np.array([np.cos(yaw), np.sin(yaw)])
+    light = StreetLamp((float(x + dx), float(y + dy), float(z + top - 0.1)))
     return _place_on_ground(parts, at, site), light
 
 
 def build_driveway(side: StreetSide, site: Site) -> list[MeshPart]:
-    """A paved way from the edge of a street's paving outwards, and its ramp over the kerb."""
+    """Build a paved band from a street's paving outwards, and its ramp over the kerb."""
     along = np.linspace(0.0, side.length_m, 2 + int(side.length_m / _DRIVEWAY_STEP_M))
     across = np.arange(side.near_offset_m, side.far_offset_m + 1e-6, _DRIVEWAY_STEP_M)
     plane = side.points_at(*np.meshgrid(along, across, indexing="ij"))
@@ -268,7 +265,7 @@ def build_driveway(side: StreetSide, site: Site) -> list[MeshPart]:
 def _place_on_ground(
     parts: list[tuple[TriangleSurface, str, Semantic]], at: Point2, site: Site, *, turn: float = 0.0
 ) -> list[MeshPart]:
-    """Parts made around the origin, stood on the ground with their x axis to the nearest street."""
+    """Move parts from the origin onto the ground, with their x axis towards the nearest street."""
     yaw = site.yaw_to_street(at) + turn
     foot = site.project_to_ground([at])[0]
     return [

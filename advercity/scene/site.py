@@ -1,7 +1,4 @@
-"""Places along a street, where things stand beside it.
-
-The ground beside a road, and where on it things may stand.
-"""
+"""Locates ground for objects off the road: sides of streets, rectangles, and what is free there."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,21 +16,21 @@ from advercity.geometry.polyline import left_normals, unit_vectors
 from advercity.roads.streets import StreetLayout, StripLayout
 
 FOLD_TOLERANCE_M = 0.3
-"""By so much less than its offset a place may be off the axis; on the inside of a bend, offsets
-beyond the bend's centre lead back to the street."""
+"""Deviation of a point's distance to the axis from its offset that is accepted. On the inside of a
+bend, points whose offsets go beyond its centre are back at the street."""
 
 
 @dataclass(frozen=True, eq=False)
 class StreetSide:
-    """One side of a stretch of a street.
+    """A band along one side of a street, or a line if it has no width.
 
     Attributes:
         street: The street.
         sign: 1 for its left, -1 for its right.
-        start_m: Where the stretch begins, along the axis.
-        end_m: Where it ends.
+        start_m: Station of the band's beginning on the axis.
+        end_m: Station of its end.
         near_offset_m: Offset of the nearer border, outwards from the edge of all paving.
-        far_offset_m: Offset of the further border; the same for a line.
+        far_offset_m: Offset of the further border.
     """
 
     street: StreetLayout
@@ -45,37 +42,49 @@ class StreetSide:
 
     @property
     def strips(self) -> tuple[StripLayout, ...]:
-        """The strips on this side of the street, from its axis outwards."""
+        """Strips on this side of the street, from its axis outwards."""
         return self.street.strips_in_direction(along=self.sign < 0)
 
     @property
     def length_m(self) -> float:
-        """Of the stretch."""
+        """Length along the axis."""
         return self.end_m - self.start_m
 
+    @property
+    def depth_m(self) -> float:
+        """Distance between the two borders."""
+        return self.far_offset_m - self.near_offset_m
+
+    def sample_grid(self, step_m: float, row_m: float) -> Float64Array:
+        """Sample points (n, m, 2): n along the street, m across."""
+        along = np.linspace(0.0, self.length_m, 2 + int(self.length_m / step_m))
+        across = np.arange(self.near_offset_m, self.far_offset_m + 1e-6, row_m)
+        return self.points_at(*np.meshgrid(along, across, indexing="ij"))
+
     def points_at(self, along_m: ArrayLike, offset_m: ArrayLike) -> Float64Array:
-        """(..., 2) points, `along_m` from the stretch's beginning."""
+        """Compute points (..., 2) from distances along the band and offsets from the paving."""
         station, offset = np.broadcast_arrays(
             np.asarray(along_m, dtype=np.float64) + self.start_m, offset_m
         )
         x, y = (np.interp(station, self.street.stations, self.street.axis[:, k]) for k in (0, 1))
+        # Headings are interpolated, not taken per segment: borders of bends must not have steps.
         outward = self.sign * left_normals(unit_vectors(self._heading(station)))
         return np.stack([x, y], axis=-1) + (self._outer_edge_m + offset)[..., None] * outward
 
     def yaw(self, along_m: float) -> float:
-        """Heading in radians with the street on the right."""
+        """Compute the heading in radians that has the street on the right."""
         heading = float(self._heading(np.array(along_m + self.start_m)))
         return heading if self.sign > 0 else heading + np.pi
 
     def offset_line(self, offset_m: float) -> Float64Array:
-        """(n, 2) points at an offset, without those that a bend leads back to the street."""
+        """Compute the line (n, 2) at an offset, without points that a bend folds back."""
         inner = self.street.stations - self.start_m
         inner = inner[(inner > 0.01) & (inner < self.length_m - 0.01)]
         points = self.points_at(np.concatenate([[0.0], inner, [self.length_m]]), offset_m)
         return points[self.is_unfolded(points, offset_m)]
 
     def space_points(self, spacing_m: float, offset_m: float) -> Float64Array:
-        """(n, 2) points at a spacing along the stretch, from its beginning.
+        """Compute points (n, 2) at a spacing along the band.
 
         On the right they begin after half a spacing, so that both sides alternate.
         """
@@ -84,10 +93,10 @@ class StreetSide:
         return points[self.is_unfolded(points, offset_m)]
 
     def is_unfolded(self, points: Float64Array, offset_m: ArrayLike) -> NDArray[np.bool_]:
-        """Whether points (..., 2) are as far from the axis as their offsets say."""
+        """Test which points (..., 2) are as far from the axis as their offsets."""
         axis = shapely.LineString(self.street.axis[:, :2])
-        away = shapely.distance(shapely.points(points), axis)
-        return away > self._outer_edge_m + np.asarray(offset_m) - FOLD_TOLERANCE_M
+        distance = shapely.distance(shapely.points(points), axis)
+        return distance > self._outer_edge_m + np.asarray(offset_m) - FOLD_TOLERANCE_M
 
     @property
     def _outer_edge_m(self) -> float:
@@ -97,10 +106,48 @@ class StreetSide:
         return np.interp(station, self.street.stations, np.unwrap(self.street.headings))
 
 
+@dataclass(frozen=True, eq=False)
+class Rectangle:
+    """An upright rectangle between its lower and upper corner (2,), metres.
+
+    Attributes:
+        low: West and south.
+        high: East and north.
+    """
+
+    low: Float64Array
+    high: Float64Array
+
+    @classmethod
+    def from_corners(cls, corners: tuple[Point2, Point2]) -> "Rectangle":
+        """Make the rectangle between any two opposite corners."""
+        points = np.asarray(corners, dtype=np.float64)
+        return cls(points.min(axis=0), points.max(axis=0))
+
+    @property
+    def extent(self) -> Float64Array:
+        """Size (2,) along x and y."""
+        return self.high - self.low
+
+    @property
+    def long_axis(self) -> int:
+        """Axis of the longer side: 0 for x, 1 for y."""
+        return int(np.argmax(self.extent))
+
+    def sample_grid(self, step_m: float, row_m: float) -> Float64Array:
+        """Sample points (n, m, 2): n along the longer side, m across."""
+        long, short = self.long_axis, 1 - self.long_axis
+        count = 2 + int(self.extent[long] / step_m)
+        along = np.linspace(self.low[long], self.high[long], count)
+        across = np.arange(self.low[short], self.high[short] + 1e-6, row_m)
+        grid = np.meshgrid(along, across, indexing="ij")
+        return np.stack(grid if long == 0 else grid[::-1], axis=-1)
+
+
 def resolve_street_sides(
     beside: RoadsidePlacement, streets: Mapping[str, StreetLayout]
 ) -> list[StreetSide]:
-    """The sides of its street that a declaration means; InputError if it ends before."""
+    """Find the sides of a street that a declaration names; InputError if the street is shorter."""
     street = streets[beside.street]
     length = float(street.stations[-1])
     if beside.from_m >= length:
@@ -119,51 +166,46 @@ GroundHeight = Callable[[Float64Array], Float64Array]
 
 @dataclass(frozen=True, eq=False)
 class Site:
-    """Where things stand beside a road.
+    """Ground off the road, and the part of it that must stay free.
 
     Attributes:
         ground_height: Height of the ground.
-        reserved_area: What must stay free: roadways, sidewalks, and sensors with their
-            surroundings.
+        reserved_area: Area without objects: paving, buildings, surroundings of sensors.
         street_axes: Axes of the streets.
+        paved_area: Roadways and sidewalks alone.
     """
 
     ground_height: GroundHeight
     reserved_area: BaseGeometry
     street_axes: BaseGeometry
+    paved_area: BaseGeometry
 
-    def exclude(self, taken: Sequence[BaseGeometry]) -> "Site":
-        """The site less ground that something has taken."""
-        free = shapely.union_all([self.reserved_area, *taken])
-        shapely.prepare(free)
-        return replace(self, reserved_area=free)
+    def exclude(self, areas: Sequence[BaseGeometry]) -> "Site":
+        """Return the site with more area reserved."""
+        reserved = shapely.union_all([self.reserved_area, *areas])
+        shapely.prepare(reserved)
+        return replace(self, reserved_area=reserved)
 
     def project_to_ground(self, points: ArrayLike) -> Float64Array:
-        """Points (n, 2) with their heights, (n, 3)."""
+        """Add the height of the ground to points (n, 2), giving (n, 3)."""
         plane = np.atleast_2d(np.asarray(points, dtype=np.float64))
         return np.column_stack([plane, self.ground_height(plane)])
 
     def is_free(self, points: ArrayLike, margin_m: float) -> NDArray[np.bool_]:
-        """Whether points (n, 2) keep at least a margin from what must stay free."""
+        """Test which points (n, 2) are at least a margin away from the reserved area."""
         plane = np.atleast_2d(np.asarray(points, dtype=np.float64))
         return np.asarray(shapely.distance(self.reserved_area, shapely.points(plane)) >= margin_m)
 
     def yaw_to_street(self, point: Point2) -> float:
-        """Heading in radians from a point towards the nearest street."""
+        """Compute the heading in radians from a point towards the nearest street."""
         here = shapely.Point(point)
         nearest = shapely.shortest_line(here, self.street_axes)
         dx, dy = np.diff(np.asarray(nearest.coords)[:, :2], axis=0)[0]
         return float(np.arctan2(dy, dx))
 
 
-def rectangle_corners(area: tuple[Point2, Point2]) -> tuple[Float64Array, Float64Array]:
-    """Lower and upper corner (2,) of a rectangle given by any two opposite corners."""
-    corners = np.asarray(area, dtype=np.float64)
-    return corners.min(axis=0), corners.max(axis=0)
-
-
 def space_points_along(line: tuple[Point2, ...], spacing_m: float) -> Float64Array:
-    """Points (n, 2) at a spacing along a line, its start included."""
+    """Compute points (n, 2) at a spacing along a line, from its start."""
     if len(line) < 2:
         return np.empty((0, 2))
     path = shapely.LineString(line)

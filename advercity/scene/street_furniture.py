@@ -1,7 +1,4 @@
-"""Traffic signs: stop, give way, speed limits.
-
-Street furniture that traffic rules and sensors need: signals, carriers of sensors.
-"""
+"""Builds street furniture: traffic lights, traffic signs, and masts of roadside units."""
 
 from dataclasses import replace
 
@@ -21,7 +18,7 @@ from advercity.geometry.mesh import (
     move_surface,
     xyz,
 )
-from advercity.geometry.primitives import box, loft_rings, plate, prism, rectangles, tube
+from advercity.geometry.primitives import box, loft_rings, plate, rectangles, tube
 from advercity.roads.road_network import RoadNetwork
 from advercity.roads.signals import TrafficLight, TrafficSign
 from advercity.scene.site import GroundHeight
@@ -29,73 +26,24 @@ from advercity.semantics import Semantic
 from advercity.world import SignalLamp
 
 _SIGN_HEIGHT_M = 2.2
-
-
-def build_traffic_sign(sign: TrafficSign, ground_m: float) -> list[MeshPart]:
-    """A stop or give-way sign on its mast, facing the traffic that comes along its street."""
-    x, y = sign.facing
-    face = _build_stop_face() if sign.kind == "stop" else _build_yield_face()
-    return _mount_on_mast(face, np.array([*sign.position_m, ground_m]), float(np.arctan2(y, x)))
-
-
-def build_speed_sign(limit_km_h: float, foot: Float64Array, yaw: float) -> list[MeshPart]:
-    """A speed limit on its mast, whose foot is at (3,), facing the heading `yaw` in radians."""
-    return _mount_on_mast(_build_limit_face(f"{limit_km_h:.0f}"), foot, yaw)
-
-
-def _mount_on_mast(
-    face: list[tuple[TriangleSurface, str]], foot: Float64Array, yaw: float
-) -> list[MeshPart]:
-    mast = tube([(0, 0, -0.3), (0, 0, _SIGN_HEIGHT_M + 0.2)], 0.035, sides=6)
-    parts = [(mast, "metal", Semantic.POLE)]
-    parts += [(part, material, Semantic.TRAFFIC_SIGN) for part, material in face]
-    return [
-        MeshPart(move_surface(part, foot, yaw=yaw), material, semantic)
-        for part, material, semantic in parts
-    ]
-
-
-def _build_stop_face() -> list[tuple[TriangleSurface, str]]:
-    letters = _build_letters(
-        "STOP", np.array([0.075, 0.0, _SIGN_HEIGHT_M]), width_m=0.115, height_m=0.24
-    )
-    return [
-        (_polygon_plate(8, 0.40, 0.04, np.pi / 8), "metal"),
-        (_polygon_plate(8, 0.40, 0.05, np.pi / 8), "paint_white"),
-        (_polygon_plate(8, 0.37, 0.06, np.pi / 8), "sign_red"),
-        (letters, "paint_white"),
-    ]
-
-
-def _build_yield_face() -> list[tuple[TriangleSurface, str]]:
-    return [
-        (_polygon_plate(3, 0.52, 0.04, -np.pi / 2), "metal"),
-        (_polygon_plate(3, 0.52, 0.05, -np.pi / 2), "sign_red"),
-        (_polygon_plate(3, 0.32, 0.06, -np.pi / 2), "paint_white"),
-    ]
-
-
-def _build_limit_face(number: str) -> list[tuple[TriangleSurface, str]]:
-    size = {"width_m": 0.17 if len(number) < 3 else 0.12, "height_m": 0.34}
-    return [
-        (_polygon_plate(20, 0.36, 0.04, 0.0), "metal"),
-        (_polygon_plate(20, 0.36, 0.05, 0.0), "sign_red"),
-        (_polygon_plate(20, 0.285, 0.06, 0.0), "paint_white"),
-        (_build_letters(number, np.array([0.075, 0.0, _SIGN_HEIGHT_M]), **size), "black_plastic"),
-    ]
-
-
-def _polygon_plate(sides: int, radius: float, x: float, turn: float) -> TriangleSurface:
-    """A plate with its face at `x`; 1 cm of it shows behind the next."""
-    angle = turn + 2 * np.pi * np.arange(sides) / sides
-    corners = [
-        np.full(sides, x),
-        radius * np.cos(angle),
-        _SIGN_HEIGHT_M + radius * np.sin(angle),
-    ]
-    return plate(np.column_stack(corners), 0.01)
-
-
+LENS_SPACING_M = 0.31
+"""Distance from the yellow lens up to the red one and down to the green one."""
+LENS_RADIUS_M = 0.13
+LENS_DROP_M = 0.85
+"""Drop from the declared point of a head to its yellow lens. A roadside unit may be at that point,
+so housing and arm are well below it."""
+MAX_CARRIER_DISTANCE_M = 1.5
+"""Distance within which a signal, mast or wall carries a roadside unit."""
+_ARM_DROP_M = 0.55
+_HEAD_FACE_M = 0.30
+_MAST_TOP_DROP_M = 0.3
+_HEAD_CENTRE_M = 0.2
+"""Distance of a head's centre ahead of its declared point."""
+_CARRIERS = (
+    SurroundingKind.TOWER,
+    SurroundingKind.POLE,
+    SurroundingKind.WALL,
+)
 _SEGMENTS = {
     "a": (0, 2, 1, 2),
     "b": (1, 1, 1, 2),
@@ -117,7 +65,7 @@ _DIGITS = (
     "abcdefg",
     "abcfgd",
 )
-"""Which of seven segments are lit, from 0 to 9."""
+"""Segments of the digits 0 to 9 on a seven-segment display."""
 _STROKES = {
     "S": ((0, 2, 1, 2), (0, 1, 0, 2), (0, 1, 1, 1), (1, 0, 1, 1), (0, 0, 1, 0)),
     "T": ((0, 2, 1, 2), (0.5, 0, 0.5, 2)),
@@ -128,52 +76,10 @@ _STROKES = {
 """Strokes of letters on a grid one wide and two high: from x, z to x, z."""
 
 
-def _build_letters(
-    text: str, middle: Float64Array, *, width_m: float, height_m: float
-) -> TriangleSurface:
-    """Flat letters that look along x and so read from -y to +y."""
-    half_stroke = 0.02
-    strokes = [
-        (*stroke, index - (len(text) - 1) / 2)
-        for index, letter in enumerate(text)
-        for stroke in _STROKES[letter]
-    ]
-    x0, z0, x1, z1, column = np.array(strokes).T
-    y = 1.42 * width_m * column + width_m * ((x0 + x1) / 2 - 0.5)
-    z = height_m * ((z0 + z1) / 4 - 0.5)
-    across = width_m * np.abs(x1 - x0) / 2 + half_stroke
-    upward = height_m * np.abs(z1 - z0) / 4 + half_stroke
-    zero = np.zeros(len(y))
-    return rectangles(
-        middle + np.column_stack([zero, y, z]),
-        np.column_stack([zero, across, zero]),
-        np.column_stack([zero, zero, upward]),
-    )
-
-
-LENS_SPACING_M = 0.31
-"""From the yellow lens up to the red one and down to the green one."""
-LENS_RADIUS_M = 0.13
-LENS_DROP_M = 0.85
-"""From the point where heads hang to their yellow lens. A roadside unit may stand at that point,
-so housing and arm stay well below it."""
-MAX_CARRIER_DISTANCE_M = 1.5
-_ARM_DROP_M = 0.55
-_HEAD_FACE_M = 0.30
-_MAST_TOP_DROP_M = 0.3
-_HEAD_CENTRE_M = 0.2
-"""Of a head, ahead of where it hangs."""
-_CARRIERS = (
-    SurroundingKind.TOWER,
-    SurroundingKind.POLE,
-    SurroundingKind.WALL,
-)
-
-
 def build_street_furniture(
     network: RoadNetwork, ground_height: GroundHeight
 ) -> tuple[list[Mesh], list[SignalLamp]]:
-    """Meshes of signals, signs and carriers of roadside units, and the signals' lamps.
+    """Build meshes of signals, signs and masts of roadside units, and the signals' lamps.
 
     Args:
         network: The road.
@@ -186,7 +92,7 @@ def build_street_furniture(
     for declared in network.traffic_lights:
         carried = next((unit for unit in units if _can_carry(declared, unit)), None)
         head = declared if carried is None else _lower_head(carried, declared)
-        lamps.append(_signal_lamp(head))
+        lamps.append(_locate_signal_lamp(head))
         pieces += _build_traffic_light(head, _ground_height_at(ground_height, head.mast_foot_m))
         if carried is not None:
             pieces.append(_build_stub(carried, head))
@@ -210,13 +116,13 @@ def _can_carry(head: TrafficLight, unit: RoadsideUnit) -> bool:
 
 
 def _lower_head(unit: RoadsideUnit, head: TrafficLight) -> TrafficLight:
-    """The head right below a unit, where the unit's own cameras and beams do not reach."""
+    """Move a head right below a unit, where the unit's own cameras and beams cannot see it."""
     x, y = np.asarray(unit.position_m[:2]) - _HEAD_CENTRE_M * np.asarray(head.facing)
     return replace(head, position_m=(float(x), float(y), head.position_m[2]))
 
 
 def _build_stub(unit: RoadsideUnit, head: TrafficLight) -> MeshPart:
-    """What holds a unit over a signal's arm."""
+    """Build the tube that holds a unit above a signal's arm."""
     x, y, z = unit.position_m
     foot = np.asarray(head.position_m) - (0.0, 0.0, _ARM_DROP_M)
     bend = np.array([x, y, foot[2] + 0.15])
@@ -224,14 +130,14 @@ def _build_stub(unit: RoadsideUnit, head: TrafficLight) -> MeshPart:
     return MeshPart(stub, "metal", Semantic.POLE)
 
 
-def _signal_lamp(head: TrafficLight) -> SignalLamp:
+def _locate_signal_lamp(head: TrafficLight) -> SignalLamp:
     forward = _HEAD_FACE_M * np.array(head.facing)
     x, y, z = np.asarray(head.position_m) + xyz(forward[0], forward[1], -LENS_DROP_M)
     return SignalLamp(head.id, (float(x), float(y), float(z)), head.facing)
 
 
 def _build_traffic_light(head: TrafficLight, ground_m: float) -> list[MeshPart]:
-    """A mast with an arm, from which a head hangs and looks at its traffic."""
+    """Build a mast with an arm, and a head on it that faces its traffic."""
     tip = np.asarray(head.position_m) - (0.0, 0.0, _ARM_DROP_M)
     foot = np.array([*head.mast_foot_m, ground_m])
     top = np.array([*head.mast_foot_m, tip[2]])
@@ -248,7 +154,7 @@ def _build_traffic_light(head: TrafficLight, ground_m: float) -> list[MeshPart]:
 
 
 def _build_signal_head() -> list[tuple[TriangleSurface, str]]:
-    """A three-lens head, x towards its traffic, z of the yellow lens 0, the arm at x = 0."""
+    """Build a head of three lenses, x towards its traffic, with the yellow lens at z = 0."""
     face = _HEAD_FACE_M
     hoods = [_build_visor(face - 0.02, LENS_SPACING_M * step) for step in (1, 0, -1)]
     lenses = [
@@ -272,21 +178,21 @@ def _build_lens(x: float, z: float) -> TriangleSurface:
 
 
 def _build_visor(x: float, z: float) -> TriangleSurface:
-    """A visor over a lens: half a tube that reaches a lens' width forward."""
+    """Build the visor of a lens: half a tube, a lens long."""
     angle = np.radians(np.linspace(-10, 190, 8))
     arc = np.column_stack([np.zeros(8), np.cos(angle), np.sin(angle)])
     outer, inner = (LENS_RADIUS_M + 0.018) * arc, (LENS_RADIUS_M + 0.004) * arc
-    reach = np.column_stack([0.10 + 0.10 * np.clip(np.sin(angle), 0, 1), np.zeros((8, 2))])
+    depth = np.column_stack([0.10 + 0.10 * np.clip(np.sin(angle), 0, 1), np.zeros((8, 2))])
     start = np.array([x, 0.0, z])
     rings = [
-        np.stack([start + o, start + o + r, start + i + r, start + i])
-        for o, i, r in zip(outer, inner, reach, strict=True)
+        np.stack([start + o, start + o + d, start + i + d, start + i])
+        for o, i, d in zip(outer, inner, depth, strict=True)
     ]
     return loft_rings(np.stack(rings))
 
 
 def _is_carried(unit: RoadsideUnit, network: RoadNetwork) -> bool:
-    """Whether a signal, tower, pole or wall is there already to carry the unit."""
+    """Return whether a signal, tower, pole or wall carries the unit already."""
     heads = [
         shapely.LineString([head.position_m[:2], head.mast_foot_m])
         for head in network.traffic_lights
@@ -307,19 +213,104 @@ def _is_carried(unit: RoadsideUnit, network: RoadNetwork) -> bool:
 
 
 def _build_mast(unit: RoadsideUnit, ground_height: GroundHeight) -> list[MeshPart]:
-    """A mast right below a unit, so slender that no camera of it looks down so steeply."""
+    """Build a mast right below a unit, too slender for its cameras to see."""
     x, y, z = unit.position_m
     ground = _ground_height_at(ground_height, (x, y))
     top = max(z - _MAST_TOP_DROP_M, ground + 0.1)
     mast = tube([(x, y, ground - 0.3), (x, y, top)], [0.08, 0.05])
-    case = prism(_square_outline(x, y, 0.16), ground, ground + min(0.5, 0.3 * (top - ground)))
+    case = box(
+        (x - 0.16, y - 0.16, ground),
+        (x + 0.16, y + 0.16, ground + min(0.5, 0.3 * (top - ground))),
+    )
     return [
         MeshPart(mast, "metal", Semantic.POLE),
         MeshPart(case, "black_plastic", Semantic.STATIC),
     ]
 
 
-def _square_outline(x: float, y: float, half: float) -> Float64Array:
-    return np.array(
-        [(x - half, y - half), (x + half, y - half), (x + half, y + half), (x - half, y + half)]
+def build_traffic_sign(sign: TrafficSign, ground_m: float) -> list[MeshPart]:
+    """Build a stop or give-way sign on its mast, facing the traffic of its street."""
+    x, y = sign.facing
+    face = _build_stop_face() if sign.kind == "stop" else _build_yield_face()
+    return _mount_on_mast(face, np.array([*sign.position_m, ground_m]), float(np.arctan2(y, x)))
+
+
+def build_speed_sign(limit_km_h: float, foot: Float64Array, yaw: float) -> list[MeshPart]:
+    """Build a speed limit on a mast with its foot at (3,), facing the heading `yaw` in radians."""
+    return _mount_on_mast(_build_limit_face(f"{limit_km_h:.0f}"), foot, yaw)
+
+
+def _mount_on_mast(
+    face: list[tuple[TriangleSurface, str]], foot: Float64Array, yaw: float
+) -> list[MeshPart]:
+    mast = tube([(0, 0, -0.3), (0, 0, _SIGN_HEIGHT_M + 0.2)], 0.035, sides=6)
+    parts = [(mast, "metal", Semantic.POLE)]
+    parts += [(part, material, Semantic.TRAFFIC_SIGN) for part, material in face]
+    return [
+        MeshPart(move_surface(part, foot, yaw=yaw), material, semantic)
+        for part, material, semantic in parts
+    ]
+
+
+def _build_stop_face() -> list[tuple[TriangleSurface, str]]:
+    letters = _build_letters(
+        "STOP", np.array([0.075, 0.0, _SIGN_HEIGHT_M]), width_m=0.115, height_m=0.24
+    )
+    return [
+        (_build_polygon_plate(8, 0.40, 0.04, np.pi / 8), "metal"),
+        (_build_polygon_plate(8, 0.40, 0.05, np.pi / 8), "paint_white"),
+        (_build_polygon_plate(8, 0.37, 0.06, np.pi / 8), "sign_red"),
+        (letters, "paint_white"),
+    ]
+
+
+def _build_yield_face() -> list[tuple[TriangleSurface, str]]:
+    return [
+        (_build_polygon_plate(3, 0.52, 0.04, -np.pi / 2), "metal"),
+        (_build_polygon_plate(3, 0.52, 0.05, -np.pi / 2), "sign_red"),
+        (_build_polygon_plate(3, 0.32, 0.06, -np.pi / 2), "paint_white"),
+    ]
+
+
+def _build_limit_face(number: str) -> list[tuple[TriangleSurface, str]]:
+    size = {"width_m": 0.17 if len(number) < 3 else 0.12, "height_m": 0.34}
+    return [
+        (_build_polygon_plate(20, 0.36, 0.04, 0.0), "metal"),
+        (_build_polygon_plate(20, 0.36, 0.05, 0.0), "sign_red"),
+        (_build_polygon_plate(20, 0.285, 0.06, 0.0), "paint_white"),
+        (_build_letters(number, np.array([0.075, 0.0, _SIGN_HEIGHT_M]), **size), "black_plastic"),
+    ]
+
+
+def _build_polygon_plate(sides: int, radius: float, x: float, turn: float) -> TriangleSurface:
+    """Build a regular polygon with its face at `x`, 1 cm thick, so that plates can be stacked."""
+    angle = turn + 2 * np.pi * np.arange(sides) / sides
+    corners = [
+        np.full(sides, x),
+        radius * np.cos(angle),
+        _SIGN_HEIGHT_M + radius * np.sin(angle),
+    ]
+    return plate(np.column_stack(corners), 0.01)
+
+
+def _build_letters(
+    text: str, middle: Float64Array, *, width_m: float, height_m: float
+) -> TriangleSurface:
+    """Build flat letters that face x and so read from -y to +y."""
+    half_stroke = 0.02
+    strokes = [
+        (*stroke, index - (len(text) - 1) / 2)
+        for index, letter in enumerate(text)
+        for stroke in _STROKES[letter]
+    ]
+    x0, z0, x1, z1, column = np.array(strokes).T
+    y = 1.42 * width_m * column + width_m * ((x0 + x1) / 2 - 0.5)
+    z = height_m * ((z0 + z1) / 4 - 0.5)
+    across = width_m * np.abs(x1 - x0) / 2 + half_stroke
+    upward = height_m * np.abs(z1 - z0) / 4 + half_stroke
+    zero = np.zeros(len(y))
+    return rectangles(
+        middle + np.column_stack([zero, y, z]),
+        np.column_stack([zero, across, zero]),
+        np.column_stack([zero, zero, upward]),
     )

@@ -1,12 +1,14 @@
-"""What stands beside a road, from its declared surroundings."""
+"""Builds the declared surroundings of a road: buildings, vegetation, roadside objects, fields."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from itertools import chain
 
 import numpy as np
 import shapely
-from advercity_dsl import Road, RoadsideUnit
+from advercity_dsl import RoadsideUnit
 from advercity_dsl.road import Surrounding, SurroundingKind
-from advercity_dsl.units import KM_H_PER_M_S
+from advercity_dsl.units import KM_H_PER_M_S, Point2
 from shapely.geometry.base import BaseGeometry
 
 from advercity.errors import InputError
@@ -14,12 +16,12 @@ from advercity.geometry.arrays import Float64Array
 from advercity.geometry.mesh import Mesh, MeshPart, build_meshes
 from advercity.roads.road_network import RoadNetwork
 from advercity.scene import buildings, roadside, vegetation
-from advercity.scene.buildings import HOUSE_LOTS, TOWN_LOTS, Lot
+from advercity.scene.buildings import Lot, LotPattern
 from advercity.scene.site import (
     GroundHeight,
+    Rectangle,
     Site,
     StreetSide,
-    rectangle_corners,
     resolve_street_sides,
     space_points_along,
 )
@@ -27,140 +29,136 @@ from advercity.scene.street_furniture import build_speed_sign
 from advercity.world import StreetLamp
 
 SENSOR_CLEARANCE_M = 6.0
-"""Around roadside units no trees grow and nothing is built."""
+"""Distance from roadside units within which no trees grow and nothing is built."""
 LINE_CLEARANCE_M = 0.2
-"""Between paving and a fence, hedge or wall beside a street, which lets side streets through."""
+"""Distance of fences, hedges and walls along a street from paving, so side streets stay open."""
 _BUILDING_KINDS = (SurroundingKind.BUILDINGS, SurroundingKind.HOUSES)
-_FIELD_KINDS = (SurroundingKind.CROPS, SurroundingKind.FIELD)
-_LINEAR_KINDS = (SurroundingKind.WALL, SurroundingKind.FENCE, SurroundingKind.HEDGE)
+_LINE_BUILDERS: dict[
+    SurroundingKind, Callable[[Sequence[Point2], float | None, Site, str], list[MeshPart]]
+] = {
+    SurroundingKind.WALL: lambda line, height, site, _: roadside.build_wall(line, height, site),
+    SurroundingKind.FENCE: lambda line, height, site, _: roadside.build_fence(line, height, site),
+    SurroundingKind.HEDGE: roadside.build_hedge,
+}
+_POINT_BUILDERS: dict[SurroundingKind, Callable[[Point2, float | None, Site], list[MeshPart]]] = {
+    SurroundingKind.BUS_STOP: lambda at, _, site: roadside.build_bus_stop(at, site),
+    SurroundingKind.TOWER: roadside.build_tower,
+    SurroundingKind.POLE: roadside.build_pole,
+}
+_FIELD_BUILDERS: dict[
+    SurroundingKind, Callable[[Float64Array, float | None, Site, str], list[MeshPart]]
+] = {
+    SurroundingKind.CROPS: vegetation.build_crops,
+    SurroundingKind.FIELD: lambda rows, _, site, key: vegetation.build_tilled_field(
+        rows, site, key
+    ),
+}
 
 
 def build_surroundings(
-    network: RoadNetwork, ground_height: GroundHeight, keep_off: BaseGeometry
+    network: RoadNetwork, ground_height: GroundHeight, paved_area: BaseGeometry
 ) -> tuple[list[Mesh], list[StreetLamp]]:
-    """Meshes of the surroundings, one per material and class, and the lights among them.
-
-    Buildings take their ground first, so that nothing grows into them.
+    """Build meshes of the surroundings, one per material and class, and the lights among them.
 
     Args:
-        network: The road; its id and the order of its surroundings key what is random.
+        network: The road; its id and the order of its surroundings are keys of all random draws.
         ground_height: World positions (n, 2) to heights (n,), metres.
-        keep_off: Footprint of roadways and sidewalks, where nothing may grow or be built. Masts,
-            walls and shelters stand where the declaration says.
+        paved_area: Roadways and sidewalks. Nothing grows or is built on them; masts and shelters
+            are where they are declared.
 
     Raises:
-        InputError: A declaration means a stretch that its street does not have.
+        InputError: A declaration begins beyond the end of its street.
     """
-    road = network.declaration
-    open_ground = Site(ground_height, keep_off, network.street_axes)
-    site = open_ground.exclude(_find_sensor_clearances(road))
-    places = [
-        _PlacedSurrounding(network, number, item) for number, item in enumerate(road.surroundings)
+    open_ground = Site(ground_height, paved_area, network.street_axes, paved_area)
+    site = open_ground.exclude(_find_sensor_clearances(network))
+    items = [
+        _PlacedSurrounding(network, number, declaration)
+        for number, declaration in enumerate(network.declaration.surroundings)
     ]
-    pieces: list[MeshPart] = []
+    parts: list[MeshPart] = []
     lamps: list[StreetLamp] = []
-    for place in places:
-        if place.declaration.kind in _BUILDING_KINDS:
-            parts, taken = _build_buildings(place, site)
-            pieces += parts
-            site, open_ground = site.exclude(taken), open_ground.exclude(taken)
-    for place in places:
-        if place.declaration.kind is SurroundingKind.LAMP:
-            for point in place.sample_points(roadside.LAMP_SPACING_M):
-                parts, light = roadside.build_street_lamp(point, place.declaration.height_m, site)
-                pieces += parts
+    # Buildings take their ground first, so that nothing grows into them.
+    for item in items:
+        if item.kind in _BUILDING_KINDS:
+            built, footprints = _build_buildings(item, site)
+            parts += built
+            site, open_ground = site.exclude(footprints), open_ground.exclude(footprints)
+    for item in items:
+        if item.kind is SurroundingKind.LAMP:
+            for point in item.sample_points():
+                mast, light = roadside.build_street_lamp(point, item.height_m, site)
+                parts += mast
                 lamps.append(light)
-        elif place.declaration.kind in _LINEAR_KINDS:
-            for line in place.find_lines(keep_off):
-                pieces += _build_line(place, line, site)
-        elif place.declaration.kind in _FIELD_KINDS:
-            pieces += _build_fields(place, open_ground)
-        elif place.declaration.kind not in _BUILDING_KINDS:
-            pieces += _build_pieces(place, site)
-    return build_meshes(pieces, "surroundings_"), lamps
+        elif item.kind in _FIELD_BUILDERS:
+            # Plants of a field are low: sensors look over them.
+            parts += _build_fields(item, open_ground)
+        else:
+            parts += _build_objects(item, site)
+    return build_meshes(parts, "surroundings_"), lamps
+
+
+def _find_sensor_clearances(network: RoadNetwork) -> list[BaseGeometry]:
+    return [
+        shapely.Point(agent.position_m[:2]).buffer(SENSOR_CLEARANCE_M)
+        for agent in network.declaration.agents.values()
+        if isinstance(agent, RoadsideUnit)
+    ]
 
 
 class _PlacedSurrounding:
-    """A declaration with the sides of the street that it means."""
+    """A declaration with the parts of streets that it refers to."""
 
-    def __init__(self, network: RoadNetwork, number: int, item: Surrounding) -> None:
+    def __init__(self, network: RoadNetwork, number: int, declaration: Surrounding) -> None:
         road = network.declaration
-        self.declaration = item
-        self.random_key = f"{road.id}/{number}/{item.seed}"
+        self.declaration = declaration
+        self.kind = declaration.kind
+        self.height_m = declaration.height_m
+        self.random_key = f"{road.id}/{number}/{declaration.seed}"
         self.sides: list[StreetSide] = []
-        if item.beside:
+        if declaration.beside:
             try:
-                self.sides = resolve_street_sides(item.beside, network.streets)
+                self.sides = resolve_street_sides(declaration.beside, network.streets)
             except InputError as error:
                 raise InputError(f"road '{road.id}', surroundings.{number}: {error}") from error
 
     @property
-    def is_row(self) -> bool:
-        """Whether it says exactly where things stand, rather than over which ground."""
-        return not self.declaration.area_m and all(
-            side.near_offset_m == side.far_offset_m for side in self.sides
-        )
+    def bands(self) -> list[StreetSide | Rectangle]:
+        """Bands along the street, and the rectangular area."""
+        area = self.declaration.area_m
+        return [*self.sides, *([Rectangle.from_corners(area)] if area else [])]
 
-    def sample_points(self, spacing_m: float) -> list[tuple[float, float]]:
-        """Where single things stand."""
-        spacing = self.declaration.spacing_m or spacing_m
+    @property
+    def is_row(self) -> bool:
+        """Whether trees are placed in rows, rather than scattered over ground."""
+        return not self.declaration.area_m and all(side.depth_m == 0.0 for side in self.sides)
+
+    def sample_points(self) -> list[Point2]:
+        """List the positions of lamps, poles and other single objects."""
+        spacing = self.declaration.spacing_m or roadside.LAMP_SPACING_M
         rows = [side.space_points(spacing, side.near_offset_m) for side in self.sides]
         rows.append(space_points_along(self.declaration.line_m, spacing))
         return [*self.declaration.at_m, *((float(x), float(y)) for x, y in np.concatenate(rows))]
 
     def scatter_trees(self) -> Float64Array:
-        """(n, 2) points of trees."""
+        """Sample the positions (n, 2) of trees."""
         spacing = self.declaration.spacing_m or vegetation.TREE_SPACING_M
-        rows = [
-            vegetation.scatter_points_along_street(side, spacing, self.random_key)
-            for side in self.sides
-        ]
-        if self.declaration.area_m:
-            rows.append(
-                vegetation.scatter_points_in_area(self.declaration.area_m, spacing, self.random_key)
-            )
+        rows = [vegetation.scatter_points(band, spacing, self.random_key) for band in self.bands]
         rows += [
             np.reshape(self.declaration.at_m, (-1, 2)),
             space_points_along(self.declaration.line_m, spacing),
         ]
         return np.concatenate(rows)
 
-    def place_lots(self, plots: buildings.LotPattern) -> list[Lot]:
-        """Where buildings may stand."""
+    def place_lots(self, pattern: LotPattern) -> list[Lot]:
+        """Place lots of buildings in all bands; some may turn out not to be buildable."""
         spacing = self.declaration.spacing_m
-        rows = [
-            buildings.place_lots_along_street(side, plots, spacing, self.random_key)
-            for side in self.sides
-        ]
-        if self.declaration.area_m:
-            rows.append(
-                buildings.place_lots_in_area(
-                    self.declaration.area_m, plots, spacing, self.random_key
-                )
-            )
-        return [lot for row in rows for lot in row]
+        rows = (
+            buildings.place_lots(band, pattern, spacing, self.random_key) for band in self.bands
+        )
+        return list(chain.from_iterable(rows))
 
-    def sample_field_rows(self) -> Iterator[Float64Array]:
-        """Rows (n, m, 2) of each field."""
-        for side in self.sides:
-            yield vegetation.sample_rows_along_street(side)
-        if self.declaration.area_m:
-            yield vegetation.sample_rows_in_area(self.declaration.area_m)
-
-    def sample_tree_tops(self) -> Iterator[Float64Array]:
-        """Tops (n, m, 2) of the trees of each wood."""
-        for side in self.sides:
-            step = vegetation.compute_tree_top_spacing_m(
-                side.length_m * (side.far_offset_m - side.near_offset_m)
-            )
-            yield vegetation.sample_rows_along_street(side, step, step)
-        if self.declaration.area_m:
-            low, high = rectangle_corners(self.declaration.area_m)
-            step = vegetation.compute_tree_top_spacing_m(float(np.prod(high - low)))
-            yield vegetation.sample_rows_in_area(self.declaration.area_m, step, step)
-
-    def find_lines(self, paved: BaseGeometry) -> Iterator[tuple[tuple[float, float], ...]]:
-        """Where walls, fences and hedges run; beside a street, not over what is paved."""
+    def find_lines(self, paved_area: BaseGeometry) -> Iterator[tuple[Point2, ...]]:
+        """Find the lines of walls, fences and hedges; along streets without what is paved."""
         if self.declaration.line_m:
             yield self.declaration.line_m
         for side in self.sides:
@@ -168,90 +166,65 @@ class _PlacedSurrounding:
             if len(points) < 2:
                 continue
             free = shapely.difference(
-                shapely.LineString(points), shapely.buffer(paved, LINE_CLEARANCE_M)
+                shapely.LineString(points), shapely.buffer(paved_area, LINE_CLEARANCE_M)
             )
             for part in shapely.get_parts(free):
                 if part.length > 1.0:
                     yield tuple((float(x), float(y)) for x, y in part.coords)
 
 
-def _find_sensor_clearances(road: Road) -> list[BaseGeometry]:
-    return [
-        shapely.Point(agent.position_m[:2]).buffer(SENSOR_CLEARANCE_M)
-        for agent in road.agents.values()
-        if isinstance(agent, RoadsideUnit)
-    ]
-
-
 def _build_buildings(
-    place: _PlacedSurrounding, site: Site
+    item: _PlacedSurrounding, site: Site
 ) -> tuple[list[MeshPart], list[shapely.Polygon]]:
-    if place.declaration.kind is SurroundingKind.HOUSES:
-        return buildings.build_houses(
-            place.place_lots(HOUSE_LOTS), place.declaration.height_m, site, place.random_key
+    if item.kind is SurroundingKind.HOUSES:
+        lots = item.place_lots(buildings.HOUSE_LOTS)
+        return buildings.build_houses(lots, item.height_m, site, item.random_key)
+    lots = item.place_lots(buildings.TOWN_LOTS)
+    return buildings.build_town_blocks(lots, item.height_m, site, item.random_key)
+
+
+def _build_fields(item: _PlacedSurrounding, site: Site) -> Iterator[MeshPart]:
+    build = _FIELD_BUILDERS[item.kind]
+    for band in item.bands:
+        yield from build(vegetation.sample_rows(band), item.height_m, site, item.random_key)
+
+
+def _build_objects(item: _PlacedSurrounding, site: Site) -> Iterator[MeshPart]:
+    """Build anything that is no building, lamp or field; plateaus and parked cars are elsewhere."""
+    if build_at_point := _POINT_BUILDERS.get(item.kind):
+        for point in item.sample_points():
+            yield from build_at_point(point, item.height_m, site)
+    elif build_along := _LINE_BUILDERS.get(item.kind):
+        for line in item.find_lines(site.paved_area):
+            yield from build_along(line, item.height_m, site, item.random_key)
+    elif item.kind is SurroundingKind.TREES:
+        yield from _build_trees(item, site)
+    elif item.kind is SurroundingKind.WOODS:
+        for band in item.bands:
+            yield from vegetation.build_woods(band, item.height_m, site, item.random_key)
+    elif item.kind in (SurroundingKind.SPEED_SIGN, SurroundingKind.DRIVEWAY):
+        build = (
+            roadside.build_driveway
+            if item.kind is SurroundingKind.DRIVEWAY
+            else partial(_build_speed_sign, item.declaration.limit_km_h)
         )
-    return buildings.build_town_blocks(
-        place.place_lots(TOWN_LOTS), place.declaration.height_m, site, place.random_key
+        for side in item.sides:
+            yield from build(side, site)
+
+
+def _build_trees(item: _PlacedSurrounding, site: Site) -> list[MeshPart]:
+    margin = vegetation.ROW_CLEARANCE_M if item.is_row else vegetation.TRUNK_CLEARANCE_M
+    return vegetation.build_trees(
+        item.scatter_trees(),
+        item.height_m,
+        site,
+        item.random_key,
+        item.declaration.species,
+        clearance_m=margin,
     )
-
-
-def _build_line(
-    place: _PlacedSurrounding, line: tuple[tuple[float, float], ...], site: Site
-) -> list[MeshPart]:
-    height = place.declaration.height_m
-    match place.declaration.kind:
-        case SurroundingKind.FENCE:
-            return roadside.build_fence(line, height, site)
-        case SurroundingKind.HEDGE:
-            return roadside.build_hedge(line, height, site, place.random_key)
-        case _:
-            return roadside.build_wall(line, height, site)
-
-
-def _build_fields(place: _PlacedSurrounding, site: Site) -> list[MeshPart]:
-    height, key = place.declaration.height_m, place.random_key
-    if place.declaration.kind is SurroundingKind.FIELD:
-        groups = [
-            vegetation.build_tilled_field(rows, site, key) for rows in place.sample_field_rows()
-        ]
-    else:
-        groups = [
-            vegetation.build_crops(rows, height, site, key) for rows in place.sample_field_rows()
-        ]
-    return [piece for pieces in groups for piece in pieces]
-
-
-def _build_pieces(place: _PlacedSurrounding, site: Site) -> list[MeshPart]:
-    item, key = place.declaration, place.random_key
-    match item.kind:
-        case SurroundingKind.TREES:
-            margin = vegetation.ROW_CLEARANCE_M if place.is_row else vegetation.TRUNK_CLEARANCE_M
-            return vegetation.build_trees(
-                place.scatter_trees(), item.height_m, site, key, item.species, clearance_m=margin
-            )
-        case SurroundingKind.BUS_STOP:
-            groups = [roadside.build_bus_stop(point, site) for point in item.at_m]
-        case SurroundingKind.TOWER:
-            groups = [roadside.build_tower(point, item.height_m, site) for point in item.at_m]
-        case SurroundingKind.POLE:
-            points = place.sample_points(roadside.LAMP_SPACING_M)
-            groups = [roadside.build_pole(point, item.height_m, site) for point in points]
-        case SurroundingKind.WOODS:
-            groups = [
-                vegetation.build_woods(tops, item.height_m, site, key)
-                for tops in place.sample_tree_tops()
-            ]
-        case SurroundingKind.SPEED_SIGN:
-            groups = [_build_speed_sign(item.limit_km_h, side, site) for side in place.sides]
-        case SurroundingKind.DRIVEWAY:
-            groups = [roadside.build_driveway(side, site) for side in place.sides]
-        case _:
-            groups = []
-    return [piece for pieces in groups for piece in pieces]
 
 
 def _build_speed_sign(limit_km_h: float | None, side: StreetSide, site: Site) -> list[MeshPart]:
     foot = site.project_to_ground(side.points_at(0.0, side.near_offset_m))[0]
-    return build_speed_sign(
-        limit_km_h or KM_H_PER_M_S * side.street.speed_limit_m_s, foot, side.yaw(0.0)
-    )
+    limit = limit_km_h or KM_H_PER_M_S * side.street.speed_limit_m_s
+    return build_speed_sign(limit, foot, side.yaw(0.0))

@@ -1,6 +1,6 @@
-"""The ground around a road: level with the road's edge beside it, rolling between roads.
+"""Models the ground around roads: level with their edges, rolling between them, with plateaus.
 
-It is a grid with the road's footprint cut out, so nothing of it can show through the road.
+Its mesh is a grid without the paved area, so that the ground cannot show through the road.
 """
 
 from collections.abc import Callable, Sequence
@@ -13,6 +13,7 @@ from advercity_dsl.road import SurroundingKind
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from advercity.geometry.arrays import Float64Array
 from advercity.geometry.mesh import (
     Mesh,
     build_ribbon,
@@ -24,34 +25,37 @@ from advercity.geometry.polyline import Points, polyline_stations, resample_poly
 from advercity.semantics import Semantic
 
 MARGIN_M = 900.0
-"""How far the ground goes on beyond the outermost street."""
+"""Extent of the ground beyond the outermost street."""
 CELL_M = 4.0
 GROWTH = 1.35
-"""Of one cell over the last, beyond the site."""
+"""Factor from one cell size to the next, beyond the site."""
 VERGE_WIDTH_M = 9.0
-"""Within about this distance the ground follows the edge of the road."""
+"""Distance from the road over which the ground departs from the height of its edge."""
 SOFTENING_M = 5.0
+"""Added to distances in quadrature: weights stay finite on the edges themselves."""
 HILLS_START_M, HILLS_HEIGHT_M = 220.0, 16.0
-"""How far from any road the country begins to rise, and how high its hills are about."""
+"""Distance from all roads at which hills begin, and their usual height."""
 BANK_WIDTH_M = 1.0
-"""How far inside its outline a plateau reaches its height; a wall may stand before it."""
+"""Width of the slope of a plateau, inside its outline; outside there may be a retaining wall."""
 SNAP_M = 0.001
+"""Grid to which corners are rounded, so that cells cut separately share their vertices."""
 OVERLAP_M = 0.05
-"""How far the ground reaches under the road, so that no crack opens between them."""
+"""Overlap of the ground under the road, so that no crack opens between them."""
 GROUND_DROP_M = 0.004
+"""Drop of the ground below the edge of the road: surfaces at one height would flicker."""
 SKIRT_HEIGHT_M = 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class Plateau:
-    """Higher ground."""
+    """Ground at a declared height within an outline."""
 
     outline: shapely.Polygon
     height_m: float
 
 
 def find_plateaus(road: Road) -> tuple[Plateau, ...]:
-    """The plateaus that a road declares."""
+    """List the plateaus that a road declares."""
     return tuple(
         Plateau(shapely.Polygon(item.line_m), item.height_m or 0.0)
         for item in road.surroundings
@@ -59,26 +63,86 @@ def find_plateaus(road: Road) -> tuple[Plateau, ...]:
     )
 
 
-def build_ground(
-    rims: Sequence[Points], footprint: BaseGeometry, plateaus: Sequence[Plateau] = ()
-) -> Mesh:
-    """Grass around the streets, out to `MARGIN_M` beyond them.
+@dataclass(frozen=True, eq=False)
+class GroundModel:
+    """Height of the ground around roads, built once for a world.
 
-    Args:
-        rims: Edges (n, 3) of all paving, with it on their left.
-        footprint: What is paved, where the ground is left out.
+    Near a road it is the height of the nearest point of its edge, further off the mean of all
+    edges, weighted by the inverse square of their distance. On a plateau it is the plateau's,
+    except near the roads that climb to it.
+
+    Attributes:
+        starts: (m, 3) first points of the segments of all edges.
+        steps: (m, 3) vectors along the segments.
+        samples: (k, 3) points along all edges at about `CELL_M`.
         plateaus: Higher ground.
     """
-    built = shapely.buffer(footprint, -OVERLAP_M, join_style="mitre")
-    cells = _build_grid_cells(shapely.bounds(built))
-    for plateau in plateaus:
-        for rim in (plateau.outline, shapely.buffer(plateau.outline, -BANK_WIDTH_M)):
-            cells = _split_cells(cells, rim)
-    shapely.prepare(built)
-    free = shapely.disjoint(cells, built)
-    cut = shapely.difference(cells[~free], built)
+
+    starts: Points
+    steps: Points
+    samples: Points
+    plateaus: Sequence[Plateau]
+
+    @classmethod
+    def from_edges(cls, edges: Sequence[Points], plateaus: Sequence[Plateau] = ()) -> "GroundModel":
+        """Build the model from the edges (n, 3) of all paving."""
+        samples = [
+            resample_polyline(edge, max(2, int(polyline_stations(edge)[-1] / CELL_M) + 1))
+            for edge in edges
+        ]
+        return cls(
+            np.concatenate([edge[:-1] for edge in edges]),
+            np.concatenate([np.diff(edge, axis=0) for edge in edges]),
+            np.concatenate(samples),
+            plateaus,
+        )
+
+    def height_at(self, points: Points) -> Float64Array:
+        """Compute the height (n,) of the ground at points (n, 2) off the road, metres."""
+        height = _map_in_chunks(points, self._natural_height_at)
+        for plateau in self.plateaus:
+            height = self._raise_to_plateau(points, height, plateau)
+        return height
+
+    def _natural_height_at(self, points: Points) -> Float64Array:
+        distance, edge_height = _find_nearest_edge(points, self.starts, self.steps)
+        mean_height = _compute_mean_edge_height(points, self.samples)
+        hills = _compute_hill_height(points, distance)
+        return _blend_heights(distance, edge_height, mean_height) + hills
+
+    def _raise_to_plateau(
+        self, points: Points, height: Float64Array, plateau: Plateau
+    ) -> Float64Array:
+        """Raise heights (n,) within a plateau to it, or to the streets that climb to it."""
+        depth = shapely.distance(shapely.points(points), plateau.outline.exterior)
+        inside = shapely.contains_xy(plateau.outline, points[:, 0], points[:, 1])
+        climbing = shapely.contains_xy(plateau.outline, *(self.starts + self.steps / 2)[:, :2].T)
+        starts, steps = self.starts[climbing], self.steps[climbing]
+
+        def level(chunk: Points) -> Float64Array:
+            top = np.full(len(chunk), plateau.height_m)
+            return _blend_heights(*_find_nearest_edge(chunk, starts, steps), top)
+
+        top = np.full(len(points), plateau.height_m)
+        if climbing.any() and inside.any():
+            top[inside] = _map_in_chunks(points[inside], level)
+        rise = np.where(inside, np.minimum(depth / BANK_WIDTH_M, 1.0), 0.0)
+        return height + rise * (top - height)
+
+
+def build_ground(model: GroundModel, paved_area: BaseGeometry) -> Mesh:
+    """Build the mesh of grass around the paved area, out to `MARGIN_M` beyond it."""
+    hole = shapely.buffer(paved_area, -OVERLAP_M, join_style="mitre")
+    cells = _build_grid_cells(shapely.bounds(hole))
+    for plateau in model.plateaus:
+        for outline in (plateau.outline, shapely.buffer(plateau.outline, -BANK_WIDTH_M)):
+            cells = _split_cells(cells, outline)
+    shapely.prepare(hole)
+    free = shapely.disjoint(cells, hole)
+    cut = shapely.difference(cells[~free], hole)
     whole = free & _are_boxes(cells)
     polygons = [*cells[free & ~whole], *(part for shape in cut for part in extract_polygons(shape))]
+    # Most cells are whole boxes: triangulating them as arrays is what makes this quick.
     parts = [
         _triangulate_boxes(cells[whole]),
         *(triangulate_polygon(polygon) for polygon in polygons),
@@ -90,8 +154,7 @@ def build_ground(
     )
     corners, merged = np.unique(np.round(corners, 3), axis=0, return_inverse=True)
     triangles = _drop_flipped_triangles(corners, merged.reshape(-1)[triangles])
-    z = compute_ground_height(rims, corners, plateaus)
-    vertices = np.column_stack([corners, z - GROUND_DROP_M])
+    vertices = np.column_stack([corners, model.height_at(corners) - GROUND_DROP_M])
     return Mesh(
         name="ground",
         vertices=vertices.astype(np.float32),
@@ -102,108 +165,52 @@ def build_ground(
     )
 
 
-def build_skirt(rims: Sequence[Points]) -> Mesh:
-    """Upright faces below the edge of all paving, which close the step down to the ground."""
+def build_skirt(edges: Sequence[Points]) -> Mesh:
+    """Build upright faces below the edges (n, 3) of all paving, to close the step to the ground."""
     down = np.array([0.0, 0.0, SKIRT_HEIGHT_M])
-    pieces = [build_ribbon(rim, rim - down) for rim in rims]
-    return join_surfaces(pieces).to_mesh("skirt", "asphalt", Semantic.ROAD)
+    skirt = join_surfaces([build_ribbon(edge, edge - down) for edge in edges])
+    return skirt.to_mesh("skirt", "asphalt", Semantic.ROAD)
 
 
-def compute_ground_height(
-    rims: Sequence[Points], points: Points, plateaus: Sequence[Plateau] = ()
-) -> NDArray[np.float64]:
-    """Height (n,) of the ground at points (n, 2) beside the road.
-
-    Near a road it is the height of the nearest point on its edge, further off the mean of all
-    edges, weighted by the inverse square of their distance. On a plateau it is that of the
-    plateau, except near the roads that lie within its outline.
-    """
-    starts = np.concatenate([rim[:-1] for rim in rims])
-    steps = np.concatenate([np.diff(rim, axis=0) for rim in rims])
-    samples = np.concatenate(
-        [
-            resample_polyline(rim, max(2, int(polyline_stations(rim)[-1] / CELL_M) + 1))
-            for rim in rims
-        ]
-    )
-
-    def level(chunk: Points) -> NDArray[np.float64]:
-        gap, beside = _find_nearest_edge(chunk, starts, steps)
-        return _blend_heights(
-            gap, beside, _compute_mean_edge_height(chunk, samples)
-        ) + _compute_hill_height(chunk, gap)
-
-    height = _map_in_chunks(points, level)
-    for plateau in plateaus:
-        height = _raise_to_plateaus(points, height, plateau, starts, steps)
-    return height
-
-
-def _raise_to_plateaus(
-    points: Points,
-    height: NDArray[np.float64],
-    plateau: Plateau,
-    starts: Points,
-    steps: Points,
-) -> NDArray[np.float64]:
-    """Heights (n,) with those on a plateau lifted to it, or to the streets that climb to it."""
-    depth = shapely.distance(shapely.points(points), plateau.outline.exterior)
-    inside = shapely.contains_xy(plateau.outline, points[:, 0], points[:, 1])
-    climbing = shapely.contains_xy(plateau.outline, *(starts + steps / 2)[:, :2].T)
-
-    def level(chunk: Points) -> NDArray[np.float64]:
-        top = np.full(len(chunk), plateau.height_m)
-        return _blend_heights(*_find_nearest_edge(chunk, starts[climbing], steps[climbing]), top)
-
-    top = np.full(len(points), plateau.height_m)
-    if climbing.any() and inside.any():
-        top[inside] = _map_in_chunks(points[inside], level)
-    rise = np.where(inside, np.minimum(depth / BANK_WIDTH_M, 1.0), 0.0)
-    return height + rise * (top - height)
-
-
-def _map_in_chunks(
-    points: Points, height: Callable[[Points], NDArray[np.float64]]
-) -> NDArray[np.float64]:
+def _map_in_chunks(points: Points, height: Callable[[Points], Float64Array]) -> Float64Array:
+    # Tables of points by segments in one piece would need gigabytes.
     chunks = np.array_split(points, len(points) // 1000 + 1)
     return np.concatenate([height(chunk) for chunk in chunks])
 
 
 def _find_nearest_edge(
     points: Points, starts: Points, steps: Points
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Distance (n,) to the nearest edge, and its height there."""
+) -> tuple[Float64Array, Float64Array]:
+    """Find the distance (n,) to the nearest segment, and the height (n,) of that point."""
     along = steps[:, :2]
     squared = np.maximum((along**2).sum(axis=1), 1e-12)
     x, y = (points[:, k, None] - starts[None, :, k] for k in (0, 1))
-    share = np.clip((x * along[:, 0] + y * along[:, 1]) / squared, 0.0, 1.0)
-    gap = (x - share * along[:, 0]) ** 2 + (y - share * along[:, 1]) ** 2
-    nearest = gap.argmin(axis=1)
+    fraction = np.clip((x * along[:, 0] + y * along[:, 1]) / squared, 0.0, 1.0)
+    squared_distance = (x - fraction * along[:, 0]) ** 2 + (y - fraction * along[:, 1]) ** 2
+    nearest = squared_distance.argmin(axis=1)
     row = np.arange(len(points))
-    height = starts[nearest, 2] + share[row, nearest] * steps[nearest, 2]
-    return np.sqrt(gap[row, nearest]), height
+    height = starts[nearest, 2] + fraction[row, nearest] * steps[nearest, 2]
+    return np.sqrt(squared_distance[row, nearest]), height
 
 
-def _compute_mean_edge_height(points: Points, samples: Points) -> NDArray[np.float64]:
-    """Mean height (n,) of all edges, weighted by the inverse square of their distance."""
+def _compute_mean_edge_height(points: Points, samples: Points) -> Float64Array:
+    """Average the heights of all edges (n,), weighted by the inverse square of their distance."""
     x, y = (points[:, k, None] - samples[None, :, k] for k in (0, 1))
     weight = 1.0 / (x * x + y * y + SOFTENING_M**2)
     return (weight @ samples[:, 2]) / weight.sum(axis=1)
 
 
-def _compute_hill_height(points: Points, gap: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Height (n,) of hills on the horizon, where no sensor reaches."""
+def _compute_hill_height(points: Points, distance: Float64Array) -> Float64Array:
+    """Compute the height (n,) of hills on the horizon, beyond the range of all sensors."""
     x, y = points.T / HILLS_START_M
     waves = 1 + 0.5 * np.sin(1.7 * x + 0.4) * np.cos(1.3 * y) + 0.4 * np.sin(2.6 * (x + y) + 1.9)
-    rise = np.clip((gap - HILLS_START_M) / (2 * HILLS_START_M), 0.0, 1.0)
+    rise = np.clip((distance - HILLS_START_M) / (2 * HILLS_START_M), 0.0, 1.0)
     return HILLS_HEIGHT_M * waves * rise**2 * (3 - 2 * rise)
 
 
-def _blend_heights(
-    gap: NDArray[np.float64], beside: NDArray[np.float64], beyond: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    follow = np.exp(-((gap / VERGE_WIDTH_M) ** 2))
-    return follow * beside + (1.0 - follow) * beyond
+def _blend_heights(distance: Float64Array, near: Float64Array, far: Float64Array) -> Float64Array:
+    weight = np.exp(-((distance / VERGE_WIDTH_M) ** 2))
+    return weight * near + (1.0 - weight) * far
 
 
 def _are_boxes(cells: NDArray[np.object_]) -> NDArray[np.bool_]:
@@ -212,7 +219,7 @@ def _are_boxes(cells: NDArray[np.object_]) -> NDArray[np.bool_]:
 
 
 def _triangulate_boxes(boxes: NDArray[np.object_]) -> tuple[Points, NDArray[np.int64]]:
-    """Corners (4 n, 2) of boxes and their triangles (2 n, 3), counter-clockwise."""
+    """Triangulate boxes into corners (4 n, 2) and triangles (2 n, 3), counter-clockwise."""
     west, south, east, north = shapely.bounds(boxes).T
     x, y = np.stack([west, east, east, west], 1), np.stack([south, south, north, north], 1)
     first = 4 * np.arange(len(boxes))[:, None, None]
@@ -221,7 +228,7 @@ def _triangulate_boxes(boxes: NDArray[np.object_]) -> tuple[Points, NDArray[np.i
 
 
 def _split_cells(cells: NDArray[np.object_], outline: BaseGeometry) -> NDArray[np.object_]:
-    """Cells cut where an outline passes through them."""
+    """Cut the cells that an outline passes through."""
     shapely.prepare(outline)
     passed = shapely.intersects(cells, outline) & ~shapely.contains_properly(outline, cells)
     parts = [
@@ -233,15 +240,15 @@ def _split_cells(cells: NDArray[np.object_], outline: BaseGeometry) -> NDArray[n
     return np.array([*cells[~passed], *parts], dtype=object)
 
 
-def _build_grid_cells(bounds: NDArray[np.float64]) -> NDArray[np.object_]:
+def _build_grid_cells(bounds: Float64Array) -> NDArray[np.object_]:
     x, y = (_compute_grid_lines(bounds[axis], bounds[axis + 2]) for axis in (0, 1))
     west, south = (grid.ravel() for grid in np.meshgrid(x[:-1], y[:-1]))
     east, north = (grid.ravel() for grid in np.meshgrid(x[1:], y[1:]))
     return shapely.box(west, south, east, north)
 
 
-def _compute_grid_lines(first: float, last: float) -> NDArray[np.float64]:
-    """Grid lines: even over the site, further and further apart beyond it."""
+def _compute_grid_lines(first: float, last: float) -> Float64Array:
+    """Compute grid lines: even over the site, with growing distances beyond it."""
     inside = np.linspace(first - CELL_M, last + CELL_M, int((last - first) / CELL_M) + 3)
     count = int(np.log(1 + MARGIN_M * (GROWTH - 1) / CELL_M) / np.log(GROWTH)) + 1
     outside = CELL_M * (GROWTH ** np.arange(1, count + 1) - 1) * GROWTH / (GROWTH - 1)
@@ -249,7 +256,7 @@ def _compute_grid_lines(first: float, last: float) -> NDArray[np.float64]:
 
 
 def _drop_flipped_triangles(corners: Points, triangles: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Triangles without the slivers that rounding has turned over."""
+    """Drop the slivers that rounding has turned over."""
     a, b, c = (corners[triangles[:, corner]] for corner in range(3))
     area = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
     return triangles[area > SNAP_M**2]

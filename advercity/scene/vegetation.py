@@ -1,9 +1,4 @@
-"""Crops and ploughed fields, as ridged sheets over grids of points.
-
-Trees.
-
-Woods far off, too dense to look into.
-"""
+"""Builds vegetation: crops and tilled fields as ridged sheets, trees, and distant woods."""
 
 from functools import cache
 from itertools import product
@@ -11,7 +6,6 @@ from itertools import product
 import numpy as np
 import shapely
 from advercity_dsl.road import Species
-from advercity_dsl.units import Point2
 from numpy.typing import NDArray
 
 from advercity.geometry.arrays import Float64Array
@@ -24,50 +18,52 @@ from advercity.geometry.mesh import (
 )
 from advercity.geometry.primitives import ellipsoid, grid_sheet, loft_rings, tube
 from advercity.randomness import create_generator
-from advercity.scene.site import Site, StreetSide, rectangle_corners
+from advercity.scene.site import Rectangle, Site, StreetSide
 from advercity.semantics import Semantic
 
 CROP_HEIGHT_M = 0.6
 CROP_CLEARANCE_M = 0.8
 STALKS_MAX_DISTANCE_M = 30.0
-"""Of a street's axis; further off, the ridges look like plants by themselves."""
+"""Distance from street axes within which crops have stalks; beyond, ridges look like plants."""
 FURROW_HEIGHT_M = 0.28
 _ROW_SPACING_M, _ALONG_ROW_STEP_M = 1.3, 3.0
+MAX_TREES = 400
+"""Greatest number of trees in one area; larger areas have them further apart."""
+TREE_SPACING_M = 8.0
+TRUNK_CLEARANCE_M, ROW_CLEARANCE_M = 3.0, 1.0
+"""Distance of trunks from reserved areas, where trees are scattered and where they are in rows."""
+FINE_LEAVES_DISTANCE_M = 14.0
+"""Distance from street axes within which trees have finer leaves."""
+_VEGETATION = Semantic.VEGETATION
+_TUFTS_PER_CLUMP, _TUFTS_PER_NEAR_CLUMP = 46, 110
+"""Loose triangles of leaves per clump; renderers draw both sides of vegetation."""
+_SPECIES_WEIGHTS = {
+    Species.OAK: 0.34,
+    Species.MAPLE: 0.16,
+    Species.BIRCH: 0.16,
+    Species.POPLAR: 0.14,
+    Species.SPRUCE: 0.20,
+}
+WOODS_HEIGHT_M = 11.0
+TREE_TOP_SPACING_M = 4.0
+"""Distance between the tops of a wood; larger in a large wood."""
+WOODS_CLEARANCE_M = 8.0
+MAX_TREE_TOPS = 1600
 
 
-def sample_rows_in_area(
-    area: tuple[Point2, Point2],
-    step_m: float = _ALONG_ROW_STEP_M,
-    row_m: float = _ROW_SPACING_M / 2,
-) -> Float64Array:
-    """Points (n, m, 2) of a field: n along its rows, which follow the longer side."""
-    low, high = rectangle_corners(area)
-    extent = high - low
-    lengthways = int(np.argmax(extent))
-    along = np.linspace(low[lengthways], high[lengthways], 2 + int(extent[lengthways] / step_m))
-    across = np.arange(low[1 - lengthways], high[1 - lengthways] + 1e-6, row_m)
-    first, second = np.meshgrid(along, across, indexing="ij")
-    return np.stack([first, second] if lengthways == 0 else [second, first], axis=-1)
-
-
-def sample_rows_along_street(
-    side: StreetSide, step_m: float = _ALONG_ROW_STEP_M, row_m: float = _ROW_SPACING_M / 2
-) -> Float64Array:
-    """Points (n, m, 2) of a field beside a street, whose rows follow it."""
-    along = np.linspace(0.0, side.length_m, 2 + int(side.length_m / step_m))
-    across = np.arange(side.near_offset_m, side.far_offset_m + 1e-6, row_m)
-    first, second = np.meshgrid(along, across, indexing="ij")
-    return side.points_at(first, second)
+def sample_rows(band: StreetSide | Rectangle) -> Float64Array:
+    """Sample the points (n, m, 2) of a field, n along its rows, with two rows of points a ridge."""
+    return band.sample_grid(_ALONG_ROW_STEP_M, _ROW_SPACING_M / 2)
 
 
 def build_crops(rows: Float64Array, height_m: float | None, site: Site, key: str) -> list[MeshPart]:
-    """A field of plants: a ridged surface over the ground, with stalks where one comes near.
+    """Build a field of plants: a ridged sheet over the ground, with stalks near streets.
 
     Args:
-        rows: (n, m, 2) points: n along the rows, m across.
-        height_m: Of the plants.
-        site: The ground, and what must stay free.
-        key: Of what is random.
+        rows: (n, m, 2) points, n along the rows, m across.
+        height_m: Height of the plants; None: the usual one.
+        site: The ground, and where it must stay free.
+        key: Key of random draws.
     """
     height = height_m or CROP_HEIGHT_M
     sheet, points, grown = _build_ridged_sheet(rows, height, site, create_generator("crops", key))
@@ -83,7 +79,7 @@ def build_crops(rows: Float64Array, height_m: float | None, site: Site, key: str
 
 
 def build_tilled_field(rows: Float64Array, site: Site, key: str) -> list[MeshPart]:
-    """Bare earth in furrows, over points (n, m, 2) as of `crops`."""
+    """Build bare earth in furrows over points (n, m, 2), as in `build_crops`."""
     sheet, _, _ = _build_ridged_sheet(rows, FURROW_HEIGHT_M, site, create_generator("field", key))
     return [] if sheet is None else [MeshPart(sheet, "soil", Semantic.TERRAIN)]
 
@@ -91,11 +87,12 @@ def build_tilled_field(rows: Float64Array, site: Site, key: str) -> list[MeshPar
 def _build_ridged_sheet(
     rows: Float64Array, height_m: float, site: Site, draw: np.random.Generator
 ) -> tuple[TriangleSurface | None, Float64Array, NDArray[np.bool_]]:
-    """A ridged sheet, its points (n, m, 3), and which of them (n, m) stand inside."""
+    """Build a ridged sheet, its points (n, m, 3), and a mask (n, m) of those off its border."""
     free = site.is_free(rows.reshape(-1, 2), CROP_CLEARANCE_M).reshape(rows.shape[:2])
     cells = free[:-1, :-1] & free[1:, :-1] & free[:-1, 1:] & free[1:, 1:]
-    cells &= find_unfolded_cells(rows)
-    inside = ~find_border_points(cells)
+    cells &= _find_unfolded_cells(rows)
+    inside = ~_find_border_points(cells)
+    # Borders are below the ground, so that the sheet has no open edge.
     ridge = np.where(np.arange(rows.shape[1]) % 2, 1.0, 0.45)
     rise = np.where(inside, height_m * ridge * draw.uniform(0.82, 1.1, free.shape), -0.05)
     points = site.project_to_ground(rows.reshape(-1, 2)).reshape(*free.shape, 3)
@@ -104,15 +101,15 @@ def _build_ridged_sheet(
     return sheet, points, inside
 
 
-def find_unfolded_cells(rows: Float64Array) -> NDArray[np.bool_]:
-    """Cells (n - 1, m - 1) of a grid that lie the same way up as most of it."""
+def _find_unfolded_cells(rows: Float64Array) -> NDArray[np.bool_]:
+    """Find the cells (n - 1, m - 1) of a grid with the orientation of most of it."""
     a, b = rows[1:, :-1] - rows[:-1, :-1], rows[:-1, 1:] - rows[:-1, :-1]
     area = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
     return area * np.sign(np.median(area)) > 0.1 * np.median(np.abs(area))
 
 
 def _build_stalks(tops: Float64Array, height_m: float, key: str) -> TriangleSurface:
-    """Upright leaves on the ridges, four about every point (n, 3), lit like the field below."""
+    """Build upright leaves, four about every point (n, 3), with the upward normal of the field."""
     draw = create_generator("stalks", key)
     foot = np.repeat(tops, 4, axis=0)
     foot += draw.uniform(-1, 1, foot.shape) * (0.5, 0.5, 0.0) * _ALONG_ROW_STEP_M / 2
@@ -125,18 +122,10 @@ def _build_stalks(tops: Float64Array, height_m: float, key: str) -> TriangleSurf
     return TriangleSurface(corners, triangles, np.tile([0.0, 0.0, 1.0], (len(corners), 1)))
 
 
-def find_border_points(cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Grid points that are not wholly surrounded by cells of the field."""
+def _find_border_points(cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Find the grid points that are not surrounded by cells of the field."""
     padded = np.pad(cells, 1)
     return ~(padded[:-1, :-1] & padded[1:, :-1] & padded[:-1, 1:] & padded[1:, 1:])
-
-
-MAX_TREES = 400
-"""In one area."""
-TREE_SPACING_M = 8.0
-TRUNK_CLEARANCE_M, ROW_CLEARANCE_M = 3.0, 1.0
-FINE_LEAVES_DISTANCE_M = 14.0
-"""From a street's axis: nearer trees have finer leaves."""
 
 
 def build_trees(
@@ -148,15 +137,16 @@ def build_trees(
     *,
     clearance_m: float = TRUNK_CLEARANCE_M,
 ) -> list[MeshPart]:
-    """Trees at points (n, 2), of several species; those on what must stay free are left out."""
+    """Build trees of several species at points (n, 2), without those on reserved ground."""
     free = points[site.is_free(points, clearance_m)] if len(points) else points
     if not len(free):
         return []
+    # One draw each for all trees, in this order: another order would grow other trees.
     draw = create_generator("trees", key)
     feet = site.project_to_ground(free) - (0.0, 0.0, 0.15)
     kinds = species or tuple(Species)
-    shares = np.array([_SPECIES_WEIGHTS[name] for name in kinds])
-    drawn = draw.choice(len(kinds), len(free), p=shares / shares.sum())
+    weights = np.array([_SPECIES_WEIGHTS[name] for name in kinds])
+    drawn = draw.choice(len(kinds), len(free), p=weights / weights.sum())
     size = draw.uniform(0.75, 1.25, len(free)) if height_m is None else np.full(len(free), 1.0)
     slender = draw.uniform(0.9, 1.15, len(free))
     yaw = draw.uniform(0.0, 2 * np.pi, len(free))
@@ -180,20 +170,24 @@ def build_trees(
     return pieces
 
 
-def scatter_points_in_area(area: tuple[Point2, Point2], spacing_m: float, key: str) -> Float64Array:
-    """Points (n, 2) over an area at about a spacing, in no visible order; `MOST_TREES` at most."""
-    low, high = rectangle_corners(area)
-    step = max(spacing_m, float(np.sqrt(np.prod(high - low) / MAX_TREES)))
-    count = np.maximum(((high - low) / step).astype(int), 1)
+def scatter_points(band: StreetSide | Rectangle, spacing_m: float, key: str) -> Float64Array:
+    """Scatter up to `MAX_TREES` points (n, 2) at about a spacing; along a line they form a row."""
+    if isinstance(band, Rectangle):
+        return _scatter_points_in_area(band, spacing_m, key)
+    return _scatter_points_along_street(band, spacing_m, key)
+
+
+def _scatter_points_in_area(area: Rectangle, spacing_m: float, key: str) -> Float64Array:
+    step = max(spacing_m, float(np.sqrt(np.prod(area.extent) / MAX_TREES)))
+    count = np.maximum((area.extent / step).astype(int), 1)
     column, row = np.meshgrid(np.arange(count[0]), np.arange(count[1]), indexing="ij")
     cell = np.stack([column, row], axis=-1).reshape(-1, 2)
     jitter = create_generator("scattered", key).uniform(0.12, 0.88, cell.shape)
-    return low + (cell + jitter) * (high - low) / count
+    return area.low + (cell + jitter) * area.extent / count
 
 
-def scatter_points_along_street(side: StreetSide, spacing_m: float, key: str) -> Float64Array:
-    """Points (n, 2) over a band beside a street, or along a line; `MOST_TREES` at most."""
-    depth = side.far_offset_m - side.near_offset_m
+def _scatter_points_along_street(side: StreetSide, spacing_m: float, key: str) -> Float64Array:
+    depth = side.depth_m
     if depth < spacing_m:
         return side.space_points(spacing_m, (side.near_offset_m + side.far_offset_m) / 2)
     step = max(spacing_m, float(np.sqrt(side.length_m * depth / MAX_TREES)))
@@ -205,23 +199,11 @@ def scatter_points_along_street(side: StreetSide, spacing_m: float, key: str) ->
     return points[side.is_unfolded(points, side.near_offset_m + across)]
 
 
-_VEGETATION = Semantic.VEGETATION
-_TUFTS_PER_CLUMP, _TUFTS_PER_NEAR_CLUMP = 46, 110
-"""Loose triangles of leaves per clump; vegetation is seen from both sides."""
-_SPECIES_WEIGHTS = {
-    Species.OAK: 0.34,
-    Species.MAPLE: 0.16,
-    Species.BIRCH: 0.16,
-    Species.POPLAR: 0.14,
-    Species.SPRUCE: 0.20,
-}
-
-
 @cache
 def _build_tree(
     name: Species, *, is_near: bool
 ) -> tuple[tuple[tuple[TriangleSurface, str], ...], float]:
-    """Shaded parts of a tree of a species, standing at the origin, and its height in metres."""
+    """Build the shaded parts of a tree at the origin, and its height in metres."""
     if name is Species.SPRUCE:
         return _build_spruce(), 10.8
     trunk, blobs = {
@@ -236,6 +218,7 @@ def _build_tree(
             ((0.9, 0, 3.8, 1.8, 1.5), (-1.0, 0.8, 4.3, 1.9, 1.6), (0, -1.1, 3.6, 1.6, 1.3)),
         ),
     }[name]
+    # The key holds the species' type by name: `Species` may not be renamed.
     draw = create_generator("tree", name)
     crown = [
         _build_leaf_clump(np.array([x, y, z]), np.array([r, r, rise]), draw, is_near=is_near)
@@ -249,17 +232,17 @@ def _build_tree(
 def _build_leaf_clump(
     centre: Float64Array, radii: Float64Array, draw: np.random.Generator, *, is_near: bool
 ) -> TriangleSurface:
-    """Leaves around a centre: a rough ellipsoid with tufts, lit as if it were a smooth one."""
+    """Build leaves around a centre: a rough ellipsoid with tufts, and normals of a smooth one."""
     sides, bands = 8, 4
     rough = draw.uniform(0.82, 1.1, (bands + 1, sides))
     factor = np.concatenate([rough.reshape(-1), rough.mean(axis=1)[[0, -1]]])
     core = ellipsoid((0, 0, 0), radii, sides=sides, bands=bands)
     tuft_count, size = (_TUFTS_PER_NEAR_CLUMP, 0.085) if is_near else (_TUFTS_PER_CLUMP, 0.15)
-    out = draw.normal(size=(tuft_count, 3))
-    out /= np.linalg.norm(out, axis=1, keepdims=True)
+    direction = draw.normal(size=(tuft_count, 3))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     spread = draw.normal(scale=size, size=(tuft_count, 3, 3)) * radii.min()
-    reach = draw.uniform(0.86, 1.04, (tuft_count, 1))
-    tufts = ((reach * out * radii)[:, None] + spread).reshape(-1, 3)
+    radius = draw.uniform(0.86, 1.04, (tuft_count, 1))
+    tufts = ((radius * direction * radii)[:, None] + spread).reshape(-1, 3)
     vertices = np.concatenate([core.vertices * factor[:, None], tufts])
     tuft_triangles = len(core.vertices) + np.arange(3 * tuft_count).reshape(-1, 3)
     normals = vertices / radii**2
@@ -275,11 +258,11 @@ def _build_spruce() -> tuple[tuple[TriangleSurface, str], ...]:
     draw = create_generator("tree", "spruce")
     tiers: list[TriangleSurface] = []
     for foot, top, radius in ((1.3, 4.8, 2.3), (3.3, 6.9, 1.9), (5.3, 9.0, 1.4), (7.3, 10.8, 0.9)):
-        reach = radius * draw.uniform(0.85, 1.1, 10)
+        radii = radius * draw.uniform(0.85, 1.1, 10)
         circle = np.column_stack([np.cos(angle), np.sin(angle)])
         rings = [
-            np.column_stack([circle * (share * reach)[:, None], np.full(10, z)])
-            for share, z in (
+            np.column_stack([circle * (fraction * radii)[:, None], np.full(10, z)])
+            for fraction, z in (
                 (0.35, foot + 0.35),
                 (1.0, foot),
                 (0.45, (foot + top) / 2),
@@ -291,20 +274,13 @@ def _build_spruce() -> tuple[tuple[TriangleSurface, str], ...]:
     return (shade_smooth(stem), "bark"), (shade_smooth(join_surfaces(tiers)), "needles")
 
 
-WOODS_HEIGHT_M = 11.0
-TREE_TOP_SPACING_M = 4.0
-"""Between tops of trees; further apart in a large wood."""
-WOODS_CLEARANCE_M = 8.0
-MAX_TREE_TOPS = 1600
-
-
-def compute_tree_top_spacing_m(area_m2: float) -> float:
-    """How far apart tops stand in a wood as large as that."""
-    return max(TREE_TOP_SPACING_M, float(np.sqrt(area_m2 / MAX_TREE_TOPS)))
-
-
-def build_woods(rows: Float64Array, height_m: float | None, site: Site, key: str) -> list[MeshPart]:
-    """Tops and edges of a wood over points (n, m, 2), as of `fields.rows_over`."""
+def build_woods(
+    band: StreetSide | Rectangle, height_m: float | None, site: Site, key: str
+) -> list[MeshPart]:
+    """Build the tops and edges of a wood that is seen from afar."""
+    extent = band.extent if isinstance(band, Rectangle) else (band.length_m, band.depth_m)
+    spacing_m = max(TREE_TOP_SPACING_M, float(np.sqrt(np.prod(extent) / MAX_TREE_TOPS)))
+    rows = band.sample_grid(spacing_m, spacing_m)
     height = height_m or WOODS_HEIGHT_M
     draw = create_generator("woods", key)
     free = site.is_free(rows.reshape(-1, 2), WOODS_CLEARANCE_M).reshape(rows.shape[:2])
@@ -314,7 +290,7 @@ def build_woods(rows: Float64Array, height_m: float | None, site: Site, key: str
         & grown[1:, :-1]
         & grown[:-1, 1:]
         & grown[1:, 1:]
-        & find_unfolded_cells(rows)
+        & _find_unfolded_cells(rows)
     )
     if not cells.any():
         return []
@@ -322,12 +298,12 @@ def build_woods(rows: Float64Array, height_m: float | None, site: Site, key: str
     shifted = rows + draw.uniform(-0.35, 0.35, rows.shape) * spread
     points = site.project_to_ground(shifted.reshape(-1, 2)).reshape(*free.shape, 3)
     tops = draw.uniform(0.62, 1.0, free.shape) * height
-    points[..., 2] += np.where(find_border_points(cells), -0.3, tops)
+    points[..., 2] += np.where(_find_border_points(cells), -0.3, tops)
     return [MeshPart(grid_sheet(points, cells), "leaves", Semantic.VEGETATION)]
 
 
 def _is_inside_rough_outline(rows: Float64Array) -> NDArray[np.bool_]:
-    """Which points of a grid (n, m, 2) lie inside a rounded outline with bays in it."""
+    """Test which points of a grid (n, m, 2) lie inside a rounded outline with bays."""
     u, v = (np.linspace(-1, 1, count) for count in rows.shape[:2])
     x, y = rows[..., 0], rows[..., 1]
     bays = np.sin(x / 17 + np.sin(y / 41)) + np.sin(y / 23 + np.sin(x / 37))

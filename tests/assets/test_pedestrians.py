@@ -307,7 +307,7 @@ def test_pictures_show_the_pose_that_rays_meet():
     ) as renderer:
         renderer.place(replace(frame, states=(state("pedestrian_0001", travelled_m=1.0),)))
         renderer.place(frame)
-        shown = renderer.camera(CameraView(eye, 360, 240, np.radians(60))).instance
+        shown = renderer.render_camera(CameraView(eye, 360, 240, np.radians(60))).instance
     caster = Raycaster(world)
     caster.place(frame)
     met = caster.cast(pixel_rays(eye, 360, 240, np.radians(60)), 50.0).instance.reshape(240, 360)

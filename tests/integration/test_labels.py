@@ -60,7 +60,7 @@ def pictures(request: pytest.FixtureRequest) -> tuple[np.ndarray, np.ndarray, Ra
     air = compute_atmosphere(find_weather("clear_day").declaration, "urban")
     with backend.open(world, air, RenderProfile("labels", 1.0, renderer)) as opened:
         opened.place(frame)
-        shown = opened.camera(CameraView(eye, WIDTH_PX, HEIGHT_PX, FOV_RAD))
+        shown = opened.render_camera(CameraView(eye, WIDTH_PX, HEIGHT_PX, FOV_RAD))
     caster = Raycaster(world)
     caster.place(frame)
     return shown.semantic.ravel(), shown.instance.ravel(), caster.cast(pixel_rays(eye), 100.0)

@@ -1,5 +1,4 @@
 from collections.abc import Mapping
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -418,10 +417,10 @@ def test_a_plateau_rises_behind_its_outline_and_meets_the_street_that_climbs_to_
     level_rim = np.array([(-100.0, 5.0, 0.0), (100.0, 5.0, 0.0)])
     climbing_rim = np.array([(0.0, 21.0, 1.0), (0.0, 60.0, 8.0)])
     asked = np.array([(-40.0, 19.9), (-40.0, 22.0), (40.0, 60.0), (0.5, 30.0)])
-    height = terrain.compute_ground_height(
-        [level_rim, climbing_rim], asked, terrain.find_plateaus(street(plateau))
-    )
-    without = terrain.compute_ground_height([level_rim, climbing_rim], asked)
+    rims = [level_rim, climbing_rim]
+    plateaus = terrain.find_plateaus(street(plateau))
+    height = terrain.GroundModel.from_edges(rims, plateaus).height_at(asked)
+    without = terrain.GroundModel.from_edges(rims).height_at(asked)
     assert height[0] == pytest.approx(without[0])
     np.testing.assert_allclose(height[1:3], 8, atol=0.05)
     assert height[3] == pytest.approx(1 + 7 * 9 / 39, abs=0.1)
@@ -536,9 +535,8 @@ def picture_rays(unit: RoadsideUnit) -> np.ndarray:
 def test_what_carries_a_roadside_unit_keeps_out_of_its_view(name: str):
     road = ROADS[name]
     place = build_road(road)
-    ground = partial(
-        terrain.compute_ground_height, place.paved_edges, plateaus=terrain.find_plateaus(road)
-    )
+    plateaus = terrain.find_plateaus(road)
+    ground = terrain.GroundModel.from_edges(place.paved_edges, plateaus).height_at
     carriers = ("pole", "tower")
     alone = road.model_copy(
         update={"surroundings": tuple(i for i in road.surroundings if i.kind in carriers)}

@@ -45,7 +45,7 @@ def built_meshes(plan: RoadLayout) -> list[Mesh]:
     return [
         *road.meshes,
         terrain.build_skirt(road.paved_edges),
-        terrain.build_ground(road.paved_edges, road.paved_area),
+        terrain.build_ground(terrain.GroundModel.from_edges(road.paved_edges), road.paved_area),
     ]
 
 
@@ -162,8 +162,8 @@ def test_the_ground_follows_the_hill(sites: dict[str, Site]) -> None:
     beside = np.array([(46.97, 145.36), (52.58, 77.76)])
     z, _ = below(beside)
     np.testing.assert_allclose(z, (8.31, 5.51), atol=0.5)
-    asked = terrain.compute_ground_height(AuthoredRoadNetwork(plan).paved_edges, beside)
-    np.testing.assert_allclose(z, asked, atol=0.15)
+    ground = terrain.GroundModel.from_edges(AuthoredRoadNetwork(plan).paved_edges)
+    np.testing.assert_allclose(z, ground.height_at(beside), atol=0.15)
 
 
 @pytest.mark.parametrize("name", NAMES)
