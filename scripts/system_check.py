@@ -1,4 +1,4 @@
-"""Tell what this system lacks to run advercity; silent, with exit code 0, if nothing.
+"""Lists what this system lacks to run advercity; silent, with exit code 0, if nothing.
 
 Runs on the system's own Python, before anything is installed, hence without any package.
 """
@@ -8,13 +8,13 @@ import sys
 from collections.abc import Iterator
 
 LIBRARIES = ("libatomic.so.1", "libGL.so.1", "libX11.so.6", "libXext.so.6", "libXrender.so.1")
-"""Shared objects that SUMO and SAPIEN link to and their wheels do not carry."""
+"""Shared objects that SUMO and SAPIEN link to and their wheels do not contain."""
 
 RAY_TRACING = b"VK_KHR_ray_tracing_pipeline"
 
 
 class InstanceCreateInfo(ctypes.Structure):
-    """`VkInstanceCreateInfo` of the Vulkan specification; zeros ask for no layer, no extension."""
+    """`VkInstanceCreateInfo` of the Vulkan specification; zeros: no layers, no extensions."""
 
     _fields_ = (
         ("structure_type", ctypes.c_uint32),
@@ -34,16 +34,16 @@ class ExtensionProperties(ctypes.Structure):
     _fields_ = (("name", ctypes.c_char * 256), ("version", ctypes.c_uint32))
 
 
-def missing() -> Iterator[str]:
-    """Say what lacks, one line each."""
+def find_missing() -> Iterator[str]:
+    """Describe each missing requirement in a line."""
     for name in LIBRARIES:
-        if not loads(name):
+        if not is_loadable(name):
             yield f"shared library {name}"
-    if not (loads("libvulkan.so.1") and traces_rays(ctypes.CDLL("libvulkan.so.1"))):
-        yield "a Vulkan device that traces rays (a GPU's, or Mesa's software driver from 25 on)"
+    if not (is_loadable("libvulkan.so.1") and has_ray_tracing(ctypes.CDLL("libvulkan.so.1"))):
+        yield "a Vulkan device with ray tracing (a GPU, or Mesa's software driver from 25 on)"
 
 
-def loads(name: str) -> bool:
+def is_loadable(name: str) -> bool:
     """Whether the dynamic linker finds a shared library."""
     try:
         ctypes.CDLL(name)
@@ -52,23 +52,25 @@ def loads(name: str) -> bool:
     return True
 
 
-def traces_rays(vulkan: ctypes.CDLL) -> bool:
+def has_ray_tracing(vulkan: ctypes.CDLL) -> bool:
     """Whether any Vulkan device of this machine has ray-tracing pipelines."""
     instance = ctypes.c_void_p()
-    wanted = InstanceCreateInfo(structure_type=1)
-    if vulkan.vkCreateInstance(ctypes.byref(wanted), None, ctypes.byref(instance)) != 0:
+    # 1 is VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO.
+    instance_info = InstanceCreateInfo(structure_type=1)
+    if vulkan.vkCreateInstance(ctypes.byref(instance_info), None, ctypes.byref(instance)) != 0:
         return False
     count = ctypes.c_uint32()
+    # As usual in Vulkan: the first call gives the number, the second fills the array.
     vulkan.vkEnumeratePhysicalDevices(instance, ctypes.byref(count), None)
     devices = (ctypes.c_void_p * count.value)()
     vulkan.vkEnumeratePhysicalDevices(instance, ctypes.byref(count), devices)
-    found = any(RAY_TRACING in extensions(vulkan, device) for device in devices)
+    found = any(RAY_TRACING in list_device_extensions(vulkan, device) for device in devices)
     vulkan.vkDestroyInstance(instance, None)
     return found
 
 
-def extensions(vulkan: ctypes.CDLL, device: int | None) -> set[bytes]:
-    """Give the names of a physical device's extensions."""
+def list_device_extensions(vulkan: ctypes.CDLL, device: int | None) -> set[bytes]:
+    """List the names of a physical device's extensions."""
     handle, count = ctypes.c_void_p(device), ctypes.c_uint32()
     vulkan.vkEnumerateDeviceExtensionProperties(handle, None, ctypes.byref(count), None)
     properties = (ExtensionProperties * count.value)()
@@ -77,7 +79,7 @@ def extensions(vulkan: ctypes.CDLL, device: int | None) -> set[bytes]:
 
 
 if __name__ == "__main__":
-    lacking = list(missing())
+    lacking = list(find_missing())
     for line in lacking:
         print(f"missing: {line}", file=sys.stderr)
     sys.exit(1 if lacking else 0)
