@@ -1,4 +1,8 @@
-"""A satellite receiver: where it is on the Earth, as the original has it or as receivers are."""
+"""GNSS receiver: noise in degrees as in the original Adver-City, or in metres as receivers have it.
+
+Noise in degrees is wider in metres from north to south than from west to east, except at the
+equator; the realistic mode has white noise plus a slow Gauss-Markov error, both in metres.
+"""
 
 import numpy as np
 from advercity_dsl import Gnss
@@ -17,18 +21,15 @@ def measure_gnss(
     rng: np.random.Generator,
     slow_error: ArrayLike = (0.0, 0.0, 0.0),
 ) -> GnssFix:
-    """The fix of a receiver at a position of the world frame around `origin`.
-
-    Noise in degrees is wider in metres from north to south than from west to east, but at the
-    equator; noise in metres is not.
+    """Measure the fix of a receiver.
 
     Args:
-        gnss: Its mode and noise.
-        position: (3,) metres.
-        origin: Where the world frame's origin stands.
-        time_s: Of the fix.
-        rng: Of this receiver and frame.
-        slow_error: (3,) east, north and up, where its slow error stands, in standard deviations.
+        gnss: Mode and noise of the receiver.
+        position: (3,) true position in the world frame, metres.
+        origin: Geodetic position of the world frame's origin.
+        time_s: Time of the fix.
+        rng: Generator of this receiver and frame.
+        slow_error: (3,) current slow error east, north and up, in standard deviations.
     """
     noise = rng.standard_normal(3)
     if gnss.mode == "realistic":

@@ -1,7 +1,6 @@
 """Accelerometer, gyroscope and compass at a vehicle's origin, in its body frame.
 
-Noise is white plus a first-order Gauss-Markov bias, with the figures that gnss-ins-sim takes from
-data sheets.
+Noise is white plus a first-order Gauss-Markov bias, with the data-sheet values of gnss-ins-sim.
 """
 
 import math
@@ -24,7 +23,7 @@ BIAS_CORRELATION_TIME_S = 100.0
 
 @dataclass(frozen=True)
 class _ImuGrade:
-    """Densities per sqrt(Hz) and standard deviations of the biases, SI."""
+    """Noise densities per sqrt(Hz) and standard deviations of the biases, in m/s² and rad/s."""
 
     gyro_density: float
     gyro_bias: float
@@ -49,17 +48,17 @@ def measure_imu(
     key: tuple[int | str, ...],
     frame: int,
 ) -> ImuSample:
-    """The sample at the last but one of consecutive poses.
+    """Measure the sample at the last but one of consecutive poses.
 
-    Between two poses the acceleration changes evenly, as that of a cubic spline does.
+    Between two poses the acceleration is interpolated linearly, as that of a cubic spline.
 
     Args:
-        imu: Its grade and rate.
-        world_from_body: Poses (4, 4) one tick before, now and one tick after; a unit with more
+        imu: Grade and rate of the unit.
+        world_from_body: Poses (4, 4) at the previous, this and the next tick; a unit with more
             than one sample per tick needs the one before these, too.
         tick_s: Time between them.
-        key: What the noise is for: seed, agent; the same for all frames.
-        frame: Counts from 0; the bias has wandered that many ticks.
+        key: Key of the noise, such as seed and agent; the same for all frames.
+        frame: Number of the frame from 0; the bias has drifted that many ticks.
     """
     count = imu.samples_per_tick
     now = _compute_motion(world_from_body[-3:], tick_s)
@@ -74,7 +73,7 @@ def measure_imu(
 
 @dataclass(frozen=True, eq=False)
 class _RigidBodyMotion:
-    """Pose (4, 4), acceleration (3,) in the world and turn rate (3,) in the body at a tick."""
+    """Pose (4, 4), acceleration (3,) in the world and angular rate (3,) in the body at a tick."""
 
     world_from_body: Matrix
     acceleration: Float64Array
@@ -82,7 +81,7 @@ class _RigidBodyMotion:
 
 
 def _compute_motion(world_from_body: Sequence[Matrix], tick_s: float) -> _RigidBodyMotion:
-    """Motion at the middle one of three poses, by central differences."""
+    """Compute the motion at the middle one of three poses, by central differences."""
     before, now, after = world_from_body
     return _RigidBodyMotion(
         world_from_body=now,
@@ -92,22 +91,29 @@ def _compute_motion(world_from_body: Sequence[Matrix], tick_s: float) -> _RigidB
 
 
 def _interpolate_sample(
-    last: _RigidBodyMotion, now: _RigidBodyMotion, share: float, error: Float64Array, tick_s: float
+    last: _RigidBodyMotion,
+    now: _RigidBodyMotion,
+    fraction: float,
+    error: Float64Array,
+    tick_s: float,
 ) -> ImuSample:
-    """The sample at a share of the way from one tick to the next; error (7,) as of `_errors`."""
-    (turned,) = poses.interpolate_poses(last.world_from_body, now.world_from_body, [share])
-    acceleration = last.acceleration + share * (now.acceleration - last.acceleration)
-    yaw, _, _ = poses.to_yaw_pitch_roll(turned)
+    """Compute the sample at a fraction of the tick; error (7,) as `_draw_errors` returns it."""
+    (world_from_body,) = poses.interpolate_poses(
+        last.world_from_body, now.world_from_body, [fraction]
+    )
+    acceleration = last.acceleration + fraction * (now.acceleration - last.acceleration)
+    yaw, _, _ = poses.to_yaw_pitch_roll(world_from_body)
     return ImuSample(
-        specific_force=turned[:3, :3].T @ (acceleration + _REST_SPECIFIC_FORCE) + error[:3],
-        angular_rate=last.rate + share * (now.rate - last.rate) + error[3:6],
+        specific_force=world_from_body[:3, :3].T @ (acceleration + _REST_SPECIFIC_FORCE)
+        + error[:3],
+        angular_rate=last.rate + fraction * (now.rate - last.rate) + error[3:6],
         compass_rad=(math.pi / 2.0 - yaw + float(error[6])) % (2.0 * math.pi),
-        time_s=(share - 1.0) * tick_s,
+        time_s=(fraction - 1.0) * tick_s,
     )
 
 
 def _draw_errors(imu: Imu, step_s: float, key: tuple[int | str, ...], frame: int) -> Float64Array:
-    """White noise plus bias (samples, 7): accelerometer, gyroscope, compass."""
+    """Draw white noise plus bias (samples, 7): accelerometer, gyroscope, compass."""
     grade, count = _IMU_GRADES[imu.grade], imu.samples_per_tick
     density = np.repeat([grade.accelerometer_density, grade.gyro_density], 3)
     bias = np.repeat([grade.accelerometer_bias, grade.gyro_bias], 3)

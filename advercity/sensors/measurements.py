@@ -1,4 +1,7 @@
-"""What one turn of a LiDAR reports."""
+"""What sensors report: GNSS fixes, IMU samples and point clouds.
+
+Datasets' readers import these types, so this module imports nothing but NumPy.
+"""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -11,25 +14,25 @@ from advercity.geometry.arrays import Float64Array
 
 @dataclass(frozen=True)
 class GnssFix:
-    """What a receiver reports."""
+    """A position as a satellite receiver reports it."""
 
     latitude_deg: float
     longitude_deg: float
     altitude_m: float
     time_s: float
-    """Since the scenario's start, as `Frame.time_s`."""
+    """Time since the scenario's start, as `Frame.time_s`."""
 
 
 @dataclass(frozen=True, eq=False)
 class ImuSample:
-    """What an inertial unit reports.
+    """A sample of an inertial measurement unit.
 
     Attributes:
         specific_force: (3,) m/s², body frame; (0, 0, 9.81) at rest on level ground.
         angular_rate: (3,) rad/s, body frame.
-        compass_rad: Heading clockwise from north, from 0 to 2 pi.
-        time_s: Against the frame's instant; 0 or earlier.
-        earlier: Samples since the frame before, of a unit that is faster than the frames.
+        compass_rad: Heading clockwise from north, 0 to 2 pi.
+        time_s: Time relative to the frame's instant, 0 or negative.
+        earlier: Samples since the previous frame, for a unit faster than the frames.
     """
 
     specific_force: Float64Array
@@ -40,7 +43,7 @@ class ImuSample:
 
 
 class PointKind(IntEnum):
-    """What sent the echo."""
+    """Kind of target that a point's return came from; the values are written to files."""
 
     SURFACE = 0
     FOG = 1
@@ -49,24 +52,23 @@ class PointKind(IntEnum):
     DUST = 4
     SPRAY = 5
     GHOST = 6
-    """A surface seen in a puddle, reported below the ground."""
+    """A surface mirrored in a puddle, reported below the ground."""
 
 
 @dataclass(frozen=True, eq=False)
 class PointCloud:
-    """What one turn reports, n points in the order of the beams.
+    """The n points of one LiDAR scan, in the order of the beams.
 
     Attributes:
-        points: (n, 3) float32, metres, in the LiDAR frame at the frame's instant: what moved
-            under the sensor meanwhile is taken out.
-        raw: (n, 3) float32, metres, in the LiDAR frame when each point was measured; the same as
-            `points` unless the rig says `motion_distortion`.
-        intensity: (n,) float32 from 0 to 1: reflectance times cosine, dimmed by the air.
+        points: (n, 3) float32, metres, in the LiDAR frame at the frame's instant: the sensor's own
+            motion during the scan is compensated.
+        raw: (n, 3) float32, metres, in the LiDAR frame when each point was measured; equal to
+            `points` without the rig's `motion_distortion`.
+        intensity: (n,) float32, 0 to 1: reflectance times cosine, attenuated by the air.
         ring: (n,) uint16 channel, from the lowest up.
-        time_s: (n,) float32 against the frame's instant, negative; 0 in a turn that sees it all
-            at once.
+        time_s: (n,) float32 relative to the frame's instant, negative; 0 in an instantaneous scan.
         range_m: (n,) float32, noise included.
-        semantic: (n,) uint8 of `Semantic`; unlabelled in the air.
+        semantic: (n,) uint8 of `Semantic`; unlabelled for returns from the air.
         instance: (n,) int32 id of the actor; 0 for everything else.
         kind: (n,) uint8 of `PointKind`.
     """

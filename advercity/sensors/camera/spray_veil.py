@@ -7,23 +7,17 @@ from dataclasses import replace
 import numpy as np
 
 from advercity.frames import ActorState
-from advercity.geometry import poses
 from advercity.geometry.arrays import Float64Array
-from advercity.geometry.poses import Matrix
 from advercity.rendering.backend import CameraCapture
 from advercity.sensors.camera.exposure import CameraExposure
 from advercity.sensors.camera.scene_light import DROP_LUMINANCE_PER_LX, AmbientLight, lamp_luminance
 from advercity.sensors.spray_plumes import (
     MAX_PLUME_DISTANCE_M,
-    MIN_SPRAY_SPEED_M_S,
     PLUME_DECAY_M,
-    PLUME_HEIGHT_M,
-    PLUME_LENGTH_M,
-    SPRAY_EXTINCTION_PER_G_M3,
-    SPRAY_REFERENCE_SPEED_M_S,
-    SPRAY_WATER_G_M3,
-    SPRAYING_CLASSES,
+    SprayPlume,
     has_spray,
+    intersect_box,
+    iterate_spraying_states,
 )
 
 NUM_PLUME_STEPS = 6
@@ -43,7 +37,7 @@ def add_spray(
     if not has_spray(water_film_mm):
         return capture
     for state in _find_spraying_vehicles(exposure):
-        capture = _add_plume(capture, exposure, state, ambient_light)
+        capture = _add_plume(capture, exposure, SprayPlume.from_state(state), ambient_light)
     return capture
 
 
@@ -51,10 +45,8 @@ def _find_spraying_vehicles(exposure: CameraExposure) -> Sequence[ActorState]:
     """List the spraying vehicles, the farthest first, so that nearer plumes cover theirs."""
     found = [
         state
-        for state in exposure.frame.states
-        if state.speed_m_s >= MIN_SPRAY_SPEED_M_S
-        and state.actor.actor_class in SPRAYING_CLASSES
-        and _distance_m(state, exposure) < MAX_PLUME_DISTANCE_M
+        for state in iterate_spraying_states(exposure.frame.states)
+        if _distance_m(state, exposure) < MAX_PLUME_DISTANCE_M
     ]
     return sorted(found, key=lambda state: -_distance_m(state, exposure))
 
@@ -64,22 +56,18 @@ def _distance_m(state: ActorState, exposure: CameraExposure) -> float:
 
 
 def _add_plume(
-    capture: CameraCapture, exposure: CameraExposure, state: ActorState, ambient_light: AmbientLight
+    capture: CameraCapture,
+    exposure: CameraExposure,
+    plume: SprayPlume,
+    ambient_light: AmbientLight,
 ) -> CameraCapture:
-    length, width, _ = state.actor.size
-    middle = np.array([-(length + PLUME_LENGTH_M) / 2.0, 0.0, PLUME_HEIGHT_M / 2.0])
-    world_from_plume = state.world_from_body @ poses.pose_matrix(middle)
-    half = np.array([PLUME_LENGTH_M, width, PLUME_HEIGHT_M]) / 2.0
-    region = _image_region(exposure, world_from_plume, half)
+    region = _image_region(exposure, plume)
     if region is None:
         return capture
-    depth = capture.depth[region]
     rays, distance_per_depth = _pixel_rays(exposure, region)
-    tau = _optical_depth(
-        exposure, world_from_plume, half, rays, depth * distance_per_depth, state.speed_m_s
-    )
-    transmittance = np.exp(-tau)[..., None]
-    light = _spray_luminance(exposure, world_from_plume[:3, 3], ambient_light)
+    max_m = capture.depth[region] * distance_per_depth
+    transmittance = np.exp(-_optical_depth(exposure, plume, rays, max_m))[..., None]
+    light = _spray_luminance(exposure, plume.world_from_plume[:3, 3], ambient_light)
     radiance = capture.radiance.copy()
     radiance[region] = radiance[region] * transmittance + light * (1.0 - transmittance)
     return replace(capture, radiance=radiance.astype(np.float32))
@@ -99,13 +87,9 @@ def _spray_luminance(
     return ambient_light.mean_luminance + ambient_light.sun_lx / (4.0 * math.pi) + lamps[0]
 
 
-def _image_region(
-    exposure: CameraExposure, world_from_plume: Matrix, half: Float64Array
-) -> tuple[slice, slice] | None:
+def _image_region(exposure: CameraExposure, plume: SprayPlume) -> tuple[slice, slice] | None:
     """Find the rows and columns that a plume may cover; None if it is not in the image."""
-    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-    corners = poses.transform_points(world_from_plume, signs * half)
-    points = exposure.to_camera_axes(corners - exposure.position)
+    points = exposure.to_camera_axes(plume.corners - exposure.position)
     if (points[:, 0] <= 0.0).all():
         return None
     height, width = exposure.view.height_px, exposure.view.width_px
@@ -137,24 +121,16 @@ def _pixel_rays(
 
 
 def _optical_depth(
-    exposure: CameraExposure,
-    world_from_plume: Matrix,
-    half: Float64Array,
-    rays: Float64Array,
-    max_m: Float64Array,
-    speed_m_s: float,
+    exposure: CameraExposure, plume: SprayPlume, rays: Float64Array, max_m: Float64Array
 ) -> Float64Array:
     """Integrate the optical depth (r, c) of a plume along rays up to the surfaces behind it."""
-    own = rays @ world_from_plume[:3, :3]
-    start = (exposure.position - world_from_plume[:3, 3]) @ world_from_plume[:3, :3]
-    slope = 1.0 / np.where(np.abs(own) < 1e-9, 1e-9, own)
-    low, high = (-half - start) * slope, (half - start) * slope
-    enter = np.minimum(low, high).max(axis=-1).clip(0.0)
-    leave = np.minimum(np.maximum(low, high).min(axis=-1), max_m)
+    half, rotation = plume.half_size_m, plume.world_from_plume[:3, :3]
+    own = rays @ rotation
+    start = (exposure.position - plume.world_from_plume[:3, 3]) @ rotation
+    enter, leave = intersect_box(start, own, half, epsilon=1e-9)
+    leave = np.minimum(leave, max_m)
     path_m = np.maximum(leave - enter, 0.0)
-    peak = (
-        SPRAY_EXTINCTION_PER_G_M3 * SPRAY_WATER_G_M3 * (speed_m_s / SPRAY_REFERENCE_SPEED_M_S) ** 2
-    )
+    peak = plume.peak_extinction_per_m
     total = np.zeros(path_m.shape)
     for step in range(NUM_PLUME_STEPS):
         point = start + own * (enter + path_m * (step + 0.5) / NUM_PLUME_STEPS)[..., None]

@@ -1,7 +1,7 @@
-"""A spinning LiDAR: its beams, what comes back through the air, and the points it reports.
+"""A spinning LiDAR: its beams, what returns to it through the air, and the points it reports.
 
-Points are in the LiDAR's own frame, right-handed, x forward, y left, z up. Beams turn
-counter-clockwise from straight ahead, all channels at each azimuth.
+Points are in the LiDAR frame: right-handed, x forward, y left, z up. The head rotates
+counterclockwise from straight ahead and fires all channels at each azimuth.
 """
 
 from advercity.sensors.lidar.beams import beam_directions, channel_elevations_rad

@@ -1,6 +1,6 @@
-"""Where a LiDAR's beams point: channels, azimuths and the rays that stand for a beam.
+"""Directions of a LiDAR's beams and of the sub-rays that sample each, and beams towards a box.
 
-Beams that spread around a sensor, and which of them may meet a box.
+Angles are in the LiDAR frame (x forward, y left, z up), azimuths counterclockwise from x.
 """
 
 import math
@@ -15,11 +15,11 @@ from advercity.geometry.arrays import Float64Array, FloatArray, IndexArray
 from advercity.geometry.poses import Matrix, invert_pose, transform_points
 
 BEAM_DIVERGENCE_RAD = (3.0e-3, 1.5e-3)
-"""Full opening of a beam across and along the sensor's axis, as a VLP-32C has it."""
+"""Full divergence of a beam, horizontal and vertical (VLP-32C user manual)."""
 BEAM_APERTURE_M = (12e-3, 9e-3)
-"""Size of a beam where it leaves the sensor."""
+"""Width and height of a beam where it leaves the sensor."""
 SUB_RAY_RADIUS = 0.65
-"""Of the six outer sub-rays, in half-widths of the beam."""
+"""Distance of the six outer sub-rays from the axis, in half-widths of the beam."""
 
 _HDL_32E_DEG = np.linspace(-30.67, 10.67, 32)
 _VLP_32C_DEG = np.array(
@@ -36,18 +36,18 @@ _VLP_32C_OFFSET_DEG = np.array(
         1.4, -4.2, 1.4, -4.2, 4.2, -1.4, 1.4, -1.4, 1.4, -1.4, 1.4, -4.2, 4.2, -1.4, 1.4, -1.4,
     ]
 )  # fmt: skip
-"""Both by laser, as its manual lists them."""
+"""Elevations and azimuth offsets in the order of the lasers, as the manual lists them."""
 
 
 @dataclass(frozen=True)
 class ScanPattern:
-    """What turns: all that the directions of its rays depend on.
+    """Everything that the ray directions of a scan depend on; hashable, a cache's key.
 
     Attributes:
-        azimuths: Steps of a turn.
-        elevations_rad: Of every channel, from the lowest up.
-        offsets_rad: How far to the left of the head each channel looks.
-        sub_rays: Rays that stand for one beam.
+        azimuths: Firings per scan.
+        elevations_rad: Elevation of every channel, from the lowest up.
+        offsets_rad: Azimuth of each channel relative to the head, to the left.
+        sub_rays: Rays that sample one beam.
     """
 
     azimuths: int
@@ -57,13 +57,13 @@ class ScanPattern:
 
 
 def build_scan_pattern(lidar: Lidar) -> ScanPattern:
-    """The head of a sensor."""
+    """Build the scan pattern of a sensor."""
     elevations, offsets = channel_elevations_rad(lidar), channel_azimuth_offsets_rad(lidar)
     return ScanPattern(lidar.azimuths, tuple(elevations), tuple(offsets), lidar.sub_rays)
 
 
 def channel_elevations_rad(lidar: Lidar) -> Float64Array:
-    """Elevation of every channel (channels,), from the lowest up."""
+    """Look up the elevation of every channel (channels,), from the lowest up."""
     if lidar.channel_table == "hdl_32e":
         return np.radians(_HDL_32E_DEG)
     if lidar.channel_table == "vlp_32c":
@@ -72,7 +72,7 @@ def channel_elevations_rad(lidar: Lidar) -> Float64Array:
 
 
 def channel_azimuth_offsets_rad(lidar: Lidar) -> Float64Array:
-    """How far to the left of the turning head each channel (channels,) looks."""
+    """Look up the azimuth of each channel (channels,) relative to the head, to the left."""
     if lidar.channel_table == "vlp_32c":
         # Velodyne counts azimuth clockwise.
         return -np.radians(_VLP_32C_OFFSET_DEG[np.argsort(_VLP_32C_DEG)])
@@ -80,33 +80,33 @@ def channel_azimuth_offsets_rad(lidar: Lidar) -> Float64Array:
 
 
 def beam_directions(lidar: Lidar) -> NDArray[np.float32]:
-    """Directions (azimuths * channels, 3) of one turn, unit vectors in the LiDAR frame.
+    """Build the beam directions (azimuths * channels, 3) of one scan, unit, LiDAR frame.
 
-    They turn counter-clockwise from straight ahead, all channels at each azimuth. Read-only.
+    Counterclockwise from straight ahead, all channels at each azimuth. The array is read-only.
     """
     return build_ray_directions(replace(build_scan_pattern(lidar), sub_rays=1))
 
 
 def scan_azimuths_rad(azimuths: int) -> NDArray[np.float32]:
-    """Azimuth of the head (azimuths,) in its turn, ascending."""
-    turn = np.arange(azimuths) * (2.0 * math.pi / azimuths)
-    return turn.astype(np.float32)
+    """Compute the azimuths (azimuths,) of the head during a scan, ascending from 0."""
+    azimuth = np.arange(azimuths) * (2.0 * math.pi / azimuths)
+    return azimuth.astype(np.float32)
 
 
 def sub_ray_weights(lidar: Lidar) -> NDArray[np.float32]:
-    """Share of a beam's power (sub_rays,) that each of its rays stands for: a Gaussian profile."""
+    """Compute the fraction of a beam's power (sub_rays,) in each sub-ray: a Gaussian profile."""
     profile = np.exp(-2.0 * np.array([0.0, *[SUB_RAY_RADIUS] * (lidar.sub_rays - 1)]) ** 2)
     return (profile / profile.sum()).astype(np.float32)
 
 
 @lru_cache(maxsize=8)
 def build_ray_directions(pattern: ScanPattern) -> NDArray[np.float32]:
-    """Directions (azimuths * channels * sub_rays, 3) of the rays that stand for the beams.
+    """Build the directions (azimuths * channels * sub_rays, 3) of all rays of a scan, unit.
 
-    Those of a beam are side by side, the one along its axis first. Read-only.
+    The sub-rays of a beam are adjacent, the one along its axis first. The array is read-only.
     """
-    turn = np.arange(pattern.azimuths)[:, None] * (2.0 * math.pi / pattern.azimuths)
-    azimuth = turn + np.array(pattern.offsets_rad)
+    head = np.arange(pattern.azimuths)[:, None] * (2.0 * math.pi / pattern.azimuths)
+    azimuth = head + np.array(pattern.offsets_rad)
     elevation = np.broadcast_to(np.array(pattern.elevations_rad), azimuth.shape)
     cos_az, sin_az = np.cos(azimuth), np.sin(azimuth)
     cos_el, sin_el = np.cos(elevation), np.sin(elevation)
@@ -123,10 +123,10 @@ def build_ray_directions(pattern: ScanPattern) -> NDArray[np.float32]:
 
 
 def _sub_ray_offsets_rad(sub_rays: int) -> list[tuple[float, float]]:
-    """Leftward and upward angle of each of a beam's rays: its axis and a hexagon around it."""
-    wide, high = (SUB_RAY_RADIUS * opening / 2.0 for opening in BEAM_DIVERGENCE_RAD)
-    turn = [corner * math.pi / 3.0 for corner in range(sub_rays - 1)]
-    return [(0.0, 0.0), *((wide * math.cos(angle), high * math.sin(angle)) for angle in turn)]
+    """Compute the angles to the left and up of a beam's rays: its axis and a hexagon around it."""
+    wide, high = (SUB_RAY_RADIUS * divergence / 2.0 for divergence in BEAM_DIVERGENCE_RAD)
+    hexagon = [corner * math.pi / 3.0 for corner in range(sub_rays - 1)]
+    return [(0.0, 0.0), *((wide * math.cos(angle), high * math.sin(angle)) for angle in hexagon)]
 
 
 _FULL_CIRCLE_RAD = 2.0 * math.pi
@@ -134,13 +134,13 @@ _FULL_CIRCLE_RAD = 2.0 * math.pi
 
 @dataclass(frozen=True, eq=False)
 class BeamGrid:
-    """Beams in upright columns around a sensor, all channels at each bearing.
+    """Beams in vertical columns around a sensor, all channels at each azimuth.
 
     Attributes:
-        world_from_lidar: (4, 4); bearings turn about its z axis.
-        azimuth_rad: (m,) float32 of every column, ascending, from 0 to 2 pi.
-        elevation_rad: (c,) float32 of the beams of each column, ascending.
-        max_offset_rad: How far a beam may stray from its bearing and elevation.
+        world_from_lidar: (4, 4) pose of the sensor.
+        azimuth_rad: (m,) float32 azimuth of every column, ascending, from 0 to 2 pi.
+        elevation_rad: (c,) float32 elevations of the beams of each column, ascending.
+        max_offset_rad: Greatest deviation of a beam from its column's azimuth.
     """
 
     world_from_lidar: Matrix
@@ -150,7 +150,7 @@ class BeamGrid:
 
     @staticmethod
     def from_lidar(lidar: Lidar, world_from_lidar: Matrix) -> "BeamGrid":
-        """The beams of a LiDAR."""
+        """Build the grid of a LiDAR's beams."""
         return BeamGrid(
             world_from_lidar,
             scan_azimuths_rad(lidar.azimuths),
@@ -159,20 +159,24 @@ class BeamGrid:
         )
 
     def find_beams_towards(self, corners: Matrix) -> IndexArray:
-        """Beams (n,) that may meet the hull of points (c, 3) of the world, metres; ascending."""
+        """Find the beams (n,) that may hit the convex hull of world points (c, 3), ascending.
+
+        The answer is conservative: it may hold beams that miss.
+        """
         own = transform_points(invert_pose(self.world_from_lidar), corners)
         bearing = math.atan2(*own.mean(axis=0)[1::-1])
         ahead = own[:, 0] * math.cos(bearing) + own[:, 1] * math.sin(bearing)
         near = float(ahead.min())
+        # A hull around the sensor has no bearing.
         if near <= 0.0:
             return np.arange(len(self.azimuth_rad) * len(self.elevation_rad))
-        aside = np.arctan2(own[:, 1] * math.cos(bearing) - own[:, 0] * math.sin(bearing), ahead)
+        lateral = np.arctan2(own[:, 1] * math.cos(bearing) - own[:, 0] * math.sin(bearing), ahead)
         far = float(np.hypot(own[:, 0], own[:, 1]).max())
         low, high = float(own[:, 2].min()), float(own[:, 2].max())
         bottom = math.atan2(low, near if low < 0.0 else far) - self.max_offset_rad
         top = math.atan2(high, near if high > 0.0 else far) + self.max_offset_rad
-        first = (bearing + float(aside.min()) - self.max_offset_rad) % _FULL_CIRCLE_RAD
-        span = float(np.ptp(aside)) + 2.0 * self.max_offset_rad
+        first = (bearing + float(lateral.min()) - self.max_offset_rad) % _FULL_CIRCLE_RAD
+        span = float(np.ptp(lateral)) + 2.0 * self.max_offset_rad
         columns = np.flatnonzero((self.azimuth_rad - first) % _FULL_CIRCLE_RAD <= span)
         channels = np.flatnonzero((self.elevation_rad >= bottom) & (self.elevation_rad <= top))
         return (columns[:, None] * len(self.elevation_rad) + channels).ravel()

@@ -1,7 +1,4 @@
-"""Drops and dirt on the window that a LiDAR looks through.
-
-What a laser pulse meets on its way, worked out once per weather.
-"""
+"""Air, light, ground and window as a LiDAR at 905 nm has them, computed once per weather."""
 
 import math
 from dataclasses import dataclass
@@ -22,38 +19,45 @@ from advercity.sensors.lidar.volume_scattering import (
 from advercity.sensors.spray_plumes import has_spray
 
 NUM_WINDOW_SECTORS = 360
-"""Parts of the window, one degree each, that a drop may block."""
+"""Sectors of the window, one degree each, that a drop may block."""
 COVERED_WINDOW_LOSS = 0.3
-"""Light that a window loses, one way, where all of it is covered."""
+"""Loss of light, one way, where the window is fully covered."""
 BLOCKED_PER_COVERED = 2.0
-"""Share of sectors that are blocked, against the share of glass that is covered."""
+"""Fraction of sectors that are blocked, relative to the fraction of glass that is covered."""
 _FRONT_SECTOR_RAD, _REAR_SECTOR_RAD = math.radians(45.0), math.radians(135.0)
 
 
 @dataclass(frozen=True, eq=False)
 class LidarWindow:
-    """What the window does to each of n beams: gain (n,), two ways, and sector (n,)."""
+    """Drops or dirt on the window before n beams.
+
+    Attributes:
+        gain: (n,) factor on the power of returns, both ways.
+        coverage: (NUM_WINDOW_SECTORS,) fraction of each sector's glass that is covered.
+        sector: (n,) sector of each beam.
+    """
 
     gain: FloatArray
     coverage: FloatArray
-    """(SECTORS,) share of the glass that is covered."""
     sector: NDArray[np.int32]
 
     @staticmethod
     def from_lidar(lidar: Lidar, coverage: tuple[float, float, float]) -> "LidarWindow | None":
-        """None if it is clean.
+        """Build the window of a sensor; None if it is clean.
 
         Args:
-            lidar: Whose window it is.
-            coverage: At the front, the sides and the rear.
+            lidar: The sensor.
+            coverage: Covered fraction at the front, the sides and the rear.
         """
         if not any(coverage):
             return None
         front, side, rear = coverage
-        turn = (np.arange(NUM_WINDOW_SECTORS) + 0.5) * (2.0 * math.pi / NUM_WINDOW_SECTORS)
-        ahead = np.minimum(turn, 2.0 * math.pi - turn)
+        azimuth = (np.arange(NUM_WINDOW_SECTORS) + 0.5) * (2.0 * math.pi / NUM_WINDOW_SECTORS)
+        from_front = np.minimum(azimuth, 2.0 * math.pi - azimuth)
         by_sector = np.where(
-            ahead < _FRONT_SECTOR_RAD, front, np.where(ahead < _REAR_SECTOR_RAD, side, rear)
+            from_front < _FRONT_SECTOR_RAD,
+            front,
+            np.where(from_front < _REAR_SECTOR_RAD, side, rear),
         )
         bearing = np.repeat(scan_azimuths_rad(lidar.azimuths), lidar.channels)
         sector = (bearing * (NUM_WINDOW_SECTORS / (2.0 * math.pi))).astype(
@@ -63,7 +67,7 @@ class LidarWindow:
         return LidarWindow(gain.astype(np.float32)[sector], by_sector.astype(np.float32), sector)
 
     def find_clear_beams(self, uniform: FloatArray) -> NDArray[np.bool_]:
-        """Whether each beam (n,) gets out, by random numbers (SECTORS,) from 0 to 1."""
+        """Whether each beam (n,) is not blocked, by random numbers (sectors,) from 0 to 1."""
         return (uniform >= BLOCKED_PER_COVERED * self.coverage)[self.sector]
 
 
@@ -74,15 +78,15 @@ class LidarConditions:
     Attributes:
         extinction_per_m: Total extinction coefficient at 905 nm.
         soft_target: Fog and dust; None if there is neither.
-        particles: What falls.
-        has_spray: Whether the road is wet enough for wheels to throw water up.
+        particles: Falling rain and snow.
+        has_spray: Whether the road is wet enough for spray.
         wetness: 0 dry to 1 soaked.
-        puddle_coverage: Share of the carriageway under standing water.
-        snow_cover: Share of the ground under snow.
-        road_snow_cover: The same of carriageways.
-        noise_factor: Factor on the receiver's noise by daylight.
-        sun_direction: (3,) towards the sun's disc; None if it is not to be seen.
-        window_coverage: Share of the sensor's window that drops or dirt cover: front, side, rear.
+        puddle_coverage: Fraction of the carriageway under standing water.
+        snow_cover: Fraction of the ground under snow.
+        road_snow_cover: Fraction of carriageways under snow.
+        noise_factor: Factor by which daylight raises the receiver's noise.
+        sun_direction: (3,) towards the sun's disc; None if clouds or fog hide it.
+        window_coverage: Covered fraction of the sensor's window: front, side, rear.
     """
 
     extinction_per_m: float
@@ -99,7 +103,7 @@ class LidarConditions:
 
 
 MIN_VISIBLE_SUN_LX = 1_000.0
-"""Direct sunlight below this is no disc any more."""
+"""Direct normal illuminance below which the sun's disc no longer blinds."""
 
 
 def derive_lidar_conditions(atmosphere: Atmosphere, lens: Lens) -> LidarConditions:

@@ -1,4 +1,4 @@
-"""The points that come out of one turn of a LiDAR in the weather."""
+"""The point cloud of one scan, from surfaces, air and receiver."""
 
 import math
 
@@ -18,8 +18,11 @@ from advercity.sensors.lidar.scan import ScanHits, scan_fractions
 from advercity.sensors.measurements import PointCloud
 
 SCAN_PERIOD_S = 0.1
+"""Duration of a scan: one tick of the simulation."""
 SUN_BLINDING_ANGLE_RAD = math.radians(1.0)
+"""Angle to the sun within which a beam detects nothing."""
 _CARLA_ATTENUATION_PER_M = 0.004
+"""Default `atmosphere_attenuation_rate` of CARLA's LiDAR, which the drop-off rule is defined by."""
 
 
 def measure_point_cloud(
@@ -30,32 +33,32 @@ def measure_point_cloud(
     *,
     states: tuple[ActorState, ...] = (),
 ) -> PointCloud:
-    """What a LiDAR reports of one turn's `scan` in this air.
+    """Measure the points of one scan.
 
-    Surfaces, what is behind windows or mirrored in puddles, fog, dust, drops, flakes and spray
-    all send light back. Echoes of a beam that overlap are one; those that pass the receiver's
-    threshold are candidates, of which the rig has the strongest, the last or both reported.
+    Surfaces, surfaces behind windows or mirrored in puddles, fog, dust, drops, flakes and spray
+    all return light. Overlapping returns of a beam merge; of those above the receiver's threshold
+    the rig reports the strongest, the last or both.
 
     Args:
         lidar: The sensor.
-        scan: What its rays met.
-        air: The weather.
-        rng: Of this sensor and frame.
-        states: Who may throw up spray.
+        scan: Surfaces that its rays hit.
+        air: Conditions of the weather.
+        rng: Generator of this sensor and frame.
+        states: Actors, whose wheels may throw up spray.
     """
-    draws = RandomStreams(rng)
+    streams = RandomStreams(rng)
     window = LidarWindow.from_lidar(lidar, air.window_coverage)
-    sources = ReturnSources(lidar, scan, air, draws, window=window, states=states)
-    fired = _find_active_beams(lidar, scan, air, draws, window)
-    rivals, others = _collect_returns(lidar, sources, fired)
-    found = select_reported(rivals, others, lidar.azimuths * lidar.channels, lidar.echoes)
-    return _build_point_cloud(lidar, scan, air, draws, found)
+    sources = ReturnSources(lidar, scan, air, streams, window=window, states=states)
+    is_active = _find_active_beams(lidar, scan, air, streams, window)
+    per_beam, others = _collect_returns(lidar, sources, is_active)
+    found = select_reported(per_beam, others, lidar.azimuths * lidar.channels, lidar.echoes)
+    return _build_point_cloud(lidar, scan, air, streams, found)
 
 
 def dropoff_survival_fraction(lidar: Lidar, range_m: FloatArray) -> FloatArray:
-    """Share (n,) of echoes that the rig's intensity drop-off spares.
+    """Compute the fraction (n,) of returns that survive the rig's intensity drop-off.
 
-    CARLA's rule, on the intensity that CARLA knows: exp(-0.004 R), without target or weather.
+    CARLA's rule on CARLA's intensity, exp(-0.004 R), which ignores target and weather.
     """
     intensity = np.exp(-_CARLA_ATTENUATION_PER_M * range_m)
     weakness = np.maximum(0.0, 1.0 - intensity / max(lidar.dropoff_intensity_limit, 1e-9))
@@ -66,51 +69,54 @@ def _find_active_beams(
     lidar: Lidar,
     scan: ScanHits,
     air: LidarConditions,
-    draws: RandomStreams,
+    streams: RandomStreams,
     window: LidarWindow | None,
 ) -> NDArray[np.bool_] | None:
-    """Beams (n,) that leave the sensor and are not blinded; None if all do."""
-    fired: NDArray[np.bool_] | None = None
+    """Find the beams (n,) that are fired and neither blocked nor blinded; None if all are."""
+    is_active: NDArray[np.bool_] | None = None
     if lidar.dropoff_rate:
-        uniform = draws.uniform(StreamPurpose.FIRED, lidar.azimuths * lidar.channels)
-        fired = uniform >= lidar.dropoff_rate
+        uniform = streams.uniform(StreamPurpose.FIRED, lidar.azimuths * lidar.channels)
+        is_active = uniform >= lidar.dropoff_rate
     if window is not None:
         clear = window.find_clear_beams(
-            draws.open_stream(StreamPurpose.WINDOW).random(NUM_WINDOW_SECTORS, np.float32)
+            streams.open_stream(StreamPurpose.WINDOW).random(NUM_WINDOW_SECTORS, np.float32)
         )
-        fired = clear if fired is None else fired & clear
+        is_active = clear if is_active is None else is_active & clear
     if air.sun_direction is not None and lidar.sunlight_noise:
         sun = (scan.world_from_lidar[:3, :3].T @ air.sun_direction).astype(np.float32)
-        aside = beam_directions(lidar) @ sun < math.cos(SUN_BLINDING_ANGLE_RAD)
-        fired = aside if fired is None else fired & aside
-    return fired
+        off_sun = beam_directions(lidar) @ sun < math.cos(SUN_BLINDING_ANGLE_RAD)
+        is_active = off_sun if is_active is None else is_active & off_sun
+    return is_active
 
 
 def _collect_returns(
-    lidar: Lidar, sources: ReturnSources, fired: NDArray[np.bool_] | None
+    lidar: Lidar, sources: ReturnSources, is_active: NDArray[np.bool_] | None
 ) -> tuple[list[Returns], list[Returns]]:
-    """Echoes of beams that were fired: of sources with one for every beam, and of the others."""
+    """Collect the returns of active beams: of sources with one per beam, and of all others.
+
+    With sub-rays a surface has several returns per beam, so all sources count as others.
+    """
     surfaces, soft, others = (
         sources.surface_returns(),
         sources.soft_target_returns(),
         list(sources.iterate_other_returns()),
     )
-    every = [surfaces] if soft is None else [surfaces, soft]
-    if fired is not None:
-        surfaces.power[:] *= np.repeat(fired, lidar.sub_rays)
+    per_beam = [surfaces] if soft is None else [surfaces, soft]
+    if is_active is not None:
+        surfaces.power[:] *= np.repeat(is_active, lidar.sub_rays)
         if soft is not None:
-            soft.power[:] *= fired
-        others = [echoes.select(fired.take(echoes.beam)) for echoes in others]
-    return (every, others) if lidar.sub_rays == 1 else ([], [*every, *others])
+            soft.power[:] *= is_active
+        others = [item.select(is_active.take(item.beam)) for item in others]
+    return (per_beam, others) if lidar.sub_rays == 1 else ([], [*per_beam, *others])
 
 
 def _build_point_cloud(
-    lidar: Lidar, scan: ScanHits, air: LidarConditions, draws: RandomStreams, found: Returns
+    lidar: Lidar, scan: ScanHits, air: LidarConditions, streams: RandomStreams, found: Returns
 ) -> PointCloud:
-    """The points of reported echoes."""
-    range_m = _measured_range_m(lidar, draws, found)
+    """Build the points of reported returns."""
+    range_m = _measure_range_m(lidar, streams, found)
     if lidar.dropoff_zero_intensity:
-        uniform = draws.uniform(StreamPurpose.DROPOFF, lidar.azimuths * lidar.channels)
+        uniform = streams.uniform(StreamPurpose.DROPOFF, lidar.azimuths * lidar.channels)
         kept = np.flatnonzero(uniform.take(found.beam) < dropoff_survival_fraction(lidar, range_m))
         found, range_m = found.select(kept), range_m[kept]
     azimuth = found.beam // np.int32(lidar.channels)
@@ -134,22 +140,23 @@ def _build_point_cloud(
     )
 
 
-def _measured_range_m(lidar: Lidar, draws: RandomStreams, found: Returns) -> FloatArray:
+def _measure_range_m(lidar: Lidar, streams: RandomStreams, found: Returns) -> FloatArray:
+    # Adding zero noise would still cost a draw for every beam.
     if lidar.range_noise_model == "fixed" and not lidar.range_noise_m:
         return found.range_m
-    error = draws.normal(StreamPurpose.RANGE_NOISE, lidar.azimuths * lidar.channels)
-    deviation_m = np.float32(lidar.range_noise_m)
-    if lidar.range_noise_model == "signal":
-        return found.range_m + error.take(found.beam) * range_standard_deviation_m(
-            found.power, lidar.range_noise_m
-        )
+    error = streams.normal(StreamPurpose.RANGE_NOISE, lidar.azimuths * lidar.channels)
+    deviation_m = (
+        range_standard_deviation_m(found.power, lidar.range_noise_m)
+        if lidar.range_noise_model == "signal"
+        else np.float32(lidar.range_noise_m)
+    )
     return found.range_m + error.take(found.beam) * deviation_m
 
 
 def _compensate_motion(
     lidar: Lidar, scan: ScanHits, raw: FloatArray, azimuth: NDArray[np.int32]
 ) -> tuple[FloatArray, FloatArray]:
-    """Points in the frame of the frame's instant, and when each was measured."""
+    """Transform points to the LiDAR frame at the frame's instant; also return their times."""
     if scan.now_from_then is None:
         return raw, np.zeros(len(raw), np.float32)
     motion = scan.now_from_then[azimuth]

@@ -1,7 +1,6 @@
-"""Random numbers of one turn, a stream for each purpose.
+"""Random numbers of one scan, an independent stream for each purpose.
 
-What one effect draws never shifts what another does: switching rain off leaves every other number
-as it was.
+Draws of one effect never shift those of another: without rain all other numbers stay the same.
 """
 
 from enum import IntEnum
@@ -13,11 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 NUM_LEVELS = 1 << 16
-"""Different numbers that come out of `normal` and `uniform`."""
+"""Number of different values of `normal` and `uniform`: two bytes a draw instead of eight."""
 
 
 class StreamPurpose(IntEnum):
-    """What a stream is for; a new purpose goes to the end."""
+    """Purpose of a stream.
+
+    Values are jumps of the generator: a new purpose goes to the end, or every dataset changes.
+    """
 
     FIRED = 0
     SURFACE_NOISE = 1
@@ -35,35 +37,34 @@ class StreamPurpose(IntEnum):
 
 
 class RandomStreams:
-    """The streams of a sensor in a frame."""
+    """The random streams of a sensor in a frame."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._root = cast("np.random.Philox", rng.bit_generator)
 
     def normal(self, purpose: StreamPurpose, count: int) -> NDArray[np.float32]:
-        """Standard normal numbers (count,), the first of the purpose's stream."""
-        return normal_quantiles().take(self._draw_levels(purpose, count))
+        """Draw standard normal numbers (count,), the first of the purpose's stream."""
+        return normal_quantiles().take(draw_levels(self.open_stream(purpose), count))
 
     def uniform(self, purpose: StreamPurpose, count: int) -> NDArray[np.float32]:
-        """Numbers (count,) between 0 and 1, the first of the purpose's stream."""
-        return (self._draw_levels(purpose, count) + np.float32(0.5)) * np.float32(1.0 / NUM_LEVELS)
-
-    def _draw_levels(self, purpose: StreamPurpose, count: int) -> NDArray[np.uint16]:
-        return draw_levels(self.open_stream(purpose), count)
+        """Draw numbers (count,) between 0 and 1, the first of the purpose's stream."""
+        return (draw_levels(self.open_stream(purpose), count) + np.float32(0.5)) * np.float32(
+            1.0 / NUM_LEVELS
+        )
 
     def open_stream(self, purpose: StreamPurpose) -> np.random.Generator:
-        """The generator for a purpose, always from its beginning."""
+        """Open the generator of a purpose, always at its beginning."""
         return np.random.Generator(self._root.jumped(purpose + 1))
 
 
 def draw_levels(rng: np.random.Generator, count: int) -> NDArray[np.uint16]:
-    """Whole numbers (count,), 0 to `LEVELS` - 1: a fourth of the draws that floats would need."""
+    """Draw integers (count,) from 0 to `NUM_LEVELS` - 1, four from each 64-bit word."""
     return np.frombuffer(rng.bytes(2 * count), np.uint16)
 
 
 @lru_cache(maxsize=1)
 def normal_quantiles() -> NDArray[np.float32]:
-    """Standard normal number of each level: the middle quantiles, out to 4.3 deviations."""
+    """Tabulate the standard normal quantile at the middle of each level, out to 4.3 sigma."""
     inverse = NormalDist().inv_cdf
     table = np.array(
         [inverse((level + 0.5) / NUM_LEVELS) for level in range(NUM_LEVELS)], np.float32

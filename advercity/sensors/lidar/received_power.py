@@ -1,10 +1,7 @@
-"""The LiDAR equation, normalised, and the threshold that an echo must pass.
+"""The LiDAR equation, detection statistics, and the reflectance of surfaces at 905 nm.
 
-Powers are in units of the threshold in the dark: an echo of 1 is found half of the time.
-
-What surfaces send back at 905 nm: diffuse, glossy and retroreflecting, dry, wet or snowed on.
-
-How far a LiDAR finds a target of a given reflectance in a weather, in the dark.
+Powers are relative to the detection threshold in the dark: a return of 1 is detected half of the
+time.
 """
 
 import math
@@ -20,60 +17,67 @@ from advercity.rendering.raycaster import MATERIAL_NAMES, RayHits
 from advercity.semantics import Semantic
 
 NEAR_FIELD_M = 10.0
-"""Below this range gain control and overlap keep echoes from growing with 1/R²."""
+"""Range below which gain control and incomplete overlap keep power from growing with 1/R²."""
 REFERENCE_REFLECTANCE = 0.10
 REFERENCE_RANGE_M = 80.0
-"""Where a target of 10 % facing the sensor in clear air is detected half the time."""
-REFERENCE_VISIBILITY_M = 20_000.0
+REFERENCE_MOR_M = 20_000.0
+"""A target of that reflectance that faces the sensor at that range is detected half of the time."""
 SIGNAL_TO_NOISE = 5.0
-"""Of an echo at the detection threshold."""
+"""Signal-to-noise ratio of a return at the detection threshold."""
 PULSE_LENGTH_M = 0.749
-"""Half of what light goes in a pulse of 5 ns: echoes closer than this are one."""
+"""Half the length of a 5 ns pulse: returns closer than this overlap and count as one."""
 NOISE_RANGE_ERROR_M = 0.75
-"""Of an echo as strong as the noise."""
+"""Standard deviation of the range of a return as strong as the noise."""
 NOISE_DOUBLING_LX = 50_000.0 / 0.3
 """Illuminance that adds as much noise power as the receiver has in the dark."""
 _DARK_THRESHOLD = (
     REFERENCE_REFLECTANCE
     / math.pi
-    * math.exp(-2.0 * extinction_from_mor(REFERENCE_VISIBILITY_M) * REFERENCE_RANGE_M)
+    * math.exp(-2.0 * extinction_from_mor(REFERENCE_MOR_M) * REFERENCE_RANGE_M)
     / (REFERENCE_RANGE_M**2 + NEAR_FIELD_M**2)
 )
 WHITE_TARGET_POWER = 1.0 / (math.pi * _DARK_THRESHOLD)
-"""Power of a white target that faces the sensor in a vacuum, times the gain 1/(R² + 10²)."""
+"""Power of a white target that faces the sensor in a vacuum, without the factor 1/(R² + 10²)."""
 
 
 def received_power(
     range_m: FloatArray, reflected_fraction: FloatArray, extinction_per_m: float
 ) -> FloatArray:
-    """Power (n,) of a hard Lambertian target, against the threshold.
+    """Compute the power (n,) of a hard Lambertian target, relative to the threshold.
+
+    The LiDAR equation for a target that fills the beam: `rho cos(a) exp(-2 k R) / (R² + R0²)`.
 
     Args:
         range_m: (n,) metres.
         reflected_fraction: (n,) reflectance times cosine of incidence.
-        extinction_per_m: Extinction coefficient at 905 nm, of the air between, 1/m.
+        extinction_per_m: Extinction coefficient at 905 nm of the air between.
     """
-    left = np.exp(range_m * range_m.dtype.type(-2.0 * extinction_per_m))
-    return left * reflected_fraction * (WHITE_TARGET_POWER / (range_m * range_m + NEAR_FIELD_M**2))
+    # In the dtype of the ranges: a float64 factor would promote whole float32 scans.
+    transmittance = np.exp(range_m * range_m.dtype.type(-2.0 * extinction_per_m))
+    return (
+        transmittance
+        * reflected_fraction
+        * (WHITE_TARGET_POWER / (range_m * range_m + NEAR_FIELD_M**2))
+    )
 
 
 def apparent_reflectance(power: FloatArray, range_m: FloatArray) -> FloatArray:
-    """Reflectance (n,) that a target would have in clear air; what a sensor calls intensity."""
+    """Compute the reflectance (n,) that a target in clear air would have: the intensity."""
     return power * ((range_m * range_m + NEAR_FIELD_M**2) / WHITE_TARGET_POWER)
 
 
 def daylight_noise_factor(illuminance_lx: float) -> float:
-    """How much daylight raises the receiver's noise, and with it the threshold."""
+    """Compute the factor by which daylight raises the receiver's noise and its threshold."""
     return math.sqrt(1.0 + illuminance_lx / NOISE_DOUBLING_LX)
 
 
 def detection_margin_sigma(power: FloatArray) -> FloatArray:
-    """How far (n,) an echo stands above the threshold, in standard deviations of the noise."""
+    """Compute the margin (n,) of returns above the threshold, in standard deviations of noise."""
     return SIGNAL_TO_NOISE * (power - 1.0)
 
 
 def range_standard_deviation_m(power: FloatArray, instrument_deviation_m: float) -> FloatArray:
-    """Standard deviation (n,) of the range of echoes: the instrument's own and that of noise."""
+    """Compute the standard deviation (n,) of the range of returns: the instrument's and noise's."""
     return np.sqrt(
         instrument_deviation_m**2 + (NOISE_RANGE_ERROR_M / (SIGNAL_TO_NOISE * power)) ** 2
     )
@@ -82,14 +86,15 @@ def range_standard_deviation_m(power: FloatArray, instrument_deviation_m: float)
 WATER_REFRACTIVE_INDEX_905NM = 1.328
 """Refractive index of water at 905 nm."""
 PANE_TRANSMITTANCE = 0.85
-"""Share of the light that gets through a window, one way."""
+"""Transmittance of a window pane, one way."""
 GLOSS_WIDTH_RAD = 0.07
-"""Width of the highlight of varnish: a beam that meets it within 4 degrees comes straight back."""
+"""Width of the specular lobe of varnish: within 4 degrees of normal incidence it dominates."""
 _WATER_INTERNAL_REFLECTANCE_905NM = 0.4702
+"""Reflectance of a water surface for diffuse light from inside."""
 _BEAD_SHADING_COSINE = 0.05
 """Cosine of incidence below which glass beads in paint shade each other."""
 _WET_BEAD_FACTOR = 0.2
-"""What rain leaves of their echo."""
+"""Fraction of the beads' retroreflection that remains on a soaked road."""
 
 
 _ROWS = [MATERIALS[name] for name in MATERIAL_NAMES]
@@ -104,15 +109,15 @@ IS_GLASS = np.array([row.is_transparent for row in _ROWS])
 def effective_reflectance(
     hits: RayHits, *, wetness: float = 0.0, snow_cover: float = 0.0, road_snow_cover: float = 0.0
 ) -> FloatArray:
-    """Reflectance at 905 nm times cosine of incidence (n,); above 1 for retroreflectors.
+    """Compute reflectance at 905 nm times cosine of incidence (n,); above 1 for retroreflectors.
 
-    Rain leaves its film and snow its cover on what faces up; walls and windows stay as they are.
+    Water films and snow cover surfaces that face up; walls and windows stay as they are.
 
     Args:
-        hits: What was met.
+        hits: Surfaces that rays hit.
         wetness: 0 dry to 1 soaked.
-        snow_cover: Share of the ground under snow.
-        road_snow_cover: The same of carriageways.
+        snow_cover: Fraction of the ground under snow.
+        road_snow_cover: Fraction of carriageways under snow.
     """
     reflectance = _DIFFUSE.take(hits.material)
     upward = (
@@ -124,21 +129,21 @@ def effective_reflectance(
         reflectance = reflectance + upward * cover * (
             np.float32(SNOW_REFLECTANCE_905NM) - reflectance
         )
-    share = reflectance * hits.cosine
+    effective = reflectance * hits.cosine
     if upward is not None and wetness:
         wet = wet_reflectance_ratio(reflectance, hits.cosine)
-        share *= 1.0 + np.float32(wetness) * upward * (wet - 1.0)
+        effective *= 1.0 + np.float32(wetness) * upward * (wet - 1.0)
     special = np.flatnonzero(~_IS_PLAIN.take(hits.material))
-    share[special] += _special_reflectance(
+    effective[special] += _special_reflectance(
         hits.material.take(special), hits.cosine.take(special), wetness
     )
-    return share
+    return effective
 
 
 def _special_reflectance(
     material: NDArray[np.int16], cosine: FloatArray, wetness: float
 ) -> FloatArray:
-    """What varnish, sheeting and beads add (k,)."""
+    """Compute the contributions (k,) of varnish, retroreflective sheeting and glass beads."""
     gloss = np.exp((cosine - 1.0) / GLOSS_WIDTH_RAD**2)
     beads = np.minimum(cosine / _BEAD_SHADING_COSINE, 1.0) * (
         1.0 - (1.0 - _WET_BEAD_FACTOR) * wetness
@@ -151,13 +156,13 @@ def _special_reflectance(
 
 
 def wet_reflectance_ratio(reflectance: FloatArray, cosine: FloatArray) -> FloatArray:
-    """Echo (n,) of a target under a film of water against the same target dry.
+    """Compute the return (n,) of a target under a film of water, relative to the same target dry.
 
-    Light crosses the surface twice and is partly held inside (Angstrom 1925; Lekner and Dorf
-    1988); at grazing incidence most of it glances off.
+    Light crosses the surface twice and is partly absorbed after internal reflection (Angstrom
+    1925; Lekner and Dorf 1988); at grazing incidence most of it is reflected away.
     """
-    passed = 1.0 - fresnel_reflectance(cosine, WATER_REFRACTIVE_INDEX_905NM)
-    return passed**2 / (
+    transmitted = 1.0 - fresnel_reflectance(cosine, WATER_REFRACTIVE_INDEX_905NM)
+    return transmitted**2 / (
         WATER_REFRACTIVE_INDEX_905NM**2 * (1.0 - reflectance * _WATER_INTERNAL_REFLECTANCE_905NM)
     )
 
@@ -168,12 +173,12 @@ DETECTION_RANGE_STEP_M = 0.1
 def detection_range_m(
     reflectance: float, extinction_per_m: float, *, max_range_m: float = 200.0
 ) -> float:
-    """Range at which a target that faces the sensor is found half of the time.
+    """Compute the range at which a target that faces the sensor is detected half of the time.
 
     Args:
-        reflectance: Of a Lambertian target, at 905 nm.
-        extinction_per_m: Extinction coefficient at 905 nm, of the air, 1/m.
-        max_range_m: Beyond this the sensor does not listen.
+        reflectance: Reflectance of a Lambertian target at 905 nm.
+        extinction_per_m: Extinction coefficient of the air at 905 nm.
+        max_range_m: End of the sensor's listening time.
     """
     ranges = np.arange(
         DETECTION_RANGE_STEP_M, max_range_m + DETECTION_RANGE_STEP_M / 2, DETECTION_RANGE_STEP_M

@@ -1,4 +1,4 @@
-"""Everything that sends light back to a LiDAR in one turn."""
+"""Returns of one scan by source: surfaces, fog and dust, particles, spray."""
 
 import math
 from collections.abc import Iterator
@@ -39,22 +39,22 @@ from advercity.sensors.lidar.volume_scattering import (
 from advercity.sensors.measurements import PointKind
 
 MIN_RELEVANT_POWER = 0.2
-"""Power of echoes, times the sub-rays that may add up to one, that noise does not lift over the
-threshold: they stand four standard deviations below."""
+"""Power of returns, times the sub-rays that may add up to one, below which they are dropped: noise
+would have to lift them over the threshold by four standard deviations."""
 SPRAY_PENETRATION_M = 3.0
-"""How deep into a plume echoes come from."""
+"""Depth of a plume from which returns come."""
 
 
 class ReturnSources:
-    """All that sends echoes back in one turn.
+    """The sources of returns in one scan.
 
     Args:
         lidar: The sensor.
-        scan: What its rays met.
-        air: The weather.
-        draws: Random numbers of the turn.
-        window: What the sensor looks through, if it is not clean.
-        states: Who may throw up spray.
+        scan: Surfaces that its rays hit.
+        air: Conditions of the weather.
+        streams: Random numbers of the scan.
+        window: Drops and dirt on the sensor's window; None if it is clean.
+        states: Actors, whose wheels may throw up spray.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class ReturnSources:
         lidar: Lidar,
         scan: ScanHits,
         air: LidarConditions,
-        draws: RandomStreams,
+        streams: RandomStreams,
         *,
         window: LidarWindow | None,
         states: tuple[ActorState, ...],
@@ -70,27 +70,28 @@ class ReturnSources:
         self._lidar = lidar
         self._scan = scan
         self._air = air
-        self._draws = draws
+        self._streams = streams
         self._window = window
         self._count = lidar.azimuths * lidar.channels
         self._threshold = receiver_noise_factor(lidar, air)
         self._stop_m = scan.hits.range_m[:: lidar.sub_rays]
         self._plumes = self._find_plumes(states)
-        self._spray_left = self._spray_transmittance()
+        self._plume_transmittance = self._compute_plume_transmittance()
 
     def surface_returns(self) -> Returns:
-        """What rays met first: one echo a ray, in their order; of no power if there is none."""
+        """Compute the returns of first surfaces, one per ray in order; power 0 for a miss."""
         hits = self._scan.hits
-        share = self._effective_reflectance(hits)
-        share[self._scan.puddle_rays] = 0.0
+        reflectance = self._effective_reflectance(hits)
+        # Water mirrors the beam away: rays that hit it return from what they see in it.
+        reflectance[self._scan.puddle_rays] = 0.0
         return self._hard_target_returns(
-            hits, share, None, self._draw_noise(StreamPurpose.SURFACE_NOISE, len(share))
+            hits, reflectance, None, self._draw_noise(StreamPurpose.SURFACE_NOISE, len(reflectance))
         )
 
     def soft_target_returns(self) -> Returns | None:
-        """Fog and dust: one echo a beam, in their order; None where the air is clear.
+        """Compute the returns of fog and dust, one per beam in order; None in clear air.
 
-        The droplets of each beam are a little more or fewer than the mean.
+        The number of droplets in each beam fluctuates about the mean.
         """
         soft, lidar, count = self._air.soft_target, self._lidar, self._count
         if soft is None or lidar.soft_gain <= 0.0:
@@ -98,48 +99,51 @@ class ReturnSources:
         gain = np.full(count, lidar.soft_gain / self._threshold, np.float32)
         if lidar.detection == "noisy":
             gain *= _fluctuation_table().take(
-                draw_levels(self._draws.open_stream(StreamPurpose.SOFT_POWER), count)
+                draw_levels(self._streams.open_stream(StreamPurpose.SOFT_POWER), count)
             )
         self._apply_window_loss(gain, None)
-        uniform = self._draws.uniform(StreamPurpose.SOFT_RANGE, count)
+        uniform = self._streams.uniform(StreamPurpose.SOFT_RANGE, count)
         range_m, power = soft.sample(gain, self._stop_m, uniform)
         power *= power > MIN_RELEVANT_POWER / lidar.sub_rays
         kind = np.full(count, PointKind.FOG, np.uint8)
         if soft.dust_fraction:
-            dusty = self._draws.uniform(StreamPurpose.SOFT_KIND, count) < soft.dust_fraction
+            dusty = self._streams.uniform(StreamPurpose.SOFT_KIND, count) < soft.dust_fraction
             kind[dusty] = PointKind.DUST
         beam = np.arange(count, dtype=np.int32)
         noise = self._draw_noise(StreamPurpose.SOFT_NOISE, count)
         return _build_airborne_returns(beam, range_m, power, noise, kind)
 
     def iterate_other_returns(self) -> Iterator[Returns]:
-        """The echoes of everything else, source by source, each sorted by beam."""
+        """Yield the returns of all other sources, each sorted by beam."""
+        # The order of sources decides ties between equally strong returns.
         yield from self._secondary_returns()
         for table in self._air.particles:
             yield self._particle_returns(table)
         if self._plumes and self._lidar.soft_gain > 0.0:
-            rng = self._draws.open_stream(StreamPurpose.SPRAY)
+            rng = self._streams.open_stream(StreamPurpose.SPRAY)
             for plume in self._plumes:
                 yield self._spray_returns(plume, rng)
 
     def _secondary_returns(self) -> Iterator[Returns]:
-        """What is behind windows or mirrored in puddles, last because weather decides on it."""
+        """Yield the returns of surfaces behind panes, then of those mirrored in puddles."""
+        # One stream for all: puddles, which depend on the weather, must draw last.
         scan = self._scan
-        onward = [(one, PointKind.SURFACE) for one in scan.behind_glass]
-        onward += (
-            [] if scan.puddle_reflection is None else [(scan.puddle_reflection, PointKind.GHOST)]
-        )
-        rng = self._draws.open_stream(StreamPurpose.ONWARD_NOISE)
-        for one, kind in onward:
-            share = self._effective_reflectance(one.hits) * one.transmittance
-            noise = self._draw_stream_noise(rng, len(one.ray))
-            echoes = self._hard_target_returns(one.hits, share, one.ray, noise, kind)
-            yield echoes.select(echoes.power > 0.0)
+        sources = [(hits, PointKind.SURFACE) for hits in scan.behind_glass]
+        if scan.puddle_reflection is not None:
+            sources.append((scan.puddle_reflection, PointKind.GHOST))
+        rng = self._streams.open_stream(StreamPurpose.ONWARD_NOISE)
+        for secondary, kind in sources:
+            reflectance = self._effective_reflectance(secondary.hits) * secondary.transmittance
+            noise = self._draw_stream_noise(rng, len(secondary.ray))
+            returns = self._hard_target_returns(
+                secondary.hits, reflectance, secondary.ray, noise, kind
+            )
+            yield returns.select(returns.power > 0.0)
 
     def _particle_returns(self, table: ParticleTable) -> Returns:
-        """Drops or flakes in front of whatever stops the beam."""
+        """Compute the returns of drops or flakes in front of the surface that stops each beam."""
         kind = PARTICLE_POINT_KIND[table.sizes.kind]
-        rng = self._draws.open_stream(
+        rng = self._streams.open_stream(
             StreamPurpose.RAIN if kind == PointKind.RAIN else StreamPurpose.SNOW
         )
         beam, range_m, power = table.sample(self._count, rng)
@@ -151,17 +155,19 @@ class ReturnSources:
         )
 
     def _spray_returns(self, plume: PlumeCrossing, rng: np.random.Generator) -> Returns:
-        """One vehicle's plume, seen from its near side."""
+        """Compute the returns of one plume of spray, from its near side."""
         beam = plume.beam.astype(np.int32)
         fluctuation = _fluctuation_table().take(draw_levels(rng, len(beam)))
         noise = self._draw_stream_noise(rng, len(beam))
-        deep_m = rng.random(len(beam), np.float32) * np.minimum(
+        penetration_m = rng.random(len(beam), np.float32) * np.minimum(
             plume.through_m, SPRAY_PENETRATION_M
         )
-        range_m = np.maximum(plume.enter_m + deep_m, np.float32(MIN_RANGE_M))
+        range_m = np.maximum(plume.enter_m + penetration_m, np.float32(MIN_RANGE_M))
         depth_m = np.minimum(plume.through_m, np.float32(PULSE_LENGTH_M))
-        share = plume.extinction * depth_m * np.float32(math.pi / LIDAR_RATIO_SR["spray"])
-        power = received_power(range_m, share, self._air.extinction_per_m) * (
+        reflectance = (
+            plume.extinction_per_m * depth_m * np.float32(math.pi / LIDAR_RATIO_SR["spray"])
+        )
+        power = received_power(range_m, reflectance, self._air.extinction_per_m) * (
             range_m < self._stop_m[beam]
         )
         power *= fluctuation
@@ -171,15 +177,15 @@ class ReturnSources:
         return self._strong_airborne_returns(beam, range_m, power, noise, kind)
 
     def _draw_noise(self, purpose: StreamPurpose, count: int) -> FloatArray:
-        """Of the receiver when each echo arrives; none if its threshold is a step."""
+        """Draw the receiver's noise (count,) from a purpose's stream; zeros for a sharp threshold."""
         if self._lidar.detection == "step":
             return np.zeros(count, np.float32)
-        return self._draws.normal(purpose, count)
+        return self._streams.normal(purpose, count)
 
     def _draw_stream_noise(self, rng: np.random.Generator, count: int) -> FloatArray:
-        """The same, out of a stream that goes on."""
-        drawn = draw_levels(rng, count)
-        return normal_quantiles().take(drawn) * np.float32(self._lidar.detection == "noisy")
+        """Draw the receiver's noise (count,) from an open stream, which advances in any case."""
+        levels = draw_levels(rng, count)
+        return normal_quantiles().take(levels) * np.float32(self._lidar.detection == "noisy")
 
     def _effective_reflectance(self, hits: RayHits) -> FloatArray:
         air = self._air
@@ -193,27 +199,29 @@ class ReturnSources:
     def _hard_target_returns(
         self,
         hits: RayHits,
-        share: FloatArray,
+        reflectance: FloatArray,
         ray: IndexArray | None,
         noise: FloatArray,
         kind: PointKind = PointKind.SURFACE,
     ) -> Returns:
-        """Echoes of surfaces that rays met, one a ray; `ray` None if all rays."""
-        sub_rays, count = self._lidar.sub_rays, len(share)
+        """Compute the returns of surfaces, one per ray of rows `ray` (k,); None for all rays."""
+        sub_rays, count = self._lidar.sub_rays, len(reflectance)
         rays = np.arange(count, dtype=np.int32) if ray is None else ray.astype(np.int32)
         beam = rays // np.int32(sub_rays) if sub_rays > 1 else rays
         if sub_rays > 1:
-            share = share * sub_ray_weights(self._lidar)[rays % sub_rays]
+            reflectance = reflectance * sub_ray_weights(self._lidar)[rays % sub_rays]
         finite_m = np.minimum(hits.range_m, np.float32(self._lidar.range_m))
         power = received_power(
-            finite_m, share * np.float32(1.0 / self._threshold), self._air.extinction_per_m
+            finite_m, reflectance * np.float32(1.0 / self._threshold), self._air.extinction_per_m
         )
-        # A threshold below what noise can lift; what met nothing reflects nothing.
+        # Power 0 drops a return; misses have a reflectance of 0 already.
         power *= power > MIN_RELEVANT_POWER / sub_rays
         everywhere = sub_rays == 1 and ray is None
         self._apply_window_loss(power, None if everywhere else beam)
-        if self._spray_left is not None:
-            power *= self._spray_left if everywhere else self._spray_left.take(beam)
+        if self._plume_transmittance is not None:
+            power *= (
+                self._plume_transmittance if everywhere else self._plume_transmittance.take(beam)
+            )
         return Returns(
             beam=beam,
             range_m=hits.range_m,
@@ -232,12 +240,12 @@ class ReturnSources:
         noise: FloatArray,
         kind: NDArray[np.uint8],
     ) -> Returns:
-        """Echoes out of the air, those too faint left out."""
+        """Build returns from the air, without those too weak to be detected."""
         strong = power > MIN_RELEVANT_POWER / self._lidar.sub_rays
         return _build_airborne_returns(beam, range_m, power, noise, kind).select(strong)
 
     def _apply_window_loss(self, power: FloatArray, beam: NDArray[np.int32] | None) -> None:
-        """What the window takes; `beam` None if there is one power a beam."""
+        """Multiply powers (k,) by the window's gain, in place; `beam` None for one power per beam."""
         if self._window is not None:
             power *= self._window.gain if beam is None else self._window.gain[beam]
 
@@ -246,18 +254,18 @@ class ReturnSources:
             return ()
         return tuple(find_plume_crossings(self._lidar, self._scan.world_from_lidar, states))
 
-    def _spray_transmittance(self) -> FloatArray | None:
-        """Share (beams,) of the light that comes through all plumes and back."""
+    def _compute_plume_transmittance(self) -> FloatArray | None:
+        """Compute the two-way transmittance (beams,) of all plumes; None without plumes."""
         if not self._plumes:
             return None
         depth = np.zeros(self._count, np.float32)
         for plume in self._plumes:
-            depth[plume.beam] += plume.through_m * plume.extinction
+            depth[plume.beam] += plume.through_m * plume.extinction_per_m
         return np.exp(np.float32(-2.0) * depth)
 
 
 def receiver_noise_factor(lidar: Lidar, air: LidarConditions) -> float:
-    """Factor on the receiver's noise, and so on its threshold, by daylight."""
+    """Look up the factor on the receiver's noise, and so on its threshold, by daylight."""
     return air.noise_factor if lidar.sunlight_noise else 1.0
 
 
@@ -268,7 +276,7 @@ def _build_airborne_returns(
     noise: FloatArray,
     kind: NDArray[np.uint8],
 ) -> Returns:
-    """Echoes that no surface sends."""
+    """Build returns that belong to no object."""
     return Returns(
         beam=beam,
         range_m=range_m,
@@ -282,5 +290,5 @@ def _build_airborne_returns(
 
 @lru_cache(maxsize=1)
 def _fluctuation_table() -> NDArray[np.float32]:
-    """Factor on an echo of the air by the level of a draw: log-normal."""
+    """Tabulate the log-normal factor on a return from the air by the level of a draw."""
     return np.exp(np.float32(LOG_POWER_DEVIATION) * normal_quantiles())

@@ -1,4 +1,4 @@
-"""From everything that sends light back to the echoes that a receiver tells apart and reports."""
+"""Returns of a scan, and those that the receiver resolves, detects and reports."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -13,17 +13,18 @@ from advercity.sensors.lidar.received_power import PULSE_LENGTH_M, detection_mar
 ReturnMode = Literal["strongest", "last", "dual"]
 
 _SORT_RANGE_STEP_M = 1.0 / 1024.0
+"""Resolution of ranges in sort keys; a power of two, so that the division is exact."""
 
 
 @dataclass(frozen=True, eq=False)
 class Returns:
-    """k echoes; several may share a beam.
+    """k returns, several of which may belong to one beam.
 
     Attributes:
-        beam: (k,) int32.
+        beam: (k,) int32 row of the beam.
         range_m: (k,) float32.
-        power: (k,) float32 against the threshold.
-        noise: (k,) float32 of the receiver when it arrives, standard normal.
+        power: (k,) float32 relative to the threshold.
+        noise: (k,) float32 of the receiver at its arrival, standard normal.
         kind: (k,) uint8 of `PointKind`.
         semantic: (k,) uint8 of `Semantic`.
         instance: (k,) int32 id of the actor, or 0.
@@ -42,17 +43,17 @@ class Returns:
 
     @property
     def is_detected(self) -> NDArray[np.bool_]:
-        """Whether each (k,) passes the receiver's threshold."""
+        """Whether each return (k,) exceeds the receiver's threshold."""
         return self.noise < detection_margin_sigma(self.power)
 
     def select(self, where: "IndexArray | NDArray[np.bool_]") -> "Returns":
-        """Those echoes alone."""
+        """Select returns by row numbers or by a mask (k,)."""
         rows = np.flatnonzero(where) if where.dtype == bool else where
         return Returns(*(getattr(self, item.name).take(rows) for item in fields(self)))
 
     @staticmethod
     def concatenate(parts: "list[Returns]") -> "Returns":
-        """All of them, one after the other."""
+        """Concatenate returns in order."""
         if len(parts) == 1:
             return parts[0]
         return Returns(
@@ -66,29 +67,33 @@ class Returns:
 def select_reported(
     per_beam: Sequence[Returns], others: Sequence[Returns], beams: int, return_mode: ReturnMode
 ) -> Returns:
-    """What the receiver reports of `beams` beams: sorted by beam, and by range where both are.
+    """Select the returns that the receiver reports, sorted by beam, then by range.
 
-    Echoes of a beam that overlap are one; of those that pass the threshold it takes what it is
-    set to. Echoes of no power are none. Where nothing but two rivals is in a beam, and they do not
-    overlap, a comparison settles it, which spares most beams of thick air the sorting.
+    Overlapping returns of a beam merge; of those above the threshold the receiver reports what its
+    mode says. Returns without power do not exist.
 
     Args:
-        per_beam: The echoes of up to two sources that have one for every beam, in their order.
-        others: The echoes of every other source, each sorted by beam.
-        beams: How many there are.
-        return_mode: What the receiver is set to.
+        per_beam: Returns of up to two sources with exactly one per beam, in the order of beams.
+        others: Returns of all other sources, each sorted by beam.
+        beams: Number of beams.
+        return_mode: Mode of the receiver.
     """
+    # Sorting is the cost here. Most beams have returns of the one or two per-beam sources only,
+    # which a comparison decides; just the crowded ones are merged and sorted.
     crowded = np.zeros(beams, np.bool_)
     for part in others:
         crowded[part.beam] = True
     if len(per_beam) == 2:
         crowded |= _is_contested(per_beam[0], per_beam[1], return_mode)
-    seen = [part.is_detected & ~crowded for part in per_beam]
+    reported = [part.is_detected & ~crowded for part in per_beam]
     if len(per_beam) == 2:
         one, other = per_beam
         first = one.range_m >= other.range_m if return_mode == "last" else one.power >= other.power
-        seen = [seen[0] & (first | ~seen[1]), seen[1] & ~(first & seen[0])]
-    several = merge_overlapping(
+        reported = [
+            reported[0] & (first | ~reported[1]),
+            reported[1] & ~(first & reported[0]),
+        ]
+    merged = merge_overlapping(
         Returns.concatenate(
             [
                 *(part.select(crowded & (part.power > 0.0)) for part in per_beam),
@@ -98,38 +103,38 @@ def select_reported(
     )
     found = Returns.concatenate(
         [
-            *(part.select(met) for part, met in zip(per_beam, seen, strict=True)),
-            select_by_mode(several.select(several.is_detected), return_mode),
+            *(part.select(rows) for part, rows in zip(per_beam, reported, strict=True)),
+            select_by_mode(merged.select(merged.is_detected), return_mode),
         ]
     )
     return found.select(np.argsort(found.beam, kind="stable"))
 
 
-def _is_contested(one: Returns, other: Returns, report: ReturnMode) -> NDArray[np.bool_]:
-    """Beams whose echoes from two sources overlap, or are both reported."""
+def _is_contested(one: Returns, other: Returns, return_mode: ReturnMode) -> NDArray[np.bool_]:
+    """Find the beams whose returns from two sources overlap, or are both reported."""
     both = (one.power > 0.0) & (other.power > 0.0)
-    if report == "dual":
+    if return_mode == "dual":
         return both
     return both & (np.abs(one.range_m - other.range_m) < PULSE_LENGTH_M)
 
 
-def merge_overlapping(echoes: Returns) -> Returns:
-    """Echoes of a beam that follow each other within a pulse become one.
+def merge_overlapping(returns: Returns) -> Returns:
+    """Merge the returns of a beam that follow each other within a pulse.
 
-    Their powers add, the range is their mean by power, and what they are is what the strongest
-    of them is. The result is sorted by beam, then range.
+    Powers add, the range is the power-weighted mean, all else is of the strongest. The result is
+    sorted by beam, then by range.
     """
-    # Sources come sorted by beam, which the stable sort makes use of.
-    echoes = echoes.select(np.argsort(_sort_key(echoes), kind="stable"))
-    apart = np.diff(echoes.range_m, prepend=np.float32(0.0)) >= PULSE_LENGTH_M
-    apart |= np.diff(echoes.beam, prepend=np.int32(-1)) != 0
+    # The stable sort is fast because every source is sorted by beam already.
+    returns = returns.select(np.argsort(_compute_sort_keys(returns), kind="stable"))
+    apart = np.diff(returns.range_m, prepend=np.float32(0.0)) >= PULSE_LENGTH_M
+    apart |= np.diff(returns.beam, prepend=np.int32(-1)) != 0
     first = np.flatnonzero(apart)
-    if len(first) == len(echoes):
-        return echoes
-    one = echoes.select(_strongest_rows(echoes.power, first))
-    size = np.diff(first, append=len(echoes))
+    if len(first) == len(returns):
+        return returns
+    one = returns.select(_find_strongest_rows(returns.power, first))
+    size = np.diff(first, append=len(returns))
     several = np.flatnonzero(size > 1)
-    parts = echoes.select(np.repeat(size > 1, size))
+    parts = returns.select(np.repeat(size > 1, size))
     begins = np.cumsum(size[several]) - size[several]
     power = np.add.reduceat(parts.power, begins)
     one.range_m[several] = np.add.reduceat(parts.power * parts.range_m, begins) / power
@@ -137,33 +142,33 @@ def merge_overlapping(echoes: Returns) -> Returns:
     return one
 
 
-def select_by_mode(echoes: Returns, return_mode: ReturnMode) -> Returns:
-    """The echoes that are reported of those of each beam, sorted by beam and range.
+def select_by_mode(returns: Returns, return_mode: ReturnMode) -> Returns:
+    """Select the returns to report of each beam, from returns sorted by beam and range.
 
-    Where the strongest is the last, dual adds the second strongest.
+    Where the strongest is the last, "dual" adds the second strongest.
     """
-    if not len(echoes):
-        return echoes
-    new_beam = np.diff(echoes.beam, prepend=np.int32(-1)) != 0
+    if not len(returns):
+        return returns
+    new_beam = np.diff(returns.beam, prepend=np.int32(-1)) != 0
     first = np.flatnonzero(new_beam)
     if return_mode == "strongest":
         return (
-            echoes
-            if len(first) == len(echoes)
-            else echoes.select(_strongest_rows(echoes.power, first))
+            returns
+            if len(first) == len(returns)
+            else returns.select(_find_strongest_rows(returns.power, first))
         )
-    last = np.append(first[1:], len(echoes)) - 1
+    last = np.append(first[1:], len(returns)) - 1
     if return_mode == "last":
-        return echoes.select(last)
-    strongest = _strongest_rows(echoes.power, first)
+        return returns.select(last)
+    strongest = _find_strongest_rows(returns.power, first)
     both = last[(strongest == last) & (last > first)]
-    others = echoes.power.copy()
+    others = returns.power.copy()
     others[both] = 0.0
-    return echoes.select(np.unique([_strongest_rows(others, first), last]))
+    return returns.select(np.unique([_find_strongest_rows(others, first), last]))
 
 
-def _strongest_rows(power: FloatArray, first: IndexArray) -> IndexArray:
-    """Row of the strongest echo of each group, by where groups begin; the nearest of equals."""
+def _find_strongest_rows(power: FloatArray, first: IndexArray) -> IndexArray:
+    """Find the row of the strongest return of each group, by first rows; the nearest of equals."""
     strongest = first.copy()
     size = np.diff(first, append=len(power))
     for step in range(1, int(size.max(initial=1))):
@@ -174,7 +179,7 @@ def _strongest_rows(power: FloatArray, first: IndexArray) -> IndexArray:
     return strongest
 
 
-def _sort_key(echoes: Returns) -> NDArray[np.int64]:
-    """Sorts by beam, then range."""
-    range_key = (echoes.range_m * (1.0 / _SORT_RANGE_STEP_M)).astype(np.int64)
-    return (echoes.beam.astype(np.int64) << 32) | range_key
+def _compute_sort_keys(returns: Returns) -> NDArray[np.int64]:
+    """Compute keys that sort by beam, then by range."""
+    range_key = (returns.range_m * (1.0 / _SORT_RANGE_STEP_M)).astype(np.int64)
+    return (returns.beam.astype(np.int64) << 32) | range_key

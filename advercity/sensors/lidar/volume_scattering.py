@@ -1,12 +1,9 @@
-"""Echoes of air that is thick with droplets or grains: fog, dust.
+"""Returns from within the air: fog and dust, single drops and flakes, plumes of spray.
 
-Light scattered all along the beam adds up to one broad echo near the sensor (Rasshofer, Spies and
-Spies 2011). Tabulated once per weather; a beam costs a few look-ups.
-
-Echoes of single drops and flakes that fly through a beam.
-
-Particles that send back enough are rare and independent, so how many a beam meets is a Poisson
-number. Rate, range and size come from tables made once per weather; no particle is simulated.
+Fog and dust scatter all along the beam, which adds up to one broad return near the sensor
+(Rasshofer, Spies and Spies 2011). Drops and flakes that scatter enough to be detected are rare and
+independent, so the number in a beam is Poisson distributed. Both are tabulated once per weather: a
+beam costs a few look-ups, and no particle is simulated.
 """
 
 import math
@@ -34,117 +31,45 @@ from advercity.sensors.lidar.received_power import PULSE_LENGTH_M, received_powe
 from advercity.sensors.measurements import PointKind
 from advercity.sensors.spray_plumes import (
     MAX_PLUME_DISTANCE_M,
-    MIN_SPRAY_SPEED_M_S,
     PLUME_DECAY_M,
-    PLUME_HEIGHT_M,
-    PLUME_LENGTH_M,
-    SPRAY_EXTINCTION_PER_G_M3,
-    SPRAY_REFERENCE_SPEED_M_S,
-    SPRAY_WATER_G_M3,
-    SPRAYING_CLASSES,
+    SprayPlume,
+    intersect_box,
+    iterate_spraying_states,
 )
-
-_UNIT_BOX_CORNERS = np.stack(np.meshgrid([-1.0, 1.0], [-1.0, 1.0], [-1.0, 1.0]), axis=-1).reshape(
-    -1, 3
-)
-
-
-@dataclass(frozen=True, eq=False)
-class PlumeCrossing:
-    """Beams (k,) through one plume: where they enter, how far they go in it, how thick it is."""
-
-    beam: IndexArray
-    enter_m: FloatArray
-    through_m: FloatArray
-    extinction: FloatArray
-
-
-def find_plume_crossings(
-    lidar: Lidar, world_from_lidar: Matrix, states: Iterable[ActorState]
-) -> Iterator[PlumeCrossing]:
-    """Every plume that beams of a LiDAR go through.
-
-    Args:
-        lidar: The sensor.
-        world_from_lidar: (4, 4) where it is.
-        states: Everybody on the road.
-    """
-    directions, fan = beam_directions(lidar), BeamGrid.from_lidar(lidar, world_from_lidar)
-    for state in states:
-        if state.speed_m_s < MIN_SPRAY_SPEED_M_S or state.actor.actor_class not in SPRAYING_CLASSES:
-            continue
-        length, width, _ = state.actor.size
-        middle = np.array([-(length + PLUME_LENGTH_M) / 2.0, 0.0, PLUME_HEIGHT_M / 2.0])
-        world_from_plume = state.world_from_body @ poses.pose_matrix(middle)
-        half = np.array([PLUME_LENGTH_M, width, PLUME_HEIGHT_M]) / 2.0
-        if np.linalg.norm(world_from_plume[:3, 3] - world_from_lidar[:3, 3]) > MAX_PLUME_DISTANCE_M:
-            continue
-        plume_from_lidar = poses.invert_pose(world_from_plume) @ world_from_lidar
-        thickness = SPRAY_EXTINCTION_PER_G_M3 * SPRAY_WATER_G_M3
-        thickness *= (state.speed_m_s / SPRAY_REFERENCE_SPEED_M_S) ** 2
-        rows = fan.find_beams_towards(
-            poses.transform_points(world_from_plume, _UNIT_BOX_CORNERS * half)
-        )
-        yield _intersect_plume(directions[rows], rows, plume_from_lidar, half, thickness)
-
-
-def _intersect_plume(
-    directions: FloatArray,
-    rows: IndexArray,
-    plume_from_lidar: Matrix,
-    half: Matrix,
-    thickness: float,
-) -> PlumeCrossing:
-    """Slab test of rays from the LiDAR against a box around the plume's origin."""
-    own = directions @ plume_from_lidar[:3, :3].T.astype(np.float32)
-    start, reach = plume_from_lidar[:3, 3].astype(np.float32), half.astype(np.float32)
-    slope = 1.0 / np.where(np.abs(own) < 1e-6, np.float32(1e-6), own)
-    one, other = (-reach - start) * slope, (reach - start) * slope
-    enter = np.minimum(one, other).max(axis=1).clip(0.0)
-    leave = np.maximum(one, other).min(axis=1)
-    inside = np.flatnonzero(leave > enter)
-    enter, leave, own = enter[inside], leave[inside], own[inside]
-    behind = reach[0] - (start[0] + own[:, 0] * (enter + leave) / 2.0)
-    return PlumeCrossing(
-        beam=rows[inside],
-        enter_m=enter,
-        through_m=leave - enter,
-        extinction=np.float32(thickness) * np.exp(-behind / np.float32(PLUME_DECAY_M)),
-    )
-
 
 LIDAR_RATIO_SR = {"fog": 18.8, "dust": 50.0, "spray": 20.0}
 """Extinction over backscatter: O'Connor et al., JTECH 21, 777 (2004) for droplets."""
-MIN_RANGE_M = 0.5
+MIN_RANGE_M, MAX_RANGE_M, RANGE_STEP_M = 0.5, 60.0, 0.02
+"""Ranges that are tabulated; beyond, neither fog nor particles are detected."""
 LOG_POWER_DEVIATION = 0.3
-"""Standard deviation of the logarithm of an echo: droplets are never evenly spread."""
-MAX_RANGE_M = 60.0
-RANGE_STEP_M = 0.02
+"""Standard deviation of the logarithm of a return: droplets are never evenly spread."""
 NUM_PROFILE_LEVELS = 256
 NUM_RANGE_QUANTILES = 1 << 16
 MAX_PROFILE_CUT = 0.95
-"""Of the peak: an echo that only noise lifts over the threshold comes from there."""
+"""Highest cut relative to the peak: a return that only noise lifts over the threshold comes from
+near the peak."""
 
 
 @dataclass(frozen=True, eq=False)
 class SoftTarget:
-    """Fog, dust or both at once, as tables over range.
+    """Fog, dust or both, as tables over range.
 
     Attributes:
-        profile: (m,) power by apparent range, `NEAREST_M` + i `STEP_M`, against the threshold.
-        dust_fraction: Share of the echo that dust sends.
+        profile: (m,) power relative to the threshold by apparent range, in steps of `RANGE_STEP_M`
+            from `MIN_RANGE_M`.
+        dust_fraction: Fraction of the backscatter that is dust's.
     """
 
     profile: FloatArray
     dust_fraction: float
     _mass: FloatArray
-    """Integral of the profile (m,) from the nearest range, from 0 to 1."""
+    """(m,) integral of the profile from the least range, 0 to 1."""
     _range_of_mass: FloatArray
-    """Its inverse at even steps."""
+    """Inverse of `_mass`, at even steps."""
     _mass_from: FloatArray
-    """Mass (CUTS + 1,) below the range where the profile rises through each share of its peak."""
+    """(levels + 1,) mass below the range where the profile rises through each level."""
     _mass_to: FloatArray
-    """The same for where it falls through it."""
+    """(levels + 1,) mass below the range where the profile falls through each level."""
 
     @staticmethod
     def from_extinction(extinction: AirExtinction) -> "SoftTarget | None":
@@ -173,20 +98,20 @@ class SoftTarget:
 
     @property
     def peak_power(self) -> float:
-        """Power of the strongest echo."""
+        """Power of the strongest return, relative to the threshold."""
         return float(self.profile.max())
 
     def sample(
         self, gain: FloatArray, end_m: FloatArray, uniform: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Range and power (n,) of the echo of every beam; where there is no room, power is 0.
+        """Draw the range and power (n,) of the return of every beam.
 
-        An echo comes from where the profile is above the threshold, more often from where it is
-        high; its power is that of the peak, which fluctuates.
+        The range is distributed as the part of the profile that exceeds the threshold; the power
+        is that of the peak, which fluctuates. It is 0 where a surface leaves no room in front.
 
         Args:
             gain: (n,) factor on the profile, fluctuation included.
-            end_m: (n,) where each beam is stopped; inf if nowhere.
+            end_m: (n,) range of the surface that stops each beam; inf if there is none.
             uniform: (n,) random numbers from 0 to 1.
         """
         power = gain * np.float32(self.peak_power)
@@ -206,69 +131,75 @@ class SoftTarget:
 def pulse_profile(
     range_m: Float64Array, backscatter: float, extinction_per_m: float
 ) -> Float64Array:
-    """Power (n,) against the threshold of a layer without end, by apparent range.
+    """Compute the power (n,) that an unbounded layer returns, relative to the threshold.
 
-    A pulse of the shape sine squared, that stretches over twice `PULSE_LENGTH_M`, gathers light
-    from all that it covers; the delay of its own middle is taken off.
+    A sine-squared pulse, twice `PULSE_LENGTH_M` long, integrates over all that it covers; the
+    delay of its own centre is subtracted.
 
     Args:
-        range_m: (n,) metres.
-        backscatter: 1/(m sr).
-        extinction_per_m: Of the air, at 905 nm.
+        range_m: (n,) apparent range, metres.
+        backscatter: Backscatter coefficient of the layer, 1/(m sr).
+        extinction_per_m: Extinction coefficient of the air at 905 nm.
     """
     step = PULSE_LENGTH_M / 32.0
     along = (np.arange(64) + 0.5) * step
     shape = np.sin(np.pi * along / (2.0 * PULSE_LENGTH_M)) ** 2 * step
-    reached = range_m[:, None] + PULSE_LENGTH_M - along
+    scatterer_m = range_m[:, None] + PULSE_LENGTH_M - along
     layer = received_power(
-        np.maximum(reached, 0.0), np.full_like(reached, math.pi * backscatter), extinction_per_m
+        np.maximum(scatterer_m, 0.0),
+        np.full_like(scatterer_m, math.pi * backscatter),
+        extinction_per_m,
     )
-    return np.where(reached > 0.0, layer, 0.0) @ shape
+    return np.where(scatterer_m > 0.0, layer, 0.0) @ shape
 
 
 PARTICLE_REFLECTANCE = {"rain": 0.05, "snow": 0.2}
-"""Of a drop seen from a few mrad beside the beam, where the glory right behind it is missed; of a
-flake."""
+"""Lambertian reflectance of a drop and of a flake at 905 nm.
+
+The receiver looks a few mrad off the beam, so it misses the glory of exact backscatter.
+"""
 PARTICLE_POINT_KIND = {"rain": PointKind.RAIN, "snow": PointKind.SNOW}
-PARTICLE_MIN_RANGE_M = 0.5
-PARTICLE_MAX_RANGE_M = 60.0
-PARTICLE_RANGE_STEP_M = 0.02
 MIN_PARTICLE_POWER = 0.4
-"""Weaker particles are left out; three standard deviations of noise would have to help."""
+"""Power below which particles are left out: noise would have to add three standard deviations."""
 
 
 @dataclass(frozen=True, eq=False)
 class ParticleTable:
-    """How often, where and how strongly a beam meets particles of one kind."""
+    """Rate, range and power of the particles of one kind in a beam.
+
+    Attributes:
+        sizes: Size distribution of the particles.
+        expected: Mean number of particles per beam with at least `MIN_PARTICLE_POWER`.
+        range_m: (NUM_LEVELS,) quantiles of their ranges.
+        min_diameter_mm: (NUM_LEVELS,) melted diameter at each of these ranges of a particle with
+            exactly that power.
+    """
 
     sizes: ParticleSizeDistribution
     expected: float
-    """Particles of at least `LEAST_POWER` that a beam meets."""
     range_m: FloatArray
-    """Where they are: quantiles (LEVELS,)."""
     min_diameter_mm: FloatArray
-    """Melted diameter (LEVELS,) there of a particle of that power."""
 
     @staticmethod
     def build(sizes: ParticleSizeDistribution, extinction_per_m: float) -> "ParticleTable":
-        """The table for air of that extinction at 905 nm."""
-        range_m = np.arange(PARTICLE_MIN_RANGE_M, PARTICLE_MAX_RANGE_M, PARTICLE_RANGE_STEP_M)
+        """Tabulate particles in air of an extinction coefficient at 905 nm."""
+        range_m = np.arange(MIN_RANGE_M, MAX_RANGE_M, RANGE_STEP_M)
         least_mm = min_detectable_diameter_mm(range_m, sizes, extinction_per_m, MIN_PARTICLE_POWER)
         per_m = beam_cross_section_m2(range_m) * sizes.number_concentration_above(least_mm)
-        steps = np.concatenate([[0.0], (per_m[1:] + per_m[:-1]) / 2.0 * PARTICLE_RANGE_STEP_M])
-        met = np.cumsum(steps)
-        middle = np.interp((np.arange(NUM_LEVELS) + 0.5) * (met[-1] / NUM_LEVELS), met, range_m)
+        steps = np.concatenate([[0.0], (per_m[1:] + per_m[:-1]) / 2.0 * RANGE_STEP_M])
+        count = np.cumsum(steps)
+        middle = np.interp((np.arange(NUM_LEVELS) + 0.5) * (count[-1] / NUM_LEVELS), count, range_m)
         least = np.interp(middle, range_m, least_mm)
         return ParticleTable(
-            sizes, float(met[-1]), middle.astype(np.float32), least.astype(np.float32)
+            sizes, float(count[-1]), middle.astype(np.float32), least.astype(np.float32)
         )
 
     def sample(
         self, beams: int, rng: np.random.Generator
     ) -> tuple[NDArray[np.int32], FloatArray, FloatArray]:
-        """Beam (k,) ascending, range (k,) and power (k,) of all that a turn of beams meets.
+        """Draw beam (k,) ascending, range (k,) and power (k,) of all particles in a scan.
 
-        As if nothing else stood in the way; what is behind a surface is for the caller to drop.
+        The caller drops those behind a surface.
         """
         count = int(rng.poisson(beams * self.expected))
         beam = np.sort(rng.integers(beams, size=count, dtype=np.int32))
@@ -279,14 +210,14 @@ class ParticleTable:
         return beam, self.range_m.take(level), power
 
     def _sample_excess_mm(self, least_mm: FloatArray, uniform: FloatArray) -> FloatArray:
-        """How much larger (k,) than the least each is: exponential, cut at the largest."""
+        """Draw diameters (k,) above the least: exponential, truncated at the largest."""
         slope = np.float32(self.sizes.slope_per_mm)
         cut = 1.0 - np.exp(-slope * np.maximum(self.sizes.max_melted_mm - least_mm, 0.0))
         return -np.log1p(-uniform * cut) / slope
 
 
 def beam_cross_section_m2(range_m: Float64Array) -> Float64Array:
-    """Cross-section (n,) of a beam, an ellipse."""
+    """Compute the cross-section (n,) of a beam, an ellipse."""
     wide, high = (
         size + opening * range_m
         for size, opening in zip(BEAM_APERTURE_M, BEAM_DIVERGENCE_RAD, strict=True)
@@ -297,9 +228,66 @@ def beam_cross_section_m2(range_m: Float64Array) -> Float64Array:
 def min_detectable_diameter_mm(
     range_m: Float64Array, sizes: ParticleSizeDistribution, extinction_per_m: float, power: float
 ) -> Float64Array:
-    """Melted diameter (n,) of a particle that returns `power`, against the threshold."""
+    """Compute the melted diameter (n,) of a particle that returns `power` times the threshold."""
+    # A particle returns the fraction of a beam-filling target that its area is of the beam's.
     filling = received_power(
         range_m, np.full_like(range_m, PARTICLE_REFLECTANCE[sizes.kind]), extinction_per_m
     )
     area_m2 = power / filling * beam_cross_section_m2(range_m)
     return np.sqrt(area_m2 * 4.0 / math.pi) * 1e3 / sizes.air_to_melted_diameter
+
+
+@dataclass(frozen=True, eq=False)
+class PlumeCrossing:
+    """Beams through one plume of spray.
+
+    Attributes:
+        beam: (k,) rows of beams.
+        enter_m: (k,) range at which each enters.
+        through_m: (k,) length of its path inside.
+        extinction_per_m: (k,) extinction coefficient in the middle of that path.
+    """
+
+    beam: IndexArray
+    enter_m: FloatArray
+    through_m: FloatArray
+    extinction_per_m: FloatArray
+
+
+def find_plume_crossings(
+    lidar: Lidar, world_from_lidar: Matrix, states: Iterable[ActorState]
+) -> Iterator[PlumeCrossing]:
+    """Find every plume that beams of a LiDAR cross, in the order of the vehicles.
+
+    Args:
+        lidar: The sensor.
+        world_from_lidar: (4, 4) its pose.
+        states: All actors.
+    """
+    directions, grid = beam_directions(lidar), BeamGrid.from_lidar(lidar, world_from_lidar)
+    for state in iterate_spraying_states(states):
+        plume = SprayPlume.from_state(state)
+        offset = plume.world_from_plume[:3, 3] - world_from_lidar[:3, 3]
+        if np.linalg.norm(offset) <= MAX_PLUME_DISTANCE_M:
+            rows = grid.find_beams_towards(plume.corners)
+            plume_from_lidar = poses.invert_pose(plume.world_from_plume) @ world_from_lidar
+            yield _intersect_plume(directions[rows], rows, plume_from_lidar, plume)
+
+
+def _intersect_plume(
+    directions: FloatArray, rows: IndexArray, plume_from_lidar: Matrix, plume: SprayPlume
+) -> PlumeCrossing:
+    directions = directions @ plume_from_lidar[:3, :3].T.astype(np.float32)
+    origin = plume_from_lidar[:3, 3].astype(np.float32)
+    half = plume.half_size_m.astype(np.float32)
+    enter, leave = intersect_box(origin, directions, half, epsilon=1e-6)
+    inside = np.flatnonzero(leave > enter)
+    enter, leave, along = enter[inside], leave[inside], directions[inside, 0]
+    behind_m = half[0] - (origin[0] + along * (enter + leave) / 2.0)
+    decay = np.exp(-behind_m / np.float32(PLUME_DECAY_M))
+    return PlumeCrossing(
+        beam=rows[inside],
+        enter_m=enter,
+        through_m=leave - enter,
+        extinction_per_m=np.float32(plume.peak_extinction_per_m) * decay,
+    )
