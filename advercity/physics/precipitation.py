@@ -1,6 +1,6 @@
-"""What falls: how large, how many, how fast.
+"""Sizes, numbers and velocities of falling drops and flakes.
 
-Diameters are in millimetres. Snow is sized by its melted diameter; `swelling` makes it a flake's.
+Diameters are in millimetres. Snow is sized by its melted diameter, as in the literature.
 """
 
 import math
@@ -15,28 +15,34 @@ from numpy.typing import NDArray
 from advercity.geometry.arrays import FloatArray
 
 MAX_DROP_DIAMETER_MM = 6.0
-"""Drops that are larger break up."""
+"""Larger drops break up."""
 MAX_FLAKE_DIAMETER_MM = 20.0
 ROUGHNESS_LENGTH_M = 0.5
-"""Of town and fields, for the wind."""
+"""Roughness length of the logarithmic wind profile, between those of fields and of towns."""
 WIND_REFERENCE_HEIGHT_M = 10.0
-"""At which wind is authored."""
+"""Height of the authored wind."""
 
 
 @dataclass(frozen=True)
 class ParticleSizeDistribution:
-    """Exponential: `intercept` exp(-`slope_per_mm` D) particles per m³ and mm of melted D."""
+    """Exponential distribution: `intercept` exp(-`slope_per_mm` D), D the melted diameter.
+
+    Attributes:
+        kind: Rain or snow.
+        intercept: Particles per m³ and mm at D = 0.
+        slope_per_mm: Decay of the number with D.
+        air_to_melted_diameter: Diameter in the air relative to the melted diameter.
+        max_melted_mm: Largest melted diameter.
+    """
 
     kind: Literal["rain", "snow"]
     intercept: float
     slope_per_mm: float
     air_to_melted_diameter: float
-    """Diameter in the air against melted."""
     max_melted_mm: float
-    """By melted diameter."""
 
     def number_concentration_above(self, diameter_mm: FloatArray | float) -> FloatArray:
-        """Particles per m³ (n,) that are larger, by melted diameter."""
+        """Compute the number per m³ (n,) of particles above a melted diameter."""
         least = np.minimum(diameter_mm, self.max_melted_mm)
         tail = np.exp(-self.slope_per_mm * least) - math.exp(
             -self.slope_per_mm * self.max_melted_mm
@@ -46,20 +52,20 @@ class ParticleSizeDistribution:
     def sample_diameters_mm(
         self, min_mm: FloatArray, uniform: FloatArray, max_mm: FloatArray | float
     ) -> FloatArray:
-        """Melted diameters (n,) between two bounds, drawn by numbers (n,) in [0, 1)."""
+        """Convert numbers (n,) in [0, 1) to melted diameters (n,) between two bounds."""
         span = 1.0 - np.exp(-self.slope_per_mm * np.maximum(max_mm - min_mm, 0.0))
         return min_mm - np.log1p(-uniform * span) / self.slope_per_mm
 
 
 def rain_size_distribution(rate_mm_h: float) -> ParticleSizeDistribution:
-    """Drops by Marshall and Palmer (1948)."""
+    """Compute the sizes of raindrops (Marshall and Palmer 1948)."""
     return ParticleSizeDistribution(
         "rain", 8000.0, 4.1 * rate_mm_h**-0.21, 1.0, MAX_DROP_DIAMETER_MM
     )
 
 
 def snow_size_distribution(rate_mm_h: float, density_g_cm3: float) -> ParticleSizeDistribution:
-    """Flakes by Gunn and Marshall (1958), as wide as their density makes them."""
+    """Compute the sizes of flakes (Gunn and Marshall 1958); their density sets their diameters."""
     swelling = density_g_cm3 ** (-1.0 / 3.0)
     return ParticleSizeDistribution(
         "snow",
@@ -71,7 +77,7 @@ def snow_size_distribution(rate_mm_h: float, density_g_cm3: float) -> ParticleSi
 
 
 def size_distributions(weather: Weather) -> tuple[ParticleSizeDistribution, ...]:
-    """Of all that falls in `weather`."""
+    """Compute the size distributions of the rain and the snow of `weather`, without absent ones."""
     rain, snow = weather.rain, weather.snow
     falling = [rain_size_distribution(rain.rate_mm_h)] if rain.rate_mm_h else []
     falling += (
@@ -81,28 +87,14 @@ def size_distributions(weather: Weather) -> tuple[ParticleSizeDistribution, ...]
 
 
 def drop_terminal_speed_m_s(diameter_mm: FloatArray | float) -> FloatArray:
-    """Terminal speed of rain (Atlas, Srivastava and Sekhon 1973); mist stands still."""
+    """Compute the terminal speed of raindrops (Atlas, Srivastava and Sekhon 1973), at least 0."""
     return np.maximum(9.65 - 10.3 * np.exp(-0.6 * np.asarray(diameter_mm)), 0.0)
 
 
 def wind_at_height(wind: Wind, height_m: float) -> NDArray[np.float64]:
-    """Velocity (3,) of the air in m/s at a height: the logarithmic profile over town."""
+    """Compute the velocity (3,) of the air in m/s at a height, by the logarithmic profile."""
     grown = math.log(height_m / ROUGHNESS_LENGTH_M) / math.log(
         WIND_REFERENCE_HEIGHT_M / ROUGHNESS_LENGTH_M
     )
     speed, azimuth = wind.speed_m_s * grown, math.radians(wind.from_deg)
     return np.array([-speed * math.sin(azimuth), -speed * math.cos(azimuth), 0.0])
-
-
-def snow_accumulation_mm(
-    rate_mm_h: float, hours: float, density_kg_m3: float, normal_z: float
-) -> float:
-    """Depth of snow in mm on a surface by how far it faces up: 1 level, 0 upright, -1 below.
-
-    Args:
-        rate_mm_h: Liquid equivalent of what falls on level ground.
-        hours: For which it falls, without wind.
-        density_kg_m3: Of the snow that lies.
-        normal_z: Upward part of the surface's normal.
-    """
-    return rate_mm_h * hours * 1000.0 / density_kg_m3 * max(0.0, normal_z)

@@ -1,9 +1,7 @@
-"""How much light comes from sun and sky, by the sun's elevation and the clouds.
+"""Daylight by the sun's elevation and the clouds, and its distribution over the sky.
 
-Where in the sky the light comes from: CIE general sky, fog dome, glow of the night.
-
-Directions are unit vectors (..., 3) in the world frame, luminances in cd/m² with linear sRGB as
-the last axis.
+Illuminance follows IES and Kasten-Czeplak, relative luminance the CIE general sky. Directions are
+unit vectors (..., 3) in the world frame, luminances in cd/m² with linear sRGB as the last axis.
 """
 
 import math
@@ -18,11 +16,11 @@ from advercity.materials import SNOWY_LANDSCAPE_ALBEDO
 from advercity.physics.photometry import colour_from_chromaticity, cubemap_directions
 
 RAIN_CLOUD_TRANSMITTANCE = 0.5
-"""Light that a raining or snowing cloud lets through, against a dry one of the same cover."""
+"""Transmittance of a raining or snowing cloud, relative to a dry one of the same cover."""
 
 _SUN_TABLE_ELEVATION_DEG = (5.0, 10.0, 20.0, 60.0)
 _SUN_TABLE_COLOUR = ((1.87, 0.83, 0.12), (1.53, 0.91, 0.33), (1.32, 0.95, 0.54), (1.19, 0.97, 0.74))
-"""Linear sRGB at luminance 1 of Hosek-Wilkie's sun at turbidity 3."""
+"""Linear sRGB at luminance 1 of the Hosek-Wilkie solar disc at turbidity 3."""
 
 
 @dataclass(frozen=True)
@@ -30,19 +28,19 @@ class Daylight:
     """Light above any fog, in lx."""
 
     direct_lx: float
-    """By the sun, on a surface that faces it."""
+    """Direct normal illuminance by the sun."""
     diffuse_lx: float
-    """By the sky, on level ground."""
+    """Horizontal illuminance by the sky."""
 
 
 def air_mass(elevation_deg: float) -> float:
-    """Optical air mass towards the sun (Kasten and Young 1989)."""
+    """Compute the optical air mass towards the sun (Kasten and Young 1989)."""
     lifted = elevation_deg + 6.07995
     return 1.0 / (math.sin(math.radians(elevation_deg)) + 0.50572 * lifted**-1.6364)
 
 
 def clear_daylight(elevation_deg: float) -> Daylight:
-    """A cloudless sky (IES 1984 daylight availability), the sun above the horizon."""
+    """Compute the daylight of a cloudless sky (IES 1984) with the sun above the horizon."""
     sine = math.sin(math.radians(elevation_deg))
     return Daylight(
         direct_lx=127_500.0 * math.exp(-0.21 * air_mass(elevation_deg)),
@@ -53,10 +51,10 @@ def clear_daylight(elevation_deg: float) -> Daylight:
 def cloudy_daylight(
     elevation_deg: float, *, oktas: int = 0, precipitating: bool = False
 ) -> Daylight:
-    """Sun and sky under `oktas` eighths of cloud; nothing when the sun is down.
+    """Compute the daylight under `oktas` eighths of cloud; zero with the sun below the horizon.
 
-    The total falls as 1 - 0.75 (N/8)^3.4 (Kasten and Czeplak 1980), and the sky's share of it
-    rises from that of a clear sky to all.
+    The total decreases as 1 - 0.75 (N/8)^3.4 (Kasten and Czeplak 1980), and the diffuse fraction
+    of it increases from that of a clear sky to 1.
     """
     if elevation_deg <= 0.0:
         return Daylight(0.0, 0.0)
@@ -98,9 +96,9 @@ def sun_colour(elevation_deg: float) -> tuple[float, float, float]:
 
 
 GROUND_ALBEDO = 0.1
-"""Of roads and fields in the mean."""
+"""Mean albedo of roads and fields."""
 SNOW_COVER_SCALE_M = 0.002
-"""Depth of snow that hides all but 1/e of it."""
+"""Depth of snow that leaves 1/e of the bare ground visible."""
 CLOUD_ALBEDO = 0.6
 """Of an overcast sky, from below."""
 AIRLIGHT_CUBEMAP_SIZE = 64
@@ -119,7 +117,7 @@ _CIE_TYPES = {
 """Parameters a to e of ISO 15469:2004 / CIE S 011, by sky type."""
 _CIE_TYPE_BY_OKTAS = (12, 12, 12, 11, 8, 7, 7, 3, 1)
 HAZY_TURBIDITY = 5.0
-"""From here on a clear sky is the polluted one."""
+"""Turbidity from which a clear sky is CIE type 13, polluted."""
 _ZENITH_XY = np.array([0.241, 0.250])
 _HORIZON_XY = np.array([0.31, 0.33])
 _AUREOLE_XY = np.array([0.36, 0.37])
@@ -128,14 +126,14 @@ _AUREOLE_RAD = math.radians(20.0)
 
 
 def direction_from_elevation_azimuth(elevation_deg: float, azimuth_deg: float) -> Float64Array:
-    """Unit vector (3,) from an elevation and an azimuth clockwise from north."""
+    """Convert an elevation and an azimuth clockwise from north to a unit vector (3,)."""
     elevation, azimuth = math.radians(elevation_deg), math.radians(azimuth_deg)
     level = math.cos(elevation)
     return np.array([level * math.sin(azimuth), level * math.cos(azimuth), math.sin(elevation)])
 
 
 def cie_sky_type(oktas: int, *, turbidity: float = 3.0) -> int:
-    """CIE type of a sky with `oktas` eighths of cloud."""
+    """Choose the CIE type of a sky with `oktas` eighths of cloud."""
     clear = _CIE_TYPE_BY_OKTAS[oktas] == 12
     return 13 if clear and turbidity >= HAZY_TURBIDITY else _CIE_TYPE_BY_OKTAS[oktas]
 
@@ -143,12 +141,14 @@ def cie_sky_type(oktas: int, *, turbidity: float = 3.0) -> int:
 def cie_relative_luminance(
     directions: Float64Array, sun: Float64Array, cie_type: int
 ) -> Float64Array:
-    """Luminance (...) of the CIE general sky against its zenith; at the horizon below it.
+    """Compute the luminance (...) of a CIE general sky relative to its zenith.
+
+    Directions below the horizon have the luminance of the horizon.
 
     Args:
         directions: (..., 3).
         sun: (3,) towards the sun.
-        cie_type: Number of the standard sky.
+        cie_type: Number of the standard sky, 1 to 15 (ISO 15469).
     """
     a, b, c, d, e = _CIE_TYPES[cie_type]
 
@@ -171,7 +171,7 @@ def cie_relative_luminance(
 def sky_colour(
     directions: Float64Array, sun: Float64Array, *, cloud_fraction: float
 ) -> Float64Array:
-    """Colour (..., 3) of the sky with luminance 1: blue overhead, warm by the sun, grey clouds."""
+    """Compute the sky's colour (..., 3): blue above, warm near the sun, grey with clouds."""
     height = np.sqrt(np.clip(directions[..., 2:], 0.0, 1.0))
     clear = _HORIZON_XY + (_ZENITH_XY - _HORIZON_XY) * height
     from_sun = np.arccos(np.clip(directions @ sun, -1.0, 1.0))[..., None]
@@ -181,31 +181,31 @@ def sky_colour(
 
 
 def ground_albedo(snow_depth_m: float) -> float:
-    """Albedo of the landscape, under snow of a depth."""
+    """Compute the albedo of the landscape under a depth of snow."""
     bare = math.exp(-snow_depth_m / SNOW_COVER_SCALE_M)
     return SNOWY_LANDSCAPE_ALBEDO + (GROUND_ALBEDO - SNOWY_LANDSCAPE_ALBEDO) * bare
 
 
 def ground_lit_fraction(albedo: float, oktas: int) -> float:
-    """Of a sky's light on the ground, what clouds have from a ground brighter than usual.
+    """Compute the fraction of the sky's light that clouds reflect back to a bright ground.
 
-    Light goes to and fro between ground and clouds; what comes from below is even.
+    Only the excess over the usual ground counts: formulas of daylight include the latter.
     """
     return CLOUD_ALBEDO * oktas / 8.0 * (albedo - GROUND_ALBEDO)
 
 
 def airlight_from_illuminance(illuminance_lx: float) -> float:
-    """Luminance of air that is lit from above with an illuminance and from below by the ground."""
+    """Compute the luminance of air that is lit from above and, by the ground, from below."""
     return illuminance_lx * (1.0 + GROUND_ALBEDO) / (2.0 * math.pi)
 
 
 def build_airlight_cubemap(low: ArrayLike, high: ArrayLike) -> NDArray[np.float32]:
-    """Airlight (6, m, m, 4) as `Atmosphere` has it, as bright everywhere along a ray.
+    """Build an airlight cubemap (6, m, m, 4) as in `Atmosphere`, constant along each ray.
 
     Args:
-        low: (3,) in cd/m² looking at or below the horizon.
-        high: (3,) at the zenith; between them it runs with the sine of the elevation.
+        low: (3,) airlight in cd/m² at and below the horizon.
+        high: (3,) at the zenith; in between it is linear in the sine of the elevation.
     """
-    share = np.maximum(cubemap_directions(AIRLIGHT_CUBEMAP_SIZE)[..., 2:], 0.0)
-    colour = np.asarray(low) * (1.0 - share) + np.asarray(high) * share
-    return np.concatenate([colour, np.zeros_like(share)], axis=-1).astype(np.float32)
+    sine = np.maximum(cubemap_directions(AIRLIGHT_CUBEMAP_SIZE)[..., 2:], 0.0)
+    colour = np.asarray(low) * (1.0 - sine) + np.asarray(high) * sine
+    return np.concatenate([colour, np.zeros_like(sine)], axis=-1).astype(np.float32)

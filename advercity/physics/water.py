@@ -1,8 +1,6 @@
-"""What water does to light: at its surface, and as a film over something rough.
+"""Optics of water surfaces and films, and puddles as hollows of a fixed height field.
 
-Where water stands on a carriageway: a fixed field of hollows, filled up to a level.
-
-Every sensor reads the same field, so that a LiDAR loses the road where a camera sees it mirror.
+Every sensor reads the same field, so a LiDAR loses the road where a camera sees a reflection.
 """
 
 from functools import lru_cache
@@ -16,26 +14,33 @@ from advercity.randomness import create_generator
 WATER_REFRACTIVE_INDEX = 1.333
 """Refractive index of water in the visible."""
 DIFFUSE_EXTERNAL_REFLECTANCE = 0.0664
-"""Share of diffuse light that a water surface reflects from outside."""
+"""Reflectance of a water surface for diffuse light from outside."""
 DIFFUSE_INTERNAL_REFLECTANCE = (
     1.0 - (1.0 - DIFFUSE_EXTERNAL_REFLECTANCE) / WATER_REFRACTIVE_INDEX**2
 )
-"""The same from inside, where much is totally reflected."""
+"""Reflectance for diffuse light from inside, much of which is totally reflected."""
 
 
 def fresnel_reflectance(cosine: FloatArray, refractive_index: float) -> FloatArray:
-    """Share (n,) of unpolarised light that a smooth surface of that refractive index reflects."""
-    refracted = np.sqrt(1.0 - (1.0 - cosine**2) / refractive_index**2)
-    across = (cosine - refractive_index * refracted) / (cosine + refractive_index * refracted)
-    along = (refractive_index * cosine - refracted) / (refractive_index * cosine + refracted)
-    return (across**2 + along**2) / 2.0
+    """Compute the Fresnel reflectance (n,) of a smooth surface for unpolarised light.
+
+    Args:
+        cosine: (n,) of the angle of incidence, outside.
+        refractive_index: Index of the material behind the surface.
+    """
+    refracted_cosine = np.sqrt(1.0 - (1.0 - cosine**2) / refractive_index**2)
+    inside = refractive_index * refracted_cosine
+    s_polarised = (cosine - inside) / (cosine + inside)
+    outside = refractive_index * cosine
+    p_polarised = (outside - refracted_cosine) / (outside + refracted_cosine)
+    return (s_polarised**2 + p_polarised**2) / 2.0
 
 
 def wet_albedo(albedo: FloatArray) -> FloatArray:
-    """Albedo (n,) of a Lambertian surface under a film of water, the film's own mirror left out.
+    """Compute the albedo (n,) of a Lambertian surface under a film of water (Angstrom 1925).
 
-    Light that the surface sends up is held back by the film and gets another chance to be lost
-    (Angstrom 1925). The whole surface reflects `EXTERNAL` more.
+    The film reflects part of the surface's light back to it, where more is absorbed. The specular
+    reflection of the film itself, `DIFFUSE_EXTERNAL_REFLECTANCE`, comes on top.
     """
     return (
         (1.0 - DIFFUSE_EXTERNAL_REFLECTANCE)
@@ -46,33 +51,34 @@ def wet_albedo(albedo: FloatArray) -> FloatArray:
 
 
 HOLLOW_SPACING_M = 3.0
-"""Distance between hollows, so that puddles are two to eight metres wide."""
+"""Distance between hollows; it makes puddles two to eight metres wide."""
 HOLLOWS_PER_EDGE = 128
-"""Along an edge; then the field repeats."""
+"""Hollows along an edge of the field, which then repeats."""
 TEXELS_PER_HOLLOW = 4
-"""Texels to a hollow along an edge."""
+"""Texels per hollow along an edge."""
 PUDDLE_TEXEL_M = HOLLOW_SPACING_M / TEXELS_PER_HOLLOW
 SHORE_ROUGHNESS = 0.25
-"""What a texel adds to the height of its hollow at most, so that shores are not smooth."""
+"""Amplitude of the noise that keeps shores from being smooth, relative to the hollows' heights."""
 
 
 @lru_cache(maxsize=1)
 def build_puddle_height_field() -> NDArray[np.float32]:
-    """Heights (n, n), about 0 to 1, of a square that repeats; north is up the rows.
+    """Build the heights (n, n), about 0 to 1, of a square that repeats; rows ascend to the north.
 
-    Texels are `TEXEL_M` apart; (0, 0) is that of the world's origin. Between them it is linear.
+    Texels are `PUDDLE_TEXEL_M` apart, texel (0, 0) is at the world's origin, and heights between
+    texels are interpolated linearly. The array is read-only.
     """
     rng = create_generator("puddles")
     hollows = rng.random((HOLLOWS_PER_EDGE, HOLLOWS_PER_EDGE), np.float32)
     ragged = rng.random(
         (HOLLOWS_PER_EDGE * TEXELS_PER_HOLLOW, HOLLOWS_PER_EDGE * TEXELS_PER_HOLLOW), np.float32
     )
-    share = np.arange(TEXELS_PER_HOLLOW, dtype=np.float32) / TEXELS_PER_HOLLOW
-    share = share * share * (3.0 - 2.0 * share)
+    fraction = np.arange(TEXELS_PER_HOLLOW, dtype=np.float32) / TEXELS_PER_HOLLOW
+    smooth = fraction * fraction * (3.0 - 2.0 * fraction)
     for axis in (0, 1):
         hollows = np.moveaxis(hollows, axis, -1)
         beyond = np.roll(hollows, -1, axis=-1)[..., None]
-        hollows = (hollows[..., None] * (1.0 - share) + beyond * share).reshape(len(hollows), -1)
+        hollows = (hollows[..., None] * (1.0 - smooth) + beyond * smooth).reshape(len(hollows), -1)
         hollows = np.moveaxis(hollows, -1, axis)
     heights = (hollows + SHORE_ROUGHNESS * (ragged - 0.5)).astype(np.float32)
     heights.flags.writeable = False
@@ -80,22 +86,23 @@ def build_puddle_height_field() -> NDArray[np.float32]:
 
 
 def puddle_field_height(points: FloatArray) -> FloatArray:
-    """Height (n,) of the field at points (n, 2 or more) of the world."""
+    """Interpolate the height (n,) of the field at points (n, 2 or more) of the world."""
     heights = build_puddle_height_field()
     x, y = points[:, 0] / PUDDLE_TEXEL_M, points[:, 1] / PUDDLE_TEXEL_M
     column, row = np.floor(x), np.floor(y)
     right, up = x - column, y - row
     left, low = column.astype(np.int32) % len(heights), row.astype(np.int32) % len(heights)
-    beside, above = (left + 1) % len(heights), (low + 1) % len(heights)
-    bottom = heights[low, left] * (1.0 - right) + heights[low, beside] * right
-    top = heights[above, left] * (1.0 - right) + heights[above, beside] * right
+    right_of_it, above = (left + 1) % len(heights), (low + 1) % len(heights)
+    bottom = heights[low, left] * (1.0 - right) + heights[low, right_of_it] * right
+    top = heights[above, left] * (1.0 - right) + heights[above, right_of_it] * right
     return bottom * (1.0 - up) + top * up
 
 
 @lru_cache(maxsize=16)
 def puddle_water_level(coverage: float) -> float:
-    """Water level that covers that share of the ground."""
+    """Compute the water level that covers that fraction of the ground."""
     heights = build_puddle_height_field()
+    # The quantile needs values between texels too: linear interpolation lacks their extremes.
     for axis in (0, 1):
         between = (heights + np.roll(heights, -1, axis)) / 2.0
         heights = np.concatenate([heights, between], axis)

@@ -1,4 +1,4 @@
-"""A weather in words, by the names that weather services give to its figures."""
+"""A weather in words, by the terms of weather services."""
 
 import math
 from collections.abc import Iterator
@@ -8,7 +8,7 @@ from advercity_dsl import Weather
 from advercity.physics.extinction import mor_from_extinction, snow_extinction
 
 FOG_TERMS = ((50, "dense fog"), (200, "thick fog"), (1000, "fog"))
-"""Below which visibility in metres what is said (WMO, UK roads)."""
+"""Upper limit of visibility in metres for each term (WMO, UK roads)."""
 DUST_TERMS = ((500, "severe dust storm"), (1000, "dust storm"))
 RAIN_TERMS = (
     (2.5, "light rain"),
@@ -16,21 +16,22 @@ RAIN_TERMS = (
     (50, "heavy rain"),
     (math.inf, "violent rain"),
 )
-"""Up to which rate in mm/h what is said (AMS)."""
+"""Highest rate in mm/h for each term (American Meteorological Society)."""
 SNOW_TERMS = ((500, "heavy snow"), (1000, "moderate snow"), (math.inf, "light snow"))
-"""Below which visibility in metres in the snow what is said."""
+"""Upper limit of visibility in metres in the snow alone for each term."""
 CLOUD_TERMS = ((0, "clear"), (2, "few clouds"), (4, "scattered clouds"), (7, "broken clouds"))
+"""Highest cover in eighths for each term; 8 is overcast."""
 
 
 def format_weather(weather: Weather) -> str:
-    """`day: thick fog, overcast, wet road, -3 degC`."""
+    """Format a weather as `day: thick fog, overcast, wet road, -3 degC`."""
     return f"{weather.time}: {', '.join(_describe_parts(weather))}"
 
 
 def _describe_parts(weather: Weather) -> Iterator[str]:
     yield from _describe_airborne(weather)
     oktas = weather.sky.oktas
-    yield next((name for most, name in CLOUD_TERMS if oktas <= most), "overcast")
+    yield next((name for highest, name in CLOUD_TERMS if oktas <= highest), "overcast")
     snow, surface = weather.snow, weather.surface
     if snow.road_coverage:
         yield f"{snow.road_coverage:.0%} of the road under snow"
@@ -50,13 +51,13 @@ def _describe_airborne(weather: Weather) -> Iterator[str]:
     if dust is not None:
         yield next((name for below, name in DUST_TERMS if dust < below), "dust in the air")
     if weather.rain.rate_mm_h:
-        yield next(name for most, name in RAIN_TERMS if weather.rain.rate_mm_h <= most)
+        yield next(name for highest, name in RAIN_TERMS if weather.rain.rate_mm_h <= highest)
     snow = weather.snow
     if snow.rate_mm_h:
-        seen_m = mor_from_extinction(
+        mor_m = mor_from_extinction(
             snow_extinction(snow.rate_mm_h, density_g_cm3=snow.density_g_cm3)
         )
-        yield next(name for below, name in SNOW_TERMS if seen_m < below)
+        yield next(name for below, name in SNOW_TERMS if mor_m < below)
     air = weather.air.mor_m
     if air is not None and air <= 5000:
         yield "haze"

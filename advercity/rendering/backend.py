@@ -1,6 +1,6 @@
-"""The seam between a scene and whatever renders it.
+"""Interface between scenes and the backends that render them, and the registry of backends.
 
-Finds rendering backends by name; plugins register under the entry point `advercity.backends`.
+Plugins register a `Backend` under the entry point group `advercity.backends`.
 """
 
 import difflib
@@ -22,18 +22,18 @@ from advercity.world import World
 
 @dataclass(frozen=True)
 class RenderProfile:
-    """How well to render, never what."""
+    """Quality settings of a renderer; they never change what is rendered."""
 
     name: str
     scale: float
-    """Of the authored width and height."""
+    """Image size relative to the authored width and height."""
     renderer: Literal["raster", "ray_traced"]
     samples: int = 1
     path_depth: int = 1
     denoise: bool = False
 
     def with_scale(self, scale: float | None) -> "RenderProfile":
-        """The same quality at another image scale."""
+        """Copy the profile with another image scale; None keeps its own."""
         return self if scale is None else replace(self, scale=scale)
 
 
@@ -45,41 +45,41 @@ RENDER_PROFILES = {
 
 @dataclass(frozen=True)
 class Capabilities:
-    """What a backend does natively."""
+    """Features that a backend has natively on this machine."""
 
     participating_medium: bool
-    """Fog attenuates and glows along every path; if False it is added from depth."""
+    """Fog attenuates and scatters along every path; if False, it is added from depth."""
     lamps: bool
     wet_surfaces: bool
     deterministic: bool
-    """Same input, same bytes on this device."""
+    """Whether the same input gives the same bytes on this device."""
     ray_traced: bool
     hardware: bool
-    """A graphics card rather than a software driver."""
+    """Whether it runs on a graphics card rather than a software driver."""
     device: str
-    """The device in words, part of a dataset's device class."""
+    """Device name, part of a dataset's device class."""
 
 
 @dataclass(frozen=True)
 class CameraView:
-    """One picture to take."""
+    """Pose and lens of one image to render."""
 
     world_from_camera: Matrix
-    """(4, 4), body axes: x along the view, y left, z up."""
+    """(4, 4) pose, body axes: x along the view, y left, z up."""
     width_px: int
     height_px: int
     horizontal_fov_rad: float
     hide: frozenset[int] = frozenset()
-    """Ids of actors that this camera must not see: its own carrier."""
+    """Ids of actors that this camera does not see: the vehicle it is mounted on."""
 
 
 @dataclass(frozen=True)
 class CameraCapture:
-    """What a camera's pixels met, before any optics or electronics.
+    """Light and geometry at a camera's pixels, before any optics or electronics.
 
     Attributes:
         radiance: (h, w, 3) float32, linear sRGB, luminance in cd/m².
-        depth: (h, w) float32, metres along the optical axis; inf where there is only sky.
+        depth: (h, w) float32, metres along the optical axis; inf for sky.
         normal: (h, w, 3) float32, unit, world frame; zero for sky.
         semantic: (h, w) uint8 of `Semantic`.
         instance: (h, w) int32 actor id; 0 for everything static.
@@ -96,38 +96,38 @@ class Renderer(Protocol):
     """An open scene; frames may be placed in any order."""
 
     def place(self, frame: Frame) -> None:
-        """Move every actor to where it is in `frame`, and switch lamps and signals."""
+        """Place every actor as in `frame`, and set lamps and signals."""
         ...
 
     def render_camera(self, view: CameraView) -> CameraCapture:
-        """Take one picture of the placed frame."""
+        """Render one image of the placed frame."""
         ...
 
     def render_cameras(self, views: Sequence[CameraView]) -> Iterator[CameraCapture]:
-        """Take pictures (at least one) of the placed frame, in order.
+        """Render images (at least one) of the placed frame, in order.
 
-        The device works on the next one while the caller looks at the last, and on the first
-        before it is asked for. All must be fetched before another frame is placed.
+        The device may render ahead: the next image while the caller processes the last, the first
+        before the iterator is advanced. All must be fetched before another frame is placed.
         """
         ...
 
 
 class Backend(Protocol):
-    """Starts renderers; keeps what they share, never the state of one."""
+    """Opens renderers; holds what they share, never the state of one."""
 
     @property
     def name(self) -> str:
-        """As it is asked for on the command line."""
+        """Name of the backend on the command line."""
         ...
 
     def capabilities(self) -> Capabilities:
-        """What this backend can do on this machine; BackendError if there is no device."""
+        """Report what this backend can do on this machine; BackendError without a device."""
         ...
 
     def open(
         self, world: World, atmosphere: Atmosphere, profile: RenderProfile
     ) -> AbstractContextManager[Renderer]:
-        """Load a world under an atmosphere; closing the context frees the device's memory."""
+        """Load a world and its atmosphere; closing the context frees the device's memory."""
         ...
 
 
@@ -152,11 +152,11 @@ def list_backend_names() -> list[str]:
 
 
 def load_backend(name: str) -> Backend:
-    """The backend called `name`.
+    """Import and instantiate the backend called `name`.
 
     Raises:
         InputError: No backend has that name.
-        BackendError: It does not import, or two distributions claim the name.
+        BackendError: Its import fails, or two distributions claim the name.
     """
     found = [entry for entry in entry_points(group=ENTRY_POINT_GROUP) if entry.name == name]
     if not found:

@@ -1,11 +1,9 @@
-"""Embree: solids that are built once, a scene of where they stand or go, and rays cast at it.
+"""Embree through its C interface: meshes, scenes of instances, and packets of rays.
 
-embreex brings Embree along, but its own wrapper has neither instances nor packets of rays. Both are
-a call away in Embree's C interface, used here as the manual of version 4 describes it. Sixteen rays
-that go much the same way are cast together two to three times as fast as one by one.
-
-Embree works in float32: hits are good to a tenth of a millimetre within a kilometre of the
-origin.
+embreex ships Embree, but its wrapper has neither instances, motion nor ray packets, so the C
+functions of version 4 are called by ctypes. Packets of 16 coherent rays are two to three times as
+fast as single rays. Embree computes in float32: hits are accurate to a tenth of a millimetre within
+a kilometre of the origin.
 """
 
 import ctypes
@@ -33,23 +31,22 @@ _ROBUST, _COHERENT = 1 << 2, 1 << 16
 _EVERY_FEATURE = 0xFFFFFFFF
 
 _RAYS_PER_PACKET, _FIELDS_PER_RAY = 16, 21
-"""Of RTCRayHit16: rays, and numbers of 4 bytes that each has."""
+"""Layout of RTCRayHit16: rays per packet, and 4-byte fields per ray."""
 _ORIGIN, _DIRECTION, _HIT = slice(0, 3), slice(4, 7), slice(17, 20)
 _TIME, _FAR, _MASK, _PRIMITIVE_ID, _INSTANCE_ID = 7, 8, 9, 17, 19
 _ALIGNMENT_BYTES = 64
-_TIME_NOW = 1.0
 _PACKETS_PER_BATCH = 512
-"""Packets that are filled, cast and read at a time: as many as a core's cache holds."""
+"""Packets that are filled, cast and read at a time: as many as fit a core's cache."""
 
 
 @dataclass(frozen=True, eq=False)
 class EmbreeHits:
-    """What each of n rays met first.
+    """First hit of each of n rays.
 
     Attributes:
-        instance: (n,) int32 row in the scene; -1 for nothing.
-        triangle: (n,) int32 of that solid; -1 for nothing.
-        range_m: (n,) float32; where rays end for nothing.
+        instance: (n,) int32 row of the mesh in the scene; -1 for a miss.
+        triangle: (n,) int32 row of the triangle in that mesh; -1 for a miss.
+        range_m: (n,) float32; the maximum range for a miss.
     """
 
     instance: NDArray[np.int32]
@@ -58,16 +55,17 @@ class EmbreeHits:
 
 
 class EmbreeMesh:
-    """The triangles of some meshes, one after the other, in a frame of their own."""
+    """The triangles of some meshes in sequence, in their own frame, ready for instances."""
 
     def __init__(self, meshes: Sequence[Mesh]) -> None:
         starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
-        moved = [mesh.triangles + start for mesh, start in zip(meshes, starts, strict=False)]
+        triangles = [mesh.triangles + start for mesh, start in zip(meshes, starts, strict=False)]
         embree, geometry = _load_embree(), _new_geometry(_GEOMETRY_TRIANGLE)
+        # The empty first item lets a scene without meshes concatenate.
         vertices = [np.zeros((0, 3)), *(mesh.vertices for mesh in meshes)]
         _copy_buffer(geometry, _BUFFER_VERTEX, _FLOAT3, np.concatenate(vertices).astype(np.float32))
-        triangles = [np.zeros((0, 3)), *moved]
-        _copy_buffer(geometry, _BUFFER_INDEX, _UINT3, np.concatenate(triangles).astype(np.uint32))
+        corners = np.concatenate([np.zeros((0, 3)), *triangles]).astype(np.uint32)
+        _copy_buffer(geometry, _BUFFER_INDEX, _UINT3, corners)
         self.scene = _new_scene(self)
         _attach(self.scene, geometry)
         embree.rtcCommitScene(self.scene)
@@ -75,13 +73,13 @@ class EmbreeMesh:
 
 
 class EmbreeScene:
-    """Solids where they stand, or where they go while rays are cast.
+    """Instances of meshes, at rest or in motion while rays are cast.
 
     Args:
-        solids: k solids.
-        now: (k, 4, 4) `world_from_solid`.
-        before: (k, 4, 4) where they come from: places go straight, turns go evenly. None if they
-            stand still.
+        meshes: k meshes.
+        world_from_mesh: (k, 4, 4) poses.
+        previous_world_from_mesh: (k, 4, 4) poses one tick earlier, for rays at times in between:
+            positions are interpolated linearly, rotations by slerp. None without motion.
     """
 
     def __init__(
@@ -93,9 +91,9 @@ class EmbreeScene:
         self._scene = _new_scene(self)
         self._hidden: frozenset[int] = frozenset()
         self._packets = _RayPackets()
-        for row, solid in enumerate(meshes):
+        for row, mesh in enumerate(meshes):
             geometry = _new_geometry(_GEOMETRY_INSTANCE)
-            _load_embree().rtcSetGeometryInstancedScene(geometry, solid.scene)
+            _load_embree().rtcSetGeometryInstancedScene(geometry, mesh.scene)
             if previous_world_from_mesh is None:
                 _set_static_transform(geometry, world_from_mesh[row])
             else:
@@ -107,7 +105,7 @@ class EmbreeScene:
         _raise_on_error()
 
     def hide(self, rows: Collection[int]) -> None:
-        """Let rays pass through those solids, and through no others."""
+        """Let rays pass through the instances in `rows`, and through no others."""
         hidden = frozenset(rows)
         if hidden == self._hidden:
             return
@@ -128,29 +126,29 @@ class EmbreeScene:
         time_fraction: FloatArray | None = None,
         ray_order: IndexArray | None = None,
     ) -> EmbreeHits:
-        """What each ray meets first.
+        """Find the first hit of each ray.
 
         Args:
             origins: (n, 3) float32.
             directions: (n, 3) float32, unit vectors.
-            max_range_m: Where rays end.
-            time_fraction: (n,) float32, time of each ray, from 0 (previous poses) to 1 (current
+            max_range_m: End of the rays.
+            time_fraction: (n,) float32 time of each ray, from 0 (previous poses) to 1 (current
                 poses); None for 1.
-            ray_order: (n,) rows of rays in an order in which neighbours go much the same way; None
-                for the order they come in.
+            ray_order: (n,) rows of rays in an order that keeps similar directions together; None
+                for the given order.
         """
         count = len(directions)
-        met = EmbreeHits(
+        hits = EmbreeHits(
             instance=np.empty(count, np.int32),
             triangle=np.empty(count, np.int32),
             range_m=np.empty(count, np.float32),
         )
         rows = np.arange(count) if ray_order is None else ray_order
-        floats, whole = self._packets.floats, self._packets.integers
+        floats, integers = self._packets.floats, self._packets.integers
         for first in range(0, count, _PACKETS_PER_BATCH * _RAYS_PER_PACKET):
             some = rows[first : first + _PACKETS_PER_BATCH * _RAYS_PER_PACKET]
             packets = -(-len(some) // _RAYS_PER_PACKET)
-            # The last ray fills what is left of the last packet.
+            # Copies of the last ray fill up the last packet.
             lanes = np.append(some, np.repeat(some[-1:], packets * _RAYS_PER_PACKET - len(some)))
             floats[:packets, _ORIGIN] = _to_packets(origins.take(lanes, axis=0))
             floats[:packets, _DIRECTION] = _to_packets(directions.take(lanes, axis=0))
@@ -160,23 +158,24 @@ class EmbreeScene:
                 else time_fraction.take(lanes).reshape(-1, _RAYS_PER_PACKET)
             )
             floats[:packets, _FAR] = max_range_m
-            whole[:packets, _HIT] = -1
+            integers[:packets, _HIT] = -1
             self._packets.cast(self._scene, packets)
-            met.instance[some] = whole[:packets, _INSTANCE_ID].reshape(-1)[: len(some)]
-            met.triangle[some] = whole[:packets, _PRIMITIVE_ID].reshape(-1)[: len(some)]
-            met.range_m[some] = floats[:packets, _FAR].reshape(-1)[: len(some)]
-        return met
+            hits.instance[some] = integers[:packets, _INSTANCE_ID].reshape(-1)[: len(some)]
+            hits.triangle[some] = integers[:packets, _PRIMITIVE_ID].reshape(-1)[: len(some)]
+            hits.range_m[some] = floats[:packets, _FAR].reshape(-1)[: len(some)]
+        return hits
 
 
 class _RayPackets:
-    """Room for `_PACKETS` RTCRayHit16, which hold field by field what 16 rays are and met.
+    """Memory of `_PACKETS_PER_BATCH` RTCRayHit16, structures of arrays for 16 rays and their hits.
 
     Attributes:
         floats: (packets, fields, lanes) float32.
-        integers: The same bytes as int32.
+        integers: View of the same bytes as int32.
     """
 
     def __init__(self) -> None:
+        # RTCRayHit16 must be aligned to 64 bytes, which NumPy does not promise.
         room = np.zeros(
             _PACKETS_PER_BATCH * _FIELDS_PER_RAY * _RAYS_PER_PACKET + 2 * _ALIGNMENT_BYTES // 4,
             np.float32,
@@ -193,11 +192,11 @@ class _RayPackets:
         self._arguments = _IntersectArguments(_COHERENT, _EVERY_FEATURE)
 
     def cast(self, scene: int, count: int) -> None:
-        """Have the first `count` packets cast."""
+        """Cast the rays of the first `count` packets."""
         intersect, valid = _load_embree().rtcIntersect16, c_void_p(self._valid.ctypes.data)
-        at, how = c_void_p(scene), ctypes.byref(self._arguments)
+        handle, arguments = c_void_p(scene), ctypes.byref(self._arguments)
         for packet in self._packets[:count]:
-            intersect(valid, at, packet, how)
+            intersect(valid, handle, packet, arguments)
 
 
 class _IntersectArguments(ctypes.Structure):
@@ -224,11 +223,9 @@ _SINGLE_POINTER_FUNCTIONS = (
 
 @cache
 def _load_embree() -> Any:
-    """Embree's functions, as far as they are called here.
-
-    The library that embreex's module is linked to is found by way of that module. Calls are too
-    short for others to have the interpreter meanwhile.
-    """
+    """Load Embree and declare the functions that are called here."""
+    # embreex's extension module is linked to Embree, so its handle finds Embree's symbols too.
+    # PyDLL keeps the interpreter lock: calls are shorter than releasing and taking it again.
     embree = ctypes.PyDLL(embreex_scene.__file__)
     for name in _SINGLE_POINTER_FUNCTIONS:
         getattr(embree, name).argtypes = (c_void_p,)
@@ -263,11 +260,11 @@ def _open_device() -> int:
 def _raise_on_error() -> None:
     error = _load_embree().rtcGetDeviceError(_open_device())
     if error:
-        raise RunError(f"Embree fails with error {error}; is there enough memory?")
+        raise RunError(f"Embree reports error {error}; is there enough memory?")
 
 
 def _new_scene(owner: object) -> int:
-    """A scene that lives as long as its owner; no ray slips between two triangles of it."""
+    """Create a scene that lives as long as its owner, without gaps between adjacent triangles."""
     scene = _load_embree().rtcNewScene(_open_device())
     weakref.finalize(owner, _load_embree().rtcReleaseScene, scene)
     _load_embree().rtcSetSceneFlags(scene, _ROBUST)
@@ -279,7 +276,7 @@ def _new_geometry(kind: int) -> int:
 
 
 def _attach(scene: int, geometry: int) -> None:
-    """Hand a geometry over to a scene."""
+    """Commit a geometry and transfer its ownership to a scene."""
     embree = _load_embree()
     embree.rtcCommitGeometry(geometry)
     embree.rtcAttachGeometry(scene, geometry)
@@ -287,33 +284,33 @@ def _attach(scene: int, geometry: int) -> None:
 
 
 def _copy_buffer(geometry: int, kind: int, form: int, rows: NDArray[Any]) -> None:
-    """Give a geometry a copy of rows (n, 3) of 4 bytes each."""
-    room = _load_embree().rtcSetNewGeometryBuffer(
+    """Copy rows (n, 3) of 4-byte numbers into a new buffer of a geometry."""
+    buffer = _load_embree().rtcSetNewGeometryBuffer(
         geometry, kind, 0, form, rows.strides[0], len(rows)
     )
-    ctypes.memmove(room, rows.ctypes.data, rows.nbytes)
+    ctypes.memmove(buffer, rows.ctypes.data, rows.nbytes)
 
 
-def _set_static_transform(instance: int, world_from_solid: Matrix) -> None:
-    rows = world_from_solid[:3].astype(np.float32)
+def _set_static_transform(instance: int, world_from_mesh: Matrix) -> None:
+    rows = world_from_mesh[:3].astype(np.float32)
     _load_embree().rtcSetGeometryTransform(instance, 0, _FLOAT3X4_ROW_MAJOR, rows.ctypes.data)
 
 
-def _set_motion_transforms(instance: int, before: Matrix, now: Matrix) -> None:
+def _set_motion_transforms(instance: int, previous: Matrix, current: Matrix) -> None:
     embree = _load_embree()
     embree.rtcSetGeometryTimeStepCount(instance, 2)
-    for step, world_from_solid in enumerate((before, now)):
-        parts = _to_quaternion_decomposition(world_from_solid)
+    for step, world_from_mesh in enumerate((previous, current)):
+        parts = _to_quaternion_decomposition(world_from_mesh)
         embree.rtcSetGeometryTransformQuaternion(instance, step, parts.ctypes.data)
 
 
 def _to_quaternion_decomposition(matrix: Matrix) -> FloatArray:
-    """RTCQuaternionDecomposition (16,) of a turn and a shift: scale, skew, shift, turn, place."""
+    """Build an RTCQuaternionDecomposition (16,): scale, skew, shift, rotation, translation."""
     return np.concatenate(
         [np.ones(3), np.zeros(6), poses.to_quaternion(matrix), matrix[:3, 3]], dtype=np.float32
     )
 
 
 def _to_packets(vectors: FloatArray) -> FloatArray:
-    """Vectors (n, 3) packet by packet (n / lanes, 3, lanes)."""
+    """Reorder vectors (n, 3) by packet, (n / lanes, 3, lanes)."""
     return vectors.reshape(-1, _RAYS_PER_PACKET, 3).transpose(0, 2, 1)

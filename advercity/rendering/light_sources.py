@@ -1,4 +1,4 @@
-"""Lamps that light the scene at night: of streets, signals and vehicles."""
+"""Light sources of a scene at night: lamps of streets, signals and vehicles."""
 
 from collections.abc import Iterator, Sequence
 
@@ -26,48 +26,49 @@ LOW_BEAM_CD: dict[ActorClass, float] = {
     "motorcycle": 20e3,
     "bicycle": 1e3,
 }
-"""Peak of the dipped beams of a vehicle together (UN R112 class B, R113)."""
+"""Peak intensity of a vehicle's low beams together (UN R112 class B, R113)."""
 BRAKE_CD, TAIL_CD, SIGNAL_CD = 300.0, 16.0, 400.0
 REAR_FOG_CD, FRONT_INDICATOR_CD, REAR_INDICATOR_CD = 200.0, 300.0, 200.0
 """Rear fog lamps together, indicators each (UN R148 allows 150-300, 175-1000 and 50-500)."""
 FRONT_FOG_CD = 8e3
-"""Peak of both front fog lamps together; an engineering value, a fifth of the dipped beams."""
+"""Peak of both front fog lamps together; an engineering value, a fifth of the low beams."""
 FOG_LAMP_HEIGHT_M, FOG_LAMP_TILT_RAD = 0.40, np.radians(1.5)
-"""Their light ends lower than that of dipped beams."""
+"""Mounting height and downward tilt of front fog lamps: their light ends below the low beams'."""
 REAR_LAMP_OFFSET_FRACTION, LOW_BEAM_OFFSET_FRACTION = 0.4, 0.35
-"""How far rear lamps and indicators, and dipped beams, are from the middle, in widths."""
+"""Lateral offset of rear lamps and indicators, and of low beams, in widths of the vehicle."""
 TWO_WHEELER_CLASSES: tuple[ActorClass, ...] = ("bicycle", "motorcycle")
 LAMP_HEIGHT_M, LAMP_BODY_CLEARANCE_M = 0.65, 0.1
+"""The clearance keeps a lamp's own body out of its light."""
 MAX_OCCLUDER_GAP_M, LIT_BEHIND_OCCLUDER_M = 12.0, 6.0
-"""Who is closer ahead than that hides a beam; how far behind its rear the light still reaches."""
+"""Gap within which a vehicle ahead hides a beam, and length of the light beyond its rear."""
 SIGNAL_LENS_SPACING_M = 0.31
 SIGNAL_LENS_OFFSET_M = 0.02
-"""Of the lens that the world's own mesh of a signal has."""
+"""Forward offset of the lens in the mesh of a signal."""
 
 
 def list_light_sources(world: World, frame: Frame) -> list[LightSource]:
-    """Everything that shines in a frame by night."""
+    """List all lamps that are lit in a frame at night."""
     return [
-        *(_street_light(lamp) for lamp in world.street_lamps),
-        *(_signal_light(lamp, frame.signals[lamp.id]) for lamp in world.signal_lamps),
+        *(_build_street_light(lamp) for lamp in world.street_lamps),
+        *(_build_signal_light(lamp, frame.signals[lamp.id]) for lamp in world.signal_lamps),
         *(
             lamp
-            for state, open_m in zip(
+            for state, unobstructed_m in zip(
                 frame.states, unobstructed_distance_m(frame.states), strict=True
             )
-            for lamp in _vehicle_lights(state, open_m)
+            for lamp in _iterate_vehicle_lights(state, unobstructed_m)
         ),
     ]
 
 
-def _street_light(lamp: StreetLamp) -> LightSource:
-    """Straight down with the cosine of the angle, so that the flux is pi times the peak."""
+def _build_street_light(lamp: StreetLamp) -> LightSource:
+    """Build a Lambertian lamp that faces down: its flux is pi times its peak."""
     return LightSource(
         LampPattern.STREET, lamp.position, (0.0, 0.0, -1.0), lamp.flux_lm / np.pi, LED_COLOUR
     )
 
 
-def _signal_light(lamp: SignalLamp, shown: Signal) -> LightSource:
+def _build_signal_light(lamp: SignalLamp, shown: Signal) -> LightSource:
     facing = (*lamp.facing, 0.0)
     ahead, _, up = signal_lens_position(shown)
     position = np.add(lamp.position, np.multiply(facing, ahead + LAMP_BODY_CLEARANCE_M))
@@ -76,38 +77,38 @@ def _signal_light(lamp: SignalLamp, shown: Signal) -> LightSource:
 
 
 def unobstructed_distance_m(states: Sequence[ActorState]) -> NDArray[np.float64]:
-    """How far (n,) in metres each actor's beams shine before another hides most of the rest."""
+    """Compute the free path (n,) in metres of each actor's beams, before another blocks them."""
     if not states:
         return np.empty(0)
     pose = np.stack([state.world_from_body for state in states])
     length, width, _ = np.array([state.actor.size for state in states]).T
-    away = pose[None, :, :2, 3] - pose[:, None, :2, 3]
-    ahead = np.einsum("ijk,ik->ij", away, pose[:, :2, 0])
-    aside = np.abs(np.einsum("ijk,ik->ij", away, pose[:, :2, 1]))
+    offset = pose[None, :, :2, 3] - pose[:, None, :2, 3]
+    ahead = np.einsum("ijk,ik->ij", offset, pose[:, :2, 0])
+    lateral = np.abs(np.einsum("ijk,ik->ij", offset, pose[:, :2, 1]))
     gap = ahead - (length[:, None] + length[None]) / 2.0
-    hides = (ahead > 0.0) & (aside < width[None] / 2.0) & (gap < MAX_OCCLUDER_GAP_M)
-    return np.where(hides, np.maximum(gap, 0.0) + LIT_BEHIND_OCCLUDER_M, np.inf).min(axis=1)
+    blocks = (ahead > 0.0) & (lateral < width[None] / 2.0) & (gap < MAX_OCCLUDER_GAP_M)
+    return np.where(blocks, np.maximum(gap, 0.0) + LIT_BEHIND_OCCLUDER_M, np.inf).min(axis=1)
 
 
-def _vehicle_lights(state: ActorState, open_m: float) -> Iterator[LightSource]:
+def _iterate_vehicle_lights(state: ActorState, unobstructed_m: float) -> Iterator[LightSource]:
     pose, length = state.world_from_body, state.actor.size[0]
     ahead = pose[:3, 0]
-    reach = length / 2.0 + LAMP_BODY_CLEARANCE_M
-    rear = transform_points(pose, [-reach, 0.0, LAMP_HEIGHT_M])
+    half_length_m = length / 2.0 + LAMP_BODY_CLEARANCE_M
+    rear = transform_points(pose, [-half_length_m, 0.0, LAMP_HEIGHT_M])
     sides = (0.0,) if state.actor.actor_class in TWO_WHEELER_CLASSES else (1.0, -1.0)
     beam_cd = LOW_BEAM_CD.get(state.actor.actor_class, 0.0) / len(sides)
     if Lamp.LOW_BEAM in state.lamps and beam_cd > 0.0:
         for left in sides:
             y = left * LOW_BEAM_OFFSET_FRACTION * state.actor.size[1]
-            front = tuple(transform_points(pose, [reach, y, LAMP_HEIGHT_M]))
+            front = tuple(transform_points(pose, [half_length_m, y, LAMP_HEIGHT_M]))
             yield LightSource(
-                LampPattern.LOW_BEAM, front, tuple(ahead), beam_cd, HALOGEN_COLOUR, open_m
+                LampPattern.LOW_BEAM, front, tuple(ahead), beam_cd, HALOGEN_COLOUR, unobstructed_m
             )
     if Lamp.FOG in state.lamps:
-        low = tuple(transform_points(pose, [reach, 0.0, FOG_LAMP_HEIGHT_M]))
+        low = tuple(transform_points(pose, [half_length_m, 0.0, FOG_LAMP_HEIGHT_M]))
         down = np.cos(FOG_LAMP_TILT_RAD) * ahead - np.sin(FOG_LAMP_TILT_RAD) * pose[:3, 2]
         yield LightSource(
-            LampPattern.FOG_BEAM, low, tuple(down), FRONT_FOG_CD, HALOGEN_COLOUR, open_m
+            LampPattern.FOG_BEAM, low, tuple(down), FRONT_FOG_CD, HALOGEN_COLOUR, unobstructed_m
         )
     if state.lamps & (Lamp.BRAKE | Lamp.LOW_BEAM | Lamp.FOG):
         rear_cd = BRAKE_CD if Lamp.BRAKE in state.lamps else TAIL_CD
@@ -121,10 +122,10 @@ def _vehicle_lights(state: ActorState, open_m: float) -> Iterator[LightSource]:
                 rear_cd / len(sides),
                 RED_LAMP_COLOUR,
             )
-    yield from _indicator_lights(state, reach)
+    yield from _iterate_indicator_lights(state, half_length_m)
 
 
-def _indicator_lights(state: ActorState, half_length_m: float) -> Iterator[LightSource]:
+def _iterate_indicator_lights(state: ActorState, half_length_m: float) -> Iterator[LightSource]:
     pose, ahead = state.world_from_body, state.world_from_body[:3, 0]
     for lamp, left in ((Lamp.LEFT, 1.0), (Lamp.RIGHT, -1.0)):
         if lamp in state.lamps:
@@ -142,5 +143,5 @@ def _indicator_lights(state: ActorState, half_length_m: float) -> Iterator[Light
 
 
 def signal_lens_position(signal: Signal) -> tuple[float, float, float]:
-    """Where the lens of a signal is in the frame of its `SignalLamp`, metres."""
+    """Compute the position of a signal's lens in the frame of its `SignalLamp`, metres."""
     return SIGNAL_LENS_OFFSET_M, 0.0, SIGNAL_LENS_SPACING_M * (Signal.YELLOW - signal)

@@ -1,8 +1,8 @@
-"""Rays against the world's own meshes and the bodies that move on it, by Embree.
+"""Ray casting against the static world and the bodies that move in it, by Embree.
 
-The static world is one solid, every shape that a body takes on another, built when it is first
-met. A frame is a scene of them: where they stand, or where they go if a frame is a stretch of time.
-So next to nothing is built while frames pass.
+The static world is one mesh, every shape that a body takes another, built at first use. A frame is
+a scene of instances, which are in motion if rays are cast between two frames. So almost nothing is
+built from frame to frame.
 """
 
 from collections.abc import Sequence
@@ -22,18 +22,18 @@ from advercity.rendering.embree import EmbreeMesh, EmbreeScene
 from advercity.world import World
 
 MATERIAL_NAMES = tuple(MATERIALS)
-"""Name of a material by its index in `Hits.material`."""
+"""Name of a material by its index in `RayHits.material`."""
 _MATERIAL_INDEX = {name: index for index, name in enumerate(MATERIAL_NAMES)}
 _ACTOR_PAINT = -1
 
 
 @dataclass(frozen=True, eq=False)
 class RayHits:
-    """The first surface that each of n rays met; a miss has range inf and zeros elsewhere.
+    """First surface that each of n rays hit; a miss has range inf and zeros elsewhere.
 
     Attributes:
         range_m: (n,) float32 along the ray.
-        normal: (n, 3) float32 of the flat triangle, unit, world frame, towards the ray's origin.
+        normal: (n, 3) float32 geometric normal, unit, world frame, towards the ray's origin.
         cosine: (n,) float32 of the angle of incidence.
         material: (n,) int16 into `MATERIAL_NAMES`.
         semantic: (n,) uint8 of `Semantic`.
@@ -55,11 +55,10 @@ class Rays:
     Attributes:
         origins: (n, 3) float32, metres.
         directions: (n, 3) float32, unit vectors.
-        time_fraction: (n,) float32 of the time from the frame before to this one that has gone by
-            when
-            each ray is cast; None if all are cast at this frame.
-        ring: (n,) uint16; rays of a ring, one after the other, go much the same way. None if all
-            rays do.
+        time_fraction: (n,) float32 time of each ray, from 0 at the previous frame to 1 at the
+            current one; None for 1.
+        ring: (n,) uint16; successive rays of a ring have similar directions, which makes fast
+            packets. None if all successive rays do.
     """
 
     origins: FloatArray
@@ -71,7 +70,7 @@ class Rays:
         return len(self.directions)
 
     def select(self, where: IndexArray) -> "Rays":
-        """Those rays alone."""
+        """Select rays by row numbers."""
         return Rays(
             self.origins.take(where, axis=0),
             self.directions.take(where, axis=0),
@@ -81,7 +80,7 @@ class Rays:
 
 
 class Raycaster:
-    """Casts rays into a world; movers go where `place` puts them."""
+    """Casts rays into a world whose actors are placed frame by frame."""
 
     def __init__(self, world: World) -> None:
         self._bodies = world.bodies
@@ -98,10 +97,10 @@ class Raycaster:
         *,
         previous_frame: Frame | None = None,
     ) -> None:
-        """Move every actor to where it is in `frame`; rays pass through those in `hide`.
+        """Place every actor as in `frame`; rays pass through actors in `hide`.
 
-        With the frame `before`, rays may be cast at any moment between the two. An actor that was
-        not there yet stays where it is. Placing the same frames again costs next to nothing.
+        With `previous_frame`, rays may be cast at any time between the two; actors that are not in
+        it do not move. Placing the same frames again costs next to nothing.
         """
         if self._frames[0] is not frame or self._frames[1] is not previous_frame:
             self._placed = self._build_placement(frame, previous_frame)
@@ -110,50 +109,51 @@ class Raycaster:
         self._placed.scene.hide(np.flatnonzero(hidden).tolist())
 
     def cast(self, rays: Rays, max_range_m: float) -> RayHits:
-        """The nearest hit of every ray; surfaces beyond `max_range_m` are missed."""
-        placed, known = self._placed, self._triangles
-        met = placed.scene.cast(
+        """Find the nearest hit of every ray within `max_range_m`."""
+        placed, table = self._placed, self._triangles
+        found = placed.scene.cast(
             rays.origins,
             rays.directions,
             max_range_m,
             time_fraction=rays.time_fraction,
             ray_order=None if rays.ring is None else np.argsort(rays.ring, kind="stable"),
         )
-        # What met nothing has -1 for both, which finds the last row of each table.
-        triangle = placed.first.take(met.instance, mode="wrap") + met.triangle
-        met.range_m[triangle < 0] = np.inf
-        normal = known.normal.take(triangle, axis=0, mode="wrap")
-        material = known.material.take(triangle, mode="wrap")
-        moved = np.flatnonzero(met.instance > 0)
-        mover = met.instance.take(moved)
-        share = None if rays.time_fraction is None else rays.time_fraction.take(moved)
-        normal[moved] = placed.rotate_normals(normal.take(moved, axis=0), mover, share)
+        # A miss has -1 for instance and triangle, which wraps to the last row of each table.
+        triangle = placed.first_triangle.take(found.instance, mode="wrap") + found.triangle
+        found.range_m[triangle < 0] = np.inf
+        normal = table.normal.take(triangle, axis=0, mode="wrap")
+        material = table.material.take(triangle, mode="wrap")
+        # Instance 0 is the static world, whose normals are in the world frame already.
+        moving = np.flatnonzero(found.instance > 0)
+        mover = found.instance.take(moving)
+        fraction = None if rays.time_fraction is None else rays.time_fraction.take(moving)
+        normal[moving] = placed.rotate_normals(normal.take(moving, axis=0), mover, fraction)
         painted = np.flatnonzero(material == _ACTOR_PAINT)
-        material[painted] = placed.paint.take(met.instance.take(painted))
+        material[painted] = placed.paint.take(found.instance.take(painted))
         return RayHits(
-            range_m=met.range_m,
+            range_m=found.range_m,
             **_orient_normals(normal, rays.directions),
             material=material,
-            semantic=known.semantic.take(triangle, mode="wrap"),
-            instance=placed.instance.take(met.instance, mode="wrap"),
+            semantic=table.semantic.take(triangle, mode="wrap"),
+            instance=placed.instance.take(found.instance, mode="wrap"),
         )
 
-    def _build_placement(self, frame: Frame, before: Frame | None) -> "_PlacedFrame":
+    def _build_placement(self, frame: Frame, previous_frame: Frame | None) -> "_PlacedFrame":
         states = frame.states
-        seen = [compute_body_pose(state, self._bodies) for state in states]
-        held = [self._world, *(self._get_shape_mesh(one.shape) for one in seen)]
-        own = [np.eye(4), *(one.body_from_mesh for one in seen)]
-        now = [np.eye(4), *(state.world_from_body for state in states)] @ np.array(own)
-        then = None
-        if before is not None:
-            earlier = {state.actor.id: state for state in before.states}
-            stood = [earlier.get(state.actor.id, state).world_from_body for state in states]
-            then = [np.eye(4), *stood] @ np.array(own)
+        bodies = [compute_body_pose(state, self._bodies) for state in states]
+        meshes = [self._world, *(self._get_shape_mesh(body.shape) for body in bodies)]
+        body_from_mesh = np.array([np.eye(4), *(body.body_from_mesh for body in bodies)])
+        current = [np.eye(4), *(state.world_from_body for state in states)] @ body_from_mesh
+        previous = None
+        if previous_frame is not None:
+            by_id = {state.actor.id: state for state in previous_frame.states}
+            earlier = [by_id.get(state.actor.id, state).world_from_body for state in states]
+            previous = [np.eye(4), *earlier] @ body_from_mesh
         return _PlacedFrame(
-            scene=EmbreeScene([one.solid for one in held], now, then),
-            now=now,
-            before=then,
-            first=np.array([*(one.first for one in held), 0], np.int32),
+            scene=EmbreeScene([item.mesh for item in meshes], current, previous),
+            current=current,
+            previous=previous,
+            first_triangle=np.array([*(item.first_triangle for item in meshes), 0], np.int32),
             instance=np.array([0, *(state.actor.id for state in states), 0], np.int32),
             paint=np.array(
                 [0, *(_find_material_index(state.actor.paint) for state in states)], np.int16
@@ -171,51 +171,53 @@ class Raycaster:
 
 @dataclass(frozen=True, eq=False)
 class _RegisteredMesh:
-    """A solid, and the row of the first of its triangles among those of all."""
+    """A mesh in Embree, and the row of its first triangle in the triangle table."""
 
-    solid: EmbreeMesh
-    first: int
+    mesh: EmbreeMesh
+    first_triangle: int
 
 
 @dataclass(frozen=True, eq=False)
 class _PlacedFrame:
-    """A frame: the static world, which comes first, and k - 1 movers.
+    """The static world, which is instance 0, and k - 1 actors.
 
     Attributes:
-        scene: Of them all.
-        now: (k, 4, 4) `world_from_mesh`.
-        before: (k, 4, 4) at the frame before; None if all rays are cast now.
-        first: (k + 1,) int32 row of each one's first triangle, and 0 for a miss.
+        scene: Embree's scene of all.
+        current: (k, 4, 4) `world_from_mesh`.
+        previous: (k, 4, 4) at the previous frame; None if all rays are cast at the current one.
+        first_triangle: (k + 1,) int32 row of each instance's first triangle; 0 for a miss.
         instance: (k + 1,) int32 ids of the actors, 0 for the world and for a miss.
-        paint: (k,) int16 material of what is painted.
+        paint: (k,) int16 material of surfaces in the actor's paint.
     """
 
     scene: EmbreeScene
-    now: Matrix
-    before: Matrix | None
-    first: NDArray[np.int32]
+    current: Matrix
+    previous: Matrix | None
+    first_triangle: NDArray[np.int32]
     instance: NDArray[np.int32]
     paint: NDArray[np.int16]
 
     def rotate_normals(
-        self, vectors: FloatArray, mover: NDArray[np.int32], share: FloatArray | None
+        self, vectors: FloatArray, mover: NDArray[np.int32], time_fraction: FloatArray | None
     ) -> FloatArray:
-        """Vectors (n, 3) of movers (n,) in the world, at shares (n,) of the tick."""
-        if self.before is None or share is None:
-            turns = self.now[:, :3, :3].astype(np.float32).take(mover, axis=0)
-            return np.einsum("nij,nj->ni", turns, vectors)
-        turned = np.empty_like(vectors)
-        for one in np.unique(mover).tolist():
-            own = np.flatnonzero(mover == one)
-            turns = poses.interpolate_poses(self.before[one], self.now[one], share[own])[:, :3, :3]
-            turned[own] = np.einsum("nij,nj->ni", turns, vectors[own])
-        return turned
+        """Rotate vectors (n, 3) from the meshes of movers (n,) to the world, at times (n,)."""
+        if self.previous is None or time_fraction is None:
+            rotations = self.current[:, :3, :3].astype(np.float32).take(mover, axis=0)
+            return np.einsum("nij,nj->ni", rotations, vectors)
+        rotated = np.empty_like(vectors)
+        for row in np.unique(mover).tolist():
+            rays = np.flatnonzero(mover == row)
+            path = poses.interpolate_poses(
+                self.previous[row], self.current[row], time_fraction[rays]
+            )
+            rotated[rays] = np.einsum("nij,nj->ni", path[:, :3, :3], vectors[rays])
+        return rotated
 
 
 class _TriangleTable:
-    """What triangles are; the last row of each table stands for a miss, where -1 finds it.
+    """Normal, material and semantic class of all triangles; the last row of each is for misses.
 
-    Tables have room to grow, since shapes come as they are met.
+    Arrays have spare rows, because shapes are registered while frames are cast.
     """
 
     def __init__(self) -> None:
@@ -225,7 +227,7 @@ class _TriangleTable:
         self.semantic: NDArray[np.uint8] = np.zeros(1, np.uint8)
 
     def add(self, meshes: Sequence[Mesh]) -> int:
-        """Take in the triangles of some meshes; the row of the first."""
+        """Append the triangles of some meshes; return the row of the first."""
         counts = [len(mesh.triangles) for mesh in meshes]
         first, self._count = self._count, self._count + sum(counts)
         if self._count >= len(self.material):
@@ -235,7 +237,7 @@ class _TriangleTable:
             self.semantic = np.pad(self.semantic, (0, room))
         if meshes:
             new = slice(first, self._count)
-            self.normal[new] = np.concatenate([_triangle_normals(mesh) for mesh in meshes])
+            self.normal[new] = np.concatenate([_compute_triangle_normals(mesh) for mesh in meshes])
             self.material[new] = np.repeat(
                 [_find_material_index(mesh.material) for mesh in meshes], counts
             )
@@ -244,20 +246,20 @@ class _TriangleTable:
 
 
 def _orient_normals(normal: FloatArray, directions: FloatArray) -> dict[str, FloatArray]:
-    """Normals (n, 3) turned towards where rays came from, and the cosine (n,) of incidence."""
+    """Flip normals (n, 3) towards the rays' origins; also compute the cosines (n,) of incidence."""
     x, y, z = normal.T
     along = x * directions[:, 0] + y * directions[:, 1] + z * directions[:, 2]
     return {"normal": normal * -np.sign(along)[:, None], "cosine": np.abs(along)}
 
 
-def _triangle_normals(mesh: Mesh) -> FloatArray:
-    """Unit normals (m, 3)."""
+def _compute_triangle_normals(mesh: Mesh) -> FloatArray:
+    """Compute the unit normals (m, 3) of a mesh's triangles."""
     a, b, c = (mesh.vertices[mesh.triangles[:, corner]].astype(np.float64) for corner in range(3))
-    across = np.cross(b - a, c - a)
-    length = np.linalg.norm(across, axis=1, keepdims=True)
-    return (across / np.where(length > 0.0, length, 1.0)).astype(np.float32)
+    normal = np.cross(b - a, c - a)
+    length = np.linalg.norm(normal, axis=1, keepdims=True)
+    return (normal / np.where(length > 0.0, length, 1.0)).astype(np.float32)
 
 
 def _find_material_index(material: str) -> int:
-    """Index of a material; -1 for what takes its actor's paint."""
+    """Look up the index of a material; -1 for surfaces in the actor's paint."""
     return _ACTOR_PAINT if material == ACTOR_PAINT else _MATERIAL_INDEX[material]

@@ -177,7 +177,7 @@ class ReturnSources:
         return self._strong_airborne_returns(beam, range_m, power, noise, kind)
 
     def _draw_noise(self, purpose: StreamPurpose, count: int) -> FloatArray:
-        """Draw the receiver's noise (count,) from a purpose's stream; zeros for a sharp threshold."""
+        """Draw the receiver's noise (count,) of a purpose; zeros for a sharp threshold."""
         if self._lidar.detection == "step":
             return np.zeros(count, np.float32)
         return self._streams.normal(purpose, count)
@@ -245,7 +245,7 @@ class ReturnSources:
         return _build_airborne_returns(beam, range_m, power, noise, kind).select(strong)
 
     def _apply_window_loss(self, power: FloatArray, beam: NDArray[np.int32] | None) -> None:
-        """Multiply powers (k,) by the window's gain, in place; `beam` None for one power per beam."""
+        """Multiply powers (k,) by the window's gain in place; `beam` None for one per beam."""
         if self._window is not None:
             power *= self._window.gain if beam is None else self._window.gain[beam]
 
