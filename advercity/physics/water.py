@@ -36,20 +36,6 @@ def fresnel_reflectance(cosine: FloatArray, refractive_index: float) -> FloatArr
     return (s_polarised**2 + p_polarised**2) / 2.0
 
 
-def wet_albedo(albedo: FloatArray) -> FloatArray:
-    """Compute the albedo (n,) of a Lambertian surface under a film of water (Angstrom 1925).
-
-    The film reflects part of the surface's light back to it, where more is absorbed. The specular
-    reflection of the film itself, `DIFFUSE_EXTERNAL_REFLECTANCE`, comes on top.
-    """
-    return (
-        (1.0 - DIFFUSE_EXTERNAL_REFLECTANCE)
-        * (1.0 - DIFFUSE_INTERNAL_REFLECTANCE)
-        * albedo
-        / (1.0 - albedo * DIFFUSE_INTERNAL_REFLECTANCE)
-    )
-
-
 HOLLOW_SPACING_M = 3.0
 """Distance between hollows; it makes puddles two to eight metres wide."""
 HOLLOWS_PER_EDGE = 128

@@ -1,27 +1,25 @@
-"""The verification cases of camera and weather physics, by number.
+"""Single scattering by droplets, and where every verification case of weather physics is tested.
 
-| case | what is tried | where |
+| case | subject | tests |
 | --- | --- | --- |
 | 1, 2 | contrast and airlight of cards in fog, rendered | `test_weather_cases.py` of the backend |
-| 3 | a twentieth is left at the optical range | `test_weather.py` |
-| 4 | components add | `test_weather.py` |
-| 5 | furnace: white things in white fog, rendered | `test_weather_cases.py` of the backend |
-| 6 | illuminance by the fog dome | here |
+| 3, 4 | 5 % remain at the optical range; components add | `test_extinction.py` |
+| 5 | furnace: white objects in white fog, rendered | `test_weather_cases.py` of the backend |
+| 6 | illuminance by the fog dome | `test_fog_transfer.py` |
 | 7 | equiangular quadrature against a brute-force march | here |
-| 8 | optical depth of fog that thins with height | here |
+| 8 | fog that thins with height | none: fog is homogeneous |
 | 9 | phase functions | here |
-| 10 | halo of a lamp in fog | here; rendered in `test_renderer.py` there |
-| 11 | extinction of rain | `test_weather.py` |
-| 12, 13, 14 | numbers, speed, streaks and slant of drops | `test_falling.py` |
-| 15, 16 | water films and Fresnel | here |
-| 17 | skies give their illuminance; overcast from zenith to horizon | here, `test_weather.py` |
-| 18 | a white card under a clear sky | `test_weather.py`; rendered as case 5 |
-| 19, 20, 21 | automatic exposure, saturation, photon transfer | `test_camera.py` |
-| 22, 23 | stray light keeps energy; veil of the sun | `test_camera.py` |
-| 24 to 34 | LiDAR | `test_lidar.py` |
-| 35 to 38 | positioning and motion | `test_navigation.py` |
-| 39 | lying snow | `test_falling.py` |
-| 40 | order of the presets | `test_weather_cases.py` of the backend, `test_lidar.py` |
+| 10 | halo of a lamp in fog | here; rendered in `test_renderer.py` of the backend |
+| 11 | extinction of rain | `test_extinction.py` |
+| 12, 13, 14 | numbers, speed, streaks and slant of drops | `test_camera_falling_particles.py` |
+| 15, 16 | water films and Fresnel | `test_water.py` |
+| 17, 18 | illuminance by skies; a white card under one | `test_sky.py`, `test_atmosphere.py` |
+| 19, 20, 21 | automatic exposure, saturation, photon transfer | `test_camera_electronics.py` |
+| 22, 23 | stray light keeps energy; veil of the sun | `test_camera_optics.py` |
+| 24 to 34 | LiDAR | `tests/sensors/lidar` |
+| 35 to 38 | positioning and motion | `test_gnss.py`, `test_imu.py`, `test_geodesy.py` |
+| 39 | snow lies on level surfaces | `lidar/test_point_cloud.py` |
+| 40 | order of the presets | `test_weather_cases.py` of the backend, `test_point_cloud.py` |
 """
 
 import math
@@ -30,25 +28,47 @@ from functools import partial
 import numpy as np
 import pytest
 
-from advercity.physics import photometry, sky
-from advercity.physics.scattering import (
-    PhaseFunction,
-    droplet_phase,
-    henyey_greenstein,
-    isotropic_phase,
-    lamp_airlight,
-    layer_optical_depth,
-)
-from advercity.physics.water import (
-    DIFFUSE_EXTERNAL_REFLECTANCE,
-    DIFFUSE_INTERNAL_REFLECTANCE,
-    WATER_REFRACTIVE_INDEX,
-    fresnel_reflectance,
-    wet_albedo,
-)
+from advercity.geometry.arrays import FloatArray
+from advercity.physics.extinction import extinction_from_mor
+from advercity.physics.scattering import DropletPhaseLobes, PhaseFunction, henyey_greenstein
 
-MOR_75 = math.log(20.0) / 75.0
+MOR_75 = extinction_from_mor(75.0)
 NODE, WEIGHT = np.polynomial.legendre.leggauss(2000)
+
+
+def lamp_airlight(
+    intensity_cd: float,
+    *,
+    closest_approach_m: float,
+    closest_along_ray_m: float,
+    distance_m: float,
+    extinction: float,
+    phase: PhaseFunction,
+) -> float:
+    """Luminance in cd/m² of air along a ray that a lamp lights, scattered once.
+
+    Steps are equal in the angle at the lamp (equiangular, Kulla and Fajardo 2012), as in the
+    renderer's shaders.
+    """
+    first = math.atan(-closest_along_ray_m / closest_approach_m)
+    last = math.atan((distance_m - closest_along_ray_m) / closest_approach_m)
+    node, weight = np.polynomial.legendre.leggauss(64)
+    angle = (first + last + (last - first) * node) / 2.0
+    along_m = closest_along_ray_m + closest_approach_m * np.tan(angle)
+    transmittance = np.exp(-extinction * (along_m + closest_approach_m / np.cos(angle)))
+    # The measure of the angle cancels the square of the distance from the lamp.
+    integral = float(np.sum(weight * phase(-np.sin(angle)) * transmittance)) * (last - first) / 2.0
+    return intensity_cd * extinction * integral / closest_approach_m
+
+
+def isotropic_phase(cosine: FloatArray) -> FloatArray:
+    return np.full_like(cosine, 1.0 / (4.0 * math.pi))
+
+
+def droplet_phase(cosine: FloatArray, diameter_um: float = 12.0) -> FloatArray:
+    lobes = DropletPhaseLobes.from_diameter_um(diameter_um)
+    narrow = henyey_greenstein(cosine, lobes.narrow_g)
+    return lobes.narrow_fraction * narrow + lobes.wide_fraction * lobes.wide_phase(cosine)
 
 
 def test_equiangular_steps_find_what_a_brute_force_march_finds() -> None:
@@ -68,31 +88,8 @@ def test_equiangular_steps_find_what_a_brute_force_march_finds() -> None:
     assert found == pytest.approx(marched, rel=1e-4)
 
 
-@pytest.mark.parametrize(
-    ("from_m", "rise_m", "expected"), [(1.5, 0, 5.5585), (6.5, -6.5, 5.1153), (1.5, 30, 2.8788)]
-)
-def test_fog_that_thins_with_height_is_thinner_along_paths_that_climb(
-    from_m: float, rise_m: float, expected: float
-) -> None:
-    depth = layer_optical_depth(
-        math.log(20.0) / 50.0,
-        scale_height_m=20.0,
-        start_height_m=from_m,
-        rise_m=rise_m,
-        distance_m=100.0,
-    )
-    assert depth == pytest.approx(expected, abs=1e-3)
-
-
-def test_even_fog_is_the_limit_of_a_deep_layer() -> None:
-    depth = layer_optical_depth(
-        0.04, scale_height_m=math.inf, start_height_m=3.0, rise_m=9.0, distance_m=50.0
-    )
-    assert depth == pytest.approx(2.0)
-
-
 def over_sphere(phase: PhaseFunction) -> tuple[float, float]:
-    """Integral and mean cosine; nodes crowd where light goes straight on."""
+    """Integral and mean cosine; nodes are dense near forward scattering."""
     turn = math.pi * ((NODE + 1.0) / 2.0) ** 3
     weight = WEIGHT / 2.0 * math.pi * 3.0 * ((NODE + 1.0) / 2.0) ** 2
     value = 2.0 * math.pi * weight * np.sin(turn) * phase(np.cos(turn))
@@ -124,7 +121,7 @@ def test_droplets_of_12_micrometres_scatter_as_mie_says(angle_deg: float, value:
         *((200, angle, value) for angle, value in [(2, 5.0), (5, 0.95), (10, 0.32)]),
     ],
 )
-def test_a_lamp_30_metres_away_wears_its_halo(
+def test_a_lamp_30_metres_away_has_its_halo(
     mor_m: float, angle_deg: float, expected: float
 ) -> None:
     angle = math.radians(angle_deg)
@@ -133,43 +130,7 @@ def test_a_lamp_30_metres_away_wears_its_halo(
         closest_approach_m=30.0 * math.sin(angle),
         closest_along_ray_m=30.0 * math.cos(angle),
         distance_m=1000.0,
-        extinction=math.log(20.0) / mor_m,
+        extinction=extinction_from_mor(mor_m),
         phase=droplet_phase,
     )
     assert found == pytest.approx(expected, rel=0.1)
-
-
-@pytest.mark.parametrize(("angle_deg", "share"), [(0, 0.0204), (60, 0.0597), (80, 0.3479)])
-def test_water_mirrors_more_the_flatter_one_looks(angle_deg: float, share: float) -> None:
-    cosine = np.cos(np.radians([angle_deg]))
-    assert float(fresnel_reflectance(cosine, WATER_REFRACTIVE_INDEX)[0]) == pytest.approx(
-        share, abs=1e-4
-    )
-
-
-def test_a_film_of_water_darkens_as_angstrom_found() -> None:
-    body = float(wet_albedo(np.array([0.30]))[0])
-    assert body == pytest.approx(0.1716, rel=0.01)
-    assert body + DIFFUSE_EXTERNAL_REFLECTANCE == pytest.approx(0.2380, rel=0.01)
-
-
-def test_diffuse_reflection_of_water_is_the_mean_over_its_angles() -> None:
-    cosine, weight = (NODE + 1.0) / 2.0, WEIGHT / 2.0
-    assert 2.0 * np.sum(
-        weight * cosine * fresnel_reflectance(cosine, WATER_REFRACTIVE_INDEX)
-    ) == pytest.approx(DIFFUSE_EXTERNAL_REFLECTANCE, abs=2e-4)
-    assert pytest.approx(0.4746, abs=1e-4) == DIFFUSE_INTERNAL_REFLECTANCE
-
-
-@pytest.mark.parametrize("cie_type", [1, 3, 5, 7, 8, 11, 12, 13])
-def test_every_sky_gives_the_illuminance_that_it_is_scaled_to(cie_type: int) -> None:
-    sun, directions = (
-        sky.direction_from_elevation_azimuth(45.0, 120.0),
-        photometry.cubemap_directions(128),
-    )
-    relative = sky.cie_relative_luminance(directions, sun, cie_type)[..., None] * np.ones(3)
-    scaled = relative * (12_345.0 / photometry.horizontal_illuminance(relative))
-    fine = photometry.cubemap_directions(256)
-    finer = sky.cie_relative_luminance(fine, sun, cie_type)[..., None] * np.ones(3)
-    ratio = photometry.horizontal_illuminance(scaled) / photometry.horizontal_illuminance(relative)
-    assert ratio * photometry.horizontal_illuminance(finer) == pytest.approx(12_345.0, rel=0.005)

@@ -16,7 +16,6 @@ from advercity.physics.atmosphere import Atmosphere, compute_atmosphere
 from advercity.physics.precipitation import (
     drop_terminal_speed_m_s,
     rain_size_distribution,
-    snow_accumulation_mm,
     wind_at_height,
 )
 from advercity.randomness import create_generator
@@ -321,9 +320,3 @@ def test_streaks_do_not_depend_on_what_was_seen_before() -> None:
     through(said, black, other)
     np.testing.assert_array_equal(first, through(said, black, taken))
     assert (first != through(said, black, replace(taken, frame=Frame(1, 9.2, (), {})))).any()
-
-
-def test_snow_settles_on_what_is_level_and_slides_off_what_stands() -> None:
-    assert snow_accumulation_mm(1.0, 1.0, 100.0, 1.0) == pytest.approx(10.0, rel=0.05)
-    assert snow_accumulation_mm(1.0, 1.0, 100.0, 0.0) == 0.0
-    assert snow_accumulation_mm(1.0, 1.0, 100.0, -1.0) == 0.0

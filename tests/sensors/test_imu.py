@@ -1,23 +1,25 @@
+"""Specific force, angular rate and compass, and their noise."""
+
 import math
 from itertools import pairwise
 
 import numpy as np
 import pytest
-from advercity_dsl import Gnss, Imu
-from hypothesis import given
-from hypothesis import strategies as st
+from advercity_dsl import Imu
 
-from advercity.geometry.geodesy import Geodetic, enu_from_geodetic, geodetic_from_enu
-from advercity.geometry.poses import Matrix, pose_matrix, rotation_matrix, to_rotation_vector
-from advercity.randomness import create_generator, sample_gauss_markov
-from advercity.sensors.gnss import measure_gnss
+from advercity.geometry.poses import Matrix, pose_matrix
 from advercity.sensors.imu import measure_imu
 from advercity.sensors.measurements import ImuSample
 
-ORIGIN = Geodetic(49.0, 8.0, 110.0)
 TICK_S = 0.1
+
+
 HIGH_GRADE_BIAS = 3.6e-6
+
+
 HIGH_GRADE_WHITE = 4.2e-7 / math.sqrt(TICK_S)
+
+
 IDEAL = Imu()
 
 
@@ -37,69 +39,7 @@ def moving(position: list[tuple[float, float, float]]) -> tuple[Matrix, Matrix, 
     return before, now, after
 
 
-@pytest.mark.parametrize(
-    ("enu", "expected"),
-    [
-        ((1000, 1000, 10), (49.008991032, 8.013668672, 120.1567)),
-        ((100, 0, 0), (48.999999992, 8.001366623, 110.0008)),
-        ((-250, 400, 2), (49.003596692, 7.996583197, 112.0174)),
-        ((0, 0, 0), (49.0, 8.0, 110.0)),
-    ],
-)
-def test_places_on_the_ellipsoid_are_exact(
-    enu: tuple[float, float, float], expected: tuple[float, float, float]
-) -> None:
-    place = geodetic_from_enu(enu, ORIGIN)
-    assert place.latitude_deg == pytest.approx(expected[0], abs=1e-9)
-    assert place.longitude_deg == pytest.approx(expected[1], abs=1e-9)
-    assert place.altitude_m == pytest.approx(expected[2], abs=1e-4)
-
-
-@given(
-    east=st.floats(-2000, 2000),
-    north=st.floats(-2000, 2000),
-    up=st.floats(-50, 200),
-    latitude=st.floats(-85, 85),
-    longitude=st.floats(-179, 179),
-)
-def test_there_and_back_again_is_the_same_place(
-    east: float, north: float, up: float, latitude: float, longitude: float
-) -> None:
-    origin = Geodetic(latitude, longitude, 30.0)
-    back = enu_from_geodetic(geodetic_from_enu((east, north, up), origin), origin)
-    np.testing.assert_allclose(back, (east, north, up), atol=1e-3)
-
-
-def test_an_ideal_receiver_reports_where_it_is() -> None:
-    found = measure_gnss(
-        Gnss(), (100, 0, 0), origin=ORIGIN, time_s=6.0, rng=create_generator("test")
-    )
-    assert found.longitude_deg == pytest.approx(8.001366623, abs=1e-9)
-    assert found.time_s == 6.0
-
-
-def test_noise_in_degrees_is_a_third_of_a_metre_at_the_equator() -> None:
-    origin = Geodetic(0.0, 0.0)
-    gnss = Gnss(latitude_noise_deg=3e-6, longitude_noise_deg=3e-6, altitude_noise_m=0.05)
-    fixes = [
-        measure_gnss(
-            gnss, (50, 20, 1), origin=origin, time_s=0.0, rng=create_generator("test", number)
-        )
-        for number in range(10_000)
-    ]
-    places = np.array(
-        [
-            enu_from_geodetic(
-                Geodetic(found.latitude_deg, found.longitude_deg, found.altitude_m), origin
-            )
-            for found in fixes
-        ]
-    )
-    np.testing.assert_allclose(places.std(axis=0), [0.334, 0.332, 0.05], rtol=0.03)
-    np.testing.assert_allclose(places.mean(axis=0), [50, 20, 1], atol=0.015)
-
-
-def test_at_rest_only_gravity_is_felt() -> None:
+def test_at_rest_only_gravity_is_measured() -> None:
     found = sample(STILL)
     np.testing.assert_allclose(found.specific_force, [0, 0, 9.81], atol=1e-9)
     np.testing.assert_allclose(found.angular_rate, 0, atol=1e-12)
@@ -110,7 +50,7 @@ def test_nose_up_gravity_pushes_forward() -> None:
     np.testing.assert_allclose(sample(pitched).specific_force, [0.855, 0, 9.7727], atol=1e-3)
 
 
-def test_a_circle_to_the_left_pushes_left_and_turns_left() -> None:
+def test_a_left_turn_accelerates_and_rotates_left() -> None:
     rate, radius = 0.5, 20.0
     turn = [
         pose_matrix((radius * math.sin(angle), -radius * math.cos(angle), 0), yaw=angle)
@@ -134,25 +74,6 @@ def test_the_compass_runs_clockwise_from_north(yaw_deg: float, compass_deg: floa
     turned = math.degrees(sample(facing).compass_rad) - compass_deg
     assert (turned + 180) % 360 - 180 == pytest.approx(0, abs=1e-9)
     assert 0 <= sample(facing).compass_rad < 2 * math.pi
-
-
-@given(x=st.floats(-1.7, 1.7), y=st.floats(-1.7, 1.7), z=st.floats(-1.7, 1.7))
-def test_a_rotation_gives_its_axis_and_angle_back(x: float, y: float, z: float) -> None:
-    vector = np.array([x, y, z])
-    angle = float(np.linalg.norm(vector))
-    across = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    turned = (
-        np.eye(3)
-        + np.sinc(angle / np.pi) * across
-        + 0.5 * np.sinc(angle / 2 / np.pi) ** 2 * across @ across
-    )
-    np.testing.assert_allclose(to_rotation_vector(turned), vector, atol=1e-6)
-
-
-def test_a_yaw_is_a_turn_about_the_vertical() -> None:
-    np.testing.assert_allclose(
-        to_rotation_vector(rotation_matrix(yaw=0.3)), [0, 0, 0.3], atol=1e-12
-    )
 
 
 def errors(grade: str, frames: range) -> tuple[np.ndarray, np.ndarray]:
@@ -199,56 +120,10 @@ def test_the_bias_has_its_spread_from_the_start_and_keeps_it() -> None:
     assert forces_at_rest(2000).std() == pytest.approx(expected, rel=0.1)
 
 
-def test_the_bias_wanders_slowly_and_forgets_in_the_end() -> None:
+def test_the_bias_drifts_slowly_and_forgets_in_the_end() -> None:
     first, next_tick, much_later = (forces_at_rest(frame) for frame in (0, 1, 5000))
     assert (next_tick - first).std() == pytest.approx(math.sqrt(2) * HIGH_GRADE_WHITE, rel=0.1)
     assert abs(np.corrcoef(first, much_later)[0, 1]) < 0.15
-
-
-def realistic(**fields: float) -> Gnss:
-    return Gnss.model_validate({"mode": "realistic"} | fields)
-
-
-def error_of(gnss: Gnss, number: int, slow: np.ndarray) -> np.ndarray:
-    found = measure_gnss(
-        gnss,
-        (0, 0, 0),
-        origin=ORIGIN,
-        time_s=0.0,
-        rng=create_generator("test", number),
-        slow_error=slow,
-    )
-    place = Geodetic(found.latitude_deg, found.longitude_deg, found.altitude_m)
-    return enu_from_geodetic(place, ORIGIN)
-
-
-def test_noise_in_metres_is_as_wide_north_as_east_and_wider_up() -> None:
-    gnss = realistic(wander_m=0.0)
-    errors = np.array([error_of(gnss, number, np.zeros(3)) for number in range(5000)])
-    np.testing.assert_allclose(errors.std(axis=0), [0.3, 0.3, 0.525], rtol=0.04)
-
-
-def test_a_realistic_receiver_drifts() -> None:
-    gnss = realistic(white_noise_m=0.0)
-    error = error_of(gnss, 0, np.array([1.0, -2.0, 0.5]))
-    np.testing.assert_allclose(error, [1.0, -2.0, 0.875], atol=1e-6)
-
-
-def test_a_wandering_error_keeps_its_spread_and_forgets() -> None:
-    memory = math.exp(-0.1 / 120)
-    paths = sample_gauss_markov(create_generator("drift"), 0, 12_000, correlation=memory, axes=400)
-    np.testing.assert_allclose(paths[[0, 6000, 12_000]].std(axis=1), 1.0, rtol=0.12)
-    correlation = (paths[0] * paths[1200]).mean()
-    assert correlation == pytest.approx(math.exp(-1), abs=0.15)
-
-
-def test_any_stretch_of_a_wandering_error_is_the_same() -> None:
-    whole = sample_gauss_markov(create_generator("drift"), 0, 50, correlation=0.9, axes=2)
-    np.testing.assert_allclose(
-        sample_gauss_markov(create_generator("drift"), 30, 40, correlation=0.9, axes=2),
-        whole[30:41],
-        atol=1e-12,
-    )
 
 
 def test_a_fast_unit_samples_between_the_frames() -> None:
@@ -261,7 +136,7 @@ def test_a_fast_unit_samples_between_the_frames() -> None:
     np.testing.assert_allclose(forces, [[2.0, 0, 9.81]] * 10, atol=1e-9)
 
 
-def test_a_compass_errs_by_what_it_is_said_to() -> None:
+def test_a_compass_has_the_noise_of_its_rig() -> None:
     imu = Imu(compass_noise_deg=2.0)
     headings = np.degrees([sample(STILL, imu, frame=frame).compass_rad for frame in range(2000)])
     assert headings.std() == pytest.approx(2.0, rel=0.05)
@@ -334,7 +209,7 @@ def rotation_about(vector: np.ndarray, angle: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("rate", [1, 10])
-def test_an_ideal_unit_reckons_twenty_seconds_of_driving(rate: int) -> None:
+def test_an_ideal_unit_gives_the_path_of_twenty_seconds_back(rate: int) -> None:
     way = drive(200)
     end = dead_reckoned(Imu(samples_per_tick=rate), way, "ideal")
     travelled = sum(float(np.linalg.norm(b[:3, 3] - a[:3, 3])) for a, b in pairwise(way))
@@ -344,7 +219,7 @@ def test_an_ideal_unit_reckons_twenty_seconds_of_driving(rate: int) -> None:
     np.testing.assert_allclose(end[:3, :3], way[-2][:3, :3], atol=2e-3)
 
 
-def test_a_cheap_unit_reckons_within_its_noise() -> None:
+def test_a_cheap_unit_gives_the_path_back_within_its_noise() -> None:
     """Of twenty units: the gyroscopes' bias tilts gravity, t³/6; the rest is less."""
     way = drive(200)
     exact = dead_reckoned(Imu(), way, "exact")[:3, 3]

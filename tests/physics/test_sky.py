@@ -1,0 +1,89 @@
+"""Daylight and its distribution over the sky."""
+
+import math
+
+import numpy as np
+import pytest
+
+from advercity.physics import photometry, sky
+from advercity.physics.sky import air_mass, clear_daylight, cloudy_daylight
+
+
+@pytest.mark.parametrize(
+    ("elevation_deg", "mass", "direct_lx", "diffuse_lx"),
+    [
+        (5, 10.31, 14_600, 5_400),
+        (10, 5.586, 39_500, 7_300),
+        (20, 2.903, 69_300, 9_900),
+        (60, 1.154, 100_100, 15_200),
+    ],
+)
+def test_clear_daylight_follows_its_table(
+    elevation_deg: float, mass: float, direct_lx: float, diffuse_lx: float
+) -> None:
+    light = clear_daylight(elevation_deg)
+    assert air_mass(elevation_deg) == pytest.approx(mass, rel=1e-3)
+    assert light.direct_lx == pytest.approx(direct_lx, rel=5e-3)
+    assert light.diffuse_lx == pytest.approx(diffuse_lx, rel=1e-2)
+
+
+def test_clouds_hide_the_sun_before_they_darken_the_day() -> None:
+    total = [
+        light.direct_lx * math.sin(math.radians(60)) + light.diffuse_lx
+        for light in (cloudy_daylight(60, oktas=oktas) for oktas in (0, 2, 4, 6, 8))
+    ]
+    np.testing.assert_allclose(np.array(total) / total[0], [1, 0.99, 0.93, 0.72, 0.25], atol=0.006)
+    assert cloudy_daylight(60, oktas=8).direct_lx == 0
+    assert cloudy_daylight(60, oktas=8, precipitating=True).diffuse_lx == pytest.approx(
+        total[-1] / 2
+    )
+
+
+@pytest.mark.parametrize(
+    ("elevation_deg", "azimuth_deg", "direction"),
+    [(0, 0, (0, 1, 0)), (0, 90, (1, 0, 0)), (0, 180, (0, -1, 0)), (90, 0, (0, 0, 1))],
+)
+def test_azimuth_runs_clockwise_from_north(
+    elevation_deg: float, azimuth_deg: float, direction: tuple[float, float, float]
+) -> None:
+    np.testing.assert_allclose(
+        sky.direction_from_elevation_azimuth(elevation_deg, azimuth_deg), direction, atol=1e-12
+    )
+
+
+@pytest.mark.parametrize(
+    ("cie_type", "elevation_deg", "expected"),
+    [
+        (1, 60, 0.408),
+        (3, 60, 0.361),
+        (5, 60, 0.3183),
+        (7, 30, 0.272),
+        (11, 60, 0.335),
+        (12, 10, 0.138),
+        (12, 60, 0.313),
+        (13, 30, 0.143),
+    ],
+)
+def test_zenith_luminance_of_the_general_sky_follows_its_table(
+    cie_type: int, elevation_deg: float, expected: float
+) -> None:
+    directions = photometry.cubemap_directions(128)
+    relative = sky.cie_relative_luminance(
+        directions, sky.direction_from_elevation_azimuth(elevation_deg, 40), cie_type
+    )
+    illuminance = photometry.horizontal_illuminance(relative[..., None] * np.ones(3))
+    assert 1 / illuminance == pytest.approx(expected, rel=0.005)
+
+
+@pytest.mark.parametrize("cie_type", [1, 3, 5, 7, 8, 11, 12, 13])
+def test_every_sky_gives_the_illuminance_that_it_is_scaled_to(cie_type: int) -> None:
+    sun, directions = (
+        sky.direction_from_elevation_azimuth(45.0, 120.0),
+        photometry.cubemap_directions(128),
+    )
+    relative = sky.cie_relative_luminance(directions, sun, cie_type)[..., None] * np.ones(3)
+    scaled = relative * (12_345.0 / photometry.horizontal_illuminance(relative))
+    fine = photometry.cubemap_directions(256)
+    finer = sky.cie_relative_luminance(fine, sun, cie_type)[..., None] * np.ones(3)
+    ratio = photometry.horizontal_illuminance(scaled) / photometry.horizontal_illuminance(relative)
+    assert ratio * photometry.horizontal_illuminance(finer) == pytest.approx(12_345.0, rel=0.005)
