@@ -179,7 +179,7 @@ def test_ten_lux_of_street_light_make_an_airlight_of_1_7_candelas() -> None:
     ],
 )
 def test_impossible_weather_is_refused(parts: dict[str, Any]) -> None:
-    with pytest.raises(ValueError, match=r"clearer|greater than|less than|snows|the sun stands"):
+    with pytest.raises(ValueError, match=r"clearer|greater than|less than|snows|the sun is at"):
         weather(**parts)
 
 
