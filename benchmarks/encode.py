@@ -23,7 +23,7 @@ from measurement import Measurement, RunTime, format_table, measure_run_time
 from advercity.compiler import read_spec
 from advercity.dataset.writer import ScenarioWriter
 from advercity.pipeline.preparation import PreparedScenario, load_or_simulate_traffic
-from advercity.pipeline.scenario import BackgroundWriter
+from advercity.pipeline.scenario import open_background_writer
 from advercity.pipeline.sensing import SensorRig, open_sensors
 from advercity.rendering.backend import RENDER_PROFILES, load_backend
 
@@ -75,7 +75,7 @@ def _measure_frames(sensors: SensorRig, writer: ScenarioWriter | None = None) ->
     """Sense the frames as a run does, and write them if there is a writer."""
 
     def make_frames() -> None:
-        with BackgroundWriter() as background:
+        with open_background_writer() as background:
             for frame in FRAMES:
                 readings = sensors.capture_frame(frame)
                 if writer is not None:

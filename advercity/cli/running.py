@@ -38,25 +38,30 @@ def run(
     rrd: Annotated[Path | None, typer.Option(help="Write a Rerun recording.")] = None,
     stream: Annotated[bool, typer.Option("--stream", help="Serve the live view.")] = False,
     connect: Annotated[str | None, typer.Option(help="Send to a running Rerun viewer.")] = None,
-    colour_clouds: CloudColourOption = "intensity",
+    cloud_colour: CloudColourOption = "intensity",
     weather: Annotated[
         str | None, typer.Option(help="Replay under another weather: a file, or a library name.")
     ] = None,
     jobs: JobsOption = None,
     max_memory: Annotated[
         str | None,
-        typer.Option(metavar="SIZE", help="Memory of a process: 4 GB; by the plan."),
+        typer.Option(
+            metavar="SIZE", help="Memory limit per process, as '4 GB' (default: from the estimate)."
+        ),
     ] = None,
     max_time: Annotated[
         str | None,
-        typer.Option(metavar="TIME", help="Time of a scenario: 90 min; by the plan."),
+        typer.Option(
+            metavar="TIME", help="Time limit per scenario, as '2 h' (default: from the estimate)."
+        ),
     ] = None,
     allow_large: Annotated[
-        bool, typer.Option("--allow-large", help="Run what is large by the plan, too.")
+        bool, typer.Option("--allow-large", help="Run even what would fill the machine.")
     ] = False,
     executor: Annotated[str, typer.Option(help="local, or ray for a cluster.")] = "local",
-    address: Annotated[
-        str | None, typer.Option(help="Ray cluster: auto, or HOST:PORT; one of this machine.")
+    ray_address: Annotated[
+        str | None,
+        typer.Option(help="Ray cluster: auto, or HOST:PORT (default: one on this machine)."),
     ] = None,
     fresh: Annotated[
         bool, typer.Option("--fresh", help="Start over; discard what is there.")
@@ -64,67 +69,52 @@ def run(
     layout: Annotated[str, typer.Option("--format", help="opv2v or adver_city.")] = "opv2v",
 ) -> None:
     """Run scenarios: traffic, sensors, dataset, live view."""
+    from advercity import api
     from advercity.cli.progress import show_progress
-    from advercity.compiler import find_weather, read_spec, with_weather
-    from advercity.pipeline import (
-        ResourceLimits,
-        RunOptions,
-        ViewerTarget,
-        create_executor,
-        raise_failures,
-        run_batch,
-    )
+    from advercity.pipeline import ResourceLimits, ViewerTarget
     from advercity.viewer.cloud_colours import parse_cloud_colour
 
     if sum((rrd is not None, stream, connect is not None)) > 1:
         raise InputError("--rrd, --stream and --connect exclude each other; give one")
-    chosen = [read_spec(path) for path in specs]
-    if weather is not None:
-        other = find_weather(weather)
-        chosen = [with_weather(spec, other) for spec in chosen]
-    options = RunOptions(
-        output=Path(output),
-        backend=backend,
-        profile=profile,
-        scale=scale,
-        frames=parse_frame_slice(frames),
-        viewer=ViewerTarget(
-            file=rrd,
-            serve=stream,
-            connect=connect,
-            cloud_colour=parse_cloud_colour(colour_clouds),
-        ),
-        fresh=fresh,
-        format=layout,
-    )
-    asked = ResourceLimits(
+    loaded = [api.load_spec(path, weather=weather) for path in specs]
+    limits = ResourceLimits(
         memory_bytes=None if max_memory is None else parse_byte_size("--max-memory", max_memory),
         time_s=None if max_time is None else parse_duration("--max-time", max_time),
     )
-    with show_progress(chosen) as view:
-        outcomes = run_batch(
-            chosen,
-            options,
+    viewer = ViewerTarget(
+        file=rrd, serve=stream, connect=connect, cloud_colour=parse_cloud_colour(cloud_colour)
+    )
+    with show_progress(loaded) as view:
+        result = api.run(
+            loaded,
+            output,
+            backend=backend,
+            profile=profile,
+            scale=scale,
+            frames=parse_frame_slice(frames),
+            format=layout,
+            fresh=fresh,
+            viewer=viewer,
             jobs=jobs,
-            limits=asked,
+            limits=limits,
             allow_large=allow_large,
-            executor=create_executor(executor, output=output, address=address),
+            executor=executor,
+            ray_address=ray_address,
             listener=view,
+            check=False,
         )
-    for outcome in outcomes:
-        if outcome.error is None:
-            print_data(f"{output.rstrip('/')}/{outcome.scenario}")
-    raise_failures(outcomes)
+    for scenario in result.scenarios:
+        if scenario.error is None:
+            print_data(f"{output.rstrip('/')}/{scenario.scenario}")
+    result.raise_failures()
 
 
 @commands.command()
-def plan(
+def estimate(
     specs: SpecArgument,
     output: Annotated[
         Path,
-        typer.Option(
-            help="Folder for the dataset; what is there need not be made.", file_okay=False
-        ),
+        typer.Option(help="Folder for the dataset; its frames are done.", file_okay=False),
     ] = Path("output"),
     backend: BackendOption = "sapien",
     profile: ProfileOption = "auto",
@@ -133,9 +123,9 @@ def plan(
     jobs: JobsOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Tell what running scenarios will take: bytes, time, memory.
+    """Estimate files, time and memory of a run.
 
-    The first time it measures this machine, which takes a minute, and simulates the traffic.
+    Simulates the traffic. The time is unknown until a comparable run was made on this machine.
     """
     from advercity.cli import tables
     from advercity.compiler import read_spec
@@ -143,19 +133,18 @@ def plan(
     from advercity.pipeline.estimate import estimate_run
     from advercity.pipeline.executors import validate_batch
 
-    chosen = [read_spec(path) for path in specs]
+    loaded = [read_spec(path) for path in specs]
     options = RunOptions(output, backend, profile, scale, parse_frame_slice(frames))
-    validate_batch(chosen, options)
-    found = estimate_run(chosen, options, jobs=jobs, measure=True, simulate=True)
+    validate_batch(loaded, options)
+    found = estimate_run(loaded, options, jobs=jobs)
     if as_json:
-        told = [asdict(item) for item in (*found.estimates, found.total)]
-        print_data(tables.format_json({"scenarios": told[:-1], "total": told[-1]}))
+        scenarios = [asdict(item) for item in found.estimates]
+        print_data(tables.format_json({"scenarios": scenarios, "total": asdict(found.total)}))
     else:
-        print_data(
-            tables.format_columns([item.to_row() for item in (*found.estimates, found.total)])
-        )
-    for complaint in found.describe_excess(output):
-        print_note(f"run asks for --allow-large: {complaint}")
+        rows = [item.to_row() for item in (*found.estimates, found.total)]
+        print_data(tables.format_columns(rows))
+    for excess in found.describe_excess(output):
+        print_note(f"run needs --allow-large: {excess}")
 
 
 @commands.command()
@@ -164,12 +153,12 @@ def simulate(
     output: Annotated[
         Path, typer.Option(help="Folder for traces and reports.", file_okay=False)
     ] = Path("traffic"),
-    film: Annotated[bool, typer.Option(help="Film the moving plan, too.")] = True,
-    table: Annotated[
-        bool, typer.Option("--table", help="Only print the table, as Markdown; write nothing.")
+    video: Annotated[bool, typer.Option(help="Make a video of the moving plan, too.")] = True,
+    markdown: Annotated[
+        bool, typer.Option("--markdown", help="Only print the table as Markdown; write nothing.")
     ] = False,
 ) -> None:
-    """Simulate traffic alone; tell whether conflicts happened.
+    """Simulate traffic alone; report whether conflicts happened.
 
     Writes trace, report and moving plan of every scenario.
     """
@@ -178,14 +167,14 @@ def simulate(
     from advercity.conflicts.report import build_table_rows, format_markdown_table
     from advercity.pipeline.traffic_report import compute_traffic_reports, simulate_to_folder
 
-    chosen = [read_spec(path) for path in specs]
-    if table:
-        found = list(compute_traffic_reports(chosen))
-        print_data(format_markdown_table(found))
+    loaded = [read_spec(path) for path in specs]
+    if markdown:
+        reports = list(compute_traffic_reports(loaded))
+        print_data(format_markdown_table(reports))
     else:
-        found = [simulate_to_folder(spec, output, with_video=film) for spec in chosen]
-        print_data(tables.format_columns(build_table_rows(found)))
-    problems = [f"{one.spec}: {problem}" for one in found for problem in one.problems]
+        reports = [simulate_to_folder(spec, output, with_video=video) for spec in loaded]
+        print_data(tables.format_columns(build_table_rows(reports)))
+    problems = [f"{report.spec}: {problem}" for report in reports for problem in report.problems]
     if problems:
         raise RunError("\n".join(problems))
 
@@ -193,29 +182,29 @@ def simulate(
 @commands.command()
 def gallery(
     specs: SpecArgument,
-    output: Annotated[Path, typer.Option(help="Picture to write.")] = Path("gallery.jpg"),
+    output: Annotated[Path, typer.Option(help="Image file to write.")] = Path("gallery.jpg"),
     weather: Annotated[
-        list[str] | None, typer.Option(help="A file, or a library name; all that ship.")
+        list[str] | None, typer.Option(help="A file, or a library name (default: all that ship).")
     ] = None,
-    agent: Annotated[str | None, typer.Option(help="Whose camera; the ego's.")] = None,
-    camera: Annotated[int, typer.Option(min=0, help="Which of its cameras.")] = 0,
+    agent: Annotated[str | None, typer.Option(help="Agent with the camera (default: ego).")] = None,
+    camera: Annotated[int, typer.Option(min=0, help="Index of the camera.")] = 0,
     frame: Annotated[
-        int | None, typer.Option(min=0, help="Kept frame; the one in the middle.")
+        int | None, typer.Option(min=0, help="Recorded frame (default: the middle one).")
     ] = None,
     backend: BackendOption = "sapien",
     profile: Annotated[str, typer.Option(help="preview or full.")] = "preview",
-    width: Annotated[int, typer.Option(min=64, max=1920, help="Of each picture, pixels.")] = 384,
+    width: Annotated[int, typer.Option(min=64, max=1920, help="Image width in pixels.")] = 384,
 ) -> None:
-    """Show one camera of scenarios under every weather, on one sheet."""
+    """Draw one camera of scenarios under every weather into one image."""
     from advercity.cli.progress import show_progress
     from advercity.compiler import find_weather, list_shipped_weathers, read_spec
     from advercity.pipeline.weather_gallery import write_weather_gallery
 
-    chosen = [read_spec(path) for path in specs]
+    loaded = [read_spec(path) for path in specs]
     weathers = [find_weather(name) for name in weather or list_shipped_weathers()]
-    with show_progress(chosen, things="pictures") as view:
+    with show_progress(loaded, things="images") as view:
         write_weather_gallery(
-            chosen,
+            loaded,
             weathers,
             output,
             agent=agent,
@@ -233,10 +222,10 @@ def gallery(
 def view(
     dataset: Annotated[Path, typer.Argument(help="A scenario of a dataset, or a .rrd recording.")],
     web: Annotated[bool, typer.Option("--web", help="In a browser instead of a window.")] = False,
-    colour_clouds: CloudColourOption = "intensity",
+    cloud_colour: CloudColourOption = "intensity",
 ) -> None:
     """Open a recording or a scenario of a dataset in Rerun."""
-    from advercity.pipeline.replay import open_viewer as open_view
+    from advercity.pipeline.replay import open_viewer
     from advercity.viewer.cloud_colours import parse_cloud_colour
 
-    open_view(dataset, web=web, cloud_colour=parse_cloud_colour(colour_clouds))
+    open_viewer(dataset, web=web, cloud_colour=parse_cloud_colour(cloud_colour))

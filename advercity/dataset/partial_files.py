@@ -95,8 +95,10 @@ def report_disk_errors(path: Path) -> Generator[None]:
         ) from error
 
 
-def lock_file(path: Path, what: str = "this scenario") -> IO[bytes]:
+def lock_file(path: Path, what: str = "this scenario", *, shared: bool = False) -> IO[bytes]:
     """Lock `path` until the returned stream is closed or the process ends.
+
+    A shared lock excludes exclusive ones only; `share_lock` turns an exclusive one into it.
 
     Raises:
         RunError: Another process holds the lock, and does so for longer than a killed one would.
@@ -108,7 +110,7 @@ def lock_file(path: Path, what: str = "this scenario") -> IO[bytes]:
         path.parent.mkdir(parents=True, exist_ok=True)
         stream = path.open("ab")
         try:
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(stream, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
         except BlockingIOError as error:
             stream.close()
             if time.monotonic() < deadline_s:
@@ -123,6 +125,16 @@ def lock_file(path: Path, what: str = "this scenario") -> IO[bytes]:
         if path.exists() and os.path.samestat(os.fstat(stream.fileno()), path.stat()):
             return stream
         stream.close()
+
+
+def share_lock(stream: IO[bytes]) -> None:
+    """Let other processes take a shared lock, which keep exclusive ones out like this one.
+
+    The kernel releases the lock and takes it again; OSError if another run came in between.
+    """
+    import fcntl
+
+    fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
 
 
 def write_file(path: Path, content: bytes) -> None:

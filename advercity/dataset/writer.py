@@ -27,6 +27,7 @@ from advercity.dataset.partial_files import (
     remove_staging_folder,
     replace_file,
     report_disk_errors,
+    share_lock,
     write_file,
 )
 from advercity.dataset.scenario_folders import (
@@ -167,16 +168,13 @@ class ScenarioWriter(FrameWriter):
         """Frames that were complete when the scenario was opened."""
         return frozenset(file.frame for file in self._files.values() if file.frame is not None)
 
-    @property
-    def lock_descriptor(self) -> int:
-        """File descriptor of the lock; any process that has it open keeps other runs out."""
-        return self._lock.fileno()
-
     def __enter__(self) -> Self:
         with report_disk_errors(self.scenario):
             self._lock = lock_file(self._staging / "lock")
             try:
                 self._open()
+                # Workers that join keep other runs out, too, should this process die first.
+                share_lock(self._lock)
             except BaseException:
                 self._lock.close()
                 raise

@@ -1,4 +1,4 @@
-"""Where the sensors of a scenario are in each frame, and what they read without looking."""
+"""Poses of agents and sensors in each frame, and their GNSS, IMU and planned path."""
 
 import math
 from collections.abc import Mapping
@@ -24,7 +24,7 @@ from advercity.traffic.weather_effects import apply_lamp_state, raise_umbrellas
 
 
 class AgentPoses:
-    """Poses, satellite fixes, motion and plans of every agent; a function of spec and trace."""
+    """Poses and navigation data of every agent, a function of spec and trace."""
 
     def __init__(self, spec: Spec, trace: Trace) -> None:
         self.spec = spec
@@ -34,7 +34,7 @@ class AgentPoses:
         self._origin = Geodetic(spec.road.origin_lat_deg, spec.road.origin_lon_deg)
 
     def load_frame(self, index: int) -> Frame:
-        """Kept frame `index` with the lamps lit and the umbrellas up that the weather calls for."""
+        """Load recorded frame `index`, with lamps and umbrellas as the weather demands."""
         weather, seed = self.spec.weather, self.spec.seeds.traffic
         shown = raise_umbrellas(self._traced(index), weather.rain.rate_mm_h, seed=seed)
         return apply_lamp_state(shown, weather.lamps)
@@ -80,12 +80,12 @@ class AgentPoses:
     def make_generator(
         self, sensor: str, agent: Agent, frame: Frame, *more: int
     ) -> np.random.Generator:
-        """Random numbers of a sensor of an agent in a frame."""
+        """Create the random generator of a sensor of an agent in a frame."""
         spec = self.spec
         return create_generator(spec.seeds.sensors, spec.id, sensor, agent.id, frame.index, *more)
 
     def world_from_agent(self, agent: Agent, index: int) -> Matrix:
-        """`world_from_agent` (4, 4): its vehicle's origin, or the roadside unit.
+        """Return `world_from_agent` (4, 4): the vehicle's origin, or the roadside unit.
 
         Raises:
             RunError: The vehicle has left the road.
@@ -101,9 +101,9 @@ class AgentPoses:
         return self._world_from_vehicle(agent, self._traced(index))
 
     def world_from_lidar(self, agent: Agent, frame: Frame) -> Matrix:
-        """`world_from_lidar` (4, 4) in a frame.
+        """Return `world_from_lidar` (4, 4) in a frame.
 
-        A roadside unit's LiDAR stands level and looks east, however its cameras are turned.
+        The LiDAR of a roadside unit is level and faces east, whatever its cameras face.
         """
         mount = _carrier_from_sensor(agent.sensors.lidar.mount)
         if isinstance(agent.place, RoadsideUnit):
@@ -111,14 +111,14 @@ class AgentPoses:
         return self._world_from_vehicle(agent, frame) @ mount
 
     def velocity(self, agent: Agent, frame: Frame) -> Float64Array:
-        """Velocity (3,) of an agent in the world in m/s; a roadside unit stands."""
+        """Return the velocity (3,) of an agent in the world in m/s; zero for a roadside unit."""
         if isinstance(agent.place, RoadsideUnit):
             return np.zeros(3)
         state = frame.get_state(agent.number)
         return state.speed_m_s * state.world_from_body[:3, 0]
 
     def previous_frame(self, frame: Frame) -> Frame:
-        """The frame one tick earlier; nothing is known before the first, so all goes on evenly."""
+        """Return the frame one tick earlier; before the first, motion is extrapolated."""
         if frame.index > 0:
             return self._traced(frame.index - 1)
         after = {state.actor.id: state.world_from_body for state in self._traced(1).states}
@@ -127,10 +127,10 @@ class AgentPoses:
         )
 
     def world_from_cameras(self, agent: Agent, index: int) -> list[Matrix]:
-        """`world_from_camera` (4, 4) of each of its cameras.
+        """Return `world_from_camera` (4, 4) of each camera of an agent.
 
-        A roadside unit's cameras turn about the vertical before they tilt, so that all of them
-        look down as far as the unit does.
+        The cameras of a roadside unit turn about the vertical before they tilt, so that all of
+        them look down by the pitch of the unit.
         """
         mounts = agent.sensors.camera.mounts
         place = agent.place
@@ -179,14 +179,14 @@ class AgentPoses:
         )
 
     def _apply_gnss_position(self, world_from_agent: Matrix, gnss: GnssFix) -> Matrix:
-        """The pose with the position that the receiver reports."""
+        """Replace the position of a pose by the one that the receiver reports."""
         estimate = world_from_agent.copy()
         place = Geodetic(gnss.latitude_deg, gnss.longitude_deg, gnss.altitude_m)
         estimate[:3, 3] = enu_from_geodetic(place, self._origin)
         return estimate
 
     def _measure_imu(self, agent: Agent, index: int) -> ImuSample | None:
-        """None without an IMU. The first and last frame take the motion of their neighbour."""
+        """Measure the IMU, if the agent has one; the end frames repeat their neighbour's motion."""
         imu = agent.sensors.imu
         if imu is None:
             return None
@@ -202,14 +202,14 @@ class AgentPoses:
 
 
 def _extrapolate_back(state: ActorState, after: Mapping[int, Matrix]) -> ActorState:
-    """Where an actor was a tick ago if it moved then as it moves until the next."""
+    """Move an actor back by a tick, with its motion until the next one."""
     now = state.world_from_body
     then = now @ poses.invert_pose(after.get(state.actor.id, now)) @ now
     return replace(state, world_from_body=then)
 
 
 def _carrier_from_sensor(mount: Mount) -> Matrix:
-    """Pose (4, 4) of a sensor in the frame of its carrier."""
+    """Return the pose (4, 4) of a sensor in the frame of its carrier."""
     return poses.pose_matrix(
         (mount.x_m, mount.y_m, mount.z_m),
         yaw=math.radians(mount.yaw_deg),

@@ -1,4 +1,4 @@
-"""Contact sheets of bodies: each blueprint from four sides, by day and by night with its lamps."""
+"""Draws contact sheets of bodies: each blueprint from four sides, by day and by night."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -26,26 +26,26 @@ from advercity.traffic.weather_effects import apply_lamp_state
 from advercity.world import StreetLamp, World
 
 VIEWS = (("three quarters", 0.6), ("side", np.pi / 2), ("rear", np.pi), ("front", 0.0))
-"""Where the camera stands around the body, in radians to the left of its front."""
+"""Azimuths of the camera, in radians to the left of the body's front."""
 SHEET_WEATHERS = ("clear_day", "clear_night")
 CELL_PX = (320, 200)
 FIELD_OF_VIEW_RAD = np.radians(30.0)
 RAISED_CAMERA_RATIO, LEVEL_CAMERA_RATIO = 0.18, 0.08
-"""Height of the camera over the middle of the body, as a share of its distance."""
+"""Height of the camera above the centre of the body, as a fraction of its distance."""
 STREET_LAMPS = tuple(StreetLamp((x, y, 8.0)) for x in (-9.0, 9.0) for y in (-7.0, 7.0))
 PEDESTRIAN_MATERIAL = "cloth_red"
 STEERING_RAD = np.radians(20.0)
 BLINKING_ACTOR_ID = 2
-"""An actor whose indicators are lit at the beginning."""
+"""Id of an actor whose indicators are lit at time 0; the phase depends on the id."""
 CLEAN_LENS_FRACTION = 0.02
-"""Share of the light that it scatters."""
+"""Fraction of the light that a clean lens scatters."""
 ALL_LAMPS = Lamp.BRAKE | Lamp.LEFT | Lamp.RIGHT
 
 
 def draw_body_sheet(
     blueprints: Mapping[str, Blueprint], backend: Backend, store: ModelStore
 ) -> Uint8Array:
-    """A picture (h, w, 3), BGR: a row for each blueprint, four views by day and four by night."""
+    """Draw an image (h, w, 3), BGR: a row per blueprint, four views by day and four by night."""
     world = World(
         id="sheet",
         static=(_build_ground(),),
@@ -72,7 +72,7 @@ def draw_body_sheet(
 def _render_views(
     world: World, blueprints: Mapping[str, Blueprint], backend: Backend, weather_id: str
 ) -> Iterator[list[Uint8Array]]:
-    """Four views of each blueprint under a weather."""
+    """Render four views of each blueprint under a weather."""
     weather = find_weather(weather_id).declaration
     atmosphere = compute_atmosphere(weather, "rural")
     with backend.open(world, atmosphere, RENDER_PROFILES["preview"]) as renderer:
@@ -101,14 +101,14 @@ def _render_view(renderer: Renderer, blueprint: Blueprint, azimuth: float) -> Ui
         fraction=CLEAN_LENS_FRACTION,
     )
     setting = meter_exposure(light, camera.exposure)
-    picture = expose_image(light, camera, setting, np.random.default_rng(0))
-    return picture[..., ::-1]
+    image = expose_image(light, camera, setting, np.random.default_rng(0))
+    return image[..., ::-1]
 
 
 def _place_camera(blueprint: Blueprint, azimuth: float) -> Matrix:
-    """Where the camera stands: so far that the body fills the picture, a little above it."""
-    reach = max(blueprint.length_m, 1.6 * blueprint.height_m, blueprint.width_m)
-    away = 0.62 * reach / np.tan(FIELD_OF_VIEW_RAD / 2) + blueprint.width_m / 2
+    """Place the camera so far that the body fills the image, a little above its centre."""
+    extent_m = max(blueprint.length_m, 1.6 * blueprint.height_m, blueprint.width_m)
+    away = 0.62 * extent_m / np.tan(FIELD_OF_VIEW_RAD / 2) + blueprint.width_m / 2
     raised = RAISED_CAMERA_RATIO if azimuth == VIEWS[0][1] else LEVEL_CAMERA_RATIO
     place = away * np.array([np.cos(azimuth), np.sin(azimuth), raised])
     place[2] += blueprint.height_m / 2

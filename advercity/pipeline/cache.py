@@ -1,4 +1,4 @@
-"""What many runs share, kept by content: networks, traces and worlds.
+"""Caches networks, traces and worlds under keys computed from all that they depend on.
 
 Weathers of one road and density share a trace; that is what makes them pairs.
 """
@@ -19,7 +19,7 @@ from advercity.errors import RunError
 
 
 def find_cache_folder() -> Path:
-    """`$ADVERCITY_CACHE`, else `advercity` in the user's cache folder."""
+    """Find the cache: `$ADVERCITY_CACHE`, else `advercity` in the user's cache folder."""
     chosen = os.environ.get("ADVERCITY_CACHE")
     if chosen:
         return Path(chosen)
@@ -27,13 +27,13 @@ def find_cache_folder() -> Path:
 
 
 def compute_road_key(spec: Spec) -> str:
-    """Of everything that the network depends on."""
+    """Compute the key of a road network: code and road, without agents and traffic."""
     road = spec.road.model_dump(mode="json", exclude={"agents", "traffic"})
     return compute_json_digest({"code": _compute_code_digest(), "road": road})
 
 
 def compute_world_key(spec: Spec) -> str:
-    """Of everything that the world depends on: the road, its bodies, and whose way stays clear."""
+    """Compute the key of a world: code, road, bodies, and conflicts, whose paths stay clear."""
     data = spec.model_dump(mode="json", include={"road", "blueprints", "conflicts"})
     return compute_json_digest(
         {"code": _compute_code_digest(), "models": compute_model_digests(spec), **data}
@@ -41,16 +41,16 @@ def compute_world_key(spec: Spec) -> str:
 
 
 def open_model_store() -> ModelStore:
-    """Where models of bodies lie: in `$ADVERCITY_ASSETS`, else in the cache's `assets`."""
+    """Open the store of models: `$ADVERCITY_ASSETS`, else `assets` in the cache."""
     chosen = os.environ.get("ADVERCITY_ASSETS")
     return ModelStore(Path(chosen) if chosen else find_cache_folder() / "assets")
 
 
 def compute_model_digests(spec: Spec) -> dict[str, str]:
-    """SHA-256 of the model that stands for each blueprint that has one here.
+    """Compute the SHA-256 of the installed model of each blueprint that has one.
 
     Raises:
-        RunError: A model is here, but cannot be used.
+        RunError: A model is installed, but cannot be used.
     """
     found = {
         name: open_model_store().prepare_model(blueprint)
@@ -64,9 +64,9 @@ def compute_model_digests(spec: Spec) -> dict[str, str]:
 
 
 def compute_traffic_key(spec: Spec) -> str:
-    """Of everything that the trace depends on: all of the spec but weather, sensors and looks.
+    """Compute the key of a trace: the spec without weather, sensors and appearance.
 
-    Of the weather it holds what drivers do about it.
+    The drivers' response to the weather is part of it.
     """
     parts = {"road", "demand", "conflicts", "caution", "blueprints", "timing", "agents"}
     data = spec.model_dump(mode="json", include=parts)
@@ -79,14 +79,14 @@ def compute_traffic_key(spec: Spec) -> str:
 
 
 def _compute_code_digest() -> str:
-    """Of the whole program: a changed one keeps nothing of what the old one made."""
+    """Compute the digest of the program; any change to it invalidates the cache."""
     return compute_json_digest(
         {"code": compute_source_digest(*CODE_PACKAGES), "eclipse-sumo": version("eclipse-sumo")}
     )
 
 
 def build_cached(path: Path, build: Callable[[Path], None]) -> Path:
-    """`path`, made by `make(partial path)` if it is not there yet; whole or absent."""
+    """Return `path`; if it does not exist, `build` writes a partial file that is renamed to it."""
     if path.is_file():
         return path
     try:

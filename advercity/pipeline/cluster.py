@@ -1,7 +1,7 @@
-"""Scenarios, and ranges of frames of long ones, over the nodes and graphics cards of a Ray cluster.
+"""Runs scenarios, and ranges of frames of long ones, on the nodes and GPUs of a Ray cluster.
 
-A task makes its frames in a folder of its node, in a process within limits as anywhere, and then
-puts them into the store. A task whose node is lost is done again on another one.
+A task makes its frames in a temporary folder of its node, with the worker pool of one machine, and
+puts them into the store. A task whose node is lost is repeated on another one.
 """
 
 import logging
@@ -21,27 +21,26 @@ from advercity.dataset.remote import SharedScenario, upload_part
 from advercity.dataset.scenario_folders import MANIFEST_FILE
 from advercity.dataset.store import LEASE_TIMEOUT_S, DatasetLease, DatasetStore
 from advercity.errors import AdvercityError, InputError, RunError
-from advercity.pipeline.messages import WorkerJob
+from advercity.pipeline.executors import run_scenarios
 from advercity.pipeline.options import ResourceLimits, RunOptions, RunResources
 from advercity.pipeline.preparation import prepare_scenario
-from advercity.pipeline.progress import Progress, RunListener, ScenarioResult, ignore_progress
-from advercity.pipeline.workers import TERMINATION_TIMEOUT_S as ENDING_S
-from advercity.pipeline.workers import run_worker
+from advercity.pipeline.progress import Progress, RunListener, ScenarioResult
+from advercity.pipeline.workers import TERMINATION_TIMEOUT_S
 
 FRAMES_PER_TASK = 50
 TASK_RETRIES = 3
-"""Of a task whose node is lost."""
+"""Retries of a task whose node is lost."""
 
 
 @dataclass(frozen=True)
 class RayExecutor:
-    """Where to run, and where what is made shall lie.
+    """Runs scenarios on a Ray cluster.
 
     Attributes:
         output: Folder that all nodes share, or URL of a store.
-        address: Of a running cluster, as `ray.init` takes it; None is one on this machine alone.
+        address: Running cluster, as `ray.init` takes it; None starts one on this machine alone.
         frames_per_task: Longer ranges are cut.
-        patience_s: How long a dataset that another run began is watched before it is taken over.
+        patience_s: Time after which a lease that is not renewed is taken over.
     """
 
     output: str
@@ -59,21 +58,21 @@ class RayExecutor:
     ) -> list[ScenarioResult]:
         """Run every spec; how each ended, in the order of `specs`.
 
-        The bytes are those of a run on one machine of the same kind. The same call goes on where
-        an earlier one was cut short.
+        The bytes are those of a run on one machine of the same kind. The same call resumes what
+        an earlier one left.
 
         Args:
-            specs: What to run, all with different ids.
-            options: How to run them; `output` is the cluster's.
-            listener: Told of progress and ends.
+            specs: Scenarios to run, all with different ids.
+            options: How to run them; this executor's `output` replaces theirs.
             resources: Limits for each task; Ray itself decides how many run at a time.
+            listener: Receives progress and results.
 
         Raises:
             InputError: Ray is not installed, or an option does not fit.
-            RunError: There is no such cluster, or another run is making the dataset.
+            RunError: No cluster answers, or another run is writing the dataset.
         """
         if options.viewer.is_enabled:
-            raise InputError("--rrd, --stream and --connect show a run on this machine alone")
+            raise InputError("`rrd`, `stream` and `connect` show runs on this machine only")
         store = DatasetStore(self.output)
         with DatasetLease(store, self.patience_s) as lease, _connect_ray(self.address) as ray:
             driver = _RayDriver(ray, self, store, lease, options, listener, resources.limits)
@@ -85,7 +84,7 @@ class RayExecutor:
 
 @dataclass(frozen=True)
 class ScenarioSurvey:
-    """What a node finds out before anything is made."""
+    """Frames and identity of a scenario, as a node determines them before rendering."""
 
     wanted: range
     length: int
@@ -93,35 +92,50 @@ class ScenarioSurvey:
 
 
 @dataclass
-class _ScenarioRun:
-    """A scenario that is under way."""
+class _ClusterScenario:
+    """A scenario that is under way, and its result so far."""
 
     spec: Spec
     began_s: float = field(default_factory=time.monotonic)
     parts: SharedScenario | None = None
     open_tasks: int = 0
-    wanted: int = 0
-    done: int = 0
-    size_bytes: int = 0
-    peak_memory_bytes: int = 0
-    error: AdvercityError | None = None
+    wanted_frames: int = 0
+    result: ScenarioResult = field(init=False)
 
+    def __post_init__(self) -> None:
+        """Begin with nothing made."""
+        self.result = ScenarioResult(self.spec.id, None, 0, 0, 0.0, 0)
+
+    @property
     def progress(self) -> Progress:
-        return Progress(self.spec.id, "frames", self.done, self.wanted, self.size_bytes)
+        frames, size_bytes = self.result.frames, self.result.size_bytes
+        return Progress(self.spec.id, "frames", frames, self.wanted_frames, size_bytes)
 
-    def outcome(self) -> ScenarioResult:
-        return ScenarioResult(
-            scenario=self.spec.id,
-            error=self.error,
-            frames=self.done,
-            size_bytes=self.size_bytes,
-            time_s=time.monotonic() - self.began_s,
-            peak_memory_bytes=self.peak_memory_bytes,
+    def add(self, made: ScenarioResult) -> None:
+        """Add the result of a task."""
+        last = self.result
+        if made.error is not None:
+            self.fail(made.error)
+            return
+        self.result = replace(
+            last,
+            frames=min(self.wanted_frames, last.frames + made.frames),
+            size_bytes=last.size_bytes + made.size_bytes,
+            peak_memory_bytes=max(last.peak_memory_bytes, made.peak_memory_bytes),
         )
+
+    def fail(self, error: AdvercityError) -> None:
+        """Record the first error."""
+        self.result = replace(self.result, error=self.result.error or error)
+
+    def finish(self) -> ScenarioResult:
+        """Return the result with the time that the scenario took."""
+        self.result = replace(self.result, time_s=time.monotonic() - self.began_s)
+        return self.result
 
 
 def survey_scenario(spec: Spec, options: RunOptions) -> ScenarioSurvey:
-    """On a node: how long a scenario is, and what its data would be made by there."""
+    """Determine frames and identity of a scenario; a task that runs on a node."""
     prepared = prepare_scenario(spec, options)
     return ScenarioSurvey(prepared.frames, prepared.frame_count, prepared.identity)
 
@@ -129,43 +143,44 @@ def survey_scenario(spec: Spec, options: RunOptions) -> ScenarioSurvey:
 def make_task_frames(
     spec: Spec, options: RunOptions, output: str, limits: ResourceLimits
 ) -> ScenarioResult:
-    """On a node: make frames of a scenario and put them into the store."""
+    """Make frames of a scenario and put them into the store; a task that runs on a node."""
     with tempfile.TemporaryDirectory(prefix="advercity_") as folder:
         local = replace(options, output=Path(folder))
-        outcome = run_worker(WorkerJob(spec, local), limits, ignore_progress)
-        if outcome.error is None:
+        (result,) = run_scenarios([spec], local, resources=RunResources(1, limits))
+        if result.error is None:
             upload_part(DatasetStore(output), Path(folder) / spec.id)
-        return outcome
+        return result
 
 
 class _RayDriver:
-    """Hands out tasks and brings together what comes back."""
+    """Submits tasks and combines their results."""
 
     def __init__(
         self,
         ray: Any,
-        cluster: RayExecutor,
+        executor: RayExecutor,
         store: DatasetStore,
         lease: DatasetLease,
         options: RunOptions,
-        watcher: RunListener,
+        listener: RunListener,
         limits: ResourceLimits,
     ) -> None:
-        self._ray, self._cluster = ray, cluster
+        self._ray, self._executor = ray, executor
         self._store, self._lease = store, lease
-        self._options, self._watcher, self._limits = options, watcher, limits
+        self._options, self._listener, self._limits = options, listener, limits
         gpus = 1 if self._ray.cluster_resources().get("GPU", 0) else 0
-        asked = {"num_cpus": 1, "num_gpus": gpus, "max_retries": TASK_RETRIES}
+        task_options = {"num_cpus": 1, "num_gpus": gpus, "max_retries": TASK_RETRIES}
         if limits.memory_bytes is not None:
-            asked["memory"] = limits.memory_bytes
+            # Ray then starts no more tasks than a node has memory for.
+            task_options["memory"] = limits.memory_bytes
         self._survey, self._make = (
-            self._ray.remote(**asked)(task) for task in (survey_scenario, make_task_frames)
+            self._ray.remote(**task_options)(task) for task in (survey_scenario, make_task_frames)
         )
-        self._pending: dict[Any, _ScenarioRun] = {}
+        self._pending: dict[Any, _ClusterScenario] = {}
 
     def run(self, specs: Sequence[Spec]) -> list[ScenarioResult]:
-        """All of them, to the end."""
-        runs = [_ScenarioRun(spec) for spec in specs]
+        """Run every spec to its end."""
+        runs = [_ClusterScenario(spec) for spec in specs]
         self._update_index(specs, {})
         for run in runs:
             self._track_task(run, self._survey.remote(run.spec, self._options))
@@ -176,73 +191,70 @@ class _RayDriver:
             try:
                 self._handle_answer(run, ready)
             except self._ray.exceptions.RayError as error:
-                run.error = run.error or _translate_ray_error(error)
+                run.fail(_translate_ray_error(error))
             except AdvercityError as error:
-                run.error = run.error or error
+                run.fail(error)
             self._lease.check()
             if not run.open_tasks:
-                text = self._store.read(f"{run.spec.id}/{MANIFEST_FILE}")
-                entry = IndexEntry.from_manifest_text(run.spec, text, failed=run.error is not None)
-                self._update_index((), {run.spec.id: entry})
-                self._watcher.on_result(run.outcome())
-        return [run.outcome() for run in runs]
+                self._record_end(run)
+        return [run.result for run in runs]
 
     def close(self) -> None:
-        """End what is still being done."""
+        """Cancel the tasks that still run."""
         left = list(self._pending)
         for task in left:
             self._ray.cancel(task)
         if left:
-            self._ray.wait(left, num_returns=len(left), timeout=ENDING_S)
+            self._ray.wait(left, num_returns=len(left), timeout=TERMINATION_TIMEOUT_S)
+
+    def _record_end(self, run: _ClusterScenario) -> None:
+        result = run.finish()
+        text = self._store.read(f"{run.spec.id}/{MANIFEST_FILE}")
+        entry = IndexEntry.from_manifest_text(run.spec, text, failed=result.error is not None)
+        self._update_index((), {run.spec.id: entry})
+        self._listener.on_result(result)
 
     def _update_index(self, waiting: Sequence[Spec], ended: dict[str, IndexEntry]) -> None:
-        """In the index, which is this driver's alone as long as it holds the lease."""
+        # No other run writes the index as long as this driver holds the lease.
         text = self._store.read(INDEX_FILE)
         index = DatasetIndex() if text is None else DatasetIndex.parse(text, where=INDEX_FILE)
         self._store.write(INDEX_FILE, index.with_waiting(waiting).with_entries(ended).to_json())
 
-    def _track_task(self, run: _ScenarioRun, task: Any) -> None:
+    def _track_task(self, run: _ClusterScenario, task: Any) -> None:
         self._pending[task] = run
         run.open_tasks += 1
 
-    def _handle_answer(self, run: _ScenarioRun, ready: Any) -> None:
+    def _handle_answer(self, run: _ClusterScenario, ready: Any) -> None:
         answer = self._ray.get(ready)
         if isinstance(answer, ScenarioSurvey):
             self._submit_tasks(run, answer)
         else:
-            self._record_result(run, answer)
-        if not run.open_tasks and run.error is None and run.parts is not None:
+            run.add(answer)
+        self._listener.on_progress(run.progress)
+        if not run.open_tasks and run.result.error is None and run.parts is not None:
             manifest = run.parts.finish()
-            run.size_bytes = manifest.size_bytes
+            run.result = replace(run.result, size_bytes=manifest.size_bytes)
 
-    def _submit_tasks(self, run: _ScenarioRun, found: ScenarioSurvey) -> None:
-        """A task for every piece of what is not there yet."""
+    def _submit_tasks(self, run: _ClusterScenario, found: ScenarioSurvey) -> None:
+        """Submit a task for every range of missing frames."""
         run.parts = SharedScenario(self._store, run.spec, found.identity, found.length)
         records = run.parts.begin(fresh=self._options.fresh)
         done = {record.frame for record in records.values()}
-        pieces = _split_into_tasks(found.wanted, done, self._cluster.frames_per_task)
-        run.wanted = len(found.wanted)
-        run.done = sum(index in done for index in found.wanted)
-        run.size_bytes = sum(record.size for record in records.values())
-        for piece in pieces:
-            options = replace(
-                self._options, frames=slice(piece.start, piece.stop, piece.step), fresh=False
-            )
-            task = self._make.remote(run.spec, options, self._cluster.output, self._limits)
+        run.wanted_frames = len(found.wanted)
+        run.result = replace(
+            run.result,
+            frames=sum(index in done for index in found.wanted),
+            size_bytes=sum(record.size for record in records.values()),
+        )
+        for piece in _split_into_tasks(found.wanted, done, self._executor.frames_per_task):
+            frames = slice(piece.start, piece.stop, piece.step)
+            options = replace(self._options, frames=frames, fresh=False)
+            task = self._make.remote(run.spec, options, self._executor.output, self._limits)
             self._track_task(run, task)
-        self._watcher.on_progress(run.progress())
-
-    def _record_result(self, run: _ScenarioRun, made: ScenarioResult) -> None:
-        run.error = run.error or made.error
-        run.peak_memory_bytes = max(run.peak_memory_bytes, made.peak_memory_bytes)
-        if made.error is None:
-            run.done = min(run.wanted, run.done + made.frames)
-            run.size_bytes += made.size_bytes
-        self._watcher.on_progress(run.progress())
 
 
 def _split_into_tasks(wanted: range, done: set[int | None], most: int) -> list[range]:
-    """Ranges of at most so many frames that hold all that are not done."""
+    """Split frames into ranges of at most `most`, trimmed to the missing ones."""
     blocks = [wanted[first : first + most] for first in range(0, len(wanted), most)]
     pieces: list[range] = []
     for block in blocks:
@@ -254,18 +266,18 @@ def _split_into_tasks(wanted: range, done: set[int | None], most: int) -> list[r
 
 @contextmanager
 def _connect_ray(address: str | None) -> Generator[Any]:
-    """Ray, with a cluster: a running one, or one that only this machine can reach."""
+    """Connect to a running cluster, or start one that only this machine can access."""
     try:
         import ray
     except ImportError as error:
-        message = "--executor ray: Ray is not installed; pip install 'advercity[ray]'"
+        message = "`executor` ray: Ray is not installed; pip install 'advercity[ray]'"
         raise InputError(message) from error
     alone: dict[str, Any] = {"_node_ip_address": "127.0.0.1", "include_dashboard": False}
     more = {} if address else alone
     try:
         ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR, **more)
     except (ConnectionError, ValueError) as error:
-        raise RunError(f"--address {address}: no Ray cluster answers there: {error}") from error
+        raise RunError(f"`ray_address` {address}: no Ray cluster answers there: {error}") from error
     try:
         yield ray
     finally:
@@ -273,12 +285,12 @@ def _connect_ray(address: str | None) -> Generator[Any]:
 
 
 def resolve_output(output: str) -> str:
-    """A URL as it is; a path as every node that shares the folder knows it."""
+    """Return a URL unchanged, and a path as every node that shares the folder knows it."""
     return output if "://" in output else str(Path(output).resolve())
 
 
 def _translate_ray_error(error: Exception) -> AdvercityError:
-    """What a task failed of, or Ray itself."""
+    """Return the error that a task raised, or one that describes Ray's."""
     cause = getattr(error, "cause", None)
     if isinstance(cause, AdvercityError):
         return cause
@@ -286,5 +298,5 @@ def _translate_ray_error(error: Exception) -> AdvercityError:
         return RunError(f"a task failed: {type(cause).__name__}: {cause}")
     first = str(error).strip().splitlines()[0]
     return RunError(
-        f"lost on the cluster, {TASK_RETRIES} retries in vain: {first}; run again to go on"
+        f"task failed after {TASK_RETRIES} retries: {first}; run the same command again to resume"
     )

@@ -23,11 +23,11 @@ from advercity.sensors.lidar.received_power import detection_range_m
 
 Description = Mapping[str, str]
 TARGET_REFLECTANCES = (0.1, 0.5, 0.8)
-"""Reflectances of the targets that LiDAR reach is told for: dark car, concrete, white paint."""
+"""Reflectances of targets that the LiDAR range is given for: dark car, concrete, white paint."""
 
 
 def load_rows(folder: Path) -> list[dict[str, Any]]:
-    """One row per spec of a folder, or per declaration of a library."""
+    """Load one row per spec of a folder, or per declaration of a library."""
     specs = sorted(folder.glob("*.json")) if folder.is_dir() else []
     if specs:
         return [_build_spec_row(read_spec(path)) for path in specs]
@@ -60,7 +60,7 @@ def _build_declaration_row(kind: str, entry: LibraryEntry[Declaration]) -> dict[
 
 
 def describe_declaration(entry: LibraryEntry[Declaration]) -> Description:
-    """What a declaration holds."""
+    """Describe a declaration."""
     declaration = entry.declaration
     if isinstance(declaration, Weather):
         drawn = {
@@ -75,15 +75,15 @@ def describe_declaration(entry: LibraryEntry[Declaration]) -> Description:
 
 
 def describe_weather(weather: Weather) -> Description:
-    """A weather in words, and what follows from its figures."""
+    """Describe a weather and what follows from its values."""
     air = compute_extinction(weather)
-    reach = [detection_range_m(target, air.at_905nm) for target in TARGET_REFLECTANCES]
+    ranges_m = [detection_range_m(target, air.at_905nm) for target in TARGET_REFLECTANCES]
     facts = {
         "weather": _format_title(weather),
-        "in words": format_weather(weather),
+        "summary": format_weather(weather),
         "visibility": _describe_visibility(air),
         "extinction": f"{air.at_550nm:.5f} 1/m at 550 nm, {air.at_905nm:.5f} 1/m at 905 nm",
-        "LiDAR reach": f"{', '.join(f'{item:.0f}' for item in reach)} m for targets of "
+        "LiDAR range": f"{', '.join(f'{item:.0f}' for item in ranges_m)} m for targets of "
         f"{', '.join(f'{target:.0%}' for target in TARGET_REFLECTANCES)}, in the dark",
         "light": _describe_light(weather),
         "ground": f"wetness {weather.surface.wetness:g}, "
@@ -129,7 +129,7 @@ def _describe_light(weather: Weather) -> str:
 
 
 def build_difference_rows(first: Spec, second: Spec) -> list[dict[str, Any]]:
-    """What differs between two specs, a row per field."""
+    """List the differences between two specs, a row per field."""
     return [
         {"field": path, first.id: _format_value(one), second.id: _format_value(other)}
         for path, one, other in compare_specs(first, second)
@@ -137,7 +137,7 @@ def build_difference_rows(first: Spec, second: Spec) -> list[dict[str, Any]]:
 
 
 def build_origin_rows(origins: Sequence[ValueOrigin]) -> list[dict[str, Any]]:
-    """Values of a spec and where they come from, a row each."""
+    """List the values of a spec with their origins, a row each."""
     return [
         {"field": item.path, "value": _format_value(item.value), "origin": item.text}
         for item in origins
@@ -151,7 +151,7 @@ def _format_value(value: Any) -> str:
 
 
 def describe_road(road: Road) -> Description:
-    """What a road holds."""
+    """Describe a road."""
     return {
         "road": _format_title(road),
         "place": f"{road.land_use}, {road.junction}, {road.alignment}, {road.profile}",
@@ -162,7 +162,7 @@ def describe_road(road: Road) -> Description:
 
 
 def describe_spec(spec: Spec) -> Description:
-    """What a spec holds."""
+    """Describe a spec."""
     road = spec.road
     facts = {
         "scenario": spec.id,

@@ -1,7 +1,8 @@
-"""What runs will take, before anything is made; and a refusal of what is larger than anyone means.
+"""Estimates what runs will take, and refuses what would fill the machine.
 
-Rates are this machine's (`calibration`), work is the spec's (`workload`), and how many frames there
-are is known from the traffic, or at most what the spec's timing allows.
+Work follows from the spec, the number of frames from the traffic, and rates from recorded runs of
+this machine (`run_records`). Where nothing comparable was recorded, files and memory are estimated
+by upper bounds that hold for any machine, and the time is unknown.
 """
 
 import math
@@ -9,23 +10,17 @@ import shutil
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from statistics import median
 
 from advercity_dsl import Spec
 
 from advercity.dataset.manifest import Manifest
 from advercity.errors import AdvercityError, InputError
 from advercity.pipeline.cache import compute_traffic_key
-from advercity.pipeline.calibration import (
-    MachineRates,
-    Workload,
-    load_or_measure_rates,
-    resolve_requested_profile,
-)
 from advercity.pipeline.machine import (
     count_usable_cores,
-    divide_slots,
     find_visible_gpus,
     free_memory_bytes,
     total_memory_bytes,
@@ -37,31 +32,119 @@ from advercity.pipeline.options import (
     format_byte_size,
     format_duration,
 )
-from advercity.pipeline.preparation import load_cached_trace, load_or_simulate_traffic
+from advercity.pipeline.preparation import (
+    load_cached_trace,
+    load_or_simulate_traffic,
+    resolve_profile,
+)
+from advercity.pipeline.run_records import FrameWork, RunRecord, load_records
+from advercity.pipeline.workers import MIN_FRAMES_PER_WORKER
+from advercity.rendering.backend import RENDER_PROFILES, RenderProfile, load_backend
 
 MAX_TOTAL_BYTES = 10**12
 MAX_TOTAL_S = 30 * 86_400
 MAX_DISK_FRACTION = 0.9
 MAX_MEMORY_FRACTION = 0.9
 MAX_FREE_MEMORY_FRACTION = 0.5
-MIN_FRAMES_PER_WORKER = 16
-"""A process more pays from so many on: starting takes it as long as some frames."""
 MAX_ACTOR_TICKS = 20_000_000
-"""Traffic of more than this is not simulated for a plan: it would take long itself."""
+"""Traffic of more than this is not simulated for an estimate: that alone would take long."""
+MAX_EXTRAPOLATION = 4.0
+"""How many times the work of a recorded frame its rates are used for."""
+NEAREST_RECORDS = 5
+"""So many comparable records count; the median of their rates is taken."""
+
+# Upper bounds where nothing comparable was recorded. Three bytes a pixel are an image of pure
+# noise; what its class and depth maps add is less than it lacks. A beam in fog has up to two
+# returns.
+BYTES_PER_PIXEL = 3.0
+BYTES_PER_BEAM = 30.0
+OTHER_BYTES_PER_AGENT = 200e3
+MEMORY_BYTES, MEMORY_BYTES_PER_PIXEL = 900e6, 60.0
+# Rates of two cores without a GPU. They serve only for the time limit, which is 20 times as wide.
+SLOW_SETUP_S, SLOW_S_PER_BEAM, SLOW_S_PER_PIXEL = 20.0, 3e-6, 6e-7
+
+
+@dataclass(frozen=True)
+class FrameRates:
+    """What a frame of a scenario, and its worker, takes on this machine.
+
+    Attributes:
+        setup_s: Wall-clock time until the first frame; None if unknown.
+        frame_s: Wall-clock time per frame of a worker alone; None if unknown.
+        busy_cores: Processor cores that a worker keeps busy.
+        frame_bytes: Files of a frame.
+        memory_bytes: Resident memory of a worker.
+    """
+
+    setup_s: float | None
+    frame_s: float | None
+    busy_cores: float
+    frame_bytes: float
+    memory_bytes: float
+
+
+def estimate_rates(work: FrameWork, records: Sequence[RunRecord]) -> FrameRates:
+    """Estimate the rates of frames from the recorded runs whose images are most alike.
+
+    Args:
+        work: Work of a frame.
+        records: Runs with the same backend, renderer and layout on this machine, newest last.
+    """
+    newest_first = list(reversed(records))
+    newest_first.sort(key=lambda one: abs(math.log(one.pixels / work.pixels)))
+    nearest = newest_first[:NEAREST_RECORDS]
+    factors = [max(work.pixels / one.pixels, work.beams / one.beams) for one in nearest]
+    usable = [
+        (one, factor)
+        for one, factor in zip(nearest, factors, strict=True)
+        if factor <= MAX_EXTRAPOLATION
+    ]
+    if not usable:
+        return FrameRates(
+            setup_s=None,
+            frame_s=None,
+            busy_cores=1.0,
+            frame_bytes=BYTES_PER_PIXEL * work.pixels
+            + BYTES_PER_BEAM * work.beams
+            + OTHER_BYTES_PER_AGENT * work.agents,
+            memory_bytes=MEMORY_BYTES + MEMORY_BYTES_PER_PIXEL * work.pixels,
+        )
+    cores = count_usable_cores()
+    return FrameRates(
+        setup_s=median(one.setup_s for one, _ in usable),
+        # Workers beyond the cores have only slowed one another.
+        frame_s=median(
+            one.frame_s * factor * min(1.0, cores / one.worker_count) for one, factor in usable
+        ),
+        busy_cores=median(one.busy_cores * max(1.0, one.worker_count / cores) for one, _ in usable),
+        frame_bytes=median(_scale_files(work, one) for one, _ in usable),
+        memory_bytes=median(
+            one.memory_bytes + MEMORY_BYTES_PER_PIXEL * max(0, work.pixels - one.pixels)
+            for one, _ in usable
+        ),
+    )
+
+
+def _scale_files(work: FrameWork, record: RunRecord) -> float:
+    return (
+        record.image_bytes / record.pixels * work.pixels
+        + record.cloud_bytes / record.beams * work.beams
+        + record.other_bytes / record.agents * work.agents
+    )
 
 
 @dataclass(frozen=True)
 class ScenarioEstimate:
-    """What a scenario will take, frames that are done left out.
+    """What a scenario will take, without the frames that exist already.
 
     Attributes:
-        scenario: Its id.
-        frames: To make.
-        is_exact: Whether that is known, or at most so many.
-        pictures: Of all cameras, in all those frames.
-        size_bytes: Of all files to write.
-        time_s: Alone on this machine.
-        memory_bytes: At its most.
+        scenario: Id of its spec.
+        frames: Frames to make.
+        is_exact: Whether the number of frames is known, or an upper bound.
+        pictures: Images of all cameras in those frames.
+        size_bytes: Files to write.
+        time_s: Wall-clock time with one worker; None if no comparable run was recorded.
+        memory_bytes: Resident memory of a worker.
     """
 
     scenario: str
@@ -69,131 +152,163 @@ class ScenarioEstimate:
     is_exact: bool
     pictures: int
     size_bytes: int
-    time_s: float
+    time_s: float | None
     memory_bytes: int
 
     def to_row(self) -> dict[str, str | int]:
-        """A row of a table, by its heads."""
+        """Return the row of a table, by its heads."""
         return {
             "scenario": self.scenario,
             "frames": f"{'' if self.is_exact else 'at most '}{self.frames}",
-            "pictures": self.pictures,
+            "images": self.pictures,
             "size": format_byte_size(self.size_bytes),
-            "time": format_duration(self.time_s),
+            "time": "unknown" if self.time_s is None else format_duration(self.time_s),
             "memory": format_byte_size(self.memory_bytes),
         }
 
 
 @dataclass(frozen=True)
 class RunEstimate:
-    """What runs will take together.
+    """What a run of several scenarios will take.
 
     Attributes:
-        estimates: One for each.
-        jobs: Processes at a time.
-        rates: That it is reckoned with.
+        estimates: One per scenario.
+        jobs: Worker processes at a time.
+        busy_cores: Processor cores that a worker keeps busy.
+        limits: Limits beyond which something is wrong with a scenario, even on a busy machine.
     """
 
     estimates: tuple[ScenarioEstimate, ...]
     jobs: int
-    rates: MachineRates
+    busy_cores: float = 1.0
+    limits: ResourceLimits = field(default_factory=ResourceLimits)
 
     @property
     def total(self) -> ScenarioEstimate:
-        """All of them together."""
-        share = max(1 / self.jobs, self.rates.busy_cores / count_usable_cores())
-        largest = sorted(self.estimates, key=lambda item: item.memory_bytes, reverse=True)
-        places = sorted(map(len, divide_slots(self.jobs, len(largest))), reverse=True)
-        memory_bytes = sum(
-            item.memory_bytes * min(count, max(1, item.frames))
-            for item, count in zip(largest, places, strict=False)
-        )
-        scenarios = "1 scenario" if len(largest) == 1 else f"{len(largest)} scenarios"
-        at_a_time = "1 process" if self.jobs == 1 else f"{self.jobs} processes"
+        """All scenarios together."""
+        items = self.estimates
+        times_s = [item.time_s for item in items if item.time_s is not None]
+        fraction = min(1.0, max(1 / self.jobs, self.busy_cores / count_usable_cores()))
+        scenarios = "1 scenario" if len(items) == 1 else f"{len(items)} scenarios"
+        workers = "1 process" if self.jobs == 1 else f"{self.jobs} processes"
         return ScenarioEstimate(
-            scenario=f"{scenarios}, {at_a_time}",
-            frames=sum(item.frames for item in self.estimates),
-            is_exact=all(item.is_exact for item in self.estimates),
-            pictures=sum(item.pictures for item in self.estimates),
-            size_bytes=sum(item.size_bytes for item in self.estimates),
-            time_s=min(1.0, share) * sum(item.time_s for item in self.estimates),
-            memory_bytes=memory_bytes,
+            scenario=f"{scenarios}, {workers}",
+            frames=sum(item.frames for item in items),
+            is_exact=all(item.is_exact for item in items),
+            pictures=sum(item.pictures for item in items),
+            size_bytes=sum(item.size_bytes for item in items),
+            time_s=fraction * sum(times_s) if len(times_s) == len(items) else None,
+            memory_bytes=self._sum_memory(),
         )
 
-    @property
-    def limits(self) -> ResourceLimits:
-        """Beyond which something is wrong with a scenario, on a machine that is busy."""
-        memory_bytes = max(item.memory_bytes for item in self.estimates)
-        time_s = max(item.time_s for item in self.estimates)
-        return ResourceLimits(
-            memory_bytes=max(4 * 10**9, 3 * memory_bytes), time_s=3600 + 20 * time_s
-        )
+    def _sum_memory(self) -> int:
+        """Sum the memory of the largest workers that can run at a time."""
+        largest = sorted(self.estimates, key=lambda item: item.memory_bytes, reverse=True)
+        total_bytes = sum(item.memory_bytes for item in largest[: self.jobs])
+        joiners = max(0, self.jobs - len(largest))
+        for item in largest:
+            count = min(joiners, max(0, item.frames - 1))
+            total_bytes += count * item.memory_bytes
+            joiners -= count
+        return total_bytes
 
     def describe_excess(self, output: Path | None) -> list[str]:
-        """What of it is larger than anyone means who does not say so; none if all is well.
+        """Describe what takes more than a run may without `allow_large`; nothing if all is well.
 
         Args:
-            output: Folder on this machine; None if others do the work.
+            output: Folder on this machine; None if other machines do the work.
         """
         total, found = self.total, list[str]()
         free = math.inf if output is None else shutil.disk_usage(_find_existing_parent(output)).free
-        most = min(MAX_TOTAL_BYTES, MAX_DISK_FRACTION * free)
-        if total.size_bytes > most:
-            there = "" if output is None else f" ({format_byte_size(free)} are free at {output})"
+        most_bytes = min(MAX_TOTAL_BYTES, MAX_DISK_FRACTION * free)
+        if total.size_bytes > most_bytes:
+            space = "" if output is None else f" ({format_byte_size(free)} are free at {output})"
             found.append(
                 f"about {format_byte_size(total.size_bytes)} of files, more than"
-                f" {format_byte_size(most)}{there}"
+                f" {format_byte_size(most_bytes)}{space}"
             )
         if output is None:
             return found
-        if total.time_s > MAX_TOTAL_S:
+        if total.time_s is not None and total.time_s > MAX_TOTAL_S:
             found.append(f"about {total.time_s / 86_400:.0f} days, more than 30")
-        memory = MAX_MEMORY_FRACTION * total_memory_bytes()
-        if total.memory_bytes > memory:
+        most_bytes = MAX_MEMORY_FRACTION * total_memory_bytes()
+        if total.memory_bytes > most_bytes:
             found.append(
                 f"about {format_byte_size(total.memory_bytes)} of memory, more than"
-                f" {format_byte_size(memory)} of this machine's"
+                f" {format_byte_size(most_bytes)} of this machine's"
             )
         return found
 
 
 def estimate_run(
-    specs: Sequence[Spec], options: RunOptions, *, jobs: int | None, measure: bool, simulate: bool
+    specs: Sequence[Spec], options: RunOptions, *, jobs: int | None = None, simulate: bool = True
 ) -> RunEstimate:
-    """What running specs will take.
+    """Estimate what running specs will take.
 
     Args:
-        specs: What to run.
-        options: How; frames that are already in the output are left out.
-        jobs: Processes at a time; None is as many as suit the machine.
-        measure: Calibrate the machine if that has not been done.
-        simulate: Simulate the traffic that is not known yet, unless there is very much of it.
+        specs: Scenarios to run.
+        options: How to run them; frames that exist in the output are left out.
+        jobs: Worker processes at a time; None is as many as suit the machine.
+        simulate: Simulate traffic that is not in the cache, unless there is very much of it;
+            else the number of frames is an upper bound.
 
     Raises:
         InputError: An option does not fit.
-        RunError: Calibration or traffic fails.
+        RunError: The traffic simulation fails.
     """
-    rates = load_or_measure_rates(options, measure=measure)
     if simulate:
         _simulate_missing_traffic(specs, jobs or count_usable_cores())
-    scale = resolve_requested_profile(options).scale
-    forecasts = tuple(_estimate_scenario(spec, options, rates, scale) for spec in specs)
-    return RunEstimate(forecasts, jobs or choose_worker_count(forecasts), rates)
+    profile = resolve_requested_profile(options)
+    records = load_records(
+        backend=options.backend, renderer=profile.renderer, format=options.format
+    )
+    works = [FrameWork.from_spec(spec, profile.scale) for spec in specs]
+    rates = [estimate_rates(work, records) for work in works]
+    estimates = tuple(
+        _estimate_scenario(spec, options, work, rate)
+        for spec, work, rate in zip(specs, works, rates, strict=True)
+    )
+    return RunEstimate(
+        estimates,
+        jobs or choose_worker_count(estimates),
+        median(rate.busy_cores for rate in rates),
+        _choose_limits(estimates, works),
+    )
 
 
-def choose_worker_count(forecasts: Sequence[ScenarioEstimate]) -> int:
-    """Processes at a time that keep this machine busy and leave it half of its free memory.
+def _choose_limits(
+    estimates: Sequence[ScenarioEstimate], works: Sequence[FrameWork]
+) -> ResourceLimits:
+    slow_s = [
+        SLOW_SETUP_S + item.frames * (SLOW_S_PER_BEAM * work.beams + SLOW_S_PER_PIXEL * work.pixels)
+        for item, work in zip(estimates, works, strict=True)
+    ]
+    times_s = [item.time_s for item in estimates if item.time_s is not None]
+    memory_bytes = max(item.memory_bytes for item in estimates)
+    return ResourceLimits(
+        memory_bytes=max(4 * 10**9, 3 * memory_bytes), time_s=3600 + 20 * max([*slow_s, *times_s])
+    )
 
-    One for each graphics card. Without any, one for each core, since a renderer in software uses
-    several at once for part of the time only; but one more for a scenario has to save more time
-    than its start takes.
+
+def resolve_requested_profile(options: RunOptions) -> RenderProfile:
+    """Resolve the profile and its scale; only `auto` has to open the device."""
+    if options.profile == "auto":
+        return resolve_profile(options, load_backend(options.backend).capabilities())
+    return RENDER_PROFILES[options.profile].with_scale(options.scale)
+
+
+def choose_worker_count(estimates: Sequence[ScenarioEstimate]) -> int:
+    """Choose how many processes keep this machine busy and leave it half of its free memory.
+
+    One per GPU. Without any, one per core, since a software renderer uses several at once for part
+    of the time only; but one more for a scenario has to save more time than its start takes.
     """
-    frames = sum(item.frames for item in forecasts)
-    useful = max(len(forecasts), frames // MIN_FRAMES_PER_WORKER)
+    frames = sum(item.frames for item in estimates)
+    useful = max(len(estimates), frames // MIN_FRAMES_PER_WORKER)
     gpus = find_visible_gpus()
     if gpus:
         return min(len(gpus), useful)
-    largest = max(item.memory_bytes for item in forecasts)
+    largest = max(item.memory_bytes for item in estimates)
     fitting = int(MAX_FREE_MEMORY_FRACTION * free_memory_bytes() / largest)
     return max(1, min(count_usable_cores(), useful, fitting))
 
@@ -207,31 +322,32 @@ def check_resources(
     allow_large: bool,
     is_local: bool,
 ) -> RunResources:
-    """What runs may begin with; limits and jobs that were not asked for are the plan's.
+    """Choose the resources of a run; what was not requested comes from the estimate.
 
     Raises:
-        InputError: They take more than declared limits; the text says what, and the ways out.
+        InputError: The run would take more than is allowed; the text says what and how to go on.
     """
-    plan = estimate_run(specs, options, jobs=jobs, measure=False, simulate=False)
+    estimate = estimate_run(specs, options, jobs=jobs, simulate=False)
     output = options.output if is_local else None
-    if not allow_large and plan.describe_excess(output) and not plan.total.is_exact:
-        plan = estimate_run(specs, options, jobs=jobs, measure=False, simulate=True)
-    found = [] if allow_large else plan.describe_excess(output)
+    if not allow_large and estimate.describe_excess(output) and not estimate.total.is_exact:
+        # Upper bounds exceed; the traffic tells how many frames there really are.
+        estimate = estimate_run(specs, options, jobs=jobs, simulate=True)
+    found = [] if allow_large else estimate.describe_excess(output)
     if found:
         raise InputError(
-            f"this would take {'; '.join(found)}: make less (--frames, --scale, fewer specs),"
-            " choose another --output or fewer --jobs, or say --allow-large;"
-            " `advercity plan` tells more"
+            f"this would take {'; '.join(found)}: make less (`frames`, `scale`, fewer specs),"
+            " choose another `output` or fewer `jobs`, or allow it with `allow_large`;"
+            " `advercity estimate` shows more"
         )
     limits = ResourceLimits(
-        memory_bytes=requested_limits.memory_bytes or plan.limits.memory_bytes,
-        time_s=requested_limits.time_s or plan.limits.time_s,
+        memory_bytes=requested_limits.memory_bytes or estimate.limits.memory_bytes,
+        time_s=requested_limits.time_s or estimate.limits.time_s,
     )
-    return RunResources(plan.jobs, limits)
+    return RunResources(estimate.jobs, limits)
 
 
 def _simulate_missing_traffic(specs: Sequence[Spec], jobs: int) -> None:
-    """Traffic that specs share is simulated once."""
+    """Simulate traffic that is not in the cache, once for all specs that share it."""
     wanted = {
         compute_traffic_key(spec): spec
         for spec in specs
@@ -246,38 +362,33 @@ def _count_actor_ticks(spec: Spec) -> int:
 
 
 def _estimate_scenario(
-    spec: Spec, options: RunOptions, rates: MachineRates, scale: float
+    spec: Spec, options: RunOptions, work: FrameWork, rates: FrameRates
 ) -> ScenarioEstimate:
-    work = Workload.from_spec(spec, scale)
     trace = load_cached_trace(spec)
     length = spec.timing.max_ticks - spec.timing.warm_up_ticks if trace is None else len(trace)
-    frames = len(set(range(length)[options.frames]) - _find_done_frames(spec, options))
-    frame_bytes = (
-        rates.bytes_per_beam * work.beams
-        + rates.bytes_per_agent * work.agents
-        + rates.compute_image_bytes(scale) * work.pixels
-    )
-    frame_s = rates.s_per_beam * work.beams + rates.s_per_pixel * work.pixels
+    frames = len({*range(length)[options.frames]} - _find_done_frames(spec, options))
+    time_s = None if frames else 0.0
+    if frames and rates.setup_s is not None and rates.frame_s is not None:
+        time_s = rates.setup_s + frames * rates.frame_s
     return ScenarioEstimate(
         scenario=spec.id,
         frames=frames,
         is_exact=trace is not None,
-        pictures=frames * work.pictures,
-        size_bytes=round(frames * frame_bytes),
-        time_s=(rates.setup_s if frames else 0.0) + frames * frame_s,
-        memory_bytes=round(rates.memory_bytes + rates.memory_bytes_per_pixel * work.pixels),
+        pictures=frames * work.images,
+        size_bytes=round(frames * rates.frame_bytes),
+        time_s=time_s,
+        memory_bytes=round(rates.memory_bytes),
     )
 
 
 def _find_done_frames(spec: Spec, options: RunOptions) -> set[int]:
-    """Frames that a run would find there."""
     if not options.fresh:
-        with suppress(AdvercityError):  # the run itself says what is wrong there
+        with suppress(AdvercityError):  # the run itself reports what is wrong with them
             return set(Manifest.load(options.output / spec.id).frames)
     return set()
 
 
 def _find_existing_parent(path: Path) -> Path:
-    """The folder itself, or the nearest above it that exists."""
+    """Find the nearest folder that exists: the path itself, or one above it."""
     whole = path.resolve()
     return next(folder for folder in (whole, *whole.parents) if folder.exists())

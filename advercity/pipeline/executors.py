@@ -2,22 +2,15 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
-from dataclasses import replace
-from queue import SimpleQueue
-from threading import Event as Flag
 from typing import Protocol
 
 from advercity_dsl import Spec
 
-from advercity.dataset.index import IndexWriter
-from advercity.errors import InputError, RunError
+from advercity.errors import InputError
 from advercity.pipeline.estimate import check_resources
-from advercity.pipeline.machine import build_gpu_environment, divide_slots, find_visible_gpus
-from advercity.pipeline.messages import WorkerJob
 from advercity.pipeline.options import ResourceLimits, RunOptions, RunResources
 from advercity.pipeline.progress import RunListener, ScenarioResult, SilentListener
-from advercity.pipeline.workers import run_worker
+from advercity.pipeline.workers import WorkerPool
 from advercity.rendering.backend import load_backend
 
 
@@ -121,57 +114,20 @@ def run_scenarios(
     resources: RunResources | None = None,
     listener: RunListener | None = None,
 ) -> list[ScenarioResult]:
-    """Run every spec on this machine; how each ended, in the order of `specs`.
+    """Run every spec in worker processes of this machine; how each ended, in their order.
 
-    One that fails, dies or is killed does not stop the others. If there are fewer scenarios than
-    jobs, several processes make the frames of one, unless they are to be seen live. Graphics cards
-    are shared out among the processes that run at a time. When this call is interrupted, the
-    processes are ended first. The index of the folder tells how every one ended.
+    A scenario that fails, crashes or is killed does not stop the others. When there are fewer
+    scenarios than workers, several workers make the frames of one, unless it is shown live. Each
+    worker sees one GPU. The index of the dataset records how every scenario ended.
 
     Args:
-        specs: What to run, all with different ids.
+        specs: Scenarios to run, all with different ids.
         options: How to run them.
-        listener: Told of progress and ends.
-        resources: Processes at a time, and limits for each scenario.
+        resources: Worker processes at a time, and limits for each scenario; default one, unlimited.
+        listener: Receives progress and results, from this thread.
 
     Raises:
-        InputError: Two specs have the same id, or an option does not fit.
+        InputError: The output is a file.
     """
-    validate_batch(specs, options)
-    listener, resources = listener or SilentListener(), resources or RunResources()
-    gpus, stop, index = find_visible_gpus(), Flag(), IndexWriter(options.output, specs)
-    free: SimpleQueue[range] = SimpleQueue()
-    shares = divide_slots(resources.worker_count, len(specs))
-    for share in shares:
-        free.put(share)
-
-    def one(spec: Spec) -> ScenarioResult:
-        places = free.get()
-        try:
-            outcome = run_worker(
-                WorkerJob(
-                    spec, options, worker_count=1 if options.viewer.is_enabled else len(places)
-                ),
-                resources.limits,
-                listener.on_progress,
-                environment=build_gpu_environment(places, gpus),
-                cancelled=stop,
-            )
-        finally:
-            free.put(places)
-        try:
-            index.record_result(spec.id, failed=outcome.error is not None)
-        except RunError as error:
-            outcome = replace(outcome, error=outcome.error or error)
-        listener.on_result(outcome)
-        return outcome
-
-    with ThreadPoolExecutor(len(shares)) as pool:
-        try:
-            runs = [pool.submit(one, spec) for spec in specs]
-            for run in as_completed(runs):
-                run.result()
-        finally:
-            stop.set()
-            pool.shutdown(cancel_futures=True)
-    return [run.result() for run in runs]
+    pool = WorkerPool(specs, options, resources or RunResources(), listener or SilentListener())
+    return pool.run()

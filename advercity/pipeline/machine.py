@@ -1,44 +1,41 @@
-"""What of the machine this process may use, in a container, too.
-
-Which graphics cards there are to share out.
-"""
+"""Cores, memory and GPUs that this process may use, also within a container's limits."""
 
 import math
 import os
 import shutil
 import subprocess
-from collections.abc import Iterable
-from itertools import pairwise
 from pathlib import Path
 
 import psutil
 
+VISIBLE_DEVICES_VARIABLE = "CUDA_VISIBLE_DEVICES"
 CGROUP_FOLDER = Path("/sys/fs/cgroup")
-"""Where version 2 of control groups tells what a container may take."""
+"""Root of the control groups (version 2), which hold the limits of a container."""
 
 
 def count_usable_cores(cgroup: Path = CGROUP_FOLDER) -> int:
-    """Processor cores that may be used, at least one."""
+    """Count the processor cores that may be used, at least one."""
     quota, _, period = _read_text(cgroup / "cpu.max").partition(" ")
-    share = float(quota) / float(period) if quota.isdigit() and period else math.inf
-    return max(1, int(min(len(os.sched_getaffinity(0)), share)))
+    quota_cores = float(quota) / float(period) if quota.isdigit() and period else math.inf
+    return max(1, int(min(len(os.sched_getaffinity(0)), quota_cores)))
 
 
 def total_memory_bytes(cgroup: Path = CGROUP_FOLDER) -> int:
-    """Memory that there is at all."""
-    most = _read_text(cgroup / "memory.max")
+    """Read the memory of the machine or the container."""
+    limit = _read_text(cgroup / "memory.max")
     total = psutil.virtual_memory().total
-    return min(total, int(most)) if most.isdigit() else total
+    return min(total, int(limit)) if limit.isdigit() else total
 
 
 def free_memory_bytes(cgroup: Path = CGROUP_FOLDER) -> int:
-    """Memory that can be had without anything being swapped out; what files are read into can."""
+    """Read the memory that can be allocated without swapping; the page cache counts as free."""
     free = psutil.virtual_memory().available
-    most, used = _read_text(cgroup / "memory.max"), _read_text(cgroup / "memory.current")
-    if not (most.isdigit() and used.isdigit()):
+    limit, used = _read_text(cgroup / "memory.max"), _read_text(cgroup / "memory.current")
+    if not (limit.isdigit() and used.isdigit()):
         return free
-    kept = dict(line.split() for line in _read_text(cgroup / "memory.stat").splitlines())
-    return max(0, min(free, int(most) - int(used) + int(kept.get("inactive_file", 0))))
+    # The kernel counts inactive pages of files as used, but gives them up first.
+    stat = dict(line.split() for line in _read_text(cgroup / "memory.stat").splitlines())
+    return max(0, min(free, int(limit) - int(used) + int(stat.get("inactive_file", 0))))
 
 
 def _read_text(path: Path) -> str:
@@ -48,11 +45,8 @@ def _read_text(path: Path) -> str:
         return ""
 
 
-VISIBLE_DEVICES_VARIABLE = "CUDA_VISIBLE_DEVICES"
-
-
 def find_visible_gpus() -> tuple[str, ...]:
-    """Names of the cards that a process may see, as `CUDA_VISIBLE_DEVICES` takes them."""
+    """List the GPUs that this process may use, as `CUDA_VISIBLE_DEVICES` names them."""
     chosen = os.environ.get(VISIBLE_DEVICES_VARIABLE)
     if chosen is not None:
         return tuple(name.strip() for name in chosen.split(",") if name.strip())
@@ -64,19 +58,6 @@ def find_visible_gpus() -> tuple[str, ...]:
     return tuple(done.stdout.split()) if done.returncode == 0 else ()
 
 
-def build_gpu_environment(slots: Iterable[int], gpus: tuple[str, ...]) -> dict[str, str]:
-    """Variables for one who has some places among all that run side by side: a card for each."""
-    if not gpus:
-        return {}
-    return {
-        VISIBLE_DEVICES_VARIABLE: ",".join(
-            dict.fromkeys(gpus[place % len(gpus)] for place in slots)
-        )
-    }
-
-
-def divide_slots(jobs: int, scenarios: int) -> list[range]:
-    """Places of processes, a range of them for each scenario that runs at a time."""
-    count = max(1, min(jobs, scenarios))
-    ends = [jobs * number // count for number in range(count + 1)]
-    return [range(first, end) for first, end in pairwise(ends)]
+def build_gpu_environment(slot: int, gpus: tuple[str, ...]) -> dict[str, str]:
+    """Build the variables that give the worker in a slot one GPU; workers share GPUs in turn."""
+    return {VISIBLE_DEVICES_VARIABLE: gpus[slot % len(gpus)]} if gpus else {}

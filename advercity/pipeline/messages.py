@@ -1,49 +1,49 @@
-"""What a worker process is asked for, and what it answers."""
+"""What a worker process is asked for and what it sends back, pickled."""
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
 
 from advercity_dsl import Spec
-from pydantic import Field, TypeAdapter
 
+from advercity.errors import AdvercityError
 from advercity.pipeline.options import RunOptions
 from advercity.pipeline.progress import Progress
 
 
 @dataclass(frozen=True)
-class WorkerJob:
-    """A scenario to run, and how.
+class WorkerTask:
+    """Make frames of a scenario.
 
     Attributes:
         spec: The scenario.
         options: How to run it.
-        worker_count: How many make its frames.
-        worker_index: Number of the one whose job this is; 0 has the scenario open, the others add
-            to it.
+        worker_index: 0 opens the scenario, and later writes its manifest; the others join it.
     """
 
     spec: Spec
     options: RunOptions
-    worker_count: int = 1
     worker_index: int = 0
 
 
 @dataclass(frozen=True)
-class ProgressMessage:
-    """It has got so far."""
+class ScenarioOpened:
+    """From the worker that opens a scenario: others may join now.
 
-    progress: Progress
-    kind: Literal["advanced"] = "advanced"
+    Attributes:
+        missing_frames: Frames that nobody has made yet.
+    """
+
+    missing_frames: int
 
 
 @dataclass(frozen=True)
-class FailureMessage:
-    """It failed for a reason that it knows."""
+class FramesClaimed:
+    """From the worker that opened a scenario: no frame is left to claim; it waits for the others.
 
-    error: Literal["InputError", "RunError", "BackendError"]
-    text: str
-    kind: Literal["failed"] = "failed"
+    The parent answers `FINISH` when they have ended.
+    """
 
 
-WorkerMessage = Annotated[ProgressMessage | FailureMessage, Field(discriminator="kind")]
-WORKER_MESSAGE: TypeAdapter[ProgressMessage | FailureMessage] = TypeAdapter(WorkerMessage)
+FINISH = "finish"
+
+WorkerMessage = Progress | ScenarioOpened | FramesClaimed | AdvercityError
+"""An error is the last message of a worker that fails."""

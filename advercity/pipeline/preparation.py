@@ -144,7 +144,11 @@ class PreparedScenario:
         )
 
     def load_world(self) -> World:
-        """Load the static scene, or build it now."""
+        """Load the static scene from the cache, or build it now; the second call returns it."""
+        return self._world
+
+    @cached_property
+    def _world(self) -> World:
         return load_or_build_world(self.spec, self.traffic.network_path)
 
 

@@ -46,6 +46,9 @@ class ScenarioResult:
         time_s: Wall-clock time.
         peak_memory_bytes: Largest resident memory of its processes at one time.
         cpu_s: Processor time, as far as it was measured.
+        worker_count: Workers that made its frames.
+        setup_s: Wall-clock time before the first frame, without the traffic simulation.
+        frame_s: Wall-clock time per frame of a worker; None if none made two.
     """
 
     scenario: str
@@ -55,6 +58,9 @@ class ScenarioResult:
     time_s: float
     peak_memory_bytes: int
     cpu_s: float = 0.0
+    worker_count: int = 1
+    setup_s: float = 0.0
+    frame_s: float | None = None
 
 
 class RunListener(Protocol):

@@ -1,4 +1,4 @@
-"""Shows what a dataset holds: its readings, put back together, in Rerun."""
+"""Replays a dataset in Rerun: rebuilds sensor frames from files, spec and trace."""
 
 import subprocess
 import sys
@@ -28,7 +28,7 @@ from advercity.viewer.recording import RerunRecording
 def load_sensor_frames(
     scenario: Scenario, poses: AgentPoses, index: int
 ) -> tuple[SensorFrame, ...]:
-    """The readings of a frame: what was seen from the files, the rest from spec and trace."""
+    """Load the sensor frames of a frame: images and clouds from files, the rest from the trace."""
     frame, stored = poses.load_frame(index), scenario.frame(index)
     return tuple(
         poses.build_sensor_frame(
@@ -43,7 +43,7 @@ def load_sensor_frames(
 
 
 def _load_images(stored: AgentView, world_from_cameras: Sequence[Matrix]) -> Iterator[CameraImage]:
-    """Depths and sightings are not what a viewer shows, and not every layout has them."""
+    """Load images and classes; depths and boxes are not shown, and not in every layout."""
     for camera, world_from_camera in enumerate(world_from_cameras):
         semantic = stored.semantic(camera)
         yield CameraImage(
@@ -61,7 +61,7 @@ def _load_lidar_hits(stored: AgentView) -> dict[int, int]:
 
 
 def _load_point_cloud(stored: AgentView) -> PointCloud:
-    """What a layout does not keep is zero."""
+    """Load the point cloud; columns that the layout does not have are zero."""
     table = stored.cloud
     points = np.column_stack([table["x"], table["y"], table["z"]])
     kept = table.dtype.names or ()
@@ -85,7 +85,7 @@ def _load_point_cloud(stored: AgentView) -> PointCloud:
 
 
 def write_recording(path: Path, file: Path, *, cloud_colour: CloudColour = "intensity") -> None:
-    """Make a recording of every frame of a scenario's folder."""
+    """Write a recording of every frame in a scenario's folder."""
     scenario = Scenario(path)
     if not len(scenario):
         raise no_frames_error(path)
@@ -94,7 +94,7 @@ def write_recording(path: Path, file: Path, *, cloud_colour: CloudColour = "inte
     if traffic.trace_sha256 != scenario.manifest.identity.trace_sha256:
         raise RunError(
             f"{path}: made from other traffic than this version simulates;"
-            " look at it with the version that its manifest names"
+            " view it with the version that its manifest names"
         )
     poses = AgentPoses(spec, traffic.trace)
     lanes = build_road(spec.road).lanes
@@ -110,12 +110,12 @@ def open_viewer(dataset: Path, *, web: bool, cloud_colour: CloudColour = "intens
     """Open a `.rrd` recording, or the folder of a scenario, in Rerun's viewer.
 
     Args:
-        dataset: What to show.
-        web: In a browser instead of a window.
-        cloud_colour: What the colours of LiDAR points stand for; a recording keeps its own.
+        dataset: Recording or folder.
+        web: Show it in a browser instead of a window.
+        cloud_colour: What the colours of LiDAR points encode; a recording has its own.
 
     Raises:
-        InputError: There is no such thing.
+        InputError: The path does not exist.
         RunError: The viewer fails.
     """
     if dataset.suffix == ".rrd":
@@ -132,13 +132,13 @@ def open_viewer(dataset: Path, *, web: bool, cloud_colour: CloudColour = "intens
 def build_viewer_command(
     file: Path, *, web: bool, port: int | None = None, web_port: int | None = None
 ) -> list[str]:
-    """What opens a recording in Rerun's viewer, for this machine only.
+    """Build the command that opens a recording in Rerun's viewer, for this machine only.
 
     Args:
-        file: `.rrd`.
-        web: In a browser instead of a window.
-        port: That the recording is served at; Rerun's own if None.
-        web_port: That the viewer is served at to a browser; Rerun's own if None.
+        file: Recording (`.rrd`).
+        web: Show it in a browser instead of a window.
+        port: Port of the recording; None is Rerun's default.
+        web_port: Port of the viewer for browsers; None is Rerun's default.
     """
     options = ["--web-viewer"] if web else []
     options += [] if port is None else ["--port", str(port)]
@@ -150,5 +150,5 @@ def _show_recording(file: Path, *, web: bool) -> None:
     command = build_viewer_command(file, web=web)
     done = subprocess.run(command, check=False)  # noqa: S603 - rerun's own program on our file
     if done.returncode != 0:
-        hint = "" if web else "; without a screen, try --web"
+        hint = "" if web else "; without a screen, try `web`"
         raise RunError(f"the viewer ended with exit code {done.returncode}{hint}")

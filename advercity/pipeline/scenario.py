@@ -1,25 +1,21 @@
-"""Work in a thread behind the one that renders: encoding and writing cost no time of their own.
+"""Runs one scenario from spec to dataset: traffic once, then every frame on its own.
 
-One scenario from spec to dataset: traffic once, then every frame on its own.
-
-Makes damaged files of a dataset again, from the spec that its manifest holds.
+Also repairs datasets: it makes damaged files again, from the spec that their manifest holds.
 """
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Generator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from threading import Lock
-from types import TracebackType
-from typing import Self
 
 from advercity_dsl import Spec
 from pydantic import TypeAdapter
 
 from advercity.conflicts.report import find_conflict_events
 from advercity.dataset.manifest import Identity, Manifest
+from advercity.dataset.partial_files import find_staging_folder, lock_file
 from advercity.dataset.reader import Scenario
 from advercity.dataset.scenario_folders import find_scenarios
 from advercity.dataset.verification import (
@@ -39,45 +35,47 @@ from advercity.pipeline.preparation import (
 from advercity.pipeline.progress import Progress, ProgressCallback, ignore_progress
 from advercity.pipeline.replay import load_sensor_frames
 from advercity.pipeline.sensing import open_sensors
-from advercity.pipeline.workers import WorkerGroup
 from advercity.rendering.backend import RenderProfile, load_backend
 from advercity.roads.road_network import build_road
 from advercity.sensors.sensor_frame import SensorFrame
 from advercity.viewer.recording import RerunRecording
 
+ShareFrames = Callable[[int], AbstractContextManager[None]]
+"""Lets other workers join a scenario with that many missing frames; waits for them at the end."""
+
 
 class BackgroundWriter:
-    """Does jobs one after the other in a thread of its own; a context manager.
+    """Runs one job at a time in a thread, so that encoding and writing overlap with rendering.
 
-    One job is at work at most, so that memory holds two frames at most. An error of a job is
-    raised by the next call, or at the end.
+    At most one job runs while the next frame is captured, so memory holds two frames at most.
     """
 
-    def __init__(self) -> None:
-        self._pool = ThreadPoolExecutor(1)
+    def __init__(self, pool: ThreadPoolExecutor) -> None:
+        self._pool = pool
         self._running: Future[None] | None = None
 
     def submit(self, job: Callable[[], None]) -> None:
-        """Wait for the job before, and start this one."""
-        self._wait()
+        """Wait for the job before, raise its error if it failed, and start this one."""
+        self.wait()
         self._running = self._pool.submit(job)
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        with self._pool:
-            if error is None:
-                self._wait()
-
-    def _wait(self) -> None:
+    def wait(self) -> None:
+        """Wait for the last job; raise its error if it failed."""
         if self._running is not None:
             self._running.result()
+
+
+@contextmanager
+def open_background_writer() -> Generator[BackgroundWriter]:
+    """Open a thread for jobs; at the end, wait for the last one and raise its error."""
+    with ThreadPoolExecutor(1) as pool:
+        writer = BackgroundWriter(pool)
+        yield writer
+        writer.wait()
+
+
+def _work_alone(missing_frames: int) -> AbstractContextManager[None]:
+    return nullcontext()
 
 
 def run_scenario(
@@ -85,127 +83,116 @@ def run_scenario(
     options: RunOptions,
     report: ProgressCallback = ignore_progress,
     *,
-    worker_count: int = 1,
+    share_frames: ShareFrames = _work_alone,
 ) -> Path:
-    """Make the frames of a scenario that are not there yet; the scenario's folder.
+    """Make the missing frames of a scenario; return the scenario's folder.
 
     Args:
         spec: The scenario.
         options: How to run it.
-        report: Told of progress; from several threads if there are several processes.
-        worker_count: Processes that make its frames, this one included; a live view needs one.
+        report: Receives the progress of this process.
+        share_frames: Entered while frames can be claimed by other processes, too.
 
     Raises:
-        InputError: No such backend, or no such frames.
-        RunError: Something failed; what is finished stays, and the same call goes on from there.
+        InputError: The backend or the frames do not exist.
+        RunError: Something failed; finished frames stay, and the same call resumes.
     """
     prepared = prepare_scenario(spec, options, report)
     writer = ScenarioWriter(
         options.output, spec, prepared.identity, length=prepared.frame_count, fresh=options.fresh
     )
-    # A viewer that cannot be had is found out before anything of the dataset is touched.
+    # The viewer first: if it cannot be opened, nothing of the dataset has been touched.
     with _open_recording(prepared, options.viewer) as recording, writer:
         if recording is not None:
             _make_and_record(prepared, writer, recording, report)
-        elif not writer.done_frames.issuperset(prepared.frames):
-            _make_frames(spec, options, prepared, writer, report, worker_count)
+        else:
+            _make_missing_frames(prepared, writer, report, share_frames)
         manifest = writer.finish()
     lost = _find_missing_frames(prepared, manifest.frames)
     if lost:
-        raise RunError(f"{writer.scenario}: no process made frame {lost[0]}; run again to go on")
+        raise RunError(
+            f"{writer.scenario}: no worker made frame {lost[0]}; run the same command again to"
+            " resume"
+        )
     count = len(prepared.frames)
     report(Progress(spec.id, "done", count, count, manifest.size_bytes))
     return writer.scenario
 
 
-def add_frames(
+def join_scenario(
     spec: Spec, options: RunOptions, worker_index: int, report: ProgressCallback
 ) -> None:
-    """Make frames of a scenario that another process has open, as long as it leaves any.
+    """Make frames of a scenario that another process has open, until none is left to claim.
 
     Args:
         spec: The scenario.
-        options: Of the run.
-        worker_index: Number of this one, above 0.
-        report: Told of what is made here.
+        options: Options of the run.
+        worker_index: Number of this worker, above 0; it names its journal.
+        report: Receives the progress of this worker alone.
 
     Raises:
-        RunError: Something failed, or is other here than there.
+        RunError: Something failed, or this process would write other bytes.
     """
     prepared, scenario = prepare_scenario(spec, options), options.output / spec.id
-    begun = Manifest.load(scenario)
-    differences = begun.identity.list_differences(prepared.identity)
-    if differences:
-        raise RunError(f"{scenario}: its processes differ ({'; '.join(differences)}); --jobs 1")
-    writer = FrameWriter(scenario, spec, options.format, worker_index)
-    made = 0
+    with lock_file(find_staging_folder(scenario) / "lock", shared=True):
+        begun = Manifest.load(scenario)
+        differences = begun.identity.list_differences(prepared.identity)
+        if differences:
+            raise RunError(
+                f"{scenario}: its workers differ ({'; '.join(differences)}); use `jobs` 1"
+            )
+        writer = FrameWriter(scenario, spec, options.format, worker_index)
 
-    def tell(count: int) -> None:
-        nonlocal made
-        made = count
-        report(Progress(spec.id, "frames", made, 0, writer.size_bytes))
+        def report_count(count: int, phase: str = "frames") -> None:
+            report(Progress(spec.id, phase, count, 0, writer.size_bytes))
 
-    _make_claimed_frames(prepared, _find_missing_frames(prepared, begun.frames), writer, tell)
-    report(Progress(spec.id, "done", made, made, writer.size_bytes))
+        missing = _find_missing_frames(prepared, begun.frames)
+        count = _make_claimed_frames(prepared, missing, writer, report_count)
+        report_count(count, "done")
 
 
-def _make_frames(
-    spec: Spec,
-    options: RunOptions,
+def _make_missing_frames(
     prepared: PreparedScenario,
     writer: ScenarioWriter,
     report: ProgressCallback,
-    processes: int,
+    share_frames: ShareFrames,
 ) -> None:
-    """Make every frame that is not there, with other processes."""
-    absent, total = _find_missing_frames(prepared, writer.done_frames), len(prepared.frames)
-    made = total - len(absent)
-    one_at_a_time = Lock()
+    missing, total = _find_missing_frames(prepared, writer.done_frames), len(prepared.frames)
+    if not missing:
+        return
 
-    def tell() -> None:
-        with one_at_a_time:
-            size_bytes = writer.size_bytes + companions.size_bytes
-            report(Progress(spec.id, "frames", made + companions.frame_count, total, size_bytes))
+    def report_count(count: int) -> None:
+        done = total - len(missing) + count
+        report(Progress(prepared.spec.id, "frames", done, total, writer.size_bytes))
 
-    def go_on(count: int) -> None:
-        nonlocal made
-        made = total - len(absent) + count
-        companions.raise_failure()
-        tell()
-
-    count = min(processes, len(absent)) - 1
-    if count:
-        prepared.load_world()  # into the cache, where companions find it
-    companions = WorkerGroup(spec, options, count, lock=writer.lock_descriptor, on_change=tell)
-    with companions:
-        _make_claimed_frames(prepared, absent, writer, go_on)
+    prepared.load_world()  # puts it into the cache before workers that join look for it
+    report_count(0)
+    with share_frames(len(missing)):
+        _make_claimed_frames(prepared, missing, writer, report_count)
 
 
 def _make_claimed_frames(
     prepared: PreparedScenario,
-    absent: Sequence[int],
+    missing: Sequence[int],
     writer: FrameWriter | ScenarioWriter,
     on_frame: Callable[[int], None],
-) -> None:
-    """Make frames that nobody else has claimed.
+) -> int:
+    """Make the missing frames that no other worker claims; return how many.
 
-    Args:
-        prepared: What they are made with.
-        absent: Frames that are not there.
-        writer: Takes them.
-        on_frame: Called with the number of frames sensed so far, before each and at the end.
+    `on_frame` is called with the number of frames captured so far, before each and at the end.
     """
     count = 0
-    claimed = filter(writer.claim_frame, absent)
+    claimed = filter(writer.claim_frame, missing)
     first = next(claimed, None)
     if first is None:
-        return
-    with BackgroundWriter() as behind, open_sensors(prepared) as sensed:
+        return 0  # without opening the renderer, which takes seconds
+    with open_background_writer() as background, open_sensors(prepared) as sensors:
         for index in chain([first], claimed):
             on_frame(count)
-            behind.submit(partial(writer.write_frame, index, sensed.capture_frame(index)))
+            background.submit(partial(writer.write_frame, index, sensors.capture_frame(index)))
             count += 1
     on_frame(count)
+    return count
 
 
 def _make_and_record(
@@ -214,20 +201,20 @@ def _make_and_record(
     recording: RerunRecording,
     report: ProgressCallback,
 ) -> None:
-    """Show every wanted frame in turn: from the files where it is done, else as it is made."""
-    doing = f"frames, live at {recording.address}" if recording.address else "frames"
+    """Show every frame asked for in order, from its files if it is done, else as it is made."""
+    phase = f"frames, live at {recording.address}" if recording.address else "frames"
     stored, done = Scenario(writer.scenario), writer.done_frames
     sensing = nullcontext() if done.issuperset(prepared.frames) else open_sensors(prepared)
-    with BackgroundWriter() as behind, sensing as sensed:
+    with open_background_writer() as background, sensing as sensors:
         for count, index in enumerate(prepared.frames):
             total, size_bytes = len(prepared.frames), writer.size_bytes
-            report(Progress(prepared.spec.id, doing, count, total, size_bytes))
-            if sensed is None or index in done:
+            report(Progress(prepared.spec.id, phase, count, total, size_bytes))
+            if sensors is None or index in done:
                 recording.log_frame(load_sensor_frames(stored, prepared.poses, index))
             else:
-                readings = sensed.capture_frame(index)
-                behind.submit(partial(writer.write_frame, index, readings))
-                recording.log_frame(readings)
+                captured = sensors.capture_frame(index)
+                background.submit(partial(writer.write_frame, index, captured))
+                recording.log_frame(captured)
 
 
 def _find_missing_frames(prepared: PreparedScenario, done: Collection[int]) -> list[int]:
@@ -252,13 +239,13 @@ def _open_recording(
 
 
 def repair_dataset(dataset: Path, report: ProgressCallback = ignore_progress) -> list[FileProblem]:
-    """Make every missing or changed file of a dataset again; the problems that stay.
+    """Make every missing or changed file of a dataset again; return the problems that stay.
 
-    A scenario that is gone, or whose manifest is another one, is for `run` to make again.
+    A missing scenario, or one with another manifest, has to be run again.
 
     Raises:
-        InputError: There is no dataset.
-        RunError: The files cannot be made again here, or the disk does not take them.
+        InputError: The folder is no dataset.
+        RunError: The files cannot be reproduced on this machine, or cannot be written.
     """
     left = compare_with_index(dataset)
     for scenario in find_scenarios(dataset):
@@ -288,24 +275,24 @@ def _repair_scenario(
     differences = manifest.identity.list_differences(prepared.identity)
     if differences:
         raise RunError(
-            f"{scenario}: cannot be repaired here, where something is not as it was"
-            f" ({'; '.join(differences)}); repair it with what it was made with, or make it anew"
-            " with `advercity run --fresh`"
+            f"{scenario}: cannot be repaired here, where something differs"
+            f" ({'; '.join(differences)}); repair it with what it was made with, or start over"
+            " with `fresh`"
         )
     damaged = sorted({problem.frame for problem in problems if problem.frame is not None})
-    with open_sensors(prepared) as sensed:
+    with open_sensors(prepared) as sensors:
 
-        def readings_of(frame: int) -> tuple[SensorFrame, ...]:
+        def capture_frame(frame: int) -> tuple[SensorFrame, ...]:
             report(Progress(spec.id, "frames", damaged.index(frame), len(damaged)))
-            return sensed.capture_frame(frame)
+            return sensors.capture_frame(frame)
 
-        left = restore_files(scenario, problems, readings_of)
+        left = restore_files(scenario, problems, capture_frame)
     report(Progress(spec.id, "done", len(damaged), len(damaged)))
     return left
 
 
 def _parse_profile(identity: Identity) -> RenderProfile:
-    """The profile that a manifest tells of."""
-    kept = identity.renderer.keys() - {"backend", "backend_sha256", "device"}
-    values = {name: identity.renderer[name] for name in kept}
+    """Rebuild the profile from the renderer identity of a manifest."""
+    names = identity.renderer.keys() - {"backend", "backend_sha256", "device"}
+    values = {name: identity.renderer[name] for name in names}
     return TypeAdapter(RenderProfile).validate_python({"name": "as made", **values})

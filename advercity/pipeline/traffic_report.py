@@ -1,4 +1,4 @@
-"""Traffic alone: a scenario's trace, its report and its moving plan, without sensors."""
+"""Simulates traffic alone: trace, report and moving plan of a scenario."""
 
 import json
 import shutil
@@ -18,9 +18,9 @@ from advercity.traffic.plan_video import draw_traffic_pictures
 
 
 def compute_traffic_reports(specs: Iterable[Spec]) -> Iterator[TrafficReport]:
-    """The reports on the traffic of specs, which comes from the cache or is simulated now.
+    """Compute the reports on the traffic of specs, from the cache or simulated now.
 
-    Weathers that share a trace share what is measured on it.
+    Specs that share a trace share its measurements.
 
     Raises:
         InputError: A spec asks for what its road does not have.
@@ -28,42 +28,44 @@ def compute_traffic_reports(specs: Iterable[Spec]) -> Iterator[TrafficReport]:
     """
     known: dict[str, TrafficReport] = {}
     for spec in specs:
-        stage = load_or_simulate_traffic(spec)
-        if stage.trace_sha256 not in known:
-            known[stage.trace_sha256] = build_traffic_report(spec, stage.trace, stage.trace_sha256)
-        yield replace(known[stage.trace_sha256], spec=spec.id)
+        traffic = load_or_simulate_traffic(spec)
+        if traffic.trace_sha256 not in known:
+            known[traffic.trace_sha256] = build_traffic_report(
+                spec, traffic.trace, traffic.trace_sha256
+            )
+        yield replace(known[traffic.trace_sha256], spec=spec.id)
 
 
 def simulate_to_folder(spec: Spec, output: Path, *, with_video: bool = True) -> TrafficReport:
-    """Write `<output>/<spec id>/` with `trace.npz`, `report.json` and `plan.mp4`, whole or not.
+    """Write `<output>/<spec id>/` with `trace.npz`, `report.json` and `plan.mp4`, all or none.
 
     Raises:
         InputError: The spec asks for what its road does not have, or PyAV is not installed.
         RunError: The simulation failed, or a file cannot be written.
     """
-    stage = load_or_simulate_traffic(spec)
-    found = build_traffic_report(spec, stage.trace, stage.trace_sha256)
+    traffic = load_or_simulate_traffic(spec)
+    report = build_traffic_report(spec, traffic.trace, traffic.trace_sha256)
     try:
         output.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=output) as folder:
             made = Path(folder) / spec.id
             made.mkdir()
-            _write_traffic_files(spec, stage, found, made, filmed=with_video)
+            _write_traffic_files(spec, traffic, report, made, with_video=with_video)
             shutil.rmtree(output / spec.id, ignore_errors=True)
             made.replace(output / spec.id)
     except OSError as error:
         raise RunError(f"{output / spec.id}: cannot be written: {error.strerror}") from error
-    return found
+    return report
 
 
 def _write_traffic_files(
-    spec: Spec, stage: TrafficResult, found: TrafficReport, folder: Path, *, filmed: bool
+    spec: Spec, traffic: TrafficResult, report: TrafficReport, folder: Path, *, with_video: bool
 ) -> None:
-    stage.trace.save(folder / "trace.npz")
-    document = found.to_document() | {"stopping": asdict(compute_stopping_distance(spec))}
+    traffic.trace.save(folder / "trace.npz")
+    document = report.to_document() | {"stopping": asdict(compute_stopping_distance(spec))}
     text = json.dumps(document, indent=1, allow_nan=False)
     (folder / "report.json").write_text(text + "\n", encoding="utf-8")
-    if filmed:
-        with VideoWriter(folder / "plan.mp4", stage.trace.tick_s) as reel:
-            for picture in draw_traffic_pictures(spec, stage.trace):
-                reel.append(picture)
+    if with_video:
+        with VideoWriter(folder / "plan.mp4", traffic.trace.tick_s) as video:
+            for image in draw_traffic_pictures(spec, traffic.trace):
+                video.append(image)

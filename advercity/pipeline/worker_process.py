@@ -1,80 +1,72 @@
-"""Make frames of one scenario: `python -m advercity.pipeline.worker_process EVENTS`.
+"""Makes frames of one scenario: `python -m advercity.pipeline.worker_process DESCRIPTOR`.
 
-It reads a `Job` from standard input and writes `Event`s, one a line, to the file descriptor EVENTS.
-Standard input stays open as long as somebody waits for it: when it ends, so does everything that
-this process has started, however the one who waited came to its end.
+Standard input holds a pickled `WorkerTask`; DESCRIPTOR is one end of a `multiprocessing.Pipe`. When
+the parent closes the other end, however it ended, every process of the scenario is killed.
 """
 
 import os
 import pickle
 import signal
 import sys
-from io import FileIO
-from threading import Thread
+from collections.abc import Generator
+from contextlib import contextmanager
+from multiprocessing.connection import Connection
+from threading import Event, Thread
 from types import FrameType
-from typing import Literal, NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
-from advercity.errors import AdvercityError, BackendError, InputError
-from advercity.pipeline.messages import (
-    WORKER_MESSAGE,
-    FailureMessage,
-    ProgressMessage,
-    WorkerJob,
-    WorkerMessage,
-)
-from advercity.pipeline.progress import Progress
-from advercity.pipeline.scenario import add_frames, run_scenario
+from advercity.errors import AdvercityError
+from advercity.pipeline.messages import FramesClaimed, ScenarioOpened, WorkerMessage, WorkerTask
+from advercity.pipeline.scenario import join_scenario, run_scenario
+
+if TYPE_CHECKING:
+    Parent = Connection[WorkerMessage, str]
 
 
-def main(events: FileIO) -> int:
-    """Do the job; the exit code."""
+def main(parent: "Parent") -> int:
+    """Do the task; return the exit code."""
     signal.signal(signal.SIGTERM, _exit_on_signal)
-    job = pickle.load(sys.stdin.buffer)  # noqa: S301 - from the parent process
-    Thread(target=_exit_when_parent_ends, args=(job,), daemon=True).start()
+    task: WorkerTask = pickle.load(sys.stdin.buffer)  # noqa: S301 - written by the parent
+    may_finish = Event()
+    Thread(target=_follow_parent, args=(parent, may_finish), daemon=True).start()
 
-    def tell(event: WorkerMessage) -> None:
-        events.write(WORKER_MESSAGE.dump_json(event) + b"\n")
-
-    def report(progress: Progress) -> None:
-        tell(ProgressMessage(progress))
+    @contextmanager
+    def share_frames(missing_frames: int) -> Generator[None]:
+        parent.send(ScenarioOpened(missing_frames))
+        yield
+        parent.send(FramesClaimed())
+        may_finish.wait()
 
     try:
-        if job.worker_index:
-            add_frames(job.spec, job.options, job.worker_index, report)
+        if task.worker_index:
+            join_scenario(task.spec, task.options, task.worker_index, parent.send)
         else:
-            run_scenario(job.spec, job.options, report, worker_count=job.worker_count)
+            run_scenario(task.spec, task.options, parent.send, share_frames=share_frames)
     except AdvercityError as error:
-        tell(FailureMessage(_error_name(error), str(error)))
+        parent.send(error)
         return 1
     return 0
 
 
+def _follow_parent(parent: "Parent", may_finish: Event) -> None:
+    """Wait for `FINISH`; when the parent is gone, kill the process group, so hung workers too."""
+    try:
+        while True:
+            parent.recv()
+            may_finish.set()
+    except (EOFError, OSError):
+        os.killpg(os.getpgrp(), signal.SIGKILL)
+
+
 def _exit_on_signal(number: int, frame: FrameType | None) -> NoReturn:
-    """Close what is open, which nobody may interrupt once more."""
+    """Exit, closing what is open, which a second signal must not interrupt."""
     signal.signal(signal.SIGTERM, _ignore_signal)
     sys.exit(128 + number)
 
 
 def _ignore_signal(number: int, frame: FrameType | None) -> None:
-    """A handler and not `SIG_IGN`, which those that are started meanwhile would inherit."""
-
-
-def _error_name(error: AdvercityError) -> Literal["InputError", "RunError", "BackendError"]:
-    if isinstance(error, InputError):
-        return "InputError"
-    return "BackendError" if isinstance(error, BackendError) else "RunError"
-
-
-def _exit_when_parent_ends(job: WorkerJob) -> None:
-    """Alone, if the group is another's."""
-    while os.read(sys.stdin.fileno(), 1):
-        pass
-    if job.worker_index:
-        os.kill(os.getpid(), signal.SIGKILL)
-    else:
-        os.killpg(os.getpgrp(), signal.SIGKILL)
+    """Do nothing; unlike `SIG_IGN`, child processes that start meanwhile do not inherit it."""
 
 
 if __name__ == "__main__":
-    with FileIO(int(sys.argv[1]), "w") as stream:
-        sys.exit(main(stream))
+    sys.exit(main(Connection(int(sys.argv[1]))))

@@ -1,6 +1,9 @@
-"""Runs a job in a process of its own, and ends that when it takes too much.
+"""Runs scenarios in a flat pool of worker processes on this machine.
 
-Processes that make frames of a scenario beside the one that has it open.
+The parent is the only supervisor. A free slot opens the next scenario; when none is left, it joins
+the running scenario with the most unclaimed frames, whose workers take frames from one claim queue
+(`FrameWriter.claim_frame`). Workers are processes of their own, not reused: one that crashes takes
+nothing else along, and the memory measured is one scenario's.
 """
 
 import math
@@ -11,226 +14,424 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor, as_completed
-from contextlib import contextmanager, suppress
-from dataclasses import replace
-from select import select
-from threading import Event as Flag
-from types import TracebackType
-from typing import IO, Self
+from collections import deque
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection, wait
+from typing import IO, TypedDict
 
 import psutil
 from advercity_dsl import Spec
 
-from advercity.errors import AdvercityError, BackendError, InputError, RunError
+from advercity.dataset.index import IndexWriter
+from advercity.errors import AdvercityError, RunError
 from advercity.pipeline.machine import build_gpu_environment, find_visible_gpus
-from advercity.pipeline.messages import WORKER_MESSAGE, FailureMessage, WorkerJob
+from advercity.pipeline.messages import (
+    FINISH,
+    FramesClaimed,
+    ScenarioOpened,
+    WorkerMessage,
+    WorkerTask,
+)
 from advercity.pipeline.options import (
     ResourceLimits,
     RunOptions,
+    RunResources,
     format_byte_size,
     format_duration,
 )
-from advercity.pipeline.progress import Progress, ProgressCallback, ScenarioResult
+from advercity.pipeline.progress import Progress, RunListener, ScenarioResult, SilentListener
+from advercity.pipeline.run_records import record_run
 
 POLL_INTERVAL_S = 0.25
-TERMINATION_TIMEOUT_S, HELPER_TERMINATION_TIMEOUT_S = 10.0, 4.0
-"""For a process that was told to end, before it is killed; it may have companions to end itself."""
+TERMINATION_TIMEOUT_S, JOINER_TERMINATION_TIMEOUT_S = 10.0, 4.0
+"""Time between SIGTERM and SIGKILL; the worker that opened a scenario writes its manifest then."""
 LOG_LINES_SHOWN = 12
-"""Of what a process said before it died."""
-ERROR_CLASSES = {"InputError": InputError, "RunError": RunError, "BackendError": BackendError}
+"""Last lines of a dead worker's output that its error message shows."""
+MIN_FRAMES_PER_WORKER = 16
+"""One more worker pays from so many frames on: its start takes as long as some frames."""
 
 
-class WorkerCancelled(Exception):
-    """Nobody wants the scenario any more."""
-
-
-def run_worker(
-    job: WorkerJob,
-    limits: ResourceLimits,
-    report: ProgressCallback,
-    *,
-    environment: Mapping[str, str] | None = None,
-    cancelled: Flag | None = None,
-    inherited_files: Sequence[int] = (),
-    is_helper: bool = False,
-) -> ScenarioResult:
-    """Run a job in a process of its own, within limits.
-
-    It may die, or be killed; what is finished stays, and the same job goes on from there.
+class WorkerPool:
+    """Runs a batch of scenarios with at most `worker_count` processes at a time.
 
     Args:
-        job: What to run.
-        limits: Beyond which it is killed.
-        report: Told of its progress.
-        environment: Variables set for it on top of ours.
-        cancelled: When it is set, the process is ended.
-        inherited_files: File descriptors of ours that it has open, too.
-        is_helper: It belongs to this process, whose own supervisor counts what it takes and ends
-            it along with us; so nobody looks here.
+        specs: Scenarios, all with different ids.
+        options: How to run them.
+        resources: Processes at a time, and limits for each scenario.
+        listener: Called from the thread that calls `run`.
 
     Raises:
-        Stopped: By `stop`.
+        InputError: The output is a file.
     """
-    child = _WorkerProcess(job, limits, report, cancelled or Flag(), is_helper=is_helper)
-    error: AdvercityError | None = None
-    try:
-        child.run({**os.environ, **(environment or {})}, inherited_files)
-    except AdvercityError as caught:
-        error = caught
-    return ScenarioResult(
-        scenario=job.spec.id,
-        error=error,
-        frames=child.last.done,
-        size_bytes=child.last.size_bytes,
-        time_s=time.monotonic() - child.began_s,
-        peak_memory_bytes=child.peak_memory_bytes,
-        cpu_s=child.cpu_s,
-    )
-
-
-class _WorkerProcess:
-    """The process of one job."""
 
     def __init__(
         self,
-        job: WorkerJob,
-        limits: ResourceLimits,
-        report: ProgressCallback,
-        stop: Flag,
-        *,
-        is_helper: bool,
+        specs: Sequence[Spec],
+        options: RunOptions,
+        resources: RunResources,
+        listener: RunListener,
     ) -> None:
-        self._job, self._limits, self._report, self._stop = job, limits, report, stop
-        self._is_companion = is_helper
-        self.began_s = time.monotonic()
-        self.last = Progress(job.spec.id, "starting")
-        self.peak_memory_bytes = 0
-        self.cpu_s = 0.0
-        self._failure: AdvercityError | None = None
+        self._specs, self._options, self._listener = specs, options, listener
+        self._limits, self._gpus = resources.limits, find_visible_gpus()
+        self._worker_count = resources.worker_count
+        self._free_slots = list(reversed(range(resources.worker_count)))
+        self._index = IndexWriter(options.output, specs)
+        self._waiting = deque(specs)
+        self._running: list[_PooledScenario] = []
+        self._results: dict[str, ScenarioResult] = {}
+        self._measured_s = 0.0
 
-    def run(self, environment: Mapping[str, str], inherited_files: Sequence[int]) -> None:
-        """To its end; raises what it failed of."""
-        reading, writing = os.pipe()
-        with os.fdopen(reading, "rb", buffering=0) as events, tempfile.TemporaryFile() as said:
-            command = [sys.executable, "-m", "advercity.pipeline.worker_process", str(writing)]
-            try:
-                process = subprocess.Popen(  # noqa: S603 - our own module
-                    command,
-                    stdin=subprocess.PIPE,
-                    stdout=said,
-                    stderr=said,
-                    pass_fds=[writing, *inherited_files],
-                    start_new_session=not self._is_companion,
-                    env=environment,
-                )
-            finally:
-                os.close(writing)
-            with process, self._terminate_on_exit(process):
-                self._send_job(process)
-                for line in self._read_lines(process, events):
-                    self._handle_message(line)
-            if self._failure is not None:
-                raise self._failure
-            if self.last.phase != "done":
-                raise RunError(self._describe_death(process.returncode, said))
+    def run(self) -> list[ScenarioResult]:
+        """Run every scenario to its end; how each ended, in the order of the specs.
 
-    def _send_job(self, process: subprocess.Popen[bytes]) -> None:
-        """Give it its job; its input stays open, for it ends when that does."""
-        assert process.stdin is not None
-        try:
-            pickle.dump(self._job, process.stdin)
-            process.stdin.flush()
-        except BrokenPipeError:
-            return  # it is dead already, and its exit code tells
-
-    def _handle_message(self, line: bytes) -> None:
-        event = WORKER_MESSAGE.validate_json(line)
-        if isinstance(event, FailureMessage):
-            self._failure = ERROR_CLASSES[event.error](event.text)
-        else:
-            self.last = event.progress
-            self._report(event.progress)
-
-    def _read_lines(self, process: subprocess.Popen[bytes], events: IO[bytes]) -> Iterator[bytes]:
-        """What it writes, line by line, until it closes; raises if it takes too much meanwhile."""
-        torn = b""
-        watched_s = 0.0
-        while True:
-            if self._stop.is_set():
-                raise WorkerCancelled
-            if not self._is_companion and time.monotonic() - watched_s > POLL_INTERVAL_S:
-                watched_s = time.monotonic()
-                self._enforce_limits(process)
-            if not select([events], [], [], POLL_INTERVAL_S)[0]:
-                continue
-            some = events.read(65536)
-            if not some:
-                return
-            *lines, torn = (torn + some).split(b"\n")
-            yield from lines
-
-    def _enforce_limits(self, process: subprocess.Popen[bytes]) -> None:
-        used, self.cpu_s = _measure_process_tree(process.pid)
-        self.peak_memory_bytes = max(self.peak_memory_bytes, used)
-        longest_s, count = self._limits.time_s, self._job.worker_count
-        most = (self._limits.memory_bytes or math.inf) * count
-        if used > most:
-            self._send_signal(process, signal.SIGKILL)
-            who = "it" if count == 1 else f"its {count} processes together"
-            raise RunError(
-                f"killed: took {format_byte_size(used)} of memory, more than the"
-                f" {format_byte_size(most)} that {who} may; --max-memory allows more"
-            )
-        if longest_s is not None and time.monotonic() - self.began_s > longest_s:
-            raise RunError(
-                f"killed: took longer than {format_duration(longest_s)}; run again to go on from"
-                " there, or allow more with --max-time"
-            )
-
-    @contextmanager
-    def _terminate_on_exit(self, process: subprocess.Popen[bytes]) -> Generator[None]:
-        """End a process and all that it started; at once if all is well, else after asking.
-
-        Until it is reaped nobody else has its number.
+        An exception, such as an interrupt, ends every worker before it is raised again.
         """
         try:
-            yield
+            while self._waiting or self._running:
+                self._start_workers()
+                for run in self._handle_events():
+                    self._record_end(run)
         except BaseException:
-            self._send_signal(process, signal.SIGTERM)
+            self._stop_all()
             raise
+        return [self._results[spec.id] for spec in self._specs]
+
+    def _start_workers(self) -> None:
+        while self._free_slots:
+            run = self._select_scenario()
+            if run is None:
+                return
+            run.start_worker(self._free_slots.pop(), self._gpus)
+
+    def _select_scenario(self) -> "_PooledScenario | None":
+        """Open the next scenario, or find the running one that needs one more worker most."""
+        if self._waiting:
+            run = _PooledScenario(self._waiting.popleft(), self._options, self._limits)
+            self._running.append(run)
+            return run
+        joinable = [run for run in self._running if run.is_joinable]
+        return max(joinable, key=lambda run: run.unclaimed_frames, default=None)
+
+    def _handle_events(self) -> list["_PooledScenario"]:
+        """Wait for messages for a moment, and act on messages and limits; scenarios that ended."""
+        workers = {worker.connection: (run, worker) for run in self._running for worker in run.live}
+        for connection in wait(list(workers), POLL_INTERVAL_S):
+            run, worker = workers[connection]  # pyright: ignore[reportArgumentType]
+            if self._receive(run, worker):
+                self._listener.on_progress(run.progress)
+        if time.monotonic() - self._measured_s > POLL_INTERVAL_S:
+            for run in self._running:
+                run.enforce_limits()
+            self._measured_s = time.monotonic()
+        for run in self._running:
+            self._free_slots += run.advance()
+        ended = [run for run in self._running if not run.workers]
+        self._running = [run for run in self._running if run.workers]
+        return ended
+
+    def _receive(self, run: "_PooledScenario", worker: "_Worker") -> bool:
+        """Handle one message; return whether it was progress."""
+        try:
+            message: WorkerMessage = worker.connection.recv()
+        except (EOFError, OSError):
+            worker.connection.close()
+            return False
+        if isinstance(message, AdvercityError):
+            worker.failure = message
+        elif isinstance(message, ScenarioOpened):
+            run.missing_frames, run.opened_s = message.missing_frames, time.monotonic()
+        elif isinstance(message, FramesClaimed):
+            run.is_opener_waiting = True
+        else:
+            worker.record_progress(message)
+            return True
+        return False
+
+    def _record_end(self, run: "_PooledScenario") -> None:
+        result = run.build_result()
+        record_run(run.spec, self._options, result, self._worker_count)
+        try:
+            self._index.record_result(result.scenario, failed=result.error is not None)
+        except RunError as error:
+            result = replace(result, error=result.error or error)
+        self._results[result.scenario] = result
+        self._listener.on_result(result)
+
+    def _stop_all(self) -> None:
+        """End every worker that still runs, as after an interrupt."""
+        self._listener = SilentListener()  # it may be what raised
+        try:
+            for run in self._running:
+                run.error = run.error or RunError("interrupted")
+            while self._running:
+                self._handle_events()
         finally:
-            patience_s = (
-                HELPER_TERMINATION_TIMEOUT_S if self._is_companion else TERMINATION_TIMEOUT_S
+            for run in self._running:
+                run.send_signal(signal.SIGKILL)
+
+
+class _Worker:
+    """One worker process, and what it has sent.
+
+    Args:
+        task: What it does.
+        slot: Place among all workers that run at a time.
+        group: Process group to join; 0 is a new one.
+        environment: Variables on top of this process's own.
+    """
+
+    def __init__(
+        self, task: WorkerTask, slot: int, group: int, environment: dict[str, str]
+    ) -> None:
+        self.index, self.slot = task.worker_index, slot
+        self.connection: Connection[str, WorkerMessage]
+        self.connection, theirs = Pipe()
+        self.last = Progress(task.spec.id, "starting")
+        self.failure: AdvercityError | None = None
+        self.cpu_s, self.kill_at_s = 0.0, math.inf
+        self.first_message_s: float | None = None
+        self.first_frame: tuple[float, int] | None = None
+        self.last_frame: tuple[float, int] | None = None
+        self._log: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed by `reap`
+        with theirs, tempfile.TemporaryFile() as stdin:
+            # In a file and not through the connection, which could be full before it is read.
+            pickle.dump(task, stdin)
+            stdin.seek(0)
+            self.process = subprocess.Popen(  # noqa: S603 - our own module
+                [sys.executable, "-m", "advercity.pipeline.worker_process", str(theirs.fileno())],
+                stdin=stdin,
+                stdout=self._log,
+                stderr=self._log,
+                pass_fds=[theirs.fileno()],
+                process_group=group,
+                env={**os.environ, **environment},
             )
-            patient_until_s = time.monotonic() + patience_s
-            while _is_running(process) and time.monotonic() < patient_until_s:
-                time.sleep(0.02)
-            self._send_signal(process, signal.SIGKILL)
 
-    def _send_signal(self, process: subprocess.Popen[bytes], number: int) -> None:
-        """To the process and all that it started, which a companion shares with us."""
-        with suppress(ProcessLookupError, PermissionError):  # only the dead are left
-            if self._is_companion:
-                os.kill(process.pid, number)
-            else:
-                os.killpg(process.pid, number)
+    @property
+    def has_exited(self) -> bool:
+        """Whether the process has ended and every message was received."""
+        return self.connection.closed and self._peek_exit() is not None
 
-    def _describe_death(self, code: int, said: IO[bytes]) -> str:
-        how = f"exit code {code}"
-        if code < 0:
-            how = f"killed by {signal.Signals(-code).name}"
-        text = f"its process died ({how}) in {self.last.phase} {self.last.done}; run again to go on"
-        said.seek(0)
-        words = said.read().decode(errors="replace").splitlines()[-LOG_LINES_SHOWN:]
-        return "\n".join([text, *(f"  {line}" for line in words)])
+    def _peek_exit(self) -> "os.waitid_result | None":
+        # Unlike poll(), this does not reap: until `reap` no other process gets the id, so that
+        # signals to it and to its process group cannot hit a stranger.
+        return os.waitid(os.P_PID, self.process.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT)
+
+    def record_progress(self, progress: Progress) -> None:
+        """Remember how far the worker is, and when its first and its latest frame were done."""
+        now_s = time.monotonic()
+        self.first_message_s = self.first_message_s or now_s
+        # The first message about frames counts those of earlier runs.
+        if self.last.phase == progress.phase == "frames" and progress.done > self.last.done:
+            self.last_frame = (now_s, progress.done)
+            self.first_frame = self.first_frame or self.last_frame
+        self.last = progress
+
+    def find_error(self) -> AdvercityError | None:
+        """Return why the exited process failed; None if it did not."""
+        ended = self._peek_exit()
+        if self.failure is not None or self.last.phase == "done" or ended is None:
+            return self.failure
+        cause = f"exit code {ended.si_status}"
+        if ended.si_code != os.CLD_EXITED:
+            cause = f"killed by {signal.Signals(ended.si_status).name}"
+        self._log.seek(0)
+        lines = self._log.read().decode(errors="replace").splitlines()[-LOG_LINES_SHOWN:]
+        place = f"{self.last.phase} {self.last.done}"
+        text = f"worker process ended ({cause}) in {place}; run the same command again to resume"
+        return RunError("\n".join([text, *(f"  {line}" for line in lines)]))
+
+    def terminate(self) -> None:
+        """Ask the process to end, and kill it when it has not ended after a while."""
+        now_s = time.monotonic()
+        if self.kill_at_s == math.inf:
+            timeout_s = JOINER_TERMINATION_TIMEOUT_S if self.index else TERMINATION_TIMEOUT_S
+            self.kill_at_s = now_s + timeout_s
+            self._send_signal(signal.SIGTERM)
+        elif now_s > self.kill_at_s:
+            self._send_signal(signal.SIGKILL)
+
+    def _send_signal(self, number: int) -> None:
+        with suppress(ProcessLookupError):
+            os.kill(self.process.pid, number)
+
+    def reap(self) -> None:
+        """Release the exited process."""
+        self.process.wait()
+        self._log.close()
+
+
+class _Speed(TypedDict):
+    setup_s: float
+    frame_s: float | None
+
+
+@dataclass
+class _PooledScenario:
+    """A scenario that is under way, and its workers, which are one process group."""
+
+    spec: Spec
+    options: RunOptions
+    limits: ResourceLimits
+    began_s: float = field(default_factory=time.monotonic)
+    workers: list[_Worker] = field(default_factory=list["_Worker"])
+    ended: list[_Worker] = field(default_factory=list["_Worker"])
+    missing_frames: int = 0
+    opened_s: float = 0.0
+    is_opener_waiting: bool = False
+    error: AdvercityError | None = None
+    peak_memory_bytes: int = 0
+
+    @property
+    def live(self) -> list[_Worker]:
+        """Workers that may still send messages."""
+        return [worker for worker in self.workers if not worker.connection.closed]
+
+    @property
+    def _opener(self) -> _Worker:
+        return next(worker for worker in (*self.workers, *self.ended) if not worker.index)
+
+    @property
+    def unclaimed_frames(self) -> int:
+        """Frames that no worker has finished."""
+        return self.progress.total - self.progress.done
+
+    @property
+    def is_joinable(self) -> bool:
+        """Whether one more worker is worth its start."""
+        if self.error is not None or self.is_opener_waiting or not self.missing_frames:
+            return False
+        if self.options.viewer.is_enabled:
+            return False  # a live view shows frames in their order, from one process
+        is_new = self.unclaimed_frames == self.missing_frames
+        spare = self.unclaimed_frames - len(self.workers)
+        return spare >= (1 if is_new else MIN_FRAMES_PER_WORKER)
+
+    @property
+    def progress(self) -> Progress:
+        """Progress of all workers together; the opener's alone once it has the manifest."""
+        last = self._opener.last
+        if last.phase == "done":
+            return last
+        joined = [one.last for one in (*self.workers, *self.ended) if one.index]
+        return replace(
+            last,
+            done=last.done + sum(one.done for one in joined),
+            size_bytes=last.size_bytes + sum(one.size_bytes for one in joined),
+        )
+
+    def start_worker(self, slot: int, gpus: tuple[str, ...]) -> None:
+        """Start a worker: the first opens the scenario, the others join it."""
+        index = len(self.workers) + len(self.ended)
+        group = self.workers[0].process.pid if index else 0
+        task = WorkerTask(self.spec, self.options, index)
+        self.workers.append(_Worker(task, slot, group, build_gpu_environment(slot, gpus)))
+
+    def enforce_limits(self) -> None:
+        """Measure memory and time; end the scenario if it takes too much."""
+        used_bytes = 0
+        for worker in self.workers:
+            memory_bytes, cpu_s = _measure_process_tree(worker.process.pid)
+            used_bytes += memory_bytes
+            worker.cpu_s = max(worker.cpu_s, cpu_s)
+        self.peak_memory_bytes = max(self.peak_memory_bytes, used_bytes)
+        count = len(self.workers)
+        most_bytes = (self.limits.memory_bytes or math.inf) * count
+        if self.error is not None:
+            return
+        if used_bytes > most_bytes:
+            self.send_signal(signal.SIGKILL)
+            subject = "it" if count == 1 else f"its {count} workers together"
+            self.error = RunError(
+                f"killed: used {format_byte_size(used_bytes)} of memory, more than the"
+                f" {format_byte_size(most_bytes)} that {subject} may; raise `max_memory`"
+            )
+        elif time.monotonic() - self.began_s > (self.limits.time_s or math.inf):
+            self.error = RunError(
+                f"killed: took longer than {format_duration(self.limits.time_s or 0)}; run the"
+                " same command again to resume, or raise `max_time`"
+            )
+
+    def advance(self) -> list[int]:
+        """Reap workers that ended, end those of a failed scenario; return the slots now free."""
+        for worker in self.workers:
+            if self.error is None and worker.has_exited:
+                self.error = self._find_error(worker)
+        joined = [worker for worker in self.workers if worker.index]
+        if self.is_opener_waiting and not joined and self.error is None:
+            self.is_opener_waiting = False
+            with suppress(OSError):  # it may have been killed meanwhile
+                self._opener.connection.send(FINISH)
+        # The opener goes last: it writes the manifest of what the others have finished, and its
+        # process id is the group's.
+        candidates = joined or self.workers
+        if self.error is not None:
+            for worker in candidates:
+                worker.terminate()
+        exited = [worker for worker in candidates if worker.has_exited]
+        for worker in exited:
+            if not worker.index:
+                self.send_signal(signal.SIGKILL)  # what it started and left behind
+            worker.reap()
+            self.workers.remove(worker)
+            self.ended.append(worker)
+        return [worker.slot for worker in exited]
+
+    def _find_error(self, worker: _Worker) -> AdvercityError | None:
+        error = worker.find_error()
+        if error is None or not worker.index:
+            return error
+        count = len(self.workers) + len(self.ended)
+        return type(error)(f"worker {worker.index + 1} of {count}: {error}")
+
+    def send_signal(self, number: int) -> None:
+        """Send a signal to every process of the scenario."""
+        with suppress(ProcessLookupError, PermissionError):  # only zombies are left
+            os.killpg(self._opener.process.pid, number)
+
+    def build_result(self) -> ScenarioResult:
+        """Return how the scenario ended."""
+        progress = self.progress
+        return ScenarioResult(
+            scenario=self.spec.id,
+            error=self.error,
+            frames=progress.done,
+            size_bytes=progress.size_bytes,
+            time_s=time.monotonic() - self.began_s,
+            peak_memory_bytes=self.peak_memory_bytes,
+            cpu_s=sum(worker.cpu_s for worker in self.ended),
+            worker_count=len(self.ended),
+            **self._measure_speed(),
+        )
+
+    def _measure_speed(self) -> "_Speed":
+        """Measure frames of every worker but its first, which also builds the shaders."""
+        spans = [
+            (
+                worker.last_frame[0] - worker.first_frame[0],
+                worker.last_frame[1] - worker.first_frame[1],
+            )
+            for worker in self.ended
+            if worker.first_frame is not None and worker.last_frame is not None
+        ]
+        frames = sum(count for _, count in spans)
+        opener = self._opener
+        if not frames or opener.first_frame is None:
+            return {"setup_s": 0.0, "frame_s": None}
+        frame_s = sum(time_s for time_s, _ in spans) / frames
+        start_s = (opener.first_message_s or self.began_s) - self.began_s
+        setup_s = start_s + opener.first_frame[0] - self.opened_s - frame_s
+        return {"setup_s": max(0.0, setup_s), "frame_s": frame_s}
 
 
 def _measure_process_tree(pid: int) -> tuple[int, float]:
-    """Bytes resident in a process and all below it, and seconds of processors; 0 when it has gone.
+    """Measure resident bytes and processor seconds of a process and its descendants.
 
-    What the processes below it took counts as long as they live, and once it has waited for them.
+    A descendant's processor time counts while it lives, and again once its parent has waited for
+    it; memory counts shared pages in every process.
     """
     try:
         process = psutil.Process(pid)
@@ -247,95 +448,3 @@ def _measure_process(process: psutil.Process) -> tuple[int, float]:
         return process.memory_info().rss, sum(times[:4])
     except psutil.Error:
         return 0, 0.0
-
-
-def _is_running(process: subprocess.Popen[bytes]) -> bool:
-    return psutil.Process(process.pid).status() != psutil.STATUS_ZOMBIE
-
-
-class WorkerGroup:
-    """Some processes that make frames which nobody has claimed; a context manager.
-
-    Each sees a graphics card of its own as far as there are any. A failure of one is raised by
-    `check`, or at the end; an error of ours ends them all.
-
-    Args:
-        spec: What they make frames of.
-        options: How.
-        count: How many.
-        lock: File descriptor that they hold open, so that nobody else takes the scenario over as
-            long as one of them is alive.
-        changed: Called from their threads whenever one has got on.
-    """
-
-    def __init__(
-        self,
-        spec: Spec,
-        options: RunOptions,
-        worker_count: int,
-        *,
-        lock: int,
-        on_change: Callable[[], None],
-    ) -> None:
-        self._spec, self._options, self._lock, self._changed = spec, options, lock, on_change
-        self._count = worker_count
-        self._gpus = find_visible_gpus() if worker_count else ()
-        self._pool = ThreadPoolExecutor(max(1, worker_count))
-        self._stop = Flag()
-        self._last: dict[int, Progress] = {}
-        self._runs: list[Future[ScenarioResult]] = []
-
-    @property
-    def frame_count(self) -> int:
-        """That they have made so far."""
-        return sum(last.done for last in list(self._last.values()))
-
-    @property
-    def size_bytes(self) -> int:
-        """Of files that they have written so far."""
-        return sum(last.size_bytes for last in list(self._last.values()))
-
-    def raise_failure(self) -> None:
-        """Raise what one of them has failed of."""
-        for run in self._runs:
-            if run.done():
-                error = run.result().error
-                if error is not None:
-                    raise error
-
-    def __enter__(self) -> Self:
-        self._runs = [self._pool.submit(self._run, number) for number in range(1, self._count + 1)]
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        try:
-            if error is None:
-                for _ in as_completed(self._runs):
-                    self.raise_failure()
-        finally:
-            self._stop.set()
-            self._pool.shutdown()
-
-    def _run(self, number: int) -> ScenarioResult:
-        def report(progress: Progress) -> None:
-            self._last[number] = progress
-            self._changed()
-
-        outcome = run_worker(
-            WorkerJob(self._spec, self._options, worker_index=number),
-            ResourceLimits(),
-            report,
-            environment=build_gpu_environment([number], self._gpus),
-            cancelled=self._stop,
-            inherited_files=[self._lock],
-            is_helper=True,
-        )
-        if outcome.error is None:
-            return outcome
-        who = f"process {number + 1} of {self._count + 1}"
-        return replace(outcome, error=type(outcome.error)(f"{who}: {outcome.error}"))

@@ -2,12 +2,12 @@ import threading
 
 import pytest
 
-from advercity.pipeline.scenario import BackgroundWriter
+from advercity.pipeline.scenario import open_background_writer
 
 
 def test_jobs_are_done_in_order_in_another_thread() -> None:
     done: list[tuple[int, bool]] = []
-    with BackgroundWriter() as behind:
+    with open_background_writer() as behind:
         for number in range(5):
             behind.submit(
                 lambda number=number: done.append(
@@ -23,14 +23,14 @@ def fail() -> None:
 
 def test_an_error_is_raised_by_the_next_call() -> None:
     done: list[int] = []
-    with pytest.raises(OSError, match="full"), BackgroundWriter() as behind:
+    with pytest.raises(OSError, match="full"), open_background_writer() as behind:
         behind.submit(fail)
         behind.submit(lambda: done.append(1))
     assert done == []
 
 
 def test_an_error_of_the_last_job_is_raised_at_the_end() -> None:
-    with pytest.raises(OSError, match="full"), BackgroundWriter() as behind:
+    with pytest.raises(OSError, match="full"), open_background_writer() as behind:
         behind.submit(fail)
 
 
@@ -42,7 +42,7 @@ def test_an_error_outside_lets_the_job_finish_first() -> None:
         started.wait(5)
         done.append(1)
 
-    with pytest.raises(KeyError), BackgroundWriter() as behind:
+    with pytest.raises(KeyError), open_background_writer() as behind:
         behind.submit(slow)
         started.set()
         raise KeyError

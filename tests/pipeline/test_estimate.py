@@ -1,5 +1,5 @@
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,15 +15,19 @@ from advercity.pipeline import (
     RunOptions,
     RunResources,
     raise_failures,
+    run_records,
     run_scenarios,
 )
-from advercity.pipeline.calibration import MachineRates, Workload
 from advercity.pipeline.estimate import (
     RunEstimate,
+    ScenarioEstimate,
     check_resources,
     choose_worker_count,
+    estimate_rates,
     estimate_run,
 )
+from advercity.pipeline.run_records import FrameWork, RunRecord
+from advercity.rendering.backend import RENDER_PROFILES
 
 OptionsFor = Callable[[Path], RunOptions]
 
@@ -61,55 +65,121 @@ def four_cores(process: int) -> set[int]:
 
 def test_the_work_of_a_frame_follows_from_the_rig(specs: dict[str, Spec]) -> None:
     """Three vehicles and two roadside units with four cameras and 32 x 3750 beams each."""
-    work = Workload.from_spec(specs["ui_fog_day_sparse"], scale=0.25)
-    assert (work.agents, work.pictures) == (5, 20)
+    work = FrameWork.from_spec(specs["ui_fog_day_sparse"], scale=0.25)
+    assert (work.agents, work.images) == (5, 20)
     assert work.pixels == 20 * 480 * 270
     assert work.beams == 5 * 120_000
 
 
+@pytest.fixture
+def records(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """File of a machine on which nothing was run yet."""
+    path = tmp_path / "runs.jsonl"
+    monkeypatch.setattr(run_records, "RECORDS_FILE", str(path))
+    return path
+
+
+def record(**changes: Any) -> RunRecord:
+    """A run of 1,000 pixels and 100 beams an agent on a machine of two cores."""
+    values = {
+        **{"machine": "m", "backend": "b", "renderer": "raster", "format": "opv2v"},
+        **{"worker_count": 1, "agents": 1, "pixels": 1000, "beams": 100},
+        **{"setup_s": 5.0, "frame_s": 2.0, "busy_cores": 1.0, "memory_bytes": 1e9},
+        **{"image_bytes": 2000.0, "cloud_bytes": 1000.0, "other_bytes": 100.0},
+    }
+    return RunRecord.model_validate(values | changes)
+
+
 @pytest.mark.sumo
 @pytest.mark.render
-def test_a_plan_is_within_a_factor_of_two_of_what_comes_out(
-    specs: dict[str, Spec], witness: Any, tmp_path: Path
+def test_an_estimate_is_within_a_factor_of_two_of_what_comes_out(
+    specs: dict[str, Spec], records: Path, tmp_path: Path
 ) -> None:
-    """Measured in fog, foretold for a clear night."""
-    spec = specs["ri_clear_night_sparse"]
-    options = RunOptions(tmp_path, profile="preview", scale=0.05, frames=slice(0, 3))
-    plan = estimate_run([spec], options, jobs=1, measure=True, simulate=True)
-    (foretold,) = plan.estimates
-    assert plan.rates.measured["backend"] == "sapien"
-    assert foretold.is_exact
-    assert (foretold.frames, foretold.pictures) == (3, 60)
-    outcomes = run_scenarios([spec], options, listener=witness)
-    raise_failures(outcomes)
-    assert 0.5 < foretold.size_bytes / outcomes[0].size_bytes < 2.0
-    assert 0.5 < foretold.memory_bytes / outcomes[0].peak_memory_bytes < 2.0
-    (left,) = estimate_run([spec], options, jobs=1, measure=False, simulate=False).estimates
+    """Recorded in fog, estimated for a clear night."""
+    options = RunOptions(tmp_path / "fog", profile="preview", scale=0.05, frames=slice(0, 3))
+    raise_failures(run_scenarios([specs["ri_fog_day_sparse"]], options))
+    spec, options = specs["ri_clear_night_sparse"], replace(options, output=tmp_path / "night")
+    (expected,) = estimate_run([spec], options, jobs=1).estimates
+    assert expected.is_exact
+    assert (expected.frames, expected.pictures) == (3, 60)
+    assert expected.time_s is not None
+    (result,) = run_scenarios([spec], options)
+    raise_failures([result])
+    assert 0.5 < expected.size_bytes / result.size_bytes < 2.0
+    assert 0.5 < expected.memory_bytes / result.peak_memory_bytes < 2.0
+    (left,) = estimate_run([spec], options, jobs=1, simulate=False).estimates
     assert (left.frames, left.size_bytes, left.time_s) == (0, 0, 0.0)
+
+
+def test_without_a_comparable_run_the_time_is_unknown_and_the_rest_an_upper_bound(
+    few: list[Spec], options: OptionsFor, records: Path, tmp_path: Path
+) -> None:
+    work = FrameWork(agents=1, images=1, pixels=10_000, beams=100)
+    for known in ([], [record()]):
+        rates = estimate_rates(work, known)
+        assert (rates.setup_s, rates.frame_s) == (None, None)
+        assert rates.frame_bytes == 3 * 10_000 + 30 * 100 + 200e3
+    estimate = estimate_run(few, options(tmp_path), jobs=1, simulate=False)
+    assert estimate.total.time_s is None
+    assert estimate.total.to_row()["time"] == "unknown"
+
+
+def test_rates_are_the_median_of_the_runs_with_the_most_similar_images() -> None:
+    work = FrameWork(agents=1, images=1, pixels=2000, beams=100)
+    near = [record(frame_s=time_s, pixels=1500) for time_s in (3.0, 30.0, 4.0, 5.0, 3.5)]
+    rates = estimate_rates(work, [*near, record(frame_s=100.0, pixels=20_000)])
+    assert rates.frame_s == pytest.approx(4.0 * 2000 / 1500)
+    assert rates.setup_s == 5.0
+    assert rates.frame_bytes == pytest.approx(2000 / 1500 * 2000 + 1000 + 100)
+
+
+def test_workers_beyond_the_cores_do_not_make_a_machine_slow(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", four_cores)
+    work = FrameWork(agents=1, images=1, pixels=1000, beams=100)
+    rates = estimate_rates(work, [record(frame_s=8.0, worker_count=8, busy_cores=0.5)])
+    assert (rates.frame_s, rates.busy_cores) == (4.0, 1.0)
+
+
+def test_a_shared_cache_keeps_the_last_runs_of_every_machine_apart(
+    monkeypatch: pytest.MonkeyPatch, records: Path
+) -> None:
+    lines = [record(machine="other"), record(machine=run_records.describe_machine())]
+    records.write_text("\n".join(["{}", *(line.model_dump_json() for line in lines)]))
+    found = run_records.load_records(backend="b", renderer="raster", format="opv2v")
+    assert found == lines[1:]
+    assert run_records.load_records(backend="b", renderer="ray_traced", format="opv2v") == []
+
+
+def items_of(
+    few: list[Spec], options: RunOptions, changes: Sequence[dict[str, Any]]
+) -> tuple[ScenarioEstimate, ...]:
+    first = estimate_run(few[:1], options, jobs=1, simulate=False).estimates[0]
+    return tuple(replace(first, **change) for change in changes)
 
 
 def test_scenarios_at_a_time_share_cores_and_add_up_in_memory(
     few: list[Spec], options: OptionsFor, tmp_path: Path
 ) -> None:
-    first = estimate_run(few, options(tmp_path), jobs=1, measure=False, simulate=False).estimates[0]
-    items = tuple(replace(first, time_s=t, memory_bytes=m) for t, m in ((10, 5), (20, 9), (30, 7)))
-    alone = RunEstimate(items, 1, MachineRates(busy_cores=0.0)).total
-    both = RunEstimate(items, 2, MachineRates(busy_cores=0.0)).total
+    changes = [{"time_s": t, "memory_bytes": m} for t, m in ((10, 5), (20, 9), (30, 7))]
+    items = items_of(few, options(tmp_path), changes)
+    alone, both = (RunEstimate(items, jobs, busy_cores=0.0).total for jobs in (1, 2))
     assert (alone.time_s, alone.memory_bytes) == (60, 9)
     assert (both.time_s, both.memory_bytes) == (30, 16)
 
 
-def test_more_jobs_than_scenarios_share_the_frames_and_each_takes_the_memory(
+def test_more_jobs_than_scenarios_join_the_largest_and_each_takes_its_memory(
     few: list[Spec], options: OptionsFor, tmp_path: Path
 ) -> None:
-    """Of four each scenario gets two; of five the larger one three; of nine no more than frames."""
-    first = estimate_run(few, options(tmp_path), jobs=1, measure=False, simulate=False).estimates[0]
-    items = tuple(replace(first, frames=40, time_s=30, memory_bytes=memory) for memory in (5, 9))
-    four, five = (RunEstimate(items, jobs, MachineRates(busy_cores=0.0)).total for jobs in (4, 5))
-    assert (four.time_s, four.memory_bytes) == (15, 28)
-    assert (five.time_s, five.memory_bytes) == (12, 37)
+    """Of nine no more than there are frames."""
+    changes = [{"frames": 40, "time_s": 30, "memory_bytes": memory} for memory in (5, 9)]
+    items = items_of(few, options(tmp_path), changes)
+    four, five = (RunEstimate(items, jobs, busy_cores=0.0).total for jobs in (4, 5))
+    assert (four.time_s, four.memory_bytes) == (15, 32)
+    assert (five.time_s, five.memory_bytes) == (12, 41)
     assert five.scenario == "2 scenarios, 5 processes"
-    short = RunEstimate(tuple(replace(item, frames=2) for item in items), 9, MachineRates()).total
+    short = RunEstimate(tuple(replace(item, frames=2) for item in items), 9).total
     assert short.memory_bytes == 28
 
 
@@ -141,15 +211,9 @@ def test_as_many_processes_as_suit_cards_or_cores_memory_and_frames(
     monkeypatch.setenv("CUDA_VISIBLE_DEVICES", cards)
     monkeypatch.setattr(os, "sched_getaffinity", four_cores)
     monkeypatch.setattr(psutil, "virtual_memory", lambda: SimpleNamespace(available=40))
-    first = estimate_run(few, options(tmp_path), jobs=1, measure=False, simulate=False).estimates[0]
-    made = [replace(first, frames=count, memory_bytes=memory_bytes) for count in frames]
+    changes = [{"frames": count, "memory_bytes": memory_bytes} for count in frames]
+    made = items_of(few, options(tmp_path), changes)
     assert choose_worker_count(made) == jobs
-
-
-def test_pictures_of_more_pixels_take_more_bytes_a_pixel() -> None:
-    rates = MachineRates(bytes_per_pixel=((0.125, 1.0), (0.25, 1.5)))
-    assert rates.compute_image_bytes(1.0) == pytest.approx(2.5)
-    assert rates.compute_image_bytes(0.05) == 1.5
 
 
 @pytest.mark.parametrize(
@@ -157,7 +221,6 @@ def test_pictures_of_more_pixels_take_more_bytes_a_pixel() -> None:
     [
         ({}, {"azimuths": 36_000, "channels": 256}, r"TB of files, more than"),
         ({"width_px": 8192, "height_px": 8192}, {}, r"of memory, more than"),
-        ({}, {}, r"about \d+ days, more than 30"),
     ],
 )
 def test_a_spec_that_would_fill_a_machine_is_refused_before_anything_is_made(
@@ -169,10 +232,31 @@ def test_a_spec_that_would_fill_a_machine_is_refused_before_anything_is_made(
 ) -> None:
     spec = larger(specs["ui_fog_day_dense"], camera, lidar)
     options = RunOptions(tmp_path / "output", profile="full")
-    with pytest.raises(InputError, match=rf"{told}.*--allow-large"):
+    with pytest.raises(InputError, match=rf"{told}.*`allow_large`"):
         ask(spec, options)
     assert ask(spec, options, allow_large=True).worker_count == 1
     assert not (tmp_path / "output").exists()
+
+
+def test_a_run_of_months_is_refused_where_a_comparable_one_was_recorded(
+    specs: dict[str, Spec], records: Path, tmp_path: Path
+) -> None:
+    spec = larger(specs["ui_fog_day_dense"], {}, {})
+    options = RunOptions(tmp_path / "output", profile="full")
+    work = FrameWork.from_spec(spec, RENDER_PROFILES["full"].scale)
+    known = record(
+        machine=run_records.describe_machine(),
+        backend="sapien",
+        renderer="ray_traced",
+        pixels=work.pixels,
+        beams=work.beams,
+        frame_s=60.0,
+    )
+    unknown = estimate_run([spec], options, jobs=1, simulate=False)
+    assert not any("days" in text for text in unknown.describe_excess(tmp_path))
+    records.write_text(known.model_dump_json())
+    with pytest.raises(InputError, match=r"about \d+ days, more than 30.*`allow_large`"):
+        ask(spec, options)
 
 
 def test_limits_that_are_asked_for_hold_and_the_others_are_the_plans(

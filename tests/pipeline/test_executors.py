@@ -29,7 +29,7 @@ from advercity.pipeline import (
 )
 from advercity.pipeline.options import format_byte_size, format_duration
 from advercity.pipeline.progress import ignore_progress
-from advercity.pipeline.scenario import add_frames, run_scenario
+from advercity.pipeline.scenario import join_scenario, run_scenario
 
 OptionsFor = Callable[[Path], RunOptions]
 
@@ -44,13 +44,16 @@ class Killer:
     def on_progress(self, progress: Progress) -> None:
         """Kill it when both have claimed a frame."""
         if not self.seen and self._claimed.exists() and len(list(self._claimed.iterdir())) > 1:
-            for worker in psutil.Process().children():
-                self.seen += worker.children()
+            _, *self.seen = sorted(psutil.Process().children(), key=start_time)
             for process in self.seen:
                 process.kill()
 
     def on_result(self, result: ScenarioResult) -> None:
         """It is over."""
+
+
+def start_time(process: psutil.Process) -> float:
+    return process.create_time()
 
 
 def claims(output: Path, spec: Spec) -> Path:
@@ -82,8 +85,8 @@ def test_what_crashes_or_takes_too_much_stops_nobody_else_and_is_made_up_for(
     assert [outcome.scenario for outcome in outcomes] == [spec.id for spec in few]
     errors = sorted(str(outcome.error) for outcome in outcomes if outcome.error)
     assert len(errors) == 2
-    assert errors[0].startswith("its process died (killed by SIGSEGV) in starting 0")
-    assert "more than the 1.0 GB that it may; --max-memory allows more" in errors[1]
+    assert "more than the 1.0 GB that it may; raise `max_memory`" in errors[0]
+    assert errors[1].startswith("worker process ended (killed by SIGSEGV) in starting 0")
     with pytest.raises(RunError, match="2 of 3 scenarios failed"):
         raise_failures(outcomes)
     good = [outcome for outcome in outcomes if outcome.error is None]
@@ -129,7 +132,7 @@ def test_several_processes_make_one_scenario_with_the_bytes_of_one_alone(
     assert outcome.frames == 16
     assert outcome.size_bytes == Manifest.load(tmp_path / "three" / few[0].id).size_bytes
     assert tree(tmp_path / "three") == tree(tmp_path / "one")
-    assert sorted(path.read_text() for path in seen.iterdir()) == ["4,7,9", "7", "9"]
+    assert sorted(path.read_text() for path in seen.iterdir()) == ["4", "7", "9"]
     told = [progress for progress in witness.told if progress.phase == "frames"]
     assert all(progress.done <= progress.total == 16 for progress in told)
 
@@ -147,7 +150,7 @@ def test_when_one_of_several_processes_dies_the_run_fails_and_another_one_goes_o
     monkeypatch.setenv("MEET", f"{claimed}:2")
     killer = Killer(claimed)
     (outcome,) = run_scenarios(few[:1], chosen, listener=killer, resources=RunResources(2))
-    told = "process 2 of 2: its process died (killed by SIGKILL)"
+    told = "worker 2 of 2: worker process ended (killed by SIGKILL)"
     assert str(outcome.error).startswith(told)
     assert psutil.wait_procs(killer.seen, timeout=60)[1] == []
     monkeypatch.delenv("MEET")
@@ -165,7 +168,7 @@ def test_what_takes_too_long_is_killed_and_told(
     outcomes = run_scenarios(
         few[:1], chosen, listener=witness, resources=RunResources(limits=ResourceLimits(time_s=0.5))
     )
-    with pytest.raises(RunError, match=r"took longer than 0:0.*--max-time"):
+    with pytest.raises(RunError, match=r"took longer than 0:0.*`max_time`"):
         raise_failures(outcomes)
     assert not (tmp_path / "output").exists()
 
@@ -225,7 +228,7 @@ def test_a_frame_that_every_process_leaves_to_another_is_told(
 ) -> None:
     chosen = replace(options(tmp_path / "output"), frames=slice(0, 2))
     monkeypatch.setattr(FrameWriter, "claim_frame", lambda writer, frame: not frame)  # pyright: ignore
-    with pytest.raises(RunError, match="no process made frame 1; run again to go on"):
+    with pytest.raises(RunError, match="no worker made frame 1"):
         run_scenario(few[0], chosen)
     assert Manifest.load(tmp_path / "output" / few[0].id).frames == (0,)
 
@@ -238,8 +241,8 @@ def test_a_process_that_would_make_other_bytes_adds_nothing(
     scenario = run_scenario(few[0], chosen)
     before = tree(scenario)
     other = replace(chosen, scale=0.5, frames=slice(0, 2))
-    with pytest.raises(RunError, match=r"its processes differ \(scale: 1.0, 0.5\); --jobs 1"):
-        add_frames(few[0], other, 1, ignore_progress)
+    with pytest.raises(RunError, match=r"its workers differ \(scale: 1.0, 0.5\); use `jobs` 1"):
+        join_scenario(few[0], other, 1, ignore_progress)
     assert tree(scenario) == before
 
 
@@ -270,15 +273,13 @@ def test_a_scenario_is_nobody_elses_as_long_as_one_of_its_processes_lives(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     with shared_run(few[0], tmp_path, monkeypatch) as (process, children):
-        first, last = children
-        last.suspend()
-        for other in (process, first):
-            other.send_signal(signal.SIGKILL)
-        process.wait(60)
+        process.send_signal(signal.SIGSTOP)  # else it would end the other worker
+        children[0].kill()
         monkeypatch.delenv("MEET")
         (outcome,) = run_scenarios(few[:1], options(tmp_path / "output"), listener=witness)
         assert "another run is writing this scenario" in str(outcome.error)
-        last.resume()
+        process.kill()
+        process.wait(60)
         assert psutil.wait_procs(children, timeout=60)[1] == []
     raise_failures(run_scenarios(few[:1], options(tmp_path / "output"), listener=witness))
 
@@ -304,8 +305,7 @@ def shared_run(
         while not claimed.exists() or len(list(claimed.iterdir())) < 2:
             assert process.poll() is None
             time.sleep(0.02)
-        (first,) = psutil.Process(process.pid).children()
-        children = [first, *first.children()]
+        children = sorted(psutil.Process(process.pid).children(), key=start_time)
         yield process, children
     finally:
         process.kill()

@@ -1,0 +1,168 @@
+"""Remembers what scenarios took on this machine, so that the next ones can be estimated.
+
+Each scenario that succeeds adds a line to `runs.jsonl` in the cache. Times and memory are not in
+manifests, since those must be the same on every machine.
+"""
+
+import os
+import platform
+from contextlib import suppress
+from dataclasses import dataclass
+
+from advercity_dsl import Model, Spec
+from pydantic import ValidationError
+
+from advercity.dataset.manifest import Manifest
+from advercity.errors import AdvercityError
+from advercity.pipeline.cache import find_cache_folder
+from advercity.pipeline.machine import count_usable_cores
+from advercity.pipeline.options import RunOptions
+from advercity.pipeline.progress import ScenarioResult
+
+RECORDS_FILE = "runs.jsonl"
+MAX_RECORDS = 50
+IMAGE_FILE_KINDS = ("camera", "semantic", "depth")
+"""Parts of the names of files that grow with the pixels of cameras; maps do not."""
+
+
+@dataclass(frozen=True)
+class FrameWork:
+    """What one frame of a spec asks for, whatever the machine.
+
+    Attributes:
+        agents: Agents that sense.
+        images: Images of all cameras; each comes with its classes and depths.
+        pixels: Pixels of all those images.
+        beams: Beams of all LiDARs.
+    """
+
+    agents: int
+    images: int
+    pixels: int
+    beams: int
+
+    @staticmethod
+    def from_spec(spec: Spec, scale: float) -> "FrameWork":
+        """Count the work of a frame with images at `scale` of their authored width and height."""
+        cameras = [agent.sensors.camera for agent in spec.agents]
+        lidars = [agent.sensors.lidar for agent in spec.agents]
+        pixels = sum(len(one.mounts) * one.width_px * one.height_px for one in cameras)
+        return FrameWork(
+            agents=len(spec.agents),
+            images=sum(len(camera.mounts) for camera in cameras),
+            pixels=max(1, round(pixels * scale**2)),
+            beams=sum(lidar.channels * lidar.azimuths * lidar.sub_rays for lidar in lidars),
+        )
+
+
+class RunRecord(Model):
+    """What a scenario took.
+
+    Attributes:
+        machine: Name and cores of the machine.
+        backend: Name of the rendering backend.
+        renderer: `raster` or `ray_traced`.
+        format: Dataset layout.
+        worker_count: Workers that ran at a time.
+        agents, pixels, beams: Work of a frame, as in `FrameWork`.
+        setup_s: Wall-clock time until the first frame is begun.
+        frame_s: Wall-clock time per frame and worker, the first frames left out.
+        busy_cores: Processor cores that a worker kept busy.
+        memory_bytes: Peak of resident memory per worker.
+        image_bytes, cloud_bytes, other_bytes: Files of a frame.
+    """
+
+    machine: str
+    backend: str
+    renderer: str
+    format: str
+    worker_count: int
+    agents: int
+    pixels: int
+    beams: int
+    setup_s: float
+    frame_s: float
+    busy_cores: float
+    memory_bytes: float
+    image_bytes: float
+    cloud_bytes: float
+    other_bytes: float
+
+
+def describe_machine() -> str:
+    """Describe this machine, so that records of a shared cache are not taken for its own."""
+    return f"{platform.node()} {platform.machine()} {count_usable_cores()}"
+
+
+def record_run(spec: Spec, options: RunOptions, result: ScenarioResult, worker_count: int) -> None:
+    """Remember a scenario that succeeded; do nothing where that cannot be done.
+
+    Args:
+        spec: The scenario.
+        options: How it was run.
+        result: What it took.
+        worker_count: Workers of the whole pool, which slow one another.
+    """
+    if result.error is not None or result.frame_s is None:
+        return
+    with suppress(AdvercityError, OSError):
+        manifest = Manifest.load(options.output / spec.id)
+        renderer = manifest.identity.renderer
+        work = FrameWork.from_spec(spec, float(renderer["scale"]))
+        images, clouds, others = _measure_files(manifest)
+        record = RunRecord(
+            machine=describe_machine(),
+            backend=options.backend,
+            renderer=str(renderer["renderer"]),
+            format=options.format,
+            worker_count=worker_count,
+            agents=work.agents,
+            pixels=work.pixels,
+            beams=work.beams,
+            setup_s=result.setup_s,
+            frame_s=result.frame_s,
+            busy_cores=result.cpu_s / result.time_s / result.worker_count,
+            memory_bytes=result.peak_memory_bytes / result.worker_count,
+            image_bytes=images,
+            cloud_bytes=clouds,
+            other_bytes=others,
+        )
+        _append(record)
+
+
+def _measure_files(manifest: Manifest) -> tuple[float, float, float]:
+    """Measure the mean bytes per frame of images, point clouds and everything else."""
+    sizes = [0, 0, 0]
+    for path, record in manifest.files.items():
+        if record.frame is not None:
+            is_image = path.endswith(".png") and any(kind in path for kind in IMAGE_FILE_KINDS)
+            sizes[0 if is_image else 1 if path.endswith(".pcd") else 2] += record.size
+    images, clouds, others = (size / len(manifest.frames) for size in sizes)
+    return images, clouds, others
+
+
+def _append(record: RunRecord) -> None:
+    # Two runs that end at once may lose one of the two lines, which does no harm.
+    path = find_cache_folder() / RECORDS_FILE
+    path.parent.mkdir(parents=True, exist_ok=True)
+    lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
+    lines = [*lines, record.model_dump_json()][-MAX_RECORDS:]
+    partial = path.with_name(f"{path.name}.{os.getpid()}")
+    partial.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    partial.replace(path)
+
+
+def load_records(*, backend: str, renderer: str, format: str) -> list[RunRecord]:
+    """Load what was recorded on this machine with a backend, a renderer and a layout."""
+    path = find_cache_folder() / RECORDS_FILE
+    records: list[RunRecord] = []
+    with suppress(OSError):
+        for line in path.read_text(encoding="utf-8").splitlines():
+            with suppress(ValidationError):  # of another version
+                records.append(RunRecord.model_validate_json(line))
+    wanted = (describe_machine(), backend, renderer, format)
+    return [
+        record
+        for record in records
+        if (record.machine, record.backend, record.renderer, record.format) == wanted
+    ]
