@@ -18,7 +18,7 @@ SHEET := $(OUTPUT)/contact_sheet.png
 .PHONY: demo test test-all coverage setup lock wheels bench
 
 demo: setup
-	$(ADVERCITY) assets install --optional
+	$(ADVERCITY) assets install --allow-failure
 	$(ADVERCITY) compile library --output compiled
 	$(ADVERCITY) run compiled/$(SCENARIO).json --profile preview --frames 0:$(FRAMES) \
 	  --output $(OUTPUT) $(if $(wildcard $(RECORDING)),,--rrd $(RECORDING))

@@ -1,4 +1,4 @@
-"""The command line: each command calls the library and prints; nothing is computed here."""
+"""The command line: each command parses options, calls the library and prints the result."""
 
 import signal
 import sys
@@ -11,7 +11,7 @@ from advercity.errors import InputError, RunError
 
 def main() -> None:
     """Run the command line; 0 done, 1 failed while running, 2 bad input, 130 interrupted."""
-    # Told to end, we leave by the way that cleans up: children and partial files go.
+    # SIGTERM unwinds the stack like an exception, so that child processes and partial files go.
     signal.signal(signal.SIGTERM, _exit_on_signal)
     try:
         app()
@@ -22,7 +22,7 @@ def main() -> None:
     except KeyboardInterrupt:
         sys.exit(130)
     except BrokenPipeError:
-        # The reader of our output has gone, as `| head` does.
+        # The reader of standard output is gone, as with `| head`.
         sys.stderr.close()
         sys.exit(1)
 

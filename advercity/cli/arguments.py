@@ -1,4 +1,4 @@
-"""Arguments and options that several commands share."""
+"""Arguments and options of several commands, and the values that people write in them."""
 
 import re
 from collections.abc import Mapping
@@ -16,18 +16,20 @@ SpecArgument = Annotated[list[Path], typer.Argument(help="Compiled specs (*.json
 DatasetArgument = Annotated[Path, typer.Argument(help="A dataset, or one scenario of it.")]
 BackendOption = Annotated[str, typer.Option(help="Rendering backend.")]
 ProfileOption = Annotated[str, typer.Option(help="auto, preview or full.")]
-ScaleOption = Annotated[float | None, typer.Option(help="Image scale, over the profile's.")]
+ScaleOption = Annotated[float | None, typer.Option(help="Image scale in place of the profile's.")]
 FramesOption = Annotated[
-    str | None, typer.Option(metavar="A:B[:STEP]", help="Kept frames to make, B not included.")
+    str | None, typer.Option(metavar="A:B[:STEP]", help="Recorded frames to make, B not included.")
 ]
 JobsOption = Annotated[
     int | None,
-    typer.Option(min=1, help="Processes at a time; as many as suit the machine."),
+    typer.Option(min=1, help="Processes at a time (default: as many as suit the machine)."),
 ]
 CloudColourOption = Annotated[
     str,
     typer.Option(
-        "--colour-clouds", help="What colours of points show: intensity, class or kind of echo."
+        "--cloud-colour",
+        metavar="intensity|class|kind",
+        help="What the colours of LiDAR points show; kind is what returned the light.",
     ),
 ]
 

@@ -1,4 +1,4 @@
-"""The commands about bodies: the asset pack, the list, contact sheets."""
+"""Commands about bodies: asset pack, list, contact sheets."""
 
 from pathlib import Path
 from typing import Annotated
@@ -16,14 +16,14 @@ assets = typer.Typer(
 )
 LibraryOption = Annotated[
     list[Path] | None,
-    typer.Option(help="Folders of declarations whose catalogues count; else what ships."),
+    typer.Option(help="Folders of declarations with catalogues (default: what ships)."),
 ]
 
 
 @assets.command()
 def install(
-    optional: Annotated[
-        bool, typer.Option("--optional", help="Where that cannot be done, say so and go on.")
+    allow_failure: Annotated[
+        bool, typer.Option("--allow-failure", help="Exit with 0 if the pack cannot be fetched.")
     ] = False,
 ) -> None:
     """Fetch Debian's free furniture models, for bodies.
@@ -33,29 +33,29 @@ def install(
     from advercity.assets.catalogue import load_catalogue_blueprints
     from advercity.pipeline.cache import open_model_store
 
-    here = open_model_store()
+    store = open_model_store()
     try:
-        if not here.has_package:
+        if not store.has_package:
             print_note("fetching the asset pack (120 MB)")
-            here.install_package()
+            store.install_package()
     except RunError as error:
-        if not optional:
+        if not allow_failure:
             raise
-        print_data(f"bodies: shaped by the program ({error})")
+        print_data(f"bodies: procedural ({error})")
         return
     found = {
-        name: here.prepare_model(blueprint)
+        name: store.prepare_model(blueprint)
         for name, blueprint in load_catalogue_blueprints().items()
     }
     count = sum(path is not None for path in found.values())
-    print_data(f"bodies: {count} of {len(found)} made of models, the rest shaped by the program")
+    print_data(f"bodies: {count} of {len(found)} are models, the rest procedural")
 
 
 @assets.command()
 def add(
     models: Annotated[list[Path], typer.Argument(help="GLB files that a catalogue names.")],
 ) -> None:
-    """Keep models of your own where runs find them, by checksum."""
+    """Add models of your own to the store, by checksum."""
     from advercity.pipeline.cache import open_model_store
 
     for path in models:
@@ -64,11 +64,11 @@ def add(
 
 @assets.command()
 def remove() -> None:
-    """Forget the asset pack; bodies are shaped by the program again."""
+    """Remove the asset pack; bodies are procedural again."""
     from advercity.pipeline.cache import open_model_store
 
     open_model_store().remove_package()
-    print_note("bodies are shaped by the program")
+    print_note("bodies are procedural")
 
 
 @assets.command("list")
@@ -78,9 +78,9 @@ def list_(library: LibraryOption = None) -> None:
     from advercity.cli.tables import format_columns
     from advercity.pipeline.cache import open_model_store
 
-    here = open_model_store()
+    store = open_model_store()
     rows = [
-        compute_body_facts(*item, here)
+        compute_body_facts(*item, store)
         for item in load_catalogue_blueprints(*library or ()).items()
     ]
     print_data(format_columns([row.to_row() for row in rows]))
@@ -92,11 +92,11 @@ def list_(library: LibraryOption = None) -> None:
 def sheet(
     blueprints: Annotated[list[str] | None, typer.Argument(help="Names of blueprints.")] = None,
     every: Annotated[bool, typer.Option("--all", help="All of them.")] = False,
-    output: Annotated[Path, typer.Option(help="Picture to write.")] = Path("bodies.png"),
+    output: Annotated[Path, typer.Option(help="Image file to write.")] = Path("bodies.png"),
     library: LibraryOption = None,
     backend: Annotated[str, typer.Option(help="Rendering backend.")] = "sapien",
 ) -> None:
-    """Picture bodies from four sides, by day and by night."""
+    """Draw bodies from four sides, by day and by night."""
     from advercity.assets.catalogue import load_catalogue_blueprints, select_blueprints
     from advercity.media import write_image
     from advercity.pipeline.body_sheet import draw_body_sheet
@@ -104,7 +104,7 @@ def sheet(
     from advercity.rendering.backend import load_backend
 
     if bool(blueprints) == every:
-        raise InputError("name blueprints to picture, or give --all")
+        raise InputError("name blueprints to draw, or give --all")
     wanted = select_blueprints(load_catalogue_blueprints(*library or ()), blueprints or [])
     write_image(draw_body_sheet(wanted, load_backend(backend), open_model_store()), output)
     print_data(str(output))

@@ -1,4 +1,4 @@
-"""Commands for those who write declarations, and look at what is made of them."""
+"""Commands that compile, check, describe and start declarations."""
 
 from pathlib import Path
 from typing import Annotated
@@ -20,9 +20,7 @@ def compile_(
         "compiled"
     ),
     suite: Annotated[str | None, typer.Option(help="Suite to compile.")] = None,
-    check: Annotated[
-        bool, typer.Option("--check", help="Only tell whether specs are stale.")
-    ] = False,
+    check: Annotated[bool, typer.Option("--check", help="Only report stale specs.")] = False,
 ) -> None:
     """Compile a library of declarations into scenario specs."""
     from advercity.compiler import describe_spec_differences, write_specs
@@ -43,22 +41,22 @@ def compile_(
 @commands.command()
 def solve(
     library: LibraryArgument = DEFAULT_LIBRARIES,
-    suite: Annotated[str | None, typer.Option(help="Suite whose roads and weathers.")] = None,
+    suite: Annotated[str | None, typer.Option(help="Suite of the roads and weathers.")] = None,
     check: Annotated[
-        bool, typer.Option("--check", help="Only tell whether what was found still holds.")
+        bool, typer.Option("--check", help="Only check the suns found before.")
     ] = False,
 ) -> None:
-    """Find suns that are to be in the ego's view.
+    """Find suns that shine into the ego's camera.
 
-    Rays against the world find them, and they are written into the weathers' files.
+    Casts rays against the world, and writes the positions into the weathers' files.
     """
     from advercity.compiler import load_library
     from advercity.compiler.crossing import find_suite
     from advercity.pipeline.glare import check_suns, solve_suns
 
     loaded = load_library(*library)
-    chosen = find_suite(loaded, *library, suite=suite)
-    for line in check_suns(loaded, chosen) if check else solve_suns(loaded, chosen):
+    resolved = find_suite(loaded, *library, suite=suite)
+    for line in check_suns(loaded, resolved) if check else solve_suns(loaded, resolved):
         print_data(line)
 
 
@@ -66,7 +64,7 @@ def solve(
 def validate(
     paths: Annotated[list[Path], typer.Argument(help="Specs, declarations or library folders.")],
 ) -> None:
-    """Check specs and declarations; print nothing but problems."""
+    """Check specs and declarations; print only problems."""
     from advercity.compiler import validate_path
 
     for path in paths:
@@ -92,11 +90,11 @@ def list_(
 def show(
     path: Annotated[Path, typer.Argument(help="A compiled spec, or a declaration.")],
     map_: Annotated[
-        Path | None, typer.Option("--map", metavar="FILE", help="Draw the plan into a picture.")
+        Path | None, typer.Option("--map", metavar="FILE", help="Draw the plan into an image file.")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Tell what a scenario or a declaration holds; draw its plan."""
+    """Describe a scenario or a declaration; draw its plan."""
     from advercity_dsl import Road
 
     from advercity.cli import tables
@@ -128,16 +126,16 @@ def show(
 def explain(
     spec: Annotated[Path, typer.Argument(help="A compiled spec.")],
     fields: Annotated[
-        list[str] | None, typer.Argument(help="Fields, such as weather.fog; all of them.")
+        list[str] | None, typer.Argument(help="Fields, such as weather.fog (default: all).")
     ] = None,
     library: Annotated[
         list[Path] | None, typer.Option(help="Folders that it was compiled from.")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Tell where the values of a spec come from.
+    """Show where the values of a spec come from.
 
-    That is a file and its line, a default, or a rule.
+    Origins are a file and line, a default, or a rule.
     """
     from advercity_dsl.base import suggest_name
 
@@ -161,7 +159,7 @@ def diff(
     second: Annotated[Path, typer.Argument(help="Another one.")],
     as_json: JsonOption = False,
 ) -> None:
-    """Tell in which fields two specs differ."""
+    """List the fields in which two specs differ."""
     from advercity.cli import tables
     from advercity.compiler import read_spec
 
@@ -177,7 +175,7 @@ def diff(
 @commands.command()
 def new(
     kind: Annotated[str, typer.Argument(help="Kind of declaration: weather, road, suite, ...")],
-    name: Annotated[str, typer.Argument(help="Its id, and the name of its file.")],
+    name: Annotated[str, typer.Argument(help="Id of the declaration and name of its file.")],
     output: Annotated[Path, typer.Option(help="Folder for the file.", file_okay=False)] = Path(),
 ) -> None:
     """Write a commented declaration to start from."""

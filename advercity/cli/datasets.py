@@ -1,4 +1,4 @@
-"""Commands about what runs have made."""
+"""Commands about datasets."""
 
 from pathlib import Path
 from typing import Annotated
@@ -20,7 +20,7 @@ def verify(
 ) -> None:
     """Check every file of a dataset by its checksum.
 
-    Files are compared with the manifests, and those with the index.
+    Compares files with the manifests, and manifests with the index.
     """
     from advercity.dataset.index import DatasetIndex
     from advercity.dataset.verification import verify_dataset
@@ -45,7 +45,7 @@ def repair(
 ) -> None:
     """Make missing and changed files of a dataset again.
 
-    Only what has the checksum that it had is put back.
+    Only files with their recorded checksum are written.
     """
     from advercity.cli.progress import show_progress
     from advercity.dataset.reader import Scenario
@@ -85,14 +85,14 @@ def stats(
 @commands.command()
 def video(
     dataset: DatasetArgument,
-    output: Annotated[Path, typer.Option(help="Folder for the films.", file_okay=False)] = Path(
+    output: Annotated[Path, typer.Option(help="Folder for the videos.", file_okay=False)] = Path(
         "videos"
     ),
     kind: Annotated[
-        list[str] | None, typer.Option(help="front, mosaic, semantic or lidar; all of them.")
+        list[str] | None, typer.Option(help="front, mosaic, semantic or lidar (default: all).")
     ] = None,
 ) -> None:
-    """Film the scenarios of a dataset.
+    """Make videos of the scenarios of a dataset.
 
     Front cameras, mosaic with boxes, semantics, LiDAR from above.
     """
@@ -124,7 +124,7 @@ def split(
 @commands.command()
 def sheet(
     dataset: Annotated[Path, typer.Argument(help="A scenario of a dataset.")],
-    output: Annotated[Path, typer.Option(help="Picture to write.")] = Path("contact_sheet.png"),
+    output: Annotated[Path, typer.Option(help="Image file to write.")] = Path("contact_sheet.png"),
 ) -> None:
     """Put all cameras of one frame on a contact sheet."""
     from advercity.dataset.overview_images import write_contact_sheet

@@ -1,4 +1,4 @@
-"""What this machine has for advercity, and what is missing."""
+"""Checks what this machine has for advercity, and what is missing."""
 
 import platform
 import shutil
@@ -16,11 +16,11 @@ from advercity.pipeline.cache import find_cache_folder, open_model_store
 from advercity.rendering.backend import list_backend_names, load_backend
 
 CheckResult = tuple[str, bool, str]
-"""What was looked at, whether it is fine, and what was found."""
+"""Name of the check, whether it passed, and what was found."""
 
 
 def check_machine() -> tuple[str, bool]:
-    """One line per check, and whether all are fine."""
+    """Run every check; return a line per check, and whether all passed."""
     checks = list(_run_checks())
     width = max(len(name) for name, _, _ in checks)
     lines = [
@@ -68,13 +68,13 @@ def _check_backend(name: str) -> str:
 
 def _check_bodies() -> str:
     if not open_model_store().has_package:
-        return "shaped by the program; `advercity assets install` fetches models"
+        return "procedural; `advercity assets install` fetches models"
     found = [
         open_model_store().prepare_model(blueprint)
         for blueprint in load_catalogue_blueprints().values()
     ]
     count = sum(path is not None for path in found)
-    return f"{count} of {len(found)} made of the asset pack's models, the rest shaped"
+    return f"{count} of {len(found)} are models of the asset pack, the rest procedural"
 
 
 def _check_cache() -> str:

@@ -1,4 +1,4 @@
-"""Progress of runs: one view over all scenarios for people, a line per scenario for pipes."""
+"""Shows progress: bars at a terminal, a line per scenario in a pipe."""
 
 import sys
 import time
@@ -15,10 +15,9 @@ from advercity.pipeline.options import format_byte_size, format_duration
 
 
 class ProgressView:
-    """What is known of all scenarios, and how it is shown.
+    """Shows a bar over all scenarios and one per running scenario.
 
-    A bar over all and one for each that is being made; where nobody watches, and there are several
-    scenarios, a line for each that ends.
+    Where stderr is no terminal, it prints a line per scenario that ends, if there are several.
     """
 
     def __init__(self, specs: Sequence[Spec], bars: rich_progress.Progress, *, things: str) -> None:
@@ -75,7 +74,7 @@ class ProgressView:
         self._bars.update(self._all, description=text, completed=done, total=total or None)
 
     def _count_frames(self) -> tuple[int, int]:
-        """Frames done and in all; a scenario that nobody knows of is like the others."""
+        """Count frames done and in all; a scenario not yet begun counts like the mean of others."""
         totals = [item.total for item in self._known.values() if item.total]
         unknown = len(self._known) - len(totals)
         total = sum(totals) + round(unknown * sum(totals) / max(1, len(totals)))
@@ -102,7 +101,7 @@ class ProgressView:
 
 @contextmanager
 def show_progress(specs: Sequence[Spec], *, things: str = "frames") -> Generator[ProgressView]:
-    """A view of scenarios on stderr; `things` is what is counted in them."""
+    """Show progress of scenarios on stderr; `things` names what is counted in them."""
     columns = (
         rich_progress.TextColumn("{task.description}"),
         rich_progress.BarColumn(),

@@ -1,4 +1,4 @@
-"""Scenarios and declarations as facts, and facts as text."""
+"""Formats rows and facts as text or JSON."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -8,7 +8,7 @@ from advercity.pipeline.descriptions import Description
 
 
 def format_columns(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Rows below their heads, numbers to the right."""
+    """Format rows below their heads, numbers aligned to the right."""
     heads = list(rows[0])
     widths = [max(len(head), *(len(str(row[head])) for row in rows)) for head in heads]
     lines = [dict(zip(heads, heads, strict=True)), *rows]
@@ -22,11 +22,11 @@ def format_columns(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def format_json(data: Any) -> str:
-    """The same for programs."""
+    """Format data for programs."""
     return json.dumps(data, indent=2, ensure_ascii=False)
 
 
 def format_facts(facts: Description) -> str:
-    """One line per fact."""
+    """Format one line per fact."""
     width = max(len(name) for name in facts)
     return "\n".join(f"{name:<{width}}  {value}" for name, value in facts.items())

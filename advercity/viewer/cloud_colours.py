@@ -30,7 +30,7 @@ def parse_cloud_colour(text: str) -> CloudColour:
     """Parse the option `--colour-clouds`; InputError if there is no such colouring."""
     if text not in CLOUD_COLOURS:
         choices = f"{', '.join(CLOUD_COLOURS[:-1])} or {CLOUD_COLOURS[-1]}"
-        raise InputError(f"--colour-clouds {text}: no such colouring; {choices}")
+        raise InputError(f"`cloud_colour` {text}: no such colouring; {choices}")
     return text
 
 

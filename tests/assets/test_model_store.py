@@ -290,7 +290,7 @@ def test_a_file_that_is_no_glb_is_refused(tmp_path: Path):
 
 def test_installing_may_be_optional(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("PATH", str(tmp_path))
-    done = CliRunner().invoke(app, ["assets", "install", "--optional"])
+    done = CliRunner().invoke(app, ["assets", "install", "--allow-failure"])
     assert done.exit_code == 0
     assert "shaped by the program" in done.output
     with pytest.raises(RunError, match="apt-get was not found"):

@@ -133,7 +133,7 @@ def test_a_library_without_a_suite_is_told_how_to_get_one(
         ["new", "weather", "sleet"],
         ["schema"],
         ["run", "SPEC"],
-        ["plan", "SPEC"],
+        ["estimate", "SPEC"],
         ["simulate", "SPEC"],
     ],
 )
@@ -205,11 +205,11 @@ def test_schema_of_an_unknown_kind_suggests_a_name(advercity: Command) -> None:
         (["--profile", "best"], "no such profile; auto, preview or full"),
         (["--frames", "3"], "not a range; write A:B"),
         (["--frames", "5:5"], "holds no frame"),
-        (["--frames", "0:5:0"], "STEP above 0"),
+        (["--frames", "0:5:0"], "step above 0"),
         (["--scale", "0"], "is outside 0.01 to 4"),
         (["--weather", "fog_dya"], "did you mean 'fog_day'?"),
         (["--stream", "--rrd", "x.rrd"], "exclude each other"),
-        (["--colour-clouds", "kinds"], "no such colouring; intensity, class or kind"),
+        (["--cloud-colour", "kinds"], "no such colouring; intensity, class or kind"),
     ],
 )
 def test_a_bad_option_is_told_and_leaves_nothing(
@@ -316,9 +316,9 @@ def test_help_says_in_a_whole_line_what_each_command_does(
 def test_show_explains_a_weather_in_words_and_numbers(advercity: Command, library: Path) -> None:
     ran = advercity("show", library / "examples" / "snow_day.yaml", "--json")
     facts = json.loads(ran.out)
-    assert facts["in words"].startswith("day: moderate snow, overcast")
+    assert facts["summary"].startswith("day: moderate snow, overcast")
     assert facts["visibility"].startswith("664 m (air 10000 m, snow 711 m")
-    assert facts["LiDAR reach"].startswith("62, 112, 130 m")
+    assert facts["LiDAR range"].startswith("62, 112, 130 m")
 
 
 def test_explain_names_the_line_of_a_value(
@@ -356,3 +356,31 @@ def test_a_mistake_in_a_file_is_shown_with_its_line(advercity: Command, tmp_path
         "    4 | rain: {rate_mm_h: 400 mm/h}",
         "      |                   ^^^^^^^^",
     ]
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        (["plan", "a.json"], "plan is now estimate"),
+        (["run", "a.json", "--address", "auto"], "run --address is now --ray-address"),
+        (["run", "a.json", "--colour-clouds", "kind"], "--colour-clouds is now --cloud-colour"),
+        (["view", "a.rrd", "--colour-clouds", "kind"], "--colour-clouds is now --cloud-colour"),
+        (["simulate", "a.json", "--film"], "--film is now --video"),
+        (["simulate", "a.json", "--no-film"], "--no-film is now --no-video"),
+        (["simulate", "a.json", "--table"], "--table is now --markdown"),
+        (["assets", "install", "--optional"], "--optional is now --allow-failure"),
+    ],
+)
+def test_an_old_name_is_answered_with_the_new_one(
+    advercity: Command, asked: list[str], message: str
+) -> None:
+    ran = advercity(*asked)
+    assert (ran.code, ran.out) == (2, "")
+    assert message in ran.err
+
+
+def test_an_option_that_never_existed_is_an_unknown_option(advercity: Command) -> None:
+    ran = advercity("list", "--table")
+    assert ran.code == 2
+    assert "is now" not in ran.err
+    assert "--table" in ran.err
