@@ -1,4 +1,4 @@
-"""What the backend says of the machine, and what it leaves behind."""
+"""Capabilities and errors of the backend, and the memory that it frees."""
 
 import os
 import subprocess

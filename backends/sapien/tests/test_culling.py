@@ -1,4 +1,4 @@
-"""Which boxes may show in a picture, by hand."""
+"""Boxes in and out of a view frustum."""
 
 import numpy as np
 import pytest
@@ -38,7 +38,7 @@ def test_a_box_around_the_camera_is_seen() -> None:
     )
 
 
-def test_a_volume_stands_where_its_body_does() -> None:
+def test_a_volume_moves_with_its_body() -> None:
     between = ConvexVolume.from_body_planes(
         pose_matrix((5.0, 0.0, 0.0), yaw=np.pi),
         np.array([[1.0, 0, 0], [-1.0, 0, 0]]),

@@ -1,4 +1,4 @@
-"""The table of what fog turns aside from beams."""
+"""The table of light that fog scatters out of beams."""
 
 import math
 
@@ -32,7 +32,7 @@ def flux_of(lamp_beam: LampBeam) -> float:
 def test_all_that_leaves_a_beam_goes_out_through_a_sphere_around_the_lamp(
     row: int, lamp_beam: LampBeam
 ) -> None:
-    """What is turned on the first metre, all of the beam times its optical depth."""
+    """The light scattered on the first metre is that of the beam times its optical depth."""
     table = compute_fog_beam_rows()[row].reshape(FOG_BEAM_RINGS, FOG_BEAM_SPOKES, 4)
     ring = (np.arange((FOG_BEAM_RINGS - 1) * FINE) + 0.5) / FINE
     inner, part = ring.astype(int), (ring % 1.0)[:, None, None]
@@ -53,7 +53,7 @@ def test_all_that_leaves_a_beam_goes_out_through_a_sphere_around_the_lamp(
 
 
 @BEAMS
-def test_no_more_light_flows_than_there_is(row: int, lamp_beam: LampBeam) -> None:
+def test_flow_does_not_exceed_fluence(row: int, lamp_beam: LampBeam) -> None:
     table = compute_fog_beam_rows()[row]
     assert (np.linalg.norm(table[:, :3], axis=1) <= table[:, 3] * 1.001).all()
 

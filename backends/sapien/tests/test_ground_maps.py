@@ -1,4 +1,4 @@
-"""Where tyres run, the map of wear says so."""
+"""The map of wear by the tracks of tyres."""
 
 import numpy as np
 import pytest
@@ -35,5 +35,5 @@ def test_wear_leaves_the_mean_of_a_lane_alone():
     assert found.texels.mean() == pytest.approx(NEUTRAL_WEAR, abs=1.5)
 
 
-def test_nothing_wears_where_nobody_drives():
+def test_only_driving_lanes_wear():
     assert (build_wear_map([lane("sidewalk")]).texels == NEUTRAL_WEAR).all()

@@ -1,7 +1,6 @@
 """Light and fog against Mitsuba's path tracers, where Mitsuba is installed."""
 
 import math
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -19,7 +18,6 @@ from advercity.physics.atmosphere import Atmosphere, compute_atmosphere
 from advercity.physics.extinction import AirExtinction, Extinction
 from advercity.physics.lamp_beams import LOW_BEAM
 from advercity.physics.sky import (
-    build_airlight_cubemap,
     cie_relative_luminance,
     cie_sky_type,
     daylight_for_weather,
@@ -29,20 +27,17 @@ from advercity.rendering.backend import CameraView, RenderProfile
 from advercity.rendering.light_sources import LAMP_BODY_CLEARANCE_M
 from advercity.semantics import Semantic
 from advercity.world import Body, StreetLamp, World
+from tests.render_builders import (
+    BOX_CORNERS,
+    BOX_TRIANGLES,
+    build_clear_air,
+)
 
 mitsuba: Any = pytest.importorskip("mitsuba")
 mitsuba.set_variant("scalar_rgb")
 
 pytestmark = pytest.mark.render
 
-CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-FACES = np.array(
-    [
-        *([0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]),
-        *([2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]),
-    ],
-    dtype=np.int32,
-)
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 SIZE = 40, 30
 EYE, TARGET = (0.0, 0.0, 1.5), (10.0, 0.0, 1.5)
@@ -64,20 +59,7 @@ def ideal_surfaces(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def air_of(**more: Any) -> Atmosphere:
     """A vacuum at night."""
-    air = Atmosphere(
-        extinction=AirExtinction(),
-        sun_direction=SUN,
-        sun_lx=0.0,
-        sun_colour=(1.0, 1.0, 1.0),
-        sky_lx=0.0,
-        sky=np.zeros((6, 8, 8, 3), dtype=np.float32),
-        airlight=build_airlight_cubemap((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
-        street_lx=0.0,
-        wetness=0.0,
-        puddle_coverage=0.0,
-        night=True,
-    )
-    return replace(air, **more)
+    return build_clear_air(**({"night": True} | more))
 
 
 def fog_air(extinction_per_m: float) -> AirExtinction:
@@ -101,8 +83,8 @@ def ours(
     meshes = tuple(
         Mesh(
             f"{middle}",
-            (np.asarray(middle) + CORNERS * np.asarray(size) / 2.0).astype(np.float32),
-            FACES,
+            (np.asarray(middle) + BOX_CORNERS * np.asarray(size) / 2.0).astype(np.float32),
+            BOX_TRIANGLES,
             material,
             Semantic.ROAD if material == "asphalt" else Semantic.BUILDING,
         )
@@ -341,7 +323,11 @@ def crossing_car() -> tuple[Body, ActorState]:
     """A body below the ground, whose dipped beams cross the picture from left to right."""
     size = (4.0, 1.8, 1.5)
     hidden = Mesh(
-        "car", (CORNERS * 0.1 - [0, 0, 3]).astype(np.float32), FACES, "concrete", Semantic.VEHICLE
+        "car",
+        (BOX_CORNERS * 0.1 - [0, 0, 3]).astype(np.float32),
+        BOX_TRIANGLES,
+        "concrete",
+        Semantic.VEHICLE,
     )
     at = BEAMS_AT[0], BEAMS_AT[1] + size[0] / 2.0 + LAMP_BODY_CLEARANCE_M, 0.0
     actor = Actor(1, "car", "car", "concrete", size)
@@ -380,7 +366,7 @@ def mitsubas_beams() -> dict[str, Any]:
 
 
 def test_beams_in_fog_are_as_bright_as_mitsubas(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Light that fog turns aside falls on the road and on walls that no beam meets."""
+    """Light that fog scatters out of beams lights road and walls outside of them."""
     monkeypatch.setattr("advercity.rendering.light_sources.TAIL_CD", 0.0)
     extinction = math.log(20.0) / 300.0
     scene = fog_of(extinction) | mitsubas_beams()

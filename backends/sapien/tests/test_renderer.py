@@ -1,4 +1,4 @@
-"""What the renderer promises of every picture, for both shader packs."""
+"""Promises of the renderer for every image, with both shader packs."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike, NDArray
 from advercity.frames import Actor, ActorState, Frame, Lamp, Signal
 from advercity.geometry.mesh import Mesh, Wheel
 from advercity.geometry.poses import invert_pose, pose_matrix, transform_points
-from advercity.materials import MATERIALS, Material
 from advercity.physics.atmosphere import Atmosphere
 from advercity.physics.extinction import AirExtinction, Extinction, extinction_from_mor
 from advercity.physics.lamp_beams import intensity_towards
@@ -26,29 +25,24 @@ from advercity.rendering.backend import CameraCapture, CameraView, RenderProfile
 from advercity.rendering.light_sources import list_light_sources
 from advercity.semantics import Semantic
 from advercity.world import Body, SignalLamp, StreetLamp, World
+from tests.render_builders import (
+    LUMINANCE,
+    build_box,
+    set_matt_materials,
+)
 
 pytestmark = pytest.mark.render
 
 Open = Callable[..., AbstractContextManager[SapienRenderer]]
 Floats = NDArray[np.floating]
 
-CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-FACES = np.array(
-    [
-        *([0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]),
-        *([2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]),
-    ],
-    dtype=np.int32,
-)
 FORWARD = pose_matrix((0.0, 0.0, 1.0))
 UNLIT = Lamp(0)
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
 @pytest.fixture(autouse=True)
 def ideal_surfaces(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name, albedo in {"black": 0.0, "grey": 0.5, "white": 1.0}.items():
-        monkeypatch.setitem(MATERIALS, name, Material((albedo, albedo, albedo), 0.5, roughness=1.0))
+    set_matt_materials(monkeypatch, black=0.0, grey=0.5, white=1.0)
 
 
 @pytest.fixture(params=["raster", "ray_traced"])
@@ -67,18 +61,8 @@ def opened(renderer: Literal["raster", "ray_traced"]) -> Open:
     return open_it
 
 
-def box(
-    middle: ArrayLike,
-    size: ArrayLike,
-    material: str = "grey",
-    semantic: Semantic = Semantic.BUILDING,
-) -> Mesh:
-    vertices = np.asarray(middle) + CORNERS * np.asarray(size) / 2.0
-    return Mesh(f"box {middle}", vertices.astype(np.float32), FACES, material, semantic)
-
-
 def world_of(*static: Mesh, **more: object) -> World:
-    body = Body((box((0, 0, 1), (2, 2, 2), "paint", Semantic.VEHICLE),), (2.0, 2.0, 2.0))
+    body = Body((build_box((0, 0, 1), (2, 2, 2), "paint", Semantic.VEHICLE),), (2.0, 2.0, 2.0))
     world = World("test", static, {"box": body}, lanes=(), network=Path("none"))
     return replace(world, **more)  # pyright: ignore[reportArgumentType]
 
@@ -93,7 +77,7 @@ def air_of(
     wetness: float = 0.0,
     night: bool = False,
 ) -> Atmosphere:
-    """Air under a sky given as luminance by sine of elevation; the sun stands behind FORWARD."""
+    """Air under a sky given as luminance by sine of elevation; the sun is behind FORWARD."""
     luminance = np.asarray(sky(cubemap_directions(32)[..., 2]), dtype=np.float32)
     cubemap = np.repeat(luminance[..., None], 3, axis=-1)
     elevation = np.radians(sun_elevation_deg)
@@ -164,7 +148,7 @@ def test_fog_leaves_the_contrast_of_koschmieder(
 
 def test_fog_counts_along_the_ray_and_not_along_the_axis(opened: Open) -> None:
     air = air_of(mor_m=75.0, sky=uniform(1000.0), airlight=grey(1000.0))
-    wall = box((21.0, 0.0, 0.0), (2.0, 60.0, 60.0), "black")
+    wall = build_box((21.0, 0.0, 0.0), (2.0, 60.0, 60.0), "black")
     with opened(world_of(wall), air) as renderer:
         renderer.place(frame_of())
         capture = renderer.render_camera(view_of(size=(100, 100)))
@@ -189,7 +173,7 @@ def test_sky_is_shown_as_it_is_whatever_the_fog(opened: Open) -> None:
 
 def test_white_card_has_the_luminance_of_its_illuminance(opened: Open) -> None:
     air = air_of(sky=lambda sine: 2000.0 + 6000.0 * np.abs(sine), sun_lx=8e4, sun_elevation_deg=40)
-    card = box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "white")
+    card = build_box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "white")
     with opened(world_of(card), air, samples=64) as renderer:
         renderer.place(frame_of())
         capture = renderer.render_camera(
@@ -200,16 +184,16 @@ def test_white_card_has_the_luminance_of_its_illuminance(opened: Open) -> None:
 
 
 def test_upright_white_card_under_a_uniform_dome_is_as_bright_as_the_dome(opened: Open) -> None:
-    card = box((11.0, 0.0, 1.0), (2.0, 4.0, 4.0), "white")
+    card = build_box((11.0, 0.0, 1.0), (2.0, 4.0, 4.0), "white")
     with opened(world_of(card), air_of(sky=uniform(3000.0))) as renderer:
         renderer.place(frame_of())
         capture = renderer.render_camera(view_of())
     assert centre(luminance(capture)) == pytest.approx(3000.0, rel=0.01)
 
 
-def test_what_the_sun_does_not_reach_has_only_the_light_of_the_sky(opened: Open) -> None:
-    ground = box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "white")
-    wall = box((5.0, 0.0, 2.0), (1.0, 40.0, 4.0))
+def test_surfaces_in_shadow_have_only_the_light_of_the_sky(opened: Open) -> None:
+    ground = build_box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "white")
+    wall = build_box((5.0, 0.0, 2.0), (1.0, 40.0, 4.0))
     air = air_of(sky=uniform(0.0), sun_lx=5e4)
     with opened(world_of(ground, wall), air) as renderer:
         renderer.place(frame_of())
@@ -244,7 +228,7 @@ def test_a_known_box_is_labelled_to_the_pixel_and_measured_to_the_millimetre(
 def test_a_point_is_seen_at_the_pixel_of_the_pinhole_model(opened: Open) -> None:
     camera = pose_matrix((3.0, -2.0, 1.5), yaw=0.7, pitch=0.2, roll=0.1)
     target = transform_points(camera, [8.0, 2.5, -1.5])
-    mark = box(target, (0.1, 0.1, 0.1), semantic=Semantic.TRAFFIC_SIGN)
+    mark = build_box(target, (0.1, 0.1, 0.1), semantic=Semantic.TRAFFIC_SIGN)
     with opened(world_of(mark), air_of(sky=uniform(1000.0))) as renderer:
         renderer.place(frame_of())
         capture = renderer.render_camera(view_of(camera))
@@ -254,7 +238,7 @@ def test_a_point_is_seen_at_the_pixel_of_the_pinhole_model(opened: Open) -> None
 
 
 def test_every_pixel_with_depth_lies_on_what_it_is_labelled(opened: Open) -> None:
-    ground = box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), semantic=Semantic.ROAD)
+    ground = build_box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), semantic=Semantic.ROAD)
     camera = pose_matrix((0.0, 0.0, 2.0), yaw=0.3, pitch=0.1)
     with opened(world_of(ground), air_of(sky=uniform(1000.0)), samples=3) as renderer:
         renderer.place(frame_of(state(3, (12.0, 3.0, 0.0), yaw=0.5)))
@@ -271,7 +255,7 @@ def test_every_pixel_with_depth_lies_on_what_it_is_labelled(opened: Open) -> Non
 
 
 def test_a_camera_does_not_see_its_carrier_but_all_else(opened: Open) -> None:
-    wall = box((21.0, 0.0, 1.0), (2.0, 60.0, 60.0), semantic=Semantic.WALL)
+    wall = build_box((21.0, 0.0, 1.0), (2.0, 60.0, 60.0), semantic=Semantic.WALL)
     with opened(world_of(wall), air_of(sky=uniform(1000.0))) as renderer:
         renderer.place(frame_of(state(1, (5.0, 0.0, 0.0)), state(2, (10.0, 3.0, 0.0))))
         hidden = renderer.render_camera(view_of(hide=1))
@@ -282,7 +266,7 @@ def test_a_camera_does_not_see_its_carrier_but_all_else(opened: Open) -> None:
     assert centre(hidden.semantic) == Semantic.WALL
 
 
-def test_who_leaves_the_frame_is_gone_and_another_may_come(opened: Open) -> None:
+def test_an_actor_that_leaves_disappears_and_its_bodies_serve_another(opened: Open) -> None:
     with opened(world_of(), air_of(sky=uniform(1000.0))) as renderer:
         seen: list[set[int]] = []
         for states in ((state(1, (8, 0, 0)),), (), (state(5, (9, 0, 0)),)):
@@ -293,10 +277,10 @@ def test_who_leaves_the_frame_is_gone_and_another_may_come(opened: Open) -> None
 
 def test_wheels_turn_and_steer_with_their_actor_and_hide_with_it(opened: Open) -> None:
     # Seen from the left: a bar of 1.6 m by 0.2 m that lies along x and turns 0.8 m above ground.
-    bar = box((0, 0, 0.8), (1.6, 0.2, 0.2), semantic=Semantic.VEHICLE)
+    bar = build_box((0, 0, 0.8), (1.6, 0.2, 0.2), semantic=Semantic.VEHICLE)
     rolling = replace(bar, wheel=Wheel((0.0, 0.0, 0.8), is_steered=True))
     body = Body((rolling,), (1.6, 0.2, 1.6))
-    world = replace(world_of(box((0, 9, 4), (20, 1, 9))), bodies={"box": body})
+    world = replace(world_of(build_box((0, 9, 4), (20, 1, 9))), bodies={"box": body})
     view = view_of(pose_matrix((0.0, -4.0, 0.8), yaw=np.pi / 2))
 
     def extent_px(*, travelled_m: float = 0.0, steering_rad: float = 0.0) -> list[int]:
@@ -327,7 +311,7 @@ def test_paint_is_the_actors_own(opened: Open) -> None:
 
 
 def test_pictures_do_not_depend_on_what_was_rendered_before(opened: Open) -> None:
-    ground = box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "asphalt")
+    ground = build_box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "asphalt")
     air = air_of(mor_m=300.0, sky=uniform(900.0), sun_lx=3e4, airlight=grey(900.0))
     frames = [frame_of(state(1, (8.0 + k, 1.0, 0.0)), index=k) for k in range(2)]
     views = [
@@ -351,7 +335,7 @@ def test_pictures_do_not_depend_on_what_was_rendered_before(opened: Open) -> Non
 
 
 def test_pictures_taken_together_are_those_taken_one_by_one(opened: Open) -> None:
-    ground = box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "asphalt")
+    ground = build_box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "asphalt")
     air = air_of(mor_m=300.0, sky=uniform(900.0), sun_lx=3e4, airlight=grey(900.0))
     far, near = pose_matrix((0, 0, 3), yaw=0.2), pose_matrix((0, 0, 1), yaw=-0.1)
     views = [
@@ -380,8 +364,8 @@ def test_what_is_left_out_of_a_picture_would_not_have_shown(
     opened: Open, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     around = [(8 * np.cos(turn), 8 * np.sin(turn)) for turn in np.arange(24) * np.pi / 12]
-    posts = [box((x, y, 2.0), (0.7, 0.7, 4.0)) for x, y in around]
-    ground = box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0))
+    posts = [build_box((x, y, 2.0), (0.7, 0.7, 4.0)) for x, y in around]
+    ground = build_box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0))
     frame = frame_of(*(state(k, (1.5 * x, 1.5 * y, 0)) for k, (x, y) in enumerate(around, 1)))
     air = air_of(sky=uniform(900.0), sun_lx=3e4, sun_elevation_deg=20.0)
     views = [view_of(pose_matrix((0, 0, 1), yaw=yaw, pitch=0.1), hide=3) for yaw in (0.0, 0.4, 2.0)]
@@ -399,7 +383,7 @@ def test_what_is_left_out_of_a_picture_would_not_have_shown(
     assert shoot() == culled
 
 
-def test_pictures_that_nobody_fetches_do_no_harm(opened: Open) -> None:
+def test_unfetched_images_do_no_harm(opened: Open) -> None:
     with opened(world_of(), air_of(sky=uniform(1000.0))) as renderer:
         renderer.place(frame_of(state(1, (8.0, 0.0, 0.0))))
         renderer.render_cameras([view_of(), view_of()])
@@ -408,8 +392,8 @@ def test_pictures_that_nobody_fetches_do_no_harm(opened: Open) -> None:
 
 
 def test_the_foot_of_a_wall_gets_less_of_the_sky_than_open_ground(opened: Open) -> None:
-    ground = box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "white")
-    wall = box((7.0, 0.0, 1.5), (1.0, 60.0, 3.0), "black")
+    ground = build_box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "white")
+    wall = build_box((7.0, 0.0, 1.5), (1.0, 60.0, 3.0), "black")
     ahead = view_of(pose_matrix((0.0, 0.0, 2.0), pitch=0.3), size=(160, 160))
     with opened(world_of(ground, wall), air_of(sky=uniform(1000.0)), samples=64) as renderer:
         renderer.place(frame_of())
@@ -424,7 +408,7 @@ def test_the_foot_of_a_wall_gets_less_of_the_sky_than_open_ground(opened: Open) 
 
 
 def test_open_ground_and_an_open_wall_hide_nothing_from_themselves() -> None:
-    ground = box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "white")
+    ground = build_box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "white")
     profile = RenderProfile("test", 1.0, "raster")
     with SapienBackend().open(world_of(ground), air_of(sky=uniform(1000.0)), profile) as renderer:
         renderer.place(frame_of())
@@ -447,7 +431,7 @@ def test_beams_in_fog_have_no_pattern_of_their_samples() -> None:
 
 
 def test_wet_asphalt_is_darker_below_and_mirrors_the_sky_ahead(opened: Open) -> None:
-    ground = box((0.0, 0.0, -0.5), (2000.0, 200.0, 1.0), "asphalt")
+    ground = build_box((0.0, 0.0, -0.5), (2000.0, 200.0, 1.0), "asphalt")
     seen: dict[float, Floats] = {}
     for wetness in (0.0, 1.0):
         air = air_of(sky=uniform(1000.0), wetness=wetness)
@@ -463,7 +447,7 @@ def test_wet_asphalt_is_darker_below_and_mirrors_the_sky_ahead(opened: Open) -> 
 
 
 def test_a_street_lamp_gives_the_illuminance_of_its_flux(opened: Open) -> None:
-    ground = box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "white")
+    ground = build_box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "white")
     lamp = StreetLamp((0.0, 0.0, 8.0), flux_lm=8000.0)
     world = world_of(ground, street_lamps=(lamp,))
     with opened(world, air_of(night=True)) as renderer:
@@ -476,7 +460,7 @@ def test_a_street_lamp_gives_the_illuminance_of_its_flux(opened: Open) -> None:
 
 
 def test_low_beams_light_the_road_ahead_by_night_only(opened: Open) -> None:
-    ground = box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "white")
+    ground = build_box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "white")
     seen: dict[tuple[bool, Lamp], Floats] = {}
     for night in (False, True):
         with opened(world_of(ground), air_of(night=night)) as renderer:
@@ -494,8 +478,8 @@ def test_low_beams_light_the_road_ahead_by_night_only(opened: Open) -> None:
     assert lit[50, 40] == 0.0
 
 
-def test_the_road_right_before_a_vehicle_is_lit_wherever_it_stands(opened: Open) -> None:
-    ground = box((0.0, 0.0, -0.5), (2000.0, 200.0, 1.0), "white")
+def test_the_road_right_before_a_vehicle_is_lit_at_any_position(opened: Open) -> None:
+    ground = build_box((0.0, 0.0, -0.5), (2000.0, 200.0, 1.0), "white")
     far_away = state(2, (-700.0, 0.0, 0.0), lamps=Lamp.LOW_BEAM, yaw=np.pi)
     seen: list[Floats] = []
     with opened(world_of(ground), air_of(night=True)) as renderer:
@@ -511,7 +495,7 @@ def test_the_road_right_before_a_vehicle_is_lit_wherever_it_stands(opened: Open)
 @pytest.mark.parametrize("lamps", [Lamp.LOW_BEAM, Lamp.FOG])
 def test_beams_have_the_pattern_that_sensors_know(opened: Open, lamps: Lamp) -> None:
     """On a wall 10 m ahead, at the height of the lamps and below."""
-    wall = world_of(box((11.5, 0.0, 0.0), (1.0, 30.0, 4.0), "white"))
+    wall = world_of(build_box((11.5, 0.0, 0.0), (1.0, 30.0, 4.0), "white"))
     frame = frame_of(state(1, (0.0, 0.0, 0.0), lamps=lamps))
     view = view_of(pose_matrix((1.0, 0.0, 0.7)), size=(180, 180))
     with opened(wall, air_of(night=True)) as renderer:
@@ -557,7 +541,7 @@ def test_a_signal_shows_its_lit_lens(opened: Open, shown: Signal) -> None:
 
 
 def test_brake_lamps_are_brighter_than_tail_lamps_and_those_than_none(opened: Open) -> None:
-    body = Body((box((0, 0, 1), (2, 2, 2), "lamp_red", Semantic.VEHICLE),), (2.0, 2.0, 2.0))
+    body = Body((build_box((0, 0, 1), (2, 2, 2), "lamp_red", Semantic.VEHICLE),), (2.0, 2.0, 2.0))
     with opened(world_of(bodies={"box": body}), air_of()) as renderer:
         seen: list[float] = []
         for lamps in (Lamp(0), Lamp.LOW_BEAM, Lamp.LOW_BEAM | Lamp.BRAKE):
@@ -595,8 +579,8 @@ def traced(
 
 
 def test_longer_paths_bring_light_round_the_corner() -> None:
-    ground = box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "white")
-    roof = box((0.0, 0.0, 3.5), (6.0, 6.0, 1.0))
+    ground = build_box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "white")
+    roof = build_box((0.0, 0.0, 3.5), (6.0, 6.0, 1.0))
     below = view_of(pose_matrix((0.0, 0.0, 1.0), pitch=-np.pi / 2), size=(16, 16))
     # The ceiling sees no sun; the sunlit ground around it does, one bounce further on.
     air = air_of(sun_lx=5e4, sun_elevation_deg=80.0)
@@ -609,7 +593,7 @@ def test_longer_paths_bring_light_round_the_corner() -> None:
 
 
 def test_more_samples_make_less_noise() -> None:
-    ground = box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "white")
+    ground = build_box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "white")
     air = air_of(sky=lambda sine: 9000.0 * np.maximum(sine, 0.0) ** 4)
     down = view_of(pose_matrix((0.0, 0.0, 5.0), pitch=np.pi / 2), size=(24, 24))
     few, many = (traced(world_of(ground), air, down, samples=samples).std() for samples in (2, 32))

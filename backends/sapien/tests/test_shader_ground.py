@@ -12,31 +12,26 @@ from numpy.typing import ArrayLike, NDArray
 from advercity.frames import Actor, ActorState, Frame, Lamp
 from advercity.geometry.mesh import Mesh
 from advercity.geometry.poses import pose_matrix, transform_points
-from advercity.materials import MATERIALS, Material
+from advercity.materials import MATERIALS
 from advercity.physics import water
 from advercity.physics.atmosphere import Atmosphere
-from advercity.physics.extinction import AirExtinction
-from advercity.physics.sky import build_airlight_cubemap
 from advercity.rendering.backend import CameraCapture, CameraView, RenderProfile
 from advercity.roads.lane_segments import LaneSegment
 from advercity.semantics import Semantic
 from advercity.world import Body, StreetLamp, World
+from tests.render_builders import (
+    LUMINANCE,
+    build_box,
+    build_clear_air,
+    set_matt_materials,
+)
 
 pytestmark = pytest.mark.render
 
 Kind = Literal["raster", "ray_traced"]
 both = pytest.mark.parametrize("kind", ["raster", "ray_traced"])
 
-CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-FACES = np.array(
-    [
-        *([0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]),
-        *([2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]),
-    ],
-    dtype=np.int32,
-)
 BLACK, GREY, WHITE = "wood", "concrete", "plaster"
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 UNLIT = Lamp(0)
 AHEAD = pose_matrix((0.0, 0.0, 1.5))
 ROAD = (0.0, 0.0, -0.5), (600.0, 600.0, 1.0), "asphalt"
@@ -45,38 +40,18 @@ ROAD = (0.0, 0.0, -0.5), (600.0, 600.0, 1.0), "asphalt"
 @pytest.fixture(autouse=True)
 def ideal_surfaces(monkeypatch: pytest.MonkeyPatch) -> None:
     # Under names that the ray caster knows.
-    for name, albedo in {BLACK: 0.0, GREY: 0.5, WHITE: 1.0}.items():
-        monkeypatch.setitem(MATERIALS, name, Material((albedo, albedo, albedo), 0.5, roughness=1.0))
+    set_matt_materials(monkeypatch, **{BLACK: 0.0, GREY: 0.5, WHITE: 1.0})
 
 
 def box(middle: ArrayLike, size: ArrayLike, material: str) -> Mesh:
-    vertices = np.asarray(middle) + CORNERS * np.asarray(size) / 2.0
     semantic = Semantic.ROAD if material == "asphalt" else Semantic.BUILDING
-    return Mesh(f"box {middle}", vertices.astype(np.float32), FACES, material, semantic)
+    return build_box(middle, size, material, semantic)
 
 
 def world_of(*static: Mesh, **more: Any) -> World:
     part = replace(box((0, 0, 1), (2, 2, 2), GREY), semantic=Semantic.VEHICLE)
     body = Body((part,), (2.0, 2.0, 2.0))
     return replace(World("test", static, {"box": body}, lanes=(), network=Path("none")), **more)
-
-
-def air_of(luminance: float = 1000.0, **more: Any) -> Atmosphere:
-    """Clear air under a sky as bright everywhere."""
-    air = Atmosphere(
-        extinction=AirExtinction(),
-        sun_direction=np.array([-0.6, 0.0, 0.8]),
-        sun_lx=0.0,
-        sun_colour=(1.0, 1.0, 1.0),
-        sky_lx=np.pi * luminance,
-        sky=np.full((6, 8, 8, 3), luminance, dtype=np.float32),
-        airlight=build_airlight_cubemap((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
-        street_lx=0.0,
-        wetness=0.0,
-        puddle_coverage=0.0,
-        night=False,
-    )
-    return replace(air, **more)
 
 
 def state(at: ArrayLike, *, lamps: Lamp = UNLIT) -> ActorState:
@@ -109,7 +84,7 @@ def downwards(height_m: float, x: float = 0.0, y: float = 0.0) -> NDArray[np.flo
 
 
 def fresnel(cosine: float, index: float = 1.333) -> float:
-    """Mirrored share of unpolarised light (Fresnel)."""
+    """Fresnel reflectance of unpolarised light."""
     inside = np.sqrt(1.0 - (1.0 - cosine**2) / index**2)
     across = (cosine - index * inside) / (cosine + index * inside)
     along = (index * cosine - inside) / (index * cosine + inside)
@@ -121,7 +96,13 @@ def test_puddles_lie_where_the_lidar_finds_them(kind: Kind) -> None:
     world = world_of(box(*ROAD))
     above = downwards(12.0)
     dry, wet = (
-        shot(kind, world, air_of(wetness=0.01, puddle_coverage=share), at=above, samples=8)
+        shot(
+            kind,
+            world,
+            build_clear_air(1000.0, wetness=0.01, puddle_coverage=share),
+            at=above,
+            samples=8,
+        )
         for share in (0.0, 0.35)
     )
     row, column = np.indices(dry.depth.shape) + 0.5
@@ -136,12 +117,12 @@ def test_puddles_lie_where_the_lidar_finds_them(kind: Kind) -> None:
 
 @both
 @pytest.mark.parametrize("row", [27, 30, 36])
-def test_standing_water_mirrors_as_fresnel_says(
+def test_standing_water_has_fresnel_reflectance(
     kind: Kind, row: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(MATERIALS, "asphalt", replace(MATERIALS["asphalt"], albedo=(0.0, 0.0, 0.0)))
     wall = box((21.0, 0.0, 40.0), (2.0, 400.0, 80.0), BLACK)
-    air = air_of(wetness=1.0, puddle_coverage=1.0)
+    air = build_clear_air(1000.0, wetness=1.0, puddle_coverage=1.0)
     sky, dark = (
         luminance(shot(kind, world_of(box(*ROAD), *walls), air, size=(49, 49)))
         for walls in ((), (wall,))
@@ -157,7 +138,7 @@ def test_a_wet_road_mirrors_the_brake_lamps_ahead(kind: Kind) -> None:
     world, columns = world_of(box(*ROAD)), slice(46, 50)
     below = 36 + round(48 * (1.5 + 0.65) / 24.9)
     seen = [
-        shot(kind, world, air_of(0.02, night=True, wetness=wetness), ahead, samples=32)
+        shot(kind, world, build_clear_air(0.02, night=True, wetness=wetness), ahead, samples=32)
         for wetness in (0.0, 1.0)
     ]
     dry, wet = (capture.radiance[below - 1 : below + 2, columns, 0].mean() for capture in seen)
@@ -168,7 +149,7 @@ def test_a_wet_road_mirrors_the_brake_lamps_ahead(kind: Kind) -> None:
 
 def test_lamps_too_far_to_light_the_road_are_mirrored_in_it() -> None:
     lamp = StreetLamp((200.0, 0.0, 8.0))
-    air = air_of(0.01, night=True, wetness=1.0)
+    air = build_clear_air(0.01, night=True, wetness=1.0)
     lit, unlit = (
         luminance(shot("raster", world_of(box(*ROAD), street_lamps=lamps), air))
         for lamps in ((lamp,), ())
@@ -188,7 +169,13 @@ def test_two_hundred_lamps_light_the_road_as_each_of_them_would(kind: Kind) -> N
     road = box((0.0, 0.0, -0.5), (600.0, 600.0, 1.0), WHITE)
     at = downwards(5.0, *lamps[110].position[:2])
     one, all_of_them = (
-        shot(kind, world_of(road, street_lamps=some), air_of(0.0, night=True), at=at, size=(17, 17))
+        shot(
+            kind,
+            world_of(road, street_lamps=some),
+            build_clear_air(0.0, night=True),
+            at=at,
+            size=(17, 17),
+        )
         for some in ((lamps[110],), lamps)
     )
     places = np.array([lamp.position for lamp in lamps])
@@ -201,7 +188,7 @@ def test_two_hundred_lamps_light_the_road_as_each_of_them_would(kind: Kind) -> N
 @both
 def test_a_hidden_carrier_casts_its_shadow(kind: Kind) -> None:
     ground = box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), WHITE)
-    air = air_of(0.0, sun_lx=5e4)
+    air = build_clear_air(0.0, sun_lx=5e4)
     # The sun stands behind: the shadow of the two metres reaches from 1.0 to 2.5 m ahead.
     seen = [
         shot(
@@ -216,7 +203,7 @@ def test_a_hidden_carrier_casts_its_shadow(kind: Kind) -> None:
 
 
 def snow(**more: Any) -> Atmosphere:
-    return air_of(snow_depth_m=0.03, **more)
+    return build_clear_air(1000.0, snow_depth_m=0.03, **more)
 
 
 @both
@@ -243,12 +230,12 @@ def test_snow_lies_on_what_faces_up_and_not_on_walls_or_under_roofs(kind: Kind) 
 @both
 @pytest.mark.parametrize("cover", [0.3, 0.6])
 @pytest.mark.parametrize("height_m", [15.0, 200.0])
-def test_snow_covers_the_authored_share_of_the_road(
+def test_snow_covers_the_authored_fraction_of_the_road(
     kind: Kind, cover: float, height_m: float
 ) -> None:
     bare, snowed = (
         luminance(shot(kind, world_of(box(*ROAD)), air, at=downwards(height_m), samples=4)).mean()
-        for air in (air_of(), snow(road_snow_cover=cover, rut_snow_cover=0.2))
+        for air in (build_clear_air(1000.0), snow(road_snow_cover=cover, rut_snow_cover=0.2))
     )
     # Without lanes there are no ruts: what lies between them is as much as makes up for them.
     between = (cover - 0.3 * 0.2) / 0.7

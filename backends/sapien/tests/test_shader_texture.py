@@ -1,4 +1,4 @@
-"""What textures do to materials: much up close, nothing to their mean, nothing far away."""
+"""Textures of materials: visible up close, averaged far away, without effect on the mean."""
 
 from pathlib import Path
 from typing import Literal

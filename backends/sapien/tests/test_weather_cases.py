@@ -1,4 +1,4 @@
-"""Verification cases of the weather that are about pictures, by real renders."""
+"""Verification cases of the weather reference, by rendered images."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -11,33 +11,27 @@ import pytest
 from advercity_dsl import Camera, Mount, Weather
 from advercity_sapien import SapienBackend
 from advercity_sapien.renderer import SapienRenderer
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from advercity.compiler import find_weather
 from advercity.frames import Frame
 from advercity.geometry.mesh import Mesh
 from advercity.geometry.poses import pose_matrix
-from advercity.materials import MATERIALS, Material
 from advercity.physics.atmosphere import Atmosphere, compute_atmosphere
 from advercity.physics.sky import build_airlight_cubemap
 from advercity.rendering.backend import CameraCapture, CameraView, RenderProfile
-from advercity.semantics import Semantic
 from advercity.sensors.camera import CameraConditions, CameraExposure, add_air_effects
 from advercity.world import World
+from tests.render_builders import (
+    LUMINANCE,
+    build_box,
+    set_matt_materials,
+)
 
 pytestmark = pytest.mark.render
 
 Open = Callable[..., AbstractContextManager[SapienRenderer]]
 Floats = NDArray[np.floating]
-CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-FACES = np.array(
-    [
-        *([0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]),
-        *([2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]),
-    ],
-    dtype=np.int32,
-)
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 SIDES = ((1, "card"), (-1, "black"))
 STRIP = np.arange(-3, 4)
 NAMES = ["clear_day", "soft_rain_day", "heavy_rain_day", "fog_day", "foggy_heavy_rain_day"]
@@ -45,8 +39,7 @@ NAMES = ["clear_day", "soft_rain_day", "heavy_rain_day", "fog_day", "foggy_heavy
 
 @pytest.fixture(autouse=True)
 def ideal_surfaces(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name, albedo in {"black": 0.0, "grey": 0.3, "card": 0.8, "white": 1.0}.items():
-        monkeypatch.setitem(MATERIALS, name, Material((albedo, albedo, albedo), 0.5, roughness=1.0))
+    set_matt_materials(monkeypatch, black=0.0, grey=0.3, card=0.8, white=1.0)
 
 
 @pytest.fixture(params=["raster", "ray_traced"])
@@ -67,12 +60,6 @@ def opening(renderer: Literal["raster", "ray_traced"]) -> Open:
         return SapienBackend().open(world, air, profile)
 
     return open_it
-
-
-def box(middle: ArrayLike, size: ArrayLike, material: str) -> Mesh:
-    vertices = np.asarray(middle) + CORNERS * np.asarray(size) / 2.0
-    name = f"box {middle}"
-    return Mesh(name, vertices.astype(np.float32), FACES, material, Semantic.BUILDING)
 
 
 def world_of(*static: Mesh) -> World:
@@ -101,7 +88,7 @@ def rendered(
 
 def card(distance_m: float) -> World:
     """A black card straight ahead."""
-    return world_of(box((distance_m + 0.5, 0.0, 0.0), (1.0, distance_m, distance_m), "black"))
+    return world_of(build_box((distance_m + 0.5, 0.0, 0.0), (1.0, distance_m, distance_m), "black"))
 
 
 def airlight_ahead(air: Atmosphere) -> float:
@@ -154,8 +141,8 @@ def test_white_things_in_white_fog_under_a_white_dome_are_not_to_be_seen(opened:
         airlight=build_airlight_cubemap((dome, dome, dome), (dome, dome, dome)),
     )
     things = world_of(
-        box((20.0, 0.0, 0.0), (4.0, 6.0, 6.0), "white"),
-        box((60.0, 30.0, 5.0), (8.0, 8.0, 8.0), "white"),
+        build_box((20.0, 0.0, 0.0), (4.0, 6.0, 6.0), "white"),
+        build_box((60.0, 30.0, 5.0), (8.0, 8.0, 8.0), "white"),
     )
     view = view_of(pose_matrix((0.0, 0.0, 1.0)), (80, 45))
     seen = luminance(rendered(opened, things, white, view, samples=12))
@@ -164,7 +151,7 @@ def test_white_things_in_white_fog_under_a_white_dome_are_not_to_be_seen(opened:
 
 def test_a_white_card_under_a_clear_sky_shines_with_26_kcd(opened: Open) -> None:
     air = compute_atmosphere(weather(air={"mor_m": None}), "rural")
-    ground = world_of(box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "card"))
+    ground = world_of(build_box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "card"))
     down = view_of(pose_matrix((0.0, 0.0, 5.0), pitch=np.pi / 2), (32, 18))
     seen = luminance(rendered(opened, ground, air, down, samples=16))
     assert float(seen.mean()) == pytest.approx(25_900.0, rel=0.03)
@@ -173,12 +160,12 @@ def test_a_white_card_under_a_clear_sky_shines_with_26_kcd(opened: Open) -> None
 def street() -> World:
     """Dark and bright posts and walls along a road, near and far."""
     posts = [
-        box((x, side * 4.0, 1.5), (0.3, 0.3, 3.0), paint)
+        build_box((x, side * 4.0, 1.5), (0.3, 0.3, 3.0), paint)
         for x in (6.0, 10.0, 16.0, 25.0, 40.0, 60.0, 90.0)
         for side, paint in ((-1.0, "black"), (1.0, "card"))
     ]
-    walls = [box((30.0 * n, 12.0, 3.0), (8.0, 2.0, 6.0), "grey") for n in range(1, 7)]
-    return world_of(box((0.0, 0.0, -0.5), (400.0, 60.0, 1.0), "asphalt"), *posts, *walls)
+    walls = [build_box((30.0 * n, 12.0, 3.0), (8.0, 2.0, 6.0), "grey") for n in range(1, 7)]
+    return world_of(build_box((0.0, 0.0, -0.5), (400.0, 60.0, 1.0), "asphalt"), *posts, *walls)
 
 
 def through_air(
@@ -207,7 +194,7 @@ def test_weathers_cost_contrast_in_the_order_of_their_names(rasterised: Open) ->
 
 def far_contrast(opened: Open, said: Weather) -> float:
     """Of a white card 60 m away against a black one, in the light that the camera gets."""
-    sides = [box((60.5, side * 10.0, 0.0), (1.0, 12.0, 20.0), paint) for side, paint in SIDES]
+    sides = [build_box((60.5, side * 10.0, 0.0), (1.0, 12.0, 20.0), paint) for side, paint in SIDES]
     seen = luminance(through_air(opened, world_of(*sides), said))
     bright, dark = (float(np.median(seen[40:50, 80 - 13 * side + STRIP])) for side, _ in SIDES)
     return (bright - dark) / (bright + dark)
@@ -230,7 +217,7 @@ def test_more_rain_never_lets_one_see_farther(opened: Open) -> None:
     assert found == sorted(found, reverse=True)
 
 
-def test_every_component_of_weather_can_be_turned_off(opened: Open) -> None:
+def test_every_component_of_weather_can_be_disabled(opened: Open) -> None:
     clear = {"sky": {"oktas": 8, "diffuse_lx": 9000.0}, "air": {"mor_m": None}}
     plain = through_air(opened, street(), weather(**clear))
     off: dict[str, dict[str, object]] = {

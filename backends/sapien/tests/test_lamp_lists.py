@@ -1,0 +1,75 @@
+"""Lists of the lamps of cells, tiles and bearings, without a device."""
+
+import numpy as np
+import pytest
+from advercity_sapien.lamp_lists import LampLists
+from advercity_sapien.shader_table import (
+    BEARINGS,
+    COLUMNS,
+    GRID_CELLS,
+    LAMPS_PER_BEARING,
+    LAMPS_PER_CELL,
+    LAMPS_PER_TILE,
+    TILES_HIGH,
+    TILES_WIDE,
+    ShaderTable,
+)
+from numpy.typing import NDArray
+
+from advercity.geometry.poses import pose_matrix
+from advercity.physics.lamp_beams import LampPattern, LightSource
+from advercity.rendering.backend import CameraView
+from tests.render_builders import build_clear_air
+
+VIEW = CameraView(pose_matrix((0.0, 0.0, 1.5)), 160, 90, np.radians(90.0))
+
+
+def street_lamp(x: float, y: float, intensity_cd: float = 1000.0) -> LightSource:
+    facing = (0.0, 0.0, -1.0)
+    return LightSource(LampPattern.STREET, (x, y, 8.0), facing, intensity_cd, (1.0, 1.0, 1.0))
+
+
+def write(*lamps: LightSource) -> tuple[LampLists, ShaderTable]:
+    lists, table = LampLists(lamps, build_clear_air(night=True)), ShaderTable()
+    lists.write_to(table, VIEW)
+    return lists, table
+
+
+def entries(table: ShaderTable, section: str, lists: int, length: int) -> NDArray[np.float32]:
+    """Lists (lists, length) of a section."""
+    return table.section(section).reshape(-1)[: lists * length].reshape(lists, length)
+
+
+def cell_of(lists: LampLists, x: float, y: float) -> int:
+    left, low, per_x, per_y = lists.cell_grid
+    return int((y - low) * per_y) * GRID_CELLS + int((x - left) * per_x)
+
+
+def test_without_lamps_every_list_is_empty() -> None:
+    _, table = write()
+    assert (entries(table, "cells", GRID_CELLS**2, LAMPS_PER_CELL) == -1).all()
+    assert (entries(table, "tiles", TILES_HIGH * TILES_WIDE, LAMPS_PER_TILE) == -1).all()
+    assert (entries(table, "bearings", BEARINGS, LAMPS_PER_BEARING) == -1).all()
+
+
+@pytest.mark.parametrize("number", range(5))
+def test_the_lamp_above_a_cell_is_the_first_of_its_list(number: int) -> None:
+    lamps = [street_lamp(60.0 * index, 10.0, 1000.0 - index) for index in range(5)]
+    lists, table = write(*lamps)
+    cells = entries(table, "cells", GRID_CELLS**2, LAMPS_PER_CELL)
+    assert cells[cell_of(lists, 60.0 * number, 10.0), 0] == number
+
+
+def test_a_bearing_lists_the_lamps_in_its_direction() -> None:
+    _, table = write(street_lamp(50.0, 0.1), street_lamp(-50.0, 0.1))
+    bearings = entries(table, "bearings", BEARINGS, LAMPS_PER_BEARING)
+    ahead, behind = bearings[BEARINGS // 2], bearings[BEARINGS - 1]
+    assert (ahead[:2].tolist(), behind[:2].tolist()) == ([0, -1], [1, -1])
+
+
+def test_only_the_brightest_lamps_are_in_the_table() -> None:
+    lamps = [street_lamp(index % 40, index // 40, 1.0 + index) for index in range(COLUMNS + 20)]
+    _, table = write(*lamps)
+    kcd = table.section("lamps")[2, :, 0]
+    assert kcd[0] == pytest.approx((COLUMNS + 20) / 1000.0)
+    assert kcd.min() == pytest.approx(21 / 1000.0)
