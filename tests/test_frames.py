@@ -4,11 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from advercity_dsl.weather import Lamps
 
 from advercity.errors import RunError
 from advercity.frames import STATE_DTYPE, Actor, Lamp, Signal, Trace, extract_planned_trajectory
-from advercity.traffic.weather_effects import apply_lamp_state
 
 CAR = Actor(101, "car", "sedan", "car_paint_blue", (4.5, 1.8, 1.5))
 WALKER = Actor(5001, "pedestrian", "adult", "cloth_dark", (0.4, 0.4, 1.8))
@@ -109,16 +107,3 @@ def test_a_plan_starts_at_the_tick_that_is_asked_for():
     assert extract_planned_trajectory(trace, 101, 1).shape == (9, 3)
     with pytest.raises(KeyError):
         extract_planned_trajectory(trace, 5001, 0)
-
-
-def test_weather_lights_beams_and_leaves_brakes_to_the_driver():
-    frame = trace_of(row(0, 0, 1.0, lamps=Lamp.BRAKE), row(0, 1, 2.0), row(0, 2, 3.0)).build_frame(
-        0
-    )
-
-    foggy = apply_lamp_state(frame, Lamps(low_beam=True, fog=True))
-
-    assert foggy.get_state(101).lamps == Lamp.BRAKE | Lamp.LOW_BEAM | Lamp.FOG
-    assert foggy.get_state(1001).lamps == Lamp.LOW_BEAM
-    assert foggy.get_state(5001).lamps == Lamp(0)
-    assert apply_lamp_state(frame, Lamps(low_beam=False)).get_state(101).lamps == Lamp.BRAKE

@@ -1,37 +1,21 @@
-"""Lamps as drivers and weather switch them: beams, fog lamps, brakes, indicators; and umbrellas."""
+"""Lamps and umbrellas as the weather changes them."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from advercity_dsl import Catalogue
 from advercity_dsl.weather import Lamps
 
-from advercity.assets.bodies import build_body
-from advercity.compiler import load_library
 from advercity.frames import Actor, ActorState, Frame, Lamp
 from advercity.geometry import poses
-from advercity.physics.lamp_beams import LampPattern, LightSource, intensity_towards
-from advercity.rendering.light_sources import AMBER_LAMP_COLOUR, RED_LAMP_COLOUR, list_light_sources
 from advercity.traffic.weather_effects import apply_lamp_state, raise_umbrellas
-from advercity.world import World
 
-CATALOGUE = load_library(Path(__file__).parents[2] / "library").get_declarations(Catalogue)[
-    "adver_city"
-]
 CAR = Actor(101, "car", "lincoln_mkz_2017", "car_paint_blue", (4.9, 2.1, 1.5))
-EMPTY = World("w", (), bodies={}, lanes=(), network=Path("none"))
-MOTOR = ("car", "van", "truck", "motorcycle")
 
 
 def frame(lamps: Lamp, *, time_s: float = 0.0, actor: Actor = CAR) -> Frame:
     pose = poses.pose_matrix((10.0, 0.0, 0.0), yaw=np.pi / 2)
     return Frame(0, time_s, (ActorState(actor, pose, 5.0, 0.0, lamps),), {})
-
-
-def shining(lamps: Lamp) -> list[LightSource]:
-    return list_light_sources(EMPTY, frame(lamps))
 
 
 def test_an_indicator_blinks_three_times_in_two_seconds():
@@ -67,112 +51,6 @@ def test_a_blink_leaves_the_other_lamps_alone():
     assert shown == {Lamp.BRAKE | Lamp.LOW_BEAM, on | Lamp.LOW_BEAM}
 
 
-def test_an_indicator_shines_amber_from_both_ends_of_its_own_side():
-    lamps = shining(Lamp.LEFT)
-
-    assert [lamp.colour for lamp in lamps] == [AMBER_LAMP_COLOUR, AMBER_LAMP_COLOUR]
-    # The car heads north: its left is west, x < 10.
-    assert all(lamp.position[0] == pytest.approx(10.0 - 0.4 * 2.1) for lamp in lamps)
-    assert sorted(round(lamp.position[1], 2) for lamp in lamps) == [-2.55, 2.55]
-    front = max(lamps, key=lambda lamp: lamp.position[1])
-    assert front.facing == pytest.approx((0.0, 1.0, 0.0), abs=1e-9)
-    assert 175 <= front.intensity_cd <= 1000
-    assert all(shining(Lamp.RIGHT)[k].position[0] > 10.0 for k in range(2))
-
-
-def test_brake_and_rear_fog_lamps_outshine_tail_lamps_within_what_the_rules_allow():
-    def red_cd(lamps: Lamp) -> float:
-        return sum(lamp.intensity_cd for lamp in shining(lamps) if lamp.colour == RED_LAMP_COLOUR)
-
-    tail, brake, fog = (red_cd(Lamp.LOW_BEAM | more) for more in (Lamp(0), Lamp.BRAKE, Lamp.FOG))
-    assert 4 <= tail <= 34
-    assert 120 <= brake <= 520
-    assert 150 <= fog - tail <= 300
-    assert not shining(Lamp(0))
-
-
-@pytest.mark.parametrize(
-    ("off_axis_deg", "least", "most"),
-    [(0, 1.0, 1.0), (5, 0.7, 0.9), (10, 0.35, 0.7), (20, 0.1, 0.35), (45, 0.0, 0.05), (90, 0, 0)],
-)
-def test_rear_lamps_shine_behind_and_hardly_on_the_road_below(
-    off_axis_deg: float, least: float, most: float
-) -> None:
-    """The least is UN R148's share of the peak; the car heads north."""
-    brake = next(lamp for lamp in shining(Lamp.BRAKE) if lamp.colour == RED_LAMP_COLOUR)
-    down = np.radians(off_axis_deg)
-    ray = np.array([0.0, -np.cos(down), -np.sin(down)])
-    share = intensity_towards([brake], ray[None, None])[0, 0] / brake.intensity_cd
-    assert least - 1e-9 <= share <= most + 1e-9
-
-
-def test_low_beams_are_dipped_and_as_strong_as_the_rules_ask():
-    beams = [lamp for lamp in shining(Lamp.LOW_BEAM) if lamp.pattern is LampPattern.LOW_BEAM]
-    assert len(beams) == 2
-    assert all(10.1e3 < beam.intensity_cd < 25e3 for beam in beams)
-    # The car heads north, its lamps are some 1.3 m apart (weather reference) and look ahead.
-    apart_m = abs(beams[0].position[0] - beams[1].position[0])
-    assert apart_m == pytest.approx(1.4, abs=0.15)
-    assert all(beam.facing == pytest.approx((0.0, 1.0, 0.0), abs=1e-9) for beam in beams)
-
-
-def test_a_motorcycle_has_one_beam_and_no_fog_lamps():
-    rider = replace(CAR, actor_class="motorcycle", size=(2.0, 0.8, 1.5))
-    states = apply_lamp_state(frame(Lamp(0), actor=rider), Lamps(low_beam=True, fog=True))
-    assert [lamp.pattern for lamp in list_light_sources(EMPTY, states)] == [
-        LampPattern.LOW_BEAM,
-        LampPattern.LENS,
-    ]
-
-
-def test_front_fog_lamps_look_below_the_dipped_beams_from_below_them():
-    lamps = shining(Lamp.LOW_BEAM | Lamp.FOG)
-    beams = [lamp for lamp in lamps if lamp.pattern is LampPattern.LOW_BEAM]
-    (fog,) = (lamp for lamp in lamps if lamp.pattern is LampPattern.FOG_BEAM)
-    assert fog.position[2] < min(beam.position[2] for beam in beams)
-    assert fog.facing[2] < 0.0
-    assert fog.intensity_cd < min(beam.intensity_cd for beam in beams)
-
-
-@pytest.mark.parametrize(
-    ("above_deg", "aside_deg", "least_cd", "most_cd"),
-    [
-        *((up, 0, 0, most) for up, most in [(20, 60), (8, 90), (4, 105), (2, 170), (1, 250)]),
-        *((0, aside, 0, 340) for aside in (-10, 0, 10)),
-        *((-2.5, aside, 2000, 8000) for aside in (-5, 0, 10)),
-        *((-3.5, aside, 800, 8000) for aside in (-22, 22)),
-        *((-4.5, aside, 320, 8000) for aside in (-35, 35)),
-    ],
-)
-def test_a_front_fog_lamp_is_cut_off_and_as_wide_as_its_regulation_asks(
-    above_deg: float, aside_deg: float, least_cd: float, most_cd: float
-) -> None:
-    """UN R19, class F3, of each of the two lamps that one stands for; the car heads north."""
-    (both,) = (lamp for lamp in shining(Lamp.FOG) if lamp.pattern is LampPattern.FOG_BEAM)
-    up, right = np.radians([above_deg, aside_deg])
-    ray = np.array([np.cos(up) * np.sin(right), np.cos(up) * np.cos(right), np.sin(up)])
-    one_cd = intensity_towards([both], ray[None, None])[0, 0] / 2.0
-    assert least_cd <= one_cd <= most_cd
-
-
-@pytest.mark.parametrize(
-    "name", [n for n, made in CATALOGUE.blueprints.items() if made.actor_class in MOTOR]
-)
-def test_every_motor_vehicle_has_an_indicator_at_each_corner(name: str):
-    made = build_body(name, CATALOGUE.blueprints[name])
-    found = {
-        part.material: part.vertices[np.unique(part.triangles)]
-        for part in made.parts
-        if part.material.startswith("lamp_amber")
-    }
-    assert set(found) == {"lamp_amber_left", "lamp_amber_right"}
-    assert found["lamp_amber_left"][:, 1].min() > 0 > found["lamp_amber_right"][:, 1].max()
-    for points in found.values():
-        assert points[:, 0].max() > 0.2 * made.size[0]
-        assert points[:, 0].min() < -0.2 * made.size[0]
-        assert (np.abs(points) <= np.array(made.size) * (0.5, 0.5, 1) + 0.03).all()
-
-
 def test_bicycles_have_no_indicators():
     rider = replace(CAR, actor_class="bicycle", size=(1.7, 0.6, 1.6))
     shown = [
@@ -204,3 +82,19 @@ def test_umbrellas_go_up_with_the_rain_and_stay_up_when_it_gets_harder():
     assert up(1.5) <= up(4.5) <= up(50.0)
     assert len(up(50.0)) == 200
     assert raise_umbrellas(frame(Lamp(0)), 50.0, seed=7).states[0].umbrella is False
+
+
+def test_weather_lights_beams_and_leaves_brakes_to_the_driver():
+    foggy = Lamps(low_beam=True, fog=True)
+    cyclist = Actor(1001, "bicycle", "roadster", "car_paint_red", (1.8, 0.6, 1.7))
+    walker = Actor(5001, "pedestrian", "adult", "cloth_dark", (0.4, 0.4, 1.8))
+
+    assert (
+        apply_lamp_state(frame(Lamp.BRAKE), foggy).get_state(101).lamps
+        == Lamp.BRAKE | Lamp.LOW_BEAM | Lamp.FOG
+    )
+    lit = apply_lamp_state(frame(Lamp(0), actor=cyclist), foggy)
+    assert lit.get_state(1001).lamps == Lamp.LOW_BEAM
+    assert apply_lamp_state(frame(Lamp(0), actor=walker), foggy).get_state(5001).lamps == Lamp(0)
+    dark = apply_lamp_state(frame(Lamp.BRAKE), Lamps(low_beam=False))
+    assert dark.get_state(101).lamps == Lamp.BRAKE
