@@ -1,6 +1,4 @@
-"""How streets and junctions are laid out."""
-
-from pathlib import Path
+"""Layout of streets and junctions."""
 
 import numpy as np
 import pytest
@@ -40,16 +38,6 @@ traffic:
   around_path_m: 15
   classes: {car: 1, van: 0, truck: 0, bicycle: 0, motorcycle: 0}
 """
-
-
-@pytest.fixture(scope="module")
-def layouts(library: Path) -> dict[str, RoadLayout]:
-    """Every shipped road, laid out."""
-    return {name: lay_out_road(read(library / f"nhtsa/roads/{name}.yaml")) for name in NAMES}
-
-
-def read(path: Path) -> Road:
-    return Road.model_validate(yaml.safe_load(path.read_text(encoding="utf-8")))
 
 
 def tiny(old: str = "", new: str = "") -> Road:
@@ -121,7 +109,7 @@ def test_opposite_lanes_are_travelled_in_opposite_directions() -> None:
         ("{movements:", "{median: [a, d], movements:", "unknown name 'd'; available: a, b"),
     ],
 )
-def test_a_road_that_names_what_is_not_there_is_refused(old: str, new: str, message: str) -> None:
+def test_a_reference_to_a_missing_part_is_refused(old: str, new: str, message: str) -> None:
     with pytest.raises(ValidationError, match=message):
         tiny(old, new)
 

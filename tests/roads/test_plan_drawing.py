@@ -1,3 +1,5 @@
+"""Plans of roads."""
+
 from pathlib import Path
 
 import cv2

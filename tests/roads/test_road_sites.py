@@ -1,4 +1,4 @@
-"""The five roads against what was measured on the maps they stand for."""
+"""The five shipped roads against measurements on the maps that they reproduce."""
 
 from collections.abc import Iterator
 from itertools import pairwise, product
@@ -8,16 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from advercity_dsl import Road, RoadsideUnit, Vehicle
+from advercity_dsl import RoadsideUnit, Vehicle
 
 from advercity.geometry import polyline
-from advercity.roads.layout import ConnectingPath as Way
-from advercity.roads.layout import JunctionLayout, RoadLayout, lay_out_road
+from advercity.roads.layout import ConnectingPath, JunctionLayout, RoadLayout
 from advercity.roads.streets import StreetLayout
 
 NAMES = ("ui", "unj", "ri", "rsnj", "rcnj")
 FAR_OFF = {("ui", "cav2"): 0.75, ("ri", "cav2"): 0.75}
-"""Cars that start more than half a metre beside their lane's centre in the original too."""
+"""Cars that start more than half a metre from their lane's centre in the original, too."""
 
 LANE_CENTRES = [
     ("ui", "north_road", True, 1, (-6.09, -118.32, 0.0)),
@@ -60,20 +59,9 @@ def places() -> dict[str, Any]:
     return yaml.safe_load(text)
 
 
-@pytest.fixture(scope="module")
-def layouts(library: Path) -> dict[str, RoadLayout]:
-    """Every shipped road, laid out."""
-    return {
-        name: lay_out_road(
-            Road.model_validate(
-                yaml.safe_load((library / f"nhtsa/roads/{name}.yaml").read_text(encoding="utf-8"))
-            )
-        )
-        for name in NAMES
-    }
-
-
-def beside(line: polyline.Points, point: tuple[float, ...]) -> tuple[float, float, float, float]:
+def project_on_line(
+    line: polyline.Points, point: tuple[float, ...]
+) -> tuple[float, float, float, float]:
     """How far left of a line (n, 3) a point is, and the station, height and heading there."""
     steps = np.diff(line[:, :2], axis=0)
     relative = np.array(point[:2]) - line[:-1, :2]
@@ -103,10 +91,10 @@ def vehicles(plan: RoadLayout) -> dict[str, Vehicle]:
     return {name: agent for name, agent in plan.road.agents.items() if isinstance(agent, Vehicle)}
 
 
-def turn_deg(way: Way, junction: JunctionLayout) -> float:
+def turn_deg(path: ConnectingPath, junction: JunctionLayout) -> float:
     """How far a movement turns, positive to the left."""
-    out = -junction.find_arm(way.movement.from_street).outward_direction
-    into = junction.find_arm(way.movement.to_street).outward_direction
+    out = -junction.find_arm(path.movement.from_street).outward_direction
+    into = junction.find_arm(path.movement.to_street).outward_direction
     return float(np.degrees(np.arctan2(out[0] * into[1] - out[1] * into[0], out @ into)))
 
 
@@ -118,38 +106,38 @@ def drives(plan: RoadLayout, vehicle: Vehicle, to: polyline.Points) -> Iterator[
     streets = [plan.streets[name] for name in vehicle.route]
     choices = [
         [
-            (junction, way)
+            (junction, path)
             for junction in plan.junctions.values()
-            for way in junction.connecting_paths
-            if (way.movement.from_street, way.movement.to_street) == pair
+            for path in junction.connecting_paths
+            if (path.movement.from_street, path.movement.to_street) == pair
         ]
         for pair in pairwise(vehicle.route)
     ]
-    for ways in product(*choices):
-        along = [street.ends == j.id for street, (j, _) in zip(streets, ways, strict=False)]
-        along.append(streets[-1].begins == ways[-1][0].id if ways else faces(vehicle, streets[0]))
-        leaves = [way.movement.from_lane for _, way in ways]
-        enters = [way.movement.to_lane for _, way in ways]
+    for paths in product(*choices):
+        along = [street.ends == j.id for street, (j, _) in zip(streets, paths, strict=False)]
+        along.append(streets[-1].begins == paths[-1][0].id if paths else faces(vehicle, streets[0]))
+        leaves = [path.movement.from_lane for _, path in paths]
+        enters = [path.movement.to_lane for _, path in paths]
         first = min(
-            (abs(beside(line, (*vehicle.spawn_m, 0))[0]), number)
-            for way, number, line in lanes_of(streets[0])
-            if way is along[0]
+            (abs(project_on_line(line, (*vehicle.spawn_m, 0))[0]), number)
+            for follows, number, line in lanes_of(streets[0])
+            if follows is along[0]
         )[1]
         numbers = [*leaves, enters[-1] if enters else first]
         lines = [
-            street.directed_line(street.find_lane(number, along=way).centre_t, along=way)
-            for street, number, way in zip(streets, numbers, along, strict=True)
+            street.directed_line(street.find_lane(number, along=follows).centre_t, along=follows)
+            for street, number, follows in zip(streets, numbers, along, strict=True)
         ]
-        start = beside(lines[0], (*vehicle.spawn_m, 0))[1]
-        end = beside(lines[-1], (*to, 0))[1]
-        through = [polyline.polyline_length(way.centre) for _, way in ways]
+        start = project_on_line(lines[0], (*vehicle.spawn_m, 0))[1]
+        end = project_on_line(lines[-1], (*to, 0))[1]
+        through = [polyline.polyline_length(path.centre) for _, path in paths]
         total = sum(map(polyline.polyline_length, lines[:-1])) + sum(through) + end - start
         yield sum(a != b for a, b in zip([first, *enters], numbers, strict=True)), total
 
 
 def faces(vehicle: Vehicle, street: StreetLayout) -> bool:
     """Whether a vehicle looks along the axis of a street."""
-    heading = beside(street.axis, (*vehicle.spawn_m, 0))[3]
+    heading = project_on_line(street.axis, (*vehicle.spawn_m, 0))[3]
     return bool(np.cos(heading - np.radians(vehicle.heading_deg)) > 0)
 
 
@@ -164,7 +152,7 @@ def test_lanes_run_where_the_maps_have_them(
 ) -> None:
     place = layouts[road].streets[street]
     band = place.find_lane(number, along=along)
-    lateral, _, z, _ = beside(place.directed_line(band.centre_t, along=along), point)
+    lateral, _, z, _ = project_on_line(place.directed_line(band.centre_t, along=along), point)
     assert abs(lateral) < 0.1
     assert z == pytest.approx(point[2], abs=0.05)
 
@@ -183,7 +171,7 @@ def test_connected_vehicles_start_where_they_did_on_a_lane_in_its_direction(
         found = [
             (abs(lateral), z)
             for _, _, line in lanes_of(plan.streets[vehicle.route[0]])
-            for lateral, _, z, lane_heading in [beside(line, (x, y, 0))]
+            for lateral, _, z, lane_heading in [project_on_line(line, (x, y, 0))]
             if np.cos(np.radians(heading_deg) - lane_heading) > np.cos(np.radians(6))
         ]
         lateral, z = min(found)
@@ -195,7 +183,7 @@ def test_connected_vehicles_start_where_they_did_on_a_lane_in_its_direction(
 def test_connected_vehicles_drive_as_far_as_in_the_original(
     layouts: dict[str, RoadLayout], places: dict[str, Any], name: str
 ) -> None:
-    """As far as both take the same way; the others' destinations lie beyond the sites."""
+    """Compared over the common part; some destinations of the original are beyond the sites."""
     for agent, original in places[name]["vehicles"].items():
         vehicle = vehicles(layouts[name])[agent]
         _, driven_m = min(drives(layouts[name], vehicle, original["to"]))
@@ -203,21 +191,21 @@ def test_connected_vehicles_drive_as_far_as_in_the_original(
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_one_may_drive_through_a_junction_as_in_the_original(
+def test_junctions_have_the_movements_of_the_original(
     layouts: dict[str, RoadLayout], places: dict[str, Any], name: str
 ) -> None:
     for junction, movements in places[name]["movements"].items():
         laid = layouts[name].junctions[junction]
-        ways = {way.id.removeprefix(f"{junction}: "): way for way in laid.connecting_paths}
-        assert set(ways) == set(movements)
+        paths = {path.id.removeprefix(f"{junction}: "): path for path in laid.connecting_paths}
+        assert set(paths) == set(movements)
         for movement, manoeuvre in movements.items():
-            turn = turn_deg(ways[movement], laid)
+            turn = turn_deg(paths[movement], laid)
             expected = {"left": turn > 40, "right": turn < -40, "straight": abs(turn) < 50}
             assert expected[manoeuvre], (junction, movement, turn)
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_lights_and_signs_stand_where_they_do_in_the_original(
+def test_lights_and_signs_are_where_the_original_has_them(
     layouts: dict[str, RoadLayout], places: dict[str, Any], name: str
 ) -> None:
     for junction, lights in places[name].get("lights", {}).items():
@@ -230,7 +218,7 @@ def test_lights_and_signs_stand_where_they_do_in_the_original(
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_roadside_units_stand_and_look_as_in_the_original(
+def test_roadside_units_have_the_poses_of_the_original(
     layouts: dict[str, RoadLayout], places: dict[str, Any], name: str
 ) -> None:
     agents = layouts[name].road.agents.items()
@@ -251,7 +239,7 @@ def test_destinations_lie_on_the_last_street_of_the_route(
     for agent, vehicle in vehicles(plan).items():
         street = plan.streets[vehicle.route[-1]]
         nearest = min(
-            abs(beside(line, vehicle.destination_m)[0]) for _, _, line in lanes_of(street)
+            abs(project_on_line(line, vehicle.destination_m)[0]) for _, _, line in lanes_of(street)
         )
         assert nearest < 0.6, agent
 

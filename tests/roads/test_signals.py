@@ -1,0 +1,118 @@
+"""Signal programs, and the links that show the light of each approach."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from advercity_dsl import Road
+
+from advercity.roads.network_file import read_signal_groups
+
+NAMES = ("ui", "unj", "ri", "rsnj", "rcnj")
+pytestmark = pytest.mark.sumo
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_approach_of_a_signal_has_its_links(
+    files: dict[str, Path], roads: dict[str, Road], name: str
+) -> None:
+    groups = read_signal_groups(files[name])
+    declared = {
+        f"{junction}/{head.street}"
+        for junction, item in roads[name].junctions.items()
+        if item.signals
+        for head in item.signals.heads
+    }
+    assert set(groups) == declared
+    links = [link for group in groups.values() for link in group]
+    assert len(links) == len(set(links))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_light_is_for_all_movements_of_its_approach(
+    files: dict[str, Path], networks: dict[str, Any], name: str
+) -> None:
+    place = yaml.safe_load((Path(__file__).parents[1] / "data/places.yaml").read_text("utf-8"))[
+        name
+    ]
+    groups = read_signal_groups(files[name])
+    for junction, program in place.get("programmes", {}).items():
+        approaches = [
+            movement.split(" > ")[0].split(".")[0] for movement in place["movements"][junction]
+        ]
+        links = {
+            approach: [index for _, index in groups[f"{junction}/{approach}"]]
+            for approach in set(approaches)
+        }
+        assert {approach: len(found) for approach, found in links.items()} == {
+            approach: approaches.count(approach) for approach in links
+        }
+        (shown,) = networks[name].getTLS(junction).getPrograms().values()
+        phases = shown.getPhases()
+        assert -float(shown.getOffset()) == program["elapsed_s"]
+        durations = [program[key] for key in ("green_s", "yellow_s", "all_red_s")]
+        assert [phase.duration for phase in phases] == durations * len(links)
+        cars = [index for found in links.values() for index in found]
+        for green, yellow, red in zip(phases[::3], phases[1::3], phases[2::3], strict=True):
+            (approach,) = (a for a, i in links.items() if green.state[i[0]] in "Gg")
+            others = [index for index in cars if index not in links[approach]]
+            assert {green.state[index] for index in links[approach]} <= {"G", "g"}
+            assert {yellow.state[index] for index in links[approach]} == {"y"}
+            assert {phase.state[index] for phase in (green, yellow) for index in others} == {"r"}
+            assert {red.state[index] for index in cars} == {"r"}
+
+
+@pytest.mark.parametrize(
+    ("name", "ego", "waits_s", "green_s"),
+    [("ui", "north_road", 13, 10), ("ri", "south_road", 11, 16)],
+)
+def test_the_ego_waits_and_then_has_green(
+    files: dict[str, Path],
+    networks: dict[str, Any],
+    name: str,
+    ego: str,
+    waits_s: float,
+    green_s: float,
+) -> None:
+    shown = states(networks[name], "j_main")
+    links = [index for _, index in read_signal_groups(files[name])[f"j_main/{ego}"]]
+    for time in np.arange(0.5, 40, 1.0):
+        is_green = waits_s < time < waits_s + green_s
+        letters = {shown(time)[index] for index in links}
+        assert letters <= ({"G", "g"} if is_green else {"r", "y"}), time
+
+
+def test_crossings_are_green_only_with_the_approach_that_turns_right_into_them(
+    roads: dict[str, Road], networks: dict[str, Any]
+) -> None:
+    (program,) = networks["ui"].getTLS("j_main").getPrograms().values()
+    movements = roads["ui"].junctions["j_main"].movements
+    crossings = [item.street for item in roads["ui"].junctions["j_main"].crossings]
+    right_turn_into = {
+        "north_road": "east_road",
+        "south_road": "west_road",
+        "east_road": "south_road",
+        "west_road": "north_road",
+    }
+    for phase in program.getPhases():
+        cars = phase.state[: len(movements)]
+        green = {
+            text.split(".")[0] for text, light in zip(movements, cars, strict=True) if light in "Gg"
+        }
+        for street, light in zip(crossings, phase.state[len(movements) :], strict=True):
+            assert (light == "G") == (green == {right_turn_into[street]})
+
+
+def states(network: Any, light: str) -> Any:
+    """State of a light over time, from SUMO's definition of a static program and its offset."""
+    (program,) = network.getTLS(light).getPrograms().values()
+    ends = np.cumsum([phase.duration for phase in program.getPhases()])
+
+    def shown(time: float) -> str:
+        return program.getPhases()[
+            int(np.searchsorted(ends, (time - float(program.getOffset())) % ends[-1], "right"))
+        ].state
+
+    return shown
