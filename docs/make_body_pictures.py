@@ -1,4 +1,4 @@
-"""Makes the contact sheets of docs/bodies.md with the models that are installed.
+"""Renders the contact sheets of docs/bodies.md with the installed models.
 
 python docs/make_body_pictures.py [FOLDER]
 """
@@ -31,12 +31,12 @@ def main() -> None:
     folder.mkdir(parents=True, exist_ok=True)
     backend = load_backend("sapien")
     for name, classes in SHEETS.items():
-        some = {
-            key: made
-            for key, made in load_catalogue_blueprints().items()
-            if made.actor_class in classes
+        blueprints = {
+            key: blueprint
+            for key, blueprint in load_catalogue_blueprints().items()
+            if blueprint.actor_class in classes
         }
-        sheet = draw_body_sheet(some, backend, open_model_store())
+        sheet = draw_body_sheet(blueprints, backend, open_model_store())
         small = cv2.resize(sheet, None, fx=SCALE, fy=SCALE, interpolation=cv2.INTER_AREA)
         options = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
         _, content = cv2.imencode(".jpg", small.astype(np.uint8), options)

@@ -1,4 +1,4 @@
-"""In which pose an actor is seen, and where: everybody who draws it or casts at it asks here."""
+"""Computes the pose in which an actor is seen: one answer for renderers, ray casting and labels."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,33 +13,33 @@ from advercity.physics.constants import GOLDEN_FRACTION, MAX_STEERING_RAD
 from advercity.world import Body
 
 STATIONARY_POSE_M_S = 0.15
-"""What wheel arches leave room for."""
+"""Speed below which people stand: slower steps would look like slow motion."""
 
 
 @dataclass(frozen=True)
 class BodyShape:
-    """What an actor's body looks like at a moment; equal shapes are the same meshes."""
+    """Shape of an actor's body in a frame; equal shapes have equal meshes, so it can be a key."""
 
     blueprint: str
     has_umbrella: bool = False
     pose_index: int | None = None
 
     def build_meshes(self, bodies: Mapping[str, Body]) -> tuple[Mesh, ...]:
-        """Its parts, in the frame of `Posture.world_from_mesh`."""
+        """Build the parts, in the mesh frame of `BodyPose.body_from_mesh`."""
         return pose_body(self.select_body(bodies), self.pose_index)
 
     def select_body(self, bodies: Mapping[str, Body]) -> Body:
-        """The body that it is a pose of."""
+        """Select the body of the blueprint, with or without umbrella."""
         body = bodies[self.blueprint]
         return body.with_umbrella if self.has_umbrella and body.with_umbrella else body
 
 
 @dataclass(frozen=True, eq=False)
 class BodyPose:
-    """An actor's shape and where it is.
+    """Shape of an actor, and the transform of its meshes to the body frame.
 
-    A body has a few poses in a stride. One that stands on its feet is put up to half the way
-    between two of them ahead or back, so that a foot on the ground stays where it is.
+    Gaits have few poses. People are shifted ahead or back by up to half the distance between two
+    poses, so that a foot on the ground does not slide.
     """
 
     shape: BodyShape
@@ -47,25 +47,26 @@ class BodyPose:
 
 
 def compute_body_pose(state: ActorState, bodies: Mapping[str, Body]) -> BodyPose:
-    """The posture of an actor; bodies by blueprint."""
+    """Compute the pose of an actor from its travelled distance; bodies by blueprint."""
     actor = state.actor
-    sheltered = state.umbrella and bodies[actor.blueprint].with_umbrella is not None
-    gait = BodyShape(actor.blueprint, sheltered).select_body(bodies).gait
+    has_umbrella = state.umbrella and bodies[actor.blueprint].with_umbrella is not None
+    gait = BodyShape(actor.blueprint, has_umbrella).select_body(bodies).gait
     if gait is None or (gait.returns_to_rest and state.speed_m_s < STATIONARY_POSE_M_S):
-        return BodyPose(BodyShape(actor.blueprint, sheltered), np.eye(4))
+        return BodyPose(BodyShape(actor.blueprint, has_umbrella), np.eye(4))
     poses = len(gait.bone_transforms)
+    # Actors walk out of phase: successive ids are a golden fraction of a cycle apart.
     turns = (state.travelled_m / gait.cycle_length_m + GOLDEN_FRACTION * actor.id) % 1.0
     pose = round(turns * poses)
     body_from_mesh = np.eye(4)
     if gait.returns_to_rest:
         body_from_mesh[0, 3] = (pose / poses - turns) * gait.cycle_length_m
-    return BodyPose(BodyShape(actor.blueprint, sheltered, pose % poses), body_from_mesh)
+    return BodyPose(BodyShape(actor.blueprint, has_umbrella, pose % poses), body_from_mesh)
 
 
 def compute_wheel_pose(state: ActorState, wheel: Wheel) -> Matrix:
-    """Where an actor's wheel (4, 4) is from where it is at rest, both in the body frame.
+    """Compute the transform (4, 4) of a wheel from rest, in the body frame.
 
-    It has rolled as far as the actor has gone, and steers if it is one that does.
+    It has rolled by the travelled distance, and is turned by the steering angle if it is steered.
     """
     steering = np.clip(state.steering_rad, -MAX_STEERING_RAD, MAX_STEERING_RAD)
     turn = pose_matrix(

@@ -51,7 +51,7 @@ def test_the_catalogue_has_the_models_of_the_original_and_three_vans_and_trucks(
     assert everything["truck"] >= 3
 
 
-def test_only_the_fire_truck_is_bound_to_the_town():
+def test_only_the_fire_truck_is_limited_to_urban_roads():
     bound = [name for name, made in CATALOGUE.blueprints.items() if made.land_use != "any"]
     assert bound == ["carlamotors_firetruck"]
     assert CATALOGUE.blueprints["carlamotors_firetruck"].land_use == "urban"
@@ -65,7 +65,7 @@ def test_connected_vehicles_are_lincolns_of_the_documented_size():
 
 
 @every_blueprint
-def test_a_body_fills_its_box_in_the_course_of_its_poses_and_stands_on_the_ground(name: str):
+def test_the_poses_of_a_body_together_fill_its_box(name: str):
     made, gait = CATALOGUE.blueprints[name], BODIES[name].gait
     poses = [None, *range(len(gait.bone_transforms) if gait else 0)]
     points = np.concatenate(
@@ -102,7 +102,7 @@ def test_meshes_of_a_body_are_sound(name: str):
 
 
 @every_blueprint
-def test_normals_look_the_way_their_faces_do(name: str):
+def test_normals_point_to_the_side_of_their_faces(name: str):
     for part in BODIES[name].parts:
         points = part.vertices[part.triangles].astype(np.float64)
         face = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
@@ -112,7 +112,7 @@ def test_normals_look_the_way_their_faces_do(name: str):
 
 
 @every_blueprint
-def test_a_body_shows_its_outside_from_everywhere(name: str):
+def test_a_body_shows_its_outside_from_every_direction(name: str):
     assert volume(BODIES[name].parts) > 0
     scene = EmbreeScene()
     points = corners(BODIES[name].parts)
@@ -197,7 +197,7 @@ def test_bodies_keep_to_their_budget_of_triangles(name: str):
     assert triangles(BODIES[name]) <= budget.get(CATALOGUE.blueprints[name].actor_class, 3500)
 
 
-def test_a_body_is_the_same_bytes_every_time():
+def test_building_a_body_is_deterministic():
     for name in ("ford_mustang", "vespa_zx125", "pedestrian_0013"):
         again = build_body(name, CATALOGUE.blueprints[name])
         for first, second in zip(BODIES[name].parts, again.parts, strict=True):
@@ -205,7 +205,7 @@ def test_a_body_is_the_same_bytes_every_time():
             assert first.triangles.tobytes() == second.triangles.tobytes()
 
 
-def test_a_blueprint_of_ones_own_gets_a_body_of_its_size():
+def test_a_user_blueprint_gets_a_body_of_its_size():
     made = Blueprint(actor_class="car", length_m=3.1, width_m=1.6, height_m=1.6)
     points = corners(build_body("city_car", made).parts).reshape(-1, 3)
     np.testing.assert_allclose(np.ptp(points, axis=0), (3.1, 1.6, 1.6), atol=1e-3)
@@ -226,14 +226,14 @@ def test_paint_depends_on_the_key_alone():
     assert len({draw_paint("car", 7, f"car_{k}") for k in range(60)}) >= 5
 
 
-def test_paints_come_in_the_shares_of_traffic():
+def test_paints_have_the_frequencies_of_traffic():
     drawn = Counter(draw_paint("car", "shares", k) for k in range(2000))
     assert drawn["car_paint_white"] / 2000 == pytest.approx(0.33, abs=0.05)
     assert drawn["car_paint_red"] / 2000 == pytest.approx(0.06, abs=0.03)
     assert set(drawn) <= set(MATERIALS)
 
 
-def test_a_blueprint_may_have_colours_of_its_own():
+def test_a_blueprint_may_declare_its_paints():
     drawn = Counter(
         draw_paint("car", "own", k, paints={"black": 0.5, "white": 0.25}) for k in range(600)
     )

@@ -133,13 +133,13 @@ def points_of(made: Blueprint, here: ModelStore) -> dict[str, np.ndarray]:
     }
 
 
-def test_the_pack_is_fetched_by_apt_and_unpacked_without_root(shelf: ModelStore):
+def test_the_package_is_downloaded_by_apt_and_unpacked_without_root(shelf: ModelStore):
     assert shelf.has_package
     names = sorted(path.name for path in (shelf.folder / "package").iterdir())
     assert names == ["Closed.sh3f", "Tiny.sh3f", "copyright", "package.sha256"]
 
 
-def test_a_model_comes_out_upright_in_metres_with_its_front_ahead(shelf: ModelStore):
+def test_a_converted_model_is_upright_in_metres_and_faces_ahead(shelf: ModelStore):
     found = points_of(blueprint(TINY), shelf)
     everything = np.concatenate([corners.reshape(-1, 3) for corners in found.values()])
     np.testing.assert_allclose(everything.min(axis=0), (-2.22, -0.9, 0.0), atol=1e-3)
@@ -150,7 +150,7 @@ def test_a_model_comes_out_upright_in_metres_with_its_front_ahead(shelf: ModelSt
     assert found["glass"][..., 2].min() == pytest.approx(0.8, abs=1e-3)
 
 
-def test_materials_stand_for_parts_by_their_names(shelf: ModelStore):
+def test_materials_are_classified_by_their_names(shelf: ModelStore):
     assert set(points_of(blueprint(TINY), shelf)) == {
         *("paint", "glass", "lamp_white", "lamp_red", "rubber"),
         *INDICATORS,
@@ -162,7 +162,7 @@ def test_materials_stand_for_parts_by_their_names(shelf: ModelStore):
     }
 
 
-def test_what_nobody_sees_is_left_out_and_faces_look_outward(shelf: ModelStore):
+def test_hidden_triangles_are_dropped_and_faces_point_outward(shelf: ModelStore):
     found = points_of(blueprint(TINY), shelf)
     assert "upholstery" not in found
     roof = found["glass"]
@@ -171,7 +171,7 @@ def test_what_nobody_sees_is_left_out_and_faces_look_outward(shelf: ModelStore):
     assert (np.einsum("ij,ij->i", normal, middle) > 0).all()
 
 
-def test_a_model_turned_inside_out_still_faces_outward(shelf: ModelStore, tmp_path: Path):
+def test_an_inside_out_model_is_turned_outward(shelf: ModelStore, tmp_path: Path):
     flipped = [
         "f " + " ".join(reversed(line.split()[1:])) if line.startswith("f ") else line
         for line in car_obj().decode().splitlines()
@@ -186,7 +186,7 @@ def test_a_model_turned_inside_out_still_faces_outward(shelf: ModelStore, tmp_pa
         assert (np.einsum("ij,ij->i", normal, corners.mean(axis=1) - (0, 0, 0.5)) > 0).all()
 
 
-def test_a_heavy_model_is_thinned_and_keeps_its_shape(shelf: ModelStore, tmp_path: Path):
+def test_a_heavy_model_is_simplified_and_keeps_its_shape(shelf: ModelStore, tmp_path: Path):
     ball = trimesh.creation.icosphere(subdivisions=5, radius=1.0)
     ball.apply_scale((2.22, 0.9, 0.75))
     path = tmp_path / "ball.glb"
@@ -223,13 +223,13 @@ def test_the_same_model_converts_to_the_same_bytes(shelf: ModelStore):
     assert second.read_bytes() == first.read_bytes()
 
 
-def test_a_model_of_the_wrong_proportions_is_refused(shelf: ModelStore):
+def test_a_model_of_wrong_proportions_is_rejected(shelf: ModelStore):
     sideways = TINY.model_copy(update={"turn_deg": 90.0})
     with pytest.raises(RunError, match="turn_deg"):
         shelf.prepare_model(blueprint(sideways))
 
 
-def test_terms_are_those_of_the_package(shelf: ModelStore):
+def test_a_declared_licence_must_be_that_of_the_package(shelf: ModelStore):
     other = TINY.model_copy(update={"author": "Somebody Else"})
     with pytest.raises(RunError, match=r"is by Ann Author under CC-BY-3\.0"):
         shelf.prepare_model(blueprint(other))
@@ -241,7 +241,7 @@ def test_terms_are_those_of_the_package(shelf: ModelStore):
         shelf.prepare_model(blueprint(missing))
 
 
-def test_without_the_pack_the_program_shapes_a_body_of_the_same_size(
+def test_without_the_package_a_body_is_procedural_and_of_the_same_size(
     shelf: ModelStore, tmp_path: Path
 ):
     nothing = ModelStore(tmp_path / "nothing")
@@ -254,7 +254,7 @@ def test_without_the_pack_the_program_shapes_a_body_of_the_same_size(
         np.testing.assert_allclose(np.ptp(corners.reshape(-1, 3), axis=0), whole.size, atol=1e-3)
 
 
-def test_a_texture_sorts_triangles_into_lamps_and_trim(shelf: ModelStore):
+def test_triangles_are_classified_as_lamps_and_trim_by_texture(shelf: ModelStore):
     picture = np.zeros((4, 4, 3), np.uint8)
     picture[:, 2:] = (40, 30, 200)
     text = (
@@ -272,14 +272,14 @@ def test_a_texture_sorts_triangles_into_lamps_and_trim(shelf: ModelStore):
     ("content", "message"),
     [(b"nonsense", "not a Debian package"), (b"!<arch>\n", "no data.tar")],
 )
-def test_a_broken_package_is_refused(tmp_path: Path, content: bytes, message: str):
+def test_a_broken_package_is_rejected(tmp_path: Path, content: bytes, message: str):
     path = tmp_path / "broken.deb"
     path.write_bytes(content)
     with pytest.raises(RunError, match=message):
         unpack_package(path, tmp_path)
 
 
-def test_a_file_that_is_no_glb_is_refused(tmp_path: Path):
+def test_a_file_that_is_not_a_glb_is_rejected(tmp_path: Path):
     path = tmp_path / "car.glb"
     path.write_bytes(b"solid car")
     with pytest.raises(InputError, match="not a GLB"):
@@ -327,7 +327,7 @@ MODELLED = [name for name, made in CATALOGUE.blueprints.items() if made.model is
 
 @pytest.mark.skipif(not INSTALLED.has_package, reason="the asset package is not installed")
 @pytest.mark.parametrize("name", MODELLED)
-def test_every_model_of_the_pack_makes_a_sound_body(name: str):
+def test_every_model_of_the_package_makes_a_sound_body(name: str):
     made = CATALOGUE.blueprints[name]
     whole = build_body(name, made, INSTALLED)
     corners = np.concatenate([part.vertices[part.triangles] for part in whole.parts])

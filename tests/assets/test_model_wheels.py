@@ -43,7 +43,7 @@ def points_of(whole: Body, wheel: Wheel) -> np.ndarray:
     return np.concatenate([part.vertices[np.unique(part.triangles)] for part in own])
 
 
-def test_a_wheel_turns_by_the_way_over_its_radius():
+def test_a_wheel_rolls_by_distance_over_radius():
     wheel = Wheel((1.5, 0.8, 0.3))
     quarter = compute_wheel_pose(driving(travelled_m=0.3 * np.pi / 2), wheel)
     # What was on top is ahead now, what was ahead is on the ground, the hub is where it was.
@@ -56,7 +56,7 @@ def test_a_wheel_turns_by_the_way_over_its_radius():
     np.testing.assert_allclose(transform_points(quarter, wheel.hub), wheel.hub, atol=1e-12)
 
 
-def test_wheels_that_steer_turn_to_the_left_about_their_own_middles():
+def test_steered_wheels_turn_left_about_their_own_centres():
     state, hub = driving(steering_rad=np.pi / 6), (1.5, 0.8, 0.3)
     turn = compute_wheel_pose(state, Wheel(hub, is_steered=True))
     ahead = (1.5 + 0.3 * np.cos(np.pi / 6), 0.8 + 0.15, 0.3)
@@ -65,7 +65,7 @@ def test_wheels_that_steer_turn_to_the_left_about_their_own_middles():
 
 
 @every_vehicle
-def test_a_vehicle_stands_on_wheels_of_which_those_in_front_steer(name: str):
+def test_a_vehicle_rests_on_wheels_and_the_front_ones_steer(name: str):
     whole, kind = WHEELED[name], CATALOGUE.blueprints[name].actor_class
     wheels = sorted(wheels_of(whole))
     steering = [wheel for wheel in wheels if wheel.is_steered]
@@ -126,7 +126,7 @@ def model_car(steering_rad: float) -> bytes:
 
 
 @pytest.mark.parametrize("steering_deg", [0.0, 25.0])
-def test_wheels_of_a_model_are_found_by_their_tyres_and_put_straight(
+def test_wheels_of_a_model_are_found_by_their_tyres_and_straightened(
     tmp_path: Path, steering_deg: float
 ):
     path, here = tmp_path / "model.glb", ModelStore(tmp_path / "shelf")
@@ -146,7 +146,7 @@ def test_wheels_of_a_model_are_found_by_their_tyres_and_put_straight(
     assert not any(part.wheel for part in whole.parts if part.material in ("paint", "glass"))
 
 
-def test_a_body_that_is_stretched_keeps_its_wheels_round():
+def test_a_stretched_body_keeps_round_wheels():
     made = CATALOGUE.blueprints["nissan_micra"]
     for stretched in (made, made.model_copy(update={"length_m": 4.4, "height_m": 1.4})):
         whole = build_body("nissan_micra", stretched)
@@ -156,7 +156,7 @@ def test_a_body_that_is_stretched_keeps_its_wheels_round():
         assert wheel.radius_m == pytest.approx(np.ptp(points[:, 2]) / 2, rel=0.01)
 
 
-def test_nobody_steers_farther_than_a_wheel_arch_lets_them():
+def test_steering_is_limited_by_the_wheel_arches():
     wheel = Wheel((1.5, 0.8, 0.3), is_steered=True)
     widest, more = (compute_wheel_pose(driving(steering_rad=angle), wheel) for angle in (1.0, 1.4))
     np.testing.assert_array_equal(widest, more)

@@ -1,4 +1,4 @@
-"""People that walk and riders that pedal: feet stay where they stand, and all keep to their box."""
+"""Rigged bodies: feet that do not slide, boxes that hold every pose, riders, umbrellas."""
 
 from dataclasses import replace
 from itertools import combinations
@@ -43,7 +43,7 @@ every_cyclist = pytest.mark.parametrize("name", CYCLISTS)
 def state(
     name: str, *, travelled_m: float = 0.0, speed_m_s: float = 1.5, umbrella: bool = False
 ) -> ActorState:
-    """Somebody who walks along x and is where the way has led."""
+    """State of an actor that has moved along x from the origin."""
     known = PEOPLE | CYCLISTS
     return ActorState(
         actor=Actor(7, CATALOGUE.blueprints[name].actor_class, name, "cloth_red", known[name].size),
@@ -75,7 +75,7 @@ def in_world(moment: ActorState, material: str | None = None) -> NDArray[np.floa
 
 
 @everybody
-def test_a_foot_on_the_ground_stands_still_while_the_body_walks_on(name: str):
+def test_a_foot_on_the_ground_does_not_slide(name: str):
     steps_m = np.arange(0.0, 3.0, 0.05)
     shoes = np.stack([in_world(state(name, travelled_m=float(way)), "leather") for way in steps_m])
     slipped_m: list[float] = []
@@ -92,7 +92,7 @@ def test_a_foot_on_the_ground_stands_still_while_the_body_walks_on(name: str):
 
 
 @everybody
-def test_there_is_always_a_foot_on_the_ground_and_never_one_under_it(name: str):
+def test_a_foot_is_always_on_the_ground_and_never_below_it(name: str):
     for way in np.linspace(0, 2, 40):
         lowest = in_world(state(name, travelled_m=float(way)))[:, 2].min()
         assert -0.001 < lowest < 0.012
@@ -116,7 +116,7 @@ def test_a_walker_keeps_to_the_box_at_every_moment_and_fills_it_in_the_course_of
 
 
 @everybody
-def test_somebody_who_stands_is_as_high_and_wide_as_the_box_and_upright(name: str):
+def test_a_standing_person_is_upright_and_as_high_and_wide_as_the_box(name: str):
     size = PEOPLE[name].size
     points = in_world(state(name, speed_m_s=0.0))
     assert np.ptp(points[:, 1]) == pytest.approx(size[1], abs=0.03)
@@ -169,7 +169,7 @@ def test_a_longer_box_makes_longer_steps():
     assert 0.2 < stride_m(0.6) < 0.75 * stride_m(0.9) < stride_m(0.9) < stride_m(1.1)
 
 
-def test_who_has_an_umbrella_holds_it_up_over_the_same_steps():
+def test_an_umbrella_is_held_up_over_the_same_steps():
     made = PEOPLE["pedestrian_0003"]
     assert made.with_umbrella is not None
     assert made.with_umbrella.gait is not None and made.gait is not None
@@ -233,7 +233,7 @@ def test_a_cyclist_keeps_to_the_box_in_every_pose(name: str):
         assert (points <= size * (0.5, 0.5, 1) + 0.001).all()
 
 
-def test_rays_meet_the_pose_that_is_shown():
+def test_rays_hit_the_pose_that_is_rendered():
     moment = state("pedestrian_0001", travelled_m=0.35)
     shown = in_world(moment)
     world = World("w", (), bodies=PEOPLE, lanes=(), network=Path("none"))
@@ -251,7 +251,7 @@ def test_rays_meet_the_pose_that_is_shown():
         assert values.max() == pytest.approx(shown[:, axis].max(), abs=0.04)
 
 
-def test_people_come_back_from_a_file_as_they_went(tmp_path: Path):
+def test_rigged_bodies_survive_saving_and_loading(tmp_path: Path):
     bodies = {name: (PEOPLE | CYCLISTS)[name] for name in ("pedestrian_0003", "bh_crossbike")}
     world = World("w", (), bodies=bodies, lanes=(), network=Path("none"))
     save_world(world, tmp_path / "world.npz")
@@ -288,7 +288,7 @@ def test_looks_are_declared_or_drawn_by_name():
 
 
 @pytest.mark.render
-def test_pictures_show_the_pose_that_rays_meet():
+def test_images_show_the_pose_that_rays_hit():
     backend = pytest.importorskip("advercity_sapien.backend").SapienBackend()
     weather = load_library(Path(__file__).parents[2] / "library").get_declarations(Weather)[
         "clear_day"

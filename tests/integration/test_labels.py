@@ -1,4 +1,4 @@
-"""Labels of real pictures: every part of a body is its actor's, and nobody sees their own."""
+"""Labels of rendered images: every part of a body is its actor's; no sensor sees its own."""
 
 from pathlib import Path
 from typing import Literal
@@ -34,7 +34,7 @@ CAST = {
     5: ("yamaha_yzf", 9.0),
     6: ("pedestrian_0003", 11.5),
 }
-"""Blueprint of each actor, and where it stands in a row seen from its left."""
+"""Blueprint of each actor, and its x in a row seen from the left."""
 VEHICLE, PERSON = Semantic.VEHICLE, Semantic.PEDESTRIAN
 PARTS = {
     1: {"rubber": VEHICLE, "metal": VEHICLE, "glass": VEHICLE, "car_paint_red": VEHICLE},
@@ -44,13 +44,13 @@ PARTS = {
     5: {"rubber": VEHICLE, "metal": VEHICLE, "car_paint_red": VEHICLE, "cloth_black": PERSON},
     6: {"cloth_blue": PERSON, "cloth_grey": PERSON, "skin": PERSON, "cloth_red": PERSON},
 }
-"""Materials that are seen of each, the umbrella's too, and the class of what is made of them."""
+"""Visible materials of each actor, umbrella included, with their semantic classes."""
 WIDTH_PX, HEIGHT_PX, FOV_RAD = 640, 140, np.radians(70.0)
 
 
 @pytest.fixture(scope="module", params=["raster", "ray_traced"])
 def pictures(request: pytest.FixtureRequest) -> tuple[np.ndarray, np.ndarray, RayHits]:
-    """Semantic and instance picture of the cast, and what rays through the pixels meet."""
+    """Semantic and instance image of the row, and the hits of rays through its pixels."""
     backend = pytest.importorskip("advercity_sapien.backend").SapienBackend()
     renderer: Literal["raster", "ray_traced"] = request.param
     bodies = {name: build_body(name, CATALOGUE.blueprints[name]) for name, _ in CAST.values()}
@@ -82,7 +82,7 @@ def standing(number: int) -> ActorState:
 
 
 def pixel_rays(eye: np.ndarray) -> Rays:
-    """Rays through the middles of the pixels, row by row."""
+    """Rays through the centres of the pixels, row by row."""
     focal = WIDTH_PX / 2 / np.tan(FOV_RAD / 2)
     column, row = np.meshgrid(np.arange(WIDTH_PX) + 0.5, np.arange(HEIGHT_PX) + 0.5)
     left, up = (WIDTH_PX / 2 - column) / focal, (HEIGHT_PX / 2 - row) / focal
@@ -109,7 +109,9 @@ def test_every_part_of_a_body_bears_its_actors_id_and_class(
             assert (shown == kind).mean() > 0.85, f"{CAST[number][0]}: {material}"
 
 
-def test_pictures_and_rays_agree_on_who_is_where(pictures: tuple[np.ndarray, np.ndarray, RayHits]):
+def test_images_and_rays_agree_on_the_position_of_actors(
+    pictures: tuple[np.ndarray, np.ndarray, RayHits],
+):
     semantic, instance, met = pictures
     for number in CAST:
         both = ((instance == number) & (met.instance == number)).sum()
@@ -129,12 +131,12 @@ def test_a_rider_belongs_to_the_vehicle_and_is_a_person(
 
 
 FAR_M = 4000.0
-"""Between the connected vehicles, which must not see each other here."""
+"""Distance between the connected vehicles, so that they cannot see each other."""
 
 
 @pytest.fixture(scope="module")
 def readings(specs: dict[str, Spec]) -> tuple[SensorFrame, ...]:
-    """What is seen where connected vehicles are far from each other, one before a roadside unit."""
+    """Sensor frames of connected vehicles far from each other, one near a roadside unit."""
     spec = specs["ui_clear_day_sparse"]
     backend = pytest.importorskip("advercity_sapien.backend").SapienBackend()
     air = compute_atmosphere(spec.weather, spec.road.land_use)

@@ -1,4 +1,4 @@
-"""Vehicles stand on the road that is drawn."""
+"""Wheels of simulated vehicles touch the road mesh."""
 
 from dataclasses import replace
 
@@ -27,7 +27,7 @@ def hills(specs: dict[str, Spec], tmp_path_factory: pytest.TempPathFactory) -> t
 
 
 def wheels(state: ActorState) -> np.ndarray:
-    """Where the wheels (n, 3) of a vehicle touch the ground, in the world."""
+    """Contact points (n, 3) of the wheels of a vehicle, in the world."""
     length, width, _ = state.actor.size
     sides = (0.0,) if state.actor.actor_class in ("bicycle", "motorcycle") else (-0.4, 0.4)
     places = [(end * 0.3 * length, side * width, 0, 1) for end in (-1, 1) for side in sides]

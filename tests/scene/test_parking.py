@@ -1,4 +1,4 @@
-"""Cars in parking strips."""
+"""Parked cars: poses, gaps, and spaces that staged actors need."""
 
 from typing import Any
 
@@ -82,7 +82,7 @@ def boxes(meshes: list[Mesh], place_m: float) -> dict[int, np.ndarray]:
 
 
 @pytest.mark.parametrize(("side", "low", "high"), [("right", -5.5, -3), ("left", 3, 5.5)])
-def test_cars_stand_in_their_strip_with_gaps_between(side: str, low: float, high: float) -> None:
+def test_cars_are_in_their_strip_with_gaps_between(side: str, low: float, high: float) -> None:
     meshes = build_parked_cars(build_road(road(side)), BLUEPRINTS, BODIES)
     found = boxes(meshes, PARKING_SPACE_M)
     assert {mesh.semantic for mesh in meshes} == {Semantic.VEHICLE}
@@ -95,7 +95,7 @@ def test_cars_stand_in_their_strip_with_gaps_between(side: str, low: float, high
         assert first[2] == pytest.approx(0, abs=1e-3)
 
 
-def test_cars_stand_across_bays_one_in_each() -> None:
+def test_cars_are_parked_across_bays_one_in_each() -> None:
     place = road(bay_m=2.6, width_m=5)
     found = boxes(build_parked_cars(build_road(place), BLUEPRINTS, BODIES), 2.6)
     assert 30 < len(found) < 55
@@ -121,10 +121,10 @@ def test_a_street_without_a_parking_strip_is_refused() -> None:
 
 
 @pytest.mark.parametrize("path", [((55, -8), (55, 8)), ((80, -4.5), (84, -4.5))])
-def test_places_that_somebody_staged_needs_stay_empty(
+def test_spaces_on_the_path_of_a_staged_actor_stay_empty(
     specs: dict[str, Spec], path: tuple[tuple[float, float], ...]
 ) -> None:
-    """Somebody crosses the street, or stands along its kerb."""
+    """The paths cross the street, or run along its kerb."""
     conflict, *_ = specs["unj_clear_day_sparse"].conflicts
     actor = conflict.actors[0].model_copy(update={"blueprint": "small", "path_m": path})
     staged = conflict.model_copy(update={"actors": (actor,)})
@@ -147,8 +147,11 @@ def test_places_that_somebody_staged_needs_stay_empty(
 
 
 @pytest.mark.sumo
-@pytest.mark.parametrize("name", ["ui", "unj", "rsnj"])
-def test_nobody_drives_or_walks_through_a_parked_car(
+@pytest.mark.parametrize(
+    "name",
+    ["rsnj", *(pytest.param(name, marks=pytest.mark.slow) for name in ("ui", "unj"))],
+)
+def test_no_actor_passes_through_a_parked_car(
     specs: dict[str, Spec], name: str, tmp_path: Any
 ) -> None:
     spec = specs[f"{name}_clear_day_dense"]
@@ -180,6 +183,6 @@ def test_nobody_drives_or_walks_through_a_parked_car(
 
 
 def ground(meshes: list[Mesh]) -> shapely.Geometry:
-    """What cars cover, from above."""
+    """Union of the plan views of cars."""
     triangles = np.concatenate([mesh.vertices[mesh.triangles][..., :2] for mesh in meshes])
     return shapely.union_all(shapely.buffer(shapely.polygons(triangles.astype(float)), 0.005))

@@ -122,7 +122,7 @@ def roadway(road: Road):
     return shapely.union_all(parts)
 
 
-def test_trees_stand_off_the_road_and_fill_their_area():
+def test_trees_keep_off_the_road_and_fill_their_area():
     item = Surrounding(kind=SurroundingKind.TREES, area_m=((-60, -30), (60, 30)))
     meshes = built(item)
     trunks = points([mesh for mesh in meshes if mesh.material == "bark"])
@@ -146,7 +146,7 @@ def test_a_forest_has_no_more_than_four_hundred_trees():
     assert triangles(built(item)) <= 400 * 400
 
 
-def test_things_stand_on_sloping_ground():
+def test_objects_follow_sloping_ground():
     area = ((20, 20), (90, 60))
     trees = built(Surrounding(kind=SurroundingKind.TREES, area_m=area), sloping)
     bark = points([mesh for mesh in trees if mesh.material == "bark"])
@@ -198,7 +198,7 @@ def test_crops_cover_their_field_but_no_road():
     assert field[:, 1].max() > 28
 
 
-def test_a_wall_stands_along_its_line_as_high_as_declared():
+def test_a_wall_follows_its_line_at_the_declared_height():
     item = Surrounding(kind=SurroundingKind.WALL, line_m=((0, 10), (40, 10)), height_m=8)
     meshes = built(item)
     wall = points(meshes)
@@ -214,7 +214,7 @@ def test_walls_low_enough_to_look_over_are_of_brick():
     assert "brick" in {mesh.material for mesh in low}
 
 
-def test_lamps_reach_towards_the_road_and_shine():
+def test_street_lamps_extend_over_the_road_and_emit_light():
     item = Surrounding(kind=SurroundingKind.LAMP, line_m=((-60, 6), (60, 6)), spacing_m=30)
     meshes, lamps = build_surroundings(build_road(street(item)), level, PAVED)
     assert {mesh.semantic for mesh in meshes} == {Semantic.POLE}
@@ -252,7 +252,7 @@ def test_a_bus_stop_is_open_to_the_road():
         (SurroundingKind.WALL, "line_m"),
     ],
 )
-def test_a_surrounding_without_its_place_is_an_error(kind: SurroundingKind, needed: str):
+def test_a_surrounding_without_placement_is_an_error(kind: SurroundingKind, needed: str):
     with pytest.raises(ValidationError, match=needed):
         Surrounding(kind=kind, height_m=2)
 
@@ -276,24 +276,24 @@ def test_a_surrounding_without_its_place_is_an_error(kind: SurroundingKind, need
         ),
     ],
 )
-def test_what_cannot_stand_as_declared_is_an_error(wrong: dict[str, object], message: str):
+def test_an_invalid_placement_is_an_error(wrong: dict[str, object], message: str):
     with pytest.raises(ValidationError, match=message):
         Surrounding.model_validate(wrong)
 
 
-def test_a_street_that_is_not_there_is_an_error_that_names_those_that_are():
+def test_an_unknown_street_is_an_error_that_lists_the_known_ones():
     with pytest.raises(
         ValidationError, match=r"surroundings.0.beside.street: unknown name 'raod'.*'road'"
     ):
         street(beside("hedge", street="raod"))
 
 
-def test_a_stretch_beyond_the_end_of_its_street_is_an_error():
+def test_a_placement_beyond_the_end_of_its_street_is_an_error():
     with pytest.raises(InputError, match=r"surroundings.0: from_m is 250.*'road' is only 200.0 m"):
         built(beside("hedge", from_m=250))
 
 
-def test_trees_beside_a_street_fill_their_band_on_the_side_named():
+def test_trees_along_a_street_fill_their_band_on_the_declared_side():
     band = {"side": "left", "from_m": 50, "to_m": 150, "offset_m": (10, 40)}
     meshes = built(beside("trees", spacing_m=6, species=["oak"], **band))
     trunks = points([mesh for mesh in meshes if mesh.material == "bark"])
@@ -321,7 +321,7 @@ def test_lamps_on_both_sides_of_a_street_alternate():
     np.testing.assert_allclose(np.abs(places[:, 1]), 3.5 + 2 - 1.6)
 
 
-def test_houses_beside_a_street_show_it_their_doors():
+def test_houses_along_a_street_face_it_with_their_doors():
     meshes = built(beside("houses", side="right", offset_m=8))
     doors = points([m for m in meshes if m.name == "surroundings_building_wood"])
     walls = points([m for m in meshes if m.semantic is Semantic.BUILDING])
@@ -351,7 +351,7 @@ def test_nothing_folds_over_on_the_inside_of_a_bend():
     assert shapely.distance(shapely.LineString(axis), shapely.points(field[:, :2])).min() > 4
 
 
-def test_a_speed_sign_faces_those_who_drive_on_its_side():
+def test_a_speed_sign_faces_the_traffic_on_its_side():
     for side, sign in (("right", 1), ("left", -1)):
         item = Surrounding.model_validate(
             {
@@ -372,7 +372,7 @@ def test_a_speed_sign_faces_those_who_drive_on_its_side():
         assert ((aside < 0).sum(), (aside > 0).sum()) == (3 * 4, 6 * 4)
 
 
-def test_a_speed_sign_says_the_limit_of_its_street_unless_told_otherwise():
+def test_a_speed_sign_shows_the_limit_of_its_street_by_default():
     where = {"street": "road", "side": "right", "from_m": 60}
     kind = {"kind": "speed_sign", "beside": where}
     own, same, other = (
@@ -461,7 +461,7 @@ def test_nothing_grows_or_is_built_on_a_shipped_road(name: str):
 
 
 @every_road
-def test_every_signal_head_looks_at_the_traffic_of_its_street(name: str):
+def test_every_signal_head_faces_the_traffic_of_its_street(name: str):
     road = ROADS[name]
     _, lamps = build_street_furniture(build_road(road), level)
     heads = {
@@ -492,7 +492,7 @@ def test_lenses_are_red_over_yellow_over_green():
     assert {mesh.semantic for mesh in housing} == {Semantic.TRAFFIC_LIGHT}
 
 
-def test_signs_face_those_who_have_to_wait():
+def test_signs_face_the_traffic_that_yields():
     road = ROADS["rsnj"]
     meshes, _ = build_street_furniture(build_road(road), level)
     white = next(mesh for mesh in meshes if mesh.name == "furniture_traffic_sign_paint_white")
@@ -532,7 +532,7 @@ def picture_rays(unit: RoadsideUnit) -> np.ndarray:
 
 
 @every_road
-def test_what_carries_a_roadside_unit_keeps_out_of_its_view(name: str):
+def test_carriers_of_roadside_units_are_outside_their_views(name: str):
     road = ROADS[name]
     place = build_road(road)
     plateaus = terrain.find_plateaus(road)
@@ -578,7 +578,7 @@ def nearby(
     return (np.asarray(hit["geomID"]) >= 0) & (np.asarray(hit["tfar"]) < within_m)
 
 
-def test_a_unit_with_nothing_to_stand_on_gets_a_mast_right_below_it():
+def test_a_roadside_unit_without_a_carrier_gets_a_mast():
     unit = {"kind": "roadside_unit", "position_m": (0, 10, 6), "yaw_deg": 0}
     meshes, _ = build_street_furniture(build_road(street(rsu=unit)), level)
     mast = points(meshes)
@@ -586,7 +586,7 @@ def test_a_unit_with_nothing_to_stand_on_gets_a_mast_right_below_it():
     assert np.linalg.norm(mast[mast[:, 2] > 1, :2] - (0, 10), axis=1).max() < 0.1
 
 
-def test_a_unit_on_a_pole_needs_no_mast_of_its_own():
+def test_a_roadside_unit_on_a_pole_gets_no_mast():
     pole = Surrounding(kind=SurroundingKind.POLE, at_m=((0, 10.5),), height_m=5.7)
     unit = {"kind": "roadside_unit", "position_m": (0, 10, 6), "yaw_deg": 0}
     assert build_street_furniture(build_road(street(pole, rsu=unit)), level)[0] == []

@@ -96,7 +96,7 @@ def test_roads_have_no_holes_and_lie_at_the_height_of_their_lanes(
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_sidewalks_and_medians_stand_a_kerb_higher(sites: dict[str, Site], name: str) -> None:
+def test_sidewalks_and_medians_are_a_kerb_higher(sites: dict[str, Site], name: str) -> None:
     plan, meshes = sites[name]
     below = looking_down(meshes)
     expected = {"sidewalk": Semantic.SIDEWALK, "median": Semantic.TERRAIN}
@@ -130,7 +130,7 @@ def test_the_ground_never_shows_through_the_road(sites: dict[str, Site], name: s
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_ground_meets_the_road_and_reaches_far_beyond_it(
+def test_the_ground_meets_the_road_and_extends_far_beyond_it(
     sites: dict[str, Site], name: str
 ) -> None:
     plan, meshes = sites[name]

@@ -86,7 +86,7 @@ def test_a_world_is_built_once_and_then_read(
     assert are_equal(worlds[0].static[0], worlds[1].static[0])
 
 
-def test_worlds_are_shared_between_weathers_but_not_between_places_of_units(spec: Spec):
+def test_worlds_are_shared_between_weathers_but_not_between_poses_of_units(spec: Spec):
     other_weather = spec.model_copy(update={"id": "other", "weather": None})
     agents = {**spec.road.agents}
     unit = agents["rsu1"]
