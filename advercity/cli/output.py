@@ -22,8 +22,8 @@ def print_note(text: str) -> None:
 
 OPTION_PARAMETERS = (
     *("allow_large", "backend", "cloud_colour", "connect", "executor", "format", "frames", "fresh"),
-    *("jobs", "max_memory", "max_time", "output", "profile", "ray_address", "rrd", "scale"),
-    *("stream", "web"),
+    *("jobs", "kind", "max_memory", "max_time", "output", "profile", "ray_address", "rrd", "scale"),
+    *("stream", "suite", "web"),
 )
 _QUOTED_PARAMETER = re.compile(f"`({'|'.join(OPTION_PARAMETERS)})`")
 

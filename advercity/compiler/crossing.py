@@ -56,7 +56,7 @@ def find_suite(library: Library, *folders: Path, suite: str | None = None) -> Su
         raise InputError(f"{where}: has no suite; `advercity new suite NAME` writes one")
     if suite is None:
         names = ", ".join(suites)
-        raise InputError(f"{where}: has {len(suites)} suites; select one with --suite: {names}")
+        raise InputError(f"{where}: has {len(suites)} suites; select one with `suite`: {names}")
     raise InputError(f"{where}: unknown suite '{suite}'; {suggest_name(suite, suites)}")
 
 

@@ -137,7 +137,7 @@ class IndexWriter:
 
     def __init__(self, dataset: Path, specs: Iterable[Spec]) -> None:
         if dataset.exists() and not dataset.is_dir():
-            raise InputError(f"--output {dataset}: is a file; name a folder")
+            raise InputError(f"`output` {dataset}: is a file; name a folder")
         self._dataset = dataset
         self._specs = {spec.id: spec for spec in specs}
         self._has_written = False

@@ -217,7 +217,7 @@ def write_videos(dataset: Path, output: Path, kinds: Sequence[str] = VIDEO_KINDS
     """
     unknown = sorted(set(kinds) - set(VIDEO_KINDS))
     if unknown:
-        raise InputError(f"--kind {unknown[0]}: no such video; {', '.join(VIDEO_KINDS)}")
+        raise InputError(f"`kind` {unknown[0]}: no such video; {', '.join(VIDEO_KINDS)}")
     written: list[Path] = []
     for folder in find_scenarios(dataset):
         scenario = Scenario(folder)

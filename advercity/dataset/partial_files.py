@@ -91,7 +91,7 @@ def report_disk_errors(path: Path) -> Generator[None]:
     except OSError as error:
         raise RunError(
             f"{error.filename or path}: {error.strerror}; finished frames are kept: make room or"
-            " choose another --output, and run again"
+            " choose another `output`, and run again"
         ) from error
 
 
@@ -118,7 +118,7 @@ def lock_file(path: Path, what: str = "this scenario", *, shared: bool = False) 
                 continue
             raise RunError(
                 f"{path.parent}: another run is writing {what}; wait for it or choose"
-                " another --output"
+                " another `output`"
             ) from error
         # The previous owner may have deleted the file after it was opened here; then this lock
         # is on a file that no other process can see.

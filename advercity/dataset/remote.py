@@ -105,7 +105,7 @@ class SharedScenario:
             manifest.identity.check_same(
                 self.identity,
                 self.spec.id,
-                remedy="--fresh starts over; machines that share a scenario need the same versions"
+                remedy="`fresh` starts over; machines that share a scenario need the same versions"
                 " and devices",
             )
             files |= {p: record for p, record in manifest.files.items() if record.frame is not None}

@@ -61,7 +61,7 @@ def no_dataset_to_replace_error(folder: Path | str) -> RunError:
     """Explain that a run does not write into a folder that holds other files."""
     return RunError(
         f"{folder}: holds files but no {MANIFEST_FILE}, so not a dataset; delete it, or choose"
-        " another --output"
+        " another `output`"
     )
 
 

@@ -39,7 +39,7 @@ class DatasetStore:
         try:
             self._files, root = fsspec.url_to_fs(url)
         except (ValueError, ImportError) as error:
-            raise InputError(f"--output {url}: cannot be reached: {error}") from error
+            raise InputError(f"`output` {url}: cannot be reached: {error}") from error
         self._url, self._root = url, root.rstrip("/")
         protocols = self._files.protocol
         names = (protocols,) if isinstance(protocols, str) else protocols
@@ -180,7 +180,7 @@ class DatasetLease:
                 owner = (found or b"").decode().partition("\n")[0].rpartition(" ")[0]
                 raise RunError(
                     f"another run is making this dataset ({owner or 'unknown process'}); wait for"
-                    " it or choose another --output"
+                    " it or choose another `output`"
                 )
         self._store.write(LEASE_FILE, self._format())
         # Two runs may have replaced it at once; the later of them owns it.

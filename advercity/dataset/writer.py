@@ -229,7 +229,7 @@ class ScenarioWriter(FrameWriter):
         manifest.identity.check_same(
             self._identity,
             self.scenario,
-            remedy="--fresh starts over, another --output leaves it alone",
+            remedy="`fresh` starts over, another `output` leaves it alone",
         )
         damaged = {
             record.frame

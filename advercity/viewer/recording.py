@@ -93,7 +93,7 @@ def start_server_sink(port: int) -> rr.GrpcServerSink:
     except OSError as error:
         raise RunError(
             f"port {port} is taken, perhaps by a Rerun viewer; close it, or send to it with"
-            f" --connect {LOOPBACK_ADDRESS}:{port}"
+            f" `connect` {LOOPBACK_ADDRESS}:{port}"
         ) from error
     return rr.GrpcServerSink(LOOPBACK_ADDRESS, port)
 

@@ -68,7 +68,7 @@ def test_a_required_kind_of_road_that_is_missing_is_an_error(write: Write) -> No
 def test_one_of_two_suites_must_be_selected(write: Write) -> None:
     other = "kind: suite\nid: other\nrig: one_camera\ncatalogue: one_car\n"
     folder = write(other=other)
-    assert "select one with --suite: other, small" in describe_errors(folder)
+    assert "select one with `suite`: other, small" in describe_errors(folder)
     assert len(compile_library(folder, suite="other")) == 1
 
 

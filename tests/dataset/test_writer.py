@@ -225,7 +225,7 @@ def test_a_writer_may_follow_one_that_failed_to_open(tmp_path: Path, writer: Mak
 def test_a_scenario_of_another_profile_is_not_continued(whole: Path, writer: Make) -> None:
     before = tree(whole)
     with (
-        pytest.raises(RunError, match=r"profile: preview, full.*--fresh"),
+        pytest.raises(RunError, match=r"profile: preview, full.*`fresh`"),
         writer(whole, profile="full"),
     ):
         pass

@@ -20,6 +20,7 @@ from advercity.pipeline import (
     raise_failures,
     run_scenarios,
 )
+from advercity.testing import RecordingListener
 
 OptionsFor = Callable[[Path], RunOptions]
 FRAMES = 6
@@ -70,24 +71,29 @@ def lose_a_node(nodes: Any, stunts: Path, output: Path) -> None:
 
 @pytest.mark.sumo
 def test_a_cluster_that_loses_a_node_makes_what_one_machine_makes(
-    nodes: Any, few: list[Spec], stunts: Path, options: OptionsFor, witness: Any, tmp_path: Path
+    nodes: Any,
+    few: list[Spec],
+    stunts: Path,
+    options: OptionsFor,
+    listener: RecordingListener,
+    tmp_path: Path,
 ) -> None:
     from advercity.pipeline.cluster import RayExecutor
 
     alone, shared = tmp_path / "alone", tmp_path / "shared"
     chosen = replace(options(alone), frames=slice(0, FRAMES))
-    raise_failures(run_scenarios(few[:2], chosen, listener=witness, resources=RunResources(2)))
+    raise_failures(run_scenarios(few[:2], chosen, listener=listener, resources=RunResources(2)))
     cluster = RayExecutor(str(shared), nodes.address, frames_per_task=2)
     losing = Thread(target=lose_a_node, args=(nodes, stunts, shared), daemon=True)
     losing.start()
-    outcomes = cluster.run(few[:2], chosen, listener=witness, resources=RunResources())
-    raise_failures(outcomes)
+    results = cluster.run(few[:2], chosen, listener=listener, resources=RunResources())
+    raise_failures(results)
     losing.join()
     assert len(nodes.worker_nodes) == 1
-    assert [outcome.frames for outcome in outcomes] == [FRAMES, FRAMES]
+    assert [result.frames for result in results] == [FRAMES, FRAMES]
     assert tree(shared) == tree(alone)
     assert verify_dataset(shared) == []
-    again = cluster.run(few[:1], chosen, listener=witness, resources=RunResources())
+    again = cluster.run(few[:1], chosen, listener=listener, resources=RunResources())
     assert again[0].error is None
     assert tree(shared) == tree(alone)
 
@@ -108,12 +114,12 @@ def test_a_store_keeps_files_whatever_it_is_made_of(url: str, tmp_path: Path) ->
     assert store.list_files("ui") == []
 
 
-def test_a_store_that_nothing_reaches_is_bad_input() -> None:
-    with pytest.raises(InputError, match="--output nowhere://x: cannot be reached"):
+def test_a_store_without_a_driver_is_bad_input() -> None:
+    with pytest.raises(InputError, match="`output` nowhere://x: cannot be reached"):
         DatasetStore("nowhere://x")
 
 
-def test_a_store_that_takes_no_files_is_told(tmp_path: Path) -> None:
+def test_a_store_that_cannot_be_written_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(RunError, match=r"ui/a\.png cannot be written"):
         DatasetStore(str(tmp_path / "file")).write("ui/a.png", b"")

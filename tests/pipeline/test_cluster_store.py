@@ -5,7 +5,6 @@ import time
 from collections.abc import Callable, Generator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 from advercity_dsl import Spec
@@ -16,6 +15,7 @@ from advercity.dataset.remote import upload_part, verify_store
 from advercity.dataset.store import LEASE_FILE, DatasetLease, DatasetStore
 from advercity.errors import InputError, RunError
 from advercity.pipeline import RunOptions, RunResources, raise_failures, run_scenarios
+from advercity.testing import RecordingListener
 
 OptionsFor = Callable[[Path], RunOptions]
 FRAMES = 2
@@ -62,24 +62,29 @@ def in_store(url: str) -> dict[str, str]:
 
 
 @pytest.mark.sumo
-def test_a_run_into_a_store_goes_on_after_a_kill_and_ends_with_the_bytes_of_one_machine(
-    bucket: str, few: list[Spec], stunts: Path, options: OptionsFor, witness: Any, tmp_path: Path
+def test_a_run_into_a_store_resumes_after_a_kill_with_the_bytes_of_one_machine(
+    bucket: str,
+    few: list[Spec],
+    stunts: Path,
+    options: OptionsFor,
+    listener: RecordingListener,
+    tmp_path: Path,
 ) -> None:
     pytest.importorskip("ray")
     from advercity.pipeline.cluster import RayExecutor
 
     url, spec = f"{bucket}/dataset", few[0]
     chosen = replace(options(tmp_path / "alone"), frames=slice(0, FRAMES))
-    raise_failures(run_scenarios([spec], chosen, listener=witness))
+    raise_failures(run_scenarios([spec], chosen, listener=listener))
     # What a driver leaves that is killed after the first of two tasks, in the middle of the second.
     half = replace(options(tmp_path / "half"), frames=slice(0, FRAMES // 2))
-    raise_failures(run_scenarios([spec], half, listener=witness))
+    raise_failures(run_scenarios([spec], half, listener=listener))
     store = DatasetStore(url)
     upload_part(store, tmp_path / "half" / spec.id)
     store.write(f"{spec.id}/101/000061.pcd", b"half")
     store.write(LEASE_FILE, b"node process 1 0\n7\n")
     cluster = RayExecutor(url, frames_per_task=FRAMES // 2, patience_s=0.5)
-    raise_failures(cluster.run([spec], chosen, listener=witness, resources=RunResources()))
+    raise_failures(cluster.run([spec], chosen, listener=listener, resources=RunResources()))
     assert in_store(url) == in_folder(tmp_path / "alone")
     assert verify_store(url) == []
     store.write(f"{spec.id}/102/000060.pcd", b"changed")
@@ -92,7 +97,7 @@ def test_a_run_into_a_store_goes_on_after_a_kill_and_ends_with_the_bytes_of_one_
     assert [str(problem) for problem in verify_store(url)] == [f"{spec.id}/manifest.json: missing"]
 
 
-def test_what_a_store_does_not_answer_is_told(bucket: str) -> None:
+def test_a_store_that_refuses_is_an_error(bucket: str) -> None:
     with pytest.raises(RunError, match=r"a cannot be written: .*bucket does not exist"):
         DatasetStore("s3://elsewhere/dataset").write("a", b"")
     with pytest.raises(RunError, match="it cannot be listed"):
@@ -132,14 +137,14 @@ def test_a_dataset_that_another_run_is_making_is_left_alone(store: DatasetStore)
     assert store.list_files("") == []
 
 
-def test_a_dataset_whose_run_shows_no_sign_of_life_is_taken_over(store: DatasetStore) -> None:
+def test_a_lease_that_is_not_renewed_is_taken_over(store: DatasetStore) -> None:
     store.write(LEASE_FILE, b"node process 1 0\n7\n")
     with DatasetLease(store, timeout_s=0.4) as lease:
         lease.check()
     assert store.read(LEASE_FILE) is None
 
 
-def test_a_run_whose_dataset_was_taken_over_is_told_and_leaves_the_lease(
+def test_a_run_whose_lease_was_taken_over_fails_and_leaves_it(
     store: DatasetStore,
 ) -> None:
     with DatasetLease(store, timeout_s=0.2) as lease:
@@ -149,7 +154,7 @@ def test_a_run_whose_dataset_was_taken_over_is_told_and_leaves_the_lease(
     assert store.read(LEASE_FILE) == b"node process 2 0\n0\n"
 
 
-def test_a_run_whose_store_falls_silent_is_told(
+def test_a_run_whose_store_stops_answering_fails(
     store: DatasetStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def silent(*_: object) -> bytes:

@@ -33,7 +33,7 @@ OptionsFor = Callable[[Path], RunOptions]
 
 
 def larger(spec: Spec, camera: dict[str, int], lidar: dict[str, int]) -> Spec:
-    """With other sensors, and a traffic that would take too long to simulate for a plan."""
+    """Change the sensors, and make the traffic too long to simulate for an estimate."""
     data = spec.model_dump(mode="json")
     for agent in data["agents"]:
         agent["sensors"]["camera"] |= camera
@@ -196,7 +196,7 @@ def test_more_jobs_than_scenarios_join_the_largest_and_each_takes_its_memory(
         ([500], 1, "4,7", 2),
     ],
 )
-def test_as_many_processes_as_suit_cards_or_cores_memory_and_frames(
+def test_as_many_workers_as_suit_gpus_or_cores_memory_and_frames(
     few: list[Spec],
     options: OptionsFor,
     tmp_path: Path,
@@ -259,7 +259,7 @@ def test_a_run_of_months_is_refused_where_a_comparable_one_was_recorded(
         ask(spec, options)
 
 
-def test_limits_that_are_asked_for_hold_and_the_others_are_the_plans(
+def test_requested_limits_hold_and_the_others_come_from_the_estimate(
     few: list[Spec], options: OptionsFor, tmp_path: Path
 ) -> None:
     limits = ask(few[0], options(tmp_path), asked=ResourceLimits(memory_bytes=123)).limits

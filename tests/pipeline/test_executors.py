@@ -6,7 +6,6 @@ from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import psutil
 import pytest
@@ -30,12 +29,13 @@ from advercity.pipeline import (
 from advercity.pipeline.options import format_byte_size, format_duration
 from advercity.pipeline.progress import ignore_progress
 from advercity.pipeline.scenario import join_scenario, run_scenario
+from advercity.testing import RecordingListener
 
 OptionsFor = Callable[[Path], RunOptions]
 
 
 class Killer:
-    """Kills the process that makes frames beside the first, once."""
+    """Kills the worker that joined, once."""
 
     def __init__(self, claimed: Path) -> None:
         self._claimed = claimed
@@ -49,7 +49,7 @@ class Killer:
                 process.kill()
 
     def on_result(self, result: ScenarioResult) -> None:
-        """It is over."""
+        """Do nothing."""
 
 
 def start_time(process: psutil.Process) -> float:
@@ -67,12 +67,12 @@ def tree(root: Path) -> dict[str, bytes]:
 
 
 @pytest.mark.sumo
-def test_what_crashes_or_takes_too_much_stops_nobody_else_and_is_made_up_for(
+def test_a_scenario_that_crashes_or_takes_too_much_memory_does_not_stop_the_others(
     few: list[Spec],
     stunts: Path,
     seen: Path,
     options: OptionsFor,
-    witness: Any,
+    listener: RecordingListener,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -81,25 +81,25 @@ def test_what_crashes_or_takes_too_much_stops_nobody_else_and_is_made_up_for(
     (stunts / "2.hog").touch()
     chosen = options(tmp_path / "output")
     limits = ResourceLimits(memory_bytes=1_000_000_000)
-    outcomes = run_scenarios(few, chosen, listener=witness, resources=RunResources(2, limits))
-    assert [outcome.scenario for outcome in outcomes] == [spec.id for spec in few]
-    errors = sorted(str(outcome.error) for outcome in outcomes if outcome.error)
+    results = run_scenarios(few, chosen, listener=listener, resources=RunResources(2, limits))
+    assert [result.scenario for result in results] == [spec.id for spec in few]
+    errors = sorted(str(result.error) for result in results if result.error)
     assert len(errors) == 2
     assert "more than the 1.0 GB that it may; raise `max_memory`" in errors[0]
     assert errors[1].startswith("worker process ended (killed by SIGSEGV) in starting 0")
     with pytest.raises(RunError, match="2 of 3 scenarios failed"):
-        raise_failures(outcomes)
-    good = [outcome for outcome in outcomes if outcome.error is None]
-    for outcome in good:
-        folder = tmp_path / "output" / outcome.scenario
+        raise_failures(results)
+    good = [result for result in results if result.error is None]
+    for result in good:
+        folder = tmp_path / "output" / result.scenario
         files = [path for path in folder.rglob("*") if path.is_file()]
-        assert outcome.frames == 1
-        assert outcome.size_bytes == sum(
+        assert result.frames == 1
+        assert result.size_bytes == sum(
             path.stat().st_size for path in files if path.name != "manifest.json"
         )
-        assert 50e6 < outcome.peak_memory_bytes < 1e9
-    assert len(witness.over) == 3
-    again = run_scenarios(few, chosen, listener=witness, resources=RunResources(2))
+        assert 50e6 < result.peak_memory_bytes < 1e9
+    assert len(listener.results) == 3
+    again = run_scenarios(few, chosen, listener=listener, resources=RunResources(2))
     raise_failures(again)
     assert verify_dataset(tmp_path / "output") == []
     assert {path.name for path in (tmp_path / "output").iterdir()} == {
@@ -110,35 +110,35 @@ def test_what_crashes_or_takes_too_much_stops_nobody_else_and_is_made_up_for(
 
 
 @pytest.mark.sumo
-def test_several_processes_make_one_scenario_with_the_bytes_of_one_alone(
+def test_several_workers_make_one_scenario_with_the_bytes_of_a_single_one(
     few: list[Spec],
     stunts: Path,
     seen: Path,
     options: OptionsFor,
-    witness: Any,
+    listener: RecordingListener,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Three share sixteen frames, one each at least; each has a graphics card of its own."""
+    """Three workers make sixteen frames, at least one each; each sees a GPU of its own."""
     frames = slice(0, 16)
     alone, shared = (replace(options(tmp_path / name), frames=frames) for name in ("one", "three"))
-    raise_failures(run_scenarios(few[:1], alone, listener=witness))
+    raise_failures(run_scenarios(few[:1], alone, listener=listener))
     (alone_pid,) = seen.iterdir()
     alone_pid.unlink()
     monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "4,7,9")
     monkeypatch.setenv("MEET", f"{claims(tmp_path / 'three', few[0])}:3")
-    (outcome,) = run_scenarios(few[:1], shared, listener=witness, resources=RunResources(3))
-    raise_failures([outcome])
-    assert outcome.frames == 16
-    assert outcome.size_bytes == Manifest.load(tmp_path / "three" / few[0].id).size_bytes
+    (result,) = run_scenarios(few[:1], shared, listener=listener, resources=RunResources(3))
+    raise_failures([result])
+    assert result.frames == 16
+    assert result.size_bytes == Manifest.load(tmp_path / "three" / few[0].id).size_bytes
     assert tree(tmp_path / "three") == tree(tmp_path / "one")
     assert sorted(path.read_text() for path in seen.iterdir()) == ["4", "7", "9"]
-    told = [progress for progress in witness.told if progress.phase == "frames"]
-    assert all(progress.done <= progress.total == 16 for progress in told)
+    seen_progress = [progress for progress in listener.progress if progress.phase == "frames"]
+    assert all(progress.done <= progress.total == 16 for progress in seen_progress)
 
 
 @pytest.mark.sumo
-def test_when_one_of_several_processes_dies_the_run_fails_and_another_one_goes_on(
+def test_a_run_whose_worker_is_killed_fails_and_the_next_one_resumes(
     few: list[Spec],
     stunts: Path,
     options: OptionsFor,
@@ -149,38 +149,41 @@ def test_when_one_of_several_processes_dies_the_run_fails_and_another_one_goes_o
     claimed = claims(tmp_path / "output", few[0])
     monkeypatch.setenv("MEET", f"{claimed}:2")
     killer = Killer(claimed)
-    (outcome,) = run_scenarios(few[:1], chosen, listener=killer, resources=RunResources(2))
-    told = "worker 2 of 2: worker process ended (killed by SIGKILL)"
-    assert str(outcome.error).startswith(told)
+    (result,) = run_scenarios(few[:1], chosen, listener=killer, resources=RunResources(2))
+    message = "worker 2 of 2: worker process ended (killed by SIGKILL)"
+    assert str(result.error).startswith(message)
     assert psutil.wait_procs(killer.seen, timeout=60)[1] == []
     monkeypatch.delenv("MEET")
-    (outcome,) = run_scenarios(few[:1], chosen, listener=killer, resources=RunResources(2))
-    raise_failures([outcome])
+    (result,) = run_scenarios(few[:1], chosen, listener=killer, resources=RunResources(2))
+    raise_failures([result])
     assert verify_dataset(tmp_path / "output") == []
     assert not (tmp_path / "output" / ".staging").exists()
 
 
-def test_what_takes_too_long_is_killed_and_told(
-    few: list[Spec], stunts: Path, options: OptionsFor, witness: Any, tmp_path: Path
+def test_a_scenario_that_takes_too_long_is_killed_and_reported(
+    few: list[Spec], stunts: Path, options: OptionsFor, listener: RecordingListener, tmp_path: Path
 ) -> None:
     (stunts / "1.hang").touch()
     chosen = options(tmp_path / "output")
-    outcomes = run_scenarios(
-        few[:1], chosen, listener=witness, resources=RunResources(limits=ResourceLimits(time_s=0.5))
+    results = run_scenarios(
+        few[:1],
+        chosen,
+        listener=listener,
+        resources=RunResources(limits=ResourceLimits(time_s=0.5)),
     )
     with pytest.raises(RunError, match=r"took longer than 0:0.*`max_time`"):
-        raise_failures(outcomes)
+        raise_failures(results)
     assert not (tmp_path / "output").exists()
 
 
 @pytest.mark.sumo
-def test_a_scenario_that_cannot_be_noted_in_the_index_has_failed(
-    few: list[Spec], stunts: Path, options: OptionsFor, witness: Any, tmp_path: Path
+def test_a_scenario_that_cannot_be_recorded_in_the_index_has_failed(
+    few: list[Spec], stunts: Path, options: OptionsFor, listener: RecordingListener, tmp_path: Path
 ) -> None:
     (tmp_path / "output" / ".index.json").mkdir(parents=True)
-    (outcome,) = run_scenarios(few[:1], options(tmp_path / "output"), listener=witness)
-    assert outcome.frames == 1
-    assert "index.json: Is a directory" in str(outcome.error)
+    (result,) = run_scenarios(few[:1], options(tmp_path / "output"), listener=listener)
+    assert result.frames == 1
+    assert "index.json: Is a directory" in str(result.error)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
@@ -219,7 +222,7 @@ def test_an_interrupted_run_leaves_no_process_behind(
 
 
 @pytest.mark.sumo
-def test_a_frame_that_every_process_leaves_to_another_is_told(
+def test_a_frame_that_no_worker_made_is_an_error(
     few: list[Spec],
     stunts: Path,
     options: OptionsFor,
@@ -234,7 +237,7 @@ def test_a_frame_that_every_process_leaves_to_another_is_told(
 
 
 @pytest.mark.sumo
-def test_a_process_that_would_make_other_bytes_adds_nothing(
+def test_a_worker_that_would_write_other_bytes_does_not_join(
     few: list[Spec], stunts: Path, options: OptionsFor, tmp_path: Path
 ) -> None:
     chosen = options(tmp_path / "output")
@@ -248,7 +251,7 @@ def test_a_process_that_would_make_other_bytes_adds_nothing(
 
 @pytest.mark.sumo
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
-def test_an_interrupted_run_of_several_processes_leaves_none_behind(
+def test_an_interrupted_run_of_several_workers_leaves_no_process_behind(
     few: list[Spec],
     stunts: Path,
     tmp_path: Path,
@@ -264,11 +267,11 @@ def test_an_interrupted_run_of_several_processes_leaves_none_behind(
 
 
 @pytest.mark.sumo
-def test_a_scenario_is_nobody_elses_as_long_as_one_of_its_processes_lives(
+def test_a_scenario_is_locked_as_long_as_one_of_its_workers_lives(
     few: list[Spec],
     stunts: Path,
     options: OptionsFor,
-    witness: Any,
+    listener: RecordingListener,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -276,19 +279,19 @@ def test_a_scenario_is_nobody_elses_as_long_as_one_of_its_processes_lives(
         process.send_signal(signal.SIGSTOP)  # else it would end the other worker
         children[0].kill()
         monkeypatch.delenv("MEET")
-        (outcome,) = run_scenarios(few[:1], options(tmp_path / "output"), listener=witness)
-        assert "another run is writing this scenario" in str(outcome.error)
+        (result,) = run_scenarios(few[:1], options(tmp_path / "output"), listener=listener)
+        assert "another run is writing this scenario" in str(result.error)
         process.kill()
         process.wait(60)
         assert psutil.wait_procs(children, timeout=60)[1] == []
-    raise_failures(run_scenarios(few[:1], options(tmp_path / "output"), listener=witness))
+    raise_failures(run_scenarios(few[:1], options(tmp_path / "output"), listener=listener))
 
 
 @contextmanager
 def shared_run(
     spec: Spec, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> Generator[tuple[subprocess.Popen[bytes], list[psutil.Process]]]:
-    """A run in two processes that wait in their first frames for what never happens."""
+    """Start a run whose two workers wait in their first frames for ever; yield its processes."""
     write_specs([spec], folder / "compiled")
     claimed = claims(folder / "output", spec)
     monkeypatch.setenv("MEET", f"{claimed}:9")

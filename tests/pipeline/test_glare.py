@@ -25,7 +25,7 @@ FARTHEST_M = 1000.0
 
 
 @pytest.mark.parametrize("road", ["ui", "unj", "ri", "rsnj", "rcnj"])
-def test_the_ego_sees_the_sun_for_more_than_half_of_its_way(
+def test_the_ego_sees_the_sun_for_more_than_half_of_its_route(
     specs: dict[str, Spec], road: str
 ) -> None:
     spec = specs[f"{road}_glare_day_sparse"]
@@ -61,7 +61,7 @@ def test_the_sun_that_ships_is_the_one_that_is_found(specs: dict[str, Spec], roa
     )
 
 
-def test_a_sun_that_cannot_be_in_view_is_said_to_be_none(specs: dict[str, Spec]) -> None:
+def test_a_sun_that_cannot_be_in_view_is_an_error(specs: dict[str, Spec]) -> None:
     sought = Sun(in_view_of="ego", within_deg=8, seen_share=1.0)
     with pytest.raises(
         InputError, match=r"ui: no sun is within 8 deg .* allow more \(within_deg\)"
@@ -69,7 +69,7 @@ def test_a_sun_that_cannot_be_in_view_is_said_to_be_none(specs: dict[str, Spec])
         solve_sun(specs["ui_glare_day_sparse"], sought)
 
 
-def test_nobody_sees_a_sun_behind_them(specs: dict[str, Spec]) -> None:
+def test_a_sun_behind_the_ego_is_not_visible(specs: dict[str, Spec]) -> None:
     behind = Sun(elevation_deg=5, azimuth_deg=180)
     assert compute_visible_fraction(specs["rsnj_glare_day_sparse"], behind, 60.0) == 0.0
 

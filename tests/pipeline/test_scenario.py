@@ -66,7 +66,7 @@ def tree(folder: Path) -> dict[str, str]:
     }
 
 
-def test_every_viewpoint_writes_its_files(made: Path) -> None:
+def test_every_agent_writes_its_files(made: Path) -> None:
     parts = [
         "yaml",
         "pcd",
@@ -108,7 +108,7 @@ def test_frames_are_independent_of_those_before(spec: Spec, made: Path, tmp_path
     assert frames == {path: whole[path] for path in frames}
 
 
-def test_a_run_goes_on_where_an_earlier_one_stopped(spec: Spec, made: Path, tmp_path: Path) -> None:
+def test_a_run_resumes_where_an_earlier_one_stopped(spec: Spec, made: Path, tmp_path: Path) -> None:
     run(spec, tmp_path, 0, 1)
     assert tree(run(spec, tmp_path, 0, 2)) == tree(made)
 
@@ -178,9 +178,7 @@ def test_what_was_made_by_other_code_of_the_same_version_is_not_repaired(
         repair_dataset(tmp_path)
 
 
-def test_the_original_layout_holds_the_same_pictures(
-    spec: Spec, made: Path, tmp_path: Path
-) -> None:
+def test_the_original_layout_holds_the_same_images(spec: Spec, made: Path, tmp_path: Path) -> None:
     other = run(spec, tmp_path, 0, 1, format="adver_city")
     for name in ("000060_camera0.png", "000060_semantic3.png", "000060.yaml"):
         assert (other / "101" / name).read_bytes() == (made / "+101" / name).read_bytes()
@@ -247,7 +245,7 @@ def test_lidar_points_lie_in_the_boxes_of_their_actors(made: Path) -> None:
     assert checked > 20
 
 
-def test_a_recording_is_written_beside_the_dataset(spec: Spec, made: Path, tmp_path: Path) -> None:
+def test_a_recording_is_written_next_to_the_dataset(spec: Spec, made: Path, tmp_path: Path) -> None:
     file = tmp_path / "scene.rrd"
     scenario = run(spec, tmp_path, 0, 1, viewer=ViewerTarget(file=file))
     assert file.stat().st_size > 10_000

@@ -26,7 +26,7 @@ def shortened(spec: Spec) -> Spec:
 
 
 @pytest.mark.sumo
-def test_simulate_writes_the_trace_its_report_and_a_film(
+def test_simulate_writes_the_trace_its_report_and_a_video(
     specs: dict[str, Spec],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -118,7 +118,7 @@ def test_a_conflict_that_ends_in_a_crash_is_no_near_miss(specs: dict[str, Spec])
     assert found.time_to_collision_s == pytest.approx(0.0)
 
 
-def test_whoever_comes_too_late_has_missed_the_conflict(specs: dict[str, Spec]):
+def test_an_actor_that_comes_too_late_has_missed_the_conflict(specs: dict[str, Spec]):
     found = crossed(specs["ui_clear_day_sparse"], lag_s=3.0, meant_s=0.5)
 
     assert "the actor comes 3.00 s after the ego instead of 0.50 s" in found.missed

@@ -1,8 +1,8 @@
-"""A backend that takes grey pictures, and does stunts before: each file in $STUNTS names one.
+"""A backend that renders grey images, and before that fails as the files in $STUNTS name it.
 
-Whoever takes the file away does it. `$SEEN` is where processes tell which graphics cards they see.
-`$MEET`, a folder and a number, is where frames are claimed: with the first picture everybody waits
-until so many are.
+The process that deletes such a file does the stunt. Processes write the GPUs that they see into the
+folder `$SEEN`. `$MEET` is the folder of claims and a number: the first image waits until so many
+frames are claimed.
 """
 
 import os
@@ -26,22 +26,22 @@ from advercity.rendering.backend import (
 from advercity.world import World
 
 LONGEST_S = 120.0
-"""That anybody waits for others."""
+"""Longest wait for other workers."""
 
 
 class GreyRenderer:
     """Everything is grey and 10 m away."""
 
     def place(self, frame: Frame) -> None:
-        """Nobody is seen."""
+        """Wait for other workers, if asked."""
         until_s = time.monotonic() + LONGEST_S
         claims, _, number = os.environ.get("MEET", "").rpartition(":")
         while claims and sum(1 for _ in Path(claims).iterdir()) < int(number):
-            assert time.monotonic() < until_s, "nobody else came"
+            assert time.monotonic() < until_s, "no other worker came"
             time.sleep(0.01)
 
     def render_camera(self, view: CameraView) -> CameraCapture:
-        """A grey picture."""
+        """Return a grey image."""
         shape = (view.height_px, view.width_px)
         return CameraCapture(
             radiance=np.full((*shape, 3), 100.0, np.float32),
@@ -52,17 +52,17 @@ class GreyRenderer:
         )
 
     def render_cameras(self, views: Sequence[CameraView]) -> Iterator[CameraCapture]:
-        """Grey pictures."""
+        """Return grey images."""
         return map(self.render_camera, views)
 
 
 class StuntBackend:
-    """Does a stunt when it is asked what it can."""
+    """Does a stunt when its capabilities are requested."""
 
     name = "stunts"
 
     def capabilities(self) -> Capabilities:
-        """Nothing; but see what happens first."""
+        """Do a stunt; return the capabilities."""
         _do_stunt()
         return Capabilities(
             participating_medium=True,
@@ -78,7 +78,7 @@ class StuntBackend:
     def open(
         self, world: World, atmosphere: Atmosphere, profile: RenderProfile
     ) -> Generator[Renderer]:
-        """A renderer of nothing."""
+        """Open the grey renderer."""
         if "SEEN" in os.environ:
             cards = os.environ.get("CUDA_VISIBLE_DEVICES", "none")
             Path(os.environ["SEEN"], str(os.getpid())).write_text(cards)
@@ -105,6 +105,6 @@ def _hog() -> None:
 
 
 def _hang() -> None:
-    """Until somebody ends this process, whose number is told beside the stunts."""
+    """Sleep until killed, after writing this process id next to the stunts folder."""
     Path(os.environ["STUNTS"]).with_suffix(".hanging").write_text(str(os.getpid()))
     time.sleep(600)
