@@ -161,6 +161,7 @@ class AgentView:
         `object_id`, `kind` of `PointKind`, and `raw_x`, `raw_y`, `raw_z` if the sensor rig has
         `motion_distortion`.
         """
+        # A copy, because an array over the bytes of a file is read-only.
         table = self._format.read_cloud(self.path(self._format.cloud_suffix)).copy()
         mirror_columns(table)
         return table
@@ -222,6 +223,7 @@ class AgentView:
         camera_from_world = poses.invert_pose(self.world_from_camera(camera))
         ahead, left, up = poses.transform_points(camera_from_world, points_world).T
         column, row, depth = self.intrinsic(camera) @ np.stack([-left, -up, ahead])
+        # Points in the camera's plane give inf or NaN, which callers drop by their depth.
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.stack([column / depth, row / depth, depth], axis=1)
 
@@ -257,6 +259,7 @@ class AgentView:
 
     def _read_image(self, suffix: str, mode: int) -> NDArray[np.uint8]:
         path = self.path(suffix)
+        # OpenCV returns None for a missing and for a damaged file alike.
         image: Any = cv2.imread(str(path), mode)
         if image is None:
             raise InputError(f"{path}: is missing or no image; {REPAIR_HINT}")

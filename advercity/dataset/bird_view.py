@@ -80,6 +80,7 @@ class _Outlines:
     def to_pixels(self, map_from_world: Matrix) -> list[PixelPolyline]:
         """Convert outlines to columns and rows (n, 2), in 1/16 px from the middle of pixel 0."""
         x, y, _ = poses.transform_points(map_from_world, self.points).T
+        # OpenCV counts from the middle of pixel 0, the map from its edge.
         column = SIZE_PX / 2 - y / METRES_PER_PX - 0.5
         row = SIZE_PX / 2 - x / METRES_PER_PX - 0.5
         pixels = np.rint(np.stack([column, row], axis=1) * 2**_SHIFT).astype(np.int32)
@@ -103,6 +104,7 @@ def _draw_masks(
     return {
         "dynamic": _fill_polygons(footprints),
         "static": static,
+        # Clipped to the lanes: the pixels of a line are on both sides of the border.
         "lane": _draw_polylines(lines.to_pixels(map_from_world)) & static,
         "visibility": _fill_polygons(corners for number, corners in by_id if number in visible),
         "visibility_corp": _fill_polygons(

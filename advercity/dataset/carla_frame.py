@@ -33,6 +33,7 @@ def mirror_xyz(x: float, y: float, z: float) -> tuple[float, float, float]:
 
 def mirror_columns(table: NDArray[np.void]) -> None:
     """Convert the columns `y` and `raw_y` of a point table (n,) in place."""
+    # Multiplying keeps the bytes of float32 columns; `0 - y` would write another zero.
     for name in {"y", "raw_y"}.intersection(table.dtype.names or ()):
         table[name] *= -1
 

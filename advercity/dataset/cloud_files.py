@@ -52,6 +52,7 @@ def encode_pcd(cloud: PointCloud, *, raw: bool = False) -> bytes:
     kind = np.dtype([*PCD_POINT.descr, *PCD_RAW_FIELDS]) if raw else PCD_POINT
     table = np.empty(len(cloud.points), dtype=kind)
     table["x"], table["y"], table["z"] = cloud.points.T
+    # PCL packs 0x00RRGGBB into four bytes; loaders take the red ones for the intensity.
     table["rgb"] = np.rint(np.clip(cloud.intensity, 0, 1) * 255).astype(np.uint32) << 16
     table["intensity"] = cloud.intensity
     table["range"] = cloud.range_m

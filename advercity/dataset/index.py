@@ -157,6 +157,7 @@ class IndexWriter:
         incoming, lock = self._dataset / f".{INDEX_FILE}", self._dataset / ".index.lock"
         with report_disk_errors(self._dataset), lock_file(lock, "the index"):
             index = DatasetIndex.load(self._dataset) or DatasetIndex()
+            # Once per run: a scenario that is made again has no result until then.
             if not self._has_written:
                 index = index.with_waiting(self._specs.values())
             write_file(incoming, index.with_entries(entries).to_json())
@@ -211,9 +212,10 @@ def _link_folders(folders: dict[str, Path], found: dict[str, list[str]], output:
         split_folder = output / name
         split_folder.mkdir(parents=True, exist_ok=True)
         for link in split_folder.iterdir():
-            if link.is_symlink():
+            if link.is_symlink():  # a user's own files stay
                 link.unlink()
         for member in members:
+            # Relative, so that dataset and splits can be moved together.
             target = os.path.relpath(folders[member].resolve(), split_folder.resolve())
             (split_folder / member).symlink_to(target)
     (output / SPLITS_FILE).write_text(json.dumps(found, indent=1) + "\n")

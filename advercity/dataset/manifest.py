@@ -185,6 +185,7 @@ class Manifest(Model):
             length=length,
             complete=len(frames) == length,
             frames=tuple(frames),
+            # Sorted, so that the order in which processes finish frames does not show.
             files={path: files[path] for path in sorted(files)},
         )
 

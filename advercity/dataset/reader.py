@@ -167,7 +167,7 @@ class Dataset(Sequence[FrameView]):
         """Return the frame at a position, counted through all scenarios."""
         if isinstance(index, slice):
             return [self[position] for position in range(len(self))[index]]
-        position = range(len(self))[index]
+        position = range(len(self))[index]  # resolves negative positions, raises IndexError
         number = int(np.searchsorted(self._ends, position, side="right"))
         scenario = self.scenarios[number]
         return scenario[position - int(self._ends[number])]

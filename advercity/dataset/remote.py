@@ -26,6 +26,7 @@ from advercity.errors import InputError
 def upload_part(store: DatasetStore, scenario: Path) -> None:
     """Upload the frames in a scenario's folder, and then the manifest that lists them."""
     manifest = Manifest.load(scenario)
+    # The manifest goes last: a machine that stops before it leaves files that no part names.
     for path, record in manifest.files.items():
         if record.frame is not None:
             store.write(f"{scenario.name}/{path}", (scenario / path).read_bytes())
@@ -78,6 +79,7 @@ class SharedScenario:
         manifest = self._save(self._merge_records(self._read_manifests()))
         for path in self.store.list_files(name):
             inside = path.removeprefix(f"{name}/")
+            # Of a machine that stopped before its manifest; any other file may be a user's.
             if inside not in manifest.files and is_frame_file(inside):
                 self.store.remove(path)
         self.store.remove(_format_parts_folder(name))

@@ -20,6 +20,7 @@ def find_scenarios(dataset: Path) -> list[Path]:
     Raises:
         InputError: The folder holds no scenario.
     """
+    # `Path` has turned `//` into `/`; a single letter before the colon is a drive of Windows.
     if re.match(r"[a-z0-9+]{2,}:/", str(dataset)):
         raise InputError(
             f"{dataset}: is the URL of a store, which only `run --executor ray` and `verify` read;"

@@ -59,6 +59,7 @@ def draw_table(table: StatisticsTable) -> "Figure":
         raise InputError(
             "plots need matplotlib, which is not installed; try: pip install 'advercity[stats]'"
         ) from error
+    # Not by pyplot, which keeps figures and picks a window system.
     figure = Figure(figsize=(7.0, 4.5), layout="constrained")
     if table.name == "polar_density_map":
         _draw_polar(figure, table)

@@ -100,7 +100,7 @@ class DatasetStore:
             RunError: The store does not answer, or has no such bucket.
         """
         with self._report_errors(f"{folder or 'it'} cannot be listed"):
-            self._files.invalidate_cache()
+            self._files.invalidate_cache()  # fsspec would not show what other machines wrote
             found = self._files.find(self._absolute_path(folder).rstrip("/"))
         return sorted(path.removeprefix(f"{self._root}/") for path in found)
 
@@ -144,6 +144,7 @@ class DatasetLease:
 
     def __init__(self, store: DatasetStore, timeout_s: float = LEASE_TIMEOUT_S) -> None:
         self._store, self._timeout_s = store, timeout_s
+        # The random part distinguishes runs where machines share names and process numbers.
         self._owner = f"{platform.node()} process {os.getpid()} {uuid.uuid4().hex}"
         self._renewals = 0
         self._over = Event()
@@ -157,6 +158,7 @@ class DatasetLease:
         return self
 
     def __exit__(self, kind: object, error: object, traceback: object) -> None:
+        # After the last renewal, or it would write the file again.
         self._over.set()
         self._renewal_thread.join()
         if not self._lost:
@@ -195,7 +197,7 @@ class DatasetLease:
             try:
                 if not self._is_owned_here():
                     break
-                self._renewals += 1
+                self._renewals += 1  # changes the file, which is all that other runs look for
                 self._store.write(LEASE_FILE, self._format())
                 renewed_s = time.monotonic()
             except RunError:

@@ -61,6 +61,7 @@ def verify_dataset(dataset: Path) -> list[FileProblem]:
         InputError: The folder holds no scenario.
         RunError: A file cannot be read.
     """
+    # Where every scenario is missing, only the index shows that this is a dataset.
     differing = compare_with_index(dataset)
     if differing and not any(path.exists() for path in dataset.glob(f"*/{MANIFEST_FILE}")):
         return differing
@@ -124,6 +125,7 @@ def compare_with_manifest(
     missing = recorded.keys() - found
     problems += [FileProblem(scenario, path, "missing", recorded[path].frame) for path in missing]
     present = {path: record for path, record in recorded.items() if path in found}
+    # Reading and SHA-256 both release the interpreter lock.
     with ThreadPoolExecutor() as pool:
         same = pool.map(matches, present, present.values())
         problems += [
@@ -142,7 +144,7 @@ def _list_files(scenario: Path) -> Iterator[str]:
 
 def _matches_record(path: Path, record: FileRecord) -> bool:
     try:
-        if path.stat().st_size != record.size:
+        if path.stat().st_size != record.size:  # needs no reading
             return False
         with path.open("rb") as stream:
             return hashlib.file_digest(stream, "sha256").hexdigest() == record.sha256

@@ -39,7 +39,7 @@ from advercity.errors import RunError
 from advercity.roads.road_network import build_road
 from advercity.sensors.sensor_frame import SensorFrame
 
-PROTOCOL_FILE = "data_protocol.yaml"
+PROTOCOL_FILE = "data_protocol.yaml"  # name that OPV2V has for it
 ATTRIBUTION_FILE = "ATTRIBUTION.md"
 LICENCE_URLS = {
     "CC0-1.0": "https://creativecommons.org/publicdomain/zero/1.0/",
@@ -124,6 +124,7 @@ class FrameWriter:
         incoming = self._staging / "incoming" / str(self._process)
         files = self._encode(sensor_frames, self._lanes, name=format_frame_name(self._spec, frame))
         with report_disk_errors(self.scenario):
+            # All files are on the disk before the first is moved: a full disk leaves no part.
             for path, content in files.items():
                 write_file(incoming / path, content)
             for path in files:
@@ -183,7 +184,7 @@ class ScenarioWriter(FrameWriter):
     def __exit__(self, kind: object, error: BaseException | None, traceback: object) -> None:
         try:
             if error is not None:
-                with suppress(RunError):
+                with suppress(RunError):  # the first error is the one to report
                     self.finish()
         finally:
             self._lock.close()
@@ -210,6 +211,7 @@ class ScenarioWriter(FrameWriter):
         own = encode_scenario_files(self._spec, self._identity)
         self._files |= {path: FileRecord.from_content(content) for path, content in own.items()}
         self._size_bytes = sum(record.size for record in self._files.values())
+        # The manifest first: a folder with files but without one counts as a user's.
         self._save()
         for path, content in own.items():
             replace_file(self.scenario, path, content)
@@ -236,7 +238,7 @@ class ScenarioWriter(FrameWriter):
             for path, record in manifest.files.items()
             if not self._has_recorded_size(path, record)
         }
-        again = damaged | {None}
+        again = damaged | {None}  # files of the whole scenario are written anyway
         return {
             path: record for path, record in manifest.files.items() if record.frame not in again
         }
@@ -264,5 +266,6 @@ class ScenarioWriter(FrameWriter):
             self._identity, self._spec, length=self._length, files=self._files
         )
         replace_file(self.scenario, MANIFEST_FILE, manifest.to_json().encode())
+        # Only now: the journals are the record until the manifest has their frames.
         remove_journals(self.scenario)
         return manifest

@@ -214,6 +214,7 @@ def annotate_actors(sensor_frame: SensorFrame) -> tuple[Annotation, ...]:
     centres = grounds + world_from_object[:, :3, 2] * (heights[:, None] / 2)
     locations = np.where(on_foot[:, None], centres, grounds)
     places = poses.transform_points(poses.invert_pose(sensor_frame.world_from_agent), locations)
+    # One pass of arrays over all actors: a frame may have several hundred, five times over.
     yaws = np.arctan2(world_from_object[:, 1, 0], world_from_object[:, 0, 0])
     relative = yaws - poses.to_yaw_pitch_roll(sensor_frame.world_from_agent)[0]
     rows = zip(

@@ -27,7 +27,7 @@ _KIND_COLOUR_TABLE = np.array([KIND_COLOURS[kind] for kind in PointKind], np.uin
 
 
 def parse_cloud_colour(text: str) -> CloudColour:
-    """Parse the option `--colour-clouds`; InputError if there is no such colouring."""
+    """Parse the option `--cloud-colour`; InputError if there is no such colouring."""
     if text not in CLOUD_COLOURS:
         choices = f"{', '.join(CLOUD_COLOURS[:-1])} or {CLOUD_COLOURS[-1]}"
         raise InputError(f"`cloud_colour` {text}: no such colouring; {choices}")

@@ -164,7 +164,7 @@ class RerunRecording:
         self._stream = rr.RecordingStream(
             APPLICATION_ID, recording_id=spec.id, send_properties=False
         )
-        self._stream.set_log_time_enabled(False)
+        self._stream.set_log_time_enabled(False)  # the same run gives the same recording
         self._stream.set_sinks(*files, *viewers, *self._servers)
         self._cloud_colour: CloudColour = cloud_colour
         self._events = tuple(events)

@@ -105,10 +105,10 @@ def test_commands_print_what_they_wrote(
         f"{tmp_path / 'validate'}: 1",
         f"{tmp_path / 'test'}: 1",
     ]
-    films = tmp_path / "films"
+    videos = tmp_path / "videos"
     code, out, _ = command(
-        *(monkeypatch, capsys, "video", tmp_path / "test", "--kind", "lidar", "--output", films)
+        *(monkeypatch, capsys, "video", tmp_path / "test", "--kind", "lidar", "--output", videos)
     )
-    assert (code, out.strip()) == (0, str(films / "ui_clear_night_dense_lidar.mp4"))
+    assert (code, out.strip()) == (0, str(videos / "ui_clear_night_dense_lidar.mp4"))
     code, out, err = command(monkeypatch, capsys, "repair", two_roads)
     assert (code, out, err) == (0, "", "")

@@ -12,7 +12,7 @@ from tests.builders import SensorFramesOf
 
 
 def staged(spec: Spec) -> Spec:
-    """The van turns across the ego's way; then the walker steps out from behind the truck."""
+    """The van turns across the ego's path; then the walker steps out from behind the truck."""
     turning = StagedConflict.model_construct(
         id="conflict_1",
         ego="other",

@@ -21,7 +21,7 @@ def scenario(tmp_path: Path, spec: Spec, sensor_frames_of: SensorFramesOf) -> Pa
 
 
 def read_all(view: AgentView) -> None:
-    """Whatever stands in the frame's YAML."""
+    """Read every field of the frame's YAML."""
     _ = (view.boxes, view.speed_m_s, view.world_from_agent, view.world_from_lidar)
     _ = (view.world_from_camera(0), view.intrinsic(0))
 
@@ -32,7 +32,7 @@ def test_annotations_cut_off_anywhere_are_read_completely_or_reported(scenario: 
     view = advercity.open_dataset(scenario)[0]["cav1"]
     read_all(view)
     expected = len(view.boxes)
-    told = set[str]()
+    messages = set[str]()
     for length in range(0, len(whole) - 1, 7):
         path.write_bytes(whole[:length])
         view = advercity.open_dataset(scenario)[0]["cav1"]
@@ -40,9 +40,9 @@ def test_annotations_cut_off_anywhere_are_read_completely_or_reported(scenario: 
             read_all(view)
             assert len(view.boxes) <= expected
         except InputError as error:
-            told.add(str(error))
-    assert f"{path}: is damaged; {REMEDY}" in told
-    assert all(text.startswith(f"{path}: ") and "\n" not in text for text in told)
+            messages.add(str(error))
+    assert f"{path}: is damaged; {REMEDY}" in messages
+    assert all(text.startswith(f"{path}: ") and "\n" not in text for text in messages)
 
 
 @pytest.mark.parametrize(

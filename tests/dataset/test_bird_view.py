@@ -57,7 +57,7 @@ def test_vehicles_visible_only_to_other_agents_are_in_the_shared_map_only(
     )
     own, *_ = draw_bird_views((blind, *readings[1:]), ())
     assert not own["visibility"].any()
-    seen = find_visible_actors(picture for one in readings[1:] for picture in one.camera_images)
+    seen = find_visible_actors(image for one in readings[1:] for image in one.camera_images)
     for number in (102, 103, 201, 202):
         shown = own["visibility_corp"][place(blind, number)] == 255
         assert shown == (number in seen)

@@ -27,8 +27,8 @@ def scenario(
 def test_folders_and_files_are_named_as_in_the_original(scenario: Path) -> None:
     folders = sorted(path.name for path in scenario.iterdir() if path.is_dir())
     assert folders == ["-1", "-2", "101", "102", "103"]
-    pictures = {f"000060_{kind}{k}.png" for kind in ("camera", "semantic") for k in range(4)}
-    both = {"000060.yaml", "000060_lidar.ply"} | pictures
+    images = {f"000060_{kind}{k}.png" for kind in ("camera", "semantic") for k in range(4)}
+    both = {"000060.yaml", "000060_lidar.ply"} | images
     assert {path.name for path in (scenario / "-2").iterdir()} == both
     vehicle = both | {"000060_gnss_imu.yaml"}
     assert {path.name for path in (scenario / "101").iterdir()} == vehicle

@@ -57,9 +57,9 @@ def test_the_index_has_every_requested_scenario_with_its_state(
     make(tmp_path, others[0], 1)
     index.record_result("other_0", failed=False)
     index.record_result("other_1", failed=True)
-    told = {"other_0": "partial", "other_1": "failed", "other_2": "waiting", spec.id: "whole"}
-    assert states(tmp_path) == told
-    assert list(states(tmp_path)) == sorted(told)
+    expected = {"other_0": "partial", "other_1": "failed", "other_2": "waiting", spec.id: "whole"}
+    assert states(tmp_path) == expected
+    assert list(states(tmp_path)) == sorted(expected)
     found = DatasetIndex.load(tmp_path)
     assert found is not None
     assert found.format_summary() == "4 scenarios: 1 whole, 1 partial, 1 failed, 1 waiting"

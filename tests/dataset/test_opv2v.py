@@ -140,10 +140,10 @@ def test_frames_are_numbered_as_in_the_original(scenario: Path, agent: str) -> N
 
 @EVERY_AGENT
 def test_each_frame_has_all_its_files(scenario: Path, agent: str) -> None:
-    pictures = [f"_{kind}{k}.png" for kind in ("camera", "semantic", "depth") for k in range(4)]
-    pictures += [f"_bev_{kind}.png" for kind in MAPS]
+    images = [f"_{kind}{k}.png" for kind in ("camera", "semantic", "depth") for k in range(4)]
+    images += [f"_bev_{kind}.png" for kind in MAPS]
     motion = [] if agent.startswith("-") else ["_additional_gnss_imu.yaml"]
-    expected = {f"000061{end}" for end in [".yaml", ".pcd", "_objects.json", *pictures, *motion]}
+    expected = {f"000061{end}" for end in [".yaml", ".pcd", "_objects.json", *images, *motion]}
     assert {path.name for path in (scenario / agent).glob("000061*")} == expected
 
 
@@ -293,7 +293,7 @@ def test_object_points_land_on_object_pixels_in_every_camera(scenario: Path, age
 
 
 def wholly_ahead(description: dict[str, Any], camera: dict[str, Any]) -> list[int]:
-    """Objects with every corner in front of the camera, which the pictures show."""
+    """Objects with every corner in front of the camera, which the images show."""
     unit = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
     camera_from_world = np.linalg.inv(world_from(camera["cords"]))
     ahead: list[int] = []

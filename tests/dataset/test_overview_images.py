@@ -43,5 +43,5 @@ def test_boxes_are_drawn_around_their_objects(two_roads: Path) -> None:
 
 
 def test_the_top_view_is_centred_on_the_first_agent(two_roads: Path) -> None:
-    picture = overview_images.draw_top_view(open_dataset(two_roads)[0], 200)
-    assert tuple(picture[100, 100]) == overview_images.AGENT_VIEW_COLOURS[0]
+    image = overview_images.draw_top_view(open_dataset(two_roads)[0], 200)
+    assert tuple(image[100, 100]) == overview_images.AGENT_VIEW_COLOURS[0]

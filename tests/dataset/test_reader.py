@@ -46,9 +46,9 @@ def test_poses_come_back(dataset: Dataset, sensor_frames_of: SensorFramesOf) -> 
         view = dataset[1][reading.agent.id]
         np.testing.assert_allclose(view.world_from_agent, reading.world_from_agent, atol=1e-7)
         np.testing.assert_allclose(view.world_from_lidar, reading.world_from_lidar, atol=1e-7)
-        for index, picture in enumerate(reading.camera_images):
+        for index, image in enumerate(reading.camera_images):
             pose = view.world_from_camera(index)
-            np.testing.assert_allclose(pose, picture.world_from_camera, atol=1e-7)
+            np.testing.assert_allclose(pose, image.world_from_camera, atol=1e-7)
         assert view.speed_m_s == pytest.approx(reading.speed_m_s)
 
 
@@ -58,9 +58,9 @@ def test_points_and_images_come_back(dataset: Dataset, sensor_frames_of: SensorF
         np.testing.assert_allclose(view.points, reading.point_cloud.points, atol=1e-5)
         intensity = view.cloud["intensity"]
         np.testing.assert_allclose(intensity, reading.point_cloud.intensity, atol=0.5 / 255 + 1e-6)
-        for index, picture in enumerate(reading.camera_images):
-            np.testing.assert_array_equal(view.image(index), picture.image)
-            np.testing.assert_array_equal(view.semantic(index), picture.semantic)
+        for index, image in enumerate(reading.camera_images):
+            np.testing.assert_array_equal(view.image(index), image.image)
+            np.testing.assert_array_equal(view.semantic(index), image.semantic)
 
 
 def test_points_without_motion_were_measured_where_they_are(dataset: Dataset) -> None:

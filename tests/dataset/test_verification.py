@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from advercity_dsl import Spec
 
+from advercity.dataset import partial_files
 from advercity.dataset.verification import restore_files, verify_scenario
 from advercity.dataset.writer import ScenarioWriter
 from advercity.errors import RunError
@@ -105,8 +106,12 @@ def test_content_that_differs_from_the_manifest_is_not_written(
 
 
 def test_a_scenario_that_is_being_written_is_not_restored(
-    scenario: Path, sensor_frames_of: SensorFramesOf, spec: Spec
+    scenario: Path,
+    sensor_frames_of: SensorFramesOf,
+    spec: Spec,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setattr(partial_files, "LOCK_TIMEOUT_S", 0.2)
     identity = identify(spec)
     with (
         ScenarioWriter(scenario.parent, spec, identity, length=FRAMES),
@@ -120,19 +125,19 @@ def in_a_child(act: Callable[[], object], prepare: Callable[[], object]) -> str:
     reading, writing = os.pipe()
     child = os.fork()
     if child == 0:
-        told = ""
+        message = ""
         try:
             prepare()
             act()
         except RunError as error:
-            told = str(error)
-        os.write(writing, told.encode())
+            message = str(error)
+        os.write(writing, message.encode())
         os._exit(0)
     os.close(writing)
     with os.fdopen(reading) as stream:
-        told = stream.read()
+        message = stream.read()
     os.waitpid(child, 0)
-    return told
+    return message
 
 
 @pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
@@ -147,8 +152,8 @@ def test_a_file_over_the_size_limit_is_reported_and_the_frame_is_absent(
         resource.setrlimit(resource.RLIMIT_FSIZE, (min(sizes) // 2, resource.RLIM_INFINITY))
 
     root = tmp_path / "full"
-    told = in_a_child(lambda: run(root), limit)
-    assert "File too large; finished frames are kept" in told
+    message = in_a_child(lambda: run(root), limit)
+    assert "File too large; finished frames are kept" in message
     assert not list((root / spec.id).glob("*/*"))
     run(root)
     assert tree(root) == tree(original)
@@ -156,13 +161,14 @@ def test_a_file_over_the_size_limit_is_reported_and_the_frame_is_absent(
 
 @pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
 def test_a_read_only_folder_is_reported(tmp_path: Path, run: Run) -> None:
-    """Root may write anywhere, so the child is somebody else."""
+    """Root may write anywhere, so the child gives up its rights."""
     root = tmp_path / "read_only"
     root.mkdir(mode=0o555)
-    nobody = 65_534
-    told = in_a_child(
-        lambda: run(root), lambda: os.geteuid() == 0 and (os.setgid(nobody), os.setuid(nobody))
+    unprivileged = 65_534
+    message = in_a_child(
+        lambda: run(root),
+        lambda: os.geteuid() == 0 and (os.setgid(unprivileged), os.setuid(unprivileged)),
     )
-    assert f"{root}" in told
-    assert "Permission denied" in told
+    assert f"{root}" in message
+    assert "Permission denied" in message
     assert not list(root.iterdir())

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from advercity_dsl import Spec
 
+from advercity.dataset import partial_files
 from advercity.dataset.manifest import Identity, Manifest
 from advercity.dataset.scenario_folders import MANIFEST_FILE, find_scenarios
 from advercity.dataset.verification import FileProblem, restore_files, verify_scenario
@@ -204,7 +205,10 @@ def test_an_unfinished_scenario_is_verified_with_its_journal(
     assert Manifest.load(tmp_path / spec.id).frames == (1,)
 
 
-def test_a_second_writer_is_refused(tmp_path: Path, writer: Make) -> None:
+def test_a_second_writer_is_refused(
+    tmp_path: Path, writer: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(partial_files, "LOCK_TIMEOUT_S", 0.2)
     with (
         writer(tmp_path),
         pytest.raises(RunError, match="another run is writing this scenario"),
@@ -278,10 +282,10 @@ def test_verify_finds_what_is_missing_extra_or_changed(whole: Path) -> None:
     (scenario,) = find_scenarios(whole)
     (scenario / "102" / "000060.pcd").unlink()
     (scenario / "103" / "notes.txt").write_text("x")
-    picture = scenario / "-1" / "000061_camera0.png"
-    content = bytearray(picture.read_bytes())
+    path = scenario / "-1" / "000061_camera0.png"
+    content = bytearray(path.read_bytes())
     content[-1] ^= 1
-    picture.write_bytes(content)
+    path.write_bytes(content)
     assert verify_scenario(scenario) == [
         FileProblem(scenario, "-1/000061_camera0.png", "changed", 1),
         FileProblem(scenario, "102/000060.pcd", "missing", 0),

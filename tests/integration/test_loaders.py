@@ -140,7 +140,7 @@ def test_the_ego_is_a_vehicle_and_both_units_are_infrastructure(agents: list[Age
 
 
 def test_boxes_are_filled_by_the_points_of_all(agents: list[Agent]) -> None:
-    """Of what stands out of the road in a box, nearly all is within its sides and reaches them."""
+    """Of the points above the road in a box, nearly all are within its sides and extend to them."""
     ego = agents[0]
     cloud = np.concatenate([moved(ego.from_lidar(one), one.points) for one in agents])
     checked = 0

@@ -20,7 +20,7 @@ def annotated(reading: SensorFrame) -> dict[int, Annotation]:
 
 
 def among(reading: SensorFrame, *states: ActorState, hits: int = 1) -> SensorFrame:
-    """The same viewpoint, level at the origin and facing north, with only itself and these."""
+    """The same agent, level at the origin and facing north, with only itself and these."""
     own = replace(reading.frame.get_state(reading.agent.number), world_from_body=north)
     return replace(
         reading,

@@ -52,7 +52,7 @@ def test_a_hidden_quarter_is_occlusion() -> None:
 
 
 def test_the_part_outside_the_image_is_truncation() -> None:
-    """The near face reaches from 110 px left of the middle to 90: half of it is in the picture.
+    """The near face reaches from 110 px left of the middle to 90: half of it is in the image.
 
     The far face, at 12 m, spans 75 to 91.7 px: within, so the outline is near face and a trapezium.
     """

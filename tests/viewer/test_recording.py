@@ -126,10 +126,10 @@ def test_points_are_coloured_by_intensity_class_or_kind(sensor_frames_of: Sensor
 def test_images_are_complete_and_semantics_exact(
     recorded: RrdReader, sensor_frames_of: SensorFramesOf
 ) -> None:
-    picture = sensor_frames_of(0)[4].camera_images[3]
-    assert decoded(recorded, "world/rsu2/camera3").shape == picture.image.shape
+    image = sensor_frames_of(0)[4].camera_images[3]
+    assert decoded(recorded, "world/rsu2/camera3").shape == image.image.shape
     np.testing.assert_array_equal(
-        decoded(recorded, "semantic/rsu2/camera3"), PALETTE[picture.semantic]
+        decoded(recorded, "semantic/rsu2/camera3"), PALETTE[image.semantic]
     )
 
 
@@ -194,8 +194,8 @@ def test_vehicles_have_past_and_planned_trajectories(
     assert driven[0] == []
     np.testing.assert_allclose(driven[1], [origins], atol=1e-4)
     planned = logged(recorded, "world/trajectories/planned/cav1", "LineStrips3D:strips")[1]
-    way = [point[:2] for point in sensor_frames_of(1)[0].planned_trajectory]
-    np.testing.assert_allclose(np.array(planned[0])[1:, :2], way, atol=1e-4)
+    path = [point[:2] for point in sensor_frames_of(1)[0].planned_trajectory]
+    np.testing.assert_allclose(np.array(planned[0])[1:, :2], path, atol=1e-4)
     paths = recorded.store().schema().entity_paths()
     assert not [path for path in paths if path.startswith("/world/trajectories") and "rsu" in path]
 
