@@ -67,13 +67,13 @@ def cloudy_daylight(
         * (1.0 - 0.75 * cover**3.4)
         * (RAIN_CLOUD_TRANSMITTANCE if precipitating else 1.0)
     )
-    clear_share = clear.diffuse_lx / clear_total
-    share = clear_share + (1.0 - clear_share) * cover**2
-    return Daylight(direct_lx=total * (1.0 - share) / sine, diffuse_lx=total * share)
+    clear_diffuse = clear.diffuse_lx / clear_total
+    diffuse = clear_diffuse + (1.0 - clear_diffuse) * cover**2
+    return Daylight(direct_lx=total * (1.0 - diffuse) / sine, diffuse_lx=total * diffuse)
 
 
 def daylight_for_weather(weather: Weather) -> Daylight:
-    """Sun and sky of `weather`; what its author gave stands, the rest is derived."""
+    """Compute the daylight of `weather`; authored illuminances override derived ones."""
     derived = cloudy_daylight(
         weather.sun.elevation_deg,
         oktas=weather.sky.oktas,

@@ -113,7 +113,7 @@ class Renderer(Protocol):
 
 
 class Backend(Protocol):
-    """Opens renderers; holds what they share, never the state of one."""
+    """Opens renderers; holds their common resources, never the state of one."""
 
     @property
     def name(self) -> str:

@@ -114,10 +114,10 @@ def _iterate_vehicle_lights(state: ActorState, unobstructed_m: float) -> Iterato
         rear_cd = BRAKE_CD if Lamp.BRAKE in state.lamps else TAIL_CD
         rear_cd += REAR_FOG_CD if Lamp.FOG in state.lamps else 0.0
         for left in sides:
-            aside = left * REAR_LAMP_OFFSET_FRACTION * state.actor.size[1] * pose[:3, 1]
+            offset = left * REAR_LAMP_OFFSET_FRACTION * state.actor.size[1] * pose[:3, 1]
             yield LightSource(
                 LampPattern.LENS,
-                tuple(rear + aside),
+                tuple(rear + offset),
                 tuple(-ahead),
                 rear_cd / len(sides),
                 RED_LAMP_COLOUR,

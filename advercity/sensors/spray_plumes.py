@@ -15,7 +15,7 @@ from advercity.geometry.arrays import Float64Array, FloatArray
 from advercity.geometry.poses import Matrix
 
 MIN_SPRAY_FILM_MM = 0.3
-"""Depth of water below which tyres squeeze it aside rather than throw it up."""
+"""Depth of water below which tyres displace it sideways rather than throw it up."""
 MIN_SPRAY_SPEED_M_S = 30.0 / KM_H_PER_M_S
 SPRAY_REFERENCE_SPEED_M_S = 60.0 / KM_H_PER_M_S
 SPRAY_WATER_G_M3 = 0.5
