@@ -248,6 +248,7 @@ def shade_smooth(surface: TriangleSurface) -> TriangleSurface:
     corner = shared.reshape(-1)[surface.triangles]
     edges = surface.vertices[surface.triangles]
     area = np.cross(edges[:, 1] - edges[:, 0], edges[:, 2] - edges[:, 0])
+    # Caps of lofts over pointed rings have triangles without area, whose normals are undefined.
     solid = np.linalg.norm(area, axis=1) > 1e-10
     solid &= (corner != np.roll(corner, 1, axis=1)).all(axis=1)
     corner, area, kept = corner[solid], area[solid], surface.triangles[solid]

@@ -115,6 +115,7 @@ class StationedPolyline:
     def project_point(self, point: ArrayLike) -> tuple[float, float]:
         """Find the station nearest to a point (2,) in the plane, and the distance in metres."""
         starts, steps = self.points[:-1, :2], np.diff(self.points[:, :2], axis=0)
+        # Repeated points give segments without length; the bound keeps their fraction finite.
         squared = np.maximum((steps**2).sum(axis=1), 1e-12)
         fraction = np.clip(((np.asarray(point) - starts) * steps).sum(axis=1) / squared, 0, 1)
         distances = np.linalg.norm(starts + fraction[:, None] * steps - point, axis=1)

@@ -128,6 +128,7 @@ class ImportedSurface:
             [self._carriageways, *self._junction_path_areas.values()], grid_size=GRID_M
         )
         walks = [lane.build_area() for lane in self._lanes if lane.kind == "sidewalk"]
+        # Outlines of walking areas overlap roadways, which are subtracted below.
         corners = [
             build_enclosed_area(lane.shape)
             for edge in self._net.walking_areas

@@ -217,6 +217,7 @@ def _compute_routes_from(graph: LaneGraph, start: str) -> dict[str, tuple[float,
     lengths = {lane.edge: lane.length_m for lane in graph.driving_lanes}
     found: dict[str, tuple[float, tuple[str, ...]]] = {}
     todo: list[tuple[float, tuple[str, ...]]] = [(0.0, (start,))]
+    # The heap compares edge ids after lengths, so ties never depend on the order of the file.
     while todo:
         cost, edges = heappop(todo)
         if edges[-1] not in found:

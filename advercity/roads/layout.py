@@ -247,6 +247,7 @@ def _build_corner(arm: JunctionArm, following: JunctionArm, radius_m: float) -> 
     back = _connect_arms(
         arm, here[1], following, there[1], max(radius_m - width, MIN_CORNER_RADIUS_M)
     )
+    # Ribbons between the two lines need a point of one for each of the other.
     count = max(len(kerb), len(back))
     kerb, back = (
         line if len(line) == count else polyline.resample_polyline(line, count)
@@ -289,6 +290,7 @@ def _build_connecting_path(
             source.point_at(source.to_arm_offset(first_t)),
             target.point_at(target.to_arm_offset(last_t)),
         )
+        # Borders of an arc are arcs around the same centre, so the lane keeps its width.
         radius = max(turn_radius_m - leftwards * left_m, MIN_CORNER_RADIUS_M)
         return curves.build_connecting_curve(start[:2], out, end[:2], into, radius_m=radius)
 

@@ -108,6 +108,7 @@ def _read_map(declared: MapFile, folder: Path) -> _LoadedMap:
         raise InputError(f"{declared.file}: there is no such file in {folder}")
     try:
         with path.open("rb") as stream:
+            # One byte more than the limit is enough for the parser to refuse the file.
             raw = stream.read(MAX_XML_BYTES + 1)
         root = parse_xml(raw)
     except OSError as error:

@@ -52,6 +52,7 @@ class PlanCanvas:
 
     def fill(self, outline: ArrayLike, colour: tuple[int, int, int], *, opacity: float = 1) -> None:
         """Fill a polygon (n, 2 or 3)."""
+        # OpenCV draws without transparency; the layer is blended with the image afterwards.
         layer = self.image if opacity >= 1 else self.image.copy()
         cv2.fillPoly(layer, [self._pixels(outline)], colour, cv2.LINE_AA, FRACTIONAL_BITS)
         if opacity < 1:

@@ -237,6 +237,7 @@ class RoutePlanner:
                 )
                 fraction = np.clip(polyline.polyline_stations(line) / LANE_CHANGE_M, 0, 1)[:, None]
                 line = (1 - fraction) * line + fraction * target
+            # Both ends of the link repeat the lanes' own points.
             if pieces:
                 pieces.append(_link_lanes(pieces[-1], line)[1:-1])
             begins = (

@@ -89,6 +89,7 @@ class StreetLayout:
         """Compute points (..., 3) on the facets at distances along the axis and offsets from it."""
         station, t = np.broadcast_arrays(station, t)
         axis = StationedPolyline(self.axis, self.stations).points_at(station)
+        # Headings jump by a turn at west, where interpolation would swing the point around.
         heading = np.interp(station, self.stations, np.unwrap(self.headings))
         plane = polyline.offset_points(axis[..., :2], heading, t)
         return np.concatenate([plane, axis[..., 2:]], axis=-1)

@@ -72,7 +72,7 @@ def run_netconvert(options: Mapping[str, str], output: Path) -> NetconvertResult
             env={**os.environ, "SUMO_HOME": sumo.SUMO_HOME},
             capture_output=True,
             text=True,
-            errors="replace",
+            errors="replace",  # messages quote names from maps, in whatever encoding
             timeout=NETCONVERT_TIMEOUT_S,
             check=False,
         )

@@ -96,6 +96,7 @@ def sanitize_network(root: Element) -> Element:
 
 def _copy_element(parent: Element, item: Element) -> Element:
     kept = {name: value for name in _KEPT_ATTRIBUTES[item.tag].split() if (value := item.get(name))}
+    # Actuated programs read detectors and parameters that name files; a fixed one is harmless.
     if item.tag == "tlLogic":
         kept["type"] = "static"
     return SubElement(parent, item.tag, kept)
@@ -109,6 +110,7 @@ def pack_network(net: Element) -> str:
 def unpack_network(text: str) -> Element:
     """Unpack and sanitise a network from `pack_network`; InputError if it is something else."""
     try:
+        # The size is bounded while inflating: a small text can hold gigabytes of zeros.
         inflate = zlib.decompressobj()
         raw = inflate.decompress(base64.b64decode(text, validate=True), MAX_XML_BYTES)
         if inflate.unconsumed_tail:
