@@ -86,5 +86,5 @@ def test_found_suns_are_written_where_others_were_and_comments_stay(tmp_path: Pa
     write_sun_positions(path, {"ui": Sun(elevation_deg=7, azimuth_deg=183.5)})
     assert find_weather(str(path)).declaration.sun_at["ui"].elevation_deg == 7
     path.write_text("{kind: weather, id: a, time: day, sun: {in_view_of: ego}}\n")
-    with pytest.raises(InputError, match="has no line of its own"):
+    with pytest.raises(InputError, match="does not begin a line"):
         write_sun_positions(path, {"ui": Sun(elevation_deg=7, azimuth_deg=183.5)})

@@ -142,5 +142,5 @@ def test_a_road_is_authored_or_imported_but_not_both() -> None:
 def test_a_route_of_street_names_is_refused_on_an_imported_road() -> None:
     agent = {**vehicle((0, 0), 0, (9, 0)), "route": ["main_road"]}
 
-    with pytest.raises(ValueError, match="leave the route out"):
+    with pytest.raises(ValueError, match="remove the route"):
         Road.model_validate(declaration("osm", "a.osm", agents={"cav1": agent}))
