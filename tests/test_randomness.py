@@ -1,11 +1,39 @@
-"""Gauss-Markov processes."""
+"""Generators, draws and Gauss-Markov processes."""
 
 import math
 
 import numpy as np
 import pytest
+from advercity_dsl.distribution import Choice, Distribution, Normal, TruncatedNormal, Uniform
 
-from advercity.randomness import create_generator, sample_gauss_markov
+from advercity.randomness import create_generator, draw_number, sample_gauss_markov
+
+
+def test_a_generator_depends_on_its_key_alone() -> None:
+    first = create_generator(1, "lidar", 101).random(4)
+    create_generator(2).random(100)
+    np.testing.assert_array_equal(create_generator(1, "lidar", 101).random(4), first)
+
+
+def test_keys_that_differ_in_a_value_or_its_type_are_independent() -> None:
+    keys = [(1, "lidar"), (2, "lidar"), (1, "camera"), ("1", "lidar"), (1, "lid", "ar")]
+    assert len({create_generator(*key).random() for key in keys}) == len(keys)
+
+
+@pytest.mark.parametrize(
+    "distribution",
+    [
+        Uniform(uniform=(2, 5)),
+        Normal(normal=TruncatedNormal(mean=3, sd=10, within=(2, 5))),
+        Choice(choice=(2, 3.5, 5)),
+    ],
+)
+def test_numbers_are_drawn_within_the_bounds(distribution: Distribution) -> None:
+    rng = create_generator(0, "test")
+    numbers = [draw_number(distribution, rng) for _ in range(200)]
+    assert min(numbers) >= 2
+    assert max(numbers) <= 5
+    assert len(set(numbers)) >= 3
 
 
 def test_a_gauss_markov_process_keeps_its_variance_and_forgets() -> None:
