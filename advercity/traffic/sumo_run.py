@@ -10,12 +10,12 @@ from pathlib import Path
 
 import libsumo
 import numpy as np
-from advercity_dsl import Agent, Spec, Timing, Vehicle
+from advercity_dsl import Agent, Spec, Vehicle
 from numpy.typing import NDArray
 
 from advercity.errors import RunError
 from advercity.roads.lane_graph import LaneGraph
-from advercity.traffic.demand import TrafficDemand, VehicleTrip
+from advercity.traffic.demand import TrafficDemand
 from advercity.traffic.kinematics import SumoRecording
 from advercity.traffic.speed_profile import SpeedLimiter, SpeedProfile
 from advercity.traffic.sumo_observation import ActorLog, SignalLog
@@ -25,50 +25,6 @@ LATERAL_RESOLUTION_M = 0.8
 # but neither lights nor right of way; one that passes a cyclist in the other lane does not mind
 # its leader either, since SUMO keeps both in one lane.
 _SPEED_MODE_DEFAULT, _SPEED_MODE_COMMANDED, _SPEED_MODE_PASSING = 31, 39, 38
-
-
-class DestinationMonitor:
-    """Finds out when a connected vehicle has arrived, which ends the scenario."""
-
-    def __init__(self, trip: VehicleTrip, agent: Agent, place: Vehicle, timing: Timing) -> None:
-        """Watch the trip of an agent."""
-        self._vehicle = str(trip.actor.id)
-        self._half_length_m = trip.actor.size[0] / 2
-        self._agent = agent.id
-        self._place = place
-        self._box_m = timing.destination_box_m
-
-    def has_ended(self, present: Container[str]) -> bool:
-        """Return whether the vehicle's centre is near its destination, or the vehicle is gone.
-
-        All connected vehicles take part in every frame, so one that has left the site ends the
-        scenario, too.
-
-        Raises:
-            RunError: The ego has left.
-        """
-        if self._vehicle not in present:
-            if self._place.is_ego:
-                raise RunError(f"{self._agent} left the site without coming near its destination")
-            return True
-        goal = self._place.destination_m
-        east, north, _ = libsumo.vehicle.getPosition3D(self._vehicle)
-        heading = math.radians(90 - libsumo.vehicle.getAngle(self._vehicle))
-        back_m = self._half_length_m * math.cos(heading), self._half_length_m * math.sin(heading)
-        return (
-            abs(east - goal[0] - back_m[0]) <= self._box_m
-            and abs(north - goal[1] - back_m[1]) <= self._box_m
-        )
-
-
-def build_destination_monitors(spec: Spec, demand: TrafficDemand) -> tuple[DestinationMonitor, ...]:
-    """Build a monitor for each connected vehicle."""
-    trips = {trip.actor.id: trip for trip in demand.connected}
-    return tuple(
-        DestinationMonitor(trips[agent.number], agent, agent.place, spec.timing)
-        for agent in spec.agents
-        if isinstance(agent.place, Vehicle)
-    )
 
 
 def run_sumo(
@@ -143,7 +99,10 @@ class _SumoRun:
             for actor in conflict.actors
         }
         self._speed_commands = {str(number): speeds for number, speeds in speed_commands.items()}
-        self._monitors = build_destination_monitors(spec, demand)
+        self._connected = [
+            (agent, agent.place) for agent in spec.agents if isinstance(agent.place, Vehicle)
+        ]
+        self._lengths_m = {trip.actor.id: trip.actor.size[0] for trip in demand.connected}
         max_m_s2 = spec.caution.usual_m_s2 if spec.caution else math.inf
         self._limiters = {
             name: SpeedLimiter(
@@ -165,7 +124,7 @@ class _SumoRun:
             if tick == 0:
                 self._check_start(vehicles)
                 self._ignore_junction_foes()
-            if any(monitor.has_ended(vehicles) for monitor in self._monitors):
+            if any(self._has_arrived(*connected, vehicles) for connected in self._connected):
                 break
             speeds = self._actors.record_vehicles(tick, vehicles)
             self._actors.record_pedestrians(tick, libsumo.person.getIDList())
@@ -176,6 +135,25 @@ class _SumoRun:
             signal_ids=self._signals.ids,
             signals=self._signals.build_states(),
         )
+
+    def _has_arrived(self, agent: Agent, place: Vehicle, present: Container[str]) -> bool:
+        """Return whether a vehicle's centre is near its destination, or the vehicle is gone.
+
+        All connected vehicles take part in every frame, so one that has left the site ends the
+        scenario, too.
+        """
+        name = str(agent.number)
+        if name not in present:
+            if place.role == "ego":
+                raise RunError(f"{agent.id} left the site without coming near its destination")
+            return True
+        front = libsumo.vehicle.getPosition3D(name)
+        heading = math.radians(90 - libsumo.vehicle.getAngle(name))
+        half_m, box_m = self._lengths_m[agent.number] / 2, self._spec.timing.destination_box_m
+        # In this order: the sum in another one differs in the last bit, and so might the last tick.
+        east_m = front[0] - place.destination_m[0] - half_m * math.cos(heading)
+        north_m = front[1] - place.destination_m[1] - half_m * math.sin(heading)
+        return abs(east_m) <= box_m and abs(north_m) <= box_m
 
     def _apply_speed_commands(self, tick: int) -> None:
         """Have staged vehicles drive as scheduled, red lights or not; NaN leaves them to SUMO."""
