@@ -35,7 +35,7 @@ GOAL = 0.15
 def run_benchmark(
     *, quick: bool, spec: Path = SPEC, profile: str = "preview", rounds: int | None = None
 ) -> list[Measurement]:
-    """Measure the files of some frames, three ways."""
+    """Measure the files of some frames against sensing, and against the encoder alone."""
     count = rounds or (3 if quick else 7)
     with (
         tempfile.TemporaryDirectory() as folder,

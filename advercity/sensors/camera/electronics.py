@@ -184,6 +184,7 @@ def digitise(
     full_dn = WHITE_DN * 2.0**setting.highlights_ev
     digital = np.clip(fill_fraction * np.float32(WHITE_DN), 0.0, full_dn)
     if rng is not None:
+        # Variances in squared converter values: gain times signal, and read noise.
         gain = WHITE_DN / setting.full_well_e
         deviation = np.sqrt(
             np.float32(gain) * digital + np.float32((gain * setting.read_noise_e) ** 2)

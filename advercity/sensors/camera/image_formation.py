@@ -124,6 +124,7 @@ def _light_on_sensor(
     carrier: str,
 ) -> NDArray[np.float32]:
     """Compute the light (h, w, 3) in cd/m² that passes air, glass and lens."""
+    # The order of the effects is that of the light on its path to the sensor.
     before_lens = add_air_effects(capture, exposure, conditions)
     lens = conditions.lens
     spots = create_generator(

@@ -196,6 +196,7 @@ def _draw_streaks(
     weight = streaks.covered_area_px * streaks.glint * np.exp(-extinction * streaks.depth_m)
     cover, glow = _splat_dots(streaks, weight, own_light, capture.depth)
     np.minimum(cover, 1.0, out=cover)
+    # light = radiance + cover * (light - radiance), in place since images are large.
     light -= capture.radiance
     light *= cv2.merge([cover] * 3)
     light += capture.radiance

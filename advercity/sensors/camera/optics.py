@@ -161,6 +161,7 @@ def add_stray_light(
     height, width = radiance.shape[:2]
     scale = min(1.0, VEIL_WIDTH_PX / width)
     small_size = max(1, round(width * scale)), max(1, round(height * scale))
+    # INTER_AREA keeps the mean, so that lamps of few pixels are not lost.
     small = cv2.resize(radiance, small_size, interpolation=cv2.INTER_AREA)
     focal_px = small_size[0] / (2.0 * math.tan(horizontal_fov_rad / 2.0))
     veil = _compute_veil(small.astype(np.float32), focal_px)
@@ -187,6 +188,7 @@ def _convolve_channel(channel: OpenCvArray, spectrum: OpenCvArray) -> OpenCvArra
 @lru_cache(maxsize=16)
 def _kernel_spectrum(height: int, width: int, focal_px: float) -> tuple[OpenCvArray, OpenCvArray]:
     """Compute the kernel's spectrum for images of a size, and its weight within them (h, w)."""
+    # Twice the size, so that the cyclic convolution does not wrap around the image.
     spectrum = cv2.dft(_scattering_kernel((2 * height, 2 * width), focal_px))
     return spectrum, _convolve_channel(np.ones((height, width)), spectrum)
 

@@ -93,7 +93,7 @@ def _image_region(exposure: CameraExposure, plume: SprayPlume) -> tuple[slice, s
     if (points[:, 0] <= 0.0).all():
         return None
     height, width = exposure.view.height_px, exposure.view.width_px
-    # A corner beside or behind the camera has no useful projection.
+    # A corner next to or behind the camera has no useful projection.
     if (points[:, 0] < 0.2).any():
         return slice(0, height), slice(0, width)
     column, row = exposure.project_points(points)

@@ -89,7 +89,7 @@ class SapienBackend:
     name = "sapien"
 
     def capabilities(self) -> Capabilities:
-        """Report what SAPIEN can do on this machine; BackendError if there is no Vulkan device."""
+        """Report what SAPIEN can do on this machine; BackendError if no Vulkan device exists."""
         device = find_vulkan_device()
         return Capabilities(
             participating_medium=True,

@@ -24,7 +24,7 @@ from advercity_sapien.shader_constants import FIRST_SIGNAL_BIT, LensKind
 PAINT_MATERIAL = "paint"
 """Material of the parts that have the paint of their actor."""
 TWO_SIDED_CLASSES = frozenset({Semantic.VEGETATION})
-"""Classes whose surfaces are poses from both sides; SAPIEN draws the front of triangles alone."""
+"""Classes whose surfaces are seen from both sides; SAPIEN draws the front of triangles alone."""
 BACK_NORMAL_FACTORS = np.array([-1.0, -1.0, 1.0], dtype=np.float32)
 """Factors of a normal on its back: z stays, since light from above shines through leaves."""
 LENS_KINDS = {kind.name.lower(): kind for kind in LensKind}
@@ -43,7 +43,7 @@ Appearance = tuple[BodyShape, str]
 
 
 class RenderShapeCache:
-    """Makes render shapes of meshes; copies of one mesh share its vertices on the device."""
+    """Makes render shapes of meshes; copies of one mesh use the same vertices on the device."""
 
     def __init__(self) -> None:
         self._materials: dict[str, sapien.render.RenderMaterial] = {}

@@ -1,4 +1,4 @@
-"""Constants that Python and the shaders share, and the GLSL files that are generated from them.
+"""Constants of both Python and the shaders, and the GLSL files that are generated from them.
 
 After a change here, of `shader_table` or of a constant that comes from the core:
 

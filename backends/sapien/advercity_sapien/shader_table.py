@@ -3,7 +3,7 @@
 Numbers travel in a texture of rows of COLUMNS texels. The first row has the parameters of air and
 light, the sections below it have lists of lamps and, in ray-traced scenes, the states of bodies.
 `shader_constants` writes this description as GLSL, so that no row, column or size is typed twice.
-The renderer works in kcd/m² and klx, so that no value is far from 1 (half floats, tone of noise).
+The renderer works in kcd/m² and klx, so that no value is far from 1.
 """
 
 from collections.abc import Iterator

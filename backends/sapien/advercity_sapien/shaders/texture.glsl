@@ -75,12 +75,12 @@ vec2 bondOffset(vec2 p, vec2 size) {
 
 // Rectangles of newer asphalt, some per hectare, mean 0.
 float patches(vec2 p, float footprint) {
-  const float CELL = 11.0, SHARE = 0.22;
+  const float CELL = 11.0, PATCHED = 0.22;
   vec2 cell = floor(p / CELL);
   float fraction = retainedContrast(2.0, footprint);
   if (fraction <= 0.0) return 0.0;
-  const float MEAN = SHARE * 3.0 * 1.8 / (CELL * CELL);
-  if (0.5 + 0.5 * hashUnit(cell, 71) > SHARE) return -fraction * MEAN;
+  const float MEAN = PATCHED * 3.0 * 1.8 / (CELL * CELL);
+  if (0.5 + 0.5 * hashUnit(cell, 71) > PATCHED) return -fraction * MEAN;
   vec2 halfSize = 0.5 * vec2(3.0 + 1.6 * hashUnit(cell, 72), 1.8 + 0.8 * hashUnit(cell, 73));
   vec2 middle = (cell + 0.5) * CELL + vec2(hashUnit(cell, 74), hashUnit(cell, 75)) * 3.0;
   vec2 inside = clamp((halfSize - abs(p - middle)) / max(footprint, 0.02) + 0.5, 0.0, 1.0);
