@@ -144,7 +144,7 @@ class _SumoRun:
         """
         name = str(agent.number)
         if name not in present:
-            if place.role == "ego":
+            if agent.is_ego:
                 raise RunError(f"{agent.id} left the site without coming near its destination")
             return True
         front = libsumo.vehicle.getPosition3D(name)
