@@ -10,14 +10,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from advercity_dsl import Spec
 
-    from advercity.api import (
-        RunResult,
-        compile_library,
-        load_spec,
-        run,
-        simulate,
-        write_specs,
-    )
+    from advercity.api import RunResult, load_spec, run, simulate
+    from advercity.compiler import compile_library, write_specs
     from advercity.dataset.reader import open_dataset
 
 __version__ = "0.1.0"
@@ -36,12 +30,12 @@ __all__ = [
 _HOMES = {
     "RunResult": "advercity.api",
     "Spec": "advercity_dsl",
-    "compile_library": "advercity.api",
+    "compile_library": "advercity.compiler",
     "load_spec": "advercity.api",
     "open_dataset": "advercity.dataset.reader",
     "run": "advercity.api",
     "simulate": "advercity.api",
-    "write_specs": "advercity.api",
+    "write_specs": "advercity.compiler",
 }
 
 

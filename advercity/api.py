@@ -15,7 +15,7 @@ from advercity_dsl import Spec
 from advercity import compiler
 
 if TYPE_CHECKING:
-    # The pipeline loads SUMO, Rerun and OpenCV; whoever only compiles does not wait for them.
+    # The pipeline loads SUMO, Rerun and OpenCV; loading specs does not wait for them.
     from advercity.dataset.reader import Dataset
     from advercity.pipeline import (
         ResourceLimits,
@@ -26,31 +26,6 @@ if TYPE_CHECKING:
     from advercity.pipeline.preparation import TrafficResult
 
 PathLike = str | os.PathLike[str]
-
-
-def compile_library(*folders: PathLike, suite: str | None = None) -> list[Spec]:
-    """Compile the scenarios of a suite; `advercity.write_specs` puts them into files.
-
-    Args:
-        folders: Libraries of declarations; later ones may refer to earlier ones. Without any, the
-            library that ships with advercity.
-        suite: Id of the suite; None is the libraries' default or only suite.
-
-    Raises:
-        InputError: A declaration is wrong; the text lists every problem with file, line, column,
-            and what would be right.
-    """
-    paths = [Path(folder) for folder in folders] or [compiler.find_shipped_library()]
-    return compiler.compile_library(*paths, suite=suite)
-
-
-def write_specs(specs: Iterable[Spec], folder: PathLike) -> None:
-    """Write every spec to `<folder>/<spec id>.json`, and remove specs of the suite that are gone.
-
-    Raises:
-        InputError: The folder holds other files of these names, or cannot be written.
-    """
-    compiler.write_specs(list(specs), Path(folder))
 
 
 def load_spec(path: PathLike, *, weather: PathLike | None = None) -> Spec:

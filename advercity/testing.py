@@ -13,7 +13,7 @@ from types import MappingProxyType
 import numpy as np
 from advercity_dsl import ActorClass, Spec
 
-from advercity.api import compile_library
+from advercity.compiler import compile_library
 from advercity.frames import Actor, ActorState, Frame, Lamp
 from advercity.geometry.mesh import Mesh
 from advercity.geometry.poses import pose_matrix

@@ -1,5 +1,6 @@
 """Compilation of suites: crossing roads, weathers and densities into specs."""
 
+import os
 from collections.abc import Mapping
 from itertools import product
 from pathlib import Path
@@ -10,7 +11,12 @@ from advercity_dsl.spec import CrashGroup
 
 from advercity.compiler.assembly import build_spec
 from advercity.compiler.diagnostics import Diagnostic, DiagnosticsError
-from advercity.compiler.library import Library, load_declaration, load_library
+from advercity.compiler.library import (
+    Library,
+    find_shipped_library,
+    load_declaration,
+    load_library,
+)
 from advercity.compiler.scenarios import (
     ScenarioInputs,
     build_scenario_inputs,
@@ -29,14 +35,20 @@ from advercity.compiler.suites import (
 from advercity.errors import InputError
 
 
-def compile_library(*folders: Path, suite: str | None = None) -> list[Spec]:
-    """Load a library and compile its suite `suite`, by default its default or only one.
+def compile_library(*folders: str | os.PathLike[str], suite: str | None = None) -> list[Spec]:
+    """Compile the scenarios of a suite; `advercity.write_specs` puts them into files.
+
+    Args:
+        folders: Libraries of declarations, which may refer to each other. Without any, the library
+            that ships with advercity.
+        suite: Id of the suite; None is the libraries' default or only suite.
 
     Raises:
-        InputError: With the errors of all files, or if the suite cannot be found or compiled.
+        InputError: The text lists every problem with file, line, column and a hint.
     """
-    library = load_library(*folders)
-    return compile_suite(library, find_suite(library, *folders, suite=suite))
+    paths = [Path(folder) for folder in folders] or [find_shipped_library()]
+    library = load_library(*paths)
+    return compile_suite(library, find_suite(library, *paths, suite=suite))
 
 
 def find_suite(library: Library, *folders: Path, suite: str | None = None) -> Suite:

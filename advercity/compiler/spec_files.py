@@ -1,7 +1,8 @@
 """Specs as JSON files; the same spec has the same bytes on every machine."""
 
 import json
-from collections.abc import Sequence
+import os
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -63,12 +64,13 @@ def _format_flat(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False, allow_nan=False)
 
 
-def write_specs(specs: Sequence[Spec], folder: Path) -> None:
+def write_specs(specs: Iterable[Spec], folder: str | os.PathLike[str]) -> None:
     """Write every spec as `<id>.json`, and remove obsolete specs of the same suites.
 
     Raises:
         InputError: The folder is not writable.
     """
+    specs, folder = list(specs), Path(folder)
     texts = {f"{spec.id}.json": to_json(spec) for spec in specs}
     with report_write_errors():
         folder.mkdir(parents=True, exist_ok=True)

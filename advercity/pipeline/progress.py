@@ -1,4 +1,4 @@
-"""How far scenarios are, how they ended, and who is told."""
+"""How far scenarios are, how they ended, and who listens."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass

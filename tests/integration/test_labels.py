@@ -13,7 +13,7 @@ from advercity.frames import STATE_DTYPE, Actor, ActorState, Frame, Lamp, Trace
 from advercity.geometry import poses
 from advercity.geometry.mesh import Mesh
 from advercity.physics.atmosphere import compute_atmosphere
-from advercity.pipeline.agent_poses import AgentPoses
+from advercity.pipeline.preparation import PreparedScenario, TrafficResult
 from advercity.pipeline.sensing import SensorRig
 from advercity.rendering.backend import CameraView, RenderProfile
 from advercity.rendering.raycaster import MATERIAL_NAMES, Raycaster, RayHits, Rays
@@ -149,11 +149,10 @@ def readings(specs: dict[str, Spec]) -> tuple[SensorFrame, ...]:
         lanes=(),
         network=Path("none"),
     )
-    viewpoints = AgentPoses(spec, parked_far_apart(spec, vehicles))
+    traffic = TrafficResult(Path("none"), parked_far_apart(spec, vehicles), "0" * 64)
+    prepared = PreparedScenario(spec, traffic, backend, profile, range(3))
     with backend.open(world, air, profile) as renderer:
-        return SensorRig(viewpoints, air, profile, renderer, Raycaster(world), world).capture_frame(
-            1
-        )
+        return SensorRig(prepared, air, renderer, world).capture_frame(1)
 
 
 def parked_far_apart(spec: Spec, vehicles: dict[int, str]) -> Trace:
