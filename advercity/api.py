@@ -1,4 +1,4 @@
-"""The Python interface: what `import advercity` gives. The command line calls the same functions.
+"""The Python interface: what `import advercity` gives, and what `advercity run` calls.
 
 Paths may be strings. Every function raises `advercity.errors.InputError` for bad input, with file,
 line and column where a file is at fault, and `RunError` for what fails while it runs.
@@ -132,7 +132,7 @@ def run(
         allow_large: Run what the estimate finds too large.
         executor: `local`, or `ray` for a cluster.
         ray_address: Address of the Ray cluster; None starts one on this machine.
-        listener: Gets progress and results, from several threads.
+        listener: Gets progress and results, from the calling thread.
         check: Raise failures after all scenarios have ended, as `subprocess.run` does; else they
             are in the result only.
 

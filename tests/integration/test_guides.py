@@ -8,13 +8,17 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-GUIDES = sorted((ROOT / "docs" / "guides").glob("*.md"))
+SLOW = {"add_a_road", "make_the_whole_set", "run_on_a_cluster", "write_weather"}
+GUIDES = [
+    pytest.param(path, id=path.stem, marks=[pytest.mark.slow] if path.stem in SLOW else [])
+    for path in sorted((ROOT / "docs" / "guides").glob("*.md"))
+]
 BLOCK = re.compile(r"^```(bash|python|toml|yaml)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 pytestmark = [pytest.mark.render, pytest.mark.sumo]
 
 
-@pytest.mark.parametrize("guide", GUIDES, ids=lambda path: path.stem)
+@pytest.mark.parametrize("guide", GUIDES)
 def test_a_guide_does_what_it_says(guide: Path, tmp_path: Path) -> None:
     """Blocks are written to the file that their first line names; those in bash are run."""
     shutil.copytree(ROOT / "library", tmp_path / "library")

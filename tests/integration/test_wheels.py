@@ -56,7 +56,7 @@ def test_every_source_file_is_in_the_wheels(site: Path):
 
 
 def test_the_shipped_library_is_found_without_a_checkout(site: Path):
-    code = "from advercity.compiler.library import shipped_library; print(shipped_library())"
+    code = "from advercity.compiler import find_shipped_library as find; print(find())"
     shipped = Path(run_with(site, code))
     assert shipped == site / "advercity/_library"
     for path in (ROOT / "library").rglob("*.yaml"):

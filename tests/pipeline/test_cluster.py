@@ -70,6 +70,7 @@ def lose_a_node(nodes: Any, stunts: Path, output: Path) -> None:
 
 
 @pytest.mark.sumo
+@pytest.mark.slow
 def test_a_cluster_that_loses_a_node_makes_what_one_machine_makes(
     nodes: Any,
     few: list[Spec],

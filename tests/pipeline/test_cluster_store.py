@@ -62,6 +62,7 @@ def in_store(url: str) -> dict[str, str]:
 
 
 @pytest.mark.sumo
+@pytest.mark.slow
 def test_a_run_into_a_store_resumes_after_a_kill_with_the_bytes_of_one_machine(
     bucket: str,
     few: list[Spec],

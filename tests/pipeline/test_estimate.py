@@ -92,6 +92,7 @@ def record(**changes: Any) -> RunRecord:
 
 @pytest.mark.sumo
 @pytest.mark.render
+@pytest.mark.slow
 def test_an_estimate_is_within_a_factor_of_two_of_what_comes_out(
     specs: dict[str, Spec], records: Path, tmp_path: Path
 ) -> None:

@@ -39,7 +39,7 @@ def test_the_same_road_gives_the_same_plan(specs: dict[str, Spec]) -> None:
 
 
 def test_a_picture_needs_the_name_of_one(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"end it in \.png"):
+    with pytest.raises(InputError, match=r"end the name in \.png"):
         write_image(np.zeros((4, 4, 3), np.uint8), tmp_path / "plan.doc")
 
 

@@ -105,7 +105,8 @@ def test_conflicts_drawn_from_the_second_suite_happen_and_nobody_touches_anybody
     assert list(find_overlaps(trace)) == []
 
 
-def test_rehearsals_that_go_round_settle_once_those_who_hold_the_ego_up_start_elsewhere(
+@pytest.mark.slow
+def test_dry_runs_that_alternate_settle_once_blocking_actors_start_elsewhere(
     crossed: dict[str, Spec], tmp_path: Path
 ):
     spec = crossed["ui_rtip_clear_day_dense"]
