@@ -35,7 +35,12 @@ def format_options(text: str) -> str:
 
 def exit_with_error(error: Exception, *, exit_code: int) -> NoReturn:
     """Print one message and exit; indented lines belong to the line above them."""
-    for line in format_options(str(error)).splitlines():
+    # Imported here, since nothing but an error needs it and every command imports this module.
+    from advercity.compiler.diagnostics import DiagnosticsError
+
+    # Diagnostics quote what an author wrote, which may be the name of a parameter, too.
+    text = str(error) if isinstance(error, DiagnosticsError) else format_options(str(error))
+    for line in text.splitlines():
         if line.startswith(" "):
             stderr_console.print(line, markup=False)
         else:

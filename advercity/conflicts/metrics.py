@@ -41,7 +41,7 @@ class Encounter:
         distance_m: Minimum distance between their outlines, 0 if they touch.
         time_to_collision_s: Minimum time until their outlines would touch if both kept their
             velocity (Hayward, 1972); None if they never would.
-        time_to_collision_on_paths_s: The same if both kept their speed along their paths,
+        time_to_collision_on_way_s: The same if both kept their speed along their paths,
             so that oncoming traffic in the other lane of a bend does not count; None beyond
             `PREDICTION_HORIZON_S`.
         post_encroachment_s: Minimum time between one leaving a place and the other entering it
@@ -52,7 +52,8 @@ class Encounter:
     second: int
     distance_m: MetricAtTick
     time_to_collision_s: MetricAtTick | None
-    time_to_collision_on_paths_s: MetricAtTick | None
+    # A key of report.json, which keeps its name.
+    time_to_collision_on_way_s: MetricAtTick | None
     post_encroachment_s: MetricAtTick | None
 
 
@@ -172,7 +173,7 @@ def measure_encounter(
         second=second,
         distance_m=_find_minimum(distances, ticks),
         time_to_collision_s=_find_finite_minimum(collision_s, ticks),
-        time_to_collision_on_paths_s=_find_finite_minimum(path_collision_s, ticks),
+        time_to_collision_on_way_s=_find_finite_minimum(path_collision_s, ticks),
         post_encroachment_s=_compute_post_encroachment(own, other, trace.tick_s),
     )
 

@@ -61,7 +61,7 @@ class ConflictOutcome:
     @property
     def time_to_collision_s(self) -> float | None:
         """The smaller one of both times to collision, in seconds; None if there is neither."""
-        metrics = (self.met.time_to_collision_s, self.met.time_to_collision_on_paths_s)
+        metrics = (self.met.time_to_collision_s, self.met.time_to_collision_on_way_s)
         return min((metric.value for metric in metrics if metric), default=None)
 
 
@@ -108,7 +108,7 @@ def _find_deviations(conflict: StagedConflict, encounter: Encounter, lag_s: floa
     if abs(lag_s - offset_s) > outcome.arrival_tolerance_s:
         yield f"the actor comes {lag_s:.2f} s after the ego instead of {offset_s:.2f} s"
     collision = {
-        "way": encounter.time_to_collision_on_paths_s,
+        "way": encounter.time_to_collision_on_way_s,
         "velocity": encounter.time_to_collision_s,
     }[outcome.keeping]
     if collision is None or collision.value >= outcome.time_to_collision_below_s:
@@ -212,7 +212,7 @@ def _iter_outcome_events(
     metrics: tuple[tuple[str, str, MetricAtTick | None], ...] = (
         ("minimum distance", "m", outcome.met.distance_m),
         ("minimum time to collision at the same velocities", "s", outcome.met.time_to_collision_s),
-        ("minimum time to collision on their paths", "s", outcome.met.time_to_collision_on_paths_s),
+        ("minimum time to collision on their paths", "s", outcome.met.time_to_collision_on_way_s),
         ("post-encroachment time", "s", outcome.met.post_encroachment_s),
     )
     for title, unit, metric in metrics:

@@ -134,6 +134,11 @@ class AgentView:
         self._format = layout
         self._stem = stem
 
+    @property
+    def cameras(self) -> int:
+        """Number of cameras that the agent carries."""
+        return len(self.agent.sensors.camera.mounts)
+
     def image(self, camera: int) -> NDArray[np.uint8]:
         """Read the RGB image (h, w, 3) of a camera."""
         return self._read_image(f"_camera{camera}.png", cv2.IMREAD_COLOR_RGB)

@@ -71,9 +71,15 @@ class RunOptions:
         first, last, step = self.frames.start or 0, self.frames.stop, self.frames.step
         if first < 0 or (step is not None and step < 1) or (last is not None and last <= first):
             raise InputError(
-                f"`frames` {self.frames}: holds no frame;"
+                f"`frames` {format_frames(self.frames)}: holds no frame;"
                 " the end must be above the start, both counted from 0, and the step above 0"
             )
+
+
+def format_frames(frames: slice) -> str:
+    """Format a slice of frames as `A:B` or `A:B:STEP`, as it is written on the command line."""
+    parts = (frames.start, frames.stop, *([] if frames.step is None else [frames.step]))
+    return ":".join("" if part is None else str(part) for part in parts)
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from advercity.pipeline.cache import (
     find_cache_folder,
     open_model_store,
 )
-from advercity.pipeline.options import RunOptions
+from advercity.pipeline.options import RunOptions, format_frames
 from advercity.pipeline.progress import Progress, ProgressCallback, ignore_progress
 from advercity.rendering.backend import (
     RENDER_PROFILES,
@@ -169,7 +169,10 @@ def prepare_scenario(
     frame_count = len(traffic.trace)
     frames = range(frame_count)[options.frames]
     if not frames:
-        raise InputError(f"`frames` selects none: {spec.id} has frames 0 to {frame_count - 1}")
+        raise InputError(
+            f"`frames` {format_frames(options.frames)}: selects none of {spec.id}, which has frames"
+            f" 0 to {frame_count - 1}"
+        )
     return PreparedScenario(spec, traffic, backend, profile, frames, options.format)
 
 

@@ -276,8 +276,8 @@ def _repair_scenario(
     if differences:
         raise RunError(
             f"{scenario}: cannot be repaired here, where something differs"
-            f" ({'; '.join(differences)}); repair it with what it was made with, or start over"
-            " with `fresh`"
+            f" ({'; '.join(differences)}); repair it with what it was made with, or make it"
+            " again with `advercity run --fresh`"
         )
     damaged = sorted({problem.frame for problem in problems if problem.frame is not None})
     with open_sensors(prepared) as sensors:

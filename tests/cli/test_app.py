@@ -204,7 +204,7 @@ def test_schema_of_an_unknown_kind_suggests_a_name(advercity: Command) -> None:
         (["--backend", "sapein"], "did you mean 'sapien'?"),
         (["--profile", "best"], "no such profile; auto, preview or full"),
         (["--frames", "3"], "not a range; write A:B"),
-        (["--frames", "5:5"], "holds no frame"),
+        (["--frames", "5:5"], "--frames 5:5: holds no frame"),
         (["--frames", "0:5:0"], "step above 0"),
         (["--scale", "0"], "is outside 0.01 to 4"),
         (["--weather", "fog_dya"], "did you mean 'fog_day'?"),
@@ -221,6 +221,18 @@ def test_a_bad_option_is_told_and_leaves_nothing(
     assert message in ran.err
     assert len(ran.err.splitlines()) == 1
     assert not output.exists()
+
+
+def test_what_an_author_wrote_is_quoted_unchanged_even_if_it_names_a_parameter(
+    advercity: Command, tmp_path: Path
+) -> None:
+    path = tmp_path / "fog.yaml"
+    path.write_text("kind: weather\nid: fog\ntime: dai  # `frames` of `output`\n")
+    ran = advercity("validate", path)
+    assert ran.code == 2
+    assert "time: dai  # `frames` of `output`" in ran.err
+    path.write_text("- a list\n")
+    assert "`kind`" in advercity("validate", path).err
 
 
 def test_a_truncated_spec_is_told_and_leaves_nothing(

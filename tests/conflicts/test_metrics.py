@@ -75,7 +75,7 @@ def test_cars_side_by_side_that_keep_apart_never_collide():
 
     assert found.distance_m.value == pytest.approx(1.0)
     assert found.time_to_collision_s is None
-    assert found.time_to_collision_on_paths_s is None
+    assert found.time_to_collision_on_way_s is None
 
 
 def test_crossing_cars_collide_only_if_they_are_in_one_place_at_one_time():
@@ -96,7 +96,7 @@ def test_oncoming_cars_in_a_bend_meet_by_their_velocities_but_not_on_their_ways(
     found = met(circle(50, 0, 10), circle(-53.5, 270, 10), ticks=60)
 
     assert found.time_to_collision_s is not None
-    assert found.time_to_collision_on_paths_s is None
+    assert found.time_to_collision_on_way_s is None
     assert found.distance_m.value > 0.5
 
 
@@ -105,9 +105,9 @@ def test_whoever_turns_across_a_path_meets_on_the_way():
     found = met(circle(20, 0, 10), straight(20, 34, 270, 10), ticks=31)
 
     # They touch with middles 4 m apart, (34 + 31.4 - 4) m / 20 m/s = 3.07 s after the start.
-    assert found.time_to_collision_on_paths_s is not None
-    assert found.time_to_collision_on_paths_s.value == pytest.approx(0.1)
-    assert found.time_to_collision_on_paths_s.tick == 30
+    assert found.time_to_collision_on_way_s is not None
+    assert found.time_to_collision_on_way_s.value == pytest.approx(0.1)
+    assert found.time_to_collision_on_way_s.tick == 30
 
 
 def test_actors_who_are_never_there_together_do_not_meet():
