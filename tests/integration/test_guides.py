@@ -8,7 +8,10 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-SLOW = {"add_a_road", "make_the_whole_set", "run_on_a_cluster", "write_weather"}
+SLOW = {
+    *("add_a_body", "add_a_road", "first_snow_scenario", "make_the_whole_set"),
+    *("run_on_a_cluster", "write_a_suite", "write_weather"),
+}
 GUIDES = [
     pytest.param(path, id=path.stem, marks=[pytest.mark.slow] if path.stem in SLOW else [])
     for path in sorted((ROOT / "docs" / "guides").glob("*.md"))
