@@ -9,7 +9,7 @@ from hypothesis import settings
 
 from advercity.compiler.crossing import compile_library
 
-pytest_plugins = ["tests.builders"]
+pytest_plugins = ["tests.bend_network", "tests.builders"]
 
 ROOT = Path(__file__).parent.parent
 os.environ.setdefault("ADVERCITY_ASSETS", str(ROOT / "no_models"))

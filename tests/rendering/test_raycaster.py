@@ -11,16 +11,8 @@ from advercity.geometry.mesh import Mesh
 from advercity.geometry.poses import invert_pose, pose_matrix, rotation_matrix, transform_points
 from advercity.rendering.raycaster import MATERIAL_NAMES, Raycaster, RayHits, Rays
 from advercity.semantics import Semantic
+from advercity.testing import build_box
 from advercity.world import Body, World
-
-CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float32)
-SIDES = np.array(
-    [
-        [0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
-        [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3],
-    ],
-    np.int32,
-)  # fmt: skip
 
 
 def box(
@@ -29,8 +21,7 @@ def box(
     material: str = "concrete",
     semantic: Semantic = Semantic.BUILDING,
 ) -> Mesh:
-    vertices = (CORNERS * np.array(size) / 2 + middle).astype(np.float32)
-    return Mesh("box", vertices, SIDES, material, semantic)
+    return build_box(size, middle, material=material, semantic=semantic)
 
 
 CAR = Body((box((4, 2, 1), (0, 0, 0.5), "paint", Semantic.VEHICLE),), (4, 2, 1))
