@@ -116,7 +116,7 @@ def test_a_walker_keeps_to_the_box_at_every_moment_and_fills_it_in_the_course_of
 
 
 @everybody
-def test_a_standing_person_is_upright_and_as_high_and_wide_as_the_box(name: str):
+def test_a_stationary_pedestrian_is_upright_and_as_high_and_wide_as_the_box(name: str):
     size = PEOPLE[name].size
     points = in_world(state(name, speed_m_s=0.0))
     assert np.ptp(points[:, 1]) == pytest.approx(size[1], abs=0.03)

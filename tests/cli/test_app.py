@@ -61,7 +61,7 @@ def test_compile_writes_the_110_specs_and_check_finds_them_current(
         "conflict_without_an_edition": "stages.0: 10 does not name an edition; write ",
     }.items(),
 )
-def test_compile_tells_once_what_does_not_fit_a_conflict(
+def test_compile_reports_once_what_does_not_fit_a_conflict(
     conflict: str, told: str, advercity: Command, tmp_path: Path
 ) -> None:
     authoring = Path(__file__).parents[1] / "compiler"
@@ -110,7 +110,9 @@ def test_list_of_nothing_says_what_makes_specs(advercity: Command, tmp_path: Pat
     assert "`advercity compile` writes them" in ran.err
 
 
-def test_list_tells_a_missing_folder_from_a_file(advercity: Command, tmp_path: Path) -> None:
+def test_list_distinguishes_a_missing_folder_from_a_file(
+    advercity: Command, tmp_path: Path
+) -> None:
     (tmp_path / "notes").touch()
     missing, file = advercity("list", tmp_path / "no"), advercity("list", tmp_path / "notes")
     assert (missing.code, file.code) == (2, 2)
@@ -118,7 +120,7 @@ def test_list_tells_a_missing_folder_from_a_file(advercity: Command, tmp_path: P
     assert "is a file; name its folder" in file.err
 
 
-def test_a_library_without_a_suite_is_told_how_to_get_one(
+def test_a_library_without_a_suite_gets_a_hint_how_to_write_one(
     advercity: Command, library: Path, tmp_path: Path
 ) -> None:
     ran = advercity("compile", library / "nhtsa" / "weather", "--output", tmp_path / "specs")
@@ -150,7 +152,7 @@ def test_an_output_that_is_a_file_is_bad_input_and_stays_as_it_is(
     assert notes.read_text() == "mine"
 
 
-def test_a_misspelt_field_is_told_though_another_one_is_right(
+def test_a_misspelt_field_is_reported_though_another_one_is_right(
     advercity: Command, spec_file: Path
 ) -> None:
     ran = advercity("explain", spec_file, "weather.wind", "weather.fgo")
@@ -164,7 +166,7 @@ def test_explain_names_the_nearest_field(advercity: Command, spec_file: Path) ->
     assert "did you mean 'weather.fog.mor_m'?" in ran.err
 
 
-def test_show_tells_what_a_scenario_holds(advercity: Command, spec_file: Path) -> None:
+def test_show_describes_a_scenario(advercity: Command, spec_file: Path) -> None:
     out = advercity("show", spec_file).out
     assert "fog 75 m" in out
     assert "rural, non_junction, curved, non_level" in out
@@ -212,7 +214,7 @@ def test_schema_of_an_unknown_kind_suggests_a_name(advercity: Command) -> None:
         (["--cloud-colour", "kinds"], "no such colouring; intensity, class or kind"),
     ],
 )
-def test_a_bad_option_is_told_and_leaves_nothing(
+def test_a_bad_option_is_reported_and_leaves_nothing(
     advercity: Command, spec_file: Path, tmp_path: Path, options: list[str], message: str
 ) -> None:
     output = tmp_path / "output"
@@ -235,7 +237,7 @@ def test_what_an_author_wrote_is_quoted_unchanged_even_if_it_names_a_parameter(
     assert "`kind`" in advercity("validate", path).err
 
 
-def test_a_truncated_spec_is_told_and_leaves_nothing(
+def test_a_truncated_spec_is_reported_and_leaves_nothing(
     advercity: Command, spec_file: Path, tmp_path: Path
 ) -> None:
     spec_file.write_text(spec_file.read_text()[:3000])
@@ -246,7 +248,7 @@ def test_a_truncated_spec_is_told_and_leaves_nothing(
     assert not (tmp_path / "output").exists()
 
 
-def test_a_folder_and_a_declaration_are_told_from_a_spec(
+def test_a_folder_and_a_declaration_are_distinguished_from_a_spec(
     advercity: Command, spec_file: Path, library: Path
 ) -> None:
     folder = advercity("run", spec_file.parent)
@@ -256,7 +258,7 @@ def test_a_folder_and_a_declaration_are_told_from_a_spec(
     assert "`advercity compile` makes specs, which are JSON, from declarations" in declaration.err
 
 
-def test_a_missing_spec_is_told(advercity: Command, tmp_path: Path) -> None:
+def test_a_missing_spec_is_reported(advercity: Command, tmp_path: Path) -> None:
     ran = advercity("run", tmp_path / "none.json")
     assert ran.code == 2
     assert "none.json: file not found" in ran.err
@@ -285,7 +287,7 @@ def test_one_recording_holds_one_scenario(
     assert "show one scenario" in ran.err
 
 
-def test_file_names_are_told_as_they_are(advercity: Command) -> None:
+def test_file_names_are_reported_unchanged(advercity: Command) -> None:
     assert ":smile:.json" in advercity("validate", ":smile:.json").err
 
 

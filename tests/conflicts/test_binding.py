@@ -12,7 +12,7 @@ from advercity.roads.routes import RoutePlanner
 NHTSA = Path(__file__).parents[2] / "library" / "nhtsa"
 
 
-def test_a_conflict_says_how_it_stands_to_a_road():
+def test_a_conflict_reports_how_it_fits_a_road():
     library = load_library(NHTSA)
     conflicts, roads = library.get_declarations(Conflict), library.get_declarations(Road)
 
@@ -32,7 +32,9 @@ def test_a_conflict_says_how_it_stands_to_a_road():
 @pytest.mark.parametrize(
     ("road", "leader"), {"unj": "cav3", "rsnj": "cav3", "rcnj": "cav2"}.items()
 )
-def test_where_nobody_may_lead_the_ego_who_led_it_starts_25_to_30_m_behind(road: str, leader: str):
+def test_where_no_vehicle_may_lead_the_ego_the_leader_starts_25_to_30_m_behind(
+    road: str, leader: str
+):
     library = load_library(NHTSA)
     declared = library.get_declarations(Road)[road]
     moved = with_ego_manoeuvre(declared, library.get_declarations(Conflict)["od_overtake"])

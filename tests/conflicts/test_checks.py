@@ -153,7 +153,7 @@ MISTAKES = {
 
 
 @pytest.mark.parametrize("mistake", MISTAKES)
-def test_what_keeps_a_conflict_from_happening_is_told(mistake: str, copied: Path):
+def test_what_keeps_a_conflict_from_happening_is_reported(mistake: str, copied: Path):
     path, old, new, message = MISTAKES[mistake]
     edited(copied, path, old, new)
 

@@ -59,7 +59,7 @@ def met(*ways: Way, ticks: int = 40) -> Encounter:
     return found
 
 
-def test_a_car_closes_on_a_standing_one_by_gap_over_speed():
+def test_a_car_closes_on_a_stationary_one_by_gap_over_speed():
     found = met(straight(0, 0, 0, 10), straight(60, 0, 0, 0))
 
     # 60 m between middles less 4 m of cars, and 39 ticks of driving: 56 - 39 = 17 m at the end.
@@ -100,7 +100,7 @@ def test_oncoming_cars_in_a_bend_meet_by_their_velocities_but_not_on_their_ways(
     assert found.distance_m.value > 0.5
 
 
-def test_whoever_turns_across_a_path_meets_on_the_way():
+def test_a_vehicle_that_turns_across_a_path_meets_on_the_path():
     # On an arc of 20 m radius a quarter turn takes 31.4 m; the other comes straight at its end.
     found = met(circle(20, 0, 10), straight(20, 34, 270, 10), ticks=31)
 

@@ -9,7 +9,7 @@ from advercity.conflicts.solver import build_car_outline, compute_sight_distance
 from advercity.roads.routes import RoutePath
 
 
-def test_whoever_comes_out_behind_a_parked_car_is_seen_past_its_corner():
+def test_a_pedestrian_behind_a_parked_car_is_seen_past_its_corner():
     """The line from 10 m/s ahead to 2 m/s aside passes the corner 1.5 m before, 3 m aside."""
     way = RoutePath(np.array([[0.0, 0.0], [100.0, 0.0]]), ())
     pace = NominalMotion(np.array([0.0, 100.0]), np.array([0.0, 10.0]))
@@ -22,7 +22,7 @@ def test_whoever_comes_out_behind_a_parked_car_is_seen_past_its_corner():
     assert compute_sight_distance_m(way, pace, 80.0, path[::-1], 2.0, [car]) is None
 
 
-def test_a_conflict_point_lies_on_the_ego_s_way_and_inside_the_scenario(specs: dict[str, Spec]):
+def test_a_conflict_point_is_on_the_path_of_the_ego_and_inside_the_scenario(specs: dict[str, Spec]):
     for spec in specs.values():
         for conflict in spec.conflicts:
             assert conflict.station_m > 0

@@ -16,7 +16,7 @@ from advercity.pipeline.descriptions import describe_spec
         (15, "visibility 15 m: the ego cannot stop in sight"),
     ],
 )  # fmt: skip
-def test_v12_whether_the_ego_can_stop_in_sight_is_told(
+def test_v12_reports_whether_the_ego_can_stop_in_sight(
     mor_m: float, told: str, specs: dict[str, Spec]
 ):
     spec = specs["ui_fog_day_sparse"]
@@ -28,7 +28,7 @@ def test_v12_whether_the_ego_can_stop_in_sight_is_told(
     assert facts["stopping"].endswith(told)
 
 
-def test_v12_whether_the_ego_can_stop_before_whoever_it_sees_late_is_told(specs: dict[str, Spec]):
+def test_v12_reports_whether_the_ego_can_stop_for_a_pedestrian_seen_late(specs: dict[str, Spec]):
     spec = specs["ui_clear_day_sparse"]
     first, *others = spec.conflicts
     hidden = first.model_copy(update={"parameters": first.parameters | {"occlusion_m": 12.0}})

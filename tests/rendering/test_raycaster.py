@@ -50,7 +50,7 @@ def forward(eye: Raycaster, *, height: float = 0.5, max_range_m: float = 100.0) 
     return eye.cast(rays([[0, 0, height]], [[1, 0, 0]]), max_range_m)
 
 
-def test_a_ray_tells_what_it_met() -> None:
+def test_a_ray_reports_what_it_hit() -> None:
     hits = forward(caster(GROUND, WALL))
     assert hits.range_m[0] == pytest.approx(20.0, abs=1e-4)
     np.testing.assert_allclose(hits.normal[0], [-1, 0, 0], atol=1e-6)
@@ -166,7 +166,7 @@ def test_rays_in_rings_find_what_they_find_alone() -> None:
     np.testing.assert_allclose(alone, whole.range_m[:38_000:999], rtol=1e-6)
 
 
-def test_movers_are_met_anywhere_on_their_way_across_the_seam_of_the_compass() -> None:
+def test_moving_bodies_are_hit_anywhere_on_their_path_across_the_seam_of_the_compass() -> None:
     """Between two poses, against the mover placed at the pose between them."""
     eye, still = caster(), caster()
     first, last = car(7, 12.0, yaw=3.1), car(7, 13.0, yaw=-3.1)
@@ -214,7 +214,7 @@ def test_a_turning_mover_shows_its_side_as_it_turns() -> None:
     np.testing.assert_allclose(hits.normal[:, 1], -np.sin([0.0, 0.2, 0.4]), atol=1e-5)
 
 
-def test_who_was_not_there_before_stands_still() -> None:
+def test_an_actor_that_was_absent_before_is_stationary() -> None:
     eye = caster()
     eye.place(frame(car(7, 12.0)), previous_frame=frame())
     hits = eye.cast(rays([[0, 0, 0.5]], [[1, 0, 0]], time_fraction=np.zeros(1, np.float32)), 100.0)

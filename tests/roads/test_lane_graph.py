@@ -16,7 +16,7 @@ def test_what_is_no_network_is_refused(tmp_path: Path):
         read_lane_graph(tmp_path / "net.xml")
 
 
-def test_lanes_are_told_apart_by_who_may_use_them(graph: LaneGraph):
+def test_lanes_are_distinguished_by_who_may_use_them(graph: LaneGraph):
     assert [lane.id for lane in graph.driving_lanes] == ["west_1", "north_0"]
     assert [lane.id for lane in graph.entry_lanes] == ["west_1"]
     assert set(graph.sidewalks) == {"west", "path", "back"}

@@ -295,7 +295,7 @@ def illuminance(found: CameraCapture) -> float:
     return float(np.sum(luminance * focal_px / distance**3))
 
 
-def test_the_sun_stands_where_its_direction_says() -> None:
+def test_the_sun_is_where_its_direction_says() -> None:
     scene = capture(grey(0.0), np.inf)
     radiance = add_sun_disc(scene, facing(yaw=0.1), low_sun()).radiance[..., 1]
     row, column = np.unravel_index(radiance.argmax(), radiance.shape)
@@ -304,12 +304,12 @@ def test_the_sun_stands_where_its_direction_says() -> None:
     assert row + 0.5 == pytest.approx(HEIGHT / 2 - FOCAL_PX * rise, abs=1)
 
 
-def test_what_stands_before_the_sun_hides_it() -> None:
+def test_what_is_in_front_of_the_sun_hides_it() -> None:
     assert not add_sun_disc(capture(grey(0.0), 50.0), facing(), low_sun()).radiance.any()
 
 
 @pytest.mark.parametrize("azimuth_deg", [270, 0, 0.3, 1, 10])
-def test_a_sun_behind_or_beside_leaves_the_picture_alone(azimuth_deg: float) -> None:
+def test_a_sun_outside_the_field_of_view_leaves_the_image_unchanged(azimuth_deg: float) -> None:
     scene = capture(grey(1.0), np.inf)
     found = add_sun_disc(scene, facing(), low_sun(azimuth_deg))
     np.testing.assert_array_equal(found.radiance, scene.radiance)

@@ -156,7 +156,7 @@ def test_faster_wheels_throw_up_more() -> None:
 
 
 @pytest.mark.parametrize("kind", ["water", "dust", "snow"])
-def test_covered_glass_hides_the_share_that_is_covered(kind: str) -> None:
+def test_covered_glass_hides_the_fraction_that_is_covered(kind: str) -> None:
     lens = Lens.model_validate({"enabled": True, "kind": kind, "coverage": {"front": 0.3}})
     light = np.full((HEIGHT, WIDTH, 3), 100.0, np.float32)
     light[:, ::8] = 900.0

@@ -79,7 +79,7 @@ def overtaking(crossed: dict[str, Spec], tmp_path_factory: pytest.TempPathFactor
 
 
 @pytest.mark.parametrize("road", ROADS)
-def test_the_conflicts_of_a_road_happen_and_nobody_touches_anybody(
+def test_the_conflicts_of_a_road_happen_without_any_overlap(
     road: str, specs: dict[str, Spec], simulated: Simulated
 ):
     spec = specs[f"{road}_clear_day_sparse"]
@@ -93,7 +93,7 @@ def test_the_conflicts_of_a_road_happen_and_nobody_touches_anybody(
 
 
 @pytest.mark.parametrize("drawn", range(3))
-def test_conflicts_drawn_from_the_second_suite_happen_and_nobody_touches_anybody(
+def test_conflicts_drawn_from_the_second_suite_happen_without_any_overlap(
     drawn: int, crossed: dict[str, Spec], tmp_path: Path
 ):
     sparse = sorted(name for name in crossed if name.endswith("sparse"))
@@ -117,7 +117,7 @@ def test_dry_runs_that_alternate_settle_once_blocking_actors_start_elsewhere(
     assert list(find_overlaps(trace)) == []
 
 
-def test_one_who_overtakes_passes_beside_the_cyclist_and_is_back_before_the_ego_comes(
+def test_an_overtaking_vehicle_passes_the_cyclist_and_is_back_before_the_ego_comes(
     crossed: dict[str, Spec], overtaking: Trace
 ):
     spec = crossed["rsnj_od_overtake_clear_day_sparse"]
@@ -146,7 +146,7 @@ def _least_distance_m(ego: ActorTrack, actor: ActorTrack) -> float:
     )
 
 
-def test_an_excursion_goes_out_stays_for_as_long_as_it_is_told_and_comes_back():
+def test_an_excursion_goes_out_stays_for_as_long_as_declared_and_comes_back():
     times_s = np.arange(0, 10.01, 0.1)
 
     offsets = compute_lateral_offsets(
@@ -275,7 +275,7 @@ def test_sumo_counts_no_teleports_collisions_or_emergencies(
 
 
 @pytest.mark.parametrize("road", ROADS)
-def test_nobody_speeds_up_or_brakes_harder_than_their_vehicle_can(
+def test_no_actor_accelerates_or_brakes_harder_than_it_can(
     road: str, specs: dict[str, Spec], simulated: Simulated
 ):
     spec = specs[f"{road}_clear_day_sparse"]

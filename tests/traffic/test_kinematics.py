@@ -38,7 +38,7 @@ def test_a_body_noses_over_a_crest_when_its_front_does():
     assert states["z"][12] == pytest.approx(-0.06)
 
 
-def test_a_vehicle_that_stands_neither_slides_nor_turns():
+def test_a_stationary_vehicle_neither_slides_nor_turns():
     sliding = track(y=0.05 * np.arange(20.0), yaw=0.1 * np.arange(20.0))
 
     states = compute_vehicle_states(sliding, 4.0, tick_s=0.1)
@@ -81,7 +81,7 @@ def test_people_neither_hop_nor_spin():
     assert states["y"][50] == pytest.approx(2.0, abs=0.05)
 
 
-def test_whoever_stands_keeps_looking_the_same_way():
+def test_a_stationary_pedestrian_keeps_its_heading():
     states = compute_walker_states(
         track(x=np.zeros(10), yaw=np.full(10, 1.0)),
         0.4,

@@ -133,7 +133,7 @@ def test_the_scenario_ends_as_the_ego_comes_near_its_destination(
 
 
 @pytest.mark.parametrize("road", ROADS)
-def test_nobody_jumps_spins_or_drives_as_no_vehicle_can(
+def test_no_vehicle_jumps_spins_or_moves_as_none_can(
     road: str, specs: dict[str, Spec], simulated: Simulated
 ):
     spec, trace = specs[f"{road}_clear_day_sparse"], simulated(f"{road}_sparse")
@@ -180,7 +180,7 @@ def test_boxes_of_vehicles_never_overlap(name: str, simulated: Simulated):
 
 
 @pytest.mark.parametrize("road", ROADS)
-def test_vehicles_stand_on_their_lane(road: str, networks: dict[str, Path], simulated: Simulated):
+def test_vehicles_are_on_their_lane(road: str, networks: dict[str, Path], simulated: Simulated):
     trace, graph = simulated(f"{road}_sparse"), read_lane_graph(networks[road])
     lanes = [lane for lane in graph.lanes.values() if lane.permits("passenger")]
 
@@ -262,7 +262,9 @@ def test_one_approach_at_a_time_has_green(simulated: Simulated):
     assert ((trace.signals[:, main] != Signal.RED).sum(axis=1) <= 1).all()
 
 
-def test_brake_lamps_are_lit_standing_and_braking_and_out_when_speeding_up(simulated: Simulated):
+def test_brake_lamps_are_lit_when_stationary_or_braking_and_out_when_accelerating(
+    simulated: Simulated,
+):
     trace = simulated("ui_dense")
     motor = [
         number
@@ -291,7 +293,7 @@ def test_the_ego_changes_lane_before_its_lane_turns_off(
     assert later.index == started.index + 1
 
 
-def test_whoever_may_not_cross_stays_off_the_road(
+def test_a_pedestrian_that_may_not_cross_stays_off_the_road(
     specs: dict[str, Spec], networks: dict[str, Path]
 ):
     spec = with_demand(specs["ri_clear_day_dense"], crossing_share=0.0, vehicles=0)
@@ -312,7 +314,7 @@ def test_whoever_may_not_cross_stays_off_the_road(
     assert 0.8 < rows["speed"].mean() < 2.0
 
 
-def test_nobody_walks_where_there_are_no_sidewalks(
+def test_no_pedestrian_walks_where_no_sidewalk_exists(
     specs: dict[str, Spec], networks: dict[str, Path]
 ):
     spec = with_timing(with_demand(specs["rsnj_clear_day_sparse"], walkers=10), max_ticks=70)
@@ -320,7 +322,7 @@ def test_nobody_walks_where_there_are_no_sidewalks(
     assert all(one.id < 5000 for one in simulate_in_subprocess(spec, networks["rsnj"]).actors)
 
 
-def test_nobody_comes_in_where_no_street_leads_in(
+def test_no_vehicle_enters_where_no_street_leads_in(
     specs: dict[str, Spec], networks: dict[str, Path]
 ):
     spec = specs["ri_clear_day_dense"].model_copy(update={"conflicts": ()})
@@ -369,7 +371,7 @@ def test_front_wheels_point_along_the_circle_that_a_vehicle_drives(simulated: Si
 
 
 @pytest.mark.parametrize("road", ["ui", "rsnj"])
-def test_the_way_travelled_is_what_wheels_and_legs_have_gone(road: str, simulated: Simulated):
+def test_the_distance_travelled_is_what_wheels_and_legs_have_gone(road: str, simulated: Simulated):
     trace = simulated(f"{road}_sparse")
 
     for one in trace.actors:
