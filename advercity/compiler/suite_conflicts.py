@@ -46,17 +46,6 @@ def select_conflicts(
     return list(_select_listed(library, suite, roads, groups))
 
 
-def match_conflicts(
-    library: Library, roads: Mapping[str, Road], groups: CrashGroups
-) -> dict[tuple[str, str], Binding]:
-    """Match every conflict of a library to every road, by (conflict, road)."""
-    return {
-        (conflict.id, road.id): _match_conflict(library, conflict, road, groups)
-        for conflict in library.get_declarations(Conflict).values()
-        for road in roads.values()
-    }
-
-
 def solve_road_conflicts(
     library: Library,
     suite: Suite,
