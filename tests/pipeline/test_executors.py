@@ -44,12 +44,18 @@ class Killer:
     def on_progress(self, progress: Progress) -> None:
         """Kill it when both have claimed a frame."""
         if not self.seen and self._claimed.exists() and len(list(self._claimed.iterdir())) > 1:
-            _, *self.seen = sorted(psutil.Process().children(), key=start_time)
+            # Other children, such as servers of other tests, may be older than the workers.
+            workers = [one for one in psutil.Process().children() if is_worker(one)]
+            _, *self.seen = sorted(workers, key=start_time)
             for process in self.seen:
                 process.kill()
 
     def on_result(self, result: ScenarioResult) -> None:
         """Do nothing."""
+
+
+def is_worker(process: psutil.Process) -> bool:
+    return "advercity.pipeline.worker_process" in process.cmdline()
 
 
 def start_time(process: psutil.Process) -> float:
