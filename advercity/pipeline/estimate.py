@@ -330,7 +330,7 @@ def check_resources(
     estimate = estimate_run(specs, options, jobs=jobs, simulate=False)
     output = options.output if is_local else None
     if not allow_large and estimate.describe_excess(output) and not estimate.total.is_exact:
-        # Upper bounds exceed; the traffic tells how many frames there really are.
+        # Upper bounds exceed; simulated traffic gives the true number of frames.
         estimate = estimate_run(specs, options, jobs=jobs, simulate=True)
     found = [] if allow_large else estimate.describe_excess(output)
     if found:

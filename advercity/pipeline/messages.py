@@ -29,7 +29,7 @@ class ScenarioOpened:
     """From the worker that opens a scenario: others may join now.
 
     Attributes:
-        missing_frames: Frames that nobody has made yet.
+        missing_frames: Frames that do not exist yet.
     """
 
     missing_frames: int
