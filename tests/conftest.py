@@ -1,6 +1,5 @@
 """Fixtures that many tests share."""
 
-import os
 from pathlib import Path
 
 import pytest
@@ -12,8 +11,6 @@ from advercity.compiler.crossing import compile_library
 pytest_plugins = ["tests.bend_network", "tests.builders"]
 
 ROOT = Path(__file__).parent.parent
-os.environ.setdefault("ADVERCITY_ASSETS", str(ROOT / "no_models"))
-"""Makes bodies look the same whether the asset package is installed or not."""
 
 # How long an example takes says more about the machine than about the result.
 settings.register_profile("untimed", deadline=None)

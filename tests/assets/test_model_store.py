@@ -20,7 +20,6 @@ from advercity.assets.packages import unpack_package
 from advercity.cli import app
 from advercity.compiler import load_library
 from advercity.errors import InputError, RunError
-from advercity.pipeline.cache import find_cache_folder
 
 COPYRIGHT = """Format: https://www.debian.org/doc/packaging-manuals/copyright-format/1.0/
 
@@ -321,15 +320,26 @@ def test_no_model_is_in_the_repository():
 CATALOGUE = load_library(Path(__file__).parents[2] / "library").get_declarations(Catalogue)[
     "adver_city"
 ]
-INSTALLED = ModelStore(find_cache_folder() / "assets")
+INSTALLED = ModelStore(Path(os.environ["ADVERCITY_TEST_MODELS"]))
 MODELLED = [name for name, made in CATALOGUE.blueprints.items() if made.model is not None]
 
 
-@pytest.mark.skipif(not INSTALLED.has_package, reason="the asset package is not installed")
+@pytest.fixture(scope="session")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> ModelStore:
+    """The user's asset package in a new store: conversions are not written to the user's."""
+    folder = tmp_path_factory.mktemp("models")
+    (folder / "package").symlink_to(INSTALLED.folder / "package")
+    return ModelStore(folder)
+
+
+@pytest.mark.skipif(
+    not INSTALLED.has_package,
+    reason="no model of the asset package is tested; install it with `advercity assets install`",
+)
 @pytest.mark.parametrize("name", MODELLED)
-def test_every_model_of_the_package_makes_a_sound_body(name: str):
+def test_every_model_of_the_package_makes_a_sound_body(name: str, installed: ModelStore):
     made = CATALOGUE.blueprints[name]
-    whole = build_body(name, made, INSTALLED)
+    whole = build_body(name, made, installed)
     corners = np.concatenate([part.vertices[part.triangles] for part in whole.parts])
     size = np.array(whole.size)
     np.testing.assert_allclose(corners.min(axis=(0, 1)), size * (-0.5, -0.5, 0), atol=1e-3)

@@ -12,12 +12,13 @@ from advercity.compiler import find_weather, with_weather
 from advercity.pipeline import RunOptions, run_scenario
 
 PYTHON = os.environ.get("OPENCOOD_PYTHON", "")
+HINT = "OpenCOOD's own loader is not tested; OPENCOOD_PYTHON names an interpreter that has it"
 READER = Path(__file__).with_name("opencood_boxes.py")
 
 
 @pytest.mark.render
 @pytest.mark.sumo
-@pytest.mark.skipif(not PYTHON, reason="OPENCOOD_PYTHON names no interpreter with a loader")
+@pytest.mark.skipif(not PYTHON, reason=HINT)
 def test_opencood_and_heal_find_points_in_the_boxes_they_read(
     specs: dict[str, Spec], tmp_path: Path
 ) -> None:

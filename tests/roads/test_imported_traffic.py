@@ -18,6 +18,7 @@ from advercity.semantics import Semantic
 from advercity.traffic.simulation import simulate_in_subprocess
 from tests.roads.probing import Floats, looking_down, on_lane, road_meshes
 
+HINT = "CARLA's Town07 is not tested; ADVERCITY_TOWN07 names its OpenDRIVE file"
 TOWN07 = os.environ.get("ADVERCITY_TOWN07")
 
 
@@ -80,7 +81,7 @@ def test_a_destination_that_no_route_leads_to_is_bad_input(bend: Spec, tmp_path:
 
 
 @pytest.mark.sumo
-@pytest.mark.skipif(TOWN07 is None, reason="ADVERCITY_TOWN07 does not name the map's file")
+@pytest.mark.skipif(TOWN07 is None, reason=HINT)
 def test_town07_builds_and_is_driven(library: Path, tmp_path: Path) -> None:
     example = library.parent / "examples" / "town07"
     shutil.copytree(example, tmp_path / "town07")

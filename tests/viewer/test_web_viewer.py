@@ -23,7 +23,8 @@ from advercity.roads.road_network import build_road
 from advercity.viewer.archetypes import LANE_COLOURS
 from advercity.viewer.recording import RerunRecording
 
-playwright: Any = pytest.importorskip("playwright.sync_api")
+HINT = "the web view is not tested; `scripts/setup_peers` installs Playwright and Chromium"
+playwright: Any = pytest.importorskip("playwright.sync_api", reason=HINT)
 
 PATIENCE_S = 150
 SOFTWARE_GL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
@@ -41,7 +42,7 @@ def page() -> Iterator[Any]:
     with playwright.sync_playwright() as browsers:
         executable = shutil.which("chromium") or browsers.chromium.executable_path
         if not Path(executable).is_file():
-            pytest.skip("no Chromium here")
+            pytest.skip(HINT)
         arguments = [*SOFTWARE_GL, *ALONE]
         browser = browsers.chromium.launch(executable_path=executable, args=arguments)
         yield browser.new_page(viewport={"width": 1600, "height": 900})

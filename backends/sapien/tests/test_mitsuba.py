@@ -33,7 +33,8 @@ from tests.render_builders import (
     build_clear_air,
 )
 
-mitsuba: Any = pytest.importorskip("mitsuba")
+HINT = "light and fog are not compared with Mitsuba; `scripts/setup_peers` installs it"
+mitsuba: Any = pytest.importorskip("mitsuba", reason=HINT)
 mitsuba.set_variant("scalar_rgb")
 
 pytestmark = pytest.mark.render

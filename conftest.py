@@ -1,0 +1,38 @@
+"""Gives the tests an empty home, so that they pass or fail whatever the user's holds."""
+
+import os
+import shutil
+import tempfile
+
+import pytest
+
+from advercity.pipeline.cache import open_model_store
+
+TEST_HOME = "ADVERCITY_TEST_HOME"
+TEST_MODELS = "ADVERCITY_TEST_MODELS"
+"""The user's models, which only the test of the asset package looks at."""
+USER_VARIABLES = (
+    *("ADVERCITY_ASSETS", "ADVERCITY_CACHE", "ADVERCITY_DATA"),
+    *("XDG_CACHE_HOME", "XDG_CONFIG_HOME", "XDG_DATA_HOME", "XDG_STATE_HOME"),
+)
+
+
+def move_home() -> None:
+    """Move to an empty home: without the user's models, records, traces and settings.
+
+    Workers of pytest-xdist inherit it from the process that starts them, and share its cache.
+    """
+    if TEST_HOME not in os.environ:
+        os.environ[TEST_MODELS] = str(open_model_store().folder)
+        os.environ[TEST_HOME] = os.environ["HOME"] = tempfile.mkdtemp(prefix="advercity_tests_")
+        for name in USER_VARIABLES:
+            os.environ.pop(name, None)
+
+
+move_home()
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    """Delete the home; workers of pytest-xdist leave that to the process that started them."""
+    if not hasattr(config, "workerinput"):
+        shutil.rmtree(os.environ.pop(TEST_HOME), ignore_errors=True)

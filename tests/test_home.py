@@ -1,0 +1,11 @@
+import os
+from pathlib import Path
+
+from advercity.pipeline.cache import find_cache_folder, open_model_store
+
+
+def test_tests_see_nothing_of_the_users_caches_and_models() -> None:
+    home = Path(os.environ["ADVERCITY_TEST_HOME"])
+    assert Path.home() == home
+    assert find_cache_folder().is_relative_to(home)
+    assert not open_model_store().has_package
