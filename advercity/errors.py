@@ -26,10 +26,16 @@ class BackendError(RunError):
     """A rendering backend is missing, does not import, or finds no device."""
 
 
+def describe_cause(error: OSError) -> str:
+    """Describe why the system refused something; errors of Python's own have no `strerror`."""
+    return error.strerror or str(error) or type(error).__name__
+
+
 @contextmanager
 def report_write_errors() -> Generator[None]:
     """Convert an OSError into an InputError that names the file, as the user chose the path."""
     try:
         yield
     except OSError as error:
-        raise InputError(f"{error.filename}: cannot be written: {error.strerror}") from error
+        path = error.filename or "the output"
+        raise InputError(f"{path}: cannot be written: {describe_cause(error)}") from error

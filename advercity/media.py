@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from advercity.errors import InputError, RunError
+from advercity.errors import InputError, RunError, describe_cause
 
 JPEG_SUFFIXES = (".jpg", ".jpeg")
 JPEG_QUALITY = 85
@@ -35,7 +35,7 @@ def write_image(image: NDArray[Any], path: Path) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(content.tobytes())
     except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror}") from error
+        raise InputError(f"{path}: cannot be written: {describe_cause(error)}") from error
 
 
 LABEL_HEIGHT_PX = 20
@@ -116,4 +116,4 @@ class VideoWriter:
         try:
             yield
         except OSError as error:  # PyAV raises system errors as OSError
-            raise RunError(f"{self._path}: cannot be written: {error.strerror}") from error
+            raise RunError(f"{self._path}: cannot be written: {describe_cause(error)}") from error

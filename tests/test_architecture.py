@@ -5,7 +5,7 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 ROOMS = (
-    ("errors", "semantics", "materials", "media", "digests"),
+    ("errors", "semantics", "materials", "media", "digests", "atomic_files"),
     ("geometry", "randomness"),
     ("physics",),
     ("frames",),

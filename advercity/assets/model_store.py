@@ -3,7 +3,6 @@
 import hashlib
 import json
 import shutil
-import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +13,8 @@ from advercity_dsl.catalogue import BodyModel
 from advercity.assets.model_conversion import CONVERSION_VERSION, convert_model
 from advercity.assets.model_files import ModelPart, read_glb, read_obj, to_glb
 from advercity.assets.packages import DIGEST_FILE, check_licence, fetch_package, load_source_model
-from advercity.errors import InputError, RunError
+from advercity.atomic_files import write_atomically
+from advercity.errors import InputError, RunError, describe_cause
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class ModelStore:
         try:
             content = path.read_bytes()
         except OSError as error:
-            raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+            raise InputError(f"{path}: cannot be read: {describe_cause(error)}") from error
         if not content.startswith(b"glTF"):
             raise InputError(f"{path}: is not a GLB file; export the model as binary glTF")
         digest = hashlib.sha256(content).hexdigest()
@@ -98,13 +98,9 @@ class ModelStore:
             return
         content = make()
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryDirectory(dir=path.parent) as work:
-                partial = Path(work) / path.name
-                partial.write_bytes(content)
-                partial.replace(path)
+            write_atomically(path, content)
         except OSError as error:
-            raise RunError(f"{path}: cannot be written: {error.strerror}") from error
+            raise RunError(f"{path}: cannot be written: {describe_cause(error)}") from error
 
     @property
     def _package_folder(self) -> Path:

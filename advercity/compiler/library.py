@@ -36,7 +36,7 @@ from advercity.compiler.extends import (
 from advercity.compiler.source import SourceDocument, read_document
 from advercity.compiler.validation import format_value, validate_model
 from advercity.digests import compute_json_digest
-from advercity.errors import InputError
+from advercity.errors import InputError, describe_cause
 from advercity.roads.map_import import import_map
 
 DeclarationT = TypeVar("DeclarationT", bound=Declaration)
@@ -203,7 +203,7 @@ def _walk_folder(folder: Path, diagnostics: list[Diagnostic]) -> Iterator[Path]:
     """Yield the files of a library; raise for a folder that is far too large for one."""
 
     def add_error(error: OSError) -> None:
-        message = f"cannot be read: {error.strerror}"
+        message = f"cannot be read: {describe_cause(error)}"
         diagnostics.append(Diagnostic(Path(error.filename), 0, 0, "", message))
 
     count = 0
@@ -333,7 +333,7 @@ def _add_model_checksum(name: str, blueprint: Blueprint, source: ResolvedDeclara
     try:
         content = path.read_bytes()
     except OSError as error:
-        message = f"'{model.file}' cannot be read: {error.strerror}"
+        message = f"'{model.file}' cannot be read: {describe_cause(error)}"
         hint = "put the model's file next to the declaration"
         raise DiagnosticsError(source.build_diagnostic(value_path, message, hint=hint)) from error
     # Checked here, since a wrong file would otherwise fail only when its body is built.

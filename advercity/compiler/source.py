@@ -14,6 +14,7 @@ import yaml
 from advercity_dsl.base import ValuePath
 
 from advercity.compiler.diagnostics import Diagnostic, DiagnosticsError
+from advercity.errors import describe_cause
 
 # Far above any declaration, since maps and models are files of their own.
 MAX_BYTES = 4_000_000
@@ -221,7 +222,7 @@ def read_source_text(path: Path) -> str:
             # One byte more shows that a file is too large without reading all of it.
             raw = file.read(MAX_BYTES + 1)
     except OSError as error:
-        raise _build_file_error(path, f"cannot be read: {error.strerror}") from None
+        raise _build_file_error(path, f"cannot be read: {describe_cause(error)}") from None
     if len(raw) > MAX_BYTES:
         message = f"is larger than {MAX_BYTES // 1_000_000} MB; is it a declaration?"
         raise _build_file_error(path, message)

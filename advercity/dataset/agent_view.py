@@ -27,7 +27,7 @@ from advercity.dataset.carla_frame import (
 )
 from advercity.dataset.formats import DatasetFormat
 from advercity.dataset.image_codec import from_semantic_colours
-from advercity.errors import InputError
+from advercity.errors import InputError, describe_cause
 from advercity.geometry import poses
 from advercity.geometry.poses import Matrix
 
@@ -46,7 +46,7 @@ def report_read_errors(path: Path) -> Generator[None]:
     except FileNotFoundError as error:
         raise InputError(f"{path}: is missing; {REPAIR_HINT}") from error
     except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+        raise InputError(f"{path}: cannot be read: {describe_cause(error)}") from error
     except (AttributeError, LookupError, TypeError, ValueError, yaml.YAMLError) as error:
         raise InputError(f"{path}: is damaged; {REPAIR_HINT}") from error
 

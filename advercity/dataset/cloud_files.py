@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from advercity.dataset.carla_frame import mirror_columns
-from advercity.errors import InputError
+from advercity.errors import InputError, describe_cause
 
 if TYPE_CHECKING:
     from advercity.sensors.measurements import PointCloud
@@ -95,7 +95,7 @@ def read_pcd(path: Path) -> NDArray[np.void]:
     try:
         header, _, body = path.read_bytes().partition(b"DATA binary\n")
     except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+        raise InputError(f"{path}: cannot be read: {describe_cause(error)}") from error
     try:
         count, kind = _parse_pcd_header(header.decode("ascii"))
     except (KeyError, ValueError) as error:
@@ -149,7 +149,7 @@ def read_ply(path: Path) -> NDArray[np.void]:
         count = int(header.partition(b"element vertex ")[2].split(maxsplit=1)[0])
         columns = np.array(body.split(), dtype=np.float64).reshape(count, 6)
     except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+        raise InputError(f"{path}: cannot be read: {describe_cause(error)}") from error
     except (IndexError, ValueError) as error:
         raise InputError(f"{path}: not a cloud of advercity, or cut off: {error}") from error
     table = np.empty(count, dtype=PLY_POINT)

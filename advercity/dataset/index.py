@@ -14,10 +14,11 @@ from typing import Literal
 from advercity_dsl import Model, Spec
 from pydantic import Field, ValidationError
 
+from advercity.atomic_files import move_file, write_file
 from advercity.dataset.manifest import Manifest, compute_spec_digest
-from advercity.dataset.partial_files import lock_file, move_file, report_disk_errors, write_file
+from advercity.dataset.partial_files import lock_file, report_disk_errors
 from advercity.dataset.scenario_folders import MANIFEST_FILE, find_scenarios
-from advercity.errors import InputError, RunError
+from advercity.errors import InputError, RunError, describe_cause
 
 INDEX_FILE = "index.json"
 
@@ -119,7 +120,7 @@ class DatasetIndex(Model):
         except (FileNotFoundError, NotADirectoryError):
             return None
         except OSError as error:
-            raise RunError(f"{path}: cannot be read: {error.strerror}") from error
+            raise RunError(f"{path}: cannot be read: {describe_cause(error)}") from error
 
 
 class IndexWriter:
@@ -194,7 +195,7 @@ def link_splits(
         _link_folders({folder.name: folder for folder in folders}, found, output)
     except OSError as error:
         raise RunError(
-            f"{error.filename or output}: cannot be written: {error.strerror}"
+            f"{error.filename or output}: cannot be written: {describe_cause(error)}"
         ) from error
     return found
 

@@ -18,7 +18,7 @@ from advercity.dataset.scenario_folders import (
     not_a_scenario_error,
 )
 from advercity.digests import compute_source_digest
-from advercity.errors import RunError
+from advercity.errors import RunError, describe_cause
 from advercity.physics.extinction import compute_extinction
 
 CODE_PACKAGES = ("advercity", "advercity_dsl")
@@ -212,7 +212,7 @@ class Manifest(Model):
         except (FileNotFoundError, NotADirectoryError) as error:
             raise not_a_scenario_error(scenario) from error
         except OSError as error:
-            raise RunError(f"{path}: cannot be read: {error.strerror}") from error
+            raise RunError(f"{path}: cannot be read: {describe_cause(error)}") from error
         manifest, journaled = Manifest.parse(text, where=str(path)), read_journals(scenario)
         if not journaled:
             return manifest

@@ -18,8 +18,9 @@ from typing import IO
 from advercity_dsl import Model
 from pydantic import TypeAdapter, ValidationError
 
+from advercity.atomic_files import move_file, write_file
 from advercity.dataset.scenario_folders import find_journals, find_staging_folder
-from advercity.errors import RunError
+from advercity.errors import RunError, describe_cause
 
 LOCK_TIMEOUT_S = 5.0
 """How long a run that was killed may take to release its lock."""
@@ -90,8 +91,8 @@ def report_disk_errors(path: Path) -> Generator[None]:
         yield
     except OSError as error:
         raise RunError(
-            f"{error.filename or path}: {error.strerror}; finished frames are kept: make room or"
-            " choose another `output`, and run again"
+            f"{error.filename or path}: {describe_cause(error)}; finished frames are kept: make"
+            " room or choose another `output`, and run again"
         ) from error
 
 
@@ -135,18 +136,6 @@ def share_lock(stream: IO[bytes]) -> None:
     import fcntl
 
     fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
-
-
-def write_file(path: Path, content: bytes) -> None:
-    """Write a file, and create its folder if necessary."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(content)
-
-
-def move_file(source: Path, target: Path) -> None:
-    """Rename a file, and create the target's folder if necessary."""
-    target.parent.mkdir(parents=True, exist_ok=True)
-    source.replace(target)
 
 
 def replace_file(scenario: Path, path: str, content: bytes) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from advercity.dataset.facts import ScenarioFacts
-from advercity.errors import RunError
+from advercity.errors import RunError, describe_cause
 from advercity.geometry.arrays import Float64Array
 
 RANGE_M = 200.0
@@ -85,7 +85,7 @@ def write_tables(tables: Iterable[StatisticsTable], folder: Path) -> None:
                 writer.writerows([_format_value(value) for value in row] for row in table.rows)
     except OSError as error:
         raise RunError(
-            f"{error.filename or folder}: cannot be written: {error.strerror}"
+            f"{error.filename or folder}: cannot be written: {describe_cause(error)}"
         ) from error
 
 

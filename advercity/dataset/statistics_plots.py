@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from advercity.dataset.statistics import POLAR_EDGES_DEG, POLAR_RANGE_EDGES_M, StatisticsTable
-from advercity.errors import InputError, RunError
+from advercity.errors import InputError, RunError, describe_cause
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -48,7 +48,7 @@ def write_plots(tables: Iterable[StatisticsTable], folder: Path) -> None:
                 # Without the version of matplotlib, the same table gives the same bytes.
                 figure.savefig(path, dpi=120, metadata={"Software": None})
             except OSError as error:
-                raise RunError(f"{path}: cannot be written: {error.strerror}") from error
+                raise RunError(f"{path}: cannot be written: {describe_cause(error)}") from error
 
 
 def draw_table(table: StatisticsTable) -> "Figure":

@@ -19,7 +19,7 @@ from typing import Self
 
 import fsspec
 
-from advercity.dataset.partial_files import move_file, write_file
+from advercity.atomic_files import move_file, write_file
 from advercity.errors import InputError, RunError
 
 INCOMING_FOLDER = ".staging/incoming"

@@ -29,7 +29,7 @@ from advercity.dataset.scenario_folders import (
     find_staging_folder,
 )
 from advercity.dataset.writer import encode_scenario_files
-from advercity.errors import RunError
+from advercity.errors import RunError, describe_cause
 from advercity.roads.road_network import build_road
 from advercity.sensors.sensor_frame import SensorFrame
 
@@ -87,7 +87,7 @@ def compare_with_index(dataset: Path) -> list[FileProblem]:
         except FileNotFoundError:
             problems.append(FileProblem(dataset / name, MANIFEST_FILE, "missing"))
         except OSError as error:
-            raise RunError(f"{path}: cannot be read: {error.strerror}") from error
+            raise RunError(f"{path}: cannot be read: {describe_cause(error)}") from error
     return problems
 
 
@@ -149,7 +149,7 @@ def _matches_record(path: Path, record: FileRecord) -> bool:
         with path.open("rb") as stream:
             return hashlib.file_digest(stream, "sha256").hexdigest() == record.sha256
     except OSError as error:
-        raise RunError(f"{path}: cannot be read: {error.strerror}") from error
+        raise RunError(f"{path}: cannot be read: {describe_cause(error)}") from error
 
 
 def restore_files(

@@ -13,6 +13,7 @@ from typing import Self
 
 from advercity_dsl import Spec
 
+from advercity.atomic_files import move_file, write_file
 from advercity.dataset.formats import format_frame_name
 from advercity.dataset.frame_documents import format_yaml
 from advercity.dataset.manifest import Identity, Manifest
@@ -21,14 +22,12 @@ from advercity.dataset.partial_files import (
     FileRecord,
     append_to_journal,
     lock_file,
-    move_file,
     read_journals,
     remove_journals,
     remove_staging_folder,
     replace_file,
     report_disk_errors,
     share_lock,
-    write_file,
 )
 from advercity.dataset.scenario_folders import (
     MANIFEST_FILE,

@@ -15,7 +15,7 @@ from advercity_dsl import Spec
 from advercity.assets.model_store import ModelStore
 from advercity.dataset.manifest import CODE_PACKAGES
 from advercity.digests import compute_json_digest, compute_source_digest
-from advercity.errors import RunError
+from advercity.errors import RunError, describe_cause
 
 
 def find_cache_folder() -> Path:
@@ -96,6 +96,6 @@ def build_cached(path: Path, build: Callable[[Path], None]) -> Path:
             build(partial)
             partial.replace(path)
     except OSError as error:
-        message = f"{error.filename or path}: cannot be written: {error.strerror}"
+        message = f"{error.filename or path}: cannot be written: {describe_cause(error)}"
         raise RunError(f"{message}; set ADVERCITY_CACHE to a folder that can") from error
     return path

@@ -10,7 +10,7 @@ from pathlib import Path
 from advercity_dsl import Spec
 
 from advercity.conflicts.report import TrafficReport, build_traffic_report
-from advercity.errors import RunError
+from advercity.errors import RunError, describe_cause
 from advercity.media import VideoWriter
 from advercity.physics.stopping import compute_stopping_distance
 from advercity.pipeline.preparation import TrafficResult, load_or_simulate_traffic
@@ -54,7 +54,7 @@ def simulate_to_folder(spec: Spec, output: Path, *, with_video: bool = True) -> 
             shutil.rmtree(output / spec.id, ignore_errors=True)
             made.replace(output / spec.id)
     except OSError as error:
-        raise RunError(f"{output / spec.id}: cannot be written: {error.strerror}") from error
+        raise RunError(f"{output / spec.id}: cannot be written: {describe_cause(error)}") from error
     return report
 
 

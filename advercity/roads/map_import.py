@@ -9,7 +9,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from advercity_dsl import MapFile, MapNetwork, Road
 
-from advercity.errors import InputError
+from advercity.errors import InputError, describe_cause
 from advercity.roads.network_file import parse_network
 from advercity.roads.sumo_network import run_netconvert
 from advercity.roads.sumo_xml import (
@@ -112,7 +112,7 @@ def _read_map(declared: MapFile, folder: Path) -> _LoadedMap:
             raw = stream.read(MAX_XML_BYTES + 1)
         root = parse_xml(raw)
     except OSError as error:
-        raise InputError(f"{declared.file}: cannot be read: {error.strerror}") from error
+        raise InputError(f"{declared.file}: cannot be read: {describe_cause(error)}") from error
     except InputError as error:
         raise InputError(f"{declared.file}: {error}") from None
     digest = hashlib.sha256(raw).hexdigest()

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from advercity.conflicts.report import ConflictEvent
 from advercity.dataset.image_codec import encode_jpeg, encode_label_png, to_semantic_colours
-from advercity.errors import InputError, RunError
+from advercity.errors import InputError, RunError, describe_cause
 from advercity.geometry import poses
 from advercity.physics.atmosphere import compute_atmosphere
 from advercity.roads.lane_segments import LaneSegment
@@ -74,7 +74,7 @@ def open_file_sink(path: Path) -> rr.FileSink:
         path.parent.mkdir(parents=True, exist_ok=True)
         partial_path(path).open("wb").close()
     except OSError as error:
-        raise RunError(f"{path}: cannot be written: {error.strerror}") from error
+        raise RunError(f"{path}: cannot be written: {describe_cause(error)}") from error
     return rr.FileSink(str(partial_path(path)))
 
 

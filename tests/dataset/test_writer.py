@@ -317,13 +317,13 @@ def test_a_folder_that_cannot_be_created_is_named(tmp_path: Path, writer: Make) 
 def test_a_full_disk_is_reported_and_finished_frames_stay(
     tmp_path: Path, writer: Make, sensor_frames_of: SensorFramesOf, spec: Spec
 ) -> None:
-    def full(path: Path, content: bytes) -> int:
+    def full(path: Path, content: bytes) -> None:
         raise OSError(28, "No space left on device", str(path))
 
     with pytest.raises(RunError, match="No space left on device"), writer(tmp_path) as dataset:
         dataset.write_frame(0, sensor_frames_of(0))
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(Path, "write_bytes", full)
+            patch.setattr("advercity.dataset.writer.write_file", full)
             dataset.write_frame(1, sensor_frames_of(1))
     assert verify_scenario(tmp_path / spec.id) == []
     assert Manifest.load(tmp_path / spec.id).frames == (0,)

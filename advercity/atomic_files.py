@@ -1,0 +1,94 @@
+"""Files that are complete or absent: written as partial files, synced, and renamed into place.
+
+No function here writes through a link, so that a link in a folder of ours leads nobody's data into
+harm.
+"""
+
+import hashlib
+import os
+import platform
+import re
+import shutil
+import tempfile
+import time
+from collections.abc import Generator, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import psutil
+
+PARTIAL_MAX_AGE_S = 3600.0
+"""Age from which a folder of partial files is abandoned, whoever made it."""
+_MACHINE = hashlib.sha256(platform.node().encode()).hexdigest()[:8]
+_PARTIAL_PATTERN = re.compile(r"\.partial-([0-9a-f]{8})-(\d+)-\w+")
+
+
+@contextmanager
+def open_partial_path(path: Path) -> Generator[Path]:
+    """Yield a path of the same name in a temporary folder; at the end that file becomes `path`."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    prefix = f".partial-{_MACHINE}-{os.getpid()}-"
+    with tempfile.TemporaryDirectory(dir=path.parent, prefix=prefix) as folder:
+        partial = Path(folder) / path.name
+        yield partial
+        sync_files([partial])
+        partial.replace(path)
+
+
+def write_atomically(path: Path, content: bytes) -> None:
+    """Write a file so that it is the old or the new one at any moment."""
+    with open_partial_path(path) as partial:
+        partial.write_bytes(content)
+
+
+def remove_abandoned_partials(folder: Path) -> int:
+    """Delete folders of partial files in `folder` whose process has ended; return their number."""
+    abandoned = [path for path in folder.glob(".partial-*") if _is_abandoned(path)]
+    for path in abandoned:
+        shutil.rmtree(path, ignore_errors=True)
+    return len(abandoned)
+
+
+def _is_abandoned(path: Path) -> bool:
+    match = _PARTIAL_PATTERN.fullmatch(path.name)
+    if match is None or path.is_symlink():
+        return False
+    if match[1] == _MACHINE and not psutil.pid_exists(int(match[2])):
+        return True
+    with suppress(FileNotFoundError):
+        return time.time() - path.stat().st_mtime > PARTIAL_MAX_AGE_S
+    return False
+
+
+def write_file(path: Path, content: bytes) -> None:
+    """Write a file, and create its folder if necessary; OSError if the path is a link."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with open(path, "wb", opener=open_without_links) as stream:
+        stream.write(content)
+
+
+def open_without_links(path: str, flags: int) -> int:
+    """Open a file as `open` does; OSError if its last component is a link."""
+    return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0), 0o666)
+
+
+def move_file(source: Path, target: Path) -> None:
+    """Rename a file, and create the target's folder if necessary."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    source.replace(target)
+
+
+def sync_files(paths: Iterable[Path]) -> None:
+    """Return when the content of files, or the names in folders, would survive a power cut."""
+    # At once rather than one by one: the disk then writes them in one go.
+    with ThreadPoolExecutor() as pool:
+        list(pool.map(_sync_file, paths))
+
+
+def _sync_file(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

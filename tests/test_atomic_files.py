@@ -1,0 +1,65 @@
+"""Files are complete or absent, links are never written through, leftovers are swept."""
+
+import os
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from advercity.atomic_files import (
+    open_partial_path,
+    remove_abandoned_partials,
+    write_atomically,
+    write_file,
+)
+from advercity.errors import InputError, describe_cause, report_write_errors
+
+
+def test_a_file_keeps_its_content_where_writing_fails(tmp_path: Path) -> None:
+    path = tmp_path / "sub" / "data"
+    write_atomically(path, b"old")
+    with pytest.raises(ZeroDivisionError), open_partial_path(path) as partial:
+        partial.write_bytes(b"ne")
+        raise ZeroDivisionError
+    assert path.read_bytes() == b"old"
+    assert [item.name for item in path.parent.iterdir()] == ["data"]
+
+
+def test_a_link_is_replaced_or_refused_and_never_written_through(tmp_path: Path) -> None:
+    target, link = tmp_path / "target", tmp_path / "link"
+    target.write_bytes(b"mine")
+    link.symlink_to(target)
+    with pytest.raises(OSError):
+        write_file(link, b"ours")
+    assert link.is_symlink()
+    write_atomically(link, b"ours")
+    assert (target.read_bytes(), link.read_bytes()) == (b"mine", b"ours")
+
+
+def test_partial_files_of_ended_processes_and_old_ones_are_swept(tmp_path: Path) -> None:
+    ended = subprocess.Popen(["true"])
+    ended.wait()
+    with open_partial_path(tmp_path / "data") as partial:
+        partial.write_bytes(b"x")
+        own = partial.parent
+        dead = own.with_name(own.name.replace(f"-{os.getpid()}-", f"-{ended.pid}-"))
+        dead.mkdir()
+        elsewhere = tmp_path / f".partial-00000000-{ended.pid}-x"
+        elsewhere.mkdir()
+        old = tmp_path / ".partial-00000000-1-x"
+        old.mkdir()
+        os.utime(old, (0, 0))
+        stranger = tmp_path / ".partial-notes"
+        stranger.mkdir()
+        assert remove_abandoned_partials(tmp_path) == 2
+        assert {path.name for path in tmp_path.iterdir()} == {
+            *(own.name, elsewhere.name, stranger.name),
+        }
+
+
+def test_a_cause_is_never_none(tmp_path: Path) -> None:
+    assert describe_cause(OSError("Cannot call rmtree on a symbolic link")).startswith("Cannot")
+    assert describe_cause(OSError()) == "OSError"
+    assert describe_cause(OSError(28, "No space left on device")) == "No space left on device"
+    with pytest.raises(InputError, match="the output: cannot be written: x"), report_write_errors():
+        raise OSError("x")
