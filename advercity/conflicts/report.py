@@ -59,6 +59,11 @@ class ConflictOutcome:
         return not self.missed
 
     @property
+    def problems(self) -> tuple[str, ...]:
+        """What did not happen as declared, with the conflict's name."""
+        return tuple(f"{self.id} ({self.conflict}): {reason}" for reason in self.missed)
+
+    @property
     def time_to_collision_s(self) -> float | None:
         """The smaller one of both times to collision, in seconds; None if there is neither."""
         metrics = (self.met.time_to_collision_s, self.met.time_to_collision_on_way_s)
@@ -272,11 +277,7 @@ class TrafficReport:
     @property
     def problems(self) -> tuple[str, ...]:
         """Conflicts that did not happen as declared, and actors in one place."""
-        missed = (
-            f"{outcome.id} ({outcome.conflict}): {reason}"
-            for outcome in self.staged
-            for reason in outcome.missed
-        )
+        missed = (problem for outcome in self.staged for problem in outcome.problems)
         pairs = dict.fromkeys((overlap.first, overlap.second) for overlap in self.overlaps)
         return (*missed, *(f"{first} and {second} overlap" for first, second in pairs))
 

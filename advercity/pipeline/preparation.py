@@ -10,9 +10,10 @@ from pathlib import Path
 
 from advercity_dsl import Spec
 
+from advercity.conflicts.report import evaluate_outcomes
 from advercity.dataset.manifest import Identity, RendererIdentity
 from advercity.digests import compute_source_digest
-from advercity.errors import BackendError, InputError
+from advercity.errors import BackendError, InputError, RunError
 from advercity.frames import Trace
 from advercity.pipeline.agent_poses import AgentPoses
 from advercity.pipeline.cache import (
@@ -160,12 +161,15 @@ def prepare_scenario(
     Raises:
         InputError: The backend or the frames do not exist.
         BackendError: The backend cannot render the profile.
-        RunError: The traffic simulation fails.
+        RunError: The traffic simulation fails, or a staged conflict does not happen.
     """
     backend = load_backend(options.backend)
     profile = resolve_profile(options, backend.capabilities())
     report(Progress(spec.id, "traffic"))
     traffic = load_or_simulate_traffic(spec)
+    problems = [item for found in evaluate_outcomes(spec, traffic.trace) for item in found.problems]
+    if problems:
+        raise RunError(f"{spec.id}: {'; '.join(problems)}; `advercity simulate` draws what happens")
     frame_count = len(traffic.trace)
     frames = range(frame_count)[options.frames]
     if not frames:

@@ -1,4 +1,4 @@
-"""Repeat dry runs of the traffic until all staged conflicts happen as declared.
+"""Repeat dry runs of the traffic until no actors overlap and all staged conflicts happen.
 
 SUMO's traffic has no chance in it, so what one run shows is what the next one does again. After
 each run the actors are timed by when the ego passed, and background actors that block an actor or
@@ -42,14 +42,9 @@ def simulate_with_dry_runs(spec: Spec, network: Path) -> Trace:
 
     Raises:
         InputError: The spec asks for something that the road does not have.
-        RunError: A conflict cannot be staged here.
+        RunError: A conflict cannot be staged here, or actors overlap whatever is drawn.
     """
-    graph = read_lane_graph(network)
-    if not spec.conflicts:
-        demand = draw_demand(spec, graph)
-        recording = record_traffic(spec, demand, graph, network, {})
-        return build_trace(spec, demand, recording, first_tick=spec.timing.warm_up_ticks + 1)
-    runs = _DryRuns(spec, graph, network)
+    runs = _DryRuns(spec, read_lane_graph(network), network)
     for _ in range(MAX_DRY_RUNS):
         trace = runs.run_next()
         if trace is not None:

@@ -13,7 +13,9 @@ from advercity_dsl.conflict import OutcomeCriteria, StagedActor, StagedConflict
 from advercity.cli import main
 from advercity.compiler import write_specs
 from advercity.conflicts.report import ConflictOutcome, evaluate_outcomes
+from advercity.errors import RunError
 from advercity.frames import STATE_DTYPE, Actor, Trace
+from advercity.pipeline import RunOptions, preparation
 
 EGO = 101
 OTHER = 9001
@@ -56,6 +58,25 @@ def test_simulate_writes_the_trace_its_report_and_a_video(
     assert len(pictures) == 10
     assert np.ptp(pictures[0].astype(int), axis=(0, 1)).min() > 100
     assert str(len(trace)) in capsys.readouterr().out
+
+
+@pytest.mark.sumo
+def test_a_run_refuses_a_scenario_whose_conflict_does_not_happen(
+    specs: dict[str, Spec], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    spec = specs["ri_clear_day_sparse"]
+    conflict = spec.conflicts[0]
+    strict = conflict.outcome.model_copy(update={"time_to_collision_below_s": 0.01})
+    unmet = spec.model_copy(
+        update={"conflicts": (conflict.model_copy(update={"outcome": strict}),)}
+    )
+    traffic = preparation.load_or_simulate_traffic(spec)
+    monkeypatch.setattr(preparation, "load_or_simulate_traffic", lambda _: traffic)
+    options = RunOptions(output=tmp_path, backend="fake")
+
+    with pytest.raises(RunError, match=f"{conflict.conflict}.*is not below 0.01 s"):
+        preparation.prepare_scenario(unmet, options)
+    assert preparation.prepare_scenario(spec, options).frame_count == len(traffic.trace)
 
 
 def crossing(offset_s: float, *, below_s: float = 3.0) -> tuple[StagedConflict, OutcomeCriteria]:

@@ -92,6 +92,15 @@ def test_the_conflicts_of_a_road_happen_without_any_overlap(
     assert list(find_overlaps(trace)) == []
 
 
+def test_traffic_without_conflicts_has_no_overlaps_either(specs: dict[str, Spec], tmp_path: Path):
+    """As drawn first, two of these pedestrians walk through each other."""
+    spec = specs["ri_clear_day_dense"].model_copy(update={"conflicts": ()})
+
+    trace = simulate_in_subprocess(spec, write_sumo_network(spec.road, tmp_path))
+
+    assert list(find_overlaps(trace)) == []
+
+
 @pytest.mark.parametrize("drawn", range(3))
 def test_conflicts_drawn_from_the_second_suite_happen_without_any_overlap(
     drawn: int, crossed: dict[str, Spec], tmp_path: Path
