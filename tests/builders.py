@@ -11,9 +11,9 @@ from advercity_dsl import Agent, Spec
 from numpy.typing import NDArray
 
 from advercity.compiler.crossing import compile_library
-from advercity.compiler.diagnostics import DiagnosticsError
 from advercity.dataset.manifest import Identity
 from advercity.dataset.writer import ScenarioWriter
+from advercity.diagnostics import DiagnosticsError
 from advercity.errors import InputError
 from advercity.frames import Actor, ActorState, Frame, Lamp, Signal
 from advercity.geometry import poses

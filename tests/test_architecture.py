@@ -5,7 +5,16 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 ROOMS = (
-    ("errors", "semantics", "materials", "media", "digests", "atomic_files"),
+    (
+        "errors",
+        "diagnostics",
+        "documents",
+        "semantics",
+        "materials",
+        "media",
+        "digests",
+        "atomic_files",
+    ),
     ("geometry", "randomness"),
     ("physics",),
     ("frames",),

@@ -36,7 +36,7 @@ def format_options(text: str) -> str:
 def exit_with_error(error: Exception, *, exit_code: int) -> NoReturn:
     """Print one message and exit; indented lines belong to the line above them."""
     # Imported here, since nothing but an error needs it and every command imports this module.
-    from advercity.compiler.diagnostics import DiagnosticsError
+    from advercity.diagnostics import DiagnosticsError
 
     # Diagnostics quote what an author wrote, which may be the name of a parameter, too.
     text = str(error) if isinstance(error, DiagnosticsError) else format_options(str(error))

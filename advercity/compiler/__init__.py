@@ -8,7 +8,6 @@ JSON files (`spec_files`).
 
 from advercity.compiler.assembly import with_weather
 from advercity.compiler.crossing import compile_library, compile_suite, find_suite, validate_path
-from advercity.compiler.diagnostics import Diagnostic, DiagnosticsError
 from advercity.compiler.explain import compare_specs, explain_spec
 from advercity.compiler.library import (
     Library,
@@ -20,6 +19,7 @@ from advercity.compiler.library import (
     load_library,
 )
 from advercity.compiler.spec_files import describe_spec_differences, read_spec, to_json, write_specs
+from advercity.diagnostics import Diagnostic, DiagnosticsError
 
 __all__ = [
     "Diagnostic",

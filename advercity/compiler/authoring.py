@@ -11,7 +11,8 @@ from advercity_dsl.base import ID_HINT, ID_PATTERN, suggest_name
 from advercity_dsl.weather import Sun
 
 from advercity.compiler.schema import write_schema
-from advercity.compiler.source import parse_document, read_source_text
+from advercity.compiler.source import parse_document
+from advercity.documents import read_text
 from advercity.errors import InputError, report_write_errors
 
 SCHEMAS_FOLDER = ".advercity"
@@ -85,7 +86,7 @@ def write_sun_positions(path: Path, suns: Mapping[str, Sun]) -> None:
         f"  {road}: {{elevation_deg: {sun.elevation_deg:g}, azimuth_deg: {sun.azimuth_deg:g}}}"
         for road, sun in suns.items()
     ]
-    lines = read_source_text(path).splitlines()
+    lines = read_text(path).splitlines()
     sun_lines = _find_field_lines(lines, "sun")
     if sun_lines is None:
         text = ", ".join(line.strip() for line in block)

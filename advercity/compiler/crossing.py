@@ -10,7 +10,6 @@ from advercity_dsl.base import suggest_name
 from advercity_dsl.spec import CrashGroup
 
 from advercity.compiler.assembly import build_spec
-from advercity.compiler.diagnostics import Diagnostic, DiagnosticsError
 from advercity.compiler.library import (
     Library,
     find_shipped_library,
@@ -32,6 +31,7 @@ from advercity.compiler.suites import (
     is_selected,
     resolve_suite,
 )
+from advercity.diagnostics import Diagnostic, DiagnosticsError
 from advercity.errors import InputError
 
 

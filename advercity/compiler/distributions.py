@@ -9,11 +9,11 @@ from advercity_dsl.base import ValuePath
 from advercity_dsl.distribution import DISTRIBUTIONS, Choice, Distribution, Uniform
 from pydantic import ValidationError
 
-from advercity.compiler.diagnostics import Diagnostic, DiagnosticsError
 from advercity.compiler.extends import ResolvedDeclaration
 from advercity.compiler.fields import NumberConstraints, find_number_constraints
 from advercity.compiler.source import format_value_path, iterate_values, replace_values
 from advercity.compiler.validation import build_diagnostics, validate_model
+from advercity.diagnostics import Diagnostic, DiagnosticsError
 from advercity.randomness import create_generator, draw_number
 
 DRAW_DIGITS = 6

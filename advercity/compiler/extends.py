@@ -11,7 +11,6 @@ from typing import Any, cast
 
 from advercity_dsl.base import ValuePath, suggest_name
 
-from advercity.compiler.diagnostics import Diagnostic, DiagnosticsError
 from advercity.compiler.source import (
     SourceDocument,
     SourcePosition,
@@ -19,6 +18,7 @@ from advercity.compiler.source import (
     iterate_values,
     replace_values,
 )
+from advercity.diagnostics import Diagnostic, DiagnosticsError
 
 DOCUMENT_KEYS = ("extends", "version")
 """Keys of a document that are not fields of the declaration."""

@@ -21,7 +21,6 @@ from advercity_dsl import (
 )
 from advercity_dsl.base import ID_HINT, suggest_name
 
-from advercity.compiler.diagnostics import Diagnostic, DiagnosticsError
 from advercity.compiler.distributions import (
     Distributions,
     find_distributions,
@@ -35,6 +34,7 @@ from advercity.compiler.extends import (
 )
 from advercity.compiler.source import SourceDocument, read_document
 from advercity.compiler.validation import format_value, validate_model
+from advercity.diagnostics import Diagnostic, DiagnosticsError
 from advercity.digests import compute_json_digest
 from advercity.errors import InputError, describe_cause
 from advercity.roads.map_import import import_map

@@ -22,13 +22,13 @@ from advercity_dsl.base import MAX_ID_LENGTH, ValuePath, suggest_name
 from advercity_dsl.suite import Sweep, ValueRange
 from advercity_dsl.weather import Sun
 
-from advercity.compiler.diagnostics import Diagnostic, DiagnosticsError
 from advercity.compiler.distributions import Distributions, draw_weather
 from advercity.compiler.extends import ResolvedDeclaration
 from advercity.compiler.fields import NumberConstraints, find_field_names, find_number_constraints
 from advercity.compiler.library import Library, LibraryEntry
 from advercity.compiler.suite_conflicts import RoadConflicts
 from advercity.compiler.validation import validate_model
+from advercity.diagnostics import Diagnostic, DiagnosticsError
 
 DeclarationT = TypeVar("DeclarationT", bound=Declaration)
 SWEEP_DIGITS = 3

@@ -1,6 +1,5 @@
-"""YAML and JSON text as plain data, with the position of every value.
+"""Declarations and specs as plain data, with the position of every value.
 
-Reading is safe: no tags, no duplicate keys, limits on size, depth and expansion of aliases.
 Booleans and numbers follow YAML 1.2 (`on` is text, `1e-6` is a number).
 """
 
@@ -13,22 +12,13 @@ from typing import Any, cast
 import yaml
 from advercity_dsl.base import ValuePath
 
-from advercity.compiler.diagnostics import Diagnostic, DiagnosticsError
-from advercity.errors import describe_cause
-
-# Far above any declaration, since maps and models are files of their own.
-MAX_BYTES = 4_000_000
-MAX_DEPTH = 40
-MAX_VALUES = 100_000
-
-
-@dataclass(frozen=True)
-class SourcePosition:
-    """A position in a file; line and column count from 1."""
-
-    line: int
-    column: int
-    width: int = 1
+from advercity.diagnostics import Diagnostic, DiagnosticsError
+from advercity.documents import (
+    SourcePosition,
+    build_text_diagnostic,
+    compose_yaml,
+    read_text,
+)
 
 
 @dataclass(frozen=True)
@@ -70,37 +60,13 @@ class SourceDocument:
         """Build a diagnostic at the value (or key) of a path."""
         position = self.find_position(value_path, key=key)
         return build_text_diagnostic(
-            self.path, self.text, position, message, value_path=value_path, hint=hint
+            self.path,
+            self.text,
+            position,
+            message,
+            value_path=format_value_path(value_path),
+            hint=hint,
         )
-
-
-def build_text_diagnostic(
-    path: Path,
-    text: str,
-    position: SourcePosition,
-    message: str,
-    *,
-    value_path: ValuePath = (),
-    hint: str = "",
-) -> Diagnostic:
-    """Build a diagnostic at a position of `text`, with the line for its excerpt."""
-    lines = _split_lines(text)
-    return Diagnostic(
-        path,
-        position.line,
-        position.column,
-        format_value_path(value_path),
-        message,
-        hint,
-        lines[position.line - 1] if position.line <= len(lines) else "",
-        position.width,
-    )
-
-
-def _split_lines(text: str) -> list[str]:
-    """Split text into the lines that YAML counts."""
-    # str.splitlines() also splits at form feeds and separators, which would shift line numbers.
-    return re.split("\r\n|[\n\r\x85\u2028\u2029]", text)
 
 
 def format_value_path(value_path: ValuePath) -> str:
@@ -166,77 +132,13 @@ _Loader.add_implicit_resolver(
 )
 
 
-_YAML_MESSAGES = {
-    "mapping values are not allowed in this context": (
-        "unexpected ':'",
-        "put text that contains ': ' in quotes, and align the keys of a mapping",
-    ),
-    "found character that cannot start any token": (
-        "a value cannot begin with this character",
-        "put it in quotes",
-    ),
-    "found unexpected end of stream": ("quotes or a bracket are not closed", "close them"),
-    "did not find expected ',' or ']'": ("a list [ is not closed", "close it with ]"),
-    "did not find expected ',' or '}'": ("a mapping { is not closed", "close it with }"),
-    "did not find expected '-' indicator": (
-        "expected the next list item, '- '",
-        "indent keys below their item, or remove the '- '",
-    ),
-    "did not find expected key": (
-        "expected a key",
-        "give the keys of a mapping the same indentation, and each a ':'",
-    ),
-    "could not find expected ':'": ("a key has no ':'", "write `key: value`"),
-    "but found another document": (
-        "a second document begins here",
-        "put each declaration into its own file",
-    ),
-    "found undefined alias": ("unknown anchor", "write the values out"),
-}
-"""Message and hint for each message of the parser."""
-_TAB_MESSAGE = ("a tab in the indentation", "indent with spaces")
-
-
 def read_document(path: Path) -> SourceDocument:
     """Read a YAML or JSON file.
 
     Raises:
         DiagnosticsError: The file cannot be read or parsed.
     """
-    return parse_document(path, read_source_text(path))
-
-
-def read_source_text(path: Path) -> str:
-    """Read a file as UTF-8 text.
-
-    Raises:
-        DiagnosticsError: The file is missing, unreadable, too large, or not UTF-8.
-    """
-    try:
-        if path.is_dir():
-            raise _build_file_error(path, "is a folder", "name a file in it")
-        if not path.is_file():
-            message = "is not a file" if path.exists() else "file not found"
-            raise _build_file_error(path, message)
-        with path.open("rb") as file:
-            # One byte more shows that a file is too large without reading all of it.
-            raw = file.read(MAX_BYTES + 1)
-    except OSError as error:
-        raise _build_file_error(path, f"cannot be read: {describe_cause(error)}") from None
-    if len(raw) > MAX_BYTES:
-        message = f"is larger than {MAX_BYTES // 1_000_000} MB; is it a declaration?"
-        raise _build_file_error(path, message)
-    try:
-        # Editors on Windows begin files with a byte order mark.
-        return raw.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = raw.count(b"\n", 0, error.start) + 1
-        message = f"is not UTF-8 text (line {line})"
-        raise _build_file_error(path, message, "save it as UTF-8") from None
-
-
-def _build_file_error(path: Path, message: str, hint: str = "") -> DiagnosticsError:
-    return DiagnosticsError(Diagnostic(path, 0, 0, "", message, hint))
+    return parse_document(path, read_text(path))
 
 
 def parse_document(path: Path, text: str) -> SourceDocument:
@@ -245,7 +147,7 @@ def parse_document(path: Path, text: str) -> SourceDocument:
     Raises:
         DiagnosticsError: The text is not valid YAML, empty, or exceeds a limit.
     """
-    root = _compose_tree(path, text)
+    root = compose_yaml(text, path, _Loader)
     if root is None:
         hint = "`advercity new` writes a declaration to start from"
         raise DiagnosticsError(Diagnostic(path, 1, 1, "", "is empty", hint))
@@ -254,71 +156,6 @@ def parse_document(path: Path, text: str) -> SourceDocument:
     return SourceDocument(
         path, text, data, builder.positions, builder.key_positions, tuple(builder.diagnostics)
     )
-
-
-def _compose_tree(path: Path, text: str) -> yaml.Node | None:
-    try:
-        _check_safety(path, text)
-        return _Loader(text).get_single_node()
-    except yaml.MarkedYAMLError as error:
-        raise DiagnosticsError(_build_syntax_diagnostic(path, text, error)) from None
-    except yaml.YAMLError:
-        # libyaml reports characters that it cannot read without a position.
-        position = next(_find_control_characters(text), SourcePosition(1, 1))
-        message, hint = "unexpected control character", "remove it; is this a text file?"
-        raise DiagnosticsError(
-            build_text_diagnostic(path, text, position, message, hint=hint)
-        ) from None
-
-
-def _build_syntax_diagnostic(path: Path, text: str, error: yaml.MarkedYAMLError) -> Diagnostic:
-    mark = error.problem_mark or error.context_mark
-    position = SourcePosition(mark.line + 1, mark.column + 1) if mark else SourcePosition(1, 1)
-    problem = error.problem or "cannot be parsed"
-    message, hint = _YAML_MESSAGES.get(problem, (problem, ""))
-    lines = _split_lines(text)
-    if position.line <= len(lines) and "\t" in lines[position.line - 1][: position.column]:
-        message, hint = _TAB_MESSAGE
-    elif error.context_mark and "not closed" in message:
-        # The parser notices a missing bracket lines later; the opening one is what to look at.
-        position = SourcePosition(error.context_mark.line + 1, error.context_mark.column + 1)
-    elif position.line > len(lines) and lines:
-        # At the end of the file the parser names the line after the last.
-        position = SourcePosition(len(lines), len(lines[-1]) + 1)
-    return build_text_diagnostic(path, text, position, f"not valid YAML: {message}", hint=hint)
-
-
-def _find_control_characters(text: str) -> Iterator[SourcePosition]:
-    for number, line in enumerate(_split_lines(text), start=1):
-        for column, character in enumerate(line, start=1):
-            if not character.isprintable() and character != "\t":
-                yield SourcePosition(number, column)
-
-
-def _check_safety(path: Path, text: str) -> None:
-    """Raise on tags and on excessive depth, before the parser builds a tree by recursion."""
-    depth = 0
-    for event in _iterate_events(text):
-        message = hint = ""
-        if getattr(event, "tag", None):
-            tag = event.tag.removeprefix("tag:yaml.org,2002:")
-            message, hint = f"the tag {tag} is not supported", "write the plain value"
-        elif isinstance(event, yaml.CollectionStartEvent):
-            depth += 1
-            if depth > MAX_DEPTH:
-                message = f"is nested deeper than {MAX_DEPTH} levels"
-                hint = "no declaration needs that; is a bracket not closed?"
-        elif isinstance(event, yaml.CollectionEndEvent):
-            depth -= 1
-        if message:
-            mark: Any = event.start_mark
-            position = SourcePosition(mark.line + 1, mark.column + 1)
-            raise DiagnosticsError(build_text_diagnostic(path, text, position, message, hint=hint))
-
-
-def _iterate_events(text: str) -> Iterator[Any]:
-    # PyYAML's type stubs know neither the loader's subclass nor the events' attributes.
-    yield from yaml.parse(text, Loader=_Loader)
 
 
 class _DataBuilder:
@@ -333,12 +170,6 @@ class _DataBuilder:
         self._constructor = yaml.constructor.SafeConstructor()
 
     def build(self, node: yaml.Node, value_path: ValuePath) -> Any:
-        # Nested aliases make a small file expand to billions of values.
-        if len(value_path) > MAX_DEPTH or len(self.positions) >= MAX_VALUES:
-            message = f"aliases (*) expand to more than {MAX_VALUES} values or {MAX_DEPTH} levels"
-            raise DiagnosticsError(
-                self._build_diagnostic(node, (), message, "write the values out")
-            )
         self.positions[value_path] = _find_node_position(node)
         if isinstance(node, yaml.MappingNode):
             return self._build_mapping(node, value_path)
@@ -375,7 +206,12 @@ class _DataBuilder:
     ) -> Diagnostic:
         position = _find_node_position(node)
         return build_text_diagnostic(
-            self.path, self.text, position, message, value_path=value_path, hint=hint
+            self.path,
+            self.text,
+            position,
+            message,
+            value_path=format_value_path(value_path),
+            hint=hint,
         )
 
 

@@ -10,16 +10,11 @@ from typing import Any
 from advercity_dsl import SPEC_VERSION, Spec
 from pydantic import ValidationError
 
-from advercity.compiler.diagnostics import DiagnosticsError
-from advercity.compiler.source import (
-    SourceDocument,
-    SourcePosition,
-    build_text_diagnostic,
-    parse_document,
-    read_source_text,
-)
+from advercity.compiler.source import SourceDocument, parse_document
 from advercity.compiler.validation import validate_model
-from advercity.errors import report_write_errors
+from advercity.diagnostics import DiagnosticsError
+from advercity.documents import parse_json, read_text
+from advercity.errors import InputError, report_write_errors
 
 MAX_LINE_LENGTH = 100
 
@@ -38,7 +33,7 @@ def to_json(spec: Spec) -> str:
 @lru_cache(maxsize=1024)
 def _lay_out_cached(flat: str, indent: str) -> str:
     """Lay out JSON text; cached, since specs have roads, weathers and agents in common."""
-    return _lay_out_value(json.loads(flat), indent)
+    return _lay_out_value(parse_json(flat, Path("spec")), indent)
 
 
 def _lay_out_value(value: Any, indent: str) -> str:
@@ -93,8 +88,8 @@ def _find_stale_files(folder: Path, specs: Sequence[Spec]) -> list[Path]:
 
 def _read_suite_id(path: Path) -> str | None:
     try:
-        return str(json.loads(path.read_text(encoding="utf-8"))["provenance"]["suite"])
-    except (OSError, ValueError, LookupError, TypeError):
+        return str(parse_json(read_text(path), path)["provenance"]["suite"])
+    except (InputError, LookupError, TypeError):
         return None
 
 
@@ -119,19 +114,11 @@ def read_spec(path: Path) -> Spec:
     Raises:
         DiagnosticsError: The file is not a valid spec of this version.
     """
-    text = read_source_text(path)
-    try:
-        data = json.loads(text, parse_constant=_refuse_constant)
-    except (ValueError, RecursionError) as error:
-        position = SourcePosition(getattr(error, "lineno", 1), getattr(error, "colno", 1))
-        reason = "it is nested too deep" if isinstance(error, RecursionError) else ""
-        message = f"is not a spec: {reason or getattr(error, 'msg', error)}"
-        hint = "is it truncated? `advercity compile` writes it again"
-        if path.suffix in (".yaml", ".yml"):
-            hint = "`advercity compile` makes specs, which are JSON, from declarations"
-        raise DiagnosticsError(
-            build_text_diagnostic(path, text, position, message, hint=hint)
-        ) from None
+    text = read_text(path)
+    hint = "is it truncated? `advercity compile` writes it again"
+    if path.suffix in (".yaml", ".yml"):
+        hint = "`advercity compile` makes specs, which are JSON, from declarations"
+    data = parse_json(text, path, hint=hint)
     try:
         return Spec.model_validate(data)
     except ValidationError:
@@ -150,7 +137,3 @@ def _check_spec_version(document: SourceDocument) -> None:
     newer = "upgrade advercity, or compile its library with this one"
     hint = newer if version > SPEC_VERSION else "compile its library again"
     raise DiagnosticsError(document.build_diagnostic(("spec_version",), message, hint=hint))
-
-
-def _refuse_constant(name: str) -> float:
-    raise ValueError(f"{name} is not a number in JSON")

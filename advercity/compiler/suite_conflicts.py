@@ -7,12 +7,12 @@ from advercity_dsl import Blueprint, Conflict, Density, Road, StagedConflict, Su
 from advercity_dsl.base import suggest_name
 from advercity_dsl.spec import CrashGroup
 
-from advercity.compiler.diagnostics import Diagnostic, DiagnosticsError
 from advercity.compiler.library import Library
 from advercity.conflicts.binding import Binding, match_conflict, with_ego_manoeuvre
 from advercity.conflicts.case import UnsolvableError
 from advercity.conflicts.checks import find_infeasibility
 from advercity.conflicts.solver import solve_conflict
+from advercity.diagnostics import Diagnostic, DiagnosticsError
 
 CrashGroups = Mapping[str, tuple[CrashGroup, ...]]
 

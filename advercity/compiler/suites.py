@@ -24,8 +24,8 @@ from advercity_dsl.road import StripKind
 from advercity_dsl.suite import Coverage, Selection
 from advercity_dsl.units import Point2
 
-from advercity.compiler.diagnostics import Diagnostic, DiagnosticsError
 from advercity.compiler.library import Library
+from advercity.diagnostics import Diagnostic, DiagnosticsError
 from advercity.roads.lane_graph import MAX_DESTINATION_GAP_M, MAX_LANE_DISTANCE_M
 from advercity.roads.network_file import parse_packed_network
 from advercity.roads.routes import RoutePlanner

@@ -11,7 +11,6 @@ from advercity_dsl import Declaration, Model
 from advercity_dsl.base import ID_HINT, InvalidCombination, ValuePath, suggest_name
 from pydantic import ValidationError
 
-from advercity.compiler.diagnostics import Diagnostic, DiagnosticsError
 from advercity.compiler.extends import DOCUMENT_KEYS
 from advercity.compiler.fields import (
     NumberConstraints,
@@ -20,6 +19,7 @@ from advercity.compiler.fields import (
     find_models,
     find_number_constraints,
 )
+from advercity.diagnostics import Diagnostic, DiagnosticsError
 
 YAML_1_1_BOOLEANS = {
     "on": "true",
@@ -297,8 +297,6 @@ def _suggest_field(model: type[Model], loc: ValuePath) -> str:
     name = str(loc[-1])
     if ":" in name:
         return "put a space after the colon"
-    if name == "<<":
-        return "YAML merge keys are not supported; write `extends:` with an id"
     # `extends` and `version` belong to documents; no model has them as fields.
     is_document = len(loc) == 1 and issubclass(model, Declaration)
     names = find_field_names(model, loc[:-1]) + (list(DOCUMENT_KEYS) if is_document else [])

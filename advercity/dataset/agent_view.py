@@ -7,7 +7,6 @@ radians.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,7 +16,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import cv2
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from advercity.dataset.carla_frame import (
@@ -27,6 +25,7 @@ from advercity.dataset.carla_frame import (
 )
 from advercity.dataset.formats import DatasetFormat
 from advercity.dataset.image_codec import from_semantic_colours
+from advercity.documents import MAX_JSON_BYTES, MAX_YAML_BYTES, parse_json, parse_yaml, read_bytes
 from advercity.errors import InputError, describe_cause
 from advercity.geometry import poses
 from advercity.geometry.poses import Matrix
@@ -47,7 +46,7 @@ def report_read_errors(path: Path) -> Generator[None]:
         raise InputError(f"{path}: is missing; {REPAIR_HINT}") from error
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {describe_cause(error)}") from error
-    except (AttributeError, LookupError, TypeError, ValueError, yaml.YAMLError) as error:
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
         raise InputError(f"{path}: is damaged; {REPAIR_HINT}") from error
 
 
@@ -193,14 +192,14 @@ class AgentView:
         """The frame's YAML as it is in the file: left-handed, degrees, km/h; read once."""
         path = self.path(".yaml")
         with report_read_errors(path):
-            return yaml.load(path.read_bytes(), Loader=yaml.CSafeLoader)
+            return parse_yaml(read_bytes(path, max_bytes=MAX_YAML_BYTES), path, hint=REPAIR_HINT)
 
     @property
     def extras(self) -> dict[str, Any]:
         """The content of `_objects.json`, left-handed as in the file; read at every use."""
         path = self.path("_objects.json")
         with report_read_errors(path):
-            return json.loads(path.read_bytes())
+            return parse_json(read_bytes(path, max_bytes=MAX_JSON_BYTES), path, hint=REPAIR_HINT)
 
     @property
     def world_from_agent(self) -> Matrix:

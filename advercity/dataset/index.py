@@ -18,6 +18,7 @@ from advercity.atomic_files import move_file, write_file
 from advercity.dataset.manifest import Manifest, compute_spec_digest
 from advercity.dataset.partial_files import lock_file, report_disk_errors
 from advercity.dataset.scenario_folders import MANIFEST_FILE, find_scenarios
+from advercity.documents import MAX_JSON_BYTES, parse_json, read_bytes
 from advercity.errors import InputError, RunError, describe_cause
 
 INDEX_FILE = "index.json"
@@ -103,20 +104,26 @@ class DatasetIndex(Model):
 
     @staticmethod
     def parse(text: bytes, *, where: str) -> "DatasetIndex":
-        """Parse the text of `to_json`; RunError if it is something else."""
+        """Parse the text of `to_json`.
+
+        Raises:
+            InputError: It is no JSON; the text names line and column.
+            RunError: It is no index of this version.
+        """
+        hint = "delete it, and the next run starts another"
+        document = parse_json(text, Path(where), hint=hint)
         try:
-            return DatasetIndex.model_validate_json(text)
+            return DatasetIndex.model_validate(document)
         except ValidationError as error:
-            raise RunError(
-                f"{where}: not an index of this version; delete it, and the next run starts another"
-            ) from error
+            raise RunError(f"{where}: not an index of this version; {hint}") from error
 
     @staticmethod
     def load(dataset: Path) -> "DatasetIndex | None":
         """Load the index of a dataset; None if it has none, RunError if it cannot be read."""
         path = dataset / INDEX_FILE
         try:
-            return DatasetIndex.parse(path.read_bytes(), where=str(path))
+            raw = read_bytes(path, max_bytes=MAX_JSON_BYTES)
+            return DatasetIndex.parse(raw, where=str(path))
         except (FileNotFoundError, NotADirectoryError):
             return None
         except OSError as error:

@@ -18,11 +18,13 @@ from advercity.dataset.scenario_folders import (
     not_a_scenario_error,
 )
 from advercity.digests import compute_source_digest
+from advercity.documents import MAX_JSON_BYTES, parse_json, read_bytes
 from advercity.errors import RunError, describe_cause
 from advercity.physics.extinction import compute_extinction
 
 CODE_PACKAGES = ("advercity", "advercity_dsl")
 """Packages whose sources make the data, whichever backend renders them."""
+FRESH_HINT = "`advercity run --fresh` makes the scenario again"
 RendererIdentity = dict[str, str | int | float | bool]
 FIELD_LABELS = {"code_sha256": "code of advercity", "backend_sha256": "code of the backend"}
 """Words for fields of the identity in messages."""
@@ -203,12 +205,12 @@ class Manifest(Model):
         """Load the manifest of a scenario, with the journals of a run that was cut short.
 
         Raises:
-            InputError: The folder does not exist, or has no manifest.
-            RunError: The manifest cannot be read.
+            InputError: The folder does not exist, has no manifest, or one that is no JSON.
+            RunError: The manifest cannot be read, or is of another version.
         """
         path = scenario / MANIFEST_FILE
         try:
-            text = path.read_bytes()
+            text = read_bytes(path, max_bytes=MAX_JSON_BYTES)
         except (FileNotFoundError, NotADirectoryError) as error:
             raise not_a_scenario_error(scenario) from error
         except OSError as error:
@@ -225,19 +227,22 @@ class Manifest(Model):
 
     @staticmethod
     def parse(text: bytes, *, where: str) -> "Manifest":
-        """Parse the text of `to_json`; RunError if it is something else."""
+        """Parse the text of `to_json`.
+
+        Raises:
+            InputError: It is no JSON; the text names line and column.
+            RunError: It is no manifest of this version.
+        """
+        document = parse_json(text, Path(where), hint=FRESH_HINT)
         try:
-            return Manifest.model_validate_json(text)
+            return Manifest.model_validate(document)
         except ValidationError as error:
-            remedy = "`advercity run --fresh` makes the scenario again"
-            raise RunError(f"{where}: {_format_first_error(error)}; {remedy}") from error
+            message = f"not a manifest of this version: {_format_first_error(error)}"
+            raise RunError(f"{where}: {message}; {FRESH_HINT}") from error
 
 
 def _format_first_error(error: ValidationError) -> str:
     """Describe the first field that is wrong, by its path."""
-    first = error.errors(include_url=False)[0]
-    if first["type"] == "json_invalid":
-        return "is damaged or cut off"
+    first = error.errors(include_url=False, include_input=False)[0]
     where = ".".join(map(str, first["loc"]))
-    what = f"{where}: {first['msg']}" if where else first["msg"]
-    return f"not a manifest of this version: {what}"
+    return f"{where}: {first['msg']}" if where else first["msg"]

@@ -20,7 +20,8 @@ from pydantic import TypeAdapter, ValidationError
 
 from advercity.atomic_files import move_file, write_file
 from advercity.dataset.scenario_folders import find_journals, find_staging_folder
-from advercity.errors import RunError, describe_cause
+from advercity.documents import MAX_JSON_BYTES, parse_json, read_bytes
+from advercity.errors import InputError, RunError, describe_cause
 
 LOCK_TIMEOUT_S = 5.0
 """How long a run that was killed may take to release its lock."""
@@ -64,9 +65,10 @@ def read_journals(scenario: Path) -> dict[str, FileRecord]:
     """Read the records of all whole lines of all journals, by path; empty without journals."""
     records: dict[str, FileRecord] = {}
     for path in find_journals(scenario):
-        with suppress(FileNotFoundError, ValidationError):  # run has finished; last line is torn
-            for line in path.read_bytes().splitlines():
-                records |= _RECORDS.validate_json(line)
+        # The run has finished, or the last line is torn.
+        with suppress(FileNotFoundError, InputError, ValidationError):
+            for line in read_bytes(path, max_bytes=MAX_JSON_BYTES).splitlines():
+                records |= _RECORDS.validate_python(parse_json(line, path))
     return records
 
 

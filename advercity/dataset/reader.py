@@ -6,7 +6,6 @@ for it, and is not kept, except for the manifest.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -22,6 +21,8 @@ from advercity.dataset.scenario_folders import (
     find_journals,
     find_scenarios,
 )
+from advercity.documents import MAX_JSON_BYTES, parse_json, read_bytes
+from advercity.errors import InputError
 
 if TYPE_CHECKING:
     from advercity_dsl import Spec
@@ -131,10 +132,11 @@ class Scenario(Sequence[FrameView]):
         Damaged manifests, and those of a run that was cut short, go through `Manifest.load`.
         """
         try:
-            document = json.loads((self.path / MANIFEST_FILE).read_bytes())
+            path = self.path / MANIFEST_FILE
+            document = parse_json(read_bytes(path, max_bytes=MAX_JSON_BYTES), path)
             if document["manifest_version"] == MANIFEST_VERSION and not find_journals(self.path):
                 return tuple(document["frames"])
-        except (LookupError, OSError, TypeError, ValueError):
+        except (InputError, LookupError, OSError, TypeError):
             pass
         return self.manifest.frames
 

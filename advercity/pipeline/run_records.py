@@ -13,7 +13,8 @@ from advercity_dsl import Model, Spec
 from pydantic import ValidationError
 
 from advercity.dataset.manifest import Manifest
-from advercity.errors import AdvercityError
+from advercity.documents import parse_json, read_text
+from advercity.errors import AdvercityError, InputError
 from advercity.pipeline.cache import find_cache_folder
 from advercity.pipeline.machine import count_usable_cores
 from advercity.pipeline.options import RunOptions
@@ -156,10 +157,10 @@ def load_records(*, backend: str, renderer: str, format: str) -> list[RunRecord]
     """Load what was recorded on this machine with a backend, a renderer and a layout."""
     path = find_cache_folder() / RECORDS_FILE
     records: list[RunRecord] = []
-    with suppress(OSError):
-        for line in path.read_text(encoding="utf-8").splitlines():
-            with suppress(ValidationError):  # of another version
-                records.append(RunRecord.model_validate_json(line))
+    with suppress(InputError):
+        for line in read_text(path).splitlines():
+            with suppress(InputError, ValidationError):  # of another version
+                records.append(RunRecord.model_validate(parse_json(line, path)))
     wanted = (describe_machine(), backend, renderer, format)
     return [
         record

@@ -155,7 +155,7 @@ class WorkerPool:
         record_run(run.spec, self._options, result, self._worker_count)
         try:
             self._index.record_result(result.scenario, failed=result.error is not None)
-        except RunError as error:
+        except AdvercityError as error:
             result = replace(result, error=result.error or error)
         self._results[result.scenario] = result
         self._listener.on_result(result)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from advercity.documents import parse_json
 from advercity.geometry.mesh import Mesh, Wheel
 from advercity.roads.lane_segments import LaneSegment
 from advercity.semantics import Semantic
@@ -61,7 +62,7 @@ def save_world(world: World, path: Path) -> None:
 def load_world(path: Path, network: Path) -> World:
     """Load a world that `save_world` has written; its SUMO network is at `network`."""
     with np.load(path, allow_pickle=False) as stored:
-        record = json.loads(stored["record"].tobytes())
+        record = parse_json(stored["record"].tobytes(), path)
         arrays = {name: _split(stored[name], record["shapes"][name]) for name in _DTYPES}
     meshes = _decode_meshes(record["meshes"], arrays)
     borders = arrays["lane_borders"]

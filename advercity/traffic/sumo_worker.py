@@ -8,6 +8,7 @@ from pathlib import Path
 
 from advercity_dsl import Spec
 
+from advercity.documents import MAX_JSON_BYTES, parse_json, read_text
 from advercity.errors import AdvercityError, InputError
 from advercity.traffic.dry_run import simulate_with_dry_runs
 from advercity.traffic.simulation import EXIT_BAD_INPUT, EXIT_FAILED
@@ -15,7 +16,8 @@ from advercity.traffic.simulation import EXIT_BAD_INPUT, EXIT_FAILED
 
 def main(spec_file: str, network_file: str, trace_file: str) -> None:
     """Simulate the traffic of a spec and write its trace."""
-    spec = Spec.model_validate_json(Path(spec_file).read_bytes())
+    path = Path(spec_file)
+    spec = Spec.model_validate(parse_json(read_text(path, max_bytes=MAX_JSON_BYTES), path))
     simulate_with_dry_runs(spec, Path(network_file)).save(Path(trace_file))
 
 

@@ -69,7 +69,7 @@ def test_a_truncated_spec_is_reported_with_its_position(write: Write, tmp_path: 
     (spec,) = compile_library(write())
     path = tmp_path / "cut.json"
     path.write_text(to_json(spec)[:-200])
-    with pytest.raises(InputError, match=r"cut\.json:\d+:\d+: is not a spec.*is it truncated\?"):
+    with pytest.raises(InputError, match=r"cut\.json:\d+:\d+: not valid JSON.*is it truncated\?"):
         read_spec(path)
 
 

@@ -138,6 +138,9 @@ def test_no_index_is_written_without_a_scenario(spec: Spec, tmp_path: Path) -> N
 
 def test_a_damaged_index_is_reported_with_a_remedy(spec: Spec, tmp_path: Path) -> None:
     (tmp_path / INDEX_FILE).write_text("{}}")
+    with pytest.raises(InputError, match=r"index\.json:1:3: not valid JSON: extra data; delete it"):
+        IndexWriter(tmp_path, [spec])
+    (tmp_path / INDEX_FILE).write_text('{"index_version": 2}')
     with pytest.raises(RunError, match=r"index\.json: not an index of this version; delete it"):
         IndexWriter(tmp_path, [spec])
 

@@ -1,4 +1,4 @@
-"""Diagnostics of declarations and specs: place, message, hint and an excerpt of the line."""
+"""Diagnostics of files: place, message, hint and an excerpt of the line."""
 
 import unicodedata
 from dataclasses import dataclass
