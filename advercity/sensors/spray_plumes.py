@@ -82,15 +82,9 @@ def intersect_box(
 ) -> tuple[FloatArray, FloatArray]:
     """Intersect rays with a box around the frame's origin (slab test).
 
-    Args:
-        origin: (3,) of all rays.
-        directions: (..., 3).
-        half_size: (3,).
-        epsilon: Replaces components of directions that are smaller, to avoid division by zero.
-
-    Returns:
-        Distances (...) at which each ray enters, at least 0, and leaves; a ray that misses the
-        box leaves it before it enters.
+    Components of `directions` (..., 3) that are smaller than `epsilon` count as that, since they
+    are divided by. Returns the distances (...) at which each ray enters, at least 0, and leaves;
+    a ray that misses the box leaves it before it enters.
     """
     slope = 1.0 / np.where(np.abs(directions) < epsilon, epsilon, directions)
     low, high = (-half_size - origin) * slope, (half_size - origin) * slope

@@ -89,8 +89,7 @@ def beam_directions(lidar: Lidar) -> NDArray[np.float32]:
 
 def scan_azimuths_rad(azimuths: int) -> NDArray[np.float32]:
     """Compute the azimuths (azimuths,) of the head during a scan, ascending from 0."""
-    azimuth = np.arange(azimuths) * (2.0 * math.pi / azimuths)
-    return azimuth.astype(np.float32)
+    return (np.arange(azimuths) * (2.0 * math.pi / azimuths)).astype(np.float32)
 
 
 def sub_ray_weights(lidar: Lidar) -> NDArray[np.float32]:

@@ -43,26 +43,17 @@ class LidarWindow:
 
     @staticmethod
     def from_lidar(lidar: Lidar, coverage: tuple[float, float, float]) -> "LidarWindow | None":
-        """Build the window of a sensor; None if it is clean.
-
-        Args:
-            lidar: The sensor.
-            coverage: Covered fraction at the front, the sides and the rear.
-        """
+        """Build the window of a sensor by its coverage (front, side, rear); None if it is clean."""
         if not any(coverage):
             return None
         front, side, rear = coverage
         azimuth = (np.arange(NUM_WINDOW_SECTORS) + 0.5) * (2.0 * math.pi / NUM_WINDOW_SECTORS)
         from_front = np.minimum(azimuth, 2.0 * math.pi - azimuth)
-        by_sector = np.where(
-            from_front < _FRONT_SECTOR_RAD,
-            front,
-            np.where(from_front < _REAR_SECTOR_RAD, side, rear),
-        )
+        limits = [from_front < _FRONT_SECTOR_RAD, from_front < _REAR_SECTOR_RAD]
+        by_sector = np.select(limits, [front, side], rear)
         bearing = np.repeat(scan_azimuths_rad(lidar.azimuths), lidar.channels)
-        sector = (bearing * (NUM_WINDOW_SECTORS / (2.0 * math.pi))).astype(
-            np.int32
-        ) % NUM_WINDOW_SECTORS
+        sectors = (bearing * (NUM_WINDOW_SECTORS / (2.0 * math.pi))).astype(np.int32)
+        sector = sectors % NUM_WINDOW_SECTORS
         gain = (1.0 - COVERED_WINDOW_LOSS * by_sector) ** 2
         return LidarWindow(gain.astype(np.float32)[sector], by_sector.astype(np.float32), sector)
 

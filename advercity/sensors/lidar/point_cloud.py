@@ -35,20 +35,13 @@ def measure_point_cloud(
 ) -> PointCloud:
     """Measure the points of one scan.
 
-    Surfaces, surfaces behind windows or mirrored in puddles, fog, dust, drops, flakes and spray
-    all return light. Overlapping returns of a beam merge; of those above the receiver's threshold
-    the rig reports the strongest, the last or both.
-
-    Args:
-        lidar: The sensor.
-        scan: Surfaces that its rays hit.
-        air: Conditions of the weather.
-        rng: Generator of this sensor and frame.
-        states: Actors, whose wheels may throw up spray.
+    Surfaces, surfaces behind windows or mirrored in puddles, fog, dust, drops, flakes and the
+    spray of `states` all return light. Overlapping returns of a beam merge; of those above the
+    receiver's threshold the rig reports the strongest, the last or both.
     """
     streams = RandomStreams(rng)
     window = LidarWindow.from_lidar(lidar, air.window_coverage)
-    sources = ReturnSources(lidar, scan, air, streams, window=window, states=states)
+    sources = ReturnSources(lidar, scan, air, streams, window, states)
     is_active = _find_active_beams(lidar, scan, air, streams, window)
     per_beam, others = _collect_returns(lidar, sources, is_active)
     found = select_reported(per_beam, others, lidar.azimuths * lidar.channels, lidar.echoes)
@@ -96,11 +89,8 @@ def _collect_returns(
 
     With sub-rays a surface has several returns per beam, so all sources count as others.
     """
-    surfaces, soft, others = (
-        sources.surface_returns(),
-        sources.soft_target_returns(),
-        list(sources.iterate_other_returns()),
-    )
+    surfaces, soft = sources.surface_returns(), sources.soft_target_returns()
+    others = list(sources.iterate_other_returns())
     per_beam = [surfaces] if soft is None else [surfaces, soft]
     if is_active is not None:
         surfaces.power[:] *= np.repeat(is_active, lidar.sub_rays)

@@ -45,20 +45,13 @@ def received_power(
 ) -> FloatArray:
     """Compute the power (n,) of a hard Lambertian target, relative to the threshold.
 
-    The LiDAR equation for a target that fills the beam: `rho cos(a) exp(-2 k R) / (R² + R0²)`.
-
-    Args:
-        range_m: (n,) metres.
-        reflected_fraction: (n,) reflectance times cosine of incidence.
-        extinction_per_m: Extinction coefficient at 905 nm of the air between.
+    The LiDAR equation for a target that fills the beam: `rho cos(a) exp(-2 k R) / (R² + R0²)`,
+    of which `reflected_fraction` is `rho cos(a)`.
     """
     # In the dtype of the ranges: a float64 factor would promote whole float32 scans.
     transmittance = np.exp(range_m * range_m.dtype.type(-2.0 * extinction_per_m))
-    return (
-        transmittance
-        * reflected_fraction
-        * (WHITE_TARGET_POWER / (range_m * range_m + NEAR_FIELD_M**2))
-    )
+    falloff = WHITE_TARGET_POWER / (range_m * range_m + NEAR_FIELD_M**2)
+    return transmittance * reflected_fraction * falloff
 
 
 def apparent_reflectance(power: FloatArray, range_m: FloatArray) -> FloatArray:
@@ -112,12 +105,7 @@ def effective_reflectance(
     """Compute reflectance at 905 nm times cosine of incidence (n,); above 1 for retroreflectors.
 
     Water films and snow cover surfaces that face up; walls and windows stay as they are.
-
-    Args:
-        hits: Surfaces that rays hit.
-        wetness: 0 dry to 1 soaked.
-        snow_cover: Fraction of the ground under snow.
-        road_snow_cover: Fraction of carriageways under snow.
+    `wetness` is 0 dry to 1 soaked; covers are fractions of the ground and of carriageways.
     """
     reflectance = _DIFFUSE.take(hits.material)
     upward = (
@@ -173,13 +161,7 @@ DETECTION_RANGE_STEP_M = 0.1
 def detection_range_m(
     reflectance: float, extinction_per_m: float, *, max_range_m: float = 200.0
 ) -> float:
-    """Compute the range at which a target that faces the sensor is detected half of the time.
-
-    Args:
-        reflectance: Reflectance of a Lambertian target at 905 nm.
-        extinction_per_m: Extinction coefficient of the air at 905 nm.
-        max_range_m: End of the sensor's listening time.
-    """
+    """Compute the range at which a target that faces the sensor is detected half of the time."""
     ranges = np.arange(
         DETECTION_RANGE_STEP_M, max_range_m + DETECTION_RANGE_STEP_M / 2, DETECTION_RANGE_STEP_M
     )

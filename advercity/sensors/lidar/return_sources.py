@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Iterator
-from functools import lru_cache
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 
 import numpy as np
 from advercity_dsl import Lidar
@@ -45,45 +46,35 @@ SPRAY_PENETRATION_M = 3.0
 """Depth of a plume from which returns come."""
 
 
+@dataclass(frozen=True, eq=False)
 class ReturnSources:
-    """The sources of returns in one scan.
+    """The sources of returns in one scan; the wheels of `states` may throw up spray."""
 
-    Args:
-        lidar: The sensor.
-        scan: Surfaces that its rays hit.
-        air: Conditions of the weather.
-        streams: Random numbers of the scan.
-        window: Drops and dirt on the sensor's window; None if it is clean.
-        states: Actors, whose wheels may throw up spray.
-    """
+    lidar: Lidar
+    scan: ScanHits
+    air: LidarConditions
+    streams: RandomStreams
+    window: LidarWindow | None
+    states: tuple[ActorState, ...]
 
-    def __init__(
-        self,
-        lidar: Lidar,
-        scan: ScanHits,
-        air: LidarConditions,
-        streams: RandomStreams,
-        *,
-        window: LidarWindow | None,
-        states: tuple[ActorState, ...],
-    ) -> None:
-        self._lidar = lidar
-        self._scan = scan
-        self._air = air
-        self._streams = streams
-        self._window = window
-        self._count = lidar.azimuths * lidar.channels
-        self._threshold = receiver_noise_factor(lidar, air)
-        self._stop_m = scan.hits.range_m[:: lidar.sub_rays]
-        self._plumes = self._find_plumes(states)
-        self._plume_transmittance = self._compute_plume_transmittance()
+    @property
+    def _count(self) -> int:
+        return self.lidar.azimuths * self.lidar.channels
+
+    @property
+    def _threshold(self) -> float:
+        return receiver_noise_factor(self.lidar, self.air)
+
+    @property
+    def _stop_m(self) -> FloatArray:
+        return self.scan.hits.range_m[:: self.lidar.sub_rays]
 
     def surface_returns(self) -> Returns:
         """Compute the returns of first surfaces, one per ray in order; power 0 for a miss."""
-        hits = self._scan.hits
+        hits = self.scan.hits
         reflectance = self._effective_reflectance(hits)
         # Water mirrors the beam away: rays that hit it return from what they see in it.
-        reflectance[self._scan.puddle_rays] = 0.0
+        reflectance[self.scan.puddle_rays] = 0.0
         return self._hard_target_returns(
             hits, reflectance, None, self._draw_noise(StreamPurpose.SURFACE_NOISE, len(reflectance))
         )
@@ -93,21 +84,21 @@ class ReturnSources:
 
         The number of droplets in each beam fluctuates about the mean.
         """
-        soft, lidar, count = self._air.soft_target, self._lidar, self._count
+        soft, lidar, count = self.air.soft_target, self.lidar, self._count
         if soft is None or lidar.soft_gain <= 0.0:
             return None
         gain = np.full(count, lidar.soft_gain / self._threshold, np.float32)
         if lidar.detection == "noisy":
             gain *= _fluctuation_table().take(
-                draw_levels(self._streams.open_stream(StreamPurpose.SOFT_POWER), count)
+                draw_levels(self.streams.open_stream(StreamPurpose.SOFT_POWER), count)
             )
         self._apply_window_loss(gain, None)
-        uniform = self._streams.uniform(StreamPurpose.SOFT_RANGE, count)
+        uniform = self.streams.uniform(StreamPurpose.SOFT_RANGE, count)
         range_m, power = soft.sample(gain, self._stop_m, uniform)
         power *= power > MIN_RELEVANT_POWER / lidar.sub_rays
         kind = np.full(count, PointKind.FOG, np.uint8)
         if soft.dust_fraction:
-            dusty = self._streams.uniform(StreamPurpose.SOFT_KIND, count) < soft.dust_fraction
+            dusty = self.streams.uniform(StreamPurpose.SOFT_KIND, count) < soft.dust_fraction
             kind[dusty] = PointKind.DUST
         beam = np.arange(count, dtype=np.int32)
         noise = self._draw_noise(StreamPurpose.SOFT_NOISE, count)
@@ -117,21 +108,21 @@ class ReturnSources:
         """Yield the returns of all other sources, each sorted by beam."""
         # The order of sources decides ties between equally strong returns.
         yield from self._secondary_returns()
-        for table in self._air.particles:
+        for table in self.air.particles:
             yield self._particle_returns(table)
-        if self._plumes and self._lidar.soft_gain > 0.0:
-            rng = self._streams.open_stream(StreamPurpose.SPRAY)
+        if self._plumes and self.lidar.soft_gain > 0.0:
+            rng = self.streams.open_stream(StreamPurpose.SPRAY)
             for plume in self._plumes:
                 yield self._spray_returns(plume, rng)
 
     def _secondary_returns(self) -> Iterator[Returns]:
         """Yield the returns of surfaces behind panes, then of those mirrored in puddles."""
         # One stream for all: puddles, which depend on the weather, must draw last.
-        scan = self._scan
+        scan = self.scan
         sources = [(hits, PointKind.SURFACE) for hits in scan.behind_glass]
         if scan.puddle_reflection is not None:
             sources.append((scan.puddle_reflection, PointKind.GHOST))
-        rng = self._streams.open_stream(StreamPurpose.ONWARD_NOISE)
+        rng = self.streams.open_stream(StreamPurpose.ONWARD_NOISE)
         for secondary, kind in sources:
             reflectance = self._effective_reflectance(secondary.hits) * secondary.transmittance
             noise = self._draw_stream_noise(rng, len(secondary.ray))
@@ -143,16 +134,14 @@ class ReturnSources:
     def _particle_returns(self, table: ParticleTable) -> Returns:
         """Compute the returns of drops or flakes in front of the surface that stops each beam."""
         kind = PARTICLE_POINT_KIND[table.sizes.kind]
-        rng = self._streams.open_stream(
+        rng = self.streams.open_stream(
             StreamPurpose.RAIN if kind == PointKind.RAIN else StreamPurpose.SNOW
         )
         beam, range_m, power = table.sample(self._count, rng)
         noise = self._draw_stream_noise(rng, len(beam))
         power *= (range_m < self._stop_m[beam]) / np.float32(self._threshold)
         self._apply_window_loss(power, beam)
-        return self._strong_airborne_returns(
-            beam, range_m, power, noise, np.full(len(beam), kind, np.uint8)
-        )
+        return self._drop_weak(_build_airborne_returns(beam, range_m, power, noise, kind))
 
     def _spray_returns(self, plume: PlumeCrossing, rng: np.random.Generator) -> Returns:
         """Compute the returns of one plume of spray, from its near side."""
@@ -167,28 +156,28 @@ class ReturnSources:
         reflectance = (
             plume.extinction_per_m * depth_m * np.float32(math.pi / LIDAR_RATIO_SR["spray"])
         )
-        power = received_power(range_m, reflectance, self._air.extinction_per_m) * (
+        power = received_power(range_m, reflectance, self.air.extinction_per_m) * (
             range_m < self._stop_m[beam]
         )
         power *= fluctuation
-        power *= np.float32(self._lidar.soft_gain / self._threshold)
+        power *= np.float32(self.lidar.soft_gain / self._threshold)
         self._apply_window_loss(power, beam)
-        kind = np.full(len(beam), PointKind.SPRAY, np.uint8)
-        return self._strong_airborne_returns(beam, range_m, power, noise, kind)
+        kind = PointKind.SPRAY
+        return self._drop_weak(_build_airborne_returns(beam, range_m, power, noise, kind))
 
     def _draw_noise(self, purpose: StreamPurpose, count: int) -> FloatArray:
         """Draw the receiver's noise (count,) of a purpose; zeros for a sharp threshold."""
-        if self._lidar.detection == "step":
+        if self.lidar.detection == "step":
             return np.zeros(count, np.float32)
-        return self._streams.normal(purpose, count)
+        return self.streams.normal(purpose, count)
 
     def _draw_stream_noise(self, rng: np.random.Generator, count: int) -> FloatArray:
         """Draw the receiver's noise (count,) from an open stream, which advances in any case."""
         levels = draw_levels(rng, count)
-        return normal_quantiles().take(levels) * np.float32(self._lidar.detection == "noisy")
+        return normal_quantiles().take(levels) * np.float32(self.lidar.detection == "noisy")
 
     def _effective_reflectance(self, hits: RayHits) -> FloatArray:
-        air = self._air
+        air = self.air
         return effective_reflectance(
             hits,
             wetness=air.wetness,
@@ -205,14 +194,14 @@ class ReturnSources:
         kind: PointKind = PointKind.SURFACE,
     ) -> Returns:
         """Compute the returns of surfaces, one per ray of rows `ray` (k,); None for all rays."""
-        sub_rays, count = self._lidar.sub_rays, len(reflectance)
+        sub_rays, count = self.lidar.sub_rays, len(reflectance)
         rays = np.arange(count, dtype=np.int32) if ray is None else ray.astype(np.int32)
         beam = rays // np.int32(sub_rays) if sub_rays > 1 else rays
         if sub_rays > 1:
-            reflectance = reflectance * sub_ray_weights(self._lidar)[rays % sub_rays]
-        finite_m = np.minimum(hits.range_m, np.float32(self._lidar.range_m))
+            reflectance = reflectance * sub_ray_weights(self.lidar)[rays % sub_rays]
+        finite_m = np.minimum(hits.range_m, np.float32(self.lidar.range_m))
         power = received_power(
-            finite_m, reflectance * np.float32(1.0 / self._threshold), self._air.extinction_per_m
+            finite_m, reflectance * np.float32(1.0 / self._threshold), self.air.extinction_per_m
         )
         # Power 0 drops a return; misses have a reflectance of 0 already.
         power *= power > MIN_RELEVANT_POWER / sub_rays
@@ -232,30 +221,23 @@ class ReturnSources:
             instance=hits.instance,
         )
 
-    def _strong_airborne_returns(
-        self,
-        beam: NDArray[np.int32],
-        range_m: FloatArray,
-        power: FloatArray,
-        noise: FloatArray,
-        kind: NDArray[np.uint8],
-    ) -> Returns:
-        """Build returns from the air, without those too weak to be detected."""
-        strong = power > MIN_RELEVANT_POWER / self._lidar.sub_rays
-        return _build_airborne_returns(beam, range_m, power, noise, kind).select(strong)
+    def _drop_weak(self, returns: Returns) -> Returns:
+        return returns.select(returns.power > MIN_RELEVANT_POWER / self.lidar.sub_rays)
 
     def _apply_window_loss(self, power: FloatArray, beam: NDArray[np.int32] | None) -> None:
         """Multiply powers (k,) by the window's gain in place; `beam` None for one per beam."""
-        if self._window is not None:
-            power *= self._window.gain if beam is None else self._window.gain[beam]
+        if self.window is not None:
+            power *= self.window.gain if beam is None else self.window.gain[beam]
 
-    def _find_plumes(self, states: tuple[ActorState, ...]) -> tuple[PlumeCrossing, ...]:
-        if not self._air.has_spray:
+    @cached_property
+    def _plumes(self) -> tuple[PlumeCrossing, ...]:
+        if not self.air.has_spray:
             return ()
-        return tuple(find_plume_crossings(self._lidar, self._scan.world_from_lidar, states))
+        return tuple(find_plume_crossings(self.lidar, self.scan.world_from_lidar, self.states))
 
-    def _compute_plume_transmittance(self) -> FloatArray | None:
-        """Compute the two-way transmittance (beams,) of all plumes; None without plumes."""
+    @cached_property
+    def _plume_transmittance(self) -> FloatArray | None:
+        """Two-way transmittance (beams,) of all plumes; None without plumes."""
         if not self._plumes:
             return None
         depth = np.zeros(self._count, np.float32)
@@ -274,15 +256,15 @@ def _build_airborne_returns(
     range_m: FloatArray,
     power: FloatArray,
     noise: FloatArray,
-    kind: NDArray[np.uint8],
+    kind: PointKind | NDArray[np.uint8],
 ) -> Returns:
-    """Build returns that belong to no object."""
+    """Build returns that belong to no object, of one kind or of a kind (k,) each."""
     return Returns(
         beam=beam,
         range_m=range_m,
         power=power,
         noise=noise,
-        kind=kind,
+        kind=np.full(len(beam), kind, np.uint8),
         semantic=np.full(len(beam), Semantic.UNLABELED, np.uint8),
         instance=np.zeros(len(beam), np.int32),
     )

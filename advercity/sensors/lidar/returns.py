@@ -56,12 +56,8 @@ class Returns:
         """Concatenate returns in order."""
         if len(parts) == 1:
             return parts[0]
-        return Returns(
-            *(
-                np.concatenate([getattr(part, item.name) for part in parts])
-                for item in fields(Returns)
-            )
-        )
+        names = [item.name for item in fields(Returns)]
+        return Returns(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
 def select_reported(
@@ -89,24 +85,13 @@ def select_reported(
     if len(per_beam) == 2:
         one, other = per_beam
         first = one.range_m >= other.range_m if return_mode == "last" else one.power >= other.power
-        reported = [
-            reported[0] & (first | ~reported[1]),
-            reported[1] & ~(first & reported[0]),
-        ]
-    merged = merge_overlapping(
-        Returns.concatenate(
-            [
-                *(part.select(crowded & (part.power > 0.0)) for part in per_beam),
-                *(part.select(part.power > 0.0) for part in others),
-            ]
-        )
-    )
-    found = Returns.concatenate(
-        [
-            *(part.select(rows) for part, rows in zip(per_beam, reported, strict=True)),
-            select_by_mode(merged.select(merged.is_detected), return_mode),
-        ]
-    )
+        reported = [reported[0] & (first | ~reported[1]), reported[1] & ~(first & reported[0])]
+    strong = [part.select(crowded & (part.power > 0.0)) for part in per_beam]
+    strong += [part.select(part.power > 0.0) for part in others]
+    merged = merge_overlapping(Returns.concatenate(strong))
+    clear = [part.select(rows) for part, rows in zip(per_beam, reported, strict=True)]
+    resolved = select_by_mode(merged.select(merged.is_detected), return_mode)
+    found = Returns.concatenate([*clear, resolved])
     return found.select(np.argsort(found.beam, kind="stable"))
 
 
@@ -152,11 +137,8 @@ def select_by_mode(returns: Returns, return_mode: ReturnMode) -> Returns:
     new_beam = np.diff(returns.beam, prepend=np.int32(-1)) != 0
     first = np.flatnonzero(new_beam)
     if return_mode == "strongest":
-        return (
-            returns
-            if len(first) == len(returns)
-            else returns.select(_find_strongest_rows(returns.power, first))
-        )
+        rows = _find_strongest_rows(returns.power, first)
+        return returns if len(first) == len(returns) else returns.select(rows)
     last = np.append(first[1:], len(returns)) - 1
     if return_mode == "last":
         return returns.select(last)

@@ -257,13 +257,7 @@ class PlumeCrossing:
 def find_plume_crossings(
     lidar: Lidar, world_from_lidar: Matrix, states: Iterable[ActorState]
 ) -> Iterator[PlumeCrossing]:
-    """Find every plume that beams of a LiDAR cross, in the order of the vehicles.
-
-    Args:
-        lidar: The sensor.
-        world_from_lidar: (4, 4) its pose.
-        states: All actors.
-    """
+    """Find every plume that beams of a LiDAR at a pose (4, 4) cross, in the order of vehicles."""
     directions, grid = beam_directions(lidar), BeamGrid.from_lidar(lidar, world_from_lidar)
     for state in iterate_spraying_states(states):
         plume = SprayPlume.from_state(state)
