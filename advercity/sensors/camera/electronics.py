@@ -62,12 +62,9 @@ NIGHT_WHITE_RANGE_K = (3500.0, 6500.0)
 def build_tone_curve(brightest_ev: float) -> NDArray[np.uint8]:
     """Build the table (MAX_DN + 1,) from converter values to 8-bit values of the image.
 
-    If nothing is brighter than a full pixel it is sRGB. Otherwise values above middle grey are
-    rolled off towards white as film does, by Reinhard's extended curve (2002): it leaves middle
-    grey with slope 1 and is white at the brightest.
-
-    Args:
-        brightest_ev: Stops above a full pixel that are still resolved.
+    If nothing is brighter than a full pixel (`brightest_ev`, in stops above it, is 0) it is sRGB.
+    Otherwise values above middle grey are rolled off towards white as film does, by Reinhard's
+    extended curve (2002): it leaves middle grey with slope 1 and is white at the brightest.
     """
     linear = np.arange(MAX_DN + 1) / WHITE_DN
     brightest = 2.0**brightest_ev
@@ -121,13 +118,8 @@ def expose_image(
 ) -> NDArray[np.uint8]:
     """Expose and digitise the light on a sensor to an image (h, w, 3) RGB.
 
-    Args:
-        light: (h, w, 3) cd/m², at any scale of the camera's size. A pixel of a smaller image
-            gathers the light of all pixels that it represents.
-        camera: Gives size, highlights and whether there is noise.
-        setting: Exposure of the image.
-        rng: Generator of this camera and frame.
-        white_point: (3,) colour at luminance 1 that is shown as grey.
+    `light` is (h, w, 3) cd/m² at any scale of the camera's size: a pixel of a smaller image gathers
+    the light of all pixels that it represents. `white_point` (3,) of luminance 1 becomes grey.
     """
     pixels = light.shape[0] * light.shape[1]
     binned = max(1.0, camera.width_px * camera.height_px / pixels)
@@ -147,13 +139,8 @@ def meter_exposure(
     gain makes up for missing light, so that the shutter stays as authored. A self-exposing sensor
     moves the shutter as far as it can, and then its gain.
 
-    Scenes that are lighter than a grey card in the same light, as in snow and fog, stay lighter.
-
-    Args:
-        radiance: In cd/m².
-        exposure: As authored.
-        white_card_cd_m2: Luminance of a white card on open ground; inf if the camera cannot know
-            it.
+    Scenes that are lighter than a grey card in the same light, as in snow and fog, stay lighter;
+    `white_card_cd_m2` is a white card on open ground, inf if the camera cannot know it.
     """
     authored = exposure_value(exposure)
     if exposure.mode == "manual":
@@ -163,9 +150,8 @@ def meter_exposure(
     if exposure.mode == "sensor":
         return _choose_shutter_then_gain(target_ev100, exposure)
     ev100 = min(max(target_ev100, AUTO_EV100_RANGE[0]), AUTO_EV100_RANGE[1])
-    return ExposureSettings(
-        ev100, exposure.iso * 2.0 ** max(0.0, authored - ev100), exposure.shutter_s
-    )
+    iso = exposure.iso * 2.0 ** max(0.0, authored - ev100)
+    return ExposureSettings(ev100, iso, exposure.shutter_s)
 
 
 def exposure_value(exposure: Exposure) -> float:
@@ -186,10 +172,10 @@ def digitise(
     if rng is not None:
         # Variances in squared converter values: gain times signal, and read noise.
         gain = WHITE_DN / setting.full_well_e
-        deviation = np.sqrt(
-            np.float32(gain) * digital + np.float32((gain * setting.read_noise_e) ** 2)
-        )
-        deviation *= _draw_normal(rng, deviation.size).reshape(deviation.shape)
+        read_variance = np.float32((gain * setting.read_noise_e) ** 2)
+        deviation = np.sqrt(np.float32(gain) * digital + read_variance)
+        levels = np.frombuffer(rng.bytes(2 * deviation.size), "<u2")
+        deviation *= _NORMAL_TABLE.take(levels).reshape(deviation.shape)
         digital += deviation
         np.clip(digital, 0.0, full_dn, out=digital)
     return np.rint(digital, out=digital).astype(np.uint16)
@@ -206,16 +192,10 @@ def _choose_shutter_then_gain(wanted_ev100: float, exposure: Exposure) -> Exposu
     return ExposureSettings(exposure_value(chosen), iso, shutter_s)
 
 
-def _draw_normal(rng: np.random.Generator, count: int) -> NDArray[np.float32]:
-    """Draw (count,) standard normal numbers from a table of 65,536 equally likely values."""
-    return _NORMAL_TABLE.take(np.frombuffer(rng.bytes(2 * count), "<u2"))
-
-
 def _metered_luminance(radiance: NDArray[np.float32]) -> float:
     first_row = int(len(radiance) * METERED_FROM_ROW)
-    luminance = np.maximum(
-        radiance[first_row:] @ _LUMINANCE_WEIGHTS_32, np.float32(_MIN_METERED_CD_M2)
-    )
+    luminance = radiance[first_row:] @ _LUMINANCE_WEIGHTS_32
+    luminance = np.maximum(luminance, np.float32(_MIN_METERED_CD_M2))
     limit = np.percentile(luminance, METERED_PERCENTILE)
     return float(np.exp(np.log(luminance[luminance <= limit]).mean(dtype=np.float64)))
 
@@ -225,14 +205,13 @@ def _brightest_ev(fill_fraction: NDArray[np.float32], highlights_ev: float) -> f
 
     Rounded up to eighths, so that few tone curves are built.
     """
-    highlights = np.percentile(
-        fill_fraction[::HIGHLIGHT_STEP, ::HIGHLIGHT_STEP].max(axis=2), HIGHLIGHT_PERCENTILE
-    )
+    sampled = fill_fraction[::HIGHLIGHT_STEP, ::HIGHLIGHT_STEP].max(axis=2)
+    highlights = np.percentile(sampled, HIGHLIGHT_PERCENTILE)
     return min(max(0.0, math.ceil(8.0 * math.log2(max(highlights, 1.0))) / 8.0), highlights_ev)
 
 
 def _build_normal_table() -> NDArray[np.float32]:
-    """Build normal quantiles (65536,) with mean 0 and deviation 1."""
+    """Build 65,536 equally likely normal quantiles with mean 0 and deviation 1."""
     x = np.linspace(-5.0, 5.0, 2**16)
     cumulative = np.cumsum(np.exp(-0.5 * x**2))
     found = np.interp((np.arange(2**16) + 0.5) / 2**16, cumulative / cumulative[-1], x)

@@ -1,5 +1,6 @@
 """One exposure of a camera: pose, lens, and the world around it while the shutter is open."""
 
+import itertools
 import math
 from dataclasses import dataclass, replace
 
@@ -83,14 +84,8 @@ class CameraExposure:
         sides = sides / np.linalg.norm(sides, axis=1, keepdims=True)
         normals = np.concatenate([sides, [[1.0, 0, 0], [-1.0, 0, 0]]])
         offsets = np.array([0.0, 0.0, 0.0, 0.0, -near_m, far_m])
-        corners = np.array(
-            [
-                [x, y * x * across, z * x * down]
-                for x in (near_m, far_m)
-                for y in (-1, 1)
-                for z in (-1, 1)
-            ]
-        )
+        signs = itertools.product((near_m, far_m), (-1, 1), (-1, 1))
+        corners = np.array([[x, y * x * across, z * x * down] for x, y, z in signs])
         camera_from_world = self.view.world_from_camera[:3, :3].T
         return np.column_stack([normals @ camera_from_world, offsets]), corners @ camera_from_world
 
@@ -100,10 +95,7 @@ def pixel_rays(
 ) -> tuple[Float64Array, Float64Array]:
     """Compute unit rays (r, c, 3) in the camera's axes, and their lengths (r, c) in pixels.
 
-    Args:
-        down_px: (r,) offsets from the image's centre.
-        right_px: (c,) offsets from the image's centre.
-        focal_px: Focal length.
+    They pass through offsets (r,) down and (c,) to the right from the image's centre.
     """
     down, right = np.meshgrid(down_px, right_px, indexing="ij")
     rays = np.stack([np.full_like(down, focal_px), -right, -down], axis=-1)

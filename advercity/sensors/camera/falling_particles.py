@@ -132,9 +132,8 @@ class ParticleBlock:
         centre, radius = corner + self.cell_m / 2.0, self.cell_m * math.sqrt(0.75) + self.sway_m
         visible = np.all(centre @ planes[:, :3].T + planes[:, 3] >= -radius, axis=1)
         corner, cells = corner[visible].astype(np.float32), cells[visible] + base.astype(np.intp)
-        column = np.mod(cells, CELLS_PER_EDGE) @ np.array(
-            [CELLS_PER_EDGE * CELLS_PER_EDGE, CELLS_PER_EDGE, 1]
-        )
+        strides = np.array([CELLS_PER_EDGE * CELLS_PER_EDGE, CELLS_PER_EDGE, 1])
+        column = np.mod(cells, CELLS_PER_EDGE) @ strides
         count = self.cell_starts[column + 1] - self.cell_starts[column]
         run = np.repeat(np.arange(len(column)), count)
         start = self.cell_starts[column] - np.cumsum(count) + count
@@ -156,14 +155,9 @@ class ParticleBlock:
 
 def build_particle_blocks(air: Atmosphere, *key: int | str) -> tuple[ParticleBlock, ...]:
     """Build the blocks of all drops and flakes large enough to see, the same for the same key."""
+    builders = {"rain": _build_rain_blocks, "snow": _build_snow_blocks}
     return tuple(
-        block
-        for sizes in air.precipitation
-        for block in (
-            _build_rain_blocks(sizes, air, key)
-            if sizes.kind == "rain"
-            else _build_snow_blocks(sizes, air, key)
-        )
+        block for sizes in air.precipitation for block in builders[sizes.kind](sizes, air, key)
     )
 
 
@@ -206,16 +200,14 @@ def _build_block(
 ) -> ParticleBlock:
     """Draw a block of a fraction of the particles within a band of diameters."""
     low_mm, high_mm = band_mm
-    number_m3 = fraction * float(
-        sizes.number_concentration_above(low_mm) - sizes.number_concentration_above(high_mm)
-    )
+    above = sizes.number_concentration_above
+    number_m3 = fraction * float(above(low_mm) - above(high_mm))
     cell_m = (PARTICLES_PER_BLOCK / number_m3) ** (1.0 / 3.0) / CELLS_PER_EDGE
     count = rng.poisson(PARTICLES_PER_BLOCK / CELLS_PER_EDGE**3, CELLS_PER_EDGE**3)
     starts = np.concatenate([[0], np.cumsum(count)]).astype(np.intp)
     offset = rng.random((starts[-1], 3), np.float32) * np.float32(cell_m)
-    diameter_mm = sizes.sample_diameters_mm(
-        np.full(starts[-1], low_mm), rng.random(starts[-1]), high_mm
-    )
+    least_mm = np.full(starts[-1], low_mm)
+    diameter_mm = sizes.sample_diameters_mm(least_mm, rng.random(starts[-1]), high_mm)
     phase = rng.random(starts[-1] if sway_m else 0, np.float32) * np.float32(SWAY_CYCLE_RAD)
     diameter_m = (diameter_mm * sizes.air_to_melted_diameter * 1e-3).astype(np.float32)
     spread = GLINT_DEVIATION if sizes.kind == "rain" else 0.0

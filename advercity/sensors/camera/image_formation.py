@@ -79,13 +79,8 @@ def render_image(
 ) -> NDArray[np.uint8]:
     """Form the image (h, w, 3) RGB that a camera takes.
 
-    Args:
-        capture: Radiance and depth of the scene.
-        exposure: Camera, pose and frame.
-        conditions: Air, light and glass.
-        rng: Generator of this camera and frame, for the electronics.
-        mount: Mount of the camera, which decides what is on its glass.
-        carrier: Name of the carrier; each has other spots on its glass.
+    `mount` and `carrier` decide what is on the glass; `rng` is of this camera and frame, for the
+    electronics.
     """
     light = _light_on_sensor(capture, exposure, conditions, mount, carrier)
     control = exposure.camera.exposure
@@ -103,17 +98,11 @@ def add_air_effects(
     capture: CameraCapture, exposure: CameraExposure, conditions: CameraConditions
 ) -> CameraCapture:
     """Add the sun's disc, spray, and falling drops and flakes to a capture."""
-    capture = add_sun_disc(capture, exposure.view, conditions.atmosphere)
-    capture = add_spray(
-        capture,
-        exposure,
-        conditions.ambient_light,
-        water_film_mm=conditions.atmosphere.water_film_mm,
-    )
-    extinction = conditions.atmosphere.extinction.at_550nm
-    return add_falling_particles(
-        capture, exposure, conditions.blocks, conditions.ambient_light, extinction=extinction
-    )
+    atmosphere, light = conditions.atmosphere, conditions.ambient_light
+    capture = add_sun_disc(capture, exposure.view, atmosphere)
+    capture = add_spray(capture, exposure, light, water_film_mm=atmosphere.water_film_mm)
+    extinction = atmosphere.extinction.at_550nm
+    return add_falling_particles(capture, exposure, conditions.blocks, light, extinction=extinction)
 
 
 def _light_on_sensor(
@@ -127,12 +116,10 @@ def _light_on_sensor(
     # The order of the effects is that of the light on its path to the sensor.
     before_lens = add_air_effects(capture, exposure, conditions)
     lens = conditions.lens
-    spots = create_generator(
-        *conditions.key, "glass", carrier, *map(str, mount.model_dump().values())
-    )
+    key = (*conditions.key, "glass", carrier, *map(str, mount.model_dump().values()))
+    spots = create_generator(*key)
     light = apply_glass(before_lens.radiance, exposure, lens, glass_coverage(lens, mount), spots)
-    light = add_stray_light(
-        light, horizontal_fov_rad=exposure.view.horizontal_fov_rad, fraction=lens.stray_light
-    )
+    fov_rad = exposure.view.horizontal_fov_rad
+    light = add_stray_light(light, horizontal_fov_rad=fov_rad, fraction=lens.stray_light)
     light = add_lens_ghosts(light, capture, exposure, conditions.atmosphere)
     return apply_vignetting(light, exposure.focal_px, exposure.camera.vignetting)

@@ -7,6 +7,7 @@ to the lens, the larger the area over which this cover is spread.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import cv2
@@ -97,12 +98,7 @@ def add_falling_particles(
 ) -> CameraCapture:
     """Add the drops and flakes between camera and scene to a capture.
 
-    Args:
-        capture: Radiance and depth of the scene.
-        exposure: Pose of the camera and shutter time.
-        blocks: All falling particles.
-        ambient_light: Light on particles.
-        extinction: Extinction of the air, 1/m, which reduces the contrast of far particles.
+    `extinction` of the air, 1/m, reduces the contrast of far particles.
     """
     for kind in ("rain", "snow"):
         falling = [block for block in blocks if block.kind == kind]
@@ -117,13 +113,12 @@ def find_visible_particles(
 ) -> FallingParticles:
     """Find the particles of blocks that may be visible, in metres from the eye."""
     found: list[FallingParticles] = []
+    eye, time_s = exposure.position, exposure.frame.time_s
     for block in blocks:
         max_depth_m = _max_visible_depth_m(block, exposure)
         if max_depth_m > MIN_DEPTH_M:
             planes, corners = exposure.frustum(MIN_DEPTH_M, max_depth_m)
-            found.append(
-                block.find_particles(planes, corners, exposure.position, exposure.frame.time_s)
-            )
+            found.append(block.find_particles(planes, corners, eye, time_s))
     return FallingParticles.concatenate(found)
 
 
@@ -132,11 +127,8 @@ def project_streaks(particles: FallingParticles, exposure: CameraExposure) -> Mo
     open_s = exposure.camera.exposure.shutter_s
     camera_axes = exposure.view.world_from_camera[:3, :3].astype(np.float32)
     start = particles.position @ camera_axes
-    path = (
-        (particles.velocity - exposure.velocity.astype(np.float32))
-        @ camera_axes
-        * np.float32(open_s)
-    )
+    relative = particles.velocity - exposure.velocity.astype(np.float32)
+    path = relative @ camera_axes * np.float32(open_s)
     before = (start[:, 0] > MIN_DEPTH_M) & (start[:, 0] + path[:, 0] > MIN_DEPTH_M)
     start, path, diameter_m = start[before], path[before], particles.diameter_m[before]
     depth_m = start[:, 0] + path[:, 0] / 2.0
@@ -176,23 +168,16 @@ def _draw_streaks(
     is_rain = kind == "rain"
     per_lx = DROP_LUMINANCE_PER_LX if is_rain else FLAKE_LUMINANCE_PER_LX
     near, far = _split_lamps_by_distance(exposure)
+    lamp_light = partial(
+        lamp_luminance, eye=exposure.position, per_lx=per_lx, forward_scattering=is_rain
+    )
+    ambient = ambient_light.drop_luminance if is_rain else ambient_light.flake_luminance
     rays = exposure.ray_grid(*LIGHT_GRID).reshape(-1, 3)
-    far_light = (
-        ambient_light.drop_luminance(rays) if is_rain else ambient_light.flake_luminance(rays)
-    )
-    middle = LIGHT_GRID_DEPTH_M * rays
-    far_light = far_light + lamp_luminance(
-        far, middle, exposure.position, per_lx=per_lx, forward_scattering=is_rain
-    )
+    far_light = ambient(rays) + lamp_light(far, LIGHT_GRID_DEPTH_M * rays)
     height, width = capture.depth.shape
     grid = far_light.reshape(LIGHT_GRID[1], LIGHT_GRID[0], 3).astype(np.float32)
     light = cv2.resize(grid, (width, height), interpolation=cv2.INTER_LINEAR)
-
-    own_light = None
-    if near:
-        own_light = lamp_luminance(
-            near, streaks.position, exposure.position, per_lx=per_lx, forward_scattering=is_rain
-        )
+    own_light = lamp_light(near, streaks.position) if near else None
     weight = streaks.covered_area_px * streaks.glint * np.exp(-extinction * streaks.depth_m)
     cover, glow = _splat_dots(streaks, weight, own_light, capture.depth)
     np.minimum(cover, 1.0, out=cover)
@@ -208,17 +193,12 @@ def _draw_streaks(
 def _split_lamps_by_distance(
     exposure: CameraExposure,
 ) -> tuple[list[LightSource], list[LightSource]]:
-    if not exposure.light_sources:
-        return [], []
-    positions = np.array([lamp.position for lamp in exposure.light_sources])
-    away = np.linalg.norm(positions - exposure.position, axis=1).tolist()
-    near = [lamp for lamp, m in zip(exposure.light_sources, away, strict=True) if m < NEAR_LAMPS_M]
-    far = [
-        lamp
-        for lamp, m in zip(exposure.light_sources, away, strict=True)
-        if NEAR_LAMPS_M <= m < FAR_LAMPS_M
+    lamps = [
+        (float(np.linalg.norm(np.subtract(lamp.position, exposure.position))), lamp)
+        for lamp in exposure.light_sources
     ]
-    return near, far
+    near = [lamp for distance_m, lamp in lamps if distance_m < NEAR_LAMPS_M]
+    return near, [lamp for distance_m, lamp in lamps if NEAR_LAMPS_M <= distance_m < FAR_LAMPS_M]
 
 
 def _splat_dots(
@@ -242,9 +222,7 @@ def _splat_dots(
     cover = np.bincount(index, dot, height * width).reshape(height, width).astype(np.float32)
     if own_light is None:
         return cover, None
-    light = [
-        np.bincount(index, dot * own_light[run, channel], height * width) for channel in range(3)
-    ]
+    light = [np.bincount(index, dot * own_light[run, k], height * width) for k in range(3)]
     return cover, np.stack(light, axis=1).reshape(height, width, 3).astype(np.float32)
 
 
@@ -257,10 +235,8 @@ def _place_dots(streaks: MotionStreaks) -> tuple[FloatArray, NDArray[np.int32], 
     begin, path = streaks.begin.astype(np.float32), (streaks.end - streaks.begin).astype(np.float32)
     along = _round_up_dot_count(streaks.length_px + 1.0)
     across = _round_up_dot_count(streaks.blurred_width_px)
-    across_step = np.stack([-path[:, 1], path[:, 0]], axis=1)
-    across_step *= (streaks.blurred_width_px / np.maximum(streaks.length_px, 1e-6)).astype(
-        np.float32
-    )[:, None]
+    ratio = (streaks.blurred_width_px / np.maximum(streaks.length_px, 1e-6)).astype(np.float32)
+    across_step = np.stack([-path[:, 1], path[:, 0]], axis=1) * ratio[:, None]
     pattern = along * (across.max() + 1) + across
     order = np.argsort(pattern, kind="stable")
     positions: list[FloatArray] = []
@@ -269,9 +245,8 @@ def _place_dots(streaks: MotionStreaks) -> tuple[FloatArray, NDArray[np.int32], 
         fraction = ((np.arange(along_count) + 0.5) / along_count).astype(np.float32)
         position = begin[members].T[..., None] + path[members].T[..., None] * fraction
         if lane_count > 1:
-            position = position[..., None] + across_step[members].T[
-                ..., None, None
-            ] * _lane_offsets(lane_count)
+            lanes = _lane_offsets(lane_count)
+            position = position[..., None] + across_step[members].T[..., None, None] * lanes
         positions.append(position.reshape(2, -1))
     count = along * across
     return np.concatenate(positions, axis=1), np.repeat(order, count[order]).astype(np.int32), count
@@ -279,9 +254,8 @@ def _place_dots(streaks: MotionStreaks) -> tuple[FloatArray, NDArray[np.int32], 
 
 def _round_up_dot_count(size_px: FloatArray) -> NDArray[np.intp]:
     """Round sizes (n,) up to numbers of dots, to few different ones."""
-    step = 2.0 ** np.floor(
-        np.log2(np.maximum(size_px, DOT_COUNT_ROUNDING)) - math.log2(DOT_COUNT_ROUNDING)
-    )
+    least = np.maximum(size_px, DOT_COUNT_ROUNDING)
+    step = 2.0 ** np.floor(np.log2(least) - math.log2(DOT_COUNT_ROUNDING))
     return (np.ceil(size_px / step) * step).astype(np.intp)
 
 

@@ -76,12 +76,8 @@ def apply_glass(
 ) -> Float32Array:
     """Cover a fraction of the glass in front of an image (h, w, 3) in cd/m².
 
-    Args:
-        light: Image before the glass.
-        exposure: Gives focal length and aperture, and so the blur of the glass.
-        lens: Kind of spots.
-        coverage: Covered fraction; 0 leaves the image unchanged.
-        rng: Generator of this camera; the same state gives the same spots.
+    Their blur follows from focal length and aperture. The same state of `rng` gives the same
+    spots; coverage 0 leaves the image unchanged.
     """
     if coverage == 0.0:
         return light
@@ -96,13 +92,9 @@ def apply_glass(
     mean = light.mean(axis=(0, 1))
     if lens.kind == "water":
         down, across = np.mgrid[:height, :width].astype(np.float32)
-        behind = cv2.remap(
-            cv2.GaussianBlur(light, (0, 0), blur_px),
-            across + shift[..., 0],
-            down + shift[..., 1],
-            cv2.INTER_LINEAR,
-            borderMode=cv2.BORDER_REFLECT_101,
-        )
+        blurred = cv2.GaussianBlur(light, (0, 0), blur_px)
+        at = across + shift[..., 0], down + shift[..., 1]
+        behind = cv2.remap(blurred, *at, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT_101)
         spot = (behind + mean) / 2.0
     else:
         spot = mean * (GLASS_DUST_ALBEDO if lens.kind == "dust" else SNOWFLAKE_ALBEDO)
@@ -115,9 +107,8 @@ def _draw_spots(
     """Draw columns and rows (n, 2) and radii (n,) in pixels of spots that cover the glass."""
     height, width = exposure.view.height_px, exposure.view.width_px
     scale = exposure.focal_px / GLASS_DISTANCE_M
-    mean_area = (
-        math.pi / 4.0 * (SPOT_MM[kind] * 1e-3 * scale) ** 2 * math.exp(2.0 * SPOT_SIZE_DEVIATION**2)
-    )
+    median_px = SPOT_MM[kind] * 1e-3 * scale
+    mean_area = math.pi / 4.0 * median_px**2 * math.exp(2.0 * SPOT_SIZE_DEVIATION**2)
     # Spots overlap at random, so the uncovered fraction is exp(-number times mean area).
     count = rng.poisson(-math.log1p(-min(coverage, 0.95)) * height * width / mean_area)
     diameter = SPOT_MM[kind] * 1e-3 * np.exp(SPOT_SIZE_DEVIATION * rng.standard_normal(count))
@@ -214,9 +205,10 @@ def add_lens_ghosts(
     if strength == 0.0:
         return light
     found = light.copy()
+    middle = np.array([exposure.view.width_px, exposure.view.height_px]) / 2.0
     for column, row, lux in _find_ghost_sources(capture, exposure, atmosphere):
         for place, radius_deg, tint in LENS_GHOSTS:
-            at = _mirror_position(column, row, place, exposure)
+            at = middle + place * (middle - [column, row])
             radius = math.radians(radius_deg)
             luminance = strength * GHOST_REFLECTANCE / (math.pi * radius**2) * lux * np.array(tint)
             _add_disc(found, at, radius * exposure.focal_px, luminance)
@@ -235,10 +227,8 @@ def _find_ghost_sources(
         return
     direction = np.array([lamp.position for lamp in exposure.light_sources]) - exposure.position
     distance = np.linalg.norm(direction, axis=1)
-    lux = (
-        intensity_towards(exposure.light_sources, -(direction / distance[:, None])[:, None])[:, 0]
-        / distance**2
-    )
+    towards = -(direction / distance[:, None])[:, None]
+    lux = intensity_towards(exposure.light_sources, towards)[:, 0] / distance**2
     lux *= np.exp(-atmosphere.extinction.at_550nm * distance)
     for index in np.flatnonzero(lux > MIN_GHOST_LX).tolist():
         place = _locate_in_image(exposure, direction[index], float(distance[index]), capture)
@@ -262,17 +252,10 @@ def _locate_in_image(
     return (column, row) if background_m >= along - LAMP_HOUSING_M else None
 
 
-def _mirror_position(
-    column: float, row: float, place: float, exposure: CameraExposure
-) -> tuple[float, float]:
-    middle_x, middle_y = exposure.view.width_px / 2.0, exposure.view.height_px / 2.0
-    return middle_x + place * (middle_x - column), middle_y + place * (middle_y - row)
-
-
 def _add_disc(
-    image: NDArray[np.float32], at: tuple[float, float], radius_px: float, luminance: Float64Array
+    image: NDArray[np.float32], at: Float64Array, radius_px: float, luminance: Float64Array
 ) -> None:
-    pixels, off = _pixels_around(np.array(at), radius_px, image.shape)
+    pixels, off = _pixels_around(at, radius_px, image.shape)
     from_edge = 1.0 - np.hypot(off[..., 0], off[..., 1]) / radius_px
     disc = np.clip(from_edge / GHOST_EDGE_FRACTION, 0.0, 1.0)
     image[pixels] += (disc[..., None] * luminance).astype(np.float32)

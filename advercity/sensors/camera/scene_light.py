@@ -82,10 +82,9 @@ class AmbientLight:
         return self.solid_angle_fraction @ self.luminance
 
     def drop_luminance(self, rays: Float64Array) -> Float64Array:
-        """Compute the luminance (n, 3) of drops view_rays along unit rays (n, 3)."""
-        within = (
-            rays @ self.directions.T > math.cos(DROP_HALF_VIEW_RAD)
-        ) * self.solid_angle_fraction
+        """Compute the luminance (n, 3) of drops along unit view rays (n, 3)."""
+        refracted = rays @ self.directions.T > math.cos(DROP_HALF_VIEW_RAD)
+        within = refracted * self.solid_angle_fraction
         wide = within @ self.luminance / within.sum(axis=1, keepdims=True)
         sun = DROP_LUMINANCE_PER_LX * forward_boost(rays @ self.sun)[:, None] * self.sun_lx
         return DROP_WEIGHT * wide + (1.0 - DROP_WEIGHT) * self.mean_luminance + sun
@@ -115,12 +114,9 @@ def lamp_luminance(
 ) -> NDArray[np.float32]:
     """Compute the luminance (n, 3) of drops or flakes at points (n, 3) by lamps.
 
-    Args:
-        lamps: Lamps; nothing hides them from the points.
-        points: Metres from the eye, in the world's axes.
-        eye: Position (3,) of the camera.
-        per_lx: Luminance per illuminance by a lamp to the side.
-        forward_scattering: Whether they are brighter in front of a lamp, as drops are.
+    Points are in metres from the `eye` (3,), in the world's axes; nothing hides the lamps from
+    them. `per_lx` is luminance per illuminance by a lamp to the side; with `forward_scattering`
+    particles are brighter in front of a lamp, as drops are.
     """
     near = points.astype(np.float32)
     view_rays = near / np.maximum(np.linalg.norm(near, axis=1, keepdims=True), 1e-6)

@@ -1,7 +1,6 @@
 """Spray behind vehicles on a wet road: the plumes of the LiDAR, as veils in a camera's image."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -36,30 +35,20 @@ def add_spray(
     """Veil a capture by the plumes of all vehicles; unchanged unless the road is wet enough."""
     if not has_spray(water_film_mm):
         return capture
-    for state in _find_spraying_vehicles(exposure):
-        capture = _add_plume(capture, exposure, SprayPlume.from_state(state), ambient_light)
+
+    def distance_m(state: ActorState) -> float:
+        return float(np.linalg.norm(state.world_from_body[:3, 3] - exposure.position))
+
+    # The farthest first, so that nearer plumes cover theirs.
+    vehicles = iterate_spraying_states(exposure.frame.states)
+    for state in sorted(vehicles, key=distance_m, reverse=True):
+        if distance_m(state) < MAX_PLUME_DISTANCE_M:
+            capture = _add_plume(capture, exposure, SprayPlume.from_state(state), ambient_light)
     return capture
 
 
-def _find_spraying_vehicles(exposure: CameraExposure) -> Sequence[ActorState]:
-    """List the spraying vehicles, the farthest first, so that nearer plumes cover theirs."""
-    found = [
-        state
-        for state in iterate_spraying_states(exposure.frame.states)
-        if _distance_m(state, exposure) < MAX_PLUME_DISTANCE_M
-    ]
-    return sorted(found, key=lambda state: -_distance_m(state, exposure))
-
-
-def _distance_m(state: ActorState, exposure: CameraExposure) -> float:
-    return float(np.linalg.norm(state.world_from_body[:3, 3] - exposure.position))
-
-
 def _add_plume(
-    capture: CameraCapture,
-    exposure: CameraExposure,
-    plume: SprayPlume,
-    ambient_light: AmbientLight,
+    capture: CameraCapture, exposure: CameraExposure, plume: SprayPlume, ambient_light: AmbientLight
 ) -> CameraCapture:
     region = _image_region(exposure, plume)
     if region is None:
@@ -115,9 +104,8 @@ def _pixel_rays(
     )
     rays = np.stack([np.ones_like(right), -right, -down], axis=-1)
     distance_per_depth = np.linalg.norm(rays, axis=-1)
-    return rays / distance_per_depth[..., None] @ exposure.view.world_from_camera[
-        :3, :3
-    ].T, distance_per_depth
+    world_from_camera = exposure.view.world_from_camera[:3, :3]
+    return rays / distance_per_depth[..., None] @ world_from_camera.T, distance_per_depth
 
 
 def _optical_depth(
