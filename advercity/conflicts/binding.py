@@ -40,13 +40,7 @@ class Binding:
 
 
 def match_conflict(conflict: Conflict, road: Road, *, called_for: bool) -> Binding:
-    """Match a conflict to a road.
-
-    Args:
-        conflict: The conflict.
-        road: The road.
-        called_for: Whether the conflict's typology calls for the road.
-    """
+    """Match a conflict to a road that its typology calls for, or not."""
     reason = _find_obstacle(conflict, road)
     if reason:
         return Binding("invalid", reason)
@@ -152,17 +146,12 @@ def _find_signalled_junctions(road: Road) -> tuple[str, ...]:
 def _without_signals(road: Road) -> Road:
     """Replace traffic lights on the ego's route by stop signs for the streets from the sides."""
     planner = RoutePlanner(road)
-    unsignalled = {
-        name: road.junctions[name].model_copy(
-            update={
-                "control": "stop",
-                "signals": None,
-                "signs": tuple(_build_stop_signs(planner, name, road.ego.route[0])),
-            }
-        )
-        for name in _find_signalled_junctions(road)
-    }
-    return road.model_copy(update={"junctions": {**road.junctions, **unsignalled}})
+    junctions = dict(road.junctions)
+    for name in _find_signalled_junctions(road):
+        signs = tuple(_build_stop_signs(planner, name, road.ego.route[0]))
+        update = {"control": "stop", "signals": None, "signs": signs}
+        junctions[name] = junctions[name].model_copy(update=update)
+    return road.model_copy(update={"junctions": junctions})
 
 
 def _build_stop_signs(planner: RoutePlanner, junction: str, main: str) -> Iterator[Sign]:
@@ -170,11 +159,10 @@ def _build_stop_signs(planner: RoutePlanner, junction: str, main: str) -> Iterat
     heading = planner.approach_heading(main, junction)
     for street in dict.fromkeys(item.from_street for item in planner.movements[junction]):
         if abs(np.sin(planner.approach_heading(street, junction) - heading)) > SIDE_STREET_SINE:
-            layout, along = planner.streets[street], planner.is_towards_junction(street, junction)
-            edge = layout.directed_line(
-                layout.strips_in_direction(along=along)[-1].outer_t, along=along
-            )[:, :2]
-            east, north = edge[-1]
+            layout = planner.streets[street]
+            along = layout.ends == junction
+            outer_t = layout.strips_in_direction(along=along)[-1].outer_t
+            east, north = layout.directed_line(outer_t, along=along)[-1, :2]
             yield Sign(street=street, kind="stop", at_m=(round(east, 2), round(north, 2)))
 
 

@@ -5,7 +5,7 @@ A `TriangleSurface` is bare geometry in double precision; a `MeshPart` adds what
 a draw call.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import mapbox_earcut
@@ -172,6 +172,17 @@ def join_surfaces(surfaces: Iterable[TriangleSurface]) -> TriangleSurface:
         np.concatenate([part.triangles + o for part, o in zip(parts, offsets, strict=True)]),
         np.concatenate(normals) if len(normals) == len(parts) else None,
     )
+
+
+def merge_surfaces(
+    surfaces: Mapping[str, Sequence[TriangleSurface]], kinds: Mapping[str, tuple[str, Semantic]]
+) -> list[Mesh]:
+    """Build a mesh of each name that has surfaces; `kinds` are its material and class."""
+    return [
+        join_surfaces(found).to_mesh(name, *kinds[name])
+        for name, found in surfaces.items()
+        if found
+    ]
 
 
 def move_surface(

@@ -55,14 +55,10 @@ class ImportedNetwork:
 
     def find_opposite_edge(self, edge: SumoEdge) -> SumoEdge | None:
         """Find the street that leads back between the same junctions along a common border."""
-        return next(
-            (
-                other
-                for other in self._edges_between.get((edge.to_junction, edge.from_junction), ())
-                if other.driving_lanes and edge.driving_lanes and _has_common_border(edge, other)
-            ),
-            None,
-        )
+        for other in self._edges_between.get((edge.to_junction, edge.from_junction), ()):
+            if other.driving_lanes and edge.driving_lanes and _has_common_border(edge, other):
+                return other
+        return None
 
     @cached_property
     def _edges_between(self) -> dict[tuple[str, str], list[SumoEdge]]:

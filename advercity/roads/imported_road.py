@@ -15,17 +15,20 @@ from advercity_dsl import MapNetwork, Road
 from shapely.geometry.base import BaseGeometry
 
 from advercity.geometry import polyline
-from advercity.geometry.mesh import Mesh, TriangleSurface, build_ribbon, join_surfaces
+from advercity.geometry.mesh import (
+    Mesh,
+    TriangleSurface,
+    merge_surfaces,
+)
 from advercity.geometry.polyline import Points, StationedPolyline, offset_polyline
 from advercity.roads import markings
 from advercity.roads.imported_network import ImportedNetwork
 from advercity.roads.imported_surface import ImportedSurface
 from advercity.roads.lane_segments import LaneSegment
-from advercity.roads.markings import WHITE, YELLOW
+from advercity.roads.markings import PAINT_KINDS, WHITE, YELLOW
 from advercity.roads.network_file import SumoEdge, SumoLane, parse_packed_network
 from advercity.roads.signals import TrafficLight, TrafficSign
 from advercity.roads.streets import StreetLayout, approach_name
-from advercity.semantics import Semantic
 
 EDGE_LINE_INSET_M = 0.1
 """Distance from the edge of the roadway to its edge line."""
@@ -50,11 +53,7 @@ def build_imported_markings(net: ImportedNetwork, surface: ImportedSurface) -> l
                 pieces[WHITE] += markings.build_zebra_bars(
                     start[:2], end[:2], width_m=lane.width_m, height=heights.height_at
                 )
-    return [
-        join_surfaces(found).to_mesh(colour, colour, Semantic.ROAD_LINE)
-        for colour, found in pieces.items()
-        if found
-    ]
+    return merge_surfaces(pieces, PAINT_KINDS)
 
 
 def _edge_lines(edge: SumoEdge, net: ImportedNetwork) -> Iterator[tuple[str, TriangleSurface]]:
@@ -81,10 +80,7 @@ def _border_inset(lane: SumoLane, *, on_left: bool) -> Points:
 
 def _stripe(line: Points, width_m: float = markings.LINE_WIDTH_M) -> TriangleSurface:
     half = width_m / 2
-    return build_ribbon(
-        offset_polyline(line, half) + markings.MARKING_LIFT,
-        offset_polyline(line, -half) + markings.MARKING_LIFT,
-    )
+    return markings.build_paint(offset_polyline(line, half), offset_polyline(line, -half))
 
 
 def _edges_with_stop_line(net: ImportedNetwork) -> Iterator[SumoEdge]:
@@ -212,18 +208,19 @@ class ImportedRoadNetwork:
     @cached_property
     def lanes(self) -> tuple[LaneSegment, ...]:
         """Lanes under SUMO's ids."""
-        streets = [
-            _lane_segment(edge, at, in_junction=False) for edge, at in _lanes_of(self._net.edges)
-        ]
         inside = (*self._net.internal_edges, *self._net.crossings)
-        return (
-            *streets,
-            *(
-                _lane_segment(edge, at, in_junction=True)
-                for edge, at in _lanes_of({edge.id: edge for edge in inside})
-                if edge.lanes[at].kind in ("driving", "crossing")
-            ),
-        )
+        found = [
+            _lane_segment(lane, in_junction=False)
+            for edge in self._net.edges.values()
+            for lane in edge.lanes
+        ]
+        found += [
+            _lane_segment(lane, in_junction=True)
+            for edge in inside
+            for lane in edge.lanes
+            if lane.kind in ("driving", "crossing")
+        ]
+        return tuple(found)
 
     @property
     def meshes(self) -> list[Mesh]:
@@ -268,12 +265,7 @@ class ImportedRoadNetwork:
         return tuple(place_traffic_signs(self._net, self._surface))
 
 
-def _lanes_of(edges: dict[str, SumoEdge]) -> list[tuple[SumoEdge, int]]:
-    return [(edge, at) for edge in edges.values() for at in range(len(edge.lanes))]
-
-
-def _lane_segment(edge: SumoEdge, at: int, *, in_junction: bool) -> LaneSegment:
-    lane = edge.lanes[at]
+def _lane_segment(lane: SumoLane, *, in_junction: bool) -> LaneSegment:
     return LaneSegment(
         lane.id, lane.kind, lane.left_border, lane.right_border, in_junction=in_junction
     )

@@ -21,7 +21,7 @@ from advercity.geometry.mesh import (
     build_grid_cells,
     build_ribbon,
     extract_polygons,
-    join_surfaces,
+    merge_surfaces,
     triangulate_polygon,
 )
 from advercity.geometry.polyline import Points
@@ -99,16 +99,12 @@ class ImportedSurface:
         """Area of each junction that no street covers, by id."""
         areas: dict[str, BaseGeometry] = {}
         for junction in self._net.junctions.values():
-            shapes = (
-                [self._junction_path_areas[junction.id]]
-                if junction.id in self._junction_path_areas
-                else []
-            )
+            paths = self._junction_path_areas.get(junction.id)
+            shapes = [] if paths is None else [paths]
             if len(junction.outline) > 2:
                 shapes.append(build_enclosed_area(junction.outline))
-            free = shapely.difference(
-                shapely.union_all(shapes), self._carriageways, grid_size=GRID_M
-            )
+            covered = shapely.union_all(shapes)
+            free = shapely.difference(covered, self._carriageways, grid_size=GRID_M)
             area = shapely.union_all(extract_polygons(free))
             if not area.is_empty:
                 areas[junction.id] = area
@@ -124,9 +120,8 @@ class ImportedSurface:
     @cached_property
     def raised_area(self) -> BaseGeometry:
         """Area of sidewalks and of the corners between them."""
-        driven = shapely.union_all(
-            [self._carriageways, *self._junction_path_areas.values()], grid_size=GRID_M
-        )
+        paths = [self._carriageways, *self._junction_path_areas.values()]
+        driven = shapely.union_all(paths, grid_size=GRID_M)
         walks = [lane.build_area() for lane in self._lanes if lane.kind == "sidewalk"]
         # Outlines of walking areas overlap roadways, which are subtracted below.
         corners = [
@@ -136,7 +131,8 @@ class ImportedSurface:
             if len(lane.shape) > 2
         ]
         area = _close_gaps(shapely.union_all([*walks, *corners], grid_size=GRID_M), HALF_SLIVER_M)
-        return _remove_slivers(shapely.difference(area, driven, grid_size=GRID_M), HALF_SLIVER_M)
+        raised = shapely.difference(area, driven, grid_size=GRID_M)
+        return _close_gaps(raised, -HALF_SLIVER_M)
 
     @cached_property
     def footprint(self) -> BaseGeometry:
@@ -152,12 +148,10 @@ class ImportedSurface:
             upright = shapely.orient_polygons(polygon)
             for ring in (upright.exterior, *upright.interiors):
                 plane = shapely.get_coordinates(shapely.segmentize(ring, EDGE_STEP_M))
-                on_kerb = shapely.dwithin(
-                    self.raised_area, shapely.points(plane), 2 * SIMPLIFY_TOLERANCE_M
-                )
-                rings.append(
-                    np.column_stack([plane, self.height_at(plane) + KERB_HEIGHT_M * on_kerb])
-                )
+                points = shapely.points(plane)
+                on_kerb = shapely.dwithin(self.raised_area, points, 2 * SIMPLIFY_TOLERANCE_M)
+                z = self.height_at(plane) + KERB_HEIGHT_M * on_kerb
+                rings.append(np.column_stack([plane, z]))
         return rings
 
     def height_at(self, points: Points) -> NDArray[np.float64]:
@@ -172,18 +166,14 @@ class ImportedSurface:
 
     def junction_heights(self, junction: str) -> HeightInterpolator:
         """Build the heights of a junction's area from its paths and the ends of its streets."""
-        return HeightInterpolator(
-            np.array(list(self._junction_height_lines(junction)), dtype=np.object_)
-        )
+        lines = list(self._junction_height_lines(junction))
+        return HeightInterpolator(np.array(lines, dtype=np.object_))
 
     @cached_property
     def _height_lines(self) -> tuple[NDArray[np.object_], shapely.STRtree]:
-        paths = [lane for edge in self._net.internal_edges for lane in edge.lanes]
-        borders = [line for lane in self._lanes for line in (lane.left_border, lane.right_border)]
-        lines = np.array(
-            [shapely.LineString(line) for line in (*borders, *(lane.centre for lane in paths))],
-            dtype=np.object_,
-        )
+        paths = [line for lane in self._lanes for line in (lane.left_border, lane.right_border)]
+        paths += [lane.centre for edge in self._net.internal_edges for lane in edge.lanes]
+        lines = np.array([shapely.LineString(path) for path in paths], dtype=np.object_)
         return lines, shapely.STRtree(lines)
 
     @cached_property
@@ -213,11 +203,7 @@ class ImportedSurface:
             "sidewalk": list(self._raised_patches(shapely.buffer(self.raised_area, -KERB_WIDTH_M))),
             "kerb": list(self._kerb_patches()),
         }
-        return [
-            join_surfaces(found).to_mesh(name, *ROAD_SURFACES[name])
-            for name, found in pieces.items()
-            if len(found) > 0
-        ]
+        return merge_surfaces(pieces, ROAD_SURFACES)
 
     def _asphalt_patches(self) -> Iterator[TriangleSurface]:
         for lane in self._lanes:
@@ -226,16 +212,10 @@ class ImportedSurface:
                 yield build_ribbon(lane.offset_line(half), lane.offset_line(-half))
         for name, area in self.junction_areas.items():
             heights = self.junction_heights(name)
-            yield from _triangulate_area(
-                shapely.buffer(area, LANE_OVERLAP_M, join_style="mitre"), heights.height_at
-            )
-        covered = [self._carriageways, *self.junction_areas.values()]
-        left_over = shapely.difference(
-            self.roadway_area, shapely.union_all(covered), grid_size=GRID_M
-        )
-        yield from _triangulate_area(
-            shapely.buffer(left_over, LANE_OVERLAP_M, join_style="mitre"), self.height_at
-        )
+            yield from _triangulate_area(_grow(area, LANE_OVERLAP_M), heights.height_at)
+        covered = shapely.union_all([self._carriageways, *self.junction_areas.values()])
+        left_over = shapely.difference(self.roadway_area, covered, grid_size=GRID_M)
+        yield from _triangulate_area(_grow(left_over, LANE_OVERLAP_M), self.height_at)
 
     def _raised_patches(self, area: BaseGeometry) -> Iterator[TriangleSurface]:
         for piece in _triangulate_area(area, self.height_at):
@@ -270,16 +250,13 @@ def _triangulate_area(
             yield TriangleSurface(np.column_stack([corners, height(corners)]), triangles)
 
 
+def _grow(area: BaseGeometry, by_m: float) -> BaseGeometry:
+    return shapely.buffer(area, by_m, join_style="mitre")
+
+
 def _close_gaps(area: BaseGeometry, half_m: float) -> BaseGeometry:
-    """Close gaps of an area that are narrower than twice `half_m`."""
-    grown = shapely.buffer(area, half_m, join_style="mitre")
-    return shapely.buffer(grown, -half_m, join_style="mitre")
-
-
-def _remove_slivers(area: BaseGeometry, half_m: float) -> BaseGeometry:
-    """Remove parts of an area that are narrower than twice `half_m`."""
-    shrunk = shapely.buffer(area, -half_m, join_style="mitre")
-    return shapely.buffer(shrunk, half_m, join_style="mitre")
+    """Close gaps narrower than twice `half_m`; where that is negative, remove such parts."""
+    return _grow(_grow(area, half_m), -half_m)
 
 
 def _fill_small_holes(area: BaseGeometry) -> BaseGeometry:

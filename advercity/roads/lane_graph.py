@@ -119,12 +119,9 @@ class LaneGraph:
         # SUMO lists a footway once, but pedestrians walk in both directions.
         back = [replace(link, origin=link.target, target=link.origin) for link in footways]
         steps = _group(footways + back, attrgetter("origin"))
+        find = self._find_reachable_sidewalks
         return {
-            edge: tuple(
-                sorted(
-                    self._find_reachable_sidewalks(lane.id, steps, crossing=use_crossings) - {edge}
-                )
-            )
+            edge: tuple(sorted(find(lane.id, steps, crossing=use_crossings) - {edge}))
             for edge, lane in self.sidewalks.items()
         }
 
@@ -188,10 +185,8 @@ def find_shortest_route(
 ) -> tuple[str, ...]:
     """Find the shortest route from a position on a lane to a point, and on to the edge of the site.
 
-    Beyond the destination it goes straight on wherever it can.
+    Beyond the destination it goes straight on wherever it can. The result are edges' ids.
 
-    Returns:
-        Ids of the edges in order.
 
     Raises:
         InputError: No route leads near the destination.

@@ -170,10 +170,8 @@ class JunctionLayout:
 
     def turn_angle(self, source: str, target: str) -> float:
         """Compute the angle in radians from a street into another, positive to the left."""
-        out, into = (
-            -self.find_arm(source).outward_direction,
-            self.find_arm(target).outward_direction,
-        )
+        out = -self.find_arm(source).outward_direction
+        into = self.find_arm(target).outward_direction
         return float(np.arctan2(out[0] * into[1] - out[1] * into[0], out @ into))
 
     def height_at(self, points: Points) -> NDArray[np.float64]:
@@ -227,35 +225,23 @@ def _build_arms(name: str, streets: dict[str, StreetLayout]) -> tuple[JunctionAr
 
 
 def _build_corner(arm: JunctionArm, following: JunctionArm, radius_m: float) -> JunctionCorner:
-    kerb = _connect_arms(
-        arm,
-        arm.roadway_edge_offset(leftwards=True),
-        following,
-        following.roadway_edge_offset(leftwards=False),
-        radius_m,
-    )
+    u, v = arm.roadway_edge_offset(leftwards=True), following.roadway_edge_offset(leftwards=False)
+    kerb = _connect_arms(arm, u, following, v, radius_m)
     here, there = arm.sidewalk_offsets(leftwards=True), following.sidewalk_offsets(leftwards=False)
-    ends = (
-        arm.point_at(arm.outer_edge_offset(leftwards=True)),
-        following.point_at(following.outer_edge_offset(leftwards=False)),
-    )
+    first = arm.point_at(arm.outer_edge_offset(leftwards=True))
+    last = following.point_at(following.outer_edge_offset(leftwards=False))
     if here is None or there is None:
-        return JunctionCorner(
-            kerb=kerb, sidewalk_outer_edge=None, outer_edge=_join_lines(ends[0], kerb, ends[1])
-        )
+        return JunctionCorner(kerb, None, _join_lines(first, kerb, last))
     width = max(abs(here[1] - here[0]), abs(there[1] - there[0]))
-    back = _connect_arms(
-        arm, here[1], following, there[1], max(radius_m - width, MIN_CORNER_RADIUS_M)
-    )
+    inner_radius_m = max(radius_m - width, MIN_CORNER_RADIUS_M)
+    back = _connect_arms(arm, here[1], following, there[1], inner_radius_m)
     # Ribbons between the two lines need a point of one for each of the other.
     count = max(len(kerb), len(back))
     kerb, back = (
         line if len(line) == count else polyline.resample_polyline(line, count)
         for line in (kerb, back)
     )
-    return JunctionCorner(
-        kerb=kerb, sidewalk_outer_edge=back, outer_edge=_join_lines(ends[0], back, ends[1])
-    )
+    return JunctionCorner(kerb, back, _join_lines(first, back, last))
 
 
 def _join_lines(*parts: Points) -> Points:
@@ -286,10 +272,8 @@ def _build_connecting_path(
 
     def through(first_t: float, last_t: float, left_m: float = 0.0) -> Points:
         """Connect two offsets around the centre of the middle path, which is `left_m` away."""
-        start, end = (
-            source.point_at(source.to_arm_offset(first_t)),
-            target.point_at(target.to_arm_offset(last_t)),
-        )
+        start = source.point_at(source.to_arm_offset(first_t))
+        end = target.point_at(target.to_arm_offset(last_t))
         # Borders of an arc are arcs around the same centre, so the lane keeps its width.
         radius = max(turn_radius_m - leftwards * left_m, MIN_CORNER_RADIUS_M)
         return curves.build_connecting_curve(start[:2], out, end[:2], into, radius_m=radius)
@@ -297,14 +281,9 @@ def _build_connecting_path(
     centre = through(leaving.centre_t, entering.centre_t)
     half = leaving.width_m / 2
     count = max(2, int(np.ceil(polyline.polyline_length(centre))) + 1)
-    lines = [
-        polyline.resample_polyline(line, count)
-        for line in (
-            centre,
-            through(leaving.inner_t, entering.inner_t, half),
-            through(leaving.outer_t, entering.outer_t, -half),
-        )
-    ]
+    left = through(leaving.inner_t, entering.inner_t, half)
+    right = through(leaving.outer_t, entering.outer_t, -half)
+    lines = [polyline.resample_polyline(line, count) for line in (centre, left, right)]
     z = interpolate_mean_value_height(outline, lines[0])
     # Lanes and paths share their end points exactly, so netconvert leaves no step between them.
     z[0], z[-1] = source.axis_end[2], target.axis_end[2]
@@ -336,17 +315,11 @@ def _build_median(name: str, between: tuple[str, str], arms: dict[str, JunctionA
 
 
 def interpolate_mean_value_height(outline: Points, points: Points) -> NDArray[np.float64]:
-    """Interpolate heights inside a polygon by mean value coordinates of its corners.
+    """Interpolate heights (n,) at points (n, 2) by mean value coordinates of a polygon's corners.
 
-    They reproduce heights that lie in a plane and are linear along every side of the polygon
-    (Hormann and Floater, ACM Transactions on Graphics 25, 2006).
-
-    Args:
-        outline: (m, 3) polygon, counter-clockwise, open.
-        points: (n, 2) inside it or on it.
-
-    Returns:
-        (n,) metres.
+    The polygon (m, 3) is open and counter-clockwise, the points are inside it or on it. Heights in
+    a plane are reproduced, and heights along every side are linear (Hormann and Floater, ACM
+    Transactions on Graphics 25, 2006).
     """
     to_corner = outline[None, :, :2] - points[:, None]
     distance = np.linalg.norm(to_corner, axis=2)

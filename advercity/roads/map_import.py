@@ -73,10 +73,8 @@ class _LoadedMap:
 def import_map(declared: MapFile, road: Road, folder: Path) -> MapNetwork:
     """Convert a map to a network.
 
-    Args:
-        declared: The map's file, source and extent.
-        road: The road; its origin locates maps with latitudes and longitudes.
-        folder: Folder of the declaration, which the map's path is relative to.
+    Its file is relative to `folder`; the road's origin locates latitudes and longitudes.
+
 
     Raises:
         InputError: The file is missing, unsafe, of another kind, or without a lane for cars.

@@ -16,7 +16,7 @@ from advercity.geometry.mesh import (
     Mesh,
     TriangleSurface,
     build_ribbon,
-    join_surfaces,
+    merge_surfaces,
     triangulate_polygon,
 )
 from advercity.geometry.polyline import Points, StationedPolyline
@@ -61,6 +61,9 @@ SOLID_MATERIALS: dict[RoadMark | None, str] = {
 }
 
 
+PAINT_KINDS = {name: (name, Semantic.ROAD_LINE) for name in (WHITE, YELLOW)}
+
+
 def build_marking_meshes(layout: RoadLayout) -> list[Mesh]:
     """Build all paint, a mesh per colour."""
     pieces: dict[str, list[TriangleSurface]] = {WHITE: [], YELLOW: []}
@@ -77,11 +80,7 @@ def build_marking_meshes(layout: RoadLayout) -> list[Mesh]:
         if junction.declared.control == "none":
             for colour, piece in _junction_lines(junction):
                 pieces[colour].append(piece)
-    return [
-        join_surfaces(found).to_mesh(colour, colour, Semantic.ROAD_LINE)
-        for colour, found in pieces.items()
-        if found
-    ]
+    return merge_surfaces(pieces, PAINT_KINDS)
 
 
 def _street_lines(street: StreetLayout) -> Iterator[tuple[str, TriangleSurface]]:
@@ -89,11 +88,9 @@ def _street_lines(street: StreetLayout) -> Iterator[tuple[str, TriangleSurface]]
         for line in _parking_bay_lines(street, strip):
             yield WHITE, line
     for centre_t, paint in _line_offsets(street):
-        for first, last in (
-            dash_intervals(float(street.stations[-1]))
-            if paint in BROKEN_PAINTS
-            else [(0.0, np.inf)]
-        ):
+        length_m = float(street.stations[-1])
+        broken = paint in BROKEN_PAINTS
+        for first, last in dash_intervals(length_m) if broken else [(0.0, np.inf)]:
             yield MARKING_MATERIALS[paint], _stripe(street, centre_t, LINE_WIDTH_M, first, last)
 
 
@@ -129,16 +126,13 @@ def _junction_lines(junction: JunctionLayout) -> Iterator[tuple[str, TriangleSur
     """Continue solid lines of streets that only change their name or section at a junction."""
     for path in junction.connecting_paths:
         movement = path.movement
-        source, target = (
-            junction.find_arm(movement.from_street),
-            junction.find_arm(movement.to_street),
-        )
+        source = junction.find_arm(movement.from_street)
+        target = junction.find_arm(movement.to_street)
         leaving = source.street.find_lane(movement.from_lane, along=source.is_street_end)
         entering = target.street.find_lane(movement.to_lane, along=not target.is_street_end)
         centred = source.is_street_end and leaving.inner_t == entering.inner_t == 0
-        bordering = entering.lane_number == max(
-            strip.lane_number for strip in target.outbound_strips()
-        )
+        last_lane = max(strip.lane_number for strip in target.outbound_strips())
+        bordering = entering.lane_number == last_lane
         if centred and (colour := SOLID_MATERIALS.get(source.street.axis_paint)):
             yield colour, _border_line(path.left, path.right)
         if bordering and (colour := SOLID_MATERIALS.get(leaving.paint)):
@@ -149,7 +143,7 @@ def _border_line(border: Points, other: Points) -> TriangleSurface:
     """Build a line on one border of a path; the other border gives the direction across."""
     across = (border - other) / np.linalg.norm(border - other, axis=1, keepdims=True)
     outer, inner = border + across * LINE_WIDTH_M / 2, border - across * LINE_WIDTH_M / 2
-    return _lifted_ribbon(outer, inner)
+    return build_paint(outer, inner)
 
 
 def dash_intervals(length_m: float) -> list[tuple[float, float]]:
@@ -167,10 +161,11 @@ def _stripe(
         StationedPolyline(street.offset_line(edge), street.stations).cut(first, last).points
         for edge in (t + width_m / 2, t - width_m / 2)
     )
-    return _lifted_ribbon(left, right)
+    return build_paint(left, right)
 
 
-def _lifted_ribbon(left: Points, right: Points) -> TriangleSurface:
+def build_paint(left: Points, right: Points) -> TriangleSurface:
+    """Build paint between two lines (n, 3) on the roadway."""
     return build_ribbon(left + MARKING_LIFT, right + MARKING_LIFT)
 
 
@@ -247,13 +242,9 @@ def build_zebra_bars(
     width_m: float,
     height: Callable[[Points], NDArray[np.float64]],
 ) -> Iterator[TriangleSurface]:
-    """Build bars of a crossing between points (2,) on both kerbs.
+    """Build bars of a crossing between points (2,) on both kerbs, across the walking direction.
 
-    Args:
-        start: One end.
-        end: Other end.
-        width_m: Length of the bars, across the walking direction.
-        height: Heights (n,) of the roadway at points (n, 2).
+    They are `width_m` long; `height` gives heights (n,) of the roadway at points (n, 2).
     """
     across = float(np.linalg.norm(end - start))
     walking = (end - start) / across
@@ -266,4 +257,4 @@ def build_zebra_bars(
             np.stack([middle + side - driving, middle + side + driving])
             for side in (walking * ZEBRA_BAR_M / 2, -walking * ZEBRA_BAR_M / 2)
         )
-        yield _lifted_ribbon(*(np.column_stack([line, height(line)]) for line in (left, right)))
+        yield build_paint(*(np.column_stack([line, height(line)]) for line in (left, right)))

@@ -114,9 +114,8 @@ class SumoLane:
     def build_area(self, margin_m: float = 0.0) -> BaseGeometry:
         """Build the area between its borders, wider by a margin on both sides."""
         half = self.width_m / 2 + margin_m
-        return build_enclosed_area(
-            np.vstack([self.offset_line(half), self.offset_line(-half)[::-1]])
-        )
+        borders = [self.offset_line(half), self.offset_line(-half)[::-1]]
+        return build_enclosed_area(np.vstack(borders))
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,11 +227,9 @@ def parse_network(root: Element) -> SumoNetwork:
 
 
 def read_signal_groups(path: Path) -> dict[str, list[tuple[str, int]]]:
-    """Read which movements show the light of each approach.
+    """Read which movements show the light of each approach, which is a street or imported edge.
 
-    Returns:
-        By `<light>/<approach>`, an approach being a street or an imported edge: (traffic-light
-        id, index into its state) of every movement of vehicles, sorted.
+    By `<light>/<approach>`: traffic light and index into its state of its vehicles, sorted.
     """
     governed = [
         link

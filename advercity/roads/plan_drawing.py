@@ -56,9 +56,8 @@ class PlanCanvas:
         layer = self.image if opacity >= 1 else self.image.copy()
         cv2.fillPoly(layer, [self._pixels(outline)], colour, cv2.LINE_AA, FRACTIONAL_BITS)
         if opacity < 1:
-            self.image = cv2.addWeighted(layer, opacity, self.image, 1 - opacity, 0).astype(
-                np.uint8
-            )
+            blended = cv2.addWeighted(layer, opacity, self.image, 1 - opacity, 0)
+            self.image = blended.astype(np.uint8)
 
     def line(self, points: ArrayLike, colour: tuple[int, int, int], width_px: int = 1) -> None:
         """Draw a line (n, 2 or 3)."""
@@ -156,10 +155,9 @@ def _route_lanes(vehicle: Vehicle, found: tuple[LaneSegment, ...]) -> Iterator[L
             yield path
             number = path.id.rpartition(" > ")[0].rpartition(".")[2]
             ends = [by_id.get(f"{street}{sign}.{number}") for sign in "+-"]
-            near = [
+            yield from (
                 lane for lane in ends if lane and np.allclose(lane.left[-1], path.left[0], atol=1)
-            ]
-            yield from near
+            )
 
 
 def _is_movement_between(lane_id: str, street: str, following: str) -> bool:

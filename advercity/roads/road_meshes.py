@@ -18,7 +18,7 @@ from advercity.geometry.mesh import (
     build_grid_cells,
     build_ribbon,
     extract_polygons,
-    join_surfaces,
+    merge_surfaces,
     triangulate_polygon,
 )
 from advercity.geometry.polyline import Points, StationedPolyline
@@ -56,19 +56,14 @@ RAISED_SURFACES = (SIDEWALK, MEDIAN)
 
 def build_road_meshes(layout: RoadLayout) -> list[Mesh]:
     """Build roadways, kerbs, sidewalks, medians and paint, one mesh of each kind."""
-    pieces: dict[str, list[TriangleSurface]] = {}
+    pieces: dict[str, list[TriangleSurface]] = {name: [] for name in ROAD_SURFACES}
     for street in layout.streets.values():
         for surface, piece in _street_patches(street):
-            pieces.setdefault(surface, []).append(piece)
+            pieces[surface].append(piece)
     for junction in layout.junctions.values():
         for surface, piece in _junction_patches(junction):
-            pieces.setdefault(surface, []).append(piece)
-    meshes = [
-        join_surfaces(pieces[name]).to_mesh(name, *ROAD_SURFACES[name])
-        for name in ROAD_SURFACES
-        if name in pieces
-    ]
-    return [*meshes, *markings.build_marking_meshes(layout)]
+            pieces[surface].append(piece)
+    return [*merge_surfaces(pieces, ROAD_SURFACES), *markings.build_marking_meshes(layout)]
 
 
 def _strip_surface(strip: StripLayout) -> str:
@@ -76,23 +71,17 @@ def _strip_surface(strip: StripLayout) -> str:
 
 
 def _street_patches(street: StreetLayout) -> Iterator[tuple[str, TriangleSurface]]:
-    runs = [
-        (surface, list(run))
-        for surface, run in groupby(
-            (*street.left_strips[::-1], *street.right_strips), _strip_surface
-        )
-    ]
+    strips = (*street.left_strips[::-1], *street.right_strips)
+    runs = [(surface, list(run)) for surface, run in groupby(strips, _strip_surface)]
+    is_raised = [surface in RAISED_SURFACES for surface, _ in runs]
     edges = markings.marking_edge_offsets(street)
     for index, (surface, run) in enumerate(runs):
         first_t = max(run[0].inner_t, run[0].outer_t)
         last_t = min(run[-1].inner_t, run[-1].outer_t)
         left, right = street.offset_line(first_t), street.offset_line(last_t)
-        if surface in RAISED_SURFACES:
-            adjacent = [
-                runs[other][0] for other in (index - 1, index + 1) if other in range(len(runs))
-            ]
-            at_left = index > 0 and adjacent[0] not in RAISED_SURFACES
-            at_right = index + 1 < len(runs) and adjacent[-1] not in RAISED_SURFACES
+        if is_raised[index]:
+            at_left = index > 0 and not is_raised[index - 1]
+            at_right = index + 1 < len(runs) and not is_raised[index + 1]
             yield from _raised_strip(surface, left, right, left_kerb=at_left, right_kerb=at_right)
             yield from _strip_ends(left, right)
         else:

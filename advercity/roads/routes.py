@@ -96,9 +96,8 @@ class RoutePath:
 
     def find_nearest_station(self, point: ArrayLike) -> float:
         """Find the sampled station that is nearest to a point (2,)."""
-        return float(
-            self._search_stations[np.argmin(self._distances_to(np.asarray(point)[None])[:, 0])]
-        )
+        gaps = self._distances_to(np.asarray(point)[None])[:, 0]
+        return float(self._search_stations[np.argmin(gaps)])
 
     def find_crossing_station(self, other: "RoutePath") -> float | None:
         """Find the sampled station where another path crosses this one; None if none does."""
@@ -146,10 +145,6 @@ class RoutePlanner:
                 return name
         return None
 
-    def is_towards_junction(self, street: str, junction: str) -> bool:
-        """Whether a street leads towards a junction along its axis."""
-        return self.streets[street].ends == junction
-
     def approach_heading(self, street: str, junction: str) -> float:
         """Compute the heading, radians, with which a street leads into a junction."""
         layout = self.streets[street]
@@ -165,9 +160,7 @@ class RoutePlanner:
     def build_path(self, streets: Sequence[str], lane: int | None = None) -> RoutePath:
         """Build the path along streets, in the lanes that lead from each into the next.
 
-        Args:
-            streets: Ids in order.
-            lane: Number of the lane at the start; None for the innermost that fits.
+        It starts in the numbered lane; None is the innermost that fits.
         """
         return self._join_lanes(list(self._choose_lanes(streets, lane)))
 
@@ -227,26 +220,19 @@ class RoutePlanner:
             street = self.streets[name]
             line = _build_lane_line(street, entered, along=along)
             if left != entered:
-                target = street.directed_line(
-                    street.find_lane(left, along=along).centre_t, along=along
-                )[:, :2]
+                target = _build_lane_line(street, left, along=along)
                 fine = max(int(polyline.polyline_length(line)), 2)
-                line, target = (
-                    polyline.resample_polyline(line, fine),
-                    polyline.resample_polyline(target, fine),
-                )
+                line, target = (polyline.resample_polyline(item, fine) for item in (line, target))
                 fraction = np.clip(polyline.polyline_stations(line) / LANE_CHANGE_M, 0, 1)[:, None]
                 line = (1 - fraction) * line + fraction * target
+            begins_m = 0.0
             # Both ends of the link repeat the lanes' own points.
             if pieces:
                 pieces.append(_link_lanes(pieces[-1], line)[1:-1])
-            begins = (
-                polyline.polyline_length(np.concatenate([*pieces, line[:1]])) if pieces else 0.0
-            )
+                begins_m = polyline.polyline_length(np.concatenate([*pieces, line[:1]]))
+            ends_m = begins_m + polyline.polyline_length(line)
             pieces.append(line)
-            segments.append(
-                RouteSegment(street, along, left, begins, begins + polyline.polyline_length(line))
-            )
+            segments.append(RouteSegment(street, along, left, begins_m, ends_m))
         return RoutePath(polyline.drop_repeated_points(np.concatenate(pieces)), tuple(segments))
 
 

@@ -8,43 +8,25 @@ give way to them.
 from dataclasses import dataclass
 from typing import Literal
 
+from advercity_dsl.road import Signals
 from advercity_dsl.units import Point2, Point3
 
 from advercity.roads.layout import JunctionLayout
 
 
-@dataclass(frozen=True)
-class SignalPhase:
-    """A SUMO state, a letter per link, and how long it is shown."""
+def build_signal_phases(junction: JunctionLayout, declared: Signals) -> list[tuple[float, str]]:
+    """Build the program of a junction: durations in seconds and SUMO states.
 
-    duration_s: float
-    state: str
-
-
-@dataclass(frozen=True)
-class SignalProgram:
-    """The program of a junction; its links are the movements in order, then the crossings."""
-
-    junction: str
-    offset_s: float
-    phases: tuple[SignalPhase, ...]
-
-
-def build_signal_program(junction: JunctionLayout) -> SignalProgram | None:
-    """Build the program of a signalised junction; None for any other."""
-    declared = junction.declared.signals
-    if declared is None:
-        return None
-    phases: list[SignalPhase] = []
+    A state has a letter per link: the movements in order, then the crossings.
+    """
+    phases: list[tuple[float, str]] = []
     for approach in declared.cycle:
-        phases += [
-            SignalPhase(declared.green_s, _green_state(junction, approach)),
-            SignalPhase(declared.yellow_s, _yellow_state(junction, approach)),
-        ]
+        phases.append((declared.green_s, _green_state(junction, approach)))
+        phases.append((declared.yellow_s, _yellow_state(junction, approach)))
         if declared.all_red_s > 0:
             links = len(junction.connecting_paths) + len(junction.crossings)
-            phases.append(SignalPhase(declared.all_red_s, "r" * links))
-    return SignalProgram(junction.id, -declared.elapsed_s, tuple(phases))
+            phases.append((declared.all_red_s, "r" * links))
+    return phases
 
 
 def _green_state(junction: JunctionLayout, approach: str) -> str:

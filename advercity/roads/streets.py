@@ -37,11 +37,6 @@ class StripLayout:
     """Width of its parking bays along the street, if it has any."""
 
     @property
-    def runs_along_axis(self) -> bool:
-        """Whether it is travelled along the axis."""
-        return self.outer_t < 0
-
-    @property
     def width_m(self) -> float:
         """Distance between its edges."""
         return abs(self.outer_t - self.inner_t)
@@ -186,8 +181,3 @@ def sumo_lane_index(street: StreetLayout, number: int, *, along: bool) -> int:
     return next(
         index for index, strip in enumerate(reversed(strips)) if strip.lane_number == number
     )
-
-
-def sumo_lane_id(street: StreetLayout, number: int, *, along: bool) -> str:
-    """Build SUMO's id of a driving lane by its number; 1 is the innermost."""
-    return f"{sumo_edge_id(street.id, along=along)}_{sumo_lane_index(street, number, along=along)}"

@@ -1,4 +1,4 @@
-"""The SUMO network of a road: plain XML from templates, compiled by SUMO's `netconvert`.
+"""The SUMO network of a road: plain XML, compiled by SUMO's `netconvert`.
 
 Network coordinates are world coordinates, heights included. Ids: the directed edges of a street
 are `<street>+` along its axis and `<street>-` against it; junctions and traffic lights have the
@@ -9,12 +9,11 @@ closed to traffic where it is neither a driving lane nor a sidewalk, so lateral 
 import os
 import re
 import subprocess
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from xml.etree.ElementTree import Element, SubElement
 
-import jinja2
 import numpy as np
 import sumo
 from advercity_dsl import MapNetwork
@@ -24,9 +23,10 @@ from advercity.errors import InputError, RunError
 from advercity.geometry import polyline
 from advercity.geometry.polyline import Points
 from advercity.roads import signals
-from advercity.roads.layout import JunctionLayout, RoadLayout, lay_out_road
+from advercity.roads.layout import ConnectingPath, JunctionLayout, RoadLayout, lay_out_road
 from advercity.roads.streets import (
     StreetLayout,
+    StripLayout,
     edge_strips,
     sumo_edge_id,
     sumo_lane_index,
@@ -53,11 +53,9 @@ class NetconvertResult:
 
 
 def run_netconvert(options: Mapping[str, str], output: Path) -> NetconvertResult:
-    """Run netconvert.
+    """Run netconvert with `NETCONVERT_OPTIONS` and others, which override them.
 
-    Args:
-        options: They override `NETCONVERT_OPTIONS`; files are relative to the folder of `output`.
-        output: Path of the network to write.
+    Files in the options are relative to the folder of `output`, the network to write.
 
     Raises:
         RunError: The program is missing or does not end in time.
@@ -86,25 +84,16 @@ def run_netconvert(options: Mapping[str, str], output: Path) -> NetconvertResult
 MAX_GRADE_PERCENT = 30
 """netconvert warns of steeper edges, and a warning is an error here."""
 STRIP_PERMISSIONS = {
-    StripKind.LANE: 'disallow="pedestrian"',
-    StripKind.SIDEWALK: 'allow="pedestrian"',
+    StripKind.LANE: {"disallow": "pedestrian"},
+    StripKind.SIDEWALK: {"allow": "pedestrian"},
 }
-CLOSED_PERMISSION = 'disallow="all"'
-
-
-Record = dict[str, Any]
-"""Values of one element, by the names that the templates use."""
+CLOSED_PERMISSION = {"disallow": "all"}
 
 
 def write_sumo_network(road: Road, folder: Path) -> Path:
-    """Write a road's SUMO network.
+    """Write a road's SUMO network, `<road id>.net.xml`, and the files that it is compiled from.
 
-    Args:
-        road: The declaration.
-        folder: Folder for the plain XML files and `<road id>.net.xml`; created if missing.
-
-    Returns:
-        Path of the network; the same road gives the same bytes.
+    The same road gives the same bytes. The folder is created if it is missing.
 
     Raises:
         InputError: Streets or junctions do not fit together.
@@ -112,51 +101,37 @@ def write_sumo_network(road: Road, folder: Path) -> Path:
     """
     folder.mkdir(parents=True, exist_ok=True)
     if isinstance(road.imported, MapNetwork):
-        return _write_imported_network(road.id, road.imported, folder)
+        output = folder / f"{road.id}.net.xml"
+        output.write_bytes(to_xml_bytes(unpack_network(road.imported.network)))
+        return output
     plan = lay_out_road(road)
-    links = [link for junction in plan.junctions.values() for link in _build_links(junction)]
-    contents = {
-        "nodes": {"nodes": list(_build_nodes(plan))},
-        "edges": {
-            "edges": [edge for item in plan.streets.values() for edge in _build_edges(item, plan)]
-        },
-        "connections": {
-            "links": links,
-            "crossings": [item for j in plan.junctions.values() for item in _build_crossings(j)],
-        },
-        "tllogics": {
-            "programs": [
-                p for j in plan.junctions.values() if (p := signals.build_signal_program(j))
-            ],
-            "links": links,
-        },
+    documents = {
+        "nodes": _build_nodes(plan),
+        "edges": _build_edges(plan),
+        "connections": _build_connections(plan),
+        "tllogics": _build_signal_programs(plan),
     }
-    for name, values in contents.items():
-        text = _load_templates().get_template(f"{name}.xml.j2").render(values)
-        (folder / f"{road.id}.{name}.xml").write_text(text, encoding="utf-8")
+    for name, root in documents.items():
+        (folder / f"{road.id}.{name}.xml").write_bytes(to_xml_bytes(root))
     return _compile_network(road.id, folder)
 
 
-def _write_imported_network(name: str, imported: MapNetwork, folder: Path) -> Path:
-    output = folder / f"{name}.net.xml"
-    output.write_bytes(to_xml_bytes(unpack_network(imported.network)))
-    return output
+def _build_nodes(plan: RoadLayout) -> Element:
+    root = Element("nodes")
 
+    def add(name: str, position: Points, kind: str) -> Element:
+        place = {axis: _format_metres(value) for axis, value in zip("xyz", position, strict=True)}
+        return SubElement(root, "node", {"id": name, "type": kind, **place})
 
-def _build_nodes(plan: RoadLayout) -> Iterator[Record]:
     for junction in plan.junctions.values():
-        centre = np.mean([arm.axis_end for arm in junction.arms], axis=0)
         outline = np.concatenate([corner.outer_edge for corner in junction.corners])
-        yield {
-            "id": junction.id,
-            "position": centre,
-            "type": _node_type(junction),
-            "outline": outline,
-        }
+        centre = np.mean([arm.axis_end for arm in junction.arms], axis=0)
+        add(junction.id, centre, _node_type(junction)).set("shape", _format_shape(outline))
     for street in plan.streets.values():
         for name, point in ((street.begins, street.axis[0]), (street.ends, street.axis[-1])):
             if name not in plan.junctions:
-                yield {"id": name, "position": point, "type": "dead_end", "outline": None}
+                add(name, point, "dead_end")
+    return root
 
 
 def _node_type(junction: JunctionLayout) -> str:
@@ -173,35 +148,49 @@ def _node_type(junction: JunctionLayout) -> str:
             return "priority"
 
 
-def _build_edges(street: StreetLayout, plan: RoadLayout) -> Iterator[Record]:
-    for along in (True, False):
-        strips = edge_strips(street, along=along)
-        if not strips:
-            continue
-        begins, ends = (street.begins, street.ends) if along else (street.ends, street.begins)
-        centres = [street.directed_line(strip.centre_t, along=along) for strip in strips]
-        driven = [
-            polyline.polyline_length(centre)
-            for strip, centre in zip(strips, centres, strict=True)
-            if strip.kind is StripKind.LANE
-        ]
-        yield {
-            "id": sumo_edge_id(street.id, along=along),
-            "begins": begins,
-            "ends": ends,
-            "priority": _priority(street.id, plan.junctions.get(ends)),
-            "speed_m_s": street.speed_limit_m_s,
-            "length_m": float(np.mean(driven or [polyline.polyline_length(centres[0])])),
-            "border": street.directed_line(strips[0].inner_t, along=along),
-            "lanes": tuple(
-                {
-                    "width_m": strip.width_m,
-                    "permission": STRIP_PERMISSIONS.get(strip.kind, CLOSED_PERMISSION),
-                    "centre": centre,
-                }
-                for strip, centre in zip(reversed(strips), reversed(centres), strict=True)
-            ),
-        }
+def _build_edges(plan: RoadLayout) -> Element:
+    root = Element("edges")
+    for street in plan.streets.values():
+        for along in (True, False):
+            if strips := edge_strips(street, along=along):
+                _add_edge(root, street, strips, plan, along=along)
+    return root
+
+
+def _add_edge(
+    root: Element,
+    street: StreetLayout,
+    strips: tuple[StripLayout, ...],
+    plan: RoadLayout,
+    *,
+    along: bool,
+) -> None:
+    begins, ends = (street.begins, street.ends) if along else (street.ends, street.begins)
+    centres = [street.directed_line(strip.centre_t, along=along) for strip in strips]
+    lengths_m = [polyline.polyline_length(centre) for centre in centres]
+    driven = [
+        length_m
+        for strip, length_m in zip(strips, lengths_m, strict=True)
+        if strip.kind is StripKind.LANE
+    ]
+    attributes = {
+        "id": sumo_edge_id(street.id, along=along),
+        "from": begins,
+        "to": ends,
+        "priority": str(_priority(street.id, plan.junctions.get(ends))),
+        "speed": _format_metres(street.speed_limit_m_s),
+        "length": _format_metres(float(np.mean(driven or lengths_m[:1]))),
+        "numLanes": str(len(strips)),
+        "spreadType": "right",
+        "shape": _format_shape(street.directed_line(strips[0].inner_t, along=along)),
+    }
+    edge = SubElement(root, "edge", attributes)
+    # SUMO counts lanes from the right, strips are counted from the axis.
+    pairs = zip(reversed(strips), reversed(centres), strict=True)
+    for index, (strip, centre) in enumerate(pairs):
+        shape = {"width": _format_metres(strip.width_m), "shape": _format_shape(centre)}
+        permission = STRIP_PERMISSIONS.get(strip.kind, CLOSED_PERMISSION)
+        SubElement(edge, "lane", {"index": str(index), **permission, **shape})
 
 
 def _priority(street: str, junction: JunctionLayout | None) -> int:
@@ -212,53 +201,61 @@ def _priority(street: str, junction: JunctionLayout | None) -> int:
     return 1 + sum(strip.kind is StripKind.LANE for strip in arm.inbound_strips())
 
 
-def _build_links(junction: JunctionLayout) -> Iterator[Record]:
-    signalled = junction.declared.control == "signals"
-    for index, path in enumerate(junction.connecting_paths):
-        source = junction.find_arm(path.movement.from_street)
-        target = junction.find_arm(path.movement.to_street)
-        yield {
-            "junction": junction.id,
-            "from_edge": sumo_edge_id(source.street.id, along=source.is_street_end),
-            "to_edge": sumo_edge_id(target.street.id, along=not target.is_street_end),
-            "from_lane": sumo_lane_index(
-                source.street, path.movement.from_lane, along=source.is_street_end
-            ),
-            "to_lane": sumo_lane_index(
-                target.street, path.movement.to_lane, along=not target.is_street_end
-            ),
-            "centre": path.centre,
-            "index": index if signalled else None,
-        }
-
-
-def _build_crossings(junction: JunctionLayout) -> Iterator[Record]:
-    signalled = junction.declared.control == "signals"
-    for index, crossing in enumerate(junction.crossings, start=len(junction.connecting_paths)):
-        street = junction.find_arm(crossing.street).street
-        yield {
-            "junction": junction.id,
-            "edges": tuple(
+def _build_connections(plan: RoadLayout) -> Element:
+    root = Element("connections")
+    for junction in plan.junctions.values():
+        for path in junction.connecting_paths:
+            link = _link_attributes(junction, path)
+            SubElement(root, "connection", {**link, "shape": _format_shape(path.centre)})
+    for junction in plan.junctions.values():
+        for index, crossing in enumerate(junction.crossings, start=len(junction.connecting_paths)):
+            street = junction.find_arm(crossing.street).street
+            edges = [
                 sumo_edge_id(street.id, along=along)
                 for along in (True, False)
                 if edge_strips(street, along=along)
-            ),
-            "width_m": crossing.width_m,
-            "centre": crossing.centre,
-            "index": index if signalled else None,
-        }
+            ]
+            attributes = {
+                "node": junction.id,
+                "edges": " ".join(edges),
+                "width": _format_metres(crossing.width_m),
+                "priority": "true",
+                "shape": _format_shape(crossing.centre),
+            }
+            if junction.declared.control == "signals":
+                attributes["linkIndex"] = str(index)
+            SubElement(root, "crossing", attributes)
+    return root
 
 
-def _load_templates() -> jinja2.Environment:
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("advercity.roads"),
-        undefined=jinja2.StrictUndefined,
-        autoescape=False,  # noqa: S701  names are `Id`s; permissions hold quotes
-        keep_trailing_newline=True,
-    )
-    environment.filters["metres"] = _format_metres
-    environment.filters["shape"] = _format_shape
-    return environment
+def _build_signal_programs(plan: RoadLayout) -> Element:
+    root = Element("tlLogics")
+    controlled = [item for item in plan.junctions.values() if item.declared.control == "signals"]
+    for junction in controlled:
+        if declared := junction.declared.signals:
+            offset = _format_metres(-declared.elapsed_s)
+            attributes = {"id": junction.id, "type": "static", "programID": "0", "offset": offset}
+            program = SubElement(root, "tlLogic", attributes)
+            for duration_s, state in signals.build_signal_phases(junction, declared):
+                phase = {"duration": _format_metres(duration_s), "state": state}
+                SubElement(program, "phase", phase)
+    for junction in controlled:
+        for index, path in enumerate(junction.connecting_paths):
+            light = {"tl": junction.id, "linkIndex": str(index)}
+            SubElement(root, "connection", {**_link_attributes(junction, path), **light})
+    return root
+
+
+def _link_attributes(junction: JunctionLayout, path: ConnectingPath) -> dict[str, str]:
+    move = path.movement
+    source, target = junction.find_arm(move.from_street), junction.find_arm(move.to_street)
+    out, into = source.is_street_end, not target.is_street_end
+    return {
+        "from": sumo_edge_id(source.street.id, along=out),
+        "to": sumo_edge_id(target.street.id, along=into),
+        "fromLane": str(sumo_lane_index(source.street, move.from_lane, along=out)),
+        "toLane": str(sumo_lane_index(target.street, move.to_lane, along=into)),
+    }
 
 
 def _format_metres(value: float) -> str:

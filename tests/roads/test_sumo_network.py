@@ -16,7 +16,7 @@ from advercity_dsl import Road, Vehicle
 
 from advercity.errors import InputError
 from advercity.roads.layout import RoadLayout
-from advercity.roads.streets import edge_strips, sumo_edge_id, sumo_lane_id
+from advercity.roads.streets import StreetLayout, edge_strips, sumo_edge_id, sumo_lane_index
 from advercity.roads.sumo_network import write_sumo_network
 
 NAMES = ("ui", "unj", "ri", "rsnj", "rcnj")
@@ -56,16 +56,20 @@ def test_movements_follow_their_paths(
                 junction.find_arm(movement.to_street),
             )
             start = network.getLane(
-                sumo_lane_id(source.street, movement.from_lane, along=source.is_street_end)
+                _sumo_lane_id(source.street, movement.from_lane, along=source.is_street_end)
             )
             end = network.getLane(
-                sumo_lane_id(target.street, movement.to_lane, along=not target.is_street_end)
+                _sumo_lane_id(target.street, movement.to_lane, along=not target.is_street_end)
             )
             (connection,) = (c for c in start.getOutgoing() if c.getToLane() == end)
             shape = network.getLane(connection.getViaLaneID()).getShape3D()
             gaps = [sumolib.geomhelper.distancePointToPolygon(p[:2], path.centre) for p in shape]
             assert max(gaps) < 0.1, path.id
             assert shape[0][2] == pytest.approx(path.centre[0, 2], abs=0.02)
+
+
+def _sumo_lane_id(street: StreetLayout, number: int, *, along: bool) -> str:
+    return f"{sumo_edge_id(street.id, along=along)}_{sumo_lane_index(street, number, along=along)}"
 
 
 @pytest.mark.parametrize("name", NAMES)

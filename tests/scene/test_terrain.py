@@ -80,7 +80,7 @@ def test_roads_have_no_holes_and_lie_at_the_height_of_their_lanes(
     plan, meshes = sites[name]
     below = looking_down(meshes)
     lanes = [
-        street.directed_line(t, along=band.runs_along_axis)
+        street.directed_line(t, along=band.outer_t < 0)
         for street in plan.streets.values()
         for band in (*street.left_strips, *street.right_strips)
         if band.lane_number
