@@ -41,13 +41,7 @@ def place_actor(case: ConflictCase) -> ActorPlacement:
 def compute_lane_edge_offset(
     segment: RouteSegment, *, right: bool, to_median: bool = True
 ) -> float:
-    """Compute the offset of the outer edge of all lanes of a street.
-
-    Args:
-        segment: The street.
-        right: Whether the edge is the right one.
-        to_median: Whether a median counts as the left edge.
-    """
+    """Compute the offset of the outer edge of a street's lanes; left, a median counts if wanted."""
     own = segment.strips_on_side(right=True)
     if right:
         return segment.lateral_offset([b for b in own if b.kind is StripKind.LANE][-1].outer_t)
@@ -91,10 +85,8 @@ def place_across(case: ConflictCase) -> ActorPlacement:
     station = _find_crossed_station(case)
     segment = case.drive.segment_at(station)
     sign = -1.0 if nearside else 1.0
-    wait = max(
-        _compute_waiting_offset_m(case, segment, right=nearside),
-        case.parameters.get("start_lateral_m", 0.0),
-    )
+    wait = _compute_waiting_offset_m(case, segment, right=nearside)
+    wait = max(wait, case.parameters.get("start_lateral_m", 0.0))
     start = wait + RUN_UP_M.get(case.actor.actor_class, 0.0)
     # A metre past where it would wait on the other side, so that it is clear of the lanes.
     end = _compute_waiting_offset_m(case, segment, right=not nearside) + 1.0
@@ -137,9 +129,8 @@ def _find_crossed_station(case: ConflictCase) -> float:
             return after.start_m - CROSSING_OFFSET_M
         # Cars that hide the actor are parked along the street, not at its crossing.
         return (after.start_m + min(after.end_m, drive.end_m)) / 2
-    wanted = drive.station_at_fraction(
-        FIRST_CROSSING_FRACTION + (case.index - 1) * NEXT_CROSSING_FRACTION
-    )
+    fraction = FIRST_CROSSING_FRACTION + (case.index - 1) * NEXT_CROSSING_FRACTION
+    wanted = drive.start_m + fraction * (drive.end_m - drive.start_m)
     is_inside = any(
         item.start_m + CLEAR_OF_JUNCTIONS_M < wanted < item.end_m - CLEAR_OF_JUNCTIONS_M
         for item in drive.path.segments
@@ -207,9 +198,8 @@ def _find_next_street(drive: EgoDrive, street: str) -> tuple[str, ...]:
     along = drive.planner.is_along_axis(drive.route, 0)
     layout = drive.planner.streets[street]
     junction = layout.begins if along else layout.ends
-    options = [
-        item for item in drive.planner.movements.get(junction, ()) if item.from_street == street
-    ]
+    movements = drive.planner.movements.get(junction, ())
+    options = [item for item in movements if item.from_street == street]
     straightest = sorted(options, key=lambda item: abs(drive.planner.turn_angle(item, junction)))
     return tuple(item.to_street for item in straightest[:1])
 
@@ -225,23 +215,13 @@ CYCLIST_LIMITS_M_S2 = (1.0, 2.0)
 def find_earliest_overtaking_station(case: ConflictCase) -> float:
     """Find the ego's first station at which the actor can have overtaken the cyclist."""
     sets_out_s = case.speed_m_s / case.parameters["acceleration_m_s2"]
-    after_s = (
-        WAITING_MARGIN_S
-        + sets_out_s
-        + case.parameters["drift_time_s"]
-        + _compute_passing_s(case)
-        + _compute_return_s(case)
-    )
+    drifted_s = WAITING_MARGIN_S + sets_out_s + case.parameters["drift_time_s"]
+    after_s = drifted_s + _compute_passing_s(case) + _compute_return_s(case)
     return case.drive.motion.station_at(after_s)
 
 
 def place_passed_cyclist(case: ConflictCase, station_m: float) -> ActorPlacement:
-    """Place the cyclist that the actor has just passed when it begins to return to its lane.
-
-    Args:
-        case: The conflict.
-        station_m: Station at which the actor meets the ego.
-    """
+    """Place the cyclist that the actor has just passed when it begins to return to its lane."""
     speed = compute_cyclist_speed_m_s(case)
     return_s = _compute_return_s(case)
     lengths_m = case.actor.length_m + case.sampler.draw_cyclist().length_m
@@ -296,9 +276,8 @@ def place_in_lane(case: ConflictCase) -> ActorPlacement:
     line_m = path.segments[0].end_m
     start_m = STOP_LINE_GAP_M + case.actor.length_m / 2
     approach_m = path.find_nearest_station(case.drive.path.point_at(station)) - (line_m - start_m)
-    return ActorPlacement(
-        station, approach_m, route=route, lane=movement.from_lane, start_m=start_m
-    )
+    lane = movement.from_lane
+    return ActorPlacement(station, approach_m, route=route, lane=lane, start_m=start_m)
 
 
 def place_along_edge(case: ConflictCase) -> ActorPlacement:

@@ -78,7 +78,7 @@ class RoadUser:
 
 @dataclass(frozen=True)
 class ParticipantSampler:
-    """Draws the participants of a conflict from blueprints.
+    """Draws the participants of a conflict from blueprints; UnsolvableError if there is none.
 
     Attributes:
         blueprints: Blueprints by name.
@@ -91,11 +91,7 @@ class ParticipantSampler:
     key: str
 
     def draw_actor(self, classes: Sequence[ActorClass]) -> RoadUser:
-        """Draw the actor that the ego meets, of one of the classes.
-
-        Raises:
-            UnsolvableError: No blueprint is of any of them.
-        """
+        """Draw the actor that the ego meets, of one of the classes."""
         candidates = [names for item in classes if (names := self._list_blueprints(item))]
         if not candidates:
             raise UnsolvableError(f"no blueprint is of the class {' or '.join(classes)}")
@@ -103,26 +99,18 @@ class ParticipantSampler:
         return self._draw_from(candidates[int(draw.integers(len(candidates)))], draw)
 
     def draw_cyclist(self) -> RoadUser:
-        """Draw the cyclist that is overtaken; every call returns the same one.
-
-        Raises:
-            UnsolvableError: No blueprint is a bicycle.
-        """
-        names = self._list_blueprints("bicycle")
-        if not names:
-            raise UnsolvableError("no blueprint is of the class bicycle, to be overtaken")
-        return self._draw_from(names, self._create_generator("passed"))
+        """Draw the cyclist that is overtaken; every call returns the same one."""
+        return self._draw("bicycle", "to be overtaken", "passed")
 
     def draw_parked_car(self, number: int) -> RoadUser:
-        """Draw a parked car by its number, from 1 for the one nearest to the actor's path.
+        """Draw a parked car by its number, from 1 for the one nearest to the actor's path."""
+        return self._draw("car", "to be parked", "parked", number)
 
-        Raises:
-            UnsolvableError: No blueprint is a car.
-        """
-        names = self._list_blueprints("car")
+    def _draw(self, actor_class: ActorClass, purpose: str, *key: str | int) -> RoadUser:
+        names = self._list_blueprints(actor_class)
         if not names:
-            raise UnsolvableError("no blueprint is of the class car, to be parked")
-        return self._draw_from(names, self._create_generator("parked", number))
+            raise UnsolvableError(f"no blueprint is of the class {actor_class}, {purpose}")
+        return self._draw_from(names, self._create_generator(*key))
 
     def _list_blueprints(self, actor_class: ActorClass) -> list[str]:
         return [name for name, item in self.blueprints.items() if item.actor_class == actor_class]

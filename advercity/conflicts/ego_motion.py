@@ -77,14 +77,14 @@ def _compute_speeds(limit: NDArray[np.float64], halts: tuple[int, ...]) -> NDArr
     limit = limit.copy()
     limit[[0, *halts]] = 0.0
     square = limit**2  # changes evenly with distance under constant acceleration
+    gain, loss = (
+        2 * limit_m_s2 * NOMINAL_STEP_M
+        for limit_m_s2 in (NOMINAL_ACCELERATION_M_S2, NOMINAL_BRAKING_M_S2)
+    )
     for index in range(1, len(square)):
-        square[index] = min(
-            square[index], square[index - 1] + 2 * NOMINAL_ACCELERATION_M_S2 * NOMINAL_STEP_M
-        )
+        square[index] = min(square[index], square[index - 1] + gain)
     for index in range(len(square) - 2, -1, -1):
-        square[index] = min(
-            square[index], square[index + 1] + 2 * NOMINAL_BRAKING_M_S2 * NOMINAL_STEP_M
-        )
+        square[index] = min(square[index], square[index + 1] + loss)
     return np.sqrt(square)
 
 
@@ -142,10 +142,6 @@ class EgoDrive:
             for item in reversed(self.path.segments)
             if item.start_m - CROSSING_OFFSET_M - 0.1 <= station_m
         )
-
-    def station_at_fraction(self, fraction: float) -> float:
-        """Compute the station at a fraction of its drive from start to end."""
-        return self.start_m + fraction * (self.end_m - self.start_m)
 
 
 def build_ego_drive(road: Road) -> EgoDrive:

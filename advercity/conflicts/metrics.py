@@ -101,16 +101,9 @@ class ActorTrack:
         return float(self.rows["tick"][self.find_nearest_row(point_m)])
 
     def extrapolate(self, ticks: NDArray[np.int32], after_s: NDArray[np.float64]) -> "ActorTrack":
-        """Predict the track from some ticks on, along its own path at the speed of that tick.
+        """Predict the track after times (k,) from ticks (m,) on, on its path at the speed then.
 
-        Beyond the last row the actor goes straight on.
-
-        Args:
-            ticks: (m,) some of the track's.
-            after_s: (k,) seconds later.
-
-        Returns:
-            A track of (m * k,) rows, all times of a tick together.
+        Beyond the last row the actor goes straight on. All k rows of a tick are together.
         """
         rows = np.repeat(self.at_ticks(ticks).rows, len(after_s))
         rows["travelled"] += np.tile(after_s, len(ticks)) * rows["speed"]
@@ -181,16 +174,12 @@ def measure_encounter(
 def compute_time_to_collision(own: ActorTrack, other: ActorTrack) -> NDArray[np.float64]:
     """Compute the seconds until the outlines of two tracks touch if both keep their velocities.
 
+    Both have rows (n,) at the same ticks. The result (n,) is 0 while they touch, infinity if they
+    never do.
+
     Two convex shapes touch once their projections on every axis of either touch (separating axis
     theorem). Along an axis the projections approach steadily, so each axis gives an interval of
     time, and the outlines touch in the common one.
-
-    Args:
-        own: A track, (n,) ticks.
-        other: Another at the same ticks.
-
-    Returns:
-        (n,): 0 while they touch, infinity if they never do.
     """
     gap = other.centres - own.centres
     closing = other.velocities - own.velocities
@@ -241,13 +230,8 @@ def compute_path_time_to_collision(
 ) -> NDArray[np.float64]:
     """Compute the seconds until two outlines touch on their paths at the speeds of each tick.
 
-    Args:
-        own: A whole track.
-        other: Another.
-        ticks: (n,) at which both are present.
-
-    Returns:
-        (n,): infinity if they do not within `PREDICTION_HORIZON_S`.
+    `own` and `other` are whole tracks, both present at `ticks` (n,). The result (n,) is infinity
+    beyond `PREDICTION_HORIZON_S`.
     """
     times = np.full(len(ticks), np.inf)
     near = _can_meet(own.at_ticks(ticks), other.at_ticks(ticks))

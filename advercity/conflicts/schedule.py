@@ -61,10 +61,7 @@ def schedule_actors(
 ) -> dict[int, ActorSchedule]:
     """Schedule every staged actor for the next run.
 
-    Args:
-        spec: The scenario.
-        dry_run: The last run.
-        previous: The schedules that it was driven with, by actor; empty before the first one.
+    `previous` are the schedules that the last run was driven with; empty before the first one.
     """
     ego = ActorTrack.from_trace(dry_run.trace, spec.ego.number)
     scheduler = _Scheduler(spec, dry_run, ego, previous)
@@ -109,16 +106,13 @@ class _Scheduler:
 
     def _schedule_stop(self, conflict: StagedConflict, actor: StagedActor) -> ActorSchedule:
         tick_s, path = self.tick_s, self._get_path(actor)
-        crossing = compute_path_crossing(
-            path, self._get_size(actor), self.ego, conflict.point_m, tick_s
-        )
+        size = self._get_size(actor)
+        crossing = compute_path_crossing(path, size, self.ego, conflict.point_m, tick_s)
         if crossing is None and actor.route:
             return ActorSchedule(speed_commands_m_s=np.zeros(1), is_untriggered=True)
         if crossing is None:
-            waits = np.zeros(self.tick_count)
-            return ActorSchedule(
-                track=self._build_track(path, waits, actor, conflict), is_untriggered=True
-            )
+            track = self._build_track(path, np.zeros(self.tick_count), actor, conflict)
+            return ActorSchedule(track=track, is_untriggered=True)
         stations, go_s = compute_stop_stations(
             crossing,
             actor,

@@ -39,20 +39,10 @@ def compute_sight_distance_m(
 ) -> float | None:
     """Compute how far before the conflict point the ego is when the actor comes into sight.
 
-    Both move as if to meet there: the ego by its nominal motion, the actor at its speed. The line
-    of sight runs from centre to centre in the plane, so nothing is seen over roofs or through
-    windows. Cars in ordinary parking spaces are left out.
-
-    Args:
-        ego_path: Path of the ego.
-        motion: Motion of the ego.
-        station_m: Station of the conflict point on the ego's path.
-        actor_path: Points (n, 2) of the actor's path.
-        speed_m_s: Speed of the actor.
-        obstructions: Outlines of parked cars.
-
-    Returns:
-        The distance in metres; None if nothing ever hides the actor.
+    Both move as if to meet there: the ego by its nominal motion, the actor at its speed along its
+    path (n, 2). The line of sight runs from centre to centre in the plane, so nothing is seen over
+    roofs or through windows. Obstructions are outlines of parked cars; those in ordinary parking
+    spaces are left out. None if nothing ever hides the actor.
     """
     times_s = np.arange(0.0, SIGHT_HISTORY_S, SIGHT_STEP_S)
     stations = [motion.station_at(motion.time_at(station_m) - time_s) for time_s in times_s]
@@ -88,10 +78,8 @@ def compute_actor_speed_m_s(case: ConflictCase, place: ActorPlacement) -> float:
     if case.conflict.actor.behaviour != "stops_short":
         return case.speed_m_s
     room = place.approach_m - case.actor.length_m / 2 - STOPPING_MARGIN_M
-    acceleration, braking = (
-        case.parameters["acceleration_m_s2"],
-        case.parameters["braking_m_s2"],
-    )
+    parameters = case.parameters
+    acceleration, braking = parameters["acceleration_m_s2"], parameters["braking_m_s2"]
     highest = np.sqrt(2 * max(room, 0.0) / (1 / acceleration + 1 / braking))
     return round(float(min(case.speed_m_s, STEADY_SPEED_FRACTION * highest)), 3)
 
@@ -117,12 +105,7 @@ def build_staged_actor(case: ConflictCase, place: ActorPlacement, speed_m_s: flo
 
 
 def build_bystanders(case: ConflictCase, station_m: float) -> tuple[StagedActor, ...]:
-    """Build the cyclist that is passed or the cars that are parked; none in most conflicts.
-
-    Args:
-        case: The conflict.
-        station_m: Station at which the actor meets the ego.
-    """
+    """Build the cyclist that is passed or the cars that are parked; none in most conflicts."""
     if case.conflict.actor.behaviour == "overtakes":
         return (_build_passed_cyclist(case, station_m),)
     if "obstruction_gap_m" in case.parameters:
@@ -155,14 +138,14 @@ def _build_passed_cyclist(case: ConflictCase, station_m: float) -> StagedActor:
 def _build_parked_cars(case: ConflictCase, station_m: float) -> tuple[StagedActor, ...]:
     """Build cars that hide the actor, one behind the other on the right of the ego's lanes."""
     path = case.drive.path
-    edge = (
-        compute_lane_edge_offset(case.drive.segment_at(station_m), right=True) - PARKED_LANE_GAP_M
-    )
+    lane_edge = compute_lane_edge_offset(case.drive.segment_at(station_m), right=True)
+    edge = lane_edge - PARKED_LANE_GAP_M
     front = station_m - case.actor.width_m / 2 - case.parameters["obstruction_gap_m"]
     cars: list[StagedActor] = []
     for number in range(1, PARKED_CARS + 1):
         car = case.sampler.draw_parked_car(number)
         side, rear = edge - car.width_m / 2, front - car.length_m
+        ends = round_point(path.point_at(rear, side)), round_point(path.point_at(front, side))
         cars.append(
             StagedActor(
                 id=f"conflict_{case.index}_parked_{number}",
@@ -171,10 +154,7 @@ def _build_parked_cars(case: ConflictCase, station_m: float) -> tuple[StagedActo
                 behaviour="stands",
                 actor_class="car",
                 blueprint=car.name,
-                path_m=(
-                    round_point(path.point_at(rear, side)),
-                    round_point(path.point_at(front, side)),
-                ),
+                path_m=ends,
                 speed_m_s=0.0,
                 acceleration_m_s2=1.0,
                 braking_m_s2=1.0,
@@ -205,14 +185,10 @@ def solve_conflict(
 ) -> StagedConflict:
     """Place all participants of a conflict, with their speeds and the expected time.
 
-    Args:
-        conflict: The declaration.
-        typology: Id of the typology that its crash types belong to.
-        road: Road on which the ego makes the conflict's manoeuvre.
-        blueprints: Blueprints by name.
-        seed: Seed of the suite's traffic.
-        key: Key of the draws: road, conflict and density, so that all weathers share them.
-        index: Number among the scenario's conflicts, from 1.
+    On `road` the ego makes the conflict's manoeuvre; `typology` is an id. All draws depend on
+    `seed` and `key` (road, conflict and density, so that all weathers share them). `index` is the
+    number among the scenario's conflicts, from 1.
+
 
     Raises:
         UnsolvableError: The conflict does not fit the road.

@@ -109,9 +109,8 @@ def shift_laterally(
     rows["y"] += offsets * np.cos(track["yaw"])
     sideways = np.gradient(offsets, tick_s)
     # Below 1 m/s the ratio of the speeds says nothing about where the body points.
-    rows["yaw"] += np.where(
-        track["speed"] > 1.0, np.arctan2(sideways, np.maximum(track["speed"], 1.0)), 0.0
-    )
+    drift = np.arctan2(sideways, np.maximum(track["speed"], 1.0))
+    rows["yaw"] += np.where(track["speed"] > 1.0, drift, 0.0)
     return rows
 
 
@@ -183,12 +182,7 @@ def compute_path_crossing(
 ) -> PathCrossing | None:
     """Compute where an actor has to stop for the ego, and until when; None if they do not meet.
 
-    Args:
-        path: Of the actor.
-        size: Length, width and height of the actor in metres.
-        ego: Recorded track of the ego.
-        point: Declared conflict point.
-        tick_s: Length of a tick.
+    `size` is the actor's length, width and height, `point` the declared conflict point.
     """
     crossing = find_crossing(path.line, ego, point)
     if crossing is None:
@@ -231,28 +225,14 @@ def compute_stop_stations(
 ) -> tuple[NDArray[np.float64], float]:
     """Compute stations along its path of an actor that stops short of the ego and then goes on.
 
-    Without braking it would be at the crossing `offset_s` after the ego.
-
-    Args:
-        crossing: Where and when the ego crosses the path.
-        actor: Its speed, acceleration and braking.
-        length_m: Length of the path.
-        offset_s: Time of the actor at the crossing less that of the ego.
-        post_encroachment_s: Time between the ego leaving the actor's path and the actor
-            entering the ego's.
-        tick_s: Length of a tick.
-        ticks: Number of stations.
-
-    Returns:
-        Stations (ticks,), and the time at which the actor sets out again.
+    Without braking it would be at the crossing `offset_s` after the ego; it enters the ego's path
+    `post_encroachment_s` after the ego has left its own. Its path has a length of `length_m`.
+    Returns the stations (ticks,), and the time at which the actor sets out again.
     """
     acceleration, braking = actor.acceleration_m_s2, actor.braking_m_s2
-    start_s = (
-        crossing.ego_s
-        + offset_s
-        - crossing.distance_m / actor.speed_m_s
-        - actor.speed_m_s / (2 * acceleration)
-    )
+    meets_s = crossing.ego_s + offset_s
+    drives_s = crossing.distance_m / actor.speed_m_s
+    start_s = meets_s - drives_s - actor.speed_m_s / (2 * acceleration)
     go_s = crossing.clear_s + post_encroachment_s - np.sqrt(2 * CLEARANCE_M / acceleration)
     # An actor that would have to set out before the scenario begins has moved by tick 0.
     first = int(np.floor(min(start_s, 0.0) / tick_s))
