@@ -1,11 +1,12 @@
 """The command line: each command parses options, calls the library and prints the result."""
 
+import logging
 import signal
 import sys
 from types import FrameType
 
 from advercity.cli.app import app
-from advercity.cli.output import exit_with_error
+from advercity.cli.output import StderrHandler, exit_with_error
 from advercity.errors import InputError, RunError
 
 
@@ -13,6 +14,8 @@ def main() -> None:
     """Run the command line; 0 done, 1 failed while running, 2 bad input, 130 interrupted."""
     # SIGTERM unwinds the stack like an exception, so that child processes and partial files go.
     signal.signal(signal.SIGTERM, _exit_on_signal)
+    notices = StderrHandler()
+    logging.getLogger("advercity").addHandler(notices)
     try:
         app()
     except InputError as error:
@@ -25,6 +28,8 @@ def main() -> None:
         # The reader of standard output is gone, as with `| head`.
         sys.stderr.close()
         sys.exit(1)
+    finally:
+        logging.getLogger("advercity").removeHandler(notices)
 
 
 def _exit_on_signal(number: int, frame: FrameType | None) -> None:

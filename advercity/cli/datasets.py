@@ -1,13 +1,17 @@
 """Commands about datasets."""
 
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from advercity.cli.arguments import DatasetArgument
 from advercity.cli.output import print_data, print_note
 from advercity.errors import RunError
+
+if TYPE_CHECKING:
+    from advercity.dataset.verification import FileProblem
 
 commands = typer.Typer()
 
@@ -20,7 +24,8 @@ def verify(
 ) -> None:
     """Check every file of a dataset by its checksum.
 
-    Compares files with the manifests, and manifests with the index.
+    Compares files with the manifests, and manifests with the index. Files that are not part of the
+    dataset are listed, and are no error.
     """
     from advercity.dataset.index import DatasetIndex
     from advercity.dataset.verification import verify_dataset
@@ -31,8 +36,10 @@ def verify(
         problems = verify_store(dataset)
     else:
         problems = verify_dataset(Path(dataset))
-    if problems:
-        raise RunError("\n".join(str(problem) for problem in problems))
+    _print_foreign_files(problems)
+    damage = [str(problem) for problem in problems if problem.is_damage]
+    if damage:
+        raise RunError("\n".join(damage))
     index = None if "://" in dataset else DatasetIndex.load(Path(dataset))
     print_note(
         f"every file is as its manifest says{f'; {index.format_summary()}' if index else ''}"
@@ -45,7 +52,8 @@ def repair(
 ) -> None:
     """Make missing and changed files of a dataset again.
 
-    Only files with their recorded checksum are written.
+    Only files with their recorded checksum are written. Files that are not part of the dataset are
+    listed, and stay.
     """
     from advercity.cli.progress import show_progress
     from advercity.dataset.reader import Scenario
@@ -54,14 +62,18 @@ def repair(
 
     with show_progress([Scenario(path).spec for path in find_scenarios(dataset)]) as view:
         left = repair_dataset(dataset, view.on_progress)
-    if left:
-        what_to_do = {"extra": "not part of the dataset, delete it"}
-        again = (
-            "delete what is left of the scenario, and `advercity run` with its spec makes it again"
-        )
-        lines = [f"{problem}; {what_to_do.get(problem.kind, again)}" for problem in left]
-        raise RunError("\n".join(lines))
+    _print_foreign_files(left)
+    again = "delete what is left of the scenario, and `advercity run` with its spec makes it again"
+    damage = [f"{problem}; {again}" for problem in left if problem.is_damage]
+    if damage:
+        raise RunError("\n".join(damage))
     print_note("every file is as its manifest says")
+
+
+def _print_foreign_files(problems: Iterable["FileProblem"]) -> None:
+    for problem in problems:
+        if not problem.is_damage:
+            print_data(str(problem))
 
 
 @commands.command()

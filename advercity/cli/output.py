@@ -1,5 +1,6 @@
 """Output of the command line: data on stdout, everything else on stderr."""
 
+import logging
 import re
 import sys
 from typing import NoReturn
@@ -31,6 +32,14 @@ _QUOTED_PARAMETER = re.compile(f"`({'|'.join(OPTION_PARAMETERS)})`")
 def format_options(text: str) -> str:
     """Replace parameters that the library quotes, such as `max_time`, by options: --max-time."""
     return _QUOTED_PARAMETER.sub(lambda match: f"--{match[1].replace('_', '-')}", text)
+
+
+class StderrHandler(logging.Handler):
+    """Prints the log of the library on stderr, a line per record."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print a record."""
+        stderr_console.print(format_options(record.getMessage()), markup=False)
 
 
 def exit_with_error(error: Exception, *, exit_code: int) -> NoReturn:

@@ -1,10 +1,11 @@
-"""The layouts that a dataset may have, as the reader needs them: names of folders and files.
+"""The layouts that a dataset may have: names of folders and files, and how clouds are read.
 
 The encoders are in `opv2v`, so that reading a dataset loads nothing of what makes one.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,14 +30,31 @@ class DatasetFormat:
         format_folder: Returns the name of an agent's folder.
         cloud_suffix: End of the names of point clouds.
         read_cloud: Reads one as a table with `x`, `y`, `z` and `intensity`, left-handed.
-        has_extras: Whether it holds what the original does not: `_objects.json`, maps, depths.
+        image_kinds: Kinds of images of every camera.
+        motion_suffix: End of the names of files with GNSS and IMU.
+        extra_suffixes: Ends of the names of what the original does not have.
     """
 
     name: str
     format_folder: Callable[[Agent], str]
     cloud_suffix: str
     read_cloud: Callable[[Path], NDArray[np.void]]
-    has_extras: bool
+    image_kinds: tuple[str, ...]
+    motion_suffix: str
+    extra_suffixes: tuple[str, ...] = ()
+
+    @property
+    def has_extras(self) -> bool:
+        """Whether it holds what the original does not: `_objects.json`, maps, depths."""
+        return bool(self.extra_suffixes)
+
+    def list_suffixes(self, agent: Agent) -> frozenset[str]:
+        """List the ends of the names of an agent's files of a frame, behind the frame's name."""
+        cameras = range(len(agent.sensors.camera.mounts))
+        images = {f"_{kind}{index}.png" for kind in self.image_kinds for index in cameras}
+        has_motion = agent.place.kind == "vehicle" or agent.sensors.imu is not None
+        motion = (self.motion_suffix,) if has_motion else ()
+        return frozenset((".yaml", self.cloud_suffix, *images, *motion, *self.extra_suffixes))
 
 
 def format_opv2v_folder(agent: Agent) -> str:
@@ -54,9 +72,23 @@ def format_adver_city_folder(agent: Agent) -> str:
     return str(agent.number)
 
 
-OPV2V = DatasetFormat("opv2v", format_opv2v_folder, ".pcd", read_pcd, has_extras=True)
+MAP_KINDS = ("dynamic", "static", "lane", "visibility", "visibility_corp")
+OPV2V = DatasetFormat(
+    "opv2v",
+    format_opv2v_folder,
+    ".pcd",
+    read_pcd,
+    image_kinds=("camera", "semantic", "depth"),
+    motion_suffix="_additional_gnss_imu.yaml",
+    extra_suffixes=("_objects.json", *(f"_bev_{kind}.png" for kind in MAP_KINDS)),
+)
 ADVER_CITY = DatasetFormat(
-    "adver_city", format_adver_city_folder, "_lidar.ply", read_ply, has_extras=False
+    "adver_city",
+    format_adver_city_folder,
+    "_lidar.ply",
+    read_ply,
+    image_kinds=("camera", "semantic"),
+    motion_suffix="_gnss_imu.yaml",
 )
 FORMATS = {item.name: item for item in (OPV2V, ADVER_CITY)}
 
@@ -73,7 +105,43 @@ def format_frame_name(spec: Spec, index: int) -> str:
     return f"{spec.timing.warm_up_ticks + 1 + index:06d}"
 
 
-def is_frame_file(path: str) -> bool:
-    """Return whether a path within a scenario is of a frame's file: `<agent>/<six digits>...`."""
-    _, slash, name = path.partition("/")
-    return bool(slash) and name[:6].isdigit()
+class FrameFileNames:
+    """The names of all files that a run writes for the frames of a scenario, and no others.
+
+    Args:
+        spec: The spec.
+        format: Name of the layout.
+        length: Number of frames of the whole scenario.
+    """
+
+    def __init__(self, spec: Spec, format: str, length: int) -> None:
+        layout = find_format(format)
+        self._first, self._length = int(format_frame_name(spec, 0)), length
+        self._suffixes = {
+            layout.format_folder(agent): layout.list_suffixes(agent) for agent in spec.agents
+        }
+
+    @property
+    def folders(self) -> tuple[str, ...]:
+        """Names of the agents' folders."""
+        return tuple(self._suffixes)
+
+    def find_frame(self, path: str) -> int | None:
+        """Return the frame of a path within the scenario; None if no run writes that path."""
+        folder, _, name = path.partition("/")
+        match = re.fullmatch(r"([0-9]{6,})([._].*)", name)
+        if match is None or match[2] not in self._suffixes.get(folder, ()):
+            return None
+        frame = int(match[1]) - self._first
+        is_written = 0 <= frame < self._length and match[1] == f"{int(match[1]):06d}"
+        return frame if is_written else None
+
+    def list_files(self, scenario: Path) -> dict[str, int]:
+        """List the existing files with such names by path, with their frames."""
+        paths = (path for folder in self._suffixes for path in (scenario / folder).glob("[0-9]*"))
+        found = {
+            (name := path.relative_to(scenario).as_posix()): self.find_frame(name)
+            for path in paths
+            if path.is_file() or path.is_symlink()
+        }
+        return {name: frame for name, frame in found.items() if frame is not None}

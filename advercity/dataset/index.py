@@ -8,13 +8,14 @@ import hashlib
 import json
 import os
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Literal
 
 from advercity_dsl import Model, Spec
-from pydantic import Field, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 
-from advercity.atomic_files import move_file, write_file
+from advercity.atomic_files import move_file, write_atomically, write_file
 from advercity.dataset.manifest import Manifest, compute_spec_digest
 from advercity.dataset.partial_files import lock_file, report_disk_errors
 from advercity.dataset.scenario_folders import MANIFEST_FILE, find_scenarios
@@ -73,6 +74,11 @@ class DatasetIndex(Model):
     def present_scenarios(self) -> set[str]:
         """Names of the scenarios that have a manifest."""
         return {name for name, entry in self.scenarios.items() if entry.manifest_sha256}
+
+    @property
+    def failed_scenarios(self) -> set[str]:
+        """Names of the scenarios that failed."""
+        return {name for name, entry in self.scenarios.items() if entry.state == "failed"}
 
     def matches_manifest(self, name: str, manifest: bytes) -> bool:
         """Return whether a scenario's manifest has the recorded checksum, or none is recorded."""
@@ -177,6 +183,7 @@ class IndexWriter:
 PUBLISHED_SPLITS = {"train": ("ri", "rsnj", "unj"), "validate": ("rcnj",), "test": ("ui",)}
 """Roads by split, as Adver-City was published."""
 SPLITS_FILE = "splits.json"
+_SPLITS = TypeAdapter(dict[str, list[str]])
 
 
 def link_splits(
@@ -216,14 +223,23 @@ def _map_roads_to_splits(roads: Mapping[str, Sequence[str]]) -> dict[str, str]:
 
 
 def _link_folders(folders: dict[str, Path], found: dict[str, list[str]], output: Path) -> None:
+    former = _load_splits(output)
     for name, members in found.items():
         split_folder = output / name
         split_folder.mkdir(parents=True, exist_ok=True)
-        for link in split_folder.iterdir():
-            if link.is_symlink():  # a user's own files stay
+        for link in (split_folder / member for member in former.get(name, ())):
+            if link.is_symlink():  # a user's own links and files stay
                 link.unlink()
         for member in members:
             # Relative, so that dataset and splits can be moved together.
             target = os.path.relpath(folders[member].resolve(), split_folder.resolve())
             (split_folder / member).symlink_to(target)
-    (output / SPLITS_FILE).write_text(json.dumps(found, indent=1) + "\n")
+    write_atomically(output / SPLITS_FILE, json.dumps(found, indent=1).encode() + b"\n")
+
+
+def _load_splits(output: Path) -> dict[str, list[str]]:
+    """Load the scenarios that were linked last, by split; empty if none were."""
+    with suppress(FileNotFoundError, ValidationError):
+        found = _SPLITS.validate_json((output / SPLITS_FILE).read_bytes())
+        return {split: [Path(name).name for name in names] for split, names in found.items()}
+    return {}

@@ -2,15 +2,17 @@
 
 import hashlib
 import math
+import re
 from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import Literal
 
 from advercity_dsl import Model, Spec, Weather
-from pydantic import Field, ValidationError
+from pydantic import Field, ValidationError, field_validator
 
 from advercity import __version__
+from advercity.dataset.formats import FORMATS, FrameFileNames
 from advercity.dataset.partial_files import FileRecord, read_journals
 from advercity.dataset.scenario_folders import (
     MANIFEST_FILE,
@@ -24,12 +26,16 @@ from advercity.physics.extinction import compute_extinction
 
 CODE_PACKAGES = ("advercity", "advercity_dsl")
 """Packages whose sources make the data, whichever backend renders them."""
-FRESH_HINT = "`advercity run --fresh` makes the scenario again"
+REMEDY = "it alone tells what runs have written: delete the folder, or choose another `output`"
 RendererIdentity = dict[str, str | int | float | bool]
 FIELD_LABELS = {"code_sha256": "code of advercity", "backend_sha256": "code of the backend"}
 """Words for fields of the identity in messages."""
 VERSIONED_PACKAGES = ("eclipse-sumo", "embreex", "numpy", "opencv-python-headless", "zlib-ng")
 """Distributions that may change the bytes with their version."""
+
+
+_PATH_PATTERN = re.compile(r"([^./\\\0][^/\\\0]*/)?[^./\\\0][^/\\\0]*")
+"""A file of the scenario or of a folder in it."""
 
 
 def compute_spec_digest(spec: Spec) -> str:
@@ -59,6 +65,13 @@ class Identity(Model):
     format: str
     code_sha256: str
     versions: dict[str, str]
+
+    @field_validator("format")
+    @classmethod
+    def _check_format(cls, name: str) -> str:
+        if name not in FORMATS:
+            raise ValueError(f"{name!r:.60} is no layout")
+        return name
 
     @staticmethod
     def for_spec(
@@ -191,6 +204,20 @@ class Manifest(Model):
             files={path: files[path] for path in sorted(files)},
         )
 
+    @field_validator("files")
+    @classmethod
+    def _check_paths(cls, files: dict[str, FileRecord]) -> dict[str, FileRecord]:
+        """Refuse paths out of the scenario."""
+        for path in files:
+            if not _PATH_PATTERN.fullmatch(path):
+                raise ValueError(f"{path!r:.60} is no path within the scenario")
+        return files
+
+    @property
+    def frame_file_names(self) -> FrameFileNames:
+        """The names of the files of its frames."""
+        return FrameFileNames(self.spec, self.identity.format, self.length)
+
     @property
     def size_bytes(self) -> int:
         """Size of all files without the manifest."""
@@ -233,12 +260,12 @@ class Manifest(Model):
             InputError: It is no JSON; the text names line and column.
             RunError: It is no manifest of this version.
         """
-        document = parse_json(text, Path(where), hint=FRESH_HINT)
+        document = parse_json(text, Path(where), hint=REMEDY)
         try:
             return Manifest.model_validate(document)
         except ValidationError as error:
             message = f"not a manifest of this version: {_format_first_error(error)}"
-            raise RunError(f"{where}: {message}; {FRESH_HINT}") from error
+            raise RunError(f"{where}: {message}; {REMEDY}") from error
 
 
 def _format_first_error(error: ValidationError) -> str:

@@ -80,7 +80,7 @@ def encode_opv2v_frame(
         )
         files[f"{stem}_objects.json"] = format_json(build_object_extras(item, annotated))
         if _has_motion(item):
-            files[f"{stem}_additional_gnss_imu.yaml"] = format_yaml(build_motion_document(item))
+            files[f"{stem}{OPV2V.motion_suffix}"] = format_yaml(build_motion_document(item))
     for stem, item, annotated in zip(stems, ordered, annotations, strict=True):
         files[f"{stem}.yaml"] = format_yaml(build_frame_description(item, annotated))
     return files
@@ -104,7 +104,7 @@ def encode_adver_city_frame(
             jobs[f"{stem}_semantic{index}.png"] = partial(_encode_semantic, image.semantic)
         jobs[f"{stem}{ADVER_CITY.cloud_suffix}"] = partial(_encode_ply, item)
         if _has_motion(item):
-            jobs[f"{stem}_gnss_imu.yaml"] = partial(_encode_motion, item)
+            jobs[f"{stem}{ADVER_CITY.motion_suffix}"] = partial(_encode_motion, item)
         jobs[f"{stem}.yaml"] = partial(_encode_description, item)
     return _run_concurrently(jobs)
 

@@ -7,10 +7,11 @@ whose run was killed is described by its manifest and its journals.
 
 import errno
 import hashlib
+import logging
 import os
 import shutil
 import time
-from collections.abc import Generator, Mapping
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
@@ -18,10 +19,12 @@ from typing import IO
 from advercity_dsl import Model
 from pydantic import TypeAdapter, ValidationError
 
-from advercity.atomic_files import move_file, write_file
+from advercity.atomic_files import move_file, open_without_links, sync_files, write_file
 from advercity.dataset.scenario_folders import find_journals, find_staging_folder
 from advercity.documents import MAX_JSON_BYTES, parse_json, read_bytes
 from advercity.errors import InputError, RunError, describe_cause
+
+_logger = logging.getLogger(__name__)
 
 LOCK_TIMEOUT_S = 5.0
 """How long a run that was killed may take to release its lock."""
@@ -56,7 +59,7 @@ def append_to_journal(scenario: Path, process: int, records: Mapping[str, FileRe
     line = _RECORDS.dump_json(dict(records), exclude_none=True) + b"\n"
     path = find_staging_folder(scenario) / f"journal_{process}.jsonl"
     # One write without a buffer: if the process is killed the line is whole, or torn and the last.
-    with path.open("ab", buffering=0) as stream:
+    with open(path, "ab", buffering=0, opener=open_without_links) as stream:
         if stream.write(line) != len(line):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
 
@@ -78,11 +81,36 @@ def remove_journals(scenario: Path) -> None:
         path.unlink()
 
 
+def remove_unfinished_files(scenario: Path, paths: Sequence[str]) -> None:
+    """Delete what a run that was cut short left of frames, and say so."""
+    for path in paths:
+        (scenario / path).unlink()
+    if paths:
+        count = format_file_count(len(paths))
+        _logger.warning("%s: %s of unfinished frames removed", scenario, count)
+
+
+def format_file_count(count: int) -> str:
+    """Format a number of files: `1 file`, `3 files`."""
+    return f"{count} file{'' if count == 1 else 's'}"
+
+
+def remove_partial_files(scenario: Path) -> None:
+    """Delete the unfinished files and the claims of a scenario."""
+    for name in ("incoming", "claims"):
+        folder = find_staging_folder(scenario) / name
+        if folder.exists():
+            shutil.rmtree(folder)
+
+
 def remove_staging_folder(scenario: Path) -> None:
     """Delete the staging folder of a scenario, and the dataset's if no other scenario is in it."""
     staging = find_staging_folder(scenario)
-    shutil.rmtree(staging)
+    remove_partial_files(scenario)
+    remove_journals(scenario)
+    (staging / "lock").unlink(missing_ok=True)
     with suppress(OSError):  # not empty: another scenario is being written
+        staging.rmdir()
         staging.parent.rmdir()
 
 
@@ -111,7 +139,7 @@ def lock_file(path: Path, what: str = "this scenario", *, shared: bool = False) 
     deadline_s = time.monotonic() + LOCK_TIMEOUT_S
     while True:
         path.parent.mkdir(parents=True, exist_ok=True)
-        stream = path.open("ab")
+        stream = open(path, "ab", opener=open_without_links)  # noqa: SIM115 - returned
         try:
             fcntl.flock(stream, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
         except BlockingIOError as error:
@@ -144,4 +172,5 @@ def replace_file(scenario: Path, path: str, content: bytes) -> None:
     """Write a file of a scenario so that it is either the old or the new one at any moment."""
     incoming = find_staging_folder(scenario) / "incoming" / path
     write_file(incoming, content)
+    sync_files([incoming])
     move_file(incoming, scenario / path)

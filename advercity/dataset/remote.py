@@ -12,14 +12,13 @@ from pathlib import Path
 
 from advercity_dsl import Spec
 
-from advercity.dataset.formats import is_frame_file
 from advercity.dataset.index import INDEX_FILE, DatasetIndex
 from advercity.dataset.manifest import Identity, Manifest
 from advercity.dataset.partial_files import FileRecord
 from advercity.dataset.scenario_folders import MANIFEST_FILE, no_dataset_to_replace_error
 from advercity.dataset.store import DatasetStore
 from advercity.dataset.verification import FileProblem, compare_with_manifest
-from advercity.dataset.writer import encode_scenario_files
+from advercity.dataset.writer import SCENARIO_FILES, encode_scenario_files
 from advercity.errors import InputError
 
 
@@ -62,8 +61,7 @@ class SharedScenario:
         if not found and self.store.list_files(name):
             raise no_dataset_to_replace_error(name)
         if fresh:
-            self.store.remove(name)
-            self.store.remove(_format_parts_folder(name))
+            self._clear(found)
             found = []
         records = self._merge_records(found)
         self._save(records)
@@ -77,13 +75,28 @@ class SharedScenario:
         """
         name = self.spec.id
         manifest = self._save(self._merge_records(self._read_manifests()))
-        for path in self.store.list_files(name):
-            inside = path.removeprefix(f"{name}/")
+        names = manifest.frame_file_names
+        for inside in self._list_files():
             # Of a machine that stopped before its manifest; any other file may be a user's.
-            if inside not in manifest.files and is_frame_file(inside):
-                self.store.remove(path)
+            if inside not in manifest.files and names.find_frame(inside) is not None:
+                self.store.remove(f"{name}/{inside}")
         self.store.remove(_format_parts_folder(name))
         return manifest
+
+    def _clear(self, found: Iterable[Manifest]) -> None:
+        """Delete what runs have written, as the manifests tell; the new one replaces theirs."""
+        name = self.spec.id
+        present = self._list_files()
+        for manifest in found:
+            names, listed = manifest.frame_file_names, SCENARIO_FILES & manifest.files.keys()
+            own = [p for p in present if p in listed or names.find_frame(p) is not None]
+            for inside in own:
+                self.store.remove(f"{name}/{inside}")
+        self.store.remove(_format_parts_folder(name))
+
+    def _list_files(self) -> list[str]:
+        name = self.spec.id
+        return [path.removeprefix(f"{name}/") for path in self.store.list_files(name)]
 
     def _save(self, frames: dict[str, FileRecord]) -> Manifest:
         own = encode_scenario_files(self.spec, self.identity)

@@ -4,6 +4,7 @@ Imports no pydantic model: building those takes longer than opening a dataset.
 """
 
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
@@ -41,6 +42,26 @@ def find_staging_folder(scenario: Path) -> Path:
     agent.
     """
     return scenario.parent / ".staging" / scenario.name
+
+
+def check_folders_are_no_links(scenario: Path, folders: Iterable[str]) -> None:
+    """Check that a run may write and delete in a scenario; the dataset itself may be a link.
+
+    Args:
+        scenario: Folder of the scenario.
+        folders: Names of the agents' folders.
+
+    Raises:
+        RunError: A folder is a link, through which a run would change files elsewhere.
+    """
+    staging = find_staging_folder(scenario)
+    inside = (scenario, staging.parent, staging, staging / "incoming", staging / "claims")
+    for path in (*inside, *(scenario / name for name in folders)):
+        if path.is_symlink():
+            raise RunError(
+                f"{path}: is a link to {path.readlink()}; a dataset is written in real folders"
+                " only: put the folder itself in place of the link"
+            )
 
 
 def find_journals(scenario: Path) -> list[Path]:

@@ -13,7 +13,7 @@ import time
 import uuid
 from collections.abc import Generator
 from contextlib import contextmanager
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from threading import Event, Thread
 from typing import Self
 
@@ -66,6 +66,7 @@ class DatasetStore:
         """
         with self._report_errors(f"{path} cannot be written"):
             if self._can_rename:
+                self._check_no_links(path)
                 incoming = Path(self._absolute_path(f"{INCOMING_FOLDER}/{uuid.uuid4().hex}"))
                 write_file(incoming, content)
                 move_file(incoming, Path(self._absolute_path(path)))
@@ -111,6 +112,7 @@ class DatasetStore:
             RunError: The store refuses it.
         """
         with self._report_errors(f"{folder} cannot be removed"):
+            self._check_no_links(folder)
             if self._files.exists(self._absolute_path(folder)):
                 self._files.rm(self._absolute_path(folder), recursive=True)
 
@@ -120,6 +122,14 @@ class DatasetStore:
             yield
         except Exception as error:  # drivers of stores share no base class of errors
             raise RunError(f"{self._url}: {what}: {error}") from error
+
+    def _check_no_links(self, path: str) -> None:
+        """Refuse to write or delete through a link to a folder; the root may be one."""
+        if self._can_rename:
+            inside = {*PurePosixPath(path).parents, *PurePosixPath(INCOMING_FOLDER, "x").parents}
+            for folder in inside - {PurePosixPath()}:
+                if Path(self._root, folder).is_symlink():
+                    raise RunError(f"{folder} is a link; datasets are written in real folders only")
 
     def _absolute_path(self, path: str) -> str:
         return f"{self._root}/{path}"

@@ -4,26 +4,29 @@ Restoring touches only files that a manifest records, and what a killed run left
 """
 
 import hashlib
-import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Literal
 
-from advercity.dataset.formats import find_format, format_frame_name, is_frame_file
+from advercity.dataset.formats import format_frame_name
 from advercity.dataset.index import DatasetIndex
 from advercity.dataset.manifest import Manifest
 from advercity.dataset.opv2v import FRAME_ENCODERS
 from advercity.dataset.partial_files import (
     FileRecord,
     lock_file,
+    remove_partial_files,
     remove_staging_folder,
+    remove_unfinished_files,
     replace_file,
     report_disk_errors,
 )
 from advercity.dataset.scenario_folders import (
     MANIFEST_FILE,
+    check_folders_are_no_links,
     find_journals,
     find_scenarios,
     find_staging_folder,
@@ -36,22 +39,29 @@ from advercity.sensors.sensor_frame import SensorFrame
 
 @dataclass(frozen=True)
 class FileProblem:
-    """A file that differs from the manifest.
+    """A file that is not as the manifest lists it, or that it does not list.
 
     Attributes:
         scenario: Folder of the scenario.
         path: Path within the scenario.
-        kind: What is wrong; `extra` files are in no manifest.
+        kind: What is wrong. Files that no manifest lists are `unfinished` if a run that was cut
+            short left them, and else `foreign`, which is no damage.
         frame: Frame that has to be written again; None for files of the whole scenario.
     """
 
     scenario: Path
     path: str
-    kind: Literal["missing", "extra", "changed"]
+    kind: Literal["missing", "changed", "unfinished", "foreign"]
     frame: int | None = None
 
+    @property
+    def is_damage(self) -> bool:
+        """Whether the dataset is not as its manifests say."""
+        return self.kind != "foreign"
+
     def __str__(self) -> str:
-        return f"{self.scenario / self.path}: {self.kind}"
+        what = "not part of the dataset" if self.kind == "foreign" else self.kind
+        return f"{self.scenario / self.path}: {what}"
 
 
 def verify_dataset(dataset: Path) -> list[FileProblem]:
@@ -74,12 +84,15 @@ def verify_dataset(dataset: Path) -> list[FileProblem]:
 def compare_with_index(dataset: Path) -> list[FileProblem]:
     """List scenarios of the index that are missing, and manifests with another checksum.
 
+    A scenario that failed before it had a manifest counts if files of it are there.
+
     Raises:
         RunError: A file cannot be read.
     """
     index = DatasetIndex.load(dataset) or DatasetIndex()
     problems: list[FileProblem] = []
-    for name in sorted(index.present_scenarios):
+    failed = {name for name in index.failed_scenarios if any((dataset / name).glob("*"))}
+    for name in sorted(index.present_scenarios | failed):
         path = dataset / name / MANIFEST_FILE
         try:
             if not index.matches_manifest(name, path.read_bytes()):
@@ -98,10 +111,12 @@ def verify_scenario(scenario: Path) -> list[FileProblem]:
         InputError: The folder has no manifest.
         RunError: A file cannot be read.
     """
+    manifest = Manifest.load(scenario)
+    names = manifest.frame_file_names
     return compare_with_manifest(
         scenario,
-        Manifest.load(scenario),
-        _list_files(scenario),
+        manifest,
+        _list_files(scenario, names.folders),
         lambda path, record: _matches_record(scenario / path, record),
     )
 
@@ -121,7 +136,11 @@ def compare_with_manifest(
         matches: Returns whether the file at a path is as recorded; called by several threads.
     """
     recorded, found = manifest.files, set(paths) - {MANIFEST_FILE}
-    problems = [FileProblem(scenario, path, "extra") for path in found - recorded.keys()]
+    names = manifest.frame_file_names
+    problems = [
+        FileProblem(scenario, path, "foreign" if names.find_frame(path) is None else "unfinished")
+        for path in found - recorded.keys()
+    ]
     missing = recorded.keys() - found
     problems += [FileProblem(scenario, path, "missing", recorded[path].frame) for path in missing]
     present = {path: record for path, record in recorded.items() if path in found}
@@ -136,8 +155,10 @@ def compare_with_manifest(
     return sorted(problems, key=lambda problem: problem.path)
 
 
-def _list_files(scenario: Path) -> Iterator[str]:
-    for path in scenario.rglob("*"):
+def _list_files(scenario: Path, folders: Iterable[str]) -> Iterator[str]:
+    """List the files of a scenario, also where the folder of an agent is a link."""
+    linked = [scenario / name for name in folders if (scenario / name).is_symlink()]
+    for path in chain(scenario.rglob("*"), *(folder.glob("*") for folder in linked)):
         if not path.is_dir():
             yield path.relative_to(scenario).as_posix()
 
@@ -159,7 +180,7 @@ def restore_files(
 ) -> list[FileProblem]:
     """Restore the files that `verify_scenario` found; return the problems that are left.
 
-    Those are extra files, which no manifest records. Frames are captured again one by one; a
+    Those are foreign files. Frames are captured again one by one; a
     missing or changed file is replaced once the new content has the checksum of the manifest. So
     an interruption leaves the scenario no worse than before, and the same call continues.
 
@@ -175,9 +196,11 @@ def restore_files(
     manifest = Manifest.load(scenario)
     found = list(problems)
     staging = find_staging_folder(scenario)
+    names = manifest.frame_file_names
+    check_folders_are_no_links(scenario, names.folders)
     with report_disk_errors(scenario), lock_file(staging / "lock"):
-        _remove_leftovers(scenario, manifest, found)
-        damaged = {problem.path for problem in found if problem.kind != "extra"}
+        remove_unfinished_files(scenario, [one.path for one in found if one.kind == "unfinished"])
+        damaged = {problem.path for problem in found if problem.kind in ("missing", "changed")}
         _restore(
             scenario, manifest, encode_scenario_files(manifest.spec, manifest.identity), damaged
         )
@@ -186,10 +209,11 @@ def restore_files(
         for frame in sorted({item.frame for item in found if item.frame is not None}):
             name = format_frame_name(manifest.spec, frame)
             _restore(scenario, manifest, encode(capture_frame(frame), lanes, name=name), damaged)
-        shutil.rmtree(staging / "incoming", ignore_errors=True)
-        if not find_journals(scenario):  # journals of a killed run are still needed
+        if find_journals(scenario):  # of a killed run, which are still needed
+            remove_partial_files(scenario)
+        else:
             remove_staging_folder(scenario)
-    return [item for item in found if item.kind == "extra" and (scenario / item.path).exists()]
+    return [item for item in found if item.kind == "foreign"]
 
 
 def _restore(
@@ -205,14 +229,3 @@ def _restore(
                 " `advercity run --fresh` makes the scenario again"
             )
         replace_file(scenario, path, content)
-
-
-def _remove_leftovers(scenario: Path, manifest: Manifest, problems: Iterable[FileProblem]) -> None:
-    """Delete extra files with names of frames, which a killed run left."""
-    # Any other extra file may be a user's.
-    layout = find_format(manifest.identity.format)
-    folders = {layout.format_folder(agent) for agent in manifest.spec.agents}
-    for problem in problems:
-        folder = problem.path.partition("/")[0]
-        if problem.kind == "extra" and folder in folders and is_frame_file(problem.path):
-            (scenario / problem.path).unlink()

@@ -5,7 +5,7 @@ the manifest, removes what no record names, and leaves a manifest of what is the
 it and from a `FrameWriter` in each further process.
 """
 
-import shutil
+import logging
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -13,24 +13,28 @@ from typing import Self
 
 from advercity_dsl import Spec
 
-from advercity.atomic_files import move_file, write_file
-from advercity.dataset.formats import format_frame_name
+from advercity.atomic_files import move_file, sync_files, write_file
+from advercity.dataset.formats import FrameFileNames, format_frame_name
 from advercity.dataset.frame_documents import format_yaml
 from advercity.dataset.manifest import Identity, Manifest
 from advercity.dataset.opv2v import FRAME_ENCODERS
 from advercity.dataset.partial_files import (
     FileRecord,
     append_to_journal,
+    format_file_count,
     lock_file,
     read_journals,
     remove_journals,
+    remove_partial_files,
     remove_staging_folder,
+    remove_unfinished_files,
     replace_file,
     report_disk_errors,
     share_lock,
 )
 from advercity.dataset.scenario_folders import (
     MANIFEST_FILE,
+    check_folders_are_no_links,
     find_staging_folder,
     no_dataset_to_replace_error,
 )
@@ -38,8 +42,12 @@ from advercity.errors import RunError
 from advercity.roads.road_network import build_road
 from advercity.sensors.sensor_frame import SensorFrame
 
+_logger = logging.getLogger(__name__)
+
 PROTOCOL_FILE = "data_protocol.yaml"  # name that OPV2V has for it
 ATTRIBUTION_FILE = "ATTRIBUTION.md"
+SCENARIO_FILES = {PROTOCOL_FILE, ATTRIBUTION_FILE}
+"""Files that belong to no frame."""
 LICENCE_URLS = {
     "CC0-1.0": "https://creativecommons.org/publicdomain/zero/1.0/",
     "CC-BY-3.0": "https://creativecommons.org/licenses/by/3.0/",
@@ -88,11 +96,15 @@ class FrameWriter:
         scenario: Folder of the scenario.
         spec: The spec.
         format: Name of the layout.
+        length: Number of frames of the whole scenario.
         process: Number of this process among those that write frames of the scenario.
     """
 
-    def __init__(self, scenario: Path, spec: Spec, format: str, process: int = 0) -> None:
+    def __init__(
+        self, scenario: Path, spec: Spec, format: str, *, length: int, process: int = 0
+    ) -> None:
         self.scenario = scenario
+        self._names = FrameFileNames(spec, format, length)
         self._spec, self._process = spec, process
         self._encode = FRAME_ENCODERS[format]
         self._lanes = build_road(spec.road).lanes
@@ -123,11 +135,15 @@ class FrameWriter:
         incoming = self._staging / "incoming" / str(self._process)
         files = self._encode(sensor_frames, self._lanes, name=format_frame_name(self._spec, frame))
         with report_disk_errors(self.scenario):
+            check_folders_are_no_links(self.scenario, self._names.folders)
             # All files are on the disk before the first is moved: a full disk leaves no part.
             for path, content in files.items():
                 write_file(incoming / path, content)
+            sync_files(incoming / path for path in files)
             for path in files:
                 move_file(incoming / path, self.scenario / path)
+            # Only now: after a power cut, whatever a journal lists has its content and its name.
+            sync_files({(self.scenario / path).parent for path in files})
             records = {
                 path: FileRecord.from_content(content, frame=frame)
                 for path, content in files.items()
@@ -147,17 +163,17 @@ class ScenarioWriter(FrameWriter):
         spec: The spec.
         identity: What decides the bytes; a scenario of another identity is not continued.
         length: Number of frames of the whole scenario.
-        fresh: Delete what is there and start over.
+        fresh: Delete what runs have written there and start over.
 
     Raises:
-        RunError: Another run is writing, the scenario is of another identity, or the folder
-            holds something that is not a dataset.
+        RunError: Another run is writing, the scenario is of another identity, a folder is a link,
+            or the folder holds something that is not a dataset.
     """
 
     def __init__(
         self, root: Path, spec: Spec, identity: Identity, *, length: int, fresh: bool = False
     ) -> None:
-        super().__init__(root / spec.id, spec, identity.format)
+        super().__init__(root / spec.id, spec, identity.format, length=length)
         self._identity = identity
         self._length = length
         self._fresh = fresh
@@ -170,6 +186,7 @@ class ScenarioWriter(FrameWriter):
 
     def __enter__(self) -> Self:
         with report_disk_errors(self.scenario):
+            check_folders_are_no_links(self.scenario, self._names.folders)
             self._lock = lock_file(self._staging / "lock")
             try:
                 self._open()
@@ -202,7 +219,7 @@ class ScenarioWriter(FrameWriter):
         has_manifest = (self.scenario / MANIFEST_FILE).exists()
         if not has_manifest and self.scenario.exists() and any(self.scenario.iterdir()):
             raise no_dataset_to_replace_error(self.scenario)
-        if self._fresh:
+        if self._fresh and has_manifest:
             self._clear()
         elif has_manifest:
             self._files = self._load_finished_records()
@@ -216,13 +233,21 @@ class ScenarioWriter(FrameWriter):
             replace_file(self.scenario, path, content)
 
     def _clear(self) -> None:
+        """Delete what runs have written, as the manifest of the last one tells."""
+        # It is replaced by a new one later: until then an interrupted run finds a dataset here.
+        found = Manifest.load(self.scenario)
+        names = found.frame_file_names
+        check_folders_are_no_links(self.scenario, names.folders)
+        own = {*names.list_files(self.scenario), *(SCENARIO_FILES & found.files.keys())}
+        for path in own:
+            (self.scenario / path).unlink(missing_ok=True)
+        for folder in names.folders:
+            with suppress(OSError):  # not there, or files of others are in it
+                (self.scenario / folder).rmdir()
         remove_journals(self.scenario)
-        # The manifest goes last: until then an interrupted run still finds a dataset to replace.
-        for path in sorted(self.scenario.glob("*"), key=lambda path: path.name == MANIFEST_FILE):
-            if path.is_dir():
-                shutil.rmtree(path)
-            else:
-                path.unlink()
+        kept = sum(1 for path in self.scenario.rglob("*") if not path.is_dir()) - 1
+        if kept:
+            _logger.warning("%s: %s of no run stay", self.scenario, format_file_count(kept))
 
     def _load_finished_records(self) -> dict[str, FileRecord]:
         """Load the records of the frames whose files all have the recorded size."""
@@ -250,15 +275,13 @@ class ScenarioWriter(FrameWriter):
 
     def _remove_unfinished(self) -> None:
         """Delete the files of incomplete frames, unfinished files and claims."""
-        absent = {
-            format_frame_name(self._spec, k) for k in set(range(self._length)) - self.done_frames
-        }
-        for path in self.scenario.glob("*/[0-9]*"):
-            if path.name[:6] in absent and path.is_file():
-                path.unlink()
-        for name in ("incoming", "claims"):
-            if (self._staging / name).exists():
-                shutil.rmtree(self._staging / name)
+        check_folders_are_no_links(self.scenario, self._names.folders)
+        done = self.done_frames
+        found = self._names.list_files(self.scenario)
+        remove_unfinished_files(
+            self.scenario, [path for path, frame in found.items() if frame not in done]
+        )
+        remove_partial_files(self.scenario)
 
     def _save(self) -> Manifest:
         manifest = Manifest.from_files(

@@ -43,7 +43,22 @@ class FramesClaimed:
     """
 
 
+@dataclass(frozen=True)
+class Notice:
+    """A record of the log of a worker, which the parent adds to its own.
+
+    Attributes:
+        logger: Name of the logger.
+        level: Level of the record.
+        text: The message.
+    """
+
+    logger: str
+    level: int
+    text: str
+
+
 FINISH = "finish"
 
-WorkerMessage = Progress | ScenarioOpened | FramesClaimed | AdvercityError
+WorkerMessage = Progress | ScenarioOpened | FramesClaimed | Notice | AdvercityError
 """An error is the last message of a worker that fails."""

@@ -141,7 +141,9 @@ def join_scenario(
             raise RunError(
                 f"{scenario}: its workers differ ({'; '.join(differences)}); use `jobs` 1"
             )
-        writer = FrameWriter(scenario, spec, options.format, worker_index)
+        writer = FrameWriter(
+            scenario, spec, options.format, length=begun.length, process=worker_index
+        )
 
         def report_count(count: int, phase: str = "frames") -> None:
             report(Progress(spec.id, phase, count, 0, writer.size_bytes))

@@ -1,7 +1,6 @@
 """Simulates traffic alone: trace, report and moving plan of a scenario."""
 
 import json
-import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, replace
@@ -15,6 +14,8 @@ from advercity.media import VideoWriter
 from advercity.physics.stopping import compute_stopping_distance
 from advercity.pipeline.preparation import TrafficResult, load_or_simulate_traffic
 from advercity.traffic.plan_video import draw_traffic_pictures
+
+VIDEO_FILE = "plan.mp4"
 
 
 def compute_traffic_reports(specs: Iterable[Spec]) -> Iterator[TrafficReport]:
@@ -37,7 +38,7 @@ def compute_traffic_reports(specs: Iterable[Spec]) -> Iterator[TrafficReport]:
 
 
 def simulate_to_folder(spec: Spec, output: Path, *, with_video: bool = True) -> TrafficReport:
-    """Write `<output>/<spec id>/` with `trace.npz`, `report.json` and `plan.mp4`, all or none.
+    """Write `trace.npz`, `report.json` and `plan.mp4` to `<output>/<spec id>/`, all or none.
 
     Raises:
         InputError: The spec asks for what its road does not have, or PyAV is not installed.
@@ -45,16 +46,17 @@ def simulate_to_folder(spec: Spec, output: Path, *, with_video: bool = True) -> 
     """
     traffic = load_or_simulate_traffic(spec)
     report = build_traffic_report(spec, traffic.trace, traffic.trace_sha256)
+    folder = output / spec.id
     try:
-        output.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=output) as folder:
-            made = Path(folder) / spec.id
-            made.mkdir()
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=folder) as name:
+            made = Path(name)
             _write_traffic_files(spec, traffic, report, made, with_video=with_video)
-            shutil.rmtree(output / spec.id, ignore_errors=True)
-            made.replace(output / spec.id)
+            (folder / VIDEO_FILE).unlink(missing_ok=True)  # of other traffic
+            for path in made.iterdir():
+                path.replace(folder / path.name)
     except OSError as error:
-        raise RunError(f"{output / spec.id}: cannot be written: {describe_cause(error)}") from error
+        raise RunError(f"{folder}: cannot be written: {describe_cause(error)}") from error
     return report
 
 
@@ -66,6 +68,6 @@ def _write_traffic_files(
     text = json.dumps(document, indent=1, allow_nan=False)
     (folder / "report.json").write_text(text + "\n", encoding="utf-8")
     if with_video:
-        with VideoWriter(folder / "plan.mp4", traffic.trace.tick_s) as video:
+        with VideoWriter(folder / VIDEO_FILE, traffic.trace.tick_s) as video:
             for image in draw_traffic_pictures(spec, traffic.trace):
                 video.append(image)

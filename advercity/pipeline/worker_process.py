@@ -4,6 +4,7 @@ Standard input holds a pickled `WorkerTask`; DESCRIPTOR is one end of a `multipr
 the parent closes the other end, however it ended, every process of the scenario is killed.
 """
 
+import logging
 import os
 import pickle
 import signal
@@ -16,17 +17,36 @@ from types import FrameType
 from typing import TYPE_CHECKING, NoReturn
 
 from advercity.errors import AdvercityError
-from advercity.pipeline.messages import FramesClaimed, ScenarioOpened, WorkerMessage, WorkerTask
+from advercity.pipeline.messages import (
+    FramesClaimed,
+    Notice,
+    ScenarioOpened,
+    WorkerMessage,
+    WorkerTask,
+)
 from advercity.pipeline.scenario import join_scenario, run_scenario
 
 if TYPE_CHECKING:
     Parent = Connection[WorkerMessage, str]
 
 
+class NoticeHandler(logging.Handler):
+    """Sends the log to the parent process."""
+
+    def __init__(self, parent: "Parent") -> None:
+        super().__init__()
+        self._parent = parent
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Send a record."""
+        self._parent.send(Notice(record.name, record.levelno, record.getMessage()))
+
+
 def main(parent: "Parent") -> int:
     """Do the task; return the exit code."""
     signal.signal(signal.SIGTERM, _exit_on_signal)
     task: WorkerTask = pickle.load(sys.stdin.buffer)  # noqa: S301 - written by the parent
+    logging.getLogger("advercity").addHandler(NoticeHandler(parent))
     may_finish = Event()
     Thread(target=_follow_parent, args=(parent, may_finish), daemon=True).start()
 

@@ -6,6 +6,7 @@ the running scenario with the most unclaimed frames, whose workers take frames f
 nothing else along, and the memory measured is one scenario's.
 """
 
+import logging
 import math
 import os
 import pickle
@@ -31,6 +32,7 @@ from advercity.pipeline.machine import build_gpu_environment, find_visible_gpus
 from advercity.pipeline.messages import (
     FINISH,
     FramesClaimed,
+    Notice,
     ScenarioOpened,
     WorkerMessage,
     WorkerTask,
@@ -145,6 +147,8 @@ class WorkerPool:
             run.missing_frames, run.opened_s = message.missing_frames, time.monotonic()
         elif isinstance(message, FramesClaimed):
             run.is_opener_waiting = True
+        elif isinstance(message, Notice):
+            logging.getLogger(message.logger).log(message.level, message.text)
         else:
             worker.record_progress(message)
             return True

@@ -166,6 +166,31 @@ def test_links_are_updated(two_roads: Path, tmp_path: Path) -> None:
     assert list((tmp_path / "test").iterdir()) == []
 
 
+def test_links_and_files_of_others_stay_in_a_split(two_roads: Path, tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    link_splits(two_roads, tmp_path)
+    (tmp_path / "train" / "mine").symlink_to(tmp_path / "mine")
+    (tmp_path / "train" / "notes.txt").write_text("mine")
+    link_splits(two_roads, tmp_path)
+    assert {path.name for path in (tmp_path / "train").iterdir()} == {"mine", "notes.txt"}
+    assert len(list((tmp_path / "test").iterdir())) == 1
+
+
+def test_a_failed_scenario_whose_manifest_is_lost_is_reported(
+    spec: Spec, others: list[Spec], make: Make, tmp_path: Path
+) -> None:
+    index = IndexWriter(tmp_path, [spec, *others])
+    make(tmp_path, spec, 1)
+    make(tmp_path, others[0], 1)
+    (tmp_path / "other_0" / "manifest.json").unlink()
+    end(index, spec)
+    for one in others:
+        index.record_result(one.id, failed=True)
+    assert list(map(str, verify_dataset(tmp_path))) == [
+        f"{tmp_path}/other_0/manifest.json: missing"
+    ]
+
+
 @pytest.mark.parametrize(
     ("roads", "message"),
     [

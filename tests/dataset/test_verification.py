@@ -68,7 +68,6 @@ def test_missing_and_changed_files_are_restored_and_no_other_is_touched(
     (scenario / "102" / "000061.pcd").unlink()
     flip(scenario / "-1" / "000061_camera3.png")
     (scenario / "data_protocol.yaml").unlink()
-    (scenario / "103" / "000075_camera0.png").write_bytes(b"left by a run that was killed")
     untouched = {
         path: path.stat().st_mtime_ns for path in scenario.glob("+101/*") if path.is_file()
     }
@@ -90,7 +89,7 @@ def test_an_unknown_file_is_kept_and_reported(
 ) -> None:
     (scenario / "103" / "notes.txt").write_text("mine")
     (problem,) = restore_files(scenario, verify_scenario(scenario), sensor_frames_of)
-    assert (problem.path, problem.kind) == ("103/notes.txt", "extra")
+    assert (problem.path, problem.kind) == ("103/notes.txt", "foreign")
     assert (scenario / "103" / "notes.txt").read_text() == "mine"
 
 

@@ -289,7 +289,7 @@ def test_verify_finds_what_is_missing_extra_or_changed(whole: Path) -> None:
     assert verify_scenario(scenario) == [
         FileProblem(scenario, "-1/000061_camera0.png", "changed", 1),
         FileProblem(scenario, "102/000060.pcd", "missing", 0),
-        FileProblem(scenario, "103/notes.txt", "extra"),
+        FileProblem(scenario, "103/notes.txt", "foreign"),
     ]
 
 

@@ -1,0 +1,268 @@
+"""Nobody's files are lost: runs delete what they wrote, by name, and never through a link."""
+
+import json
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from advercity_dsl import Spec
+
+from advercity.dataset import partial_files, writer
+from advercity.dataset.formats import FORMATS, FrameFileNames
+from advercity.dataset.manifest import Manifest
+from advercity.dataset.opv2v import FRAME_ENCODERS
+from advercity.dataset.scenario_folders import MANIFEST_FILE
+from advercity.dataset.verification import restore_files, verify_dataset, verify_scenario
+from advercity.dataset.writer import ScenarioWriter
+from advercity.errors import RunError
+from tests.builders import SensorFramesOf, identify
+
+LENGTH = 2
+FOREIGN = (
+    "+101/000061_mylabels.json",
+    "+101/000099_pred.npy",
+    "+101/000060_dir/notes.txt",
+    "+101/000061.pcd.bak",
+    "+101/000061_camera4.png",  # of a rig with five cameras
+    "+101/000062.pcd",  # of a longer scenario
+    "+101/61.pcd",
+    "+101/0000061.pcd",
+    "-1/000061_additional_gnss_imu.yaml",  # units have none
+    "101/000061.pcd",  # as the other layout names the ego
+    "102/000061_lidar.ply",
+    "notes.txt",
+    "000061.pcd",
+)
+UNFINISHED = ("+101/000061.pcd", "-2/000061_bev_lane.png", "103/000061_additional_gnss_imu.yaml")
+
+
+@pytest.fixture(scope="module")
+def original(
+    tmp_path_factory: pytest.TempPathFactory, spec: Spec, sensor_frames_of: SensorFramesOf
+) -> Path:
+    """A scenario with the first of its two frames; not to be changed."""
+    root = tmp_path_factory.mktemp("original")
+    with ScenarioWriter(root, spec, identify(spec), length=LENGTH) as opened:
+        opened.write_frame(0, sensor_frames_of(0))
+        opened.finish()
+    return opened.scenario
+
+
+@pytest.fixture
+def scenario(original: Path, tmp_path: Path) -> Path:
+    """A copy of it."""
+    return shutil.copytree(original, tmp_path / "output" / original.name)
+
+
+@pytest.fixture
+def resume(spec: Spec) -> Callable[..., None]:
+    """Opens a scenario again, and makes no frame."""
+
+    def resume(scenario: Path, *, fresh: bool = False) -> None:
+        identity = identify(spec)
+        with ScenarioWriter(scenario.parent, spec, identity, length=LENGTH, fresh=fresh) as opened:
+            opened.finish()
+
+    return resume
+
+
+def add(scenario: Path, *paths: str) -> dict[str, str]:
+    """Add files with texts of their own; the texts by path."""
+    for path in paths:
+        (scenario / path).parent.mkdir(parents=True, exist_ok=True)
+        (scenario / path).write_text(f"precious {path}")
+    return {path: f"precious {path}" for path in paths}
+
+
+def texts(scenario: Path, *paths: str) -> dict[str, str]:
+    return {path: (scenario / path).read_text() for path in paths if (scenario / path).exists()}
+
+
+@pytest.mark.parametrize("format", FORMATS)
+def test_the_names_of_a_layout_are_those_that_its_encoder_writes(
+    format: str, spec: Spec, sensor_frames_of: SensorFramesOf
+) -> None:
+    names = FrameFileNames(spec, format, length=LENGTH)
+    written = FRAME_ENCODERS[format](sensor_frames_of(1), (), name="000061")
+    assert {names.find_frame(path) for path in written} == {1}
+    listed = {
+        f"{folder}/000061{suffix}"
+        for agent in spec.agents
+        for folder in (FORMATS[format].format_folder(agent),)
+        for suffix in FORMATS[format].list_suffixes(agent)
+    }
+    assert listed == written.keys()
+
+
+def test_foreign_files_are_told_from_damage_and_survive_everything(
+    scenario: Path,
+    resume: Callable[..., None],
+    sensor_frames_of: SensorFramesOf,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    precious = add(scenario, *FOREIGN)
+    assert not any(problem.is_damage for problem in verify_dataset(scenario))
+    assert {problem.path for problem in verify_dataset(scenario)} == {*FOREIGN}
+    add(scenario, *UNFINISHED)
+    damage = [problem for problem in verify_scenario(scenario) if problem.is_damage]
+    assert {(one.path, one.kind) for one in damage} == {(one, "unfinished") for one in UNFINISHED}
+    resume(scenario)
+    assert texts(scenario, *FOREIGN) == precious
+    assert not texts(scenario, *UNFINISHED)
+    assert [record.getMessage() for record in caplog.records] == [
+        f"{scenario}: 3 files of unfinished frames removed"
+    ]
+    add(scenario, *UNFINISHED)
+    (scenario / "102" / "000060.pcd").unlink()
+    left = restore_files(scenario, verify_scenario(scenario), sensor_frames_of)
+    assert {problem.path for problem in left} == {*FOREIGN}
+    assert texts(scenario, *FOREIGN) == precious
+    assert (scenario / "102" / "000060.pcd").exists()
+    caplog.clear()
+    resume(scenario, fresh=True)
+    assert texts(scenario, *FOREIGN) == precious
+    assert not list(scenario.glob("*/000060.pcd"))
+    assert f"{scenario}: {len(FOREIGN)} files of no run stay" in caplog.text
+
+
+@pytest.mark.parametrize("text", ["{}", "", "[]", '{"manifest_version": 3}', "\0" * 300])
+def test_fresh_empties_no_folder_whose_manifest_is_none(
+    tmp_path: Path, spec: Spec, resume: Callable[..., None], text: str
+) -> None:
+    folder = tmp_path / spec.id
+    (folder / "+101").mkdir(parents=True)
+    (folder / MANIFEST_FILE).write_text(text)
+    precious = add(folder, "thesis.tex", "+101/000060.pcd")
+    with pytest.raises(RunError, match=r"manifest\.json: .*delete the folder") as caught:
+        resume(folder, fresh=True)
+    assert "None" not in str(caught.value)
+    assert texts(folder, *precious) == precious
+
+
+def test_fresh_removes_no_file_that_a_doctored_manifest_lists(
+    scenario: Path, resume: Callable[..., None]
+) -> None:
+    precious = add(scenario, "thesis.tex", "../thesis.tex")
+    manifest = json.loads((scenario / MANIFEST_FILE).read_text())
+    record = manifest["files"]["data_protocol.yaml"]
+    manifest["files"]["thesis.tex"] = record
+    (scenario / MANIFEST_FILE).write_text(json.dumps(manifest))
+    resume(scenario, fresh=True)
+    assert texts(scenario, *precious) == precious
+    for outside in ("../thesis.tex", "/etc/passwd", "+101/../../thesis.tex", "..", "a/..", "./a"):
+        changed = {**manifest, "files": {outside: record}}
+        (scenario / MANIFEST_FILE).write_text(json.dumps(changed))
+        with pytest.raises(RunError, match="no path within the scenario"):
+            Manifest.load(scenario)
+
+
+LINKS = ["+101", "", "../.staging", "../.staging/{id}", "../.staging/{id}/incoming"]
+
+
+@pytest.mark.parametrize("fresh", [False, True])
+@pytest.mark.parametrize("place", LINKS)
+def test_a_link_to_a_folder_is_refused_and_nothing_behind_it_is_touched(
+    scenario: Path, tmp_path: Path, resume: Callable[..., None], place: str, fresh: bool
+) -> None:
+    """It was put there between two runs; what a run wrote itself is behind it, too."""
+    inside = scenario / place.format(id=scenario.name)
+    elsewhere = tmp_path / "other_disk"
+    if inside.exists():
+        inside.rename(elsewhere)
+    else:
+        elsewhere.mkdir()
+        inside.parent.mkdir(parents=True, exist_ok=True)
+    inside.symlink_to(elsewhere)
+    precious = add(elsewhere, "000061.pcd", "lock", "notes.txt", "0/+101/000061.pcd")
+    before = {path: path.read_bytes() for path in elsewhere.rglob("*") if path.is_file()}
+    with pytest.raises(RunError, match=r"is a link to .*other_disk; .*in place of the link"):
+        resume(scenario, fresh=fresh)
+    with pytest.raises(RunError, match="is a link to"):
+        restore_files(scenario, (), lambda frame: ())
+    assert texts(elsewhere, *precious) == precious
+    after = {path: path.read_bytes() for path in elsewhere.rglob("*") if path.is_file()}
+    assert after == before
+    assert inside.is_symlink()
+
+
+def test_a_folder_that_becomes_a_link_during_a_run_ends_it(
+    scenario: Path, tmp_path: Path, spec: Spec, sensor_frames_of: SensorFramesOf
+) -> None:
+    elsewhere = tmp_path / "other_disk"
+    precious: dict[str, str] = {}
+    with (
+        pytest.raises(RunError, match="is a link to"),
+        ScenarioWriter(scenario.parent, spec, identify(spec), length=LENGTH) as opened,
+    ):
+        (scenario / "103").rename(elsewhere)
+        (scenario / "103").symlink_to(elsewhere)
+        precious |= add(elsewhere, "000061.pcd")
+        opened.write_frame(1, sensor_frames_of(1))
+    assert len(list(elsewhere.glob("000060*"))) == 21
+    assert texts(elsewhere, "000061.pcd") == precious
+
+
+def test_the_output_may_be_a_link_and_a_linked_folder_is_verified(
+    scenario: Path, tmp_path: Path, resume: Callable[..., None]
+) -> None:
+    output = tmp_path / "link"
+    output.symlink_to(scenario.parent)
+    resume(output / scenario.name)
+    assert output.is_symlink()
+    (scenario / "103").rename(tmp_path / "other_disk")
+    (scenario / "103").symlink_to(tmp_path / "other_disk")
+    assert verify_dataset(output) == []
+
+
+def test_a_link_in_place_of_a_file_is_replaced_and_its_target_stays(
+    scenario: Path, tmp_path: Path, resume: Callable[..., None]
+) -> None:
+    targets = add(tmp_path / "targets", "manifest.json", "000061.pcd", "data_protocol.yaml")
+    shutil.copy(scenario / MANIFEST_FILE, tmp_path / "targets" / MANIFEST_FILE)
+    for path, target in (
+        (MANIFEST_FILE, MANIFEST_FILE),
+        ("data_protocol.yaml", "data_protocol.yaml"),
+        ("+101/000061.pcd", "000061.pcd"),
+    ):
+        (scenario / path).unlink(missing_ok=True)
+        (scenario / path).symlink_to(tmp_path / "targets" / target)
+    manifest = (tmp_path / "targets" / MANIFEST_FILE).read_bytes()
+    resume(scenario)
+    assert (tmp_path / "targets" / MANIFEST_FILE).read_bytes() == manifest
+    del targets[MANIFEST_FILE]
+    assert texts(tmp_path / "targets", *targets) == targets
+    assert not any(path.is_symlink() for path in scenario.rglob("*"))
+
+
+def test_what_a_journal_lists_is_on_the_disk_with_content_and_name(
+    tmp_path: Path, spec: Spec, sensor_frames_of: SensorFramesOf, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Files are synced before their renaming, their folders after it, and then they are listed."""
+    synced: dict[int, tuple[int, int]] = {}
+    really_sync, really_append = os.fsync, partial_files.append_to_journal
+
+    def sync(descriptor: int) -> None:
+        state = os.fstat(descriptor)
+        synced[state.st_ino] = (state.st_size, state.st_mtime_ns)
+        really_sync(descriptor)
+
+    def append(scenario: Path, process: int, records: dict[str, object]) -> None:
+        for path in records:
+            state = (scenario / path).stat()
+            assert synced[state.st_ino] == (state.st_size, state.st_mtime_ns), path
+            folder = (scenario / path).parent.stat()
+            assert synced[folder.st_ino][1] == folder.st_mtime_ns, path
+        checked.append(len(records))
+        really_append(scenario, process, records)  # pyright: ignore[reportArgumentType]
+
+    checked: list[int] = []
+    monkeypatch.setattr(os, "fsync", sync)
+    monkeypatch.setattr(writer, "append_to_journal", append)
+    with ScenarioWriter(tmp_path, spec, identify(spec), length=1) as opened:
+        opened.write_frame(0, sensor_frames_of(0))
+        opened.finish()
+    assert checked == [103]
+    manifest = (opened.scenario / MANIFEST_FILE).stat()
+    assert synced[manifest.st_ino][0] == manifest.st_size
