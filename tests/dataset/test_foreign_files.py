@@ -16,7 +16,7 @@ from advercity.dataset.opv2v import FRAME_ENCODERS
 from advercity.dataset.scenario_folders import MANIFEST_FILE
 from advercity.dataset.verification import restore_files, verify_dataset, verify_scenario
 from advercity.dataset.writer import ScenarioWriter
-from advercity.errors import RunError
+from advercity.errors import AdvercityError, RunError
 from tests.builders import SensorFramesOf, identify
 
 LENGTH = 2
@@ -135,7 +135,7 @@ def test_fresh_empties_no_folder_whose_manifest_is_none(
     (folder / "+101").mkdir(parents=True)
     (folder / MANIFEST_FILE).write_text(text)
     precious = add(folder, "thesis.tex", "+101/000060.pcd")
-    with pytest.raises(RunError, match=r"manifest\.json: .*delete the folder") as caught:
+    with pytest.raises(AdvercityError, match=r"manifest\.json.*delete the folder") as caught:
         resume(folder, fresh=True)
     assert "None" not in str(caught.value)
     assert texts(folder, *precious) == precious

@@ -274,7 +274,10 @@ def test_a_folder_with_other_files_is_left_alone(
 def test_a_damaged_manifest_is_reported(whole: Path, writer: Make) -> None:
     (scenario,) = find_scenarios(whole)
     (scenario / MANIFEST_FILE).write_text("{}")
-    with pytest.raises(RunError, match=r"manifest.json: not a manifest.*--fresh"), writer(whole):
+    with (
+        pytest.raises(RunError, match=r"manifest.json: not a manifest.*delete the folder"),
+        writer(whole),
+    ):
         pass
 
 
