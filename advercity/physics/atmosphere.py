@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from advercity.geometry.arrays import Float64Array
 from advercity.physics import photometry, sky
+from advercity.physics.clouds import CloudLayer, choose_cloud_kind
 from advercity.physics.extinction import AirExtinction, compute_extinction
 from advercity.physics.fog_transfer import FogBank, compute_fog_radiance
 from advercity.physics.photometry import LED_COLOUR, Colour, luminance
@@ -50,6 +51,7 @@ class Atmosphere:
         precipitation: Size distributions of falling rain and snow.
         snow_fall_speed_m_s: Terminal speed of the flakes.
         wind: Wind at 10 m height.
+        clouds: Clouds by day, which images show; `sky` is the mean over all skies of their cover.
     """
 
     extinction: AirExtinction
@@ -71,6 +73,7 @@ class Atmosphere:
     precipitation: tuple[ParticleSizeDistribution, ...] = ()
     snow_fall_speed_m_s: float = 1.0
     wind: Wind = field(default_factory=Wind)
+    clouds: CloudLayer | None = None
 
     @property
     def mor_m(self) -> float:
@@ -127,12 +130,13 @@ def compute_atmosphere(weather: Weather, land_use: LandUse) -> Atmosphere:
         light = _compute_foggy_day_light(weather, sun, extinction.fog.at_550nm)
     else:
         light = _compute_day_light(weather, sun)
+    sky_lx = photometry.horizontal_illuminance(light.sky)
     return Atmosphere(
         extinction=extinction,
         sun_direction=sun,
         sun_lx=light.sun_lx,
         sun_colour=sun_colour(weather.sun.elevation_deg),
-        sky_lx=photometry.horizontal_illuminance(light.sky),
+        sky_lx=sky_lx,
         sky=tint_by_dust(light.sky, weather, extinction).astype(np.float32),
         airlight=_tint_airlight(light.airlight, weather, extinction),
         street_lx=light.street_lx,
@@ -147,6 +151,32 @@ def compute_atmosphere(weather: Weather, land_use: LandUse) -> Atmosphere:
         precipitation=size_distributions(weather),
         snow_fall_speed_m_s=weather.snow.fall_speed_m_s,
         wind=weather.wind,
+        clouds=_choose_clouds(weather, extinction, sun, light.sun_lx, sky_lx),
+    )
+
+
+def _choose_clouds(
+    weather: Weather, extinction: AirExtinction, sun: Float64Array, sun_lx: float, sky_lx: float
+) -> CloudLayer | None:
+    """Choose the clouds of a day; fog and dust hide them, and at night they are dark."""
+    is_hidden = weather.fog.mor_m is not None or extinction.dust.at_550nm > 0.0
+    if weather.time == "night" or is_hidden or weather.sky.oktas == 0:
+        return None
+    precipitating = weather.rain.rate_mm_h > 0.0 or weather.snow.rate_mm_h > 0.0
+    kind, base_m, depth_m = choose_cloud_kind(weather.sky.oktas, precipitating=precipitating)
+    x, y, z = (float(axis) for axis in sun)
+    lit_by_lx = sky_lx + sun_lx * max(z, 0.0)
+    return CloudLayer(
+        kind=kind,
+        cover=weather.sky.oktas / 8.0,
+        base_m=base_m,
+        depth_m=depth_m,
+        sun=(x, y, z),
+        direct_lx=sun_lx,
+        diffuse_lx=sky_lx,
+        ground_lx=sky.ground_albedo(weather.snow.depth_mm / 1000.0) * lit_by_lx,
+        turbidity=weather.sky.turbidity,
+        haze_per_m=extinction.at_550nm,
     )
 
 

@@ -5,7 +5,7 @@ Colours are linear sRGB; a `Colour` has luminance 1 unless a docstring says othe
 
 import numpy as np
 
-from advercity.geometry.arrays import Float64Array
+from advercity.geometry.arrays import Float64Array, FloatArray
 
 Colour = tuple[float, float, float]
 LED_COLOUR: Colour = (1.39, 0.94, 0.50)
@@ -49,12 +49,12 @@ def cubemap_solid_angles(size: int) -> Float64Array:
     return 4.0 / (size**2 * (1.0 + square) ** 1.5)
 
 
-def luminance(colour: Float64Array) -> Float64Array:
+def luminance(colour: FloatArray) -> Float64Array:
     """Luminance (...) of linear sRGB (..., 3)."""
-    return colour @ LUMINANCE_WEIGHTS
+    return np.asarray(colour, dtype=np.float64) @ LUMINANCE_WEIGHTS
 
 
-def horizontal_illuminance(cubemap: Float64Array) -> float:
+def horizontal_illuminance(cubemap: FloatArray) -> float:
     """Illuminance in lx of level ground under a cubemap (6, n, n, 3) of cd/m²."""
     size = cubemap.shape[1]
     cosine = np.maximum(cubemap_directions(size)[..., 2], 0.0)

@@ -6,9 +6,12 @@ from numpy.typing import ArrayLike
 from advercity.geometry.arrays import Float32Array, Float64Array
 from advercity.physics import water
 from advercity.physics.atmosphere import Atmosphere
+from advercity.physics.clouds import draw_cloudy_sky
 from advercity.physics.photometry import cubemap_directions, cubemap_solid_angles
 from advercity_sapien.shader_table import KILO
 
+CLOUDY_SKY_SIZE = 512
+"""Texels along an edge of the sky's cubemap where it has clouds."""
 NO_WATER_LEVEL = -1.0
 """Water level below every hollow."""
 RUT_FRACTION = 0.3
@@ -24,8 +27,11 @@ HARMONIC_NORMS = np.array(
 
 
 def build_sky_texture(atmosphere: Atmosphere) -> Float32Array:
-    """Stack the sky's six cubemap faces n texels wide to (6 n, n, 4), in kcd/m²."""
-    sky = atmosphere.sky.reshape(-1, atmosphere.sky.shape[2], 3) * np.float32(KILO)
+    """Stack the sky's six cubemap faces n texels wide to (6 n, n, 4), in kcd/m², with clouds."""
+    faces = atmosphere.sky
+    if atmosphere.clouds is not None:
+        faces = draw_cloudy_sky(atmosphere.clouds, faces, CLOUDY_SKY_SIZE)
+    sky = faces.reshape(-1, faces.shape[2], 3) * np.float32(KILO)
     return np.concatenate([sky, np.ones_like(sky[..., :1])], axis=-1)
 
 

@@ -24,6 +24,7 @@ from advercity_sapien.culling import SunShadow, compute_view_frustum
 from advercity_sapien.fog_beams import compute_fog_beam_rows
 from advercity_sapien.ground_maps import NO_SHELTER, build_shelter_map, build_wear_map
 from advercity_sapien.lamp_lists import LampLists
+from advercity_sapien.light_probes import NO_PROBES, bake_light_probes
 from advercity_sapien.sapien_scene import SapienScene
 from advercity_sapien.shader_bindings import RasterBindings, RayTracedBindings
 from advercity_sapien.shader_constants import FAR_M, NEAR_M, SHADER_FOLDER
@@ -67,12 +68,15 @@ class SapienRenderer:
         self._is_denoised = self._is_ray_traced and profile.denoise
         wear = build_wear_map(world.lanes)
         shelter = build_shelter_map(world) if atmosphere.snow_depth_m else NO_SHELTER
+        probes = NO_PROBES if self._is_ray_traced else bake_light_probes(world, atmosphere)
         maps = {
             "Sky": build_sky_texture(atmosphere),
             "Airlight": build_airlight_texture(atmosphere),
             "Wear": wear.texels,
             "Puddles": water.build_puddle_height_field(),
             "Shelter": shelter.texels,
+            "ProbeLight": probes.light,
+            "ProbeDirection": probes.direction,
         }
         # Before the scene: the shaders look for the textures in its first object.
         self._bindings = (
@@ -87,6 +91,8 @@ class SapienRenderer:
             **compute_atmosphere_parameters(atmosphere),
             wear_map_extent=wear.extent,
             shelter_map_extent=shelter.extent,
+            probe_map_extent=probes.extent,
+            probe_open_direction=probes.open_direction,
         )
         if atmosphere.night:
             self._table.section("fog_beams")[:] = compute_fog_beam_rows()

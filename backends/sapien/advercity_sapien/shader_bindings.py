@@ -9,6 +9,7 @@ from advercity.errors import BackendError
 from advercity.geometry.arrays import Float32Array
 from advercity_sapien.shader_table import (
     BODY_STATE_ROWS,
+    CARRIED_TEXTURES,
     COLUMNS,
     SCENE_TEXTURES,
     TABLE_ROWS,
@@ -88,7 +89,7 @@ class RayTracedBindings:
             item: sapien.render.RenderTexture2D(
                 texels[item.name], item.texel, address_mode=item.wrap
             )
-            for item in SCENE_TEXTURES
+            for item in CARRIED_TEXTURES
         }
         for item, texture in textures.items():
             slot = "base_color" if item.material_slot == "diffuse" else item.material_slot

@@ -23,6 +23,7 @@ from advercity_sapien.atmosphere_parameters import NO_WATER_LEVEL
 from advercity_sapien.fog_beams import DROPLET_UM
 from advercity_sapien.ground_maps import NEUTRAL_WEAR, WEAR_STEPS
 from advercity_sapien.lamp_lists import MIRROR_HALF_ANGLE_RAD, NO_ANGLE_LIMIT
+from advercity_sapien.light_probes import LEVEL_HEIGHTS_M
 from advercity_sapien.shader_table import format_scene_textures_glsl, format_table_glsl
 
 SHADER_FOLDER = Path(__file__).parent / "shaders"
@@ -108,6 +109,9 @@ def _format_constants() -> Iterator[str]:
         }.items()
     )
 
+    yield f"const int PROBE_LEVELS = {len(LEVEL_HEIGHTS_M)};"
+    heights = ", ".join(map(_float, LEVEL_HEIGHTS_M))
+    yield f"const float PROBE_HEIGHTS[PROBE_LEVELS] = float[]({heights});"
     yield from ("", "struct LampBeam {", *(f"  float {name};" for name in BEAM_FIELDS), "};")
     yield _format_beam("LOW_BEAM", LOW_BEAM)
     yield _format_beam("FRONT_FOG_BEAM", FRONT_FOG_BEAM)

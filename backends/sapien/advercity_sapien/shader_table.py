@@ -77,16 +77,17 @@ class SceneTexture:
         name: Name in GLSL; SAPIEN finds the textures of cameras by it.
         texel: SAPIEN's name of the texel format.
         wrap: Address mode.
-        material_slot: Slot of the carrier's material in ray-traced scenes, as GLSL calls it.
+        material_slot: Slot of the carrier's material in ray-traced scenes, as GLSL calls it;
+            None for textures of the raster pack alone.
     """
 
     name: str
     texel: str
     wrap: Literal["edge", "repeat"]
-    material_slot: str
+    material_slot: str | None
 
 
-# Columns are explicit so that a change of this list shows what it moves; column 2 is free.
+# Columns are explicit so that a change of this list shows what it moves.
 PARAMETERS = (
     Parameter("extinction", "extinction", 0, "x"),
     Parameter("wetness", "wetness", 0, "y"),
@@ -94,6 +95,7 @@ PARAMETERS = (
     Parameter("ripple_slope", "rippleSlope", 0, "w"),
     Parameter("horizon_airlight", "horizonAirlight", 1, "rgb"),
     Parameter("night", "nightFlag", 1, "w"),
+    Parameter("probe_map_extent", "probeMapExtent", 2, "xyzw"),
     Parameter("sun_irradiance", "sunIrradiance", 3, "rgb"),
     Parameter("sun_direction", "sunDirection", 4, "xyz"),
     Parameter("sky_harmonics", "skyHarmonic", 5, "rgb", count=9),
@@ -104,6 +106,7 @@ PARAMETERS = (
     Parameter("snow_in_ruts", "snowInRuts", 16, "z"),
     Parameter("frame_index", "frameIndex", 16, "w"),
     Parameter("shelter_map_extent", "shelterMapExtent", 17, "xyzw"),
+    Parameter("probe_open_direction", "probeOpenDirection", 18, "xyz"),
 )
 SECTIONS = (
     Section("parameters", COLUMNS),
@@ -122,7 +125,11 @@ SCENE_TEXTURES = (
     SceneTexture("Wear", "R8Unorm", "edge", "roughness"),
     SceneTexture("Puddles", "R32Sfloat", "repeat", "metallic"),
     SceneTexture("Shelter", "R32G32Sfloat", "edge", "normal"),
+    SceneTexture("ProbeLight", "R32G32B32A32Sfloat", "edge", None),
+    SceneTexture("ProbeDirection", "R32G32B32A32Sfloat", "edge", None),
 )
+CARRIED_TEXTURES = tuple(item for item in SCENE_TEXTURES if item.material_slot)
+"""Textures that ray-traced scenes have, too."""
 
 _HEIGHTS = {section.name: ceil(section.texels / COLUMNS) for section in SECTIONS}
 FIRST_ROWS = dict(zip(_HEIGHTS, accumulate([0, *_HEIGHTS.values()]), strict=False))
@@ -188,12 +195,12 @@ def format_table_glsl() -> Iterator[str]:
 
 def format_scene_textures_glsl() -> Iterator[str]:
     """Lines of GLSL that find the textures in the material of the scene's first object."""
-    for texture in SCENE_TEXTURES:
+    for texture in CARRIED_TEXTURES:
         yield f"int {_index_name(texture)};"
         yield f"#define sampler{texture.name} textures[nonuniformEXT({_index_name(texture)})]"
     yield "\nvoid bindSceneTextures() {"
     yield "  TextureIndex carried = textureIndices.t[geometryInstances.i[0].materialIndex];"
-    for texture in SCENE_TEXTURES:
+    for texture in CARRIED_TEXTURES:
         yield f"  {_index_name(texture)} = carried.{texture.material_slot};"
     yield "}"
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from advercity_sapien.shader_constants import SHADER_FOLDER, format_shader_files
 from advercity_sapien.shader_table import (
+    CARRIED_TEXTURES,
     COLUMNS,
     FIRST_ROWS,
     PARAMETERS,
-    SCENE_TEXTURES,
     TABLE_ROWS,
     ShaderTable,
 )
@@ -46,4 +46,4 @@ def test_each_parameter_lands_where_its_accessor_reads_it() -> None:
 
 
 def test_each_texture_has_a_material_slot_of_its_own() -> None:
-    assert len({texture.material_slot for texture in SCENE_TEXTURES}) == len(SCENE_TEXTURES)
+    assert len({texture.material_slot for texture in CARRIED_TEXTURES}) == len(CARRIED_TEXTURES)

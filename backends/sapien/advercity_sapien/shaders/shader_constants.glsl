@@ -50,6 +50,8 @@ const float DROPLET_WIDE_A = 23.3775;
 const float DROPLET_WIDE_FRACTION = 0.487;
 const float LENS_FALLOFF = 0.0218524;
 const float LENS_SIDE_FRACTION = 0.0081778;
+const int PROBE_LEVELS = 5;
+const float PROBE_HEIGHTS[PROBE_LEVELS] = float[](0.3, 1.5, 3.5, 6.5, 11.0);
 
 struct LampBeam {
   float cutoffDrop;

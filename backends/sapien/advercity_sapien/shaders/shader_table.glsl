@@ -24,6 +24,7 @@ float puddleLevel() { return texelFetch(samplerTable, ivec2(0, 0), 0).z; }
 float rippleSlope() { return texelFetch(samplerTable, ivec2(0, 0), 0).w; }
 vec3 horizonAirlight() { return texelFetch(samplerTable, ivec2(1, 0), 0).rgb; }
 float nightFlag() { return texelFetch(samplerTable, ivec2(1, 0), 0).w; }
+vec4 probeMapExtent() { return texelFetch(samplerTable, ivec2(2, 0), 0).xyzw; }
 vec3 sunIrradiance() { return texelFetch(samplerTable, ivec2(3, 0), 0).rgb; }
 vec3 sunDirection() { return texelFetch(samplerTable, ivec2(4, 0), 0).xyz; }
 vec3 skyHarmonic(int i) { return texelFetch(samplerTable, ivec2(5 + i, 0), 0).rgb; }
@@ -34,3 +35,4 @@ float snowBetweenRuts() { return texelFetch(samplerTable, ivec2(16, 0), 0).y; }
 float snowInRuts() { return texelFetch(samplerTable, ivec2(16, 0), 0).z; }
 float frameIndex() { return texelFetch(samplerTable, ivec2(16, 0), 0).w; }
 vec4 shelterMapExtent() { return texelFetch(samplerTable, ivec2(17, 0), 0).xyzw; }
+vec3 probeOpenDirection() { return texelFetch(samplerTable, ivec2(18, 0), 0).xyz; }

@@ -12,6 +12,8 @@ layout(set = 2, binding = 4) uniform sampler2D samplerSky;
 layout(set = 2, binding = 5) uniform sampler2D samplerWear;
 layout(set = 2, binding = 6) uniform sampler2D samplerPuddles;
 layout(set = 2, binding = 7) uniform sampler2D samplerShelter;
+layout(set = 2, binding = 8) uniform sampler2D samplerProbeLight;
+layout(set = 2, binding = 9) uniform sampler2D samplerProbeDirection;
 
 layout(location = 0) in vec2 inUV;
 
@@ -32,6 +34,7 @@ layout(location = 2) out vec4 outAmbient;
 #include "./view.glsl"
 #include "./dither.glsl"
 #include "./ambient_occlusion.glsl"
+#include "./light_probes.glsl"
 
 // Fraction of the sun that is visible from a point: 3x3 texels of the shadow map, compared.
 float sunVisibility(vec3 position, vec3 normal) {
@@ -105,7 +108,8 @@ void main() {
   }
   if (isNight()) radiance += forwardScatterGain(distance) * lampRadiance(s, -ray, position);
   float cosine = -dot(ray, s.normal);
-  vec3 ambient = s.albedo * coatTransmittance(s, cosine) * skyIrradiance(s.normal) / PI;
+  vec3 ambient = s.albedo * coatTransmittance(s, cosine) * skyIrradiance(s.normal) / PI
+      * probeRatio(position, normal.xyz);
   // By night hardly any light is from the sky, so its occlusion is not worth the time.
   float occlusion = isNight() ? 1.0 : ambientOcclusion(inUV, depth, normal.xyz, gl_FragCoord.xy);
   outAmbient = vec4(ambient, occlusion);
@@ -114,7 +118,8 @@ void main() {
   if (s.normal.z > 0.7 && s.alpha < 0.5 && s.coat > 0.0 && mirrored.g > 0.01) {
     outMirror = vec4(s.normal.xy, mirrored.g, s.alpha);
   } else if (mirrored.g > 0.0) {
-    radiance += mirrored * skyLobe(reflect(ray, s.normal), s.alpha);
+    vec3 mirror = reflect(ray, s.normal);
+    radiance += mirrored * skyLobe(mirror, s.alpha) * probeRatio(position, mirror);
   }
   outLit = vec4(radiance, depth);
 }
