@@ -25,7 +25,7 @@ from advercity.sensors.annotation import project_boxes
 from advercity.sensors.measurements import GnssFix, ImuSample, PointCloud, PointKind
 from advercity.sensors.sensor_frame import CameraImage, SensorFrame, compute_pinhole_matrix
 
-WIDTH, HEIGHT = 96, 54
+IMAGE_SCALE = 1 / 20
 SLOPE_RAD = np.deg2rad(-4.0)
 POINTS_PER_ACTOR = 40
 
@@ -213,10 +213,11 @@ def scan(agent: Agent, frame: Frame, world_from_lidar: Matrix) -> tuple[PointClo
 def image_of(agent: Agent, frame: Frame, world_from_camera: Matrix) -> CameraImage:
     """Sky, and the box of every other actor, nearer ones in front of farther ones."""
     rng = create_generator("picture", agent.number, frame.index)
-    semantic = np.full((HEIGHT, WIDTH), Semantic.SKY, dtype=np.uint8)
-    instance = np.zeros((HEIGHT, WIDTH), np.int32)
-    fov = agent.sensors.camera.horizontal_fov_deg
-    matrix = compute_pinhole_matrix(WIDTH, HEIGHT, horizontal_fov_deg=fov)
+    camera = agent.sensors.camera
+    width, height = (round(side * IMAGE_SCALE) for side in (camera.width_px, camera.height_px))
+    semantic = np.full((height, width), Semantic.SKY, dtype=np.uint8)
+    instance = np.zeros((height, width), np.int32)
+    matrix = compute_pinhole_matrix(width, height, horizontal_fov_deg=camera.horizontal_fov_deg)
     place = world_from_camera[:3, 3]
     for state in sorted(
         frame.states, key=lambda one: -np.linalg.norm(one.world_from_body[:3, 3] - place)
@@ -233,7 +234,7 @@ def image_of(agent: Agent, frame: Frame, world_from_camera: Matrix) -> CameraIma
         cv2.fillConvexPoly(instance, hull, state.actor.id)
     return CameraImage(
         world_from_camera=world_from_camera,
-        image=rng.integers(0, 256, (HEIGHT, WIDTH, 3), dtype=np.uint8),
+        image=rng.integers(0, 256, (height, width, 3), dtype=np.uint8),
         semantic=semantic,
         depth=np.where(instance > 0, 20, 255).astype(np.uint8),
         projected_boxes=project_boxes(

@@ -140,17 +140,15 @@ class AgentView:
 
     def image(self, camera: int) -> NDArray[np.uint8]:
         """Read the RGB image (h, w, 3) of a camera."""
-        return self._read_image(f"_camera{camera}.png", cv2.IMREAD_COLOR_RGB)
+        return self._read_camera("camera", camera, cv2.IMREAD_COLOR_RGB)
 
     def semantic(self, camera: int) -> NDArray[np.uint8]:
         """Read the tags (h, w) of `Semantic` of a camera's pixels."""
-        return from_semantic_colours(
-            self._read_image(f"_semantic{camera}.png", cv2.IMREAD_COLOR_RGB)
-        )
+        return from_semantic_colours(self._read_camera("semantic", camera, cv2.IMREAD_COLOR_RGB))
 
     def depth(self, camera: int) -> NDArray[np.uint8]:
         """Read the depths (h, w) in whole metres along a camera's optical axis; at most 255."""
-        return self._read_image(f"_depth{camera}.png", cv2.IMREAD_UNCHANGED)
+        return self._read_camera("depth", camera, cv2.IMREAD_UNCHANGED)
 
     def bird_view(self, kind: str) -> NDArray[np.uint8]:
         """Read a map (256, 256): dynamic, static, lane, visibility or visibility_corp."""
@@ -260,6 +258,12 @@ class AgentView:
             path = self.path(".yaml")
             raise InputError(f"{path}: has no field {'.'.join(keys)}") from error
         return value
+
+    def _read_camera(self, kind: str, camera: int, mode: int) -> NDArray[np.uint8]:
+        if not 0 <= camera < self.cameras:
+            cameras = "one camera, 0" if self.cameras == 1 else f"cameras 0 to {self.cameras - 1}"
+            raise InputError(f"{self.agent.id} has {cameras}; there is no camera {camera}")
+        return self._read_image(f"_{kind}{camera}.png", mode)
 
     def _read_image(self, suffix: str, mode: int) -> NDArray[np.uint8]:
         path = self.path(suffix)

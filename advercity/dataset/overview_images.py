@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
+from itertools import cycle
 from pathlib import Path
 
 import cv2
@@ -33,8 +34,11 @@ AGENT_VIEW_COLOURS = (
     (240, 230, 110),
 )
 CONTACT_CELL_WIDTH_PX = 384
-CONTACT_CAMERAS = (2, 0, 1, 3)
-"""Order of cameras in a row: left, front, right, rear."""
+DIRECTIONS = (
+    *("front", "front left", "left", "rear left"),
+    *("rear", "rear right", "right", "front right"),
+)
+"""Names of directions, 45 degrees apart."""
 CONTACT_LIDAR_HALF_EXTENT_M = 60.0
 _OTHER_COLOUR = (200, 200, 200)
 _BACKGROUND = 16
@@ -44,21 +48,35 @@ _MAX_LINE_END_PX = 20_000
 
 def draw_mosaic(frame: FrameView) -> Uint8Array:
     """Draw the front cameras of all agents with their boxes, and the LiDARs from above."""
-    cells = [
-        _label(draw_camera_boxes(view, 0), f"{agent}  {frame.name}")
-        for agent, view in frame.views.items()
-    ]
-    return _tile_images([*cells, _fit_square(draw_top_view(frame), cells[0].shape)])
+    images = [draw_camera_boxes(view, find_front_camera(view)) for view in frame.views.values()]
+    shape = _find_largest_shape(images)
+    return _tile_images([*_label_agents(frame, images), _fit_image(draw_top_view(frame), shape)])
 
 
 def draw_semantic_mosaic(frame: FrameView) -> Uint8Array:
     """Draw the semantic images of the front cameras of all agents."""
-    return _tile_images(
-        [
-            _label(to_semantic_colours(view.semantic(0)), f"{agent}  {frame.name}")
-            for agent, view in frame.views.items()
-        ]
-    )
+    images = [
+        to_semantic_colours(view.semantic(find_front_camera(view))) for view in frame.views.values()
+    ]
+    return _tile_images(_label_agents(frame, images))
+
+
+def find_front_camera(view: AgentView) -> int:
+    """Return the index of the camera that looks ahead, or nearest to it."""
+    return min(range(view.cameras), key=lambda camera: abs(_compute_camera_yaw_deg(view, camera)))
+
+
+def _compute_camera_yaw_deg(view: AgentView, camera: int) -> float:
+    """Compute where a camera looks, from -180 (rear), over right, front and left, to below 180."""
+    return (view.agent.sensors.camera.mounts[camera].yaw_deg + 180) % 360 - 180
+
+
+def _label_agents(frame: FrameView, images: Sequence[Uint8Array]) -> list[Uint8Array]:
+    """Label an image of every agent."""
+    return [
+        _label(image, f"{agent}  {frame.name}")
+        for agent, image in zip(frame.views, images, strict=True)
+    ]
 
 
 def draw_camera_boxes(view: AgentView, camera: int) -> Uint8Array:
@@ -73,7 +91,7 @@ def draw_camera_boxes(view: AgentView, camera: int) -> Uint8Array:
 def draw_top_view(frame: FrameView, size: int = TOP_VIEW_SIZE_PX) -> Uint8Array:
     """Draw all clouds and boxes around the first agent, north up; each agent has a colour."""
     middle = next(iter(frame.views.values())).world_from_agent[:2, 3]
-    coloured = list(zip(frame.views.items(), AGENT_VIEW_COLOURS, strict=False))
+    coloured = list(zip(frame.views.items(), cycle(AGENT_VIEW_COLOURS), strict=False))
     image = np.full((size, size, 3), _BACKGROUND, np.uint8)
     for (_, view), colour in coloured:
         points = poses.transform_points(view.world_from_lidar, view.points)
@@ -131,13 +149,20 @@ def _to_top_view_pixels(points: Float64Array, middle: Float64Array, size: int) -
     return np.rint(size / 2 + offset * (1.0, -1.0)).astype(np.int32)
 
 
-def _fit_square(image: Uint8Array, shape: Sequence[int]) -> Uint8Array:
-    """Scale a square image into the middle of an empty one of that shape."""
-    height, width = shape[:2]
-    side = min(height, width)
-    cell = np.full((height, width, 3), _BACKGROUND, np.uint8)
-    left = (width - side) // 2
-    cell[:side, left : left + side] = cv2.resize(image, (side, side), interpolation=cv2.INTER_AREA)
+def _find_largest_shape(images: Sequence[Uint8Array]) -> tuple[int, int]:
+    """Find the largest height and the largest width."""
+    return max(len(image) for image in images), max(image.shape[1] for image in images)
+
+
+def _fit_image(image: Uint8Array, shape: tuple[int, int]) -> Uint8Array:
+    """Scale an image into the middle of an empty one of that height and width."""
+    scale = min(shape[0] / image.shape[0], shape[1] / image.shape[1])
+    height, width = (max(1, round(scale * side)) for side in image.shape[:2])
+    top, left = (shape[0] - height) // 2, (shape[1] - width) // 2
+    cell = np.full((*shape, 3), _BACKGROUND, np.uint8)
+    cell[top : top + height, left : left + width] = cv2.resize(
+        image, (width, height), interpolation=cv2.INTER_AREA
+    )
     return cell
 
 
@@ -147,15 +172,20 @@ def _label(image: Uint8Array, text: str) -> Uint8Array:
     return labelled
 
 
-def _tile_images(cells: Sequence[Uint8Array]) -> Uint8Array:
-    """Place images of one shape three in a row, and fill the last row with black ones."""
-    cells = [*cells, *[np.zeros_like(cells[0])] * (-len(cells) % 3)]
+def _tile_images(images: Sequence[Uint8Array]) -> Uint8Array:
+    """Place images three in a row, each in a cell as large as the largest; fill the last row."""
+    shape = _find_largest_shape(images)
+    cells = [_fit_image(image, shape) for image in images]
+    cells += [np.zeros_like(cells[0])] * (-len(cells) % 3)
     rows = [np.hstack(cells[first : first + 3]) for first in range(0, len(cells), 3)]
     return np.vstack(rows)
 
 
 def write_contact_sheet(path: Path, output: Path) -> None:
-    """Write a PNG of the frame in the middle of a scenario, with a row of images per agent.
+    """Write an image of the frame in the middle of a scenario, with a row per agent.
+
+    A row has all cameras from the left over the front to the rear, the classes of the front one,
+    and the LiDAR from above.
 
     Args:
         path: Folder of one scenario.
@@ -172,22 +202,23 @@ def write_contact_sheet(path: Path, output: Path) -> None:
         _draw_contact_row(view, f"{agent}  frame {frame.name}")
         for agent, view in frame.views.items()
     ]
-    write_image(np.vstack(rows)[..., ::-1], output)
+    width = max(row.shape[1] for row in rows)
+    padded = [np.pad(row, ((0, 0), (0, width - row.shape[1]), (0, 0))) for row in rows]
+    write_image(np.vstack(padded)[..., ::-1], output)
 
 
 def _draw_contact_row(view: AgentView, name: str) -> Uint8Array:
-    images = [*map(view.image, CONTACT_CAMERAS), to_semantic_colours(view.semantic(0))]
-    cells = [_scale_to_cell(image) for image in images]
-    above = draw_lidar_top_view(view.cloud, cells[0].shape[0])
-    row = np.hstack([*cells, above])
-    text = f"{name}: left, front, right, rear, semantic front, LiDAR"
+    yaws_deg = [_compute_camera_yaw_deg(view, camera) for camera in range(view.cameras)]
+    order = sorted(range(view.cameras), key=lambda camera: -yaws_deg[camera])
+    names = [DIRECTIONS[round(yaws_deg[camera] / 45) % 8] for camera in order]
+    classes = to_semantic_colours(view.semantic(find_front_camera(view)))
+    images = [*map(view.image, order), classes]
+    height, width = images[0].shape[:2]
+    shape = round(CONTACT_CELL_WIDTH_PX * height / width), CONTACT_CELL_WIDTH_PX
+    above = draw_lidar_top_view(view.cloud, shape[0])
+    row = np.hstack([*(_fit_image(image, shape) for image in images), above])
+    text = f"{name}: {', '.join(names)}, semantic front, LiDAR"
     return np.vstack([draw_label_bar(text, row.shape[1]), row])
-
-
-def _scale_to_cell(image: Uint8Array) -> Uint8Array:
-    height = round(CONTACT_CELL_WIDTH_PX * image.shape[0] / image.shape[1])
-    size = (CONTACT_CELL_WIDTH_PX, height)
-    return cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
 
 
 def draw_lidar_top_view(cloud: NDArray[np.void], size: int) -> Uint8Array:
@@ -249,6 +280,10 @@ def _select_drawings(
     for kind in kinds:
         if kind == "front":
             for agent in scenario.agents:
-                yield f"{agent}_front", lambda frame, agent=agent: frame[agent].image(0)
+                yield f"{agent}_front", lambda frame, agent=agent: _read_front_image(frame[agent])
         else:
             yield kind, drawings[kind]
+
+
+def _read_front_image(view: AgentView) -> Uint8Array:
+    return view.image(find_front_camera(view))
