@@ -41,13 +41,14 @@ class Diagnostic:
         value = f" {self.value_path}:" if self.value_path else ""
         return f"{place}:{value} {self.message}" + (f"; {self.hint}" if self.hint else "")
 
-    def __str__(self) -> str:
-        """Return the headline and, indented below it, the line with carets under the value."""
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The headline and, indented below it, the line with carets under the value."""
         if not self.line_text.strip():
-            return self.headline
+            return (self.headline,)
         number = f"{self.line:>5}"
         excerpt, carets = self._format_excerpt()
-        return f"{self.headline}\n{number} | {excerpt}\n{' ' * len(number)} | {carets}"
+        return self.headline, f"{number} | {excerpt}", f"{' ' * len(number)} | {carets}"
 
     def _format_excerpt(self) -> tuple[str, str]:
         """Return the part of the line around the value, and the carets below it."""
@@ -77,4 +78,4 @@ class DiagnosticsError(InputError):
     def __init__(self, *diagnostics: Diagnostic) -> None:
         unique = dict.fromkeys(diagnostics)
         self.diagnostics = tuple(sorted(unique, key=lambda d: (str(d.path), d.line, d.column)))
-        super().__init__("\n".join(str(diagnostic) for diagnostic in self.diagnostics))
+        super().__init__(*(line for diagnostic in self.diagnostics for line in diagnostic.lines))

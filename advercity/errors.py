@@ -10,8 +10,23 @@ from collections.abc import Generator
 from contextlib import contextmanager
 
 
+def escape_control_characters(text: str) -> str:
+    """Escape what would break a line or change the state of a terminal, such as a line break."""
+    return "".join(
+        character if character.isprintable() else character.encode("unicode_escape").decode()
+        for character in text
+    )
+
+
 class AdvercityError(Exception):
-    """Base of all expected errors; the message is for the user, without a traceback."""
+    """Base of all expected errors; the message is for the user, without a traceback.
+
+    Each argument is a line. What a line quotes from files and file names cannot break it.
+    """
+
+    def __str__(self) -> str:
+        """Return the message; lines that are indented belong to the line above them."""
+        return "\n".join(escape_control_characters(str(line)) for line in self.args)
 
 
 class InputError(AdvercityError):

@@ -14,6 +14,7 @@ ROOMS = (
         "media",
         "digests",
         "atomic_files",
+        "processes",
     ),
     ("geometry", "randomness"),
     ("physics",),

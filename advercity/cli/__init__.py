@@ -11,7 +11,10 @@ from advercity.errors import InputError, RunError
 
 
 def main() -> None:
-    """Run the command line; 0 done, 1 failed while running, 2 bad input, 130 interrupted."""
+    """Run the command line; 0 done, 1 failed while running, 2 bad input, 130 interrupted.
+
+    An interrupt is reported by `RenamingGroup`, since typer ends the process without a word.
+    """
     # SIGTERM unwinds the stack like an exception, so that child processes and partial files go.
     signal.signal(signal.SIGTERM, _exit_on_signal)
     notices = StderrHandler()
@@ -22,8 +25,6 @@ def main() -> None:
         exit_with_error(error, exit_code=2)
     except RunError as error:
         exit_with_error(error, exit_code=1)
-    except KeyboardInterrupt:
-        sys.exit(130)
     except BrokenPipeError:
         # The reader of standard output is gone, as with `| head`.
         sys.stderr.close()

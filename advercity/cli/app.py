@@ -7,8 +7,8 @@ from typer.core import TyperGroup
 
 from advercity.cli import authoring, datasets, running
 from advercity.cli.assets import assets
-from advercity.cli.output import print_data
-from advercity.errors import InputError
+from advercity.cli.output import exit_with_error, print_data
+from advercity.errors import InputError, RunError
 
 RENAMED_COMMANDS = {"plan": "estimate"}
 RENAMED_OPTIONS = {
@@ -36,6 +36,8 @@ class RenamingGroup(TyperGroup):
         """Run the command."""
         try:
             return super().invoke(ctx)
+        except KeyboardInterrupt as interrupt:
+            exit_with_error(RunError("; ".join(["interrupted", *interrupt.args])), exit_code=130)
         except Exception as error:
             # Typer does not export the error for an unknown option, which has these attributes.
             command = str(getattr(getattr(error, "ctx", None), "info_name", ""))

@@ -31,7 +31,7 @@ def compile_(
         stale = describe_spec_differences(specs, output)
         if stale:
             again = " ".join(["advercity compile", *map(str, library)])
-            raise RunError("\n".join([*stale, f"run `{again}` to renew them"]))
+            raise RunError(*stale, f"run `{again}` to renew them")
         print_note(f"{len(specs)} specs in {output} are current")
         return
     write_specs(specs, output)

@@ -39,7 +39,7 @@ def verify(
     _print_foreign_files(problems)
     damage = [str(problem) for problem in problems if problem.is_damage]
     if damage:
-        raise RunError("\n".join(damage))
+        raise RunError(*damage)
     index = None if "://" in dataset else DatasetIndex.load(Path(dataset))
     print_note(
         f"every file is as its manifest says{f'; {index.format_summary()}' if index else ''}"
@@ -66,7 +66,7 @@ def repair(
     again = "delete what is left of the scenario, and `advercity run` with its spec makes it again"
     damage = [f"{problem}; {again}" for problem in left if problem.is_damage]
     if damage:
-        raise RunError("\n".join(damage))
+        raise RunError(*damage)
     print_note("every file is as its manifest says")
 
 

@@ -1,5 +1,7 @@
 """Commands that simulate, render and show."""
 
+from collections.abc import Generator
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
@@ -84,7 +86,7 @@ def run(
     viewer = ViewerTarget(
         file=rrd, serve=stream, connect=connect, cloud_colour=parse_cloud_colour(cloud_colour)
     )
-    with show_progress(loaded) as view:
+    with _describe_interrupt(output, fresh=fresh), show_progress(loaded) as view:
         result = api.run(
             loaded,
             output,
@@ -107,6 +109,17 @@ def run(
         if scenario.error is None:
             print_data(f"{output.rstrip('/')}/{scenario.scenario}")
     result.raise_failures()
+
+
+@contextmanager
+def _describe_interrupt(output: str, *, fresh: bool) -> Generator[None]:
+    """Add to an interrupt what is kept and how to go on."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        again = "the same command without --fresh" if fresh else "the same command"
+        text = f"finished frames are kept in {output}, and {again} makes the others"
+        raise KeyboardInterrupt(text) from None
 
 
 @commands.command()
@@ -176,7 +189,7 @@ def simulate(
         print_data(tables.format_columns(build_table_rows(reports)))
     problems = [f"{report.spec}: {problem}" for report in reports for problem in report.problems]
     if problems:
-        raise RunError("\n".join(problems))
+        raise RunError(*problems)
 
 
 @commands.command()

@@ -4,21 +4,21 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from advercity.errors import escape_control_characters
 from advercity.pipeline.descriptions import Description
 
 
 def format_columns(rows: Sequence[Mapping[str, Any]]) -> str:
     """Format rows below their heads, numbers aligned to the right."""
-    heads = list(rows[0])
-    widths = [max(len(head), *(len(str(row[head])) for row in rows)) for head in heads]
-    lines = [dict(zip(heads, heads, strict=True)), *rows]
-    numbers = [isinstance(rows[0][head], int | float) for head in heads]
-    cells = zip(heads, widths, numbers, strict=True)
-    columns = [
-        [f"{line[head]!s:>{width}}" if number else f"{line[head]!s:<{width}}" for line in lines]
-        for head, width, number in cells
-    ]
+    columns = [_format_column(head, [row[head] for row in rows]) for head in rows[0]]
     return "\n".join("  ".join(row).rstrip() for row in zip(*columns, strict=True))
+
+
+def _format_column(head: str, values: Sequence[Any]) -> list[str]:
+    cells = [head, *(escape_control_characters(str(value)) for value in values)]
+    width = max(map(len, cells))
+    align = ">" if isinstance(values[0], int | float) else "<"
+    return [f"{cell:{align}{width}}" for cell in cells]
 
 
 def format_json(data: Any) -> str:

@@ -1,5 +1,6 @@
 """The fact table behind statistics: every annotated object of every frame, once."""
 
+import os
 from collections.abc import Iterable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ from advercity.dataset.agent_view import AgentView, report_read_errors
 from advercity.dataset.manifest import WeatherTruth
 from advercity.dataset.reader import FrameView, Scenario
 from advercity.dataset.scenario_folders import find_scenarios, no_frames_error
+from advercity.processes import end_with_parent
 
 OBJECT_FACT = np.dtype(
     [
@@ -72,7 +74,9 @@ def collect_dataset_facts(dataset: Path) -> list[ScenarioFacts]:
     """
     folders = find_scenarios(dataset)
     # Forking a process that has threads, as OpenCV starts them, may deadlock.
-    with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
+    with ProcessPoolExecutor(
+        mp_context=get_context("spawn"), initializer=end_with_parent, initargs=(os.getpid(),)
+    ) as pool:
         found = [facts for facts in pool.map(collect_scenario_facts, folders) if facts.num_frames]
     if not found:
         raise no_frames_error(dataset)

@@ -97,5 +97,5 @@ def raise_failures(results: Iterable[ScenarioResult]) -> None:
     if len(every) == 1 and failed:
         raise failed[0][1]
     if failed:
-        lines = [f"{name}: {error}" for name, error in failed]
-        raise RunError("\n".join([*lines, f"{len(failed)} of {len(every)} scenarios failed"]))
+        lines = [line for name, error in failed for line in f"{name}: {error}".splitlines()]
+        raise RunError(*lines, f"{len(failed)} of {len(every)} scenarios failed")

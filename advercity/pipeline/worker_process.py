@@ -1,7 +1,7 @@
-"""Makes frames of one scenario: `python -m advercity.pipeline.worker_process DESCRIPTOR`.
+"""Makes frames of one scenario: `python -m advercity.pipeline.worker_process DESCRIPTOR PARENT`.
 
-Standard input holds a pickled `WorkerTask`; DESCRIPTOR is one end of a `multiprocessing.Pipe`. When
-the parent closes the other end, however it ended, every process of the scenario is killed.
+Standard input holds a pickled `WorkerTask`; DESCRIPTOR is one end of a `multiprocessing.Pipe`,
+PARENT the parent's process id. When the parent ends, every process of the scenario is killed.
 """
 
 import logging
@@ -25,6 +25,7 @@ from advercity.pipeline.messages import (
     WorkerTask,
 )
 from advercity.pipeline.scenario import join_scenario, run_scenario
+from advercity.processes import end_with_parent
 
 if TYPE_CHECKING:
     Parent = Connection[WorkerMessage, str]
@@ -89,4 +90,5 @@ def _ignore_signal(number: int, frame: FrameType | None) -> None:
 
 
 if __name__ == "__main__":
+    end_with_parent(int(sys.argv[2]))
     sys.exit(main(Connection(int(sys.argv[1]))))

@@ -205,7 +205,10 @@ class _Worker:
             pickle.dump(task, stdin)
             stdin.seek(0)
             self.process = subprocess.Popen(  # noqa: S603 - our own module
-                [sys.executable, "-m", "advercity.pipeline.worker_process", str(theirs.fileno())],
+                [
+                    *(sys.executable, "-m", "advercity.pipeline.worker_process"),
+                    *(str(theirs.fileno()), str(os.getpid())),
+                ],
                 stdin=stdin,
                 stdout=self._log,
                 stderr=self._log,
@@ -246,7 +249,7 @@ class _Worker:
         lines = self._log.read().decode(errors="replace").splitlines()[-LOG_LINES_SHOWN:]
         place = f"{self.last.phase} {self.last.done}"
         text = f"worker process ended ({cause}) in {place}; run the same command again to resume"
-        return RunError("\n".join([text, *(f"  {line}" for line in lines)]))
+        return RunError(text, *(f"  {line}" for line in lines))
 
     def terminate(self) -> None:
         """Ask the process to end, and kill it when it has not ended after a while."""
@@ -389,7 +392,7 @@ class _PooledScenario:
         if error is None or not worker.index:
             return error
         count = len(self.workers) + len(self.ended)
-        return type(error)(f"worker {worker.index + 1} of {count}: {error}")
+        return type(error)(*f"worker {worker.index + 1} of {count}: {error}".splitlines())
 
     def send_signal(self, number: int) -> None:
         """Send a signal to every process of the scenario."""

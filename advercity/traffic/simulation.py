@@ -1,5 +1,6 @@
 """Simulate the traffic of a spec in a child process."""
 
+import os
 import subprocess
 import sys
 import tempfile
@@ -41,7 +42,7 @@ def write_simulated_trace(spec: Spec, network: Path, trace_file: Path) -> None:
     with tempfile.TemporaryDirectory() as folder:
         spec_file = Path(folder) / "spec.json"
         spec_file.write_text(spec.model_dump_json(), encoding="utf-8")
-        command = [sys.executable, "-m", "advercity.traffic.sumo_worker"]
+        command = [sys.executable, "-m", "advercity.traffic.sumo_worker", str(os.getpid())]
         completed = subprocess.run(  # noqa: S603 - our own module with paths of our own
             [*command, str(spec_file), str(network.resolve()), str(trace_file.resolve())],
             capture_output=True,
@@ -49,7 +50,7 @@ def write_simulated_trace(spec: Spec, network: Path, trace_file: Path) -> None:
             check=False,
         )
     if completed.returncode == EXIT_BAD_INPUT:
-        raise InputError(f"{spec.id}: {completed.stderr.strip()}")
+        raise InputError(*f"{spec.id}: {completed.stderr.strip()}".splitlines())
     if completed.returncode != 0:
         raise RunError(f"{spec.id}: traffic simulation failed: {_format_failure(completed)}")
 

@@ -1,6 +1,9 @@
-"""The child process that runs SUMO: `python -m advercity.traffic.sumo_worker SPEC NETWORK TRACE`.
+"""The child process that runs SUMO.
 
-SUMO keeps one simulation per process and may end the process it runs in, so it gets its own.
+    python -m advercity.traffic.sumo_worker PARENT SPEC NETWORK TRACE
+
+PARENT is the id of the process that starts it. SUMO keeps one simulation per process and may end
+the process it runs in, so it gets its own.
 """
 
 import sys
@@ -10,6 +13,7 @@ from advercity_dsl import Spec
 
 from advercity.documents import MAX_JSON_BYTES, parse_json, read_text
 from advercity.errors import AdvercityError, InputError
+from advercity.processes import end_with_parent
 from advercity.traffic.dry_run import simulate_with_dry_runs
 from advercity.traffic.simulation import EXIT_BAD_INPUT, EXIT_FAILED
 
@@ -23,7 +27,8 @@ def main(spec_file: str, network_file: str, trace_file: str) -> None:
 
 if __name__ == "__main__":
     try:
-        main(*sys.argv[1:])
+        end_with_parent(int(sys.argv[1]))
+        main(*sys.argv[2:])
     except AdvercityError as error:
         sys.stderr.write(str(error))
         sys.exit(EXIT_BAD_INPUT if isinstance(error, InputError) else EXIT_FAILED)

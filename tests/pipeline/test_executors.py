@@ -192,39 +192,55 @@ def test_a_scenario_that_cannot_be_recorded_in_the_index_has_failed(
     assert "index.json: Is a directory" in str(result.error)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
-def test_an_interrupted_run_leaves_no_process_behind(
-    few: list[Spec], stunts: Path, tmp_path: Path, number: signal.Signals
-) -> None:
-    write_specs(few[:2], tmp_path / "compiled")
-    for stunt in ("1.hang", "2.hang"):
-        (stunts / stunt).touch()
+def start_two_runs(specs: list[Spec], stunts: Path, stunt: str) -> subprocess.Popen[str]:
+    """Start a run of two scenarios; return it when both do the stunt."""
+    folder = stunts.parent
+    write_specs(specs[:2], folder / "compiled")
+    for name in ("1", "2"):
+        (stunts / f"{name}.{stunt}").touch()
     process = subprocess.Popen(
         [
             *(sys.executable, "-c", "from advercity.cli import main; main()", "run"),
-            *map(str, sorted((tmp_path / "compiled").glob("*.json"))),
-            *(
-                "--jobs",
-                "2",
-                "--backend",
-                "stunts",
-                "--profile",
-                "preview",
-                "--output",
-                str(tmp_path / "output"),
-            ),
+            *map(str, sorted((folder / "compiled").glob("*.json"))),
+            *("--jobs", "2", "--backend", "stunts", "--profile", "preview", "--output", "output"),
         ],
-        stderr=subprocess.DEVNULL,
+        cwd=folder,
+        stderr=subprocess.PIPE,
+        text=True,
     )
     while any(stunts.iterdir()):
         assert process.poll() is None
         time.sleep(0.02)
-    children = psutil.Process(process.pid).children(recursive=True)
-    assert len(children) == 2
-    process.send_signal(number)
-    assert process.wait(60) == (130 if number == signal.SIGINT else -signal.SIGKILL)
+    return process
+
+
+def test_an_interrupted_run_says_how_to_go_on_and_leaves_no_process_behind(
+    few: list[Spec], stunts: Path, tmp_path: Path
+) -> None:
+    with start_two_runs(few, stunts, "hang") as process:
+        children = psutil.Process(process.pid).children(recursive=True)
+        assert len(children) == 2
+        process.send_signal(signal.SIGINT)
+        _, told = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert told.endswith(
+        "error: interrupted; finished frames are kept in output, and the same command makes the"
+        " others\n"
+    )
     assert psutil.wait_procs(children, timeout=60)[1] == []
     assert not (tmp_path / "output").exists()
+
+
+def test_workers_in_native_code_end_with_a_run_that_is_killed(
+    few: list[Spec], stunts: Path
+) -> None:
+    with start_two_runs(few, stunts, "native") as process:
+        children = psutil.Process(process.pid).children(recursive=True)
+        process.kill()
+        assert len(children) == 2
+        left = psutil.wait_procs(children, timeout=2)[1]
+        # Not every init process reaps at once.
+        assert all(child.status() == psutil.STATUS_ZOMBIE for child in left)
 
 
 @pytest.mark.sumo

@@ -5,6 +5,7 @@ folder `$SEEN`. `$MEET` is the folder of claims and a number: the first image wa
 frames are claimed.
 """
 
+import ctypes
 import os
 import signal
 import time
@@ -95,6 +96,8 @@ def _do_stunt() -> None:
                 _hog()
             elif stunt.suffix == ".hang":
                 _hang()
+            elif stunt.suffix == ".native":
+                ctypes.PyDLL(None).sleep(600)  # no other thread of this interpreter runs meanwhile
 
 
 def _hog() -> None:
