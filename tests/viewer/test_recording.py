@@ -1,6 +1,8 @@
 """What a recording holds, read back with Rerun's own reader."""
 
 import socket
+import subprocess
+import sys
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -345,6 +347,17 @@ def test_a_file_that_cannot_be_written_is_named(spec: Spec, tmp_path: Path) -> N
     (tmp_path / "in the way").write_text("")
     with pytest.raises(RunError, match="in the way"):
         RerunRecording(spec, LANES, file=tmp_path / "in the way" / "scene.rrd")
+
+
+def test_two_recordings_of_a_run_have_equal_content(
+    spec: Spec, sensor_frames_of: SensorFramesOf, tmp_path: Path
+) -> None:
+    """By Rerun's own comparison; row ids, which are times, and the order of rows mean nothing."""
+    for name in ("first.rrd", "second.rrd"):
+        with RerunRecording(spec, LANES, file=tmp_path / name, events=EVENTS) as recording:
+            recording.log_frame(sensor_frames_of(0))
+    command = [sys.executable, "-m", "rerun", "rrd", "compare", "--unordered"]
+    subprocess.run([*command, "first.rrd", "second.rrd"], cwd=tmp_path, check=True)
 
 
 def test_a_recording_is_complete_or_absent(spec: Spec, tmp_path: Path) -> None:
