@@ -9,11 +9,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from enum import IntEnum, IntFlag
 from pathlib import Path
+from typing import Any, get_args
 
 import numpy as np
 from advercity_dsl import ActorClass, Blueprint
 from numpy.typing import NDArray
 
+from advercity.array_files import load_arrays
 from advercity.errors import RunError
 from advercity.geometry.poses import Matrix, pose_matrix
 
@@ -209,27 +211,92 @@ class Trace:
 
     @staticmethod
     def load(path: Path) -> "Trace":
-        """Read a file that `save` wrote; RunError if it is something else."""
+        """Read a file that `save` wrote.
+
+        Raises:
+            RunError: It is something else, or damaged.
+        """
+        columns = load_arrays(path, max_bytes=MAX_TRACE_BYTES)
         try:
-            with np.load(path, allow_pickle=False) as data:
-                columns = [data[f"actor_{item.name}"].tolist() for item in fields(Actor)]
-                actors = tuple(
-                    Actor(*values[:-1], size=tuple(values[-1]))
-                    for values in zip(*columns, strict=True)
-                )
-                states = np.empty(len(data["state_tick"]), STATE_DTYPE)
-                for name in STATE_COLUMNS:
-                    states[name] = data[f"state_{name}"]
-                return Trace(
-                    tick_s=float(data["tick_s"]),
-                    first_tick=int(data["first_tick"]),
-                    actors=actors,
-                    states=states,
-                    signal_ids=tuple(data["signal_ids"].tolist()),
-                    signals=data["signals"],
-                )
-        except (OSError, ValueError, KeyError) as error:
+            _check_columns(columns)
+            trace = _build_trace(columns)
+            _check_trace(trace)
+        except (ValueError, KeyError) as error:
             raise RunError(f"{path}: not a trace: {error}") from error
+        return trace
+
+
+MAX_TRACE_BYTES = 10**9
+MAX_ACTOR_SIZE_M, MAX_TICK_S = 100.0, 10.0
+MAX_STATE_VALUE = 1e7
+"""Beyond all ticks, metres, radians and speeds of a scenario."""
+_COLUMNS: dict[str, tuple[str, int]] = {
+    **{"tick_s": ("f", 0), "first_tick": ("i", 0), "signal_ids": ("U", 1), "signals": ("u", 2)},
+    **{f"actor_{name}": ("U", 1) for name in ("actor_class", "blueprint", "paint")},
+    **{"actor_id": ("i", 1), "actor_size": ("f", 2)},
+    **{f"state_{name}": (STATE_DTYPE[name].kind, 1) for name in STATE_COLUMNS},
+}
+"""Kind and number of dimensions of every array of a trace's file."""
+
+
+def _check_columns(columns: Mapping[str, NDArray[Any]]) -> None:
+    """Raise ValueError or KeyError if an array is missing, or of another kind or length."""
+    for name, (kind, dimensions) in _COLUMNS.items():
+        column = columns[name]
+        if (column.dtype.kind, column.ndim) != (kind, dimensions):
+            raise ValueError(f"{name} is {column.dtype} with {column.ndim} dimensions")
+        if kind == "f" and not np.isfinite(column).all():
+            raise ValueError(f"{name} is not finite")
+    for name in STATE_COLUMNS:
+        if columns[f"state_{name}"].dtype != STATE_DTYPE[name]:
+            raise ValueError(f"state_{name} is not {STATE_DTYPE[name]}")
+    for table in ("state_", "actor_"):
+        if len({len(columns[name]) for name in _COLUMNS if name.startswith(table)}) > 1:
+            raise ValueError(f"{table}... differ in length")
+    if columns["signals"].shape[1] != len(columns["signal_ids"]):
+        raise ValueError("signals without ids")
+    if columns["actor_size"].shape[1] != 3:
+        raise ValueError("sizes without three numbers")
+
+
+def _build_trace(columns: Mapping[str, NDArray[Any]]) -> Trace:
+    table = [columns[f"actor_{item.name}"].tolist() for item in fields(Actor)]
+    states = np.empty(len(columns["state_tick"]), STATE_DTYPE)
+    for name in STATE_COLUMNS:
+        states[name] = columns[f"state_{name}"]
+    return Trace(
+        tick_s=float(columns["tick_s"]),
+        first_tick=int(columns["first_tick"]),
+        actors=tuple(
+            Actor(*values[:-1], size=tuple(values[-1])) for values in zip(*table, strict=True)
+        ),
+        states=states,
+        signal_ids=tuple(columns["signal_ids"].tolist()),
+        signals=columns["signals"],
+    )
+
+
+def _check_trace(trace: Trace) -> None:
+    """Raise ValueError if values are not what traffic can be."""
+    ticks, actors = (trace.states[name].astype(np.int64) for name in ("tick", "actor"))
+    sizes = np.array([actor.size for actor in trace.actors])
+    ids = [actor.id for actor in trace.actors]
+    order = ticks * max(1, len(ids)) + actors
+    numbers = [trace.states[name] for name in STATE_COLUMNS]
+    checks = {
+        "a state": all(np.abs(column).max(initial=0) < MAX_STATE_VALUE for column in numbers),
+        "length of a tick": 0 < trace.tick_s <= MAX_TICK_S and trace.first_tick >= 0,
+        "ticks of states": not len(ticks) or 0 <= ticks.min() <= ticks.max() < len(trace),
+        "actors of states": not len(actors) or 0 <= actors.min() <= actors.max() < len(ids),
+        "order of states": bool((np.diff(order) > 0).all()),
+        "ids of actors": len({*ids}) == len(ids) and all(number > 0 for number in ids),
+        "classes of actors": {one.actor_class for one in trace.actors} <= {*get_args(ActorClass)},
+        "sizes of actors": bool(((sizes > 0) & (sizes < MAX_ACTOR_SIZE_M)).all()),
+        "signals": not trace.signals.size or trace.signals.max() <= max(Signal),
+    }
+    for what, is_right in checks.items():
+        if not is_right:
+            raise ValueError(f"{what} cannot be right")
 
 
 def extract_planned_trajectory(

@@ -13,6 +13,7 @@ ROOMS = (
         "materials",
         "media",
         "digests",
+        "array_files",
         "atomic_files",
         "processes",
     ),

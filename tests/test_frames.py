@@ -1,5 +1,7 @@
 """The record of traffic: kept, stored, asked for plans, and lit."""
 
+import os
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -85,8 +87,100 @@ def test_the_hash_of_a_trace_is_that_of_what_it_holds_however_its_file_is_packed
 def test_a_file_that_is_no_trace_says_so(tmp_path: Path):
     (tmp_path / "trace.npz").write_text("hello")
 
-    with pytest.raises(RunError, match=r"trace\.npz: not a trace"):
+    with pytest.raises(RunError, match=r"trace\.npz: not a"):
         Trace.load(tmp_path / "trace.npz")
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """The bytes of a trace's file."""
+    path = tmp_path_factory.mktemp("trace") / "trace.npz"
+    trace_of(*(row(tick, actor, tick) for tick in range(3) for actor in range(3))).save(path)
+    return path.read_bytes()
+
+
+def test_a_trace_cut_off_anywhere_is_refused(saved: bytes, tmp_path: Path):
+    path = tmp_path / "trace.npz"
+    for length in range(0, len(saved), max(1, len(saved) // 50)):
+        path.write_bytes(saved[:length])
+        with pytest.raises(RunError, match=r"trace\.npz: "):
+            Trace.load(path)
+
+
+def test_a_trace_with_changed_bytes_is_refused_or_a_trace(saved: bytes, tmp_path: Path):
+    path = tmp_path / "trace.npz"
+    draw = np.random.default_rng(1)
+    refused = 0
+    for _ in range(400):
+        changed = bytearray(saved)
+        for place in draw.integers(0, len(saved), draw.integers(1, 6)):
+            changed[place] ^= 1 << draw.integers(8)
+        path.write_bytes(changed)
+        try:
+            trace = Trace.load(path)
+        except RunError as error:
+            assert len(str(error).splitlines()) == 1
+            refused += 1
+        else:
+            assert [trace.build_frame(index) for index in range(len(trace))]
+    assert refused > 300
+
+
+def changed_columns() -> dict[str, dict[str, object]]:
+    """Columns that no simulation writes, by what is wrong."""
+    return {
+        "no number": {"state_x": np.full(2, np.nan)},
+        "infinite": {"actor_size": np.full((3, 3), np.inf)},
+        "huge": {"state_yaw": np.full(2, 1e308)},
+        "text for numbers": {"state_x": np.array(["1", "2"])},
+        "other width": {"state_tick": np.array([2**32, 2**32 + 1])},
+        "other length": {"state_x": np.zeros(3)},
+        "other shape": {"signals": np.zeros(3, np.uint8)},
+        "pickles": {"signal_ids": np.array([{}, []], object)},
+        "unknown actor": {"state_actor": np.array([0, 3], np.int32)},
+        "unknown class": {"actor_actor_class": np.array(["car", "dragon", "car"])},
+        "equal ids": {"actor_id": np.array([101, 101, 102])},
+        "unsorted": {"state_tick": np.array([1, 0], np.int32)},
+        "tick beyond the end": {"state_tick": np.array([0, 3], np.int32)},
+        "negative tick": {"state_tick": np.array([-1, 0], np.int32)},
+        "unknown signal": {"signals": np.full((3, 2), 7, np.uint8)},
+        "signals without ids": {"signals": np.zeros((3, 5), np.uint8)},
+        "no time": {"tick_s": np.array(0.0)},
+        "flat actors": {"actor_size": np.zeros((3, 3))},
+    }
+
+
+@pytest.mark.parametrize("wrong", changed_columns())
+def test_columns_that_no_simulation_writes_are_refused(wrong: str, tmp_path: Path):
+    path = tmp_path / "trace.npz"
+    trace_of(row(0, 0, 1.0), row(1, 0, 2.0)).save(path)
+    with np.load(path) as stored:
+        columns = {**stored}
+    np.savez(path, **(columns | changed_columns()[wrong]))  # pyright: ignore[reportArgumentType]
+    with pytest.raises(RunError, match=r"trace\.npz: not a"):
+        Trace.load(path)
+
+
+def test_files_that_unpack_without_end_are_refused_at_once(tmp_path: Path):
+    bomb, header = tmp_path / "bomb.npz", tmp_path / "header.npz"
+    with zipfile.ZipFile(bomb, "w", zipfile.ZIP_DEFLATED) as archive:
+        for number in range(11):
+            archive.writestr(f"{number}.npy", bytes(10**8))
+    with zipfile.ZipFile(header, "w") as archive, archive.open("state_x.npy", "w") as member:
+        np.lib.format.write_array_header_1_0(
+            member, {"descr": "<f8", "fortran_order": False, "shape": (10**15,)}
+        )
+    with pytest.raises(RunError, match="unpacks to more than 1 GB"):
+        Trace.load(bomb)
+    with pytest.raises(RunError, match="another size than its header says"):
+        Trace.load(header)
+
+
+def test_what_is_no_regular_file_is_refused(tmp_path: Path):
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path, tmp_path / "pipe", tmp_path / "missing", Path("/dev/zero")):
+        with pytest.raises(RunError, match=str(path)):
+            Trace.load(path)
 
 
 def test_a_plan_is_what_the_trace_will_do_and_goes_straight_on_after_its_end():

@@ -7,6 +7,7 @@ from typer.core import TyperGroup
 
 from advercity.cli import authoring, datasets, running
 from advercity.cli.assets import assets
+from advercity.cli.cache import cache
 from advercity.cli.output import exit_with_error, print_data
 from advercity.errors import InputError, RunError
 
@@ -60,6 +61,7 @@ app = typer.Typer(
 for part in (authoring, running, datasets):
     app.registered_commands += part.commands.registered_commands
 app.add_typer(assets)
+app.add_typer(cache)
 
 
 @app.command()

@@ -17,8 +17,6 @@ from advercity.cli.arguments import (
     ProfileOption,
     ScaleOption,
     SpecArgument,
-    parse_byte_size,
-    parse_duration,
     parse_frame_slice,
 )
 from advercity.cli.output import print_data, print_note
@@ -74,6 +72,7 @@ def run(
     from advercity import api
     from advercity.cli.progress import show_progress
     from advercity.pipeline import ResourceLimits, ViewerTarget
+    from advercity.pipeline.options import parse_byte_size, parse_duration
     from advercity.viewer.cloud_colours import parse_cloud_colour
 
     if sum((rrd is not None, stream, connect is not None)) > 1:

@@ -1,12 +1,10 @@
-"""Caches networks, traces and worlds under keys computed from all that they depend on.
+"""Where the cache is, and the keys of its entries, computed from all that these depend on.
 
 Weathers of one road and density share a trace; that is what makes them pairs.
 """
 
 import hashlib
 import os
-import tempfile
-from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 
@@ -15,7 +13,6 @@ from advercity_dsl import Spec
 from advercity.assets.model_store import ModelStore
 from advercity.dataset.manifest import CODE_PACKAGES
 from advercity.digests import compute_json_digest, compute_source_digest
-from advercity.errors import RunError, describe_cause
 
 
 def find_cache_folder() -> Path:
@@ -83,19 +80,3 @@ def _compute_code_digest() -> str:
     return compute_json_digest(
         {"code": compute_source_digest(*CODE_PACKAGES), "eclipse-sumo": version("eclipse-sumo")}
     )
-
-
-def build_cached(path: Path, build: Callable[[Path], None]) -> Path:
-    """Return `path`; if it does not exist, `build` writes a partial file that is renamed to it."""
-    if path.is_file():
-        return path
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=path.parent) as folder:
-            partial = Path(folder) / path.name
-            build(partial)
-            partial.replace(path)
-    except OSError as error:
-        message = f"{error.filename or path}: cannot be written: {describe_cause(error)}"
-        raise RunError(f"{message}; set ADVERCITY_CACHE to a folder that can") from error
-    return path

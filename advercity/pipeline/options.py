@@ -1,5 +1,7 @@
-"""What a run is asked for besides its specs, and how sizes and times are written for people."""
+"""What a run is asked for besides its specs, and how people write sizes and times."""
 
+import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,6 +13,11 @@ if TYPE_CHECKING:
     from advercity.viewer.cloud_colours import CloudColour
 
 PROFILE_NAMES = ("auto", "preview", "full")
+BYTES_PER_UNIT = {
+    **{"B": 1, "kB": 10**3, "MB": 10**6, "GB": 10**9, "TB": 10**12},
+    **{"KiB": 2**10, "MiB": 2**20, "GiB": 2**30, "TiB": 2**40},
+}
+SECONDS_PER_UNIT = {"s": 1, "min": 60, "h": 3600, "d": 86_400}
 MIN_SCALE, MAX_SCALE = 0.01, 4.0
 
 
@@ -94,6 +101,26 @@ class ResourceLimits:
 
     memory_bytes: int | None = None
     time_s: float | None = None
+
+
+def parse_byte_size(option: str, text: str) -> int:
+    """Parse a text such as `4 GB` as bytes; InputError names the option if it is none."""
+    return int(_parse_quantity(option, text, BYTES_PER_UNIT, "4 GB"))
+
+
+def parse_duration(option: str, text: str) -> float:
+    """Parse a text such as `90 min` as seconds; InputError names the option if it is none."""
+    return _parse_quantity(option, text, SECONDS_PER_UNIT, "90 min")
+
+
+def _parse_quantity(option: str, text: str, units: Mapping[str, int], example: str) -> float:
+    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([A-Za-z]+)\s*", text)
+    if match is None or match[2] not in units or not float(match[1]):
+        raise InputError(
+            f"{option} {text}: not a positive number with a unit"
+            f" ({', '.join(units)}); write {example}"
+        )
+    return float(match[1]) * units[match[2]]
 
 
 def format_byte_size(size_bytes: float) -> str:

@@ -17,14 +17,13 @@ from advercity.errors import BackendError, InputError, RunError
 from advercity.frames import Trace
 from advercity.pipeline.agent_poses import AgentPoses
 from advercity.pipeline.cache import (
-    build_cached,
     compute_model_digests,
     compute_road_key,
     compute_traffic_key,
     compute_world_key,
-    find_cache_folder,
     open_model_store,
 )
+from advercity.pipeline.cache_entries import load_entry, load_or_build_entry
 from advercity.pipeline.options import RunOptions, format_frames
 from advercity.pipeline.progress import Progress, ProgressCallback, ignore_progress
 from advercity.rendering.backend import (
@@ -58,8 +57,7 @@ class TrafficResult:
 
 def load_cached_trace(spec: Spec) -> Trace | None:
     """Load the trace of a spec if the cache has it."""
-    stored = _find_trace_file(spec)
-    return Trace.load(stored) if stored.is_file() else None
+    return load_entry(_name_trace_entry(spec), Trace.load)
 
 
 def load_or_simulate_traffic(spec: Spec) -> TrafficResult:
@@ -69,21 +67,21 @@ def load_or_simulate_traffic(spec: Spec) -> TrafficResult:
         InputError: The spec asks for what its road does not have.
         RunError: The simulation fails, or the cache cannot be written.
     """
-    folder = find_cache_folder()
-    network = build_cached(
-        folder / "networks" / compute_road_key(spec) / "road.net.xml",
+    network = load_or_build_entry(
+        f"networks/{compute_road_key(spec)}/road.net.xml",
         lambda partial: _build_network_file(spec, partial),
+        lambda path: path,
     )
-    stored = build_cached(
-        _find_trace_file(spec),
+    trace = load_or_build_entry(
+        _name_trace_entry(spec),
         lambda partial: write_simulated_trace(spec, network, partial),
+        Trace.load,
     )
-    trace = Trace.load(stored)
     return TrafficResult(network, trace, trace.compute_sha256())
 
 
-def _find_trace_file(spec: Spec) -> Path:
-    return find_cache_folder() / "traces" / f"{compute_traffic_key(spec)}.npz"
+def _name_trace_entry(spec: Spec) -> str:
+    return f"traces/{compute_traffic_key(spec)}.npz"
 
 
 def _build_network_file(spec: Spec, path: Path) -> None:
@@ -92,11 +90,11 @@ def _build_network_file(spec: Spec, path: Path) -> None:
 
 def load_or_build_world(spec: Spec, network_path: Path) -> World:
     """Load the static scene of a spec from the cache, or build it now."""
-    stored = build_cached(
-        find_cache_folder() / "worlds" / f"{compute_world_key(spec)}.npz",
+    return load_or_build_entry(
+        f"worlds/{compute_world_key(spec)}.npz",
         lambda partial: save_world(build_world(spec, network_path, open_model_store()), partial),
+        lambda path: load_world(path, network_path),
     )
-    return load_world(stored, network_path)
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,6 @@ Each scenario that succeeds adds a line to `runs.jsonl` in the cache. Times and 
 manifests, since those must be the same on every machine.
 """
 
-import os
 import platform
 from contextlib import suppress
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ from dataclasses import dataclass
 from advercity_dsl import Model, Spec
 from pydantic import ValidationError
 
+from advercity.atomic_files import write_atomically
 from advercity.dataset.manifest import Manifest
 from advercity.documents import parse_json, read_text
 from advercity.errors import AdvercityError, InputError
@@ -145,12 +145,9 @@ def _measure_files(manifest: Manifest) -> tuple[float, float, float]:
 def _append(record: RunRecord) -> None:
     # Two runs that end at once may lose one of the two lines, which does no harm.
     path = find_cache_folder() / RECORDS_FILE
-    path.parent.mkdir(parents=True, exist_ok=True)
-    lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
+    lines = path.read_text(encoding="utf-8", errors="replace").splitlines() if path.exists() else []
     lines = [*lines, record.model_dump_json()][-MAX_RECORDS:]
-    partial = path.with_name(f"{path.name}.{os.getpid()}")
-    partial.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    partial.replace(path)
+    write_atomically(path, ("\n".join(lines) + "\n").encode())
 
 
 def load_records(*, backend: str, renderer: str, format: str) -> list[RunRecord]:

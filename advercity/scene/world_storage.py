@@ -18,6 +18,7 @@ from advercity.roads.lane_segments import LaneSegment
 from advercity.semantics import Semantic
 from advercity.world import Body, Gait, SignalLamp, StreetLamp, World
 
+MAX_WORLD_BYTES = 4 * 10**9
 _MESH_ARRAYS = ("vertices", "triangles", "normals", "weights")
 _DTYPES: dict[str, type[np.generic]] = {
     "vertices": np.float32,
@@ -60,7 +61,11 @@ def save_world(world: World, path: Path) -> None:
 
 
 def load_world(path: Path, network: Path) -> World:
-    """Load a world that `save_world` has written; its SUMO network is at `network`."""
+    """Load a world that `save_world` has written; its SUMO network is at `network`.
+
+    Raises:
+        RunError: The file is something else.
+    """
     with np.load(path, allow_pickle=False) as stored:
         record = parse_json(stored["record"].tobytes(), path)
         arrays = {name: _split(stored[name], record["shapes"][name]) for name in _DTYPES}

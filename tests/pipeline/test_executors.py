@@ -11,7 +11,6 @@ import psutil
 import pytest
 from advercity_dsl import Spec
 
-from advercity.cli.arguments import parse_byte_size, parse_duration
 from advercity.compiler import write_specs
 from advercity.dataset.manifest import Manifest
 from advercity.dataset.verification import verify_dataset
@@ -26,7 +25,12 @@ from advercity.pipeline import (
     raise_failures,
     run_scenarios,
 )
-from advercity.pipeline.options import format_byte_size, format_duration
+from advercity.pipeline.options import (
+    format_byte_size,
+    format_duration,
+    parse_byte_size,
+    parse_duration,
+)
 from advercity.pipeline.progress import ignore_progress
 from advercity.pipeline.scenario import join_scenario, run_scenario
 from advercity.testing import RecordingListener

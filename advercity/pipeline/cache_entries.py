@@ -1,0 +1,202 @@
+"""Entries of the cache: whole, checked when they are used, and kept within a size.
+
+Beside each entry is a file with its SHA-256 and its name, in the form that `sha256sum -c` reads
+in the folder of the cache; the time of that file is when the entry was used last.
+"""
+
+import hashlib
+import logging
+import os
+import re
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+from advercity.atomic_files import open_partial_path, remove_abandoned_partials, write_atomically
+from advercity.errors import RunError, describe_cause
+from advercity.pipeline.cache import find_cache_folder
+from advercity.pipeline.options import format_byte_size, parse_byte_size
+
+_logger = logging.getLogger(__name__)
+T = TypeVar("T")
+
+DEFAULT_SIZE = "10 GB"
+IN_USE_S = 3600.0
+"""An entry that was used within this time is not removed to make room: a run may need it."""
+ENTRY_FILES = {"networks": "*/road.net.xml", "traces": "*.npz", "worlds": "*.npz"}
+"""Patterns of the files of entries, by kind."""
+_KEY = re.compile(r"[0-9a-f]{64}")
+
+
+@dataclass(frozen=True)
+class CacheEntry:
+    """An entry of the cache.
+
+    Attributes:
+        path: Its file.
+        kind: Folder that it is in.
+        size_bytes: Size of the file.
+        used_s: When it was used last, in seconds since the epoch.
+    """
+
+    path: Path
+    kind: str
+    size_bytes: int
+    used_s: float
+
+
+@dataclass(frozen=True)
+class RemovedEntries:
+    """What was removed from the cache."""
+
+    count: int
+    size_bytes: int
+
+    def __str__(self) -> str:
+        noun = "entry" if self.count == 1 else "entries"
+        return f"{self.count} {noun} removed, {format_byte_size(self.size_bytes)}"
+
+
+def load_entry(name: str, load: Callable[[Path], T]) -> T | None:
+    """Load an entry; None if there is none, or a bad one, which is then said.
+
+    Args:
+        name: Path within the cache: kind, key, suffix.
+        load: Loads it; RunError if it cannot.
+    """
+    path = find_cache_folder() / name
+    if not _get_checksum_file(path).is_file() or not path.exists():
+        return None
+    try:
+        _check_entry(path)
+        content = load(path)
+    except RunError as error:
+        _logger.warning("%s; it is made again", error)
+        return None
+    with suppress(OSError):  # a cache that others own and share
+        os.utime(_get_checksum_file(path))
+    return content
+
+
+def load_or_build_entry(name: str, build: Callable[[Path], None], load: Callable[[Path], T]) -> T:
+    """Load an entry; if there is none or a bad one, let `build` write it first.
+
+    Raises:
+        InputError: The size limit is no size.
+        RunError: The cache cannot be written.
+    """
+    found = load_entry(name, load)
+    if found is not None:
+        return found
+    path, limit_bytes = find_cache_folder() / name, find_size_limit()
+    try:
+        with open_partial_path(path) as partial:
+            build(partial)
+            checksum = _format_checksum(partial, path)
+        write_atomically(_get_checksum_file(path), checksum.encode())
+        removed = prune_cache(limit_bytes)
+    except OSError as error:
+        message = f"{error.filename or path}: cannot be written: {describe_cause(error)}"
+        raise RunError(f"{message}; set ADVERCITY_CACHE to a folder that can") from error
+    if removed.count:
+        _logger.warning("cache: %s, to keep within ADVERCITY_CACHE_SIZE", removed)
+    return load(path)
+
+
+def find_size_limit() -> int:
+    """Find the size of the cache in bytes: `$ADVERCITY_CACHE_SIZE`, such as `50 GB`."""
+    variable = "ADVERCITY_CACHE_SIZE"
+    return parse_byte_size(variable, os.environ.get(variable) or DEFAULT_SIZE)
+
+
+def list_entries() -> list[CacheEntry]:
+    """List all entries, those used last at the end."""
+    return sorted(_iterate_entries(), key=lambda entry: (entry.used_s, entry.path))
+
+
+def describe_cache() -> list[dict[str, str | int]]:
+    """Describe the entries of every kind: number, size, when one was used last."""
+    entries = list_entries()
+    rows: list[dict[str, str | int]] = []
+    for kind in ENTRY_FILES:
+        own = [entry for entry in entries if entry.kind == kind]
+        used = max((entry.used_s for entry in own), default=None)
+        date = "" if used is None else time.strftime("%Y-%m-%d %H:%M", time.localtime(used))
+        size = format_byte_size(sum(entry.size_bytes for entry in own))
+        rows.append({"kind": kind, "entries": len(own), "size": size, "last used": date})
+    return rows
+
+
+def prune_cache(limit_bytes: int) -> RemovedEntries:
+    """Remove leftovers, and the entries used longest ago until the rest is within the limit."""
+    _sweep()
+    entries, old_s = list_entries(), time.time() - IN_USE_S
+    excess_bytes = sum(entry.size_bytes for entry in entries) - limit_bytes
+    chosen: list[CacheEntry] = []
+    for entry in entries:
+        if excess_bytes > 0 and entry.used_s < old_s:
+            chosen.append(entry)
+            excess_bytes -= entry.size_bytes
+    return _remove(chosen)
+
+
+def clear_cache() -> RemovedEntries:
+    """Remove every entry, and leftovers; files that are no entries stay."""
+    _sweep()
+    return _remove(list_entries())
+
+
+def _iterate_entries() -> Iterator[CacheEntry]:
+    for kind, pattern in ENTRY_FILES.items():
+        for path in (find_cache_folder() / kind).glob(pattern):
+            key = path.relative_to(find_cache_folder() / kind).parts[0].partition(".")[0]
+            with suppress(FileNotFoundError):  # another process has removed it
+                if _KEY.fullmatch(key) and path.is_file():
+                    used = _get_checksum_file(path)
+                    used_s = (used if used.exists() else path).stat().st_mtime
+                    yield CacheEntry(path, kind, path.stat().st_size, used_s)
+
+
+def _remove(entries: list[CacheEntry]) -> RemovedEntries:
+    for entry in entries:
+        # The checksum first: an entry without one counts as absent.
+        _get_checksum_file(entry.path).unlink(missing_ok=True)
+        entry.path.unlink(missing_ok=True)
+        if entry.path.parent.name != entry.kind:
+            with suppress(OSError):  # holds something else
+                entry.path.parent.rmdir()
+    return RemovedEntries(len(entries), sum(entry.size_bytes for entry in entries))
+
+
+def _sweep() -> None:
+    """Remove partial files of processes that have ended."""
+    for kind in ENTRY_FILES:
+        folder = find_cache_folder() / kind
+        for inside in (folder, *(path for path in folder.glob("*") if _KEY.fullmatch(path.name))):
+            remove_abandoned_partials(inside)
+
+
+def _check_entry(path: Path) -> None:
+    """Raise RunError if an entry is not as it was written, or was written under another name."""
+    try:
+        is_same = _get_checksum_file(path).read_bytes() == _format_checksum(path, path).encode()
+    except OSError as error:
+        raise RunError(f"{path}: cannot be read: {describe_cause(error)}") from error
+    if not is_same:
+        raise RunError(f"{path}: is not as it was written")
+
+
+def _format_checksum(file: Path, path: Path) -> str:
+    """Format the checksum of a file that is, or will be, the entry at `path`."""
+    if not file.is_file():
+        raise OSError("is no regular file")
+    name = path.relative_to(find_cache_folder()).as_posix()
+    with file.open("rb") as stream:
+        return f"{hashlib.file_digest(stream, 'sha256').hexdigest()}  {name}\n"
+
+
+def _get_checksum_file(path: Path) -> Path:
+    return path.with_name(f"{path.name}.sha256")
