@@ -6,7 +6,7 @@ import tempfile
 
 import pytest
 
-from advercity.pipeline.cache import open_model_store
+from advercity.assets.model_store import open_model_store
 
 TEST_HOME = "ADVERCITY_TEST_HOME"
 TEST_MODELS = "ADVERCITY_TEST_MODELS"

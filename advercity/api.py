@@ -110,6 +110,8 @@ def run(
     jobs: int | None = None,
     limits: "ResourceLimits | None" = None,
     allow_large: bool = False,
+    allow_missing_models: bool = False,
+    allow_edited: bool = False,
     executor: str = "local",
     ray_address: str | None = None,
     listener: "RunListener | None" = None,
@@ -130,6 +132,9 @@ def run(
         jobs: Worker processes at a time; None is as many as suit this machine.
         limits: Memory and time that a scenario may take; None is what the estimate allows.
         allow_large: Run what the estimate finds too large.
+        allow_missing_models: Generate bodies in place of models that are not installed, and record
+            it in the manifest.
+        allow_edited: Run specs that were edited after they were compiled, and record it.
         executor: `local`, or `ray` for a cluster.
         ray_address: Address of the Ray cluster; None starts one on this machine.
         listener: Gets progress and results, from the calling thread.
@@ -153,6 +158,8 @@ def run(
         viewer=viewer or pipeline.ViewerTarget(),
         fresh=fresh,
         format=format,
+        allow_missing_models=allow_missing_models,
+        allow_edited=allow_edited,
     )
     results = pipeline.run_batch(
         batch,

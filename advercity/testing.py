@@ -13,7 +13,13 @@ from types import MappingProxyType
 import numpy as np
 from advercity_dsl import ActorClass, Spec
 
-from advercity.compiler import compile_library
+from advercity.compiler import (
+    compile_suite,
+    find_shipped_library,
+    find_suite,
+    load_library,
+    with_digest,
+)
 from advercity.frames import Actor, ActorState, Frame, Lamp
 from advercity.geometry.mesh import Mesh
 from advercity.geometry.poses import pose_matrix
@@ -38,6 +44,7 @@ __all__ = [
     "RecordingListener",
     "build_box",
     "build_flat_world",
+    "compile_shaped",
     "hash_tree",
     "load_example_spec",
     "make_actor_state",
@@ -113,13 +120,21 @@ def make_frame(*states: ActorState, index: int = 0, time_s: float = 0.0) -> Fram
     return Frame(index, time_s, states, {})
 
 
+def compile_shaped(*folders: Path, suite: str | None = None) -> list[Spec]:
+    """Compile a suite as with `looks: shaped`: its specs run without asset packages."""
+    paths = folders or (find_shipped_library(),)
+    library = load_library(*paths)
+    found = find_suite(library, *paths, suite=suite)
+    return compile_suite(library, found.model_copy(update={"looks": "shaped"}))
+
+
 @functools.cache
 def _shipped_specs() -> dict[str, Spec]:
-    return {spec.id: spec for spec in compile_library()}
+    return {spec.id: spec for spec in compile_shaped()}
 
 
 def load_example_spec(spec_id: str = "ui_fog_day_sparse") -> Spec:
-    """Compile a spec of the shipped library; the library is compiled once per process."""
+    """Compile a spec of the shipped library, without the models of packages, once per process."""
     return _shipped_specs()[spec_id]
 
 
@@ -131,7 +146,7 @@ def with_small_sensors(
     for agent in data["agents"]:
         agent["sensors"]["camera"] |= {"width_px": width_px, "height_px": height_px}
         agent["sensors"]["lidar"] |= {"channels": channels, "azimuths": azimuths}
-    return Spec.model_validate(data)
+    return with_digest(Spec.model_validate(data))
 
 
 def make_capture(

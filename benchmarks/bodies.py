@@ -8,8 +8,8 @@ from measurement import Measurement, format_table, measure_run_time
 
 from advercity.assets.bodies import build_body
 from advercity.assets.catalogue import compute_body_facts
+from advercity.assets.model_store import open_model_store
 from advercity.compiler import read_spec
-from advercity.pipeline.cache import open_model_store
 
 SPEC = Path("compiled/ui_clear_day_dense.json")
 

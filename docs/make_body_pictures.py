@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 
 from advercity.assets.catalogue import load_catalogue_blueprints
+from advercity.assets.model_store import open_model_store
 from advercity.pipeline.body_sheet import draw_body_sheet
-from advercity.pipeline.cache import open_model_store
 from advercity.rendering.backend import load_backend
 
 SHEETS = {

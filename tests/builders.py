@@ -24,6 +24,7 @@ from advercity.semantics import Semantic
 from advercity.sensors.annotation import project_boxes
 from advercity.sensors.measurements import GnssFix, ImuSample, PointCloud, PointKind
 from advercity.sensors.sensor_frame import CameraImage, SensorFrame, compute_pinhole_matrix
+from advercity.testing import compile_shaped
 
 IMAGE_SCALE = 1 / 20
 SLOPE_RAD = np.deg2rad(-4.0)
@@ -75,6 +76,12 @@ def write_scenario(
             writer.write_frame(index, sensor_frames_of(index))
         writer.finish()
     return writer.scenario
+
+
+@pytest.fixture(scope="session")
+def specs(library: Path) -> dict[str, Spec]:
+    """Every spec of the shipped library, by id, without the models of packages."""
+    return {spec.id: spec for spec in compile_shaped(library)}
 
 
 @pytest.fixture(scope="session")

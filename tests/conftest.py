@@ -3,10 +3,7 @@
 from pathlib import Path
 
 import pytest
-from advercity_dsl import Spec
 from hypothesis import settings
-
-from advercity.compiler.crossing import compile_library
 
 pytest_plugins = ["tests.bend_network", "tests.builders"]
 
@@ -21,9 +18,3 @@ settings.load_profile("untimed")
 def library() -> Path:
     """The library that ships with the project."""
     return ROOT / "library"
-
-
-@pytest.fixture(scope="session")
-def specs(library: Path) -> dict[str, Spec]:
-    """Every spec of the shipped library, by id."""
-    return {spec.id: spec for spec in compile_library(library)}

@@ -1,7 +1,8 @@
 import os
 from pathlib import Path
 
-from advercity.pipeline.cache import find_cache_folder, open_model_store
+from advercity.assets.model_store import open_model_store
+from advercity.pipeline.cache import find_cache_folder
 
 
 def test_tests_see_nothing_of_the_users_caches_and_models() -> None:

@@ -8,6 +8,7 @@ import numpy as np
 from advercity_dsl import ActorClass, Blueprint, LampPositions
 
 from advercity.assets.cars import build_car, build_van
+from advercity.assets.model_conversion import format_model_name
 from advercity.assets.model_files import read_glb
 from advercity.assets.model_store import ModelStore
 from advercity.assets.model_wheels import find_model_wheels
@@ -16,6 +17,7 @@ from advercity.assets.rigged_bodies import fit_to_box
 from advercity.assets.trucks import build_truck
 from advercity.assets.two_wheelers import build_bicycle, build_model_rider, build_motorcycle
 from advercity.assets.vehicle_parts import add_indicators, make_vehicle_parts
+from advercity.errors import RunError
 from advercity.geometry.mesh import (
     Mesh,
     MeshPart,
@@ -59,11 +61,10 @@ def build_body(
     Args:
         blueprint_id: Name of the blueprint; procedural bodies of one shape differ by it a little.
         blueprint: Class, size, model and looks.
-        model_store: Where its model may be; without it, or without the model, the body is
-            procedural.
+        model_store: Where its model is; without a store the body is procedural.
 
     Raises:
-        RunError: Its model is installed, but cannot be used.
+        RunError: Its model is not installed, or cannot be used.
     """
     body = _build_fitted_body(blueprint_id, blueprint, model_store)
     if blueprint.actor_class in ("pedestrian", "bicycle"):
@@ -82,11 +83,14 @@ def _clip_to_box(part: Mesh, size: Size) -> Mesh:
 def _build_fitted_body(blueprint_id: str, blueprint: Blueprint, store: ModelStore | None) -> Body:
     size = (blueprint.length_m, blueprint.width_m, blueprint.height_m)
     actor_class = blueprint.actor_class
-    model = None if store is None else store.prepare_model(blueprint)
-    if model is not None:
-        parts = [*_load_model_parts(model, actor_class), *_build_lenses(blueprint.lamps)]
-        if blueprint.model and blueprint.model.ridden:
-            parts += build_model_rider(blueprint_id, blueprint.model.ridden, size)
+    model = blueprint.model
+    if model is not None and store is not None:
+        path = store.prepare_model(blueprint)
+        if path is None:
+            raise RunError(f"the model {format_model_name(model)} is not installed")
+        parts = [*_load_model_parts(path, actor_class), *_build_lenses(blueprint.lamps)]
+        if model.ridden:
+            parts += build_model_rider(blueprint_id, model.ridden, size)
     elif actor_class == "pedestrian":
         # Its box holds a whole stride, so its builder fits it while it solves for the stride.
         return build_pedestrian(blueprint.looks or draw_looks(blueprint_id, size[2]), size)

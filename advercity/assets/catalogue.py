@@ -87,12 +87,13 @@ def compute_body_facts(name: str, blueprint: Blueprint, store: ModelStore) -> Bo
     Raises:
         RunError: Its model is installed, but cannot be used.
     """
-    parts = build_body(name, blueprint, store).parts
+    has_model = store.prepare_model(blueprint) is not None
+    parts = build_body(name, blueprint, store if has_model else None).parts
     arrays = [a for part in parts for a in (part.vertices, part.triangles, part.normals)]
     return BodyFacts(
         name,
         blueprint,
         triangles=sum(len(part.triangles) for part in parts),
         size_mib=sum(array.nbytes for array in arrays if array is not None) / 2**20,
-        has_model=store.prepare_model(blueprint) is not None,
+        has_model=has_model,
     )

@@ -24,10 +24,12 @@ from advercity.geometry.directions import spread_directions
 from advercity.geometry.mesh import Size
 from advercity.materials import ACTOR_PAINT
 
-CONVERSION_VERSION = 2
+CONVERSION_VERSION = 3
 """Part of the key of converted files; raise it when conversion changes."""
 PROPORTION_TOLERANCE = 0.25
 """Deviation of a model's proportions from its blueprint's at which it is taken as rotated."""
+SNAP_DECIMALS = 6
+"""Decimals of metres that vertices are rounded to."""
 WELD_FRACTION = 5e-5
 """Distance at which vertices are merged, as a fraction of the part's size."""
 SHAPE_MATERIALS = frozenset({ACTOR_PAINT, "glass", "lamp_white", "lamp_red"})
@@ -94,11 +96,17 @@ def convert_model(parts: Iterable[ModelPart], model: BodyModel, size: Size) -> l
         raise RunError(f"{format_model_name(model)}: none of its materials maps to a part")
     upright = [_turn_upright(part, model) for part in kept]
     rest, wheels = separate_wheels(_scale_to_size(upright, model, size))
+    rest, wheels = _snap_parts(rest), [_snap_parts(wheel) for wheel in wheels]
     visible = _keep_visible(_group_by_material(rest, model, size), BODY_MIN_ELEVATION_SINE)
     for number, wheel in enumerate(wheels, start=1):
         turning = _keep_visible(_group_by_material(wheel, model, size), WHEEL_MIN_ELEVATION_SINE)
         visible += [replace(part, wheel=number) for part in turning]
     return _simplify_parts(visible, model.triangles)
+
+
+def _snap_parts(parts: Iterable[ModelPart]) -> list[ModelPart]:
+    """Round vertices, since the last bits of rotations and of fits differ between processors."""
+    return [replace(part, vertices=np.round(part.vertices, SNAP_DECIMALS)) for part in parts]
 
 
 def format_model_name(model: BodyModel) -> str:
@@ -276,18 +284,25 @@ def find_visible_sides(
     corners = vertices[triangles]
     normal = _compute_normals(vertices, triangles)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    directions = spread_directions(SKY_DIRECTION_COUNT, min_sine=min_elevation_sine)
     sides = []
     for sign in (1.0, -1.0):
         free = np.zeros(len(triangles), dtype=bool)
         for place in SAMPLE_BARYCENTRICS:
-            start = np.einsum("k,nkd->nd", place, corners) + sign * RAY_OFFSET_M * normal
-            for direction in spread_directions(SKY_DIRECTION_COUNT, min_sine=min_elevation_sine):
-                rows = np.flatnonzero(~free & (sign * (normal @ direction) > 0.05))
+            start = _sum_products(corners, place[:, None]) + sign * RAY_OFFSET_M * normal
+            for direction in np.round(directions, SNAP_DECIMALS):
+                rows = np.flatnonzero(~free & (sign * _sum_products(normal, direction) > 0.05))
                 if len(rows):
                     rays = np.broadcast_to(direction, (len(rows), 3))
                     free[rows] = ~world.intersects_any(start[rows], rays)
         sides.append(free)
     return tuple(sides)
+
+
+def _sum_products(values: Float64Array, weights: Float64Array) -> Float64Array:
+    """Sum three weighted columns (n, 3, ...) in one order: BLAS has one for each processor."""
+    first, second, third = (values[:, column] * weights[column] for column in range(3))
+    return first + second + third
 
 
 def _compute_normals(vertices: Float64Array, triangles: NDArray[np.int64]) -> Float64Array:

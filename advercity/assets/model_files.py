@@ -4,9 +4,10 @@ The OBJ reader is our own because trimesh splits quads along other diagonals tha
 converted with, and does not keep the order of triangles, so all converted models would change.
 """
 
+import hashlib
 import io
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -148,6 +149,17 @@ def read_glb(content: bytes, name: str) -> list[ModelPart]:
     if not parts:
         raise RunError(f"{name}: holds no triangles")
     return parts
+
+
+def compute_parts_digest(parts: Iterable[ModelPart]) -> str:
+    """Compute the SHA-256 of converted parts, whatever the version of the file's writer."""
+    digest = hashlib.sha256()
+    for part in parts:
+        shape = f"{part.material} {part.wheel} {len(part.vertices)} {len(part.triangles)}\n"
+        digest.update(shape.encode())
+        digest.update(np.ascontiguousarray(part.vertices, "<f4").tobytes())
+        digest.update(np.ascontiguousarray(part.triangles, "<i4").tobytes())
+    return digest.hexdigest()
 
 
 def _parse_mesh_name(name: str) -> tuple[str, int]:

@@ -2,39 +2,89 @@
 
 import hashlib
 import json
+import os
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import platformdirs
 from advercity_dsl import Blueprint
 from advercity_dsl.catalogue import BodyModel
 
 from advercity.assets.model_conversion import CONVERSION_VERSION, convert_model
-from advercity.assets.model_files import ModelPart, read_glb, read_obj, to_glb
-from advercity.assets.packages import DIGEST_FILE, check_licence, fetch_package, load_source_model
+from advercity.assets.model_files import (
+    ModelPart,
+    compute_parts_digest,
+    read_glb,
+    read_obj,
+    to_glb,
+)
+from advercity.assets.packages import (
+    DIGEST_FILE,
+    FURNITURE,
+    AssetPackage,
+    check_licence,
+    install_package,
+    load_source_model,
+)
 from advercity.atomic_files import write_atomically
 from advercity.errors import InputError, RunError, describe_cause
 
 
+def find_data_folder() -> Path:
+    """Find what a user has installed: `$ADVERCITY_DATA`, else the system's folder for user data."""
+    chosen = os.environ.get("ADVERCITY_DATA")
+    return Path(chosen) if chosen else platformdirs.user_data_path("advercity", appauthor=False)
+
+
+def open_model_store() -> "ModelStore":
+    """Open the store of models in the data folder."""
+    return ModelStore(find_data_folder() / "assets")
+
+
 @dataclass(frozen=True)
 class ModelStore:
-    """A folder of models; blueprints whose models are missing get procedural bodies.
+    """A folder of models.
 
     `package` holds Debian's collections, `own` the users' files by checksum, and `models` the
     converted models of both.
     """
 
     folder: Path
+    package: AssetPackage = FURNITURE
 
     @property
     def has_package(self) -> bool:
-        """Whether the asset package is installed."""
-        return (self._package_folder / DIGEST_FILE).is_file()
+        """Whether the asset package is installed, in the version that models are made from."""
+        path = self._package_folder / DIGEST_FILE
+        return path.is_file() and path.read_text() == self.package.sha256
 
-    def install_package(self) -> None:
-        """Download and unpack the asset package; RunError if that is impossible on this machine."""
-        fetch_package(self._package_folder)
+    def install_package(self, source: Path | None = None) -> None:
+        """Unpack the asset package from a file or folder, or download it.
+
+        Raises:
+            InputError: `source` does not exist, or is another file.
+            RunError: It cannot be downloaded.
+        """
+        install_package(self.package, self._package_folder, source)
+
+    def adopt(self, earlier: "ModelStore") -> bool:
+        """Move the package and the users' files of another store here, unless this one has them.
+
+        Returns:
+            Whether anything was moved.
+        """
+        is_wanted = earlier.has_package and not self.has_package
+        if is_wanted:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            shutil.rmtree(self._package_folder, ignore_errors=True)
+            shutil.move(earlier._package_folder, self._package_folder)
+        own = list((earlier.folder / "own").glob("*.glb"))
+        for path in own:
+            self.add_model(path)
+            path.unlink()
+        return is_wanted or bool(own)
 
     def remove_package(self) -> None:
         """Delete the asset package and all converted models."""
@@ -64,24 +114,37 @@ class ModelStore:
             RunError: The model is installed, but cannot be converted.
         """
         model = blueprint.model
-        if model is None:
+        source = None if model is None else self._find_source_digest(model)
+        if model is None or source is None:
             return None
-        source = self._find_source_digest(model)
-        if source is None:
-            return None
-        # A rider sits on top of the machine, whose model is therefore lower than the box.
-        height_m = model.ridden.machine_height_m if model.ridden else blueprint.height_m
-        size = (blueprint.length_m, blueprint.width_m, height_m)
-        inputs = [CONVERSION_VERSION, source, size, model.model_dump(mode="json")]
-        key = hashlib.sha256(json.dumps(inputs, sort_keys=True).encode()).hexdigest()
-        path = self.folder / "models" / f"{key}.glb"
+        path, size = self._find_converted_file(blueprint, source), blueprint.model_size
         self._write_once(path, lambda: to_glb(convert_model(self._load_parts(model), model, size)))
         return path
+
+    def compute_model_digest(self, blueprint: Blueprint) -> str | None:
+        """Compute the SHA-256 of a converted model; None if it is not installed.
+
+        Raises:
+            RunError: The model is installed, but cannot be converted or read.
+        """
+        path = self.prepare_model(blueprint)
+        return compute_parts_digest(read_glb(path.read_bytes(), path.name)) if path else None
+
+    def remove_converted_models(self) -> None:
+        """Delete all converted models; they are converted again where they are needed."""
+        shutil.rmtree(self.folder / "models", ignore_errors=True)
+
+    def _find_converted_file(self, blueprint: Blueprint, source: str) -> Path:
+        assert blueprint.model is not None
+        declared = blueprint.model.model_dump(mode="json")
+        inputs = [CONVERSION_VERSION, source, blueprint.model_size, declared]
+        key = hashlib.sha256(json.dumps(inputs, sort_keys=True).encode()).hexdigest()
+        return self.folder / "models" / f"{key}.glb"
 
     def _find_source_digest(self, model: BodyModel) -> str | None:
         """Find the digest of the file that holds a model; None if it is not installed."""
         if model.pack is not None:
-            return (self._package_folder / DIGEST_FILE).read_text() if self.has_package else None
+            return self.package.sha256 if self.has_package else None
         exists = model.sha256 is not None and self._user_model_path(model.sha256).is_file()
         return model.sha256 if exists else None
 

@@ -1,9 +1,10 @@
-"""Downloads Debian's package of furniture models, and reads models, authors and licences from it.
+"""Fetches Debian's package of furniture models, and reads models, authors and licences from it.
 
 Models are in collections, `.sh3f` archives, each with a catalogue and one licence.
 """
 
 import hashlib
+import http.client
 import io
 import lzma
 import re
@@ -11,6 +12,7 @@ import shutil
 import subprocess
 import tarfile
 import tempfile
+import urllib.request
 import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -18,9 +20,8 @@ from pathlib import Path
 
 from advercity_dsl.catalogue import BodyModel, FreeLicence
 
-from advercity.errors import RunError
+from advercity.errors import InputError, RunError, report_write_errors
 
-PACKAGE_NAME = "sweethome3d-furniture"
 WANTED_FILES = re.compile(r"(?:.*/)?(?:[\w-]+\.sh3f|copyright)$")
 """Members of the package that are kept: collections, and the file with their licences."""
 DIGEST_FILE = "package.sha256"
@@ -35,39 +36,125 @@ FREE_LICENCES: dict[str, FreeLicence] = {
 CATALOGUE_FILE = "PluginFurnitureCatalog.properties"
 
 
-def fetch_package(folder: Path) -> None:
-    """Download and unpack the package's collections and `copyright` into `folder`, atomically.
+@dataclass(frozen=True)
+class AssetPackage:
+    """The one version of a Debian package that models are made from.
+
+    Attributes:
+        name: Name of the package.
+        version: Debian's version.
+        sha256: SHA-256 of the package file.
+        size_bytes: Its size.
+        url: Where it is without apt.
+    """
+
+    name: str
+    version: str
+    sha256: str
+    size_bytes: int
+    url: str
+
+    @property
+    def file_name(self) -> str:
+        """Name of the package file."""
+        return f"{self.name}_{self.version}_all.deb"
+
+
+FURNITURE = AssetPackage(
+    name="sweethome3d-furniture",
+    version="1.8-1",
+    sha256="3ccb90c63f9525e887a767b9cd5c8b6933b8b6b2973a615a5359ee68a2118668",
+    size_bytes=119_782_356,
+    url="https://deb.debian.org/debian/pool/main/s/sweethome3d-furniture/"
+    "sweethome3d-furniture_1.8-1_all.deb",
+)
+DOWNLOAD_TIMEOUT_S = 60.0
+
+
+def install_package(package: AssetPackage, folder: Path, source: Path | None = None) -> None:
+    """Fetch a package and unpack its collections and `copyright` into `folder`, atomically.
+
+    Args:
+        package: The package.
+        folder: Where to unpack it.
+        source: The package file, or a folder that holds it; None downloads it.
 
     Raises:
-        RunError: apt is missing, does not know the package, or has no network.
+        InputError: `source` does not exist, or is another file.
+        RunError: It cannot be downloaded, or is no Debian package of models.
     """
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=folder.parent) as name:
-        work = Path(name)
-        unpacked = work / "unpacked"
-        unpacked.mkdir()
-        package = _download_package(work)
-        unpack_package(package, unpacked)
-        (unpacked / DIGEST_FILE).write_text(hashlib.sha256(package.read_bytes()).hexdigest())
-        if folder.exists():
-            shutil.rmtree(folder)
-        unpacked.replace(folder)
+    with report_write_errors():
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=folder.parent) as name:
+            work = Path(name)
+            unpacked = work / "unpacked"
+            unpacked.mkdir()
+            unpack_package(_fetch_file(package, work, source), unpacked)
+            (unpacked / DIGEST_FILE).write_text(package.sha256)
+            if folder.exists():
+                shutil.rmtree(folder)
+            unpacked.replace(folder)
 
 
-def _download_package(work: Path) -> Path:
-    apt = shutil.which("apt-get")
-    if apt is None:
-        raise RunError(f"apt-get was not found; it is needed to download {PACKAGE_NAME}")
-    done = subprocess.run(  # noqa: S603 - the system's own package manager
-        [apt, "download", "-q", PACKAGE_NAME], cwd=work, capture_output=True, text=True, check=False
-    )
-    package = next(work.glob("*.deb"), None)
-    if done.returncode != 0 or package is None:
-        messages = done.stderr.strip().splitlines() or ["no error message"]
-        raise RunError(
-            f"apt-get cannot download {PACKAGE_NAME}: {messages[-1]}; run `apt-get update` first"
+def _fetch_file(package: AssetPackage, work: Path, source: Path | None) -> Path:
+    """Find or download the package file; its checksum is right."""
+    if source is None:
+        return _download_package(package, work)
+    path = source / package.file_name if source.is_dir() else source
+    if not path.is_file():
+        raise InputError(f"{path}: no such file; download it from {package.url}")
+    if not _has_checksum(package, path):
+        raise InputError(
+            f"{path}: is not {package.name} {package.version}, whose SHA-256 is {package.sha256};"
+            f" download it from {package.url}"
         )
-    return package
+    return path
+
+
+def _download_package(package: AssetPackage, work: Path) -> Path:
+    """Download a package with apt, which knows this machine's mirror, else from its address."""
+    failures: list[str] = []
+    for download in (_download_with_apt, _download_from_url):
+        try:
+            path = download(package, work)
+            if _has_checksum(package, path):
+                return path
+            failures.append(f"{path.name} has another SHA-256")
+        except (OSError, http.client.HTTPException) as error:
+            failures.append(str(error))
+    raise RunError(
+        f"{package.name} {package.version} cannot be downloaded ({'; '.join(failures)}); on a"
+        f" machine with a network download {package.url}, then `advercity assets install --from"
+        f" {package.file_name}`"
+    )
+
+
+def _download_with_apt(package: AssetPackage, work: Path) -> Path:
+    program = shutil.which("apt-get")
+    if program is None:
+        raise FileNotFoundError("there is no apt-get")
+    wanted = f"{package.name}={package.version}"
+    done = subprocess.run(  # noqa: S603 - the system's own package manager
+        [program, "download", "-q", wanted], cwd=work, capture_output=True, text=True, check=False
+    )
+    path = next(work.glob("*.deb"), None)
+    if done.returncode != 0 or path is None:
+        messages = done.stderr.strip().splitlines() or ["no error message"]
+        raise OSError(f"apt-get: {messages[-1]}")
+    return path
+
+
+def _download_from_url(package: AssetPackage, work: Path) -> Path:
+    path = work / package.file_name
+    answer = urllib.request.urlopen(package.url, timeout=DOWNLOAD_TIMEOUT_S)  # noqa: S310 - https
+    with answer, path.open("wb") as file:
+        shutil.copyfileobj(answer, file)
+    return path
+
+
+def _has_checksum(package: AssetPackage, path: Path) -> bool:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest() == package.sha256
 
 
 def unpack_package(package: Path, folder: Path) -> None:

@@ -23,6 +23,12 @@ JobsOption = Annotated[
     int | None,
     typer.Option(min=1, help="Processes at a time (default: as many as suit the machine)."),
 ]
+AllowMissingModelsOption = Annotated[
+    bool,
+    typer.Option(
+        "--allow-missing-models", help="Generate bodies in place of models that are not installed."
+    ),
+]
 CloudColourOption = Annotated[
     str,
     typer.Option(

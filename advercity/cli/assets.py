@@ -5,8 +5,11 @@ from typing import Annotated
 
 import typer
 
+from advercity.assets.model_store import ModelStore, open_model_store
+from advercity.cli.arguments import DEFAULT_LIBRARIES, LibraryArgument
 from advercity.cli.output import print_data, print_note
-from advercity.errors import InputError, RunError
+from advercity.errors import InputError, RunError, report_write_errors
+from advercity.pipeline.cache import find_cache_folder
 
 assets = typer.Typer(
     name="assets",
@@ -22,33 +25,72 @@ LibraryOption = Annotated[
 
 @assets.command()
 def install(
+    source: Annotated[
+        Path | None,
+        typer.Option("--from", help="The package's file, or a folder with it (default: download)."),
+    ] = None,
     allow_failure: Annotated[
         bool, typer.Option("--allow-failure", help="Exit with 0 if the pack cannot be fetched.")
     ] = False,
 ) -> None:
     """Fetch Debian's free furniture models, for bodies.
 
-    Needs apt, but not root.
+    Downloads 120 MB, with apt or without, and needs no root. Converts the models and compares them
+    with the lock of the catalogue.
     """
-    from advercity.assets.catalogue import load_catalogue_blueprints
-    from advercity.pipeline.cache import open_model_store
+    from advercity.assets.locking import CONVERSION_REMEDY, find_differing_models
+    from advercity.compiler import find_shipped_library, load_library
 
-    store = open_model_store()
+    store, library = open_model_store(), load_library(find_shipped_library())
+    earlier = ModelStore(find_cache_folder() / "assets")
+    if store.adopt(earlier):
+        print_data(f"models of an earlier version: moved from {earlier.folder} to {store.folder}")
     try:
         if not store.has_package:
-            print_note("fetching the asset pack (120 MB)")
-            store.install_package()
+            size_mb = round(store.package.size_bytes / 1e6)
+            print_data(f"{source or store.package.url} ({size_mb} MB)")
+            store.install_package(source)
     except RunError as error:
         if not allow_failure:
             raise
         print_data(f"bodies: procedural ({error})")
         return
-    found = {
-        name: store.prepare_model(blueprint)
-        for name, blueprint in load_catalogue_blueprints().items()
-    }
-    count = sum(path is not None for path in found.values())
-    print_data(f"bodies: {count} of {len(found)} are models, the rest procedural")
+    if find_differing_models(library, store):
+        store.remove_converted_models()
+    differing = find_differing_models(library, store)
+    if differing:
+        raise RunError(
+            f"{', '.join(differing)}: converted to other triangles here than locked;"
+            f" {CONVERSION_REMEDY}"
+        )
+    print_data(f"{store.folder}: models are installed")
+
+
+@assets.command()
+def lock(
+    library: LibraryArgument = DEFAULT_LIBRARIES,
+    check: Annotated[
+        bool, typer.Option("--check", help="Only compare the locks with the installed models.")
+    ] = False,
+) -> None:
+    """Write the checksums of a library's models as built.
+
+    Specs take them from the lock beside each catalogue. Adds models of your own to the store.
+    """
+    from advercity.assets.locking import build_locks
+    from advercity.atomic_files import write_atomically
+    from advercity.compiler import load_library
+
+    texts = build_locks(load_library(*library), open_model_store())
+    for path, text in texts.items():
+        if path.is_file() and path.read_text(encoding="utf-8") == text:
+            continue
+        if check:
+            raise RunError(f"{path}: differs from the models on this machine")
+        with report_write_errors():
+            write_atomically(path, text.encode())
+        print_data(str(path))
+    print_note(f"{len(texts)} locks are current")
 
 
 @assets.command()
@@ -56,17 +98,13 @@ def add(
     models: Annotated[list[Path], typer.Argument(help="GLB files that a catalogue names.")],
 ) -> None:
     """Add models of your own to the store, by checksum."""
-    from advercity.pipeline.cache import open_model_store
-
     for path in models:
         print_data(f"{open_model_store().add_model(path)}  {path}")
 
 
 @assets.command()
 def remove() -> None:
-    """Remove the asset pack; bodies are procedural again."""
-    from advercity.pipeline.cache import open_model_store
-
+    """Remove the asset pack; specs that need it do not run any more."""
     open_model_store().remove_package()
     print_note("bodies are procedural")
 
@@ -76,7 +114,6 @@ def list_(library: LibraryOption = None) -> None:
     """List bodies with triangles, memory, source and licence."""
     from advercity.assets.catalogue import compute_body_facts, load_catalogue_blueprints
     from advercity.cli.tables import format_columns
-    from advercity.pipeline.cache import open_model_store
 
     store = open_model_store()
     rows = [
@@ -100,7 +137,6 @@ def sheet(
     from advercity.assets.catalogue import load_catalogue_blueprints, select_blueprints
     from advercity.media import write_image
     from advercity.pipeline.body_sheet import draw_body_sheet
-    from advercity.pipeline.cache import open_model_store
     from advercity.rendering.backend import load_backend
 
     if bool(blueprints) == every:

@@ -11,8 +11,9 @@ import sumo
 
 from advercity import __version__
 from advercity.assets.catalogue import load_catalogue_blueprints
+from advercity.assets.model_store import open_model_store
 from advercity.errors import AdvercityError, RunError
-from advercity.pipeline.cache import find_cache_folder, open_model_store
+from advercity.pipeline.cache import find_cache_folder
 from advercity.rendering.backend import list_backend_names, load_backend
 
 CheckResult = tuple[str, bool, str]
@@ -68,7 +69,7 @@ def _check_backend(name: str) -> str:
 
 def _check_bodies() -> str:
     if not open_model_store().has_package:
-        return "procedural; `advercity assets install` fetches models"
+        return "procedural; the shipped specs need `advercity assets install`"
     found = [
         open_model_store().prepare_model(blueprint)
         for blueprint in load_catalogue_blueprints().values()

@@ -22,9 +22,9 @@ def print_note(text: str) -> None:
 
 
 OPTION_PARAMETERS = (
-    *("allow_large", "backend", "cloud_colour", "connect", "executor", "format", "frames", "fresh"),
-    *("jobs", "kind", "max_memory", "max_time", "output", "profile", "ray_address", "rrd", "scale"),
-    *("stream", "suite", "web"),
+    *("allow_edited", "allow_large", "allow_missing_models", "backend", "cloud_colour", "connect"),
+    *("executor", "format", "frames", "fresh", "jobs", "kind", "max_memory", "max_time", "output"),
+    *("profile", "ray_address", "rrd", "scale", "stream", "suite", "web"),
 )
 _QUOTED_PARAMETER = re.compile(f"`({'|'.join(OPTION_PARAMETERS)})`")
 

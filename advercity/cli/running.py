@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from advercity.cli.arguments import (
+    AllowMissingModelsOption,
     BackendOption,
     CloudColourOption,
     FramesOption,
@@ -58,6 +59,10 @@ def run(
     allow_large: Annotated[
         bool, typer.Option("--allow-large", help="Run even what would fill the machine.")
     ] = False,
+    allow_missing_models: AllowMissingModelsOption = False,
+    allow_edited: Annotated[
+        bool, typer.Option("--allow-edited", help="Run specs that were edited after compiling.")
+    ] = False,
     executor: Annotated[str, typer.Option(help="local, or ray for a cluster.")] = "local",
     ray_address: Annotated[
         str | None,
@@ -99,6 +104,8 @@ def run(
             jobs=jobs,
             limits=limits,
             allow_large=allow_large,
+            allow_missing_models=allow_missing_models,
+            allow_edited=allow_edited,
             executor=executor,
             ray_address=ray_address,
             listener=view,
@@ -206,6 +213,7 @@ def gallery(
     backend: BackendOption = "sapien",
     profile: Annotated[str, typer.Option(help="preview or full.")] = "preview",
     width: Annotated[int, typer.Option(min=64, max=1920, help="Image width in pixels.")] = 384,
+    allow_missing_models: AllowMissingModelsOption = False,
 ) -> None:
     """Draw one camera of scenarios under every weather into one image."""
     from advercity.cli.progress import show_progress
@@ -225,6 +233,7 @@ def gallery(
             backend=backend,
             profile=profile,
             width_px=width,
+            allow_missing_models=allow_missing_models,
             report=view.on_progress,
         )
     print_data(str(output))

@@ -6,8 +6,14 @@ the inputs of scenarios (`crossing`, `scenarios`), and assembled into specs (`as
 JSON files (`spec_files`).
 """
 
-from advercity.compiler.assembly import with_weather
-from advercity.compiler.crossing import compile_library, compile_suite, find_suite, validate_path
+from advercity.compiler.assembly import is_edited, with_digest, with_weather
+from advercity.compiler.crossing import (
+    check_not_edited,
+    compile_library,
+    compile_suite,
+    find_suite,
+    validate_path,
+)
 from advercity.compiler.explain import compare_specs, explain_spec
 from advercity.compiler.library import (
     Library,
@@ -26,6 +32,7 @@ __all__ = [
     "DiagnosticsError",
     "Library",
     "LibraryEntry",
+    "check_not_edited",
     "compare_specs",
     "compile_library",
     "compile_suite",
@@ -34,12 +41,14 @@ __all__ = [
     "find_shipped_library",
     "find_suite",
     "find_weather",
+    "is_edited",
     "list_shipped_weathers",
     "load_declaration",
     "load_library",
     "read_spec",
     "to_json",
     "validate_path",
+    "with_digest",
     "with_weather",
     "write_specs",
 ]

@@ -1,7 +1,8 @@
 """Assembly of specs from the inputs of a scenario, and of specs with another weather."""
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from advercity_dsl import (
@@ -53,6 +54,7 @@ def build_spec(
     groups: tuple[CrashGroup, ...],
     conflicts: tuple[StagedConflict, ...],
     drivers: Drivers | None,
+    assets: Mapping[str, str],
 ) -> Spec:
     """Build the spec of a scenario, with its digest.
 
@@ -63,6 +65,7 @@ def build_spec(
         groups: Crash groups for which its road was selected.
         conflicts: Solved conflicts.
         drivers: Drivers who react to weather, if any.
+        assets: Checksums of what the scenario takes from files of others.
     """
     road, density = inputs.road, inputs.density
     declarations = [suite, road, inputs.weather, density, inputs.rig, inputs.catalogue]
@@ -84,6 +87,7 @@ def build_spec(
         drivers=drivers,
         caution=compute_driver_response(drivers, inputs.weather) if drivers else None,
         blueprints=inputs.blueprints,
+        assets=dict(sorted(assets.items())),
         timing=suite.timing,
         seeds=SpecSeeds(
             # Without the weather, so that all weathers of a road and density have one traffic.
@@ -102,7 +106,7 @@ def build_spec(
             digest="0" * 64,
         ),
     )
-    return _with_digest(spec)
+    return with_digest(spec)
 
 
 def with_weather(spec: Spec, entry: LibraryEntry[Weather]) -> Spec:
@@ -125,18 +129,32 @@ def with_weather(spec: Spec, entry: LibraryEntry[Weather]) -> Spec:
             update={"declarations": dict(sorted(digests.items())), "draws": _format_draws(draws)}
         ),
     }
-    return _with_digest(spec.model_copy(update=changes))
+    replayed = spec.model_copy(update=changes)
+    # An edited spec stays one under every weather.
+    return replayed if is_edited(spec) else with_digest(replayed)
 
 
 def _format_draws(draws: Distributions) -> dict[str, Distribution]:
     return {f"weather.{format_value_path(path)}": item for path, item in draws.items()}
 
 
-def _with_digest(spec: Spec) -> Spec:
-    data = spec.model_dump(mode="json")
-    del data["provenance"]["digest"]
-    provenance = spec.provenance.model_copy(update={"digest": compute_json_digest(data)})
+def with_digest(spec: Spec) -> Spec:
+    """Return the spec with the digest of its content, as a compiler of other specs would."""
+    digest = _compute_content_digest(spec.model_dump(mode="json"))
+    provenance = spec.provenance.model_copy(update={"digest": digest})
     return spec.model_copy(update={"provenance": provenance})
+
+
+def is_edited(spec: Spec) -> bool:
+    """Return whether the content of a spec is not what its compiler wrote, by its digest."""
+    # The file of an earlier version lacks fields that have a default now.
+    dumps = (spec.model_dump(mode="json", exclude_unset=unset) for unset in (False, True))
+    return spec.provenance.digest not in map(_compute_content_digest, dumps)
+
+
+def _compute_content_digest(data: dict[str, Any]) -> str:
+    del data["provenance"]["digest"]
+    return compute_json_digest(data)
 
 
 def compute_driver_response(drivers: Drivers, weather: Weather) -> DriverResponse:

@@ -9,13 +9,14 @@ from advercity_dsl import Road, Spec, Suite, Typology
 from advercity_dsl.base import suggest_name
 from advercity_dsl.spec import CrashGroup
 
-from advercity.compiler.assembly import build_spec
+from advercity.compiler.assembly import build_spec, is_edited
 from advercity.compiler.library import (
     Library,
     find_shipped_library,
     load_declaration,
     load_library,
 )
+from advercity.compiler.model_locks import list_model_assets
 from advercity.compiler.scenarios import (
     ScenarioInputs,
     build_scenario_inputs,
@@ -76,10 +77,10 @@ def validate_path(path: Path) -> None:
     """Validate a spec, a declaration, or a library with all its suites.
 
     Raises:
-        InputError: With all errors.
+        InputError: With all errors; also for a spec that was edited after it was compiled.
     """
     if path.suffix == ".json":
-        read_spec(path)
+        check_not_edited(read_spec(path), path)
         return
     if not path.is_dir():
         load_declaration(path)
@@ -87,6 +88,16 @@ def validate_path(path: Path) -> None:
     library = load_library(path)
     for suite in library.get_declarations(Suite).values():
         compile_suite(library, suite)
+
+
+def check_not_edited(spec: Spec, where: object) -> None:
+    """Raise InputError if a spec was edited after it was compiled."""
+    if is_edited(spec):
+        raise InputError(
+            f"{where}: was edited after it was compiled: its content is not that of its"
+            " `provenance.digest`; change the declarations and compile them again"
+            " (`advercity compile LIBRARY`), or run it as it is with `allow_edited`"
+        )
 
 
 def compile_suite(library: Library, suite: Suite, *, require_sun: bool = True) -> list[Spec]:
@@ -120,6 +131,7 @@ def compile_suite(library: Library, suite: Suite, *, require_sun: bool = True) -
             groups[inputs.road.id],
             conflicts[inputs.traffic_key],
             resolved.drivers,
+            list_model_assets(library, inputs.catalogue, inputs.blueprints),
         )
         for inputs in scenarios
     ]

@@ -324,12 +324,17 @@ def _add_model_checksums(catalogue: Catalogue, source: ResolvedDeclaration) -> C
     return catalogue.model_copy(update={"blueprints": blueprints})
 
 
+def find_model_file(name: str, file: str, source: ResolvedDeclaration) -> Path:
+    """Return the GLB `file` of a blueprint, which is beside the declaration that names it."""
+    return source.find_document(("blueprints", name, "model", "file")).path.parent / file
+
+
 def _add_model_checksum(name: str, blueprint: Blueprint, source: ResolvedDeclaration) -> Blueprint:
     model = blueprint.model
     if model is None or model.file is None:
         return blueprint
     value_path = ("blueprints", name, "model", "file")
-    path = source.find_document(value_path).path.parent / model.file
+    path = find_model_file(name, model.file, source)
     try:
         content = path.read_bytes()
     except OSError as error:

@@ -19,7 +19,7 @@ from advercity_dsl import (
     get_declaration_kind,
 )
 from advercity_dsl.base import MAX_ID_LENGTH, ValuePath, suggest_name
-from advercity_dsl.suite import Sweep, ValueRange
+from advercity_dsl.suite import Looks, Sweep, ValueRange
 from advercity_dsl.weather import Sun
 
 from advercity.compiler.distributions import Distributions, draw_weather
@@ -208,6 +208,7 @@ class ScenarioInputs:
     draws: Distributions
     step: SweepStep | None
     conflicts: RoadConflicts
+    looks: Looks
 
     @property
     def by_kind(self) -> dict[str, Model]:
@@ -222,9 +223,9 @@ class ScenarioInputs:
 
     @property
     def blueprints(self) -> dict[str, Blueprint]:
-        """Blueprints that occur in the road's surroundings."""
+        """Blueprints that occur in the road's surroundings, without models of unused packages."""
         return {
-            name: blueprint
+            name: blueprint if self.looks == "full" else _remove_package_model(blueprint)
             for name, blueprint in self.catalogue.blueprints.items()
             if blueprint.land_use in ("any", self.road.land_use)
         }
@@ -233,6 +234,11 @@ class ScenarioInputs:
     def traffic_key(self) -> tuple[str, str, str | None, SweepStep | None]:
         """Key that is equal for scenarios with the same traffic, which ignores the weather."""
         return self.road.id, self.density.id, self.conflicts.crossed_id, self.step
+
+
+def _remove_package_model(blueprint: Blueprint) -> Blueprint:
+    is_packaged = blueprint.model is not None and blueprint.model.pack is not None
+    return blueprint.model_copy(update={"model": None}) if is_packaged else blueprint
 
 
 CrossedDeclarations = tuple[RoadConflicts, Weather, Density, Rig, Catalogue]
@@ -276,7 +282,9 @@ def build_scenario_inputs(
     weather = localize_weather(entry, drawn, road, require_sun=require_sun)
     # Conflicts are solved on the road with the sweep applied.
     conflicts = replace(conflicts, road=road)
-    return ScenarioInputs(name, road, weather, density, rig, catalogue, draws, step, conflicts)
+    return ScenarioInputs(
+        name, road, weather, density, rig, catalogue, draws, step, conflicts, suite.looks
+    )
 
 
 def draw_scenario_weather(

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from advercity_dsl import Model, Spec, Weather
+from advercity_dsl.base import is_empty
 from pydantic import Field, ValidationError, field_validator
 
 from advercity import __version__
@@ -52,6 +53,8 @@ class Identity(Model):
         trace_sha256: Checksum of the simulated traffic.
         renderer: Backend and its sources, profile, image scale, device.
         bodies: SHA-256 of the 3-D model of each blueprint that has one.
+        missing_models: Blueprints with generated bodies in place of the spec's models.
+        edited: Whether the spec was edited after it was compiled.
         format: Layout of the files.
         code_sha256: Checksum of the sources of `CODE_PACKAGES`, which may change between versions.
         versions: Versions of advercity and of `VERSIONED_PACKAGES`.
@@ -62,6 +65,8 @@ class Identity(Model):
     trace_sha256: str
     renderer: RendererIdentity
     bodies: dict[str, str] = Field(default_factory=dict[str, str])
+    missing_models: tuple[str, ...] = Field(default=(), exclude_if=is_empty)
+    edited: bool = Field(default=False, exclude_if=is_empty)
     format: str
     code_sha256: str
     versions: dict[str, str]
@@ -79,16 +84,26 @@ class Identity(Model):
         *,
         trace_sha256: str,
         renderer: RendererIdentity,
-        bodies: Mapping[str, str] | None = None,
         format: str = "opv2v",
+        missing_models: tuple[str, ...] = (),
+        edited: bool = False,
     ) -> "Identity":
         """Identify the data that this installation makes from `spec`."""
+        models = {
+            name: digest
+            for kind, name, digest in (
+                (*asset.split("/"), digest) for asset, digest in spec.assets.items()
+            )
+            if kind == "model" and name not in missing_models
+        }
         return Identity(
             spec=spec.id,
             spec_sha256=compute_spec_digest(spec),
             trace_sha256=trace_sha256,
             renderer=renderer,
-            bodies=dict(bodies or {}),
+            bodies=models,
+            missing_models=missing_models,
+            edited=edited,
             format=format,
             code_sha256=compute_source_digest(*CODE_PACKAGES),
             versions={"advercity": __version__}

@@ -49,7 +49,10 @@ def draw_body_sheet(
     world = World(
         id="sheet",
         static=(_build_ground(),),
-        bodies={name: build_body(name, blueprint, store) for name, blueprint in blueprints.items()},
+        bodies={
+            name: build_body(name, blueprint, store if store.prepare_model(blueprint) else None)
+            for name, blueprint in blueprints.items()
+        },
         lanes=(),
         street_lamps=STREET_LAMPS,
         network=Path(),

@@ -3,14 +3,12 @@
 Weathers of one road and density share a trace; that is what makes them pairs.
 """
 
-import hashlib
 import os
 from importlib.metadata import version
 from pathlib import Path
 
 from advercity_dsl import Spec
 
-from advercity.assets.model_store import ModelStore
 from advercity.dataset.manifest import CODE_PACKAGES
 from advercity.digests import compute_json_digest, compute_source_digest
 
@@ -31,33 +29,8 @@ def compute_road_key(spec: Spec) -> str:
 
 def compute_world_key(spec: Spec) -> str:
     """Compute the key of a world: code, road, bodies, and conflicts, whose paths stay clear."""
-    data = spec.model_dump(mode="json", include={"road", "blueprints", "conflicts"})
-    return compute_json_digest(
-        {"code": _compute_code_digest(), "models": compute_model_digests(spec), **data}
-    )
-
-
-def open_model_store() -> ModelStore:
-    """Open the store of models: `$ADVERCITY_ASSETS`, else `assets` in the cache."""
-    chosen = os.environ.get("ADVERCITY_ASSETS")
-    return ModelStore(Path(chosen) if chosen else find_cache_folder() / "assets")
-
-
-def compute_model_digests(spec: Spec) -> dict[str, str]:
-    """Compute the SHA-256 of the installed model of each blueprint that has one.
-
-    Raises:
-        RunError: A model is installed, but cannot be used.
-    """
-    found = {
-        name: open_model_store().prepare_model(blueprint)
-        for name, blueprint in spec.blueprints.items()
-    }
-    return {
-        name: hashlib.sha256(path.read_bytes()).hexdigest()
-        for name, path in found.items()
-        if path is not None
-    }
+    data = spec.model_dump(mode="json", include={"road", "blueprints", "assets", "conflicts"})
+    return compute_json_digest({"code": _compute_code_digest(), **data})
 
 
 def compute_traffic_key(spec: Spec) -> str:

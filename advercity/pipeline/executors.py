@@ -6,10 +6,12 @@ from typing import Protocol
 
 from advercity_dsl import Spec
 
+from advercity.compiler.crossing import check_not_edited
 from advercity.errors import InputError
 from advercity.pipeline.estimate import check_resources
 from advercity.pipeline.options import ResourceLimits, RunOptions, RunResources
 from advercity.pipeline.progress import RunListener, ScenarioResult, SilentListener
+from advercity.pipeline.spec_models import check_models
 from advercity.pipeline.workers import WorkerPool
 from advercity.rendering.backend import load_backend
 
@@ -77,10 +79,16 @@ def run_batch(
         listener: Receives progress and results.
 
     Raises:
-        InputError: An option does not fit, or the run would take more than is allowed.
+        InputError: An option does not fit, the run would take more than is allowed, a spec was
+            edited, or models are missing on this machine.
         BackendError: The backend is not installed, or cannot render the profile.
     """
     validate_batch(specs, options)
+    if not options.allow_edited:
+        for spec in specs:
+            check_not_edited(spec, spec.id)
+    if executor is None:  # the machines of a cluster check for themselves
+        check_models(specs, allow_missing=options.allow_missing_models)
     resources = check_resources(
         specs,
         options,

@@ -78,7 +78,9 @@ class SunRequest:
 def find_sun_requests(library: Library, suite: Suite) -> list[SunRequest]:
     """Find the suns that weathers of a suite ask for, once per road, with the least traffic."""
     found: dict[str, SunRequest] = {}
-    specs = compile_suite(library, suite, require_sun=False)
+    # Without models, so that the suns do not depend on what is installed.
+    shaped = suite.model_copy(update={"looks": "shaped"})
+    specs = compile_suite(library, shaped, require_sun=False)
     for spec in sorted(specs, key=lambda spec: spec.demand.vehicles):
         weather = library.find_entry(library.get_declarations(Weather)[spec.weather.id])
         if weather.declaration.sun.in_view_of is not None:

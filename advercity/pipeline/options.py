@@ -57,6 +57,8 @@ class RunOptions:
         viewer: Live view.
         fresh: Discard what is there and start over.
         format: Dataset layout, `opv2v` or `adver_city`.
+        allow_missing_models: Generate bodies in place of models that are not installed.
+        allow_edited: Run specs that were edited after they were compiled.
     """
 
     output: Path
@@ -67,6 +69,8 @@ class RunOptions:
     viewer: ViewerTarget = field(default_factory=ViewerTarget)
     fresh: bool = False
     format: str = "opv2v"
+    allow_missing_models: bool = False
+    allow_edited: bool = False
 
     def __post_init__(self) -> None:
         """Raise InputError for values that no backend takes; the backend checks the rest."""

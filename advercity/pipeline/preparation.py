@@ -10,6 +10,8 @@ from pathlib import Path
 
 from advercity_dsl import Spec
 
+from advercity.assets.model_store import open_model_store
+from advercity.compiler.assembly import is_edited
 from advercity.conflicts.report import evaluate_outcomes
 from advercity.dataset.manifest import Identity, RendererIdentity
 from advercity.digests import compute_source_digest
@@ -17,15 +19,24 @@ from advercity.errors import BackendError, InputError, RunError
 from advercity.frames import Trace
 from advercity.pipeline.agent_poses import AgentPoses
 from advercity.pipeline.cache import (
+<<<<<<< HEAD
     compute_model_digests,
     compute_road_key,
     compute_traffic_key,
     compute_world_key,
     open_model_store,
+=======
+    build_cached,
+    compute_road_key,
+    compute_traffic_key,
+    compute_world_key,
+    find_cache_folder,
+>>>>>>> 126ac3c (Make models part of specs: names and checksums, locked beside the catalogue)
 )
 from advercity.pipeline.cache_entries import load_entry, load_or_build_entry
 from advercity.pipeline.options import RunOptions, format_frames
 from advercity.pipeline.progress import Progress, ProgressCallback, ignore_progress
+from advercity.pipeline.spec_models import check_models, find_missing_models, replace_models
 from advercity.rendering.backend import (
     RENDER_PROFILES,
     Backend,
@@ -89,9 +100,19 @@ def _build_network_file(spec: Spec, path: Path) -> None:
 
 
 def load_or_build_world(spec: Spec, network_path: Path) -> World:
+<<<<<<< HEAD
     """Load the static scene of a spec from the cache, or build it now."""
     return load_or_build_entry(
         f"worlds/{compute_world_key(spec)}.npz",
+=======
+    """Load the static scene of a spec from the cache, or build it now.
+
+    Raises:
+        RunError: A model of the spec is not installed, or cannot be used.
+    """
+    stored = build_cached(
+        find_cache_folder() / "worlds" / f"{compute_world_key(spec)}.npz",
+>>>>>>> 126ac3c (Make models part of specs: names and checksums, locked beside the catalogue)
         lambda partial: save_world(build_world(spec, network_path, open_model_store()), partial),
         lambda path: load_world(path, network_path),
     )
@@ -108,6 +129,8 @@ class PreparedScenario:
         profile: Renderer and image scale.
         frames: Frames that are asked for.
         format: Dataset layout.
+        missing_models: Blueprints that have generated bodies in place of the spec's models.
+        edited: Whether the spec was edited after it was compiled.
     """
 
     spec: Spec
@@ -116,6 +139,8 @@ class PreparedScenario:
     profile: RenderProfile
     frames: range
     format: str = "opv2v"
+    missing_models: tuple[str, ...] = ()
+    edited: bool = False
 
     @property
     def frame_count(self) -> int:
@@ -129,17 +154,14 @@ class PreparedScenario:
 
     @cached_property
     def identity(self) -> Identity:
-        """What decides the bytes of the dataset.
-
-        Raises:
-            RunError: A model is installed, but cannot be used.
-        """
+        """What decides the bytes of the dataset."""
         return Identity.for_spec(
             self.spec,
             trace_sha256=self.traffic.trace_sha256,
             renderer=_describe_renderer(self.backend, self.profile),
-            bodies=compute_model_digests(self.spec),
             format=self.format,
+            missing_models=self.missing_models,
+            edited=self.edited,
         )
 
     def load_world(self) -> World:
@@ -148,7 +170,8 @@ class PreparedScenario:
 
     @cached_property
     def _world(self) -> World:
-        return load_or_build_world(self.spec, self.traffic.network_path)
+        spec = replace_models(self.spec, self.missing_models)
+        return load_or_build_world(spec, self.traffic.network_path)
 
 
 def prepare_scenario(
@@ -157,12 +180,15 @@ def prepare_scenario(
     """Load the backend, resolve the profile and load or simulate the traffic.
 
     Raises:
-        InputError: The backend or the frames do not exist.
+        InputError: The backend or the frames do not exist, or models are missing.
         BackendError: The backend cannot render the profile.
         RunError: The traffic simulation fails, or a staged conflict does not happen.
     """
     backend = load_backend(options.backend)
     profile = resolve_profile(options, backend.capabilities())
+    missing_models = find_missing_models(spec)
+    if missing_models:
+        check_models([spec], allow_missing=options.allow_missing_models)
     report(Progress(spec.id, "traffic"))
     traffic = load_or_simulate_traffic(spec)
     problems = [item for found in evaluate_outcomes(spec, traffic.trace) for item in found.problems]
@@ -175,7 +201,16 @@ def prepare_scenario(
             f"`frames` {format_frames(options.frames)}: selects none of {spec.id}, which has frames"
             f" 0 to {frame_count - 1}"
         )
-    return PreparedScenario(spec, traffic, backend, profile, frames, options.format)
+    return PreparedScenario(
+        spec,
+        traffic,
+        backend,
+        profile,
+        frames,
+        options.format,
+        missing_models,
+        edited=is_edited(spec),
+    )
 
 
 def resolve_profile(options: RunOptions, capabilities: Capabilities) -> RenderProfile:

@@ -35,6 +35,7 @@ from advercity.pipeline.preparation import (
 from advercity.pipeline.progress import Progress, ProgressCallback, ignore_progress
 from advercity.pipeline.replay import load_sensor_frames
 from advercity.pipeline.sensing import open_sensors
+from advercity.pipeline.spec_models import check_models, replace_models
 from advercity.rendering.backend import RenderProfile, load_backend
 from advercity.roads.road_network import build_road
 from advercity.sensors.sensor_frame import SensorFrame
@@ -273,6 +274,8 @@ def _repair_scenario(
         _parse_profile(manifest.identity),
         frames=range(manifest.length),
         format=manifest.identity.format,
+        missing_models=manifest.identity.missing_models,
+        edited=manifest.identity.edited,
     )
     differences = manifest.identity.list_differences(prepared.identity)
     if differences:
@@ -281,6 +284,8 @@ def _repair_scenario(
             f" ({'; '.join(differences)}); repair it with what it was made with, or make it"
             " again with `advercity run --fresh`"
         )
+    shown = replace_models(spec, manifest.identity.missing_models)
+    check_models([shown], allow_missing=False)
     damaged = sorted({problem.frame for problem in problems if problem.frame is not None})
     with open_sensors(prepared) as sensors:
 

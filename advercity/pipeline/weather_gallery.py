@@ -16,6 +16,7 @@ from advercity.media import draw_label_bar, write_image
 from advercity.pipeline.preparation import PreparedScenario, load_or_simulate_traffic
 from advercity.pipeline.progress import Progress, ProgressCallback, ignore_progress
 from advercity.pipeline.sensing import open_sensors
+from advercity.pipeline.spec_models import check_models, find_missing_models
 from advercity.rendering.backend import RENDER_PROFILES, load_backend
 
 WIDTH_PX = 384
@@ -35,6 +36,7 @@ def write_weather_gallery(
     backend: str = "sapien",
     profile: str = "preview",
     width_px: int = WIDTH_PX,
+    allow_missing_models: bool = False,
     report: ProgressCallback = ignore_progress,
 ) -> None:
     """Write an image with a row per weather and a column per scenario.
@@ -49,14 +51,16 @@ def write_weather_gallery(
         backend: Name of the rendering backend.
         profile: `preview` or `full`; `width_px` sets the image size.
         width_px: Width of each image.
+        allow_missing_models: Generate bodies in place of models that are not installed.
         report: Called before each image.
 
     Raises:
         InputError: There is no such agent, camera, frame or profile, or the sheet cannot be
-            written.
+            written, or models are missing.
     """
     if profile not in RENDER_PROFILES:
         raise InputError(f"`profile` {profile}: no such profile; preview or full")
+    check_models(specs, allow_missing=allow_missing_models)
     renderer = load_backend(backend)
     agents = [_find_agent(spec, agent, camera) for spec in specs]
     columns: list[list[Uint8Array]] = []
@@ -73,6 +77,7 @@ def write_weather_gallery(
             renderer,
             RENDER_PROFILES[profile].with_scale(scale),
             frames=range(index, index + 1),
+            missing_models=find_missing_models(spec),
         )
         column = [draw_label_bar(spec.road.id, width_px)]
         for count, weather in enumerate(weathers):

@@ -180,6 +180,13 @@ class Blueprint(CompactModel):
     model: BodyModel | None = None
     """A 3-D model; without it, the body is generated."""
 
+    @property
+    def model_size(self) -> tuple[float, float, float]:
+        """Length, width and height in metres to which its model is scaled."""
+        # A rider sits on top of the machine, whose model is therefore lower than the box.
+        ridden = self.model.ridden if self.model else None
+        return self.length_m, self.width_m, ridden.machine_height_m if ridden else self.height_m
+
 
 class Catalogue(Declaration):
     """Blueprints from which traffic is drawn."""

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, StringConstraints, model_validator
 
 from advercity_dsl.base import Digest, Id, Model, is_empty
 from advercity_dsl.catalogue import Blueprint
@@ -15,6 +15,8 @@ from advercity_dsl.traffic import Density, DriverResponse, Drivers
 from advercity_dsl.weather import Weather
 
 SPEC_VERSION = 1
+AssetName = Annotated[str, StringConstraints(pattern=r"^[a-z]+/[a-z][a-z0-9_]{0,63}$")]
+"""Kind and name of an asset: `model/seat_leon`."""
 
 
 class Agent(Model):
@@ -105,6 +107,11 @@ class Spec(Model):
     caution: DriverResponse | None = Field(default=None, exclude_if=is_empty)
     """Response of the drivers to this weather."""
     blueprints: dict[Id, Blueprint]
+    assets: dict[AssetName, Digest] = Field(
+        default_factory=dict[AssetName, Digest], exclude_if=is_empty
+    )
+    """SHA-256 of what the scenario takes from files of others, by `kind/name`: `model/seat_leon` is
+    the converted model of that blueprint."""
     timing: Timing
     seeds: SpecSeeds
     provenance: Provenance

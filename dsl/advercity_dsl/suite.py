@@ -138,6 +138,10 @@ ConflictFit = Literal["primary", "extension", "variant"]
 could be staged there without the traffic lights."""
 
 
+Looks = Literal["full", "shaped"]
+"""Whether asset packages are used."""
+
+
 class Suite(Declaration):
     """Roads, weathers and densities to cross, and what all scenarios have in common."""
 
@@ -164,6 +168,9 @@ class Suite(Declaration):
         default=("primary",), exclude_if=lambda standings: standings == ("primary",)
     )
     """How conflicts of `cross_conflicts` must match a road: primary, extension or variant."""
+    looks: Looks = Field(default="full", exclude_if=lambda looks: looks == "full")
+    """Whether bodies are models of asset packages, which a run then needs (`full`), or generated
+    shapes of the same sizes (`shaped`)."""
     default: Flag = False
     """Whether this suite is compiled if none is named."""
     rig: Id

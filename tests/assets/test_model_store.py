@@ -1,9 +1,11 @@
 """Models of others as bodies: from a package that these tests write, and from users' files."""
 
+import hashlib
 import io
 import os
 import tarfile
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -16,7 +18,7 @@ from typer.testing import CliRunner
 from advercity.assets.bodies import build_body
 from advercity.assets.model_files import ModelPart, read_obj, to_glb
 from advercity.assets.model_store import ModelStore
-from advercity.assets.packages import unpack_package
+from advercity.assets.packages import FURNITURE, AssetPackage, unpack_package
 from advercity.cli import app
 from advercity.compiler import load_library
 from advercity.errors import InputError, RunError
@@ -95,23 +97,26 @@ def debian_package() -> bytes:
 
 
 @pytest.fixture
-def apt(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A stand-in for apt-get that has our package."""
-    package, tools = tmp_path / "tiny.deb", tmp_path / "bin"
-    package.write_bytes(debian_package())
-    tools.mkdir()
-    program = tools / "apt-get"
-    program.write_text(f'#!/bin/sh\n[ "$1" = download ] && cp {package} sweethome3d_1.deb\n')
-    program.chmod(0o755)
-    monkeypatch.setenv("PATH", f"{tools}{os.pathsep}{os.environ['PATH']}")
-    return program
+def tiny(tmp_path: Path) -> AssetPackage:
+    """Our package, pinned by its checksum; its address is that of a file."""
+    path = tmp_path / "mirror" / "tiny_1_all.deb"
+    path.parent.mkdir()
+    path.write_bytes(debian_package())
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    return AssetPackage("tiny", "1", digest, path.stat().st_size, path.as_uri())
 
 
 @pytest.fixture
-def shelf(apt: Path, tmp_path: Path) -> ModelStore:
+def mirror(tiny: AssetPackage, tmp_path: Path) -> Path:
+    """A folder with the file of the package."""
+    return tmp_path / "mirror"
+
+
+@pytest.fixture
+def shelf(tiny: AssetPackage, mirror: Path, tmp_path: Path) -> ModelStore:
     """A shelf with the package installed."""
-    here = ModelStore(tmp_path / "shelf")
-    here.install_package()
+    here = ModelStore(tmp_path / "shelf", tiny)
+    here.install_package(mirror)
     return here
 
 
@@ -132,10 +137,59 @@ def points_of(made: Blueprint, here: ModelStore) -> dict[str, np.ndarray]:
     }
 
 
-def test_the_package_is_downloaded_by_apt_and_unpacked_without_root(shelf: ModelStore):
-    assert shelf.has_package
-    names = sorted(path.name for path in (shelf.folder / "package").iterdir())
-    assert names == ["Closed.sh3f", "Tiny.sh3f", "copyright", "package.sha256"]
+UNPACKED = ["Closed.sh3f", "Tiny.sh3f", "copyright", "package.sha256"]
+
+
+@pytest.mark.parametrize("has_apt", [True, False])
+def test_the_package_is_downloaded_with_or_without_apt_and_unpacked_without_root(
+    tiny: AssetPackage, mirror: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, has_apt: bool
+):
+    tools = tmp_path / "bin"
+    tools.mkdir()
+    if has_apt:
+        copy = f"[ $1 = download ] && [ $3 = tiny=1 ] && /bin/cp {mirror / tiny.file_name} ."
+        (tools / "apt-get").write_text(f"#!/bin/sh\n{copy}\n")
+        (tools / "apt-get").chmod(0o755)
+        tiny = replace(tiny, url="https://nowhere.invalid")
+    monkeypatch.setenv("PATH", str(tools))
+    here = ModelStore(tmp_path / "shelf", tiny)
+    here.install_package()
+    assert here.has_package
+    assert sorted(path.name for path in (here.folder / "package").iterdir()) == UNPACKED
+
+
+def test_another_file_than_the_pinned_package_is_refused(
+    tiny: AssetPackage, mirror: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    (mirror / tiny.file_name).write_bytes(debian_package() + b"more")
+    here = ModelStore(tmp_path / "shelf", tiny)
+    for source in (mirror, mirror / tiny.file_name):
+        with pytest.raises(InputError, match=f"is not tiny 1, whose SHA-256 is {tiny.sha256}"):
+            here.install_package(source)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(RunError, match=r"another SHA-256.*--from tiny_1_all\.deb"):
+        here.install_package()
+    assert not here.has_package
+    with pytest.raises(InputError, match="no such file"):
+        here.install_package(tmp_path / "nowhere")
+
+
+def test_models_of_an_earlier_folder_are_moved(
+    shelf: ModelStore, tiny: AssetPackage, tmp_path: Path
+):
+    path = tmp_path / "own.glb"
+    path.write_bytes(to_glb(read_obj(car_obj(), {})))
+    digest = shelf.add_model(path)
+    here = ModelStore(tmp_path / "data" / "assets", tiny)
+    assert here.adopt(shelf)
+    assert (here.has_package, shelf.has_package) == (True, False)
+    assert (here.folder / "own" / f"{digest}.glb").read_bytes() == path.read_bytes()
+    assert not here.adopt(shelf)
+
+
+def test_a_package_of_another_version_is_not_used(shelf: ModelStore):
+    other = replace(shelf.package, version="2", sha256="0" * 64)
+    assert not ModelStore(shelf.folder, other).has_package
 
 
 def test_a_converted_model_is_upright_in_metres_and_faces_ahead(shelf: ModelStore):
@@ -214,8 +268,8 @@ def test_a_model_is_converted_once(shelf: ModelStore):
 
 
 def test_the_same_model_converts_to_the_same_bytes(shelf: ModelStore):
-    again = ModelStore(shelf.folder.parent / "other")
-    again.install_package()
+    again = ModelStore(shelf.folder.parent / "other", shelf.package)
+    again.install_package(shelf.folder.parent / "mirror")
     first, second = shelf.prepare_model(blueprint(TINY)), again.prepare_model(blueprint(TINY))
     assert first is not None
     assert second is not None
@@ -246,7 +300,9 @@ def test_without_the_package_a_body_is_procedural_and_of_the_same_size(
     nothing = ModelStore(tmp_path / "nothing")
     made = blueprint(TINY)
     assert nothing.prepare_model(made) is None
-    shaped, modelled = build_body("x", made, nothing), build_body("x", made, shelf)
+    with pytest.raises(RunError, match="tiny/car is not installed"):
+        build_body("x", made, nothing)
+    shaped, modelled = build_body("x", made), build_body("x", made, shelf)
     assert shaped.size == modelled.size
     for whole in (shaped, modelled):
         corners = np.concatenate([part.vertices[part.triangles] for part in whole.parts])
@@ -288,12 +344,14 @@ def test_a_file_that_is_not_a_glb_is_rejected(tmp_path: Path):
 
 
 def test_installing_may_be_optional(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    gone = replace(FURNITURE, url="https://nowhere.invalid")
     monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr("advercity.cli.assets.open_model_store", lambda: ModelStore(tmp_path, gone))
     done = CliRunner().invoke(app, ["assets", "install", "--allow-failure"])
     assert done.exit_code == 0
+    assert "(120 MB)" in done.output
     assert "procedural" in done.output
-    with pytest.raises(RunError, match="apt-get was not found"):
-        ModelStore(tmp_path / "assets").install_package()
+    assert CliRunner().invoke(app, ["assets", "install"]).exit_code == 1
 
 
 def test_bodies_are_listed_with_triangles_memory_source_and_licence():

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from advercity_dsl import Spec
+from advercity_dsl import BodyModel, Spec
 
 from advercity.dataset import partial_files
 from advercity.dataset.manifest import Identity, Manifest
@@ -338,11 +338,18 @@ MODEL = "ab" * 32
 @pytest.fixture
 def modelled(tmp_path: Path, spec: Spec) -> Path:
     """A scenario without frames, one of whose bodies is a model of the pack."""
-    return written(tmp_path, spec, {"lincoln_mkz_2017": MODEL})
+    return written(tmp_path, spec)
 
 
-def written(root: Path, spec: Spec, bodies: dict[str, str]) -> Path:
-    identity = Identity.for_spec(spec, trace_sha256="0" * 64, renderer={}, bodies=bodies)
+def written(root: Path, spec: Spec, *missing: str) -> Path:
+    model = BodyModel(
+        pack="katorlegaz/concept-sedan-01v1", author="Kator Legaz", licence="CC-BY-3.0-US"
+    )
+    car = spec.blueprints["lincoln_mkz_2017"].model_copy(update={"model": model})
+    blueprints = {**spec.blueprints, "lincoln_mkz_2017": car}
+    assets = {"model/lincoln_mkz_2017": MODEL}
+    spec = spec.model_copy(update={"blueprints": blueprints, "assets": assets})
+    identity = Identity.for_spec(spec, trace_sha256="0" * 64, renderer={}, missing_models=missing)
     with ScenarioWriter(root, spec, identity, length=1) as dataset:
         dataset.finish()
     return dataset.scenario
@@ -358,12 +365,14 @@ def test_authors_and_licences_of_models_are_written(modelled: Path):
 
 
 def test_without_models_no_attribution_is_written(tmp_path: Path, spec: Spec):
-    assert not (written(tmp_path, spec, {}) / ATTRIBUTION_FILE).exists()
+    scenario = written(tmp_path, spec, "lincoln_mkz_2017")
+    assert not (scenario / ATTRIBUTION_FILE).exists()
+    assert Manifest.load(scenario).identity.missing_models == ("lincoln_mkz_2017",)
 
 
 def test_a_scenario_with_other_bodies_is_not_continued(modelled: Path, spec: Spec):
-    with pytest.raises(RunError, match="body of lincoln_mkz_2017"):
-        written(modelled.parent, spec, {})
+    with pytest.raises(RunError, match=r"missing_models: .*lincoln_mkz_2017"):
+        written(modelled.parent, spec, "lincoln_mkz_2017")
 
 
 def test_a_missing_attribution_is_restored(modelled: Path, sensor_frames_of: SensorFramesOf):

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from advercity_dsl import Spec
 
+from advercity.compiler import with_digest
 from advercity.pipeline import RunOptions
 from advercity.testing import RecordingListener
 
@@ -60,4 +61,4 @@ def _shrink_sensors(spec: Spec) -> Spec:
     for agent in data["agents"]:
         agent["sensors"]["lidar"] |= {"azimuths": 16, "channels": 1}
         agent["sensors"]["camera"] |= {"width_px": 16, "height_px": 16}
-    return Spec.model_validate(data)
+    return with_digest(Spec.model_validate(data))

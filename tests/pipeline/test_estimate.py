@@ -9,6 +9,7 @@ import psutil
 import pytest
 from advercity_dsl import Spec
 
+from advercity.compiler import with_digest
 from advercity.errors import InputError
 from advercity.pipeline import (
     ResourceLimits,
@@ -39,7 +40,7 @@ def larger(spec: Spec, camera: dict[str, int], lidar: dict[str, int]) -> Spec:
         agent["sensors"]["camera"] |= camera
         agent["sensors"]["lidar"] |= lidar
     data["timing"]["max_ticks"] = 1_000_000
-    return Spec.model_validate(data)
+    return with_digest(Spec.model_validate(data))
 
 
 def ask(

@@ -6,7 +6,6 @@ import pytest
 from advercity_dsl import Spec
 
 from advercity.assets.model_store import ModelStore
-from advercity.compiler import read_spec
 from advercity.geometry.mesh import Mesh
 from advercity.pipeline.cache import compute_world_key
 from advercity.pipeline.preparation import load_or_build_world
@@ -19,8 +18,8 @@ NETWORK = Path("road.net.xml")
 
 
 @pytest.fixture(scope="module")
-def spec() -> Spec:
-    return read_spec(Path(__file__).parents[2] / "compiled" / "ui_clear_day_sparse.json")
+def spec(specs: dict[str, Spec]) -> Spec:
+    return specs["ui_clear_day_sparse"]
 
 
 @pytest.fixture(scope="module")
