@@ -134,8 +134,9 @@ class Identity(Model):
 
     def _flatten(self) -> RendererIdentity:
         fields = self.model_dump(exclude={"renderer", "versions", "bodies"})
-        bodies = {f"body of {name}": digest for name, digest in self.bodies.items()}
-        flat = fields | self.renderer | self.versions | bodies
+        # Which models there are follows from the spec and from which of them are missing.
+        fields["missing_models"] = ", ".join(self.missing_models)
+        flat = fields | self.renderer | self.versions
         return {FIELD_LABELS.get(key, key): value for key, value in flat.items()}
 
 
