@@ -19,19 +19,9 @@ from advercity.errors import BackendError, InputError, RunError
 from advercity.frames import Trace
 from advercity.pipeline.agent_poses import AgentPoses
 from advercity.pipeline.cache import (
-<<<<<<< HEAD
-    compute_model_digests,
     compute_road_key,
     compute_traffic_key,
     compute_world_key,
-    open_model_store,
-=======
-    build_cached,
-    compute_road_key,
-    compute_traffic_key,
-    compute_world_key,
-    find_cache_folder,
->>>>>>> 126ac3c (Make models part of specs: names and checksums, locked beside the catalogue)
 )
 from advercity.pipeline.cache_entries import load_entry, load_or_build_entry
 from advercity.pipeline.options import RunOptions, format_frames
@@ -100,19 +90,13 @@ def _build_network_file(spec: Spec, path: Path) -> None:
 
 
 def load_or_build_world(spec: Spec, network_path: Path) -> World:
-<<<<<<< HEAD
-    """Load the static scene of a spec from the cache, or build it now."""
-    return load_or_build_entry(
-        f"worlds/{compute_world_key(spec)}.npz",
-=======
     """Load the static scene of a spec from the cache, or build it now.
 
     Raises:
         RunError: A model of the spec is not installed, or cannot be used.
     """
-    stored = build_cached(
-        find_cache_folder() / "worlds" / f"{compute_world_key(spec)}.npz",
->>>>>>> 126ac3c (Make models part of specs: names and checksums, locked beside the catalogue)
+    return load_or_build_entry(
+        f"worlds/{compute_world_key(spec)}.npz",
         lambda partial: save_world(build_world(spec, network_path, open_model_store()), partial),
         lambda path: load_world(path, network_path),
     )
