@@ -126,6 +126,32 @@ def report_disk_errors(path: Path) -> Generator[None]:
         ) from error
 
 
+def is_being_written(scenario: Path, *, patience_s: float = 0.0) -> bool:
+    """Return whether a run has a scenario open, and goes on to for longer than `patience_s`.
+
+    Nothing is changed. A run that is still simulating the traffic has not opened its scenario.
+    """
+    until_s = time.monotonic() + patience_s
+    while _is_locked(find_staging_folder(scenario) / "lock"):
+        if time.monotonic() >= until_s:
+            return True
+        time.sleep(0.05)
+    return False
+
+
+def _is_locked(path: Path) -> bool:
+    import fcntl
+
+    with suppress(FileNotFoundError), open(path, "rb", opener=open_without_links) as stream:
+        try:
+            # First the shared lock: a run that turns its lock into one meets no exclusive one.
+            fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+    return False
+
+
 def lock_file(path: Path, what: str = "this scenario", *, shared: bool = False) -> IO[bytes]:
     """Lock `path` until the returned stream is closed or the process ends.
 

@@ -17,6 +17,7 @@ from advercity.dataset.manifest import Manifest
 from advercity.dataset.opv2v import FRAME_ENCODERS
 from advercity.dataset.partial_files import (
     FileRecord,
+    is_being_written,
     lock_file,
     remove_partial_files,
     remove_staging_folder,
@@ -45,13 +46,14 @@ class FileProblem:
         scenario: Folder of the scenario.
         path: Path within the scenario.
         kind: What is wrong. Files that no manifest lists are `unfinished` if a run that was cut
-            short left them, and else `foreign`, which is no damage.
+            short left them, and else `foreign`, which is no damage. A scenario that is `being
+            written` has this one problem, with an empty path.
         frame: Frame that has to be written again; None for files of the whole scenario.
     """
 
     scenario: Path
     path: str
-    kind: Literal["missing", "changed", "unfinished", "foreign"]
+    kind: Literal["missing", "changed", "unfinished", "foreign", "being written"]
     frame: int | None = None
 
     @property
@@ -60,6 +62,8 @@ class FileProblem:
         return self.kind != "foreign"
 
     def __str__(self) -> str:
+        if self.kind == "being written":
+            return f"{self.scenario}: a run is writing it; verify it when that has ended"
         what = "not part of the dataset" if self.kind == "foreign" else self.kind
         return f"{self.scenario / self.path}: {what}"
 
@@ -72,13 +76,19 @@ def verify_dataset(dataset: Path) -> list[FileProblem]:
         RunError: A file cannot be read.
     """
     # Where every scenario is missing, only the index shows that this is a dataset.
-    differing = compare_with_index(dataset)
+    differing = [one for one in compare_with_index(dataset) if not is_being_written(one.scenario)]
     if differing and not any(path.exists() for path in dataset.glob(f"*/{MANIFEST_FILE}")):
         return differing
     return [
         *differing,
-        *(item for scenario in find_scenarios(dataset) for item in verify_scenario(scenario)),
+        *(item for scenario in find_scenarios(dataset) for item in _verify_if_at_rest(scenario)),
     ]
+
+
+def _verify_if_at_rest(scenario: Path) -> list[FileProblem]:
+    if is_being_written(scenario):
+        return [FileProblem(scenario, "", "being written")]
+    return verify_scenario(scenario)
 
 
 def compare_with_index(dataset: Path) -> list[FileProblem]:

@@ -5,6 +5,7 @@ puts them into the store. A task whose node is lost is repeated on another one.
 """
 
 import logging
+import socket
 import tempfile
 import time
 from collections.abc import Generator, Sequence
@@ -28,6 +29,8 @@ from advercity.pipeline.progress import Progress, RunListener, ScenarioResult
 from advercity.pipeline.workers import TERMINATION_TIMEOUT_S
 
 FRAMES_PER_TASK = 50
+CONNECT_TIMEOUT_S = 5.0
+NO_CLUSTER = "no Ray cluster answers there"
 TASK_RETRIES = 3
 """Retries of a task whose node is lost."""
 
@@ -74,7 +77,7 @@ class RayExecutor:
         if options.viewer.is_enabled:
             raise InputError("`rrd`, `stream` and `connect` show runs on this machine only")
         store = DatasetStore(self.output)
-        with DatasetLease(store, self.patience_s) as lease, _connect_ray(self.address) as ray:
+        with _connect_ray(self.address) as ray, DatasetLease(store, self.patience_s) as lease:
             driver = _RayDriver(ray, self, store, lease, options, listener, resources.limits)
             try:
                 return driver.run(specs)
@@ -267,6 +270,8 @@ def _split_into_tasks(wanted: range, done: set[int | None], most: int) -> list[r
 @contextmanager
 def _connect_ray(address: str | None) -> Generator[Any]:
     """Connect to a running cluster, or start one that only this machine can access."""
+    if address is not None:
+        _check_address(address)  # before Ray is imported, which takes seconds
     try:
         import ray
     except ImportError as error:
@@ -276,12 +281,22 @@ def _connect_ray(address: str | None) -> Generator[Any]:
     more = {} if address else alone
     try:
         ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR, **more)
-    except (ConnectionError, ValueError) as error:
-        raise RunError(f"`ray_address` {address}: no Ray cluster answers there: {error}") from error
+    except (OSError, RuntimeError, ValueError) as error:
+        raise RunError(f"`ray_address` {address}: {NO_CLUSTER}: {error}") from error
     try:
         yield ray
     finally:
         ray.shutdown()
+
+
+def _check_address(address: str) -> None:
+    """Raise a RunError if nothing answers at `HOST:PORT`, for which Ray would wait very long."""
+    host, _, port = address.removeprefix("ray://").rpartition(":")
+    if port.isdecimal():
+        try:
+            socket.create_connection((host, int(port)), CONNECT_TIMEOUT_S).close()
+        except (OSError, OverflowError, UnicodeError) as error:
+            raise RunError(f"`ray_address` {address}: {NO_CLUSTER}: {error}") from error
 
 
 def resolve_output(output: str) -> str:

@@ -7,13 +7,17 @@ from typing import Protocol
 from advercity_dsl import Spec
 
 from advercity.compiler.crossing import check_not_edited
-from advercity.errors import InputError
+from advercity.dataset.partial_files import is_being_written
+from advercity.errors import InputError, RunError
 from advercity.pipeline.estimate import check_resources
 from advercity.pipeline.options import ResourceLimits, RunOptions, RunResources
 from advercity.pipeline.progress import RunListener, ScenarioResult, SilentListener
 from advercity.pipeline.spec_models import check_models
 from advercity.pipeline.workers import WorkerPool
 from advercity.rendering.backend import load_backend
+
+KILLED_RUN_S = 1.0
+"""How long the workers of a run that was killed may take to end."""
 
 
 class Executor(Protocol):
@@ -81,6 +85,7 @@ def run_batch(
     Raises:
         InputError: An option does not fit, the run would take more than is allowed, a spec was
             edited, or models are missing on this machine.
+        RunError: Another run is writing one of the scenarios.
         BackendError: The backend is not installed, or cannot render the profile.
     """
     validate_batch(specs, options)
@@ -89,6 +94,7 @@ def run_batch(
             check_not_edited(spec, spec.id)
     if executor is None:  # the machines of a cluster check for themselves
         check_models(specs, allow_missing=options.allow_missing_models)
+        _refuse_other_run(specs, options)
     resources = check_resources(
         specs,
         options,
@@ -113,6 +119,17 @@ def validate_batch(specs: Sequence[Spec], options: RunOptions) -> None:
     if len(specs) > 1 and options.viewer.is_enabled:
         raise InputError("`rrd`, `stream` and `connect` show one scenario; run them one by one")
     load_backend(options.backend)
+
+
+def _refuse_other_run(specs: Sequence[Spec], options: RunOptions) -> None:
+    """Raise a RunError if a scenario is being written, before anything is simulated for it."""
+    for spec in specs:
+        scenario = options.output / spec.id
+        if is_being_written(scenario, patience_s=KILLED_RUN_S):
+            raise RunError(
+                f"{scenario}: another run is writing this scenario; wait for it or choose another"
+                " `output`"
+            )
 
 
 def run_scenarios(

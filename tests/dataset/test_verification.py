@@ -11,7 +11,7 @@ import pytest
 from advercity_dsl import Spec
 
 from advercity.dataset import partial_files
-from advercity.dataset.verification import restore_files, verify_scenario
+from advercity.dataset.verification import restore_files, verify_dataset, verify_scenario
 from advercity.dataset.writer import ScenarioWriter
 from advercity.errors import RunError
 from advercity.sensors.sensor_frame import SensorFrame
@@ -117,6 +117,18 @@ def test_a_scenario_that_is_being_written_is_not_restored(
         pytest.raises(RunError, match="another run is writing"),
     ):
         restore_files(scenario, (), sensor_frames_of)
+
+
+def test_a_scenario_that_is_being_written_is_said_to_be_and_the_run_goes_on(
+    scenario: Path, sensor_frames_of: SensorFramesOf, spec: Spec
+) -> None:
+    """Only that problem, although a file is missing; afterwards every file counts again."""
+    next(scenario.rglob("*.pcd")).unlink()
+    with ScenarioWriter(scenario.parent, spec, identify(spec), length=FRAMES) as writer:
+        (told,) = verify_dataset(scenario.parent)
+        assert str(told) == f"{scenario}: a run is writing it; verify it when that has ended"
+        writer.finish()
+    assert all(problem.kind == "missing" for problem in verify_dataset(scenario.parent))
 
 
 def in_a_child(act: Callable[[], object], prepare: Callable[[], object]) -> str:

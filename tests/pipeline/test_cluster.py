@@ -1,4 +1,5 @@
 import hashlib
+import socket
 import time
 from collections.abc import Callable, Generator
 from dataclasses import replace
@@ -139,3 +140,24 @@ def test_an_executor_that_does_not_fit_is_bad_input(
 ) -> None:
     with pytest.raises(InputError, match=message):
         create_executor(name, output=output, address=address)
+
+
+@pytest.mark.parametrize("address", ["127.0.0.1:{port}", "ray://127.0.0.1:{port}"])
+def test_a_cluster_that_does_not_answer_is_one_message_at_once(
+    address: str, specs: dict[str, Spec], tmp_path: Path
+) -> None:
+    with socket.socket() as unused:
+        unused.bind(("127.0.0.1", 0))
+        url = address.format(port=unused.getsockname()[1])
+    executor = create_executor("ray", output=str(tmp_path / "output"), address=url)
+    assert executor is not None
+    with pytest.raises(RunError) as told:
+        executor.run(
+            [specs["ui_fog_day_sparse"]],
+            RunOptions(tmp_path),
+            resources=RunResources(),
+            listener=RecordingListener(),
+        )
+    assert str(told.value).startswith(f"`ray_address` {url}: no Ray cluster answers there: ")
+    assert "\n" not in str(told.value)
+    assert not (tmp_path / "output").exists()

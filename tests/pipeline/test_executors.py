@@ -13,6 +13,8 @@ from advercity_dsl import Spec
 
 from advercity.compiler import write_specs
 from advercity.dataset.manifest import Manifest
+from advercity.dataset.partial_files import lock_file
+from advercity.dataset.scenario_folders import find_staging_folder
 from advercity.dataset.verification import verify_dataset
 from advercity.dataset.writer import FrameWriter
 from advercity.errors import InputError, RunError
@@ -25,6 +27,7 @@ from advercity.pipeline import (
     raise_failures,
     run_scenarios,
 )
+from advercity.pipeline.executors import run_batch
 from advercity.pipeline.options import (
     format_byte_size,
     format_duration,
@@ -311,6 +314,20 @@ def test_a_scenario_is_locked_as_long_as_one_of_its_workers_lives(
         process.wait(60)
         assert psutil.wait_procs(children, timeout=60)[1] == []
     raise_failures(run_scenarios(few[:1], options(tmp_path / "output"), listener=listener))
+
+
+def test_a_run_into_an_output_that_another_one_writes_is_refused_at_once(
+    few: list[Spec], stunts: Path, options: OptionsFor, tmp_path: Path
+) -> None:
+    """Before any worker is started."""
+    chosen = options(tmp_path / "output")
+    staging = find_staging_folder(chosen.output / few[1].id)
+    began_s = time.monotonic()
+    with lock_file(staging / "lock"), pytest.raises(RunError) as told:
+        run_batch(few[:2], chosen)
+    assert time.monotonic() - began_s < 3
+    assert f"{few[1].id}: another run is writing this scenario" in str(told.value)
+    assert not (chosen.output / few[0].id).exists()
 
 
 @contextmanager
