@@ -8,6 +8,8 @@ from advercity.errors import InputError
 
 MAX_EXCERPT_CHARACTERS = 100
 """Longest part of a line that is shown."""
+MAX_LISTED = 100
+"""Errors that are listed; one mistake in a generated file may be thousands of errors."""
 
 
 @dataclass(frozen=True)
@@ -78,4 +80,7 @@ class DiagnosticsError(InputError):
     def __init__(self, *diagnostics: Diagnostic) -> None:
         unique = dict.fromkeys(diagnostics)
         self.diagnostics = tuple(sorted(unique, key=lambda d: (str(d.path), d.line, d.column)))
-        super().__init__(*(line for diagnostic in self.diagnostics for line in diagnostic.lines))
+        lines = [line for item in self.diagnostics[:MAX_LISTED] for line in item.lines]
+        if len(self.diagnostics) > MAX_LISTED:
+            lines.append(f"... and {len(self.diagnostics) - MAX_LISTED} more errors")
+        super().__init__(*lines)

@@ -25,6 +25,8 @@ MAX_YAML_BYTES = 4_000_000
 """Far above any declaration or frame; PyYAML reads about a megabyte a second."""
 MAX_JSON_BYTES = 256_000_000
 """Ten times the manifest of the longest scenario."""
+MAX_MODEL_BYTES = 200_000_000
+"""Largest 3-D model that a user may give."""
 MAX_DEPTH = 40
 MAX_VALUES = 100_000
 MAX_NUMBER_LENGTH = 400

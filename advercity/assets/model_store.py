@@ -29,6 +29,7 @@ from advercity.assets.packages import (
     load_source_model,
 )
 from advercity.atomic_files import write_atomically
+from advercity.documents import MAX_MODEL_BYTES, read_bytes
 from advercity.errors import InputError, RunError, describe_cause
 
 
@@ -98,7 +99,7 @@ class ModelStore:
             InputError: It cannot be read, or is not a GLB.
         """
         try:
-            content = path.read_bytes()
+            content = read_bytes(path, max_bytes=MAX_MODEL_BYTES)
         except OSError as error:
             raise InputError(f"{path}: cannot be read: {describe_cause(error)}") from error
         if not content.startswith(b"glTF"):

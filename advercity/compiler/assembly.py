@@ -36,13 +36,12 @@ from advercity.compiler.scenarios import (
     localize_weather,
 )
 from advercity.compiler.source import format_value_path
+from advercity.compiler.suites import compute_demand_counts
 from advercity.digests import compute_json_digest
 from advercity.physics.constants import GRAVITY_M_S2
 from advercity.physics.extinction import mor_without_precipitation_m
 from advercity.physics.stopping import friction_coefficient
 
-SPAWN_AREAS = 8
-"""Areas for which vehicles are counted: around each of five agents, along each of three paths."""
 FIRST_VEHICLE_NUMBER = 101
 """Number of the first connected vehicle in annotations; roadside units count down from -1."""
 
@@ -229,10 +228,10 @@ def _build_roadside_sensors(sensors: SensorSet, unit: RoadsideUnit) -> SensorSet
 
 def _compute_demand(road: Road, density: Density) -> ClassDemand:
     traffic = road.traffic
+    vehicles, walkers = compute_demand_counts(road, density)
     return ClassDemand(
-        # Rounded per area, as the original does, then multiplied.
-        vehicles=SPAWN_AREAS * round(traffic.vehicles_per_area * density.vehicles),
-        walkers=round(traffic.walkers * density.walkers),
+        vehicles=vehicles,
+        walkers=walkers,
         crossing_share=traffic.crossing_share,
         classes=traffic.classes,
         around_agent_m=traffic.around_agent_m,

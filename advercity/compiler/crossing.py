@@ -27,6 +27,7 @@ from advercity.compiler.spec_files import read_spec
 from advercity.compiler.suite_conflicts import CrashGroups, select_conflicts, solve_road_conflicts
 from advercity.compiler.suites import (
     ResolvedSuite,
+    check_demand,
     check_resolved_suite,
     find_required_categories,
     is_selected,
@@ -116,12 +117,15 @@ def compile_suite(library: Library, suite: Suite, *, require_sun: bool = True) -
     groups = _assign_crash_groups(library, suite, resolved.roads)
     check_resolved_suite(library, resolved)
     scenarios = _build_scenarios(library, suite, resolved, groups, require_sun=require_sun)
+    by_traffic = {inputs.traffic_key: inputs for inputs in scenarios}
+    for inputs in by_traffic.values():
+        check_demand(library, inputs.road, inputs.density)
     # Solving is slow and ignores the weather: once per road, density and sweep step.
     conflicts = {
         key: solve_road_conflicts(
             library, suite, inputs.conflicts, inputs.density, inputs.blueprints
         )
-        for key, inputs in {inputs.traffic_key: inputs for inputs in scenarios}.items()
+        for key, inputs in by_traffic.items()
     }
     return [
         build_spec(

@@ -36,8 +36,9 @@ class NumberConstraints:
     def range_text(self) -> str:
         """`0 to 150 mm/h`, `above 0 m`; empty without a range."""
         if self.low is not None and self.high is not None:
-            low = f"above {self.low:g}" if self.open_low else f"{self.low:g}"
-            text = f"{low} and below {self.high:g}" if self.open_high else f"{low} to {self.high:g}"
+            high = f"{self.high:.12g}"
+            low = f"above {self.low:.12g}" if self.open_low else f"{self.low:.12g}"
+            text = f"{low} and below {high}" if self.open_high else f"{low} to {high}"
         elif self.low is not None:
             text = f"above {self.low:g}" if self.open_low else f"{self.low:g} or more"
         elif self.high is not None:
@@ -129,13 +130,14 @@ def find_field_names(model: type[Model], value_path: ValuePath) -> list[str]:
 def find_number_constraints(model: type[Model], value_path: ValuePath) -> NumberConstraints | None:
     """Return unit and range of the number at a path; None if the value is not a number."""
     known: dict[str, Any] = {}
+    reason = RangeReason("")
     for annotation in find_annotations(model, value_path):
         for item in _iterate_metadata(annotation):
             match item:
                 case Unit():
                     known["unit"] = item
-                case RangeReason(text):
-                    known["reason"] = text
+                case RangeReason():
+                    reason = item
                 case Ge(bound):
                     known |= {"low": bound, "open_low": False}
                 case Gt(bound):
@@ -148,6 +150,8 @@ def find_number_constraints(model: type[Model], value_path: ValuePath) -> Number
                     known["whole"] = item is int
                 case _:
                     pass
+    if reason.upper in (None, known.get("high")):
+        known["reason"] = reason.text
     return NumberConstraints(**known) if "whole" in known else None
 
 

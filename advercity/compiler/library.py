@@ -36,6 +36,7 @@ from advercity.compiler.source import SourceDocument, read_document
 from advercity.compiler.validation import format_value, validate_model
 from advercity.diagnostics import Diagnostic, DiagnosticsError
 from advercity.digests import compute_json_digest
+from advercity.documents import MAX_MODEL_BYTES, read_bytes
 from advercity.errors import InputError, describe_cause
 from advercity.roads.map_import import import_map
 
@@ -336,7 +337,10 @@ def _add_model_checksum(name: str, blueprint: Blueprint, source: ResolvedDeclara
     value_path = ("blueprints", name, "model", "file")
     path = find_model_file(name, model.file, source)
     try:
-        content = path.read_bytes()
+        content = read_bytes(path, max_bytes=MAX_MODEL_BYTES)
+    except DiagnosticsError as error:
+        message = f"'{model.file}' {error.diagnostics[0].message}"
+        raise DiagnosticsError(source.build_diagnostic(value_path, message)) from error
     except OSError as error:
         message = f"'{model.file}' cannot be read: {describe_cause(error)}"
         hint = "put the model's file next to the declaration"

@@ -3,6 +3,7 @@
 Booleans and numbers follow YAML 1.2 (`on` is text, `1e-6` is a number).
 """
 
+import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -175,12 +176,21 @@ class _DataBuilder:
             return self._build_mapping(node, value_path)
         if isinstance(node, yaml.SequenceNode):
             return [self.build(item, (*value_path, index)) for index, item in enumerate(node.value)]
+        return self._build_scalar(node, value_path)
+
+    def _build_scalar(self, node: yaml.Node, value_path: ValuePath) -> Any:
+        message, hint = f"'{node.value[:40]}' is too large for a number", ""
         try:
-            return self._constructor.construct_object(node)
+            value = self._constructor.construct_object(node)
+            if value is None and node.value == "":
+                message = "the value is missing"
+                hint = "write one, `null` for none, or remove the field"
+            elif not isinstance(value, float) or math.isfinite(value) or "n" in node.value.lower():
+                return value
         except (ValueError, yaml.YAMLError):
-            message = f"'{node.value[:40]}' cannot be read as a number"
-            self.diagnostics.append(self._build_diagnostic(node, value_path, message))
-            return None
+            pass
+        self.diagnostics.append(self._build_diagnostic(node, value_path, message, hint))
+        return None
 
     def _build_mapping(self, node: yaml.MappingNode, value_path: ValuePath) -> dict[str, Any]:
         result: dict[str, Any] = {}

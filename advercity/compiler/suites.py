@@ -26,6 +26,7 @@ from advercity_dsl.units import Point2
 
 from advercity.compiler.library import Library
 from advercity.diagnostics import Diagnostic, DiagnosticsError
+from advercity.roads.capacity import describe_excess
 from advercity.roads.lane_graph import MAX_DESTINATION_GAP_M, MAX_LANE_DISTANCE_M
 from advercity.roads.network_file import parse_packed_network
 from advercity.roads.routes import RoutePlanner
@@ -87,6 +88,8 @@ def find_required_categories(typology: Typology, rule: Coverage) -> tuple[RoadCa
     )
 
 
+SPAWN_AREAS = 8
+"""Areas for which vehicles are counted: around each of five agents, along each of three paths."""
 MAX_ROADSIDE_DISTANCE_M = 100.0
 """Distance from any lane beyond which a roadside unit observes no traffic."""
 
@@ -123,11 +126,51 @@ def _iterate_lane_centre_lines(road: Road) -> Iterator[shapely.LineString]:
             if lane.permits("passenger"):
                 yield shapely.LineString(lane.shape[:, :2])
         return
+    yield from _iterate_strip_lines(road, StripKind.LANE)
+
+
+def _iterate_strip_lines(road: Road, kind: StripKind) -> Iterator[shapely.LineString]:
     for street in RoutePlanner(road).streets.values():
         for along in (True, False):
             for strip in street.strips_in_direction(along=along):
-                if strip.kind is StripKind.LANE:
+                if strip.kind is kind:
                     yield shapely.LineString(street.offset_line(strip.centre_t)[:, :2])
+
+
+def _iterate_sidewalk_lines(road: Road) -> Iterator[shapely.LineString]:
+    if isinstance(road.imported, MapNetwork):
+        lanes = parse_packed_network(road.imported.network).lanes
+        yield from (shapely.LineString(lane.shape[:, :2]) for lane in lanes if lane.is_sidewalk)
+    else:
+        yield from _iterate_strip_lines(road, StripKind.SIDEWALK)
+
+
+def check_demand(library: Library, road: Road, density: Density) -> None:
+    """Check that a road has room for the traffic of a density.
+
+    Raises:
+        DiagnosticsError: It has not.
+    """
+    vehicles, walkers = compute_demand_counts(road, density)
+    excess = describe_excess(
+        vehicles,
+        walkers,
+        lane_m=sum(line.length for line in _iterate_lane_centre_lines(road)),
+        sidewalk_m=sum(line.length for line in _iterate_sidewalk_lines(road)),
+    )
+    if excess:
+        field = "vehicles" if "vehicles" in excess else "walkers"
+        factor: float = getattr(density, field)
+        message = f"{factor:g} times the demand of road '{road.id}': {excess}"
+        hint = f"'{field}' is a factor on the road's own demand: 1 is light traffic, 3 dense"
+        raise DiagnosticsError(library.build_diagnostic(density, field, message=message, hint=hint))
+
+
+def compute_demand_counts(road: Road, density: Density) -> tuple[int, int]:
+    """Compute the numbers of vehicles and pedestrians of a road at a density."""
+    # Rounded per area, as the original does, then multiplied.
+    vehicles = SPAWN_AREAS * round(road.traffic.vehicles_per_area * density.vehicles)
+    return vehicles, round(road.traffic.walkers * density.walkers)
 
 
 @dataclass(frozen=True)

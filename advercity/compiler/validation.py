@@ -19,7 +19,7 @@ from advercity.compiler.fields import (
     find_models,
     find_number_constraints,
 )
-from advercity.diagnostics import Diagnostic, DiagnosticsError
+from advercity.diagnostics import MAX_LISTED, Diagnostic, DiagnosticsError
 
 YAML_1_1_BOOLEANS = {
     "on": "true",
@@ -31,6 +31,7 @@ YAML_1_1_BOOLEANS = {
 }
 """Booleans of YAML 1.1, which are text here."""
 
+MAX_DESCRIBED = 2 * MAX_LISTED
 MessageAndHint = tuple[str, str]
 """What is wrong, and how to correct it; the hint may be empty."""
 
@@ -78,7 +79,8 @@ def _describe_out_of_range(error: FieldError) -> MessageAndHint | None:
     value, constraints = error.value, find_number_constraints(error.model, error.loc)
     if constraints is None or not constraints.range_text:
         return None
-    written = value if isinstance(value, str) else f"{value:.12g} {constraints.unit_name}".rstrip()
+    number = f"{value:.12g}" if isinstance(value, float) else format_value(value)
+    written = value if isinstance(value, str) else f"{number} {constraints.unit_name}".rstrip()
     message = f"{written} is outside the range of {constraints.range_text}"
     return message, _suggest_percentage(constraints, value)
 
@@ -265,7 +267,9 @@ def build_diagnostics(
     model: type[Model], source: LocatedData, error: ValidationError, *, at: ValuePath = ()
 ) -> Iterator[Diagnostic]:
     """Yield a diagnostic for each error of pydantic; `at` is the model's path in the source."""
-    details = [item for item in error.errors(include_url=False) if not _is_consequence(item)]
+    # No reader looks at thousands of errors, which take seconds to describe.
+    found = error.errors(include_url=False)[:MAX_DESCRIBED]
+    details = [item for item in found if not _is_consequence(item)]
     for detail in _keep_best_alternative(source, details, at):
         value_path = _find_source_path(source, detail["loc"], at)
         yield _build_field_diagnostic(model, source, detail, value_path)

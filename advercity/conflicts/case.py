@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from advercity_dsl import Blueprint, Conflict
 from advercity_dsl.conflict import ConflictParameters
-from advercity_dsl.distribution import Choice, Distribution, Uniform
+from advercity_dsl.distribution import Distribution
 from advercity_dsl.traffic import ActorClass
 from advercity_dsl.units import KM_H_PER_M_S
 from numpy.typing import NDArray
@@ -32,15 +32,6 @@ def sample_parameters(parameters: ConflictParameters, seed: int, key: str) -> di
         for name in type(parameters).model_fields
         if name != "ego_speed_km_h" and (item := getattr(parameters, name)) is not None
     }
-
-
-def compute_bounds(draw: float | Distribution) -> tuple[float, float]:
-    """Compute the smallest and the largest value that can be drawn."""
-    if isinstance(draw, int | float):
-        return float(draw), float(draw)
-    if isinstance(draw, Choice):
-        return min(draw.choice), max(draw.choice)
-    return draw.uniform if isinstance(draw, Uniform) else draw.normal.within
 
 
 def _draw_value(draw: float | Distribution, seed: int, key: str, name: str) -> float:

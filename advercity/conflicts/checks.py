@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from advercity_dsl import Conflict, Density, Road, StagedActor, StagedConflict
+from advercity_dsl.distribution import compute_bounds
 
-from advercity.conflicts.case import compute_bounds
 from advercity.conflicts.ego_motion import DESTINATION_MARGIN_M, compute_nominal_motion
 from advercity.roads.routes import RoutePlanner, build_ego_path
 

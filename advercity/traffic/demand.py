@@ -15,13 +15,13 @@ from advercity.conflicts.ego_motion import CRUISE_MARGIN_KM_H
 from advercity.errors import InputError
 from advercity.frames import Actor
 from advercity.randomness import create_generator
+from advercity.roads.capacity import VEHICLE_SPACING_M, describe_excess
 from advercity.roads.lane_graph import MAX_ROUTE_EDGES, LaneGraph, find_shortest_route
 from advercity.roads.network_file import SumoLane
 from advercity.roads.streets import approach_name
 from advercity.traffic.paints import CONNECTED_PAINT, draw_paint
 from advercity.traffic.pedestrians import PedestrianTrip, draw_pedestrian_trips
 from advercity.traffic.placement import (
-    VEHICLE_SPACING_M,
     LaneOccupancy,
     compute_start_areas,
     iterate_start_positions,
@@ -108,8 +108,9 @@ def draw_demand(
         redraws: Number of draws to pass over, by id of a background actor that blocked another.
 
     Raises:
-        InputError: A start, route or blueprint does not exist.
+        InputError: A start, route or blueprint does not exist, or the road has no room for all.
     """
+    _check_room(spec, graph)
     redraws = redraws or {}
     occupancy = LaneOccupancy()
     connected = tuple(
@@ -129,6 +130,17 @@ def draw_demand(
         walkers=draw_pedestrian_trips(spec, graph, max(spec.demand.walkers - on_foot, 0), redraws),
         scripted=tuple(_build_staged_actor(item, spec) for item in staged if not item.route),
     )
+
+
+def _check_room(spec: Spec, graph: LaneGraph) -> None:
+    excess = describe_excess(
+        spec.demand.vehicles,
+        spec.demand.walkers,
+        lane_m=sum(lane.length_m for lane in graph.driving_lanes),
+        sidewalk_m=sum(lane.length_m for lane in graph.sidewalks.values()),
+    )
+    if excess:
+        raise InputError(f"{spec.id}: {excess}; ask for fewer in `demand`")
 
 
 def _build_staged_trip(

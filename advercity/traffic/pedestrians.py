@@ -8,11 +8,11 @@ from advercity_dsl import Spec
 
 from advercity.frames import Actor
 from advercity.randomness import create_generator
+from advercity.roads.capacity import WALKER_SPACING_M
 from advercity.roads.lane_graph import LaneGraph
 from advercity.roads.network_file import SumoLane
 from advercity.traffic.paints import draw_paint
 from advercity.traffic.placement import (
-    WALKER_SPACING_M,
     compute_start_areas,
     iterate_start_positions,
 )

@@ -12,9 +12,6 @@ from advercity.roads.network_file import SumoLane
 
 START_GAP_M = 5.0
 """Gap between the bodies of vehicles that start in one lane, as in the original."""
-VEHICLE_SPACING_M = 8.0
-"""Spacing of the positions where vehicles may start, as in the original."""
-WALKER_SPACING_M = 1.0
 
 
 @dataclass(frozen=True)

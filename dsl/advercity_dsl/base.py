@@ -3,11 +3,12 @@
 import difflib
 from collections.abc import Iterable
 from functools import cache
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 from pydantic import (
     BaseModel,
     ConfigDict,
+    Field,
     SerializerFunctionWrapHandler,
     model_serializer,
 )
@@ -20,6 +21,11 @@ Id = Annotated[str, StringConstraints(pattern=ID_PATTERN)]
 """A stable lower-case name, safe as a file name on every system."""
 Digest = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
 """A SHA-256 in hexadecimal."""
+_Item = TypeVar("_Item")
+Items = Annotated[tuple[_Item, ...], Field(max_length=10_000)]
+"""A list; no declaration needs more than ten thousand items."""
+ByName = Annotated[dict[Id, _Item], Field(max_length=1000)]
+"""Things by their names."""
 ValuePath = tuple[str | int, ...]
 """Path of a value in nested data: keys of mappings and indices of lists."""
 

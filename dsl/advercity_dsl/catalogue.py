@@ -5,7 +5,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from advercity_dsl.base import CompactModel, Declaration, Digest, Id
+from advercity_dsl.base import ByName, CompactModel, Declaration, Digest, Id
 from advercity_dsl.traffic import ActorClass
 from advercity_dsl.units import (
     Count,
@@ -104,7 +104,7 @@ class LampPositions(CompactModel):
 class Saddle(CompactModel):
     """Contact points of a rider on a model, in the body frame, on the left side."""
 
-    machine_height_m: PositiveMetres
+    machine_height_m: Annotated[PositiveMetres, Field(ge=0.1, le=5)]
     """Height of the model alone; the blueprint's height includes the rider."""
     seat: Point3
     """Seat."""
@@ -112,7 +112,7 @@ class Saddle(CompactModel):
     """Grip of the handlebar."""
     peg: Point3
     """Footrest."""
-    lean_deg: Degrees = 5
+    lean_deg: Annotated[Degrees, Field(ge=-90, le=90)] = 5
     """Forward lean of the back; increased if the hands would miss the grips."""
 
 
@@ -133,7 +133,9 @@ class BodyModel(CompactModel):
     turn_deg: Degrees = 0
     """Counter-clockwise rotation about the vertical that turns its front ahead. None is needed if y
     is up and the front faces along z, as in glTF, or if z is up and it faces along x."""
-    materials: dict[str, MaterialPart] = Field(default_factory=dict[str, MaterialPart])
+    materials: dict[str, MaterialPart] = Field(
+        default_factory=dict[str, MaterialPart], max_length=1000
+    )
     """Meanings of its materials, unless their names say it."""
     triangles: Annotated[
         Count,
@@ -158,16 +160,21 @@ class BodyModel(CompactModel):
         return self
 
 
+ActorMetres = Annotated[
+    PositiveMetres, Field(ge=0.1, le=50), RangeReason("no road user is smaller or larger")
+]
+
+
 class Blueprint(CompactModel):
     """A kind of actor, with the full length, width and height of its box."""
 
     actor_class: ActorClass
     """Class of traffic."""
-    length_m: PositiveMetres
+    length_m: ActorMetres
     """Length of its box, bumper to bumper."""
-    width_m: PositiveMetres
+    width_m: ActorMetres
     """Width of its box."""
-    height_m: PositiveMetres
+    height_m: ActorMetres
     """Height of its box above the ground."""
     land_use: Literal["urban", "rural", "any"] = "any"
     """Surroundings in which it occurs."""
@@ -194,5 +201,5 @@ class Catalogue(Declaration):
     kind: Literal["catalogue"] = "catalogue"
     ego: Id
     """Blueprint of every connected vehicle."""
-    blueprints: Annotated[dict[Id, Blueprint], Field(min_length=1)]
+    blueprints: Annotated[ByName[Blueprint], Field(min_length=1)]
     """Blueprints of the background traffic."""

@@ -1,14 +1,14 @@
 """Conflicts: how a crash type is staged on a road, and the staged result in a spec."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from advercity_dsl.base import Declaration, Id, Model, is_none
-from advercity_dsl.distribution import NumberOrDistribution
+from advercity_dsl.base import ByName, Declaration, Id, InvalidCombination, Items, Model, is_none
+from advercity_dsl.distribution import NumberOrDistribution, compute_bounds
 from advercity_dsl.traffic import ActorClass
 from advercity_dsl.typology import CrashTypeId, Evidence
-from advercity_dsl.units import Metres, Point2, PositiveMetres, Seconds
+from advercity_dsl.units import Metres, MetresPerSecond, Number, Point2, PositiveMetres, Seconds
 
 Manoeuvre = Literal["straight", "left", "right"]
 CrashRole = Literal["subject", "other"]
@@ -65,6 +65,15 @@ class ConflictParameter(Model):
     """Strength of the evidence: A read directly to D inferred, U unverified."""
 
 
+PARAMETER_BOUNDS = {
+    "_km_h": (0.5, 250.0),
+    "_m_s2": (0.01, 15.0),
+    "_s": (-60.0, 60.0),
+    "_m": (-100.0, 500.0),
+}
+"""Range of a parameter by the unit at the end of its name; the first that fits."""
+
+
 class ConflictParameters(Model):
     """Parameters of a conflict; the unit is part of the name."""
 
@@ -95,6 +104,20 @@ class ConflictParameters(Model):
     passing_gap_m: ConflictParameter | None = Field(default=None, exclude_if=is_none)
     """Distance behind the cyclist at which it leaves its lane, and ahead at which it is back."""
 
+    @model_validator(mode="after")
+    def _check_bounds(self) -> Self:
+        for name, value in self:
+            low, high = next(
+                bounds for unit, bounds in PARAMETER_BOUNDS.items() if name.endswith(unit)
+            )
+            lowest, highest = (0.0, 0.0) if value is None else compute_bounds(value.draw)
+            if value is not None and not low <= lowest <= highest <= high:
+                worst = lowest if lowest < low else highest
+                message = f"{worst:g} is outside the range of {low:g} to {high:g}"
+                hint = "no road user in traffic does that"
+                raise InvalidCombination((name, "draw"), message, hint)
+        return self
+
 
 class EgoRole(Model):
     """Role and manoeuvre of the ego."""
@@ -108,7 +131,7 @@ class EgoRole(Model):
 class ActorRole(Model):
     """Role of the actor that conflicts with the ego."""
 
-    classes: Annotated[tuple[ActorClass, ...], Field(min_length=1)]
+    classes: Annotated[Items[ActorClass], Field(min_length=1)]
     """Classes from which one is drawn."""
     comes: ApproachDirection
     """Direction of approach, relative to the ego."""
@@ -137,7 +160,7 @@ class Conflict(Declaration):
     """Instructions for staging a crash type."""
 
     kind: Literal["conflict"] = "conflict"
-    stages: Annotated[tuple[CrashTypeId, ...], Field(min_length=1)]
+    stages: Annotated[Items[CrashTypeId], Field(min_length=1)]
     """Crash types that it stages, all of one typology."""
     ego: EgoRole
     """Role of the ego."""
@@ -159,25 +182,25 @@ class StagedActor(Model):
 
     id: Id
     """Id such as `conflict_1_walker`."""
-    number: Annotated[int, Field(gt=0)]
+    number: Annotated[int, Field(ge=1, le=100_000)]
     """Id of the actor in the trace and in annotations."""
     part: Literal["subject", "other", "bystander"]
     """Role; a bystander hides the actor, or is overtaken by it."""
     behaviour: Behaviour
     actor_class: ActorClass
     blueprint: Id
-    route: tuple[Id, ...] = ()
+    route: Items[Id] = ()
     """Streets along which it drives."""
-    lane: Annotated[int, Field(ge=1)] = 1
+    lane: Annotated[int, Field(ge=1, le=9)] = 1
     """Lane on the first street, 1 is innermost."""
-    path_m: tuple[Point2, ...] = ()
+    path_m: Items[Point2] = ()
     """Points of a free path, or the two ends of a parked vehicle."""
     start_m: Metres = 0.0
     """Distance of its centre from the end of the first street."""
-    speed_m_s: Annotated[float, Field(ge=0)]
+    speed_m_s: Annotated[MetresPerSecond, Field(ge=0)]
     """Speed of its approach."""
-    acceleration_m_s2: Annotated[float, Field(gt=0)]
-    braking_m_s2: Annotated[float, Field(gt=0)]
+    acceleration_m_s2: Annotated[Number, Field(gt=0, le=50)]
+    braking_m_s2: Annotated[Number, Field(gt=0, le=50)]
 
 
 class StagedConflict(Model):
@@ -188,13 +211,13 @@ class StagedConflict(Model):
     conflict: Id
     """Conflict declaration that it was solved from."""
     typology: Id
-    stages: tuple[CrashTypeId, ...]
+    stages: Items[CrashTypeId]
     ego: CrashRole
     manoeuvre: Manoeuvre
     """Manoeuvre of the ego."""
     violates: Literal["signal"] | None = None
     """Traffic control that the actor violates."""
-    actors: Annotated[tuple[StagedActor, ...], Field(min_length=1)]
+    actors: Annotated[Items[StagedActor], Field(min_length=1)]
     """Actors; the first conflicts with the ego."""
     point_m: Point2
     """Point where both paths cross."""
@@ -202,7 +225,7 @@ class StagedConflict(Model):
     """Distance of that point along the ego's path from its spawn."""
     window_s: tuple[Seconds, Seconds]
     """Expected times of an unhindered ego at the point, from the scenario's start."""
-    parameters: dict[Id, float]
+    parameters: ByName[Number]
     """Drawn parameters by name with unit, including `arrival_offset_s`."""
     mode: Literal["open_loop", "reactive"]
     """Timed against a dry run of the same traffic, or controlled at each tick."""

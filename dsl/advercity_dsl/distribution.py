@@ -4,7 +4,7 @@ from typing import Annotated, Any, Self, cast
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from advercity_dsl.base import Model
+from advercity_dsl.base import Items, Model
 from advercity_dsl.units import Number
 
 
@@ -27,7 +27,7 @@ class TruncatedNormal(Model):
 
     mean: Number
     """Mean before truncation."""
-    sd: Annotated[Number, Field(gt=0)]
+    sd: Annotated[Number, Field(ge=1e-9)]
     """Standard deviation."""
     within: tuple[Number, Number]
     """Lowest and highest value that may be drawn."""
@@ -50,7 +50,7 @@ class Normal(Model):
 class Choice(Model):
     """Uniform choice from a list."""
 
-    choice: Annotated[tuple[Number, ...], Field(min_length=1, max_length=1000)]
+    choice: Annotated[Items[Number], Field(min_length=1, max_length=1000)]
     """Numbers to choose from, `[50, 75, 150]`."""
 
 
@@ -61,6 +61,15 @@ DISTRIBUTIONS: dict[str, type[Distribution]] = {
     "choice": Choice,
 }
 """Model of each distribution, by its key in YAML."""
+
+
+def compute_bounds(draw: float | Distribution) -> tuple[float, float]:
+    """Compute the smallest and the largest value that can be drawn."""
+    if isinstance(draw, int | float):
+        return float(draw), float(draw)
+    if isinstance(draw, Choice):
+        return min(draw.choice), max(draw.choice)
+    return draw.uniform if isinstance(draw, Uniform) else draw.normal.within
 
 
 def _find_distribution_key(value: object) -> str:

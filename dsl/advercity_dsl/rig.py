@@ -8,7 +8,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from advercity_dsl.base import CompactModel, Declaration, Model
+from advercity_dsl.base import CompactModel, Declaration, Items, Model
 from advercity_dsl.units import (
     Count,
     Degrees,
@@ -17,18 +17,26 @@ from advercity_dsl.units import (
     Metres,
     Number,
     PositiveMetres,
+    RangeReason,
     Seconds,
 )
+
+MountOffset = Annotated[
+    Metres, Field(ge=-100, le=100), RangeReason("a sensor is on its carrier, within 100 m")
+]
+Elevation = Annotated[
+    Degrees, Field(ge=-90, le=90), RangeReason("90 deg is straight up, -90 deg straight down")
+]
 
 
 class Mount(CompactModel):
     """Pose of a sensor on its carrier."""
 
-    x_m: Metres = 0
+    x_m: MountOffset = 0
     """Forward of the origin."""
-    y_m: Metres = 0
+    y_m: MountOffset = 0
     """Left of the origin."""
-    z_m: Metres = 0
+    z_m: MountOffset = 0
     """Above the ground."""
     yaw_deg: Degrees = 0
     """Positive turns left."""
@@ -46,11 +54,11 @@ class Exposure(CompactModel):
     nights. `sensor` meters without a filter: it adjusts the shutter from 20 µs to 1/60 s, or to
     `shutter_s` if that is longer, and then ISO up to 10,000. `manual` uses shutter and ISO as
     given."""
-    f_number: Annotated[Number, Field(gt=0)] = 1.4
+    f_number: Annotated[Number, Field(ge=0.5, le=64)] = 1.4
     """F-number of the aperture."""
-    shutter_s: Annotated[Seconds, Field(gt=0, le=1)] = 0.005
+    shutter_s: Annotated[Seconds, Field(ge=1e-6, le=1)] = 0.005
     """Exposure time."""
-    iso: Annotated[Number, Field(gt=0)] = 100
+    iso: Annotated[Number, Field(ge=1, le=10_000_000)] = 100
     """Sensitivity."""
     compensation_ev: Annotated[Number, Field(ge=-8, le=8)] = 0.79
     """Exposure compensation in stops, positive for brighter images."""
@@ -76,7 +84,7 @@ class Camera(CompactModel):
     """Exponent of the cosine by which images darken off axis: 4 for a simple lens, 0 for none."""
     flare: Annotated[Number, Field(ge=0, le=10)] = 1
     """Brightness of lens ghosts relative to a coated lens; 0 is none."""
-    mounts: Annotated[tuple[Mount, ...], Field(min_length=1, max_length=8)]
+    mounts: Annotated[Items[Mount], Field(min_length=1, max_length=8)]
     """Pose of each camera of this kind."""
 
 
@@ -93,13 +101,13 @@ class Lidar(CompactModel):
     """Elevations of the channels: uniform from `lower_deg` to `upper_deg`, or of a real sensor."""
     channels: Annotated[Count, Field(ge=1, le=256)] = 32
     """Number of channels."""
-    lower_deg: Degrees = -25
+    lower_deg: Elevation = -25
     """Elevation of the lowest beam."""
-    upper_deg: Degrees = 15
+    upper_deg: Elevation = 15
     """Elevation of the highest beam."""
     azimuths: Annotated[Count, Field(ge=16, le=36_000)] = 3750
     """Beams per channel in one scan."""
-    range_m: Annotated[PositiveMetres, Field(le=1000)] = 200
+    range_m: Annotated[PositiveMetres, Field(ge=1, le=1000)] = 200
     """Maximum range."""
     sub_rays: Literal[1, 7] = 1
     """Rays per beam; with 7, a beam can hit two surfaces at an edge."""
@@ -148,11 +156,17 @@ class Gnss(CompactModel):
 
     mode: Literal["carla", "realistic"] = "carla"
     """Error model: that of CARLA, or of a real receiver."""
-    latitude_noise_deg: Annotated[Degrees, Field(ge=0)] = 0
+    latitude_noise_deg: Annotated[
+        Degrees, Field(ge=0, le=0.01), RangeReason("0.01 deg are a kilometre")
+    ] = 0
     """Standard deviation of the latitude, for `carla`."""
-    longitude_noise_deg: Annotated[Degrees, Field(ge=0)] = 0
+    longitude_noise_deg: Annotated[
+        Degrees, Field(ge=0, le=0.01), RangeReason("0.01 deg are a kilometre")
+    ] = 0
     """Standard deviation of the longitude, for `carla`."""
-    altitude_noise_m: Annotated[Metres, Field(ge=0)] = 0
+    altitude_noise_m: Annotated[
+        Metres, Field(ge=0, le=1000), RangeReason("no receiver errs by a kilometre")
+    ] = 0
     """Standard deviation of the altitude, for `carla`."""
     white_noise_m: Annotated[Metres, Field(ge=0, le=100)] = 0.3
     """Standard deviation of the white noise, for `realistic`."""

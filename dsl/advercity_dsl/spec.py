@@ -4,7 +4,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, StringConstraints, model_validator
 
-from advercity_dsl.base import Digest, Id, Model, is_empty
+from advercity_dsl.base import ByName, Digest, Id, Items, Model, is_empty
 from advercity_dsl.catalogue import Blueprint
 from advercity_dsl.conflict import StagedConflict
 from advercity_dsl.distribution import Distribution
@@ -12,6 +12,7 @@ from advercity_dsl.rig import SensorSet
 from advercity_dsl.road import ClassFractions, Road, RoadsideUnit, Vehicle
 from advercity_dsl.suite import FieldPath, Timing
 from advercity_dsl.traffic import Density, DriverResponse, Drivers
+from advercity_dsl.units import Count, Fraction, Number, PositiveMetres
 from advercity_dsl.weather import Weather
 
 SPEC_VERSION = 1
@@ -23,7 +24,7 @@ class Agent(Model):
     """A connected vehicle or a roadside unit, with its sensors."""
 
     id: Id
-    number: int
+    number: Annotated[int, Field(ge=-100_000, le=100_000)]
     """Id of the agent in annotations; negative for roadside units."""
     place: Annotated[Vehicle | RoadsideUnit, Field(discriminator="kind")]
     sensors: SensorSet
@@ -41,18 +42,18 @@ class ClassDemand(Model):
 
     vehicles: Annotated[int, Field(ge=0, le=20_000)]
     walkers: Annotated[int, Field(ge=0, le=20_000)]
-    crossing_share: float
+    crossing_share: Fraction
     classes: ClassFractions
-    around_agent_m: float
-    around_path_m: float
-    speed_offset_percent: float
+    around_agent_m: PositiveMetres
+    around_path_m: PositiveMetres
+    speed_offset_percent: Annotated[Number, Field(ge=-100, le=100)]
 
 
 class CrashGroup(Model):
     """A group of crash types for which a scenario's road was selected."""
 
     typology: Id
-    crash_types: tuple[str, ...]
+    crash_types: Items[str]
 
 
 class SpecSeeds(Model):
@@ -61,16 +62,16 @@ class SpecSeeds(Model):
     `sensors` is combined with the spec's id wherever it is used.
     """
 
-    traffic: int
-    sensors: int
-    weather: int = 1  # specs from before distributions lack it
+    traffic: Count
+    sensors: Count
+    weather: Count = 1  # specs from before distributions lack it
 
 
 class SweepPoint(Model):
     """The field and value that a scenario takes from its suite's sweep."""
 
     field: FieldPath
-    value: float
+    value: Number
 
 
 class Provenance(Model):
@@ -78,9 +79,9 @@ class Provenance(Model):
 
     compiler: str
     suite: Id
-    declarations: dict[str, Digest]
+    declarations: Annotated[dict[str, Digest], Field(max_length=1000)]
     """SHA-256 of every declaration used, by `kind/id`."""
-    draws: dict[str, Distribution] = Field(default_factory=dict)
+    draws: dict[str, Distribution] = Field(default_factory=dict, max_length=1000)
     """Distributions that numbers of the spec were drawn from, by path of the number."""
     sweep: SweepPoint | None = None
     conflict: Id | None = Field(default=None, exclude_if=is_empty)
@@ -94,21 +95,21 @@ class Spec(Model):
 
     spec_version: Literal[1] = SPEC_VERSION
     id: Id
-    groups: tuple[CrashGroup, ...]
+    groups: Items[CrashGroup]
     road: Road
     weather: Weather
     density: Density
-    agents: Annotated[tuple[Agent, ...], Field(min_length=1)]
+    agents: Annotated[Items[Agent], Field(min_length=1)]
     demand: ClassDemand
-    conflicts: tuple[StagedConflict, ...] = Field(default=(), exclude_if=is_empty)
+    conflicts: Items[StagedConflict] = Field(default=(), exclude_if=is_empty)
     """Staged conflicts in the order in which they occur."""
     drivers: Drivers | None = Field(default=None, exclude_if=is_empty)
     """Reactions of drivers to weather; without them, weather does not change traffic."""
     caution: DriverResponse | None = Field(default=None, exclude_if=is_empty)
     """Response of the drivers to this weather."""
-    blueprints: dict[Id, Blueprint]
+    blueprints: ByName[Blueprint]
     assets: dict[AssetName, Digest] = Field(
-        default_factory=dict[AssetName, Digest], exclude_if=is_empty
+        default_factory=dict[AssetName, Digest], exclude_if=is_empty, max_length=10_000
     )
     """SHA-256 of what the scenario takes from files of others, by `kind/name`: `model/seat_leon` is
     the converted model of that blueprint."""

@@ -5,10 +5,10 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from advercity_dsl.base import Declaration, Id, InvalidCombination, Model
+from advercity_dsl.base import ByName, Declaration, Id, InvalidCombination, Items, Model
 from advercity_dsl.units import Count, Flag, Metres, Number, Percent, Seconds
 
-IdSelection = Literal["all"] | tuple[Id, ...]
+IdSelection = Literal["all"] | Items[Id]
 Scalar = Flag | Number | str
 CROSSED_KINDS = ("weather", "road", "density", "rig", "catalogue")
 
@@ -59,24 +59,24 @@ class Coverage(Model):
 class Seeds(Model):
     """Seeds of all random numbers; the compiler derives one per purpose."""
 
-    traffic: Annotated[Count, Field(ge=0, lt=2**32)] = 1
+    traffic: Count = 1
     """Seed of traffic, which is the same under every weather."""
-    sensors: Annotated[Count, Field(ge=0, lt=2**32)] = 1
+    sensors: Count = 1
     """Seed of sensor noise."""
-    weather: Annotated[Count, Field(ge=0, lt=2**32)] = 1
+    weather: Count = 1
     """Seed of draws from the distributions in weathers."""
 
 
 class Timing(Model):
     """When recording starts and when a scenario ends; one tick is one frame."""
 
-    tick_s: Annotated[Seconds, Field(gt=0, le=1)] = 0.1
+    tick_s: Annotated[Seconds, Field(ge=0.001, le=1)] = 0.1
     """Time between frames."""
     warm_up_ticks: Annotated[Count, Field(ge=0, le=100_000)] = 59
     """Ticks simulated before recording starts."""
     max_ticks: Annotated[Count, Field(ge=1, le=1_000_000)] = 1800
     """Tick at which the scenario ends at the latest."""
-    destination_box_m: Annotated[Metres, Field(gt=0)] = 10
+    destination_box_m: Annotated[Metres, Field(ge=0.1, le=1000)] = 10
     """Distance to a connected vehicle's destination, in x and in y, at which the scenario ends."""
 
     @model_validator(mode="after")
@@ -106,7 +106,7 @@ class Sweep(Model):
 
     field: FieldPath
     """Field to vary: `weather.fog.mor_m`."""
-    values: Annotated[tuple[Number | str, ...], Field(max_length=MAX_SWEEP_STEPS)] = ()
+    values: Annotated[Items[Number | str], Field(max_length=MAX_SWEEP_STEPS)] = ()
     """Values of the field."""
     from_: Annotated[Number | str | None, Field(alias="from")] = None
     """First value."""
@@ -156,15 +156,17 @@ class Suite(Declaration):
     """Ids, or `all` of the library."""
     densities: IdSelection = "all"
     """Ids, or `all` of the library."""
-    where: dict[FieldPath, Scalar | tuple[Scalar, ...] | ValueRange] = Field(default_factory=dict)
+    where: dict[FieldPath, Scalar | Items[Scalar] | ValueRange] = Field(
+        default_factory=dict, max_length=1000
+    )
     """Conditions on scenarios, by field: a value, one of several values, or a range."""
     sweep: Sweep | None = None
     """Variation of one field over many values."""
-    stage: dict[Id, tuple[Id, ...]] = Field(default_factory=dict)
+    stage: ByName[Items[Id]] = Field(default_factory=dict)
     """Conflicts that the scenarios of a road stage in turn, by road id."""
     cross_conflicts: IdSelection = ()
     """Conflicts that get their own scenarios on every road where they can be staged."""
-    standings: tuple[ConflictFit, ...] = Field(
+    standings: Items[ConflictFit] = Field(
         default=("primary",), exclude_if=lambda standings: standings == ("primary",)
     )
     """How conflicts of `cross_conflicts` must match a road: primary, extension or variant."""

@@ -5,14 +5,14 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from advercity_dsl.base import Declaration, InvalidCombination, Model
+from advercity_dsl.base import Declaration, InvalidCombination, Items, Model
 from advercity_dsl.typology import Evidence
 from advercity_dsl.units import (
     Fraction,
-    Metres,
     MillimetresPerHour,
     Number,
     Percent,
+    PositiveMetres,
     RangeReason,
     Seconds,
 )
@@ -56,14 +56,14 @@ class ResponseStep(Model):
 class RainStep(ResponseStep):
     """Response to rain."""
 
-    rate_mm_h: Annotated[MillimetresPerHour, Field(ge=0)]
+    rate_mm_h: MillimetresPerHour
     """Rate of the rain."""
 
 
 class SnowfallStep(ResponseStep):
     """Response to snowfall."""
 
-    rate_mm_h: Annotated[MillimetresPerHour, Field(ge=0)]
+    rate_mm_h: MillimetresPerHour
     """Rate of the snowfall as melted water."""
 
 
@@ -77,7 +77,7 @@ class SnowCoverStep(ResponseStep):
 class VisibilityStep(ResponseStep):
     """Response to haze, fog or dust; rain and snow have their own tables."""
 
-    mor_m: Annotated[Metres, Field(gt=0)]
+    mor_m: Annotated[PositiveMetres, Field(ge=1)]
     """Visibility (5 % contrast)."""
 
 
@@ -106,13 +106,13 @@ class Drivers(Declaration):
     """
 
     kind: Literal["drivers"] = "drivers"
-    rain: tuple[RainStep, ...] = ()
+    rain: Items[RainStep] = ()
     """Steps by rate of rain, the lightest first."""
-    snowfall: tuple[SnowfallStep, ...] = ()
+    snowfall: Items[SnowfallStep] = ()
     """Steps by rate of snowfall, the lightest first."""
-    snow_cover: tuple[SnowCoverStep, ...] = ()
+    snow_cover: Items[SnowCoverStep] = ()
     """Steps by snow on the road, the least first."""
-    visibility: tuple[VisibilityStep, ...] = ()
+    visibility: Items[VisibilityStep] = ()
     """Steps by visibility, the farthest first."""
     grip: TyreFriction
     """Friction that limits acceleration."""
@@ -141,9 +141,9 @@ class DriverResponse(Model):
 
     speed_share: Annotated[Number, Field(gt=0, le=1)]
     """Speed as a fraction of that in clear weather."""
-    headway_s: Annotated[Seconds, Field(ge=0)]
+    headway_s: Annotated[Seconds, Field(ge=0, le=10)]
     """Additional time headway to the vehicle ahead."""
-    usual_m_s2: Annotated[Number, Field(gt=0)]
+    usual_m_s2: Annotated[Number, Field(gt=0, le=20)]
     """Highest acceleration, deceleration and lateral acceleration in normal driving."""
-    hardest_m_s2: Annotated[Number, Field(gt=0)]
+    hardest_m_s2: Annotated[Number, Field(gt=0, le=20)]
     """Highest deceleration in an emergency."""

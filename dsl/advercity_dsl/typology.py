@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, StringConstraints
 
-from advercity_dsl.base import Declaration, InvalidCombination, Model
+from advercity_dsl.base import Declaration, InvalidCombination, Items, Model
 from advercity_dsl.units import Flag, Number, Percent
 
 Evidence = Literal["A", "B", "C", "D", "U"]
@@ -37,7 +37,7 @@ class CrashType(Model):
     """Name in the edition."""
     definition: str = ""
     """Definition in a sentence."""
-    derived_from: tuple[CrashTypeId, ...] = ()
+    derived_from: Items[CrashTypeId] = ()
     """Crash types of the earlier edition that it replaces, in whole or in part."""
 
 
@@ -48,7 +48,7 @@ class EarlierCrashType(Model):
     """Edition and number, `nhtsa2007:21`."""
     name: str
     """Name in the edition."""
-    thousand_crashes_2004: Annotated[Number, Field(ge=0)]
+    thousand_crashes_2004: Annotated[Number, Field(ge=0, le=1_000_000)]
     """Crashes in the United States in 2004, in thousands."""
     evidence: Evidence = "C"
     """Strength of the evidence."""
@@ -91,7 +91,7 @@ class RoadStatistics(Model):
     """Percentage in urban areas."""
     rural_percent: Percent
     """Percentage in rural areas."""
-    junctions: tuple[JunctionStatistics, ...]
+    junctions: Items[JunctionStatistics]
     """Percentages at junctions and away from them."""
     non_level_percent: Percent | None = None
     """Percentage on slopes, if known."""
@@ -103,9 +103,9 @@ class Typology(Declaration):
     """A group of crash types that share statistics."""
 
     kind: Literal["typology"] = "typology"
-    crash_types: Annotated[tuple[CrashType, ...], Field(min_length=1)]
+    crash_types: Annotated[Items[CrashType], Field(min_length=1)]
     """Crash types of the group."""
-    earlier: tuple[EarlierCrashType, ...] = ()
+    earlier: Items[EarlierCrashType] = ()
     """Corresponding crash types of the 2007 edition."""
     statistics: Statistics | None = None
     """Figures by which suites select groups."""

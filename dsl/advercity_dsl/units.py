@@ -87,8 +87,11 @@ class Unit:
             what = f"is a unit of {dimension}" if dimension else "is not a known unit"
             valid = ", ".join(self.compatible_units)
             raise ValueError(f"'{written}' {what}; units of {self.dimension}: {valid}")
+        result = float(number) * size / UNITS[self.name][1]
+        if math.isinf(result) and number != "inf":
+            raise ValueError(f"'{value}' is too large for a number")
         # Rounding hides the factor's representation error: "0.1 km" is 100 m exactly.
-        return round(float(number) * size / UNITS[self.name][1], 12)
+        return round(result, 12)
 
     # Before the inner validator, which is strict and would reject text.
     def __get_pydantic_core_schema__(
@@ -106,32 +109,79 @@ class Unit:
 
 @dataclass(frozen=True)
 class RangeReason:
-    """Reason for a field's range; the hint when a value lies outside it."""
+    """Reason for a field's range; the hint when a value lies outside it.
+
+    Attributes:
+        text: The reason.
+        upper: Upper bound that it explains; it does not explain those of fields that narrow it.
+    """
 
     text: str
+    upper: float | None = None
 
 
-Number = Annotated[float, Strict()]
+_Number = Annotated[float, Strict()]
+Number = Annotated[_Number, Field(ge=-1e9, le=1e9)]
 """A number without a unit; neither text nor a boolean is accepted."""
-Count = Annotated[int, Strict()]
+Count = Annotated[int, Strict(), Field(ge=0, le=2**32 - 1)]
 Flag = Annotated[bool, Strict()]
 """`true` or `false`, nothing else."""
 
-Metres = Annotated[Number, Unit("m")]
-Millimetres = Annotated[Number, Unit("mm")]
-Micrometres = Annotated[Number, Unit("um")]
-MetresPerSecond = Annotated[Number, Unit("m/s")]
-KilometresPerHour = Annotated[Number, Unit("km/h")]
-MillimetresPerHour = Annotated[Number, Unit("mm/h")]
-Seconds = Annotated[Number, Unit("s")]
-Degrees = Annotated[Number, Unit("deg")]
-Lux = Annotated[Number, Unit("lx")]
-GramsPerCubicCentimetre = Annotated[Number, Unit("g/cm3")]
-Celsius = Annotated[Number, Unit("degC")]
-Fraction = Annotated[Number, Unit("1"), Field(ge=0, le=1)]
-Percent = Annotated[Number, Unit("%"), Field(ge=0, le=100)]
+# Bounds of what a quantity can be at all; fields narrow them further.
+Metres = Annotated[
+    _Number,
+    Unit("m"),
+    Field(ge=-1e7, le=1e7),
+    RangeReason("coordinates of maps are at most 10,000 km from their origin", 1e7),
+]
+Millimetres = Annotated[_Number, Unit("mm"), Field(ge=-1e6, le=1e6)]
+Micrometres = Annotated[_Number, Unit("um"), Field(ge=-1e6, le=1e6)]
+MetresPerSecond = Annotated[
+    _Number,
+    Unit("m/s"),
+    Field(ge=-150, le=150),
+    RangeReason("150 m/s is faster than anything on a road", 150),
+]
+KilometresPerHour = Annotated[
+    _Number,
+    Unit("km/h"),
+    Field(ge=-500, le=500),
+    RangeReason("500 km/h is faster than anything on a road", 500),
+]
+MillimetresPerHour = Annotated[
+    _Number,
+    Unit("mm/h"),
+    Field(ge=0, le=2500),
+    RangeReason("no rain above 2,300 mm/h was ever recorded", 2500),
+]
+Seconds = Annotated[
+    _Number,
+    Unit("s"),
+    Field(ge=-1e6, le=1e6),
+    RangeReason("a million seconds are eleven days", 1e6),
+]
+Degrees = Annotated[
+    _Number, Unit("deg"), Field(ge=-720, le=720), RangeReason("720 deg are two full turns", 720)
+]
+Lux = Annotated[
+    _Number,
+    Unit("lx"),
+    Field(ge=0, le=200_000),
+    RangeReason("sunlight above the atmosphere is 134,000 lx", 200_000),
+]
+GramsPerCubicCentimetre = Annotated[_Number, Unit("g/cm3"), Field(ge=0, le=25)]
+Celsius = Annotated[
+    _Number,
+    Unit("degC"),
+    Field(ge=-100, le=100),
+    RangeReason("no weather is colder or hotter", 100),
+]
+Fraction = Annotated[_Number, Unit("1"), Field(ge=0, le=1)]
+Percent = Annotated[_Number, Unit("%"), Field(ge=0, le=100)]
 
-PositiveMetres = Annotated[Metres, Field(gt=0)]
+PositiveMetres = Annotated[
+    Metres, Field(ge=0.001, le=100_000), RangeReason("lengths are 1 mm to 100 km", 100_000)
+]
 Point2 = tuple[Metres, Metres]
 """x east, y north, in metres."""
 Point3 = tuple[Metres, Metres, Metres]

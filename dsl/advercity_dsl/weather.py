@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from advercity_dsl.base import Declaration, Id, InvalidCombination, Model, is_none
+from advercity_dsl.base import ByName, Declaration, InvalidCombination, Items, Model, is_none
 from advercity_dsl.units import (
     Celsius,
     Count,
@@ -64,7 +64,7 @@ class Fog(Model):
         RangeReason("fog droplets are 5 to 50 um, larger ones fall"),
     ] = 12
     """Effective diameter of the droplets."""
-    depth_m: Annotated[Metres, Field(gt=0, le=2000)] = 100
+    depth_m: Annotated[Metres, Field(ge=1, le=2000)] = 100
     """Height of the fog bank, which determines the transmitted daylight."""
 
 
@@ -97,7 +97,7 @@ class Snow(Model):
     ] = 0.1
     """Density of flakes: 0.05 dry, 0.1 typical, 0.2 wet; drier flakes are larger and hide more."""
     fall_speed_m_s: Annotated[
-        MetresPerSecond, Field(gt=0, le=5), RangeReason("even wet flakes fall slower than 5 m/s")
+        MetresPerSecond, Field(ge=0.1, le=5), RangeReason("even wet flakes fall slower than 5 m/s")
     ] = 1.0
     """Terminal velocity of flakes in still air."""
     depth_mm: Annotated[Millimetres, Field(ge=0, le=1000)] = 0
@@ -125,7 +125,7 @@ class Dust(Model):
     """Visibility (5 % contrast) by the dust alone; `null` is no dust, below 1 km is a storm."""
     ssa_rgb: tuple[Fraction, Fraction, Fraction] = (0.97, 0.94, 0.88)
     """Single-scattering albedo in red, green and blue; absorption tints the air."""
-    g: Annotated[Number, Field(gt=-1, lt=1)] = 0.70
+    g: Annotated[Number, Field(ge=-0.99, le=0.99)] = 0.70
     """Asymmetry parameter of scattering: 0 isotropic, towards 1 forward."""
 
 
@@ -297,7 +297,7 @@ class Weather(Declaration):
     """Lamps that drivers switch on."""
     temperature_c: Annotated[Celsius, Field(ge=-60, le=60)] = 15
     """Temperature of the air."""
-    sun_at: dict[Id, Sun] = Field(default_factory=dict)
+    sun_at: ByName[Sun] = Field(default_factory=dict)
     """Position of the sun at a road, by road id; replaces `sun` at that road."""
 
     @model_validator(mode="after")
@@ -322,7 +322,7 @@ class Weather(Declaration):
             self._check_sun(("sun_at", road, "elevation_deg"), sun)
         return self
 
-    def _check_sun(self, value_path: tuple[str, ...], sun: Sun) -> None:
+    def _check_sun(self, value_path: Items[str], sun: Sun) -> None:
         if (sun.elevation_deg > 0) != (self.time == "day"):
             raise InvalidCombination(
                 value_path,

@@ -7,14 +7,23 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from advercity_dsl.base import (
+    ByName,
     Declaration,
     Id,
     InvalidCombination,
+    Items,
     Model,
     ValuePath,
     is_empty,
     is_none,
     suggest_name,
+)
+from advercity_dsl.road.extent import (
+    LocatedPoint,
+    check_extent,
+    check_street_lengths,
+    iterate_street_points,
+    iterate_surrounding_points,
 )
 from advercity_dsl.road.junctions import Junction, Movement
 from advercity_dsl.road.streets import CrossSection, MapFile, MapNetwork, Street, Strip, StripKind
@@ -40,7 +49,7 @@ class EgoRoute(Model):
     """Heading at the start, counter-clockwise from east."""
     destination_m: Point2
     """Position near which the scenario ends."""
-    route: Annotated[tuple[Id, ...], Field(min_length=1)]
+    route: Annotated[Items[Id], Field(min_length=1)]
     """Streets from spawn to the edge of the site."""
 
 
@@ -57,7 +66,7 @@ class Vehicle(Model):
     """Heading at the start, counter-clockwise from east."""
     destination_m: Point2
     """Destination, [east, north]."""
-    route: tuple[Id, ...] = ()
+    route: Items[Id] = ()
     """Streets from spawn to the edge of the site; by default the shortest route."""
     max_speed_km_h: Annotated[KilometresPerHour, Field(gt=0, le=200)]
     """Speed limit of the vehicle, which also obeys that of the street."""
@@ -104,6 +113,12 @@ class ClassFractions(Model):
     motorcycle: Fraction
     """Fraction of motorcycles."""
 
+    @model_validator(mode="after")
+    def _check_sum(self) -> Self:
+        if not any(value for _, value in self):
+            raise InvalidCombination((), "all classes are 0", "give one a fraction above 0")
+        return self
+
 
 class BackgroundDemand(Model):
     """Background traffic at density 1, with the parameters of the original dataset.
@@ -118,9 +133,9 @@ class BackgroundDemand(Model):
     """Number of pedestrians."""
     crossing_share: Fraction = 0.0
     """Fraction of pedestrians that cross streets."""
-    around_agent_m: PositiveMetres
+    around_agent_m: Annotated[PositiveMetres, Field(le=10_000)]
     """Half the side of the square around an agent."""
-    around_path_m: PositiveMetres
+    around_path_m: Annotated[PositiveMetres, Field(le=10_000)]
     """Margin around the box from spawn to destination."""
     classes: ClassFractions
     """Classes of the vehicles."""
@@ -142,7 +157,7 @@ class DeclaredStreets:
     streets: Mapping[Id, Street]
     imported: bool
 
-    def get_strips(self, street: Id, *, right: bool) -> tuple[Strip, ...]:
+    def get_strips(self, street: Id, *, right: bool) -> Items[Strip]:
         """Return the strips on one side of a street's axis."""
         section = self.sections[self.streets[street].section]
         return section.right if right else section.left
@@ -269,15 +284,18 @@ class Road(Declaration):
     """Longitude of the origin, for GNSS."""
     imported: MapNetwork | MapFile | None = Field(default=None, exclude_if=is_none)
     """Map from which the streets are imported, instead of `streets`."""
-    sections: dict[Id, CrossSection] = Field(default_factory=dict)
+    sections: ByName[CrossSection] = Field(default_factory=dict)
     """Cross-sections by name."""
-    streets: dict[Id, Street] = Field(default_factory=dict)
+    streets: ByName[Street] = Field(default_factory=dict)
     """Streets by name."""
-    junctions: dict[Id, Junction] = Field(default_factory=dict)
+    junctions: ByName[Junction] = Field(default_factory=dict)
     """Junctions by name."""
-    surroundings: tuple[Surrounding, ...] = ()
+    surroundings: Items[Surrounding] = ()
     """Objects in the surroundings."""
-    agents: dict[Id, Annotated[Vehicle | RoadsideUnit, Field(discriminator="kind")]]
+    agents: Annotated[
+        dict[Id, Annotated[Vehicle | RoadsideUnit, Field(discriminator="kind")]],
+        Field(max_length=100),
+    ]
     """Connected vehicles and roadside units by name; one vehicle is the ego."""
     ego_routes: dict[Literal["straight", "left", "right"], EgoRoute] = Field(
         default_factory=dict, exclude_if=is_empty
@@ -300,6 +318,24 @@ class Road(Declaration):
         if self.imported is not None and (self.sections or self.streets or self.junctions):
             raise ValueError("an 'imported' road takes its streets from the map; declare none here")
         return self
+
+    @model_validator(mode="after")
+    def _check_size(self) -> Self:
+        check_street_lengths(self.streets.items())
+        check_extent(self._iterate_points())
+        return self
+
+    def _iterate_points(self) -> Iterator[LocatedPoint]:
+        for name, street in self.streets.items():
+            yield from iterate_street_points(name, street)
+        for index, item in enumerate(self.surroundings):
+            yield from iterate_surrounding_points(index, item)
+        for name, agent in self.agents.items():
+            if isinstance(agent, Vehicle):
+                yield ("agents", name, "spawn_m"), agent.spawn_m
+                yield ("agents", name, "destination_m"), agent.destination_m
+            else:
+                yield ("agents", name, "position_m"), agent.position_m[:2]
 
     @model_validator(mode="after")
     def _check_references(self) -> Self:

@@ -5,8 +5,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, StringConstraints
 
-from advercity_dsl.base import CompactModel, Id, Model, is_empty, is_none
-from advercity_dsl.units import Point2, Point3, PositiveMetres, Seconds
+from advercity_dsl.base import CompactModel, Id, Items, Model, is_empty, is_none
+from advercity_dsl.units import Point2, Point3, PositiveMetres, RangeReason, Seconds
 
 LaneText = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*\.\d$")]
 """`north_road.1`: the innermost lane of a street, on the side that the context implies."""
@@ -47,20 +47,25 @@ class SignalHead(Model):
     """Foot of the mast, [east, north]."""
 
 
+PhaseSeconds = Annotated[
+    Seconds, Field(ge=0, le=86_400), RangeReason("a phase is shorter than a day")
+]
+
+
 class Signals(Model):
     """A fixed signal programme, one approach at a time."""
 
-    cycle: Annotated[tuple[Id, ...], Field(min_length=1)]
+    cycle: Annotated[Items[Id], Field(min_length=1)]
     """Streets in the order of their green phases."""
-    green_s: Annotated[Seconds, Field(gt=0)]
+    green_s: Annotated[PhaseSeconds, Field(gt=0)]
     """Duration of green for each street."""
-    yellow_s: Annotated[Seconds, Field(gt=0)] = 3
+    yellow_s: Annotated[PhaseSeconds, Field(gt=0)] = 3
     """Duration of yellow."""
-    all_red_s: Annotated[Seconds, Field(ge=0)] = 2
+    all_red_s: PhaseSeconds = 2
     """Duration of the all-red phase."""
-    elapsed_s: Annotated[Seconds, Field(ge=0)] = 0
+    elapsed_s: PhaseSeconds = 0
     """Time of the first green phase that has passed when the scenario starts."""
-    heads: tuple[SignalHead, ...] = ()
+    heads: Items[SignalHead] = ()
     """Visible traffic lights."""
 
 
@@ -69,7 +74,7 @@ class Crossing(Model):
 
     street: Id
     """Street that it crosses."""
-    width_m: PositiveMetres = 3.0
+    width_m: Annotated[PositiveMetres, Field(ge=0.5, le=60)] = 3.0
     """Width along that street."""
 
 
@@ -89,19 +94,21 @@ class Junction(CompactModel):
 
     control: Literal["signals", "priority", "stop", "yield", "none"] = "none"
     """Rule of right of way."""
-    movements: tuple[MovementText, ...] = ()
+    movements: Items[MovementText] = ()
     """Lane links through it: `north.1 > east.1`."""
-    corner_radius_m: PositiveMetres = 5.0
+    corner_radius_m: Annotated[PositiveMetres, Field(ge=0.1, le=200)] = 5.0
     """Radius of the roadway's edge between neighbouring streets."""
-    turn_radius_m: PositiveMetres | None = Field(default=None, exclude_if=is_none)
+    turn_radius_m: Annotated[PositiveMetres, Field(ge=1, le=1000)] | None = Field(
+        default=None, exclude_if=is_none
+    )
     """Largest radius of a turn between straights; without it, as large as space permits."""
     median: tuple[Id, Id] | None = None
     """Two streets between which the median continues through the junction."""
     signals: Signals | None = None
     """Signal programme, with `control: signals`."""
-    crossings: tuple[Crossing, ...] = ()
+    crossings: Items[Crossing] = ()
     """Zebra crossings."""
-    signs: tuple[Sign, ...] = ()
+    signs: Items[Sign] = ()
     """Stop and give-way signs."""
-    arrows: tuple[LaneText, ...] = Field(default=(), exclude_if=is_empty)
+    arrows: Items[LaneText] = Field(default=(), exclude_if=is_empty)
     """Incoming lanes with arrow markings."""

@@ -5,8 +5,15 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, StringConstraints, model_validator
 
-from advercity_dsl.base import CompactModel, Digest, Id, Model, is_none
-from advercity_dsl.units import Degrees, KilometresPerHour, Metres, Point2, PositiveMetres
+from advercity_dsl.base import CompactModel, Digest, Id, Items, Model, is_none
+from advercity_dsl.units import (
+    Degrees,
+    KilometresPerHour,
+    Metres,
+    Point2,
+    PositiveMetres,
+    RangeReason,
+)
 
 
 class StripKind(StrEnum):
@@ -36,11 +43,13 @@ class Strip(CompactModel):
 
     kind: StripKind
     """Purpose of the strip."""
-    width_m: Annotated[PositiveMetres, Field(le=60)]
+    width_m: Annotated[PositiveMetres, Field(ge=0.05, le=60)]
     """Width of the strip."""
     line: RoadMark | None = None
     """Line painted on its outer border."""
-    bay_m: PositiveMetres | None = Field(default=None, exclude_if=is_none)
+    bay_m: Annotated[PositiveMetres, Field(ge=0.5, le=60)] | None = Field(
+        default=None, exclude_if=is_none
+    )
     """Width of parking bays separated by lines; cars park across the strip."""
 
     @model_validator(mode="after")
@@ -56,27 +65,31 @@ class CrossSection(Model):
     Lanes on the right run along the axis, lanes on the left against it. Lane 1 is the innermost.
     """
 
-    left: tuple[Strip, ...] = ()
+    left: Items[Strip] = ()
     """Strips on the left, from the axis outwards."""
-    right: tuple[Strip, ...] = ()
+    right: Items[Strip] = ()
     """Strips on the right, from the axis outwards."""
     axis_line: RoadMark | None = None
     """Line painted on the axis."""
 
 
+MAX_PIECE_M = 5000
+PIECE_REASON = RangeReason("a straight or curve of 5 km is longer than any site")
+
+
 class AxisLine(Model):
     """A straight piece of a street's axis."""
 
-    line_m: PositiveMetres
+    line_m: Annotated[PositiveMetres, Field(le=MAX_PIECE_M), PIECE_REASON]
     """Length of the piece."""
 
 
 class AxisArc(Model):
     """A piece of a circle."""
 
-    arc_m: PositiveMetres
+    arc_m: Annotated[PositiveMetres, Field(le=MAX_PIECE_M), PIECE_REASON]
     """Length along the curve."""
-    radius_m: PositiveMetres
+    radius_m: Annotated[PositiveMetres, Field(ge=1)]
     """Radius of the circle."""
     turn: Literal["left", "right"]
     """Side to which it bends."""
@@ -85,7 +98,7 @@ class AxisArc(Model):
 class AxisPoints(Model):
     """Further points of an axis in absolute coordinates, for other shapes than lines and arcs."""
 
-    points_m: tuple[Point2, ...]
+    points_m: Items[Point2]
     """Points, each [east, north]."""
 
 
@@ -95,9 +108,9 @@ class AxisHeight(Model):
     The grade is constant between two heights and changes over 4 m at each of them.
     """
 
-    at_m: Annotated[Metres, Field(ge=0)]
+    at_m: Annotated[Metres, Field(ge=0, le=100_000)]
     """Distance along the axis."""
-    z_m: Metres
+    z_m: Annotated[Metres, Field(ge=-500, le=9000), RangeReason("no road is lower or higher")]
     """Height at that distance."""
 
 
@@ -112,9 +125,9 @@ class Street(CompactModel):
     """Start of the axis, [east, north]."""
     heading_deg: Degrees
     """Heading at the start, counter-clockwise from east."""
-    path: Annotated[tuple[AxisLine | AxisArc | AxisPoints, ...], Field(min_length=1)]
+    path: Annotated[Items[AxisLine | AxisArc | AxisPoints], Field(min_length=1)]
     """Lines and arcs in sequence."""
-    heights: tuple[AxisHeight, ...] = ()
+    heights: Items[AxisHeight] = ()
     """Heights along the axis; level by default."""
     section: Id
     """Name of one of `sections`."""

@@ -5,8 +5,15 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from advercity_dsl.base import CompactModel, Id, Model, is_empty, is_none
-from advercity_dsl.units import Count, KilometresPerHour, Metres, Point2, PositiveMetres
+from advercity_dsl.base import CompactModel, Id, InvalidCombination, Items, Model, is_empty, is_none
+from advercity_dsl.units import (
+    Count,
+    KilometresPerHour,
+    Metres,
+    Point2,
+    PositiveMetres,
+    RangeReason,
+)
 
 
 class SurroundingKind(StrEnum):
@@ -42,6 +49,11 @@ class Species(StrEnum):
     SPRUCE = "spruce"
 
 
+RoadsideOffset = Annotated[
+    Metres, Field(ge=-1000, le=1000), RangeReason("1 km from a road nothing is visible")
+]
+
+
 class RoadsidePlacement(CompactModel):
     """A place along a street, given in the street's own coordinates."""
 
@@ -49,11 +61,11 @@ class RoadsidePlacement(CompactModel):
     """Street along which it extends."""
     side: Literal["left", "right", "both"]
     """Side of the street, seen along its axis."""
-    from_m: Annotated[Metres, Field(ge=0)] = 0
+    from_m: Annotated[Metres, Field(ge=0, le=100_000)] = 0
     """Distance along the axis at which it begins."""
-    to_m: Annotated[Metres | None, Field(gt=0)] = None
+    to_m: Annotated[Metres | None, Field(gt=0, le=100_000)] = None
     """Distance along the axis at which it ends; by default the end of the street."""
-    offset_m: Metres | tuple[Metres, Metres] = 1
+    offset_m: RoadsideOffset | tuple[RoadsideOffset, RoadsideOffset] = 1
     """Distance outwards from the edge of the paving: of a line, or of both borders of a band."""
 
     @model_validator(mode="after")
@@ -72,6 +84,8 @@ class RoadsidePlacement(CompactModel):
         return self.offset_m, self.offset_m
 
 
+MAX_AREA_M2 = 1e6
+MAX_OBJECTS = 50_000
 _BESIDE, _AREA, _LINE, _AT = "beside", "area_m", "line_m", "at_m"
 _ALLOWED_PLACEMENTS = {
     SurroundingKind.BUILDINGS: (_BESIDE, _AREA),
@@ -115,21 +129,25 @@ class Surrounding(Model):
     """Place along a street."""
     area_m: tuple[Point2, Point2] | None = Field(default=None, exclude_if=is_empty)
     """Two opposite corners of a rectangular area."""
-    line_m: tuple[Point2, ...] = Field(default=(), exclude_if=is_empty)
+    line_m: Items[Point2] = Field(default=(), exclude_if=is_empty)
     """Line along which they are placed, or outline; points [east, north]."""
-    at_m: tuple[Point2, ...] = Field(default=(), exclude_if=is_empty)
+    at_m: Items[Point2] = Field(default=(), exclude_if=is_empty)
     """Single points, [east, north]."""
-    height_m: PositiveMetres | None = Field(default=None, exclude_if=is_empty)
+    height_m: Annotated[PositiveMetres, Field(ge=0.05, le=1000)] | None = Field(
+        default=None, exclude_if=is_empty
+    )
     """Height of each object."""
-    spacing_m: PositiveMetres | None = Field(default=None, exclude_if=is_empty)
+    spacing_m: Annotated[PositiveMetres, Field(ge=1)] | None = Field(
+        default=None, exclude_if=is_empty
+    )
     """Spacing of trees, lamps, poles, buildings, or parking spaces."""
-    species: tuple[Species, ...] = Field(default=(), exclude_if=is_empty)
+    species: Items[Species] = Field(default=(), exclude_if=is_empty)
     """Species of trees; all if none is given."""
-    limit_km_h: Annotated[KilometresPerHour, Field(gt=0, lt=1000)] | None = Field(
+    limit_km_h: Annotated[KilometresPerHour, Field(ge=1, le=200)] | None = Field(
         default=None, exclude_if=is_none
     )
     """Limit on a speed sign; by default that of its street."""
-    seed: Count = Field(default=0, ge=0, exclude_if=is_empty)
+    seed: Count = Field(default=0, exclude_if=is_empty)
     """Seed of the random shapes of trees and buildings."""
 
     @model_validator(mode="after")
@@ -146,8 +164,24 @@ class Surrounding(Model):
             raise ValueError(
                 "a plateau has an outline 'line_m' of three points or more, and 'height_m'"
             )
+        self._check_area()
         if self.species and self.kind is not SurroundingKind.TREES:
             raise ValueError("only trees have 'species'")
         if self.limit_km_h and self.kind is not SurroundingKind.SPEED_SIGN:
             raise ValueError("only a speed sign has a 'limit_km_h'")
         return self
+
+    def _check_area(self) -> None:
+        if self.area_m is None:
+            return
+        (west, south), (east, north) = self.area_m
+        square_metres = abs(east - west) * abs(north - south)
+        if square_metres > MAX_AREA_M2:
+            message = f"has {square_metres / 1e6:.6g} km2"
+            raise InvalidCombination(
+                ("area_m",), message, f"the limit is {MAX_AREA_M2 / 1e6:g} km2; give several"
+            )
+        count = square_metres / (self.spacing_m or 10.0) ** 2
+        if count > MAX_OBJECTS:
+            message = f"has room for {count:.0f} objects"
+            raise InvalidCombination(("spacing_m",), message, f"the limit is {MAX_OBJECTS}")
