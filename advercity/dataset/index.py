@@ -239,7 +239,9 @@ def _link_folders(folders: dict[str, Path], found: dict[str, list[str]], output:
 
 def _load_splits(output: Path) -> dict[str, list[str]]:
     """Load the scenarios that were linked last, by split; empty if none were."""
-    with suppress(FileNotFoundError, ValidationError):
-        found = _SPLITS.validate_json((output / SPLITS_FILE).read_bytes())
+    path = output / SPLITS_FILE
+    with suppress(FileNotFoundError, InputError, ValidationError):
+        raw = read_bytes(path, max_bytes=MAX_JSON_BYTES)
+        found = _SPLITS.validate_python(parse_json(raw, path))
         return {split: [Path(name).name for name in names] for split, names in found.items()}
     return {}
