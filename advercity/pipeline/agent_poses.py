@@ -31,7 +31,8 @@ class AgentPoses:
         self._trace = trace
         self._roles = find_conflict_roles(spec)
         self._traced = lru_cache(maxsize=4)(trace.build_frame)
-        self._origin = Geodetic(spec.road.origin_lat_deg, spec.road.origin_lon_deg)
+        road = spec.road
+        self._origin = Geodetic(road.origin_lat_deg, road.origin_lon_deg, road.origin_alt_m)
 
     def load_frame(self, index: int) -> Frame:
         """Load recorded frame `index`, with lamps and umbrellas as the weather demands."""
@@ -161,9 +162,11 @@ class AgentPoses:
         return tuple((x, y, speed) for x, y, speed in points)
 
     def _measure_gnss(self, agent: Agent, world_from_agent: Matrix, frame: Frame) -> GnssFix:
-        gnss, spec, index = agent.sensors.gnss, self.spec, frame.index
+        gnss, seeds, index = agent.sensors.gnss, self.spec.seeds, frame.index
+        # No weather in the key: the same drive has the same fixes under every weather.
+        key = (seeds.sensors, seeds.traffic, self.spec.road.id, agent.id)
         slow = sample_gauss_markov(
-            create_generator(spec.seeds.sensors, spec.id, "gnss wander", agent.id),
+            create_generator(*key, "gnss wander"),
             index,
             index,
             correlation=math.exp(-self._trace.tick_s / gnss.wander_time_s),
@@ -174,7 +177,7 @@ class AgentPoses:
             world_from_agent[:3, 3],
             origin=self._origin,
             time_s=frame.time_s,
-            rng=self.make_generator("gnss", agent, frame),
+            rng=create_generator(*key, "gnss", index),
             slow_error=slow[0],
         )
 

@@ -179,7 +179,8 @@ class Annotation:
             a pedestrian's body.
         centre: (3,) middle of its box.
         distance_m: From the agent's origin to `location`.
-        bearing_rad: Direction from the agent to `location`; 0 ahead, positive to the left.
+        bearing_rad: Horizontal direction from the agent to `location`, whatever the agent's pitch
+            and roll; 0 ahead, positive to the left, in (-pi, pi].
         relative_yaw_rad: Heading relative to the agent's, in (-pi, pi].
         lidar_hits: Number of beams of the noise-free LiDAR that hit it.
     """
@@ -213,22 +214,27 @@ def annotate_actors(sensor_frame: SensorFrame) -> tuple[Annotation, ...]:
     grounds = world_from_object[:, :3, 3]
     centres = grounds + world_from_object[:, :3, 2] * (heights[:, None] / 2)
     locations = np.where(on_foot[:, None], centres, grounds)
-    places = poses.transform_points(poses.invert_pose(sensor_frame.world_from_agent), locations)
     # One pass of arrays over all actors: a frame may have several hundred, five times over.
+    offsets = locations - sensor_frame.world_from_agent[:3, 3]
+    agent_yaw = poses.to_yaw_pitch_roll(sensor_frame.world_from_agent)[0]
     yaws = np.arctan2(world_from_object[:, 1, 0], world_from_object[:, 0, 0])
-    relative = yaws - poses.to_yaw_pitch_roll(sensor_frame.world_from_agent)[0]
     rows = zip(
         states,
         locations,
         centres,
-        np.linalg.norm(locations - sensor_frame.world_from_agent[:3, 3], axis=1).tolist(),
-        np.arctan2(places[:, 1], places[:, 0]).tolist(),
-        (np.pi - (np.pi - relative) % (2 * np.pi)).tolist(),
+        np.linalg.norm(offsets, axis=1).tolist(),
+        _wrap_angles(np.arctan2(offsets[:, 1], offsets[:, 0]) - agent_yaw).tolist(),
+        _wrap_angles(yaws - agent_yaw).tolist(),
         (hits[state.actor.id] for state in states),
         strict=True,
     )
     range_m = sensor_frame.agent.sensors.lidar.range_m
     return tuple(Annotation(*row) for row in rows if row[3] < range_m)
+
+
+def _wrap_angles(angles_rad: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Wrap angles (n,) to (-pi, pi]."""
+    return np.pi - (np.pi - angles_rad) % (2 * np.pi)
 
 
 def compute_box_centre(state: ActorState) -> NDArray[np.float64]:

@@ -33,6 +33,7 @@ from advercity_dsl.units import (
     Degrees,
     Fraction,
     KilometresPerHour,
+    Metres,
     Number,
     Point2,
     Point3,
@@ -279,9 +280,11 @@ class Road(Declaration):
     profile: Literal["level", "non_level"]
     """Vertical profile, by which typologies require roads."""
     origin_lat_deg: Annotated[Degrees, Field(ge=-89, le=89)] = 0.0
-    """Latitude of the origin, for GNSS."""
+    """Geodetic latitude (WGS84) of the world frame's origin, for GNSS."""
     origin_lon_deg: Annotated[Degrees, Field(ge=-180, le=180)] = 0.0
-    """Longitude of the origin, for GNSS."""
+    """Longitude (WGS84) of the origin."""
+    origin_alt_m: Annotated[Metres, Field(ge=-500, le=9000)] = 0.0
+    """Height of the origin above the ellipsoid of WGS84, not above sea level."""
     imported: MapNetwork | MapFile | None = Field(default=None, exclude_if=is_none)
     """Map from which the streets are imported, instead of `streets`."""
     sections: ByName[CrossSection] = Field(default_factory=dict)
