@@ -16,6 +16,7 @@ from advercity import compiler
 
 if TYPE_CHECKING:
     # The pipeline loads SUMO, Rerun and OpenCV; loading specs does not wait for them.
+    from advercity.dataset.cloud_files import CloudEncoding
     from advercity.dataset.reader import Dataset
     from advercity.pipeline import (
         ResourceLimits,
@@ -105,6 +106,8 @@ def run(
     scale: float | None = None,
     frames: slice | None = None,
     format: str = "opv2v",
+    min_points: int = 0,
+    clouds: "CloudEncoding" = "binary_compressed",
     fresh: bool = False,
     viewer: "ViewerTarget | None" = None,
     jobs: int | None = None,
@@ -127,6 +130,8 @@ def run(
         scale: Image scale in place of the profile's.
         frames: Recorded frames to make, such as `slice(0, 30)`; None is all.
         format: Layout of the dataset, `opv2v` or `adver_city`.
+        min_points: LiDAR points that an actor must return to an agent to be annotated by it.
+        clouds: Encoding of PCD files.
         fresh: Discard what an earlier run left.
         viewer: Where a live view or a recording goes.
         jobs: Worker processes at a time; None is as many as suit this machine.
@@ -160,6 +165,8 @@ def run(
         format=format,
         allow_missing_models=allow_missing_models,
         allow_edited=allow_edited,
+        min_points=min_points,
+        clouds=clouds,
     )
     results = pipeline.run_batch(
         batch,

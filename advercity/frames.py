@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from advercity.array_files import load_arrays
 from advercity.errors import RunError
-from advercity.geometry.poses import Matrix, pose_matrix
+from advercity.geometry.boxes import Box
+from advercity.geometry.poses import Matrix, pose_matrix, transform_points
 
 
 class Lamp(IntFlag):
@@ -49,7 +50,7 @@ class Actor:
     paint: str
     """Material of a vehicle's painted parts, or of a person's coat."""
     size: tuple[float, float, float]
-    """Full length, width and height in metres."""
+    """Full length, width and height in metres; of a pedestrian, in all poses of the gait."""
 
     @staticmethod
     def from_blueprint(number: int, name: str, blueprint: Blueprint, paint: str) -> "Actor":
@@ -76,6 +77,21 @@ class ActorState:
     """Distance since the actor appeared, which turns its wheels and swings its legs."""
     umbrella: bool = False
     """Whether a person holds one up; set from the weather, not part of the trace."""
+    is_parked: bool = False
+    """Whether it belongs to the scene, not to the traffic; not part of the trace."""
+    pose_box: Box | None = None
+    """Box of a pedestrian in its pose, without umbrella; set from the body, not part of the
+    trace."""
+
+    @property
+    def box(self) -> Box:
+        """The box that annotations have, in the body frame."""
+        return self.pose_box or Box.on_ground(self.actor.size)
+
+    @property
+    def box_centre(self) -> NDArray[np.float64]:
+        """Middle (3,) of the box in the world."""
+        return transform_points(self.world_from_body, self.box.centre)
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,6 @@ from advercity.diagnostics import DiagnosticsError
 from advercity.errors import InputError
 from advercity.frames import Actor, ActorState, Frame, Lamp, Signal
 from advercity.geometry import poses
-from advercity.geometry.boxes import compute_box_corners
 from advercity.geometry.poses import Matrix
 from advercity.randomness import create_generator
 from advercity.semantics import Semantic
@@ -58,8 +57,10 @@ WORLD_FROM_STREET = poses.pose_matrix((60.0, -30.0, 4.0), yaw=np.deg2rad(50.0), 
 
 
 def identify(spec: Spec, *, format: str = "opv2v", **renderer: str) -> Identity:
-    """Identify the data of a spec whose traffic was not simulated."""
-    return Identity.for_spec(spec, trace_sha256="0" * 64, renderer=dict(renderer), format=format)
+    """Identify the data of a spec whose traffic was not simulated, with clouds anybody can read."""
+    return Identity.for_spec(
+        spec, trace_sha256="0" * 64, renderer=dict(renderer), format=format, clouds="binary"
+    )
 
 
 def write_scenario(
@@ -199,6 +200,7 @@ def scan(agent: Agent, frame: Frame, world_from_lidar: Matrix) -> tuple[PointClo
     range_m = np.linalg.norm(points, axis=1)
     semantic = np.where(instance > 0, Semantic.VEHICLE, Semantic.ROAD)
     semantic[instance == 203] = Semantic.PEDESTRIAN
+    ghost, surface = PointKind.GHOST, PointKind.SURFACE
     return (
         PointCloud(
             points=points.astype(np.float32),
@@ -209,9 +211,7 @@ def scan(agent: Agent, frame: Frame, world_from_lidar: Matrix) -> tuple[PointClo
             semantic=semantic.astype(np.uint8),
             instance=instance,
             time_s=np.zeros(len(points), np.float32),
-            kind=np.where(np.arange(len(points)) % 7 == 3, PointKind.FOG, PointKind.SURFACE).astype(
-                np.uint8
-            ),
+            kind=np.where(np.arange(len(points)) % 7 == 3, ghost, surface).astype(np.uint8),
         ),
         hits,
     )
@@ -249,7 +249,7 @@ def image_of(agent: Agent, frame: Frame, world_from_camera: Matrix) -> CameraIma
             world_from_camera,
             matrix,
             frame,
-            lambda state: compute_box_corners(state.actor.size),
+            lambda state: state.box.corners,
             hide=frozenset({agent.number}),
         ),
     )

@@ -1,12 +1,15 @@
 """Computes the pose in which an actor is seen: one answer for renderers, ray casting and labels."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
 from advercity.assets.rigged_bodies import pose_body
-from advercity.frames import ActorState
+from advercity.frames import ActorState, Frame
+from advercity.geometry.arrays import Float64Array
+from advercity.geometry.boxes import Box
 from advercity.geometry.mesh import Mesh, Wheel
 from advercity.geometry.poses import Matrix, pose_matrix
 from advercity.physics.constants import GOLDEN_FRACTION, MAX_STEERING_RAD
@@ -61,6 +64,30 @@ def compute_body_pose(state: ActorState, bodies: Mapping[str, Body]) -> BodyPose
     if gait.returns_to_rest:
         body_from_mesh[0, 3] = (pose / poses - turns) * gait.cycle_length_m
     return BodyPose(BodyShape(actor.blueprint, has_umbrella, pose % poses), body_from_mesh)
+
+
+def build_pose_box_fitter(bodies: Mapping[str, Body]) -> Callable[[Frame], Frame]:
+    """Build the function that gives each pedestrian of a frame the box of its body as drawn.
+
+    An umbrella is not in the box, nor is the arm that holds it: the person has the box that it
+    would have without.
+    """
+
+    @cache
+    def measure_extent(shape: BodyShape) -> tuple[Float64Array, Float64Array]:
+        meshes = shape.build_meshes(bodies)
+        vertices = np.concatenate([mesh.vertices[np.unique(mesh.triangles)] for mesh in meshes])
+        return vertices.min(axis=0).astype(np.float64), vertices.max(axis=0).astype(np.float64)
+
+    def fit_state(state: ActorState) -> ActorState:
+        if state.actor.actor_class != "pedestrian":
+            return state
+        pose = compute_body_pose(replace(state, umbrella=False), bodies)
+        low, high = (corner + pose.body_from_mesh[:3, 3] for corner in measure_extent(pose.shape))
+        box = Box(tuple((high - low).tolist()), tuple(((low + high) / 2).tolist()))
+        return replace(state, pose_box=box)
+
+    return lambda frame: replace(frame, states=tuple(map(fit_state, frame.states)))
 
 
 def compute_wheel_pose(state: ActorState, wheel: Wheel) -> Matrix:

@@ -72,10 +72,18 @@ def run(
         bool, typer.Option("--fresh", help="Start over; discard what is there.")
     ] = False,
     layout: Annotated[str, typer.Option("--format", help="opv2v or adver_city.")] = "opv2v",
+    min_points: Annotated[
+        int,
+        typer.Option(min=0, help="Annotate only what returns so many LiDAR points to an agent."),
+    ] = 0,
+    clouds: Annotated[
+        str, typer.Option(help="Encoding of PCD files: binary or binary_compressed.")
+    ] = "binary_compressed",
 ) -> None:
     """Run scenarios: traffic, sensors, dataset, live view."""
     from advercity import api
     from advercity.cli.progress import show_progress
+    from advercity.dataset.cloud_files import parse_cloud_encoding
     from advercity.pipeline import ResourceLimits, ViewerTarget
     from advercity.pipeline.options import parse_byte_size, parse_duration
     from advercity.viewer.cloud_colours import parse_cloud_colour
@@ -99,6 +107,8 @@ def run(
             scale=scale,
             frames=parse_frame_slice(frames),
             format=layout,
+            min_points=min_points,
+            clouds=parse_cloud_encoding(clouds),
             fresh=fresh,
             viewer=viewer,
             jobs=jobs,

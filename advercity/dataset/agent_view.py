@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Generator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -63,6 +63,9 @@ class Boxes:
         distances_m: (n,) from the agent's origin.
         bearings_rad: (n,) direction from the agent; 0 ahead, positive to the left.
         lidar_hits: (n,) beams of the noise-free LiDAR that hit it.
+        lidar_points: (n,) points that it returned in this weather.
+        visible_fraction: (n,) largest fraction of it that one of the agent's cameras shows, 0 to 1.
+        is_parked: (n,) whether it is a parked car.
     """
 
     ids: NDArray[np.int64]
@@ -73,10 +76,17 @@ class Boxes:
     distances_m: NDArray[np.float64]
     bearings_rad: NDArray[np.float64]
     lidar_hits: NDArray[np.int64]
+    lidar_points: NDArray[np.int64]
+    visible_fraction: NDArray[np.float64]
+    is_parked: NDArray[np.bool_]
 
     def __len__(self) -> int:
         """Return the number of objects."""
         return len(self.ids)
+
+    def select(self, where: NDArray[np.bool_]) -> Boxes:
+        """Select objects by a mask (n,), as `boxes.lidar_points >= 5`."""
+        return Boxes(*(getattr(self, item.name)[where] for item in fields(self)))
 
 
 def parse_boxes(objects: dict[Any, dict[str, Any]]) -> Boxes:
@@ -95,7 +105,10 @@ def parse_boxes(objects: dict[Any, dict[str, Any]]) -> Boxes:
         speeds_m_s=_to_m_s(_parse_column(items, "speed")),
         distances_m=_parse_column(items, "dist"),
         bearings_rad=mirror_angle(np.deg2rad(_parse_column(items, "bearing"))),
-        lidar_hits=_parse_column(items, "lidar_hits").astype(np.int64),
+        lidar_hits=np.array([int(item["lidar_hits"]) for item in items], dtype=np.int64),
+        lidar_points=np.array([int(item["lidar_points"]) for item in items], dtype=np.int64),
+        visible_fraction=_parse_column(items, "visible_fraction"),
+        is_parked=np.array([item.get("parked", False) for item in items], dtype=np.bool_),
     )
 
 

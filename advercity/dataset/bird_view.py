@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from advercity.frames import ActorState
 from advercity.geometry import poses
 from advercity.geometry.arrays import Float64Array, Uint8Array
-from advercity.geometry.boxes import BOX_BASE, compute_box_corners
+from advercity.geometry.boxes import BOX_BASE
 from advercity.geometry.poses import Matrix
 from advercity.roads.lane_segments import LaneSegment
 from advercity.sensors.sensor_frame import CameraImage, SensorFrame
@@ -134,8 +134,7 @@ def _find_vehicles_in_extent(sensor_frame: SensorFrame, map_from_world: Matrix) 
 
 
 def _compute_footprint(state: ActorState) -> Float64Array:
-    base = compute_box_corners(state.actor.size)[BOX_BASE]
-    return poses.transform_points(state.world_from_body, base)
+    return poses.transform_points(state.world_from_body, state.box.corners[BOX_BASE])
 
 
 def _iter_lane_surfaces(lanes: Sequence[LaneSegment]) -> Iterable[Float64Array]:

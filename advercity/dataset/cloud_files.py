@@ -1,4 +1,4 @@
-"""Point clouds as files: binary PCD with the full point table, and PLY as text.
+"""Point clouds as files: PCD with the full point table, binary or compressed, and PLY as text.
 
 PCD: readers of OPV2V take `x y z` as 4-byte floats and the intensity from the red channel of
 `rgb`, eight bits of it. They skip the fields behind `rgb`, which hold the full precision and all
@@ -10,8 +10,9 @@ in eight bits, and there is nothing else.
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,14 +41,31 @@ PCD_POINT = np.dtype(
 """A point as it is in the file, without padding."""
 PCD_RAW_FIELDS = [("raw_x", "<f4"), ("raw_y", "<f4"), ("raw_z", "<f4")]
 """Fields of a LiDAR with motion distortion: the point where the moving sensor measured it."""
+CloudEncoding = Literal["binary", "binary_compressed"]
+"""PCD's names of its encodings: points as they are, or field by field in LZF blocks."""
+CLOUD_ENCODINGS: tuple[CloudEncoding, ...] = ("binary", "binary_compressed")
+MAX_LZF_RATIO = 100
+"""Upper bound of how many times LZF data grow: at most 264 bytes from 3."""
+_SIZES = struct.Struct("<II")
+"""Sizes before compressed data: compressed, and as they are."""
 
 
-def encode_pcd(cloud: PointCloud, *, raw: bool = False) -> bytes:
-    """Encode a cloud as binary PCD; the same cloud gives the same bytes.
+def parse_cloud_encoding(text: str) -> CloudEncoding:
+    """Parse the option `--clouds`; InputError if there is no such encoding."""
+    if text not in CLOUD_ENCODINGS:
+        raise InputError(f"`clouds` {text}: no such encoding; {' or '.join(CLOUD_ENCODINGS)}")
+    return text
+
+
+def encode_pcd(
+    cloud: PointCloud, *, raw: bool = False, encoding: CloudEncoding = "binary_compressed"
+) -> bytes:
+    """Encode a cloud as PCD; the same cloud gives the same bytes.
 
     Args:
         cloud: The points.
         raw: Whether to add where the moving sensor measured each of them.
+        encoding: Encoding of the data. A cloud without points is always `binary`.
     """
     kind = np.dtype([*PCD_POINT.descr, *PCD_RAW_FIELDS]) if raw else PCD_POINT
     table = np.empty(len(cloud.points), dtype=kind)
@@ -64,10 +82,43 @@ def encode_pcd(cloud: PointCloud, *, raw: bool = False) -> bytes:
     if raw:
         table["raw_x"], table["raw_y"], table["raw_z"] = cloud.raw.T
     mirror_columns(table)
-    return b"".join([_format_pcd_header(len(table), kind).encode("ascii"), table.data])
+    if not len(table):
+        encoding = "binary"
+    header = _format_pcd_header(len(table), kind, encoding).encode("ascii")
+    return b"".join([header, *([table.data] if encoding == "binary" else _compress(table))])
 
 
-def _format_pcd_header(count: int, point: np.dtype[np.void]) -> str:
+def _compress(table: NDArray[np.void]) -> tuple[bytes, bytes]:
+    """Compress a table field by field; also returns the sizes before it."""
+    # Imported here and below: readers of other data need not load it.
+    from imagecodecs import lzf_encode
+
+    fields = b"".join(table[name].tobytes() for name in table.dtype.names or ())
+    compressed = bytes(lzf_encode(fields))
+    return _SIZES.pack(len(compressed), len(fields)), compressed
+
+
+def _decompress(body: bytes, count: int, kind: np.dtype[np.void]) -> NDArray[np.void]:
+    """Undo `_compress`; ValueError if the data are cut off or damaged."""
+    from imagecodecs import LzfError, lzf_decode
+
+    packed, size = body[_SIZES.size :], count * kind.itemsize
+    if body[: _SIZES.size] != _SIZES.pack(len(packed), size) or size > MAX_LZF_RATIO * len(packed):
+        raise ValueError("is cut off")
+    try:
+        fields = lzf_decode(packed, out=size)
+    except LzfError as error:
+        raise ValueError("its data are damaged") from error
+    if len(fields) != size:
+        raise ValueError("its data are damaged")
+    table, start = np.empty(count, kind), 0
+    for name in kind.names or ():
+        table[name] = np.frombuffer(fields, kind[name], count, start)
+        start += count * kind[name].itemsize
+    return table
+
+
+def _format_pcd_header(count: int, point: np.dtype[np.void], encoding: CloudEncoding) -> str:
     names = point.names or ()
     types = [point[name] for name in names]
     lines = (
@@ -81,23 +132,28 @@ def _format_pcd_header(count: int, point: np.dtype[np.void]) -> str:
         "HEIGHT 1",
         "VIEWPOINT 0 0 0 1 0 0 0",
         f"POINTS {count}",
-        "DATA binary",
+        f"DATA {encoding}",
     )
     return "\n".join(lines) + "\n"
 
 
 def read_pcd(path: Path) -> NDArray[np.void]:
-    """Read a binary PCD as a table (n,) of the fields that its header names, left-handed.
+    """Read a binary or compressed PCD as a table (n,) of its header's fields, left-handed.
 
     Raises:
-        InputError: The file cannot be read, or is no binary PCD.
+        InputError: The file cannot be read, or is no such PCD.
     """
     try:
-        header, _, body = path.read_bytes().partition(b"DATA binary\n")
+        header, _, rest = path.read_bytes().partition(b"DATA ")
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {describe_cause(error)}") from error
+    encoding, _, body = rest.partition(b"\n")
     try:
         count, kind = _parse_pcd_header(header.decode("ascii"))
+        if encoding == b"binary_compressed":
+            return _decompress(body, count, kind)
+        if encoding != b"binary":
+            raise ValueError(f"its data are {encoding[:20]!r}")
     except (KeyError, ValueError) as error:
         raise InputError(f"{path}: not a binary point cloud: {error}") from error
     if len(body) != count * kind.itemsize:

@@ -1,18 +1,16 @@
 """The fact table behind statistics: every annotated object of every frame, once."""
 
 import os
-from collections.abc import Iterable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from advercity_dsl.units import KM_H_PER_M_S
 from numpy.typing import NDArray
 
-from advercity.dataset.agent_view import AgentView, report_read_errors
 from advercity.dataset.manifest import WeatherTruth
 from advercity.dataset.reader import FrameView, Scenario
 from advercity.dataset.scenario_folders import find_scenarios, no_frames_error
@@ -34,8 +32,8 @@ OBJECT_FACT = np.dtype(
 )
 """An object in a frame, once however many agents annotate it.
 
-Fields that begin with `ego` are NaN where the ego does not annotate it. `ego_points` and
-`visible_fraction` (the maximum over all cameras) are also NaN where the layout does not hold them.
+Fields that begin with `ego` are NaN where the ego does not annotate it; `visible_fraction` is the
+maximum over all agents.
 """
 _NOT_BY_EGO = (np.nan,) * 4
 
@@ -48,8 +46,9 @@ class ScenarioFacts:
         road: Id of the road.
         density: Id of the density.
         weather: The weather in physical quantities.
-        objects: (n,) of `OBJECT_FACT`.
-        num_annotations: (frames,) number of objects that at least one agent annotates.
+        objects: (n,) of `OBJECT_FACT`, without parked cars.
+        parked: (m,) of `OBJECT_FACT`, the parked cars.
+        num_annotations: (frames,) number of `objects`.
         speeds_km_h: (frames, connected vehicles), the ego's first.
     """
 
@@ -57,6 +56,7 @@ class ScenarioFacts:
     density: str
     weather: WeatherTruth
     objects: NDArray[np.void]
+    parked: NDArray[np.void]
     num_annotations: NDArray[np.int64]
     speeds_km_h: NDArray[np.float64]
 
@@ -86,36 +86,43 @@ def collect_dataset_facts(dataset: Path) -> list[ScenarioFacts]:
 def collect_scenario_facts(folder: Path) -> ScenarioFacts:
     """Collect the facts of one scenario; InputError if a file of it cannot be read."""
     scenario = Scenario(folder)
-    found = [_collect_frame_facts(scenario, frame) for frame in scenario]
+    found = [_collect_frame_facts(frame) for frame in scenario]
+    none = np.empty(0, OBJECT_FACT)
     return ScenarioFacts(
         road=scenario.spec.road.id,
         density=scenario.spec.density.id,
         weather=scenario.manifest.weather,
-        objects=np.concatenate([np.empty(0, OBJECT_FACT), *(objects for objects, _ in found)]),
-        num_annotations=np.array([len(objects) for objects, _ in found], np.int64),
-        speeds_km_h=np.array([speeds for _, speeds in found], np.float64),
+        objects=np.concatenate([none, *(item.objects for item in found)]),
+        parked=np.concatenate([none, *(item.parked for item in found)]),
+        num_annotations=np.array([len(item.objects) for item in found], np.int64),
+        speeds_km_h=np.array([item.speeds_km_h for item in found], np.float64),
     )
 
 
-def _collect_frame_facts(
-    scenario: Scenario, frame: FrameView
-) -> tuple[NDArray[np.void], list[float]]:
-    """Collect the objects of a frame, and the speeds of its connected vehicles."""
+class _FrameFacts(NamedTuple):
+    """Objects and parked cars of a frame (`OBJECT_FACT`), and speeds of its connected vehicles."""
+
+    objects: NDArray[np.void]
+    parked: NDArray[np.void]
+    speeds_km_h: list[float]
+
+
+def _collect_frame_facts(frame: FrameView) -> _FrameFacts:
     # The ego first: of an object that several agents annotate, its row is kept.
     views = sorted(frame.views.values(), key=lambda view: not view.agent.is_ego)
     vehicles = [view for view in views if view.agent.place.kind == "vehicle"]
     connected = {view.agent.number for view in vehicles}
     objects: dict[int, tuple[Any, ...]] = {}
     visible: dict[int, float] = {}
+    parked: set[int] = set()
     for view in views:
-        extras = _read_extras(view) if scenario.format.has_extras else {}
         boxes = view.boxes
+        parked.update(boxes.ids[boxes.is_parked].tolist())
         for row, number in enumerate(boxes.ids.tolist()):
-            points, fraction = extras.get(number, (np.nan, np.nan))
-            visible[number] = float(np.fmax(visible.get(number, np.nan), fraction))
+            visible[number] = max(visible.get(number, 0.0), boxes.visible_fraction[row])
             by_agent = (
-                *(boxes.distances_m[row], boxes.bearings_rad[row], boxes.lidar_hits[row]),
-                points,
+                *(boxes.distances_m[row], boxes.bearings_rad[row]),
+                *(boxes.lidar_hits[row], boxes.lidar_points[row]),
             )
             fact = (
                 *(frame.index, number, boxes.classes[row], number in connected),
@@ -123,19 +130,7 @@ def _collect_frame_facts(
                 *(by_agent if view.agent.is_ego else _NOT_BY_EGO),
             )
             objects.setdefault(number, fact)
-    rows = [(*fact, visible[number]) for number, fact in objects.items()]
-    return np.array(rows, OBJECT_FACT), [view.speed_m_s * KM_H_PER_M_S for view in vehicles]
-
-
-def _read_extras(view: AgentView) -> dict[int, tuple[float, float]]:
-    """Read the number of points on each object and its largest visible fraction, by its id."""
-    with report_read_errors(view.path("_objects.json")):
-        return {
-            int(number): (float(item["lidar_points"]), _max_visible_fraction(item))
-            for number, item in view.extras["objects"].items()
-        }
-
-
-def _max_visible_fraction(item: dict[str, Any]) -> float:
-    cameras: Iterable[dict[str, Any]] = item["cameras"].values()
-    return max((camera["visible_fraction"] for camera in cameras), default=0.0)
+    facts = np.array([(*fact, visible[number]) for number, fact in objects.items()], OBJECT_FACT)
+    is_parked = np.isin(facts["id"], list(parked))
+    speeds = [view.speed_m_s * KM_H_PER_M_S for view in vehicles]
+    return _FrameFacts(facts[~is_parked], facts[is_parked], speeds)

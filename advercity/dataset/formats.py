@@ -43,11 +43,6 @@ class DatasetFormat:
     motion_suffix: str
     extra_suffixes: tuple[str, ...] = ()
 
-    @property
-    def has_extras(self) -> bool:
-        """Whether it holds what the original does not: `_objects.json`, maps, depths."""
-        return bool(self.extra_suffixes)
-
     def list_suffixes(self, agent: Agent) -> frozenset[str]:
         """List the ends of the names of an agent's files of a frame, behind the frame's name."""
         cameras = range(len(agent.sensors.camera.mounts))

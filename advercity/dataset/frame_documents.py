@@ -4,8 +4,8 @@ Documents hold plain types and rounded numbers. They are left-handed (see `carla
 degrees and km/h; boxes in images are in pixels from the upper left corner.
 
 Loaders of OPV2V parse `<frame>.yaml` in pure Python several times over, so it stays short: it has
-the fields that they read, and `class`, `bearing` and `lidar_hits`. All else that is known of an
-object is in `<frame>_objects.json`, which none of them opens.
+the fields that they read, and what objects are filtered by. All else that is known of an object is
+in `<frame>_objects.json`, which none of them opens.
 """
 
 import json
@@ -167,9 +167,10 @@ def _is_pedestrian(item: Annotation) -> bool:
 def _describe_object(item: Annotation) -> dict[str, Any]:
     actor = item.state.actor
     offset = item.centre - item.location
-    length, width, height = actor.size
+    length, width, height = item.state.box.size
+    on_foot = _is_pedestrian(item)
     return {
-        "class": "walker" if _is_pedestrian(item) else actor.actor_class,
+        "class": "walker" if on_foot else actor.actor_class,
         "bp_id": actor.blueprint,
         "color": _format_paint_colour(actor.paint),
         "location": to_plain(mirror_xyz(*item.location.tolist())),
@@ -182,6 +183,9 @@ def _describe_object(item: Annotation) -> dict[str, Any]:
         "bearing": to_plain(mirror_angle(math.degrees(item.bearing_rad))),
         "relative_angle": to_plain(mirror_angle(math.degrees(item.relative_yaw_rad))),
         "lidar_hits": item.lidar_hits,
+        "lidar_points": item.lidar_points,
+        "visible_fraction": to_plain(item.visible_fraction, decimals=4),
+        **({"umbrella": item.state.umbrella} if on_foot else {"parked": item.state.is_parked}),
     }
 
 
@@ -241,27 +245,21 @@ def build_object_extras(
 ) -> dict[str, Any]:
     """Build the document `<frame>_objects.json`: what an agent annotates, by id as in its YAML.
 
-    `lidar_points` counts the points returned in this weather, `lidar_hits` the beams that would
-    hit in none. `roles` are the object's roles in staged conflicts, by conflict id. `cameras` has
-    the cameras whose image the object's outline overlaps.
+    `lidar_points` counts the points returned in this weather, `lidar_ghosts` those of its mirror
+    images, `lidar_hits` the beams that would hit in none. `roles` are the object's roles in staged
+    conflicts, by conflict id. `cameras` has the cameras whose image the object's outline overlaps.
     """
-    ids, counts = np.unique(sensor_frame.point_cloud.instance, return_counts=True)
-    points = dict(zip(ids.tolist(), counts.tolist(), strict=True))
     return {
         "frame": sensor_frame.frame.index,
         "time_s": to_plain(sensor_frame.frame.time_s),
         "objects": {
-            str(item.state.actor.id): _describe_object_extras(
-                item, sensor_frame, points.get(item.state.actor.id, 0)
-            )
+            str(item.state.actor.id): _describe_object_extras(item, sensor_frame)
             for item in annotations
         },
     }
 
 
-def _describe_object_extras(
-    item: Annotation, sensor_frame: SensorFrame, lidar_points: int
-) -> dict[str, Any]:
+def _describe_object_extras(item: Annotation, sensor_frame: SensorFrame) -> dict[str, Any]:
     state = item.state
     velocity = mirror_xyz(*(state.world_from_body[:3, 0] * state.speed_m_s).tolist())
     return {
@@ -270,7 +268,8 @@ def _describe_object_extras(
         "velocity_m_s": to_plain(velocity, decimals=6),
         "acceleration_m_s2": to_plain(state.acceleration_m_s2, decimals=6),
         "lidar_hits": item.lidar_hits,
-        "lidar_points": lidar_points,
+        "lidar_points": item.lidar_points,
+        "lidar_ghosts": item.lidar_ghosts,
         "cameras": {
             f"camera{index}": _describe_projected_box(image.projected_boxes[state.actor.id])
             for index, image in enumerate(sensor_frame.camera_images)

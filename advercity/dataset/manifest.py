@@ -13,6 +13,7 @@ from advercity_dsl.base import is_empty
 from pydantic import Field, ValidationError, field_validator
 
 from advercity import __version__
+from advercity.dataset.cloud_files import CloudEncoding
 from advercity.dataset.formats import FORMATS, FrameFileNames
 from advercity.dataset.partial_files import FileRecord, read_journals
 from advercity.dataset.scenario_folders import (
@@ -31,7 +32,14 @@ REMEDY = "it alone tells what runs have written: delete the folder, or choose an
 RendererIdentity = dict[str, str | int | float | bool]
 FIELD_LABELS = {"code_sha256": "code of advercity", "backend_sha256": "code of the backend"}
 """Words for fields of the identity in messages."""
-VERSIONED_PACKAGES = ("eclipse-sumo", "embreex", "numpy", "opencv-python-headless", "zlib-ng")
+VERSIONED_PACKAGES = (
+    "eclipse-sumo",
+    "embreex",
+    "imagecodecs",
+    "numpy",
+    "opencv-python-headless",
+    "zlib-ng",
+)
 """Distributions that may change the bytes with their version."""
 
 
@@ -56,6 +64,8 @@ class Identity(Model):
         missing_models: Blueprints with generated bodies in place of the spec's models.
         edited: Whether the spec was edited after it was compiled.
         format: Layout of the files.
+        min_points: LiDAR points that an actor must return to an agent to be annotated by it.
+        clouds: Encoding of point clouds.
         code_sha256: Checksum of the sources of `CODE_PACKAGES`, which may change between versions.
         versions: Versions of advercity and of `VERSIONED_PACKAGES`.
     """
@@ -68,6 +78,8 @@ class Identity(Model):
     missing_models: tuple[str, ...] = Field(default=(), exclude_if=is_empty)
     edited: bool = Field(default=False, exclude_if=is_empty)
     format: str
+    min_points: int = 0
+    clouds: CloudEncoding = "binary_compressed"
     code_sha256: str
     versions: dict[str, str]
 
@@ -87,6 +99,8 @@ class Identity(Model):
         format: str = "opv2v",
         missing_models: tuple[str, ...] = (),
         edited: bool = False,
+        min_points: int = 0,
+        clouds: CloudEncoding = "binary_compressed",
     ) -> "Identity":
         """Identify the data that this installation makes from `spec`."""
         models = {
@@ -105,6 +119,8 @@ class Identity(Model):
             missing_models=missing_models,
             edited=edited,
             format=format,
+            min_points=min_points,
+            clouds=clouds,
             code_sha256=compute_source_digest(*CODE_PACKAGES),
             versions={"advercity": __version__}
             | {name: version(name) for name in VERSIONED_PACKAGES},
@@ -194,7 +210,7 @@ class Manifest(Model):
         files: Records by path within the scenario.
     """
 
-    manifest_version: Literal[3] = MANIFEST_VERSION
+    manifest_version: Literal[4] = MANIFEST_VERSION
     identity: Identity
     weather: WeatherTruth
     spec: Spec

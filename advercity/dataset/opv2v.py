@@ -16,6 +16,7 @@ from typing import Protocol
 from advercity.dataset import cloud_files
 from advercity.dataset.bird_view import draw_bird_views
 from advercity.dataset.carla_frame import mirror_points
+from advercity.dataset.cloud_files import CloudEncoding
 from advercity.dataset.formats import ADVER_CITY, OPV2V, DatasetFormat
 from advercity.dataset.frame_documents import (
     build_frame_description,
@@ -49,7 +50,11 @@ class FrameEncoder(Protocol):
 
 
 def encode_opv2v_frame(
-    sensor_frames: Sequence[SensorFrame], lanes: Sequence[LaneSegment], *, name: str
+    sensor_frames: Sequence[SensorFrame],
+    lanes: Sequence[LaneSegment],
+    *,
+    name: str,
+    clouds: CloudEncoding = "binary_compressed",
 ) -> dict[str, bytes]:
     """Encode every file of one frame, by path within the scenario.
 
@@ -57,6 +62,7 @@ def encode_opv2v_frame(
         sensor_frames: One per agent; loaders fail where an agent is left out.
         lanes: Lanes of the road, for the maps.
         name: Name of the frame.
+        clouds: Encoding of point clouds.
     """
     # Descriptions come last and the ego's is the very last: loaders take a frame for existing when
     # they find it, and files are moved into place in this order.
@@ -76,7 +82,7 @@ def encode_opv2v_frame(
     annotations = [annotate_actors(item) for item in ordered]
     for stem, item, annotated in zip(stems, ordered, annotations, strict=True):
         files[f"{stem}{OPV2V.cloud_suffix}"] = cloud_files.encode_pcd(
-            item.point_cloud, raw=item.agent.sensors.lidar.motion_distortion
+            item.point_cloud, raw=item.agent.sensors.lidar.motion_distortion, encoding=clouds
         )
         files[f"{stem}_objects.json"] = format_json(build_object_extras(item, annotated))
         if _has_motion(item):
@@ -109,10 +115,11 @@ def encode_adver_city_frame(
     return _run_concurrently(jobs)
 
 
-FRAME_ENCODERS: dict[str, FrameEncoder] = {
-    OPV2V.name: encode_opv2v_frame,
-    ADVER_CITY.name: encode_adver_city_frame,
-}
+def select_encoder(layout: str, clouds: CloudEncoding) -> FrameEncoder:
+    """Select the encoder of a layout; `clouds` is for OPV2V's clouds, the original's are text."""
+    if layout == ADVER_CITY.name:
+        return encode_adver_city_frame
+    return partial(encode_opv2v_frame, clouds=clouds)
 
 
 def _run_concurrently(jobs: Mapping[str, Callable[[], bytes]]) -> dict[str, bytes]:

@@ -16,7 +16,7 @@ from advercity.dataset.scenario_folders import find_scenarios, no_frames_error
 from advercity.errors import InputError
 from advercity.geometry import poses
 from advercity.geometry.arrays import Float64Array, Uint8Array
-from advercity.geometry.boxes import BOX_BASE, BOX_EDGES, compute_box_corners
+from advercity.geometry.boxes import BOX_BASE, BOX_EDGES, Box
 from advercity.media import LABEL_HEIGHT_PX, VideoWriter, draw_label_bar, write_image
 from advercity.semantics import ACTOR_COLOURS
 from advercity.sensors.annotation import NEAR_PLANE_M
@@ -115,7 +115,7 @@ def _iter_boxes(boxes: Boxes) -> Iterator[tuple[Float64Array, tuple[int, int, in
     rows = zip(boxes.world_from_box, boxes.sizes, boxes.classes.tolist(), strict=True)
     for pose, size, actor_class in rows:
         # The origin of a box's pose is its middle, that of its corners the middle of its base.
-        corners = compute_box_corners(size) - (0.0, 0.0, size[2] / 2)
+        corners = Box(size, (0.0, 0.0, 0.0)).corners
         colour = ACTOR_COLOURS.get(actor_class, _OTHER_COLOUR)
         yield poses.transform_points(pose, corners), colour
 

@@ -11,7 +11,7 @@ from typing import Final
 from advercity.errors import InputError, RunError
 
 MANIFEST_FILE = "manifest.json"
-MANIFEST_VERSION: Final = 3
+MANIFEST_VERSION: Final = 4
 """Version of the manifest's fields that this code writes and reads."""
 
 

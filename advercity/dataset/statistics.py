@@ -2,8 +2,9 @@
 
 An object counts once per frame in all tables, however many agents annotate it. Connected vehicles
 are objects where others annotate them, but not traffic. Vehicles and pedestrians of a scenario are
-those that were annotated, not those asked for. Bearings are directions from the ego to an object,
-not headings of the object.
+those that were annotated, not those asked for. Parked cars have a column and classes of their own,
+and are in no other table. Bearings are directions from the ego to an object, not headings of the
+object.
 """
 
 import csv
@@ -137,6 +138,7 @@ def _summarise_group(name: str, facts: Sequence[ScenarioFacts]) -> dict[str, Any
         **_summarise_counts(
             "vehicles", [_count_distinct_actors(item, on_foot=False) for item in facts]
         ),
+        **_summarise_counts("parked_cars", [len(np.unique(item.parked["id"])) for item in facts]),
         **_summarise_counts(
             "pedestrians", [_count_distinct_actors(item, on_foot=True) for item in facts]
         ),
@@ -190,7 +192,9 @@ def _tabulate_frames_by(
 
 
 def _tabulate_classes(facts: Sequence[ScenarioFacts]) -> StatisticsTable:
-    classes, counts = np.unique(_concatenate_column(facts, "class"), return_counts=True)
+    parked = [f"parked {name}" for item in facts for name in item.parked["class"].tolist()]
+    names = [*_concatenate_column(facts, "class").tolist(), *parked]
+    classes, counts = np.unique(np.array(names, dtype=np.str_), return_counts=True)
     order = np.argsort(-counts, kind="stable")
     columns = {"class": classes[order].tolist(), "annotations": counts[order].tolist()}
     return StatisticsTable("class_histogram", "Annotated objects by class, once per frame", columns)
@@ -261,7 +265,7 @@ def _tabulate_visibility(facts: Sequence[ScenarioFacts]) -> StatisticsTable:
 
 
 def _tabulate_returns_by_range(facts: Sequence[ScenarioFacts]) -> StatisticsTable:
-    """Tabulate the fraction of the beams on objects that return a point in each weather."""
+    """Tabulate the points per beam on objects in each weather; dual returns may give two."""
     columns: dict[str, Sequence[Any]] = {"distance_m_from": RANGE_EDGES_M[:-1].tolist()}
     for weather, group in _by_weather(facts).items():
         distance, hits, points = _select_counted(group)
@@ -270,14 +274,14 @@ def _tabulate_returns_by_range(facts: Sequence[ScenarioFacts]) -> StatisticsTabl
         )
         with np.errstate(invalid="ignore"):  # 0 / 0 where no object is: NaN
             columns[weather] = (returned / hit).tolist()
-    title = "Rays on objects that come back to the ego, by distance"
+    title = "LiDAR points of the ego per beam on objects, by distance"
     return StatisticsTable("echoes_by_range", title, columns)
 
 
 def _select_counted(
     facts: Sequence[ScenarioFacts],
 ) -> tuple[Float64Array, Float64Array, Float64Array]:
-    """Select distances, hits and points (n,) of the ego's objects whose points are counted."""
+    """Select distances, hits and points (n,) of the objects that the ego annotates."""
     names = ("ego_distance_m", "ego_hits", "ego_points")
     distance, hits, points = (_concatenate_column(facts, name) for name in names)
     counted = np.isfinite(points)

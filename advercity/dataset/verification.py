@@ -14,7 +14,7 @@ from typing import Literal
 from advercity.dataset.formats import format_frame_name
 from advercity.dataset.index import DatasetIndex
 from advercity.dataset.manifest import Manifest
-from advercity.dataset.opv2v import FRAME_ENCODERS
+from advercity.dataset.opv2v import select_encoder
 from advercity.dataset.partial_files import (
     FileRecord,
     is_being_written,
@@ -215,7 +215,7 @@ def restore_files(
             scenario, manifest, encode_scenario_files(manifest.spec, manifest.identity), damaged
         )
         lanes = build_road(manifest.spec.road).lanes
-        encode = FRAME_ENCODERS[manifest.identity.format]
+        encode = select_encoder(manifest.identity.format, manifest.identity.clouds)
         for frame in sorted({item.frame for item in found if item.frame is not None}):
             name = format_frame_name(manifest.spec, frame)
             _restore(scenario, manifest, encode(capture_frame(frame), lanes, name=name), damaged)

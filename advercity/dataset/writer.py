@@ -17,7 +17,7 @@ from advercity.atomic_files import move_file, sync_files, write_file
 from advercity.dataset.formats import FrameFileNames, format_frame_name
 from advercity.dataset.frame_documents import format_yaml
 from advercity.dataset.manifest import Identity, Manifest
-from advercity.dataset.opv2v import FRAME_ENCODERS
+from advercity.dataset.opv2v import select_encoder
 from advercity.dataset.partial_files import (
     FileRecord,
     append_to_journal,
@@ -95,18 +95,18 @@ class FrameWriter:
     Args:
         scenario: Folder of the scenario.
         spec: The spec.
-        format: Name of the layout.
+        identity: What decides the bytes.
         length: Number of frames of the whole scenario.
         process: Number of this process among those that write frames of the scenario.
     """
 
     def __init__(
-        self, scenario: Path, spec: Spec, format: str, *, length: int, process: int = 0
+        self, scenario: Path, spec: Spec, identity: Identity, *, length: int, process: int = 0
     ) -> None:
         self.scenario = scenario
-        self._names = FrameFileNames(spec, format, length)
+        self._names = FrameFileNames(spec, identity.format, length)
         self._spec, self._process = spec, process
-        self._encode = FRAME_ENCODERS[format]
+        self._encode = select_encoder(identity.format, identity.clouds)
         self._lanes = build_road(spec.road).lanes
         self._staging = find_staging_folder(scenario)
         self._size_bytes = 0
@@ -173,7 +173,7 @@ class ScenarioWriter(FrameWriter):
     def __init__(
         self, root: Path, spec: Spec, identity: Identity, *, length: int, fresh: bool = False
     ) -> None:
-        super().__init__(root / spec.id, spec, identity.format, length=length)
+        super().__init__(root / spec.id, spec, identity, length=length)
         self._identity = identity
         self._length = length
         self._fresh = fresh

@@ -1,16 +1,33 @@
-"""Corners and edges of boxes."""
+"""Boxes around bodies: corners and edges."""
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 
-def compute_box_corners(size: tuple[float, float, float]) -> NDArray[np.float64]:
-    """Compute the corners (8, 3) of an actor's box in its body frame (origin on the ground).
+@dataclass(frozen=True)
+class Box:
+    """A box in the frame of its body, whose origin is on the ground.
 
-    Bits 2, 1 and 0 of a corner's row say whether it is at the front, at the left and on top.
+    Attributes:
+        size: Full length, width and height in metres.
+        centre: Its middle.
     """
-    unit = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (0.0, 1.0)])
-    return unit * size
+
+    size: tuple[float, float, float]
+    centre: tuple[float, float, float]
+
+    @staticmethod
+    def on_ground(size: tuple[float, float, float]) -> "Box":
+        """Build the box whose base is centred on the origin."""
+        return Box(size, (0.0, 0.0, size[2] / 2))
+
+    @property
+    def corners(self) -> NDArray[np.float64]:
+        """Corners (8, 3); bits 2, 1 and 0 of a row: whether it is in front, left and on top."""
+        unit = [(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]
+        return np.array(unit) * self.size + self.centre
 
 
 BOX_EDGES = np.array(

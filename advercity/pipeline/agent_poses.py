@@ -16,6 +16,8 @@ from advercity.geometry.arrays import Float64Array
 from advercity.geometry.geodesy import Geodetic, enu_from_geodetic
 from advercity.geometry.poses import Matrix
 from advercity.randomness import create_generator, sample_gauss_markov
+from advercity.roads.road_network import build_road
+from advercity.scene.parking import place_parked_cars
 from advercity.sensors.gnss import measure_gnss
 from advercity.sensors.imu import measure_imu
 from advercity.sensors.measurements import GnssFix, ImuSample, PointCloud
@@ -31,14 +33,16 @@ class AgentPoses:
         self._trace = trace
         self._roles = find_conflict_roles(spec)
         self._traced = lru_cache(maxsize=4)(trace.build_frame)
+        self._parked = place_parked_cars(build_road(spec.road), spec.blueprints, spec.conflicts)
         road = spec.road
         self._origin = Geodetic(road.origin_lat_deg, road.origin_lon_deg, road.origin_alt_m)
 
     def load_frame(self, index: int) -> Frame:
-        """Load recorded frame `index`, with lamps and umbrellas as the weather demands."""
+        """Load recorded frame `index` with parked cars; lamps and umbrellas follow the weather."""
         weather, seed = self.spec.weather, self.spec.seeds.traffic
         shown = raise_umbrellas(self._traced(index), weather.rain.rate_mm_h, seed=seed)
-        return apply_lamp_state(shown, weather.lamps)
+        lit = apply_lamp_state(shown, weather.lamps)
+        return replace(lit, states=(*lit.states, *self._parked))
 
     def build_sensor_frame(
         self,
@@ -48,6 +52,7 @@ class AgentPoses:
         images: tuple[CameraImage, ...],
         point_cloud: PointCloud,
         lidar_hits: dict[int, int],
+        min_points: int = 0,
     ) -> SensorFrame:
         """Add pose, GNSS, IMU and planned path of an agent to what its cameras and LiDAR saw.
 
@@ -57,6 +62,7 @@ class AgentPoses:
             images: One per camera, in the order of the mounts.
             point_cloud: Of its LiDAR.
             lidar_hits: Beams that hit each actor, by actor id.
+            min_points: Points that an actor must return to be annotated.
         """
         world_from_agent = self.world_from_agent(agent, frame.index)
         gnss = self._measure_gnss(agent, world_from_agent, frame)
@@ -72,6 +78,7 @@ class AgentPoses:
             camera_images=images,
             point_cloud=point_cloud,
             lidar_hits=lidar_hits,
+            min_points=min_points,
             gnss=None if is_unit else gnss,
             imu=self._measure_imu(agent, frame.index),
             planned_trajectory=() if is_unit else self._load_planned_path(agent, frame.index),

@@ -28,8 +28,8 @@ def compute_road_key(spec: Spec) -> str:
 
 
 def compute_world_key(spec: Spec) -> str:
-    """Compute the key of a world: code, road, bodies, and conflicts, whose paths stay clear."""
-    data = spec.model_dump(mode="json", include={"road", "blueprints", "assets", "conflicts"})
+    """Compute the key of a world: code, road and bodies."""
+    data = spec.model_dump(mode="json", include={"road", "blueprints", "assets"})
     return compute_json_digest({"code": _compute_code_digest(), **data})
 
 

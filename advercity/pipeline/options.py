@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from advercity.dataset.cloud_files import CloudEncoding, parse_cloud_encoding
 from advercity.dataset.formats import find_format
 from advercity.errors import InputError
 
@@ -59,6 +60,9 @@ class RunOptions:
         format: Dataset layout, `opv2v` or `adver_city`.
         allow_missing_models: Generate bodies in place of models that are not installed.
         allow_edited: Run specs that were edited after they were compiled.
+        min_points: LiDAR points that an actor must return to an agent to be annotated by it.
+        clouds: Encoding of point clouds, `binary` or `binary_compressed`; the original's layout
+            has text in any case.
     """
 
     output: Path
@@ -71,12 +75,17 @@ class RunOptions:
     format: str = "opv2v"
     allow_missing_models: bool = False
     allow_edited: bool = False
+    min_points: int = 0
+    clouds: CloudEncoding = "binary_compressed"
 
     def __post_init__(self) -> None:
         """Raise InputError for values that no backend takes; the backend checks the rest."""
         if self.profile not in PROFILE_NAMES:
             raise InputError(f"`profile` {self.profile}: no such profile; auto, preview or full")
         find_format(self.format)
+        parse_cloud_encoding(self.clouds)
+        if self.min_points < 0:
+            raise InputError(f"`min_points` {self.min_points}: is below 0")
         if self.scale is not None and not MIN_SCALE <= self.scale <= MAX_SCALE:
             raise InputError(f"`scale` {self.scale:g}: is outside {MIN_SCALE:g} to {MAX_SCALE:g}")
         first, last, step = self.frames.start or 0, self.frames.stop, self.frames.step

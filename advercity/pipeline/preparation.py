@@ -13,6 +13,7 @@ from advercity_dsl import Spec
 from advercity.assets.model_store import open_model_store
 from advercity.compiler.assembly import is_edited
 from advercity.conflicts.report import evaluate_outcomes
+from advercity.dataset.cloud_files import CloudEncoding
 from advercity.dataset.manifest import Identity, RendererIdentity
 from advercity.digests import compute_source_digest
 from advercity.errors import BackendError, InputError, RunError
@@ -115,6 +116,8 @@ class PreparedScenario:
         format: Dataset layout.
         missing_models: Blueprints that have generated bodies in place of the spec's models.
         edited: Whether the spec was edited after it was compiled.
+        min_points: Points that an actor must return to be annotated.
+        clouds: Encoding of point clouds.
     """
 
     spec: Spec
@@ -125,6 +128,8 @@ class PreparedScenario:
     format: str = "opv2v"
     missing_models: tuple[str, ...] = ()
     edited: bool = False
+    min_points: int = 0
+    clouds: CloudEncoding = "binary_compressed"
 
     @property
     def frame_count(self) -> int:
@@ -146,6 +151,8 @@ class PreparedScenario:
             format=self.format,
             missing_models=self.missing_models,
             edited=self.edited,
+            min_points=self.min_points,
+            clouds=self.clouds,
         )
 
     def load_world(self) -> World:
@@ -191,9 +198,11 @@ def prepare_scenario(
         backend,
         profile,
         frames,
-        options.format,
-        missing_models,
+        missing_models=missing_models,
         edited=is_edited(spec),
+        format=options.format,
+        min_points=options.min_points,
+        clouds=options.clouds,
     )
 
 

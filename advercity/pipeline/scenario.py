@@ -143,7 +143,7 @@ def join_scenario(
                 f"{scenario}: its workers differ ({'; '.join(differences)}); use `jobs` 1"
             )
         writer = FrameWriter(
-            scenario, spec, options.format, length=begun.length, process=worker_index
+            scenario, spec, prepared.identity, length=begun.length, process=worker_index
         )
 
         def report_count(count: int, phase: str = "frames") -> None:
@@ -276,6 +276,8 @@ def _repair_scenario(
         format=manifest.identity.format,
         missing_models=manifest.identity.missing_models,
         edited=manifest.identity.edited,
+        min_points=manifest.identity.min_points,
+        clouds=manifest.identity.clouds,
     )
     differences = manifest.identity.list_differences(prepared.identity)
     if differences:

@@ -6,6 +6,7 @@ from contextlib import contextmanager
 
 from advercity_dsl import Agent, RoadsideUnit
 
+from advercity.assets.body_pose import build_pose_box_fitter
 from advercity.dataset.image_codec import quantise_depth
 from advercity.frames import Frame
 from advercity.geometry.arrays import Uint8Array
@@ -60,6 +61,7 @@ class SensorRig:
         )
         self._light_sources: tuple[LightSource, ...] = ()
         self._hull_points = build_hull_point_lookup(world.bodies)
+        self._fit_boxes, self._min_points = build_pose_box_fitter(world.bodies), prepared.min_points
 
     def capture_frame(self, index: int) -> tuple[SensorFrame, ...]:
         """Capture what every agent senses in recorded frame `index`, in the spec's order."""
@@ -82,7 +84,7 @@ class SensorRig:
 
     def _place_frame(self, index: int) -> Frame:
         """Place the actors of recorded frame `index` in the renderer."""
-        frame = self._poses.load_frame(index)
+        frame = self._fit_boxes(self._poses.load_frame(index))
         self._renderer.place(frame)
         is_night = self._camera_conditions.atmosphere.night
         self._light_sources = tuple(list_light_sources(self._world, frame)) if is_night else ()
@@ -102,6 +104,7 @@ class SensorRig:
                 lidar, scan, self._lidar_conditions, rng, states=frame.states
             ),
             lidar_hits=count_lidar_hits(scan, lidar),
+            min_points=self._min_points,
         )
 
     def _cast_scan(self, agent: Agent, frame: Frame) -> ScanHits:

@@ -7,7 +7,6 @@ from advercity_dsl import Spec
 from advercity.assets.bodies import build_body
 from advercity.assets.model_store import ModelStore
 from advercity.roads.road_network import build_road
-from advercity.scene.parking import build_parked_cars
 from advercity.scene.street_furniture import build_street_furniture
 from advercity.scene.surroundings import build_surroundings
 from advercity.scene.terrain import GroundModel, build_ground, build_skirt, find_plateaus
@@ -21,7 +20,7 @@ def build_world(spec: Spec, network: Path, model_store: ModelStore | None = None
     another shape of the same size.
 
     Args:
-        spec: Road, blueprints and staged conflicts, whose paths parked cars leave free.
+        spec: Road and blueprints.
         network: SUMO network of the road.
         model_store: Installed models; without it all bodies are procedural.
     """
@@ -41,7 +40,6 @@ def build_world(spec: Spec, network: Path, model_store: ModelStore | None = None
             build_ground(ground, road.paved_area),
             *surroundings,
             *furniture,
-            *build_parked_cars(road, spec.blueprints, bodies, spec.conflicts),
         ),
         bodies=bodies,
         lanes=road.lanes,

@@ -1,23 +1,21 @@
-"""Builds parked cars in the parking strips of streets."""
+"""Places parked cars in the parking strips of streets."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from itertools import count
 
 import numpy as np
 import shapely
-from advercity_dsl import ActorClass, Blueprint, StagedConflict
-from advercity_dsl.catalogue import PaintColour
+from advercity_dsl import Blueprint, StagedConflict
 from advercity_dsl.road import StripKind, SurroundingKind
 
+from advercity.frames import Actor, ActorState, Lamp
 from advercity.geometry import poses
-from advercity.geometry.mesh import Mesh, MeshPart, TriangleSurface, build_meshes
-from advercity.materials import ACTOR_PAINT
+from advercity.geometry.boxes import BOX_BASE
 from advercity.randomness import create_generator
 from advercity.roads.road_network import RoadNetwork
 from advercity.roads.streets import StripLayout
 from advercity.scene.site import StreetSide, resolve_street_sides
 from advercity.traffic.paints import draw_paint
-from advercity.world import Body
 
 PARKING_SPACE_M = 6.4
 """Length of a parking space along a street."""
@@ -31,27 +29,22 @@ PATH_CLEARANCE_M = 0.4
 _CLASSES = ("car", "van")
 
 
-@dataclass(frozen=True)
-class _ParkableCar:
-    actor_class: ActorClass
-    body: Body
-    paints: Mapping[PaintColour, float]
+FIRST_PARKED_CAR = 1_000_001
+"""Id of the car in the first parking space; ids of traffic are lower."""
 
 
-def build_parked_cars(
+def place_parked_cars(
     network: RoadNetwork,
     blueprints: Mapping[str, Blueprint],
-    bodies: Mapping[str, Body],
     conflicts: Sequence[StagedConflict] = (),
-) -> list[Mesh]:
-    """Build the cars that are parked on a road; they are static, like buildings.
+) -> tuple[ActorState, ...]:
+    """Place the cars that are parked on a road, at rest and with all lamps off.
 
     Spaces on the path of a staged actor stay empty; all other cars are the same as without it.
 
     Args:
         network: The road, whose declaration places the cars.
         blueprints: Blueprints by id; only cars and vans park.
-        bodies: Their bodies by id.
         conflicts: Staged conflicts with the paths of their actors.
     """
     paths = shapely.union_all(
@@ -65,42 +58,44 @@ def build_parked_cars(
             if actor.path_m
         ]
     )
-    cars = [
-        _ParkableCar(item.actor_class, bodies[name], item.paints)
-        for name, item in blueprints.items()
-        if item.actor_class in _CLASSES
-    ]
-    pieces: list[MeshPart] = []
-    for number, item in enumerate(network.declaration.surroundings):
-        if item.kind is SurroundingKind.PARKED_CARS and item.beside and cars:
-            for side in resolve_street_sides(item.beside, network.streets):
-                key = f"{network.declaration.id}/{number}/{item.seed}/{side.sign}"
-                pieces += _park_row(side, item.spacing_m or PARKING_SPACE_M, cars, paths, key)
-    return build_meshes(pieces, "parked_")
+    cars = [(name, item) for name, item in blueprints.items() if item.actor_class in _CLASSES]
+    ids = count(FIRST_PARKED_CAR)
+    placed = (
+        state
+        for number, item in enumerate(network.declaration.surroundings)
+        if item.kind is SurroundingKind.PARKED_CARS and item.beside and cars
+        for side in resolve_street_sides(item.beside, network.streets)
+        for state in _park_row(
+            side,
+            item.spacing_m or PARKING_SPACE_M,
+            cars,
+            ids,
+            f"{network.declaration.id}/{number}/{item.seed}/{side.sign}",
+        )
+    )
+    return tuple(state for state in placed if not shapely.intersects(paths, _footprint(state)))
 
 
 def _park_row(
     side: StreetSide,
     place_m: float,
-    cars: Sequence[_ParkableCar],
-    paths: shapely.Geometry,
+    cars: Sequence[tuple[str, Blueprint]],
+    ids: Iterator[int],
     key: str,
-) -> Iterator[MeshPart]:
+) -> Iterator[ActorState]:
+    """Park cars along a side of a street; every space takes an id, whether it is empty or not."""
     band = next(band for band in side.strips if band.kind is StripKind.PARKING)
-    # All draws of a space come before it is tested, so that a path empties only its own spaces.
     draw = create_generator("parked cars", key)
     place = band.bay_width_m or place_m
     for index in range(int(side.length_m / place)):
-        car, taken = cars[int(draw.integers(len(cars)))], draw.random() < OCCUPANCY
-        slip, turned = draw.uniform(-1, 1), bool(draw.random() < 0.4)
+        (name, blueprint), taken = cars[int(draw.integers(len(cars)))], draw.random() < OCCUPANCY
+        slip, turned, number = draw.uniform(-1, 1), bool(draw.random() < 0.4), next(ids)
         if taken:
-            paint = draw_paint(car.actor_class, key, index, paints=car.paints)
+            paint = draw_paint(blueprint.actor_class, key, index, paints=blueprint.paints)
+            actor = Actor.from_blueprint(number, name, blueprint, paint)
             middle = side.start_m + (index + 0.5) * place
-            pose = _compute_parking_pose(
-                side, band, middle, place, car.body.size, slip, turned=turned
-            )
-            if not shapely.intersects(paths, _compute_footprint(pose, car.body.size)):
-                yield from (_place_mesh(part, pose, paint) for part in car.body.parts)
+            pose = _compute_parking_pose(side, band, middle, place, actor.size, slip, turned=turned)
+            yield ActorState(actor, pose, 0.0, 0.0, Lamp(0), is_parked=True)
 
 
 def _compute_parking_pose(
@@ -144,16 +139,6 @@ def _compute_parking_pose(
     )
 
 
-def _compute_footprint(pose: poses.Matrix, size: tuple[float, float, float]) -> shapely.Polygon:
-    corners = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]) / 2 * size
-    return shapely.Polygon(poses.transform_points(pose, corners)[:, :2])
-
-
-def _place_mesh(part: Mesh, pose: poses.Matrix, paint: str) -> MeshPart:
-    normals = None if part.normals is None else part.normals @ pose[:3, :3].T
-    surface = TriangleSurface(
-        poses.transform_points(pose, part.vertices), part.triangles.astype(np.int64), normals
-    )
-    return MeshPart(
-        surface, paint if part.material == ACTOR_PAINT else part.material, part.semantic
-    )
+def _footprint(state: ActorState) -> shapely.Polygon:
+    corners = state.box.corners[BOX_BASE]
+    return shapely.Polygon(poses.transform_points(state.world_from_body, corners)[:, :2])

@@ -17,22 +17,29 @@ from numpy.typing import NDArray
 from advercity.assets.body_pose import BodyShape, compute_body_pose
 from advercity.frames import ActorState, Frame
 from advercity.geometry import poses
-from advercity.geometry.boxes import BOX_EDGES, compute_box_corners
+from advercity.geometry.boxes import BOX_EDGES
 from advercity.geometry.directions import spread_directions
 from advercity.geometry.poses import Matrix
 from advercity.sensors.lidar.scan import ScanHits
+from advercity.sensors.measurements import PointKind
 from advercity.sensors.sensor_frame import PixelBox, ProjectedBox, SensorFrame
 from advercity.world import Body
 
 
 def count_lidar_hits(scan: ScanHits, lidar: Lidar) -> dict[int, int]:
-    """Count the beams whose first hit is on each actor, by its id.
+    """Count the beams that reach each actor, in the open or through window panes, by its id.
 
-    Adver-City annotates the actors with at least one.
+    Adver-City annotates the actors with at least one; its windows are opaque.
     """
+    rays = [np.arange(len(scan.hits.range_m)), *(item.ray for item in scan.behind_glass)]
+    hits = [scan.hits, *(item.hits for item in scan.behind_glass)]
+    ray, actor = np.concatenate(rays), np.concatenate([item.instance for item in hits])
+    in_range = np.isfinite(np.concatenate([item.range_m for item in hits]))
     # The first sub-ray of a beam is its axis, so a finer LiDAR gives the same annotations.
-    instance = scan.hits.instance[:: lidar.sub_rays]
-    actors, counts = np.unique(instance[instance > 0], return_counts=True)
+    counted = (actor > 0) & in_range & (ray % lidar.sub_rays == 0)
+    # A beam that passes a window of a car may hit its other side: it counts once.
+    pairs = np.unique(actor[counted].astype(np.int64) * len(rays[0]) + ray[counted])
+    actors, counts = np.unique(pairs // len(rays[0]), return_counts=True)
     return dict(zip(actors.tolist(), counts.tolist(), strict=True))
 
 
@@ -92,7 +99,7 @@ def project_boxes(
         if state.actor.id in hide:
             continue
         camera_from_body = camera_from_world @ state.world_from_body
-        corners = poses.transform_points(camera_from_body, compute_box_corners(state.actor.size))
+        corners = poses.transform_points(camera_from_body, state.box.corners)
         if corners[:, 0].max() <= NEAR_PLANE_M:
             continue
         points = poses.transform_points(camera_from_body, find_hull_points(state))
@@ -183,6 +190,10 @@ class Annotation:
             and roll; 0 ahead, positive to the left, in (-pi, pi].
         relative_yaw_rad: Heading relative to the agent's, in (-pi, pi].
         lidar_hits: Number of beams of the noise-free LiDAR that hit it.
+        lidar_points: Number of points that it returned to the agent's LiDAR in this weather,
+            without its mirror images in puddles.
+        lidar_ghosts: Number of points of its mirror images.
+        visible_fraction: Largest fraction of its outline that one of the agent's cameras shows.
     """
 
     state: ActorState
@@ -192,27 +203,35 @@ class Annotation:
     bearing_rad: float
     relative_yaw_rad: float
     lidar_hits: int
+    lidar_points: int
+    lidar_ghosts: int
+    visible_fraction: float
 
 
 def annotate_actors(sensor_frame: SensorFrame) -> tuple[Annotation, ...]:
     """Annotate the other actors within LiDAR range that the noise-free LiDAR hits.
 
-    Weather and noise have no influence, so the annotations of a scenario are the same under every
-    weather. Distances are from the agent's true pose, not from the estimated one.
+    With `min_points` 0 only umbrellas make a difference between weathers: they take and hide beams.
+    Distances are from the agent's true pose, not from the estimated one.
     """
     own, hits = sensor_frame.agent.number, sensor_frame.lidar_hits
+    cloud = sensor_frame.point_cloud
+    ghosts = _count_points(cloud.instance[cloud.kind == PointKind.GHOST])
+    points = _count_points(cloud.instance[cloud.kind == PointKind.SURFACE])
     states = [
         state
         for state in sensor_frame.frame.states
-        if state.actor.id != own and hits.get(state.actor.id, 0) > 0
+        if state.actor.id != own
+        and hits.get(state.actor.id, 0) > 0
+        and points.get(state.actor.id, 0) >= sensor_frame.min_points
     ]
     if not states:
         return ()
     world_from_object = np.stack([state.world_from_body for state in states])
-    heights = np.array([state.actor.size[2] for state in states])
     on_foot = np.array([state.actor.actor_class == "pedestrian" for state in states])
     grounds = world_from_object[:, :3, 3]
-    centres = grounds + world_from_object[:, :3, 2] * (heights[:, None] / 2)
+    offsets_body = np.array([state.box.centre for state in states])
+    centres = grounds + np.einsum("nij,nj->ni", world_from_object[:, :3, :3], offsets_body)
     locations = np.where(on_foot[:, None], centres, grounds)
     # One pass of arrays over all actors: a frame may have several hundred, five times over.
     offsets = locations - sensor_frame.world_from_agent[:3, 3]
@@ -226,17 +245,25 @@ def annotate_actors(sensor_frame: SensorFrame) -> tuple[Annotation, ...]:
         _wrap_angles(np.arctan2(offsets[:, 1], offsets[:, 0]) - agent_yaw).tolist(),
         _wrap_angles(yaws - agent_yaw).tolist(),
         (hits[state.actor.id] for state in states),
+        (points.get(state.actor.id, 0) for state in states),
+        (ghosts.get(state.actor.id, 0) for state in states),
+        (_find_visible_fraction(sensor_frame, state.actor.id) for state in states),
         strict=True,
     )
     range_m = sensor_frame.agent.sensors.lidar.range_m
     return tuple(Annotation(*row) for row in rows if row[3] < range_m)
 
 
+def _count_points(instance: NDArray[np.int32]) -> dict[int, int]:
+    actors, counts = np.unique(instance, return_counts=True)
+    return dict(zip(actors.tolist(), counts.tolist(), strict=True))
+
+
+def _find_visible_fraction(sensor_frame: SensorFrame, actor_id: int) -> float:
+    boxes = (image.projected_boxes.get(actor_id) for image in sensor_frame.camera_images)
+    return max((box.visible_fraction for box in boxes if box), default=0.0)
+
+
 def _wrap_angles(angles_rad: NDArray[np.float64]) -> NDArray[np.float64]:
     """Wrap angles (n,) to (-pi, pi]."""
     return np.pi - (np.pi - angles_rad) % (2 * np.pi)
-
-
-def compute_box_centre(state: ActorState) -> NDArray[np.float64]:
-    """Compute the middle (3,) of an actor's box in the world; the origin is the base's middle."""
-    return poses.transform_points(state.world_from_body, (0.0, 0.0, state.actor.size[2] / 2))

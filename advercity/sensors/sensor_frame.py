@@ -77,6 +77,7 @@ class SensorFrame:
         camera_images: Images in the order of the rig's mounts.
         point_cloud: Points in the LiDAR's frame.
         lidar_hits: Number of beams of the noise-free LiDAR that hit an actor, by actor id.
+        min_points: Number of points that an actor must return to be annotated.
         gnss: Fix of the receiver; None without a receiver or a fix.
         imu: Sample of the inertial unit; None without one.
         planned_trajectory: Next points of the agent's trajectory: x, y, speed in m/s.
@@ -91,6 +92,7 @@ class SensorFrame:
     camera_images: tuple[CameraImage, ...]
     point_cloud: PointCloud
     lidar_hits: Mapping[int, int]
+    min_points: int = 0
     gnss: GnssFix | None = None
     imu: ImuSample | None = None
     planned_trajectory: tuple[tuple[float, float, float], ...] = ()

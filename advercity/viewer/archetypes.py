@@ -14,7 +14,6 @@ from advercity.geometry.geodesy import Geodetic, geodetic_from_enu
 from advercity.geometry.poses import Matrix
 from advercity.roads.lane_segments import LaneSegment
 from advercity.semantics import ACTOR_COLOURS
-from advercity.sensors.annotation import compute_box_centre
 from advercity.sensors.measurements import PointCloud
 from advercity.sensors.sensor_frame import SensorFrame
 from advercity.viewer.cloud_colours import CloudColour, colour_points
@@ -64,8 +63,8 @@ def to_boxes3d(states: Sequence[ActorState]) -> rr.Boxes3D:
     # Rerun has the real part of a quaternion last.
     quaternions = [np.roll(poses.to_quaternion(state.world_from_body), -1) for state in states]
     return rr.Boxes3D(
-        centers=np.reshape([compute_box_centre(state) for state in states], (-1, 3)),
-        half_sizes=np.reshape([state.actor.size for state in states], (-1, 3)) / 2,
+        centers=np.reshape([state.box_centre for state in states], (-1, 3)),
+        half_sizes=np.reshape([state.box.size for state in states], (-1, 3)) / 2,
         quaternions=[rr.Quaternion(xyzw=quaternion) for quaternion in quaternions],
         class_ids=[CLASS_IDS[state.actor.actor_class] for state in states],
         labels=[f"{state.actor.actor_class} {state.actor.id}" for state in states],

@@ -58,10 +58,10 @@ def test_damaged_annotations_are_reported(scenario: Path, good: str, bad: str) -
         read_all(advercity.open_dataset(scenario)[0]["cav1"])
 
 
-@pytest.mark.parametrize("text", ["[]", "{}", '{"objects": 3}', '{"objects": {"1": {}}}'])
+@pytest.mark.parametrize("text", ["vehicles: 3\nwalkers: {}", "{vehicles: {1: {}}, walkers: {}}"])
 def test_statistics_name_a_damaged_file(scenario: Path, text: str) -> None:
-    (scenario / "+101" / "000060_objects.json").write_text(text)
-    with pytest.raises(InputError, match=r"000060_objects\.json: is damaged"):
+    (scenario / "+101" / "000060.yaml").write_text(text)
+    with pytest.raises(InputError, match=r"000060\.yaml: is damaged"):
         collect_scenario_facts(scenario)
 
 
@@ -81,6 +81,6 @@ def test_a_truncated_manifest_and_one_of_another_version_have_their_own_errors(
         InputError, match=r"manifest\.json:\d+:\d+: not valid JSON: .*; it alone tells"
     ):
         advercity.open_dataset(scenario)
-    path.write_text(text.replace('"manifest_version": 3', '"manifest_version": 2'))
+    path.write_text(text.replace('"manifest_version": 4', '"manifest_version": 2'))
     with pytest.raises(RunError, match="not a manifest of this version: manifest_version: "):
         advercity.open_dataset(scenario)

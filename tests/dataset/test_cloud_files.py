@@ -1,3 +1,5 @@
+import struct
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -5,15 +7,17 @@ import pytest
 
 from advercity.dataset import cloud_files
 from advercity.errors import InputError
+from advercity.sensors.measurements import PointCloud
 from tests.builders import SensorFramesOf
 
 
+@pytest.mark.parametrize("encoding", cloud_files.CLOUD_ENCODINGS)
 def test_the_table_has_every_field_of_a_point(
-    sensor_frames_of: SensorFramesOf, tmp_path: Path
+    sensor_frames_of: SensorFramesOf, tmp_path: Path, encoding: cloud_files.CloudEncoding
 ) -> None:
     cloud = sensor_frames_of(0)[0].point_cloud
     path = tmp_path / "points.pcd"
-    path.write_bytes(cloud_files.encode_pcd(cloud, raw=True))
+    path.write_bytes(cloud_files.encode_pcd(cloud, raw=True, encoding=encoding))
     table = cloud_files.read_pcd(path)
     for name, column in {
         "intensity": cloud.intensity,
@@ -33,7 +37,7 @@ def test_the_table_has_every_field_of_a_point(
 
 def test_a_scan_without_motion_takes_36_bytes_a_point(sensor_frames_of: SensorFramesOf) -> None:
     cloud = sensor_frames_of(0)[0].point_cloud
-    header, _, body = cloud_files.encode_pcd(cloud).partition(b"DATA binary\n")
+    header, _, body = cloud_files.encode_pcd(cloud, encoding="binary").partition(b"DATA binary\n")
     assert len(body) == 36 * len(cloud.points)
     assert b"raw" not in header
 
@@ -51,3 +55,85 @@ def test_another_file_is_refused_as_a_cloud(tmp_path: Path, content: bytes) -> N
     path.write_bytes(content)
     with pytest.raises(InputError, match="not a binary point cloud"):
         cloud_files.read_pcd(path)
+
+
+@pytest.fixture
+def lidar_like() -> PointCloud:
+    """A level sweep of 32 channels at one range, whose fields repeat as those of a scan do."""
+    azimuth = np.repeat(np.linspace(0.0, 6.0, 500), 32).astype(np.float32)
+    flat = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros_like(azimuth)], axis=1) * 20.0
+    count = len(azimuth)
+    return PointCloud(
+        points=flat,
+        raw=flat,
+        intensity=np.full(count, 0.5, np.float32),
+        ring=np.tile(np.arange(32, dtype=np.uint16), 500),
+        time_s=np.zeros(count, np.float32),
+        range_m=np.full(count, 20.0, np.float32),
+        semantic=np.ones(count, np.uint8),
+        instance=np.zeros(count, np.int32),
+        kind=np.zeros(count, np.uint8),
+    )
+
+
+def test_open3d_reads_a_compressed_cloud(lidar_like: PointCloud, tmp_path: Path) -> None:
+    open3d = pytest.importorskip("open3d", reason="install the extra bench for Open3D")
+    path = tmp_path / "points.pcd"
+    path.write_bytes(cloud_files.encode_pcd(lidar_like, encoding="binary_compressed"))
+    found = open3d.io.read_point_cloud(str(path))
+    np.testing.assert_array_equal(np.asarray(found.points), lidar_like.points * (1, -1, 1))
+    np.testing.assert_allclose(np.asarray(found.colors)[:, 0], 128 / 255)
+
+
+def test_compressed_data_are_blocks_of_fields(lidar_like: PointCloud) -> None:
+    """PCD's `binary_compressed`: two sizes, then the LZF data of all x, all y, and so on."""
+    header, _, body = cloud_files.encode_pcd(lidar_like).partition(b"DATA binary_compressed\n")
+    assert b"FIELDS x y z rgb" in header
+    packed, unpacked = struct.unpack_from("<II", body)
+    assert (packed, unpacked) == (len(body) - 8, 36 * len(lidar_like.points))
+    assert packed < unpacked / 3
+    fields = decompress_lzf(body[8:])
+    columns = np.frombuffer(fields, "<f4", 3 * len(lidar_like.points)).reshape(3, -1)
+    np.testing.assert_array_equal(columns.T, lidar_like.points * (1, -1, 1))
+    assert len(fields) == unpacked
+
+
+def decompress_lzf(data: bytes) -> bytes:
+    """Decompress as LibLZF documents its format: runs of literals, and references backwards."""
+    out, at = bytearray(), 0
+    while at < len(data):
+        control, at = data[at], at + 1
+        if control < 32:
+            out += data[at : at + control + 1]
+            at += control + 1
+            continue
+        length = control >> 5
+        if length == 7:
+            length, at = length + data[at], at + 1
+        back, at = ((control & 31) << 8 | data[at]) + 1, at + 1
+        for _ in range(length + 2):
+            out.append(out[-back])
+    return bytes(out)
+
+
+@pytest.mark.parametrize("encoding", cloud_files.CLOUD_ENCODINGS)
+def test_a_cloud_without_points_is_read(
+    lidar_like: PointCloud, tmp_path: Path, encoding: cloud_files.CloudEncoding
+) -> None:
+    none = PointCloud(*(getattr(lidar_like, item.name)[:0] for item in fields(PointCloud)))
+    path = tmp_path / "points.pcd"
+    path.write_bytes(cloud_files.encode_pcd(none, encoding=encoding))
+    assert len(cloud_files.read_pcd(path)) == 0
+
+
+def test_a_compressed_cloud_that_is_damaged_or_cut_off_is_refused(
+    lidar_like: PointCloud, tmp_path: Path
+) -> None:
+    path, whole = tmp_path / "points.pcd", cloud_files.encode_pcd(lidar_like)
+    head = whole.index(b"compressed\n") + len("compressed\n")
+    sizes = struct.pack("<II", 100, 2**32 - 36)
+    bomb = whole[:head].replace(b"POINTS 16000", b"POINTS 119304646") + sizes + bytes(100)
+    for content in (whole[:-1], whole[: head + 4], whole[: head + 8] + b"\xff" * 100, bomb):
+        path.write_bytes(content)
+        with pytest.raises(InputError, match="not a binary point cloud"):
+            cloud_files.read_pcd(path)

@@ -1,5 +1,6 @@
 """A small dataset, read back by the rules of OpenCOOD, HEAL and CoBEVT as they are published."""
 
+import json
 import math
 import struct
 from dataclasses import dataclass, replace
@@ -169,15 +170,22 @@ def test_object_fields_have_the_units_of_the_format(scenario: Path) -> None:
     assert van["extent"] == [2.95, 1.0, 1.275]
     assert van["speed"] == 18.0
     assert van["dist"] == pytest.approx(13.0)
-    assert van["bearing"] == pytest.approx(math.degrees(math.atan2(-5, 12)))
-    assert van["lidar_hits"] == 40
+    # Bearings are horizontal, and the street climbs by 4 degrees.
+    ahead = 12 * math.cos(math.radians(4))
+    assert van["bearing"] == pytest.approx(math.degrees(math.atan2(-5, ahead)))
+    # The scan has 40 points of the van, 5 of which are ghosts.
+    assert (van["lidar_hits"], van["lidar_points"], van["parked"]) == (40, 35, False)
+    extras = json.loads((scenario / "+101" / "000060_objects.json").read_text())["objects"]["201"]
+    assert (extras["lidar_points"], extras["lidar_ghosts"]) == (35, 5)
+    shown = [camera["visible_fraction"] for camera in extras["cameras"].values()]
+    assert van["visible_fraction"] == max(shown) > 0.5
     assert all(0 <= int(part) <= 255 for part in van["color"].split(", "))
 
 
 def test_a_walker_is_described_like_a_vehicle(scenario: Path) -> None:
     description = load(scenario / "+101" / "000060.yaml")
     walker = description["walkers"][203]
-    assert set(walker) == set(description["vehicles"][201])
+    assert {*walker, "parked"} == {*description["vehicles"][201], "umbrella"}
     assert walker["class"] == "walker"
 
 

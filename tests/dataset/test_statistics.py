@@ -14,7 +14,7 @@ from advercity.dataset.manifest import WeatherTruth
 from advercity.dataset.statistics import StatisticsTable, compute_tables, write_tables
 from advercity.dataset.statistics_plots import draw_table, write_plots
 from advercity.errors import InputError, RunError
-from tests.builders import TWO_ROADS_FRAMES
+from tests.builders import SLOPE_RAD, TWO_ROADS_FRAMES
 
 
 @pytest.fixture(scope="module")
@@ -43,8 +43,8 @@ def test_the_ego_does_not_annotate_itself(facts: list[ScenarioFacts]) -> None:
     assert np.isnan(objects["ego_distance_m"][objects["id"] == 101]).all()
     van = objects[objects["id"] == 201][0]
     assert van["ego_distance_m"] == pytest.approx(13.0)
-    assert van["ego_bearing_rad"] == pytest.approx(np.arctan2(5, 12))
-    assert van["ego_points"] == van["ego_hits"] == 40
+    assert van["ego_bearing_rad"] == pytest.approx(np.arctan2(5, 12 * np.cos(SLOPE_RAD)))
+    assert (van["ego_points"], van["ego_hits"]) == (35, 40)
 
 
 def test_roads_are_summarised(facts: list[ScenarioFacts]) -> None:
@@ -66,7 +66,7 @@ def test_frames_are_counted_by_weather_and_time_of_day(facts: list[ScenarioFacts
     assert named(found, "visibility_by_weather")["mor_m"][0] == pytest.approx(75, rel=0.01)
 
 
-def seen_at(*places: tuple[float, float]) -> ScenarioFacts:
+def seen_at(*places: tuple[float, float], parked: int = 0) -> ScenarioFacts:
     """A frame in which the ego annotates cars at these distances and bearings in degrees."""
     objects = np.zeros(len(places), OBJECT_FACT)
     objects["class"] = "car"
@@ -77,7 +77,24 @@ def seen_at(*places: tuple[float, float]) -> ScenarioFacts:
     weather = WeatherTruth.model_validate(
         dict.fromkeys(WeatherTruth.model_fields, 0.0) | {"id": "fog_day", "time": "day"}
     )
-    return ScenarioFacts("ui", "dense", weather, objects, np.array([len(places)]), np.zeros((1, 3)))
+    cars = np.zeros(parked, OBJECT_FACT)
+    cars["class"], cars["id"] = "car", np.arange(parked) + 1_000_001
+    numbers, speeds = np.array([len(places)]), np.zeros((1, 3))
+    return ScenarioFacts("ui", "dense", weather, objects, cars, numbers, speeds)
+
+
+def test_parked_cars_are_counted_apart() -> None:
+    moving, with_parked = (
+        compute_tables([seen_at((30.0, 0.0), (50.0, 0.0), parked=count)]) for count in (0, 3)
+    )
+    assert named(with_parked, "stats")["parked_cars"] == [3, 3]
+    classes = named(with_parked, "class_histogram")
+    assert classes == {"class": ["parked car", "car"], "annotations": [3, 2]}
+    for ours, theirs in zip(with_parked, moving, strict=True):
+        if ours.name not in ("stats", "class_histogram"):
+            assert str(ours.rows) == str(theirs.rows)
+    counts = named(with_parked, "stats")
+    assert (counts["vehicles"], counts["annotations"]) == ([2, 2], [2, 2])
 
 
 def test_distances_fall_into_bins_of_20_m() -> None:

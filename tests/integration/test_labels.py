@@ -137,7 +137,7 @@ FAR_M = 4000.0
 @pytest.fixture(scope="module")
 def readings(specs: dict[str, Spec]) -> tuple[SensorFrame, ...]:
     """Sensor frames of connected vehicles far from each other, one near a roadside unit."""
-    spec = specs["ui_clear_day_sparse"]
+    spec = without_surroundings(specs["ui_clear_day_sparse"])
     backend = pytest.importorskip("advercity_sapien.backend").SapienBackend()
     air = compute_atmosphere(spec.weather, spec.road.land_use)
     profile = RenderProfile("own", 0.1, "raster")
@@ -153,6 +153,12 @@ def readings(specs: dict[str, Spec]) -> tuple[SensorFrame, ...]:
     prepared = PreparedScenario(spec, traffic, backend, profile, range(3))
     with backend.open(world, air, profile) as renderer:
         return SensorRig(prepared, air, renderer, world).capture_frame(1)
+
+
+def without_surroundings(spec: Spec) -> Spec:
+    """The same scenario without parked cars, buildings and all else beside its road."""
+    road = spec.road.model_copy(update={"surroundings": ()})
+    return spec.model_copy(update={"road": road})
 
 
 def parked_far_apart(spec: Spec, vehicles: dict[int, str]) -> Trace:

@@ -130,6 +130,7 @@ def agents(specs: dict[str, Spec], tmp_path_factory: pytest.TempPathFactory) -> 
         profile="preview",
         scale=0.2,
         frames=slice(20, 21),
+        clouds="binary",
     )
     return load(run_scenario(spec, options), "000080")
 

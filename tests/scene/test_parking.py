@@ -1,5 +1,6 @@
 """Parked cars: poses, gaps, and spaces that staged actors need."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -8,22 +9,19 @@ import shapely
 from advercity_dsl import Blueprint, Road, Spec
 from advercity_dsl.road import SurroundingKind
 
-from advercity.assets.bodies import build_body
 from advercity.conflicts.metrics import ActorTrack
-from advercity.geometry.mesh import Mesh
-from advercity.materials import MATERIALS
+from advercity.frames import ActorState, Lamp
+from advercity.geometry.poses import transform_points
 from advercity.roads.layout import lay_out_road
 from advercity.roads.road_network import build_road
 from advercity.roads.sumo_network import write_sumo_network
-from advercity.scene.parking import PARKING_SPACE_M, build_parked_cars
-from advercity.semantics import Semantic
+from advercity.scene.parking import PARKING_SPACE_M, place_parked_cars
 from advercity.traffic.simulation import simulate_in_subprocess
 
 BLUEPRINTS = {
     "small": Blueprint(actor_class="car", length_m=3.8, width_m=1.8, height_m=1.5),
     "walker": Blueprint(actor_class="pedestrian", length_m=0.4, width_m=0.4, height_m=1.8),
 }
-BODIES = {name: build_body(name, blueprint) for name, blueprint in BLUEPRINTS.items()}
 
 
 def road(
@@ -71,22 +69,18 @@ def road(
     )
 
 
-def boxes(meshes: list[Mesh], place_m: float) -> dict[int, np.ndarray]:
+def boxes(states: Iterable[ActorState], place_m: float) -> dict[int, np.ndarray]:
     """Corners (2, 3), low and high, of the car in every place that has one."""
-    points = np.concatenate([mesh.vertices for mesh in meshes])
-    places = np.floor((points[:, 0] - 20) / place_m).astype(int)
+    corners = [transform_points(state.world_from_body, state.box.corners) for state in states]
     return {
-        int(place): np.stack([points[places == place].min(0), points[places == place].max(0)])
-        for place in np.unique(places)
+        int((points[:, 0].mean() - 20) // place_m): np.stack([points.min(0), points.max(0)])
+        for points in corners
     }
 
 
 @pytest.mark.parametrize(("side", "low", "high"), [("right", -5.5, -3), ("left", 3, 5.5)])
 def test_cars_are_in_their_strip_with_gaps_between(side: str, low: float, high: float) -> None:
-    meshes = build_parked_cars(build_road(road(side)), BLUEPRINTS, BODIES)
-    found = boxes(meshes, PARKING_SPACE_M)
-    assert {mesh.semantic for mesh in meshes} == {Semantic.VEHICLE}
-    assert {mesh.material for mesh in meshes} <= set(MATERIALS)
+    found = boxes(place_parked_cars(build_road(road(side)), BLUEPRINTS), PARKING_SPACE_M)
     assert 12 < len(found) < 25
     for first, last in found.values():
         np.testing.assert_allclose(last - first, (3.8, 1.8, 1.5), atol=0.01)
@@ -95,9 +89,24 @@ def test_cars_are_in_their_strip_with_gaps_between(side: str, low: float, high: 
         assert first[2] == pytest.approx(0, abs=1e-3)
 
 
+def test_parked_cars_are_at_rest_and_dark() -> None:
+    for state in place_parked_cars(build_road(road()), BLUEPRINTS):
+        assert state.is_parked
+        assert (state.speed_m_s, state.lamps, state.actor.actor_class) == (0.0, Lamp(0), "car")
+
+
+def test_ids_of_parked_cars_are_those_of_their_spaces_and_of_no_traffic(
+    specs: dict[str, Spec],
+) -> None:
+    spec = specs["ui_clear_day_dense"]
+    ids = [car.actor.id for car in place_parked_cars(build_road(spec.road), spec.blueprints)]
+    assert len(set(ids)) == len(ids) > 40
+    assert min(ids) > 1_000_000
+
+
 def test_cars_are_parked_across_bays_one_in_each() -> None:
     place = road(bay_m=2.6, width_m=5)
-    found = boxes(build_parked_cars(build_road(place), BLUEPRINTS, BODIES), 2.6)
+    found = boxes(place_parked_cars(build_road(place), BLUEPRINTS), 2.6)
     assert 30 < len(found) < 55
     for index, (first, last) in found.items():
         np.testing.assert_allclose(last - first, (1.8, 3.8, 1.5), atol=0.01)
@@ -105,11 +114,13 @@ def test_cars_are_parked_across_bays_one_in_each() -> None:
 
 
 def test_cars_lean_with_a_hill() -> None:
-    meshes = build_parked_cars(build_road(road(climb_m=30)), BLUEPRINTS, BODIES)
-    wheels = np.concatenate([mesh.vertices for mesh in meshes]).astype(float)
-    above = (wheels[:, 2] - 0.15 * wheels[:, 0]) / np.hypot(1, 0.15)
-    assert above.min() == pytest.approx(0, abs=0.01)
-    assert above.max() == pytest.approx(1.5, abs=0.01)
+    cars = place_parked_cars(build_road(road(climb_m=30)), BLUEPRINTS)
+    assert cars
+    for car in cars:
+        corners = transform_points(car.world_from_body, car.box.corners)
+        above = (corners[:, 2] - 0.15 * corners[:, 0]) / np.hypot(1, 0.15)
+        assert above.min() == pytest.approx(0, abs=0.01)
+        assert above.max() == pytest.approx(1.5, abs=0.01)
 
 
 def test_a_street_without_a_parking_strip_is_refused() -> None:
@@ -129,10 +140,9 @@ def test_spaces_on_the_path_of_a_staged_actor_stay_empty(
     actor = conflict.actors[0].model_copy(update={"blueprint": "small", "path_m": path})
     staged = conflict.model_copy(update={"actors": (actor,)})
 
-    without = boxes(build_parked_cars(build_road(road()), BLUEPRINTS, BODIES), PARKING_SPACE_M)
-    clear = boxes(
-        build_parked_cars(build_road(road()), BLUEPRINTS, BODIES, [staged]), PARKING_SPACE_M
-    )
+    network = build_road(road())
+    without = boxes(place_parked_cars(network, BLUEPRINTS), PARKING_SPACE_M)
+    clear = boxes(place_parked_cars(network, BLUEPRINTS, [staged]), PARKING_SPACE_M)
 
     swept = shapely.LineString(path).buffer(0.9 + 0.4)
     on_it = {
@@ -175,14 +185,13 @@ def test_no_actor_passes_through_a_parked_car(
     rows = trace.states[~np.isin(numbers[trace.states["actor"]], list(staged))]
     inside = shapely.contains_xy(shapely.buffer(strips, -0.3), rows["x"], rows["y"])
     assert not inside.any()
-    bodies = {key: build_body(key, blueprint) for key, blueprint in spec.blueprints.items()}
-    cars = ground(build_parked_cars(build_road(spec.road), spec.blueprints, bodies, spec.conflicts))
+    cars = ground(place_parked_cars(build_road(spec.road), spec.blueprints, spec.conflicts))
     shapely.prepare(cars)
     for number in staged:
         assert not shapely.intersects(cars, ActorTrack.from_trace(trace, number).boxes).any()
 
 
-def ground(meshes: list[Mesh]) -> shapely.Geometry:
+def ground(states: Iterable[ActorState]) -> shapely.Geometry:
     """Union of the plan views of cars."""
-    triangles = np.concatenate([mesh.vertices[mesh.triangles][..., :2] for mesh in meshes])
-    return shapely.union_all(shapely.buffer(shapely.polygons(triangles.astype(float)), 0.005))
+    corners = [transform_points(state.world_from_body, state.box.corners) for state in states]
+    return shapely.union_all([shapely.MultiPoint(points[:, :2]).convex_hull for points in corners])

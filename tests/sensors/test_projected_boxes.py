@@ -3,7 +3,6 @@ import pytest
 
 from advercity.frames import Actor, ActorState, Frame, Lamp
 from advercity.geometry import poses
-from advercity.geometry.boxes import compute_box_corners
 from advercity.sensors.annotation import project_boxes, select_extreme_points
 from advercity.sensors.sensor_frame import ProjectedBox, compute_pinhole_matrix
 
@@ -27,7 +26,7 @@ def seen(x: float, y: float, *, hidden_px: int = 0) -> ProjectedBox | None:
         poses.pose_matrix((0, 0, 1)),
         MATRIX,
         frame,
-        lambda state: compute_box_corners(state.actor.size),
+        lambda state: state.box.corners,
     )
     return found.get(7)
 

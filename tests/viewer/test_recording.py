@@ -21,7 +21,6 @@ from advercity.frames import STATE_DTYPE, Actor, Trace
 from advercity.geometry.poses import Matrix
 from advercity.roads.lane_segments import LaneSegment
 from advercity.semantics import PALETTE
-from advercity.sensors.annotation import compute_box_centre
 from advercity.sensors.measurements import PointKind
 from advercity.viewer.cloud_colours import KIND_COLOURS, colour_points
 from advercity.viewer.recording import RerunRecording
@@ -114,10 +113,10 @@ def test_points_are_coloured_by_intensity_class_or_kind(sensor_frames_of: Sensor
     cloud = sensor_frames_of(0)[0].point_cloud
     np.testing.assert_array_equal(colour_points(cloud, "class"), PALETTE[cloud.semantic])
     by_kind = colour_points(cloud, "kind")
-    fog = cloud.kind == PointKind.FOG
-    assert fog.any()
-    assert (by_kind[fog] == KIND_COLOURS[PointKind.FOG]).all()
-    assert (by_kind[~fog] == KIND_COLOURS[PointKind.SURFACE]).all()
+    ghosts = cloud.kind == PointKind.GHOST
+    assert ghosts.any()
+    assert (by_kind[ghosts] == KIND_COLOURS[PointKind.GHOST]).all()
+    assert (by_kind[~ghosts] == KIND_COLOURS[PointKind.SURFACE]).all()
     warm, cold = np.argmax(cloud.intensity), np.argmin(cloud.intensity)
     by_intensity = colour_points(cloud, "intensity").astype(int)
     assert (by_intensity[warm] - by_intensity[cold])[0] > (by_intensity[warm] - by_intensity[cold])[
@@ -160,7 +159,7 @@ def test_boxes_enclose_their_actors(recorded: RrdReader, sensor_frames_of: Senso
     halves = logged(recorded, entity, "Boxes3D:half_sizes")[1]
     turns = logged(recorded, entity, "Boxes3D:quaternions")[1]
     for state, centre, half, turn in zip(seen, centres, halves, turns, strict=True):
-        np.testing.assert_allclose(centre, compute_box_centre(state), atol=1e-5)
+        np.testing.assert_allclose(centre, state.box_centre, atol=1e-5)
         np.testing.assert_allclose(half, np.divide(state.actor.size, 2), rtol=1e-6)
         ahead = turned((1.0, 0.0, 0.0), turn)
         np.testing.assert_allclose(ahead, state.world_from_body[:3, 0], atol=1e-6)
