@@ -90,7 +90,7 @@ MATERIALS: dict[str, Material] = {
     "joint": Material((0.17, 0.165, 0.16), 0.25),
     "kerb": Material((0.42, 0.41, 0.39), 0.35, texture=Texture.STONE),
     "gravel": Material((0.28, 0.26, 0.23), 0.30, texture=Texture.STONE),
-    "grass": Material((0.09, 0.16, 0.045), 0.40, texture=Texture.GRASS),
+    "grass": Material((0.095, 0.135, 0.045), 0.40, texture=Texture.GRASS),
     "soil": Material((0.17, 0.11, 0.07), 0.25, texture=Texture.SOIL),
     "crops": Material((0.25, 0.27, 0.07), 0.45, texture=Texture.CROPS),
     "leaves": Material((0.06, 0.13, 0.03), 0.45, texture=Texture.LEAVES),

@@ -66,6 +66,11 @@ class LightProbes:
     open_direction: Float64Array
 
     @property
+    def ground(self) -> Float32Array:
+        """Height (h, w) of the ground in metres."""
+        return self.light[: len(self.light) // len(LEVEL_HEIGHTS_M), :, GROUND_CHANNEL]
+
+    @property
     def extent(self) -> tuple[float, float, float, float]:
         """Corner and inverse size, by which shaders find a point on the grid."""
         width, height = self.size

@@ -20,6 +20,7 @@ from advercity_sapien.atmosphere_parameters import (
     build_sky_texture,
     compute_atmosphere_parameters,
 )
+from advercity_sapien.contact_map import ContactMap
 from advercity_sapien.culling import SunShadow, compute_view_frustum
 from advercity_sapien.fog_beams import compute_fog_beam_rows
 from advercity_sapien.ground_maps import NO_SHELTER, build_shelter_map, build_wear_map
@@ -69,6 +70,7 @@ class SapienRenderer:
         wear = build_wear_map(world.lanes)
         shelter = build_shelter_map(world) if atmosphere.snow_depth_m else NO_SHELTER
         probes = NO_PROBES if self._is_ray_traced else bake_light_probes(world, atmosphere)
+        self._contact = ContactMap(world, probes)
         maps = {
             "Sky": build_sky_texture(atmosphere),
             "Airlight": build_airlight_texture(atmosphere),
@@ -77,6 +79,7 @@ class SapienRenderer:
             "Shelter": shelter.texels,
             "ProbeLight": probes.light,
             "ProbeDirection": probes.direction,
+            "Contact": self._contact.texels,
         }
         # Before the scene: the shaders look for the textures in its first object.
         self._bindings = (
@@ -105,6 +108,8 @@ class SapienRenderer:
         lamps = list_light_sources(self._world, frame) if self._atmosphere.night else []
         self._lamps = LampLists(lamps, self._atmosphere)
         self._frame_index = frame.index
+        self._contact.place(frame)
+        self._bindings.upload_contact(self._contact.texels)
         self._table.set_parameters(lamp_grid=self._lamps.cell_grid, frame_index=frame.index)
 
     def render_camera(self, view: CameraView) -> CameraCapture:

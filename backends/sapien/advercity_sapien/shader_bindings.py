@@ -4,6 +4,7 @@ from typing import Protocol
 
 import numpy as np
 import sapien
+from numpy.typing import NDArray
 
 from advercity.errors import BackendError
 from advercity.geometry.arrays import Float32Array
@@ -42,6 +43,10 @@ class ShaderBindings(Protocol):
         """Copy the table to the device, for the images to come."""
         ...
 
+    def upload_contact(self, texels: NDArray[np.uint8]) -> None:
+        """Copy the map of things on the ground to the device."""
+        ...
+
 
 class RasterBindings:
     """Table and textures belong to each camera, states are properties of the bodies."""
@@ -71,6 +76,10 @@ class RasterBindings:
     def upload_table(self, table: ShaderTable) -> None:
         """Copy the table to the device, for the images to come."""
         self._textures[TABLE.name].upload(table.texels)
+
+    def upload_contact(self, texels: NDArray[np.uint8]) -> None:
+        """Copy the map of things on the ground to the device."""
+        self._textures["Contact"].upload(texels[..., None])
 
 
 class RayTracedBindings:
@@ -127,3 +136,6 @@ class RayTracedBindings:
         """Copy the table and the states to the device, for the images to come."""
         self._rows[:TABLE_ROWS] = table.texels
         self._table.upload(self._rows)
+
+    def upload_contact(self, texels: NDArray[np.uint8]) -> None:
+        """Do nothing: paths find what is on the ground."""

@@ -14,6 +14,7 @@ layout(set = 2, binding = 6) uniform sampler2D samplerPuddles;
 layout(set = 2, binding = 7) uniform sampler2D samplerShelter;
 layout(set = 2, binding = 8) uniform sampler2D samplerProbeLight;
 layout(set = 2, binding = 9) uniform sampler2D samplerProbeDirection;
+layout(set = 2, binding = 10) uniform sampler2D samplerContact;
 
 layout(location = 0) in vec2 inUV;
 

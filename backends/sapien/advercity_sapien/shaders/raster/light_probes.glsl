@@ -1,11 +1,18 @@
 // Daylight near walls and trees relative to that in the open, as baked by light_probes.py.
-// Needs shader_constants.glsl, shader_table.glsl, samplerProbeLight and samplerProbeDirection.
+// Needs shader_constants.glsl, shader_table.glsl, samplerProbeLight, samplerProbeDirection
+// and samplerContact.
 
 // Texel of a level's map; levels lie above each other in the texture.
 vec4 probeTexel(sampler2D probes, vec2 at, int level) {
   float rows = float(textureSize(probes, 0).y / PROBE_LEVELS);
   float row = clamp(at.y * rows, 0.5, rows - 0.5) + float(level) * rows;
   return textureLod(probes, vec2(at.x, row / (rows * float(PROBE_LEVELS))), 0.0);
+}
+
+// Fraction of the sky's light that things on the ground leave to a point at a height above it.
+float contactRatio(vec2 at, float height) {
+  const float LOW = 0.15, HIGH = 0.7;  // metres between which a body ends to darken itself
+  return mix(textureLod(samplerContact, at, 0.0).r, 1.0, smoothstep(LOW, HIGH, height));
 }
 
 // Ratio of the irradiance on a surface of normal n to that in the open.
@@ -29,5 +36,6 @@ vec3 probeRatio(vec3 position, vec3 n) {
       probeTexel(samplerProbeDirection, at, level + 1).xyz, part);
   light *= max(1.0 + 2.0 * dot(direction, n), DARKEST)
       / max(1.0 + 2.0 * dot(probeOpenDirection(), n), DARKEST);
+  light *= contactRatio((position.xy - map.xy) * map.zw, position.z - low.a);
   return mix(vec3(1.0), light, inside.x * inside.y);
 }

@@ -1,0 +1,71 @@
+"""The dark under and beside what is on the ground."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from advercity_sapien.contact_map import ContactMap
+from advercity_sapien.light_probes import LightProbes, bake_light_probes
+
+from advercity.compiler import find_weather
+from advercity.geometry.mesh import Mesh
+from advercity.physics.atmosphere import compute_atmosphere
+from advercity.roads.lane_segments import LaneSegment
+from advercity.semantics import Semantic
+from advercity.testing import build_box, build_flat_world, make_actor_state, make_frame
+from advercity.world import World
+
+
+def place(*static: Mesh) -> tuple[World, LightProbes]:
+    """Flat asphalt with a lane from (-10, 0) to (10, 0), and its probes on a cloudy day."""
+    x = np.array([-10.0, 10.0])
+    left, right = (np.column_stack([x, np.full(2, y), np.zeros(2)]) for y in (1.75, -1.75))
+    lane = LaneSegment("road.+1", "driving", left, right)
+    world = replace(build_flat_world(*static), lanes=(lane,))
+    air = compute_atmosphere(find_weather("soft_rain_day").declaration, "urban")
+    return world, bake_light_probes(world, air)
+
+
+def light_at(contact: ContactMap, probes: LightProbes, x: float, y: float) -> float:
+    """Fraction of the light that is left at a point."""
+    rows, columns = contact.texels.shape
+    column = int((x - probes.corner[0]) / probes.size[0] * columns)
+    row = int((y - probes.corner[1]) / probes.size[1] * rows)
+    return float(contact.texels[row, column]) / 255.0
+
+
+def test_ground_is_dark_under_a_car_and_bright_a_width_away() -> None:
+    world, probes = place()
+    contact = ContactMap(world, probes)
+    contact.place(make_frame(make_actor_state(1, 0.0, yaw_rad=np.pi / 2.0)))
+    assert light_at(contact, probes, 0.0, 0.0) < 0.1
+    # The car is 4 m by 2 m and stands across the lane.
+    assert light_at(contact, probes, 0.0, 1.7) < 0.1
+    assert 0.3 < light_at(contact, probes, 1.1, 0.0) < 0.8
+    assert light_at(contact, probes, 3.2, 0.0) > 0.97
+
+
+def test_a_car_that_left_leaves_no_shadow() -> None:
+    world, probes = place()
+    contact = ContactMap(world, probes)
+    contact.place(make_frame(make_actor_state(1, 0.0)))
+    contact.place(make_frame())
+    assert light_at(contact, probes, 0.0, 0.0) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("bottom_m", "semantic", "is_dark"),
+    [
+        (0.3, Semantic.VEHICLE, True),  # a parked car
+        (0.0, Semantic.STATIC, True),  # a bin
+        (4.0, Semantic.TRAFFIC_SIGN, False),
+    ],
+)
+def test_static_things_darken_the_ground_if_they_are_close_to_it(
+    bottom_m: float, semantic: Semantic, is_dark: bool
+) -> None:
+    thing = build_box((2.0, 2.0, 1.0), (0.0, 6.0, bottom_m + 0.5), semantic=semantic)
+    world, probes = place(thing)
+    contact = ContactMap(world, probes)
+    contact.place(make_frame())
+    assert (light_at(contact, probes, 0.0, 6.0) < 0.2) == is_dark
