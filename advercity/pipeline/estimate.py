@@ -1,8 +1,9 @@
 """Estimates what runs will take, and refuses what would fill the machine.
 
 Work follows from the spec, the number of frames from the traffic, and rates from recorded runs of
-this machine (`run_records`). Where nothing comparable was recorded, files and memory are estimated
-by upper bounds that hold for any machine, and the time is unknown.
+this machine (`run_records`) with about as much work; nothing is extrapolated further. Where there
+are none, files and memory are estimated by upper bounds that hold for any machine, and the time is
+unknown.
 """
 
 import math
@@ -48,10 +49,10 @@ MAX_MEMORY_FRACTION = 0.9
 MAX_FREE_MEMORY_FRACTION = 0.5
 MAX_ACTOR_TICKS = 20_000_000
 """Traffic of more than this is not simulated for an estimate: that alone would take long."""
-MAX_EXTRAPOLATION = 4.0
-"""How many times the work of a recorded frame its rates are used for."""
-NEAREST_RECORDS = 5
-"""So many comparable records count; the median of their rates is taken."""
+MAX_EXTRAPOLATION = 2.0
+"""How many times more or less work than in a recorded frame its rates are used for."""
+RECORDS_USED = 5
+"""So many of the last comparable records count; the median of their rates is taken."""
 
 # Upper bounds where nothing comparable was recorded. Three bytes a pixel are an image of pure
 # noise; what its class and depth maps add is less than it lacks. A beam in fog has up to two
@@ -71,66 +72,45 @@ class FrameRates:
     Attributes:
         setup_s: Wall-clock time until the first frame; None if unknown.
         frame_s: Wall-clock time per frame of a worker alone; None if unknown.
-        busy_cores: Processor cores that a worker keeps busy.
         frame_bytes: Files of a frame.
         memory_bytes: Resident memory of a worker.
     """
 
     setup_s: float | None
     frame_s: float | None
-    busy_cores: float
     frame_bytes: float
     memory_bytes: float
 
 
 def estimate_rates(work: FrameWork, records: Sequence[RunRecord]) -> FrameRates:
-    """Estimate the rates of frames from the recorded runs whose images are most alike.
+    """Estimate the rates of frames from the last recorded runs of about as much work.
 
     Args:
         work: Work of a frame.
         records: Runs with the same backend, renderer and layout on this machine, newest last.
     """
-    newest_first = list(reversed(records))
-    newest_first.sort(key=lambda one: abs(math.log(one.pixels / work.pixels)))
-    nearest = newest_first[:NEAREST_RECORDS]
-    factors = [max(work.pixels / one.pixels, work.beams / one.beams) for one in nearest]
-    usable = [
-        (one, factor)
-        for one, factor in zip(nearest, factors, strict=True)
-        if factor <= MAX_EXTRAPOLATION
-    ]
-    if not usable:
-        return FrameRates(
-            setup_s=None,
-            frame_s=None,
-            busy_cores=1.0,
-            frame_bytes=BYTES_PER_PIXEL * work.pixels
-            + BYTES_PER_BEAM * work.beams
-            + OTHER_BYTES_PER_AGENT * work.agents,
-            memory_bytes=MEMORY_BYTES + MEMORY_BYTES_PER_PIXEL * work.pixels,
-        )
-    cores = count_usable_cores()
+    most_bytes = (
+        BYTES_PER_PIXEL * work.pixels
+        + BYTES_PER_BEAM * work.beams
+        + OTHER_BYTES_PER_AGENT * work.agents
+    )
+    most_memory_bytes = MEMORY_BYTES + MEMORY_BYTES_PER_PIXEL * work.pixels
+    alike = [record for record in records if _is_comparable(work, record)][-RECORDS_USED:]
+    if not alike:
+        return FrameRates(None, None, most_bytes, most_memory_bytes)
+    factors = [max(work.pixels / one.pixels, work.beams / one.beams) for one in alike]
+    scaled = list(zip(alike, factors, strict=True))
     return FrameRates(
-        setup_s=median(one.setup_s for one, _ in usable),
-        # Workers beyond the cores have only slowed one another.
-        frame_s=median(
-            one.frame_s * factor * min(1.0, cores / one.worker_count) for one, factor in usable
-        ),
-        busy_cores=median(one.busy_cores * max(1.0, one.worker_count / cores) for one, _ in usable),
-        frame_bytes=median(_scale_files(work, one) for one, _ in usable),
-        memory_bytes=median(
-            one.memory_bytes + MEMORY_BYTES_PER_PIXEL * max(0, work.pixels - one.pixels)
-            for one, _ in usable
-        ),
+        setup_s=median(one.setup_s for one in alike),
+        frame_s=median(one.frame_s * factor for one, factor in scaled),
+        frame_bytes=min(most_bytes, median(one.frame_bytes * factor for one, factor in scaled)),
+        memory_bytes=median(one.memory_bytes * max(1.0, factor) for one, factor in scaled),
     )
 
 
-def _scale_files(work: FrameWork, record: RunRecord) -> float:
-    return (
-        record.image_bytes / record.pixels * work.pixels
-        + record.cloud_bytes / record.beams * work.beams
-        + record.other_bytes / record.agents * work.agents
-    )
+def _is_comparable(work: FrameWork, record: RunRecord) -> bool:
+    ratios = (work.pixels / record.pixels, work.beams / record.beams)
+    return all(1 / MAX_EXTRAPOLATION <= ratio <= MAX_EXTRAPOLATION for ratio in ratios)
 
 
 @dataclass(frozen=True)
@@ -174,13 +154,11 @@ class RunEstimate:
     Attributes:
         estimates: One per scenario.
         jobs: Worker processes at a time.
-        busy_cores: Processor cores that a worker keeps busy.
         limits: Limits beyond which something is wrong with a scenario, even on a busy machine.
     """
 
     estimates: tuple[ScenarioEstimate, ...]
     jobs: int
-    busy_cores: float = 1.0
     limits: ResourceLimits = field(default_factory=ResourceLimits)
 
     @property
@@ -188,7 +166,7 @@ class RunEstimate:
         """All scenarios together."""
         items = self.estimates
         times_s = [item.time_s for item in items if item.time_s is not None]
-        fraction = min(1.0, max(1 / self.jobs, self.busy_cores / count_usable_cores()))
+        at_a_time = min(self.jobs, max(count_usable_cores(), len(find_visible_gpus())))
         scenarios = "1 scenario" if len(items) == 1 else f"{len(items)} scenarios"
         workers = "1 process" if self.jobs == 1 else f"{self.jobs} processes"
         return ScenarioEstimate(
@@ -197,7 +175,7 @@ class RunEstimate:
             is_exact=all(item.is_exact for item in items),
             pictures=sum(item.pictures for item in items),
             size_bytes=sum(item.size_bytes for item in items),
-            time_s=fraction * sum(times_s) if len(times_s) == len(items) else None,
+            time_s=sum(times_s) / at_a_time if len(times_s) == len(items) else None,
             memory_bytes=self._sum_memory(),
         )
 
@@ -268,12 +246,8 @@ def estimate_run(
         _estimate_scenario(spec, options, work, rate)
         for spec, work, rate in zip(specs, works, rates, strict=True)
     )
-    return RunEstimate(
-        estimates,
-        jobs or choose_worker_count(estimates),
-        median(rate.busy_cores for rate in rates),
-        _choose_limits(estimates, works),
-    )
+    worker_count = jobs or choose_worker_count(estimates)
+    return RunEstimate(estimates, worker_count, _choose_limits(estimates, works))
 
 
 def _choose_limits(

@@ -45,7 +45,6 @@ class ScenarioResult:
         size_bytes: Files of the scenario.
         time_s: Wall-clock time.
         peak_memory_bytes: Largest resident memory of its processes at one time.
-        cpu_s: Processor time, as far as it was measured.
         worker_count: Workers that made its frames.
         setup_s: Wall-clock time before the first frame, without the traffic simulation.
         frame_s: Wall-clock time per frame of a worker; None if none made two.
@@ -57,7 +56,6 @@ class ScenarioResult:
     size_bytes: int
     time_s: float
     peak_memory_bytes: int
-    cpu_s: float = 0.0
     worker_count: int = 1
     setup_s: float = 0.0
     frame_s: float | None = None

@@ -7,9 +7,10 @@ manifests, since those must be the same on every machine.
 import platform
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import Annotated
 
 from advercity_dsl import Model, Spec
-from pydantic import ValidationError
+from pydantic import Field, ValidationError
 
 from advercity.atomic_files import write_atomically
 from advercity.dataset.manifest import Manifest
@@ -22,8 +23,6 @@ from advercity.pipeline.progress import ScenarioResult
 
 RECORDS_FILE = "runs.jsonl"
 MAX_RECORDS = 50
-IMAGE_FILE_KINDS = ("camera", "semantic", "depth")
-"""Parts of the names of files that grow with the pixels of cameras; maps do not."""
 
 
 @dataclass(frozen=True)
@@ -57,37 +56,30 @@ class FrameWork:
 
 
 class RunRecord(Model):
-    """What a scenario took.
+    """What a scenario took; a record beyond the limits of any machine is not one.
 
     Attributes:
         machine: Name and cores of the machine.
         backend: Name of the rendering backend.
         renderer: `raster` or `ray_traced`.
         format: Dataset layout.
-        worker_count: Workers that ran at a time.
-        agents, pixels, beams: Work of a frame, as in `FrameWork`.
+        pixels, beams: Work of a frame, as in `FrameWork`.
         setup_s: Wall-clock time until the first frame is begun.
-        frame_s: Wall-clock time per frame and worker, the first frames left out.
-        busy_cores: Processor cores that a worker kept busy.
+        frame_s: Wall-clock time per frame of a worker that has a core to itself.
+        frame_bytes: Files of a frame.
         memory_bytes: Peak of resident memory per worker.
-        image_bytes, cloud_bytes, other_bytes: Files of a frame.
     """
 
     machine: str
     backend: str
     renderer: str
     format: str
-    worker_count: int
-    agents: int
-    pixels: int
-    beams: int
-    setup_s: float
-    frame_s: float
-    busy_cores: float
-    memory_bytes: float
-    image_bytes: float
-    cloud_bytes: float
-    other_bytes: float
+    pixels: Annotated[int, Field(ge=1)]
+    beams: Annotated[int, Field(ge=1)]
+    setup_s: Annotated[float, Field(ge=0, le=3600)]
+    frame_s: Annotated[float, Field(ge=0, le=3600)]
+    frame_bytes: Annotated[float, Field(ge=0, le=1e11)]
+    memory_bytes: Annotated[float, Field(ge=0, le=1e12)]
 
 
 def describe_machine() -> str:
@@ -102,44 +94,27 @@ def record_run(spec: Spec, options: RunOptions, result: ScenarioResult, worker_c
         spec: The scenario.
         options: How it was run.
         result: What it took.
-        worker_count: Workers of the whole pool, which slow one another.
+        worker_count: Workers of the whole pool; those beyond the cores slow one another.
     """
     if result.error is not None or result.frame_s is None:
         return
-    with suppress(AdvercityError, OSError):
+    with suppress(AdvercityError, OSError, ValidationError):
         manifest = Manifest.load(options.output / spec.id)
         renderer = manifest.identity.renderer
         work = FrameWork.from_spec(spec, float(renderer["scale"]))
-        images, clouds, others = _measure_files(manifest)
         record = RunRecord(
             machine=describe_machine(),
             backend=options.backend,
             renderer=str(renderer["renderer"]),
             format=options.format,
-            worker_count=worker_count,
-            agents=work.agents,
             pixels=work.pixels,
             beams=work.beams,
             setup_s=result.setup_s,
-            frame_s=result.frame_s,
-            busy_cores=result.cpu_s / result.time_s / result.worker_count,
+            frame_s=result.frame_s * min(1.0, count_usable_cores() / worker_count),
+            frame_bytes=manifest.size_bytes / len(manifest.frames),
             memory_bytes=result.peak_memory_bytes / result.worker_count,
-            image_bytes=images,
-            cloud_bytes=clouds,
-            other_bytes=others,
         )
         _append(record)
-
-
-def _measure_files(manifest: Manifest) -> tuple[float, float, float]:
-    """Measure the mean bytes per frame of images, point clouds and everything else."""
-    sizes = [0, 0, 0]
-    for path, record in manifest.files.items():
-        if record.frame is not None:
-            is_image = path.endswith(".png") and any(kind in path for kind in IMAGE_FILE_KINDS)
-            sizes[0 if is_image else 1 if path.endswith(".pcd") else 2] += record.size
-    images, clouds, others = (size / len(manifest.frames) for size in sizes)
-    return images, clouds, others
 
 
 def _append(record: RunRecord) -> None:

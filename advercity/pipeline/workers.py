@@ -195,7 +195,7 @@ class _Worker:
         self.connection, theirs = Pipe()
         self.last = Progress(task.spec.id, "starting")
         self.failure: AdvercityError | None = None
-        self.cpu_s, self.kill_at_s = 0.0, math.inf
+        self.kill_at_s = math.inf
         self.first_message_s: float | None = None
         self.first_frame: tuple[float, int] | None = None
         self.last_frame: tuple[float, int] | None = None
@@ -339,11 +339,7 @@ class _PooledScenario:
 
     def enforce_limits(self) -> None:
         """Measure memory and time; end the scenario if it takes too much."""
-        used_bytes = 0
-        for worker in self.workers:
-            memory_bytes, cpu_s = _measure_process_tree(worker.process.pid)
-            used_bytes += memory_bytes
-            worker.cpu_s = max(worker.cpu_s, cpu_s)
+        used_bytes = sum(_measure_memory(worker.process.pid) for worker in self.workers)
         self.peak_memory_bytes = max(self.peak_memory_bytes, used_bytes)
         count = len(self.workers)
         most_bytes = (self.limits.memory_bytes or math.inf) * count
@@ -409,7 +405,6 @@ class _PooledScenario:
             size_bytes=progress.size_bytes,
             time_s=time.monotonic() - self.began_s,
             peak_memory_bytes=self.peak_memory_bytes,
-            cpu_s=sum(worker.cpu_s for worker in self.ended),
             worker_count=len(self.ended),
             **self._measure_speed(),
         )
@@ -434,24 +429,12 @@ class _PooledScenario:
         return {"setup_s": max(0.0, setup_s), "frame_s": frame_s}
 
 
-def _measure_process_tree(pid: int) -> tuple[int, float]:
-    """Measure resident bytes and processor seconds of a process and its descendants.
-
-    A descendant's processor time counts while it lives, and again once its parent has waited for
-    it; memory counts shared pages in every process.
-    """
-    try:
+def _measure_memory(pid: int) -> int:
+    """Measure resident bytes of a process and its descendants; shared pages count in each."""
+    total_bytes = 0
+    with suppress(psutil.NoSuchProcess):
         process = psutil.Process(pid)
-        family = [process, *process.children(recursive=True)]
-    except psutil.NoSuchProcess:
-        return 0, 0.0
-    taken = [_measure_process(member) for member in family]
-    return sum(memory for memory, _ in taken), sum(cpu for _, cpu in taken)
-
-
-def _measure_process(process: psutil.Process) -> tuple[int, float]:
-    try:
-        times = process.cpu_times()
-        return process.memory_info().rss, sum(times[:4])
-    except psutil.Error:
-        return 0, 0.0
+        for member in (process, *process.children(recursive=True)):
+            with suppress(psutil.Error):
+                total_bytes += member.memory_info().rss
+    return total_bytes

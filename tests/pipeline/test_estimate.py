@@ -1,3 +1,5 @@
+import json
+import math
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -84,9 +86,8 @@ def record(**changes: Any) -> RunRecord:
     """A run of 1,000 pixels and 100 beams an agent on a machine of two cores."""
     values = {
         **{"machine": "m", "backend": "b", "renderer": "raster", "format": "opv2v"},
-        **{"worker_count": 1, "agents": 1, "pixels": 1000, "beams": 100},
-        **{"setup_s": 5.0, "frame_s": 2.0, "busy_cores": 1.0, "memory_bytes": 1e9},
-        **{"image_bytes": 2000.0, "cloud_bytes": 1000.0, "other_bytes": 100.0},
+        **{"pixels": 1000, "beams": 100, "setup_s": 5.0, "frame_s": 2.0},
+        **{"frame_bytes": 3000.0, "memory_bytes": 1e9},
     }
     return RunRecord.model_validate(values | changes)
 
@@ -126,22 +127,47 @@ def test_without_a_comparable_run_the_time_is_unknown_and_the_rest_an_upper_boun
     assert estimate.total.to_row()["time"] == "unknown"
 
 
-def test_rates_are_the_median_of_the_runs_with_the_most_similar_images() -> None:
+def test_rates_are_the_median_of_the_last_runs_of_about_as_much_work() -> None:
     work = FrameWork(agents=1, images=1, pixels=2000, beams=100)
-    near = [record(frame_s=time_s, pixels=1500) for time_s in (3.0, 30.0, 4.0, 5.0, 3.5)]
-    rates = estimate_rates(work, [*near, record(frame_s=100.0, pixels=20_000)])
-    assert rates.frame_s == pytest.approx(4.0 * 2000 / 1500)
+    older = [record(frame_s=1.0, pixels=2000)] * 3
+    alike = [record(frame_s=time_s, pixels=1600) for time_s in (3.0, 30.0, 4.0, 5.0, 3.5)]
+    rates = estimate_rates(work, [*older, *alike, record(frame_s=100.0, pixels=20_000)])
+    assert rates.frame_s == pytest.approx(4.0 * 2000 / 1600)
     assert rates.setup_s == 5.0
-    assert rates.frame_bytes == pytest.approx(2000 / 1500 * 2000 + 1000 + 100)
+    assert rates.frame_bytes == pytest.approx(3000 * 2000 / 1600)
 
 
-def test_workers_beyond_the_cores_do_not_make_a_machine_slow(
-    monkeypatch: pytest.MonkeyPatch,
+@pytest.mark.parametrize(("pixels", "beams"), [(900, 100), (4100, 100), (2000, 49), (2000, 201)])
+def test_runs_of_less_than_half_or_more_than_twice_the_work_say_nothing(
+    pixels: int, beams: int
 ) -> None:
-    monkeypatch.setattr(os, "sched_getaffinity", four_cores)
+    work = FrameWork(agents=1, images=1, pixels=2000, beams=100)
+    rates = estimate_rates(work, [record(pixels=pixels, beams=beams)])
+    assert (rates.setup_s, rates.frame_s) == (None, None)
+
+
+def test_files_are_never_estimated_to_be_more_than_noise_would_take() -> None:
     work = FrameWork(agents=1, images=1, pixels=1000, beams=100)
-    rates = estimate_rates(work, [record(frame_s=8.0, worker_count=8, busy_cores=0.5)])
-    assert (rates.frame_s, rates.busy_cores) == (4.0, 1.0)
+    rates = estimate_rates(work, [record(frame_bytes=1e10)])
+    assert rates.frame_bytes == 3 * 1000 + 30 * 100 + 200e3
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        *({"frame_s": 1e9}, {"frame_s": -1.0}, {"frame_s": math.nan}, {"frame_bytes": 1e15}),
+        *({"setup_s": math.inf}, {"pixels": 0}, {"memory_bytes": 1e18}),
+    ],
+)
+def test_a_record_that_no_machine_can_have_made_is_ignored(
+    change: dict[str, float], records: Path
+) -> None:
+    machine = run_records.describe_machine()
+    good = record(machine=machine)
+    bad = good.model_dump(mode="json") | change
+    records.write_text(f"{json.dumps(bad)}\n{good.model_dump_json()}\n")
+    found = run_records.load_records(backend="b", renderer="raster", format="opv2v")
+    assert found == [good]
 
 
 def test_a_shared_cache_keeps_the_last_runs_of_every_machine_apart(
@@ -162,24 +188,26 @@ def items_of(
 
 
 def test_scenarios_at_a_time_share_cores_and_add_up_in_memory(
-    few: list[Spec], options: OptionsFor, tmp_path: Path
+    few: list[Spec], options: OptionsFor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", four_cores)
     changes = [{"time_s": t, "memory_bytes": m} for t, m in ((10, 5), (20, 9), (30, 7))]
     items = items_of(few, options(tmp_path), changes)
-    alone, both = (RunEstimate(items, jobs, busy_cores=0.0).total for jobs in (1, 2))
+    alone, both = (RunEstimate(items, jobs).total for jobs in (1, 2))
     assert (alone.time_s, alone.memory_bytes) == (60, 9)
     assert (both.time_s, both.memory_bytes) == (30, 16)
 
 
 def test_more_jobs_than_scenarios_join_the_largest_and_each_takes_its_memory(
-    few: list[Spec], options: OptionsFor, tmp_path: Path
+    few: list[Spec], options: OptionsFor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Of nine no more than there are frames."""
+    """Of nine no more than there are frames; a fifth makes four cores no faster."""
+    monkeypatch.setattr(os, "sched_getaffinity", four_cores)
     changes = [{"frames": 40, "time_s": 30, "memory_bytes": memory} for memory in (5, 9)]
     items = items_of(few, options(tmp_path), changes)
-    four, five = (RunEstimate(items, jobs, busy_cores=0.0).total for jobs in (4, 5))
+    four, five = (RunEstimate(items, jobs).total for jobs in (4, 5))
     assert (four.time_s, four.memory_bytes) == (15, 32)
-    assert (five.time_s, five.memory_bytes) == (12, 41)
+    assert (five.time_s, five.memory_bytes) == (15, 41)
     assert five.scenario == "2 scenarios, 5 processes"
     short = RunEstimate(tuple(replace(item, frames=2) for item in items), 9).total
     assert short.memory_bytes == 28
