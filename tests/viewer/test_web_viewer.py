@@ -38,7 +38,8 @@ def free_port() -> int:
 
 
 @pytest.fixture
-def page() -> Iterator[Any]:
+def page(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    monkeypatch.setenv("PLAYWRIGHT_BROWSERS_PATH", "0")  # where scripts/setup_peers puts it
     with playwright.sync_playwright() as browsers:
         executable = shutil.which("chromium") or browsers.chromium.executable_path
         if not Path(executable).is_file():
