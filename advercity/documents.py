@@ -55,14 +55,16 @@ def read_bytes(path: Path, *, max_bytes: int) -> bytes:
         DiagnosticsError: It is a folder, a pipe or a device, or larger than `max_bytes`.
         OSError: It is missing or unreadable.
     """
-    mode = path.stat().st_mode  # opening a pipe would wait for its writer
+    found = path.stat()
+    mode = found.st_mode  # opening a pipe would wait for its writer
     if stat.S_ISDIR(mode):
         raise _build_file_error(path, "is a folder", "name a file in it")
     if not stat.S_ISREG(mode):
         raise _build_file_error(path, "is not a regular file", "copy its content into one")
     with path.open("rb") as file:
-        # One byte more shows that a file is too large without reading all of it.
-        raw = file.read(max_bytes + 1)
+        # One byte more shows that a file is too large without reading all of it; Python takes
+        # the memory for as much as it is asked for.
+        raw = file.read(min(found.st_size, max_bytes) + 1)
     if len(raw) > max_bytes:
         raise _build_file_error(
             path, f"is larger than {max_bytes / 1e6:g} MB", "is it the right file?"

@@ -6,6 +6,7 @@ AdvercityError
     └── BackendError    a rendering backend is missing, broken or has no device
 """
 
+import os
 from collections.abc import Generator
 from contextlib import contextmanager
 
@@ -44,6 +45,27 @@ class BackendError(RunError):
 def describe_cause(error: OSError) -> str:
     """Describe why the system refused something; errors of Python's own have no `strerror`."""
     return error.strerror or str(error) or type(error).__name__
+
+
+def explain_system_error(error: OSError | MemoryError) -> RunError:
+    """Explain an error of the system that no other place expects, in one line."""
+    if isinstance(error, MemoryError):
+        cause = str(error) or "no memory is left"
+        return RunError(f"out of memory: {cause}; allow more, or use fewer `jobs`")
+    path = f"{error.filename}: " if error.filename else ""
+    return RunError(f"{path}{describe_cause(error)}")
+
+
+@contextmanager
+def report_temporary_errors() -> Generator[None]:
+    """Convert an OSError into a RunError about the folder for temporary files."""
+    try:
+        yield
+    except OSError as error:
+        folder = os.environ.get("TMPDIR") or "/tmp"  # noqa: S108 - `tempfile` may find none
+        raise RunError(
+            f"temporary folder {folder}: {describe_cause(error)}; set TMPDIR to one with room"
+        ) from error
 
 
 @contextmanager

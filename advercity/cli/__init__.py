@@ -7,7 +7,7 @@ from types import FrameType
 
 from advercity.cli.app import app
 from advercity.cli.output import StderrHandler, exit_with_error
-from advercity.errors import InputError, RunError
+from advercity.errors import InputError, RunError, explain_system_error
 
 
 def main() -> None:
@@ -29,6 +29,8 @@ def main() -> None:
         # The reader of standard output is gone, as with `| head`.
         sys.stderr.close()
         sys.exit(1)
+    except (OSError, MemoryError) as error:
+        exit_with_error(explain_system_error(error), exit_code=1)
     finally:
         logging.getLogger("advercity").removeHandler(notices)
 

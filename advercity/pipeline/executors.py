@@ -11,6 +11,7 @@ from advercity.dataset.partial_files import is_being_written
 from advercity.errors import InputError, RunError
 from advercity.pipeline.estimate import check_resources
 from advercity.pipeline.options import ResourceLimits, RunOptions, RunResources
+from advercity.pipeline.output_folder import check_output_folder
 from advercity.pipeline.progress import RunListener, ScenarioResult, SilentListener
 from advercity.pipeline.spec_models import check_models
 from advercity.pipeline.workers import WorkerPool
@@ -119,6 +120,7 @@ def validate_batch(specs: Sequence[Spec], options: RunOptions) -> None:
     if len(specs) > 1 and options.viewer.is_enabled:
         raise InputError("`rrd`, `stream` and `connect` show one scenario; run them one by one")
     load_backend(options.backend)
+    check_output_folder(options.output)
 
 
 def _refuse_other_run(specs: Sequence[Spec], options: RunOptions) -> None:

@@ -16,7 +16,7 @@ from threading import Event, Thread
 from types import FrameType
 from typing import TYPE_CHECKING, NoReturn
 
-from advercity.errors import AdvercityError
+from advercity.errors import AdvercityError, explain_system_error
 from advercity.pipeline.messages import (
     FramesClaimed,
     Notice,
@@ -65,6 +65,9 @@ def main(parent: "Parent") -> int:
             run_scenario(task.spec, task.options, parent.send, share_frames=share_frames)
     except AdvercityError as error:
         parent.send(error)
+        return 1
+    except (OSError, MemoryError) as error:
+        parent.send(explain_system_error(error))
         return 1
     return 0
 

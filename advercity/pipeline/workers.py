@@ -27,7 +27,7 @@ import psutil
 from advercity_dsl import Spec
 
 from advercity.dataset.index import IndexWriter
-from advercity.errors import AdvercityError, RunError
+from advercity.errors import AdvercityError, RunError, describe_cause, report_temporary_errors
 from advercity.pipeline.machine import build_gpu_environment, find_visible_gpus
 from advercity.pipeline.messages import (
     FINISH,
@@ -199,23 +199,23 @@ class _Worker:
         self.first_message_s: float | None = None
         self.first_frame: tuple[float, int] | None = None
         self.last_frame: tuple[float, int] | None = None
-        self._log: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed by `reap`
-        with theirs, tempfile.TemporaryFile() as stdin:
-            # In a file and not through the connection, which could be full before it is read.
-            pickle.dump(task, stdin)
-            stdin.seek(0)
-            self.process = subprocess.Popen(  # noqa: S603 - our own module
-                [
-                    *(sys.executable, "-m", "advercity.pipeline.worker_process"),
-                    *(str(theirs.fileno()), str(os.getpid())),
-                ],
-                stdin=stdin,
-                stdout=self._log,
-                stderr=self._log,
-                pass_fds=[theirs.fileno()],
-                process_group=group,
-                env={**os.environ, **environment},
-            )
+        with report_temporary_errors():
+            self._log: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed by `reap`
+            stdin = _store_task(task)
+        with theirs, stdin:
+            command = [sys.executable, "-m", "advercity.pipeline.worker_process"]
+            try:
+                self.process = subprocess.Popen(  # noqa: S603 - our own module
+                    [*command, str(theirs.fileno()), str(os.getpid())],
+                    stdin=stdin,
+                    stdout=self._log,
+                    stderr=self._log,
+                    pass_fds=[theirs.fileno()],
+                    process_group=group,
+                    env={**os.environ, **environment},
+                )
+            except OSError as error:
+                raise RunError(f"no process can be started: {describe_cause(error)}") from error
 
     @property
     def has_exited(self) -> bool:
@@ -269,6 +269,14 @@ class _Worker:
         """Release the exited process."""
         self.process.wait()
         self._log.close()
+
+
+def _store_task(task: WorkerTask) -> IO[bytes]:
+    """Store a task in a file, since a connection could be full before it is read."""
+    stream = tempfile.TemporaryFile()  # noqa: SIM115 - the worker's standard input
+    pickle.dump(task, stream)
+    stream.seek(0)
+    return stream
 
 
 class _Speed(TypedDict):

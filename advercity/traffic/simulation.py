@@ -8,7 +8,7 @@ from pathlib import Path
 
 from advercity_dsl import Spec
 
-from advercity.errors import InputError, RunError
+from advercity.errors import InputError, RunError, report_temporary_errors
 from advercity.frames import Trace
 
 EXIT_BAD_INPUT, EXIT_FAILED = 2, 1
@@ -39,7 +39,7 @@ def write_simulated_trace(spec: Spec, network: Path, trace_file: Path) -> None:
         InputError: The spec asks for something that the road does not have.
         RunError: SUMO failed, or the ego does not get to its destination.
     """
-    with tempfile.TemporaryDirectory() as folder:
+    with report_temporary_errors(), tempfile.TemporaryDirectory() as folder:
         spec_file = Path(folder) / "spec.json"
         spec_file.write_text(spec.model_dump_json(), encoding="utf-8")
         command = [sys.executable, "-m", "advercity.traffic.sumo_worker", str(os.getpid())]

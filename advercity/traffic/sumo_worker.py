@@ -12,7 +12,7 @@ from pathlib import Path
 from advercity_dsl import Spec
 
 from advercity.documents import MAX_JSON_BYTES, parse_json, read_text
-from advercity.errors import AdvercityError, InputError
+from advercity.errors import AdvercityError, InputError, explain_system_error
 from advercity.processes import end_with_parent
 from advercity.traffic.dry_run import simulate_with_dry_runs
 from advercity.traffic.simulation import EXIT_BAD_INPUT, EXIT_FAILED
@@ -32,3 +32,6 @@ if __name__ == "__main__":
     except AdvercityError as error:
         sys.stderr.write(str(error))
         sys.exit(EXIT_BAD_INPUT if isinstance(error, InputError) else EXIT_FAILED)
+    except (OSError, MemoryError) as error:
+        sys.stderr.write(str(explain_system_error(error)))
+        sys.exit(EXIT_FAILED)

@@ -6,6 +6,7 @@ frames are claimed.
 """
 
 import ctypes
+import errno
 import os
 import signal
 import time
@@ -96,6 +97,10 @@ def _do_stunt() -> None:
                 _hog()
             elif stunt.suffix == ".hang":
                 _hang()
+            elif stunt.suffix == ".memory":
+                raise MemoryError
+            elif stunt.suffix == ".disk":
+                raise OSError(errno.ENOSPC, "No space left on device", "/somewhere")
             elif stunt.suffix == ".native":
                 ctypes.PyDLL(None).sleep(600)  # no other thread of this interpreter runs meanwhile
 

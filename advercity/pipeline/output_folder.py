@@ -1,0 +1,51 @@
+"""Checks that a folder may hold a dataset."""
+
+import re
+from collections.abc import Iterator
+from itertools import islice
+from pathlib import Path
+
+from advercity_dsl import DECLARATIONS
+
+from advercity.dataset.scenario_folders import MANIFEST_FILE
+from advercity.errors import InputError, describe_cause
+
+MAX_LISTED = 100
+"""So many files and folders show whether a folder is a library."""
+
+
+def check_output_folder(path: Path) -> None:
+    """Check that a folder may hold a dataset.
+
+    Raises:
+        InputError: It is a file, a library, or cannot exist.
+    """
+    try:
+        if path.exists() and not path.is_dir():
+            raise InputError(f"`output` {path}: is a file; name a folder")
+        declaration = next(filter(_is_declaration, _list_shallow_yaml_files(path)), None)
+    except OSError as error:
+        raise InputError(f"`output` {path!s:.60}: {describe_cause(error)}") from error
+    if declaration is not None:
+        raise InputError(
+            f"`output` {path}: is a library, with {declaration.relative_to(path)}; name another"
+            " folder for the dataset"
+        )
+
+
+def _list_shallow_yaml_files(folder: Path) -> Iterator[Path]:
+    """List the first YAML files of a folder, and of its folders that are no scenarios."""
+    own = (name for name in folder.glob("*") if name.is_dir() and name.name[0] != ".")
+    inside = [path for path in islice(own, MAX_LISTED) if not (path / MANIFEST_FILE).exists()]
+    patterns = ((folder, "*.yaml"), *((path, "*.yaml") for path in inside))
+    deeper = ((path, "*/*.yaml") for path in inside)
+    for base, pattern in (*patterns, *deeper):
+        yield from islice(base.glob(pattern), MAX_LISTED)
+
+
+def _is_declaration(path: Path) -> bool:
+    if not path.is_file():  # opening a pipe would wait for its writer
+        return False
+    with path.open("rb") as stream:
+        found = re.search(rb"^kind: *(\w+)", stream.read(4096), re.MULTILINE)
+    return found is not None and found[1].decode() in DECLARATIONS
