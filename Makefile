@@ -9,6 +9,7 @@
 
 SCENARIO := ui_fog_day_sparse
 FRAMES := 30
+PACKAGE :=
 OUTPUT := output/demo
 
 ADVERCITY := .venv/bin/advercity
@@ -18,10 +19,14 @@ SHEET := $(OUTPUT)/contact_sheet.png
 .PHONY: demo test test-all coverage setup lock wheels bench
 
 demo: setup
-	$(ADVERCITY) assets install --allow-failure
 	$(ADVERCITY) compile library --output compiled
-	$(ADVERCITY) run compiled/$(SCENARIO).json --profile preview --frames 0:$(FRAMES) \
-	  --output $(OUTPUT) $(if $(wildcard $(RECORDING)),,--rrd $(RECORDING))
+	@if $(ADVERCITY) assets install $(if $(PACKAGE),--from $(PACKAGE)); then bodies=; else \
+	  echo "no models: vehicles get generated bodies of the same sizes (--allow-missing-models);"; \
+	  echo "with the package on this machine: make demo PACKAGE=FILE-OR-FOLDER"; \
+	  bodies=--allow-missing-models; \
+	fi; \
+	set -x; $(ADVERCITY) run compiled/$(SCENARIO).json --profile preview --frames 0:$(FRAMES) \
+	  --output $(OUTPUT) $$bodies $(if $(wildcard $(RECORDING)),,--rrd $(RECORDING))
 	$(ADVERCITY) sheet $(OUTPUT)/$(SCENARIO) --output $(SHEET)
 	@echo
 	@echo "dataset (OPV2V):  $(OUTPUT)/$(SCENARIO)"
