@@ -21,6 +21,12 @@ WEATHERS = (
 SUITE = "kind: suite\nid: small\nrig: one_camera\ncatalogue: one_car\n"
 
 
+@pytest.fixture(scope="module")
+def specs(library: Path) -> dict[str, Spec]:
+    """Every spec of the shipped library as it ships, with models."""
+    return {spec.id: spec for spec in compile_library(library)}
+
+
 def test_the_small_library_compiles_to_one_scenario(write: Write) -> None:
     (spec,) = compile_library(write())
     assert spec.id == "lane_clear_day_sparse"
