@@ -223,9 +223,8 @@ def _compute_foggy_day_light(
         return sky.cie_relative_luminance(directions, sun, cie_type)
 
     directions = photometry.cubemap_directions(SKY_SIZE)
-    scale = above.diffuse_lx / photometry.horizontal_illuminance(
-        shape(directions)[..., None] * _WHITE
-    )
+    relative = shape(directions)[..., None] * _WHITE
+    scale = above.diffuse_lx / photometry.horizontal_illuminance(relative)
     fog = compute_fog_radiance(
         FogBank(extinction_per_m, weather.fog.depth_m, weather.fog.droplet_um, sky.GROUND_ALBEDO),
         sun=sun,

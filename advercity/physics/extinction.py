@@ -65,10 +65,7 @@ class AirExtinction:
 
 
 def mor_from_extinction(extinction_per_m: float) -> float:
-    """Convert an extinction coefficient at 550 nm to the visibility (MOR) in metres.
-
-    Returns inf for a vacuum.
-    """
+    """Convert an extinction coefficient, 1/m, to the visibility (MOR) in metres; inf for 0."""
     return KOSCHMIEDER_CONSTANT / extinction_per_m if extinction_per_m else math.inf
 
 

@@ -63,18 +63,16 @@ class Streams:
         self, same_direction: Float64Array, opposite_direction: Float64Array
     ) -> Float64Array:
         """Compute the scattered radiances (terms, n) from those in both directions."""
-        return np.einsum(
-            "mij,j,mj->mi", self.forward_kernel, self.weight, same_direction
-        ) + np.einsum("mij,j,mj->mi", self.backward_kernel, self.weight, opposite_direction)
+        onward = np.einsum("mij,j,mj->mi", self.forward_kernel, self.weight, same_direction)
+        return onward + np.einsum(
+            "mij,j,mj->mi", self.backward_kernel, self.weight, opposite_direction
+        )
 
     def to_azimuth_series(self, radiance: Float64Array) -> Float64Array:
         """Expand radiances (n, azimuths) at `quadrature_azimuths` into a series (terms, n)."""
-        terms = (
-            radiance
-            @ np.cos(np.outer(quadrature_azimuths(), np.arange(NUM_AZIMUTH_TERMS + 1)))
-            / NUM_AZIMUTHS
-        )
-        return np.where(np.arange(NUM_AZIMUTH_TERMS + 1) > 0, 2.0, 1.0)[:, None] * terms.T
+        terms = np.arange(NUM_AZIMUTH_TERMS + 1)
+        wave = np.cos(np.outer(quadrature_azimuths(), terms))
+        return np.where(terms > 0, 2.0, 1.0)[:, None] * (radiance @ wave / NUM_AZIMUTHS).T
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,9 +119,8 @@ class ScatteringLayer:
 
     def transmit(self, radiance: Float64Array, weight: Float64Array) -> Float64Array:
         """Compute the radiances (terms, n) transmitted through the layer."""
-        return self.direct_transmittance * radiance + _apply_matrix(
-            self.diffuse_transmittance * weight, radiance
-        )
+        scattered = _apply_matrix(self.diffuse_transmittance * weight, radiance)
+        return self.direct_transmittance * radiance + scattered
 
     def reflect(self, radiance: Float64Array, weight: Float64Array) -> Float64Array:
         """Compute the radiances (terms, n) reflected by the layer."""
@@ -208,17 +205,14 @@ class FogRadiance:
 
     def sky_luminance(self, directions: Float64Array) -> Float64Array:
         """Evaluate the luminances (...) in directions (..., 3), of fog and ground only."""
-        return self._evaluate_series(self._seen, directions) + self._aureole_luminance(
-            directions @ self._sun, 0
-        )
+        aureole = self._aureole_luminance(directions @ self._sun, 0)
+        return self._evaluate_series(self._seen, directions) + aureole
 
     def airlight_luminance(self, directions: Float64Array) -> Float64Array:
         """Evaluate the airlight (...) near the eye: in-scattered luminance per unit opacity."""
         cosine = directions @ self._sun
-        near_sun = (
-            self._aureole_luminance(np.minimum(cosine, SHADED_AUREOLE_COSINE), 1)
-            * self._lobes.narrow_fraction
-        )
+        aureole = self._aureole_luminance(np.minimum(cosine, SHADED_AUREOLE_COSINE), 1)
+        near_sun = aureole * self._lobes.narrow_fraction
         wide = self._forward_lx * self._lobes.wide_phase(cosine) * self._lobes.wide_fraction
         return self._evaluate_series(self._scattered, directions) + near_sun + wide
 
@@ -229,11 +223,9 @@ class FogRadiance:
     def _evaluate_series(self, series: Float64Array, directions: Float64Array) -> Float64Array:
         """Sum a series (terms, elevations) in the azimuth from the sun, at directions (..., 3)."""
         level = np.hypot(directions[..., 0], directions[..., 1])
-        sun_level = math.hypot(self._sun[0], self._sun[1])
+        length = level * math.hypot(self._sun[0], self._sun[1])
         along = directions[..., :2] @ self._sun[:2]
-        cosine = np.divide(
-            along, level * sun_level, out=np.ones_like(along), where=level * sun_level > 0.0
-        )
+        cosine = np.divide(along, length, out=np.ones_like(along), where=length > 0.0)
         azimuth = np.arccos(np.clip(cosine, -1.0, 1.0))
         elevation = _elevation_rad(directions)
         mean = np.interp(elevation, self._elevations, series[0])
@@ -267,19 +259,14 @@ def compute_fog_radiance(
 ) -> FogRadiance:
     """Compute the light in a bank that absorbs nothing, under a sun and a sky.
 
-    Args:
-        bank: The fog.
-        sun: (3,) unit vector towards the sun.
-        direct_lx: Direct normal illuminance by the sun above the bank.
-        sky: Function from upward unit vectors (..., 3) to luminances (...) in cd/m² above the bank.
+    `sun` (3,) is the direction to it, `direct_lx` its direct normal illuminance above the bank;
+    `sky` gives luminances (...) in cd/m² along upward unit vectors (..., 3) there.
     """
     lobes = DropletPhaseLobes.from_diameter_um(bank.droplet_um)
     streams = Streams.from_sun_cosine(max(MIN_SUN_SINE, float(sun[2])), lobes.wide_phase)
     eye_m = min(EYE_HEIGHT_M, bank.depth_m)
-    depth, above_eye = (
-        bank.extinction_per_m * bank.depth_m,
-        bank.extinction_per_m * (bank.depth_m - eye_m),
-    )
+    depth = bank.extinction_per_m * bank.depth_m
+    above_eye = bank.extinction_per_m * (bank.depth_m - eye_m)
     at_top = streams.to_azimuth_series(sky(_directions_around_sun(streams.cosine, sun)))
     above = ScatteringLayer.from_optical_depth(lobes.wide_fraction * above_eye, streams)
     below = ScatteringLayer.from_optical_depth(
@@ -288,13 +275,9 @@ def compute_fog_radiance(
     at_eye_lx = direct_lx * above.direct_transmittance[-1]
     down, up = _solve_interreflection(bank, streams, (above, below), at_top, direct_lx)
 
-    scattered = np.concatenate(
-        [
-            streams.scatter(same_direction=down, opposite_direction=up),
-            streams.scatter(same_direction=up, opposite_direction=down),
-        ],
-        1,
-    )
+    scattered_down = streams.scatter(same_direction=down, opposite_direction=up)
+    scattered_up = streams.scatter(same_direction=up, opposite_direction=down)
+    scattered = np.concatenate([scattered_down, scattered_up], 1)
     seen = np.concatenate([down, up], 1)
     near = lobes.wide_fraction * scattered + lobes.narrow_fraction * seen
     by_sun = at_eye_lx / (2.0 * math.pi) * lobes.wide_fraction * streams.forward_kernel[0, :, -1]

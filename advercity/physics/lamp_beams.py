@@ -76,12 +76,7 @@ class LampBeam:
     horizontal_sigma_deg: float
 
     def relative_intensity(self, facing: FloatArray, rays: FloatArray) -> FloatArray:
-        """Compute the intensity relative to the peak along rays (..., n).
-
-        Args:
-            facing: (..., 3) unit, along the beam's axis.
-            rays: (..., n, 3) unit, away from the lamp.
-        """
+        """Compute the intensity relative to the peak along rays (..., n, 3) of beams (..., 3)."""
         h, v = _angles_off_axis_deg(facing, rays)
         above = v + self.cutoff_drop_deg - np.clip(self.kink_slope * h, 0.0, self.kink_max_deg)
         # The exponent is bounded because exp overflows for float32 rays far above the cut-off.

@@ -44,9 +44,8 @@ class ParticleSizeDistribution:
     def number_concentration_above(self, diameter_mm: FloatArray | float) -> FloatArray:
         """Compute the number per m³ (n,) of particles above a melted diameter."""
         least = np.minimum(diameter_mm, self.max_melted_mm)
-        tail = np.exp(-self.slope_per_mm * least) - math.exp(
-            -self.slope_per_mm * self.max_melted_mm
-        )
+        beyond = math.exp(-self.slope_per_mm * self.max_melted_mm)
+        tail = np.exp(-self.slope_per_mm * least) - beyond
         return self.intercept / self.slope_per_mm * tail
 
     def sample_diameters_mm(
@@ -67,13 +66,9 @@ def rain_size_distribution(rate_mm_h: float) -> ParticleSizeDistribution:
 def snow_size_distribution(rate_mm_h: float, density_g_cm3: float) -> ParticleSizeDistribution:
     """Compute the sizes of flakes (Gunn and Marshall 1958); their density sets their diameters."""
     swelling = density_g_cm3 ** (-1.0 / 3.0)
-    return ParticleSizeDistribution(
-        "snow",
-        3.8e3 * rate_mm_h**-0.87,
-        2.55 * rate_mm_h**-0.48,
-        swelling,
-        MAX_FLAKE_DIAMETER_MM / swelling,
-    )
+    intercept, slope = 3.8e3 * rate_mm_h**-0.87, 2.55 * rate_mm_h**-0.48
+    largest_mm = MAX_FLAKE_DIAMETER_MM / swelling
+    return ParticleSizeDistribution("snow", intercept, slope, swelling, largest_mm)
 
 
 def size_distributions(weather: Weather) -> tuple[ParticleSizeDistribution, ...]:
@@ -93,8 +88,7 @@ def drop_terminal_speed_m_s(diameter_mm: FloatArray | float) -> FloatArray:
 
 def wind_at_height(wind: Wind, height_m: float) -> NDArray[np.float64]:
     """Compute the velocity (3,) of the air in m/s at a height, by the logarithmic profile."""
-    grown = math.log(height_m / ROUGHNESS_LENGTH_M) / math.log(
-        WIND_REFERENCE_HEIGHT_M / ROUGHNESS_LENGTH_M
-    )
+    reference = math.log(WIND_REFERENCE_HEIGHT_M / ROUGHNESS_LENGTH_M)
+    grown = math.log(height_m / ROUGHNESS_LENGTH_M) / reference
     speed, azimuth = wind.speed_m_s * grown, math.radians(wind.from_deg)
     return np.array([-speed * math.sin(azimuth), -speed * math.cos(azimuth), 0.0])

@@ -62,11 +62,8 @@ def cloudy_daylight(
     sine = math.sin(math.radians(elevation_deg))
     clear_total = clear.direct_lx * sine + clear.diffuse_lx
     cover = oktas / 8.0
-    total = (
-        clear_total
-        * (1.0 - 0.75 * cover**3.4)
-        * (RAIN_CLOUD_TRANSMITTANCE if precipitating else 1.0)
-    )
+    by_rain = RAIN_CLOUD_TRANSMITTANCE if precipitating else 1.0
+    total = clear_total * (1.0 - 0.75 * cover**3.4) * by_rain
     clear_diffuse = clear.diffuse_lx / clear_total
     diffuse = clear_diffuse + (1.0 - clear_diffuse) * cover**2
     return Daylight(direct_lx=total * (1.0 - diffuse) / sine, diffuse_lx=total * diffuse)
@@ -143,12 +140,8 @@ def cie_relative_luminance(
 ) -> Float64Array:
     """Compute the luminance (...) of a CIE general sky relative to its zenith.
 
-    Directions below the horizon have the luminance of the horizon.
-
-    Args:
-        directions: (..., 3).
-        sun: (3,) towards the sun.
-        cie_type: Number of the standard sky, 1 to 15 (ISO 15469).
+    Directions (..., 3) below the horizon have the luminance of the horizon; `cie_type` is the
+    number of the standard sky, 1 to 15 (ISO 15469).
     """
     a, b, c, d, e = _CIE_TYPES[cie_type]
 
@@ -161,11 +154,8 @@ def cie_relative_luminance(
 
     from_sun = np.arccos(np.clip(directions @ sun, -1.0, 1.0))
     sun_from_zenith = math.acos(min(1.0, max(-1.0, float(sun[2]))))
-    return (
-        indicatrix(from_sun)
-        * gradation(directions[..., 2])
-        / (indicatrix(sun_from_zenith) * gradation(1.0))
-    )
+    relative = indicatrix(from_sun) * gradation(directions[..., 2])
+    return relative / (indicatrix(sun_from_zenith) * gradation(1.0))
 
 
 def sky_colour(
@@ -202,9 +192,8 @@ def airlight_from_illuminance(illuminance_lx: float) -> float:
 def build_airlight_cubemap(low: ArrayLike, high: ArrayLike) -> NDArray[np.float32]:
     """Build an airlight cubemap (6, m, m, 4) as in `Atmosphere`, constant along each ray.
 
-    Args:
-        low: (3,) airlight in cd/m² at and below the horizon.
-        high: (3,) at the zenith; in between it is linear in the sine of the elevation.
+    From `low` (3,) at and below the horizon to `high` at the zenith, in cd/m², it is linear in the
+    sine of the elevation.
     """
     sine = np.maximum(cubemap_directions(AIRLIGHT_CUBEMAP_SIZE)[..., 2:], 0.0)
     colour = np.asarray(low) * (1.0 - sine) + np.asarray(high) * sine

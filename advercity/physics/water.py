@@ -22,12 +22,7 @@ DIFFUSE_INTERNAL_REFLECTANCE = (
 
 
 def fresnel_reflectance(cosine: FloatArray, refractive_index: float) -> FloatArray:
-    """Compute the Fresnel reflectance (n,) of a smooth surface for unpolarised light.
-
-    Args:
-        cosine: (n,) of the angle of incidence, outside.
-        refractive_index: Index of the material behind the surface.
-    """
+    """Compute the Fresnel reflectance (n,) for unpolarised light by the cosine (n,) outside."""
     refracted_cosine = np.sqrt(1.0 - (1.0 - cosine**2) / refractive_index**2)
     inside = refractive_index * refracted_cosine
     s_polarised = (cosine - inside) / (cosine + inside)
@@ -56,9 +51,8 @@ def build_puddle_height_field() -> NDArray[np.float32]:
     """
     rng = create_generator("puddles")
     hollows = rng.random((HOLLOWS_PER_EDGE, HOLLOWS_PER_EDGE), np.float32)
-    ragged = rng.random(
-        (HOLLOWS_PER_EDGE * TEXELS_PER_HOLLOW, HOLLOWS_PER_EDGE * TEXELS_PER_HOLLOW), np.float32
-    )
+    edge = HOLLOWS_PER_EDGE * TEXELS_PER_HOLLOW
+    ragged = rng.random((edge, edge), np.float32)
     fraction = np.arange(TEXELS_PER_HOLLOW, dtype=np.float32) / TEXELS_PER_HOLLOW
     smooth = fraction * fraction * (3.0 - 2.0 * fraction)
     for axis in (0, 1):

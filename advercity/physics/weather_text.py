@@ -54,9 +54,8 @@ def _describe_airborne(weather: Weather) -> Iterator[str]:
         yield next(name for highest, name in RAIN_TERMS if weather.rain.rate_mm_h <= highest)
     snow = weather.snow
     if snow.rate_mm_h:
-        mor_m = mor_from_extinction(
-            snow_extinction(snow.rate_mm_h, density_g_cm3=snow.density_g_cm3)
-        )
+        extinction_per_m = snow_extinction(snow.rate_mm_h, density_g_cm3=snow.density_g_cm3)
+        mor_m = mor_from_extinction(extinction_per_m)
         yield next(name for below, name in SNOW_TERMS if mor_m < below)
     air = weather.air.mor_m
     if air is not None and air <= 5000:

@@ -68,13 +68,10 @@ def _snow_cover_between_ruts(atmosphere: Atmosphere) -> float:
 
 
 def compute_irradiance_harmonics(sky: Float32Array) -> Float64Array:
-    """Project the irradiance by a sky on spherical harmonics: coefficients (9, 3) in lx.
+    """Project the irradiance by a sky (6, n, n, 3) on spherical harmonics: (9, 3) in lx.
 
     Second order leaves an error of some per cent; the coefficients are scaled so that a horizontal
     surface gets exactly what the sky sends it.
-
-    Args:
-        sky: (6, n, n, 3) in cd/m².
     """
     size = sky.shape[1]
     directions = cubemap_directions(size).reshape(-1, 3)
@@ -83,9 +80,8 @@ def compute_irradiance_harmonics(sky: Float32Array) -> Float64Array:
     coefficients = (COSINE_LOBE_FACTORS * HARMONIC_NORMS**2)[:, None] * (basis.T @ light)
     horizontal = np.clip(directions[:, 2], 0.0, None) @ light
     approximate = _harmonic_basis(np.array([[0.0, 0.0, 1.0]]))[0] @ coefficients
-    return coefficients * np.divide(
-        horizontal, approximate, out=np.ones(3), where=approximate > 0.0
-    )
+    level = np.divide(horizontal, approximate, out=np.ones(3), where=approximate > 0.0)
+    return coefficients * level
 
 
 def _harmonic_basis(directions: Float64Array) -> Float64Array:

@@ -42,11 +42,6 @@ class VulkanDevice:
     supports_ray_tracing: bool
 
     @property
-    def sapien_name(self) -> str:
-        """SAPIEN's name of the device."""
-        return "cuda" if self.is_cuda else "cpu"
-
-    @property
     def is_software(self) -> bool:
         """Whether it is Mesa's CPU driver, which renders the same bytes every time."""
         return "llvmpipe" in self.name
@@ -117,7 +112,8 @@ class SapienBackend:
 
         from advercity_sapien.renderer import SapienRenderer
 
-        renderer = SapienRenderer(world, atmosphere, profile, sapien.Device(device.sapien_name))
+        sapien_device = sapien.Device("cuda" if device.is_cuda else "cpu")
+        renderer = SapienRenderer(world, atmosphere, profile, sapien_device)
         try:
             yield renderer
         finally:

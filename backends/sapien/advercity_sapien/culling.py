@@ -50,17 +50,10 @@ class ConvexVolume:
 
 def compute_view_frustum(view: CameraView) -> ConvexVolume:
     """Compute the volume that a camera sees, without near and far planes."""
-    half_width = np.tan(view.horizontal_fov_rad / 2.0)
-    half_height = half_width * view.height_px / view.width_px
-    normals = [
-        [half_width, 1, 0],
-        [half_width, -1, 0],
-        [half_height, 0, 1],
-        [half_height, 0, -1],
-    ]
-    return ConvexVolume.from_body_planes(
-        view.world_from_camera, np.array(normals, dtype=np.float64)
-    )
+    wide = np.tan(view.horizontal_fov_rad / 2.0)
+    high = wide * view.height_px / view.width_px
+    normals = np.array([[wide, 1, 0], [wide, -1, 0], [high, 0, 1], [high, 0, -1]])
+    return ConvexVolume.from_body_planes(view.world_from_camera, normals)
 
 
 class FrustumCuller:

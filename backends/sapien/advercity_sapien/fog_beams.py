@@ -56,10 +56,8 @@ def _integrate_fog_beam(lamp_beam: LampBeam) -> FloatArray:
 
 def _sample_beam_rays(lamp_beam: LampBeam) -> tuple[FloatArray, FloatArray]:
     """Sample unit rays (n, 3) of a beam, and the light (n,) of each: peak intensity times sr."""
-    h = (
-        np.arange(-BEAM_HALF_WIDTH_RAD, BEAM_HALF_WIDTH_RAD, STEP_HORIZONTAL_RAD)
-        + STEP_HORIZONTAL_RAD / 2.0
-    )
+    h = np.arange(-BEAM_HALF_WIDTH_RAD, BEAM_HALF_WIDTH_RAD, STEP_HORIZONTAL_RAD)
+    h += STEP_HORIZONTAL_RAD / 2.0
     v = np.arange(BEAM_BOTTOM_RAD, BEAM_TOP_RAD, STEP_VERTICAL_RAD) + STEP_VERTICAL_RAD / 2.0
     horizontal, vertical = (item.ravel() for item in np.meshgrid(h, v))
     level = np.cos(vertical)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from advercity.geometry.arrays import Float64Array
+from advercity.geometry.polyline import StationedPolyline, polyline_stations
 from advercity.rendering.raycaster import Raycaster, Rays
 from advercity.roads.lane_segments import LaneSegment
 from advercity.semantics import Semantic
@@ -112,12 +113,9 @@ def _sample_lane(lane: LaneSegment) -> tuple[Float64Array, Float64Array]:
     """Sample points (n, 2) all over a lane, and their wear (n,) in [-1, 1]."""
     left, right = lane.left[:, :2], lane.right[:, :2]
     middle = (left + right) / 2
-    station = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(middle, axis=0), axis=1))])
+    station = polyline_stations(middle)
     along = np.arange(0.0, station[-1], WEAR_SAMPLE_STEP_M)
-    edges = [
-        np.stack([np.interp(along, station, side[:, axis]) for axis in (0, 1)], axis=-1)
-        for side in (left, right)
-    ]
+    edges = [StationedPolyline(side, station).points_at(along) for side in (left, right)]
     width = float(np.linalg.norm(left - right, axis=1).mean())
     fraction = (np.arange(0.0, width, WEAR_SAMPLE_STEP_M) + WEAR_SAMPLE_STEP_M / 2) / width
     points = edges[0][:, None] * (1 - fraction[:, None]) + edges[1][:, None] * fraction[:, None]

@@ -73,12 +73,10 @@ class LampLists:
         self._free_range_m = np.array([lamp.unobstructed_m for lamp in brightest])
         self._colour = np.array([lamp.colour for lamp in brightest]).reshape(-1, 3)
         self._extinction = atmosphere.extinction.at_550nm
-        self._faint_lx = max(
-            NEGLIGIBLE_FRACTION * (atmosphere.street_lx + atmosphere.sky_lx), MIN_ILLUMINANCE_LX
-        )
-        self._faint_cd_m2 = max(
-            NEGLIGIBLE_AIRLIGHT_FRACTION * max(atmosphere.horizon_airlight), MIN_LUMINANCE_CD_M2
-        )
+        faint_lx = NEGLIGIBLE_FRACTION * (atmosphere.street_lx + atmosphere.sky_lx)
+        self._faint_lx = max(faint_lx, MIN_ILLUMINANCE_LX)
+        faint_cd_m2 = NEGLIGIBLE_AIRLIGHT_FRACTION * max(atmosphere.horizon_airlight)
+        self._faint_cd_m2 = max(faint_cd_m2, MIN_LUMINANCE_CD_M2)
         self._range_m = self._compute_ranges()
         self.cell_grid = self._compute_cell_grid()
         self._cells = self._list_by_cell()
@@ -109,12 +107,8 @@ class LampLists:
             return 0.0, 0.0, 1.0, 1.0
         low = self._position[:, :2].min(axis=0) - GRID_MARGIN_M
         size = self._position[:, :2].max(axis=0) + GRID_MARGIN_M - low
-        return (
-            float(low[0]),
-            float(low[1]),
-            GRID_CELLS / float(size[0]),
-            GRID_CELLS / float(size[1]),
-        )
+        per_m = GRID_CELLS / size
+        return float(low[0]), float(low[1]), float(per_m[0]), float(per_m[1])
 
     def _list_by_cell(self) -> Float32Array:
         """List lamps (cells, LAMPS_PER_CELL) by their light on the brightest point of a cell."""
@@ -202,9 +196,8 @@ class LampLists:
 
 def _beam_fraction(aside_rad: FloatArray) -> FloatArray:
     """Compute the fraction (...) of a low beam's peak at horizontal angles off its axis."""
-    return np.where(
-        aside_rad < np.pi / 2, np.exp(-0.5 * (aside_rad / LOW_BEAM_SIGMA_RAD) ** 2), 0.0
-    )
+    fraction = np.exp(-0.5 * (aside_rad / LOW_BEAM_SIGMA_RAD) ** 2)
+    return np.where(aside_rad < np.pi / 2, fraction, 0.0)
 
 
 def _horizontal_angle(away: FloatArray, distance: FloatArray, facing: FloatArray) -> FloatArray:
@@ -238,7 +231,5 @@ def _compute_tile_rays(view: CameraView) -> tuple[FloatArray, float]:
     left, above = np.meshgrid(column, row)
     rays = np.stack([np.ones_like(left), left, above], axis=-1).reshape(-1, 3)
     rays = rays @ view.world_from_camera[:3, :3].T
-    return (
-        rays / np.linalg.norm(rays, axis=1, keepdims=True),
-        float(np.hypot(half_width / TILES_WIDE, half_height / TILES_HIGH)),
-    )
+    radius = float(np.hypot(half_width / TILES_WIDE, half_height / TILES_HIGH))
+    return rays / np.linalg.norm(rays, axis=1, keepdims=True), radius

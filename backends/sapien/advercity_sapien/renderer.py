@@ -37,22 +37,14 @@ Images = dict[str, NDArray[Any]]
 def denoise(radiance: Float32Array, albedo: Float32Array, normal: Float32Array) -> Float32Array:
     """Remove the noise of few samples from an image (h, w, 3) by Intel's Open Image Denoise.
 
-    It runs on the CPU, and gives the same bytes every time.
-
-    Args:
-        radiance: Linear, of any scale, with noise.
-        albedo: (h, w, 3) in [0, 1], without noise: shows where materials change.
-        normal: (h, w, 3), unit, without noise: shows where shapes change.
+    It runs on the CPU, and gives the same bytes every time. `albedo` (h, w, 3) in [0, 1] and
+    `normal` (h, w, 3) are without noise: they show where materials and shapes change.
     """
     # The library takes a while to load, and only images of full quality need it.
     import pyoidn
 
-    return pyoidn.denoise(
-        np.ascontiguousarray(radiance),
-        albedo=np.ascontiguousarray(albedo),
-        normal=np.ascontiguousarray(normal),
-        hdr=True,
-    )
+    image, albedo, normal = (np.ascontiguousarray(item) for item in (radiance, albedo, normal))
+    return pyoidn.denoise(image, albedo=albedo, normal=normal, hdr=True)
 
 
 class SapienRenderer:
@@ -201,9 +193,8 @@ class SapienRenderer:
         return camera
 
     def _add_camera(self, size: tuple[int, int]) -> sapien.render.RenderCameraComponent:
-        camera = sapien.render.RenderCameraComponent(
-            *size, str(SHADER_FOLDER / self._profile.renderer)
-        )
+        shaders = str(SHADER_FOLDER / self._profile.renderer)
+        camera = sapien.render.RenderCameraComponent(*size, shaders)
         entity = sapien.Entity()
         entity.add_component(camera)
         self._scene.add_entity(entity)

@@ -178,9 +178,8 @@ class SapienScene:
                 self._spare_bodies[appearance].append(bodies)
         for state in frame.states:
             bodies = self._acquire_bodies(state.actor.id, appearances[state.actor.id])
-            self._move_bodies(
-                bodies, state, state.world_from_body @ poses[state.actor.id].body_from_mesh
-            )
+            world_from_mesh = state.world_from_body @ poses[state.actor.id].body_from_mesh
+            self._move_bodies(bodies, state, world_from_mesh)
             for body in bodies.values():
                 self._bindings.set_lit_lamps(body, int(state.lamps))
         for name, body in self._signals.items():
@@ -201,11 +200,9 @@ class SapienScene:
 
     def _move_bodies(self, bodies: ActorBodies, state: ActorState, world_from_mesh: Matrix) -> None:
         for wheel, body in bodies.items():
-            moved = (
-                world_from_mesh
-                if wheel is None
-                else world_from_mesh @ compute_wheel_pose(state, wheel)
-            )
+            moved = world_from_mesh
+            if wheel is not None:
+                moved = world_from_mesh @ compute_wheel_pose(state, wheel)
             self._set_pose(body, sapien.Pose(moved))
 
     def _acquire_bodies(self, actor_id: int, appearance: Appearance) -> ActorBodies:
@@ -251,7 +248,8 @@ class SapienScene:
         meshes = build_signal_lenses()
         body = self._add(meshes)
         self._label_shapes(body, meshes, 0)
-        body.entity.set_pose(sapien.Pose(_signal_pose(lamp)))
+        yaw = float(np.arctan2(lamp.facing[1], lamp.facing[0]))
+        body.entity.set_pose(sapien.Pose(pose_matrix(lamp.position, yaw=yaw)))
         return body
 
     def _add(self, meshes: Iterable[Mesh], paint: str = "") -> RenderBody:
@@ -287,7 +285,3 @@ class SegmentationTable:
     def look_up(self, ids: NDArray[np.uint32]) -> tuple[NDArray[np.uint8], NDArray[np.int32]]:
         """Look up the semantic class and the actor of each pixel (h, w) of shape ids."""
         return self._semantic[ids], self._actor[ids]
-
-
-def _signal_pose(lamp: SignalLamp) -> Matrix:
-    return pose_matrix(lamp.position, yaw=float(np.arctan2(lamp.facing[1], lamp.facing[0])))

@@ -1,7 +1,5 @@
 """Hands the shaders what they need beyond the scene: table, textures, and the state of bodies."""
 
-from typing import Protocol
-
 import numpy as np
 import sapien
 from numpy.typing import NDArray
@@ -22,30 +20,6 @@ RenderBody = sapien.render.RenderBodyComponent
 TABLE = SCENE_TEXTURES[0]
 CARRIER_POSE = sapien.Pose([0.0, 0.0, -2e4])
 """Where the body that carries the textures is out of sight."""
-
-
-class ShaderBindings(Protocol):
-    """How one of the two shader packs gets table, textures and the states of bodies."""
-
-    def attach_to_camera(self, camera: sapien.render.RenderCameraComponent) -> None:
-        """Give a new camera the table and the textures."""
-        ...
-
-    def set_lit_lamps(self, body: RenderBody, lamp_bits: int) -> None:
-        """Set which lamps of a body are lit (`LIT_...` in GLSL)."""
-        ...
-
-    def set_hidden(self, body: RenderBody, *, hidden: bool) -> None:
-        """Set whether cameras see no more of a body than its shadow."""
-        ...
-
-    def upload_table(self, table: ShaderTable) -> None:
-        """Copy the table to the device, for the images to come."""
-        ...
-
-    def upload_contact(self, texels: NDArray[np.uint8]) -> None:
-        """Copy the map of things on the ground to the device."""
-        ...
 
 
 class RasterBindings:
@@ -139,3 +113,7 @@ class RayTracedBindings:
 
     def upload_contact(self, texels: NDArray[np.uint8]) -> None:
         """Do nothing: paths find what is on the ground."""
+
+
+ShaderBindings = RasterBindings | RayTracedBindings
+"""How one of the two shader packs gets table, textures and the states of bodies."""
