@@ -31,14 +31,9 @@ def sample_reference_line(
 ) -> tuple[Points, NDArray[np.float64], NDArray[np.float64]]:
     """Sample lines and arcs, each of which continues from the end of the one before.
 
-    Args:
-        start: First point.
-        heading: Direction at `start`, radians counter-clockwise from east.
-        path: Pieces in order; corners of `AxisPoints` are not rounded.
-        line_step_m: Largest distance between samples on lines.
-
-    Returns:
-        Points (n, 2), headings (n,) and arc lengths (n,); piece ends are among them.
+    `heading` is the direction at `start`, radians counter-clockwise from east; corners of
+    `AxisPoints` are not rounded. Returns points (n, 2), headings (n,) and arc lengths (n,); the
+    ends of the pieces are among them.
     """
     points, headings, along = [np.array([start])], [np.array([heading])], [np.zeros(1)]
     for piece in path:
@@ -49,10 +44,8 @@ def sample_reference_line(
                 points.append(here + s[:, None] * unit_vectors(direction))
                 headings.append(np.full(len(s), direction))
             case AxisArc():
-                s = _even_stations(
-                    piece.arc_m,
-                    min(MAX_ARC_STEP_M, np.sqrt(8 * piece.radius_m * MAX_CHORD_ERROR_M)),
-                )
+                chord_m = np.sqrt(8 * piece.radius_m * MAX_CHORD_ERROR_M)
+                s = _even_stations(piece.arc_m, min(MAX_ARC_STEP_M, chord_m))
                 side = 1.0 if piece.turn == "left" else -1.0
                 turned = direction + side * s / piece.radius_m
                 centre = here + side * piece.radius_m * left_normals(unit_vectors(direction))
@@ -98,20 +91,10 @@ def build_connecting_curve(
     *,
     radius_m: float = np.inf,
 ) -> Points:
-    """Build a smooth curve from one pose to another.
+    """Build a smooth curve (n, 2) from one pose (point and unit direction) to another.
 
     Where the tangents meet in front of the start and behind the end, it is a line, an arc of at
-    most `radius_m` and a line; otherwise a cubic Bézier curve.
-
-    Args:
-        start: (2,) first point.
-        start_direction: (2,) unit direction at `start`.
-        end: (2,) last point.
-        end_direction: (2,) unit direction at `end`.
-        radius_m: Largest radius of the arc.
-
-    Returns:
-        (n, 2) points, no more than 1 m apart on the bend.
+    most `radius_m` and a line, with points 1 m apart at most; otherwise a cubic Bézier curve.
     """
     cross = float(start_direction[0] * end_direction[1] - start_direction[1] * end_direction[0])
     gap = end - start

@@ -6,14 +6,9 @@ from advercity.geometry.arrays import Float64Array
 
 
 def spread_directions(count: int, *, min_sine: float = -1.0) -> Float64Array:
-    """Spread unit vectors evenly over the sphere above an elevation (Fibonacci lattice).
+    """Spread unit vectors (count, 3) evenly over the sphere (Fibonacci lattice).
 
-    Args:
-        count: Number of directions.
-        min_sine: Sine of the lowest elevation; the whole sphere without it.
-
-    Returns:
-        (count, 3).
+    `min_sine` is the sine of the lowest elevation.
     """
     index = np.arange(count) + 0.5
     # Steps of the golden angle never repeat an azimuth, so no two directions line up.

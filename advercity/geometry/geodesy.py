@@ -38,9 +38,8 @@ def geodetic_from_enu(enu: ArrayLike, origin: Geodetic) -> Geodetic:
         normal = _prime_vertical_radius_m(latitude)
         latitude = math.atan2(ecef[2] + _ECCENTRICITY_2 * normal * math.sin(latitude), from_axis)
     sine, cosine = math.sin(latitude), math.cos(latitude)
-    height = (
-        from_axis * cosine + ecef[2] * sine - SEMI_MAJOR_M**2 / _prime_vertical_radius_m(latitude)
-    )
+    surface_m = SEMI_MAJOR_M**2 / _prime_vertical_radius_m(latitude)
+    height = from_axis * cosine + ecef[2] * sine - surface_m
     return Geodetic(math.degrees(latitude), math.degrees(math.atan2(ecef[1], ecef[0])), height)
 
 
@@ -58,13 +57,8 @@ def _ecef_from_geodetic(position: Geodetic) -> Float64Array:
     latitude, longitude = math.radians(position.latitude_deg), math.radians(position.longitude_deg)
     normal = _prime_vertical_radius_m(latitude)
     from_axis = (normal + position.altitude_m) * math.cos(latitude)
-    return np.array(
-        [
-            from_axis * math.cos(longitude),
-            from_axis * math.sin(longitude),
-            (normal * (1.0 - _ECCENTRICITY_2) + position.altitude_m) * math.sin(latitude),
-        ]
-    )
+    polar = (normal * (1.0 - _ECCENTRICITY_2) + position.altitude_m) * math.sin(latitude)
+    return np.array([from_axis * math.cos(longitude), from_axis * math.sin(longitude), polar])
 
 
 def _ecef_from_enu(origin: Geodetic) -> Float64Array:

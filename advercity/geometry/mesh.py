@@ -193,19 +193,12 @@ def move_surface(
 
 
 def repeat_surface(
-    surface: TriangleSurface,
-    offsets: ArrayLike,
-    *,
-    yaw: ArrayLike = 0.0,
-    scale: ArrayLike = 1.0,
+    surface: TriangleSurface, offsets: ArrayLike, *, yaw: ArrayLike = 0.0, scale: ArrayLike = 1.0
 ) -> TriangleSurface:
-    """Copy a surface, each copy scaled, turned about z and shifted.
+    """Copy a surface, each copy scaled, turned about z by `yaw` radians and shifted.
 
-    Args:
-        surface: The surface to copy.
-        offsets: (k, 3) metres.
-        yaw: (k,) radians, or one angle for all copies.
-        scale: (k, 3) factors along the surface's own x, y and z, or broadcastable to that.
+    Offsets are (k, 3) metres. Angles are (k,), scales (k, 3) along the surface's own axes, or one
+    for all copies.
     """
     shift = np.asarray(offsets, dtype=np.float64)
     count = len(shift)
@@ -215,9 +208,8 @@ def repeat_surface(
     normals = None
     if surface.normals is not None:
         # Normals scale with the inverse transpose.
-        normals = normalize(_rotate_about_z(surface.normals / factors[:, None], turn)).reshape(
-            -1, 3
-        )
+        turned = _rotate_about_z(surface.normals / factors[:, None], turn)
+        normals = normalize(turned).reshape(-1, 3)
     step = len(surface.vertices) * np.arange(count)
     triangles = surface.triangles + step[:, None, None]
     return TriangleSurface(vertices.reshape(-1, 3), triangles.reshape(-1, 3), normals)
@@ -275,9 +267,8 @@ def shade_smooth(surface: TriangleSurface) -> TriangleSurface:
 def _crease_normals(corner: NDArray[np.int64], area: Float64Array) -> Float64Array:
     """Average normals (3 m, 3) of triangle corners over the faces that meet there smoothly.
 
-    Args:
-        corner: (m, 3) number of the point at each corner.
-        area: (m, 3) normals as long as twice the face's area, so that large faces count more.
+    `corner` (m, 3) numbers the point at each corner; `area` (m, 3) are normals as long as twice
+    the face's area, so that large faces count more.
     """
     point = corner.reshape(-1)
     face = np.repeat(np.arange(len(corner)), 3)

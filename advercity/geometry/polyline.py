@@ -45,9 +45,8 @@ def resample_polyline(points: Points, count: int) -> Points:
 
 def offset_points(points: Points, headings: NDArray[np.float64], t: ArrayLike) -> Points:
     """Move points (..., 2) by `t` metres to the left of their headings (...)."""
-    return points + np.asarray(t, dtype=np.float64)[..., None] * left_normals(
-        unit_vectors(headings)
-    )
+    normals = left_normals(unit_vectors(headings))
+    return points + np.asarray(t, dtype=np.float64)[..., None] * normals
 
 
 def drop_repeated_points(points: Points) -> Points:
@@ -97,10 +96,8 @@ class StationedPolyline:
     def headings_at(self, stations_m: ArrayLike, *, span_m: float = 0.0) -> NDArray[np.float64]:
         """Compute headings (...) at stations (...).
 
-        Args:
-            stations_m: Metres along the line.
-            span_m: Length of the chord around each station whose heading is taken, cut off at the
-                ends of the line; with 0 it is the segment after the station.
+        They are of the chord of length `span_m` around each station, cut off at the ends of the
+        line; with 0, of the segment after the station.
         """
         stations = np.asarray(stations_m, dtype=np.float64)
         if span_m:
@@ -128,9 +125,9 @@ class StationedPolyline:
 
         Points within `margin_m` of either end are left out, so that no sliver remains.
         """
-        inner = self.stations_m[
-            (self.stations_m > start_m + margin_m) & (self.stations_m < end_m - margin_m)
-        ]
+        is_inside = self.stations_m > start_m + margin_m
+        is_inside &= self.stations_m < end_m - margin_m
+        inner = self.stations_m[is_inside]
         return StationedPolyline.from_points(self.points_at([start_m, *inner, end_m]))
 
     def sample_points(self, step_m: float) -> Points:

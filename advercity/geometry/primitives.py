@@ -12,13 +12,10 @@ from advercity.geometry.mesh import TriangleSurface, normalize, orient_outward
 
 
 def loft_rings(rings: ArrayLike) -> TriangleSurface:
-    """Build a closed skin over cross-sections, with both ends capped.
+    """Build a closed skin over cross-sections (k, n, 3) in one sense of rotation, ends capped.
 
     The quad between rings i and i + 1 and points j and j + 1 is triangles `2 (i n + j)` and
     `2 (i n + j) + 1`; the caps come last.
-
-    Args:
-        rings: (k, n, 3) cross-sections of n points each, all in one sense of rotation.
     """
     grid = np.asarray(rings, dtype=np.float64)
     count, points, _ = grid.shape
@@ -59,10 +56,8 @@ def plate(corners: ArrayLike, thickness_m: float) -> TriangleSurface:
 def rectangles(centres: ArrayLike, across: ArrayLike, upward: ArrayLike) -> TriangleSurface:
     """Build flat rectangles that are seen from one side, with normals.
 
-    Args:
-        centres: (k, 3) metres.
-        across: (k, 3) from the centre to the right edge, as seen from in front.
-        upward: (k, 3) from the centre to the upper edge.
+    `across` and `upward` (k, 3) lead from the centres (k, 3) to the right edge, as seen from in
+    front, and to the upper edge.
     """
     middle = np.asarray(centres, dtype=np.float64)
     right = np.broadcast_to(np.asarray(across, dtype=np.float64), middle.shape)
@@ -76,12 +71,7 @@ def rectangles(centres: ArrayLike, across: ArrayLike, upward: ArrayLike) -> Tria
 
 
 def grid_sheet(points: Float64Array, cells: NDArray[np.bool_] | None = None) -> TriangleSurface:
-    """Build a sheet over points (n, m, 3) in rows that is seen from above.
-
-    Args:
-        points: Corners of its cells.
-        cells: (n - 1, m - 1) which cells to build; all without it.
-    """
+    """Build a sheet over points (n, m, 3) in rows, seen from above; of some cells, or of all."""
     columns = points.shape[1]
     built = np.ones((len(points) - 1, columns - 1), dtype=bool) if cells is None else cells
     i, j = np.nonzero(built)
@@ -96,13 +86,9 @@ def grid_sheet(points: Float64Array, cells: NDArray[np.bool_] | None = None) -> 
 def tube(
     points: ArrayLike, radii: ArrayLike, *, sides: int = 8, rounded: bool = False
 ) -> TriangleSurface:
-    """Build a round tube along points.
+    """Build a round tube along points (k, 3), with radii (k,) or one.
 
-    Args:
-        points: (k, 3) points of its axis.
-        radii: (k,) metres, or one radius for all points.
-        sides: Number of sides.
-        rounded: Whether the ends are domes, which add a radius to the length, or flat.
+    Rounded ends are domes, which add a radius to the length.
     """
     axis = np.asarray(points, dtype=np.float64)
     radius = np.broadcast_to(np.asarray(radii, dtype=np.float64), (len(axis),))
@@ -137,17 +123,11 @@ def ellipsoid(
     # The caps begin off the poles, where a ring would be a point.
     polar = np.linspace(0.08, np.pi - 0.08, bands + 1)
     angle = 2 * np.pi * np.arange(sides) / sides
-    rings = np.stack(
-        [
-            np.sin(polar)[:, None] * np.cos(angle),
-            np.sin(polar)[:, None] * np.sin(angle),
-            np.broadcast_to(np.cos(polar)[:, None], (bands + 1, sides)),
-        ],
-        axis=-1,
-    )
-    return loft_rings(
-        np.asarray(centre, dtype=np.float64) + rings * np.asarray(radii, dtype=np.float64)
-    )
+    level, upright = np.sin(polar)[:, None], np.cos(polar)[:, None]
+    upright = np.broadcast_to(upright, (bands + 1, sides))
+    rings = np.stack([level * np.cos(angle), level * np.sin(angle), upright], axis=-1)
+    scaled = rings * np.asarray(radii, dtype=np.float64)
+    return loft_rings(np.asarray(centre, dtype=np.float64) + scaled)
 
 
 def revolve_profile(profile: ArrayLike, centre: ArrayLike, *, sides: int = 16) -> TriangleSurface:
@@ -172,11 +152,5 @@ def revolve_closed_profile(
 def _revolve(profile: ArrayLike, sides: int) -> Float64Array:
     radius, y = np.asarray(profile, dtype=np.float64).T
     angle = 2 * np.pi * np.arange(sides) / sides
-    return np.stack(
-        [
-            radius[:, None] * np.cos(angle),
-            np.broadcast_to(y[:, None], (len(y), sides)),
-            radius[:, None] * np.sin(angle),
-        ],
-        axis=-1,
-    )
+    level = np.broadcast_to(y[:, None], (len(y), sides))
+    return np.stack([radius[:, None] * np.cos(angle), level, radius[:, None] * np.sin(angle)], -1)

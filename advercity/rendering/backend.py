@@ -142,13 +142,8 @@ def list_backend_names() -> list[str]:
 
     The fake backend for tests can be loaded by name, but is not suggested to users.
     """
-    return sorted(
-        {
-            entry.name
-            for entry in entry_points(group=ENTRY_POINT_GROUP)
-            if entry.module != TEST_MODULE
-        }
-    )
+    entries = entry_points(group=ENTRY_POINT_GROUP)
+    return sorted({entry.name for entry in entries if entry.module != TEST_MODULE})
 
 
 def load_backend(name: str) -> Backend:

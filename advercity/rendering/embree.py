@@ -128,14 +128,9 @@ class EmbreeScene:
     ) -> EmbreeHits:
         """Find the first hit of each ray.
 
-        Args:
-            origins: (n, 3) float32.
-            directions: (n, 3) float32, unit vectors.
-            max_range_m: End of the rays.
-            time_fraction: (n,) float32 time of each ray, from 0 (previous poses) to 1 (current
-                poses); None for 1.
-            ray_order: (n,) rows of rays in an order that keeps similar directions together; None
-                for the given order.
+        Rays have origins and unit directions (n, 3) in float32, and times (n,) from 0 (previous
+        poses) to 1 (current poses); without times it is 1. `ray_order` has the rows (n,) in an
+        order that keeps similar directions together; None for the given order.
         """
         count = len(directions)
         hits = EmbreeHits(
@@ -152,11 +147,10 @@ class EmbreeScene:
             lanes = np.append(some, np.repeat(some[-1:], packets * _RAYS_PER_PACKET - len(some)))
             floats[:packets, _ORIGIN] = _to_packets(origins.take(lanes, axis=0))
             floats[:packets, _DIRECTION] = _to_packets(directions.take(lanes, axis=0))
-            floats[:packets, _TIME] = (
-                1.0
-                if time_fraction is None
-                else time_fraction.take(lanes).reshape(-1, _RAYS_PER_PACKET)
-            )
+            floats[:packets, _TIME] = 1.0
+            if time_fraction is not None:
+                times = time_fraction.take(lanes)
+                floats[:packets, _TIME] = times.reshape(-1, _RAYS_PER_PACKET)
             floats[:packets, _FAR] = max_range_m
             integers[:packets, _HIT] = -1
             self._packets.cast(self._scene, packets)
@@ -176,12 +170,9 @@ class _RayPackets:
 
     def __init__(self) -> None:
         # RTCRayHit16 must be aligned to 64 bytes, which NumPy does not promise.
-        room = np.zeros(
-            _PACKETS_PER_BATCH * _FIELDS_PER_RAY * _RAYS_PER_PACKET + 2 * _ALIGNMENT_BYTES // 4,
-            np.float32,
-        )
-        start = -room.ctypes.data % _ALIGNMENT_BYTES // 4
-        packets = room[start:][: _PACKETS_PER_BATCH * _FIELDS_PER_RAY * _RAYS_PER_PACKET]
+        size = _PACKETS_PER_BATCH * _FIELDS_PER_RAY * _RAYS_PER_PACKET
+        room = np.zeros(size + 2 * _ALIGNMENT_BYTES // 4, np.float32)
+        packets = room[-room.ctypes.data % _ALIGNMENT_BYTES // 4 :][:size]
         self.floats = packets.reshape(_PACKETS_PER_BATCH, _FIELDS_PER_RAY, _RAYS_PER_PACKET)
         self.integers = self.floats.view(np.int32)
         self.integers[:, _MASK] = -1

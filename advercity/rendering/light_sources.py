@@ -48,16 +48,11 @@ SIGNAL_LENS_OFFSET_M = 0.02
 
 def list_light_sources(world: World, frame: Frame) -> list[LightSource]:
     """List all lamps that are lit in a frame at night."""
+    beams = zip(frame.states, unobstructed_distance_m(frame.states), strict=True)
     return [
         *(_build_street_light(lamp) for lamp in world.street_lamps),
         *(_build_signal_light(lamp, frame.signals[lamp.id]) for lamp in world.signal_lamps),
-        *(
-            lamp
-            for state, unobstructed_m in zip(
-                frame.states, unobstructed_distance_m(frame.states), strict=True
-            )
-            for lamp in _iterate_vehicle_lights(state, unobstructed_m)
-        ),
+        *(lamp for state, free_m in beams for lamp in _iterate_vehicle_lights(state, free_m)),
     ]
 
 
@@ -113,33 +108,27 @@ def _iterate_vehicle_lights(state: ActorState, unobstructed_m: float) -> Iterato
     if state.lamps & (Lamp.BRAKE | Lamp.LOW_BEAM | Lamp.FOG):
         rear_cd = BRAKE_CD if Lamp.BRAKE in state.lamps else TAIL_CD
         rear_cd += REAR_FOG_CD if Lamp.FOG in state.lamps else 0.0
+        rear_cd /= len(sides)
         for left in sides:
             offset = left * REAR_LAMP_OFFSET_FRACTION * state.actor.size[1] * pose[:3, 1]
-            yield LightSource(
-                LampPattern.LENS,
-                tuple(rear + offset),
-                tuple(-ahead),
-                rear_cd / len(sides),
-                RED_LAMP_COLOUR,
-            )
+            position = tuple(rear + offset)
+            yield LightSource(LampPattern.LENS, position, tuple(-ahead), rear_cd, RED_LAMP_COLOUR)
     yield from _iterate_indicator_lights(state, half_length_m)
 
 
 def _iterate_indicator_lights(state: ActorState, half_length_m: float) -> Iterator[LightSource]:
     pose, ahead = state.world_from_body, state.world_from_body[:3, 0]
+    ends = (
+        (half_length_m, ahead, FRONT_INDICATOR_CD),
+        (-half_length_m, -ahead, REAR_INDICATOR_CD),
+    )
     for lamp, left in ((Lamp.LEFT, 1.0), (Lamp.RIGHT, -1.0)):
         if lamp in state.lamps:
             y = left * REAR_LAMP_OFFSET_FRACTION * state.actor.size[1]
-            front, rear = (
-                tuple(transform_points(pose, [x, y, LAMP_HEIGHT_M]))
-                for x in (half_length_m, -half_length_m)
-            )
-            yield LightSource(
-                LampPattern.LENS, front, tuple(ahead), FRONT_INDICATOR_CD, AMBER_LAMP_COLOUR
-            )
-            yield LightSource(
-                LampPattern.LENS, rear, tuple(-ahead), REAR_INDICATOR_CD, AMBER_LAMP_COLOUR
-            )
+            for x, facing, cd in ends:
+                position = tuple(transform_points(pose, [x, y, LAMP_HEIGHT_M]))
+                lens = LampPattern.LENS
+                yield LightSource(lens, position, tuple(facing), cd, AMBER_LAMP_COLOUR)
 
 
 def signal_lens_position(signal: Signal) -> tuple[float, float, float]:

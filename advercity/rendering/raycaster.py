@@ -130,9 +130,12 @@ class Raycaster:
         normal[moving] = placed.rotate_normals(normal.take(moving, axis=0), mover, fraction)
         painted = np.flatnonzero(material == _ACTOR_PAINT)
         material[painted] = placed.paint.take(found.instance.take(painted))
+        x, y, z = normal.T
+        along = x * rays.directions[:, 0] + y * rays.directions[:, 1] + z * rays.directions[:, 2]
         return RayHits(
             range_m=found.range_m,
-            **_orient_normals(normal, rays.directions),
+            normal=normal * -np.sign(along)[:, None],
+            cosine=np.abs(along),
             material=material,
             semantic=table.semantic.take(triangle, mode="wrap"),
             instance=placed.instance.take(found.instance, mode="wrap"),
@@ -149,15 +152,14 @@ class Raycaster:
             by_id = {state.actor.id: state for state in previous_frame.states}
             earlier = [by_id.get(state.actor.id, state).world_from_body for state in states]
             previous = [np.eye(4), *earlier] @ body_from_mesh
+        paints = [_find_material_index(state.actor.paint) for state in states]
         return _PlacedFrame(
             scene=EmbreeScene([item.mesh for item in meshes], current, previous),
             current=current,
             previous=previous,
             first_triangle=np.array([*(item.first_triangle for item in meshes), 0], np.int32),
             instance=np.array([0, *(state.actor.id for state in states), 0], np.int32),
-            paint=np.array(
-                [0, *(_find_material_index(state.actor.paint) for state in states)], np.int16
-            ),
+            paint=np.array([0, *paints], np.int16),
         )
 
     def _get_shape_mesh(self, shape: BodyShape) -> "_RegisteredMesh":
@@ -207,9 +209,8 @@ class _PlacedFrame:
         rotated = np.empty_like(vectors)
         for row in np.unique(mover).tolist():
             rays = np.flatnonzero(mover == row)
-            path = poses.interpolate_poses(
-                self.previous[row], self.current[row], time_fraction[rays]
-            )
+            first, second = self.previous[row], self.current[row]
+            path = poses.interpolate_poses(first, second, time_fraction[rays])
             rotated[rays] = np.einsum("nij,nj->ni", path[:, :3, :3], vectors[rays])
         return rotated
 
@@ -237,19 +238,11 @@ class _TriangleTable:
             self.semantic = np.pad(self.semantic, (0, room))
         if meshes:
             new = slice(first, self._count)
+            materials = [_find_material_index(mesh.material) for mesh in meshes]
             self.normal[new] = np.concatenate([_compute_triangle_normals(mesh) for mesh in meshes])
-            self.material[new] = np.repeat(
-                [_find_material_index(mesh.material) for mesh in meshes], counts
-            )
+            self.material[new] = np.repeat(materials, counts)
             self.semantic[new] = np.repeat([int(mesh.semantic) for mesh in meshes], counts)
         return first
-
-
-def _orient_normals(normal: FloatArray, directions: FloatArray) -> dict[str, FloatArray]:
-    """Flip normals (n, 3) towards the rays' origins; also compute the cosines (n,) of incidence."""
-    x, y, z = normal.T
-    along = x * directions[:, 0] + y * directions[:, 1] + z * directions[:, 2]
-    return {"normal": normal * -np.sign(along)[:, None], "cosine": np.abs(along)}
 
 
 def _compute_triangle_normals(mesh: Mesh) -> FloatArray:
