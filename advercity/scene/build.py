@@ -18,20 +18,12 @@ def build_world(spec: Spec, network: Path, model_store: ModelStore | None = None
 
     The world depends on the spec alone, except for bodies with an installed model: they have
     another shape of the same size.
-
-    Args:
-        spec: Road and blueprints.
-        network: SUMO network of the road.
-        model_store: Installed models; without it all bodies are procedural.
     """
     road = build_road(spec.road)
     ground = GroundModel.from_edges(road.paved_edges, find_plateaus(spec.road))
     surroundings, street_lamps = build_surroundings(road, ground.height_at, road.paved_area)
     furniture, signal_lamps = build_street_furniture(road, ground.height_at)
-    bodies = {
-        name: build_body(name, blueprint, model_store)
-        for name, blueprint in spec.blueprints.items()
-    }
+    bodies = {name: build_body(name, item, model_store) for name, item in spec.blueprints.items()}
     return World(
         id=spec.road.id,
         static=(

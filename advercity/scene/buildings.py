@@ -99,9 +99,8 @@ def build_houses(
     hedges = [hedge for lot in built for hedge in _build_garden_hedges(lot, site)]
     footprints = [lot.outline for lot in built]
     corners = [lot.to_world(lot.width_m / 2 + 1.0, lot.depth_m / 2 + 3.5) for lot in built]
-    trees = vegetation.build_trees(
-        np.reshape(corners, (-1, 2)), GARDEN_TREE_M, site.exclude(footprints), key
-    )
+    places = np.reshape(corners, (-1, 2))
+    trees = vegetation.build_trees(places, GARDEN_TREE_M, site.exclude(footprints), key)
     return [*parts, *hedges, *trees], footprints
 
 
@@ -182,10 +181,8 @@ def _place_on_lot(parts: SurfaceMaterials, lot: Lot, site: Site) -> list[MeshPar
     """Move a building to its lot, with its floor at the highest ground, on a foundation."""
     ground = site.ground_height(lot.compute_corners())
     offset = (*lot.centre, float(ground.max()))
-    foundation = box(
-        (-lot.width_m / 2, -lot.depth_m / 2, -float(np.ptp(ground)) - 0.5),
-        (lot.width_m / 2, lot.depth_m / 2, 0.35),
-    )
+    x, y = lot.width_m / 2, lot.depth_m / 2
+    foundation = box((-x, -y, -float(np.ptp(ground)) - 0.5), (x, y, 0.35))
     return [
         MeshPart(move_surface(surface, offset, yaw=lot.yaw), material, Semantic.BUILDING)
         for surface, material in [(foundation, "concrete"), *parts]

@@ -38,26 +38,18 @@ def place_parked_cars(
     blueprints: Mapping[str, Blueprint],
     conflicts: Sequence[StagedConflict] = (),
 ) -> tuple[ActorState, ...]:
-    """Place the cars that are parked on a road, at rest and with all lamps off.
+    """Place the cars and vans that are parked on a road, at rest and with all lamps off.
 
     Spaces on the path of a staged actor stay empty; all other cars are the same as without it.
-
-    Args:
-        network: The road, whose declaration places the cars.
-        blueprints: Blueprints by id; only cars and vans park.
-        conflicts: Staged conflicts with the paths of their actors.
     """
-    paths = shapely.union_all(
-        [
-            shapely.buffer(
-                shapely.LineString(actor.path_m),
-                blueprints[actor.blueprint].width_m / 2 + PATH_CLEARANCE_M,
-            )
-            for conflict in conflicts
-            for actor in conflict.actors
-            if actor.path_m
-        ]
-    )
+    staged = [
+        (shapely.LineString(actor.path_m), blueprints[actor.blueprint].width_m / 2)
+        for conflict in conflicts
+        for actor in conflict.actors
+        if actor.path_m
+    ]
+    swept = [shapely.buffer(path, half_m + PATH_CLEARANCE_M) for path, half_m in staged]
+    paths = shapely.union_all(swept)
     cars = [(name, item) for name, item in blueprints.items() if item.actor_class in _CLASSES]
     ids = count(FIRST_PARKED_CAR)
     placed = (

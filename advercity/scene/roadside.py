@@ -53,10 +53,9 @@ def build_wall(line: Sequence[Point2], height_m: float | None, site: Site) -> li
     trim: list[TriangleSurface] = []
     for start, end in pairwise(foot):
         low = min(start[2], end[2])
-        body.append(_build_slab(start, end, low - 0.6, low + height - 0.2, WALL_THICKNESS_M))
-        trim.append(
-            _build_slab(start, end, low + height - 0.2, low + height, WALL_THICKNESS_M + 0.12)
-        )
+        top = low + height
+        body.append(_build_slab(start, end, low - 0.6, top - 0.2, WALL_THICKNESS_M))
+        trim.append(_build_slab(start, end, top - 0.2, top, WALL_THICKNESS_M + 0.12))
         if retaining:
             trim.append(_build_pilaster(start, end, low, height))
     material = "concrete" if retaining else "brick"
@@ -223,12 +222,8 @@ def build_street_lamp(
 ) -> tuple[list[MeshPart], StreetLamp]:
     """Build a street lamp with its arm towards the nearest street, and its light."""
     top = height_m or LAMP_HEIGHT_M
-    arm = [
-        (0, 0, top - 0.45),
-        (0.12, 0, top - 0.12),
-        (0.5, 0, top),
-        (_LAMP_ARM_M - 0.3, 0, top + 0.05),
-    ]
+    end = (_LAMP_ARM_M - 0.3, 0, top + 0.05)
+    arm = [(0, 0, top - 0.45), (0.12, 0, top - 0.12), (0.5, 0, top), end]
     mast = tube([(0, 0, -0.3), (0, 0, 1.0), (0, 0, top - 0.4)], [0.1, 0.085, 0.06])
     head = ellipsoid((_LAMP_ARM_M, 0, top + 0.03), (0.38, 0.15, 0.08), sides=10, bands=5)
     glass = rectangles([(_LAMP_ARM_M, 0, top - 0.06)], (0.24, 0, 0), (0, -0.09, 0))
@@ -248,8 +243,7 @@ def build_street_lamp(
 def build_driveway(side: StreetSide, site: Site) -> list[MeshPart]:
     """Build a paved band from a street's paving outwards, and its ramp over the kerb."""
     along = np.linspace(0.0, side.length_m, 2 + int(side.length_m / _DRIVEWAY_STEP_M))
-    across = np.arange(side.near_offset_m, side.far_offset_m + 1e-6, _DRIVEWAY_STEP_M)
-    plane = side.points_at(*np.meshgrid(along, across, indexing="ij"))
+    plane = side.sample_grid(_DRIVEWAY_STEP_M, _DRIVEWAY_STEP_M)
     paved = site.project_to_ground(plane.reshape(-1, 2)).reshape(*plane.shape[:2], 3) + xyz(z=0.015)
     pieces = [MeshPart(grid_sheet(paved), "asphalt", Semantic.ROAD)]
     walk = next((band for band in side.strips if band.kind is StripKind.SIDEWALK), None)

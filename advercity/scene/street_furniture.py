@@ -39,11 +39,7 @@ _HEAD_FACE_M = 0.30
 _MAST_TOP_DROP_M = 0.3
 _HEAD_CENTRE_M = 0.2
 """Distance of a head's centre ahead of its declared point."""
-_CARRIERS = (
-    SurroundingKind.TOWER,
-    SurroundingKind.POLE,
-    SurroundingKind.WALL,
-)
+_CARRIERS = (SurroundingKind.TOWER, SurroundingKind.POLE, SurroundingKind.WALL)
 _SEGMENTS = {
     "a": (0, 2, 1, 2),
     "b": (1, 1, 1, 2),
@@ -53,18 +49,7 @@ _SEGMENTS = {
     "f": (0, 1, 0, 2),
     "g": (0, 1, 1, 1),
 }
-_DIGITS = (
-    "abcdef",
-    "bc",
-    "abged",
-    "abgcd",
-    "fgbc",
-    "afgcd",
-    "afgedc",
-    "abc",
-    "abcdefg",
-    "abcfgd",
-)
+_DIGITS = ["abcdef", "bc", "abged", "abgcd", "fgbc", "afgcd", "afgedc", "abc", "abcdefg", "abcfgd"]
 """Segments of the digits 0 to 9 on a seven-segment display."""
 _STROKES = {
     "S": ((0, 2, 1, 2), (0, 1, 0, 2), (0, 1, 1, 1), (1, 0, 1, 1), (0, 0, 1, 0)),
@@ -79,12 +64,7 @@ _STROKES = {
 def build_street_furniture(
     network: RoadNetwork, ground_height: GroundHeight
 ) -> tuple[list[Mesh], list[SignalLamp]]:
-    """Build meshes of signals, signs and masts of roadside units, and the signals' lamps.
-
-    Args:
-        network: The road.
-        ground_height: World positions (n, 2) to heights (n,), metres.
-    """
+    """Build meshes of signals, signs and masts of roadside units, and the signals' lamps."""
     road = network.declaration
     pieces: list[MeshPart] = []
     lamps: list[SignalLamp] = []
@@ -110,9 +90,8 @@ def _ground_height_at(ground_height: GroundHeight, point: Point2) -> float:
 
 def _can_carry(head: TrafficLight, unit: RoadsideUnit) -> bool:
     gap = np.subtract(head.position_m[:2], unit.position_m[:2])
-    return bool(
-        np.linalg.norm(gap) < MAX_CARRIER_DISTANCE_M and head.position_m[2] < unit.position_m[2]
-    )
+    near = np.linalg.norm(gap) < MAX_CARRIER_DISTANCE_M
+    return bool(near and head.position_m[2] < unit.position_m[2])
 
 
 def _lower_head(unit: RoadsideUnit, head: TrafficLight) -> TrafficLight:
@@ -193,23 +172,13 @@ def _build_visor(x: float, z: float) -> TriangleSurface:
 
 def _is_carried(unit: RoadsideUnit, network: RoadNetwork) -> bool:
     """Return whether a signal, tower, pole or wall carries the unit already."""
-    heads = [
-        shapely.LineString([head.position_m[:2], head.mast_foot_m])
-        for head in network.traffic_lights
-    ]
-    masts = [
-        shapely.Point(point)
-        for item in network.declaration.surroundings
-        if item.kind in _CARRIERS
-        for point in item.at_m
-    ]
-    walls = [
-        shapely.LineString(item.line_m)
-        for item in network.declaration.surroundings
-        if item.kind in _CARRIERS and len(item.line_m) > 1
-    ]
+    heads = [(head.position_m[:2], head.mast_foot_m) for head in network.traffic_lights]
+    items = [item for item in network.declaration.surroundings if item.kind in _CARRIERS]
+    walls = [item.line_m for item in items if len(item.line_m) > 1]
+    lines = [shapely.LineString(line) for line in (*heads, *walls)]
+    masts = [shapely.Point(point) for item in items for point in item.at_m]
     here = shapely.Point(unit.position_m[:2])
-    return any(here.distance(thing) < MAX_CARRIER_DISTANCE_M for thing in (*heads, *masts, *walls))
+    return any(here.distance(thing) < MAX_CARRIER_DISTANCE_M for thing in (*lines, *masts))
 
 
 def _build_mast(unit: RoadsideUnit, ground_height: GroundHeight) -> list[MeshPart]:
@@ -218,10 +187,8 @@ def _build_mast(unit: RoadsideUnit, ground_height: GroundHeight) -> list[MeshPar
     ground = _ground_height_at(ground_height, (x, y))
     top = max(z - _MAST_TOP_DROP_M, ground + 0.1)
     mast = tube([(x, y, ground - 0.3), (x, y, top)], [0.08, 0.05])
-    case = box(
-        (x - 0.16, y - 0.16, ground),
-        (x + 0.16, y + 0.16, ground + min(0.5, 0.3 * (top - ground))),
-    )
+    height_m = min(0.5, 0.3 * (top - ground))
+    case = box((x - 0.16, y - 0.16, ground), (x + 0.16, y + 0.16, ground + height_m))
     return [
         MeshPart(mast, "metal", Semantic.POLE),
         MeshPart(case, "black_plastic", Semantic.STATIC),
@@ -253,9 +220,8 @@ def _mount_on_mast(
 
 
 def _build_stop_face() -> list[tuple[TriangleSurface, str]]:
-    letters = _build_letters(
-        "STOP", np.array([0.075, 0.0, _SIGN_HEIGHT_M]), width_m=0.115, height_m=0.24
-    )
+    middle = np.array([0.075, 0.0, _SIGN_HEIGHT_M])
+    letters = _build_letters("STOP", middle, width_m=0.115, height_m=0.24)
     return [
         (_build_polygon_plate(8, 0.40, 0.04, np.pi / 8), "metal"),
         (_build_polygon_plate(8, 0.40, 0.05, np.pi / 8), "paint_white"),
@@ -285,12 +251,8 @@ def _build_limit_face(number: str) -> list[tuple[TriangleSurface, str]]:
 def _build_polygon_plate(sides: int, radius: float, x: float, turn: float) -> TriangleSurface:
     """Build a regular polygon with its face at `x`, 1 cm thick, so that plates can be stacked."""
     angle = turn + 2 * np.pi * np.arange(sides) / sides
-    corners = [
-        np.full(sides, x),
-        radius * np.cos(angle),
-        _SIGN_HEIGHT_M + radius * np.sin(angle),
-    ]
-    return plate(np.column_stack(corners), 0.01)
+    z = _SIGN_HEIGHT_M + radius * np.sin(angle)
+    return plate(np.column_stack([np.full(sides, x), radius * np.cos(angle), z]), 0.01)
 
 
 def _build_letters(

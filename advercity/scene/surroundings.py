@@ -1,7 +1,6 @@
 """Builds the declared surroundings of a road: buildings, vegetation, roadside objects, fields."""
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
 from itertools import chain
 
 import numpy as np
@@ -60,21 +59,16 @@ def build_surroundings(
 ) -> tuple[list[Mesh], list[StreetLamp]]:
     """Build meshes of the surroundings, one per material and class, and the lights among them.
 
-    Args:
-        network: The road; its id and the order of its surroundings are keys of all random draws.
-        ground_height: World positions (n, 2) to heights (n,), metres.
-        paved_area: Roadways and sidewalks. Nothing grows or is built on them; masts and shelters
-            are where they are declared.
+    The road's id and the order of its surroundings are keys of all random draws. Nothing grows or
+    is built on the paved area; masts and shelters are where they are declared.
 
     Raises:
         InputError: A declaration begins beyond the end of its street.
     """
     open_ground = Site(ground_height, paved_area, network.street_axes, paved_area)
     site = open_ground.exclude(_find_sensor_clearances(network))
-    items = [
-        _PlacedSurrounding(network, number, declaration)
-        for number, declaration in enumerate(network.declaration.surroundings)
-    ]
+    declared = network.declaration.surroundings
+    items = [_PlacedSurrounding(network, number, item) for number, item in enumerate(declared)]
     parts: list[MeshPart] = []
     lamps: list[StreetLamp] = []
     # Buildings take their ground first, so that nothing grows into them.
@@ -165,9 +159,8 @@ class _PlacedSurrounding:
             points = side.offset_line(side.near_offset_m)
             if len(points) < 2:
                 continue
-            free = shapely.difference(
-                shapely.LineString(points), shapely.buffer(paved_area, LINE_CLEARANCE_M)
-            )
+            paved = shapely.buffer(paved_area, LINE_CLEARANCE_M)
+            free = shapely.difference(shapely.LineString(points), paved)
             for part in shapely.get_parts(free):
                 if part.length > 1.0:
                     yield tuple((float(x), float(y)) for x, y in part.coords)
@@ -202,25 +195,19 @@ def _build_objects(item: _PlacedSurrounding, site: Site) -> Iterator[MeshPart]:
     elif item.kind is SurroundingKind.WOODS:
         for band in item.bands:
             yield from vegetation.build_woods(band, item.height_m, site, item.random_key)
-    elif item.kind in (SurroundingKind.SPEED_SIGN, SurroundingKind.DRIVEWAY):
-        build = (
-            roadside.build_driveway
-            if item.kind is SurroundingKind.DRIVEWAY
-            else partial(_build_speed_sign, item.declaration.limit_km_h)
-        )
+    elif item.kind is SurroundingKind.DRIVEWAY:
         for side in item.sides:
-            yield from build(side, site)
+            yield from roadside.build_driveway(side, site)
+    elif item.kind is SurroundingKind.SPEED_SIGN:
+        for side in item.sides:
+            yield from _build_speed_sign(item.declaration.limit_km_h, side, site)
 
 
 def _build_trees(item: _PlacedSurrounding, site: Site) -> list[MeshPart]:
     margin = vegetation.ROW_CLEARANCE_M if item.is_row else vegetation.TRUNK_CLEARANCE_M
+    places, species = item.scatter_trees(), item.declaration.species
     return vegetation.build_trees(
-        item.scatter_trees(),
-        item.height_m,
-        site,
-        item.random_key,
-        item.declaration.species,
-        clearance_m=margin,
+        places, item.height_m, site, item.random_key, species, clearance_m=margin
     )
 
 

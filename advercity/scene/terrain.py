@@ -15,6 +15,7 @@ from shapely.geometry.base import BaseGeometry
 
 from advercity.geometry.arrays import Float64Array
 from advercity.geometry.mesh import (
+    GRID_M,
     Mesh,
     build_ribbon,
     extract_polygons,
@@ -37,8 +38,6 @@ HILLS_START_M, HILLS_HEIGHT_M = 220.0, 16.0
 """Distance from all roads at which hills begin, and their usual height."""
 BANK_WIDTH_M = 1.0
 """Width of the slope of a plateau, inside its outline; outside there may be a retaining wall."""
-SNAP_M = 0.001
-"""Grid to which corners are rounded, so that cells cut separately share their vertices."""
 OVERLAP_M = 0.05
 """Overlap of the ground under the road, so that no crack opens between them."""
 GROUND_DROP_M = 0.004
@@ -259,7 +258,7 @@ def _drop_flipped_triangles(corners: Points, triangles: NDArray[np.int64]) -> ND
     """Drop the slivers that rounding has turned over."""
     a, b, c = (corners[triangles[:, corner]] for corner in range(3))
     area = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
-    return triangles[area > SNAP_M**2]
+    return triangles[area > GRID_M**2]
 
 
 def _compute_vertex_normals(vertices: Points, triangles: NDArray[np.int64]) -> Points:

@@ -59,11 +59,7 @@ def sample_rows(band: StreetSide | Rectangle) -> Float64Array:
 def build_crops(rows: Float64Array, height_m: float | None, site: Site, key: str) -> list[MeshPart]:
     """Build a field of plants: a ridged sheet over the ground, with stalks near streets.
 
-    Args:
-        rows: (n, m, 2) points, n along the rows, m across.
-        height_m: Height of the plants; None: the usual one.
-        site: The ground, and where it must stay free.
-        key: Key of random draws.
+    Points are (n, m, 2), n along the rows and m across; plants have a usual height without one.
     """
     height = height_m or CROP_HEIGHT_M
     sheet, points, grown = _build_ridged_sheet(rows, height, site, create_generator("crops", key))
@@ -72,10 +68,7 @@ def build_crops(rows: Float64Array, height_m: float | None, site: Site, key: str
     tops = grown & (np.arange(rows.shape[1]) % 2 == 1)
     near = shapely.distance(site.street_axes, shapely.points(rows)) < STALKS_MAX_DISTANCE_M
     stalks = _build_stalks(points[tops & near], height, key)
-    return [
-        MeshPart(sheet, "crops", Semantic.VEGETATION),
-        MeshPart(stalks, "crops", Semantic.VEGETATION),
-    ]
+    return [MeshPart(surface, "crops", _VEGETATION) for surface in (sheet, stalks)]
 
 
 def build_tilled_field(rows: Float64Array, site: Site, key: str) -> list[MeshPart]:
@@ -89,8 +82,7 @@ def _build_ridged_sheet(
 ) -> tuple[TriangleSurface | None, Float64Array, NDArray[np.bool_]]:
     """Build a ridged sheet, its points (n, m, 3), and a mask (n, m) of those off its border."""
     free = site.is_free(rows.reshape(-1, 2), CROP_CLEARANCE_M).reshape(rows.shape[:2])
-    cells = free[:-1, :-1] & free[1:, :-1] & free[:-1, 1:] & free[1:, 1:]
-    cells &= _find_unfolded_cells(rows)
+    cells = _find_free_cells(rows, free)
     inside = ~_find_border_points(cells)
     # Borders are below the ground, so that the sheet has no open edge.
     ridge = np.where(np.arange(rows.shape[1]) % 2, 1.0, 0.45)
@@ -101,11 +93,12 @@ def _build_ridged_sheet(
     return sheet, points, inside
 
 
-def _find_unfolded_cells(rows: Float64Array) -> NDArray[np.bool_]:
-    """Find the cells (n - 1, m - 1) of a grid with the orientation of most of it."""
+def _find_free_cells(rows: Float64Array, free: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Find the cells (n - 1, m - 1) with free corners and the orientation of most of the grid."""
     a, b = rows[1:, :-1] - rows[:-1, :-1], rows[:-1, 1:] - rows[:-1, :-1]
     area = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-    return area * np.sign(np.median(area)) > 0.1 * np.median(np.abs(area))
+    unfolded = area * np.sign(np.median(area)) > 0.1 * np.median(np.abs(area))
+    return unfolded & free[:-1, :-1] & free[1:, :-1] & free[:-1, 1:] & free[1:, 1:]
 
 
 def _build_stalks(tops: Float64Array, height_m: float, key: str) -> TriangleSurface:
@@ -159,14 +152,9 @@ def build_trees(
         parts, natural_m = _build_tree(name, is_near=is_near)
         factor = size[these] * (1.0 if height_m is None else height_m / natural_m)
         scale = np.column_stack([factor, factor, factor * slender[these]])
-        pieces += [
-            MeshPart(
-                repeat_surface(part, feet[these], yaw=yaw[these], scale=scale),
-                material,
-                _VEGETATION,
-            )
-            for part, material in parts
-        ]
+        for part, material in parts:
+            copies = repeat_surface(part, feet[these], yaw=yaw[these], scale=scale)
+            pieces.append(MeshPart(copies, material, _VEGETATION))
     return pieces
 
 
@@ -260,14 +248,11 @@ def _build_spruce() -> tuple[tuple[TriangleSurface, str], ...]:
     for foot, top, radius in ((1.3, 4.8, 2.3), (3.3, 6.9, 1.9), (5.3, 9.0, 1.4), (7.3, 10.8, 0.9)):
         radii = radius * draw.uniform(0.85, 1.1, 10)
         circle = np.column_stack([np.cos(angle), np.sin(angle)])
+        middle = (foot + top) / 2
+        sections = ((0.35, foot + 0.35), (1.0, foot), (0.45, middle), (0.03, top))
         rings = [
             np.column_stack([circle * (fraction * radii)[:, None], np.full(10, z)])
-            for fraction, z in (
-                (0.35, foot + 0.35),
-                (1.0, foot),
-                (0.45, (foot + top) / 2),
-                (0.03, top),
-            )
+            for fraction, z in sections
         ]
         tiers.append(loft_rings(np.stack(rings)))
     stem = tube([(0, 0, 0), (0, 0, 5.0)], [0.22, 0.12], sides=6)
@@ -285,13 +270,7 @@ def build_woods(
     draw = create_generator("woods", key)
     free = site.is_free(rows.reshape(-1, 2), WOODS_CLEARANCE_M).reshape(rows.shape[:2])
     grown = free & _is_inside_rough_outline(rows)
-    cells = (
-        grown[:-1, :-1]
-        & grown[1:, :-1]
-        & grown[:-1, 1:]
-        & grown[1:, 1:]
-        & _find_unfolded_cells(rows)
-    )
+    cells = _find_free_cells(rows, grown)
     if not cells.any():
         return []
     spread = np.linalg.norm(rows[1, 0] - rows[0, 0])

@@ -26,11 +26,6 @@ def format_agent_path(agent: Agent) -> str:
     return f"world/{agent.id}"
 
 
-def format_lidar_path(agent: Agent) -> str:
-    """Return the path of an agent's point cloud."""
-    return f"{format_agent_path(agent)}/lidar"
-
-
 def format_camera_path(agent: Agent, index: int) -> str:
     """Return the path of an agent's camera."""
     return f"{format_agent_path(agent)}/camera{index}"
@@ -52,28 +47,8 @@ def format_weather_path(quantity: str) -> str:
     return f"weather/{quantity}"
 
 
-def format_driven_path(agent: Agent) -> str:
-    """Return the path of a vehicle's past trajectory in the scene."""
-    return f"world/trajectories/driven/{agent.id}"
-
-
-def format_planned_path(agent: Agent) -> str:
-    """Return the path of a vehicle's planned trajectory in the scene."""
-    return f"world/trajectories/planned/{agent.id}"
-
-
-def format_map_path(agent: Agent) -> str:
-    """Return the path of a vehicle's GNSS fix on the map."""
-    return f"map/{agent.id}"
-
-
 def build_blueprint(agents: Sequence[Agent], world_from_first: Matrix) -> rrb.Blueprint:
-    """Build the window: the scene above map and conflicts, and tabs of cameras, agents, curves.
-
-    Args:
-        agents: All agents.
-        world_from_first: (4, 4) pose of the first agent, where the eye starts.
-    """
+    """Build the window: the scene above map and conflicts, and tabs of cameras, agents, curves."""
     front = rrb.Grid(
         *(_build_image_view(format_camera_path(agent, 0), agent.id) for agent in agents),
         name="front cameras",
@@ -101,9 +76,8 @@ def build_blueprint(agents: Sequence[Agent], world_from_first: Matrix) -> rrb.Bl
 def _build_eye_controls(agent: Agent, world_from_agent: Matrix) -> rrb.EyeControls3D:
     """Place the eye behind and above an agent, and let it follow the agent."""
     # Only the heading counts: on a slope the eye would look at the sky or at the ground.
-    level = poses.pose_matrix(
-        world_from_agent[:3, 3], yaw=poses.to_yaw_pitch_roll(world_from_agent)[0]
-    )
+    heading = poses.to_yaw_pitch_roll(world_from_agent)[0]
+    level = poses.pose_matrix(world_from_agent[:3, 3], yaw=heading)
     return rrb.EyeControls3D(
         position=poses.transform_points(level, (-EYE_BEHIND_M, 0, EYE_ABOVE_M)),
         look_target=poses.transform_points(level, (EYE_AHEAD_M, 0, 0)),
@@ -112,16 +86,11 @@ def _build_eye_controls(agent: Agent, world_from_agent: Matrix) -> rrb.EyeContro
 
 
 def _build_agent_views(agent: Agent) -> rrb.Grid:
-    indices = range(len(agent.sensors.camera.mounts))
-    cameras = [
-        _build_image_view(format_camera_path(agent, index), f"camera {index}") for index in indices
-    ]
-    semantics = [
-        _build_image_view(format_semantic_path(agent, index), f"semantic {index}")
-        for index in indices
-    ]
-    pairs = [view for pair in zip(cameras, semantics, strict=True) for view in pair]
-    return rrb.Grid(*pairs, grid_columns=2, name=agent.id)
+    views: list[rrb.Spatial2DView] = []
+    for index in range(len(agent.sensors.camera.mounts)):
+        views.append(_build_image_view(format_camera_path(agent, index), f"camera {index}"))
+        views.append(_build_image_view(format_semantic_path(agent, index), f"semantic {index}"))
+    return rrb.Grid(*views, grid_columns=2, name=agent.id)
 
 
 def _build_image_view(path: str, name: str) -> rrb.Spatial2DView:

@@ -99,10 +99,7 @@ def start_server_sink(port: int) -> rr.GrpcServerSink:
 
 
 def connect_viewer_sink(address: str) -> rr.GrpcSink:
-    """Connect to a running viewer.
-
-    Args:
-        address: `host:port` or a whole `rerun+http://host:port/proxy`.
+    """Connect to a running viewer at `host:port` or a whole `rerun+http://host:port/proxy`.
 
     Raises:
         InputError: `address` is neither.
@@ -127,18 +124,10 @@ def connect_viewer_sink(address: str) -> rr.GrpcSink:
 class RerunRecording:
     """Sends the sensor frames of a run to Rerun; a context manager.
 
-    Any of `file`, `serve` and `connect` may be combined. The recording's id is the spec's, so a
-    viewer adds a resumed run to the frames it has.
-
-    Args:
-        spec: The spec.
-        lanes: Lanes of the road.
-        file: `.rrd` file to write.
-        serve: Whether to serve the recording at `address` to viewers on this machine.
-        port: Port of that server.
-        connect: Address of a running viewer: `host:port`, or a whole `rerun+http://` address.
-        cloud_colour: Quantity that the colours of points show.
-        events: Events of conflicts, logged at their frames.
+    It goes to an `.rrd` file, to viewers on this machine through a server at `address`, and to a
+    running viewer at `connect` (`host:port`, or a whole `rerun+http://` address), in any
+    combination. The recording's id is the spec's, so a viewer adds a resumed run to the frames it
+    has. Events of conflicts are logged at their frames.
 
     Raises:
         InputError: `connect` is not an address.
@@ -237,7 +226,7 @@ class RerunRecording:
         log, agent = self._stream.log, item.agent
         agent_from_world = poses.invert_pose(item.world_from_agent)
         log(blueprint.format_agent_path(agent), archetypes.to_transform3d(item.world_from_agent))
-        lidar = blueprint.format_lidar_path(agent)
+        lidar = f"{blueprint.format_agent_path(agent)}/lidar"
         log(lidar, archetypes.to_transform3d(agent_from_world @ item.world_from_lidar))
         log(lidar, archetypes.to_points3d(item.point_cloud, self._cloud_colour))
         for index, image in enumerate(item.camera_images):
@@ -258,14 +247,15 @@ class RerunRecording:
         track.driven.append((east, north, up))
         # The plan has no heights; the vehicle's own keeps it visible on a slope.
         planned = [(east, north, up), *((x, y, up) for x, y, _ in item.planned_trajectory)]
-        for path, points, width_px in (
-            (blueprint.format_driven_path(agent), track.driven, DRIVEN_PX),
-            (blueprint.format_planned_path(agent), planned, PLANNED_PX),
+        for name, points, width_px in (
+            ("driven", track.driven, DRIVEN_PX),
+            ("planned", planned, PLANNED_PX),
         ):
-            log(path, archetypes.to_line_strip(points, track.colour, width_px))
+            strip = archetypes.to_line_strip(points, track.colour, width_px)
+            log(f"world/trajectories/{name}/{agent.id}", strip)
         if item.gnss is not None:
             track.fixes.append((item.gnss.latitude_deg, item.gnss.longitude_deg))
-            path = blueprint.format_map_path(agent)
+            path = f"map/{agent.id}"
             log(path, to_geo_point(track.fixes[-1], track.colour))
             log(f"{path}/track", to_geo_line(track.fixes, track.colour))
 
