@@ -131,17 +131,15 @@ def build_car(blueprint_id: str, size: Size) -> list[MeshPart]:
 
 def build_van(blueprint_id: str, size: Size) -> list[MeshPart]:
     """Build a minibus, or a panel van if it is high."""
-    return _build_motor_car(
-        blueprint_id, size, PANEL_VAN_PROPORTIONS if size[2] > 2.3 else MINIBUS_PROPORTIONS
-    )
+    kind = PANEL_VAN_PROPORTIONS if size[2] > 2.3 else MINIBUS_PROPORTIONS
+    return _build_motor_car(blueprint_id, size, kind)
 
 
 def _build_motor_car(blueprint_id: str, size: Size, kind: CarProportions) -> list[MeshPart]:
     """Build a car of given proportions; the size of its wheels varies with the blueprint."""
     length, width, height = size
-    radius = min(kind.wheel_m, 0.13 * length) * create_generator("car", blueprint_id).uniform(
-        0.97, 1.03
-    )
+    factor = create_generator("car", blueprint_id).uniform(0.97, 1.03)
+    radius = min(kind.wheel_m, 0.13 * length) * factor
     shell = _CarShell(kind, length, 0.455 * width, height, radius)
     front, rear = (shell.x_at(station) for station in kind.axles)
     outer, wide = shell.half - 0.012, 0.27 * shell.half
@@ -220,9 +218,8 @@ class _CarShell:
         bands = len(station) - 1
         middle = (station[:-1] + station[1:]) / 2
         at = np.repeat(middle, _RING_POINTS)
-        column = np.tile(
-            np.minimum(np.arange(_RING_POINTS), _RING_POINTS - 1 - np.arange(_RING_POINTS)), bands
-        )
+        point = np.arange(_RING_POINTS)
+        column = np.tile(np.minimum(point, _RING_POINTS - 1 - point), bands)
         front = (at < 0.045) & (column == 5)
         rear = (at > 0.975) & (column == 5)
         under = (column < 3) | ((column == 3) & ((at < 0.05) | (at > 0.95)))
@@ -272,14 +269,8 @@ def _compute_cabin_outline(
     bow = 0.018 * shell.length
     x0, x1, xb = shell.x_at(front), shell.x_at(rear), shell.x_at(pillar)
     post = 0.009 * shell.length
-    left = [
-        (x0, 0.82 * half),
-        (x0 - 1.3 * bow, half),
-        (xb + post, half * 1.01),
-        (xb - post, half * 1.01),
-        (x1 + 2.6 * bow, half),
-        (x1, 0.84 * half),
-    ]
+    left = [(x0, 0.82 * half), (x0 - 1.3 * bow, half), (xb + post, half * 1.01)]
+    left += [(xb - post, half * 1.01), (x1 + 2.6 * bow, half), (x1, 0.84 * half)]
     outline = [(x0 + bow, 0.0), *left, (x1 - 0.6 * bow, 0.0), *((x, -y) for x, y in left[::-1])]
     return np.column_stack([np.asarray(outline), np.zeros(len(outline))])
 

@@ -61,9 +61,8 @@ def build_hair(figure: Figure, looks: PedestrianAppearance) -> list[tuple[SoftSh
 
 def build_helmet(figure: Figure) -> SoftShape:
     """Build a helmet that leaves the face free."""
-    return figure.build_head_cover(
-        figure.make_head_cone((-0.16, 0, 0.14), (0.14, 0, 0.17), 0.43, 0.38)
-    )
+    shell = figure.make_head_cone((-0.16, 0, 0.14), (0.14, 0, 0.17), 0.43, 0.38)
+    return figure.build_head_cover(shell)
 
 
 def build_chin_guard(figure: Figure) -> SoftShape:
@@ -78,9 +77,8 @@ def build_chin_guard(figure: Figure) -> SoftShape:
 
 def build_visor(figure: Figure) -> SoftShape:
     """Build the visor of a motorcyclist's helmet."""
-    return figure.build_head_cover(
-        figure.make_head_cone((0.12, 0, 0.05), (0.2, 0, -0.05), 0.36, 0.30)
-    )
+    pane = figure.make_head_cone((0.12, 0, 0.05), (0.2, 0, -0.05), 0.36, 0.30)
+    return figure.build_head_cover(pane)
 
 
 _SKIN_MATERIALS = {"light": "skin", "brown": "skin_brown", "dark": "skin_dark"}
@@ -122,23 +120,13 @@ def build_garments(
 
 def build_top(figure: Figure, kind: str) -> SoftShape:
     """Build a jacket, a coat down to the knees, or a shirt."""
-    girdle = tuple(
-        figure.make_cone(
-            figure.compute_trunk_point(0, 0.03 * left, 0.256),
-            figure.compute_trunk_point(0, 0.083 * left, 0.234),
-            0.031,
-            0.031,
-            Bone.TRUNK,
-        )
-        for left in (1, -1)
-    )
-    collar = figure.make_cone(
-        figure.compute_trunk_point(-0.006, 0, 0.255),
-        figure.compute_trunk_point(0.004, 0, 0.282),
-        0.038,
-        0.033,
-        Bone.TRUNK,
-    )
+    point, bone = figure.compute_trunk_point, Bone.TRUNK
+    girdle: list[RoundCone] = []
+    for left in (1, -1):
+        neck, shoulder = point(0, 0.03 * left, 0.256), point(0, 0.083 * left, 0.234)
+        girdle.append(figure.make_cone(neck, shoulder, 0.031, 0.031, bone))
+    nape, throat = point(-0.006, 0, 0.255), point(0.004, 0, 0.282)
+    collar = figure.make_cone(nape, throat, 0.038, 0.033, bone)
     torso = (*figure.stack_trunk_sections(_TORSO_SECTIONS), *girdle, collar)
     skirts = [_build_coat_tail(figure, left) for left in (1, -1)] if kind == "coat" else []
     sleeves = [_build_sleeve(figure, left, short=kind == "shirt") for left in (1, -1)]
@@ -168,18 +156,12 @@ def build_calves(figure: Figure) -> SoftShape:
 
 def build_skirt_garment(figure: Figure) -> SoftShape:
     """Build a skirt down to the knees."""
-    chains = [
-        (
-            figure.make_cone(
-                figure.interpolate_joints(Joint.HIP, Joint.KNEE, left, -0.1) * (1, 0.8, 1),
-                figure.interpolate_joints(Joint.HIP, Joint.KNEE, left, 0.85),
-                0.066,
-                0.070,
-                bone_on_side(Bone.THIGH, left),
-            ),
-        )
-        for left in (1, -1)
-    ]
+    chains: list[Chain] = []
+    for left in (1, -1):
+        hip = figure.interpolate_joints(Joint.HIP, Joint.KNEE, left, -0.1) * (1, 0.8, 1)
+        knee = figure.interpolate_joints(Joint.HIP, Joint.KNEE, left, 0.85)
+        bone = bone_on_side(Bone.THIGH, left)
+        chains.append((figure.make_cone(hip, knee, 0.066, 0.070, bone),))
     hem = figure.interpolate_joints(Joint.HIP, Joint.KNEE, 1, 0.85)[2]
     return figure.build_soft_shape(chains, blend=0.06, cell=(0.035, 0.035, 0.055), hems=(hem, hem))
 
@@ -257,18 +239,11 @@ def _build_sleeve(figure: Figure, left: int, *, short: bool) -> Chain:
         arm = bone_on_side(Bone.UPPER_ARM, left)
         return (figure.make_cone(shoulder, elbow, 0.033 * thick, 0.030 * thick, arm),)
     wrist = figure.interpolate_joints(Joint.ELBOW, Joint.HAND, left, 0.9)
-    return (
-        figure.make_limb_cone(
-            Joint.SHOULDER, Joint.ELBOW, left, 0.033 * thick, 0.028 * thick, Bone.UPPER_ARM
-        ),
-        figure.make_cone(
-            figure.posture[joint_on_side(Joint.ELBOW, left)],
-            wrist,
-            0.028 * thick,
-            0.023 * thick,
-            bone_on_side(Bone.FOREARM, left),
-        ),
+    upper = figure.make_limb_cone(
+        Joint.SHOULDER, Joint.ELBOW, left, 0.033 * thick, 0.028 * thick, Bone.UPPER_ARM
     )
+    elbow, bone = figure.posture[joint_on_side(Joint.ELBOW, left)], bone_on_side(Bone.FOREARM, left)
+    return upper, figure.make_cone(elbow, wrist, 0.028 * thick, 0.023 * thick, bone)
 
 
 def _build_leg(figure: Figure, left: int, bottom: str) -> Chain:

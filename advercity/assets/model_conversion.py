@@ -83,10 +83,8 @@ _PART_PATTERNS: tuple[tuple[str, MaterialPart], ...] = (
 def convert_model(parts: Iterable[ModelPart], model: BodyModel, size: Size) -> list[ModelPart]:
     """Convert a model into its visible parts, one for each material and wheel.
 
-    Args:
-        parts: Parts as they are in the file.
-        model: Declaration of orientation, materials and number of triangles.
-        size: Length, width and height of the blueprint in metres, which the model is scaled to.
+    Parts are as in the file; the model declares their orientation and materials, and the number of
+    triangles. They are scaled to the blueprint's `size`.
 
     Raises:
         RunError: No part is left, or the proportions are not those of the blueprint.
@@ -164,9 +162,8 @@ def _group_by_material(parts: Sequence[ModelPart], model: BodyModel, size: Size)
 def _weld_parts(material: str, parts: Sequence[ModelPart]) -> ModelPart:
     """Join parts into one, and merge vertices that coincide."""
     corners = np.concatenate([part.vertices[part.triangles] for part in parts]).reshape(-1, 3)
-    grid = np.round(corners / (WELD_FRACTION * np.ptp(corners, axis=0).max() + 1e-6)).astype(
-        np.int64
-    )
+    cell = WELD_FRACTION * np.ptp(corners, axis=0).max() + 1e-6
+    grid = np.round(corners / cell).astype(np.int64)
     _, first, index = np.unique(grid, axis=0, return_index=True, return_inverse=True)
     triangles = index.reshape(-1, 3)
     a, b, c = triangles.T
@@ -177,9 +174,8 @@ def _keep_visible(parts: Sequence[ModelPart], min_elevation_sine: float) -> list
     """Keep the visible triangles, wound towards the viewer; sheets seen from both sides double."""
     starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
     vertices = np.concatenate([part.vertices for part in parts])
-    triangles = np.concatenate(
-        [part.triangles + start for part, start in zip(parts, starts, strict=False)]
-    )
+    pairs = zip(parts, starts, strict=False)
+    triangles = np.concatenate([part.triangles + start for part, start in pairs])
     front, back = find_visible_sides(vertices, triangles, min_elevation_sine)
     bounds = np.cumsum([0, *(len(part.triangles) for part in parts)])
     kept: list[ModelPart] = []
@@ -273,12 +269,8 @@ def find_visible_sides(
 ) -> tuple[NDArray[np.bool_], ...]:
     """Find the visible front and back sides (m,) of triangles by casting rays to the sky.
 
-    A side is visible if a ray from one of its sample points meets nothing.
-
-    Args:
-        vertices: (n, 3) metres, z up.
-        triangles: (m, 3).
-        min_elevation_sine: Sine of the lowest elevation of viewers.
+    A side is visible if a ray from one of its sample points meets nothing. Vertices are (n, 3) with
+    z up, triangles (m, 3); `min_elevation_sine` is of the lowest elevation of viewers.
     """
     world = RayMeshIntersector(trimesh.Trimesh(vertices, triangles, process=False))
     corners = vertices[triangles]

@@ -79,11 +79,7 @@ class Tyre:
 
 
 def separate_wheels(parts: Iterable[ModelPart]) -> tuple[list[ModelPart], list[list[ModelPart]]]:
-    """Separate a model into what does not turn, and its wheels, unsteered.
-
-    Args:
-        parts: Parts in the body frame, metres.
-    """
+    """Separate a model, in the body frame, into what does not turn and its wheels, unsteered."""
     pieces = [piece for part in parts for piece in _split_connected(part)]
     fits = [Tyre.from_points(get_used_vertices(piece)) for piece in pieces]
     groups = _group_twin_tyres([tyre for tyre in fits if tyre is not None])
@@ -106,9 +102,8 @@ def separate_wheels(parts: Iterable[ModelPart]) -> tuple[list[ModelPart], list[l
 
 def _compute_axle_x_m(tyre: Tyre, tyres: Sequence[Tyre]) -> float:
     """Average the hubs of an axle: steering moves those of a model's front wheels apart."""
-    return float(
-        np.mean([t.hub[0] for t in tyres if abs(t.hub[0] - tyre.hub[0]) < TWIN_TYRE_DISTANCE_M])
-    )
+    near = [t.hub[0] for t in tyres if abs(t.hub[0] - tyre.hub[0]) < TWIN_TYRE_DISTANCE_M]
+    return float(np.mean(near))
 
 
 def get_used_vertices(part: ModelPart) -> Float64Array:

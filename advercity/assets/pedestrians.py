@@ -59,9 +59,8 @@ def _build_canopy(top: Float64Array) -> TriangleSurface:
     """Build a closed shell over eight ribs, lower between them, with its top at (3,)."""
     angle = np.pi * np.arange(2 * _RIB_COUNT) / _RIB_COUNT
     sag = np.where(np.arange(2 * _RIB_COUNT) % 2, 0.93, 1.0)
-    circle = (
-        np.column_stack([np.cos(angle), np.sin(angle), np.zeros(2 * _RIB_COUNT)]) * sag[:, None]
-    )
+    circle = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(2 * _RIB_COUNT)])
+    circle *= sag[:, None]
     radii = np.array([0.04, 0.4, 0.75, 1.0])
     outer = [top + r * _RADIUS_M * circle - xyz(z=_RISE_M * r**2) for r in radii]
     inner = [ring - xyz(z=_THICKNESS_M) for ring in outer[::-1]]
@@ -145,9 +144,8 @@ def _build_umbrella_body(
 ) -> Body:
     """Build the walker with a raised right hand that holds an umbrella."""
     rest = raise_right_forearm(compute_standing_posture(build), build)
-    postures = raise_right_forearm(
-        compute_walking_postures(build, stride_m, POSES_PER_CYCLE), build
-    )
+    walking = compute_walking_postures(build, stride_m, POSES_PER_CYCLE)
+    postures = raise_right_forearm(walking, build)
     limbs = build_figure(rest, build, looks)
     limbs += [
         attach_to_bone(surface, Bone.TRUNK, len(BONE_SIDES), material, Semantic.PEDESTRIAN)

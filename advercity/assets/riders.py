@@ -26,14 +26,7 @@ _ARM_LENGTHS = 0.172, 0.166
 _HELMET_RISE = 0.08
 """Thickness of the helmet on top of the head, in heights of the head."""
 _MAX_ARM_EXTENSION, _MAX_LEAN_RAD = 0.94, np.radians(50.0)
-_COAT_MATERIALS = (
-    "cloth_red",
-    "cloth_light",
-    "cloth_blue",
-    "cloth_dark",
-    "cloth_yellow",
-    "cloth_green",
-)
+_COAT_MATERIALS = [f"cloth_{name}" for name in ("red", "light", "blue", "dark", "yellow", "green")]
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,18 +91,15 @@ def _solve_build(seat: Seat, lean_rad: float) -> BodyBuild:
     # The head shrinks less than the body, so a few rounds of substitution are needed.
     for _ in range(4):
         head = (0.97 + _HELMET_RISE) * BodyBuild(height_m).head_m / height_m
-        height_m = (seat.top_m - seat.pelvis[2]) / (
-            _TRUNK_LENGTH * np.cos(lean_rad) + _NECK_LENGTH + head
-        )
+        heights = _TRUNK_LENGTH * np.cos(lean_rad) + _NECK_LENGTH + head
+        height_m = (seat.top_m - seat.pelvis[2]) / heights
     return BodyBuild(float(height_m))
 
 
 def compute_riding_postures(rider: Rider, soles: Float64Array) -> Float64Array:
-    """Compute postures (n, joints, 3) of a rider.
+    """Compute postures (n, joints, 3) of a rider on its seat.
 
-    Args:
-        rider: Figure on its seat.
-        soles: (n, 2, 3) points under the balls of the left and right foot.
+    Soles (n, 2, 3) are points under the balls of the left and right foot.
     """
     build = rider.build
     h = build.height_m
@@ -145,15 +135,9 @@ def build_rider(
     key: str,
     has_visor: bool = False,
 ) -> list[SkinnedSurface]:
-    """Build a rider in a posture, with a helmet.
+    """Build a rider in a posture (joints, 3), with a helmet; the top's colour is drawn by `key`.
 
-    Args:
-        posture: (joints, 3).
-        build: Proportions of the figure.
-        looks: Appearance; the colour of the top is drawn.
-        helmet_material: Material of the helmet.
-        key: Key of the draw.
-        has_visor: Whether the helmet has chin guard and visor, as for motorcycles.
+    A helmet with a visor, as for motorcycles, has a chin guard, too.
     """
     figure = Figure(posture, build)
     coat = str(create_generator("rider", key).choice(_COAT_MATERIALS))

@@ -137,12 +137,8 @@ def solve_middle_joint(
 ) -> Float64Array:
     """Compute elbows or knees (..., 3) by two-bone inverse kinematics.
 
-    Args:
-        start: (..., 3) shoulder or hip.
-        end: (..., 3) hand or ankle; a limb that is too short is stretched to it.
-        upper_m: Length of the upper bone.
-        lower_m: Length of the lower bone.
-        towards: (..., 3) direction in which the joint bends.
+    A limb from `start` (..., 3), shoulder or hip, to `end`, hand or ankle, is stretched if it is
+    too short. The joint bends `towards` (..., 3).
     """
     first, last = np.asarray(start, float), np.asarray(end, float)
     line = last - first
@@ -161,9 +157,8 @@ def solve_middle_joint(
 def compute_bone_transforms(rest: Float64Array, postures: Float64Array) -> NDArray[np.float32]:
     """Compute the transforms of all bones from one posture (joints, 3) to others (n, joints, 3).
 
-    Returns:
-        (n, bones, 3, 4) float32: a point x at rest moves to `transform[:, :3] @ x +
-        transform[:, 3]`. Bones do not twist about their own axes.
+    The result is (n, bones, 3, 4) float32: a point x at rest moves to `transform[:, :3] @ x +
+    transform[:, 3]`. Bones do not twist about their own axes.
     """
     before = rest[_BONE_ENDS[:, 1]] - rest[_BONE_ENDS[:, 0]]
     after = postures[:, _BONE_ENDS[:, 1]] - postures[:, _BONE_ENDS[:, 0]]

@@ -10,7 +10,7 @@ fractions of the head's height, unless their names end in `_m`.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
-from itertools import pairwise
+from itertools import pairwise, repeat
 from typing import NamedTuple
 
 import numpy as np
@@ -81,17 +81,11 @@ class SoftShape:
 
     def compute_distance(self, points: Float64Array) -> Float64Array:
         """Compute the distances (n,) of points (n, 3), metres."""
-        limbs = [
-            np.maximum(
-                _compute_smooth_minimum(
-                    [cone.compute_distance(points) for cone in chain], self.smooth_m
-                ),
-                hem - points[:, 2],
-            )
-            for chain, hem in zip(
-                self.chains, self.hems or (-np.inf,) * len(self.chains), strict=True
-            )
-        ]
+        limbs: list[Float64Array] = []
+        for chain, hem in zip(self.chains, self.hems or repeat(-np.inf), strict=False):
+            distances = [cone.compute_distance(points) for cone in chain]
+            limb = _compute_smooth_minimum(distances, self.smooth_m)
+            limbs.append(np.maximum(limb, hem - points[:, 2]))
         return _compute_smooth_minimum(limbs, self.blend_m)
 
     def build_surface(self) -> TriangleSurface:
@@ -120,33 +114,25 @@ class SoftShape:
     def compute_bone_weights(self, points: Float64Array, sides: Sequence[int]) -> Float64Array:
         """Compute the weights (n, bones) of bones in points (n, 3) by the distance of their cones.
 
-        Args:
-            points: Points on the surface.
-            sides: Side of each bone: 1 left, -1 right, 0 middle. A bone has no weight on the other
-                side of the body, however near: thighs must not pull at each other.
+        A bone on the left (`sides` 1) or right (-1) has no weight on the other side of the body,
+        however near: thighs must not pull at each other.
         """
         weights = np.full((len(points), len(sides)), 1e-12)
         for chain in self.chains:
             for cone in chain:
-                near = np.exp(
-                    -((np.maximum(cone.compute_distance(points), 0.0) / _WEIGHT_FALLOFF_M) ** 2)
-                )
+                outside = np.maximum(cone.compute_distance(points), 0.0)
+                near = np.exp(-((outside / _WEIGHT_FALLOFF_M) ** 2))
                 weights[:, cone.bone] = np.maximum(weights[:, cone.bone], near)
-        weights *= (
-            np.clip(0.5 + points[:, 1:2] * np.asarray(sides) / _SEAM_WIDTH_M, 0.0, 1.0) ** 2 + 1e-9
-        )
+        own_side = np.clip(0.5 + points[:, 1:2] * np.asarray(sides) / _SEAM_WIDTH_M, 0.0, 1.0)
+        weights *= own_side**2 + 1e-9
         return weights / weights.sum(axis=1, keepdims=True)
 
     def _compute_gradient(self, points: Float64Array) -> Float64Array:
-        steps = _GRADIENT_STEP_M * np.eye(3)
-        return np.stack(
-            [
-                (self.compute_distance(points + step) - self.compute_distance(points - step))
-                / (2 * _GRADIENT_STEP_M)
-                for step in steps
-            ],
-            axis=1,
-        )
+        differences = [
+            self.compute_distance(points + step) - self.compute_distance(points - step)
+            for step in _GRADIENT_STEP_M * np.eye(3)
+        ]
+        return np.stack(differences, axis=1) / (2 * _GRADIENT_STEP_M)
 
 
 def _fix_normals(surface: TriangleSurface) -> TriangleSurface:
@@ -202,9 +188,8 @@ def _extract_surface_net(
     number[tuple(cells.T)] = np.arange(len(cells))
     quads: list[np.ndarray] = []
     for axis, at in crossings:
-        corners = np.stack(
-            [number[tuple(cell.T)] for cell in _find_adjacent_cells(at, axis)], axis=1
-        )
+        rows = [number[tuple(cell.T)] for cell in _find_adjacent_cells(at, axis)]
+        corners = np.stack(rows, axis=1)
         enters = inside[tuple(at.T)]
         corners[~enters] = corners[~enters][:, ::-1]
         quads.append(corners)

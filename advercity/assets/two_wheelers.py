@@ -62,9 +62,8 @@ def build_bicycle(blueprint_id: str, size: Size) -> Body:
     """Build a cyclist on a bicycle of about `size`, x forward; short bicycles are sporty."""
     frame = _BicycleGeometry(size)
     rider = Rider.from_seat(frame.seat)
-    postures = compute_riding_postures(
-        rider, frame.compute_soles(np.arange(POSES_PER_CYCLE) / POSES_PER_CYCLE)
-    )
+    turns = np.arange(POSES_PER_CYCLE) / POSES_PER_CYCLE
+    postures = compute_riding_postures(rider, frame.compute_soles(turns))
     rest = compute_riding_postures(rider, frame.compute_soles(np.zeros(1)))[0]
     sporty = frame.is_sporty
     looks = PedestrianAppearance(
@@ -82,9 +81,8 @@ def build_bicycle(blueprint_id: str, size: Size) -> Body:
         attach_to_bone(surface, bone, _BONE_COUNT, material, Semantic.VEHICLE)
         for surface, bone, material in frame.generate_surfaces()
     ]
-    transforms = np.concatenate(
-        [compute_bone_transforms(rest, postures), frame.compute_bone_transforms()], axis=1
-    ).astype(np.float32)
+    bones = [compute_bone_transforms(rest, postures), frame.compute_bone_transforms()]
+    transforms = np.concatenate(bones, axis=1).astype(np.float32)
     cycle_m = _GEAR_RATIO * 2 * np.pi * frame.radius
     return build_rigged_body(limbs, Gait(cycle_m, transforms, returns_to_rest=False), size)
 
@@ -172,10 +170,8 @@ class _BicycleGeometry:
         yield ellipsoid(lamp, ball, sides=8, bands=4), BicycleBone.FRAME, "lamp_white"
         yield ellipsoid(tail, ball, sides=8, bands=4), BicycleBone.FRAME, "lamp_red"
         yield from self._build_drive()
-        for hub, bone in (
-            (self.front, BicycleBone.FRONT_WHEEL),
-            (self.rear, BicycleBone.REAR_WHEEL),
-        ):
+        wheels = (self.front, BicycleBone.FRONT_WHEEL), (self.rear, BicycleBone.REAR_WHEEL)
+        for hub, bone in wheels:
             yield build_round_tyre(hub, self.radius, 0.022), bone, "rubber"
             for surface in build_spokes(hub, self.radius):
                 yield surface, bone, "metal"
@@ -219,9 +215,8 @@ class _BicycleGeometry:
         wheel = [self.crank - xyz(0, 0.06, 0), self.crank - xyz(0, 0.045, 0)]
         yield tube(wheel, 0.09, sides=12), BicycleBone.CRANKS, "metal"
         pedals = self.compute_pedals(np.zeros(1))[0]
-        for pedal, bone in zip(
-            pedals, (BicycleBone.LEFT_PEDAL, BicycleBone.RIGHT_PEDAL), strict=True
-        ):
+        bones = (BicycleBone.LEFT_PEDAL, BicycleBone.RIGHT_PEDAL)
+        for pedal, bone in zip(pedals, bones, strict=True):
             inner = np.sign(pedal[1]) * xyz(y=0.065)
             arm = tube([self.crank + inner, pedal * (1, 0, 1) + inner], 0.012, sides=5)
             yield arm, BicycleBone.CRANKS, "metal"
@@ -282,9 +277,8 @@ def build_model_rider(blueprint_id: str, saddle: Saddle, size: Size) -> list[Mes
     """Build a rider for the model of a motorcycle, from its declared saddle, grip and peg."""
     pelvis = xyz(*saddle.seat) + xyz(z=0.12)
     place = Seat(pelvis, xyz(*saddle.grip), size[2], np.radians(saddle.lean_deg))
-    return _build_motorcyclist(
-        blueprint_id, place, xyz(*saddle.peg), scooter=saddle.lean_deg < _SPORT_LEAN_DEG
-    )
+    scooter = saddle.lean_deg < _SPORT_LEAN_DEG
+    return _build_motorcyclist(blueprint_id, place, xyz(*saddle.peg), scooter=scooter)
 
 
 def _build_motorcyclist(
@@ -302,9 +296,8 @@ def _build_motorcycle_wheel(hub: Float64Array, radius: float) -> list[MeshPart]:
     wheel = Wheel(tuple(hub.tolist()))
     inner, half = 0.66 * radius, 0.035
     outer = inner + 0.03
-    rim = revolve_closed_profile(
-        [(inner, -half), (outer, -half), (outer, half), (inner, half)], hub, sides=14
-    )
+    ring = [(inner, -half), (outer, -half), (outer, half), (inner, half)]
+    rim = revolve_closed_profile(ring, hub, sides=14)
     tyre, spokes = build_round_tyre(hub, radius, 0.065), build_spokes(hub, 0.72 * radius)
     return [
         *make_vehicle_parts("rubber", tyre, wheel=wheel),
@@ -355,21 +348,12 @@ def _build_scooter_shell(
     rear = [(x0 - 0.42, 0.48, 0.06, 0.08), (x0 - 0.25, 0.48, 0.17, 0.20), (x0, 0.50, 0.18, 0.20)]
     rear += [(x0 + 0.20, z - 0.16, 0.12, 0.16)]
     floor = box((x0, -0.17, 0.26), (shield_foot[0], 0.17, 0.32))
-    shield = loft_rings(
-        [
-            [
-                (p[0] + t, w, p[2]),
-                (p[0] + t + 0.03, 0, p[2]),
-                (p[0] + t, -w, p[2]),
-                (p[0] + t - 0.05, 0, p[2]),
-            ]
-            for p, t, w in (
-                (shield_foot, 0, 0.16),
-                ((shield_foot + head) / 2, 0.03, 0.21),
-                (head, 0, 0.12),
-            )
-        ]
-    )
+    sections = ((shield_foot, 0, 0.16), ((shield_foot + head) / 2, 0.03, 0.21), (head, 0, 0.12))
+    rings: list[list[tuple[float, float, float]]] = []
+    for place, shift, half in sections:
+        x, up = place[0] + shift, place[2]
+        rings.append([(x, half, up), (x + 0.03, 0, up), (x, -half, up), (x - 0.05, 0, up)])
+    shield = loft_rings(rings)
     return [_build_hull(rear), floor, shield]
 
 

@@ -77,9 +77,8 @@ def _build_road_wheel(
     ring = np.array([(0.70, -0.06), (0.62, -0.01), (0.60, -0.10)]) * (radius_m, width_m)
     rim = revolve_closed_profile(ring, face, sides=_WHEEL_SIDES)
     star = _compute_spoke_outline() * radius_m
-    spokes = loft_rings(
-        np.stack([star - xyz(y=0.12 * width_m), star - xyz(y=0.02 * width_m)]) + face
-    )
+    sides = [star - xyz(y=0.12 * width_m), star - xyz(y=0.02 * width_m)]
+    spokes = loft_rings(np.stack(sides) + face)
     return [(tyre, "rubber"), (rim, "metal"), (spokes, "metal")]
 
 
@@ -142,9 +141,8 @@ def _build_indicators(parts: Sequence[Mesh]) -> Iterator[MeshPart]:
         lateral = np.abs(points[:, 1])
         outer = points[lateral >= _OUTER_FRACTION * lateral.max()]
         x = (outer[:, 0] * sign).max() * sign
-        y, z = np.abs(outer[np.abs(outer[:, 0] - x) < _INDICATOR_HALF_SIZE_M[0]][:, 1:]).mean(
-            axis=0
-        )
+        near = outer[np.abs(outer[:, 0] - x) < _INDICATOR_HALF_SIZE_M[0]]
+        y, z = np.abs(near[:, 1:]).mean(axis=0)
         place = np.array([x - sign * _INDICATOR_INSET_M, max(y, _MIN_LATERAL_M), z])
         for left, material in INDICATOR_MATERIALS.items():
             middle = place * (1, left, 1)
