@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 from advercity_dsl import Blueprint, Conflict, Density, Road, StagedConflict, Suite, Typology
 from advercity_dsl.base import suggest_name
@@ -11,6 +12,7 @@ from advercity.compiler.library import Library
 from advercity.conflicts.binding import Binding, match_conflict, with_ego_manoeuvre
 from advercity.conflicts.case import UnsolvableError
 from advercity.conflicts.checks import find_infeasibility
+from advercity.conflicts.ego_motion import EgoDrive, build_ego_drive
 from advercity.conflicts.solver import solve_conflict
 from advercity.diagnostics import Diagnostic, DiagnosticsError
 
@@ -30,6 +32,11 @@ class RoadConflicts:
     def crossed_id(self) -> str | None:
         """Id of the conflict that the suite crosses roads with."""
         return self.crossed.id if self.crossed else None
+
+    @cached_property
+    def drive(self) -> EgoDrive:
+        """The ego's drive, which takes a second to predict."""
+        return build_ego_drive(self.road)
 
 
 def select_conflicts(
@@ -65,7 +72,7 @@ def solve_road_conflicts(
             solution = solve_conflict(
                 conflict,
                 find_typology(library, conflict),
-                cell.road,
+                cell.drive,
                 blueprints,
                 seed=suite.seeds.traffic,
                 key=key,
@@ -76,7 +83,7 @@ def solve_road_conflicts(
             raise DiagnosticsError(
                 library.build_diagnostic(conflict, "id", message=message)
             ) from None
-        finding = find_infeasibility(conflict, cell.road, density, solution)
+        finding = find_infeasibility(conflict, cell.drive, density, solution)
         if finding is not None:
             raise DiagnosticsError(
                 library.build_diagnostic(

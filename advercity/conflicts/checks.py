@@ -6,8 +6,7 @@ import numpy as np
 from advercity_dsl import Conflict, Density, Road, StagedActor, StagedConflict
 from advercity_dsl.distribution import compute_bounds
 
-from advercity.conflicts.ego_motion import DESTINATION_MARGIN_M, compute_nominal_motion
-from advercity.roads.routes import RoutePlanner, build_ego_path
+from advercity.conflicts.ego_motion import EgoDrive
 
 MIN_SPEED_RANGE_KM_H = 5.0
 MAX_SPEED_KM_H = {"pedestrian": 12.0, "bicycle": 40.0}
@@ -40,9 +39,13 @@ class Finding:
 @dataclass(frozen=True)
 class _Solution:
     conflict: Conflict
-    road: Road
+    drive: EgoDrive
     density: Density
     staged: StagedConflict
+
+    @property
+    def road(self) -> Road:
+        return self.drive.road
 
     @property
     def actor(self) -> StagedActor:
@@ -50,10 +53,10 @@ class _Solution:
 
 
 def find_infeasibility(
-    conflict: Conflict, road: Road, density: Density, staged: StagedConflict
+    conflict: Conflict, drive: EgoDrive, density: Density, staged: StagedConflict
 ) -> Finding | None:
     """Return the first reason why a solved conflict cannot happen; None if it can."""
-    solution = _Solution(conflict, road, density, staged)
+    solution = _Solution(conflict, drive, density, staged)
     checks = (
         _check_ego_speed,
         _check_approach,
@@ -150,16 +153,13 @@ def _check_braking(solution: _Solution) -> Finding | None:
 
 
 def _check_location(solution: _Solution) -> Finding | None:
-    road, point = solution.road, solution.staged.point_m
-    planner = RoutePlanner(road)
-    path, start_m, end_m = build_ego_path(planner, road.ego)
-    station = path.find_nearest_station(point)
-    gap_m = float(np.linalg.norm(path.point_at(station) - np.array(point)))
+    road, drive, point = solution.road, solution.drive, solution.staged.point_m
+    station = drive.path.find_nearest_station(point)
+    gap_m = float(np.linalg.norm(drive.path.point_at(station) - np.array(point)))
     if gap_m > MAX_PATH_GAP_M:
         message = f"the conflict point is {gap_m:.1f} m off the ego's path on '{road.id}'"
         return Finding(("actor", "comes"), message, "choose another side")
-    motion = compute_nominal_motion(road, planner, path, start_m)
-    if station > end_m - DESTINATION_MARGIN_M or motion.time_at(station) < 0:
+    if station > drive.end_m or drive.motion.time_at(station) < 0:
         message = f"the conflict point on '{road.id}' lies beyond where the scenario ends"
         return Finding(("actor", "comes"), message, "move the ego's destination on")
     return None

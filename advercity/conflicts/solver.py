@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 import shapely
-from advercity_dsl import Blueprint, Conflict, Road, StagedActor, StagedConflict
+from advercity_dsl import Blueprint, Conflict, StagedActor, StagedConflict
 from advercity_dsl.units import KM_H_PER_M_S, Point2
 from numpy.typing import NDArray
 
@@ -21,7 +21,7 @@ from advercity.conflicts.case import (
     ParticipantSampler,
     sample_parameters,
 )
-from advercity.conflicts.ego_motion import NominalMotion, build_ego_drive
+from advercity.conflicts.ego_motion import EgoDrive, NominalMotion
 from advercity.geometry.polyline import StationedPolyline
 from advercity.roads.routes import RoutePath
 
@@ -176,7 +176,7 @@ ARRIVAL_WINDOW_S = 1.5
 def solve_conflict(
     conflict: Conflict,
     typology: str,
-    road: Road,
+    drive: EgoDrive,
     blueprints: Mapping[str, Blueprint],
     *,
     seed: int,
@@ -185,10 +185,9 @@ def solve_conflict(
 ) -> StagedConflict:
     """Place all participants of a conflict, with their speeds and the expected time.
 
-    On `road` the ego makes the conflict's manoeuvre; `typology` is an id. All draws depend on
+    In its drive the ego makes the conflict's manoeuvre; `typology` is an id. All draws depend on
     `seed` and `key` (road, conflict and density, so that all weathers share them). `index` is the
     number among the scenario's conflicts, from 1.
-
 
     Raises:
         UnsolvableError: The conflict does not fit the road.
@@ -197,7 +196,7 @@ def solve_conflict(
     case = ConflictCase(
         conflict,
         index,
-        drive=build_ego_drive(road),
+        drive=drive,
         sampler=sampler,
         actor=sampler.draw_actor(conflict.actor.classes),
         parameters=sample_parameters(conflict.parameters, seed, key),

@@ -187,7 +187,6 @@ def find_shortest_route(
 
     Beyond the destination it goes straight on wherever it can. The result are edges' ids.
 
-
     Raises:
         InputError: No route leads near the destination.
     """

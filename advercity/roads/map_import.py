@@ -75,7 +75,6 @@ def import_map(declared: MapFile, road: Road, folder: Path) -> MapNetwork:
 
     Its file is relative to `folder`; the road's origin locates latitudes and longitudes.
 
-
     Raises:
         InputError: The file is missing, unsafe, of another kind, or without a lane for cars.
         RunError: `netconvert` does not run.

@@ -10,28 +10,21 @@ import errno
 import os
 import signal
 import time
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-import numpy as np
-
 from advercity.frames import Frame
 from advercity.physics.atmosphere import Atmosphere
-from advercity.rendering.backend import (
-    CameraCapture,
-    CameraView,
-    Capabilities,
-    Renderer,
-    RenderProfile,
-)
+from advercity.rendering.backend import Capabilities, Renderer, RenderProfile
+from advercity.testing import FakeBackend, FakeRenderer
 from advercity.world import World
 
 LONGEST_S = 120.0
 """Longest wait for other workers."""
 
 
-class GreyRenderer:
+class StuntRenderer(FakeRenderer):
     """Everything is grey and 10 m away."""
 
     def place(self, frame: Frame) -> None:
@@ -42,23 +35,8 @@ class GreyRenderer:
             assert time.monotonic() < until_s, "no other worker came"
             time.sleep(0.01)
 
-    def render_camera(self, view: CameraView) -> CameraCapture:
-        """Return a grey image."""
-        shape = (view.height_px, view.width_px)
-        return CameraCapture(
-            radiance=np.full((*shape, 3), 100.0, np.float32),
-            depth=np.full(shape, 10.0, np.float32),
-            normal=np.zeros((*shape, 3), np.float32),
-            semantic=np.zeros(shape, np.uint8),
-            instance=np.zeros(shape, np.int32),
-        )
 
-    def render_cameras(self, views: Sequence[CameraView]) -> Iterator[CameraCapture]:
-        """Return grey images."""
-        return map(self.render_camera, views)
-
-
-class StuntBackend:
+class StuntBackend(FakeBackend):
     """Does a stunt when its capabilities are requested."""
 
     name = "stunts"
@@ -66,15 +44,7 @@ class StuntBackend:
     def capabilities(self) -> Capabilities:
         """Do a stunt; return the capabilities."""
         _do_stunt()
-        return Capabilities(
-            participating_medium=True,
-            lamps=True,
-            wet_surfaces=True,
-            deterministic=True,
-            ray_traced=False,
-            hardware=False,
-            device="grey",
-        )
+        return super().capabilities()
 
     @contextmanager
     def open(
@@ -84,7 +54,7 @@ class StuntBackend:
         if "SEEN" in os.environ:
             cards = os.environ.get("CUDA_VISIBLE_DEVICES", "none")
             Path(os.environ["SEEN"], str(os.getpid())).write_text(cards)
-        yield GreyRenderer()
+        yield StuntRenderer()
 
 
 def _do_stunt() -> None:
