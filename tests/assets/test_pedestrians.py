@@ -10,7 +10,7 @@ from advercity_dsl import Blueprint, Catalogue, PedestrianAppearance, Weather
 from numpy.typing import NDArray
 
 from advercity.assets.bodies import build_body
-from advercity.assets.body_pose import compute_body_pose
+from advercity.assets.body_pose import build_pose_box_fitter, compute_body_pose
 from advercity.assets.rigged_bodies import pose_body
 from advercity.compiler import load_library
 from advercity.frames import Actor, ActorState, Frame, Lamp
@@ -21,6 +21,7 @@ from advercity.rendering.backend import RENDER_PROFILES, CameraView
 from advercity.rendering.raycaster import Raycaster, Rays
 from advercity.scene.world_storage import load_world, save_world
 from advercity.semantics import Semantic
+from advercity.testing import make_frame
 from advercity.world import Body, World
 
 CATALOGUE = load_library(Path(__file__).parents[2] / "library").get_declarations(Catalogue)[
@@ -72,6 +73,28 @@ def in_world(moment: ActorState, material: str | None = None) -> NDArray[np.floa
     seen = compute_body_pose(moment, PEOPLE | CYCLISTS)
     points = vertices(seen.shape.build_meshes(PEOPLE | CYCLISTS), material)
     return poses.transform_points(moment.world_from_body @ seen.body_from_mesh, points)
+
+
+@everybody
+@pytest.mark.parametrize("speed_m_s", [0.0, 1.5])
+def test_the_box_of_a_pedestrian_touches_the_body_as_drawn(name: str, speed_m_s: float):
+    fit = build_pose_box_fitter(PEOPLE)
+    for travelled_m in np.arange(0.0, 1.4, 0.2).tolist():
+        moment = state(name, travelled_m=travelled_m, speed_m_s=speed_m_s)
+        (fitted,) = fit(make_frame(moment)).states
+        corners = poses.transform_points(fitted.world_from_body, fitted.box.corners)
+        body = in_world(moment)
+        np.testing.assert_allclose(corners.min(axis=0), body.min(axis=0), atol=1e-4)
+        np.testing.assert_allclose(corners.max(axis=0), body.max(axis=0), atol=1e-4)
+
+
+def test_an_umbrella_does_not_change_the_box_of_who_holds_it():
+    fit = build_pose_box_fitter(PEOPLE)
+    boxes = [
+        fit(make_frame(state("pedestrian_0003", travelled_m=0.3, umbrella=umbrella))).states[0].box
+        for umbrella in (False, True)
+    ]
+    assert boxes[0] == boxes[1]
 
 
 @everybody

@@ -118,7 +118,16 @@ def test_boxes_come_back(dataset: Dataset, sensor_frames_of: SensorFramesOf) -> 
         np.testing.assert_allclose(boxes.sizes[row], item.state.actor.size)
         assert boxes.classes[row] == item.state.actor.actor_class
         assert boxes.bearings_rad[row] == pytest.approx(item.bearing_rad)
+        assert (boxes.lidar_points[row], boxes.is_parked[row]) == (item.lidar_points, False)
+        assert boxes.visible_fraction[row] == pytest.approx(item.visible_fraction, abs=1e-4)
         assert boxes.speeds_m_s[row] == pytest.approx(item.state.speed_m_s)
+
+
+def test_boxes_are_selected_by_a_mask(dataset: Dataset) -> None:
+    boxes = dataset[0]["cav1"].boxes
+    near = boxes.select(boxes.distances_m < 15.0)
+    assert near.ids.tolist() == [number for number in boxes.ids.tolist() if number in (201, 202)]
+    assert near.world_from_box.shape == (2, 4, 4)
 
 
 def test_points_project_into_images(dataset: Dataset) -> None:

@@ -1,4 +1,4 @@
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -6,6 +6,7 @@ import pytest
 from advercity.frames import Actor, ActorState, Lamp
 from advercity.geometry import poses
 from advercity.sensors.annotation import Annotation, annotate_actors
+from advercity.sensors.measurements import PointCloud, PointKind
 from advercity.sensors.sensor_frame import SensorFrame
 from tests.builders import SensorFramesOf
 
@@ -75,6 +76,42 @@ def test_bearing_is_the_direction_from_the_agent(
 ) -> None:
     item = annotated(among(ego, car_at(x, y)))[300]
     assert np.rad2deg(item.bearing_rad) == pytest.approx(bearing_deg)
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "bearing_deg"), [(0, 30, 0), (-30, 0, 90), (20, 20, -45), (-20, -20, 135)]
+)
+def test_bearing_is_horizontal_on_a_tilted_mast(
+    ego: SensorFrame, x: float, y: float, bearing_deg: float
+) -> None:
+    tilted = poses.pose_matrix((0, 0, 6), yaw=np.pi / 2, pitch=0.5, roll=0.2)
+    item = annotated(replace(among(ego, car_at(x, y)), world_from_agent=tilted))[300]
+    assert np.rad2deg(item.bearing_rad) == pytest.approx(bearing_deg)
+
+
+def points_on(reading: SensorFrame, kinds: list[PointKind]) -> SensorFrame:
+    """The same reading with a point of each of these kinds on actor 300."""
+    count, cloud = len(kinds), reading.point_cloud
+    points = PointCloud(
+        *(getattr(cloud, item.name)[:count].copy() for item in fields(PointCloud)),
+    )
+    points.instance[:], points.kind[:] = 300, kinds
+    return replace(reading, point_cloud=points)
+
+
+def test_points_of_mirror_images_are_counted_apart(ego: SensorFrame) -> None:
+    kinds = [PointKind.SURFACE] * 3 + [PointKind.GHOST] * 2
+    item = annotated(points_on(among(ego, car_at(0, 20)), kinds))[300]
+    assert (item.lidar_points, item.lidar_ghosts) == (3, 2)
+
+
+@pytest.mark.parametrize(("min_points", "expected"), [(0, {300}), (3, {300}), (4, set[int]())])
+def test_actors_with_fewer_points_than_asked_for_are_not_annotated(
+    ego: SensorFrame, min_points: int, expected: set[int]
+) -> None:
+    kinds = [PointKind.SURFACE] * 3 + [PointKind.GHOST] * 2
+    reading = points_on(among(ego, car_at(0, 20)), kinds)
+    assert set(annotated(replace(reading, min_points=min_points))) == expected
 
 
 @pytest.mark.parametrize(

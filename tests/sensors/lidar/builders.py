@@ -136,8 +136,8 @@ def raycaster_of(*static: Mesh) -> Raycaster:
     return Raycaster(World("tried", static, {"panel": TARGET}, (), Path("none")))
 
 
-def raycaster_with(*positions: tuple[float, float]) -> Raycaster:
-    caster = raycaster_of(ground())
+def raycaster_with(*positions: tuple[float, float], walls: Sequence[Mesh] = ()) -> Raycaster:
+    caster = raycaster_of(ground(), *walls)
     caster.place(frame_with(*positions))
     return caster
 

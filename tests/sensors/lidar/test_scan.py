@@ -8,6 +8,7 @@ from advercity_dsl import Lidar
 
 from advercity.geometry.mesh import Mesh
 from advercity.geometry.poses import Matrix, pose_matrix
+from advercity.rendering.raycaster import Raycaster
 from advercity.semantics import Semantic
 from advercity.sensors.annotation import count_lidar_hits
 from advercity.sensors.lidar import (
@@ -15,6 +16,8 @@ from advercity.sensors.lidar import (
     cast_scan,
 )
 from advercity.sensors.measurements import PointKind
+from advercity.testing import build_box, build_flat_world, make_actor_state, make_frame
+from advercity.world import Body
 from tests.sensors.lidar.builders import (
     EXACT,
     FORWARD_M,
@@ -78,6 +81,25 @@ def test_beams_are_counted_by_actor_whatever_the_weather() -> None:
     assert counts[1] == (scan.hits.instance == 1).sum() > counts[2] > 0
     fine = vary(Lidar(), sub_rays=7)
     assert count_lidar_hits(cast_scan(fine, STAND, caster), fine) == counts
+
+
+@pytest.mark.parametrize(("panes", "expected"), [(0, {1}), (2, {1}), (3, set[int]())])
+def test_an_actor_behind_two_panes_of_glass_is_counted(panes: int, expected: set[int]) -> None:
+    glass = [upright(4.0 + 0.1 * pane, 50, 20, "glass") for pane in range(panes)]
+    counts = count_lidar_hits(
+        cast_scan(Lidar(), STAND, raycaster_with((10.0, 0.0), walls=glass)), Lidar()
+    )
+    assert set(counts) == expected
+
+
+def test_a_beam_through_a_car_counts_once() -> None:
+    """A box of glass returns from its near and its far side."""
+    car = build_box((4.0, 2.0, 1.5), (0.0, 0.0, 0.75), material="glass", semantic=Semantic.VEHICLE)
+    caster = Raycaster(build_flat_world(bodies={"car": Body((car,), (4.0, 2.0, 1.5))}))
+    caster.place(make_frame(make_actor_state(1, 10.0)))
+    scan = cast_scan(Lidar(), STAND, caster)
+    both = (scan.hits.instance == 1).sum() + (scan.behind_glass[0].hits.instance == 1).sum()
+    assert count_lidar_hits(scan, Lidar())[1] == (scan.hits.instance == 1).sum() < both
 
 
 def scan_between(before: Matrix, now: Matrix, *walls: Mesh) -> ScanHits:
