@@ -5,7 +5,7 @@ line and column where a file is at fault, and `RunError` for what fails while it
 """
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -29,13 +29,16 @@ if TYPE_CHECKING:
 PathLike = str | os.PathLike[str]
 
 
-def load_spec(path: PathLike, *, weather: PathLike | None = None) -> Spec:
+def load_spec(
+    path: PathLike, *, weather: PathLike | None = None, library: Sequence[PathLike] = ()
+) -> Spec:
     """Load a compiled spec, optionally under another weather.
 
     Args:
         path: The JSON file.
-        weather: A weather file, or the name of a weather that ships. The traffic stays the same,
-            with the same ids, poses and boxes.
+        weather: A weather file, or the name of a weather of the library. The traffic stays the
+            same, with the same ids, poses and boxes.
+        library: Folders of the library; without any, the one that ships.
 
     Raises:
         InputError: The file is no spec of this version, or there is no such weather.
@@ -43,7 +46,9 @@ def load_spec(path: PathLike, *, weather: PathLike | None = None) -> Spec:
     spec = compiler.read_spec(Path(path))
     if weather is None:
         return spec
-    return compiler.with_weather(spec, compiler.find_weather(os.fspath(weather)))
+    return compiler.with_weather(
+        spec, compiler.find_weather(os.fspath(weather), *map(Path, library))
+    )
 
 
 def simulate(spec: Spec) -> "TrafficResult":

@@ -16,7 +16,7 @@ from types import FrameType
 
 import numpy as np
 
-from advercity.compiler import read_spec, validate_path, write_specs
+from advercity.compiler import read_spec, validate_paths, write_specs
 from advercity.compiler.crossing import compile_library
 from advercity.errors import InputError
 from advercity.randomness import create_generator
@@ -92,7 +92,9 @@ def _choose(choices: Sequence[str], rng: np.random.Generator) -> str:
 
 
 @contextmanager
-def _time_limit() -> Generator[None]:
+def time_limit() -> Generator[None]:
+    """Raise after LIMIT_S of processor time."""
+
     def stop(number: int, frame: FrameType | None) -> None:
         raise MutationTimeoutError
 
@@ -114,7 +116,7 @@ def check_mutation(number: int, seed: int, folder: Path) -> str:
         folder: An empty folder to work in.
     """
     rng = create_generator(seed, "mutation", number)
-    with _time_limit():
+    with time_limit():
         match int(rng.integers(4)):
             case 0:
                 return _check_library(rng, folder)
@@ -152,7 +154,7 @@ def _check_file(original: Path, rng: np.random.Generator, folder: Path) -> str:
     path = folder / original.name
     path.write_bytes(mutate(original.read_text(), rng))
     try:
-        validate_path(path)
+        validate_paths(path)
     except InputError as error:
         assert str(error).startswith(str(folder)), f"no file in the message: {error}"
         return "rejected"

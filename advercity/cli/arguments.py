@@ -15,7 +15,12 @@ SpecArgument = Annotated[list[Path], typer.Argument(help="Compiled specs (*.json
 DatasetArgument = Annotated[Path, typer.Argument(help="A dataset, or one scenario of it.")]
 BackendOption = Annotated[str, typer.Option(help="Rendering backend.")]
 ProfileOption = Annotated[str, typer.Option(help="auto, preview or full.")]
-ScaleOption = Annotated[float | None, typer.Option(help="Image scale in place of the profile's.")]
+ScaleOption = Annotated[
+    float | None,
+    typer.Option(
+        help="Fraction of the rig's image width and height, in place of the profile's (full: 1)."
+    ),
+]
 FramesOption = Annotated[
     str | None, typer.Option(metavar="A:B[:STEP]", help="Recorded frames to make, B not included.")
 ]

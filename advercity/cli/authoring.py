@@ -34,8 +34,7 @@ def compile_(
             raise RunError(*stale, f"run `{again}` to renew them")
         print_note(f"{len(specs)} specs in {output} are current")
         return
-    write_specs(specs, output)
-    print_note(f"{len(specs)} specs in {output}")
+    print_note(f"{len(specs)} specs in {output}: {write_specs(specs, output)}")
 
 
 @commands.command()
@@ -64,12 +63,10 @@ def solve(
 def validate(
     paths: Annotated[list[Path], typer.Argument(help="Specs, declarations or library folders.")],
 ) -> None:
-    """Check specs and declarations; print only problems."""
-    from advercity.compiler import validate_path
+    """Check specs and declarations; several libraries are one, as for compile."""
+    from advercity.compiler import validate_paths
 
-    for path in paths:
-        validate_path(path)
-    print_note("no problems found")
+    print_note(f"no problems found in {validate_paths(*paths)}")
 
 
 @commands.command("list")

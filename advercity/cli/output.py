@@ -23,7 +23,18 @@ def print_note(text: str) -> None:
 
 OPTION_PARAMETERS = (
     *("allow_edited", "allow_large", "allow_missing_models", "backend", "cloud_colour", "connect"),
-    *("executor", "format", "frames", "fresh", "jobs", "kind", "max_memory", "max_time", "output"),
+    *(
+        "executor",
+        "format",
+        "frames",
+        "fresh",
+        "jobs",
+        "kind",
+        "library",
+        "max_memory",
+        "max_time",
+        "output",
+    ),
     *("profile", "ray_address", "rrd", "scale", "stream", "suite", "web"),
 )
 _QUOTED_PARAMETER = re.compile(f"`({'|'.join(OPTION_PARAMETERS)})`")

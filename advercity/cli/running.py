@@ -43,6 +43,9 @@ def run(
     weather: Annotated[
         str | None, typer.Option(help="Replay under another weather: a file, or a library name.")
     ] = None,
+    library: Annotated[
+        list[Path] | None, typer.Option(help="Folders in which --weather looks for a name.")
+    ] = None,
     jobs: JobsOption = None,
     max_memory: Annotated[
         str | None,
@@ -90,7 +93,7 @@ def run(
 
     if sum((rrd is not None, stream, connect is not None)) > 1:
         raise InputError("--rrd, --stream and --connect exclude each other; give one")
-    loaded = [api.load_spec(path, weather=weather) for path in specs]
+    loaded = [api.load_spec(path, weather=weather, library=library or ()) for path in specs]
     limits = ResourceLimits(
         memory_bytes=None if max_memory is None else parse_byte_size("--max-memory", max_memory),
         time_s=None if max_time is None else parse_duration("--max-time", max_time),

@@ -12,7 +12,7 @@ from advercity.compiler.crossing import (
     compile_library,
     compile_suite,
     find_suite,
-    validate_path,
+    validate_paths,
 )
 from advercity.compiler.explain import compare_specs, explain_spec
 from advercity.compiler.library import (
@@ -47,7 +47,7 @@ __all__ = [
     "load_library",
     "read_spec",
     "to_json",
-    "validate_path",
+    "validate_paths",
     "with_digest",
     "with_weather",
     "write_specs",

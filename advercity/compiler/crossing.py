@@ -1,7 +1,8 @@
 """Compilation of suites: crossing roads, weathers and densities into specs."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from itertools import product
 from pathlib import Path
 
@@ -74,21 +75,58 @@ def find_suite(library: Library, *folders: Path, suite: str | None = None) -> Su
     raise InputError(f"{where}: unknown suite '{suite}'; {suggest_name(suite, suites)}")
 
 
-def validate_path(path: Path) -> None:
-    """Validate a spec, a declaration, or a library with all its suites.
+def validate_paths(*paths: Path) -> str:
+    """Validate specs, declarations, and libraries with all their suites.
+
+    Libraries and declarations are one library, as when they are compiled; declarations without
+    any library are validated one by one.
+
+    Returns:
+        What was checked: numbers of specs, declarations and scenarios.
 
     Raises:
-        InputError: With all errors; also for a spec that was edited after it was compiled.
+        InputError: With the errors of all of them; also for a spec that was edited after it was
+            compiled.
     """
-    if path.suffix == ".json":
-        check_not_edited(read_spec(path), path)
-        return
-    if not path.is_dir():
-        load_declaration(path)
-        return
-    library = load_library(path)
-    for suite in library.get_declarations(Suite).values():
-        compile_suite(library, suite)
+    specs = [path for path in paths if path.suffix == ".json"]
+    declared = [path for path in paths if path.suffix != ".json"]
+    checks: list[Callable[[], tuple[int, int]]] = [partial(_validate_spec, path) for path in specs]
+    if any(path.is_dir() for path in declared):
+        checks.append(partial(_validate_library, *declared))
+    else:
+        checks += [partial(_validate_declaration, path) for path in declared]
+    errors: list[InputError] = []
+    declarations = scenarios = 0
+    for check in checks:
+        try:
+            found = check()
+            declarations, scenarios = declarations + found[0], scenarios + found[1]
+        except InputError as error:
+            errors.append(error)
+    if errors:
+        raise (
+            errors[0]
+            if len(errors) == 1
+            else InputError(*(line for error in errors for line in error.args))
+        )
+    counts = {"spec": len(specs), "declaration": declarations, "scenario": scenarios}
+    return ", ".join(f"{n} {name}{'' if n == 1 else 's'}" for name, n in counts.items() if n)
+
+
+def _validate_spec(path: Path) -> tuple[int, int]:
+    check_not_edited(read_spec(path), path)
+    return 0, 0
+
+
+def _validate_declaration(path: Path) -> tuple[int, int]:
+    load_declaration(path)
+    return 1, 0
+
+
+def _validate_library(*folders: Path) -> tuple[int, int]:
+    library = load_library(*folders)
+    suites = library.get_declarations(Suite).values()
+    return len(library.entries), sum(len(compile_suite(library, suite)) for suite in suites)
 
 
 def check_not_edited(spec: Spec, where: object) -> None:

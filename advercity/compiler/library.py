@@ -151,8 +151,12 @@ def find_shipped_library() -> Path:
     return folder if folder.is_dir() else Path(str(files("advercity") / "_library"))
 
 
-def find_weather(text: str) -> LibraryEntry[Weather]:
-    """Load the weather in the file `text`, or the shipped weather of that name.
+def find_weather(text: str, *folders: Path) -> LibraryEntry[Weather]:
+    """Load the weather in the file `text`, or the one of that name in a library.
+
+    Args:
+        text: A file, or a name.
+        folders: The library; without any, the one that ships with advercity.
 
     Raises:
         InputError: Neither exists, or the file is not a weather.
@@ -167,11 +171,12 @@ def find_weather(text: str) -> LibraryEntry[Weather]:
                 )
             )
         return cast(LibraryEntry[Weather], entry)
-    library = load_library(find_shipped_library())
+    library = load_library(*folders or [find_shipped_library()])
     weathers = library.get_declarations(Weather)
     if text not in weathers:
+        where = ", ".join(map(str, folders)) or "the library that ships; `library` names another"
         raise InputError(
-            f"unknown weather '{text}', and no such file; {suggest_name(text, weathers)}"
+            f"unknown weather '{text}' in {where}, and no such file; {suggest_name(text, weathers)}"
         )
     return library.find_entry(weathers[text])
 

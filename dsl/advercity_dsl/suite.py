@@ -3,12 +3,36 @@
 import re
 from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Discriminator,
+    Field,
+    Tag,
+    model_validator,
+)
 
 from advercity_dsl.base import ByName, Declaration, Id, InvalidCombination, Items, Model
 from advercity_dsl.units import Count, Flag, Metres, Number, Percent, Seconds
 
-IdSelection = Literal["all"] | Items[Id]
+
+def _check_selection(value: object) -> object:
+    if isinstance(value, str) and value != "all":
+        message = f"'{value[:40]}' is neither `all` nor a list of ids"
+        raise InvalidCombination((), message, f"write [{value[:40]}]")
+    return value
+
+
+def _find_selection_tag(value: object) -> str:
+    return "list" if isinstance(value, list | tuple) else "all"
+
+
+IdSelection = Annotated[
+    Annotated[Literal["all"], Tag("all")] | Annotated[Items[Id], Tag("list")],
+    Discriminator(_find_selection_tag),
+    BeforeValidator(_check_selection),
+]
+"""`all`, or a list of ids."""
 Scalar = Flag | Number | str
 CROSSED_KINDS = ("weather", "road", "density", "rig", "catalogue")
 

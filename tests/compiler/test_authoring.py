@@ -10,7 +10,7 @@ import pytest
 from advercity_dsl import DECLARATIONS
 
 from advercity.compiler import (
-    validate_path,
+    validate_paths,
 )
 from advercity.compiler.authoring import SCHEMAS_FOLDER, format_starter, write_starter
 from advercity.compiler.schema import write_schemas
@@ -85,7 +85,7 @@ def opened(path: Path, text: str) -> Generator[Client]:
 @pytest.mark.parametrize("kind", DECLARATIONS)
 def test_a_starter_is_valid_and_never_overwrites(kind: str, tmp_path: Path) -> None:
     path = write_starter(kind, "mine", tmp_path)
-    validate_path(path)
+    validate_paths(path)
     assert (tmp_path / ".advercity" / f"{kind}.schema.json").is_file()
     assert path.read_text().splitlines()[0].startswith("# yaml-language-server: $schema=")
     with pytest.raises(InputError, match="already exists"):

@@ -6,10 +6,14 @@ from advercity_dsl import DECLARATIONS, Spec
 
 from advercity.compiler import (
     describe_spec_differences,
+    find_weather,
     to_json,
+    validate_paths,
+    write_specs,
 )
 from advercity.compiler.authoring import write_starter
 from advercity.compiler.crossing import compile_library
+from advercity.errors import InputError
 from tests.builders import SMALL_LIBRARY, Write, describe_errors
 
 ROADS = ("ui", "unj", "ri", "rsnj", "rcnj")
@@ -107,3 +111,39 @@ def test_starters_compile_together_with_the_library(library: Path, tmp_path: Pat
     for kind in DECLARATIONS:
         write_starter(kind, f"my_{kind}", copy)
     assert len(compile_library(copy, suite="my_suite")) == 2 * 8
+
+
+def test_several_folders_are_validated_as_the_one_library_that_they_compile_to(
+    write: Write, tmp_path: Path
+) -> None:
+    folder, other = write(), tmp_path / "other"
+    other.mkdir()
+    (folder / "weather.yaml").rename(other / "weather.yaml")
+    assert len(compile_library(folder, other)) == 1
+    assert validate_paths(folder, other) == "7 declarations, 1 scenario"
+    assert validate_paths(other / "weather.yaml") == "1 declaration"
+
+
+def test_validation_reports_the_errors_of_every_path(write: Write, tmp_path: Path) -> None:
+    folder = write(bad="kind: weather\nid: bad\ntime: noon\n")
+    spec = tmp_path / "spec.json"
+    spec.write_text("{")
+    with pytest.raises(InputError) as caught:
+        validate_paths(spec, folder)
+    assert f"{spec}:1:2: not valid JSON" in str(caught.value)
+    assert f"{folder / 'bad.yaml'}:3:7: time: 'noon'" in str(caught.value)
+
+
+def test_writing_specs_says_what_changed(write: Write, tmp_path: Path) -> None:
+    specs, folder = compile_library(write()), tmp_path / "specs"
+    assert write_specs(specs, folder) == "1 new"
+    assert write_specs(specs, folder) == "1 unchanged"
+    (folder / f"{specs[0].id}.json").rename(folder / "old.json")
+    assert write_specs(specs, folder) == "1 new, 1 removed"
+
+
+def test_a_weather_is_found_by_its_name_in_the_library_that_is_named(write: Write) -> None:
+    folder = write(mist="kind: weather\nid: my_mist\ntime: day\n")
+    assert find_weather("my_mist", folder).declaration.id == "my_mist"
+    with pytest.raises(InputError, match=r"unknown weather 'my_mist' in the library that ships"):
+        find_weather("my_mist")
