@@ -63,7 +63,7 @@ def solve(
 def validate(
     paths: Annotated[list[Path], typer.Argument(help="Specs, declarations or library folders.")],
 ) -> None:
-    """Check specs and declarations; several libraries are one, as for compile."""
+    """Check specs, declarations and libraries; print only problems."""
     from advercity.compiler import validate_paths
 
     print_note(f"no problems found in {validate_paths(*paths)}")
