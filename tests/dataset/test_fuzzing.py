@@ -29,6 +29,7 @@ from advercity.world import World
 from tests.builders import SensorFramesOf, write_scenario
 from tests.compiler.test_fuzzing import load_script
 
+SCRIPT = load_script()
 ODD_BYTES = (
     *(b"", b"\0" * 64, b"\xff\xfe", b"[" * 100_000, b"{" * 100_000, b'{"a":' * 100_000),
     *(b"- " * 50_000, b"? " * 50_000, b"&a [*a]", b"<<: *a", b"!!python/none x", b"NaN"),
@@ -117,9 +118,8 @@ def check_dataset(number: int, dataset: Path) -> None:
     whole = target.read_bytes()
     try:
         is_text = target.suffix in (".yaml", ".json", ".jsonl") and rng.random() < 0.5
-        script = load_script()
-        target.write_bytes(script.mutate(whole.decode(), rng) if is_text else damage(whole, rng))
-        with script.time_limit():
+        target.write_bytes(SCRIPT.mutate(whole.decode(), rng) if is_text else damage(whole, rng))
+        with SCRIPT.time_limit():
             read_dataset(dataset)
     finally:
         target.write_bytes(whole)
@@ -153,7 +153,7 @@ def check_array_file(
     else:
         write(path)
     path.write_bytes(damage(path.read_bytes(), rng))
-    with load_script().time_limit():
+    with SCRIPT.time_limit():
         if cached:
             load_or_build_entry("worlds/entry.npz", write, load)
         else:
