@@ -61,7 +61,7 @@ def build_spec(
         library: Library of all declarations.
         suite: The suite that is crossed.
         inputs: Declarations of the scenario.
-        groups: Crash groups for which its road was selected.
+        groups: Crash groups for which its road was selected; the spec has those that it stages.
         conflicts: Solved conflicts.
         drivers: Drivers who react to weather, if any.
         assets: Checksums of what the scenario takes from files of others.
@@ -73,10 +73,10 @@ def build_spec(
         f"{get_declaration_kind(item)}/{item.id}": library.find_entry(item).digest
         for item in declarations
     }
-    step = inputs.step
+    step, staged = inputs.step, {conflict.typology for conflict in conflicts}
     spec = Spec(
         id=inputs.id,
-        groups=groups,
+        groups=tuple(group for group in groups if group.typology in staged),
         road=road,
         weather=inputs.weather,
         density=density,

@@ -6,7 +6,7 @@ from functools import partial
 from itertools import product
 from pathlib import Path
 
-from advercity_dsl import Road, Spec, Suite, Typology
+from advercity_dsl import Road, Spec, StagedConflict, Suite, Typology
 from advercity_dsl.base import suggest_name
 from advercity_dsl.spec import CrashGroup
 
@@ -20,6 +20,7 @@ from advercity.compiler.library import (
 from advercity.compiler.model_locks import list_model_assets
 from advercity.compiler.scenarios import (
     ScenarioInputs,
+    TrafficKey,
     build_scenario_inputs,
     expand_sweep,
     parse_conditions,
@@ -158,13 +159,7 @@ def compile_suite(library: Library, suite: Suite, *, require_sun: bool = True) -
     by_traffic = {inputs.traffic_key: inputs for inputs in scenarios}
     for inputs in by_traffic.values():
         check_demand(library, inputs.road, inputs.density)
-    # Solving is slow and ignores the weather: once per road, density and sweep step.
-    conflicts = {
-        key: solve_road_conflicts(
-            library, suite, inputs.conflicts, inputs.density, inputs.blueprints
-        )
-        for key, inputs in by_traffic.items()
-    }
+    conflicts = _solve_conflicts(library, suite, by_traffic)
     return [
         build_spec(
             library,
@@ -176,7 +171,33 @@ def compile_suite(library: Library, suite: Suite, *, require_sun: bool = True) -
             list_model_assets(library, inputs.catalogue, inputs.blueprints),
         )
         for inputs in scenarios
+        if inputs.traffic_key in conflicts
     ]
+
+
+def _solve_conflicts(
+    library: Library, suite: Suite, scenarios: Mapping[TrafficKey, ScenarioInputs]
+) -> dict[TrafficKey, tuple[StagedConflict, ...]]:
+    """Solve the conflicts of scenarios by what their traffic depends on.
+
+    Solving is slow and ignores the weather: it is done once per road, density and sweep step. Of
+    a road with agents at several junctions, those are left out where a crossed conflict cannot be.
+    """
+    solved: dict[TrafficKey, tuple[StagedConflict, ...]] = {}
+    refused: list[DiagnosticsError] = []
+    for key, inputs in scenarios.items():
+        try:
+            solved[key] = solve_road_conflicts(
+                library, suite, inputs.conflicts, inputs.density, inputs.blueprints
+            )
+        except DiagnosticsError as error:
+            is_declared = library.find_declared_id(inputs.road.id) == inputs.road.id
+            if is_declared or inputs.conflicts.crossed is None:
+                raise
+            refused.append(error)
+    if refused and not solved:
+        raise refused[0]
+    return solved
 
 
 def _build_scenarios(

@@ -21,6 +21,7 @@ from advercity_dsl import (
 )
 from advercity_dsl.base import ID_HINT, suggest_name
 
+from advercity.compiler.agent_places import complete_routes, place_agents
 from advercity.compiler.distributions import (
     Distributions,
     find_distributions,
@@ -38,6 +39,7 @@ from advercity.diagnostics import Diagnostic, DiagnosticsError
 from advercity.digests import compute_json_digest
 from advercity.documents import MAX_MODEL_BYTES, read_bytes
 from advercity.errors import InputError, describe_cause
+from advercity.roads.junction_arms import MisplacedAgentError
 from advercity.roads.map_import import import_map
 
 DeclarationT = TypeVar("DeclarationT", bound=Declaration)
@@ -66,9 +68,24 @@ class LibraryEntry(Generic[DeclarationT]):
 
 @dataclass(frozen=True)
 class Library:
-    """All declarations of one or several folders, by kind and id."""
+    """All declarations of one or several folders, by kind and id.
+
+    Attributes:
+        entries: Entries by kind and id.
+        variants: Ids of the roads that a road with agents at several junctions gives, by its id.
+    """
 
     entries: Mapping[DeclarationKey, LibraryEntry[Declaration]]
+    variants: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+    def list_variants(self, name: str) -> tuple[str, ...]:
+        """List the ids that a name in a suite selects: a road may be one per junction."""
+        return self.variants.get(name, (name,))
+
+    def find_declared_id(self, name: str) -> str:
+        """Return the id under which a road is declared."""
+        found = (declared for declared, names in self.variants.items() if name in names)
+        return next(found, name)
 
     def get_declarations(self, kind: type[DeclarationT]) -> dict[str, DeclarationT]:
         """Return all declarations of a kind by id, sorted by id."""
@@ -93,7 +110,7 @@ class Library:
         self, declaration: Declaration, *value_path: str | int, kind: str, name: str
     ) -> list[Diagnostic]:
         """Return a diagnostic at a value that names an unknown declaration of a kind, else none."""
-        if (kind, name) in self.entries:
+        if (kind, name) in self.entries or (kind == "road" and name in self.variants):
             return []
         hint = suggest_name(name, [other for of_kind, other in self.entries if of_kind == kind])
         message = f"unknown {kind} '{name}'"
@@ -113,14 +130,20 @@ def load_library(*folders: Path) -> Library:
     paths = [path for folder in folders for path in _list_declaration_files(folder, diagnostics)]
     documents = _index_documents(_read_documents(paths, diagnostics), diagnostics)
     entries: dict[DeclarationKey, LibraryEntry[Declaration]] = {}
-    for name in documents:
+    variants: dict[str, tuple[str, ...]] = {}
+    for kind, name in documents:
         try:
-            entries[name] = _build_entry(name, documents)
+            built = _build_entries((kind, name), documents)
         except DiagnosticsError as error:
             diagnostics += error.diagnostics
+            continue
+        ids = tuple(entry.declaration.id for entry in built)
+        entries |= {(kind, item): entry for item, entry in zip(ids, built, strict=True)}
+        if ids != (name,):
+            variants[name] = ids
     if diagnostics:
         raise DiagnosticsError(*diagnostics)
-    return Library(entries)
+    return Library(entries, variants)
 
 
 def load_declaration(path: Path) -> LibraryEntry[Declaration]:
@@ -141,7 +164,7 @@ def load_declaration(path: Path) -> LibraryEntry[Declaration]:
         neighbours = (other for other in sorted(path.parent.glob("*.yaml")) if other != path)
         for paths in (neighbours, _list_declaration_files(find_shipped_library(), ignored)):
             documents = _index_documents(_read_documents(paths, ignored), ignored) | documents
-    return _build_entry(name, documents)
+    return _build_entries(name, documents)[0]
 
 
 def find_shipped_library() -> Path:
@@ -288,18 +311,35 @@ def _check_language_version(document: SourceDocument) -> Diagnostic | None:
     return document.build_diagnostic(("version",), message, hint=hint)
 
 
-def _build_entry(name: DeclarationKey, documents: Documents) -> LibraryEntry[Declaration]:
+def _build_entries(name: DeclarationKey, documents: Documents) -> list[LibraryEntry[Declaration]]:
+    """Build the entry of a document; a road with agents at several junctions has one for each."""
     source = resolve_extends(name, documents)
     model = DECLARATIONS[name[0]]
     if model is Weather:
-        return _build_weather_entry(source)
+        return [_build_weather_entry(source)]
     declaration = validate_model(model, source, previous=source.document.diagnostics)
-    if isinstance(declaration, Road) and isinstance(declaration.imported, MapFile):
-        declaration = _import_network(declaration, declaration.imported, source)
+    if isinstance(declaration, Road):
+        return [_build_plain_entry(road, source) for road in _complete_road(declaration, source)]
     if isinstance(declaration, Catalogue):
         declaration = _add_model_checksums(declaration, source)
+    return [_build_plain_entry(declaration, source)]
+
+
+def _build_plain_entry(
+    declaration: Declaration, source: ResolvedDeclaration
+) -> LibraryEntry[Declaration]:
     digest = compute_json_digest(declaration.model_dump(mode="json"))
     return LibraryEntry(declaration, source, digest)
+
+
+def _complete_road(road: Road, source: ResolvedDeclaration) -> list[Road]:
+    """Import the map of a road, place its agents and find their routes."""
+    if isinstance(road.imported, MapFile):
+        road = _import_network(road, road.imported, source)
+    try:
+        return [complete_routes(placed) for placed in place_agents(road)]
+    except MisplacedAgentError as error:
+        raise DiagnosticsError(source.build_diagnostic(error.value_path, str(error))) from None
 
 
 def _build_weather_entry(source: ResolvedDeclaration) -> LibraryEntry[Declaration]:

@@ -195,6 +195,10 @@ def _parse_number(constraints: NumberConstraints, value: Any) -> float:
     return int(number) if constraints.whole and number == int(number) else number
 
 
+TrafficKey = tuple[str, str, str | None, SweepStep | None]
+"""Road, density, crossed conflict and step of the sweep."""
+
+
 @dataclass(frozen=True)
 class ScenarioInputs:
     """Declarations of one scenario, with its weather drawn and its sweep step applied."""
@@ -231,7 +235,7 @@ class ScenarioInputs:
         }
 
     @property
-    def traffic_key(self) -> tuple[str, str, str | None, SweepStep | None]:
+    def traffic_key(self) -> TrafficKey:
         """Key that is equal for scenarios with the same traffic, which ignores the weather."""
         return self.road.id, self.density.id, self.conflicts.crossed_id, self.step
 
@@ -310,8 +314,8 @@ def _apply_sweep_step(library: Library, item: DeclarationT, step: SweepStep | No
     changed = validate_model(type(item), source)
     if isinstance(item, Road):
         # The road came with its map imported and its ego set by the conflict; keep both.
-        kept = {"imported": item.imported, "agents": item.agents, "ego_routes": item.ego_routes}
-        return changed.model_copy(update=kept)
+        names = ("id", "imported", "agents", "at_junction", "ego_routes")
+        return changed.model_copy(update={name: getattr(item, name) for name in names})
     return changed
 
 

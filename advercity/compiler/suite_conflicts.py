@@ -15,6 +15,7 @@ from advercity.conflicts.checks import find_infeasibility
 from advercity.conflicts.ego_motion import EgoDrive, build_ego_drive
 from advercity.conflicts.solver import solve_conflict
 from advercity.diagnostics import Diagnostic, DiagnosticsError
+from advercity.errors import InputError
 
 CrashGroups = Mapping[str, tuple[CrashGroup, ...]]
 
@@ -78,7 +79,7 @@ def solve_road_conflicts(
                 key=key,
                 index=index,
             )
-        except UnsolvableError as error:
+        except (UnsolvableError, InputError) as error:
             message = f"cannot be staged on '{cell.road.id}': {error}"
             raise DiagnosticsError(
                 library.build_diagnostic(conflict, "id", message=message)
@@ -136,20 +137,21 @@ def _select_listed(
         raise DiagnosticsError(*problems)
     declared = library.get_declarations(Conflict)
     for road in roads.values():
-        names = suite.stage.get(road.id, ())
+        declared_id = library.find_declared_id(road.id)
+        names = suite.stage.get(declared_id, ())
         conflicts = tuple(declared[name] for name in names)
         for index, conflict in enumerate(conflicts):
             binding = _match_conflict(library, conflict, road, groups)
             if binding.standing in ("invalid", "variant"):
                 message = f"'{conflict.id}' cannot be staged on '{road.id}': {binding.reason}"
                 problems.append(
-                    library.build_diagnostic(suite, "stage", road.id, index, message=message)
+                    library.build_diagnostic(suite, "stage", declared_id, index, message=message)
                 )
         problems += _find_unstaged_groups(library, suite, road, conflicts, groups)
         manoeuvres = {item.ego.manoeuvre for item in conflicts}
         if len(manoeuvres) > 1:
             message = f"the ego cannot go {' and '.join(sorted(manoeuvres))} in one scenario"
-            problems.append(library.build_diagnostic(suite, "stage", road.id, message=message))
+            problems.append(library.build_diagnostic(suite, "stage", declared_id, message=message))
         elif not problems:
             moved = with_ego_manoeuvre(road, conflicts[0]) if conflicts else None
             yield RoadConflicts(moved or road.model_copy(update={"ego_routes": {}}), conflicts)
@@ -160,7 +162,7 @@ def _select_listed(
 def _find_unknown_names(library: Library, suite: Suite) -> Iterator[Diagnostic]:
     declared = library.get_declarations(Conflict)
     for name, conflicts in suite.stage.items():
-        if name not in library.get_declarations(Road):
+        if any(item not in library.get_declarations(Road) for item in library.list_variants(name)):
             message = f"no road '{name}' in this library"
             hint = suggest_name(name, library.get_declarations(Road))
             yield library.build_diagnostic(suite, "stage", name, message=message, hint=hint)
@@ -180,7 +182,8 @@ def _find_unstaged_groups(
 
     A group without any declared conflict cannot be staged; that is no mistake of the suite's.
     """
-    if road.id not in suite.stage:
+    declared_id = library.find_declared_id(road.id)
+    if declared_id not in suite.stage:
         return
     wanted = {group.typology for group in groups[road.id]}
     staged = {find_typology(library, conflict) for conflict in conflicts}
@@ -190,11 +193,11 @@ def _find_unstaged_groups(
     for name in sorted((wanted & stageable) - staged):
         message = f"'{road.id}' is selected for {name}, which none of its conflicts stages"
         hint = "add one of that group's conflicts"
-        yield library.build_diagnostic(suite, "stage", road.id, message=message, hint=hint)
+        yield library.build_diagnostic(suite, "stage", declared_id, message=message, hint=hint)
     for name in sorted(staged - wanted):
         message = f"no selected group calls for {name} on '{road.id}'"
         hint = "leave the conflict out, or change the suite's selection or coverage"
-        yield library.build_diagnostic(suite, "stage", road.id, message=message, hint=hint)
+        yield library.build_diagnostic(suite, "stage", declared_id, message=message, hint=hint)
 
 
 def _select_crossed(

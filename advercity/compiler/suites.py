@@ -4,32 +4,26 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TypeVar
 
-import shapely
 from advercity_dsl import (
     Catalogue,
     Declaration,
     Density,
     Drivers,
-    MapNetwork,
     Rig,
     Road,
     RoadsideUnit,
     Suite,
     Typology,
-    Vehicle,
     Weather,
 )
-from advercity_dsl.base import ValuePath, suggest_name
+from advercity_dsl.base import suggest_name
 from advercity_dsl.road import StripKind
 from advercity_dsl.suite import Coverage, Selection
-from advercity_dsl.units import Point2
 
+from advercity.compiler.agent_places import find_place_problems, iterate_strip_lines
 from advercity.compiler.library import Library
 from advercity.diagnostics import Diagnostic, DiagnosticsError
 from advercity.roads.capacity import describe_excess
-from advercity.roads.lane_graph import MAX_DESTINATION_GAP_M, MAX_LANE_DISTANCE_M
-from advercity.roads.network_file import parse_packed_network
-from advercity.roads.routes import RoutePlanner
 
 DeclarationT = TypeVar("DeclarationT", bound=Declaration)
 
@@ -90,59 +84,6 @@ def find_required_categories(typology: Typology, rule: Coverage) -> tuple[RoadCa
 
 SPAWN_AREAS = 8
 """Areas for which vehicles are counted: around each of five agents, along each of three paths."""
-MAX_ROADSIDE_DISTANCE_M = 100.0
-"""Distance from any lane beyond which a roadside unit observes no traffic."""
-
-
-def find_misplaced_agents(road: Road) -> Iterator[tuple[ValuePath, str]]:
-    """Yield the path and a message for each position of an agent that is off the road's map.
-
-    Coordinates for one map of a town are easily used with another map of the same town.
-    """
-    # One geometry of all lanes, so that shapely searches the nearest in C.
-    lanes = shapely.MultiLineString(list(_iterate_lane_centre_lines(road)))
-    for name, agent in road.agents.items():
-        checks: list[tuple[str, Point2, float]] = (
-            [
-                ("spawn_m", agent.spawn_m, MAX_LANE_DISTANCE_M),
-                ("destination_m", agent.destination_m, MAX_DESTINATION_GAP_M),
-            ]
-            if isinstance(agent, Vehicle)
-            else [("position_m", agent.position_m[:2], MAX_ROADSIDE_DISTANCE_M)]
-        )
-        for field, position, limit_m in checks:
-            distance_m = shapely.distance(lanes, shapely.Point(position))
-            if distance_m > limit_m:
-                message = (
-                    f"{position[0]:g}, {position[1]:g} is {distance_m:.0f} m from the nearest lane"
-                    f" of this map; the limit is {limit_m:g} m"
-                )
-                yield ("agents", name, field), message
-
-
-def _iterate_lane_centre_lines(road: Road) -> Iterator[shapely.LineString]:
-    if isinstance(road.imported, MapNetwork):
-        for lane in parse_packed_network(road.imported.network).lanes:
-            if lane.permits("passenger"):
-                yield shapely.LineString(lane.shape[:, :2])
-        return
-    yield from _iterate_strip_lines(road, StripKind.LANE)
-
-
-def _iterate_strip_lines(road: Road, kind: StripKind) -> Iterator[shapely.LineString]:
-    for street in RoutePlanner(road).streets.values():
-        for along in (True, False):
-            for strip in street.strips_in_direction(along=along):
-                if strip.kind is kind:
-                    yield shapely.LineString(street.offset_line(strip.centre_t)[:, :2])
-
-
-def _iterate_sidewalk_lines(road: Road) -> Iterator[shapely.LineString]:
-    if isinstance(road.imported, MapNetwork):
-        lanes = parse_packed_network(road.imported.network).lanes
-        yield from (shapely.LineString(lane.shape[:, :2]) for lane in lanes if lane.is_sidewalk)
-    else:
-        yield from _iterate_strip_lines(road, StripKind.SIDEWALK)
 
 
 def check_demand(library: Library, road: Road, density: Density) -> None:
@@ -155,8 +96,8 @@ def check_demand(library: Library, road: Road, density: Density) -> None:
     excess = describe_excess(
         vehicles,
         walkers,
-        lane_m=sum(line.length for line in _iterate_lane_centre_lines(road)),
-        sidewalk_m=sum(line.length for line in _iterate_sidewalk_lines(road)),
+        lane_m=sum(line.length_m for line in iterate_strip_lines(road, StripKind.LANE)),
+        sidewalk_m=sum(line.length_m for line in iterate_strip_lines(road, StripKind.SIDEWALK)),
     )
     if excess:
         field = "vehicles" if "vehicles" in excess else "walkers"
@@ -205,7 +146,8 @@ def resolve_suite(library: Library, suite: Suite) -> ResolvedSuite:
             diagnostics.extend(
                 library.check_reference(suite, *value_path, kind=kind_name, name=name)
             )
-        return {name: available[name] for name in names if name in available}
+        found = (item for name in names for item in library.list_variants(name))
+        return {name: available[name] for name in found if name in available}
 
     roads = find("roads", Road, "road")
     weathers = find("weathers", Weather, "weather")
@@ -269,6 +211,5 @@ def _check_ego(library: Library, road: Road) -> Iterator[Diagnostic]:
 
 
 def _check_agent_positions(library: Library, road: Road) -> Iterator[Diagnostic]:
-    for value_path, message in find_misplaced_agents(road):
-        hint = "is it the right map? correct the position"
+    for value_path, message, hint in find_place_problems(road):
         yield library.build_diagnostic(road, *value_path, message=message, hint=hint)

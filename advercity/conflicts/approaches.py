@@ -5,12 +5,19 @@ lane, in a lane through the junction, and along the right edge. Stations are met
 path; offsets are metres to the left of the centre of its lane.
 """
 
+from dataclasses import replace
+
 import numpy as np
+from advercity_dsl.distribution import compute_bounds
 from advercity_dsl.road import Movement, StripKind
 from advercity_dsl.units import KM_H_PER_M_S
 from numpy.typing import NDArray
 
-from advercity.conflicts.case import ActorPlacement, ConflictCase, UnsolvableError
+from advercity.conflicts.case import (
+    ActorPlacement,
+    ConflictCase,
+    UnsolvableError,
+)
 from advercity.conflicts.ego_motion import CROSSING_OFFSET_M, EgoDrive
 from advercity.roads.routes import RoutePath, RouteSegment
 
@@ -124,7 +131,7 @@ def _find_crossed_station(case: ConflictCase) -> float:
     """Find the station at which the ego is crossed: on the exit crossing, or between junctions."""
     drive = case.drive
     if drive.road.junction == "intersection":
-        after = drive.path.segments[1]
+        _, _, after = _find_ego_intersection(drive)
         if case.conflict.parameters.obstruction_gap_m is None:
             return after.start_m - CROSSING_OFFSET_M
         # Cars that hide the actor are parked along the street, not at its crossing.
@@ -266,24 +273,61 @@ STRAIGHT_TOLERANCE_RAD = np.pi / 5
 
 def place_in_lane(case: ConflictCase) -> ActorPlacement:
     """Place a vehicle at the stop line, to go straight on, or left where the actor turns."""
-    junction = _find_ego_junction(case.drive)
-    movement = _find_straight_movements(case, junction)[0]
+    movement = _find_straight_movements(case)[0]
     if case.conflict.actor.comes == "oncoming_turning":
-        movement = _find_left_turn(case.drive, junction, movement.from_street)
+        movement = _find_left_turn(case.drive, movement.from_street)
     route = (movement.from_street, movement.to_street)
     path = case.drive.planner.build_path(route, movement.from_lane)
     station = _find_meeting_station(case.drive, path)
     line_m = path.segments[0].end_m
     start_m = STOP_LINE_GAP_M + case.actor.length_m / 2
+    if line_m < start_m + case.actor.length_m / 2:
+        raise UnsolvableError(f"'{movement.from_street}' is too short for the actor to start in")
     approach_m = path.find_nearest_station(case.drive.path.point_at(station)) - (line_m - start_m)
     lane = movement.from_lane
-    return ActorPlacement(station, approach_m, route=route, lane=lane, start_m=start_m)
+    place = ActorPlacement(station, approach_m, route=route, lane=lane, start_m=start_m)
+    # A narrow junction leaves no room to speed up in: there the actor starts farther back.
+    room_m = line_m - start_m - case.actor.length_m / 2
+    back_m = min(_compute_missing_approach_m(case, place), room_m)
+    return replace(place, approach_m=approach_m + back_m, start_m=start_m + back_m)
+
+
+STEADY_SPEED_FRACTION = 0.88
+"""Fraction of the speed from which it can just stop, so that it keeps its speed for a moment."""
+STOPPING_MARGIN_M = 2.2
+"""Minimum distance of its front from the crossing of both paths."""
+MIN_APPROACH_SPEED_RATIO = 0.6
+"""Solved speed over the lowest declared one, below which the approach is too short."""
+
+
+def compute_actor_speed_m_s(case: ConflictCase, place: ActorPlacement) -> float:
+    """Compute the actor's speed: as drawn, or the highest from which it can still stop short."""
+    if case.conflict.actor.behaviour != "stops_short":
+        return case.speed_m_s
+    room = place.approach_m - case.actor.length_m / 2 - STOPPING_MARGIN_M
+    highest = np.sqrt(2 * max(room, 0.0) / _sum_inverse_limits(case))
+    return round(float(min(case.speed_m_s, STEADY_SPEED_FRACTION * highest)), 3)
+
+
+def _compute_missing_approach_m(case: ConflictCase, place: ActorPlacement) -> float:
+    """Compute how much longer an approach must be for the drawn speed; 0 if it is long enough."""
+    low_km_h, _ = compute_bounds(case.conflict.parameters.actor_speed_km_h.draw)
+    speed = compute_actor_speed_m_s(case, place)
+    if speed >= MIN_APPROACH_SPEED_RATIO * low_km_h / KM_H_PER_M_S:
+        return 0.0
+    steady_m = (case.speed_m_s / STEADY_SPEED_FRACTION) ** 2 / 2 * _sum_inverse_limits(case)
+    return steady_m + case.actor.length_m / 2 + STOPPING_MARGIN_M - place.approach_m
+
+
+def _sum_inverse_limits(case: ConflictCase) -> float:
+    parameters = case.parameters
+    return 1 / parameters["acceleration_m_s2"] + 1 / parameters["braking_m_s2"]
 
 
 def place_along_edge(case: ConflictCase) -> ActorPlacement:
     """Place a cyclist on the right edge, straight through the junction with or against the ego."""
     aside_m = ALONGSIDE_EXTRA_GAP_M if case.conflict.actor.comes == "alongside" else 0.0
-    movement = _find_straight_movements(case, _find_ego_junction(case.drive))[-1]
+    movement = _find_straight_movements(case)[-1]
     points = _build_edge_path(case.drive, movement, aside_m)
     path = RoutePath(points, ())
     station = _find_meeting_station(case.drive, path)
@@ -291,18 +335,18 @@ def place_along_edge(case: ConflictCase) -> ActorPlacement:
     return ActorPlacement(station, approach_m, path=points)
 
 
-def _find_ego_junction(drive: EgoDrive) -> str:
-    route = drive.route
-    junction = drive.planner.find_junction(route[0], route[1]) if len(route) > 1 else None
-    if junction is None:
+def _find_ego_intersection(drive: EgoDrive) -> tuple[str, RouteSegment, RouteSegment]:
+    """Find the ego's junction, and the streets before and after it."""
+    if drive.intersection is None:
         raise UnsolvableError("the ego passes no junction")
-    return junction
+    return drive.intersection
 
 
-def _find_straight_movements(case: ConflictCase, junction: str) -> tuple[Movement, ...]:
+def _find_straight_movements(case: ConflictCase) -> tuple[Movement, ...]:
     """Find movements straight on from the actor's direction, innermost lane first."""
     planner, comes = case.drive.planner, case.conflict.actor.comes
-    bearing = planner.approach_heading(case.drive.route[0], junction) + BEARINGS.get(comes, np.pi)
+    junction, before, _ = _find_ego_intersection(case.drive)
+    bearing = planner.approach_heading(before.street.id, junction) + BEARINGS.get(comes, np.pi)
     movements = [
         item
         for item in planner.movements[junction]
@@ -315,13 +359,13 @@ def _find_straight_movements(case: ConflictCase, junction: str) -> tuple[Movemen
     return tuple(sorted(movements, key=lambda item: item.from_lane))
 
 
-def _find_left_turn(drive: EgoDrive, junction: str, street: str) -> Movement:
-    return next(
-        item
-        for item in drive.planner.movements[junction]
-        if item.from_street == street
-        and drive.planner.turn_angle(item, junction) > STRAIGHT_TOLERANCE_RAD
-    )
+def _find_left_turn(drive: EgoDrive, street: str) -> Movement:
+    junction, _, _ = _find_ego_intersection(drive)
+    for item in drive.planner.movements[junction]:
+        turns_left = drive.planner.turn_angle(item, junction) > STRAIGHT_TOLERANCE_RAD
+        if item.from_street == street and turns_left:
+            return item
+    raise UnsolvableError(f"no movement turns left from '{street}' at '{junction}'")
 
 
 def _build_edge_path(drive: EgoDrive, movement: Movement, aside_m: float) -> NDArray[np.float64]:

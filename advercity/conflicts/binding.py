@@ -11,9 +11,10 @@ from typing import Literal
 
 import numpy as np
 from advercity_dsl import Conflict, Road, Vehicle
-from advercity_dsl.road import Sign, Strip, StripKind
+from advercity_dsl.road import Sign, StripKind
 
 from advercity.roads.routes import RoutePath, RoutePlanner, build_ego_path
+from advercity.roads.streets import StripLayout
 
 SIDE_STREET_SINE = np.sin(np.pi / 4)
 """Sine of the angle to the ego's street beyond which a street comes from the side."""
@@ -45,6 +46,8 @@ def match_conflict(conflict: Conflict, road: Road, *, called_for: bool) -> Bindi
     if reason:
         return Binding("invalid", reason)
     signals = _find_signalled_junctions(road)
+    if conflict.requires.signals == "forbidden" and signals and road.imported is not None:
+        return Binding("invalid", "the ego's junction has traffic lights in the map")
     if conflict.requires.signals == "forbidden" and signals:
         return Binding("variant", "the ego's junction has traffic lights")
     if conflict.requires.signals == "required" and not signals:
@@ -58,7 +61,7 @@ def with_ego_manoeuvre(road: Road, conflict: Conflict) -> Road | None:
     Where the conflict wants a free road ahead, connected vehicles that would lead the ego start
     behind it; where it forbids traffic lights, the ego's junctions have none.
     """
-    if conflict.requires.signals == "forbidden":
+    if conflict.requires.signals == "forbidden" and road.imported is None:
         road = _without_signals(road)
     if find_usual_manoeuvre(road) == conflict.ego.manoeuvre:
         usual = road.model_copy(update={"ego_routes": {}})
@@ -78,11 +81,12 @@ def find_usual_manoeuvre(road: Road) -> str:
     if road.junction == "non_junction" or len(route) < 2:
         return "straight"
     planner = RoutePlanner(road)
-    junction = planner.find_junction(route[0], route[1]) or ""
+    first, second = route[planner.find_intersection(road.ego) or 0 :][:2]
+    junction = planner.find_junction(first, second) or ""
     turn = next(
         planner.turn_angle(item, junction)
         for item in planner.movements[junction]
-        if item.from_street == route[0] and item.to_street == route[1]
+        if item.from_street == first and item.to_street == second
     )
     return "straight" if abs(turn) < STRAIGHT_TURN_RAD else ("left" if turn > 0 else "right")
 
@@ -90,14 +94,14 @@ def find_usual_manoeuvre(road: Road) -> str:
 def _find_obstacle(conflict: Conflict, road: Road) -> str:
     """Find why a conflict does not fit a road, traffic lights aside; empty if it does."""
     needs = conflict.requires
-    if road.imported is not None:
-        return "its streets are imported and have no names"
     if needs.junction not in ("any", road.junction):
         return (
             f"it is {_describe_junction(road.junction)}, not {_describe_junction(needs.junction)}"
         )
     if needs.median == "forbidden" and _has_strip(road, StripKind.MEDIAN):
         return "a median divides it"
+    if needs.median == "forbidden" and not all(_list_ego_sides(road)):
+        return "the ego's street is one-way"
     if needs.kerb_space == "required" and not has_kerb_space(road):
         return "it has no kerb space for the cars that hide the actor"
     if with_ego_manoeuvre(road, conflict) is None:
@@ -119,17 +123,15 @@ def has_kerb_space(road: Road) -> bool:
     """Return whether a vehicle can be parked next to a lane of the ego's streets."""
     kinds = (StripKind.PARKING, StripKind.SHOULDER, StripKind.VERGE, StripKind.SIDEWALK)
     return any(
-        sum(strip.width_m for strip in side if strip.kind in kinds) >= MIN_KERB_SPACE_M
+        round(sum(strip.width_m for strip in side if strip.kind in kinds), 6) >= MIN_KERB_SPACE_M
         for side in _list_ego_sides(road)
     )
 
 
-def _list_ego_sides(road: Road) -> list[tuple[Strip, ...]]:
+def _list_ego_sides(road: Road) -> list[tuple[StripLayout, ...]]:
     """List the strips on either side of each of the ego's streets."""
-    sections = {road.streets[name].section for name in road.ego.route}
-    return [
-        side for name in sections for side in (road.sections[name].left, road.sections[name].right)
-    ]
+    streets = [RoutePlanner(road).streets[name] for name in road.ego.route]
+    return [side for street in streets for side in (street.left_strips, street.right_strips)]
 
 
 def _find_signalled_junctions(road: Road) -> tuple[str, ...]:
@@ -138,8 +140,8 @@ def _find_signalled_junctions(road: Road) -> tuple[str, ...]:
     return tuple(
         junction
         for first, second in pairwise(road.ego.route)
-        if (junction := planner.find_junction(first, second))
-        and road.junctions[junction].signals is not None
+        if planner.find_next_green_s(first, second, 0.0) is not None
+        and (junction := planner.find_junction(first, second))
     )
 
 

@@ -6,6 +6,7 @@ import numpy as np
 from advercity_dsl import Conflict, Density, Road, StagedActor, StagedConflict
 from advercity_dsl.distribution import compute_bounds
 
+from advercity.conflicts.approaches import MIN_APPROACH_SPEED_RATIO
 from advercity.conflicts.ego_motion import EgoDrive
 
 MIN_SPEED_RANGE_KM_H = 5.0
@@ -16,8 +17,6 @@ QUINTIC_PEAK_ACCELERATION = 5.7735
 """Maximum of the second derivative of the quintic from 0 to 1."""
 DRIFT_EXTRA_M = 0.7
 """Estimate of an actor's lateral shift beyond its encroachment, up to the edge of its lane."""
-MIN_APPROACH_SPEED_RATIO = 0.6
-"""Solved speed over the lowest declared one, below which the approach is too short."""
 MAX_PATH_GAP_M = 1.0
 
 

@@ -8,7 +8,6 @@ from itertools import pairwise
 
 import numpy as np
 from advercity_dsl import Road
-from advercity_dsl.road import Signals
 from advercity_dsl.units import KM_H_PER_M_S
 from numpy.typing import NDArray
 
@@ -56,17 +55,11 @@ def compute_nominal_motion(
     # The mean over 13 samples, 6.5 m: polylines have corners that no driver slows down for.
     curvature = np.convolve(np.pad(curvature, 6, mode="edge"), np.full(13, 1 / 13), mode="valid")
     limit = np.minimum(top, np.sqrt(NOMINAL_LATERAL_M_S2 / np.maximum(curvature, 1e-6)))
-    stop_lines = [
-        (item.end_m, signals, item.street.id)
-        for item, then in pairwise(path.segments)
-        if (junction := planner.find_junction(item.street.id, then.street.id))
-        and (signals := road.junctions[junction].signals) is not None
-    ]
     times = _integrate_times(stations, _compute_speeds(limit, ()))
-    for line_m, signals, street in stop_lines:
-        at = int(np.searchsorted(stations, line_m))
-        green = _compute_next_green_s(signals, street, float(times[at]))
-        if green > times[at] + GREEN_DELAY_S:
+    for before, after in pairwise(path.segments):
+        at = int(np.searchsorted(stations, before.end_m))
+        green = planner.find_next_green_s(before.street.id, after.street.id, float(times[at]))
+        if green is not None and green > times[at] + GREEN_DELAY_S:
             times = _integrate_times(stations, _compute_speeds(limit, (at,)))
             times[at:] += max(green + GREEN_DELAY_S - times[at], 0.0)
     return NominalMotion(stations, times)
@@ -93,18 +86,6 @@ def _integrate_times(
 ) -> NDArray[np.float64]:
     mean = np.maximum((speeds[1:] + speeds[:-1]) / 2, 0.1)  # never 0: a halt takes no time here
     return np.concatenate([[0.0], np.cumsum(np.diff(stations) / mean)])
-
-
-def _compute_next_green_s(signals: Signals, street: str, from_s: float) -> float:
-    """Compute the first time from `from_s` on at which an approach has green."""
-    slot = signals.green_s + signals.yellow_s + signals.all_red_s
-    period = slot * len(signals.cycle)
-    if street not in signals.cycle:
-        return from_s
-    begins = signals.cycle.index(street) * slot - signals.elapsed_s
-    while begins + signals.green_s <= from_s:
-        begins += period
-    return max(begins, from_s)
 
 
 DESTINATION_MARGIN_M = 10.0
@@ -134,6 +115,16 @@ class EgoDrive:
     start_m: float
     end_m: float
     motion: NominalMotion
+
+    @property
+    def intersection(self) -> tuple[str, RouteSegment, RouteSegment] | None:
+        """The first junction of three streets or more, and the streets before and after it."""
+        index = self.planner.find_intersection(self.road.ego)
+        if index is None:
+            return None
+        before, after = self.path.segments[index : index + 2]
+        junction = self.planner.find_junction(before.street.id, after.street.id)
+        return None if junction is None else (junction, before, after)
 
     def segment_at(self, station_m: float) -> RouteSegment:
         """Find the street at a station; a crossing inside the junction belongs to the next one."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from advercity.conflicts.approaches import (
     CYCLIST_LIMITS_M_S2,
+    compute_actor_speed_m_s,
     compute_cyclist_speed_m_s,
     compute_lane_edge_offset,
     place_actor,
@@ -62,26 +63,11 @@ def build_car_outline(ends: NDArray[np.float64], width_m: float) -> shapely.Geom
 
 FIRST_STAGED_VEHICLE, FIRST_STAGED_WALKER = 4001, 8001
 NUMBERS_PER_CONFLICT = 10
-STEADY_SPEED_FRACTION = 0.88
-"""Fraction of the speed from which it can just stop, so that it keeps its speed for a moment."""
-STOPPING_MARGIN_M = 2.2
-"""Minimum distance of its front from the crossing of both paths."""
 PARKED_CARS = 2
 PARKED_LANE_GAP_M = 0.15
 """Distance of a parked car from the lanes."""
 PARKED_SPACING_M = 1.0
 ID_NOUNS = {"pedestrian": "walker", "bicycle": "cyclist"}
-
-
-def compute_actor_speed_m_s(case: ConflictCase, place: ActorPlacement) -> float:
-    """Compute the actor's speed: as drawn, or the highest from which it can still stop short."""
-    if case.conflict.actor.behaviour != "stops_short":
-        return case.speed_m_s
-    room = place.approach_m - case.actor.length_m / 2 - STOPPING_MARGIN_M
-    parameters = case.parameters
-    acceleration, braking = parameters["acceleration_m_s2"], parameters["braking_m_s2"]
-    highest = np.sqrt(2 * max(room, 0.0) / (1 / acceleration + 1 / braking))
-    return round(float(min(case.speed_m_s, STEADY_SPEED_FRACTION * highest)), 3)
 
 
 def build_staged_actor(case: ConflictCase, place: ActorPlacement, speed_m_s: float) -> StagedActor:

@@ -10,6 +10,7 @@ import numpy as np
 from advercity_dsl import MapFile, MapNetwork, Road
 
 from advercity.errors import InputError, describe_cause
+from advercity.roads.map_names import read_street_names, rename_network
 from advercity.roads.network_file import parse_network
 from advercity.roads.sumo_network import run_netconvert
 from advercity.roads.sumo_xml import (
@@ -57,6 +58,7 @@ OSM_OPTIONS = {
 }
 SUMO_OPTIONS = {"sumo-net-file": "map.xml"}
 CAR_OPTIONS = {
+    "output.street-names": "true",
     "keep-edges.by-vclass": "passenger",
     "junctions.corner-detail": "8",
     "junctions.internal-link-detail": "12",
@@ -90,7 +92,9 @@ def import_map(declared: MapFile, road: Road, folder: Path) -> MapNetwork:
         if not outcome.succeeded:
             why = f"{_find_first_error(outcome.messages)}{_describe_extent(declared)}"
             raise InputError(f"{declared.file}: netconvert cannot use it: {why}")
-        net = sanitize_network(parse_xml(output.read_bytes()))
+        converted = parse_xml(output.read_bytes())
+    net = sanitize_network(converted)
+    rename_network(net, read_street_names(converted))
     if not any(lane.permits("passenger") for lane in parse_network(net).lanes):
         raise InputError(f"{declared.file}: has no lane for cars{_describe_extent(declared)}")
     return MapNetwork(source=declared.source, sha256=found.sha256, network=pack_network(net))

@@ -183,6 +183,26 @@ class LaneConnection:
         return self.target.rpartition("_")[0]
 
 
+@dataclass(frozen=True)
+class SignalProgram:
+    """The program of a light: its phases, each a duration in seconds and a state, are repeated."""
+
+    light: str
+    offset_s: float
+    phases: tuple[tuple[float, str], ...]
+
+    def find_next_green_s(self, link: int, from_s: float) -> float:
+        """Compute the first time from `from_s` on at which a link has green; it if none has."""
+        period_s = sum(duration_s for duration_s, _ in self.phases)
+        begins_s = from_s - (from_s - self.offset_s) % period_s
+        for duration_s, state in (*self.phases, *self.phases):
+            ends_s = begins_s + duration_s
+            if ends_s > from_s and state[link] in "gG":
+                return max(begins_s, from_s)
+            begins_s = ends_s
+        return from_s
+
+
 @dataclass(frozen=True, eq=False)
 class SumoNetwork:
     """Everything of a network, in file order; the order decides what random draws mean."""
@@ -190,6 +210,7 @@ class SumoNetwork:
     edges: tuple[SumoEdge, ...]
     junctions: tuple[SumoJunction, ...]
     connections: tuple[LaneConnection, ...]
+    programs: tuple[SignalProgram, ...]
 
     @property
     def lanes(self) -> Iterator[SumoLane]:
@@ -221,6 +242,7 @@ def parse_network(root: Element) -> SumoNetwork:
             edges=tuple(_parse_edge(item) for item in root.iter("edge")),
             junctions=tuple(_parse_junction(item) for item in root.iter("junction")),
             connections=tuple(_parse_connection(item) for item in root.iter("connection")),
+            programs=tuple(_parse_program(item) for item in root.iter("tlLogic")),
         )
     except KeyError as error:
         raise ValueError(f"attribute {error} is missing") from None
@@ -287,6 +309,13 @@ def _parse_connection(item: Element) -> LaneConnection:
         traffic_light=item.get("tl", ""),
         link_index=int(item.get("linkIndex", -1)),
     )
+
+
+def _parse_program(item: Element) -> SignalProgram:
+    phases = tuple(
+        (float(phase.attrib["duration"]), phase.attrib["state"]) for phase in item.iter("phase")
+    )
+    return SignalProgram(item.attrib["id"], float(item.get("offset", 0)), phases)
 
 
 def _parse_shape(shape: str) -> Points:

@@ -1,20 +1,23 @@
-"""Routes through a declared road: lane centre lines of streets, connected inside junctions.
+"""Routes through a road: lane centre lines of streets, connected inside junctions.
 
 The compiler works on them, before there is a SUMO network.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from advercity_dsl import Road, Vehicle
+from advercity_dsl import MapNetwork, Road, Vehicle
 from advercity_dsl.road import Movement, StripKind
 from numpy.typing import ArrayLike, NDArray
 
+from advercity.errors import InputError
 from advercity.geometry import curves, polyline
 from advercity.geometry.polyline import StationedPolyline
+from advercity.roads.imported_streets import ImportedStreets, read_imported_streets
+from advercity.roads.signals import find_declared_green_s
 from advercity.roads.streets import StreetLayout, StripLayout, lay_out_street
 
 SEARCH_STEP_M = 0.25
@@ -119,30 +122,91 @@ class RoutePath:
 
 @dataclass(frozen=True, eq=False)
 class RoutePlanner:
-    """Finds routes through a declared road."""
+    """Finds routes through a declared or imported road."""
 
     road: Road
 
     @cached_property
-    def streets(self) -> dict[str, StreetLayout]:
+    def _imported(self) -> ImportedStreets | None:
+        network = self.road.imported
+        return read_imported_streets(network.network) if isinstance(network, MapNetwork) else None
+
+    @cached_property
+    def streets(self) -> Mapping[str, StreetLayout]:
         """Sampled streets by id."""
+        if self._imported:
+            return self._imported.streets
         return {
             name: lay_out_street(name, item, self.road) for name, item in self.road.streets.items()
         }
 
     @cached_property
-    def movements(self) -> dict[str, tuple[Movement, ...]]:
-        """Declared movements by junction."""
+    def movements(self) -> Mapping[str, tuple[Movement, ...]]:
+        """Movements by junction."""
+        if self._imported:
+            return self._imported.movements
         return {
             name: tuple(Movement.parse(text) for text in junction.movements)
             for name, junction in self.road.junctions.items()
         }
+
+    @cached_property
+    def controls(self) -> Mapping[str, str]:
+        """Rule of right of way by junction, in the words of declared junctions."""
+        if self._imported:
+            return self._imported.controls
+        return {name: junction.control for name, junction in self.road.junctions.items()}
+
+    def find_straightest(self, route: Sequence[str], *, backwards: bool) -> str | None:
+        """Find the street straight on from the end of a route, or before its start; None without.
+
+        Streets of the route are left out.
+        """
+        index = 0 if backwards else len(route) - 1
+        street, along = self.streets[route[index]], self.is_along_axis(route, index)
+        junction = street.begins if along == backwards else street.ends
+        found: list[tuple[float, str]] = []
+        for item in self.movements.get(junction, ()):
+            here, there = item.to_street, item.from_street
+            if not backwards:
+                here, there = there, here
+            if here == route[index] and there not in route:
+                found.append((abs(self.turn_angle(item, junction)), there))
+        return min(found)[1] if found else None
+
+    def find_next_green_s(self, first: str, second: str, from_s: float) -> float | None:
+        """Compute the first time from `from_s` on at which lights let a movement go.
+
+        Args:
+            first: Street that the movement leaves.
+            second: Street that it enters.
+            from_s: Time since the scenario's start.
+
+        Returns:
+            Seconds since the scenario's start; None if no light governs the movement.
+        """
+        if self._imported:
+            governed = self._imported.signals.get((first, second))
+            return governed[0].find_next_green_s(governed[1], from_s) if governed else None
+        junction = self.find_junction(first, second)
+        signals = self.road.junctions[junction].signals if junction else None
+        return find_declared_green_s(signals, first, from_s) if signals else None
 
     def find_junction(self, first: str, second: str) -> str | None:
         """Find the junction with a movement from a street into another; None without one."""
         for name, movements in self.movements.items():
             if any(item.from_street == first and item.to_street == second for item in movements):
                 return name
+        return None
+
+    def find_intersection(self, vehicle: Vehicle) -> int | None:
+        """Find after which street of its route a vehicle makes its manoeuvre; None if nowhere."""
+        for index, (first, second) in enumerate(pairwise(vehicle.route)):
+            junction = self.find_junction(first, second)
+            movements = self.movements.get(junction or "", ())
+            streets = {name for item in movements for name in (item.from_street, item.to_street)}
+            if junction == vehicle.junction if vehicle.junction else len(streets) > 2:
+                return index
         return None
 
     def approach_heading(self, street: str, junction: str) -> float:
@@ -160,7 +224,8 @@ class RoutePlanner:
     def build_path(self, streets: Sequence[str], lane: int | None = None) -> RoutePath:
         """Build the path along streets, in the lanes that lead from each into the next.
 
-        It starts in the numbered lane; None is the innermost that fits.
+        It starts in the numbered lane; None is the innermost that fits. InputError if no movement
+        leads from one street into the next.
         """
         return self._join_lanes(list(self._choose_lanes(streets, lane)))
 
@@ -174,14 +239,15 @@ class RoutePlanner:
             left = min(leaves, key=lambda number: abs(number - start))
             yield street, along, start, left
             if index + 1 < len(streets):
-                entered = next(
+                links = [
                     item.to_lane
                     for items in self.movements.values()
                     for item in items
                     if (item.from_street, item.from_lane, item.to_street)
                     == (street, left, streets[index + 1])
-                    and item.to_lane in (fitting[index + 1] or {item.to_lane})
-                )
+                ]
+                # Where no lane leads on, the vehicle changes lanes in the next street.
+                entered = next((lane for lane in links if lane in fitting[index + 1]), links[0])
 
     def _find_fitting_lanes(self, streets: Sequence[str]) -> list[set[int]]:
         """List, per street, the lanes from which the remaining streets can be reached."""
@@ -191,6 +257,8 @@ class RoutePlanner:
             for strip in self.streets[streets[-1]].strips_in_direction(along=along)
             if strip.lane_number
         }
+        if not last:
+            raise InputError(f"'{streets[-1]}' is one-way")
         fitting = [last]
         for first, second in reversed(list(pairwise(streets))):
             links = [
@@ -199,6 +267,8 @@ class RoutePlanner:
                 for item in items
                 if item.from_street == first and item.to_street == second
             ]
+            if not links:
+                raise InputError(f"no movement leads from '{first}' into '{second}'")
             good = {item.from_lane for item in links if item.to_lane in fitting[0]}
             fitting.insert(0, good or {item.from_lane for item in links})
         return fitting

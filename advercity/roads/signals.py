@@ -29,6 +29,18 @@ def build_signal_phases(junction: JunctionLayout, declared: Signals) -> list[tup
     return phases
 
 
+def find_declared_green_s(signals: Signals, street: str, from_s: float) -> float:
+    """Compute the first time from `from_s` on at which a declared approach has green."""
+    slot = signals.green_s + signals.yellow_s + signals.all_red_s
+    period = slot * len(signals.cycle)
+    if street not in signals.cycle:
+        return from_s
+    begins = signals.cycle.index(street) * slot - signals.elapsed_s
+    while begins + signals.green_s <= from_s:
+        begins += period
+    return max(begins, from_s)
+
+
 def _green_state(junction: JunctionLayout, approach: str) -> str:
     # `g` gives way to pedestrians and `G` does not; pedestrians always have `G`.
     walking = [

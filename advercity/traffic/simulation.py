@@ -13,6 +13,8 @@ from advercity.frames import Trace
 
 EXIT_BAD_INPUT, EXIT_FAILED = 2, 1
 """Exit codes of the child process."""
+ERROR_MARK = "\x1e"
+"""Precedes the child's own error on its standard error, where SUMO also writes."""
 
 
 def simulate_in_subprocess(spec: Spec, network: Path) -> Trace:
@@ -50,7 +52,7 @@ def write_simulated_trace(spec: Spec, network: Path, trace_file: Path) -> None:
             check=False,
         )
     if completed.returncode == EXIT_BAD_INPUT:
-        raise InputError(*f"{spec.id}: {completed.stderr.strip()}".splitlines())
+        raise InputError(*f"{spec.id}: {_get_error(completed)}".splitlines())
     if completed.returncode != 0:
         raise RunError(f"{spec.id}: traffic simulation failed: {_format_failure(completed)}")
 
@@ -58,6 +60,10 @@ def write_simulated_trace(spec: Spec, network: Path, trace_file: Path) -> None:
 def _format_failure(completed: subprocess.CompletedProcess[str]) -> str:
     if completed.returncode < 0:
         return f"killed by signal {-completed.returncode}"
-    output = completed.stderr.strip()
+    output = _get_error(completed)
     last = output.splitlines()[-1] if output.startswith("Traceback") else output
     return last or f"exit code {completed.returncode}"
+
+
+def _get_error(completed: subprocess.CompletedProcess[str]) -> str:
+    return completed.stderr.rpartition(ERROR_MARK)[2].strip()

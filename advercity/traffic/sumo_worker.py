@@ -15,7 +15,7 @@ from advercity.documents import MAX_JSON_BYTES, parse_json, read_text
 from advercity.errors import AdvercityError, InputError, explain_system_error
 from advercity.processes import end_with_parent
 from advercity.traffic.dry_run import simulate_with_dry_runs
-from advercity.traffic.simulation import EXIT_BAD_INPUT, EXIT_FAILED
+from advercity.traffic.simulation import ERROR_MARK, EXIT_BAD_INPUT, EXIT_FAILED
 
 
 def main(spec_file: str, network_file: str, trace_file: str) -> None:
@@ -30,7 +30,7 @@ if __name__ == "__main__":
         end_with_parent(int(sys.argv[1]))
         main(*sys.argv[2:])
     except AdvercityError as error:
-        sys.stderr.write(str(error))
+        sys.stderr.write(f"{ERROR_MARK}{error}")
         sys.exit(EXIT_BAD_INPUT if isinstance(error, InputError) else EXIT_FAILED)
     except (OSError, MemoryError) as error:
         sys.stderr.write(str(explain_system_error(error)))

@@ -50,7 +50,7 @@ class ClassDemand(Model):
 
 
 class CrashGroup(Model):
-    """A group of crash types for which a scenario's road was selected."""
+    """A group of crash types that a scenario stages and its road was selected for."""
 
     typology: Id
     crash_types: Items[str]

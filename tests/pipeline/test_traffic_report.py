@@ -3,6 +3,7 @@
 import json
 import sys
 from pathlib import Path
+from unittest.mock import Mock
 
 import av
 import numpy as np
@@ -71,7 +72,8 @@ def test_a_run_refuses_a_scenario_whose_conflict_does_not_happen(
         update={"conflicts": (conflict.model_copy(update={"outcome": strict}),)}
     )
     traffic = preparation.load_or_simulate_traffic(spec)
-    monkeypatch.setattr(preparation, "load_or_simulate_traffic", lambda _: traffic)
+    stub = Mock(return_value=traffic)
+    monkeypatch.setattr(preparation, "load_or_simulate_traffic", stub)
     options = RunOptions(output=tmp_path, backend="fake")
 
     with pytest.raises(RunError, match=f"{conflict.conflict}.*is not below 0.01 s"):

@@ -84,11 +84,30 @@ CROSSROADS = declaration(
 )
 
 
-def compiled(library: Path, folder: Path, road: dict[str, object]) -> Spec:
-    """Compile the spec of an imported road with the rig and catalogue of the library."""
-    for kind, data in (("road", road), ("suite", SUITE)):
+AT_JUNCTION = {name: value for name, value in CROSSROADS.items() if name != "agents"} | {
+    "land_use": "urban",
+    "at_junction": {
+        "agents": {
+            "cav1": {"kind": "vehicle", "role": "ego", "arm": "south"},
+            "cav2": {"kind": "vehicle", "arm": "left", "turn": "right", "start_m": 60},
+            "rsu": {"kind": "roadside_unit", "arm": "opposite"},
+        }
+    },
+}
+"""The crossroads with its agents placed by the arms of its signalised junction."""
+
+
+def compiled_suite(
+    library: Path, folder: Path, road: dict[str, object], **suite: object
+) -> dict[str, Spec]:
+    """Compile a suite of an imported road with the rig and catalogue of the library."""
+    for kind, data in (("road", road), ("suite", SUITE | suite)):
         (folder / f"{kind}.yaml").write_text(yaml.safe_dump(data), encoding="utf-8")
     for path in DATA.iterdir():
         shutil.copy(path, folder)
-    specs = {spec.id: spec for spec in compile_library(library, folder, suite="imports")}
-    return specs["imported_clear_day_sparse"]
+    return {spec.id: spec for spec in compile_library(library, folder, suite="imports")}
+
+
+def compiled(library: Path, folder: Path, road: dict[str, object]) -> Spec:
+    """Compile the spec of an imported road."""
+    return compiled_suite(library, folder, road)["imported_clear_day_sparse"]

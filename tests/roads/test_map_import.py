@@ -139,8 +139,44 @@ def test_a_road_is_authored_or_imported_but_not_both() -> None:
         Road.model_validate(declaration("osm", "a.osm") | {"imported": None})
 
 
-def test_a_route_of_street_names_is_refused_on_an_imported_road() -> None:
-    agent = {**vehicle((0, 0), 0, (9, 0)), "route": ["main_road"]}
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        (
+            {"route": ["road_12_1", "grosse_strase_1"]},
+            r"cav1.route: unknown street 'grosse_strase_1'.*did you mean 'grosse_strasse_1'",
+        ),
+        (
+            {"route": ["road_12_1", "road_12_1"]},
+            "cav1.route: no movement leads from 'road_12_1' into 'road_12_1'.*grosse_strasse_1",
+        ),
+        (
+            {"heading_deg": 90},
+            r"cav1.heading_deg: no driving lane at -60, -1.6 leads 90 degrees.*"
+            r"nearest: road_12_1.1 at \[-60.0, -1.6\] heading 0",
+        ),
+        (
+            {"destination_m": [-110, -1.6]},
+            r"cav1.destination_m: no route leads.*nearest to the destination: road_12_1.1",
+        ),
+    ],
+)
+def test_a_vehicle_on_a_map_is_checked_when_it_is_compiled(
+    library: Path, tmp_path: Path, change: dict[str, object], complaint: str
+) -> None:
+    agent = vehicle((-60, -1.6), 0, (60, -1.6), "ego") | change
+    # A street along x: east of the junction, in the middle, and the way back is not connected.
+    road = {**CROSSROADS, "agents": {"cav1": agent}}
 
-    with pytest.raises(ValueError, match="remove the route"):
-        Road.model_validate(declaration("osm", "a.osm", agents={"cav1": agent}))
+    with pytest.raises(InputError, match=f"(?s)road.yaml:.*{complaint}"):
+        compiled(library, tmp_path, road)
+
+
+def test_a_surrounding_along_an_unknown_street_of_a_map_is_reported(
+    library: Path, tmp_path: Path
+) -> None:
+    trees = {"kind": "trees", "beside": {"street": "road_12", "side": "left"}}
+    road = {**CROSSROADS, "surroundings": [trees]}
+
+    with pytest.raises(InputError, match=r"road.yaml:.*unknown street 'road_12'"):
+        compiled(library, tmp_path, road)

@@ -4,6 +4,7 @@ Positions are in the world frame (x east, y north, z up, metres). Headings are i
 counter-clockwise from east. Traffic drives on the right.
 """
 
+from advercity_dsl.road.arms import ArmUnit, ArmVehicle, JunctionAgents
 from advercity_dsl.road.declaration import (
     BackgroundDemand,
     ClassFractions,
@@ -38,6 +39,8 @@ from advercity_dsl.road.streets import (
 from advercity_dsl.road.surroundings import RoadsidePlacement, Species, Surrounding, SurroundingKind
 
 __all__ = [
+    "ArmUnit",
+    "ArmVehicle",
     "AxisArc",
     "AxisHeight",
     "AxisLine",
@@ -48,6 +51,7 @@ __all__ = [
     "Crossing",
     "EgoRoute",
     "Junction",
+    "JunctionAgents",
     "LaneText",
     "MapFile",
     "MapNetwork",

@@ -18,6 +18,7 @@ from advercity_dsl.base import (
     is_none,
     suggest_name,
 )
+from advercity_dsl.road.arms import JunctionAgents
 from advercity_dsl.road.extent import (
     LocatedPoint,
     check_extent,
@@ -52,6 +53,8 @@ class EgoRoute(Model):
     """Position near which the scenario ends."""
     route: Annotated[Items[Id], Field(min_length=1)]
     """Streets from spawn to the edge of the site."""
+    junction: Id | None = Field(default=None, exclude_if=is_none)
+    """Junction of the manoeuvre; by default the first on the route at which three streets meet."""
 
 
 class Vehicle(Model):
@@ -69,6 +72,8 @@ class Vehicle(Model):
     """Destination, [east, north]."""
     route: Items[Id] = ()
     """Streets from spawn to the edge of the site; by default the shortest route."""
+    junction: Id | None = Field(default=None, exclude_if=is_none)
+    """Junction of its manoeuvre; by default the first on the route at which three streets meet."""
     max_speed_km_h: Annotated[KilometresPerHour, Field(gt=0, le=200)]
     """Speed limit of the vehicle, which also obeys that of the street."""
 
@@ -151,7 +156,7 @@ class DeclaredStreets:
     Attributes:
         sections: Cross-sections by name.
         streets: Streets by name.
-        imported: Whether the streets come from a map and therefore have no names.
+        imported: Whether the streets come from a map, which is read later.
     """
 
     sections: Mapping[Id, CrossSection]
@@ -195,23 +200,15 @@ def check_junction(network: DeclaredStreets, name: Id, junction: Junction) -> No
 
 def check_route(network: DeclaredStreets, name: Id, vehicle: Vehicle) -> None:
     """Check that the streets of a vehicle's route exist."""
-    value_path = ("agents", name, "route")
-    if vehicle.route and network.imported:
-        hint = "remove the route; the vehicle takes the shortest one to its destination"
-        raise InvalidCombination(value_path, "an imported road has no named streets", hint)
-    for street in vehicle.route:
-        _require_name(street, network.streets, value_path)
+    for street in vehicle.route if not network.imported else ():
+        _require_name(street, network.streets, ("agents", name, "route"))
 
 
 def check_surrounding(network: DeclaredStreets, index: int, item: Surrounding) -> None:
     """Check that an object along a street refers to one, and parked cars to one with parking."""
-    if item.beside is None:
+    if item.beside is None or network.imported:
         return
     value_path, street = ("surroundings", index, "beside"), item.beside.street
-    if network.imported:
-        raise InvalidCombination(
-            value_path, "an imported road has no named streets", "give coordinates in metres"
-        )
     _require_name(street, network.streets, (*value_path, "street"))
     if item.kind is not SurroundingKind.PARKED_CARS:
         return
@@ -298,8 +295,10 @@ class Road(Declaration):
     agents: Annotated[
         dict[Id, Annotated[Vehicle | RoadsideUnit, Field(discriminator="kind")]],
         Field(max_length=100),
-    ]
+    ] = Field(default_factory=dict)
     """Connected vehicles and roadside units by name; one vehicle is the ego."""
+    at_junction: JunctionAgents | None = Field(default=None, exclude_if=is_none)
+    """Agents placed by the arms of a junction, instead of `agents`."""
     ego_routes: dict[Literal["straight", "left", "right"], EgoRoute] = Field(
         default_factory=dict, exclude_if=is_empty
     )
@@ -320,6 +319,8 @@ class Road(Declaration):
             raise ValueError("a road needs 'streets' or an 'imported' map")
         if self.imported is not None and (self.sections or self.streets or self.junctions):
             raise ValueError("an 'imported' road takes its streets from the map; declare none here")
+        if ("agents" in self.model_fields_set) == (self.at_junction is not None):
+            raise ValueError("a road needs either 'agents' or 'at_junction'")
         return self
 
     @model_validator(mode="after")

@@ -1,0 +1,206 @@
+"""Places of a road's agents: by arms of a junction, with routes that were left out, checked."""
+
+import tempfile
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import shapely
+from advercity_dsl import Road, RoadsideUnit, Vehicle
+from advercity_dsl.base import ValuePath, suggest_name
+from advercity_dsl.road import StripKind
+from advercity_dsl.units import Point2
+
+from advercity.errors import InputError
+from advercity.geometry.polyline import StationedPolyline
+from advercity.roads.junction_arms import (
+    MisplacedAgentError,
+    find_junctions,
+    place_junction_agents,
+)
+from advercity.roads.lane_graph import (
+    MAX_DESTINATION_GAP_M,
+    MAX_LANE_DISTANCE_M,
+    find_shortest_route,
+    read_lane_graph,
+)
+from advercity.roads.routes import RoutePlanner
+from advercity.roads.streets import StreetLayout, StripLayout, approach_name
+from advercity.roads.sumo_network import write_sumo_network
+
+MAX_ROADSIDE_DISTANCE_M = 100.0
+"""Distance from any lane beyond which a roadside unit observes no traffic."""
+MAX_HEADING_GAP_RAD = np.pi / 3
+"""Difference between a vehicle's heading and that of its lane."""
+SUGGESTED_LANES = 3
+Problem = tuple[ValuePath, str, str]
+"""Path of a value, what is wrong with it, and the way out."""
+
+
+def place_agents(road: Road) -> list[Road]:
+    """Place the agents that a road gives by the arms of junctions; a road per junction.
+
+    Where a rule selects the junctions, those at which the agents cannot be are left out.
+
+    Raises:
+        MisplacedAgentError: No junction fits.
+    """
+    declared = road.at_junction
+    if declared is None:
+        return [road]
+    planner = RoutePlanner(road)
+    try:
+        names = find_junctions(planner, declared.junction)
+    except InputError as error:
+        raise MisplacedAgentError(("at_junction", "junction"), str(error)) from None
+    if names == (declared.junction,):
+        return [place_junction_agents(road, declared, names[0])]
+    placed: list[Road] = []
+    refused: list[MisplacedAgentError] = []
+    for name in names:
+        try:
+            found = place_junction_agents(road, declared, name)
+            placed.append(found.model_copy(update={"id": f"{road.id}_{name}"}))
+        except MisplacedAgentError as error:
+            refused.append(error)
+    if refused and (not placed or not isinstance(declared.junction, str)):
+        raise refused[0]
+    return placed
+
+
+def complete_routes(road: Road) -> Road:
+    """Give connected vehicles without a route the shortest one; others stay as they are.
+
+    Raises:
+        MisplacedAgentError: A vehicle is on no lane, or no route leads to its destination.
+    """
+    vehicles = {
+        name: agent
+        for name, agent in road.agents.items()
+        if isinstance(agent, Vehicle) and not agent.route
+    }
+    if not vehicles:
+        return road
+    with tempfile.TemporaryDirectory() as folder:
+        graph = read_lane_graph(write_sumo_network(road, Path(folder)))
+    routed = dict(road.agents)
+    for name, vehicle in vehicles.items():
+        problem = next(_find_start_problems(road, name, vehicle), None)
+        if problem is not None:
+            raise MisplacedAgentError(problem[0], f"{problem[1]}; {problem[2]}")
+        lane, position_m = graph.find_lane(vehicle.spawn_m, np.radians(vehicle.heading_deg))
+        try:
+            edges = find_shortest_route(graph, lane, position_m, vehicle.destination_m)
+        except InputError as error:
+            nearest = _describe_nearest_lanes(road, vehicle.destination_m)
+            message = f"{error}; nearest to the destination: {nearest}"
+            raise MisplacedAgentError(("agents", name, "destination_m"), message) from None
+        streets = tuple(approach_name(edge) for edge in edges)
+        routed[name] = vehicle.model_copy(update={"route": streets})
+    return road.model_copy(update={"agents": routed})
+
+
+def find_place_problems(road: Road) -> Iterator[Problem]:
+    """Yield what is wrong with starts, headings, routes and destinations, and unknown streets."""
+    streets = RoutePlanner(road).streets
+    for index, item in enumerate(road.surroundings):
+        if item.beside is not None and item.beside.street not in streets:
+            value_path = ("surroundings", index, "beside", "street")
+            hint = suggest_name(item.beside.street, streets)
+            yield value_path, f"unknown street '{item.beside.street}'", hint
+    lanes = shapely.MultiLineString([line.points[:, :2] for _, line in _iterate_lanes(road)])
+    for name, agent in road.agents.items():
+        if isinstance(agent, RoadsideUnit):
+            yield from _find_distance_problems(
+                lanes, name, "position_m", agent.position_m[:2], MAX_ROADSIDE_DISTANCE_M
+            )
+            continue
+        problems = [
+            *_find_distance_problems(lanes, name, "spawn_m", agent.spawn_m, MAX_LANE_DISTANCE_M),
+            *_find_distance_problems(
+                lanes, name, "destination_m", agent.destination_m, MAX_DESTINATION_GAP_M
+            ),
+        ]
+        # Each check assumes what the one before has established.
+        yield from problems or _find_start_problems(road, name, agent)
+        yield from _find_route_problems(road, name, agent)
+
+
+def _find_distance_problems(
+    lanes: shapely.Geometry, name: str, field: str, position: Sequence[float], limit_m: float
+) -> Iterator[Problem]:
+    distance_m = shapely.distance(lanes, shapely.Point(position))
+    if distance_m > limit_m:
+        message = (
+            f"{position[0]:g}, {position[1]:g} is {distance_m:.0f} m from the nearest lane"
+            f" of this map; the limit is {limit_m:g} m"
+        )
+        yield ("agents", name, field), message, "is it the right map? correct the position"
+
+
+def _find_start_problems(road: Road, name: str, vehicle: Vehicle) -> Iterator[Problem]:
+    heading = np.radians(vehicle.heading_deg)
+    for _, line in _iterate_lanes(road):
+        station_m, distance_m = line.project_point(vehicle.spawn_m)
+        gap = np.cos(line.headings_at(station_m) - heading)
+        if distance_m < MAX_LANE_DISTANCE_M and gap > np.cos(MAX_HEADING_GAP_RAD):
+            return
+    at = f"{vehicle.spawn_m[0]:g}, {vehicle.spawn_m[1]:g}"
+    message = f"no driving lane at {at} leads {vehicle.heading_deg:g} degrees from east"
+    hint = f"move or turn the vehicle; nearest: {_describe_nearest_lanes(road, vehicle.spawn_m)}"
+    yield ("agents", name, "heading_deg"), message, hint
+
+
+def _find_route_problems(road: Road, name: str, vehicle: Vehicle) -> Iterator[Problem]:
+    planner, value_path = RoutePlanner(road), ("agents", name, "route")
+    for street in vehicle.route:
+        if street not in planner.streets:
+            hint = suggest_name(street, planner.streets)
+            yield value_path, f"unknown street '{street}'", hint
+            return
+    for first, second in pairwise(vehicle.route):
+        if planner.find_junction(first, second) is None:
+            onward = {
+                item.to_street
+                for items in planner.movements.values()
+                for item in items
+                if item.from_street == first
+            }
+            hint = f"it leads into {', '.join(sorted(onward))}" if onward else "it ends there"
+            yield value_path, f"no movement leads from '{first}' into '{second}'", hint
+            return
+
+
+def _describe_nearest_lanes(road: Road, point: Point2) -> str:
+    """Describe the nearest lanes of different streets: name, position and heading."""
+    found: list[tuple[float, str, str]] = []
+    for name, line in _iterate_lanes(road):
+        station_m, distance_m = line.project_point(point)
+        east, north = line.points_at(station_m)[:2]
+        heading_deg = round(float(np.degrees(line.headings_at(station_m))))
+        text = f"{name} at [{east:.1f}, {north:.1f}] heading {heading_deg}"
+        found.append((distance_m, name, text))
+    return ", ".join(text for _, _, text in sorted(found)[:SUGGESTED_LANES])
+
+
+def _iterate_lanes(road: Road) -> Iterator[tuple[str, StationedPolyline]]:
+    """Yield the driving lanes between junctions: `<street>.<number>` and centre line."""
+    for street, strip, line in _iterate_strips(road, StripKind.LANE):
+        yield f"{street.id}.{strip.lane_number}", line
+
+
+def iterate_strip_lines(road: Road, kind: StripKind) -> Iterator[StationedPolyline]:
+    """Yield the centre lines of all strips of a kind."""
+    yield from (line for _, _, line in _iterate_strips(road, kind))
+
+
+def _iterate_strips(
+    road: Road, kind: StripKind
+) -> Iterator[tuple[StreetLayout, StripLayout, StationedPolyline]]:
+    for street in RoutePlanner(road).streets.values():
+        for along in (True, False):
+            for strip in street.strips_in_direction(along=along):
+                if strip.kind is kind:
+                    line = street.directed_line(strip.centre_t, along=along)
+                    yield street, strip, StationedPolyline.from_points(line)

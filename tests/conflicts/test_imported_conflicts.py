@@ -1,0 +1,114 @@
+"""Conflicts on imported roads, with agents placed by the arms of a junction."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from advercity_dsl import RoadsideUnit, Spec, Vehicle
+
+from advercity.conflicts.report import evaluate_outcomes
+from advercity.errors import InputError
+from advercity.roads.sumo_network import write_sumo_network
+from advercity.traffic.simulation import simulate_in_subprocess
+from tests.roads.imported_roads import AT_JUNCTION, compiled_suite
+
+
+@pytest.fixture(scope="module")
+def staged(library: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Spec]:
+    """Every conflict of the library at the signalised crossroads."""
+    return compiled_suite(
+        library,
+        tmp_path_factory.mktemp("staged"),
+        AT_JUNCTION,
+        roads=["imported"],
+        cross_conflicts="all",
+        standings=["primary", "extension"],
+    )
+
+
+def find_conflicts(specs: dict[str, Spec]) -> set[str]:
+    return {name.removeprefix("imported_j1_").removesuffix("_clear_day_sparse") for name in specs}
+
+
+def test_agents_are_where_their_arms_are(staged: dict[str, Spec]):
+    """Streets are 6.4 m wide, lanes 3.2 m, and meet at the origin; traffic drives on the right."""
+    spec = staged["imported_j1_scp_signal_violation_clear_day_sparse"]
+    ego, other, unit = (agent.place for agent in spec.agents)
+    assert isinstance(ego, Vehicle)
+    assert isinstance(other, Vehicle)
+    assert isinstance(unit, RoadsideUnit)
+
+    assert ego.spawn_m[0] == pytest.approx(1.6, abs=0.05)
+    assert ego.heading_deg == pytest.approx(90, abs=0.5)
+    assert ego.spawn_m[1] == pytest.approx(-80 - 7.2, abs=0.1)
+    assert ego.destination_m == pytest.approx((1.6, 60 + 7.2), abs=0.1)
+    # From the ego's left is from the west, and right of that is south.
+    assert other.spawn_m[1] == pytest.approx(-1.6, abs=0.05)
+    assert other.heading_deg == pytest.approx(0, abs=0.5)
+    assert other.destination_m[0] == pytest.approx(-1.6, abs=0.05)
+    assert other.destination_m[1] < -50
+    # Right of the northern arm seen towards the junction, off the paving, looking at its centre.
+    assert -12 < unit.position_m[0] < -3.2
+    assert unit.position_m[1] > 3.2
+    to_centre = np.degrees(np.arctan2(-unit.position_m[1], -unit.position_m[0]))
+    assert unit.yaw_deg == pytest.approx(to_centre, abs=3)
+
+
+def test_conflicts_of_an_intersection_can_be_staged_at_a_junction_of_a_map(
+    staged: dict[str, Spec],
+):
+    found = find_conflicts(staged)
+
+    assert {"ltap_od_ego_turns", "scp_signal_violation", "ped_right_turn"} <= found
+    # A junction with lights is no place for these, nor is it away from junctions.
+    assert not {"scp_unsignalised", "od_overtake", "od_drift"} & found
+
+
+def test_the_paths_of_a_left_turn_across_traffic_meet_inside_the_junction(
+    staged: dict[str, Spec],
+):
+    spec = staged["imported_j1_ltap_od_ego_turns_clear_day_sparse"]
+    (conflict,) = spec.conflicts
+    ego = spec.ego.place
+    assert isinstance(ego, Vehicle)
+
+    # The ego turns from the south to the west; the other comes from the north in the lane at -1.6.
+    assert ego.destination_m[0] < -50
+    assert conflict.point_m[0] == pytest.approx(-1.6, abs=0.6)
+    assert -2 < conflict.point_m[1] < 4
+    assert conflict.actors[0].route == ("grosse_strasse_1", "grosse_strasse_2")
+
+
+def test_a_spec_claims_only_the_crash_groups_that_it_stages(staged: dict[str, Spec]):
+    for spec in staged.values():
+        typologies = {conflict.typology for conflict in spec.conflicts}
+        assert {group.typology for group in spec.groups} <= typologies
+
+
+@pytest.mark.sumo
+def test_a_conflict_at_a_junction_of_a_map_happens(staged: dict[str, Spec], tmp_path: Path):
+    spec = staged["imported_j1_ltap_od_ego_turns_clear_day_sparse"]
+
+    trace = simulate_in_subprocess(spec, write_sumo_network(spec.road, tmp_path))
+
+    assert [item.missed for item in evaluate_outcomes(spec, trace)] == [()]
+
+
+@pytest.mark.parametrize(
+    ("junction", "agent", "complaint"),
+    [
+        ("j1", {"kind": "vehicle", "arm": "upwards"}, "'upwards' is no arm of 'j1'; "),
+        ("j99", {"kind": "vehicle"}, "no junction 'j99'"),
+        ("stop", {"kind": "vehicle"}, "this road has signals"),
+    ],
+)
+def test_an_arm_or_junction_that_is_not_there_is_reported(
+    library: Path, tmp_path: Path, junction: str, agent: dict[str, str], complaint: str
+):
+    agents = {"cav1": {"kind": "vehicle", "role": "ego"}, "cav2": agent}
+    road = {**AT_JUNCTION, "at_junction": {"junction": junction, "agents": agents}}
+
+    with pytest.raises(InputError, match=complaint) as refused:
+        compiled_suite(library, tmp_path, road)
+
+    assert "road.yaml:" in str(refused.value)
