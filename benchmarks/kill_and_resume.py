@@ -1,6 +1,6 @@
 """Kills a run at random moments, and compares the resumed result with that of an undisturbed run.
 
-    python benchmarks/kill_and_resume.py [SPEC] [--kills 20] [--frames 12]
+    python benchmarks/kill_and_resume.py [SPEC] [--kills 20] [--frames 12] [--backend sapien]
 
 The same command is started again after each kill; when it ends, the trees are compared and the next
 series starts from an empty folder. Exit code 1 if any of them differs or `verify` finds a problem.
@@ -32,7 +32,7 @@ def main() -> int:
         subprocess.run(_build_command(arguments, whole), check=True, stdout=subprocess.DEVNULL)
         whole_s = time.perf_counter() - begin
         print(f"undisturbed: {whole_s:.1f} s, {len(_hash_tree(whole))} files")
-        kills, wrong = 0, 0
+        kills, wrong, series = 0, 0, 1
         while kills < arguments.kills:
             delay_s = moments.uniform(0.3, 0.95) * whole_s
             begin = time.perf_counter()
@@ -45,9 +45,11 @@ def main() -> int:
                 # The machine may be less busy than during the first run.
                 whole_s = max(0.8 * whole_s, time.perf_counter() - begin)
                 wrong += _has_differences(killed, whole)
+                series += 1
                 shutil.rmtree(killed)
         subprocess.run(_build_command(arguments, killed), check=True, stdout=subprocess.DEVNULL)
         wrong += _has_differences(killed, whole)
+        print(f"{kills} kills in {series} series, {wrong} of them different")
     return min(1, wrong)
 
 
@@ -56,6 +58,7 @@ def _build_command(arguments: argparse.Namespace, output: Path) -> list[str]:
         *(sys.executable, "-c", "from advercity.cli import main; main()"),
         *("run", str(arguments.spec), "--output", str(output), "--jobs", str(arguments.jobs)),
         *("--profile", "preview", "--scale", str(arguments.scale)),
+        *("--backend", arguments.backend),
         *("--frames", f"0:{arguments.frames}"),
     ]
 
@@ -101,6 +104,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--kills", type=int, default=20)
     parser.add_argument("--frames", type=int, default=12)
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--backend", default="sapien")
     parser.add_argument("--scale", type=float, default=0.05)
     parser.add_argument("--seed", type=int, default=1)
     return parser.parse_args()

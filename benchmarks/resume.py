@@ -1,4 +1,9 @@
-"""What running a finished scenario again, and verifying it, take: `python benchmarks/resume.py`.
+"""What durable files, running a finished scenario again, and verifying it take.
+
+    python benchmarks/resume.py
+
+Frames are synced to the disk before a journal lists them; the baseline is the same run without
+that.
 
 A run that finds all of its frames finished only checks them; its time is given relative to the run
 that made them. Verifying reads and hashes every file; its baseline is hashing the same files alone.
@@ -8,8 +13,11 @@ import hashlib
 import statistics
 import tempfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from unittest.mock import patch
 
+from advercity_dsl import Spec
 from measurement import Measurement, format_table, measure_run_time
 
 from advercity.compiler import read_spec
@@ -39,13 +47,29 @@ def run_benchmark(*, quick: bool) -> list[Measurement]:
             for _ in range(rounds)
         ]
         length = Manifest.load(scenario).length
+        durable = [_measure_durability(spec, options, Path(folder)) for _ in range(rounds)]
     resumed_s, _, verified_s = map(statistics.median, zip(*times, strict=True))
     ratio = statistics.median(verified / hashed for _, hashed, verified in times)
     return [
+        Measurement(
+            "frames synced to the disk", statistics.median(durable), "not synced", at_most=1.1
+        ),
         Measurement("resume a finished run", resumed_s / made_s, "making its frames", at_most=0.5),
         Measurement("verify", ratio, "reading and hashing alone", at_most=2.0),
         Measurement(f"verify all {length} frames", verified_s * length / frames, "s", at_most=10.0),
     ]
+
+
+def _measure_durability(spec: Spec, options: RunOptions, folder: Path) -> float:
+    """Measure the time of a run relative to one that leaves the disk to the system."""
+    synced = _measure_fresh_run_s(spec, options, folder)
+    with patch("advercity.dataset.writer.sync_files"):
+        return synced / _measure_fresh_run_s(spec, options, folder)
+
+
+def _measure_fresh_run_s(spec: Spec, options: RunOptions, folder: Path) -> float:
+    with tempfile.TemporaryDirectory(dir=folder) as output:
+        return _measure_s(lambda: run_scenario(spec, replace(options, output=Path(output))))
 
 
 def _hash_files(files: list[Path]) -> None:

@@ -139,7 +139,7 @@ def _format_draws(draws: Distributions) -> dict[str, Distribution]:
 
 def with_digest(spec: Spec) -> Spec:
     """Return the spec with the digest of its content, as a compiler of other specs would."""
-    digest = _compute_content_digest(spec.model_dump(mode="json"))
+    digest = compute_content_digest(spec.model_dump(mode="json"))
     provenance = spec.provenance.model_copy(update={"digest": digest})
     return spec.model_copy(update={"provenance": provenance})
 
@@ -148,10 +148,11 @@ def is_edited(spec: Spec) -> bool:
     """Return whether the content of a spec is not what its compiler wrote, by its digest."""
     # The file of an earlier version lacks fields that have a default now.
     dumps = (spec.model_dump(mode="json", exclude_unset=unset) for unset in (False, True))
-    return spec.provenance.digest not in map(_compute_content_digest, dumps)
+    return spec.provenance.digest not in map(compute_content_digest, dumps)
 
 
-def _compute_content_digest(data: dict[str, Any]) -> str:
+def compute_content_digest(data: dict[str, Any]) -> str:
+    """Compute the digest of a spec's JSON, and drop the one that it holds."""
     del data["provenance"]["digest"]
     return compute_json_digest(data)
 

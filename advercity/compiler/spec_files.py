@@ -3,7 +3,7 @@
 import json
 import os
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Container, Iterable, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ from typing import Any
 from advercity_dsl import SPEC_VERSION, Spec
 from pydantic import ValidationError
 
+from advercity.compiler.assembly import compute_content_digest
 from advercity.compiler.source import SourceDocument, parse_document
 from advercity.compiler.validation import validate_model
 from advercity.diagnostics import DiagnosticsError
@@ -97,14 +98,18 @@ def _find_stale_files(folder: Path, specs: Sequence[Spec]) -> list[Path]:
     suites = {spec.provenance.suite for spec in specs}
     names = {f"{spec.id}.json" for spec in specs}
     others = [path for path in sorted(folder.glob("*.json")) if path.name not in names]
-    return [path for path in others if _read_suite_id(path) in suites]
+    return [path for path in others if _is_as_compiled(path, suites)]
 
 
-def _read_suite_id(path: Path) -> str | None:
+def _is_as_compiled(path: Path, suites: Container[str]) -> bool:
+    """Return whether the compiler wrote a file for one of the suites, and nobody has edited it."""
     try:
-        return str(parse_json(read_text(path), path)["provenance"]["suite"])
+        data = parse_json(read_text(path), path)
+        suite, digest = data["provenance"]["suite"], data["provenance"]["digest"]
+        is_own = suite in suites and path.stem == data["id"]
+        return is_own and digest == compute_content_digest(data)
     except (InputError, LookupError, TypeError):
-        return None
+        return False
 
 
 def describe_spec_differences(specs: Sequence[Spec], folder: Path) -> list[str]:

@@ -253,8 +253,8 @@ def repair_dataset(dataset: Path, report: ProgressCallback = ignore_progress) ->
     left = compare_with_index(dataset)
     for scenario in find_scenarios(dataset):
         problems = verify_scenario(scenario)
-        if problems:
-            left += _repair_scenario(scenario, problems, report)
+        is_damaged = any(problem.is_damage for problem in problems)
+        left += _repair_scenario(scenario, problems, report) if is_damaged else problems
     return left
 
 

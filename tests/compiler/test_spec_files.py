@@ -11,6 +11,7 @@ from advercity.compiler import (
     to_json,
     write_specs,
 )
+from advercity.compiler.assembly import compute_content_digest
 from advercity.compiler.crossing import compile_library
 from advercity.errors import InputError
 from tests.builders import Write
@@ -29,15 +30,22 @@ def test_a_spec_stays_below_forty_kilobytes(specs: dict[str, Spec]) -> None:
 def test_writing_removes_obsolete_specs_of_the_suite_and_nothing_else(
     write: Write, tmp_path: Path
 ) -> None:
+    """A copy under another name, and a spec that was edited, are the user's."""
     (spec,) = compile_library(write())
     folder = tmp_path / "compiled"
-    write_specs([spec.model_copy(update={"id": "gone"}), spec], folder)
-    (folder / "mine.json").write_text('{"mine": 1}')
     write_specs([spec], folder)
-    assert sorted(path.name for path in folder.iterdir()) == [
-        "lane_clear_day_sparse.json",
-        "mine.json",
-    ]
+    written = json.loads((folder / f"{spec.id}.json").read_text())
+    gone = written | {"id": "gone"}
+    digest = compute_content_digest(json.loads(json.dumps(gone)))
+    (folder / "gone.json").write_text(
+        json.dumps(gone | {"provenance": gone["provenance"] | {"digest": digest}})
+    )
+    mine = {"mine": {"mine": 1}, "copy": written, "edited": written | {"id": "edited"}}
+    for name, data in mine.items():
+        (folder / f"{name}.json").write_text(json.dumps(data))
+    write_specs([spec], folder)
+    left = {path.stem for path in folder.iterdir()}
+    assert left == {"lane_clear_day_sparse", *mine}
 
 
 def test_differences_name_missing_and_obsolete_specs(write: Write, tmp_path: Path) -> None:
