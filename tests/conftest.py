@@ -1,9 +1,15 @@
 """Fixtures that many tests share."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from advercity_dsl import Spec
 from hypothesis import settings
+
+from advercity.frames import Trace
+from advercity.pipeline.cache import compute_traffic_key
+from advercity.pipeline.preparation import load_or_simulate_traffic
 
 pytest_plugins = ["tests.bend_network", "tests.builders"]
 
@@ -18,3 +24,17 @@ settings.load_profile("untimed")
 def library() -> Path:
     """The library that ships with the project."""
     return ROOT / "library"
+
+
+@pytest.fixture(scope="session")
+def simulate() -> Callable[[Spec], Trace]:
+    """Returns the trace of a spec, simulated once for all tests, in whichever process they run."""
+    traces: dict[str, Trace] = {}
+
+    def load_trace(spec: Spec) -> Trace:
+        key = compute_traffic_key(spec)
+        if key not in traces:
+            traces[key] = load_or_simulate_traffic(spec).trace
+        return traces[key]
+
+    return load_trace

@@ -14,8 +14,6 @@ from advercity.conflicts.metrics import ActorTrack
 from advercity.conflicts.report import evaluate_outcomes
 from advercity.frames import Trace
 from advercity.pipeline.cache import compute_traffic_key
-from advercity.roads.sumo_network import write_sumo_network
-from advercity.traffic.simulation import simulate_in_subprocess
 
 SUITE = """
 kind: suite
@@ -54,21 +52,6 @@ def steady(copied: Path) -> dict[str, Spec]:
 def wary(copied: Path) -> dict[str, Spec]:
     """The same with drivers who react."""
     return {spec.id: spec for spec in compile_library(copied, suite="wary")}
-
-
-@pytest.fixture(scope="module")
-def simulated(tmp_path_factory: pytest.TempPathFactory) -> Simulated:
-    """The trace of a spec."""
-    folder = tmp_path_factory.mktemp("networks")
-    traces: dict[str, Trace] = {}
-
-    def trace(spec: Spec) -> Trace:
-        key = compute_traffic_key(spec)
-        if key not in traces:
-            traces[key] = simulate_in_subprocess(spec, write_sumo_network(spec.road, folder))
-        return traces[key]
-
-    return trace
 
 
 def test_a_spec_says_nothing_of_drivers_who_do_not_react(steady: dict[str, Spec]):
@@ -117,20 +100,20 @@ def test_a_replay_under_another_weather_is_what_the_suite_compiles(
 
 @pytest.mark.sumo
 def test_wary_drivers_drive_as_all_others_in_clear_weather(
-    steady: dict[str, Spec], wary: dict[str, Spec], simulated: Simulated
+    steady: dict[str, Spec], wary: dict[str, Spec], simulate: Simulated
 ):
     name = "ri_clear_day_sparse"
 
-    np.testing.assert_array_equal(simulated(wary[name]).states, simulated(steady[name]).states)
+    np.testing.assert_array_equal(simulate(wary[name]).states, simulate(steady[name]).states)
 
 
 @pytest.mark.sumo
 @pytest.mark.parametrize("road", ["unj", "ri"])
 def test_traffic_is_slower_and_farther_apart_in_snow(
-    road: str, wary: dict[str, Spec], simulated: Simulated
+    road: str, wary: dict[str, Spec], simulate: Simulated
 ):
     clear, snow = (
-        simulated(wary[f"{road}_{weather}_sparse"]) for weather in ("clear_day", "snow_day")
+        simulate(wary[f"{road}_{weather}_sparse"]) for weather in ("clear_day", "snow_day")
     )
 
     assert 0.75 < _pace(snow) / _pace(clear) < 0.95
@@ -141,9 +124,9 @@ def test_traffic_is_slower_and_farther_apart_in_snow(
 @pytest.mark.sumo
 @pytest.mark.parametrize("name", ["unj_snow_day_sparse", "ri_snow_day_sparse"])
 def test_conflicts_happen_although_drivers_react(
-    name: str, wary: dict[str, Spec], simulated: Simulated
+    name: str, wary: dict[str, Spec], simulate: Simulated
 ):
-    staged = list(evaluate_outcomes(wary[name], simulated(wary[name])))
+    staged = list(evaluate_outcomes(wary[name], simulate(wary[name])))
 
     assert staged
     assert [one.missed for one in staged] == [()] * len(staged)

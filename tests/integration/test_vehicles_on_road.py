@@ -7,10 +7,9 @@ import pytest
 from advercity_dsl import Spec
 
 from advercity.frames import ActorState, Trace
+from advercity.pipeline.preparation import load_or_simulate_traffic
 from advercity.rendering.raycaster import Raycaster, Rays
-from advercity.roads.sumo_network import write_sumo_network
 from advercity.scene.build import build_world
-from advercity.traffic.simulation import simulate_in_subprocess
 from advercity.world import World
 
 pytestmark = pytest.mark.sumo
@@ -19,11 +18,11 @@ EVERY = 24
 
 
 @pytest.fixture(scope="module")
-def hills(specs: dict[str, Spec], tmp_path_factory: pytest.TempPathFactory) -> tuple[World, Trace]:
+def hills(specs: dict[str, Spec]) -> tuple[World, Trace]:
     """The road with the steepest grades, and traffic on it."""
     spec = specs["rcnj_clear_day_sparse"]
-    network = write_sumo_network(spec.road, tmp_path_factory.mktemp("hills"))
-    return build_world(spec, network), simulate_in_subprocess(spec, network)
+    traffic = load_or_simulate_traffic(spec)
+    return build_world(spec, traffic.network_path), traffic.trace
 
 
 def wheels(state: ActorState) -> np.ndarray:

@@ -1,6 +1,6 @@
 """Parked cars: poses, gaps, and spaces that staged actors need."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -10,13 +10,11 @@ from advercity_dsl import Blueprint, Road, Spec
 from advercity_dsl.road import SurroundingKind
 
 from advercity.conflicts.metrics import ActorTrack
-from advercity.frames import ActorState, Lamp
+from advercity.frames import ActorState, Lamp, Trace
 from advercity.geometry.poses import transform_points
 from advercity.roads.layout import lay_out_road
 from advercity.roads.road_network import build_road
-from advercity.roads.sumo_network import write_sumo_network
 from advercity.scene.parking import PARKING_SPACE_M, place_parked_cars
-from advercity.traffic.simulation import simulate_in_subprocess
 
 BLUEPRINTS = {
     "small": Blueprint(actor_class="car", length_m=3.8, width_m=1.8, height_m=1.5),
@@ -162,7 +160,7 @@ def test_spaces_on_the_path_of_a_staged_actor_stay_empty(
     ["rsnj", *(pytest.param(name, marks=pytest.mark.slow) for name in ("ui", "unj"))],
 )
 def test_no_actor_passes_through_a_parked_car(
-    specs: dict[str, Spec], name: str, tmp_path: Any
+    specs: dict[str, Spec], name: str, simulate: Callable[[Spec], Trace]
 ) -> None:
     spec = specs[f"{name}_clear_day_dense"]
     strips = shapely.union_all(
@@ -179,7 +177,7 @@ def test_no_actor_passes_through_a_parked_car(
     declared = [i for i in spec.road.surroundings if i.kind is SurroundingKind.PARKED_CARS]
     assert declared
     shapely.prepare(strips)
-    trace = simulate_in_subprocess(spec, write_sumo_network(spec.road, tmp_path))
+    trace = simulate(spec)
     staged = {actor.number for one in spec.conflicts for actor in one.actors if actor.path_m}
     numbers = np.array([actor.id for actor in trace.actors])
     rows = trace.states[~np.isin(numbers[trace.states["actor"]], list(staged))]

@@ -45,19 +45,9 @@ sumo_worker.main(*files)
 
 
 @pytest.fixture(scope="module")
-def simulated(specs: dict[str, Spec], tmp_path_factory: pytest.TempPathFactory) -> Simulated:
+def simulated(specs: dict[str, Spec], simulate: Callable[[Spec], Trace]) -> Simulated:
     """The trace of a spec."""
-    folder = tmp_path_factory.mktemp("staged")
-    traces: dict[str, Trace] = {}
-
-    def trace(name: str) -> Trace:
-        if name not in traces:
-            traces[name] = simulate_in_subprocess(
-                specs[name], write_sumo_network(specs[name].road, folder)
-            )
-        return traces[name]
-
-    return trace
+    return lambda name: simulate(specs[name])
 
 
 @pytest.fixture(scope="module")
@@ -103,12 +93,12 @@ def test_traffic_without_conflicts_has_no_overlaps_either(specs: dict[str, Spec]
 
 @pytest.mark.parametrize("drawn", range(3))
 def test_conflicts_drawn_from_the_second_suite_happen_without_any_overlap(
-    drawn: int, crossed: dict[str, Spec], tmp_path: Path
+    drawn: int, crossed: dict[str, Spec], simulate: Callable[[Spec], Trace]
 ):
     sparse = sorted(name for name in crossed if name.endswith("sparse"))
     spec = crossed[random.Random(1).sample(sparse, 3)[drawn]]
 
-    trace = simulate_in_subprocess(spec, write_sumo_network(spec.road, tmp_path))
+    trace = simulate(spec)
 
     assert [item.missed for item in evaluate_outcomes(spec, trace)] == [()]
     assert list(find_overlaps(trace)) == []

@@ -34,19 +34,14 @@ def networks(specs: dict[str, Spec], tmp_path_factory: pytest.TempPathFactory) -
 
 
 @pytest.fixture(scope="module")
-def simulated(specs: dict[str, Spec], networks: dict[str, Path]) -> Simulated:
+def simulated(specs: dict[str, Spec], simulate: Callable[[Spec], Trace]) -> Simulated:
     """Trace of a road and density under a clear sky."""
-    traces: dict[str, Trace] = {}
 
-    def trace(name: str) -> Trace:
-        if name not in traces:
-            road, density = name.split("_")
-            traces[name] = simulate_in_subprocess(
-                specs[f"{road}_clear_day_{density}"], networks[road]
-            )
-        return traces[name]
+    def load_trace(name: str) -> Trace:
+        road, density = name.split("_")
+        return simulate(specs[f"{road}_clear_day_{density}"])
 
-    return trace
+    return load_trace
 
 
 def with_timing(spec: Spec, **timing: int) -> Spec:
