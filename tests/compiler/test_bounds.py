@@ -1,5 +1,7 @@
+import os
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -100,3 +102,28 @@ def test_absurd_values_are_refused_at_once(
     assert time.process_time() - begin_s < 5
     assert message in str(caught.value)
     assert str(path) in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (os.mkfifo, "'car.glb' is not a regular file"),
+        (os.mkdir, "'car.glb' is a folder"),
+        (lambda path: path.symlink_to("/dev/zero"), "'car.glb' is not a regular file"),
+        (lambda path: (path.touch(), os.truncate(path, 1 << 40)), "'car.glb' is larger than 200"),
+        (lambda path: path.write_text("solid"), "'car.glb' is not a GLB file"),
+    ],
+    ids=["pipe", "folder", "device", "huge", "text"],
+)
+def test_models_that_are_no_regular_files_of_limited_size_are_refused(
+    make: Callable[[Path], object], message: str, write: Write
+) -> None:
+    folder = write()
+    path = folder / "catalogue.yaml"
+    model = "model: {file: car.glb, author: Me, licence: CC0-1.0}, actor_class: car"
+    path.write_text(path.read_text().replace("actor_class: car", model, 1))
+    make(folder / "car.glb")
+    with pytest.raises(InputError) as caught:
+        compile_library(folder)
+    assert message in str(caught.value)
+    assert f"{path}:" in str(caught.value)

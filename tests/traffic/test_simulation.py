@@ -332,6 +332,17 @@ def test_no_vehicle_enters_where_no_street_leads_in(
     assert all(ride.depart_s == 0 for ride in rides)
 
 
+def test_traffic_that_has_no_room_on_the_lanes_is_refused_before_it_is_drawn(
+    specs: dict[str, Spec], networks: dict[str, Path]
+):
+    graph = read_lane_graph(networks["rsnj"])
+    lane_m = sum(lane.length_m for lane in graph.driving_lanes)
+    spec = with_demand(specs["rsnj_clear_day_sparse"], vehicles=20_000)
+
+    with pytest.raises(InputError, match=rf"20000 vehicles do not fit on {lane_m:.0f} m of lanes"):
+        draw_demand(spec, graph)
+
+
 def test_a_route_that_no_movement_allows_is_bad_input(
     specs: dict[str, Spec], networks: dict[str, Path]
 ):
