@@ -1,6 +1,5 @@
-"""Builds vegetation: crops and tilled fields as ridged sheets, trees, and distant woods."""
+"""Builds vegetation: crops and tilled fields as ridged sheets, places of trees, distant woods."""
 
-from functools import cache
 from itertools import product
 
 import numpy as np
@@ -12,13 +11,12 @@ from advercity.geometry.arrays import Float64Array
 from advercity.geometry.mesh import (
     MeshPart,
     TriangleSurface,
-    join_surfaces,
     repeat_surface,
-    shade_smooth,
 )
-from advercity.geometry.primitives import ellipsoid, grid_sheet, loft_rings, tube
+from advercity.geometry.primitives import grid_sheet
 from advercity.randomness import create_generator
 from advercity.scene.site import Rectangle, Site, StreetSide
+from advercity.scene.trees import Detail, build_tree
 from advercity.semantics import Semantic
 
 CROP_HEIGHT_M = 0.6
@@ -32,11 +30,9 @@ MAX_TREES = 400
 TREE_SPACING_M = 8.0
 TRUNK_CLEARANCE_M, ROW_CLEARANCE_M = 3.0, 1.0
 """Distance of trunks from reserved areas, where trees are scattered and where they are in rows."""
-FINE_LEAVES_DISTANCE_M = 14.0
-"""Distance from street axes within which trees have finer leaves."""
+DETAIL_DISTANCES_M = (16.0, 50.0)
+"""Distances from street axes up to which trees are built for close and for middle views."""
 _VEGETATION = Semantic.VEGETATION
-_TUFTS_PER_CLUMP, _TUFTS_PER_NEAR_CLUMP = 46, 110
-"""Loose triangles of leaves per clump; renderers draw both sides of vegetation."""
 _SPECIES_WEIGHTS = {
     Species.OAK: 0.34,
     Species.MAPLE: 0.16,
@@ -143,13 +139,14 @@ def build_trees(
     size = draw.uniform(0.75, 1.25, len(free)) if height_m is None else np.full(len(free), 1.0)
     slender = draw.uniform(0.9, 1.15, len(free))
     yaw = draw.uniform(0.0, 2 * np.pi, len(free))
-    near = shapely.distance(site.street_axes, shapely.points(free)) < FINE_LEAVES_DISTANCE_M
+    away_m = shapely.distance(site.street_axes, shapely.points(free))
+    details = np.searchsorted(DETAIL_DISTANCES_M, away_m)
     pieces: list[MeshPart] = []
-    for (index, name), is_near in product(enumerate(kinds), (False, True)):
-        these = (drawn == index) & (near == is_near)
+    for (index, name), detail in product(enumerate(kinds), Detail):
+        these = (drawn == index) & (details == detail)
         if not these.any():
             continue
-        parts, natural_m = _build_tree(name, is_near=is_near)
+        parts, natural_m = build_tree(name, detail)
         factor = size[these] * (1.0 if height_m is None else height_m / natural_m)
         scale = np.column_stack([factor, factor, factor * slender[these]])
         for part, material in parts:
@@ -185,78 +182,6 @@ def _scatter_points_along_street(side: StreetSide, spacing_m: float, key: str) -
     along, across = ((cell + jitter) / count * (side.length_m, depth)).T
     points = side.points_at(along, side.near_offset_m + across)
     return points[side.is_unfolded(points, side.near_offset_m + across)]
-
-
-@cache
-def _build_tree(
-    name: Species, *, is_near: bool
-) -> tuple[tuple[tuple[TriangleSurface, str], ...], float]:
-    """Build the shaded parts of a tree at the origin, and its height in metres."""
-    if name is Species.SPRUCE:
-        return _build_spruce(), 10.8
-    trunk, blobs = {
-        Species.OAK: (
-            3.2,
-            ((0, 0, 5.6, 2.5, 1.9), (1.4, 0.6, 4.7, 1.6, 1.3), (-1.2, 1.0, 4.9, 1.6, 1.3)),
-        ),
-        Species.POPLAR: (2.6, ((0, 0, 6.2, 1.25, 3.8), (0.3, 0.2, 4.2, 1.2, 2.0))),
-        Species.BIRCH: (2.0, ((0, 0, 3.6, 1.4, 1.6), (0.4, -0.3, 2.9, 1.1, 0.9))),
-        Species.MAPLE: (
-            2.2,
-            ((0.9, 0, 3.8, 1.8, 1.5), (-1.0, 0.8, 4.3, 1.9, 1.6), (0, -1.1, 3.6, 1.6, 1.3)),
-        ),
-    }[name]
-    # The key holds the species' type by name: `Species` may not be renamed.
-    draw = create_generator("tree", name)
-    crown = [
-        _build_leaf_clump(np.array([x, y, z]), np.array([r, r, rise]), draw, is_near=is_near)
-        for x, y, z, r, rise in blobs
-    ]
-    top = max(z + rise for *_, z, _, rise in blobs)
-    stem = tube([(0, 0, 0), (0.05, 0, 1.0), (0, 0.05, trunk + 1.0)], [0.24, 0.17, 0.11], sides=6)
-    return ((shade_smooth(stem), "bark"), (join_surfaces(crown), "leaves")), top
-
-
-def _build_leaf_clump(
-    centre: Float64Array, radii: Float64Array, draw: np.random.Generator, *, is_near: bool
-) -> TriangleSurface:
-    """Build leaves around a centre: a rough ellipsoid with tufts, and normals of a smooth one."""
-    sides, bands = 8, 4
-    rough = draw.uniform(0.82, 1.1, (bands + 1, sides))
-    factor = np.concatenate([rough.reshape(-1), rough.mean(axis=1)[[0, -1]]])
-    core = ellipsoid((0, 0, 0), radii, sides=sides, bands=bands)
-    tuft_count, size = (_TUFTS_PER_NEAR_CLUMP, 0.085) if is_near else (_TUFTS_PER_CLUMP, 0.15)
-    direction = draw.normal(size=(tuft_count, 3))
-    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-    spread = draw.normal(scale=size, size=(tuft_count, 3, 3)) * radii.min()
-    radius = draw.uniform(0.86, 1.04, (tuft_count, 1))
-    tufts = ((radius * direction * radii)[:, None] + spread).reshape(-1, 3)
-    vertices = np.concatenate([core.vertices * factor[:, None], tufts])
-    tuft_triangles = len(core.vertices) + np.arange(3 * tuft_count).reshape(-1, 3)
-    normals = vertices / radii**2
-    return TriangleSurface(
-        vertices + centre,
-        np.concatenate([core.triangles, tuft_triangles]),
-        normals / np.linalg.norm(normals, axis=1, keepdims=True),
-    )
-
-
-def _build_spruce() -> tuple[tuple[TriangleSurface, str], ...]:
-    angle = 2 * np.pi * np.arange(10) / 10
-    draw = create_generator("tree", "spruce")
-    tiers: list[TriangleSurface] = []
-    for foot, top, radius in ((1.3, 4.8, 2.3), (3.3, 6.9, 1.9), (5.3, 9.0, 1.4), (7.3, 10.8, 0.9)):
-        radii = radius * draw.uniform(0.85, 1.1, 10)
-        circle = np.column_stack([np.cos(angle), np.sin(angle)])
-        middle = (foot + top) / 2
-        sections = ((0.35, foot + 0.35), (1.0, foot), (0.45, middle), (0.03, top))
-        rings = [
-            np.column_stack([circle * (fraction * radii)[:, None], np.full(10, z)])
-            for fraction, z in sections
-        ]
-        tiers.append(loft_rings(np.stack(rings)))
-    stem = tube([(0, 0, 0), (0, 0, 5.0)], [0.22, 0.12], sides=6)
-    return (shade_smooth(stem), "bark"), (shade_smooth(join_surfaces(tiers)), "needles")
 
 
 def build_woods(
