@@ -59,6 +59,24 @@ class Actor:
         return Actor(number, blueprint.actor_class, name, paint, size)
 
 
+@dataclass(frozen=True, eq=False)
+class BodyMotion:
+    """First and second derivatives of a body's pose.
+
+    Attributes:
+        velocity: (3,) of the body's origin in the world, m/s.
+        acceleration: (3,) of the body's origin in the world, m/s².
+        angular_rate: (3,) in the body frame, rad/s.
+    """
+
+    velocity: NDArray[np.float64]
+    acceleration: NDArray[np.float64]
+    angular_rate: NDArray[np.float64]
+
+
+AT_REST = BodyMotion(np.zeros(3), np.zeros(3), np.zeros(3))
+
+
 @dataclass(frozen=True)
 class ActorState:
     """An actor at one tick."""
@@ -67,10 +85,10 @@ class ActorState:
     world_from_body: Matrix
     """(4, 4); origin on the ground under the centre of the body, x forward, y left, z up."""
     speed_m_s: float
+    """Magnitude of the velocity."""
     acceleration_m_s2: float
+    """Part of the acceleration along the body's x axis, as an IMU measures it without gravity."""
     lamps: Lamp
-    yaw_rate_rad_s: float = 0.0
-    """Counter-clockwise."""
     steering_rad: float = 0.0
     """Angle of the front wheels to the body, positive to the left; 0 for people."""
     travelled_m: float = 0.0
@@ -82,6 +100,7 @@ class ActorState:
     pose_box: Box | None = None
     """Box of a pedestrian in its pose, without umbrella; set from the body, not part of the
     trace."""
+    motion: BodyMotion = AT_REST
 
     @property
     def box(self) -> Box:
@@ -123,17 +142,26 @@ STATE_DTYPE = np.dtype(
         ("z", "<f8"),
         ("yaw", "<f8"),
         ("pitch", "<f8"),
+        ("vx", "<f8"),
+        ("vy", "<f8"),
+        ("vz", "<f8"),
+        ("ax", "<f8"),
+        ("ay", "<f8"),
+        ("az", "<f8"),
+        ("yaw_rate", "<f8"),
+        ("pitch_rate", "<f8"),
         ("speed", "<f8"),
         ("acceleration", "<f8"),
-        ("yaw_rate", "<f8"),
         ("steering", "<f8"),
         ("travelled", "<f8"),
         ("lamps", "<u1"),
     ]
 )
 """A row of a trace: kept tick, index into `Trace.actors`, world position in m, yaw and pitch in
-rad, speed in m/s, acceleration in m/s², yaw rate in rad/s, steering in rad, distance travelled in
-m, and `Lamp` bits. Names and order are those of the columns in the file."""
+rad, velocity in m/s, acceleration in m/s², rates of yaw and pitch in rad/s, speed in m/s,
+acceleration along the body in m/s², steering in rad, distance travelled in m, and `Lamp` bits.
+Velocity, acceleration and rates are derivatives of position, yaw and pitch; speed is the magnitude
+of velocity. Names and order are those of the columns in the file."""
 
 STATE_COLUMNS = tuple(STATE_DTYPE.names or ())
 
@@ -193,9 +221,9 @@ class Trace:
             speed_m_s=float(row["speed"]),
             acceleration_m_s2=float(row["acceleration"]),
             lamps=Lamp(int(row["lamps"])),
-            yaw_rate_rad_s=float(row["yaw_rate"]),
             steering_rad=float(row["steering"]),
             travelled_m=float(row["travelled"]),
+            motion=_build_motion(row),
         )
 
     def compute_sha256(self) -> str:
@@ -313,6 +341,17 @@ def _check_trace(trace: Trace) -> None:
     for what, is_right in checks.items():
         if not is_right:
             raise ValueError(f"{what} cannot be right")
+
+
+def _build_motion(row: NDArray[np.void]) -> BodyMotion:
+    pitch, yaw_rate = row["pitch"], row["yaw_rate"]
+    return BodyMotion(
+        velocity=np.array([row["vx"], row["vy"], row["vz"]]),
+        acceleration=np.array([row["ax"], row["ay"], row["az"]]),
+        angular_rate=np.array(
+            [-yaw_rate * np.sin(pitch), row["pitch_rate"], yaw_rate * np.cos(pitch)]
+        ),
+    )
 
 
 def extract_planned_trajectory(

@@ -20,7 +20,7 @@ from advercity.compiler import (
     load_library,
     with_digest,
 )
-from advercity.frames import Actor, ActorState, Frame, Lamp
+from advercity.frames import Actor, ActorState, BodyMotion, Frame, Lamp
 from advercity.geometry.mesh import Mesh
 from advercity.geometry.poses import pose_matrix
 from advercity.physics.atmosphere import Atmosphere
@@ -112,7 +112,9 @@ def make_actor_state(
 ) -> ActorState:
     """Place an actor on the ground of a flat world, lamps off."""
     actor = Actor(actor_id, actor_class, blueprint, paint, size)
-    return ActorState(actor, pose_matrix((x_m, y_m, 0.0), yaw=yaw_rad), speed_m_s, 0.0, Lamp(0))
+    pose = pose_matrix((x_m, y_m, 0.0), yaw=yaw_rad)
+    motion = BodyMotion(speed_m_s * pose[:3, 0], np.zeros(3), np.zeros(3))
+    return ActorState(actor, pose, speed_m_s, 0.0, Lamp(0), motion=motion)
 
 
 def make_frame(*states: ActorState, index: int = 0, time_s: float = 0.0) -> Frame:

@@ -27,7 +27,7 @@ from measurement import Measurement, format_table
 
 NAMES = [
     *("compile", "traffic", "bodies", "lidar", "camera", "tracing", "effects", "encode", "frame"),
-    *("cores", "resume", "reader"),
+    *("cores", "resume", "reader", "motion"),
 ]
 PACKAGES = [
     *("advercity", "sapien", "libsumo", "embreex", "numpy", "opencv-python-headless"),

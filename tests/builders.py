@@ -15,7 +15,7 @@ from advercity.dataset.manifest import Identity
 from advercity.dataset.writer import ScenarioWriter
 from advercity.diagnostics import DiagnosticsError
 from advercity.errors import InputError
-from advercity.frames import Actor, ActorState, Frame, Lamp, Signal
+from advercity.frames import Actor, ActorState, BodyMotion, Frame, Lamp, Signal
 from advercity.geometry import poses
 from advercity.geometry.poses import Matrix
 from advercity.randomness import create_generator
@@ -128,10 +128,10 @@ def frame_of(spec: Spec, index: int) -> Frame:
 def state_of(actor: Actor, time_s: float) -> ActorState:
     along, left, heading = PLACES[actor.id]
     start = poses.pose_matrix((along, left, 0.0), yaw=np.deg2rad(heading))
-    drive = poses.pose_matrix((SPEEDS[actor.id] * time_s, 0.0, 0.0))
-    return ActorState(
-        actor, WORLD_FROM_STREET @ start @ drive, SPEEDS[actor.id], 0.0, Lamp.LOW_BEAM
-    )
+    speed = SPEEDS[actor.id]
+    pose = WORLD_FROM_STREET @ start @ poses.pose_matrix((speed * time_s, 0.0, 0.0))
+    motion = BodyMotion(speed * pose[:3, 0], np.zeros(3), np.zeros(3))
+    return ActorState(actor, pose, speed, 0.0, Lamp.LOW_BEAM, motion=motion)
 
 
 def sensor_frame_of(agent: Agent, frame: Frame) -> SensorFrame:

@@ -16,7 +16,9 @@ BICYCLE = Actor(1001, "bicycle", "roadster", "car_paint_red", (1.8, 0.6, 1.7))
 
 
 def row(tick: int, actor: int, x: float, speed: float = 10.0, lamps: int = 0):
-    return (tick, actor, x, 2.0, 0.5, np.pi / 2, 0.1, speed, 0.0, 0.2, 0.05, 12.0, lamps)
+    pose = x, 2.0, 0.5, np.pi / 2, 0.1
+    motion = 0.0, speed, 0.0, 0.3, 0.6, 0.9, 0.2, 0.4, speed, 0.0
+    return (tick, actor, *pose, *motion, 0.05, 12.0, lamps)
 
 
 def trace_of(*rows: tuple[object, ...], ticks: int = 3) -> Trace:
@@ -45,6 +47,16 @@ def test_a_state_is_posed_nose_down_for_positive_pitch():
 
     np.testing.assert_allclose(pose[:3, 3], [7.0, 2.0, 0.5])
     np.testing.assert_allclose(pose[:3, 0], [0, np.cos(0.1), -np.sin(0.1)], atol=1e-12)
+
+
+def test_a_state_has_the_derivatives_of_its_pose():
+    motion = trace_of(row(0, 0, 7.0)).build_frame(0).get_state(101).motion
+
+    np.testing.assert_allclose(motion.velocity, [0.0, 10.0, 0.0])
+    np.testing.assert_allclose(motion.acceleration, [0.3, 0.6, 0.9])
+    # Nose down by 0.1, a left turn about the vertical rolls the body, too.
+    expected = [-0.2 * np.sin(0.1), 0.4, 0.2 * np.cos(0.1)]
+    np.testing.assert_allclose(motion.angular_rate, expected)
 
 
 def test_asking_for_what_is_not_there_is_an_error():

@@ -128,8 +128,8 @@ class ActorTrack:
 
     @property
     def velocities(self) -> NDArray[np.float64]:
-        """Velocities (n, 2) in m/s, along the body."""
-        return self.rows["speed"][:, None] * self.axes[:, 0]
+        """Velocities (n, 2) in m/s."""
+        return np.column_stack([self.rows["vx"], self.rows["vy"]])
 
     @property
     def corners(self) -> NDArray[np.float64]:

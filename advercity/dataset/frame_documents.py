@@ -261,7 +261,7 @@ def build_object_extras(
 
 def _describe_object_extras(item: Annotation, sensor_frame: SensorFrame) -> dict[str, Any]:
     state = item.state
-    velocity = mirror_xyz(*(state.world_from_body[:3, 0] * state.speed_m_s).tolist())
+    velocity = mirror_xyz(*state.motion.velocity.tolist())
     return {
         "class": state.actor.actor_class,
         "roles": dict(sensor_frame.conflict_roles.get(state.actor.id, {})),

@@ -10,7 +10,14 @@ from advercity_dsl import Agent, Mount, RoadsideUnit, Spec
 
 from advercity.conflicts.roles import find_conflict_roles
 from advercity.errors import RunError
-from advercity.frames import ActorState, Frame, Trace, extract_planned_trajectory
+from advercity.frames import (
+    AT_REST,
+    ActorState,
+    BodyMotion,
+    Frame,
+    Trace,
+    extract_planned_trajectory,
+)
 from advercity.geometry import poses
 from advercity.geometry.arrays import Float64Array
 from advercity.geometry.geodesy import Geodetic, enu_from_geodetic
@@ -120,10 +127,7 @@ class AgentPoses:
 
     def velocity(self, agent: Agent, frame: Frame) -> Float64Array:
         """Return the velocity (3,) of an agent in the world in m/s; zero for a roadside unit."""
-        if isinstance(agent.place, RoadsideUnit):
-            return np.zeros(3)
-        state = frame.get_state(agent.number)
-        return state.speed_m_s * state.world_from_body[:3, 0]
+        return self._find_motion(agent, frame).velocity
 
     def previous_frame(self, frame: Frame) -> Frame:
         """Return the frame one tick earlier; before the first, motion is extrapolated."""
@@ -162,6 +166,11 @@ class AgentPoses:
                 " its route ends too early"
             ) from None
 
+    def _find_motion(self, agent: Agent, frame: Frame) -> BodyMotion:
+        if isinstance(agent.place, RoadsideUnit):
+            return AT_REST
+        return frame.get_state(agent.number).motion
+
     def _load_planned_path(
         self, agent: Agent, index: int
     ) -> tuple[tuple[float, float, float], ...]:
@@ -196,15 +205,18 @@ class AgentPoses:
         return estimate
 
     def _measure_imu(self, agent: Agent, index: int) -> ImuSample | None:
-        """Measure the IMU, if the agent has one; the end frames repeat their neighbour's motion."""
+        """Measure the IMU, if the agent has one; until the first frame nothing has changed."""
         imu = agent.sensors.imu
         if imu is None:
             return None
-        middle = min(max(index, 1), len(self._trace) - 2)
-        around = (max(0, middle - 2), middle - 1, middle, middle + 1)
+        before = max(index - 1, 0)
         return measure_imu(
             imu,
-            [self.world_from_agent(agent, tick) for tick in around],
+            (self.world_from_agent(agent, before), self.world_from_agent(agent, index)),
+            (
+                self._find_motion(agent, self._traced(before)),
+                self._find_motion(agent, self._traced(index)),
+            ),
             self._trace.tick_s,
             key=(self.spec.seeds.sensors, self.spec.id, agent.id),
             frame=index,

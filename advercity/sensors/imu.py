@@ -1,15 +1,16 @@
 """Accelerometer, gyroscope and compass at a vehicle's origin, in its body frame.
 
+They measure the derivatives of the vehicle's pose, which annotations have, too.
 Noise is white plus a first-order Gauss-Markov bias, with the data-sheet values of gnss-ins-sim.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from advercity_dsl import Imu
 
+from advercity.frames import BodyMotion
 from advercity.geometry import poses
 from advercity.geometry.arrays import Float64Array
 from advercity.geometry.poses import Matrix
@@ -42,71 +43,53 @@ _IMU_GRADES = {
 
 def measure_imu(
     imu: Imu,
-    world_from_body: Sequence[Matrix],
+    world_from_body: tuple[Matrix, Matrix],
+    motions: tuple[BodyMotion, BodyMotion],
     tick_s: float,
     *,
     key: tuple[int | str, ...],
     frame: int,
 ) -> ImuSample:
-    """Measure the sample at the last but one of consecutive poses.
+    """Measure the sample at the second of two successive ticks.
 
-    Between two poses the acceleration is interpolated linearly, as that of a cubic spline.
+    A unit with more than one sample per tick measures between the ticks, too, where acceleration
+    is interpolated linearly, as that of a cubic spline.
 
     Args:
         imu: Grade and rate of the unit.
-        world_from_body: Poses (4, 4) at the previous, this and the next tick; a unit with more
-            than one sample per tick needs the one before these, too.
+        world_from_body: Poses (4, 4) at the previous tick and at this one.
+        motions: The motions that go with them.
         tick_s: Time between them.
         key: Key of the noise, such as seed and agent; the same for all frames.
         frame: Number of the frame from 0; the bias has drifted that many ticks.
     """
     count = imu.samples_per_tick
-    now = _compute_motion(world_from_body[-3:], tick_s)
-    last = now if count == 1 else _compute_motion(world_from_body[-4:-1], tick_s)
+    fractions = [(step + 1) / count for step in range(count)]
+    places = poses.interpolate_poses(*world_from_body, fractions)
     errors = _draw_errors(imu, tick_s / count, key, frame)
     samples = [
-        _interpolate_sample(last, now, (step + 1) / count, error, tick_s)
-        for step, error in enumerate(errors)
+        _compute_sample(place, motions, fraction, error, tick_s)
+        for place, fraction, error in zip(places, fractions, errors, strict=True)
     ]
     return replace(samples[-1], earlier=tuple(samples[:-1]))
 
 
-@dataclass(frozen=True, eq=False)
-class _RigidBodyMotion:
-    """Pose (4, 4), acceleration (3,) in the world and angular rate (3,) in the body at a tick."""
-
-    world_from_body: Matrix
-    acceleration: Float64Array
-    rate: Float64Array
-
-
-def _compute_motion(world_from_body: Sequence[Matrix], tick_s: float) -> _RigidBodyMotion:
-    """Compute the motion at the middle one of three poses, by central differences."""
-    before, now, after = world_from_body
-    return _RigidBodyMotion(
-        world_from_body=now,
-        acceleration=(after[:3, 3] - 2.0 * now[:3, 3] + before[:3, 3]) / tick_s**2,
-        rate=poses.to_rotation_vector(before[:3, :3].T @ after[:3, :3]) / (2.0 * tick_s),
-    )
-
-
-def _interpolate_sample(
-    last: _RigidBodyMotion,
-    now: _RigidBodyMotion,
+def _compute_sample(
+    world_from_body: Matrix,
+    motions: tuple[BodyMotion, BodyMotion],
     fraction: float,
     error: Float64Array,
     tick_s: float,
 ) -> ImuSample:
     """Compute the sample at a fraction of the tick; error (7,) as `_draw_errors` returns it."""
-    (world_from_body,) = poses.interpolate_poses(
-        last.world_from_body, now.world_from_body, [fraction]
-    )
-    acceleration = last.acceleration + fraction * (now.acceleration - last.acceleration)
+    last, now = motions
+    acceleration = (1.0 - fraction) * last.acceleration + fraction * now.acceleration
+    rate = (1.0 - fraction) * last.angular_rate + fraction * now.angular_rate
     yaw, _, _ = poses.to_yaw_pitch_roll(world_from_body)
     return ImuSample(
         specific_force=world_from_body[:3, :3].T @ (acceleration + _REST_SPECIFIC_FORCE)
         + error[:3],
-        angular_rate=last.rate + fraction * (now.rate - last.rate) + error[3:6],
+        angular_rate=rate + error[3:6],
         compass_rad=(math.pi / 2.0 - yaw + float(error[6])) % (2.0 * math.pi),
         time_s=(fraction - 1.0) * tick_s,
     )

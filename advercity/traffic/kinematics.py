@@ -1,12 +1,14 @@
 """Turn SUMO's front bumpers into the poses of bodies, and a whole recording into a trace.
 
-A vehicle's body follows its front bumper like a trailer; a person's path and heading are smoothed.
-Positions in the plane are complex numbers here, east + i north: a heading is then an argument, and
+A vehicle's body follows its front axle like a trailer. What an actor does is one smooth motion, of
+which position, velocity, acceleration and turning are values and exact derivatives.
+Positions in the plan are complex numbers here, east + i north: a heading is then an argument, and
 one function smooths or interpolates positions and plain numbers alike.
 """
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -20,6 +22,7 @@ from advercity.physics.constants import MAX_STEERING_RAD
 from advercity.roads.road_meshes import KERB_HEIGHT_M
 from advercity.roads.road_network import build_road
 from advercity.traffic.demand import TrafficDemand
+from advercity.traffic.motion_spline import MotionSpline, Values
 
 Number = TypeVar("Number", np.float64, np.complex128)
 KerbHeight = Callable[[NDArray[np.complex128]], NDArray[np.float64]]
@@ -28,24 +31,60 @@ KerbHeight = Callable[[NDArray[np.complex128]], NDArray[np.float64]]
 CATCH_UP_FACTOR = 1.3
 """SUMO's people hop onto crossings and its vehicles slide sideways at standstill; here an actor
 catches up with its position in SUMO no faster than this times its speed."""
-SMOOTHING_TICKS = 5
-"""Ticks over which speed changes are spread: SUMO's people start and stop at once, and its drivers
-press their pedals for single ticks."""
-WALK_SMOOTHING_TICKS = 9
-"""Ticks over which people turn."""
+MAX_SIDESTEP_FRACTION = 0.5
+"""What SUMO's people step beside their course as a fraction of a step; more is a hop."""
+MAX_SLOWING_FRACTION = 0.6
+"""Part of its speed by which a person slows down who is ahead of its place in SUMO."""
+CATCH_UP_TIME_S = 0.3
+"""Time constant with which a person returns to its place in SUMO."""
+MIN_CATCH_UP_FRACTION = 0.1
+"""Least speed of that as a fraction of the walking speed, so that it comes to an end."""
+DRIVING_SMOOTHING_TICKS = 12
+"""Ticks over which vehicles change their acceleration.
+
+Jerk then stays below 5 m/s³ between the usual extremes of acceleration and braking, 2.5 and
+-3 m/s², and below 10 m/s³ in an emergency."""
+STAGED_SMOOTHING_TICKS = 8
+"""Ticks over which staged actors do: they keep to their schedule, and brake in emergencies, where
+jerk stays below 20 m/s³."""
+WALKING_SMOOTHING_TICKS = 14
+"""Ticks over which people turn, set out and stop.
+
+A half turn takes 1.7 s, at 129 degrees/s at most; one by 90 degrees is half as fast. In daily life
+healthy people turn at 43 degrees/s on average (Mancini et al., NeuroRehabilitation 37, 2015)."""
 COASTING_M_S2 = 0.3
 """Deceleration above which the brakes are in use."""
 STANDSTILL_M_S = 0.1
 """Below this speed a vehicle is held by its brakes and keeps its steering angle."""
 WHEELBASE_FRACTION = 0.6
 """Distance of the axles as a fraction of a vehicle's length."""
-MAX_TURN_RATE_RAD_S = np.pi
 MIN_HEADING_SPEED_M_S = 0.3
 """Below this speed a person keeps its heading."""
 
 
+@dataclass(frozen=True, eq=False)
+class _Motion:
+    """Where a body's origin is at the ticks of its track, with first and second derivatives.
+
+    Attributes:
+        plan: (3, n) position east + i north in m, velocity and acceleration.
+        height: (3, n) the same of its height.
+        yaw: (2, n) yaw in rad and its rate.
+        pitch: (2, n) pitch in rad and its rate.
+    """
+
+    plan: NDArray[np.complex128]
+    height: NDArray[np.float64]
+    yaw: NDArray[np.float64]
+    pitch: NDArray[np.float64]
+
+
 def compute_vehicle_states(
-    track: NDArray[np.void], length_m: float, *, tick_s: float
+    track: NDArray[np.void],
+    length_m: float,
+    *,
+    tick_s: float,
+    smoothing_ticks: int = DRIVING_SMOOTHING_TICKS,
 ) -> NDArray[np.void]:
     """Compute the states of one vehicle from its fronts, both sorted by tick.
 
@@ -58,42 +97,73 @@ def compute_vehicle_states(
         track: (n,) of `FRONT_DTYPE`; of yaw and slope only the first row counts.
         length_m: Length of the body.
         tick_s: Length of a tick.
+        smoothing_ticks: Ticks over which it changes its acceleration.
 
     Returns:
         (n,) of `STATE_DTYPE`, with `actor` left at 0.
     """
-    fronts = _follow_targets(
-        track["x"] + 1j * track["y"], CATCH_UP_FACTOR * track["speed"] * tick_s
-    )
-    steps = np.abs(np.diff(fronts, prepend=fronts[0]))
-    along = np.cumsum(steps)
     wheelbase = WHEELBASE_FRACTION * length_m
-    overhang = (length_m - wheelbase) / 2
-    first_yaw, slope = track["yaw"][0], track["slope"][0]
-    axle = _interpolate_behind(
-        fronts, along, overhang, fronts[0] - overhang * np.exp(1j * first_yaw)
-    )
-    yaw = _compute_tractrix_headings(axle, wheelbase, first_yaw)
-    front_z, rear_z = (
-        _interpolate_behind(track["z"], along, back, track["z"][0] - back * np.sin(slope))
-        for back in (overhang, overhang + wheelbase)
-    )
-    climb = np.arcsin(np.clip((front_z - rear_z) / wheelbase, -1, 1))
+    axle, front_z, rear_z = _locate_axles(track, length_m, tick_s, smoothing_ticks)
+    directions = _compute_tractrix_directions(axle, wheelbase, np.exp(1j * track["yaw"][0]))
     states = _build_states(
-        track,
-        axle - wheelbase / 2 * np.cos(climb) * np.exp(1j * yaw),
-        z=(front_z + rear_z) / 2,
-        yaw=yaw,
-        pitch=-climb,
+        track, _compute_body_motion(axle, front_z, rear_z, directions, wheelbase)
     )
-    states["acceleration"] = _smooth(track["acceleration"])
-    states["yaw_rate"] = _compute_yaw_rate(yaw, tick_s)
-    states["steering"] = _compute_steering(states["yaw_rate"], steps / tick_s, wheelbase)
-    states["travelled"] = along
-    held = (track["speed"] < STANDSTILL_M_S) & (states["acceleration"] <= COASTING_M_S2)
+    states["steering"] = _compute_steering(axle.rates, directions)
+    held = (states["speed"] < STANDSTILL_M_S) & (states["acceleration"] <= COASTING_M_S2)
     braking = held | (states["acceleration"] < -COASTING_M_S2)
     states["lamps"] |= np.where(braking, Lamp.BRAKE, 0).astype(np.uint8)
     return states
+
+
+def _locate_axles(
+    track: NDArray[np.void], length_m: float, tick_s: float, smoothing_ticks: int
+) -> tuple[MotionSpline, MotionSpline, MotionSpline]:
+    """Compute the place of the front axle in the plan, and the heights of both axles."""
+    fronts = _follow_targets(
+        track["x"] + 1j * track["y"], CATCH_UP_FACTOR * track["speed"] * tick_s
+    )
+    along = np.cumsum(np.abs(np.diff(fronts, prepend=fronts[0])))
+    wheelbase = WHEELBASE_FRACTION * length_m
+    overhang = (length_m - wheelbase) / 2
+    ahead, climb = np.exp(1j * track["yaw"][0]), np.tan(track["slope"][0])
+    first_m = track["speed"][0] * tick_s
+    axle = _interpolate_behind(fronts, along, overhang, fronts[0] - overhang * ahead)
+    front_z, rear_z = (
+        _interpolate_behind(track["z"], along, back, track["z"][0] - back * climb)
+        for back in (overhang, overhang + wheelbase)
+    )
+    return (
+        _smooth_driving(axle, tick_s, smoothing_ticks, first_m * ahead),
+        _smooth_driving(front_z, tick_s, smoothing_ticks, first_m * climb),
+        _smooth_driving(rear_z, tick_s, smoothing_ticks, first_m * climb),
+    )
+
+
+def _compute_body_motion(
+    axle: MotionSpline,
+    front_z: MotionSpline,
+    rear_z: MotionSpline,
+    directions: NDArray[np.complex128],
+    wheelbase_m: float,
+) -> _Motion:
+    """Compute the motion of a body in the middle between its axles.
+
+    A direction u turns at the rate r with u' = i r u, where r is the part of the front axle's
+    velocity across u over the wheelbase.
+    """
+    rates = _across(directions, axle.rates) / wheelbase_m
+    turns = (
+        _across(directions, axle.accelerations) - rates * _along(directions, axle.rates)
+    ) / wheelbase_m
+    half = wheelbase_m / 2 * directions
+    front, rear = front_z.derivatives, rear_z.derivatives
+    climb, climb_rate, _ = (front - rear) / wheelbase_m
+    return _Motion(
+        plan=axle.derivatives - np.stack([half, 1j * rates * half, (1j * turns - rates**2) * half]),
+        height=(front + rear) / 2,
+        yaw=np.stack([np.unwrap(np.angle(directions)), rates]),
+        pitch=-np.stack([np.arctan(climb), climb_rate / (1 + climb**2)]),
+    )
 
 
 def compute_walker_states(
@@ -103,8 +173,11 @@ def compute_walker_states(
     speed_m_s: float,
     tick_s: float,
     kerb_height: KerbHeight,
+    smoothing_ticks: int = WALKING_SMOOTHING_TICKS,
 ) -> NDArray[np.void]:
     """Compute the states of one person, who stays upright and faces the walking direction.
+
+    Half of a turn happens before the path turns, since people look where they will go.
 
     Args:
         track: (n,) of `FRONT_DTYPE`, sorted by tick.
@@ -112,25 +185,61 @@ def compute_walker_states(
         speed_m_s: Walking speed.
         tick_s: Length of a tick.
         kerb_height: Height in m of the ground above SUMO's lanes at points (n,), east + i north.
+        smoothing_ticks: Ticks over which it turns, sets out and stops.
 
     Returns:
         (n,) of `STATE_DTYPE`, with `actor` left at 0.
     """
-    centres = track["x"] + 1j * track["y"] - length_m / 2 * np.exp(1j * track["yaw"])
-    path = _follow_targets(centres, np.full(len(track), CATCH_UP_FACTOR * speed_m_s * tick_s))
-    path = _smooth(path, WALK_SMOOTHING_TICKS)
-    z = _smooth(track["z"] + kerb_height(path))
-    steps = np.diff(path, prepend=path[0])
-    speed = np.abs(steps) / tick_s
-    speed[0] = track["speed"][0]
-    moves = np.gradient(path, tick_s) if len(path) > 1 else np.zeros(1, complex)
-    headings = np.where(np.abs(moves) > MIN_HEADING_SPEED_M_S, np.angle(moves), np.nan)
-    yaw = _limit_turns(headings, track["yaw"][0], MAX_TURN_RATE_RAD_S * tick_s)
-    states = _build_states(track, path, z=z, yaw=yaw, pitch=np.zeros(len(track)))
-    states["speed"], states["acceleration"] = speed, np.gradient(speed, tick_s)
-    states["yaw_rate"] = _compute_yaw_rate(yaw, tick_s)
-    states["travelled"] = np.cumsum(np.abs(steps))
-    return states
+    path = _walk_after(track, length_m, speed_m_s, tick_s)
+    smooth = partial(MotionSpline.from_samples, tick_s=tick_s, ticks=smoothing_ticks)
+    plan = smooth(path)
+    height = smooth(track["z"] + kerb_height(plan.values))
+    yaw = smooth(_find_walking_headings(path, track, tick_s))
+    upright = np.zeros((2, len(track)))
+    return _build_states(
+        track, _Motion(plan.derivatives, height.derivatives, yaw.derivatives[:2], upright)
+    )
+
+
+def _walk_after(
+    track: NDArray[np.void], length_m: float, speed_m_s: float, tick_s: float
+) -> NDArray[np.complex128]:
+    """Compute the centres (n,) of a person who walks as SUMO's does, and does not hop.
+
+    Where SUMO's person hops, this one goes there, unless it is ahead: then it lets the other come.
+    """
+    # SUMO turns people who wait hither and thither.
+    walks = np.maximum.accumulate(np.where(track["speed"] > 0, np.arange(len(track)), 0))
+    ahead = np.exp(1j * track["yaw"][walks])
+    targets = track["x"] + 1j * track["y"] - length_m / 2 * ahead
+    walk_m, limit_m = speed_m_s * tick_s, CATCH_UP_FACTOR * speed_m_s * tick_s
+    steps, forward = np.diff(targets), (track["speed"] * tick_s * ahead)[1:]
+    steps = np.where(np.abs(steps - forward) > MAX_SIDESTEP_FRACTION * walk_m, forward, steps)
+    position = complex(targets[0])
+    path = [position]
+    for target, step in zip(targets[1:].tolist(), steps.tolist(), strict=True):
+        gap, pace = target - position - step, abs(step)
+        if pace > 0:
+            gap_ahead = (gap * step.conjugate()).real / pace
+            gap += step / pace * max(-MAX_SLOWING_FRACTION * pace - gap_ahead, 0.0)
+        part = max(tick_s / CATCH_UP_TIME_S, MIN_CATCH_UP_FRACTION * walk_m / max(abs(gap), 1e-9))
+        move = step + gap * min(1.0, part)
+        position += move * min(1.0, limit_m / max(abs(move), 1e-9))
+        path.append(position)
+    return np.array(path)
+
+
+def _smooth_driving(
+    samples: Values, tick_s: float, smoothing_ticks: int, first_step: complex
+) -> MotionSpline:
+    """Smooth values (n,) that go on beyond the last tick as they did before it."""
+    return MotionSpline.from_samples(
+        samples,
+        tick_s,
+        ticks=smoothing_ticks,
+        first_step=first_step,
+        last_step=samples[-1] - samples[-2] if len(samples) > 1 else first_step,
+    )
 
 
 def _follow_targets(
@@ -146,12 +255,6 @@ def _follow_targets(
     return np.array(path)
 
 
-def _smooth(values: NDArray[Number], ticks: int = SMOOTHING_TICKS) -> NDArray[Number]:
-    """Average values (n,) over the (odd) number of `ticks` around each."""
-    kernel = np.full(ticks, 1 / ticks)
-    return np.convolve(np.pad(values, ticks // 2, mode="edge"), kernel, mode="valid")
-
-
 def _interpolate_behind(
     values: NDArray[Number], along: NDArray[np.float64], back_m: float, before: Number
 ) -> NDArray[Number]:
@@ -163,70 +266,91 @@ def _interpolate_behind(
     return np.asarray(np.interp(along - back_m, stations, known), dtype=values.dtype)
 
 
-def _compute_tractrix_headings(
-    axle: NDArray[np.complex128], wheelbase_m: float, first: float
+def _along(
+    direction: NDArray[np.complex128], vector: NDArray[np.complex128]
 ) -> NDArray[np.float64]:
-    """Compute headings (n,) of a body whose front axle (n,) pulls the rear one (a tractrix)."""
-    rear = complex(axle[0]) - wheelbase_m * np.exp(1j * first)
-    directions: list[complex] = []
-    for front in axle.tolist():
-        pull = front - rear
-        directions.append(pull / abs(pull))
-        rear = front - wheelbase_m * directions[-1]
-    return np.unwrap(np.angle(directions))
+    """Compute the parts (n,) of vectors along unit vectors."""
+    return direction.real * vector.real + direction.imag * vector.imag
 
 
-def _limit_turns(wanted: NDArray[np.float64], first: float, max_step: float) -> NDArray[np.float64]:
-    """Compute headings (n,) that turn towards the wanted ones by `max_step` a tick at most.
+def _across(
+    direction: NDArray[np.complex128], vector: NDArray[np.complex128]
+) -> NDArray[np.float64]:
+    """Compute the parts (n,) of vectors to the left of unit vectors."""
+    return direction.real * vector.imag - direction.imag * vector.real
 
-    NaN leaves the heading as it was. Half of a turn happens before it is wanted, since people look
-    where they will go.
+
+def _compute_tractrix_directions(
+    axle: MotionSpline, wheelbase_m: float, first: complex
+) -> NDArray[np.complex128]:
+    """Compute the directions (n,) of a body whose front axle pulls the rear one (a tractrix).
+
+    Each tick is a step of Runge and Kutta's method of the fourth order.
     """
-    known = np.concatenate([[first], wanted[~np.isnan(wanted)]])
-    at = np.cumsum(~np.isnan(wanted))
-    aims = np.unwrap(known)[at]
-    late = _limit_steps(aims, max_step)
-    return (late + _limit_steps(aims[::-1], max_step)[::-1]) / 2
+
+    def turn(direction: complex, velocity: complex) -> complex:
+        return 1j * direction * (direction.conjugate() * velocity).imag / wheelbase_m
+
+    direction, directions, step = complex(first), [complex(first)], axle.tick_s
+    rates = axle.rates.tolist()
+    for begin, middle, end in zip(rates, axle.middle_rates.tolist(), rates[1:], strict=False):
+        one = turn(direction, begin)
+        two = turn(direction + step / 2 * one, middle)
+        three = turn(direction + step / 2 * two, middle)
+        four = turn(direction + step * three, end)
+        change = step / 6 * (one + 2 * two + 2 * three + four)
+        if change:  # one that stands does not turn, not even by rounding
+            direction += change
+            direction /= abs(direction)
+        directions.append(direction)
+    return np.array(directions)
 
 
-def _limit_steps(aims: NDArray[np.float64], max_step: float) -> NDArray[np.float64]:
-    heading = float(aims[0])
-    headings: list[float] = []
-    for aim in aims.tolist():
-        heading += min(max(aim - heading, -max_step), max_step)
-        headings.append(heading)
-    return np.array(headings)
-
-
-def _compute_yaw_rate(headings: NDArray[np.float64], tick_s: float) -> NDArray[np.float64]:
-    """Compute yaw rates (n,) in rad/s of unwrapped headings (n,)."""
-    return np.gradient(headings, tick_s) if len(headings) > 1 else np.zeros(1)
+def _find_walking_headings(
+    path: NDArray[np.complex128], track: NDArray[np.void], tick_s: float
+) -> NDArray[np.float64]:
+    """Find the headings (n,) of a path (n,); one who stands or steps aside keeps the last."""
+    moves = np.diff(path, prepend=path[0])
+    walks = (np.abs(moves) > MIN_HEADING_SPEED_M_S * tick_s) & (track["speed"] > 0)
+    return np.unwrap(np.concatenate([track["yaw"][:1], np.angle(moves[walks])]))[np.cumsum(walks)]
 
 
 def _compute_steering(
-    yaw_rate: NDArray[np.float64], speed: NDArray[np.float64], wheelbase_m: float
+    velocity: NDArray[np.complex128], directions: NDArray[np.complex128]
 ) -> NDArray[np.float64]:
-    """Compute steering angles (n,) by the single-track model; kept at standstill."""
-    moves = speed > STANDSTILL_M_S
-    wanted = np.arctan2(wheelbase_m * yaw_rate, np.where(moves, speed, 1.0))
-    last = np.maximum.accumulate(np.where(moves, np.arange(len(speed)), 0))
+    """Compute steering angles (n,): where the front axle rolls to; kept at standstill."""
+    moves = np.abs(velocity) > STANDSTILL_M_S
+    wanted = np.angle(velocity * directions.conj())
+    last = np.maximum.accumulate(np.where(moves, np.arange(len(velocity)), 0))
     return np.clip(np.where(moves[last], wanted[last], 0.0), -MAX_STEERING_RAD, MAX_STEERING_RAD)
 
 
-def _build_states(
-    track: NDArray[np.void],
-    centres: NDArray[np.complex128],
-    *,
-    z: NDArray[np.float64],
-    yaw: NDArray[np.float64],
-    pitch: NDArray[np.float64],
-) -> NDArray[np.void]:
+def _build_states(track: NDArray[np.void], motion: _Motion) -> NDArray[np.void]:
     states = np.zeros(len(track), dtype=STATE_DTYPE)
-    for name in ("tick", "speed", "acceleration", "lamps"):
-        states[name] = track[name]
-    states["x"], states["y"], states["z"] = centres.real, centres.imag, z
-    states["yaw"], states["pitch"] = yaw, pitch
+    states["tick"], states["lamps"] = track["tick"], track["lamps"]
+    for names, plan, height in zip(_MOTION_COLUMNS, motion.plan, motion.height, strict=True):
+        for name, column in zip(names, (plan.real, plan.imag, height), strict=True):
+            states[name] = column
+    states["yaw"], states["yaw_rate"] = motion.yaw
+    states["pitch"], states["pitch_rate"] = motion.pitch
+    places, velocities, accelerations = (
+        np.stack([states[name] for name in names]) for names in _MOTION_COLUMNS
+    )
+    level = np.cos(states["pitch"])
+    ahead = np.cos(states["yaw"]) * level, np.sin(states["yaw"]) * level, -np.sin(states["pitch"])
+    states["speed"] = _norm(velocities)
+    states["acceleration"] = sum(axis * a for axis, a in zip(ahead, accelerations, strict=True))
+    states["travelled"][1:] = np.cumsum(_norm(np.diff(places)))
     return states
+
+
+_MOTION_COLUMNS = ("x", "y", "z"), ("vx", "vy", "vz"), ("ax", "ay", "az")
+
+
+def _norm(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Compute the lengths (n,) of vectors (3, n)."""
+    x, y, z = vectors
+    return np.sqrt(x * x + y * y + z * z)
 
 
 @dataclass(frozen=True)
@@ -264,18 +388,29 @@ def build_trace(
     tick_s = spec.timing.tick_s
     speeds = {trip.actor.id: trip.speed_m_s for trip in demand.walkers}
     known = {actor.id: actor for actor in demand.actors}
+    staged = {actor.id for actor in (*(trip.actor for trip in demand.staged), *demand.scripted)}
     actors: list[Actor] = []
     states: list[NDArray[np.void]] = []
     for number, track in sorted(recording.tracks.items()):
-        actor = known[number]
+        actor, is_staged = known[number], number in staged
         if actor.actor_class == "pedestrian":
             # A staged pedestrian has no walking speed of its own, but the speed of its track.
             speed = speeds[number] if number in speeds else float(track["speed"].max())
             rows = compute_walker_states(
-                track, actor.size[0], speed_m_s=speed, tick_s=tick_s, kerb_height=kerb_height
+                track,
+                actor.size[0],
+                speed_m_s=speed,
+                tick_s=tick_s,
+                kerb_height=kerb_height,
+                smoothing_ticks=STAGED_SMOOTHING_TICKS if is_staged else WALKING_SMOOTHING_TICKS,
             )
         else:
-            rows = compute_vehicle_states(track, actor.size[0], tick_s=tick_s)
+            rows = compute_vehicle_states(
+                track,
+                actor.size[0],
+                tick_s=tick_s,
+                smoothing_ticks=STAGED_SMOOTHING_TICKS if is_staged else DRIVING_SMOOTHING_TICKS,
+            )
             if actor.actor_class == "bicycle":
                 rows["lamps"] = 0
         # Cut off the warm-up only now: axles roll and people turn on what they did before.

@@ -46,6 +46,8 @@ def trace_of(*ways: Way, ticks: int = 40, size: tuple[float, float] = (4.0, 2.0)
         names = ("x", "y", "yaw", "speed", "travelled")
         for name, column in zip(names, way(time), strict=True):
             rows[name][:, index] = column
+        rows["vx"][:, index] = rows["speed"][:, index] * np.cos(rows["yaw"][:, index])
+        rows["vy"][:, index] = rows["speed"][:, index] * np.sin(rows["yaw"][:, index])
     actors = [
         Actor(index + 1, "car", "saloon", "car_paint_blue", (*size, 1.5))
         for index in range(len(ways))

@@ -110,6 +110,7 @@ def crossed(spec: Spec, lag_s: float, meant_s: float, *, below_s: float = 3.0) -
     rows["y"][:, 1] = 2 * (time - 2 - lag_s)
     rows["speed"][:, 1], rows["travelled"][:, 1] = 2, 2 * time
     rows["yaw"][:, 1] = np.pi / 2
+    rows["vx"][:, 0], rows["vy"][:, 1] = 10, 2
     actors = (
         Actor(EGO, "car", "saloon", "car_paint_blue", (4.0, 2.0, 1.5)),
         Actor(OTHER, "pedestrian", "adult", "cloth_dark", (0.5, 0.5, 1.8)),

@@ -2,33 +2,13 @@
 
 import numpy as np
 import pytest
-from advercity_dsl import Gnss, Imu
+from advercity_dsl import Gnss
 
 from advercity.geometry.geodesy import Geodetic, enu_from_geodetic
-from advercity.geometry.poses import Matrix, pose_matrix
 from advercity.randomness import create_generator
 from advercity.sensors.gnss import measure_gnss
-from advercity.sensors.imu import measure_imu
-from advercity.sensors.measurements import ImuSample
 
 ORIGIN = Geodetic(49.0, 8.0, 110.0)
-
-
-TICK_S = 0.1
-
-
-IDEAL = Imu()
-
-
-def still(where: Matrix) -> tuple[Matrix, Matrix, Matrix]:
-    return where, where, where
-
-
-STILL = still(pose_matrix((1, 2, 0)))
-
-
-def sample(poses: tuple[Matrix, Matrix, Matrix], imu: Imu = IDEAL, *, frame: int = 0) -> ImuSample:
-    return measure_imu(imu, poses, TICK_S, key=(7, "ego"), frame=frame)
 
 
 def test_a_receiver_without_noise_reports_its_position() -> None:
@@ -58,13 +38,6 @@ def test_noise_in_degrees_is_a_third_of_a_metre_at_the_equator() -> None:
     )
     np.testing.assert_allclose(places.std(axis=0), [0.334, 0.332, 0.05], rtol=0.03)
     np.testing.assert_allclose(places.mean(axis=0), [50, 20, 1], atol=0.015)
-
-
-def errors(grade: str, frames: range) -> tuple[np.ndarray, np.ndarray]:
-    imu = Imu.model_validate({"grade": grade})
-    found = [sample(STILL, imu, frame=frame) for frame in frames]
-    force = np.array([one.specific_force - [0, 0, 9.81] for one in found])
-    return force, np.array([one.angular_rate for one in found])
 
 
 def realistic(**fields: float) -> Gnss:

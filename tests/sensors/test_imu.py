@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from advercity_dsl import Imu
 
+from advercity.frames import AT_REST, BodyMotion
 from advercity.geometry.poses import Matrix, pose_matrix
 from advercity.sensors.imu import measure_imu
 from advercity.sensors.measurements import ImuSample
@@ -23,20 +24,20 @@ HIGH_GRADE_WHITE = 4.2e-7 / math.sqrt(TICK_S)
 IDEAL = Imu()
 
 
-def still(where: Matrix) -> tuple[Matrix, Matrix, Matrix]:
-    return where, where, where
+STILL = pose_matrix((1, 2, 0))
 
 
-STILL = still(pose_matrix((1, 2, 0)))
+def moving(acceleration: tuple[float, ...], rate: tuple[float, ...] = (0, 0, 0)) -> BodyMotion:
+    return BodyMotion(np.zeros(3), np.array(acceleration), np.array(rate))
 
 
-def sample(poses: tuple[Matrix, Matrix, Matrix], imu: Imu = IDEAL, *, frame: int = 0) -> ImuSample:
-    return measure_imu(imu, poses, TICK_S, key=(7, "ego"), frame=frame)
+def sample(
+    pose: Matrix, imu: Imu = IDEAL, *, motion: BodyMotion = AT_REST, frame: int = 0
+) -> ImuSample:
+    return measure_imu(imu, (pose, pose), (motion, motion), TICK_S, key=(7, "ego"), frame=frame)
 
 
-def moving(position: list[tuple[float, float, float]]) -> tuple[Matrix, Matrix, Matrix]:
-    before, now, after = (pose_matrix(place) for place in position)
-    return before, now, after
+AT_STANDSTILL = (STILL, STILL), (AT_REST, AT_REST)
 
 
 def test_at_rest_only_gravity_is_measured() -> None:
@@ -46,31 +47,29 @@ def test_at_rest_only_gravity_is_measured() -> None:
 
 
 def test_nose_up_gravity_pushes_forward() -> None:
-    pitched = still(pose_matrix((0, 0, 0), pitch=-math.radians(5)))
+    pitched = pose_matrix((0, 0, 0), pitch=-math.radians(5))
     np.testing.assert_allclose(sample(pitched).specific_force, [0.855, 0, 9.7727], atol=1e-3)
 
 
 def test_a_left_turn_accelerates_and_rotates_left() -> None:
     rate, radius = 0.5, 20.0
-    turn = [
-        pose_matrix((radius * math.sin(angle), -radius * math.cos(angle), 0), yaw=angle)
-        for angle in (1.0 - rate * TICK_S, 1.0, 1.0 + rate * TICK_S)
-    ]
-    found = sample((turn[0], turn[1], turn[2]))
-    np.testing.assert_allclose(found.specific_force, [0, 5.0, 9.81], atol=2e-3)
+    inward = -(rate**2) * radius * math.sin(1.0), rate**2 * radius * math.cos(1.0), 0.0
+    turn = pose_matrix((radius * math.sin(1.0), -radius * math.cos(1.0), 0), yaw=1.0)
+    found = sample(turn, motion=moving(inward, (0, 0, rate)))
+    np.testing.assert_allclose(found.specific_force, [0, 5.0, 9.81], atol=1e-9)
     np.testing.assert_allclose(found.angular_rate, [0, 0, 0.5], atol=1e-9)
 
 
 def test_speeding_up_pushes_forward() -> None:
-    poses = moving([(0, 0, 0), (1.0, 0, 0), (2.03, 0, 0)])
-    np.testing.assert_allclose(sample(poses).specific_force, [3.0, 0, 9.81], atol=1e-9)
+    found = sample(STILL, motion=moving((3.0, 0, 0)))
+    np.testing.assert_allclose(found.specific_force, [3.0, 0, 9.81], atol=1e-9)
 
 
 @pytest.mark.parametrize(
     ("yaw_deg", "compass_deg"), [(90, 0), (0, 90), (-90, 180), (180, 270), (45, 45)]
 )
 def test_the_compass_runs_clockwise_from_north(yaw_deg: float, compass_deg: float) -> None:
-    facing = still(pose_matrix((0, 0, 0), yaw=math.radians(yaw_deg)))
+    facing = pose_matrix((0, 0, 0), yaw=math.radians(yaw_deg))
     turned = math.degrees(sample(facing).compass_rad) - compass_deg
     assert (turned + 180) % 360 - 180 == pytest.approx(0, abs=1e-9)
     assert 0 <= sample(facing).compass_rad < 2 * math.pi
@@ -106,9 +105,9 @@ def forces_at_rest(frame: int) -> np.ndarray:
     """Errors of the forward accelerometer of 400 good units."""
     return np.array(
         [
-            measure_imu(Imu(grade="high"), STILL, TICK_S, key=(unit,), frame=frame).specific_force[
-                0
-            ]
+            measure_imu(
+                Imu(grade="high"), *AT_STANDSTILL, TICK_S, key=(unit,), frame=frame
+            ).specific_force[0]
             for unit in range(400)
         ]
     )
@@ -128,12 +127,14 @@ def test_the_bias_drifts_slowly_and_forgets_in_the_end() -> None:
 
 def test_a_fast_unit_samples_between_the_frames() -> None:
     imu = Imu(samples_per_tick=10)
-    poses = [pose_matrix((0.5 * speed * speed * 0.02, 0, 0)) for speed in range(4)]
-    found = measure_imu(imu, poses, TICK_S, key=("fast",), frame=2)
+    poses = STILL, pose_matrix((1.1, 2, 0))
+    motions = moving((1.0, 0, 0)), moving((2.0, 0, 0))
+    found = measure_imu(imu, poses, motions, TICK_S, key=("fast",), frame=2)
     assert len(found.earlier) == 9
     np.testing.assert_allclose([one.time_s for one in found.earlier], np.arange(-9, 0) / 100)
     forces = [one.specific_force for one in (*found.earlier, found)]
-    np.testing.assert_allclose(forces, [[2.0, 0, 9.81]] * 10, atol=1e-9)
+    between = np.arange(1.1, 2.05, 0.1)
+    np.testing.assert_allclose(forces, [[force, 0, 9.81] for force in between], atol=1e-9)
 
 
 def test_a_compass_has_the_noise_of_its_rig() -> None:
@@ -149,7 +150,7 @@ def test_noise_is_as_dense_at_a_second_as_the_data_sheet_says() -> None:
     hour = 3600
     rows: list[np.ndarray] = []
     for frame in range(0, hour * 10, 10):
-        found = measure_imu(imu, [*STILL, STILL[0]], TICK_S, key=("allan", frame), frame=0)
+        found = measure_imu(imu, *AT_STANDSTILL, TICK_S, key=("allan", frame), frame=0)
         ten = [np.r_[one.specific_force, one.angular_rate] for one in (*found.earlier, found)]
         rows.append(np.mean(ten, axis=0) / math.sqrt(10))
     means = np.array(rows) - np.mean(rows, axis=0)
@@ -158,7 +159,10 @@ def test_noise_is_as_dense_at_a_second_as_the_data_sheet_says() -> None:
     np.testing.assert_allclose(deviation[3:], 2.18e-4, rtol=0.1)
 
 
-def drive(ticks: int) -> list[Matrix]:
+Drive = tuple[list[Matrix], list[BodyMotion]]
+
+
+def drive(ticks: int) -> Drive:
     """Twenty seconds over a hill and through bends, at 3 to 17 m/s; nose along the way."""
     fine = 20
     time_s = np.arange(-2 * fine, (ticks + 2) * fine) * (TICK_S / fine)
@@ -169,19 +173,32 @@ def drive(ticks: int) -> list[Matrix]:
         [np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), -np.sin(pitch)]
     )
     places = np.cumsum(steps, axis=0)
-    return [
-        pose_matrix(places[at], yaw=yaw[at], pitch=pitch[at]) for at in range(0, len(time_s), fine)
-    ]
+    velocity = np.gradient(places, TICK_S / fine, axis=0)
+    acceleration = np.gradient(velocity, TICK_S / fine, axis=0)
+    turning, nodding = (np.gradient(angle, TICK_S / fine) for angle in (yaw, pitch))
+    rate = np.column_stack([-turning * np.sin(pitch), nodding, turning * np.cos(pitch)])
+    ticks_at = range(0, len(time_s), fine)
+    return (
+        [pose_matrix(places[at], yaw=yaw[at], pitch=pitch[at]) for at in ticks_at],
+        [BodyMotion(velocity[at], acceleration[at], rate[at]) for at in ticks_at],
+    )
 
 
-def dead_reckoned(imu: Imu, poses: list[Matrix], key: str) -> Matrix:
+def dead_reckoned(imu: Imu, way: Drive, key: str) -> Matrix:
     """Where the unit's samples lead from the first pose, at the speed that it has there."""
     step_s = TICK_S / imu.samples_per_tick
-    where = poses[2].copy()
-    velocity = (poses[3][:3, 3] - poses[1][:3, 3]) / (2 * TICK_S)
+    poses, motions = way
+    where, velocity = poses[2].copy(), motions[2].velocity
     last: ImuSample | None = None
     for tick in range(2, len(poses) - 1):
-        found = measure_imu(imu, poses[tick - 2 : tick + 2], TICK_S, key=(key,), frame=tick)
+        found = measure_imu(
+            imu,
+            (poses[tick - 1], poses[tick]),
+            (motions[tick - 1], motions[tick]),
+            TICK_S,
+            key=(key,),
+            frame=tick,
+        )
         samples = [found] if last is None else [*found.earlier, found]
         for one in samples:
             if last is not None:
@@ -212,11 +229,12 @@ def rotation_about(vector: np.ndarray, angle: float) -> np.ndarray:
 def test_an_ideal_unit_gives_the_path_of_twenty_seconds_back(rate: int) -> None:
     way = drive(200)
     end = dead_reckoned(Imu(samples_per_tick=rate), way, "ideal")
-    travelled = sum(float(np.linalg.norm(b[:3, 3] - a[:3, 3])) for a, b in pairwise(way))
-    off = end[:3, 3] - way[-2][:3, 3]
+    poses = way[0]
+    travelled = sum(float(np.linalg.norm(b[:3, 3] - a[:3, 3])) for a, b in pairwise(poses))
+    off = end[:3, 3] - poses[-2][:3, 3]
     assert travelled > 150
     assert np.linalg.norm(off) < 0.005 * travelled
-    np.testing.assert_allclose(end[:3, :3], way[-2][:3, :3], atol=2e-3)
+    np.testing.assert_allclose(end[:3, :3], poses[-2][:3, :3], atol=2e-3)
 
 
 def test_a_cheap_unit_gives_the_path_back_within_its_noise() -> None:
