@@ -243,7 +243,7 @@ def image_of(agent: Agent, frame: Frame, world_from_camera: Matrix) -> CameraIma
         world_from_camera=world_from_camera,
         image=rng.integers(0, 256, (height, width, 3), dtype=np.uint8),
         semantic=semantic,
-        depth=np.where(instance > 0, 20, 255).astype(np.uint8),
+        depth_cm=np.where(instance > 0, 2004, 65_535).astype(np.uint16),
         projected_boxes=project_boxes(
             instance,
             world_from_camera,

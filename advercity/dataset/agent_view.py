@@ -163,6 +163,11 @@ class AgentView:
         """Read the depths (h, w) in whole metres along a camera's optical axis; at most 255."""
         return self._read_camera("depth", camera, cv2.IMREAD_UNCHANGED)
 
+    def depth_cm(self, camera: int) -> NDArray[np.uint16]:
+        """Read the depths (h, w) in centimetres along a camera's optical axis; at most 65535."""
+        image: Any = self._read_camera("depth_cm", camera, cv2.IMREAD_UNCHANGED)
+        return image
+
     def bird_view(self, kind: str) -> NDArray[np.uint8]:
         """Read a map (256, 256): dynamic, static, lane, visibility or visibility_corp."""
         return self._read_image(f"_bev_{kind}.png", cv2.IMREAD_GRAYSCALE)

@@ -73,7 +73,7 @@ OPV2V = DatasetFormat(
     format_opv2v_folder,
     ".pcd",
     read_pcd,
-    image_kinds=("camera", "semantic", "depth"),
+    image_kinds=("camera", "semantic", "depth", "depth_cm"),
     motion_suffix="_additional_gnss_imu.yaml",
     extra_suffixes=("_objects.json", *(f"_bev_{kind}.png" for kind in MAP_KINDS)),
 )

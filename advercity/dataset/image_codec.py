@@ -1,4 +1,4 @@
-"""Converts images: PNG and JPEG files, semantic colours, depths as 8-bit values.
+"""Converts images: PNG and JPEG files, semantic colours, depths as whole numbers.
 
 PNG (W3C, Portable Network Graphics, third edition) is encoded here: OpenCV takes 2.4 to 2.8 times
 as long at the same size. Pixels are written as differences to their left neighbours. Photographs
@@ -48,9 +48,18 @@ def from_semantic_colours(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return _build_tag_table()[_pack_colours(image)]
 
 
-def quantise_depth(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Round depths (h, w) in metres, inf for the sky, to 8-bit values."""
-    return np.rint(np.minimum(depth, 255.0)).astype(np.uint8)
+MAX_DEPTH_CM = 65_535
+"""Depth of the sky and of all that is farther."""
+
+
+def quantise_depth(depth: NDArray[np.float32]) -> NDArray[np.uint16]:
+    """Round depths (h, w) in metres, inf for the sky, to centimetres, at most `MAX_DEPTH_CM`."""
+    return np.rint(np.minimum(depth * np.float32(100.0), MAX_DEPTH_CM)).astype(np.uint16)
+
+
+def to_whole_metres(depth_cm: NDArray[np.uint16]) -> NDArray[np.uint8]:
+    """Round depths (h, w) in centimetres to metres, at most 255."""
+    return np.rint(np.minimum(depth_cm * np.float32(0.01), 255.0)).astype(np.uint8)
 
 
 def to_three_channels(mask: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -83,11 +92,18 @@ def encode_label_png(image: NDArray[np.uint8]) -> bytes:
     return _encode_png(image, zlib_ng.Z_RLE)
 
 
-def _encode_png(image: NDArray[np.uint8], strategy: int) -> bytes:
+def encode_depth_png(depth_cm: NDArray[np.uint16]) -> bytes:
+    """Encode an image (h, w) of 16-bit values without loss."""
+    # PNG has the high byte first.
+    return _encode_png(depth_cm.astype(">u2").view(np.uint8).reshape(*depth_cm.shape, 2))
+
+
+def _encode_png(image: NDArray[np.uint8], strategy: int = zlib_ng.Z_RLE) -> bytes:
+    """Encode RGB (h, w, 3), grey (h, w), or the two bytes (h, w, 2) of 16-bit grey."""
     height, width = image.shape[:2]
     channels = image.shape[2] if image.ndim == 3 else 1
-    kind = RGB if channels == 3 else GREY
-    header = struct.pack(">IIBBBBB", width, height, 8, kind, 0, 0, 0)
+    kind, bits = RGB if channels == 3 else GREY, 16 if channels == 2 else 8
+    header = struct.pack(">IIBBBBB", width, height, bits, kind, 0, 0, 0)
     coder = zlib_ng.compressobj(
         1, zlib_ng.DEFLATED, zlib_ng.MAX_WBITS, DEFLATE_MEMORY_LEVEL, strategy
     )

@@ -13,6 +13,9 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from advercity.dataset import cloud_files
 from advercity.dataset.bird_view import draw_bird_views
 from advercity.dataset.carla_frame import mirror_points
@@ -26,10 +29,12 @@ from advercity.dataset.frame_documents import (
     format_yaml,
 )
 from advercity.dataset.image_codec import (
+    encode_depth_png,
     encode_label_png,
     encode_photo_png,
     to_semantic_colours,
     to_three_channels,
+    to_whole_metres,
 )
 from advercity.geometry.arrays import Uint8Array
 from advercity.roads.lane_segments import LaneSegment
@@ -73,7 +78,8 @@ def encode_opv2v_frame(
         for index, image in enumerate(item.camera_images):
             jobs[f"{stem}_camera{index}.png"] = partial(encode_photo_png, image.image)
             jobs[f"{stem}_semantic{index}.png"] = partial(_encode_semantic, image.semantic)
-            jobs[f"{stem}_depth{index}.png"] = partial(encode_label_png, image.depth)
+            jobs[f"{stem}_depth{index}.png"] = partial(_encode_metres, image.depth_cm)
+            jobs[f"{stem}_depth_cm{index}.png"] = partial(encode_depth_png, image.depth_cm)
     for stem, maps in zip(stems, draw_bird_views(ordered, lanes), strict=True):
         jobs |= {
             f"{stem}_bev_{kind}.png": partial(_encode_mask, mask) for kind, mask in maps.items()
@@ -140,6 +146,10 @@ def _has_motion(item: SensorFrame) -> bool:
 
 def _encode_semantic(semantic: Uint8Array) -> bytes:
     return encode_label_png(to_semantic_colours(semantic))
+
+
+def _encode_metres(depth_cm: NDArray[np.uint16]) -> bytes:
+    return encode_label_png(to_whole_metres(depth_cm))
 
 
 def _encode_mask(mask: Uint8Array) -> bytes:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from advercity.conflicts.report import find_conflict_events
 from advercity.dataset.agent_view import AgentView
+from advercity.dataset.image_codec import MAX_DEPTH_CM
 from advercity.dataset.reader import Scenario
 from advercity.dataset.scenario_folders import no_frames_error
 from advercity.errors import InputError, RunError
@@ -50,7 +51,7 @@ def _load_images(stored: AgentView, world_from_cameras: Sequence[Matrix]) -> Ite
             world_from_camera=world_from_camera,
             image=stored.image(camera),
             semantic=semantic,
-            depth=np.full_like(semantic, 255),
+            depth_cm=np.full(semantic.shape, MAX_DEPTH_CM, np.uint16),
             projected_boxes={},
         )
 

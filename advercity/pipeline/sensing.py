@@ -130,7 +130,7 @@ class SensorRig:
                 world_from_camera=pose,
                 image=self._render_image(capture, agent, camera, pose, frame),
                 semantic=capture.semantic,
-                depth=quantise_depth(capture.depth),
+                depth_cm=quantise_depth(capture.depth),
                 projected_boxes=self._project_boxes(capture, view, frame),
             )
 

@@ -53,14 +53,14 @@ class CameraImage:
         world_from_camera: (4, 4), body axes: x along the view, y left, z up.
         image: (h, w, 3) uint8 RGB.
         semantic: (h, w) uint8 of `Semantic`.
-        depth: (h, w) uint8, whole metres along the optical axis, 255 for that and all beyond.
+        depth_cm: (h, w) uint16, centimetres along the optical axis; 65535 for that and all beyond.
         projected_boxes: Boxes by actor id, of the actors whose outline overlaps the image.
     """
 
     world_from_camera: Matrix
     image: NDArray[np.uint8]
     semantic: NDArray[np.uint8]
-    depth: NDArray[np.uint8]
+    depth_cm: NDArray[np.uint16]
     projected_boxes: Mapping[int, ProjectedBox]
 
 

@@ -141,7 +141,9 @@ def test_frames_are_numbered_as_in_the_original(scenario: Path, agent: str) -> N
 
 @EVERY_AGENT
 def test_each_frame_has_all_its_files(scenario: Path, agent: str) -> None:
-    images = [f"_{kind}{k}.png" for kind in ("camera", "semantic", "depth") for k in range(4)]
+    images = [
+        f"_{kind}{k}.png" for kind in ("camera", "semantic", "depth", "depth_cm") for k in range(4)
+    ]
     images += [f"_bev_{kind}.png" for kind in MAPS]
     motion = [] if agent.startswith("-") else ["_additional_gnss_imu.yaml"]
     expected = {f"000061{end}" for end in [".yaml", ".pcd", "_objects.json", *images, *motion]}

@@ -123,6 +123,19 @@ def test_boxes_come_back(dataset: Dataset, sensor_frames_of: SensorFramesOf) -> 
         assert boxes.speeds_m_s[row] == pytest.approx(item.state.speed_m_s)
 
 
+def test_depths_are_in_metres_and_in_centimetres(dataset: Dataset) -> None:
+    """Objects are 20.04 m away, and the sky is farther than either file holds."""
+    view = dataset[0]["cav1"]
+    if dataset.scenarios[0].format.name == "adver_city":
+        with pytest.raises(InputError, match=r"_depth_cm0\.png"):
+            view.depth_cm(0)
+        return
+    fine, coarse = view.depth_cm(0), view.depth(0)
+    assert (fine.dtype, coarse.dtype) == (np.uint16, np.uint8)
+    assert set(np.unique(fine).tolist()) == {2004, 65_535}
+    np.testing.assert_array_equal(coarse, np.where(fine == 2004, 20, 255))
+
+
 def test_boxes_are_selected_by_a_mask(dataset: Dataset) -> None:
     boxes = dataset[0]["cav1"].boxes
     near = boxes.select(boxes.distances_m < 15.0)

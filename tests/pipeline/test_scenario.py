@@ -73,6 +73,7 @@ def test_every_agent_writes_its_files(made: Path) -> None:
         "objects.json",
         *(f"bev_{kind}.png" for kind in MAPS),
         *(f"depth{index}.png" for index in range(4)),
+        *(f"depth_cm{index}.png" for index in range(4)),
         *(f"camera{index}.png" for index in range(4)),
         *(f"semantic{index}.png" for index in range(4)),
     ]
@@ -104,7 +105,7 @@ def test_frames_are_independent_of_those_before(spec: Spec, made: Path, tmp_path
     alone = tree(run(spec, tmp_path, 1, 2))
     whole = tree(made)
     frames = {path: digest for path, digest in alone.items() if "000061" in path}
-    assert len(frames) == 103
+    assert len(frames) == 123
     assert frames == {path: whole[path] for path in frames}
 
 
