@@ -310,12 +310,12 @@ def compute_actor_speed_m_s(case: ConflictCase, place: ActorPlacement) -> float:
 
 
 def _compute_missing_approach_m(case: ConflictCase, place: ActorPlacement) -> float:
-    """Compute how much longer an approach must be for the drawn speed; 0 if it is long enough."""
+    """Compute how much longer an approach must be for the lowest speed; 0 if it is long enough."""
     low_km_h, _ = compute_bounds(case.conflict.parameters.actor_speed_km_h.draw)
-    speed = compute_actor_speed_m_s(case, place)
-    if speed >= MIN_APPROACH_SPEED_RATIO * low_km_h / KM_H_PER_M_S:
+    low_m_s = low_km_h / KM_H_PER_M_S
+    if compute_actor_speed_m_s(case, place) >= MIN_APPROACH_SPEED_RATIO * low_m_s:
         return 0.0
-    steady_m = (case.speed_m_s / STEADY_SPEED_FRACTION) ** 2 / 2 * _sum_inverse_limits(case)
+    steady_m = (low_m_s / STEADY_SPEED_FRACTION) ** 2 / 2 * _sum_inverse_limits(case)
     return steady_m + case.actor.length_m / 2 + STOPPING_MARGIN_M - place.approach_m
 
 

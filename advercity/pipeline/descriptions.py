@@ -19,6 +19,8 @@ from advercity.physics.extinction import (
 from advercity.physics.sky import daylight_for_weather
 from advercity.physics.stopping import compute_stopping_distance
 from advercity.physics.weather_text import format_weather
+from advercity.roads.junction_arms import JunctionArms
+from advercity.roads.routes import RoutePlanner
 from advercity.sensors.lidar.received_power import detection_range_m
 
 Description = Mapping[str, str]
@@ -151,12 +153,21 @@ def _format_value(value: Any) -> str:
 
 
 def describe_road(road: Road) -> Description:
-    """Describe a road."""
+    """Describe a road; junctions of three arms or more of a map with the directions of the arms."""
+    planner = RoutePlanner(road)
+    arms = {
+        f"junction {name}": f"{planner.controls[name]}: {found.describe()}"
+        for name in planner.movements
+        if len((found := JunctionArms(planner, name)).directions) > 2
+    }
+    declared = {
+        "junctions": ", ".join(f"{name} ({item.control})" for name, item in road.junctions.items())
+    }
     return {
         "road": _format_title(road),
         "place": f"{road.land_use}, {road.junction}, {road.alignment}, {road.profile}",
-        "streets": ", ".join(road.streets),
-        "junctions": ", ".join(f"{name} ({item.control})" for name, item in road.junctions.items()),
+        "streets": ", ".join(planner.streets),
+        **(arms if road.imported else declared),
         "agents": ", ".join(road.agents),
     }
 

@@ -7,7 +7,6 @@ are at the right of the approach.
 
 from collections.abc import Iterator, Mapping
 from functools import cached_property
-from types import MappingProxyType
 
 import numpy as np
 import shapely
@@ -23,6 +22,7 @@ from advercity.geometry.mesh import (
 from advercity.geometry.polyline import Points, StationedPolyline, offset_polyline
 from advercity.roads import markings
 from advercity.roads.imported_network import ImportedNetwork
+from advercity.roads.imported_streets import read_imported_streets
 from advercity.roads.imported_surface import ImportedSurface
 from advercity.roads.lane_segments import LaneSegment
 from advercity.roads.markings import PAINT_KINDS, WHITE, YELLOW
@@ -103,10 +103,10 @@ def _stop_line(edge: SumoEdge) -> Iterator[TriangleSurface]:
 SIGNAL_HEIGHT_M = 5.8
 MAST_CLEARANCE_M = 0.8
 """Distance from the edge of the roadway to a mast or sign."""
-MAX_MAST_OFFSET_M = 12.0
+MAX_MAST_OFFSET_M = 24.0
 MAX_FAR_SIDE_M = 60.0
 """Longest junction that is searched for its far side."""
-MAST_SEARCH_STEP_M = 0.25
+MAST_SEARCH_STEP_M = 0.4
 MAX_MAST_ARM_M = 7.0
 
 
@@ -124,7 +124,7 @@ def place_traffic_lights(net: ImportedNetwork, surface: ImportedSurface) -> Iter
 def _place_traffic_light(name: str, edge: SumoEdge, surface: ImportedSurface) -> TrafficLight:
     end, heading = _edge_end(edge)
     far = _find_far_side(end, heading, edge, surface)
-    pole = _find_mast_position(far, heading, surface.roadway_area)
+    pole = _find_mast_position(far, heading, surface, ahead=True)
     arm = far - pole
     length_m = float(np.linalg.norm(arm))
     if length_m > MAX_MAST_ARM_M:
@@ -158,20 +158,25 @@ def _find_far_side(
     return crossed[((crossed - end) @ heading).argmax()]
 
 
-def _find_mast_position(point: Points, heading: Points, roadway: BaseGeometry) -> Points:
-    """Find the nearest point (2,) off the roadway: just ahead, else to the right."""
-    ahead = point + 2 * MAST_CLEARANCE_M * heading
-    if not _is_near_roadway(ahead, roadway):
-        return ahead
+def _find_mast_position(
+    point: Points, heading: Points, surface: ImportedSurface, *, ahead: bool
+) -> Points:
+    """Find the nearest point (2,) off all roadways: on the right, and ahead or behind.
+
+    Where there is none, the other direction is searched, and then the left.
+    """
+    along = heading if ahead else -heading
     right = -polyline.left_normals(heading)
-    for offset_m in np.arange(0.0, MAX_MAST_OFFSET_M, MAST_SEARCH_STEP_M):
-        if not _is_near_roadway(point + offset_m * right, roadway):
-            return point + offset_m * right
-    return point + MAX_MAST_OFFSET_M * right
-
-
-def _is_near_roadway(point: Points, roadway: BaseGeometry) -> bool:
-    return bool(shapely.dwithin(roadway, shapely.Point(point), MAST_CLEARANCE_M))
+    steps = np.arange(0.0, MAX_MAST_OFFSET_M, MAST_SEARCH_STEP_M)
+    offsets = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    offsets = offsets[np.argsort(np.linalg.norm(offsets, axis=1), kind="stable")]
+    for sides in ((1, 1), (-1, 1), (1, -1), (-1, -1)):
+        candidates = point + offsets @ (np.array(sides)[:, None] * np.stack([along, right]))
+        places = shapely.points(candidates)
+        free = ~shapely.dwithin(surface.roadway_area, places, MAST_CLEARANCE_M)
+        if free.any():
+            return candidates[free.argmax()]
+    return point
 
 
 def place_traffic_signs(net: ImportedNetwork, surface: ImportedSurface) -> Iterator[TrafficSign]:
@@ -186,9 +191,7 @@ def place_traffic_signs(net: ImportedNetwork, surface: ImportedSurface) -> Itera
         if kind is None or not edge.driving_lanes:
             continue
         end, heading = _edge_end(edge)
-        at = _find_mast_position(
-            end - MAST_CLEARANCE_M * heading, -polyline.left_normals(heading), surface.roadway_area
-        )
+        at = _find_mast_position(end, heading, surface, ahead=False)
         yield TrafficSign(
             kind, (float(at[0]), float(at[1])), (-float(heading[0]), -float(heading[1]))
         )
@@ -197,11 +200,10 @@ def place_traffic_signs(net: ImportedNetwork, surface: ImportedSurface) -> Itera
 class ImportedRoadNetwork:
     """A `RoadNetwork` from a map."""
 
-    streets: Mapping[str, StreetLayout] = MappingProxyType({})
-
     def __init__(self, road: Road, imported: MapNetwork) -> None:
         """Read the network; InputError if it is none."""
         self.declaration = road
+        self.streets: Mapping[str, StreetLayout] = read_imported_streets(imported.network).streets
         self._net = ImportedNetwork.from_network(parse_packed_network(imported.network))
         self._surface = ImportedSurface(self._net)
 

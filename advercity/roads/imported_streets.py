@@ -6,6 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 import shapely
+from advercity_dsl import MapNetwork
 from advercity_dsl.road import Movement, StripKind
 
 from advercity.geometry.polyline import StationedPolyline, drop_repeated_points
@@ -17,6 +18,7 @@ from advercity.roads.network_file import (
     parse_packed_network,
 )
 from advercity.roads.streets import StreetLayout, StripLayout, approach_name, parse_edge_id
+from advercity.roads.sumo_xml import pack_network, unpack_network
 
 HEADING_SPAN_M = 2.0
 """Length of the chord that a heading of an axis is taken from."""
@@ -65,6 +67,20 @@ def read_imported_streets(packed: str) -> ImportedStreets:
             if link.traffic_light in programs
         },
     )
+
+
+def start_with_green(imported: MapNetwork, first: str, second: str) -> MapNetwork:
+    """Shift the lights of a movement between two streets so that its green begins at the start."""
+    governed = read_imported_streets(imported.network).signals.get((first, second))
+    if governed is None:
+        return imported
+    program, link = governed
+    green_s = program.find_next_green_s(link, 0.0)
+    net = unpack_network(imported.network)
+    for item in net.iter("tlLogic"):
+        if item.get("id") == program.light:
+            item.set("offset", f"{program.offset_s - green_s:g}")
+    return imported.model_copy(update={"network": pack_network(net)})
 
 
 def _find_control(junction_type: str) -> str:

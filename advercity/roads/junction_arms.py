@@ -10,13 +10,14 @@ from functools import cached_property
 
 import numpy as np
 import shapely
-from advercity_dsl import Road, RoadsideUnit, Vehicle
+from advercity_dsl import MapNetwork, Road, RoadsideUnit, Vehicle
 from advercity_dsl.base import ValuePath
 from advercity_dsl.conflict import Manoeuvre
 from advercity_dsl.road import ArmUnit, ArmVehicle, EgoRoute, JunctionAgents, Movement
 from numpy.typing import NDArray
 
 from advercity.errors import InputError
+from advercity.roads.imported_streets import start_with_green
 from advercity.roads.routes import RoutePath, RoutePlanner
 
 COMPASS_RAD = {"east": 0.0, "north": np.pi / 2, "west": np.pi, "south": -np.pi / 2}
@@ -314,10 +315,17 @@ def place_junction_agents(road: Road, declared: JunctionAgents, junction: str) -
             raise MisplacedAgentError(("at_junction", "agents", name), str(error)) from None
         if item.role == "ego":
             ego_arm, ego_routes = arm, routes
-    ordered = {name: agents[name] for name in declared.agents}
-    return road.model_copy(
-        update={"at_junction": None, "agents": ordered, "ego_routes": ego_routes}
-    )
+    changes: dict[str, object] = {
+        "at_junction": None,
+        "agents": {name: agents[name] for name in declared.agents},
+        "ego_routes": ego_routes,
+    }
+    turns = arms.list_turns(ego_arm) if ego_arm else {}
+    if isinstance(road.imported, MapNetwork) and turns:
+        # The ego would else wait for up to a cycle before anything happens.
+        move = next(iter(turns.values()))
+        changes["imported"] = start_with_green(road.imported, move.from_street, move.to_street)
+    return road.model_copy(update=changes)
 
 
 def _is_ego(item: ArmVehicle | ArmUnit) -> bool:

@@ -43,12 +43,10 @@ OPENDRIVE_OPTIONS = {
     "opendrive-files": "map.xml",
     "type-files": "lanes.typ.xml",
     "opendrive.curve-resolution": "1",
-    "crossings.guess": "true",
 }
 OSM_OPTIONS = {
     "osm-files": "map.xml",
     "osm.sidewalks": "true",
-    "crossings.guess": "true",
     "geometry.remove": "true",
     "roundabouts.guess": "true",
     "junctions.join": "true",
@@ -145,6 +143,8 @@ def _remove_file_references(root: Element, source: str) -> Element:
 
 def _build_import_options(declared: MapFile, road: Road, root: Element) -> dict[str, str]:
     options = dict(CAR_OPTIONS)
+    # Maps seldom hold crossings: junctions of towns have them, those in the country do not.
+    options["crossings.guess"] = "true" if road.land_use == "urban" else "false"
     match declared.source:
         case "opendrive":
             options |= OPENDRIVE_OPTIONS

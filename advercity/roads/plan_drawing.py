@@ -34,12 +34,17 @@ LANE_COLOURS = {
 """BGR by kind of lane, in drawing order."""
 AGENT_COLOURS = {"ego": (40, 40, 220), "other": (200, 90, 20), "unit": (20, 140, 20)}
 CONFLICT_COLOUR = (30, 30, 200)
+JUNCTION_COLOUR = (160, 40, 160)
+GRID_COLOUR = (200, 215, 206)
+GRID_STEPS_M = (10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 50_000)
+MAX_GRID_LINES = 16
 
 
 class PlanCanvas:
     """An image that is drawn on in world metres, north up, BGR."""
 
     def __init__(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> None:
+        self.low, self.high = low, high
         self.px_per_m = SIZE_PX / float(max(high - low))
         width, height = np.ceil((high - low) * self.px_per_m).astype(int)
         self._corner = np.array([low[0], high[1]])
@@ -98,8 +103,12 @@ def draw_plan_canvas(network: RoadNetwork, spec: Spec | None = None) -> PlanCanv
         if lane.kind == "driving" and not lane.in_junction:
             canvas.line(lane.left, (255, 255, 255))
             canvas.line(lane.right, (255, 255, 255))
+    if not road.agents:
+        _draw_grid(canvas)
     for name, street in network.streets.items():
         canvas.text(street.axis[len(street.axis) // 2], name)
+    for name, point in _find_junctions(network).items():
+        canvas.text(point, name, JUNCTION_COLOUR)
     for head in network.traffic_lights:
         canvas.line([head.mast_foot_m, head.position_m[:2]], INK_COLOUR)
         canvas.fill(_circle(head.position_m[:2], 0.8), (0, 160, 240))
@@ -122,6 +131,27 @@ def draw_plan_canvas(network: RoadNetwork, spec: Spec | None = None) -> PlanCanv
                 canvas.line(actor.path_m, CONFLICT_COLOUR, 2)
     _draw_scale_bar(canvas)
     return canvas
+
+
+def _draw_grid(canvas: PlanCanvas) -> None:
+    """Draw lines at round coordinates in metres, with which agents are placed."""
+    low, high = canvas.low, canvas.high
+    step_m = next(step for step in GRID_STEPS_M if max(high - low) / step <= MAX_GRID_LINES)
+    for axis in (0, 1):
+        for value in np.arange(np.ceil(low[axis] / step_m), high[axis] / step_m) * step_m:
+            ends = np.array([low, high])
+            ends[:, axis] = value
+            canvas.line(ends, GRID_COLOUR)
+            canvas.text(ends[0] + 2 * (1 - axis), f"{value:g}")
+
+
+def _find_junctions(network: RoadNetwork) -> dict[str, NDArray[np.float64]]:
+    """Find the middles of the places where three streets or more meet."""
+    ends: dict[str, list[NDArray[np.float64]]] = {}
+    for street in network.streets.values():
+        ends.setdefault(street.begins, []).append(street.axis[0])
+        ends.setdefault(street.ends, []).append(street.axis[-1])
+    return {name: np.mean(found, axis=0) for name, found in ends.items() if len(found) > 2}
 
 
 def _create_canvas(found: tuple[LaneSegment, ...], road: Road) -> PlanCanvas:

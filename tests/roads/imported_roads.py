@@ -75,6 +75,7 @@ CROSSROADS = declaration(
     "crossroads.osm",
     origin_lat_deg=48,
     origin_lon_deg=11,
+    land_use="urban",
     agents={
         "cav1": vehicle((1.6, -60), 90, (-60, 1.6), "ego"),
         "cav2": vehicle((-1.6, 70), -90, (-1.6, -185)),

@@ -7,6 +7,7 @@ import pytest
 import shapely
 from advercity_dsl import Road, Spec
 
+from advercity.pipeline.descriptions import describe_road
 from advercity.roads.lane_segments import LaneSegment
 from advercity.roads.network_file import read_signal_groups
 from advercity.roads.plan_drawing import LANE_COLOURS, draw_plan
@@ -135,3 +136,21 @@ def test_the_plan_of_an_imported_road_shows_it(crossroads: Spec) -> None:
 
     assert {LANE_COLOURS["driving"], LANE_COLOURS["sidewalk"], LANE_COLOURS["crossing"]} <= colours
     assert (plan == LANE_COLOURS["driving"]).all(axis=2).mean() > 0.01
+
+
+def test_the_plan_of_a_road_without_agents_has_coordinates(crossroads: Spec) -> None:
+    bare = crossroads.road.model_copy(update={"agents": {}})
+
+    plan, usual = (draw_plan(build_road(road)) for road in (bare, crossroads.road))
+
+    lines = (plan != usual).any(axis=2).mean(axis=0) > 0.5
+    # The site is 433 m wide with its margins: a line of a pixel or two every 50 m.
+    assert 8 <= lines.sum() <= 40
+
+
+def test_the_junctions_of_a_map_are_listed_with_their_arms(crossroads: Spec) -> None:
+    facts = describe_road(crossroads.road)
+
+    assert "grosse_strasse_1" in facts["streets"]
+    assert facts["junction j1"].startswith("signals: ")
+    assert "road_12_2 (east)" in facts["junction j1"]

@@ -319,8 +319,8 @@ class Road(Declaration):
             raise ValueError("a road needs 'streets' or an 'imported' map")
         if self.imported is not None and (self.sections or self.streets or self.junctions):
             raise ValueError("an 'imported' road takes its streets from the map; declare none here")
-        if ("agents" in self.model_fields_set) == (self.at_junction is not None):
-            raise ValueError("a road needs either 'agents' or 'at_junction'")
+        if self.agents and self.at_junction is not None:
+            raise ValueError("'at_junction' places the agents; give 'agents' or 'at_junction'")
         return self
 
     @model_validator(mode="after")
