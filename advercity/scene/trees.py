@@ -70,12 +70,12 @@ _CROWNS = {
     ),
 }
 SPRUCE_HEIGHT_M = 10.8
-_CLUSTERS = {Detail.NEAR: 48, Detail.MIDDLE: 28, Detail.FAR: 16}
+_CLUSTERS = {Detail.NEAR: 44, Detail.MIDDLE: 26, Detail.FAR: 14}
 """Ends of branches of a tree."""
-_SPRAYS = {Detail.NEAR: 34, Detail.MIDDLE: 16, Detail.FAR: 8}
+_SPRAYS = {Detail.NEAR: 18, Detail.MIDDLE: 8, Detail.FAR: 4}
 """Sprays of each."""
-_SPRAY_LENGTH_M = {Detail.NEAR: 0.3, Detail.MIDDLE: 0.48, Detail.FAR: 0.8}
-_WHORLS = {Detail.NEAR: (22, 11), Detail.MIDDLE: (14, 9), Detail.FAR: (9, 7)}
+_SPRAY_LENGTH_M = {Detail.NEAR: 0.4, Detail.MIDDLE: 0.62, Detail.FAR: 0.95}
+_WHORLS = {Detail.NEAR: (20, 10), Detail.MIDDLE: (13, 8), Detail.FAR: (8, 6)}
 """Whorls of a spruce, and branches of each."""
 
 TreeParts = tuple[tuple[TriangleSurface, str], ...]
@@ -115,7 +115,7 @@ def _build_sprays(
     """Build sprays around the ends of branches: each two triangles, folded along the twig."""
     count, length = _SPRAYS[detail], _SPRAY_LENGTH_M[detail]
     middle = np.mean([blob[:3] for blob in crown.blobs], axis=0)
-    cluster_m = 0.32 * max(blob[3] for blob in crown.blobs) + 0.3 - 0.5 * length
+    cluster_m = 0.32 * max(blob[3] for blob in crown.blobs) + 0.35 - 0.5 * length
     away = normalize(draw.normal(size=(len(ends) * count, 3)))
     # Leaves are where light comes: more at the outside of a cluster than within.
     away *= cluster_m * draw.uniform(0.0, 1.0, (len(away), 1)) ** 0.5
@@ -144,14 +144,14 @@ def _build_rhombi(
 def _build_core(blob: tuple[float, float, float, float, float]) -> TriangleSurface:
     """Build the dense inside of a crown, through which no light comes."""
     x, y, z, radius, rise = blob
-    core = ellipsoid((x, y, z), np.array([radius, radius, rise]) * 0.66, sides=8, bands=5)
+    core = ellipsoid((x, y, z), np.array([radius, radius, rise]) * 0.68, sides=6, bands=3)
     return TriangleSurface(
         core.vertices, core.triangles, normalize(core.vertices - np.array([x, y, z]))
     )
 
 
 def _build_wood(crown: _Crown, ends: Float64Array) -> TriangleSurface:
-    """Build the trunk and a branch to every third end."""
+    """Build the trunk and a branch to every fourth end."""
     radius, fork = crown.trunk_radius_m, crown.trunk_m
     top = max(z + 0.4 * rise for *_, z, _, rise in crown.blobs)
     points = [(0, 0, 0), (0, 0, 0.35), (0.05, 0, fork), (0, 0.05, top)]
@@ -162,7 +162,7 @@ def _build_wood(crown: _Crown, ends: Float64Array) -> TriangleSurface:
             [0.35 * radius, 0.25 * radius, 0.08 * radius],
             sides=4,
         )
-        for end in ends[::3]
+        for end in ends[::4]
     ]
     return shade_smooth(join_surfaces([stem, *branches]))
 

@@ -30,7 +30,7 @@ MAX_TREES = 400
 TREE_SPACING_M = 8.0
 TRUNK_CLEARANCE_M, ROW_CLEARANCE_M = 3.0, 1.0
 """Distance of trunks from reserved areas, where trees are scattered and where they are in rows."""
-DETAIL_DISTANCES_M = (16.0, 50.0)
+DETAIL_DISTANCES_M = (11.0, 30.0)
 """Distances from street axes up to which trees are built for close and for middle views."""
 _VEGETATION = Semantic.VEGETATION
 _SPECIES_WEIGHTS = {
