@@ -13,6 +13,7 @@ import numpy as np
 from advercity_dsl.road import Species
 
 from advercity.geometry.arrays import Float64Array
+from advercity.geometry.directions import spread_directions
 from advercity.geometry.mesh import TriangleSurface, join_surfaces, normalize, shade_smooth
 from advercity.geometry.primitives import ellipsoid, tube
 from advercity.randomness import create_generator
@@ -72,7 +73,7 @@ _CROWNS = {
 SPRUCE_HEIGHT_M = 10.8
 _CLUSTERS = {Detail.NEAR: 44, Detail.MIDDLE: 26, Detail.FAR: 14}
 """Ends of branches of a tree."""
-_SPRAYS = {Detail.NEAR: 18, Detail.MIDDLE: 8, Detail.FAR: 4}
+_SPRAYS = {Detail.NEAR: 20, Detail.MIDDLE: 12, Detail.FAR: 5}
 """Sprays of each."""
 _SPRAY_LENGTH_M = {Detail.NEAR: 0.4, Detail.MIDDLE: 0.62, Detail.FAR: 0.95}
 _WHORLS = {Detail.NEAR: (20, 10), Detail.MIDDLE: (13, 8), Detail.FAR: (8, 6)}
@@ -91,7 +92,7 @@ def build_tree(species: Species, detail: Detail) -> tuple[TreeParts, float]:
     crown = _CROWNS[species]
     ends = _spread_ends(crown, _CLUSTERS[detail], draw)
     leaves = [_build_sprays(crown, ends, detail, draw)]
-    leaves += [_build_core(blob) for blob in crown.blobs]
+    leaves += [_build_core(blob, draw) for blob in crown.blobs]
     wood = _build_wood(crown, ends if detail < Detail.FAR else ends[:0])
     parts = (wood, "bark"), (join_surfaces(leaves), "leaves")
     return parts, max(z + rise for *_, z, _, rise in crown.blobs)
@@ -103,8 +104,9 @@ def _spread_ends(crown: _Crown, count: int, draw: np.random.Generator) -> Float6
     counts = np.maximum(1, np.round(count * volumes / volumes.sum()).astype(int))
     ends: list[Float64Array] = []
     for (x, y, z, radius, rise), number in zip(crown.blobs, counts, strict=True):
-        direction = normalize(draw.normal(size=(number, 3)))
-        depth = draw.uniform(0.6, 0.88, (number, 1)) * (radius, radius, rise)
+        # Evenly, so that crowns of few branches are as wide as those of many.
+        direction = normalize(spread_directions(number) + draw.normal(scale=0.12, size=(number, 3)))
+        depth = draw.uniform(0.7, 0.88, (number, 1)) * (radius, radius, rise)
         ends.append(direction * depth + (x, y, z))
     return np.concatenate(ends)
 
@@ -115,7 +117,7 @@ def _build_sprays(
     """Build sprays around the ends of branches: each two triangles, folded along the twig."""
     count, length = _SPRAYS[detail], _SPRAY_LENGTH_M[detail]
     middle = np.mean([blob[:3] for blob in crown.blobs], axis=0)
-    cluster_m = 0.32 * max(blob[3] for blob in crown.blobs) + 0.35 - 0.5 * length
+    cluster_m = 0.36 * max(blob[3] for blob in crown.blobs) + 0.2 - 0.5 * length
     away = normalize(draw.normal(size=(len(ends) * count, 3)))
     # Leaves are where light comes: more at the outside of a cluster than within.
     away *= cluster_m * draw.uniform(0.0, 1.0, (len(away), 1)) ** 0.5
@@ -141,13 +143,14 @@ def _build_rhombi(
     )
 
 
-def _build_core(blob: tuple[float, float, float, float, float]) -> TriangleSurface:
+def _build_core(
+    blob: tuple[float, float, float, float, float], draw: np.random.Generator
+) -> TriangleSurface:
     """Build the dense inside of a crown, through which no light comes."""
     x, y, z, radius, rise = blob
-    core = ellipsoid((x, y, z), np.array([radius, radius, rise]) * 0.68, sides=6, bands=3)
-    return TriangleSurface(
-        core.vertices, core.triangles, normalize(core.vertices - np.array([x, y, z]))
-    )
+    core = ellipsoid((0, 0, 0), (radius, radius, rise), sides=7, bands=4)
+    vertices = core.vertices * draw.uniform(0.38, 0.66, (len(core.vertices), 1))
+    return TriangleSurface(vertices + np.array([x, y, z]), core.triangles, normalize(vertices))
 
 
 def _build_wood(crown: _Crown, ends: Float64Array) -> TriangleSurface:

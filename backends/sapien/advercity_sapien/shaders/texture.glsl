@@ -135,8 +135,8 @@ vec3 materialDetail(int kind, vec3 p, vec3 n, float footprint) {
   if (kind == TEXTURE_GRASS) {
     float tone = 0.45 * octave(q, 0.035, f, 1) + 0.30 * octave(q, 0.16, f, 2)
         + 0.22 * octave(q, 0.55, f, 3) + 0.18 * octave(q, 1.9, f, 4) + 0.14 * octave(q, 7.7, f, 7);
-    float hue = 0.25 * octave(q, 0.8, f, 8) + 0.25 * octave(q, 3.1, f, 5)
-        + 0.30 * octave(q, 31.0, f, 6);
+    float hue = 0.14 * octave(q, 0.8, f, 8) + 0.16 * octave(q, 3.1, f, 5)
+        + 0.20 * octave(q, 31.0, f, 6);
     return tint(tone, hue);
   }
   if (kind == TEXTURE_SOIL) {
