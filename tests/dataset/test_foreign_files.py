@@ -264,6 +264,6 @@ def test_what_a_journal_lists_is_on_the_disk_with_content_and_name(
     with ScenarioWriter(tmp_path, spec, identify(spec), length=1) as opened:
         opened.write_frame(0, sensor_frames_of(0))
         opened.finish()
-    assert checked == [103]
+    assert checked == [123]
     manifest = (opened.scenario / MANIFEST_FILE).stat()
     assert synced[manifest.st_ino][0] == manifest.st_size
