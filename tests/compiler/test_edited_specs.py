@@ -11,7 +11,7 @@ from advercity.compiler import (
     find_weather,
     is_edited,
     read_spec,
-    validate_path,
+    validate_paths,
     with_weather,
     write_specs,
 )
@@ -57,15 +57,15 @@ def test_the_committed_specs_are_as_compiled() -> None:
     ],
 )
 def test_any_edited_value_is_reported(path: Path, keys: tuple[str, ...], value: Any) -> None:
-    validate_path(path)
+    validate_paths(path)
     edit(path, *keys, value=value)
     with pytest.raises(InputError, match=r"ri_fog_day_sparse\.json: was edited after.*compile"):
-        validate_path(path)
+        validate_paths(path)
 
 
 def test_another_layout_of_the_same_values_is_no_edit(path: Path) -> None:
     path.write_text(json.dumps(json.loads(path.read_text()), sort_keys=True))
-    validate_path(path)
+    validate_paths(path)
 
 
 def test_what_is_derived_is_not_edited_unless_it_is_derived_from_an_edited_spec(
@@ -87,4 +87,4 @@ def test_the_file_of_an_earlier_version_without_a_later_field_is_as_compiled(pat
     data["provenance"]["digest"] = compute_json_digest(data)
     path.write_text(json.dumps(data))
     assert read_spec(path).provenance.sweep is None
-    validate_path(path)
+    validate_paths(path)
