@@ -12,13 +12,16 @@ import statistics
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import numpy as np
 import sapien
 from advercity_sapien.culling import SunShadow
 from advercity_sapien.sapien_scene import SapienScene
+from advercity_sapien.shader_bindings import RasterBindings
 from advercity_sapien.shader_constants import FAR_M, NEAR_M
 from advercity_sapien.shader_table import ShaderTable
 from benchmark_scene import BenchmarkScene
 from measurement import Measurement, measure_run_time
+from numpy.typing import NDArray
 
 from advercity.compiler import find_weather, with_weather
 from advercity.physics.atmosphere import Atmosphere, compute_atmosphere
@@ -39,8 +42,11 @@ WEATHERS = [
 ]
 
 
-class NullBindings:
+class NullBindings(RasterBindings):
     """Bindings for SAPIEN's own packs, which know neither air nor lamps."""
+
+    def __init__(self) -> None:
+        """Make no textures."""
 
     def attach_to_camera(self, camera: sapien.render.RenderCameraComponent) -> None:
         """Do nothing."""
@@ -52,6 +58,9 @@ class NullBindings:
         """Do nothing."""
 
     def upload_table(self, table: ShaderTable) -> None:
+        """Do nothing."""
+
+    def upload_contact(self, texels: NDArray[np.uint8]) -> None:
         """Do nothing."""
 
 

@@ -1,6 +1,7 @@
 import os
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -104,14 +105,20 @@ def test_absurd_values_are_refused_at_once(
     assert str(path) in str(caught.value)
 
 
+def write_huge_file(path: Path) -> None:
+    """Writes a sparse file of 1 TB."""
+    path.touch()
+    os.truncate(path, 1 << 40)
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
         (os.mkfifo, "'car.glb' is not a regular file"),
         (os.mkdir, "'car.glb' is a folder"),
-        (lambda path: path.symlink_to("/dev/zero"), "'car.glb' is not a regular file"),
-        (lambda path: (path.touch(), os.truncate(path, 1 << 40)), "'car.glb' is larger than 200"),
-        (lambda path: path.write_text("solid"), "'car.glb' is not a GLB file"),
+        (partial(os.symlink, "/dev/zero"), "'car.glb' is not a regular file"),
+        (write_huge_file, "'car.glb' is larger than 200"),
+        (partial(Path.write_text, data="solid"), "'car.glb' is not a GLB file"),
     ],
     ids=["pipe", "folder", "device", "huge", "text"],
 )

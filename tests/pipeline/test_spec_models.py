@@ -1,10 +1,12 @@
 """A run without the models of its spec, or of an edited one, stops unless that is allowed."""
 
 import json
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from advercity_dsl import BodyModel, Spec
+from advercity_dsl import Blueprint, BodyModel, Spec
 
 import advercity
 from advercity.assets.model_store import ModelStore, open_model_store
@@ -28,10 +30,15 @@ def modelled(specs: dict[str, Spec]) -> Spec:
     return with_digest(spec.model_copy(update={"blueprints": blueprints, "assets": assets}))
 
 
-def run(spec: Spec, output: Path, *, frames: int = 1, **allowed: bool) -> Manifest:
-    """Runs frames in this process, with models and edits allowed as `allowed` says."""
-    options = RunOptions(output, "fake", "preview", frames=slice(0, frames), **allowed)
-    return Manifest.load(run_scenario(spec, options))
+def run(spec: Spec, output: Path, *, frames: int = 1, allow: str) -> Manifest:
+    """Runs frames in this process, with missing models or edits allowed."""
+    options = RunOptions(output, "fake", "preview", frames=slice(0, frames))
+    return Manifest.load(run_scenario(spec, replace(options, **{f"allow_{allow}": True})))
+
+
+def always(digest: str) -> Callable[[ModelStore, Blueprint], str]:
+    """Gives every model one digest."""
+    return lambda _store, _blueprint: digest
 
 
 def test_a_run_without_a_model_stops_and_says_how_to_get_it(modelled: Spec, tmp_path: Path) -> None:
@@ -56,10 +63,10 @@ def test_an_earlier_installation_in_the_cache_is_named(
 def test_a_model_that_converts_to_something_else_here_stops_a_run(
     modelled: Spec, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(ModelStore, "compute_model_digest", lambda *_: "cd" * 32)
+    monkeypatch.setattr(ModelStore, "compute_model_digest", always("cd" * 32))
     with pytest.raises(InputError, match=r"seat_leon are converted to other triangles.*numpy"):
         check_models([modelled], allow_missing=False)
-    monkeypatch.setattr(ModelStore, "compute_model_digest", lambda *_: "ab" * 32)
+    monkeypatch.setattr(ModelStore, "compute_model_digest", always("ab" * 32))
     check_models([modelled], allow_missing=False)
 
 
@@ -72,7 +79,7 @@ def test_a_spec_from_before_models_had_checksums_is_to_be_compiled_again(modelle
 def test_an_allowed_run_without_a_model_is_recorded_and_not_mixed_with_others(
     modelled: Spec, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    manifest = run(modelled, tmp_path, allow_missing_models=True)
+    manifest = run(modelled, tmp_path, allow="missing_models")
     assert manifest.identity.missing_models == ("seat_leon",)
     assert manifest.identity.bodies == {}
     picture = next((tmp_path / modelled.id).glob("*/*_camera0.png"))
@@ -80,9 +87,9 @@ def test_an_allowed_run_without_a_model_is_recorded_and_not_mixed_with_others(
     picture.write_bytes(b"damaged")
     assert repair_dataset(tmp_path) == []
     assert picture.read_bytes() == content
-    monkeypatch.setattr(ModelStore, "compute_model_digest", lambda *_: "ab" * 32)
+    monkeypatch.setattr(ModelStore, "compute_model_digest", always("ab" * 32))
     with pytest.raises(RunError, match="missing_models: seat_leon"):
-        run(modelled, tmp_path, frames=2, allow_missing_models=True)
+        run(modelled, tmp_path, frames=2, allow="missing_models")
     assert verify_dataset(tmp_path) == []
 
 
@@ -96,7 +103,7 @@ def test_an_edited_spec_runs_only_if_that_is_allowed_and_is_recorded(
     with pytest.raises(InputError, match=r"was edited after it was compiled.*`allow_edited`"):
         advercity.run(edited, tmp_path, backend="fake")
     assert list(tmp_path.iterdir()) == []
-    assert run(edited, tmp_path, allow_edited=True).identity.edited
+    assert run(edited, tmp_path, allow="edited").identity.edited
     whole = json.loads((tmp_path / edited.id / "manifest.json").read_text())
     assert whole["identity"]["edited"] is True
 
