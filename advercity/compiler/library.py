@@ -34,6 +34,7 @@ from advercity.compiler.extends import (
     resolve_extends,
 )
 from advercity.compiler.source import SourceDocument, read_document
+from advercity.compiler.surrounding_styles import grow_surroundings
 from advercity.compiler.validation import format_value, validate_model
 from advercity.diagnostics import Diagnostic, DiagnosticsError
 from advercity.digests import compute_json_digest
@@ -337,7 +338,7 @@ def _complete_road(road: Road, source: ResolvedDeclaration) -> list[Road]:
     if isinstance(road.imported, MapFile):
         road = _import_network(road, road.imported, source)
     try:
-        return [complete_routes(placed) for placed in place_agents(road)]
+        return [complete_routes(placed) for placed in place_agents(grow_surroundings(road))]
     except MisplacedAgentError as error:
         raise DiagnosticsError(source.build_diagnostic(error.value_path, str(error))) from None
 

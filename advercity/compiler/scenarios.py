@@ -312,10 +312,13 @@ def _apply_sweep_step(library: Library, item: DeclarationT, step: SweepStep | No
         return item
     source = library.find_entry(item).source.replace_value(step.value_path, step.value)
     changed = validate_model(type(item), source)
-    if isinstance(item, Road):
-        # The road came with its map imported and its ego set by the conflict; keep both.
-        names = ("id", "imported", "agents", "at_junction", "ego_routes")
-        return changed.model_copy(update={name: getattr(item, name) for name in names})
+    if isinstance(item, Road) and isinstance(changed, Road):
+        # The road came with map, agents and surroundings of its style, and its ego set; keep them.
+        names = ("id", "imported", "agents", "at_junction", "ego_routes", "style")
+        grown = item.surroundings[len(changed.surroundings) :]
+        kept = {name: getattr(item, name) for name in names}
+        kept["surroundings"] = (*changed.surroundings, *grown)
+        return changed.model_copy(update=kept)
     return changed
 
 

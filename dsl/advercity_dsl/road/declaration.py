@@ -292,6 +292,10 @@ class Road(Declaration):
     """Junctions by name."""
     surroundings: Items[Surrounding] = ()
     """Objects in the surroundings."""
+    style: Literal["downtown", "residential", "industrial", "rural"] | None = Field(
+        default=None, exclude_if=is_none
+    )
+    """What is beside every street besides `surroundings`: buildings, trees, lamps and poles."""
     agents: Annotated[
         dict[Id, Annotated[Vehicle | RoadsideUnit, Field(discriminator="kind")]],
         Field(max_length=100),

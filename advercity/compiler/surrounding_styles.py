@@ -1,0 +1,106 @@
+"""What grows beside every street of a road with a style: buildings, trees, lamps and poles."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from advercity_dsl import Road
+from advercity_dsl.road import RoadsidePlacement, Surrounding, SurroundingKind
+
+from advercity.geometry.polyline import StationedPolyline
+from advercity.roads.road_network import build_road
+from advercity.roads.routes import RoutePlanner
+from advercity.roads.streets import StreetLayout
+
+JUNCTION_MARGIN_M = 8.0
+"""Distance from the ends of a street within which nothing is set."""
+MIN_STREET_M = 30.0
+"""Shorter streets, which lie between junctions, have nothing beside them."""
+MAST_OFFSET_M = 1.0
+"""Distance of lamps and poles from the paving."""
+MAST_CLEARANCE_M = 0.6
+"""Distance that they keep from the paving of other streets."""
+
+
+@dataclass(frozen=True)
+class _Style:
+    """What is beside a street, as bands of offsets from its paving, and how far masts are apart."""
+
+    bands: tuple[tuple[SurroundingKind, tuple[float, float], float | None], ...]
+    mast: SurroundingKind
+    mast_spacing_m: float
+
+
+STYLES = {
+    "downtown": _Style(
+        (
+            (SurroundingKind.BUILDINGS, (4.0, 6.0), None),
+            (SurroundingKind.TREES, (2.2, 2.6), 16.0),
+        ),
+        SurroundingKind.LAMP,
+        28.0,
+    ),
+    "residential": _Style(
+        ((SurroundingKind.HOUSES, (5.0, 7.0), None), (SurroundingKind.TREES, (2.4, 4.0), 17.0)),
+        SurroundingKind.LAMP,
+        34.0,
+    ),
+    "industrial": _Style(
+        (
+            (SurroundingKind.BUILDINGS, (14.0, 18.0), None),
+            (SurroundingKind.TREES, (4.0, 9.0), 40.0),
+        ),
+        SurroundingKind.POLE,
+        42.0,
+    ),
+    "rural": _Style(((SurroundingKind.TREES, (6.0, 26.0), 16.0),), SurroundingKind.POLE, 50.0),
+}
+
+
+def grow_surroundings(road: Road) -> Road:
+    """Add what the style of a road has beside its streets to its surroundings."""
+    if road.style is None:
+        return road
+    style = STYLES[road.style]
+    grown = [*_iterate_bands(road, style), *_iterate_masts(road, style)]
+    return road.model_copy(update={"style": None, "surroundings": (*road.surroundings, *grown)})
+
+
+def _iterate_streets(road: Road) -> Iterator[StreetLayout]:
+    streets = RoutePlanner(road).streets.values()
+    yield from (street for street in streets if street.stations[-1] >= MIN_STREET_M)
+
+
+def _iterate_bands(road: Road, style: _Style) -> Iterator[Surrounding]:
+    # Buildings of all streets first, so that no tree takes their ground.
+    for kind, offset_m, spacing_m in style.bands:
+        for street in _iterate_streets(road):
+            beside = RoadsidePlacement(
+                street=street.id,
+                side="both",
+                from_m=JUNCTION_MARGIN_M,
+                to_m=round(float(street.stations[-1]) - JUNCTION_MARGIN_M, 2),
+                offset_m=offset_m,
+            )
+            yield Surrounding(kind=kind, beside=beside, spacing_m=spacing_m)
+
+
+def _iterate_masts(road: Road, style: _Style) -> Iterator[Surrounding]:
+    paving = build_road(road).paved_area
+    shapely.prepare(paving)
+    for street in _iterate_streets(road):
+        left, right = (
+            strips[-1].outer_t if strips else 0.0
+            for strips in (street.left_strips, street.right_strips)
+        )
+        lines = street.offset_line(left + MAST_OFFSET_M), street.offset_line(right - MAST_OFFSET_M)
+        for number, line in enumerate(lines):
+            path = StationedPolyline.from_points(line[:, :2])
+            first_m = JUNCTION_MARGIN_M + number * style.mast_spacing_m / 2
+            stations = np.arange(first_m, path.length_m - JUNCTION_MARGIN_M, style.mast_spacing_m)
+            points = path.points_at(stations).round(2)
+            free = points[~shapely.dwithin(paving, shapely.points(points), MAST_CLEARANCE_M)]
+            if len(free) > 0:
+                at_m = tuple((float(east), float(north)) for east, north in free)
+                yield Surrounding(kind=style.mast, at_m=at_m)
