@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import re
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -25,12 +26,14 @@ from advercity.assets.packages import (
     FURNITURE,
     AssetPackage,
     check_licence,
+    clear_package_folder,
     install_package,
     load_source_model,
+    remove_package,
 )
 from advercity.atomic_files import write_atomically
 from advercity.documents import MAX_MODEL_BYTES, read_bytes
-from advercity.errors import InputError, RunError, describe_cause
+from advercity.errors import InputError, RunError, describe_cause, report_write_errors
 
 
 def find_data_folder() -> Path:
@@ -79,9 +82,9 @@ class ModelStore:
         is_wanted = earlier.has_package and not self.has_package
         if is_wanted:
             self.folder.mkdir(parents=True, exist_ok=True)
-            shutil.rmtree(self._package_folder, ignore_errors=True)
+            clear_package_folder(self._package_folder)
             shutil.move(earlier._package_folder, self._package_folder)
-        own = list((earlier.folder / "own").glob("*.glb"))
+        own = _list_stored_models(earlier.folder / "own")
         for path in own:
             self.add_model(path)
             path.unlink()
@@ -89,8 +92,9 @@ class ModelStore:
 
     def remove_package(self) -> None:
         """Delete the asset package and all converted models."""
-        for folder in (self._package_folder, self.folder / "models"):
-            shutil.rmtree(folder, ignore_errors=True)
+        with report_write_errors():
+            remove_package(self._package_folder)
+        self.remove_converted_models()
 
     def add_model(self, path: Path) -> str:
         """Store a user's GLB and return its SHA-256.
@@ -133,7 +137,9 @@ class ModelStore:
 
     def remove_converted_models(self) -> None:
         """Delete all converted models; they are converted again where they are needed."""
-        shutil.rmtree(self.folder / "models", ignore_errors=True)
+        with report_write_errors():
+            for path in _list_stored_models(self.folder / "models"):
+                path.unlink(missing_ok=True)
 
     def _find_converted_file(self, blueprint: Blueprint, source: str) -> Path:
         assert blueprint.model is not None
@@ -172,3 +178,8 @@ class ModelStore:
 
     def _user_model_path(self, digest: str) -> Path:
         return self.folder / "own" / f"{digest}.glb"
+
+
+def _list_stored_models(folder: Path) -> list[Path]:
+    """List the models in a folder of the store; other files are a user's."""
+    return [path for path in folder.glob("*.glb") if re.fullmatch(r"[0-9a-f]{64}", path.stem)]

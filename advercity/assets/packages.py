@@ -15,6 +15,7 @@ import tempfile
 import urllib.request
 import zipfile
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -80,7 +81,7 @@ def install_package(package: AssetPackage, folder: Path, source: Path | None = N
         source: The package file, or a folder that holds it; None downloads it.
 
     Raises:
-        InputError: `source` does not exist, or is another file.
+        InputError: `source` does not exist, or is another file, or `folder` holds other files.
         RunError: It cannot be downloaded, or is no Debian package of models.
     """
     with report_write_errors():
@@ -91,9 +92,32 @@ def install_package(package: AssetPackage, folder: Path, source: Path | None = N
             unpacked.mkdir()
             unpack_package(_fetch_file(package, work, source), unpacked)
             (unpacked / DIGEST_FILE).write_text(package.sha256)
-            if folder.exists():
-                shutil.rmtree(folder)
+            clear_package_folder(folder)
             unpacked.replace(folder)
+
+
+def clear_package_folder(folder: Path) -> None:
+    """Delete an unpacked package, so that another can take its place.
+
+    Raises:
+        InputError: The folder holds something else.
+    """
+    remove_package(folder)
+    if folder.is_symlink() or folder.exists():
+        raise InputError(
+            f"{folder}: holds files that are not of an asset package; move them, or set"
+            " ADVERCITY_DATA to another folder"
+        )
+
+
+def remove_package(folder: Path) -> None:
+    """Delete the files of an unpacked package, and its folder if nothing else is in it."""
+    if (folder / DIGEST_FILE).is_file():
+        # The digest last: until then an interrupted removal is known to be one of a package.
+        for path in (*folder.glob("*.sh3f"), folder / "copyright", folder / DIGEST_FILE):
+            path.unlink(missing_ok=True)
+    with suppress(OSError):  # not there, or files of others are in it
+        folder.rmdir()
 
 
 def _fetch_file(package: AssetPackage, work: Path, source: Path | None) -> Path:

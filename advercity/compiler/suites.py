@@ -114,6 +114,10 @@ def compute_demand_counts(road: Road, density: Density) -> tuple[int, int]:
     return vehicles, round(road.traffic.walkers * density.walkers)
 
 
+SELECTIONS = ("roads", "weathers", "densities")
+"""Fields of a suite that may be `all`; in the others that is an id."""
+
+
 @dataclass(frozen=True)
 class ResolvedSuite:
     """Declarations that a suite crosses, by id, and those that are common to its scenarios."""
@@ -137,7 +141,7 @@ def resolve_suite(library: Library, suite: Suite) -> ResolvedSuite:
     def find(field: str, kind: type[DeclarationT], kind_name: str) -> dict[str, DeclarationT]:
         available = library.get_declarations(kind)
         written: str | tuple[str, ...] | None = getattr(suite, field)
-        if written == "all":
+        if written == "all" and field in SELECTIONS:
             return available
         single = isinstance(written, str)
         names = (written,) if isinstance(written, str) else written or ()
@@ -146,7 +150,9 @@ def resolve_suite(library: Library, suite: Suite) -> ResolvedSuite:
             diagnostics.extend(
                 library.check_reference(suite, *value_path, kind=kind_name, name=name)
             )
-        found = (item for name in names for item in library.list_variants(name))
+        found = names
+        if kind is Road:
+            found = (item for name in names for item in library.list_variants(name))
         return {name: available[name] for name in found if name in available}
 
     roads = find("roads", Road, "road")

@@ -187,6 +187,35 @@ def test_models_of_an_earlier_folder_are_moved(
     assert not here.adopt(shelf)
 
 
+def list_files(folder: Path) -> set[str]:
+    return {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_removing_and_installing_keep_files_of_a_user(shelf: ModelStore, mirror: Path):
+    shelf.prepare_model(blueprint(TINY))
+    own = ("models/thesis.glb", "models/car.blend", "package/photo.jpg")
+    for name in own:
+        (shelf.folder / name).write_bytes(b"mine")
+    shelf.remove_converted_models()
+    shelf.remove_package()
+    assert list_files(shelf.folder) == set(own)
+    with pytest.raises(InputError, match="package: holds files that are not of an asset package"):
+        shelf.install_package(mirror)
+    (shelf.folder / "package" / "photo.jpg").unlink()
+    shelf.install_package(mirror)
+    assert shelf.has_package
+
+
+def test_files_that_a_user_had_before_the_package_stay(mirror: Path, tiny: AssetPackage):
+    here = ModelStore(mirror / "shelf", tiny)
+    (here.folder / "package").mkdir(parents=True)
+    (here.folder / "package" / "copyright").write_text("mine")
+    here.remove_package()
+    with pytest.raises(InputError, match="not of an asset package"):
+        here.install_package(mirror)
+    assert list_files(here.folder) == {"package/copyright"}
+
+
 def test_a_package_of_another_version_is_not_used(shelf: ModelStore):
     other = replace(shelf.package, version="2", sha256="0" * 64)
     assert not ModelStore(shelf.folder, other).has_package

@@ -61,6 +61,24 @@ def test_an_unknown_name_is_reported_with_the_most_similar_one(write: Write) -> 
     )
 
 
+@pytest.mark.parametrize(
+    ("field", "kind"), [("rig", "rig"), ("catalogue", "catalogue"), ("drivers", "drivers")]
+)
+def test_all_is_an_id_where_a_suite_takes_one_declaration(
+    write: Write, field: str, kind: str
+) -> None:
+    fields = {"rig": "one_camera", "catalogue": "one_car"} | {field: "all"}
+    folder = write(
+        suite="".join(
+            [
+                f"{key}: {value}\n"
+                for key, value in {"kind": "suite", "id": "small", **fields}.items()
+            ]
+        )
+    )
+    assert f"unknown {kind} 'all'" in describe_errors(folder)
+
+
 def test_a_road_needs_one_ego(write: Write) -> None:
     folder = write(
         road=(SMALL_LIBRARY / "road.yaml").read_text().replace("role: ego", "role: other")
