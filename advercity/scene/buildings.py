@@ -1,7 +1,7 @@
 """Builds town blocks and houses on lots along streets and in areas."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -11,23 +11,28 @@ from numpy.typing import ArrayLike
 
 from advercity.geometry.arrays import Float64Array
 from advercity.geometry.mesh import MeshPart, TriangleSurface, join_surfaces, move_surface
-from advercity.geometry.primitives import box, loft_rings, rectangles, tube
+from advercity.geometry.primitives import box, loft_rings, tube
 from advercity.randomness import create_generator
 from advercity.scene import vegetation
+from advercity.scene.facades import FacadeStyle, Storey, SurfaceMaterials, build_facade
 from advercity.scene.site import Rectangle, Site, StreetSide
 from advercity.semantics import Semantic
 
 FLOOR_M = 3.1
 ROAD_CLEARANCE_M = 1.5
 GARDEN_TREE_M = 5.5
-_WINDOW_M = (1.2, 1.5)
-_BAY_M = 2.9
-_TOWN_WALL_MATERIALS = ("plaster", "brick", "plaster_ochre", "plaster_white", "brick")
-_HOUSE_WALL_MATERIALS = ("plaster_white", "brick", "plaster", "plaster_ochre")
-
-
-SurfaceMaterials = list[tuple[TriangleSurface, str]]
-"""Surfaces of a building around the origin, with their materials."""
+_TOWN_WALLS = ("plaster", "brick", "brick", "plaster_ochre", "plaster_white", "brick_yellow")
+_HOUSE_WALLS = (
+    "plaster_white",
+    "brick",
+    "plaster",
+    "plaster_ochre",
+    "plaster_rose",
+    "brick_yellow",
+)
+_TRIMS = ("paint_white", "paint_white", "plaster_grey", "black_plastic")
+_ACCENTS = ("sign_red", "cloth_green", "cloth_blue", "cloth_dark", "cloth_brown", "cloth_yellow")
+_ROOFS = ("roof_tile", "roof_tile", "roof_slate")
 
 
 @dataclass(frozen=True)
@@ -78,8 +83,8 @@ def build_town_blocks(
     def draw_block(lot: Lot) -> Callable[[], SurfaceMaterials]:
         height = height_m or draw.uniform(6.5, 18.0)
         floors = max(2, round(height * draw.uniform(0.9, 1.1) / FLOOR_M))
-        wall = str(draw.choice(_TOWN_WALL_MATERIALS))
-        return partial(_build_town_block, lot, floors, wall, bool(draw.random() < 0.4))
+        own = create_generator("facades", key, int(draw.integers(2**31)))
+        return partial(_build_town_block, lot, floors, own)
 
     parts, built = _build_on_lots(lots, site, draw_block)
     return parts, [lot.outline for lot in built]
@@ -93,7 +98,8 @@ def build_houses(
 
     def draw_house(lot: Lot) -> Callable[[], SurfaceMaterials]:
         eaves = 0.62 * height_m if height_m else draw.uniform(3.0, 5.6)
-        return partial(_build_house, lot, eaves, str(draw.choice(_HOUSE_WALL_MATERIALS)))
+        own = create_generator("facades", key, int(draw.integers(2**31)))
+        return partial(_build_house, lot, eaves, own)
 
     parts, built = _build_on_lots(lots, site, draw_house)
     hedges = [hedge for lot in built for hedge in _build_garden_hedges(lot, site)]
@@ -189,55 +195,114 @@ def _place_on_lot(parts: SurfaceMaterials, lot: Lot, site: Site) -> list[MeshPar
     ]
 
 
-def _build_town_block(lot: Lot, floors: int, wall: str, pitched: bool) -> SurfaceMaterials:
-    x, y, top = lot.width_m / 2, lot.depth_m / 2, floors * FLOOR_M + 0.4
-    x, y = x - 0.08, y - 0.08  # walls are a little inside the foundation, or both would flicker
-    parts = [(box((-x, -y, 0), (x, y, top)), wall)]
-    if pitched:
-        parts += [
-            (_build_gable_walls(x, y, top, 0.5), wall),
-            (_build_gable_roof(x, y, top, 0.5), "roof_tile"),
+def _draw_style(walls: Sequence[str], draw: np.random.Generator) -> FacadeStyle:
+    return FacadeStyle(
+        wall=str(draw.choice(walls)),
+        trim=str(draw.choice(_TRIMS)),
+        accent=str(draw.choice(_ACCENTS)),
+        blind_fraction=float(draw.uniform(0.1, 0.6)),
+        has_string_courses=bool(draw.random() < 0.5),
+    )
+
+
+def _build_town_block(lot: Lot, floors: int, draw: np.random.Generator) -> SurfaceMaterials:
+    """Build a block: shops or flats below, equal floors above, a flat or a pitched roof."""
+    x, y, top = _inset(lot.width_m), _inset(lot.depth_m), floors * FLOOR_M + 0.4
+    style = _draw_style(_TOWN_WALLS, draw)
+    bay, window = float(draw.uniform(2.4, 3.4)), (float(draw.uniform(1.0, 1.7)), 1.6)
+    has_shops, has_balconies = draw.random() < 0.5, draw.random() < 0.35
+
+    def list_storeys(width_m: float, *, is_front: bool) -> list[Storey]:
+        count = max(1, int(width_m / bay))
+        if is_front and has_shops:
+            shops = max(3, int(width_m / 4.2)) | 1
+            ground = Storey(
+                0.0, FLOOR_M + 0.4, shops, width_m / shops - 0.7, 0.5, 2.2, shops // 2, is_shop=True
+            )
+        else:
+            door = count // 2 if is_front else None
+            ground = Storey(0.0, FLOOR_M + 0.4, count, window[0], 1.1, window[1], door)
+        is_loggia = is_front and has_balconies
+        sill, opening = (0.15, 2.2) if is_loggia else (0.9, window[1])
+        upper = [
+            Storey(0.4 + FLOOR_M * floor, FLOOR_M, count, window[0], sill, opening)
+            for floor in range(1, floors)
         ]
-    else:
-        parts += [
-            (box((-x - 0.15, -y - 0.15, top), (x + 0.15, y + 0.15, top + 0.45)), "concrete"),
-            (box((-1.8, -1.5, top + 0.4), (1.8, 1.5, top + 2.6)), "metal"),
-        ]
-    door = rectangles([(0, -y - 0.03, 1.5)], (0.9, 0, 0), (0, 0, 1.25))
-    shop_front = _build_window_row(x, y, 1.75, (2.1, 1.9), 3.4, skip_m=1.6)
-    levels = [1.75 + FLOOR_M * floor for floor in range(1, floors)]
-    upper = [_build_windows(x, y, z, _WINDOW_M, _BAY_M) for z in levels]
-    frames = [_build_windows(x, y, z, (1.45, 1.75), _BAY_M, out_m=0.012) for z in levels]
-    return [
-        *parts,
-        (door, "wood"),
-        (join_surfaces([shop_front, *upper]), "glass"),
-        (join_surfaces(frames), "paint_white"),
+        return [ground, *(replace(storey, has_balconies=is_loggia) for storey in upper)]
+
+    parts = _build_walls(x, y, list_storeys, style, draw)
+    if draw.random() < 0.4:
+        roof = str(draw.choice(_ROOFS))
+        return [*parts, *_build_roof(x, y, top, 0.5, style.wall, roof)]
+    parapet = box((-x - 0.15, -y - 0.15, top), (x + 0.15, y + 0.15, top + 0.45))
+    stairs = box((-1.8, -1.5, top + 0.4), (1.8, 1.5, top + 2.6))
+    vents = [
+        box((at - 0.4, 1.0, top + 0.4), (at + 0.4, 1.9, top + 1.2))
+        for at in draw.uniform(-0.8 * x, 0.8 * x, 2)
     ]
+    return [*parts, (parapet, "concrete"), (stairs, "metal"), (join_surfaces(vents), "metal")]
 
 
-def _build_house(lot: Lot, eaves: float, wall: str) -> SurfaceMaterials:
-    x, y = lot.width_m / 2 - 0.08, lot.depth_m / 2 - 0.08
+def _build_house(lot: Lot, eaves: float, draw: np.random.Generator) -> SurfaceMaterials:
+    """Build a house with a door in the middle, a pitched roof and a chimney."""
+    x, y = _inset(lot.width_m), _inset(lot.depth_m)
     floors = 2 if eaves > 4.4 else 1
     ridge = eaves + 0.75 * (y + 0.45)
-    levels = [1.55 + (eaves / floors) * floor for floor in range(floors)]
-    glass = [
-        _build_windows(x, y, z, (1.3, 1.25), 3.2, skip_m=1.0 if z < 2 else 0.0) for z in levels
-    ]
-    frames = [
-        _build_windows(x, y, z, (1.5, 1.45), 3.2, skip_m=1.0 if z < 2 else 0.0, out_m=0.012)
-        for z in levels
-    ]
+    style = replace(_draw_style(_HOUSE_WALLS, draw), has_string_courses=False)
+    width, bay = float(draw.uniform(1.0, 1.5)), float(draw.uniform(2.6, 3.4))
+
+    def list_storeys(width_m: float, *, is_front: bool) -> list[Storey]:
+        count = max(1, int(width_m / bay)) | int(is_front)
+        rise = eaves / floors
+        storeys = [
+            Storey(rise * floor, rise, count, width, 0.95, min(1.35, rise - 1.2))
+            for floor in range(floors)
+        ]
+        if is_front:
+            storeys[0] = replace(storeys[0], door_at=count // 2)
+        return storeys
+
+    gutter = tube([(x - 0.1, -y - 0.08, 0), (x - 0.1, -y - 0.08, eaves)], 0.05, sides=5)
     return [
-        (box((-x, -y, 0), (x, y, eaves)), wall),
-        (_build_gable_walls(x, y, eaves, 0.45), wall),
-        (_build_gable_roof(x, y, eaves, 0.45), "roof_tile"),
+        *_build_walls(x, y, list_storeys, style, draw),
+        *_build_roof(x, y, eaves, 0.45, style.wall, str(draw.choice(_ROOFS))),
         (box((0.4 * x, 0.5, ridge - 1.6), (0.4 * x + 0.7, 1.2, ridge + 0.7)), "brick"),
-        (box((-0.75, -y - 0.9, 0), (0.75, -y, 0.3)), "concrete"),
-        (rectangles([(0, -y - 0.03, 1.35)], (0.5, 0, 0), (0, 0, 1.05)), "wood"),
-        (join_surfaces(glass), "glass"),
-        (join_surfaces(frames), "paint_white"),
-        (tube([(x - 0.1, -y - 0.08, 0), (x - 0.1, -y - 0.08, eaves)], 0.05, sides=5), "metal"),
+        (box((-0.75, -y - 0.9, 0), (0.75, -y, 0.05)), "concrete"),
+        (gutter, "metal"),
+    ]
+
+
+def _inset(length_m: float) -> float:
+    """Half the length of walls: a little inside the foundation, or both would flicker."""
+    return length_m / 2 - 0.08
+
+
+def _build_walls(
+    x: float,
+    y: float,
+    list_storeys: Callable[..., list[Storey]],
+    style: FacadeStyle,
+    draw: np.random.Generator,
+) -> SurfaceMaterials:
+    """Build the façades of a building of half the size (x, y); its front faces -y."""
+    parts: SurfaceMaterials = []
+    for number, (width, away) in enumerate(((x, y), (y, x), (x, y), (y, x))):
+        yaw = number * np.pi / 2
+        offset = (away * np.sin(yaw), -away * np.cos(yaw), 0.0)
+        storeys = list_storeys(2 * width, is_front=number == 0)
+        parts += [
+            (move_surface(surface, offset, yaw=yaw), material)
+            for surface, material in build_facade(2 * width, storeys, style, draw)
+        ]
+    return parts
+
+
+def _build_roof(
+    x: float, y: float, eaves: float, overhang: float, wall: str, roof: str
+) -> SurfaceMaterials:
+    return [
+        (_build_gable_walls(x, y, eaves, overhang), wall),
+        (_build_gable_roof(x, y, eaves, overhang), roof),
     ]
 
 
@@ -274,39 +339,3 @@ def _build_gable_walls(x: float, y: float, eaves: float, overhang: float) -> Tri
     """Build the triangular walls under a pitched roof, as a prism through the building."""
     gable = [(-y, eaves), (y, eaves), (0.0, eaves + 0.75 * (y + overhang) - 0.75 * overhang)]
     return loft_rings(np.stack([[(side, *point) for point in gable] for side in (-x, x)]))
-
-
-def _build_windows(
-    x: float,
-    y: float,
-    z: float,
-    size: tuple[float, float],
-    bay_m: float,
-    *,
-    skip_m: float = 0.0,
-    out_m: float = 0.03,
-) -> TriangleSurface:
-    """Build windows around a building at height `z`, none within `skip_m` of the door."""
-    front = _build_window_row(x, y, z, size, bay_m, skip_m=skip_m, out_m=out_m)
-    back = move_surface(_build_window_row(x, y, z, size, bay_m, out_m=out_m), (0, 0, 0), yaw=np.pi)
-    side = _build_window_row(y, x, z, size, bay_m, out_m=out_m)
-    ends = [move_surface(side, (0, 0, 0), yaw=yaw) for yaw in (np.pi / 2, -np.pi / 2)]
-    return join_surfaces([front, back, *ends])
-
-
-def _build_window_row(
-    x: float,
-    y: float,
-    z: float,
-    size: tuple[float, float],
-    bay_m: float,
-    *,
-    skip_m: float = 0.0,
-    out_m: float = 0.03,
-) -> TriangleSurface:
-    """Build windows along the front, which faces -y."""
-    count = max(1, int((2 * x - 0.8) / bay_m))
-    at = (np.arange(count) - (count - 1) / 2) * (2 * x - 0.8) / count
-    at = at[np.abs(at) >= skip_m] if skip_m else at
-    middles = np.column_stack([at, np.full(len(at), -y - out_m), np.full(len(at), z)])
-    return rectangles(middles, (size[0] / 2, 0, 0), (0, 0, size[1] / 2))

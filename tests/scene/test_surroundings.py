@@ -191,7 +191,7 @@ def test_a_declared_height_is_kept_by_town_blocks():
     area = ((-90, 10), (90, 60))
     low = Surrounding(kind=SurroundingKind.BUILDINGS, area_m=area, height_m=6.2)
     walls = [mesh for mesh in built(low) if mesh.material == "glass"]
-    assert points(walls)[:, 2].max() == pytest.approx(2 * 3.1 - 0.6, abs=0.3)
+    assert points(walls)[:, 2].max() == pytest.approx(2 * 3.1 - 0.3, abs=0.3)
 
 
 def test_crops_cover_their_field_but_no_road():
@@ -446,7 +446,7 @@ def test_shipped_roads_keep_to_the_budget_in_few_sound_meshes(name: str):
     fixed, _ = build_street_furniture(build_road(road), level)
     everything = [*meshes, *fixed]
     assert triangles(everything) < 300_000
-    assert len(everything) < 40
+    assert len(everything) < 50
     assert len({mesh.name for mesh in everything}) == len(everything)
     for mesh in everything:
         assert mesh.material in MATERIALS

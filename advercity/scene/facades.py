@@ -1,0 +1,268 @@
+"""Builds façades: walls with openings, and what is in and about these.
+
+A façade is built in its own axes: x along it, z up, its face at y = 0 towards -y. Storeys lie above
+each other, each a row of equal bays, so that a wall is made of strips between openings and needs no
+cutting. Panes close the openings; behind them is the far wall of the rooms, where laser beams end.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from advercity.geometry.arrays import Float64Array
+from advercity.geometry.mesh import TriangleSurface, join_surfaces
+from advercity.geometry.primitives import box, rectangles
+
+SurfaceMaterials = list[tuple[TriangleSurface, str]]
+"""Surfaces of a building around the origin, with their materials."""
+
+REVEAL_M, FRAME_M, SILL_M = 0.14, 0.06, 0.07
+"""Depth of openings, width of frames, and how far sills stand out."""
+ROOM_DEPTH_M = 3.0
+MAX_BLIND_FRACTION = 0.75
+
+
+@dataclass(frozen=True)
+class Storey:
+    """A row of equal openings in a strip of wall.
+
+    Attributes:
+        bottom_m: Height of the strip's lower edge above the ground.
+        height_m: Height of the strip.
+        openings: Number of openings, evenly spaced.
+        width_m: Width of an opening.
+        sill_m: Height of its lower edge above the strip's.
+        opening_m: Height of an opening.
+        door_at: Number of the opening that is a door down to the strip's lower edge, or None.
+        has_balconies: Whether openings lead to balconies.
+        is_shop: Whether it has undivided panes, and a sign above them.
+    """
+
+    bottom_m: float
+    height_m: float
+    openings: int
+    width_m: float
+    sill_m: float
+    opening_m: float
+    door_at: int | None = None
+    has_balconies: bool = False
+    is_shop: bool = False
+
+
+@dataclass(frozen=True)
+class FacadeStyle:
+    """Materials and ornaments of a building.
+
+    Attributes:
+        wall: Material of the walls.
+        trim: Of frames and sills.
+        accent: Of shop signs and awnings.
+        blind_fraction: Fraction of windows with a blind or curtain.
+        has_string_courses: Whether bands run round the building between storeys.
+    """
+
+    wall: str
+    trim: str
+    accent: str
+    blind_fraction: float
+    has_string_courses: bool = False
+
+
+def build_facade(
+    width_m: float, storeys: Sequence[Storey], style: FacadeStyle, draw: np.random.Generator
+) -> SurfaceMaterials:
+    """Build a façade of a width, with its middle at x = 0."""
+    parts: SurfaceMaterials = []
+    for storey in storeys:
+        parts += _build_storey(width_m, storey, style, draw)
+    top = storeys[-1].bottom_m + storeys[-1].height_m
+    rooms = rectangles([(0.0, ROOM_DEPTH_M, top / 2)], (width_m / 2 - 0.3, 0, 0), (0, 0, top / 2))
+    return [*parts, (rooms, "plaster")]
+
+
+def _build_storey(
+    width_m: float, storey: Storey, style: FacadeStyle, draw: np.random.Generator
+) -> SurfaceMaterials:
+    middles = _place_openings(width_m, storey)
+    is_door = np.arange(storey.openings) == storey.door_at
+    low = storey.bottom_m + np.where(is_door, 0.05, storey.sill_m)
+    high = np.full(len(middles), storey.bottom_m + storey.sill_m + storey.opening_m)
+    parts = [
+        (_build_wall(width_m, storey, middles, low, high), style.wall),
+        (_build_reveals(middles, storey.width_m, low, high), style.wall),
+    ]
+    windows = ~is_door
+    centres = np.column_stack([middles, np.full(len(middles), REVEAL_M), (low + high) / 2])
+    half = np.column_stack([np.zeros((len(middles), 2)), (high - low) / 2])
+    if windows.any():
+        parts += _fill_windows(centres[windows], half[windows], storey, style, draw)
+    if is_door.any():
+        parts += _fill_doors(centres[is_door], half[is_door], storey, style)
+    if style.has_string_courses:
+        parts.append((_build_band(width_m, storey.bottom_m + storey.height_m, 0.16), style.trim))
+    return parts
+
+
+def _place_openings(width_m: float, storey: Storey) -> Float64Array:
+    """Place the middles (n,) of a storey's openings along the façade."""
+    bay = width_m / storey.openings
+    number = np.arange(storey.openings, dtype=np.float64)
+    return (number - (storey.openings - 1) / 2) * bay
+
+
+def _build_wall(
+    width_m: float, storey: Storey, middles: Float64Array, low: Float64Array, high: Float64Array
+) -> TriangleSurface:
+    """Build the strips of wall: piers between openings, and the wall below and above each."""
+    bottom, top = storey.bottom_m, storey.bottom_m + storey.height_m
+    left = np.concatenate([[-width_m / 2], middles + storey.width_m / 2])
+    right = np.concatenate([middles - storey.width_m / 2, [width_m / 2]])
+    edges = [(left, right, np.full(len(left), bottom), np.full(len(left), top))]
+    sides = middles - storey.width_m / 2, middles + storey.width_m / 2
+    edges += [
+        (*sides, np.full(len(middles), bottom), low),
+        (*sides, high, np.full(len(middles), top)),
+    ]
+    west, east, down, up = (np.concatenate(column) for column in zip(*edges, strict=True))
+    zero = np.zeros(len(west))
+    return rectangles(
+        np.column_stack([(west + east) / 2, zero, (down + up) / 2]),
+        np.column_stack([(east - west) / 2, zero, zero]),
+        np.column_stack([zero, zero, (up - down) / 2]),
+    )
+
+
+def _build_reveals(
+    middles: Float64Array, width_m: float, low: Float64Array, high: Float64Array
+) -> TriangleSurface:
+    """Build the sides of openings, from the wall to the panes."""
+    depth = REVEAL_M / 2
+    zero = np.zeros(len(middles))
+    at, half = np.full(len(middles), depth), (high - low) / 2
+    upright = np.column_stack([zero, zero, half])
+    level = (0.0, depth, 0.0)
+    return join_surfaces(
+        [
+            rectangles(np.column_stack([middles - width_m / 2, at, low + half]), level, upright),
+            rectangles(
+                np.column_stack([middles + width_m / 2, at, low + half]), (0, -depth, 0), upright
+            ),
+            rectangles(np.column_stack([middles, at, low]), (width_m / 2, 0, 0), level),
+            rectangles(np.column_stack([middles, at, high]), (width_m / 2, 0, 0), (0, -depth, 0)),
+        ]
+    )
+
+
+def _fill_windows(
+    centres: Float64Array,
+    half: Float64Array,
+    storey: Storey,
+    style: FacadeStyle,
+    draw: np.random.Generator,
+) -> SurfaceMaterials:
+    """Fill openings (n, 3), of half heights (n, 3), with panes, frames, blinds and sills."""
+    width = storey.width_m
+    parts: SurfaceMaterials = [
+        (rectangles(centres, (width / 2, 0, 0), half), "glass"),
+        (_build_frames(centres, half, width, has_mullion=not storey.is_shop), style.trim),
+    ]
+    if storey.is_shop:
+        return [*parts, *_build_shop_front(centres, half, width, style, draw)]
+    has_blind = draw.random(len(centres)) < style.blind_fraction
+    if has_blind.any():
+        fraction = draw.uniform(0.15, MAX_BLIND_FRACTION, (int(has_blind.sum()), 1))
+        covered = half[has_blind] * fraction
+        raised = centres[has_blind] + half[has_blind] - covered - (0.0, 0.01, 0.0)
+        blinds = rectangles(raised, (width / 2 - FRAME_M, 0, 0), covered)
+        parts.append((blinds, "cloth_light"))
+    if storey.has_balconies:
+        return [*parts, *_build_balconies(centres - half, width)]
+    sills = [
+        box(
+            (x - width / 2 - 0.06, -SILL_M, z - SILL_M),
+            (x + width / 2 + 0.06, REVEAL_M - 0.02, z + 0.02),
+        )
+        for x, _, z in centres - half
+    ]
+    return [*parts, (join_surfaces(sills), style.trim)]
+
+
+def _build_frames(
+    centres: Float64Array, half: Float64Array, width_m: float, *, has_mullion: bool
+) -> TriangleSurface:
+    """Build the frames of windows before their panes, with a mullion in the middle."""
+    at = centres - (0.0, 0.02, 0.0)
+    side, post = (width_m - FRAME_M) / 2, (FRAME_M / 2, 0, 0)
+    rail = np.array([0.0, 0.0, FRAME_M / 2])
+    bars = [
+        rectangles(at - (side, 0, 0), post, half),
+        rectangles(at + np.array([side, 0, 0]), post, half),
+        rectangles(at - half + rail, (width_m / 2, 0, 0), rail),
+        rectangles(at + half - rail, (width_m / 2, 0, 0), rail),
+    ]
+    if has_mullion:
+        bars.append(rectangles(at, post, half))
+    return join_surfaces(bars)
+
+
+def _build_shop_front(
+    centres: Float64Array,
+    half: Float64Array,
+    width_m: float,
+    style: FacadeStyle,
+    draw: np.random.Generator,
+) -> SurfaceMaterials:
+    """Build the sign above a row of shop windows, and an awning over some."""
+    top = float((centres + half)[0, 2])
+    low, high = float(centres[:, 0].min() - width_m / 2), float(centres[:, 0].max() + width_m / 2)
+    sign = box((low, -0.12, top + 0.08), (high, -0.005, top + 0.55))
+    awnings = [_build_awning(x, width_m, top) for x in centres[:, 0] if draw.random() < 0.35]
+    parts: SurfaceMaterials = [(sign, style.accent)]
+    return [*parts, (join_surfaces(awnings), style.accent)] if awnings else parts
+
+
+def _build_awning(x: float, width_m: float, top_m: float) -> TriangleSurface:
+    """Build a sloping sheet of cloth, seen from above and below."""
+    middle, across = (x, -0.6, top_m - 0.12), np.array([width_m / 2, 0.0, 0.0])
+    slope = np.array([0.0, 0.6, 0.28])
+    return join_surfaces(
+        [rectangles([middle], across, slope), rectangles([middle], -across, slope)]
+    )
+
+
+def _build_balconies(feet: Float64Array, width_m: float) -> SurfaceMaterials:
+    """Build a slab with a railing before each window, whose lower edge is at `feet` (n, 3)."""
+    half, deep = width_m / 2 + 0.5, 1.1
+    slabs, rails = [], []
+    for x, _, z in feet:
+        slabs.append(box((x - half, -deep, z - 0.16), (x + half, 0.0, z - 0.01)))
+        rails += [
+            box((x - half, -deep, z), (x + half, -deep + 0.04, z + 0.95)),
+            box((x - half, -deep, z), (x - half + 0.04, 0.0, z + 0.95)),
+            box((x + half - 0.04, -deep, z), (x + half, 0.0, z + 0.95)),
+        ]
+    return [(join_surfaces(slabs), "concrete"), (join_surfaces(rails), "metal")]
+
+
+def _fill_doors(
+    centres: Float64Array, half: Float64Array, storey: Storey, style: FacadeStyle
+) -> SurfaceMaterials:
+    """Fill openings with a door that has a light above it, and build a canopy over each."""
+    width = storey.width_m
+    light = half * 0.16
+    canopies = [
+        box((x - width / 2 - 0.25, -0.75, z), (x + width / 2 + 0.25, 0.0, z + 0.12))
+        for x, _, z in centres + half + np.array([0.0, 0.0, 0.1])
+    ]
+    return [
+        (rectangles(centres - light, (width / 2 - FRAME_M, 0, 0), half - light), "wood"),
+        (rectangles(centres + half - light, (width / 2 - FRAME_M, 0, 0), light), "glass"),
+        (_build_frames(centres, half, width, has_mullion=False), style.trim),
+        (join_surfaces(canopies), "concrete"),
+    ]
+
+
+def _build_band(width_m: float, height_m: float, rise_m: float) -> TriangleSurface:
+    """Build a band that stands out of the wall, below a height."""
+    return box((-width_m / 2, -0.06, height_m - rise_m), (width_m / 2, 0.0, height_m))

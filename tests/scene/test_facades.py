@@ -1,0 +1,88 @@
+"""Façades: their walls, openings and what is in these."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from advercity.geometry.mesh import TriangleSurface, join_surfaces
+from advercity.randomness import create_generator
+from advercity.rendering.raycaster import Raycaster, Rays
+from advercity.scene.facades import REVEAL_M, FacadeStyle, Storey, build_facade
+from advercity.semantics import Semantic
+from advercity.testing import build_flat_world
+
+STOREY = Storey(
+    bottom_m=0.0, height_m=3.0, openings=4, width_m=1.2, sill_m=0.9, opening_m=1.5, door_at=1
+)
+STYLE = FacadeStyle("brick", "paint_white", "cloth_blue", blind_fraction=0.0)
+WIDTH_M = 12.0
+
+
+def build(*storeys: Storey, style: FacadeStyle = STYLE) -> list[tuple[TriangleSurface, str]]:
+    return build_facade(WIDTH_M, storeys, style, create_generator("test"))
+
+
+def of(parts: list[tuple[TriangleSurface, str]], material: str) -> TriangleSurface:
+    return join_surfaces([surface for surface, name in parts if name == material])
+
+
+def corners(surface: TriangleSurface) -> NDArray[np.float64]:
+    return surface.vertices[surface.triangles]
+
+
+def front_area(surface: TriangleSurface) -> float:
+    """Area of the triangles in the plane of the façade."""
+    a, b, c = np.moveaxis(corners(surface), 1, 0)
+    flat = np.abs(corners(surface)[..., 1]).max(axis=1) < 1e-9
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1)[flat].sum() / 2.0)
+
+
+def test_a_wall_has_the_area_that_its_openings_leave() -> None:
+    """36 m², less three windows of 1.2 m by 1.5 m and a door of 1.2 m by 2.35 m."""
+    wall = of(build(STOREY), "brick")
+    assert front_area(wall) == pytest.approx(36.0 - 3 * 1.2 * 1.5 - 1.2 * 2.35)
+
+
+def test_panes_are_set_back_and_as_wide_as_their_openings() -> None:
+    glass = of(build(replace(STOREY, door_at=None)), "glass")
+    assert glass.vertices[:, 1] == pytest.approx(REVEAL_M)
+    assert len(glass.triangles) == 4 * 2
+    middles = np.unique(corners(glass)[..., 0].mean(axis=1).round(1))
+    assert np.ptp(glass.vertices[:, 0]) == pytest.approx(3 * 3.0 + 1.2)
+    assert middles.min() < -4.0 and middles.max() > 4.0
+
+
+def test_nothing_is_seen_through_a_facade_but_its_panes() -> None:
+    storeys = (STOREY, replace(STOREY, bottom_m=3.0, door_at=None, has_balconies=True))
+    meshes = [
+        surface.to_mesh(f"part {number}", material, Semantic.BUILDING)
+        for number, (surface, material) in enumerate(build(*storeys))
+    ]
+    x, z = np.meshgrid(np.linspace(-5.99, 5.99, 120), np.linspace(0.01, 5.99, 60))
+    origins = np.column_stack([x.ravel(), np.full(x.size, -5.0), z.ravel()]).astype(np.float32)
+    towards = np.broadcast_to(np.array([0.0, 1.0, 0.0], np.float32), origins.shape)
+    hits = Raycaster(build_flat_world(*meshes)).cast(Rays(origins, towards), 50.0)
+    assert hits.range_m.max() == pytest.approx(5.0 + REVEAL_M, abs=0.01)
+
+
+def test_the_door_is_where_it_is_declared_and_begins_at_the_ground() -> None:
+    door = of(build(STOREY), "wood").vertices
+    assert door[:, 2].min() == pytest.approx(0.05)
+    assert door[:, 0].mean() == pytest.approx(-1.5)
+
+
+@pytest.mark.parametrize(("fraction", "count"), [(0.0, 0), (1.0, 4)])
+def test_as_many_windows_have_blinds_as_declared(fraction: float, count: int) -> None:
+    parts = build(replace(STOREY, door_at=None), style=replace(STYLE, blind_fraction=fraction))
+    blinds = [surface for surface, material in parts if material == "cloth_light"]
+    assert sum(len(blind.triangles) for blind in blinds) == 2 * count
+
+
+def test_shops_have_a_sign_above_undivided_panes() -> None:
+    shop = replace(STOREY, width_m=2.4, sill_m=0.4, opening_m=2.0, is_shop=True, door_at=None)
+    sign = of(build(shop), "cloth_blue").vertices
+    assert sign[:, 2].max() > 2.4
+    frames = of(build(shop), "paint_white")
+    assert len(frames.triangles) == 4 * 4 * 2
