@@ -332,7 +332,7 @@ def test_houses_along_a_street_face_it_with_their_doors():
     meshes = built(beside("houses", side="right", offset_m=8))
     doors = points([m for m in meshes if m.name == "surroundings_building_wood"])
     walls = points([m for m in meshes if m.semantic is Semantic.BUILDING])
-    assert doors[:, 1].min() == doors[:, 1].max() == pytest.approx(-11.5, abs=0.1)
+    assert doors[:, 1].min() == doors[:, 1].max() == pytest.approx(-11.7, abs=0.1)
     assert walls[:, 1].max() < -10
 
 
