@@ -3,6 +3,7 @@
 import itertools
 import json
 import os
+import resource
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -12,6 +13,7 @@ from advercity_dsl import BodyModel, Spec
 
 from advercity.dataset import partial_files
 from advercity.dataset.manifest import Identity, Manifest
+from advercity.dataset.partial_files import FileRecord
 from advercity.dataset.scenario_folders import MANIFEST_FILE, find_scenarios
 from advercity.dataset.verification import FileProblem, restore_files, verify_scenario
 from advercity.dataset.writer import ATTRIBUTION_FILE, ScenarioWriter
@@ -19,7 +21,7 @@ from advercity.errors import InputError, RunError
 from tests.builders import SensorFramesOf, identify
 
 FRAMES = 2
-FILES_PER_FRAME = 103
+FILES_PER_FRAME = 123
 Make = Callable[..., ScenarioWriter]
 Run = Callable[[Path], list[int]]
 
@@ -130,7 +132,7 @@ def interrupt() -> None:
     raise _Interrupted
 
 
-MOMENTS = pytest.mark.parametrize("moves", [0, 1, 2, 3, 40, 104, 105, 106, 150, 207])
+MOMENTS = pytest.mark.parametrize("moves", [0, 1, 2, 3, 40, 124, 125, 126, 150, 247])
 
 
 @MOMENTS
@@ -193,6 +195,34 @@ def test_a_journal_torn_at_its_end_costs_the_last_frame_only(
         assert frames_with_any_file(root) == {"000060"}
         dataset.write_frame(1, sensor_frames_of(1))
         dataset.finish()
+    assert tree(root) == tree(original)
+
+
+def test_a_frame_whose_line_the_disk_takes_in_part_is_reported_and_made_again(
+    original: Path, tmp_path: Path, writer: Make, run: Run, sensor_frames_of: SensorFramesOf
+) -> None:
+    """The kernel writes what fits, and reports no error but the number of bytes."""
+    append = partial_files.append_to_journal
+
+    def append_within_limit(scenario: Path, process: int, records: dict[str, FileRecord]) -> None:
+        size = (scenario.parent / ".staging" / scenario.name / "journal_0.jsonl").stat().st_size
+        before = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size + 100, before[1]))
+        try:
+            append(scenario, process, records)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+    root = tmp_path / "full"
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        pytest.raises(RunError, match=r"journal_0\.jsonl: No space left on device"),
+        writer(root) as dataset,
+    ):
+        dataset.write_frame(0, sensor_frames_of(0))
+        patch.setattr("advercity.dataset.writer.append_to_journal", append_within_limit)
+        dataset.write_frame(1, sensor_frames_of(1))
+    assert run(root) == [1]
     assert tree(root) == tree(original)
 
 

@@ -11,6 +11,11 @@ from advercity.sensors.gnss import measure_gnss
 ORIGIN = Geodetic(49.0, 8.0, 110.0)
 
 
+def assert_uncorrelated(places: np.ndarray) -> None:
+    """East, north and up err independently; of 5000, a correlation of 0.07 is five sigma."""
+    np.testing.assert_allclose(np.corrcoef(places.T), np.eye(3), atol=0.07)
+
+
 def test_a_receiver_without_noise_reports_its_position() -> None:
     found = measure_gnss(
         Gnss(), (100, 0, 0), origin=ORIGIN, time_s=6.0, rng=create_generator("test")
@@ -38,6 +43,7 @@ def test_noise_in_degrees_is_a_third_of_a_metre_at_the_equator() -> None:
     )
     np.testing.assert_allclose(places.std(axis=0), [0.334, 0.332, 0.05], rtol=0.03)
     np.testing.assert_allclose(places.mean(axis=0), [50, 20, 1], atol=0.015)
+    assert_uncorrelated(places)
 
 
 def realistic(**fields: float) -> Gnss:
@@ -61,6 +67,7 @@ def test_noise_in_metres_is_as_wide_north_as_east_and_wider_up() -> None:
     gnss = realistic(wander_m=0.0)
     errors = np.array([error_of(gnss, number, np.zeros(3)) for number in range(5000)])
     np.testing.assert_allclose(errors.std(axis=0), [0.3, 0.3, 0.525], rtol=0.04)
+    assert_uncorrelated(errors)
 
 
 def test_a_realistic_receiver_drifts() -> None:
