@@ -38,7 +38,7 @@ def test_another_version_of_sumo_finds_no_entries(
     compute_key: ComputeKey, spec: Spec, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = compute_key(spec)
-    monkeypatch.setattr(cache, "version", lambda _: "0.0")
+    monkeypatch.setattr(cache, "version", {"eclipse-sumo": "0.0"}.get)
     assert compute_key(spec) != before
 
 
