@@ -212,6 +212,15 @@ def test_a_folder_without_scenarios_is_refused(tmp_path: Path) -> None:
         advercity.open_dataset(tmp_path)
 
 
-def test_a_missing_image_is_reported(dataset: Dataset) -> None:
-    with pytest.raises(InputError, match="is missing or no image"):
+def test_a_camera_that_the_rig_lacks_is_reported(dataset: Dataset) -> None:
+    with pytest.raises(InputError, match="cav1 has cameras 0 to 3; there is no camera 7"):
         dataset[0]["cav1"].image(7)
+
+
+def test_a_missing_image_is_reported(dataset: Dataset) -> None:
+    view = dataset[1]["cav2"]
+    path = view.path("_camera1.png")
+    path.rename(path.with_suffix(".moved"))
+    with pytest.raises(InputError, match=f"{path}: is missing or no image"):
+        view.image(1)
+    path.with_suffix(".moved").rename(path)
