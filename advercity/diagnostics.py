@@ -84,3 +84,7 @@ class DiagnosticsError(InputError):
         if len(self.diagnostics) > MAX_LISTED:
             lines.append(f"... and {len(self.diagnostics) - MAX_LISTED} more errors")
         super().__init__(*lines)
+
+    def __reduce__(self) -> tuple[type["DiagnosticsError"], tuple[Diagnostic, ...]]:
+        """Pickle it, for processes that report it to another."""
+        return DiagnosticsError, self.diagnostics

@@ -50,6 +50,17 @@ class FileRecord(Model):
             size=len(content), sha256=hashlib.sha256(content).hexdigest(), frame=frame
         )
 
+    def has_size_of(self, path: Path) -> bool:
+        """Return whether the file at a path has this size; OSError if it cannot be read."""
+        return path.stat().st_size == self.size
+
+    def matches(self, path: Path) -> bool:
+        """Return whether the file at a path has this content; OSError if it cannot be read."""
+        if not self.has_size_of(path):  # needs no reading
+            return False
+        with path.open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest() == self.sha256
+
 
 _RECORDS = TypeAdapter(dict[str, FileRecord])
 

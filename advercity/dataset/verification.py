@@ -3,7 +3,6 @@
 Restoring touches only files that a manifest records, and what a killed run left of a frame.
 """
 
-import hashlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -175,10 +174,7 @@ def _list_files(scenario: Path, folders: Iterable[str]) -> Iterator[str]:
 
 def _matches_record(path: Path, record: FileRecord) -> bool:
     try:
-        if path.stat().st_size != record.size:  # needs no reading
-            return False
-        with path.open("rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest() == record.sha256
+        return record.matches(path)
     except OSError as error:
         raise RunError(f"{path}: cannot be read: {describe_cause(error)}") from error
 

@@ -250,8 +250,12 @@ class ScenarioWriter(FrameWriter):
             _logger.warning("%s: %s of no run stay", self.scenario, format_file_count(kept))
 
     def _load_finished_records(self) -> dict[str, FileRecord]:
-        """Load the records of the frames whose files all have the recorded size."""
-        manifest = Manifest.load(self.scenario)
+        """Load the records of the frames whose files are all as recorded.
+
+        Those of a run that was cut short by their content, which a power cut may have cost on disks
+        that report too early that they have it; others by their size.
+        """
+        manifest, journaled = Manifest.load(self.scenario), read_journals(self.scenario)
         manifest.identity.check_same(
             self._identity,
             self.scenario,
@@ -260,16 +264,17 @@ class ScenarioWriter(FrameWriter):
         damaged = {
             record.frame
             for path, record in manifest.files.items()
-            if not self._has_recorded_size(path, record)
+            if not self._is_as_recorded(path, record, by_content=path in journaled)
         }
         again = damaged | {None}  # files of the whole scenario are written anyway
         return {
             path: record for path, record in manifest.files.items() if record.frame not in again
         }
 
-    def _has_recorded_size(self, path: str, record: FileRecord) -> bool:
+    def _is_as_recorded(self, path: str, record: FileRecord, *, by_content: bool) -> bool:
+        check = record.matches if by_content else record.has_size_of
         try:
-            return (self.scenario / path).stat().st_size == record.size
+            return check(self.scenario / path)
         except FileNotFoundError:
             return False
 

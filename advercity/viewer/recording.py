@@ -65,11 +65,13 @@ def open_file_sink(path: Path) -> rr.FileSink:
     """Open a sink that writes to `partial_path(path)`, which `RerunRecording` renames at its end.
 
     Raises:
-        InputError: `path` is a folder.
+        InputError: `path` is a folder, or does not end in `.rrd`.
         RunError: The file cannot be written.
     """
-    if path.is_dir():
-        raise InputError(f"{path}: is a folder; name a file that ends in .rrd")
+    if path.is_dir() or path.suffix != ".rrd":
+        # Of any other suffix it may be a spec, after an option that takes a file.
+        what = "is a folder" if path.is_dir() else "is no name of a recording"
+        raise InputError(f"{path}: {what}; name a file that ends in .rrd")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         partial_path(path).open("wb").close()

@@ -64,6 +64,17 @@ def test_commands_distinguish_a_missing_folder_and_a_file(
     assert file == (2, "", f"error: {notes}: is a file; name the folder of a dataset\n")
 
 
+def test_statistics_of_a_dataset_with_a_damaged_manifest_are_refused_with_its_place(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    manifest = tmp_path / "scenario" / "manifest.json"
+    manifest.parent.mkdir()
+    manifest.write_bytes(b'{"identity": "\xff"}')
+    code, out, err = command(monkeypatch, capsys, "stats", tmp_path, "--output", tmp_path / "out")
+    assert (code, out) == (2, "")
+    assert err == f"error: {manifest}:1:15: is not UTF-8 text; save it as UTF-8\n"
+
+
 @pytest.mark.parametrize("name", ["sheet", "view"])
 def test_commands_on_one_scenario_list_those_of_a_dataset(
     monkeypatch: pytest.MonkeyPatch,

@@ -226,6 +226,22 @@ def test_a_frame_whose_line_the_disk_takes_in_part_is_reported_and_made_again(
     assert tree(root) == tree(original)
 
 
+def test_a_file_that_lost_its_content_in_a_power_cut_is_made_again(
+    original: Path, tmp_path: Path, writer: Make, sensor_frames_of: SensorFramesOf, spec: Spec
+) -> None:
+    root = tmp_path / "cut"
+    with writer(root) as dataset:
+        dataset.write_frame(0, sensor_frames_of(0))
+        dataset.write_frame(1, sensor_frames_of(1))
+    lost = root / spec.id / "+101" / "000061.pcd"
+    lost.write_bytes(bytes(lost.stat().st_size))
+    with writer(root) as dataset:
+        assert dataset.done_frames == {0}
+        dataset.write_frame(1, sensor_frames_of(1))
+        dataset.finish()
+    assert tree(root) == tree(original)
+
+
 def test_an_unfinished_scenario_is_verified_with_its_journal(
     tmp_path: Path, writer: Make, sensor_frames_of: SensorFramesOf, spec: Spec
 ) -> None:

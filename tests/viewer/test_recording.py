@@ -342,6 +342,14 @@ def test_a_folder_is_refused_as_a_recording(spec: Spec, tmp_path: Path) -> None:
         RerunRecording(spec, LANES, file=tmp_path)
 
 
+def test_a_spec_is_not_overwritten_by_a_recording(spec: Spec, tmp_path: Path) -> None:
+    path = tmp_path / "spec.json"
+    path.write_text("{}")
+    with pytest.raises(InputError, match=r"name a file that ends in \.rrd"):
+        RerunRecording(spec, LANES, file=path)
+    assert path.read_text() == "{}"
+
+
 def test_a_file_that_cannot_be_written_is_named(spec: Spec, tmp_path: Path) -> None:
     (tmp_path / "in the way").write_text("")
     with pytest.raises(RunError, match="in the way"):
