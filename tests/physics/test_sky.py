@@ -87,3 +87,44 @@ def test_every_sky_gives_the_illuminance_that_it_is_scaled_to(cie_type: int) -> 
     finer = sky.cie_relative_luminance(fine, sun, cie_type)[..., None] * np.ones(3)
     ratio = photometry.horizontal_illuminance(scaled) / photometry.horizontal_illuminance(relative)
     assert ratio * photometry.horizontal_illuminance(finer) == pytest.approx(12_345.0, rel=0.005)
+
+
+ISO_15469 = {
+    1: (4.0, -0.70, 0.0, -1.0, 0.0),
+    3: (1.1, -0.80, 0.0, -1.0, 0.0),
+    5: (0.0, -1.0, 0.0, -1.0, 0.0),
+    7: (0.0, -1.0, 5.0, -2.5, 0.30),
+    8: (0.0, -1.0, 10.0, -3.0, 0.45),
+    11: (-1.0, -0.55, 10.0, -3.0, 0.45),
+    12: (-1.0, -0.32, 10.0, -3.0, 0.45),
+    13: (-1.0, -0.32, 16.0, -3.0, 0.30),
+}
+"""Parameters a to e of the standard's table, by type of sky."""
+
+
+@pytest.mark.parametrize("cie_type", ISO_15469)
+def test_luminance_is_the_product_of_the_gradation_and_the_indicatrix_of_the_standard(
+    cie_type: int,
+) -> None:
+    """The sun 30 degrees from the zenith; seen are 60 degrees on its side and on the other."""
+    a, b, c, d, e = ISO_15469[cie_type]
+    gradation = (1 + a * math.exp(b / 0.5)) / (1 + a * math.exp(b))
+    indicatrix = {
+        angle: 1 + c * (math.exp(d * angle) - math.exp(d * math.pi / 2)) + e * math.cos(angle) ** 2
+        for angle in (math.pi / 6, math.pi / 2)
+    }
+    sun, near, away = (
+        sky.direction_from_elevation_azimuth(*place) for place in ((60, 0), (30, 0), (30, 180))
+    )
+    found = sky.cie_relative_luminance(np.array([near, away]), sun, cie_type)
+    expected = [gradation, gradation * indicatrix[math.pi / 2] / indicatrix[math.pi / 6]]
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("oktas", "turbidity", "cie_type"), [(0, 3, 12), (0, 5, 13), (2, 6, 13), (8, 3, 1), (8, 9, 1)]
+)
+def test_haze_pollutes_clear_skies_only_and_full_cover_is_the_overcast_sky(
+    oktas: int, turbidity: float, cie_type: int
+) -> None:
+    assert sky.cie_sky_type(oktas, turbidity=turbidity) == cie_type

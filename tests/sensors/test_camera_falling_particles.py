@@ -237,16 +237,26 @@ def test_all_cameras_see_the_same_particles_at_every_time(said: Weather) -> None
         np.testing.assert_allclose(ordered[0], ordered[1], atol=2e-3)
 
 
-def test_particles_fly_on_from_frame_to_frame() -> None:
-    block = particle_blocks(rainy(wind_m_s=5.0))[6]
+@pytest.mark.parametrize("said", [rainy(wind_m_s=5.0), snowy(wind_m_s=5.0)])
+def test_particles_fly_on_from_frame_to_frame(said: Weather) -> None:
+    block = particle_blocks(said)[6]
     around = np.array([0.0, 0.0, 2.0])
     planes, corners = PLANES, CORNERS
     first = block.find_particles(planes, corners, around, 3.0)
-    second = block.find_particles(planes, corners, around, 3.05)
-    expected = first.position + first.velocity * 0.05
+    second = block.find_particles(planes, corners, around, 3.01)
+    expected = first.position + first.velocity * 0.01
     inner = ((expected > [1, 1, 0.5]) & (expected < [9, 4, 1.5])).all(axis=1)
     gap = np.linalg.norm(expected[inner][:200, None] - second.position[None], axis=2).min(axis=1)
     assert gap.max() < 1e-3
+
+
+def test_gusts_sway_flakes_by_three_tenths_of_the_wind() -> None:
+    """Of 10 m/s at 10 m, 5.372 are left at the height of cameras, ln(2.5 / 0.5) / ln(10 / 0.5)."""
+    block = particle_blocks(snowy(wind_m_s=10.0))[6]
+    flakes = block.find_particles(PLANES, CORNERS, np.array([0.0, 0.0, 2.0]), 3.0)
+    assert len(flakes.velocity) > 300
+    assert flakes.velocity[:, 0].mean() == pytest.approx(5.372, abs=0.3)
+    assert flakes.velocity[:, 0].std() == pytest.approx(0.3 * 5.372, rel=0.1)
 
 
 def test_rain_brightens_the_dark_and_is_lost_before_the_sky() -> None:
