@@ -1,3 +1,5 @@
+import pytest
+
 from advercity.compiler import (
     compare_specs,
 )
@@ -16,6 +18,22 @@ def test_a_sweep_names_its_steps_by_value_and_keeps_the_traffic(compile_small: C
         "lane_clear_day_sparse_mor_m_1000": 1000,
     }
     assert len({spec.seeds.traffic for spec in specs.values()}) == 1
+
+
+@pytest.mark.parametrize(
+    ("field", "ends", "values"),
+    [
+        ("weather.fog.mor_m", "from: 100, to: 0.4 km, count: 4", [100, 200, 300, 400]),
+        ("weather.fog.mor_m", "from: 50, to: 20, count: 2", [50, 20]),
+        ("rig.vehicle.lidar.channels", "from: 16, to: 33, count: 3", [16, 24, 33]),
+    ],
+)
+def test_the_steps_of_a_sweep_are_equal_and_whole_where_the_field_is(
+    compile_small: Compile, field: str, ends: str, values: list[float]
+) -> None:
+    suite = SUITE + f"sweep: {{field: {field}, {ends}}}\n"
+    steps = {f"{value:g}" for value in values}
+    assert {name.rsplit("_", 1)[1] for name in compile_small(suite=suite)} == steps
 
 
 def test_a_sweep_may_vary_any_number_of_a_crossed_declaration(compile_small: Compile) -> None:
