@@ -90,7 +90,7 @@ def build_spec(
         timing=suite.timing,
         seeds=SpecSeeds(
             # Without the weather, so that all weathers of a road and density have one traffic.
-            traffic=_derive_seed(suite.seeds.traffic, "traffic", road.id, density.id),
+            traffic=_derive_traffic_seed(suite, inputs),
             sensors=suite.seeds.sensors,
             weather=suite.seeds.weather,
         ),
@@ -101,6 +101,7 @@ def build_spec(
             draws=_format_draws(inputs.draws),
             conflict=inputs.conflicts.crossed_id,
             sweep=SweepPoint(field=step.field, value=step.value) if step else None,
+            repeat=inputs.repeat,
             # Replaced below, since the digest covers everything but itself.
             digest="0" * 64,
         ),
@@ -112,7 +113,9 @@ def with_weather(spec: Spec, entry: LibraryEntry[Weather]) -> Spec:
     """Return the scenario under another weather, equal to what its suite would compile to."""
     provenance, declared = spec.provenance, entry.declaration
     step = SweepStep(provenance.sweep.field, provenance.sweep.value) if provenance.sweep else None
-    name = build_spec_id(spec.road, declared, spec.density, step, provenance.conflict)
+    name = build_spec_id(
+        spec.road, declared, spec.density, step, provenance.conflict, provenance.repeat
+    )
     weather, draws = draw_scenario_weather(entry, spec.seeds.weather, name, step)
     digests = {
         key: digest
@@ -241,7 +244,9 @@ def _compute_demand(road: Road, density: Density) -> ClassDemand:
     )
 
 
-def _derive_seed(base: int, *purpose: str) -> int:
+def _derive_traffic_seed(suite: Suite, inputs: ScenarioInputs) -> int:
+    purpose = [str(suite.seeds.traffic), "traffic", inputs.road.id, inputs.density.id]
+    purpose += inputs.repeat_key
     # hash() differs from process to process; 32 bits as for the seeds of suites.
-    digest = hashlib.blake2b("/".join((str(base), *purpose)).encode(), digest_size=4).digest()
+    digest = hashlib.blake2b("/".join(purpose).encode(), digest_size=4).digest()
     return int.from_bytes(digest, "little")

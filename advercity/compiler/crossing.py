@@ -141,7 +141,7 @@ def check_not_edited(spec: Spec, where: object) -> None:
 
 
 def compile_suite(library: Library, suite: Suite, *, require_sun: bool = True) -> list[Spec]:
-    """Compile every scenario of a suite, in the order of roads, weathers, densities and steps.
+    """Compile every scenario of a suite: by road, weather, density, sweep step and repeat.
 
     Args:
         library: Library of all declarations.
@@ -180,15 +180,21 @@ def _solve_conflicts(
 ) -> dict[TrafficKey, tuple[StagedConflict, ...]]:
     """Solve the conflicts of scenarios by what their traffic depends on.
 
-    Solving is slow and ignores the weather: it is done once per road, density and sweep step. Of
-    a road with agents at several junctions, those are left out where a crossed conflict cannot be.
+    Solving is slow and ignores the weather: it is done once per road, density, sweep step and
+    repeat. Of a road with agents at several junctions, those are left out where a crossed conflict
+    cannot be.
     """
     solved: dict[TrafficKey, tuple[StagedConflict, ...]] = {}
     refused: list[DiagnosticsError] = []
     for key, inputs in scenarios.items():
         try:
             solved[key] = solve_road_conflicts(
-                library, suite, inputs.conflicts, inputs.density, inputs.blueprints
+                library,
+                suite,
+                inputs.conflicts,
+                inputs.density,
+                inputs.blueprints,
+                repeat_key=inputs.repeat_key,
             )
         except DiagnosticsError as error:
             is_declared = library.find_declared_id(inputs.road.id) == inputs.road.id
@@ -208,9 +214,10 @@ def _build_scenarios(
     *,
     require_sun: bool,
 ) -> list[ScenarioInputs]:
-    """Build the inputs of every crossing and sweep step that meets the suite's conditions."""
+    """Build the inputs of every crossing, sweep step and repeat that meets the suite's `where`."""
     source = library.find_entry(suite).source
     conditions, steps = parse_conditions(suite, source), expand_sweep(suite, source)
+    repeats = range(1, suite.repeats + 1) if suite.repeats > 1 else (None,)
     crossings = product(
         select_conflicts(library, suite, resolved.roads, groups),
         resolved.weathers.values(),
@@ -219,9 +226,10 @@ def _build_scenarios(
         [resolved.catalogue],
     )
     scenarios = [
-        build_scenario_inputs(library, suite, crossed, step, require_sun=require_sun)
+        build_scenario_inputs(library, suite, crossed, step, repeat, require_sun=require_sun)
         for crossed in crossings
         for step in steps
+        for repeat in repeats
     ]
     kept = [
         inputs

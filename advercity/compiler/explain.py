@@ -14,11 +14,11 @@ from advercity.errors import InputError
 
 DERIVATION_RULES = {
     "spec_version": "version of the format",
-    "id": "ids of road, weather and density, and the step of a sweep",
+    "id": "ids of road, weather and density, the step of a sweep and the number of a repeat",
     "groups": "typologies that the suite selects and that require such a road",
     "demand.vehicles": "8 areas of round(road.traffic.vehicles_per_area x density.vehicles)",
     "demand.walkers": "round(road.traffic.walkers x density.walkers)",
-    "seeds.traffic": "from the suite's seeds.traffic, the road's id and the density's",
+    "seeds.traffic": "from the suite's seeds.traffic, the ids of road and density, and the repeat",
     "assets": "checksums in the lock of the catalogue",
     "caution": "from the tables of the drivers, by the weather",
     "road.imported": "built from the map that the road names",

@@ -195,8 +195,8 @@ def _parse_number(constraints: NumberConstraints, value: Any) -> float:
     return int(number) if constraints.whole and number == int(number) else number
 
 
-TrafficKey = tuple[str, str, str | None, SweepStep | None]
-"""Road, density, crossed conflict and step of the sweep."""
+TrafficKey = tuple[str, str, str | None, SweepStep | None, int | None]
+"""Road, density, crossed conflict, step of the sweep and number of the repeat."""
 
 
 @dataclass(frozen=True)
@@ -213,6 +213,7 @@ class ScenarioInputs:
     step: SweepStep | None
     conflicts: RoadConflicts
     looks: Looks
+    repeat: int | None
 
     @property
     def by_kind(self) -> dict[str, Model]:
@@ -237,7 +238,12 @@ class ScenarioInputs:
     @property
     def traffic_key(self) -> TrafficKey:
         """Key that is equal for scenarios with the same traffic, which ignores the weather."""
-        return self.road.id, self.density.id, self.conflicts.crossed_id, self.step
+        return self.road.id, self.density.id, self.conflicts.crossed_id, self.step, self.repeat
+
+    @property
+    def repeat_key(self) -> tuple[str, ...]:
+        """Part of the keys of random numbers that differ between repeats; empty for the first."""
+        return (f"r{self.repeat}",) if self.repeat and self.repeat > 1 else ()
 
 
 def _remove_package_model(blueprint: Blueprint) -> Blueprint:
@@ -253,10 +259,11 @@ def build_scenario_inputs(
     suite: Suite,
     crossed: CrossedDeclarations,
     step: SweepStep | None,
+    repeat: int | None,
     *,
     require_sun: bool,
 ) -> ScenarioInputs:
-    """Build the inputs of one crossing of a suite at one step of its sweep.
+    """Build the inputs of one crossing of a suite at one step of its sweep and one repeat.
 
     Raises:
         DiagnosticsError: The id is too long, a drawn or swept value is not valid, or
@@ -264,7 +271,7 @@ def build_scenario_inputs(
     """
     conflicts, weather, density, rig, catalogue = crossed
     entry = library.find_entry(weather)
-    name = build_spec_id(conflicts.road, weather, density, step, conflicts.crossed_id)
+    name = build_spec_id(conflicts.road, weather, density, step, conflicts.crossed_id, repeat)
     if len(name) > MAX_ID_LENGTH:
         message = f"makes the id '{name}', which is longer than {MAX_ID_LENGTH} characters"
         hint = "shorten the ids of which it consists"
@@ -287,7 +294,7 @@ def build_scenario_inputs(
     # Conflicts are solved on the road with the sweep applied.
     conflicts = replace(conflicts, road=road)
     return ScenarioInputs(
-        name, road, weather, density, rig, catalogue, draws, step, conflicts, suite.looks
+        name, road, weather, density, rig, catalogue, draws, step, conflicts, suite.looks, repeat
     )
 
 
@@ -323,10 +330,20 @@ def _apply_sweep_step(library: Library, item: DeclarationT, step: SweepStep | No
 
 
 def build_spec_id(
-    road: Road, weather: Weather, density: Density, step: SweepStep | None, crossed: str | None
+    road: Road,
+    weather: Weather,
+    density: Density,
+    step: SweepStep | None,
+    crossed: str | None,
+    repeat: int | None,
 ) -> str:
-    """Build `<road>_<weather>_<density>`, with a crossed conflict after the road, a step last."""
-    parts = (road.id, crossed, weather.id, density.id, step.suffix if step else None)
+    """Build `<road>_<weather>_<density>`.
+
+    A crossed conflict comes after the road, a step of a sweep and the number of a repeat at the
+    end: `ui_clear_day_dense_r2`.
+    """
+    suffixes = step.suffix if step else None, f"r{repeat}" if repeat else None
+    parts = (road.id, crossed, weather.id, density.id, *suffixes)
     return "_".join(part for part in parts if part)
 
 

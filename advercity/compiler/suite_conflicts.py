@@ -60,6 +60,8 @@ def solve_road_conflicts(
     cell: RoadConflicts,
     density: Density,
     blueprints: Mapping[str, Blueprint],
+    *,
+    repeat_key: tuple[str, ...] = (),
 ) -> tuple[StagedConflict, ...]:
     """Solve the conflicts of a scenario; they are the same under every weather.
 
@@ -68,7 +70,7 @@ def solve_road_conflicts(
     """
     solutions: list[StagedConflict] = []
     for index, conflict in enumerate(cell.conflicts, start=1):
-        key = f"{cell.road.id}/{conflict.id}/{density.id}"
+        key = "/".join((cell.road.id, conflict.id, density.id, *repeat_key))
         try:
             solution = solve_conflict(
                 conflict,

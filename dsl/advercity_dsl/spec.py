@@ -86,6 +86,8 @@ class Provenance(Model):
     sweep: SweepPoint | None = None
     conflict: Id | None = Field(default=None, exclude_if=is_empty)
     """Conflict that the suite crossed its roads with."""
+    repeat: Count | None = Field(default=None, exclude_if=is_empty)
+    """Number of the scenario among those that differ in traffic alone, from 1."""
     digest: Digest
     """SHA-256 of the spec itself, this field excluded."""
 

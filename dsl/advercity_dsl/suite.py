@@ -52,6 +52,7 @@ def _check_field_path(path: str) -> str:
 FieldPath = Annotated[str, AfterValidator(_check_field_path)]
 """Field of a crossed declaration: `weather.fog.mor_m`."""
 MAX_SWEEP_STEPS = 1000
+MAX_REPEATS = 1000
 
 
 class Selection(Model):
@@ -207,5 +208,10 @@ class Suite(Declaration):
     """Drivers who react to weather; without them, traffic is the same in every weather."""
     seeds: Seeds = Seeds()
     """Seeds of all random numbers."""
+    repeats: Annotated[Count, Field(ge=1, le=MAX_REPEATS)] = Field(
+        default=1, exclude_if=lambda count: count == 1
+    )
+    """Traffic seeds of every road and density; each is shared by all weathers. The number of the
+    repeat ends a scenario's id; the first one has the traffic of a suite without repeats."""
     timing: Timing = Timing()
     """Start and end of scenarios."""

@@ -9,6 +9,7 @@ from advercity.compiler import (
     find_weather,
     to_json,
     validate_paths,
+    with_weather,
     write_specs,
 )
 from advercity.compiler.authoring import write_starter
@@ -52,6 +53,28 @@ def test_committed_specs_are_what_the_library_compiles_to(specs: dict[str, Spec]
 def test_the_same_library_compiles_to_the_same_bytes(library: Path, specs: dict[str, Spec]) -> None:
     again = compile_library(library)
     assert [to_json(spec) for spec in again] == [to_json(spec) for spec in specs.values()]
+
+
+def test_repeats_are_scenarios_that_differ_in_traffic_and_share_it_over_weathers(
+    library: Path, specs: dict[str, Spec], tmp_path: Path
+) -> None:
+    suite = (library / "nhtsa" / "suites" / "adver_city.yaml").read_text()
+    suite = suite.replace("id: adver_city", "id: twice", 1).replace("default: true", "repeats: 2")
+    suite = suite.replace("weathers: all", "weathers: [fog_day, clear_night]")
+    (tmp_path / "twice.yaml").write_text(suite)
+
+    twice = {spec.id: spec for spec in compile_library(library, tmp_path, suite="twice")}
+
+    assert len(twice) == 5 * 2 * 2 * 2
+    first, second = twice["ri_fog_day_dense_r1"], twice["ri_fog_day_dense_r2"]
+    assert (first.provenance.repeat, second.provenance.repeat) == (1, 2)
+    without = specs["ri_fog_day_dense"]
+    assert (first.seeds, first.conflicts) == (without.seeds, without.conflicts)
+    assert second.seeds.traffic != first.seeds.traffic
+    assert second.conflicts[0].parameters != first.conflicts[0].parameters
+    other = twice["ri_clear_night_dense_r2"]
+    assert (other.seeds.traffic, other.conflicts) == (second.seeds.traffic, second.conflicts)
+    assert to_json(with_weather(second, find_weather("clear_night"))) == to_json(other)
 
 
 def test_each_road_has_the_crash_groups_that_require_it(specs: dict[str, Spec]) -> None:
