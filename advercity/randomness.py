@@ -5,22 +5,28 @@ import math
 from statistics import NormalDist
 
 import numpy as np
-from advercity_dsl.distribution import Choice, Distribution, Uniform
+from advercity_dsl.distribution import Choice, Distribution, Uniform, compute_bounds
 
 from advercity.geometry.arrays import Float64Array
 
 
-def draw_number(item: Distribution, rng: np.random.Generator) -> float:
-    """Draw a number from a distribution, with one draw of `rng`."""
+def draw_number(
+    item: Distribution, rng: np.random.Generator, *, at_most: float = math.inf
+) -> float:
+    """Draw a number from a distribution truncated above `at_most`, with one draw of `rng`.
+
+    Where nothing is left below that, the result is the lowest number of the distribution.
+    """
+    low, high = compute_bounds(item)
+    high = max(min(high, at_most), low)
     if isinstance(item, Choice):
-        return item.choice[int(rng.integers(len(item.choice)))]
+        choice = [value for value in item.choice if value <= high]
+        return choice[int(rng.integers(len(choice)))]
     fraction = float(rng.random())
     if isinstance(item, Uniform):
-        low, high = item.uniform
         return low + (high - low) * fraction
     # Inverse transform sampling: one draw, which rejection sampling would not guarantee.
     normal = NormalDist(item.normal.mean, item.normal.sd)
-    low, high = item.normal.within
     lowest, highest = normal.cdf(low), normal.cdf(high)
     level = min(max(lowest + (highest - lowest) * fraction, 1e-12), 1 - 1e-12)
     return min(max(normal.inv_cdf(level), low), high)

@@ -36,6 +36,33 @@ def test_numbers_are_drawn_within_the_bounds(distribution: Distribution) -> None
     assert len(set(numbers)) >= 3
 
 
+@pytest.mark.parametrize(
+    ("distribution", "expected"),
+    [
+        (Uniform(uniform=(30, 80)), (30, 35, 40)),
+        (Normal(normal=TruncatedNormal(mean=55, sd=1000, within=(30, 80))), (30, 35, 40)),
+        (Choice(choice=(30, 40, 45, 60)), (30, 35, 40)),
+    ],
+)
+def test_numbers_below_a_limit_keep_their_distribution(
+    distribution: Distribution, expected: tuple[float, float, float]
+) -> None:
+    """A normal distribution of a large deviation is nearly uniform."""
+    rng = create_generator(0, "test")
+    numbers = [draw_number(distribution, rng, at_most=40) for _ in range(2000)]
+    low, mean, high = expected
+    assert min(numbers) == pytest.approx(low, abs=0.1)
+    assert np.mean(numbers) == pytest.approx(mean, abs=0.3)
+    assert max(numbers) == pytest.approx(high, abs=0.1)
+    assert max(numbers) <= 40
+
+
+def test_a_limit_below_a_distribution_leaves_its_lowest_number() -> None:
+    rng = create_generator(0, "test")
+    assert draw_number(Uniform(uniform=(30, 80)), rng, at_most=20) == 30
+    assert draw_number(Choice(choice=(60, 45)), rng, at_most=20) == 45
+
+
 def test_a_gauss_markov_process_keeps_its_variance_and_forgets() -> None:
     memory = math.exp(-0.1 / 120)
     paths = sample_gauss_markov(create_generator("drift"), 0, 12_000, correlation=memory, axes=400)

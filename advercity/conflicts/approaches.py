@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 from advercity_dsl.distribution import compute_bounds
-from advercity_dsl.road import Movement, StripKind
+from advercity_dsl.road import Movement, StripKind, Vehicle
 from advercity_dsl.units import KM_H_PER_M_S
 from numpy.typing import NDArray
 
@@ -75,8 +75,9 @@ def compute_riding_offset(segment: RouteSegment) -> float:
 
 WAITING_GAP_M = 0.8
 """Distance from the edge of the lanes at which an actor waits to cross."""
-RUN_UP_M = {"pedestrian": 0.0, "bicycle": 6.0}
-"""Distance behind the waiting position at which an actor sets out, by class."""
+RUN_UP_M = {"bicycle": (6.0, 25.0)}
+"""Shortest and longest distance behind the waiting position at which an actor sets out, by class.
+Euro NCAP's cyclists are steady from 17 and 22 m before the impact on."""
 FIRST_CROSSING_FRACTION, NEXT_CROSSING_FRACTION = 0.55, 0.3
 """Fraction of the ego's drive at which it is crossed between junctions, and steps to the next."""
 CLEAR_OF_JUNCTIONS_M = 8.0
@@ -94,7 +95,8 @@ def place_across(case: ConflictCase) -> ActorPlacement:
     sign = -1.0 if nearside else 1.0
     wait = _compute_waiting_offset_m(case, segment, right=nearside)
     wait = max(wait, case.parameters.get("start_lateral_m", 0.0))
-    start = wait + RUN_UP_M.get(case.actor.actor_class, 0.0)
+    run_up, longest = RUN_UP_M.get(case.actor.actor_class, (0.0, 0.0))
+    start = wait + min(max(run_up, compute_needed_approach_m(case) - wait), longest)
     # A metre past where it would wait on the other side, so that it is clear of the lanes.
     end = _compute_waiting_offset_m(case, segment, right=not nearside) + 1.0
     path = case.drive.path
@@ -257,6 +259,10 @@ def _compute_passing_s(case: ConflictCase) -> float:
     return (lengths_m + 2 * case.parameters["passing_gap_m"]) / (closing_km_h / KM_H_PER_M_S)
 
 
+SAME_LANE_M = 1.5
+"""A vehicle that starts within this distance of an actor's path starts in its lane."""
+CONNECTED_GAP_M = 5.0
+"""Distance between the centre of a connected vehicle and the rear of an actor ahead of it."""
 STOP_LINE_GAP_M = 1.0
 """Distance of a waiting vehicle from the stop line."""
 ALONG_EDGE_M = 26.0
@@ -286,18 +292,30 @@ def place_in_lane(case: ConflictCase) -> ActorPlacement:
     approach_m = path.find_nearest_station(case.drive.path.point_at(station)) - (line_m - start_m)
     lane = movement.from_lane
     place = ActorPlacement(station, approach_m, route=route, lane=lane, start_m=start_m)
-    # A narrow junction leaves no room to speed up in: there the actor starts farther back.
-    room_m = line_m - start_m - case.actor.length_m / 2
-    back_m = min(_compute_missing_approach_m(case, place), room_m)
+    # What the junction leaves no room for is done before it: the actor starts farther back.
+    room_m = line_m - start_m - _find_last_free_station(case, path, line_m)
+    back_m = min(max(compute_needed_approach_m(case) - approach_m, 0.0), room_m)
     return replace(place, approach_m=approach_m + back_m, start_m=start_m + back_m)
+
+
+def _find_last_free_station(case: ConflictCase, path: RoutePath, line_m: float) -> float:
+    """Find how far back on its street an actor can start: before connected vehicles in its lane."""
+    spawns = [
+        place.spawn_m for place in case.drive.road.agents.values() if isinstance(place, Vehicle)
+    ]
+    taken = [
+        station
+        for spawn in spawns
+        if (station := path.find_nearest_station(spawn)) < line_m
+        and np.linalg.norm(path.point_at(station) - np.array(spawn)) < SAME_LANE_M
+    ]
+    return max([0.0, *(station + CONNECTED_GAP_M for station in taken)]) + case.actor.length_m / 2
 
 
 STEADY_SPEED_FRACTION = 0.88
 """Fraction of the speed from which it can just stop, so that it keeps its speed for a moment."""
 STOPPING_MARGIN_M = 2.2
 """Minimum distance of its front from the crossing of both paths."""
-MIN_APPROACH_SPEED_RATIO = 0.6
-"""Solved speed over the lowest declared one, below which the approach is too short."""
 
 
 def compute_actor_speed_m_s(case: ConflictCase, place: ActorPlacement) -> float:
@@ -309,14 +327,41 @@ def compute_actor_speed_m_s(case: ConflictCase, place: ActorPlacement) -> float:
     return round(float(min(case.speed_m_s, STEADY_SPEED_FRACTION * highest)), 3)
 
 
-def _compute_missing_approach_m(case: ConflictCase, place: ActorPlacement) -> float:
-    """Compute how much longer an approach must be for the lowest speed; 0 if it is long enough."""
-    low_km_h, _ = compute_bounds(case.conflict.parameters.actor_speed_km_h.draw)
-    low_m_s = low_km_h / KM_H_PER_M_S
-    if compute_actor_speed_m_s(case, place) >= MIN_APPROACH_SPEED_RATIO * low_m_s:
-        return 0.0
-    steady_m = (low_m_s / STEADY_SPEED_FRACTION) ** 2 / 2 * _sum_inverse_limits(case)
-    return steady_m + case.actor.length_m / 2 + STOPPING_MARGIN_M - place.approach_m
+def compute_needed_approach_m(case: ConflictCase) -> float:
+    """Compute how far from the meeting an actor has to start for its speed, and to stop short."""
+    steady_m = (case.speed_m_s / STEADY_SPEED_FRACTION) ** 2 / 2 * _sum_inverse_limits(case)
+    return steady_m + case.actor.length_m / 2 + STOPPING_MARGIN_M
+
+
+def fit_actor_speed(case: ConflictCase) -> ConflictCase:
+    """Draw the speed of an actor that stops short from what the road leaves of its range.
+
+    It can reach that speed and stop again, and brakes within the declared time to collision.
+    """
+    if case.conflict.actor.behaviour != "stops_short":
+        return case
+    _, high_km_h = compute_bounds(case.conflict.parameters.actor_speed_km_h.draw)
+    fastest = case.with_actor_speed(high_km_h)
+    place = place_actor(fastest)
+    latest_s = case.conflict.outcome.time_to_collision_below_s
+    limit = min(
+        compute_actor_speed_m_s(fastest, place),
+        2 * case.parameters["braking_m_s2"] * latest_s,
+        _compute_timely_speed_m_s(case, place) if place.route else np.inf,
+    )
+    return case.redraw_actor_speed(limit * KM_H_PER_M_S)
+
+
+def _compute_timely_speed_m_s(case: ConflictCase, place: ActorPlacement) -> float:
+    """Compute the highest speed whose approach an actor from rest drives before the ego comes.
+
+    At v that takes `v / 2a + (k v^2 + c) / v`, whose second part is the needed approach.
+    """
+    slope = 1 / (2 * case.parameters["acceleration_m_s2"])
+    slope += _sum_inverse_limits(case) / (2 * STEADY_SPEED_FRACTION**2)
+    standing_m = case.actor.length_m / 2 + STOPPING_MARGIN_M
+    at_s = case.drive.motion.time_at(place.station_m)
+    return float((at_s + np.sqrt(max(at_s**2 - 4 * slope * standing_m, 0.0))) / (2 * slope))
 
 
 def _sum_inverse_limits(case: ConflictCase) -> float:

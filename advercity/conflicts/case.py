@@ -3,8 +3,9 @@
 Every draw is a function of seed, key and name alone, so that none depends on another.
 """
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from advercity_dsl import Blueprint, Conflict
@@ -34,10 +35,12 @@ def sample_parameters(parameters: ConflictParameters, seed: int, key: str) -> di
     }
 
 
-def _draw_value(draw: float | Distribution, seed: int, key: str, name: str) -> float:
+def _draw_value(
+    draw: float | Distribution, seed: int, key: str, name: str, at_most: float = math.inf
+) -> float:
     if isinstance(draw, int | float):
         return float(draw)
-    return draw_number(draw, create_generator(seed, "conflict", key, name))
+    return draw_number(draw, create_generator(seed, "conflict", key, name), at_most=at_most)
 
 
 def _round_significant(value: float) -> float:
@@ -138,6 +141,17 @@ class ConflictCase:
     def speed_m_s(self) -> float:
         """Drawn speed of the actor."""
         return self.parameters["actor_speed_km_h"] / KM_H_PER_M_S
+
+    def with_actor_speed(self, speed_km_h: float) -> "ConflictCase":
+        """Return the case with another speed of the actor."""
+        return replace(self, parameters={**self.parameters, "actor_speed_km_h": speed_km_h})
+
+    def redraw_actor_speed(self, at_most_km_h: float) -> "ConflictCase":
+        """Return the case with a speed of the actor from its declared range below a limit."""
+        name = "actor_speed_km_h"
+        draw = getattr(self.conflict.parameters, name).draw
+        value = _draw_value(draw, self.sampler.seed, self.sampler.key, name, at_most_km_h)
+        return self.with_actor_speed(_round_significant(value))
 
 
 @dataclass(frozen=True, eq=False)

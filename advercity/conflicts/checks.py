@@ -6,10 +6,11 @@ import numpy as np
 from advercity_dsl import Conflict, Density, Road, StagedActor, StagedConflict
 from advercity_dsl.distribution import compute_bounds
 
-from advercity.conflicts.approaches import MIN_APPROACH_SPEED_RATIO
 from advercity.conflicts.ego_motion import EgoDrive
 
 MIN_SPEED_RANGE_KM_H = 5.0
+SPEED_ROUNDING_KM_H = 0.01
+"""Declared speeds are in km/h with four digits, those of specs in m/s with three decimals."""
 MAX_SPEED_KM_H = {"pedestrian": 12.0, "bicycle": 40.0}
 MAX_LATERAL_M_S2 = {"drifts": 2.4, "overtakes": 1.5}
 """Maximum lateral acceleration of leaving the lane; Euro NCAP's lane changes have up to 1.5."""
@@ -86,13 +87,14 @@ def _check_ego_speed(solution: _Solution) -> Finding | None:
 
 
 def _check_approach(solution: _Solution) -> Finding | None:
-    low, _ = compute_bounds(solution.conflict.parameters.actor_speed_km_h.draw)
+    low, high = compute_bounds(solution.conflict.parameters.actor_speed_km_h.draw)
     speed = solution.staged.parameters["actor_speed_km_h"]
-    if speed >= MIN_APPROACH_SPEED_RATIO * low:
+    if speed >= low - SPEED_ROUNDING_KM_H:
         return None
+    asked = f"{low:g}" if low == high else f"{low:g} to {high:g}"
     message = (
         f"on '{solution.road.id}' there is room to reach {speed:.1f} km/h and stop again, not the"
-        f" {low:g} km/h asked for"
+        f" {asked} km/h asked for"
     )
     hint = "lower it, or start farther away"
     return Finding(("parameters", "actor_speed_km_h"), message, hint)

@@ -10,6 +10,12 @@ from advercity_dsl import Spec
 from advercity_dsl.conflict import StagedConflict
 from numpy.typing import NDArray
 
+from advercity.conflicts.achieved_parameters import (
+    APPROACH_WINDOW_S,
+    AchievedParameter,
+    measure_parameters,
+    select_before,
+)
 from advercity.conflicts.metrics import (
     ActorTrack,
     BoxOverlap,
@@ -22,8 +28,6 @@ from advercity.conflicts.trajectories import find_crossing
 from advercity.errors import RunError
 from advercity.frames import Trace
 
-APPROACH_WINDOW_S = 8.0
-"""Time before the ego's arrival in which the actor's approach is looked for."""
 ADJACENT_LANE_GAP_M = 6.0
 """An actor that passes a point within this distance passes it in an adjacent lane."""
 STEADY_SPEED_RATIO = 0.95
@@ -42,6 +46,7 @@ class ConflictOutcome:
             crossing of both paths.
         actor_lag_s: How much later the actor would have been there at the speed of its approach.
         met: How near they came to each other.
+        parameters: Declared parameters that the trace shows.
         missed: What did not happen as declared; empty if the conflict happened.
     """
 
@@ -51,6 +56,7 @@ class ConflictOutcome:
     ego_at_s: float
     actor_lag_s: float
     met: Encounter
+    parameters: tuple[AchievedParameter, ...]
     missed: tuple[str, ...]
 
     @property
@@ -64,10 +70,9 @@ class ConflictOutcome:
         return tuple(f"{self.id} ({self.conflict}): {reason}" for reason in self.missed)
 
     @property
-    def time_to_collision_s(self) -> float | None:
-        """The smaller one of both times to collision, in seconds; None if there is neither."""
-        metrics = (self.met.time_to_collision_s, self.met.time_to_collision_on_way_s)
-        return min((metric.value for metric in metrics if metric), default=None)
+    def outside(self) -> tuple[str, ...]:
+        """Names of the parameters that are outside their declared range."""
+        return tuple(item.name for item in self.parameters if item.is_outside)
 
 
 def evaluate_outcomes(spec: Spec, trace: Trace) -> Iterator[ConflictOutcome]:
@@ -101,8 +106,11 @@ def _evaluate_outcome(
     row = _find_arrival_row(conflict, ego, actor, point)
     lag_s = _extrapolate_arrival_s(actor, row, point, ego_at_s, tick_s) - ego_at_s
     missed = tuple(_find_deviations(conflict, encounter, lag_s))
+    parameters = measure_parameters(
+        conflict, ego, actor, ego_at_s=ego_at_s, lag_s=lag_s, tick_s=tick_s
+    )
     return ConflictOutcome(
-        conflict.id, conflict.conflict, actor.actor, ego_at_s, lag_s, encounter, missed
+        conflict.id, conflict.conflict, actor.actor, ego_at_s, lag_s, encounter, parameters, missed
     )
 
 
@@ -160,8 +168,7 @@ def _extrapolate_arrival_s(
 ) -> float:
     """Compute when an actor would be where it is in a row had it kept its approach speed."""
     rows = actor.rows
-    times_s = rows["tick"] * tick_s
-    approach = np.flatnonzero((times_s >= ego_at_s - APPROACH_WINDOW_S) & (times_s <= ego_at_s))
+    approach = select_before(actor, ego_at_s, APPROACH_WINDOW_S, tick_s)
     if len(approach) == 0:
         return float("inf")
     speeds = rows["speed"][approach]
@@ -169,7 +176,7 @@ def _extrapolate_arrival_s(
     left_m = rows["travelled"][row] - rows["travelled"][last]
     # A track that ends before the point has the rest of the path still ahead.
     left_m += np.linalg.norm(actor.centres[row] - point_m) * (row == len(rows) - 1)
-    return float(times_s[last] + left_m / max(rows["speed"][last], 0.1))
+    return float(rows["tick"][last] * tick_s + left_m / max(rows["speed"][last], 0.1))
 
 
 @dataclass(frozen=True)
@@ -216,8 +223,8 @@ def _iter_outcome_events(
         yield ConflictEvent(arrival, f"{name}: not as declared: {missed}", point_m, is_failure=True)
     metrics: tuple[tuple[str, str, MetricAtTick | None], ...] = (
         ("minimum distance", "m", outcome.met.distance_m),
-        ("minimum time to collision at the same velocities", "s", outcome.met.time_to_collision_s),
         ("minimum time to collision on their paths", "s", outcome.met.time_to_collision_on_way_s),
+        ("minimum time to collision at the same velocities", "s", outcome.met.time_to_collision_s),
         ("post-encroachment time", "s", outcome.met.post_encroachment_s),
     )
     for title, unit, metric in metrics:
@@ -354,15 +361,37 @@ def format_markdown_table(reports: Sequence[TrafficReport]) -> str:
     return "".join("| " + " | ".join(map(str, line)) + " |\n" for line in lines)
 
 
+METRIC_HEADS = ("path TTC s", "velocity TTC s", "distance m", "gap s")
+PARAMETER_HEADS = {
+    "ego_speed_km_h": "ego km/h",
+    "actor_speed_km_h": "actor km/h",
+    "arrival_offset_s": "offset s",
+    "encroachment_m": "over the line m",
+}
+
+
 def _build_conflict_cells(staged: ConflictOutcome | None) -> dict[str, object]:
+    """Build the cells on a conflict, empty without one: measured values, declared in brackets."""
+    heads = ("conflict", *PARAMETER_HEADS.values(), "outside", *METRIC_HEADS, "happened")
     if staged is None:
-        return {"conflict": "", "distance m": "", "collision s": "", "gap s": "", "happened": ""}
-    gap = staged.met.post_encroachment_s
-    time_s = staged.time_to_collision_s
+        return dict.fromkeys(heads, "")
+    met = staged.met
+    metrics = (
+        met.time_to_collision_on_way_s,
+        met.time_to_collision_s,
+        met.distance_m,
+        met.post_encroachment_s,
+    )
+    found = {PARAMETER_HEADS[item.name]: str(item) for item in staged.parameters}
     return {
+        **dict.fromkeys(heads, ""),
+        **found,
         "conflict": staged.conflict,
-        "distance m": f"{staged.met.distance_m.value:.2f}",
-        "collision s": "" if time_s is None else f"{time_s:.1f}",
-        "gap s": "" if gap is None else f"{gap.value:.1f}",
+        "outside": ", ".join(staged.outside),
+        **{
+            head: f"{metric.value:.2f}"
+            for head, metric in zip(METRIC_HEADS, metrics, strict=True)
+            if metric is not None
+        },
         "happened": "yes" if staged.happened else "no",
     }

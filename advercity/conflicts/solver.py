@@ -5,6 +5,8 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 import shapely
 from advercity_dsl import Blueprint, Conflict, StagedActor, StagedConflict
+from advercity_dsl.conflict import ConflictParameters
+from advercity_dsl.distribution import compute_bounds
 from advercity_dsl.units import KM_H_PER_M_S, Point2
 from numpy.typing import NDArray
 
@@ -13,6 +15,7 @@ from advercity.conflicts.approaches import (
     compute_actor_speed_m_s,
     compute_cyclist_speed_m_s,
     compute_lane_edge_offset,
+    fit_actor_speed,
     place_actor,
     place_passed_cyclist,
 )
@@ -187,6 +190,7 @@ def solve_conflict(
         actor=sampler.draw_actor(conflict.actor.classes),
         parameters=sample_parameters(conflict.parameters, seed, key),
     )
+    case = fit_actor_speed(case)
     return _build_staged_conflict(case, typology, place_actor(case))
 
 
@@ -210,9 +214,16 @@ def _build_staged_conflict(
         station_m=round(place.station_m - drive.start_m, 3),
         window_s=(round(at_s - ARRIVAL_WINDOW_S, 1), round(at_s + ARRIVAL_WINDOW_S, 1)),
         parameters=_collect_parameters(case, place, speed, others),
+        declared=_collect_bounds(conflict.parameters),
         mode="open_loop",
         outcome=conflict.outcome,
     )
+
+
+def _collect_bounds(parameters: ConflictParameters) -> dict[str, tuple[float, float]]:
+    """Collect the lowest and highest declared value of every parameter, sorted by name."""
+    declared = {name: item for name, item in parameters if item is not None}
+    return {name: compute_bounds(item.draw) for name, item in sorted(declared.items())}
 
 
 def _collect_parameters(

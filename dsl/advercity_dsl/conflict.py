@@ -227,6 +227,8 @@ class StagedConflict(Model):
     """Expected times of an unhindered ego at the point, from the scenario's start."""
     parameters: ByName[Number]
     """Drawn parameters by name with unit, including `arrival_offset_s`."""
+    declared: ByName[tuple[Number, Number]] = Field(default_factory=dict)
+    """Lowest and highest declared value of every parameter."""
     mode: Literal["open_loop", "reactive"]
     """Timed against a dry run of the same traffic, or controlled at each tick."""
     outcome: OutcomeCriteria

@@ -71,6 +71,12 @@ MISTAKES = {
         "braking_m_s2: {draw: 0.02}",
         "there is room to reach",
     ),
+    "V6 a junction too near the end of its street": (
+        "conflicts/ltap_od_ego_turns.yaml",
+        "actor_speed_km_h: {draw: {uniform: [30, 80]}",
+        "actor_speed_km_h: {draw: {uniform: [50, 80]}",
+        "km/h and stop again, not the 50 to 80 km/h asked for",
+    ),
     "V7 a pedestrian who outruns everybody": (
         "conflicts/ped_farside_crossing.yaml",
         "actor_speed_km_h: {draw: {uniform: [6, 11]}",
@@ -180,6 +186,24 @@ def test_conflicts_crossed_with_roads_make_31_cells(copied: Path):
     for conflict in (spec.conflicts[0] for spec in specs):
         hides = "obstruction_gap_m" in conflict.parameters
         assert (conflict.parameters.get("occlusion_m", 0.0) > 5.0) == hides
+
+
+def test_no_conflict_has_a_parameter_outside_its_declared_range(copied: Path):
+    conflicts = [
+        conflict
+        for suite in ("adver_city", "conflicts", "unsignalised")
+        for spec in compile_library(copied, suite=suite)
+        for conflict in spec.conflicts
+    ]
+
+    assert len(conflicts) == 18 + 62 + 12
+    for conflict in conflicts:
+        for name, (low, high) in conflict.declared.items():
+            if name != "ego_speed_km_h":  # the road determines it
+                assert low - 0.01 <= conflict.parameters[name] <= high + 0.01, (
+                    conflict.conflict,
+                    name,
+                )
 
 
 def test_junctions_without_lights_have_stop_signs_for_those_from_the_sides(copied: Path):

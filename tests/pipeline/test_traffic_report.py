@@ -13,6 +13,8 @@ from advercity_dsl.conflict import OutcomeCriteria, StagedActor, StagedConflict
 
 from advercity.cli import main
 from advercity.compiler import write_specs
+from advercity.conflicts.achieved_parameters import measure_parameters
+from advercity.conflicts.metrics import ActorTrack
 from advercity.conflicts.report import ConflictOutcome, evaluate_outcomes
 from advercity.errors import RunError
 from advercity.frames import STATE_DTYPE, Actor, Trace
@@ -95,6 +97,12 @@ def crossing(offset_s: float, *, below_s: float = 3.0) -> tuple[StagedConflict, 
         actors=(actor,),
         point_m=(0.0, 0.0),
         parameters={"arrival_offset_s": offset_s},
+        declared={
+            "actor_speed_km_h": (5.0, 10.0),
+            "arrival_offset_s": (-0.2, 0.2),
+            "braking_m_s2": (2.0, 3.0),
+            "ego_speed_km_h": (40.0, 60.0),
+        },
         outcome=wanted,
     )
     return staged, wanted
@@ -130,7 +138,7 @@ def test_a_conflict_happened_if_all_was_as_declared(specs: dict[str, Spec]):
     assert found.actor_lag_s == pytest.approx(1.0)
     assert found.met.post_encroachment_s is not None
     assert found.met.post_encroachment_s.value == pytest.approx(0.2, abs=0.1)
-    assert found.time_to_collision_s is None
+    assert found.met.time_to_collision_on_way_s is None
     assert found.missed == ("time to collision (none) is not below 6 s",)
 
 
@@ -139,7 +147,43 @@ def test_a_conflict_that_ends_in_a_crash_is_no_near_miss(specs: dict[str, Spec])
 
     assert not found.happened
     assert found.missed[0] == "they touch"
-    assert found.time_to_collision_s == pytest.approx(0.0)
+    assert found.met.time_to_collision_on_way_s is not None
+    assert found.met.time_to_collision_on_way_s.value == pytest.approx(0.0)
+
+
+def test_parameters_are_measured_and_those_outside_their_range_are_named(specs: dict[str, Spec]):
+    """10 m/s are 36 km/h, below 40; 2 m/s are 7.2 km/h; 1 s is more than 0.2 s."""
+    found = crossed(specs["ui_clear_day_sparse"], lag_s=1.0, meant_s=1.0)
+
+    assert [str(item) for item in found.parameters] == [
+        "36 (40 to 60)",
+        "7.2 (5 to 10)",
+        "1 (-0.2 to 0.2)",
+    ]
+    assert found.outside == ("ego_speed_km_h", "arrival_offset_s")
+
+
+def test_an_encroachment_is_how_far_the_body_is_over_the_middle_between_both_paths():
+    """Paths 3 m apart; 0.9 m from the ego's, a body 2 m wide is 1.6 m over their middle."""
+    ticks = np.arange(40)
+    ego, actor = np.zeros(40, STATE_DTYPE), np.zeros(40, STATE_DTYPE)
+    ego["tick"] = actor["tick"] = ticks
+    ego["x"], actor["x"] = 2 * ticks - 39, 39 - 2 * ticks  # they pass between ticks 19 and 20
+    actor["y"] = np.interp(ticks, [0, 8, 16], [3.0, 0.9, 3.0])
+    staged = StagedConflict.model_construct(declared={"encroachment_m": (0.8, 1.2)})
+    size = np.array([4.0, 2.0])
+
+    (found,) = measure_parameters(
+        staged,
+        ActorTrack(EGO, size, ego),
+        ActorTrack(OTHER, size, actor),
+        ego_at_s=2.0,
+        lag_s=0.0,
+        tick_s=0.1,
+    )
+
+    assert found.achieved == pytest.approx(1.6)
+    assert found.is_outside
 
 
 def test_an_actor_that_comes_too_late_has_missed_the_conflict(specs: dict[str, Spec]):

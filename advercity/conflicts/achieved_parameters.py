@@ -1,0 +1,126 @@
+"""Declared parameters of a staged conflict, next to what its trace shows."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from advercity_dsl.conflict import StagedConflict
+from advercity_dsl.units import KM_H_PER_M_S
+from numpy.typing import NDArray
+
+from advercity.conflicts.metrics import ActorTrack
+
+APPROACH_WINDOW_S = 8.0
+"""Time before the ego's arrival in which the actor's approach is looked for."""
+TEST_CLOCK_S = 4.0
+"""Time before the ego's arrival in which its speed counts, as in Euro NCAP's tests."""
+TOLERANCES = {"_km_h": 0.5, "_s": 0.05, "_m": 0.05}
+"""Resolution of a measured value by the unit at the end of its name: of times, half a tick."""
+
+
+@dataclass(frozen=True)
+class AchievedParameter:
+    """A parameter of a conflict as declared and as measured; a row of `report.json`.
+
+    Attributes:
+        name: Name with unit.
+        declared: Lowest and highest declared value.
+        achieved: Value on the trace.
+    """
+
+    name: str
+    declared: tuple[float, float]
+    achieved: float
+
+    @property
+    def is_outside(self) -> bool:
+        """Whether the value is outside the declared range by more than its resolution."""
+        low, high = self.declared
+        tolerance = next(value for unit, value in TOLERANCES.items() if self.name.endswith(unit))
+        return not low - tolerance <= self.achieved <= high + tolerance
+
+    def __str__(self) -> str:
+        """`33.4 (30 to 80)`."""
+        low, high = self.declared
+        return f"{self.achieved:.3g} ({low:g} to {high:g})"
+
+
+@dataclass(frozen=True)
+class _Meeting:
+    ego: ActorTrack
+    actor: ActorTrack
+    ego_at_s: float
+    lag_s: float
+    tick_s: float
+
+
+def measure_parameters(
+    conflict: StagedConflict,
+    ego: ActorTrack,
+    actor: ActorTrack,
+    *,
+    ego_at_s: float,
+    lag_s: float,
+    tick_s: float,
+) -> tuple[AchievedParameter, ...]:
+    """Measure those declared parameters that a trace shows.
+
+    Args:
+        conflict: The conflict.
+        ego: Whole track of the ego.
+        actor: Whole track of the actor.
+        ego_at_s: Time from the first kept tick at which the ego is at the conflict point.
+        lag_s: How much later the actor would have been there at the speed of its approach.
+        tick_s: Time between ticks.
+    """
+    meeting = _Meeting(ego, actor, ego_at_s, lag_s, tick_s)
+    return tuple(
+        AchievedParameter(name, conflict.declared[name], round(measure(meeting), 3))
+        for name, measure in _MEASURES.items()
+        if name in conflict.declared
+    )
+
+
+def select_before(
+    track: ActorTrack, at_s: float, window_s: float, tick_s: float
+) -> NDArray[np.intp]:
+    """Select the indices of a track's rows in a window of time that ends at a time."""
+    times_s = track.rows["tick"] * tick_s
+    return np.flatnonzero((times_s >= at_s - window_s) & (times_s <= at_s))
+
+
+def _measure_ego_speed(meeting: _Meeting) -> float:
+    return _find_top_speed_km_h(meeting.ego, meeting, TEST_CLOCK_S)
+
+
+def _measure_actor_speed(meeting: _Meeting) -> float:
+    return _find_top_speed_km_h(meeting.actor, meeting, APPROACH_WINDOW_S)
+
+
+def _find_top_speed_km_h(track: ActorTrack, meeting: _Meeting, window_s: float) -> float:
+    rows = select_before(track, meeting.ego_at_s, window_s, meeting.tick_s)
+    return float(track.rows["speed"][rows].max(initial=0.0)) * KM_H_PER_M_S
+
+
+def _measure_encroachment(meeting: _Meeting) -> float:
+    """Measure how far the actor's outline is over the middle between it and the ego's path.
+
+    The middle is that between their centres when they pass; an actor that drifts is in its lane
+    by then.
+    """
+    ticks = np.intersect1d(meeting.ego.rows["tick"], meeting.actor.rows["tick"])
+    ego, actor = meeting.ego.at_ticks(ticks).centres, meeting.actor.at_ticks(ticks).centres
+    passing = int(np.argmin(np.linalg.norm(ego - actor, axis=1)))
+    driven = shapely.LineString(meeting.ego.centres)
+    apart_m = [driven.distance(shapely.Point(centre)) for centre in actor[: passing + 1]]
+    return apart_m[-1] / 2 + float(meeting.actor.size[1]) / 2 - min(apart_m)
+
+
+_MEASURES: Mapping[str, Callable[[_Meeting], float]] = {
+    "ego_speed_km_h": _measure_ego_speed,
+    "actor_speed_km_h": _measure_actor_speed,
+    "arrival_offset_s": lambda meeting: meeting.lag_s,
+    "encroachment_m": _measure_encroachment,
+}
+"""How each parameter that a trace shows is measured; the others show in none."""
