@@ -73,9 +73,9 @@ _CROWNS = {
 SPRUCE_HEIGHT_M = 10.8
 _CLUSTERS = {Detail.NEAR: 44, Detail.MIDDLE: 26, Detail.FAR: 14}
 """Ends of branches of a tree."""
-_SPRAYS = {Detail.NEAR: 20, Detail.MIDDLE: 12, Detail.FAR: 5}
+_SPRAYS = {Detail.NEAR: 20, Detail.MIDDLE: 12, Detail.FAR: 6}
 """Sprays of each."""
-_SPRAY_LENGTH_M = {Detail.NEAR: 0.4, Detail.MIDDLE: 0.62, Detail.FAR: 0.95}
+_SPRAY_LENGTH_M = {Detail.NEAR: 0.4, Detail.MIDDLE: 0.62, Detail.FAR: 1.0}
 _WHORLS = {Detail.NEAR: (20, 10), Detail.MIDDLE: (13, 8), Detail.FAR: (8, 6)}
 """Whorls of a spruce, and branches of each."""
 
@@ -190,5 +190,6 @@ def _build_spruce(detail: Detail, draw: np.random.Generator) -> TreeParts:
     )
     stem = tube([(0, 0, 0), (0, 0, SPRUCE_HEIGHT_M - 0.3)], [0.22, 0.04], sides=7)
     tip = tube([(0, 0, SPRUCE_HEIGHT_M - 0.9), (0, 0, SPRUCE_HEIGHT_M)], [0.14, 0.01], sides=5)
-    needles = join_surfaces([sprays, lower, shade_smooth(tip)])
+    core = tube([(0, 0, 1.5), (0, 0, SPRUCE_HEIGHT_M - 0.6)], [1.2, 0.08], sides=7)
+    needles = join_surfaces([sprays, lower, shade_smooth(tip), shade_smooth(core)])
     return (shade_smooth(stem), "bark"), (needles, "needles")
