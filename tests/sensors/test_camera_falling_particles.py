@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from advercity.frames import Frame
 from advercity.geometry.poses import pose_matrix
 from advercity.physics.atmosphere import Atmosphere, compute_atmosphere
+from advercity.physics.lamp_beams import LampPattern, LightSource
 from advercity.physics.precipitation import (
     drop_terminal_speed_m_s,
     rain_size_distribution,
@@ -29,6 +30,7 @@ from advercity.sensors.camera import (
 )
 from advercity.sensors.camera.falling_particles import ParticleBlock, build_particle_blocks
 from advercity.sensors.camera.motion_streaks import project_streaks
+from advercity.sensors.camera.scene_light import lamp_luminance
 
 FOV_RAD = math.radians(100.0)
 SKY = {"oktas": 8}
@@ -296,6 +298,20 @@ def test_what_is_nearer_than_a_drop_hides_it() -> None:
     seen = through(rainy(), half, shot())
     assert not seen[:, :240].any()
     assert seen[:, 240:].any()
+
+
+def test_drops_before_a_lamp_are_ten_times_as_bright_and_flakes_are_not() -> None:
+    """Seen halfway to a lamp 10 m ahead, at twice the angle off it that the place has."""
+    lamp = LightSource(LampPattern.LENS, (10.0, 0.0, 0.0), (-1.0, 0.0, 0.0), 4e3, (1.0, 1.0, 1.0))
+    aside = 5.0 * np.tan(np.radians([0.0, 2.5, 5.0, 10.0, 15.0]))
+    points = np.column_stack([np.full(5, 5.0), aside, np.zeros(5)])
+    drops, flakes = (
+        lamp_luminance([lamp], points, np.zeros(3), per_lx=0.5, forward_scattering=is_drop)
+        for is_drop in (True, False)
+    )
+    np.testing.assert_allclose(flakes[0], 0.5 * 4e3 / 25, rtol=1e-5)
+    ratio = (drops / flakes)[:, 0]
+    np.testing.assert_allclose(ratio, [10.0, 8.594, 5.5, 1.0, 1.0], rtol=1e-3)
 
 
 def test_flakes_are_dots_where_drops_are_streaks() -> None:
