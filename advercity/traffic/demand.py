@@ -142,7 +142,7 @@ def _check_room(spec: Spec, graph: LaneGraph) -> None:
         sidewalk_m=sum(lane.length_m for lane in graph.sidewalks.values()),
     )
     if excess:
-        raise InputError(f"{spec.id}: {excess}; ask for fewer in `demand`")
+        raise InputError(f"{excess}; ask for fewer in `demand`")
 
 
 def _build_staged_trip(
@@ -199,7 +199,7 @@ def _build_connected_trip(
     occupancy: LaneOccupancy,
 ) -> VehicleTrip:
     if agent.blueprint is None or agent.blueprint not in spec.blueprints:
-        raise InputError(f"{spec.id}: agent '{agent.id}' is a vehicle without a blueprint")
+        raise InputError(f"agent '{agent.id}' is a vehicle without a blueprint")
     blueprint = spec.blueprints[agent.blueprint]
     lane, centre_m = graph.find_lane(place.spawn_m, np.radians(place.heading_deg))
     occupancy.occupy(lane, centre_m, blueprint.length_m)

@@ -67,10 +67,9 @@ def test_the_shortest_route_is_the_declared_one(
 
 @pytest.mark.sumo
 def test_a_destination_that_no_route_leads_to_is_bad_input(bend: Spec, tmp_path: Path) -> None:
+    elsewhere = {"route": (), "destination_m": (500.0, 500.0)}
     agents = tuple(
-        agent.model_copy(
-            update={"place": agent.place.model_copy(update={"destination_m": (500.0, 500.0)})}
-        )
+        agent.model_copy(update={"place": agent.place.model_copy(update=elsewhere)})
         for agent in bend.agents
     )
 

@@ -360,7 +360,7 @@ def test_a_route_that_no_movement_allows_is_bad_input(
 def test_what_sumo_cannot_read_is_an_error_that_says_so(specs: dict[str, Spec], tmp_path: Path):
     (tmp_path / "net.xml").write_text("<net></net>")
 
-    with pytest.raises(InputError, match="no driving lane at"):
+    with pytest.raises(InputError, match="do not fit on 0 m of lanes"):
         simulate_in_subprocess(specs["ui_clear_day_sparse"], tmp_path / "net.xml")
     with pytest.raises(RunError, match="not a SUMO network"):
         simulate_in_subprocess(specs["ui_clear_day_sparse"], tmp_path / "missing.xml")

@@ -156,8 +156,8 @@ def _find_ground(raycaster: Raycaster, grid: _Grid) -> Float64Array:
 
 def _average_sky(atmosphere: Atmosphere, directions: Float64Array) -> Float64Array:
     """Average the sky and the open ground over the cell of each direction: (k, 3) in cd/m²."""
-    step = 4
     size = atmosphere.sky.shape[1]
+    step = max(size // 64, 1)
     texels = cubemap_directions(size)[:, ::step, ::step].reshape(-1, 3)
     light = atmosphere.sky[:, ::step, ::step].reshape(-1, 3).astype(np.float64)
     weight = np.tile(cubemap_solid_angles(size)[::step, ::step].ravel(), 6)
