@@ -161,8 +161,11 @@ def test_writing_specs_says_what_changed(write: Write, tmp_path: Path) -> None:
     specs, folder = compile_library(write()), tmp_path / "specs"
     assert write_specs(specs, folder) == "1 new"
     assert write_specs(specs, folder) == "1 unchanged"
-    (folder / f"{specs[0].id}.json").rename(folder / "old.json")
-    assert write_specs(specs, folder) == "1 new, 1 removed"
+    earlier = with_digest(specs[0].model_copy(update={"id": "earlier"}))
+    assert write_specs([earlier], folder) == "1 new, 1 removed"
+    (folder / "earlier.json").rename(folder / "mine.json")
+    assert write_specs(specs, folder) == "1 new"
+    assert (folder / "mine.json").exists()
 
 
 def test_a_weather_is_found_by_its_name_in_the_library_that_is_named(write: Write) -> None:
