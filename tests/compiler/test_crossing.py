@@ -9,6 +9,7 @@ from advercity.compiler import (
     find_weather,
     to_json,
     validate_paths,
+    with_digest,
     with_weather,
     write_specs,
 )
