@@ -9,7 +9,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 SLOW = {
-    *("add_a_body", "add_a_road", "first_snow_scenario", "make_the_whole_set"),
+    *("add_a_body", "add_a_road", "first_snow_scenario", "import_your_town", "make_the_whole_set"),
     *("run_on_a_cluster", "write_a_suite", "write_a_typology", "write_traffic", "write_weather"),
 }
 GUIDES = [
