@@ -4,7 +4,6 @@ Models are in collections, `.sh3f` archives, each with a catalogue and one licen
 """
 
 import hashlib
-import http.client
 import io
 import lzma
 import re
@@ -12,7 +11,6 @@ import shutil
 import subprocess
 import tarfile
 import tempfile
-import urllib.request
 import zipfile
 from collections.abc import Iterator
 from contextlib import suppress
@@ -46,14 +44,12 @@ class AssetPackage:
         version: Debian's version.
         sha256: SHA-256 of the package file.
         size_bytes: Its size.
-        url: Where it is without apt.
     """
 
     name: str
     version: str
     sha256: str
     size_bytes: int
-    url: str
 
     @property
     def file_name(self) -> str:
@@ -66,10 +62,7 @@ FURNITURE = AssetPackage(
     version="1.8-1",
     sha256="3ccb90c63f9525e887a767b9cd5c8b6933b8b6b2973a615a5359ee68a2118668",
     size_bytes=119_782_356,
-    url="https://deb.debian.org/debian/pool/main/s/sweethome3d-furniture/"
-    "sweethome3d-furniture_1.8-1_all.deb",
 )
-DOWNLOAD_TIMEOUT_S = 60.0
 
 
 def install_package(package: AssetPackage, folder: Path, source: Path | None = None) -> None:
@@ -126,29 +119,27 @@ def _fetch_file(package: AssetPackage, work: Path, source: Path | None) -> Path:
         return _download_package(package, work)
     path = source / package.file_name if source.is_dir() else source
     if not path.is_file():
-        raise InputError(f"{path}: no such file; download it from {package.url}")
+        raise InputError(f"{path}: no such file; it is {package.file_name} of any Debian mirror")
     if not _has_checksum(package, path):
         raise InputError(
             f"{path}: is not {package.name} {package.version}, whose SHA-256 is {package.sha256};"
-            f" download it from {package.url}"
+            f" take {package.file_name} from a Debian mirror"
         )
     return path
 
 
 def _download_package(package: AssetPackage, work: Path) -> Path:
-    """Download a package with apt, which knows this machine's mirror, else from its address."""
-    failures: list[str] = []
-    for download in (_download_with_apt, _download_from_url):
-        try:
-            path = download(package, work)
-            if _has_checksum(package, path):
-                return path
-            failures.append(f"{path.name} has another SHA-256")
-        except (OSError, http.client.HTTPException) as error:
-            failures.append(str(error))
+    """Download a package with apt, which knows this machine's mirror."""
+    try:
+        path = _download_with_apt(package, work)
+        if _has_checksum(package, path):
+            return path
+        failure = f"{path.name} has another SHA-256"
+    except OSError as error:
+        failure = str(error)
     raise RunError(
-        f"{package.name} {package.version} cannot be downloaded ({'; '.join(failures)}); on a"
-        f" machine with a network download {package.url}, then `advercity assets install --from"
+        f"{package.name} {package.version} cannot be downloaded ({failure}); take"
+        f" {package.file_name} from a Debian mirror, then `advercity assets install --from"
         f" {package.file_name}`"
     )
 
@@ -165,14 +156,6 @@ def _download_with_apt(package: AssetPackage, work: Path) -> Path:
     if done.returncode != 0 or path is None:
         messages = done.stderr.strip().splitlines() or ["no error message"]
         raise OSError(f"apt-get: {messages[-1]}")
-    return path
-
-
-def _download_from_url(package: AssetPackage, work: Path) -> Path:
-    path = work / package.file_name
-    answer = urllib.request.urlopen(package.url, timeout=DOWNLOAD_TIMEOUT_S)  # noqa: S310 - https
-    with answer, path.open("wb") as file:
-        shutil.copyfileobj(answer, file)
     return path
 
 

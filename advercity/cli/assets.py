@@ -48,7 +48,7 @@ def install(
     try:
         if not store.has_package:
             size_mb = round(store.package.size_bytes / 1e6)
-            print_data(f"{source or store.package.url} ({size_mb} MB)")
+            print_data(f"{source or store.package.file_name} ({size_mb} MB)")
             store.install_package(source)
     except RunError as error:
         if not allow_failure:

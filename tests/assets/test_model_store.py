@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 from advercity.assets.bodies import build_body
 from advercity.assets.model_files import ModelPart, read_obj, to_glb
 from advercity.assets.model_store import ModelStore
-from advercity.assets.packages import FURNITURE, AssetPackage, unpack_package
+from advercity.assets.packages import AssetPackage, unpack_package
 from advercity.cli import app
 from advercity.compiler import load_library
 from advercity.errors import InputError, RunError
@@ -98,12 +98,12 @@ def debian_package() -> bytes:
 
 @pytest.fixture
 def tiny(tmp_path: Path) -> AssetPackage:
-    """Our package, pinned by its checksum; its address is that of a file."""
+    """Our package, pinned by its checksum."""
     path = tmp_path / "mirror" / "tiny_1_all.deb"
     path.parent.mkdir()
     path.write_bytes(debian_package())
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    return AssetPackage("tiny", "1", digest, path.stat().st_size, path.as_uri())
+    return AssetPackage("tiny", "1", digest, path.stat().st_size)
 
 
 @pytest.fixture
@@ -140,22 +140,33 @@ def points_of(made: Blueprint, here: ModelStore) -> dict[str, np.ndarray]:
 UNPACKED = ["Closed.sh3f", "Tiny.sh3f", "copyright", "package.sha256"]
 
 
-@pytest.mark.parametrize("has_apt", [True, False])
-def test_the_package_is_downloaded_with_or_without_apt_and_unpacked_without_root(
-    tiny: AssetPackage, mirror: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, has_apt: bool
-):
-    tools = tmp_path / "bin"
+def provide_apt(tools: Path, package: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let `apt-get download tiny=1` copy a file, and make it the only program there is."""
+    copy = f"[ $1 = download ] && [ $3 = tiny=1 ] && /bin/cp {package} ."
     tools.mkdir()
-    if has_apt:
-        copy = f"[ $1 = download ] && [ $3 = tiny=1 ] && /bin/cp {mirror / tiny.file_name} ."
-        (tools / "apt-get").write_text(f"#!/bin/sh\n{copy}\n")
-        (tools / "apt-get").chmod(0o755)
-        tiny = replace(tiny, url="https://nowhere.invalid")
+    (tools / "apt-get").write_text(f"#!/bin/sh\n{copy}\n")
+    (tools / "apt-get").chmod(0o755)
     monkeypatch.setenv("PATH", str(tools))
+
+
+def test_the_package_is_downloaded_by_apt_and_unpacked_without_root(
+    tiny: AssetPackage, mirror: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    provide_apt(tmp_path / "bin", mirror / tiny.file_name, monkeypatch)
     here = ModelStore(tmp_path / "shelf", tiny)
     here.install_package()
     assert here.has_package
     assert sorted(path.name for path in (here.folder / "package").iterdir()) == UNPACKED
+
+
+def test_without_apt_the_message_names_the_file_to_take_and_the_command(
+    tiny: AssetPackage, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    here = ModelStore(tmp_path / "shelf", tiny)
+    with pytest.raises(RunError, match=r"no apt-get.*--from tiny_1_all\.deb"):
+        here.install_package()
+    assert not here.has_package
 
 
 def test_another_file_than_the_pinned_package_is_refused(
@@ -166,7 +177,7 @@ def test_another_file_than_the_pinned_package_is_refused(
     for source in (mirror, mirror / tiny.file_name):
         with pytest.raises(InputError, match=f"is not tiny 1, whose SHA-256 is {tiny.sha256}"):
             here.install_package(source)
-    monkeypatch.setenv("PATH", str(tmp_path))
+    provide_apt(tmp_path / "bin", mirror / tiny.file_name, monkeypatch)
     with pytest.raises(RunError, match=r"another SHA-256.*--from tiny_1_all\.deb"):
         here.install_package()
     assert not here.has_package
@@ -373,9 +384,8 @@ def test_a_file_that_is_not_a_glb_is_rejected(tmp_path: Path):
 
 
 def test_installing_may_be_optional(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    gone = replace(FURNITURE, url="https://nowhere.invalid")
     monkeypatch.setenv("PATH", str(tmp_path))
-    monkeypatch.setattr("advercity.cli.assets.open_model_store", lambda: ModelStore(tmp_path, gone))
+    monkeypatch.setattr("advercity.cli.assets.open_model_store", lambda: ModelStore(tmp_path))
     done = CliRunner().invoke(app, ["assets", "install", "--allow-failure"])
     assert done.exit_code == 0
     assert "(120 MB)" in done.output
