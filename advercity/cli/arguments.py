@@ -18,7 +18,14 @@ ProfileOption = Annotated[str, typer.Option(help="auto, preview or full.")]
 ScaleOption = Annotated[
     float | None,
     typer.Option(
-        help="Fraction of the rig's image width and height, in place of the profile's (full: 1)."
+        help="Fraction of the rig's image width and height, in place of the profile's"
+        " (preview: 0.25, full: 1)."
+    ),
+]
+WeatherLibraryOption = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--library", help="Folders of the library with the weather (default: what ships)."
     ),
 ]
 FramesOption = Annotated[

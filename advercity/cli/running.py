@@ -18,6 +18,7 @@ from advercity.cli.arguments import (
     ProfileOption,
     ScaleOption,
     SpecArgument,
+    WeatherLibraryOption,
     parse_frame_slice,
 )
 from advercity.cli.output import print_data, print_note
@@ -41,11 +42,10 @@ def run(
     connect: Annotated[str | None, typer.Option(help="Send to a running Rerun viewer.")] = None,
     cloud_colour: CloudColourOption = "intensity",
     weather: Annotated[
-        str | None, typer.Option(help="Replay under another weather: a file, or a library name.")
+        str | None,
+        typer.Option(help="Replay under another weather: a file, or a name in the library."),
     ] = None,
-    library: Annotated[
-        list[Path] | None, typer.Option(help="Folders in which --weather looks for a name.")
-    ] = None,
+    library: WeatherLibraryOption = None,
     jobs: JobsOption = None,
     max_memory: Annotated[
         str | None,
@@ -216,8 +216,10 @@ def gallery(
     specs: SpecArgument,
     output: Annotated[Path, typer.Option(help="Image file to write.")] = Path("gallery.jpg"),
     weather: Annotated[
-        list[str] | None, typer.Option(help="A file, or a library name (default: all that ship).")
+        list[str] | None,
+        typer.Option(help="A file, or a name in the library (default: all of the library)."),
     ] = None,
+    library: WeatherLibraryOption = None,
     agent: Annotated[str | None, typer.Option(help="Agent with the camera (default: ego).")] = None,
     camera: Annotated[int, typer.Option(min=0, help="Index of the camera.")] = 0,
     frame: Annotated[
@@ -230,15 +232,16 @@ def gallery(
 ) -> None:
     """Draw one camera of scenarios under every weather into one image."""
     from advercity.cli.progress import show_progress
-    from advercity.compiler import find_weather, list_shipped_weathers, read_spec
+    from advercity.compiler import find_weather, list_weathers, read_spec
     from advercity.pipeline.weather_gallery import write_weather_gallery
 
     loaded = [read_spec(path) for path in specs]
-    weathers = [find_weather(name) for name in weather or list_shipped_weathers()]
+    folders = library or ()
+    named = [find_weather(name, *folders) for name in weather or ()]
     with show_progress(loaded, things="images") as view:
         write_weather_gallery(
             loaded,
-            weathers,
+            named or list_weathers(*folders),
             output,
             agent=agent,
             camera=camera,

@@ -20,7 +20,7 @@ from advercity.compiler.library import (
     LibraryEntry,
     find_shipped_library,
     find_weather,
-    list_shipped_weathers,
+    list_weathers,
     load_declaration,
     load_library,
 )
@@ -42,7 +42,7 @@ __all__ = [
     "find_suite",
     "find_weather",
     "is_edited",
-    "list_shipped_weathers",
+    "list_weathers",
     "load_declaration",
     "load_library",
     "read_spec",

@@ -1,10 +1,11 @@
 """Compilation of suites: crossing roads, weathers and densities into specs."""
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from itertools import product
 from pathlib import Path
+from typing import TypeVar
 
 from advercity_dsl import Road, Spec, StagedConflict, Suite, Typology
 from advercity_dsl.base import suggest_name
@@ -18,6 +19,7 @@ from advercity.compiler.library import (
     load_library,
 )
 from advercity.compiler.model_locks import list_model_assets
+from advercity.compiler.references import check_references
 from advercity.compiler.scenarios import (
     ScenarioInputs,
     TrafficKey,
@@ -37,6 +39,8 @@ from advercity.compiler.suites import (
 )
 from advercity.diagnostics import Diagnostic, DiagnosticsError
 from advercity.errors import InputError
+
+ResultT = TypeVar("ResultT")
 
 
 def compile_library(*folders: str | os.PathLike[str], suite: str | None = None) -> list[Spec]:
@@ -96,20 +100,8 @@ def validate_paths(*paths: Path) -> str:
         checks.append(partial(_validate_library, *declared))
     else:
         checks += [partial(_validate_declaration, path) for path in declared]
-    errors: list[InputError] = []
-    declarations = scenarios = 0
-    for check in checks:
-        try:
-            found = check()
-            declarations, scenarios = declarations + found[0], scenarios + found[1]
-        except InputError as error:
-            errors.append(error)
-    if errors:
-        raise (
-            errors[0]
-            if len(errors) == 1
-            else InputError(*(line for error in errors for line in error.args))
-        )
+    found = _run_checks(checks)
+    declarations, scenarios = (sum(counts) for counts in zip((0, 0), *found, strict=True))
     counts = {"spec": len(specs), "declaration": declarations, "scenario": scenarios}
     return ", ".join(f"{n} {name}{'' if n == 1 else 's'}" for name, n in counts.items() if n)
 
@@ -127,7 +119,26 @@ def _validate_declaration(path: Path) -> tuple[int, int]:
 def _validate_library(*folders: Path) -> tuple[int, int]:
     library = load_library(*folders)
     suites = library.get_declarations(Suite).values()
-    return len(library.entries), sum(len(compile_suite(library, suite)) for suite in suites)
+    check_references(library, suites)
+    compiled = _run_checks([partial(compile_suite, library, suite) for suite in suites])
+    return len(library.entries), sum(map(len, compiled))
+
+
+def _run_checks(checks: Iterable[Callable[[], ResultT]]) -> list[ResultT]:
+    """Run every check and return the results; raise the errors of all as one."""
+    results: list[ResultT] = []
+    errors: list[InputError] = []
+    for check in checks:
+        try:
+            results.append(check())
+        except InputError as error:
+            errors.append(error)
+    diagnostics = [error.diagnostics for error in errors if isinstance(error, DiagnosticsError)]
+    if errors and len(diagnostics) == len(errors):
+        raise DiagnosticsError(*(item for found in diagnostics for item in found))
+    if errors:
+        raise InputError(*(line for error in errors for line in error.args))
+    return results
 
 
 def check_not_edited(spec: Spec, where: object) -> None:
@@ -152,13 +163,16 @@ def compile_suite(library: Library, suite: Suite, *, require_sun: bool = True) -
         DiagnosticsError: A name is unknown, a required kind of road is missing, a road is not
             required, a sun in view of the ego has not been computed, or no scenario remains.
     """
+    check_references(library, [suite])
     resolved = resolve_suite(library, suite)
     groups = _assign_crash_groups(library, suite, resolved.roads)
     check_resolved_suite(library, resolved)
     scenarios = _build_scenarios(library, suite, resolved, groups, require_sun=require_sun)
     by_traffic = {inputs.traffic_key: inputs for inputs in scenarios}
-    for inputs in by_traffic.values():
-        check_demand(library, inputs.road, inputs.density)
+    _run_checks(
+        partial(check_demand, library, inputs.road, inputs.density)
+        for inputs in by_traffic.values()
+    )
     conflicts = _solve_conflicts(library, suite, by_traffic)
     return [
         build_spec(
@@ -185,7 +199,8 @@ def _solve_conflicts(
     cannot be.
     """
     solved: dict[TrafficKey, tuple[StagedConflict, ...]] = {}
-    refused: list[DiagnosticsError] = []
+    errors: list[Diagnostic] = []
+    refused: list[Diagnostic] = []
     for key, inputs in scenarios.items():
         try:
             solved[key] = solve_road_conflicts(
@@ -198,11 +213,10 @@ def _solve_conflicts(
             )
         except DiagnosticsError as error:
             is_declared = library.find_declared_id(inputs.road.id) == inputs.road.id
-            if is_declared or inputs.conflicts.crossed is None:
-                raise
-            refused.append(error)
-    if refused and not solved:
-        raise refused[0]
+            may_be_left_out = not is_declared and inputs.conflicts.crossed is not None
+            (refused if may_be_left_out else errors).extend(error.diagnostics)
+    if errors or (refused and not solved):
+        raise DiagnosticsError(*(errors or refused))
     return solved
 
 
@@ -225,12 +239,13 @@ def _build_scenarios(
         [resolved.rig],
         [resolved.catalogue],
     )
-    scenarios = [
-        build_scenario_inputs(library, suite, crossed, step, repeat, require_sun=require_sun)
+    build = partial(build_scenario_inputs, library, suite, require_sun=require_sun)
+    scenarios = _run_checks(
+        partial(build, crossed, step, repeat)
         for crossed in crossings
         for step in steps
         for repeat in repeats
-    ]
+    )
     kept = [
         inputs
         for inputs in scenarios

@@ -4,6 +4,7 @@ import hashlib
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, Generic, TypeVar, cast
@@ -16,6 +17,7 @@ from advercity_dsl import (
     Declaration,
     MapFile,
     Road,
+    Typology,
     Weather,
     get_declaration_kind,
 )
@@ -94,6 +96,15 @@ class Library:
             name: entry.declaration
             for (_, name), entry in sorted(self.entries.items())
             if isinstance(entry.declaration, kind)
+        }
+
+    @cached_property
+    def crash_types(self) -> dict[str, str]:
+        """The typology of every crash type, by the id of the type."""
+        return {
+            item.id: typology.id
+            for typology in self.get_declarations(Typology).values()
+            for item in (*typology.crash_types, *typology.earlier)
         }
 
     def find_entry(self, declaration: DeclarationT) -> LibraryEntry[DeclarationT]:
@@ -205,9 +216,10 @@ def find_weather(text: str, *folders: Path) -> LibraryEntry[Weather]:
     return library.find_entry(weathers[text])
 
 
-def list_shipped_weathers() -> list[str]:
-    """Return the names of the shipped weathers."""
-    return list(load_library(find_shipped_library()).get_declarations(Weather))
+def list_weathers(*folders: Path) -> list[LibraryEntry[Weather]]:
+    """Return all weathers of a library; without folders, of the one that ships."""
+    library = load_library(*folders or [find_shipped_library()])
+    return [library.find_entry(item) for item in library.get_declarations(Weather).values()]
 
 
 def _list_declaration_files(folder: Path, diagnostics: list[Diagnostic]) -> list[Path]:

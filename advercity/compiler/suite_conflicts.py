@@ -4,8 +4,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
-from advercity_dsl import Blueprint, Conflict, Density, Road, StagedConflict, Suite, Typology
-from advercity_dsl.base import suggest_name
+from advercity_dsl import Blueprint, Conflict, Density, Road, StagedConflict, Suite
 from advercity_dsl.spec import CrashGroup
 
 from advercity.compiler.library import Library
@@ -46,8 +45,8 @@ def select_conflicts(
     """Select the conflicts of every road, as a suite asks for.
 
     Raises:
-        DiagnosticsError: A conflict does not exist or does not fit its road, or a group that calls
-            for a road is not staged on it.
+        DiagnosticsError: A conflict does not fit its road, or a group that calls for a road is not
+            staged on it.
     """
     if suite.cross_conflicts:
         return list(_select_crossed(library, suite, roads, groups))
@@ -101,22 +100,9 @@ def find_typology(library: Library, conflict: Conflict) -> str:
     """Find the typology that a conflict's crash types belong to.
 
     Raises:
-        DiagnosticsError: A crash type is unknown, or they belong to several.
+        DiagnosticsError: They belong to several.
     """
-    owners = {
-        item.id: typology.id
-        for typology in library.get_declarations(Typology).values()
-        for item in (*typology.crash_types, *typology.earlier)
-    }
-    for index, name in enumerate(conflict.stages):
-        if name not in owners:
-            message = f"'{name}' is no crash type of this library"
-            hint = suggest_name(name, owners)
-            problem = library.build_diagnostic(
-                conflict, "stages", index, message=message, hint=hint
-            )
-            raise DiagnosticsError(problem)
-    groups = sorted({owners[name] for name in conflict.stages})
+    groups = sorted({library.crash_types[name] for name in conflict.stages})
     if len(groups) > 1:
         message = f"belong to {' and '.join(groups)}; a conflict stages one group"
         raise DiagnosticsError(library.build_diagnostic(conflict, "stages", message=message))
@@ -134,9 +120,7 @@ def _match_conflict(
 def _select_listed(
     library: Library, suite: Suite, roads: Mapping[str, Road], groups: CrashGroups
 ) -> Iterator[RoadConflicts]:
-    problems = list(_find_unknown_names(library, suite))
-    if problems:
-        raise DiagnosticsError(*problems)
+    problems: list[Diagnostic] = []
     declared = library.get_declarations(Conflict)
     for road in roads.values():
         declared_id = library.find_declared_id(road.id)
@@ -159,22 +143,6 @@ def _select_listed(
             yield RoadConflicts(moved or road.model_copy(update={"ego_routes": {}}), conflicts)
     if problems:
         raise DiagnosticsError(*problems)
-
-
-def _find_unknown_names(library: Library, suite: Suite) -> Iterator[Diagnostic]:
-    declared = library.get_declarations(Conflict)
-    for name, conflicts in suite.stage.items():
-        if any(item not in library.get_declarations(Road) for item in library.list_variants(name)):
-            message = f"no road '{name}' in this library"
-            hint = suggest_name(name, library.get_declarations(Road))
-            yield library.build_diagnostic(suite, "stage", name, message=message, hint=hint)
-        for index, conflict in enumerate(conflicts):
-            if conflict not in declared:
-                message = f"no conflict '{conflict}' in this library"
-                hint = suggest_name(conflict, declared)
-                yield library.build_diagnostic(
-                    suite, "stage", name, index, message=message, hint=hint
-                )
 
 
 def _find_unstaged_groups(
@@ -207,14 +175,6 @@ def _select_crossed(
 ) -> Iterator[RoadConflicts]:
     declared = library.get_declarations(Conflict)
     wanted = tuple(declared) if suite.cross_conflicts == "all" else suite.cross_conflicts
-    for index, name in enumerate(wanted):
-        if name not in declared:
-            message = f"no conflict '{name}' in this library"
-            hint = suggest_name(name, declared)
-            problem = library.build_diagnostic(
-                suite, "cross_conflicts", index, message=message, hint=hint
-            )
-            raise DiagnosticsError(problem)
     for road in roads.values():
         for name in wanted:
             conflict = declared[name]

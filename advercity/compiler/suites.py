@@ -1,6 +1,6 @@
 """Suites: selection of typologies, roads that those require, and the declarations of a suite."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -16,7 +16,6 @@ from advercity_dsl import (
     Typology,
     Weather,
 )
-from advercity_dsl.base import suggest_name
 from advercity_dsl.road import StripKind
 from advercity_dsl.suite import Coverage, Selection
 
@@ -114,10 +113,6 @@ def compute_demand_counts(road: Road, density: Density) -> tuple[int, int]:
     return vehicles, round(road.traffic.walkers * density.walkers)
 
 
-SELECTIONS = ("roads", "weathers", "densities")
-"""Fields of a suite that may be `all`; in the others that is an id."""
-
-
 @dataclass(frozen=True)
 class ResolvedSuite:
     """Declarations that a suite crosses, by id, and those that are common to its scenarios."""
@@ -131,44 +126,24 @@ class ResolvedSuite:
 
 
 def resolve_suite(library: Library, suite: Suite) -> ResolvedSuite:
-    """Find the declarations that a suite names.
+    """Find the declarations that a suite names; `check_references` has found that they exist."""
 
-    Raises:
-        DiagnosticsError: A name is unknown.
-    """
-    diagnostics: list[Diagnostic] = []
-
-    def find(field: str, kind: type[DeclarationT], kind_name: str) -> dict[str, DeclarationT]:
+    def find(field: str, kind: type[DeclarationT]) -> dict[str, DeclarationT]:
         available = library.get_declarations(kind)
-        written: str | tuple[str, ...] | None = getattr(suite, field)
-        if written == "all" and field in SELECTIONS:
+        written: Iterable[str] = getattr(suite, field)
+        if written == "all":
             return available
-        single = isinstance(written, str)
-        names = (written,) if isinstance(written, str) else written or ()
-        for index, name in enumerate(names):
-            value_path = (field,) if single else (field, index)
-            diagnostics.extend(
-                library.check_reference(suite, *value_path, kind=kind_name, name=name)
-            )
-        found = names
         if kind is Road:
-            found = (item for name in names for item in library.list_variants(name))
-        return {name: available[name] for name in found if name in available}
+            written = (item for name in written for item in library.list_variants(name))
+        return {name: available[name] for name in written}
 
-    roads = find("roads", Road, "road")
-    weathers = find("weathers", Weather, "weather")
-    densities = find("densities", Density, "density")
-    rigs = find("rig", Rig, "rig")
-    catalogues = find("catalogue", Catalogue, "catalogue")
-    drivers = find("drivers", Drivers, "drivers")
-    if diagnostics:
-        raise DiagnosticsError(*diagnostics)
+    drivers = library.get_declarations(Drivers)
     return ResolvedSuite(
-        roads,
-        weathers,
-        densities,
-        rigs[suite.rig],
-        catalogues[suite.catalogue],
+        find("roads", Road),
+        find("weathers", Weather),
+        find("densities", Density),
+        library.get_declarations(Rig)[suite.rig],
+        library.get_declarations(Catalogue)[suite.catalogue],
         drivers[suite.drivers] if suite.drivers else None,
     )
 
@@ -177,26 +152,18 @@ def check_resolved_suite(library: Library, suite: ResolvedSuite) -> None:
     """Check the declarations of a suite against each other.
 
     Raises:
-        DiagnosticsError: The ego's blueprint is unknown, a roadside unit has no vertical field of
-            view, a road does not have exactly one ego, or an agent is off its road's map.
+        DiagnosticsError: A roadside unit has no vertical field of view, a road does not have
+            exactly one ego, or an agent is off its road's map.
     """
     roads = suite.roads.values()
     # Each check assumes what the one before has established, so the first failure ends it.
     for diagnostics in (
-        _check_catalogue(library, suite.catalogue),
         (found for road in roads for found in _check_lidars(library, suite.rig, road)),
         (found for road in roads for found in _check_ego(library, road)),
         (found for road in roads for found in _check_agent_positions(library, road)),
     ):
         if found := list(diagnostics):
             raise DiagnosticsError(*found)
-
-
-def _check_catalogue(library: Library, catalogue: Catalogue) -> Iterator[Diagnostic]:
-    if catalogue.ego not in catalogue.blueprints:
-        message = f"unknown blueprint '{catalogue.ego}'"
-        hint = suggest_name(catalogue.ego, catalogue.blueprints)
-        yield library.build_diagnostic(catalogue, "ego", message=message, hint=hint)
 
 
 def _check_lidars(library: Library, rig: Rig, road: Road) -> Iterator[Diagnostic]:

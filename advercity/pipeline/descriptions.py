@@ -182,8 +182,9 @@ def describe_spec(spec: Spec) -> Description:
         "crash groups": ", ".join(group.typology for group in spec.groups),
         **describe_weather(spec.weather),
         "stopping": str(compute_stopping_distance(spec)),
-        "traffic": f"{spec.demand.vehicles} vehicles, {spec.demand.walkers} walkers "
-        f"({spec.density.id})",
+        "traffic": f"{spec.demand.vehicles} vehicles, {spec.demand.walkers} walkers: density "
+        f"{spec.density.id}, {spec.density.vehicles:g} and {spec.density.walkers:g} times the"
+        " road's own",
         "agents": ", ".join(f"{agent.id} ({agent.number})" for agent in spec.agents),
         "seeds": f"traffic {spec.seeds.traffic}, sensors {spec.seeds.sensors}, "
         f"weather {spec.seeds.weather}",

@@ -14,7 +14,13 @@ from advercity.geometry.poses import Matrix
 from advercity.physics.atmosphere import Atmosphere, compute_atmosphere
 from advercity.physics.lamp_beams import LightSource
 from advercity.pipeline.preparation import PreparedScenario
-from advercity.rendering.backend import CameraCapture, CameraView, Renderer, RenderProfile
+from advercity.rendering.backend import (
+    CameraCapture,
+    CameraView,
+    Renderer,
+    RenderProfile,
+    check_capture,
+)
 from advercity.rendering.light_sources import list_light_sources
 from advercity.rendering.raycaster import Raycaster
 from advercity.sensors.annotation import build_hull_point_lookup, count_lidar_hits, project_boxes
@@ -54,6 +60,7 @@ class SensorRig:
     ) -> None:
         spec = prepared.spec
         self._spec, self._profile, self._poses = spec, prepared.profile, prepared.poses
+        self._backend_name = prepared.backend.name
         self._world, self._renderer, self._raycaster = world, renderer, Raycaster(world)
         self._lidar_conditions = derive_lidar_conditions(atmosphere, spec.weather.lens)
         self._camera_conditions = CameraConditions.build(
@@ -137,8 +144,10 @@ class SensorRig:
     def _render_image(
         self, capture: CameraCapture, agent: Agent, camera: int, pose: Matrix, frame: Frame
     ) -> Uint8Array:
+        view = build_camera_view(agent, pose, self._profile)
+        check_capture(capture, view, self._backend_name)
         exposure = CameraExposure(
-            view=build_camera_view(agent, pose, self._profile),
+            view=view,
             camera=agent.sensors.camera,
             frame=frame,
             velocity=self._poses.velocity(agent, frame),

@@ -92,6 +92,32 @@ class CameraCapture:
     instance: NDArray[np.int32]
 
 
+CAPTURE_ARRAYS = {
+    "radiance": (np.float32, (3,)),
+    "depth": (np.float32, ()),
+    "normal": (np.float32, (3,)),
+    "semantic": (np.uint8, ()),
+    "instance": (np.int32, ()),
+}
+"""Type of each array of a capture, and what its shape has besides height and width."""
+
+
+def check_capture(capture: CameraCapture, view: CameraView, backend: str) -> None:
+    """Check the shapes and types of a capture's arrays, which sensors take as they are.
+
+    Raises:
+        BackendError: The text names the backend, and each wrong array with what it should be.
+    """
+    wrong: list[str] = []
+    for name, (dtype, channels) in CAPTURE_ARRAYS.items():
+        array, shape = getattr(capture, name), (view.height_px, view.width_px, *channels)
+        if array.shape != shape or array.dtype != dtype:
+            expected = f"{np.dtype(dtype)} {shape}"
+            wrong.append(f"{name} is {array.dtype} {array.shape}, not {expected}")
+    if wrong:
+        raise BackendError(f"backend '{backend}' returned a wrong capture: {'; '.join(wrong)}")
+
+
 class Renderer(Protocol):
     """An open scene; frames may be placed in any order."""
 

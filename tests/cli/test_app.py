@@ -308,6 +308,15 @@ def test_a_gallery_says_what_it_cannot_show(
     assert message in ran.err
 
 
+def test_a_gallery_takes_weathers_of_the_library_that_is_named(
+    advercity: Command, spec_file: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "mist.yaml").write_text("kind: weather\nid: mist\ntime: day\n")
+    asked = ("gallery", spec_file, "--weather", "mist", "--profile", "fine")
+    assert "unknown weather 'mist'" in advercity(*asked).err
+    assert "no such profile" in advercity(*asked, "--library", tmp_path).err
+
+
 def test_help_lists_the_commands(advercity: Command) -> None:
     ran = advercity("--help")
     assert ran.code == 0

@@ -4,10 +4,9 @@ import pytest
 from advercity_dsl import Suite, Typology
 from advercity_dsl.suite import Coverage, Selection
 
-from advercity.compiler import (
-    load_library,
-)
+from advercity.compiler import load_library, validate_paths
 from advercity.compiler.suites import find_required_categories, is_selected
+from advercity.errors import InputError
 from tests.builders import SMALL_LIBRARY, Write, describe_errors
 
 
@@ -108,3 +107,21 @@ def test_the_highest_beam_must_be_above_the_lowest(write: Write) -> None:
 def test_a_suite_has_its_rules_in_the_library(library: Path) -> None:
     suite = load_library(library).get_declarations(Suite)["adver_city"]
     assert (suite.selection.fatality_rate_percent, suite.coverage.junction_percent) == (0.3, 50)
+
+
+def test_unknown_names_of_all_suites_and_conflicts_are_reported_at_once(write: Write) -> None:
+    folder = write(
+        suite="kind: suite\nid: small\nweathers: [clear_dya, rain]\nrig: one_camra\n"
+        "catalogue: one_car\nstage: {lan: [hit]}\n",
+        other="kind: suite\nid: other\nrig: one_camera\ncatalogue: one_cat\n"
+        "where: {weather.tme: day}\n",
+        hook=(Path(__file__).parents[2] / "library/nhtsa/conflicts/cyc_right_hook.yaml")
+        .read_text()
+        .replace("stages: [", "stages: [nhtsa2019:98, "),
+    )
+    with pytest.raises(InputError) as caught:
+        validate_paths(folder)
+    text = str(caught.value)
+    for name in ("clear_dya", "rain", "one_camra", "lan", "hit", "one_cat", "nhtsa2019:98"):
+        assert f"'{name}'" in text
+    assert "where.weather.tme: no such field; did you mean 'time'?" in text

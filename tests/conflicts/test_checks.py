@@ -45,7 +45,7 @@ MISTAKES = {
         "conflicts/od_drift.yaml",
         "nhtsa2019:19",
         "nhtsa2019:77",
-        "stages.0: 'nhtsa2019:77' is no crash type of this library",
+        "stages.0: unknown crash type 'nhtsa2019:77'",
     ),
     "V3 a threshold that drops a group": (
         "suites/adver_city.yaml",

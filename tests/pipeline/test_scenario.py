@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -18,7 +19,7 @@ from advercity.cli.arguments import parse_frame_slice
 from advercity.compiler import find_weather, with_weather, write_specs
 from advercity.dataset import cloud_files
 from advercity.dataset.verification import verify_dataset
-from advercity.errors import InputError, RunError
+from advercity.errors import BackendError, InputError, RunError
 from advercity.media import LABEL_HEIGHT_PX
 from advercity.pipeline import (
     RunOptions,
@@ -27,7 +28,9 @@ from advercity.pipeline import (
     run_scenario,
 )
 from advercity.pipeline.weather_gallery import write_weather_gallery
+from advercity.rendering.backend import CameraCapture, CameraView
 from advercity.sensors.measurements import PointKind
+from advercity.testing import FakeRenderer, make_capture
 
 pytestmark = [pytest.mark.render, pytest.mark.sumo]
 
@@ -219,6 +222,23 @@ def test_a_gallery_has_a_row_per_weather_and_a_column_per_scenario(
     assert day.mean() > 2.0 * night.mean()
     with pytest.raises(InputError, match="has frames 0 to"):
         write_weather_gallery([spec], weathers, tmp_path / "sheet.png", frame=99_999)
+
+
+def test_a_backend_that_returns_wrong_arrays_is_named_with_all_of_them(
+    spec: Spec, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def render_wrongly(_: FakeRenderer, view: CameraView) -> CameraCapture:
+        capture = make_capture(view.width_px, view.height_px)
+        ids = capture.instance.astype(np.int64)
+        return replace(capture, depth=capture.depth[:-1], instance=ids)  # pyright: ignore[reportArgumentType]
+
+    monkeypatch.setattr(FakeRenderer, "render_camera", render_wrongly)
+    with pytest.raises(BackendError) as caught:
+        run(spec, tmp_path, 0, 1, backend="fake")
+    assert "backend 'fake'" in str(caught.value)
+    assert "depth is float32 (" in str(caught.value)
+    assert "instance is int64 (" in str(caught.value)
+    assert ", not int32 (" in str(caught.value)
 
 
 def test_fog_shortens_the_lidar_and_leaves_the_annotation(

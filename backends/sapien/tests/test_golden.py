@@ -18,7 +18,7 @@ from advercity_dsl.weather import Sun
 from advercity_sapien import SapienBackend
 from numpy.typing import ArrayLike, NDArray
 
-from advercity.compiler import find_weather, list_shipped_weathers
+from advercity.compiler import find_weather, list_weathers
 from advercity.frames import Actor, ActorState, Frame, Lamp, Signal
 from advercity.geometry.mesh import Mesh
 from advercity.geometry.poses import pose_matrix
@@ -109,9 +109,9 @@ def traffic() -> Frame:
 
 
 def weathers() -> dict[str, Weather]:
-    names = {name: name for name in list_shipped_weathers()}
-    names |= {name: str(ROOT / "library" / "examples" / f"{name}.yaml") for name in EXAMPLES}
-    return {name: at_the_street(find_weather(text).declaration) for name, text in names.items()}
+    examples = (ROOT / "library" / "examples" / f"{name}.yaml" for name in EXAMPLES)
+    entries = [*list_weathers(), *(find_weather(str(path)) for path in examples)]
+    return {item.declaration.id: at_the_street(item.declaration) for item in entries}
 
 
 def at_the_street(weather: Weather) -> Weather:
