@@ -3,13 +3,12 @@
 A vehicle's body follows its front axle like a trailer. What an actor does is one smooth motion, of
 which position, velocity, acceleration and turning are values and exact derivatives.
 Positions in the plan are complex numbers here, east + i north: a heading is then an argument, and
-one function smooths or interpolates positions and plain numbers alike.
+one function smooths positions and plain numbers alike.
 """
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TypeVar
 
 import numpy as np
 import shapely
@@ -22,9 +21,8 @@ from advercity.physics.constants import MAX_STEERING_RAD
 from advercity.roads.road_meshes import KERB_HEIGHT_M
 from advercity.roads.road_network import build_road
 from advercity.traffic.demand import TrafficDemand
-from advercity.traffic.motion_spline import MotionSpline, Values
+from advercity.traffic.motion_spline import HeightProfile, MotionSpline, Values
 
-Number = TypeVar("Number", np.float64, np.complex128)
 KerbHeight = Callable[[NDArray[np.complex128]], NDArray[np.float64]]
 """Returns heights (n,) in m at points (n,), east + i north."""
 
@@ -117,32 +115,35 @@ def compute_vehicle_states(
 
 def _locate_axles(
     track: NDArray[np.void], length_m: float, tick_s: float, smoothing_ticks: int
-) -> tuple[MotionSpline, MotionSpline, MotionSpline]:
-    """Compute the place of the front axle in the plan, and the heights of both axles."""
+) -> tuple[MotionSpline, NDArray[np.float64], NDArray[np.float64]]:
+    """Compute the place of the front axle in the plan, and the motion (3, n) of both heights."""
     fronts = _follow_targets(
         track["x"] + 1j * track["y"], CATCH_UP_FACTOR * track["speed"] * tick_s
     )
     along = np.cumsum(np.abs(np.diff(fronts, prepend=fronts[0])))
     wheelbase = WHEELBASE_FRACTION * length_m
     overhang = (length_m - wheelbase) / 2
-    ahead, climb = np.exp(1j * track["yaw"][0]), np.tan(track["slope"][0])
+    ahead = np.exp(1j * track["yaw"][0])
     first_m = track["speed"][0] * tick_s
+    smooth = partial(_smooth_driving, tick_s=tick_s, smoothing_ticks=smoothing_ticks)
     axle = _interpolate_behind(fronts, along, overhang, fronts[0] - overhang * ahead)
+    profile = HeightProfile.from_samples(
+        along,
+        track["z"],
+        first_m=-2 * length_m,
+        first_grade=float(np.tan(track["slope"][0])),
+    )
     front_z, rear_z = (
-        _interpolate_behind(track["z"], along, back, track["z"][0] - back * climb)
+        profile.compute_derivatives(smooth(along - back, first_step=first_m))
         for back in (overhang, overhang + wheelbase)
     )
-    return (
-        _smooth_driving(axle, tick_s, smoothing_ticks, first_m * ahead),
-        _smooth_driving(front_z, tick_s, smoothing_ticks, first_m * climb),
-        _smooth_driving(rear_z, tick_s, smoothing_ticks, first_m * climb),
-    )
+    return smooth(axle, first_step=first_m * ahead), front_z, rear_z
 
 
 def _compute_body_motion(
     axle: MotionSpline,
-    front_z: MotionSpline,
-    rear_z: MotionSpline,
+    front_z: NDArray[np.float64],
+    rear_z: NDArray[np.float64],
     directions: NDArray[np.complex128],
     wheelbase_m: float,
 ) -> _Motion:
@@ -156,11 +157,10 @@ def _compute_body_motion(
         _across(directions, axle.accelerations) - rates * _along(directions, axle.rates)
     ) / wheelbase_m
     half = wheelbase_m / 2 * directions
-    front, rear = front_z.derivatives, rear_z.derivatives
-    climb, climb_rate, _ = (front - rear) / wheelbase_m
+    climb, climb_rate, _ = (front_z - rear_z) / wheelbase_m
     return _Motion(
         plan=axle.derivatives - np.stack([half, 1j * rates * half, (1j * turns - rates**2) * half]),
-        height=(front + rear) / 2,
+        height=(front_z + rear_z) / 2,
         yaw=np.stack([np.unwrap(np.angle(directions)), rates]),
         pitch=-np.stack([np.arctan(climb), climb_rate / (1 + climb**2)]),
     )
@@ -256,14 +256,14 @@ def _follow_targets(
 
 
 def _interpolate_behind(
-    values: NDArray[Number], along: NDArray[np.float64], back_m: float, before: Number
-) -> NDArray[Number]:
+    values: NDArray[np.complex128], along: NDArray[np.float64], back_m: float, before: complex
+) -> NDArray[np.complex128]:
     """Interpolate values (n,) `back_m` behind each station (n,).
 
     `before` is the value `back_m` before the first station, which the path does not include.
     """
     stations, known = np.concatenate([[-back_m], along]), np.concatenate([[before], values])
-    return np.asarray(np.interp(along - back_m, stations, known), dtype=values.dtype)
+    return np.asarray(np.interp(along - back_m, stations, known), dtype=np.complex128)
 
 
 def _along(

@@ -1,10 +1,13 @@
-"""Twice differentiable curves through time, made from values that jump from tick to tick.
+"""Twice differentiable curves through time or along a path, made from values that jump.
 
 SUMO moves its actors by steps of a tick: speeds jump, lanes have corners, people hop. A curve here
 is a uniform cubic B-spline whose control values are weighted means of such values, so acceleration
 is continuous and linear between ticks. All weights are positive: a curve never overshoots, never
 runs backwards where the values do not, and stands exactly where they stand. Sums are elementwise
 and in a fixed order, so that no machine rounds them differently.
+
+Heights are such curves along the path, since roads bend where they are and not where a vehicle is
+at a time: a vehicle that changes its speed slowly still follows every bump.
 """
 
 from dataclasses import dataclass
@@ -18,6 +21,8 @@ Values = NDArray[Any]
 
 EASING_TICKS = 4
 """Ticks over which a change sets in and ends: bounds jerk where positions jump."""
+PROFILE_STEP_M = 1.5
+"""Between controls of a height profile: tyres and springs even out what is shorter."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,3 +94,61 @@ class MotionSpline:
     def derivatives(self) -> Values:
         """Values, first and second derivatives at the ticks: (3, n)."""
         return np.stack([self.values, self.rates, self.accelerations])
+
+
+@dataclass(frozen=True, eq=False)
+class HeightProfile:
+    """A uniform cubic B-spline of the heights along a path.
+
+    Attributes:
+        controls: (n,) control values in m.
+        first_m: Station of the first of them.
+    """
+
+    controls: NDArray[np.float64]
+    first_m: float
+
+    @staticmethod
+    def from_samples(
+        stations_m: NDArray[np.float64],
+        heights_m: NDArray[np.float64],
+        *,
+        first_m: float,
+        first_grade: float,
+    ) -> "HeightProfile":
+        """Smooth the heights (n,) at stations (n,), which increase from 0, from `first_m` on.
+
+        The path has `first_grade` before the first station, and keeps its grade beyond the last.
+        """
+        end_m = stations_m[-1]
+        count = int((end_m - first_m) / PROFILE_STEP_M) + 4
+        grid = first_m + PROFILE_STEP_M * np.arange(count)
+        last_m = max(end_m - PROFILE_STEP_M, 0.0)
+        last_grade = first_grade
+        if end_m > last_m:
+            last_rise_m = heights_m[-1] - np.interp(last_m, stations_m, heights_m)
+            last_grade = last_rise_m / (end_m - last_m)
+        beyond = first_grade * np.minimum(grid, 0.0) + last_grade * np.maximum(grid - end_m, 0.0)
+        return HeightProfile(np.interp(grid, stations_m, heights_m) + beyond, first_m)
+
+    def compute_derivatives(self, station: MotionSpline) -> NDArray[np.float64]:
+        """Compute heights in m and their first and second derivatives in time: (3, n).
+
+        Args:
+            station: Stations (n,) in m over time.
+        """
+        places = (station.values - self.first_m) / PROFILE_STEP_M
+        cells = np.clip(places.astype(np.int64), 1, len(self.controls) - 3)
+        t = places - cells
+        a, b, c, d = (self.controls[cells + offset] for offset in (-1, 0, 1, 2))
+        bend = (1 - t) * (a - 2 * b + c) + t * (b - 2 * c + d)
+        grade = ((1 - t) ** 2 * (b - a) + (1 + 2 * t - 2 * t * t) * (c - b) + t * t * (d - c)) / 2
+        height = (
+            (1 - t) ** 3 * a
+            + (4 - 6 * t * t + 3 * t**3) * b
+            + (1 + 3 * t + 3 * t * t - 3 * t**3) * c
+            + t**3 * d
+        ) / 6
+        grade, bend = grade / PROFILE_STEP_M, bend / PROFILE_STEP_M**2
+        speed, acceleration = station.rates, station.accelerations
+        return np.stack([height, grade * speed, bend * speed**2 + grade * acceleration])

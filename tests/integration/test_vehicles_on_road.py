@@ -48,6 +48,4 @@ def test_wheels_touch_the_road_on_grades_too(hills: tuple[World, Trace]):
         gaps += (hits.range_m - LIFT_M).tolist()
         steepest = max(steepest, *(abs(state.world_from_body[2, 0]) for state in frame.states))
     assert steepest > 0.07
-    assert np.quantile(np.abs(gaps), 0.9) < 0.02
-    # Grades change at once, motion does not: some wheels are off the road where they do.
-    assert np.abs(gaps).max() < 0.15
+    assert np.abs(gaps).max() < 0.02

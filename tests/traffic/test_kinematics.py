@@ -27,16 +27,17 @@ def test_a_body_on_a_slope_hangs_between_its_bumpers():
 
 
 def test_a_body_noses_over_a_crest_when_its_front_does():
-    along = 0.1 * np.arange(200.0)
-    over = track(x=along, z=-np.maximum(along - 10.0, 0.0) * 0.1, speed=np.full(200, 1.0))
+    along = 0.1 * np.arange(300.0)
+    over = track(x=along, z=-np.maximum(along - 10.0, 0.0) * 0.1, speed=np.full(300, 1.0))
 
-    states = compute_vehicle_states(over, 4.0, tick_s=0.1)
+    states = compute_vehicle_states(over, 12.0, tick_s=0.1)
 
-    # With axles 0.8 and 3.2 m behind the front, the front one is 1.2 m past the crest at tick 120.
-    np.testing.assert_allclose(states["pitch"][:95], 0.0, atol=1e-12)
-    assert states["pitch"][120] == pytest.approx(np.arctan(0.12 / 2.4))
-    assert states["z"][120] == pytest.approx(-0.06)
-    assert states["pitch"][150] == pytest.approx(np.arctan(0.1))
+    # With axles 2.4 and 9.6 m behind the front, the front one is 3.6 m past the crest at tick 160.
+    # Springs even out the crest over 3 m on both sides.
+    np.testing.assert_allclose(states["pitch"][:94], 0.0, atol=1e-12)
+    assert states["pitch"][160] == pytest.approx(np.arctan(0.36 / 7.2))
+    assert states["z"][160] == pytest.approx(-0.18)
+    assert states["pitch"][230] == pytest.approx(np.arctan(0.1))
 
 
 def test_a_stationary_vehicle_neither_slides_nor_turns():
