@@ -13,7 +13,7 @@ from advercity.errors import InputError, RunError, explain_system_error
 def main() -> None:
     """Run the command line; 0 done, 1 failed while running, 2 bad input, 130 interrupted.
 
-    An interrupt is reported by `RenamingGroup`, since typer ends the process without a word.
+    An interrupt is reported by `RootGroup`, since typer ends the process without a word.
     """
     # SIGTERM unwinds the stack like an exception, so that child processes and partial files go.
     signal.signal(signal.SIGTERM, _exit_on_signal)

@@ -3,12 +3,12 @@
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 from advercity.cli import authoring, datasets, running
 from advercity.cli.assets import assets
 from advercity.cli.cache import cache
-from advercity.cli.output import exit_with_error, print_data
+from advercity.cli.output import exit_with_error, print_data, show_status
 from advercity.errors import InputError, RunError
 
 RENAMED_COMMANDS = {"plan": "estimate"}
@@ -24,8 +24,29 @@ RENAMED_OPTIONS = {
 """New names of options, by command and old name."""
 
 
-class RenamingGroup(TyperGroup):
-    """Answers an old name with the new one, as bad input."""
+class StatusCommand(TyperCommand):
+    """Shows at a terminal that it runs: what it imports and loads may take seconds."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command."""
+        with show_status(str(self.name)):
+            return super().invoke(ctx)
+
+
+class RootGroup(TyperGroup):
+    """Lists commands by what they are for, and answers an old name with the new one."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the commands below the heads of their panels."""
+        width = max(map(len, self.commands))
+        panels: dict[str, list[tuple[str, str]]] = {}
+        for name, command in self.commands.items():
+            text = command.get_short_help_str(formatter.width - width - 6)
+            panel = getattr(command, "rich_help_panel", None) or "Commands"
+            panels.setdefault(panel, []).append((name.ljust(width), text))
+        for panel, rows in panels.items():
+            with formatter.section(panel):
+                formatter.write_dl(rows)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Find the command that the arguments name."""
@@ -51,20 +72,24 @@ class RenamingGroup(TyperGroup):
 
 app = typer.Typer(
     name="advercity",
-    cls=RenamingGroup,
+    cls=RootGroup,
     help="Adverse-weather V2X driving data, compiled from YAML.",
     no_args_is_help=True,
-    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for part in (authoring, running, datasets):
-    app.registered_commands += part.commands.registered_commands
-app.add_typer(assets)
-app.add_typer(cache)
+machine = typer.Typer()
+PANELS = {
+    "Author": authoring.commands,
+    "Run": running.commands,
+    "Dataset": datasets.commands,
+    "Machine": machine,
+}
+"""Commands by what they are for."""
 
 
-@app.command()
+@machine.command()
 def doctor() -> None:
     """Report what this machine has and what is missing."""
     from advercity.cli.doctor import check_machine
@@ -73,6 +98,16 @@ def doctor() -> None:
     print_data(text)
     if not healthy:
         raise typer.Exit(1)
+
+
+for panel, part in PANELS.items():
+    for command in part.registered_commands:
+        command.rich_help_panel, command.cls = panel, StatusCommand
+    app.registered_commands += part.registered_commands
+for group in (assets, cache):
+    for command in group.registered_commands:
+        command.cls = StatusCommand
+    app.add_typer(group, rich_help_panel="Machine")
 
 
 @app.callback(invoke_without_command=True)

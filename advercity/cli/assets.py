@@ -5,11 +5,9 @@ from typing import Annotated
 
 import typer
 
-from advercity.assets.model_store import ModelStore, open_model_store
 from advercity.cli.arguments import DEFAULT_LIBRARIES, LibraryArgument
 from advercity.cli.output import print_data, print_note
 from advercity.errors import InputError, RunError, report_write_errors
-from advercity.pipeline.cache import find_cache_folder
 
 assets = typer.Typer(
     name="assets",
@@ -39,7 +37,9 @@ def install(
     with the lock of the catalogue.
     """
     from advercity.assets.locking import CONVERSION_REMEDY, find_differing_models
+    from advercity.assets.model_store import ModelStore, open_model_store
     from advercity.compiler import find_shipped_library, load_library
+    from advercity.pipeline.cache import find_cache_folder
 
     store, library = open_model_store(), load_library(find_shipped_library())
     earlier = ModelStore(find_cache_folder() / "assets")
@@ -78,6 +78,7 @@ def lock(
     Specs take them from the lock beside each catalogue. Adds models of your own to the store.
     """
     from advercity.assets.locking import build_locks
+    from advercity.assets.model_store import open_model_store
     from advercity.atomic_files import write_atomically
     from advercity.compiler import load_library
 
@@ -98,6 +99,8 @@ def add(
     models: Annotated[list[Path], typer.Argument(help="GLB files that a catalogue names.")],
 ) -> None:
     """Add models of your own to the store, by checksum."""
+    from advercity.assets.model_store import open_model_store
+
     for path in models:
         print_data(f"{open_model_store().add_model(path)}  {path}")
 
@@ -105,6 +108,8 @@ def add(
 @assets.command()
 def remove() -> None:
     """Remove the asset pack; specs that need it do not run any more."""
+    from advercity.assets.model_store import open_model_store
+
     open_model_store().remove_package()
     print_note("bodies are procedural")
 
@@ -113,6 +118,7 @@ def remove() -> None:
 def list_(library: LibraryOption = None) -> None:
     """List bodies with triangles, memory, source and licence."""
     from advercity.assets.catalogue import compute_body_facts, load_catalogue_blueprints
+    from advercity.assets.model_store import open_model_store
     from advercity.cli.tables import format_columns
 
     store = open_model_store()
@@ -135,6 +141,7 @@ def sheet(
 ) -> None:
     """Draw bodies from four sides, by day and by night."""
     from advercity.assets.catalogue import load_catalogue_blueprints, select_blueprints
+    from advercity.assets.model_store import open_model_store
     from advercity.media import write_image
     from advercity.pipeline.body_sheet import draw_body_sheet
     from advercity.rendering.backend import load_backend

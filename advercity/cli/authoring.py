@@ -8,7 +8,6 @@ import typer
 from advercity.cli.arguments import DEFAULT_LIBRARIES, JsonOption, LibraryArgument
 from advercity.cli.output import print_data, print_note
 from advercity.errors import InputError, RunError
-from advercity.pipeline import descriptions
 
 commands = typer.Typer()
 
@@ -78,6 +77,7 @@ def list_(
 ) -> None:
     """List compiled scenarios, or the declarations of a library."""
     from advercity.cli import tables
+    from advercity.pipeline import descriptions
 
     rows = descriptions.load_rows(folder)
     print_data(tables.format_json(rows) if as_json else tables.format_columns(rows))
@@ -96,6 +96,7 @@ def show(
 
     from advercity.cli import tables
     from advercity.compiler import load_declaration, read_spec
+    from advercity.pipeline import descriptions
 
     spec = read_spec(path) if path.suffix == ".json" else None
     entry = None if spec else load_declaration(path)
@@ -138,6 +139,7 @@ def explain(
 
     from advercity.cli import tables
     from advercity.compiler import explain_spec, load_library, read_spec
+    from advercity.pipeline import descriptions
 
     origins = explain_spec(read_spec(spec), load_library(*(library or DEFAULT_LIBRARIES)))
     valid = {field for item in origins for field in item.fields}
@@ -159,6 +161,7 @@ def diff(
     """List the fields in which two specs differ."""
     from advercity.cli import tables
     from advercity.compiler import read_spec
+    from advercity.pipeline import descriptions
 
     rows = descriptions.build_difference_rows(read_spec(first), read_spec(second))
     if as_json:

@@ -3,20 +3,42 @@
 import logging
 import re
 import sys
+from collections.abc import Generator
+from contextlib import contextmanager
 from typing import NoReturn
 
 from rich.console import Console
 
 stderr_console = Console(stderr=True, highlight=False, soft_wrap=True, emoji=False)
+_status = stderr_console.status("")
+
+
+@contextmanager
+def show_status(text: str) -> Generator[None]:
+    """Show at a terminal what goes on, until the first output or the end."""
+    if sys.stderr.isatty():
+        _status.update(text)
+        _status.start()
+    try:
+        yield
+    finally:
+        end_status()
+
+
+def end_status() -> None:
+    """Remove the status, before anything else is shown."""
+    _status.stop()
 
 
 def print_data(text: str) -> None:
     """Print data."""
+    end_status()
     print(text)
 
 
 def print_note(text: str) -> None:
     """Print a remark for a person at a terminal; silent when stderr is redirected."""
+    end_status()
     if sys.stderr.isatty():
         stderr_console.print(text, markup=False)
 

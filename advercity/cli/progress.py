@@ -9,7 +9,7 @@ from threading import Lock
 from advercity_dsl import Spec
 from rich import progress as rich_progress
 
-from advercity.cli.output import format_options, stderr_console
+from advercity.cli.output import end_status, format_options, stderr_console
 from advercity.pipeline import Progress, ScenarioResult
 from advercity.pipeline.options import format_byte_size, format_duration
 
@@ -29,6 +29,8 @@ class ProgressView:
         self._lock = Lock()
         self._tasks: dict[str, rich_progress.TaskID] = {}
         self._all = bars.add_task("", total=None) if self._many else None
+        if not self._many:
+            self._show(*self._known.values())
 
     def on_progress(self, progress: Progress) -> None:
         """Show how far a scenario is."""
@@ -102,6 +104,7 @@ class ProgressView:
 @contextmanager
 def show_progress(specs: Sequence[Spec], *, things: str = "frames") -> Generator[ProgressView]:
     """Show progress of scenarios on stderr; `things` names what is counted in them."""
+    end_status()
     columns = (
         rich_progress.TextColumn("{task.description}"),
         rich_progress.BarColumn(),

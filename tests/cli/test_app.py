@@ -1,5 +1,10 @@
 import json
+import os
+import pty
+import re
 import shutil
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -8,6 +13,8 @@ from advercity_dsl import Spec
 
 from advercity.cli import main
 from advercity.compiler import write_specs
+
+RUN_MAIN = "from advercity.cli import main; main()"
 
 
 class Ran:
@@ -330,10 +337,64 @@ def test_help_says_in_a_whole_line_what_each_command_does(
     advercity: Command, monkeypatch: pytest.MonkeyPatch, group: list[str]
 ) -> None:
     monkeypatch.setenv("COLUMNS", "80")
-    ran = advercity(*group, "--help")
-    lines = ran.out.partition("Commands:\n")[2].splitlines()
+    ran = advercity(*group, "-h")
+    listed = ran.out.partition("--help")[2].splitlines()
+    lines = [line for line in listed[1:] if line and not line.endswith(":")]
     assert len(lines) >= 5
     assert [line for line in lines if not line.rstrip().endswith(".") or "..." in line] == []
+
+
+def test_help_groups_commands_by_what_they_are_for(advercity: Command) -> None:
+    text = advercity("--help").out
+    heads = [line.rstrip(":") for line in text.splitlines() if line and line[0] != " "][1:]
+    assert heads == ["Options", "Author", "Run", "Dataset", "Machine"]
+    panels = dict(zip(heads, re.split(r"^\w+:$", text, flags=re.MULTILINE)[1:], strict=True))
+    for panel, command in {"Author": "compile", "Run": "run", "Dataset": "verify"}.items():
+        assert f"\n  {command} " in panels[panel]
+
+
+def test_a_shell_completes_commands() -> None:
+    asked = {
+        "_ADVERCITY_COMPLETE": "complete_bash",
+        "COMP_WORDS": "advercity ver",
+        "COMP_CWORD": "1",
+    }
+    ran = subprocess.run(
+        [sys.executable, "-c", f"import sys; sys.argv[0] = 'advercity'; {RUN_MAIN}"],
+        env=os.environ | asked,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert ran.stdout.split() == ["verify"]
+
+
+def test_a_command_shows_at_once_at_a_terminal_that_it_runs_and_keeps_its_output_clean(
+    spec_file: Path,
+) -> None:
+    terminal, its_end = pty.openpty()
+    process = subprocess.Popen(
+        [sys.executable, "-c", RUN_MAIN, "show", spec_file],
+        stdout=subprocess.PIPE,
+        stderr=its_end,
+        text=True,
+        env=os.environ | {"TERM": "xterm"},
+    )
+    out, _ = process.communicate(timeout=60)
+    os.close(its_end)
+    assert out.startswith("scenario ")
+    assert "\x1b" not in out
+    assert b" show" in os.read(terminal, 4096)
+    os.close(terminal)
+
+
+def test_the_command_line_answers_without_loading_what_renders() -> None:
+    code = (
+        "import sys, advercity.cli;"
+        "print(sorted({'cv2', 'rerun', 'trimesh', 'advercity.pipeline'} & set(sys.modules)))"
+    )
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ran.stdout.strip() == "[]"
 
 
 def test_show_explains_a_weather_in_words_and_numbers(advercity: Command, library: Path) -> None:
