@@ -20,7 +20,11 @@ from advercity_dsl import Model
 from pydantic import TypeAdapter, ValidationError
 
 from advercity.atomic_files import move_file, open_without_links, sync_files, write_file
-from advercity.dataset.scenario_folders import find_journals, find_staging_folder
+from advercity.dataset.scenario_folders import (
+    check_folders_are_no_links,
+    find_journals,
+    find_staging_folder,
+)
 from advercity.documents import MAX_JSON_BYTES, parse_json, read_bytes
 from advercity.errors import InputError, RunError, describe_cause
 
@@ -114,6 +118,14 @@ def remove_partial_files(scenario: Path) -> None:
             shutil.rmtree(folder)
 
 
+def remove_idle_staging_folder(scenario: Path) -> None:
+    """Delete the staging folder of a scenario, or all but journals that are still needed."""
+    if find_journals(scenario):  # of a run that was killed
+        remove_partial_files(scenario)
+    else:
+        remove_staging_folder(scenario)
+
+
 def remove_staging_folder(scenario: Path) -> None:
     """Delete the staging folder of a scenario, and the dataset's if no other scenario is in it."""
     staging = find_staging_folder(scenario)
@@ -140,7 +152,7 @@ def report_disk_errors(path: Path) -> Generator[None]:
 def is_being_written(scenario: Path, *, patience_s: float = 0.0) -> bool:
     """Return whether a run has a scenario open, and goes on to for longer than `patience_s`.
 
-    Nothing is changed. A run that is still simulating the traffic has not opened its scenario.
+    Nothing is changed.
     """
     until_s = time.monotonic() + patience_s
     while _is_locked(find_staging_folder(scenario) / "lock"):
@@ -193,6 +205,28 @@ def lock_file(path: Path, what: str = "this scenario", *, shared: bool = False) 
         if path.exists() and os.path.samestat(os.fstat(stream.fileno()), path.stat()):
             return stream
         stream.close()
+
+
+@contextmanager
+def lock_scenario(scenario: Path) -> Generator[None]:
+    """Keep other runs out of a scenario until the end; an output that is still empty goes again.
+
+    Raises:
+        RunError: Another run is writing the scenario, a folder is a link, or the disk refuses.
+    """
+    dataset, staging = scenario.parent, find_staging_folder(scenario)
+    is_new = not dataset.exists()
+    with report_disk_errors(scenario):
+        check_folders_are_no_links(scenario, ())
+        lock = lock_file(staging / "lock")
+    try:
+        yield
+    finally:
+        with lock, report_disk_errors(scenario):
+            remove_idle_staging_folder(scenario)
+        if is_new:
+            with suppress(OSError):  # not empty
+                dataset.rmdir()
 
 
 def share_lock(stream: IO[bytes]) -> None:

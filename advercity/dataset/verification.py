@@ -17,9 +17,7 @@ from advercity.dataset.opv2v import select_encoder
 from advercity.dataset.partial_files import (
     FileRecord,
     is_being_written,
-    lock_file,
-    remove_partial_files,
-    remove_staging_folder,
+    lock_scenario,
     remove_unfinished_files,
     replace_file,
     report_disk_errors,
@@ -27,9 +25,7 @@ from advercity.dataset.partial_files import (
 from advercity.dataset.scenario_folders import (
     MANIFEST_FILE,
     check_folders_are_no_links,
-    find_journals,
     find_scenarios,
-    find_staging_folder,
 )
 from advercity.dataset.writer import encode_scenario_files
 from advercity.errors import RunError, describe_cause
@@ -201,10 +197,8 @@ def restore_files(
     """
     manifest = Manifest.load(scenario)
     found = list(problems)
-    staging = find_staging_folder(scenario)
-    names = manifest.frame_file_names
-    check_folders_are_no_links(scenario, names.folders)
-    with report_disk_errors(scenario), lock_file(staging / "lock"):
+    check_folders_are_no_links(scenario, manifest.frame_file_names.folders)
+    with lock_scenario(scenario), report_disk_errors(scenario):
         remove_unfinished_files(scenario, [one.path for one in found if one.kind == "unfinished"])
         damaged = {problem.path for problem in found if problem.kind in ("missing", "changed")}
         _restore(
@@ -215,10 +209,6 @@ def restore_files(
         for frame in sorted({item.frame for item in found if item.frame is not None}):
             name = format_frame_name(manifest.spec, frame)
             _restore(scenario, manifest, encode(capture_frame(frame), lanes, name=name), damaged)
-        if find_journals(scenario):  # of a killed run, which are still needed
-            remove_partial_files(scenario)
-        else:
-            remove_staging_folder(scenario)
     return [item for item in found if item.kind == "foreign"]
 
 

@@ -15,7 +15,7 @@ from pydantic import TypeAdapter
 
 from advercity.conflicts.report import find_conflict_events
 from advercity.dataset.manifest import Identity, Manifest
-from advercity.dataset.partial_files import find_staging_folder, lock_file
+from advercity.dataset.partial_files import find_staging_folder, lock_file, lock_scenario
 from advercity.dataset.reader import Scenario
 from advercity.dataset.scenario_folders import find_scenarios
 from advercity.dataset.verification import (
@@ -98,7 +98,9 @@ def run_scenario(
         InputError: The backend or the frames do not exist.
         RunError: Something failed; finished frames stay, and the same call resumes.
     """
-    prepared = prepare_scenario(spec, options, report)
+    # Before the traffic, which may take minutes: another run is refused at once.
+    with lock_scenario(options.output / spec.id):
+        prepared = prepare_scenario(spec, options, report)
     writer = ScenarioWriter(
         options.output, spec, prepared.identity, length=prepared.frame_count, fresh=options.fresh
     )

@@ -374,3 +374,18 @@ def test_sizes_and_times_are_read_with_their_units() -> None:
 def test_a_size_without_a_unit_is_bad_input(text: str) -> None:
     with pytest.raises(InputError, match=r"--max-memory .*write 4 GB"):
         parse_byte_size("--max-memory", text)
+
+
+def test_a_run_is_refused_at_once_while_another_one_still_simulates(
+    few: list[Spec], stunts: Path, options: OptionsFor, tmp_path: Path
+) -> None:
+    """Both hang before any file of a dataset is written."""
+    with start_two_runs(few, stunts, "hang") as process:
+        began_s = time.monotonic()
+        try:
+            with pytest.raises(RunError, match=f"{few[0].id}: another run is writing"):
+                run_batch(few[:1], options(tmp_path / "output"))
+            assert time.monotonic() - began_s < 3
+        finally:
+            process.terminate()
+    assert not (tmp_path / "output").exists()
