@@ -28,5 +28,7 @@ def format_json(data: Any) -> str:
 
 def format_facts(facts: Description) -> str:
     """Format one line per fact."""
-    width = max(len(name) for name in facts)
-    return "\n".join(f"{name:<{width}}  {value}" for name, value in facts.items())
+    escape = escape_control_characters
+    escaped = {escape(name): escape(value) for name, value in facts.items()}
+    width = max(map(len, escaped))
+    return "\n".join(f"{name:<{width}}  {value}" for name, value in escaped.items())

@@ -7,7 +7,7 @@ a folder of links to scenarios, which loaders take as their root.
 import hashlib
 import json
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Literal
@@ -70,15 +70,16 @@ class DatasetIndex(Model):
     index_version: Literal[1] = 1
     scenarios: dict[str, IndexEntry] = Field(default_factory=dict[str, IndexEntry])
 
-    @property
-    def present_scenarios(self) -> set[str]:
-        """Names of the scenarios that have a manifest."""
-        return {name for name, entry in self.scenarios.items() if entry.manifest_sha256}
+    def list_with_manifest(self, has_files: Callable[[str], bool]) -> list[str]:
+        """List the names of the scenarios that should have a manifest.
 
-    @property
-    def failed_scenarios(self) -> set[str]:
-        """Names of the scenarios that failed."""
-        return {name for name, entry in self.scenarios.items() if entry.state == "failed"}
+        Those had one when their last run ended, or failed before that and have files.
+        """
+        return sorted(
+            name
+            for name, entry in self.scenarios.items()
+            if entry.manifest_sha256 or (entry.state == "failed" and has_files(name))
+        )
 
     def matches_manifest(self, name: str, manifest: bytes) -> bool:
         """Return whether a scenario's manifest has the recorded checksum, or none is recorded."""

@@ -145,9 +145,10 @@ def verify_store(url: str) -> list[FileProblem]:
     )
     paths, suffix = store.list_files(""), f"/{MANIFEST_FILE}"
     names = [path.removesuffix(suffix) for path in paths if path.endswith(suffix)]
-    if not names and not index.present_scenarios:
+    expected = index.list_with_manifest(lambda name: any(p.startswith(f"{name}/") for p in paths))
+    if not names and not expected:
         raise InputError(f"{url}: no {MANIFEST_FILE} in its folders, so not a dataset")
-    missing = sorted(index.present_scenarios - set(names))
+    missing = [name for name in expected if name not in names]
     problems = [FileProblem(Path(name), MANIFEST_FILE, "missing") for name in missing]
     for name in names:
         problems += _verify_stored_scenario(store, index, name, paths)

@@ -28,7 +28,7 @@ from advercity.dataset.scenario_folders import (
     find_scenarios,
 )
 from advercity.dataset.writer import encode_scenario_files
-from advercity.errors import RunError, describe_cause
+from advercity.errors import RunError, describe_cause, escape_control_characters
 from advercity.roads.road_network import build_road
 from advercity.sensors.sensor_frame import SensorFrame
 
@@ -60,7 +60,7 @@ class FileProblem:
         if self.kind == "being written":
             return f"{self.scenario}: a run is writing it; verify it when that has ended"
         what = "not part of the dataset" if self.kind == "foreign" else self.kind
-        return f"{self.scenario / self.path}: {what}"
+        return f"{escape_control_characters(str(self.scenario / self.path))}: {what}"
 
 
 def verify_dataset(dataset: Path) -> list[FileProblem]:
@@ -96,8 +96,7 @@ def compare_with_index(dataset: Path) -> list[FileProblem]:
     """
     index = DatasetIndex.load(dataset) or DatasetIndex()
     problems: list[FileProblem] = []
-    failed = {name for name in index.failed_scenarios if any((dataset / name).glob("*"))}
-    for name in sorted(index.present_scenarios | failed):
+    for name in index.list_with_manifest(lambda name: any((dataset / name).glob("*"))):
         path = dataset / name / MANIFEST_FILE
         try:
             if not index.matches_manifest(name, path.read_bytes()):

@@ -8,6 +8,7 @@ import hashlib
 import logging
 import os
 import re
+import shutil
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -15,7 +16,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
-from advercity.atomic_files import open_partial_path, remove_abandoned_partials, write_atomically
+from advercity.atomic_files import (
+    PARTIAL_MAX_AGE_S,
+    open_partial_path,
+    remove_abandoned_partials,
+    write_atomically,
+)
 from advercity.errors import RunError, describe_cause
 from advercity.pipeline.cache import find_cache_folder
 from advercity.pipeline.options import format_byte_size, parse_byte_size
@@ -26,9 +32,16 @@ T = TypeVar("T")
 DEFAULT_SIZE = "10 GB"
 IN_USE_S = 3600.0
 """An entry that was used within this time is not removed to make room: a run may need it."""
-ENTRY_FILES = {"networks": "*/road.net.xml", "traces": "*.npz", "worlds": "*.npz"}
-"""Patterns of the files of entries, by kind."""
+ENTRY_FILES = {
+    "networks": "*/road.net.xml",
+    "traces": "*.npz",
+    "worlds": "*.npz",
+    "calibrations": "*.json",
+}
+"""Patterns of the files of entries, by kind; calibrations are of earlier versions."""
 _KEY = re.compile(r"[0-9a-f]{64}")
+_FORMER_PARTIAL = re.compile(r"tmp[a-z0-9_]{8}")
+_PARTIAL_FILE = re.compile(rf"{_KEY.pattern}\.(npz|json)|[\w.]+\.xml")
 
 
 @dataclass(frozen=True)
@@ -92,6 +105,9 @@ def load_or_build_entry(name: str, build: Callable[[Path], None], load: Callable
     if found is not None:
         return found
     path, limit_bytes = find_cache_folder() / name, find_size_limit()
+    for file in (path, _get_checksum_file(path)):
+        if file.is_dir():
+            raise RunError(f"{file}: is a folder where the cache has a file; move it elsewhere")
     try:
         with open_partial_path(path) as partial:
             build(partial)
@@ -161,14 +177,16 @@ def _iterate_entries() -> Iterator[CacheEntry]:
 
 
 def _remove(entries: list[CacheEntry]) -> RemovedEntries:
+    removed: list[CacheEntry] = []
     for entry in entries:
-        # The checksum first: an entry without one counts as absent.
-        _get_checksum_file(entry.path).unlink(missing_ok=True)
-        entry.path.unlink(missing_ok=True)
-        if entry.path.parent.name != entry.kind:
-            with suppress(OSError):  # holds something else
+        with suppress(OSError):  # of another user, or a folder in place of the checksum
+            # The checksum first: an entry without one counts as absent.
+            _get_checksum_file(entry.path).unlink(missing_ok=True)
+            entry.path.unlink(missing_ok=True)
+            removed.append(entry)
+            if entry.path.parent.name != entry.kind:
                 entry.path.parent.rmdir()
-    return RemovedEntries(len(entries), sum(entry.size_bytes for entry in entries))
+    return RemovedEntries(len(removed), sum(entry.size_bytes for entry in removed))
 
 
 def _sweep() -> None:
@@ -177,6 +195,18 @@ def _sweep() -> None:
         folder = find_cache_folder() / kind
         for inside in (folder, *(path for path in folder.glob("*") if _KEY.fullmatch(path.name))):
             remove_abandoned_partials(inside)
+            for path in filter(_is_former_partial, inside.glob("tmp*")):
+                shutil.rmtree(path, ignore_errors=True)
+
+
+def _is_former_partial(path: Path) -> bool:
+    """Return whether a folder is what release 0.1.0 left of an entry that was not finished."""
+    if not _FORMER_PARTIAL.fullmatch(path.name) or path.is_symlink() or not path.is_dir():
+        return False
+    with suppress(OSError):  # another process has removed it
+        is_old = time.time() - path.stat().st_mtime > PARTIAL_MAX_AGE_S
+        return is_old and all(_PARTIAL_FILE.fullmatch(file.name) for file in path.iterdir())
+    return False
 
 
 def _check_entry(path: Path) -> None:

@@ -187,6 +187,19 @@ def test_show_of_a_weather_without_a_title_ends_with_its_id(
     assert advercity("show", path).out.splitlines()[0].split() == ["weather", "haze"]
 
 
+def test_show_escapes_what_would_break_a_line_or_command_a_terminal(
+    advercity: Command, tmp_path: Path
+) -> None:
+    path = tmp_path / "haze.yaml"
+    path.write_text(
+        "kind: weather\nid: haze\ntime: day\nair: {mor_m: 3 km}\n"
+        'title: "one\\ntwo \\e[2J"\nsource: "\\u202eback"\n'
+    )
+    lines = advercity("show", path).out.splitlines()
+    assert lines[0].split(maxsplit=1) == ["weather", r"haze: one\ntwo \x1b[2J"]
+    assert lines[-1].split(maxsplit=1) == ["source", r"\u202eback"]
+
+
 def test_validate_is_silent_about_good_files(
     advercity: Command, spec_file: Path, library: Path
 ) -> None:

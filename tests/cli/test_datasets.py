@@ -1,5 +1,7 @@
 """Commands on datasets: what they refuse, write and print."""
 
+import os
+import shutil
 from pathlib import Path
 
 import pytest
@@ -62,6 +64,21 @@ def test_commands_distinguish_a_missing_folder_and_a_file(
         f"error: {tmp_path / 'no'}: no such folder; is the path right?\n",
     )
     assert file == (2, "", f"error: {notes}: is a file; name the folder of a dataset\n")
+
+
+def test_verify_escapes_the_names_of_foreign_files(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    two_roads: Path,
+    tmp_path: Path,
+) -> None:
+    scenario = shutil.copytree(
+        two_roads / "ui_clear_night_dense", tmp_path / "ui_clear_night_dense"
+    )
+    Path(os.fsdecode(bytes(scenario) + b"/\x1b[2J\n\xff")).touch()
+    code, out, err = command(monkeypatch, capsys, "verify", scenario)
+    assert (code, err) == (0, "")
+    assert out == f"{scenario}/\\x1b[2J\\n\\udcff: not part of the dataset\n"
 
 
 def test_statistics_of_a_dataset_with_a_damaged_manifest_are_refused_with_its_place(

@@ -11,6 +11,7 @@ from advercity_dsl import Spec
 
 from advercity.dataset.index import INDEX_FILE, DatasetIndex, IndexWriter, link_splits
 from advercity.dataset.reader import open_dataset
+from advercity.dataset.remote import verify_store
 from advercity.dataset.verification import verify_dataset
 from advercity.dataset.writer import ScenarioWriter
 from advercity.errors import InputError, RunError
@@ -189,6 +190,7 @@ def test_a_failed_scenario_whose_manifest_is_lost_is_reported(
     assert list(map(str, verify_dataset(tmp_path))) == [
         f"{tmp_path}/other_0/manifest.json: missing"
     ]
+    assert list(map(str, verify_store(str(tmp_path)))) == ["other_0/manifest.json: missing"]
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from advercity.cli import main
 from advercity.errors import InputError, RunError
 from advercity.pipeline.cache_entries import (
     clear_cache,
+    describe_cache,
     list_entries,
     load_entry,
     load_or_build_entry,
@@ -159,6 +160,75 @@ def test_only_entries_and_abandoned_partial_files_are_removed(get: Get, cache: P
         assert list((cache / "worlds").iterdir()) == [partial.parent]
     assert all(path.read_text() == "mine" for path in precious)
     assert (cache / "traces" / "mine.npz").exists()
+
+
+@pytest.mark.parametrize("suffix", ["", ".sha256"])
+def test_a_folder_in_place_of_an_entry_is_one_message_and_stays(
+    suffix: str, get: Get, built: list[str], cache: Path
+) -> None:
+    get(KEYS[0])
+    path = cache / "traces" / f"{KEYS[0]}.npz{suffix}"
+    path.unlink()
+    path.mkdir()
+    (path / "notes.txt").write_text("mine")
+    with pytest.raises(RunError, match=f"{path}: is a folder where the cache has a file; move it"):
+        get(KEYS[0])
+    assert built == ["a"]
+    clear_cache()
+    assert (path / "notes.txt").read_text() == "mine"
+
+
+def test_a_link_in_place_of_an_entry_is_replaced_and_its_target_stays(
+    get: Get, built: list[str], cache: Path, tmp_path: Path
+) -> None:
+    get(KEYS[0])
+    path, target = cache / "traces" / f"{KEYS[0]}.npz", tmp_path / "mine"
+    target.write_text("mine")
+    path.unlink()
+    path.symlink_to(target)
+    assert get(KEYS[0]) == b"a data"
+    assert built == ["a", "a"]
+    path.unlink()
+    path.symlink_to(target)
+    clear_cache()
+    assert target.read_text() == "mine"
+
+
+def test_what_release_0_1_0_left_unfinished_is_removed(cache: Path) -> None:
+    """It named such folders as `tempfile` does; a folder of somebody may be named so, too."""
+    network = cache / "networks" / KEYS[0]
+    left = [
+        (network / "tmpla3e2ior" / "road.nod.xml"),
+        (cache / "traces" / "tmp3_nep24q" / f"{KEYS[1]}.npz"),
+        (cache / "worlds" / "tmp00000000" / ""),
+    ]
+    kept = [
+        (cache / "traces" / "tmpbackups1" / "notes.txt"),
+        (cache / "traces" / "tmp" / f"{KEYS[1]}.npz"),
+        (cache / "tmpla3e2ior" / "road.nod.xml"),
+    ]
+    recent = cache / "traces" / "tmp11111111" / f"{KEYS[1]}.npz"
+    for path in (*left, *kept, recent):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.mkdir() if path.parent == cache / "worlds" else path.write_bytes(b"")
+        folder = path if path.is_dir() else path.parent
+        hours = 0 if path == recent else 2
+        os.utime(folder, (time.time() - 3600 * hours,) * 2)
+    prune_cache(10**9)
+    assert not any(path.exists() for path in left)
+    assert all(path.exists() for path in (*kept, recent))
+
+
+def test_entries_of_kinds_that_earlier_versions_had_are_shown_and_removed(
+    cache: Path,
+) -> None:
+    path = cache / "calibrations" / f"{KEYS[0]}.json"
+    path.parent.mkdir(parents=True)
+    path.write_text("{}")
+    (row,) = (row for row in describe_cache() if row["kind"] == "calibrations")
+    assert (row["entries"], row["size"]) == (1, "2 B")
+    assert clear_cache().count == 1
+    assert not path.exists()
 
 
 def test_a_size_without_a_unit_is_refused_before_anything_is_built(
