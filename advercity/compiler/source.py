@@ -60,14 +60,19 @@ class SourceDocument:
     ) -> Diagnostic:
         """Build a diagnostic at the value (or key) of a path."""
         position = self.find_position(value_path, key=key)
-        return build_text_diagnostic(
-            self.path,
-            self.text,
-            position,
-            message,
-            value_path=format_value_path(value_path),
-            hint=hint,
-        )
+        return _build_diagnostic(self.path, self.text, position, value_path, message, hint)
+
+
+def _build_diagnostic(
+    path: Path,
+    text: str,
+    position: SourcePosition,
+    value_path: ValuePath,
+    message: str,
+    hint: str,
+) -> Diagnostic:
+    dotted = format_value_path(value_path)
+    return build_text_diagnostic(path, text, position, message, value_path=dotted, hint=hint)
 
 
 def format_value_path(value_path: ValuePath) -> str:
@@ -189,7 +194,7 @@ class _DataBuilder:
                 return value
         except (ValueError, yaml.YAMLError):
             pass
-        self.diagnostics.append(self._build_diagnostic(node, value_path, message, hint))
+        self._report(node, value_path, message, hint)
         return None
 
     def _build_mapping(self, node: yaml.MappingNode, value_path: ValuePath) -> dict[str, Any]:
@@ -198,30 +203,21 @@ class _DataBuilder:
             key = key_node.value
             if not isinstance(key_node, yaml.ScalarNode) or not isinstance(key, str):
                 message, hint = "a key must be a plain name", "write `name: value`"
-                self.diagnostics.append(self._build_diagnostic(key_node, value_path, message, hint))
+                self._report(key_node, value_path, message, hint)
                 continue
             inner = (*value_path, key)
             if key in result:
                 message = f"duplicate key, first in line {self.key_positions[inner].line}"
-                self.diagnostics.append(
-                    self._build_diagnostic(key_node, inner, message, "keep one")
-                )
+                self._report(key_node, inner, message, "keep one")
                 continue
             self.key_positions[inner] = _find_node_position(key_node)
             result[key] = self.build(value_node, inner)
         return result
 
-    def _build_diagnostic(
-        self, node: yaml.Node, value_path: ValuePath, message: str, hint: str = ""
-    ) -> Diagnostic:
+    def _report(self, node: yaml.Node, value_path: ValuePath, message: str, hint: str) -> None:
         position = _find_node_position(node)
-        return build_text_diagnostic(
-            self.path,
-            self.text,
-            position,
-            message,
-            value_path=format_value_path(value_path),
-            hint=hint,
+        self.diagnostics.append(
+            _build_diagnostic(self.path, self.text, position, value_path, message, hint)
         )
 
 

@@ -3,7 +3,8 @@
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from advercity.conflicts.report import find_conflict_events
-from advercity.dataset.agent_view import AgentView
+from advercity.dataset.agent_view import AgentView, Boxes
 from advercity.dataset.image_codec import MAX_DEPTH_CM
 from advercity.dataset.reader import Scenario
 from advercity.dataset.scenario_folders import no_frames_error
 from advercity.errors import InputError, RunError
-from advercity.geometry.poses import Matrix
+from advercity.frames import ActorState, Frame
+from advercity.geometry.boxes import Box
+from advercity.geometry.poses import Matrix, invert_pose
 from advercity.pipeline.agent_poses import AgentPoses
 from advercity.pipeline.preparation import load_or_simulate_traffic
 from advercity.roads.road_network import build_road
@@ -30,7 +33,9 @@ def load_sensor_frames(
     scenario: Scenario, poses: AgentPoses, index: int
 ) -> tuple[SensorFrame, ...]:
     """Load the sensor frames of a frame: images and clouds from files, the rest from the trace."""
-    frame, stored = poses.load_frame(index), scenario.frame(index)
+    stored = scenario.frame(index)
+    boxes = [stored[agent.id].boxes for agent in scenario.spec.agents]
+    frame = _with_annotated_boxes(poses.load_frame(index), boxes)
     return tuple(
         poses.build_sensor_frame(
             agent,
@@ -41,6 +46,26 @@ def load_sensor_frames(
         )
         for agent in scenario.spec.agents
     )
+
+
+def _with_annotated_boxes(frame: Frame, annotated: Iterable[Boxes]) -> Frame:
+    """Give pedestrians the boxes that any agent annotates; the trace has only their bodies'."""
+    found = {
+        number: (size, world_from_box)
+        for boxes in annotated
+        for number, size, world_from_box in zip(
+            boxes.ids.tolist(), boxes.sizes, boxes.world_from_box, strict=True
+        )
+    }
+
+    def fit_state(state: ActorState) -> ActorState:
+        if state.actor.actor_class != "pedestrian" or state.actor.id not in found:
+            return state
+        size, world_from_box = found[state.actor.id]
+        body_from_box = invert_pose(state.world_from_body) @ world_from_box
+        return replace(state, pose_box=Box(tuple(size), tuple(body_from_box[:3, 3])))
+
+    return replace(frame, states=tuple(map(fit_state, frame.states)))
 
 
 def _load_images(stored: AgentView, world_from_cameras: Sequence[Matrix]) -> Iterator[CameraImage]:

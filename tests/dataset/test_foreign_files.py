@@ -188,6 +188,22 @@ def test_a_link_to_a_folder_is_refused_and_nothing_behind_it_is_touched(
     assert inside.is_symlink()
 
 
+def test_starting_over_in_another_layout_deletes_nothing_behind_a_link(
+    scenario: Path, tmp_path: Path, spec: Spec
+) -> None:
+    """The ego's folder has another name there, so only the former manifest names the link."""
+    (scenario / "+101").rename(tmp_path / "other_disk")
+    (scenario / "+101").symlink_to(tmp_path / "other_disk")
+    before = sorted(path.name for path in (tmp_path / "other_disk").iterdir())
+    identity = identify(spec, format="adver_city")
+    with (
+        pytest.raises(RunError, match=r"\+101: is a link to .*other_disk"),
+        ScenarioWriter(scenario.parent, spec, identity, length=LENGTH, fresh=True),
+    ):
+        pass
+    assert sorted(path.name for path in (tmp_path / "other_disk").iterdir()) == before
+
+
 def test_a_folder_that_becomes_a_link_during_a_run_ends_it(
     scenario: Path, tmp_path: Path, spec: Spec, sensor_frames_of: SensorFramesOf
 ) -> None:

@@ -132,6 +132,20 @@ def test_the_clear_sky_is_blue_at_the_zenith_and_brightest_near_the_sun() -> Non
     assert brightest @ found.sun_direction > math.cos(math.radians(1))
 
 
+@pytest.mark.parametrize(("elevation_deg", "sine"), [(30, 0.5), (90, 1.0)])
+def test_clouds_are_lit_from_below_by_what_level_ground_reflects(
+    elevation_deg: float, sine: float
+) -> None:
+    """A tenth of the light of the sky, and of the sun's by the sine of its elevation."""
+    found = compute_atmosphere(
+        weather(sun={"elevation_deg": elevation_deg}, sky={"oktas": 3}), "urban"
+    )
+    assert found.clouds is not None
+    assert found.sun_lx > 10_000
+    ground_lx = found.sky_lx + found.sun_lx * sine
+    assert found.clouds.ground_lx == pytest.approx(0.1 * ground_lx, rel=1e-6)
+
+
 def test_distant_objects_in_fog_fade_to_the_colour_of_the_sky() -> None:
     found = compute_atmosphere(weather(air={"mor_m": None}, fog={"mor_m": 75}), "rural")
     for side in range(4):

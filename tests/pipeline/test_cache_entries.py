@@ -212,8 +212,8 @@ def test_what_release_0_1_0_left_unfinished_is_removed(cache: Path) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.mkdir() if path.parent == cache / "worlds" else path.write_bytes(b"")
         folder = path if path.is_dir() else path.parent
-        hours = 0 if path == recent else 2
-        os.utime(folder, (time.time() - 3600 * hours,) * 2)
+        made_s = time.time() - (0 if path == recent else 7200)
+        os.utime(folder, (made_s, made_s))
     prune_cache(10**9)
     assert not any(path.exists() for path in left)
     assert all(path.exists() for path in (*kept, recent))

@@ -18,6 +18,7 @@ from advercity_dsl import Spec
 from advercity.cli.arguments import parse_frame_slice
 from advercity.compiler import find_weather, with_weather, write_specs
 from advercity.dataset import cloud_files
+from advercity.dataset.reader import Scenario
 from advercity.dataset.verification import verify_dataset
 from advercity.errors import BackendError, InputError, RunError
 from advercity.media import LABEL_HEIGHT_PX
@@ -27,6 +28,9 @@ from advercity.pipeline import (
     repair_dataset,
     run_scenario,
 )
+from advercity.pipeline.agent_poses import AgentPoses
+from advercity.pipeline.preparation import load_or_simulate_traffic
+from advercity.pipeline.replay import load_sensor_frames
 from advercity.pipeline.weather_gallery import write_weather_gallery
 from advercity.rendering.backend import CameraCapture, CameraView
 from advercity.sensors.measurements import PointKind
@@ -279,6 +283,23 @@ def test_a_recording_is_written_next_to_the_dataset(spec: Spec, made: Path, tmp_
     scenario = run(spec, tmp_path, 0, 1, viewer=ViewerTarget(file=file))
     assert file.stat().st_size > 10_000
     assert tree(scenario).keys() <= tree(made).keys()
+
+
+def test_a_replay_shows_the_boxes_that_are_annotated(spec: Spec, made: Path) -> None:
+    scenario = Scenario(made)
+    stored = scenario.frame(0)
+    poses = AgentPoses(spec, load_or_simulate_traffic(spec).trace)
+    frame = load_sensor_frames(scenario, poses, 0)[0].frame
+    on_foot = 0
+    for boxes in (stored[agent.id].boxes for agent in spec.agents):
+        for number, kind, world_from_box, size in zip(
+            boxes.ids.tolist(), boxes.classes, boxes.world_from_box, boxes.sizes, strict=True
+        ):
+            on_foot += kind == "pedestrian"
+            state = frame.get_state(number)
+            np.testing.assert_allclose(state.box.size, size, atol=1e-3)
+            np.testing.assert_allclose(state.box_centre, world_from_box[:3, 3], atol=2e-3)
+    assert on_foot > 0
 
 
 def test_a_recording_shows_what_was_asked_for_last(spec: Spec, made: Path, tmp_path: Path) -> None:
