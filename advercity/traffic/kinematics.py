@@ -193,7 +193,7 @@ def compute_walker_states(
     path = _walk_after(track, length_m, speed_m_s, tick_s)
     smooth = partial(MotionSpline.from_samples, tick_s=tick_s, ticks=smoothing_ticks)
     plan = smooth(path)
-    height = smooth(track["z"] + kerb_height(plan.values))
+    height = smooth(_find_heights_along(path, track) + kerb_height(plan.values))
     yaw = smooth(_find_walking_headings(path, track, tick_s))
     upright = np.zeros((2, len(track)))
     return _build_states(
@@ -227,6 +227,16 @@ def _walk_after(
         position += move * min(1.0, limit_m / max(abs(move), 1e-9))
         path.append(position)
     return np.array(path)
+
+
+def _find_heights_along(
+    path: NDArray[np.complex128], track: NDArray[np.void]
+) -> NDArray[np.float64]:
+    """Find the heights (n,) of SUMO's lanes at a path (n,), which is behind its front or ahead."""
+    fronts = track["x"] + 1j * track["y"]
+    stations = np.cumsum(np.abs(np.diff(fronts, prepend=fronts[0])))
+    ahead_m = _along(np.exp(1j * track["yaw"]), path - fronts)
+    return np.interp(stations + ahead_m, stations, track["z"])
 
 
 def _smooth_driving(

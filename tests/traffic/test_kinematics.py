@@ -138,3 +138,17 @@ def test_a_stationary_pedestrian_keeps_its_heading():
 
     np.testing.assert_allclose(states["yaw"], 1.0)
     np.testing.assert_allclose(states["speed"], 0.0)
+
+
+def test_a_person_on_a_slope_is_as_high_as_the_ground_under_it():
+    along = 0.1 * np.arange(60.0)
+    for grade in (0.19, -0.19):
+        states = compute_walker_states(
+            track(x=along, z=grade * along, speed=np.ones(60)),
+            0.5,
+            speed_m_s=1.0,
+            tick_s=0.1,
+            kerb_height=lambda places: np.zeros(len(places)),
+        )
+        later = slice(20, 45)
+        np.testing.assert_allclose(states["z"][later], grade * states["x"][later], atol=1e-9)
