@@ -235,16 +235,17 @@ def _build_scenarios(
     crossings = product(
         select_conflicts(library, suite, resolved.roads, groups),
         resolved.weathers.values(),
-        resolved.densities.values(),
-        [resolved.rig],
-        [resolved.catalogue],
+        enumerate(resolved.densities.values()),
     )
     build = partial(build_scenario_inputs, library, suite, require_sun=require_sun)
     scenarios = _run_checks(
-        partial(build, crossed, step, repeat)
-        for crossed in crossings
+        partial(
+            build, (turns[turn], weather, density, resolved.rig, resolved.catalogue), step, repeat
+        )
+        for turns, weather, (number, density) in crossings
         for step in steps
         for repeat in repeats
+        for turn in ((number + (repeat or 1) - 1) % len(turns),)
     )
     kept = [
         inputs

@@ -10,7 +10,7 @@ from advercity_dsl.spec import CrashGroup
 from advercity.compiler.library import Library
 from advercity.conflicts.binding import Binding, match_conflict, with_ego_manoeuvre
 from advercity.conflicts.case import UnsolvableError
-from advercity.conflicts.checks import find_infeasibility
+from advercity.conflicts.checks import compute_first_event_s, find_crowding, find_infeasibility
 from advercity.conflicts.ego_motion import EgoDrive, build_ego_drive
 from advercity.conflicts.solver import solve_conflict
 from advercity.diagnostics import Diagnostic, DiagnosticsError
@@ -39,9 +39,13 @@ class RoadConflicts:
         return build_ego_drive(self.road)
 
 
+Turns = tuple[RoadConflicts, ...]
+"""What the scenarios of a road stage in turn, from density to density and repeat to repeat."""
+
+
 def select_conflicts(
     library: Library, suite: Suite, roads: Mapping[str, Road], groups: CrashGroups
-) -> list[RoadConflicts]:
+) -> list[Turns]:
     """Select the conflicts of every road, as a suite asks for.
 
     Raises:
@@ -49,7 +53,7 @@ def select_conflicts(
             staged on it.
     """
     if suite.cross_conflicts:
-        return list(_select_crossed(library, suite, roads, groups))
+        return [(item,) for item in _select_crossed(library, suite, roads, groups)]
     return list(_select_listed(library, suite, roads, groups))
 
 
@@ -79,13 +83,16 @@ def solve_road_conflicts(
                 seed=suite.seeds.traffic,
                 key=key,
                 index=index,
+                not_before_s=compute_first_event_s(suite.timing),
             )
         except (UnsolvableError, InputError) as error:
             message = f"cannot be staged on '{cell.road.id}': {error}"
             raise DiagnosticsError(
                 library.build_diagnostic(conflict, "id", message=message)
             ) from None
-        finding = find_infeasibility(conflict, cell.drive, density, solution)
+        finding = find_infeasibility(conflict, cell.drive, density, solution) or find_crowding(
+            solution, solutions, suite.timing
+        )
         if finding is not None:
             raise DiagnosticsError(
                 library.build_diagnostic(
@@ -119,7 +126,7 @@ def _match_conflict(
 
 def _select_listed(
     library: Library, suite: Suite, roads: Mapping[str, Road], groups: CrashGroups
-) -> Iterator[RoadConflicts]:
+) -> Iterator[Turns]:
     problems: list[Diagnostic] = []
     declared = library.get_declarations(Conflict)
     for road in roads.values():
@@ -134,15 +141,22 @@ def _select_listed(
                     library.build_diagnostic(suite, "stage", declared_id, index, message=message)
                 )
         problems += _find_unstaged_groups(library, suite, road, conflicts, groups)
-        manoeuvres = {item.ego.manoeuvre for item in conflicts}
-        if len(manoeuvres) > 1:
-            message = f"the ego cannot go {' and '.join(sorted(manoeuvres))} in one scenario"
-            problems.append(library.build_diagnostic(suite, "stage", declared_id, message=message))
-        elif not problems:
-            moved = with_ego_manoeuvre(road, conflicts[0]) if conflicts else None
-            yield RoadConflicts(moved or road.model_copy(update={"ego_routes": {}}), conflicts)
+        count = suite.staged_at_once or max(len(conflicts), 1)
+        turns = [conflicts[at : at + count] for at in range(0, max(len(conflicts), 1), count)]
+        for manoeuvres in ({item.ego.manoeuvre for item in turn} for turn in turns):
+            if len(manoeuvres) > 1:
+                message = f"the ego cannot go {' and '.join(sorted(manoeuvres))} in one scenario"
+                problem = library.build_diagnostic(suite, "stage", declared_id, message=message)
+                problems.append(problem)
+        if not problems:
+            yield tuple(_stage_on_road(road, turn) for turn in turns)
     if problems:
         raise DiagnosticsError(*problems)
+
+
+def _stage_on_road(road: Road, conflicts: tuple[Conflict, ...]) -> RoadConflicts:
+    moved = with_ego_manoeuvre(road, conflicts[0]) if conflicts else None
+    return RoadConflicts(moved or road.model_copy(update={"ego_routes": {}}), conflicts)
 
 
 def _find_unstaged_groups(

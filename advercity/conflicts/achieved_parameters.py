@@ -9,12 +9,11 @@ from advercity_dsl.conflict import StagedConflict
 from advercity_dsl.units import KM_H_PER_M_S
 from numpy.typing import NDArray
 
+from advercity.conflicts.ego_motion import TEST_CLOCK_S
 from advercity.conflicts.metrics import ActorTrack
 
 APPROACH_WINDOW_S = 8.0
 """Time before the ego's arrival in which the actor's approach is looked for."""
-TEST_CLOCK_S = 4.0
-"""Time before the ego's arrival in which its speed counts, as in Euro NCAP's tests."""
 TOLERANCES = {"_km_h": 0.5, "_s": 0.05, "_m": 0.05}
 """Resolution of a measured value by the unit at the end of its name: of times, half a tick."""
 

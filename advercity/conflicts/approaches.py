@@ -19,6 +19,7 @@ from advercity.conflicts.case import (
     UnsolvableError,
 )
 from advercity.conflicts.ego_motion import CROSSING_OFFSET_M, EgoDrive
+from advercity.conflicts.trajectories import DRIFT_HOLD_S, DRIFT_RETURN_MARGIN_S
 from advercity.roads.routes import RoutePath, RouteSegment
 
 
@@ -33,10 +34,12 @@ def place_actor(case: ConflictCase) -> ActorPlacement:
             return place_across(case)
         case "ahead":
             return place_ahead(case)
+        case "opposite_lane" if case.meets_at_m is not None:
+            return place_opposite(case, case.meets_at_m)
         case "opposite_lane" if case.conflict.actor.behaviour == "overtakes":
             return place_opposite(case, find_earliest_overtaking_station(case))
         case "opposite_lane":
-            return place_opposite(case, find_straightest_station(case.drive))
+            return place_opposite(case, find_straightest_station(case))
         case "alongside":
             return place_along_edge(case)
         case "oncoming" if case.actor.actor_class == "bicycle":
@@ -153,8 +156,6 @@ def _find_crossed_station(case: ConflictCase) -> float:
 
 WAITING_MARGIN_S = 1.5
 """Time that an oncoming actor can wait at its start and still be in time."""
-EARLIEST_MEETING_S = 8.8
-"""The ego meets no actor sooner, so that the approach is not lost in the warm-up."""
 MEETING_FRACTIONS = (0.25, 0.62)
 """Fractions of the ego's drive between which it meets an oncoming actor."""
 STREET_END_MARGIN_M = 8.0
@@ -187,13 +188,22 @@ def place_oncoming(drive: EgoDrive, station_m: float, run_m: float) -> ActorPlac
     )
 
 
-def find_straightest_station(drive: EgoDrive) -> float:
+def find_straightest_station(case: ConflictCase) -> float:
     """Find the station near the middle of the ego's drive where an actor comes straight at it.
 
     On a bend, velocity alone could not distinguish a drift from following the lane.
+
+    Raises:
+        UnsolvableError: The ego has passed the middle before anything critical may happen.
     """
+    drive, earliest_s = case.drive, case.not_before_s + DRIFT_HOLD_S + _compute_return_s(case)
     candidates = drive.start_m + np.linspace(*MEETING_FRACTIONS, 41) * (drive.end_m - drive.start_m)
-    stations = [at for at in candidates.tolist() if drive.motion.time_at(at) >= EARLIEST_MEETING_S]
+    stations = [at for at in candidates.tolist() if drive.motion.time_at(at) >= earliest_s]
+    if not stations:
+        raise UnsolvableError(
+            f"the ego is past the middle of its drive {earliest_s:.1f} s after the start; raise"
+            " its waits_s"
+        )
     turns = [
         np.ptp(np.unwrap([drive.path.heading_at(s) for s in np.arange(at - 5.0, at + 32.0, 4.0)]))
         for at in stations
@@ -215,8 +225,6 @@ def _find_next_street(drive: EgoDrive, street: str) -> tuple[str, ...]:
 
 CYCLIST_WAITING_MARGIN_S = 1.0
 """Time that the cyclist can wait at its start and still be in time."""
-OVERTAKING_RETURN_MARGIN_S = 0.15
-"""Time between the actor's return to its lane and its passing of the ego."""
 CYCLIST_LIMITS_M_S2 = (1.0, 2.0)
 """Acceleration and braking of the cyclist."""
 
@@ -225,7 +233,7 @@ def find_earliest_overtaking_station(case: ConflictCase) -> float:
     """Find the ego's first station at which the actor can have overtaken the cyclist."""
     sets_out_s = case.speed_m_s / case.parameters["acceleration_m_s2"]
     drifted_s = WAITING_MARGIN_S + sets_out_s + case.parameters["drift_time_s"]
-    after_s = drifted_s + _compute_passing_s(case) + _compute_return_s(case)
+    after_s = max(drifted_s, case.not_before_s) + _compute_passing_s(case) + _compute_return_s(case)
     return case.drive.motion.station_at(after_s)
 
 
@@ -247,7 +255,7 @@ def compute_cyclist_speed_m_s(case: ConflictCase) -> float:
 
 def _compute_return_s(case: ConflictCase) -> float:
     """Compute the time from the begin of the actor's return to its passing of the ego."""
-    return case.parameters["return_time_s"] + OVERTAKING_RETURN_MARGIN_S
+    return case.parameters["return_time_s"] + DRIFT_RETURN_MARGIN_S
 
 
 def _compute_passing_s(case: ConflictCase) -> float:

@@ -128,6 +128,8 @@ class ConflictCase:
         sampler: Draws bystanders.
         actor: The actor that the ego meets.
         parameters: The conflict's drawn parameters by name; the name ends with the unit.
+        not_before_s: Time from the scenario's start before which nothing critical happens.
+        meets_at_m: Station of the meeting on the ego's path, once its speed there is drawn.
     """
 
     conflict: Conflict
@@ -136,6 +138,8 @@ class ConflictCase:
     sampler: ParticipantSampler
     actor: RoadUser
     parameters: Mapping[str, float]
+    not_before_s: float
+    meets_at_m: float | None = None
 
     @property
     def speed_m_s(self) -> float:
@@ -148,10 +152,24 @@ class ConflictCase:
 
     def redraw_actor_speed(self, at_most_km_h: float) -> "ConflictCase":
         """Return the case with a speed of the actor from its declared range below a limit."""
-        name = "actor_speed_km_h"
+        return self.with_actor_speed(self._draw_speed("actor_speed_km_h", at_most_km_h))
+
+    def draw_ego_speed(self, station_m: float) -> "ConflictCase":
+        """Return the case with a speed of the ego before a station, from what the road leaves."""
+        free_km_h = self.drive.motion.find_top_speed_m_s(station_m) * KM_H_PER_M_S
+        speed_km_h = self._draw_speed("ego_speed_km_h", free_km_h)
+        return replace(
+            self,
+            drive=self.drive.limit_speed(station_m, speed_km_h / KM_H_PER_M_S),
+            parameters={**self.parameters, "ego_speed_km_h": speed_km_h},
+            meets_at_m=station_m,
+        )
+
+    def _draw_speed(self, name: str, at_most_km_h: float) -> float:
         draw = getattr(self.conflict.parameters, name).draw
-        value = _draw_value(draw, self.sampler.seed, self.sampler.key, name, at_most_km_h)
-        return self.with_actor_speed(_round_significant(value))
+        return _round_significant(
+            _draw_value(draw, self.sampler.seed, self.sampler.key, name, at_most_km_h)
+        )
 
 
 @dataclass(frozen=True, eq=False)

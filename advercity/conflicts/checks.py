@@ -1,10 +1,12 @@
 """Check whether a solved conflict can happen: speeds, distances, timing, location and sight."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from advercity_dsl import Conflict, Density, Road, StagedActor, StagedConflict
+from advercity_dsl import Conflict, Density, Road, StagedActor, StagedConflict, Timing
 from advercity_dsl.distribution import compute_bounds
+from advercity_dsl.units import KM_H_PER_M_S
 
 from advercity.conflicts.ego_motion import EgoDrive
 
@@ -19,6 +21,8 @@ QUINTIC_PEAK_ACCELERATION = 5.7735
 DRIFT_EXTRA_M = 0.7
 """Estimate of an actor's lateral shift beyond its encroachment, up to the edge of its lane."""
 MAX_PATH_GAP_M = 1.0
+CALM_S = 4.0
+"""Time without a critical event after the start of the recording, and between two of them."""
 
 
 @dataclass(frozen=True)
@@ -72,15 +76,48 @@ def find_infeasibility(
     return next((finding for finding in findings if finding is not None), None)
 
 
+def compute_first_event_s(timing: Timing) -> float:
+    """Compute the time from the scenario's start before which nothing critical happens."""
+    return timing.warm_up_ticks * timing.tick_s + CALM_S
+
+
+def find_crowding(
+    staged: StagedConflict, earlier: Sequence[StagedConflict], timing: Timing
+) -> Finding | None:
+    """Return why a conflict comes too soon after the start or after another; None if it does not.
+
+    Both parties have to be seen before they meet, and one has to have reacted to an event before
+    the next.
+    """
+    meets_s, first_s = _find_meeting_s(staged), compute_first_event_s(timing)
+    previous = max(earlier, key=_find_meeting_s, default=None)
+    if meets_s < first_s:
+        after, left_s = "the recording begins", meets_s - first_s + CALM_S
+        hint = "raise waits_s of the road's ego, or lower timing.warm_up_ticks of the suite"
+    elif previous is not None and meets_s - _find_meeting_s(previous) < CALM_S:
+        after, left_s = f"'{previous.conflict}'", meets_s - _find_meeting_s(previous)
+        hint = "stage fewer in one scenario: lower staged_at_once, or leave one out"
+    else:
+        return None
+    message = f"comes {left_s:.1f} s after {after}; at least {CALM_S:g} s are needed"
+    return Finding(("id",), message, hint)
+
+
+def _find_meeting_s(staged: StagedConflict) -> float:
+    return sum(staged.window_s) / 2
+
+
 def _check_ego_speed(solution: _Solution) -> Finding | None:
     low, high = compute_bounds(solution.conflict.parameters.ego_speed_km_h.draw)
-    limit = solution.road.ego.max_speed_km_h
+    drive = solution.drive
+    station = drive.path.find_nearest_station(solution.staged.point_m)
+    limit = drive.motion.find_top_speed_m_s(station) * KM_H_PER_M_S
     left = min(high, limit) - low
     if left >= MIN_SPEED_RANGE_KM_H:
         return None
     message = (
-        f"{low:g} to {high:g} km/h leave {max(left, 0):g} km/h below the ego's {limit:g} km/h on"
-        f" '{solution.road.id}'; at least {MIN_SPEED_RANGE_KM_H:g} are needed"
+        f"{low:g} to {high:g} km/h leave {max(left, 0):.1f} km/h below the {limit:.1f} km/h that"
+        f" the ego drives there on '{solution.road.id}'; {MIN_SPEED_RANGE_KM_H:g} are needed"
     )
     hint = "widen the range or leave the road out"
     return Finding(("parameters", "ego_speed_km_h"), message, hint)
@@ -124,7 +161,7 @@ def _check_lateral_acceleration(solution: _Solution) -> Finding | None:
 
 
 def _check_arrival(solution: _Solution) -> Finding | None:
-    actor, expected_s = solution.actor, sum(solution.staged.window_s) / 2
+    actor, expected_s = solution.actor, _find_meeting_s(solution.staged)
     # Actors on paths of their own may have set out before the scenario begins.
     if actor.behaviour != "stops_short" or not actor.route:
         return None

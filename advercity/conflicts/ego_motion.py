@@ -3,11 +3,12 @@
 Specs are solved on this prediction; SUMO drives the ego later, limited by `speed_profile`.
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from advercity_dsl import Road
+from advercity_dsl import Road, StagedConflict
 from advercity_dsl.units import KM_H_PER_M_S
 from numpy.typing import NDArray
 
@@ -42,9 +43,51 @@ class NominalMotion:
         """Interpolate the station at a time."""
         return float(np.interp(time_s, self.times_s, self.stations_m))
 
+    def find_top_speed_m_s(self, station_m: float) -> float:
+        """Find the highest speed in the `TEST_CLOCK_S` before a station."""
+        at_s = self.time_at(station_m)
+        times_s = np.linspace(max(at_s - TEST_CLOCK_S, self.times_s[0]), at_s, 41)
+        stations = np.interp(times_s, self.times_s, self.stations_m)
+        return float((np.diff(stations) / np.diff(times_s)).max(initial=0.0))
+
+
+TEST_CLOCK_S = 4.0
+"""Time before the ego's arrival in which its speed counts, as in Euro NCAP's tests."""
+SETTLING_S = 1.0
+"""Time before that at which it has that speed, and after its arrival until which it keeps it."""
+
+
+@dataclass(frozen=True)
+class SpeedZone:
+    """A part of the ego's drive, measured from its spawn, in which a conflict limits its speed."""
+
+    from_m: float
+    to_m: float
+    speed_m_s: float
+
+
+def build_speed_zone(station_m: float, speed_m_s: float) -> SpeedZone:
+    """Build the zone around a conflict point in which the ego drives no faster than is drawn."""
+    settling_m = speed_m_s * SETTLING_S
+    before_m = speed_m_s * TEST_CLOCK_S + settling_m
+    return SpeedZone(station_m - before_m, station_m + settling_m, speed_m_s)
+
+
+def list_speed_zones(conflicts: Iterable[StagedConflict]) -> tuple[SpeedZone, ...]:
+    """List the zones of staged conflicts; specs of earlier versions have none."""
+    return tuple(
+        build_speed_zone(item.station_m, item.parameters["ego_speed_km_h"] / KM_H_PER_M_S)
+        for item in conflicts
+        if "ego_speed_km_h" in item.parameters
+    )
+
 
 def compute_nominal_motion(
-    road: Road, planner: RoutePlanner, path: RoutePath, start_m: float
+    road: Road,
+    planner: RoutePlanner,
+    path: RoutePath,
+    start_m: float,
+    zones: Iterable[SpeedZone] = (),
 ) -> NominalMotion:
     """Compute the motion of the ego from rest at `start_m` on its path."""
     ego = road.ego
@@ -55,12 +98,15 @@ def compute_nominal_motion(
     # The mean over 13 samples, 6.5 m: polylines have corners that no driver slows down for.
     curvature = np.convolve(np.pad(curvature, 6, mode="edge"), np.full(13, 1 / 13), mode="valid")
     limit = np.minimum(top, np.sqrt(NOMINAL_LATERAL_M_S2 / np.maximum(curvature, 1e-6)))
-    times = _integrate_times(stations, _compute_speeds(limit, ()))
+    for zone in zones:
+        inside = (stations - start_m >= zone.from_m) & (stations - start_m <= zone.to_m)
+        limit[inside] = np.minimum(limit[inside], zone.speed_m_s)
+    times = ego.waits_s + _integrate_times(stations, _compute_speeds(limit, ()))
     for before, after in pairwise(path.segments):
         at = int(np.searchsorted(stations, before.end_m))
         green = planner.find_next_green_s(before.street.id, after.street.id, float(times[at]))
         if green is not None and green > times[at] + GREEN_DELAY_S:
-            times = _integrate_times(stations, _compute_speeds(limit, (at,)))
+            times = ego.waits_s + _integrate_times(stations, _compute_speeds(limit, (at,)))
             times[at:] += max(green + GREEN_DELAY_S - times[at], 0.0)
     return NominalMotion(stations, times)
 
@@ -125,6 +171,14 @@ class EgoDrive:
         before, after = self.path.segments[index : index + 2]
         junction = self.planner.find_junction(before.street.id, after.street.id)
         return None if junction is None else (junction, before, after)
+
+    def limit_speed(self, station_m: float, speed_m_s: float) -> "EgoDrive":
+        """Return the drive with a speed limit before a conflict point at a station."""
+        zone = build_speed_zone(station_m - self.start_m, speed_m_s)
+        motion = compute_nominal_motion(
+            self.road, self.planner, self.path, self.start_m, zones=(zone,)
+        )
+        return replace(self, motion=motion)
 
     def segment_at(self, station_m: float) -> RouteSegment:
         """Find the street at a station; a crossing inside the junction belongs to the next one."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from advercity.conflicts.metrics import ActorTrack
 from advercity.conflicts.trajectories import (
+    DRIFT_HOLD_S,
     DRIFT_RETURN_MARGIN_S,
     build_front_rows,
     compute_lateral_offsets,
@@ -152,7 +153,7 @@ class _Scheduler:
             track["tick"] * tick_s,
             shift_m=parameters["encroachment_m"] + apart_m / 2 - other.size[1] / 2,
             out_s=parameters["drift_time_s"],
-            hold_s=self._compute_passing_s(conflict),
+            hold_s=self._compute_hold_s(conflict),
             return_s=parameters["return_time_s"],
             end_s=tick * tick_s
             - (self.ego.size[0] + other.size[0]) / 2 / closing
@@ -161,14 +162,14 @@ class _Scheduler:
         return ActorSchedule(
             speed_commands_m_s=_build_speed_commands(actor, wait_s, tick * tick_s, tick_s),
             trigger_s=wait_s,
-            track=shift_laterally(track, offsets, tick_s),
+            track=shift_laterally(track, offsets, other.size[0], tick_s),
         )
 
-    def _compute_passing_s(self, conflict: StagedConflict) -> float:
-        """Compute how long the actor drives in the other lane to pass the cyclist, else 0."""
+    def _compute_hold_s(self, conflict: StagedConflict) -> float:
+        """Compute how long the actor is in the other lane, which it needs to pass a cyclist."""
         actor = conflict.actors[0]
         if actor.behaviour != "overtakes":
-            return 0.0
+            return DRIFT_HOLD_S
         passed = conflict.actors[1]
         lengths_m = self._get_size(actor)[0] + self._get_size(passed)[0]
         gaps_m = 2 * conflict.parameters["passing_gap_m"]

@@ -171,12 +171,14 @@ def solve_conflict(
     seed: int,
     key: str,
     index: int,
+    not_before_s: float,
 ) -> StagedConflict:
     """Place all participants of a conflict, with their speeds and the expected time.
 
     In its drive the ego makes the conflict's manoeuvre; `typology` is an id. All draws depend on
     `seed` and `key` (road, conflict and density, so that all weathers share them). `index` is the
-    number among the scenario's conflicts, from 1.
+    number among the scenario's conflicts, from 1; nothing critical happens before `not_before_s`
+    from the scenario's start.
 
     Raises:
         UnsolvableError: The conflict does not fit the road.
@@ -189,7 +191,9 @@ def solve_conflict(
         sampler=sampler,
         actor=sampler.draw_actor(conflict.actor.classes),
         parameters=sample_parameters(conflict.parameters, seed, key),
+        not_before_s=not_before_s,
     )
+    case = case.draw_ego_speed(place_actor(case).station_m)
     case = fit_actor_speed(case)
     return _build_staged_conflict(case, typology, place_actor(case))
 

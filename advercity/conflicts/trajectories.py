@@ -64,6 +64,8 @@ def build_front_rows(
 
 DRIFT_RETURN_MARGIN_S = 0.15
 """Time between a drifting vehicle's return to its lane and the meeting of both fronts."""
+DRIFT_HOLD_S = 0.5
+"""Time for which it keeps the declared overlap before it returns."""
 
 
 def find_closest_approach(ego: ActorTrack, other: ActorTrack) -> tuple[int, float]:
@@ -101,16 +103,20 @@ def _quintic_step(fraction: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def shift_laterally(
-    track: NDArray[np.void], offsets: NDArray[np.float64], tick_s: float
+    track: NDArray[np.void], offsets: NDArray[np.float64], length_m: float, tick_s: float
 ) -> NDArray[np.void]:
-    """Move `FRONT_DTYPE` rows to the left by offsets (n,), with the yaw that this takes."""
+    """Move `FRONT_DTYPE` rows so that the body's middle is to the left by offsets (n,).
+
+    The front leads by half a body in the direction in which the middle moves.
+    """
     rows = track.copy()
-    rows["x"] -= offsets * np.sin(track["yaw"])
-    rows["y"] += offsets * np.cos(track["yaw"])
-    sideways = np.gradient(offsets, tick_s)
     # Below 1 m/s the ratio of the speeds says nothing about where the body points.
-    drift = np.arctan2(sideways, np.maximum(track["speed"], 1.0))
-    rows["yaw"] += np.where(track["speed"] > 1.0, drift, 0.0)
+    moves = track["speed"] > 1.0
+    slope = np.where(moves, np.gradient(offsets, tick_s) / np.maximum(track["speed"], 1.0), 0.0)
+    left = offsets + length_m / 2 * slope
+    rows["x"] -= left * np.sin(track["yaw"])
+    rows["y"] += left * np.cos(track["yaw"])
+    rows["yaw"] += np.arctan(slope)
     return rows
 
 

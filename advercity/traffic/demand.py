@@ -11,7 +11,7 @@ import numpy as np
 from advercity_dsl import Agent, Spec, StagedActor, Vehicle
 from advercity_dsl.units import KM_H_PER_M_S
 
-from advercity.conflicts.ego_motion import CRUISE_MARGIN_KM_H
+from advercity.conflicts.ego_motion import CRUISE_MARGIN_KM_H, SpeedZone, list_speed_zones
 from advercity.errors import InputError
 from advercity.frames import Actor
 from advercity.randomness import create_generator
@@ -54,6 +54,8 @@ class VehicleTrip:
         top_speed_m_s: Speed that it never exceeds.
         acceleration_limits_m_s2: Maximum acceleration and braking; None takes its class's.
         gives_way: Whether it gives way to vehicles that approach a junction.
+        waits_s: Time for which it stands at its start.
+        speed_zones: Stretches with a speed limit of its own, measured from its start.
     """
 
     actor: Actor
@@ -66,6 +68,8 @@ class VehicleTrip:
     top_speed_m_s: float
     acceleration_limits_m_s2: tuple[float, float] | None = None
     gives_way: bool = True
+    waits_s: float = 0.0
+    speed_zones: tuple[SpeedZone, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -216,6 +220,8 @@ def _build_connected_trip(
         / KM_H_PER_M_S,
         # Lights of maps let opposite arms go together; the ego must not wait for a staged actor.
         gives_way=not (agent.is_ego and spec.conflicts and spec.road.imported is not None),
+        waits_s=place.waits_s,
+        speed_zones=list_speed_zones(spec.conflicts) if agent.is_ego else (),
     )
 
 

@@ -53,6 +53,8 @@ LATERAL_SPEED_FRACTION = 0.2
 """Maximum lateral speed of a vehicle as a fraction of its speed."""
 UNLIMITED_SPEED_FACTOR = 10.0
 """Speed factor of a vehicle that only its own top speed limits."""
+STOP_LENGTH_M = 1.0
+"""Length of the part of a lane on which a vehicle that waits at its start stands."""
 
 
 def write_route_file(
@@ -143,6 +145,15 @@ def _add_vehicle(root: Element, trip: VehicleTrip) -> None:
         departSpeed=trip.start_speed_m_s,
     )
     _add_element(vehicle, "route", edges=" ".join(trip.edges))
+    if trip.waits_s > 0 and trip.front_position_m is not None:
+        _add_element(
+            vehicle,
+            "stop",
+            lane=f"{trip.edges[0]}_{trip.lane}",
+            startPos=max(trip.front_position_m - STOP_LENGTH_M, 0.0),
+            endPos=trip.front_position_m,
+            until=trip.waits_s,
+        )
 
 
 def _add_pedestrian_type(root: Element, trip: PedestrianTrip) -> None:

@@ -5,7 +5,7 @@ tick by tick.
 """
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import inf, nan
 
@@ -46,7 +46,14 @@ class SpeedProfile:
     @staticmethod
     def from_trip(trip: VehicleTrip, graph: LaneGraph, max_m_s2: float = inf) -> "SpeedProfile":
         """Build the profile of a trip's route; `max_m_s2` caps lateral acceleration and braking."""
-        return _build_profile(trip.edges, trip.lane, graph, max_m_s2)
+        profile = _build_profile(trip.edges, trip.lane, graph, max_m_s2)
+        limit = np.array(profile.speeds_m_s)
+        stations = np.arange(len(limit)) * PROFILE_STEP_M - (trip.front_position_m or 0.0)
+        for zone in trip.speed_zones:
+            inside = (stations >= zone.from_m) & (stations <= zone.to_m)
+            limit[inside] = np.minimum(limit[inside], zone.speed_m_s)
+        braked = _limit_by_braking(limit, min(BRAKING_M_S2, max_m_s2))
+        return replace(profile, speeds_m_s=braked.tolist()) if trip.speed_zones else profile
 
     def speed_at(self, station_m: float) -> float:
         """Interpolate the maximum speed at a station along the route."""

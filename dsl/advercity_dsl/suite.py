@@ -12,7 +12,7 @@ from pydantic import (
     model_validator,
 )
 
-from advercity_dsl.base import ByName, Declaration, Id, InvalidCombination, Items, Model
+from advercity_dsl.base import ByName, Declaration, Id, InvalidCombination, Items, Model, is_none
 from advercity_dsl.units import Count, Flag, Metres, Number, Percent, Seconds
 
 
@@ -188,7 +188,10 @@ class Suite(Declaration):
     sweep: Sweep | None = None
     """Variation of one field over many values."""
     stage: ByName[Items[Id]] = Field(default_factory=dict)
-    """Conflicts that the scenarios of a road stage in turn, by road id."""
+    """Conflicts that the scenarios of a road stage, by road id, in the order of occurrence."""
+    staged_at_once: Annotated[Count, Field(ge=1)] | None = Field(default=None, exclude_if=is_none)
+    """Highest number of conflicts in one scenario; densities and repeats take turns over the rest
+    of a road's list. All of the list where omitted."""
     cross_conflicts: IdSelection = ()
     """Conflicts that get their own scenarios on every road where they can be staged."""
     standings: Items[ConflictFit] = Field(

@@ -39,6 +39,7 @@ from advercity_dsl.units import (
     Point2,
     Point3,
     PositiveMetres,
+    Seconds,
 )
 
 
@@ -76,6 +77,10 @@ class Vehicle(Model):
     """Junction of its manoeuvre; by default the first on the route at which three streets meet."""
     max_speed_km_h: Annotated[KilometresPerHour, Field(gt=0, le=200)]
     """Speed limit of the vehicle, which also obeys that of the street."""
+    waits_s: Annotated[Seconds, Field(ge=0, le=600)] = Field(
+        default=0, exclude_if=lambda time_s: time_s == 0
+    )
+    """Time for which it stands at its start before it sets out."""
 
     @property
     def is_ego(self) -> bool:
