@@ -6,7 +6,7 @@ into a matrix when a frame is built.
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from enum import IntEnum, IntFlag
 from pathlib import Path
 from typing import Any, get_args
@@ -185,6 +185,13 @@ class Trace:
     states: NDArray[np.void]
     signal_ids: tuple[str, ...]
     signals: NDArray[np.uint8]
+
+    def cut(self, ticks: int) -> "Trace":
+        """Return the first ticks of the trace, with the actors that appear in them."""
+        states = self.states[self.states["tick"] < ticks]
+        present, states["actor"] = np.unique(states["actor"], return_inverse=True)
+        actors = tuple(self.actors[index] for index in present)
+        return replace(self, actors=actors, states=states, signals=self.signals[:ticks])
 
     def __len__(self) -> int:
         """Return the number of kept ticks."""

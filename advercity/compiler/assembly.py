@@ -2,6 +2,7 @@
 
 import hashlib
 from collections.abc import Mapping, Sequence
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ from advercity_dsl import (
 from advercity_dsl.conflict import StagedConflict
 from advercity_dsl.distribution import Distribution
 from advercity_dsl.spec import ClassDemand, CrashGroup, Provenance, SpecSeeds, SweepPoint
-from advercity_dsl.traffic import ResponseStep
+from advercity_dsl.traffic import ReactionConditions, ResponseStep, TyreFriction
 
 from advercity import __version__
 from advercity.compiler.distributions import Distributions
@@ -36,11 +37,11 @@ from advercity.compiler.scenarios import (
     localize_weather,
 )
 from advercity.compiler.source import format_value_path
-from advercity.compiler.suites import compute_demand_counts
+from advercity.compiler.suites import ResolvedSuite, compute_demand_counts
 from advercity.digests import compute_json_digest
 from advercity.physics.constants import GRAVITY_M_S2
-from advercity.physics.extinction import mor_without_precipitation_m
-from advercity.physics.stopping import friction_coefficient
+from advercity.physics.extinction import compute_extinction, mor_without_precipitation_m
+from advercity.physics.stopping import DEFAULT_GRIP, friction_coefficient
 
 FIRST_VEHICLE_NUMBER = 101
 """Number of the first connected vehicle in annotations; roadside units count down from -1."""
@@ -52,7 +53,7 @@ def build_spec(
     inputs: ScenarioInputs,
     groups: tuple[CrashGroup, ...],
     conflicts: tuple[StagedConflict, ...],
-    drivers: Drivers | None,
+    resolved: ResolvedSuite,
     assets: Mapping[str, str],
 ) -> Spec:
     """Build the spec of a scenario, with its digest.
@@ -63,10 +64,10 @@ def build_spec(
         inputs: Declarations of the scenario.
         groups: Crash groups for which its road was selected; the spec has those that it stages.
         conflicts: Solved conflicts.
-        drivers: Drivers who react to weather, if any.
+        resolved: Declarations of the suite.
         assets: Checksums of what the scenario takes from files of others.
     """
-    road, density = inputs.road, inputs.density
+    road, density, drivers = inputs.road, inputs.density, resolved.drivers
     declarations = [suite, road, inputs.weather, density, inputs.rig, inputs.catalogue]
     declarations += [*inputs.conflicts.conflicts, *([drivers] if drivers else [])]
     digests = {
@@ -85,6 +86,7 @@ def build_spec(
         conflicts=conflicts,
         drivers=drivers,
         caution=compute_driver_response(drivers, inputs.weather) if drivers else None,
+        reaction=_find_reaction_conditions(library, suite, resolved, inputs.weather, conflicts),
         blueprints=inputs.blueprints,
         assets=dict(sorted(assets.items())),
         timing=suite.timing,
@@ -127,6 +129,7 @@ def with_weather(spec: Spec, entry: LibraryEntry[Weather]) -> Spec:
         "id": name,
         "weather": localize_weather(entry, weather, spec.road),
         "caution": compute_driver_response(spec.drivers, weather) if spec.drivers else None,
+        "reaction": _replay_reaction_conditions(spec, weather),
         "provenance": provenance.model_copy(
             update={"declarations": dict(sorted(digests.items())), "draws": _format_draws(draws)}
         ),
@@ -158,6 +161,44 @@ def compute_content_digest(data: dict[str, Any]) -> str:
     """Compute the digest of a spec's JSON, and drop the one that it holds."""
     del data["provenance"]["digest"]
     return compute_json_digest(data)
+
+
+def _find_reaction_conditions(
+    library: Library,
+    suite: Suite,
+    resolved: ResolvedSuite,
+    weather: Weather,
+    conflicts: Sequence[StagedConflict],
+) -> ReactionConditions | None:
+    """Find what the ego reacts with: the suite's weather for it, or the scenario's own."""
+    if not any(conflict.resolved_by in ("ego", "both") for conflict in conflicts):
+        return None
+    grip = resolved.drivers.grip if resolved.drivers else DEFAULT_GRIP
+    if suite.pairing == "none":
+        return compute_reaction_conditions(grip, weather)
+    reference = resolved.reaction_weather
+    if reference is None:
+        return ReactionConditions(friction=grip.dry, is_paired=True)
+    entry, seed = library.find_entry(reference), suite.seeds.weather
+    drawn, _ = draw_scenario_weather(entry, seed, reference.id, None)
+    conditions = compute_reaction_conditions(grip, drawn)
+    return conditions.model_copy(update={"is_paired": True})
+
+
+def _replay_reaction_conditions(spec: Spec, weather: Weather) -> ReactionConditions | None:
+    if spec.reaction is None or spec.reaction.is_paired:
+        return spec.reaction
+    grip = spec.drivers.grip if spec.drivers else DEFAULT_GRIP
+    return compute_reaction_conditions(grip, weather)
+
+
+def compute_reaction_conditions(grip: TyreFriction, weather: Weather) -> ReactionConditions:
+    """Compute what the ego reacts with in a weather, rounded like the response of drivers."""
+    mor_m = compute_extinction(weather).mor_m
+    return ReactionConditions(
+        friction=round(friction_coefficient(grip, weather), 4),
+        visibility_m=round(mor_m, 1) if isfinite(mor_m) else None,
+    )
 
 
 def compute_driver_response(drivers: Drivers, weather: Weather) -> DriverResponse:

@@ -181,7 +181,7 @@ def compile_suite(library: Library, suite: Suite, *, require_sun: bool = True) -
             inputs,
             groups[inputs.road.id],
             conflicts[inputs.traffic_key],
-            resolved.drivers,
+            resolved,
             list_model_assets(library, inputs.catalogue, inputs.blueprints),
         )
         for inputs in scenarios

@@ -17,6 +17,7 @@ SUITE_REFERENCES = {
     "rig": "rig",
     "catalogue": "catalogue",
     "drivers": "drivers",
+    "reaction_weather": "weather",
 }
 """Fields of a suite that name declarations, and of which kind."""
 SELECTIONS = ("roads", "weathers", "densities", "cross_conflicts")

@@ -73,6 +73,8 @@ def solve_road_conflicts(
     """
     solutions: list[StagedConflict] = []
     for index, conflict in enumerate(cell.conflicts, start=1):
+        if suite.resolved_by is not None:
+            conflict = conflict.model_copy(update={"resolved_by": suite.resolved_by})
         key = "/".join((cell.road.id, conflict.id, density.id, *repeat_key))
         try:
             solution = solve_conflict(
@@ -100,6 +102,8 @@ def solve_road_conflicts(
                 )
             )
         solutions.append(solution)
+        if solution.resolved_by == "nobody":
+            break  # the scenario ends with the collision
     return tuple(solutions)
 
 

@@ -123,6 +123,7 @@ class ResolvedSuite:
     rig: Rig
     catalogue: Catalogue
     drivers: Drivers | None
+    reaction_weather: Weather | None
 
 
 def resolve_suite(library: Library, suite: Suite) -> ResolvedSuite:
@@ -137,7 +138,7 @@ def resolve_suite(library: Library, suite: Suite) -> ResolvedSuite:
             written = (item for name in written for item in library.list_variants(name))
         return {name: available[name] for name in written}
 
-    drivers = library.get_declarations(Drivers)
+    drivers, weathers = library.get_declarations(Drivers), library.get_declarations(Weather)
     return ResolvedSuite(
         find("roads", Road),
         find("weathers", Weather),
@@ -145,6 +146,7 @@ def resolve_suite(library: Library, suite: Suite) -> ResolvedSuite:
         library.get_declarations(Rig)[suite.rig],
         library.get_declarations(Catalogue)[suite.catalogue],
         drivers[suite.drivers] if suite.drivers else None,
+        weathers[suite.reaction_weather] if suite.reaction_weather else None,
     )
 
 

@@ -6,10 +6,11 @@ Every draw is a function of seed, key and name alone, so that none depends on an
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import get_args
 
 import numpy as np
 from advercity_dsl import Blueprint, Conflict
-from advercity_dsl.conflict import ConflictParameters
+from advercity_dsl.conflict import ConflictParameters, Resolver, ResolverFractions
 from advercity_dsl.distribution import Distribution
 from advercity_dsl.traffic import ActorClass
 from advercity_dsl.units import KM_H_PER_M_S
@@ -99,6 +100,13 @@ class ParticipantSampler:
     def draw_parked_car(self, number: int) -> RoadUser:
         """Draw a parked car by its number, from 1 for the one nearest to the actor's path."""
         return self._draw("car", "to be parked", "parked", number)
+
+    def draw_resolver(self, fractions: ResolverFractions) -> Resolver:
+        """Draw who resolves the conflict."""
+        level = float(self._create_generator("resolved_by").random())
+        options = [name for name in get_args(Resolver) if getattr(fractions, name) > 0]
+        bounds = np.cumsum([getattr(fractions, name) for name in options])
+        return options[min(int(np.searchsorted(bounds, level)), len(options) - 1)]
 
     def _draw(self, actor_class: ActorClass, purpose: str, *key: str | int) -> RoadUser:
         names = self._list_blueprints(actor_class)

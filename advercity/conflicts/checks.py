@@ -68,6 +68,7 @@ def find_infeasibility(
         _check_lateral_acceleration,
         _check_arrival,
         _check_braking,
+        _check_resolver,
         _check_location,
         _check_occlusion,
         _check_walkers,
@@ -188,6 +189,19 @@ def _check_braking(solution: _Solution) -> Finding | None:
     )
     hint = "raise it, or brake harder"
     return Finding(("outcome", "time_to_collision_below_s"), message, hint)
+
+
+def _check_resolver(solution: _Solution) -> Finding | None:
+    resolver = solution.staged.resolved_by
+    if resolver == "actor":
+        return None
+    if solution.actor.behaviour != "stops_short":
+        message = f"an actor that {solution.actor.behaviour} resolves the conflict itself"
+        return Finding(("resolved_by",), message, "write {actor: 1}")
+    if resolver == "nobody" or "ego_braking_m_s2" in solution.staged.parameters:
+        return None
+    message = "is missing: the ego brakes where it takes part in resolving the conflict"
+    return Finding(("parameters",), f"ego_braking_m_s2 {message}", "add it, in m/s2: {draw: 5}")
 
 
 def _check_location(solution: _Solution) -> Finding | None:

@@ -36,7 +36,14 @@ class Blockage:
 def find_blockages(spec: Spec, trace: Trace) -> Iterator[Blockage]:
     """Find actors too near to a staged actor, or in the same place as another."""
     participants = _list_participants(spec)
+    colliding = {
+        (spec.ego.number, conflict.actors[0].number)
+        for conflict in spec.conflicts
+        if conflict.resolved_by != "actor"
+    }
     for overlap in find_overlaps(trace):
+        if (overlap.first, overlap.second) in colliding:
+            continue
         # Of two, the one from the background is to blame, since only that can be drawn again.
         pair = (overlap.first, overlap.second)
         blocked, blocker = sorted(pair, key=lambda number: (number not in participants, number))
@@ -51,6 +58,19 @@ def find_blockages(spec: Spec, trace: Trace) -> Iterator[Blockage]:
                 unseen = not staged.route and not on_foot
                 if _is_too_near(track, other, MIN_HEADWAY_S if unseen else 0.0):
                     yield Blockage(other.actor, staged.number)
+
+
+def find_first_contact(spec: Spec, trace: Trace) -> int | None:
+    """Find the first tick at which the ego touches an actor that it is not to be spared by."""
+    ego = ActorTrack.from_trace(trace, spec.ego.number)
+    contacts: list[int] = []
+    for conflict in spec.conflicts:
+        if conflict.resolved_by != "actor":
+            actor = ActorTrack.from_trace(trace, conflict.actors[0].number)
+            ticks = np.intersect1d(ego.rows["tick"], actor.rows["tick"])
+            touching = shapely.intersects(ego.at_ticks(ticks).boxes, actor.at_ticks(ticks).boxes)
+            contacts += ticks[touching][:1].tolist()
+    return min(contacts, default=None)
 
 
 def find_ego_blockers(spec: Spec, trace: Trace) -> Iterator[int]:

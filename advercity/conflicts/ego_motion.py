@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from advercity_dsl import Road, StagedConflict
+from advercity_dsl import Road, StagedConflict, Vehicle
 from advercity_dsl.units import KM_H_PER_M_S
 from numpy.typing import NDArray
 
+from advercity.geometry.polyline import StationedPolyline
 from advercity.roads.routes import RoutePath, RoutePlanner, RouteSegment, build_ego_path
 
 NOMINAL_ACCELERATION_M_S2, NOMINAL_BRAKING_M_S2 = 2.5, 2.0
@@ -91,13 +92,8 @@ def compute_nominal_motion(
 ) -> NominalMotion:
     """Compute the motion of the ego from rest at `start_m` on its path."""
     ego = road.ego
-    top = (ego.max_speed_km_h - CRUISE_MARGIN_KM_H) / KM_H_PER_M_S
     stations = np.arange(start_m, path.length_m, NOMINAL_STEP_M)
-    headings = np.unwrap(path.headings_at(stations))
-    curvature = np.abs(np.gradient(headings, NOMINAL_STEP_M))
-    # The mean over 13 samples, 6.5 m: polylines have corners that no driver slows down for.
-    curvature = np.convolve(np.pad(curvature, 6, mode="edge"), np.full(13, 1 / 13), mode="valid")
-    limit = np.minimum(top, np.sqrt(NOMINAL_LATERAL_M_S2 / np.maximum(curvature, 1e-6)))
+    limit = _compute_speed_limit(path.headings_at(stations), ego)
     for zone in zones:
         inside = (stations - start_m >= zone.from_m) & (stations - start_m <= zone.to_m)
         limit[inside] = np.minimum(limit[inside], zone.speed_m_s)
@@ -111,10 +107,34 @@ def compute_nominal_motion(
     return NominalMotion(stations, times)
 
 
-def _compute_speeds(limit: NDArray[np.float64], halts: tuple[int, ...]) -> NDArray[np.float64]:
-    """Compute speeds (n,) below a limit (n,), from rest, with halts at some samples."""
+def compute_free_drive_s(
+    ego: Vehicle, path: StationedPolyline, end_m: float, *, first_m_s: float, top_m_s: float
+) -> float:
+    """Compute how long the ego takes to a station of a path if nothing hinders it.
+
+    It has the speed `first_m_s` at the start of the path, and drives no faster than `top_m_s`.
+    """
+    stations = np.arange(0.0, path.length_m, NOMINAL_STEP_M)
+    limit = np.minimum(_compute_speed_limit(path.headings_at(stations), ego), top_m_s)
+    speeds = _compute_speeds(limit, (), first_m_s)
+    return float(np.interp(end_m, stations, _integrate_times(stations, speeds)))
+
+
+def _compute_speed_limit(headings: NDArray[np.float64], ego: Vehicle) -> NDArray[np.float64]:
+    """Compute the maximum speeds (n,) on a path with headings (n,) every `NOMINAL_STEP_M`."""
+    top = (ego.max_speed_km_h - CRUISE_MARGIN_KM_H) / KM_H_PER_M_S
+    curvature = np.abs(np.gradient(np.unwrap(headings), NOMINAL_STEP_M))
+    # The mean over 13 samples, 6.5 m: polylines have corners that no driver slows down for.
+    curvature = np.convolve(np.pad(curvature, 6, mode="edge"), np.full(13, 1 / 13), mode="valid")
+    return np.minimum(top, np.sqrt(NOMINAL_LATERAL_M_S2 / np.maximum(curvature, 1e-6)))
+
+
+def _compute_speeds(
+    limit: NDArray[np.float64], halts: tuple[int, ...], first_m_s: float = 0.0
+) -> NDArray[np.float64]:
+    """Compute speeds (n,) below a limit (n,), from a first one, with halts at some samples."""
     limit = limit.copy()
-    limit[[0, *halts]] = 0.0
+    limit[[0, *halts]] = first_m_s, *(0.0 for _ in halts)
     square = limit**2  # changes evenly with distance under constant acceleration
     gain, loss = (
         2 * limit_m_s2 * NOMINAL_STEP_M

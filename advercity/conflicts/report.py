@@ -6,8 +6,9 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 import shapely
-from advercity_dsl import Spec
+from advercity_dsl import Spec, Vehicle
 from advercity_dsl.conflict import StagedConflict
+from advercity_dsl.units import KM_H_PER_M_S
 from numpy.typing import NDArray
 
 from advercity.conflicts.achieved_parameters import (
@@ -16,6 +17,7 @@ from advercity.conflicts.achieved_parameters import (
     measure_parameters,
     select_before,
 )
+from advercity.conflicts.ego_motion import compute_free_drive_s
 from advercity.conflicts.metrics import (
     ActorTrack,
     BoxOverlap,
@@ -24,9 +26,17 @@ from advercity.conflicts.metrics import (
     find_overlaps,
     measure_encounter,
 )
+from advercity.conflicts.reaction import needs_reaction
+from advercity.conflicts.resolution import (
+    EVASIVE_BRAKING_M_S2,
+    Resolution,
+    find_undisturbed_row,
+    measure_resolution,
+)
 from advercity.conflicts.trajectories import find_crossing
 from advercity.errors import RunError
 from advercity.frames import Trace
+from advercity.geometry.polyline import StationedPolyline, drop_repeated_points
 
 ADJACENT_LANE_GAP_M = 6.0
 """An actor that passes a point within this distance passes it in an adjacent lane."""
@@ -43,9 +53,10 @@ class ConflictOutcome:
         conflict: Id of its declaration.
         actor: Id of the actor that the ego met.
         ego_at_s: Time from the first kept tick at which the ego's centre was nearest to the
-            crossing of both paths.
+            crossing of both paths, or would have been had it not braked.
         actor_lag_s: How much later the actor would have been there at the speed of its approach.
         met: How near they came to each other.
+        resolution: Who braked, or the impact.
         parameters: Declared parameters that the trace shows.
         missed: What did not happen as declared; empty if the conflict happened.
     """
@@ -56,6 +67,7 @@ class ConflictOutcome:
     ego_at_s: float
     actor_lag_s: float
     met: Encounter
+    resolution: Resolution
     parameters: tuple[AchievedParameter, ...]
     missed: tuple[str, ...]
 
@@ -91,10 +103,11 @@ def evaluate_outcomes(spec: Spec, trace: Trace) -> Iterator[ConflictOutcome]:
             encounter, tracks = None, None
         if encounter is None or tracks is None:
             raise RunError(f"{spec.id}: {conflict.id} lacks its actor {actor}, or the ego")
-        yield _evaluate_outcome(conflict, encounter, *tracks, trace.tick_s)
+        yield _evaluate_outcome(spec, conflict, encounter, *tracks, trace.tick_s)
 
 
 def _evaluate_outcome(
+    spec: Spec,
     conflict: StagedConflict,
     encounter: Encounter,
     ego: ActorTrack,
@@ -102,22 +115,37 @@ def _evaluate_outcome(
     tick_s: float,
 ) -> ConflictOutcome:
     point = _find_meeting_point(conflict, ego, actor)
-    ego_at_s = ego.find_nearest_tick(point) * tick_s
+    resolution = measure_resolution(conflict, encounter, ego, actor, tick_s)
+    ego_at_s = _find_ego_arrival_s(spec, conflict, encounter, ego, point, tick_s)
     row = _find_arrival_row(conflict, ego, actor, point)
-    lag_s = _extrapolate_arrival_s(actor, row, point, ego_at_s, tick_s) - ego_at_s
-    missed = tuple(_find_deviations(conflict, encounter, lag_s))
+    last = _find_steady_row(actor, ego_at_s, tick_s)
+    lag_s = _extrapolate_arrival_s(actor, last, row, point, tick_s) - ego_at_s
+    missed = tuple(_find_deviations(conflict, encounter, resolution, lag_s))
     parameters = measure_parameters(
         conflict, ego, actor, ego_at_s=ego_at_s, lag_s=lag_s, tick_s=tick_s
     )
     return ConflictOutcome(
-        conflict.id, conflict.conflict, actor.actor, ego_at_s, lag_s, encounter, parameters, missed
+        id=conflict.id,
+        conflict=conflict.conflict,
+        actor=actor.actor,
+        ego_at_s=ego_at_s,
+        actor_lag_s=lag_s,
+        met=encounter,
+        resolution=resolution,
+        parameters=parameters,
+        missed=missed,
     )
 
 
-def _find_deviations(conflict: StagedConflict, encounter: Encounter, lag_s: float) -> Iterator[str]:
+def _find_deviations(
+    conflict: StagedConflict, encounter: Encounter, resolution: Resolution, lag_s: float
+) -> Iterator[str]:
     outcome, offset_s = conflict.outcome, conflict.parameters["arrival_offset_s"]
-    if encounter.distance_m.value <= 0:
-        yield "they touch"
+    collides = conflict.resolved_by == "nobody"
+    if (resolution.impact is not None) != collides:
+        yield "they do not touch" if collides else "they touch"
+    if needs_reaction(conflict) and resolution.ego_braking_m_s2 < EVASIVE_BRAKING_M_S2:
+        yield f"the ego brakes with {resolution.ego_braking_m_s2:.1f} m/s2 at most"
     if abs(lag_s - offset_s) > outcome.arrival_tolerance_s:
         yield f"the actor comes {lag_s:.2f} s after the ego instead of {offset_s:.2f} s"
     collision = {
@@ -127,7 +155,7 @@ def _find_deviations(conflict: StagedConflict, encounter: Encounter, lag_s: floa
     if collision is None or collision.value >= outcome.time_to_collision_below_s:
         limit = f"{outcome.time_to_collision_below_s:g} s"
         yield f"time to collision {_format_metric(collision)} is not below {limit}"
-    if outcome.post_encroachment_s is not None:
+    if outcome.post_encroachment_s is not None and not collides:
         low, high = outcome.post_encroachment_s
         gap = encounter.post_encroachment_s
         if gap is None or not low <= gap.value <= high:
@@ -163,19 +191,53 @@ def _find_arrival_row(
     return int(np.argmin(np.where(near, ahead, np.inf)))
 
 
-def _extrapolate_arrival_s(
-    actor: ActorTrack, row: int, point_m: NDArray[np.float64], ego_at_s: float, tick_s: float
+def _find_ego_arrival_s(
+    spec: Spec,
+    conflict: StagedConflict,
+    encounter: Encounter,
+    ego: ActorTrack,
+    point_m: NDArray[np.float64],
+    tick_s: float,
 ) -> float:
-    """Compute when an actor would be where it is in a row had it kept its approach speed."""
-    rows = actor.rows
+    """Find when the ego is at a point, or would be had it not braked for the actor."""
+    place = spec.ego.place
+    last = find_undisturbed_row(encounter, ego, tick_s)
+    if conflict.resolved_by == "actor" or last is None or not isinstance(place, Vehicle):
+        return ego.find_nearest_tick(point_m) * tick_s
+    # A track that ends before the point goes straight on.
+    ends_before = ego.find_nearest_row(point_m) == len(ego.rows) - 1
+    points = [*ego.centres[last:], *[point_m] * ends_before]
+    path = StationedPolyline.from_points(drop_repeated_points(np.array(points)))
+    end_m, _ = path.project_point(point_m)
+    left_s = compute_free_drive_s(
+        place,
+        path,
+        end_m,
+        first_m_s=float(ego.rows["speed"][last]),
+        top_m_s=conflict.parameters.get("ego_speed_km_h", np.inf) / KM_H_PER_M_S,
+    )
+    return float(ego.rows["tick"][last]) * tick_s + left_s
+
+
+def _find_steady_row(actor: ActorTrack, ego_at_s: float, tick_s: float) -> int | None:
+    """Find the last row of an actor's approach before it brakes; None if it has not come yet."""
     approach = select_before(actor, ego_at_s, APPROACH_WINDOW_S, tick_s)
     if len(approach) == 0:
+        return None
+    speeds = actor.rows["speed"][approach]
+    return int(approach[np.flatnonzero(speeds >= STEADY_SPEED_RATIO * speeds.max())[-1]])
+
+
+def _extrapolate_arrival_s(
+    track: ActorTrack, last: int | None, row: int, point_m: NDArray[np.float64], tick_s: float
+) -> float:
+    """Compute when one would be where it is in a row had it kept its speed of the row `last`."""
+    if last is None:
         return float("inf")
-    speeds = rows["speed"][approach]
-    last = approach[np.flatnonzero(speeds >= STEADY_SPEED_RATIO * speeds.max())[-1]]
+    rows = track.rows
     left_m = rows["travelled"][row] - rows["travelled"][last]
     # A track that ends before the point has the rest of the path still ahead.
-    left_m += np.linalg.norm(actor.centres[row] - point_m) * (row == len(rows) - 1)
+    left_m += np.linalg.norm(track.centres[row] - point_m) * (row == len(rows) - 1)
     return float(rows["tick"][last] * tick_s + left_m / max(rows["speed"][last], 0.1))
 
 
@@ -216,6 +278,9 @@ def _iter_outcome_events(
 ) -> Iterator[ConflictEvent]:
     name = f"{outcome.id} ({outcome.conflict}), actor {outcome.actor}"
     arrival = round(outcome.ego_at_s / tick_s)
+    impact = outcome.resolution.impact
+    if impact is not None:
+        yield ConflictEvent(impact.tick, f"{name}: collision, {impact}", point_m)
     if outcome.happened:
         yield ConflictEvent(arrival, f"{name}: the ego is at the conflict point", point_m)
     else:
@@ -258,7 +323,7 @@ class TrafficReport:
         driving: Extremes of the vehicles' driving.
         staged: What came of the staged conflicts, in their order.
         met: The ego's encounters with all actors that come near it, the nearest first.
-        overlaps: Actors in one place, tick by tick; there should be none.
+        overlaps: Actors in one place, tick by tick; there should be none but those of collisions.
     """
 
     spec: str
@@ -285,7 +350,12 @@ class TrafficReport:
     def problems(self) -> tuple[str, ...]:
         """Conflicts that did not happen as declared, and actors in one place."""
         missed = (problem for outcome in self.staged for problem in outcome.problems)
-        pairs = dict.fromkeys((overlap.first, overlap.second) for overlap in self.overlaps)
+        impacts = {item.actor for item in self.staged if item.resolution.impact is not None}
+        pairs = dict.fromkeys(
+            (overlap.first, overlap.second)
+            for overlap in self.overlaps
+            if overlap.second not in impacts
+        )
         return (*missed, *(f"{first} and {second} overlap" for first, second in pairs))
 
     def to_document(self) -> dict[str, object]:
@@ -361,6 +431,7 @@ def format_markdown_table(reports: Sequence[TrafficReport]) -> str:
     return "".join("| " + " | ".join(map(str, line)) + " |\n" for line in lines)
 
 
+RESOLUTION_HEADS = ("ego m/s2", "actor m/s2", "impact km/h")
 METRIC_HEADS = ("path TTC s", "velocity TTC s", "distance m", "gap s")
 PARAMETER_HEADS = {
     "ego_speed_km_h": "ego km/h",
@@ -372,7 +443,11 @@ PARAMETER_HEADS = {
 
 def _build_conflict_cells(staged: ConflictOutcome | None) -> dict[str, object]:
     """Build the cells on a conflict, empty without one: measured values, declared in brackets."""
-    heads = ("conflict", *PARAMETER_HEADS.values(), "outside", *METRIC_HEADS, "happened")
+    parameter_heads = PARAMETER_HEADS.values()
+    heads = (
+        *("conflict", "resolved by", *parameter_heads, "outside"),
+        *(*METRIC_HEADS, *RESOLUTION_HEADS, "happened"),
+    )
     if staged is None:
         return dict.fromkeys(heads, "")
     met = staged.met
@@ -387,6 +462,8 @@ def _build_conflict_cells(staged: ConflictOutcome | None) -> dict[str, object]:
         **dict.fromkeys(heads, ""),
         **found,
         "conflict": staged.conflict,
+        "resolved by": staged.resolution.resolved_by,
+        **_build_resolution_cells(staged.resolution),
         "outside": ", ".join(staged.outside),
         **{
             head: f"{metric.value:.2f}"
@@ -395,3 +472,9 @@ def _build_conflict_cells(staged: ConflictOutcome | None) -> dict[str, object]:
         },
         "happened": "yes" if staged.happened else "no",
     }
+
+
+def _build_resolution_cells(resolution: Resolution) -> dict[str, object]:
+    braking = resolution.ego_braking_m_s2, resolution.actor_braking_m_s2
+    cells = *(f"{max(value, 0):.1f}" for value in braking), str(resolution.impact or "")
+    return dict(zip(RESOLUTION_HEADS, cells, strict=True))

@@ -1,7 +1,7 @@
 """What staged actors are to do, timed by when the ego passed in the last dry run."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -12,6 +12,7 @@ from advercity.conflicts.metrics import ActorTrack
 from advercity.conflicts.trajectories import (
     DRIFT_HOLD_S,
     DRIFT_RETURN_MARGIN_S,
+    PathCrossing,
     build_front_rows,
     compute_lateral_offsets,
     compute_path_crossing,
@@ -47,25 +48,36 @@ class ActorSchedule:
         speed_commands_m_s: Speed (ticks,) for SUMO, where NaN leaves it to SUMO's driver and the
             last value holds on; None for an actor that SUMO does not simulate.
         trigger_s: Time at which the actor sets out or meets the ego.
+        go_s: Time from which it is left to SUMO again.
         track: `FRONT_DTYPE` rows in place of what SUMO records; None keeps those.
+        crossing: Where and when the actor meets the ego, if their paths cross.
         is_untriggered: Whether the actor only waits, because the ego did not pass.
     """
 
     speed_commands_m_s: NDArray[np.float64] | None = None
     trigger_s: float = 0.0
+    go_s: float = 0.0
     track: NDArray[np.void] | None = None
+    crossing: PathCrossing | None = None
     is_untriggered: bool = False
 
 
 def schedule_actors(
-    spec: Spec, dry_run: DryRun, previous: Mapping[int, ActorSchedule]
+    spec: Spec,
+    dry_run: DryRun,
+    previous: Mapping[int, ActorSchedule],
+    crossings: Mapping[str, PathCrossing],
 ) -> dict[int, ActorSchedule]:
     """Schedule every staged actor for the next run.
 
-    `previous` are the schedules that the last run was driven with; empty before the first one.
+    Args:
+        spec: The scenario.
+        dry_run: The last run.
+        previous: Schedules that it was driven with; empty before the first one.
+        crossings: Where and when the ego met actors before it reacted to them, by conflict.
     """
     ego = ActorTrack.from_trace(dry_run.trace, spec.ego.number)
-    scheduler = _Scheduler(spec, dry_run, ego, previous)
+    scheduler = _Scheduler(spec, dry_run, ego, previous, crossings)
     return {
         actor.number: scheduler.schedule(conflict, actor)
         for conflict in spec.conflicts
@@ -79,6 +91,7 @@ class _Scheduler:
     dry_run: DryRun
     ego: ActorTrack
     previous: Mapping[int, ActorSchedule]
+    crossings: Mapping[str, PathCrossing]
 
     @property
     def tick_s(self) -> float:
@@ -114,20 +127,27 @@ class _Scheduler:
         if crossing is None:
             track = self._build_track(path, np.zeros(self.tick_count), actor, conflict)
             return ActorSchedule(track=track, is_untriggered=True)
+        if conflict.id in self.crossings:
+            # The actor comes as if the ego did not react, and goes on after the ego as it does.
+            crossing = replace(self.crossings[conflict.id], clear_s=crossing.clear_s)
         stations, go_s = compute_stop_stations(
             crossing,
             actor,
             path.length_m,
             offset_s=conflict.parameters["arrival_offset_s"],
             post_encroachment_s=conflict.parameters["post_encroachment_s"],
+            brakes=conflict.resolved_by in ("actor", "both"),
             tick_s=tick_s,
             ticks=self.tick_count,
         )
         if not actor.route:
-            return ActorSchedule(track=self._build_track(path, stations, actor, conflict))
+            track = self._build_track(path, stations, actor, conflict)
+            return ActorSchedule(track=track, crossing=crossing)
         speeds = np.diff(stations, prepend=stations[0]) / tick_s
         speeds[round(go_s / tick_s) :] = np.nan
-        return ActorSchedule(speed_commands_m_s=speeds, trigger_s=crossing.ego_s)
+        return ActorSchedule(
+            speed_commands_m_s=speeds, trigger_s=crossing.ego_s, go_s=go_s, crossing=crossing
+        )
 
     def _schedule_evasion(self, conflict: StagedConflict, actor: StagedActor) -> ActorSchedule:
         tick_s, path = self.tick_s, self._get_path(actor)

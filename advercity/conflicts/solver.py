@@ -219,6 +219,7 @@ def _build_staged_conflict(
         window_s=(round(at_s - ARRIVAL_WINDOW_S, 1), round(at_s + ARRIVAL_WINDOW_S, 1)),
         parameters=_collect_parameters(case, place, speed, others),
         declared=_collect_bounds(conflict.parameters),
+        resolved_by=case.sampler.draw_resolver(conflict.resolved_by),
         mode="open_loop",
         outcome=conflict.outcome,
     )

@@ -129,6 +129,8 @@ MERGE_HEADWAY_S = 1.5
 """Headway behind the ego of an actor that goes on in the ego's lane."""
 MAX_CROSSING_GAP_M = 8.0
 """Maximum distance of the actual crossing from the declared point."""
+COMMANDED_AFTER_S = 1.5
+"""Time after the crossing for which an actor that does not brake keeps its speed."""
 MERGE_GAP_M = 1.0
 """Paths that come nearer than this without crossing join."""
 
@@ -226,27 +228,32 @@ def compute_stop_stations(
     *,
     offset_s: float,
     post_encroachment_s: float,
+    brakes: bool,
     tick_s: float,
     ticks: int,
 ) -> tuple[NDArray[np.float64], float]:
     """Compute stations along its path of an actor that stops short of the ego and then goes on.
 
     Without braking it would be at the crossing `offset_s` after the ego; it enters the ego's path
-    `post_encroachment_s` after the ego has left its own. Its path has a length of `length_m`.
-    Returns the stations (ticks,), and the time at which the actor sets out again.
+    `post_encroachment_s` after the ego has left its own. One that does not brake (`brakes`) keeps
+    its speed. Its path has a length of `length_m`.
+    Returns the stations (ticks,), and the time from which the actor is free to go as it likes.
     """
     acceleration, braking = actor.acceleration_m_s2, actor.braking_m_s2
     meets_s = crossing.ego_s + offset_s
     drives_s = crossing.distance_m / actor.speed_m_s
     start_s = meets_s - drives_s - actor.speed_m_s / (2 * acceleration)
     go_s = crossing.clear_s + post_encroachment_s - np.sqrt(2 * CLEARANCE_M / acceleration)
+    stop_m = crossing.stop_m
+    if not brakes:
+        go_s, stop_m = meets_s + COMMANDED_AFTER_S, length_m
     # An actor that would have to set out before the scenario begins has moved by tick 0.
     first = int(np.floor(min(start_s, 0.0) / tick_s))
     stations: list[float] = []
     station = speed = 0.0
     for tick in range(first, ticks):
         time_s = tick * tick_s
-        halt = length_m if time_s >= go_s else crossing.stop_m
+        halt = length_m if time_s >= go_s else stop_m
         wanted = min(actor.speed_m_s, speed + acceleration * tick_s) if time_s >= start_s else 0.0
         room = max(halt - station - wanted * tick_s / 2, 0.0)
         speed = max(min(wanted, np.sqrt(2 * braking * room)), 0.0)

@@ -11,7 +11,8 @@ from advercity.physics.constants import GRAVITY_M_S2
 from advercity.physics.extinction import compute_extinction
 
 REACTION_TIME_S = 1.5
-"""Time from perception to braking: a usual assumption for surprised drivers."""
+"""Time from perception to braking of surprised drivers (Green, Transportation Human Factors 2,
+2000)."""
 DEFAULT_GRIP = TyreFriction(dry=0.8, wet=0.5, snow=0.25, used_share=0.5)
 """Friction where a spec has no drivers: usual values of accident reconstruction."""
 

@@ -13,7 +13,13 @@ import numpy as np
 from advercity_dsl import Spec
 from numpy.typing import NDArray
 
-from advercity.conflicts.clearance import Blockage, find_blockages, find_ego_blockers
+from advercity.conflicts.clearance import (
+    Blockage,
+    find_blockages,
+    find_ego_blockers,
+    find_first_contact,
+)
+from advercity.conflicts.reaction import EgoReaction, needs_reaction, plan_reaction
 from advercity.conflicts.report import evaluate_outcomes
 from advercity.conflicts.schedule import ActorSchedule, DryRun, schedule_actors
 from advercity.conflicts.trajectories import build_lane_path
@@ -68,6 +74,7 @@ class _DryRuns:
         self._schedules: Mapping[int, ActorSchedule] = {}
         self._history: list[PastDryRun] = []
         self._blockers: set[int] = set()
+        self._reactions: dict[str, EgoReaction] = {}
 
     def run_next(self) -> Trace | None:
         """Run once more; the trace if all went as declared, else None, and the next run differs.
@@ -77,7 +84,9 @@ class _DryRuns:
         """
         spec, previous = self._spec, self._schedules
         demand = draw_demand(spec, self._graph, self._redraws)
-        recording = record_traffic(spec, demand, self._graph, self._network, previous)
+        recording = record_traffic(
+            spec, demand, self._graph, self._network, previous, self._reactions.values()
+        )
         dry_run = DryRun(
             trace=build_trace(spec, demand, recording, first_tick=0),
             fronts=recording.tracks,
@@ -85,7 +94,8 @@ class _DryRuns:
                 trip.actor.id: _build_trip_path(trip, self._graph) for trip in demand.staged
             },
         )
-        self._schedules = schedule_actors(spec, dry_run, previous)
+        crossings = {name: reaction.crossing for name, reaction in self._reactions.items()}
+        self._schedules = schedule_actors(spec, dry_run, previous, crossings)
         trace = dry_run.trace
         if self._redraw_ego_blockers(demand, trace) or self._reschedule(previous, demand, trace):
             return None
@@ -131,8 +141,11 @@ class _DryRuns:
             for number, schedule in self._schedules.items()
             if schedule.track is not None
         }
-        first = spec.timing.warm_up_ticks + 1
-        trace = build_trace(spec, demand, recording.with_tracks(tracks), first_tick=first)
+        recording = recording.with_tracks(tracks)
+        trace = build_trace(spec, demand, recording, first_tick=spec.timing.warm_up_ticks + 1)
+        contact = find_first_contact(spec, trace)
+        if contact is not None:
+            trace = trace.cut(contact + 1)  # nobody knows what bodies do after a collision
         blockages = set(find_blockages(spec, trace))
         if blockages:
             self.reason = format_blockages(spec, blockages)
@@ -143,6 +156,8 @@ class _DryRuns:
                 raise RunError(self.reason)
         elif self._has_untriggered:
             raise RunError(self.reason)
+        elif self._plan_next_reaction(demand, recording):
+            return None
         else:
             self._blockers = _find_disturbing_actors(spec, trace, demand)
             if not self._blockers:
@@ -151,7 +166,25 @@ class _DryRuns:
         self._redraw(self._blockers)
         return None
 
+    def _plan_next_reaction(self, demand: TrafficDemand, recording: SumoRecording) -> bool:
+        """Let the ego react to the next actor, if there is one left, in the next run."""
+        waiting = (
+            conflict
+            for conflict in self._spec.conflicts
+            if needs_reaction(conflict) and conflict.id not in self._reactions
+        )
+        conflict = next(waiting, None)
+        crossing = conflict and self._schedules[conflict.actors[0].number].crossing
+        if conflict is None or crossing is None:
+            return False
+        trace = build_trace(self._spec, demand, recording, first_tick=0)
+        self._reactions[conflict.id] = plan_reaction(self._spec, conflict, trace, crossing)
+        self._history.clear()
+        return True
+
     def _redraw(self, numbers: set[int]) -> None:
+        # What the ego reacted to may come at another time now.
+        self._reactions.clear()
         for number in numbers:
             self._redraws[number] = self._redraws.get(number, 0) + 1
 
@@ -218,6 +251,7 @@ def _has_changed(before: Mapping[int, ActorSchedule], after: Mapping[int, ActorS
         and (
             number not in before
             or abs(before[number].trigger_s - schedule.trigger_s) > TRIGGER_TOLERANCE_S
+            or abs(before[number].go_s - schedule.go_s) > TRIGGER_TOLERANCE_S
         )
         for number, schedule in after.items()
     )
@@ -229,15 +263,29 @@ def record_traffic(
     graph: LaneGraph,
     network: Path,
     schedules: Mapping[int, ActorSchedule],
+    reactions: Iterable[EgoReaction] = (),
 ) -> SumoRecording:
-    """Run SUMO once; staged vehicles without a schedule wait."""
+    """Run SUMO once; staged vehicles without a schedule wait, and the ego reacts as planned."""
     waits: NDArray[np.float64] = np.zeros(1)
     speed_commands = {trip.actor.id: waits for trip in demand.staged} | {
         number: schedule.speed_commands_m_s
         for number, schedule in schedules.items()
         if schedule.speed_commands_m_s is not None
     }
+    braking = [reaction.speed_commands_m_s for reaction in reactions]
+    if braking:
+        speed_commands[spec.ego.number] = _join_commands(braking)
     with tempfile.TemporaryDirectory() as folder:
         routes = Path(folder) / "demand.rou.xml"
         write_route_file(demand, routes, spec.caution)
         return run_sumo(spec, demand, graph, network, routes, speed_commands)
+
+
+def _join_commands(parts: Iterable[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Join speed commands (ticks,) that hold at different times and are NaN at all others."""
+    parts = list(parts)
+    joined = np.full(max(map(len, parts)), np.nan)
+    for part in parts:
+        given = np.flatnonzero(~np.isnan(part))
+        joined[given] = part[given]
+    return joined

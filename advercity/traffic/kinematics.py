@@ -15,6 +15,7 @@ import shapely
 from advercity_dsl import Road, Spec
 from numpy.typing import NDArray
 
+from advercity.conflicts.reaction import needs_reaction
 from advercity.errors import RunError
 from advercity.frames import STATE_DTYPE, Actor, Lamp, Trace
 from advercity.physics.constants import MAX_STEERING_RAD
@@ -399,6 +400,8 @@ def build_trace(
     speeds = {trip.actor.id: trip.speed_m_s for trip in demand.walkers}
     known = {actor.id: actor for actor in demand.actors}
     staged = {actor.id for actor in (*(trip.actor for trip in demand.staged), *demand.scripted)}
+    if any(map(needs_reaction, spec.conflicts)):
+        staged.add(spec.ego.number)
     actors: list[Actor] = []
     states: list[NDArray[np.void]] = []
     for number, track in sorted(recording.tracks.items()):

@@ -24,7 +24,9 @@ LATERAL_RESOLUTION_M = 0.8
 # Bits of SUMO's speed mode. Default obeys everything. A commanded vehicle still minds its leader,
 # but neither lights nor right of way; one that passes a cyclist in the other lane does not mind
 # its leader either, since SUMO keeps both in one lane.
+# A connected vehicle brakes harder than SUMO's driver would.
 _SPEED_MODE_DEFAULT, _SPEED_MODE_COMMANDED, _SPEED_MODE_PASSING = 31, 39, 38
+_SPEED_MODE_BRAKING = 35
 
 
 def run_sumo(
@@ -43,7 +45,8 @@ def run_sumo(
         graph: Lanes of the road.
         network: The same road as a SUMO network.
         routes: The demand as a SUMO route file.
-        speed_commands: Speed of staged vehicles at every tick; NaN leaves it to SUMO's driver, and
+        speed_commands: Speed at every tick of staged vehicles, and of an ego that reacts to them;
+            NaN leaves it to SUMO's driver, and
             the last value holds on.
 
     Raises:
@@ -92,12 +95,14 @@ class _SumoRun:
     ) -> None:
         self._spec = spec
         self._demand = demand
-        self._passing = {
+        passing = {
             str(actor.number)
             for conflict in spec.conflicts
             if conflict.actors[0].behaviour == "overtakes"
             for actor in conflict.actors
         }
+        braking = {str(spec.ego.number): _SPEED_MODE_BRAKING}
+        self._speed_modes = dict.fromkeys(passing, _SPEED_MODE_PASSING) | braking
         self._speed_commands = {str(number): speeds for number, speeds in speed_commands.items()}
         self._connected = [
             (agent, agent.place) for agent in spec.agents if isinstance(agent.place, Vehicle)
@@ -156,13 +161,13 @@ class _SumoRun:
         return abs(east_m) <= box_m and abs(north_m) <= box_m
 
     def _apply_speed_commands(self, tick: int) -> None:
-        """Have staged vehicles drive as scheduled, red lights or not; NaN leaves them to SUMO."""
+        """Have vehicles drive as scheduled, red lights or not; NaN leaves them to SUMO."""
         present = libsumo.vehicle.getIDList()
         for name, speeds in self._speed_commands.items():
             if name in present:
                 speed = float(speeds[min(tick, len(speeds) - 1)])
                 free = np.isnan(speed)
-                mode = _SPEED_MODE_PASSING if name in self._passing else _SPEED_MODE_COMMANDED
+                mode = self._speed_modes.get(name, _SPEED_MODE_COMMANDED)
                 libsumo.vehicle.setSpeedMode(name, _SPEED_MODE_DEFAULT if free else mode)
                 libsumo.vehicle.setSpeed(name, -1 if free else speed)
 

@@ -4,11 +4,28 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from advercity_dsl.base import ByName, Declaration, Id, InvalidCombination, Items, Model, is_none
+from advercity_dsl.base import (
+    ByName,
+    CompactModel,
+    Declaration,
+    Id,
+    InvalidCombination,
+    Items,
+    Model,
+    is_none,
+)
 from advercity_dsl.distribution import NumberOrDistribution, compute_bounds
 from advercity_dsl.traffic import ActorClass
 from advercity_dsl.typology import CrashTypeId, Evidence
-from advercity_dsl.units import Metres, MetresPerSecond, Number, Point2, PositiveMetres, Seconds
+from advercity_dsl.units import (
+    Fraction,
+    Metres,
+    MetresPerSecond,
+    Number,
+    Point2,
+    PositiveMetres,
+    Seconds,
+)
 
 Manoeuvre = Literal["straight", "left", "right"]
 CrashRole = Literal["subject", "other"]
@@ -30,8 +47,36 @@ ApproachDirection = Literal[
 """Direction from which an actor approaches, relative to the ego."""
 
 
+Resolver = Literal["actor", "ego", "both", "nobody"]
+"""Who brakes or steers so that no contact occurs; if nobody does, the conflict is a collision."""
+
+
 def _is_any(value: object) -> bool:
     return value == "any"
+
+
+def _is_actor(value: object) -> bool:
+    return value == "actor"
+
+
+class ResolverFractions(CompactModel):
+    """Fraction of a conflict's scenarios that each party resolves; the sum is 1."""
+
+    actor: Fraction = 0
+    """The actor alone stops short or steers back; the ego drives on."""
+    ego: Fraction = 0
+    """The ego alone brakes or steers; the actor goes on."""
+    both: Fraction = 0
+    """Both brake or steer."""
+    nobody: Fraction = 0
+    """Neither reacts: they collide, and the scenario ends."""
+
+    @model_validator(mode="after")
+    def _check_sum(self) -> Self:
+        total = sum(value for _, value in self)
+        if abs(total - 1) > 1e-6:
+            raise ValueError(f"the fractions add up to {total:g}; they must add up to 1")
+        return self
 
 
 class OutcomeCriteria(Model):
@@ -85,6 +130,8 @@ class ConflictParameters(Model):
     """Acceleration of the actor from standstill."""
     braking_m_s2: ConflictParameter
     """Deceleration with which the actor stops short of the ego."""
+    ego_braking_m_s2: ConflictParameter | None = Field(default=None, exclude_if=is_none)
+    """Deceleration with which the ego stops short of the actor, on a dry road."""
     arrival_offset_s: ConflictParameter
     """Time from the ego's arrival at the conflict point to the actor's, if it did not brake."""
     post_encroachment_s: ConflictParameter | None = None
@@ -170,6 +217,10 @@ class Conflict(Declaration):
     """Requirements on the road."""
     parameters: ConflictParameters
     """Parameters with their sources."""
+    resolved_by: ResolverFractions = Field(
+        default=ResolverFractions(actor=1), exclude_if=lambda fractions: fractions.actor == 1
+    )
+    """Who resolves the conflict, drawn for each road and density."""
     outcome: OutcomeCriteria
     """Criteria of success."""
 
@@ -229,6 +280,8 @@ class StagedConflict(Model):
     """Drawn parameters by name with unit, including `arrival_offset_s`."""
     declared: ByName[tuple[Number, Number]] = Field(default_factory=dict)
     """Lowest and highest declared value of every parameter."""
+    resolved_by: Resolver = Field(default="actor", exclude_if=_is_actor)
+    """Who brakes or steers."""
     mode: Literal["open_loop", "reactive"]
     """Timed against a dry run of the same traffic, or controlled at each tick."""
     outcome: OutcomeCriteria

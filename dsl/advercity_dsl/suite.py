@@ -13,6 +13,7 @@ from pydantic import (
 )
 
 from advercity_dsl.base import ByName, Declaration, Id, InvalidCombination, Items, Model, is_none
+from advercity_dsl.conflict import ResolverFractions
 from advercity_dsl.units import Count, Flag, Metres, Number, Percent, Seconds
 
 
@@ -209,6 +210,16 @@ class Suite(Declaration):
     """Vehicles and people of every scenario."""
     drivers: Id | None = Field(default=None, exclude_if=lambda name: name is None)
     """Drivers who react to weather; without them, traffic is the same in every weather."""
+    resolved_by: ResolverFractions | None = Field(default=None, exclude_if=is_none)
+    """Who resolves the conflicts, in place of what each declares."""
+    pairing: Literal["weather", "none"] = Field(
+        default="weather", exclude_if=lambda pairing: pairing == "weather"
+    )
+    """Whether the ego reacts to staged actors as it would in `reaction_weather`, so that all
+    weathers share the traffic (`weather`), or as in the weather of each scenario (`none`)."""
+    reaction_weather: Id | None = Field(default=None, exclude_if=is_none)
+    """Weather whose friction and visibility the ego reacts with; without it, a dry road in clear
+    air."""
     seeds: Seeds = Seeds()
     """Seeds of all random numbers."""
     repeats: Annotated[Count, Field(ge=1, le=MAX_REPEATS)] = Field(
@@ -218,3 +229,11 @@ class Suite(Declaration):
     repeat ends a scenario's id; the first one has the traffic of a suite without repeats."""
     timing: Timing = Timing()
     """Start and end of scenarios."""
+
+    @model_validator(mode="after")
+    def _check_pairing(self) -> Self:
+        if self.pairing == "none" and self.reaction_weather is not None:
+            message = "has no effect: the ego reacts as in the weather of each scenario"
+            hint = "remove it, or write `pairing: weather`"
+            raise InvalidCombination(("reaction_weather",), message, hint, other_path=("pairing",))
+        return self

@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 from advercity_dsl.base import Declaration, InvalidCombination, Items, Model
 from advercity_dsl.typology import Evidence
 from advercity_dsl.units import (
+    Flag,
     Fraction,
     MillimetresPerHour,
     Number,
@@ -147,3 +148,14 @@ class DriverResponse(Model):
     """Highest acceleration, deceleration and lateral acceleration in normal driving."""
     hardest_m_s2: Annotated[Number, Field(gt=0, le=20)]
     """Highest deceleration in an emergency."""
+
+
+class ReactionConditions(Model):
+    """What the ego reacts to a staged actor with: how far it sees, and what its tyres hold."""
+
+    is_paired: Flag = False
+    """Whether they are the same in all weathers of a suite, instead of those of the scenario's."""
+    visibility_m: PositiveMetres | None = None
+    """Distance at which it sees the actor; None is unlimited."""
+    friction: FrictionCoefficient
+    """Coefficient of friction of its tyres."""

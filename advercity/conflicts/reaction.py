@@ -1,0 +1,158 @@
+"""How the ego reacts to a staged actor: when it perceives it, how it brakes, when it drives on.
+
+Like the actor, it brakes as late as its deceleration permits on a dry road. It brakes later where
+it sees the actor too late for that, and no harder than the friction permits.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from advercity_dsl import Spec, StagedConflict
+from advercity_dsl.traffic import ReactionConditions
+from numpy.typing import NDArray
+
+from advercity.conflicts.metrics import ActorTrack
+from advercity.conflicts.trajectories import CLEARANCE_M, PathCrossing, compute_path_crossing
+from advercity.errors import RunError
+from advercity.frames import Trace
+from advercity.geometry.polyline import (
+    StationedPolyline,
+    drop_repeated_points,
+    polyline_stations,
+)
+from advercity.physics.constants import GRAVITY_M_S2
+from advercity.physics.stopping import REACTION_TIME_S
+
+RESTART_M_S2 = 2.0
+"""Acceleration with which the ego is expected to drive on."""
+OPAQUE_CLASSES = ("car", "van", "truck")
+"""Classes of actors that hide others."""
+STANDSTILL_M_S = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class EgoReaction:
+    """What the ego does about a staged actor.
+
+    Attributes:
+        speed_commands_m_s: Speed (ticks,) of the ego; NaN leaves it to SUMO's driver.
+        crossing: Where and when it would have met the actor had it not reacted.
+    """
+
+    speed_commands_m_s: NDArray[np.float64]
+    crossing: PathCrossing
+
+
+def needs_reaction(conflict: StagedConflict) -> bool:
+    """Return whether the ego takes part in resolving a conflict."""
+    return conflict.resolved_by in ("ego", "both")
+
+
+def plan_reaction(
+    spec: Spec, conflict: StagedConflict, trace: Trace, crossing: PathCrossing
+) -> EgoReaction:
+    """Plan how the ego brakes for the actor of a conflict.
+
+    Args:
+        spec: The scenario.
+        conflict: A conflict that the ego takes part in resolving.
+        trace: All ticks of a dry run in which the ego does not react to this actor.
+        crossing: Where and when they meet in it.
+
+    Raises:
+        RunError: The ego's path does not cross the actor's.
+    """
+    ego = ActorTrack.from_trace(trace, spec.ego.number)
+    actor = ActorTrack.from_trace(trace, conflict.actors[0].number)
+    path = StationedPolyline.from_points(drop_repeated_points(ego.centres))
+    length_m, width_m = ego.size.tolist()
+    meeting = compute_path_crossing(
+        path, (length_m, width_m, 0.0), actor, conflict.point_m, trace.tick_s
+    )
+    if meeting is None or spec.reaction is None:
+        raise RunError(f"{conflict.id} ({conflict.conflict}): the ego does not cross the actor")
+    perceived_s = find_perception_s(trace, ego, actor, spec.reaction, until_s=crossing.ego_s)
+    speeds = compute_braking_speeds(
+        ego,
+        stop_m=meeting.stop_m,
+        braking_m_s2=conflict.parameters["ego_braking_m_s2"],
+        hardest_m_s2=spec.reaction.friction * GRAVITY_M_S2,
+        earliest_s=perceived_s + REACTION_TIME_S,
+        tick_s=trace.tick_s,
+    )
+    if conflict.resolved_by == "ego":
+        go_s = meeting.clear_s + conflict.parameters["post_encroachment_s"]
+        go_s -= np.sqrt(2 * CLEARANCE_M / RESTART_M_S2)
+    else:
+        first_s = np.argmin(np.isnan(speeds)) * trace.tick_s
+        go_s = _find_halt_s(actor, first_s, crossing.clear_s, trace.tick_s)
+    speeds[round(go_s / trace.tick_s) :] = np.nan
+    return EgoReaction(speeds, crossing)
+
+
+def find_perception_s(
+    trace: Trace,
+    ego: ActorTrack,
+    actor: ActorTrack,
+    conditions: ReactionConditions,
+    *,
+    until_s: float,
+) -> float:
+    """Find from when on the ego sees an actor until a time: near enough, and not behind a vehicle.
+
+    The line of sight runs from centre to centre in the plane.
+    """
+    ticks = np.intersect1d(ego.rows["tick"], actor.rows["tick"])
+    ticks = ticks[ticks * trace.tick_s <= until_s]
+    eyes, seen = ego.at_ticks(ticks).centres, actor.at_ticks(ticks).centres
+    hidden: NDArray[np.bool_] = np.zeros(len(ticks), dtype=bool)
+    if conditions.visibility_m is not None:
+        hidden = np.linalg.norm(seen - eyes, axis=1) > conditions.visibility_m
+    sights = np.asarray(shapely.linestrings(np.stack([eyes, seen], axis=1)))
+    for other in trace.actors:
+        if other.actor_class in OPAQUE_CLASSES and other.id not in (ego.actor, actor.actor):
+            track = ActorTrack.from_trace(trace, other.id)
+            both = np.isin(ticks, track.rows["tick"])
+            hidden[both] |= shapely.intersects(sights[both], track.at_ticks(ticks[both]).boxes)
+    last = np.flatnonzero(hidden)
+    return float(ticks[min(last[-1] + 1, len(ticks) - 1)] if len(last) else ticks[0]) * trace.tick_s
+
+
+def compute_braking_speeds(
+    ego: ActorTrack,
+    *,
+    stop_m: float,
+    braking_m_s2: float,
+    hardest_m_s2: float,
+    earliest_s: float,
+    tick_s: float,
+) -> NDArray[np.float64]:
+    """Compute speeds (ticks,) of an ego that stops at a station and stands; NaN before it brakes.
+
+    Args:
+        ego: Its track without braking; stations count from its first row.
+        stop_m: Station at which its centre is to stop.
+        braking_m_s2: Deceleration that it means to stop with.
+        hardest_m_s2: Maximum deceleration that its tyres permit.
+        earliest_s: Time before which it does not react.
+        tick_s: Time between ticks.
+    """
+    speeds = ego.rows["speed"].copy()
+    room_m = stop_m - polyline_stations(ego.centres)
+    needs = room_m < speeds * tick_s + speeds**2 / (2 * braking_m_s2)
+    first = int(np.argmax(needs & (ego.rows["tick"] * tick_s >= earliest_s)))
+    needed_m_s2 = speeds[first] ** 2 / (2 * max(room_m[first], 0.1))
+    deceleration = min(max(braking_m_s2, needed_m_s2), hardest_m_s2)
+    after_s = tick_s * np.arange(1, len(speeds) - first + 1)
+    speeds[first:] = np.maximum(speeds[first] - deceleration * after_s, 0.0)
+    speeds[:first] = np.nan
+    return np.concatenate([np.full(int(ego.rows["tick"][0]), np.nan), speeds, [np.nan]])
+
+
+def _find_halt_s(actor: ActorTrack, from_s: float, until_s: float, tick_s: float) -> float:
+    """Find when an actor first stands between two times, or is slowest."""
+    times_s = actor.rows["tick"] * tick_s
+    rows = np.flatnonzero((times_s > from_s) & (times_s <= max(until_s, from_s + 2 * tick_s)))
+    speeds = actor.rows["speed"][rows]
+    return float(times_s[rows[np.argmax(speeds < speeds.min() + STANDSTILL_M_S)]])

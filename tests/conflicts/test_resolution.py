@@ -1,0 +1,177 @@
+"""Who resolves a staged conflict: the actor, the ego, both or nobody."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from advercity_dsl import ActorClass, Spec
+from advercity_dsl.conflict import Resolver
+from advercity_dsl.traffic import ReactionConditions
+
+from advercity.conflicts.metrics import ActorTrack, find_overlaps
+from advercity.conflicts.reaction import compute_braking_speeds, find_perception_s
+from advercity.conflicts.report import build_table_rows, build_traffic_report
+from advercity.frames import STATE_DTYPE, Actor, Trace
+from advercity.roads.sumo_network import write_sumo_network
+from advercity.traffic.simulation import simulate_in_subprocess
+
+TICK_S = 0.1
+LIBRARY = Path(__file__).parents[2] / "library" / "nhtsa"
+
+
+def driving(speed_m_s: float, ticks: int = 100) -> ActorTrack:
+    """A car that goes east from the origin."""
+    rows = np.zeros(ticks, STATE_DTYPE)
+    rows["tick"], rows["speed"] = np.arange(ticks), speed_m_s
+    rows["x"] = speed_m_s * TICK_S * np.arange(ticks)
+    return ActorTrack(101, np.array([4.0, 2.0]), rows)
+
+
+def brake(**changes: float) -> np.ndarray:
+    options = {"stop_m": 50.0, "braking_m_s2": 5.0, "hardest_m_s2": 8.0, "earliest_s": 0.0}
+    return compute_braking_speeds(driving(10.0), **{**options, **changes}, tick_s=TICK_S)
+
+
+def stop_at_m(speeds: np.ndarray) -> float:
+    """Where a car stops that drives at 10 m/s until it is commanded."""
+    return float(np.nansum(np.where(np.isnan(speeds[:-1]), 10.0, speeds[:-1])) * TICK_S)
+
+
+def test_an_ego_brakes_as_late_as_it_can_and_stops_at_the_station():
+    """From 10 m/s, 5 m/s² take 10 m: it drives 40 m first, for 4 s."""
+    speeds = brake()
+
+    assert np.flatnonzero(~np.isnan(speeds))[0] == pytest.approx(40, abs=1)
+    assert np.diff(speeds[42:55]) == pytest.approx(-0.5)
+    assert stop_at_m(speeds) == pytest.approx(50, abs=1.0)
+
+
+def test_an_ego_that_sees_the_actor_late_brakes_harder():
+    """44 m after 4.4 s leave 6 m: 10² / (2 * 6) = 8.3 m/s², of which tyres hold 8."""
+    speeds = brake(earliest_s=4.4)
+
+    assert np.isnan(speeds[:44]).all()
+    assert -np.diff(speeds[44:50]) / TICK_S == pytest.approx(8.0)
+
+
+def test_an_ego_on_a_slippery_road_brakes_when_it_would_on_a_dry_one_and_comes_too_far():
+    """10² / (2 * 2) = 25 m instead of 10 m."""
+    speeds = brake(hardest_m_s2=2.0)
+
+    assert np.flatnonzero(~np.isnan(speeds))[0] == pytest.approx(40, abs=1)
+    assert stop_at_m(speeds) == pytest.approx(65, abs=1.5)
+
+
+def build_scene(*others: tuple[ActorClass, float, float]) -> Trace:
+    """The ego goes east at 10 m/s; the others stand: class and place."""
+    ticks = 60
+    rows = np.zeros((ticks, 1 + len(others)), STATE_DTYPE)
+    rows["tick"] = np.arange(ticks)[:, None]
+    rows["actor"] = np.arange(1 + len(others))
+    rows["x"][:, 0] = 10 * TICK_S * np.arange(ticks)
+    for index, (_, x, y) in enumerate(others, start=1):
+        rows["x"][:, index], rows["y"][:, index] = x, y
+    classes: tuple[ActorClass, ...] = ("car", *(name for name, _, _ in others))
+    actors = tuple(
+        Actor(101 + index, name, "any", "car_paint_blue", (4.0, 2.0, 1.5))
+        for index, name in enumerate(classes)
+    )
+    return Trace(TICK_S, 0, actors, rows.ravel(), (), np.zeros((ticks, 0), np.uint8))
+
+
+@pytest.mark.parametrize(
+    ("others", "visibility_m", "perceived_s"),
+    [
+        # The line from (10 t, 0) to (60, 10) passes the car's corner (42, 6) until
+        # 10 t = 42 - 6 * 18 / 4 = 15; a bicycle hides nobody.
+        ((("car", 40.0, 7.0),), None, 1.5),
+        ((("bicycle", 40.0, 7.0),), None, 0.0),
+        # (60 - 10 t)² + 10² is 30² at 10 t = 31.7.
+        ((), 30.0, 3.2),
+    ],
+)
+def test_the_ego_perceives_whom_it_sees(
+    others: tuple[tuple[ActorClass, float, float], ...],
+    visibility_m: float | None,
+    perceived_s: float,
+):
+    trace = build_scene(("pedestrian", 60.0, 10.0), *others)
+    ego, actor = (ActorTrack.from_trace(trace, number) for number in (101, 102))
+    conditions = ReactionConditions(friction=0.8, visibility_m=visibility_m)
+
+    found = find_perception_s(trace, ego, actor, conditions, until_s=5.0)
+
+    assert found == pytest.approx(perceived_s, abs=0.11)
+
+
+def resolve(spec: Spec, resolver: Resolver, friction: float = 0.8) -> Spec:
+    """The first conflict alone, resolved by others than declared."""
+    first = spec.conflicts[0]
+    parameters = {**first.parameters, "ego_braking_m_s2": 5.0}
+    changed = first.model_copy(update={"resolved_by": resolver, "parameters": parameters})
+    reaction = ReactionConditions(friction=friction, is_paired=True)
+    return spec.model_copy(update={"conflicts": (changed,), "reaction": reaction})
+
+
+@pytest.mark.sumo
+@pytest.mark.parametrize("resolver", ["actor", "ego", "both"])
+def test_who_resolves_a_conflict_brakes_and_nobody_else_does(
+    resolver: Resolver, specs: dict[str, Spec], simulate: Callable[[Spec], Trace]
+):
+    spec = resolve(specs["ri_clear_day_sparse"], resolver)
+    trace = simulate(spec)
+    (outcome,) = build_traffic_report(spec, trace, "").staged
+    found = outcome.resolution
+
+    assert outcome.missed == ()
+    assert list(find_overlaps(trace)) == []
+    assert found.impact is None
+    assert (found.ego_braking_m_s2 > 3.0) == (resolver in ("ego", "both"))
+    assert (found.actor_braking_m_s2 > 3.0) == (resolver in ("actor", "both"))
+    ego, actor = (ActorTrack.from_trace(trace, number).rows for number in (101, outcome.actor))
+    point = spec.conflicts[0].point_m
+    passes = [
+        np.argmin(np.hypot(rows["x"] - point[0], rows["y"] - point[1])) for rows in (ego, actor)
+    ]
+    assert (ego["tick"][passes[0]] > actor["tick"][passes[1]]) == (resolver == "ego")
+
+
+@pytest.mark.sumo
+def test_a_conflict_that_nobody_resolves_ends_in_a_collision(
+    specs: dict[str, Spec], simulate: Callable[[Spec], Trace]
+):
+    spec = resolve(specs["ri_clear_day_sparse"], "nobody")
+    trace = simulate(spec)
+    report = build_traffic_report(spec, trace, "")
+    (outcome,) = report.staged
+    impact = outcome.resolution.impact
+
+    assert report.problems == ()
+    assert {(item.first, item.second, item.tick) for item in find_overlaps(trace)} <= {
+        (101, outcome.actor, len(trace) - 1)
+    }
+    assert impact is not None
+    assert impact.tick == len(trace) - 1
+    ego, actor = (ActorTrack.from_trace(trace, number).rows[-1] for number in (101, outcome.actor))
+    assert impact.ego_speed_m_s == pytest.approx(ego["speed"], abs=0.001)
+    assert 25 < 3.6 * impact.actor_speed_m_s == pytest.approx(3.6 * actor["speed"], abs=0.01)
+    relative = np.hypot(ego["vx"] - actor["vx"], ego["vy"] - actor["vy"])
+    assert impact.relative_speed_m_s == pytest.approx(relative, abs=0.001)
+    (row,) = build_table_rows([report])
+    assert row["resolved by"] == "nobody"
+    assert str(row["impact km/h"]).startswith("ego ")
+
+
+@pytest.mark.sumo
+@pytest.mark.slow
+def test_an_ego_that_would_stop_on_a_dry_road_does_not_on_snow(
+    specs: dict[str, Spec], tmp_path: Path
+):
+    spec = resolve(specs["unj_clear_day_sparse"], "ego", friction=0.15)
+
+    trace = simulate_in_subprocess(spec, write_sumo_network(spec.road, tmp_path))
+
+    (outcome,) = build_traffic_report(spec, trace, "").staged
+    assert outcome.missed[0] == "they touch"
+    assert outcome.resolution.impact is not None
