@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from advercity.atomic_files import write_atomically
 from advercity.errors import InputError, RunError, describe_cause
 
 JPEG_SUFFIXES = (".jpg", ".jpeg")
@@ -32,8 +33,7 @@ def write_image(image: NDArray[Any], path: Path) -> None:
     if not encoded or content is None:
         raise InputError(f"{path}: this suffix is of no image format; end the name in .png")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(content.tobytes())
+        write_atomically(path, content.tobytes())
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {describe_cause(error)}") from error
 

@@ -26,6 +26,15 @@ def test_a_suffix_of_no_image_format_is_refused(name: str, tmp_path: Path) -> No
         write_image(IMAGE, tmp_path / name)
 
 
+def test_an_image_replaces_a_link_and_leaves_its_target(tmp_path: Path) -> None:
+    target = tmp_path / "mine"
+    target.write_text("mine")
+    (tmp_path / "image.png").symlink_to(target)
+    write_image(np.zeros((4, 4, 3), np.uint8), tmp_path / "image.png")
+    assert target.read_text() == "mine"
+    assert not (tmp_path / "image.png").is_symlink()
+
+
 def test_a_label_bar_is_as_wide_as_asked_and_has_light_text() -> None:
     bar = draw_label_bar("cav1", 120)
     assert bar.shape == (LABEL_HEIGHT_PX, 120, 3)

@@ -3,6 +3,7 @@
 import logging
 import signal
 import sys
+from io import TextIOWrapper
 from types import FrameType
 
 from advercity.cli.app import app
@@ -17,6 +18,8 @@ def main() -> None:
     """
     # SIGTERM unwinds the stack like an exception, so that child processes and partial files go.
     signal.signal(signal.SIGTERM, _exit_on_signal)
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # names that the encoding lacks
     notices = StderrHandler()
     logging.getLogger("advercity").addHandler(notices)
     try:

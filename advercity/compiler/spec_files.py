@@ -3,7 +3,7 @@
 import json
 import os
 from collections import Counter
-from collections.abc import Container, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ from typing import Any
 from advercity_dsl import SPEC_VERSION, Spec
 from pydantic import ValidationError
 
+from advercity.atomic_files import write_atomically
 from advercity.compiler.assembly import compute_content_digest
 from advercity.compiler.source import SourceDocument, parse_document
 from advercity.compiler.validation import validate_model
@@ -64,11 +65,13 @@ def _format_flat(value: Any) -> str:
 def write_specs(specs: Iterable[Spec], folder: str | os.PathLike[str]) -> str:
     """Write every spec as `<id>.json`, and remove obsolete specs of the same suites.
 
+    Only files that were compiled, and not edited since, are replaced or removed.
+
     Returns:
         What changed: `2 new, 1 changed, 107 unchanged, 3 removed`.
 
     Raises:
-        InputError: The folder is not writable.
+        InputError: The folder is not writable, or a file of that name is not as it was compiled.
     """
     specs, folder = list(specs), Path(folder)
     texts = {f"{spec.id}.json": to_json(spec) for spec in specs}
@@ -76,10 +79,7 @@ def write_specs(specs: Iterable[Spec], folder: str | os.PathLike[str]) -> str:
         folder.mkdir(parents=True, exist_ok=True)
         changes = Counter(_compare_file(folder / name, text) for name, text in texts.items())
         for name, text in texts.items():
-            # Replaced in one step, so that an interrupted run leaves no half-written spec.
-            partial = folder / f"{name}.partial"
-            partial.write_text(text, encoding="utf-8", newline="\n")
-            partial.replace(folder / name)
+            write_atomically(folder / name, text.encode())
         for path in _find_stale_files(folder, specs):
             path.unlink()
             changes["removed"] += 1
@@ -90,7 +90,13 @@ def write_specs(specs: Iterable[Spec], folder: str | os.PathLike[str]) -> str:
 def _compare_file(path: Path, text: str) -> str:
     if not path.exists():
         return "new"
-    return "unchanged" if path.read_bytes() == text.encode() else "changed"
+    if path.read_bytes() == text.encode():
+        return "unchanged"
+    if _find_suite(path) is None:
+        raise InputError(
+            f"{path}: is not as it was compiled, and would be replaced; rename or delete it"
+        )
+    return "changed"
 
 
 def _find_stale_files(folder: Path, specs: Sequence[Spec]) -> list[Path]:
@@ -98,18 +104,18 @@ def _find_stale_files(folder: Path, specs: Sequence[Spec]) -> list[Path]:
     suites = {spec.provenance.suite for spec in specs}
     names = {f"{spec.id}.json" for spec in specs}
     others = [path for path in sorted(folder.glob("*.json")) if path.name not in names]
-    return [path for path in others if _is_as_compiled(path, suites)]
+    return [path for path in others if _find_suite(path) in suites]
 
 
-def _is_as_compiled(path: Path, suites: Container[str]) -> bool:
-    """Return whether the compiler wrote a file for one of the suites, and nobody has edited it."""
+def _find_suite(path: Path) -> str | None:
+    """Return the suite that a file was compiled for; None if it is not as the compiler wrote it."""
     try:
         data = parse_json(read_text(path), path)
         suite, digest = data["provenance"]["suite"], data["provenance"]["digest"]
-        is_own = suite in suites and path.stem == data["id"]
-        return is_own and digest == compute_content_digest(data)
+        is_own = path.stem == data["id"] and digest == compute_content_digest(data)
+        return str(suite) if is_own else None
     except (InputError, LookupError, TypeError):
-        return False
+        return None
 
 
 def describe_spec_differences(specs: Sequence[Spec], folder: Path) -> list[str]:

@@ -17,8 +17,17 @@ from pydantic import Field, TypeAdapter, ValidationError
 
 from advercity.atomic_files import move_file, write_atomically, write_file
 from advercity.dataset.manifest import Manifest, compute_spec_digest
-from advercity.dataset.partial_files import lock_file, report_disk_errors
-from advercity.dataset.scenario_folders import MANIFEST_FILE, find_scenarios
+from advercity.dataset.partial_files import (
+    lock_file,
+    remove_staging_folder,
+    report_disk_errors,
+)
+from advercity.dataset.scenario_folders import (
+    MANIFEST_FILE,
+    check_folders_are_no_links,
+    find_scenarios,
+    find_staging_folder,
+)
 from advercity.documents import MAX_JSON_BYTES, parse_json, read_bytes
 from advercity.errors import InputError, RunError, describe_cause
 
@@ -169,15 +178,18 @@ class IndexWriter:
             )
 
     def _update(self, entries: Mapping[str, IndexEntry]) -> None:
-        incoming, lock = self._dataset / f".{INDEX_FILE}", self._dataset / ".index.lock"
-        with report_disk_errors(self._dataset), lock_file(lock, "the index"):
+        path = self._dataset / INDEX_FILE
+        check_folders_are_no_links(path, ())
+        staging = find_staging_folder(path)
+        with report_disk_errors(self._dataset), lock_file(staging / "lock", "the index"):
             index = DatasetIndex.load(self._dataset) or DatasetIndex()
             # Once per run: a scenario that is made again has no result until then.
             if not self._has_written:
                 index = index.with_waiting(self._specs.values())
+            incoming = staging / "incoming" / INDEX_FILE
             write_file(incoming, index.with_entries(entries).to_json())
-            move_file(incoming, self._dataset / INDEX_FILE)
-            lock.unlink()
+            move_file(incoming, path)
+            remove_staging_folder(path)
         self._has_written = True
 
 
@@ -195,7 +207,7 @@ def link_splits(
     Nothing is copied. Calling it again updates the links.
 
     Raises:
-        InputError: A road belongs to no split, or to two.
+        InputError: A road belongs to no split, or to two, or `output` has another `splits.json`.
         RunError: The links cannot be made.
     """
     split_of = _map_roads_to_splits(roads)
@@ -209,9 +221,8 @@ def link_splits(
     try:
         _link_folders({folder.name: folder for folder in folders}, found, output)
     except OSError as error:
-        raise RunError(
-            f"{error.filename or output}: cannot be written: {describe_cause(error)}"
-        ) from error
+        where = error.filename2 or error.filename or output  # of a link, the second is its place
+        raise RunError(f"{where}: cannot be written: {describe_cause(error)}") from error
     return found
 
 
@@ -239,10 +250,19 @@ def _link_folders(folders: dict[str, Path], found: dict[str, list[str]], output:
 
 
 def _load_splits(output: Path) -> dict[str, list[str]]:
-    """Load the scenarios that were linked last, by split; empty if none were."""
+    """Load the scenarios that were linked last, by split; empty if none were.
+
+    Raises:
+        InputError: The file is not of this function.
+    """
     path = output / SPLITS_FILE
-    with suppress(FileNotFoundError, InputError, ValidationError):
-        raw = read_bytes(path, max_bytes=MAX_JSON_BYTES)
+    with suppress(InputError, ValidationError):
+        try:
+            raw = read_bytes(path, max_bytes=MAX_JSON_BYTES)
+        except FileNotFoundError:
+            return {}
         found = _SPLITS.validate_python(parse_json(raw, path))
-        return {split: [Path(name).name for name in names] for split, names in found.items()}
-    return {}
+        links = {split: [Path(name).name for name in names] for split, names in found.items()}
+        if all((output / split / name).is_symlink() for split in links for name in links[split]):
+            return links
+    raise InputError(f"{path}: does not list links of splits; rename or delete it")

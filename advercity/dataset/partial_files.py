@@ -187,8 +187,14 @@ def lock_file(path: Path, what: str = "this scenario", *, shared: bool = False) 
 
     deadline_s = time.monotonic() + LOCK_TIMEOUT_S
     while True:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        stream = open(path, "ab", opener=open_without_links)  # noqa: SIM115 - returned
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            stream = open(path, "ab", opener=open_without_links)  # noqa: SIM115 - returned
+        except (FileExistsError, FileNotFoundError):
+            # A process that ends may delete the folder between the two.
+            if time.monotonic() > deadline_s:
+                raise
+            continue
         try:
             fcntl.flock(stream, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
         except BlockingIOError as error:

@@ -95,7 +95,8 @@ def _draw_bars(axes: Any, table: StatisticsTable) -> None:
     for number, (name, values) in enumerate(series):
         offset = (number - (len(series) - 1) / 2) * width
         axes.bar(np.asarray(middle, float) + offset, values, width, label=_format_label(name))
-    if table.name in LOGARITHMIC_TABLES:
+    has_any = any(np.any(np.asarray(values) > 0) for _, values in series)
+    if table.name in LOGARITHMIC_TABLES and has_any:
         axes.set_yscale("log")
         axes.set_ylim(bottom=0.5)  # so that a count of 1 is visible
     axes.set_xlabel(_format_label(first.removesuffix("_from")))

@@ -1,3 +1,4 @@
+import io
 import json
 import os
 import pty
@@ -198,6 +199,20 @@ def test_show_escapes_what_would_break_a_line_or_command_a_terminal(
     lines = advercity("show", path).out.splitlines()
     assert lines[0].split(maxsplit=1) == ["weather", r"haze: one\ntwo \x1b[2J"]
     assert lines[-1].split(maxsplit=1) == ["source", r"\u202eback"]
+
+
+def test_data_that_the_encoding_of_the_terminal_lacks_are_escaped(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    path = tmp_path / "haze.yaml"
+    path.write_text("kind: weather\nid: haze\ntitle: été\ntime: day\nair: {mor_m: 3 km}\n")
+    printed = io.BytesIO()
+    monkeypatch.setattr("sys.stdout", io.TextIOWrapper(printed, "ascii", write_through=True))
+    monkeypatch.setattr("sys.argv", ["advercity", "show", str(path)])
+    with pytest.raises(SystemExit) as left:
+        main()
+    assert left.value.code == 0
+    assert rb"haze: \xe9t\xe9" in printed.getvalue()
 
 
 def test_validate_is_silent_about_good_files(

@@ -9,6 +9,7 @@ from advercity.compiler import (
     describe_spec_differences,
     read_spec,
     to_json,
+    with_digest,
     write_specs,
 )
 from advercity.compiler.assembly import compute_content_digest
@@ -46,6 +47,22 @@ def test_writing_removes_obsolete_specs_of_the_suite_and_nothing_else(
     write_specs([spec], folder)
     left = {path.stem for path in folder.iterdir()}
     assert left == {"lane_clear_day_sparse", *mine}
+
+
+def test_a_file_that_is_not_as_compiled_is_not_replaced(write: Write, tmp_path: Path) -> None:
+    """An edited spec, and anything of that name; a spec of an earlier compilation is replaced."""
+    (spec,) = compile_library(write())
+    path = tmp_path / f"{spec.id}.json"
+    write_specs([spec], tmp_path)
+    other = spec.weather.model_copy(update={"title": "other"})
+    edited = spec.model_copy(update={"weather": other})
+    path.write_text(to_json(with_digest(edited)))
+    assert write_specs([spec], tmp_path) == "1 changed"
+    for mine in (to_json(edited), "mine", "[]"):
+        path.write_text(mine)
+        with pytest.raises(InputError, match=r"\.json: is not as it was compiled, .*rename or del"):
+            write_specs([spec], tmp_path)
+        assert path.read_text() == mine
 
 
 def test_differences_name_missing_and_obsolete_specs(write: Write, tmp_path: Path) -> None:

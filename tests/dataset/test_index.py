@@ -146,6 +146,17 @@ def test_a_damaged_index_is_reported_with_a_remedy(spec: Spec, tmp_path: Path) -
         IndexWriter(tmp_path, [spec])
 
 
+def test_hidden_files_of_others_in_a_dataset_stay(spec: Spec, make: Make, tmp_path: Path) -> None:
+    """Their names are those that partial files of the index had once."""
+    make(tmp_path, spec, 1)
+    mine = [tmp_path / ".index.json", tmp_path / ".index.lock"]
+    for path in mine:
+        path.write_text("mine")
+    end(IndexWriter(tmp_path, [spec]), spec)
+    assert [path.read_text() for path in mine] == ["mine", "mine"]
+    assert not (tmp_path / ".staging").exists()
+
+
 def test_scenarios_are_linked_by_road(two_roads: Path, tmp_path: Path) -> None:
     found = link_splits(two_roads, tmp_path)
     expected = {
@@ -175,6 +186,23 @@ def test_links_and_files_of_others_stay_in_a_split(two_roads: Path, tmp_path: Pa
     link_splits(two_roads, tmp_path)
     assert {path.name for path in (tmp_path / "train").iterdir()} == {"mine", "notes.txt"}
     assert len(list((tmp_path / "test").iterdir())) == 1
+
+
+@pytest.mark.parametrize("text", ['{"train": ["mine"], "test": []}', "[1]", "mine"])
+def test_a_list_of_splits_of_others_stays(two_roads: Path, tmp_path: Path, text: str) -> None:
+    (tmp_path / "splits.json").write_text(text)
+    with pytest.raises(InputError, match=r"splits\.json: does not list links of splits; rename"):
+        link_splits(two_roads, tmp_path)
+    assert (tmp_path / "splits.json").read_text() == text
+
+
+def test_a_file_in_place_of_a_link_is_named(two_roads: Path, tmp_path: Path) -> None:
+    (tmp_path / "test").mkdir()
+    mine = tmp_path / "test" / "ui_clear_night_dense"
+    mine.write_text("mine")
+    with pytest.raises(RunError, match=f"^{mine}: cannot be written: File exists$"):
+        link_splits(two_roads, tmp_path)
+    assert mine.read_text() == "mine"
 
 
 def test_a_failed_scenario_whose_manifest_is_lost_is_reported(

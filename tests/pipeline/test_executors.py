@@ -193,10 +193,12 @@ def test_a_scenario_that_takes_too_long_is_killed_and_reported(
 def test_a_scenario_that_cannot_be_recorded_in_the_index_has_failed(
     few: list[Spec], stunts: Path, options: OptionsFor, listener: RecordingListener, tmp_path: Path
 ) -> None:
-    (tmp_path / "output" / ".index.json").mkdir(parents=True)
+    staging = tmp_path / "output" / ".staging" / "index.json"
+    staging.mkdir(parents=True)
+    (staging / "incoming").touch()
     (result,) = run_scenarios(few[:1], options(tmp_path / "output"), listener=listener)
     assert result.frames == 1
-    assert "index.json: Is a directory" in str(result.error)
+    assert "index.json/incoming: File exists" in str(result.error)
 
 
 def start_two_runs(specs: list[Spec], stunts: Path, stunt: str) -> subprocess.Popen[str]:
