@@ -368,9 +368,10 @@ class _PooledScenario:
 
     def advance(self) -> list[int]:
         """Reap workers that ended, end those of a failed scenario; return the slots now free."""
-        for worker in self.workers:
-            if self.error is None and worker.has_exited:
-                self.error = self._find_error(worker)
+        # Looked at once: a worker that exits meanwhile is handled next time, with its error.
+        ended = [worker for worker in self.workers if worker.has_exited]
+        for worker in ended:
+            self.error = self.error or self._find_error(worker)
         joined = [worker for worker in self.workers if worker.index]
         if self.is_opener_waiting and not joined and self.error is None:
             self.is_opener_waiting = False
@@ -382,7 +383,7 @@ class _PooledScenario:
         if self.error is not None:
             for worker in candidates:
                 worker.terminate()
-        exited = [worker for worker in candidates if worker.has_exited]
+        exited = [worker for worker in ended if worker in candidates]
         for worker in exited:
             if not worker.index:
                 self.send_signal(signal.SIGKILL)  # what it started and left behind

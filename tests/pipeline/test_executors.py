@@ -1,3 +1,4 @@
+import os
 import signal
 import subprocess
 import sys
@@ -120,6 +121,32 @@ def test_a_scenario_that_crashes_or_takes_too_much_memory_does_not_stop_the_othe
         "index.json",
     }
     assert {path.read_text() for path in seen.iterdir()} == {"4", "7"}
+
+
+@pytest.mark.sumo
+def test_a_worker_that_fails_while_it_is_looked_at_has_failed(
+    few: list[Spec],
+    stunts: Path,
+    options: OptionsFor,
+    listener: RecordingListener,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    (stunts / "0.crash").touch()
+    looked_at = set[int]()
+    look = os.waitid
+
+    def look_late(kind: int, pid: int, options: int) -> os.waitid_result | None:
+        """Find a process still alive the first time, and let it end right after."""
+        if pid in looked_at:
+            return look(kind, pid, options)
+        look(kind, pid, os.WEXITED | os.WNOWAIT)
+        return looked_at.add(pid)
+
+    monkeypatch.setattr(os, "waitid", look_late)
+    chosen = options(tmp_path / "output")
+    (result,) = run_scenarios(few[:1], chosen, listener=listener, resources=RunResources(1))
+    assert "killed by SIGSEGV" in str(result.error)
 
 
 @pytest.mark.sumo
