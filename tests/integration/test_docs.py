@@ -54,3 +54,18 @@ def test_files_that_the_architecture_names_exist(page: str) -> None:
     named = set(NAMED.findall((ROOT / page).read_text()))
     assert named
     assert {name for name in named if not any((home / name).exists() for home in homes)} == set()
+
+
+LINK = re.compile(r"\]\((?!https?:|mailto:|#)([^)#\s]+)")
+
+
+@pytest.mark.parametrize("page", sorted(ROOT.glob("*.md")), ids=lambda page: page.name)
+def test_links_of_the_pages_beside_the_site_lead_somewhere(page: Path) -> None:
+    linked = LINK.findall(page.read_text())
+    assert [link for link in linked if not (page.parent / link).exists()] == []
+
+
+def test_the_container_is_set_up_as_the_install_page_says() -> None:
+    steps = (ROOT / "Dockerfile").read_text()
+    assert (ROOT / "docs" / "install.md").read_text().count("docker build --tag advercity .") == 1
+    assert "make setup" in steps
