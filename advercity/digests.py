@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 
-def compute_json_digest(data: Any) -> str:
-    """Compute the SHA-256 of plain data as canonical JSON."""
-    text = json.dumps(data, sort_keys=True, separators=(",", ":"), allow_nan=False)
+def compute_json_digest(data: Any, *, sort_keys: bool = True) -> str:
+    """Compute the SHA-256 of plain data as canonical JSON; `sort_keys` ignores their order."""
+    text = json.dumps(data, sort_keys=sort_keys, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()
 
 

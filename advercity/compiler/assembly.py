@@ -145,7 +145,10 @@ def _format_draws(draws: Distributions) -> dict[str, Distribution]:
 
 def with_digest(spec: Spec) -> Spec:
     """Return the spec with the digest of its content, as a compiler of other specs would."""
-    digest = compute_content_digest(spec.model_dump(mode="json"))
+    data = spec.model_dump(mode="json")
+    del data["provenance"]["digest"]
+    # In their order, which streets and blueprints are drawn in: another one is other traffic.
+    digest = compute_json_digest(data, sort_keys=False)
     provenance = spec.provenance.model_copy(update={"digest": digest})
     return spec.model_copy(update={"provenance": provenance})
 
@@ -154,13 +157,16 @@ def is_edited(spec: Spec) -> bool:
     """Return whether the content of a spec is not what its compiler wrote, by its digest."""
     # The file of an earlier version lacks fields that have a default now.
     dumps = (spec.model_dump(mode="json", exclude_unset=unset) for unset in (False, True))
-    return spec.provenance.digest not in map(compute_content_digest, dumps)
+    return not any(map(has_own_digest, dumps))
 
 
-def compute_content_digest(data: dict[str, Any]) -> str:
-    """Compute the digest of a spec's JSON, and drop the one that it holds."""
-    del data["provenance"]["digest"]
-    return compute_json_digest(data)
+def has_own_digest(data: dict[str, Any]) -> bool:
+    """Return whether a spec's JSON has the digest that it holds, which is removed.
+
+    Release 0.1.0 computed it whatever the order of keys.
+    """
+    digest = data["provenance"].pop("digest")
+    return digest in (compute_json_digest(data, sort_keys=False), compute_json_digest(data))
 
 
 def _find_reaction_conditions(

@@ -12,7 +12,7 @@ from advercity_dsl import SPEC_VERSION, Spec
 from pydantic import ValidationError
 
 from advercity.atomic_files import write_atomically
-from advercity.compiler.assembly import compute_content_digest
+from advercity.compiler.assembly import has_own_digest
 from advercity.compiler.source import SourceDocument, parse_document
 from advercity.compiler.validation import validate_model
 from advercity.diagnostics import DiagnosticsError
@@ -111,9 +111,8 @@ def _find_suite(path: Path) -> str | None:
     """Return the suite that a file was compiled for; None if it is not as the compiler wrote it."""
     try:
         data = parse_json(read_text(path), path)
-        suite, digest = data["provenance"]["suite"], data["provenance"]["digest"]
-        is_own = path.stem == data["id"] and digest == compute_content_digest(data)
-        return str(suite) if is_own else None
+        is_own = path.stem == data["id"] and has_own_digest(data)
+        return str(data["provenance"]["suite"]) if is_own else None
     except (InputError, LookupError, TypeError):
         return None
 

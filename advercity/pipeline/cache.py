@@ -1,11 +1,13 @@
 """Where the cache is, and the keys of its entries, computed from all that these depend on.
 
-Weathers of one road and density share a trace; that is what makes them pairs.
+The order of mappings counts, since streets and blueprints are drawn in it. Weathers of one road and
+density share a trace; that is what makes them pairs.
 """
 
 import os
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 from advercity_dsl import Spec
 
@@ -24,13 +26,13 @@ def find_cache_folder() -> Path:
 def compute_road_key(spec: Spec) -> str:
     """Compute the key of a road network: code and road, without agents and traffic."""
     road = spec.road.model_dump(mode="json", exclude={"agents", "traffic"})
-    return compute_json_digest({"code": _compute_code_digest(), "road": road})
+    return _compute_key({"road": road})
 
 
 def compute_world_key(spec: Spec) -> str:
     """Compute the key of a world: code, road and bodies."""
     data = spec.model_dump(mode="json", include={"road", "blueprints", "assets"})
-    return compute_json_digest({"code": _compute_code_digest(), **data})
+    return _compute_key(data)
 
 
 def compute_traffic_key(spec: Spec) -> str:
@@ -45,11 +47,13 @@ def compute_traffic_key(spec: Spec) -> str:
     for blueprint in data["blueprints"].values():
         for look in ("shape", "lamps", "model"):
             blueprint.pop(look, None)
-    return compute_json_digest({"code": _compute_code_digest(), "seed": spec.seeds.traffic, **data})
+    return _compute_key({"seed": spec.seeds.traffic, **data})
 
 
-def _compute_code_digest() -> str:
-    """Compute the digest of the program; any change to it invalidates the cache."""
-    return compute_json_digest(
-        {"code": compute_source_digest(*CODE_PACKAGES), "eclipse-sumo": version("eclipse-sumo")}
-    )
+def _compute_key(data: dict[str, Any]) -> str:
+    """Compute a key from data and the program; any change to the latter invalidates the cache."""
+    code = {
+        "code": compute_source_digest(*CODE_PACKAGES),
+        "eclipse-sumo": version("eclipse-sumo"),
+    }
+    return compute_json_digest({**code, **data}, sort_keys=False)

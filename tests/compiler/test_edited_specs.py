@@ -1,5 +1,6 @@
 """A spec that was edited after it was compiled is reported, and not taken for its compiler's."""
 
+import functools
 import json
 from pathlib import Path
 from typing import Any
@@ -64,8 +65,20 @@ def test_any_edited_value_is_reported(path: Path, keys: tuple[str, ...], value: 
 
 
 def test_another_layout_of_the_same_values_is_no_edit(path: Path) -> None:
-    path.write_text(json.dumps(json.loads(path.read_text()), sort_keys=True))
+    path.write_text(json.dumps(json.loads(path.read_text()), indent=4, ensure_ascii=True))
     validate_paths(path)
+
+
+@pytest.mark.parametrize("keys", [("blueprints",), ("road", "streets")])
+def test_another_order_of_what_is_drawn_is_an_edit(path: Path, keys: tuple[str, ...]) -> None:
+    """Blueprints and streets are drawn in their order: the traffic would be other."""
+    data = json.loads(path.read_text())
+    mapping = functools.reduce(dict.__getitem__, keys, data)
+    first = next(iter(mapping))
+    mapping[first] = mapping.pop(first)
+    path.write_text(json.dumps(data))
+    with pytest.raises(InputError, match="was edited after"):
+        validate_paths(path)
 
 
 def test_what_is_derived_is_not_edited_unless_it_is_derived_from_an_edited_spec(

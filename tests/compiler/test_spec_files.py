@@ -12,7 +12,6 @@ from advercity.compiler import (
     with_digest,
     write_specs,
 )
-from advercity.compiler.assembly import compute_content_digest
 from advercity.compiler.crossing import compile_library
 from advercity.errors import InputError
 from tests.builders import Write
@@ -36,11 +35,7 @@ def test_writing_removes_obsolete_specs_of_the_suite_and_nothing_else(
     folder = tmp_path / "compiled"
     write_specs([spec], folder)
     written = json.loads((folder / f"{spec.id}.json").read_text())
-    gone = written | {"id": "gone"}
-    digest = compute_content_digest(json.loads(json.dumps(gone)))
-    (folder / "gone.json").write_text(
-        json.dumps(gone | {"provenance": gone["provenance"] | {"digest": digest}})
-    )
+    (folder / "gone.json").write_text(to_json(with_digest(spec.model_copy(update={"id": "gone"}))))
     mine = {"mine": {"mine": 1}, "copy": written, "edited": written | {"id": "edited"}}
     for name, data in mine.items():
         (folder / f"{name}.json").write_text(json.dumps(data))

@@ -42,6 +42,17 @@ def test_another_version_of_sumo_finds_no_entries(
     assert compute_key(spec) != before
 
 
+@EVERY_KEY
+def test_another_order_of_a_mapping_finds_no_entries(compute_key: ComputeKey, spec: Spec) -> None:
+    """Streets and blueprints are drawn in their order."""
+    streets = dict(reversed(spec.road.streets.items()))
+    road = spec.road.model_copy(update={"streets": streets})
+    blueprints = dict(reversed(spec.blueprints.items()))
+    other = spec.model_copy(update={"road": road, "blueprints": blueprints})
+    assert other == spec
+    assert compute_key(other) != compute_key(spec)
+
+
 def test_the_keys_cover_the_sources_of_all_packages() -> None:
     assert set(cache.CODE_PACKAGES) == {"advercity", "advercity_dsl"}
 
