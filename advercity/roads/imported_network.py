@@ -5,7 +5,13 @@ from functools import cached_property
 
 import shapely
 
-from advercity.roads.network_file import LaneConnection, SumoEdge, SumoJunction, SumoNetwork
+from advercity.roads.network_file import (
+    LaneConnection,
+    PavedOutline,
+    SumoEdge,
+    SumoJunction,
+    SumoNetwork,
+)
 
 MAX_BORDER_GAP_M = 0.8
 """Between the left borders of opposite directions that share one line; a median is wider."""
@@ -22,6 +28,7 @@ class ImportedNetwork:
         walking_areas: Edges on which pedestrians walk from sidewalk to crossing.
         junctions: Junctions by id.
         lane_links: Connections from street to street.
+        outlines: Paving inside junctions, as the map has it.
     """
 
     edges: dict[str, SumoEdge]
@@ -30,6 +37,7 @@ class ImportedNetwork:
     walking_areas: tuple[SumoEdge, ...]
     junctions: dict[str, SumoJunction]
     lane_links: tuple[LaneConnection, ...]
+    outlines: tuple[PavedOutline, ...]
 
     @classmethod
     def from_network(cls, network: SumoNetwork) -> "ImportedNetwork":
@@ -51,6 +59,7 @@ class ImportedNetwork:
                 for link in network.connections
                 if link.from_edge in streets and link.to_edge in streets
             ),
+            outlines=network.outlines,
         )
 
     def find_opposite_edge(self, edge: SumoEdge) -> SumoEdge | None:

@@ -7,6 +7,7 @@ are at the right of the approach.
 
 from collections.abc import Iterator, Mapping
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -18,6 +19,7 @@ from advercity.geometry.mesh import (
     Mesh,
     TriangleSurface,
     merge_surfaces,
+    move_surface,
 )
 from advercity.geometry.polyline import Points, StationedPolyline, offset_polyline
 from advercity.roads import markings
@@ -46,14 +48,22 @@ def build_imported_markings(net: ImportedNetwork, surface: ImportedSurface) -> l
             pieces[colour].append(piece)
     for edge in _edges_with_stop_line(net):
         pieces[WHITE] += _stop_line(edge)
-    for edge in net.crossings:
-        heights = surface.junction_heights(edge.junction)
-        for lane in edge.lanes:
-            for start, end in zip(lane.centre[:-1], lane.centre[1:], strict=True):
-                pieces[WHITE] += markings.build_zebra_bars(
-                    start[:2], end[:2], width_m=lane.width_m, height=heights.height_at
-                )
+    pieces[WHITE].append(_build_crossings(net, surface))
     return merge_surfaces(pieces, PAINT_KINDS)
+
+
+def _build_crossings(net: ImportedNetwork, surface: ImportedSurface) -> TriangleSurface:
+    """Build bars across the roadway, without the sidewalks at its sides."""
+    bars: list[shapely.Polygon] = []
+    heights: list[float] = []
+    for lane in (lane for edge in net.crossings for lane in edge.lanes):
+        line = shapely.LineString(lane.centre[:, :2])
+        for part in shapely.get_parts(shapely.intersection(line, surface.roadway_area)):
+            for start, end in pairwise(shapely.get_coordinates(part)):
+                for left, right in markings.place_zebra_bars(start, end, width_m=lane.width_m):
+                    bars.append(shapely.Polygon(np.vstack([left, right[::-1]])))
+                    heights.append(float(lane.centre[:, 2].mean()))
+    return move_surface(surface.drape(bars, heights), markings.MARKING_LIFT)
 
 
 def _edge_lines(edge: SumoEdge, net: ImportedNetwork) -> Iterator[tuple[str, TriangleSurface]]:

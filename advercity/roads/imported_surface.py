@@ -1,12 +1,14 @@
 """Roadways, sidewalks and kerbs of an imported network.
 
 Lanes are ribbons at their own height. Junctions and gaps between lanes are areas whose height is
-interpolated from the lanes around. Sidewalks are a kerb higher.
+interpolated from the lanes around: the lanes inside them, what the map has beside these, and the
+corners that a kerb's radius adds. Sidewalks are a kerb higher.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 import shapely
@@ -21,6 +23,7 @@ from advercity.geometry.mesh import (
     build_grid_cells,
     build_ribbon,
     extract_polygons,
+    join_surfaces,
     merge_surfaces,
     triangulate_polygon,
 )
@@ -36,17 +39,25 @@ from advercity.roads.road_meshes import (
     ROAD_SURFACES,
 )
 
+Corners = Literal["mitre", "round"]
+"""How buffers meet: with round corners, a radius is left where gaps are closed."""
 LANE_OVERLAP_M = 0.01
 """Overlap of neighbouring lanes, so that no crack opens between them."""
 HALF_GAP_M = 0.4
 """Half the width of the widest gap between lanes that is paved."""
 HALF_SLIVER_M = 0.25
 """Half the width of the narrowest strip that can be a sidewalk."""
+KERB_RADIUS_M = 4.0
+"""Radius of kerbs where streets meet."""
+ZONE_MARGIN_M = 2.0
+"""Distance beyond the outline of a junction in which kerbs are still rounded."""
 MAX_HOLE_M2 = 6.0
 """Smaller islands are paved over."""
 EDGE_STEP_M = 4.0
 """Largest distance between points of paved edges, which take the height of the ground."""
 SIMPLIFY_TOLERANCE_M = 0.02
+MAX_DRAPE_M = 1.5
+"""Greatest difference between the heights of paint and of the asphalt that it is laid on."""
 APPROACH_LENGTH_M = 2.0
 """Length of a street's end that the height of its junction is interpolated from."""
 
@@ -80,59 +91,92 @@ class ImportedSurface:
         return [lane for edge in self._net.edges.values() for lane in edge.lanes]
 
     @cached_property
+    def _paths(self) -> list[SumoLane]:
+        return [lane for edge in self._net.internal_edges for lane in edge.lanes]
+
+    @cached_property
     def _carriageways(self) -> BaseGeometry:
         """Area of all lanes of streets but sidewalks."""
         lanes = [lane.build_area(LANE_OVERLAP_M) for lane in self._lanes if lane.kind != "sidewalk"]
         return shapely.union_all(lanes, grid_size=GRID_M)
 
     @cached_property
-    def _junction_path_areas(self) -> dict[str, BaseGeometry]:
-        """Area of the paths and crossings of each junction, by id."""
-        areas: dict[str, list[shapely.Geometry]] = {}
-        for edge in (*self._net.internal_edges, *self._net.crossings):
-            for lane in edge.lanes:
-                areas.setdefault(edge.junction, []).append(lane.build_area())
-        return {name: shapely.union_all(found, grid_size=GRID_M) for name, found in areas.items()}
+    def _driven_area(self) -> BaseGeometry:
+        """Area of all lanes that vehicles drive on, and of what is beside them in junctions."""
+        paths = [lane.build_area() for lane in self._paths if lane.kind != "sidewalk"]
+        parts = [self._carriageways, *paths, *self._select_outlines("roadway")]
+        return shapely.union_all(parts, grid_size=GRID_M)
+
+    def _select_outlines(self, kind: str) -> list[BaseGeometry]:
+        return [build_enclosed_area(item.ring) for item in self._net.outlines if item.kind == kind]
 
     @cached_property
-    def junction_areas(self) -> dict[str, BaseGeometry]:
-        """Area of each junction that no street covers, by id."""
-        areas: dict[str, BaseGeometry] = {}
-        for junction in self._net.junctions.values():
-            paths = self._junction_path_areas.get(junction.id)
-            shapes = [] if paths is None else [paths]
-            if len(junction.outline) > 2:
-                shapes.append(build_enclosed_area(junction.outline))
-            covered = shapely.union_all(shapes)
-            free = shapely.difference(covered, self._carriageways, grid_size=GRID_M)
-            area = shapely.union_all(extract_polygons(free))
-            if not area.is_empty:
-                areas[junction.id] = area
-        return areas
+    def _junction_zones(self) -> dict[str, BaseGeometry]:
+        """Area in which paving belongs to a junction rather than to streets, by id."""
+        zones = {
+            item.id: [build_enclosed_area(item.outline)]
+            for item in self._net.junctions.values()
+            if len(item.outline) > 2
+        }
+        for edge in (*self._net.internal_edges, *self._net.crossings):
+            areas = zones.setdefault(edge.junction, [])
+            areas += [lane.build_area() for lane in edge.lanes]
+        return {name: shapely.union_all(found, grid_size=GRID_M) for name, found in zones.items()}
 
     @cached_property
     def roadway_area(self) -> BaseGeometry:
-        """Area of all asphalt, gaps closed, the part below sidewalks included."""
-        parts = [self._carriageways, *self.junction_areas.values()]
-        joined = shapely.union_all(parts, grid_size=GRID_M)
-        return _fill_small_holes(_close_gaps(joined, HALF_GAP_M))
+        """Area of all asphalt: lanes, rounded where they meet, without sidewalks of the map."""
+        rounded = _close_gaps(self._driven_area, KERB_RADIUS_M, "round")
+        zones = shapely.buffer(
+            shapely.union_all(list(self._junction_zones.values())), ZONE_MARGIN_M
+        )
+        parts = [self._driven_area, shapely.intersection(rounded, zones)]
+        joined = _close_gaps(shapely.union_all(parts, grid_size=GRID_M), HALF_GAP_M, "round")
+        walks = shapely.union_all([self._walks, *self._select_outlines("sidewalk")])
+        spared = shapely.difference(walks, self._driven_area)
+        paved = shapely.difference(_fill_small_holes(joined), spared, grid_size=GRID_M)
+        return _close_gaps(paved, -HALF_SLIVER_M)
+
+    @cached_property
+    def _walks(self) -> BaseGeometry:
+        lanes = [*self._lanes, *self._paths]
+        walks = [lane.build_area() for lane in lanes if lane.kind == "sidewalk"]
+        return shapely.union_all(walks, grid_size=GRID_M)
+
+    @cached_property
+    def junction_areas(self) -> dict[str, BaseGeometry]:
+        """Area of each junction's asphalt that no street covers, by id."""
+        free = _drop_lines(
+            shapely.difference(self.roadway_area, self._carriageways, grid_size=GRID_M)
+        )
+        areas = {
+            name: _drop_lines(shapely.intersection(free, zone, grid_size=GRID_M))
+            for name, zone in self._junction_zones.items()
+        }
+        return {name: area for name, area in areas.items() if not area.is_empty}
 
     @cached_property
     def raised_area(self) -> BaseGeometry:
         """Area of sidewalks and of the corners between them."""
-        paths = [self._carriageways, *self._junction_path_areas.values()]
-        driven = shapely.union_all(paths, grid_size=GRID_M)
-        walks = [lane.build_area() for lane in self._lanes if lane.kind == "sidewalk"]
-        # Outlines of walking areas overlap roadways, which are subtracted below.
+        # Outlines of walking areas and junctions overlap roadways, which are subtracted below.
         corners = [
             build_enclosed_area(lane.shape)
             for edge in self._net.walking_areas
             for lane in edge.lanes
             if len(lane.shape) > 2
         ]
-        area = _close_gaps(shapely.union_all([*walks, *corners], grid_size=GRID_M), HALF_SLIVER_M)
-        raised = shapely.difference(area, driven, grid_size=GRID_M)
+        outlines = self._select_outlines("sidewalk") or list(self._walked_zones())
+        parts = [self._walks, *corners, *outlines]
+        area = _close_gaps(shapely.union_all(parts, grid_size=GRID_M), HALF_SLIVER_M)
+        raised = shapely.difference(area, self.roadway_area, grid_size=GRID_M)
         return _close_gaps(raised, -HALF_SLIVER_M)
+
+    def _walked_zones(self) -> Iterator[BaseGeometry]:
+        """Yield the areas of the junctions that a sidewalk leads to."""
+        for name, zone in self._junction_zones.items():
+            streets = self._edges_by_junction.get(name, ())
+            if any(lane.kind == "sidewalk" for edge, _ in streets for lane in edge.lanes):
+                yield zone
 
     @cached_property
     def footprint(self) -> BaseGeometry:
@@ -172,7 +216,7 @@ class ImportedSurface:
     @cached_property
     def _height_lines(self) -> tuple[NDArray[np.object_], shapely.STRtree]:
         paths = [line for lane in self._lanes for line in (lane.left_border, lane.right_border)]
-        paths += [lane.centre for edge in self._net.internal_edges for lane in edge.lanes]
+        paths += [lane.centre for lane in self._paths]
         lines = np.array([shapely.LineString(path) for path in paths], dtype=np.object_)
         return lines, shapely.STRtree(lines)
 
@@ -199,11 +243,26 @@ class ImportedSurface:
     def build_meshes(self) -> list[Mesh]:
         """Build meshes of asphalt, sidewalks and kerbs."""
         pieces = {
-            "asphalt": list(self._asphalt_patches()),
+            "asphalt": self._asphalt,
             "sidewalk": list(self._raised_patches(shapely.buffer(self.raised_area, -KERB_WIDTH_M))),
             "kerb": list(self._kerb_patches()),
         }
         return merge_surfaces(pieces, ROAD_SURFACES)
+
+    def drape(self, areas: Sequence[shapely.Polygon], z_m: Sequence[float]) -> TriangleSurface:
+        """Lay convex areas on the asphalt that is at about their heights."""
+        asphalt = join_surfaces(self._asphalt)
+        corners = asphalt.vertices[asphalt.triangles]
+        facets = np.array(shapely.polygons(corners[:, [0, 1, 2, 0], :2]))
+        shapes = np.array(areas, dtype=np.object_)
+        area, facet = shapely.STRtree(facets).query(shapes, predicate="intersects")
+        near = np.abs(corners[facet, :, 2].mean(axis=1) - np.array(z_m)[area]) < MAX_DRAPE_M
+        pieces = shapely.intersection(shapes[area[near]], facets[facet[near]])
+        return _lift_to_planes(pieces, corners[facet[near]])
+
+    @cached_property
+    def _asphalt(self) -> list[TriangleSurface]:
+        return list(self._asphalt_patches())
 
     def _asphalt_patches(self) -> Iterator[TriangleSurface]:
         for lane in self._lanes:
@@ -250,13 +309,34 @@ def _triangulate_area(
             yield TriangleSurface(np.column_stack([corners, height(corners)]), triangles)
 
 
-def _grow(area: BaseGeometry, by_m: float) -> BaseGeometry:
-    return shapely.buffer(area, by_m, join_style="mitre")
+def _lift_to_planes(pieces: NDArray[np.object_], facets: Points) -> TriangleSurface:
+    """Triangulate convex polygons (n,), each in the plane of a triangle (n, 3, 3)."""
+    flat = shapely.get_type_id(pieces) == shapely.GeometryType.POLYGON
+    rings = shapely.get_exterior_ring(shapely.orient_polygons(pieces[flat]))
+    plane, ring = shapely.get_coordinates(rings, return_index=True)
+    corner = facets[flat, 0]
+    normal = np.cross(facets[flat, 1] - corner, facets[flat, 2] - corner)
+    slope = -normal[:, :2] / normal[:, 2:]
+    z = corner[ring, 2] + ((plane - corner[ring, :2]) * slope[ring]).sum(axis=1)
+    first = np.searchsorted(ring, ring)
+    # A fan about the first corner of each ring, whose last corner is the first again.
+    second = np.arange(len(ring) - 1)
+    inside = (second > first[:-1]) & (ring[second] == ring[second + 1])
+    fan = np.stack([first[:-1], second, second + 1], axis=1)[inside]
+    return TriangleSurface(np.column_stack([plane, z]), fan)
 
 
-def _close_gaps(area: BaseGeometry, half_m: float) -> BaseGeometry:
+def _drop_lines(shape: shapely.Geometry) -> BaseGeometry:
+    return shapely.union_all(extract_polygons(shape))
+
+
+def _grow(area: BaseGeometry, by_m: float, corners: Corners = "mitre") -> BaseGeometry:
+    return shapely.buffer(area, by_m, join_style=corners)
+
+
+def _close_gaps(area: BaseGeometry, half_m: float, corners: Corners = "mitre") -> BaseGeometry:
     """Close gaps narrower than twice `half_m`; where that is negative, remove such parts."""
-    return _grow(_grow(area, half_m), -half_m)
+    return _grow(_grow(area, half_m, corners), -half_m, corners)
 
 
 def _fill_small_holes(area: BaseGeometry) -> BaseGeometry:

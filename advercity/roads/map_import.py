@@ -1,27 +1,29 @@
 """Import of OpenDRIVE, OpenStreetMap and SUMO files as the SUMO network of a road."""
 
-import hashlib
 import tempfile
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
 import numpy as np
 from advercity_dsl import MapFile, MapNetwork, Road
 
-from advercity.errors import InputError, describe_cause
+from advercity.errors import InputError
+from advercity.roads.imported_crossings import build_discards, has_crossings
+from advercity.roads.map_files import read_map_file
 from advercity.roads.map_names import read_street_names, rename_network
 from advercity.roads.network_file import parse_network
+from advercity.roads.opendrive_junctions import add_outlines, detach_connecting_roads
+from advercity.roads.osm_map import OsmMap
+from advercity.roads.osm_roundabouts import round_roundabouts
 from advercity.roads.sumo_network import run_netconvert
 from advercity.roads.sumo_xml import (
-    MAX_XML_BYTES,
     pack_network,
     parse_xml,
     sanitize_network,
     to_xml_bytes,
 )
 
-ROOT_TAGS = {"opendrive": "OpenDRIVE", "osm": "osm", "sumo": "net"}
 EARTH_RADIUS_M = 6_371_000.0
 MAX_MAP_DISTANCE_M = 20_000.0
 """Longest distance from the road's origin to its map; a plane fits the globe to centimetres."""
@@ -48,7 +50,6 @@ OSM_OPTIONS = {
     "osm-files": "map.xml",
     "osm.sidewalks": "true",
     "geometry.remove": "true",
-    "roundabouts.guess": "true",
     "junctions.join": "true",
     "tls.discard-simple": "true",
     "tls.join": "true",
@@ -58,16 +59,11 @@ SUMO_OPTIONS = {"sumo-net-file": "map.xml"}
 CAR_OPTIONS = {
     "output.street-names": "true",
     "keep-edges.by-vclass": "passenger",
+    "roundabouts.guess": "true",
     "junctions.corner-detail": "8",
     "junctions.internal-link-detail": "12",
     "tls.default-type": "static",
 }
-
-
-@dataclass(frozen=True)
-class _LoadedMap:
-    root: Element
-    sha256: str
 
 
 def import_map(declared: MapFile, road: Road, folder: Path) -> MapNetwork:
@@ -79,72 +75,64 @@ def import_map(declared: MapFile, road: Road, folder: Path) -> MapNetwork:
         InputError: The file is missing, unsafe, of another kind, or without a lane for cars.
         RunError: `netconvert` does not run.
     """
-    found = _read_map(declared, folder)
+    found = read_map_file(declared, folder)
+    if declared.source == "osm":
+        round_roundabouts(found.root)
     options = _build_import_options(declared, road, found.root)
-    with tempfile.TemporaryDirectory() as name:
-        work = Path(name)
-        (work / "map.xml").write_bytes(to_xml_bytes(found.root))
-        (work / "lanes.typ.xml").write_text(LANE_TYPES, encoding="utf-8")
-        output = work / "road.net.xml"
-        outcome = run_netconvert(options, output)
-        if not outcome.succeeded:
-            why = f"{_find_first_error(outcome.messages)}{_describe_extent(declared)}"
-            raise InputError(f"{declared.file}: netconvert cannot use it: {why}")
-        converted = parse_xml(output.read_bytes())
+    converted = _convert(found.root, options, declared)
+    if declared.source == "osm" and has_crossings("osm", found.root):
+        marked = OsmMap.around(road, found.root).list_points("highway", "crossing")
+        converted = _keep_marked_crossings(converted, declared, marked)
     net = sanitize_network(converted)
     rename_network(net, read_street_names(converted))
+    connecting = detach_connecting_roads(found.root) if declared.source == "opendrive" else None
+    if connecting is not None:
+        chosen = OPENDRIVE_OPTIONS | _build_extent_option(declared)
+        add_outlines(net, parse_network(_convert(connecting, chosen, declared)))
     if not any(lane.permits("passenger") for lane in parse_network(net).lanes):
         raise InputError(f"{declared.file}: has no lane for cars{_describe_extent(declared)}")
     return MapNetwork(source=declared.source, sha256=found.sha256, network=pack_network(net))
 
 
-def _read_map(declared: MapFile, folder: Path) -> _LoadedMap:
-    name = Path(declared.file)
-    path = folder / name
-    if name.is_absolute():
-        raise InputError(f"{declared.file}: is an absolute path; write it relative to this file")
-    if not path.is_file():
-        raise InputError(f"{declared.file}: there is no such file in {folder}")
-    try:
-        with path.open("rb") as stream:
-            # One byte more than the limit is enough for the parser to refuse the file.
-            raw = stream.read(MAX_XML_BYTES + 1)
-        root = parse_xml(raw)
-    except OSError as error:
-        raise InputError(f"{declared.file}: cannot be read: {describe_cause(error)}") from error
-    except InputError as error:
-        raise InputError(f"{declared.file}: {error}") from None
-    digest = hashlib.sha256(raw).hexdigest()
-    if declared.sha256 not in (None, digest):
-        raise InputError(
-            f"{declared.file}: is not the map that this road was made for: its sha256 is {digest};"
-            " fetch the right one, or check every place and declare this sha256"
-        )
-    if root.tag != ROOT_TAGS[declared.source]:
-        fitting = next((source for source, tag in ROOT_TAGS.items() if tag == root.tag), None)
-        hint = f"; say `source: {fitting}`" if fitting else ""
-        raise InputError(
-            f"{declared.file}: begins with <{root.tag[:40]}>, not"
-            f" <{ROOT_TAGS[declared.source]}>{hint}"
-        )
-    return _LoadedMap(_remove_file_references(root, declared.source), digest)
+def _keep_marked_crossings(
+    converted: Element, declared: MapFile, marked: list[tuple[float, float]]
+) -> Element:
+    """Remove the crossings of a network that are not near those of the map."""
+    discards = build_discards(converted, parse_network(converted), marked)
+    if discards is None:
+        return converted
+    options = CAR_OPTIONS | SUMO_OPTIONS | {"connection-files": "crossings.con.xml"}
+    return _convert(converted, options, declared, {"crossings.con.xml": to_xml_bytes(discards)})
 
 
-def _remove_file_references(root: Element, source: str) -> Element:
-    """Remove references to other files from a map."""
-    if source == "sumo":
-        return sanitize_network(root)
-    for parent in list(root.iter()):
-        for child in list(parent):
-            if child.tag in ("geoReference", "include", "userData", "dataQuality"):
-                parent.remove(child)
-    return root
+def _convert(
+    root: Element,
+    options: Mapping[str, str],
+    declared: MapFile,
+    files: Mapping[str, bytes] | None = None,
+) -> Element:
+    """Convert a document with options that may name further files."""
+    with tempfile.TemporaryDirectory() as name:
+        work = Path(name)
+        (work / "map.xml").write_bytes(to_xml_bytes(root))
+        (work / "lanes.typ.xml").write_text(LANE_TYPES, encoding="utf-8")
+        for file, content in (files or {}).items():
+            (work / file).write_bytes(content)
+        output = work / "road.net.xml"
+        outcome = run_netconvert(options, output)
+        if not outcome.succeeded:
+            why = f"{_find_first_error(outcome.messages)}{_describe_extent(declared)}"
+            raise InputError(f"{declared.file}: netconvert cannot use it: {why}")
+        return parse_xml(output.read_bytes())
 
 
 def _build_import_options(declared: MapFile, road: Road, root: Element) -> dict[str, str]:
     options = dict(CAR_OPTIONS)
-    # Maps seldom hold crossings: junctions of towns have them, those in the country do not.
-    options["crossings.guess"] = "true" if road.land_use == "urban" else "false"
+    # Where a map has no crossings, junctions of towns get some, those in the country none. In an
+    # OpenStreetMap extract they are single nodes, which confirm what is guessed.
+    has_own = has_crossings(declared.source, root)
+    guesses = declared.source == "osm" if has_own else road.land_use == "urban"
+    options["crossings.guess"] = str(guesses).lower()
     match declared.source:
         case "opendrive":
             options |= OPENDRIVE_OPTIONS
@@ -152,11 +140,15 @@ def _build_import_options(declared: MapFile, road: Road, root: Element) -> dict[
             options |= OSM_OPTIONS | {"proj": _build_projection(declared, road, root)}
         case "sumo":
             options |= SUMO_OPTIONS
-    if declared.extent_m is not None:
-        corners = np.array(declared.extent_m)
-        box = (*corners.min(axis=0).tolist(), *corners.max(axis=0).tolist())
-        options["keep-edges.in-boundary"] = ",".join(f"{value:.3f}" for value in box)
-    return options
+    return options | _build_extent_option(declared)
+
+
+def _build_extent_option(declared: MapFile) -> dict[str, str]:
+    if declared.extent_m is None:
+        return {}
+    corners = np.array(declared.extent_m)
+    box = (*corners.min(axis=0).tolist(), *corners.max(axis=0).tolist())
+    return {"keep-edges.in-boundary": ",".join(f"{value:.3f}" for value in box)}
 
 
 def _build_projection(declared: MapFile, road: Road, root: Element) -> str:

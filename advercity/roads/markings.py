@@ -242,9 +242,17 @@ def build_zebra_bars(
     width_m: float,
     height: Callable[[Points], NDArray[np.float64]],
 ) -> Iterator[TriangleSurface]:
-    """Build bars of a crossing between points (2,) on both kerbs, across the walking direction.
+    """Build the bars of `place_zebra_bars`; `height` gives heights (n,) at points (n, 2)."""
+    for bar in place_zebra_bars(start, end, width_m=width_m):
+        yield build_paint(*(np.column_stack([line, height(line)]) for line in bar))
 
-    They are `width_m` long; `height` gives heights (n,) of the roadway at points (n, 2).
+
+def place_zebra_bars(
+    start: Points, end: Points, *, width_m: float
+) -> Iterator[tuple[Points, Points]]:
+    """Place bars of a crossing between points (2,) on both kerbs, across the walking direction.
+
+    Each has a left and a right side (2, 2), `width_m` long.
     """
     across = float(np.linalg.norm(end - start))
     walking = (end - start) / across
@@ -253,8 +261,8 @@ def build_zebra_bars(
     margin = (across - (2 * count - 1) * ZEBRA_BAR_M) / 2
     for bar in range(count):
         middle = start + (margin + (2 * bar + 0.5) * ZEBRA_BAR_M) * walking
-        left, right = (
-            np.stack([middle + side - driving, middle + side + driving])
-            for side in (walking * ZEBRA_BAR_M / 2, -walking * ZEBRA_BAR_M / 2)
+        side = walking * ZEBRA_BAR_M / 2
+        yield (
+            np.stack([middle + side - driving, middle + side + driving]),
+            np.stack([middle - side - driving, middle - side + driving]),
         )
-        yield build_paint(*(np.column_stack([line, height(line)]) for line in (left, right)))

@@ -150,6 +150,14 @@ class SumoJunction:
     outline: Points
 
 
+@dataclass(frozen=True, eq=False)
+class PavedOutline:
+    """Ring (n, 3) around paving inside a junction, as the map has it; of one lane's kind."""
+
+    kind: str
+    ring: Points
+
+
 @dataclass(frozen=True)
 class LaneConnection:
     """A connection from one lane into the next.
@@ -211,6 +219,7 @@ class SumoNetwork:
     junctions: tuple[SumoJunction, ...]
     connections: tuple[LaneConnection, ...]
     programs: tuple[SignalProgram, ...]
+    outlines: tuple[PavedOutline, ...] = ()
 
     @property
     def lanes(self) -> Iterator[SumoLane]:
@@ -243,6 +252,10 @@ def parse_network(root: Element) -> SumoNetwork:
             junctions=tuple(_parse_junction(item) for item in root.iter("junction")),
             connections=tuple(_parse_connection(item) for item in root.iter("connection")),
             programs=tuple(_parse_program(item) for item in root.iter("tlLogic")),
+            outlines=tuple(
+                PavedOutline(item.attrib["type"], _parse_shape(item.attrib["shape"]))
+                for item in root.iter("poly")
+            ),
         )
     except KeyError as error:
         raise ValueError(f"attribute {error} is missing") from None

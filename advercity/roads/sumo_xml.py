@@ -70,9 +70,10 @@ _KEPT_ATTRIBUTES = {
     "request": "index response foes cont",
     "connection": "from to fromLane toLane via tl linkIndex dir state",
     "roundabout": "nodes edges",
+    "poly": "id type shape",
 }
 _KEPT_CHILDREN = {"edge": ("lane",), "tlLogic": ("phase",), "junction": ("request",)}
-_KEPT_ELEMENTS = ("edge", "tlLogic", "junction", "connection", "roundabout")
+_KEPT_ELEMENTS = ("edge", "tlLogic", "junction", "connection", "roundabout", "poly")
 _LOCATION = {
     "netOffset": "0.00,0.00",
     "convBoundary": "0.00,0.00,0.00,0.00",
@@ -82,7 +83,7 @@ _LOCATION = {
 
 
 def sanitize_network(root: Element) -> Element:
-    """Copy edges, junctions, connections and fixed signal programs of a network."""
+    """Copy edges, junctions, connections, fixed signal programs and outlines of a network."""
     net = Element("net", {"version": root.get("version", "1.20"), "walkingareas": "true"})
     SubElement(net, "location", _LOCATION)
     for item in root:

@@ -1,0 +1,44 @@
+"""Which pedestrian crossings an imported map has, and which of netconvert's guesses it confirms."""
+
+from collections.abc import Sequence
+from xml.etree.ElementTree import Element, SubElement
+
+import numpy as np
+import shapely
+
+from advercity.roads.network_file import SumoNetwork
+from advercity.roads.osm_map import read_tags
+
+MAX_MARK_DISTANCE_M = 20.0
+"""Distance from a crossing within which the map marks one; maps draw streets as single lines."""
+
+
+def has_crossings(source: str, root: Element) -> bool:
+    """Test whether a map says where crossings are."""
+    match source:
+        case "opendrive":
+            return any(item.get("type") == "crosswalk" for item in root.iter("object"))
+        case "osm":
+            return any(read_tags(item).get("highway") == "crossing" for item in root.iter("node"))
+        case _:
+            return any(item.get("function") == "crossing" for item in root.iter("edge"))
+
+
+def build_discards(
+    net: Element, network: SumoNetwork, marked: Sequence[tuple[float, float]]
+) -> Element | None:
+    """Build netconvert's list of the crossings that are not near a mark; None if all are."""
+    marks = shapely.MultiPoint(np.array(marked))
+    away = {
+        edge.id
+        for edge in network.edges
+        if edge.function == "crossing"
+        and shapely.distance(shapely.LineString(edge.lanes[0].shape), marks) > MAX_MARK_DISTANCE_M
+    }
+    root = Element("connections")
+    for item in net.iter("edge"):
+        if item.get("id") in away:
+            junction = item.attrib["id"][1:].rpartition("_")[0]
+            crossed = item.attrib["crossingEdges"]
+            SubElement(root, "crossing", {"node": junction, "edges": crossed, "discard": "true"})
+    return root if away else None
