@@ -27,14 +27,14 @@ def has_crossings(source: str, root: Element) -> bool:
 def build_discards(
     net: Element, network: SumoNetwork, marked: Sequence[tuple[float, float]]
 ) -> Element | None:
-    """Build netconvert's list of the crossings that are not near a mark; None if all are."""
-    marks = shapely.MultiPoint(np.array(marked))
-    away = {
-        edge.id
-        for edge in network.edges
-        if edge.function == "crossing"
-        and shapely.distance(shapely.LineString(edge.lanes[0].shape), marks) > MAX_MARK_DISTANCE_M
-    }
+    """Build netconvert's list of the crossings that no mark is nearest to; None if there are none."""
+    guessed = [edge for edge in network.edges if edge.function == "crossing"]
+    lines = [shapely.LineString(edge.lanes[0].shape[:, :2]) for edge in guessed]
+    _, nearest = shapely.STRtree(lines).query_nearest(
+        shapely.points(np.array(marked)), max_distance=MAX_MARK_DISTANCE_M, all_matches=False
+    )
+    confirmed = set(nearest.tolist())
+    away = {edge.id for index, edge in enumerate(guessed) if index not in confirmed}
     root = Element("connections")
     for item in net.iter("edge"):
         if item.get("id") in away:

@@ -1,0 +1,138 @@
+"""Junctions, kerbs and crossings of imported maps are where the maps have them."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from advercity_dsl import MapFile, Road
+
+from advercity.roads.map_import import import_map
+from advercity.roads.road_network import RoadNetwork, build_road
+from advercity.semantics import Semantic
+from tests.roads.imported_roads import DATA, declaration
+from tests.roads.probing import Floats, looking_down
+
+CENTRE = (48.0, 11.0)
+M_PER_DEG = (111_200, 74_625)
+"""Metres of a degree of latitude and of longitude at 48 degrees north."""
+
+
+@pytest.fixture(scope="module")
+def slope() -> RoadNetwork:
+    """The junction of three streets on a slope of 4 % from west to east."""
+    data = declaration("opendrive", "junction.xodr") | {"land_use": "urban"}
+    road = Road.model_validate(data)
+    network = import_map(MapFile(source="opendrive", file="junction.xodr"), road, DATA)
+    return build_road(road.model_copy(update={"imported": network}))
+
+
+def test_the_sidewalk_of_a_through_road_passes_the_junction(slope: RoadNetwork) -> None:
+    below = looking_down(slope.meshes)
+    along = np.column_stack([np.linspace(-12, 12, 49), np.full(49, 4.5)])
+
+    z, found = below(along)
+
+    assert (found == Semantic.SIDEWALK.value).all()
+    np.testing.assert_allclose(z, 0.04 * along[:, 0] + 0.15, atol=0.03)
+
+
+def test_kerbs_follow_the_corners_of_the_map(slope: RoadNetwork) -> None:
+    """The turn's reference line is an arc of 10 m about (10, -10); its lane is 3.5 m wide."""
+    below = looking_down(slope.meshes)
+    turn = np.linspace(np.pi / 2, np.pi, 15)[1:-1]
+    outward = np.column_stack([np.cos(turn), np.sin(turn)])
+
+    asphalt, kerb, walk = ((10, -10) + radius * outward for radius in (6.7, 6.43, 5.5))
+
+    assert (below(asphalt)[1] != Semantic.SIDEWALK.value).all()
+    assert (below(kerb)[1] == Semantic.SIDEWALK.value).all()
+    assert (below(walk)[1] == Semantic.SIDEWALK.value).all()
+
+
+def test_zebras_lie_on_a_road_that_is_not_level(slope: RoadNetwork) -> None:
+    below = looking_down(slope.meshes)
+    # Across the western arm: bars of 0.5 m, with gaps of 0.5 m, over 7 m between the kerbs.
+    across = np.column_stack([np.full(701, -8.0), np.linspace(-3.5, 3.5, 701)])
+
+    _, found = below(across)
+
+    assert (found == Semantic.ROAD_LINE.value).mean() == pytest.approx(0.5, abs=0.06)
+
+
+def write_osm(folder: Path, nodes: dict[str, tuple[float, float]], rest: str) -> Path:
+    """Write a map with nodes at places in metres; `rest` has their ways, and further nodes."""
+    placed = "".join(
+        f'<node id="{name}" lat="{CENTRE[0] + y / M_PER_DEG[0]:.8f}"'
+        f' lon="{CENTRE[1] + x / M_PER_DEG[1]:.8f}"/>'
+        for name, (x, y) in nodes.items()
+    )
+    path = folder / "map.osm"
+    path.write_text(f'<osm version="0.6">{placed}{rest}</osm>', encoding="utf-8")
+    return path
+
+
+def way(name: str, nodes: str, *tags: tuple[str, str]) -> str:
+    refs = "".join(f'<nd ref="{node}"/>' for node in nodes.split())
+    return f'<way id="{name}">{refs}{"".join(tag(*item) for item in tags)}</way>'
+
+
+def tag(key: str, value: str) -> str:
+    return f'<tag k="{key}" v="{value}"/>'
+
+
+STREET = (("highway", "secondary"), ("lanes", "2"), ("maxspeed", "50"), ("sidewalk", "both"))
+
+
+def read_road(path: Path, land_use: str) -> RoadNetwork:
+    origin = {"origin_lat_deg": CENTRE[0], "origin_lon_deg": CENTRE[1]}
+    data = declaration("osm", path.name, **origin) | {"land_use": land_use}
+    road = Road.model_validate(data)
+    network = import_map(MapFile(source="osm", file=path.name), road, path.parent)
+    return build_road(road.model_copy(update={"imported": network}))
+
+
+def crossing_middles(road: RoadNetwork) -> Floats:
+    lanes = [lane for lane in road.lanes if lane.kind == "crossing"]
+    return np.array([(lane.left + lane.right)[:, :2].mean(axis=0) / 2 for lane in lanes])
+
+
+def test_a_roundabout_of_six_nodes_is_round(tmp_path: Path) -> None:
+    ring = {
+        str(k + 1): (18 * math.cos(k * math.pi / 3), 18 * math.sin(k * math.pi / 3))
+        for k in range(6)
+    }
+    ways = way(
+        "50", "1 2 3 4 5 6 1", *STREET[:1], ("junction", "roundabout"), ("sidewalk", "right")
+    )
+    ways += way("51", "7 1", *STREET) + way("52", "8 3", *STREET) + way("53", "9 5", *STREET)
+    ends = {"7": (120.0, 0.0), "8": (-60.0, 104.0), "9": (-60.0, -104.0)}
+    road = read_road(write_osm(tmp_path, ring | ends, ways), "urban")
+
+    lanes = [lane for lane in road.lanes if lane.kind == "driving" and not lane.in_junction]
+    middles = [(lane.left + lane.right)[:, :2] / 2 for lane in lanes]
+    on_ring = [line for line in middles if np.linalg.norm(line, axis=1).max() < 25]
+
+    radii = np.concatenate([np.linalg.norm(line, axis=1) for line in on_ring])
+    # A hexagon's sides are 2.4 m nearer to its middle than its corners.
+    assert len(on_ring) == 3
+    assert np.ptp(radii) < 0.4
+    assert len(crossing_middles(road)) == 3
+    # The ring's outer border is 19.6 m from its middle.
+    assert np.linalg.norm(crossing_middles(road), axis=1).min() > 19.6
+    assert not road.paved_area.contains(shapely.Point(0, 0))
+
+
+@pytest.mark.parametrize("land_use", ["urban", "rural"])
+def test_a_map_with_crossings_has_no_others(land_use: str, tmp_path: Path) -> None:
+    nodes = {"1": (0, 0), "2": (0, 120), "3": (0, -120), "4": (120, 0), "5": (-120, 0)}
+    marked = f'<node id="6" lat="{CENTRE[0]}" lon="{CENTRE[1] + 12 / M_PER_DEG[1]:.8f}">'
+    rest = marked + tag("highway", "crossing") + "</node>"
+    rest += way("51", "2 1 3", *STREET) + way("52", "5 1 6 4", *STREET)
+    path = write_osm(tmp_path, {k: (float(x), float(y)) for k, (x, y) in nodes.items()}, rest)
+
+    middles = crossing_middles(read_road(path, land_use))
+
+    assert len(middles) == 1
+    assert middles[0] == pytest.approx((8, 0), abs=5)
