@@ -22,6 +22,7 @@ from advercity_dsl import (
     get_declaration_kind,
 )
 from advercity_dsl.base import ID_HINT, suggest_name
+from advercity_dsl.road import Surrounding
 
 from advercity.compiler.agent_places import complete_routes, place_agents
 from advercity.compiler.distributions import (
@@ -35,6 +36,7 @@ from advercity.compiler.extends import (
     ResolvedDeclaration,
     resolve_extends,
 )
+from advercity.compiler.map_surroundings import read_surroundings
 from advercity.compiler.source import SourceDocument, read_document
 from advercity.compiler.surrounding_styles import grow_surroundings
 from advercity.compiler.validation import format_value, validate_model
@@ -347,10 +349,12 @@ def _build_plain_entry(
 
 def _complete_road(road: Road, source: ResolvedDeclaration) -> list[Road]:
     """Import the map of a road, place its agents and find their routes."""
+    mapped: tuple[Surrounding, ...] = ()
     if isinstance(road.imported, MapFile):
-        road = _import_network(road, road.imported, source)
+        road, mapped = _import_map(road, road.imported, source)
+    grown = grow_surroundings(road, mapped)
     try:
-        return [complete_routes(placed) for placed in place_agents(grow_surroundings(road))]
+        return [complete_routes(placed) for placed in place_agents(grown)]
     except MisplacedAgentError as error:
         raise DiagnosticsError(source.build_diagnostic(error.value_path, str(error))) from None
 
@@ -365,13 +369,17 @@ def _build_weather_entry(source: ResolvedDeclaration) -> LibraryEntry[Declaratio
     return LibraryEntry(weather, source, compute_json_digest(data), distributions)
 
 
-def _import_network(road: Road, declared: MapFile, source: ResolvedDeclaration) -> Road:
+def _import_map(
+    road: Road, declared: MapFile, source: ResolvedDeclaration
+) -> tuple[Road, tuple[Surrounding, ...]]:
+    """Import the network of a road and what the map has beside its streets."""
     value_path = ("imported", "file")
+    folder = source.find_document(value_path).path.parent
     try:
-        network = import_map(declared, road, source.find_document(value_path).path.parent)
+        imported = road.model_copy(update={"imported": import_map(declared, road, folder)})
+        return imported, read_surroundings(declared, imported, folder)
     except InputError as error:
         raise DiagnosticsError(source.build_diagnostic(value_path, str(error))) from error
-    return road.model_copy(update={"imported": network})
 
 
 def _add_model_checksums(catalogue: Catalogue, source: ResolvedDeclaration) -> Catalogue:

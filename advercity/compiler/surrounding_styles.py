@@ -1,6 +1,6 @@
 """What grows beside every street of a road with a style: buildings, trees, lamps and poles."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,12 +58,20 @@ STYLES = {
 }
 
 
-def grow_surroundings(road: Road) -> Road:
-    """Add what the style of a road has beside its streets to its surroundings."""
-    if road.style is None:
-        return road
-    style = STYLES[road.style]
-    grown = [*_iterate_bands(road, style), *_iterate_masts(road, style)]
+_GENERATED_AS = {SurroundingKind.HOUSES: SurroundingKind.BUILDINGS}
+"""Kinds that a style may generate instead of one that the map has."""
+
+
+def grow_surroundings(road: Road, mapped: Sequence[Surrounding] = ()) -> Road:
+    """Add what the map of a road has beside its streets, and what its style has of other kinds."""
+    grown = list(mapped)
+    if road.style is not None:
+        style = STYLES[road.style]
+        known = {_GENERATED_AS.get(item.kind, item.kind) for item in mapped}
+        generated = (*_iterate_bands(road, style), *_iterate_masts(road, style))
+        grown += [
+            item for item in generated if _GENERATED_AS.get(item.kind, item.kind) not in known
+        ]
     return road.model_copy(update={"style": None, "surroundings": (*road.surroundings, *grown)})
 
 

@@ -27,7 +27,7 @@ def has_crossings(source: str, root: Element) -> bool:
 def build_discards(
     net: Element, network: SumoNetwork, marked: Sequence[tuple[float, float]]
 ) -> Element | None:
-    """Build netconvert's list of the crossings that no mark is nearest to; None if there are none."""
+    """Build netconvert's list of crossings that no mark is nearest to; None if there are none."""
     guessed = [edge for edge in network.edges if edge.function == "crossing"]
     lines = [shapely.LineString(edge.lanes[0].shape[:, :2]) for edge in guessed]
     _, nearest = shapely.STRtree(lines).query_nearest(

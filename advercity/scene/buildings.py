@@ -21,8 +21,10 @@ from advercity.semantics import Semantic
 FLOOR_M = 3.1
 ROAD_CLEARANCE_M = 1.5
 GARDEN_TREE_M = 5.5
-_TOWN_WALLS = ("plaster", "brick", "brick", "plaster_ochre", "plaster_white", "brick_yellow")
-_HOUSE_WALLS = (
+ROOF_SLOPE = 0.75
+"""Rise over run."""
+TOWN_WALLS = ("plaster", "brick", "brick", "plaster_ochre", "plaster_white", "brick_yellow")
+HOUSE_WALLS = (
     "plaster_white",
     "brick",
     "plaster",
@@ -32,7 +34,7 @@ _HOUSE_WALLS = (
 )
 _TRIMS = ("paint_white", "paint_white", "plaster_grey", "black_plastic")
 _ACCENTS = ("sign_red", "cloth_green", "cloth_blue", "cloth_dark", "cloth_brown", "cloth_yellow")
-_ROOFS = ("roof_tile", "roof_tile", "roof_slate")
+ROOFS = ("roof_tile", "roof_tile", "roof_slate")
 
 
 @dataclass(frozen=True)
@@ -195,7 +197,8 @@ def _place_on_lot(parts: SurfaceMaterials, lot: Lot, site: Site) -> list[MeshPar
     ]
 
 
-def _draw_style(walls: Sequence[str], draw: np.random.Generator) -> FacadeStyle:
+def draw_style(walls: Sequence[str], draw: np.random.Generator) -> FacadeStyle:
+    """Draw the materials and ornaments of a building."""
     return FacadeStyle(
         wall=str(draw.choice(walls)),
         trim=str(draw.choice(_TRIMS)),
@@ -208,7 +211,7 @@ def _draw_style(walls: Sequence[str], draw: np.random.Generator) -> FacadeStyle:
 def _build_town_block(lot: Lot, floors: int, draw: np.random.Generator) -> SurfaceMaterials:
     """Build a block: shops or flats below, equal floors above, a flat or a pitched roof."""
     x, y, top = _inset(lot.width_m), _inset(lot.depth_m), floors * FLOOR_M + 0.4
-    style = _draw_style(_TOWN_WALLS, draw)
+    style = draw_style(TOWN_WALLS, draw)
     bay, window = float(draw.uniform(2.4, 3.4)), (float(draw.uniform(1.0, 1.7)), 1.6)
     has_shops, has_balconies = draw.random() < 0.5, draw.random() < 0.35
 
@@ -232,8 +235,8 @@ def _build_town_block(lot: Lot, floors: int, draw: np.random.Generator) -> Surfa
 
     parts = _build_walls(x, y, list_storeys, style, draw)
     if draw.random() < 0.4:
-        roof = str(draw.choice(_ROOFS))
-        return [*parts, *_build_roof(x, y, top, 0.5, style.wall, roof)]
+        roof = str(draw.choice(ROOFS))
+        return [*parts, *build_pitched_roof(x, y, top, 0.5, style.wall, roof)]
     parapet = box((-x - 0.15, -y - 0.15, top), (x + 0.15, y + 0.15, top + 0.45))
     stairs = box((-1.8, -1.5, top + 0.4), (1.8, 1.5, top + 2.6))
     vents = [
@@ -247,8 +250,8 @@ def _build_house(lot: Lot, eaves: float, draw: np.random.Generator) -> SurfaceMa
     """Build a house with a door in the middle, a pitched roof and a chimney."""
     x, y = _inset(lot.width_m), _inset(lot.depth_m)
     floors = 2 if eaves > 4.4 else 1
-    ridge = eaves + 0.75 * (y + 0.45)
-    style = replace(_draw_style(_HOUSE_WALLS, draw), has_string_courses=False)
+    ridge = eaves + ROOF_SLOPE * (y + 0.45)
+    style = replace(draw_style(HOUSE_WALLS, draw), has_string_courses=False)
     width, bay = float(draw.uniform(1.0, 1.5)), float(draw.uniform(2.6, 3.4))
 
     def list_storeys(width_m: float, *, is_front: bool) -> list[Storey]:
@@ -265,7 +268,7 @@ def _build_house(lot: Lot, eaves: float, draw: np.random.Generator) -> SurfaceMa
     gutter = tube([(x - 0.1, -y - 0.08, 0), (x - 0.1, -y - 0.08, eaves)], 0.05, sides=5)
     return [
         *_build_walls(x, y, list_storeys, style, draw),
-        *_build_roof(x, y, eaves, 0.45, style.wall, str(draw.choice(_ROOFS))),
+        *build_pitched_roof(x, y, eaves, 0.45, style.wall, str(draw.choice(ROOFS))),
         (box((0.4 * x, 0.5, ridge - 1.6), (0.4 * x + 0.7, 1.2, ridge + 0.7)), "brick"),
         (box((-0.75, -y - 0.9, 0), (0.75, -y, 0.05)), "concrete"),
         (gutter, "metal"),
@@ -297,9 +300,10 @@ def _build_walls(
     return parts
 
 
-def _build_roof(
+def build_pitched_roof(
     x: float, y: float, eaves: float, overhang: float, wall: str, roof: str
 ) -> SurfaceMaterials:
+    """Build a roof with gables over walls of half the size (x, y), rising by `ROOF_SLOPE`."""
     return [
         (_build_gable_walls(x, y, eaves, overhang), wall),
         (_build_gable_roof(x, y, eaves, overhang), roof),
@@ -325,7 +329,7 @@ def _build_garden_hedges(lot: Lot, site: Site) -> list[MeshPart]:
 def _build_gable_roof(x: float, y: float, eaves: float, overhang: float) -> TriangleSurface:
     """Build a pitched roof with its ridge along x: a folded slab from gable to gable."""
     span = y + overhang
-    rise, drop, thick = 0.75 * span, 0.75 * overhang, 0.22
+    rise, drop, thick = ROOF_SLOPE * span, ROOF_SLOPE * overhang, 0.22
     fold = [(-span, eaves - drop), (0.0, eaves - drop + rise), (span, eaves - drop)]
     outline = [*fold, *((b, z + thick) for b, z in fold[::-1])]
     ends = [[(end, b, z) for b, z in outline] for end in (-x - overhang, x + overhang)]
@@ -337,5 +341,9 @@ def _build_gable_roof(x: float, y: float, eaves: float, overhang: float) -> Tria
 
 def _build_gable_walls(x: float, y: float, eaves: float, overhang: float) -> TriangleSurface:
     """Build the triangular walls under a pitched roof, as a prism through the building."""
-    gable = [(-y, eaves), (y, eaves), (0.0, eaves + 0.75 * (y + overhang) - 0.75 * overhang)]
+    gable = [
+        (-y, eaves),
+        (y, eaves),
+        (0.0, eaves + ROOF_SLOPE * (y + overhang) - ROOF_SLOPE * overhang),
+    ]
     return loft_rings(np.stack([[(side, *point) for point in gable] for side in (-x, x)]))

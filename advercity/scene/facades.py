@@ -72,13 +72,21 @@ class FacadeStyle:
 def build_facade(
     width_m: float, storeys: Sequence[Storey], style: FacadeStyle, draw: np.random.Generator
 ) -> SurfaceMaterials:
-    """Build a façade of a width, with its middle at x = 0."""
-    parts: SurfaceMaterials = []
-    for storey in storeys:
-        parts += _build_storey(width_m, storey, style, draw)
+    """Build a façade of a width, with its middle at x = 0, and the far wall of its rooms."""
+    parts = build_storeys(width_m, storeys, style, draw)
     top = storeys[-1].bottom_m + storeys[-1].height_m
     rooms = rectangles([(0.0, ROOM_DEPTH_M, top / 2)], (width_m / 2 - 0.3, 0, 0), (0, 0, top / 2))
     return [*parts, (rooms, "plaster")]
+
+
+def build_storeys(
+    width_m: float, storeys: Sequence[Storey], style: FacadeStyle, draw: np.random.Generator
+) -> SurfaceMaterials:
+    """Build the wall of a façade with its openings alone."""
+    parts: SurfaceMaterials = []
+    for storey in storeys:
+        parts += _build_storey(width_m, storey, style, draw)
+    return parts
 
 
 def _build_storey(

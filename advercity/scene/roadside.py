@@ -12,10 +12,13 @@ from advercity.geometry.arrays import Float64Array
 from advercity.geometry.mesh import (
     MeshPart,
     TriangleSurface,
+    build_grid_cells,
+    extract_polygons,
     join_surfaces,
     move_surface,
     repeat_surface,
     shade_smooth,
+    triangulate_polygon,
     xyz,
 )
 from advercity.geometry.primitives import (
@@ -40,6 +43,7 @@ LAMP_SPACING_M = 30.0
 _LAMP_ARM_M = 1.6
 _DRIVEWAY_STEP_M, _KERB_RAMP_M = 1.0, 0.7
 _WALL_PIECE_M, _FENCE_BAY_M, _HEDGE_STEP_M = 8.0, 2.6, 1.6
+_WATER_STEP_M, _WATER_RISE_M = 8.0, 0.08
 _SPIKE_M = 0.3
 """Height of the thin top of a tower: thin, so that it does not block the view of its sensors."""
 
@@ -121,6 +125,18 @@ def _build_pilaster(
     middle = (start + end) / 2
     a, b = middle - half * along, middle + half * along
     return _build_slab(a, b, low - 0.6, low + height - 0.2, WALL_THICKNESS_M + 0.25)
+
+
+def build_water(outline: Sequence[Point2], site: Site) -> list[MeshPart]:
+    """Build still water within an outline: a film over the ground, which has no hollow for it."""
+    area = shapely.difference(shapely.make_valid(shapely.Polygon(outline)), site.reserved_area)
+    cells = shapely.intersection(build_grid_cells(area.bounds, _WATER_STEP_M), area)
+    parts: list[MeshPart] = []
+    for polygon in (part for cell in cells for part in extract_polygons(cell)):
+        corners, triangles = triangulate_polygon(polygon)
+        vertices = site.project_to_ground(corners) + xyz(z=_WATER_RISE_M)
+        parts.append(MeshPart(TriangleSurface(vertices, triangles), "water", Semantic.WATER))
+    return parts
 
 
 def build_bus_stop(at: Point2, site: Site) -> list[MeshPart]:

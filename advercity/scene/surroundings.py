@@ -14,7 +14,7 @@ from advercity.errors import InputError
 from advercity.geometry.arrays import Float64Array
 from advercity.geometry.mesh import Mesh, MeshPart, build_meshes
 from advercity.roads.road_network import RoadNetwork
-from advercity.scene import buildings, roadside, vegetation
+from advercity.scene import buildings, footprints, roadside, vegetation
 from advercity.scene.buildings import Lot, LotPattern
 from advercity.scene.site import (
     GroundHeight,
@@ -32,6 +32,12 @@ SENSOR_CLEARANCE_M = 6.0
 LINE_CLEARANCE_M = 0.2
 """Distance of fences, hedges and walls along a street from paving, so side streets stay open."""
 _BUILDING_KINDS = (SurroundingKind.BUILDINGS, SurroundingKind.HOUSES)
+_OUTLINED_KINDS = (
+    SurroundingKind.BUILDINGS,
+    SurroundingKind.CROPS,
+    SurroundingKind.FIELD,
+    SurroundingKind.WOODS,
+)
 _LINE_BUILDERS: dict[
     SurroundingKind, Callable[[Sequence[Point2], float | None, Site, str], list[MeshPart]]
 ] = {
@@ -71,9 +77,16 @@ def build_surroundings(
     items = [_PlacedSurrounding(network, number, item) for number, item in enumerate(declared)]
     parts: list[MeshPart] = []
     lamps: list[StreetLamp] = []
-    # Buildings take their ground first, so that nothing grows into them.
+    # Buildings take their ground first, those with outlines before others, so that nothing grows
+    # into them.
+    outlined = [item for item in items if item.kind in _BUILDING_KINDS and item.outline]
+    for item in outlined:
+        parts += _build_on_outline(item, site)
+    taken = [item.outline for item in outlined if item.outline]
+    if taken:
+        site, open_ground = site.exclude(taken), open_ground.exclude(taken)
     for item in items:
-        if item.kind in _BUILDING_KINDS:
+        if item.kind in _BUILDING_KINDS and not item.outline:
             built, footprints = _build_buildings(item, site)
             parts += built
             site, open_ground = site.exclude(footprints), open_ground.exclude(footprints)
@@ -117,9 +130,25 @@ class _PlacedSurrounding:
 
     @property
     def bands(self) -> list[StreetSide | Rectangle]:
-        """Bands along the street, and the rectangular area."""
+        """Bands along the street, the rectangular area, and that around the outline."""
         area = self.declaration.area_m
+        if self.outline is not None:
+            west, south, east, north = self.outline.bounds
+            area = (west, south), (east, north)
         return [*self.sides, *([Rectangle.from_corners(area)] if area else [])]
+
+    @property
+    def outline(self) -> shapely.Polygon | None:
+        """The outline that the declaration gives, of kinds that have one."""
+        if self.kind not in _OUTLINED_KINDS or not self.declaration.line_m:
+            return None
+        return shapely.Polygon(self.declaration.line_m)
+
+    def limit_to_outline(self, site: Site) -> Site:
+        """Reserve the ground between an outline and the band around it."""
+        if self.outline is None:
+            return site
+        return site.exclude([shapely.difference(shapely.box(*self.outline.bounds), self.outline)])
 
     @property
     def is_row(self) -> bool:
@@ -176,10 +205,18 @@ def _build_buildings(
     return buildings.build_town_blocks(lots, item.height_m, site, item.random_key)
 
 
+def _build_on_outline(item: _PlacedSurrounding, site: Site) -> list[MeshPart]:
+    declared = item.declaration
+    return footprints.build_on_footprint(
+        declared.line_m, item.height_m, declared.roof, site, item.random_key
+    )
+
+
 def _build_fields(item: _PlacedSurrounding, site: Site) -> Iterator[MeshPart]:
     build = _FIELD_BUILDERS[item.kind]
+    free = item.limit_to_outline(site)
     for band in item.bands:
-        yield from build(vegetation.sample_rows(band), item.height_m, site, item.random_key)
+        yield from build(vegetation.sample_rows(band), item.height_m, free, item.random_key)
 
 
 def _build_objects(item: _PlacedSurrounding, site: Site) -> Iterator[MeshPart]:
@@ -193,8 +230,11 @@ def _build_objects(item: _PlacedSurrounding, site: Site) -> Iterator[MeshPart]:
     elif item.kind is SurroundingKind.TREES:
         yield from _build_trees(item, site)
     elif item.kind is SurroundingKind.WOODS:
+        free = item.limit_to_outline(site)
         for band in item.bands:
-            yield from vegetation.build_woods(band, item.height_m, site, item.random_key)
+            yield from vegetation.build_woods(band, item.height_m, free, item.random_key)
+    elif item.kind is SurroundingKind.WATER:
+        yield from roadside.build_water(item.declaration.line_m, site)
     elif item.kind is SurroundingKind.DRIVEWAY:
         for side in item.sides:
             yield from roadside.build_driveway(side, site)

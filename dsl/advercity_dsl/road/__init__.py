@@ -36,7 +36,13 @@ from advercity_dsl.road.streets import (
     Strip,
     StripKind,
 )
-from advercity_dsl.road.surroundings import RoadsidePlacement, Species, Surrounding, SurroundingKind
+from advercity_dsl.road.surroundings import (
+    RoadsidePlacement,
+    Roof,
+    Species,
+    Surrounding,
+    SurroundingKind,
+)
 
 __all__ = [
     "ArmUnit",
@@ -61,6 +67,7 @@ __all__ = [
     "RoadMark",
     "RoadsidePlacement",
     "RoadsideUnit",
+    "Roof",
     "Sign",
     "SignalHead",
     "Signals",

@@ -33,6 +33,7 @@ class SurroundingKind(StrEnum):
     LAMP = "lamp"
     PLATEAU = "plateau"
     WOODS = "woods"
+    WATER = "water"
     PARKED_CARS = "parked_cars"
     SPEED_SIGN = "speed_sign"
     DRIVEWAY = "driveway"
@@ -88,12 +89,12 @@ MAX_AREA_M2 = 1e6
 MAX_OBJECTS = 50_000
 _BESIDE, _AREA, _LINE, _AT = "beside", "area_m", "line_m", "at_m"
 _ALLOWED_PLACEMENTS = {
-    SurroundingKind.BUILDINGS: (_BESIDE, _AREA),
+    SurroundingKind.BUILDINGS: (_BESIDE, _AREA, _LINE),
     SurroundingKind.HOUSES: (_BESIDE, _AREA),
     SurroundingKind.TREES: (_BESIDE, _AREA, _LINE, _AT),
     SurroundingKind.HEDGE: (_BESIDE, _LINE),
-    SurroundingKind.CROPS: (_BESIDE, _AREA),
-    SurroundingKind.FIELD: (_BESIDE, _AREA),
+    SurroundingKind.CROPS: (_BESIDE, _AREA, _LINE),
+    SurroundingKind.FIELD: (_BESIDE, _AREA, _LINE),
     SurroundingKind.WALL: (_BESIDE, _LINE),
     SurroundingKind.FENCE: (_BESIDE, _LINE),
     SurroundingKind.BUS_STOP: (_AT,),
@@ -101,7 +102,8 @@ _ALLOWED_PLACEMENTS = {
     SurroundingKind.POLE: (_BESIDE, _LINE, _AT),
     SurroundingKind.LAMP: (_BESIDE, _LINE, _AT),
     SurroundingKind.PLATEAU: (_LINE,),
-    SurroundingKind.WOODS: (_BESIDE, _AREA),
+    SurroundingKind.WOODS: (_BESIDE, _AREA, _LINE),
+    SurroundingKind.WATER: (_LINE,),
     SurroundingKind.PARKED_CARS: (_BESIDE,),
     SurroundingKind.SPEED_SIGN: (_BESIDE,),
     SurroundingKind.DRIVEWAY: (_BESIDE,),
@@ -112,11 +114,22 @@ _BAND_KINDS = (
     SurroundingKind.WOODS,
     SurroundingKind.DRIVEWAY,
 )
+_OUTLINED_KINDS = (
+    SurroundingKind.BUILDINGS,
+    SurroundingKind.CROPS,
+    SurroundingKind.FIELD,
+    SurroundingKind.WOODS,
+    SurroundingKind.WATER,
+    SurroundingKind.PLATEAU,
+)
+"""Kinds whose `line_m` is an outline."""
+Roof = Literal["flat", "gabled", "hipped"]
 
 
 class Surrounding(Model):
     """Objects of one kind along a street, in an area, along a line, or at points.
 
+    Of buildings, fields, woods and water the line is an outline; such buildings are one building.
     A plateau is ground raised by `height_m` within its outline `line_m`; it meets the streets that
     climb to it and drops steeply elsewhere. Parked cars occupy the parking strip of their street. A
     speed sign is at `from_m` and faces the traffic on its side. A driveway is a paved band across
@@ -143,6 +156,8 @@ class Surrounding(Model):
     """Spacing of trees, lamps, poles, buildings, or parking spaces."""
     species: Items[Species] = Field(default=(), exclude_if=is_empty)
     """Species of trees; all if none is given."""
+    roof: Roof | None = Field(default=None, exclude_if=is_none)
+    """Roof of a building with an outline; by default that of buildings of its size."""
     limit_km_h: Annotated[KilometresPerHour, Field(ge=1, le=200)] | None = Field(
         default=None, exclude_if=is_none
     )
@@ -160,10 +175,12 @@ class Surrounding(Model):
             raise ValueError(f"{self.kind} {given_text}; give it {options}")
         if self.kind in _BAND_KINDS and self.beside and not isinstance(self.beside.offset_m, tuple):
             raise ValueError(f"{self.kind} along a street need two offsets, as in [2, 60]")
-        if self.kind is SurroundingKind.PLATEAU and (len(self.line_m) < 3 or not self.height_m):
-            raise ValueError(
-                "a plateau has an outline 'line_m' of three points or more, and 'height_m'"
-            )
+        if self.kind in _OUTLINED_KINDS and 0 < len(self.line_m) < 3:
+            raise ValueError(f"an outline of {self.kind} has three points or more in 'line_m'")
+        if self.kind is SurroundingKind.PLATEAU and not self.height_m:
+            raise ValueError("a plateau has a 'height_m'")
+        if self.roof and (self.kind is not SurroundingKind.BUILDINGS or not self.line_m):
+            raise ValueError("only a building with an outline 'line_m' has a 'roof'")
         self._check_area()
         if self.species and self.kind is not SurroundingKind.TREES:
             raise ValueError("only trees have 'species'")
