@@ -151,7 +151,7 @@ MATERIALS: dict[str, Material] = {
     "signal_green": Material((0.012, 0.14, 0.09), 0.30, roughness=0.2),
     "brick_yellow": Material((0.42, 0.31, 0.18), 0.40, texture=Texture.BRICK),
     "plaster_grey": Material((0.42, 0.42, 0.41), 0.50, texture=Texture.PLASTER),
-    "water": Material((0.015, 0.025, 0.025), 0.03, roughness=0.05),
     "plaster_rose": Material((0.52, 0.33, 0.27), 0.55, texture=Texture.PLASTER),
     "roof_slate": Material((0.085, 0.09, 0.10), 0.20, roughness=0.7, texture=Texture.TILES),
+    "water": Material((0.015, 0.025, 0.025), 0.03, roughness=0.05),
 }
