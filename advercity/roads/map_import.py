@@ -76,9 +76,9 @@ def import_map(declared: MapFile, road: Road, folder: Path) -> MapNetwork:
         RunError: `netconvert` does not run.
     """
     found = read_map_file(declared, folder)
+    options = _build_import_options(declared, road, found.root)
     if declared.source == "osm":
         round_roundabouts(found.root)
-    options = _build_import_options(declared, road, found.root)
     converted = _convert(found.root, options, declared)
     if declared.source == "osm" and has_crossings("osm", found.root):
         marked = OsmMap.around(road, found.root).list_points("highway", "crossing")

@@ -113,7 +113,7 @@ def _build_walls(
     """Build façades along a counter-clockwise ring (n, 2); a long side near a street has a door."""
     middles, steps = (corners[:-1] + corners[1:]) / 2, np.diff(corners, axis=0)
     lengths = np.hypot(*steps.T)
-    away_m = shapely.distance(site.street_axes, shapely.points(middles))
+    away_m = np.array(shapely.distance(site.street_axes, shapely.points(middles)))
     front = int(np.argmax(lengths - away_m))
     bay_m, width_m = float(draw.uniform(2.6, 3.6)), float(draw.uniform(1.0, 1.5))
     for index, (middle, step, length) in enumerate(zip(middles, steps, lengths, strict=True)):

@@ -53,7 +53,6 @@ class VehicleTrip:
         speed_factor: Desired speed as a multiple of the limit; None ignores the limit.
         top_speed_m_s: Speed that it never exceeds.
         acceleration_limits_m_s2: Maximum acceleration and braking; None takes its class's.
-        gives_way: Whether it gives way to vehicles that approach a junction.
         waits_s: Time for which it stands at its start.
         speed_zones: Stretches with a speed limit of its own, measured from its start.
     """
@@ -67,7 +66,6 @@ class VehicleTrip:
     speed_factor: float | None
     top_speed_m_s: float
     acceleration_limits_m_s2: tuple[float, float] | None = None
-    gives_way: bool = True
     waits_s: float = 0.0
     speed_zones: tuple[SpeedZone, ...] = ()
 
@@ -218,8 +216,6 @@ def _build_connected_trip(
         top_speed_m_s=_weather_speed_ratio(spec)
         * (place.max_speed_km_h - CRUISE_MARGIN_KM_H)
         / KM_H_PER_M_S,
-        # Lights of maps let opposite arms go together; the ego must not wait for a staged actor.
-        gives_way=not (agent.is_ego and spec.conflicts and spec.road.imported is not None),
         waits_s=place.waits_s,
         speed_zones=list_speed_zones(spec.conflicts) if agent.is_ego else (),
     )

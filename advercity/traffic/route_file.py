@@ -129,7 +129,6 @@ def _add_vehicle_type(root: Element, trip: VehicleTrip, driving: CarFollowing) -
         lcSpeedGain=0,
         lcKeepRight=0,
         lcCooperative=0,
-        **({} if trip.gives_way else {"jmIgnoreFoeProb": 1, "jmIgnoreFoeSpeed": 100}),
     )
 
 
