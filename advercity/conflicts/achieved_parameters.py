@@ -11,9 +11,12 @@ from numpy.typing import NDArray
 
 from advercity.conflicts.ego_motion import TEST_CLOCK_S
 from advercity.conflicts.metrics import ActorTrack
+from advercity.conflicts.trajectories import find_closest_approach
 
 APPROACH_WINDOW_S = 8.0
 """Time before the ego's arrival in which the actor's approach is looked for."""
+DRIFT_WINDOW_S = (-6.0, 4.0)
+"""Times from the passing of both at which an actor does not drift yet, and no more."""
 TOLERANCES = {"_km_h": 0.5, "_s": 0.05, "_m": 0.05}
 """Resolution of a measured value by the unit at the end of its name: of times, half a tick."""
 
@@ -51,6 +54,7 @@ class _Meeting:
     actor: ActorTrack
     ego_at_s: float
     lag_s: float
+    lane: shapely.LineString
     tick_s: float
 
 
@@ -61,6 +65,7 @@ def measure_parameters(
     *,
     ego_at_s: float,
     lag_s: float,
+    lane: shapely.LineString,
     tick_s: float,
 ) -> tuple[AchievedParameter, ...]:
     """Measure those declared parameters that a trace shows.
@@ -71,13 +76,16 @@ def measure_parameters(
         actor: Whole track of the actor.
         ego_at_s: Time from the first kept tick at which the ego is at the conflict point.
         lag_s: How much later the actor would have been there at the speed of its approach.
+        lane: Path of the ego in its lane.
         tick_s: Time between ticks.
     """
-    meeting = _Meeting(ego, actor, ego_at_s, lag_s, tick_s)
+    meeting = _Meeting(ego, actor, ego_at_s, lag_s, lane, tick_s)
+    # How far an actor would have come over the line does not show where both collide before.
+    hidden = ("encroachment_m",) if conflict.resolved_by == "nobody" else ()
     return tuple(
         AchievedParameter(name, conflict.declared[name], round(measure(meeting), 3))
         for name, measure in _MEASURES.items()
-        if name in conflict.declared
+        if name in conflict.declared and name not in hidden
     )
 
 
@@ -103,17 +111,18 @@ def _find_top_speed_km_h(track: ActorTrack, meeting: _Meeting, window_s: float) 
 
 
 def _measure_encroachment(meeting: _Meeting) -> float:
-    """Measure how far the actor's outline is over the middle between it and the ego's path.
+    """Measure how far the actor's outline is over the middle between it and the ego's lane.
 
-    The middle is that between their centres when they pass; an actor that drifts is in its lane
-    by then.
+    The middle is that where both are in their lanes, before and after the actor drifts.
     """
-    ticks = np.intersect1d(meeting.ego.rows["tick"], meeting.actor.rows["tick"])
-    ego, actor = meeting.ego.at_ticks(ticks).centres, meeting.actor.at_ticks(ticks).centres
-    passing = int(np.argmin(np.linalg.norm(ego - actor, axis=1)))
-    driven = shapely.LineString(meeting.ego.centres)
-    apart_m = [driven.distance(shapely.Point(centre)) for centre in actor[: passing + 1]]
-    return apart_m[-1] / 2 + float(meeting.actor.size[1]) / 2 - min(apart_m)
+    passing, _ = find_closest_approach(meeting.ego, meeting.actor)
+    times_s = (meeting.actor.rows["tick"] - passing) * meeting.tick_s
+    apart_m = shapely.distance(meeting.lane, shapely.points(meeting.actor.centres))
+    nearest = np.argmin(np.where(times_s <= 0, apart_m, np.inf))
+    in_lanes_m = np.interp(
+        times_s[nearest], DRIFT_WINDOW_S, np.interp(DRIFT_WINDOW_S, times_s, apart_m)
+    )
+    return float(in_lanes_m / 2 + meeting.actor.size[1] / 2 - apart_m[nearest])
 
 
 _MEASURES: Mapping[str, Callable[[_Meeting], float]] = {

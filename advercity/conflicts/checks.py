@@ -9,6 +9,7 @@ from advercity_dsl.distribution import compute_bounds
 from advercity_dsl.units import KM_H_PER_M_S
 
 from advercity.conflicts.ego_motion import EgoDrive
+from advercity.conflicts.trajectories import QUINTIC_PEAK_ACCELERATION
 
 MIN_SPEED_RANGE_KM_H = 5.0
 SPEED_ROUNDING_KM_H = 0.01
@@ -16,8 +17,6 @@ SPEED_ROUNDING_KM_H = 0.01
 MAX_SPEED_KM_H = {"pedestrian": 12.0, "bicycle": 40.0}
 MAX_LATERAL_M_S2 = {"drifts": 2.4, "overtakes": 1.5}
 """Maximum lateral acceleration of leaving the lane; Euro NCAP's lane changes have up to 1.5."""
-QUINTIC_PEAK_ACCELERATION = 5.7735
-"""Maximum of the second derivative of the quintic from 0 to 1."""
 DRIFT_EXTRA_M = 0.7
 """Estimate of an actor's lateral shift beyond its encroachment, up to the edge of its lane."""
 MAX_PATH_GAP_M = 1.0
@@ -192,13 +191,13 @@ def _check_braking(solution: _Solution) -> Finding | None:
 
 
 def _check_resolver(solution: _Solution) -> Finding | None:
-    resolver = solution.staged.resolved_by
-    if resolver == "actor":
+    if solution.staged.resolved_by in ("actor", "nobody"):
         return None
-    if solution.actor.behaviour != "stops_short":
-        message = f"an actor that {solution.actor.behaviour} resolves the conflict itself"
-        return Finding(("resolved_by",), message, "write {actor: 1}")
-    if resolver == "nobody" or "ego_braking_m_s2" in solution.staged.parameters:
+    if solution.actor.behaviour in ("overtakes", "steers_clear"):
+        message = f"the ego cannot avoid an actor that {solution.actor.behaviour}"
+        return Finding(("resolved_by",), message, "write {actor: 1}, or nobody")
+    brakes = solution.actor.behaviour == "stops_short"
+    if not brakes or "ego_braking_m_s2" in solution.staged.parameters:
         return None
     message = "is missing: the ego brakes where it takes part in resolving the conflict"
     return Finding(("parameters",), f"ego_braking_m_s2 {message}", "add it, in m/s2: {draw: 5}")

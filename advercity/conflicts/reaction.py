@@ -1,10 +1,11 @@
 """How the ego reacts to a staged actor: when it perceives it, how it brakes, when it drives on.
 
 Like the actor, it brakes as late as its deceleration permits on a dry road. It brakes later where
-it sees the actor too late for that, and no harder than the friction permits.
+it sees the actor too late for that, and no harder than the friction permits. It steers aside for an
+actor that drifts into its lane.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import shapely
@@ -13,7 +14,14 @@ from advercity_dsl.traffic import ReactionConditions
 from numpy.typing import NDArray
 
 from advercity.conflicts.metrics import ActorTrack
-from advercity.conflicts.trajectories import CLEARANCE_M, PathCrossing, compute_path_crossing
+from advercity.conflicts.trajectories import (
+    CLEARANCE_M,
+    QUINTIC_PEAK_ACCELERATION,
+    PathCrossing,
+    compute_lateral_offsets,
+    compute_path_crossing,
+    find_closest_approach,
+)
 from advercity.errors import RunError
 from advercity.frames import Trace
 from advercity.geometry.polyline import (
@@ -29,6 +37,14 @@ RESTART_M_S2 = 2.0
 OPAQUE_CLASSES = ("car", "van", "truck")
 """Classes of actors that hide others."""
 STANDSTILL_M_S = 0.05
+PASSING_GAP_M = 0.4
+"""Distance at which the ego passes an actor that drifts into its lane."""
+MIN_SHIFT_M = 0.4
+"""Least distance by which a driver moves aside who sees somebody come over the centre line."""
+STEERING_TIME_S = 2.0
+"""Time that the ego takes to move aside if it has it, and to return to its lane."""
+HOLD_ASIDE_S = 0.8
+"""Time after the passing for which it stays aside."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,12 +52,15 @@ class EgoReaction:
     """What the ego does about a staged actor.
 
     Attributes:
-        speed_commands_m_s: Speed (ticks,) of the ego; NaN leaves it to SUMO's driver.
-        crossing: Where and when it would have met the actor had it not reacted.
+        speed_commands_m_s: Speed (ticks,) of the ego; NaN leaves it to SUMO's driver. Empty for one
+            that steers.
+        crossing: Where and when it would have met an actor that it brakes for.
+        offsets_m: Offsets (ticks,) to the left of its lane; empty for one that brakes.
     """
 
-    speed_commands_m_s: NDArray[np.float64]
-    crossing: PathCrossing
+    speed_commands_m_s: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    crossing: PathCrossing | None = None
+    offsets_m: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
 
 
 def needs_reaction(conflict: StagedConflict) -> bool:
@@ -50,19 +69,62 @@ def needs_reaction(conflict: StagedConflict) -> bool:
 
 
 def plan_reaction(
-    spec: Spec, conflict: StagedConflict, trace: Trace, crossing: PathCrossing
+    spec: Spec, conflict: StagedConflict, trace: Trace, crossing: PathCrossing | None
 ) -> EgoReaction:
-    """Plan how the ego brakes for the actor of a conflict.
+    """Plan how the ego brakes or steers for the actor of a conflict.
 
     Args:
         spec: The scenario.
         conflict: A conflict that the ego takes part in resolving.
         trace: All ticks of a dry run in which the ego does not react to this actor.
-        crossing: Where and when they meet in it.
+        crossing: Where and when their paths cross in it; None if they run side by side.
 
     Raises:
-        RunError: The ego's path does not cross the actor's.
+        RunError: The ego's path does not cross that of an actor that it is to brake for.
     """
+    if spec.reaction is None:
+        raise RunError(f"{spec.id}: lacks what the ego reacts with (`reaction`)")
+    if conflict.actors[0].behaviour == "drifts":
+        return _plan_steering(spec, conflict, trace, spec.reaction)
+    return _plan_braking(spec, conflict, trace, spec.reaction, crossing)
+
+
+def _plan_steering(
+    spec: Spec, conflict: StagedConflict, trace: Trace, conditions: ReactionConditions
+) -> EgoReaction:
+    """Plan how far the ego moves to the right, and when, for an actor over the centre line."""
+    ego = ActorTrack.from_trace(trace, spec.ego.number)
+    actor = ActorTrack.from_trace(trace, conflict.actors[0].number)
+    passing, _ = find_closest_approach(ego, actor)
+    passing_s = passing * trace.tick_s
+    driven = shapely.LineString(ego.centres)
+    coming = actor.rows["tick"] <= passing
+    apart_m = np.asarray(shapely.distance(driven, shapely.points(actor.centres[coming])))
+    is_over = apart_m < apart_m.min() + conflict.parameters["encroachment_m"]
+    over_s = float(actor.rows["tick"][np.argmax(is_over)]) * trace.tick_s
+    seen_s = find_perception_s(trace, ego, actor, conditions, until_s=passing_s)
+    shift_m = PASSING_GAP_M + (ego.size[1] + actor.size[1]) / 2 - apart_m.min()
+    begin_s = max(over_s, seen_s) + REACTION_TIME_S
+    shortest_s = np.sqrt(QUINTIC_PEAK_ACCELERATION * shift_m / (conditions.friction * GRAVITY_M_S2))
+    steers_s = float(np.clip(passing_s - HOLD_ASIDE_S / 2 - begin_s, shortest_s, STEERING_TIME_S))
+    offsets = compute_lateral_offsets(
+        trace.tick_s * np.arange(len(trace)),
+        shift_m=-max(shift_m, MIN_SHIFT_M),
+        out_s=steers_s,
+        hold_s=max(passing_s + HOLD_ASIDE_S - begin_s - steers_s, 0.0),
+        return_s=STEERING_TIME_S,
+        end_s=max(passing_s + HOLD_ASIDE_S, begin_s + steers_s) + STEERING_TIME_S,
+    )
+    return EgoReaction(offsets_m=offsets)
+
+
+def _plan_braking(
+    spec: Spec,
+    conflict: StagedConflict,
+    trace: Trace,
+    conditions: ReactionConditions,
+    crossing: PathCrossing | None,
+) -> EgoReaction:
     ego = ActorTrack.from_trace(trace, spec.ego.number)
     actor = ActorTrack.from_trace(trace, conflict.actors[0].number)
     path = StationedPolyline.from_points(drop_repeated_points(ego.centres))
@@ -70,14 +132,14 @@ def plan_reaction(
     meeting = compute_path_crossing(
         path, (length_m, width_m, 0.0), actor, conflict.point_m, trace.tick_s
     )
-    if meeting is None or spec.reaction is None:
+    if meeting is None or crossing is None:
         raise RunError(f"{conflict.id} ({conflict.conflict}): the ego does not cross the actor")
-    perceived_s = find_perception_s(trace, ego, actor, spec.reaction, until_s=crossing.ego_s)
+    perceived_s = find_perception_s(trace, ego, actor, conditions, until_s=crossing.ego_s)
     speeds = compute_braking_speeds(
         ego,
         stop_m=meeting.stop_m,
         braking_m_s2=conflict.parameters["ego_braking_m_s2"],
-        hardest_m_s2=spec.reaction.friction * GRAVITY_M_S2,
+        hardest_m_s2=conditions.friction * GRAVITY_M_S2,
         earliest_s=perceived_s + REACTION_TIME_S,
         tick_s=trace.tick_s,
     )
@@ -88,7 +150,7 @@ def plan_reaction(
         first_s = np.argmin(np.isnan(speeds)) * trace.tick_s
         go_s = _find_halt_s(actor, first_s, crossing.clear_s, trace.tick_s)
     speeds[round(go_s / trace.tick_s) :] = np.nan
-    return EgoReaction(speeds, crossing)
+    return EgoReaction(speed_commands_m_s=speeds, crossing=crossing)
 
 
 def find_perception_s(

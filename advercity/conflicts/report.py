@@ -37,6 +37,7 @@ from advercity.conflicts.trajectories import find_crossing
 from advercity.errors import RunError
 from advercity.frames import Trace
 from advercity.geometry.polyline import StationedPolyline, drop_repeated_points
+from advercity.roads.routes import RoutePlanner, build_ego_path
 
 ADJACENT_LANE_GAP_M = 6.0
 """An actor that passes a point within this distance passes it in an adjacent lane."""
@@ -115,14 +116,15 @@ def _evaluate_outcome(
     tick_s: float,
 ) -> ConflictOutcome:
     point = _find_meeting_point(conflict, ego, actor)
-    resolution = measure_resolution(conflict, encounter, ego, actor, tick_s)
+    lane = _build_ego_lane(spec)
+    resolution = measure_resolution(conflict, encounter, ego, actor, lane, tick_s)
     ego_at_s = _find_ego_arrival_s(spec, conflict, encounter, ego, point, tick_s)
     row = _find_arrival_row(conflict, ego, actor, point)
     last = _find_steady_row(actor, ego_at_s, tick_s)
     lag_s = _extrapolate_arrival_s(actor, last, row, point, tick_s) - ego_at_s
     missed = tuple(_find_deviations(conflict, encounter, resolution, lag_s))
     parameters = measure_parameters(
-        conflict, ego, actor, ego_at_s=ego_at_s, lag_s=lag_s, tick_s=tick_s
+        conflict, ego, actor, ego_at_s=ego_at_s, lag_s=lag_s, lane=lane, tick_s=tick_s
     )
     return ConflictOutcome(
         id=conflict.id,
@@ -137,6 +139,11 @@ def _evaluate_outcome(
     )
 
 
+def _build_ego_lane(spec: Spec) -> shapely.LineString:
+    path, _, _ = build_ego_path(RoutePlanner(spec.road), spec.road.ego)
+    return path.line.line
+
+
 def _find_deviations(
     conflict: StagedConflict, encounter: Encounter, resolution: Resolution, lag_s: float
 ) -> Iterator[str]:
@@ -144,8 +151,8 @@ def _find_deviations(
     collides = conflict.resolved_by == "nobody"
     if (resolution.impact is not None) != collides:
         yield "they do not touch" if collides else "they touch"
-    if needs_reaction(conflict) and resolution.ego_braking_m_s2 < EVASIVE_BRAKING_M_S2:
-        yield f"the ego brakes with {resolution.ego_braking_m_s2:.1f} m/s2 at most"
+    if needs_reaction(conflict) and not resolution.ego_evades:
+        yield f"the ego neither steers nor brakes with {EVASIVE_BRAKING_M_S2:g} m/s2"
     if abs(lag_s - offset_s) > outcome.arrival_tolerance_s:
         yield f"the actor comes {lag_s:.2f} s after the ego instead of {offset_s:.2f} s"
     collision = {
@@ -431,7 +438,7 @@ def format_markdown_table(reports: Sequence[TrafficReport]) -> str:
     return "".join("| " + " | ".join(map(str, line)) + " |\n" for line in lines)
 
 
-RESOLUTION_HEADS = ("ego m/s2", "actor m/s2", "impact km/h")
+RESOLUTION_HEADS = ("ego m/s2", "ego aside m", "actor m/s2", "impact km/h")
 METRIC_HEADS = ("path TTC s", "velocity TTC s", "distance m", "gap s")
 PARAMETER_HEADS = {
     "ego_speed_km_h": "ego km/h",
@@ -475,6 +482,11 @@ def _build_conflict_cells(staged: ConflictOutcome | None) -> dict[str, object]:
 
 
 def _build_resolution_cells(resolution: Resolution) -> dict[str, object]:
-    braking = resolution.ego_braking_m_s2, resolution.actor_braking_m_s2
-    cells = *(f"{max(value, 0):.1f}" for value in braking), str(resolution.impact or "")
+    aside_m = resolution.ego_aside_m
+    cells = (
+        f"{max(resolution.ego_braking_m_s2, 0):.1f}",
+        "" if aside_m is None else f"{aside_m:.2f}",
+        f"{max(resolution.actor_braking_m_s2, 0):.1f}",
+        str(resolution.impact or ""),
+    )
     return dict(zip(RESOLUTION_HEADS, cells, strict=True))

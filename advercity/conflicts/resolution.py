@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import shapely
 from advercity_dsl.conflict import Resolver, StagedConflict
 from advercity_dsl.units import KM_H_PER_M_S
 from numpy.typing import NDArray
@@ -15,6 +16,8 @@ BRAKING_WINDOW_S = (3.0, 2.0)
 EVASIVE_BRAKING_M_S2 = 2.5
 """Deceleration from which on braking is evasive: for bends and lights drivers take 2 m/s²."""
 
+EVASIVE_SHIFT_M = 0.3
+"""Distance from which on moving aside is evasive."""
 ONSET_S = 0.4
 """Time within which a driver goes from acceleration to braking."""
 
@@ -49,13 +52,21 @@ class Resolution:
         resolved_by: Who was to resolve it.
         ego_braking_m_s2: Maximum deceleration of the ego near the lowest time to collision.
         actor_braking_m_s2: The same of the actor.
+        ego_aside_m: How far the ego moved aside for an actor that drifts; None for others.
         impact: The collision, if the outlines touch.
     """
 
     resolved_by: Resolver
     ego_braking_m_s2: float
     actor_braking_m_s2: float
+    ego_aside_m: float | None
     impact: Impact | None
+
+    @property
+    def ego_evades(self) -> bool:
+        """Whether the ego brakes or steers out of the way."""
+        brakes = self.ego_braking_m_s2 >= EVASIVE_BRAKING_M_S2
+        return brakes or (self.ego_aside_m or 0.0) >= EVASIVE_SHIFT_M
 
 
 def measure_resolution(
@@ -63,15 +74,28 @@ def measure_resolution(
     encounter: Encounter,
     ego: ActorTrack,
     actor: ActorTrack,
+    lane: shapely.LineString,
     tick_s: float,
 ) -> Resolution:
-    """Measure how the encounter of two whole tracks was resolved."""
+    """Measure how the encounter of two whole tracks was resolved; `lane` is the ego's path."""
     ego_braking, actor_braking = (
         _round(-track.rows["acceleration"][_list_braking_rows(encounter, track, tick_s)].min())
         for track in (ego, actor)
     )
+    aside_m = None
+    if conflict.actors and conflict.actors[0].behaviour == "drifts":
+        aside_m = _measure_shift_m(lane, encounter, ego, tick_s)
     impact = _find_impact(encounter, ego, actor)
-    return Resolution(conflict.resolved_by, ego_braking, actor_braking, impact)
+    return Resolution(conflict.resolved_by, ego_braking, actor_braking, aside_m, impact)
+
+
+def _measure_shift_m(
+    lane: shapely.LineString, encounter: Encounter, ego: ActorTrack, tick_s: float
+) -> float:
+    """Measure how far the ego moves from where it is in its lane before it meets an actor."""
+    rows = _list_braking_rows(encounter, ego, tick_s)
+    offsets_m = np.asarray(shapely.distance(lane, shapely.points(ego.centres[rows])))
+    return _round(offsets_m.max() - offsets_m[0])
 
 
 def find_undisturbed_row(encounter: Encounter, ego: ActorTrack, tick_s: float) -> int | None:

@@ -19,6 +19,7 @@ from advercity.conflicts.trajectories import (
     compute_stop_stations,
     find_closest_approach,
     find_evasion,
+    go_straight_on,
     shift_laterally,
 )
 from advercity.frames import Trace
@@ -151,6 +152,8 @@ class _Scheduler:
 
     def _schedule_evasion(self, conflict: StagedConflict, actor: StagedActor) -> ActorSchedule:
         tick_s, path = self.tick_s, self._get_path(actor)
+        if conflict.resolved_by == "nobody":
+            path = go_straight_on(path)
         ego_s, distance_m = find_evasion(path, self.ego, conflict.point_m, tick_s)
         start_m = distance_m - actor.speed_m_s * (ego_s + conflict.parameters["arrival_offset_s"])
         stations = start_m + actor.speed_m_s * tick_s * np.arange(self.tick_count)
@@ -169,15 +172,22 @@ class _Scheduler:
         at = np.array([tick])
         closing = float((self.ego.at_ticks(at).rows["speed"] + other.at_ticks(at).rows["speed"])[0])
         track = self.dry_run.fronts[actor.number]
+        passing_s = (self.ego.size[0] + other.size[0]) / 2 / closing
+        end_s, hold_s = (
+            tick * tick_s - passing_s - DRIFT_RETURN_MARGIN_S,
+            self._compute_hold_s(conflict),
+        )
+        if conflict.resolved_by in ("ego", "nobody"):
+            # One that does not see the ego is back in its lane as long after it as else before it.
+            stays_s = 2 * (passing_s + DRIFT_RETURN_MARGIN_S) + parameters["return_time_s"]
+            end_s, hold_s = end_s + stays_s, hold_s + stays_s
         offsets = compute_lateral_offsets(
             track["tick"] * tick_s,
             shift_m=parameters["encroachment_m"] + apart_m / 2 - other.size[1] / 2,
             out_s=parameters["drift_time_s"],
-            hold_s=self._compute_hold_s(conflict),
+            hold_s=hold_s,
             return_s=parameters["return_time_s"],
-            end_s=tick * tick_s
-            - (self.ego.size[0] + other.size[0]) / 2 / closing
-            - DRIFT_RETURN_MARGIN_S,
+            end_s=end_s,
         )
         return ActorSchedule(
             speed_commands_m_s=_build_speed_commands(actor, wait_s, tick * tick_s, tick_s),

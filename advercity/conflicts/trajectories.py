@@ -97,6 +97,10 @@ def compute_lateral_offsets(
     return shift_m * (out - back)
 
 
+QUINTIC_PEAK_ACCELERATION = 5.7735
+"""Maximum of the second derivative of the quintic from 0 to 1."""
+
+
 def _quintic_step(fraction: NDArray[np.float64]) -> NDArray[np.float64]:
     u = np.clip(fraction, 0.0, 1.0)
     return u**3 * (10 - 15 * u + 6 * u**2)
@@ -262,6 +266,17 @@ def compute_stop_stations(
         if tick >= 0:
             stations.append(station)
     return np.array(stations), go_s
+
+
+STRAIGHT_ON_M = 60.0
+"""Length of the path of an actor that does not leave the ego's."""
+
+
+def go_straight_on(path: StationedPolyline) -> StationedPolyline:
+    """Return the first leg of a path, made longer."""
+    start, turn = path.points[:2]
+    ahead = (turn - start) / np.linalg.norm(turn - start)
+    return StationedPolyline.from_points(np.array([start, turn + STRAIGHT_ON_M * ahead]))
 
 
 def find_evasion(

@@ -22,7 +22,7 @@ from advercity.conflicts.clearance import (
 from advercity.conflicts.reaction import EgoReaction, needs_reaction, plan_reaction
 from advercity.conflicts.report import evaluate_outcomes
 from advercity.conflicts.schedule import ActorSchedule, DryRun, schedule_actors
-from advercity.conflicts.trajectories import build_lane_path
+from advercity.conflicts.trajectories import build_lane_path, shift_laterally
 from advercity.errors import RunError
 from advercity.frames import Trace
 from advercity.geometry.polyline import StationedPolyline
@@ -94,7 +94,11 @@ class _DryRuns:
                 trip.actor.id: _build_trip_path(trip, self._graph) for trip in demand.staged
             },
         )
-        crossings = {name: reaction.crossing for name, reaction in self._reactions.items()}
+        crossings = {
+            name: reaction.crossing
+            for name, reaction in self._reactions.items()
+            if reaction.crossing is not None
+        }
         self._schedules = schedule_actors(spec, dry_run, previous, crossings)
         trace = dry_run.trace
         if self._redraw_ego_blockers(demand, trace) or self._reschedule(previous, demand, trace):
@@ -141,7 +145,7 @@ class _DryRuns:
             for number, schedule in self._schedules.items()
             if schedule.track is not None
         }
-        recording = recording.with_tracks(tracks)
+        recording = self._steer_ego(recording.with_tracks(tracks))
         trace = build_trace(spec, demand, recording, first_tick=spec.timing.warm_up_ticks + 1)
         contact = find_first_contact(spec, trace)
         if contact is not None:
@@ -174,13 +178,25 @@ class _DryRuns:
             if needs_reaction(conflict) and conflict.id not in self._reactions
         )
         conflict = next(waiting, None)
-        crossing = conflict and self._schedules[conflict.actors[0].number].crossing
-        if conflict is None or crossing is None:
+        if conflict is None:
             return False
+        crossing = self._schedules[conflict.actors[0].number].crossing
         trace = build_trace(self._spec, demand, recording, first_tick=0)
         self._reactions[conflict.id] = plan_reaction(self._spec, conflict, trace, crossing)
         self._history.clear()
         return True
+
+    def _steer_ego(self, recording: SumoRecording) -> SumoRecording:
+        """Move the ego aside where its reactions say so."""
+        ego, tick_s = self._spec.ego, self._spec.timing.tick_s
+        for reaction in self._reactions.values():
+            if len(reaction.offsets_m) > 0:
+                track = recording.tracks[ego.number]
+                offsets = reaction.offsets_m[track["tick"]]
+                length_m = self._spec.blueprints[ego.blueprint or ""].length_m
+                steered = shift_laterally(track, offsets, length_m, tick_s)
+                recording = recording.with_tracks({ego.number: steered})
+        return recording
 
     def _redraw(self, numbers: set[int]) -> None:
         # What the ego reacted to may come at another time now.
@@ -272,7 +288,8 @@ def record_traffic(
         for number, schedule in schedules.items()
         if schedule.speed_commands_m_s is not None
     }
-    braking = [reaction.speed_commands_m_s for reaction in reactions]
+    commands = (reaction.speed_commands_m_s for reaction in reactions)
+    braking = [speeds for speeds in commands if len(speeds) > 0]
     if braking:
         speed_commands[spec.ego.number] = _join_commands(braking)
     with tempfile.TemporaryDirectory() as folder:

@@ -224,6 +224,13 @@ class Conflict(Declaration):
     outcome: OutcomeCriteria
     """Criteria of success."""
 
+    @model_validator(mode="after")
+    def _check_subject(self) -> Self:
+        if self.actor.violates is not None and self.ego.part == "subject":
+            message = "the critical action is the actor's, which runs the light (`actor.violates`)"
+            raise InvalidCombination(("ego", "part"), message, "write other")
+        return self
+
 
 class StagedActor(Model):
     """An actor that takes part in a conflict with the ego.

@@ -8,6 +8,7 @@ from unittest.mock import Mock
 import av
 import numpy as np
 import pytest
+import shapely
 from advercity_dsl import Spec
 from advercity_dsl.conflict import OutcomeCriteria, StagedActor, StagedConflict
 
@@ -90,7 +91,9 @@ def crossing(offset_s: float, *, below_s: float = 3.0) -> tuple[StagedConflict, 
         time_to_collision_below_s=below_s,
         post_encroachment_s=(0.2, 2.0),
     )
-    actor = StagedActor.model_construct(id="conflict_1_walker", number=OTHER)
+    actor = StagedActor.model_construct(
+        id="conflict_1_walker", number=OTHER, behaviour="stops_short"
+    )
     staged = StagedConflict.model_construct(
         id="conflict_1",
         conflict="ped_nearside_crossing",
@@ -179,6 +182,7 @@ def test_an_encroachment_is_how_far_the_body_is_over_the_middle_between_both_pat
         ActorTrack(OTHER, size, actor),
         ego_at_s=2.0,
         lag_s=0.0,
+        lane=shapely.LineString([(-50, 0), (50, 0)]),
         tick_s=0.1,
     )
 
