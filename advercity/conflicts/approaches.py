@@ -299,7 +299,14 @@ def place_in_lane(case: ConflictCase) -> ActorPlacement:
         raise UnsolvableError(f"'{movement.from_street}' is too short for the actor to start in")
     approach_m = path.find_nearest_station(case.drive.path.point_at(station)) - (line_m - start_m)
     lane = movement.from_lane
-    place = ActorPlacement(station, approach_m, route=route, lane=lane, start_m=start_m)
+    place = ActorPlacement(
+        station,
+        approach_m,
+        route=route,
+        lane=lane,
+        start_m=start_m,
+        approach_street=movement.from_street,
+    )
     # What the junction leaves no room for is done before it: the actor starts farther back.
     room_m = line_m - start_m - _find_last_free_station(case, path, line_m)
     back_m = min(max(compute_needed_approach_m(case) - approach_m, 0.0), room_m)
@@ -385,7 +392,7 @@ def place_along_edge(case: ConflictCase) -> ActorPlacement:
     path = RoutePath(points, ())
     station = _find_meeting_station(case.drive, path)
     approach_m = path.find_nearest_station(case.drive.path.point_at(station))
-    return ActorPlacement(station, approach_m, path=points)
+    return ActorPlacement(station, approach_m, path=points, approach_street=movement.from_street)
 
 
 def _find_ego_intersection(drive: EgoDrive) -> tuple[str, RouteSegment, RouteSegment]:

@@ -191,6 +191,7 @@ class ActorPlacement:
         route: Streets of a route in lanes, or empty.
         lane: Lane of its first street.
         start_m: Distance of its centre from the end of that street.
+        approach_street: Street from which it enters the ego's junction, or None.
     """
 
     station_m: float
@@ -199,3 +200,4 @@ class ActorPlacement:
     route: tuple[str, ...] = ()
     lane: int = 1
     start_m: float = 0.0
+    approach_street: str | None = None

@@ -1,6 +1,7 @@
 """Solve a conflict at a road: place its participants, with numbers in place of distributions."""
 
 from collections.abc import Iterable, Mapping
+from typing import Literal
 
 import numpy as np
 import shapely
@@ -212,7 +213,7 @@ def _build_staged_conflict(
         stages=conflict.stages,
         ego=conflict.ego.part,
         manoeuvre=conflict.ego.manoeuvre,
-        violates=conflict.actor.violates,
+        violates=_find_violation(case, place),
         actors=(build_staged_actor(case, place, speed), *others),
         point_m=round_point(drive.path.point_at(place.station_m)),
         station_m=round(place.station_m - drive.start_m, 3),
@@ -223,6 +224,16 @@ def _build_staged_conflict(
         mode="open_loop",
         outcome=conflict.outcome,
     )
+
+
+def _find_violation(case: ConflictCase, place: ActorPlacement) -> Literal["signal"] | None:
+    """Find what control the actor violates: no light where both parties have green together."""
+    violates, intersection = case.conflict.actor.violates, case.drive.intersection
+    if intersection is None or place.approach_street is None:
+        return violates
+    junction, before, _ = intersection
+    streets = {before.street.id, place.approach_street}
+    return None if case.drive.planner.have_green_together(junction, streets) else violates
 
 
 def _collect_bounds(parameters: ConflictParameters) -> dict[str, tuple[float, float]]:

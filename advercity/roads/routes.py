@@ -3,7 +3,7 @@
 The compiler works on them, before there is a SUMO network.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -191,6 +191,12 @@ class RoutePlanner:
         junction = self.find_junction(first, second)
         signals = self.road.junctions[junction].signals if junction else None
         return find_declared_green_s(signals, first, from_s) if signals else None
+
+    def have_green_together(self, junction: str, streets: Collection[str]) -> bool:
+        """Return whether a declared junction's lights let streets go at the same time."""
+        declared = self.road.junctions.get(junction)
+        signals = declared.signals if declared else None
+        return signals is not None and any({*streets} <= {*phase} for phase in signals.phases)
 
     def find_junction(self, first: str, second: str) -> str | None:
         """Find the junction with a movement from a street into another; None without one."""

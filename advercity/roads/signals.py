@@ -1,8 +1,8 @@
 """Traffic lights and signs, and the fixed signal programs of declared junctions.
 
-A program gives green to one approach at a time. A crossing is green together with the approach
-that turns right into the crossed street: left turns then never meet pedestrians, and right turns
-give way to them.
+A program gives green to one approach at a time, or to several together. A crossing is green with
+the approach that turns right into the crossed street. Turns give way to pedestrians, and left turns
+also to oncoming traffic that has green together with them.
 """
 
 from dataclasses import dataclass
@@ -20,9 +20,9 @@ def build_signal_phases(junction: JunctionLayout, declared: Signals) -> list[tup
     A state has a letter per link: the movements in order, then the crossings.
     """
     phases: list[tuple[float, str]] = []
-    for approach in declared.cycle:
-        phases.append((declared.green_s, _green_state(junction, approach)))
-        phases.append((declared.yellow_s, _yellow_state(junction, approach)))
+    for approaches in declared.phases:
+        phases.append((declared.green_s, _green_state(junction, approaches)))
+        phases.append((declared.yellow_s, _yellow_state(junction, approaches)))
         if declared.all_red_s > 0:
             links = len(junction.connecting_paths) + len(junction.crossings)
             phases.append((declared.all_red_s, "r" * links))
@@ -33,33 +33,41 @@ def find_declared_green_s(signals: Signals, street: str, from_s: float) -> float
     """Compute the first time from `from_s` on at which a declared approach has green."""
     slot = signals.green_s + signals.yellow_s + signals.all_red_s
     period = slot * len(signals.cycle)
-    if street not in signals.cycle:
+    number = next((at for at, phase in enumerate(signals.phases) if street in phase), None)
+    if number is None:
         return from_s
-    begins = signals.cycle.index(street) * slot - signals.elapsed_s
+    begins = number * slot - signals.elapsed_s
     while begins + signals.green_s <= from_s:
         begins += period
     return max(begins, from_s)
 
 
-def _green_state(junction: JunctionLayout, approach: str) -> str:
-    # `g` gives way to pedestrians and `G` does not; pedestrians always have `G`.
+LEFT_TURN_RAD = 0.6
+"""A movement that turns left by more crosses oncoming traffic."""
+
+
+def _green_state(junction: JunctionLayout, approaches: tuple[str, ...]) -> str:
+    # `g` gives way to pedestrians and other vehicles, `G` does not; pedestrians always have `G`.
     walking = [
         crossing.street
         for crossing in junction.crossings
-        if _concurrent_approach(junction, crossing.street) == approach
+        if _concurrent_approach(junction, crossing.street) in approaches
     ]
     state = ""
-    for path in junction.connecting_paths:
-        if path.movement.from_street != approach:
+    for movement in (path.movement for path in junction.connecting_paths):
+        turn_rad = junction.turn_angle(movement.from_street, movement.to_street)
+        is_permissive = len(approaches) > 1 and turn_rad > LEFT_TURN_RAD
+        if movement.from_street not in approaches:
             state += "r"
         else:
-            state += "g" if path.movement.to_street in walking else "G"
+            state += "g" if is_permissive or movement.to_street in walking else "G"
     return state + "".join("G" if item.street in walking else "r" for item in junction.crossings)
 
 
-def _yellow_state(junction: JunctionLayout, approach: str) -> str:
+def _yellow_state(junction: JunctionLayout, approaches: tuple[str, ...]) -> str:
     cars = "".join(
-        "y" if path.movement.from_street == approach else "r" for path in junction.connecting_paths
+        "y" if path.movement.from_street in approaches else "r"
+        for path in junction.connecting_paths
     )
     return cars + "r" * len(junction.crossings)
 

@@ -120,6 +120,8 @@ class _SumoRun:
         }
         self._actors = ActorLog()
         self._signals = SignalLog(network)
+        self._staged = [str(trip.actor.id) for trip in demand.staged]
+        self._followers = set[str]()
 
     def run(self) -> SumoRecording:
         for tick in range(self._spec.timing.max_ticks + 1):
@@ -135,6 +137,7 @@ class _SumoRun:
             self._actors.record_pedestrians(tick, libsumo.person.getIDList())
             self._signals.record()
             self._apply_speed_limits(vehicles, speeds)
+            self._ignore_followers(vehicles)
         return SumoRecording(
             tracks=self._actors.build_fronts(self._spec.timing.tick_s),
             signal_ids=self._signals.ids,
@@ -174,10 +177,23 @@ class _SumoRun:
     def _ignore_junction_foes(self) -> None:
         """Have connected and staged vehicles not give way to each other inside junctions."""
         connected = [str(trip.actor.id) for trip in self._demand.connected]
-        staged = [str(trip.actor.id) for trip in self._demand.staged]
-        for names, others in ((connected, staged), (staged, connected)):
+        for names, others in ((connected, self._staged), (self._staged, connected)):
             for name in names:
                 libsumo.vehicle.setParameter(name, "junctionModel.ignoreIDs", " ".join(others))
+
+    def _ignore_followers(self, vehicles: Container[str]) -> None:
+        """Have the ego not wait for vehicles behind a staged one, in front of which it turns."""
+        behind: set[str] = set()
+        for name in self._staged:
+            if name in vehicles:
+                # In the order of their positions, from the start of the lane on.
+                lane = libsumo.lane.getLastStepVehicleIDs(libsumo.vehicle.getLaneID(name))
+                behind.update(lane[: lane.index(name)] if name in lane else ())
+        if not behind <= self._followers:
+            self._followers |= behind
+            names = " ".join((*self._staged, *sorted(self._followers)))
+            ego = str(self._spec.ego.number)
+            libsumo.vehicle.setParameter(ego, "junctionModel.ignoreIDs", names)
 
     def _check_start(self, vehicles: Container[str]) -> None:
         for trip in (*self._demand.connected, *self._demand.staged):

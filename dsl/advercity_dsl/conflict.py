@@ -185,7 +185,7 @@ class ActorRole(Model):
     behaviour: Behaviour = "stops_short"
     """What it does at the conflict point."""
     violates: Literal["signal"] | None = None
-    """Traffic control that it violates."""
+    """Traffic control that it violates, unless it has green together with the ego."""
 
 
 class PlaceRequirements(Model):

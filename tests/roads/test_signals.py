@@ -50,16 +50,18 @@ def test_a_light_is_for_all_movements_of_its_approach(
             approach: approaches.count(approach) for approach in links
         }
         (shown,) = networks[name].getTLS(junction).getPrograms().values()
-        phases = shown.getPhases()
+        phases, together = shown.getPhases(), program.get("together", 1)
         assert -float(shown.getOffset()) == program["elapsed_s"]
         durations = [program[key] for key in ("green_s", "yellow_s", "all_red_s")]
-        assert [phase.duration for phase in phases] == durations * len(links)
+        assert [phase.duration for phase in phases] == durations * (len(links) // together)
         cars = [index for found in links.values() for index in found]
         for green, yellow, red in zip(phases[::3], phases[1::3], phases[2::3], strict=True):
-            (approach,) = (a for a, i in links.items() if green.state[i[0]] in "Gg")
-            others = [index for index in cars if index not in links[approach]]
-            assert {green.state[index] for index in links[approach]} <= {"G", "g"}
-            assert {yellow.state[index] for index in links[approach]} == {"y"}
+            approaches = [a for a, i in links.items() if green.state[i[0]] in "Gg"]
+            own = [index for approach in approaches for index in links[approach]]
+            others = [index for index in cars if index not in own]
+            assert len(approaches) == together
+            assert {green.state[index] for index in own} <= {"G", "g"}
+            assert {yellow.state[index] for index in own} == {"y"}
             assert {phase.state[index] for phase in (green, yellow) for index in others} == {"r"}
             assert {red.state[index] for index in cars} == {"r"}
 
@@ -102,7 +104,21 @@ def test_crossings_are_green_only_with_the_approach_that_turns_right_into_them(
             text.split(".")[0] for text, light in zip(movements, cars, strict=True) if light in "Gg"
         }
         for street, light in zip(crossings, phase.state[len(movements) :], strict=True):
-            assert (light == "G") == (green == {right_turn_into[street]})
+            assert (light == "G") == (right_turn_into[street] in green)
+
+
+def test_left_turns_give_way_to_oncoming_traffic_that_has_green_together(
+    networks: dict[str, Any], roads: dict[str, Road]
+) -> None:
+    (program,) = networks["ri"].getTLS("j_main").getPrograms().values()
+    movements = roads["ri"].junctions["j_main"].movements
+    left, straight = (
+        movements.index(f"south_road.1 > {street}.1") for street in ("west_road", "north_road")
+    )
+
+    greens = [phase.state for phase in program.getPhases() if phase.state[left] in "Gg"]
+
+    assert [(state[left], state[straight]) for state in greens] == [("g", "G")]
 
 
 def states(network: Any, light: str) -> Any:

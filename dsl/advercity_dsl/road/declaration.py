@@ -232,7 +232,9 @@ def _iterate_street_references(junction: Junction) -> Iterator[tuple[tuple[str, 
     yield from ((("signs",), item.street) for item in junction.signs)
     yield from ((("median",), street) for street in junction.median or ())
     if junction.signals:
-        yield from ((("signals", "cycle"), street) for street in junction.signals.cycle)
+        yield from (
+            (("signals", "cycle"), street) for phase in junction.signals.phases for street in phase
+        )
         yield from ((("signals", "heads"), item.street) for item in junction.signals.heads)
 
 

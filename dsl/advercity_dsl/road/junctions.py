@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from pydantic import Field, StringConstraints
+from pydantic import Discriminator, Field, StringConstraints, Tag
 
 from advercity_dsl.base import CompactModel, Id, Items, Model, is_empty, is_none
 from advercity_dsl.units import Point2, Point3, PositiveMetres, RangeReason, Seconds
@@ -52,11 +52,22 @@ PhaseSeconds = Annotated[
 ]
 
 
-class Signals(Model):
-    """A fixed signal programme, one approach at a time."""
+def _find_phase_tag(value: object) -> str:
+    return "together" if isinstance(value, list | tuple) else "alone"
 
-    cycle: Annotated[Items[Id], Field(min_length=1)]
-    """Streets in the order of their green phases."""
+
+Approaches = Annotated[
+    Annotated[Id, Tag("alone")] | Annotated[Items[Id], Tag("together")],
+    Discriminator(_find_phase_tag),
+]
+"""A street, or streets that have green together: their left turns give way to oncoming traffic."""
+
+
+class Signals(Model):
+    """A fixed signal programme, some approaches at a time."""
+
+    cycle: Annotated[Items[Approaches], Field(min_length=1)]
+    """Streets in the order of their green phases; those in a list have green together."""
     green_s: Annotated[PhaseSeconds, Field(gt=0)]
     """Duration of green for each street."""
     yellow_s: Annotated[PhaseSeconds, Field(gt=0)] = 3
@@ -67,6 +78,11 @@ class Signals(Model):
     """Time of the first green phase that has passed when the scenario starts."""
     heads: Items[SignalHead] = ()
     """Visible traffic lights."""
+
+    @property
+    def phases(self) -> tuple[tuple[Id, ...], ...]:
+        """Streets of every green phase, in their order."""
+        return tuple((item,) if isinstance(item, str) else item for item in self.cycle)
 
 
 class Crossing(Model):
