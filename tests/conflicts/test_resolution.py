@@ -119,7 +119,7 @@ def resolve(spec: Spec, resolver: Resolver, friction: float = 0.8) -> Spec:
 def test_who_resolves_a_conflict_brakes_and_nobody_else_does(
     resolver: Resolver, specs: dict[str, Spec], simulate: Callable[[Spec], Trace]
 ):
-    spec = resolve(specs["ri_clear_day_sparse"], resolver)
+    spec = resolve(specs["ri_clear_day_dense"], resolver)
     trace = simulate(spec)
     (outcome,) = build_traffic_report(spec, trace, "").staged
     found = outcome.resolution
