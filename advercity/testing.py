@@ -148,8 +148,11 @@ def with_small_sensors(
     """Return the spec with cameras and LiDARs of so few pixels and beams that a run is quick."""
     data = spec.model_dump(mode="json")
     for agent in data["agents"]:
-        agent["sensors"]["camera"] |= {"width_px": width_px, "height_px": height_px}
-        agent["sensors"]["lidar"] |= {"channels": channels, "azimuths": azimuths}
+        sensors = agent["sensors"]
+        for camera in (sensors["camera"], *sensors.get("more_cameras", {}).values()):
+            camera |= {"width_px": width_px, "height_px": height_px}
+        for lidar in (sensors["lidar"], *sensors.get("more_lidars", {}).values()):
+            lidar |= {"channels": channels, "azimuths": azimuths}
     return with_digest(Spec.model_validate(data))
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from advercity_dsl import Agent, Spec
+from advercity_dsl import Agent, Camera, Mount, Spec
 from numpy.typing import NDArray
 
 from advercity.compiler.crossing import compile_library
@@ -22,7 +22,12 @@ from advercity.randomness import create_generator
 from advercity.semantics import Semantic
 from advercity.sensors.annotation import project_boxes
 from advercity.sensors.measurements import GnssFix, ImuSample, PointCloud, PointKind
-from advercity.sensors.sensor_frame import CameraImage, SensorFrame, compute_pinhole_matrix
+from advercity.sensors.sensor_frame import (
+    CameraImage,
+    LidarScan,
+    SensorFrame,
+    compute_pinhole_matrix,
+)
 from advercity.testing import compile_shaped
 
 IMAGE_SCALE = 1 / 20
@@ -137,32 +142,19 @@ def state_of(actor: Actor, time_s: float) -> ActorState:
 def sensor_frame_of(agent: Agent, frame: Frame) -> SensorFrame:
     is_vehicle = agent.place.kind == "vehicle"
     world_from_agent = agent_pose(agent, frame)
-    world_from_lidar = (
-        world_from_agent @ poses.pose_matrix((-0.5, 0.0, 1.9))
-        if is_vehicle
-        else poses.pose_matrix(world_from_agent[:3, 3])
-    )
-    cloud, hits = scan(agent, frame, world_from_lidar)
+    level = world_from_agent if is_vehicle else poses.pose_matrix(world_from_agent[:3, 3])
+    mounts = [lidar.mount for lidar in agent.sensors.lidars]
     drift = poses.pose_matrix((0.3, -0.2, 0.05))
     return SensorFrame(
         agent=agent,
         frame=frame,
         world_from_agent=world_from_agent,
         estimated_world_from_agent=world_from_agent if is_vehicle else drift @ world_from_agent,
-        world_from_lidar=world_from_lidar,
         camera_images=tuple(
-            image_of(agent, frame, world_from_agent @ camera)
-            for camera in (
-                poses.pose_matrix(
-                    (mount.x_m, mount.y_m, mount.z_m),
-                    yaw=np.deg2rad(mount.yaw_deg),
-                    pitch=np.deg2rad(mount.pitch_deg),
-                )
-                for mount in agent.sensors.camera.mounts
-            )
+            image_of(agent, camera, frame, world_from_agent @ mounted_at(mount))
+            for camera, mount in agent.sensors.cameras
         ),
-        point_cloud=cloud,
-        lidar_hits=hits,
+        lidar_scans=tuple(scan(agent, frame, level @ mounted_at(mount)) for mount in mounts),
         gnss=GnssFix(49.0 + 1e-6 * frame.index, 8.0, 120.5, frame.time_s) if is_vehicle else None,
         imu=(
             ImuSample(np.array([0.5, 0.25, 9.81]), np.array([0.01, 0.02, 0.03]), 1.25)
@@ -173,6 +165,11 @@ def sensor_frame_of(agent: Agent, frame: Frame) -> SensorFrame:
     )
 
 
+def mounted_at(mount: Mount) -> Matrix:
+    angles = {"yaw": np.deg2rad(mount.yaw_deg), "pitch": np.deg2rad(mount.pitch_deg)}
+    return poses.pose_matrix((mount.x_m, mount.y_m, mount.z_m), **angles)
+
+
 def agent_pose(agent: Agent, frame: Frame) -> Matrix:
     if agent.place.kind == "vehicle":
         return frame.get_state(agent.number).world_from_body
@@ -181,7 +178,7 @@ def agent_pose(agent: Agent, frame: Frame) -> Matrix:
     return WORLD_FROM_STREET @ poses.pose_matrix((along, -9.0, 6.0), yaw=yaw, pitch=0.2)
 
 
-def scan(agent: Agent, frame: Frame, world_from_lidar: Matrix) -> tuple[PointCloud, dict[int, int]]:
+def scan(agent: Agent, frame: Frame, world_from_lidar: Matrix) -> LidarScan:
     """Points inside every other actor's box and one on the street, and the hits of every actor."""
     clouds: list[NDArray[np.float64]] = [
         poses.transform_points(WORLD_FROM_STREET, [[3.0, -2.0, 0.0]])
@@ -201,7 +198,8 @@ def scan(agent: Agent, frame: Frame, world_from_lidar: Matrix) -> tuple[PointClo
     semantic = np.where(instance > 0, Semantic.VEHICLE, Semantic.ROAD)
     semantic[instance == 203] = Semantic.PEDESTRIAN
     ghost, surface = PointKind.GHOST, PointKind.SURFACE
-    return (
+    return LidarScan(
+        world_from_lidar,
         PointCloud(
             points=points.astype(np.float32),
             raw=points.astype(np.float32),
@@ -217,10 +215,9 @@ def scan(agent: Agent, frame: Frame, world_from_lidar: Matrix) -> tuple[PointClo
     )
 
 
-def image_of(agent: Agent, frame: Frame, world_from_camera: Matrix) -> CameraImage:
+def image_of(agent: Agent, camera: Camera, frame: Frame, world_from_camera: Matrix) -> CameraImage:
     """Sky, and the box of every other actor, nearer ones in front of farther ones."""
     rng = create_generator("picture", agent.number, frame.index)
-    camera = agent.sensors.camera
     width, height = (round(side * IMAGE_SCALE) for side in (camera.width_px, camera.height_px))
     semantic = np.full((height, width), Semantic.SKY, dtype=np.uint8)
     instance = np.zeros((height, width), np.int32)

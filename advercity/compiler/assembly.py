@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from advercity_dsl import (
     Agent,
-    Catalogue,
     Density,
     DriverResponse,
     Drivers,
@@ -37,7 +36,7 @@ from advercity.compiler.scenarios import (
     localize_weather,
 )
 from advercity.compiler.source import format_value_path
-from advercity.compiler.suites import ResolvedSuite, compute_demand_counts
+from advercity.compiler.suites import ResolvedSuite, compute_demand_counts, select_sensors
 from advercity.digests import compute_json_digest
 from advercity.physics.constants import GRAVITY_M_S2
 from advercity.physics.extinction import compute_extinction, mor_without_precipitation_m
@@ -70,6 +69,7 @@ def build_spec(
     road, density, drivers = inputs.road, inputs.density, resolved.drivers
     declarations = [suite, road, inputs.weather, density, inputs.rig, inputs.catalogue]
     declarations += [*inputs.conflicts.conflicts, *([drivers] if drivers else [])]
+    declarations += resolved.agent_rigs.values()
     digests = {
         f"{get_declaration_kind(item)}/{item.id}": library.find_entry(item).digest
         for item in declarations
@@ -81,7 +81,7 @@ def build_spec(
         road=road,
         weather=inputs.weather,
         density=density,
-        agents=_build_agents(road, inputs.rig, inputs.catalogue),
+        agents=_build_agents(suite, inputs, resolved.agent_rigs),
         demand=_compute_demand(road, density),
         conflicts=conflicts,
         drivers=drivers,
@@ -248,29 +248,28 @@ def _interpolate(
     )
 
 
-def _build_agents(road: Road, rig: Rig, catalogue: Catalogue) -> tuple[Agent, ...]:
+def _build_agents(
+    suite: Suite, inputs: ScenarioInputs, rigs: Mapping[str, Rig]
+) -> tuple[Agent, ...]:
     agents: list[Agent] = []
     units = 0
-    for name, place in road.agents.items():
+    for name, place in inputs.road.agents.items():
+        sensors = select_sensors(place, rigs.get(name, inputs.rig))
+        assert sensors is not None, f"{name} has no sensors, which the suite's check finds"
         if isinstance(place, RoadsideUnit):
             units += 1
-            sensors = _build_roadside_sensors(rig.roadside_unit, place)
+            sensors = _limit_lidar(sensors, place)
             agents.append(Agent(id=name, number=-units, place=place, sensors=sensors))
             continue
         number = FIRST_VEHICLE_NUMBER + len(agents) - units
+        blueprint = suite.bodies.get(name, inputs.catalogue.ego)
         agents.append(
-            Agent(
-                id=name,
-                number=number,
-                place=place,
-                sensors=rig.vehicle,
-                blueprint=catalogue.ego,
-            )
+            Agent(id=name, number=number, place=place, sensors=sensors, blueprint=blueprint)
         )
     return tuple(agents)
 
 
-def _build_roadside_sensors(sensors: SensorSet, unit: RoadsideUnit) -> SensorSet:
+def _limit_lidar(sensors: SensorSet, unit: RoadsideUnit) -> SensorSet:
     if unit.lidar_upper_deg is None:
         return sensors
     lidar = sensors.lidar.model_copy(update={"upper_deg": unit.lidar_upper_deg})

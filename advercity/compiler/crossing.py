@@ -166,7 +166,7 @@ def compile_suite(library: Library, suite: Suite, *, require_sun: bool = True) -
     check_references(library, [suite])
     resolved = resolve_suite(library, suite)
     groups = _assign_crash_groups(library, suite, resolved.roads)
-    check_resolved_suite(library, resolved)
+    check_resolved_suite(library, suite, resolved)
     scenarios = _build_scenarios(library, suite, resolved, groups, require_sun=require_sun)
     by_traffic = {inputs.traffic_key: inputs for inputs in scenarios}
     _run_checks(

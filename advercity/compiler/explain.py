@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from itertools import accumulate
 from typing import Any
 
-from advercity_dsl import Declaration, RoadsideUnit, Spec
+from advercity_dsl import Declaration, RoadsideUnit, Spec, Suite
 from advercity_dsl.base import ValuePath
 
 from advercity.compiler.library import Library, LibraryEntry
@@ -26,7 +26,7 @@ DERIVATION_RULES = {
 }
 """Rules for derived values, by the beginning of their paths."""
 Entries = Mapping[str, LibraryEntry[Declaration]]
-"""Library entries that a spec was compiled from, by kind."""
+"""Library entries that a spec was compiled from, by kind; rigs by `rig/<id>`."""
 
 
 def flatten_values(data: Any) -> dict[str, Any]:
@@ -93,7 +93,8 @@ def _find_provenance_entries(spec: Spec, library: Library) -> Entries:
         if entry is None or entry.digest != digest:
             what = "is not in this library" if entry is None else "has changed since"
             raise InputError(f"{spec.id}: {kind} '{name}' {what}; compile the library again")
-        entries[kind] = entry
+        # A scenario may have several rigs.
+        entries[key if kind == "rig" else kind] = entry
     return entries
 
 
@@ -112,7 +113,9 @@ def _describe_origin(path: str, spec: Spec, entries: Entries) -> str:
 
 
 def _describe_source(path: str, spec: Spec, entries: Entries) -> str:
-    kind, value_path = _find_declared_path(path, spec)
+    suite = entries["suite"].declaration
+    assert isinstance(suite, Suite)
+    kind, value_path = _find_declared_path(path, spec, suite)
     if kind is None:
         return "rule: written by the compiler"
     source = entries[kind].source
@@ -125,8 +128,8 @@ def _describe_source(path: str, spec: Spec, entries: Entries) -> str:
     return f"{source.find_document(value_path).path}:{position.line}:{position.column}"
 
 
-def _find_declared_path(path: str, spec: Spec) -> tuple[str | None, ValuePath]:
-    """Return the kind of the declaration that gives a value, and its path in it."""
+def _find_declared_path(path: str, spec: Spec, suite: Suite) -> tuple[str | None, ValuePath]:
+    """Return the key of the entry that gives a value, and its path in it."""
     first, *rest = (int(part) if part.isdigit() else part for part in path.split("."))
     value_path = tuple(rest)
     match first:
@@ -139,24 +142,28 @@ def _find_declared_path(path: str, spec: Spec) -> tuple[str | None, ValuePath]:
         case "blueprints":
             return "catalogue", ("blueprints", *value_path)
         case "agents":
-            return _find_agent_path(spec, value_path)
+            return _find_agent_path(spec, suite, value_path)
         case _:
             return None, ()
 
 
-def _find_agent_path(spec: Spec, value_path: ValuePath) -> tuple[str | None, ValuePath]:
+def _find_agent_path(
+    spec: Spec, suite: Suite, value_path: ValuePath
+) -> tuple[str | None, ValuePath]:
     index, field, *rest = value_path
     agent = spec.agents[int(index)]
-    place = agent.place
+    place, rig = agent.place, f"rig/{suite.agents.get(agent.id, suite.rig)}"
     match field:
         case "place":
             return "road", ("agents", agent.id, *rest)
         case "sensors" if isinstance(place, RoadsideUnit):
             if place.lidar_upper_deg is not None and rest == ["lidar", "upper_deg"]:
                 return "road", ("agents", agent.id, "lidar_upper_deg")
-            return "rig", ("roadside_unit", *rest)
+            return rig, ("roadside_unit", *rest)
         case "sensors":
-            return "rig", ("vehicle", *rest)
+            return rig, ("vehicle", *rest)
+        case "blueprint" if agent.id in suite.bodies:
+            return "suite", ("bodies", agent.id)
         case "blueprint" if agent.blueprint is not None:
             return "catalogue", ("ego",)
         case _:

@@ -115,10 +115,16 @@ class Library:
         return cast(LibraryEntry[DeclarationT], entry)
 
     def build_diagnostic(
-        self, declaration: Declaration, *value_path: str | int, message: str, hint: str = ""
+        self,
+        declaration: Declaration,
+        *value_path: str | int,
+        message: str,
+        hint: str = "",
+        key: bool = False,
     ) -> Diagnostic:
-        """Build a diagnostic at a value of one of the library's declarations."""
-        return self.find_entry(declaration).source.build_diagnostic(value_path, message, hint=hint)
+        """Build a diagnostic at a value, or its key, of one of the library's declarations."""
+        source = self.find_entry(declaration).source
+        return source.build_diagnostic(value_path, message, hint=hint, key=key)
 
     def check_reference(
         self, declaration: Declaration, *value_path: str | int, kind: str, name: str

@@ -45,6 +45,9 @@ def _check_suite(library: Library, suite: Suite) -> Iterator[Diagnostic]:
                 yield from library.check_reference(suite, field, index, kind=kind, name=name)
         elif written is not None and not (written == "all" and field in SELECTIONS):
             yield from library.check_reference(suite, field, kind=kind, name=written)
+    for agent, rig in suite.agents.items():
+        yield from library.check_reference(suite, "agents", agent, kind="rig", name=rig)
+    yield from _check_bodies(library, suite)
     for road, conflicts in suite.stage.items():
         yield from library.check_reference(suite, "stage", road, kind="road", name=road)
         for index, name in enumerate(conflicts):
@@ -53,6 +56,17 @@ def _check_suite(library: Library, suite: Suite) -> Iterator[Diagnostic]:
     source = library.find_entry(suite).source
     yield from _collect(lambda: parse_conditions(suite, source))
     yield from _collect(lambda: expand_sweep(suite, source))
+
+
+def _check_bodies(library: Library, suite: Suite) -> Iterator[Diagnostic]:
+    catalogue = library.get_declarations(Catalogue).get(suite.catalogue)
+    if catalogue is None:
+        return
+    for agent, name in suite.bodies.items():
+        if name not in catalogue.blueprints:
+            hint = suggest_name(name, catalogue.blueprints)
+            message = f"unknown blueprint '{name}'"
+            yield library.build_diagnostic(suite, "bodies", agent, message=message, hint=hint)
 
 
 def _collect(check: Callable[[], object]) -> tuple[Diagnostic, ...]:

@@ -1,5 +1,6 @@
 """Suites: selection of typologies, roads that those require, and the declarations of a suite."""
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TypeVar
@@ -12,10 +13,13 @@ from advercity_dsl import (
     Rig,
     Road,
     RoadsideUnit,
+    SensorSet,
     Suite,
     Typology,
+    Vehicle,
     Weather,
 )
+from advercity_dsl.base import suggest_name
 from advercity_dsl.road import StripKind
 from advercity_dsl.suite import Coverage, Selection
 
@@ -81,6 +85,8 @@ def find_required_categories(typology: Typology, rule: Coverage) -> tuple[RoadCa
     )
 
 
+CONNECTED_CLASSES = ("car", "van", "truck")
+"""Classes of blueprints that a connected vehicle can have."""
 SPAWN_AREAS = 8
 """Areas for which vehicles are counted: around each of five agents, along each of three paths."""
 
@@ -121,6 +127,7 @@ class ResolvedSuite:
     weathers: Mapping[str, Weather]
     densities: Mapping[str, Density]
     rig: Rig
+    agent_rigs: Mapping[str, Rig]
     catalogue: Catalogue
     drivers: Drivers | None
     reaction_weather: Weather | None
@@ -138,29 +145,40 @@ def resolve_suite(library: Library, suite: Suite) -> ResolvedSuite:
             written = (item for name in written for item in library.list_variants(name))
         return {name: available[name] for name in written}
 
-    drivers, weathers = library.get_declarations(Drivers), library.get_declarations(Weather)
+    rigs, drivers = library.get_declarations(Rig), library.get_declarations(Drivers)
+    weathers = library.get_declarations(Weather)
     return ResolvedSuite(
         find("roads", Road),
         find("weathers", Weather),
         find("densities", Density),
-        library.get_declarations(Rig)[suite.rig],
+        rigs[suite.rig],
+        {agent: rigs[name] for agent, name in suite.agents.items()},
         library.get_declarations(Catalogue)[suite.catalogue],
         drivers[suite.drivers] if suite.drivers else None,
         weathers[suite.reaction_weather] if suite.reaction_weather else None,
     )
 
 
-def check_resolved_suite(library: Library, suite: ResolvedSuite) -> None:
+def select_sensors(place: Vehicle | RoadsideUnit, rig: Rig) -> SensorSet | None:
+    """Select what a rig has for an agent at a place; None if the rig has nothing for its kind."""
+    return rig.roadside_unit if isinstance(place, RoadsideUnit) else rig.vehicle
+
+
+def check_resolved_suite(library: Library, declared: Suite, suite: ResolvedSuite) -> None:
     """Check the declarations of a suite against each other.
 
     Raises:
-        DiagnosticsError: A roadside unit has no vertical field of view, a road does not have
-            exactly one ego, or an agent is off its road's map.
+        DiagnosticsError: The suite equips agents that do not exist or cannot have it, a roadside
+            unit has no vertical field of view, a road does not have exactly one ego, or an agent
+            is off its road's map.
     """
     roads = suite.roads.values()
     # Each check assumes what the one before has established, so the first failure ends it.
     for diagnostics in (
-        (found for road in roads for found in _check_lidars(library, suite.rig, road)),
+        _check_named_agents(library, declared, suite),
+        (found for road in roads for found in _check_bodies(library, declared, suite, road)),
+        (found for road in roads for found in _check_sensors(library, declared, suite, road)),
+        (found for road in roads for found in _check_lidars(library, suite, road)),
         (found for road in roads for found in _check_ego(library, road)),
         (found for road in roads for found in _check_agent_positions(library, road)),
     ):
@@ -168,10 +186,54 @@ def check_resolved_suite(library: Library, suite: ResolvedSuite) -> None:
             raise DiagnosticsError(*found)
 
 
-def _check_lidars(library: Library, rig: Rig, road: Road) -> Iterator[Diagnostic]:
-    lower_deg = rig.roadside_unit.lidar.lower_deg
+def _check_named_agents(
+    library: Library, declared: Suite, suite: ResolvedSuite
+) -> Iterator[Diagnostic]:
+    """Check that agents with a rig or a body of their own exist."""
+    names = {name for road in suite.roads.values() for name in road.agents}
+    for field, named in (("agents", declared.agents), ("bodies", declared.bodies)):
+        for name in named:
+            if name not in names:
+                message, hint = "no road of the suite has this agent", suggest_name(name, names)
+                at = (field, name)
+                yield library.build_diagnostic(declared, *at, message=message, hint=hint, key=True)
+
+
+def _check_bodies(
+    library: Library, declared: Suite, suite: ResolvedSuite, road: Road
+) -> Iterator[Diagnostic]:
+    for name, place in road.agents.items():
+        if name not in declared.bodies:
+            continue
+        blueprint = suite.catalogue.blueprints[declared.bodies[name]]
+        if isinstance(place, RoadsideUnit):
+            message = f"is a roadside unit of '{road.id}', which has no body"
+        elif blueprint.actor_class not in CONNECTED_CLASSES:
+            message = f"is a {blueprint.actor_class}; connected vehicles are cars, vans or trucks"
+        elif blueprint.land_use not in ("any", road.land_use):
+            message = f"is not seen on {road.land_use} roads such as '{road.id}'"
+        else:
+            continue
+        yield library.build_diagnostic(declared, "bodies", name, message=message)
+
+
+def _check_sensors(
+    library: Library, declared: Suite, suite: ResolvedSuite, road: Road
+) -> Iterator[Diagnostic]:
+    for name, place in road.agents.items():
+        rig = suite.agent_rigs.get(name, suite.rig)
+        if select_sensors(place, rig) is None:
+            at = ("agents", name) if name in suite.agent_rigs else ("rig",)
+            message = f"'{rig.id}' has no sensors of a {place.kind}, which '{name}' is"
+            hint = f"add `{place.kind}` to the rig, or give '{name}' another one in `agents`"
+            yield library.build_diagnostic(declared, *at, message=message, hint=hint)
+
+
+def _check_lidars(library: Library, suite: ResolvedSuite, road: Road) -> Iterator[Diagnostic]:
     for name, agent in road.agents.items():
+        sensors = select_sensors(agent, suite.agent_rigs.get(name, suite.rig))
         upper_deg = agent.lidar_upper_deg if isinstance(agent, RoadsideUnit) else None
+        lower_deg = sensors.lidar.lower_deg if sensors else math.inf
         if upper_deg is not None and upper_deg <= lower_deg:
             message = f"{upper_deg:g} is not above the rig's lower_deg {lower_deg:g}"
             value_path = ("agents", name, "lidar_upper_deg")

@@ -149,7 +149,12 @@ class AgentView:
     @property
     def cameras(self) -> int:
         """Number of cameras that the agent carries."""
-        return len(self.agent.sensors.camera.mounts)
+        return len(self.agent.sensors.cameras)
+
+    @property
+    def lidars(self) -> int:
+        """Number of LiDARs that the agent carries."""
+        return len(self.agent.sensors.lidars)
 
     def image(self, camera: int) -> NDArray[np.uint8]:
         """Read the RGB image (h, w, 3) of a camera."""
@@ -174,15 +179,21 @@ class AgentView:
 
     @property
     def cloud(self) -> NDArray[np.void]:
-        """The point table (n,), read from its file at every use.
+        """The point table (n,) of the first LiDAR, read from its file at every use."""
+        return self.load_cloud(0)
+
+    def load_cloud(self, lidar: int) -> NDArray[np.void]:
+        """Load the point table (n,) of a LiDAR.
 
         Its fields are `x`, `y`, `z` in the LiDAR's frame and `intensity`; in the OPV2V layout also
         `range` in metres, `time` in seconds relative to the frame's, `ring`, `tag` of `Semantic`,
         `object_id`, `kind` of `PointKind`, and `raw_x`, `raw_y`, `raw_z` if the sensor rig has
         `motion_distortion`.
         """
+        _check_number("LiDAR", lidar, self.lidars, self.agent.id)
         # A copy, because an array over the bytes of a file is read-only.
-        table = self._format.read_cloud(self.path(self._format.cloud_suffix)).copy()
+        path = self.path(self._format.format_cloud_suffix(lidar))
+        table = self._format.read_cloud(path).copy()
         mirror_columns(table)
         return table
 
@@ -198,10 +209,7 @@ class AgentView:
         They are in the order of `points`; without `motion_distortion` they are those, at time 0.
         The file of `cloud` is read at every use.
         """
-        table = self.cloud
-        if "raw_x" in (table.dtype.names or ()):
-            return _stack_columns(table, "raw_x", "raw_y", "raw_z"), table["time"]
-        return _stack_columns(table, "x", "y", "z"), np.zeros(len(table), np.float32)
+        return extract_measured(self.cloud)
 
     @cached_property
     def description(self) -> dict[str, Any]:
@@ -224,8 +232,13 @@ class AgentView:
 
     @property
     def world_from_lidar(self) -> Matrix:
-        """Pose (4, 4) of the LiDAR: x forward, y left, z up."""
-        return self._parse_pose("lidar_pose")
+        """Pose (4, 4) of the first LiDAR: x forward, y left, z up."""
+        return self.load_lidar_pose(0)
+
+    def load_lidar_pose(self, lidar: int) -> Matrix:
+        """Load the pose (4, 4) of a LiDAR."""
+        _check_number("LiDAR", lidar, self.lidars, self.agent.id)
+        return self._parse_pose(f"lidar{lidar or ''}_pose")
 
     def world_from_camera(self, camera: int) -> Matrix:
         """Return the pose (4, 4) of a camera in body axes: x along the view, y left, z up."""
@@ -278,9 +291,7 @@ class AgentView:
         return value
 
     def _read_camera(self, kind: str, camera: int, mode: int) -> NDArray[np.uint8]:
-        if not 0 <= camera < self.cameras:
-            cameras = "one camera, 0" if self.cameras == 1 else f"cameras 0 to {self.cameras - 1}"
-            raise InputError(f"{self.agent.id} has {cameras}; there is no camera {camera}")
+        _check_number("camera", camera, self.cameras, self.agent.id)
         return self._read_image(f"_{kind}{camera}.png", mode)
 
     def _read_image(self, suffix: str, mode: int) -> NDArray[np.uint8]:
@@ -290,6 +301,21 @@ class AgentView:
         if image is None:
             raise InputError(f"{path}: is missing or no image; {REPAIR_HINT}")
         return image
+
+
+def extract_measured(
+    table: NDArray[np.void],
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Extract points (n, 3) as a moving LiDAR measured them, and their times (n,), of its table."""
+    if "raw_x" in (table.dtype.names or ()):
+        return _stack_columns(table, "raw_x", "raw_y", "raw_z"), table["time"]
+    return _stack_columns(table, "x", "y", "z"), np.zeros(len(table), np.float32)
+
+
+def _check_number(what: str, number: int, count: int, agent: str) -> None:
+    if not 0 <= number < count:
+        found = f"one {what}, 0" if count == 1 else f"{what}s 0 to {count - 1}"
+        raise InputError(f"{agent} has {found}; there is no {what} {number}")
 
 
 def _stack_columns(table: NDArray[np.void], *names: str) -> NDArray[np.float32]:

@@ -28,7 +28,7 @@ class DatasetFormat:
     Attributes:
         name: Value of the option `--format`.
         format_folder: Returns the name of an agent's folder.
-        cloud_suffix: End of the names of point clouds.
+        cloud_suffix: End of the names of the first LiDAR's point clouds.
         read_cloud: Reads one as a table with `x`, `y`, `z` and `intensity`, left-handed.
         image_kinds: Kinds of images of every camera.
         motion_suffix: End of the names of files with GNSS and IMU.
@@ -43,13 +43,20 @@ class DatasetFormat:
     motion_suffix: str
     extra_suffixes: tuple[str, ...] = ()
 
+    def format_cloud_suffix(self, lidar: int) -> str:
+        """Return the end of the names of a LiDAR's clouds: `.pcd`, then `_lidar1.pcd`."""
+        file_type = self.cloud_suffix.rpartition(".")[2]
+        return f"_lidar{lidar}.{file_type}" if lidar else self.cloud_suffix
+
     def list_suffixes(self, agent: Agent) -> frozenset[str]:
         """List the ends of the names of an agent's files of a frame, behind the frame's name."""
-        cameras = range(len(agent.sensors.camera.mounts))
+        sensors = agent.sensors
+        cameras = range(len(sensors.cameras))
         images = {f"_{kind}{index}.png" for kind in self.image_kinds for index in cameras}
-        has_motion = agent.place.kind == "vehicle" or agent.sensors.imu is not None
+        clouds = map(self.format_cloud_suffix, range(len(sensors.lidars)))
+        has_motion = agent.place.kind == "vehicle" or sensors.imu is not None
         motion = (self.motion_suffix,) if has_motion else ()
-        return frozenset((".yaml", self.cloud_suffix, *images, *motion, *self.extra_suffixes))
+        return frozenset((".yaml", *clouds, *images, *motion, *self.extra_suffixes))
 
 
 def format_opv2v_folder(agent: Agent) -> str:

@@ -149,7 +149,10 @@ def build_frame_description(
         "ego_speed": to_plain(sensor_frame.speed_m_s * KM_H_PER_M_S),
         "true_ego_pos": to_plain(agent_pose),
         "predicted_ego_pos": to_plain(estimated_pose),
-        "lidar_pose": to_plain(carla_pose_from_matrix(sensor_frame.world_from_lidar)),
+        **{
+            f"lidar{index or ''}_pose": to_plain(carla_pose_from_matrix(scan.world_from_lidar))
+            for index, scan in enumerate(sensor_frame.lidar_scans)
+        },
         **{f"camera{index}": _describe_camera(sensor_frame, index) for index in cameras},
         "plan_trajectory": [
             to_plain((*mirror_xyz(x, y, 0.0)[:2], speed * KM_H_PER_M_S))
@@ -190,7 +193,7 @@ def _describe_object(item: Annotation) -> dict[str, Any]:
 
 
 def _describe_camera(sensor_frame: SensorFrame, camera: int) -> dict[str, Any]:
-    """Describe a camera; `extrinsic` maps LiDAR to camera in body axes, as loaders compute it."""
+    """Describe a camera; `extrinsic` maps the first LiDAR to it in body axes, as loaders do."""
     world_from_camera = sensor_frame.camera_images[camera].world_from_camera
     camera_from_lidar = poses.invert_pose(world_from_camera) @ sensor_frame.world_from_lidar
     return {

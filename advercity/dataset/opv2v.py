@@ -39,6 +39,7 @@ from advercity.dataset.image_codec import (
 from advercity.geometry.arrays import Uint8Array
 from advercity.roads.lane_segments import LaneSegment
 from advercity.sensors.annotation import annotate_actors
+from advercity.sensors.measurements import PointCloud
 from advercity.sensors.sensor_frame import SensorFrame
 
 EncodingJobs = dict[str, Callable[[], bytes]]
@@ -87,9 +88,12 @@ def encode_opv2v_frame(
     files = _run_concurrently(jobs)
     annotations = [annotate_actors(item) for item in ordered]
     for stem, item, annotated in zip(stems, ordered, annotations, strict=True):
-        files[f"{stem}{OPV2V.cloud_suffix}"] = cloud_files.encode_pcd(
-            item.point_cloud, raw=item.agent.sensors.lidar.motion_distortion, encoding=clouds
-        )
+        for index, lidar in enumerate(item.agent.sensors.lidars):
+            files[f"{stem}{OPV2V.format_cloud_suffix(index)}"] = cloud_files.encode_pcd(
+                item.lidar_scans[index].point_cloud,
+                raw=lidar.motion_distortion,
+                encoding=clouds,
+            )
         files[f"{stem}_objects.json"] = format_json(build_object_extras(item, annotated))
         if _has_motion(item):
             files[f"{stem}{OPV2V.motion_suffix}"] = format_yaml(build_motion_document(item))
@@ -114,7 +118,10 @@ def encode_adver_city_frame(
         for index, image in enumerate(item.camera_images):
             jobs[f"{stem}_camera{index}.png"] = partial(encode_photo_png, image.image)
             jobs[f"{stem}_semantic{index}.png"] = partial(_encode_semantic, image.semantic)
-        jobs[f"{stem}{ADVER_CITY.cloud_suffix}"] = partial(_encode_ply, item)
+        for index, scan in enumerate(item.lidar_scans):
+            jobs[f"{stem}{ADVER_CITY.format_cloud_suffix(index)}"] = partial(
+                _encode_ply, scan.point_cloud
+            )
         if _has_motion(item):
             jobs[f"{stem}{ADVER_CITY.motion_suffix}"] = partial(_encode_motion, item)
         jobs[f"{stem}.yaml"] = partial(_encode_description, item)
@@ -156,8 +163,7 @@ def _encode_mask(mask: Uint8Array) -> bytes:
     return encode_label_png(to_three_channels(mask))
 
 
-def _encode_ply(item: SensorFrame) -> bytes:
-    cloud = item.point_cloud
+def _encode_ply(cloud: PointCloud) -> bytes:
     return cloud_files.encode_ply(mirror_points(cloud.points), intensity=cloud.intensity)
 
 

@@ -68,7 +68,7 @@ def find_front_camera(view: AgentView) -> int:
 
 def _compute_camera_yaw_deg(view: AgentView, camera: int) -> float:
     """Compute where a camera looks, from -180 (rear), over right, front and left, to below 180."""
-    return (view.agent.sensors.camera.mounts[camera].yaw_deg + 180) % 360 - 180
+    return (view.agent.sensors.cameras[camera].mount.yaw_deg + 180) % 360 - 180
 
 
 def _label_agents(frame: FrameView, images: Sequence[Uint8Array]) -> list[Uint8Array]:
@@ -94,8 +94,7 @@ def draw_top_view(frame: FrameView, size: int = TOP_VIEW_SIZE_PX) -> Uint8Array:
     coloured = list(zip(frame.views.items(), cycle(AGENT_VIEW_COLOURS), strict=False))
     image = np.full((size, size, 3), _BACKGROUND, np.uint8)
     for (_, view), colour in coloured:
-        points = poses.transform_points(view.world_from_lidar, view.points)
-        pixels = _to_top_view_pixels(points[:, :2], middle, size)
+        pixels = _to_top_view_pixels(_load_world_points(view)[:, :2], middle, size)
         inside = ((pixels >= 0) & (pixels < size)).all(axis=1)
         image[pixels[inside, 1], pixels[inside, 0]] = colour
     for view in frame.views.values():
@@ -108,6 +107,19 @@ def draw_top_view(frame: FrameView, size: int = TOP_VIEW_SIZE_PX) -> Uint8Array:
         place = (int(column) + 7, int(row) - 5)
         cv2.putText(image, agent, place, cv2.FONT_HERSHEY_SIMPLEX, 0.45, colour)
     return image
+
+
+def _load_world_points(view: AgentView) -> Float64Array:
+    """Load the points (n, 3) of all LiDARs of an agent, in the world."""
+    clouds = [view.load_cloud(lidar) for lidar in range(view.lidars)]
+    return np.concatenate(
+        [
+            poses.transform_points(
+                view.load_lidar_pose(lidar), np.column_stack([cloud[axis] for axis in "xyz"])
+            )
+            for lidar, cloud in enumerate(clouds)
+        ]
+    )
 
 
 def _iter_boxes(boxes: Boxes) -> Iterator[tuple[Float64Array, tuple[int, int, int]]]:
@@ -215,9 +227,10 @@ def _draw_contact_row(view: AgentView, name: str) -> Uint8Array:
     images = [*map(view.image, order), classes]
     height, width = images[0].shape[:2]
     shape = round(CONTACT_CELL_WIDTH_PX * height / width), CONTACT_CELL_WIDTH_PX
-    above = draw_lidar_top_view(view.cloud, shape[0])
-    row = np.hstack([*(_fit_image(image, shape) for image in images), above])
-    text = f"{name}: {', '.join(names)}, semantic front, LiDAR"
+    above = [draw_lidar_top_view(view.load_cloud(item), shape[0]) for item in range(view.lidars)]
+    row = np.hstack([*(_fit_image(image, shape) for image in images), *above])
+    lidars = ", ".join(["LiDAR", *(f"LiDAR {number}" for number in range(1, view.lidars))])
+    text = f"{name}: {', '.join(names)}, semantic front, {lidars}"
     return np.vstack([draw_label_bar(text, row.shape[1]), row])
 
 

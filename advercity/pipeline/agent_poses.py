@@ -27,8 +27,8 @@ from advercity.roads.road_network import build_road
 from advercity.scene.parking import place_parked_cars
 from advercity.sensors.gnss import measure_gnss
 from advercity.sensors.imu import measure_imu
-from advercity.sensors.measurements import GnssFix, ImuSample, PointCloud
-from advercity.sensors.sensor_frame import CameraImage, SensorFrame
+from advercity.sensors.measurements import GnssFix, ImuSample
+from advercity.sensors.sensor_frame import CameraImage, LidarScan, SensorFrame
 from advercity.traffic.weather_effects import apply_lamp_state, raise_umbrellas
 
 
@@ -57,8 +57,7 @@ class AgentPoses:
         frame: Frame,
         *,
         images: tuple[CameraImage, ...],
-        point_cloud: PointCloud,
-        lidar_hits: dict[int, int],
+        scans: tuple[LidarScan, ...],
         min_points: int = 0,
     ) -> SensorFrame:
         """Add pose, GNSS, IMU and planned path of an agent to what its cameras and LiDAR saw.
@@ -66,9 +65,8 @@ class AgentPoses:
         Args:
             agent: The agent.
             frame: Recorded frame, as `load_frame` returns it.
-            images: One per camera, in the order of the mounts.
-            point_cloud: Of its LiDAR.
-            lidar_hits: Beams that hit each actor, by actor id.
+            images: One per camera.
+            scans: One per LiDAR.
             min_points: Points that an actor must return to be annotated.
         """
         world_from_agent = self.world_from_agent(agent, frame.index)
@@ -81,10 +79,8 @@ class AgentPoses:
             estimated_world_from_agent=(
                 self._apply_gnss_position(world_from_agent, gnss) if is_unit else world_from_agent
             ),
-            world_from_lidar=self.world_from_lidar(agent, frame),
             camera_images=images,
-            point_cloud=point_cloud,
-            lidar_hits=lidar_hits,
+            lidar_scans=scans,
             min_points=min_points,
             gnss=None if is_unit else gnss,
             imu=self._measure_imu(agent, frame.index),
@@ -115,15 +111,16 @@ class AgentPoses:
             )
         return self._world_from_vehicle(agent, self._traced(index))
 
-    def world_from_lidar(self, agent: Agent, frame: Frame) -> Matrix:
-        """Return `world_from_lidar` (4, 4) in a frame.
+    def world_from_lidars(self, agent: Agent, frame: Frame) -> list[Matrix]:
+        """Return `world_from_lidar` (4, 4) of each LiDAR of an agent in a frame.
 
-        The LiDAR of a roadside unit is level and faces east, whatever its cameras face.
+        LiDARs of a roadside unit are level and face east, whatever its cameras face.
         """
-        mount = _carrier_from_sensor(agent.sensors.lidar.mount)
         if isinstance(agent.place, RoadsideUnit):
-            return poses.pose_matrix(agent.place.position_m) @ mount
-        return self._world_from_vehicle(agent, frame) @ mount
+            carrier = poses.pose_matrix(agent.place.position_m)
+        else:
+            carrier = self._world_from_vehicle(agent, frame)
+        return [carrier @ _carrier_from_sensor(lidar.mount) for lidar in agent.sensors.lidars]
 
     def velocity(self, agent: Agent, frame: Frame) -> Float64Array:
         """Return the velocity (3,) of an agent in the world in m/s; zero for a roadside unit."""
@@ -144,7 +141,7 @@ class AgentPoses:
         The cameras of a roadside unit turn about the vertical before they tilt, so that all of
         them look down by the pitch of the unit.
         """
-        mounts = agent.sensors.camera.mounts
+        mounts = [item.mount for item in agent.sensors.cameras]
         place = agent.place
         if not isinstance(place, RoadsideUnit):
             return [

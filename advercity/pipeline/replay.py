@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from advercity.conflicts.report import find_conflict_events
-from advercity.dataset.agent_view import AgentView, Boxes
+from advercity.dataset.agent_view import AgentView, Boxes, extract_measured
 from advercity.dataset.image_codec import MAX_DEPTH_CM
 from advercity.dataset.reader import Scenario
 from advercity.dataset.scenario_folders import no_frames_error
@@ -24,7 +24,7 @@ from advercity.pipeline.agent_poses import AgentPoses
 from advercity.pipeline.preparation import load_or_simulate_traffic
 from advercity.roads.road_network import build_road
 from advercity.sensors.measurements import PointCloud
-from advercity.sensors.sensor_frame import CameraImage, SensorFrame
+from advercity.sensors.sensor_frame import CameraImage, LidarScan, SensorFrame
 from advercity.viewer.cloud_colours import CloudColour
 from advercity.viewer.recording import RerunRecording
 
@@ -41,8 +41,7 @@ def load_sensor_frames(
             agent,
             frame,
             images=tuple(_load_images(stored[agent.id], poses.world_from_cameras(agent, index))),
-            point_cloud=_load_point_cloud(stored[agent.id]),
-            lidar_hits=_load_lidar_hits(stored[agent.id]),
+            scans=tuple(_load_scans(stored[agent.id], poses.world_from_lidars(agent, frame))),
         )
         for agent in scenario.spec.agents
     )
@@ -86,13 +85,20 @@ def _load_lidar_hits(stored: AgentView) -> dict[int, int]:
     return dict(zip(boxes.ids.tolist(), boxes.lidar_hits.tolist(), strict=True))
 
 
-def _load_point_cloud(stored: AgentView) -> PointCloud:
-    """Load the point cloud; columns that the layout does not have are zero."""
-    table = stored.cloud
+def _load_scans(stored: AgentView, world_from_lidars: Sequence[Matrix]) -> Iterator[LidarScan]:
+    """Load point clouds; the first has the hits of all LiDARs, which are stored as sums."""
+    for lidar, world_from_lidar in enumerate(world_from_lidars):
+        hits = {} if lidar else _load_lidar_hits(stored)
+        yield LidarScan(world_from_lidar, _load_point_cloud(stored, lidar), hits)
+
+
+def _load_point_cloud(stored: AgentView, lidar: int) -> PointCloud:
+    """Load the point cloud of a LiDAR; columns that the layout does not have are zero."""
+    table = stored.load_cloud(lidar)
     points = np.column_stack([table["x"], table["y"], table["z"]])
     kept = table.dtype.names or ()
     nothing = np.zeros(len(table))
-    raw, time_s = stored.measured
+    raw, time_s = extract_measured(table)
 
     def column(name: str, kind: type[np.generic]) -> NDArray[Any]:
         return (table[name] if name in kept else nothing).astype(kind)

@@ -44,12 +44,12 @@ class FrameWork:
     @staticmethod
     def from_spec(spec: Spec, scale: float) -> "FrameWork":
         """Count the work of a frame with images at `scale` of their authored width and height."""
-        cameras = [agent.sensors.camera for agent in spec.agents]
-        lidars = [agent.sensors.lidar for agent in spec.agents]
-        pixels = sum(len(one.mounts) * one.width_px * one.height_px for one in cameras)
+        cameras = [item.camera for agent in spec.agents for item in agent.sensors.cameras]
+        lidars = [lidar for agent in spec.agents for lidar in agent.sensors.lidars]
+        pixels = sum(camera.width_px * camera.height_px for camera in cameras)
         return FrameWork(
             agents=len(spec.agents),
-            images=sum(len(camera.mounts) for camera in cameras),
+            images=len(cameras),
             pixels=max(1, round(pixels * scale**2)),
             beams=sum(lidar.channels * lidar.azimuths * lidar.sub_rays for lidar in lidars),
         )

@@ -33,6 +33,7 @@ from advercity.sensors.lidar import (
 )
 from advercity.sensors.sensor_frame import (
     CameraImage,
+    LidarScan,
     ProjectedBox,
     SensorFrame,
     compute_pinhole_matrix,
@@ -75,9 +76,9 @@ class SensorRig:
         frame, agents = self._place_frame(index), self._spec.agents
         captures = self._renderer.render_cameras(
             [
-                build_camera_view(agent, pose, self._profile)
+                build_camera_view(agent, camera, pose, self._profile)
                 for agent in agents
-                for pose in self._poses.world_from_cameras(agent, index)
+                for camera, pose in enumerate(self._poses.world_from_cameras(agent, index))
             ]
         )
         return tuple(self._build_sensor_frame(agent, frame, captures) for agent in agents)
@@ -86,7 +87,8 @@ class SensorRig:
         """Render the image (h, w, 3), RGB, of one camera alone in recorded frame `index`."""
         frame = self._place_frame(index)
         pose = self._poses.world_from_cameras(agent, index)[camera]
-        capture = self._renderer.render_camera(build_camera_view(agent, pose, self._profile))
+        view = build_camera_view(agent, camera, pose, self._profile)
+        capture = self._renderer.render_camera(view)
         return self._render_image(capture, agent, camera, pose, frame)
 
     def _place_frame(self, index: int) -> Frame:
@@ -100,31 +102,35 @@ class SensorRig:
     def _build_sensor_frame(
         self, agent: Agent, frame: Frame, captures: Iterator[CameraCapture]
     ) -> SensorFrame:
-        lidar = agent.sensors.lidar
-        scan = self._cast_scan(agent, frame)
-        rng = self._poses.make_generator("lidar", agent, frame)
         return self._poses.build_sensor_frame(
             agent,
             frame,
             images=tuple(self._capture_images(agent, frame, captures)),
-            point_cloud=measure_point_cloud(
-                lidar, scan, self._lidar_conditions, rng, states=frame.states
-            ),
-            lidar_hits=count_lidar_hits(scan, lidar),
+            scans=tuple(self._measure_scans(agent, frame)),
             min_points=self._min_points,
         )
 
-    def _cast_scan(self, agent: Agent, frame: Frame) -> ScanHits:
-        lidar = agent.sensors.lidar
+    def _measure_scans(self, agent: Agent, frame: Frame) -> Iterator[LidarScan]:
+        for index, lidar in enumerate(agent.sensors.lidars):
+            hits = self._cast_scan(agent, index, frame)
+            # The first LiDAR's key has no number, as in datasets of carriers with one.
+            rng = self._poses.make_generator("lidar", agent, frame, *([index] if index else []))
+            cloud = measure_point_cloud(
+                lidar, hits, self._lidar_conditions, rng, states=frame.states
+            )
+            yield LidarScan(hits.world_from_lidar, cloud, count_lidar_hits(hits, lidar))
+
+    def _cast_scan(self, agent: Agent, index: int, frame: Frame) -> ScanHits:
+        lidar = agent.sensors.lidars[index]
         previous = self._poses.previous_frame(frame) if lidar.motion_distortion else None
         self._raycaster.place(frame, hide=_carrier_ids(agent), previous_frame=previous)
         return cast_scan(
             lidar,
-            self._poses.world_from_lidar(agent, frame),
+            self._poses.world_from_lidars(agent, frame)[index],
             self._raycaster,
             previous_world_from_lidar=None
             if previous is None
-            else self._poses.world_from_lidar(agent, previous),
+            else self._poses.world_from_lidars(agent, previous)[index],
             puddle_coverage=self._lidar_conditions.puddle_coverage,
         )
 
@@ -132,7 +138,7 @@ class SensorRig:
         self, agent: Agent, frame: Frame, captures: Iterator[CameraCapture]
     ) -> Iterator[CameraImage]:
         for camera, pose in enumerate(self._poses.world_from_cameras(agent, frame.index)):
-            view, capture = build_camera_view(agent, pose, self._profile), next(captures)
+            view, capture = build_camera_view(agent, camera, pose, self._profile), next(captures)
             yield CameraImage(
                 world_from_camera=pose,
                 image=self._render_image(capture, agent, camera, pose, frame),
@@ -144,11 +150,11 @@ class SensorRig:
     def _render_image(
         self, capture: CameraCapture, agent: Agent, camera: int, pose: Matrix, frame: Frame
     ) -> Uint8Array:
-        view = build_camera_view(agent, pose, self._profile)
+        view = build_camera_view(agent, camera, pose, self._profile)
         check_capture(capture, view, self._backend_name)
         exposure = CameraExposure(
             view=view,
-            camera=agent.sensors.camera,
+            camera=agent.sensors.cameras[camera].camera,
             frame=frame,
             velocity=self._poses.velocity(agent, frame),
             light_sources=self._light_sources,
@@ -158,7 +164,7 @@ class SensorRig:
             exposure,
             self._camera_conditions,
             self._poses.make_generator("camera", agent, frame, camera),
-            mount=agent.sensors.camera.mounts[camera],
+            mount=agent.sensors.cameras[camera].mount,
             carrier=agent.id,
         )
 
@@ -177,10 +183,17 @@ class SensorRig:
 
 
 def build_camera_view(
-    agent: Agent, world_from_camera: Matrix, profile: RenderProfile
+    agent: Agent, number: int, world_from_camera: Matrix, profile: RenderProfile
 ) -> CameraView:
-    """Build the view of a camera at a pose (4, 4), with the image size scaled by `profile`."""
-    camera = agent.sensors.camera
+    """Build the view of a camera by its number, with the image size scaled by `profile`.
+
+    Args:
+        agent: The carrier.
+        number: Number of the camera.
+        world_from_camera: (4, 4), body axes.
+        profile: Scale of the image.
+    """
+    camera = agent.sensors.cameras[number].camera
     return CameraView(
         world_from_camera=world_from_camera,
         width_px=max(1, round(camera.width_px * profile.scale)),

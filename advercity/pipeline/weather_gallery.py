@@ -70,7 +70,7 @@ def write_weather_gallery(
         index = frame_count // 2 if frame is None else frame
         if index >= frame_count:
             raise InputError(f"{spec.id} has frames 0 to {frame_count - 1}, not {index}")
-        scale = width_px * OVERSAMPLING / carrier.sensors.camera.width_px
+        scale = width_px * OVERSAMPLING / carrier.sensors.cameras[camera].camera.width_px
         prepared = PreparedScenario(
             spec,
             traffic,
@@ -96,7 +96,7 @@ def _find_agent(spec: Spec, name: str | None, camera: int) -> Agent:
     if name is not None and name not in agents:
         raise InputError(f"{spec.id} has no agent '{name}'; it has {', '.join(agents)}")
     agent = spec.ego if name is None else agents[name]
-    count = len(agent.sensors.camera.mounts)
+    count = len(agent.sensors.cameras)
     if not 0 <= camera < count:
         raise InputError(f"{agent.id} has cameras 0 to {count - 1}, not {camera}")
     return agent

@@ -114,8 +114,7 @@ def draw_plan_canvas(network: RoadNetwork, spec: Spec | None = None) -> PlanCanv
         canvas.fill(_circle(head.position_m[:2], 0.8), (0, 160, 240))
     if spec is not None:
         for agent in spec.agents:
-            camera = agent.sensors.camera
-            for mount in camera.mounts:
+            for camera, mount in agent.sensors.cameras:
                 _draw_view(canvas, agent.place, mount, camera.horizontal_fov_deg)
     for place in road.agents.values():
         if isinstance(place, Vehicle):

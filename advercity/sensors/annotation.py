@@ -189,8 +189,8 @@ class Annotation:
         bearing_rad: Horizontal direction from the agent to `location`, whatever the agent's pitch
             and roll; 0 ahead, positive to the left, in (-pi, pi].
         relative_yaw_rad: Heading relative to the agent's, in (-pi, pi].
-        lidar_hits: Number of beams of the noise-free LiDAR that hit it.
-        lidar_points: Number of points that it returned to the agent's LiDAR in this weather,
+        lidar_hits: Number of beams of the noise-free LiDARs that hit it.
+        lidar_points: Number of points that it returned to the agent's LiDARs in this weather,
             without its mirror images in puddles.
         lidar_ghosts: Number of points of its mirror images.
         visible_fraction: Largest fraction of its outline that one of the agent's cameras shows.
@@ -209,15 +209,14 @@ class Annotation:
 
 
 def annotate_actors(sensor_frame: SensorFrame) -> tuple[Annotation, ...]:
-    """Annotate the other actors within LiDAR range that the noise-free LiDAR hits.
+    """Annotate the other actors within LiDAR range that a noise-free LiDAR hits.
 
     With `min_points` 0 only umbrellas make a difference between weathers: they take and hide beams.
     Distances are from the agent's true pose, not from the estimated one.
     """
     own, hits = sensor_frame.agent.number, sensor_frame.lidar_hits
-    cloud = sensor_frame.point_cloud
-    ghosts = _count_points(cloud.instance[cloud.kind == PointKind.GHOST])
-    points = _count_points(cloud.instance[cloud.kind == PointKind.SURFACE])
+    ghosts = _count_points(sensor_frame, PointKind.GHOST)
+    points = _count_points(sensor_frame, PointKind.SURFACE)
     states = [
         state
         for state in sensor_frame.frame.states
@@ -250,11 +249,14 @@ def annotate_actors(sensor_frame: SensorFrame) -> tuple[Annotation, ...]:
         (_find_visible_fraction(sensor_frame, state.actor.id) for state in states),
         strict=True,
     )
-    range_m = sensor_frame.agent.sensors.lidar.range_m
+    range_m = max(lidar.range_m for lidar in sensor_frame.agent.sensors.lidars)
     return tuple(Annotation(*row) for row in rows if row[3] < range_m)
 
 
-def _count_points(instance: NDArray[np.int32]) -> dict[int, int]:
+def _count_points(sensor_frame: SensorFrame, kind: PointKind) -> dict[int, int]:
+    """Count the points of a kind that every actor returned to all LiDARs, by its id."""
+    clouds = [scan.point_cloud for scan in sensor_frame.lidar_scans]
+    instance = np.concatenate([cloud.instance[cloud.kind == kind] for cloud in clouds])
     actors, counts = np.unique(instance, return_counts=True)
     return dict(zip(actors.tolist(), counts.tolist(), strict=True))
 

@@ -1,5 +1,6 @@
 """The measurements of all sensors of one agent in one frame."""
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -65,6 +66,21 @@ class CameraImage:
 
 
 @dataclass(frozen=True, eq=False)
+class LidarScan:
+    """One scan of a LiDAR.
+
+    Attributes:
+        world_from_lidar: (4, 4) at the frame's instant.
+        point_cloud: Points in the LiDAR's frame.
+        hits: Number of beams of the noise-free LiDAR that hit an actor, by actor id.
+    """
+
+    world_from_lidar: Matrix
+    point_cloud: PointCloud
+    hits: Mapping[int, int]
+
+
+@dataclass(frozen=True, eq=False)
 class SensorFrame:
     """Measurements of one agent at one tick, in the right-handed world and body frames.
 
@@ -73,10 +89,8 @@ class SensorFrame:
         frame: True state of all actors at this tick.
         world_from_agent: (4, 4), the vehicle's origin on the ground or the roadside unit.
         estimated_world_from_agent: (4, 4), the same as estimated by the agent's localisation.
-        world_from_lidar: (4, 4).
-        camera_images: Images in the order of the rig's mounts.
-        point_cloud: Points in the LiDAR's frame.
-        lidar_hits: Number of beams of the noise-free LiDAR that hit an actor, by actor id.
+        camera_images: Images, by the numbers of the cameras.
+        lidar_scans: Scans, by the numbers of the LiDARs; at least one.
         min_points: Number of points that an actor must return to be annotated.
         gnss: Fix of the receiver; None without a receiver or a fix.
         imu: Sample of the inertial unit; None without one.
@@ -88,10 +102,8 @@ class SensorFrame:
     frame: Frame
     world_from_agent: Matrix
     estimated_world_from_agent: Matrix
-    world_from_lidar: Matrix
     camera_images: tuple[CameraImage, ...]
-    point_cloud: PointCloud
-    lidar_hits: Mapping[int, int]
+    lidar_scans: tuple[LidarScan, ...]
     min_points: int = 0
     gnss: GnssFix | None = None
     imu: ImuSample | None = None
@@ -105,10 +117,25 @@ class SensorFrame:
             return 0.0
         return self.frame.get_state(self.agent.number).speed_m_s
 
+    @property
+    def world_from_lidar(self) -> Matrix:
+        """Pose (4, 4) of the first LiDAR."""
+        return self.lidar_scans[0].world_from_lidar
+
+    @property
+    def point_cloud(self) -> PointCloud:
+        """Points of the first LiDAR, in its frame."""
+        return self.lidar_scans[0].point_cloud
+
+    @property
+    def lidar_hits(self) -> Mapping[int, int]:
+        """Number of beams of all noise-free LiDARs that hit an actor, by actor id."""
+        return sum((Counter(scan.hits) for scan in self.lidar_scans), Counter[int]())
+
     def compute_intrinsic(self, camera: int) -> NDArray[np.float64]:
         """Compute the pinhole matrix (3, 3) of a camera in pixels of its image."""
         height, width = self.camera_images[camera].image.shape[:2]
-        field_of_view = self.agent.sensors.camera.horizontal_fov_deg
+        field_of_view = self.agent.sensors.cameras[camera].camera.horizontal_fov_deg
         return compute_pinhole_matrix(width, height, horizontal_fov_deg=field_of_view)
 
 

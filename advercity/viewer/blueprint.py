@@ -31,6 +31,11 @@ def format_camera_path(agent: Agent, index: int) -> str:
     return f"{format_agent_path(agent)}/camera{index}"
 
 
+def format_lidar_path(agent: Agent, index: int) -> str:
+    """Return the path of an agent's LiDAR and its points."""
+    return f"{format_agent_path(agent)}/lidar{index or ''}"
+
+
 def format_semantic_path(agent: Agent, index: int) -> str:
     """Return the path of a semantic image."""
     # Not in the scene, where it would cover the image of the camera.
@@ -87,7 +92,7 @@ def _build_eye_controls(agent: Agent, world_from_agent: Matrix) -> rrb.EyeContro
 
 def _build_agent_views(agent: Agent) -> rrb.Grid:
     views: list[rrb.Spatial2DView] = []
-    for index in range(len(agent.sensors.camera.mounts)):
+    for index in range(len(agent.sensors.cameras)):
         views.append(_build_image_view(format_camera_path(agent, index), f"camera {index}"))
         views.append(_build_image_view(format_semantic_path(agent, index), f"semantic {index}"))
     return rrb.Grid(*views, grid_columns=2, name=agent.id)

@@ -228,9 +228,10 @@ class RerunRecording:
         log, agent = self._stream.log, item.agent
         agent_from_world = poses.invert_pose(item.world_from_agent)
         log(blueprint.format_agent_path(agent), archetypes.to_transform3d(item.world_from_agent))
-        lidar = f"{blueprint.format_agent_path(agent)}/lidar"
-        log(lidar, archetypes.to_transform3d(agent_from_world @ item.world_from_lidar))
-        log(lidar, archetypes.to_points3d(item.point_cloud, self._cloud_colour))
+        for index, scan in enumerate(item.lidar_scans):
+            lidar = blueprint.format_lidar_path(agent, index)
+            log(lidar, archetypes.to_transform3d(agent_from_world @ scan.world_from_lidar))
+            log(lidar, archetypes.to_points3d(scan.point_cloud, self._cloud_colour))
         for index, image in enumerate(item.camera_images):
             camera = blueprint.format_camera_path(agent, index)
             log(camera, archetypes.to_transform3d(agent_from_world @ image.world_from_camera))

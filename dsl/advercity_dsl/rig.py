@@ -4,11 +4,19 @@ Mounts are in the body frame (x forward, y left, z up, metres, origin on the gro
 centre of the vehicle). A positive pitch looks down, a positive yaw left.
 """
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, NamedTuple, Self
 
 from pydantic import Field, model_validator
 
-from advercity_dsl.base import CompactModel, Declaration, Items, Model
+from advercity_dsl.base import (
+    ByName,
+    CompactModel,
+    Declaration,
+    InvalidCombination,
+    Items,
+    Model,
+    is_empty,
+)
 from advercity_dsl.units import (
     Count,
     Degrees,
@@ -189,24 +197,59 @@ class Imu(CompactModel):
     """Samples per tick: 1 is 10 Hz, 10 is 100 Hz."""
 
 
+class MountedCamera(NamedTuple):
+    """One camera of a carrier."""
+
+    camera: Camera
+    mount: Mount
+
+
 class SensorSet(Model):
     """The sensors of one kind of agent."""
 
     camera: Camera
-    """Cameras, and the semantic cameras at the same poses."""
+    """Cameras of one kind, and the semantic cameras at the same poses."""
+    more_cameras: Annotated[ByName[Camera], Field(max_length=8)] = Field(
+        default_factory=dict, exclude_if=is_empty
+    )
+    """Cameras of other kinds, each with its own size, field of view and exposure, by name. They are
+    numbered after those of `camera`, in the order in which they are written."""
     lidar: Lidar
     """The LiDAR."""
+    more_lidars: Annotated[ByName[Lidar], Field(max_length=8)] = Field(
+        default_factory=dict, exclude_if=is_empty
+    )
+    """Other LiDARs, by name, numbered from 1 in the order in which they are written."""
     gnss: Gnss = Gnss()
     """Satellite positioning."""
     imu: Imu | None = None
     """Accelerometer and gyroscope; `null` is none."""
+
+    @property
+    def cameras(self) -> tuple[MountedCamera, ...]:
+        """All cameras, by their numbers in a dataset."""
+        kinds = (self.camera, *self.more_cameras.values())
+        return tuple(MountedCamera(kind, mount) for kind in kinds for mount in kind.mounts)
+
+    @property
+    def lidars(self) -> tuple[Lidar, ...]:
+        """All LiDARs, by their numbers in a dataset; the first is `lidar`."""
+        return (self.lidar, *self.more_lidars.values())
 
 
 class Rig(Declaration):
     """The sensors of every agent of a scenario."""
 
     kind: Literal["rig"] = "rig"
-    vehicle: SensorSet
-    """Sensors of each connected vehicle."""
-    roadside_unit: SensorSet
-    """Sensors of each roadside unit; the road gives its position."""
+    vehicle: SensorSet | None = None
+    """Sensors of a connected vehicle; without them, the rig is for roadside units only."""
+    roadside_unit: SensorSet | None = None
+    """Sensors of a roadside unit, whose position the road gives; without them, the rig is for
+    vehicles only."""
+
+    @model_validator(mode="after")
+    def _check_sensors(self) -> Self:
+        if self.vehicle is None and self.roadside_unit is None:
+            hint = "give sensors of a `vehicle`, of a `roadside_unit`, or of both"
+            raise InvalidCombination((), "has no sensors", hint)
+        return self

@@ -12,7 +12,16 @@ from pydantic import (
     model_validator,
 )
 
-from advercity_dsl.base import ByName, Declaration, Id, InvalidCombination, Items, Model, is_none
+from advercity_dsl.base import (
+    ByName,
+    Declaration,
+    Id,
+    InvalidCombination,
+    Items,
+    Model,
+    is_empty,
+    is_none,
+)
 from advercity_dsl.conflict import ResolverFractions
 from advercity_dsl.units import Count, Flag, Metres, Number, Percent, Seconds
 
@@ -205,9 +214,14 @@ class Suite(Declaration):
     default: Flag = False
     """Whether this suite is compiled if none is named."""
     rig: Id
-    """Sensors of every scenario."""
+    """Sensors of all agents that `agents` does not name."""
+    agents: ByName[Id] = Field(default_factory=dict, exclude_if=is_empty)
+    """Rigs of single agents, by the agent's id: `{cav1: nuscenes_like, rsu1: roadside}`."""
     catalogue: Id
     """Vehicles and people of every scenario."""
+    bodies: ByName[Id] = Field(default_factory=dict, exclude_if=is_empty)
+    """Blueprints of single connected vehicles, by the agent's id; others have the catalogue's
+    `ego`."""
     drivers: Id | None = Field(default=None, exclude_if=lambda name: name is None)
     """Drivers who react to weather; without them, traffic is the same in every weather."""
     resolved_by: ResolverFractions | None = Field(default=None, exclude_if=is_none)

@@ -14,6 +14,7 @@ from advercity.dataset.writer import ScenarioWriter
 from advercity.errors import InputError
 from advercity.geometry import poses
 from advercity.sensors.annotation import annotate_actors
+from advercity.sensors.measurements import PointCloud
 from tests.builders import SensorFramesOf, identify, write_scenario
 
 FRAMES = 2
@@ -70,6 +71,11 @@ def test_points_without_motion_were_measured_where_they_are(dataset: Dataset) ->
     assert not time_s.any()
 
 
+def moved(cloud: PointCloud) -> PointCloud:
+    times_s = np.linspace(-0.1, 0, len(cloud.points), dtype=np.float32)
+    return replace(cloud, raw=cloud.points + np.float32(0.5), time_s=times_s)
+
+
 def test_a_lidar_with_motion_keeps_where_and_when_it_measured(
     spec: Spec, sensor_frames_of: SensorFramesOf, tmp_path: Path
 ) -> None:
@@ -78,11 +84,7 @@ def test_a_lidar_with_motion_keeps_where_and_when_it_measured(
         replace(
             reading,
             agent=turned(reading.agent),
-            point_cloud=replace(
-                reading.point_cloud,
-                raw=reading.point_cloud.points + np.float32(0.5),
-                time_s=np.linspace(-0.1, 0, len(reading.point_cloud.points), dtype=np.float32),
-            ),
+            lidar_scans=(replace(reading.lidar_scans[0], point_cloud=moved(reading.point_cloud)),),
         )
         for reading in sensor_frames_of(0)
     ]

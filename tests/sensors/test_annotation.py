@@ -27,7 +27,9 @@ def among(reading: SensorFrame, *states: ActorState, hits: int = 1) -> SensorFra
         reading,
         frame=replace(reading.frame, states=(own, *states)),
         world_from_agent=north,
-        lidar_hits={state.actor.id: hits for state in states},
+        lidar_scans=(
+            replace(reading.lidar_scans[0], hits={state.actor.id: hits for state in states}),
+        ),
     )
 
 
@@ -48,7 +50,9 @@ def test_roadside_units_annotate_all_connected_vehicles(sensor_frames_of: Sensor
 
 
 def test_an_actor_without_hits_is_not_annotated(ego: SensorFrame) -> None:
-    assert set(annotated(replace(ego, lidar_hits={201: 1, 202: 0}))) == {201}
+    assert set(
+        annotated(replace(ego, lidar_scans=(replace(ego.lidar_scans[0], hits={201: 1, 202: 0}),)))
+    ) == {201}
 
 
 @pytest.mark.parametrize(("distance_m", "expected"), [(199.9, {300}), (200.0, set[int]())])
@@ -96,7 +100,7 @@ def points_on(reading: SensorFrame, kinds: list[PointKind]) -> SensorFrame:
         *(getattr(cloud, item.name)[:count].copy() for item in fields(PointCloud)),
     )
     points.instance[:], points.kind[:] = 300, kinds
-    return replace(reading, point_cloud=points)
+    return replace(reading, lidar_scans=(replace(reading.lidar_scans[0], point_cloud=points),))
 
 
 def test_points_of_mirror_images_are_counted_apart(ego: SensorFrame) -> None:

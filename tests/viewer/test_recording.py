@@ -276,7 +276,10 @@ def test_a_frame_without_annotations_clears_the_boxes(
     tmp_path: Path, spec: Spec, sensor_frames_of: SensorFramesOf
 ) -> None:
     path = tmp_path / "nobody.rrd"
-    blind = [replace(reading, lidar_hits={}) for reading in sensor_frames_of(1)]
+    blind = [
+        replace(reading, lidar_scans=(replace(reading.lidar_scans[0], hits={}),))
+        for reading in sensor_frames_of(1)
+    ]
     with RerunRecording(spec, (), file=path) as recording:
         recording.log_frame(sensor_frames_of(0))
         recording.log_frame(blind)
