@@ -10,7 +10,14 @@ import pytest
 ROOT = Path(__file__).parents[2]
 SLOW = {
     *("add_a_body", "add_a_road", "first_snow_scenario", "import_your_town", "make_the_whole_set"),
-    *("run_on_a_cluster", "write_a_suite", "write_a_typology", "write_traffic", "write_weather"),
+    *(
+        "run_on_a_cluster",
+        "write_a_rig",
+        "write_a_suite",
+        "write_a_typology",
+        "write_traffic",
+        "write_weather",
+    ),
 }
 GUIDES = [
     pytest.param(path, id=path.stem, marks=[pytest.mark.slow] if path.stem in SLOW else [])
