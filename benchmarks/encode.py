@@ -21,11 +21,13 @@ import cv2
 from measurement import Measurement, RunTime, format_table, measure_run_time
 
 from advercity.compiler import read_spec
+from advercity.dataset.cloud_files import CloudEncoding, encode_pcd
 from advercity.dataset.writer import ScenarioWriter
 from advercity.pipeline.preparation import PreparedScenario, load_or_simulate_traffic
 from advercity.pipeline.scenario import open_background_writer
 from advercity.pipeline.sensing import SensorRig, open_sensors
 from advercity.rendering.backend import RENDER_PROFILES, load_backend
+from advercity.sensors.measurements import PointCloud
 
 SPEC = Path("compiled/ui_fog_day_sparse.json")
 FRAMES = range(1, 4)
@@ -45,6 +47,9 @@ def run_benchmark(
         pairs = [(_measure_frames(sensors), _measure_frames(sensors, writer)) for _ in range(count)]
         images = sorted(writer.scenario.rglob("*.png"))
         encoder_s = statistics.median(_measure_encoder_s(images) for _ in range(count))
+        clouds = [one.point_cloud for frame in FRAMES for one in sensors.capture_frame(frame)]
+        binary_s, binary_bytes = _measure_clouds(clouds, "binary", count)
+        packed_s, packed_bytes = _measure_clouds(clouds, "binary_compressed", count)
     cpu = statistics.median(written.cpu_s / sensed.cpu_s for sensed, written in pairs)
     wall = statistics.median(written.wall_s / sensed.wall_s for sensed, written in pairs)
     own_s = statistics.median(written.cpu_s - sensed.cpu_s for sensed, written in pairs)
@@ -52,6 +57,12 @@ def run_benchmark(
         Measurement("encode and write, processor time added", cpu - 1.0, "sensing frames", GOAL),
         Measurement("encode and write, wall added", wall - 1.0, "sensing frames"),
         Measurement("encode and write all files", own_s / encoder_s, "OpenCV, images alone"),
+        Measurement("compressed clouds, size", packed_bytes / binary_bytes, "binary", at_most=0.6),
+        Measurement(
+            "compress clouds, processor time added",
+            (packed_s - binary_s) / statistics.median(sensed.cpu_s for sensed, _ in pairs),
+            "sensing frames",
+        ),
     ]
 
 
@@ -94,6 +105,19 @@ def _measure_encoder_s(images: list[Path]) -> float:
         cv2.imencode(".png", image)
         total += time.process_time() - started
     return total
+
+
+def _measure_clouds(
+    clouds: list[PointCloud], encoding: CloudEncoding, count: int
+) -> tuple[float, int]:
+    """Measure the processor time of encoding clouds, the least of `count`, and their bytes."""
+    times: list[float] = []
+    sizes: list[int] = []
+    for _ in range(count):
+        started = time.process_time()
+        sizes = [len(encode_pcd(cloud, encoding=encoding)) for cloud in clouds]
+        times.append(time.process_time() - started)
+    return min(times), sum(sizes)
 
 
 def main() -> None:

@@ -39,7 +39,7 @@ def test_writing_removes_obsolete_specs_of_the_suite_and_nothing_else(
     mine = {"mine": {"mine": 1}, "copy": written, "edited": written | {"id": "edited"}}
     for name, data in mine.items():
         (folder / f"{name}.json").write_text(json.dumps(data))
-    write_specs([spec], folder)
+    assert write_specs([spec], folder) == "1 unchanged, 1 removed"
     left = {path.stem for path in folder.iterdir()}
     assert left == {"lane_clear_day_sparse", *mine}
 

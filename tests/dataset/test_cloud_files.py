@@ -133,7 +133,9 @@ def test_a_compressed_cloud_that_is_damaged_or_cut_off_is_refused(
     head = whole.index(b"compressed\n") + len("compressed\n")
     sizes = struct.pack("<II", 100, 2**32 - 36)
     bomb = whole[:head].replace(b"POINTS 16000", b"POINTS 119304646") + sizes + bytes(100)
-    for content in (whole[:-1], whole[: head + 4], whole[: head + 8] + b"\xff" * 100, bomb):
+    lying = whole[:head] + bytes(8) + whole[head + 8 :]
+    cut = whole[: head + 8] + b"\xff" * 100
+    for content in (whole[:-1], whole[: head + 4], cut, bomb, lying):
         path.write_bytes(content)
         with pytest.raises(InputError, match="not a binary point cloud"):
             cloud_files.read_pcd(path)

@@ -100,6 +100,9 @@ def test_a_low_beam_shines_as_much_as_its_regulation_points_say() -> None:
     for (h_deg, v_deg), candela in points.items():
         found = 20e3 * float(LOW_BEAM.relative_intensity(facing, at(h_deg, v_deg))[0])
         assert found == pytest.approx(candela, rel=0.06)
+    # A road 8 m ahead of a lamp 0.65 m up, and so 3.35 deg below the peak at -1.3 deg.
+    far_below = float(LOW_BEAM.relative_intensity(facing, at(1.0, -4.65))[0])
+    assert far_below == pytest.approx(math.exp(-((3.35 / 3.5) ** 2)), rel=0.02)
 
 
 def test_the_sun_throws_ghosts_to_the_other_side_of_the_picture() -> None:
