@@ -117,7 +117,7 @@ def _measure_encroachment(meeting: _Meeting) -> float:
     """
     passing, _ = find_closest_approach(meeting.ego, meeting.actor)
     times_s = (meeting.actor.rows["tick"] - passing) * meeting.tick_s
-    apart_m = shapely.distance(meeting.lane, shapely.points(meeting.actor.centres))
+    apart_m = np.asarray(shapely.distance(meeting.lane, shapely.points(meeting.actor.centres)))
     nearest = np.argmin(np.where(times_s <= 0, apart_m, np.inf))
     in_lanes_m = np.interp(
         times_s[nearest], DRIFT_WINDOW_S, np.interp(DRIFT_WINDOW_S, times_s, apart_m)

@@ -1,0 +1,93 @@
+"""Staged conflicts are what NHTSA calls them, by an independent look at their traces."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from advercity_dsl import Spec
+from advercity_dsl.conflict import StagedConflict
+
+from advercity.compiler.crossing import compile_library
+from advercity.conflicts.metrics import find_overlaps
+from advercity.conflicts.report import build_traffic_report
+from advercity.frames import Trace
+from advercity.roads.sumo_network import write_sumo_network
+from advercity.traffic.simulation import simulate_in_subprocess
+from tests.crash_types import name_crash_type, runs_red
+
+pytestmark = pytest.mark.sumo
+LIBRARY = Path(__file__).parents[2] / "library" / "nhtsa"
+EGO = 101
+
+
+def check_crash_type(spec: Spec, conflict: StagedConflict, trace: Trace) -> None:
+    actor = conflict.actors[0]
+
+    assert name_crash_type(trace, EGO, actor.number) in conflict.stages
+    assert not runs_red(trace, spec.road, EGO)
+    assert runs_red(trace, spec.road, actor.number) == (conflict.violates == "signal")
+    # Who runs a red light does the critical act.
+    assert (actor.part == "subject" and conflict.ego == "other") or conflict.violates is None
+
+
+@pytest.mark.parametrize(
+    ("name", "crash_type"),
+    [
+        ("ui_clear_day_dense", "nhtsa2019:30"),
+        ("ui_clear_day_sparse", "nhtsa2019:9"),
+        ("unj_clear_day_sparse", "nhtsa2019:10"),
+        ("ri_clear_day_sparse", "nhtsa2019:11"),
+        ("rsnj_clear_day_sparse", "nhtsa2019:19"),
+        ("rcnj_clear_day_sparse", "nhtsa2019:19"),
+    ],
+)
+def test_the_scenarios_stage_what_they_say(
+    name: str, crash_type: str, specs: dict[str, Spec], simulate: Callable[[Spec], Trace]
+):
+    spec = specs[name]
+    trace = simulate(spec)
+
+    (conflict,) = spec.conflicts
+    assert name_crash_type(trace, EGO, conflict.actors[0].number) == crash_type
+    check_crash_type(spec, conflict, trace)
+
+
+def test_most_egos_of_the_scenarios_have_to_evade(
+    specs: dict[str, Spec], simulate: Callable[[Spec], Trace]
+):
+    sparse = [specs[f"{road}_clear_day_sparse"] for road in ("ui", "unj", "ri", "rsnj", "rcnj")]
+
+    resolutions = [
+        outcome.resolution
+        for spec in sparse
+        for outcome in build_traffic_report(spec, simulate(spec), "").staged
+    ]
+
+    evading = [
+        item.ego_braking_m_s2 > 3.0 or (item.ego_aside_m or 0.0) > 0.4 for item in resolutions
+    ]
+    assert sum(evading) >= len(evading) / 2
+
+
+def list_crashes() -> list[Spec]:
+    """A scenario of every conflict, on the first road that it is crossed with."""
+    crashes = {
+        spec.provenance.conflict: spec
+        for spec in reversed(compile_library(LIBRARY.parent, suite="crashes"))
+        if spec.weather.id == "clear_day"
+    }
+    return list(crashes.values())
+
+
+@pytest.mark.slow
+def test_every_conflict_that_nobody_resolves_is_a_collision_of_its_type(tmp_path: Path):
+    for spec in list_crashes():
+        folder = tmp_path / spec.id
+        folder.mkdir()
+        trace = simulate_in_subprocess(spec, write_sumo_network(spec.road, folder))
+        (outcome,) = build_traffic_report(spec, trace, "").staged
+
+        assert outcome.missed == (), spec.id
+        assert outcome.resolution.impact is not None
+        assert {overlap.tick for overlap in find_overlaps(trace)} <= {len(trace) - 1}
+        check_crash_type(spec, spec.conflicts[0], trace)
