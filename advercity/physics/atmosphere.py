@@ -4,7 +4,8 @@ Everything is photometric: cd/m², lx and 1/m. Colours are linear sRGB factors w
 """
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -15,11 +16,11 @@ from numpy.typing import NDArray
 from advercity.geometry.arrays import Float64Array
 from advercity.physics import photometry, sky
 from advercity.physics.clouds import CloudLayer, choose_cloud_kind
-from advercity.physics.extinction import AirExtinction, compute_extinction
+from advercity.physics.extinction import AirExtinction, compute_extinction, extinction_from_mor
 from advercity.physics.fog_transfer import FogBank, compute_fog_radiance
 from advercity.physics.photometry import LED_COLOUR, Colour, luminance
 from advercity.physics.precipitation import ParticleSizeDistribution, size_distributions
-from advercity.physics.sky import daylight_for_weather, sun_colour
+from advercity.physics.sky import Daylight, daylight_for_weather, derive_daylight, sun_colour
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +53,7 @@ class Atmosphere:
         snow_fall_speed_m_s: Terminal speed of the flakes.
         wind: Wind at 10 m height.
         clouds: Clouds by day, which images show; `sky` is the mean over all skies of their cover.
+        cloud_contrast: Fraction of their contrast that mist in front of them leaves.
     """
 
     extinction: AirExtinction
@@ -74,6 +76,7 @@ class Atmosphere:
     snow_fall_speed_m_s: float = 1.0
     wind: Wind = field(default_factory=Wind)
     clouds: CloudLayer | None = None
+    cloud_contrast: float = 1.0
 
     @property
     def mor_m(self) -> float:
@@ -107,6 +110,8 @@ GREY_SKY_FROM_OKTAS = 7.0
 """Cloud cover at which no blue is left in the sky."""
 DUST_LAYER_M = 1000.0
 """Depth of the dust above the ground: that of the lower part of a storm."""
+FOG_BELOW_M, MIST_BELOW_M = 1000.0, 10_000.0
+"""Visibilities (MOR): below the first it is fog (WMO-No. 407), above the second hardly mist."""
 _WHITE = np.ones(3)
 
 
@@ -119,17 +124,30 @@ class _SceneLight:
     airlight: NDArray[np.floating[Any]]
     street_lx: float = 0.0
 
+    def add(self, other: "_SceneLight") -> "_SceneLight":
+        """Add the light of other sources."""
+        return _SceneLight(*(a + b for a, b in self._pair(other)))
+
+    def mix(self, other: "_SceneLight", fraction: float) -> "_SceneLight":
+        """Replace a fraction by other light."""
+        return _SceneLight(*(a + (b - a) * fraction for a, b in self._pair(other)))
+
+    def _pair(self, other: "_SceneLight") -> Iterator[tuple[Any, Any]]:
+        return zip(vars(self).values(), vars(other).values(), strict=True)
+
 
 def compute_atmosphere(weather: Weather, land_use: LandUse) -> Atmosphere:
     """Compute the atmosphere of `weather` over a town or the country."""
     extinction = compute_extinction(weather)
     sun = sky.direction_from_elevation_azimuth(weather.sun.elevation_deg, weather.sun.azimuth_deg)
-    if weather.time == "night":
+    night = weather.time == "night"
+    if night:
         light = _compute_night_light(weather, land_use, extinction.at_550nm)
-    elif weather.fog.mor_m is not None:
-        light = _compute_foggy_day_light(weather, sun, extinction.fog.at_550nm)
+        twilight = derive_daylight(weather)
+        if twilight.diffuse_lx:
+            light = light.add(_compute_day_light(weather, sun, extinction, twilight))
     else:
-        light = _compute_day_light(weather, sun)
+        light = _compute_day_light(weather, sun, extinction, daylight_for_weather(weather))
     sky_lx = photometry.horizontal_illuminance(light.sky)
     return Atmosphere(
         extinction=extinction,
@@ -140,26 +158,41 @@ def compute_atmosphere(weather: Weather, land_use: LandUse) -> Atmosphere:
         sky=tint_by_dust(light.sky, weather, extinction).astype(np.float32),
         airlight=_tint_airlight(light.airlight, weather, extinction),
         street_lx=light.street_lx,
-        wetness=weather.surface.wetness,
-        puddle_coverage=weather.surface.puddle_coverage,
-        night=weather.time == "night",
-        rain_mm_h=weather.rain.rate_mm_h,
-        snow_depth_m=weather.snow.depth_mm / 1000.0,
-        road_snow_cover=weather.snow.road_coverage,
-        rut_snow_cover=weather.snow.rut_coverage,
-        water_film_mm=weather.surface.film_mm,
-        precipitation=size_distributions(weather),
-        snow_fall_speed_m_s=weather.snow.fall_speed_m_s,
-        wind=weather.wind,
+        night=night,
         clouds=_choose_clouds(weather, extinction, sun, light.sun_lx, sky_lx),
+        cloud_contrast=1.0 - _fog_light_fraction(extinction.fog.at_550nm),
+        **_list_air_and_ground(weather),
     )
+
+
+def change_air_and_ground(atmosphere: Atmosphere, weather: Weather) -> Atmosphere:
+    """Return the atmosphere with the air and the ground of a weather of the same light."""
+    extinction = compute_extinction(weather)
+    return replace(atmosphere, extinction=extinction, **_list_air_and_ground(weather))
+
+
+def _list_air_and_ground(weather: Weather) -> dict[str, Any]:
+    """List what falls and lies in a weather, as fields of `Atmosphere`."""
+    return {
+        "wetness": weather.surface.wetness,
+        "puddle_coverage": weather.surface.puddle_coverage,
+        "rain_mm_h": weather.rain.rate_mm_h,
+        "snow_depth_m": weather.snow.depth_mm / 1000.0,
+        "road_snow_cover": weather.snow.road_coverage,
+        "rut_snow_cover": weather.snow.rut_coverage,
+        "water_film_mm": weather.surface.film_mm,
+        "precipitation": size_distributions(weather),
+        "snow_fall_speed_m_s": weather.snow.fall_speed_m_s,
+        "wind": weather.wind,
+    }
 
 
 def _choose_clouds(
     weather: Weather, extinction: AirExtinction, sun: Float64Array, sun_lx: float, sky_lx: float
 ) -> CloudLayer | None:
     """Choose the clouds of a day; fog and dust hide them, and at night they are dark."""
-    is_hidden = weather.fog.mor_m is not None or extinction.dust.at_550nm > 0.0
+    foggy = _fog_light_fraction(extinction.fog.at_550nm)
+    is_hidden = foggy == 1.0 or extinction.dust.at_550nm > 0.0
     if weather.time == "night" or is_hidden or weather.sky.oktas == 0:
         return None
     precipitating = weather.rain.rate_mm_h > 0.0 or weather.snow.rate_mm_h > 0.0
@@ -180,21 +213,42 @@ def _choose_clouds(
     )
 
 
-def _compute_day_light(weather: Weather, sun: Float64Array) -> _SceneLight:
+def _compute_day_light(
+    weather: Weather, sun: Float64Array, extinction: AirExtinction, above: Daylight
+) -> _SceneLight:
+    """Compute the light of a day without and with fog, and what mist makes of the two."""
+    by_fog = extinction.fog.at_550nm
+    foggy = _fog_light_fraction(by_fog)
+    if foggy == 0.0:
+        return _compute_fogless_light(weather, sun, above)
+    light = _compute_foggy_light(weather, sun, by_fog, above)
+    if foggy == 1.0:
+        return light
+    return _compute_fogless_light(weather, sun, above).mix(light, foggy)
+
+
+def _fog_light_fraction(extinction_per_m: float) -> float:
+    """Compute the fraction of a sky that is fog's: all below `FOG_BELOW_M`, none in thin mist.
+
+    Fog hides the blue of the sky and its clouds; in between it is proportional to the extinction.
+    """
+    thick, thin = (extinction_from_mor(mor_m) for mor_m in (FOG_BELOW_M, MIST_BELOW_M))
+    return min(1.0, max(0.0, (extinction_per_m - thin) / (thick - thin)))
+
+
+def _compute_fogless_light(weather: Weather, sun: Float64Array, light: Daylight) -> _SceneLight:
     """Compute a CIE general sky, scaled to the diffuse illuminance; its horizon is the airlight.
 
     Over snow a fraction of the sky's light has come from the ground to the clouds; that part is
     uniform.
     """
-    light = daylight_for_weather(weather)
     albedo = sky.ground_albedo(weather.snow.depth_mm / 1000.0)
     from_ground = sky.ground_lit_fraction(albedo, weather.sky.oktas)
     uniform = from_ground * light.diffuse_lx / math.pi
-    cie_type = sky.cie_sky_type(weather.sky.oktas, turbidity=weather.sky.turbidity)
     cloud_fraction = min(1.0, weather.sky.oktas / GREY_SKY_FROM_OKTAS)
 
     def shape(directions: Float64Array) -> Float64Array:
-        relative = sky.cie_relative_luminance(directions, sun, cie_type)[..., None]
+        relative = _cloudy_luminance(weather, sun, directions)[..., None]
         return relative * sky.sky_colour(directions, sun, cloud_fraction=cloud_fraction)
 
     directions = photometry.cubemap_directions(SKY_SIZE)
@@ -212,15 +266,20 @@ def _compute_day_light(weather: Weather, sun: Float64Array) -> _SceneLight:
     )
 
 
-def _compute_foggy_day_light(
-    weather: Weather, sun: Float64Array, extinction_per_m: float
+def _cloudy_luminance(
+    weather: Weather, sun: Float64Array, directions: Float64Array
+) -> Float64Array:
+    clouds = weather.sky
+    return sky.cloudy_relative_luminance(directions, sun, clouds.oktas, turbidity=clouds.turbidity)
+
+
+def _compute_foggy_light(
+    weather: Weather, sun: Float64Array, extinction_per_m: float, above: Daylight
 ) -> _SceneLight:
     """Compute the light scattered in a fog bank and the direct sun that it leaves."""
-    above = daylight_for_weather(weather)
-    cie_type = sky.cie_sky_type(weather.sky.oktas, turbidity=weather.sky.turbidity)
 
     def shape(directions: Float64Array) -> Float64Array:
-        return sky.cie_relative_luminance(directions, sun, cie_type)
+        return _cloudy_luminance(weather, sun, directions)
 
     directions = photometry.cubemap_directions(SKY_SIZE)
     relative = shape(directions)[..., None] * _WHITE

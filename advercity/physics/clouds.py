@@ -70,7 +70,7 @@ class CloudLayer:
     haze_per_m: float
 
 
-def choose_cloud_kind(oktas: int, *, precipitating: bool) -> tuple[CloudKind, float, float]:
+def choose_cloud_kind(oktas: float, *, precipitating: bool) -> tuple[CloudKind, float, float]:
     """Choose kind, base and depth in metres of clouds: heaps up to 6 eighths, then a deck."""
     if oktas <= 6:
         return "cumulus", 1300.0, 900.0

@@ -15,6 +15,9 @@ from advercity.geometry.arrays import Float64Array
 from advercity.materials import SNOWY_LANDSCAPE_ALBEDO
 from advercity.physics.photometry import colour_from_chromaticity, cubemap_directions
 
+_TWILIGHT_ELEVATION_DEG = (-18.0, -12.0, -6.0, 0.0)
+_TWILIGHT_LX = (0.0006, 0.008, 3.4, 800.0)
+"""Illuminance by a clear sky; at sunset that of `clear_daylight`."""
 RAIN_CLOUD_TRANSMITTANCE = 0.5
 """Transmittance of a raining or snowing cloud, relative to a dry one of the same cover."""
 
@@ -48,34 +51,53 @@ def clear_daylight(elevation_deg: float) -> Daylight:
     )
 
 
+def twilight_illuminance(elevation_deg: float) -> float:
+    """Compute the illuminance in lx by a clear sky with the sun at or below the horizon.
+
+    Logarithmic between sunset and the ends of civil, nautical and astronomical twilight (6, 12 and
+    18 degrees below the horizon), after which it is 0.
+    """
+    if elevation_deg < _TWILIGHT_ELEVATION_DEG[0]:
+        return 0.0
+    return math.exp(np.interp(elevation_deg, _TWILIGHT_ELEVATION_DEG, np.log(_TWILIGHT_LX)))
+
+
 def cloudy_daylight(
-    elevation_deg: float, *, oktas: int = 0, precipitating: bool = False
+    elevation_deg: float, *, oktas: float = 0, precipitating: bool = False
 ) -> Daylight:
-    """Compute the daylight under `oktas` eighths of cloud; zero with the sun below the horizon.
+    """Compute the daylight under `oktas` eighths of cloud; twilight with the sun set.
 
     The total decreases as 1 - 0.75 (N/8)^3.4 (Kasten and Czeplak 1980), and the diffuse fraction
     of it increases from that of a clear sky to 1.
     """
+    cover = oktas / 8.0
+    by_rain = RAIN_CLOUD_TRANSMITTANCE if precipitating else 1.0
+    by_clouds = 1.0 - 0.75 * cover**3.4
     if elevation_deg <= 0.0:
-        return Daylight(0.0, 0.0)
+        return Daylight(0.0, twilight_illuminance(elevation_deg) * by_clouds * by_rain)
     clear = clear_daylight(elevation_deg)
     sine = math.sin(math.radians(elevation_deg))
     clear_total = clear.direct_lx * sine + clear.diffuse_lx
-    cover = oktas / 8.0
-    by_rain = RAIN_CLOUD_TRANSMITTANCE if precipitating else 1.0
-    total = clear_total * (1.0 - 0.75 * cover**3.4) * by_rain
+    total = clear_total * by_clouds * by_rain
     clear_diffuse = clear.diffuse_lx / clear_total
     diffuse = clear_diffuse + (1.0 - clear_diffuse) * cover**2
     return Daylight(direct_lx=total * (1.0 - diffuse) / sine, diffuse_lx=total * diffuse)
 
 
-def daylight_for_weather(weather: Weather) -> Daylight:
-    """Compute the daylight of `weather`; authored illuminances override derived ones."""
-    derived = cloudy_daylight(
+def derive_daylight(weather: Weather) -> Daylight:
+    """Derive the daylight of `weather` from its sun and its clouds."""
+    return cloudy_daylight(
         weather.sun.elevation_deg,
         oktas=weather.sky.oktas,
         precipitating=weather.rain.rate_mm_h > 0.0 or weather.snow.rate_mm_h > 0.0,
     )
+
+
+def daylight_for_weather(weather: Weather) -> Daylight:
+    """Compute the daylight of `weather`; authored illuminances override derived ones by day."""
+    derived = derive_daylight(weather)
+    if weather.sun.elevation_deg <= 0.0:
+        return derived
     direct, diffuse = weather.sky.direct_lx, weather.sky.diffuse_lx
     return Daylight(
         direct_lx=derived.direct_lx if direct is None else direct,
@@ -158,6 +180,22 @@ def cie_relative_luminance(
     return relative / (indicatrix(sun_from_zenith) * gradation(1.0))
 
 
+def cloudy_relative_luminance(
+    directions: Float64Array, sun: Float64Array, oktas: float, *, turbidity: float
+) -> Float64Array:
+    """Compute the luminance (...) of a sky with `oktas` eighths of cloud relative to its zenith.
+
+    Between whole eighths, as clouds gather or break up, it is the mean of the two CIE skies.
+    """
+    fewer = math.floor(oktas)
+    luminance = cie_relative_luminance(directions, sun, cie_sky_type(fewer, turbidity=turbidity))
+    if fewer == oktas:
+        return luminance
+    more = cie_sky_type(fewer + 1, turbidity=turbidity)
+    part = oktas - fewer
+    return (1.0 - part) * luminance + part * cie_relative_luminance(directions, sun, more)
+
+
 def sky_colour(
     directions: Float64Array, sun: Float64Array, *, cloud_fraction: float
 ) -> Float64Array:
@@ -176,7 +214,7 @@ def ground_albedo(snow_depth_m: float) -> float:
     return SNOWY_LANDSCAPE_ALBEDO + (GROUND_ALBEDO - SNOWY_LANDSCAPE_ALBEDO) * bare
 
 
-def ground_lit_fraction(albedo: float, oktas: int) -> float:
+def ground_lit_fraction(albedo: float, oktas: float) -> float:
     """Compute the fraction of the sky's light that clouds reflect back to a bright ground.
 
     Only the excess over the usual ground counts: formulas of daylight include the latter.

@@ -4,11 +4,36 @@ A component that is `null` or omitted is absent; so is one with a visibility of 
 """
 
 import math
+from itertools import pairwise
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import (
+    BeforeValidator,
+    Field,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+    model_validator,
+)
 
-from advercity_dsl.base import ByName, Declaration, InvalidCombination, Items, Model, is_none
+from advercity_dsl.base import (
+    ByName,
+    Declaration,
+    InvalidCombination,
+    Items,
+    Model,
+    ValuePath,
+    is_empty,
+    is_none,
+)
+from advercity_dsl.keyframes import (
+    Track,
+    get_value,
+    interpolate_direction,
+    interpolate_track,
+    is_number,
+    iterate_written_values,
+    replace_value,
+)
 from advercity_dsl.units import (
     Celsius,
     Count,
@@ -24,6 +49,7 @@ from advercity_dsl.units import (
     MillimetresPerHour,
     Number,
     RangeReason,
+    Seconds,
 )
 
 
@@ -106,16 +132,6 @@ class Snow(Model):
     """Fraction of the carriageway covered by snow."""
     rut_coverage: Fraction = 0
     """Fraction of the wheel ruts covered by snow; traffic keeps them clearer than the rest."""
-
-    @model_validator(mode="after")
-    def _check_rut_coverage(self) -> Self:
-        if self.rut_coverage > self.road_coverage:
-            raise InvalidCombination(
-                ("rut_coverage",),
-                f"{self.rut_coverage:g} is more than road_coverage, {self.road_coverage:g}",
-                "wheels clear the ruts; give the same or less",
-            )
-        return self
 
 
 class Dust(Model):
@@ -265,6 +281,71 @@ class Lamps(Model):
     """Fog lamps, front and rear."""
 
 
+LAMPS_ON_BELOW_DEG = -3.0
+"""Elevation of a moving sun below which lamps light the scene: the sky leaves some 50 lx, at which
+street lamps are switched on."""
+
+
+class Keyframe(Model):
+    """What the weather has changed to at a time; what it does not mention runs on unchanged."""
+
+    at_s: Annotated[
+        Seconds,
+        Field(gt=0, le=100_000),
+        RangeReason("the weather itself is that at the first frame, 0 s"),
+    ]
+    """Time since the first recorded frame."""
+    air: Air = Air()
+    """Clear air and haze."""
+    fog: Fog = Fog()
+    """Fog."""
+    rain: Rain = Rain()
+    """Rain."""
+    snow: Snow = Snow()
+    """Falling and lying snow."""
+    dust: Dust = Dust()
+    """Dust."""
+    wind: Wind = Wind()
+    """Wind at 10 m height."""
+    surface: SurfaceWater = SurfaceWater()
+    """Water on the ground."""
+    lens: Lens = Lens()
+    """Drops or dirt on cameras."""
+    sun: Sun = Sun()
+    """Position of the sun, which moves along the arc from the one before."""
+    sky: Sky = Sky()
+    """Clouds and their brightness."""
+    night: Night = Night()
+    """Light at night from other sources than vehicles."""
+    lamps: Lamps = Lamps()
+    """Lamps that drivers switch on, at once."""
+    temperature_c: Annotated[Celsius, Field(ge=-60, le=60)] = 15
+    """Temperature of the air."""
+
+    @property
+    def changes(self) -> dict[ValuePath, Any]:
+        """Values that were written, by path."""
+        written = dict(iterate_written_values(self))
+        del written["at_s",]
+        return written
+
+    # What was not written must not appear: to read it back would set it to a default.
+    @model_serializer(mode="wrap")
+    def _serialize_written_values(self, serialise: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return _select_written(self, serialise(self))
+
+
+def _select_written(model: Model, data: dict[str, Any]) -> dict[str, Any]:
+    """Select from the data of a model what was written of it."""
+    return {
+        name: _select_written(inner, data[name])
+        if isinstance(inner := getattr(model, name), Model)
+        else data[name]
+        for name in data
+        if name in model.model_fields_set
+    }
+
+
 class Weather(Declaration):
     """State of air, light and ground, as observed by every sensor."""
 
@@ -300,9 +381,69 @@ class Weather(Declaration):
     sun_at: ByName[Sun] = Field(default_factory=dict)
     """Position of the sun at a road, by road id; replaces `sun` at that road."""
 
+    keyframes: Items[Keyframe] = Field(default=(), exclude_if=is_empty)
+    """Changes over time, in order; each value runs evenly between the keyframes that mention it."""
+
+    def at(self, time_s: float) -> "Weather":
+        """Return the weather at a time in seconds since the first frame, without keyframes.
+
+        Each value has a track of its own, from the weather's own value at 0 s through the keyframes
+        that mention it, and is interpolated as `interpolate_track` does, the sun along its arc.
+        """
+        if not self.keyframes:
+            return self
+        state = self.model_copy(update={"keyframes": ()})
+        for path in dict.fromkeys(path for keyframe in self.keyframes for path in keyframe.changes):
+            if path[0] != "sun":
+                value = interpolate_track(str(path[-1]), self._build_track(path), time_s)
+                state = replace_value(state, path, value)
+        if self._moves_sun:
+            state = self._move_sun(state, time_s)
+        return state
+
+    @property
+    def _moves_sun(self) -> bool:
+        return any("sun" in keyframe.model_fields_set for keyframe in self.keyframes)
+
+    def _build_track(self, path: ValuePath) -> Track:
+        """Build the track of the value at a path."""
+        written = ((item.at_s, item.changes) for item in self.keyframes)
+        later = [(at_s, changes[path]) for at_s, changes in written if path in changes]
+        return [(0.0, get_value(self, path)), *later]
+
+    def _move_sun(self, state: "Weather", time_s: float) -> "Weather":
+        """Move the sun of a state along its arc, and make it day or night by it."""
+        angles_deg = self.sun.elevation_deg, self.sun.azimuth_deg
+        track = [(0.0, angles_deg)]
+        for keyframe in self.keyframes:
+            if "sun" in keyframe.model_fields_set:
+                changes = keyframe.changes
+                angles_deg = (
+                    changes.get(("sun", "elevation_deg"), angles_deg[0]),
+                    changes.get(("sun", "azimuth_deg"), angles_deg[1]),
+                )
+                track.append((keyframe.at_s, angles_deg))
+        elevation_deg, azimuth_deg = _interpolate_arc(track, time_s)
+        sun = self.sun.model_copy(
+            update={"elevation_deg": elevation_deg, "azimuth_deg": azimuth_deg}
+        )
+        time = "day" if elevation_deg > LAMPS_ON_BELOW_DEG else "night"
+        return state.model_copy(update={"sun": sun, "time": time})
+
     @model_validator(mode="after")
-    def _check_components(self) -> Self:
-        fog, air = self.fog.mor_m, self.air.mor_m
+    def _check(self) -> Self:
+        self._check_components()
+        self._check_sun(("sun", "elevation_deg"), self.sun)
+        for road, sun in self.sun_at.items():
+            self._check_sun(("sun_at", road, "elevation_deg"), sun)
+        earlier_s = 0.0
+        for index, keyframe in enumerate(self.keyframes):
+            self._check_keyframe(("keyframes", index), keyframe, earlier_s)
+            earlier_s = keyframe.at_s
+        return self
+
+    def _check_components(self) -> None:
+        fog, air, snow = self.fog.mor_m, self.air.mor_m, self.snow
         if fog is not None and air is not None and fog > air:
             raise InvalidCombination(
                 ("fog", "mor_m"),
@@ -310,17 +451,69 @@ class Weather(Declaration):
                 "lower it, or remove the fog",
                 other_path=("air", "mor_m"),
             )
-        if self.snow.rate_mm_h > 0 and self.temperature_c > 3:
+        if snow.rut_coverage > snow.road_coverage:
+            raise InvalidCombination(
+                ("snow", "rut_coverage"),
+                f"{snow.rut_coverage:g} is more than road_coverage, {snow.road_coverage:g}",
+                "wheels clear the ruts; give the same or less",
+            )
+        if snow.rate_mm_h > 0 and self.temperature_c > 3:
             raise InvalidCombination(
                 ("temperature_c",),
                 f"it snows at {self.temperature_c:g} degC",
                 "snow needs a temperature_c of 3 or less",
                 other_path=("snow", "rate_mm_h"),
             )
-        self._check_sun(("sun", "elevation_deg"), self.sun)
-        for road, sun in self.sun_at.items():
-            self._check_sun(("sun_at", road, "elevation_deg"), sun)
-        return self
+
+    def _check_keyframe(self, path: ValuePath, keyframe: Keyframe, earlier_s: float) -> None:
+        if keyframe.at_s <= earlier_s:
+            raise InvalidCombination(
+                (*path, "at_s"),
+                f"{keyframe.at_s:g} s is not after the keyframe before, {earlier_s:g} s",
+                "order keyframes by time, one for each moment",
+            )
+        if not keyframe.changes:
+            raise InvalidCombination(
+                path, "changes nothing", "write what is different then, e.g. rain: {rate_mm_h: 10}"
+            )
+        if keyframe.sun.in_view_of is not None:
+            raise InvalidCombination(
+                (*path, "sun", "in_view_of"),
+                "is for the weather itself: no sun is sought for a moment",
+                "write elevation_deg and azimuth_deg",
+            )
+        if self.sun.in_view_of is not None and "sun" in keyframe.model_fields_set:
+            raise InvalidCombination(
+                (*path, "sun"),
+                "moves the sun, whose place in_view_of determines",
+                "remove one of the two",
+                other_path=("sun", "in_view_of"),
+            )
+        self._check_derived_light(path, keyframe)
+        try:
+            self.at(keyframe.at_s)._check_components()
+        except InvalidCombination as error:
+            raise InvalidCombination(
+                (*path, *error.value_path),
+                f"at {keyframe.at_s:g} s: {error.message}",
+                error.hint,
+                other_path=error.other_path,
+            ) from None
+
+    def _check_derived_light(self, path: ValuePath, keyframe: Keyframe) -> None:
+        """Check that illuminances are either derived or written at all keyframes."""
+        for field in ("diffuse_lx", "direct_lx"):
+            at = ("sky", field)
+            if (
+                at in keyframe.changes
+                and len({is_number(value) for _, value in self._build_track(at)}) > 1
+            ):
+                raise InvalidCombination(
+                    (*path, *at),
+                    "is a number at one moment and derived at another",
+                    "write a number for the weather itself and at each keyframe, or none at all",
+                    other_path=at,
+                )
 
     def _check_sun(self, value_path: Items[str], sun: Sun) -> None:
         if (sun.elevation_deg > 0) != (self.time == "day"):
@@ -330,3 +523,13 @@ class Weather(Declaration):
                 "write a positive elevation by day, e.g. 30 deg, a negative one at night",
                 other_path=("time",),
             )
+
+
+def _interpolate_arc(
+    track: list[tuple[float, tuple[float, float]]], time_s: float
+) -> tuple[float, float]:
+    """Interpolate elevation and azimuth in degrees along the arcs of a track."""
+    for (from_s, before), (to_s, after) in pairwise(track):
+        if time_s < to_s:
+            return interpolate_direction(before, after, (time_s - from_s) / (to_s - from_s))
+    return track[-1][1]
