@@ -177,10 +177,15 @@ def make_capture(
 
 
 class FakeRenderer:
-    """Renders every pixel the same; `frames` records what was placed."""
+    """Renders every pixel the same; `frames` and `atmospheres` record what was placed."""
 
     def __init__(self) -> None:
         self.frames: list[Frame] = []
+        self.atmospheres: list[Atmosphere] = []
+
+    def change_atmosphere(self, atmosphere: Atmosphere) -> None:
+        """Record the atmosphere."""
+        self.atmospheres.append(atmosphere)
 
     def place(self, frame: Frame) -> None:
         """Record the frame."""

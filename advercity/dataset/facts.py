@@ -11,9 +11,10 @@ import numpy as np
 from advercity_dsl.units import KM_H_PER_M_S
 from numpy.typing import NDArray
 
-from advercity.dataset.manifest import WeatherTruth
 from advercity.dataset.reader import FrameView, Scenario
 from advercity.dataset.scenario_folders import find_scenarios, no_frames_error
+from advercity.dataset.weather_truth import WeatherTruth
+from advercity.physics.timeline import WeatherTimeline
 from advercity.processes import end_with_parent
 
 OBJECT_FACT = np.dtype(
@@ -45,7 +46,8 @@ class ScenarioFacts:
     Attributes:
         road: Id of the road.
         density: Id of the density.
-        weather: The weather in physical quantities.
+        weather: Id of the weather.
+        weathers: (frames,) weather of each frame in physical quantities.
         objects: (n,) of `OBJECT_FACT`, without parked cars.
         parked: (m,) of `OBJECT_FACT`, the parked cars.
         num_annotations: (frames,) number of `objects`.
@@ -54,7 +56,8 @@ class ScenarioFacts:
 
     road: str
     density: str
-    weather: WeatherTruth
+    weather: str
+    weathers: tuple[WeatherTruth, ...]
     objects: NDArray[np.void]
     parked: NDArray[np.void]
     num_annotations: NDArray[np.int64]
@@ -87,11 +90,15 @@ def collect_scenario_facts(folder: Path) -> ScenarioFacts:
     """Collect the facts of one scenario; InputError if a file of it cannot be read."""
     scenario = Scenario(folder)
     found = [_collect_frame_facts(frame) for frame in scenario]
+    timeline = WeatherTimeline(scenario.spec.weather, scenario.spec.timing.tick_s)
     none = np.empty(0, OBJECT_FACT)
     return ScenarioFacts(
         road=scenario.spec.road.id,
         density=scenario.spec.density.id,
-        weather=scenario.manifest.weather,
+        weather=scenario.spec.weather.id,
+        weathers=tuple(
+            WeatherTruth.from_weather(timeline.weather_at(frame.index)) for frame in scenario
+        ),
         objects=np.concatenate([none, *(item.objects for item in found)]),
         parked=np.concatenate([none, *(item.parked for item in found)]),
         num_annotations=np.array([len(item.objects) for item in found], np.int64),

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import yaml
+from advercity_dsl import Weather
 from advercity_dsl.units import KM_H_PER_M_S
 from numpy.typing import ArrayLike
 
@@ -28,6 +29,7 @@ from advercity.dataset.carla_frame import (
     mirror_pose,
     mirror_xyz,
 )
+from advercity.dataset.weather_truth import WeatherTruth
 from advercity.geometry import poses
 from advercity.materials import MATERIALS
 from advercity.sensors.annotation import Annotation
@@ -158,9 +160,22 @@ def build_frame_description(
             to_plain((*mirror_xyz(x, y, 0.0)[:2], speed * KM_H_PER_M_S))
             for x, y, speed in sensor_frame.planned_trajectory
         ],
+        **_describe_weather(sensor_frame.weather),
         "vehicles": {item.state.actor.id: _describe_object(item) for item in vehicles},
         "walkers": {item.state.actor.id: _describe_object(item) for item in pedestrians},
     }
+
+
+def _describe_weather(weather: Weather | None) -> dict[str, Any]:
+    """Describe the weather of the frame, if it is not that of the manifest for all frames."""
+    if weather is None:
+        return {}
+    truth = WeatherTruth.from_weather(weather).model_dump(exclude={"id"})
+    rounded = {
+        name: to_plain(value, decimals=6) if isinstance(value, float) else value
+        for name, value in truth.items()
+    }
+    return {"weather": rounded}
 
 
 def _is_pedestrian(item: Annotation) -> bool:

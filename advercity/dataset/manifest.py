@@ -1,14 +1,13 @@
 """The manifest of a scenario: what its data are made from, and every file with its checksum."""
 
 import hashlib
-import math
 import re
 from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import Literal
 
-from advercity_dsl import Model, Spec, Weather
+from advercity_dsl import Model, Spec
 from advercity_dsl.base import is_empty
 from pydantic import Field, ValidationError, field_validator
 
@@ -21,10 +20,10 @@ from advercity.dataset.scenario_folders import (
     MANIFEST_VERSION,
     not_a_scenario_error,
 )
+from advercity.dataset.weather_truth import WeatherTruth
 from advercity.digests import compute_source_digest
 from advercity.documents import MAX_JSON_BYTES, parse_json, read_bytes
 from advercity.errors import RunError, describe_cause
-from advercity.physics.extinction import compute_extinction
 
 CODE_PACKAGES = ("advercity", "advercity_dsl")
 """Packages whose sources make the data, whichever backend renders them."""
@@ -156,53 +155,13 @@ class Identity(Model):
         return {FIELD_LABELS.get(key, key): value for key, value in flat.items()}
 
 
-class WeatherTruth(Model):
-    """The weather in physical quantities; the same in every frame of a scenario.
-
-    `mor_m` is the meteorological optical range of haze, fog, precipitation and dust together; None
-    in air that is perfectly clear.
-    """
-
-    id: str
-    time: str
-    mor_m: float | None
-    rain_mm_h: float
-    snow_mm_h: float
-    wind_m_s: float
-    wind_from_deg: float
-    sun_elevation_deg: float
-    sun_azimuth_deg: float
-    wetness: float
-    puddle_coverage: float
-    temperature_c: float
-
-    @staticmethod
-    def from_weather(weather: Weather) -> "WeatherTruth":
-        """Compute the quantities of an authored weather."""
-        mor_m = compute_extinction(weather).mor_m
-        return WeatherTruth(
-            id=weather.id,
-            time=weather.time,
-            mor_m=round(mor_m, 6) if math.isfinite(mor_m) else None,
-            rain_mm_h=weather.rain.rate_mm_h,
-            snow_mm_h=weather.snow.rate_mm_h,
-            wind_m_s=weather.wind.speed_m_s,
-            wind_from_deg=weather.wind.from_deg,
-            sun_elevation_deg=weather.sun.elevation_deg,
-            sun_azimuth_deg=weather.sun.azimuth_deg,
-            wetness=weather.surface.wetness,
-            puddle_coverage=weather.surface.puddle_coverage,
-            temperature_c=weather.temperature_c,
-        )
-
-
 class Manifest(Model):
     """The written files of a scenario; the same data give the same text.
 
     Attributes:
         manifest_version: Version of these fields.
         identity: What decides the bytes.
-        weather: The weather in physical quantities.
+        weather: The weather of frame 0 in physical quantities.
         spec: The spec of the scenario; any other file can be made from it again.
         length: Number of frames of the whole scenario.
         complete: Whether all of them are written.

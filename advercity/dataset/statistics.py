@@ -8,8 +8,11 @@ object.
 """
 
 import csv
+import math
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from advercity.dataset.facts import ScenarioFacts
+from advercity.dataset.weather_truth import WeatherTruth
 from advercity.errors import RunError, describe_cause
 from advercity.geometry.arrays import Float64Array
 
@@ -52,9 +56,7 @@ def compute_tables(facts: Sequence[ScenarioFacts]) -> list[StatisticsTable]:
     return [
         _tabulate_roads(facts),
         _tabulate_frames_by(facts, "weather", "Frames by weather", _weather_without_time),
-        _tabulate_frames_by(
-            facts, "time_of_day", "Frames by time of day", lambda item: item.weather.time
-        ),
+        _tabulate_frames_by(facts, "time_of_day", "Frames by time of day", attrgetter("time")),
         _tabulate_classes(facts),
         StatisticsTable(
             "vehicles_per_speed",
@@ -105,11 +107,11 @@ def _group_by(
 
 
 def _by_weather(facts: Sequence[ScenarioFacts]) -> dict[str, list[ScenarioFacts]]:
-    return _group_by(facts, lambda item: item.weather.id)
+    return _group_by(facts, lambda item: item.weather)
 
 
-def _weather_without_time(facts: ScenarioFacts) -> str:
-    return facts.weather.id.removesuffix(f"_{facts.weather.time}")
+def _weather_without_time(weather: WeatherTruth) -> str:
+    return weather.id.removesuffix("_day").removesuffix("_night")
 
 
 def _to_columns(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
@@ -164,6 +166,11 @@ def _mean(values: Float64Array) -> float:
     return float(values.mean()) if len(values) else float("nan")
 
 
+def _mean_if_different(values: Sequence[float]) -> float:
+    """Compute a mean that is exactly the value of which all are."""
+    return values[0] if len(set(values)) == 1 else sum(values) / len(values)
+
+
 def _std(values: Float64Array) -> float:
     return float(values.std()) if len(values) else float("nan")
 
@@ -179,14 +186,11 @@ def _traffic_speeds(facts: ScenarioFacts) -> Float64Array:
 
 
 def _tabulate_frames_by(
-    facts: Sequence[ScenarioFacts], name: str, title: str, key: Callable[[ScenarioFacts], str]
+    facts: Sequence[ScenarioFacts], name: str, title: str, key: Callable[[WeatherTruth], str]
 ) -> StatisticsTable:
-    counts = {
-        group: sum(item.num_frames for item in items)
-        for group, items in _group_by(facts, key).items()
-    }
-    # Sorting is stable, so equal counts stay in the order of their names.
-    ordered = sorted(counts, key=lambda group: -counts[group])
+    counts = Counter(key(weather) for item in facts for weather in item.weathers)
+    # Equal counts in the order of their names.
+    ordered = sorted(counts, key=lambda group: (-counts[group], group))
     columns = {name: ordered, "frames": [counts[group] for group in ordered]}
     return StatisticsTable(name, title, columns)
 
@@ -243,16 +247,20 @@ def _tabulate_polar_density(facts: Sequence[ScenarioFacts]) -> StatisticsTable:
 
 
 def _tabulate_visibility(facts: Sequence[ScenarioFacts]) -> StatisticsTable:
-    """Tabulate weathers; `echoing_share` is the fraction of the ego's objects with points."""
+    """Tabulate weathers; `echoing_share` is the fraction of the ego's objects with points.
+
+    The visibility is that of the mean extinction of all frames, which differ if weather changes.
+    """
     rows: list[dict[str, Any]] = []
     for weather, group in _by_weather(facts).items():
         _, _, points = _select_counted(group)
-        mor_m = group[0].weather.mor_m
+        weathers = [weather for item in group for weather in item.weathers]
+        clearness = _mean_if_different([1.0 / (item.mor_m or math.inf) for item in weathers])
         rows.append(
             {
                 "weather": weather,
-                "mor_m": float("inf") if mor_m is None else mor_m,
-                "rain_mm_h": group[0].weather.rain_mm_h,
+                "mor_m": 1.0 / clearness if clearness else math.inf,
+                "rain_mm_h": _mean_if_different([item.rain_mm_h for item in weathers]),
                 "frames": sum(item.num_frames for item in group),
                 "annotations_per_frame": float(
                     np.concatenate([item.num_annotations for item in group]).mean()

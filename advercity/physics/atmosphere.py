@@ -160,7 +160,7 @@ def compute_atmosphere(weather: Weather, land_use: LandUse) -> Atmosphere:
         street_lx=light.street_lx,
         night=night,
         clouds=_choose_clouds(weather, extinction, sun, light.sun_lx, sky_lx),
-        cloud_contrast=1.0 - _fog_light_fraction(extinction.fog.at_550nm),
+        cloud_contrast=1.0 - compute_fog_light_fraction(extinction.fog.at_550nm),
         **_list_air_and_ground(weather),
     )
 
@@ -191,7 +191,7 @@ def _choose_clouds(
     weather: Weather, extinction: AirExtinction, sun: Float64Array, sun_lx: float, sky_lx: float
 ) -> CloudLayer | None:
     """Choose the clouds of a day; fog and dust hide them, and at night they are dark."""
-    foggy = _fog_light_fraction(extinction.fog.at_550nm)
+    foggy = compute_fog_light_fraction(extinction.fog.at_550nm)
     is_hidden = foggy == 1.0 or extinction.dust.at_550nm > 0.0
     if weather.time == "night" or is_hidden or weather.sky.oktas == 0:
         return None
@@ -218,7 +218,7 @@ def _compute_day_light(
 ) -> _SceneLight:
     """Compute the light of a day without and with fog, and what mist makes of the two."""
     by_fog = extinction.fog.at_550nm
-    foggy = _fog_light_fraction(by_fog)
+    foggy = compute_fog_light_fraction(by_fog)
     if foggy == 0.0:
         return _compute_fogless_light(weather, sun, above)
     light = _compute_foggy_light(weather, sun, by_fog, above)
@@ -227,7 +227,7 @@ def _compute_day_light(
     return _compute_fogless_light(weather, sun, above).mix(light, foggy)
 
 
-def _fog_light_fraction(extinction_per_m: float) -> float:
+def compute_fog_light_fraction(extinction_per_m: float) -> float:
     """Compute the fraction of a sky that is fog's: all below `FOG_BELOW_M`, none in thin mist.
 
     Fog hides the blue of the sky and its clouds; in between it is proportional to the extinction.

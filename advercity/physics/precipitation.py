@@ -21,6 +21,8 @@ ROUGHNESS_LENGTH_M = 0.5
 """Roughness length of the logarithmic wind profile, between those of fields and of towns."""
 WIND_REFERENCE_HEIGHT_M = 10.0
 """Height of the authored wind."""
+CAMERA_HEIGHT_M = 2.5
+"""Height of cameras, at which the wind is taken that moves drops and flakes."""
 
 
 @dataclass(frozen=True)

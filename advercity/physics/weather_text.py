@@ -24,8 +24,15 @@ CLOUD_TERMS = ((0, "clear"), (2, "few clouds"), (4, "scattered clouds"), (7, "br
 
 
 def format_weather(weather: Weather) -> str:
-    """Format a weather as `day: thick fog, overcast, wet road, -3 degC`."""
-    return f"{weather.time}: {', '.join(_describe_parts(weather))}"
+    """Format a weather as `day: thick fog, overcast, wet road, -3 degC`.
+
+    One that changes ends in how it is at last.
+    """
+    text = f"{weather.time}: {', '.join(_describe_parts(weather))}"
+    if not weather.keyframes:
+        return text
+    last_s = weather.keyframes[-1].at_s
+    return f"{text}; by {last_s:g} s {format_weather(weather.at(last_s))}"
 
 
 def _describe_parts(weather: Weather) -> Iterator[str]:

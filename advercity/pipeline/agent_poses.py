@@ -22,6 +22,7 @@ from advercity.geometry import poses
 from advercity.geometry.arrays import Float64Array
 from advercity.geometry.geodesy import Geodetic, enu_from_geodetic
 from advercity.geometry.poses import Matrix
+from advercity.physics.timeline import WeatherTimeline
 from advercity.randomness import create_generator, sample_gauss_markov
 from advercity.roads.road_network import build_road
 from advercity.scene.parking import place_parked_cars
@@ -33,11 +34,17 @@ from advercity.traffic.weather_effects import apply_lamp_state, raise_umbrellas
 
 
 class AgentPoses:
-    """Poses and navigation data of every agent, a function of spec and trace."""
+    """Poses and navigation data of every agent, a function of spec and trace.
+
+    Attributes:
+        spec: The scenario.
+        timeline: Its weather in each frame.
+    """
 
     def __init__(self, spec: Spec, trace: Trace) -> None:
         self.spec = spec
         self._trace = trace
+        self.timeline = WeatherTimeline(spec.weather, spec.timing.tick_s)
         self._roles = find_conflict_roles(spec)
         self._traced = lru_cache(maxsize=4)(trace.build_frame)
         self._parked = place_parked_cars(build_road(spec.road), spec.blueprints, spec.conflicts)
@@ -46,7 +53,7 @@ class AgentPoses:
 
     def load_frame(self, index: int) -> Frame:
         """Load recorded frame `index` with parked cars; lamps and umbrellas follow the weather."""
-        weather, seed = self.spec.weather, self.spec.seeds.traffic
+        weather, seed = self.timeline.weather_at(index), self.spec.seeds.traffic
         shown = raise_umbrellas(self._traced(index), weather.rain.rate_mm_h, seed=seed)
         lit = apply_lamp_state(shown, weather.lamps)
         return replace(lit, states=(*lit.states, *self._parked))
@@ -86,6 +93,7 @@ class AgentPoses:
             imu=self._measure_imu(agent, frame.index),
             planned_trajectory=() if is_unit else self._load_planned_path(agent, frame.index),
             conflict_roles=self._roles,
+            weather=(self.timeline.weather_at(frame.index) if self.timeline.is_changing else None),
         )
 
     def make_generator(

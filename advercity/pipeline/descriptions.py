@@ -93,7 +93,13 @@ def describe_weather(weather: Weather) -> Description:
         f"snow {weather.snow.depth_mm:g} mm on {weather.snow.road_coverage:.0%} of the road",
         "source": weather.source or "none given",
     }
-    return facts | ({"assumption": weather.assumption} if weather.assumption else {})
+    later = {
+        f"at {keyframe.at_s:g} s": f"{format_weather(state)}; visibility"
+        f" {_describe_visibility(compute_extinction(state))}; {_describe_light(state)}"
+        for keyframe in weather.keyframes
+        for state in [weather.at(keyframe.at_s)]
+    }
+    return facts | later | ({"assumption": weather.assumption} if weather.assumption else {})
 
 
 def _format_title(declaration: Declaration) -> str:

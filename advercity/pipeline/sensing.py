@@ -11,8 +11,8 @@ from advercity.dataset.image_codec import quantise_depth
 from advercity.frames import Frame
 from advercity.geometry.arrays import Uint8Array
 from advercity.geometry.poses import Matrix
-from advercity.physics.atmosphere import Atmosphere, compute_atmosphere
 from advercity.physics.lamp_beams import LightSource
+from advercity.pipeline.frame_conditions import ConditionsByFrame
 from advercity.pipeline.preparation import PreparedScenario
 from advercity.rendering.backend import (
     CameraCapture,
@@ -24,11 +24,10 @@ from advercity.rendering.backend import (
 from advercity.rendering.light_sources import list_light_sources
 from advercity.rendering.raycaster import Raycaster
 from advercity.sensors.annotation import build_hull_point_lookup, count_lidar_hits, project_boxes
-from advercity.sensors.camera import CameraConditions, CameraExposure, render_image
+from advercity.sensors.camera import CameraExposure, render_image
 from advercity.sensors.lidar import (
     ScanHits,
     cast_scan,
-    derive_lidar_conditions,
     measure_point_cloud,
 )
 from advercity.sensors.sensor_frame import (
@@ -47,26 +46,29 @@ def open_sensors(prepared: PreparedScenario) -> Generator["SensorRig"]:
 
     Loading or building the world and compiling shaders take seconds.
     """
-    spec, world = prepared.spec, prepared.load_world()
-    atmosphere = compute_atmosphere(spec.weather, spec.road.land_use)
-    with prepared.backend.open(world, atmosphere, prepared.profile) as renderer:
-        yield SensorRig(prepared, atmosphere, renderer, world)
+    world, conditions = (
+        prepared.load_world(),
+        ConditionsByFrame(prepared.spec, prepared.poses.timeline),
+    )
+    with prepared.backend.open(world, conditions.at(0).atmosphere, prepared.profile) as renderer:
+        yield SensorRig(prepared, conditions, renderer, world)
 
 
 class SensorRig:
     """The sensors of all agents of an open scenario."""
 
     def __init__(
-        self, prepared: PreparedScenario, atmosphere: Atmosphere, renderer: Renderer, world: World
+        self,
+        prepared: PreparedScenario,
+        conditions: ConditionsByFrame,
+        renderer: Renderer,
+        world: World,
     ) -> None:
         spec = prepared.spec
         self._spec, self._profile, self._poses = spec, prepared.profile, prepared.poses
         self._backend_name = prepared.backend.name
         self._world, self._renderer, self._raycaster = world, renderer, Raycaster(world)
-        self._lidar_conditions = derive_lidar_conditions(atmosphere, spec.weather.lens)
-        self._camera_conditions = CameraConditions.build(
-            atmosphere, spec.weather.lens, spec.seeds.sensors, spec.id
-        )
+        self._conditions_by_frame, self._conditions = conditions, conditions.at(0)
         self._light_sources: tuple[LightSource, ...] = ()
         self._hull_points = build_hull_point_lookup(world.bodies)
         self._fit_boxes, self._min_points = build_pose_box_fitter(world.bodies), prepared.min_points
@@ -92,10 +94,14 @@ class SensorRig:
         return self._render_image(capture, agent, camera, pose, frame)
 
     def _place_frame(self, index: int) -> Frame:
-        """Place the actors of recorded frame `index` in the renderer."""
+        """Place weather and actors of recorded frame `index` in the renderer."""
+        before, self._conditions = self._conditions, self._conditions_by_frame.at(index)
+        atmosphere = self._conditions.atmosphere
+        if atmosphere is not before.atmosphere:
+            self._renderer.change_atmosphere(atmosphere)
         frame = self._fit_boxes(self._poses.load_frame(index))
         self._renderer.place(frame)
-        is_night = self._camera_conditions.atmosphere.night
+        is_night = atmosphere.night
         self._light_sources = tuple(list_light_sources(self._world, frame)) if is_night else ()
         return frame
 
@@ -116,7 +122,7 @@ class SensorRig:
             # The first LiDAR's key has no number, as in datasets of carriers with one.
             rng = self._poses.make_generator("lidar", agent, frame, *([index] if index else []))
             cloud = measure_point_cloud(
-                lidar, hits, self._lidar_conditions, rng, states=frame.states
+                lidar, hits, self._conditions.lidar, rng, states=frame.states
             )
             yield LidarScan(hits.world_from_lidar, cloud, count_lidar_hits(hits, lidar))
 
@@ -131,7 +137,7 @@ class SensorRig:
             previous_world_from_lidar=None
             if previous is None
             else self._poses.world_from_lidars(agent, previous)[index],
-            puddle_coverage=self._lidar_conditions.puddle_coverage,
+            puddle_coverage=self._conditions.lidar.puddle_coverage,
         )
 
     def _capture_images(
@@ -162,7 +168,7 @@ class SensorRig:
         return render_image(
             capture,
             exposure,
-            self._camera_conditions,
+            self._conditions.camera,
             self._poses.make_generator("camera", agent, frame, camera),
             mount=agent.sensors.cameras[camera].mount,
             carrier=agent.id,

@@ -121,6 +121,14 @@ def check_capture(capture: CameraCapture, view: CameraView, backend: str) -> Non
 class Renderer(Protocol):
     """An open scene; frames may be placed in any order."""
 
+    def change_atmosphere(self, atmosphere: Atmosphere) -> None:
+        """Replace the air and light of the frames that are placed from now on.
+
+        It is called only under weathers that change over time. What follows from light alone, as
+        skies and light probes do, need not be made again if `sky` is the same object as before.
+        """
+        ...
+
     def place(self, frame: Frame) -> None:
         """Place every actor as in `frame`, and set lamps and signals."""
         ...

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from advercity_dsl import Agent
+from advercity_dsl import Agent, Weather
 from numpy.typing import NDArray
 
 from advercity.conflicts.roles import ConflictRole, ConflictRoles
@@ -96,6 +96,7 @@ class SensorFrame:
         imu: Sample of the inertial unit; None without one.
         planned_trajectory: Next points of the agent's trajectory: x, y, speed in m/s.
         conflict_roles: Roles of all actors in staged conflicts.
+        weather: Weather at this tick if it changes over time, else None.
     """
 
     agent: Agent
@@ -109,6 +110,7 @@ class SensorFrame:
     imu: ImuSample | None = None
     planned_trajectory: tuple[tuple[float, float, float], ...] = ()
     conflict_roles: ConflictRoles = field(default_factory=dict[int, Mapping[str, ConflictRole]])
+    weather: Weather | None = None
 
     @property
     def speed_m_s(self) -> float:

@@ -20,7 +20,8 @@ from advercity.conflicts.report import ConflictEvent
 from advercity.dataset.image_codec import encode_jpeg, encode_label_png, to_semantic_colours
 from advercity.errors import InputError, RunError, describe_cause
 from advercity.geometry import poses
-from advercity.physics.atmosphere import compute_atmosphere
+from advercity.physics.atmosphere import LandUse
+from advercity.physics.timeline import WeatherTimeline
 from advercity.roads.lane_segments import LaneSegment
 from advercity.sensors.annotation import annotate_actors
 from advercity.sensors.sensor_frame import SensorFrame
@@ -43,14 +44,15 @@ DRIVEN_PX, PLANNED_PX = 2.5, 1.2
 CONFLICT_MARK_COLOUR, CONFLICT_MARK_RADIUS_M, CONFLICT_MARK_HEIGHT_M = (255, 60, 60), 0.6, 2.5
 
 
-def compute_weather_quantities(spec: Spec) -> dict[str, float]:
-    """Compute the plotted quantities of a spec's weather, by name with the unit at its end.
+def compute_weather_quantities(
+    timeline: WeatherTimeline, land_use: LandUse, frame: int
+) -> dict[str, float]:
+    """Compute the plotted quantities of a frame's weather, by name with the unit at its end.
 
     The visibility is the meteorological optical range; it is absent if nothing limits it. The
     illuminance is that of level ground in the open: sun, sky and street lamps.
     """
-    weather = spec.weather
-    atmosphere = compute_atmosphere(weather, spec.road.land_use)
+    weather, atmosphere = timeline.weather_at(frame), timeline.atmosphere_at(frame, land_use)
     quantities = {
         "visibility_m": atmosphere.mor_m,
         "rain_mm_h": weather.rain.rate_mm_h,
@@ -159,7 +161,8 @@ class RerunRecording:
         self._stream.set_sinks(*files, *viewers, *self._servers)
         self._cloud_colour: CloudColour = cloud_colour
         self._events = tuple(events)
-        self._weather_quantities = compute_weather_quantities(spec)
+        self._timeline = WeatherTimeline(spec.weather, spec.timing.tick_s)
+        self._land_use: LandUse = spec.road.land_use
         self._map = LocalGeoMap.around_road(spec.road)
         self._tracks = {
             agent.id: AgentTrack(choose_agent_colour(index))
@@ -202,7 +205,8 @@ class RerunRecording:
             self._log_motion(item)
             if item.agent.place.kind == "vehicle":
                 self._log_trajectory(item)
-        for name, value in self._weather_quantities.items():
+        quantities = compute_weather_quantities(self._timeline, self._land_use, frame.index)
+        for name, value in quantities.items():
             self._stream.log(blueprint.format_weather_path(name), rr.Scalars(value))
         self._log_events(frame.index, ground_m=float(sensor_frames[0].world_from_agent[2, 3]))
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from advercity.dataset.facts import OBJECT_FACT, ScenarioFacts, collect_dataset_facts
-from advercity.dataset.manifest import WeatherTruth
 from advercity.dataset.statistics import StatisticsTable, compute_tables, write_tables
 from advercity.dataset.statistics_plots import draw_table, write_plots
+from advercity.dataset.weather_truth import WeatherTruth
 from advercity.errors import InputError, RunError
 from tests.builders import SLOPE_RAD, TWO_ROADS_FRAMES
 
@@ -80,7 +80,7 @@ def seen_at(*places: tuple[float, float], parked: int = 0) -> ScenarioFacts:
     cars = np.zeros(parked, OBJECT_FACT)
     cars["class"], cars["id"] = "car", np.arange(parked) + 1_000_001
     numbers, speeds = np.array([len(places)]), np.zeros((1, 3))
-    return ScenarioFacts("ui", "dense", weather, objects, cars, numbers, speeds)
+    return ScenarioFacts("ui", "dense", "fog_day", (weather,), objects, cars, numbers, speeds)
 
 
 def test_parked_cars_are_counted_apart() -> None:

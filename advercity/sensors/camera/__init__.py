@@ -7,6 +7,7 @@ from advercity.sensors.camera.electronics import (
     meter_exposure,
 )
 from advercity.sensors.camera.exposure import CameraExposure
+from advercity.sensors.camera.falling_particles import move_blocks
 from advercity.sensors.camera.image_formation import CameraConditions, add_air_effects, render_image
 
 __all__ = [
@@ -17,5 +18,6 @@ __all__ = [
     "digitise",
     "expose_image",
     "meter_exposure",
+    "move_blocks",
     "render_image",
 ]

@@ -8,7 +8,7 @@ closed formula: all cameras see the same ones, and frames can be computed in any
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 
 from advercity.geometry.arrays import Float64Array, FloatArray
 from advercity.physics.atmosphere import Atmosphere
+from advercity.physics.constants import GOLDEN_FRACTION
 from advercity.physics.precipitation import (
+    CAMERA_HEIGHT_M,
     ParticleSizeDistribution,
     drop_terminal_speed_m_s,
     wind_at_height,
@@ -32,8 +34,6 @@ FLAKE_BANDS_MM = (0.4, 0.6, 0.8, 1.1, 1.5, 2.0, 3.0, 5.0)
 """Edges of bands of (melted) diameter. Smaller particles only add to the extinction of the air."""
 FLAKE_SPEEDS = (0.7, 1.0, 1.3)
 """Factors of the fall speed: flakes of one size differ in shape and speed."""
-CAMERA_HEIGHT_M = 2.5
-"""Height of cameras, at which the wind is taken."""
 GUSTINESS = 0.3
 """Standard deviation of the wind that sways flakes, relative to its mean."""
 GLINT_DEVIATION = 1.0
@@ -73,12 +73,51 @@ class FallingParticles:
         return FallingParticles(*(column[where] for column in vars(self).values()))
 
 
+@dataclass(frozen=True)
+class ParticleBand:
+    """A band of sizes and fall speeds.
+
+    Attributes:
+        kind: `rain` or `snow`.
+        low_mm: Least (melted) diameter.
+        high_mm: Largest (melted) diameter.
+        fall: Fall speed: of drops in m/s, of flakes relative to that of the weather.
+        fraction: Fraction of the particles of these sizes that fall like this.
+        key: Random key of the band.
+    """
+
+    kind: str
+    low_mm: float
+    high_mm: float
+    fall: float
+    fraction: float
+    key: tuple[int | str, ...]
+
+    def number_m3(self, sizes: ParticleSizeDistribution) -> float:
+        """Compute the mean number of particles per m³."""
+        above = sizes.number_concentration_above
+        return self.fraction * float(above(self.low_mm) - above(self.high_mm))
+
+    def velocity(self, air: Atmosphere) -> Float64Array:
+        """Compute the velocity (3,) of the particles in m/s."""
+        fall_m_s = self.fall if self.kind == "rain" else air.snow_fall_speed_m_s * self.fall
+        return wind_at_height(air.wind, CAMERA_HEIGHT_M) - [0.0, 0.0, fall_m_s]
+
+    def sway_m(self, air: Atmosphere) -> float:
+        """Compute the amplitude by which gusts sway a particle; drops are too heavy."""
+        if self.kind == "rain":
+            return 0.0
+        gust = GUSTINESS * float(np.linalg.norm(wind_at_height(air.wind, CAMERA_HEIGHT_M)))
+        return gust * math.sqrt(2.0) / (2.0 * math.pi * SWAY_HZ)
+
+
 @dataclass(frozen=True, eq=False)
 class ParticleBlock:
     """Particles of nearly one size and speed.
 
     Attributes:
-        kind: `rain` or `snow`.
+        band: Their sizes and fall speed.
+        number_m3: Mean number of particles per m³.
         velocity: Velocity (3,) of the whole block, m/s.
         cell_m: Edge of a cell.
         cell_starts: (cells + 1,) first particle of each cell in the arrays below.
@@ -87,9 +126,12 @@ class ParticleBlock:
         glint: (n,) float32 as in `FallingParticles`.
         sway_m: Amplitude by which gusts move a particle.
         phase: (n,) float32 phase of the sway, radians; empty without sway.
+        path_m: (3,) by which the block has moved; None if its velocity is constant.
+        shown: Fraction of the particles that fall now.
     """
 
-    kind: str
+    band: ParticleBand
+    number_m3: float
     velocity: Float64Array
     cell_m: float
     cell_starts: NDArray[np.intp]
@@ -98,6 +140,13 @@ class ParticleBlock:
     glint: NDArray[np.float32]
     sway_m: float
     phase: NDArray[np.float32]
+    path_m: Float64Array | None = None
+    shown: float = 1.0
+
+    @property
+    def kind(self) -> str:
+        """Kind of the particles, `rain` or `snow`."""
+        return self.band.kind
 
     @property
     def max_diameter_m(self) -> float:
@@ -121,7 +170,8 @@ class ParticleBlock:
             time_s: Time since the scenario's start.
         """
         # In cells, in the axes of the moving block; integer parts are split off for precision.
-        origin = (around - self.velocity * time_s) / self.cell_m
+        path_m = self.velocity * time_s if self.path_m is None else self.path_m
+        origin = (around - path_m) / self.cell_m
         base = np.floor(origin)
         margin = self.cell_m + self.sway_m
         low = np.floor((corners.min(axis=0) - margin) / self.cell_m).astype(np.intp)
@@ -138,6 +188,10 @@ class ParticleBlock:
         run = np.repeat(np.arange(len(column)), count)
         start = self.cell_starts[column] - np.cumsum(count) + count
         row = np.arange(len(run)) + start[run]
+        if self.shown < 1.0:
+            # Spread evenly over any part of the block, and those of less rain fall in more, too.
+            falls = row * GOLDEN_FRACTION % 1.0 < self.shown
+            row, run = row[falls], run[falls]
         position = corner[run] + self.offset_m[row]
         velocity = np.broadcast_to(self.velocity.astype(np.float32), position.shape)
         if self.sway_m:
@@ -153,66 +207,101 @@ class ParticleBlock:
         return FallingParticles(position, velocity, self.diameter_m[row], self.glint[row])
 
 
-def build_particle_blocks(air: Atmosphere, *key: int | str) -> tuple[ParticleBlock, ...]:
-    """Build the blocks of all drops and flakes large enough to see, the same for the same key."""
-    builders = {"rain": _build_rain_blocks, "snow": _build_snow_blocks}
+def build_particle_blocks(
+    air: Atmosphere,
+    *key: int | str,
+    all_sizes: Sequence[ParticleSizeDistribution] | None = None,
+) -> tuple[ParticleBlock, ...]:
+    """Build the blocks of all drops and flakes large enough to see, the same for the same key.
+
+    `all_sizes` has the distributions of all moments of a weather that changes; each block then has
+    as many particles as ever fall, and `move_blocks` selects from them.
+    """
+    found = air.precipitation if all_sizes is None else all_sizes
+    by_kind = {kind: [sizes for sizes in found if sizes.kind == kind] for kind in ("rain", "snow")}
+    changes = all_sizes is not None
     return tuple(
-        block for sizes in air.precipitation for block in builders[sizes.kind](sizes, air, key)
+        _build_block(band, max(sizes, key=band.number_m3), air, key, changes=changes)
+        for kind, sizes in by_kind.items()
+        if sizes
+        for band in _list_bands(kind, max(item.max_melted_mm for item in sizes))
     )
 
 
-def _build_rain_blocks(
-    sizes: ParticleSizeDistribution, air: Atmosphere, key: tuple[int | str, ...]
-) -> Iterator[ParticleBlock]:
-    wind = wind_at_height(air.wind, CAMERA_HEIGHT_M)
-    for low_mm, high_mm in itertools.pairwise(DROP_BANDS_MM):
-        fall = float(drop_terminal_speed_m_s((low_mm + high_mm) / 2.0))
-        velocity = wind - [0.0, 0.0, fall]
-        rng = create_generator(*key, "rain", round(low_mm * 10))
-        yield _build_block(sizes, (low_mm, high_mm), velocity, rng)
+def move_blocks(
+    blocks: Sequence[ParticleBlock], air: Atmosphere, air_path_m: Float64Array, time_s: float
+) -> tuple[ParticleBlock, ...]:
+    """Return the blocks at a moment of a weather that changes.
+
+    Args:
+        blocks: Built with the sizes of all moments.
+        air: Atmosphere of the moment.
+        air_path_m: (3,) path of the air, and downwards of flakes in it, as of `WeatherTimeline`.
+        time_s: Time that drops have fallen.
+    """
+    sizes = {item.kind: item for item in air.precipitation}
+    return tuple(
+        replace(
+            block,
+            velocity=band.velocity(air),
+            sway_m=band.sway_m(air),
+            path_m=_compute_path_m(band, air_path_m, time_s),
+            shown=band.number_m3(sizes[band.kind]) / block.number_m3,
+        )
+        for block in blocks
+        if (band := block.band).kind in sizes
+    )
 
 
-def _build_snow_blocks(
-    sizes: ParticleSizeDistribution, air: Atmosphere, key: tuple[int | str, ...]
-) -> Iterator[ParticleBlock]:
-    wind = wind_at_height(air.wind, CAMERA_HEIGHT_M)
-    gust = GUSTINESS * float(np.linalg.norm(wind))
-    sway_m = gust * math.sqrt(2.0) / (2.0 * math.pi * SWAY_HZ)
-    edges = (*FLAKE_BANDS_MM, sizes.max_melted_mm)
-    for low_mm, high_mm in itertools.pairwise(edges):
+def _compute_path_m(band: ParticleBand, air_path_m: Float64Array, time_s: float) -> Float64Array:
+    fallen_m = -time_s if band.kind == "rain" else air_path_m[2]
+    return np.array([*air_path_m[:2], band.fall * fallen_m])
+
+
+def _list_bands(kind: str, max_melted_mm: float) -> Iterator[ParticleBand]:
+    if kind == "rain":
+        for low_mm, high_mm in itertools.pairwise(DROP_BANDS_MM):
+            fall = float(drop_terminal_speed_m_s((low_mm + high_mm) / 2.0))
+            yield ParticleBand(kind, low_mm, high_mm, fall, 1.0, (kind, round(low_mm * 10)))
+        return
+    for low_mm, high_mm in itertools.pairwise((*FLAKE_BANDS_MM, max_melted_mm)):
         for number, factor in enumerate(FLAKE_SPEEDS):
-            velocity = wind - [0.0, 0.0, air.snow_fall_speed_m_s * factor]
-            rng = create_generator(*key, "snow", round(low_mm * 10), number)
-            fraction = 1.0 / len(FLAKE_SPEEDS)
-            yield _build_block(
-                sizes, (low_mm, high_mm), velocity, rng, fraction=fraction, sway_m=sway_m
-            )
+            key = kind, round(low_mm * 10), number
+            yield ParticleBand(kind, low_mm, high_mm, factor, 1.0 / len(FLAKE_SPEEDS), key)
 
 
 def _build_block(
+    band: ParticleBand,
     sizes: ParticleSizeDistribution,
-    band_mm: tuple[float, float],
-    velocity: Float64Array,
-    rng: np.random.Generator,
+    air: Atmosphere,
+    key: tuple[int | str, ...],
     *,
-    fraction: float = 1.0,
-    sway_m: float = 0.0,
+    changes: bool,
 ) -> ParticleBlock:
-    """Draw a block of a fraction of the particles within a band of diameters."""
-    low_mm, high_mm = band_mm
-    above = sizes.number_concentration_above
-    number_m3 = fraction * float(above(low_mm) - above(high_mm))
+    """Draw the particles of a band; those of changing wind sway later, if not now."""
+    rng, sway_m = create_generator(*key, *band.key), band.sway_m(air)
+    number_m3 = band.number_m3(sizes)
     cell_m = (PARTICLES_PER_BLOCK / number_m3) ** (1.0 / 3.0) / CELLS_PER_EDGE
     count = rng.poisson(PARTICLES_PER_BLOCK / CELLS_PER_EDGE**3, CELLS_PER_EDGE**3)
     starts = np.concatenate([[0], np.cumsum(count)]).astype(np.intp)
     offset = rng.random((starts[-1], 3), np.float32) * np.float32(cell_m)
-    least_mm = np.full(starts[-1], low_mm)
-    diameter_mm = sizes.sample_diameters_mm(least_mm, rng.random(starts[-1]), high_mm)
-    phase = rng.random(starts[-1] if sway_m else 0, np.float32) * np.float32(SWAY_CYCLE_RAD)
+    least_mm = np.full(starts[-1], band.low_mm)
+    diameter_mm = sizes.sample_diameters_mm(least_mm, rng.random(starts[-1]), band.high_mm)
+    sways = sway_m > 0.0 or (changes and band.kind == "snow")
+    phase = rng.random(starts[-1] if sways else 0, np.float32) * np.float32(SWAY_CYCLE_RAD)
     diameter_m = (diameter_mm * sizes.air_to_melted_diameter * 1e-3).astype(np.float32)
     spread = GLINT_DEVIATION if sizes.kind == "rain" else 0.0
     # Mean 1 of a log-normal distribution.
     glint = np.exp(spread * rng.standard_normal(starts[-1]) - spread**2 / 2.0).astype(np.float32)
     return ParticleBlock(
-        sizes.kind, velocity, cell_m, starts, offset, diameter_m, glint, sway_m, phase
+        band,
+        number_m3,
+        band.velocity(air),
+        cell_m,
+        starts,
+        offset,
+        diameter_m,
+        glint,
+        sway_m,
+        phase,
     )

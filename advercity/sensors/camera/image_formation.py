@@ -6,7 +6,9 @@ Absent effects leave the image unchanged bit for bit.
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from advercity_dsl import Mount
@@ -14,6 +16,7 @@ from advercity_dsl.weather import Lens
 from numpy.typing import NDArray
 
 from advercity.physics.atmosphere import Atmosphere
+from advercity.physics.precipitation import ParticleSizeDistribution
 from advercity.randomness import create_generator
 from advercity.rendering.backend import CameraCapture
 from advercity.sensors.camera.electronics import expose_image, find_white_point, meter_exposure
@@ -33,7 +36,7 @@ from advercity.sensors.camera.spray_veil import add_spray
 
 @dataclass(frozen=True, eq=False)
 class CameraConditions:
-    """Air and light as cameras need them, computed once per scenario.
+    """Air and light as cameras need them.
 
     Attributes:
         atmosphere: Air and light of the scene.
@@ -55,17 +58,40 @@ class CameraConditions:
     key: tuple[int | str, ...]
 
     @staticmethod
-    def build(atmosphere: Atmosphere, lens: Lens, *key: int | str) -> "CameraConditions":
-        """Derive the conditions; the same key gives the same drops."""
+    def build(
+        atmosphere: Atmosphere,
+        lens: Lens,
+        *key: int | str,
+        all_sizes: Sequence[ParticleSizeDistribution] | None = None,
+    ) -> "CameraConditions":
+        """Derive the conditions; the same key gives the same drops.
+
+        `all_sizes` is for a weather that changes, as in `build_particle_blocks`.
+        """
         return CameraConditions(
             atmosphere=atmosphere,
             lens=lens,
-            blocks=build_particle_blocks(atmosphere, *key, "falling"),
-            ambient_light=AmbientLight.from_atmosphere(atmosphere),
-            white_point=find_white_point(atmosphere),
-            white_card_cd_m2=math.inf if atmosphere.night else atmosphere.ground_lx / math.pi,
+            blocks=build_particle_blocks(atmosphere, *key, "falling", all_sizes=all_sizes),
             key=key,
+            **_derive_light(atmosphere),
         )
+
+    def change(
+        self, atmosphere: Atmosphere, lens: Lens, blocks: tuple[ParticleBlock, ...]
+    ) -> "CameraConditions":
+        """Return the conditions of another moment; light is derived again if it is another."""
+        same = atmosphere.sky is self.atmosphere.sky
+        light = {} if same else _derive_light(atmosphere)
+        return replace(self, atmosphere=atmosphere, lens=lens, blocks=blocks, **light)
+
+
+def _derive_light(atmosphere: Atmosphere) -> dict[str, Any]:
+    """Derive the fields of `CameraConditions` that depend on light alone."""
+    return {
+        "ambient_light": AmbientLight.from_atmosphere(atmosphere),
+        "white_point": find_white_point(atmosphere),
+        "white_card_cd_m2": math.inf if atmosphere.night else atmosphere.ground_lx / math.pi,
+    }
 
 
 def render_image(

@@ -1,0 +1,47 @@
+"""The weather as datasets state it: quantities that do not depend on how it was written."""
+
+import math
+
+from advercity_dsl import Model, Weather
+
+from advercity.physics.extinction import compute_extinction
+
+
+class WeatherTruth(Model):
+    """The weather of a frame in physical quantities.
+
+    `mor_m` is the meteorological optical range of haze, fog, precipitation and dust together; None
+    in air that is perfectly clear.
+    """
+
+    id: str
+    time: str
+    mor_m: float | None
+    rain_mm_h: float
+    snow_mm_h: float
+    wind_m_s: float
+    wind_from_deg: float
+    sun_elevation_deg: float
+    sun_azimuth_deg: float
+    wetness: float
+    puddle_coverage: float
+    temperature_c: float
+
+    @staticmethod
+    def from_weather(weather: Weather) -> "WeatherTruth":
+        """Compute the quantities of an authored weather."""
+        mor_m = compute_extinction(weather).mor_m
+        return WeatherTruth(
+            id=weather.id,
+            time=weather.time,
+            mor_m=round(mor_m, 6) if math.isfinite(mor_m) else None,
+            rain_mm_h=weather.rain.rate_mm_h,
+            snow_mm_h=weather.snow.rate_mm_h,
+            wind_m_s=weather.wind.speed_m_s,
+            wind_from_deg=weather.wind.from_deg,
+            sun_elevation_deg=weather.sun.elevation_deg,
+            sun_azimuth_deg=weather.sun.azimuth_deg,
+            wetness=weather.surface.wetness,
+            puddle_coverage=weather.surface.puddle_coverage,
+            temperature_c=weather.temperature_c,
+        )

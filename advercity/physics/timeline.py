@@ -1,0 +1,147 @@
+"""The weather of every frame of a scenario, and of which frame its light is.
+
+Everything here is a function of the weather and of the frame's number alone, so frames can be made
+in any order. Air, precipitation and ground change with every frame. Light is that of the last frame
+at which it had changed by `LIGHT_TOLERANCE`, because skies, clouds and light probes take seconds to
+make; until the next such frame it is held constant.
+"""
+
+import math
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+from advercity_dsl import Weather
+
+from advercity.geometry.arrays import Float64Array
+from advercity.physics import sky
+from advercity.physics.atmosphere import (
+    DUST_LAYER_M,
+    Atmosphere,
+    LandUse,
+    change_air_and_ground,
+    compute_atmosphere,
+    compute_fog_light_fraction,
+)
+from advercity.physics.clouds import choose_cloud_kind
+from advercity.physics.extinction import compute_extinction
+from advercity.physics.precipitation import (
+    CAMERA_HEIGHT_M,
+    ParticleSizeDistribution,
+    size_distributions,
+    wind_at_height,
+)
+
+LIGHT_TOLERANCE = 0.05
+"""Relative change of light, or change of a fraction, at which light is made again."""
+SUN_TOLERANCE_DEG = 1.0
+"""Arc of the sun at which it is."""
+MOMENTS_PER_KEYFRAME = 8
+"""Moments from a keyframe to the next at which what falls is counted: there may be more of one size
+in between than at either."""
+NIGHT_PATH_M = 100.0
+"""Length of a path through air at night that shows how much lamps light it."""
+
+
+class WeatherTimeline:
+    """The weather of each frame.
+
+    Args:
+        weather: The weather of a scenario.
+        tick_s: Time between frames.
+    """
+
+    def __init__(self, weather: Weather, tick_s: float) -> None:
+        self._weather, self._tick_s = weather, tick_s
+        self._light_frames = [0]
+        self._walked_to = 0
+        self._paths_m = [np.zeros(3)]
+        self.weather_at = lru_cache(maxsize=64)(self._compute_weather)
+        self._compute_light = lru_cache(maxsize=2)(self._compute_atmosphere)
+
+    @property
+    def is_changing(self) -> bool:
+        """Whether frames differ in their weather."""
+        return bool(self._weather.keyframes)
+
+    def _compute_weather(self, frame: int) -> Weather:
+        return self._weather.at(frame * self._tick_s)
+
+    def atmosphere_at(self, frame: int, land_use: LandUse) -> Atmosphere:
+        """Compute the atmosphere of a frame; the same object for all frames of constant weather."""
+        light = self._compute_light(self.find_light_frame(frame), land_use)
+        return change_air_and_ground(light, self.weather_at(frame)) if self.is_changing else light
+
+    def _compute_atmosphere(self, frame: int, land_use: LandUse) -> Atmosphere:
+        return compute_atmosphere(self.weather_at(frame), land_use)
+
+    def find_light_frame(self, frame: int) -> int:
+        """Find the frame, not after `frame`, whose light `frame` has."""
+        if not self.is_changing:
+            return 0
+        while self._walked_to < frame:
+            self._walked_to += 1
+            weather = self.weather_at(self._walked_to)
+            if compare_light(self.weather_at(self._light_frames[-1]), weather) >= 1.0:
+                self._light_frames.append(self._walked_to)
+        return max(made for made in self._light_frames if made <= frame)
+
+    def list_sizes(self) -> list[ParticleSizeDistribution]:
+        """List size distributions of what falls, from all of the time that the weather changes."""
+        times_s = [0.0, *(keyframe.at_s for keyframe in self._weather.keyframes)]
+        moments = [*np.linspace(0.0, 1.0, MOMENTS_PER_KEYFRAME, endpoint=False)]
+        between = [a + (b - a) * part for a, b in pairwise(times_s) for part in moments]
+        weathers = [self._weather.at(float(time_s)) for time_s in (*between, times_s[-1])]
+        return [sizes for weather in weathers for sizes in size_distributions(weather)]
+
+    def compute_air_path_m(self, frame: int) -> Float64Array:
+        """Compute the path (3,) of the air at the height of cameras and of flakes since frame 0.
+
+        Horizontally that of the air, in world axes; downwards that of flakes through it.
+        """
+        while len(self._paths_m) <= frame:
+            weather = self.weather_at(len(self._paths_m))
+            velocity = wind_at_height(weather.wind, CAMERA_HEIGHT_M)
+            velocity[2] = -weather.snow.fall_speed_m_s
+            self._paths_m.append(self._paths_m[-1] + velocity * self._tick_s)
+        return self._paths_m[frame]
+
+
+def compare_light(before: Weather, after: Weather) -> float:
+    """Compare the light of two weathers; 1 is a change of the tolerance."""
+    if before.time != after.time or _choose_kind(before) != _choose_kind(after):
+        return math.inf
+    first, second = _describe_light(before), _describe_light(after)
+    arc = math.acos(min(1.0, float(np.dot(_find_sun(before), _find_sun(after)))))
+    changes = np.abs(np.subtract(first, second)) / LIGHT_TOLERANCE
+    return max(float(changes.max()), math.degrees(arc) / SUN_TOLERANCE_DEG)
+
+
+def _choose_kind(weather: Weather) -> tuple[str, bool]:
+    precipitating = weather.rain.rate_mm_h > 0.0 or weather.snow.rate_mm_h > 0.0
+    return choose_cloud_kind(weather.sky.oktas, precipitating=precipitating)[0], precipitating
+
+
+def _find_sun(weather: Weather) -> Float64Array:
+    return sky.direction_from_elevation_azimuth(weather.sun.elevation_deg, weather.sun.azimuth_deg)
+
+
+def _describe_light(weather: Weather) -> list[float]:
+    """Describe the light by numbers whose differences can be compared: logarithms and fractions."""
+    light, night = sky.daylight_for_weather(weather), weather.night
+    air = compute_extinction(weather)
+    fog_depth = air.fog.at_550nm * weather.fog.depth_m
+    by_lamps = (night.glow_cd_m2, night.street_lx) if weather.time == "night" else ()
+    return [
+        math.log(light.diffuse_lx + 1e-3),
+        math.log(light.direct_lx + 1.0),
+        weather.sky.oktas / 8.0,
+        math.log(weather.sky.turbidity),
+        math.exp(-fog_depth),
+        compute_fog_light_fraction(air.fog.at_550nm),
+        math.log(2.0 + 0.13 * fog_depth),
+        math.log1p(air.dust.at_550nm * DUST_LAYER_M),
+        sky.ground_albedo(weather.snow.depth_mm / 1000.0),
+        math.exp(-air.at_550nm * NIGHT_PATH_M) if weather.time == "night" else 0.0,
+        *(math.log(value + 1e-4) for pair in by_lamps for value in (pair.urban, pair.rural)),
+    ]

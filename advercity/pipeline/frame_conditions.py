@@ -1,0 +1,52 @@
+"""What the sensors need of the weather in each frame."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+from advercity_dsl import Spec
+
+from advercity.physics.atmosphere import Atmosphere
+from advercity.physics.timeline import WeatherTimeline
+from advercity.sensors.camera import CameraConditions, move_blocks
+from advercity.sensors.lidar import LidarConditions, derive_lidar_conditions
+
+
+@dataclass(frozen=True, eq=False)
+class FrameConditions:
+    """Air and light of a frame, as the renderer, cameras and LiDARs need them."""
+
+    atmosphere: Atmosphere
+    camera: CameraConditions
+    lidar: LidarConditions
+
+
+class ConditionsByFrame:
+    """The conditions of each frame of a scenario, in any order of frames.
+
+    For a constant weather they are the same object for all frames.
+    """
+
+    def __init__(self, spec: Spec, timeline: WeatherTimeline) -> None:
+        self._spec, self._timeline = spec, timeline
+        sizes = timeline.list_sizes() if timeline.is_changing else None
+        self._camera = CameraConditions.build(
+            timeline.atmosphere_at(0, spec.road.land_use),
+            timeline.weather_at(0).lens,
+            *(spec.seeds.sensors, spec.id),
+            all_sizes=sizes,
+        )
+        self._blocks = self._camera.blocks
+        self._derive_once = lru_cache(maxsize=1)(self._derive)
+
+    def at(self, frame: int) -> FrameConditions:
+        """Return the conditions of a recorded frame."""
+        return self._derive_once(frame if self._timeline.is_changing else 0)
+
+    def _derive(self, frame: int) -> FrameConditions:
+        timeline, lens = self._timeline, self._timeline.weather_at(frame).lens
+        atmosphere = timeline.atmosphere_at(frame, self._spec.road.land_use)
+        if timeline.is_changing:
+            time_s, path_m = frame * self._spec.timing.tick_s, timeline.compute_air_path_m(frame)
+            blocks = move_blocks(self._blocks, atmosphere, path_m, time_s)
+            self._camera = self._camera.change(atmosphere, lens, blocks)
+        return FrameConditions(atmosphere, self._camera, derive_lidar_conditions(atmosphere, lens))
