@@ -268,14 +268,18 @@ class BackendContract:
         raise NotImplementedError
 
     @contextmanager
-    def open_renderer(self, world: World) -> Generator[Renderer]:
-        """Open a world in clear air by day."""
+    def open_renderer(self, world: World, weather: str = "clear_day") -> Generator[Renderer]:
+        """Open a world under a weather that ships."""
+        air = self.make_atmosphere(weather)
+        with self.make_backend().open(world, air, self.PROFILE) as renderer:
+            yield renderer
+
+    def make_atmosphere(self, weather: str) -> Atmosphere:
+        """Make the atmosphere of a weather that ships."""
         from advercity.compiler import find_weather
         from advercity.physics.atmosphere import compute_atmosphere
 
-        air = compute_atmosphere(find_weather("clear_day").declaration, "urban")
-        with self.make_backend().open(world, air, self.PROFILE) as renderer:
-            yield renderer
+        return compute_atmosphere(find_weather(weather).declaration, "urban")
 
     def test_a_capture_has_the_shapes_and_types_of_the_protocol(self) -> None:
         """Arrays are (h, w[, 3]) of the documented types."""
@@ -305,3 +309,17 @@ class BackendContract:
         for one, other in zip(together, alone, strict=True):
             assert np.array_equal(one.radiance, other.radiance)
             assert np.array_equal(one.instance, other.instance)
+
+    def test_changed_air_and_light_are_those_of_a_scene_opened_with_them(self) -> None:
+        """A weather may change from frame to frame, and to frames in any order."""
+        world, frame = build_flat_world(), make_frame(make_actor_state(7, 0.0))
+        weathers = ("fog_day", "clear_night", "clear_day")
+        with self.open_renderer(world) as renderer:
+            for weather in weathers:
+                renderer.change_atmosphere(self.make_atmosphere(weather))
+                renderer.place(frame)
+                changed = renderer.render_camera(self.VIEW)
+                with self.open_renderer(world, weather) as opened:
+                    opened.place(frame)
+                    expected = opened.render_camera(self.VIEW)
+                assert np.array_equal(changed.radiance, expected.radiance), weather

@@ -1,5 +1,6 @@
 """What the shaders read of an atmosphere: parameters of the table, and textures of sky and air."""
 
+import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -30,7 +31,11 @@ def build_sky_texture(atmosphere: Atmosphere) -> Float32Array:
     """Stack the sky's six cubemap faces n texels wide to (6 n, n, 4), in kcd/m², with clouds."""
     faces = atmosphere.sky
     if atmosphere.clouds is not None:
-        faces = draw_cloudy_sky(atmosphere.clouds, faces, CLOUDY_SKY_SIZE)
+        drawn = draw_cloudy_sky(atmosphere.clouds, faces, CLOUDY_SKY_SIZE)
+        if atmosphere.cloud_contrast < 1.0:
+            smooth = np.stack([cv2.resize(face, drawn.shape[1:3]) for face in faces])
+            drawn = smooth + np.float32(atmosphere.cloud_contrast) * (drawn - smooth)
+        faces = drawn
     sky = faces.reshape(-1, faces.shape[2], 3) * np.float32(KILO)
     return np.concatenate([sky, np.ones_like(sky[..., :1])], axis=-1)
 
@@ -41,8 +46,19 @@ def build_airlight_texture(atmosphere: Atmosphere) -> Float32Array:
     return faces * np.array([KILO, KILO, KILO, 1.0], np.float32)
 
 
-def compute_atmosphere_parameters(atmosphere: Atmosphere) -> dict[str, ArrayLike]:
-    """Values of the table's parameters by name."""
+def compute_light_parameters(atmosphere: Atmosphere) -> dict[str, ArrayLike]:
+    """Compute the values of the table's parameters that follow from light, by name."""
+    return {
+        "horizon_airlight": np.multiply(atmosphere.horizon_airlight, KILO),
+        "night": atmosphere.night,
+        "sun_irradiance": np.multiply(atmosphere.sun_colour, atmosphere.sun_lx * KILO),
+        "sun_direction": atmosphere.sun_direction,
+        "sky_harmonics": compute_irradiance_harmonics(atmosphere.sky) * KILO,
+    }
+
+
+def compute_air_parameters(atmosphere: Atmosphere) -> dict[str, ArrayLike]:
+    """Compute the values of the table's parameters that follow from air and ground, by name."""
     coverage = atmosphere.puddle_coverage
     rain = min(1.0, atmosphere.rain_mm_h / RIPPLE_REFERENCE_RAIN_MM_H)
     return {
@@ -50,11 +66,6 @@ def compute_atmosphere_parameters(atmosphere: Atmosphere) -> dict[str, ArrayLike
         "wetness": atmosphere.wetness,
         "puddle_level": water.puddle_water_level(coverage) if coverage > 0.0 else NO_WATER_LEVEL,
         "ripple_slope": RIPPLE_SLOPE * rain**0.5,
-        "horizon_airlight": np.multiply(atmosphere.horizon_airlight, KILO),
-        "night": atmosphere.night,
-        "sun_irradiance": np.multiply(atmosphere.sun_colour, atmosphere.sun_lx * KILO),
-        "sun_direction": atmosphere.sun_direction,
-        "sky_harmonics": compute_irradiance_harmonics(atmosphere.sky) * KILO,
         "snow_depth": atmosphere.snow_depth_m,
         "snow_between_ruts": _snow_cover_between_ruts(atmosphere),
         "snow_in_ruts": atmosphere.rut_snow_cover,

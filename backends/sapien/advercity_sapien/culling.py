@@ -95,7 +95,7 @@ class SunShadow:
     def __init__(self, atmosphere: Atmosphere, scene: sapien.Scene) -> None:
         self._entity: sapien.Entity | None = None
         self.caster_volume: ConvexVolume | None = None
-        self._world_from_light = _rotation_along(-atmosphere.sun_direction)
+        self.follow_sun(atmosphere)
         if atmosphere.sun_lx > 0.0:
             light = sapien.render.RenderDirectionalLightComponent()
             light.shadow = True
@@ -105,6 +105,10 @@ class SunShadow:
             self._entity = sapien.Entity()
             self._entity.add_component(light)
             scene.add_entity(self._entity)
+
+    def follow_sun(self, atmosphere: Atmosphere) -> None:
+        """Turn the map to the sun of an atmosphere."""
+        self._world_from_light = _rotation_along(-atmosphere.sun_direction)
 
     def update(self, view: CameraView) -> None:
         """Move the map to what a camera sees, in whole texels so that edges do not crawl."""

@@ -18,18 +18,19 @@ from advercity.world import World
 from advercity_sapien.atmosphere_parameters import (
     build_airlight_texture,
     build_sky_texture,
-    compute_atmosphere_parameters,
+    compute_air_parameters,
+    compute_light_parameters,
 )
 from advercity_sapien.contact_map import ContactMap
 from advercity_sapien.culling import SunShadow, compute_view_frustum
 from advercity_sapien.fog_beams import compute_fog_beam_rows
 from advercity_sapien.ground_maps import NO_SHELTER, build_shelter_map, build_wear_map
 from advercity_sapien.lamp_lists import LampLists
-from advercity_sapien.light_probes import NO_PROBES, bake_light_probes
+from advercity_sapien.light_probes import NO_PROBES, LightProbes, bake_light_probes
 from advercity_sapien.sapien_scene import SapienScene
 from advercity_sapien.shader_bindings import RasterBindings, RayTracedBindings
 from advercity_sapien.shader_constants import FAR_M, NEAR_M, SHADER_FOLDER
-from advercity_sapien.shader_table import KILO, ShaderTable
+from advercity_sapien.shader_table import KILO, SceneTexels, ShaderTable
 
 Images = dict[str, NDArray[Any]]
 
@@ -48,29 +49,29 @@ def denoise(radiance: Float32Array, albedo: Float32Array, normal: Float32Array) 
 
 
 class SapienRenderer:
-    """Renders one world under one atmosphere."""
+    """Renders one world under an atmosphere that may change."""
 
     def __init__(
         self, world: World, atmosphere: Atmosphere, profile: RenderProfile, device: sapien.Device
     ) -> None:
-        self._world = world
-        self._atmosphere = atmosphere
-        self._profile = profile
-        self._scene = sapien.Scene([sapien.render.RenderSystem(device)])
+        self._world, self._profile, self._device = world, profile, device
         self._is_ray_traced = profile.renderer == "ray_traced"
         self._is_denoised = self._is_ray_traced and profile.denoise
+        self._open_scene(atmosphere)
+
+    def _open_scene(self, atmosphere: Atmosphere) -> None:
+        world = self._world
+        self._atmosphere = atmosphere
+        self._scene = sapien.Scene([sapien.render.RenderSystem(self._device)])
         wear = build_wear_map(world.lanes)
         shelter = build_shelter_map(world) if atmosphere.snow_depth_m else NO_SHELTER
-        probes = NO_PROBES if self._is_ray_traced else bake_light_probes(world, atmosphere)
-        self._contact = ContactMap(world, probes)
+        self._probes = self._bake_probes(atmosphere)
+        self._contact = ContactMap(world, self._probes)
         maps = {
-            "Sky": build_sky_texture(atmosphere),
-            "Airlight": build_airlight_texture(atmosphere),
+            **self._build_light_maps(atmosphere),
             "Wear": wear.texels,
             "Puddles": water.build_puddle_height_field(),
             "Shelter": shelter.texels,
-            "ProbeLight": probes.light,
-            "ProbeDirection": probes.direction,
             "Contact": self._contact.texels,
         }
         # Before the scene: the shaders look for the textures in its first object.
@@ -83,16 +84,54 @@ class SapienRenderer:
         self._pending_camera: sapien.render.RenderCameraComponent | None = None
         self._table = ShaderTable()
         self._table.set_parameters(
-            **compute_atmosphere_parameters(atmosphere),
+            **compute_air_parameters(atmosphere),
             wear_map_extent=wear.extent,
             shelter_map_extent=shelter.extent,
-            probe_map_extent=probes.extent,
-            probe_open_direction=probes.open_direction,
         )
+        self._write_light_parameters(atmosphere)
         if atmosphere.night:
             self._table.section("fog_beams")[:] = compute_fog_beam_rows()
         self._lamps = LampLists([], atmosphere)
         self._frame_index = 0
+
+    def change_atmosphere(self, atmosphere: Atmosphere) -> None:
+        """Replace air and light; skies and probes are made again only if light is another.
+
+        The scene is opened again where lights or the sizes of textures are others, as between day
+        and night: SAPIEN cannot change them.
+        """
+        before = self._atmosphere
+        if _find_scene_features(atmosphere) != _find_scene_features(before):
+            self.close()
+            self._open_scene(atmosphere)
+            return
+        self._discard_pending()
+        self._atmosphere = atmosphere
+        self._table.set_parameters(**compute_air_parameters(atmosphere))
+        if atmosphere.sky is not before.sky:
+            self._probes = self._bake_probes(atmosphere)
+            self._bindings.upload_maps(self._build_light_maps(atmosphere))
+            self._sun_shadow.follow_sun(atmosphere)
+            self._write_light_parameters(atmosphere)
+
+    def _bake_probes(self, atmosphere: Atmosphere) -> LightProbes:
+        return NO_PROBES if self._is_ray_traced else bake_light_probes(self._world, atmosphere)
+
+    def _build_light_maps(self, atmosphere: Atmosphere) -> SceneTexels:
+        """Build the textures that light decides."""
+        return {
+            "Sky": build_sky_texture(atmosphere),
+            "Airlight": build_airlight_texture(atmosphere),
+            "ProbeLight": self._probes.light,
+            "ProbeDirection": self._probes.direction,
+        }
+
+    def _write_light_parameters(self, atmosphere: Atmosphere) -> None:
+        self._table.set_parameters(
+            **compute_light_parameters(atmosphere),
+            probe_map_extent=self._probes.extent,
+            probe_open_direction=self._probes.open_direction,
+        )
 
     def place(self, frame: Frame) -> None:
         """Move every actor to its pose in `frame`, and switch lamps and signals."""
@@ -101,7 +140,7 @@ class SapienRenderer:
         self._lamps = LampLists(lamps, self._atmosphere)
         self._frame_index = frame.index
         self._contact.place(frame)
-        self._bindings.upload_contact(self._contact.texels)
+        self._bindings.upload_maps({"Contact": self._contact.texels})
         self._table.set_parameters(lamp_grid=self._lamps.cell_grid, frame_index=frame.index)
 
     def render_camera(self, view: CameraView) -> CameraCapture:
@@ -207,3 +246,13 @@ class SapienRenderer:
         pose = view.world_from_camera.astype("<f8").tobytes().hex()
         key = "sapien", self._frame_index, view.width_px, view.height_px, pose
         return int(create_generator(*key).integers(2**31))
+
+
+def _find_scene_features(atmosphere: Atmosphere) -> tuple[bool, ...]:
+    """Find what decides the lights of a scene and the sizes of its textures."""
+    return (
+        atmosphere.night,
+        atmosphere.sun_lx > 0.0,
+        atmosphere.clouds is not None,
+        atmosphere.snow_depth_m > 0.0,
+    )

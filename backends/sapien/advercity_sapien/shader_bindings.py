@@ -2,7 +2,6 @@
 
 import numpy as np
 import sapien
-from numpy.typing import NDArray
 
 from advercity.errors import BackendError
 from advercity.geometry.arrays import Float32Array
@@ -51,9 +50,10 @@ class RasterBindings:
         """Copy the table to the device, for the images to come."""
         self._textures[TABLE.name].upload(table.texels)
 
-    def upload_contact(self, texels: NDArray[np.uint8]) -> None:
-        """Copy the map of things on the ground to the device."""
-        self._textures["Contact"].upload(texels[..., None])
+    def upload_maps(self, maps: SceneTexels) -> None:
+        """Copy textures of the same sizes as before to the device."""
+        for name, texels in maps.items():
+            self._textures[name].upload(texels if texels.ndim == 3 else texels[..., None])
 
 
 class RayTracedBindings:
@@ -68,16 +68,15 @@ class RayTracedBindings:
         self._body_states = self._rows[TABLE_ROWS:].reshape(-1, 4)
         texels = {TABLE.name: self._rows, **maps}
         material = sapien.render.RenderMaterial()
-        textures = {
-            item: sapien.render.RenderTexture2D(
+        self._textures = {
+            item.name: sapien.render.RenderTexture2D(
                 texels[item.name], item.texel, address_mode=item.wrap
             )
             for item in CARRIED_TEXTURES
         }
-        for item, texture in textures.items():
+        for item in CARRIED_TEXTURES:
             slot = "base_color" if item.material_slot == "diffuse" else item.material_slot
-            setattr(material, f"{slot}_texture", texture)
-        self._table = textures[TABLE]
+            setattr(material, f"{slot}_texture", self._textures[item.name])
         carrier = sapien.render.RenderBodyComponent()
         carrier.attach(sapien.render.RenderShapeBox([0.01, 0.01, 0.01], material))
         entity = sapien.Entity()
@@ -109,10 +108,12 @@ class RayTracedBindings:
     def upload_table(self, table: ShaderTable) -> None:
         """Copy the table and the states to the device, for the images to come."""
         self._rows[:TABLE_ROWS] = table.texels
-        self._table.upload(self._rows)
+        self._textures[TABLE.name].upload(self._rows)
 
-    def upload_contact(self, texels: NDArray[np.uint8]) -> None:
-        """Do nothing: paths find what is on the ground."""
+    def upload_maps(self, maps: SceneTexels) -> None:
+        """Copy textures of the same sizes to the device, without those of the raster pack alone."""
+        for name in self._textures.keys() & maps.keys():
+            self._textures[name].upload(maps[name])
 
 
 ShaderBindings = RasterBindings | RayTracedBindings
