@@ -1,8 +1,8 @@
 """Assembly of specs from the inputs of a scenario, and of specs with another weather."""
 
 import hashlib
+import math
 from collections.abc import Mapping, Sequence
-from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,8 @@ from advercity_dsl import (
     SensorSet,
     Spec,
     Suite,
+    TimedDriverResponse,
+    Timing,
     Weather,
     get_declaration_kind,
 )
@@ -42,6 +44,8 @@ from advercity.physics.constants import GRAVITY_M_S2
 from advercity.physics.extinction import compute_extinction, mor_without_precipitation_m
 from advercity.physics.stopping import DEFAULT_GRIP, friction_coefficient
 
+MAX_RESPONSES = 1000
+"""Number of responses of drivers to a weather that changes, one a second at most."""
 FIRST_VEHICLE_NUMBER = 101
 """Number of the first connected vehicle in annotations; roadside units count down from -1."""
 
@@ -85,7 +89,7 @@ def build_spec(
         demand=_compute_demand(road, density),
         conflicts=conflicts,
         drivers=drivers,
-        caution=compute_driver_response(drivers, inputs.weather) if drivers else None,
+        **_compute_driver_responses(drivers, inputs.weather, suite.timing),
         reaction=_find_reaction_conditions(library, suite, resolved, inputs.weather, conflicts),
         blueprints=inputs.blueprints,
         assets=dict(sorted(assets.items())),
@@ -128,7 +132,7 @@ def with_weather(spec: Spec, entry: LibraryEntry[Weather]) -> Spec:
     changes = {
         "id": name,
         "weather": localize_weather(entry, weather, spec.road),
-        "caution": compute_driver_response(spec.drivers, weather) if spec.drivers else None,
+        **_compute_driver_responses(spec.drivers, weather, spec.timing),
         "reaction": _replay_reaction_conditions(spec, weather),
         "provenance": provenance.model_copy(
             update={"declarations": dict(sorted(digests.items())), "draws": _format_draws(draws)}
@@ -203,8 +207,28 @@ def compute_reaction_conditions(grip: TyreFriction, weather: Weather) -> Reactio
     mor_m = compute_extinction(weather).mor_m
     return ReactionConditions(
         friction=round(friction_coefficient(grip, weather), 4),
-        visibility_m=round(mor_m, 1) if isfinite(mor_m) else None,
+        visibility_m=round(mor_m, 1) if math.isfinite(mor_m) else None,
     )
+
+
+def _compute_driver_responses(
+    drivers: Drivers | None, weather: Weather, timing: Timing
+) -> dict[str, Any]:
+    """Compute the fields of a spec that have the response of its drivers to its weather."""
+    if drivers is None:
+        return {"caution": None, "caution_changes": ()}
+    first = last = compute_driver_response(drivers, weather.at(0.0))
+    changes: list[TimedDriverResponse] = []
+    end_s = max((keyframe.at_s for keyframe in weather.keyframes), default=0.0)
+    end_s = min(end_s, timing.max_ticks * timing.tick_s)
+    step_s = max(1.0, end_s / MAX_RESPONSES)
+    for number in range(1, math.ceil(end_s / step_s) + 1):
+        at_s = min(number * step_s, end_s)
+        response = compute_driver_response(drivers, weather.at(at_s))
+        if response != last:
+            changes.append(TimedDriverResponse(at_s=at_s, **response.model_dump()))
+        last = response
+    return {"caution": first, "caution_changes": tuple(changes)}
 
 
 def compute_driver_response(drivers: Drivers, weather: Weather) -> DriverResponse:

@@ -40,7 +40,8 @@ def compute_traffic_key(spec: Spec) -> str:
 
     The drivers' response to the weather is part of it.
     """
-    parts = {"road", "demand", "conflicts", "caution", "reaction", "blueprints", "timing", "agents"}
+    parts = {"road", "demand", "conflicts", "blueprints", "timing", "agents"}
+    parts |= {"caution", "caution_changes", "reaction"}
     data = spec.model_dump(mode="json", include=parts)
     for agent in data["agents"]:
         del agent["sensors"]

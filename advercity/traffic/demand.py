@@ -4,11 +4,11 @@ Each draw has a random stream of its own, so that no actor depends on the draws 
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from advercity_dsl import Agent, Spec, StagedActor, Vehicle
+from advercity_dsl import Agent, DriverResponse, Spec, StagedActor, Vehicle
 from advercity_dsl.units import KM_H_PER_M_S
 
 from advercity.conflicts.ego_motion import CRUISE_MARGIN_KM_H, SpeedZone, list_speed_zones
@@ -301,6 +301,19 @@ def _draw_trip(
         start_speed_m_s=0.0 if start else min(ENTRY_SPEED_M_S, factor * lane.speed_limit_m_s / 2),
         speed_factor=factor,
         top_speed_m_s=slow if actor.actor_class == "bicycle" else MAX_BACKGROUND_SPEED_M_S,
+    )
+
+
+def slow_trip(
+    trip: VehicleTrip, response: DriverResponse, *, before: DriverResponse | None
+) -> VehicleTrip:
+    """Return a trip at the speed of another response of drivers than it was planned for."""
+    ratio = response.speed_share / (before.speed_share if before else 1.0)
+    slows = trip.speed_factor is None or trip.actor.actor_class == "bicycle"
+    return replace(
+        trip,
+        speed_factor=None if trip.speed_factor is None else ratio * trip.speed_factor,
+        top_speed_m_s=ratio * trip.top_speed_m_s if slows else trip.top_speed_m_s,
     )
 
 

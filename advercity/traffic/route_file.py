@@ -69,13 +69,12 @@ def write_route_file(
     """
     root = Element("routes")
     for trip in demand.connected:
-        _add_vehicle_type(root, trip, _apply_driver_response(CONNECTED_CAR_FOLLOWING, caution))
+        driving = find_driving(trip, is_connected=True)
+        _add_vehicle_type(root, trip, apply_driver_response(driving, caution))
     for trip in demand.staged:
-        _add_vehicle_type(root, trip, CAR_FOLLOWING[trip.actor.actor_class])
+        _add_vehicle_type(root, trip, find_driving(trip))
     for trip in demand.vehicles:
-        _add_vehicle_type(
-            root, trip, _apply_driver_response(CAR_FOLLOWING[trip.actor.actor_class], caution)
-        )
+        _add_vehicle_type(root, trip, apply_driver_response(find_driving(trip), caution))
     for trip in demand.walkers:
         _add_pedestrian_type(root, trip)
     # SUMO skips actors that depart before the one above them in the file.
@@ -85,7 +84,12 @@ def write_route_file(
     ElementTree(root).write(path, encoding="utf-8")
 
 
-def _apply_driver_response(driving: CarFollowing, caution: DriverResponse | None) -> CarFollowing:
+def find_driving(trip: VehicleTrip, *, is_connected: bool = False) -> CarFollowing:
+    """Find how a vehicle drives in clear weather."""
+    return CONNECTED_CAR_FOLLOWING if is_connected else CAR_FOLLOWING[trip.actor.actor_class]
+
+
+def apply_driver_response(driving: CarFollowing, caution: DriverResponse | None) -> CarFollowing:
     """Change driving for weather: longer headways, and no more than the road's grip permits."""
     if caution is None:
         return driving
@@ -98,10 +102,22 @@ def _apply_driver_response(driving: CarFollowing, caution: DriverResponse | None
     )
 
 
-def _add_vehicle_type(root: Element, trip: VehicleTrip, driving: CarFollowing) -> None:
-    length, width, height = trip.actor.size
+def compute_limits(trip: VehicleTrip, driving: CarFollowing) -> CarFollowing:
+    """Compute how a vehicle drives with limits of its own, if it has them; all are finite."""
     usual = driving.acceleration_m_s2, driving.deceleration_m_s2
     acceleration, braking = trip.acceleration_limits_m_s2 or usual
+    hardest = min(braking + EMERGENCY_EXTRA_M_S2, driving.max_emergency_braking_m_s2)
+    return replace(
+        driving,
+        acceleration_m_s2=acceleration,
+        deceleration_m_s2=braking,
+        max_emergency_braking_m_s2=hardest,
+    )
+
+
+def _add_vehicle_type(root: Element, trip: VehicleTrip, driving: CarFollowing) -> None:
+    length, width, height = trip.actor.size
+    limits = compute_limits(trip, driving)
     factor = UNLIMITED_SPEED_FACTOR if trip.speed_factor is None else trip.speed_factor
     _add_element(
         root,
@@ -111,9 +127,9 @@ def _add_vehicle_type(root: Element, trip: VehicleTrip, driving: CarFollowing) -
         length=length,
         width=width,
         height=height,
-        accel=acceleration,
-        decel=braking,
-        emergencyDecel=min(braking + EMERGENCY_EXTRA_M_S2, driving.max_emergency_braking_m_s2),
+        accel=limits.acceleration_m_s2,
+        decel=limits.deceleration_m_s2,
+        emergencyDecel=limits.max_emergency_braking_m_s2,
         tau=driving.headway_s,
         minGap=driving.standing_gap_m,
         maxSpeed=trip.top_speed_m_s,

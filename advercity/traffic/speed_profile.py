@@ -163,6 +163,10 @@ class SpeedLimiter:
         self._edge_start_m: float | None = None
         self._commanded_m_s = nan
 
+    def change(self, profile: SpeedProfile, max_speed_m_s: float) -> None:
+        """Limit the vehicle to another profile of its route and another highest speed."""
+        self._profile, self._max_speed_m_s = profile, max_speed_m_s
+
     def update(self, moved_m: float) -> float | None:
         """Move the vehicle on and return its new maximum speed; None if that has not changed."""
         self._position_m += moved_m

@@ -10,13 +10,14 @@ from pathlib import Path
 
 import libsumo
 import numpy as np
-from advercity_dsl import Agent, Spec, Vehicle
+from advercity_dsl import Agent, DriverResponse, Spec, Vehicle
 from numpy.typing import NDArray
 
 from advercity.errors import RunError
 from advercity.roads.lane_graph import LaneGraph
-from advercity.traffic.demand import TrafficDemand
+from advercity.traffic.demand import TrafficDemand, slow_trip
 from advercity.traffic.kinematics import SumoRecording
+from advercity.traffic.route_file import apply_driver_response, compute_limits, find_driving
 from advercity.traffic.speed_profile import SpeedLimiter, SpeedProfile
 from advercity.traffic.sumo_observation import ActorLog, SignalLog
 
@@ -118,6 +119,11 @@ class _SumoRun:
             for trip in demand.trips
             for name in (str(trip.actor.id),)
         }
+        self._graph = graph
+        warm_up, tick_s = spec.timing.warm_up_ticks, spec.timing.tick_s
+        self._responses = {
+            warm_up + round(item.at_s / tick_s): item for item in spec.caution_changes
+        }
         self._actors = ActorLog()
         self._signals = SignalLog(network)
         self._staged = [str(trip.actor.id) for trip in demand.staged]
@@ -126,6 +132,8 @@ class _SumoRun:
     def run(self) -> SumoRecording:
         for tick in range(self._spec.timing.max_ticks + 1):
             self._apply_speed_commands(tick)
+            if tick in self._responses:
+                self._apply_driver_response(self._responses[tick])
             libsumo.simulationStep()
             vehicles = libsumo.vehicle.getIDList()
             if tick == 0:
@@ -173,6 +181,25 @@ class _SumoRun:
                 mode = self._speed_modes.get(name, _SPEED_MODE_COMMANDED)
                 libsumo.vehicle.setSpeedMode(name, _SPEED_MODE_DEFAULT if free else mode)
                 libsumo.vehicle.setSpeed(name, -1 if free else speed)
+
+    def _apply_driver_response(self, response: DriverResponse) -> None:
+        """Have all but staged vehicles drive by a new response to the weather, from now on."""
+        present = set(libsumo.vehicle.getIDList())
+        for trip in (*self._demand.connected, *self._demand.vehicles):
+            name = str(trip.actor.id)
+            slowed = slow_trip(trip, response, before=self._spec.caution)
+            driving = find_driving(trip, is_connected=trip in self._demand.connected)
+            # SUMO gives vehicles whose speed is limited types of their own.
+            for domain in (libsumo.vehicletype, *([libsumo.vehicle] if name in present else [])):
+                limits = compute_limits(trip, apply_driver_response(driving, response))
+                domain.setAccel(name, limits.acceleration_m_s2)
+                domain.setDecel(name, limits.deceleration_m_s2)
+                domain.setEmergencyDecel(name, limits.max_emergency_braking_m_s2)
+                domain.setTau(name, limits.headway_s)
+                if slowed.speed_factor is not None:
+                    domain.setSpeedFactor(name, slowed.speed_factor)
+            profile = SpeedProfile.from_trip(trip, self._graph, response.usual_m_s2)
+            self._limiters[name].change(profile, slowed.top_speed_m_s)
 
     def _ignore_junction_foes(self) -> None:
         """Have connected and staged vehicles not give way to each other inside junctions."""

@@ -16,7 +16,13 @@ from advercity_dsl.rig import Camera, Exposure, Gnss, Imu, Lidar, Mount, Rig, Se
 from advercity_dsl.road import MapFile, MapNetwork, Road, RoadsideUnit, Street, Vehicle
 from advercity_dsl.spec import SPEC_VERSION, Agent, Spec
 from advercity_dsl.suite import Suite, Timing
-from advercity_dsl.traffic import ActorClass, Density, DriverResponse, Drivers
+from advercity_dsl.traffic import (
+    ActorClass,
+    Density,
+    DriverResponse,
+    Drivers,
+    TimedDriverResponse,
+)
 from advercity_dsl.typology import Typology
 from advercity_dsl.weather import Weather
 
@@ -77,6 +83,7 @@ __all__ = [
     "StagedConflict",
     "Street",
     "Suite",
+    "TimedDriverResponse",
     "Timing",
     "Typology",
     "Vehicle",

@@ -11,7 +11,13 @@ from advercity_dsl.distribution import Distribution
 from advercity_dsl.rig import SensorSet
 from advercity_dsl.road import ClassFractions, Road, RoadsideUnit, Vehicle
 from advercity_dsl.suite import FieldPath, Timing
-from advercity_dsl.traffic import Density, DriverResponse, Drivers, ReactionConditions
+from advercity_dsl.traffic import (
+    Density,
+    DriverResponse,
+    Drivers,
+    ReactionConditions,
+    TimedDriverResponse,
+)
 from advercity_dsl.units import Count, Fraction, Number, PositiveMetres
 from advercity_dsl.weather import Weather
 
@@ -109,6 +115,8 @@ class Spec(Model):
     """Reactions of drivers to weather; without them, weather does not change traffic."""
     caution: DriverResponse | None = Field(default=None, exclude_if=is_empty)
     """Response of the drivers to this weather."""
+    caution_changes: Items[TimedDriverResponse] = Field(default=(), exclude_if=is_empty)
+    """Their later responses to a weather that changes, in order of time."""
     reaction: ReactionConditions | None = Field(default=None, exclude_if=is_empty)
     """What the ego reacts to staged actors with; None where no conflict is resolved by it."""
     blueprints: ByName[Blueprint]

@@ -159,3 +159,10 @@ class ReactionConditions(Model):
     """Distance at which it sees the actor; None is unlimited."""
     friction: FrictionCoefficient
     """Coefficient of friction of its tyres."""
+
+
+class TimedDriverResponse(DriverResponse):
+    """Response of drivers from a time on, as the weather changes."""
+
+    at_s: Annotated[Seconds, Field(gt=0)]
+    """Time since the first recorded frame."""

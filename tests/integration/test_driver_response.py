@@ -132,6 +132,42 @@ def test_conflicts_happen_although_drivers_react(
     assert [one.missed for one in staged] == [()] * len(staged)
 
 
+ARRIVING_SNOW = """
+kind: weather
+id: arriving_snow
+extends: clear_day
+temperature_c: -3
+keyframes:
+  - {at_s: 4, snow: {road_coverage: 0, rut_coverage: 0}}
+  - {at_s: 6, snow: {road_coverage: 60 %, rut_coverage: 20 %}}
+"""
+
+
+@pytest.mark.sumo
+def test_drivers_react_to_snow_from_the_moment_it_lies(
+    copied: Path, wary: dict[str, Spec], simulate: Simulated
+):
+    file = copied / "nhtsa" / "weather" / "arriving_snow.yaml"
+    file.write_text(ARRIVING_SNOW)
+    spec = with_weather(wary["ri_clear_day_sparse"], find_weather(str(file)))
+    clear, snow = simulate(wary["ri_clear_day_sparse"]), simulate(spec)
+
+    assert spec.caution == wary["ri_clear_day_sparse"].caution
+    # A cover of 60 % slows by 18 % (see above); ruts hold 0.8 x 0.8 + 0.25 x 0.2 without rain.
+    last = spec.caution_changes[-1]
+    assert (last.at_s, last.speed_share, last.hardest_m_s2) == (6, 0.8182, 6.769)
+    # Motion is smoothed over ticks, and staged actors are timed for what comes.
+    np.testing.assert_array_equal(*(_list_early_states(trace) for trace in (clear, snow)))
+    assert _pace(snow) < 0.97 * _pace(clear)
+
+
+def _list_early_states(trace: Trace) -> np.ndarray:
+    """List the states of unstaged actors in the first three seconds."""
+    unstaged = [index for index, actor in enumerate(trace.actors) if actor.id < 4000]
+    states = trace.states[trace.states["tick"] < 30]
+    return states[np.isin(states["actor"], unstaged)]
+
+
 def _drivers(trace: Trace) -> Iterator[ActorTrack]:
     for actor in trace.actors:
         if actor.actor_class not in ("pedestrian", "bicycle") and actor.id < 5000:
