@@ -292,7 +292,7 @@ class Keyframe(Model):
     at_s: Annotated[
         Seconds,
         Field(gt=0, le=100_000),
-        RangeReason("the weather itself is that at the first frame, 0 s"),
+        RangeReason("the weather itself is that at 0 s, and no scenario lasts longer than a day"),
     ]
     """Time since the first recorded frame."""
     air: Air = Air()
@@ -497,7 +497,7 @@ class Weather(Declaration):
                 (*path, *error.value_path),
                 f"at {keyframe.at_s:g} s: {error.message}",
                 error.hint,
-                other_path=error.other_path,
+                other_path=(*path, *error.other_path),
             ) from None
 
     def _check_derived_light(self, path: ValuePath, keyframe: Keyframe) -> None:

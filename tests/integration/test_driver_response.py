@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from advercity_dsl import DriverResponse, Spec
+from numpy.typing import NDArray
 
 from advercity.compiler import find_weather, to_json, with_weather
 from advercity.compiler.crossing import compile_library
@@ -157,11 +158,11 @@ def test_drivers_react_to_snow_from_the_moment_it_lies(
     last = spec.caution_changes[-1]
     assert (last.at_s, last.speed_share, last.hardest_m_s2) == (6, 0.8182, 6.769)
     # Motion is smoothed over ticks, and staged actors are timed for what comes.
-    np.testing.assert_array_equal(*(_list_early_states(trace) for trace in (clear, snow)))
+    np.testing.assert_array_equal(_list_early_states(clear), _list_early_states(snow))
     assert _pace(snow) < 0.97 * _pace(clear)
 
 
-def _list_early_states(trace: Trace) -> np.ndarray:
+def _list_early_states(trace: Trace) -> NDArray[np.void]:
     """List the states of unstaged actors in the first three seconds."""
     unstaged = [index for index, actor in enumerate(trace.actors) if actor.id < 4000]
     states = trace.states[trace.states["tick"] < 30]
