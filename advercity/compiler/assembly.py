@@ -203,10 +203,15 @@ def _replay_reaction_conditions(spec: Spec, weather: Weather) -> ReactionConditi
 
 
 def compute_reaction_conditions(grip: TyreFriction, weather: Weather) -> ReactionConditions:
-    """Compute what the ego reacts with in a weather, rounded like the response of drivers."""
-    mor_m = compute_extinction(weather).mor_m
+    """Compute what the ego reacts with in a weather, rounded like the response of drivers.
+
+    Of a weather that changes, it is the worst of its keyframes.
+    """
+    times_s = [0.0, *(keyframe.at_s for keyframe in weather.keyframes)]
+    moments = [weather.at(time_s) for time_s in times_s]
+    mor_m = min(compute_extinction(moment).mor_m for moment in moments)
     return ReactionConditions(
-        friction=round(friction_coefficient(grip, weather), 4),
+        friction=round(min(friction_coefficient(grip, moment) for moment in moments), 4),
         visibility_m=round(mor_m, 1) if math.isfinite(mor_m) else None,
     )
 
