@@ -8,6 +8,7 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
 from advercity.assets.bodies import build_body
+from advercity.assets.lettering import WritingPlane, write_text
 from advercity.assets.rigged_bodies import pose_body
 from advercity.compiler import load_library
 from advercity.geometry.mesh import Mesh
@@ -191,10 +192,25 @@ def test_licence_plates_face_ahead_and_behind(name: str):
     assert x.min() < -0.48 * length
 
 
+def test_registrations_are_written_as_a_reader_before_the_plate_sees_them():
+    plane = WritingPlane((2.0, 0.0, 0.5), (0.0, 1.0, 0.0))
+    text = write_text("L1", plane, 0.1)
+    middles = text.vertices[text.triangles].mean(axis=1)
+    # L has a stroke at its foot, left of the middle; 1 has only strokes on its right.
+    assert middles[:, 1].min() < -0.05
+    assert middles[middles[:, 2] < 0.456][:, 1].max() < 0.0
+    assert middles[:, 1].max() == pytest.approx(0.036 + 0.025 - 0.007, abs=0.005)
+    assert (text.vertices[:, 0] > 2.0).all()
+    assert text.normals is not None
+    np.testing.assert_allclose(
+        text.normals, np.tile([1.0, 0, 0], (len(text.normals), 1)), atol=1e-12
+    )
+
+
 @every_blueprint
 def test_bodies_keep_to_their_budget_of_triangles(name: str):
     budget = {"pedestrian": 3500, "bicycle": 5000, "motorcycle": 6000}
-    assert triangles(BODIES[name]) <= budget.get(CATALOGUE.blueprints[name].actor_class, 3500)
+    assert triangles(BODIES[name]) <= budget.get(CATALOGUE.blueprints[name].actor_class, 4300)
 
 
 def test_building_a_body_is_deterministic():
