@@ -15,6 +15,7 @@ from advercity_dsl import (
     Rig,
     Road,
     Suite,
+    Vehicle,
     Weather,
     get_declaration_kind,
 )
@@ -291,11 +292,30 @@ def build_scenario_inputs(
             library.build_diagnostic(suite, "sweep", message=message, hint=first.hint)
         ) from None
     weather = localize_weather(entry, drawn, road, require_sun=require_sun)
-    # Conflicts are solved on the road with the sweep applied.
+    road = apply_speed_limits(road, density)
+    # Conflicts are solved on the road with the sweep and the limits applied.
     conflicts = replace(conflicts, road=road)
     return ScenarioInputs(
         name, road, weather, density, rig, catalogue, draws, step, conflicts, suite.looks, repeat
     )
+
+
+def apply_speed_limits(road: Road, density: Density) -> Road:
+    """Return the road with the speed limits of a density, if it has any."""
+    if density.speed_limits_km_h is None:
+        return road
+    limit = getattr(density.speed_limits_km_h, road.land_use)
+    streets = {
+        name: street.model_copy(update={"speed_limit_km_h": limit})
+        for name, street in road.streets.items()
+    }
+    agents = {
+        name: place.model_copy(update={"max_speed_km_h": limit})
+        if isinstance(place, Vehicle)
+        else place
+        for name, place in road.agents.items()
+    }
+    return road.model_copy(update={"streets": streets, "agents": agents})
 
 
 def draw_scenario_weather(

@@ -12,6 +12,7 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 
 from advercity.frames import Trace
+from advercity.geometry.polyline import StationedPolyline
 
 UNIT_BOX_CORNERS = np.array([(1, 1), (1, -1), (-1, -1), (-1, 1)]) / 2
 """Corners of a box of length and width 1: front left, front right, rear right, rear left."""
@@ -96,9 +97,11 @@ class ActorTrack:
         """Find the row in which the actor's centre is nearest to a point (2,)."""
         return int(np.argmin(np.linalg.norm(self.centres - np.asarray(point_m), axis=1)))
 
-    def find_nearest_tick(self, point_m: ArrayLike) -> float:
-        """Find the tick at which the actor's centre is nearest to a point (2,)."""
-        return float(self.rows["tick"][self.find_nearest_row(point_m)])
+    def find_passing_tick(self, point_m: ArrayLike) -> float:
+        """Interpolate the tick at which the actor's centre passes a point (2,) on its path."""
+        driven = StationedPolyline.from_points(self.centres)
+        station_m = driven.line.project(shapely.Point(np.asarray(point_m)))
+        return float(np.interp(station_m, driven.stations_m, self.rows["tick"]))
 
     def extrapolate(self, ticks: NDArray[np.int32], after_s: NDArray[np.float64]) -> "ActorTrack":
         """Predict the track after times (k,) from ticks (m,) on, on its path at the speed then.

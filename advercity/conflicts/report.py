@@ -41,7 +41,7 @@ from advercity.roads.routes import RoutePlanner, build_ego_path
 
 ADJACENT_LANE_GAP_M = 6.0
 """An actor that passes a point within this distance passes it in an adjacent lane."""
-STEADY_SPEED_RATIO = 0.95
+STEADY_SPEED_RATIO = 0.99
 """Fraction of the approach speed below which an actor has begun to brake."""
 
 
@@ -210,7 +210,7 @@ def _find_ego_arrival_s(
     place = spec.ego.place
     last = find_undisturbed_row(encounter, ego, tick_s)
     if conflict.resolved_by == "actor" or last is None or not isinstance(place, Vehicle):
-        return ego.find_nearest_tick(point_m) * tick_s
+        return ego.find_passing_tick(point_m) * tick_s
     # A track that ends before the point goes straight on.
     ends_before = ego.find_nearest_row(point_m) == len(ego.rows) - 1
     points = [*ego.centres[last:], *[point_m] * ends_before]

@@ -165,8 +165,8 @@ class _Scheduler:
             return ActorSchedule(speed_commands_m_s=np.array([actor.speed_m_s]))
         tick_s, parameters = self.tick_s, conflict.parameters
         other = ActorTrack.from_trace(self.dry_run.trace, actor.number)
-        ego_s = self.ego.find_nearest_tick(conflict.point_m) * tick_s
-        actor_s = other.find_nearest_tick(conflict.point_m) * tick_s
+        ego_s = self.ego.find_passing_tick(conflict.point_m) * tick_s
+        actor_s = other.find_passing_tick(conflict.point_m) * tick_s
         wait_s = self._correct_wait_s(actor, actor_s - ego_s - parameters["arrival_offset_s"])
         tick, apart_m = find_closest_approach(self.ego, other)
         at = np.array([tick])
@@ -212,14 +212,14 @@ class _Scheduler:
         if passed.number not in self.previous:
             return ActorSchedule(speed_commands_m_s=np.array([passed.speed_m_s]))
         actor, parameters, tick_s = conflict.actors[0], conflict.parameters, self.tick_s
-        ego_s = self.ego.find_nearest_tick(conflict.point_m) * tick_s
+        ego_s = self.ego.find_passing_tick(conflict.point_m) * tick_s
         back_s = parameters["return_time_s"] + DRIFT_RETURN_MARGIN_S
         lengths_m = self._get_size(actor)[0] + self._get_size(passed)[0]
         before_m = actor.speed_m_s * back_s + lengths_m / 2 + parameters["passing_gap_m"]
         path = self._get_path(actor)
         passing_m = path.line.project(shapely.Point(conflict.point_m)) - before_m
         track = ActorTrack.from_trace(self.dry_run.trace, passed.number)
-        late_s = track.find_nearest_tick(path.points_at(passing_m)) * tick_s - (ego_s - back_s)
+        late_s = track.find_passing_tick(path.points_at(passing_m)) * tick_s - (ego_s - back_s)
         wait_s = self._correct_wait_s(passed, late_s)
         return ActorSchedule(
             speed_commands_m_s=_build_speed_commands(passed, wait_s, ego_s, tick_s),

@@ -258,11 +258,11 @@ def compute_stop_stations(
     for tick in range(first, ticks):
         time_s = tick * tick_s
         halt = length_m if time_s >= go_s else stop_m
-        wanted = min(actor.speed_m_s, speed + acceleration * tick_s) if time_s >= start_s else 0.0
-        room = max(halt - station - wanted * tick_s / 2, 0.0)
-        speed = max(min(wanted, np.sqrt(2 * braking * room)), 0.0)
-        speed = min(speed, max(halt - station, 0.0) / tick_s)
-        station += speed * tick_s
+        since_start = acceleration * max(time_s - start_s, 0.0)
+        wanted = min(actor.speed_m_s, since_start, speed + acceleration * tick_s)
+        room = max(halt - station - (speed + wanted) * tick_s / 2, 0.0)
+        before, speed = speed, min(wanted, np.sqrt(2 * braking * room))
+        station = max(min(station + (before + speed) / 2 * tick_s, halt), station)
         if tick >= 0:
             stations.append(station)
     return np.array(stations), go_s
@@ -285,4 +285,4 @@ def find_evasion(
     """Find when the ego passes a point, and the station of the path's last leg next to it."""
     leg = shapely.LineString(path.points[-2:])
     station_m = float(path.stations_m[-2]) + leg.project(shapely.Point(point))
-    return ego.find_nearest_tick(point) * tick_s, station_m
+    return ego.find_passing_tick(point) * tick_s, station_m

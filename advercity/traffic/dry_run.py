@@ -242,7 +242,8 @@ def format_blockages(spec: Spec, blockages: Iterable[Blockage]) -> str:
 
 def _find_disturbing_actors(spec: Spec, trace: Trace, demand: TrafficDemand) -> set[int]:
     """Find background actors that hold the ego up, if a conflict did not happen as declared."""
-    if all(outcome.happened for outcome in evaluate_outcomes(spec, trace)):
+    outcomes = evaluate_outcomes(spec, trace)
+    if all(item.happened and "ego_speed_km_h" not in item.outside for item in outcomes):
         return set()
     return _find_background_blockers(spec, demand, trace)
 

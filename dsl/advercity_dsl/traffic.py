@@ -5,11 +5,12 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from advercity_dsl.base import Declaration, InvalidCombination, Items, Model
+from advercity_dsl.base import Declaration, InvalidCombination, Items, Model, is_none
 from advercity_dsl.typology import Evidence
 from advercity_dsl.units import (
     Flag,
     Fraction,
+    KilometresPerHour,
     MillimetresPerHour,
     Number,
     Percent,
@@ -24,6 +25,18 @@ DemandFactor = Annotated[
 ]
 
 
+SpeedLimit = Annotated[KilometresPerHour, Field(ge=10, le=200)]
+
+
+class SpeedLimits(Model):
+    """Speed limits by land use."""
+
+    urban: SpeedLimit
+    """In towns."""
+    rural: SpeedLimit
+    """Outside of towns."""
+
+
 class Density(Declaration):
     """Amount of traffic, as multiples of the road's own demand."""
 
@@ -32,6 +45,8 @@ class Density(Declaration):
     """Factor on the road's `traffic.vehicles_per_area`."""
     walkers: DemandFactor
     """Factor on the road's `traffic.walkers`."""
+    speed_limits_km_h: SpeedLimits | None = Field(default=None, exclude_if=is_none)
+    """Limits of all streets and connected vehicles in place of the road's own."""
 
 
 FrictionCoefficient = Annotated[

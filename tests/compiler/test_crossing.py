@@ -16,6 +16,7 @@ from advercity.compiler import (
 from advercity.compiler.authoring import write_starter
 from advercity.compiler.crossing import compile_library
 from advercity.errors import InputError
+from advercity.physics.stopping import compute_stopping_distance
 from tests.builders import SMALL_LIBRARY, Write, describe_errors
 
 ROADS = ("ui", "unj", "ri", "rsnj", "rcnj")
@@ -76,6 +77,27 @@ def test_repeats_are_scenarios_that_differ_in_traffic_and_share_it_over_weathers
     other = twice["ri_clear_night_dense_r2"]
     assert (other.seeds.traffic, other.conflicts) == (second.seeds.traffic, second.conflicts)
     assert to_json(with_weather(second, find_weather("clear_night"))) == to_json(other)
+
+
+def test_at_the_limit_an_ego_cannot_always_stop_in_sight(library: Path, tmp_path: Path) -> None:
+    """At 90 km/h, 1.5 s and 0.8 g take 77.4 m; fog_day has a visibility of 75 m."""
+    header = "kind: suite\nid: fast\nextends: free_flow\nroads: [ui, rsnj]\nrepeats: 1\n"
+    (tmp_path / "fast.yaml").write_text(header + "weathers: [clear_day, fog_day]\n")
+
+    fast = compile_library(library, tmp_path, suite="fast")
+
+    stopping = {spec.id: compute_stopping_distance(spec) for spec in fast}
+    assert {name: found.can_stop_in_sight for name, found in stopping.items()} == {
+        "ui_clear_day_free_flow": True,
+        "ui_fog_day_free_flow": True,
+        "rsnj_clear_day_free_flow": True,
+        "rsnj_fog_day_free_flow": False,
+    }
+    assert stopping["rsnj_clear_day_free_flow"].distance_m == pytest.approx(77.4, abs=0.5)
+    assert {street.speed_limit_km_h for spec in fast for street in spec.road.streets.values()} == {
+        50,
+        90,
+    }
 
 
 def test_each_road_has_the_crash_groups_that_require_it(specs: dict[str, Spec]) -> None:
