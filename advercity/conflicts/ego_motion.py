@@ -114,7 +114,7 @@ def compute_free_drive_s(
 
     It has the speed `first_m_s` at the start of the path, and drives no faster than `top_m_s`.
     """
-    stations = np.arange(0.0, path.length_m, NOMINAL_STEP_M)
+    stations = np.arange(0.0, path.length_m + NOMINAL_STEP_M, NOMINAL_STEP_M)
     limit = np.minimum(_compute_speed_limit(path.headings_at(stations), ego), top_m_s)
     speeds = _compute_speeds(limit, (), first_m_s)
     return float(np.interp(end_m, stations, _integrate_times(stations, speeds)))
