@@ -86,7 +86,7 @@ def test_town07_builds_and_is_driven(library: Path, tmp_path: Path) -> None:
     shutil.copytree(example, tmp_path / "town07")
     shutil.copy(str(TOWN07), tmp_path / "town07" / "Town07.xodr")
     specs = compile_library(library, tmp_path / "town07", suite="town07")
-    spec = next(spec for spec in specs if spec.id == "town07_clear_day_sparse")
+    spec = next(spec for spec in specs if spec.id == "town07_ltap_od_ego_turns_clear_day_sparse")
     below = looking_down(road_meshes(spec, tmp_path))
 
     for lane in build_road(spec.road).lanes:
