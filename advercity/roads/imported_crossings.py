@@ -13,15 +13,22 @@ MAX_MARK_DISTANCE_M = 20.0
 """Distance from a crossing within which the map marks one; maps draw streets as single lines."""
 
 
-def has_crossings(source: str, root: Element) -> bool:
-    """Test whether a map says where crossings are."""
-    match source:
-        case "opendrive":
-            return any(item.get("type") == "crosswalk" for item in root.iter("object"))
-        case "osm":
-            return any(read_tags(item).get("highway") == "crossing" for item in root.iter("node"))
-        case _:
-            return any(item.get("function") == "crossing" for item in root.iter("edge"))
+def marks_crossings(root: Element) -> bool:
+    """Test whether an OpenDRIVE or OpenStreetMap document says where crossings are."""
+    return any(item.get("type") == "crosswalk" for item in root.iter("object")) or any(
+        read_tags(item).get("highway") == "crossing" for item in root.iter("node")
+    )
+
+
+def take_crosswalks(net: Element) -> list[tuple[float, float]]:
+    """Remove the objects of the map from a network; the middles of its crosswalks."""
+    objects = list(net.iter("poly"))
+    for item in objects:
+        net.remove(item)
+    walks = [item for item in objects if item.get("type") == "crosswalk"]
+    rings = [[point.split(",") for point in item.attrib["shape"].split()] for item in walks]
+    middles = [np.array(ring, dtype=np.float64)[:, :2].mean(axis=0) for ring in rings]
+    return [(float(x), float(y)) for x, y in middles]
 
 
 def build_discards(

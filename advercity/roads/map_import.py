@@ -9,7 +9,11 @@ import numpy as np
 from advercity_dsl import MapFile, MapNetwork, Road
 
 from advercity.errors import InputError
-from advercity.roads.imported_crossings import build_discards, has_crossings
+from advercity.roads.imported_crossings import (
+    build_discards,
+    marks_crossings,
+    take_crosswalks,
+)
 from advercity.roads.map_files import read_map_file
 from advercity.roads.map_names import read_street_names, rename_network
 from advercity.roads.network_file import parse_network
@@ -41,10 +45,12 @@ LANE_TYPES = """<types>
 </types>
 """
 """Lane types of OpenDRIVE; by default netconvert drops most of them, sidewalks above all."""
+OBJECTS_FILE = "objects.xml"
 OPENDRIVE_OPTIONS = {
     "opendrive-files": "map.xml",
     "type-files": "lanes.typ.xml",
     "opendrive.curve-resolution": "1",
+    "polygon-output": OBJECTS_FILE,
 }
 OSM_OPTIONS = {
     "osm-files": "map.xml",
@@ -80,8 +86,10 @@ def import_map(declared: MapFile, road: Road, folder: Path) -> MapNetwork:
     if declared.source == "osm":
         round_roundabouts(found.root)
     converted = _convert(found.root, options, declared)
-    if declared.source == "osm" and has_crossings("osm", found.root):
+    marked = take_crosswalks(converted)
+    if declared.source == "osm":
         marked = OsmMap.around(road, found.root).list_points("highway", "crossing")
+    if marked:
         converted = _keep_marked_crossings(converted, declared, marked)
     net = sanitize_network(converted)
     rename_network(net, read_street_names(converted))
@@ -111,7 +119,7 @@ def _convert(
     declared: MapFile,
     files: Mapping[str, bytes] | None = None,
 ) -> Element:
-    """Convert a document with options that may name further files."""
+    """Convert a document with options that may name further files; objects of the map come last."""
     with tempfile.TemporaryDirectory() as name:
         work = Path(name)
         (work / "map.xml").write_bytes(to_xml_bytes(root))
@@ -123,15 +131,18 @@ def _convert(
         if not outcome.succeeded:
             why = f"{_find_first_error(outcome.messages)}{_describe_extent(declared)}"
             raise InputError(f"{declared.file}: netconvert cannot use it: {why}")
-        return parse_xml(output.read_bytes())
+        net = parse_xml(output.read_bytes())
+        objects = work / OBJECTS_FILE
+        if objects.exists():
+            net.extend(parse_xml(objects.read_bytes()))
+        return net
 
 
 def _build_import_options(declared: MapFile, road: Road, root: Element) -> dict[str, str]:
     options = dict(CAR_OPTIONS)
-    # Where a map has no crossings, junctions of towns get some, those in the country none. In an
-    # OpenStreetMap extract they are single nodes, which confirm what is guessed.
-    has_own = has_crossings(declared.source, root)
-    guesses = declared.source == "osm" if has_own else road.land_use == "urban"
+    # Where a map has no crossings, junctions of towns get some, those in the country none. Where it
+    # has, they confirm what is guessed, since netconvert does not take them over.
+    guesses = road.land_use == "urban" or marks_crossings(root)
     options["crossings.guess"] = str(guesses).lower()
     match declared.source:
         case "opendrive":

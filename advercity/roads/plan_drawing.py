@@ -1,20 +1,25 @@
 """Plans of a road: lanes, crossings, signals, agents with headings, routes and fields of view."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import pairwise
 
 import cv2
 import numpy as np
 from advercity_dsl import Mount, Road, RoadsideUnit, Spec, Vehicle
 from numpy.typing import ArrayLike, NDArray
+from shapely.geometry.base import BaseGeometry
 
 from advercity.geometry.arrays import Uint8Array
 from advercity.geometry.mesh import extract_polygons, triangulate_polygon
+from advercity.geometry.polyline import StationedPolyline
 from advercity.roads.lane_segments import LaneSegment
 from advercity.roads.road_network import RoadNetwork
+from advercity.roads.streets import StreetLayout
 
-SIZE_PX = 1600
+SIZE_PX, MAX_SIZE_PX = 1600, 6000
+BARE_PX_PER_M = 6.0
+"""Scale of plans without agents, which are larger so that ids of lanes can be read."""
 MARGIN_M = 15.0
 VIEW_DISTANCE_M = 40.0
 """Length of the wedges that show fields of view."""
@@ -38,14 +43,22 @@ JUNCTION_COLOUR = (160, 40, 160)
 GRID_COLOUR = (200, 215, 206)
 GRID_STEPS_M = (10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 50_000)
 MAX_GRID_LINES = 16
+STATION_STEP_M, STATION_COLOUR = 50.0, (170, 90, 20)
+ARROW_M, ARROW_COLOUR = 4.0, (30, 110, 30)
+LANE_ID_FRACTIONS = (0.25, 0.33, 0.41)
+"""Where along neighbouring lanes their ids are; streets have their names in the middle."""
+MIN_LABELLED_PX = 90
+"""Shorter lanes have no id in the drawing."""
 
 
 class PlanCanvas:
     """An image that is drawn on in world metres, north up, BGR."""
 
-    def __init__(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> None:
+    def __init__(
+        self, low: NDArray[np.float64], high: NDArray[np.float64], size_px: float = SIZE_PX
+    ) -> None:
         self.low, self.high = low, high
-        self.px_per_m = SIZE_PX / float(max(high - low))
+        self.px_per_m = size_px / float(max(high - low))
         width, height = np.ceil((high - low) * self.px_per_m).astype(int)
         self._corner = np.array([low[0], high[1]])
         self.image: Uint8Array = np.full((height, width, 3), BACKGROUND_COLOUR, np.uint8)
@@ -82,7 +95,8 @@ class PlanCanvas:
 def draw_plan(network: RoadNetwork, spec: Spec | None = None) -> Uint8Array:
     """Draw the plan of a road, BGR; with a spec, also what its cameras see and what it stages.
 
-    North is up; the bar is 50 m long.
+    North is up; the bar is 50 m long. Without agents there are coordinates, ids of lanes and
+    stations of streets, by which they and surroundings are placed.
     """
     return draw_plan_canvas(network, spec).image
 
@@ -91,10 +105,9 @@ def draw_plan_canvas(network: RoadNetwork, spec: Spec | None = None) -> PlanCanv
     """Draw the plan on a canvas that can be drawn on further."""
     road, found = network.declaration, network.lanes
     canvas = _create_canvas(found, road)
-    for polygon in extract_polygons(network.roadway_level_area):
-        corners, triangles = triangulate_polygon(polygon)
-        for triangle in triangles:
-            canvas.fill(corners[triangle], LANE_COLOURS["driving"])
+    if road.imported is not None:
+        _fill_area(canvas, network.paved_area, LANE_COLOURS["sidewalk"])
+    _fill_area(canvas, network.roadway_level_area, LANE_COLOURS["driving"])
     for kind, colour in LANE_COLOURS.items():
         for lane in found:
             if lane.kind == kind:
@@ -105,8 +118,13 @@ def draw_plan_canvas(network: RoadNetwork, spec: Spec | None = None) -> PlanCanv
             canvas.line(lane.right, (255, 255, 255))
     if not road.agents:
         _draw_grid(canvas)
+        for lane in found:
+            if lane.kind == "driving" and not lane.in_junction:
+                _draw_lane_id(canvas, lane, network.streets)
+        for street in network.streets.values():
+            _draw_stations(canvas, street)
     for name, street in network.streets.items():
-        canvas.text(street.axis[len(street.axis) // 2], name)
+        canvas.text(street.points_at(float(street.stations[-1]) / 2, 0.0), name)
     for name, point in _find_junctions(network).items():
         canvas.text(point, name, JUNCTION_COLOUR)
     for head in network.traffic_lights:
@@ -144,6 +162,36 @@ def _draw_grid(canvas: PlanCanvas) -> None:
             canvas.text(ends[0] + 2 * (1 - axis), f"{value:g}")
 
 
+def _fill_area(canvas: PlanCanvas, area: BaseGeometry, colour: tuple[int, int, int]) -> None:
+    for polygon in extract_polygons(area):
+        corners, triangles = triangulate_polygon(polygon)
+        for triangle in triangles:
+            canvas.fill(corners[triangle], colour)
+
+
+def _draw_lane_id(
+    canvas: PlanCanvas, lane: LaneSegment, streets: Mapping[str, StreetLayout]
+) -> None:
+    """Draw an arrow along a lane with the part of its id that follows the street's name."""
+    line = StationedPolyline.from_points((lane.left + lane.right) / 2)
+    if line.length_m * canvas.px_per_m < MIN_LABELLED_PX:
+        return
+    at_m = line.length_m * LANE_ID_FRACTIONS[int(lane.id[-1]) % len(LANE_ID_FRACTIONS)]
+    tip, tail = line.points_at(np.array([at_m, at_m - ARROW_M]))
+    canvas.line([tail, tip], ARROW_COLOUR, 2)
+    canvas.fill(_circle(tip, ARROW_M / 6), ARROW_COLOUR)
+    street = max((name for name in streets if lane.id.startswith(name)), key=len, default="")
+    canvas.text(tip, lane.id.removeprefix(street), ARROW_COLOUR)
+
+
+def _draw_stations(canvas: PlanCanvas, street: StreetLayout) -> None:
+    """Draw distances along an axis, by which surroundings are placed beside a street."""
+    for station in np.arange(STATION_STEP_M, float(street.stations[-1]), STATION_STEP_M):
+        point = street.points_at(station, 0.0)
+        canvas.fill(_circle(point, 0.6), STATION_COLOUR)
+        canvas.text(point, f"{station:g} m", STATION_COLOUR)
+
+
 def _find_junctions(network: RoadNetwork) -> dict[str, NDArray[np.float64]]:
     """Find the middles of the places where three streets or more meet."""
     ends: dict[str, list[NDArray[np.float64]]] = {}
@@ -160,7 +208,11 @@ def _create_canvas(found: tuple[LaneSegment, ...], road: Road) -> PlanCanvas:
         for place in road.agents.values()
     ]
     points = np.concatenate(corners)
-    return PlanCanvas(points.min(axis=0) - MARGIN_M, points.max(axis=0) + MARGIN_M)
+    low, high = points.min(axis=0) - MARGIN_M, points.max(axis=0) + MARGIN_M
+    if road.agents:
+        return PlanCanvas(low, high)
+    size_px = np.clip(BARE_PX_PER_M * float(max(high - low)), SIZE_PX, MAX_SIZE_PX)
+    return PlanCanvas(low, high, float(size_px))
 
 
 def _draw_view(

@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -22,10 +23,7 @@ M_PER_DEG = (111_200, 74_625)
 @pytest.fixture(scope="module")
 def slope() -> RoadNetwork:
     """The junction of three streets on a slope of 4 % from west to east."""
-    data = declaration("opendrive", "junction.xodr") | {"land_use": "urban"}
-    road = Road.model_validate(data)
-    network = import_map(MapFile(source="opendrive", file="junction.xodr"), road, DATA)
-    return build_road(road.model_copy(update={"imported": network}))
+    return read_road(DATA / "junction.xodr", "urban")
 
 
 def test_the_sidewalk_of_a_through_road_passes_the_junction(slope: RoadNetwork) -> None:
@@ -87,9 +85,9 @@ STREET = (("highway", "secondary"), ("lanes", "2"), ("maxspeed", "50"), ("sidewa
 
 def read_road(path: Path, land_use: str) -> RoadNetwork:
     origin = {"origin_lat_deg": CENTRE[0], "origin_lon_deg": CENTRE[1]}
-    data = declaration("osm", path.name, **origin) | {"land_use": land_use}
-    road = Road.model_validate(data)
-    network = import_map(MapFile(source="osm", file=path.name), road, path.parent)
+    source: Literal["osm", "opendrive"] = "osm" if path.suffix == ".osm" else "opendrive"
+    road = Road.model_validate(declaration(source, path.name, **origin) | {"land_use": land_use})
+    network = import_map(MapFile(source=source, file=path.name), road, path.parent)
     return build_road(road.model_copy(update={"imported": network}))
 
 
@@ -136,3 +134,20 @@ def test_a_map_with_crossings_has_no_others(land_use: str, tmp_path: Path) -> No
 
     assert len(middles) == 1
     assert middles[0] == pytest.approx((8, 0), abs=5)
+
+
+def test_crosswalks_of_opendrive_are_the_only_crossings(tmp_path: Path) -> None:
+    corners = ((3.5, 1.5), (-3.5, 1.5), (-3.5, -1.5), (3.5, -1.5), (3.5, 1.5))
+    outline = "".join(f'<cornerLocal u="{u}" v="{v}" z="0"/>' for u, v in corners)
+    walk = '<object id="7" type="crosswalk" s="47" t="0" hdg="1.5707963" zOffset="0">'
+    text = (DATA / "junction.xodr").read_text(encoding="utf-8")
+    objects = f"<objects>{walk}<outline>{outline}</outline></object></objects>"
+    path = tmp_path / "walk.xodr"
+    path.write_text(text.replace("  </road>", f"{objects}</road>", 1), encoding="utf-8")
+
+    for land_use in ("urban", "rural"):
+        middles = crossing_middles(read_road(path, land_use))
+
+        # On the western street, which ends 10 m from the middle of the junction.
+        assert len(middles) == 1
+        assert middles[0] == pytest.approx((-8, 0), abs=4)
