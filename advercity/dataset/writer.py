@@ -247,7 +247,7 @@ class ScenarioWriter(FrameWriter):
         remove_journals(self.scenario)
         kept = sum(1 for path in self.scenario.rglob("*") if not path.is_dir()) - 1
         if kept:
-            _logger.warning("%s: %s of no run stay", self.scenario, format_file_count(kept))
+            _logger.warning("%s: %s of no run kept", self.scenario, format_file_count(kept))
 
     def _load_finished_records(self) -> dict[str, FileRecord]:
         """Load the records of the frames whose files are all as recorded.

@@ -125,7 +125,7 @@ def test_foreign_files_are_told_from_damage_and_survive_everything(
     resume(scenario, fresh=True)
     assert texts(scenario, *FOREIGN) == precious
     assert not list(scenario.glob("*/000060.pcd"))
-    assert f"{scenario}: {len(FOREIGN)} files of no run stay" in caplog.text
+    assert f"{scenario}: {len(FOREIGN)} files of no run kept" in caplog.text
 
 
 @pytest.mark.parametrize("text", ["{}", "", "[]", '{"manifest_version": 3}', "\0" * 300])
