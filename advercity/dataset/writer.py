@@ -7,7 +7,7 @@ it and from a `FrameWriter` in each further process.
 
 import logging
 from collections.abc import Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Self
 
@@ -24,6 +24,7 @@ from advercity.dataset.partial_files import (
     format_file_count,
     lock_file,
     read_journals,
+    remove_idle_staging_folder,
     remove_journals,
     remove_partial_files,
     remove_staging_folder,
@@ -188,13 +189,12 @@ class ScenarioWriter(FrameWriter):
         with report_disk_errors(self.scenario):
             check_folders_are_no_links(self.scenario, self._names.folders)
             self._lock = lock_file(self._staging / "lock")
-            try:
-                self._open()
+            with ExitStack() as on_error:
+                on_error.callback(self._lock.close)
+                self._open_or_leave()
                 # Workers that join keep other runs out, too, should this process die first.
                 share_lock(self._lock)
-            except BaseException:
-                self._lock.close()
-                raise
+                on_error.pop_all()
         return self
 
     def __exit__(self, kind: object, error: BaseException | None, traceback: object) -> None:
@@ -213,6 +213,14 @@ class ScenarioWriter(FrameWriter):
             manifest = self._save()
             remove_staging_folder(self.scenario)
         return manifest
+
+    def _open_or_leave(self) -> None:
+        try:
+            self._open()
+        except BaseException:
+            with suppress(OSError):  # the first error is the one to report
+                remove_idle_staging_folder(self.scenario)
+            raise
 
     def _open(self) -> None:
         # So that no mistyped output folder is emptied or mixed into a dataset.
