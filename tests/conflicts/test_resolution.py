@@ -141,7 +141,7 @@ def test_who_resolves_a_conflict_brakes_and_nobody_else_does(
 def test_a_conflict_that_nobody_resolves_ends_in_a_collision(
     specs: dict[str, Spec], simulate: Callable[[Spec], Trace]
 ):
-    spec = resolve(specs["ri_clear_day_sparse"], "nobody")
+    spec = resolve(specs["ri_clear_day_dense"], "nobody")
     trace = simulate(spec)
     report = build_traffic_report(spec, trace, "")
     (outcome,) = report.staged
