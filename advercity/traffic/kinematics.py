@@ -15,7 +15,6 @@ import shapely
 from advercity_dsl import Road, Spec
 from numpy.typing import NDArray
 
-from advercity.conflicts.reaction import needs_reaction
 from advercity.errors import RunError
 from advercity.frames import STATE_DTYPE, Actor, Lamp, Trace
 from advercity.physics.constants import MAX_STEERING_RAD
@@ -42,10 +41,13 @@ DRIVING_SMOOTHING_TICKS = 12
 """Ticks over which vehicles change their acceleration.
 
 Jerk then stays below 5 m/s³ between the usual extremes of acceleration and braking, 2.5 and
--3 m/s², and below 10 m/s³ in an emergency."""
-STAGED_SMOOTHING_TICKS = 8
-"""Ticks over which staged actors do: they keep to their schedule, and brake in emergencies, where
-jerk stays below 20 m/s³."""
+-3 m/s²."""
+EMERGENCY_SMOOTHING_TICKS = 8
+"""Ticks over which vehicles in an emergency, and staged people do; jerk stays below 20 m/s³."""
+EMERGENCY_M_S2 = 3.1
+"""Change of speed that only an emergency calls for."""
+EMERGENCY_TICKS = (10, 25)
+"""Ticks from an emergency up to which driving is part of it, and from which on it is not."""
 WALKING_SMOOTHING_TICKS = 14
 """Ticks over which people turn, set out and stop.
 
@@ -83,7 +85,6 @@ def compute_vehicle_states(
     length_m: float,
     *,
     tick_s: float,
-    smoothing_ticks: int = DRIVING_SMOOTHING_TICKS,
 ) -> NDArray[np.void]:
     """Compute the states of one vehicle from its fronts, both sorted by tick.
 
@@ -96,13 +97,12 @@ def compute_vehicle_states(
         track: (n,) of `FRONT_DTYPE`; of yaw and slope only the first row counts.
         length_m: Length of the body.
         tick_s: Length of a tick.
-        smoothing_ticks: Ticks over which it changes its acceleration.
 
     Returns:
         (n,) of `STATE_DTYPE`, with `actor` left at 0.
     """
     wheelbase = WHEELBASE_FRACTION * length_m
-    axle, front_z, rear_z = _locate_axles(track, length_m, tick_s, smoothing_ticks)
+    axle, front_z, rear_z = _locate_axles(track, length_m, tick_s)
     directions = _compute_tractrix_directions(axle, wheelbase, np.exp(1j * track["yaw"][0]))
     states = _build_states(
         track, _compute_body_motion(axle, front_z, rear_z, directions, wheelbase)
@@ -115,7 +115,7 @@ def compute_vehicle_states(
 
 
 def _locate_axles(
-    track: NDArray[np.void], length_m: float, tick_s: float, smoothing_ticks: int
+    track: NDArray[np.void], length_m: float, tick_s: float
 ) -> tuple[MotionSpline, NDArray[np.float64], NDArray[np.float64]]:
     """Compute the place of the front axle in the plan, and the motion (3, n) of both heights."""
     fronts = _follow_targets(
@@ -126,7 +126,8 @@ def _locate_axles(
     overhang = (length_m - wheelbase) / 2
     ahead = np.exp(1j * track["yaw"][0])
     first_m = track["speed"][0] * tick_s
-    smooth = partial(_smooth_driving, tick_s=tick_s, smoothing_ticks=smoothing_ticks)
+    emergency = _weigh_emergencies(track["speed"], tick_s)
+    smooth = partial(_smooth_driving, tick_s=tick_s, emergency=emergency)
     axle = _interpolate_behind(fronts, along, overhang, fronts[0] - overhang * ahead)
     profile = HeightProfile.from_samples(
         along,
@@ -240,17 +241,31 @@ def _find_heights_along(
     return np.interp(stations + ahead_m, stations, track["z"])
 
 
+def _weigh_emergencies(speed: NDArray[np.float64], tick_s: float) -> NDArray[np.float64]:
+    """Compute by tick (n,) how much driving is part of an emergency: 1 near one, 0 far from any."""
+    hard = np.flatnonzero(np.abs(np.diff(speed, prepend=speed[0])) / tick_s > EMERGENCY_M_S2)
+    if len(hard) == 0:
+        return np.zeros(len(speed))
+    away = np.abs(np.arange(len(speed))[:, None] - hard).min(axis=1)
+    near, far = EMERGENCY_TICKS
+    return (1 + np.cos(np.pi * np.clip((away - near) / (far - near), 0.0, 1.0))) / 2
+
+
 def _smooth_driving(
-    samples: Values, tick_s: float, smoothing_ticks: int, first_step: complex
+    samples: Values, tick_s: float, emergency: NDArray[np.float64], first_step: complex
 ) -> MotionSpline:
     """Smooth values (n,) that go on beyond the last tick as they did before it."""
-    return MotionSpline.from_samples(
+    smooth = partial(
+        MotionSpline.from_samples,
         samples,
         tick_s,
-        ticks=smoothing_ticks,
         first_step=first_step,
         last_step=samples[-1] - samples[-2] if len(samples) > 1 else first_step,
     )
+    daily = smooth(ticks=DRIVING_SMOOTHING_TICKS)
+    if not emergency.any():
+        return daily
+    return daily.blend(smooth(ticks=EMERGENCY_SMOOTHING_TICKS), emergency)
 
 
 def _follow_targets(
@@ -399,13 +414,10 @@ def build_trace(
     tick_s = spec.timing.tick_s
     speeds = {trip.actor.id: trip.speed_m_s for trip in demand.walkers}
     known = {actor.id: actor for actor in demand.actors}
-    staged = {actor.id for actor in (*(trip.actor for trip in demand.staged), *demand.scripted)}
-    if any(map(needs_reaction, spec.conflicts)):
-        staged.add(spec.ego.number)
     actors: list[Actor] = []
     states: list[NDArray[np.void]] = []
     for number, track in sorted(recording.tracks.items()):
-        actor, is_staged = known[number], number in staged
+        actor = known[number]
         if actor.actor_class == "pedestrian":
             # A staged pedestrian has no walking speed of its own, but the speed of its track.
             speed = speeds[number] if number in speeds else float(track["speed"].max())
@@ -415,15 +427,12 @@ def build_trace(
                 speed_m_s=speed,
                 tick_s=tick_s,
                 kerb_height=kerb_height,
-                smoothing_ticks=STAGED_SMOOTHING_TICKS if is_staged else WALKING_SMOOTHING_TICKS,
+                smoothing_ticks=(
+                    WALKING_SMOOTHING_TICKS if number in speeds else EMERGENCY_SMOOTHING_TICKS
+                ),
             )
         else:
-            rows = compute_vehicle_states(
-                track,
-                actor.size[0],
-                tick_s=tick_s,
-                smoothing_ticks=STAGED_SMOOTHING_TICKS if is_staged else DRIVING_SMOOTHING_TICKS,
-            )
+            rows = compute_vehicle_states(track, actor.size[0], tick_s=tick_s)
             if actor.actor_class == "bicycle":
                 rows["lamps"] = 0
         # Cut off the warm-up only now: axles roll and people turn on what they did before.

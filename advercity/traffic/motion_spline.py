@@ -67,6 +67,11 @@ class MotionSpline:
             total += weight * padded[first : first + count]
         return MotionSpline(total / sum(weights), tick_s)
 
+    def blend(self, other: "MotionSpline", weights: NDArray[np.float64]) -> "MotionSpline":
+        """Return the curve between this one and another, whose weights (n,) are given by tick."""
+        padded = np.pad(weights, 1, mode="edge")
+        return MotionSpline(self.controls + padded * (other.controls - self.controls), self.tick_s)
+
     @property
     def values(self) -> Values:
         """Values (n,) at the ticks."""
