@@ -17,6 +17,7 @@ from advercity.conflicts.achieved_parameters import (
     measure_parameters,
     select_before,
 )
+from advercity.conflicts.checks import CALM_S
 from advercity.conflicts.ego_motion import compute_free_drive_s
 from advercity.conflicts.metrics import (
     ActorTrack,
@@ -363,7 +364,8 @@ class TrafficReport:
             for overlap in self.overlaps
             if overlap.second not in impacts
         )
-        return (*missed, *(f"{first} and {second} overlap" for first, second in pairs))
+        overlaps = (f"{first} and {second} overlap" for first, second in pairs)
+        return (*missed, *_describe_crowding(self.staged), *overlaps)
 
     def to_document(self) -> dict[str, object]:
         """Convert the report to plain data for JSON."""
@@ -371,6 +373,16 @@ class TrafficReport:
             **asdict(self),
             "staged": [{**asdict(item), "happened": item.happened} for item in self.staged],
         }
+
+
+def _describe_crowding(staged: Iterable[ConflictOutcome]) -> Iterator[str]:
+    """Describe which conflicts come too soon after the start or after another."""
+    before, before_s = "the recording begins", 0.0
+    for outcome in sorted(staged, key=lambda outcome: outcome.ego_at_s):
+        after_s = outcome.ego_at_s - before_s
+        if after_s < CALM_S:
+            yield f"{outcome.id} ({outcome.conflict}) comes {after_s:.1f} s after {before}"
+        before, before_s = outcome.id, outcome.ego_at_s
 
 
 def build_traffic_report(spec: Spec, trace: Trace, trace_sha256: str) -> TrafficReport:

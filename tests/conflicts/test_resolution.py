@@ -161,6 +161,11 @@ def test_a_conflict_that_nobody_resolves_ends_in_a_collision(
     (row,) = build_table_rows([report])
     assert row["resolved by"] == "nobody"
     assert str(row["impact km/h"]).startswith("ego ")
+    soon = (replace(outcome, ego_at_s=3.0), replace(outcome, id="conflict_2", ego_at_s=6.5))
+    assert [text.partition(") comes ")[2] for text in replace(report, staged=soon).problems] == [
+        "3.0 s after the recording begins",
+        "3.5 s after conflict_1",
+    ]
 
 
 @pytest.mark.sumo

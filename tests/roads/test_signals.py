@@ -50,20 +50,21 @@ def test_a_light_is_for_all_movements_of_its_approach(
             approach: approaches.count(approach) for approach in links
         }
         (shown,) = networks[name].getTLS(junction).getPrograms().values()
-        phases, together = shown.getPhases(), program.get("together", 1)
+        phases, slots = shown.getPhases(), program.get("slots", len(links))
         assert -float(shown.getOffset()) == program["elapsed_s"]
         durations = [program[key] for key in ("green_s", "yellow_s", "all_red_s")]
-        assert [phase.duration for phase in phases] == durations * (len(links) // together)
-        cars = [index for found in links.values() for index in found]
+        assert [phase.duration for phase in phases] == durations * slots
+        cars, served = [index for found in links.values() for index in found], list[str]()
         for green, yellow, red in zip(phases[::3], phases[1::3], phases[2::3], strict=True):
             approaches = [a for a, i in links.items() if green.state[i[0]] in "Gg"]
             own = [index for approach in approaches for index in links[approach]]
             others = [index for index in cars if index not in own]
-            assert len(approaches) == together
             assert {green.state[index] for index in own} <= {"G", "g"}
             assert {yellow.state[index] for index in own} == {"y"}
             assert {phase.state[index] for phase in (green, yellow) for index in others} == {"r"}
             assert {red.state[index] for index in cars} == {"r"}
+            served += approaches
+        assert sorted(served) == sorted(links)
 
 
 @pytest.mark.parametrize(
