@@ -1,6 +1,7 @@
 """Who resolves a staged conflict: the actor, the ego, both or nobody."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
