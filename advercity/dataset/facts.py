@@ -90,7 +90,7 @@ def collect_scenario_facts(folder: Path) -> ScenarioFacts:
     """Collect the facts of one scenario; InputError if a file of it cannot be read."""
     scenario = Scenario(folder)
     found = [_collect_frame_facts(frame) for frame in scenario]
-    timeline = WeatherTimeline(scenario.spec.weather, scenario.spec.timing.tick_s)
+    timeline = WeatherTimeline.from_spec(scenario.spec)
     none = np.empty(0, OBJECT_FACT)
     return ScenarioFacts(
         road=scenario.spec.road.id,

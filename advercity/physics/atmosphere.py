@@ -21,6 +21,7 @@ from advercity.physics.fog_transfer import FogBank, compute_fog_radiance
 from advercity.physics.photometry import LED_COLOUR, Colour, luminance
 from advercity.physics.precipitation import ParticleSizeDistribution, size_distributions
 from advercity.physics.sky import Daylight, daylight_for_weather, derive_daylight, sun_colour
+from advercity.physics.water import compute_ice_cover
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +46,7 @@ class Atmosphere:
         puddle_coverage: Fraction of the carriageway under standing water.
         night: Whether lamps light the scene.
         rain_mm_h: Rate of the falling rain, which ripples puddles.
+        ice_cover: Fraction of the texture of surfaces that clear ice fills.
         snow_depth_m: Depth of lying snow in the open.
         road_snow_cover: Fraction of the carriageway under snow.
         rut_snow_cover: Fraction of its wheel ruts under snow.
@@ -68,6 +70,7 @@ class Atmosphere:
     puddle_coverage: float
     night: bool
     rain_mm_h: float = 0.0
+    ice_cover: float = 0.0
     snow_depth_m: float = 0.0
     road_snow_cover: float = 0.0
     rut_snow_cover: float = 0.0
@@ -175,6 +178,7 @@ def _list_air_and_ground(weather: Weather) -> dict[str, Any]:
     """List what falls and lies in a weather, as fields of `Atmosphere`."""
     return {
         "wetness": weather.surface.wetness,
+        "ice_cover": compute_ice_cover(weather.surface.ice_mm),
         "puddle_coverage": weather.surface.puddle_coverage,
         "rain_mm_h": weather.rain.rate_mm_h,
         "snow_depth_m": weather.snow.depth_mm / 1000.0,

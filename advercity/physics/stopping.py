@@ -7,6 +7,7 @@ from advercity_dsl import Spec, Vehicle, Weather
 from advercity_dsl.traffic import TyreFriction
 from advercity_dsl.units import KM_H_PER_M_S
 
+from advercity.physics import water
 from advercity.physics.constants import GRAVITY_M_S2
 from advercity.physics.extinction import compute_extinction
 
@@ -18,8 +19,9 @@ DEFAULT_GRIP = TyreFriction(dry=0.8, wet=0.5, snow=0.25, used_share=0.5)
 
 
 def friction_coefficient(grip: TyreFriction, weather: Weather) -> float:
-    """Compute the coefficient of friction in the wheel ruts, by their wetness and snow."""
+    """Compute the coefficient of friction in the wheel ruts, by their wetness, ice and snow."""
     bare = grip.dry + (grip.wet - grip.dry) * weather.surface.wetness
+    bare += (grip.ice - bare) * water.compute_ice_cover(weather.surface.ice_mm)
     return bare + (grip.snow - bare) * weather.snow.rut_coverage
 
 

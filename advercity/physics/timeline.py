@@ -11,7 +11,8 @@ from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
-from advercity_dsl import Weather
+from advercity_dsl import Spec, Weather
+from advercity_dsl.keyframes import replace_value
 
 from advercity.geometry.arrays import Float64Array
 from advercity.physics import sky
@@ -25,6 +26,7 @@ from advercity.physics.atmosphere import (
 )
 from advercity.physics.clouds import choose_cloud_kind
 from advercity.physics.extinction import compute_extinction
+from advercity.physics.gusts import Gusts
 from advercity.physics.precipitation import (
     CAMERA_HEIGHT_M,
     ParticleSizeDistribution,
@@ -49,23 +51,37 @@ class WeatherTimeline:
     Args:
         weather: The weather of a scenario.
         tick_s: Time between frames.
+        key: Random key of its gusts.
     """
 
-    def __init__(self, weather: Weather, tick_s: float) -> None:
+    def __init__(self, weather: Weather, tick_s: float, *key: int | str) -> None:
         self._weather, self._tick_s = weather, tick_s
+        self._gusts = Gusts(weather.wind.speed_m_s, *key)
+        winds = (weather.wind, *(keyframe.wind for keyframe in weather.keyframes))
+        self._is_gusty = any(wind.gust_factor > 1.0 for wind in winds)
         self._light_frames = [0]
         self._walked_to = 0
         self._paths_m = [np.zeros(3)]
         self.weather_at = lru_cache(maxsize=64)(self._compute_weather)
         self._compute_light = lru_cache(maxsize=2)(self._compute_atmosphere)
 
+    @staticmethod
+    def from_spec(spec: Spec) -> "WeatherTimeline":
+        """Build the timeline of a scenario."""
+        return WeatherTimeline(spec.weather, spec.timing.tick_s, spec.seeds.weather, spec.id)
+
     @property
     def is_changing(self) -> bool:
         """Whether frames differ in their weather."""
-        return bool(self._weather.keyframes)
+        return bool(self._weather.keyframes) or self._is_gusty
 
     def _compute_weather(self, frame: int) -> Weather:
-        return self._weather.at(frame * self._tick_s)
+        time_s = frame * self._tick_s
+        weather = self._weather.at(time_s)
+        if not self._is_gusty:
+            return weather
+        ratio = self._gusts.compute_speed_ratio(weather.wind.gust_factor, time_s)
+        return replace_value(weather, ("wind", "speed_m_s"), ratio * weather.wind.speed_m_s)
 
     def atmosphere_at(self, frame: int, land_use: LandUse) -> Atmosphere:
         """Compute the atmosphere of a frame; the same object for all frames of constant weather."""
@@ -77,7 +93,7 @@ class WeatherTimeline:
 
     def find_light_frame(self, frame: int) -> int:
         """Find the frame, not after `frame`, whose light `frame` has."""
-        if not self.is_changing:
+        if not self._weather.keyframes:
             return 0
         while self._walked_to < frame:
             self._walked_to += 1

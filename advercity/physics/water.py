@@ -3,6 +3,7 @@
 Every sensor reads the same field, so a LiDAR loses the road where a camera sees a reflection.
 """
 
+import math
 from functools import lru_cache
 
 import numpy as np
@@ -29,6 +30,19 @@ def fresnel_reflectance(cosine: FloatArray, refractive_index: float) -> FloatArr
     outside = refractive_index * cosine
     p_polarised = (outside - refracted_cosine) / (outside + refracted_cosine)
     return (s_polarised**2 + p_polarised**2) / 2.0
+
+
+ICE_TEXTURE_MM = 0.5
+"""Thickness of ice at which 1/e of the texture of asphalt still shows; half a usual mean texture
+depth, an assumption."""
+
+
+def compute_ice_cover(ice_mm: float) -> float:
+    """Compute the fraction of a surface's texture that clear ice of a thickness fills.
+
+    Its index of refraction, 1.31, is close enough to water's for all sensors to see it as a film.
+    """
+    return -math.expm1(-ice_mm / ICE_TEXTURE_MM)
 
 
 HOLLOW_SPACING_M = 3.0

@@ -42,12 +42,16 @@ def _describe_parts(weather: Weather) -> Iterator[str]:
     snow, surface = weather.snow, weather.surface
     if snow.road_coverage:
         yield f"{snow.road_coverage:.0%} of the road under snow"
+    if surface.ice_mm:
+        yield f"{surface.ice_mm:g} mm of ice"
     if surface.puddle_coverage:
         yield f"puddles on {surface.puddle_coverage:.0%} of the road"
     elif surface.wetness >= 0.3:
         yield "wet road"
     if weather.wind.speed_m_s >= 8:
-        yield f"wind of {weather.wind.speed_m_s:g} m/s"
+        gusts = weather.wind.gust_factor * weather.wind.speed_m_s
+        suffix = f" with gusts of {gusts:.0f} m/s" if weather.wind.gust_factor > 1 else ""
+        yield f"wind of {weather.wind.speed_m_s:g} m/s{suffix}"
     yield f"{weather.temperature_c:g} degC"
 
 
@@ -58,7 +62,8 @@ def _describe_airborne(weather: Weather) -> Iterator[str]:
     if dust is not None:
         yield next((name for below, name in DUST_TERMS if dust < below), "dust in the air")
     if weather.rain.rate_mm_h:
-        yield next(name for highest, name in RAIN_TERMS if weather.rain.rate_mm_h <= highest)
+        rain = next(name for highest, name in RAIN_TERMS if weather.rain.rate_mm_h <= highest)
+        yield rain.replace("rain", "freezing rain") if weather.temperature_c < 0 else rain
     snow = weather.snow
     if snow.rate_mm_h:
         extinction_per_m = snow_extinction(snow.rate_mm_h, density_g_cm3=snow.density_g_cm3)

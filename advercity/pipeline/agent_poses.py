@@ -44,7 +44,7 @@ class AgentPoses:
     def __init__(self, spec: Spec, trace: Trace) -> None:
         self.spec = spec
         self._trace = trace
-        self.timeline = WeatherTimeline(spec.weather, spec.timing.tick_s)
+        self.timeline = WeatherTimeline.from_spec(spec)
         self._roles = find_conflict_roles(spec)
         self._traced = lru_cache(maxsize=4)(trace.build_frame)
         self._parked = place_parked_cars(build_road(spec.road), spec.blueprints, spec.conflicts)

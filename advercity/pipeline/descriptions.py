@@ -23,6 +23,9 @@ from advercity.roads.junction_arms import JunctionArms
 from advercity.roads.routes import RoutePlanner
 from advercity.sensors.lidar.received_power import detection_range_m
 
+ICE_DENSITY = 0.917
+"""Of clear ice, relative to water."""
+
 Description = Mapping[str, str]
 TARGET_REFLECTANCES = (0.1, 0.5, 0.8)
 """Reflectances of targets that the LiDAR range is given for: dark car, concrete, white paint."""
@@ -88,9 +91,7 @@ def describe_weather(weather: Weather) -> Description:
         "LiDAR range": f"{', '.join(f'{item:.0f}' for item in ranges_m)} m for targets of "
         f"{', '.join(f'{target:.0%}' for target in TARGET_REFLECTANCES)}, in the dark",
         "light": _describe_light(weather),
-        "ground": f"wetness {weather.surface.wetness:g}, "
-        f"puddles {weather.surface.puddle_coverage:.0%}, "
-        f"snow {weather.snow.depth_mm:g} mm on {weather.snow.road_coverage:.0%} of the road",
+        "ground": _describe_ground(weather),
         "source": weather.source or "none given",
     }
     later = {
@@ -117,6 +118,20 @@ def _describe_visibility(air: AirExtinction) -> str:
     if math.isinf(air.mor_m):
         return "unlimited"
     return f"{air.mor_m:.0f} m ({', '.join(alone)} alone)"
+
+
+def _describe_ground(weather: Weather) -> str:
+    surface, snow, rain = weather.surface, weather.snow, weather.rain
+    facts = [
+        f"wetness {surface.wetness:g}",
+        f"puddles {surface.puddle_coverage:.0%}",
+        f"snow {snow.depth_mm:g} mm on {snow.road_coverage:.0%} of the road",
+    ]
+    if surface.ice_mm:
+        facts.append(f"ice {surface.ice_mm:g} mm")
+    if rain.rate_mm_h and weather.temperature_c < 0:
+        facts.append(f"freezing rain makes up to {rain.rate_mm_h / ICE_DENSITY:.2g} mm an hour")
+    return ", ".join(facts)
 
 
 def _describe_light(weather: Weather) -> str:

@@ -161,7 +161,7 @@ class RerunRecording:
         self._stream.set_sinks(*files, *viewers, *self._servers)
         self._cloud_colour: CloudColour = cloud_colour
         self._events = tuple(events)
-        self._timeline = WeatherTimeline(spec.weather, spec.timing.tick_s)
+        self._timeline = WeatherTimeline.from_spec(spec)
         self._land_use: LandUse = spec.road.land_use
         self._map = LocalGeoMap.around_road(spec.road)
         self._tracks = {

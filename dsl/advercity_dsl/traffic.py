@@ -97,6 +97,11 @@ class VisibilityStep(ResponseStep):
     """Visibility (5 % contrast)."""
 
 
+DEFAULT_ICE_FRICTION = 0.1
+"""Usual for bare ice in reconstructions (SAE 960959); 0.09 was measured at -6 degC (SAE 960652).
+Omitted from JSON, so that earlier specs stay as they are."""
+
+
 class TyreFriction(Model):
     """Friction between tyres and road, and the fraction of it that drivers use."""
 
@@ -106,6 +111,10 @@ class TyreFriction(Model):
     """Coefficient on a soaked road; in between it falls linearly with `surface.wetness`."""
     snow: FrictionCoefficient
     """Coefficient on snow; averaged with the bare road by `snow.rut_coverage`."""
+    ice: FrictionCoefficient = Field(
+        default=DEFAULT_ICE_FRICTION, exclude_if=lambda value: value == DEFAULT_ICE_FRICTION
+    )
+    """Coefficient on clear ice; averaged with the rest by the part that `surface.ice_mm` covers."""
     used_share: Annotated[Fraction, Field(gt=0)]
     """Fraction of it that drivers use to accelerate, brake and corner, except in an emergency."""
     source: str = ""

@@ -154,6 +154,10 @@ class Wind(Model):
     """Mean speed."""
     from_deg: Direction = 250
     """Direction that it blows from, clockwise from north."""
+    gust_factor: Annotated[
+        Number, Field(ge=1, le=3), RangeReason("gusts are up to three times the mean wind")
+    ] = Field(default=1, exclude_if=lambda value: value == 1)
+    """Strongest gust of ten minutes relative to the mean: 1 none, 1.4 open land, 2 in towns."""
 
 
 class SurfaceWater(Model):
@@ -165,6 +169,8 @@ class SurfaceWater(Model):
     """Fraction of the carriageway covered by puddles."""
     film_mm: Annotated[Millimetres, Field(ge=0, le=20)] = 0
     """Depth of the water film on the road."""
+    ice_mm: Annotated[Millimetres, Field(ge=0, le=50)] = Field(default=0, exclude_if=is_empty)
+    """Thickness of clear ice (glaze) on all that is under the open sky."""
 
 
 class LensCoverage(Model):
@@ -463,6 +469,14 @@ class Weather(Declaration):
                 f"it snows at {self.temperature_c:g} degC",
                 "snow needs a temperature_c of 3 or less",
                 other_path=("snow", "rate_mm_h"),
+            )
+
+        if self.surface.ice_mm > 0 and self.temperature_c > 3:
+            raise InvalidCombination(
+                ("temperature_c",),
+                f"ice lies at {self.temperature_c:g} degC",
+                "ice needs a temperature_c of 3 or less",
+                other_path=("surface", "ice_mm"),
             )
 
     def _check_keyframe(self, path: ValuePath, keyframe: Keyframe, earlier_s: float) -> None:

@@ -71,7 +71,7 @@ class LidarConditions:
         soft_target: Fog and dust; None if there is neither.
         particles: Falling rain and snow.
         has_spray: Whether the road is wet enough for spray.
-        wetness: 0 dry to 1 soaked.
+        wetness: 0 dry to 1 soaked or glazed with ice.
         puddle_coverage: Fraction of the carriageway under standing water.
         snow_cover: Fraction of the ground under snow.
         road_snow_cover: Fraction of carriageways under snow.
@@ -105,7 +105,7 @@ def derive_lidar_conditions(atmosphere: Atmosphere, lens: Lens) -> LidarConditio
         soft_target=SoftTarget.from_extinction(atmosphere.extinction),
         particles=tuple(ParticleTable.build(sizes, total) for sizes in atmosphere.precipitation),
         has_spray=has_spray(atmosphere.water_film_mm),
-        wetness=atmosphere.wetness,
+        wetness=max(atmosphere.wetness, atmosphere.ice_cover),
         puddle_coverage=atmosphere.puddle_coverage,
         snow_cover=1.0 if atmosphere.snow_depth_m else 0.0,
         road_snow_cover=atmosphere.road_snow_cover,

@@ -66,6 +66,7 @@ def compute_air_parameters(atmosphere: Atmosphere) -> dict[str, ArrayLike]:
         "wetness": atmosphere.wetness,
         "puddle_level": water.puddle_water_level(coverage) if coverage > 0.0 else NO_WATER_LEVEL,
         "ripple_slope": RIPPLE_SLOPE * rain**0.5,
+        "ice_cover": atmosphere.ice_cover,
         "snow_depth": atmosphere.snow_depth_m,
         "snow_between_ruts": _snow_cover_between_ruts(atmosphere),
         "snow_in_ruts": atmosphere.rut_snow_cover,

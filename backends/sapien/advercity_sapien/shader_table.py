@@ -107,6 +107,7 @@ PARAMETERS = (
     Parameter("frame_index", "frameIndex", 16, "w"),
     Parameter("shelter_map_extent", "shelterMapExtent", 17, "xyzw"),
     Parameter("probe_open_direction", "probeOpenDirection", 18, "xyz"),
+    Parameter("ice_cover", "iceCover", 18, "w"),
 )
 SECTIONS = (
     Section("parameters", COLUMNS),

@@ -1,4 +1,4 @@
-// Water and snow on surfaces; needs atmosphere.glsl, surface.glsl, texture.glsl, samplerPuddles and
+// Water, ice and snow on surfaces; needs atmosphere.glsl, surface.glsl, texture.glsl, samplerPuddles and
 // samplerShelter.
 
 // Slope of the logistic law that approximates the normal distribution.
@@ -89,25 +89,30 @@ float snowCover(int kind, bool snowless, vec3 p, vec3 n, float footprint) {
 Surface buildSurface(vec3 albedo, float roughness, float metallic, int kind, bool snowless, vec3 p,
     vec3 normal, float footprint) {
   const float INDEX_MATCHED = 0.85;
-  const float FILMED = 0.15, STILL = 0.02;
+  const float FILMED = 0.15, STILL = 0.02, GLAZED = 0.1;
   const vec3 SNOW = vec3(0.86, 0.88, 0.91);
   float porous = smoothstep(0.45, 0.6, roughness) * (1.0 - metallic);
   float puddle = wetness() > 0.0 ? standingWater(kind, p, normal, footprint) : 0.0;
-  float wet = mix(wetness() * porous * mix(0.5, 1.0, max(normal.z, 0.0)), 1.0, puddle);
+  float facing = mix(0.5, 1.0, max(normal.z, 0.0));
+  float wet = mix(wetness() * porous * facing, 1.0, puddle);
+  // Clear ice envelops all that freezing rain reaches, blades and leaves, too.
+  float ice = snowless ? 0.0 : iceCover() * facing;
+  wet = max(wet, ice * porous);
   vec3 soaked = INDEX_MATCHED * (1.0 - WATER_EXTERNAL_REFLECTANCE)
       * (1.0 - WATER_INTERNAL_REFLECTANCE) * albedo / (1.0 - albedo * WATER_INTERNAL_REFLECTANCE);
-  float film = holdsFilm(kind) ? smoothstep(0.3, 1.0, wet) : 0.0;
+  float film = max(holdsFilm(kind) ? smoothstep(0.3, 1.0, wet) : 0.0, ice);
   // Ripples finer than the pixel widen the lobe: alpha is sqrt(2) of the root mean square slope.
-  float waves = rippleSlope();
+  float waves = rippleSlope() * (1.0 - ice);
   waves = STILL + 1.41 * waves * (1.0 - retainedContrast(RIPPLE_WAVELENGTH, footprint));
 
   Surface s;
   s.albedo = mix(albedo, soaked, wet) * (1.0 - metallic);
-  s.alpha = max(mix(mix(roughness * roughness, FILMED, film), waves, puddle), 0.02);
+  float filmed = mix(FILMED, GLAZED, ice);
+  s.alpha = max(mix(mix(roughness * roughness, filmed, film), waves, puddle), 0.02);
   s.coat = (1.0 - metallic) * mix(1.0, film, porous);
   s.index = mix(1.5, WATER_INDEX, porous);
   s.metal = albedo * metallic;
-  s.normal = puddle > 0.5 ? rippleNormal(p, footprint) : normal;
+  s.normal = puddle > 0.5 && ice < 0.5 ? rippleNormal(p, footprint) : normal;
 
   float snow = snowCover(kind, snowless, p, normal, footprint);
   s.albedo = mix(s.albedo, SNOW, snow);

@@ -36,3 +36,4 @@ float snowInRuts() { return texelFetch(samplerTable, ivec2(16, 0), 0).z; }
 float frameIndex() { return texelFetch(samplerTable, ivec2(16, 0), 0).w; }
 vec4 shelterMapExtent() { return texelFetch(samplerTable, ivec2(17, 0), 0).xyzw; }
 vec3 probeOpenDirection() { return texelFetch(samplerTable, ivec2(18, 0), 0).xyz; }
+float iceCover() { return texelFetch(samplerTable, ivec2(18, 0), 0).w; }
