@@ -3,6 +3,8 @@
 import math
 
 from advercity_dsl import Model, Weather
+from advercity_dsl.base import is_empty
+from pydantic import Field
 
 from advercity.physics.extinction import compute_extinction
 
@@ -26,6 +28,8 @@ class WeatherTruth(Model):
     wetness: float
     puddle_coverage: float
     temperature_c: float
+    hail_mm_h: float = Field(default=0.0, exclude_if=is_empty)
+    ice_mm: float = Field(default=0.0, exclude_if=is_empty)
 
     @staticmethod
     def from_weather(weather: Weather) -> "WeatherTruth":
@@ -44,4 +48,6 @@ class WeatherTruth(Model):
             wetness=weather.surface.wetness,
             puddle_coverage=weather.surface.puddle_coverage,
             temperature_c=weather.temperature_c,
+            hail_mm_h=weather.hail.rate_mm_h,
+            ice_mm=weather.surface.ice_mm,
         )

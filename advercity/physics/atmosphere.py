@@ -19,7 +19,11 @@ from advercity.physics.clouds import CloudLayer, choose_cloud_kind
 from advercity.physics.extinction import AirExtinction, compute_extinction, extinction_from_mor
 from advercity.physics.fog_transfer import FogBank, compute_fog_radiance
 from advercity.physics.photometry import LED_COLOUR, Colour, luminance
-from advercity.physics.precipitation import ParticleSizeDistribution, size_distributions
+from advercity.physics.precipitation import (
+    ParticleSizeDistribution,
+    is_precipitating,
+    size_distributions,
+)
 from advercity.physics.sky import Daylight, daylight_for_weather, derive_daylight, sun_colour
 from advercity.physics.water import compute_ice_cover
 
@@ -199,8 +203,8 @@ def _choose_clouds(
     is_hidden = foggy == 1.0 or extinction.dust.at_550nm > 0.0
     if weather.time == "night" or is_hidden or weather.sky.oktas == 0:
         return None
-    precipitating = weather.rain.rate_mm_h > 0.0 or weather.snow.rate_mm_h > 0.0
-    kind, base_m, depth_m = choose_cloud_kind(weather.sky.oktas, precipitating=precipitating)
+    oktas, precipitating = weather.sky.oktas, is_precipitating(weather)
+    kind, base_m, depth_m = choose_cloud_kind(oktas, precipitating=precipitating)
     x, y, z = (float(axis) for axis in sun)
     lit_by_lx = sky_lx + sun_lx * max(z, 0.0)
     return CloudLayer(

@@ -1,4 +1,4 @@
-"""Extinction coefficients of air, fog, rain, snow and dust, and the visibility they leave.
+"""Extinction coefficients of air, fog, rain, snow, hail and dust, and the visibility they leave.
 
 The visibility of this project is the meteorological optical range (MOR, WMO-No. 8): the path over
 which a beam of white light loses 95 % of its flux. Koschmieder's law ties it to the extinction
@@ -11,8 +11,13 @@ import math
 from dataclasses import dataclass
 
 from advercity_dsl import Weather
+from advercity_dsl.weather import Hail
 
-from advercity.physics.precipitation import rain_size_distribution, snow_size_distribution
+from advercity.physics.precipitation import (
+    hail_size_distribution,
+    rain_size_distribution,
+    snow_size_distribution,
+)
 
 KOSCHMIEDER_CONSTANT = math.log(20.0)
 """Extinction times MOR: the optical depth that leaves 5 % of the light."""
@@ -41,12 +46,13 @@ class AirExtinction:
     rain: Extinction = Extinction()
     snow: Extinction = Extinction()
     dust: Extinction = Extinction()
+    hail: Extinction = Extinction()
 
     @property
     def total(self) -> Extinction:
         """Total extinction of the air."""
         # Floating-point sums depend on their order, and datasets hold the digits of this one.
-        return self.haze + self.fog + self.rain + self.snow + self.dust
+        return self.haze + self.fog + self.rain + self.snow + self.dust + self.hail
 
     @property
     def at_550nm(self) -> float:
@@ -83,6 +89,7 @@ def compute_extinction(weather: Weather) -> AirExtinction:
         rain=_grey_extinction(rain_extinction(rain.rate_mm_h, q_ext=rain.q_ext)),
         snow=_grey_extinction(snow_extinction(snow.rate_mm_h, density_g_cm3=snow.density_g_cm3)),
         dust=_extinction_of_dust(weather.dust.mor_m),
+        hail=_grey_extinction(_hail_extinction(weather.hail)),
     )
 
 
@@ -141,6 +148,14 @@ def snow_extinction(rate_mm_h: float, *, density_g_cm3: float = 0.1) -> float:
     sizes = snow_size_distribution(rate_mm_h, density_g_cm3)
     melted = math.pi * sizes.intercept * 1e-6 / sizes.slope_per_mm**3
     return melted * density_g_cm3 ** (-2.0 / 3.0)
+
+
+def _hail_extinction(hail: Hail) -> float:
+    """Compute the extinction coefficient of hail in 1/m in the geometric limit."""
+    if hail.rate_mm_h == 0.0:
+        return 0.0
+    sizes = hail_size_distribution(hail.rate_mm_h, hail.largest_mm)
+    return math.pi * (sizes.intercept * 1e-6) / sizes.slope_per_mm**3
 
 
 def _extinction_or_zero(mor_m: float | None) -> float:

@@ -17,6 +17,13 @@ from advercity.geometry.arrays import FloatArray
 MAX_DROP_DIAMETER_MM = 6.0
 """Larger drops break up."""
 MAX_FLAKE_DIAMETER_MM = 20.0
+HAIL_INTERCEPT, HAIL_INTERCEPT_EXPONENT = 115.0, 3.63
+"""Number of hailstones per m³ and mm at diameter 0 and a slope of 1/mm, and its growth with it."""
+HAIL_EXPONENT = 0.8
+HAIL_SPEED_M_S = 9.0 * 10.0**-HAIL_EXPONENT
+"""Terminal speed of a stone of 1 mm, and its growth with the diameter."""
+HAIL_FLUX = 3.6e-3 * math.pi / 6.0 * 0.9
+"""Rate of melted water in mm/h by one stone of 1 mm per m³ that falls at 1 m/s."""
 ROUGHNESS_LENGTH_M = 0.5
 """Roughness length of the logarithmic wind profile, between those of fields and of towns."""
 WIND_REFERENCE_HEIGHT_M = 10.0
@@ -30,14 +37,14 @@ class ParticleSizeDistribution:
     """Exponential distribution: `intercept` exp(-`slope_per_mm` D), D the melted diameter.
 
     Attributes:
-        kind: Rain or snow.
+        kind: Rain, snow or hail.
         intercept: Particles per m³ and mm at D = 0.
         slope_per_mm: Decay of the number with D.
         air_to_melted_diameter: Diameter in the air relative to the melted diameter.
         max_melted_mm: Largest melted diameter.
     """
 
-    kind: Literal["rain", "snow"]
+    kind: Literal["rain", "snow", "hail"]
     intercept: float
     slope_per_mm: float
     air_to_melted_diameter: float
@@ -73,13 +80,37 @@ def snow_size_distribution(rate_mm_h: float, density_g_cm3: float) -> ParticleSi
     return ParticleSizeDistribution("snow", intercept, slope, swelling, largest_mm)
 
 
+def hail_size_distribution(rate_mm_h: float, largest_mm: float) -> ParticleSizeDistribution:
+    """Compute the sizes of hailstones (Cheng and English 1983), as diameters in the air.
+
+    The number is 115 L^3.63 exp(-L D), whose slope L follows from the rate: the flux of volume of
+    stones of density 0.9, with their terminal speeds, in closed form.
+    """
+    rate_at_slope_1 = HAIL_FLUX * HAIL_INTERCEPT * HAIL_SPEED_M_S * math.gamma(4.0 + HAIL_EXPONENT)
+    power = 4.0 + HAIL_EXPONENT - HAIL_INTERCEPT_EXPONENT
+    slope = (rate_at_slope_1 / rate_mm_h) ** (1.0 / power)
+    intercept = HAIL_INTERCEPT * slope**HAIL_INTERCEPT_EXPONENT
+    return ParticleSizeDistribution("hail", intercept, slope, 1.0, largest_mm)
+
+
+def hail_terminal_speed_m_s(diameter_mm: FloatArray | float) -> FloatArray:
+    """Compute the terminal speed of hailstones, 9 m/s for one of 10 mm (Pruppacher and Klett)."""
+    return HAIL_SPEED_M_S * np.asarray(diameter_mm) ** HAIL_EXPONENT
+
+
+def is_precipitating(weather: Weather) -> bool:
+    """Return whether anything falls from the clouds."""
+    return max(weather.rain.rate_mm_h, weather.snow.rate_mm_h, weather.hail.rate_mm_h) > 0.0
+
+
 def size_distributions(weather: Weather) -> tuple[ParticleSizeDistribution, ...]:
-    """Compute the size distributions of the rain and the snow of `weather`, without absent ones."""
-    rain, snow = weather.rain, weather.snow
+    """Compute the size distributions of all that falls, without what is absent."""
+    rain, snow, hail = weather.rain, weather.snow, weather.hail
     falling = [rain_size_distribution(rain.rate_mm_h)] if rain.rate_mm_h else []
     falling += (
         [snow_size_distribution(snow.rate_mm_h, snow.density_g_cm3)] if snow.rate_mm_h else []
     )
+    falling += [hail_size_distribution(hail.rate_mm_h, hail.largest_mm)] if hail.rate_mm_h else []
     return tuple(falling)
 
 

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from advercity.geometry.arrays import Float64Array
 from advercity.materials import SNOWY_LANDSCAPE_ALBEDO
 from advercity.physics.photometry import colour_from_chromaticity, cubemap_directions
+from advercity.physics.precipitation import is_precipitating
 
 _TWILIGHT_ELEVATION_DEG = (-18.0, -12.0, -6.0, 0.0)
 _TWILIGHT_LX = (0.0006, 0.008, 3.4, 800.0)
@@ -89,7 +90,7 @@ def derive_daylight(weather: Weather) -> Daylight:
     return cloudy_daylight(
         weather.sun.elevation_deg,
         oktas=weather.sky.oktas,
-        precipitating=weather.rain.rate_mm_h > 0.0 or weather.snow.rate_mm_h > 0.0,
+        precipitating=is_precipitating(weather),
     )
 
 

@@ -30,6 +30,7 @@ from advercity.physics.gusts import Gusts
 from advercity.physics.precipitation import (
     CAMERA_HEIGHT_M,
     ParticleSizeDistribution,
+    is_precipitating,
     size_distributions,
     wind_at_height,
 )
@@ -134,7 +135,7 @@ def compare_light(before: Weather, after: Weather) -> float:
 
 
 def _choose_kind(weather: Weather) -> tuple[str, bool]:
-    precipitating = weather.rain.rate_mm_h > 0.0 or weather.snow.rate_mm_h > 0.0
+    precipitating = is_precipitating(weather)
     return choose_cloud_kind(weather.sky.oktas, precipitating=precipitating)[0], precipitating
 
 

@@ -69,6 +69,8 @@ def _describe_airborne(weather: Weather) -> Iterator[str]:
         extinction_per_m = snow_extinction(snow.rate_mm_h, density_g_cm3=snow.density_g_cm3)
         mor_m = mor_from_extinction(extinction_per_m)
         yield next(name for below, name in SNOW_TERMS if mor_m < below)
+    if weather.hail.rate_mm_h:
+        yield f"hail of up to {weather.hail.largest_mm:g} mm"
     air = weather.air.mor_m
     if air is not None and air <= 5000:
         yield "haze"

@@ -109,7 +109,8 @@ def _format_title(declaration: Declaration) -> str:
 
 def _describe_visibility(air: AirExtinction) -> str:
     """Format the visibility and what each component alone would leave of it."""
-    parts = {"air": air.haze, "fog": air.fog, "dust": air.dust, "rain": air.rain, "snow": air.snow}
+    parts = {"air": air.haze, "fog": air.fog, "dust": air.dust}
+    parts |= {"rain": air.rain, "snow": air.snow, "hail": air.hail}
     alone = [
         f"{name} {mor_from_extinction(part.at_550nm):.0f} m"
         for name, part in parts.items()

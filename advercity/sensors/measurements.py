@@ -53,6 +53,7 @@ class PointKind(IntEnum):
     SPRAY = 5
     GHOST = 6
     """A surface mirrored in a puddle, reported below the ground."""
+    HAIL = 7
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,6 +19,7 @@ KIND_COLOURS = {
     PointKind.FOG: (90, 170, 255),
     PointKind.RAIN: (60, 90, 255),
     PointKind.SNOW: (255, 255, 255),
+    PointKind.HAIL: (190, 255, 255),
     PointKind.DUST: (222, 170, 90),
     PointKind.SPRAY: (90, 230, 210),
     PointKind.GHOST: (255, 80, 200),

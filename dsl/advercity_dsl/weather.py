@@ -134,6 +134,24 @@ class Snow(Model):
     """Fraction of the wheel ruts covered by snow; traffic keeps them clearer than the rest."""
 
 
+class Hail(Model):
+    """Falling hailstones; where they lie, they look like snow and are written as such."""
+
+    rate_mm_h: Annotated[
+        MillimetresPerHour,
+        Field(ge=0, le=50),
+        RangeReason("the rate is that of melted water; sizes are known up to 50 mm/h"),
+    ] = 0
+    """Rate as melted water; it sets the sizes, too: the harder it hails, the larger the stones."""
+    largest_mm: Annotated[
+        Millimetres, Field(ge=5, le=60), RangeReason("below 5 mm it is graupel, above rare")
+    ] = 40
+    """Diameter of the largest stones."""
+
+
+NO_HAIL = Hail()
+
+
 class Dust(Model):
     """Airborne dust."""
 
@@ -309,6 +327,8 @@ class Keyframe(Model):
     """Rain."""
     snow: Snow = Snow()
     """Falling and lying snow."""
+    hail: Hail = NO_HAIL
+    """Hail."""
     dust: Dust = Dust()
     """Dust."""
     wind: Wind = Wind()
@@ -366,6 +386,8 @@ class Weather(Declaration):
     """Rain; none by default."""
     snow: Snow = Snow()
     """Falling and lying snow; none by default."""
+    hail: Hail = Field(default=NO_HAIL, exclude_if=lambda value: value == NO_HAIL)
+    """Hail; none by default."""
     dust: Dust = Dust()
     """Dust; none by default."""
     wind: Wind = Wind()

@@ -21,6 +21,7 @@ from advercity.physics.precipitation import (
     CAMERA_HEIGHT_M,
     ParticleSizeDistribution,
     drop_terminal_speed_m_s,
+    hail_terminal_speed_m_s,
     wind_at_height,
 )
 from advercity.randomness import create_generator
@@ -32,6 +33,8 @@ PARTICLES_PER_BLOCK = 2**16
 DROP_BANDS_MM = (*np.arange(0.5, 3.0, 0.2), 3.3, 3.9, 4.8, 6.0)
 FLAKE_BANDS_MM = (0.4, 0.6, 0.8, 1.1, 1.5, 2.0, 3.0, 5.0)
 """Edges of bands of (melted) diameter. Smaller particles only add to the extinction of the air."""
+STONE_BANDS_MM = (2.0, 3.0, 4.5, 6.5, 9.0, 12.0, 16.0, 22.0, 32.0)
+PARTICLE_KINDS = ("rain", "snow", "hail")
 FLAKE_SPEEDS = (0.7, 1.0, 1.3)
 """Factors of the fall speed: flakes of one size differ in shape and speed."""
 GUSTINESS = 0.3
@@ -78,10 +81,10 @@ class ParticleBand:
     """A band of sizes and fall speeds.
 
     Attributes:
-        kind: `rain` or `snow`.
+        kind: `rain`, `snow` or `hail`.
         low_mm: Least (melted) diameter.
         high_mm: Largest (melted) diameter.
-        fall: Fall speed: of drops in m/s, of flakes relative to that of the weather.
+        fall: Fall speed: of flakes relative to that of the weather, of all else in m/s.
         fraction: Fraction of the particles of these sizes that fall like this.
         key: Random key of the band.
     """
@@ -100,12 +103,12 @@ class ParticleBand:
 
     def velocity(self, air: Atmosphere) -> Float64Array:
         """Compute the velocity (3,) of the particles in m/s."""
-        fall_m_s = self.fall if self.kind == "rain" else air.snow_fall_speed_m_s * self.fall
+        fall_m_s = air.snow_fall_speed_m_s * self.fall if self.kind == "snow" else self.fall
         return wind_at_height(air.wind, CAMERA_HEIGHT_M) - [0.0, 0.0, fall_m_s]
 
     def sway_m(self, air: Atmosphere) -> float:
-        """Compute the amplitude by which gusts sway a particle; drops are too heavy."""
-        if self.kind == "rain":
+        """Compute the amplitude by which gusts sway a flake; all else is too heavy."""
+        if self.kind != "snow":
             return 0.0
         gust = GUSTINESS * float(np.linalg.norm(wind_at_height(air.wind, CAMERA_HEIGHT_M)))
         return gust * math.sqrt(2.0) / (2.0 * math.pi * SWAY_HZ)
@@ -145,7 +148,7 @@ class ParticleBlock:
 
     @property
     def kind(self) -> str:
-        """Kind of the particles, `rain` or `snow`."""
+        """Kind of the particles."""
         return self.band.kind
 
     @property
@@ -218,7 +221,7 @@ def build_particle_blocks(
     as many particles as ever fall, and `move_blocks` selects from them.
     """
     found = air.precipitation if all_sizes is None else all_sizes
-    by_kind = {kind: [sizes for sizes in found if sizes.kind == kind] for kind in ("rain", "snow")}
+    by_kind = {kind: [sizes for sizes in found if sizes.kind == kind] for kind in PARTICLE_KINDS}
     changes = all_sizes is not None
     return tuple(
         _build_block(band, max(sizes, key=band.number_m3), air, key, changes=changes)
@@ -237,7 +240,7 @@ def move_blocks(
         blocks: Built with the sizes of all moments.
         air: Atmosphere of the moment.
         air_path_m: (3,) path of the air, and downwards of flakes in it, as of `WeatherTimeline`.
-        time_s: Time that drops have fallen.
+        time_s: Time that drops and stones have fallen.
     """
     sizes = {item.kind: item for item in air.precipitation}
     return tuple(
@@ -254,14 +257,18 @@ def move_blocks(
 
 
 def _compute_path_m(band: ParticleBand, air_path_m: Float64Array, time_s: float) -> Float64Array:
-    fallen_m = -time_s if band.kind == "rain" else air_path_m[2]
+    fallen_m = air_path_m[2] if band.kind == "snow" else -time_s
     return np.array([*air_path_m[:2], band.fall * fallen_m])
 
 
 def _list_bands(kind: str, max_melted_mm: float) -> Iterator[ParticleBand]:
-    if kind == "rain":
-        for low_mm, high_mm in itertools.pairwise(DROP_BANDS_MM):
-            fall = float(drop_terminal_speed_m_s((low_mm + high_mm) / 2.0))
+    if kind != "snow":
+        edges, compute_speed = DROP_BANDS_MM, drop_terminal_speed_m_s
+        if kind == "hail":
+            edges = (*(edge for edge in STONE_BANDS_MM if edge < max_melted_mm), max_melted_mm)
+            compute_speed = hail_terminal_speed_m_s
+        for low_mm, high_mm in itertools.pairwise(edges):
+            fall = float(compute_speed((low_mm + high_mm) / 2.0))
             yield ParticleBand(kind, low_mm, high_mm, fall, 1.0, (kind, round(low_mm * 10)))
         return
     for low_mm, high_mm in itertools.pairwise((*FLAKE_BANDS_MM, max_melted_mm)):

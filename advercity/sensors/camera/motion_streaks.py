@@ -18,7 +18,11 @@ from advercity.geometry.arrays import FloatArray
 from advercity.physics.lamp_beams import LightSource
 from advercity.rendering.backend import CameraCapture
 from advercity.sensors.camera.exposure import CameraExposure
-from advercity.sensors.camera.falling_particles import FallingParticles, ParticleBlock
+from advercity.sensors.camera.falling_particles import (
+    PARTICLE_KINDS,
+    FallingParticles,
+    ParticleBlock,
+)
 from advercity.sensors.camera.scene_light import (
     DROP_LUMINANCE_PER_LX,
     FLAKE_LUMINANCE_PER_LX,
@@ -100,7 +104,7 @@ def add_falling_particles(
 
     `extinction` of the air, 1/m, reduces the contrast of far particles.
     """
-    for kind in ("rain", "snow"):
+    for kind in PARTICLE_KINDS:
         falling = [block for block in blocks if block.kind == kind]
         seen = project_streaks(find_visible_particles(exposure, falling), exposure)
         if len(seen.depth_m):

@@ -34,6 +34,7 @@ class StreamPurpose(IntEnum):
     SOFT_NOISE = 10
     SOFT_RANGE = 11
     SOFT_KIND = 12
+    HAIL = 13
 
 
 class RandomStreams:

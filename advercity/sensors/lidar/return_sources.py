@@ -134,9 +134,7 @@ class ReturnSources:
     def _particle_returns(self, table: ParticleTable) -> Returns:
         """Compute the returns of drops or flakes in front of the surface that stops each beam."""
         kind = PARTICLE_POINT_KIND[table.sizes.kind]
-        rng = self.streams.open_stream(
-            StreamPurpose.RAIN if kind == PointKind.RAIN else StreamPurpose.SNOW
-        )
+        rng = self.streams.open_stream(StreamPurpose[kind.name])
         beam, range_m, power = table.sample(self._count, rng)
         noise = self._draw_stream_noise(rng, len(beam))
         power *= (range_m < self._stop_m[beam]) / np.float32(self._threshold)

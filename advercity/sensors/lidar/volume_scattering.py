@@ -153,12 +153,17 @@ def pulse_profile(
     return np.where(scatterer_m > 0.0, layer, 0.0) @ shape
 
 
-PARTICLE_REFLECTANCE = {"rain": 0.05, "snow": 0.2}
-"""Lambertian reflectance of a drop and of a flake at 905 nm.
+PARTICLE_REFLECTANCE = {"rain": 0.05, "snow": 0.2, "hail": 0.3}
+"""Lambertian reflectance of a drop, a flake and a stone at 905 nm; the stone's is an assumption
+between a flake and old snow, as its ice is milky.
 
 The receiver looks a few mrad off the beam, so it misses the glory of exact backscatter.
 """
-PARTICLE_POINT_KIND = {"rain": PointKind.RAIN, "snow": PointKind.SNOW}
+PARTICLE_POINT_KIND = {
+    "rain": PointKind.RAIN,
+    "snow": PointKind.SNOW,
+    "hail": PointKind.HAIL,
+}
 MIN_PARTICLE_POWER = 0.4
 """Power below which particles are left out: noise would have to add three standard deviations."""
 
