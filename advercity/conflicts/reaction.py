@@ -34,6 +34,8 @@ from advercity.physics.stopping import REACTION_TIME_S
 
 RESTART_M_S2 = 2.0
 """Acceleration with which the ego is expected to drive on."""
+COMMANDED_AROUND_S = 3.0
+"""Time before and after the meeting for which an ego that does not react is commanded."""
 OPAQUE_CLASSES = ("car", "van", "truck")
 """Classes of actors that hide others."""
 STANDSTILL_M_S = 0.05
@@ -56,11 +58,13 @@ class EgoReaction:
             that steers.
         crossing: Where and when it would have met an actor that it brakes for.
         offsets_m: Offsets (ticks,) to the left of its lane; empty for one that brakes.
+        hidden_by: Ids of actors that hid the other until it was too late to brake.
     """
 
     speed_commands_m_s: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     crossing: PathCrossing | None = None
     offsets_m: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    hidden_by: frozenset[int] = frozenset()
 
 
 def needs_reaction(conflict: StagedConflict) -> bool:
@@ -68,25 +72,47 @@ def needs_reaction(conflict: StagedConflict) -> bool:
     return conflict.resolved_by in ("ego", "both")
 
 
+def needs_plan(conflict: StagedConflict) -> bool:
+    """Return whether what the ego does in a conflict is planned: its reaction, or that it has none.
+
+    SUMO's driver would give way to an actor in lanes.
+    """
+    actor = conflict.actors[0]
+    collides = conflict.resolved_by == "nobody" and actor.behaviour == "stops_short"
+    return needs_reaction(conflict) or (collides and bool(actor.route))
+
+
 def plan_reaction(
     spec: Spec, conflict: StagedConflict, trace: Trace, crossing: PathCrossing | None
 ) -> EgoReaction:
-    """Plan how the ego brakes or steers for the actor of a conflict.
+    """Plan how the ego brakes or steers for the actor of a conflict, or drives on.
 
     Args:
         spec: The scenario.
-        conflict: A conflict that the ego takes part in resolving.
+        conflict: The conflict.
         trace: All ticks of a dry run in which the ego does not react to this actor.
         crossing: Where and when their paths cross in it; None if they run side by side.
 
     Raises:
-        RunError: The ego's path does not cross that of an actor that it is to brake for.
+        RunError: An actor that the ego is to brake for does not reach its path.
     """
+    if conflict.resolved_by == "nobody":
+        return _plan_driving_on(spec, trace, crossing)
     if spec.reaction is None:
         raise RunError(f"{spec.id}: lacks what the ego reacts with (`reaction`)")
     if conflict.actors[0].behaviour == "drifts":
         return _plan_steering(spec, conflict, trace, spec.reaction)
     return _plan_braking(spec, conflict, trace, spec.reaction, crossing)
+
+
+def _plan_driving_on(spec: Spec, trace: Trace, crossing: PathCrossing | None) -> EgoReaction:
+    """Have the ego drive as it did when the actor gave way to it."""
+    _, rows = trace.get_track(spec.ego.number)
+    times_s = rows["tick"] * trace.tick_s - (crossing.ego_s if crossing else np.inf)
+    kept = (times_s > -COMMANDED_AROUND_S) & (times_s < COMMANDED_AROUND_S)
+    speeds = np.full(len(trace) + 1, np.nan)
+    speeds[rows["tick"][kept]] = rows["speed"][kept]
+    return EgoReaction(speed_commands_m_s=speeds, crossing=crossing)
 
 
 def _plan_steering(
@@ -102,7 +128,7 @@ def _plan_steering(
     apart_m = np.asarray(shapely.distance(driven, shapely.points(actor.centres[coming])))
     is_over = apart_m < apart_m.min() + conflict.parameters["encroachment_m"]
     over_s = float(actor.rows["tick"][np.argmax(is_over)]) * trace.tick_s
-    seen_s = find_perception_s(trace, ego, actor, conditions, until_s=passing_s)
+    seen_s, _ = find_perception(trace, ego, actor, conditions, until_s=passing_s)
     shift_m = PASSING_GAP_M + (ego.size[1] + actor.size[1]) / 2 - apart_m.min()
     begin_s = max(over_s, seen_s) + REACTION_TIME_S
     shortest_s = np.sqrt(QUINTIC_PEAK_ACCELERATION * shift_m / (conditions.friction * GRAVITY_M_S2))
@@ -125,45 +151,61 @@ def _plan_braking(
     conditions: ReactionConditions,
     crossing: PathCrossing | None,
 ) -> EgoReaction:
+    if crossing is None:
+        raise RunError(f"{conflict.id} ({conflict.conflict}): the ego does not cross the actor")
     ego = ActorTrack.from_trace(trace, spec.ego.number)
     actor = ActorTrack.from_trace(trace, conflict.actors[0].number)
     path = StationedPolyline.from_points(drop_repeated_points(ego.centres))
     length_m, width_m = ego.size.tolist()
-    meeting = compute_path_crossing(
-        path, (length_m, width_m, 0.0), actor, conflict.point_m, trace.tick_s
-    )
-    if meeting is None or crossing is None:
-        raise RunError(f"{conflict.id} ({conflict.conflict}): the ego does not cross the actor")
-    perceived_s = find_perception_s(trace, ego, actor, conditions, until_s=crossing.ego_s)
+    at = int(np.searchsorted(ego.rows["tick"] * trace.tick_s, crossing.ego_s))
+    point = tuple(ego.centres[min(at, len(ego.rows) - 1)].tolist())
+    meeting = compute_path_crossing(path, (length_m, width_m, 0.0), actor, point, trace.tick_s)
+    if meeting is None:
+        raise RunError(
+            f"{conflict.id} ({conflict.conflict}): other traffic keeps the actor from the ego's"
+            " path; lower the density or take other seeds.traffic"
+        )
+    perceived_s, hidden_by = find_perception(trace, ego, actor, conditions, until_s=crossing.ego_s)
+    hardest_m_s2 = conditions.friction * GRAVITY_M_S2
     speeds = compute_braking_speeds(
         ego,
         stop_m=meeting.stop_m,
         braking_m_s2=conflict.parameters["ego_braking_m_s2"],
-        hardest_m_s2=conditions.friction * GRAVITY_M_S2,
+        hardest_m_s2=hardest_m_s2,
         earliest_s=perceived_s + REACTION_TIME_S,
         tick_s=trace.tick_s,
     )
+    first_s = float(np.argmin(np.isnan(speeds))) * trace.tick_s
     if conflict.resolved_by == "ego":
         go_s = meeting.clear_s + conflict.parameters["post_encroachment_s"]
         go_s -= np.sqrt(2 * CLEARANCE_M / RESTART_M_S2)
     else:
-        first_s = np.argmin(np.isnan(speeds)) * trace.tick_s
         go_s = _find_halt_s(actor, first_s, crossing.clear_s, trace.tick_s)
+    # Not even the friction of the tyres would do, or the actor has stopped by then.
+    hardest = np.nanmin(np.diff(speeds)) < -(hardest_m_s2 - 0.01) * trace.tick_s
+    is_late = bool(hardest) or go_s <= first_s + trace.tick_s
     speeds[round(go_s / trace.tick_s) :] = np.nan
-    return EgoReaction(speed_commands_m_s=speeds, crossing=crossing)
+    return EgoReaction(
+        speed_commands_m_s=speeds,
+        crossing=crossing,
+        hidden_by=hidden_by if is_late else frozenset(),
+    )
 
 
-def find_perception_s(
+def find_perception(
     trace: Trace,
     ego: ActorTrack,
     actor: ActorTrack,
     conditions: ReactionConditions,
     *,
     until_s: float,
-) -> float:
+) -> tuple[float, frozenset[int]]:
     """Find from when on the ego sees an actor until a time: near enough, and not behind a vehicle.
 
     The line of sight runs from centre to centre in the plane.
+
+    Returns:
+        The time, and the ids of actors that are in the line of sight just before.
     """
     ticks = np.intersect1d(ego.rows["tick"], actor.rows["tick"])
     ticks = ticks[ticks * trace.tick_s <= until_s]
@@ -171,14 +213,21 @@ def find_perception_s(
     hidden: NDArray[np.bool_] = np.zeros(len(ticks), dtype=bool)
     if conditions.visibility_m is not None:
         hidden = np.linalg.norm(seen - eyes, axis=1) > conditions.visibility_m
+    hiders: dict[int, NDArray[np.bool_]] = {}
     sights = np.asarray(shapely.linestrings(np.stack([eyes, seen], axis=1)))
     for other in trace.actors:
         if other.actor_class in OPAQUE_CLASSES and other.id not in (ego.actor, actor.actor):
             track = ActorTrack.from_trace(trace, other.id)
             both = np.isin(ticks, track.rows["tick"])
-            hidden[both] |= shapely.intersects(sights[both], track.at_ticks(ticks[both]).boxes)
-    last = np.flatnonzero(hidden)
-    return float(ticks[min(last[-1] + 1, len(ticks) - 1)] if len(last) else ticks[0]) * trace.tick_s
+            behind = np.zeros(len(ticks), dtype=bool)
+            behind[both] = shapely.intersects(sights[both], track.at_ticks(ticks[both]).boxes)
+            hiders[other.id] = behind
+            hidden |= behind
+    if not hidden.any():
+        return float(ticks[0]) * trace.tick_s, frozenset()
+    last = int(np.flatnonzero(hidden)[-1])
+    hidden_by = frozenset(number for number, behind in hiders.items() if behind[last])
+    return float(ticks[min(last + 1, len(ticks) - 1)]) * trace.tick_s, hidden_by
 
 
 def compute_braking_speeds(

@@ -163,9 +163,11 @@ def _find_deviations(
     if collision is None or collision.value >= outcome.time_to_collision_below_s:
         limit = f"{outcome.time_to_collision_below_s:g} s"
         yield f"time to collision {_format_metric(collision)} is not below {limit}"
-    if outcome.post_encroachment_s is not None and not collides:
+    gap = encounter.post_encroachment_s
+    # Where both stop, the ego may arrive before the actor goes on.
+    may_lack_gap = collides or (gap is None and conflict.resolved_by == "both")
+    if outcome.post_encroachment_s is not None and not may_lack_gap:
         low, high = outcome.post_encroachment_s
-        gap = encounter.post_encroachment_s
         if gap is None or not low <= gap.value <= high:
             limits = f"{low:g} to {high:g} s"
             yield f"post-encroachment time {_format_metric(gap)} is not within {limits}"

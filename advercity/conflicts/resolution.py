@@ -18,6 +18,8 @@ EVASIVE_BRAKING_M_S2 = 2.5
 
 EVASIVE_SHIFT_M = 0.3
 """Distance from which on moving aside is evasive."""
+COASTING_M_S2 = 0.5
+"""Deceleration of a vehicle that does not brake."""
 ONSET_S = 0.4
 """Time within which a driver goes from acceleration to braking."""
 
@@ -101,8 +103,8 @@ def _measure_shift_m(
 def find_undisturbed_row(encounter: Encounter, ego: ActorTrack, tick_s: float) -> int | None:
     """Find the last row of the ego before it brakes for the actor, or before the trace ends.
 
-    It begins to brake `ONSET_S` before its acceleration falls below zero. None if it does not brake
-    hard and the trace does not end in a contact.
+    It begins to brake `ONSET_S` before it slows down more than by coasting. None if it does not
+    brake hard and the trace does not end in a contact.
     """
     rows = _list_braking_rows(encounter, ego, tick_s)
     acceleration = ego.rows["acceleration"]
@@ -110,7 +112,7 @@ def find_undisturbed_row(encounter: Encounter, ego: ActorTrack, tick_s: float) -
     if len(hard) == 0:
         return len(ego.rows) - 2 if encounter.distance_m.value <= 0 else None
     nearest = np.argmin(np.abs(ego.rows["tick"][hard] - _find_nearest_tick(encounter)))
-    usual = np.flatnonzero(acceleration[: hard[nearest]] >= 0)
+    usual = np.flatnonzero(acceleration[: hard[nearest]] >= -COASTING_M_S2)
     return max(int(usual[-1]) - round(ONSET_S / tick_s), 0) if len(usual) else 0
 
 

@@ -9,6 +9,7 @@ from advercity_dsl import Spec, StagedActor, StagedConflict
 from numpy.typing import NDArray
 
 from advercity.conflicts.metrics import ActorTrack
+from advercity.conflicts.reaction import needs_plan
 from advercity.conflicts.trajectories import (
     DRIFT_HOLD_S,
     DRIFT_RETURN_MARGIN_S,
@@ -137,7 +138,7 @@ class _Scheduler:
             path.length_m,
             offset_s=conflict.parameters["arrival_offset_s"],
             post_encroachment_s=conflict.parameters["post_encroachment_s"],
-            brakes=conflict.resolved_by in ("actor", "both"),
+            brakes=self._gives_way(conflict),
             tick_s=tick_s,
             ticks=self.tick_count,
         )
@@ -149,6 +150,12 @@ class _Scheduler:
         return ActorSchedule(
             speed_commands_m_s=speeds, trigger_s=crossing.ego_s, go_s=go_s, crossing=crossing
         )
+
+    def _gives_way(self, conflict: StagedConflict) -> bool:
+        """Return whether an actor stops short of the ego; the last runs say so for collisions."""
+        if needs_plan(conflict) and conflict.resolved_by == "nobody":
+            return conflict.id not in self.crossings
+        return conflict.resolved_by in ("actor", "both")
 
     def _schedule_evasion(self, conflict: StagedConflict, actor: StagedActor) -> ActorSchedule:
         tick_s, path = self.tick_s, self._get_path(actor)

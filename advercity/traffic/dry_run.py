@@ -19,7 +19,7 @@ from advercity.conflicts.clearance import (
     find_ego_blockers,
     find_first_contact,
 )
-from advercity.conflicts.reaction import EgoReaction, needs_reaction, plan_reaction
+from advercity.conflicts.reaction import EgoReaction, needs_plan, plan_reaction
 from advercity.conflicts.report import evaluate_outcomes
 from advercity.conflicts.schedule import ActorSchedule, DryRun, schedule_actors
 from advercity.conflicts.trajectories import build_lane_path, shift_laterally
@@ -175,15 +175,23 @@ class _DryRuns:
         waiting = (
             conflict
             for conflict in self._spec.conflicts
-            if needs_reaction(conflict) and conflict.id not in self._reactions
+            if needs_plan(conflict) and conflict.id not in self._reactions
         )
         conflict = next(waiting, None)
         if conflict is None:
             return False
         crossing = self._schedules[conflict.actors[0].number].crossing
         trace = build_trace(self._spec, demand, recording, first_tick=0)
-        self._reactions[conflict.id] = plan_reaction(self._spec, conflict, trace, crossing)
+        reaction = plan_reaction(self._spec, conflict, trace, crossing)
         self._history.clear()
+        hiding = reaction.hidden_by & _list_background_ids(demand)
+        if hiding:
+            self.reason = (
+                "a background actor hides a staged one from the ego; take other seeds.traffic"
+            )
+            self._redraw(set(hiding))
+        else:
+            self._reactions[conflict.id] = reaction
         return True
 
     def _steer_ego(self, recording: SumoRecording) -> SumoRecording:

@@ -25,9 +25,9 @@ LATERAL_RESOLUTION_M = 0.8
 # Bits of SUMO's speed mode. Default obeys everything. A commanded vehicle still minds its leader,
 # but neither lights nor right of way; one that passes a cyclist in the other lane does not mind
 # its leader either, since SUMO keeps both in one lane.
-# A connected vehicle brakes harder than SUMO's driver would.
+# An ego that reacts brakes harder than SUMO's driver would; one that does not minds no leader.
 _SPEED_MODE_DEFAULT, _SPEED_MODE_COMMANDED, _SPEED_MODE_PASSING = 31, 39, 38
-_SPEED_MODE_BRAKING = 35
+_SPEED_MODE_BRAKING, _SPEED_MODE_COLLIDING = 35, 34
 
 
 def run_sumo(
@@ -102,8 +102,10 @@ class _SumoRun:
             if conflict.actors[0].behaviour == "overtakes"
             for actor in conflict.actors
         }
-        braking = {str(spec.ego.number): _SPEED_MODE_BRAKING}
-        self._speed_modes = dict.fromkeys(passing, _SPEED_MODE_PASSING) | braking
+        collides = any(conflict.resolved_by == "nobody" for conflict in spec.conflicts)
+        ego_mode = _SPEED_MODE_COLLIDING if collides else _SPEED_MODE_BRAKING
+        self._speed_modes = dict.fromkeys(passing, _SPEED_MODE_PASSING)
+        self._speed_modes[str(spec.ego.number)] = ego_mode
         self._speed_commands = {str(number): speeds for number, speeds in speed_commands.items()}
         self._connected = [
             (agent, agent.place) for agent in spec.agents if isinstance(agent.place, Vehicle)

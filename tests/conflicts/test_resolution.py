@@ -11,7 +11,7 @@ from advercity_dsl.conflict import Resolver
 from advercity_dsl.traffic import ReactionConditions
 
 from advercity.conflicts.metrics import ActorTrack, find_overlaps
-from advercity.conflicts.reaction import compute_braking_speeds, find_perception_s
+from advercity.conflicts.reaction import compute_braking_speeds, find_perception
 from advercity.conflicts.report import build_table_rows, build_traffic_report
 from advercity.frames import STATE_DTYPE, Actor, Trace
 from advercity.roads.sumo_network import write_sumo_network
@@ -101,9 +101,10 @@ def test_the_ego_perceives_whom_it_sees(
     ego, actor = (ActorTrack.from_trace(trace, number) for number in (101, 102))
     conditions = ReactionConditions(friction=0.8, visibility_m=visibility_m)
 
-    found = find_perception_s(trace, ego, actor, conditions, until_s=5.0)
+    found_s, hidden_by = find_perception(trace, ego, actor, conditions, until_s=5.0)
 
-    assert found == pytest.approx(perceived_s, abs=0.11)
+    assert found_s == pytest.approx(perceived_s, abs=0.11)
+    assert hidden_by == ({103} if perceived_s == 1.5 else set())
 
 
 def resolve(spec: Spec, resolver: Resolver, friction: float = 0.8) -> Spec:
