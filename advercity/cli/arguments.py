@@ -41,6 +41,10 @@ AllowMissingModelsOption = Annotated[
         "--allow-missing-models", help="Generate bodies in place of models that are not installed."
     ),
 ]
+MapTilesOption = Annotated[
+    bool,
+    typer.Option("--map-tiles", help="Show receivers on a map, with tiles from the Internet."),
+]
 CloudColourOption = Annotated[
     str,
     typer.Option(

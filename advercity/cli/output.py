@@ -36,6 +36,12 @@ def print_data(text: str) -> None:
     print(text)
 
 
+def print_remark(text: str) -> None:
+    """Print a remark that programs may want, too, on stderr."""
+    end_status()
+    stderr_console.print(text, markup=False)
+
+
 def print_note(text: str) -> None:
     """Print a remark for a person at a terminal; silent when stderr is redirected."""
     end_status()

@@ -9,7 +9,7 @@ from threading import Lock
 from advercity_dsl import Spec
 from rich import progress as rich_progress
 
-from advercity.cli.output import end_status, format_options, stderr_console
+from advercity.cli.output import end_status, format_options, print_remark, stderr_console
 from advercity.pipeline import Progress, ScenarioResult
 from advercity.pipeline.options import format_byte_size, format_duration
 
@@ -20,8 +20,11 @@ class ProgressView:
     Where stderr is no terminal, it prints a line per scenario that ends, if there are several.
     """
 
-    def __init__(self, specs: Sequence[Spec], bars: rich_progress.Progress, *, things: str) -> None:
-        self._bars, self._things = bars, things
+    def __init__(
+        self, specs: Sequence[Spec], bars: rich_progress.Progress, *, things: str, page: str | None
+    ) -> None:
+        self._bars, self._things, self._page = bars, things, page
+        self._has_shown_address = False
         self._many = len(specs) > 1
         self._known = {spec.id: Progress(spec.id, "waiting") for spec in specs}
         self._over: dict[str, ScenarioResult | None] = {}
@@ -37,6 +40,8 @@ class ProgressView:
         with self._lock:
             self._known[progress.scenario] = progress
             self._show(progress)
+            if progress.address is not None and not self._has_shown_address:
+                self._show_address(progress.address)
             if progress.phase == "done":
                 self._over.setdefault(progress.scenario, None)
                 self._remove(progress.scenario)
@@ -50,6 +55,12 @@ class ProgressView:
             self._update_total()
             if self._many:
                 stderr_console.print(self._format_result(result), markup=False)
+
+    def _show_address(self, address: str) -> None:
+        self._has_shown_address = True
+        print_remark(f"live view at {address}; open it with: advercity view {address}")
+        if self._page is not None:
+            print_remark(f"in a browser: {self._page}")
 
     def _show(self, progress: Progress) -> None:
         name = progress.scenario
@@ -102,8 +113,16 @@ class ProgressView:
 
 
 @contextmanager
-def show_progress(specs: Sequence[Spec], *, things: str = "frames") -> Generator[ProgressView]:
-    """Show progress of scenarios on stderr; `things` names what is counted in them."""
+def show_progress(
+    specs: Sequence[Spec], *, things: str = "frames", page: str | None = None
+) -> Generator[ProgressView]:
+    """Show progress of scenarios on stderr.
+
+    Args:
+        specs: The scenarios.
+        things: What is counted in them.
+        page: Address at which browsers find the live view.
+    """
     end_status()
     columns = (
         rich_progress.TextColumn("{task.description}"),
@@ -115,4 +134,4 @@ def show_progress(specs: Sequence[Spec], *, things: str = "frames") -> Generator
     with rich_progress.Progress(
         *columns, console=stderr_console, disable=not sys.stderr.isatty()
     ) as bars:
-        yield ProgressView(specs, bars, things=things)
+        yield ProgressView(specs, bars, things=things, page=page)

@@ -1,10 +1,11 @@
 """Commands that simulate, render and show."""
 
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from threading import Event
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -15,14 +16,18 @@ from advercity.cli.arguments import (
     FramesOption,
     JobsOption,
     JsonOption,
+    MapTilesOption,
     ProfileOption,
     ScaleOption,
     SpecArgument,
     WeatherLibraryOption,
     parse_frame_slice,
 )
-from advercity.cli.output import print_data, print_note
+from advercity.cli.output import print_data, print_note, print_remark
 from advercity.errors import InputError, RunError
+
+if TYPE_CHECKING:
+    from advercity.pipeline import ViewerTarget
 
 commands = typer.Typer()
 
@@ -39,8 +44,15 @@ def run(
     frames: FramesOption = None,
     rrd: Annotated[Path | None, typer.Option(help="Write a Rerun recording.")] = None,
     stream: Annotated[bool, typer.Option("--stream", help="Serve the live view.")] = False,
+    keep: Annotated[
+        bool, typer.Option("--keep", help="With --stream: serve it after the end, until Ctrl-C.")
+    ] = False,
+    web: Annotated[
+        bool, typer.Option("--web", help="With --stream: serve a page for browsers, too.")
+    ] = False,
     connect: Annotated[str | None, typer.Option(help="Send to a running Rerun viewer.")] = None,
     cloud_colour: CloudColourOption = "intensity",
+    map_tiles: MapTilesOption = False,
     weather: Annotated[
         str | None,
         typer.Option(help="Replay under another weather: a file, or a name in the library."),
@@ -90,44 +102,68 @@ def run(
     from advercity.pipeline import ResourceLimits, ViewerTarget
     from advercity.pipeline.options import parse_byte_size, parse_duration
     from advercity.viewer.cloud_colours import parse_cloud_colour
+    from advercity.viewer.viewer_process import (
+        format_page_address,
+        format_stream_address,
+        open_page,
+    )
 
     if sum((rrd is not None, stream, connect is not None)) > 1:
         raise InputError("--rrd, --stream and --connect exclude each other; give one")
+    if (keep or web) and not stream:
+        raise InputError(f"{'--keep' if keep else '--web'} needs --stream")
     loaded = [api.load_spec(path, weather=weather, library=library or ()) for path in specs]
     limits = ResourceLimits(
         memory_bytes=None if max_memory is None else parse_byte_size("--max-memory", max_memory),
         time_s=None if max_time is None else parse_duration("--max-time", max_time),
     )
     viewer = ViewerTarget(
-        file=rrd, serve=stream, connect=connect, cloud_colour=parse_cloud_colour(cloud_colour)
+        rrd, stream, connect, parse_cloud_colour(cloud_colour), map_tiles=map_tiles
     )
-    with _describe_interrupt(output, fresh=fresh), show_progress(loaded) as view:
-        result = api.run(
-            loaded,
-            output,
-            backend=backend,
-            profile=profile,
-            scale=scale,
-            frames=parse_frame_slice(frames),
-            format=layout,
-            min_points=min_points,
-            clouds=parse_cloud_encoding(clouds),
-            fresh=fresh,
-            viewer=viewer,
-            jobs=jobs,
-            limits=limits,
-            allow_large=allow_large,
-            allow_missing_models=allow_missing_models,
-            allow_edited=allow_edited,
-            executor=executor,
-            ray_address=ray_address,
-            listener=view,
-            check=False,
-        )
-    for scenario in result.scenarios:
-        if scenario.error is None:
-            print_data(f"{output.rstrip('/')}/{scenario.scenario}")
-    result.raise_failures()
+    stream_address = format_stream_address()
+    page = format_page_address(stream_address) if web else None
+    with open_page(stream_address, map_tiles=map_tiles) if web else nullcontext():
+        with _describe_interrupt(output, fresh=fresh), show_progress(loaded, page=page) as view:
+            result = api.run(
+                loaded,
+                output,
+                backend=backend,
+                profile=profile,
+                scale=scale,
+                frames=parse_frame_slice(frames),
+                format=layout,
+                min_points=min_points,
+                clouds=parse_cloud_encoding(clouds),
+                fresh=fresh,
+                viewer=viewer,
+                jobs=jobs,
+                limits=limits,
+                allow_large=allow_large,
+                allow_missing_models=allow_missing_models,
+                allow_edited=allow_edited,
+                executor=executor,
+                ray_address=ray_address,
+                listener=view,
+                check=False,
+            )
+        for scenario in result.scenarios:
+            if scenario.error is None:
+                print_data(f"{output.rstrip('/')}/{scenario.scenario}")
+        result.raise_failures()
+        if keep:
+            _keep_serving(Path(output, loaded[0].id), viewer)
+
+
+def _keep_serving(scenario: Path, viewer: "ViewerTarget") -> None:
+    """Serve the live view of a finished scenario until an interrupt."""
+    from advercity.pipeline.replay import replay_scenario
+
+    def wait() -> None:
+        print_remark("the live view stays; Ctrl-C ends it")
+        Event().wait()
+
+    with suppress(KeyboardInterrupt):
+        replay_scenario(scenario, viewer, then=wait)
 
 
 @contextmanager
@@ -257,12 +293,25 @@ def gallery(
 
 @commands.command()
 def view(
-    dataset: Annotated[Path, typer.Argument(help="A scenario of a dataset, or a .rrd recording.")],
+    shown: Annotated[
+        str,
+        typer.Argument(help="A scenario of a dataset, a .rrd recording, or a live view's address."),
+    ],
     web: Annotated[bool, typer.Option("--web", help="In a browser instead of a window.")] = False,
     cloud_colour: CloudColourOption = "intensity",
+    map_tiles: MapTilesOption = False,
+    analytics: Annotated[
+        bool, typer.Option("--analytics", help="Let Rerun send usage data, if it is set up so.")
+    ] = False,
 ) -> None:
-    """Open a recording or a scenario of a dataset in Rerun."""
+    """Open a recording, a scenario of a dataset or a live view in Rerun."""
     from advercity.pipeline.replay import open_viewer
     from advercity.viewer.cloud_colours import parse_cloud_colour
 
-    open_viewer(dataset, web=web, cloud_colour=parse_cloud_colour(cloud_colour))
+    open_viewer(
+        shown,
+        web=web,
+        cloud_colour=parse_cloud_colour(cloud_colour),
+        map_tiles=map_tiles,
+        analytics=analytics,
+    )

@@ -31,12 +31,14 @@ class ViewerTarget:
         serve: Serve the view from this process.
         connect: Address of a running Rerun viewer.
         cloud_colour: What the colours of LiDAR points encode.
+        map_tiles: Show receivers on a map, whose tiles come from the Internet.
     """
 
     file: Path | None = None
     serve: bool = False
     connect: str | None = None
     cloud_colour: "CloudColour" = "intensity"
+    map_tiles: bool = False
 
     @property
     def is_enabled(self) -> bool:

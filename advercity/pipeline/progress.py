@@ -17,6 +17,7 @@ class Progress:
         done: Finished frames.
         total: Frames that are asked for; 0 until the traffic is known.
         size_bytes: Files of the scenario so far.
+        address: Address of the live view, if there is one.
     """
 
     scenario: str
@@ -24,6 +25,7 @@ class Progress:
     done: int = 0
     total: int = 0
     size_bytes: int = 0
+    address: str | None = None
 
 
 ProgressCallback = Callable[[Progress], None]

@@ -1,14 +1,13 @@
 """Replays a dataset in Rerun: rebuilds sensor frames from files, spec and trace."""
 
-import subprocess
-import sys
 import tempfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from advercity_dsl import Spec
 from numpy.typing import NDArray
 
 from advercity.conflicts.report import find_conflict_events
@@ -17,16 +16,18 @@ from advercity.dataset.image_codec import MAX_DEPTH_CM
 from advercity.dataset.reader import Scenario
 from advercity.dataset.scenario_folders import no_frames_error
 from advercity.errors import InputError, RunError
-from advercity.frames import ActorState, Frame
+from advercity.frames import ActorState, Frame, Trace
 from advercity.geometry.boxes import Box
 from advercity.geometry.poses import Matrix, invert_pose
 from advercity.pipeline.agent_poses import AgentPoses
+from advercity.pipeline.options import ViewerTarget
 from advercity.pipeline.preparation import load_or_simulate_traffic
 from advercity.roads.road_network import build_road
 from advercity.sensors.measurements import PointCloud
 from advercity.sensors.sensor_frame import CameraImage, LidarScan, SensorFrame
 from advercity.viewer.cloud_colours import CloudColour
 from advercity.viewer.recording import RerunRecording
+from advercity.viewer.viewer_process import STREAM_SCHEMES, show
 
 
 def load_sensor_frames(
@@ -116,8 +117,23 @@ def _load_point_cloud(stored: AgentView, lidar: int) -> PointCloud:
     )
 
 
-def write_recording(path: Path, file: Path, *, cloud_colour: CloudColour = "intensity") -> None:
+def write_recording(
+    path: Path, file: Path, *, cloud_colour: CloudColour = "intensity", map_tiles: bool = False
+) -> None:
     """Write a recording of every frame in a scenario's folder."""
+    replay_scenario(path, ViewerTarget(file, cloud_colour=cloud_colour, map_tiles=map_tiles))
+
+
+def replay_scenario(
+    path: Path, target: ViewerTarget, then: Callable[[], None] | None = None
+) -> None:
+    """Show every frame in a scenario's folder as a run does.
+
+    Args:
+        path: Folder of the scenario.
+        target: Where the view goes.
+        then: Called after the last frame, before the view is closed.
+    """
     scenario = Scenario(path)
     if not len(scenario):
         raise no_frames_error(path)
@@ -129,58 +145,56 @@ def write_recording(path: Path, file: Path, *, cloud_colour: CloudColour = "inte
             " view it with the version that its manifest names"
         )
     poses = AgentPoses(spec, traffic.trace)
-    lanes = build_road(spec.road).lanes
-    events = find_conflict_events(spec, traffic.trace)
-    with RerunRecording(
-        spec, lanes, file=file, cloud_colour=cloud_colour, events=events
-    ) as recording:
+    with open_recording(spec, traffic.trace, target) as recording:
         for stored in scenario:
             recording.log_frame(load_sensor_frames(scenario, poses, stored.index))
+        if then is not None:
+            then()
 
 
-def open_viewer(dataset: Path, *, web: bool, cloud_colour: CloudColour = "intensity") -> None:
-    """Open a `.rrd` recording, or the folder of a scenario, in Rerun's viewer.
+def open_recording(spec: Spec, trace: Trace, target: ViewerTarget) -> RerunRecording:
+    """Open the recording, server or viewer of a scenario."""
+    return RerunRecording(
+        spec,
+        build_road(spec.road).lanes,
+        file=target.file,
+        serve=target.serve,
+        connect=target.connect,
+        cloud_colour=target.cloud_colour,
+        map_tiles=target.map_tiles,
+        events=find_conflict_events(spec, trace),
+    )
+
+
+def open_viewer(
+    shown: str,
+    *,
+    web: bool,
+    cloud_colour: CloudColour = "intensity",
+    map_tiles: bool = False,
+    analytics: bool = False,
+) -> None:
+    """Open a recording, a live view or the folder of a scenario in Rerun's viewer.
 
     Args:
-        dataset: Recording or folder.
+        shown: Recording (`.rrd`), address of a live view, or folder.
         web: Show it in a browser instead of a window.
         cloud_colour: What the colours of LiDAR points encode; a recording has its own.
+        map_tiles: Show receivers on a map, whose tiles come from the Internet.
+        analytics: Let Rerun send usage data, if its own settings do.
 
     Raises:
         InputError: The path does not exist.
         RunError: The viewer fails.
     """
-    if dataset.suffix == ".rrd":
-        if not dataset.is_file():
-            raise InputError(f"{dataset}: no such recording")
-        _show_recording(dataset, web=web)
-        return
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "scenario.rrd"
-        write_recording(dataset, file, cloud_colour=cloud_colour)
-        _show_recording(file, web=web)
-
-
-def build_viewer_command(
-    file: Path, *, web: bool, port: int | None = None, web_port: int | None = None
-) -> list[str]:
-    """Build the command that opens a recording in Rerun's viewer, for this machine only.
-
-    Args:
-        file: Recording (`.rrd`).
-        web: Show it in a browser instead of a window.
-        port: Port of the recording; None is Rerun's default.
-        web_port: Port of the viewer for browsers; None is Rerun's default.
-    """
-    options = ["--web-viewer"] if web else []
-    options += [] if port is None else ["--port", str(port)]
-    options += [] if web_port is None else ["--web-viewer-port", str(web_port)]
-    return [sys.executable, "-m", "rerun", "--bind", "127.0.0.1", *options, str(file)]
-
-
-def _show_recording(file: Path, *, web: bool) -> None:
-    command = build_viewer_command(file, web=web)
-    done = subprocess.run(command, check=False)  # noqa: S603 - rerun's own program on our file
-    if done.returncode != 0:
-        hint = "" if web else "; without a screen, try `web`"
-        raise RunError(f"the viewer ended with exit code {done.returncode}{hint}")
+    if shown.startswith(STREAM_SCHEMES):
+        show(shown, web=web, map_tiles=map_tiles, analytics=analytics)
+    elif shown.endswith(".rrd"):
+        if not Path(shown).is_file():
+            raise InputError(f"{shown}: no such recording")
+        show(shown, web=web, map_tiles=map_tiles, analytics=analytics)
+    else:
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "scenario.rrd"
+            write_recording(Path(shown), file, cloud_colour=cloud_colour, map_tiles=map_tiles)
+            show(str(file), web=web, map_tiles=map_tiles, analytics=analytics)

@@ -13,7 +13,6 @@ from pathlib import Path
 from advercity_dsl import Spec
 from pydantic import TypeAdapter
 
-from advercity.conflicts.report import find_conflict_events
 from advercity.dataset.manifest import Identity, Manifest
 from advercity.dataset.partial_files import find_staging_folder, lock_file, lock_scenario
 from advercity.dataset.reader import Scenario
@@ -33,11 +32,10 @@ from advercity.pipeline.preparation import (
     prepare_scenario,
 )
 from advercity.pipeline.progress import Progress, ProgressCallback, ignore_progress
-from advercity.pipeline.replay import load_sensor_frames
+from advercity.pipeline.replay import load_sensor_frames, open_recording
 from advercity.pipeline.sensing import open_sensors
 from advercity.pipeline.spec_models import check_models, replace_models
 from advercity.rendering.backend import RenderProfile, load_backend
-from advercity.roads.road_network import build_road
 from advercity.sensors.sensor_frame import SensorFrame
 from advercity.viewer.recording import RerunRecording
 
@@ -207,13 +205,15 @@ def _make_and_record(
     report: ProgressCallback,
 ) -> None:
     """Show every frame asked for in order, from its files if it is done, else as it is made."""
-    phase = f"frames, live at {recording.address}" if recording.address else "frames"
     stored, done = Scenario(writer.scenario), writer.done_frames
     sensing = nullcontext() if done.issuperset(prepared.frames) else open_sensors(prepared)
     with open_background_writer() as background, sensing as sensors:
         for count, index in enumerate(prepared.frames):
             total, size_bytes = len(prepared.frames), writer.size_bytes
-            report(Progress(prepared.spec.id, phase, count, total, size_bytes))
+            progress = Progress(
+                prepared.spec.id, "frames", count, total, size_bytes, recording.address
+            )
+            report(progress)
             if sensors is None or index in done:
                 recording.log_frame(load_sensor_frames(stored, prepared.poses, index))
             else:
@@ -231,16 +231,7 @@ def _open_recording(
 ) -> RerunRecording | nullcontext[None]:
     if not viewer.is_enabled:
         return nullcontext()
-    spec = prepared.spec
-    return RerunRecording(
-        spec,
-        build_road(spec.road).lanes,
-        file=viewer.file,
-        serve=viewer.serve,
-        connect=viewer.connect,
-        cloud_colour=viewer.cloud_colour,
-        events=find_conflict_events(spec, prepared.traffic.trace),
-    )
+    return open_recording(prepared.spec, prepared.traffic.trace, viewer)
 
 
 def repair_dataset(dataset: Path, report: ProgressCallback = ignore_progress) -> list[FileProblem]:

@@ -14,14 +14,15 @@ from advercity.geometry.geodesy import Geodetic, geodetic_from_enu
 from advercity.geometry.poses import Matrix
 from advercity.roads.lane_segments import LaneSegment
 from advercity.semantics import ACTOR_COLOURS
-from advercity.sensors.measurements import PointCloud
+from advercity.sensors.measurements import PointCloud, PointKind
 from advercity.sensors.sensor_frame import SensorFrame
 from advercity.viewer.cloud_colours import CloudColour, colour_points
 
 RgbColour = tuple[int, int, int]
 IMAGE_PLANE_M = 1.5
 """Distance from a camera at which the scene shows its image."""
-POINT_PX, FIX_PX, TRACK_PX, LANE_PX = 1.5, 6.0, 2.0, 1.0
+POINT_PX, ECHO_PX, FIX_PX, TRACK_PX, LANE_PX = 1.5, 0.5, 6.0, 2.0, 1.0
+"""Sizes on the screen; returns of fog, rain and spray are so small that the scene shows through."""
 CLASS_IDS = {name: index for index, name in enumerate(ACTOR_COLOURS, start=1)}
 LANE_COLOURS = {"driving": (190, 190, 190), "sidewalk": (140, 110, 140), "crossing": (220, 200, 90)}
 OTHER_LANE_COLOUR = (110, 110, 110)
@@ -32,6 +33,8 @@ AGENT_COLOURS: tuple[RgbColour, ...] = (
     (90, 140, 255),
     (230, 90, 200),
 )
+SOUTH_UP = (1.0, -1.0)
+"""Views in two dimensions have the second axis downwards."""
 LINEARISATION_SPAN_M = 1000.0
 """Length over which a map's degrees per metre are measured."""
 
@@ -54,8 +57,9 @@ def to_pinhole(sensor_frame: SensorFrame, camera: int) -> rr.Pinhole:
 
 def to_points3d(cloud: PointCloud, by: CloudColour) -> rr.Points3D:
     """Convert points in the LiDAR's frame."""
-    radii = rr.Radius.ui_points(POINT_PX)
-    return rr.Points3D(cloud.points, colors=colour_points(cloud, by), radii=radii)
+    sizes_px = np.where(cloud.kind == PointKind.SURFACE, POINT_PX, ECHO_PX)
+    # Rerun takes negative radii for sizes on the screen.
+    return rr.Points3D(cloud.points, colors=colour_points(cloud, by), radii=-sizes_px)
 
 
 def to_boxes3d(states: Sequence[ActorState]) -> rr.Boxes3D:
@@ -134,13 +138,10 @@ class LocalGeoMap:
         """Convert points (n, 3) of the world to latitudes and longitudes (n, 2)."""
         return self.origin_deg + points[:, :2] @ self.degrees_per_m.T
 
-    def to_lane_lines(self, lanes: Sequence[LaneSegment]) -> rr.GeoLineStrings:
-        """Convert both borders of every lane, so that the road shows without the map's tiles."""
-        return rr.GeoLineStrings(
-            lat_lon=[self.to_degrees(side) for lane in lanes for side in (lane.left, lane.right)],
-            colors=ROAD_COLOUR,
-            radii=rr.Radius.ui_points(LANE_PX),
-        )
+    def to_metres(self, fixes: Sequence[tuple[float, float]]) -> NDArray[np.float64]:
+        """Convert latitudes and longitudes (n, 2) to metres east and north of the origin (n, 2)."""
+        offsets = np.reshape(fixes, (-1, 2)) - self.origin_deg
+        return offsets @ np.linalg.inv(self.degrees_per_m).T
 
 
 def choose_agent_colour(index: int) -> RgbColour:
@@ -148,12 +149,51 @@ def choose_agent_colour(index: int) -> RgbColour:
     return AGENT_COLOURS[index % len(AGENT_COLOURS)]
 
 
-def to_geo_point(fix: tuple[float, float], colour: RgbColour) -> rr.GeoPoints:
-    """Convert the latest fix (latitude, longitude) of a receiver."""
-    return rr.GeoPoints(lat_lon=[fix], colors=colour, radii=rr.Radius.ui_points(FIX_PX))
+class TileMap:
+    """Shows receivers and lanes by their degrees, on a map whose tiles come from the Internet."""
+
+    def __init__(self, around: LocalGeoMap) -> None:
+        self._around = around
+
+    def to_lane_lines(self, lanes: Sequence[LaneSegment]) -> rr.GeoLineStrings:
+        """Convert both borders of every lane."""
+        borders = [self._around.to_degrees(side) for lane in lanes for side in lane_borders(lane)]
+        radii = rr.Radius.ui_points(LANE_PX)
+        return rr.GeoLineStrings(lat_lon=borders, colors=ROAD_COLOUR, radii=radii)
+
+    def to_point(self, fix: tuple[float, float], colour: RgbColour) -> rr.GeoPoints:
+        """Convert the latest fix (latitude, longitude) of a receiver."""
+        return rr.GeoPoints(lat_lon=[fix], colors=colour, radii=rr.Radius.ui_points(FIX_PX))
+
+    def to_line(self, fixes: Sequence[tuple[float, float]], colour: RgbColour) -> rr.GeoLineStrings:
+        """Convert all fixes (latitude, longitude) of a receiver; one fix gives no line."""
+        strips = [fixes] if len(fixes) > 1 else []
+        radii = rr.Radius.ui_points(TRACK_PX)
+        return rr.GeoLineStrings(lat_lon=strips, colors=colour, radii=radii)
 
 
-def to_geo_line(fixes: Sequence[tuple[float, float]], colour: RgbColour) -> rr.GeoLineStrings:
-    """Convert all fixes (latitude, longitude) of a receiver; one fix gives no line."""
-    strips = [fixes] if len(fixes) > 1 else []
-    return rr.GeoLineStrings(lat_lon=strips, colors=colour, radii=rr.Radius.ui_points(TRACK_PX))
+class PlaneMap:
+    """Shows receivers and lanes in metres east and south of the road's origin, without a map."""
+
+    def __init__(self, around: LocalGeoMap) -> None:
+        self._around = around
+
+    def to_lane_lines(self, lanes: Sequence[LaneSegment]) -> rr.LineStrips2D:
+        """Convert both borders of every lane."""
+        borders = [side[:, :2] * SOUTH_UP for lane in lanes for side in lane_borders(lane)]
+        return rr.LineStrips2D(borders, colors=ROAD_COLOUR, radii=rr.Radius.ui_points(LANE_PX))
+
+    def to_point(self, fix: tuple[float, float], colour: RgbColour) -> rr.Points2D:
+        """Convert the latest fix (latitude, longitude) of a receiver."""
+        points = self._around.to_metres([fix]) * SOUTH_UP
+        return rr.Points2D(points, colors=colour, radii=rr.Radius.ui_points(FIX_PX))
+
+    def to_line(self, fixes: Sequence[tuple[float, float]], colour: RgbColour) -> rr.LineStrips2D:
+        """Convert all fixes (latitude, longitude) of a receiver; one fix gives no line."""
+        strips = [self._around.to_metres(fixes) * SOUTH_UP] if len(fixes) > 1 else []
+        return rr.LineStrips2D(strips, colors=colour, radii=rr.Radius.ui_points(TRACK_PX))
+
+
+def lane_borders(lane: LaneSegment) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return both borders (n, 3) of a lane."""
+    return lane.left, lane.right

@@ -52,7 +52,9 @@ def format_weather_path(quantity: str) -> str:
     return f"weather/{quantity}"
 
 
-def build_blueprint(agents: Sequence[Agent], world_from_first: Matrix) -> rrb.Blueprint:
+def build_blueprint(
+    agents: Sequence[Agent], world_from_first: Matrix, map_tiles: bool
+) -> rrb.Blueprint:
     """Build the window: the scene above map and conflicts, and tabs of cameras, agents, curves."""
     front = rrb.Grid(
         *(_build_image_view(format_camera_path(agent, 0), agent.id) for agent in agents),
@@ -68,7 +70,9 @@ def build_blueprint(agents: Sequence[Agent], world_from_first: Matrix) -> rrb.Bl
     eye = _build_eye_controls(agents[0], world_from_first)
     scene = rrb.Spatial3DView(origin="/world", name="scene", eye_controls=eye)
     below = rrb.Horizontal(
-        rrb.MapView(origin="/map", name="receivers", zoom=MAP_ZOOM),
+        rrb.MapView(origin="/map", name="receivers", zoom=MAP_ZOOM)
+        if map_tiles
+        else rrb.Spatial2DView(origin="/map", name="receivers"),
         rrb.TextLogView(origin=f"/{EVENTS}", name="conflicts"),
     )
     return rrb.Blueprint(

@@ -29,13 +29,13 @@ from advercity.viewer import archetypes, blueprint
 from advercity.viewer.archetypes import (
     AgentTrack,
     LocalGeoMap,
+    PlaneMap,
+    TileMap,
     choose_agent_colour,
-    to_geo_line,
-    to_geo_point,
 )
 from advercity.viewer.cloud_colours import CloudColour
+from advercity.viewer.private_page import LOOPBACK_ADDRESS
 
-LOOPBACK_ADDRESS = "127.0.0.1"
 DEFAULT_PORT = 9876
 """Rerun's own port."""
 CONNECT_TIMEOUT_S = 3.0
@@ -131,7 +131,8 @@ class RerunRecording:
     It goes to an `.rrd` file, to viewers on this machine through a server at `address`, and to a
     running viewer at `connect` (`host:port`, or a whole `rerun+http://` address), in any
     combination. The recording's id is the spec's, so a viewer adds a resumed run to the frames it
-    has. Events of conflicts are logged at their frames.
+    has. Events of conflicts are logged at their frames. With `map_tiles`, receivers are on a map
+    whose tiles a viewer takes from the Internet, otherwise on the road's plan.
 
     Raises:
         InputError: `connect` is not an address.
@@ -148,6 +149,7 @@ class RerunRecording:
         port: int = DEFAULT_PORT,
         connect: str | None = None,
         cloud_colour: CloudColour = "intensity",
+        map_tiles: bool = False,
         events: Sequence[ConflictEvent] = (),
     ) -> None:
         self._file = file
@@ -163,7 +165,9 @@ class RerunRecording:
         self._events = tuple(events)
         self._timeline = WeatherTimeline.from_spec(spec)
         self._land_use: LandUse = spec.road.land_use
-        self._map = LocalGeoMap.around_road(spec.road)
+        around = LocalGeoMap.around_road(spec.road)
+        self._map = TileMap(around) if map_tiles else PlaneMap(around)
+        self._map_tiles = map_tiles
         self._tracks = {
             agent.id: AgentTrack(choose_agent_colour(index))
             for index, agent in enumerate(spec.agents)
@@ -213,7 +217,7 @@ class RerunRecording:
     def _send_blueprint(self, sensor_frames: Sequence[SensorFrame]) -> None:
         # With the first frame, because the eye starts at the first agent's pose.
         agents, pose = [item.agent for item in sensor_frames], sensor_frames[0].world_from_agent
-        self._stream.send_blueprint(blueprint.build_blueprint(agents, pose))
+        self._stream.send_blueprint(blueprint.build_blueprint(agents, pose, self._map_tiles))
         self._has_blueprint = True
 
     def _log_static_scene(self, spec: Spec, lanes: Sequence[LaneSegment]) -> None:
@@ -263,8 +267,8 @@ class RerunRecording:
         if item.gnss is not None:
             track.fixes.append((item.gnss.latitude_deg, item.gnss.longitude_deg))
             path = f"map/{agent.id}"
-            log(path, to_geo_point(track.fixes[-1], track.colour))
-            log(f"{path}/track", to_geo_line(track.fixes, track.colour))
+            log(path, self._map.to_point(track.fixes[-1], track.colour))
+            log(f"{path}/track", self._map.to_line(track.fixes, track.colour))
 
     def _log_events(self, frame: int, *, ground_m: float) -> None:
         """Log the events of a frame as text, and mark their conflict points from then on."""
@@ -275,6 +279,7 @@ class RerunRecording:
                 mark = rr.Points3D(
                     [(*event.point_m, ground_m + CONFLICT_MARK_HEIGHT_M)],
                     labels=[event.text],
+                    show_labels=False,  # a text over the scene; the list of conflicts has it
                     colors=CONFLICT_MARK_COLOUR,
                     radii=CONFLICT_MARK_RADIUS_M,
                 )

@@ -13,7 +13,9 @@ import pytest
 from advercity_dsl import Spec
 
 from advercity.cli import main
+from advercity.cli.progress import show_progress
 from advercity.compiler import write_specs
+from advercity.pipeline import Progress
 
 RUN_MAIN = "from advercity.cli import main; main()"
 
@@ -246,6 +248,8 @@ def test_schema_of_an_unknown_kind_suggests_a_name(advercity: Command) -> None:
         (["--scale", "0"], "is outside 0.01 to 4"),
         (["--weather", "fog_dya"], "did you mean 'fog_day'?"),
         (["--stream", "--rrd", "x.rrd"], "exclude each other"),
+        (["--keep"], "--keep needs --stream"),
+        (["--web", "--rrd", "x.rrd"], "--web needs --stream"),
         (["--cloud-colour", "kinds"], "no such colouring; intensity, class or kind"),
     ],
 )
@@ -414,6 +418,20 @@ def test_a_command_shows_at_once_at_a_terminal_that_it_runs_and_keeps_its_output
     assert "\x1b" not in out
     assert b" show" in os.read(terminal, 4096)
     os.close(terminal)
+
+
+def test_progress_says_once_where_the_live_view_is_and_how_to_open_it(
+    specs: dict[str, Spec], capsys: pytest.CaptureFixture[str]
+) -> None:
+    spec, address = specs["rcnj_fog_day_sparse"], "rerun+http://127.0.0.1:9876/proxy"
+    with show_progress([spec], page="http://127.0.0.1:9090/?url=x") as view:
+        for done in range(3):
+            view.on_progress(Progress(spec.id, "frames", done, 3, address=address))
+    lines = capsys.readouterr().err.splitlines()
+    assert lines == [
+        f"live view at {address}; open it with: advercity view {address}",
+        "in a browser: http://127.0.0.1:9090/?url=x",
+    ]
 
 
 def test_the_command_line_answers_without_loading_what_renders() -> None:

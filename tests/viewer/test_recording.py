@@ -22,6 +22,7 @@ from advercity.geometry.poses import Matrix
 from advercity.roads.lane_segments import LaneSegment
 from advercity.semantics import PALETTE
 from advercity.sensors.measurements import PointKind
+from advercity.viewer.archetypes import LocalGeoMap
 from advercity.viewer.cloud_colours import KIND_COLOURS, colour_points
 from advercity.viewer.recording import RerunRecording
 from tests.builders import SensorFramesOf
@@ -201,16 +202,47 @@ def test_vehicles_have_past_and_planned_trajectories(
     assert not [path for path in paths if path.startswith("/world/trajectories") and "rsu" in path]
 
 
-def test_the_map_shows_fixes_and_the_road_in_degrees(recorded: RrdReader, spec: Spec) -> None:
-    fixes = logged(recorded, "map/cav3", "GeoPoints:positions")
-    assert [fix[0][0] for fix in fixes.values()] == pytest.approx([49.0, 49.000001], abs=1e-7)
-    tracks = logged(recorded, "map/cav3/track", "GeoLineStrings:line_strings")
+def test_receivers_are_on_the_plan_of_the_road(recorded: RrdReader, spec: Spec) -> None:
+    assert len(logged(recorded, "map/cav3", "Points2D:positions")) == FRAMES
+    tracks = logged(recorded, "map/cav3/track", "LineStrips2D:strips")
     assert [len(strips) for strips in tracks.values()] == [0, 1]
-    left, _ = logged(recorded, "map/road", "GeoLineStrings:line_strings")[None]
+    left, _ = logged(recorded, "map/road", "LineStrips2D:strips")[None]
+    np.testing.assert_allclose(left, [(x, -y) for x, y, _ in LANES[0].left], atol=1e-4)
+    around = LocalGeoMap.around_road(spec.road)
+    points = np.array([(30.0, -40.0, 0.0), (0.0, 200.0, 0.0)])
+    fixes = [(row[0], row[1]) for row in around.to_degrees(points).tolist()]
+    np.testing.assert_allclose(around.to_metres(fixes), points[:, :2], atol=1e-6)
+
+
+def test_with_map_tiles_receivers_and_road_are_in_degrees(
+    tmp_path: Path, sensor_frames_of: SensorFramesOf, spec: Spec
+) -> None:
+    path = tmp_path / "tiles.rrd"
+    with RerunRecording(spec, LANES, file=path, map_tiles=True) as recording:
+        for index in (0, 1):
+            recording.log_frame(sensor_frames_of(index))
+    tiled = RrdReader(path)
+    fixes = logged(tiled, "map/cav3", "GeoPoints:positions")
+    assert [fix[0][0] for fix in fixes.values()] == pytest.approx([49.0, 49.000001], abs=1e-7)
+    tracks = logged(tiled, "map/cav3/track", "GeoLineStrings:line_strings")
+    assert [len(strips) for strips in tracks.values()] == [0, 1]
+    left, _ = logged(tiled, "map/road", "GeoLineStrings:line_strings")[None]
     origin = (spec.road.origin_lat_deg, spec.road.origin_lon_deg)
     assert left[0] == pytest.approx(origin)
     east_deg = 9.0 / (111_319.5 * np.cos(np.deg2rad(origin[0])))
     assert left[1][1] - origin[1] == pytest.approx(east_deg, rel=0.01)
+
+
+def test_only_returns_of_surfaces_are_large(
+    recorded: RrdReader, sensor_frames_of: SensorFramesOf
+) -> None:
+    radii = np.abs(logged(recorded, "world/cav1/lidar", "Points3D:radii")[0])
+    is_surface = sensor_frames_of(0)[0].point_cloud.kind == PointKind.SURFACE
+    assert radii[~is_surface].max() < radii[is_surface].min() / 2
+
+
+def test_marks_of_conflicts_hide_their_labels(recorded: RrdReader) -> None:
+    assert logged(recorded, "world/conflicts", "Points3D:show_labels")[1] == [False]
 
 
 def test_the_weather_is_plotted_in_every_frame(recorded: RrdReader, spec: Spec) -> None:

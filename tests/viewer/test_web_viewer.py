@@ -1,16 +1,11 @@
 """The web view of a recording, in a real browser without a screen."""
 
-import os
 import shutil
-import signal
 import socket
-import subprocess
 import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
-from urllib.request import urlopen
 
 import cv2
 import numpy as np
@@ -18,10 +13,10 @@ import pytest
 from advercity_dsl import Spec
 from numpy.typing import NDArray
 
-from advercity.pipeline.replay import build_viewer_command
 from advercity.roads.road_network import build_road
 from advercity.viewer.archetypes import LANE_COLOURS
 from advercity.viewer.recording import RerunRecording
+from advercity.viewer.viewer_process import format_page_address, format_stream_address, open_page
 
 HINT = "the web view is not tested; `scripts/setup_peers` installs Playwright and Chromium"
 playwright: Any = pytest.importorskip("playwright.sync_api", reason=HINT)
@@ -64,27 +59,9 @@ def recording(tmp_path: Path, specs: dict[str, Spec]) -> Path:
 def address(recording: Path) -> Iterator[str]:
     """Where the served view of the recording is found."""
     port, web_port = free_port(), free_port()
-    command = build_viewer_command(recording, web=True, port=port, web_port=web_port)
-    # The browser that it would open is one that does nothing.
-    browserless = {**os.environ, "BROWSER": "true"}
-    server = subprocess.Popen(command, env=browserless, start_new_session=True)
-    try:
-        wait_for(f"http://127.0.0.1:{web_port}", server)
-        source = quote(f"rerun+http://127.0.0.1:{port}/proxy", safe="")
-        yield f"http://127.0.0.1:{web_port}/?url={source}&renderer=webgl"
-    finally:
-        os.killpg(server.pid, signal.SIGTERM)
-        server.wait(timeout=30)
-
-
-def wait_for(url: str, server: subprocess.Popen[bytes]) -> None:
-    for _ in range(300):
-        assert server.poll() is None, "the server ended"
-        try:
-            return urlopen(url, timeout=5).close()
-        except OSError:
-            time.sleep(0.1)
-    raise AssertionError(f"{url} does not answer")
+    with open_page(str(recording), port=port, web_port=web_port):
+        page_address = format_page_address(format_stream_address(port), web_port=web_port)
+        yield f"{page_address}&renderer=webgl"
 
 
 def shot(page: Any) -> NDArray[np.uint8]:
