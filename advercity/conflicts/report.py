@@ -241,13 +241,13 @@ def _find_steady_row(actor: ActorTrack, ego_at_s: float, tick_s: float) -> int |
 def _extrapolate_arrival_s(
     track: ActorTrack, last: int | None, row: int, point_m: NDArray[np.float64], tick_s: float
 ) -> float:
-    """Compute when one would be where it is in a row had it kept its speed of the row `last`."""
+    """Compute when one would be at a point, nearest in a row, at its speed of the row `last`."""
     if last is None:
         return float("inf")
     rows = track.rows
     left_m = rows["travelled"][row] - rows["travelled"][last]
-    # A track that ends before the point has the rest of the path still ahead.
-    left_m += np.linalg.norm(track.centres[row] - point_m) * (row == len(rows) - 1)
+    # The point is between two ticks, or ahead of a track that ends before it.
+    left_m += (point_m - track.centres[row]) @ track.axes[row, 0]
     return float(rows["tick"][last] * tick_s + left_m / max(rows["speed"][last], 0.1))
 
 

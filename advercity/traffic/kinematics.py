@@ -26,7 +26,7 @@ from advercity.traffic.motion_spline import HeightProfile, MotionSpline, Values
 KerbHeight = Callable[[NDArray[np.complex128]], NDArray[np.float64]]
 """Returns heights (n,) in m at points (n,), east + i north."""
 
-CATCH_UP_FACTOR = 1.3
+CATCH_UP_FACTOR = 1.1
 """SUMO's people hop onto crossings and its vehicles slide sideways at standstill; here an actor
 catches up with its position in SUMO no faster than this times its speed."""
 MAX_SIDESTEP_FRACTION = 0.5

@@ -273,7 +273,7 @@ def test_sumo_counts_no_teleports_collisions_or_emergencies(
     }
 
 
-CURVE_M_S2 = 0.6
+CURVE_M_S2 = 0.3
 """SUMO limits speeds along lanes; in curves, and where vehicles change lanes, bodies gain more."""
 
 
