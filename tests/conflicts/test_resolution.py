@@ -1,5 +1,7 @@
 """Who resolves a staged conflict: the actor, the ego, both or nobody."""
 
+import shutil
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -10,10 +12,13 @@ from advercity_dsl import ActorClass, Spec
 from advercity_dsl.conflict import Resolver
 from advercity_dsl.traffic import ReactionConditions
 
+from advercity.compiler import DiagnosticsError
+from advercity.compiler.crossing import compile_library
 from advercity.conflicts.metrics import ActorTrack, find_overlaps
 from advercity.conflicts.reaction import compute_braking_speeds, find_perception
 from advercity.conflicts.report import build_table_rows, build_traffic_report
 from advercity.frames import STATE_DTYPE, Actor, Trace
+from advercity.pipeline.cache import compute_traffic_key
 from advercity.roads.sumo_network import write_sumo_network
 from advercity.traffic.simulation import simulate_in_subprocess
 
@@ -182,3 +187,75 @@ def test_an_ego_that_would_stop_on_a_dry_road_does_not_on_snow(
     (outcome,) = build_traffic_report(spec, trace, "").staged
     assert outcome.missed[0] == "they touch"
     assert outcome.resolution.impact is not None
+
+
+@pytest.fixture
+def copied(tmp_path: Path) -> Path:
+    """A copy of the library with two weathers, whose suites compile sooner."""
+    kept = ("clear_day.yaml", "heavy_rain_day.yaml")
+    weathers = [path.name for path in (LIBRARY / "weather").iterdir() if path.name not in kept]
+    return shutil.copytree(LIBRARY, tmp_path / "nhtsa", ignore=shutil.ignore_patterns(*weathers))
+
+
+def write_suite(library: Path, *lines: str) -> None:
+    text = ["kind: suite", "id: few", "roads: [ri]", "densities: [sparse]", *lines]
+    text += ["cross_conflicts: [cyc_left_turn]", "rig: adver_city", "catalogue: adver_city"]
+    (library / "suites" / "few.yaml").write_text("\n".join(text))
+
+
+def test_the_ego_reacts_as_in_one_weather_or_in_each_as_the_suite_declares(copied: Path):
+    """Dry asphalt holds 0.8, soaked 0.5 (`DEFAULT_GRIP`)."""
+    write_suite(copied, "resolved_by: {ego: 1}", "reaction_weather: clear_day")
+    paired = compile_library(copied, suite="few")
+    write_suite(copied, "resolved_by: {ego: 1}", "pairing: none")
+    single = compile_library(copied, suite="few")
+
+    assert [spec.reaction and spec.reaction.friction for spec in paired] == [0.8, 0.8]
+    assert len({compute_traffic_key(spec) for spec in paired}) == 1
+    dry, wet = (spec.reaction for spec in single)
+    assert dry is not None
+    assert wet is not None
+    assert (dry.friction, wet.friction) == (0.8, pytest.approx(0.5, abs=0.05))
+    assert len({compute_traffic_key(spec) for spec in single}) == 2
+
+
+def test_who_resolves_a_conflict_is_drawn_by_its_fractions(copied: Path):
+    write_suite(
+        copied, "resolved_by: {ego: 0.5, nobody: 0.5}", "repeats: 16", "weathers: [clear_day]"
+    )
+
+    counts = Counter(spec.conflicts[0].resolved_by for spec in compile_library(copied, suite="few"))
+
+    assert counts.total() == 16
+    assert set(counts) == {"ego", "nobody"}
+    assert 3 <= counts["ego"] <= 13
+
+
+REFUSED = {
+    "fractions": ("{ego: 0.5, both: 0.4}", "the fractions add up to 0.9; they must add up to 1"),
+    "braking": ("{ego: 1}", "ego_braking_m_s2 is missing: the ego brakes where it takes part"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_a_resolution_that_cannot_be_is_refused(case: str, copied: Path):
+    fractions, message = REFUSED[case]
+    write_suite(copied, f"resolved_by: {fractions}")
+    conflict = copied / "conflicts" / "cyc_left_turn.yaml"
+    lines = conflict.read_text().splitlines()
+    conflict.write_text("\n".join(line for line in lines if "ego_braking" not in line))
+
+    with pytest.raises(DiagnosticsError) as caught:
+        compile_library(copied, suite="few")
+
+    assert message in str(caught.value)
+
+
+def test_an_actor_that_runs_a_light_is_the_subject(copied: Path):
+    conflict = copied / "conflicts" / "cyc_left_turn.yaml"
+    conflict.write_text(conflict.read_text().replace("part: other", "part: subject"))
+
+    with pytest.raises(DiagnosticsError) as caught:
+        compile_library(copied, suite="adver_city")
+
+    assert "the critical action is the actor's, which runs the light" in str(caught.value)
