@@ -105,24 +105,29 @@ def test_no_drop_is_detected_behind_a_wall() -> None:
     assert found.range_m.max() <= 3.0 + 1e-4
 
 
+def measure_near_spray(speed_m_s: float, **lidar: float) -> PointCloud:
+    """Measure a car 9 m ahead on a wet road."""
+    exact = vary(EXACT, **lidar)
+    scan = cast_scan(exact, STAND, raycaster_with((9.0, 0.0)))
+    states = frame_with((9.0, 0.0), speed_m_s=speed_m_s).states
+    wet = air(surface={"wetness": 1, "film_mm": 0.8})
+    return measure_point_cloud(exact, scan, wet, create_generator("test"), states=states)
+
+
 def test_only_fast_vehicles_have_spray() -> None:
-    plumes = {"surface": {"wetness": 1, "film_mm": 0.8}}
-    scan = cast_scan(EXACT, STAND, raycaster_with((9.0, 0.0)))
-
-    def found_at(speed_m_s: float, soft_gain: float) -> PointCloud:
-        states = frame_with((9.0, 0.0), speed_m_s=speed_m_s).states
-        lidar = vary(EXACT, soft_gain=soft_gain)
-        return measure_point_cloud(
-            lidar, scan, air(**plumes), create_generator("test"), states=states
-        )
-
-    slow, fast = found_at(5.0, 20), found_at(25.0, 20)
+    slow, fast = (measure_near_spray(speed_m_s, soft_gain=20) for speed_m_s in (5.0, 25.0))
     spray = fast.kind == PointKind.SPRAY
     assert not (slow.kind == PointKind.SPRAY).any()
     assert spray.sum() > 10
     assert (fast.points[spray, 0] < 8.6).all()
     assert (np.abs(fast.points[spray, 1]) < 2.01).all()
-    deaf = [found_at(speed, 0) for speed in (5.0, 25.0)]
-    low = [(found.instance == 1) & (found.points[:, 2] < -0.9) for found in deaf]
-    behind = [found.intensity[rows].mean() for found, rows in zip(deaf, low, strict=True)]
+
+
+@pytest.mark.parametrize("sub_rays", [1, 7])
+def test_spray_dims_what_is_behind_it(sub_rays: int) -> None:
+    found = [
+        measure_near_spray(speed_m_s, soft_gain=0, sub_rays=sub_rays) for speed_m_s in (5.0, 25.0)
+    ]
+    low = [(cloud.instance == 1) & (cloud.points[:, 2] < -0.9) for cloud in found]
+    behind = [cloud.intensity[rows].mean() for cloud, rows in zip(found, low, strict=True)]
     assert 0 < behind[1] < 0.9 * behind[0]
