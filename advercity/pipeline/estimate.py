@@ -197,8 +197,8 @@ class RunEstimate:
             output: Folder on this machine; None if other machines do the work.
         """
         total, found = self.total, list[str]()
-        free = math.inf if output is None else shutil.disk_usage(_find_existing_parent(output)).free
-        most_bytes = min(MAX_TOTAL_BYTES, MAX_DISK_FRACTION * free)
+        free = _measure_free_bytes(output)
+        most_bytes = _compute_most_bytes(free)
         if total.size_bytes > most_bytes:
             space = "" if output is None else f" ({format_byte_size(free)} are free at {output})"
             found.append(
@@ -216,6 +216,20 @@ class RunEstimate:
                 f" {format_byte_size(most_bytes)} of this machine's"
             )
         return found
+
+    def count_fitting_frames(self, output: Path | None) -> int:
+        """Count the frames of each scenario of which all files would fit."""
+        frame_bytes = sum(item.size_bytes / item.frames for item in self.estimates if item.frames)
+        return int(_compute_most_bytes(_measure_free_bytes(output)) / max(1.0, frame_bytes))
+
+
+def _measure_free_bytes(output: Path | None) -> float:
+    """Measure the space at a folder; unlimited where other machines do the work."""
+    return math.inf if output is None else shutil.disk_usage(_find_existing_parent(output)).free
+
+
+def _compute_most_bytes(free_bytes: float) -> float:
+    return min(MAX_TOTAL_BYTES, MAX_DISK_FRACTION * free_bytes)
 
 
 def estimate_run(
@@ -308,8 +322,11 @@ def check_resources(
         estimate = estimate_run(specs, options, jobs=jobs, simulate=True)
     found = [] if allow_large else estimate.describe_excess(output)
     if found:
+        fitting = estimate.count_fitting_frames(output)
+        is_shorter = 0 < fitting < max(item.frames for item in estimate.estimates)
+        frames = f"`frames` 0:{fitting}" if is_shorter else "`frames`"
         raise InputError(
-            f"this would take {'; '.join(found)}: make less (`frames`, `scale`, fewer specs),"
+            f"this would take {'; '.join(found)}: make less ({frames}, `scale`, fewer specs),"
             " choose another `output` or fewer `jobs`, or allow it with `allow_large`;"
             " `advercity estimate` shows more"
         )

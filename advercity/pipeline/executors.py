@@ -1,5 +1,6 @@
 """Runs batches of scenarios: checks them first, then hands them to this machine or a cluster."""
 
+import logging
 from collections import Counter
 from collections.abc import Sequence
 from typing import Protocol
@@ -9,7 +10,7 @@ from advercity_dsl import Spec
 from advercity.compiler.crossing import check_not_edited
 from advercity.dataset.partial_files import is_being_written
 from advercity.errors import InputError, RunError
-from advercity.pipeline.estimate import check_resources
+from advercity.pipeline.estimate import check_resources, resolve_requested_profile
 from advercity.pipeline.options import ResourceLimits, RunOptions, RunResources
 from advercity.pipeline.output_folder import check_output_folder
 from advercity.pipeline.progress import RunListener, ScenarioResult, SilentListener
@@ -17,6 +18,7 @@ from advercity.pipeline.spec_models import check_models
 from advercity.pipeline.workers import WorkerPool
 from advercity.rendering.backend import load_backend
 
+_logger = logging.getLogger(__name__)
 KILLED_RUN_S = 1.0
 """How long the workers of a run that was killed may take to end."""
 
@@ -96,6 +98,7 @@ def run_batch(
     if executor is None:  # the machines of a cluster check for themselves
         check_models(specs, allow_missing=options.allow_missing_models)
         _refuse_other_run(specs, options)
+        _announce_profile(options)
     resources = check_resources(
         specs,
         options,
@@ -106,6 +109,15 @@ def run_batch(
     )
     run = run_scenarios if executor is None else executor.run
     return run(specs, options, resources=resources, listener=listener or SilentListener())
+
+
+def _announce_profile(options: RunOptions) -> None:
+    """Say once which profile `auto` has taken, where it is not the authored quality."""
+    if options.profile == "auto" and resolve_requested_profile(options).name == "preview":
+        _logger.warning(
+            "profile preview: no device here traces rays in hardware; `profile` full renders as"
+            " the rig says, and slowly"
+        )
 
 
 def validate_batch(specs: Sequence[Spec], options: RunOptions) -> None:

@@ -1,6 +1,7 @@
 import json
 import math
 import os
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -266,6 +267,19 @@ def test_a_spec_that_would_fill_a_machine_is_refused_before_anything_is_made(
         ask(spec, options)
     assert ask(spec, options, allow_large=True).worker_count == 1
     assert not (tmp_path / "output").exists()
+
+
+def test_the_frames_that_a_refusal_names_are_not_refused(
+    specs: dict[str, Spec], tmp_path: Path
+) -> None:
+    spec = larger(specs["ui_fog_day_dense"], {}, {"azimuths": 18_000, "channels": 128})
+    options = RunOptions(tmp_path / "output", profile="preview", scale=0.01)
+    with pytest.raises(InputError, match=r"`frames` 0:\d+") as caught:
+        ask(spec, options)
+    (last,) = re.findall(r"`frames` 0:(\d+)", str(caught.value))
+    assert ask(spec, replace(options, frames=slice(0, int(last)))).worker_count == 1
+    with pytest.raises(InputError, match="of files, more than"):
+        ask(spec, replace(options, frames=slice(0, 2 * int(last))))
 
 
 def test_a_run_of_months_is_refused_where_a_comparable_one_was_recorded(

@@ -418,3 +418,19 @@ def test_a_run_is_refused_at_once_while_another_one_still_simulates(
         finally:
             process.terminate()
     assert not (tmp_path / "output").exists()
+
+
+@pytest.mark.parametrize(("profile", "said"), [("auto", 1), ("preview", 0)])
+def test_auto_says_once_that_it_took_the_preview(
+    few: list[Spec],
+    stunts: Path,
+    options: OptionsFor,
+    tmp_path: Path,
+    caplog: pytest.LogCaptureFixture,
+    profile: str,
+    said: int,
+) -> None:
+    """The run ends at once by its time limit; what counts is what was said before."""
+    chosen = replace(options(tmp_path / "output"), profile=profile)
+    run_batch(few[:1], chosen, limits=ResourceLimits(time_s=0.001))
+    assert caplog.text.count("profile preview: no device here traces rays in hardware") == said
