@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import shapely
 from advercity_dsl import MapFile, Road
-from advercity_dsl.road import Roof, Surrounding, SurroundingKind
+from advercity_dsl.road import Roof, Species, Surrounding, SurroundingKind
 from advercity_dsl.units import Point2
 from shapely.geometry.base import BaseGeometry
 
@@ -75,9 +75,11 @@ AREAS = {
     ("leisure", "swimming_pool"): SurroundingKind.WATER,
 }
 """Kinds by tag; grass and meadow are what the ground is anyway."""
-POINTS = {
-    ("natural", "tree"): SurroundingKind.TREES,
-    ("highway", "street_lamp"): SurroundingKind.LAMP,
+STREET_TREES = (Species.OAK, Species.MAPLE, Species.BIRCH)
+"""Trees whose crowns begin above vehicles."""
+POINTS: dict[tuple[str, str], tuple[SurroundingKind, tuple[Species, ...]]] = {
+    ("natural", "tree"): (SurroundingKind.TREES, STREET_TREES),
+    ("highway", "street_lamp"): (SurroundingKind.LAMP, ()),
 }
 WOOD_EDGE_M = 45.0
 """Distance from paving up to which woods consist of single trees."""
@@ -164,11 +166,11 @@ class _Places:
         return self._select_points(points[chosen])[:MAX_TREES]
 
     def iterate_others(self) -> Iterator[Surrounding]:
-        for (key, value), kind in POINTS.items():
+        for (key, value), (kind, species) in POINTS.items():
             points = np.array(self._osm.list_points(key, value)).reshape(-1, 2)
             at_m = self._select_points(points)
             if at_m:
-                yield Surrounding(kind=kind, at_m=at_m)
+                yield Surrounding(kind=kind, at_m=at_m, species=species)
         for tags, points in self._osm.lines:
             kind = _find_kind(tags, LINES)
             if kind is None:
@@ -178,7 +180,10 @@ class _Places:
                 line = shapely.simplify(part, SIMPLIFY_M)
                 if line.length > MIN_LINE_M:
                     height_m = _parse_metres(tags.get("height", ""))
-                    yield Surrounding(kind=kind, line_m=_round(line), height_m=height_m)
+                    species = STREET_TREES if kind is SurroundingKind.TREES else ()
+                    yield Surrounding(
+                        kind=kind, line_m=_round(line), height_m=height_m, species=species
+                    )
 
     def _select_points(self, points: Points) -> tuple[Point2, ...]:
         places = shapely.points(points)

@@ -95,8 +95,8 @@ def import_map(declared: MapFile, road: Road, folder: Path) -> MapNetwork:
     rename_network(net, read_street_names(converted))
     connecting = detach_connecting_roads(found.root) if declared.source == "opendrive" else None
     if connecting is not None:
-        chosen = OPENDRIVE_OPTIONS | _build_extent_option(declared)
-        add_outlines(net, parse_network(_convert(connecting, chosen, declared)))
+        lanes = parse_network(_convert(connecting, OPENDRIVE_OPTIONS, declared)).lanes
+        add_outlines(net, lanes, declared.extent_m)
     if not any(lane.permits("passenger") for lane in parse_network(net).lanes):
         raise InputError(f"{declared.file}: has no lane for cars{_describe_extent(declared)}")
     return MapNetwork(source=declared.source, sha256=found.sha256, network=pack_network(net))
@@ -151,15 +151,11 @@ def _build_import_options(declared: MapFile, road: Road, root: Element) -> dict[
             options |= OSM_OPTIONS | {"proj": _build_projection(declared, road, root)}
         case "sumo":
             options |= SUMO_OPTIONS
-    return options | _build_extent_option(declared)
-
-
-def _build_extent_option(declared: MapFile) -> dict[str, str]:
-    if declared.extent_m is None:
-        return {}
-    corners = np.array(declared.extent_m)
-    box = (*corners.min(axis=0).tolist(), *corners.max(axis=0).tolist())
-    return {"keep-edges.in-boundary": ",".join(f"{value:.3f}" for value in box)}
+    if declared.extent_m is not None:
+        corners = np.array(declared.extent_m)
+        box = (*corners.min(axis=0).tolist(), *corners.max(axis=0).tolist())
+        options["keep-edges.in-boundary"] = ",".join(f"{value:.3f}" for value in box)
+    return options
 
 
 def _build_projection(declared: MapFile, road: Road, root: Element) -> str:

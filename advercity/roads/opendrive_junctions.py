@@ -4,13 +4,15 @@ netconvert makes junctions of its own from the streets that meet, without the si
 shoulders that lead through them. Detached, the connecting roads are converted with all their lanes.
 """
 
+from collections.abc import Iterable
 from copy import deepcopy
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 import shapely
+from advercity_dsl.units import Point2
 
-from advercity.roads.network_file import SumoNetwork
+from advercity.roads.network_file import SumoLane
 
 OUTLINE_TOLERANCE_M = 0.02
 OUTLINE_KINDS = {"driving": "roadway", "shoulder": "roadway", "sidewalk": "sidewalk"}
@@ -32,11 +34,22 @@ def detach_connecting_roads(root: Element) -> Element | None:
     return found if found.find("road") is not None else None
 
 
-def add_outlines(net: Element, connecting_roads: SumoNetwork) -> None:
-    """Add the outlines of lanes, in the plan, to a network."""
-    for lane in connecting_roads.lanes:
-        if lane.function == "normal" and lane.kind in OUTLINE_KINDS and len(lane.centre) > 1:
-            ring = shapely.Polygon(np.vstack([lane.left_border, lane.right_border[::-1]])[:, :2])
+def add_outlines(
+    net: Element, lanes: Iterable[SumoLane], extent_m: tuple[Point2, Point2] | None
+) -> None:
+    """Add the outlines of connecting lanes, in the plan, to a network.
+
+    Args:
+        net: The network.
+        lanes: Lanes of the detached roads.
+        extent_m: Corners of the rectangle that outlines reach into; None adds all.
+    """
+    wanted = None if extent_m is None else shapely.MultiPoint(np.array(extent_m)).envelope
+    for lane in lanes:
+        if lane.function != "normal" or lane.kind not in OUTLINE_KINDS or len(lane.centre) < 2:
+            continue
+        ring = shapely.Polygon(np.vstack([lane.left_border, lane.right_border[::-1]])[:, :2])
+        if wanted is None or shapely.intersects(wanted, ring):
             plain = shapely.get_coordinates(shapely.simplify(ring, OUTLINE_TOLERANCE_M))
             shape = " ".join(f"{x:.2f},{y:.2f}" for x, y in plain)
             kind = OUTLINE_KINDS[lane.kind]

@@ -37,7 +37,8 @@ HOUSE_HEIGHT_RANGE_M, BLOCK_HEIGHT_RANGE_M = (5.5, 8.0), (6.5, 15.0)
 """Heights of buildings whose map has none."""
 MIN_WINDOWED_M = 2.2
 MAX_WINDOWED_DISTANCE_M = 90.0
-"""Shorter sides, and those that are further from streets, have no windows."""
+MIN_STOREY_M = 2.0
+"""Shorter and lower sides, and those that are further from streets, have no windows."""
 SIMPLIFY_M, MIN_AREA_M2 = 0.25, 4.0
 SILL_HEIGHT_M = 0.9
 OVERHANG_M, PARAPET_M, PARAPET_WIDTH_M = 0.4, 0.45, 0.25
@@ -117,7 +118,8 @@ def _build_walls(
     front = int(np.argmax(lengths - away_m))
     bay_m, width_m = float(draw.uniform(2.6, 3.6)), float(draw.uniform(1.0, 1.5))
     for index, (middle, step, length) in enumerate(zip(middles, steps, lengths, strict=True)):
-        if length < MIN_WINDOWED_M or away_m[index] > MAX_WINDOWED_DISTANCE_M:
+        has_windows = length > MIN_WINDOWED_M and away_m[index] < MAX_WINDOWED_DISTANCE_M
+        if not has_windows or eaves_m < MIN_STOREY_M:
             yield _build_band(corners[index : index + 2], 0.0, eaves_m), style.wall
             continue
         count = max(1, int(length / bay_m))

@@ -151,3 +151,15 @@ def test_crosswalks_of_opendrive_are_the_only_crossings(tmp_path: Path) -> None:
         # On the western street, which ends 10 m from the middle of the junction.
         assert len(middles) == 1
         assert middles[0] == pytest.approx((-8, 0), abs=4)
+
+
+def test_a_piece_without_a_junction_is_cut_out_of_a_map() -> None:
+    road = Road.model_validate(declaration("opendrive", "junction.xodr"))
+    piece = MapFile(source="opendrive", file="junction.xodr", extent_m=((-60, -10), (-40, 10)))
+
+    network = import_map(piece, road, DATA)
+
+    paved = build_road(road.model_copy(update={"imported": network})).paved_area
+    west, south, east, north = paved.bounds
+    assert (west, south, north) == pytest.approx((-60, -5.5, 5.5), abs=0.05)
+    assert east < 1

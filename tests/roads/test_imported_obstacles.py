@@ -15,10 +15,13 @@ from advercity_dsl import MapFile, Road, Spec
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
+from advercity.compiler.map_surroundings import read_surroundings
+from advercity.compiler.surrounding_styles import grow_surroundings
 from advercity.geometry.polyline import resample_polyline
 from advercity.roads.map_import import import_map
 from advercity.roads.road_network import RoadNetwork, build_road
 from advercity.scene.street_furniture import build_street_furniture
+from advercity.scene.surroundings import build_surroundings
 from advercity.scene.terrain import GroundModel
 from tests.roads.imported_roads import declaration
 from tests.roads.probing import Floats
@@ -41,15 +44,18 @@ def load_map(path: Path) -> Road:
         )
         data["origin_lat_deg"], data["origin_lon_deg"] = places.mean(axis=0).tolist()
     road = Road.model_validate(data)
-    assert isinstance(road.imported, MapFile)
-    return road.model_copy(update={"imported": import_map(road.imported, road, path.parent)})
+    declared = road.imported
+    assert isinstance(declared, MapFile)
+    road = road.model_copy(update={"imported": import_map(declared, road, path.parent)})
+    return grow_surroundings(road, read_surroundings(declared, road, path.parent))
 
 
 def find_obstacles(road: RoadNetwork) -> Iterator[str]:
     """Drive rays along every driving lane, over its whole width and at several heights."""
     ground = GroundModel.from_edges(road.paved_edges, [])
     furniture, _ = build_street_furniture(road, ground.height_at)
-    meshes = [*road.meshes, *furniture]
+    surroundings, _ = build_surroundings(road, ground.height_at, road.paved_area)
+    meshes = [*road.meshes, *furniture, *surroundings]
     scene = EmbreeScene()
     TriangleMesh(scene, np.concatenate([mesh.vertices[mesh.triangles] for mesh in meshes]))
     for lane in road.lanes:
