@@ -24,6 +24,8 @@ MAX_DISTANCE_M = 120.0
 """Distance from paving beyond which surroundings are left out."""
 CLEARANCE_M = 0.6
 """Distance of masts, trees, walls and buildings from paving, whose width maps seldom have."""
+TREE_CLEARANCE_M = 3.5
+"""Distance of trunks from paving, so that crowns are not in the way of vehicles."""
 MIN_LEFT_FRACTION = 0.5
 """Part of a building that must be off the paving."""
 MIN_AREA_M2, MIN_LINE_M = 6.0, 1.0
@@ -117,6 +119,7 @@ class _Places:
         self._osm = osm
         self._near = shapely.buffer(paving, MAX_DISTANCE_M)
         self._taken = shapely.buffer(paving, CLEARANCE_M)
+        self._below_crowns = shapely.buffer(paving, TREE_CLEARANCE_M)
         self._seen = shapely.buffer(paving, WOOD_EDGE_M)
         shapely.prepare(self._near)
         shapely.prepare(self._seen)
@@ -163,12 +166,12 @@ class _Places:
         points += draw.uniform(0, 0.8 * TREE_SPACING_M, points.shape)
         places = shapely.points(points)
         chosen = shapely.intersects(wood, places) & shapely.intersects(self._seen, places)
-        return self._select_points(points[chosen])[:MAX_TREES]
+        return self._select_points(points[chosen], SurroundingKind.TREES)[:MAX_TREES]
 
     def iterate_others(self) -> Iterator[Surrounding]:
         for (key, value), (kind, species) in POINTS.items():
             points = np.array(self._osm.list_points(key, value)).reshape(-1, 2)
-            at_m = self._select_points(points)
+            at_m = self._select_points(points, kind)
             if at_m:
                 yield Surrounding(kind=kind, at_m=at_m, species=species)
         for tags, points in self._osm.lines:
@@ -176,7 +179,7 @@ class _Places:
             if kind is None:
                 continue
             free = shapely.intersection(shapely.LineString(points), self._near)
-            for part in shapely.get_parts(shapely.difference(free, self._taken)):
+            for part in shapely.get_parts(shapely.difference(free, self._get_taken(kind))):
                 line = shapely.simplify(part, SIMPLIFY_M)
                 if line.length > MIN_LINE_M:
                     height_m = _parse_metres(tags.get("height", ""))
@@ -185,10 +188,13 @@ class _Places:
                         kind=kind, line_m=_round(line), height_m=height_m, species=species
                     )
 
-    def _select_points(self, points: Points) -> tuple[Point2, ...]:
+    def _select_points(self, points: Points, kind: SurroundingKind) -> tuple[Point2, ...]:
         places = shapely.points(points)
-        chosen = shapely.intersects(self._near, places) & ~shapely.intersects(self._taken, places)
-        return _round_points(points[chosen])
+        taken = shapely.intersects(self._get_taken(kind), places)
+        return _round_points(points[shapely.intersects(self._near, places) & ~taken])
+
+    def _get_taken(self, kind: SurroundingKind) -> BaseGeometry:
+        return self._below_crowns if kind is SurroundingKind.TREES else self._taken
 
 
 def _find_kind(tags: Tags, kinds: dict[tuple[str, str], SurroundingKind]) -> SurroundingKind | None:

@@ -36,7 +36,7 @@ HOUSE_AREA_M2, HOUSE_HEIGHT_M = 220.0, 9.0
 HOUSE_HEIGHT_RANGE_M, BLOCK_HEIGHT_RANGE_M = (5.5, 8.0), (6.5, 15.0)
 """Heights of buildings whose map has none."""
 MIN_WINDOWED_M = 2.2
-MAX_WINDOWED_DISTANCE_M = 90.0
+MAX_WINDOWED_DISTANCE_M = 45.0
 MIN_STOREY_M = 2.0
 """Shorter and lower sides, and those that are further from streets, have no windows."""
 SIMPLIFY_M, MIN_AREA_M2 = 0.25, 4.0
