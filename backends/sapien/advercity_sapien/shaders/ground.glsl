@@ -89,7 +89,8 @@ float snowCover(int kind, bool snowless, vec3 p, vec3 n, float footprint) {
 Surface buildSurface(vec3 albedo, float roughness, float metallic, int kind, bool snowless, vec3 p,
     vec3 normal, float footprint) {
   const float INDEX_MATCHED = 0.85;
-  const float FILMED = 0.15, STILL = 0.02, GLAZED = 0.1;
+  // Ice is smooth on what is even; blades and leaves face all ways, so a lawn of them glitters.
+  const float FILMED = 0.15, STILL = 0.02, GLAZED = 0.1, GLAZED_BLADES = 0.5;
   const vec3 SNOW = vec3(0.86, 0.88, 0.91);
   float porous = smoothstep(0.45, 0.6, roughness) * (1.0 - metallic);
   float puddle = wetness() > 0.0 ? standingWater(kind, p, normal, footprint) : 0.0;
@@ -107,7 +108,7 @@ Surface buildSurface(vec3 albedo, float roughness, float metallic, int kind, boo
 
   Surface s;
   s.albedo = mix(albedo, soaked, wet) * (1.0 - metallic);
-  float filmed = mix(FILMED, GLAZED, ice);
+  float filmed = mix(FILMED, holdsFilm(kind) ? GLAZED : GLAZED_BLADES, ice);
   s.alpha = max(mix(mix(roughness * roughness, filmed, film), waves, puddle), 0.02);
   s.coat = (1.0 - metallic) * mix(1.0, film, porous);
   s.index = mix(1.5, WATER_INDEX, porous);
