@@ -89,8 +89,8 @@ float snowCover(int kind, bool snowless, vec3 p, vec3 n, float footprint) {
 Surface buildSurface(vec3 albedo, float roughness, float metallic, int kind, bool snowless, vec3 p,
     vec3 normal, float footprint) {
   const float INDEX_MATCHED = 0.85;
-  // Ice is smooth on what is even; blades and leaves face all ways, so a lawn of them glitters.
-  const float FILMED = 0.15, STILL = 0.02, GLAZED = 0.1, GLAZED_BLADES = 0.5;
+  // Blades and leaves face all ways: under ice, a lawn of them shines, but mirrors nothing.
+  const float FILMED = 0.15, STILL = 0.02, GLAZED = 0.1, GLAZED_BLADES = 0.3;
   const vec3 SNOW = vec3(0.86, 0.88, 0.91);
   float porous = smoothstep(0.45, 0.6, roughness) * (1.0 - metallic);
   float puddle = wetness() > 0.0 ? standingWater(kind, p, normal, footprint) : 0.0;
@@ -101,14 +101,15 @@ Surface buildSurface(vec3 albedo, float roughness, float metallic, int kind, boo
   wet = max(wet, ice * porous);
   vec3 soaked = INDEX_MATCHED * (1.0 - WATER_EXTERNAL_REFLECTANCE)
       * (1.0 - WATER_INTERNAL_REFLECTANCE) * albedo / (1.0 - albedo * WATER_INTERNAL_REFLECTANCE);
-  float film = max(holdsFilm(kind) ? smoothstep(0.3, 1.0, wet) : 0.0, ice);
+  float film = max(holdsFilm(kind) ? smoothstep(0.3, 1.0, wet) : 0.0,
+      holdsFilm(kind) ? ice : GLAZED_BLADES * ice);
   // Ripples finer than the pixel widen the lobe: alpha is sqrt(2) of the root mean square slope.
   float waves = rippleSlope() * (1.0 - ice);
   waves = STILL + 1.41 * waves * (1.0 - retainedContrast(RIPPLE_WAVELENGTH, footprint));
 
   Surface s;
   s.albedo = mix(albedo, soaked, wet) * (1.0 - metallic);
-  float filmed = mix(FILMED, holdsFilm(kind) ? GLAZED : GLAZED_BLADES, ice);
+  float filmed = mix(FILMED, GLAZED, ice);
   s.alpha = max(mix(mix(roughness * roughness, filmed, film), waves, puddle), 0.02);
   s.coat = (1.0 - metallic) * mix(1.0, film, porous);
   s.index = mix(1.5, WATER_INDEX, porous);
