@@ -33,8 +33,8 @@ def install(
 ) -> None:
     """Fetch Debian's free furniture models, for bodies.
 
-    Downloads 120 MB, with apt or without, and needs no root. Converts the models and compares them
-    with the lock of the catalogue.
+    Downloads 120 MB with apt, or takes the file of --from; needs no root. Converts the models and
+    compares them with the lock of the catalogue.
     """
     from advercity.assets.locking import CONVERSION_REMEDY, find_differing_models
     from advercity.assets.model_store import ModelStore, open_model_store

@@ -385,7 +385,9 @@ def test_a_file_that_is_not_a_glb_is_rejected(tmp_path: Path):
 
 def test_installing_may_be_optional(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("PATH", str(tmp_path))
-    monkeypatch.setattr("advercity.cli.assets.open_model_store", lambda: ModelStore(tmp_path))
+    monkeypatch.setattr(
+        "advercity.assets.model_store.open_model_store", lambda: ModelStore(tmp_path)
+    )
     done = CliRunner().invoke(app, ["assets", "install", "--allow-failure"])
     assert done.exit_code == 0
     assert "(120 MB)" in done.output
