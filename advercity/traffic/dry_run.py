@@ -36,7 +36,7 @@ from advercity.traffic.sumo_run import run_sumo
 MAX_DRY_RUNS = 40
 MAX_LISTED_PAIRS = 4
 """Number of blockages that a message lists."""
-TRIGGER_TOLERANCE_S = 0.1
+TRIGGER_TOLERANCE_S = 0.06
 """A schedule is kept if the next one would move its trigger by no more than this."""
 
 PastDryRun = tuple[Mapping[int, int], Mapping[int, ActorSchedule]]

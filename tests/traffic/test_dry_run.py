@@ -225,25 +225,24 @@ def test_a_scenario_that_ends_before_its_conflict_says_what_to_change(
         )
 
     assert (
-        "the ego does not cross the path of conflict_1 (ped_farside_crossing), conflict_2"
-        " (ped_nearside_crossing) before it arrives or the scenario ends, 6.5 s after the start"
-        " (max_ticks 65); raise timing.max_ticks or lower the density"
+        "the ego does not cross the path of conflict_1 (ped_nearside_crossing) before it arrives or"
+        " the scenario ends, 6.5 s after the start (max_ticks 65); raise timing.max_ticks or lower"
+        " the density"
     ) in str(caught.value)
 
 
 def test_the_message_names_blocking_and_blocked_actors(specs: dict[str, Spec]):
-    spec = specs["ui_clear_day_sparse"]
-    rider, cyclist, _ = (conflict.actors[0].number for conflict in spec.conflicts)
+    spec = specs["ri_clear_day_sparse"]
+    cyclist = spec.conflicts[0].actors[0].number
 
     message = format_blockages(
-        spec, {Blockage(1007, cyclist), Blockage(cyclist, rider), Blockage(102, rider)}
+        spec, {Blockage(1007, cyclist), Blockage(cyclist, 1008), Blockage(102, cyclist)}
     )
 
     assert message.startswith(
-        f"cav2 (102) blocks motorcycle {rider} of conflict_1 (ltap_od_ego_turns),"
-        f" 1007 blocks bicycle {cyclist} of conflict_2 (cyc_left_turn),"
-        f" bicycle {cyclist} of conflict_2 (cyc_left_turn) blocks motorcycle {rider} of"
-        " conflict_1 (ltap_od_ego_turns); lower the density, move the agents,"
+        f"cav2 (102) blocks bicycle {cyclist} of conflict_1 (cyc_left_turn),"
+        f" 1007 blocks bicycle {cyclist} of conflict_1 (cyc_left_turn),"
+        f" bicycle {cyclist} of conflict_1 (cyc_left_turn) blocks 1008; lower the density, move the"
     )
 
 
