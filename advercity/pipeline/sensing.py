@@ -46,10 +46,8 @@ def open_sensors(prepared: PreparedScenario) -> Generator["SensorRig"]:
 
     Loading or building the world and compiling shaders take seconds.
     """
-    world, conditions = (
-        prepared.load_world(),
-        ConditionsByFrame(prepared.spec, prepared.poses.timeline),
-    )
+    world = prepared.load_world()
+    conditions = ConditionsByFrame(prepared.spec, prepared.poses.timeline)
     with prepared.backend.open(world, conditions.at(0).atmosphere, prepared.profile) as renderer:
         yield SensorRig(prepared, conditions, renderer, world)
 
