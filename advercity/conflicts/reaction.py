@@ -129,13 +129,14 @@ def _plan_steering(
     is_over = apart_m < apart_m.min() + conflict.parameters["encroachment_m"]
     over_s = float(actor.rows["tick"][np.argmax(is_over)]) * trace.tick_s
     seen_s, _ = find_perception(trace, ego, actor, conditions, until_s=passing_s)
-    shift_m = PASSING_GAP_M + (ego.size[1] + actor.size[1]) / 2 - apart_m.min()
+    gap_m = apart_m.min() - (ego.size[1] + actor.size[1]) / 2
+    shift_m = max(PASSING_GAP_M - gap_m, MIN_SHIFT_M)
     begin_s = max(over_s, seen_s) + REACTION_TIME_S
     shortest_s = np.sqrt(QUINTIC_PEAK_ACCELERATION * shift_m / (conditions.friction * GRAVITY_M_S2))
     steers_s = float(np.clip(passing_s - HOLD_ASIDE_S / 2 - begin_s, shortest_s, STEERING_TIME_S))
     offsets = compute_lateral_offsets(
         trace.tick_s * np.arange(len(trace), dtype=np.float64),
-        shift_m=-max(shift_m, MIN_SHIFT_M),
+        shift_m=-shift_m,
         out_s=steers_s,
         hold_s=max(passing_s + HOLD_ASIDE_S - begin_s - steers_s, 0.0),
         return_s=STEERING_TIME_S,
