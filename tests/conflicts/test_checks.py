@@ -127,7 +127,7 @@ MISTAKES = {
     ),
     "V9 a conflict that always misses": (
         "conflicts/ltap_od_ego_turns.yaml",
-        "time_to_collision_below_s: 1.5",
+        "time_to_collision_below_s: 2.0",
         "time_to_collision_below_s: 0.2",
         "that is never below 0.2 s",
     ),
