@@ -39,7 +39,8 @@ class IndexEntry(Model):
 
     Attributes:
         spec_sha256: Checksum of the spec.
-        state: `waiting` has no result yet, `partial` lacks frames.
+        state: `waiting` has no result yet, `partial` lacks frames, `failed` does so after an error;
+            a run that is refused leaves a scenario `whole`.
         frames: Number of written frames.
         length: Number of frames of the whole scenario.
         files: Number of files.
@@ -64,7 +65,7 @@ class IndexEntry(Model):
         manifest = Manifest.parse(text, where=f"{spec.id}/{MANIFEST_FILE}")
         return IndexEntry(
             spec_sha256=manifest.identity.spec_sha256,
-            state="failed" if failed else "whole" if manifest.complete else "partial",
+            state="whole" if manifest.complete else "failed" if failed else "partial",
             frames=len(manifest.frames),
             length=manifest.length,
             files=len(manifest.files),

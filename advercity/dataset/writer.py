@@ -242,17 +242,20 @@ class ScenarioWriter(FrameWriter):
 
     def _clear(self) -> None:
         """Delete what runs have written, as the manifest of the last one tells."""
-        # It is replaced by a new one later: until then an interrupted run finds a dataset here.
         found = Manifest.load(self.scenario)
         names = found.frame_file_names
         check_folders_are_no_links(self.scenario, names.folders)
         own = {*names.list_files(self.scenario), *(SCENARIO_FILES & found.files.keys())}
+        # Until there is a new one, an interrupted run finds a dataset here, without the frames.
+        unnumbered = {path: file for path, file in found.files.items() if file.frame is None}
+        self._replace_manifest(
+            Manifest.from_files(found.identity, found.spec, length=found.length, files=unnumbered)
+        )
         for path in own:
             (self.scenario / path).unlink(missing_ok=True)
         for folder in names.folders:
             with suppress(OSError):  # not there, or files of others are in it
                 (self.scenario / folder).rmdir()
-        remove_journals(self.scenario)
         kept = sum(1 for path in self.scenario.rglob("*") if not path.is_dir()) - 1
         if kept:
             _logger.warning("%s: %s of no run kept", self.scenario, format_file_count(kept))
@@ -300,7 +303,10 @@ class ScenarioWriter(FrameWriter):
         manifest = Manifest.from_files(
             self._identity, self._spec, length=self._length, files=self._files
         )
+        self._replace_manifest(manifest)
+        return manifest
+
+    def _replace_manifest(self, manifest: Manifest) -> None:
         replace_file(self.scenario, MANIFEST_FILE, manifest.to_json().encode())
         # Only now: the journals are the record until the manifest has their frames.
         remove_journals(self.scenario)
-        return manifest

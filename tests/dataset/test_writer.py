@@ -305,6 +305,26 @@ def test_fresh_starts_over(whole: Path, writer: Make, sensor_frames_of: SensorFr
     assert manifest.identity.renderer == {"profile": "full"}
 
 
+def test_a_scenario_that_fresh_empties_in_part_counts_as_without_frames(
+    whole: Path, writer: Make, run: Run, original: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    unlink, deleted = Path.unlink, itertools.count(1)
+
+    def refuse_the_tenth(path: Path, missing_ok: bool = False) -> None:
+        if next(deleted) == 10:
+            raise PermissionError(1, "Operation not permitted", str(path))
+        unlink(path, missing_ok=missing_ok)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "unlink", refuse_the_tenth)
+        with pytest.raises(RunError, match="not permitted"), writer(whole, fresh=True):
+            pass
+    manifest = Manifest.load(find_scenarios(whole)[0])
+    assert (manifest.frames, manifest.complete) == ((), False)
+    assert run(whole) == [0, 1]
+    assert tree(whole) == tree(original)
+
+
 @pytest.mark.parametrize("fresh", [False, True])
 def test_a_folder_with_other_files_is_left_alone(
     tmp_path: Path, writer: Make, spec: Spec, fresh: bool
