@@ -304,7 +304,7 @@ def view(
         bool, typer.Option("--analytics", help="Let Rerun send usage data, if it is set up so.")
     ] = False,
 ) -> None:
-    """Open a recording, a scenario of a dataset or a live view in Rerun."""
+    """Open a recording, a scenario or a live view."""
     from advercity.pipeline.replay import open_viewer
     from advercity.viewer.cloud_colours import parse_cloud_colour
 

@@ -285,7 +285,7 @@ def test_events_are_the_extremes_of_an_encounter(spec: Spec) -> None:
     staged = StagedConflict.model_construct(
         id="conflict_1",
         conflict="ped_crossing",
-        actors=(StagedActor.model_construct(number=walker),),
+        actors=(StagedActor.model_construct(number=walker, behaviour="stops_short"),),
         point_m=(0.0, 0.0),
         parameters={"arrival_offset_s": 1.0},
         outcome=OutcomeCriteria(
