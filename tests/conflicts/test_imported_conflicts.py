@@ -23,6 +23,7 @@ def staged(library: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str,
         roads=["imported"],
         cross_conflicts="all",
         standings=["primary", "extension"],
+        resolved_by={"actor": 1},
     )
 
 
