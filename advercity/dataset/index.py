@@ -18,6 +18,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 from advercity.atomic_files import move_file, write_atomically, write_file
 from advercity.dataset.manifest import Manifest, compute_spec_digest
 from advercity.dataset.partial_files import (
+    find_partial_file,
     lock_file,
     remove_staging_folder,
     report_disk_errors,
@@ -187,9 +188,9 @@ class IndexWriter:
             # Once per run: a scenario that is made again has no result until then.
             if not self._has_written:
                 index = index.with_waiting(self._specs.values())
-            incoming = staging / "incoming" / INDEX_FILE
-            write_file(incoming, index.with_entries(entries).to_json())
-            move_file(incoming, path)
+            partial = find_partial_file(path, INDEX_FILE)
+            write_file(partial, index.with_entries(entries).to_json())
+            move_file(partial, path)
             remove_staging_folder(path)
         self._has_written = True
 

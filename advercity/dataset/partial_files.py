@@ -9,7 +9,6 @@ import errno
 import hashlib
 import logging
 import os
-import shutil
 import time
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -30,6 +29,8 @@ from advercity.errors import InputError, RunError, describe_cause
 
 _logger = logging.getLogger(__name__)
 
+PARTIAL_SUFFIX = ".advercity-partial"
+"""End of the names of unfinished files, which no file of others has."""
 LOCK_TIMEOUT_S = 5.0
 """How long a run that was killed may take to release its lock."""
 
@@ -110,20 +111,40 @@ def format_file_count(count: int) -> str:
     return f"{count} file{'' if count == 1 else 's'}"
 
 
+def find_partial_file(scenario: Path, path: str) -> Path:
+    """Find the place where a file is written that will be at `path` in the scenario."""
+    return find_staging_folder(scenario) / "incoming" / f"{path}{PARTIAL_SUFFIX}"
+
+
 def remove_partial_files(scenario: Path) -> None:
-    """Delete the unfinished files and the claims of a scenario."""
-    for name in ("incoming", "claims"):
-        folder = find_staging_folder(scenario) / name
-        if folder.exists():
-            shutil.rmtree(folder)
+    """Delete the unfinished files and the claims of a scenario; files of others stay."""
+    staging = find_staging_folder(scenario)
+    incoming, claims = staging / "incoming", staging / "claims"
+    for path in incoming.rglob(f"*{PARTIAL_SUFFIX}"):
+        if not path.is_dir():
+            path.unlink()
+    for folder in (*sorted(incoming.rglob("*/"), reverse=True), *claims.glob("*/")):
+        with suppress(OSError):  # not empty, or a link
+            folder.rmdir()
+    for folder in (incoming, claims):
+        with suppress(OSError):
+            folder.rmdir()
 
 
 def remove_idle_staging_folder(scenario: Path) -> None:
-    """Delete the staging folder of a scenario, or all but journals that are still needed."""
-    if find_journals(scenario):  # of a run that was killed
+    """Delete the staging folder of a scenario but for journals that are still needed.
+
+    Files of others stay in it, and a warning says so.
+    """
+    staging, journals = find_staging_folder(scenario), find_journals(scenario)
+    if journals:  # of a run that was killed
         remove_partial_files(scenario)
     else:
         remove_staging_folder(scenario)
+    left = {path for path in staging.rglob("*") if not path.is_dir()}
+    foreign = left.difference(journals, {staging / "lock"})
+    if foreign:
+        _logger.warning("%s: %s of no run kept", staging, format_file_count(len(foreign)))
 
 
 def remove_staging_folder(scenario: Path) -> None:
@@ -247,7 +268,7 @@ def share_lock(stream: IO[bytes]) -> None:
 
 def replace_file(scenario: Path, path: str, content: bytes) -> None:
     """Write a file of a scenario so that it is either the old or the new one at any moment."""
-    incoming = find_staging_folder(scenario) / "incoming" / path
-    write_file(incoming, content)
-    sync_files([incoming])
-    move_file(incoming, scenario / path)
+    partial = find_partial_file(scenario, path)
+    write_file(partial, content)
+    sync_files([partial])
+    move_file(partial, scenario / path)

@@ -6,6 +6,7 @@ scenario ends with the bytes that one machine alone would have written.
 """
 
 import hashlib
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -80,7 +81,7 @@ class SharedScenario:
             # Of a machine that stopped before its manifest; any other file may be a user's.
             if inside not in manifest.files and names.find_frame(inside) is not None:
                 self.store.remove(f"{name}/{inside}")
-        self.store.remove(_format_parts_folder(name))
+        self._remove_parts()
         return manifest
 
     def _clear(self, found: Iterable[Manifest]) -> None:
@@ -92,7 +93,19 @@ class SharedScenario:
             own = [p for p in present if p in listed or names.find_frame(p) is not None]
             for inside in own:
                 self.store.remove(f"{name}/{inside}")
-        self.store.remove(_format_parts_folder(name))
+        self._remove_parts()
+
+    def _remove_parts(self) -> None:
+        """Delete the manifests of parts, and their folder unless it has files of others."""
+        for path in self._list_parts():
+            self.store.remove(path)
+        folder = _format_parts_folder(self.spec.id)
+        if not self.store.list_files(folder):
+            self.store.remove(folder)
+
+    def _list_parts(self) -> list[str]:
+        listed = self.store.list_files(_format_parts_folder(self.spec.id))
+        return [p for p in listed if re.fullmatch(r"[0-9]{6,}_[0-9]{6,}\.json", p.split("/")[-1])]
 
     def _list_files(self) -> list[str]:
         name = self.spec.id
@@ -109,8 +122,7 @@ class SharedScenario:
 
     def _read_manifests(self) -> list[Manifest]:
         """Read the manifest of the scenario if it has one, and those of its parts."""
-        parts = self.store.list_files(_format_parts_folder(self.spec.id))
-        paths = [f"{self.spec.id}/{MANIFEST_FILE}", *parts]
+        paths = [f"{self.spec.id}/{MANIFEST_FILE}", *self._list_parts()]
         texts = [(path, self.store.read(path)) for path in paths]
         return [Manifest.parse(text, where=path) for path, text in texts if text is not None]
 

@@ -66,7 +66,8 @@ def check_folders_are_no_links(scenario: Path, folders: Iterable[str]) -> None:
 
 def find_journals(scenario: Path) -> list[Path]:
     """Find the journals of frames written since the last manifest, one per process."""
-    return sorted(find_staging_folder(scenario).glob("journal_*.jsonl"))
+    found = find_staging_folder(scenario).glob("journal_*.jsonl")
+    return sorted(path for path in found if re.fullmatch(r"journal_[0-9]+", path.stem))
 
 
 def not_a_scenario_error(folder: Path) -> InputError:

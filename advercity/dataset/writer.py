@@ -21,6 +21,7 @@ from advercity.dataset.opv2v import select_encoder
 from advercity.dataset.partial_files import (
     FileRecord,
     append_to_journal,
+    find_partial_file,
     format_file_count,
     lock_file,
     read_journals,
@@ -133,16 +134,18 @@ class FrameWriter:
         Raises:
             RunError: The disk is full or not writable; the frame is absent then.
         """
-        incoming = self._staging / "incoming" / str(self._process)
         files = self._encode(sensor_frames, self._lanes, name=format_frame_name(self._spec, frame))
         with report_disk_errors(self.scenario):
             check_folders_are_no_links(self.scenario, self._names.folders)
             # All files are on the disk before the first is moved: a full disk leaves no part.
+            partials = {
+                path: find_partial_file(self.scenario, f"{self._process}/{path}") for path in files
+            }
             for path, content in files.items():
-                write_file(incoming / path, content)
-            sync_files(incoming / path for path in files)
-            for path in files:
-                move_file(incoming / path, self.scenario / path)
+                write_file(partials[path], content)
+            sync_files(partials.values())
+            for path, partial in partials.items():
+                move_file(partial, self.scenario / path)
             # Only now: after a power cut, whatever a journal lists has its content and its name.
             sync_files({(self.scenario / path).parent for path in files})
             records = {

@@ -13,7 +13,9 @@ from advercity.dataset import partial_files, writer
 from advercity.dataset.formats import FORMATS, FrameFileNames
 from advercity.dataset.manifest import Manifest
 from advercity.dataset.opv2v import select_encoder
+from advercity.dataset.remote import SharedScenario, upload_part
 from advercity.dataset.scenario_folders import MANIFEST_FILE
+from advercity.dataset.store import DatasetStore
 from advercity.dataset.verification import restore_files, verify_dataset, verify_scenario
 from advercity.dataset.writer import ScenarioWriter
 from advercity.errors import AdvercityError, RunError
@@ -126,6 +128,66 @@ def test_foreign_files_are_told_from_damage_and_survive_everything(
     assert texts(scenario, *FOREIGN) == precious
     assert not list(scenario.glob("*/000060.pcd"))
     assert f"{scenario}: {len(FOREIGN)} files of no run kept" in caplog.text
+
+
+IN_STAGING = (
+    "notes.txt",
+    "journal_mine.jsonl",
+    "incoming/notes.txt",
+    "incoming/+101/000061.pcd",
+    "incoming/mine/000061.pcd",
+    "claims/mine/notes.txt",
+)
+
+
+@pytest.mark.parametrize("fresh", [False, True])
+def test_files_of_others_among_unfinished_ones_stay_and_are_reported(
+    scenario: Path,
+    spec: Spec,
+    resume: Callable[..., None],
+    sensor_frames_of: SensorFramesOf,
+    caplog: pytest.LogCaptureFixture,
+    monkeypatch: pytest.MonkeyPatch,
+    fresh: bool,
+) -> None:
+    staging = scenario.parent / ".staging" / scenario.name
+    precious = add(staging, *IN_STAGING)
+    with monkeypatch.context() as patched:
+
+        def end_process(*_: object) -> None:
+            raise KeyboardInterrupt
+
+        patched.setattr(writer, "move_file", end_process)
+        patched.setattr(ScenarioWriter, "finish", end_process)
+        opened = ScenarioWriter(scenario.parent, spec, identify(spec), length=LENGTH)
+        with pytest.raises(KeyboardInterrupt), opened:
+            opened.claim_frame(1)
+            opened.write_frame(1, sensor_frames_of(1))
+    left = {path.relative_to(staging).as_posix() for path in staging.rglob("*")}
+    assert len(left) > 100
+    with partial_files.lock_scenario(scenario):
+        pass
+    resume(scenario, fresh=fresh)
+    assert restore_files(scenario, (), lambda frame: ()) == []
+    found = {path.relative_to(staging).as_posix() for path in staging.rglob("*") if path.is_file()}
+    assert found == precious.keys()
+    assert texts(staging, *IN_STAGING) == precious
+    assert f"{staging}: {len(IN_STAGING)} files of no run kept" in caplog.text
+
+
+@pytest.mark.parametrize("fresh", [False, True])
+def test_files_of_others_among_the_parts_of_a_store_stay(
+    scenario: Path, spec: Spec, tmp_path: Path, fresh: bool
+) -> None:
+    store = DatasetStore(str(tmp_path / "store"))
+    upload_part(store, scenario)
+    staging = tmp_path / "store" / ".staging" / spec.id
+    precious = add(staging, "notes.json", "mine/000060_000060.txt")
+    shared = SharedScenario(store, spec, identify(spec), LENGTH)
+    shared.begin(fresh=fresh)
+    assert shared.finish().frames == (() if fresh else (0,))
+    found = {path.relative_to(staging).as_posix() for path in staging.rglob("*") if path.is_file()}
+    assert found == precious.keys()
 
 
 @pytest.mark.parametrize("text", ["{}", "", "[]", '{"manifest_version": 3}', "\0" * 300])
