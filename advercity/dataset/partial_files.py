@@ -164,6 +164,12 @@ def report_disk_errors(path: Path) -> Generator[None]:
     try:
         yield
     except OSError as error:
+        if error.errno == errno.EXDEV:  # of a renaming
+            raise RunError(
+                f"{Path(error.filename2 or path).parent}: is mounted from another file system than"
+                " the dataset; mount or link the whole `output` instead, so that a finished file"
+                " can be renamed into place"
+            ) from error
         raise RunError(
             f"{error.filename or path}: {describe_cause(error)}; finished frames are kept: make"
             " room or choose another `output`, and run again"

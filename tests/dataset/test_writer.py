@@ -383,6 +383,28 @@ def test_a_folder_that_cannot_be_created_is_named(tmp_path: Path, writer: Make) 
         pass
 
 
+def test_a_folder_on_another_file_system_is_named(
+    tmp_path: Path,
+    writer: Make,
+    sensor_frames_of: SensorFramesOf,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rename = Path.replace
+
+    def refuse_across_mounts(path: Path, target: Path) -> Path:
+        if target.parent.name == "102":
+            raise OSError(18, "Invalid cross-device link", str(path), None, str(target))
+        return rename(path, target)
+
+    monkeypatch.setattr(Path, "replace", refuse_across_mounts)
+    message = r"/102: is mounted from another file system than the dataset; mount or link the whole"
+    with pytest.raises(RunError, match=message), writer(tmp_path) as dataset:
+        dataset.write_frame(0, sensor_frames_of(0))
+    (scenario,) = find_scenarios(tmp_path)
+    assert frames_with_any_file(scenario) == set()
+    assert not (tmp_path / ".staging").exists()
+
+
 def test_a_full_disk_is_reported_and_finished_frames_stay(
     tmp_path: Path, writer: Make, sensor_frames_of: SensorFramesOf, spec: Spec
 ) -> None:

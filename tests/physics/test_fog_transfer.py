@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from advercity.physics.fog_transfer import FogBank, FogRadiance, compute_fog_radiance
+from advercity.geometry.arrays import FloatArray
+from advercity.physics.fog_transfer import (
+    FogBank,
+    FogRadiance,
+    ScatteringLayer,
+    Streams,
+    compute_fog_radiance,
+)
 from advercity.physics.photometry import cubemap_directions, horizontal_illuminance
 from advercity.physics.sky import direction_from_elevation_azimuth
 
@@ -89,3 +96,21 @@ def test_climbing_rays_fade_into_the_sky_behind_them() -> None:
 def test_thicker_fog_is_darker_down_to_the_ground() -> None:
     found = [lux(fog(depth, direct_lx=50_000.0)) for depth in (0.1, 0.5, 2.0, 6.0, 15.0)]
     assert found == sorted(found, reverse=True)
+
+
+def test_a_thin_layer_scatters_sunlight_once_by_its_phase_function() -> None:
+    """Towards and away from the sun's azimuth, of a phase function 1 + c/2 of the cosine c."""
+
+    def phase(cosine: FloatArray) -> FloatArray:
+        return (1.0 + 0.5 * cosine) / (4.0 * math.pi)
+
+    sun = 0.6
+    streams = Streams.from_sun_cosine(sun, phase)
+    layer = ScatteringLayer.from_optical_depth(1e-5, streams)
+    _, transmitted = layer.scatter_sunlight(50_000.0)
+    level = np.sqrt(1.0 - streams.cosine**2) * 0.8
+    towards, away = (streams.cosine * sun + sign * level for sign in (1.0, -1.0))
+    signs = (-1.0) ** np.arange(len(transmitted))
+    np.testing.assert_allclose(
+        transmitted.sum(0) / (signs @ transmitted), phase(towards) / phase(away), rtol=1e-3
+    )
