@@ -99,7 +99,7 @@ def _build_mirrors(shell: CarShell, width: float) -> list[MeshPart]:
     return [
         *make_vehicle_parts("black_plastic", add_mirror_image(arm)),
         *make_vehicle_parts(ACTOR_PAINT, add_mirror_image(cap)),
-        *make_vehicle_parts("glass", add_mirror_image(glass)),
+        *make_vehicle_parts("chrome", add_mirror_image(glass)),
     ]
 
 
