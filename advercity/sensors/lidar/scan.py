@@ -202,5 +202,13 @@ def _cast_secondary(
         origins += np.float32(_RAY_EPSILON_M) * reflected
     hits = raycaster.cast(replace(rays_in, origins=origins, directions=directions), range_m)
     ends_m = hits.range_m + start_m
-    ends_m[ends_m > range_m] = np.inf
-    return replace(hits, range_m=ends_m)
+    # What is out of range is a miss in every respect, or it would return power from nowhere.
+    reached = ends_m <= range_m
+    return RayHits(
+        range_m=np.where(reached, ends_m, np.float32(np.inf)),
+        normal=hits.normal * reached[:, None],
+        cosine=hits.cosine * reached,
+        material=hits.material * reached,
+        semantic=hits.semantic * reached,
+        instance=hits.instance * reached,
+    )
