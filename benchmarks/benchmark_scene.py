@@ -43,8 +43,8 @@ class BenchmarkScene:
     def list_views(self, agent: Agent, profile: RenderProfile) -> list[CameraView]:
         """List the views of an agent's cameras."""
         return [
-            build_camera_view(agent, pose, profile)
-            for pose in self.poses.world_from_cameras(agent, self.frame.index)
+            build_camera_view(agent, number, pose, profile)
+            for number, pose in enumerate(self.poses.world_from_cameras(agent, self.frame.index))
         ]
 
     def list_world_meshes(self, frame: Frame) -> list[Mesh]:

@@ -82,7 +82,7 @@ class Scene:
             compute_atmosphere(weather, self._spec.road.land_use), weather.lens
         )
         self._caster.place(self._frame, frozenset({agent.number}))
-        pose = self._viewpoints.world_from_lidar(agent, self._frame)
+        pose = self._viewpoints.world_from_lidars(agent, self._frame)[0]
         lidar = agent.sensors.lidar
         scan = cast_scan(lidar, pose, self._caster, puddle_coverage=air.puddle_coverage)
         return measure_point_cloud(

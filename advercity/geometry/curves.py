@@ -18,7 +18,7 @@ MAX_ARC_STEP_M = 2.0
 """Between samples of an arc, however flat it is."""
 MAX_CHORD_ERROR_M = 0.01
 """Largest distance between an arc and its chords."""
-VERTICAL_CURVE_LENGTH_M = 12.0
+VERTICAL_CURVE_LENGTH_M = 4.0
 """Length over which the grade changes where two slopes meet."""
 
 

@@ -105,7 +105,7 @@ class AxisPoints(Model):
 class AxisHeight(Model):
     """Height of the axis at a distance along it.
 
-    The grade is constant between two heights and changes over 12 m at each of them.
+    The grade is constant between two heights and changes over 4 m at each of them.
     """
 
     at_m: Annotated[Metres, Field(ge=0, le=100_000)]
