@@ -38,6 +38,7 @@ class Material:
         roughness: Microfacet roughness of the specular lobe, 0 to 1.
         metallic: 0 for dielectrics, 1 for bare metal.
         texture: Pattern of the albedo.
+        maps: Name of the images of its surface, or none.
         sheeting_reflectance: Equivalent reflectance of retroreflecting sheeting, pi times its
             coefficient R_A in cd/(lx m^2).
         bead_reflectance: The same of glass beads in lane paint, pi times R_L of EN 1436.
@@ -50,6 +51,7 @@ class Material:
     roughness: float = 0.9
     metallic: float = 0.0
     texture: Texture = Texture.PLAIN
+    maps: str = ""
     sheeting_reflectance: float = 0.0
     bead_reflectance: float = 0.0
     is_varnished: bool = False
@@ -78,30 +80,32 @@ def _car_paint(
 
 
 MATERIALS: dict[str, Material] = {
-    "asphalt": Material((0.10, 0.10, 0.105), 0.20, roughness=0.85, texture=Texture.ASPHALT),
+    "asphalt": Material(
+        (0.10, 0.10, 0.105), 0.20, roughness=0.85, texture=Texture.ASPHALT, maps="asphalt"
+    ),
     "paint_white": Material(
         (0.70, 0.70, 0.68), 0.70, roughness=0.6, texture=Texture.MARKING, bead_reflectance=0.5
     ),
     "paint_yellow": Material(
         (0.70, 0.48, 0.06), 0.60, roughness=0.6, texture=Texture.MARKING, bead_reflectance=0.5
     ),
-    "concrete": Material((0.36, 0.35, 0.33), 0.35, texture=Texture.PAVING),
-    "pavement": Material((0.36, 0.355, 0.34), 0.35, texture=Texture.STONE),
+    "concrete": Material((0.36, 0.35, 0.33), 0.35, texture=Texture.PAVING, maps="concrete"),
+    "pavement": Material((0.36, 0.355, 0.34), 0.35, texture=Texture.STONE, maps="paving"),
     "joint": Material((0.17, 0.165, 0.16), 0.25),
-    "kerb": Material((0.42, 0.41, 0.39), 0.35, texture=Texture.STONE),
-    "gravel": Material((0.28, 0.26, 0.23), 0.30, texture=Texture.STONE),
-    "grass": Material((0.095, 0.135, 0.045), 0.40, texture=Texture.GRASS),
-    "soil": Material((0.17, 0.11, 0.07), 0.25, texture=Texture.SOIL),
-    "crops": Material((0.25, 0.27, 0.07), 0.45, texture=Texture.CROPS),
+    "kerb": Material((0.42, 0.41, 0.39), 0.35, texture=Texture.STONE, maps="kerb"),
+    "gravel": Material((0.28, 0.26, 0.23), 0.30, texture=Texture.STONE, maps="gravel"),
+    "grass": Material((0.095, 0.135, 0.045), 0.40, texture=Texture.GRASS, maps="grass"),
+    "soil": Material((0.17, 0.11, 0.07), 0.25, texture=Texture.SOIL, maps="soil"),
+    "crops": Material((0.25, 0.27, 0.07), 0.45, texture=Texture.CROPS, maps="crops"),
     "leaves": Material((0.06, 0.13, 0.03), 0.45, texture=Texture.LEAVES),
     "needles": Material((0.035, 0.075, 0.03), 0.40, texture=Texture.LEAVES),
-    "bark": Material((0.12, 0.085, 0.06), 0.30, texture=Texture.BARK),
-    "brick": Material((0.33, 0.14, 0.10), 0.35, texture=Texture.BRICK),
-    "plaster": Material((0.58, 0.54, 0.46), 0.60, texture=Texture.PLASTER),
-    "plaster_ochre": Material((0.54, 0.38, 0.20), 0.55, texture=Texture.PLASTER),
-    "plaster_white": Material((0.68, 0.67, 0.64), 0.65, texture=Texture.PLASTER),
-    "roof_tile": Material((0.24, 0.09, 0.06), 0.35, texture=Texture.TILES),
-    "wood": Material((0.30, 0.20, 0.12), 0.50, texture=Texture.WOOD),
+    "bark": Material((0.12, 0.085, 0.06), 0.30, texture=Texture.BARK, maps="bark"),
+    "brick": Material((0.33, 0.14, 0.10), 0.35, texture=Texture.BRICK, maps="brick"),
+    "plaster": Material((0.58, 0.54, 0.46), 0.60, texture=Texture.PLASTER, maps="plaster"),
+    "plaster_ochre": Material((0.54, 0.38, 0.20), 0.55, texture=Texture.PLASTER, maps="plaster"),
+    "plaster_white": Material((0.68, 0.67, 0.64), 0.65, texture=Texture.PLASTER, maps="plaster"),
+    "roof_tile": Material((0.24, 0.09, 0.06), 0.35, texture=Texture.TILES, maps="roof_tile"),
+    "wood": Material((0.30, 0.20, 0.12), 0.50, texture=Texture.WOOD, maps="wood"),
     "metal": Material((0.45, 0.45, 0.46), 0.30, roughness=0.4, metallic=0.9),
     "glass": Material((0.03, 0.035, 0.04), 0.02, roughness=0.05, is_transparent=True),
     "rubber": Material((0.025, 0.025, 0.025), 0.04),
@@ -149,9 +153,11 @@ MATERIALS: dict[str, Material] = {
     "signal_red": Material((0.20, 0.015, 0.012), 0.30, roughness=0.2),
     "signal_yellow": Material((0.22, 0.12, 0.01), 0.30, roughness=0.2),
     "signal_green": Material((0.012, 0.14, 0.09), 0.30, roughness=0.2),
-    "brick_yellow": Material((0.42, 0.31, 0.18), 0.40, texture=Texture.BRICK),
-    "plaster_grey": Material((0.42, 0.42, 0.41), 0.50, texture=Texture.PLASTER),
-    "plaster_rose": Material((0.52, 0.33, 0.27), 0.55, texture=Texture.PLASTER),
-    "roof_slate": Material((0.085, 0.09, 0.10), 0.20, roughness=0.7, texture=Texture.TILES),
+    "brick_yellow": Material((0.42, 0.31, 0.18), 0.40, texture=Texture.BRICK, maps="brick"),
+    "plaster_grey": Material((0.42, 0.42, 0.41), 0.50, texture=Texture.PLASTER, maps="plaster"),
+    "plaster_rose": Material((0.52, 0.33, 0.27), 0.55, texture=Texture.PLASTER, maps="plaster"),
+    "roof_slate": Material(
+        (0.085, 0.09, 0.10), 0.20, roughness=0.7, texture=Texture.TILES, maps="roof_slate"
+    ),
     "water": Material((0.015, 0.025, 0.025), 0.03, roughness=0.05),
 }

@@ -11,6 +11,7 @@ ROOMS = (
         "documents",
         "semantics",
         "materials",
+        "material_maps",
         "media",
         "digests",
         "array_files",
