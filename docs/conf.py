@@ -1,7 +1,9 @@
 """How the site is built: `sphinx-build -W -n docs build/docs`."""
 
+import re
 import sys
 from pathlib import Path
+from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -23,3 +25,17 @@ autodoc_preserve_defaults = True
 nitpick_ignore_regex = [("py:.*", ".*")]
 
 write_reference(Path(__file__).parent / "reference")
+
+
+LINK_TO_SOURCE = re.compile(r"\[(\w+)\]\(\.\./\.\./[\w/]+\.py\)")
+"""A link of a guide to the module that declares something; a clone has no other reference."""
+
+
+def link_reference(app: Any, page: str, source: list[str]) -> None:
+    """Let links to modules lead to the page of the reference that is made from them."""
+    source[0] = LINK_TO_SOURCE.sub(r"[\1](../reference/\1.md)", source[0])
+
+
+def setup(app: Any) -> None:
+    """Register with Sphinx."""
+    app.connect("source-read", link_reference)

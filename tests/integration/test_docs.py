@@ -39,6 +39,14 @@ def test_the_reference_has_every_field(site: Path, kind: str) -> None:
         assert f">{field}</span>" in page
 
 
+@pytest.mark.parametrize(
+    ("guide", "page"),
+    [("write_a_conflict", "conflict"), ("write_traffic", "drivers"), ("from_python", "python")],
+)
+def test_guides_of_the_site_link_to_its_reference(site: Path, guide: str, page: str) -> None:
+    assert f'href="../reference/{page}.html"' in (site / "guides" / f"{guide}.html").read_text()
+
+
 NAMED = re.compile(r"`((?:[\w-]+/)*[\w-]+\.(?:py|glsl|md|yaml)|(?:[\w-]+/){2,})`")
 
 
@@ -59,8 +67,11 @@ def test_files_that_the_architecture_names_exist(page: str) -> None:
 LINK = re.compile(r"\]\((?!https?:|mailto:|#)([^)#\s]+)")
 
 
-@pytest.mark.parametrize("page", sorted(ROOT.glob("*.md")), ids=lambda page: page.name)
-def test_links_of_the_pages_beside_the_site_lead_somewhere(page: Path) -> None:
+PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("docs/[dg]*/*.md")])
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_of_pages_lead_somewhere_in_a_clone(page: Path) -> None:
     linked = LINK.findall(page.read_text())
     assert [link for link in linked if not (page.parent / link).exists()] == []
 
