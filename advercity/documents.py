@@ -5,6 +5,7 @@ of limited size, no deep nesting, no expansion of aliases, no tags, no merge key
 keys, UTF-8 only. Errors are diagnostics with file, line and column.
 """
 
+import difflib
 import json
 import re
 import stat
@@ -58,7 +59,9 @@ def read_bytes(path: Path, *, max_bytes: int) -> bytes:
     found = path.stat()
     mode = found.st_mode  # opening a pipe would wait for its writer
     if stat.S_ISDIR(mode):
-        raise _build_file_error(path, "is a folder", "name a file in it")
+        first = min((item for item in path.glob("[!.]*.*") if item.is_file()), default=None)
+        example = f", such as {first}" if first else ""
+        raise _build_file_error(path, "is a folder", f"name a file in it{example}")
     if not stat.S_ISREG(mode):
         raise _build_file_error(path, "is not a regular file", "copy its content into one")
     with path.open("rb") as file:
@@ -81,7 +84,7 @@ def read_text(path: Path, *, max_bytes: int = MAX_YAML_BYTES) -> str:
     try:
         return decode_text(read_bytes(path, max_bytes=max_bytes), path)
     except FileNotFoundError:
-        raise _build_file_error(path, "file not found") from None
+        raise _build_file_error(path, "file not found", suggest_path(path)) from None
     except OSError as error:
         raise _build_file_error(path, f"cannot be read: {describe_cause(error)}") from None
 
@@ -96,6 +99,12 @@ def decode_text(raw: bytes, path: Path) -> str:
         column = error.start - raw.rfind(b"\n", 0, error.start)
         diagnostic = Diagnostic(path, line, column, "", "is not UTF-8 text", "save it as UTF-8")
         raise DiagnosticsError(diagnostic) from None
+
+
+def suggest_path(path: Path) -> str:
+    """Return a hint with the most similar name in the folder of a path, or no hint."""
+    close = difflib.get_close_matches(path.name, [item.name for item in path.parent.glob("*")], n=1)
+    return f"did you mean '{path.parent / close[0]}'?" if close else ""
 
 
 def _build_file_error(path: Path, message: str, hint: str = "") -> DiagnosticsError:

@@ -152,7 +152,7 @@ def sensor_frame_of(agent: Agent, frame: Frame) -> SensorFrame:
         estimated_world_from_agent=world_from_agent if is_vehicle else drift @ world_from_agent,
         camera_images=tuple(
             image_of(agent, camera, frame, world_from_agent @ mounted_at(mount))
-            for camera, mount in agent.sensors.cameras
+            for camera, mount, _ in agent.sensors.cameras
         ),
         lidar_scans=tuple(scan(agent, frame, level @ mounted_at(mount)) for mount in mounts),
         gnss=GnssFix(49.0 + 1e-6 * frame.index, 8.0, 120.5, frame.time_s) if is_vehicle else None,

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from advercity.cli.arguments import DEFAULT_LIBRARIES, LibraryArgument
-from advercity.cli.output import print_data, print_note
+from advercity.cli.output import print_data, print_remark
 from advercity.errors import InputError, RunError, report_write_errors
 
 assets = typer.Typer(
@@ -91,7 +91,7 @@ def lock(
         with report_write_errors():
             write_atomically(path, text.encode())
         print_data(str(path))
-    print_note(f"{len(texts)} locks are current")
+    print_remark(f"{len(texts)} locks are current")
 
 
 @assets.command()
@@ -111,7 +111,7 @@ def remove() -> None:
     from advercity.assets.model_store import open_model_store
 
     open_model_store().remove_package()
-    print_note("bodies are procedural")
+    print_remark("bodies are procedural")
 
 
 @assets.command("list")

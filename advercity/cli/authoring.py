@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from advercity.cli.arguments import DEFAULT_LIBRARIES, JsonOption, LibraryArgument
-from advercity.cli.output import print_data, print_note
+from advercity.cli.output import print_data, print_remark
 from advercity.errors import InputError, RunError
 
 commands = typer.Typer()
@@ -31,9 +31,9 @@ def compile_(
         if stale:
             again = " ".join(["advercity compile", *map(str, library)])
             raise RunError(*stale, f"run `{again}` to renew them")
-        print_note(f"{len(specs)} specs in {output} are current")
+        print_remark(f"{len(specs)} specs in {output} are current")
         return
-    print_note(f"{len(specs)} specs in {output}: {write_specs(specs, output)}")
+    print_remark(f"{len(specs)} specs in {output}: {write_specs(specs, output)}")
 
 
 @commands.command()
@@ -62,10 +62,10 @@ def solve(
 def validate(
     paths: Annotated[list[Path], typer.Argument(help="Specs, declarations or library folders.")],
 ) -> None:
-    """Check specs, declarations and libraries; print only problems."""
+    """Check specs, declarations and libraries."""
     from advercity.compiler import validate_paths
 
-    print_note(f"no problems found in {validate_paths(*paths)}")
+    print_remark(f"no problems found in {validate_paths(*paths)}")
 
 
 @commands.command("list")
@@ -117,7 +117,7 @@ def show(
         if not isinstance(road, Road):
             raise InputError(f"{path}: --map draws roads and specs; this is neither")
         write_image(draw_plan(build_road(road), spec), map_)
-        print_note(f"plan in {map_}")
+        print_remark(f"plan in {map_}")
 
 
 @commands.command()
@@ -169,7 +169,7 @@ def diff(
     elif rows:
         print_data(tables.format_columns(rows))
     else:
-        print_note("no differences")
+        print_remark("no differences")
 
 
 @commands.command()

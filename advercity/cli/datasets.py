@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from advercity.cli.arguments import DatasetArgument
-from advercity.cli.output import print_data, print_note
+from advercity.cli.output import print_data, print_remark
 from advercity.errors import RunError
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def verify(
     if damage:
         raise RunError(*damage)
     index = None if "://" in dataset else DatasetIndex.load(Path(dataset))
-    print_note(
+    print_remark(
         f"every file is as its manifest says{f'; {index.format_summary()}' if index else ''}"
     )
 
@@ -67,7 +67,7 @@ def repair(
     damage = [f"{problem}; {again}" for problem in left if problem.is_damage]
     if damage:
         raise RunError(*damage)
-    print_note("every file is as its manifest says")
+    print_remark("every file is as its manifest says")
 
 
 def _print_foreign_files(problems: Iterable["FileProblem"]) -> None:

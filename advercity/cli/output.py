@@ -37,16 +37,9 @@ def print_data(text: str) -> None:
 
 
 def print_remark(text: str) -> None:
-    """Print a remark that programs may want, too, on stderr."""
+    """Print what was done, or what to know of it, on stderr."""
     end_status()
     stderr_console.print(text, markup=False)
-
-
-def print_note(text: str) -> None:
-    """Print a remark for a person at a terminal; silent when stderr is redirected."""
-    end_status()
-    if sys.stderr.isatty():
-        stderr_console.print(text, markup=False)
 
 
 OPTION_PARAMETERS = (

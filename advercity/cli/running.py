@@ -23,7 +23,7 @@ from advercity.cli.arguments import (
     WeatherLibraryOption,
     parse_frame_slice,
 )
-from advercity.cli.output import print_data, print_note, print_remark
+from advercity.cli.output import print_data, print_remark
 from advercity.errors import InputError, RunError
 
 if TYPE_CHECKING:
@@ -212,7 +212,7 @@ def estimate(
         rows = [item.to_row() for item in (*found.estimates, found.total)]
         print_data(tables.format_columns(rows))
     for excess in found.describe_excess(output):
-        print_note(f"run needs --allow-large: {excess}")
+        print_remark(f"run needs --allow-large: {excess}")
 
 
 @commands.command()

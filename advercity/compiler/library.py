@@ -42,7 +42,7 @@ from advercity.compiler.surrounding_styles import grow_surroundings
 from advercity.compiler.validation import format_value, validate_model
 from advercity.diagnostics import Diagnostic, DiagnosticsError
 from advercity.digests import compute_json_digest
-from advercity.documents import MAX_MODEL_BYTES, read_bytes
+from advercity.documents import MAX_MODEL_BYTES, read_bytes, suggest_path
 from advercity.errors import InputError, describe_cause
 from advercity.roads.junction_arms import MisplacedAgentError
 from advercity.roads.map_import import import_map
@@ -217,9 +217,11 @@ def find_weather(text: str, *folders: Path) -> LibraryEntry[Weather]:
     library = load_library(*folders or [find_shipped_library()])
     weathers = library.get_declarations(Weather)
     if text not in weathers:
-        where = ", ".join(map(str, folders)) or "the library that ships; `library` names another"
+        shipped = "the library that ships (`library` names another)"
+        where = " or ".join(map(str, folders)) or shipped
         raise InputError(
-            f"unknown weather '{text}' in {where}, and no such file; {suggest_name(text, weathers)}"
+            f"unknown weather '{text}': neither a file, nor a name in {where};"
+            f" {suggest_name(text, weathers)}"
         )
     return library.find_entry(weathers[text])
 
@@ -232,7 +234,8 @@ def list_weathers(*folders: Path) -> list[LibraryEntry[Weather]]:
 
 def _list_declaration_files(folder: Path, diagnostics: list[Diagnostic]) -> list[Path]:
     if not folder.exists():
-        raise InputError(f"{folder}: no such file or folder; is the path right?")
+        hint = suggest_path(folder) or "is the path right?"
+        raise InputError(f"{folder}: no such file or folder; {hint}")
     if not folder.is_dir():
         return [folder]
     inside = sorted(

@@ -220,18 +220,31 @@ def write_contact_sheet(path: Path, output: Path) -> None:
 
 
 def _draw_contact_row(view: AgentView, name: str) -> Uint8Array:
-    yaws_deg = [_compute_camera_yaw_deg(view, camera) for camera in range(view.cameras)]
-    order = sorted(range(view.cameras), key=lambda camera: -yaws_deg[camera])
-    names = [DIRECTIONS[round(yaws_deg[camera] / 45) % 8] for camera in order]
+    order = _order_cameras(view)
     classes = to_semantic_colours(view.semantic(find_front_camera(view)))
     images = [*map(view.image, order), classes]
     height, width = images[0].shape[:2]
     shape = round(CONTACT_CELL_WIDTH_PX * height / width), CONTACT_CELL_WIDTH_PX
     above = [draw_lidar_top_view(view.load_cloud(item), shape[0]) for item in range(view.lidars)]
     row = np.hstack([*(_fit_image(image, shape) for image in images), *above])
-    lidars = ", ".join(["LiDAR", *(f"LiDAR {number}" for number in range(1, view.lidars))])
-    text = f"{name}: {', '.join(names)}, semantic front, {lidars}"
+    text = f"{name}: {', '.join(name_contact_cells(view))}"
     return np.vstack([draw_label_bar(text, row.shape[1]), row])
+
+
+def _order_cameras(view: AgentView) -> list[int]:
+    """Order cameras from the left over the front to the rear."""
+    return sorted(range(view.cameras), key=lambda camera: -_compute_camera_yaw_deg(view, camera))
+
+
+def name_contact_cells(view: AgentView) -> list[str]:
+    """Name the cells of an agent's row: kind, if the rig names it, and direction."""
+    sensors = view.agent.sensors
+    cameras = [
+        f"{sensors.cameras[camera].name} "
+        f"{DIRECTIONS[round(_compute_camera_yaw_deg(view, camera) / 45) % 8]}".lstrip()
+        for camera in _order_cameras(view)
+    ]
+    return [*cameras, "semantic front", "LiDAR", *map("LiDAR {}".format, sensors.more_lidars)]
 
 
 def draw_lidar_top_view(cloud: NDArray[np.void], size: int) -> Uint8Array:

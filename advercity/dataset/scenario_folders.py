@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
+from advercity.documents import suggest_path
 from advercity.errors import InputError, RunError
 
 MANIFEST_FILE = "manifest.json"
@@ -95,7 +96,8 @@ def no_frames_error(path: Path) -> InputError:
 
 def _not_a_dataset_error(folder: Path, where: str) -> InputError:
     if not folder.exists():
-        return InputError(f"{folder}: no such folder; is the path right?")
+        hint = suggest_path(folder) or "is the path right?"
+        return InputError(f"{folder}: no such folder; {hint}")
     if not folder.is_dir():
         return InputError(f"{folder}: is a file; name the folder of a dataset")
     return InputError(f"{folder}: no {MANIFEST_FILE} {where}, so not a dataset")

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 import shapely
 from advercity_dsl import MapNetwork, Road, RoadsideUnit, Vehicle
-from advercity_dsl.base import ValuePath
+from advercity_dsl.base import ValuePath, suggest_name
 from advercity_dsl.conflict import Manoeuvre
 from advercity_dsl.road import ArmUnit, ArmVehicle, EgoRoute, JunctionAgents, Movement
 from numpy.typing import NDArray
@@ -107,7 +107,10 @@ class JunctionArms:
         elif word in RELATIVE_RAD and ego_arm is not None:
             wanted = self.directions[ego_arm] + RELATIVE_RAD[word]
         else:
-            raise InputError(f"'{word}' is no arm of '{self.junction}'; {self.describe()}")
+            hint = suggest_name(word, {*COMPASS_RAD, *RELATIVE_RAD, *self.directions})
+            raise InputError(
+                f"'{word}' is no arm of '{self.junction}'; {hint} Arms: {self.describe()}"
+            )
         arm = self._find_towards(wanted)
         if arm is None:
             raise InputError(f"'{self.junction}' has no arm '{word}'; {self.describe()}")
@@ -159,7 +162,7 @@ def find_junctions(planner: RoutePlanner, wanted: str | Sequence[str]) -> tuple[
     names = (wanted,) if isinstance(wanted, str) else tuple(wanted)
     for name in names:
         if name not in arms:
-            raise InputError(f"unknown junction '{name}'; `advercity show` lists those of a road")
+            raise InputError(f"unknown junction '{name}'; {suggest_name(name, arms)}")
     return names
 
 

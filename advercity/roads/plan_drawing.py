@@ -14,6 +14,7 @@ from advercity.geometry.arrays import Uint8Array
 from advercity.geometry.mesh import extract_polygons, triangulate_polygon
 from advercity.geometry.polyline import StationedPolyline
 from advercity.roads.lane_segments import LaneSegment
+from advercity.roads.markings import place_zebra_bars
 from advercity.roads.road_network import RoadNetwork
 from advercity.roads.streets import StreetLayout
 
@@ -34,9 +35,9 @@ LANE_COLOURS = {
     "parking": (140, 135, 130),
     "shoulder": (150, 148, 145),
     "sidewalk": (205, 195, 205),
-    "crossing": (240, 240, 240),
 }
 """BGR by kind of lane, in drawing order."""
+PAINT_COLOUR = (255, 255, 255)
 AGENT_COLOURS = {"ego": (40, 40, 220), "other": (200, 90, 20), "unit": (20, 140, 20)}
 CONFLICT_COLOUR = (30, 30, 200)
 JUNCTION_COLOUR = (160, 40, 160)
@@ -113,9 +114,12 @@ def draw_plan_canvas(network: RoadNetwork, spec: Spec | None = None) -> PlanCanv
             if lane.kind == kind:
                 canvas.fill(np.concatenate([lane.left, lane.right[::-1]]), colour)
     for lane in found:
+        if lane.kind == "crossing":
+            _draw_crossing(canvas, lane)
+    for lane in found:
         if lane.kind == "driving" and not lane.in_junction:
-            canvas.line(lane.left, (255, 255, 255))
-            canvas.line(lane.right, (255, 255, 255))
+            canvas.line(lane.left, PAINT_COLOUR)
+            canvas.line(lane.right, PAINT_COLOUR)
     if not road.agents:
         _draw_grid(canvas)
         for lane in found:
@@ -132,7 +136,7 @@ def draw_plan_canvas(network: RoadNetwork, spec: Spec | None = None) -> PlanCanv
         canvas.fill(_circle(head.position_m[:2], 0.8), (0, 160, 240))
     if spec is not None:
         for agent in spec.agents:
-            for camera, mount in agent.sensors.cameras:
+            for camera, mount, _ in agent.sensors.cameras:
                 _draw_view(canvas, agent.place, mount, camera.horizontal_fov_deg)
     for place in road.agents.values():
         if isinstance(place, Vehicle):
@@ -167,6 +171,13 @@ def _fill_area(canvas: PlanCanvas, area: BaseGeometry, colour: tuple[int, int, i
         corners, triangles = triangulate_polygon(polygon)
         for triangle in triangles:
             canvas.fill(corners[triangle], colour)
+
+
+def _draw_crossing(canvas: PlanCanvas, lane: LaneSegment) -> None:
+    start, end = (lane.left[[0, -1], :2] + lane.right[[0, -1], :2]) / 2
+    width_m = float(np.linalg.norm(lane.left[0, :2] - lane.right[0, :2]))
+    for left, right in place_zebra_bars(start, end, width_m=width_m):
+        canvas.fill(np.concatenate([left, right[::-1]]), PAINT_COLOUR)
 
 
 def _draw_lane_id(

@@ -113,14 +113,21 @@ def _get_field_defaults(model: type[Model]) -> dict[str, Any]:
 
 
 MAX_LISTED_NAMES = 20
+MIN_SIMILARITY = 0.5
 
 
 def suggest_name(name: str, valid: Iterable[str]) -> str:
     """Return a hint with the most similar valid name, else with all valid names."""
     names = sorted(valid)
-    # Below the default of 0.6: a doubtful suggestion says more than a list of all names.
-    close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
-    if close:
-        return f"did you mean '{close[0]}'?"
+
+    def rate(other: str) -> tuple[float, bool]:
+        """Rate the similarity; of names that are as similar, one that begins alike is meant."""
+        similarity = difflib.SequenceMatcher(None, other, name).ratio()
+        return similarity, other[:1] == name[:1]
+
+    close = max(names, key=rate, default=None)
+    # Below difflib's usual 0.6: a doubtful suggestion says more than a list of all names.
+    if close is not None and rate(close)[0] >= MIN_SIMILARITY:
+        return f"did you mean '{close}'?"
     more = ", ..." if len(names) > MAX_LISTED_NAMES else ""
     return f"available: {', '.join(names[:MAX_LISTED_NAMES])}{more}" if names else "none available"

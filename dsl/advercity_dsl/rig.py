@@ -198,10 +198,11 @@ class Imu(CompactModel):
 
 
 class MountedCamera(NamedTuple):
-    """One camera of a carrier."""
+    """One camera of a carrier; `name` is that of its kind, empty for those of `camera`."""
 
     camera: Camera
     mount: Mount
+    name: str
 
 
 class SensorSet(Model):
@@ -228,8 +229,12 @@ class SensorSet(Model):
     @property
     def cameras(self) -> tuple[MountedCamera, ...]:
         """All cameras, by their numbers in a dataset."""
-        kinds = (self.camera, *self.more_cameras.values())
-        return tuple(MountedCamera(kind, mount) for kind in kinds for mount in kind.mounts)
+        kinds = {"": self.camera, **self.more_cameras}
+        return tuple(
+            MountedCamera(camera, mount, name)
+            for name, camera in kinds.items()
+            for mount in camera.mounts
+        )
 
     @property
     def lidars(self) -> tuple[Lidar, ...]:

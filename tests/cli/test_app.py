@@ -55,9 +55,11 @@ def spec_file(specs: dict[str, Spec], tmp_path: Path) -> Path:
 def test_compile_writes_the_110_specs_and_check_finds_them_current(
     advercity: Command, library: Path, tmp_path: Path
 ) -> None:
-    assert advercity("compile", library, "--output", tmp_path).code == 0
+    ran = advercity("compile", library, "--output", tmp_path)
+    assert (ran.code, ran.out, ran.err) == (0, "", f"110 specs in {tmp_path}: 110 new\n")
     assert len(list(tmp_path.glob("*.json"))) == 110
-    assert advercity("compile", library, "--output", tmp_path, "--check").code == 0
+    ran = advercity("compile", library, "--output", tmp_path, "--check")
+    assert (ran.code, ran.err) == (0, f"110 specs in {tmp_path} are current\n")
     (tmp_path / "ui_fog_day_dense.json").unlink()
     ran = advercity("compile", library, "--output", tmp_path, "--check")
     assert ran.code == 1
@@ -217,11 +219,10 @@ def test_data_that_the_encoding_of_the_terminal_lacks_are_escaped(
     assert rb"haze: \xe9t\xe9" in printed.getvalue()
 
 
-def test_validate_is_silent_about_good_files(
-    advercity: Command, spec_file: Path, library: Path
-) -> None:
+def test_validate_says_what_it_checked(advercity: Command, spec_file: Path, library: Path) -> None:
     ran = advercity("validate", spec_file, library)
-    assert (ran.code, ran.out, ran.err) == (0, "", "")
+    assert (ran.code, ran.out) == (0, "")
+    assert ran.err.startswith("no problems found in 1 spec")
 
 
 @pytest.mark.parametrize("kind", ["weather", "road", "spec"])
@@ -293,14 +294,34 @@ def test_a_folder_and_a_declaration_are_distinguished_from_a_spec(
     folder = advercity("run", spec_file.parent)
     declaration = advercity("run", library / "nhtsa" / "weather" / "fog_day.yaml")
     assert (folder.code, declaration.code) == (2, 2)
-    assert "is a folder; name a file in it" in folder.err
+    assert f"is a folder; name a file in it, such as {spec_file}" in folder.err
     assert "`advercity compile` makes specs, which are JSON, from declarations" in declaration.err
 
 
 def test_a_missing_spec_is_reported(advercity: Command, tmp_path: Path) -> None:
     ran = advercity("run", tmp_path / "none.json")
     assert ran.code == 2
-    assert "none.json: file not found" in ran.err
+    assert ran.err == f"error: {tmp_path / 'none.json'}: file not found\n"
+
+
+@pytest.mark.parametrize("name", ["rcnj_fog_day_spares.json", "rcnj_fog_day_sparse.yml"])
+def test_the_name_of_a_file_that_was_meant_is_suggested(
+    advercity: Command, spec_file: Path, name: str
+) -> None:
+    ran = advercity("run", spec_file.with_name(name))
+    assert (ran.code, ran.out) == (2, "")
+    assert (
+        ran.err
+        == f"error: {spec_file.with_name(name)}: file not found; did you mean '{spec_file}'?\n"
+    )
+
+
+def test_the_name_of_a_library_or_dataset_that_was_meant_is_suggested(
+    advercity: Command, library: Path
+) -> None:
+    wrong = library.with_name("libary")
+    for command in ("compile", "verify"):
+        assert f"did you mean '{library}'?" in advercity(command, wrong).err
 
 
 @pytest.mark.render

@@ -99,6 +99,7 @@ def test_a_conflict_at_a_junction_of_a_map_happens(staged: dict[str, Spec], tmp_
     ("junction", "agent", "complaint"),
     [
         ("j1", {"kind": "vehicle", "arm": "upwards"}, "'upwards' is no arm of 'j1'; "),
+        ("j1", {"kind": "vehicle", "arm": "wesst"}, r"did you mean 'west'\? Arms: .* \(south\)"),
         ("j99", {"kind": "vehicle"}, "no junction 'j99'"),
         ("stop", {"kind": "vehicle"}, "this road has signals"),
     ],

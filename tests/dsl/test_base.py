@@ -11,6 +11,11 @@ def test_a_similar_name_is_suggested() -> None:
     assert suggest_name("wether", ["road", "weather"]) == "did you mean 'weather'?"
 
 
+def test_of_names_that_are_as_similar_that_with_the_same_beginning_is_suggested() -> None:
+    """Both share three of six and four letters, in order, with `at_min`."""
+    assert suggest_name("at_min", ["rain", "at_s"]) == "did you mean 'at_s'?"
+
+
 def test_without_a_similar_name_all_are_listed() -> None:
     assert suggest_name("x", ["road", "density"]) == "available: density, road"
     assert suggest_name("x", []) == "none available"

@@ -10,7 +10,11 @@ from advercity_dsl import Spec
 from advercity.compiler.crossing import compile_library
 from advercity.compiler.explain import explain_spec
 from advercity.compiler.library import load_library
-from advercity.dataset.overview_images import write_contact_sheet, write_videos
+from advercity.dataset.overview_images import (
+    name_contact_cells,
+    write_contact_sheet,
+    write_videos,
+)
 from advercity.dataset.reader import Scenario
 from advercity.dataset.verification import verify_dataset
 from advercity.errors import InputError
@@ -150,6 +154,8 @@ def test_cameras_and_lidars_are_read_by_their_numbers(dataset: Path, spec: Spec)
 def test_tools_work_with_such_a_rig(dataset: Path, tmp_path: Path) -> None:
     assert verify_dataset(dataset.parent) == []
     write_contact_sheet(dataset, tmp_path / "sheet.png")
+    cells = name_contact_cells(Scenario(dataset)[0]["cav1"])
+    assert cells == ["left", "front", "rear rear", "semantic front", "LiDAR", "LiDAR bumper"]
     assert len(write_videos(dataset, tmp_path)) == 5
     write_recording(dataset, tmp_path / "again.rrd")
     lost = dataset / "+101" / "000060_lidar1.pcd"

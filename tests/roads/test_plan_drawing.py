@@ -9,7 +9,7 @@ from advercity_dsl import Spec
 
 from advercity.errors import InputError
 from advercity.media import write_image
-from advercity.roads.plan_drawing import draw_plan
+from advercity.roads.plan_drawing import draw_plan, draw_plan_canvas
 from advercity.roads.road_network import build_road
 
 ASPHALT = (120, 120, 120)
@@ -29,6 +29,20 @@ def test_a_plan_shows_roads_and_agents(specs: dict[str, Spec], tmp_path: Path) -
 def test_a_spec_adds_what_its_cameras_see(specs: dict[str, Spec]) -> None:
     spec = specs["rcnj_clear_day_sparse"]
     assert (draw_plan(build_road(spec.road)) != draw_plan(build_road(spec.road), spec)).any()
+
+
+def test_crossings_are_drawn_with_bars(specs: dict[str, Spec]) -> None:
+    """Across a street of ui, asphalt and paint alternate every 0.5 m."""
+    network = build_road(specs["ui_clear_day_sparse"].road)
+    canvas = draw_plan_canvas(network)
+    lane = next(lane for lane in network.lanes if lane.kind == "crossing")
+    start, end = ((lane.left + lane.right) / 2)[[0, -1], :2]
+    along = np.linspace(start, end, 2000) - [canvas.low[0], canvas.high[1]]
+    column, row = (along * [canvas.px_per_m, -canvas.px_per_m]).astype(int).T
+    is_paint = canvas.image[row, column].min(axis=1) > 190
+    bars = int(np.linalg.norm(end - start))  # a bar and a gap are 1 m
+    drawn = np.count_nonzero(np.diff(is_paint.astype(int)) == 1)
+    assert 0.75 * bars < drawn <= bars + 1, "the ego's route covers some"
 
 
 def test_the_same_road_gives_the_same_plan(specs: dict[str, Spec]) -> None:
