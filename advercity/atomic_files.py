@@ -25,12 +25,19 @@ _PARTIAL_PATTERN = re.compile(r"\.partial-([0-9a-f]{8})-(\d+)-\w+")
 
 
 @contextmanager
+def open_partial_folder(folder: Path) -> Generator[Path]:
+    """Yield a temporary folder in `folder`, which is created if necessary."""
+    folder.mkdir(parents=True, exist_ok=True)
+    prefix = f".partial-{_MACHINE}-{os.getpid()}-"
+    with tempfile.TemporaryDirectory(dir=folder, prefix=prefix) as partial:
+        yield Path(partial)
+
+
+@contextmanager
 def open_partial_path(path: Path) -> Generator[Path]:
     """Yield a path of the same name in a temporary folder; at the end that file becomes `path`."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    prefix = f".partial-{_MACHINE}-{os.getpid()}-"
-    with tempfile.TemporaryDirectory(dir=path.parent, prefix=prefix) as folder:
-        partial = Path(folder) / path.name
+    with open_partial_folder(path.parent) as folder:
+        partial = folder / path.name
         yield partial
         sync_files([partial])
         partial.replace(path)
@@ -42,22 +49,25 @@ def write_atomically(path: Path, content: bytes) -> None:
         partial.write_bytes(content)
 
 
-def remove_abandoned_partials(folder: Path) -> int:
-    """Delete folders of partial files in `folder` whose process has ended; return their number."""
-    abandoned = [path for path in folder.glob(".partial-*") if _is_abandoned(path)]
+def remove_abandoned_partials(folder: Path, *, max_age_s: float = PARTIAL_MAX_AGE_S) -> int:
+    """Delete folders of partial files in `folder` whose process has ended; return their number.
+
+    Those of other machines count as abandoned from `max_age_s` on.
+    """
+    abandoned = [path for path in folder.glob(".partial-*") if _is_abandoned(path, max_age_s)]
     for path in abandoned:
         shutil.rmtree(path, ignore_errors=True)
     return len(abandoned)
 
 
-def _is_abandoned(path: Path) -> bool:
+def _is_abandoned(path: Path, max_age_s: float) -> bool:
     match = _PARTIAL_PATTERN.fullmatch(path.name)
     if match is None or path.is_symlink():
         return False
     if match[1] == _MACHINE and not psutil.pid_exists(int(match[2])):
         return True
     with suppress(FileNotFoundError):
-        return time.time() - path.stat().st_mtime > PARTIAL_MAX_AGE_S
+        return time.time() - path.stat().st_mtime > max_age_s
     return False
 
 

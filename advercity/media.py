@@ -1,7 +1,7 @@
 """Images and videos for people to look at; no sensor reads them."""
 
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
@@ -11,19 +11,34 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from advercity.atomic_files import write_atomically
 from advercity.errors import InputError, RunError, describe_cause
+from advercity.output_files import check_output, open_output, write_output
 
 JPEG_SUFFIXES = (".jpg", ".jpeg")
 JPEG_QUALITY = 85
+
+
+def check_image_file(path: Path) -> None:
+    """Raise an InputError if an image cannot be written: by its suffix, or over what exists."""
+    _encode_image(np.zeros((32, 32, 3), np.uint8), path)
+    check_output(path)
 
 
 def write_image(image: NDArray[Any], path: Path) -> None:
     """Write an image (h, w, 3) in BGR as PNG or JPEG, as the file's name says.
 
     Raises:
-        InputError: The suffix is of no image format, or the file cannot be written.
+        InputError: The suffix is of no image format, the file cannot be written, or one of that
+            name may not be replaced.
     """
+    content = _encode_image(image, path)
+    try:
+        write_output(path, content)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {describe_cause(error)}") from error
+
+
+def _encode_image(image: NDArray[Any], path: Path) -> bytes:
     is_jpeg = path.suffix.lower() in JPEG_SUFFIXES
     options = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY] if is_jpeg else []
     try:
@@ -32,10 +47,7 @@ def write_image(image: NDArray[Any], path: Path) -> None:
         encoded, content = False, None
     if not encoded or content is None:
         raise InputError(f"{path}: this suffix is of no image format; end the name in .png")
-    try:
-        write_atomically(path, content.tobytes())
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {describe_cause(error)}") from error
+    return content.tobytes()
 
 
 LABEL_HEIGHT_PX = 20
@@ -60,11 +72,11 @@ class VideoWriter:
         """Prepare a video with an image per tick of `tick_s` seconds.
 
         Raises:
-            InputError: PyAV is not installed (when the context is entered).
+            InputError: PyAV is not installed, or a file of that name may not be replaced (when the
+                context is entered).
             RunError: The file cannot be written.
         """
         self._path = path
-        self._partial = path.with_suffix(".partial.mp4")
         self._rate = Fraction(1 / tick_s).limit_denominator(1000)
 
     def __enter__(self) -> Self:
@@ -75,9 +87,10 @@ class VideoWriter:
                 "videos need PyAV, which is not installed; try: pip install 'advercity[video]'"
             ) from error
         self._av = av
-        with self._run_errors():
-            self._path.parent.mkdir(parents=True, exist_ok=True)
+        with self._run_errors(), ExitStack() as output:
+            self._partial = output.enter_context(open_output(self._path))
             self._container = av.open(str(self._partial), "w")
+            self._output = output.pop_all()
         options = {"crf": H264_CONSTANT_RATE_FACTOR}
         self._stream = self._container.add_stream("libx264", rate=self._rate, options=options)
         self._stream.pix_fmt = "yuv420p"
@@ -101,15 +114,12 @@ class VideoWriter:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        try:
-            with self._run_errors():
-                if error is None:
-                    self._container.mux(self._stream.encode())
-                self._container.close()
-                if error is None:
-                    self._partial.replace(self._path)
-        finally:
-            self._partial.unlink(missing_ok=True)
+        with self._run_errors(), self._output:
+            if error is None:
+                self._container.mux(self._stream.encode())
+            self._container.close()
+            if error is not None:
+                self._partial.unlink(missing_ok=True)
 
     @contextmanager
     def _run_errors(self) -> Generator[None]:

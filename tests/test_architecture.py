@@ -16,6 +16,8 @@ ROOMS = (
         "digests",
         "array_files",
         "atomic_files",
+        "data_folder",
+        "output_files",
         "processes",
     ),
     ("geometry", "randomness"),

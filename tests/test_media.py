@@ -26,13 +26,11 @@ def test_a_suffix_of_no_image_format_is_refused(name: str, tmp_path: Path) -> No
         write_image(IMAGE, tmp_path / name)
 
 
-def test_an_image_replaces_a_link_and_leaves_its_target(tmp_path: Path) -> None:
-    target = tmp_path / "mine"
-    target.write_text("mine")
-    (tmp_path / "image.png").symlink_to(target)
-    write_image(np.zeros((4, 4, 3), np.uint8), tmp_path / "image.png")
-    assert target.read_text() == "mine"
-    assert not (tmp_path / "image.png").is_symlink()
+def test_an_image_replaces_no_file_of_others(tmp_path: Path) -> None:
+    (tmp_path / "image.png").write_text("mine")
+    with pytest.raises(InputError, match=r"image\.png: exists, and there is no record"):
+        write_image(IMAGE, tmp_path / "image.png")
+    assert (tmp_path / "image.png").read_text() == "mine"
 
 
 def test_a_label_bar_is_as_wide_as_asked_and_has_light_text() -> None:
@@ -51,6 +49,14 @@ def test_a_video_has_every_image_and_even_sizes(tmp_path: Path) -> None:
     while (read := capture.read())[0]:
         sizes.append(read[1].shape)
     assert sizes == [(32, 48, 3)] * 4
+
+
+def test_a_video_touches_no_file_of_a_similar_name(tmp_path: Path) -> None:
+    pytest.importorskip("av")
+    (tmp_path / "a.partial.mp4").write_text("mine")
+    with VideoWriter(tmp_path / "a.mp4", tick_s=0.1) as video:
+        video.append(IMAGE)
+    assert (tmp_path / "a.partial.mp4").read_text() == "mine"
 
 
 def test_a_video_that_fails_leaves_nothing(tmp_path: Path) -> None:

@@ -2,14 +2,12 @@
 
 import hashlib
 import json
-import os
 import re
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import platformdirs
 from advercity_dsl import Blueprint
 from advercity_dsl.catalogue import BodyModel
 
@@ -32,14 +30,9 @@ from advercity.assets.packages import (
     remove_package,
 )
 from advercity.atomic_files import write_atomically
+from advercity.data_folder import find_data_folder
 from advercity.documents import MAX_MODEL_BYTES, read_bytes
 from advercity.errors import InputError, RunError, describe_cause, report_write_errors
-
-
-def find_data_folder() -> Path:
-    """Find what a user has installed: `$ADVERCITY_DATA`, else the system's folder for user data."""
-    chosen = os.environ.get("ADVERCITY_DATA")
-    return Path(chosen) if chosen else platformdirs.user_data_path("advercity", appauthor=False)
 
 
 def open_model_store() -> "ModelStore":

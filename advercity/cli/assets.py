@@ -142,12 +142,13 @@ def sheet(
     """Draw bodies from four sides, by day and by night."""
     from advercity.assets.catalogue import load_catalogue_blueprints, select_blueprints
     from advercity.assets.model_store import open_model_store
-    from advercity.media import write_image
+    from advercity.media import check_image_file, write_image
     from advercity.pipeline.body_sheet import draw_body_sheet
     from advercity.rendering.backend import load_backend
 
     if bool(blueprints) == every:
         raise InputError("name blueprints to draw, or give --all")
+    check_image_file(output)
     wanted = select_blueprints(load_catalogue_blueprints(*library or ()), blueprints or [])
     write_image(draw_body_sheet(wanted, load_backend(backend), open_model_store()), output)
     print_data(str(output))

@@ -10,10 +10,12 @@ from advercity_dsl import DECLARATIONS
 from advercity_dsl.base import ID_HINT, ID_PATTERN, suggest_name
 from advercity_dsl.weather import Sun
 
-from advercity.compiler.schema import write_schema
+from advercity.atomic_files import write_atomically
+from advercity.compiler.schema import find_schema_file, write_schemas
 from advercity.compiler.source import parse_document
 from advercity.documents import read_text
 from advercity.errors import InputError, report_write_errors
+from advercity.output_files import is_replaceable
 
 SCHEMAS_FOLDER = ".advercity"
 """Folder of a library with the schemas to which the first lines of its files refer."""
@@ -42,7 +44,8 @@ def format_starter(kind: str, name: str, *, schemas: str = SCHEMAS_FOLDER) -> st
 def write_starter(kind: str, name: str, folder: Path) -> Path:
     """Write a new declaration and its schema; existing declarations are never overwritten.
 
-    The schema goes into the library's folder of schemas, or into a new one next to the file.
+    The schema goes into the library's folder of schemas, or into a new one next to the file; one
+    that an author has changed stays.
 
     Raises:
         InputError: The kind or name is not valid, or the file exists.
@@ -60,7 +63,8 @@ def write_starter(kind: str, name: str, folder: Path) -> Path:
         except FileExistsError:
             raise InputError(f"{path}: already exists; choose another name") from None
     # After the declaration: a name that is taken must not leave a schema behind.
-    write_schema(kind, schemas)
+    if is_replaceable(find_schema_file(kind, schemas)):
+        write_schemas(schemas, [kind])
     return path
 
 
@@ -97,7 +101,7 @@ def write_sun_positions(path: Path, suns: Mapping[str, Sun]) -> None:
     # A file that the edit would break is left as it is.
     parse_document(path, text)
     with report_write_errors():
-        path.write_text(text, encoding="utf-8")
+        write_atomically(path.resolve(), text.encode())
 
 
 def _find_field_lines(lines: list[str], name: str) -> tuple[int, int] | None:

@@ -66,7 +66,7 @@ def read_lock(path: Path) -> ModelLock | None:
     try:
         return ModelLock.model_validate(parse_json(read_text(path), path))
     except ValidationError:
-        remedy = "`advercity assets lock` with the folders of the library writes it again"
+        remedy = "delete it, and `advercity assets lock` with the folders of the library makes one"
         raise InputError(f"{path}: is not a lock of models; {remedy}") from None
 
 

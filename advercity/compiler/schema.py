@@ -1,6 +1,7 @@
 """JSON Schemas of declarations, with which editors complete and check YAML."""
 
 import json
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, cast
 
@@ -10,6 +11,7 @@ from advercity_dsl.distribution import DISTRIBUTIONS
 
 from advercity.compiler.fields import collect_field_docs
 from advercity.errors import InputError, report_write_errors
+from advercity.output_files import open_output_folder
 
 SCHEMA_MODELS: dict[str, type[Model]] = {**DECLARATIONS, "spec": Spec}
 _BOUNDS = {
@@ -52,18 +54,20 @@ def build_schema(kind: str) -> dict[str, Any]:
     return {"$schema": "http://json-schema.org/draft-07/schema#", **schema}
 
 
-def write_schema(kind: str, folder: Path) -> None:
-    """Write `<kind>.schema.json`."""
-    text = format_schema(kind) + "\n"
-    with report_write_errors():
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / f"{kind}.schema.json").write_text(text, encoding="utf-8", newline="\n")
+def find_schema_file(kind: str, folder: Path) -> Path:
+    """Return the file of a kind's schema in a folder: `<kind>.schema.json`."""
+    return folder / f"{kind}.schema.json"
 
 
-def write_schemas(folder: Path) -> None:
-    """Write `<kind>.schema.json` for every kind."""
-    for kind in SCHEMA_MODELS:
-        write_schema(kind, folder)
+def write_schemas(folder: Path, kinds: Iterable[str] = SCHEMA_MODELS) -> None:
+    """Write the schemas of kinds, all or none.
+
+    Raises:
+        InputError: A file cannot be written, or exists and may not be replaced.
+    """
+    with report_write_errors(), open_output_folder(folder) as made:
+        for kind in kinds:
+            find_schema_file(kind, made).write_bytes(format_schema(kind).encode() + b"\n")
 
 
 def _build_model_schema(model: type[Model]) -> dict[str, Any]:

@@ -23,6 +23,7 @@ from advercity.dataset.facts import ScenarioFacts
 from advercity.dataset.weather_truth import WeatherTruth
 from advercity.errors import RunError, describe_cause
 from advercity.geometry.arrays import Float64Array
+from advercity.output_files import open_output_folder
 
 RANGE_M = 200.0
 RANGE_BIN_M = 20.0
@@ -78,18 +79,21 @@ def compute_tables(facts: Sequence[ScenarioFacts]) -> list[StatisticsTable]:
 
 
 def write_tables(tables: Iterable[StatisticsTable], folder: Path) -> None:
-    """Write each table as `<name>.csv`; RunError if the folder is full or not writable."""
+    """Write each table as `<name>.csv`, all or none.
+
+    Raises:
+        InputError: A file of that name exists and may not be replaced.
+        RunError: The folder is full or not writable.
+    """
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for table in tables:
-            with (folder / f"{table.name}.csv").open("w", newline="") as stream:
-                writer = csv.writer(stream, lineterminator="\n")
-                writer.writerow(table.columns)
-                writer.writerows([_format_value(value) for value in row] for row in table.rows)
+        with open_output_folder(folder) as made:
+            for table in tables:
+                with (made / f"{table.name}.csv").open("w", newline="") as stream:
+                    writer = csv.writer(stream, lineterminator="\n")
+                    writer.writerow(table.columns)
+                    writer.writerows([_format_value(value) for value in row] for row in table.rows)
     except OSError as error:
-        raise RunError(
-            f"{error.filename or folder}: cannot be written: {describe_cause(error)}"
-        ) from error
+        raise RunError(f"{folder}: cannot be written: {describe_cause(error)}") from error
 
 
 def _format_value(value: Any) -> Any:

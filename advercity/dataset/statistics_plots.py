@@ -8,6 +8,7 @@ import numpy as np
 
 from advercity.dataset.statistics import POLAR_EDGES_DEG, POLAR_RANGE_EDGES_M, StatisticsTable
 from advercity.errors import InputError, RunError, describe_cause
+from advercity.output_files import open_output_folder
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -35,20 +36,22 @@ TABLES_WITHOUT_PLOT = ("stats",)
 
 
 def write_plots(tables: Iterable[StatisticsTable], folder: Path) -> None:
-    """Plot each table that has a plot as `<name>.png`.
+    """Plot each table that has a plot as `<name>.png`, all or none.
 
     Raises:
-        InputError: matplotlib is not installed.
+        InputError: matplotlib is not installed, or a file of that name exists and may not be
+            replaced.
         RunError: The folder is full or not writable.
     """
-    for table in tables:
-        if table.name not in TABLES_WITHOUT_PLOT:
-            path, figure = folder / f"{table.name}.png", draw_table(table)
-            try:
-                # Without the version of matplotlib, the same table gives the same bytes.
-                figure.savefig(path, dpi=120, metadata={"Software": None})
-            except OSError as error:
-                raise RunError(f"{path}: cannot be written: {describe_cause(error)}") from error
+    try:
+        with open_output_folder(folder) as made:
+            for table in tables:
+                if table.name not in TABLES_WITHOUT_PLOT:
+                    path, figure = made / f"{table.name}.png", draw_table(table)
+                    # Without the version of matplotlib, the same table gives the same bytes.
+                    figure.savefig(path, dpi=120, metadata={"Software": None})
+    except OSError as error:
+        raise RunError(f"{folder}: cannot be written: {describe_cause(error)}") from error
 
 
 def draw_table(table: StatisticsTable) -> "Figure":

@@ -17,6 +17,7 @@ from advercity.pipeline.progress import RunListener, ScenarioResult, SilentListe
 from advercity.pipeline.spec_models import check_models
 from advercity.pipeline.workers import WorkerPool
 from advercity.rendering.backend import load_backend
+from advercity.viewer.recording import check_recording_file
 
 _logger = logging.getLogger(__name__)
 KILLED_RUN_S = 1.0
@@ -131,6 +132,8 @@ def validate_batch(specs: Sequence[Spec], options: RunOptions) -> None:
             raise InputError(f"{name} is given {count} times; each may run once into an output")
     if len(specs) > 1 and options.viewer.is_enabled:
         raise InputError("`rrd`, `stream` and `connect` show one scenario; run them one by one")
+    if options.viewer.file is not None:
+        check_recording_file(options.viewer.file)
     load_backend(options.backend)
     check_output_folder(options.output)
 

@@ -1,7 +1,6 @@
 """Simulates traffic alone: trace, report and moving plan of a scenario."""
 
 import json
-import tempfile
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -11,11 +10,12 @@ from advercity_dsl import Spec
 from advercity.conflicts.report import TrafficReport, build_traffic_report
 from advercity.errors import RunError, describe_cause
 from advercity.media import VideoWriter
+from advercity.output_files import check_output, open_output_folder
 from advercity.physics.stopping import compute_stopping_distance
 from advercity.pipeline.preparation import TrafficResult, load_or_simulate_traffic
 from advercity.traffic.plan_video import draw_traffic_pictures
 
-VIDEO_FILE = "plan.mp4"
+TRACE_FILE, REPORT_FILE, VIDEO_FILE = "trace.npz", "report.json", "plan.mp4"
 
 
 def compute_traffic_reports(specs: Iterable[Spec]) -> Iterator[TrafficReport]:
@@ -41,20 +41,19 @@ def simulate_to_folder(spec: Spec, output: Path, *, with_video: bool = True) -> 
     """Write `trace.npz`, `report.json` and `plan.mp4` to `<output>/<spec id>/`, all or none.
 
     Raises:
-        InputError: The spec asks for what its road does not have, or PyAV is not installed.
+        InputError: The spec asks for what its road does not have, PyAV is not installed, or one of
+            the files exists and may not be replaced.
         RunError: The simulation failed, or a file cannot be written.
     """
+    folder = output / spec.id
+    for name in (TRACE_FILE, REPORT_FILE, VIDEO_FILE):
+        check_output(folder / name)
     traffic = load_or_simulate_traffic(spec)
     report = build_traffic_report(spec, traffic.trace, traffic.trace_sha256)
-    folder = output / spec.id
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=folder) as name:
-            made = Path(name)
+        with open_output_folder(folder) as made:
             _write_traffic_files(spec, traffic, report, made, with_video=with_video)
             (folder / VIDEO_FILE).unlink(missing_ok=True)  # of other traffic
-            for path in made.iterdir():
-                path.replace(folder / path.name)
     except OSError as error:
         raise RunError(f"{folder}: cannot be written: {describe_cause(error)}") from error
     return report
@@ -63,10 +62,10 @@ def simulate_to_folder(spec: Spec, output: Path, *, with_video: bool = True) -> 
 def _write_traffic_files(
     spec: Spec, traffic: TrafficResult, report: TrafficReport, folder: Path, *, with_video: bool
 ) -> None:
-    traffic.trace.save(folder / "trace.npz")
+    traffic.trace.save(folder / TRACE_FILE)
     document = report.to_document() | {"stopping": asdict(compute_stopping_distance(spec))}
     text = json.dumps(document, indent=1, allow_nan=False)
-    (folder / "report.json").write_text(text + "\n", encoding="utf-8")
+    (folder / REPORT_FILE).write_text(text + "\n", encoding="utf-8")
     if with_video:
         with VideoWriter(folder / VIDEO_FILE, traffic.trace.tick_s) as video:
             for image in draw_traffic_pictures(spec, traffic.trace):

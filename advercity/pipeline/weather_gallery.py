@@ -12,7 +12,7 @@ from advercity.compiler import with_weather
 from advercity.compiler.library import LibraryEntry
 from advercity.errors import InputError
 from advercity.geometry.arrays import Uint8Array
-from advercity.media import draw_label_bar, write_image
+from advercity.media import check_image_file, draw_label_bar, write_image
 from advercity.pipeline.preparation import PreparedScenario, load_or_simulate_traffic
 from advercity.pipeline.progress import Progress, ProgressCallback, ignore_progress
 from advercity.pipeline.sensing import open_sensors
@@ -60,6 +60,7 @@ def write_weather_gallery(
     """
     if profile not in RENDER_PROFILES:
         raise InputError(f"`profile` {profile}: no such profile; preview or full")
+    check_image_file(output)
     check_models(specs, allow_missing=allow_missing_models)
     renderer = load_backend(backend)
     agents = [_find_agent(spec, agent, camera) for spec in specs]

@@ -6,7 +6,8 @@ viewer answers, and goes on.
 
 import math
 import socket
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Self
 from urllib.parse import urlsplit
@@ -20,6 +21,7 @@ from advercity.conflicts.report import ConflictEvent
 from advercity.dataset.image_codec import encode_jpeg, encode_label_png, to_semantic_colours
 from advercity.errors import InputError, RunError, describe_cause
 from advercity.geometry import poses
+from advercity.output_files import check_output, open_output
 from advercity.physics.atmosphere import LandUse
 from advercity.physics.timeline import WeatherTimeline
 from advercity.roads.lane_segments import LaneSegment
@@ -63,28 +65,30 @@ def compute_weather_quantities(
     return {name: value for name, value in quantities.items() if math.isfinite(value)}
 
 
-def open_file_sink(path: Path) -> rr.FileSink:
-    """Open a sink that writes to `partial_path(path)`, which `RerunRecording` renames at its end.
-
-    Raises:
-        InputError: `path` is a folder, or does not end in `.rrd`.
-        RunError: The file cannot be written.
-    """
+def check_recording_file(path: Path) -> None:
+    """Raise an InputError if a file is no recording by its name, or may not be replaced."""
     if path.is_dir() or path.suffix != ".rrd":
         # Of any other suffix it may be a spec, after an option that takes a file.
         what = "is a folder" if path.is_dir() else "is no name of a recording"
         raise InputError(f"{path}: {what}; name a file that ends in .rrd")
+    check_output(path)
+
+
+@contextmanager
+def open_recording_file(path: Path) -> Generator[Path]:
+    """Yield the path of a recording that is not complete; at the end it becomes `path`.
+
+    Raises:
+        InputError: The name is no recording's, or a file of that name may not be replaced.
+        RunError: The file cannot be written.
+    """
+    check_recording_file(path)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        partial_path(path).open("wb").close()
+        with open_output(path) as partial:
+            partial.touch()
+            yield partial
     except OSError as error:
         raise RunError(f"{path}: cannot be written: {describe_cause(error)}") from error
-    return rr.FileSink(str(partial_path(path)))
-
-
-def partial_path(path: Path) -> Path:
-    """Return the path of a recording that is not complete."""
-    return path.with_name(f"{path.name}.partial")
 
 
 def start_server_sink(port: int) -> rr.GrpcServerSink:
@@ -152,10 +156,11 @@ class RerunRecording:
         map_tiles: bool = False,
         events: Sequence[ConflictEvent] = (),
     ) -> None:
-        self._file = file
-        files = () if file is None else (open_file_sink(file),)
         viewers = () if connect is None else (connect_viewer_sink(connect),)
         self._servers = (start_server_sink(port),) if serve else ()
+        self._output = ExitStack()
+        self._file = None if file is None else self._output.enter_context(open_recording_file(file))
+        files = () if self._file is None else (rr.FileSink(str(self._file)),)
         self._stream = rr.RecordingStream(
             APPLICATION_ID, recording_id=spec.id, send_properties=False
         )
@@ -187,11 +192,9 @@ class RerunRecording:
     def __exit__(self, kind: object, error: BaseException | None, traceback: object) -> None:
         self._stream.flush()
         self._stream.disconnect()
-        if self._file is not None:
-            if error is None:
-                partial_path(self._file).replace(self._file)
-            else:
-                partial_path(self._file).unlink(missing_ok=True)
+        with self._output:
+            if error is not None and self._file is not None:
+                self._file.unlink(missing_ok=True)
 
     def log_frame(self, sensor_frames: Sequence[SensorFrame]) -> None:
         """Log one frame, given the sensor frames of all agents."""

@@ -13,7 +13,7 @@ from advercity.dataset.facts import OBJECT_FACT, ScenarioFacts, collect_dataset_
 from advercity.dataset.statistics import StatisticsTable, compute_tables, write_tables
 from advercity.dataset.statistics_plots import draw_table, write_plots
 from advercity.dataset.weather_truth import WeatherTruth
-from advercity.errors import InputError, RunError
+from advercity.errors import InputError
 from tests.builders import SLOPE_RAD, TWO_ROADS_FRAMES
 
 
@@ -142,8 +142,17 @@ def test_every_table_is_a_csv_and_all_but_one_a_plot(
 
 def test_a_plot_that_cannot_be_written_is_named(facts: list[ScenarioFacts], tmp_path: Path) -> None:
     (tmp_path / "weather.png").mkdir()
-    with pytest.raises(RunError, match=r"weather\.png: cannot be written: "):
-        write_plots(compute_tables(facts), tmp_path)
+    tables = [table for table in compute_tables(facts) if table.name in ("roads", "weather")]
+    with pytest.raises(InputError, match=r"weather\.png: is a folder"):
+        write_plots(tables, tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["weather.png"]
+
+
+def test_a_table_of_others_stays(facts: list[ScenarioFacts], tmp_path: Path) -> None:
+    (tmp_path / "weather.csv").write_text("mine")
+    with pytest.raises(InputError, match=r"weather\.csv: exists, and there is no record"):
+        write_tables(compute_tables(facts), tmp_path)
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["mine"]
 
 
 def test_plots_without_matplotlib_name_the_extra(

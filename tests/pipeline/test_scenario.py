@@ -22,6 +22,7 @@ from advercity.dataset.reader import Scenario
 from advercity.dataset.verification import verify_dataset
 from advercity.errors import BackendError, InputError, RunError
 from advercity.media import LABEL_HEIGHT_PX
+from advercity.output_files import write_output
 from advercity.pipeline import (
     RunOptions,
     ViewerTarget,
@@ -304,7 +305,7 @@ def test_a_replay_shows_the_boxes_that_are_annotated(spec: Spec, made: Path) -> 
 
 def test_a_recording_shows_what_was_asked_for_last(spec: Spec, made: Path, tmp_path: Path) -> None:
     file = tmp_path / "scene.rrd"
-    file.write_bytes(b"of something else")
+    write_output(file, b"of an earlier run")
     run(spec, made.parent, 0, 1, viewer=ViewerTarget(file=file))
     assert file.stat().st_size > 10_000
 

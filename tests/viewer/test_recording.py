@@ -385,6 +385,15 @@ def test_a_spec_is_not_overwritten_by_a_recording(spec: Spec, tmp_path: Path) ->
     assert path.read_text() == "{}"
 
 
+def test_a_recording_replaces_no_file_of_others(spec: Spec, tmp_path: Path) -> None:
+    mine = {"scene.rrd": "mine", "scene.rrd.partial": "mine, too"}
+    for name, text in mine.items():
+        (tmp_path / name).write_text(text)
+    with pytest.raises(InputError, match=r"scene\.rrd: exists, and there is no record"):
+        RerunRecording(spec, LANES, file=tmp_path / "scene.rrd")
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == mine
+
+
 def test_a_file_that_cannot_be_written_is_named(spec: Spec, tmp_path: Path) -> None:
     (tmp_path / "in the way").write_text("")
     with pytest.raises(RunError, match="in the way"):

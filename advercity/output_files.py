@@ -1,0 +1,115 @@
+"""Files that a command makes where its user says: plans, sheets, videos, tables, recordings.
+
+Such a file replaces no other than one that the program wrote and that is unchanged since. These are
+known by their checksums, which are recorded in the user's data folder: not in the files, since a
+mark in them would outlive a user's changes, and tables have no place for one.
+"""
+
+import hashlib
+import math
+import os
+from collections.abc import Generator, Iterable
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from advercity.atomic_files import (
+    open_partial_folder,
+    open_without_links,
+    remove_abandoned_partials,
+    sync_files,
+)
+from advercity.data_folder import find_data_folder
+from advercity.documents import read_bytes
+from advercity.errors import InputError
+
+RECORD_FILE = "written_files"
+"""File in the data folder: a line with a SHA-256 for every content that was written."""
+MAX_RECORD_BYTES = 100_000_000
+
+
+@contextmanager
+def open_output(path: Path) -> Generator[Path]:
+    """Yield a path of the same name in a temporary folder; at the end that file becomes `path`.
+
+    Raises:
+        InputError: `path` exists and may not be replaced; before anything else is done.
+        OSError: The file cannot be written.
+    """
+    check_output(path)
+    with open_output_folder(path.parent) as partial:
+        yield partial / path.name
+
+
+@contextmanager
+def open_output_folder(folder: Path) -> Generator[Path]:
+    """Yield a temporary folder; at the end its files are moved into `folder`, all or none.
+
+    Raises:
+        InputError: One of them exists there, with other content, and may not be replaced.
+        OSError: The files cannot be written.
+    """
+    with open_partial_folder(folder) as partial:
+        remove_abandoned_partials(folder, max_age_s=math.inf)
+        yield partial
+        digests = {path: _compute_digest(path) for path in sorted(partial.iterdir())}
+        for path, digest in digests.items():
+            check_output(folder / path.name, digest)
+        sync_files(digests)
+        _record_digests(digests.values())
+        for path in digests:
+            path.replace(folder / path.name)
+
+
+def write_output(path: Path, content: bytes) -> None:
+    """Write a file; the errors are those of `open_output_folder`."""
+    with open_output_folder(path.parent) as partial:
+        (partial / path.name).write_bytes(content)
+
+
+def check_output(path: Path, digest: str | None = None) -> None:
+    """Raise an InputError if a path exists and may not be replaced.
+
+    Args:
+        path: File to be written.
+        digest: SHA-256 of its new content; a file that has it already is no loss.
+    """
+    if path.is_dir():
+        raise InputError(f"{path}: is a folder; name another file")
+    if not is_replaceable(path, digest):
+        raise InputError(
+            f"{path}: exists, and there is no record that advercity wrote it as it is;"
+            " rename or delete it, or write elsewhere"
+        )
+
+
+def is_replaceable(path: Path, digest: str | None = None) -> bool:
+    """Return whether a path is free, or has a file that the program wrote or with that SHA-256."""
+    if path.is_symlink() or not path.is_file():
+        return not os.path.lexists(path)
+    with suppress(OSError):
+        found = _compute_digest(path)
+        return found == digest or found in _load_digests()
+    return False
+
+
+def _compute_digest(path: Path) -> str:
+    with open(path, "rb", opener=open_without_links) as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def _load_digests() -> set[str]:
+    with suppress(OSError, InputError):
+        raw = read_bytes(find_data_folder() / RECORD_FILE, max_bytes=MAX_RECORD_BYTES)
+        return set(raw.decode(errors="replace").split())
+    return set()
+
+
+def _record_digests(digests: Iterable[str]) -> None:
+    """Add checksums to the record; without a writable data folder, files are not replaceable."""
+    new = sorted(set(digests) - _load_digests())
+    path = find_data_folder() / RECORD_FILE
+    with suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        # In one call, so that lines of several processes do not mix.
+        with open(path, "ab", buffering=0, opener=open_without_links) as stream:
+            stream.write("".join(f"{digest}\n" for digest in new).encode())
