@@ -1,13 +1,14 @@
 """Defines the world of a scenario: its static meshes, and the bodies of its actors."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from advercity.geometry.mesh import Mesh
+from advercity.material_maps import MaterialMaps
 from advercity.roads.lane_segments import LaneSegment
 
 
@@ -72,3 +73,5 @@ class World:
     """SUMO network; it has the coordinates of the world."""
     street_lamps: tuple[StreetLamp, ...] = ()
     signal_lamps: tuple[SignalLamp, ...] = ()
+    material_maps: Mapping[str, MaterialMaps] = field(default_factory=dict[str, MaterialMaps])
+    """Images of surfaces by the name that materials give them."""

@@ -36,6 +36,7 @@ ENTRY_FILES = {
     "networks": "*/road.net.xml",
     "traces": "*.npz",
     "worlds": "*.npz",
+    "maps": "*.npz",
     "calibrations": "*.json",
 }
 """Patterns of the files of entries, by kind; calibrations are of earlier versions."""

@@ -4,7 +4,7 @@ Networks, traces and worlds come from the cache where it has them; the first cal
 `netconvert`, simulates the traffic in SUMO (seconds to minutes) and builds the meshes.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -28,6 +28,7 @@ from advercity.pipeline.cache_entries import load_entry, load_or_build_entry
 from advercity.pipeline.options import RunOptions, format_frames
 from advercity.pipeline.progress import Progress, ProgressCallback, ignore_progress
 from advercity.pipeline.spec_models import check_models, find_missing_models, replace_models
+from advercity.pipeline.surface_maps import BakedMaps
 from advercity.rendering.backend import (
     RENDER_PROFILES,
     Backend,
@@ -96,11 +97,12 @@ def load_or_build_world(spec: Spec, network_path: Path) -> World:
     Raises:
         RunError: A model of the spec is not installed, or cannot be used.
     """
-    return load_or_build_entry(
+    world = load_or_build_entry(
         f"worlds/{compute_world_key(spec)}.npz",
         lambda partial: save_world(build_world(spec, network_path, open_model_store()), partial),
         lambda path: load_world(path, network_path),
     )
+    return replace(world, material_maps=BakedMaps())
 
 
 @dataclass(frozen=True)
