@@ -41,7 +41,7 @@ class IndexEntry(Model):
     Attributes:
         spec_sha256: Checksum of the spec.
         state: `waiting` has no result yet, `partial` lacks frames, `failed` does so after an error;
-            a run that is refused leaves a scenario `whole`.
+            a run that is refused leaves a scenario `whole` or `partial`.
         frames: Number of written frames.
         length: Number of frames of the whole scenario.
         files: Number of files.
@@ -58,15 +58,24 @@ class IndexEntry(Model):
     manifest_sha256: str | None = None
 
     @staticmethod
-    def from_manifest_text(spec: Spec, text: bytes | None, *, failed: bool = False) -> "IndexEntry":
-        """Build the entry of a scenario with the manifest `text`, or of one without a manifest."""
+    def from_manifest_text(
+        spec: Spec, text: bytes | None, *, failed: bool = False, refused: bool = False
+    ) -> "IndexEntry":
+        """Build the entry of a scenario with the manifest `text`, or of one without a manifest.
+
+        A run that failed was `refused` if it ended before it began to make frames.
+        """
         if text is None:
             state = "failed" if failed else "waiting"
             return IndexEntry(spec_sha256=compute_spec_digest(spec), state=state)
         manifest = Manifest.parse(text, where=f"{spec.id}/{MANIFEST_FILE}")
         return IndexEntry(
             spec_sha256=manifest.identity.spec_sha256,
-            state="whole" if manifest.complete else "failed" if failed else "partial",
+            state="whole"
+            if manifest.complete
+            else "failed"
+            if failed and not refused
+            else "partial",
             frames=len(manifest.frames),
             length=manifest.length,
             files=len(manifest.files),
@@ -170,14 +179,17 @@ class IndexWriter:
         if (dataset / INDEX_FILE).exists():
             self._update({})
 
-    def record_result(self, name: str, *, failed: bool) -> None:
-        """Record the end of a scenario; RunError if the disk is full or not writable."""
+    def record_result(self, name: str, *, failed: bool, refused: bool = False) -> None:
+        """Record the end of a scenario; RunError if the disk is full or not writable.
+
+        A run that failed was `refused` if it ended before it began to make frames.
+        """
         if self._dataset.is_dir():
             path = self._dataset / name / MANIFEST_FILE
             text = path.read_bytes() if path.exists() else None
-            self._update(
-                {name: IndexEntry.from_manifest_text(self._specs[name], text, failed=failed)}
-            )
+            spec = self._specs[name]
+            entry = IndexEntry.from_manifest_text(spec, text, failed=failed, refused=refused)
+            self._update({name: entry})
 
     def _update(self, entries: Mapping[str, IndexEntry]) -> None:
         path = self._dataset / INDEX_FILE

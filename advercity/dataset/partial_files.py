@@ -144,7 +144,11 @@ def remove_idle_staging_folder(scenario: Path) -> None:
     left = {path for path in staging.rglob("*") if not path.is_dir()}
     foreign = left.difference(journals, {staging / "lock"})
     if foreign:
-        _logger.warning("%s: %s of no run kept", staging, format_file_count(len(foreign)))
+        _logger.warning(
+            "%s: %s kept, not written by this version; delete the folder if nothing in it is yours",
+            staging,
+            format_file_count(len(foreign)),
+        )
 
 
 def remove_staging_folder(scenario: Path) -> None:

@@ -213,7 +213,8 @@ class _RayDriver:
     def _record_end(self, run: _ClusterScenario) -> None:
         result = run.finish()
         text = self._store.read(f"{run.spec.id}/{MANIFEST_FILE}")
-        entry = IndexEntry.from_manifest_text(run.spec, text, failed=result.error is not None)
+        failed, refused = result.error is not None, not run.wanted_frames
+        entry = IndexEntry.from_manifest_text(run.spec, text, failed=failed, refused=refused)
         self._update_index((), {run.spec.id: entry})
         self._listener.on_result(result)
 

@@ -84,6 +84,7 @@ class WorkerPool:
         self._waiting = deque(specs)
         self._running: list[_PooledScenario] = []
         self._results: dict[str, ScenarioResult] = {}
+        self._notices: set[Notice] = set()
         self._measured_s = 0.0
 
     def run(self) -> list[ScenarioResult]:
@@ -148,17 +149,24 @@ class WorkerPool:
         elif isinstance(message, FramesClaimed):
             run.is_opener_waiting = True
         elif isinstance(message, Notice):
-            logging.getLogger(message.logger).log(message.level, message.text)
+            self._repeat_notice(message)
         else:
             worker.record_progress(message)
             return True
         return False
 
+    def _repeat_notice(self, notice: Notice) -> None:
+        """Log what a worker has logged, once: scenarios share entries of the cache."""
+        if notice not in self._notices:
+            self._notices.add(notice)
+            logging.getLogger(notice.logger).log(notice.level, notice.text)
+
     def _record_end(self, run: "_PooledScenario") -> None:
         result = run.build_result()
         record_run(run.spec, self._options, result, self._worker_count)
         try:
-            self._index.record_result(result.scenario, failed=result.error is not None)
+            failed = result.error is not None
+            self._index.record_result(result.scenario, failed=failed, refused=not run.has_begun)
         except AdvercityError as error:
             result = replace(result, error=result.error or error)
         self._results[result.scenario] = result
@@ -308,6 +316,11 @@ class _PooledScenario:
     @property
     def _opener(self) -> _Worker:
         return next(worker for worker in (*self.workers, *self.ended) if not worker.index)
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether the scenario was opened and the making of frames began."""
+        return self._opener.last.phase in ("frames", "done")
 
     @property
     def unclaimed_frames(self) -> int:

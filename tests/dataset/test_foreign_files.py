@@ -172,7 +172,10 @@ def test_files_of_others_among_unfinished_ones_stay_and_are_reported(
     found = {path.relative_to(staging).as_posix() for path in staging.rglob("*") if path.is_file()}
     assert found == precious.keys()
     assert texts(staging, *IN_STAGING) == precious
-    assert f"{staging}: {len(IN_STAGING)} files of no run kept" in caplog.text
+    kept = (
+        f"{staging}: {len(IN_STAGING)} files kept, not written by this version; delete the folder"
+    )
+    assert kept in caplog.text
 
 
 @pytest.mark.parametrize("fresh", [False, True])

@@ -70,18 +70,27 @@ def test_the_index_has_every_requested_scenario_with_its_state(
     assert verify_dataset(tmp_path) == []
 
 
-def test_a_run_that_is_refused_leaves_a_whole_scenario_whole(
-    spec: Spec, make: Make, tmp_path: Path
+@pytest.mark.parametrize("frames", [LENGTH, LENGTH - 1])
+def test_a_run_that_is_refused_leaves_the_entry_of_a_scenario_as_it_was(
+    spec: Spec, make: Make, tmp_path: Path, frames: int
 ) -> None:
-    make(tmp_path, spec, LENGTH)
+    make(tmp_path, spec, frames)
     end(IndexWriter(tmp_path, [spec]), spec)
     before = (tmp_path / INDEX_FILE).read_bytes()
     index = IndexWriter(tmp_path, [spec])
     full = ScenarioWriter(tmp_path, spec, identify(spec, profile="full"), length=LENGTH)
     with pytest.raises(RunError, match="was made from another spec, version or device"), full:
         pass
-    index.record_result(spec.id, failed=True)
+    index.record_result(spec.id, failed=True, refused=True)
     assert (tmp_path / INDEX_FILE).read_bytes() == before
+
+
+def test_an_error_while_frames_are_made_is_in_the_index(
+    spec: Spec, make: Make, tmp_path: Path
+) -> None:
+    make(tmp_path, spec, LENGTH - 1)
+    IndexWriter(tmp_path, [spec]).record_result(spec.id, failed=True)
+    assert states(tmp_path) == {spec.id: "failed"}
 
 
 def test_the_next_run_continues_the_index_and_the_same_dataset_has_the_same_bytes(

@@ -13,11 +13,12 @@ import pytest
 from advercity_dsl import Spec
 
 from advercity.compiler import write_specs
+from advercity.dataset.index import DatasetIndex
 from advercity.dataset.manifest import Manifest
 from advercity.dataset.partial_files import lock_file
 from advercity.dataset.scenario_folders import find_staging_folder
 from advercity.dataset.verification import verify_dataset
-from advercity.dataset.writer import FrameWriter
+from advercity.dataset.writer import FrameWriter, ScenarioWriter
 from advercity.errors import InputError, RunError
 from advercity.pipeline import (
     Progress,
@@ -38,6 +39,7 @@ from advercity.pipeline.options import (
 from advercity.pipeline.progress import ignore_progress
 from advercity.pipeline.scenario import join_scenario, run_scenario
 from advercity.testing import RecordingListener
+from tests.builders import identify
 
 OptionsFor = Callable[[Path], RunOptions]
 
@@ -121,6 +123,30 @@ def test_a_scenario_that_crashes_or_takes_too_much_memory_does_not_stop_the_othe
         "index.json",
     }
     assert {path.read_text() for path in seen.iterdir()} == {"4", "7"}
+
+
+@pytest.mark.sumo
+def test_a_refused_run_leaves_a_partial_scenario_partial_and_says_once_what_it_keeps(
+    few: list[Spec],
+    stunts: Path,
+    options: OptionsFor,
+    listener: RecordingListener,
+    tmp_path: Path,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    spec, dataset = few[0], tmp_path / "output"
+    with ScenarioWriter(dataset, spec, identify(spec), length=2) as writer:
+        writer.finish()
+    notes = find_staging_folder(dataset / spec.id) / "notes.txt"
+    notes.parent.mkdir(parents=True)
+    notes.write_text("mine")
+    (result,) = run_scenarios([spec], options(dataset), listener=listener)
+    assert "was made from another spec, version or device" in str(result.error)
+    (message,) = caplog.messages
+    assert message.startswith(f"{notes.parent}: 1 file kept, not written by this version; delete")
+    index = DatasetIndex.load(dataset)
+    assert index is not None
+    assert index.scenarios[spec.id].state == "partial"
 
 
 @pytest.mark.sumo
