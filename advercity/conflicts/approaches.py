@@ -37,7 +37,7 @@ def place_actor(case: ConflictCase) -> ActorPlacement:
         case "opposite_lane" if case.meets_at_m is not None:
             return place_opposite(case, case.meets_at_m)
         case "opposite_lane" if case.conflict.actor.behaviour == "overtakes":
-            return place_opposite(case, find_earliest_overtaking_station(case))
+            return place_opposite(case, find_overtaking_station(case))
         case "opposite_lane":
             return place_opposite(case, find_straightest_station(case))
         case "alongside":
@@ -167,14 +167,14 @@ def place_opposite(case: ConflictCase, station_m: float) -> ActorPlacement:
     speed, acceleration = case.speed_m_s, case.parameters["acceleration_m_s2"]
     meets_s = case.drive.motion.time_at(station_m)
     run_m = speed * (meets_s - speed / (2 * acceleration) - WAITING_MARGIN_S)
+    if case.conflict.actor.behaviour == "overtakes":
+        run_m = min(run_m, _compute_free_run_m(case, station_m))
     return place_oncoming(case.drive, station_m, run_m)
 
 
 def place_oncoming(drive: EgoDrive, station_m: float, run_m: float) -> ActorPlacement:
     """Place an actor that drives against the ego, `run_m` before a station on the ego's path."""
-    route = tuple(reversed(drive.route))
-    route = (*route, *_find_next_street(drive, route[-1]))
-    back = drive.planner.build_path(route)
+    route, back = _build_oncoming_path(drive)
     meeting_m = back.find_nearest_station(drive.path.point_at(station_m))
     start_m = max(meeting_m - run_m, STREET_END_MARGIN_M)
     index, segment = next(
@@ -186,6 +186,21 @@ def place_oncoming(drive: EgoDrive, station_m: float, run_m: float) -> ActorPlac
     return ActorPlacement(
         station_m, meeting_m - start_m, route=route[index:], start_m=segment.end_m - start_m
     )
+
+
+def _build_oncoming_path(drive: EgoDrive) -> tuple[tuple[str, ...], RoutePath]:
+    """Build the streets and the path of traffic against the ego."""
+    route = tuple(reversed(drive.route))
+    route = (*route, *_find_next_street(drive, route[-1]))
+    return route, drive.planner.build_path(route)
+
+
+def _compute_free_run_m(case: ConflictCase, station_m: float) -> float:
+    """Compute the longest run of an actor before whom no connected vehicle meets the cyclist."""
+    _, back = _build_oncoming_path(case.drive)
+    meeting_m = back.find_nearest_station(case.drive.path.point_at(station_m))
+    cyclist_m = meeting_m - place_passed_cyclist(case, station_m).approach_m
+    return meeting_m - _find_last_free_station(case, back, cyclist_m)
 
 
 def find_straightest_station(case: ConflictCase) -> float:
@@ -225,27 +240,51 @@ def _find_next_street(drive: EgoDrive, street: str) -> tuple[str, ...]:
 
 CYCLIST_WAITING_MARGIN_S = 1.0
 """Time that the cyclist can wait at its start and still be in time."""
+CYCLIST_STEADY_S = 1.0
+"""Time for which it has its speed at least before the actor leaves its lane."""
 CYCLIST_LIMITS_M_S2 = (1.0, 2.0)
 """Acceleration and braking of the cyclist."""
 
 
-def find_earliest_overtaking_station(case: ConflictCase) -> float:
-    """Find the ego's first station at which the actor can have overtaken the cyclist."""
+def find_overtaking_station(case: ConflictCase) -> float:
+    """Find the ego's first station at which the actor can have overtaken a cyclist at its speed.
+
+    Raises:
+        UnsolvableError: A junction is too near everywhere for the cyclist to gain its speed.
+    """
     sets_out_s = case.speed_m_s / case.parameters["acceleration_m_s2"]
     drifted_s = WAITING_MARGIN_S + sets_out_s + case.parameters["drift_time_s"]
     after_s = max(drifted_s, case.not_before_s) + _compute_passing_s(case) + _compute_return_s(case)
-    return case.drive.motion.station_at(after_s)
+    drive = case.drive
+    needed_m = _compute_passed_before_m(case) + _compute_cyclist_run_up_m(case)
+    for station in np.arange(drive.motion.station_at(after_s), drive.end_m).tolist():
+        if place_oncoming(drive, station, needed_m).approach_m >= needed_m:
+            return station
+    raise UnsolvableError(f"'{drive.road.id}' has no {needed_m:.0f} m for the cyclist")
 
 
 def place_passed_cyclist(case: ConflictCase, station_m: float) -> ActorPlacement:
     """Place the cyclist that the actor has just passed when it begins to return to its lane."""
     speed = compute_cyclist_speed_m_s(case)
-    return_s = _compute_return_s(case)
-    lengths_m = case.actor.length_m + case.sampler.draw_cyclist().length_m
-    before_m = case.speed_m_s * return_s + lengths_m / 2 + case.parameters["passing_gap_m"]
-    rides_s = case.drive.motion.time_at(station_m) - return_s - CYCLIST_WAITING_MARGIN_S
+    rides_s = case.drive.motion.time_at(station_m) - _compute_return_s(case)
+    rides_s -= CYCLIST_WAITING_MARGIN_S
     ridden_m = speed * (rides_s - speed / (2 * CYCLIST_LIMITS_M_S2[0]))
-    return place_oncoming(case.drive, station_m, before_m + ridden_m)
+    return place_oncoming(case.drive, station_m, _compute_passed_before_m(case) + ridden_m)
+
+
+def _compute_passed_before_m(case: ConflictCase) -> float:
+    """Compute how far before the meeting the cyclist is when the actor begins to return."""
+    lengths_m = case.actor.length_m + case.sampler.draw_cyclist().length_m
+    return (
+        case.speed_m_s * _compute_return_s(case) + lengths_m / 2 + case.parameters["passing_gap_m"]
+    )
+
+
+def _compute_cyclist_run_up_m(case: ConflictCase) -> float:
+    """Compute how far the cyclist rides at least until the actor begins to return."""
+    speed = compute_cyclist_speed_m_s(case)
+    steady_s = CYCLIST_STEADY_S + case.parameters["drift_time_s"] + _compute_passing_s(case)
+    return speed * (steady_s + speed / (2 * CYCLIST_LIMITS_M_S2[0]))
 
 
 def compute_cyclist_speed_m_s(case: ConflictCase) -> float:
@@ -269,7 +308,7 @@ def _compute_passing_s(case: ConflictCase) -> float:
 
 SAME_LANE_M = 1.5
 """A vehicle that starts within this distance of an actor's path starts in its lane."""
-CONNECTED_GAP_M = 5.0
+CONNECTED_GAP_M = 6.0
 """Distance between the centre of a connected vehicle and the rear of an actor ahead of it."""
 STOP_LINE_GAP_M = 1.0
 """Distance of a waiting vehicle from the stop line."""

@@ -157,6 +157,7 @@ def _add_vehicle(root: Element, trip: VehicleTrip) -> None:
         depart=trip.depart_s,
         departLane=trip.lane,
         departPos="base" if trip.front_position_m is None else trip.front_position_m,
+        departPosLat=find_driving(trip).alignment,
         departSpeed=trip.start_speed_m_s,
     )
     _add_element(vehicle, "route", edges=" ".join(trip.edges))

@@ -116,7 +116,6 @@ def test_dry_runs_that_alternate_settle_once_blocking_actors_start_elsewhere(
     assert list(find_overlaps(trace)) == []
 
 
-@pytest.mark.xfail(reason="the cyclist still gains speed when it is passed: a gap of 0.54 m")
 def test_an_overtaking_vehicle_passes_the_cyclist_and_is_back_before_the_ego_comes(
     crossed: dict[str, Spec], overtaking: Trace
 ):
