@@ -103,6 +103,11 @@ def passes_anybody(trace: Trace, number: int, actor: Track, row: int) -> bool:
 
 def runs_red(trace: Trace, road: Road, number: int) -> bool:
     """Whether an actor drives from a street into a junction while its light is red."""
+    return measure_red_s(trace, road, number) is not None
+
+
+def measure_red_s(trace: Trace, road: Road, number: int) -> float | None:
+    """For how long a light is red when an actor drives past it; None if it does not."""
     track = Track.of(trace, number)
     for column, name in enumerate(trace.signal_ids):
         junction, street = name.split("/")
@@ -111,9 +116,11 @@ def runs_red(trace: Trace, road: Road, number: int) -> bool:
         row = int(np.argmin(apart_m))
         enters = abs(turned_deg(track.headings[row] - heading)) < 45
         passes = 0 < row < len(apart_m) - 1 and apart_m[row] < STOP_LINE_M
-        if enters and passes and trace.signals[track.ticks[row], column] == Signal.RED:
-            return True
-    return False
+        before = trace.signals[: track.ticks[row] + 1, column][::-1]
+        if enters and passes and before[0] == Signal.RED:
+            red = int(np.argmax(before != Signal.RED)) or len(before)
+            return red * trace.tick_s
+    return None
 
 
 def find_street_end(road: Road, street: str, junction: str) -> tuple[NDArray[np.float64], float]:

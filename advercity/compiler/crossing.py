@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -173,32 +174,29 @@ def compile_suite(library: Library, suite: Suite, *, require_sun: bool = True) -
         partial(check_demand, library, inputs.road, inputs.density)
         for inputs in by_traffic.values()
     )
-    conflicts = _solve_conflicts(library, suite, by_traffic)
-    return [
-        build_spec(
-            library,
-            suite,
-            inputs,
-            groups[inputs.road.id],
-            conflicts[inputs.traffic_key],
-            resolved,
-            list_model_assets(library, inputs.catalogue, inputs.blueprints),
-        )
-        for inputs in scenarios
-        if inputs.traffic_key in conflicts
-    ]
+    solved = _solve_conflicts(library, suite, by_traffic)
+    specs: list[Spec] = []
+    for inputs in scenarios:
+        if inputs.traffic_key not in solved:
+            continue
+        conflicts, road = solved[inputs.traffic_key]
+        assets = list_model_assets(library, inputs.catalogue, inputs.blueprints)
+        inputs = replace(inputs, road=road)
+        own_groups = groups[road.id]
+        specs.append(build_spec(library, suite, inputs, own_groups, conflicts, resolved, assets))
+    return specs
 
 
 def _solve_conflicts(
     library: Library, suite: Suite, scenarios: Mapping[TrafficKey, ScenarioInputs]
-) -> dict[TrafficKey, tuple[StagedConflict, ...]]:
-    """Solve the conflicts of scenarios by what their traffic depends on.
+) -> dict[TrafficKey, tuple[tuple[StagedConflict, ...], Road]]:
+    """Solve the conflicts of scenarios by what their traffic depends on, and time lights.
 
     Solving is slow and ignores the weather: it is done once per road, density, sweep step and
     repeat. Of a road with agents at several junctions, those are left out where a crossed conflict
     cannot be.
     """
-    solved: dict[TrafficKey, tuple[StagedConflict, ...]] = {}
+    solved: dict[TrafficKey, tuple[tuple[StagedConflict, ...], Road]] = {}
     errors: list[Diagnostic] = []
     refused: list[Diagnostic] = []
     for key, inputs in scenarios.items():

@@ -65,22 +65,26 @@ def solve_road_conflicts(
     blueprints: Mapping[str, Blueprint],
     *,
     repeat_key: tuple[str, ...] = (),
-) -> tuple[StagedConflict, ...]:
+) -> tuple[tuple[StagedConflict, ...], Road]:
     """Solve the conflicts of a scenario; they are the same under every weather.
+
+    Returns:
+        The conflicts, and the road with lights timed for them.
 
     Raises:
         DiagnosticsError: One cannot be solved on its road.
     """
     solutions: list[StagedConflict] = []
+    drive = cell.drive
     for index, conflict in enumerate(cell.conflicts, start=1):
         if suite.resolved_by is not None:
             conflict = conflict.model_copy(update={"resolved_by": suite.resolved_by})
         key = "/".join((cell.road.id, conflict.id, density.id, *repeat_key))
         try:
-            solution = solve_conflict(
+            solution, road = solve_conflict(
                 conflict,
                 find_typology(library, conflict),
-                cell.drive,
+                drive,
                 blueprints,
                 seed=suite.seeds.traffic,
                 key=key,
@@ -92,7 +96,9 @@ def solve_road_conflicts(
             raise DiagnosticsError(
                 library.build_diagnostic(conflict, "id", message=message)
             ) from None
-        finding = find_infeasibility(conflict, cell.drive, density, solution) or find_crowding(
+        if road is not drive.road:
+            drive = build_ego_drive(road)
+        finding = find_infeasibility(conflict, drive, density, solution) or find_crowding(
             solution, solutions, suite.timing
         )
         if finding is not None:
@@ -104,7 +110,7 @@ def solve_road_conflicts(
         solutions.append(solution)
         if solution.resolved_by == "nobody":
             break  # the scenario ends with the collision
-    return tuple(solutions)
+    return tuple(solutions), drive.road
 
 
 def find_typology(library: Library, conflict: Conflict) -> str:

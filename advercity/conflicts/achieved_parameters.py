@@ -55,6 +55,7 @@ class _Meeting:
     ego_at_s: float
     lag_s: float
     lane: shapely.LineString
+    since_red_s: float
     tick_s: float
 
 
@@ -66,6 +67,7 @@ def measure_parameters(
     ego_at_s: float,
     lag_s: float,
     lane: shapely.LineString,
+    since_red_s: float,
     tick_s: float,
 ) -> tuple[AchievedParameter, ...]:
     """Measure those declared parameters that a trace shows.
@@ -77,9 +79,10 @@ def measure_parameters(
         ego_at_s: Time from the first kept tick at which the ego is at the conflict point.
         lag_s: How much later the actor would have been there at the speed of its approach.
         lane: Path of the ego in its lane.
+        since_red_s: Time from the red of the light that the actor runs to its passing of the line.
         tick_s: Time between ticks.
     """
-    meeting = _Meeting(ego, actor, ego_at_s, lag_s, lane, tick_s)
+    meeting = _Meeting(ego, actor, ego_at_s, lag_s, lane, since_red_s, tick_s)
     # How far an actor would have come over the line does not show where both collide before.
     hidden = ("encroachment_m",) if conflict.resolved_by == "nobody" else ()
     return tuple(
@@ -130,5 +133,6 @@ _MEASURES: Mapping[str, Callable[[_Meeting], float]] = {
     "actor_speed_km_h": _measure_actor_speed,
     "arrival_offset_s": lambda meeting: meeting.lag_s,
     "encroachment_m": _measure_encroachment,
+    "since_red_s": lambda meeting: meeting.since_red_s,
 }
 """How each parameter that a trace shows is measured; the others show in none."""

@@ -136,7 +136,7 @@ def _find_crossed_station(case: ConflictCase) -> float:
     """Find the station at which the ego is crossed: on the exit crossing, or between junctions."""
     drive = case.drive
     if drive.road.junction == "intersection":
-        _, _, after = _find_ego_intersection(drive)
+        _, _, after = find_ego_intersection(drive)
         if case.conflict.parameters.obstruction_gap_m is None:
             return after.start_m - CROSSING_OFFSET_M
         # Cars that hide the actor are parked along the street, not at its crossing.
@@ -164,12 +164,17 @@ STREET_END_MARGIN_M = 8.0
 
 def place_opposite(case: ConflictCase, station_m: float) -> ActorPlacement:
     """Place an actor in the opposite lane so that it meets the ego at a station."""
-    speed, acceleration = case.speed_m_s, case.parameters["acceleration_m_s2"]
-    meets_s = case.drive.motion.time_at(station_m)
-    run_m = speed * (meets_s - speed / (2 * acceleration) - WAITING_MARGIN_S)
+    run_m = _compute_run_m(case, station_m)
     if case.conflict.actor.behaviour == "overtakes":
         run_m = min(run_m, _compute_free_run_m(case, station_m))
     return place_oncoming(case.drive, station_m, run_m)
+
+
+def _compute_run_m(case: ConflictCase, station_m: float) -> float:
+    """Compute how far a vehicle drives that sets out at the scenario's start and is in time."""
+    speed, acceleration = case.speed_m_s, case.parameters["acceleration_m_s2"]
+    meets_s = case.drive.motion.time_at(station_m)
+    return speed * (meets_s - speed / (2 * acceleration) - WAITING_MARGIN_S)
 
 
 def place_oncoming(drive: EgoDrive, station_m: float, run_m: float) -> ActorPlacement:
@@ -345,10 +350,12 @@ def place_in_lane(case: ConflictCase) -> ActorPlacement:
         lane=lane,
         start_m=start_m,
         approach_street=movement.from_street,
+        beyond_line_m=approach_m - start_m,
     )
     # What the junction leaves no room for is done before it: the actor starts farther back.
     room_m = line_m - start_m - _find_last_free_station(case, path, line_m)
-    back_m = min(max(compute_needed_approach_m(case) - approach_m, 0.0), room_m)
+    wanted_m = max(compute_needed_approach_m(case), _compute_run_m(case, station))
+    back_m = min(max(wanted_m - approach_m, 0.0), room_m)
     return replace(place, approach_m=approach_m + back_m, start_m=start_m + back_m)
 
 
@@ -431,10 +438,17 @@ def place_along_edge(case: ConflictCase) -> ActorPlacement:
     path = RoutePath(points, ())
     station = _find_meeting_station(case.drive, path)
     approach_m = path.find_nearest_station(case.drive.path.point_at(station))
-    return ActorPlacement(station, approach_m, path=points, approach_street=movement.from_street)
+    line_m = path.find_nearest_station(points[1])
+    return ActorPlacement(
+        station,
+        approach_m,
+        path=points,
+        approach_street=movement.from_street,
+        beyond_line_m=approach_m - line_m,
+    )
 
 
-def _find_ego_intersection(drive: EgoDrive) -> tuple[str, RouteSegment, RouteSegment]:
+def find_ego_intersection(drive: EgoDrive) -> tuple[str, RouteSegment, RouteSegment]:
     """Find the ego's junction, and the streets before and after it."""
     if drive.intersection is None:
         raise UnsolvableError("the ego passes no junction")
@@ -444,7 +458,7 @@ def _find_ego_intersection(drive: EgoDrive) -> tuple[str, RouteSegment, RouteSeg
 def _find_straight_movements(case: ConflictCase) -> tuple[Movement, ...]:
     """Find movements straight on from the actor's direction, innermost lane first."""
     planner, comes = case.drive.planner, case.conflict.actor.comes
-    junction, before, _ = _find_ego_intersection(case.drive)
+    junction, before, _ = find_ego_intersection(case.drive)
     bearing = planner.approach_heading(before.street.id, junction) + BEARINGS.get(comes, np.pi)
     movements = [
         item
@@ -459,7 +473,7 @@ def _find_straight_movements(case: ConflictCase) -> tuple[Movement, ...]:
 
 
 def _find_left_turn(drive: EgoDrive, street: str) -> Movement:
-    junction, _, _ = _find_ego_intersection(drive)
+    junction, _, _ = find_ego_intersection(drive)
     for item in drive.planner.movements[junction]:
         turns_left = drive.planner.turn_angle(item, junction) > STRAIGHT_TOLERANCE_RAD
         if item.from_street == street and turns_left:

@@ -24,6 +24,8 @@ class UnsolvableError(ValueError):
     """A conflict does not fit a road after all; the message says why."""
 
 
+CALM_S = 4.0
+"""Time without a critical event after the start of the recording, and between two of them."""
 PARAMETER_DIGITS = 4
 
 
@@ -154,6 +156,12 @@ class ConflictCase:
         """Drawn speed of the actor."""
         return self.parameters["actor_speed_km_h"] / KM_H_PER_M_S
 
+    def without(self, name: str) -> "ConflictCase":
+        """Return the case without a parameter that means nothing on its road."""
+        return replace(
+            self, parameters={key: item for key, item in self.parameters.items() if key != name}
+        )
+
     def with_actor_speed(self, speed_km_h: float) -> "ConflictCase":
         """Return the case with another speed of the actor."""
         return replace(self, parameters={**self.parameters, "actor_speed_km_h": speed_km_h})
@@ -192,6 +200,7 @@ class ActorPlacement:
         lane: Lane of its first street.
         start_m: Distance of its centre from the end of that street.
         approach_street: Street from which it enters the ego's junction, or None.
+        beyond_line_m: Distance of the meeting from the end of that street.
     """
 
     station_m: float
@@ -201,3 +210,4 @@ class ActorPlacement:
     lane: int = 1
     start_m: float = 0.0
     approach_street: str | None = None
+    beyond_line_m: float = 0.0

@@ -8,6 +8,7 @@ from advercity_dsl import Conflict, Density, Road, StagedActor, StagedConflict, 
 from advercity_dsl.distribution import compute_bounds
 from advercity_dsl.units import KM_H_PER_M_S
 
+from advercity.conflicts.case import CALM_S
 from advercity.conflicts.ego_motion import EgoDrive
 from advercity.conflicts.trajectories import QUINTIC_PEAK_ACCELERATION
 
@@ -20,8 +21,6 @@ MAX_LATERAL_M_S2 = {"drifts": 2.4, "overtakes": 1.5}
 DRIFT_EXTRA_M = 0.7
 """Estimate of an actor's lateral shift beyond its encroachment, up to the edge of its lane."""
 MAX_PATH_GAP_M = 1.0
-CALM_S = 4.0
-"""Time without a critical event after the start of the recording, and between two of them."""
 
 
 @dataclass(frozen=True)

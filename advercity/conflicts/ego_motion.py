@@ -9,6 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 from advercity_dsl import Road, StagedConflict, Vehicle
+from advercity_dsl.road import Signals
 from advercity_dsl.units import KM_H_PER_M_S
 from numpy.typing import NDArray
 
@@ -172,6 +173,7 @@ class EgoDrive:
         start_m: Station of its spawn on its path.
         end_m: Station beyond which it meets no actor.
         motion: Its motion from the scenario's start.
+        zones: Where conflicts limit its speed.
     """
 
     road: Road
@@ -181,6 +183,7 @@ class EgoDrive:
     start_m: float
     end_m: float
     motion: NominalMotion
+    zones: tuple[SpeedZone, ...] = ()
 
     @property
     def intersection(self) -> tuple[str, RouteSegment, RouteSegment] | None:
@@ -194,11 +197,29 @@ class EgoDrive:
 
     def limit_speed(self, station_m: float, speed_m_s: float) -> "EgoDrive":
         """Return the drive with a speed limit before a conflict point at a station."""
-        zone = build_speed_zone(station_m - self.start_m, speed_m_s)
-        motion = compute_nominal_motion(
-            self.road, self.planner, self.path, self.start_m, zones=(zone,)
-        )
-        return replace(self, motion=motion)
+        zones = (build_speed_zone(station_m - self.start_m, speed_m_s),)
+        motion = compute_nominal_motion(self.road, self.planner, self.path, self.start_m, zones)
+        return replace(self, motion=motion, zones=zones)
+
+    def with_lights(self, junction: str, lights: Signals | None) -> "EgoDrive":
+        """Return the drive through a junction with another signal program, or without one."""
+        declared = self.road.junctions[junction].model_copy(update={"signals": lights})
+        junctions = {**self.road.junctions, junction: declared}
+        road = self.road.model_copy(update={"junctions": junctions})
+        return self._on_road(road)
+
+    def with_waits(self, waits_s: float) -> "EgoDrive":
+        """Return the drive of an ego that waits at its start for another time."""
+        agents = {
+            name: place.model_copy(update={"waits_s": waits_s}) if place is self.road.ego else place
+            for name, place in self.road.agents.items()
+        }
+        return self._on_road(self.road.model_copy(update={"agents": agents}))
+
+    def _on_road(self, road: Road) -> "EgoDrive":
+        planner = RoutePlanner(road)
+        motion = compute_nominal_motion(road, planner, self.path, self.start_m, self.zones)
+        return replace(self, road=road, planner=planner, motion=motion)
 
     def segment_at(self, station_m: float) -> RouteSegment:
         """Find the street at a station; a crossing inside the junction belongs to the next one."""

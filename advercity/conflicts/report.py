@@ -17,7 +17,7 @@ from advercity.conflicts.achieved_parameters import (
     measure_parameters,
     select_before,
 )
-from advercity.conflicts.checks import CALM_S
+from advercity.conflicts.case import CALM_S
 from advercity.conflicts.ego_motion import compute_free_drive_s
 from advercity.conflicts.metrics import (
     ActorTrack,
@@ -36,7 +36,7 @@ from advercity.conflicts.resolution import (
 )
 from advercity.conflicts.trajectories import find_crossing
 from advercity.errors import RunError
-from advercity.frames import Trace
+from advercity.frames import Signal, Trace
 from advercity.geometry.polyline import StationedPolyline, drop_repeated_points
 from advercity.roads.routes import RoutePlanner, build_ego_path
 
@@ -105,7 +105,7 @@ def evaluate_outcomes(spec: Spec, trace: Trace) -> Iterator[ConflictOutcome]:
             encounter, tracks = None, None
         if encounter is None or tracks is None:
             raise RunError(f"{spec.id}: {conflict.id} lacks its actor {actor}, or the ego")
-        yield _evaluate_outcome(spec, conflict, encounter, *tracks, trace.tick_s)
+        yield _evaluate_outcome(spec, conflict, encounter, *tracks, trace)
 
 
 def _evaluate_outcome(
@@ -114,8 +114,9 @@ def _evaluate_outcome(
     encounter: Encounter,
     ego: ActorTrack,
     actor: ActorTrack,
-    tick_s: float,
+    trace: Trace,
 ) -> ConflictOutcome:
+    tick_s = trace.tick_s
     point = _find_meeting_point(conflict, ego, actor)
     lane = _build_ego_lane(spec)
     resolution = measure_resolution(conflict, encounter, ego, actor, lane, tick_s)
@@ -125,7 +126,14 @@ def _evaluate_outcome(
     lag_s = _extrapolate_arrival_s(actor, last, row, point, tick_s) - ego_at_s
     missed = tuple(_find_deviations(conflict, encounter, resolution, lag_s))
     parameters = measure_parameters(
-        conflict, ego, actor, ego_at_s=ego_at_s, lag_s=lag_s, lane=lane, tick_s=tick_s
+        conflict,
+        ego,
+        actor,
+        ego_at_s=ego_at_s,
+        lag_s=lag_s,
+        lane=lane,
+        since_red_s=_measure_since_red_s(spec, conflict, actor, trace),
+        tick_s=tick_s,
     )
     return ConflictOutcome(
         id=conflict.id,
@@ -143,6 +151,34 @@ def _evaluate_outcome(
 def _build_ego_lane(spec: Spec) -> shapely.LineString:
     path, _, _ = build_ego_path(RoutePlanner(spec.road), spec.road.ego)
     return path.line.line
+
+
+def _measure_since_red_s(
+    spec: Spec, conflict: StagedConflict, actor: ActorTrack, trace: Trace
+) -> float:
+    """Measure how long the light that an actor runs is red when its front is at the line.
+
+    Negative before red; infinite if no light is declared to be run, or none is red.
+    """
+    if conflict.light is None:
+        return float("inf")
+    fronts = actor.centres + actor.size[0] / 2 * actor.axes[:, 0]
+    line = _find_line(spec, conflict)
+    at = actor.rows["tick"][np.argmin(np.linalg.norm(fronts - line, axis=1))]
+    red = trace.signals[:, trace.signal_ids.index(conflict.light)] == Signal.RED
+    begins = np.flatnonzero(red & ~np.concatenate([[False], red[:-1]]))
+    if len(begins) == 0:
+        return float("inf")
+    return float(at - begins[np.argmin(np.abs(begins - at))]) * trace.tick_s
+
+
+def _find_line(spec: Spec, conflict: StagedConflict) -> NDArray[np.float64]:
+    """Find the end (2,) of the street from which an actor enters the junction."""
+    actor = conflict.actors[0]
+    if not actor.route:
+        return np.array(actor.path_m[1])
+    path = RoutePlanner(spec.road).build_path(actor.route, actor.lane)
+    return path.point_at(path.segments[0].end_m)
 
 
 def _find_deviations(
@@ -458,6 +494,7 @@ PARAMETER_HEADS = {
     "ego_speed_km_h": "ego km/h",
     "actor_speed_km_h": "actor km/h",
     "arrival_offset_s": "offset s",
+    "since_red_s": "red s",
     "encroachment_m": "over the line m",
 }
 

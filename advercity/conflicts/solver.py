@@ -5,8 +5,7 @@ from typing import Literal
 
 import numpy as np
 import shapely
-from advercity_dsl import Blueprint, Conflict, StagedActor, StagedConflict
-from advercity_dsl.conflict import ConflictParameters
+from advercity_dsl import Blueprint, Conflict, Road, StagedActor, StagedConflict
 from advercity_dsl.distribution import compute_bounds
 from advercity_dsl.units import KM_H_PER_M_S, Point2
 from numpy.typing import NDArray
@@ -16,6 +15,7 @@ from advercity.conflicts.approaches import (
     compute_actor_speed_m_s,
     compute_cyclist_speed_m_s,
     compute_lane_edge_offset,
+    find_ego_intersection,
     fit_actor_speed,
     place_actor,
     place_passed_cyclist,
@@ -27,6 +27,12 @@ from advercity.conflicts.case import (
     sample_parameters,
 )
 from advercity.conflicts.ego_motion import EgoDrive, NominalMotion
+from advercity.conflicts.signal_timing import (
+    find_run_lights,
+    ignore_lights,
+    shorten_wait,
+    time_lights,
+)
 from advercity.geometry.polyline import StationedPolyline
 from advercity.roads.routes import RoutePath
 
@@ -173,13 +179,14 @@ def solve_conflict(
     key: str,
     index: int,
     not_before_s: float,
-) -> StagedConflict:
+) -> tuple[StagedConflict, Road]:
     """Place all participants of a conflict, with their speeds and the expected time.
 
     In its drive the ego makes the conflict's manoeuvre; `typology` is an id. All draws depend on
     `seed` and `key` (road, conflict and density, so that all weathers share them). `index` is the
     number among the scenario's conflicts, from 1; nothing critical happens before `not_before_s`
-    from the scenario's start.
+    from the scenario's start. The returned road has the lights of the drive's, timed for an actor
+    that runs them in the first of the conflicts.
 
     Raises:
         UnsolvableError: The conflict does not fit the road.
@@ -194,9 +201,15 @@ def solve_conflict(
         parameters=sample_parameters(conflict.parameters, seed, key),
         not_before_s=not_before_s,
     )
-    case = case.draw_ego_speed(place_actor(case).station_m)
+    place = place_actor(case)
+    lights = find_run_lights(case, place) if index == 1 else None
+    case = case.without("since_red_s") if lights is None else ignore_lights(case)
+    case = case.draw_ego_speed(place.station_m)
     case = fit_actor_speed(case)
-    return _build_staged_conflict(case, typology, place_actor(case))
+    case = shorten_wait(case, place_actor(case))
+    if lights is not None:
+        case = time_lights(case, place, lights)
+    return _build_staged_conflict(case, typology, place_actor(case)), case.drive.road
 
 
 def _build_staged_conflict(
@@ -214,16 +227,24 @@ def _build_staged_conflict(
         ego=conflict.ego.part,
         manoeuvre=conflict.ego.manoeuvre,
         violates=_find_violation(case, place),
+        light=_name_run_light(case, place),
         actors=(build_staged_actor(case, place, speed), *others),
         point_m=round_point(drive.path.point_at(place.station_m)),
         station_m=round(place.station_m - drive.start_m, 3),
         window_s=(round(at_s - ARRIVAL_WINDOW_S, 1), round(at_s + ARRIVAL_WINDOW_S, 1)),
         parameters=_collect_parameters(case, place, speed, others),
-        declared=_collect_bounds(conflict.parameters),
+        declared=_collect_bounds(case),
         resolved_by=case.sampler.draw_resolver(conflict.resolved_by),
         mode="open_loop",
         outcome=conflict.outcome,
     )
+
+
+def _name_run_light(case: ConflictCase, place: ActorPlacement) -> str | None:
+    if "since_red_s" not in case.parameters:
+        return None
+    junction, _, _ = find_ego_intersection(case.drive)
+    return f"{junction}/{place.approach_street}"
 
 
 def _find_violation(case: ConflictCase, place: ActorPlacement) -> Literal["signal"] | None:
@@ -236,9 +257,13 @@ def _find_violation(case: ConflictCase, place: ActorPlacement) -> Literal["signa
     return None if case.drive.planner.have_green_together(junction, streets) else violates
 
 
-def _collect_bounds(parameters: ConflictParameters) -> dict[str, tuple[float, float]]:
+def _collect_bounds(case: ConflictCase) -> dict[str, tuple[float, float]]:
     """Collect the lowest and highest declared value of every parameter, sorted by name."""
-    declared = {name: item for name, item in parameters if item is not None}
+    declared = {
+        name: item
+        for name, item in case.conflict.parameters
+        if item is not None and name in case.parameters
+    }
     return {name: compute_bounds(item.draw) for name, item in sorted(declared.items())}
 
 

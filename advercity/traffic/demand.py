@@ -153,7 +153,10 @@ def _build_staged_trip(
     lane = _find_start_lane(item, graph)
     actor = _build_staged_actor(item, spec)
     centre_m = lane.length_m - item.start_m
-    occupancy.occupy(lane, centre_m, actor.size[0])
+    rear_m = centre_m - actor.size[0] / 2
+    # One that crosses a junction needs its lane free of vehicles that would wait there at red.
+    end_m = lane.length_m if item.behaviour == "stops_short" else rear_m + actor.size[0]
+    occupancy.occupy(lane, (rear_m + end_m) / 2, end_m - rear_m)
     return VehicleTrip(
         actor=actor,
         edges=_find_edges_along(item.route, lane.edge, graph),

@@ -39,6 +39,11 @@ MAX_LISTED_PAIRS = 4
 TRIGGER_TOLERANCE_S = 0.06
 """A schedule is kept if the next one would move its trigger by no more than this."""
 
+DELAYED = {"ego_speed_km_h", "since_red_s"}
+"""Parameters that are outside their range where others hold the ego up."""
+MAX_DELAY_REDRAWS = 10
+"""In dense traffic there may always be another that holds it up."""
+
 PastDryRun = tuple[Mapping[int, int], Mapping[int, ActorSchedule]]
 """Redraws of background actors in a dry run, and the schedules that followed from it."""
 
@@ -75,6 +80,7 @@ class _DryRuns:
         self._history: list[PastDryRun] = []
         self._blockers: set[int] = set()
         self._reactions: dict[str, EgoReaction] = {}
+        self._delay_redraws = 0
 
     def run_next(self) -> Trace | None:
         """Run once more; the trace if all went as declared, else None, and the next run differs.
@@ -160,7 +166,7 @@ class _DryRuns:
                 raise RunError(self.reason)
         elif self._has_untriggered:
             raise RunError(self.reason)
-        elif self._plan_next_reaction(demand, recording):
+        elif self._redraw_delaying_actors(demand, trace) or self._plan_reaction(demand, recording):
             return None
         else:
             self._blockers = _find_disturbing_actors(spec, trace, demand)
@@ -170,7 +176,20 @@ class _DryRuns:
         self._redraw(self._blockers)
         return None
 
-    def _plan_next_reaction(self, demand: TrafficDemand, recording: SumoRecording) -> bool:
+    def _redraw_delaying_actors(self, demand: TrafficDemand, trace: Trace) -> bool:
+        """Redraw what makes the ego late before it reacts; False if nothing does, or too often."""
+        if self._reactions or self._delay_redraws == MAX_DELAY_REDRAWS:
+            return False
+        outcomes = evaluate_outcomes(self._spec, trace)
+        if not any(DELAYED & {*item.outside} for item in outcomes):
+            return False
+        blockers = _find_background_blockers(self._spec, demand, trace)
+        self._delay_redraws += 1
+        self.reason = "background actors make the ego late; lower the density"
+        self._redraw(blockers)
+        return bool(blockers)
+
+    def _plan_reaction(self, demand: TrafficDemand, recording: SumoRecording) -> bool:
         """Let the ego react to the next actor, if there is one left, in the next run."""
         waiting = (
             conflict

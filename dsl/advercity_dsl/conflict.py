@@ -136,6 +136,8 @@ class ConflictParameters(Model):
     """Time from the ego's arrival at the conflict point to the actor's, if it did not brake."""
     post_encroachment_s: ConflictParameter | None = None
     """Time from the ego leaving the actor's path to the actor continuing."""
+    since_red_s: ConflictParameter | None = Field(default=None, exclude_if=is_none)
+    """Time from an actor's red light to its passing of the line, where it violates the light."""
     start_lateral_m: ConflictParameter | None = None
     """Lowest distance between the actor's start and the ego's path."""
     obstruction_gap_m: ConflictParameter | None = None
@@ -275,6 +277,8 @@ class StagedConflict(Model):
     """Manoeuvre of the ego."""
     violates: Literal["signal"] | None = None
     """Traffic control that the actor violates."""
+    light: str | None = Field(default=None, exclude_if=is_none)
+    """Light that it violates, `<junction>/<street>`; None on imported roads."""
     actors: Annotated[Items[StagedActor], Field(min_length=1)]
     """Actors; the first conflicts with the ego."""
     point_m: Point2

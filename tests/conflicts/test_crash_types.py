@@ -13,7 +13,7 @@ from advercity.conflicts.report import build_traffic_report
 from advercity.frames import Trace
 from advercity.roads.sumo_network import write_sumo_network
 from advercity.traffic.simulation import simulate_in_subprocess
-from tests.crash_types import name_crash_type, runs_red
+from tests.crash_types import measure_red_s, name_crash_type, runs_red
 
 pytestmark = pytest.mark.sumo
 LIBRARY = Path(__file__).parents[2] / "library" / "nhtsa"
@@ -50,6 +50,25 @@ def test_the_scenarios_stage_what_they_say(
     (conflict,) = spec.conflicts
     assert name_crash_type(trace, EGO, conflict.actors[0].number) == crash_type
     check_crash_type(spec, conflict, trace)
+
+
+def test_who_runs_a_light_arrives_moving_in_its_first_seconds_of_red(
+    specs: dict[str, Spec], simulate: Callable[[Spec], Trace]
+):
+    spec = specs["ui_clear_day_dense"]
+    trace = simulate(spec)
+    actor = spec.conflicts[0].actors[0]
+    _, rows = trace.get_track(actor.number)
+    (outcome,) = build_traffic_report(spec, trace, "").staged
+
+    red_s = measure_red_s(trace, spec.road, actor.number)
+    (reported,) = (item for item in outcome.parameters if item.name == "since_red_s")
+
+    assert red_s is not None
+    assert 2.0 < red_s < 6.5
+    assert abs(reported.achieved - red_s) < 0.6  # its front, and here its middle
+    at_line = next(i for i, row in enumerate(rows) if row["speed"] > 0.98 * actor.speed_m_s)
+    assert rows["speed"][20:at_line].min() > 2.0
 
 
 def test_most_egos_of_the_scenarios_have_to_evade(

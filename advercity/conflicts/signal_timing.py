@@ -1,0 +1,70 @@
+"""Time an actor's approach to a junction: it arrives moving, and runs lights just after red."""
+
+from dataclasses import replace
+
+from advercity_dsl.road import Signals
+
+from advercity.conflicts.approaches import find_ego_intersection
+from advercity.conflicts.case import CALM_S, ActorPlacement, ConflictCase
+
+
+def find_run_lights(case: ConflictCase, place: ActorPlacement) -> Signals | None:
+    """Find the declared program that the actor runs; None where both have green together."""
+    intersection = case.drive.intersection
+    if "since_red_s" not in case.parameters or place.approach_street is None or not intersection:
+        return None
+    junction, before, _ = intersection
+    declared = case.drive.road.junctions.get(junction)
+    streets = {before.street.id, place.approach_street}
+    if declared is None or case.drive.planner.have_green_together(junction, streets):
+        return None
+    return declared.signals
+
+
+def ignore_lights(case: ConflictCase) -> ConflictCase:
+    """Return the case with an ego that minds no lights at its junction."""
+    junction, _, _ = find_ego_intersection(case.drive)
+    return replace(case, drive=case.drive.with_lights(junction, None))
+
+
+def time_lights(case: ConflictCase, place: ActorPlacement, lights: Signals) -> ConflictCase:
+    """Return the case with a program that turns red for the actor just before both come.
+
+    The actor's approach has green just before the ego's.
+
+    Args:
+        case: A conflict whose actor runs a light, in which the ego minds none at its junction.
+        place: Where the actor comes from.
+        lights: Declared program of the junction.
+    """
+    junction, before, _ = find_ego_intersection(case.drive)
+    own, other = (
+        next(at for at, phase in enumerate(lights.phases) if street in phase)
+        for street in (before.street.id, place.approach_street)
+    )
+    cycle = list(lights.cycle)
+    cycle[own - 1], cycle[other] = cycle[other], cycle[own - 1]
+    slot_s = lights.green_s + lights.yellow_s + lights.all_red_s
+    at_line_s = case.drive.motion.time_at(place.station_m) - place.beyond_line_m / case.speed_m_s
+    green_s = at_line_s - case.parameters["since_red_s"] + lights.all_red_s
+    elapsed_s = round((own * slot_s - green_s) % (slot_s * len(cycle)), 1)
+    timed = lights.model_copy(update={"cycle": tuple(cycle), "elapsed_s": elapsed_s})
+    return replace(case, drive=case.drive.with_lights(junction, timed))
+
+
+def shorten_wait(case: ConflictCase, place: ActorPlacement) -> ConflictCase:
+    """Return the case with an ego that waits less at its start where the actor would stand.
+
+    An actor that comes through the junction sets out before the recording begins, if it can.
+    """
+    if place.approach_street is None:
+        return case
+    meets_s = case.drive.motion.time_at(place.station_m)
+    acceleration = case.parameters["acceleration_m_s2"]
+    drives_s = place.approach_m / case.speed_m_s + case.speed_m_s / (2 * acceleration)
+    stands_s = meets_s - drives_s - (case.not_before_s - CALM_S)
+    earlier_s = min(stands_s, meets_s - case.not_before_s, case.drive.road.ego.waits_s)
+    if earlier_s <= 0:
+        return case
+    waits_s = round(case.drive.road.ego.waits_s - earlier_s, 1)
+    return replace(case, drive=case.drive.with_waits(waits_s))
