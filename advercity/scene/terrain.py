@@ -3,8 +3,9 @@
 Its mesh is a grid without the paved area, so that the ground cannot show through the road.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import shapely
@@ -63,6 +64,46 @@ def find_plateaus(road: Road) -> tuple[Plateau, ...]:
 
 
 @dataclass(frozen=True, eq=False)
+class EdgeSegments:
+    """Segments of the edges of all paving.
+
+    Attributes:
+        starts: (m, 3) first points.
+        steps: (m, 3) vectors to the last points.
+    """
+
+    starts: Points
+    steps: Points
+
+    @cached_property
+    def _tree(self) -> shapely.STRtree:
+        ends = np.stack([self.starts, self.starts + self.steps], axis=1)
+        return shapely.STRtree(np.asarray(shapely.linestrings(ends[..., :2])))
+
+    def select_inside(self, outline: BaseGeometry) -> "EdgeSegments":
+        """Select the segments whose middle is inside an outline."""
+        inside = shapely.contains_xy(outline, *(self.starts + self.steps / 2)[:, :2].T)
+        return EdgeSegments(self.starts[inside], self.steps[inside])
+
+    def find_nearest(self, points: Points) -> tuple[Float64Array, Float64Array]:
+        """Find the distance (n,) of points (n, 2) to the nearest segment, and its height there."""
+        places = shapely.points(points)
+        _, far_m = self._tree.query_nearest(places, all_matches=False, return_distance=True)
+        # Of segments that are as near within rounding, as at corners, the first one counts.
+        within_m = far_m * (1 + 1e-9) + 1e-9
+        row, segment = self._tree.query(places, predicate="dwithin", distance=within_m)
+        along = self.steps[segment, :2]
+        squared = np.maximum((along**2).sum(axis=1), 1e-12)
+        x, y = (points[row] - self.starts[segment, :2]).T
+        fraction = np.clip((x * along[:, 0] + y * along[:, 1]) / squared, 0.0, 1.0)
+        squared_distance = (x - fraction * along[:, 0]) ** 2 + (y - fraction * along[:, 1]) ** 2
+        order = np.lexsort((segment, squared_distance, row))
+        best = order[np.unique(row[order], return_index=True)[1]]
+        height = self.starts[segment[best], 2] + fraction[best] * self.steps[segment[best], 2]
+        return np.sqrt(squared_distance[best]), height
+
+
+@dataclass(frozen=True, eq=False)
 class GroundModel:
     """Height of the ground around roads, built once for a world.
 
@@ -71,14 +112,12 @@ class GroundModel:
     except near the roads that climb to it.
 
     Attributes:
-        starts: (m, 3) first points of the segments of all edges.
-        steps: (m, 3) vectors along the segments.
+        segments: Segments of all edges.
         samples: (k, 3) points along all edges at about `CELL_M`.
         plateaus: Higher ground.
     """
 
-    starts: Points
-    steps: Points
+    segments: EdgeSegments
     samples: Points
     plateaus: Sequence[Plateau]
 
@@ -89,25 +128,21 @@ class GroundModel:
             resample_polyline(edge, max(2, int(polyline_stations(edge)[-1] / CELL_M) + 1))
             for edge in edges
         ]
-        return cls(
+        segments = EdgeSegments(
             np.concatenate([edge[:-1] for edge in edges]),
             np.concatenate([np.diff(edge, axis=0) for edge in edges]),
-            np.concatenate(samples),
-            plateaus,
         )
+        return cls(segments, np.concatenate(samples), plateaus)
 
     def height_at(self, points: Points) -> Float64Array:
         """Compute the height (n,) of the ground at points (n, 2) off the road, metres."""
-        height = _map_in_chunks(points, self._natural_height_at)
+        distance, edge_height = self.segments.find_nearest(points)
+        mean_height = _compute_mean_edge_height(points, self.samples)
+        height = _blend_heights(distance, edge_height, mean_height)
+        height += _compute_hill_height(points, distance)
         for plateau in self.plateaus:
             height = self._raise_to_plateau(points, height, plateau)
         return height
-
-    def _natural_height_at(self, points: Points) -> Float64Array:
-        distance, edge_height = _find_nearest_edge(points, self.starts, self.steps)
-        mean_height = _compute_mean_edge_height(points, self.samples)
-        hills = _compute_hill_height(points, distance)
-        return _blend_heights(distance, edge_height, mean_height) + hills
 
     def _raise_to_plateau(
         self, points: Points, height: Float64Array, plateau: Plateau
@@ -115,16 +150,10 @@ class GroundModel:
         """Raise heights (n,) within a plateau to it, or to the streets that climb to it."""
         depth = shapely.distance(shapely.points(points), plateau.outline.exterior)
         inside = shapely.contains_xy(plateau.outline, points[:, 0], points[:, 1])
-        climbing = shapely.contains_xy(plateau.outline, *(self.starts + self.steps / 2)[:, :2].T)
-        starts, steps = self.starts[climbing], self.steps[climbing]
-
-        def level(chunk: Points) -> Float64Array:
-            top = np.full(len(chunk), plateau.height_m)
-            return _blend_heights(*_find_nearest_edge(chunk, starts, steps), top)
-
+        climbing = self.segments.select_inside(plateau.outline)
         top = np.full(len(points), plateau.height_m)
-        if climbing.any() and inside.any():
-            top[inside] = _map_in_chunks(points[inside], level)
+        if len(climbing.starts) > 0 and inside.any():
+            top[inside] = _blend_heights(*climbing.find_nearest(points[inside]), top[inside])
         rise = np.where(inside, np.minimum(depth / BANK_WIDTH_M, 1.0), 0.0)
         return height + rise * (top - height)
 
@@ -171,29 +200,14 @@ def build_skirt(edges: Sequence[Points]) -> Mesh:
     return skirt.to_mesh("skirt", "asphalt", Semantic.ROAD)
 
 
-def _map_in_chunks(points: Points, height: Callable[[Points], Float64Array]) -> Float64Array:
-    # Tables of points by segments in one piece would need gigabytes.
-    chunks = np.array_split(points, len(points) // 1000 + 1)
-    return np.concatenate([height(chunk) for chunk in chunks])
-
-
-def _find_nearest_edge(
-    points: Points, starts: Points, steps: Points
-) -> tuple[Float64Array, Float64Array]:
-    """Find the distance (n,) to the nearest segment, and the height (n,) of that point."""
-    along = steps[:, :2]
-    squared = np.maximum((along**2).sum(axis=1), 1e-12)
-    x, y = (points[:, k, None] - starts[None, :, k] for k in (0, 1))
-    fraction = np.clip((x * along[:, 0] + y * along[:, 1]) / squared, 0.0, 1.0)
-    squared_distance = (x - fraction * along[:, 0]) ** 2 + (y - fraction * along[:, 1]) ** 2
-    nearest = squared_distance.argmin(axis=1)
-    row = np.arange(len(points))
-    height = starts[nearest, 2] + fraction[row, nearest] * steps[nearest, 2]
-    return np.sqrt(squared_distance[row, nearest]), height
-
-
 def _compute_mean_edge_height(points: Points, samples: Points) -> Float64Array:
     """Average the heights of all edges (n,), weighted by the inverse square of their distance."""
+    # Tables of points by samples in one piece would need gigabytes.
+    chunks = np.array_split(points, len(points) // 1000 + 1)
+    return np.concatenate([_average_by_distance(chunk, samples) for chunk in chunks])
+
+
+def _average_by_distance(points: Points, samples: Points) -> Float64Array:
     x, y = (points[:, k, None] - samples[None, :, k] for k in (0, 1))
     weight = 1.0 / (x * x + y * y + SOFTENING_M**2)
     return (weight @ samples[:, 2]) / weight.sum(axis=1)
