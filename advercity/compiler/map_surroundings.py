@@ -2,12 +2,13 @@
 
 import re
 from collections.abc import Iterator
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 import shapely
 from advercity_dsl import MapFile, Road
-from advercity_dsl.road import Roof, Species, Surrounding, SurroundingKind
+from advercity_dsl.road import BuildingUse, Roof, Species, Surrounding, SurroundingKind
 from advercity_dsl.units import Point2
 from shapely.geometry.base import BaseGeometry
 
@@ -54,6 +55,25 @@ ROOFS: dict[str, Roof] = {
     "mansard": "hipped",
     "dome": "hipped",
 }
+USES: dict[tuple[str, str], BuildingUse] = {
+    ("building", "house"): "residential",
+    ("building", "detached"): "residential",
+    ("building", "apartments"): "residential",
+    ("building", "residential"): "residential",
+    ("building", "retail"): "commercial",
+    ("building", "commercial"): "commercial",
+    ("building", "office"): "commercial",
+    ("building", "supermarket"): "commercial",
+    ("building", "industrial"): "industrial",
+    ("building", "warehouse"): "industrial",
+    ("building", "hangar"): "industrial",
+    ("landuse", "residential"): "residential",
+    ("landuse", "retail"): "commercial",
+    ("landuse", "commercial"): "commercial",
+    ("landuse", "industrial"): "industrial",
+    ("landuse", "railway"): "industrial",
+}
+"""Uses of buildings by their own tag, or else by that of the land that they are on."""
 LINES = {
     ("barrier", "wall"): SurroundingKind.WALL,
     ("barrier", "retaining_wall"): SurroundingKind.WALL,
@@ -134,13 +154,36 @@ class _Places:
             left = shapely.difference(polygon, self._taken)
             if left.area < max(MIN_AREA_M2, MIN_LEFT_FRACTION * polygon.area):
                 continue
+            use = self._find_use(tags, polygon)
             for outline in _list_outlines(left):
                 yield Surrounding(
                     kind=SurroundingKind.BUILDINGS,
                     line_m=outline,
                     height_m=_read_height(tags),
                     roof=ROOFS.get(tags.get("roof:shape", "")),
+                    use=use,
                 )
+
+    def _find_use(self, tags: Tags, building: shapely.Polygon) -> BuildingUse | None:
+        """Find the use of a building, if it is known; garages and the like have none."""
+        own: BuildingUse | None = USES.get(("building", tags["building"]))
+        if own is not None or tags["building"] in LOW_BUILDINGS:
+            return own
+        middle = shapely.point_on_surface(building)
+        for use, land in self._land_uses:
+            if shapely.contains(land, middle):
+                return use
+        return None
+
+    @cached_property
+    def _land_uses(self) -> list[tuple[BuildingUse, shapely.Polygon]]:
+        """Land with a use, the smallest first, since larger areas are rougher."""
+        found: list[tuple[BuildingUse, shapely.Polygon]] = []
+        for tags, polygon in self._osm.areas:
+            use = USES.get(("landuse", tags.get("landuse", "")))
+            if use is not None:
+                found.append((use, polygon))
+        return sorted(found, key=lambda item: item[1].area)
 
     def iterate_areas(self) -> Iterator[Surrounding]:
         for number, (tags, polygon) in enumerate(self._osm.areas):

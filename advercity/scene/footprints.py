@@ -1,10 +1,11 @@
 """Builds buildings on footprints of any shape: façades along every side, and a roof."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
-from advercity_dsl.road import Roof
+from advercity_dsl.road import BuildingUse, Roof, Surrounding
 from shapely.geometry.base import BaseGeometry
 
 from advercity.geometry.arrays import Float64Array
@@ -32,7 +33,7 @@ from advercity.scene.site import Site
 from advercity.semantics import Semantic
 
 HOUSE_AREA_M2, HOUSE_HEIGHT_M = 220.0, 9.0
-"""Smaller and lower buildings are houses, with a pitched roof unless the map says otherwise."""
+"""Smaller and lower buildings without shops are houses."""
 HOUSE_HEIGHT_RANGE_M, BLOCK_HEIGHT_RANGE_M = (5.5, 8.0), (6.5, 15.0)
 """Heights of buildings whose map has none."""
 MIN_WINDOWED_M = 2.2
@@ -41,6 +42,10 @@ MIN_STOREY_M = 2.0
 """Shorter and lower sides, and those that are further from streets, have no windows."""
 SIMPLIFY_M, MIN_AREA_M2 = 0.25, 4.0
 SILL_HEIGHT_M = 0.9
+HALL_WALLS = ("metal", "plaster_grey", "concrete")
+HALL_WINDOW_M, HALL_LINTEL_M = 1.2, 0.5
+"""Height of the windows of a hall, and of the wall above them."""
+SHOP_WIDTH_M, SHOP_SILL_M = 4.2, 0.5
 OVERHANG_M, PARAPET_M, PARAPET_WIDTH_M = 0.4, 0.45, 0.25
 MAX_RUN_FRACTION = 0.95
 """How far hips reach inwards, of the way to the middle."""
@@ -53,40 +58,71 @@ MIN_RECTANGULARITY = 0.92
 """Fraction of its smallest rectangle that a footprint fills to have a gable."""
 
 
-def build_on_footprint(
-    outline: Sequence[tuple[float, float]],
-    height_m: float | None,
-    roof: Roof | None,
-    site: Site,
-    key: str,
-) -> list[MeshPart]:
-    """Build a building within an outline, without what overlaps reserved ground."""
-    free = shapely.difference(shapely.make_valid(shapely.Polygon(outline)), site.reserved_area)
+@dataclass(frozen=True)
+class _BuildingType:
+    """What the buildings of a use have in common.
+
+    Attributes:
+        height_range_m: Height of those whose map has none.
+        walls: Materials of which their walls are drawn.
+        is_pitched: Whether their roofs are pitched unless the map says otherwise.
+        has_shops: Whether there are shops on the ground floor at the street.
+        has_balconies: Whether there are balconies above it.
+        is_hall: Whether it has one storey of any height, with windows below the eaves.
+    """
+
+    height_range_m: tuple[float, float]
+    walls: tuple[str, ...]
+    is_pitched: bool = False
+    has_shops: bool = False
+    has_balconies: bool = False
+    is_hall: bool = False
+
+
+_HOUSE = _BuildingType(HOUSE_HEIGHT_RANGE_M, HOUSE_WALLS, is_pitched=True)
+_BLOCK = _BuildingType(BLOCK_HEIGHT_RANGE_M, TOWN_WALLS)
+_FLATS = _BuildingType(BLOCK_HEIGHT_RANGE_M, TOWN_WALLS, has_balconies=True)
+_SHOPS = _BuildingType(BLOCK_HEIGHT_RANGE_M, TOWN_WALLS, has_shops=True)
+_HALL = _BuildingType((5.0, 9.0), HALL_WALLS, is_hall=True)
+
+
+def build_on_footprint(declared: Surrounding, site: Site, key: str) -> list[MeshPart]:
+    """Build a building within its outline, without what overlaps reserved ground."""
+    outline = shapely.make_valid(shapely.Polygon(declared.line_m))
+    free = shapely.difference(outline, site.reserved_area)
     parts: list[MeshPart] = []
     for number, polygon in enumerate(extract_polygons(free)):
         plain = shapely.simplify(shapely.Polygon(polygon.exterior), SIMPLIFY_M)
         if plain.area > MIN_AREA_M2:
             footprint = shapely.orient_polygons(plain)
-            parts += _build(footprint, height_m, roof, site, f"{key}/{number}")
+            parts += _build(footprint, declared, site, f"{key}/{number}")
     return parts
 
 
+def _select_type(use: BuildingUse | None, area_m2: float, height_m: float | None) -> _BuildingType:
+    if use == "industrial":
+        return _HALL
+    if use == "commercial":
+        return _SHOPS
+    is_house = area_m2 < HOUSE_AREA_M2 and (height_m or 0.0) <= HOUSE_HEIGHT_M
+    return _HOUSE if is_house else _FLATS if use == "residential" else _BLOCK
+
+
 def _build(
-    footprint: shapely.Polygon, height_m: float | None, roof: Roof | None, site: Site, key: str
+    footprint: shapely.Polygon, declared: Surrounding, site: Site, key: str
 ) -> list[MeshPart]:
     draw = create_generator("footprints", key)
     corners = shapely.get_coordinates(footprint.exterior)
-    is_small = footprint.area < HOUSE_AREA_M2
-    drawn_m = float(draw.uniform(*(HOUSE_HEIGHT_RANGE_M if is_small else BLOCK_HEIGHT_RANGE_M)))
-    total_m = height_m or drawn_m
-    is_house = is_small and total_m <= HOUSE_HEIGHT_M
-    style = draw_style(HOUSE_WALLS if is_house else TOWN_WALLS, draw)
-    chosen = roof or ("gabled" if is_house else "flat")
+    kind = _select_type(declared.use, footprint.area, declared.height_m)
+    drawn_m = float(draw.uniform(*kind.height_range_m))
+    total_m = declared.height_m or drawn_m
+    style = draw_style(kind.walls, draw)
+    chosen = declared.roof or ("gabled" if kind.is_pitched else "flat")
     rise_m = 0.0 if chosen == "flat" else _compute_rise(footprint, total_m)
     tiles = str(draw.choice(ROOFS))
     eaves_m = total_m - rise_m
     parts = [
-        *_build_walls(corners, eaves_m, style, site, draw),
+        *_build_walls(corners, eaves_m, kind, style, site, draw),
         *_build_rooms(footprint, eaves_m),
         *_build_roof(chosen, footprint, eaves_m, rise_m, style.wall, tiles),
     ]
@@ -107,6 +143,7 @@ def _compute_rise(footprint: shapely.Polygon, total_m: float) -> float:
 def _build_walls(
     corners: Float64Array,
     eaves_m: float,
+    kind: _BuildingType,
     style: FacadeStyle,
     site: Site,
     draw: np.random.Generator,
@@ -124,7 +161,13 @@ def _build_walls(
             continue
         count = max(1, int(length / bay_m))
         opening_m = min(width_m, length / count - 0.6)
-        storeys = _list_storeys(eaves_m, count, opening_m, count // 2 if index == front else None)
+        door_at = count // 2 if index == front else None
+        if kind.is_hall:
+            storeys = [_build_hall_storey(eaves_m, count, opening_m, door_at)]
+        else:
+            storeys = _list_storeys(eaves_m, count, opening_m, door_at)
+        if index == front:
+            storeys = _furnish_front(storeys, kind, float(length))
         yaw = float(np.arctan2(step[1], step[0]))
         for surface, material in build_storeys(float(length), storeys, style, draw):
             yield move_surface(surface, (*middle, 0.0), yaw=yaw), material
@@ -147,6 +190,41 @@ def _list_storeys(
         )
         for floor in range(floors)
     ]
+
+
+def _build_hall_storey(
+    eaves_m: float, openings: int, opening_m: float, door_at: int | None
+) -> Storey:
+    height_m = min(HALL_WINDOW_M, eaves_m / 3)
+    sill_m = eaves_m - height_m - HALL_LINTEL_M
+    return Storey(0.0, eaves_m, openings, opening_m, sill_m, height_m, door_at)
+
+
+def _furnish_front(storeys: list[Storey], kind: _BuildingType, length_m: float) -> list[Storey]:
+    """Add the shops and balconies of a building type to the side at the street."""
+    ground, *upper = storeys
+    if kind.has_shops:
+        ground = _add_shops(ground, length_m)
+    if kind.has_balconies:
+        upper = [
+            replace(item, sill_m=0.15, opening_m=item.height_m - 0.8, has_balconies=True)
+            for item in upper
+        ]
+    return [ground, *upper]
+
+
+def _add_shops(storey: Storey, length_m: float) -> Storey:
+    """Replace the windows of a ground floor by panes of shops, with a door in the middle."""
+    count = max(1, int(length_m / SHOP_WIDTH_M)) | 1
+    return replace(
+        storey,
+        openings=count,
+        width_m=length_m / count - 0.7,
+        sill_m=SHOP_SILL_M,
+        opening_m=min(2.2, storey.height_m - SHOP_SILL_M - 0.3),
+        door_at=count // 2,
+        is_shop=True,
+    )
 
 
 def _build_rooms(footprint: shapely.Polygon, top_m: float) -> Iterator[tuple[TriangleSurface, str]]:

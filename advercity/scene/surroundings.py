@@ -207,9 +207,7 @@ def _build_buildings(
 
 def _build_on_outline(item: _PlacedSurrounding, site: Site) -> list[MeshPart]:
     declared = item.declaration
-    return footprints.build_on_footprint(
-        declared.line_m, item.height_m, declared.roof, site, item.random_key
-    )
+    return footprints.build_on_footprint(declared, site, item.random_key)
 
 
 def _build_fields(item: _PlacedSurrounding, site: Site) -> Iterator[MeshPart]:

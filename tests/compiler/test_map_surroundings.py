@@ -128,6 +128,40 @@ def test_what_the_map_has_on_paving_is_left_out(town: Road) -> None:
     assert 5 < ends[0] < 12
 
 
+def test_land_use_and_tags_of_buildings_choose_their_use(tmp_path: Path) -> None:
+    """The supermarket on industrial land is a shop by its own tag; a garage has no use."""
+    extract = Extract()
+    extract.add_way([(5, 5), (120, 5), (120, 120), (5, 120)], landuse="industrial")
+    extract.add_way(L_SHAPE, building="yes", height="7")
+    extract.add_way([(70, 20), (90, 20), (90, 50), (70, 50)], building="supermarket")
+    extract.add_way([(100, 20), (104, 20), (104, 24), (100, 24)], building="garage")
+    extract.add_way(HOUSE, building="yes")
+
+    found = load_road(extract, tmp_path).surroundings
+
+    uses = [item.use for item in found if item.kind == "buildings"]
+    assert uses == ["industrial", "commercial", None, None]
+
+
+@pytest.mark.parametrize(
+    ("use", "lowest_m", "usual_m"), [("yes", 0.9, 4), ("retail", 0.5, 4), ("industrial", 5.3, 6)]
+)
+def test_shops_have_low_panes_and_halls_have_them_below_the_eaves(
+    tmp_path: Path, use: str, lowest_m: float, usual_m: float
+) -> None:
+    """Of 7 m: sills at 0.9 and 0.5 m, or 1.2 m of glass and 0.5 m of wall below the eaves."""
+    extract = Extract()
+    extract.add_way([(8, 8), (40, 8), (40, 30), (8, 30)], building=use, height="7")
+    network = build_road(load_road(extract, tmp_path))
+
+    meshes, _ = build_surroundings(network, lambda at: np.zeros(len(at)), network.paved_area)
+
+    heights_m = np.concatenate([mesh.vertices[:, 2] for mesh in meshes if mesh.material == "glass"])
+    # The panes of a door are lower.
+    assert np.quantile(heights_m, 0.03) == pytest.approx(lowest_m, abs=0.2)
+    assert np.median(heights_m) == pytest.approx(usual_m, abs=1.5)
+
+
 def test_a_style_adds_only_what_the_map_lacks(tmp_path: Path) -> None:
     extract = Extract()
     extract.add_way(L_SHAPE, building="yes")

@@ -37,6 +37,7 @@ from advercity_dsl.road.streets import (
     StripKind,
 )
 from advercity_dsl.road.surroundings import (
+    BuildingUse,
     RoadsidePlacement,
     Roof,
     Species,
@@ -52,6 +53,7 @@ __all__ = [
     "AxisLine",
     "AxisPoints",
     "BackgroundDemand",
+    "BuildingUse",
     "ClassFractions",
     "CrossSection",
     "Crossing",

@@ -124,6 +124,7 @@ _OUTLINED_KINDS = (
 )
 """Kinds whose `line_m` is an outline."""
 Roof = Literal["flat", "gabled", "hipped"]
+BuildingUse = Literal["residential", "commercial", "industrial"]
 
 
 class Surrounding(Model):
@@ -158,6 +159,9 @@ class Surrounding(Model):
     """Species of trees; all if none is given."""
     roof: Roof | None = Field(default=None, exclude_if=is_none)
     """Roof of a building with an outline; by default that of buildings of its size."""
+    use: BuildingUse | None = Field(default=None, exclude_if=is_none)
+    """What a building with an outline is used for, which gives it shops, or the walls of a hall; by
+    default that of buildings of its size."""
     limit_km_h: Annotated[KilometresPerHour, Field(ge=1, le=200)] | None = Field(
         default=None, exclude_if=is_none
     )
@@ -179,8 +183,10 @@ class Surrounding(Model):
             raise ValueError(f"an outline of {self.kind} has three points or more in 'line_m'")
         if self.kind is SurroundingKind.PLATEAU and not self.height_m:
             raise ValueError("a plateau has a 'height_m'")
-        if self.roof and (self.kind is not SurroundingKind.BUILDINGS or not self.line_m):
-            raise ValueError("only a building with an outline 'line_m' has a 'roof'")
+        is_outlined = self.kind is SurroundingKind.BUILDINGS and bool(self.line_m)
+        for name in ("roof", "use"):
+            if getattr(self, name) and not is_outlined:
+                raise ValueError(f"only a building with an outline 'line_m' has a '{name}'")
         self._check_area()
         if self.species and self.kind is not SurroundingKind.TREES:
             raise ValueError("only trees have 'species'")
