@@ -18,6 +18,7 @@ from advercity.rendering.light_sources import signal_lens_position
 from advercity.semantics import Semantic
 from advercity.world import SignalLamp, World
 from advercity_sapien.culling import FrustumCuller
+from advercity_sapien.material_textures import MaterialTextures
 from advercity_sapien.shader_bindings import RenderBody, ShaderBindings
 from advercity_sapien.shader_constants import FIRST_SIGNAL_BIT, LensKind
 
@@ -45,7 +46,8 @@ Appearance = tuple[BodyShape, str]
 class RenderShapeCache:
     """Makes render shapes of meshes; copies of one mesh use the same vertices on the device."""
 
-    def __init__(self) -> None:
+    def __init__(self, textures: MaterialTextures) -> None:
+        self._textures = textures
         self._materials: dict[str, sapien.render.RenderMaterial] = {}
         self._shapes: dict[tuple[int, str], sapien.render.RenderShape] = {}
         # Keys are ids, so meshes must live: another would get the id of one that is gone.
@@ -79,12 +81,14 @@ class RenderShapeCache:
             known = MATERIALS[name]
             # Emission is free to carry what the shaders need: they compute it from lens and lamps.
             snowless = name in SNOWLESS_MATERIALS or name.startswith("cloth_")
-            self._materials[name] = sapien.render.RenderMaterial(
+            material = sapien.render.RenderMaterial(
                 emission=[float(LENS_KINDS.get(name, 0)), known.texture, snowless, 0.0],
                 base_color=[*known.albedo, 1.0],
                 roughness=known.roughness,
                 metallic=known.metallic,
             )
+            self._textures.apply(known.maps, material)
+            self._materials[name] = material
         return self._materials[name]
 
 
@@ -156,7 +160,7 @@ class SapienScene:
         self._world = world
         self._scene = scene
         self._bindings = bindings
-        self._shapes = RenderShapeCache()
+        self._shapes = RenderShapeCache(MaterialTextures(world.material_maps))
         self._actors: dict[int, tuple[Appearance, ActorBodies]] = {}
         self._spare_bodies: defaultdict[Appearance, list[ActorBodies]] = defaultdict(list)
         self._meshes: dict[BodyShape, dict[Wheel | None, list[Mesh]]] = {}

@@ -85,9 +85,9 @@ float snowCover(int kind, bool snowless, vec3 p, vec3 n, float footprint) {
 
 // Optical surface of a material at a point, with water and snow on it. A water film darkens rough,
 // porous materials and coats them smoothly (Ångström 1925; Lekner and Dorf 1988). On smooth ones,
-// such as car paint, water only beads.
+// such as car paint, water only beads. `relief` is the normal with what images add to it.
 Surface buildSurface(vec3 albedo, float roughness, float metallic, int kind, bool snowless, vec3 p,
-    vec3 normal, float footprint) {
+    vec3 normal, vec3 relief, float footprint) {
   const float INDEX_MATCHED = 0.85;
   // Blades and leaves face all ways: under ice, a lawn of them shines, but mirrors nothing.
   const float FILMED = 0.15, STILL = 0.02, GLAZED = 0.1, GLAZED_BLADES = 0.3;
@@ -114,12 +114,15 @@ Surface buildSurface(vec3 albedo, float roughness, float metallic, int kind, boo
   s.coat = (1.0 - metallic) * mix(1.0, film, porous);
   s.index = mix(1.5, WATER_INDEX, porous);
   s.metal = albedo * metallic;
-  s.normal = puddle > 0.5 && ice < 0.5 ? rippleNormal(p, footprint) : normal;
+  // A film levels the relief that it covers, and snow hides it.
+  s.normal = puddle > 0.5 && ice < 0.5 ? rippleNormal(p, footprint)
+      : normalize(mix(relief, normal, 0.7 * film));
 
   float snow = snowCover(kind, snowless, p, normal, footprint);
   s.albedo = mix(s.albedo, SNOW, snow);
   s.alpha = mix(s.alpha, 1.0, snow);
   s.coat *= 1.0 - snow;
   s.metal *= 1.0 - snow;
+  s.normal = normalize(mix(s.normal, normal, snow));
   return s;
 }

@@ -1,22 +1,8 @@
 // Detail of materials: the ratio of their albedo to its mean, a factor around 1.
 // It depends on world position alone, so it never repeats in sight. Every octave has the mean 0 and
 // fades where its wavelength comes close to the footprint of a pixel, so that nothing shimmers.
-// `kind` is one of TEXTURE_.... Needs shader_constants.glsl, shader_table.glsl and samplerWear.
-
-uint hashMix(uint h) {
-  h = (h ^ (h >> 16u)) * 0x7feb352du;
-  h = (h ^ (h >> 15u)) * 0x846ca68bu;
-  return h ^ (h >> 16u);
-}
-
-// Pseudorandom number in [-1, 1) of a cell of a grid.
-float hashUnit(ivec3 cell) {
-  uint h = hashMix(uint(cell.x) * 0x9e3779b1u ^ uint(cell.y) * 0x85ebca6bu
-      ^ uint(cell.z) * 0xc2b2ae35u);
-  return float(h >> 8u) / 8388608.0 - 1.0;
-}
-
-float hashUnit(vec2 cell, int salt) { return hashUnit(ivec3(ivec2(cell), salt)); }
+// `kind` is one of TEXTURE_.... Needs shader_constants.glsl, shader_table.glsl, sampling.glsl and
+// samplerWear.
 
 // Value noise with a lattice of 1, mean 0.
 float noise(vec2 p, int salt) {
@@ -33,11 +19,6 @@ float noise(vec3 p, int salt) {
   float layer = floor(p.z), f = p.z - layer;
   int at = int(layer) * 64 + salt;
   return mix(noise(p.xy, at), noise(p.xy, at + 64), f * f * (3.0 - 2.0 * f));
-}
-
-// Contrast that a pattern of a wavelength retains in a pixel as wide as `footprint`, metres.
-float retainedContrast(float wavelength, float footprint) {
-  return clamp(1.5 - 3.0 * footprint / wavelength, 0.0, 1.0);
 }
 
 // Noise of a wavelength, as far as the footprint lets it be seen.
@@ -99,13 +80,6 @@ float cracks(vec2 p, float footprint) {
   return fraction * allowed * clamp((0.012 - away) / soft + 0.5, 0.0, 1.0);
 }
 
-// Horizontal and upward coordinate on a surface, metres; x and y on level ones.
-vec2 surfaceUv(vec3 p, vec3 n) {
-  float level = length(n.xy);
-  if (level < 0.3) return p.xy;
-  return vec2(dot(p.xy, vec2(-n.y, n.x)) / level, p.z / level);
-}
-
 // Wear of a carriageway: polished by tyres (up to 1) or stained between them (down to -1).
 float wear(vec2 p, float footprint) {
   vec4 map = wearMapExtent();
@@ -121,9 +95,11 @@ vec3 tint(float tone, float hue) {
   return vec3(1.0 + tone + hue, 1.0 + tone + 0.25 * hue, 1.0 + tone - 0.5 * hue);
 }
 
-// Factor of a material's albedo at a point p of a surface of normal n.
-vec3 materialDetail(int kind, vec3 p, vec3 n, float footprint) {
-  float f = footprint;
+// Factor of a material's albedo at a point p of a surface of normal n. Images have all that is
+// finer than MAPPED.
+vec3 materialDetail(int kind, bool mapped, vec3 p, vec3 n, float footprint) {
+  const float MAPPED = 0.6;
+  float f = mapped ? max(footprint, MAPPED) : footprint;
   vec2 q = p.xy;
   if (kind == TEXTURE_ASPHALT) {
     float tone = 0.30 * octave(q, 0.025, f, 1) + 0.10 * octave(q, 0.11, f, 2)
@@ -203,10 +179,4 @@ vec3 materialDetail(int kind, vec3 p, vec3 n, float footprint) {
     return vec3(1.0 + tone);
   }
   return vec3(1.0);
-}
-
-// Width in metres of the area that a pixel sees, at a distance and a cosine of incidence: between
-// the short and the long axis of its ellipse.
-float footprint(float pixelAngle, float distance, float cosine) {
-  return pixelAngle * distance * pow(max(cosine, 0.02), -0.7);
 }

@@ -15,6 +15,7 @@ layout(set = 2, binding = 7) uniform sampler2D samplerShelter;
 layout(set = 2, binding = 8) uniform sampler2D samplerProbeLight;
 layout(set = 2, binding = 9) uniform sampler2D samplerProbeDirection;
 layout(set = 2, binding = 10) uniform sampler2D samplerContact;
+layout(set = 2, binding = 11) uniform sampler2D samplerRelief;
 
 layout(location = 0) in vec2 inUV;
 
@@ -29,6 +30,7 @@ layout(location = 2) out vec4 outAmbient;
 #include "../shader_table.glsl"
 #include "../atmosphere.glsl"
 #include "../surface.glsl"
+#include "../sampling.glsl"
 #include "../texture.glsl"
 #include "../ground.glsl"
 #include "../lamps.glsl"
@@ -99,10 +101,11 @@ void main() {
   float pixelWidth = footprint(pixelAngle, distance, abs(dot(ray, normal.xyz)));
   int kind = int(depthEmission.z);
   vec3 radiance = isNight() ? vec3(0.0) : depthEmission.y * albedo.rgb;
-  albedo.rgb *= materialDetail(kind, position, normal.xyz, pixelWidth);
+  vec4 relief = texture(samplerRelief, inUV);
+  albedo.rgb *= materialDetail(kind, relief.w > 0.5, position, normal.xyz, pixelWidth);
 
   Surface s = buildSurface(albedo.rgb, albedo.a, normal.a, kind, depthEmission.w > 0.5, position,
-      normal.xyz, pixelWidth);
+      normal.xyz, relief.xyz, pixelWidth);
   vec3 sun = sunDirection();
   if (dot(sunIrradiance(), vec3(1.0)) > 0.0 && dot(s.normal, sun) > 0.0) {
     radiance += brdfCosine(s, -ray, sun) * sunIrradiance() * sunVisibility(position, normal.xyz);

@@ -13,11 +13,16 @@ layout(location = 4) in vec3 bitangent;
 layout(location = 0) out vec3 outWorldNormal;
 layout(location = 1) out float outDistance;
 layout(location = 2) out flat uvec4 outIds;
+layout(location = 3) out vec3 outPosition;
+layout(location = 4) out vec2 outUv;
 
 void main() {
-  vec4 seen = cameraBuffer.viewMatrix * (objectTransformBuffer.modelMatrix * vec4(position, 1.0));
+  vec4 placed = objectTransformBuffer.modelMatrix * vec4(position, 1.0);
+  vec4 seen = cameraBuffer.viewMatrix * placed;
   outWorldNormal = mat3(objectTransformBuffer.modelMatrix) * normal;
   outDistance = -seen.z;
+  outPosition = placed.xyz;
+  outUv = uv;
   outIds = objectDataBuffer.segmentation;
   // Hidden bodies, such as the camera's own vehicle, still cast shadows: only this pass drops them.
   gl_Position = objectDataBuffer.hidden != 0

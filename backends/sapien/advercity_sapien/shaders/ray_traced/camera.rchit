@@ -14,18 +14,19 @@
 hitAttributeEXT vec2 barycentric;
 layout(location = 0) rayPayloadInEXT RayHit hit;
 
-vec3 normalOf(uint geometry, uint corner) {
-  Vertex v = vertices[nonuniformEXT(geometry)].v[
+Vertex vertexOf(uint geometry, uint corner) {
+  return vertices[nonuniformEXT(geometry)].v[
       indices[nonuniformEXT(geometry)].i[3 * gl_PrimitiveID + corner]];
-  return vec3(v.nx, v.ny, v.nz);
 }
 
 void main() {
   GeometryInstance instance = geometryInstances.i[gl_InstanceCustomIndexEXT + gl_GeometryIndexEXT];
   uint geometry = instance.geometryIndex;
   Material material = materials[nonuniformEXT(instance.materialIndex)].m;
-  vec3 normal = normalOf(geometry, 0) * (1.0 - barycentric.x - barycentric.y)
-      + normalOf(geometry, 1) * barycentric.x + normalOf(geometry, 2) * barycentric.y;
+  Vertex a = vertexOf(geometry, 0), b = vertexOf(geometry, 1), c = vertexOf(geometry, 2);
+  mat3 normals = mat3(a.nx, a.ny, a.nz, b.nx, b.ny, b.nz, c.nx, c.ny, c.nz);
+  vec3 weights = vec3(1.0 - barycentric.x - barycentric.y, barycentric);
+  vec3 normal = normals * weights;
   normal = normalize(vec3(normal * gl_WorldToObjectEXT));
   bool back = gl_HitKindEXT == gl_HitKindBackFacingTriangleEXT;
 
@@ -40,4 +41,6 @@ void main() {
   hit.texture = int(material.emission.y);
   hit.snowless = material.emission.z > 0.5;
   hit.identity = ids.x;
+  hit.material = instance.materialIndex;
+  hit.uv = mat3x2(a.u, a.v, b.u, b.v, c.u, c.v) * weights;
 }

@@ -10,4 +10,6 @@ struct RayHit {
   int texture;
   bool snowless;
   uint identity;
+  uint material;   // index
+  vec2 uv;
 };

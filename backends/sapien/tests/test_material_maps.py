@@ -1,0 +1,163 @@
+"""Images of materials: in place, to scale, averaged far away, without effect on the mean."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import pytest
+from advercity_sapien import SapienBackend
+from numpy.typing import NDArray
+
+from advercity.frames import Frame
+from advercity.geometry.mesh import Mesh
+from advercity.geometry.poses import pose_matrix
+from advercity.material_maps import MaterialMaps
+from advercity.materials import MATERIALS
+from advercity.physics.atmosphere import Atmosphere
+from advercity.physics.extinction import AirExtinction
+from advercity.physics.sky import build_airlight_cubemap
+from advercity.rendering.backend import CameraView, RenderProfile
+from advercity.semantics import Semantic
+from advercity.world import World
+
+pytestmark = pytest.mark.render
+
+Renderer = Literal["raster", "ray_traced"]
+every_renderer = pytest.mark.parametrize("renderer", ["raster", "ray_traced"])
+SIDE = 128
+QUARTERS = np.array([[20, 90], [160, 230]], dtype=np.uint8)
+"""Greys of the quarters of an image, the northern ones first."""
+CORNERS = np.array([(-400, -400, 0), (400, -400, 0), (400, 400, 0), (-400, 400, 0)], np.float32)
+
+
+def quartered(tile_m: float) -> MaterialMaps:
+    grey = np.kron(QUARTERS, np.ones((SIDE // 2, SIDE // 2), dtype=np.uint8))
+    return MaterialMaps(np.repeat(grey[..., None], 3, axis=2), None, None, tile_m)
+
+
+def speckled() -> MaterialMaps:
+    rng = np.random.default_rng(3)
+    color = rng.integers(40, 220, (SIDE, SIDE, 3), dtype=np.uint8)
+    normal = rng.integers(108, 148, (SIDE, SIDE, 3), dtype=np.uint8)
+    return MaterialMaps(color, normal, rng.integers(100, 200, (SIDE, SIDE), dtype=np.uint8), 2.0)
+
+
+def light(byte: int) -> float:
+    """Linear light of a byte of sRGB (IEC 61966-2-1)."""
+    return ((byte / 255 + 0.055) / 1.055) ** 2.4
+
+
+def field(name: str, maps: MaterialMaps) -> World:
+    """A patch of a material, 800 m wide."""
+    triangles = np.array([(0, 1, 2), (0, 2, 3)], dtype=np.int32)
+    mesh = Mesh("field", CORNERS, triangles, name, Semantic.STATIC)
+    found = {MATERIALS[name].maps: maps}
+    return World("field", (mesh,), {}, lanes=(), network=Path("none"), material_maps=found)
+
+
+def white_sky() -> Atmosphere:
+    """Clear air under a sky of 1 kcd/m² everywhere."""
+    return Atmosphere(
+        extinction=AirExtinction(),
+        sun_direction=np.array([0.0, 0.0, 1.0]),
+        sun_lx=0.0,
+        sun_colour=(1.0, 1.0, 1.0),
+        sky_lx=np.pi * 1000.0,
+        sky=np.full((6, 32, 32, 3), 1000.0, dtype=np.float32),
+        airlight=build_airlight_cubemap((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+        street_lx=0.0,
+        wetness=0.0,
+        puddle_coverage=0.0,
+        night=False,
+    )
+
+
+def sun_from_the_east() -> Atmosphere:
+    """Clear air under a black sky, with the sun at 45 degrees."""
+    direction = np.array([1.0, 0.0, 1.0]) / np.sqrt(2.0)
+    black = np.full((6, 32, 32, 3), 1e-3, dtype=np.float32)
+    return replace(white_sky(), sun_direction=direction, sun_lx=80_000.0, sky_lx=1e-3, sky=black)
+
+
+def seen(
+    world: World,
+    places: NDArray[np.float64],
+    renderer: Renderer = "raster",
+    air: Atmosphere | None = None,
+    *,
+    pitch_deg: float = 90.0,
+) -> NDArray[np.float64]:
+    """Radiance (n, h, w, 3) in kcd/m², looking down from places (n, 3), the north on the left."""
+    profile = RenderProfile("test", 1.0, renderer, samples=1, path_depth=1)
+    pictures: list[NDArray[np.float32]] = []
+    with SapienBackend().open(world, air or white_sky(), profile) as opened:
+        opened.place(Frame(index=0, time_s=0.0, states=(), signals={}))
+        for place in places:
+            world_from_camera = pose_matrix(tuple(place), pitch=np.radians(pitch_deg))
+            view = CameraView(world_from_camera, 72, 48, np.radians(60))
+            pictures.append(opened.render_camera(view).radiance)
+    return np.stack(pictures).astype(np.float64) / 1000.0
+
+
+def scattered(height_m: float, count: int = 60) -> NDArray[np.float64]:
+    x, y = np.random.default_rng(4).uniform(-300, 300, (2, count))
+    return np.column_stack([x, y, np.full(count, height_m)])
+
+
+@every_renderer
+def test_a_quarter_of_an_image_lies_where_it_belongs(renderer: Renderer) -> None:
+    # Images of 2 m begin at the world's origin, and their rows run southwards.
+    middles = np.array([(100.5, 51.5), (101.5, 51.5), (100.5, 50.5), (101.5, 50.5)])
+    places = np.column_stack([middles, np.full(4, 0.3)])
+    found = seen(field("brick", quartered(2.0)), places, renderer).mean(axis=(1, 2, 3))
+    tones = np.array([light(int(byte)) for byte in QUARTERS.ravel()])
+    # What varies over metres is not of the images, and the same for neighbours.
+    np.testing.assert_allclose(found / found.mean(), tones / tones.mean(), rtol=0.03)
+
+
+@every_renderer
+def test_relief_turns_a_surface_towards_the_sun(renderer: Renderer) -> None:
+    even = quartered(2.0)
+    even = replace(even, color=np.full_like(even.color, 128))
+    normal = np.zeros((SIDE, SIDE, 3), dtype=np.uint8)
+    # 30 degrees to the east: x is sin 30 = 0.5.
+    normal[..., 0], normal[..., 1] = round(255 * 0.75), 128
+    flat, tilted = (
+        seen(field("brick", maps), scattered(1.0, 2), renderer, sun_from_the_east()).mean()
+        for maps in (even, replace(even, normal=normal))
+    )
+    assert tilted / flat == pytest.approx(np.cos(np.radians(15)) / np.cos(np.radians(45)), rel=0.02)
+
+
+@pytest.mark.parametrize("name", ["asphalt", "brick"])
+@pytest.mark.parametrize("height_m", [2.0, 60.0])
+def test_images_leave_the_mean_of_their_material_alone(name: str, height_m: float) -> None:
+    mean = seen(field(name, speckled()), scattered(height_m)).mean(axis=(0, 1, 2))
+    np.testing.assert_allclose(mean, MATERIALS[name].albedo, rtol=0.03)
+
+
+@pytest.mark.parametrize("name", ["asphalt", "brick"])
+def test_both_renderers_show_the_same_images(name: str) -> None:
+    world, place = field(name, speckled()), np.array([(3.0, 4.0, 1.5)])
+    raster, traced = (seen(world, place, kind, pitch_deg=40.0) for kind in ("raster", "ray_traced"))
+    # One ray of light from a uniform sky carries its mean.
+    np.testing.assert_allclose(traced, raster, rtol=0.03)
+
+
+def test_grains_do_not_repeat_where_courses_of_bricks_do() -> None:
+    first = np.array([(40.0, 40.0, 0.5)])
+    places = np.concatenate([first, first + (2.0, 0.0, 0.0)])
+    alike = {
+        name: np.corrcoef(*(view.ravel() for view in seen(field(name, speckled()), places)))[0, 1]
+        for name in ("asphalt", "brick")
+    }
+    assert alike["brick"] > 0.99
+    assert abs(alike["asphalt"]) < 0.3
+
+
+@pytest.mark.parametrize("name", ["asphalt", "brick"])
+def test_images_do_not_flicker_as_the_camera_moves_by_a_tenth_of_a_pixel(name: str) -> None:
+    places = np.array([(0, 0, 1.6), (0, 0.002, 1.6)])
+    first, second = seen(field(name, speckled()), places, pitch_deg=20.0)
+    assert np.abs(first - second).mean() / first.mean() < 0.04
