@@ -1,6 +1,8 @@
 """Makes the device's textures of material maps."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import sapien
@@ -16,28 +18,37 @@ LINEAR_FROM_SRGB = np.where(
 """Light of each byte of an sRGB image (IEC 61966-2-1)."""
 
 
+@dataclass(frozen=True)
+class _Textures:
+    """Ratios of colour and roughness, x and y of the normal, and the width on the surface."""
+
+    tone: sapien.render.RenderTexture2D
+    relief: sapien.render.RenderTexture2D | None
+    tile_m: float
+
+
 class MaterialTextures:
     """Textures of a world's material maps by name, made when a material first needs them."""
 
     def __init__(self, maps: Mapping[str, MaterialMaps]) -> None:
         self._maps = maps
-        self._textures: dict[str, tuple[sapien.render.RenderTexture2D, ...]] = {}
+        self._textures: dict[str, _Textures] = {}
 
     def apply(self, name: str, material: sapien.render.RenderMaterial) -> None:
         """Give a material the maps of a name, if the world has them."""
         if name not in self._maps:
             return
-        maps = self._maps[name]
         if name not in self._textures:
-            self._textures[name] = tuple(_create_texture(texels) for texels in build_texels(maps))
-        material.base_color_texture = self._textures[name][0]
-        if maps.normal is not None:
-            material.normal_texture = self._textures[name][1]
-        material.emission = [*material.emission[:3], maps.tile_m]
+            self._textures[name] = _create_textures(self._maps[name])
+        found = self._textures[name]
+        material.base_color_texture = found.tone
+        if found.relief is not None:
+            material.normal_texture = found.relief
+        material.emission = [*material.emission[:3], found.tile_m]
 
 
-def build_texels(maps: MaterialMaps) -> list[NDArray[np.float16] | NDArray[np.uint8]]:
-    """Build ratios of colour and roughness to their means (h, w, 4), and x and y of the normal.
+def compute_tone_texels(maps: MaterialMaps) -> NDArray[np.float16]:
+    """Compute ratios (h, w, 4) of the colour and the roughness to their means.
 
     Ratios are linear, so that means of texels, which the device takes for distant surfaces, are
     means of light.
@@ -47,15 +58,15 @@ def build_texels(maps: MaterialMaps) -> list[NDArray[np.float16] | NDArray[np.ui
     ratios[..., :3] = linear / linear.mean(axis=(0, 1))
     if maps.roughness is not None:
         ratios[..., 3] = maps.roughness / maps.roughness.mean()
-    return [
-        ratios.astype(np.float16),
-        *([] if maps.normal is None else [np.ascontiguousarray(maps.normal[..., :2])]),
-    ]
+    return ratios.astype(np.float16)
 
 
-def _create_texture(
-    texels: NDArray[np.float16] | NDArray[np.uint8],
-) -> sapien.render.RenderTexture2D:
-    texel = "R16G16B16A16Sfloat" if texels.dtype == np.float16 else "R8G8Unorm"
-    levels = min(texels.shape[:2]).bit_length()
-    return sapien.render.RenderTexture2D(texels, texel, mipmap_levels=levels)
+def _create_textures(maps: MaterialMaps) -> _Textures:
+    levels = min(maps.color.shape[:2]).bit_length()
+    create = partial(sapien.render.RenderTexture2D, mipmap_levels=levels)
+    relief = None if maps.normal is None else np.ascontiguousarray(maps.normal[..., :2])
+    return _Textures(
+        tone=create(compute_tone_texels(maps), "R16G16B16A16Sfloat"),
+        relief=None if relief is None else create(relief, "R8G8Unorm"),
+        tile_m=maps.tile_m,
+    )
