@@ -26,6 +26,7 @@ class Texture(IntEnum):
     WOOD = 11
     STONE = 12
     MARKING = 13
+    SLABS = 14
 
 
 @dataclass(frozen=True)
@@ -90,8 +91,7 @@ MATERIALS: dict[str, Material] = {
         (0.70, 0.48, 0.06), 0.60, roughness=0.6, texture=Texture.MARKING, bead_reflectance=0.5
     ),
     "concrete": Material((0.36, 0.35, 0.33), 0.35, texture=Texture.PAVING, maps="concrete"),
-    "pavement": Material((0.36, 0.355, 0.34), 0.35, texture=Texture.STONE, maps="paving"),
-    "joint": Material((0.17, 0.165, 0.16), 0.25),
+    "pavement": Material((0.36, 0.355, 0.34), 0.35, texture=Texture.SLABS, maps="paving"),
     "kerb": Material((0.42, 0.41, 0.39), 0.35, texture=Texture.STONE, maps="kerb"),
     "gravel": Material((0.28, 0.26, 0.23), 0.30, texture=Texture.STONE, maps="gravel"),
     "grass": Material((0.095, 0.135, 0.045), 0.40, texture=Texture.GRASS, maps="grass"),
@@ -153,7 +153,7 @@ MATERIALS: dict[str, Material] = {
     "signal_red": Material((0.20, 0.015, 0.012), 0.30, roughness=0.2),
     "signal_yellow": Material((0.22, 0.12, 0.01), 0.30, roughness=0.2),
     "signal_green": Material((0.012, 0.14, 0.09), 0.30, roughness=0.2),
-    "brick_yellow": Material((0.42, 0.31, 0.18), 0.40, texture=Texture.BRICK, maps="brick"),
+    "brick_yellow": Material((0.42, 0.31, 0.18), 0.40, texture=Texture.BRICK, maps="brick_yellow"),
     "plaster_grey": Material((0.42, 0.42, 0.41), 0.50, texture=Texture.PLASTER, maps="plaster"),
     "plaster_rose": Material((0.52, 0.33, 0.27), 0.55, texture=Texture.PLASTER, maps="plaster"),
     "roof_slate": Material(

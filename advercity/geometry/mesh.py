@@ -14,7 +14,7 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 
 from advercity.geometry.arrays import Float64Array
-from advercity.geometry.polyline import Points
+from advercity.geometry.polyline import Points, polyline_stations
 from advercity.semantics import Semantic
 
 Size = tuple[float, float, float]
@@ -52,6 +52,8 @@ class Mesh:
         weights: (n, bones) float32 skinning weights of a body with a gait, rows sum to 1; None for
             rigid meshes.
         wheel: The wheel that it turns with, or None.
+        uv: (n, 2) float32 metres to the right and up on the images of its material, or None: images
+            then lie over a static mesh along the world's axes.
     """
 
     name: str
@@ -62,6 +64,7 @@ class Mesh:
     normals: NDArray[np.float32] | None = None
     weights: NDArray[np.float32] | None = None
     wheel: Wheel | None = None
+    uv: NDArray[np.float32] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,11 +75,13 @@ class TriangleSurface:
         vertices: (n, 3) metres.
         triangles: (m, 3) rows of `vertices`.
         normals: (n, 3) unit vectors once shaded, else None.
+        uv: (n, 2) metres on the images of its material, or None.
     """
 
     vertices: Float64Array
     triangles: NDArray[np.int64]
     normals: Float64Array | None = None
+    uv: Float64Array | None = None
 
     def to_mesh(
         self, name: str, material: str, semantic: Semantic, wheel: Wheel | None = None
@@ -90,6 +95,7 @@ class TriangleSurface:
             semantic=semantic,
             normals=None if self.normals is None else self.normals.astype(np.float32),
             wheel=wheel,
+            uv=None if self.uv is None else self.uv.astype(np.float32),
         )
 
 
@@ -104,12 +110,18 @@ class MeshPart:
 
 
 def build_ribbon(left: Points, right: Points) -> TriangleSurface:
-    """Build the surface between two lines (n, 3) that is seen where `left` is on the left."""
+    """Build the surface between two lines (n, 3) that is seen where `left` is on the left.
+
+    Images of its material run along it, their upper edge on the left.
+    """
     count = len(left)
+    along = polyline_stations((left + right) / 2)
+    across = np.linalg.norm(left - right, axis=1)
+    uv = np.column_stack([np.tile(along, 2), np.concatenate([across, np.zeros(count)])])
     near = np.arange(count - 1)
     first = np.stack([near, near + count, near + count + 1], axis=1)
     second = np.stack([near, near + count + 1, near + 1], axis=1)
-    return TriangleSurface(np.vstack([left, right]), np.vstack([first, second]))
+    return TriangleSurface(np.vstack([left, right]), np.vstack([first, second]), uv=uv)
 
 
 def triangulate_polygon(polygon: shapely.Polygon) -> tuple[Points, NDArray[np.int64]]:
@@ -163,14 +175,16 @@ def orient_outward(surface: TriangleSurface) -> TriangleSurface:
 
 
 def join_surfaces(surfaces: Iterable[TriangleSurface]) -> TriangleSurface:
-    """Join surfaces, one at least; the result has normals if all of them have."""
+    """Join surfaces, one at least; the result has normals, or coordinates, if all of them have."""
     parts = list(surfaces)
     offsets = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
     normals = [part.normals for part in parts if part.normals is not None]
+    uv = [part.uv for part in parts if part.uv is not None]
     return TriangleSurface(
         np.concatenate([part.vertices for part in parts]),
         np.concatenate([part.triangles + o for part, o in zip(parts, offsets, strict=True)]),
         np.concatenate(normals) if len(normals) == len(parts) else None,
+        np.concatenate(uv) if len(uv) == len(parts) else None,
     )
 
 

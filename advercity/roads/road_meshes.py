@@ -9,9 +9,7 @@ from itertools import groupby, pairwise
 import numpy as np
 import shapely
 from advercity_dsl.road import StripKind
-from numpy.typing import NDArray
 
-from advercity.geometry import polyline
 from advercity.geometry.mesh import (
     Mesh,
     TriangleSurface,
@@ -21,7 +19,7 @@ from advercity.geometry.mesh import (
     merge_surfaces,
     triangulate_polygon,
 )
-from advercity.geometry.polyline import Points, StationedPolyline
+from advercity.geometry.polyline import Points
 from advercity.roads import markings
 from advercity.roads.layout import JunctionLayout, RoadLayout
 from advercity.roads.streets import StreetLayout, StripLayout
@@ -35,17 +33,10 @@ LEVEL_TOLERANCE_M = 0.001
 """Areas whose heights differ by less are triangulated in one piece."""
 KERB_RISE = np.array([0.0, 0.0, KERB_HEIGHT_M])
 
-JOINT_SPACING_M, JOINT_M = 2.0, 0.02
-"""Distance between the joints across a sidewalk, and their width."""
-MAX_SLAB_WIDTH_M = 3.0
-"""Wider sidewalks have joints along them, too."""
-
 ASPHALT, SIDEWALK, MEDIAN, VERGE, KERB = "asphalt", "sidewalk", "median", "verge", "kerb"
-JOINTS = "joints"
 ROAD_SURFACES = {
     ASPHALT: ("asphalt", Semantic.ROAD),
     SIDEWALK: ("pavement", Semantic.SIDEWALK),
-    JOINTS: ("joint", Semantic.SIDEWALK),
     MEDIAN: ("grass", Semantic.TERRAIN),
     VERGE: ("grass", Semantic.TERRAIN),
     KERB: ("kerb", Semantic.SIDEWALK),
@@ -130,32 +121,7 @@ def _raised_strip(
         inner_right = right + KERB_RISE - KERB_WIDTH_M * across
         yield KERB, build_ribbon(inner_right, right + KERB_RISE)
         yield KERB, build_ribbon(right + KERB_RISE, right)
-    if surface == SIDEWALK:
-        yield from _sidewalk_slabs(inner_left, inner_right)
-    else:
-        yield surface, build_ribbon(inner_left, inner_right)
-
-
-def _sidewalk_slabs(left: Points, right: Points) -> Iterator[tuple[str, TriangleSurface]]:
-    """Build a sidewalk between two lines: slabs, and the joints across and along it."""
-    along = polyline.polyline_stations((left + right) / 2)
-    width = float(np.linalg.norm(left - right, axis=1).max())
-    rows = _joint_stations(float(along[-1]), JOINT_SPACING_M)
-    columns = _joint_stations(width, width / np.ceil(width / MAX_SLAB_WIDTH_M)) / width
-    for row, (start, end) in enumerate(pairwise(rows)):
-        at = np.array([start, *along[(along > start) & (along < end)], end])
-        near, far = (StationedPolyline(line, along).points_at(at) for line in (left, right))
-        for column, (first, last) in enumerate(pairwise(columns)):
-            # Rows and columns alternate between slabs (even) and joints (odd).
-            name = JOINTS if row % 2 or column % 2 else SIDEWALK
-            yield name, build_ribbon(near + first * (far - near), near + last * (far - near))
-
-
-def _joint_stations(length_m: float, spacing_m: float) -> NDArray[np.float64]:
-    """Compute where slabs and joints end in turn, beginning with a slab."""
-    joints = np.arange(spacing_m, length_m - JOINT_M, spacing_m)
-    edges = np.column_stack([joints - JOINT_M / 2, joints + JOINT_M / 2])
-    return np.concatenate([[0.0], edges.ravel(), [length_m]])
+    yield surface, build_ribbon(inner_left, inner_right)
 
 
 def _strip_ends(left: Points, right: Points) -> Iterator[tuple[str, TriangleSurface]]:

@@ -19,12 +19,13 @@ from advercity.semantics import Semantic
 from advercity.world import Body, Gait, SignalLamp, StreetLamp, World
 
 MAX_WORLD_BYTES = 4 * 10**9
-_MESH_ARRAYS = ("vertices", "triangles", "normals", "weights")
+_MESH_ARRAYS = ("vertices", "triangles", "normals", "weights", "uv")
 _DTYPES: dict[str, type[np.generic]] = {
     "vertices": np.float32,
     "triangles": np.int32,
     "normals": np.float32,
     "weights": np.float32,
+    "uv": np.float32,
     "bone_transforms": np.float32,
     "lane_borders": np.float64,
 }

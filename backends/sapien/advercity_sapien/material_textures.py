@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import partial
 
 import numpy as np
@@ -16,6 +17,13 @@ LINEAR_FROM_SRGB = np.where(
     ((np.arange(256) / 255.0 + 0.055) / 1.055) ** 2.4,
 )
 """Light of each byte of an sRGB image (IEC 61966-2-1)."""
+
+
+class MapAxes(IntEnum):
+    """Along which axes images lie; shaders know it by the sign of their width."""
+
+    WORLD = 1
+    MESH = -1
 
 
 @dataclass(frozen=True)
@@ -34,7 +42,7 @@ class MaterialTextures:
         self._maps = maps
         self._textures: dict[str, _Textures] = {}
 
-    def apply(self, name: str, material: sapien.render.RenderMaterial) -> None:
+    def apply(self, name: str, material: sapien.render.RenderMaterial, axes: MapAxes) -> None:
         """Give a material the maps of a name, if the world has them."""
         if name not in self._maps:
             return
@@ -44,7 +52,7 @@ class MaterialTextures:
         material.base_color_texture = found.tone
         if found.relief is not None:
             material.normal_texture = found.relief
-        material.emission = [*material.emission[:3], found.tile_m]
+        material.emission = [*material.emission[:3], axes * found.tile_m]
 
 
 def compute_tone_texels(maps: MaterialMaps) -> NDArray[np.float16]:

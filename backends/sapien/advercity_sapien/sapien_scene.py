@@ -18,7 +18,7 @@ from advercity.rendering.light_sources import signal_lens_position
 from advercity.semantics import Semantic
 from advercity.world import SignalLamp, World
 from advercity_sapien.culling import FrustumCuller
-from advercity_sapien.material_textures import MaterialTextures
+from advercity_sapien.material_textures import MapAxes, MaterialTextures
 from advercity_sapien.shader_bindings import RenderBody, ShaderBindings
 from advercity_sapien.shader_constants import FIRST_SIGNAL_BIT, LensKind
 
@@ -48,36 +48,42 @@ class RenderShapeCache:
 
     def __init__(self, textures: MaterialTextures) -> None:
         self._textures = textures
-        self._materials: dict[str, sapien.render.RenderMaterial] = {}
+        self._materials: dict[tuple[str, MapAxes | None], sapien.render.RenderMaterial] = {}
         self._shapes: dict[tuple[int, str], sapien.render.RenderShape] = {}
         # Keys are ids, so meshes must live: another would get the id of one that is gone.
         self._kept: list[Mesh] = []
 
-    def create_shape(self, mesh: Mesh, paint: str = "") -> sapien.render.RenderShape:
+    def create_shape(
+        self, mesh: Mesh, paint: str = "", *, is_static: bool = False
+    ) -> sapien.render.RenderShape:
         """Create a shape of a mesh; a painted part gets the material `paint`."""
         material = paint if mesh.material == PAINT_MATERIAL else mesh.material
+        axes = MapAxes.MESH if mesh.uv is not None else MapAxes.WORLD if is_static else None
         key = id(mesh), material
         if key not in self._shapes:
-            self._shapes[key] = self._build_shape(mesh, material)
+            self._shapes[key] = self._build_shape(mesh, self._get_material(material, axes))
             self._kept.append(mesh)
         return self._shapes[key].clone()
 
-    def _build_shape(self, mesh: Mesh, material: str) -> sapien.render.RenderShapeTriangleMesh:
-        vertices, triangles, normals = _with_normals(mesh)
+    def _build_shape(
+        self, mesh: Mesh, material: sapien.render.RenderMaterial
+    ) -> sapien.render.RenderShapeTriangleMesh:
+        vertices, triangles, normals, uv = _with_normals(mesh)
         if mesh.semantic in TWO_SIDED_CLASSES:
             triangles = np.concatenate([triangles, triangles[:, ::-1] + len(vertices)])
             vertices = np.concatenate([vertices, vertices])
             normals = np.concatenate([normals, normals * BACK_NORMAL_FACTORS])
+            uv = np.concatenate([uv, uv])
         return sapien.render.RenderShapeTriangleMesh(
             vertices=vertices,
             triangles=triangles.astype(np.uint32),
             normals=normals,
-            uvs=np.zeros((len(vertices), 2), dtype=np.float32),
-            material=self._get_material(material),
+            uvs=uv,
+            material=material,
         )
 
-    def _get_material(self, name: str) -> sapien.render.RenderMaterial:
-        if name not in self._materials:
+    def _get_material(self, name: str, axes: MapAxes | None) -> sapien.render.RenderMaterial:
+        if (name, axes) not in self._materials:
             known = MATERIALS[name]
             # Emission is free to carry what the shaders need: they compute it from lens and lamps.
             snowless = name in SNOWLESS_MATERIALS or name.startswith("cloth_")
@@ -87,9 +93,10 @@ class RenderShapeCache:
                 roughness=known.roughness,
                 metallic=known.metallic,
             )
-            self._textures.apply(known.maps, material)
-            self._materials[name] = material
-        return self._materials[name]
+            if axes is not None:
+                self._textures.apply(known.maps, material, axes)
+            self._materials[name, axes] = material
+        return self._materials[name, axes]
 
 
 def split_into_tiles(mesh: Mesh) -> Iterator[Mesh]:
@@ -103,6 +110,7 @@ def split_into_tiles(mesh: Mesh) -> Iterator[Mesh]:
             vertices=mesh.vertices[used],
             triangles=triangles.reshape(-1, 3).astype(np.int32),
             normals=None if mesh.normals is None else mesh.normals[used],
+            uv=None if mesh.uv is None else mesh.uv[used],
         )
 
 
@@ -126,10 +134,14 @@ def build_signal_lenses() -> tuple[Mesh, ...]:
 
 def _with_normals(
     mesh: Mesh,
-) -> tuple[NDArray[np.float32], NDArray[np.integer], NDArray[np.float32]]:
-    """Get vertices, triangles and normals; flat faces get three vertices of their own."""
+) -> tuple[NDArray[np.float32], NDArray[np.integer], NDArray[np.float32], NDArray[np.float32]]:
+    """Get vertices, triangles, normals and texture coordinates, 0 where the mesh has none.
+
+    Flat faces get three vertices of their own.
+    """
+    uv = np.zeros((len(mesh.vertices), 2), np.float32) if mesh.uv is None else mesh.uv
     if mesh.normals is not None:
-        return mesh.vertices, mesh.triangles, mesh.normals
+        return mesh.vertices, mesh.triangles, mesh.normals, uv
     corners = mesh.vertices[mesh.triangles]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-20)
@@ -138,6 +150,7 @@ def _with_normals(
         corners.reshape(count, 3).astype(np.float32),
         np.arange(count).reshape(-1, 3),
         np.repeat(normal, 3, axis=0).astype(np.float32),
+        uv[mesh.triangles].reshape(count, 2),
     )
 
 
@@ -236,7 +249,7 @@ class SapienScene:
         self.culler.move_body(body, pose.p)
 
     def _add_static(self, mesh: Mesh, lit: int) -> None:
-        body = self._add([mesh])
+        body = self._add([mesh], is_static=True)
         self._label_shapes(body, [mesh], 0)
         self._bindings.set_lit_lamps(body, lit)
         self.culler.add_body(body, mesh.vertices.min(axis=0), mesh.vertices.max(axis=0))
@@ -256,10 +269,12 @@ class SapienScene:
         body.entity.set_pose(sapien.Pose(pose_matrix(lamp.position, yaw=yaw)))
         return body
 
-    def _add(self, meshes: Iterable[Mesh], paint: str = "") -> RenderBody:
+    def _add(
+        self, meshes: Iterable[Mesh], paint: str = "", *, is_static: bool = False
+    ) -> RenderBody:
         body = RenderBody()
         for mesh in meshes:
-            body.attach(self._shapes.create_shape(mesh, paint))
+            body.attach(self._shapes.create_shape(mesh, paint, is_static=is_static))
         entity = sapien.Entity()
         entity.add_component(body)
         self._scene.add_entity(entity)

@@ -1,6 +1,6 @@
 // Images of a material on a surface, without visible repetition and faded to their mean where they
-// are finer than a pixel. Needs shader_constants.glsl, sampling.glsl, mapTone (ratio of the albedo
-// and, as alpha, of the roughness to their means) and mapRelief (x and y of the normal).
+// are finer than a pixel. Needs shader_constants.glsl, sampling.glsl, map_plane.glsl, mapTone (ratio
+// of the albedo and, as alpha, of the roughness to their means) and mapRelief (x and y of the normal).
 
 struct MapSample {
   vec4 tone;    // factors of the albedo and the roughness
@@ -10,12 +10,6 @@ struct MapSample {
 // Bits of SAPIEN's mask of a material's textures.
 const int HAS_TONE = 1, HAS_RELIEF = 4;
 const MapSample NO_MAPS = MapSample(vec4(1.0), vec2(0.0));
-
-// Whether copies may overlap: grains and blades may, courses of bricks may not.
-bool isUnordered(int kind) {
-  return kind == TEXTURE_ASPHALT || kind == TEXTURE_GRASS || kind == TEXTURE_SOIL
-      || kind == TEXTURE_CROPS || kind == TEXTURE_PLASTER || kind == TEXTURE_STONE;
-}
 
 // Where the images are sampled: around a coordinate, at a level of detail, `taps` times along the
 // long axis of what a pixel sees, `stride` apart.
@@ -27,33 +21,33 @@ struct MapLookup {
   bool hasRelief;
 };
 
-MapSample sampleImages(MapLookup at) {
+MapSample sampleImages(MapLookup look) {
   MapSample sum = MapSample(vec4(0.0), vec2(0.0));
-  vec2 uv = at.uv - 0.5 * float(at.taps - 1) * at.stride;
-  for (int i = 0; i < at.taps; ++i) {
-    sum.tone += textureLod(mapTone, uv, at.lod);
-    if (at.hasRelief) sum.slope += textureLod(mapRelief, uv, at.lod).xy * 2.0 - 1.0;
-    uv += at.stride;
+  vec2 uv = look.uv - 0.5 * float(look.taps - 1) * look.stride;
+  for (int i = 0; i < look.taps; ++i) {
+    sum.tone += textureLod(mapTone, uv, look.lod);
+    if (look.hasRelief) sum.slope += textureLod(mapRelief, uv, look.lod).xy * 2.0 - 1.0;
+    uv += look.stride;
   }
-  return MapSample(sum.tone / float(at.taps), sum.slope / float(at.taps));
+  return MapSample(sum.tone / float(look.taps), sum.slope / float(look.taps));
 }
 
-void addCopy(inout MapSample sum, ivec2 corner, float weight, MapLookup at) {
+void addCopy(inout MapSample sum, ivec2 corner, float weight, MapLookup look) {
   const float UNSEEN = 0.02;
   if (weight < UNSEEN) return;
-  at.uv += vec2(hashUnit(ivec3(corner, 301)), hashUnit(ivec3(corner, 302)));
-  MapSample found = sampleImages(at);
+  look.uv += vec2(hashUnit(ivec3(corner, 301)), hashUnit(ivec3(corner, 302)));
+  MapSample found = sampleImages(look);
   sum.tone += weight * (found.tone - 1.0);
   sum.slope += weight * found.slope;
 }
 
 // Copies of the images at random places around the corners of a lattice of triangles, blended so
 // that their variance stays that of one image (Heitz and Neyret 2018).
-MapSample blendCopies(MapLookup at) {
+MapSample blendCopies(MapLookup look) {
   const float TRIANGLES = 1.6;   // per side of an image
   const float SHARPNESS = 5.0;
   const mat2 SKEW = mat2(1.0, 0.0, -0.57735027, 1.15470054);
-  vec2 skewed = SKEW * (at.uv * TRIANGLES);
+  vec2 skewed = SKEW * (look.uv * TRIANGLES);
   ivec2 cell = ivec2(floor(skewed));
   vec2 f = skewed - vec2(cell);
   bool upper = f.x + f.y > 1.0;
@@ -61,48 +55,37 @@ MapSample blendCopies(MapLookup at) {
   weights = pow(weights, vec3(SHARPNESS));
   weights /= weights.x + weights.y + weights.z;
   MapSample sum = MapSample(vec4(0.0), vec2(0.0));
-  addCopy(sum, cell + (upper ? 1 : 0), weights.x, at);
-  addCopy(sum, cell + (upper ? ivec2(1, 0) : ivec2(0, 1)), weights.y, at);
-  addCopy(sum, cell + (upper ? ivec2(0, 1) : ivec2(1, 0)), weights.z, at);
+  addCopy(sum, cell + (upper ? 1 : 0), weights.x, look);
+  addCopy(sum, cell + (upper ? ivec2(1, 0) : ivec2(0, 1)), weights.y, look);
+  addCopy(sum, cell + (upper ? ivec2(0, 1) : ivec2(1, 0)), weights.z, look);
   float contrast = inversesqrt(dot(weights, weights));
   return MapSample(max(1.0 + contrast * sum.tone, 0.0), contrast * sum.slope);
 }
 
-// Axes of a surface's images in space: to the right and up, as in surfaceUv.
-mat2x3 mapAxes(vec3 n) {
-  vec3 right = length(n.xy) < LEVEL ? vec3(1.0, 0.0, 0.0) : vec3(-n.y, n.x, 0.0);
-  right = normalize(right - n * dot(right, n));
-  return mat2x3(right, cross(n, right));
-}
-
-// Images at a point p of a surface of normal n, seen along `ray`.
-//   width: of the images, metres; they lie over all surfaces of the material along the world's axes,
-//   their rows downwards. Negative where the mesh has texture coordinates `uv` of its own.
-//   pixelWidth: of a pixel at the distance of the point, metres
-MapSample sampleMaps(int kind, float width, bool hasRelief, vec2 uv, vec3 p, vec3 n, vec3 ray,
+// Images of a surface of normal n, seen along `ray`.
+//   width: of the images, metres
+//   pixelWidth: of a pixel at the distance of the surface, metres
+MapSample sampleMaps(int kind, float width, bool hasRelief, MapPlane plane, vec3 n, vec3 ray,
     float pixelWidth) {
   const float TAPS = 4.0;
   vec2 size = vec2(textureSize(mapTone, 0));
   float across = abs(dot(ray, n)), stretch = min(1.0 / max(across, 0.02), 4.0 * TAPS);
-  MapLookup at;
-  at.hasRelief = hasRelief;
-  if (width < 0.0) {
-    at.uv = uv, at.taps = 1, at.lod = log2(-pixelWidth * sqrt(stretch) / width * size.x);
-    return sampleImages(at);
-  }
   float fine = max(1.0, stretch / TAPS);
-  at.lod = log2(pixelWidth * fine / width * size.x);
-  if (at.lod > log2(min(size.x, size.y)) - 1.0) return NO_MAPS;
+  MapLookup look;
+  look.lod = log2(pixelWidth * fine / width * size.x);
+  if (look.lod > log2(min(size.x, size.y)) - 1.0) return NO_MAPS;
+  // Rows of images run downwards.
   vec2 scale = vec2(1.0, -size.x / size.y) / width;
-  at.uv = surfaceUv(p, n) * scale;
-  at.taps = int(ceil(stretch / fine - 0.5));
-  at.stride = ray * mapAxes(n) / sqrt(1.0 - across * across + 1e-6)
-      * scale * (pixelWidth * stretch / float(at.taps));
-  return isUnordered(kind) ? blendCopies(at) : sampleImages(at);
+  look.hasRelief = hasRelief;
+  look.uv = plane.at * scale;
+  look.taps = int(ceil(stretch / fine - 0.5));
+  look.stride = ray * plane.axes / sqrt(1.0 - across * across + 1e-6)
+      * scale * (pixelWidth * stretch / float(look.taps));
+  return isUnordered(kind) ? blendCopies(look) : sampleImages(look);
 }
 
 // Normal of a surface with the relief of its images.
-vec3 reliefNormal(vec3 n, vec2 slope) {
+vec3 reliefNormal(vec3 n, MapPlane plane, vec2 slope) {
   if (slope == vec2(0.0)) return n;
-  return normalize(mapAxes(n) * slope + n * sqrt(max(1.0 - dot(slope, slope), 0.01)));
+  return normalize(plane.axes * slope + n * sqrt(max(1.0 - dot(slope, slope), 0.01)));
 }

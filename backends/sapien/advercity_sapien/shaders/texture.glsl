@@ -98,14 +98,14 @@ vec3 tint(float tone, float hue) {
 // Factor of a material's albedo at a point p of a surface of normal n. Images have all that is
 // finer than MAPPED.
 vec3 materialDetail(int kind, bool mapped, vec3 p, vec3 n, float footprint) {
-  const float MAPPED = 0.6;
+  const float MAPPED = 0.3;
   float f = mapped ? max(footprint, MAPPED) : footprint;
   vec2 q = p.xy;
   if (kind == TEXTURE_ASPHALT) {
     float tone = 0.30 * octave(q, 0.025, f, 1) + 0.10 * octave(q, 0.11, f, 2)
         + 0.07 * octave(q, 0.9, f, 3) + 0.10 * octave(q, 4.3, f, 4) + 0.10 * octave(q, 23.0, f, 5);
     tone += 0.16 * wear(q, f) * (0.75 + 0.25 * noise(q / 5.0, 6));
-    tone -= 0.30 * patches(q, f) + 0.45 * cracks(q, f);
+    tone -= 0.30 * patches(q, footprint) + 0.45 * cracks(q, footprint);
     return vec3(1.0 + tone);
   }
   if (kind == TEXTURE_GRASS) {
@@ -169,6 +169,12 @@ vec3 materialDetail(int kind, bool mapped, vec3 p, vec3 n, float footprint) {
         + 0.08 * octave(uv, 6.1, f, 3) + 0.07 * pieceTones(uv, size, f, 4);
     if (upright) tone += 0.16 * octave(uv * vec2(1.0, 0.12), 0.5, f, 5);
     return vec3(1.0 + tone - 0.45 * joints(uv, size, 0.02, f));
+  }
+  if (kind == TEXTURE_SLABS) {
+    const vec2 SIZE = vec2(0.5);
+    float tone = 0.10 * octave(uv, 2.3, f, 1) + 0.08 * octave(uv, 9.1, f, 2)
+        + 0.07 * pieceTones(uv, SIZE, f, 4);
+    return vec3(1.0 + tone - 0.45 * joints(uv, SIZE, 0.01, f));
   }
   if (kind == TEXTURE_STONE) {
     return vec3(1.0 + 0.25 * octave(p, 0.04, f, 1) + 0.12 * octave(p, 0.5, f, 2));

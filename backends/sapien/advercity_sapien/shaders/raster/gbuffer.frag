@@ -7,6 +7,7 @@
 #include "../shader_constants.glsl"
 #include "../lamp_lenses.glsl"
 #include "../sampling.glsl"
+#include "../map_plane.glsl"
 #define mapTone colorTexture
 #define mapRelief normalTexture
 #include "../material_maps.glsl"
@@ -24,25 +25,28 @@ layout(location = 3) out uvec4 outSegmentation;
 // Normal with the relief of images, and whether the material has any.
 layout(location = 4) out vec4 outRelief;
 
-MapSample sampleMaterial(vec3 normal) {
-  if ((materialBuffer.textureMask & HAS_TONE) == 0) return NO_MAPS;
-  vec3 ray = inPosition - cameraBuffer.viewMatrixInverse[3].xyz;
-  float distance = length(ray);
-  float pixelAngle = 2.0 / (cameraBuffer.projectionMatrix[0][0] * cameraBuffer.width);
-  return sampleMaps(int(materialBuffer.emission.y), materialBuffer.emission.w,
-      (materialBuffer.textureMask & HAS_RELIEF) != 0, inUv, inPosition, normal, ray / distance,
-      pixelAngle * distance);
-}
-
 void main() {
-  vec3 normal = normalize(inWorldNormal);
-  MapSample maps = sampleMaterial(normal);
+  vec3 normal = normalize(inWorldNormal), relief = normal;
+  int kind = int(materialBuffer.emission.y);
+  bool mapped = (materialBuffer.textureMask & HAS_TONE) != 0;
+  MapSample maps = NO_MAPS;
+  if (mapped) {
+    float width = materialBuffer.emission.w;
+    MapPlane plane = width > 0.0 ? worldPlane(kind, inPosition, normal)
+        : meshPlane(inUv, normal, dFdx(inPosition), dFdy(inPosition), dFdx(inUv), dFdy(inUv));
+    vec3 ray = inPosition - cameraBuffer.viewMatrixInverse[3].xyz;
+    float distance = length(ray);
+    float pixelWidth = 2.0 / (cameraBuffer.projectionMatrix[0][0] * cameraBuffer.width) * distance;
+    maps = sampleMaps(kind, abs(width), (materialBuffer.textureMask & HAS_RELIEF) != 0, plane,
+        normal, ray / distance, pixelWidth);
+    relief = reliefNormal(normal, plane, maps.slope);
+  }
   outAlbedo = vec4(materialBuffer.baseColor.rgb * maps.tone.rgb,
       min(materialBuffer.roughness * maps.tone.a, 1.0));
   outNormal = vec4(normal, materialBuffer.metallic);
-  outRelief = vec4(reliefNormal(normal, maps.slope), materialBuffer.textureMask & HAS_TONE);
+  outRelief = vec4(relief, mapped);
   outDepthEmission = vec4(
       inDistance, lensEmission(int(materialBuffer.emission.x), objectDataBuffer.lit),
-      materialBuffer.emission.y, materialBuffer.emission.z);
+      kind, materialBuffer.emission.z);
   outSegmentation = inIds;
 }

@@ -3,10 +3,12 @@
 #extension GL_EXT_scalar_block_layout : enable
 #extension GL_EXT_nonuniform_qualifier : enable
 
+#include "../shader_constants.glsl"
+#include "../sampling.glsl"
+#include "../map_plane.glsl"
 #include "./ray_hit.glsl"
 #include "./scene.glsl"
 #include "./scene_textures.glsl"
-#include "../shader_constants.glsl"
 #include "../shader_table.glsl"
 #include "./body_state.glsl"
 #include "../lamp_lenses.glsl"
@@ -17,6 +19,15 @@ layout(location = 0) rayPayloadInEXT RayHit hit;
 Vertex vertexOf(uint geometry, uint corner) {
   return vertices[nonuniformEXT(geometry)].v[
       indices[nonuniformEXT(geometry)].i[3 * gl_PrimitiveID + corner]];
+}
+
+vec3 positionOf(Vertex v) { return gl_ObjectToWorldEXT * vec4(v.x, v.y, v.z, 1.0); }
+
+MapPlane meshPlane(Vertex a, Vertex b, Vertex c, vec3 weights, vec3 normal) {
+  mat3x2 uv = mat3x2(a.u, a.v, b.u, b.v, c.u, c.v);
+  vec3 corner = positionOf(a);
+  return meshPlane(uv * weights, normal, positionOf(b) - corner, positionOf(c) - corner,
+      uv[1] - uv[0], uv[2] - uv[0]);
 }
 
 void main() {
@@ -42,5 +53,6 @@ void main() {
   hit.snowless = material.emission.z > 0.5;
   hit.identity = ids.x;
   hit.material = instance.materialIndex;
-  hit.uv = mat3x2(a.u, a.v, b.u, b.v, c.u, c.v) * weights;
+  hit.plane = material.emission.w < 0.0 ? meshPlane(a, b, c, weights, hit.normal)
+      : worldPlane(hit.texture, gl_WorldRayOriginEXT + gl_WorldRayDirectionEXT * gl_HitTEXT, hit.normal);
 }

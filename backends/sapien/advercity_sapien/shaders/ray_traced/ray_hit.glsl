@@ -1,4 +1,4 @@
-// Payload of a ray: the surface that it hits.
+// Payload of a ray: the surface that it hits. Needs map_plane.glsl.
 
 struct RayHit {
   float distance;  // negative: the sky
@@ -11,5 +11,5 @@ struct RayHit {
   bool snowless;
   uint identity;
   uint material;   // index
-  vec2 uv;
+  MapPlane plane;  // of the material's images
 };
