@@ -48,6 +48,20 @@ def test_a_ribbon_faces_up_where_left_is_on_the_left() -> None:
     assert (np.cross(b - a, c - a)[:, 2] > 0).all()
 
 
+def test_images_run_along_a_ribbon_in_metres_and_survive_joining() -> None:
+    line = np.array([[0.0, 0, 0], [3, 4, 0], [3, 6, 0]])
+    ribbon = build_ribbon(line + np.array([0.0, 0, 2]), line)
+    along = [0.0, 5.0, 7.0]
+    expected = np.column_stack([along * 2, [2.0] * 3 + [0.0] * 3])
+    assert ribbon.uv is not None
+    np.testing.assert_allclose(ribbon.uv, expected)
+    mesh = join_surfaces([ribbon, ribbon]).to_mesh("wall", "brick", Semantic.WALL)
+    assert mesh.uv is not None
+    np.testing.assert_allclose(mesh.uv, np.vstack([expected, expected]))
+    bare = TriangleSurface(ribbon.vertices, ribbon.triangles)
+    assert join_surfaces([ribbon, bare]).uv is None
+
+
 @pytest.mark.parametrize(
     "ring", [[(0, 0), (4, 0), (4, 4), (0, 4)], [(0, 0), (0, 4), (4, 4), (4, 0)]]
 )
