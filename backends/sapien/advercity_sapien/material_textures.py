@@ -9,6 +9,7 @@ import numpy as np
 import sapien
 from numpy.typing import NDArray
 
+from advercity.geometry.arrays import Float64Array, Uint8Array
 from advercity.material_maps import MaterialMaps
 
 LINEAR_FROM_SRGB = np.where(
@@ -61,12 +62,17 @@ def compute_tone_texels(maps: MaterialMaps) -> NDArray[np.float16]:
     Ratios are linear, so that means of texels, which the device takes for distant surfaces, are
     means of light.
     """
-    linear = LINEAR_FROM_SRGB[maps.color[..., :3]]
-    ratios = np.ones((*linear.shape[:2], 4))
-    ratios[..., :3] = linear / linear.mean(axis=(0, 1))
+    channels = [_compute_ratios(maps.color[..., n], LINEAR_FROM_SRGB) for n in range(3)]
+    roughness = np.ones_like(channels[0])
     if maps.roughness is not None:
-        ratios[..., 3] = maps.roughness / maps.roughness.mean()
-    return ratios.astype(np.float16)
+        roughness = _compute_ratios(maps.roughness, np.arange(256) / 255.0)
+    return np.stack([*channels, roughness], axis=-1)
+
+
+def _compute_ratios(image: Uint8Array, values: Float64Array) -> NDArray[np.float16]:
+    """Compute ratios (h, w) of the values of the bytes of an image (h, w) to their mean."""
+    mean = np.bincount(image.ravel(), minlength=256) @ values / image.size
+    return (values / max(mean, 1e-6)).astype(np.float16)[image]
 
 
 def _create_textures(maps: MaterialMaps) -> _Textures:
