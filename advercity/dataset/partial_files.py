@@ -246,24 +246,19 @@ def lock_file(path: Path, what: str = "this scenario", *, shared: bool = False) 
 
 @contextmanager
 def lock_scenario(scenario: Path) -> Generator[None]:
-    """Keep other runs out of a scenario until the end; an output that is still empty goes again.
+    """Keep other runs out of a scenario until the end.
 
     Raises:
         RunError: Another run is writing the scenario, a folder is a link, or the disk refuses.
     """
-    dataset, staging = scenario.parent, find_staging_folder(scenario)
-    is_new = not dataset.exists()
     with report_disk_errors(scenario):
         check_folders_are_no_links(scenario, ())
-        lock = lock_file(staging / "lock")
+        lock = lock_file(find_staging_folder(scenario) / "lock")
     try:
         yield
     finally:
         with lock, report_disk_errors(scenario):
             remove_idle_staging_folder(scenario)
-        if is_new:
-            with suppress(OSError):  # not empty
-                dataset.rmdir()
 
 
 def share_lock(stream: IO[bytes]) -> None:

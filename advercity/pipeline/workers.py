@@ -80,6 +80,7 @@ class WorkerPool:
         self._limits, self._gpus = resources.limits, find_visible_gpus()
         self._worker_count = resources.worker_count
         self._free_slots = list(reversed(range(resources.worker_count)))
+        self._is_new_output = not options.output.exists()
         self._index = IndexWriter(options.output, specs)
         self._waiting = deque(specs)
         self._running: list[_PooledScenario] = []
@@ -100,6 +101,8 @@ class WorkerPool:
         except BaseException:
             self._stop_all()
             raise
+        finally:
+            self._remove_empty_output()
         return [self._results[spec.id] for spec in self._specs]
 
     def _start_workers(self) -> None:
@@ -161,7 +164,14 @@ class WorkerPool:
             self._notices.add(notice)
             logging.getLogger(notice.logger).log(notice.level, notice.text)
 
+    def _remove_empty_output(self) -> None:
+        """Delete the folder of the dataset if workers have created it and left it empty."""
+        if self._is_new_output:
+            with suppress(OSError):  # not empty, or not there
+                self._options.output.rmdir()
+
     def _record_end(self, run: "_PooledScenario") -> None:
+        self._remove_empty_output()  # in which nothing is recorded
         result = run.build_result()
         record_run(run.spec, self._options, result, self._worker_count)
         try:
