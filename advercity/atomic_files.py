@@ -79,8 +79,12 @@ def write_file(path: Path, content: bytes) -> None:
 
 
 def open_without_links(path: str, flags: int) -> int:
-    """Open a file as `open` does; OSError if its last component is a link."""
-    return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0), 0o666)
+    """Open a file as `open` does; OSError if its last component is a link.
+
+    A pipe is opened at once, or is an OSError, too: `open` would wait for its other end.
+    """
+    more = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+    return os.open(path, flags | more, 0o666)
 
 
 def move_file(source: Path, target: Path) -> None:

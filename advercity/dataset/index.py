@@ -12,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Literal
 
-from advercity_dsl import Model, Spec
+from advercity_dsl import Id, Model, Spec
 from pydantic import Field, TypeAdapter, ValidationError
 
 from advercity.atomic_files import move_file, write_atomically, write_file
@@ -88,7 +88,7 @@ class DatasetIndex(Model):
     """Entries of the scenarios of a dataset by folder; the same dataset gives the same text."""
 
     index_version: Literal[1] = 1
-    scenarios: dict[str, IndexEntry] = Field(default_factory=dict[str, IndexEntry])
+    scenarios: dict[Id, IndexEntry] = Field(default_factory=dict[Id, IndexEntry])
 
     def list_with_manifest(self, has_files: Callable[[str], bool]) -> list[str]:
         """List the names of the scenarios that should have a manifest.
@@ -186,7 +186,7 @@ class IndexWriter:
         """
         if self._dataset.is_dir():
             path = self._dataset / name / MANIFEST_FILE
-            text = path.read_bytes() if path.exists() else None
+            text = read_bytes(path, max_bytes=MAX_JSON_BYTES) if path.exists() else None
             spec = self._specs[name]
             entry = IndexEntry.from_manifest_text(spec, text, failed=failed, refused=refused)
             self._update({name: entry})
@@ -221,7 +221,8 @@ def link_splits(
     Nothing is copied. Calling it again updates the links.
 
     Raises:
-        InputError: A road belongs to no split, or to two, or `output` has another `splits.json`.
+        InputError: A road belongs to no split, or to two, or `output` has another `splits.json`, or
+            something else in place of a link; nothing is changed then.
         RunError: The links cannot be made.
     """
     split_of = _map_roads_to_splits(roads)
@@ -250,17 +251,28 @@ def _map_roads_to_splits(roads: Mapping[str, Sequence[str]]) -> dict[str, str]:
 
 def _link_folders(folders: dict[str, Path], found: dict[str, list[str]], output: Path) -> None:
     former = _load_splits(output)
-    for name, members in found.items():
-        split_folder = output / name
-        split_folder.mkdir(parents=True, exist_ok=True)
-        for link in (split_folder / member for member in former.get(name, ())):
-            if link.is_symlink():  # a user's own links and files stay
-                link.unlink()
-        for member in members:
-            # Relative, so that dataset and splits can be moved together.
-            target = os.path.relpath(folders[member].resolve(), split_folder.resolve())
-            (split_folder / member).symlink_to(target)
+    old = {output / split / name for split in found for name in former.get(split, ())}
+    links = {
+        # Relative, so that dataset and splits can be moved together.
+        output / split / name: os.path.relpath(folders[name].resolve(), (output / split).resolve())
+        for split, names in found.items()
+        for name in names
+    }
+    for link, target in links.items():
+        if link not in old and os.path.lexists(link) and not _is_link_to(link, target):
+            raise InputError(f"{link}: exists, and is no link of a split; rename or delete it")
+    for split in found:
+        (output / split).mkdir(parents=True, exist_ok=True)
+    for link in old:
+        link.unlink(missing_ok=True)
+    for link, target in links.items():
+        if not _is_link_to(link, target):  # else of a call that was cut short
+            link.symlink_to(target)
     write_atomically(output / SPLITS_FILE, json.dumps(found, indent=1).encode() + b"\n")
+
+
+def _is_link_to(path: Path, target: str) -> bool:
+    return path.is_symlink() and str(path.readlink()) == target
 
 
 def _load_splits(output: Path) -> dict[str, list[str]]:

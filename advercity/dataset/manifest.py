@@ -1,20 +1,19 @@
 """The manifest of a scenario: what its data are made from, and every file with its checksum."""
 
 import hashlib
-import re
 from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Self
 
 from advercity_dsl import Model, Spec
 from advercity_dsl.base import is_empty
-from pydantic import Field, ValidationError, field_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 
 from advercity import __version__
 from advercity.dataset.cloud_files import CloudEncoding
 from advercity.dataset.formats import FORMATS, FrameFileNames
-from advercity.dataset.partial_files import FileRecord, read_journals
+from advercity.dataset.partial_files import FilePath, FileRecord, read_journals
 from advercity.dataset.scenario_folders import (
     MANIFEST_FILE,
     MANIFEST_VERSION,
@@ -40,10 +39,6 @@ VERSIONED_PACKAGES = (
     "zlib-ng",
 )
 """Distributions that may change the bytes with their version."""
-
-
-_PATH_PATTERN = re.compile(r"([^./\\\0][^/\\\0]*/)?[^./\\\0][^/\\\0]*")
-"""A file of the scenario or of a folder in it."""
 
 
 def compute_spec_digest(spec: Spec) -> str:
@@ -176,7 +171,7 @@ class Manifest(Model):
     length: int
     complete: bool
     frames: tuple[int, ...]
-    files: dict[str, FileRecord]
+    files: dict[FilePath, FileRecord]
 
     @staticmethod
     def from_files(
@@ -195,14 +190,13 @@ class Manifest(Model):
             files={path: files[path] for path in sorted(files)},
         )
 
-    @field_validator("files")
-    @classmethod
-    def _check_paths(cls, files: dict[str, FileRecord]) -> dict[str, FileRecord]:
-        """Refuse paths out of the scenario."""
-        for path in files:
-            if not _PATH_PATTERN.fullmatch(path):
-                raise ValueError(f"{path!r:.60} is no path within the scenario")
-        return files
+    @model_validator(mode="after")
+    def _check_frames(self) -> Self:
+        """Refuse frames that the scenario does not have."""
+        for path, record in self.files.items():
+            if record.frame is not None and record.frame >= self.length:
+                raise ValueError(f"{path} is of frame {record.frame} of {self.length}")
+        return self
 
     @property
     def frame_file_names(self) -> FrameFileNames:
@@ -233,7 +227,12 @@ class Manifest(Model):
             raise not_a_scenario_error(scenario) from error
         except OSError as error:
             raise RunError(f"{path}: cannot be read: {describe_cause(error)}") from error
-        manifest, journaled = Manifest.parse(text, where=str(path)), read_journals(scenario)
+        manifest = Manifest.parse(text, where=str(path))
+        journaled = {
+            path: record
+            for path, record in read_journals(scenario).items()
+            if record.frame is None or record.frame < manifest.length
+        }
         if not journaled:
             return manifest
         return Manifest.from_files(

@@ -9,14 +9,16 @@ import errno
 import hashlib
 import logging
 import os
+import re
+import stat
 import time
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO
+from typing import IO, Annotated
 
 from advercity_dsl import Model
-from pydantic import TypeAdapter, ValidationError
+from pydantic import AfterValidator, Field, TypeAdapter, ValidationError
 
 from advercity.atomic_files import move_file, open_without_links, sync_files, write_file
 from advercity.dataset.scenario_folders import (
@@ -31,6 +33,7 @@ _logger = logging.getLogger(__name__)
 
 PARTIAL_SUFFIX = ".advercity-partial"
 """End of the names of unfinished files, which no file of others has."""
+NO_FILE_ERRORS = (FileNotFoundError, IsADirectoryError, NotADirectoryError)
 LOCK_TIMEOUT_S = 5.0
 """How long a run that was killed may take to release its lock."""
 
@@ -46,7 +49,7 @@ class FileRecord(Model):
 
     size: int
     sha256: str
-    frame: int | None = None
+    frame: int | None = Field(default=None, ge=0)
 
     @staticmethod
     def from_content(content: bytes, *, frame: int | None = None) -> "FileRecord":
@@ -56,8 +59,9 @@ class FileRecord(Model):
         )
 
     def has_size_of(self, path: Path) -> bool:
-        """Return whether the file at a path has this size; OSError if it cannot be read."""
-        return path.stat().st_size == self.size
+        """Return whether a path is a regular file of this size; OSError if it cannot be read."""
+        found = path.stat()  # to open a pipe would wait for its writer, and devices have no end
+        return stat.S_ISREG(found.st_mode) and found.st_size == self.size
 
     def matches(self, path: Path) -> bool:
         """Return whether the file at a path has this content; OSError if it cannot be read."""
@@ -67,7 +71,15 @@ class FileRecord(Model):
             return hashlib.file_digest(stream, "sha256").hexdigest() == self.sha256
 
 
-_RECORDS = TypeAdapter(dict[str, FileRecord])
+def _check_path(path: str) -> str:
+    if not re.fullmatch(r"([^./\\\0][^/\\\0]*/)?[^./\\\0][^/\\\0]*", path):
+        raise ValueError(f"{path!r:.60} is no path within the scenario")
+    return path
+
+
+FilePath = Annotated[str, AfterValidator(_check_path)]
+"""Path of a file within the scenario: of one in it, or in a folder in it."""
+_RECORDS = TypeAdapter(dict[FilePath, FileRecord])
 
 
 def append_to_journal(scenario: Path, process: int, records: Mapping[str, FileRecord]) -> None:
@@ -196,7 +208,8 @@ def is_being_written(scenario: Path, *, patience_s: float = 0.0) -> bool:
 def _is_locked(path: Path) -> bool:
     import fcntl
 
-    with suppress(FileNotFoundError), open(path, "rb", opener=open_without_links) as stream:
+    # What is no file was not made by a run, and holds no lock.
+    with suppress(*NO_FILE_ERRORS), open(path, "rb", opener=open_without_links) as stream:
         try:
             # First the shared lock: a run that turns its lock into one meets no exclusive one.
             fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)

@@ -57,7 +57,8 @@ def check_folders_are_no_links(scenario: Path, folders: Iterable[str]) -> None:
     """
     staging = find_staging_folder(scenario)
     inside = (scenario, staging.parent, staging, staging / "incoming", staging / "claims")
-    for path in (*inside, *(scenario / name for name in folders)):
+    of_agents = [parent / name for name in folders for parent in (scenario, staging / "incoming")]
+    for path in (*inside, *of_agents):
         if path.is_symlink():
             raise RunError(
                 f"{path}: is a link to {path.readlink()}; a dataset is written in real folders"

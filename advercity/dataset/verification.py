@@ -28,6 +28,7 @@ from advercity.dataset.scenario_folders import (
     find_scenarios,
 )
 from advercity.dataset.writer import encode_scenario_files
+from advercity.documents import MAX_JSON_BYTES, read_bytes
 from advercity.errors import RunError, describe_cause, escape_control_characters
 from advercity.roads.road_network import build_road
 from advercity.sensors.sensor_frame import SensorFrame
@@ -99,7 +100,7 @@ def compare_with_index(dataset: Path) -> list[FileProblem]:
     for name in index.list_with_manifest(lambda name: any((dataset / name).glob("*"))):
         path = dataset / name / MANIFEST_FILE
         try:
-            if not index.matches_manifest(name, path.read_bytes()):
+            if not index.matches_manifest(name, read_bytes(path, max_bytes=MAX_JSON_BYTES)):
                 problems.append(FileProblem(dataset / name, MANIFEST_FILE, "changed"))
         except FileNotFoundError:
             problems.append(FileProblem(dataset / name, MANIFEST_FILE, "missing"))
@@ -181,9 +182,10 @@ def restore_files(
 ) -> list[FileProblem]:
     """Restore the files that `verify_scenario` found; return the problems that are left.
 
-    Those are foreign files. Frames are captured again one by one; a
-    missing or changed file is replaced once the new content has the checksum of the manifest. So
-    an interruption leaves the scenario no worse than before, and the same call continues.
+    Those are foreign files, and recorded ones that no run writes. Frames are captured again one by
+    one; a missing or changed file is replaced once the new content has the checksum of the
+    manifest. So an interruption leaves the scenario no worse than before, and the same call
+    continues.
 
     Args:
         scenario: Folder of the scenario.
@@ -200,22 +202,26 @@ def restore_files(
     with lock_scenario(scenario), report_disk_errors(scenario):
         remove_unfinished_files(scenario, [one.path for one in found if one.kind == "unfinished"])
         damaged = {problem.path for problem in found if problem.kind in ("missing", "changed")}
-        _restore(
-            scenario, manifest, encode_scenario_files(manifest.spec, manifest.identity), damaged
-        )
+        files = encode_scenario_files(manifest.spec, manifest.identity)
+        damaged -= _restore(scenario, manifest, files, damaged)
         lanes = build_road(manifest.spec.road).lanes
         encode = select_encoder(manifest.identity.format, manifest.identity.clouds)
         for frame in sorted({item.frame for item in found if item.frame is not None}):
             name = format_frame_name(manifest.spec, frame)
-            _restore(scenario, manifest, encode(capture_frame(frame), lanes, name=name), damaged)
-    return [item for item in found if item.kind == "foreign"]
+            files = encode(capture_frame(frame), lanes, name=name)
+            damaged -= _restore(scenario, manifest, files, damaged)
+    return [item for item in found if item.kind == "foreign" or item.path in damaged]
 
 
 def _restore(
     scenario: Path, manifest: Manifest, files: Mapping[str, bytes], damaged: set[str]
-) -> None:
-    """Replace those of the files that are damaged, if they are as the manifest records them."""
-    for path in damaged & files.keys():
+) -> set[str]:
+    """Replace those of the files that are damaged, if they are as the manifest records them.
+
+    Returns their paths.
+    """
+    restored = damaged & files.keys()
+    for path in restored:
         content, expected = files[path], manifest.files[path]
         if FileRecord.from_content(content, frame=expected.frame) != expected:
             raise RunError(
@@ -224,3 +230,4 @@ def _restore(
                 " `advercity run --fresh` makes the scenario again"
             )
         replace_file(scenario, path, content)
+    return restored

@@ -273,6 +273,8 @@ def _repair_scenario(
         clouds=manifest.identity.clouds,
     )
     differences = manifest.identity.list_differences(prepared.identity)
+    if manifest.length != prepared.frame_count:
+        differences.append(f"length: {manifest.length}, {prepared.frame_count}")
     if differences:
         raise RunError(
             f"{scenario}: cannot be repaired here, where something differs"

@@ -160,6 +160,20 @@ def test_no_index_is_written_without_a_scenario(spec: Spec, tmp_path: Path) -> N
         verify_dataset(tmp_path)
 
 
+@pytest.mark.parametrize("name", ["../elsewhere", "/", "", "a\nb", "\0", 300 * "x"])
+def test_an_index_names_no_folder_elsewhere(
+    spec: Spec, make: Make, tmp_path: Path, name: str
+) -> None:
+    make(tmp_path, spec, 1)
+    end(IndexWriter(tmp_path, [spec]), spec)
+    path = tmp_path / INDEX_FILE
+    data = json.loads(path.read_text())
+    data["scenarios"][name] = data["scenarios"][spec.id]
+    path.write_text(json.dumps(data))
+    with pytest.raises(RunError, match=r"index\.json: not an index of this version; delete it"):
+        verify_dataset(tmp_path)
+
+
 def test_a_damaged_index_is_reported_with_a_remedy(spec: Spec, tmp_path: Path) -> None:
     (tmp_path / INDEX_FILE).write_text("{}}")
     with pytest.raises(InputError, match=r"index\.json:1:3: not valid JSON: extra data; delete it"):
@@ -223,9 +237,35 @@ def test_a_file_in_place_of_a_link_is_named(two_roads: Path, tmp_path: Path) -> 
     (tmp_path / "test").mkdir()
     mine = tmp_path / "test" / "ui_clear_night_dense"
     mine.write_text("mine")
-    with pytest.raises(RunError, match=f"^{mine}: cannot be written: File exists$"):
-        link_splits(two_roads, tmp_path)
+    for _ in range(2):
+        with pytest.raises(InputError, match=f"^{mine}: exists, and is no link of a split; rename"):
+            link_splits(two_roads, tmp_path)
+        assert list(tmp_path.rglob("*")) == [mine.parent, mine]
     assert mine.read_text() == "mine"
+
+
+def test_a_call_that_was_cut_short_is_completed_by_the_next(
+    two_roads: Path, tmp_path: Path
+) -> None:
+    found = link_splits(two_roads, tmp_path)
+    (tmp_path / "splits.json").unlink()
+    (tmp_path / "validate" / "rcnj_fog_day_sparse").unlink()
+    assert link_splits(two_roads, tmp_path) == found
+    assert len(open_dataset(tmp_path)) == 2 * TWO_ROADS_FRAMES
+
+
+def test_a_doctored_list_of_splits_deletes_no_link_elsewhere(
+    two_roads: Path, tmp_path: Path
+) -> None:
+    output, mine = tmp_path / "splits", tmp_path / "mine" / "link"
+    link_splits(two_roads, output)
+    mine.parent.mkdir()
+    mine.symlink_to(two_roads)
+    text = json.dumps({"../mine": ["link"], "test": ["../../mine/link"]})
+    (output / "splits.json").write_text(text)
+    with pytest.raises(InputError, match="does not list links of splits"):
+        link_splits(two_roads, output)
+    assert mine.is_symlink()
 
 
 def test_a_failed_scenario_whose_manifest_is_lost_is_reported(
