@@ -20,13 +20,11 @@ SHEET := $(OUTPUT)/contact_sheet.png
 
 demo: setup
 	$(ADVERCITY) compile library --output compiled
-	@if $(ADVERCITY) assets install $(if $(PACKAGE),--from $(PACKAGE)); then bodies=; else \
-	  echo "no models: vehicles get generated bodies of the same sizes (--allow-missing-models);"; \
-	  echo "with the package on this machine: make demo PACKAGE=FILE-OR-FOLDER"; \
-	  bodies=--allow-missing-models; \
-	fi; \
-	set -x; $(ADVERCITY) run compiled/$(SCENARIO).json --profile preview --frames 0:$(FRAMES) \
-	  --output $(OUTPUT) $$bodies $(if $(wildcard $(RECORDING)),,--rrd $(RECORDING))
+	@$(ADVERCITY) assets install $(if $(PACKAGE),--from $(PACKAGE)) || \
+	  echo "missing models and photographs are generated (--allow-missing-models);" \
+	    "with the packages on this machine: make demo PACKAGE=FOLDER"
+	$(ADVERCITY) run compiled/$(SCENARIO).json --profile preview --frames 0:$(FRAMES) \
+	  --output $(OUTPUT) --allow-missing-models $(if $(wildcard $(RECORDING)),,--rrd $(RECORDING))
 	$(ADVERCITY) sheet $(OUTPUT)/$(SCENARIO) --output $(SHEET)
 	@echo
 	@echo "dataset (OPV2V):  $(OUTPUT)/$(SCENARIO)"

@@ -19,6 +19,7 @@ ROOMS = (
         "data_folder",
         "output_files",
         "processes",
+        "texture_packs",
     ),
     ("geometry", "randomness"),
     ("physics",),

@@ -11,6 +11,7 @@ from pathlib import Path
 from advercity_dsl import Blueprint
 from advercity_dsl.catalogue import BodyModel
 
+from advercity.assets.downloads import AssetPackage
 from advercity.assets.model_conversion import CONVERSION_VERSION, convert_model
 from advercity.assets.model_files import (
     ModelPart,
@@ -22,7 +23,6 @@ from advercity.assets.model_files import (
 from advercity.assets.packages import (
     DIGEST_FILE,
     FURNITURE,
-    AssetPackage,
     check_licence,
     clear_package_folder,
     install_package,

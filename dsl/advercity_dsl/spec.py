@@ -124,7 +124,7 @@ class Spec(Model):
         default_factory=dict[AssetName, Digest], exclude_if=is_empty, max_length=10_000
     )
     """SHA-256 of what the scenario takes from files of others, by `kind/name`: `model/seat_leon` is
-    the converted model of that blueprint."""
+    the converted model of that blueprint, `textures/ez_tree` the photographs of a package."""
     timing: Timing
     seeds: SpecSeeds
     provenance: Provenance

@@ -209,8 +209,8 @@ class Suite(Declaration):
     )
     """How conflicts of `cross_conflicts` must match a road: primary, extension or variant."""
     looks: Looks = Field(default="full", exclude_if=lambda looks: looks == "full")
-    """Whether bodies are models of asset packages, which a run then needs (`full`), or generated
-    shapes of the same sizes (`shaped`)."""
+    """Whether bodies are models and surfaces photographs of asset packages, which a run then needs
+    (`full`), or both are generated (`shaped`)."""
     default: Flag = False
     """Whether this suite is compiled if none is named."""
     rig: Id

@@ -16,9 +16,10 @@ from advercity_dsl import Blueprint, BodyModel, Catalogue
 from typer.testing import CliRunner
 
 from advercity.assets.bodies import build_body
+from advercity.assets.downloads import AssetPackage
 from advercity.assets.model_files import ModelPart, read_obj, to_glb
 from advercity.assets.model_store import ModelStore
-from advercity.assets.packages import AssetPackage, unpack_package
+from advercity.assets.packages import unpack_package
 from advercity.cli import app
 from advercity.compiler import load_library
 from advercity.errors import InputError, RunError
@@ -385,13 +386,12 @@ def test_a_file_that_is_not_a_glb_is_rejected(tmp_path: Path):
 
 def test_installing_may_be_optional(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("PATH", str(tmp_path))
-    monkeypatch.setattr(
-        "advercity.assets.model_store.open_model_store", lambda: ModelStore(tmp_path)
-    )
+    monkeypatch.setenv("ADVERCITY_DATA", str(tmp_path))
     done = CliRunner().invoke(app, ["assets", "install", "--allow-failure"])
     assert done.exit_code == 0
     assert "(120 MB)" in done.output
-    assert "procedural" in done.output
+    assert "generated instead: sweethome3d-furniture 1.8-1 cannot be downloaded" in done.output
+    assert "generated instead: @dgreenheck/ez-tree 1.1.0 cannot be downloaded" in done.output
     assert CliRunner().invoke(app, ["assets", "install"]).exit_code == 1
 
 

@@ -15,6 +15,7 @@ from advercity.compiler import load_library, to_json
 from advercity.compiler.crossing import compile_library
 from advercity.compiler.model_locks import compute_declared_digest
 from advercity.errors import InputError
+from advercity.texture_packs import EZ_TREE
 from tests.builders import Write, compile_shaped, describe_errors
 
 CATALOGUE = """
@@ -69,9 +70,14 @@ def test_shipped_specs_have_a_checksum_of_every_model_they_may_use(library: Path
         assert {name: spec.assets[f"model/{name}"] for name in modelled} == {
             name: shipped["models"][name]["built"] for name in modelled
         }
-        assert len(spec.assets) == len(modelled) >= 10
-    assert {name for spec in specs for name in spec.assets} == {
-        f"model/{name}" for name in shipped["models"]
+        assert len(modelled) >= 10
+    models = {f"model/{name}" for name in shipped["models"]}
+    assert {name for spec in specs for name in spec.assets} == models | {EZ_TREE.asset}
+
+
+def test_shipped_specs_have_the_checksum_of_the_photographs(library: Path) -> None:
+    assert {spec.assets["textures/ez_tree"] for spec in compile_library(library)} == {
+        EZ_TREE.digest
     }
 
 
@@ -93,7 +99,7 @@ def test_a_suite_may_use_the_models_beside_it_and_no_package(write: Write, tmp_p
     lock(folder, ModelStore(tmp_path / "store"), borrowed="ab" * 32)
     (full,), (shaped,) = compile_library(folder), compile_shaped(folder)
     assert full.assets["model/borrowed"] == "ab" * 32
-    assert set(full.assets) == {"model/borrowed", "model/saloon"}
+    assert set(full.assets) == {"model/borrowed", "model/saloon", EZ_TREE.asset}
     assert shaped.assets == {"model/saloon": full.assets["model/saloon"]}
     assert shaped.blueprints["borrowed"].model is None
     suite = "kind: suite\nid: small\nrig: one_camera\ncatalogue: one_car\nlooks: shaped\n"
@@ -135,7 +141,7 @@ def test_a_catalogue_that_extends_another_locks_its_own_models_alone(
     own = json.loads((folder / "more.lock.json").read_text())
     assert list(own["models"]) == ["long"]
     (spec,) = compile_library(folder)
-    assert set(spec.assets) == {"model/borrowed", "model/long", "model/saloon"}
+    assert set(spec.assets) == {"model/borrowed", "model/long", "model/saloon", EZ_TREE.asset}
 
 
 @pytest.mark.parametrize("text", ["{", "[]", '{"models": {}}'])

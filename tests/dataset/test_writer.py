@@ -3,6 +3,7 @@
 import itertools
 import json
 import os
+import re
 import resource
 import shutil
 from collections.abc import Callable
@@ -12,12 +13,14 @@ import pytest
 from advercity_dsl import BodyModel, Spec
 
 from advercity.dataset import partial_files
+from advercity.dataset.attribution import format_attribution
 from advercity.dataset.manifest import Identity, Manifest
 from advercity.dataset.partial_files import FileRecord
 from advercity.dataset.scenario_folders import MANIFEST_FILE, find_scenarios
 from advercity.dataset.verification import FileProblem, restore_files, verify_scenario
 from advercity.dataset.writer import ATTRIBUTION_FILE, ScenarioWriter
 from advercity.errors import InputError, RunError
+from advercity.texture_packs import EZ_TREE
 from tests.builders import SensorFramesOf, identify
 
 FRAMES = 2
@@ -450,6 +453,19 @@ def test_authors_and_licences_of_models_are_written(modelled: Path):
     assert "seat_leon" not in text
     assert Manifest.load(modelled).identity.bodies == {"lincoln_mkz_2017": MODEL}
     assert verify_scenario(modelled) == []
+
+
+def test_authors_and_licences_of_photographs_are_written(spec: Spec):
+    named = spec.model_copy(update={"assets": {EZ_TREE.asset: EZ_TREE.digest}})
+    identity = Identity.for_spec(named, trace_sha256="0" * 64, renderer={})
+    text = format_attribution(named, identity)
+    for name in EZ_TREE.surfaces:
+        assert re.search(
+            rf"\| {name} \| @dgreenheck/ez-tree \S+ \| Daniel Greenheck \| \[MIT\]", text
+        )
+    assert "3-D models" not in text
+    missing = identity.model_copy(update={"missing_models": (EZ_TREE.asset,)})
+    assert format_attribution(named, missing) == ""
 
 
 def test_without_models_no_attribution_is_written(tmp_path: Path, spec: Spec):

@@ -15,8 +15,9 @@ from advercity.dataset.manifest import Manifest
 from advercity.dataset.verification import verify_dataset
 from advercity.errors import InputError, RunError
 from advercity.pipeline import RunOptions, repair_dataset, run_scenario
-from advercity.pipeline.spec_models import check_models
+from advercity.pipeline.spec_models import check_models, find_missing_models, replace_models
 from advercity.testing import with_small_sensors
+from advercity.texture_packs import EZ_TREE
 
 PACKED = BodyModel(pack="scopia/seat_leon", author="Scopia", licence="CC-BY-3.0")
 
@@ -73,6 +74,21 @@ def test_a_model_that_converts_to_something_else_here_stops_a_run(
 def test_a_spec_from_before_models_had_checksums_is_to_be_compiled_again(modelled: Spec) -> None:
     with pytest.raises(InputError, match="have no checksum in the spec; compile its library again"):
         check_models([modelled.model_copy(update={"assets": {}})], allow_missing=False)
+
+
+def test_photographs_that_are_missing_or_of_another_version_stop_a_run(
+    specs: dict[str, Spec],
+) -> None:
+    spec = specs["rsnj_clear_day_sparse"]
+    named = spec.model_copy(update={"assets": {EZ_TREE.asset: EZ_TREE.digest}})
+    with pytest.raises(InputError, match=r"textures/ez_tree are not installed.*19 MB.*--from"):
+        check_models([named], allow_missing=False)
+    check_models([named], allow_missing=True)
+    assert find_missing_models(named) == (EZ_TREE.asset,)
+    other = spec.model_copy(update={"assets": {EZ_TREE.asset: "ab" * 32}})
+    with pytest.raises(InputError, match=r"textures/ez_tree are of another version"):
+        check_models([other], allow_missing=False)
+    assert replace_models(named, {EZ_TREE.asset}).assets == {}
 
 
 @pytest.mark.sumo

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from advercity.pipeline.cache_entries import describe_cache, list_entries
-from advercity.pipeline.surface_maps import BakedMaps
+from advercity.pipeline.surface_maps import SurfaceMaps
 
 
 def test_images_are_baked_once_and_then_come_from_the_cache(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setenv("ADVERCITY_CACHE", str(tmp_path))
-    maps = BakedMaps()
+    maps = SurfaceMaps()
     assert "kerb" in maps
     assert "unknown" not in maps
     assert not list_entries()

@@ -7,14 +7,14 @@ from advercity.assets.maps.tile import Tile, ease
 
 
 def paint_clay_tiles(tile: Tile) -> Surface:
-    """Paint pantiles: a roll and a trough each, fired in several reds, with lichen and soot."""
+    """Paint pantiles: a roll and a pan each, fired in several reds, with lichen and soot."""
     grain, patch = tile.noise("grain", 0.02, slope=0.3), tile.noise("patch", 0.25, 0.02)
     tiles = tile.lay(8, 6, 0.0, wobble_m=0.001 * tile.noise("edge", 0.05))
-    # From the left: the edge of the neighbour's roll, a flat trough, the own roll.
+    # From the left: the edge of the neighbour's roll, a flat pan, the own roll.
     roll = np.sqrt(np.clip(1 - np.square((tiles.x - np.float32(0.62)) / np.float32(0.38)), 0, 1))
-    trough = np.square(tiles.x + np.float32(0.38)) * (tiles.x < 0.24)
+    pan = np.square(tiles.x + np.float32(0.38)) * (tiles.x < 0.24)
     lip = ease(-1.0, -0.95, tiles.y)
-    height = 0.030 * roll + 0.008 * trough - 0.012 * tiles.y + 0.003 * lip
+    height = 0.030 * roll + 0.008 * pan - 0.012 * tiles.y + 0.003 * lip
     tone = np.clip(tile.draw("tone", tiles) + 0.1 * patch, 0, 1)
     colour = mix((0.17, 0.058, 0.035), (0.32, 0.125, 0.075), tone)
     colour = mix(colour, (0.10, 0.065, 0.055), 0.35 * ease(0.8, 0.95, tile.draw("sooty", tiles)))

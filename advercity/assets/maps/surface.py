@@ -16,6 +16,14 @@ _SRGB = np.round(
     255 * np.where(_LINEAR <= 0.0031308, 12.92 * _LINEAR, 1.055 * _LINEAR ** (1 / 2.4) - 0.055)
 ).astype(np.uint8)
 """sRGB (IEC 61966-2-1) of linear values in 16 bits: one rounding, whatever the processor."""
+_BYTES = np.arange(256) / 255
+_LINEAR_FROM_SRGB = np.where(
+    _BYTES <= 0.04045, _BYTES / 12.92, ((_BYTES + 0.055) / 1.055) ** 2.4
+).astype(np.float32)
+
+
+MEAN_TOLERANCE = 1e-4
+"""Relative error of mean colours and roughnesses before they are rounded to bytes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,20 +50,64 @@ def mix(below: FloatArray | Rgb, above: FloatArray | Rgb, fraction: FloatArray) 
 
 def encode_surface(surface: Surface, tile: Tile, material: Material) -> MaterialMaps:
     """Encode a surface; its mean colour and roughness become those of a material."""
-    channels = (_scale_to_mean(*pair) for pair in zip(surface.colour, material.albedo, strict=True))
     roughness = _scale_to_mean(surface.roughness, material.roughness)
     return MaterialMaps(
-        color=np.stack([_SRGB[_round(channel, 65535)] for channel in channels], axis=-1),
+        color=_encode_colour(surface.colour, material),
         normal=_encode_normals(surface.height_m, tile.pixel_m),
         roughness=_round(roughness, 255).astype(np.uint8),
         tile_m=tile.size_m,
     )
 
 
-def _scale_to_mean(values: FloatArray, mean: float) -> NDArray[np.float32]:
+def encode_photographs(
+    color: Uint8Array,
+    normal: Uint8Array | None,
+    roughness: Uint8Array | None,
+    material: Material,
+    tile_m: float,
+) -> MaterialMaps:
+    """Bring photographs of a surface to the mean colour and roughness of a material.
+
+    Args:
+        color: (h, w, 3) or (h, w, 4) sRGB; the mean is that of the opaque part.
+        normal: (h, w, 3) as of `MaterialMaps`.
+        roughness: (h, w).
+        material: The material.
+        tile_m: Width of the images on the surface.
+    """
+    opacity = color[..., 3:]
+    weight = opacity[..., 0] / np.float32(255) if opacity.size else None
+    linear = np.moveaxis(_LINEAR_FROM_SRGB[color[..., :3]], -1, 0)
+    gloss = None
+    if roughness is not None:
+        scaled = _scale_to_mean(roughness.astype(np.float32), material.roughness)
+        gloss = _round(scaled, 255).astype(np.uint8)
+    return MaterialMaps(
+        color=np.concatenate([_encode_colour(linear, material, weight), opacity], axis=-1),
+        normal=normal,
+        roughness=gloss,
+        tile_m=tile_m,
+    )
+
+
+def _encode_colour(
+    colour: FloatArray, material: Material, weight: FloatArray | None = None
+) -> Uint8Array:
+    """Encode linear colour (3, h, w) with the mean albedo of a material as sRGB (h, w, 3)."""
+    channels = (
+        _scale_to_mean(channel, mean, weight)
+        for channel, mean in zip(colour, material.albedo, strict=True)
+    )
+    return np.stack([_SRGB[_round(channel, 65535)] for channel in channels], axis=-1)
+
+
+def _scale_to_mean(values: FloatArray, mean: float, weight: FloatArray | None = None) -> FloatArray:
     """Scale values to a mean; those that would exceed 1 are cut, and the rest makes up for it."""
-    for _ in range(4):
-        values = np.clip(values * np.float32(mean / values.mean(dtype=np.float64)), 0, 1)
+    for _ in range(30):  # a few unless most of the surface is cut
+        ratio = mean / np.average(values.astype(float), weights=weight)
+        if abs(ratio - 1) < MEAN_TOLERANCE:
+            break
+        values = np.clip(values * np.float32(ratio), 0, 1)
     return values
 
 
