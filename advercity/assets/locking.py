@@ -1,4 +1,4 @@
-"""Locks the models of catalogues: writes their checksums as built beside the catalogues' files."""
+"""Locks the models of catalogues: writes their checksums as built next to the catalogues' files."""
 
 from pathlib import Path
 

@@ -55,7 +55,7 @@ def lock(
 ) -> None:
     """Write the checksums of a library's models as built.
 
-    Specs take them from the lock beside each catalogue. Adds models of your own to the store.
+    Specs take them from the lock next to each catalogue. Adds models of your own to the store.
     """
     from advercity.assets.locking import build_locks
     from advercity.assets.model_store import open_model_store

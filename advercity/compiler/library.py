@@ -381,7 +381,7 @@ def _build_weather_entry(source: ResolvedDeclaration) -> LibraryEntry[Declaratio
 def _import_map(
     road: Road, declared: MapFile, source: ResolvedDeclaration
 ) -> tuple[Road, tuple[Surrounding, ...]]:
-    """Import the network of a road and what the map has beside its streets."""
+    """Import the network of a road and what the map has along its streets."""
     value_path = ("imported", "file")
     folder = source.find_document(value_path).path.parent
     try:
@@ -401,7 +401,7 @@ def _add_model_checksums(catalogue: Catalogue, source: ResolvedDeclaration) -> C
 
 
 def find_model_file(name: str, file: str, source: ResolvedDeclaration) -> Path:
-    """Return the GLB `file` of a blueprint, which is beside the declaration that names it."""
+    """Return the GLB `file` of a blueprint, which is next to the declaration that names it."""
     return source.find_document(("blueprints", name, "model", "file")).path.parent / file
 
 

@@ -1,4 +1,4 @@
-"""What an OpenStreetMap extract has beside its streets: buildings, trees, lamps, fields, water."""
+"""What an OpenStreetMap extract has along its streets: buildings, trees, lamps, fields, water."""
 
 import re
 from collections.abc import Iterator

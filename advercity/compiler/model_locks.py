@@ -1,4 +1,4 @@
-"""Locks of catalogues: the checksum of each 3-D model as built, in a file beside the catalogue.
+"""Locks of catalogues: the checksum of each 3-D model as built, in a file next to the catalogue.
 
 `advercity assets lock` writes them. Specs take their checksums from here, so that compiling needs
 no models.

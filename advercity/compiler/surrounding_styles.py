@@ -1,4 +1,4 @@
-"""What grows beside every street of a road with a style: buildings, trees, lamps and poles."""
+"""What is along every street of a road with a style: buildings, trees, lamps and poles."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from advercity.roads.streets import StreetLayout
 JUNCTION_MARGIN_M = 8.0
 """Distance from the ends of a street within which nothing is set."""
 MIN_STREET_M = 30.0
-"""Shorter streets, which lie between junctions, have nothing beside them."""
+"""Shorter streets, which lie between junctions, have nothing along them."""
 MAST_OFFSET_M = 1.0
 """Distance of lamps and poles from the paving."""
 MAST_CLEARANCE_M = 0.6
@@ -25,7 +25,7 @@ MAST_CLEARANCE_M = 0.6
 
 @dataclass(frozen=True)
 class _Style:
-    """What is beside a street, as bands of offsets from its paving, and how far masts are apart."""
+    """What is along a street, as bands of offsets from its paving, and how far masts are apart."""
 
     bands: tuple[tuple[SurroundingKind, tuple[float, float], float | None], ...]
     mast: SurroundingKind
@@ -63,7 +63,7 @@ _GENERATED_AS = {SurroundingKind.HOUSES: SurroundingKind.BUILDINGS}
 
 
 def grow_surroundings(road: Road, mapped: Sequence[Surrounding] = ()) -> Road:
-    """Add what the map of a road has beside its streets, and what its style has of other kinds."""
+    """Add what the map of a road has along its streets, and what its style has of other kinds."""
     grown = list(mapped)
     if road.style is not None:
         style = STYLES[road.style]

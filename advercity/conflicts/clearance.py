@@ -111,7 +111,7 @@ def _find_hold_up_area(
     approach = np.flatnonzero(gaps[:last] < HOLD_UP_RANGE_M)
     waits = approach[ego.rows["speed"][approach] < HELD_UP_SPEED_M_S]
     if len(waits) > 0:
-        # An ego that never gets there has no outlines up to the point: the line stands in.
+        # An ego that never gets there has no outlines up to the point: the line replaces them.
         onward = shapely.LineString([ego.centres[waits[0]], point])
         driven = ego.boxes[waits[0] : last + 1]
         return waits, shapely.union_all([*driven, onward]).buffer(HOLD_UP_MARGIN_M)

@@ -42,7 +42,7 @@ STANDSTILL_M_S = 0.05
 PASSING_GAP_M = 0.4
 """Distance at which the ego passes an actor that drifts into its lane."""
 MIN_SHIFT_M = 0.4
-"""Least distance by which a driver moves aside who sees somebody come over the centre line."""
+"""Least distance by which a driver moves aside for a vehicle that comes over the centre line."""
 STEERING_TIME_S = 2.0
 """Time that the ego takes to move aside if it has it, and to return to its lane."""
 HOLD_ASIDE_S = 0.8
@@ -240,7 +240,7 @@ def compute_braking_speeds(
     earliest_s: float,
     tick_s: float,
 ) -> NDArray[np.float64]:
-    """Compute speeds (ticks,) of an ego that stops at a station and stands; NaN before it brakes.
+    """Compute speeds (ticks,) of an ego that stops at a station; NaN before it brakes.
 
     Args:
         ego: Its track without braking; stations count from its first row.
@@ -263,7 +263,7 @@ def compute_braking_speeds(
 
 
 def _find_halt_s(actor: ActorTrack, from_s: float, until_s: float, tick_s: float) -> float:
-    """Find when an actor first stands between two times, or is slowest."""
+    """Find when an actor is first at a standstill between two times, or slowest."""
     times_s = actor.rows["tick"] * tick_s
     rows = np.flatnonzero((times_s > from_s) & (times_s <= max(until_s, from_s + 2 * tick_s)))
     speeds = actor.rows["speed"][rows]

@@ -3,12 +3,12 @@
 Restoring touches only files that a manifest records, and what a killed run left of a frame.
 """
 
+import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from itertools import chain
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NoReturn
 
 from advercity.dataset.formats import format_frame_name
 from advercity.dataset.index import DatasetIndex
@@ -163,9 +163,14 @@ def compare_with_manifest(
 def _list_files(scenario: Path, folders: Iterable[str]) -> Iterator[str]:
     """List the files of a scenario, also where the folder of an agent is a link."""
     linked = [scenario / name for name in folders if (scenario / name).is_symlink()]
-    for path in chain(scenario.rglob("*"), *(folder.glob("*") for folder in linked)):
-        if not path.is_dir():
-            yield path.relative_to(scenario).as_posix()
+    for top in (scenario, *linked):
+        for folder, _, names in os.walk(top, onerror=_raise_unreadable):
+            for name in names:
+                yield Path(folder, name).relative_to(scenario).as_posix()
+
+
+def _raise_unreadable(error: OSError) -> NoReturn:
+    raise RunError(f"{error.filename}: cannot be read: {describe_cause(error)}") from error
 
 
 def _matches_record(path: Path, record: FileRecord) -> bool:

@@ -1,6 +1,6 @@
 """Entries of the cache: whole, checked when they are used, and kept within a size.
 
-Beside each entry is a file with its SHA-256 and its name, in the form that `sha256sum -c` reads
+Next to each entry is a file with its SHA-256 and its name, in the form that `sha256sum -c` reads
 in the folder of the cache; the time of that file is when the entry was used last.
 """
 

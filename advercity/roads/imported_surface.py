@@ -1,7 +1,7 @@
 """Roadways, sidewalks and kerbs of an imported network.
 
 Lanes are ribbons at their own height. Junctions and gaps between lanes are areas whose height is
-interpolated from the lanes around: the lanes inside them, what the map has beside these, and the
+interpolated from the lanes around: the lanes inside them, what the map has next to these, and the
 corners that a kerb's radius adds. Sidewalks are a kerb higher.
 """
 
@@ -102,7 +102,7 @@ class ImportedSurface:
 
     @cached_property
     def _driven_area(self) -> BaseGeometry:
-        """Area of all lanes that vehicles drive on, and of what is beside them in junctions."""
+        """Area of all lanes that vehicles drive on, and of what is next to them in junctions."""
         paths = [lane.build_area() for lane in self._paths if lane.kind != "sidewalk"]
         parts = [self._carriageways, *paths, *self._select_outlines("roadway")]
         return shapely.union_all(parts, grid_size=GRID_M)

@@ -255,7 +255,7 @@ def place_unit(arms: JunctionArms, arm: str, unit: ArmUnit) -> RoadsideUnit:
         if not shapely.dwithin(paving, shapely.Point(point[:2]), UNIT_CLEARANCE_M):
             break
     else:
-        raise InputError(f"no room beside '{arm}' at '{arms.junction}'")
+        raise InputError(f"no room next to '{arm}' at '{arms.junction}'")
     centre = np.mean([_find_end(arms, name) for name in arms.directions], axis=0)
     yaw = np.arctan2(*(centre - point)[1::-1])
     x, y, z = point.round(2).tolist()

@@ -196,7 +196,7 @@ def _draw_lane_id(
 
 
 def _draw_stations(canvas: PlanCanvas, street: StreetLayout) -> None:
-    """Draw distances along an axis, by which surroundings are placed beside a street."""
+    """Draw distances along an axis, by which surroundings are placed along a street."""
     for station in np.arange(STATION_STEP_M, float(street.stations[-1]), STATION_STEP_M):
         point = street.points_at(station, 0.0)
         canvas.fill(_circle(point, 0.6), STATION_COLOUR)

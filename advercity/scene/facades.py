@@ -272,5 +272,5 @@ def _fill_doors(
 
 
 def _build_band(width_m: float, height_m: float, rise_m: float) -> TriangleSurface:
-    """Build a band that stands out of the wall, below a height."""
+    """Build a band that projects from the wall, below a height."""
     return box((-width_m / 2, -0.06, height_m - rise_m), (width_m / 2, 0.0, height_m))

@@ -1,6 +1,6 @@
 """Builds single trees: trunks that fork, and crowns of leaf sprays around the ends of branches.
 
-A spray is a small folded sheet that stands for a twig with its leaves, so that rays and labels see
+A spray is a small folded sheet that represents a twig with its leaves, so that rays and labels see
 gaps where the image does, without cut-out textures. Normals are those of the crown with a tilt of
 each spray: light then falls on the crown as a whole, and sprays glitter on it.
 """

@@ -53,7 +53,7 @@ class VehicleTrip:
         speed_factor: Desired speed as a multiple of the limit; None ignores the limit.
         top_speed_m_s: Speed that it never exceeds.
         acceleration_limits_m_s2: Maximum acceleration and braking; None takes its class's.
-        waits_s: Time for which it stands at its start.
+        waits_s: Time for which it waits at its start.
         speed_zones: Stretches with a speed limit of its own, measured from its start.
     """
 

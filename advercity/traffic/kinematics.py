@@ -30,7 +30,7 @@ CATCH_UP_FACTOR = 1.1
 """SUMO's people hop onto crossings and its vehicles slide sideways at standstill; here an actor
 catches up with its position in SUMO no faster than this times its speed."""
 MAX_SIDESTEP_FRACTION = 0.5
-"""What SUMO's people step beside their course as a fraction of a step; more is a hop."""
+"""What SUMO's people step sideways as a fraction of a step; more is a hop."""
 MAX_SLOWING_FRACTION = 0.6
 """Part of its speed by which a person slows down who is ahead of its place in SUMO."""
 CATCH_UP_TIME_S = 0.3
@@ -325,7 +325,7 @@ def _compute_tractrix_directions(
         three = turn(direction + step / 2 * two, middle)
         four = turn(direction + step * three, end)
         change = step / 6 * (one + 2 * two + 2 * three + four)
-        if change:  # one that stands does not turn, not even by rounding
+        if change:  # one at rest does not turn, not even by rounding
             direction += change
             direction /= abs(direction)
         directions.append(direction)
@@ -335,7 +335,7 @@ def _compute_tractrix_directions(
 def _find_walking_headings(
     path: NDArray[np.complex128], track: NDArray[np.void], tick_s: float
 ) -> NDArray[np.float64]:
-    """Find the headings (n,) of a path (n,); one who stands or steps aside keeps the last."""
+    """Find the headings (n,) of a path (n,); one at rest or stepping aside keeps the last."""
     moves = np.diff(path, prepend=path[0])
     walks = (np.abs(moves) > MIN_HEADING_SPEED_M_S * tick_s) & (track["speed"] > 0)
     return np.unwrap(np.concatenate([track["yaw"][:1], np.angle(moves[walks])]))[np.cumsum(walks)]

@@ -3,7 +3,7 @@
 SUMO moves its actors by steps of a tick: speeds jump, lanes have corners, people hop. A curve here
 is a uniform cubic B-spline whose control values are weighted means of such values, so acceleration
 is continuous and linear between ticks. All weights are positive: a curve never overshoots, never
-runs backwards where the values do not, and stands exactly where they stand. Sums are elementwise
+runs backwards where the values do not, and is at rest exactly where they are. Sums are elementwise
 and in a fixed order, so that no machine rounds them differently.
 
 Heights are such curves along the path, since roads bend where they are and not where a vehicle is

@@ -54,7 +54,7 @@ LATERAL_SPEED_FRACTION = 0.2
 UNLIMITED_SPEED_FACTOR = 10.0
 """Speed factor of a vehicle that only its own top speed limits."""
 STOP_LENGTH_M = 1.0
-"""Length of the part of a lane on which a vehicle that waits at its start stands."""
+"""Length of the part of a lane on which a vehicle that waits at its start is."""
 
 
 def write_route_file(

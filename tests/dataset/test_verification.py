@@ -1,5 +1,6 @@
 """What verify finds, restore mends; and a disk that fails leaves nothing half-written."""
 
+import errno
 import os
 import resource
 import shutil
@@ -183,3 +184,19 @@ def test_a_read_only_folder_is_reported(tmp_path: Path, run: Run) -> None:
     assert f"{root}" in message
     assert "Permission denied" in message
     assert not list(root.iterdir())
+
+
+def test_a_folder_that_cannot_be_read_is_not_said_to_be_empty(
+    scenario: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As for another user; the one who runs the tests may read all."""
+    folder, scan = scenario / "102", os.scandir
+
+    def scan_or_refuse(path: str | Path) -> object:
+        if Path(path) == folder:
+            raise PermissionError(errno.EACCES, "Permission denied", str(path))
+        return scan(path)
+
+    monkeypatch.setattr(os, "scandir", scan_or_refuse)
+    with pytest.raises(RunError, match=f"^{folder}: cannot be read: Permission denied"):
+        verify_dataset(scenario)

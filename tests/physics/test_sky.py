@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from advercity.geometry.arrays import Float64Array
 from advercity.physics import photometry, sky
 from advercity.physics.sky import air_mass, clear_daylight, cloudy_daylight
 
@@ -89,36 +90,53 @@ def test_every_sky_gives_the_illuminance_that_it_is_scaled_to(cie_type: int) -> 
     assert ratio * photometry.horizontal_illuminance(finer) == pytest.approx(12_345.0, rel=0.005)
 
 
-ISO_15469 = {
-    1: (4.0, -0.70, 0.0, -1.0, 0.0),
-    3: (1.1, -0.80, 0.0, -1.0, 0.0),
-    5: (0.0, -1.0, 0.0, -1.0, 0.0),
-    7: (0.0, -1.0, 5.0, -2.5, 0.30),
-    8: (0.0, -1.0, 10.0, -3.0, 0.45),
-    11: (-1.0, -0.55, 10.0, -3.0, 0.45),
-    12: (-1.0, -0.32, 10.0, -3.0, 0.45),
-    13: (-1.0, -0.32, 16.0, -3.0, 0.30),
-}
-"""Parameters a to e of the standard's table, by type of sky."""
-
-
-@pytest.mark.parametrize("cie_type", ISO_15469)
-def test_luminance_is_the_product_of_the_gradation_and_the_indicatrix_of_the_standard(
-    cie_type: int,
+@pytest.mark.parametrize(
+    ("cie_type", "near", "away"),
+    [
+        (1, 0.665158, 0.665158),
+        (3, 0.817853, 0.817853),
+        (5, 1.0, 1.0),
+        (7, 1.0, 0.403724),
+        (8, 1.0, 0.300620),
+        (11, 1.576950, 0.474062),
+        (12, 1.726149, 0.518914),
+        (13, 1.726149, 0.391653),
+    ],
+)
+def test_luminance_relative_to_the_zenith_is_that_of_the_standard(
+    cie_type: int, near: float, away: float
 ) -> None:
-    """The sun 30 degrees from the zenith; seen are 60 degrees on its side and on the other."""
-    a, b, c, d, e = ISO_15469[cie_type]
-    gradation = (1 + a * math.exp(b / 0.5)) / (1 + a * math.exp(b))
-    indicatrix = {
-        angle: 1 + c * (math.exp(d * angle) - math.exp(d * math.pi / 2)) + e * math.cos(angle) ** 2
-        for angle in (math.pi / 6, math.pi / 2)
-    }
+    """Computed by hand from ISO 15469:2004: sun and views are 30 and 60 degrees from the zenith."""
+    np.testing.assert_allclose(see_both_sides(cie_type), [near, away], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("cie_type", "constant", "aureole", "rayleigh"), [(12, 0.91, 10, 0.45), (13, 0.856, 16, 0.3)]
+)
+def test_clear_skies_are_those_of_kittler_and_of_gusev(
+    cie_type: int, constant: float, aureole: float, rayleigh: float
+) -> None:
+    """CIE 22-1973, older than the general sky and with constants of their own."""
+
+    def scatter(angle: float) -> float:
+        return constant + aureole * math.exp(-3 * angle) + rayleigh * math.cos(angle) ** 2
+
+    gradation = (1 - math.exp(-0.32 / math.cos(math.pi / 3))) / 0.27385
+    expected = [gradation * scatter(angle) / scatter(math.pi / 6) for angle in (0.5236, 1.5708)]
+    np.testing.assert_allclose(see_both_sides(cie_type), expected, rtol=1e-3)
+
+
+def test_the_overcast_sky_is_that_of_moon_and_spencer() -> None:
+    """30 degrees above the horizon it is (1 + 2 sin 30) / 3 of the zenith; CIE 1955."""
+    np.testing.assert_allclose(see_both_sides(1), 2 / 3, rtol=5e-3)
+
+
+def see_both_sides(cie_type: int) -> Float64Array:
+    """Luminance 30 degrees above the horizon below a sun 60 degrees high, and on the other side."""
     sun, near, away = (
         sky.direction_from_elevation_azimuth(*place) for place in ((60, 0), (30, 0), (30, 180))
     )
-    found = sky.cie_relative_luminance(np.array([near, away]), sun, cie_type)
-    expected = [gradation, gradation * indicatrix[math.pi / 2] / indicatrix[math.pi / 6]]
-    np.testing.assert_allclose(found, expected, rtol=1e-9)
+    return sky.cie_relative_luminance(np.array([near, away]), sun, cie_type)
 
 
 @pytest.mark.parametrize(

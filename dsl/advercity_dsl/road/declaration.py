@@ -80,7 +80,7 @@ class Vehicle(Model):
     waits_s: Annotated[Seconds, Field(ge=0, le=600)] = Field(
         default=0, exclude_if=lambda time_s: time_s == 0
     )
-    """Time for which it stands at its start before it sets out."""
+    """Time for which it waits at its start before it sets out."""
 
     @property
     def is_ego(self) -> bool:
@@ -302,7 +302,7 @@ class Road(Declaration):
     style: Literal["downtown", "residential", "industrial", "rural"] | None = Field(
         default=None, exclude_if=is_none
     )
-    """What is beside every street besides `surroundings`: buildings, trees, lamps and poles."""
+    """What is along every street apart from `surroundings`: buildings, trees, lamps and poles."""
     agents: Annotated[
         dict[Id, Annotated[Vehicle | RoadsideUnit, Field(discriminator="kind")]],
         Field(max_length=100),
