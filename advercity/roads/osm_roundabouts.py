@@ -1,6 +1,7 @@
 """Round rings of roundabouts, which OpenStreetMap often has as polygons of a few nodes."""
 
 import math
+from collections.abc import Iterator, Sequence
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -14,36 +15,52 @@ MAX_STEP_RAD = math.radians(12)
 
 
 def round_roundabouts(root: Element) -> None:
-    """Add nodes to rings of a single way, in place, along a smooth curve through their own."""
+    """Add nodes to rings, of one way or of several in a row, in place, along a smooth curve."""
     places = {
         item.attrib["id"]: (float(item.attrib["lon"]), float(item.attrib["lat"]))
         for item in root.iter("node")
     }
-    for way in list(root.iter("way")):
-        ring = list_nodes(way)
-        is_ring = len(ring) > 3 and ring[0] == ring[-1] and all(name in places for name in ring)
-        if is_ring and read_tags(way).get("junction") in ROUNDABOUTS:
-            _round_ring(root, way, np.array([places[name] for name in ring[:-1]]))
+    for ways in _find_rings(root):
+        names = [name for way in ways for name in list_nodes(way)[:-1]]
+        if len(names) > 2 and all(name in places for name in names):
+            _round_ring(root, ways, np.array([places[name] for name in names]))
 
 
-def _round_ring(root: Element, way: Element, corners: Points) -> None:
+def _find_rings(root: Element) -> Iterator[list[Element]]:
+    """Yield the ways of each ring, each of which begins where the one before ends."""
+    starts = {
+        list_nodes(way)[0]: way
+        for way in root.iter("way")
+        if read_tags(way).get("junction") in ROUNDABOUTS and len(list_nodes(way)) > 1
+    }
+    while starts:
+        first = next(iter(starts))
+        ring = [starts.pop(first)]
+        while (last := list_nodes(ring[-1])[-1]) in starts:
+            ring.append(starts.pop(last))
+        if last == first:
+            yield ring
+
+
+def _round_ring(root: Element, ways: Sequence[Element], corners: Points) -> None:
     """Insert nodes after each of a ring's; corners are (n, 2) longitudes and latitudes."""
     scale = np.array([math.cos(math.radians(float(corners[0, 1]))), 1.0])
-    curves = _interpolate_ring(corners * scale)
-    names = list_nodes(way)[:-1]
+    curves = iter(_interpolate_ring(corners * scale))
     # netconvert takes nodes only among the nodes, before all ways.
     first_node = [item.tag for item in root].index("node")
-    for item in list(way.iter("nd")):
-        way.remove(item)
-    for index, (name, points) in enumerate(zip(names, curves, strict=True)):
-        way.append(Element("nd", {"ref": name}))
-        for number, (longitude, latitude) in enumerate(points / scale):
-            # Ids of the map have fewer digits.
-            added = f"{name}{index:03d}{number:03d}"
-            place = {"id": added, "lat": f"{latitude:.8f}", "lon": f"{longitude:.8f}"}
-            root.insert(first_node, Element("node", place))
-            way.append(Element("nd", {"ref": added}))
-    way.append(Element("nd", {"ref": names[0]}))
+    for way in ways:
+        *names, last = list_nodes(way)
+        for item in list(way.iter("nd")):
+            way.remove(item)
+        for index, name in enumerate(names):
+            way.append(Element("nd", {"ref": name}))
+            for number, (longitude, latitude) in enumerate(next(curves) / scale):
+                # Ids of the map have fewer digits.
+                added = f"{name}{index:03d}{number:03d}"
+                place = {"id": added, "lat": f"{latitude:.8f}", "lon": f"{longitude:.8f}"}
+                root.insert(first_node, Element("node", place))
+                way.append(Element("nd", {"ref": added}))
+        way.append(Element("nd", {"ref": last}))
 
 
 def _interpolate_ring(corners: Points) -> list[Points]:

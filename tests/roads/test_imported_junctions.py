@@ -96,14 +96,14 @@ def crossing_middles(road: RoadNetwork) -> Floats:
     return np.array([(lane.left + lane.right)[:, :2].mean(axis=0) / 2 for lane in lanes])
 
 
-def test_a_roundabout_of_six_nodes_is_round(tmp_path: Path) -> None:
+@pytest.mark.parametrize("pieces", [["1 2 3 4 5 6 1"], ["3 4 5", "1 2 3", "5 6 1"]])
+def test_a_roundabout_of_six_nodes_is_round(pieces: list[str], tmp_path: Path) -> None:
     ring = {
         str(k + 1): (18 * math.cos(k * math.pi / 3), 18 * math.sin(k * math.pi / 3))
         for k in range(6)
     }
-    ways = way(
-        "50", "1 2 3 4 5 6 1", *STREET[:1], ("junction", "roundabout"), ("sidewalk", "right")
-    )
+    tags = STREET[0], ("junction", "roundabout"), ("sidewalk", "right")
+    ways = "".join(way(f"5{4 + index}", piece, *tags) for index, piece in enumerate(pieces))
     ways += way("51", "7 1", *STREET) + way("52", "8 3", *STREET) + way("53", "9 5", *STREET)
     ends = {"7": (120.0, 0.0), "8": (-60.0, 104.0), "9": (-60.0, -104.0)}
     road = read_road(write_osm(tmp_path, ring | ends, ways), "urban")
