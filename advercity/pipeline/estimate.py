@@ -120,6 +120,7 @@ class ScenarioEstimate:
     Attributes:
         scenario: Id of its spec.
         frames: Frames to make.
+        existing_frames: Frames that are in the output already.
         is_exact: Whether the number of frames is known, or an upper bound.
         pictures: Images of all cameras in those frames.
         size_bytes: Files to write.
@@ -129,6 +130,7 @@ class ScenarioEstimate:
 
     scenario: str
     frames: int
+    existing_frames: int
     is_exact: bool
     pictures: int
     size_bytes: int
@@ -137,13 +139,15 @@ class ScenarioEstimate:
 
     def to_row(self) -> dict[str, str | int]:
         """Return the row of a table, by its heads."""
+        existing = f" ({self.existing_frames} exist)" if self.existing_frames else ""
+        bound = "at most " if self.time_s is None else ""  # nothing comparable was recorded
         return {
             "scenario": self.scenario,
-            "frames": f"{'' if self.is_exact else 'at most '}{self.frames}",
+            "frames": f"{'' if self.is_exact else 'at most '}{self.frames}{existing}",
             "images": self.pictures,
-            "size": format_byte_size(self.size_bytes),
+            "size": f"{bound}{format_byte_size(self.size_bytes)}",
             "time": "unknown" if self.time_s is None else format_duration(self.time_s),
-            "memory": format_byte_size(self.memory_bytes),
+            "memory": f"{bound}{format_byte_size(self.memory_bytes)}",
         }
 
 
@@ -172,6 +176,7 @@ class RunEstimate:
         return ScenarioEstimate(
             scenario=f"{scenarios}, {workers}",
             frames=sum(item.frames for item in items),
+            existing_frames=sum(item.existing_frames for item in items),
             is_exact=all(item.is_exact for item in items),
             pictures=sum(item.pictures for item in items),
             size_bytes=sum(item.size_bytes for item in items),
@@ -357,13 +362,16 @@ def _estimate_scenario(
 ) -> ScenarioEstimate:
     trace = load_cached_trace(spec)
     length = spec.timing.max_ticks - spec.timing.warm_up_ticks if trace is None else len(trace)
-    frames = len({*range(length)[options.frames]} - _find_done_frames(spec, options))
+    wanted = {*range(length)[options.frames]}
+    existing = wanted & _find_existing_frames(spec, options)
+    frames = len(wanted) - len(existing)
     time_s = None if frames else 0.0
     if frames and rates.setup_s is not None and rates.frame_s is not None:
         time_s = rates.setup_s + frames * rates.frame_s
     return ScenarioEstimate(
         scenario=spec.id,
         frames=frames,
+        existing_frames=len(existing),
         is_exact=trace is not None,
         pictures=frames * work.images,
         size_bytes=round(frames * rates.frame_bytes),
@@ -372,7 +380,7 @@ def _estimate_scenario(
     )
 
 
-def _find_done_frames(spec: Spec, options: RunOptions) -> set[int]:
+def _find_existing_frames(spec: Spec, options: RunOptions) -> set[int]:
     if not options.fresh:
         with suppress(AdvercityError):  # the run itself reports what is wrong with them
             return set(Manifest.load(options.output / spec.id).frames)

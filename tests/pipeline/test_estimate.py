@@ -13,6 +13,7 @@ import pytest
 from advercity_dsl import Spec
 
 from advercity.compiler import with_digest
+from advercity.dataset.reader import Scenario
 from advercity.errors import InputError
 from advercity.pipeline import (
     ResourceLimits,
@@ -32,6 +33,7 @@ from advercity.pipeline.estimate import (
 )
 from advercity.pipeline.run_records import FrameWork, RunRecord
 from advercity.rendering.backend import RENDER_PROFILES
+from tests.builders import TWO_ROADS_FRAMES
 
 OptionsFor = Callable[[Path], RunOptions]
 
@@ -125,7 +127,20 @@ def test_without_a_comparable_run_the_time_is_unknown_and_the_rest_an_upper_boun
         assert rates.frame_bytes == 3 * 10_000 + 30 * 100 + 200e3
     estimate = estimate_run(few, options(tmp_path), jobs=1, simulate=False)
     assert estimate.total.time_s is None
-    assert estimate.total.to_row()["time"] == "unknown"
+    row = estimate.total.to_row()
+    assert row["time"] == "unknown"
+    assert str(row["size"]).startswith("at most ")
+    assert str(row["memory"]).startswith("at most ")
+
+
+def test_frames_that_exist_are_counted_apart(records: Path, two_roads: Path) -> None:
+    spec = Scenario(two_roads / "ui_clear_night_dense").spec
+    options = RunOptions(two_roads, backend="fake", profile="preview")
+    (found,) = estimate_run([spec], options, jobs=1, simulate=False).estimates
+    possible = spec.timing.max_ticks - spec.timing.warm_up_ticks
+    assert found.existing_frames == TWO_ROADS_FRAMES
+    assert found.frames == possible - TWO_ROADS_FRAMES
+    assert str(found.to_row()["frames"]).endswith(f"{found.frames} ({TWO_ROADS_FRAMES} exist)")
 
 
 def test_rates_are_the_median_of_the_last_runs_of_about_as_much_work() -> None:
