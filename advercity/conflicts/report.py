@@ -245,16 +245,22 @@ def _find_ego_arrival_s(
     point_m: NDArray[np.float64],
     tick_s: float,
 ) -> float:
-    """Find when the ego is at a point, or would be had it not braked for the actor."""
+    """Find when the ego is at a point, or would be had it not braked for the actor.
+
+    Its front, which SUMO drives and limits, turns on a wider curve than its centre, so the way that
+    is left is the front's.
+    """
     place = spec.ego.place
     last = find_undisturbed_row(encounter, ego, tick_s)
     if conflict.resolved_by == "actor" or last is None or not isinstance(place, Vehicle):
         return ego.find_passing_tick(point_m) * tick_s
+    fronts = ego.centres + ego.size[0] / 2 * ego.axes[:, 0]
+    row = ego.find_nearest_row(point_m)
+    end = fronts[row] + point_m - ego.centres[row]
     # A track that ends before the point goes straight on.
-    ends_before = ego.find_nearest_row(point_m) == len(ego.rows) - 1
-    points = [*ego.centres[last:], *[point_m] * ends_before]
+    points = [*fronts[last:], *[end] * (row == len(ego.rows) - 1)]
     path = StationedPolyline.from_points(drop_repeated_points(np.array(points)))
-    end_m, _ = path.project_point(point_m)
+    end_m, _ = path.project_point(end)
     left_s = compute_free_drive_s(
         place,
         path,

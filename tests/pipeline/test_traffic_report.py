@@ -132,6 +132,52 @@ def crossed(spec: Spec, lag_s: float, meant_s: float, *, below_s: float = 3.0) -
     return found
 
 
+def test_an_ego_that_brakes_in_a_turn_would_have_gone_on_with_the_speed_of_its_front(
+    specs: dict[str, Spec],
+):
+    """Its centre turns on a circle of 10 m, its front, 4 m ahead, at 5 m/s on one of 10.77 m.
+
+    So it turns by 0.464 rad/s, and would reach 1.4 rad at 3.02 s; its centre at 5 m/s, at 2.87 s.
+    """
+    tick_s, radius_m, front_m = 0.1, 10.0, 4.0
+    speed_m_s = 5.0 * radius_m / float(np.hypot(radius_m, front_m))
+    time = np.arange(80) * tick_s
+    speed = np.clip(speed_m_s - 5.0 * (time - 1.0), 0.0, speed_m_s)
+    speed = np.where(time > 4.0, np.minimum(2.0 * (time - 4.0), speed_m_s), speed)
+    travelled = np.cumsum(speed) * tick_s - speed[0] * tick_s
+    angle = travelled / radius_m
+    rows = np.zeros((80, 2), STATE_DTYPE)
+    rows["tick"], rows["actor"] = np.arange(80)[:, None], np.arange(2)
+    ego, other = rows[:, 0], rows[:, 1]
+    ego["x"], ego["y"] = radius_m * np.sin(angle), radius_m * (1 - np.cos(angle))
+    ego["yaw"], ego["speed"], ego["travelled"] = angle, speed, travelled
+    ego["vx"], ego["vy"] = speed * np.cos(angle), speed * np.sin(angle)
+    ego["acceleration"] = np.gradient(speed, tick_s)
+    point = radius_m * np.array([np.sin(1.4), 1 - np.cos(1.4)])
+    # The other one comes from the east, level with the point.
+    other["x"], other["y"], other["yaw"] = point[0] - 5 * (time - 3.0), point[1], np.pi
+    other["speed"], other["vx"], other["travelled"] = 5, -5, 5 * time
+    actors = (
+        Actor(EGO, "car", "saloon", "car_paint_blue", (2 * front_m, 2.0, 1.5)),
+        Actor(OTHER, "pedestrian", "adult", "cloth_dark", (0.5, 0.5, 1.8)),
+    )
+    trace = Trace(tick_s, 80, actors, rows.ravel(), (), np.zeros((80, 0), np.uint8))
+    staged, _ = crossing(0.0)
+    staged = staged.model_copy(
+        update={
+            "point_m": tuple(point.tolist()),
+            "resolved_by": "ego",
+            "parameters": {"arrival_offset_s": 0.0, "ego_speed_km_h": 18.0},
+            "declared": {},
+        }
+    )
+
+    spec = specs["ui_clear_day_sparse"].model_copy(update={"conflicts": (staged,)})
+    (found,) = evaluate_outcomes(spec, trace)
+
+    assert found.ego_at_s == pytest.approx(3.02, abs=0.05)
+
+
 def test_a_conflict_happened_if_all_was_as_declared(specs: dict[str, Spec]):
     # 1 s late: the ego's tail (2 m) is gone at 2.2 s, the other's front comes to the ego's side
     # (1 m and 0.25 m before the origin) at 2 + 1 - 0.625 s: 0.2 s in between.
@@ -184,6 +230,7 @@ def test_an_encroachment_is_how_far_the_body_is_over_the_middle_between_both_pat
         lag_s=0.0,
         lane=shapely.LineString([(-50, 0), (50, 0)]),
         tick_s=0.1,
+        since_red_s=float("nan"),
     )
 
     assert found.achieved == pytest.approx(1.6)
