@@ -96,7 +96,7 @@ vec3 tint(float tone, float hue) {
 }
 
 // Factor of a material's albedo at a point p of a surface of normal n. Images have all that is
-// finer than MAPPED.
+// finer than MAPPED, except for joints of cast walls, patches and cracks.
 vec3 materialDetail(int kind, bool mapped, vec3 p, vec3 n, float footprint) {
   const float MAPPED = 0.3;
   float f = mapped ? max(footprint, MAPPED) : footprint;
@@ -168,12 +168,11 @@ vec3 materialDetail(int kind, bool mapped, vec3 p, vec3 n, float footprint) {
     float tone = 0.12 * octave(uv, 0.03, f, 1) + 0.10 * octave(uv, 0.7, f, 2)
         + 0.08 * octave(uv, 6.1, f, 3) + 0.07 * pieceTones(uv, size, f, 4);
     if (upright) tone += 0.16 * octave(uv * vec2(1.0, 0.12), 0.5, f, 5);
-    return vec3(1.0 + tone - 0.45 * joints(uv, size, 0.02, f));
+    return vec3(1.0 + tone - 0.45 * joints(uv, size, 0.02, footprint));
   }
   if (kind == TEXTURE_SLABS) {
     const vec2 SIZE = vec2(0.5);
-    float tone = 0.10 * octave(uv, 2.3, f, 1) + 0.08 * octave(uv, 9.1, f, 2)
-        + 0.07 * pieceTones(uv, SIZE, f, 4);
+    float tone = 0.10 * octave(uv, 2.3, f, 1) + 0.08 * octave(uv, 9.1, f, 2);
     return vec3(1.0 + tone - 0.45 * joints(uv, SIZE, 0.01, f));
   }
   if (kind == TEXTURE_STONE) {

@@ -41,8 +41,7 @@ void main() {
         normal, ray / distance, pixelWidth);
     relief = reliefNormal(normal, plane, maps.slope);
   }
-  outAlbedo = vec4(materialBuffer.baseColor.rgb * maps.tone.rgb,
-      min(materialBuffer.roughness * maps.tone.a, 1.0));
+  outAlbedo = min(vec4(materialBuffer.baseColor.rgb, materialBuffer.roughness) * maps.tone, 1.0);
   outNormal = vec4(normal, materialBuffer.metallic);
   outRelief = vec4(relief, mapped);
   outDepthEmission = vec4(
