@@ -29,9 +29,11 @@ MapPlane worldPlane(int kind, vec3 p, vec3 n) {
   return planeAlong(right, n, vec2(dot(p, right), p.z));
 }
 
-// Plane of the mesh's own coordinates, of which two steps on the surface are known.
+// Plane of the mesh's own coordinates, of which two steps on the surface are known. Triangles that
+// are a point of the image have no axes of their own.
 MapPlane meshPlane(vec2 uv, vec3 n, vec3 step1, vec3 step2, vec2 uvStep1, vec2 uvStep2) {
   vec3 right = step1 * uvStep2.y - step2 * uvStep1.y;
   float turned = uvStep1.x * uvStep2.y - uvStep2.x * uvStep1.y;
+  if (dot(right, right) < 1e-20) right = abs(n.z) < 0.9 ? vec3(-n.y, n.x, 0.0) : vec3(1.0, 0.0, 0.0);
   return planeAlong(turned < 0.0 ? -right : right, n, uv);
 }
