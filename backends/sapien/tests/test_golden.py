@@ -23,7 +23,7 @@ from advercity.frames import Actor, ActorState, Frame, Lamp, Signal
 from advercity.geometry.mesh import Mesh
 from advercity.geometry.poses import pose_matrix
 from advercity.physics.atmosphere import compute_atmosphere
-from advercity.pipeline.surface_maps import BakedMaps
+from advercity.pipeline.surface_maps import SurfaceMaps
 from advercity.randomness import create_generator
 from advercity.rendering.backend import CameraView, RenderProfile
 from advercity.rendering.light_sources import list_light_sources
@@ -85,7 +85,7 @@ def street() -> World:
         network=Path("none"),
         street_lamps=(StreetLamp((14.0, 5.5, 8.0)), StreetLamp((40.0, -5.5, 8.0))),
         signal_lamps=(SignalLamp("j/a", (24.0, -5.3, 4.0), (-1.0, 0.0)),),
-        material_maps=BakedMaps(),
+        material_maps=SurfaceMaps(),
     )
 
 
