@@ -8,7 +8,7 @@ from pathlib import Path
 
 from advercity_dsl import DECLARATIONS
 from advercity_dsl.base import ID_HINT, ID_PATTERN, suggest_name
-from advercity_dsl.weather import Sun
+from advercity_dsl.weather_components import Sun
 
 from advercity.atomic_files import write_atomically
 from advercity.compiler.schema import find_schema_file, write_schemas

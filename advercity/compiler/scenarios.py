@@ -21,7 +21,7 @@ from advercity_dsl import (
 )
 from advercity_dsl.base import MAX_ID_LENGTH, ValuePath, suggest_name
 from advercity_dsl.suite import Looks, Sweep, ValueRange
-from advercity_dsl.weather import Sun
+from advercity_dsl.weather_components import Sun
 
 from advercity.compiler.distributions import Distributions, draw_weather
 from advercity.compiler.extends import ResolvedDeclaration

@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 from advercity_dsl import Weather
-from advercity_dsl.weather import Wind
+from advercity_dsl.weather_components import Wind
 from numpy.typing import NDArray
 
 from advercity.geometry.arrays import Float64Array

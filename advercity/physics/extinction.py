@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 
 from advercity_dsl import Weather
-from advercity_dsl.weather import Hail
+from advercity_dsl.weather_components import Hail
 
 from advercity.physics.precipitation import (
     hail_size_distribution,

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 from advercity_dsl import Spec, Suite, Weather
-from advercity_dsl.weather import Sun
+from advercity_dsl.weather_components import Sun
 from numpy.typing import NDArray
 
 from advercity.compiler import Library, LibraryEntry, compile_suite

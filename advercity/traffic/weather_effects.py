@@ -6,7 +6,7 @@ The trace holds what drivers do, so that all weathers share it; these functions 
 import math
 from dataclasses import replace
 
-from advercity_dsl.weather import Lamps
+from advercity_dsl.weather_components import Lamps
 
 from advercity.frames import ActorState, Frame, Lamp
 from advercity.physics.constants import GOLDEN_FRACTION

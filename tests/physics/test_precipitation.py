@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 from advercity_dsl import Weather
-from advercity_dsl.weather import Wind
+from advercity_dsl.weather_components import Wind
 
 from advercity.physics.precipitation import (
     ParticleSizeDistribution,

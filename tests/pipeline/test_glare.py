@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from advercity_dsl import Spec
-from advercity_dsl.weather import Sun
+from advercity_dsl.weather_components import Sun
 
 from advercity.compiler import find_shipped_library, find_weather
 from advercity.compiler.authoring import write_sun_positions

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from advercity_dsl import Catalogue
-from advercity_dsl.weather import Lamps
+from advercity_dsl.weather_components import Lamps
 
 from advercity.assets.bodies import build_body
 from advercity.compiler import load_library

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from advercity_dsl import Camera, Exposure, Mount, Weather
-from advercity_dsl.weather import Wind
+from advercity_dsl.weather_components import Wind
 from numpy.typing import NDArray
 
 from advercity.frames import Frame

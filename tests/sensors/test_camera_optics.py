@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from advercity_dsl import Camera, Mount, Weather
-from advercity_dsl.weather import Lens
+from advercity_dsl.weather_components import Lens
 from numpy.typing import NDArray
 
 from advercity.compiler import find_weather

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from advercity_dsl.weather import Lamps
+from advercity_dsl.weather_components import Lamps
 
 from advercity.frames import Actor, ActorState, Frame, Lamp
 from advercity.geometry import poses

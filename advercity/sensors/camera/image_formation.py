@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 from advercity_dsl import Mount
-from advercity_dsl.weather import Lens
+from advercity_dsl.weather_components import Lens
 from numpy.typing import NDArray
 
 from advercity.physics.atmosphere import Atmosphere

@@ -8,7 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 from advercity_dsl import Mount
-from advercity_dsl.weather import Lens
+from advercity_dsl.weather_components import Lens
 from numpy.typing import NDArray
 
 from advercity.geometry.arrays import Float32Array, Float64Array

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from advercity_dsl import Lidar
-from advercity_dsl.weather import Lens
+from advercity_dsl.weather_components import Lens
 from numpy.typing import NDArray
 
 from advercity.geometry.arrays import FloatArray

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 import pytest
 from advercity_dsl import Camera, Mount, Weather
-from advercity_dsl.weather import Sun
+from advercity_dsl.weather_components import Sun
 from advercity_sapien import SapienBackend
 from numpy.typing import ArrayLike, NDArray
 

@@ -1,0 +1,287 @@
+"""Components of a weather: air, fog, rain and all else that its keyframes may change.
+
+A component that is `null` or omitted is absent; so is one with a visibility of `inf`.
+"""
+
+import math
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import (
+    BeforeValidator,
+    Field,
+    model_validator,
+)
+
+from advercity_dsl.base import (
+    InvalidCombination,
+    Model,
+    is_empty,
+    is_none,
+)
+from advercity_dsl.units import (
+    Count,
+    Degrees,
+    Flag,
+    Fraction,
+    GramsPerCubicCentimetre,
+    Lux,
+    Metres,
+    MetresPerSecond,
+    Micrometres,
+    Millimetres,
+    MillimetresPerHour,
+    Number,
+    RangeReason,
+)
+
+
+def _none_if_infinite(value: Any) -> Any:
+    return None if isinstance(value, float) and math.isinf(value) else value
+
+
+Visibility = Annotated[
+    Annotated[
+        Metres,
+        Field(ge=10, le=50_000),
+        RangeReason(
+            "below 10 m nothing can drive, above 50 km air is clear; write null if it is absent"
+        ),
+    ]
+    | None,
+    BeforeValidator(_none_if_infinite),
+]
+"""Meteorological optical range in metres: 5 % contrast, WMO-No. 8."""
+Direction = Annotated[Degrees, Field(ge=-360, le=360)]
+
+
+class Air(Model):
+    """Clear air and haze."""
+
+    mor_m: Visibility = 20_000
+    """Visibility (5 % contrast) by clear air and haze alone; `null` is no extinction."""
+
+
+class Fog(Model):
+    """Water droplets in the air."""
+
+    mor_m: Visibility = None
+    """Visibility (5 % contrast) by the fog alone; `null` is no fog."""
+    droplet_um: Annotated[
+        Micrometres,
+        Field(ge=5, le=50),
+        RangeReason("fog droplets are 5 to 50 um, larger ones fall"),
+    ] = 12
+    """Effective diameter of the droplets."""
+    depth_m: Annotated[Metres, Field(ge=1, le=2000)] = 100
+    """Height of the fog bank, which determines the transmitted daylight."""
+
+
+class Rain(Model):
+    """Falling rain."""
+
+    rate_mm_h: Annotated[
+        MillimetresPerHour, Field(ge=0, le=150), RangeReason("150 mm/h is a tropical cloudburst")
+    ] = 0
+    """Rate of rain: light below 2.5, heavy above 7.6, violent above 50."""
+    q_ext: Annotated[
+        Number,
+        Field(ge=1, le=2),
+        RangeReason("1 is without diffraction around a drop, 2 with it"),
+    ] = 2.0
+    """Extinction efficiency of a drop: 2 in the geometric limit."""
+
+
+class Snow(Model):
+    """Falling and lying snow."""
+
+    rate_mm_h: Annotated[
+        MillimetresPerHour,
+        Field(ge=0, le=10),
+        RangeReason("the rate is that of melted water; 10 mm/h are about 10 cm of snow an hour"),
+    ] = 0
+    """Liquid equivalent: 1 mm/h is about 1 cm of fresh snow an hour."""
+    density_g_cm3: Annotated[
+        GramsPerCubicCentimetre, Field(ge=0.02, le=0.5), RangeReason("dry powder to wet snow")
+    ] = 0.1
+    """Density of flakes: 0.05 dry, 0.1 typical, 0.2 wet; drier flakes are larger and hide more."""
+    fall_speed_m_s: Annotated[
+        MetresPerSecond, Field(ge=0.1, le=5), RangeReason("even wet flakes fall slower than 5 m/s")
+    ] = 1.0
+    """Terminal velocity of flakes in still air."""
+    depth_mm: Annotated[Millimetres, Field(ge=0, le=1000)] = 0
+    """Depth of the lying snow."""
+    road_coverage: Fraction = 0
+    """Fraction of the carriageway covered by snow."""
+    rut_coverage: Fraction = 0
+    """Fraction of the wheel ruts covered by snow; traffic keeps them clearer than the rest."""
+
+
+class Hail(Model):
+    """Falling hailstones; where they lie, they look like snow and are written as such."""
+
+    rate_mm_h: Annotated[
+        MillimetresPerHour,
+        Field(ge=0, le=50),
+        RangeReason("the rate is that of melted water; sizes are known up to 50 mm/h"),
+    ] = 0
+    """Rate as melted water; it sets the sizes, too: the harder it hails, the larger the stones."""
+    largest_mm: Annotated[
+        Millimetres, Field(ge=5, le=60), RangeReason("below 5 mm it is graupel, above rare")
+    ] = 40
+    """Diameter of the largest stones."""
+
+
+NO_HAIL = Hail()
+
+
+class Dust(Model):
+    """Airborne dust."""
+
+    mor_m: Visibility = None
+    """Visibility (5 % contrast) by the dust alone; `null` is no dust, below 1 km is a storm."""
+    ssa_rgb: tuple[Fraction, Fraction, Fraction] = (0.97, 0.94, 0.88)
+    """Single-scattering albedo in red, green and blue; absorption tints the air."""
+    g: Annotated[Number, Field(ge=-0.99, le=0.99)] = 0.70
+    """Asymmetry parameter of scattering: 0 isotropic, towards 1 forward."""
+
+
+class Wind(Model):
+    """Wind at 10 m height."""
+
+    speed_m_s: Annotated[
+        MetresPerSecond, Field(ge=0, le=30), RangeReason("above 30 m/s, a hurricane, traffic stops")
+    ] = 0
+    """Mean speed."""
+    from_deg: Direction = 250
+    """Direction that it blows from, clockwise from north."""
+    gust_factor: Annotated[
+        Number, Field(ge=1, le=3), RangeReason("gusts are up to three times the mean wind")
+    ] = Field(default=1, exclude_if=lambda value: value == 1)
+    """Strongest gust of ten minutes relative to the mean: 1 none, 1.4 open land, 2 in towns."""
+
+
+class SurfaceWater(Model):
+    """Water on the ground."""
+
+    wetness: Fraction = 0
+    """Wetness of surfaces: 0 dry, 1 soaked."""
+    puddle_coverage: Fraction = 0
+    """Fraction of the carriageway covered by puddles."""
+    film_mm: Annotated[Millimetres, Field(ge=0, le=20)] = 0
+    """Depth of the water film on the road."""
+    ice_mm: Annotated[Millimetres, Field(ge=0, le=50)] = Field(default=0, exclude_if=is_empty)
+    """Thickness of clear ice (glaze) on all that is under the open sky."""
+
+
+class LensCoverage(Model):
+    """Fraction of the glass that is covered, by viewing direction of the camera."""
+
+    front: Fraction = 0
+    """Cameras that look ahead, which airflow keeps clearer."""
+    side: Fraction = 0
+    """Cameras that look sideways."""
+    rear: Fraction = 0
+    """Cameras that look back."""
+
+
+class Lens(Model):
+    """Drops or dirt on the glass; disabled by default, as in the original dataset."""
+
+    enabled: Flag = False
+    """Whether the glass is covered at all."""
+    kind: Literal["water", "dust", "snow"] = "water"
+    """Kind of cover."""
+    coverage: LensCoverage = LensCoverage()
+    """Covered fractions of the glass."""
+    stray_light: Fraction = 0.02
+    """Fraction of light that the optics scatter: 0.02 clean, 0.05 damp, 0.10 dirty."""
+
+
+# Omitted from JSON at these values, so that specs without glare do not mention them.
+DEFAULT_WITHIN_DEG, DEFAULT_SEEN_FRACTION = 25.0, 0.5
+
+
+class Sun(Model):
+    """Position of the sun, or the agent in whose view it must be.
+
+    Given by `elevation_deg` and `azimuth_deg`, or by `in_view_of`, for which `advercity solve`
+    computes both at every road and writes them to `sun_at`.
+    """
+
+    elevation_deg: Annotated[
+        Degrees, Field(ge=-90, le=90), RangeReason("90 deg is straight overhead")
+    ] = 60
+    """Elevation above the horizon; negative at night."""
+    azimuth_deg: Direction = 180
+    """Azimuth, clockwise from north."""
+    in_view_of: Literal["ego"] | None = Field(default=None, exclude_if=is_none)
+    """Agent that drives into the sun, with neither the world nor traffic hiding it."""
+    within_deg: Annotated[
+        Degrees, Field(gt=0, le=60), RangeReason("beyond 60 deg a camera does not see it")
+    ] = Field(default=DEFAULT_WITHIN_DEG, exclude_if=lambda value: value == DEFAULT_WITHIN_DEG)
+    """Largest angle from the axis of the ego's front camera that counts as in view."""
+    seen_share: Fraction = Field(
+        default=DEFAULT_SEEN_FRACTION, exclude_if=lambda value: value == DEFAULT_SEEN_FRACTION
+    )
+    """Lowest fraction of the ego's path on which it is in view."""
+
+    @model_validator(mode="after")
+    def _check_exclusive_fields(self) -> Self:
+        # Defaults are filled in by now; only what was written can contradict.
+        given = self.model_fields_set
+        if self.in_view_of is None:
+            for field in ("within_deg", "seen_share"):
+                if (
+                    field in given
+                    and getattr(self, field) != type(self).model_fields[field].default
+                ):
+                    raise InvalidCombination((field,), "requires in_view_of", "add in_view_of: ego")
+        for field in ("elevation_deg", "azimuth_deg"):
+            if self.in_view_of is not None and field in given:
+                raise InvalidCombination(
+                    (field,),
+                    "cannot be combined with in_view_of, which determines it",
+                    "remove one of the two",
+                    other_path=("in_view_of",),
+                )
+        return self
+
+
+class Sky(Model):
+    """Cloud cover and clearness of the sky."""
+
+    oktas: Annotated[Count, Field(ge=0, le=8), RangeReason("cloud cover is counted in eighths")] = 0
+    """Cloud cover: 0 cloudless, 8 overcast."""
+    turbidity: Annotated[Number, Field(ge=2, le=10)] = 3
+    """Turbidity, similar to Linke's: 2 very clear, 10 murky."""
+    diffuse_lx: Annotated[Lux, Field(ge=0, le=150_000)] | None = None
+    """Horizontal illuminance by the sky above any fog; `null` derives it from sun and clouds."""
+    direct_lx: Annotated[Lux, Field(ge=0, le=150_000)] | None = None
+    """Direct normal illuminance by the sun above any fog; `null` derives it likewise."""
+
+
+class ByLandUse(Model):
+    """A figure that differs between urban and rural areas."""
+
+    urban: Annotated[Number, Field(ge=0, le=150_000)]
+    """Value in urban areas."""
+    rural: Annotated[Number, Field(ge=0, le=150_000)]
+    """Value in rural areas."""
+
+
+class Night(Model):
+    """Light at night from other sources than vehicles."""
+
+    glow_cd_m2: ByLandUse = ByLandUse(urban=0.007, rural=0.0005)
+    """Mean luminance of the night sky."""
+    street_lx: ByLandUse = ByLandUse(urban=12, rural=0.5)
+    """Mean illuminance of the road by street lamps."""
+
+
+class Lamps(Model):
+    """Vehicle lamps that are on in this weather; brake lamps follow the brakes."""
+
+    low_beam: Flag = True
+    """Headlamps."""
+    fog: Flag = False
+    """Fog lamps, front and rear."""
