@@ -160,4 +160,5 @@ MATERIALS: dict[str, Material] = {
         (0.085, 0.09, 0.10), 0.20, roughness=0.7, texture=Texture.TILES, maps="roof_slate"
     ),
     "water": Material((0.015, 0.025, 0.025), 0.03, roughness=0.05),
+    "sign_blue": Material((0.02, 0.07, 0.32), 0.85, sheeting_reflectance=60.0),
 }

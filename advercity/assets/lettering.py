@@ -33,6 +33,7 @@ _CHARACTERS = {
     "5": "afgcd", "6": "afgedc", "7": "abc", "8": "abcdefg", "9": "abcdfg",
     "A": "abcefg", "C": "adef", "E": "adefg", "F": "aefg", "H": "bcefg",
     "J": "bcde", "L": "def", "P": "abefg", "U": "bcdef", "Y": "bcdfg",
+    "B": "abcdefg", "G": "acdef", "I": "ef", "O": "abcdef", "S": "acdfg",
 }  # fmt: skip
 LETTERS, DIGITS = "ACEFHJLPUY", "0123456789"
 
@@ -53,7 +54,7 @@ class WritingPlane:
 
 
 def write_text(text: str, plane: WritingPlane, height_m: float) -> TriangleSurface:
-    """Write text, centred; of letters `LETTERS`, `DIGITS` and spaces."""
+    """Write text, centred; of `LETTERS`, B, G, I, O, S, `DIGITS` and spaces."""
     right, up = (np.asarray(axis, dtype=np.float64) for axis in (plane.right, plane.up))
     half = height_m * np.array([WIDTH_FRACTION, 1.0]) / 2
     thick = STROKE_FRACTION * height_m / 2

@@ -1,4 +1,4 @@
-"""What is along every street of a road with a style: buildings, trees, lamps and poles."""
+"""What is along every street of a road with a style: buildings, trees, masts, furniture."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 from advercity_dsl import Road
-from advercity_dsl.road import RoadsidePlacement, Surrounding, SurroundingKind
+from advercity_dsl.road import FurnitureDensity, RoadsidePlacement, Surrounding, SurroundingKind
 
 from advercity.geometry.polyline import StationedPolyline
 from advercity.roads.road_network import build_road
@@ -18,33 +18,49 @@ JUNCTION_MARGIN_M = 8.0
 MIN_STREET_M = 30.0
 """Shorter streets, which lie between junctions, have nothing along them."""
 MAST_OFFSET_M = 1.0
-"""Distance of lamps and poles from the paving."""
+"""Distance of lamps, poles and furniture from the paving."""
 MAST_CLEARANCE_M = 0.6
 """Distance that they keep from the paving of other streets."""
 
 
 @dataclass(frozen=True)
 class _Style:
-    """What is along a street, as bands of offsets from its paving, and how far masts are apart."""
+    """What is along a street, as bands of offsets from its paving, and how far masts are apart.
+
+    Furniture is in pieces per 100 m of a side.
+    """
 
     bands: tuple[tuple[SurroundingKind, tuple[float, float], float | None], ...]
     mast: SurroundingKind
     mast_spacing_m: float
+    furniture: FurnitureDensity | None = None
 
 
 STYLES = {
     "downtown": _Style(
         (
             (SurroundingKind.BUILDINGS, (4.0, 6.0), None),
+            (SurroundingKind.PAVING, (0.0, 5.0), None),
             (SurroundingKind.TREES, (2.2, 2.6), 16.0),
         ),
         SurroundingKind.LAMP,
         28.0,
+        FurnitureDensity(
+            bench=2,
+            bin=3,
+            post_box=0.6,
+            hydrant=1,
+            cabinet=1.2,
+            bicycle_stand=1,
+            planter=2,
+            hoarding=0.8,
+        ),
     ),
     "residential": _Style(
         ((SurroundingKind.HOUSES, (5.0, 7.0), None), (SurroundingKind.TREES, (2.4, 4.0), 17.0)),
         SurroundingKind.LAMP,
         34.0,
+        FurnitureDensity(bench=0.5, bin=1, post_box=0.4, hydrant=0.8, cabinet=1),
     ),
     "industrial": _Style(
         (
@@ -53,6 +69,7 @@ STYLES = {
         ),
         SurroundingKind.POLE,
         42.0,
+        FurnitureDensity(hydrant=0.8, cabinet=1, hoarding=1.5),
     ),
     "rural": _Style(((SurroundingKind.TREES, (6.0, 26.0), 16.0),), SurroundingKind.POLE, 50.0),
 }
@@ -68,7 +85,11 @@ def grow_surroundings(road: Road, mapped: Sequence[Surrounding] = ()) -> Road:
     if road.style is not None:
         style = STYLES[road.style]
         known = {_GENERATED_AS.get(item.kind, item.kind) for item in mapped}
-        generated = (*_iterate_bands(road, style), *_iterate_masts(road, style))
+        generated = (
+            *_iterate_bands(road, style),
+            *_iterate_masts(road, style),
+            *_iterate_furniture(road, style),
+        )
         grown += [
             item for item in generated if _GENERATED_AS.get(item.kind, item.kind) not in known
         ]
@@ -80,17 +101,27 @@ def _iterate_streets(road: Road) -> Iterator[StreetLayout]:
     yield from (street for street in streets if street.stations[-1] >= MIN_STREET_M)
 
 
+def _place_beside(street: StreetLayout, offset_m: float | tuple[float, float]) -> RoadsidePlacement:
+    return RoadsidePlacement(
+        street=street.id,
+        side="both",
+        from_m=JUNCTION_MARGIN_M,
+        to_m=round(float(street.stations[-1]) - JUNCTION_MARGIN_M, 2),
+        offset_m=offset_m,
+    )
+
+
+def _iterate_furniture(road: Road, style: _Style) -> Iterator[Surrounding]:
+    for street in _iterate_streets(road) if style.furniture else ():
+        beside = _place_beside(street, MAST_OFFSET_M)
+        yield Surrounding(kind=SurroundingKind.FURNITURE, beside=beside, per_100_m=style.furniture)
+
+
 def _iterate_bands(road: Road, style: _Style) -> Iterator[Surrounding]:
     # Buildings of all streets first, so that no tree takes their ground.
     for kind, offset_m, spacing_m in style.bands:
         for street in _iterate_streets(road):
-            beside = RoadsidePlacement(
-                street=street.id,
-                side="both",
-                from_m=JUNCTION_MARGIN_M,
-                to_m=round(float(street.stations[-1]) - JUNCTION_MARGIN_M, 2),
-                offset_m=offset_m,
-            )
+            beside = _place_beside(street, offset_m)
             yield Surrounding(kind=kind, beside=beside, spacing_m=spacing_m)
 
 

@@ -1,12 +1,13 @@
 """Builds roadside objects: walls, fences, hedges, shelters, towers, poles, lamps, driveways."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
 import shapely
 from advercity_dsl.road import StripKind
 from advercity_dsl.units import Point2
+from shapely.geometry.base import BaseGeometry
 
 from advercity.geometry.arrays import Float64Array
 from advercity.geometry.mesh import (
@@ -32,7 +33,7 @@ from advercity.geometry.primitives import (
 )
 from advercity.randomness import create_generator
 from advercity.roads.road_meshes import KERB_HEIGHT_M
-from advercity.scene.site import Site, StreetSide
+from advercity.scene.site import Site, StreetSide, sample_ground_line
 from advercity.semantics import Semantic
 from advercity.world import StreetLamp
 
@@ -44,13 +45,14 @@ _LAMP_ARM_M = 1.6
 _DRIVEWAY_STEP_M, _KERB_RAMP_M = 1.0, 0.7
 _WALL_PIECE_M, _FENCE_BAY_M, _HEDGE_STEP_M = 8.0, 2.6, 1.6
 _WATER_STEP_M, _WATER_RISE_M = 8.0, 0.08
+_PAVED_STEP_M, _PAVED_RISE_M = 6.0, 0.025
 _SPIKE_M = 0.3
 """Height of the thin top of a tower: thin, so that it does not block the view of its sensors."""
 
 
 def build_wall(line: Sequence[Point2], height_m: float | None, site: Site) -> list[MeshPart]:
     """Build a wall along a line: brick if low, concrete with coping and pilasters if it retains."""
-    foot = _sample_ground_line(line, _WALL_PIECE_M, site)
+    foot = sample_ground_line(line, _WALL_PIECE_M, site)
     height = height_m or WALL_HEIGHT_M
     retaining = height > 3.0
     body: list[TriangleSurface] = []
@@ -72,7 +74,7 @@ def build_wall(line: Sequence[Point2], height_m: float | None, site: Site) -> li
 def build_fence(line: Sequence[Point2], height_m: float | None, site: Site) -> list[MeshPart]:
     """Build a fence along a line, of posts and three rails."""
     height = height_m or FENCE_HEIGHT_M
-    foot = _sample_ground_line(line, _FENCE_BAY_M, site)
+    foot = sample_ground_line(line, _FENCE_BAY_M, site)
     post = shade_smooth(box((-0.05, -0.05, -0.3), (0.05, 0.05, height)))
     rails = [
         shade_smooth(tube(foot + xyz(z=fraction * height), 0.045, sides=4))
@@ -86,7 +88,7 @@ def build_hedge(
 ) -> list[MeshPart]:
     """Build a clipped hedge along a line."""
     height = height_m or HEDGE_HEIGHT_M
-    foot = _sample_ground_line(line, _HEDGE_STEP_M, site)
+    foot = sample_ground_line(line, _HEDGE_STEP_M, site)
     run = np.gradient(foot[:, :2], axis=0)
     lateral = np.column_stack([-run[:, 1], run[:, 0]])
     lateral /= np.linalg.norm(lateral, axis=1, keepdims=True)
@@ -97,14 +99,6 @@ def build_hedge(
     rings[..., :2] = foot[:, None, :2] + (across * rough[0])[..., None] * lateral[:, None]
     rings[..., 2] = foot[:, None, 2] + rise * rough[1]
     return [MeshPart(loft_rings(rings), "leaves", Semantic.VEGETATION)]
-
-
-def _sample_ground_line(line: Sequence[Point2], step_m: float, site: Site) -> Float64Array:
-    """Sample points (n, 3) on the ground along a line at most a step apart, with both ends."""
-    path = shapely.LineString(line)
-    count = max(1, int(np.ceil(path.length / step_m)))
-    at = np.linspace(0.0, path.length, count + 1)
-    return site.project_to_ground(shapely.get_coordinates(shapely.line_interpolate_point(path, at)))
 
 
 def _build_slab(
@@ -130,13 +124,31 @@ def _build_pilaster(
 def build_water(outline: Sequence[Point2], site: Site) -> list[MeshPart]:
     """Build still water within an outline: a film over the ground, which has no hollow for it."""
     area = shapely.difference(shapely.make_valid(shapely.Polygon(outline)), site.reserved_area)
-    cells = shapely.intersection(build_grid_cells(area.bounds, _WATER_STEP_M), area)
-    parts: list[MeshPart] = []
+    return [
+        MeshPart(film, "water", Semantic.WATER)
+        for film in _build_films(area, _WATER_STEP_M, _WATER_RISE_M, site)
+    ]
+
+
+def build_paved_band(side: StreetSide, site: Site) -> list[MeshPart]:
+    """Build slabs over the ground of a band, as before the shops of a town."""
+    lines = [side.offset_line(at) for at in (side.near_offset_m, side.far_offset_m)]
+    outline = shapely.make_valid(shapely.Polygon(np.concatenate([lines[0], lines[1][::-1]])))
+    area = shapely.difference(outline, site.paved_area)
+    return [
+        MeshPart(film, "pavement", Semantic.SIDEWALK)
+        for film in _build_films(area, _PAVED_STEP_M, _PAVED_RISE_M, site)
+    ]
+
+
+def _build_films(
+    area: BaseGeometry, step_m: float, rise_m: float, site: Site
+) -> Iterator[TriangleSurface]:
+    """Build films over the ground of an area, in cells of a step."""
+    cells = shapely.intersection(build_grid_cells(area.bounds, step_m), area)
     for polygon in (part for cell in cells for part in extract_polygons(cell)):
         corners, triangles = triangulate_polygon(polygon)
-        vertices = site.project_to_ground(corners) + xyz(z=_WATER_RISE_M)
-        parts.append(MeshPart(TriangleSurface(vertices, triangles), "water", Semantic.WATER))
-    return parts
+        yield TriangleSurface(site.project_to_ground(corners) + xyz(z=rise_m), triangles)
 
 
 def build_bus_stop(at: Point2, site: Site) -> list[MeshPart]:

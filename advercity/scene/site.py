@@ -211,3 +211,11 @@ def space_points_along(line: tuple[Point2, ...], spacing_m: float) -> Float64Arr
     path = shapely.LineString(line)
     stations = np.arange(0.0, path.length + 1e-6, spacing_m)
     return shapely.get_coordinates(shapely.line_interpolate_point(path, stations))
+
+
+def sample_ground_line(line: Sequence[Point2], step_m: float, site: Site) -> Float64Array:
+    """Sample points (n, 3) on the ground along a line at most a step apart, with both ends."""
+    path = shapely.LineString(line)
+    count = max(1, int(np.ceil(path.length / step_m)))
+    at = np.linspace(0.0, path.length, count + 1)
+    return site.project_to_ground(shapely.get_coordinates(shapely.line_interpolate_point(path, at)))

@@ -1,4 +1,4 @@
-"""Builds street furniture: traffic lights, traffic signs, and masts of roadside units."""
+"""Builds what controls traffic: its lights and signs, and masts of roadside units."""
 
 from dataclasses import replace
 
@@ -8,7 +8,6 @@ from advercity_dsl import RoadsideUnit
 from advercity_dsl.road import SurroundingKind
 from advercity_dsl.units import Point2
 
-from advercity.geometry.arrays import Float64Array
 from advercity.geometry.mesh import (
     Mesh,
     MeshPart,
@@ -18,14 +17,14 @@ from advercity.geometry.mesh import (
     move_surface,
     xyz,
 )
-from advercity.geometry.primitives import box, loft_rings, plate, rectangles, tube
+from advercity.geometry.primitives import box, loft_rings, tube
 from advercity.roads.road_network import RoadNetwork
-from advercity.roads.signals import TrafficLight, TrafficSign
+from advercity.roads.signals import TrafficLight
 from advercity.scene.site import GroundHeight
+from advercity.scene.traffic_signs import build_traffic_sign
 from advercity.semantics import Semantic
 from advercity.world import SignalLamp
 
-_SIGN_HEIGHT_M = 2.2
 LENS_SPACING_M = 0.31
 """Distance from the yellow lens up to the red one and down to the green one."""
 LENS_RADIUS_M = 0.13
@@ -40,25 +39,6 @@ _MAST_TOP_DROP_M = 0.3
 _HEAD_CENTRE_M = 0.2
 """Distance of a head's centre ahead of its declared point."""
 _CARRIERS = (SurroundingKind.TOWER, SurroundingKind.POLE, SurroundingKind.WALL)
-_SEGMENTS = {
-    "a": (0, 2, 1, 2),
-    "b": (1, 1, 1, 2),
-    "c": (1, 0, 1, 1),
-    "d": (0, 0, 1, 0),
-    "e": (0, 0, 0, 1),
-    "f": (0, 1, 0, 2),
-    "g": (0, 1, 1, 1),
-}
-_DIGITS = ["abcdef", "bc", "abged", "abgcd", "fgbc", "afgcd", "afgedc", "abc", "abcdefg", "abcfgd"]
-"""Segments of the digits 0 to 9 on a seven-segment display."""
-_STROKES = {
-    "S": ((0, 2, 1, 2), (0, 1, 0, 2), (0, 1, 1, 1), (1, 0, 1, 1), (0, 0, 1, 0)),
-    "T": ((0, 2, 1, 2), (0.5, 0, 0.5, 2)),
-    "O": ((0, 0, 0, 2), (1, 0, 1, 2), (0, 0, 1, 0), (0, 2, 1, 2)),
-    **{str(digit): tuple(_SEGMENTS[name] for name in lit) for digit, lit in enumerate(_DIGITS)},
-    "P": ((0, 0, 0, 2), (0, 2, 1, 2), (0, 1, 1, 1), (1, 1, 1, 2)),
-}
-"""Strokes of letters on a grid one wide and two high: from x, z to x, z."""
 
 
 def build_street_furniture(
@@ -193,86 +173,3 @@ def _build_mast(unit: RoadsideUnit, ground_height: GroundHeight) -> list[MeshPar
         MeshPart(mast, "metal", Semantic.POLE),
         MeshPart(case, "black_plastic", Semantic.STATIC),
     ]
-
-
-def build_traffic_sign(sign: TrafficSign, ground_m: float) -> list[MeshPart]:
-    """Build a stop or give-way sign on its mast, facing the traffic of its street."""
-    x, y = sign.facing
-    face = _build_stop_face() if sign.kind == "stop" else _build_yield_face()
-    return _mount_on_mast(face, np.array([*sign.position_m, ground_m]), float(np.arctan2(y, x)))
-
-
-def build_speed_sign(limit_km_h: float, foot: Float64Array, yaw: float) -> list[MeshPart]:
-    """Build a speed limit on a mast with its foot at (3,), facing the heading `yaw` in radians."""
-    return _mount_on_mast(_build_limit_face(f"{limit_km_h:.0f}"), foot, yaw)
-
-
-def _mount_on_mast(
-    face: list[tuple[TriangleSurface, str]], foot: Float64Array, yaw: float
-) -> list[MeshPart]:
-    mast = tube([(0, 0, -0.3), (0, 0, _SIGN_HEIGHT_M + 0.2)], 0.035, sides=6)
-    parts = [(mast, "metal", Semantic.POLE)]
-    parts += [(part, material, Semantic.TRAFFIC_SIGN) for part, material in face]
-    return [
-        MeshPart(move_surface(part, foot, yaw=yaw), material, semantic)
-        for part, material, semantic in parts
-    ]
-
-
-def _build_stop_face() -> list[tuple[TriangleSurface, str]]:
-    middle = np.array([0.075, 0.0, _SIGN_HEIGHT_M])
-    letters = _build_letters("STOP", middle, width_m=0.115, height_m=0.24)
-    return [
-        (_build_polygon_plate(8, 0.40, 0.04, np.pi / 8), "metal"),
-        (_build_polygon_plate(8, 0.40, 0.05, np.pi / 8), "paint_white"),
-        (_build_polygon_plate(8, 0.37, 0.06, np.pi / 8), "sign_red"),
-        (letters, "paint_white"),
-    ]
-
-
-def _build_yield_face() -> list[tuple[TriangleSurface, str]]:
-    return [
-        (_build_polygon_plate(3, 0.52, 0.04, -np.pi / 2), "metal"),
-        (_build_polygon_plate(3, 0.52, 0.05, -np.pi / 2), "sign_red"),
-        (_build_polygon_plate(3, 0.32, 0.06, -np.pi / 2), "paint_white"),
-    ]
-
-
-def _build_limit_face(number: str) -> list[tuple[TriangleSurface, str]]:
-    size = {"width_m": 0.17 if len(number) < 3 else 0.12, "height_m": 0.34}
-    return [
-        (_build_polygon_plate(20, 0.36, 0.04, 0.0), "metal"),
-        (_build_polygon_plate(20, 0.36, 0.05, 0.0), "sign_red"),
-        (_build_polygon_plate(20, 0.285, 0.06, 0.0), "paint_white"),
-        (_build_letters(number, np.array([0.075, 0.0, _SIGN_HEIGHT_M]), **size), "black_plastic"),
-    ]
-
-
-def _build_polygon_plate(sides: int, radius: float, x: float, turn: float) -> TriangleSurface:
-    """Build a regular polygon with its face at `x`, 1 cm thick, so that plates can be stacked."""
-    angle = turn + 2 * np.pi * np.arange(sides) / sides
-    z = _SIGN_HEIGHT_M + radius * np.sin(angle)
-    return plate(np.column_stack([np.full(sides, x), radius * np.cos(angle), z]), 0.01)
-
-
-def _build_letters(
-    text: str, middle: Float64Array, *, width_m: float, height_m: float
-) -> TriangleSurface:
-    """Build flat letters that face x and so read from -y to +y."""
-    half_stroke = 0.02
-    strokes = [
-        (*stroke, index - (len(text) - 1) / 2)
-        for index, letter in enumerate(text)
-        for stroke in _STROKES[letter]
-    ]
-    x0, z0, x1, z1, column = np.array(strokes).T
-    y = 1.42 * width_m * column + width_m * ((x0 + x1) / 2 - 0.5)
-    z = height_m * ((z0 + z1) / 4 - 0.5)
-    across = width_m * np.abs(x1 - x0) / 2 + half_stroke
-    upward = height_m * np.abs(z1 - z0) / 4 + half_stroke
-    zero = np.zeros(len(y))
-    return rectangles(
-        middle + np.column_stack([zero, y, z]),
-        np.column_stack([zero, across, zero]),
-        np.column_stack([zero, zero, upward]),
-    )

@@ -14,8 +14,9 @@ from advercity.errors import InputError
 from advercity.geometry.arrays import Float64Array
 from advercity.geometry.mesh import Mesh, MeshPart, build_meshes
 from advercity.roads.road_network import RoadNetwork
-from advercity.scene import buildings, footprints, roadside, vegetation
+from advercity.scene import barriers, buildings, footprints, roadside, skyline, vegetation
 from advercity.scene.buildings import Lot, LotPattern
+from advercity.scene.furniture import build_furniture
 from advercity.scene.site import (
     GroundHeight,
     Rectangle,
@@ -24,13 +25,16 @@ from advercity.scene.site import (
     resolve_street_sides,
     space_points_along,
 )
-from advercity.scene.street_furniture import build_speed_sign
+from advercity.scene.traffic_signs import build_sign, build_speed_sign
 from advercity.world import StreetLamp
 
 SENSOR_CLEARANCE_M = 6.0
 """Distance from roadside units within which no trees grow and nothing is built."""
 LINE_CLEARANCE_M = 0.2
 """Distance of fences, hedges and walls along a street from paving, so side streets stay open."""
+LINE_WIDTH_M, MAST_RADIUS_M, SHELTER_RADIUS_M, SIGN_RADIUS_M = 0.4, 0.2, 2.8, 0.5
+"""Extents of what street furniture keeps off."""
+_SIGN_KINDS = (SurroundingKind.SPEED_SIGN, SurroundingKind.SIGN)
 _BUILDING_KINDS = (SurroundingKind.BUILDINGS, SurroundingKind.HOUSES)
 _OUTLINED_KINDS = (
     SurroundingKind.BUILDINGS,
@@ -44,6 +48,15 @@ _LINE_BUILDERS: dict[
     SurroundingKind.WALL: lambda line, height, site, _: roadside.build_wall(line, height, site),
     SurroundingKind.FENCE: lambda line, height, site, _: roadside.build_fence(line, height, site),
     SurroundingKind.HEDGE: roadside.build_hedge,
+    SurroundingKind.GUARD_RAIL: lambda line, height, site, _: barriers.build_guard_rail(
+        line, height, site
+    ),
+    SurroundingKind.BOLLARDS: lambda line, height, site, _: barriers.build_bollards(
+        line, height, site
+    ),
+    SurroundingKind.POWER_LINE: lambda line, height, site, _: barriers.build_power_line(
+        line, height, site
+    ),
 }
 _POINT_BUILDERS: dict[SurroundingKind, Callable[[Point2, float | None, Site], list[MeshPart]]] = {
     SurroundingKind.BUS_STOP: lambda at, _, site: roadside.build_bus_stop(at, site),
@@ -101,6 +114,10 @@ def build_surroundings(
             parts += _build_fields(item, open_ground)
         else:
             parts += _build_objects(item, site)
+    obstacles = [thing for item in items for thing in item.outline_obstacles(paved_area)]
+    for item in items:
+        if density := item.declaration.per_100_m:
+            parts += build_furniture(item.sides, density, obstacles, site, item.random_key)
     return build_meshes(parts, "surroundings_"), lamps
 
 
@@ -194,6 +211,22 @@ class _PlacedSurrounding:
                 if part.length > 1.0:
                     yield tuple((float(x), float(y)) for x, y in part.coords)
 
+    def outline_obstacles(self, paved_area: BaseGeometry) -> Iterator[BaseGeometry]:
+        """Outline what street furniture keeps off: walls, masts, shelters, drives."""
+        if self.kind in _LINE_BUILDERS:
+            lines = self.find_lines(paved_area)
+            yield from (
+                shapely.buffer(shapely.LineString(line), LINE_WIDTH_M / 2) for line in lines
+            )
+        elif self.kind is SurroundingKind.LAMP or self.kind in _POINT_BUILDERS:
+            radius_m = SHELTER_RADIUS_M if self.kind is SurroundingKind.BUS_STOP else MAST_RADIUS_M
+            yield from (shapely.Point(at).buffer(radius_m) for at in self.sample_points())
+        elif self.kind in _SIGN_KINDS or self.kind is SurroundingKind.DRIVEWAY:
+            for side in self.sides:
+                end_m = 0.0 if self.kind in _SIGN_KINDS else side.length_m
+                ends = side.points_at([0.0, end_m], side.near_offset_m)
+                yield shapely.LineString(ends).buffer(SIGN_RADIUS_M)
+
 
 def _build_buildings(
     item: _PlacedSurrounding, site: Site
@@ -236,9 +269,15 @@ def _build_objects(item: _PlacedSurrounding, site: Site) -> Iterator[MeshPart]:
     elif item.kind is SurroundingKind.DRIVEWAY:
         for side in item.sides:
             yield from roadside.build_driveway(side, site)
-    elif item.kind is SurroundingKind.SPEED_SIGN:
+    elif item.kind is SurroundingKind.PAVING:
         for side in item.sides:
-            yield from _build_speed_sign(item.declaration.limit_km_h, side, site)
+            yield from roadside.build_paved_band(side, site)
+    elif item.kind in _SIGN_KINDS:
+        for side in item.sides:
+            yield from _build_roadside_sign(item.declaration, side, site)
+    elif item.kind is SurroundingKind.SKYLINE:
+        for band in item.bands:
+            yield from skyline.build_skyline(band, item.height_m, site, item.random_key)
 
 
 def _build_trees(item: _PlacedSurrounding, site: Site) -> list[MeshPart]:
@@ -249,7 +288,9 @@ def _build_trees(item: _PlacedSurrounding, site: Site) -> list[MeshPart]:
     )
 
 
-def _build_speed_sign(limit_km_h: float | None, side: StreetSide, site: Site) -> list[MeshPart]:
+def _build_roadside_sign(declared: Surrounding, side: StreetSide, site: Site) -> list[MeshPart]:
     foot = site.project_to_ground(side.points_at(0.0, side.near_offset_m))[0]
-    limit = limit_km_h or KM_H_PER_M_S * side.street.speed_limit_m_s
+    if declared.sign is not None:
+        return build_sign(declared.sign, foot, side.yaw(0.0))
+    limit = declared.limit_km_h or KM_H_PER_M_S * side.street.speed_limit_m_s
     return build_speed_sign(limit, foot, side.yaw(0.0))

@@ -38,8 +38,10 @@ from advercity_dsl.road.streets import (
 )
 from advercity_dsl.road.surroundings import (
     BuildingUse,
+    FurnitureDensity,
     RoadsidePlacement,
     Roof,
+    SignKind,
     Species,
     Surrounding,
     SurroundingKind,
@@ -58,6 +60,7 @@ __all__ = [
     "CrossSection",
     "Crossing",
     "EgoRoute",
+    "FurnitureDensity",
     "Junction",
     "JunctionAgents",
     "LaneText",
@@ -71,6 +74,7 @@ __all__ = [
     "RoadsideUnit",
     "Roof",
     "Sign",
+    "SignKind",
     "SignalHead",
     "Signals",
     "Species",

@@ -10,6 +10,7 @@ from advercity_dsl.units import (
     Count,
     KilometresPerHour,
     Metres,
+    Number,
     Point2,
     PositiveMetres,
     RangeReason,
@@ -37,6 +38,22 @@ class SurroundingKind(StrEnum):
     PARKED_CARS = "parked_cars"
     SPEED_SIGN = "speed_sign"
     DRIVEWAY = "driveway"
+    PAVING = "paving"
+    FURNITURE = "furniture"
+    GUARD_RAIL = "guard_rail"
+    BOLLARDS = "bollards"
+    POWER_LINE = "power_line"
+    SIGN = "sign"
+    SKYLINE = "skyline"
+
+
+class SignKind(StrEnum):
+    """Traffic sign of the Vienna convention."""
+
+    PEDESTRIAN_CROSSING = "pedestrian_crossing"
+    PRIORITY_ROAD = "priority_road"
+    CURVE_LEFT = "curve_left"
+    CURVE_RIGHT = "curve_right"
 
 
 # The name of this class is part of random stream keys: renaming it changes every tree.
@@ -85,6 +102,34 @@ class RoadsidePlacement(CompactModel):
         return self.offset_m, self.offset_m
 
 
+Density = Annotated[Number, Field(ge=0, le=50)]
+
+
+class FurnitureDensity(CompactModel):
+    """Pieces of street furniture in 100 m of one side of a street.
+
+    They are behind the sidewalk, all of which people walk on, at random distances. Where there is
+    no room for them, as between a sidewalk and a wall, there are fewer.
+    """
+
+    bench: Density = 0
+    """Benches with a back, towards the street."""
+    bin: Density = 0
+    """Litter bins on a post."""
+    post_box: Density = 0
+    """Letter boxes."""
+    hydrant: Density = 0
+    """Pillar hydrants."""
+    cabinet: Density = 0
+    """Cabinets of telephone and power networks."""
+    bicycle_stand: Density = 0
+    """Stands for bicycles, five hoops each."""
+    planter: Density = 0
+    """Tubs with a shrub."""
+    hoarding: Density = 0
+    """Boards with advertisements, 2.7 m wide, on two posts."""
+
+
 MAX_AREA_M2 = 1e6
 MAX_OBJECTS = 50_000
 _BESIDE, _AREA, _LINE, _AT = "beside", "area_m", "line_m", "at_m"
@@ -107,12 +152,20 @@ _ALLOWED_PLACEMENTS = {
     SurroundingKind.PARKED_CARS: (_BESIDE,),
     SurroundingKind.SPEED_SIGN: (_BESIDE,),
     SurroundingKind.DRIVEWAY: (_BESIDE,),
+    SurroundingKind.PAVING: (_BESIDE,),
+    SurroundingKind.FURNITURE: (_BESIDE,),
+    SurroundingKind.GUARD_RAIL: (_BESIDE, _LINE),
+    SurroundingKind.BOLLARDS: (_BESIDE, _LINE),
+    SurroundingKind.POWER_LINE: (_BESIDE, _LINE),
+    SurroundingKind.SIGN: (_BESIDE,),
+    SurroundingKind.SKYLINE: (_AREA,),
 }
 _BAND_KINDS = (
     SurroundingKind.CROPS,
     SurroundingKind.FIELD,
     SurroundingKind.WOODS,
     SurroundingKind.DRIVEWAY,
+    SurroundingKind.PAVING,
 )
 _OUTLINED_KINDS = (
     SurroundingKind.BUILDINGS,
@@ -133,8 +186,9 @@ class Surrounding(Model):
     Of buildings, fields, woods and water the line is an outline; such buildings are one building.
     A plateau is ground raised by `height_m` within its outline `line_m`; it meets the streets that
     climb to it and drops steeply elsewhere. Parked cars occupy the parking strip of their street. A
-    speed sign is at `from_m` and faces the traffic on its side. A driveway is a paved band across
-    the sidewalk.
+    speed sign, as any sign, is at `from_m` and faces the traffic on its side. A driveway is a paved
+    band across the sidewalk; paving is slabs from the sidewalk to the buildings. A skyline is a
+    town that is seen from afar.
     """
 
     kind: SurroundingKind
@@ -166,6 +220,10 @@ class Surrounding(Model):
         default=None, exclude_if=is_none
     )
     """Limit on a speed sign; by default that of its street."""
+    sign: SignKind | None = Field(default=None, exclude_if=is_none)
+    """Which sign."""
+    per_100_m: FurnitureDensity | None = Field(default=None, exclude_if=is_none)
+    """How much street furniture."""
     seed: Count = Field(default=0, exclude_if=is_empty)
     """Seed of the random shapes of trees and buildings."""
 
@@ -187,6 +245,10 @@ class Surrounding(Model):
         for name in ("roof", "use"):
             if getattr(self, name) and not is_outlined:
                 raise ValueError(f"only a building with an outline 'line_m' has a '{name}'")
+        if (self.kind is SurroundingKind.SIGN) != (self.sign is not None):
+            raise ValueError("a sign, and nothing else, has a 'sign'")
+        if (self.kind is SurroundingKind.FURNITURE) != (self.per_100_m is not None):
+            raise ValueError("furniture, and nothing else, has 'per_100_m'")
         self._check_area()
         if self.species and self.kind is not SurroundingKind.TREES:
             raise ValueError("only trees have 'species'")

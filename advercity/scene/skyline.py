@@ -1,0 +1,66 @@
+"""Builds towns that are seen from afar: blocks with bands of windows, and roofs."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from advercity.geometry.mesh import MeshPart, TriangleSurface, join_surfaces, move_surface
+from advercity.geometry.primitives import box, rectangles
+from advercity.randomness import create_generator
+from advercity.scene.buildings import (
+    FLOOR_M,
+    ROOFS,
+    TOWN_WALLS,
+    build_pitched_roof,
+)
+from advercity.scene.facades import SurfaceMaterials
+from advercity.scene.site import Rectangle, Site, StreetSide
+from advercity.semantics import Semantic
+
+SKYLINE_HEIGHT_M = 16.0
+_CELL_M = 30.0
+_BUILT_FRACTION = 0.6
+
+
+def build_skyline(
+    area: Rectangle | StreetSide, height_m: float | None, site: Site, key: str
+) -> Iterator[MeshPart]:
+    """Build blocks over an area, up to twice as high as `height_m`."""
+    draw = create_generator("skyline", key)
+    cells = area.sample_grid(_CELL_M, _CELL_M).reshape(-1, 2)
+    for cell in cells + draw.uniform(-0.3, 0.3, cells.shape) * _CELL_M:
+        x, y = draw.uniform(6, 12), draw.uniform(5, 8)
+        top = (height_m or SKYLINE_HEIGHT_M) * draw.uniform(0.4, 1.0) ** 2 * 2.0
+        yaw, wall = draw.uniform(0, np.pi), str(draw.choice(TOWN_WALLS))
+        roof = str(draw.choice(ROOFS)) if top < 15 else ""
+        if draw.random() > _BUILT_FRACTION or not site.is_free(cell, 2 * x)[0]:
+            continue
+        foot = site.project_to_ground(cell)[0]
+        for surface, material in _build_block(x, y, top, wall, roof):
+            yield MeshPart(move_surface(surface, foot, yaw=yaw), material, Semantic.BUILDING)
+
+
+def _build_block(x: float, y: float, top: float, wall: str, roof: str) -> SurfaceMaterials:
+    floors = max(1, int(top / FLOOR_M))
+    parts = [(box((-x, -y, -2), (x, y, top)), wall), (_build_bands(x, y, floors), "glass")]
+    if roof:
+        return [*parts, *build_pitched_roof(x, y, top, 0.4, wall, roof)]
+    return [*parts, (box((-2, -2, top), (2, 2, top + 2.5)), "concrete")]
+
+
+def _build_bands(x: float, y: float, floors: int) -> TriangleSurface:
+    """Build a band of windows for every floor of every side."""
+    z = FLOOR_M * (np.arange(floors) + 0.55)
+    bands = [
+        move_surface(
+            rectangles(
+                np.column_stack([np.zeros(floors), np.full(floors, -away), z]),
+                (half - 0.8, 0, 0),
+                (0, 0, 0.7),
+            ),
+            (0, 0, 0),
+            yaw=number * np.pi / 2,
+        )
+        for number, (half, away) in enumerate([(x, y + 0.05), (y, x + 0.05)] * 2)
+    ]
+    return join_surfaces(bands)
