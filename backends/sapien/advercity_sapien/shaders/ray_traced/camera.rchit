@@ -21,12 +21,12 @@ Vertex vertexOf(uint geometry, uint corner) {
       indices[nonuniformEXT(geometry)].i[3 * gl_PrimitiveID + corner]];
 }
 
-vec3 positionOf(Vertex v) { return gl_ObjectToWorldEXT * vec4(v.x, v.y, v.z, 1.0); }
+vec3 worldPosition(Vertex v) { return gl_ObjectToWorldEXT * vec4(v.x, v.y, v.z, 1.0); }
 
 MapPlane meshPlane(Vertex a, Vertex b, Vertex c, vec3 weights, vec3 normal) {
   mat3x2 uv = mat3x2(a.u, a.v, b.u, b.v, c.u, c.v);
-  vec3 corner = positionOf(a);
-  return meshPlane(uv * weights, normal, positionOf(b) - corner, positionOf(c) - corner,
+  vec3 corner = worldPosition(a);
+  return meshPlane(uv * weights, normal, worldPosition(b) - corner, worldPosition(c) - corner,
       uv[1] - uv[0], uv[2] - uv[0]);
 }
 
