@@ -1,5 +1,6 @@
 """Suites: selection of typologies, roads that those require, and the declarations of a suite."""
 
+import logging
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -28,6 +29,7 @@ from advercity.compiler.library import Library
 from advercity.diagnostics import Diagnostic, DiagnosticsError
 from advercity.roads.capacity import describe_excess
 
+_logger = logging.getLogger(__name__)
 DeclarationT = TypeVar("DeclarationT", bound=Declaration)
 
 
@@ -92,18 +94,19 @@ SPAWN_AREAS = 8
 
 
 def check_demand(library: Library, road: Road, density: Density) -> None:
-    """Check that a road has room for the traffic of a density.
+    """Check that a road has room for the traffic of a density; warn where it has no pedestrians.
 
     Raises:
         DiagnosticsError: It has not.
     """
     vehicles, walkers = compute_demand_counts(road, density)
-    excess = describe_excess(
-        vehicles,
-        walkers,
-        lane_m=sum(line.length_m for line in iterate_strip_lines(road, StripKind.LANE)),
-        sidewalk_m=sum(line.length_m for line in iterate_strip_lines(road, StripKind.SIDEWALK)),
+    lane_m, sidewalk_m = (
+        sum(line.length_m for line in iterate_strip_lines(road, kind))
+        for kind in (StripKind.LANE, StripKind.SIDEWALK)
     )
+    if walkers and not sidewalk_m:
+        _logger.warning("%s: has no pedestrians, since none of its streets has a sidewalk", road.id)
+    excess = describe_excess(vehicles, walkers, lane_m=lane_m, sidewalk_m=sidewalk_m)
     if excess:
         field = "vehicles" if "vehicles" in excess else "walkers"
         factor: float = getattr(density, field)

@@ -10,6 +10,7 @@ from advercity_dsl import Declaration, DriverResponse, Road, Spec, Weather
 from advercity.compiler import LibraryEntry, compare_specs, load_library, read_spec
 from advercity.compiler.explain import ValueOrigin, flatten_values
 from advercity.compiler.source import format_value_path
+from advercity.documents import suggest_path
 from advercity.errors import InputError
 from advercity.physics.extinction import (
     AirExtinction,
@@ -37,8 +38,9 @@ def load_rows(folder: Path) -> list[dict[str, Any]]:
     if specs:
         return [_build_spec_row(read_spec(path)) for path in specs]
     if not folder.is_dir():
-        found = "is a file; name its folder" if folder.exists() else "there is no such folder"
-        raise InputError(f"{folder}: {found}; `advercity compile` makes a folder of specs")
+        near = suggest_path(folder) or "`advercity compile` makes a folder of specs"
+        found = "is a file; name its folder" if folder.exists() else f"no such folder; {near}"
+        raise InputError(f"{folder}: {found}")
     if not any(folder.iterdir()):
         raise InputError(f"{folder}: no specs (*.json) here; `advercity compile` writes them")
     return [_build_declaration_row(kind, entry) for kind, entry in _load_entries(folder)]

@@ -16,6 +16,7 @@ from advercity.roads.road_network import build_road
 from advercity.roads.sumo_network import write_sumo_network
 from advercity.semantics import Semantic
 from advercity.traffic.simulation import simulate_in_subprocess
+from tests.roads.imported_roads import CROSSROADS, DATA, compiled
 from tests.roads.probing import Floats, looking_down, on_lane, road_meshes
 
 HINT = "CARLA's Town07 is not tested; ADVERCITY_TOWN07 names its OpenDRIVE file"
@@ -26,6 +27,15 @@ def positions(trace: Trace, number: int) -> Floats:
     index = next(at for at, actor in enumerate(trace.actors) if actor.id == number)
     rows = trace.states[trace.states["actor"] == index]
     return np.column_stack([rows["x"], rows["y"], rows["z"], rows["speed"], rows["tick"]])
+
+
+def test_pedestrians_that_have_no_sidewalk_are_reported(
+    library: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    text = (DATA / "crossroads.osm").read_text(encoding="utf-8")
+    (tmp_path / "bare.osm").write_text(text.replace('k="sidewalk"', 'k="note"'), encoding="utf-8")
+    compiled(library, tmp_path, CROSSROADS | {"imported": {"source": "osm", "file": "bare.osm"}})
+    assert "imported: has no pedestrians, since none of its streets has a sidewalk" in caplog.text
 
 
 @pytest.mark.sumo
