@@ -19,6 +19,10 @@ from advercity.traffic.demand import VehicleTrip
 
 LATERAL_ACCELERATION_M_S2 = 3.5
 """Brisk but comfortable; the original's planner allowed 5."""
+LATERAL_JERK_M_S3 = 5.5
+"""Along the lane; a vehicle, whose motion is smooth, has four fifths of that, and 5 at most."""
+CURVATURE_CHANGE_M = 9.0
+"""Length over which the change of curvature counts: some of what vehicles drive in a second."""
 BRAKING_M_S2 = 2.0
 """Deceleration towards a bend."""
 PROFILE_STEP_M = 1.0
@@ -81,7 +85,11 @@ def _build_profile(
     samples = np.arange(0.0, begins[-1] + PROFILE_STEP_M, PROFILE_STEP_M)
     path = np.column_stack([np.interp(samples, stations, axis) for axis in points.T])
     lateral = min(LATERAL_ACCELERATION_M_S2, max_m_s2)
-    limit = np.sqrt(lateral / np.maximum(_compute_curvature(path), 1e-9))
+    curvature = _compute_curvature(path)
+    limit = np.minimum(
+        np.sqrt(lateral / np.maximum(np.abs(curvature), 1e-9)),
+        np.cbrt(LATERAL_JERK_M_S3 / np.maximum(_compute_curvature_change(curvature), 1e-9)),
+    )
     return SpeedProfile(
         edge_starts_m={lane.edge: float(at) for lane, at in zip(lanes, begins, strict=False)},
         edge_lengths_m={lane.edge: graph.shortest_lane_m[lane.edge] for lane in lanes},
@@ -109,7 +117,10 @@ def _iterate_route_lanes(
 
 
 def _compute_curvature(path: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Compute the curvature (n,) in 1/m of a path (n, 2): of the circle through three points."""
+    """Compute the curvature (n,) in 1/m of a path (n, 2): of the circle through three points.
+
+    It is positive to the left.
+    """
     step = round(CURVATURE_CHORD_M / PROFILE_STEP_M)
     curvature = np.zeros(len(path))
     if len(path) <= 2 * step:
@@ -118,8 +129,15 @@ def _compute_curvature(path: NDArray[np.float64]) -> NDArray[np.float64]:
     first, second, chord = here - before, after - here, after - before
     area = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
     sides = np.prod([np.linalg.norm(side, axis=1) for side in (first, second, chord)], axis=0)
-    curvature[step:-step] = 2 * np.abs(area) / np.maximum(sides, 1e-9)
+    curvature[step:-step] = 2 * area / np.maximum(sides, 1e-9)
     return curvature
+
+
+def _compute_curvature_change(curvature: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Compute the change of curvature (n,) per metre, in 1/m²."""
+    half_width = round(CURVATURE_CHANGE_M / PROFILE_STEP_M / 2 - 0.5)
+    smooth = _build_windows(curvature, half_width).mean(axis=1)
+    return np.abs(np.gradient(smooth, PROFILE_STEP_M))
 
 
 def _smooth_limit(limit: NDArray[np.float64]) -> NDArray[np.float64]:
