@@ -1,353 +1,17 @@
-"""What came of staged conflicts and of a scenario's traffic, measured on its trace alone."""
+"""What a scenario's traffic amounts to, and the table of many scenarios."""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
-import shapely
-from advercity_dsl import Spec, Vehicle
-from advercity_dsl.conflict import StagedConflict
-from advercity_dsl.units import KM_H_PER_M_S
-from numpy.typing import NDArray
+from advercity_dsl import Spec
 
-from advercity.conflicts.achieved_parameters import (
-    APPROACH_WINDOW_S,
-    AchievedParameter,
-    measure_parameters,
-    select_before,
-)
 from advercity.conflicts.case import CALM_S
-from advercity.conflicts.ego_motion import compute_free_drive_s
-from advercity.conflicts.metrics import (
-    ActorTrack,
-    BoxOverlap,
-    Encounter,
-    MetricAtTick,
-    find_overlaps,
-    measure_encounter,
-)
-from advercity.conflicts.reaction import needs_reaction
-from advercity.conflicts.resolution import (
-    EVASIVE_BRAKING_M_S2,
-    Resolution,
-    find_undisturbed_row,
-    measure_resolution,
-)
-from advercity.conflicts.trajectories import find_crossing
-from advercity.errors import RunError
-from advercity.frames import Signal, Trace
-from advercity.geometry.polyline import StationedPolyline, drop_repeated_points
-from advercity.roads.routes import RoutePlanner, build_ego_path
-
-ADJACENT_LANE_GAP_M = 6.0
-"""An actor that passes a point within this distance passes it in an adjacent lane."""
-STEADY_SPEED_RATIO = 0.99
-"""Fraction of the approach speed below which an actor has begun to brake."""
-
-
-@dataclass(frozen=True)
-class ConflictOutcome:
-    """What came of a staged conflict; its fields are those of `report.json`.
-
-    Attributes:
-        id: Id of the staged conflict.
-        conflict: Id of its declaration.
-        actor: Id of the actor that the ego met.
-        ego_at_s: Time from the first kept tick at which the ego's centre was nearest to the
-            crossing of both paths, or would have been had it not braked.
-        actor_lag_s: How much later the actor would have been there at the speed of its approach.
-        met: How near they came to each other.
-        resolution: Who braked, or the impact.
-        parameters: Declared parameters that the trace shows.
-        missed: What did not happen as declared; empty if the conflict happened.
-    """
-
-    id: str
-    conflict: str
-    actor: int
-    ego_at_s: float
-    actor_lag_s: float
-    met: Encounter
-    resolution: Resolution
-    parameters: tuple[AchievedParameter, ...]
-    missed: tuple[str, ...]
-
-    @property
-    def happened(self) -> bool:
-        """Whether everything happened as declared."""
-        return not self.missed
-
-    @property
-    def problems(self) -> tuple[str, ...]:
-        """What did not happen as declared, with the conflict's name."""
-        return tuple(f"{self.id} ({self.conflict}): {reason}" for reason in self.missed)
-
-    @property
-    def outside(self) -> tuple[str, ...]:
-        """Names of the parameters that are outside their declared range."""
-        return tuple(item.name for item in self.parameters if item.is_outside)
-
-
-def evaluate_outcomes(spec: Spec, trace: Trace) -> Iterator[ConflictOutcome]:
-    """Evaluate every staged conflict of a spec.
-
-    Raises:
-        RunError: An actor that takes part is not in the trace.
-    """
-    ego = spec.ego.number
-    for conflict in spec.conflicts:
-        actor = conflict.actors[0].number
-        try:
-            encounter = measure_encounter(trace, ego, actor)
-            tracks = ActorTrack.from_trace(trace, ego), ActorTrack.from_trace(trace, actor)
-        except KeyError:
-            encounter, tracks = None, None
-        if encounter is None or tracks is None:
-            raise RunError(f"{spec.id}: {conflict.id} lacks its actor {actor}, or the ego")
-        yield _evaluate_outcome(spec, conflict, encounter, *tracks, trace)
-
-
-def _evaluate_outcome(
-    spec: Spec,
-    conflict: StagedConflict,
-    encounter: Encounter,
-    ego: ActorTrack,
-    actor: ActorTrack,
-    trace: Trace,
-) -> ConflictOutcome:
-    tick_s = trace.tick_s
-    point = _find_meeting_point(conflict, ego, actor)
-    lane = _build_ego_lane(spec)
-    resolution = measure_resolution(conflict, encounter, ego, actor, lane, tick_s)
-    ego_at_s = _find_ego_arrival_s(spec, conflict, encounter, ego, point, tick_s)
-    row = _find_arrival_row(conflict, ego, actor, point)
-    last = _find_steady_row(actor, ego_at_s, tick_s)
-    lag_s = _extrapolate_arrival_s(actor, last, row, point, tick_s) - ego_at_s
-    missed = tuple(_find_deviations(conflict, encounter, resolution, lag_s))
-    parameters = measure_parameters(
-        conflict,
-        ego,
-        actor,
-        ego_at_s=ego_at_s,
-        lag_s=lag_s,
-        lane=lane,
-        since_red_s=_measure_since_red_s(spec, conflict, actor, trace),
-        tick_s=tick_s,
-    )
-    return ConflictOutcome(
-        id=conflict.id,
-        conflict=conflict.conflict,
-        actor=actor.actor,
-        ego_at_s=ego_at_s,
-        actor_lag_s=lag_s,
-        met=encounter,
-        resolution=resolution,
-        parameters=parameters,
-        missed=missed,
-    )
-
-
-def _build_ego_lane(spec: Spec) -> shapely.LineString:
-    path, _, _ = build_ego_path(RoutePlanner(spec.road), spec.road.ego)
-    return path.line.line
-
-
-def _measure_since_red_s(
-    spec: Spec, conflict: StagedConflict, actor: ActorTrack, trace: Trace
-) -> float:
-    """Measure how long the light that an actor runs is red when its front is at the line.
-
-    Negative before red; infinite if no light is declared to be run, or none is red.
-    """
-    if conflict.light is None:
-        return float("inf")
-    fronts = actor.centres + actor.size[0] / 2 * actor.axes[:, 0]
-    line = _find_line(spec, conflict)
-    at = actor.rows["tick"][np.argmin(np.linalg.norm(fronts - line, axis=1))]
-    red = trace.signals[:, trace.signal_ids.index(conflict.light)] == Signal.RED
-    begins = np.flatnonzero(red & ~np.concatenate([[False], red[:-1]]))
-    if len(begins) == 0:
-        return float("inf")
-    return float(at - begins[np.argmin(np.abs(begins - at))]) * trace.tick_s
-
-
-def _find_line(spec: Spec, conflict: StagedConflict) -> NDArray[np.float64]:
-    """Find the end (2,) of the street from which an actor enters the junction."""
-    actor = conflict.actors[0]
-    if not actor.route:
-        return np.array(actor.path_m[1])
-    path = RoutePlanner(spec.road).build_path(actor.route, actor.lane)
-    return path.point_at(path.segments[0].end_m)
-
-
-def _find_deviations(
-    conflict: StagedConflict, encounter: Encounter, resolution: Resolution, lag_s: float
-) -> Iterator[str]:
-    outcome, offset_s = conflict.outcome, conflict.parameters["arrival_offset_s"]
-    collides = conflict.resolved_by == "nobody"
-    if (resolution.impact is not None) != collides:
-        yield "they do not touch" if collides else "they touch"
-    if needs_reaction(conflict) and not resolution.ego_evades:
-        yield f"the ego neither steers nor brakes with {EVASIVE_BRAKING_M_S2:g} m/s2"
-    if abs(lag_s - offset_s) > outcome.arrival_tolerance_s:
-        yield f"the actor comes {lag_s:.2f} s after the ego instead of {offset_s:.2f} s"
-    collision = {
-        "way": encounter.time_to_collision_on_way_s,
-        "velocity": encounter.time_to_collision_s,
-    }[outcome.keeping]
-    if collision is None or collision.value >= outcome.time_to_collision_below_s:
-        limit = f"{outcome.time_to_collision_below_s:g} s"
-        yield f"time to collision {_format_metric(collision)} is not below {limit}"
-    gap = encounter.post_encroachment_s
-    # Where both stop, the ego may arrive before the actor goes on.
-    may_lack_gap = collides or (gap is None and conflict.resolved_by == "both")
-    if outcome.post_encroachment_s is not None and not may_lack_gap:
-        low, high = outcome.post_encroachment_s
-        if gap is None or not low <= gap.value <= high:
-            limits = f"{low:g} to {high:g} s"
-            yield f"post-encroachment time {_format_metric(gap)} is not within {limits}"
-
-
-def _format_metric(metric: MetricAtTick | None) -> str:
-    return "(none)" if metric is None else f"{metric.value:.2f} s"
-
-
-def _find_meeting_point(
-    conflict: StagedConflict, ego: ActorTrack, actor: ActorTrack
-) -> NDArray[np.float64]:
-    """Find where (2,) the driven paths cross; the declared point if they do not."""
-    point = None
-    if conflict.outcome.keeping == "way" and len(actor.rows) > 1:
-        point = find_crossing(shapely.LineString(actor.centres), ego, conflict.point_m)
-    return np.array(conflict.point_m) if point is None else point
-
-
-def _find_arrival_row(
-    conflict: StagedConflict, ego: ActorTrack, actor: ActorTrack, point_m: NDArray[np.float64]
-) -> int:
-    """Find the row in which an actor arrives at a point, or next to it in an adjacent lane."""
-    gaps = actor.centres - point_m
-    near = np.linalg.norm(gaps, axis=1) < ADJACENT_LANE_GAP_M
-    if conflict.outcome.keeping != "velocity" or not near.any():
-        return actor.find_nearest_row(point_m)
-    # The actor passes in the other lane, so it arrives when it is level with the point.
-    yaw = ego.rows["yaw"][ego.find_nearest_row(point_m)]
-    ahead = np.abs(gaps @ np.array([np.cos(yaw), np.sin(yaw)]))
-    return int(np.argmin(np.where(near, ahead, np.inf)))
-
-
-def _find_ego_arrival_s(
-    spec: Spec,
-    conflict: StagedConflict,
-    encounter: Encounter,
-    ego: ActorTrack,
-    point_m: NDArray[np.float64],
-    tick_s: float,
-) -> float:
-    """Find when the ego is at a point, or would be had it not braked for the actor.
-
-    Its front, which SUMO drives and limits, turns on a wider curve than its centre, so the way that
-    is left is the front's.
-    """
-    place = spec.ego.place
-    last = find_undisturbed_row(encounter, ego, tick_s)
-    if conflict.resolved_by == "actor" or last is None or not isinstance(place, Vehicle):
-        return ego.find_passing_tick(point_m) * tick_s
-    fronts = ego.centres + ego.size[0] / 2 * ego.axes[:, 0]
-    row = ego.find_nearest_row(point_m)
-    end = fronts[row] + point_m - ego.centres[row]
-    # A track that ends before the point goes straight on.
-    points = [*fronts[last:], *[end] * (row == len(ego.rows) - 1)]
-    path = StationedPolyline.from_points(drop_repeated_points(np.array(points)))
-    end_m, _ = path.project_point(end)
-    left_s = compute_free_drive_s(
-        place,
-        path,
-        end_m,
-        first_m_s=float(ego.rows["speed"][last]),
-        top_m_s=conflict.parameters.get("ego_speed_km_h", np.inf) / KM_H_PER_M_S,
-    )
-    return float(ego.rows["tick"][last]) * tick_s + left_s
-
-
-def _find_steady_row(actor: ActorTrack, ego_at_s: float, tick_s: float) -> int | None:
-    """Find the last row of an actor's approach before it brakes; None if it has not come yet."""
-    approach = select_before(actor, ego_at_s, APPROACH_WINDOW_S, tick_s)
-    if len(approach) == 0:
-        return None
-    speeds = actor.rows["speed"][approach]
-    return int(approach[np.flatnonzero(speeds >= STEADY_SPEED_RATIO * speeds.max())[-1]])
-
-
-def _extrapolate_arrival_s(
-    track: ActorTrack, last: int | None, row: int, point_m: NDArray[np.float64], tick_s: float
-) -> float:
-    """Compute when one would be at a point, nearest in a row, at its speed of the row `last`."""
-    if last is None:
-        return float("inf")
-    rows = track.rows
-    left_m = rows["travelled"][row] - rows["travelled"][last]
-    # The point is between two ticks, or ahead of a track that ends before it.
-    left_m += (point_m - track.centres[row]) @ track.axes[row, 0]
-    return float(rows["tick"][last] * tick_s + left_m / max(rows["speed"][last], 0.1))
-
-
-@dataclass(frozen=True)
-class ConflictEvent:
-    """A moment of a staged conflict, for a viewer.
-
-    Attributes:
-        frame: Kept tick at which it happens.
-        text: What happens, for people.
-        point_m: Conflict point on the ground.
-        is_failure: Whether the conflict did not happen as declared.
-    """
-
-    frame: int
-    text: str
-    point_m: tuple[float, float]
-    is_failure: bool = False
-
-
-def find_conflict_events(spec: Spec, trace: Trace) -> tuple[ConflictEvent, ...]:
-    """Find the moments of all staged conflicts of a spec, by frame.
-
-    Raises:
-        RunError: An actor that takes part is not in the trace.
-    """
-    outcomes = zip(spec.conflicts, evaluate_outcomes(spec, trace), strict=True)
-    events = (
-        event
-        for conflict, outcome in outcomes
-        for event in _iter_outcome_events(outcome, conflict.point_m, trace.tick_s)
-    )
-    return tuple(sorted(events, key=lambda event: event.frame))
-
-
-def _iter_outcome_events(
-    outcome: ConflictOutcome, point_m: tuple[float, float], tick_s: float
-) -> Iterator[ConflictEvent]:
-    name = f"{outcome.id} ({outcome.conflict}), actor {outcome.actor}"
-    arrival = round(outcome.ego_at_s / tick_s)
-    impact = outcome.resolution.impact
-    if impact is not None:
-        yield ConflictEvent(impact.tick, f"{name}: collision, {impact}", point_m)
-    if outcome.happened:
-        yield ConflictEvent(arrival, f"{name}: the ego is at the conflict point", point_m)
-    else:
-        missed = "; ".join(outcome.missed)
-        yield ConflictEvent(arrival, f"{name}: not as declared: {missed}", point_m, is_failure=True)
-    metrics: tuple[tuple[str, str, MetricAtTick | None], ...] = (
-        ("minimum distance", "m", outcome.met.distance_m),
-        ("minimum time to collision on their paths", "s", outcome.met.time_to_collision_on_way_s),
-        ("minimum time to collision at the same velocities", "s", outcome.met.time_to_collision_s),
-        ("post-encroachment time", "s", outcome.met.post_encroachment_s),
-    )
-    for title, unit, metric in metrics:
-        if metric is not None:
-            yield ConflictEvent(metric.tick, f"{name}: {title} {metric.value:.2f} {unit}", point_m)
-
+from advercity.conflicts.metrics import BoxOverlap, Encounter, find_overlaps, measure_encounter
+from advercity.conflicts.outcome import ConflictOutcome, evaluate_outcomes
+from advercity.conflicts.resolution import EVASIVE_SHIFT_M, Resolution
+from advercity.frames import Trace
 
 ENCOUNTER_RANGE_M = 30.0
 """Distance within which an actor counts as met by the ego."""
@@ -480,7 +144,7 @@ def build_table_rows(reports: Iterable[TrafficReport]) -> list[dict[str, object]
 
 
 def format_markdown_table(reports: Sequence[TrafficReport]) -> str:
-    """Format the rows as a table in Markdown, the means over all scenarios below it."""
+    """Format the rows as a table in Markdown, means over all scenarios and counts below it."""
     table = build_table_rows(reports)
     counts = {
         "frames": [report.frames for report in reports],
@@ -490,8 +154,31 @@ def format_markdown_table(reports: Sequence[TrafficReport]) -> str:
     heads = list(table[0])
     means = {name: f"{np.mean(values):.1f}" for name, values in counts.items()}
     table.append({"scenario": "mean", **means})
+    table.append({"scenario": "count", **_count_outcomes(reports)})
     lines = [heads, ["---"] * len(heads), *([row.get(head, "") for head in heads] for row in table)]
     return "".join("| " + " | ".join(map(str, line)) + " |\n" for line in lines)
+
+
+HARD_BRAKING_M_S2 = 3.0
+"""Deceleration above which an ego counts as one that has to brake hard."""
+
+
+def _count_outcomes(reports: Iterable[TrafficReport]) -> dict[str, object]:
+    """Count over all conflicts; egos that brake hard or steer are below their braking."""
+    staged = [item for report in reports for item in report.staged]
+    evading = [
+        item
+        for item in staged
+        if item.resolution.ego_braking_m_s2 > HARD_BRAKING_M_S2
+        or (item.resolution.ego_aside_m or 0.0) >= EVASIVE_SHIFT_M
+    ]
+    return {
+        "conflict": f"{len(staged)}",
+        "outside": f"{sum(len(item.outside) for item in staged)}",
+        "ego m/s2": f"{len(evading)} over {HARD_BRAKING_M_S2:g} or aside",
+        "impact km/h": f"{sum(item.resolution.impact is not None for item in staged)}",
+        "happened": f"{sum(item.happened for item in staged)}",
+    }
 
 
 RESOLUTION_HEADS = ("ego m/s2", "ego aside m", "actor m/s2", "impact km/h")
@@ -509,7 +196,7 @@ def _build_conflict_cells(staged: ConflictOutcome | None) -> dict[str, object]:
     """Build the cells on a conflict, empty without one: measured values, declared in brackets."""
     parameter_heads = PARAMETER_HEADS.values()
     heads = (
-        *("conflict", "resolved by", *parameter_heads, "outside"),
+        *("conflict", "NHTSA type", "resolved by", *parameter_heads, "outside"),
         *(*METRIC_HEADS, *RESOLUTION_HEADS, "happened"),
     )
     if staged is None:
@@ -526,6 +213,7 @@ def _build_conflict_cells(staged: ConflictOutcome | None) -> dict[str, object]:
         **dict.fromkeys(heads, ""),
         **found,
         "conflict": staged.conflict,
+        "NHTSA type": staged.crash_types[0],
         "resolved by": staged.resolution.resolved_by,
         **_build_resolution_cells(staged.resolution),
         "outside": ", ".join(staged.outside),

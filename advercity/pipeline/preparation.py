@@ -12,7 +12,7 @@ from advercity_dsl import Spec
 
 from advercity.assets.model_store import open_model_store
 from advercity.compiler.assembly import is_edited
-from advercity.conflicts.report import evaluate_outcomes
+from advercity.conflicts.outcome import evaluate_outcomes
 from advercity.dataset.cloud_files import CloudEncoding
 from advercity.dataset.manifest import Identity, RendererIdentity
 from advercity.digests import compute_source_digest

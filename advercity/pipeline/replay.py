@@ -10,7 +10,7 @@ import numpy as np
 from advercity_dsl import Spec
 from numpy.typing import NDArray
 
-from advercity.conflicts.report import find_conflict_events
+from advercity.conflicts.events import find_conflict_events
 from advercity.dataset.agent_view import AgentView, Boxes, extract_measured
 from advercity.dataset.image_codec import MAX_DEPTH_CM
 from advercity.dataset.reader import Scenario

@@ -19,8 +19,8 @@ from advercity.conflicts.clearance import (
     find_ego_blockers,
     find_first_contact,
 )
+from advercity.conflicts.outcome import evaluate_outcomes
 from advercity.conflicts.reaction import EgoReaction, needs_plan, plan_reaction
-from advercity.conflicts.report import evaluate_outcomes
 from advercity.conflicts.schedule import ActorSchedule, DryRun, schedule_actors
 from advercity.conflicts.trajectories import build_lane_path, shift_laterally
 from advercity.errors import RunError

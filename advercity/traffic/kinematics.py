@@ -46,7 +46,7 @@ EMERGENCY_SMOOTHING_TICKS = 8
 """Ticks over which vehicles in an emergency, and staged people do; jerk stays below 20 m/s³."""
 EMERGENCY_M_S2 = 3.1
 """Change of speed that only an emergency calls for."""
-EMERGENCY_TICKS = (3, 11)
+EMERGENCY_TICKS = (7, 13)
 """Ticks from an emergency up to which driving is part of it, and from which on it is not."""
 WALKING_SMOOTHING_TICKS = 14
 """Ticks over which people turn, set out and stop.

@@ -17,7 +17,7 @@ import rerun as rr
 from advercity_dsl import Spec
 from numpy.typing import NDArray
 
-from advercity.conflicts.report import ConflictEvent
+from advercity.conflicts.events import ConflictEvent
 from advercity.dataset.image_codec import encode_jpeg, encode_label_png, to_semantic_colours
 from advercity.errors import InputError, RunError, describe_cause
 from advercity.geometry import poses

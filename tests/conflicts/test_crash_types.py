@@ -9,7 +9,7 @@ from advercity_dsl.conflict import StagedConflict
 
 from advercity.compiler.crossing import compile_library
 from advercity.conflicts.metrics import find_overlaps
-from advercity.conflicts.report import build_traffic_report
+from advercity.conflicts.report import build_table_rows, build_traffic_report
 from advercity.frames import Trace
 from advercity.roads.sumo_network import write_sumo_network
 from advercity.traffic.simulation import simulate_in_subprocess
@@ -34,6 +34,11 @@ def check_crash_type(spec: Spec, conflict: StagedConflict, trace: Trace) -> None
     ("name", "crash_type"),
     [
         ("ui_clear_day_dense", "nhtsa2019:30"),
+        # The other traces; weathers share them, so that these ten are those of all 110.
+        pytest.param("unj_clear_day_dense", "nhtsa2019:10", marks=pytest.mark.slow),
+        pytest.param("ri_clear_day_dense", "nhtsa2019:30", marks=pytest.mark.slow),
+        pytest.param("rsnj_clear_day_dense", "nhtsa2019:19", marks=pytest.mark.slow),
+        pytest.param("rcnj_clear_day_dense", "nhtsa2019:19", marks=pytest.mark.slow),
         ("ui_clear_day_sparse", "nhtsa2019:9"),
         ("unj_clear_day_sparse", "nhtsa2019:10"),
         ("ri_clear_day_sparse", "nhtsa2019:11"),
@@ -48,7 +53,9 @@ def test_the_scenarios_stage_what_they_say(
     trace = simulate(spec)
 
     (conflict,) = spec.conflicts
+    (row,) = build_table_rows([build_traffic_report(spec, trace, "")])
     assert name_crash_type(trace, EGO, conflict.actors[0].number) == crash_type
+    assert row["NHTSA type"] == crash_type
     check_crash_type(spec, conflict, trace)
 
 

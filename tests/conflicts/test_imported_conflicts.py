@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from advercity_dsl import RoadsideUnit, Spec, Vehicle
 
-from advercity.conflicts.report import evaluate_outcomes
+from advercity.conflicts.outcome import evaluate_outcomes
 from advercity.errors import InputError
 from advercity.roads.sumo_network import write_sumo_network
 from advercity.traffic.simulation import simulate_in_subprocess

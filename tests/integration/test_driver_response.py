@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from advercity.compiler import find_weather, to_json, with_weather
 from advercity.compiler.crossing import compile_library
 from advercity.conflicts.metrics import ActorTrack
-from advercity.conflicts.report import evaluate_outcomes
+from advercity.conflicts.outcome import evaluate_outcomes
 from advercity.frames import Trace
 from advercity.pipeline.cache import compute_traffic_key
 

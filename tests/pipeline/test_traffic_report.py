@@ -16,7 +16,7 @@ from advercity.cli import main
 from advercity.compiler import write_specs
 from advercity.conflicts.achieved_parameters import measure_parameters
 from advercity.conflicts.metrics import ActorTrack
-from advercity.conflicts.report import ConflictOutcome, evaluate_outcomes
+from advercity.conflicts.outcome import ConflictOutcome, evaluate_outcomes
 from advercity.errors import RunError
 from advercity.frames import STATE_DTYPE, Actor, Trace
 from advercity.pipeline import RunOptions, preparation
@@ -97,6 +97,7 @@ def crossing(offset_s: float, *, below_s: float = 3.0) -> tuple[StagedConflict, 
     staged = StagedConflict.model_construct(
         id="conflict_1",
         conflict="ped_nearside_crossing",
+        stages=("nhtsa2019:10",),
         actors=(actor,),
         point_m=(0.0, 0.0),
         parameters={"arrival_offset_s": offset_s},
@@ -229,8 +230,8 @@ def test_an_encroachment_is_how_far_the_body_is_over_the_middle_between_both_pat
         ego_at_s=2.0,
         lag_s=0.0,
         lane=shapely.LineString([(-50, 0), (50, 0)]),
+        since_red_s=np.inf,
         tick_s=0.1,
-        since_red_s=float("nan"),
     )
 
     assert found.achieved == pytest.approx(1.6)

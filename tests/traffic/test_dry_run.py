@@ -15,7 +15,7 @@ from advercity_dsl import Spec
 from advercity.compiler.crossing import compile_library
 from advercity.conflicts.clearance import Blockage
 from advercity.conflicts.metrics import ActorTrack, find_overlaps
-from advercity.conflicts.report import evaluate_outcomes
+from advercity.conflicts.outcome import evaluate_outcomes
 from advercity.conflicts.trajectories import compute_lateral_offsets
 from advercity.errors import RunError
 from advercity.frames import Trace

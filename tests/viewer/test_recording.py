@@ -15,7 +15,7 @@ from advercity_dsl import Spec
 from advercity_dsl.conflict import OutcomeCriteria, StagedActor, StagedConflict
 from rerun.chunk import RrdReader
 
-from advercity.conflicts.report import ConflictEvent, find_conflict_events
+from advercity.conflicts.events import ConflictEvent, find_conflict_events
 from advercity.errors import InputError, RunError
 from advercity.frames import STATE_DTYPE, Actor, Trace
 from advercity.geometry.poses import Matrix
@@ -285,6 +285,7 @@ def test_events_are_the_extremes_of_an_encounter(spec: Spec) -> None:
     staged = StagedConflict.model_construct(
         id="conflict_1",
         conflict="ped_crossing",
+        stages=("nhtsa2019:10",),
         actors=(StagedActor.model_construct(number=walker, behaviour="stops_short"),),
         point_m=(0.0, 0.0),
         parameters={"arrival_offset_s": 1.0},
