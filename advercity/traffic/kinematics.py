@@ -46,8 +46,10 @@ EMERGENCY_SMOOTHING_TICKS = 8
 """Ticks over which vehicles in an emergency, and staged people do; jerk stays below 20 m/s³."""
 EMERGENCY_M_S2 = 3.1
 """Change of speed that only an emergency calls for."""
-EMERGENCY_TICKS = (7, 13)
-"""Ticks from an emergency up to which driving is part of it, and from which on it is not."""
+TICKS_BEFORE_EMERGENCY, TICKS_AFTER_EMERGENCY = (7, 13), (10, 25)
+"""Ticks from an emergency up to which driving is part of it, and from which on it is not.
+
+Longer after it, where vehicles set out again: curves that are blended there wiggle."""
 WALKING_SMOOTHING_TICKS = 14
 """Ticks over which people turn, set out and stop.
 
@@ -246,8 +248,14 @@ def _weigh_emergencies(speed: NDArray[np.float64], tick_s: float) -> NDArray[np.
     hard = np.flatnonzero(np.abs(np.diff(speed, prepend=speed[0])) / tick_s > EMERGENCY_M_S2)
     if len(hard) == 0:
         return np.zeros(len(speed))
-    away = np.abs(np.arange(len(speed))[:, None] - hard).min(axis=1)
-    near, far = EMERGENCY_TICKS
+    since = np.arange(len(speed))[:, None] - hard
+    before = _blend_out(np.where(since <= 0, -since, len(speed)), *TICKS_BEFORE_EMERGENCY)
+    after = _blend_out(np.where(since >= 0, since, len(speed)), *TICKS_AFTER_EMERGENCY)
+    return np.maximum(before, after).max(axis=1)
+
+
+def _blend_out(away: NDArray[np.int64], near: int, far: int) -> NDArray[np.float64]:
+    """Compute weights: 1 where something is less than `near` away, 0 from `far` on."""
     return (1 + np.cos(np.pi * np.clip((away - near) / (far - near), 0.0, 1.0))) / 2
 
 
