@@ -20,7 +20,7 @@ def paint_new_asphalt(tile: Tile) -> Surface:
 def _paint_asphalt(tile: Tile, bareness: float) -> Surface:
     coarse, fine = tile.pack("coarse", 128, jitter=0.95), tile.pack("fine", 256, jitter=1.0)
     rough = tile.noise("rough", 0.025, slope=0.3)
-    worn = bareness * (1 + 0.15 * tile.noise("worn", 0.5, 0.05))
+    worn = bareness * (1 + 0.15 * tile.noise("worn", 0.2, 0.03))
     is_stone = ease(0.35, 0.75, tile.draw("is_stone", coarse) + 0.08 * rough)
     top = is_stone * ease(0.0004, 0.0026, coarse.edge_m + np.float32(0.0005) * rough)
     grit = ease(0.0, 0.0015, fine.edge_m) * ease(0.5, 0.9, tile.draw("is_grit", fine))
@@ -29,7 +29,7 @@ def _paint_asphalt(tile: Tile, bareness: float) -> Surface:
     stone = mix(stone, (0.17, 0.145, 0.12), ease(0.9, 0.93, tile.draw("warm", coarse)))
     binder = mix((0.05, 0.05, 0.052), (0.11, 0.109, 0.108), grit * (0.3 + 0.7 * worn))
     colour = mix(binder, stone, top * worn)
-    colour *= 1 + 0.13 * rough + 0.05 * tile.noise("stain", 0.6, 0.06)
+    colour *= 1 + 0.13 * rough + 0.04 * tile.noise("stain", 0.25, 0.04)
     height = 0.0011 * top + 0.0004 * grit + 0.0002 * rough
     return Surface(colour, height, 1 - 0.2 * top * worn)
 
@@ -92,7 +92,7 @@ def paint_grass(tile: Tile) -> Surface:
     colour = _colour_blades(tile, "dead", dead, (0.085, 0.075, 0.03), (0.19, 0.16, 0.07))
     colour[:, dead.label < 0] = np.array([[0.045], [0.045], [0.02]])
     height = np.where(dead.label < 0, 0, 0.002 + 0.001 * dead.along)
-    density = 0.7 + 0.3 * ease(-2.0, 0.5, tile.noise("density", 0.4, 0.04))
+    density = 0.7 + 0.3 * ease(-2.0, 0.5, tile.noise("density", 0.25, 0.03))
     for layer, level_m in enumerate((0.004, 0.007, 0.010)):
         blades = tile.strew(
             f"blades{layer}", 26_000, (0.025, 0.07), bend=0.45, width=1 + layer // 2
@@ -113,7 +113,7 @@ def paint_crops(tile: Tile) -> Surface:
     colour = _colour_blades(tile, "leaves", leaves, (0.10, 0.13, 0.03), (0.24, 0.26, 0.07))
     colour *= 0.4 + 0.45 * leaves.along
     height = 0.006 * leaves.along
-    thick = tile.noise("thick", 0.5, 0.05)
+    thick = tile.noise("thick", 0.25, 0.03)
     for layer in range(2):
         ears = tile.strew(f"ears{layer}", 9_000, (0.05, 0.10), bend=0.3, width=3)
         is_ear = (ears.label >= 0) & (tile.draw(f"grows{layer}", ears) < 0.7 + 0.07 * thick)

@@ -8,7 +8,7 @@ from advercity.assets.maps.tile import Tile, compute_length, ease
 
 def paint_concrete(tile: Tile) -> Surface:
     """Paint concrete cast against smooth forms: clouds of cement, pores, faint runs of water."""
-    cloud = tile.noise("cloud", 0.5, 0.04, slope=0.6)
+    cloud = tile.noise("cloud", 0.3, 0.04, slope=0.6)
     grit, fine = tile.noise("grit", 0.08, 0.008, slope=0.2), tile.noise("fine", 0.012, slope=0.0)
     runs = tile.noise("runs", 0.2, 0.01, stretch=(1.0, 8.0))
     pores = tile.scatter("pores", 128, (0.0006, 0.0035), present=0.12)
