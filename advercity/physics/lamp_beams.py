@@ -5,6 +5,7 @@ evaluates them here, and renderers are to take their shaders' constants from the
 Intensities are relative to the peak of a lamp.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
@@ -88,6 +89,30 @@ class LampBeam:
         sideways = (h - self.peak_right_deg) / self.horizontal_sigma_deg
         return np.where(np.abs(h) < 90.0, light * np.exp(-(sideways**2) / 2.0), 0.0)
 
+    @property
+    def equivalent_height_deg(self) -> float:
+        """Height below the cut-off of an even beam as bright as the peak, with the same light."""
+        peak = self.peak_below_cutoff_deg / self.below_width_deg
+        return self.below_width_deg * math.sqrt(math.pi) / 2.0 * (1.0 + math.erf(peak))
+
+    def scattered_intensity(
+        self, facing: FloatArray, rays: FloatArray, spread_deg: FloatArray
+    ) -> FloatArray:
+        """Compute `relative_intensity` after droplets have deflected all light a little.
+
+        The cut-off dissolves over the spread (...) of `DropletPhaseLobes.forward_spread_rad`; the
+        beam is so wide that only its height matters, for which an even beam of
+        `equivalent_height_deg` is taken.
+        """
+        h, v = _angles_off_axis_deg(facing, rays)
+        above = v + self.cutoff_drop_deg - np.clip(self.kink_slope * h, 0.0, self.kink_max_deg)
+        light = _fraction_beyond(above / spread_deg)
+        light -= _fraction_beyond((above + self.equivalent_height_deg) / spread_deg)
+        stray = np.exp(-((np.maximum(v, 0.0) / self.above_width_deg) ** 2))
+        light += self.stray_fraction * stray * _fraction_beyond(-above / spread_deg)
+        sideways = (h - self.peak_right_deg) / self.horizontal_sigma_deg
+        return np.where(np.abs(h) < 90.0, light * np.exp(-(sideways**2) / 2.0), 0.0)
+
 
 LOW_BEAM = LampBeam(
     cutoff_drop_deg=0.57,
@@ -145,6 +170,15 @@ LENS = LensBeam(falloff=1.0 - np.cos(np.radians(12.0)))
 Between what UN R148 demands of vehicles' lamps (0.2 at 10 degrees, 0.1 at 20) and what EN 12368
 demands of wide signals.
 """
+
+
+def _fraction_beyond(spreads: FloatArray) -> FloatArray:
+    """Compute the fraction (...) of light that is deflected farther to one side than `spreads`.
+
+    The integral of a Cauchy distribution's over all scales up to the spread.
+    """
+    square = np.maximum(spreads**2, 1e-12)
+    return 0.5 - (np.arctan(spreads) + 0.5 * spreads * np.log1p(1.0 / square)) / math.pi
 
 
 def intensity_towards(lamps: Sequence[LightSource], rays: FloatArray) -> FloatArray:

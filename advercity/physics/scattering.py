@@ -1,11 +1,19 @@
-"""Single scattering of light by particles in the air.
+"""Scattering of light by particles in the air.
 
 Phase functions are per steradian, by the cosine of the scattering angle.
+
+Droplets scatter half of the light by about a degree. On a path from one point to another such
+deflections add up: at small angles a Henyey-Greenstein lobe is a two-dimensional Cauchy
+distribution, whose scales add, and a deflection counts the more the farther from the end of the
+path it happens. What has been scattered so lies within an angle of k spreads with a probability of
+1 + k - sqrt(1 + k²), which is exact for one scattering anywhere on the path.
 """
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+
+import numpy as np
 
 from advercity.geometry.arrays import FloatArray
 
@@ -50,6 +58,30 @@ class DropletPhaseLobes:
     def narrow_fraction(self) -> float:
         """Fraction of the scattered light in the narrow lobe."""
         return 1.0 - self.wide_fraction
+
+    @property
+    def narrow_scale_rad(self) -> float:
+        """Scale of the narrow lobe's deflections, as a Cauchy distribution of small angles."""
+        return (1.0 - self.narrow_g) / math.sqrt(self.narrow_g)
+
+    def forward_spread_rad(self, depth: FloatArray) -> FloatArray:
+        """Compute the spread (...) of light that paths of optical depths (...) deflect little.
+
+        `depth` is of the narrow lobe alone, above 0; light that is not scattered does not count.
+        """
+        return self.narrow_scale_rad * depth / -np.expm1(-depth)
+
+    def fraction_kept(self, depth: FloatArray, radius_rad: FloatArray) -> FloatArray:
+        """Compute the fraction (...) of its light that a disc keeps in the middle of its image.
+
+        The disc has an angular radius (...) and is seen through an optical depth (...) of all
+        scattering: light of the wide lobe is lost, that of the narrow one only beyond the radius.
+        """
+        narrow = self.narrow_fraction * depth
+        spreads = radius_rad / self.forward_spread_rad(narrow)
+        within = 1.0 + spreads - np.sqrt(1.0 + spreads**2)
+        unscattered = np.exp(-narrow)
+        return np.exp(-self.wide_fraction * depth) * (unscattered + (1.0 - unscattered) * within)
 
     def wide_phase(self, cosine: FloatArray) -> FloatArray:
         """Evaluate the phase function (n,) of the wide lobe alone."""

@@ -1,96 +1,207 @@
-"""Light that fog scatters out of vehicles' beams, onto whatever is around them.
+"""Light that fog has scattered out of vehicles' beams, in the space around them.
 
-Where fog scatters little, the light that it scatters out of a beam has no length of its own: at a
-point seen from the lamp along a unit ray it is the peak's illuminance there, times the optical
-depth up to there, times a quantity of the ray alone. That quantity is tabled; the shader uses the
-light that the beam has lost up to there for the optical depth, so that no light is counted twice.
+Fog by night glows mostly with light that is scattered several times: most of what a camera gets back
+from its own beams turned in two or three steps. A few ten thousand photons of a beam are followed
+over level ground, and their flow and fluence recorded on a grid that is fine near the lamp. As
+everywhere in these shaders, light that droplets deflect by the narrow lobe counts as not scattered.
 """
 
 import math
 from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 
-from advercity.geometry.arrays import Float32Array, FloatArray
+from advercity.geometry.arrays import Float32Array, Float64Array, FloatArray
 from advercity.physics.lamp_beams import FRONT_FOG_BEAM, LOW_BEAM, LampBeam
 from advercity.physics.scattering import DropletPhaseLobes
-from advercity_sapien.shader_table import COLUMNS, FOG_BEAM_RINGS, FOG_BEAM_SPOKES
+from advercity.physics.sky import GROUND_ALBEDO
+from advercity.randomness import create_generator
+from advercity.rendering.light_sources import FOG_LAMP_HEIGHT_M, FOG_LAMP_TILT_RAD, LAMP_HEIGHT_M
+from advercity_sapien.shader_table import COLUMNS, FOG_BEAM_NODES
 
 DROPLET_UM = 12.0
 """Droplet diameter of every fog by night, in the shaders too; a weather's own is for daylight."""
-BEAM_HALF_WIDTH_RAD, BEAM_BOTTOM_RAD, BEAM_TOP_RAD = np.radians([60.0, -14.0, 8.0])
+LOW_CORNER_M, HIGH_CORNER_M = (-30.0, 0.0, 0.0), (120.0, 60.0, 40.0)
+"""Extent of the grid: ahead of the lamp, to either side, and above the ground."""
+PHOTONS, MAX_SCATTERINGS = 60_000, 12
+MAX_PATH_M = 150.0
+"""Distance from which light does not come back."""
+EXTINCTION_RATIO = 1.05
+"""Ratio of neighbouring extinctions that have tables of their own."""
+BEAM_HALF_WIDTH_RAD, BEAM_BOTTOM_RAD, BEAM_TOP_RAD = np.radians([60.0, -14.0, 30.0])
 """Extent of the sampled beam to either side, down and up."""
-STEP_HORIZONTAL_RAD, STEP_VERTICAL_RAD = np.radians([2.0, 0.25])
-MIN_ANGLE_RAD = np.radians(0.26)
-"""Least angle between a point and a ray of the beam: about half a step, as rays have a width."""
-MIN_RAY_FRACTION = 3e-3
-"""Rays with less of the strongest ray's light are left out."""
+STEP_HORIZONTAL_RAD, STEP_VERTICAL_RAD = np.radians([1.0, 0.1])
 PHASE_STEPS = 4000
-BEAM_AXIS = np.array([[1.0, 0.0, 0.0]])
+
+Generator = np.random.Generator
+
+
+def compute_fog_beam_rows(extinction_per_m: float) -> Float32Array:
+    """Compute the table's rows (rows, COLUMNS, 4) of low beams, then those of front fog lamps.
+
+    Texels are flow ahead, to the right and up, and fluence, in 1/m² per candela of the peak; nodes
+    follow each other upwards, then to the right, then ahead. Takes a second of processor time.
+    """
+    step = round(math.log(max(extinction_per_m, 1e-6)) / math.log(EXTINCTION_RATIO))
+    return _compute_rows(step)
 
 
 @cache
-def compute_fog_beam_rows() -> Float32Array:
-    """Compute the table's rows (2, COLUMNS, 4): flow along the axis, right and up, and fluence.
+def _compute_rows(extinction_step: int) -> Float32Array:
+    wide_fraction = DropletPhaseLobes.from_diameter_um(DROPLET_UM).wide_fraction
+    extinction = wide_fraction * EXTINCTION_RATIO**extinction_step
+    grids = [
+        trace_beam(LOW_BEAM, LAMP_HEIGHT_M, 0.0, extinction),
+        trace_beam(FRONT_FOG_BEAM, FOG_LAMP_HEIGHT_M, FOG_LAMP_TILT_RAD, extinction),
+    ]
+    return np.concatenate([grid.reshape(-1, COLUMNS, 4) for grid in grids])
 
-    The first row is of low beams, the second of front fog lamps. Takes about a second.
+
+def trace_beam(
+    beam: LampBeam, height_m: float, tilt_rad: float, extinction_per_m: float
+) -> Float32Array:
+    """Trace light of a beam over level ground: flow and fluence (nodes ahead, right, up, 4).
+
+    The extinction coefficient is that of the wide lobe. Light that has not been scattered is left
+    out.
     """
-    rows = np.stack([_integrate_fog_beam(LOW_BEAM), _integrate_fog_beam(FRONT_FOG_BEAM)])
-    return rows.reshape(2, COLUMNS, 4).astype(np.float32)
+    generator = create_generator("sapien", "fog_beam", height_m, extinction_per_m)
+    ray, lumens = _draw_rays(beam, tilt_rad, generator)
+    position = np.zeros_like(ray)
+    position[:, 2] = height_m
+    # Each photon is scattered on its first segment, and weighs what is scattered there.
+    ends = np.minimum(_distance_to_ground(position, ray), MAX_PATH_M)
+    scattered = -np.expm1(-extinction_per_m * ends)
+    light = lumens * scattered
+    first = -np.log1p(-generator.random(len(ray)) * scattered) / extinction_per_m
+    position += first[:, None] * ray
+    ray = _scatter(ray, generator)
+    grid = np.zeros((math.prod(FOG_BEAM_NODES), 4))
+    for _ in range(MAX_SCATTERINGS):
+        length = generator.exponential(1.0 / extinction_per_m, len(ray))
+        ground = _distance_to_ground(position, ray)
+        meets_ground = ground < length
+        length = np.minimum(np.minimum(length, ground), MAX_PATH_M)
+        # One point of a segment represents it: its expected value is that of all.
+        passed = position + (generator.random(len(ray)) * length)[:, None] * ray
+        _add_to_grid(grid, passed, ray, light * length)
+        position += length[:, None] * ray
+        ray = np.where(meets_ground[:, None], _reflect(len(ray), generator), _scatter(ray, generator))
+        kept = (generator.random(len(ray)) < GROUND_ALBEDO) | ~meets_ground
+        kept &= np.linalg.norm(position, axis=1) < MAX_PATH_M
+        position, ray, light = position[kept], ray[kept], light[kept]
+    grid = grid.reshape(*FOG_BEAM_NODES, 4) / _node_volumes()[..., None]
+    # Light ends softly where the grid does.
+    grid[[0, -1]] = grid[:, -1] = grid[:, :, -1] = 0.0
+    return grid.astype(np.float32)
 
 
-def _integrate_fog_beam(lamp_beam: LampBeam) -> FloatArray:
-    """Integrate the scattered light of a beam along x by ring and spoke, (RINGS * SPOKES, 4)."""
-    beam, light = _sample_beam_rays(lamp_beam)
-    directions = _table_directions()
-    cosine = np.clip(directions @ beam.T, -1.0, 1.0)
-    angle = np.maximum(np.arccos(cosine), MIN_ANGLE_RAD)
-    sine = np.maximum(np.sin(angle), np.sin(MIN_ANGLE_RAD))
-    fluence, along, across = light / sine * _integrate_phase_beyond(angle)
-    # Scattered light goes on along the beam and away from it, in the plane of beam and point.
-    across /= sine
-    flow = (along - across * cosine) @ beam + across.sum(axis=1)[:, None] * directions
-    forward, left, up = flow.T
-    return np.stack([forward, -left, up, fluence.sum(axis=1)], axis=-1)
+def _draw_rays(
+    beam: LampBeam, tilt_rad: float, generator: Generator
+) -> tuple[Float64Array, Float64Array]:
+    """Draw unit rays (n, 3) in proportion to a beam's light, and the lumens (n,) of each.
 
-
-def _sample_beam_rays(lamp_beam: LampBeam) -> tuple[FloatArray, FloatArray]:
-    """Sample unit rays (n, 3) of a beam, and the light (n,) of each: peak intensity times sr."""
+    Of a peak of one candela; the axis is level along x but for its tilt.
+    """
     h = np.arange(-BEAM_HALF_WIDTH_RAD, BEAM_HALF_WIDTH_RAD, STEP_HORIZONTAL_RAD)
-    h += STEP_HORIZONTAL_RAD / 2.0
-    v = np.arange(BEAM_BOTTOM_RAD, BEAM_TOP_RAD, STEP_VERTICAL_RAD) + STEP_VERTICAL_RAD / 2.0
+    v = np.arange(BEAM_BOTTOM_RAD, BEAM_TOP_RAD, STEP_VERTICAL_RAD)
     horizontal, vertical = (item.ravel() for item in np.meshgrid(h, v))
-    level = np.cos(vertical)
-    rays = np.stack(
-        [level * np.cos(horizontal), level * np.sin(horizontal), np.sin(vertical)], axis=-1
+    rays = _unit_rays(horizontal, vertical)
+    light = beam.relative_intensity(np.array([[1.0, 0.0, 0.0]]), rays[None])[0] * np.cos(vertical)
+    cumulative = np.cumsum(light)
+    drawn = np.searchsorted(
+        cumulative, (np.arange(PHOTONS) + generator.random(PHOTONS)) / PHOTONS * cumulative[-1]
     )
-    # Float32 halves the time of some millions of angles; the table has no more digits.
-    rays = rays.astype(np.float32)
-    relative = lamp_beam.relative_intensity(BEAM_AXIS, rays[None])[0]
-    light = (relative * level * STEP_HORIZONTAL_RAD * STEP_VERTICAL_RAD).astype(np.float32)
-    is_strong = light > MIN_RAY_FRACTION * light.max()
-    return rays[is_strong], light[is_strong]
+    shift = generator.random((2, PHOTONS)) - 0.5
+    rays = _unit_rays(
+        horizontal[drawn] + shift[0] * STEP_HORIZONTAL_RAD,
+        vertical[drawn] + shift[1] * STEP_VERTICAL_RAD - tilt_rad,
+    )
+    lumens = cumulative[-1] * STEP_HORIZONTAL_RAD * STEP_VERTICAL_RAD / PHOTONS
+    return rays, np.full(PHOTONS, lumens)
 
 
-def _table_directions() -> FloatArray:
-    """Compute unit directions (RINGS * SPOKES, 3) to the points of the table; y is to the left."""
-    off_axis = math.pi * (np.arange(FOG_BEAM_RINGS) / (FOG_BEAM_RINGS - 1)) ** 2
-    azimuth = 2.0 * math.pi * np.arange(FOG_BEAM_SPOKES) / FOG_BEAM_SPOKES
-    off_axis, azimuth = (item.ravel() for item in np.meshgrid(off_axis, azimuth, indexing="ij"))
-    sine = np.sin(off_axis)
-    directions = [np.cos(off_axis), -sine * np.cos(azimuth), sine * np.sin(azimuth)]
-    return np.stack(directions, axis=-1).astype(np.float32)
+def _unit_rays(left_rad: FloatArray, up_rad: FloatArray) -> Float64Array:
+    level = np.cos(up_rad)
+    return np.stack([level * np.cos(left_rad), level * np.sin(left_rad), np.sin(up_rad)], axis=-1)
 
 
-def _integrate_phase_beyond(angle_rad: FloatArray) -> FloatArray:
-    """Integrate the phase function's wide lobe over all scattering angles beyond some (...).
+def _distance_to_ground(position: Float64Array, ray: Float64Array) -> Float64Array:
+    down = np.maximum(-ray[:, 2], 1e-9)
+    return np.where(ray[:, 2] < 0.0, position[:, 2] / down, np.inf)
 
-    This is what an endless ray sends to a point so far off it: (3, ...) in all, along the ray, and
-    away from it.
+
+def _scatter(ray: Float64Array, generator: Generator) -> Float64Array:
+    """Draw directions (n, 3) of light from rays (n, 3) after a scattering by the wide lobe."""
+    cosine = np.cos(np.linspace(0.0, math.pi, PHASE_STEPS))
+    phase = DropletPhaseLobes.from_diameter_um(DROPLET_UM).wide_phase(cosine)
+    cumulative = np.cumsum(phase * np.sqrt(1.0 - cosine**2))
+    drawn = np.interp(generator.random(len(ray)) * cumulative[-1], cumulative, cosine)
+    turn = generator.random(len(ray)) * 2.0 * math.pi
+    # Any two vectors that are perpendicular to a ray.
+    helper = np.where(np.abs(ray[:, 2:]) < 0.9, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]])
+    across = np.cross(helper, ray)
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    other = np.cross(ray, across)
+    sine = np.sqrt(1.0 - drawn**2)
+    return (
+        drawn[:, None] * ray
+        + (sine * np.cos(turn))[:, None] * across
+        + (sine * np.sin(turn))[:, None] * other
+    )
+
+
+def _reflect(count: int, generator: Generator) -> Float64Array:
+    """Draw directions (n, 3) of light from Lambertian ground."""
+    ray = generator.normal(size=(count, 3))
+    ray /= np.linalg.norm(ray, axis=1, keepdims=True)
+    ray[:, 2] += 1.0
+    return ray / np.maximum(np.linalg.norm(ray, axis=1, keepdims=True), 1e-9)
+
+
+def grid_corners() -> tuple[Float64Array, Float64Array]:
+    """Compute the roots (3,) of the grid's corners: nodes are evenly spaced in roots of metres."""
+    low, high = np.array(LOW_CORNER_M), np.array(HIGH_CORNER_M)
+    return np.sign(low) * np.sqrt(np.abs(low)), np.sqrt(high)
+
+
+def _add_to_grid(
+    grid: Float64Array, position: Float64Array, ray: Float64Array, light: Float64Array
+) -> None:
+    """Add lumens times metres (n,) along rays (n, 3) to the nodes (nodes, 4) around points (n, 3).
+
+    Beams are taken as symmetric: what is on the left counts as on the right, mirrored.
     """
-    width = math.pi / PHASE_STEPS
-    turn = (np.arange(PHASE_STEPS) + 0.5) * width
-    wide = DropletPhaseLobes.from_diameter_um(DROPLET_UM).wide_phase(np.cos(turn)) * width
-    scattered = np.stack([wide, wide * np.cos(turn), wide * np.sin(turn)])
-    sums = np.cumsum(scattered[:, ::-1], axis=1)[:, ::-1].astype(np.float32)
-    return sums[:, np.minimum((angle_rad / width).astype(int), PHASE_STEPS - 1)]
+    low, high = grid_corners()
+    right = np.stack([position[:, 0], np.abs(position[:, 1]), np.maximum(position[:, 2], 0.0)], 1)
+    flow_right = np.where(position[:, 1] > 0.0, ray[:, 1], -ray[:, 1])
+    root = np.sign(right) * np.sqrt(np.abs(right))
+    nodes = np.array(FOG_BEAM_NODES)
+    place = (root - low) / (high - low) * (nodes - 1)
+    inside = np.flatnonzero(((place >= 0.0) & (place < nodes - 1)).all(axis=1))
+    place = place[inside]
+    flow = np.stack([ray[:, 0], flow_right, ray[:, 2], np.ones(len(ray))], axis=1)[inside]
+    flow *= light[inside, None]
+    first = place.astype(int)
+    part = place - first
+    for corner in np.ndindex(2, 2, 2):
+        weight = np.where(np.array(corner) > 0, part, 1.0 - part).prod(axis=1)
+        index = np.ravel_multi_index(tuple((first + corner).T), FOG_BEAM_NODES)
+        for component in range(4):
+            grid[:, component] += np.bincount(index, weight * flow[:, component], len(grid))
+
+
+def _node_volumes() -> NDArray[np.float64]:
+    """Compute the volumes (nodes ahead, right, up) that nodes represent, m³, both sides together."""
+    low, high = grid_corners()
+    lengths: list[Float64Array] = []
+    for axis, count in enumerate(FOG_BEAM_NODES):
+        fine = np.linspace(0.0, count - 1.0, (count - 1) * 64 + 1)
+        root = low[axis] + (high[axis] - low[axis]) * fine / (count - 1)
+        metres = np.diff(np.sign(root) * root**2)
+        middle = (fine[1:] + fine[:-1]) / 2.0
+        hat = np.maximum(1.0 - np.abs(middle - np.arange(count)[:, None]), 0.0)
+        lengths.append(hat @ metres)
+    ahead, right, up = lengths
+    return 2.0 * ahead[:, None, None] * right[:, None] * up

@@ -8,7 +8,6 @@ may be seen in its tile of the image. Lamps fade to nothing where lists end, so 
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from advercity.geometry.arrays import Float32Array, FloatArray
 from advercity.physics.atmosphere import Atmosphere
@@ -42,7 +41,7 @@ LOW_BEAM_SIGMA_RAD = np.radians(LOW_BEAM.horizontal_sigma_deg)
 """Horizontal spread of a low beam; front fog lamps are wider, which only costs list entries."""
 STRAY_BEAM_FRACTION = 0.1
 """Fraction of a beam's peak that leaves it upwards and to the sides, into the eyes of others."""
-FOG_BEAM_LENGTH_M, MAX_NEARBY_BEAMS, BEAM_VISIBLE_RANGE_M = 40.0, 4, 60.0
+FOG_BEAM_LENGTH_M, MAX_NEARBY_BEAMS, BEAM_VISIBLE_RANGE_M = 40.0, 8, 60.0
 """Length of a beam in fog; number of beams that are seen from all sides, and from how far."""
 BEAM_LUMINANCE_FACTOR = 4e-3
 """Luminance of a beam seen from behind, by its peak and the extinction (weather reference)."""
@@ -145,8 +144,10 @@ class LampLists:
         left = np.exp(-self._extinction * distance)
         glow = HALO_COEFFICIENT * self._intensity_towards(eye) * self._extinction * left / distance
         angle = np.radians((glow / self._faint_cd_m2) ** (1.0 / HALO_EXPONENT))
-        around = (angle > HALO_MAX_RAD) | self._find_nearby_beams(eye)
-        min_cosine = np.where(around, NO_ANGLE_LIMIT, np.cos(np.minimum(angle, HALO_MAX_RAD)))
+        nearness = np.where(angle > HALO_MAX_RAD, 1.0, self._compute_nearness(eye))
+        around = nearness > 0.0
+        limit = np.cos(np.minimum(angle, HALO_MAX_RAD))
+        min_cosine = np.where(around, NO_ANGLE_LIMIT - 1.0 + nearness, limit)
 
         rays, radius = _compute_tile_rays(view)
         directions = (away / distance[:, None]).astype(np.float32)
@@ -182,16 +183,23 @@ class LampLists:
             LENS.relative_intensity(np.cos(off_axis)),
         )
 
-    def _find_nearby_beams(self, eye: FloatArray) -> NDArray[np.bool_]:
-        """Find the few beams (n,) that cross the air around an eye (3,): each is in every tile."""
+    def _compute_nearness(self, eye: FloatArray) -> FloatArray:
+        """Compute how much (n,) of beams around an eye (3,) is seen from all sides, 0 to 1.
+
+        The few nearest ones are in every tile, and fade with their distance, so that none of them
+        begins or ends suddenly.
+        """
         away = eye - self._position
         along = np.clip((away * self._facing).sum(axis=1), 0.0, FOG_BEAM_LENGTH_M)
         distance = np.linalg.norm(away - along[:, None] * self._facing, axis=1)
         shown = BEAM_LUMINANCE_FACTOR * self._intensity_cd * self._extinction > self._faint_cd_m2
-        distance[~self._is_beam | (distance > BEAM_VISIBLE_RANGE_M) | ~shown] = np.inf
-        near = np.zeros(len(distance), dtype=bool)
-        near[np.argsort(distance, kind="stable")[:MAX_NEARBY_BEAMS]] = True
-        return near & np.isfinite(distance)
+        distance[~self._is_beam | ~shown] = np.inf
+        order = np.argsort(distance, kind="stable")
+        ends_m = BEAM_VISIBLE_RANGE_M
+        if len(order) > MAX_NEARBY_BEAMS:
+            ends_m = min(ends_m, float(distance[order[MAX_NEARBY_BEAMS]]))
+        fade = np.clip(1.0 - (distance / max(ends_m, 1e-3)) ** 4, 0.0, 1.0)
+        return np.where(np.isfinite(distance), fade, 0.0)
 
 
 def _beam_fraction(aside_rad: FloatArray) -> FloatArray:

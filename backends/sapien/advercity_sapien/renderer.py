@@ -89,8 +89,7 @@ class SapienRenderer:
             shelter_map_extent=shelter.extent,
         )
         self._write_light_parameters(atmosphere)
-        if atmosphere.night:
-            self._table.section("fog_beams")[:] = compute_fog_beam_rows()
+        self._write_fog_beams(atmosphere)
         self._lamps = LampLists([], atmosphere)
         self._frame_index = 0
 
@@ -108,6 +107,7 @@ class SapienRenderer:
         self._discard_pending()
         self._atmosphere = atmosphere
         self._table.set_parameters(**compute_air_parameters(atmosphere))
+        self._write_fog_beams(atmosphere)
         if atmosphere.sky is not before.sky:
             self._probes = self._bake_probes(atmosphere)
             self._bindings.upload_maps(self._build_light_maps(atmosphere))
@@ -132,6 +132,11 @@ class SapienRenderer:
             probe_map_extent=self._probes.extent,
             probe_open_direction=self._probes.open_direction,
         )
+
+    def _write_fog_beams(self, atmosphere: Atmosphere) -> None:
+        if atmosphere.night:
+            rows = compute_fog_beam_rows(atmosphere.extinction.at_550nm)
+            self._table.section("fog_beams")[:] = rows
 
     def place(self, frame: Frame) -> None:
         """Move every actor to its pose in `frame`, and switch lamps and signals."""

@@ -15,16 +15,18 @@ from pathlib import Path
 import numpy as np
 
 from advercity.frames import Lamp, Signal
+from advercity.geometry.arrays import Float64Array
 from advercity.materials import Texture
 from advercity.physics import water
 from advercity.physics.lamp_beams import FRONT_FOG_BEAM, LENS, LOW_BEAM, LampBeam, LampPattern
 from advercity.physics.scattering import DropletPhaseLobes
+from advercity.rendering.light_sources import FOG_LAMP_HEIGHT_M, LAMP_HEIGHT_M
 from advercity_sapien.atmosphere_parameters import NO_WATER_LEVEL
-from advercity_sapien.fog_beams import DROPLET_UM
+from advercity_sapien.fog_beams import DROPLET_UM, grid_corners
 from advercity_sapien.ground_maps import NEUTRAL_WEAR, WEAR_STEPS
 from advercity_sapien.lamp_lists import MIRROR_HALF_ANGLE_RAD, NO_ANGLE_LIMIT
 from advercity_sapien.light_probes import LEVEL_HEIGHTS_M
-from advercity_sapien.shader_table import format_scene_textures_glsl, format_table_glsl
+from advercity_sapien.shader_table import FOG_BEAM_NODES, format_scene_textures_glsl, format_table_glsl
 
 SHADER_FOLDER = Path(__file__).parent / "shaders"
 NEAR_M, FAR_M = 0.1, 3000.0
@@ -52,6 +54,7 @@ BEAM_FIELDS: dict[str, Callable[[LampBeam], float]] = {
     "cutoffSoftness": lambda beam: beam.cutoff_softness_deg,
     "stray": lambda beam: beam.stray_fraction,
     "peakBelowCutoff": lambda beam: beam.peak_below_cutoff_deg,
+    "equivalentHeight": lambda beam: beam.equivalent_height_deg,
     "peakRight": lambda beam: beam.peak_right_deg,
     # Divisors of squared angles, so that the shader does not square constants for every sample.
     "belowSquared": lambda beam: beam.below_width_deg**2,
@@ -101,14 +104,20 @@ def _format_constants() -> Iterator[str]:
             "WATER_EXTERNAL_REFLECTANCE": _float(water.DIFFUSE_EXTERNAL_REFLECTANCE, 4),
             "WATER_INTERNAL_REFLECTANCE": _float(water.DIFFUSE_INTERNAL_REFLECTANCE, 4),
             "DROPLET_NARROW_G": _float(lobes.narrow_g),
+            "DROPLET_NARROW_SCALE": _float(lobes.narrow_scale_rad),
             "DROPLET_WIDE_G": _float(lobes.wide_g),
             "DROPLET_WIDE_A": _float(lobes.wide_a),
             "DROPLET_WIDE_FRACTION": _float(lobes.wide_fraction, 3),
+            "LAMP_HEIGHT": _float(LAMP_HEIGHT_M),
+            "FOG_LAMP_HEIGHT": _float(FOG_LAMP_HEIGHT_M),
             "LENS_FALLOFF": _float(LENS.falloff),
             "LENS_SIDE_FRACTION": _float(LENS.at_right_angle, 5),
         }.items()
     )
 
+    low, high = grid_corners()
+    yield f"const vec3 FOG_BEAM_FIRST = {_format_vector(low)};"
+    yield f"const vec3 FOG_BEAM_PER_ROOT = {_format_vector((np.array(FOG_BEAM_NODES) - 1) / (high - low))};"
     yield f"const int PROBE_LEVELS = {len(LEVEL_HEIGHTS_M)};"
     heights = ", ".join(map(_float, LEVEL_HEIGHTS_M))
     yield f"const float PROBE_HEIGHTS[PROBE_LEVELS] = float[]({heights});"
@@ -120,6 +129,10 @@ def _format_constants() -> Iterator[str]:
 def _format_beam(name: str, beam: LampBeam) -> str:
     values = ", ".join(_float(field(beam)) for field in BEAM_FIELDS.values())
     return f"const LampBeam {name} = LampBeam({values});"
+
+
+def _format_vector(values: Float64Array) -> str:
+    return f"vec3({', '.join(_float(float(value)) for value in values)})"
 
 
 def _format_integers(prefix: str, values: Mapping[str, int]) -> Iterator[str]:

@@ -9,7 +9,7 @@ The renderer works in kcd/m² and klx, so that no value is far from 1.
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import accumulate
-from math import ceil
+from math import ceil, prod
 from typing import Any, Literal
 
 import numpy as np
@@ -22,11 +22,11 @@ KILO = 1e-3
 COLUMNS = 512
 GRID_CELLS, LAMPS_PER_CELL = 32, 16
 """Cells along each edge of the ground that has lamps."""
-TILES_HIGH, TILES_WIDE, LAMPS_PER_TILE = 18, 32, 12
+TILES_HIGH, TILES_WIDE, LAMPS_PER_TILE = 18, 32, 16
 """Tiles of an image."""
 BEARINGS, LAMPS_PER_BEARING = 64, 8
 """Sectors of the horizon, counterclockwise from -180 degrees."""
-FOG_BEAM_RINGS, FOG_BEAM_SPOKES = 16, 32
+FOG_BEAM_NODES = 16, 16, 8
 """Directions off a beam's axis: rings by the square root of the angle, spokes from right to up."""
 
 
@@ -115,7 +115,7 @@ SECTIONS = (
     Section("cells", GRID_CELLS**2 * LAMPS_PER_CELL // 4),
     Section("tiles", TILES_HIGH * TILES_WIDE * LAMPS_PER_TILE // 4),
     Section("bearings", BEARINGS * LAMPS_PER_BEARING // 4),
-    Section("fog_beams", 2 * FOG_BEAM_RINGS * FOG_BEAM_SPOKES),
+    Section("fog_beams", 2 * prod(FOG_BEAM_NODES)),
     Section("bodies", 32 * COLUMNS),
 )
 SCENE_TEXTURES = (
@@ -181,10 +181,11 @@ def format_table_glsl() -> Iterator[str]:
         "TEXELS_PER_CELL": LAMPS_PER_CELL // 4,
         "TEXELS_PER_TILE": LAMPS_PER_TILE // 4,
         "TEXELS_PER_BEARING": LAMPS_PER_BEARING // 4,
-        "FOG_BEAM_RINGS": FOG_BEAM_RINGS,
-        "FOG_BEAM_SPOKES": FOG_BEAM_SPOKES,
+        "FOG_BEAM_ROWS": prod(FOG_BEAM_NODES) // COLUMNS,
     }
     yield from (f"const int {name} = {value};" for name, value in sizes.items())
+    nodes = ", ".join(map(str, FOG_BEAM_NODES))
+    yield f"const ivec3 FOG_BEAM_NODES = ivec3({nodes});"
     yield ""
     for parameter in PARAMETERS:
         kind = {1: "float", 3: "vec3", 4: "vec4"}[len(parameter.components)]

@@ -5,7 +5,9 @@ struct Lamp {
   vec3 position;
   int kind;
   vec3 facing;
-  float minCosine; // cosine of the largest angle off it at which its glow is seen
+  // Cosine of the largest angle off it at which its glow is seen; from NO_ANGLE_LIMIT down to one
+  // less, glow that is seen all around and the more faded the less it is.
+  float minCosine;
   vec3 intensity;  // kcd, at the peak
   float range;     // metres, where its light ends
 };
@@ -64,18 +66,77 @@ bool beamAngles(vec3 facing, vec3 ray, out float h, out float v) {
   return forward > 0.1;
 }
 
-// Intensity of a low beam or a front fog lamp along a ray, relative to its peak: `LampBeam` of the
-// core's lamp_beams.py has the formula. What is below exp(-12) of it is dark.
-float beamIntensity(LampBeam b, vec3 facing, vec3 ray) {
+// Droplets scatter half of the light by a few degrees only (the narrow lobe of their phase
+// function), and what is deflected so little still lights and shows things: scattering.py of the core
+// has the formulas. Optical depth of the narrow lobe alone:
+float narrowDepth(float distance) {
+  return (1.0 - DROPLET_WIDE_FRACTION) * extinction() * distance;
+}
+
+// Fraction of light that is not scattered by the wide lobe.
+float unscatteredTransmittance(float distance) {
+  return transmittance(DROPLET_WIDE_FRACTION * distance);
+}
+
+// Spread, in radians, of light that the narrow lobe deflects on a path of an optical depth above 0.
+float forwardSpread(float depth) {
+  return DROPLET_NARROW_SCALE * depth / (depth < 1e-3 ? depth : 1.0 - exp(-depth));
+}
+
+// Density of deflections by an angle, without the factor that their part of a circle gives.
+float deflectionDensity(float angle, float spread) {
+  float spreads = angle / spread;
+  return (1.0 - spreads * inversesqrt(1.0 + spreads * spreads)) / spread;
+}
+
+const float MOST_DEFLECTED = 0.97;  // the rest would look for light where nothing is known of it
+
+// Draw the angle of a deflection by a random number in [0, 1), up to MOST_DEFLECTED of all.
+float drawDeflection(float number, float spread) {
+  float rest = 1.0 - MOST_DEFLECTED * number;
+  return spread * (1.0 - rest * rest) / (2.0 * rest);
+}
+
+// Direction at an angle off a ray, turned around it.
+vec3 deflectRay(vec3 ray, float angle, float turn) {
+  vec3 across = normalize(cross(ray, abs(ray.z) < 0.9 ? vec3(0.0, 0.0, 1.0) : vec3(1.0, 0.0, 0.0)));
+  return cos(angle) * ray + sin(angle) * (cos(turn) * across + sin(turn) * cross(ray, across));
+}
+
+// Weight of the lamp-lit radiance of a surface that is seen at an angle off a ray, for one drawn
+// with a spread: part of it that fog deflects into the ray, and that it leaves.
+float deflectedWeight(float angle, float spread, float distance) {
+  float depth = narrowDepth(distance);
+  float given = deflectionDensity(angle, forwardSpread(depth)) / deflectionDensity(angle, spread);
+  return MOST_DEFLECTED * given * (1.0 - exp(-depth)) * unscatteredTransmittance(distance);
+}
+
+// Fraction of light that droplets deflect farther to one side than so many spreads.
+float fractionBeyond(float spreads) {
+  float square = max(spreads * spreads, 1e-12);
+  return 0.5 - (atan(spreads) + 0.5 * spreads * log(1.0 + 1.0 / square)) / PI;
+}
+
+// Intensity of a low beam or a front fog lamp along a ray, relative to its peak, of which fog of an
+// optical depth deflects a part by a little: `LampBeam` of the core's lamp_beams.py has the formulas.
+// What is below exp(-12) of it is dark.
+float beamIntensity(LampBeam b, vec3 facing, vec3 ray, float narrowDepth) {
   float h, v;
   if (!beamAngles(facing, ray, h, v)) return 0.0;
   float x = v + b.cutoffDrop - clamp(b.kinkSlope * h, 0.0, b.kinkMax);
   float exponent = (h - b.peakRight) * (h - b.peakRight) / b.horizontalSquared;
-  if (x < 0.0) exponent += (x + b.peakBelowCutoff) * (x + b.peakBelowCutoff) / b.belowSquared;
-  if (v > 0.0) exponent += v * v / b.aboveSquared;
   if (exponent > 12.0) return 0.0;
+  float sideways = exp(-exponent);
+  float aboveAxis = v > 0.0 ? exp(-v * v / b.aboveSquared) : 1.0;
+  float below = x < 0.0 ? exp(-(x + b.peakBelowCutoff) * (x + b.peakBelowCutoff) / b.belowSquared) : 1.0;
   float dark = exp(clamp(x / b.cutoffSoftness, -40.0, 40.0));
-  return (b.stray + (1.0 - b.stray) / (1.0 + dark)) * exp(-exponent);
+  float sharp = (b.stray + (1.0 - b.stray) / (1.0 + dark)) * below * aboveAxis;
+  if (narrowDepth < 1e-3) return sharp * sideways;
+  float spread = degrees(forwardSpread(narrowDepth));
+  float beyondCutoff = fractionBeyond(x / spread);
+  float soft = beyondCutoff - fractionBeyond((x + b.equivalentHeight) / spread)
+      + b.stray * aboveAxis * (1.0 - beyondCutoff);
+  return mix(soft, sharp, exp(-narrowDepth)) * sideways;
 }
 
 // The same of a rear lamp, an indicator or a signal, by the cosine off its axis.
@@ -84,11 +145,12 @@ float lensFraction(float cosine) {
   return (inversesqrt(sqrt(base)) / base - LENS_SIDE_FRACTION) / (1.0 - LENS_SIDE_FRACTION);
 }
 
-// The same of any lamp; street lamps are Lambertian. Each kind of beam has a call of its own, so that
+// The same of any lamp at a distance; street lamps are Lambertian. Each kind of beam has a call of its own, so that
 // the compiler folds its constants.
-float intensityFraction(Lamp l, vec3 ray) {
-  if (l.kind == LAMP_LOW_BEAM) return beamIntensity(LOW_BEAM, l.facing, ray);
-  if (l.kind == LAMP_FOG_BEAM) return beamIntensity(FRONT_FOG_BEAM, l.facing, ray);
+float intensityFraction(Lamp l, vec3 ray, float distance) {
+  float depth = narrowDepth(distance);
+  if (l.kind == LAMP_LOW_BEAM) return beamIntensity(LOW_BEAM, l.facing, ray, depth);
+  if (l.kind == LAMP_FOG_BEAM) return beamIntensity(FRONT_FOG_BEAM, l.facing, ray, depth);
   float cosine = max(dot(l.facing, ray), 0.0);
   return l.kind == LAMP_LENS ? lensFraction(cosine) : cosine;
 }
@@ -106,48 +168,46 @@ float negligibleRadiance() {
   return 5e-3 * (horizonAirlight().r + horizonAirlight().g + skyHarmonic(0).g);
 }
 
-// Droplets scatter half of the light by a few degrees only (the narrow lobe). It stays in a beam,
-// and what an image point loses of it comes from the points around it.
-float unscatteredTransmittance(float distance) {
-  return transmittance(DROPLET_WIDE_FRACTION * distance);
-}
-
-// Ratio of the light that is seen of a lamp-lit surface, with what the narrow lobe returns from
-// around, to the transmitted light; limited to what is still visible.
-float forwardScatterGain(float distance) {
-  return exp(min((1.0 - DROPLET_WIDE_FRACTION) * extinction() * distance, 8.0));
-}
-
 // Fraction of a lamp's light that fog leaves. Lamps that shine all around lose nothing: light that
 // is scattered away from one point is scattered to it from others.
 float beamTransmittance(Lamp l, float distance) {
   return l.kind == LAMP_STREET ? 1.0 : unscatteredTransmittance(distance);
 }
 
-// Irradiance on a surface by the light that fog scatters out of a beam, per klx that the beam's
-// peak would give without fog and per fraction of it that is scattered. The table has flow and
-// fluence by direction off the beam (fog_beams.py), interpolated here between four texels.
-float scatteredIrradiance(Lamp l, vec3 ray, vec3 normal) {
-  vec3 right = rightAxis(l.facing);
-  vec3 up = cross(right, l.facing);
-  float lateral = dot(ray, right), above = dot(ray, up);
-  float ring = sqrt(acos(clamp(dot(ray, l.facing), -1.0, 1.0)) / PI) * float(FOG_BEAM_RINGS - 1);
-  float spoke = (atan(above, lateral) / (2.0 * PI) + 1.0) * float(FOG_BEAM_SPOKES);
-  int row = FOG_BEAMS_ROW + (l.kind == LAMP_FOG_BEAM ? 1 : 0);
-  int inner = min(int(ring), FOG_BEAM_RINGS - 2), first = int(spoke);
+// Light at a point that fog has scattered out of a beam, per kcd of its peak: flow and fluence. The
+// table (fog_beams.py) has it by roots of the metres ahead of the lamp, to the side, and above the
+// ground; between eight nodes it is linear.
+vec4 scatteredLight(Lamp l, vec3 position) {
+  vec2 ahead = normalize(l.facing.xy), away = position.xy - l.position.xy;
+  float mounted = l.kind == LAMP_FOG_BEAM ? FOG_LAMP_HEIGHT : LAMP_HEIGHT;
+  vec3 point = vec3(dot(away, ahead), dot(away, vec2(ahead.y, -ahead.x)),
+      max(position.z - l.position.z + mounted, 0.0));
+  vec3 root = sqrt(abs(point)) * vec3(sign(point.x), 1.0, 1.0);
+  vec3 place = (root - FOG_BEAM_FIRST) * FOG_BEAM_PER_ROOT;
+  vec3 last = vec3(FOG_BEAM_NODES - 1);
+  if (any(lessThan(place, vec3(0.0))) || any(greaterThanEqual(place, last))) return vec4(0.0);
+  ivec3 first = min(ivec3(place), FOG_BEAM_NODES - 2);
+  vec3 part = place - vec3(first);
+  int row = FOG_BEAMS_ROW + (l.kind == LAMP_FOG_BEAM ? FOG_BEAM_ROWS : 0);
   vec4 light = vec4(0.0);
-  for (int i = 0; i < 4; ++i) {
-    int texel = (inner + i / 2) * FOG_BEAM_SPOKES + (first + i % 2) % FOG_BEAM_SPOKES;
-    float weight = abs(1.0 - float(i / 2) - ring + float(inner))
-        * abs(1.0 - float(i % 2) - spoke + float(first));
-    light += weight * texelFetch(samplerTable, ivec2(texel, row), 0);
+  for (int i = 0; i < 8; ++i) {
+    ivec3 corner = ivec3(i & 1, (i >> 1) & 1, i >> 2), node = first + corner;
+    vec3 weight = mix(1.0 - part, part, vec3(corner));
+    int texel = (node.x * FOG_BEAM_NODES.y + node.y) * FOG_BEAM_NODES.z + node.z;
+    light += weight.x * weight.y * weight.z
+        * texelFetch(samplerTable, ivec2(texel % COLUMNS, row + texel / COLUMNS), 0);
   }
-  // Irradiance from the first two spherical harmonics of the incident light (Hazel 2015).
-  vec3 flow = light.x * l.facing + light.y * right + light.z * up;
-  float strength = length(flow);
+  vec2 right = vec2(ahead.y, -ahead.x) * (point.y < 0.0 ? -1.0 : 1.0);
+  return vec4(light.x * ahead + light.y * right, light.zw);
+}
+
+// Irradiance on a surface by scattered light, from its first two spherical harmonics (Hazel 2015).
+float scatteredIrradiance(vec4 light, vec3 normal) {
+  float strength = length(light.xyz);
+  if (strength <= 0.0) return 0.25 * light.w;
   float directed = min(strength / light.w, 1.0);
   float p = 1.0 + 2.0 * directed, uniformPart = (1.0 - directed) / (1.0 + directed);
-  float q = max(0.5 - 0.5 * dot(normal, flow) / strength, 0.0);
+  float q = max(0.5 - 0.5 * dot(normal, light.xyz) / strength, 0.0);
   return 0.25 * light.w * (uniformPart + (1.0 - uniformPart) * (p + 1.0) * pow(q, p));
 }
 
@@ -158,17 +218,17 @@ vec3 lampReflection(Lamp l, Surface s, vec3 towardsEye, vec3 position) {
   if (distance2 > l.range * l.range) return vec3(0.0);
   float distance = sqrt(max(distance2, 1e-6));
   vec3 ray = away / distance;
-  if (dot(s.normal, ray) >= 0.0) return vec3(0.0);
   // An upper bound of each part is known without the beam's shape, which is expensive.
-  const float MAX_SCATTERED = 0.25;
   float left = beamTransmittance(l, distance);
   float given = rangeFalloff(l, distance) / (distance2 + lampSizeSquared(l));
   vec3 direct = l.intensity * given * left * brdfCosine(s, towardsEye, -ray);
-  vec3 scattered = l.intensity * given * (1.0 - left) * s.albedo / PI;
+  vec3 scattered = l.intensity * s.albedo / PI;
   vec3 sum = vec3(0.0);
-  if (dot(direct, vec3(1.0)) >= negligibleRadiance()) sum += direct * intensityFraction(l, ray);
-  if (isBeam(l) && MAX_SCATTERED * dot(scattered, vec3(1.0)) >= negligibleRadiance()) {
-    sum += scattered * scatteredIrradiance(l, ray, s.normal);
+  if (dot(s.normal, ray) < 0.0 && dot(direct, vec3(1.0)) >= negligibleRadiance()) {
+    sum += direct * intensityFraction(l, ray, distance);
+  }
+  if (isBeam(l) && given * (1.0 - left) * dot(scattered, vec3(1.0)) >= negligibleRadiance()) {
+    sum += scattered * rangeFalloff(l, distance) * scatteredIrradiance(scatteredLight(l, position), s.normal);
   }
   return sum;
 }
@@ -188,7 +248,7 @@ vec3 lampMirrorReflection(Lamp l, Surface s, vec3 towardsEye, vec3 position) {
   if (fade <= 0.0 || dot(s.normal, ray) >= 0.0 || dot(ray.xy, towardsEye.xy) <= 0.0) {
     return vec3(0.0);
   }
-  float given = intensityFraction(l, ray) * transmittance(distance) * rest * fade * fade
+  float given = intensityFraction(l, ray, distance) * transmittance(distance) * rest * fade * fade
       / distance2;
   return l.intensity * given * specularLobe(s, towardsEye, -ray);
 }
@@ -216,37 +276,18 @@ void clipSegment(inout vec2 segment, float start, float slope) {
   else segment.y = min(segment.y, t);
 }
 
-// Segment of a ray, up to `distance`, that a lamp lights: before it and, for a beam, between 8
-// degrees below its axis and 6 above (as tangents).
-vec2 litSegment(Lamp l, vec3 eye, vec3 ray, float distance) {
-  const float BELOW = 0.141, ABOVE = 0.105;
-  vec3 away = eye - l.position;
-  vec2 segment = vec2(0.0, distance);
-  clipSegment(segment, dot(away, l.facing), dot(ray, l.facing));
-  if (isBeam(l)) {
-    vec3 up = cross(rightAxis(l.facing), l.facing);
-    vec3 floor = up + BELOW * l.facing, ceiling = ABOVE * l.facing - up;
-    clipSegment(segment, dot(away, floor), dot(ray, floor));
-    clipSegment(segment, dot(away, ceiling), dot(ray, ceiling));
-  }
-  return segment;
-}
-
-// Light of one lamp that air scatters once into a ray. Steps are equal in the cube root of the angle
-// at the lamp (equiangular sampling, Kulla and Fajardo 2012), which makes them short where the phase
-// function is steep. A beam has sharp edges, so it is sampled at a `jitter` in [0, 1) of each step.
-vec3 lampInScattering(Lamp l, vec3 eye, vec3 ray, float distance, float jitter) {
-  const int STEPS = 6;
-  vec2 segment = litSegment(l, eye, ray, distance);
-  if (segment.x >= segment.y) return vec3(0.0);
-  float inStep = isBeam(l) ? jitter : 0.5;
+// Light of one lamp that air scatters once into a segment of a ray. Steps are equal in the cube root
+// of the angle at the lamp (equiangular sampling, Kulla and Fajardo 2012), which makes them short where
+// the phase function is steep; each is sampled at `inStep` in [0, 1) of it.
+float segmentInScattering(Lamp l, vec3 eye, vec3 ray, vec2 segment, int steps, float inStep) {
+  if (segment.x >= segment.y) return 0.0;
   float nearest = dot(l.position - eye, ray);
   float closest = max(length(l.position - eye - nearest * ray), 0.02);
   float first = atan((segment.x - nearest) / closest);
   float span = atan((segment.y - nearest) / closest) - first;
   float sum = 0.0;
-  for (int i = 0; i < STEPS; ++i) {
-    float u = (float(i) + inStep) / float(STEPS);
+  for (int i = 0; i < steps; ++i) {
+    float u = (float(i) + inStep) / float(steps);
     float slope = tan(first + span * u * u * u);
     float sine = inversesqrt(1.0 + slope * slope), t = nearest + closest * slope;
     float fromLamp = closest / sine;
@@ -255,10 +296,51 @@ vec3 lampInScattering(Lamp l, vec3 eye, vec3 ray, float distance, float jitter) 
     float left = transmittance(t + fromLamp);
     float wideLeft = isBeam(l) ? unscatteredTransmittance(t + fromLamp) : left;
     vec2 scattered = dropletPhase(-slope * sine) * vec2(left, wideLeft);
-    sum += 3.0 * u * u * point * rangeFalloff(l, fromLamp) * intensityFraction(l, away)
+    sum += 3.0 * u * u * point * rangeFalloff(l, fromLamp) * intensityFraction(l, away, fromLamp)
         * (scattered.x + scattered.y);
   }
-  return l.intensity * (sum * extinction() * span / (closest * float(STEPS)));
+  return sum * extinction() * span / (closest * float(steps));
+}
+
+// Light that fog scatters out of a beam, once or often, and then into a ray. A part of it goes along
+// its flow, the rest is even.
+float diffuseInScattering(Lamp l, vec3 eye, vec3 ray, float distance, float jitter) {
+  const int STEPS = 4;
+  float along = DROPLET_WIDE_FRACTION * extinction();
+  float opacity = 1.0 - exp(-along * distance), sum = 0.0;
+  for (int i = 0; i < STEPS; ++i) {
+    float t = -log(1.0 - opacity * (float(i) + jitter) / float(STEPS)) / along;
+    vec4 light = scatteredLight(l, eye + t * ray);
+    float strength = length(light.xyz);
+    if (strength <= 0.0) continue;
+    float directed = min(strength, light.w);
+    float phase = dropletPhase(-dot(light.xyz, ray) / strength).y / DROPLET_WIDE_FRACTION;
+    sum += directed * phase + (light.w - directed) / (4.0 * PI);
+  }
+  return sum * opacity / float(STEPS);
+}
+
+// Light of one lamp that air scatters into a ray. Beams have sharp edges 8 degrees below the axis and 6
+// above (as tangents); what strays beyond them needs fewer steps.
+vec3 lampInScattering(Lamp l, vec3 eye, vec3 ray, float distance, float jitter) {
+  const int STEPS = 6, STRAY_STEPS = 3;
+  const float BELOW = 0.141, ABOVE = 0.105;
+  vec3 away = eye - l.position;
+  vec2 segment = vec2(0.0, distance);
+  clipSegment(segment, dot(away, l.facing), dot(ray, l.facing));
+  if (!isBeam(l)) return l.intensity * segmentInScattering(l, eye, ray, segment, STEPS, 0.5);
+  vec2 core = segment;
+  vec3 up = cross(rightAxis(l.facing), l.facing);
+  vec3 floor = up + BELOW * l.facing, ceiling = ABOVE * l.facing - up;
+  clipSegment(core, dot(away, floor), dot(ray, floor));
+  clipSegment(core, dot(away, ceiling), dot(ray, ceiling));
+  if (core.x >= core.y) core = segment.yy;
+  vec2 before = vec2(segment.x, core.x), behind = vec2(core.y, segment.y);
+  float sum = segmentInScattering(l, eye, ray, core, STEPS, jitter)
+      + segmentInScattering(l, eye, ray, before, STRAY_STEPS, jitter)
+      + segmentInScattering(l, eye, ray, behind, STRAY_STEPS, jitter);
+  if (l.minCosine <= NO_ANGLE_LIMIT) sum += diffuseInScattering(l, eye, ray, distance, jitter);
+  return l.intensity * sum;
 }
 
 // Scattered light of all lamps whose glow is seen in the tile of the image at `uv`.
@@ -274,7 +356,7 @@ vec3 lampsInScattering(vec2 uv, vec3 eye, vec3 ray, float distance, float jitter
       float cosine = dot(normalize(l.position - eye), ray);
       if (cosine <= l.minCosine) continue;
       float fade = l.minCosine <= NO_ANGLE_LIMIT
-          ? 1.0 : min((cosine - l.minCosine) / (1.0 - l.minCosine) * 3.0, 1.0);
+          ? l.minCosine - NO_ANGLE_LIMIT + 1.0 : min((cosine - l.minCosine) / (1.0 - l.minCosine) * 3.0, 1.0);
       sum += fade * lampInScattering(l, eye, ray, distance, jitter);
     }
   }

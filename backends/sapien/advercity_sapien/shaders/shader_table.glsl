@@ -5,18 +5,18 @@ const int PARAMETERS_ROW = 0;
 const int LAMPS_ROW = 1;
 const int CELLS_ROW = 4;
 const int TILES_ROW = 12;
-const int BEARINGS_ROW = 16;
-const int FOG_BEAMS_ROW = 17;
-const int BODIES_ROW = 19;
+const int BEARINGS_ROW = 17;
+const int FOG_BEAMS_ROW = 18;
+const int BODIES_ROW = 26;
 const int GRID_CELLS = 32;
 const int TILES_HIGH = 18;
 const int TILES_WIDE = 32;
 const int BEARINGS = 64;
 const int TEXELS_PER_CELL = 4;
-const int TEXELS_PER_TILE = 3;
+const int TEXELS_PER_TILE = 4;
 const int TEXELS_PER_BEARING = 2;
-const int FOG_BEAM_RINGS = 16;
-const int FOG_BEAM_SPOKES = 32;
+const int FOG_BEAM_ROWS = 4;
+const ivec3 FOG_BEAM_NODES = ivec3(16, 16, 8);
 
 float extinction() { return texelFetch(samplerTable, ivec2(0, 0), 0).x; }
 float wetness() { return texelFetch(samplerTable, ivec2(0, 0), 0).y; }

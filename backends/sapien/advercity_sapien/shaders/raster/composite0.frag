@@ -15,7 +15,7 @@ layout(set = 0, binding = 7) uniform sampler2D samplerAmbient;
 layout(location = 0) in vec2 inUV;
 // Radiance of the surfaces that the camera sees, through air, and depth.
 layout(location = 0) out vec4 outSeen;
-// Light of lamps that air scatters towards the camera, dithered.
+// Light of lamps that air scatters towards the camera, dithered, and of surfaces that they light.
 layout(location = 1) out vec4 outGlow;
 
 #include "../shader_constants.glsl"
@@ -124,6 +124,30 @@ vec3 filterAmbient(float depth) {
   return weight > 0.0 ? own.rgb * (sum / weight - own.a) : vec3(0.0);
 }
 
+// Radiance of the surfaces around that lamps light and fog deflects into a ray: dithered.
+vec3 deflectedLight(vec3 ray, float distance, float jitter) {
+  const int TAPS = 8;
+  const float GOLDEN_TURN = 2.399963;
+  float spread = forwardSpread(narrowDepth(min(distance, 60.0)));
+  vec3 sum = vec3(0.0);
+  for (int i = 0; i < TAPS; ++i) {
+    float number = (float(i) + jitter) / float(TAPS);
+    float angle = drawDeflection(number, spread);
+    vec3 found = deflectRay(ray, angle, GOLDEN_TURN * (float(i) + 16.0 * jitter));
+    vec4 clip = cameraBuffer.projectionMatrix * vec4(found * mat3(cameraBuffer.viewMatrixInverse), 1.0);
+    if (clip.w <= 0.0) continue;
+    // Beyond the edges of the image, what is at them goes on.
+    ivec2 pixel = pixelAt(clip.xy / clip.w);
+    vec4 lit = texelFetch(samplerLit, pixel, 0);
+    if (lit.a <= 0.0) continue;
+    vec3 byLamps = lit.rgb - texelFetch(samplerAmbient, pixel, 0).rgb;
+    float distancePerDepth;
+    rayThrough((vec2(pixel) + 0.5) / vec2(textureSize(samplerLit, 0)), distancePerDepth);
+    sum += max(byLamps, 0.0) * deflectedWeight(angle, spread, lit.a * distancePerDepth);
+  }
+  return sum / float(TAPS);
+}
+
 void main() {
   float distancePerDepth;
   vec3 ray = rayThrough(inUV, distancePerDepth);
@@ -131,7 +155,9 @@ void main() {
   vec4 lit = texture(samplerLit, inUV);
   float depth = lit.a;
   float distance = depth > 0.0 ? depth * distancePerDepth : FAR_M;
-  vec3 scattered = lampsInScattering(inUV, eye, ray, distance, dither(gl_FragCoord.xy));
+  float jitter = dither(gl_FragCoord.xy);
+  vec3 scattered = lampsInScattering(inUV, eye, ray, distance, jitter);
+  if (isNight() && extinction() > 0.0) scattered += deflectedLight(ray, distance, jitter);
   outGlow = vec4(scattered, 0.0);
   if (depth <= 0.0) {
     outSeen = vec4(lit.rgb, 0.0);
