@@ -18,7 +18,7 @@ from advercity.physics import photometry, sky
 from advercity.physics.clouds import CloudLayer, choose_cloud_kind
 from advercity.physics.extinction import AirExtinction, compute_extinction, extinction_from_mor
 from advercity.physics.fog_transfer import FogBank, compute_fog_radiance
-from advercity.physics.photometry import LED_COLOUR, Colour, luminance
+from advercity.physics.photometry import LED_COLOUR, Colour
 from advercity.physics.precipitation import (
     ParticleSizeDistribution,
     is_precipitating,
@@ -115,8 +115,8 @@ STREET_LIGHT_EXTENT_M = 500.0
 """How far along the ground street lamps light the air: no town is infinite."""
 GREY_SKY_FROM_OKTAS = 7.0
 """Cloud cover at which no blue is left in the sky."""
-DUST_LAYER_M = 1000.0
-"""Depth of the dust above the ground: that of the lower part of a storm."""
+DUST_LAYER_M = 300.0
+"""Depth of even dust with the optical depth of a storm's: 3 at a visibility of 300 m."""
 FOG_BELOW_M, MIST_BELOW_M = 1000.0, 10_000.0
 """Visibilities (MOR): below the first it is fog (WMO-No. 407), above the second hardly mist."""
 _WHITE = np.ones(3)
@@ -149,7 +149,7 @@ def compute_atmosphere(weather: Weather, land_use: LandUse) -> Atmosphere:
     sun = sky.direction_from_elevation_azimuth(weather.sun.elevation_deg, weather.sun.azimuth_deg)
     night = weather.time == "night"
     if night:
-        light = _compute_night_light(weather, land_use, extinction.at_550nm)
+        light = _compute_night_light(weather, land_use, extinction)
         twilight = derive_daylight(weather)
         if twilight.diffuse_lx:
             light = light.add(_compute_day_light(weather, sun, extinction, twilight))
@@ -162,12 +162,12 @@ def compute_atmosphere(weather: Weather, land_use: LandUse) -> Atmosphere:
         sun_lx=light.sun_lx,
         sun_colour=sun_colour(weather.sun.elevation_deg),
         sky_lx=sky_lx,
-        sky=tint_by_dust(light.sky, weather, extinction).astype(np.float32),
-        airlight=_tint_airlight(light.airlight, weather, extinction),
+        sky=light.sky.astype(np.float32),
+        airlight=light.airlight.astype(np.float32),
         street_lx=light.street_lx,
         night=night,
         clouds=_choose_clouds(weather, extinction, sun, light.sun_lx, sky_lx),
-        cloud_contrast=1.0 - compute_fog_light_fraction(extinction.fog.at_550nm),
+        cloud_contrast=1.0 - compute_fog_light_fraction(extinction),
         **_list_air_and_ground(weather),
     )
 
@@ -199,8 +199,7 @@ def _choose_clouds(
     weather: Weather, extinction: AirExtinction, sun: Float64Array, sun_lx: float, sky_lx: float
 ) -> CloudLayer | None:
     """Choose the clouds of a day; fog and dust hide them, and at night they are dark."""
-    foggy = compute_fog_light_fraction(extinction.fog.at_550nm)
-    is_hidden = foggy == 1.0 or extinction.dust.at_550nm > 0.0
+    is_hidden = compute_fog_light_fraction(extinction) == 1.0
     if weather.time == "night" or is_hidden or weather.sky.oktas == 0:
         return None
     oktas, precipitating = weather.sky.oktas, is_precipitating(weather)
@@ -224,24 +223,25 @@ def _choose_clouds(
 def _compute_day_light(
     weather: Weather, sun: Float64Array, extinction: AirExtinction, above: Daylight
 ) -> _SceneLight:
-    """Compute the light of a day without and with fog, and what mist makes of the two."""
-    by_fog = extinction.fog.at_550nm
-    foggy = compute_fog_light_fraction(by_fog)
+    """Compute the light of a day without and with fog or dust, and what mist makes of the two."""
+    foggy = compute_fog_light_fraction(extinction)
     if foggy == 0.0:
         return _compute_fogless_light(weather, sun, above)
-    light = _compute_foggy_light(weather, sun, by_fog, above)
+    light = _compute_foggy_light(weather, sun, extinction, above)
     if foggy == 1.0:
         return light
     return _compute_fogless_light(weather, sun, above).mix(light, foggy)
 
 
-def compute_fog_light_fraction(extinction_per_m: float) -> float:
-    """Compute the fraction of a sky that is fog's: all below `FOG_BELOW_M`, none in thin mist.
+def compute_fog_light_fraction(extinction: AirExtinction) -> float:
+    """Compute the fraction of a sky that is of fog and dust: none in thin mist.
 
-    Fog hides the blue of the sky and its clouds; in between it is proportional to the extinction.
+    Below `FOG_BELOW_M` they hide the blue of the sky and its clouds; in between it is proportional
+    to their extinction.
     """
     thick, thin = (extinction_from_mor(mor_m) for mor_m in (FOG_BELOW_M, MIST_BELOW_M))
-    return min(1.0, max(0.0, (extinction_per_m - thin) / (thick - thin)))
+    by_both = extinction.fog.at_550nm + extinction.dust.at_550nm
+    return min(1.0, max(0.0, (by_both - thin) / (thick - thin)))
 
 
 def _compute_fogless_light(weather: Weather, sun: Float64Array, light: Daylight) -> _SceneLight:
@@ -268,7 +268,7 @@ def _compute_fogless_light(weather: Weather, sun: Float64Array, light: Daylight)
         sun_lx=light.direct_lx,
         sky=np.where(below, ground * _WHITE, scale * relative + uniform),
         airlight=sky.build_airlight_cubemap(
-            scale * shape(_horizon_directions()).mean(axis=0) + uniform,
+            scale * shape(sky.level_airlight_directions()) + uniform,
             scale * shape(np.array([0.0, 0.0, 1.0])) + uniform,
         ),
     )
@@ -282,9 +282,13 @@ def _cloudy_luminance(
 
 
 def _compute_foggy_light(
-    weather: Weather, sun: Float64Array, extinction_per_m: float, above: Daylight
+    weather: Weather, sun: Float64Array, extinction: AirExtinction, above: Daylight
 ) -> _SceneLight:
-    """Compute the light scattered in a fog bank and the direct sun that it leaves."""
+    """Compute the light scattered in fog and dust and the direct sun that they leave.
+
+    They are one layer, as deep as gives the optical depth of both. Dust absorbs some colours more
+    than others, and each colour is solved alone.
+    """
 
     def shape(directions: Float64Array) -> Float64Array:
         return _cloudy_luminance(weather, sun, directions)
@@ -292,85 +296,67 @@ def _compute_foggy_light(
     directions = photometry.cubemap_directions(SKY_SIZE)
     relative = shape(directions)[..., None] * _WHITE
     scale = above.diffuse_lx / photometry.horizontal_illuminance(relative)
-    fog = compute_fog_radiance(
-        FogBank(extinction_per_m, weather.fog.depth_m, weather.fog.droplet_um, sky.GROUND_ALBEDO),
-        sun=sun,
-        direct_lx=above.direct_lx,
-        sky=lambda up: scale * shape(up),
-    )
+    fog, dust = extinction.fog.at_550nm, extinction.dust.at_550nm
+    depth = fog * weather.fog.depth_m + dust * DUST_LAYER_M
     rays = photometry.cubemap_directions(sky.AIRLIGHT_CUBEMAP_SIZE)
-    airlight = fog.airlight_luminance(rays)[..., None] * np.ones(3)
+
+    def solve(dust_albedo: float) -> tuple[float, Float64Array, Float64Array, Float64Array]:
+        bank = FogBank(
+            fog + dust,
+            depth / (fog + dust),
+            weather.fog.droplet_um,
+            sky.ground_albedo(weather.snow.depth_mm / 1000.0),
+            dust_fraction=dust / (fog + dust),
+            dust_albedo=dust_albedo,
+            dust_g=weather.dust.g,
+        )
+        light = compute_fog_radiance(
+            bank, sun=sun, direct_lx=above.direct_lx, sky=lambda up: scale * shape(up)
+        )
+        seen, scattered = light.sky_luminance(directions), light.airlight_luminance(rays)
+        return light.sun_lx, seen, scattered, light.airlight_growth(rays)
+
+    albedos = weather.dust.ssa_rgb if dust else (1.0,) * 3
+    by_albedo = {albedo: solve(albedo) for albedo in set(albedos)}
+    suns, seen, scattered, growth = zip(*(by_albedo[albedo] for albedo in albedos), strict=True)
     return _SceneLight(
-        sun_lx=fog.sun_lx,
-        sky=fog.sky_luminance(directions)[..., None] * _WHITE,
-        airlight=np.concatenate([airlight, fog.airlight_growth(rays)[..., None]], axis=-1),
+        sun_lx=suns[0],
+        sky=np.stack(seen, axis=-1),
+        # Colours differ by their absorption, but hardly in how they grow.
+        airlight=np.stack([*scattered, growth[1]], axis=-1),
     )
 
 
 def _compute_night_light(
-    weather: Weather, land_use: LandUse, extinction_per_m: float
+    weather: Weather, land_use: LandUse, extinction: AirExtinction
 ) -> _SceneLight:
     """Compute the glow above and the ground below, seen through air that street lamps light."""
+    extinction_per_m = extinction.at_550nm
     glow_cd_m2: float = getattr(weather.night.glow_cd_m2, land_use)
     street_lx: float = getattr(weather.night.street_lx, land_use)
     glow_colour = STREET_LIGHT_COLOUR if land_use == "urban" else _WHITE
-    glow_lx = math.pi * glow_cd_m2
-    lit_by_glow = sky.airlight_from_illuminance(glow_lx) * glow_colour
-    lit_by_lamps = sky.airlight_from_illuminance(street_lx) * STREET_LIGHT_COLOUR
+    glow, glow_lx = glow_cd_m2 * glow_colour, math.pi * glow_cd_m2
+    absorbed = _absorbed_fraction(weather, extinction)
+    lit_by_lamps = sky.airlight_from_illuminance(street_lx) * STREET_LIGHT_COLOUR * (1.0 - absorbed)
 
     height = photometry.cubemap_directions(SKY_SIZE)[..., 2:]
     path_m = np.minimum(STREET_LIGHT_LAYER_M / np.abs(height), STREET_LIGHT_EXTENT_M)
     transmittance = np.exp(-extinction_per_m * path_m)
     ground = sky.GROUND_ALBEDO / math.pi * (glow_lx * glow_colour + street_lx * STREET_LIGHT_COLOUR)
-    background = np.where(height > 0.0, glow_cd_m2 * glow_colour, ground * transmittance)
+    background = np.where(height > 0.0, glow, ground * transmittance)
     zenith_opacity = 1.0 - math.exp(-extinction_per_m * STREET_LIGHT_LAYER_M)
     return _SceneLight(
         sun_lx=0.0,
         sky=background + lit_by_lamps * (1.0 - transmittance),
         airlight=sky.build_airlight_cubemap(
-            lit_by_glow + lit_by_lamps, glow_cd_m2 * glow_colour + lit_by_lamps * zenith_opacity
+            glow + lit_by_lamps, glow + lit_by_lamps * zenith_opacity
         ),
         street_lx=street_lx,
     )
 
 
-def _horizon_directions() -> Float64Array:
-    azimuth = np.arange(72) / 72 * 2.0 * math.pi
-    return np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros_like(azimuth)], axis=-1)
-
-
-def _tint_airlight(
-    airlight: NDArray[np.floating[Any]], weather: Weather, extinction: AirExtinction
-) -> NDArray[np.float32]:
-    coloured = tint_by_dust(airlight[..., :3].astype(float), weather, extinction)
-    return np.concatenate([coloured, airlight[..., 3:]], axis=-1).astype(np.float32)
-
-
-def tint_by_dust(light: Float64Array, weather: Weather, extinction: AirExtinction) -> Float64Array:
-    """Colour light (..., 3) as scattering by dust does, keeping its luminance."""
-    fraction = _dust_light_fraction(extinction)
-    if not fraction:
-        return light
-    dusty = fraction * luminance(light)[..., None] * _dust_colour(weather)
-    return (1.0 - fraction) * light + dusty
-
-
-def _dust_light_fraction(extinction: AirExtinction) -> float:
-    """Compute the fraction of scattered light, 0 to 1, that dust has scattered."""
-    dust = extinction.dust.at_550nm
-    if not dust:
-        return 0.0
-    return dust / extinction.at_550nm * (1.0 - math.exp(-dust * DUST_LAYER_M))
-
-
-def _dust_colour(weather: Weather) -> Float64Array:
-    """Compute the colour (3,) of light that an infinitely thick layer of the dust reflects.
-
-    Van de Hulst's fit for a semi-infinite layer, with the similarity relation between
-    single-scattering albedo and asymmetry; grey dust gives white.
-    """
-    albedo = np.asarray(weather.dust.ssa_rgb)
-    similarity = np.sqrt((1.0 - albedo) / np.maximum(1.0 - albedo * weather.dust.g, 1e-9))
-    reflectance = (1.0 - 0.139 * similarity) * (1.0 - similarity) / (1.0 + 1.17 * similarity)
-    brightness = float(luminance(reflectance))
-    return reflectance / brightness if brightness > 0.0 else np.ones(3)
+def _absorbed_fraction(weather: Weather, extinction: AirExtinction) -> Float64Array:
+    """Compute the fraction (3,) of the light that the air meets which its dust absorbs."""
+    total = extinction.at_550nm
+    by_dust = extinction.dust.at_550nm / total if total else 0.0
+    return by_dust * (1.0 - np.asarray(weather.dust.ssa_rgb))

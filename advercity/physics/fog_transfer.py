@@ -1,4 +1,4 @@
-"""Daylight in a bank of fog over the ground, multiply scattered, by doubling and adding.
+"""Daylight in fog and dust over the ground, multiply scattered, by doubling and adding.
 
 Radiances (van de Hulst 1980) are cosine series in the azimuth from the sun, terms along the first
 axis, at the directions of `Streams`, as many downward as upward ones.
@@ -43,8 +43,13 @@ class Streams:
     backward_kernel: Float64Array
 
     @classmethod
-    def from_sun_cosine(cls, cosine: float, phase: PhaseFunction) -> "Streams":
-        """Build Gaussian directions and the sun's, for a smooth phase function."""
+    def from_sun_cosine(
+        cls, cosine: float, phase: PhaseFunction, *, scattered_fraction: float = 1.0
+    ) -> "Streams":
+        """Build Gaussian directions and the sun's, for a smooth phase function.
+
+        The rest of what is not `scattered_fraction` is absorbed.
+        """
         node, weight = np.polynomial.legendre.leggauss(NUM_STREAMS)
         cosines = np.append((node + 1.0) / 2.0, cosine)
         weights = np.append(weight / 2.0, 0.0)
@@ -52,7 +57,7 @@ class Streams:
             _expand_phase_function(cosines, sign * cosines, phase) for sign in (1.0, -1.0)
         )
         # Quadrature errors would otherwise create or absorb light.
-        kept = weights @ (forward[0] + backward[0])
+        kept = weights @ (forward[0] + backward[0]) / scattered_fraction
         return cls(cosines, weights, forward / kept, backward / kept)
 
     def illuminance(self, radiance: Float64Array) -> float:
@@ -91,7 +96,7 @@ class ScatteringLayer:
 
     @classmethod
     def from_optical_depth(cls, depth: float, streams: Streams) -> "ScatteringLayer":
-        """Build a layer of an optical depth that absorbs nothing."""
+        """Build a layer of an optical depth."""
         thin = depth / 2.0**NUM_DOUBLINGS
         layer = cls(
             streams.backward_kernel * (thin / streams.cosine)[:, None],
@@ -170,19 +175,47 @@ NEGLIGIBLE_TERM, CONVERGENCE_TOLERANCE = 1e-3, 1e-7
 
 @dataclass(frozen=True)
 class FogBank:
-    """A homogeneous layer of fog on level ground.
+    """A homogeneous layer of fog, of dust or of both on level ground.
 
     Attributes:
         extinction_per_m: Extinction coefficient in the visible.
         depth_m: Height of its top above the ground.
         droplet_um: Diameter of the droplets.
         ground_albedo: Albedo of the ground.
+        dust_fraction: Fraction of the extinction that is dust's.
+        dust_albedo: Fraction of the light that dust meets which it scatters; it absorbs the rest.
+        dust_g: Mean cosine of its phase function, of Henyey and Greenstein.
     """
 
     extinction_per_m: float
     depth_m: float
     droplet_um: float
     ground_albedo: float
+    dust_fraction: float = 0.0
+    dust_albedo: float = 1.0
+    dust_g: float = 0.0
+
+    @property
+    def lobes(self) -> DropletPhaseLobes:
+        """Phase function of the droplets."""
+        return DropletPhaseLobes.from_diameter_um(self.droplet_um)
+
+    @property
+    def narrow_fraction(self) -> float:
+        """Fraction of the extinction that scatters by the droplets' narrow lobe."""
+        return (1.0 - self.dust_fraction) * self.lobes.narrow_fraction
+
+    @property
+    def wide_fraction(self) -> float:
+        """Fraction of the extinction that scatters in any other way."""
+        by_dust = self.dust_fraction * self.dust_albedo
+        return (1.0 - self.dust_fraction) * self.lobes.wide_fraction + by_dust
+
+    def wide_phase(self, cosine: Float64Array) -> Float64Array:
+        """Evaluate the phase function (n,) of what `wide_fraction` scatters."""
+        by_dust = self.dust_fraction * self.dust_albedo / self.wide_fraction
+        dust = henyey_greenstein(cosine, self.dust_g)
+        return (1.0 - by_dust) * self.lobes.wide_phase(cosine) + by_dust * dust
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,7 +230,7 @@ class FogRadiance:
     _sun: Float64Array
     _forward_lx: float
     _orders: Float64Array
-    _lobes: DropletPhaseLobes
+    _bank: FogBank
     _elevations: Float64Array
     _seen: Float64Array
     _scattered: Float64Array
@@ -212,8 +245,8 @@ class FogRadiance:
         """Evaluate the airlight (...) near the eye: in-scattered luminance per unit opacity."""
         cosine = directions @ self._sun
         aureole = self._aureole_luminance(np.minimum(cosine, SHADED_AUREOLE_COSINE), 1)
-        near_sun = aureole * self._lobes.narrow_fraction
-        wide = self._forward_lx * self._lobes.wide_phase(cosine) * self._lobes.wide_fraction
+        near_sun = aureole * self._bank.narrow_fraction
+        wide = self._forward_lx * self._bank.wide_phase(cosine) * self._bank.wide_fraction
         return self._evaluate_series(self._scattered, directions) + near_sun + wide
 
     def airlight_growth(self, directions: Float64Array) -> Float64Array:
@@ -245,7 +278,7 @@ class FogRadiance:
         if self._forward_lx > 0.0:
             for order, probability in enumerate(self._orders):
                 if probability > 1e-6 and order + more > 0:
-                    g = self._lobes.narrow_g ** (order + more)
+                    g = self._bank.lobes.narrow_g ** (order + more)
                     total += self._forward_lx * probability * henyey_greenstein(cosine, g)
         return total
 
@@ -257,21 +290,23 @@ def compute_fog_radiance(
     direct_lx: float,
     sky: Callable[[Float64Array], Float64Array],
 ) -> FogRadiance:
-    """Compute the light in a bank that absorbs nothing, under a sun and a sky.
+    """Compute the light in a bank under a sun and a sky.
 
     `sun` (3,) is the direction to it, `direct_lx` its direct normal illuminance above the bank;
     `sky` gives luminances (...) in cd/m² along upward unit vectors (..., 3) there.
     """
-    lobes = DropletPhaseLobes.from_diameter_um(bank.droplet_um)
-    streams = Streams.from_sun_cosine(max(MIN_SUN_SINE, float(sun[2])), lobes.wide_phase)
+    turning = 1.0 - bank.narrow_fraction
+    streams = Streams.from_sun_cosine(
+        max(MIN_SUN_SINE, float(sun[2])),
+        bank.wide_phase,
+        scattered_fraction=bank.wide_fraction / turning,
+    )
     eye_m = min(EYE_HEIGHT_M, bank.depth_m)
     depth = bank.extinction_per_m * bank.depth_m
     above_eye = bank.extinction_per_m * (bank.depth_m - eye_m)
     at_top = streams.to_azimuth_series(sky(_directions_around_sun(streams.cosine, sun)))
-    above = ScatteringLayer.from_optical_depth(lobes.wide_fraction * above_eye, streams)
-    below = ScatteringLayer.from_optical_depth(
-        lobes.wide_fraction * bank.extinction_per_m * eye_m, streams
-    )
+    above = ScatteringLayer.from_optical_depth(turning * above_eye, streams)
+    below = ScatteringLayer.from_optical_depth(turning * bank.extinction_per_m * eye_m, streams)
     at_eye_lx = direct_lx * above.direct_transmittance[-1]
     down, up = _solve_interreflection(bank, streams, (above, below), at_top, direct_lx)
 
@@ -279,20 +314,20 @@ def compute_fog_radiance(
     scattered_up = streams.scatter(same_direction=up, opposite_direction=down)
     scattered = np.concatenate([scattered_down, scattered_up], 1)
     seen = np.concatenate([down, up], 1)
-    near = lobes.wide_fraction * scattered + lobes.narrow_fraction * seen
-    by_sun = at_eye_lx / (2.0 * math.pi) * lobes.wide_fraction * streams.forward_kernel[0, :, -1]
+    near = turning * scattered + bank.narrow_fraction * seen
+    by_sun = at_eye_lx / (2.0 * math.pi) * turning * streams.forward_kernel[0, :, -1]
     far = down[0] - at_top[0] * np.exp(-above_eye / streams.cosine)
     rise = _airlight_growth(near[0, : len(by_sun)] + by_sun, far, above_eye / streams.cosine)
 
     elevation = np.arcsin(np.concatenate([streams.cosine, -streams.cosine]))
     order = np.argsort(elevation)
-    small_angle_depth = lobes.narrow_fraction * depth / streams.cosine[-1]
+    small_angle_depth = bank.narrow_fraction * depth / streams.cosine[-1]
     return FogRadiance(
         sun_lx=direct_lx * math.exp(-depth / streams.cosine[-1]),
         _sun=sun,
         _forward_lx=at_eye_lx * below.direct_transmittance[-1],
         _orders=_poisson_probabilities(small_angle_depth),
-        _lobes=lobes,
+        _bank=bank,
         _elevations=np.concatenate([[-math.pi / 2.0], elevation[order], [math.pi / 2.0]]),
         _seen=_append_poles(seen[:, order]),
         _scattered=_append_poles(near[:, order]),

@@ -228,11 +228,17 @@ def airlight_from_illuminance(illuminance_lx: float) -> float:
     return illuminance_lx * (1.0 + GROUND_ALBEDO) / (2.0 * math.pi)
 
 
+def level_airlight_directions() -> Float64Array:
+    """Build the level directions (6, m, m, 3) below or above the texels of an airlight cubemap."""
+    level = cubemap_directions(AIRLIGHT_CUBEMAP_SIZE) * [1.0, 1.0, 0.0]
+    return level / np.linalg.norm(level, axis=-1, keepdims=True)
+
+
 def build_airlight_cubemap(low: ArrayLike, high: ArrayLike) -> NDArray[np.float32]:
     """Build an airlight cubemap (6, m, m, 4) as in `Atmosphere`, constant along each ray.
 
-    From `low` (3,) at and below the horizon to `high` at the zenith, in cd/m², it is linear in the
-    sine of the elevation.
+    From `low` (3,) or (6, m, m, 3), at and below the horizon, to `high` at the zenith, in cd/m², it
+    is linear in the sine of the elevation.
     """
     sine = np.maximum(cubemap_directions(AIRLIGHT_CUBEMAP_SIZE)[..., 2:], 0.0)
     colour = np.asarray(low) * (1.0 - sine) + np.asarray(high) * sine

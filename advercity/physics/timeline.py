@@ -155,7 +155,7 @@ def _describe_light(weather: Weather) -> list[float]:
         weather.sky.oktas / 8.0,
         math.log(weather.sky.turbidity),
         math.exp(-fog_depth),
-        compute_fog_light_fraction(air.fog.at_550nm),
+        compute_fog_light_fraction(air),
         math.log(2.0 + 0.13 * fog_depth),
         math.log1p(air.dust.at_550nm * DUST_LAYER_M),
         sky.ground_albedo(weather.snow.depth_mm / 1000.0),

@@ -197,14 +197,52 @@ def test_impossible_weather_is_refused(parts: dict[str, Any]) -> None:
         weather(**parts)
 
 
-def test_dust_colours_the_sky_ochre_at_equal_luminance() -> None:
-    clean = compute_atmosphere(weather(), "rural")
-    dusty = compute_atmosphere(weather(air={"mor_m": None}, dust={"mor_m": 300}), "rural")
+def test_dust_absorbs_blue_and_leaves_an_ochre_dimmer_day() -> None:
+    """A storm of a visibility of 60 m hides the sun: 15 optical depths, straight down."""
+    clean, dusty, storm = (
+        compute_atmosphere(weather(air={"mor_m": None}, dust={"mor_m": mor_m}), "rural")
+        for mor_m in (None, 300, 60)
+    )
     red, green, blue = dusty.horizon_airlight
-    # R = (1 - 0.139 s)(1 - s)/(1 + 1.17 s), s = sqrt((1 - w)/(1 - 0.7 w)) for w 0.97, 0.94, 0.88
-    assert red / green == pytest.approx(0.489 / 0.367, rel=0.01)
-    assert blue / green == pytest.approx(0.246 / 0.367, rel=0.01)
-    assert dusty.sky_lx == pytest.approx(clean.sky_lx, rel=1e-6)
+    assert red > 1.15 * green > 1.3 * blue
+    assert dusty.sun_lx < 0.06 * clean.sun_lx
+    assert storm.sun_lx < 1.0
+    assert clean.ground_lx > 1.5 * dusty.ground_lx > 3.0 * storm.ground_lx > 0.0
+
+
+def low(found: Atmosphere, azimuth_deg: float) -> tuple[float, float]:
+    """Luminance of the sky within 1.4 degrees above the horizon, and of endless air before it."""
+    face = {90.0: 0, 270.0: 1, 0.0: 2, 180.0: 3}[azimuth_deg]
+    horizon, middle = found.sky.shape[1] // 2, found.airlight.shape[1] // 2
+    texels = horizon // middle
+    columns = slice(horizon - texels, horizon + texels)
+    seen = luminance(found.sky[face, horizon - texels : horizon, columns].mean(axis=(0, 1)))
+    air = found.airlight[face, middle - 1, middle - 1 : middle + 1].mean(axis=0)
+    return float(seen), float(luminance(air[:3]) * (1.0 + air[3]))
+
+
+@pytest.mark.parametrize("azimuth_deg", [0.0, 90.0, 270.0])
+@pytest.mark.parametrize(
+    "parts",
+    [
+        {"dust": {"mor_m": 60}},
+        {"dust": {"mor_m": 300}, "fog": {"mor_m": 200}},
+        {"dust": {"mor_m": 3000}},
+        {"air": {"mor_m": 1500}, "sky": {"oktas": 3}},
+        {"rain": {"rate_mm_h": 30}, "sky": {"oktas": 8}},
+        {"snow": {"rate_mm_h": 2, "depth_mm": 30}, "sky": {"oktas": 8}, "temperature_c": -3},
+        {"rain": {"rate_mm_h": 10}, "fog": {"mor_m": 400}, "sky": {"oktas": 8}},
+        {"snow": {"rate_mm_h": 1}, "dust": {"mor_m": 500}, "temperature_c": -3},
+    ],
+    ids=lambda parts: " and ".join(parts),
+)
+def test_endless_air_is_as_bright_as_the_sky_behind_it_by_day(
+    parts: dict[str, Any], azimuth_deg: float
+) -> None:
+    """So that contrast falls by Koschmieder's law in every mixture."""
+    clear_air = {"air": {"mor_m": None}} if "air" not in parts else {}
+    behind, air = low(compute_atmosphere(weather(**clear_air | parts), "rural"), azimuth_deg)
+    assert air == pytest.approx(behind, rel=0.03)
 
 
 def test_grey_dust_and_little_dust_colour_little() -> None:

@@ -134,3 +134,32 @@ def test_a_lamp_30_metres_away_has_its_halo(
         phase=droplet_phase,
     )
     assert found == pytest.approx(expected, rel=0.1)
+
+
+@pytest.mark.parametrize("depth", [0.5, 2.0, 4.0])
+def test_a_target_keeps_of_its_light_what_single_photons_bring_to_the_eye(depth: float) -> None:
+    """Photons from the eye, deflected wherever they are scattered, that still meet a disc."""
+    lobes, photons = DropletPhaseLobes.from_diameter_um(12.0), 40_000
+    random, distance_m = np.random.default_rng(5), 40.0
+    narrow_depth = lobes.narrow_fraction * depth
+    counts = random.poisson(narrow_depth, photons)
+    offset = np.zeros((photons, 2))
+    for step in range(int(counts.max())):
+        number = random.random(photons)
+        g = lobes.narrow_g
+        cosine = (1 + g * g - ((1 - g * g) / (1 - g + 2 * g * number)) ** 2) / (2 * g)
+        beyond_m = distance_m * random.random(photons)
+        turn = random.random(photons) * 2.0 * math.pi
+        off = np.tan(np.arccos(np.clip(cosine, 0.02, 1.0))) * beyond_m * (step < counts)
+        offset += off[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+    for radius_m in (0.2, 0.6, 2.0):
+        met = np.mean(np.hypot(*offset.T) < radius_m) * math.exp(-lobes.wide_fraction * depth)
+        kept = lobes.fraction_kept(np.array(depth), np.array(radius_m / distance_m))
+        assert kept == pytest.approx(met, rel=0.06)
+
+
+def test_specks_keep_direct_light_and_walls_all_that_is_deflected_little() -> None:
+    lobes = DropletPhaseLobes.from_diameter_um(12.0)
+    speck, wall = lobes.fraction_kept(np.array(2.0), np.array([1e-7, 1.5]))
+    assert speck == pytest.approx(math.exp(-2.0), rel=1e-3)
+    assert wall == pytest.approx(math.exp(-2.0 * lobes.wide_fraction), rel=0.02)

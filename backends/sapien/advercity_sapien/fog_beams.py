@@ -1,9 +1,10 @@
 """Light that fog has scattered out of vehicles' beams, in the space around them.
 
-Fog by night glows mostly with light that is scattered several times: most of what a camera gets back
-from its own beams turned in two or three steps. A few ten thousand photons of a beam are followed
-over level ground, and their flow and fluence recorded on a grid that is fine near the lamp. As
-everywhere in these shaders, light that droplets deflect by the narrow lobe counts as not scattered.
+Fog by night glows mostly with light that is scattered several times: most of what a camera gets
+back from its own beams turned in two or three steps. Some ten thousand photons of a beam are
+followed over level ground, and their flow and fluence recorded on a grid that is fine near the
+lamp. As everywhere in these shaders, light that droplets deflect by the narrow lobe counts as not
+scattered.
 """
 
 import math
@@ -87,7 +88,9 @@ def trace_beam(
         passed = position + (generator.random(len(ray)) * length)[:, None] * ray
         _add_to_grid(grid, passed, ray, light * length)
         position += length[:, None] * ray
-        ray = np.where(meets_ground[:, None], _reflect(len(ray), generator), _scatter(ray, generator))
+        ray = np.where(
+            meets_ground[:, None], _reflect(len(ray), generator), _scatter(ray, generator)
+        )
         kept = (generator.random(len(ray)) < GROUND_ALBEDO) | ~meets_ground
         kept &= np.linalg.norm(position, axis=1) < MAX_PATH_M
         position, ray, light = position[kept], ray[kept], light[kept]
@@ -193,7 +196,7 @@ def _add_to_grid(
 
 
 def _node_volumes() -> NDArray[np.float64]:
-    """Compute the volumes (nodes ahead, right, up) that nodes represent, m³, both sides together."""
+    """Compute the volumes (nodes ahead, right, up) of nodes in m³, both sides together."""
     low, high = grid_corners()
     lengths: list[Float64Array] = []
     for axis, count in enumerate(FOG_BEAM_NODES):

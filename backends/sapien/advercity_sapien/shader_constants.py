@@ -26,7 +26,11 @@ from advercity_sapien.fog_beams import DROPLET_UM, grid_corners
 from advercity_sapien.ground_maps import NEUTRAL_WEAR, WEAR_STEPS
 from advercity_sapien.lamp_lists import MIRROR_HALF_ANGLE_RAD, NO_ANGLE_LIMIT
 from advercity_sapien.light_probes import LEVEL_HEIGHTS_M
-from advercity_sapien.shader_table import FOG_BEAM_NODES, format_scene_textures_glsl, format_table_glsl
+from advercity_sapien.shader_table import (
+    FOG_BEAM_NODES,
+    format_scene_textures_glsl,
+    format_table_glsl,
+)
 
 SHADER_FOLDER = Path(__file__).parent / "shaders"
 NEAR_M, FAR_M = 0.1, 3000.0
@@ -117,7 +121,8 @@ def _format_constants() -> Iterator[str]:
 
     low, high = grid_corners()
     yield f"const vec3 FOG_BEAM_FIRST = {_format_vector(low)};"
-    yield f"const vec3 FOG_BEAM_PER_ROOT = {_format_vector((np.array(FOG_BEAM_NODES) - 1) / (high - low))};"
+    per_root = (np.array(FOG_BEAM_NODES) - 1) / (high - low)
+    yield f"const vec3 FOG_BEAM_PER_ROOT = {_format_vector(per_root)};"
     yield f"const int PROBE_LEVELS = {len(LEVEL_HEIGHTS_M)};"
     heights = ", ".join(map(_float, LEVEL_HEIGHTS_M))
     yield f"const float PROBE_HEIGHTS[PROBE_LEVELS] = float[]({heights});"

@@ -4,62 +4,64 @@ import math
 
 import numpy as np
 import pytest
-from advercity_sapien.fog_beams import compute_fog_beam_rows
-from advercity_sapien.shader_table import FOG_BEAM_RINGS, FOG_BEAM_SPOKES
-
-from advercity.physics.lamp_beams import FRONT_FOG_BEAM, LOW_BEAM, LampBeam
-
-FINE = 64
-BEAMS = pytest.mark.parametrize(
-    ("row", "lamp_beam"), [(0, LOW_BEAM), (1, FRONT_FOG_BEAM)], ids=["dipped", "fog"]
+from advercity_sapien.fog_beams import (
+    HIGH_CORNER_M,
+    compute_fog_beam_rows,
+    grid_corners,
+    trace_beam,
 )
+from advercity_sapien.shader_table import COLUMNS, FOG_BEAM_NODES
+
+from advercity.geometry.arrays import Float32Array
+from advercity.physics.lamp_beams import LOW_BEAM
+
+THIN = 1e-4
 
 
-def flux_of(lamp_beam: LampBeam) -> float:
-    """Lumens per candela of the peak."""
-    step = math.radians(0.1)
-    h, v = np.meshgrid(np.arange(-60.0, 60.0, 0.1), np.arange(-20.0, 20.0, 0.1))
-    level, aside, above = np.cos(np.radians(v)), np.radians(h), np.radians(v)
-    rays = np.stack([level * np.cos(aside), level * np.sin(aside), np.sin(above)], axis=-1)
-    light = (
-        lamp_beam.relative_intensity(np.array([[1.0, 0.0, 0.0]]), rays.reshape(1, -1, 3))[0]
-        * level.ravel()
-    )
-    return float(light.sum()) * step**2
+@pytest.fixture(scope="module")
+def thin() -> Float32Array:
+    """Light scattered out of a low beam by the thinnest fog (nodes ahead, right, up, 4)."""
+    return trace_beam(LOW_BEAM, 0.65, 0.0, THIN)
 
 
-@BEAMS
-def test_all_that_leaves_a_beam_goes_out_through_a_sphere_around_the_lamp(
-    row: int, lamp_beam: LampBeam
+def node_at(ahead_m: float, right_m: float, up_m: float) -> tuple[int, ...]:
+    """The node next to a place."""
+    low, high = grid_corners()
+    root = np.sign(ahead_m) * math.sqrt(abs(ahead_m)), math.sqrt(right_m), math.sqrt(up_m)
+    place = (np.array(root) - low) / (high - low) * (np.array(FOG_BEAM_NODES) - 1)
+    return tuple(np.round(place).astype(int).tolist())
+
+
+def test_scattered_light_leaves_upwards_above_a_beam_and_downwards_below_it(
+    thin: Float32Array,
 ) -> None:
-    """The light scattered on the first metre is that of the beam times its optical depth."""
-    table = compute_fog_beam_rows()[row].reshape(FOG_BEAM_RINGS, FOG_BEAM_SPOKES, 4)
-    ring = (np.arange((FOG_BEAM_RINGS - 1) * FINE) + 0.5) / FINE
-    inner, part = ring.astype(int), (ring % 1.0)[:, None, None]
-    light = table[inner] * (1.0 - part) + table[inner + 1] * part
-    off = math.pi * (ring / (FOG_BEAM_RINGS - 1)) ** 2
-    wide = 2.0 * math.pi * ring / (FOG_BEAM_RINGS - 1) ** 2 / FINE
-    turn = 2.0 * math.pi * np.arange(FOG_BEAM_SPOKES) / FOG_BEAM_SPOKES
-    out = np.stack(
-        np.broadcast_arrays(
-            np.cos(off)[:, None],
-            *(np.sin(off)[:, None] * along for along in (np.cos(turn), np.sin(turn))),
-        ),
-        axis=-1,
-    )
-    through = np.einsum("rsi,rsi->rs", light[..., :3], out)
-    total = np.sum(through * (np.sin(off) * wide)[:, None]) * 2.0 * math.pi / FOG_BEAM_SPOKES
-    assert total == pytest.approx(flux_of(lamp_beam), rel=0.05)
+    assert thin[node_at(12.0, 0.0, 8.0)][2] > 0.0 > thin[node_at(5.0, 0.0, 0.0)][2]
 
 
-@BEAMS
-def test_flow_does_not_exceed_fluence(row: int, lamp_beam: LampBeam) -> None:
-    table = compute_fog_beam_rows()[row]
-    assert (np.linalg.norm(table[:, :3], axis=1) <= table[:, 3] * 1.001).all()
+def test_scattered_light_goes_mostly_on_ahead(thin: Float32Array) -> None:
+    """The wide lobe's mean cosine is 0.74."""
+    ahead, _, _, fluence = thin[node_at(40.0, 3.0, 2.0)]
+    assert 0.5 * fluence < ahead < fluence
 
 
-def test_the_road_ahead_gets_what_a_beam_over_it_loses() -> None:
-    """A dipped beam passes over the road 5 m ahead, which light from it falls on, not to it."""
-    table = compute_fog_beam_rows()[0].reshape(FOG_BEAM_RINGS, FOG_BEAM_SPOKES, 4)
-    below = table[3, 3 * FOG_BEAM_SPOKES // 4]
-    assert below[2] < -0.2 * below[0] < 0.0
+def test_flow_does_not_exceed_fluence(thin: Float32Array) -> None:
+    assert (np.linalg.norm(thin[..., :3], axis=-1) <= thin[..., 3] * 1.001).all()
+
+
+def test_twice_as_much_thin_fog_scatters_twice_as_much(thin: Float32Array) -> None:
+    twice = trace_beam(LOW_BEAM, 0.65, 0.0, 2.0 * THIN)
+    lit = thin[..., 3] > 0.0
+    ratio = np.median(twice[..., 3][lit] / thin[..., 3][lit])
+    assert ratio == pytest.approx(2.0, rel=0.05)
+
+
+def test_nothing_is_left_where_the_table_ends() -> None:
+    rows = compute_fog_beam_rows(0.05)
+    assert rows.shape == (2 * math.prod(FOG_BEAM_NODES) // COLUMNS, COLUMNS, 4)
+    low_beam = rows[: len(rows) // 2].reshape(*FOG_BEAM_NODES, 4)
+    assert low_beam[-1].max() == low_beam[:, -1].max() == low_beam[:, :, -1].max() == 0.0
+    assert HIGH_CORNER_M[0] > 100.0
+
+
+def test_nearly_equal_fogs_have_the_same_table() -> None:
+    assert compute_fog_beam_rows(0.0500) is compute_fog_beam_rows(0.0501)
