@@ -262,7 +262,7 @@ def render_patch(scene: Scene, mor_m: float, pack: Pack, *, width_px: int, sampl
         return Mesh(name, vertices, triangles, name, semantic)
 
     matt = {
-        name: Material((albedo,) * 3, 0.5, roughness=1.0)
+        name: Material((albedo, albedo, albedo), 0.5, roughness=1.0)
         for name, albedo in (("fog_road", ROAD_ALBEDO), ("fog_card", CARD_ALBEDO))
     }
     meshes = [slab("fog_road", (0.0, 0.0, -0.5), (800.0, 400.0, 1.0), Semantic.BUILDING)]
@@ -296,8 +296,8 @@ def _frame_patch(patch_: Patch, width_px: int) -> tuple[CameraView, slice, slice
     view = CameraView(pose_matrix(EYE), width_px, width_px, 2.0 * math.atan(farthest / ahead))
     rows = sorted(width_px / 2.0 - (z - EYE[2]) / ahead * focal_px for z in patch_.z)
     columns = sorted(width_px / 2.0 - y / ahead * focal_px for y in patch_.y)
-    inside = (slice(math.ceil(low), math.floor(high)) for low, high in (rows, columns))
-    return view, *inside
+    inside = [slice(math.ceil(low), math.floor(high)) for low, high in (rows, columns)]
+    return view, inside[0], inside[1]
 
 
 def _dark_air(mor_m: float) -> Atmosphere:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from advercity.geometry.arrays import Float64Array
+from advercity.geometry.arrays import Float64Array, FloatArray
 from advercity.physics.scattering import DropletPhaseLobes, PhaseFunction, henyey_greenstein
 
 NUM_STREAMS, NUM_AZIMUTH_TERMS = 24, 12
@@ -211,7 +211,7 @@ class FogBank:
         by_dust = self.dust_fraction * self.dust_albedo
         return (1.0 - self.dust_fraction) * self.lobes.wide_fraction + by_dust
 
-    def wide_phase(self, cosine: Float64Array) -> Float64Array:
+    def wide_phase(self, cosine: FloatArray) -> FloatArray:
         """Evaluate the phase function (n,) of what `wide_fraction` scatters."""
         by_dust = self.dust_fraction * self.dust_albedo / self.wide_fraction
         dust = henyey_greenstein(cosine, self.dust_g)

@@ -25,7 +25,7 @@ DROPLET_UM = 12.0
 """Droplet diameter of every fog by night, in the shaders too; a weather's own is for daylight."""
 LOW_CORNER_M, HIGH_CORNER_M = (-30.0, 0.0, 0.0), (120.0, 60.0, 40.0)
 """Extent of the grid: ahead of the lamp, to either side, and above the ground."""
-PHOTONS, MAX_SCATTERINGS = 60_000, 12
+PHOTONS, MAX_SCATTERINGS = 200_000, 12
 MAX_PATH_M = 150.0
 """Distance from which light does not come back."""
 EXTINCTION_RATIO = 1.05
@@ -67,7 +67,7 @@ def trace_beam(
     The extinction coefficient is that of the wide lobe. Light that has not been scattered is left
     out.
     """
-    generator = create_generator("sapien", "fog_beam", height_m, extinction_per_m)
+    generator = create_generator("sapien", "fog_beam", f"{height_m:g}", f"{extinction_per_m:.6g}")
     ray, lumens = _draw_rays(beam, tilt_rad, generator)
     position = np.zeros_like(ray)
     position[:, 2] = height_m

@@ -33,7 +33,7 @@ MAX_RANGE_M = 120.0
 NEGLIGIBLE_FRACTION = 0.02
 """Fraction of the light that is everywhere which need not be shown."""
 MIN_ILLUMINANCE_LX, MIN_LUMINANCE_CD_M2 = 1e-3, 1e-4
-NEGLIGIBLE_AIRLIGHT_FRACTION = 0.05
+NEGLIGIBLE_AIRLIGHT_FRACTION = 0.03
 """Fraction of the airlight which glow need not exceed to be left out."""
 STREET_LAMP_HEIGHT_M = 6.0
 """Least height of a street lamp above what it lights."""
@@ -41,7 +41,7 @@ LOW_BEAM_SIGMA_RAD = np.radians(LOW_BEAM.horizontal_sigma_deg)
 """Horizontal spread of a low beam; front fog lamps are wider, which only costs list entries."""
 STRAY_BEAM_FRACTION = 0.1
 """Fraction of a beam's peak that leaves it upwards and to the sides, into the eyes of others."""
-FOG_BEAM_LENGTH_M, MAX_NEARBY_BEAMS, BEAM_VISIBLE_RANGE_M = 40.0, 8, 60.0
+FOG_BEAM_LENGTH_M, MAX_NEARBY_BEAMS, BEAM_VISIBLE_RANGE_M = 40.0, 6, 60.0
 """Length of a beam in fog; number of beams that are seen from all sides, and from how far."""
 BEAM_LUMINANCE_FACTOR = 4e-3
 """Luminance of a beam seen from behind, by its peak and the extinction (weather reference)."""

@@ -3,13 +3,9 @@
 Expected luminances are `python benchmarks/night_fog.py --mor 63`'s reference, in cd/m².
 """
 
-import sys
-from pathlib import Path
-
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
-from night_fog import Pack, list_scenes, render_patch
+from benchmarks.night_fog import Pack, list_scenes, render_patch
 
 pytestmark = pytest.mark.render
 

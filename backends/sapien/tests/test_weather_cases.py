@@ -130,6 +130,23 @@ def test_a_black_card_in_fog_shines_with_the_airlight_before_it(
     assert float(seen[25, 50]) * 2500.0 / horizon == pytest.approx(expected, rel=0.02)
 
 
+@pytest.mark.parametrize("dust", [{"mor_m": 60}, {"mor_m": 300}], ids=["storm", "dust"])
+def test_far_things_in_dust_are_lost_in_the_sky_behind_them(
+    rasterised: Open, dust: dict[str, object]
+) -> None:
+    """By Koschmieder's law 0.006 of the contrast of black things is left at 1.7 visibilities."""
+    dusty = compute_atmosphere(weather(air={"mor_m": None}, dust=dust, sky={"oktas": 3}), "rural")
+    distance_m = 1.7 * dusty.mor_m
+    size = distance_m / 4.0
+    things = world_of(build_box((distance_m + 0.5, 0.0, 0.0), (1.0, size, size), "black"))
+    ahead = view_of(pose_matrix((0, 0, 0)), (101, 51))
+    seen = [
+        float(luminance(rendered(rasterised, world, dusty, ahead))[25, 50])
+        for world in (things, world_of())
+    ]
+    assert 1.0 - seen[0] / seen[1] == pytest.approx(0.006, abs=0.03)
+
+
 def test_white_things_in_white_fog_under_a_white_dome_are_not_to_be_seen(opened: Open) -> None:
     dome = 1000.0
     foggy = compute_atmosphere(weather(air={"mor_m": None}, fog={"mor_m": 50}), "rural")

@@ -78,6 +78,13 @@ float unscatteredTransmittance(float distance) {
   return transmittance(DROPLET_WIDE_FRACTION * distance);
 }
 
+// Whether it matters by how little light is deflected: in clearer air, nearly nothing is.
+bool deflectsVisibly() { return extinction() > 6e-3; }
+
+// Ratio of the light that is seen of a lamp-lit surface to what is not scattered, where deflected
+// light counts as not deflected.
+float undeflectedGain(float distance) { return exp(min(narrowDepth(distance), 8.0)); }
+
 // Spread, in radians, of light that the narrow lobe deflects on a path of an optical depth above 0.
 float forwardSpread(float depth) {
   return DROPLET_NARROW_SCALE * depth / (depth < 1e-3 ? depth : 1.0 - exp(-depth));
@@ -131,7 +138,7 @@ float beamIntensity(LampBeam b, vec3 facing, vec3 ray, float narrowDepth) {
   float below = x < 0.0 ? exp(-(x + b.peakBelowCutoff) * (x + b.peakBelowCutoff) / b.belowSquared) : 1.0;
   float dark = exp(clamp(x / b.cutoffSoftness, -40.0, 40.0));
   float sharp = (b.stray + (1.0 - b.stray) / (1.0 + dark)) * below * aboveAxis;
-  if (narrowDepth < 1e-3) return sharp * sideways;
+  if (narrowDepth < 0.03) return sharp * sideways;
   float spread = degrees(forwardSpread(narrowDepth));
   float beyondCutoff = fractionBeyond(x / spread);
   float soft = beyondCutoff - fractionBeyond((x + b.equivalentHeight) / spread)
@@ -219,6 +226,7 @@ vec3 lampReflection(Lamp l, Surface s, vec3 towardsEye, vec3 position) {
   float distance = sqrt(max(distance2, 1e-6));
   vec3 ray = away / distance;
   // An upper bound of each part is known without the beam's shape, which is expensive.
+  const float MAX_SCATTERED = 0.25;
   float left = beamTransmittance(l, distance);
   float given = rangeFalloff(l, distance) / (distance2 + lampSizeSquared(l));
   vec3 direct = l.intensity * given * left * brdfCosine(s, towardsEye, -ray);
@@ -227,8 +235,9 @@ vec3 lampReflection(Lamp l, Surface s, vec3 towardsEye, vec3 position) {
   if (dot(s.normal, ray) < 0.0 && dot(direct, vec3(1.0)) >= negligibleRadiance()) {
     sum += direct * intensityFraction(l, ray, distance);
   }
-  if (isBeam(l) && given * (1.0 - left) * dot(scattered, vec3(1.0)) >= negligibleRadiance()) {
-    sum += scattered * rangeFalloff(l, distance) * scatteredIrradiance(scatteredLight(l, position), s.normal);
+  if (isBeam(l) && MAX_SCATTERED * given * (1.0 - left) * dot(scattered, vec3(1.0)) >= negligibleRadiance()) {
+    vec4 light = scatteredLight(l, position);
+    sum += scattered * rangeFalloff(l, distance) * scatteredIrradiance(light, s.normal);
   }
   return sum;
 }
@@ -302,10 +311,10 @@ float segmentInScattering(Lamp l, vec3 eye, vec3 ray, vec2 segment, int steps, f
   return sum * extinction() * span / (closest * float(steps));
 }
 
-// Light that fog scatters out of a beam, once or often, and then into a ray. A part of it goes along
-// its flow, the rest is even.
+// Light that fog scatters out of a beam, once or often, and then into a ray. Part of it goes along its
+// flow, as much as the square of its mean cosine (delta scaling), and the rest is even.
 float diffuseInScattering(Lamp l, vec3 eye, vec3 ray, float distance, float jitter) {
-  const int STEPS = 4;
+  const int STEPS = 3;
   float along = DROPLET_WIDE_FRACTION * extinction();
   float opacity = 1.0 - exp(-along * distance), sum = 0.0;
   for (int i = 0; i < STEPS; ++i) {
@@ -313,7 +322,7 @@ float diffuseInScattering(Lamp l, vec3 eye, vec3 ray, float distance, float jitt
     vec4 light = scatteredLight(l, eye + t * ray);
     float strength = length(light.xyz);
     if (strength <= 0.0) continue;
-    float directed = min(strength, light.w);
+    float directed = light.w * min(strength * strength / (light.w * light.w), 1.0);
     float phase = dropletPhase(-dot(light.xyz, ray) / strength).y / DROPLET_WIDE_FRACTION;
     sum += directed * phase + (light.w - directed) / (4.0 * PI);
   }
@@ -323,7 +332,7 @@ float diffuseInScattering(Lamp l, vec3 eye, vec3 ray, float distance, float jitt
 // Light of one lamp that air scatters into a ray. Beams have sharp edges 8 degrees below the axis and 6
 // above (as tangents); what strays beyond them needs fewer steps.
 vec3 lampInScattering(Lamp l, vec3 eye, vec3 ray, float distance, float jitter) {
-  const int STEPS = 6, STRAY_STEPS = 3;
+  const int STEPS = 6, STRAY_STEPS = 2;
   const float BELOW = 0.141, ABOVE = 0.105;
   vec3 away = eye - l.position;
   vec2 segment = vec2(0.0, distance);
@@ -355,8 +364,10 @@ vec3 lampsInScattering(vec2 uv, vec3 eye, vec3 ray, float distance, float jitter
       Lamp l = fetchLamp(four[j]);
       float cosine = dot(normalize(l.position - eye), ray);
       if (cosine <= l.minCosine) continue;
+      // From the square of the angle: halos fade over the outer half of their discs, without an edge.
+      float inner = (cosine - l.minCosine) / (1.0 - l.minCosine);
       float fade = l.minCosine <= NO_ANGLE_LIMIT
-          ? l.minCosine - NO_ANGLE_LIMIT + 1.0 : min((cosine - l.minCosine) / (1.0 - l.minCosine) * 3.0, 1.0);
+          ? l.minCosine - NO_ANGLE_LIMIT + 1.0 : smoothstep(0.0, 0.7, inner);
       sum += fade * lampInScattering(l, eye, ray, distance, jitter);
     }
   }

@@ -126,7 +126,7 @@ vec3 filterAmbient(float depth) {
 
 // Radiance of the surfaces around that lamps light and fog deflects into a ray: dithered.
 vec3 deflectedLight(vec3 ray, float distance, float jitter) {
-  const int TAPS = 8;
+  const int TAPS = 4;
   const float GOLDEN_TURN = 2.399963;
   float spread = forwardSpread(narrowDepth(min(distance, 60.0)));
   vec3 sum = vec3(0.0);
@@ -141,9 +141,8 @@ vec3 deflectedLight(vec3 ray, float distance, float jitter) {
     vec4 lit = texelFetch(samplerLit, pixel, 0);
     if (lit.a <= 0.0) continue;
     vec3 byLamps = lit.rgb - texelFetch(samplerAmbient, pixel, 0).rgb;
-    float distancePerDepth;
-    rayThrough((vec2(pixel) + 0.5) / vec2(textureSize(samplerLit, 0)), distancePerDepth);
-    sum += max(byLamps, 0.0) * deflectedWeight(angle, spread, lit.a * distancePerDepth);
+    // `clip.w` of a unit ray is its depth per distance.
+    sum += max(byLamps, 0.0) * deflectedWeight(angle, spread, lit.a / clip.w);
   }
   return sum / float(TAPS);
 }
@@ -157,7 +156,7 @@ void main() {
   float distance = depth > 0.0 ? depth * distancePerDepth : FAR_M;
   float jitter = dither(gl_FragCoord.xy);
   vec3 scattered = lampsInScattering(inUV, eye, ray, distance, jitter);
-  if (isNight() && extinction() > 0.0) scattered += deflectedLight(ray, distance, jitter);
+  if (isNight() && deflectsVisibly()) scattered += deflectedLight(ray, distance, jitter);
   outGlow = vec4(scattered, 0.0);
   if (depth <= 0.0) {
     outSeen = vec4(lit.rgb, 0.0);

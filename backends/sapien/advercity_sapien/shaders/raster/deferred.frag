@@ -110,7 +110,10 @@ void main() {
   if (dot(sunIrradiance(), vec3(1.0)) > 0.0 && dot(s.normal, sun) > 0.0) {
     radiance += brdfCosine(s, -ray, sun) * sunIrradiance() * sunVisibility(position, normal.xyz);
   }
-  if (isNight()) radiance += lampRadiance(s, -ray, position);
+  if (isNight()) {
+    float gain = deflectsVisibly() ? 1.0 : undeflectedGain(distance);
+    radiance += gain * lampRadiance(s, -ray, position);
+  }
   float cosine = -dot(ray, s.normal);
   vec3 ambient = s.albedo * coatTransmittance(s, cosine) * skyIrradiance(s.normal) / PI
       * probeRatio(position, normal.xyz);
