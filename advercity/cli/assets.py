@@ -87,11 +87,15 @@ def add(
 
 @assets.command()
 def remove() -> None:
-    """Remove the asset pack; specs that need it do not run any more."""
+    """Remove the asset packages; specs that need them do not run any more."""
     from advercity.assets.model_store import open_model_store
+    from advercity.assets.texture_store import open_texture_store
+    from advercity.texture_packs import TEXTURE_PACKS
 
     open_model_store().remove_package()
-    print_remark("bodies are procedural")
+    for pack in TEXTURE_PACKS.values():
+        open_texture_store().remove(pack)
+    print_remark("bodies and surfaces are procedural")
 
 
 @assets.command("list")

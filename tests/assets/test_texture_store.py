@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from advercity.assets.texture_store import TextureStore, describe_package
+from advercity.assets.texture_store import TextureStore, describe_package, open_texture_store
 from advercity.cli import app
 from advercity.errors import InputError, RunError
 from advercity.materials import MATERIALS
@@ -169,6 +169,18 @@ def test_a_damaged_pack_counts_as_missing_and_is_installed_again(
         store.load_maps(replace(pack, surfaces={"bark": replace_color(pack)}), "bark")
     store.install(pack, mirror)
     assert store.is_installed(pack)
+    store.remove(pack)
+    assert list(store.folder.iterdir()) == []
+
+
+def test_the_command_removes_the_photographs(
+    pack: TexturePack, mirror: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setenv("ADVERCITY_DATA", str(tmp_path))
+    monkeypatch.setattr("advercity.texture_packs.TEXTURE_PACKS", {pack.asset: pack})
+    open_texture_store().install(pack, mirror)
+    assert CliRunner().invoke(app, ["assets", "remove"]).exit_code == 0
+    assert not open_texture_store().is_installed(pack)
 
 
 def replace_color(pack: TexturePack) -> PhotographedSurface:
