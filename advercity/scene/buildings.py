@@ -15,14 +15,21 @@ from advercity.geometry.primitives import box, loft_rings, tube
 from advercity.randomness import create_generator
 from advercity.scene import vegetation
 from advercity.scene.facades import FacadeStyle, Storey, SurfaceMaterials, build_facade
+from advercity.scene.roof_details import (
+    ROOF_SLOPE,
+    ROOF_THICKNESS_M,
+    build_chimneys,
+    build_dormers,
+    build_gutters,
+)
 from advercity.scene.site import Rectangle, Site, StreetSide
 from advercity.semantics import Semantic
 
 FLOOR_M = 3.1
 ROAD_CLEARANCE_M = 1.5
 GARDEN_TREE_M = 5.5
-ROOF_SLOPE = 0.75
-"""Rise over run."""
+MIN_ROW_M = 6.0
+"""Half width of buildings from which there are two chimneys."""
 TOWN_WALLS = ("plaster", "brick", "brick", "plaster_ochre", "plaster_white", "brick_yellow")
 HOUSE_WALLS = (
     "plaster_white",
@@ -33,7 +40,7 @@ HOUSE_WALLS = (
     "brick_yellow",
 )
 _TRIMS = ("paint_white", "paint_white", "plaster_grey", "black_plastic")
-_ACCENTS = ("sign_red", "cloth_green", "cloth_blue", "cloth_dark", "cloth_brown", "cloth_yellow")
+_ACCENTS = ("cloth_red", "cloth_green", "cloth_blue", "cloth_dark", "cloth_brown", "cloth_yellow")
 ROOFS = ("roof_tile", "roof_tile", "roof_slate")
 
 
@@ -205,13 +212,14 @@ def draw_style(walls: Sequence[str], draw: np.random.Generator) -> FacadeStyle:
         accent=str(draw.choice(_ACCENTS)),
         blind_fraction=float(draw.uniform(0.1, 0.6)),
         has_string_courses=bool(draw.random() < 0.5),
+        has_shutters=bool(draw.random() < 0.4),
     )
 
 
 def _build_town_block(lot: Lot, floors: int, draw: np.random.Generator) -> SurfaceMaterials:
     """Build a block: shops or flats below, equal floors above, a flat or a pitched roof."""
     x, y, top = _inset(lot.width_m), _inset(lot.depth_m), floors * FLOOR_M + 0.4
-    style = draw_style(TOWN_WALLS, draw)
+    style = replace(draw_style(TOWN_WALLS, draw), has_shutters=False)
     bay, window = float(draw.uniform(2.4, 3.4)), (float(draw.uniform(1.0, 1.7)), 1.6)
     has_shops, has_balconies = draw.random() < 0.5, draw.random() < 0.35
 
@@ -236,7 +244,8 @@ def _build_town_block(lot: Lot, floors: int, draw: np.random.Generator) -> Surfa
     parts = _build_walls(x, y, list_storeys, style, draw)
     if draw.random() < 0.4:
         roof = str(draw.choice(ROOFS))
-        return [*parts, *build_pitched_roof(x, y, top, 0.5, style.wall, roof)]
+        pitched = build_pitched_roof(x, y, top, 0.5, style.wall, roof)
+        return [*parts, *pitched, *_build_attic(x, y, top, 0.6, style, roof, draw)]
     parapet = box((-x - 0.15, -y - 0.15, top), (x + 0.15, y + 0.15, top + 0.45))
     stairs = box((-1.8, -1.5, top + 0.4), (1.8, 1.5, top + 2.6))
     vents = [
@@ -250,7 +259,6 @@ def _build_house(lot: Lot, eaves: float, draw: np.random.Generator) -> SurfaceMa
     """Build a house with a door in the middle, a pitched roof and a chimney."""
     x, y = _inset(lot.width_m), _inset(lot.depth_m)
     floors = 2 if eaves > 4.4 else 1
-    ridge = eaves + ROOF_SLOPE * (y + 0.45)
     style = replace(draw_style(HOUSE_WALLS, draw), has_string_courses=False)
     width, bay = float(draw.uniform(1.0, 1.5)), float(draw.uniform(2.6, 3.4))
 
@@ -265,14 +273,33 @@ def _build_house(lot: Lot, eaves: float, draw: np.random.Generator) -> SurfaceMa
             storeys[0] = replace(storeys[0], door_at=count // 2)
         return storeys
 
+    roof = str(draw.choice(ROOFS))
     gutter = tube([(x - 0.1, -y - 0.08, 0), (x - 0.1, -y - 0.08, eaves)], 0.05, sides=5)
     return [
         *_build_walls(x, y, list_storeys, style, draw),
-        *build_pitched_roof(x, y, eaves, 0.45, style.wall, str(draw.choice(ROOFS))),
-        (box((0.4 * x, 0.5, ridge - 1.6), (0.4 * x + 0.7, 1.2, ridge + 0.7)), "brick"),
+        *build_pitched_roof(x, y, eaves, 0.45, style.wall, roof),
+        *_build_attic(x, y, eaves, 0.35, style, roof, draw),
         (box((-0.75, -y - 0.9, 0), (0.75, -y, 0.05)), "concrete"),
         (gutter, "metal"),
     ]
+
+
+def _build_attic(
+    x: float,
+    y: float,
+    eaves: float,
+    dormer_fraction: float,
+    style: FacadeStyle,
+    roof: str,
+    draw: np.random.Generator,
+) -> SurfaceMaterials:
+    """Build chimneys on a pitched roof, and on some a row of dormers towards the street."""
+    chimneys = [0.6 * x] if x < MIN_ROW_M else [-0.5 * x, 0.5 * x]
+    parts: SurfaceMaterials = [(build_chimneys(chimneys, eaves + ROOF_SLOPE * y), "brick")]
+    if draw.random() < dormer_fraction:
+        places = np.linspace(-0.55 * x, 0.55 * x, max(2, int(x / 2.2)))
+        parts += build_dormers([float(at) for at in places], y, eaves, style.wall, roof, style.trim)
+    return parts
 
 
 def _inset(length_m: float) -> float:
@@ -307,6 +334,7 @@ def build_pitched_roof(
     return [
         (_build_gable_walls(x, y, eaves, overhang), wall),
         (_build_gable_roof(x, y, eaves, overhang), roof),
+        (build_gutters(x, y, eaves, overhang), "metal"),
     ]
 
 
@@ -329,7 +357,7 @@ def _build_garden_hedges(lot: Lot, site: Site) -> list[MeshPart]:
 def _build_gable_roof(x: float, y: float, eaves: float, overhang: float) -> TriangleSurface:
     """Build a pitched roof with its ridge along x: a folded slab from gable to gable."""
     span = y + overhang
-    rise, drop, thick = ROOF_SLOPE * span, ROOF_SLOPE * overhang, 0.22
+    rise, drop, thick = ROOF_SLOPE * span, ROOF_SLOPE * overhang, ROOF_THICKNESS_M
     fold = [(-span, eaves - drop), (0.0, eaves - drop + rise), (span, eaves - drop)]
     outline = [*fold, *((b, z + thick) for b, z in fold[::-1])]
     ends = [[(end, b, z) for b, z in outline] for end in (-x - overhang, x + overhang)]

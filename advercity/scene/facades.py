@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from advercity.assets.lettering import WritingPlane, write_text
 from advercity.geometry.arrays import Float64Array
 from advercity.geometry.mesh import TriangleSurface, join_surfaces
 from advercity.geometry.primitives import box, rectangles
@@ -20,6 +21,9 @@ SurfaceMaterials = list[tuple[TriangleSurface, str]]
 REVEAL_M, FRAME_M, SILL_M = 0.14, 0.06, 0.07
 """Depth of openings, width of frames, and how far sills stand out."""
 ROOM_DEPTH_M = 3.0
+SHOP_NAMES = ("CAFE", "COFFEE", "SHOES", "BAGS", "FISH", "CHEESE", "JUICE", "GLASS", "BICYCLES")
+SHOP_LETTER_M = 0.32
+_LIGHT_ACCENTS = ("cloth_yellow",)
 MAX_BLIND_FRACTION = 0.75
 
 
@@ -60,6 +64,7 @@ class FacadeStyle:
         accent: Of shop signs and awnings.
         blind_fraction: Fraction of windows with a blind or curtain.
         has_string_courses: Whether bands run round the building between storeys.
+        has_shutters: Whether there are shutters, of the accent's colour, at its windows.
     """
 
     wall: str
@@ -67,6 +72,7 @@ class FacadeStyle:
     accent: str
     blind_fraction: float
     has_string_courses: bool = False
+    has_shutters: bool = False
 
 
 def build_facade(
@@ -184,6 +190,8 @@ def _fill_windows(
         raised = centres[has_blind] + half[has_blind] - covered - (0.0, 0.01, 0.0)
         blinds = rectangles(raised, (width / 2 - FRAME_M, 0, 0), covered)
         parts.append((blinds, "cloth_light"))
+    if style.has_shutters:
+        parts.append((_build_shutters(centres, half, width), style.accent))
     if storey.has_balconies:
         return [*parts, *_build_balconies(centres - half, width)]
     sills = [
@@ -214,6 +222,15 @@ def _build_frames(
     return join_surfaces(bars)
 
 
+def _build_shutters(centres: Float64Array, half: Float64Array, width_m: float) -> TriangleSurface:
+    """Build an open shutter on either side of each window, on the wall."""
+    leaf = width_m / 4
+    aside, on_wall = np.array([width_m / 2 + leaf + 0.03, 0, 0]), (0, -REVEAL_M - 0.03, 0)
+    return join_surfaces(
+        [rectangles(centres + side * aside + on_wall, (leaf, 0, 0), half) for side in (-1, 1)]
+    )
+
+
 def _build_shop_front(
     centres: Float64Array,
     half: Float64Array,
@@ -226,7 +243,12 @@ def _build_shop_front(
     low, high = float(centres[:, 0].min() - width_m / 2), float(centres[:, 0].max() + width_m / 2)
     sign = box((low, -0.12, top + 0.08), (high, -0.005, top + 0.55))
     awnings = [_build_awning(x, width_m, top) for x in centres[:, 0] if draw.random() < 0.35]
-    parts: SurfaceMaterials = [(sign, style.accent)]
+    word = str(draw.choice(SHOP_NAMES))
+    height_m = min(SHOP_LETTER_M, 0.9 * (high - low) / len(word))
+    plane = WritingPlane(((low + high) / 2, -0.12, top + 0.32), (1.0, 0.0, 0.0))
+    name = write_text(word, plane, height_m)
+    lettering = "black_plastic" if style.accent in _LIGHT_ACCENTS else "paint_white"
+    parts: SurfaceMaterials = [(sign, style.accent), (name, lettering)]
     return [*parts, (join_surfaces(awnings), style.accent)] if awnings else parts
 
 

@@ -22,13 +22,13 @@ from advercity.randomness import create_generator
 from advercity.scene.buildings import (
     FLOOR_M,
     HOUSE_WALLS,
-    ROOF_SLOPE,
     ROOFS,
     TOWN_WALLS,
     build_pitched_roof,
     draw_style,
 )
 from advercity.scene.facades import FacadeStyle, Storey, SurfaceMaterials, build_storeys
+from advercity.scene.roof_details import ROOF_SLOPE
 from advercity.scene.site import Site
 from advercity.semantics import Semantic
 
