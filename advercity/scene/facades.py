@@ -23,6 +23,8 @@ REVEAL_M, FRAME_M, SILL_M = 0.14, 0.06, 0.07
 ROOM_DEPTH_M = 3.0
 SHOP_NAMES = ("CAFE", "COFFEE", "SHOES", "BAGS", "FISH", "CHEESE", "JUICE", "GLASS", "BICYCLES")
 SHOP_LETTER_M = 0.32
+SHUTTER_FRACTION = 0.34
+"""Width of a shutter as a fraction of the window's."""
 _LIGHT_ACCENTS = ("cloth_yellow",)
 MAX_BLIND_FRACTION = 0.75
 
@@ -224,7 +226,7 @@ def _build_frames(
 
 def _build_shutters(centres: Float64Array, half: Float64Array, width_m: float) -> TriangleSurface:
     """Build an open shutter on either side of each window, on the wall."""
-    leaf = width_m / 4
+    leaf = SHUTTER_FRACTION * width_m / 2
     aside, on_wall = np.array([width_m / 2 + leaf + 0.03, 0, 0]), (0, -REVEAL_M - 0.03, 0)
     return join_surfaces(
         [rectangles(centres + side * aside + on_wall, (leaf, 0, 0), half) for side in (-1, 1)]

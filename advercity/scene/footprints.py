@@ -116,7 +116,8 @@ def _build(
     kind = _select_type(declared.use, footprint.area, declared.height_m)
     drawn_m = float(draw.uniform(*kind.height_range_m))
     total_m = declared.height_m or drawn_m
-    style = draw_style(kind.walls, draw)
+    drawn = draw_style(kind.walls, draw)
+    style = replace(drawn, has_shutters=drawn.has_shutters and kind is _HOUSE)
     chosen = declared.roof or ("gabled" if kind.is_pitched else "flat")
     rise_m = 0.0 if chosen == "flat" else _compute_rise(footprint, total_m)
     tiles = str(draw.choice(ROOFS))

@@ -82,7 +82,9 @@ def test_as_many_windows_have_blinds_as_declared(fraction: float, count: int) ->
 
 def test_shops_have_a_sign_above_undivided_panes() -> None:
     shop = replace(STOREY, width_m=2.4, sill_m=0.4, opening_m=2.0, is_shop=True, door_at=None)
-    sign = of(build(shop), "cloth_blue").vertices
+    # Its name is in white.
+    parts = build(shop, style=replace(STYLE, trim="black_plastic"))
+    sign = of(parts, "cloth_blue").vertices
     assert sign[:, 2].max() > 2.4
-    frames = of(build(shop), "paint_white")
+    frames = of(parts, "black_plastic")
     assert len(frames.triangles) == 4 * 4 * 2

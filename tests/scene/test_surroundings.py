@@ -190,8 +190,9 @@ def test_town_blocks_are_six_to_twenty_metres_high():
 def test_a_declared_height_is_kept_by_town_blocks():
     area = ((-90, 10), (90, 60))
     low = Surrounding(kind=SurroundingKind.BUILDINGS, area_m=area, height_m=6.2)
-    walls = [mesh for mesh in built(low) if mesh.material == "glass"]
-    assert points(walls)[:, 2].max() == pytest.approx(2 * 3.1 - 0.3, abs=0.3)
+    panes = points([mesh for mesh in built(low) if mesh.material == "glass"])[:, 2]
+    # Windows of a third storey would begin at 7.5 m, those of dormers begin above 8.5 m.
+    assert panes[panes < 8.4].max() == pytest.approx(2 * 3.1 - 0.3, abs=0.3)
 
 
 def test_crops_cover_their_field_but_no_road():
