@@ -41,7 +41,7 @@ def install(
 
     failures = install_assets(source, find_cache_folder() / "assets", print_data)
     if failures and not allow_failure:
-        raise RunError("\n".join(failures))
+        raise RunError(*failures)
     for failure in failures:
         print_data(f"generated instead: {failure}")
 

@@ -36,7 +36,7 @@ def check_models(specs: Iterable[Spec], *, allow_missing: bool) -> None:
             f"{_list_names(name for name, found in problems.items() if found == problem)} {problem}"
             for problem in dict.fromkeys(problems.values())
         ]
-        raise InputError("\n".join(f"assets: {text}; {SHAPE_HINT}" for text in texts))
+        raise InputError(*(f"assets: {text}; {SHAPE_HINT}" for text in texts))
 
 
 def find_missing_models(spec: Spec) -> tuple[str, ...]:

@@ -85,6 +85,14 @@ def test_photographs_that_are_missing_or_of_another_version_stop_a_run(
         check_models([named], allow_missing=False)
     check_models([named], allow_missing=True)
     assert find_missing_models(named) == (EZ_TREE.asset,)
+    car = spec.blueprints["seat_leon"].model_copy(update={"model": PACKED})
+    both = named.model_copy(update={"blueprints": {**spec.blueprints, "seat_leon": car}})
+    with pytest.raises(InputError) as stopped:
+        check_models([both], allow_missing=False)
+    assert [line.split()[1] for line in str(stopped.value).splitlines()] == [
+        "textures/ez_tree",
+        "seat_leon",
+    ]
     other = spec.model_copy(update={"assets": {EZ_TREE.asset: "ab" * 32}})
     with pytest.raises(InputError, match=r"textures/ez_tree are of another version"):
         check_models([other], allow_missing=False)
