@@ -95,6 +95,8 @@ class ActorState:
     """Distance since the actor appeared, which turns its wheels and swings its legs."""
     umbrella: bool = False
     """Whether a person holds one up; set from the weather, not part of the trace."""
+    figure: int = 0
+    """Number of a person among those of its blueprint; not part of the trace."""
     is_parked: bool = False
     """Whether it belongs to the scene, not to the traffic; not part of the trace."""
     pose_box: Box | None = None

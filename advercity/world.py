@@ -38,6 +38,8 @@ class Body:
     gait: Gait | None = None
     with_umbrella: "Body | None" = None
     """The same body holding an umbrella, which extends beyond the box."""
+    others: tuple["Body", ...] = ()
+    """Bodies of other people of the blueprint, each in a box of the same size."""
 
 
 @dataclass(frozen=True)

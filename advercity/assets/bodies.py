@@ -12,7 +12,8 @@ from advercity.assets.model_conversion import format_model_name
 from advercity.assets.model_files import read_glb
 from advercity.assets.model_store import ModelStore
 from advercity.assets.model_wheels import find_model_wheels
-from advercity.assets.pedestrians import build_pedestrian, draw_looks
+from advercity.assets.pedestrians import build_pedestrian, build_person, draw_looks
+from advercity.assets.people.storage import read_people
 from advercity.assets.rigged_bodies import fit_to_box
 from advercity.assets.trucks import build_truck
 from advercity.assets.two_wheelers import build_bicycle, build_model_rider, build_motorcycle
@@ -88,6 +89,9 @@ def _build_fitted_body(blueprint_id: str, blueprint: Blueprint, store: ModelStor
         path = store.prepare_model(blueprint)
         if path is None:
             raise RunError(f"the model {format_model_name(model)} is not installed")
+        if model.person is not None:
+            first, *others = (build_person(person, size) for person in read_people(path))
+            return replace(first, others=tuple(others))
         parts = [*_load_model_parts(path, actor_class), *_build_lenses(blueprint.lamps)]
         if model.ridden:
             parts += build_model_rider(blueprint_id, model.ridden, size)

@@ -15,6 +15,17 @@ from advercity.geometry.poses import Matrix, pose_matrix
 from advercity.physics.constants import GOLDEN_FRACTION, MAX_STEERING_RAD
 from advercity.world import Body
 
+CLOTH_MATERIALS = (
+    "cloth_dark",
+    "cloth_denim",
+    "cloth_grey",
+    "cloth_brown",
+    "cloth_black",
+    "cloth_blue",
+    "cloth_light",
+    "cloth_green",
+)
+"""Colours that the clothes of people who share a body differ by."""
 STATIONARY_POSE_M_S = 0.15
 """Speed below which people stand: slower steps would look like slow motion."""
 
@@ -26,14 +37,19 @@ class BodyShape:
     blueprint: str
     has_umbrella: bool = False
     pose_index: int | None = None
+    figure: int = 0
 
     def build_meshes(self, bodies: Mapping[str, Body]) -> tuple[Mesh, ...]:
         """Build the parts, in the mesh frame of `BodyPose.body_from_mesh`."""
-        return pose_body(self.select_body(bodies), self.pose_index)
+        meshes = pose_body(self.select_body(bodies), self.pose_index)
+        others = len(bodies[self.blueprint].others)
+        rounds = self.figure // (1 + others) if others else 0
+        return tuple(_recolour_clothes(mesh, rounds) for mesh in meshes) if rounds else meshes
 
     def select_body(self, bodies: Mapping[str, Body]) -> Body:
-        """Select the body of the blueprint, with or without umbrella."""
-        body = bodies[self.blueprint]
+        """Select the body of the figure, with or without umbrella."""
+        people = (bodies[self.blueprint], *bodies[self.blueprint].others)
+        body = people[self.figure % len(people)]
         return body.with_umbrella if self.has_umbrella and body.with_umbrella else body
 
 
@@ -52,10 +68,12 @@ class BodyPose:
 def compute_body_pose(state: ActorState, bodies: Mapping[str, Body]) -> BodyPose:
     """Compute the pose of an actor from its travelled distance; bodies by blueprint."""
     actor = state.actor
-    has_umbrella = state.umbrella and bodies[actor.blueprint].with_umbrella is not None
-    gait = BodyShape(actor.blueprint, has_umbrella).select_body(bodies).gait
+    shape = BodyShape(actor.blueprint, figure=state.figure)
+    if state.umbrella and shape.select_body(bodies).with_umbrella is not None:
+        shape = replace(shape, has_umbrella=True)
+    gait = shape.select_body(bodies).gait
     if gait is None or (gait.returns_to_rest and state.speed_m_s < STATIONARY_POSE_M_S):
-        return BodyPose(BodyShape(actor.blueprint, has_umbrella), np.eye(4))
+        return BodyPose(shape, np.eye(4))
     poses = len(gait.bone_transforms)
     # Actors walk out of phase: successive ids are a golden fraction of a cycle apart.
     turns = (state.travelled_m / gait.cycle_length_m + GOLDEN_FRACTION * actor.id) % 1.0
@@ -63,7 +81,15 @@ def compute_body_pose(state: ActorState, bodies: Mapping[str, Body]) -> BodyPose
     body_from_mesh = np.eye(4)
     if gait.returns_to_rest:
         body_from_mesh[0, 3] = (pose / poses - turns) * gait.cycle_length_m
-    return BodyPose(BodyShape(actor.blueprint, has_umbrella, pose % poses), body_from_mesh)
+    return BodyPose(replace(shape, pose_index=pose % poses), body_from_mesh)
+
+
+def _recolour_clothes(mesh: Mesh, rounds: int) -> Mesh:
+    """Give a mesh of cloth another colour, `rounds` further in the list of colours."""
+    if mesh.material not in CLOTH_MATERIALS:
+        return mesh
+    place = CLOTH_MATERIALS.index(mesh.material) + rounds
+    return replace(mesh, material=CLOTH_MATERIALS[place % len(CLOTH_MATERIALS)])
 
 
 def build_pose_box_fitter(bodies: Mapping[str, Body]) -> Callable[[Frame], Frame]:

@@ -8,6 +8,7 @@ from advercity_dsl import Blueprint, Catalogue
 from advercity_dsl.base import suggest_name
 
 from advercity.assets.bodies import build_body
+from advercity.assets.model_conversion import format_model_name
 from advercity.assets.model_store import ModelStore
 from advercity.compiler.library import find_shipped_library, load_library
 from advercity.errors import InputError
@@ -51,7 +52,7 @@ class BodyFacts:
         model = self.blueprint.model
         if model is None:
             return "procedural"
-        name = model.pack or model.file or ""
+        name = format_model_name(model)
         return name if self.has_model else f"procedural; {name} is not installed"
 
     @property

@@ -9,7 +9,7 @@ from typing import Literal
 
 from advercity.errors import InputError, RunError
 
-Registry = Literal["debian", "npm"]
+Registry = Literal["debian", "npm", "pypi"]
 
 
 @dataclass(frozen=True)
@@ -35,6 +35,8 @@ class AssetPackage:
         """Name that the registry's client gives the package file."""
         if self.registry == "npm":
             return f"{self.name.removeprefix('@').replace('/', '-')}-{self.version}.tgz"
+        if self.registry == "pypi":
+            return f"{self.name}-{self.version}-py3-none-any.whl"
         return f"{self.name}_{self.version}_all.deb"
 
     @property
@@ -42,13 +44,15 @@ class AssetPackage:
         """Command that downloads the package file into the current folder, without root."""
         if self.registry == "npm":
             return ["npm", "pack", "--silent", f"{self.name}@{self.version}"]
+        if self.registry == "pypi":
+            return ["pip", "download", "-q", "--no-deps", f"{self.name}=={self.version}"]
         return ["apt-get", "download", "-q", f"{self.name}={self.version}"]
 
     def is_for(self, source: Path | None) -> bool:
-        """Return whether a source may have this package: any but a file of the other registry."""
+        """Return whether a source may have this package: any but a file of another registry."""
         if source is None or source.is_dir():
             return True
-        return (source.suffix == ".tgz") == (self.registry == "npm")
+        return source.suffix == Path(self.file_name).suffix
 
     def __str__(self) -> str:
         return f"{self.file_name} ({round(self.size_bytes / 1e6)} MB)"
@@ -80,9 +84,9 @@ def fetch_package(package: AssetPackage, work: Path, source: Path | None) -> Pat
 
 
 def _describe_source(package: AssetPackage) -> str:
-    if package.registry == "npm":
-        return f"what `{' '.join(package.command)}` downloads"
-    return f"{package.file_name} of any Debian mirror"
+    if package.registry == "debian":
+        return f"{package.file_name} of any Debian mirror"
+    return f"what `{' '.join(package.command)}` downloads"
 
 
 def _download_package(package: AssetPackage, work: Path) -> Path:

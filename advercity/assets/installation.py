@@ -1,4 +1,4 @@
-"""Installs what specs need of others: Debian's furniture models, and photographs of surfaces."""
+"""Installs what specs need of others: furniture models, people, photographs of surfaces."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -33,6 +33,8 @@ def install_assets(source: Path | None, earlier: Path, report: Callable[[str], N
     steps: dict[AssetPackage, Callable[[], None]] = {}
     if not store.has_package:
         steps[store.package] = lambda: store.install_package(source)
+    if not store.has_people:
+        steps[store.people_package] = lambda: store.install_people(source)
     for pack in TEXTURE_PACKS.values():
         if not textures.is_installed(pack):
             steps[describe_package(pack)] = lambda pack=pack: textures.install(pack, source)
@@ -40,10 +42,10 @@ def install_assets(source: Path | None, earlier: Path, report: Callable[[str], N
     for package in steps:
         report(f"{package}{'' if package in given else ': is not installed'}")
     failures = [failure for package in given if (failure := _try(steps[package]))]
-    if store.has_package and (failure := _try(lambda: _check_models(store))):
+    if (store.has_package or store.has_people) and (failure := _try(lambda: _check_models(store))):
         failures.append(failure)
     if not failures and len(given) == len(steps):
-        report(f"{store.folder}: models and photographs are installed")
+        report(f"{store.folder}: models, people and photographs are installed")
     return failures
 
 

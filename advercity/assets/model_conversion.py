@@ -18,6 +18,7 @@ from trimesh.ray.ray_pyembree import RayMeshIntersector
 
 from advercity.assets.model_files import ModelPart
 from advercity.assets.model_wheels import separate_wheels
+from advercity.assets.people.package import PEOPLE
 from advercity.errors import RunError
 from advercity.geometry.arrays import Float64Array
 from advercity.geometry.directions import spread_directions
@@ -109,7 +110,7 @@ def _snap_parts(parts: Iterable[ModelPart]) -> list[ModelPart]:
 
 def format_model_name(model: BodyModel) -> str:
     """Return the name of a model for messages."""
-    return model.pack or model.file or "model"
+    return model.pack or model.file or f"people of {PEOPLE.name}"
 
 
 def _turn_upright(part: ModelPart, model: BodyModel) -> ModelPart:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from advercity_dsl import Blueprint
+from advercity_dsl import Blueprint, PedestrianAppearance
 from advercity_dsl.catalogue import BodyModel
 
 from advercity.assets.downloads import AssetPackage
@@ -29,8 +29,19 @@ from advercity.assets.packages import (
     load_source_model,
     remove_package,
 )
+from advercity.assets.people.base_mesh import load_base_mesh
+from advercity.assets.people.casting import draw_people
+from advercity.assets.people.conversion import PEOPLE_VERSION, RiggedPerson, convert_person
+from advercity.assets.people.package import (
+    PEOPLE,
+    check_people_licence,
+    install_people,
+    remove_people,
+)
+from advercity.assets.people.storage import compute_people_digest, pack_people
 from advercity.atomic_files import write_atomically
 from advercity.data_folder import find_data_folder
+from advercity.digests import compute_json_digest
 from advercity.documents import MAX_MODEL_BYTES, read_bytes
 from advercity.errors import InputError, RunError, describe_cause, report_write_errors
 
@@ -45,17 +56,33 @@ class ModelStore:
     """A folder of models.
 
     `package` holds Debian's collections, `own` the users' files by checksum, and `models` the
-    converted models of both.
+    converted models of both. `people` holds the base mesh of people.
     """
 
     folder: Path
     package: AssetPackage = FURNITURE
+    people_package: AssetPackage = PEOPLE
 
     @property
     def has_package(self) -> bool:
         """Whether the asset package is installed, in the version that models are made from."""
         path = self._package_folder / DIGEST_FILE
         return path.is_file() and path.read_text() == self.package.sha256
+
+    @property
+    def has_people(self) -> bool:
+        """Whether the package of people is installed, in the version that they are made from."""
+        path = self._people_folder / DIGEST_FILE
+        return path.is_file() and path.read_text() == self.people_package.sha256
+
+    def install_people(self, source: Path | None = None) -> None:
+        """Unpack the package of people from a file or folder, or download it.
+
+        Raises:
+            InputError: `source` does not exist, or is another file.
+            RunError: It cannot be downloaded, or lacks a file.
+        """
+        install_people(self.people_package, self._people_folder, source)
 
     def install_package(self, source: Path | None = None) -> None:
         """Unpack the asset package from a file or folder, or download it.
@@ -84,9 +111,10 @@ class ModelStore:
         return is_wanted or bool(own)
 
     def remove_package(self) -> None:
-        """Delete the asset package and all converted models."""
+        """Delete the asset packages and all converted models."""
         with report_write_errors():
             remove_package(self._package_folder)
+            remove_people(self._people_folder)
         self.remove_converted_models()
 
     def add_model(self, path: Path) -> str:
@@ -116,7 +144,12 @@ class ModelStore:
         if model is None or source is None:
             return None
         path, size = self._find_converted_file(blueprint, source), blueprint.model_size
-        self._write_once(path, lambda: to_glb(convert_model(self._load_parts(model), model, size)))
+        if model.person is not None:
+            self._write_once(path, lambda: pack_people(self._convert_people(blueprint)))
+        else:
+            self._write_once(
+                path, lambda: to_glb(convert_model(self._load_parts(model), model, size))
+            )
         return path
 
     def compute_model_digest(self, blueprint: Blueprint) -> str | None:
@@ -126,6 +159,8 @@ class ModelStore:
             RunError: The model is installed, but cannot be converted or read.
         """
         path = self.prepare_model(blueprint)
+        if path is not None and blueprint.person is not None:
+            return compute_people_digest(path)
         return compute_parts_digest(read_glb(path.read_bytes(), path.name)) if path else None
 
     def remove_converted_models(self) -> None:
@@ -136,15 +171,21 @@ class ModelStore:
 
     def _find_converted_file(self, blueprint: Blueprint, source: str) -> Path:
         assert blueprint.model is not None
-        declared = blueprint.model.model_dump(mode="json")
-        inputs = [CONVERSION_VERSION, source, blueprint.model_size, declared]
+        declared: list[object] = [blueprint.model.model_dump(mode="json")]
+        version, suffix = CONVERSION_VERSION, "glb"
+        if blueprint.person is not None:
+            declared.append(blueprint.looks and blueprint.looks.model_dump(mode="json"))
+            version, suffix = PEOPLE_VERSION, "npz"
+        inputs = [version, source, blueprint.model_size, *declared]
         key = hashlib.sha256(json.dumps(inputs, sort_keys=True).encode()).hexdigest()
-        return self.folder / "models" / f"{key}.glb"
+        return self.folder / "models" / f"{key}.{suffix}"
 
     def _find_source_digest(self, model: BodyModel) -> str | None:
         """Find the digest of the file that holds a model; None if it is not installed."""
         if model.pack is not None:
             return self.package.sha256 if self.has_package else None
+        if model.person is not None:
+            return self.people_package.sha256 if self.has_people else None
         exists = model.sha256 is not None and self._user_model_path(model.sha256).is_file()
         return model.sha256 if exists else None
 
@@ -154,6 +195,18 @@ class ModelStore:
             check_licence(model, source)
             return read_obj(source.obj, source.files)
         return read_glb(self._user_model_path(str(model.sha256)).read_bytes(), str(model.file))
+
+    def _convert_people(self, blueprint: Blueprint) -> list[RiggedPerson]:
+        assert blueprint.model is not None and blueprint.person is not None
+        check_people_licence(blueprint.model)
+        looks = blueprint.looks or PedestrianAppearance()
+        size = blueprint.model_size
+        key = compute_json_digest([blueprint.person.model_dump(), looks.model_dump(), size])
+        base = load_base_mesh(self._people_folder)
+        return [
+            convert_person(base, *drawn, size[2])
+            for drawn in draw_people(blueprint.person, looks, size[2], key)
+        ]
 
     def _write_once(self, path: Path, make: Callable[[], bytes]) -> None:
         """Write a file atomically, unless it exists; other processes may write the same one."""
@@ -166,6 +219,10 @@ class ModelStore:
             raise RunError(f"{path}: cannot be written: {describe_cause(error)}") from error
 
     @property
+    def _people_folder(self) -> Path:
+        return self.folder / "people"
+
+    @property
     def _package_folder(self) -> Path:
         return self.folder / "package"
 
@@ -175,4 +232,6 @@ class ModelStore:
 
 def _list_stored_models(folder: Path) -> list[Path]:
     """List the models in a folder of the store; other files are a user's."""
-    return [path for path in folder.glob("*.glb") if re.fullmatch(r"[0-9a-f]{64}", path.stem)]
+    return [
+        path for path in folder.glob("*") if re.fullmatch(r"[0-9a-f]{64}\.(glb|npz)", path.name)
+    ]

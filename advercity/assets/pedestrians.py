@@ -1,12 +1,14 @@
 """Builds pedestrians: skinned figures, with and without umbrella, whose boxes set their strides."""
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from advercity_dsl import PedestrianAppearance
 
 from advercity.assets.clothing import build_garments
+from advercity.assets.people.conversion import RiggedPerson, pose_shells
+from advercity.assets.people.shells import Shell
 from advercity.assets.rigged_bodies import (
     POSES_PER_CYCLE,
     SkinnedSurface,
@@ -67,25 +69,73 @@ def _build_canopy(top: Float64Array) -> TriangleSurface:
     return loft_rings(np.stack([*outer, *inner]))
 
 
+@dataclass(frozen=True, eq=False)
+class Figure:
+    """A dressed figure that stands, and the same with a raised right hand.
+
+    Attributes:
+        build: Its proportions.
+        rest: Posture (joints, 3) of standing.
+        limbs: What is seen of it.
+        raised_limbs: The same with a raised right hand.
+        umbrella: Colour of an umbrella, or none.
+    """
+
+    build: BodyBuild
+    rest: Float64Array
+    limbs: list[SkinnedSurface]
+    raised_limbs: list[SkinnedSurface]
+    umbrella: str | None
+
+
 def build_pedestrian(looks: PedestrianAppearance, size: Size) -> Body:
-    """Build a person whose stride, with all its poses, just fills the box of `size`.
+    """Build a person of soft shapes whose stride, with all its poses, just fills the box."""
+    build = BodyBuild(size[2], looks.stout)
+    rest = compute_standing_posture(build)
+    raised = build_figure(raise_right_forearm(rest, build), build, looks) if looks.umbrella else []
+    limbs = build_figure(rest, build, looks)
+    return build_walker(Figure(build, rest, limbs, raised, looks.umbrella), size)
+
+
+def build_person(person: RiggedPerson, size: Size) -> Body:
+    """Build a converted person whose stride, with all its poses, just fills the box."""
+    raised: list[SkinnedSurface] = []
+    if person.umbrella:
+        posture = raise_right_forearm(person.posture, person.build)
+        raised = _skin_shells(pose_shells(person.shells, person.posture, posture))
+    limbs = _skin_shells(person.shells)
+    return build_walker(Figure(person.build, person.posture, limbs, raised, person.umbrella), size)
+
+
+def _skin_shells(shells: Iterable[tuple[Shell, str]]) -> list[SkinnedSurface]:
+    """Give shells smooth normals."""
+    return [
+        SkinnedSurface(
+            TriangleSurface(shell.vertices, shell.triangles, shell.compute_normals()),
+            shell.weights,
+            material,
+            Semantic.PEDESTRIAN,
+        )
+        for shell, material in shells
+    ]
+
+
+def build_walker(figure: Figure, size: Size) -> Body:
+    """Build a body whose stride, with all its poses, just fills the box of `size`.
 
     The length of the box sets the stride; a standing person is as wide and high as the box.
     """
-    build = BodyBuild(size[2], looks.stout)
-    rest = compute_standing_posture(build)
-    limbs = build_figure(rest, build, looks)
 
-    def build_walker(stride_m: float) -> Body:
-        postures = compute_walking_postures(build, stride_m, POSES_PER_CYCLE)
-        return _build_walker(limbs, rest, postures, stride_m, size)
+    def walk(stride_m: float) -> Body:
+        postures = compute_walking_postures(figure.build, figure.rest, stride_m, POSES_PER_CYCLE)
+        return _rig_walker(figure.limbs, figure.rest, postures, stride_m, size)
 
-    body = build_walker(_solve_stride_m(build_walker, build, size[0]))
+    body = walk(_solve_stride_m(walk, figure.build, size[0]))
     factor, offset = compute_box_fit(body, size)
     fitted = scale_body(body, factor, offset)
-    if looks.umbrella is None or body.gait is None:
+    if figure.umbrella is None or body.gait is None:
         return fitted
-    with_umbrella = _build_umbrella_body(build, looks, body.gait.cycle_length_m, size)
+    with_umbrella = _build_umbrella_body(figure, body.gait.cycle_length_m, size)
     # The same scale as without, so that the same feet touch the ground and the same box holds.
     return replace(fitted, with_umbrella=scale_body(with_umbrella, factor, offset))
 
@@ -117,7 +167,7 @@ def build_figure(
     ]
 
 
-def _build_walker(
+def _rig_walker(
     limbs: list[SkinnedSurface],
     rest: Float64Array,
     postures: Float64Array,
@@ -139,16 +189,13 @@ def _solve_stride_m(
     return float(np.clip(wanted, *np.multiply(_STRIDE_LIMITS, build.height_m)))
 
 
-def _build_umbrella_body(
-    build: BodyBuild, looks: PedestrianAppearance, stride_m: float, size: Size
-) -> Body:
+def _build_umbrella_body(figure: Figure, stride_m: float, size: Size) -> Body:
     """Build the walker with a raised right hand that holds an umbrella."""
-    rest = raise_right_forearm(compute_standing_posture(build), build)
-    walking = compute_walking_postures(build, stride_m, POSES_PER_CYCLE)
-    postures = raise_right_forearm(walking, build)
-    limbs = build_figure(rest, build, looks)
-    limbs += [
+    build = figure.build
+    rest = raise_right_forearm(figure.rest, build)
+    walking = compute_walking_postures(build, figure.rest, stride_m, POSES_PER_CYCLE)
+    limbs = figure.raised_limbs + [
         attach_to_bone(surface, Bone.TRUNK, len(BONE_SIDES), material, Semantic.PEDESTRIAN)
-        for surface, material in build_umbrella(rest, build, f"cloth_{looks.umbrella}")
+        for surface, material in build_umbrella(rest, build, f"cloth_{figure.umbrella}")
     ]
-    return _build_walker(limbs, rest, postures, stride_m, size)
+    return _rig_walker(limbs, rest, raise_right_forearm(walking, build), stride_m, size)

@@ -95,6 +95,24 @@ class BodyBuild:
         return 0.042 * self.height_m
 
 
+@dataclass(frozen=True)
+class MeasuredBuild(BodyBuild):
+    """Proportions of a figure whose legs were measured."""
+
+    measured_leg_m: float = 0.0
+    measured_ankle_m: float = 0.0
+
+    @property
+    def leg_m(self) -> float:
+        """Length from hip to ankle."""
+        return self.measured_leg_m
+
+    @property
+    def ankle_m(self) -> float:
+        """Height of the ankle above the ground."""
+        return self.measured_ankle_m
+
+
 def joint_on_side(joint: int, left: int) -> int:
     """Return the number of a joint on the left (1) or right (-1)."""
     return joint if left > 0 else joint + LEFT_TO_RIGHT_JOINT
@@ -190,16 +208,17 @@ _STRIKE_RAD, _PUSH_RAD = np.radians(20.0), np.radians(-42.0)
 """Pitch of the foot at heel strike and at push-off, toe up positive."""
 _FLAT_START, _FLAT_END = 0.11, 0.36
 """Phases between which the foot is flat on the ground."""
-_HEEL_ROLL, _TOE_ROLL = (-0.022, 0.022), (0.104, 0.016)
+HEEL_ROLL, TOE_ROLL = (-0.022, 0.022), (0.104, 0.016)
 """Rounded heel and tip of the shoe: distance ahead of the ankle and radius, in heights."""
 
 
-def compute_walking_postures(build: BodyBuild, stride_m: float, poses: int) -> Float64Array:
+def compute_walking_postures(
+    build: BodyBuild, rest: Float64Array, stride_m: float, poses: int
+) -> Float64Array:
     """Compute the postures (poses, joints, 3) of a stride, from the strike of the left heel.
 
-    In posture k the body has travelled k / poses of the stride.
+    In posture k the body has travelled k / poses of the stride. `rest` (joints, 3) is standing.
     """
-    rest = compute_standing_posture(build)
     phase = np.arange(poses) / poses
     feet = {
         left: _compute_foot_path(build, stride_m, (phase + (left < 0) / 2) % 1.0)
@@ -244,7 +263,7 @@ def _compute_stance(
     strikes = np.clip(1.0 - phase / _FLAT_START, 0.0, 1.0)
     pushes = np.clip((phase - _FLAT_END) / (STANCE_FRACTION - _FLAT_END), 0.0, 1.0) ** 1.5
     pitch = _STRIKE_RAD * strikes + _PUSH_RAD * pushes
-    ahead, radius = np.where((pitch > 0)[:, None], _HEEL_ROLL, _TOE_ROLL).T * h
+    ahead, radius = np.where((pitch > 0)[:, None], HEEL_ROLL, TOE_ROLL).T * h
     x, z = -ahead, build.ankle_m - radius
     cosine, sine = np.cos(pitch), np.sin(pitch)
     ankle = np.stack([flat + ahead + cosine * x - sine * z, radius + sine * x + cosine * z], axis=1)

@@ -1,4 +1,4 @@
-"""Commands about assets: packages of models and photographs, list, contact sheets."""
+"""Commands about assets: packages of models, people and photographs, list, contact sheets."""
 
 from pathlib import Path
 from typing import Annotated
@@ -11,7 +11,7 @@ from advercity.errors import InputError, RunError, report_write_errors
 
 assets = typer.Typer(
     name="assets",
-    help="3-D models of bodies and photographs of surfaces.",
+    help="3-D models of bodies and people, and photographs of surfaces.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -31,10 +31,10 @@ def install(
         bool, typer.Option("--allow-failure", help="Exit with 0 if a package cannot be fetched.")
     ] = False,
 ) -> None:
-    """Fetch free models for bodies, and photographs of surfaces.
+    """Fetch free models for bodies, people, and photographs of surfaces.
 
-    Downloads 120 MB with apt and 19 MB with npm, or takes the files of --from; needs no root.
-    Converts the models and compares them with the lock of the catalogue.
+    Downloads 120 MB with apt, 48 MB with pip and 19 MB with npm, or takes the files of --from;
+    needs no root. Converts the models and compares them with the lock of the catalogue.
     """
     from advercity.assets.installation import install_assets
     from advercity.pipeline.cache import find_cache_folder

@@ -71,9 +71,12 @@ def read_lock(path: Path) -> ModelLock | None:
 
 
 def compute_declared_digest(blueprint: Blueprint) -> str:
-    """Compute the SHA-256 of the model's declaration and of the size that it is scaled to."""
+    """Compute the SHA-256 of a model's declaration, its size, and a person's looks."""
     assert blueprint.model is not None
-    return compute_json_digest([blueprint.model.model_dump(mode="json"), blueprint.model_size])
+    declared = [blueprint.model.model_dump(mode="json"), blueprint.model_size]
+    if blueprint.person is not None and blueprint.looks is not None:
+        declared.append(blueprint.looks.model_dump(mode="json"))
+    return compute_json_digest(declared)
 
 
 def find_locked_model(catalogue: Path, name: str, blueprint: Blueprint) -> str | None:

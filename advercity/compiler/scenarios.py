@@ -248,7 +248,7 @@ class ScenarioInputs:
 
 
 def _remove_package_model(blueprint: Blueprint) -> Blueprint:
-    is_packaged = blueprint.model is not None and blueprint.model.pack is not None
+    is_packaged = blueprint.model is not None and blueprint.model.file is None
     return blueprint.model_copy(update={"model": None}) if is_packaged else blueprint
 
 

@@ -3,6 +3,7 @@
 from advercity_dsl import Spec
 from advercity_dsl.catalogue import FreeLicence
 
+from advercity.assets.model_conversion import format_model_name
 from advercity.dataset.manifest import Identity
 from advercity.texture_packs import TEXTURE_PACKS
 
@@ -36,7 +37,7 @@ materials of this project, under these licences:
 def format_attribution(spec: Spec, identity: Identity) -> str:
     """Format the authors and licences of what the scenario shows of others, as Markdown, or ""."""
     models = [
-        f"| {name} | {model.pack or model.file} | {model.author} |"
+        f"| {name} | {format_model_name(model)} | {model.author} |"
         f" {_link_licence(model.licence)} |\n"
         for name in sorted(identity.bodies)
         if (model := spec.blueprints[name].model) is not None

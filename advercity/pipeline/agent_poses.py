@@ -30,6 +30,7 @@ from advercity.sensors.gnss import measure_gnss
 from advercity.sensors.imu import measure_imu
 from advercity.sensors.measurements import GnssFix, ImuSample
 from advercity.sensors.sensor_frame import CameraImage, LidarScan, SensorFrame
+from advercity.traffic.figures import assign_figures, number_figures
 from advercity.traffic.weather_effects import apply_lamp_state, raise_umbrellas
 
 
@@ -46,6 +47,7 @@ class AgentPoses:
         self._trace = trace
         self.timeline = WeatherTimeline.from_spec(spec)
         self._roles = find_conflict_roles(spec)
+        self._figures = number_figures(trace.actors)
         self._traced = lru_cache(maxsize=4)(trace.build_frame)
         self._parked = place_parked_cars(build_road(spec.road), spec.blueprints, spec.conflicts)
         road = spec.road
@@ -54,7 +56,8 @@ class AgentPoses:
     def load_frame(self, index: int) -> Frame:
         """Load recorded frame `index` with parked cars; lamps and umbrellas follow the weather."""
         weather, seed = self.timeline.weather_at(index), self.spec.seeds.traffic
-        shown = raise_umbrellas(self._traced(index), weather.rain.rate_mm_h, seed=seed)
+        people = assign_figures(self._traced(index), self._figures)
+        shown = raise_umbrellas(people, weather.rain.rate_mm_h, seed=seed)
         lit = apply_lamp_state(shown, weather.lamps)
         return replace(lit, states=(*lit.states, *self._parked))
 

@@ -11,6 +11,7 @@ from advercity_dsl import Spec
 from advercity.assets.locking import CONVERSION_REMEDY
 from advercity.assets.model_store import ModelStore, open_model_store
 from advercity.assets.packages import FURNITURE
+from advercity.assets.people.package import PEOPLE
 from advercity.assets.texture_store import open_texture_store
 from advercity.errors import InputError
 from advercity.pipeline.cache import find_cache_folder
@@ -76,6 +77,8 @@ def _find_problems(spec: Spec, store: ModelStore) -> dict[str, str]:
             problems[name] = "have no checksum in the spec; compile its library again"
         elif built is None and blueprint.model.file is not None:
             problems[name] = f"are not installed; run `advercity assets add {blueprint.model.file}`"
+        elif built is None and blueprint.person is not None:
+            problems[name] = _describe_download(PEOPLE.size_bytes)
         elif built is None:
             problems[name] = _describe_missing_package()
         elif built != locked:

@@ -6,6 +6,7 @@ The format is private to the cache, whose keys hold a digest of the code; it may
 import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -105,11 +106,15 @@ def _split(flat: NDArray[Any], shapes: Sequence[Sequence[int] | None]) -> Iterat
 
 
 def _iterate_bodies(bodies: Mapping[str, Body]) -> Iterator[tuple[tuple[str, bool], Body]]:
-    """Iterate over bodies by blueprint and umbrella; one with an umbrella is before its own."""
-    for name, body in bodies.items():
-        if body.with_umbrella is not None:
-            yield (name, True), body.with_umbrella
-        yield (name, False), body
+    """Iterate over bodies by blueprint and umbrella; one with an umbrella is before its own.
+
+    The others of a blueprint follow its first body.
+    """
+    for name, first in bodies.items():
+        for body in (first, *first.others):
+            if body.with_umbrella is not None:
+                yield (name, True), body.with_umbrella
+            yield (name, False), body
 
 
 def _encode_gait(body: Body) -> tuple[float, bool] | None:
@@ -119,7 +124,7 @@ def _encode_gait(body: Body) -> tuple[float, bool] | None:
 def _decode_bodies(
     rows: list[Any], meshes: Iterator[Mesh], bone_transforms: Iterator[Any]
 ) -> dict[str, Body]:
-    bodies: dict[str, Body] = {}
+    bodies: dict[str, list[Body]] = {}
     with_umbrella: Body | None = None
     for name, has_umbrella, size, part_count, gait in rows:
         parts = tuple(next(meshes) for _ in range(part_count))
@@ -132,8 +137,8 @@ def _decode_bodies(
         )
         with_umbrella = body if has_umbrella else None
         if not has_umbrella:
-            bodies[name] = body
-    return bodies
+            bodies.setdefault(name, []).append(body)
+    return {name: replace(first, others=tuple(rest)) for name, (first, *rest) in bodies.items()}
 
 
 def _encode_mesh(mesh: Mesh) -> tuple[Any, ...]:

@@ -52,6 +52,27 @@ class PedestrianAppearance(CompactModel):
     """Colour of an umbrella that may be opened in rain; `null` for none."""
 
 
+class PersonShape(CompactModel):
+    """Body of a person from MakeHuman's base mesh; the blueprint gives the height."""
+
+    sex: Literal["female", "male"]
+    """Sex."""
+    age_years: Annotated[
+        Number, Field(ge=4, le=90), RangeReason("younger ones do not walk alone")
+    ] = 35
+    """Age."""
+    weight: Fraction = 0.5
+    """Weight for the height: 0 thin, 0.5 average, 1 heavy."""
+    muscle: Fraction = 0.5
+    """Muscles: 0 weak, 0.5 average, 1 strong."""
+    ancestry: Literal["african", "asian", "european"] = "european"
+    """Ancestry, which shapes the face."""
+    others: Annotated[
+        Count, Field(ge=0, le=20), RangeReason("every body of a blueprint takes memory")
+    ] = 4
+    """Number of further people in boxes of the same size, of drawn shapes and looks."""
+
+
 PaintColour = Literal[
     "white", "silver", "grey", "black", "blue", "red", "green", "brown", "yellow", "orange"
 ]
@@ -119,13 +140,15 @@ class Saddle(CompactModel):
 class BodyModel(CompactModel):
     """A 3-D model, scaled to the size of its blueprint.
 
-    It comes from the asset pack, or from a GLB file next to the declaration.
+    It comes from an asset pack, or from a GLB file next to the declaration.
     """
 
     pack: Annotated[str, Field(pattern=r"^[\w-]+/[\w.-]+$")] | None = None
     """Model of Debian's sweethome3d-furniture as `collection/model`: `scopia/seat_leon`."""
     file: Annotated[str, Field(pattern=r"^[^/\\].*\.glb$")] | None = None
     """Path of a GLB file, relative to the declaration's file."""
+    person: PersonShape | None = None
+    """People of MakeHuman's base mesh, dressed as the blueprint's looks say."""
     sha256: Digest | None = None
     """SHA-256 of the file, which the compiler writes into the spec."""
     up: Literal["y", "z"] = "y"
@@ -152,8 +175,10 @@ class BodyModel(CompactModel):
 
     @model_validator(mode="after")
     def _check_source(self) -> Self:
-        if (self.pack is None) == (self.file is None):
-            raise ValueError("write either `pack: collection/model` or `file: model.glb`")
+        if [self.pack, self.file, self.person].count(None) != 2:
+            raise ValueError(
+                "write one of `pack: collection/model`, `file: model.glb` and `person: {sex: ...}`"
+            )
         # Declarations come from others: they must not read files elsewhere.
         if self.file is not None and ".." in PurePosixPath(self.file).parts:
             raise ValueError(f"'{self.file}' is outside the declaration's folder")
@@ -186,6 +211,11 @@ class Blueprint(CompactModel):
     """Appearance of a pedestrian; derived from the blueprint's id if not given."""
     model: BodyModel | None = None
     """A 3-D model; without it, the body is generated."""
+
+    @property
+    def person(self) -> PersonShape | None:
+        """Person that its model is, if it is one."""
+        return self.model.person if self.model else None
 
     @property
     def model_size(self) -> tuple[float, float, float]:

@@ -420,7 +420,11 @@ CATALOGUE = load_library(Path(__file__).parents[2] / "library").get_declarations
     "adver_city"
 ]
 INSTALLED = ModelStore(Path(os.environ["ADVERCITY_TEST_MODELS"]))
-MODELLED = [name for name, made in CATALOGUE.blueprints.items() if made.model is not None]
+MODELLED = [
+    name
+    for name, made in CATALOGUE.blueprints.items()
+    if made.model is not None and not made.person
+]
 
 
 @pytest.fixture(scope="session")
