@@ -45,7 +45,7 @@ _LAMP_ARM_M = 1.6
 _DRIVEWAY_STEP_M, _KERB_RAMP_M = 1.0, 0.7
 _WALL_PIECE_M, _FENCE_BAY_M, _HEDGE_STEP_M = 8.0, 2.6, 1.6
 _WATER_STEP_M, _WATER_RISE_M = 8.0, 0.08
-_PAVED_STEP_M, _PAVED_RISE_M = 6.0, 0.025
+_PAVED_STEP_M, _PAVED_RISE_M, _PAVED_OVERLAP_M = 6.0, 0.015, 0.15
 _SPIKE_M = 0.3
 """Height of the thin top of a tower: thin, so that it does not block the view of its sensors."""
 
@@ -132,9 +132,11 @@ def build_water(outline: Sequence[Point2], site: Site) -> list[MeshPart]:
 
 def build_paved_band(side: StreetSide, site: Site) -> list[MeshPart]:
     """Build slabs over the ground of a band, as before the shops of a town."""
-    lines = [side.offset_line(at) for at in (side.near_offset_m, side.far_offset_m)]
+    near_m = side.near_offset_m - _PAVED_OVERLAP_M
+    lines = [side.offset_line(at) for at in (near_m, side.far_offset_m)]
     outline = shapely.make_valid(shapely.Polygon(np.concatenate([lines[0], lines[1][::-1]])))
-    area = shapely.difference(outline, site.paved_area)
+    # Over the edge of the sidewalk, or grass would show below the film's own edge.
+    area = shapely.difference(outline, shapely.buffer(site.paved_area, -_PAVED_OVERLAP_M))
     return [
         MeshPart(film, "pavement", Semantic.SIDEWALK)
         for film in _build_films(area, _PAVED_STEP_M, _PAVED_RISE_M, site)

@@ -66,7 +66,7 @@ def street(*items: dict[str, object], style: str | None = None) -> Road:
     )
 
 
-def beside(kind: str, side: str = "left", offset_m: float = 0.5, **more: object):
+def beside(kind: str, side: str = "left", offset_m: object = 0.5, **more: object):
     where = {"street": "road", "side": side, "offset_m": offset_m}
     return {"kind": kind, "beside": where, **more}
 
@@ -214,3 +214,10 @@ def test_a_road_with_a_style_has_furniture_off_its_paving():
     corners = find_fixed(road.model_copy(update={"surroundings": kept}))
     assert len(corners)
     assert np.abs(corners[:, 1]).min() > 5.6
+
+
+def test_paving_covers_the_ground_from_the_sidewalk_to_its_far_border():
+    slabs = points(build(street(beside("paving", offset_m=[0, 4]))), Semantic.SIDEWALK)
+    assert slabs[:, 1].min() == pytest.approx(5.5 - 0.15, abs=0.01)
+    assert slabs[:, 1].max() == pytest.approx(5.5 + 4, abs=0.01)
+    assert slabs[:, 2].max() < 0.03
