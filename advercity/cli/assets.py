@@ -31,7 +31,7 @@ def install(
         bool, typer.Option("--allow-failure", help="Exit with 0 if a package cannot be fetched.")
     ] = False,
 ) -> None:
-    """Fetch free models for bodies, people, and photographs of surfaces.
+    """Fetch free models of bodies and people, and photographs.
 
     Downloads 120 MB with apt, 48 MB with pip and 19 MB with npm, or takes the files of --from;
     needs no root. Converts the models and compares them with the lock of the catalogue.
@@ -87,7 +87,7 @@ def add(
 
 @assets.command()
 def remove() -> None:
-    """Remove the asset packages; specs that need them do not run any more."""
+    """Remove the asset packages, which specs may need to run."""
     from advercity.assets.model_store import open_model_store
     from advercity.assets.texture_store import open_texture_store
     from advercity.texture_packs import TEXTURE_PACKS

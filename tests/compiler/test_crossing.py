@@ -199,5 +199,7 @@ def test_writing_specs_says_what_changed(write: Write, tmp_path: Path) -> None:
 def test_a_weather_is_found_by_its_name_in_the_library_that_is_named(write: Write) -> None:
     folder = write(mist="kind: weather\nid: my_mist\ntime: day\n")
     assert find_weather("my_mist", folder).declaration.id == "my_mist"
-    with pytest.raises(InputError, match=r"unknown weather 'my_mist' in the library that ships"):
+    with pytest.raises(
+        InputError, match=r"unknown weather 'my_mist': neither a file, nor a name in"
+    ):
         find_weather("my_mist")
