@@ -43,6 +43,7 @@ rig: one_camera
 agents: {cav1: two_kinds}
 catalogue: one_car
 bodies: {cav1: lorry}
+looks: shaped
 """
 
 

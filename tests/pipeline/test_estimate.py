@@ -133,7 +133,10 @@ def test_without_a_comparable_run_the_time_is_unknown_and_the_rest_an_upper_boun
     assert str(row["memory"]).startswith("at most ")
 
 
-def test_frames_that_exist_are_counted_apart(records: Path, two_roads: Path) -> None:
+def test_frames_that_exist_are_counted_apart(
+    records: Path, two_roads: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ADVERCITY_CACHE", str(tmp_path))  # without the trace of another test
     spec = Scenario(two_roads / "ui_clear_night_dense").spec
     options = RunOptions(two_roads, backend="fake", profile="preview")
     (found,) = estimate_run([spec], options, jobs=1, simulate=False).estimates
