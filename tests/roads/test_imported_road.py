@@ -10,7 +10,13 @@ from advercity_dsl import Road, Spec
 from advercity.pipeline.descriptions import describe_road
 from advercity.roads.lane_segments import LaneSegment
 from advercity.roads.network_file import read_signal_groups
-from advercity.roads.plan_drawing import BACKGROUND_COLOUR, LANE_COLOURS, PlanCanvas, draw_plan
+from advercity.roads.plan_drawing import (
+    BACKGROUND_COLOUR,
+    LANE_COLOURS,
+    PAINT_COLOUR,
+    PlanCanvas,
+    draw_plan,
+)
 from advercity.roads.road_meshes import KERB_HEIGHT_M
 from advercity.roads.road_network import RoadNetwork, build_road
 from advercity.roads.sumo_network import write_sumo_network
@@ -134,7 +140,7 @@ def test_the_plan_of_an_imported_road_shows_it(crossroads: Spec) -> None:
     plan = draw_plan(build_road(crossroads.road))
     colours = {tuple(colour) for colour in np.unique(plan.reshape(-1, 3), axis=0).tolist()}
 
-    assert {LANE_COLOURS["driving"], LANE_COLOURS["sidewalk"], LANE_COLOURS["crossing"]} <= colours
+    assert {LANE_COLOURS["driving"], LANE_COLOURS["sidewalk"], PAINT_COLOUR} <= colours
     assert (plan == LANE_COLOURS["driving"]).all(axis=2).mean() > 0.01
 
 

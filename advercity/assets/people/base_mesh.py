@@ -5,7 +5,6 @@ made: tights from neck to toes and a long skirt. Shape targets and weights hold 
 """
 
 import gzip
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -16,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from advercity.assets.skeleton import BONE_SIDES, Bone, bone_on_side
-from advercity.errors import RunError
+from advercity.documents import MAX_JSON_BYTES, parse_json, read_text
+from advercity.errors import InputError, RunError
 from advercity.geometry.arrays import Float64Array
 
 MESH_FILE, WEIGHTS_FILE = "base.obj", "weights.default.json"
@@ -79,9 +79,10 @@ def load_base_mesh(folder: Path) -> BaseMesh:
     """
     try:
         vertices, groups = _read_mesh((folder / MESH_FILE).read_text(encoding="utf-8"))
-        rig = json.loads((folder / WEIGHTS_FILE).read_text(encoding="utf-8"))["weights"]
+        path = folder / WEIGHTS_FILE
+        rig = parse_json(read_text(path, max_bytes=MAX_JSON_BYTES), path)["weights"]
         weights = _gather_weights(rig, len(vertices))
-    except (OSError, ValueError, KeyError, IndexError) as error:
+    except (OSError, InputError, ValueError, KeyError, IndexError) as error:
         raise RunError(
             f"{folder}: holds no base mesh of people that can be read: {error}"
         ) from None
