@@ -112,6 +112,8 @@ def run(
         raise InputError("--rrd, --stream and --connect exclude each other; give one")
     if (keep or web) and not stream:
         raise InputError(f"{'--keep' if keep else '--web'} needs --stream")
+    if not output:
+        raise InputError("--output is empty; give a folder, `.` for this one")
     loaded = [api.load_spec(path, weather=weather, library=library or ()) for path in specs]
     limits = ResourceLimits(
         memory_bytes=None if max_memory is None else parse_byte_size("--max-memory", max_memory),

@@ -67,7 +67,8 @@ def run_netconvert(options: Mapping[str, str], output: Path) -> NetconvertResult
         done = subprocess.run(  # noqa: S603  the program is the wheel's own
             command,
             cwd=output.parent,
-            env={**os.environ, "SUMO_HOME": sumo.SUMO_HOME},
+            # It warns of a user's locale that is not installed, and a warning is an error here.
+            env={**os.environ, "SUMO_HOME": sumo.SUMO_HOME, "LC_ALL": "C"},
             capture_output=True,
             text=True,
             errors="replace",  # messages quote names from maps, in whatever encoding

@@ -51,6 +51,7 @@ def test_an_output_that_is_a_file_is_bad_input_and_stays_as_it_is(
         (["--scale", "0"], "is outside 0.01 to 4"),
         (["--weather", "fog_dya"], "did you mean 'fog_day'?"),
         (["--stream", "--rrd", "x.rrd"], "exclude each other"),
+        (["--output", ""], "--output is empty; give a folder"),
         (["--keep"], "--keep needs --stream"),
         (["--web", "--rrd", "x.rrd"], "--web needs --stream"),
         (["--cloud-colour", "kinds"], "no such colouring; intensity, class or kind"),

@@ -148,6 +148,14 @@ print(json.dumps({"arrived": sorted(arrived), "highest": max(heights)}))
     assert report["highest"] == pytest.approx(0.45, abs=0.02)
 
 
+def test_a_locale_that_is_not_installed_stops_no_network(
+    roads: dict[str, Road], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("LC_ALL", raising=False)
+    monkeypatch.setenv("LANG", "xx_XX.UTF-8")
+    assert write_sumo_network(roads["rcnj"], tmp_path).stat().st_size > 10_000
+
+
 def test_a_crossing_without_sidewalks_is_refused_with_netconverts_words(
     roads: dict[str, Road], tmp_path: Path
 ) -> None:
