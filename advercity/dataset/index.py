@@ -275,6 +275,10 @@ def _is_link_to(path: Path, target: str) -> bool:
     return path.is_symlink() and str(path.readlink()) == target
 
 
+def _is_scenario_link(path: Path) -> bool:
+    return path.is_symlink() and path.readlink().name == path.name
+
+
 def _load_splits(output: Path) -> dict[str, list[str]]:
     """Load the scenarios that were linked last, by split; empty if none were.
 
@@ -289,6 +293,7 @@ def _load_splits(output: Path) -> dict[str, list[str]]:
             return {}
         found = _SPLITS.validate_python(parse_json(raw, path))
         links = {split: [Path(name).name for name in names] for split, names in found.items()}
-        if all((output / split / name).is_symlink() for split in links for name in links[split]):
+        listed = [output / split / name for split in links for name in links[split]]
+        if links and all(_is_scenario_link(path) for path in listed):
             return links
     raise InputError(f"{path}: does not list links of splits; rename or delete it")

@@ -225,12 +225,25 @@ def test_links_and_files_of_others_stay_in_a_split(two_roads: Path, tmp_path: Pa
     assert len(list((tmp_path / "test").iterdir())) == 1
 
 
-@pytest.mark.parametrize("text", ['{"train": ["mine"], "test": []}', "[1]", "mine"])
+@pytest.mark.parametrize("text", ['{"train": ["mine"], "test": []}', "{}", "[1]", "mine"])
 def test_a_list_of_splits_of_others_stays(two_roads: Path, tmp_path: Path, text: str) -> None:
     (tmp_path / "splits.json").write_text(text)
     with pytest.raises(InputError, match=r"splits\.json: does not list links of splits; rename"):
         link_splits(two_roads, tmp_path)
     assert (tmp_path / "splits.json").read_text() == text
+
+
+def test_a_link_to_something_else_stays_where_one_of_a_split_was(
+    two_roads: Path, tmp_path: Path
+) -> None:
+    link_splits(two_roads, tmp_path)
+    (tmp_path / "mine").mkdir()
+    link = tmp_path / "test" / "ui_clear_night_dense"
+    link.unlink()
+    link.symlink_to("../mine")
+    with pytest.raises(InputError, match=r"splits\.json: does not list links of splits; rename"):
+        link_splits(two_roads, tmp_path)
+    assert str(link.readlink()) == "../mine"
 
 
 def test_a_file_in_place_of_a_link_is_named(two_roads: Path, tmp_path: Path) -> None:
