@@ -20,6 +20,20 @@ settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")
 
 
+OLDER_PROCESSOR = {
+    "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA",
+    "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX512_SPR",
+}
+"""Environment in which glibc and NumPy compute as on a processor without AVX2 and FMA."""
+
+
+@pytest.fixture
+def older_processor(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let child processes compute as on an older processor."""
+    for name, value in OLDER_PROCESSOR.items():
+        monkeypatch.setenv(name, value)
+
+
 @pytest.fixture(scope="session")
 def library() -> Path:
     """The library that ships with the project."""

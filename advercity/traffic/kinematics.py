@@ -16,7 +16,7 @@ from advercity_dsl import Road, Spec
 from numpy.typing import NDArray
 
 from advercity.errors import RunError
-from advercity.frames import STATE_DTYPE, Actor, Lamp, Trace
+from advercity.frames import STATE_COLUMNS, STATE_DTYPE, Actor, Lamp, Trace
 from advercity.physics.constants import MAX_STEERING_RAD
 from advercity.roads.road_meshes import KERB_HEIGHT_M
 from advercity.roads.road_network import build_road
@@ -63,6 +63,11 @@ WHEELBASE_FRACTION = 0.6
 """Distance of the axles as a fraction of a vehicle's length."""
 MIN_HEADING_SPEED_M_S = 0.3
 """Below this speed a person keeps its heading."""
+STATE_DECIMALS = 9
+"""Decimals of a trace's numbers: nanometres and nanoradians.
+
+Processors differ in the last bit of sines and cosines, 1e-16 of a value. Two such values round to
+different decimals only if one in ten million lies between them, by chance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -457,10 +462,19 @@ def build_trace(
         tick_s=tick_s,
         first_tick=first_tick,
         actors=tuple(actors),
-        states=together[np.lexsort((together["actor"], together["tick"]))],
+        states=_round_states(together[np.lexsort((together["actor"], together["tick"]))]),
         signal_ids=recording.signal_ids,
         signals=recording.signals[first_tick:],
     )
+
+
+def _round_states(states: NDArray[np.void]) -> NDArray[np.void]:
+    """Round the states of a trace, so that every processor stores the same bytes."""
+    rounded = states.copy()
+    for name in STATE_COLUMNS:
+        if STATE_DTYPE[name].kind == "f":
+            rounded[name] = np.round(states[name], STATE_DECIMALS) + 0.0  # -0.0 becomes 0.0
+    return rounded
 
 
 def build_kerb_height(road: Road) -> KerbHeight:

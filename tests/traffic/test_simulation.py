@@ -91,6 +91,20 @@ def test_connected_vehicles_are_there_in_every_frame(simulated: Simulated, road:
         np.testing.assert_array_equal(ticks, np.arange(len(trace)))
 
 
+def test_a_trace_does_not_depend_on_the_processor(
+    specs: dict[str, Spec],
+    networks: dict[str, Path],
+    simulated: Simulated,
+    request: pytest.FixtureRequest,
+):
+    here = simulated("rcnj_sparse")
+
+    request.getfixturevalue("older_processor")
+    elsewhere = simulate_in_subprocess(specs["rcnj_clear_day_sparse"], networks["rcnj"])
+
+    assert elsewhere.compute_sha256() == here.compute_sha256()
+
+
 @pytest.mark.parametrize("road", ROADS)
 def test_connected_vehicles_start_at_rest_where_they_were_put(
     road: str, specs: dict[str, Spec], networks: dict[str, Path]
