@@ -52,7 +52,7 @@ def build_clear_air(luminance: float = 0.0, **changes: Any) -> Atmosphere:
         sun_lx=0.0,
         sun_colour=(1.0, 1.0, 1.0),
         sky_lx=np.pi * luminance,
-        sky=np.full((6, 8, 8, 3), luminance, dtype=np.float32),
+        sky=np.full((6, 32, 32, 3), luminance, dtype=np.float32),
         airlight=build_airlight_cubemap((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
         street_lx=0.0,
         wetness=0.0,

@@ -71,7 +71,7 @@ def _build_canopy(top: Float64Array) -> TriangleSurface:
 
 @dataclass(frozen=True, eq=False)
 class Figure:
-    """A dressed figure that stands, and the same with a raised right hand.
+    """A dressed standing figure, and the same with a raised right hand.
 
     Attributes:
         build: Its proportions.

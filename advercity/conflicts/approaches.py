@@ -201,7 +201,7 @@ def _build_oncoming_path(drive: EgoDrive) -> tuple[tuple[str, ...], RoutePath]:
 
 
 def _compute_free_run_m(case: ConflictCase, station_m: float) -> float:
-    """Compute the longest run of an actor before whom no connected vehicle meets the cyclist."""
+    """Compute how far an actor can run before a connected vehicle meets the cyclist."""
     _, back = _build_oncoming_path(case.drive)
     meeting_m = back.find_nearest_station(case.drive.path.point_at(station_m))
     cyclist_m = meeting_m - place_passed_cyclist(case, station_m).approach_m

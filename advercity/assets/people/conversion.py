@@ -1,4 +1,4 @@
-"""Converts a person to a rigged model: shaped, dressed, and stood upright with hanging arms."""
+"""Converts a person to a rigged model: shaped, dressed, upright with hanging arms."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -55,7 +55,7 @@ _SOLE_FRACTION = 0.012
 
 @dataclass(frozen=True, eq=False)
 class RiggedPerson:
-    """A dressed person who stands.
+    """A dressed person, standing.
 
     Attributes:
         shells: Surfaces with materials, skinned to the bones of the gait.
@@ -206,17 +206,17 @@ def _shape_shoes(shoes: Shell, posture: Float64Array, height_m: float) -> Shell:
     vertices, weights = shoes.vertices.copy(), shoes.weights.copy()
     for left in (1, -1):
         ankle = posture[joint_on_side(Joint.ANKLE, left)]
-        share = shoes.weights[:, bone_on_side(Bone.FOOT, left)]
+        weight = shoes.weights[:, bone_on_side(Bone.FOOT, left)]
         ahead, z = vertices[:, 0] - ankle[0], vertices[:, 2]
-        ahead = _fit_ahead(ahead, ahead[share > 0.5], height_m)
-        low, top = z[share > 0.5].min(), ankle[2] + 0.02 * height_m
+        ahead = _fit_ahead(ahead, ahead[weight > 0.5], height_m)
+        low, top = z[weight > 0.5].min(), ankle[2] + 0.02 * height_m
         z = z - low * np.clip((top - z) / (top - low), 0.0, 1.0)
         sole = _compute_sole(ahead, height_m)
         z = np.where(z < _SOLE_FRACTION * height_m, sole, np.maximum(z, sole))
-        vertices[:, 0] += share * (ankle[0] + ahead - vertices[:, 0])
-        vertices[:, 2] += share * (z - vertices[:, 2])
+        vertices[:, 0] += weight * (ankle[0] + ahead - vertices[:, 0])
+        vertices[:, 2] += weight * (z - vertices[:, 2])
         # What treads on the ground must not follow the shin.
-        solid = (share > 0.0) * np.clip((top - vertices[:, 2]) / (0.02 * height_m), 0.0, 1.0)
+        solid = (weight > 0.0) * np.clip((top - vertices[:, 2]) / (0.02 * height_m), 0.0, 1.0)
         weights *= 1.0 - solid[:, None]
         weights[:, bone_on_side(Bone.FOOT, left)] += solid
     return replace(shoes, vertices=np.round(vertices, SNAP_DECIMALS), weights=weights)

@@ -57,4 +57,4 @@ def _interpolate(anchors: Mapping[str, float], value: float) -> dict[str, float]
     low, high = places[after - 1], places[after]
     fraction = float(np.clip((value - low) / (high - low), 0.0, 1.0))
     found = {names[after - 1]: 1.0 - fraction, names[after]: fraction}
-    return {name: share for name, share in found.items() if share > 0.0}
+    return {name: part for name, part in found.items() if part > 0.0}

@@ -15,11 +15,10 @@ from advercity.geometry.poses import pose_matrix
 from advercity.material_maps import MaterialMaps
 from advercity.materials import MATERIALS
 from advercity.physics.atmosphere import Atmosphere
-from advercity.physics.extinction import AirExtinction
-from advercity.physics.sky import build_airlight_cubemap
 from advercity.rendering.backend import CameraView, RenderProfile
 from advercity.semantics import Semantic
 from advercity.world import Body, World
+from tests.render_builders import build_clear_air
 
 pytestmark = pytest.mark.render
 
@@ -56,28 +55,11 @@ def field(name: str, maps: MaterialMaps) -> World:
     return World("field", (mesh,), {}, lanes=(), network=Path("none"), material_maps=found)
 
 
-def white_sky() -> Atmosphere:
-    """Clear air under a sky of 1 kcd/m² everywhere."""
-    return Atmosphere(
-        extinction=AirExtinction(),
-        sun_direction=np.array([0.0, 0.0, 1.0]),
-        sun_lx=0.0,
-        sun_colour=(1.0, 1.0, 1.0),
-        sky_lx=np.pi * 1000.0,
-        sky=np.full((6, 32, 32, 3), 1000.0, dtype=np.float32),
-        airlight=build_airlight_cubemap((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
-        street_lx=0.0,
-        wetness=0.0,
-        puddle_coverage=0.0,
-        night=False,
-    )
-
-
 def sun_from_the_east() -> Atmosphere:
     """Clear air under a black sky, with the sun at 45 degrees."""
     direction = np.array([1.0, 0.0, 1.0]) / np.sqrt(2.0)
     black = np.full((6, 32, 32, 3), 1e-3, dtype=np.float32)
-    return replace(white_sky(), sun_direction=direction, sun_lx=80_000.0, sky_lx=1e-3, sky=black)
+    return build_clear_air(sun_direction=direction, sun_lx=80_000.0, sky_lx=1e-3, sky=black)
 
 
 def seen(
@@ -92,7 +74,7 @@ def seen(
     """Radiance (n, h, w, 3) in kcd/m², looking down from places (n, 3), the north on the left."""
     profile = RenderProfile("test", 1.0, renderer, samples=1, path_depth=1)
     pictures: list[NDArray[np.float32]] = []
-    with SapienBackend().open(world, air or white_sky(), profile) as opened:
+    with SapienBackend().open(world, air or build_clear_air(1000.0), profile) as opened:
         opened.place(Frame(index=0, time_s=0.0, states=states, signals={}))
         for place in places:
             world_from_camera = pose_matrix(tuple(place), pitch=np.radians(pitch_deg))

@@ -12,12 +12,10 @@ from advercity.frames import Frame
 from advercity.geometry.mesh import Mesh
 from advercity.geometry.poses import pose_matrix
 from advercity.materials import MATERIALS, Texture
-from advercity.physics.atmosphere import Atmosphere
-from advercity.physics.extinction import AirExtinction
-from advercity.physics.sky import build_airlight_cubemap
 from advercity.rendering.backend import CameraView, RenderProfile
 from advercity.semantics import Semantic
 from advercity.world import World
+from tests.render_builders import build_clear_air
 
 pytestmark = pytest.mark.render
 
@@ -38,23 +36,6 @@ def field(name: str) -> World:
     return World("field", (mesh,), {}, lanes=(), network=Path("none"))
 
 
-def white_sky() -> Atmosphere:
-    """Clear air under a sky of 1 kcd/m² everywhere."""
-    return Atmosphere(
-        extinction=AirExtinction(),
-        sun_direction=np.array([0.0, 0.0, 1.0]),
-        sun_lx=0.0,
-        sun_colour=(1.0, 1.0, 1.0),
-        sky_lx=np.pi * 1000.0,
-        sky=np.full((6, 32, 32, 3), 1000.0, dtype=np.float32),
-        airlight=build_airlight_cubemap((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
-        street_lx=0.0,
-        wetness=0.0,
-        puddle_coverage=0.0,
-        night=False,
-    )
-
-
 def seen_from(
     name: str,
     places: NDArray[np.float64],
@@ -65,7 +46,7 @@ def seen_from(
     """Radiance (n, h, w, 3) over the sky's, looking down on a material from places (n, 3)."""
     profile = RenderProfile("test", 1.0, renderer, samples=1, path_depth=1)
     pictures: list[NDArray[np.float32]] = []
-    with SapienBackend().open(field(name), white_sky(), profile) as opened:
+    with SapienBackend().open(field(name), build_clear_air(1000.0), profile) as opened:
         opened.place(Frame(index=0, time_s=0.0, states=(), signals={}))
         for place in places:
             world_from_camera = pose_matrix(tuple(place), pitch=np.radians(pitch_deg))
