@@ -214,8 +214,12 @@ class Manifest(Model):
         return self.model_dump_json(indent=1) + "\n"
 
     @staticmethod
-    def load(scenario: Path) -> "Manifest":
+    def load(scenario: Path, *, moved: bool = True) -> "Manifest":
         """Load the manifest of a scenario, with the journals of a run that was cut short.
+
+        Args:
+            scenario: Folder of the scenario.
+            moved: Only with files that are in place; else also those that may not yet be.
 
         Raises:
             InputError: The folder does not exist, has no manifest, or one that is no JSON.
@@ -231,7 +235,7 @@ class Manifest(Model):
         manifest = Manifest.parse(text, where=str(path))
         journaled = {
             path: record
-            for path, record in read_journals(scenario).items()
+            for path, record in read_journals(scenario, moved=moved).items()
             if record.frame is None or record.frame < manifest.length
         }
         if not journaled:

@@ -7,12 +7,14 @@ whose run was killed is described by its manifest and its journals.
 
 import errno
 import hashlib
+import itertools
 import logging
 import os
 import re
 import stat
 import time
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Annotated
@@ -27,13 +29,17 @@ from advercity.dataset.scenario_folders import (
     find_staging_folder,
 )
 from advercity.documents import MAX_JSON_BYTES, parse_json, read_bytes
-from advercity.errors import InputError, RunError, describe_cause
+from advercity.errors import InputError, RunError, describe_cause, escape_control_characters
 
 _logger = logging.getLogger(__name__)
 
 PARTIAL_SUFFIX = ".advercity-partial"
 """End of the names of unfinished files, which no file of others has."""
+KEPT_SUFFIX = ".kept"
+"""End of the names that files of others are given where a run writes one of its own."""
 NO_FILE_ERRORS = (FileNotFoundError, IsADirectoryError, NotADirectoryError)
+MAX_LISTED_FILES = 3
+"""Files that a message names."""
 LOCK_TIMEOUT_S = 5.0
 """How long a run that was killed may take to release its lock."""
 
@@ -82,24 +88,40 @@ FilePath = Annotated[str, AfterValidator(_check_path)]
 _RECORDS = TypeAdapter(dict[FilePath, FileRecord])
 
 
-def append_to_journal(scenario: Path, process: int, records: Mapping[str, FileRecord]) -> None:
-    """Append to the journal of a process, by its number, that files at these paths are in place."""
-    line = _RECORDS.dump_json(dict(records), exclude_none=True) + b"\n"
+def append_to_journal(
+    scenario: Path, process: int, records: Mapping[str, FileRecord], *, moved: bool
+) -> Path:
+    """Append to the journal of a process that files are to be moved into place, or have been.
+
+    Returns the journal.
+    """
+    content = _RECORDS.dump_json(dict(records), exclude_none=True)
+    line = (content if moved else b"[%b]" % content) + b"\n"
     path = find_staging_folder(scenario) / f"journal_{process}.jsonl"
     # One write without a buffer: if the process is killed the line is whole, or torn and the last.
     with open(path, "ab", buffering=0, opener=open_without_links) as stream:
         if stream.write(line) != len(line):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+    return path
 
 
-def read_journals(scenario: Path) -> dict[str, FileRecord]:
-    """Read the records of all whole lines of all journals, by path; empty without journals."""
+def read_journals(scenario: Path, *, moved: bool = True) -> dict[str, FileRecord]:
+    """Read the records of all whole lines of all journals, by path; empty without journals.
+
+    Args:
+        scenario: Folder of the scenario.
+        moved: Only of files that are in place; else also of those that may not yet be.
+    """
     records: dict[str, FileRecord] = {}
     for path in find_journals(scenario):
         # The run has finished, or the last line is torn.
         with suppress(FileNotFoundError, InputError, ValidationError):
             for line in read_bytes(path, max_bytes=MAX_JSON_BYTES).splitlines():
-                records |= _RECORDS.validate_python(parse_json(line, path))
+                entry = parse_json(line, path)
+                if not isinstance(entry, list):
+                    records |= _RECORDS.validate_python(entry)
+                elif not moved:
+                    records |= _RECORDS.validate_python(*entry)
     return records
 
 
@@ -115,7 +137,49 @@ def remove_unfinished_files(scenario: Path, paths: Sequence[str]) -> None:
         (scenario / path).unlink()
     if paths:
         count = format_file_count(len(paths))
-        _logger.warning("%s: %s of unfinished frames removed", scenario, count)
+        _logger.warning("%s: %s of incomplete frames removed", scenario, count)
+
+
+def set_aside(scenario: Path, paths: Iterable[str]) -> None:
+    """Rename the files at these paths, if any, since no run wrote them as they are, and say so."""
+    files = [path for path in sorted(paths) if _is_file(scenario / path)]
+    kept = [_rename_to_keep(scenario, path) for path in files]
+    if kept:
+        names = ", ".join(map(escape_control_characters, kept[:MAX_LISTED_FILES]))
+        more = f" and {len(kept) - MAX_LISTED_FILES} more" if len(kept) > MAX_LISTED_FILES else ""
+        count = format_file_count(len(kept))
+        _logger.warning(
+            "%s: %s not as a run wrote them, kept as %s%s", scenario, count, names, more
+        )
+
+
+def _is_file(path: Path) -> bool:
+    """Return whether a path is a file of any kind, or a link to anything."""
+    return os.path.lexists(path) and (path.is_symlink() or not path.is_dir())
+
+
+def _rename_to_keep(scenario: Path, path: str) -> str:
+    names = (f"{path}{KEPT_SUFFIX}{number or ''}" for number in itertools.count())
+    kept = next(name for name in names if not os.path.lexists(scenario / name))
+    (scenario / path).rename(scenario / kept)
+    return kept
+
+
+def list_matching_files(
+    scenario: Path, paths: Iterable[str], records: Mapping[str, FileRecord]
+) -> list[str]:
+    """List the paths whose files have the content of their records."""
+
+    def matches(path: str) -> bool:
+        with suppress(*NO_FILE_ERRORS):
+            return records[path].matches(scenario / path)
+        return False
+
+    recorded = [path for path in paths if path in records]
+    # Reading and SHA-256 both release the interpreter lock.
+    with ThreadPoolExecutor() as pool:
+        same = pool.map(matches, recorded)
+        return [path for path, is_same in zip(recorded, same, strict=True) if is_same]
 
 
 def format_file_count(count: int) -> str:

@@ -177,7 +177,9 @@ def _verify_stored_scenario(
     text = store.read(f"{name}/{MANIFEST_FILE}") or b""
     own = [path.removeprefix(f"{name}/") for path in paths if path.startswith(f"{name}/")]
     manifest = Manifest.parse(text, where=f"{name}/{MANIFEST_FILE}")
-    problems = compare_with_manifest(Path(name), manifest, own, matches)
+    names = manifest.frame_file_names
+    unlisted = {path for path in own if names.find_frame(path) is not None} - manifest.files.keys()
+    problems = compare_with_manifest(Path(name), manifest, own, matches, unfinished=unlisted)
     if not index.matches_manifest(name, text):
         problems.insert(0, FileProblem(Path(name), MANIFEST_FILE, "changed"))
     return problems

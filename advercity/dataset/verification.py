@@ -1,10 +1,11 @@
 """Compares a dataset with its manifests and its index, and restores missing and changed files.
 
-Restoring touches only files that a manifest records, and what a killed run left of a frame.
+Restoring touches only files that a manifest records, and what a killed run left of a frame. A file
+that was changed is kept under another name.
 """
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,10 +18,13 @@ from advercity.dataset.opv2v import select_encoder
 from advercity.dataset.partial_files import (
     FileRecord,
     is_being_written,
+    list_matching_files,
     lock_scenario,
+    read_journals,
     remove_unfinished_files,
     replace_file,
     report_disk_errors,
+    set_aside,
 )
 from advercity.dataset.scenario_folders import (
     MANIFEST_FILE,
@@ -118,11 +122,14 @@ def verify_scenario(scenario: Path) -> list[FileProblem]:
     """
     manifest = Manifest.load(scenario)
     names = manifest.frame_file_names
+    paths = {*_list_files(scenario, names.folders)} - {MANIFEST_FILE}
+    moving = read_journals(scenario, moved=False)
     return compare_with_manifest(
         scenario,
         manifest,
-        _list_files(scenario, names.folders),
+        paths,
         lambda path, record: _matches_record(scenario / path, record),
+        unfinished=list_matching_files(scenario, paths - manifest.files.keys(), moving),
     )
 
 
@@ -131,6 +138,8 @@ def compare_with_manifest(
     manifest: Manifest,
     paths: Iterable[str],
     matches: Callable[[str, FileRecord], bool],
+    *,
+    unfinished: Collection[str],
 ) -> list[FileProblem]:
     """Compare the files of a scenario with its manifest.
 
@@ -139,11 +148,11 @@ def compare_with_manifest(
         manifest: Manifest of the scenario.
         paths: Paths of the files that exist, within the scenario.
         matches: Returns whether the file at a path is as recorded; called by several threads.
+        unfinished: Those of the paths that a run which was cut short has left.
     """
     recorded, found = manifest.files, set(paths) - {MANIFEST_FILE}
-    names = manifest.frame_file_names
     problems = [
-        FileProblem(scenario, path, "foreign" if names.find_frame(path) is None else "unfinished")
+        FileProblem(scenario, path, "unfinished" if path in unfinished else "foreign")
         for path in found - recorded.keys()
     ]
     missing = recorded.keys() - found
@@ -234,5 +243,6 @@ def _restore(
                 " traffic, versions and device are the same; the file is left as it is:"
                 " `advercity run --fresh` makes the scenario again"
             )
+        set_aside(scenario, [path])
         replace_file(scenario, path, content)
     return restored

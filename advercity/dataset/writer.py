@@ -6,7 +6,7 @@ it and from a `FrameWriter` in each further process.
 """
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Self
@@ -24,6 +24,7 @@ from advercity.dataset.partial_files import (
     append_to_journal,
     find_partial_file,
     format_file_count,
+    list_matching_files,
     lock_file,
     read_journals,
     remove_idle_staging_folder,
@@ -33,6 +34,7 @@ from advercity.dataset.partial_files import (
     remove_unfinished_files,
     replace_file,
     report_disk_errors,
+    set_aside,
     share_lock,
 )
 from advercity.dataset.scenario_folders import (
@@ -117,16 +119,19 @@ class FrameWriter:
             }
             for path, content in files.items():
                 write_file(partials[path], content)
-            sync_files(partials.values())
-            for path, partial in partials.items():
-                move_file(partial, self.scenario / path)
-            # Only now: after a power cut, whatever a journal lists has its content and its name.
-            sync_files({(self.scenario / path).parent for path in files})
             records = {
                 path: FileRecord.from_content(content, frame=frame)
                 for path, content in files.items()
             }
-            append_to_journal(self.scenario, self._process, records)
+            # Whatever cuts the moving short, the next run knows which files are this one's.
+            journal = append_to_journal(self.scenario, self._process, records, moved=False)
+            sync_files([*partials.values(), journal, journal.parent])
+            set_aside(self.scenario, files)
+            for path, partial in partials.items():
+                move_file(partial, self.scenario / path)
+            # Only now: after a power cut, whatever a journal lists has its content and its name.
+            sync_files({(self.scenario / path).parent for path in files})
+            append_to_journal(self.scenario, self._process, records, moved=True)
         self._size_bytes += sum(record.size for record in records.values())
 
 
@@ -186,7 +191,7 @@ class ScenarioWriter(FrameWriter):
         """Update the manifest and delete the staging folder; an error does the same."""
         with report_disk_errors(self.scenario):
             self._files |= read_journals(self.scenario)
-            self._remove_unfinished()
+            self._remove_unfinished({})
             manifest = self._save()
             remove_staging_folder(self.scenario)
         return manifest
@@ -204,30 +209,45 @@ class ScenarioWriter(FrameWriter):
         has_manifest = (self.scenario / MANIFEST_FILE).exists()
         if not has_manifest and self.scenario.exists() and any(self.scenario.iterdir()):
             raise no_dataset_to_replace_error(self.scenario)
-        if self._fresh and has_manifest:
-            self._clear()
-        elif has_manifest:
-            self._files = self._load_finished_records()
-        self._remove_unfinished()
+        former: dict[str, FileRecord] = {}
+        if has_manifest:
+            manifest = Manifest.load(self.scenario, moved=False)
+            former = manifest.files
+            if self._fresh:
+                self._clear(manifest)
+            else:
+                self._files = self._find_finished_records(manifest)
+        self._remove_unfinished(former)
         own = encode_scenario_files(self._spec, self._identity)
         self._files |= {path: FileRecord.from_content(content) for path, content in own.items()}
         self._size_bytes = sum(record.size for record in self._files.values())
         # The manifest first: a folder with files but without one counts as a user's.
         self._save()
+        known = {
+            path
+            for records in (former, self._files)
+            for path in list_matching_files(self.scenario, own, records)
+        }
+        set_aside(self.scenario, own.keys() - known)
         for path, content in own.items():
             replace_file(self.scenario, path, content)
 
-    def _clear(self) -> None:
+    def _clear(self, found: Manifest) -> None:
         """Delete what runs have written, as the manifest of the last one tells."""
-        found = Manifest.load(self.scenario)
         names = found.frame_file_names
         check_folders_are_no_links(self.scenario, names.folders)
-        own = {*names.list_files(self.scenario), *(SCENARIO_FILES & found.files.keys())}
+        own = list_matching_files(
+            self.scenario,
+            {*names.list_files(self.scenario), *(SCENARIO_FILES & found.files.keys())},
+            found.files,
+        )
         # Until there is a new one, an interrupted run finds a dataset here, without the frames.
         unnumbered = {path: file for path, file in found.files.items() if file.frame is None}
         self._replace_manifest(
             Manifest.from_files(found.identity, found.spec, length=found.length, files=unnumbered)
         )
+        numbered = {path: file for path, file in found.files.items() if file.frame is not None}
+        append_to_journal(self.scenario, 0, numbered, moved=False)
         for path in own:
             (self.scenario / path).unlink(missing_ok=True)
         for folder in names.folders:
@@ -237,27 +257,27 @@ class ScenarioWriter(FrameWriter):
         if kept:
             _logger.warning("%s: %s of no run kept", self.scenario, format_file_count(kept))
 
-    def _load_finished_records(self) -> dict[str, FileRecord]:
-        """Load the records of the frames whose files are all as recorded.
+    def _find_finished_records(self, manifest: Manifest) -> dict[str, FileRecord]:
+        """Find the records of the frames whose files are all as recorded.
 
         Those of a run that was cut short by their content, which a power cut may have cost on disks
         that report too early that they have it; others by their size.
         """
-        manifest, journaled = Manifest.load(self.scenario), read_journals(self.scenario)
         manifest.identity.check_same(
             self._identity,
             self.scenario,
             remedy="`fresh` starts over, another `output` leaves it alone",
         )
-        damaged = {
-            record.frame
-            for path, record in manifest.files.items()
+        journaled = read_journals(self.scenario, moved=False)
+        frames = {path: file for path, file in manifest.files.items() if file.frame is not None}
+        changed = [
+            path
+            for path, record in frames.items()
             if not self._is_as_recorded(path, record, by_content=path in journaled)
-        }
-        again = damaged | {None}  # files of the whole scenario are written anyway
-        return {
-            path: record for path, record in manifest.files.items() if record.frame not in again
-        }
+        ]
+        set_aside(self.scenario, changed)
+        again = {frames[path].frame for path in changed}
+        return {path: file for path, file in frames.items() if file.frame not in again}
 
     def _is_as_recorded(self, path: str, record: FileRecord, *, by_content: bool) -> bool:
         check = record.matches if by_content else record.has_size_of
@@ -266,13 +286,18 @@ class ScenarioWriter(FrameWriter):
         except FileNotFoundError:
             return False
 
-    def _remove_unfinished(self) -> None:
-        """Delete the files of incomplete frames, unfinished files and claims."""
+    def _remove_unfinished(self, former: Mapping[str, FileRecord]) -> None:
+        """Delete the files of incomplete frames, unfinished files and claims.
+
+        Of files in place only those with the content that a run has recorded.
+        """
         check_folders_are_no_links(self.scenario, self._names.folders)
         done = self.done_frames
         found = self._names.list_files(self.scenario)
+        incomplete = [path for path, frame in found.items() if frame not in done]
+        records = {**former, **read_journals(self.scenario, moved=False)}
         remove_unfinished_files(
-            self.scenario, [path for path, frame in found.items() if frame not in done]
+            self.scenario, list_matching_files(self.scenario, incomplete, records)
         )
         remove_partial_files(self.scenario)
 

@@ -9,10 +9,12 @@ from pathlib import Path
 import pytest
 from advercity_dsl import Spec
 
+from advercity import atomic_files
 from advercity.dataset import partial_files, writer
 from advercity.dataset.formats import FORMATS, FrameFileNames
 from advercity.dataset.manifest import Manifest
 from advercity.dataset.opv2v import select_encoder
+from advercity.dataset.partial_files import FileRecord
 from advercity.dataset.remote import SharedScenario, upload_part
 from advercity.dataset.scenario_folders import MANIFEST_FILE
 from advercity.dataset.store import DatasetStore
@@ -36,8 +38,10 @@ FOREIGN = (
     "102/000061_lidar.ply",
     "notes.txt",
     "000061.pcd",
+    "+101/000060.yaml.kept",
 )
-UNFINISHED = ("+101/000061.pcd", "-2/000061_bev_lane.png", "103/000061_additional_gnss_imu.yaml")
+OF_A_LATER_FRAME = ("+101/000061.pcd", "103/000061_objects.json", "-2/000061.yaml")
+"""Of a frame that no run has made yet."""
 
 
 @pytest.fixture(scope="module")
@@ -105,29 +109,110 @@ def test_foreign_files_are_told_from_damage_and_survive_everything(
     sensor_frames_of: SensorFramesOf,
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    precious = add(scenario, *FOREIGN)
-    assert not any(problem.is_damage for problem in verify_dataset(scenario))
-    assert {problem.path for problem in verify_dataset(scenario)} == {*FOREIGN}
-    add(scenario, *UNFINISHED)
-    damage = [problem for problem in verify_scenario(scenario) if problem.is_damage]
-    assert {(one.path, one.kind) for one in damage} == {(one, "unfinished") for one in UNFINISHED}
+    foreign = (*FOREIGN, *OF_A_LATER_FRAME)
+    precious = add(scenario, *foreign)
+    assert {(one.path, one.kind) for one in verify_dataset(scenario)} == {
+        (path, "foreign") for path in foreign
+    }
     resume(scenario)
-    assert texts(scenario, *FOREIGN) == precious
-    assert not texts(scenario, *UNFINISHED)
-    assert [record.getMessage() for record in caplog.records] == [
-        f"{scenario}: 3 files of unfinished frames removed"
-    ]
-    add(scenario, *UNFINISHED)
+    assert texts(scenario, *foreign) == precious
+    assert not caplog.records
     (scenario / "102" / "000060.pcd").unlink()
     left = restore_files(scenario, verify_scenario(scenario), sensor_frames_of)
-    assert {problem.path for problem in left} == {*FOREIGN}
-    assert texts(scenario, *FOREIGN) == precious
+    assert {problem.path for problem in left} == {*foreign}
+    assert texts(scenario, *foreign) == precious
     assert (scenario / "102" / "000060.pcd").exists()
-    caplog.clear()
     resume(scenario, fresh=True)
-    assert texts(scenario, *FOREIGN) == precious
+    assert texts(scenario, *foreign) == precious
     assert not list(scenario.glob("*/000060.pcd"))
-    assert f"{scenario}: {len(FOREIGN)} files of no run kept" in caplog.text
+    assert f"{scenario}: {len(foreign)} files of no run kept" in caplog.text
+
+
+def test_what_a_killed_run_left_of_a_frame_is_removed_and_no_other_file(
+    scenario: Path,
+    spec: Spec,
+    resume: Callable[..., None],
+    sensor_frames_of: SensorFramesOf,
+    caplog: pytest.LogCaptureFixture,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    moved: list[Path] = []
+
+    def end_process(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    def move_some(source: Path, target: Path) -> None:
+        if len(moved) == 5:
+            end_process()
+        moved.append(target)
+        atomic_files.move_file(source, target)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(writer, "move_file", move_some)
+        patched.setattr(ScenarioWriter, "finish", end_process)
+        opened = ScenarioWriter(scenario.parent, spec, identify(spec), length=LENGTH)
+        with pytest.raises(KeyboardInterrupt), opened:
+            opened.write_frame(1, sensor_frames_of(1))
+    moved[0].write_text("precious")
+    taken = add(scenario, "-2/000061.yaml")
+    damage = {one.path for one in verify_scenario(scenario) if one.is_damage}
+    assert damage == {path.relative_to(scenario).as_posix() for path in moved[1:]}
+    resume(scenario)
+    assert f"{scenario}: 4 files of incomplete frames removed" in caplog.text
+    kept = moved[0].with_name(f"{moved[0].name}.kept")
+    assert kept.read_text() == "precious"
+    assert not any(path.exists() for path in moved)
+    assert not (scenario / "-2" / "000061.yaml").exists()
+    assert texts(scenario, "-2/000061.yaml.kept") == {
+        "-2/000061.yaml.kept": taken["-2/000061.yaml"]
+    }
+
+
+CHANGED = ("+101/000060.yaml", "-1/000060.pcd", "data_protocol.yaml")
+
+
+@pytest.mark.parametrize("by", ["run", "run --fresh", "repair"])
+def test_a_file_that_its_user_changed_is_kept_under_another_name(
+    scenario: Path,
+    spec: Spec,
+    sensor_frames_of: SensorFramesOf,
+    caplog: pytest.LogCaptureFixture,
+    by: str,
+) -> None:
+    original = {path: (scenario / path).read_bytes() for path in CHANGED}
+    for again in ("", "1"):
+        precious = add(scenario, *CHANGED)
+        caplog.clear()
+        if by == "repair":
+            restore_files(scenario, verify_scenario(scenario), sensor_frames_of)
+        else:
+            fresh = by == "run --fresh"
+            identity = identify(spec)
+            with ScenarioWriter(
+                scenario.parent, spec, identity, length=LENGTH, fresh=fresh
+            ) as opened:
+                opened.write_frame(0, sensor_frames_of(0))
+                opened.finish()
+        assert {path: (scenario / path).read_bytes() for path in CHANGED} == original
+        kept = texts(scenario, *(f"{path}.kept{again}" for path in CHANGED))
+        assert kept == {f"{path}.kept{again}": text for path, text in precious.items()}
+        assert all(f"{path}.kept{again}" in caplog.text for path in CHANGED)
+    assert not any(problem.is_damage for problem in verify_scenario(scenario))
+
+
+def test_a_file_in_the_place_of_one_that_a_run_writes_is_kept_under_another_name(
+    scenario: Path, spec: Spec, sensor_frames_of: SensorFramesOf, caplog: pytest.LogCaptureFixture
+) -> None:
+    precious = add(scenario, *OF_A_LATER_FRAME)
+    with ScenarioWriter(scenario.parent, spec, identify(spec), length=LENGTH) as opened:
+        opened.write_frame(1, sensor_frames_of(1))
+        opened.finish()
+    kept = texts(scenario, *(f"{path}.kept" for path in precious))
+    assert kept == {f"{path}.kept": text for path, text in precious.items()}
+    assert not any(problem.is_damage for problem in verify_scenario(scenario))
+    assert f"{scenario}: 3 files not as a run wrote them, kept as +101/000061.pcd.kept" in (
+        caplog.text
+    )
 
 
 IN_STAGING = (
@@ -298,24 +383,24 @@ def test_the_output_may_be_a_link_and_a_linked_folder_is_verified(
     assert verify_dataset(output) == []
 
 
-def test_a_link_in_place_of_a_file_is_replaced_and_its_target_stays(
-    scenario: Path, tmp_path: Path, resume: Callable[..., None]
+def test_a_link_in_place_of_a_file_is_never_written_through(
+    scenario: Path, tmp_path: Path, spec: Spec, sensor_frames_of: SensorFramesOf
 ) -> None:
     targets = add(tmp_path / "targets", "manifest.json", "000061.pcd", "data_protocol.yaml")
     shutil.copy(scenario / MANIFEST_FILE, tmp_path / "targets" / MANIFEST_FILE)
-    for path, target in (
-        (MANIFEST_FILE, MANIFEST_FILE),
-        ("data_protocol.yaml", "data_protocol.yaml"),
-        ("+101/000061.pcd", "000061.pcd"),
-    ):
+    places = {path: Path(path).name for path in (MANIFEST_FILE, *CHANGED[2:], "+101/000061.pcd")}
+    for path, target in places.items():
         (scenario / path).unlink(missing_ok=True)
         (scenario / path).symlink_to(tmp_path / "targets" / target)
     manifest = (tmp_path / "targets" / MANIFEST_FILE).read_bytes()
-    resume(scenario)
+    with ScenarioWriter(scenario.parent, spec, identify(spec), length=LENGTH) as opened:
+        opened.write_frame(1, sensor_frames_of(1))
+        opened.finish()
     assert (tmp_path / "targets" / MANIFEST_FILE).read_bytes() == manifest
     del targets[MANIFEST_FILE]
     assert texts(tmp_path / "targets", *targets) == targets
-    assert not any(path.is_symlink() for path in scenario.rglob("*"))
+    assert not any((scenario / path).is_symlink() for path in places)
+    assert not any(problem.is_damage for problem in verify_scenario(scenario))
 
 
 def test_what_a_journal_lists_is_on_the_disk_with_content_and_name(
@@ -330,21 +415,23 @@ def test_what_a_journal_lists_is_on_the_disk_with_content_and_name(
         synced[state.st_ino] = (state.st_size, state.st_mtime_ns)
         really_sync(descriptor)
 
-    def append(scenario: Path, process: int, records: dict[str, object]) -> None:
-        for path in records:
+    def append(
+        scenario: Path, process: int, records: dict[str, FileRecord], *, moved: bool
+    ) -> Path:
+        for path in records if moved else ():
             state = (scenario / path).stat()
             assert synced[state.st_ino] == (state.st_size, state.st_mtime_ns), path
             folder = (scenario / path).parent.stat()
             assert synced[folder.st_ino][1] == folder.st_mtime_ns, path
-        checked.append(len(records))
-        really_append(scenario, process, records)  # pyright: ignore[reportArgumentType]
+        checked.append((len(records), moved))
+        return really_append(scenario, process, records, moved=moved)
 
-    checked: list[int] = []
+    checked: list[tuple[int, bool]] = []
     monkeypatch.setattr(os, "fsync", sync)
     monkeypatch.setattr(writer, "append_to_journal", append)
     with ScenarioWriter(tmp_path, spec, identify(spec), length=1) as opened:
         opened.write_frame(0, sensor_frames_of(0))
         opened.finish()
-    assert checked == [123]
+    assert checked == [(123, False), (123, True)]
     manifest = (opened.scenario / MANIFEST_FILE).stat()
     assert synced[manifest.st_ino][0] == manifest.st_size

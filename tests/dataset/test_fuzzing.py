@@ -97,7 +97,8 @@ def dataset(
     files = json.loads((scenario / "manifest.json").read_text())["files"]
     find_staging_folder(scenario).mkdir(parents=True, exist_ok=True)
     records = {path: FileRecord(**record) for path, record in islice(files.items(), 20)}
-    append_to_journal(scenario, 0, records)
+    append_to_journal(scenario, 0, records, moved=False)
+    append_to_journal(scenario, 0, records, moved=True)
     return folder
 
 

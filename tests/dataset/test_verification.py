@@ -67,7 +67,9 @@ def test_missing_and_changed_files_are_restored_and_no_other_is_touched(
     scenario: Path, original: Path, sensor_frames_of: SensorFramesOf, spec: Spec
 ) -> None:
     (scenario / "102" / "000061.pcd").unlink()
-    flip(scenario / "-1" / "000061_camera3.png")
+    changed = scenario / "-1" / "000061_camera3.png"
+    flip(changed)
+    flipped = changed.read_bytes()
     (scenario / "data_protocol.yaml").unlink()
     untouched = {
         path: path.stat().st_mtime_ns for path in scenario.glob("+101/*") if path.is_file()
@@ -80,6 +82,9 @@ def test_missing_and_changed_files_are_restored_and_no_other_is_touched(
 
     assert restore_files(scenario, verify_scenario(scenario), readings) == []
     assert asked == [1]
+    kept = scenario / "-1" / "000061_camera3.png.kept"
+    assert kept.read_bytes() == flipped
+    kept.unlink()
     assert tree(scenario) == tree(original / spec.id)
     assert {path: path.stat().st_mtime_ns for path in untouched} == untouched
     assert [path.name for path in scenario.parent.iterdir()] == [scenario.name]

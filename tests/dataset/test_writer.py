@@ -184,21 +184,33 @@ def test_an_error_during_a_frame_leaves_none_of_its_files(
     assert Manifest.load(tmp_path / spec.id).frames == (0,)
 
 
-def test_a_journal_torn_at_its_end_costs_the_last_frame_only(
-    original: Path, tmp_path: Path, writer: Make, sensor_frames_of: SensorFramesOf, spec: Spec
+@pytest.mark.parametrize("lost_lines", [0, 1])
+def test_a_journal_torn_at_its_end_costs_no_frame_that_is_whole(
+    original: Path,
+    tmp_path: Path,
+    writer: Make,
+    sensor_frames_of: SensorFramesOf,
+    spec: Spec,
+    lost_lines: int,
 ) -> None:
+    """A frame has a line before its files are moved into place, and one after that."""
     root = tmp_path / "torn"
     with writer(root) as dataset:
         dataset.write_frame(0, sensor_frames_of(0))
         dataset.write_frame(1, sensor_frames_of(1))
     journal = root / ".staging" / spec.id / "journal_0.jsonl"
-    journal.write_bytes(journal.read_bytes()[:-20])
+    lines = journal.read_bytes().splitlines(keepends=True)
+    assert len(lines) == 4
+    journal.write_bytes(b"".join(lines[: 4 - lost_lines])[:-20])
+    done = {0, 1} if lost_lines == 0 else {0}
     with writer(root) as dataset:
-        assert dataset.done_frames == {0}
-        assert frames_with_any_file(root) == {"000060"}
-        dataset.write_frame(1, sensor_frames_of(1))
+        assert dataset.done_frames == done
+        if 1 not in done:
+            dataset.write_frame(1, sensor_frames_of(1))
         dataset.finish()
-    assert tree(root) == tree(original)
+    assert {path: content for path, content in tree(root).items() if ".kept" not in path} == tree(
+        original
+    )
 
 
 def test_a_frame_whose_line_the_disk_takes_in_part_is_reported_and_made_again(
@@ -207,12 +219,14 @@ def test_a_frame_whose_line_the_disk_takes_in_part_is_reported_and_made_again(
     """The kernel writes what fits, and reports no error but the number of bytes."""
     append = partial_files.append_to_journal
 
-    def append_within_limit(scenario: Path, process: int, records: dict[str, FileRecord]) -> None:
+    def append_within_limit(
+        scenario: Path, process: int, records: dict[str, FileRecord], *, moved: bool
+    ) -> Path:
         size = (scenario.parent / ".staging" / scenario.name / "journal_0.jsonl").stat().st_size
         before = resource.getrlimit(resource.RLIMIT_FSIZE)
         resource.setrlimit(resource.RLIMIT_FSIZE, (size + 100, before[1]))
         try:
-            append(scenario, process, records)
+            return append(scenario, process, records, moved=moved)
         finally:
             resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
@@ -242,7 +256,11 @@ def test_a_file_that_lost_its_content_in_a_power_cut_is_made_again(
         assert dataset.done_frames == {0}
         dataset.write_frame(1, sensor_frames_of(1))
         dataset.finish()
-    assert tree(root) == tree(original)
+    found = tree(root)
+    assert found.pop(f"{spec.id}/+101/000061.pcd.kept").count(0) == len(
+        found[f"{spec.id}/+101/000061.pcd"]
+    )
+    assert found == tree(original)
 
 
 def test_an_unfinished_scenario_is_verified_with_its_journal(
