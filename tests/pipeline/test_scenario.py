@@ -152,6 +152,9 @@ def test_damaged_files_are_made_again_with_their_checksums(made: Path, tmp_path:
     (copy / "-2" / "000061.pcd").write_bytes(b"flipped")
     assert {problem.kind for problem in verify_dataset(tmp_path)} == {"missing", "changed"}
     assert repair_dataset(tmp_path) == []
+    kept = copy / "-2" / "000061.pcd.kept"
+    assert kept.read_bytes() == b"flipped"
+    kept.unlink()
     assert tree(copy) == tree(made)
 
 
