@@ -11,16 +11,23 @@ from advercity.geometry.arrays import Float64Array
 
 
 def draw_number(
-    item: Distribution, rng: np.random.Generator, *, at_most: float = math.inf
+    item: Distribution,
+    rng: np.random.Generator,
+    *,
+    at_least: float = -math.inf,
+    at_most: float = math.inf,
 ) -> float:
-    """Draw a number from a distribution truncated above `at_most`, with one draw of `rng`.
+    """Draw a number from a distribution truncated at both limits, with one draw of `rng`.
 
-    Where nothing is left below that, the result is the lowest number of the distribution.
+    Where nothing is left below `at_most`, the result is the lowest number of the distribution;
+    where nothing is left above `at_least`, the highest that the other limit leaves.
     """
     low, high = compute_bounds(item)
     high = max(min(high, at_most), low)
+    low = min(max(low, at_least), high)
     if isinstance(item, Choice):
-        choice = [value for value in item.choice if value <= high]
+        below = [value for value in item.choice if value <= high]
+        choice = [value for value in below if value >= low] or [max(below)]
         return choice[int(rng.integers(len(choice)))]
     fraction = float(rng.random())
     if isinstance(item, Uniform):

@@ -57,10 +57,21 @@ def test_numbers_below_a_limit_keep_their_distribution(
     assert max(numbers) <= 40
 
 
-def test_a_limit_below_a_distribution_leaves_its_lowest_number() -> None:
+def test_numbers_keep_their_distribution_between_two_limits() -> None:
+    rng = create_generator(0, "test")
+    limits = {"at_least": 40, "at_most": 60}
+    numbers = [draw_number(Uniform(uniform=(30, 80)), rng, **limits) for _ in range(2000)]
+    assert (min(numbers), max(numbers)) == pytest.approx((40, 60), abs=0.1)
+    assert np.mean(numbers) == pytest.approx(50, abs=0.5)
+    assert draw_number(Choice(choice=(30, 45, 70)), rng, **limits) == 45
+
+
+def test_a_limit_outside_a_distribution_leaves_its_nearest_number() -> None:
     rng = create_generator(0, "test")
     assert draw_number(Uniform(uniform=(30, 80)), rng, at_most=20) == 30
     assert draw_number(Choice(choice=(60, 45)), rng, at_most=20) == 45
+    assert draw_number(Uniform(uniform=(30, 80)), rng, at_least=90) == 80
+    assert draw_number(Choice(choice=(60, 45)), rng, at_least=90) == 60
 
 
 def test_a_gauss_markov_process_keeps_its_variance_and_forgets() -> None:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from advercity_dsl import (
     Agent,
+    Blueprint,
     Density,
     DriverResponse,
     Drivers,
@@ -277,6 +278,16 @@ def _interpolate(
     )
 
 
+def find_ego_blueprint(suite: Suite, inputs: ScenarioInputs) -> Blueprint:
+    """Find the blueprint of the ego, which a suite may choose."""
+    name = next(name for name, place in inputs.road.agents.items() if place is inputs.road.ego)
+    return inputs.catalogue.blueprints[_name_blueprint(suite, inputs, name)]
+
+
+def _name_blueprint(suite: Suite, inputs: ScenarioInputs, agent: str) -> str:
+    return suite.bodies.get(agent, inputs.catalogue.ego)
+
+
 def _build_agents(
     suite: Suite, inputs: ScenarioInputs, rigs: Mapping[str, Rig]
 ) -> tuple[Agent, ...]:
@@ -291,7 +302,7 @@ def _build_agents(
             agents.append(Agent(id=name, number=-units, place=place, sensors=sensors))
             continue
         number = FIRST_VEHICLE_NUMBER + len(agents) - units
-        blueprint = suite.bodies.get(name, inputs.catalogue.ego)
+        blueprint = _name_blueprint(suite, inputs, name)
         agents.append(
             Agent(id=name, number=number, place=place, sensors=sensors, blueprint=blueprint)
         )

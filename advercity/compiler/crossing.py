@@ -12,7 +12,7 @@ from advercity_dsl import Road, Spec, StagedConflict, Suite, Typology
 from advercity_dsl.base import suggest_name
 from advercity_dsl.spec import CrashGroup
 
-from advercity.compiler.assembly import build_spec, is_edited
+from advercity.compiler.assembly import build_spec, find_ego_blueprint, is_edited
 from advercity.compiler.library import (
     Library,
     find_shipped_library,
@@ -216,6 +216,7 @@ def _solve_conflicts(
                 inputs.conflicts,
                 inputs.density,
                 inputs.blueprints,
+                ego=find_ego_blueprint(suite, inputs),
                 repeat_key=inputs.repeat_key,
             )
         except DiagnosticsError as error:

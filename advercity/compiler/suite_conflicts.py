@@ -64,6 +64,7 @@ def solve_road_conflicts(
     density: Density,
     blueprints: Mapping[str, Blueprint],
     *,
+    ego: Blueprint,
     repeat_key: tuple[str, ...] = (),
 ) -> tuple[tuple[StagedConflict, ...], Road]:
     """Solve the conflicts of a scenario; they are the same under every weather.
@@ -86,6 +87,7 @@ def solve_road_conflicts(
                 find_typology(library, conflict),
                 drive,
                 blueprints,
+                ego=ego,
                 seed=suite.seeds.traffic,
                 key=key,
                 index=index,

@@ -39,11 +39,17 @@ def sample_parameters(parameters: ConflictParameters, seed: int, key: str) -> di
 
 
 def _draw_value(
-    draw: float | Distribution, seed: int, key: str, name: str, at_most: float = math.inf
+    draw: float | Distribution,
+    seed: int,
+    key: str,
+    *name: str,
+    at_least: float = -math.inf,
+    at_most: float = math.inf,
 ) -> float:
     if isinstance(draw, int | float):
         return float(draw)
-    return draw_number(draw, create_generator(seed, "conflict", key, name), at_most=at_most)
+    generator = create_generator(seed, "conflict", key, *name)
+    return draw_number(draw, generator, at_least=at_least, at_most=at_most)
 
 
 def _round_significant(value: float) -> float:
@@ -137,6 +143,8 @@ class ConflictCase:
         drive: Drive of the ego.
         sampler: Draws bystanders.
         actor: The actor that the ego meets.
+        ego: Blueprint of the ego.
+        resolved_by: Who resolves the conflict.
         parameters: The conflict's drawn parameters by name; the name ends with the unit.
         not_before_s: Time from the scenario's start before which nothing critical happens.
         meets_at_m: Station of the meeting on the ego's path, once its speed there is drawn.
@@ -147,6 +155,8 @@ class ConflictCase:
     drive: EgoDrive
     sampler: ParticipantSampler
     actor: RoadUser
+    ego: Blueprint
+    resolved_by: Resolver
     parameters: Mapping[str, float]
     not_before_s: float
     meets_at_m: float | None = None
@@ -168,12 +178,16 @@ class ConflictCase:
 
     def redraw_actor_speed(self, at_most_km_h: float) -> "ConflictCase":
         """Return the case with a speed of the actor from its declared range below a limit."""
-        return self.with_actor_speed(self._draw_speed("actor_speed_km_h", at_most_km_h))
+        return self.with_actor_speed(self._draw_speed("actor_speed_km_h", at_most=at_most_km_h))
 
-    def draw_ego_speed(self, station_m: float) -> "ConflictCase":
-        """Return the case with a speed of the ego before a station, from what the road leaves."""
-        free_km_h = self.drive.motion.find_top_speed_m_s(station_m) * KM_H_PER_M_S
-        speed_km_h = self._draw_speed("ego_speed_km_h", free_km_h)
+    def draw_ego_speed(
+        self, station_m: float, at_least_km_h: float, at_most_km_h: float
+    ) -> "ConflictCase":
+        """Return the case with a speed of the ego before a station, between two limits."""
+        speed_km_h = self._draw_speed("ego_speed_km_h", at_most=at_most_km_h)
+        if speed_km_h < at_least_km_h:
+            limits = {"at_least": at_least_km_h, "at_most": at_most_km_h}
+            speed_km_h = self._draw_speed("ego_speed_km_h", "again", **limits)
         return replace(
             self,
             drive=self.drive.limit_speed(station_m, speed_km_h / KM_H_PER_M_S),
@@ -181,10 +195,10 @@ class ConflictCase:
             meets_at_m=station_m,
         )
 
-    def _draw_speed(self, name: str, at_most_km_h: float) -> float:
+    def _draw_speed(self, name: str, *key: str, **limits: float) -> float:
         draw = getattr(self.conflict.parameters, name).draw
         return _round_significant(
-            _draw_value(draw, self.sampler.seed, self.sampler.key, name, at_most_km_h)
+            _draw_value(draw, self.sampler.seed, self.sampler.key, name, *key, **limits)
         )
 
 

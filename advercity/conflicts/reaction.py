@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from advercity.conflicts.metrics import ActorTrack
 from advercity.conflicts.trajectories import (
-    CLEARANCE_M,
     QUINTIC_PEAK_ACCELERATION,
     PathCrossing,
     compute_lateral_offsets,
@@ -179,7 +178,7 @@ def _plan_braking(
     first_s = float(np.argmin(np.isnan(speeds))) * trace.tick_s
     if conflict.resolved_by == "ego":
         go_s = meeting.clear_s + conflict.parameters["post_encroachment_s"]
-        go_s -= np.sqrt(2 * CLEARANCE_M / RESTART_M_S2)
+        go_s -= np.sqrt(2 * (meeting.enter_m - meeting.stop_m) / RESTART_M_S2)
     else:
         go_s = _find_halt_s(actor, first_s, crossing.clear_s, trace.tick_s)
     # Not even the friction of the tyres would do, or the actor has stopped by then.

@@ -27,6 +27,7 @@ from advercity.conflicts.case import (
     sample_parameters,
 )
 from advercity.conflicts.ego_motion import EgoDrive, NominalMotion
+from advercity.conflicts.ego_speed import fit_ego_speed
 from advercity.conflicts.signal_timing import (
     find_run_lights,
     ignore_lights,
@@ -175,6 +176,7 @@ def solve_conflict(
     drive: EgoDrive,
     blueprints: Mapping[str, Blueprint],
     *,
+    ego: Blueprint,
     seed: int,
     key: str,
     index: int,
@@ -182,11 +184,11 @@ def solve_conflict(
 ) -> tuple[StagedConflict, Road]:
     """Place all participants of a conflict, with their speeds and the expected time.
 
-    In its drive the ego makes the conflict's manoeuvre; `typology` is an id. All draws depend on
-    `seed` and `key` (road, conflict and density, so that all weathers share them). `index` is the
-    number among the scenario's conflicts, from 1; nothing critical happens before `not_before_s`
-    from the scenario's start. The returned road has the lights of the drive's, timed for an actor
-    that runs them in the first of the conflicts.
+    In its drive the ego, whose blueprint is `ego`, makes the conflict's manoeuvre; `typology` is an
+    id. All draws depend on `seed` and `key` (road, conflict and density, so that all weathers share
+    them). `index` is the number among the scenario's conflicts, from 1; nothing critical happens
+    before `not_before_s` from the scenario's start. The returned road has the drive's lights, timed
+    for an actor that runs them in the first of the conflicts.
 
     Raises:
         UnsolvableError: The conflict does not fit the road.
@@ -198,13 +200,15 @@ def solve_conflict(
         drive=drive,
         sampler=sampler,
         actor=sampler.draw_actor(conflict.actor.classes),
+        ego=ego,
+        resolved_by=sampler.draw_resolver(conflict.resolved_by),
         parameters=sample_parameters(conflict.parameters, seed, key),
         not_before_s=not_before_s,
     )
     place = place_actor(case)
     lights = find_run_lights(case, place) if index == 1 else None
     case = case.without("since_red_s") if lights is None else ignore_lights(case)
-    case = case.draw_ego_speed(place.station_m)
+    case = fit_ego_speed(case, place)
     case = fit_actor_speed(case)
     case = shorten_wait(case, place_actor(case))
     if lights is not None:
@@ -234,7 +238,7 @@ def _build_staged_conflict(
         window_s=(round(at_s - ARRIVAL_WINDOW_S, 1), round(at_s + ARRIVAL_WINDOW_S, 1)),
         parameters=_collect_parameters(case, place, speed, others),
         declared=_collect_bounds(case),
-        resolved_by=case.sampler.draw_resolver(conflict.resolved_by),
+        resolved_by=case.resolved_by,
         mode="open_loop",
         outcome=conflict.outcome,
     )

@@ -147,12 +147,14 @@ class PathCrossing:
         distance_m: Station of the crossing on the actor's path.
         ego_s: Time at which the ego's centre is there.
         stop_m: Last station on the actor's path at which it is clear of the ego.
+        enter_m: Station from which on it is in the ego's path.
         clear_s: Time at which the ego has left the actor's path.
     """
 
     distance_m: float
     ego_s: float
     stop_m: float
+    enter_m: float
     clear_s: float
 
 
@@ -208,10 +210,7 @@ def compute_path_crossing(
         <= (EGO_SWEEP_BEFORE_S + EGO_SWEEP_AFTER_S) / 2
     )
     swept = shapely.union_all(ego.boxes[near])
-    probes = np.arange(0.0, distance_m, STOP_SEARCH_STEP_M)
-    free = shapely.distance(build_boxes(path, probes, size), swept) > CLEARANCE_M
-    stop_m = distance_m if free.all() else float(probes[np.argmin(free)]) - STOP_SEARCH_STEP_M
-    stop_m = max(stop_m, 0.0)
+    stop_m = find_stop_station(path, size, swept, distance_m)
     ahead = path.cut(stop_m, path.length_m).line.buffer(size[1] / 2, cap_style="flat")
     inside = shapely.intersects(ego.boxes, ahead) & near
     last_s = float(ego.rows["tick"][inside].max(initial=0)) * tick_s
@@ -219,10 +218,28 @@ def compute_path_crossing(
         distance_m=distance_m,
         ego_s=ego_s,
         stop_m=stop_m,
+        enter_m=find_stop_station(path, size, swept, distance_m, clearance_m=0.0),
         # Where the paths join, the ego never leaves the actor's: a headway counts instead, and a
         # fifth of a second per metre of the actor's length.
         clear_s=min(last_s, ego_s + MERGE_HEADWAY_S + size[0] / 5),
     )
+
+
+def find_stop_station(
+    path: StationedPolyline,
+    size: tuple[float, ...],
+    area: shapely.Geometry,
+    crossing_m: float,
+    clearance_m: float = CLEARANCE_M,
+) -> float:
+    """Find the last station before a crossing up to which a body on a path keeps clear of an area.
+
+    Stations are those of its centre; `size` begins with its length and width.
+    """
+    probes = np.arange(0.0, crossing_m, STOP_SEARCH_STEP_M)
+    free = shapely.distance(build_boxes(path, probes, size), area) > clearance_m
+    stop_m = crossing_m if free.all() else float(probes[np.argmin(free)]) - STOP_SEARCH_STEP_M
+    return max(stop_m, 0.0)
 
 
 def compute_stop_stations(

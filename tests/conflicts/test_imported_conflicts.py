@@ -1,9 +1,11 @@
 """Conflicts on imported roads, with agents placed by the arms of a junction."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from advercity_dsl import RoadsideUnit, Spec, Vehicle
 
 from advercity.conflicts.outcome import evaluate_outcomes
@@ -11,6 +13,11 @@ from advercity.errors import InputError
 from advercity.roads.sumo_network import write_sumo_network
 from advercity.traffic.simulation import simulate_in_subprocess
 from tests.roads.imported_roads import AT_JUNCTION, compiled_suite
+
+AT_J1: dict[str, Any] = {
+    **AT_JUNCTION,
+    "at_junction": {**AT_JUNCTION["at_junction"], "junction": "j1"},
+}
 
 
 @pytest.fixture(scope="module")
@@ -23,8 +30,26 @@ def staged(library: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str,
         roads=["imported"],
         cross_conflicts="all",
         standings=["primary", "extension"],
-        resolved_by={"actor": 1},
     )
+
+
+@pytest.fixture(scope="module")
+def left_turns(
+    library: Path, tmp_path_factory: pytest.TempPathFactory
+) -> dict[str, dict[str, Spec]]:
+    """Left turns across traffic, by who resolves them; their draws are else the same."""
+
+    def compile_turns(resolver: str) -> dict[str, Spec]:
+        folder = tmp_path_factory.mktemp(resolver)
+        turn = {"cross_conflicts": ["ltap_od_ego_turns"], "resolved_by": {resolver: 1}}
+        return compiled_suite(library, folder, AT_J1, repeats=3, **turn)
+
+    return {resolver: compile_turns(resolver) for resolver in ("actor", "ego")}
+
+
+def get_ego_speed_km_h(spec: Spec) -> float:
+    (conflict,) = spec.conflicts
+    return conflict.parameters["ego_speed_km_h"]
 
 
 def find_conflicts(specs: dict[str, Spec]) -> set[str]:
@@ -95,6 +120,63 @@ def test_a_conflict_at_a_junction_of_a_map_happens(staged: dict[str, Spec], tmp_
     assert [item.missed for item in evaluate_outcomes(spec, trace)] == [()]
 
 
+def test_an_ego_that_brakes_is_fast_enough_to_brake_late(left_turns: dict[str, dict[str, Spec]]):
+    """The way from where it stops is 5 to 6 m: 1.5 s at 12 km/h, which is too long, 1.1 s at 19."""
+    by_actor, by_ego = (
+        map(get_ego_speed_km_h, left_turns[resolver].values()) for resolver in ("actor", "ego")
+    )
+    pairs = list(zip(by_actor, by_ego, strict=True))
+
+    assert any(before < 12 < after for before, after in pairs)
+    assert all(before == after for before, after in pairs if before > 19)
+    assert all(before <= after for before, after in pairs)
+
+
+@pytest.mark.sumo
+def test_a_left_turn_whose_speed_was_drawn_again_happens(
+    left_turns: dict[str, dict[str, Spec]], tmp_path: Path
+):
+    slow = left_turns["actor"]
+    spec = left_turns["ego"][min(slow, key=lambda name: get_ego_speed_km_h(slow[name]))]
+    assert get_ego_speed_km_h(spec) > min(map(get_ego_speed_km_h, slow.values()))
+
+    trace = simulate_in_subprocess(spec, write_sumo_network(spec.road, tmp_path))
+    (outcome,) = evaluate_outcomes(spec, trace)
+
+    assert outcome.missed == ()
+    assert outcome.resolution.ego_evades
+    gap, wanted_s = outcome.met.post_encroachment_s, spec.conflicts[0].parameters
+    assert gap is not None
+    # SUMO's driver sets out some tenths of a second after it may.
+    assert 0 <= gap.value - wanted_s["post_encroachment_s"] < 0.5
+
+
+@pytest.mark.parametrize(
+    "fractions", [{"ego": 0.5, "both": 0, "actor": 0.5}, {"ego": 1, "both": 0, "actor": 0}]
+)
+def test_an_ego_that_is_too_slow_everywhere_leaves_the_conflict_to_the_actor(
+    library: Path, tmp_path: Path, fractions: dict[str, float]
+):
+    conflict = {
+        "kind": "conflict",
+        "id": "slow_turn",
+        "extends": "ltap_od_ego_turns",
+        "parameters": {"ego_speed_km_h": {"draw": {"uniform": [4, 10]}}},
+        "resolved_by": fractions,
+    }
+    (tmp_path / "slow_turn.yaml").write_text(yaml.safe_dump(conflict))
+
+    def compile_turns() -> dict[str, Spec]:
+        crossed = ["slow_turn"]
+        return compiled_suite(library, tmp_path, AT_J1, cross_conflicts=crossed, repeats=4)
+
+    if fractions["actor"] > 0:
+        assert {spec.conflicts[0].resolved_by for spec in compile_turns().values()} == {"actor"}
+    else:
+        with pytest.raises(InputError, match=r"10.0 km/h there, too slow .* \{actor: 1\}"):
+            compile_turns()
+
+
 @pytest.mark.parametrize(
     ("junction", "agent", "complaint"),
     [
@@ -108,7 +190,10 @@ def test_an_arm_or_junction_that_is_not_there_is_reported(
     library: Path, tmp_path: Path, junction: str, agent: dict[str, str], complaint: str
 ):
     agents = {"cav1": {"kind": "vehicle", "role": "ego"}, "cav2": agent}
-    road = {**AT_JUNCTION, "at_junction": {"junction": junction, "agents": agents}}
+    road: dict[str, object] = {
+        **AT_JUNCTION,
+        "at_junction": {"junction": junction, "agents": agents},
+    }
 
     with pytest.raises(InputError, match=complaint) as refused:
         compiled_suite(library, tmp_path, road)

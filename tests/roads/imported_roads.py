@@ -2,6 +2,7 @@
 
 import shutil
 from pathlib import Path
+from typing import Any
 
 import yaml
 from advercity_dsl import Spec
@@ -85,7 +86,9 @@ CROSSROADS = declaration(
 )
 
 
-AT_JUNCTION = {name: value for name, value in CROSSROADS.items() if name != "agents"} | {
+AT_JUNCTION: dict[str, Any] = {
+    name: value for name, value in CROSSROADS.items() if name != "agents"
+} | {
     "land_use": "urban",
     "at_junction": {
         "agents": {
