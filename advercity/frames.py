@@ -39,6 +39,10 @@ class Signal(IntEnum):
     GREEN = 2
 
 
+WHEELBASE_FRACTION = 0.6
+"""Distance of the axles as a fraction of a vehicle's length; the body's centre is between them."""
+
+
 @dataclass(frozen=True)
 class Actor:
     """A road user or a parked vehicle; the same for the whole scenario."""

@@ -27,7 +27,7 @@ from advercity.conflicts.resolution import (
 )
 from advercity.conflicts.trajectories import find_crossing
 from advercity.errors import RunError
-from advercity.frames import Signal, Trace
+from advercity.frames import WHEELBASE_FRACTION, Signal, Trace
 from advercity.geometry.polyline import StationedPolyline, drop_repeated_points
 from advercity.roads.routes import RoutePlanner, build_ego_path
 
@@ -241,25 +241,25 @@ def _find_ego_arrival_s(
 ) -> float:
     """Find when the ego is at a point, or would be had it not braked for the actor.
 
-    Its front, which SUMO drives and limits, turns on a wider curve than its centre, so the way that
-    is left is the front's.
+    SUMO's speeds are those of its front axle, which turns on a wider curve than its centre, so the
+    path that is left is the axle's.
     """
     place = spec.ego.place
     last = find_undisturbed_row(encounter, ego, tick_s)
     if conflict.resolved_by == "actor" or last is None or not isinstance(place, Vehicle):
         return ego.find_passing_tick(point_m) * tick_s
-    fronts = ego.centres + ego.size[0] / 2 * ego.axes[:, 0]
+    axles = ego.centres + WHEELBASE_FRACTION / 2 * ego.size[0] * ego.axes[:, 0]
     row = ego.find_nearest_row(point_m)
-    end = fronts[row] + point_m - ego.centres[row]
+    end = axles[row] + point_m - ego.centres[row]
     # A track that ends before the point goes straight on.
-    points = [*fronts[last:], *[end] * (row == len(ego.rows) - 1)]
+    points = [*axles[last:], *[end] * (row == len(ego.rows) - 1)]
     path = StationedPolyline.from_points(drop_repeated_points(np.array(points)))
     end_m, _ = path.project_point(end)
     left_s = compute_free_drive_s(
         place,
         path,
         end_m,
-        first_m_s=float(ego.rows["speed"][last]),
+        first_m_s=float(np.linalg.norm(np.gradient(axles, tick_s, axis=0)[last])),
         top_m_s=conflict.parameters.get("ego_speed_km_h", np.inf) / KM_H_PER_M_S,
     )
     return float(ego.rows["tick"][last]) * tick_s + left_s

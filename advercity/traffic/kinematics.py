@@ -16,7 +16,7 @@ from advercity_dsl import Road, Spec
 from numpy.typing import NDArray
 
 from advercity.errors import RunError
-from advercity.frames import STATE_COLUMNS, STATE_DTYPE, Actor, Lamp, Trace
+from advercity.frames import STATE_COLUMNS, STATE_DTYPE, WHEELBASE_FRACTION, Actor, Lamp, Trace
 from advercity.physics.constants import MAX_STEERING_RAD
 from advercity.roads.road_meshes import KERB_HEIGHT_M
 from advercity.roads.road_network import build_road
@@ -59,8 +59,6 @@ COASTING_M_S2 = 0.3
 """Deceleration above which the brakes are in use."""
 STANDSTILL_M_S = 0.1
 """Below this speed a vehicle is held by its brakes and keeps its steering angle."""
-WHEELBASE_FRACTION = 0.6
-"""Distance of the axles as a fraction of a vehicle's length."""
 MIN_HEADING_SPEED_M_S = 0.3
 """Below this speed a person keeps its heading."""
 STATE_DECIMALS = 9
