@@ -42,19 +42,17 @@ DRIVING_SMOOTHING_TICKS = 12
 
 Jerk then stays below 5 m/s³ between the usual extremes of acceleration and braking, 2.5 and
 -3 m/s²."""
-EMERGENCY_SMOOTHING_TICKS = 8
-"""Ticks over which vehicles in an emergency, and staged people do; jerk stays below 20 m/s³."""
+EMERGENCY_SMOOTHING_TICKS = 6
+"""Ticks over which vehicles change what an emergency adds to that; jerk stays below 20 m/s³."""
 EMERGENCY_M_S2 = 3.1
 """Change of speed that only an emergency calls for."""
-TICKS_BEFORE_EMERGENCY, TICKS_AFTER_EMERGENCY = (7, 13), (10, 25)
-"""Ticks from an emergency up to which driving is part of it, and from which on it is not.
-
-Longer after it, where vehicles set out again: curves that are blended there wiggle."""
 WALKING_SMOOTHING_TICKS = 14
 """Ticks over which people turn, set out and stop.
 
 A half turn takes 1.7 s, at 129 degrees/s at most; one by 90 degrees is half as fast. In daily life
 healthy people turn at 43 degrees/s on average (Mancini et al., NeuroRehabilitation 37, 2015)."""
+STAGED_WALKING_SMOOTHING_TICKS = 8
+"""Ticks over which staged people do: they stop short of vehicles."""
 COASTING_M_S2 = 0.3
 """Deceleration above which the brakes are in use."""
 STANDSTILL_M_S = 0.1
@@ -131,8 +129,8 @@ def _locate_axles(
     overhang = (length_m - wheelbase) / 2
     ahead = np.exp(1j * track["yaw"][0])
     first_m = track["speed"][0] * tick_s
-    emergency = _weigh_emergencies(track["speed"], tick_s)
-    smooth = partial(_smooth_driving, tick_s=tick_s, emergency=emergency)
+    gains = _find_emergency_gains(track["speed"], tick_s)
+    smooth = partial(_smooth_driving, tick_s=tick_s, gains=gains)
     axle = _interpolate_behind(fronts, along, overhang, fronts[0] - overhang * ahead)
     profile = HeightProfile.from_samples(
         along,
@@ -246,37 +244,35 @@ def _find_heights_along(
     return np.interp(stations + ahead_m, stations, track["z"])
 
 
-def _weigh_emergencies(speed: NDArray[np.float64], tick_s: float) -> NDArray[np.float64]:
-    """Compute by tick (n,) how much driving is part of an emergency: 1 near one, 0 far from any."""
-    hard = np.flatnonzero(np.abs(np.diff(speed, prepend=speed[0])) / tick_s > EMERGENCY_M_S2)
-    if len(hard) == 0:
-        return np.zeros(len(speed))
-    since = np.arange(len(speed))[:, None] - hard
-    before = _blend_out(np.where(since <= 0, -since, len(speed)), *TICKS_BEFORE_EMERGENCY)
-    after = _blend_out(np.where(since >= 0, since, len(speed)), *TICKS_AFTER_EMERGENCY)
-    return np.maximum(before, after).max(axis=1)
-
-
-def _blend_out(away: NDArray[np.int64], near: int, far: int) -> NDArray[np.float64]:
-    """Compute weights: 1 where something is less than `near` away, 0 from `far` on."""
-    return (1 + np.cos(np.pi * np.clip((away - near) / (far - near), 0.0, 1.0))) / 2
+def _find_emergency_gains(speed: NDArray[np.float64], tick_s: float) -> NDArray[np.float64]:
+    """Find by how much (n,) the step after a tick exceeds the one before as only in emergencies."""
+    gains = np.diff(speed, append=speed[-1]) * tick_s
+    usual = EMERGENCY_M_S2 * tick_s**2
+    return gains - np.clip(gains, -usual, usual)
 
 
 def _smooth_driving(
-    samples: Values, tick_s: float, emergency: NDArray[np.float64], first_step: complex
+    samples: Values, tick_s: float, gains: NDArray[np.float64], first_step: complex
 ) -> MotionSpline:
-    """Smooth values (n,) that go on beyond the last tick as they did before it."""
-    smooth = partial(
-        MotionSpline.from_samples,
+    """Smooth values (n,) that go on beyond the last tick as they did before it.
+
+    Emergencies (`gains`) are smoothed less, in the direction of the motion.
+    """
+    steps = np.diff(samples, prepend=samples[0] - first_step)
+    daily = MotionSpline.from_samples(
         samples,
         tick_s,
+        ticks=DRIVING_SMOOTHING_TICKS,
         first_step=first_step,
-        last_step=samples[-1] - samples[-2] if len(samples) > 1 else first_step,
+        last_step=steps[-1],
     )
-    daily = smooth(ticks=DRIVING_SMOOTHING_TICKS)
-    if not emergency.any():
+    if not gains.any():
         return daily
-    return daily.blend(smooth(ticks=EMERGENCY_SMOOTHING_TICKS), emergency)
+    moves = steps + np.append(steps[1:], steps[-1])
+    ahead = moves / np.maximum(np.abs(moves), 1e-9)
+    return daily.hasten(
+        gains * ahead, ticks=DRIVING_SMOOTHING_TICKS, to_ticks=EMERGENCY_SMOOTHING_TICKS
+    )
 
 
 def _follow_targets(
@@ -439,7 +435,9 @@ def build_trace(
                 tick_s=tick_s,
                 kerb_height=kerb_height,
                 smoothing_ticks=(
-                    WALKING_SMOOTHING_TICKS if number in speeds else EMERGENCY_SMOOTHING_TICKS
+                    WALKING_SMOOTHING_TICKS
+                    if number in speeds
+                    else STAGED_WALKING_SMOOTHING_TICKS
                 ),
             )
         else:

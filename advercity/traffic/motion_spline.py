@@ -55,22 +55,33 @@ class MotionSpline:
             first_step: Change per tick before the first.
             last_step: Change per tick after the last.
         """
-        weights = np.convolve(np.ones(ticks, int), np.ones(EASING_TICKS, int)).tolist()
+        weights = _build_weights(ticks)
         # One more value on each side than the weights need, for the controls beyond the ends.
         beyond = np.arange(1, len(weights) // 2 + 2)
         padded = np.concatenate(
             [samples[0] - first_step * beyond[::-1], samples, samples[-1] + last_step * beyond]
         )
-        count = len(samples) + 2
-        total = np.zeros(count, dtype=padded.dtype)
-        for first, weight in enumerate(weights):
-            total += weight * padded[first : first + count]
-        return MotionSpline(total / sum(weights), tick_s)
+        total = _sum_weighted(padded, weights, len(samples) + 2)
+        return MotionSpline(total / weights.sum(), tick_s)
 
-    def blend(self, other: "MotionSpline", weights: NDArray[np.float64]) -> "MotionSpline":
-        """Return the curve between this one and another, whose weights (n,) are given by tick."""
-        padded = np.pad(weights, 1, mode="edge")
-        return MotionSpline(self.controls + padded * (other.controls - self.controls), self.tick_s)
+    def hasten(self, gains: Values, *, ticks: int, to_ticks: int) -> "MotionSpline":
+        """Return the curve with some changes of speed spread over fewer ticks.
+
+        It differs only near them, since every change keeps its mean time.
+
+        Args:
+            gains: (n,) by how much the step after a tick exceeds the one before, as far as that is
+                to be hastened.
+            ticks: Even number of ticks over which all changes are spread.
+            to_ticks: Even number of ticks over which these are to be spread.
+        """
+        slow, fast = _build_weights(ticks), _build_weights(to_ticks)
+        moved = slow.sum() * np.pad(fast, (len(slow) - len(fast)) // 2) - fast.sum() * slow
+        # Values from a gain on are a ramp; a ramp that is smoothed both ways differs near its begin.
+        ramp = np.cumsum(np.cumsum(moved))[:-2]
+        padded = np.pad(gains, len(ramp) // 2 + 1)
+        change = _sum_weighted(padded, ramp, len(self.controls)) / (slow.sum() * fast.sum())
+        return MotionSpline(self.controls + change, self.tick_s)
 
     @property
     def values(self) -> Values:
@@ -99,6 +110,19 @@ class MotionSpline:
     def derivatives(self) -> Values:
         """Values, first and second derivatives at the ticks: (3, n)."""
         return np.stack([self.values, self.rates, self.accelerations])
+
+
+def _build_weights(ticks: int) -> NDArray[np.int64]:
+    """Build the weights of the values around a tick where a change is spread over some ticks."""
+    return np.convolve(np.ones(ticks, np.int64), np.ones(EASING_TICKS, np.int64))
+
+
+def _sum_weighted(values: Values, weights: NDArray[np.int64], count: int) -> Values:
+    """Sum weights times values from each of the first `count` values on."""
+    total = np.zeros(count, dtype=values.dtype)
+    for first, weight in enumerate(weights.tolist()):
+        total += weight * values[first : first + count]
+    return total
 
 
 @dataclass(frozen=True, eq=False)

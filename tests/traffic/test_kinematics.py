@@ -83,6 +83,21 @@ def test_a_change_of_acceleration_is_spread_so_that_jerk_stays_bearable():
     assert states["x"][20] - drive((2.5, 40))["x"][20] == pytest.approx(lag_m - 2.0, abs=1e-6)
 
 
+def test_an_emergency_stop_is_sharp_and_changes_nothing_before_and_after_it():
+    stop = drive((2.5, 40), (-7.0, 20), (0.0, 40))
+
+    states = compute_vehicle_states(stop, 4.0, tick_s=0.1)
+
+    # Down to -3.1 m/s² over 1.2 s, and by what an emergency adds over 0.6 s.
+    jerk = np.diff(states["acceleration"]) / 0.1
+    assert np.abs(jerk[20:50]).max() == pytest.approx(5.6 / 1.2 + 3.9 / 0.6, rel=1e-6)
+    assert states["acceleration"][20:].max() == pytest.approx(2.5)
+    assert states["acceleration"].min() == pytest.approx(-7.0)
+    np.testing.assert_allclose(states["x"][75:], stop["x"][75:] - 2.0, atol=1e-9)
+    gentle = compute_vehicle_states(drive((2.5, 40)), 4.0, tick_s=0.1)
+    np.testing.assert_allclose(states["x"][:29], gentle["x"][:29], atol=1e-9)
+
+
 def test_a_body_turns_and_moves_as_its_derivatives_say():
     angle = 0.05 * np.arange(120.0)
     bend = track(
