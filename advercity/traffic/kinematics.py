@@ -435,9 +435,7 @@ def build_trace(
                 tick_s=tick_s,
                 kerb_height=kerb_height,
                 smoothing_ticks=(
-                    WALKING_SMOOTHING_TICKS
-                    if number in speeds
-                    else STAGED_WALKING_SMOOTHING_TICKS
+                    WALKING_SMOOTHING_TICKS if number in speeds else STAGED_WALKING_SMOOTHING_TICKS
                 ),
             )
         else:

@@ -77,7 +77,7 @@ class MotionSpline:
         """
         slow, fast = _build_weights(ticks), _build_weights(to_ticks)
         moved = slow.sum() * np.pad(fast, (len(slow) - len(fast)) // 2) - fast.sum() * slow
-        # Values from a gain on are a ramp; a ramp that is smoothed both ways differs near its begin.
+        # From a gain on, values are a ramp; smoothed both ways, it differs where it begins.
         ramp = np.cumsum(np.cumsum(moved))[:-2]
         padded = np.pad(gains, len(ramp) // 2 + 1)
         change = _sum_weighted(padded, ramp, len(self.controls)) / (slow.sum() * fast.sum())
