@@ -118,6 +118,21 @@ class ActorTrack:
         rows["y"] += beyond * np.sin(rows["yaw"])
         return replace(self, rows=rows)
 
+    def roll_on(self, for_s: float, tick_s: float) -> "ActorTrack":
+        """Return the track continued at its last speed and turn rate, on a circle."""
+        after = np.arange(1, round(for_s / tick_s) + 1)
+        rows = np.repeat(self.rows[-1:], len(after))
+        moved_m, turned = (rows[name] * after * tick_s for name in ("speed", "yaw_rate"))
+        # The chord of an arc, and its direction.
+        chord_m = moved_m * np.sinc(turned / (2 * np.pi))
+        ahead = np.arctan2(rows["vy"], rows["vx"]) + turned / 2
+        rows["tick"] += after
+        rows["x"] += chord_m * np.cos(ahead)
+        rows["y"] += chord_m * np.sin(ahead)
+        rows["yaw"] += turned
+        rows["travelled"] += moved_m
+        return replace(self, rows=np.concatenate([self.rows, rows]))
+
     @property
     def centres(self) -> NDArray[np.float64]:
         """World positions (n, 2)."""

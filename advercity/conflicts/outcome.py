@@ -33,6 +33,8 @@ from advercity.roads.routes import RoutePlanner, build_ego_path
 
 ADJACENT_LANE_GAP_M = 6.0
 """An actor that passes a point within this distance passes it in an adjacent lane."""
+AFTER_IMPACT_S = 3.0
+"""Time for which both are followed on from an impact, to where their paths would have crossed."""
 STEADY_SPEED_RATIO = 0.99
 """Fraction of the approach speed below which an actor has begun to brake."""
 
@@ -110,9 +112,11 @@ def _evaluate_outcome(
     trace: Trace,
 ) -> ConflictOutcome:
     tick_s = trace.tick_s
-    point = _find_meeting_point(conflict, ego, actor)
     lane = _build_ego_lane(spec)
     resolution = measure_resolution(conflict, encounter, ego, actor, lane, tick_s)
+    if resolution.impact is not None:
+        ego, actor = (track.roll_on(AFTER_IMPACT_S, tick_s) for track in (ego, actor))
+    point = _find_meeting_point(conflict, ego, actor)
     ego_at_s = _find_ego_arrival_s(spec, conflict, encounter, ego, point, tick_s)
     row = _find_arrival_row(conflict, ego, actor, point)
     last = _find_steady_row(actor, ego_at_s, tick_s)
@@ -250,11 +254,8 @@ def _find_ego_arrival_s(
         return ego.find_passing_tick(point_m) * tick_s
     axles = ego.centres + WHEELBASE_FRACTION / 2 * ego.size[0] * ego.axes[:, 0]
     row = ego.find_nearest_row(point_m)
-    end = axles[row] + point_m - ego.centres[row]
-    # A track that ends before the point goes straight on.
-    points = [*axles[last:], *[end] * (row == len(ego.rows) - 1)]
-    path = StationedPolyline.from_points(drop_repeated_points(np.array(points)))
-    end_m, _ = path.project_point(end)
+    path = StationedPolyline.from_points(drop_repeated_points(axles[last:]))
+    end_m, _ = path.project_point(axles[row] + point_m - ego.centres[row])
     left_s = compute_free_drive_s(
         place,
         path,
@@ -282,6 +283,6 @@ def _extrapolate_arrival_s(
         return float("inf")
     rows = track.rows
     left_m = rows["travelled"][row] - rows["travelled"][last]
-    # The point is between two ticks, or ahead of a track that ends before it.
+    # The point is between two ticks.
     left_m += (point_m - track.centres[row]) @ track.axes[row, 0]
     return float(rows["tick"][last] * tick_s + left_m / max(rows["speed"][last], 0.1))

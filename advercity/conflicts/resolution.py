@@ -101,16 +101,15 @@ def _measure_shift_m(
 
 
 def find_undisturbed_row(encounter: Encounter, ego: ActorTrack, tick_s: float) -> int | None:
-    """Find the last row of the ego before it brakes for the actor, or before the trace ends.
+    """Find the last row of the ego before it brakes for the actor; None if it does not brake hard.
 
-    It begins to brake `ONSET_S` before it slows down more than by coasting. None if it does not
-    brake hard and the trace does not end in a contact.
+    It begins to brake `ONSET_S` before it slows down more than by coasting.
     """
     rows = _list_braking_rows(encounter, ego, tick_s)
     acceleration = ego.rows["acceleration"]
     hard = rows[acceleration[rows] < -EVASIVE_BRAKING_M_S2]
     if len(hard) == 0:
-        return len(ego.rows) - 2 if encounter.distance_m.value <= 0 else None
+        return None
     nearest = np.argmin(np.abs(ego.rows["tick"][hard] - _find_nearest_tick(encounter)))
     usual = np.flatnonzero(acceleration[: hard[nearest]] >= -COASTING_M_S2)
     return max(int(usual[-1]) - round(ONSET_S / tick_s), 0) if len(usual) else 0
