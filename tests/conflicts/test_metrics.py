@@ -8,7 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from advercity.conflicts.metrics import Encounter, find_overlaps, measure_encounter
+from advercity.conflicts.metrics import (
+    ActorTrack,
+    Encounter,
+    find_overlaps,
+    measure_encounter,
+)
 from advercity.frames import STATE_DTYPE, Actor, Trace
 
 TICK_S = 0.1
@@ -153,3 +158,17 @@ def test_meeting_is_mutual_and_steady_cars_touch_when_they_were_to(
     if touched:
         assert first is not None and first.time_to_collision_s is not None
         assert first.time_to_collision_s.value <= touched[0] * TICK_S + 1e-6
+
+
+def test_a_track_that_ends_rolls_on_around_its_circle():
+    turning = trace_of(circle(10.0, 0.0, 5.0), ticks=20)
+    turning.states["yaw_rate"] = 0.5
+
+    on = ActorTrack.from_trace(turning, 1).roll_on(2.0, TICK_S)
+
+    # A quarter of the way around takes pi s; the last tick is at 3.9 s, after 19.5 m.
+    at = 10 * np.exp(1j * (19.5 / 10 - np.pi / 2))
+    assert on.rows["tick"][-1] == 39
+    assert on.centres[-1] == pytest.approx([at.real, at.imag])
+    assert on.rows["travelled"][-1] == pytest.approx(19.5)
+    assert on.rows["yaw"][-1] == pytest.approx(1.95)
