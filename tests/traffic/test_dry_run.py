@@ -273,7 +273,8 @@ def test_sumo_counts_no_teleports_collisions_or_emergencies(
 
 
 CURVE_M_S2 = 0.3
-"""SUMO limits speeds along lanes; in curves, and where vehicles change lanes, bodies gain more."""
+"""SUMO limits speeds along the middle of lanes; where bends end, bodies on their inside gain more:
+trucks up to 0.27, in dense traffic bicycles at the edge of tight turns 0.89."""
 
 
 @pytest.mark.parametrize("road", ROADS)
