@@ -33,10 +33,10 @@ OFFSET_STEP_M = 0.15
 STEP_M = 2.0
 
 
-def load_map(path: Path) -> Road:
-    """Import a map around its middle, without agents."""
+def load_map(path: Path, style: str) -> Road:
+    """Import a map around its middle, without agents, with what a style adds beside its streets."""
     source = {".osm": "osm", ".xodr": "opendrive"}[path.suffix]
-    data = declaration(source, path.name)
+    data = declaration(source, path.name, style=style)
     if source == "osm":
         nodes = ElementTree.parse(path).getroot().iter("node")
         places = np.array(
@@ -86,19 +86,25 @@ def _rays_along(left: Floats, right: Floats) -> tuple[Floats, Floats]:
     return raised[:, :-1].reshape(-1, 3), raised[:, 1:].reshape(-1, 3)
 
 
-@pytest.mark.parametrize("name", ["bend", "crossroads", "reimported"])
-def test_nothing_is_in_a_driving_lane(name: str, request: pytest.FixtureRequest) -> None:
+@pytest.mark.parametrize(
+    ("name", "style"),
+    [("bend", "rural"), ("crossroads", "downtown"), ("reimported", "industrial")],
+)
+def test_nothing_is_in_a_driving_lane(
+    name: str, style: str, request: pytest.FixtureRequest
+) -> None:
     spec: Spec = request.getfixturevalue(name)
-    bare = spec.road.model_copy(update={"agents": {}})
+    bare = spec.road.model_copy(update={"agents": {}, "style": style})
 
-    assert list(find_obstacles(build_road(bare))) == []
+    assert list(find_obstacles(build_road(grow_surroundings(bare)))) == []
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("style", ["downtown", "industrial"])
 @pytest.mark.skipif(MAPS is None, reason="ADVERCITY_MAPS does not name a folder of maps")
-def test_nothing_is_in_a_driving_lane_of_any_map_of_a_folder() -> None:
+def test_nothing_is_in_a_driving_lane_of_any_map_of_a_folder(style: str) -> None:
     paths = [path for path in Path(str(MAPS)).iterdir() if path.suffix in (".osm", ".xodr")]
 
-    found = {path.name: list(find_obstacles(build_road(load_map(path)))) for path in paths}
+    found = {path.name: list(find_obstacles(build_road(load_map(path, style)))) for path in paths}
 
     assert found == {path.name: [] for path in paths}
