@@ -146,7 +146,9 @@ def build_paved_band(side: StreetSide, site: Site) -> list[MeshPart]:
 def _build_films(
     area: BaseGeometry, step_m: float, rise_m: float, site: Site
 ) -> Iterator[TriangleSurface]:
-    """Build films over the ground of an area, in cells of a step."""
+    """Build films over the ground of an area, in cells of a step; none of an empty area."""
+    if area.is_empty:
+        return
     cells = shapely.intersection(build_grid_cells(area.bounds, step_m), area)
     for polygon in (part for cell in cells for part in extract_polygons(cell)):
         corners, triangles = triangulate_polygon(polygon)

@@ -221,3 +221,17 @@ def test_paving_covers_the_ground_from_the_sidewalk_to_its_far_border():
     assert slabs[:, 1].min() == pytest.approx(5.5 - 0.15, abs=0.01)
     assert slabs[:, 1].max() == pytest.approx(5.5 + 4, abs=0.01)
     assert slabs[:, 2].max() < 0.03
+
+
+def test_paving_is_not_laid_where_other_streets_are():
+    """As between the carriageways of a map, whose ways lie a few metres apart."""
+    where = {"street": "road", "side": "left", "offset_m": [1, 2.5], "from_m": 10, "to_m": 190}
+    road = street({"kind": "paving", "beside": where})
+    other = road.streets["road"].model_copy(
+        update={"begins": "w", "ends": "e", "start_m": (-100.0, 11.2)}
+    )
+    road = road.model_copy(update={"streets": {**road.streets, "other": other}})
+
+    slabs = points(build(road), Semantic.SIDEWALK)
+
+    assert len(slabs) == 0
