@@ -32,6 +32,7 @@ from advercity.physics.scattering import DropletPhaseLobes, henyey_greenstein
 from advercity.physics.sky import build_airlight_cubemap
 from advercity.rendering.backend import CameraView, RenderProfile
 from advercity.rendering.light_sources import LAMP_BODY_CLEARANCE_M
+from advercity.rendering.raycaster import MATERIAL_INDEX
 from advercity.semantics import Semantic
 from advercity.world import Body, World
 
@@ -265,7 +266,7 @@ def render_patch(scene: Scene, mor_m: float, pack: Pack, *, width_px: int, sampl
         name: Material((albedo, albedo, albedo), 0.5, roughness=1.0)
         for name, albedo in (("fog_road", ROAD_ALBEDO), ("fog_card", CARD_ALBEDO))
     }
-    meshes = [slab("fog_road", (0.0, 0.0, -0.5), (800.0, 400.0, 1.0), Semantic.BUILDING)]
+    meshes = [slab("fog_road", (0.0, 0.0, -0.5), (800.0, 400.0, 1.0), Semantic.ROAD)]
     if scene.card_m is not None:
         at = scene.card_m + 0.05, 0.0, 0.85
         meshes.append(slab("fog_card", at, (0.1, 0.6, 1.7), Semantic.BUILDING))
@@ -279,6 +280,7 @@ def render_patch(scene: Scene, mor_m: float, pack: Pack, *, width_px: int, sampl
     profile = RenderProfile("fog", 1.0, pack, samples=samples, path_depth=2)
     with (
         patch.dict(MATERIALS, matt),
+        patch.dict(MATERIAL_INDEX, dict.fromkeys(matt, 0)),
         patch("advercity.rendering.light_sources.TAIL_CD", 0.0),
         SapienBackend().open(world, _dark_air(mor_m), profile) as renderer,
     ):

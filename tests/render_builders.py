@@ -13,6 +13,7 @@ from advercity.physics.atmosphere import Atmosphere
 from advercity.physics.extinction import AirExtinction
 from advercity.physics.photometry import LUMINANCE_WEIGHTS
 from advercity.physics.sky import build_airlight_cubemap
+from advercity.rendering.raycaster import MATERIAL_INDEX
 from advercity.semantics import Semantic
 
 LUMINANCE = LUMINANCE_WEIGHTS
@@ -42,6 +43,8 @@ def set_matt_materials(monkeypatch: pytest.MonkeyPatch, **albedos: float) -> Non
     for name, albedo in albedos.items():
         matt = Material((albedo, albedo, albedo), 0.5, roughness=1.0)
         monkeypatch.setitem(MATERIALS, name, matt)
+        # Lamps of the raster pack cast rays, and do not look at what they hit.
+        monkeypatch.setitem(MATERIAL_INDEX, name, MATERIAL_INDEX.get(name, 0))
 
 
 def build_clear_air(luminance: float = 0.0, **changes: Any) -> Atmosphere:

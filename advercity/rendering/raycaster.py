@@ -23,7 +23,8 @@ from advercity.world import World
 
 MATERIAL_NAMES = tuple(MATERIALS)
 """Name of a material by its index in `RayHits.material`."""
-_MATERIAL_INDEX = {name: index for index, name in enumerate(MATERIAL_NAMES)}
+MATERIAL_INDEX = {name: index for index, name in enumerate(MATERIAL_NAMES)}
+"""Index of a material in `MATERIAL_NAMES`."""
 _ACTOR_PAINT = -1
 
 
@@ -255,4 +256,4 @@ def _compute_triangle_normals(mesh: Mesh) -> FloatArray:
 
 def _find_material_index(material: str) -> int:
     """Look up the index of a material; -1 for surfaces in the actor's paint."""
-    return _ACTOR_PAINT if material == ACTOR_PAINT else _MATERIAL_INDEX[material]
+    return _ACTOR_PAINT if material == ACTOR_PAINT else MATERIAL_INDEX[material]

@@ -58,12 +58,14 @@ class LampLists:
     """The lamps of a frame and the lists in which they are.
 
     Attributes:
+        lamps: Lamps in the order of the table, the brightest first.
         cell_grid: South-western corner (x, y) of the cells in metres, and cells per metre.
     """
 
     def __init__(self, lamps: Sequence[LightSource], atmosphere: Atmosphere) -> None:
         # If there are more than the table holds, the faintest stay dark.
         brightest = sorted(lamps, key=lambda lamp: -lamp.intensity_cd)[:COLUMNS]
+        self.lamps = brightest
         self._position = np.array([lamp.position for lamp in brightest]).reshape(-1, 3)
         self._facing = np.array([lamp.facing for lamp in brightest]).reshape(-1, 3)
         self._kind = np.array([lamp.pattern for lamp in brightest], dtype=int)

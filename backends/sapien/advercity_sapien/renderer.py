@@ -26,6 +26,7 @@ from advercity_sapien.culling import SunShadow, compute_view_frustum
 from advercity_sapien.fog_beams import compute_fog_beam_rows
 from advercity_sapien.ground_maps import NO_SHELTER, build_shelter_map, build_wear_map
 from advercity_sapien.lamp_lists import LampLists
+from advercity_sapien.lamp_shadows import NO_SHADOWS, LampShadows
 from advercity_sapien.light_probes import NO_PROBES, LightProbes, bake_light_probes
 from advercity_sapien.sapien_scene import SapienScene
 from advercity_sapien.shader_bindings import RasterBindings, RayTracedBindings
@@ -67,12 +68,15 @@ class SapienRenderer:
         shelter = build_shelter_map(world) if atmosphere.snow_depth_m else NO_SHELTER
         self._probes = self._bake_probes(atmosphere)
         self._contact = ContactMap(world, self._probes)
+        has_shadows = atmosphere.night and not self._is_ray_traced
+        self._lamp_shadows = LampShadows(world) if has_shadows else None
         maps = {
             **self._build_light_maps(atmosphere),
             "Wear": wear.texels,
             "Puddles": water.build_puddle_height_field(),
             "Shelter": shelter.texels,
             "Contact": self._contact.texels,
+            "LampReach": self._lamp_shadows.texels if self._lamp_shadows else NO_SHADOWS,
         }
         # Before the scene: the shaders look for the textures in its first object.
         self._bindings = (
@@ -146,6 +150,9 @@ class SapienRenderer:
         self._frame_index = frame.index
         self._contact.place(frame)
         self._bindings.upload_maps({"Contact": self._contact.texels})
+        if self._lamp_shadows is not None:
+            self._lamp_shadows.place(frame, self._lamps.lamps)
+            self._bindings.upload_maps({"LampReach": self._lamp_shadows.texels})
         self._table.set_parameters(lamp_grid=self._lamps.cell_grid, frame_index=frame.index)
 
     def render_camera(self, view: CameraView) -> CameraCapture:

@@ -25,6 +25,13 @@ from advercity_sapien.atmosphere_parameters import NO_WATER_LEVEL
 from advercity_sapien.fog_beams import DROPLET_UM, grid_corners
 from advercity_sapien.ground_maps import NEUTRAL_WEAR, WEAR_STEPS
 from advercity_sapien.lamp_lists import MIRROR_HALF_ANGLE_RAD, NO_ANGLE_LIMIT
+from advercity_sapien.lamp_shadows import (
+    BEAM_REACH,
+    CELL_COLUMNS,
+    CELL_ROWS,
+    CELLS_PER_ROW,
+    LENS_REACH,
+)
 from advercity_sapien.light_probes import LEVEL_HEIGHTS_M
 from advercity_sapien.shader_table import (
     FOG_BEAM_NODES,
@@ -126,6 +133,12 @@ def _format_constants() -> Iterator[str]:
     yield f"const int PROBE_LEVELS = {len(LEVEL_HEIGHTS_M)};"
     heights = ", ".join(map(_float, LEVEL_HEIGHTS_M))
     yield f"const float PROBE_HEIGHTS[PROBE_LEVELS] = float[]({heights});"
+    yield f"const ivec2 REACH_CELL = ivec2({CELL_COLUMNS}, {CELL_ROWS});"
+    yield f"const int REACH_CELLS_PER_ROW = {CELLS_PER_ROW};"
+    for name, layout in (("BEAM", BEAM_REACH), ("LENS", LENS_REACH)):
+        size = f"{_float(layout.half_width_m)}, {_float(layout.half_height_m)}"
+        yield f"const ivec2 {name}_REACH_TEXELS = ivec2({layout.columns}, {layout.rows});"
+        yield f"const vec2 {name}_REACH_HALF_SIZE = vec2({size});"
     yield from ("", "struct LampBeam {", *(f"  float {name};" for name in BEAM_FIELDS), "};")
     yield _format_beam("LOW_BEAM", LOW_BEAM)
     yield _format_beam("FRONT_FOG_BEAM", FRONT_FOG_BEAM)

@@ -129,6 +129,7 @@ SCENE_TEXTURES = (
     SceneTexture("ProbeLight", "R32G32B32A32Sfloat", "edge", None),
     SceneTexture("ProbeDirection", "R32G32B32A32Sfloat", "edge", None),
     SceneTexture("Contact", "R8Unorm", "edge", None),
+    SceneTexture("LampReach", "R32Sfloat", "edge", None),
 )
 CARRIED_TEXTURES = tuple(item for item in SCENE_TEXTURES if item.material_slot)
 """Textures that ray-traced scenes have, too."""

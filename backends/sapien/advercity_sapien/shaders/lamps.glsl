@@ -2,6 +2,7 @@
 // Needs shader_constants.glsl, shader_table.glsl, atmosphere.glsl, surface.glsl.
 
 struct Lamp {
+  int number;
   vec3 position;
   int kind;
   vec3 facing;
@@ -21,7 +22,7 @@ Lamp fetchLamp(int i) {
   vec4 a = texelFetch(samplerTable, ivec2(i, LAMPS_ROW), 0);
   vec4 b = texelFetch(samplerTable, ivec2(i, LAMPS_ROW + 1), 0);
   vec4 c = texelFetch(samplerTable, ivec2(i, LAMPS_ROW + 2), 0);
-  return Lamp(a.xyz, int(a.w), b.xyz, b.w, c.rgb, c.w);
+  return Lamp(i, a.xyz, int(a.w), b.xyz, b.w, c.rgb, c.w);
 }
 
 // Numbers of four lamps of a list; -1 after the last.
@@ -285,6 +286,10 @@ void clipSegment(inout vec2 segment, float start, float slope) {
   else segment.y = min(segment.y, t);
 }
 
+// Fraction of a lamp that is visible from a point in the air, at a vector from the lamp; each pack
+// has its own.
+float airVisibility(Lamp l, vec3 away);
+
 // Light of one lamp that air scatters once into a segment of a ray. Steps are equal in the cube root
 // of the angle at the lamp (equiangular sampling, Kulla and Fajardo 2012), which makes them short where
 // the phase function is steep; each is sampled at `inStep` in [0, 1) of it.
@@ -306,7 +311,7 @@ float segmentInScattering(Lamp l, vec3 eye, vec3 ray, vec2 segment, int steps, f
     float wideLeft = isBeam(l) ? unscatteredTransmittance(t + fromLamp) : left;
     vec2 scattered = dropletPhase(-slope * sine) * vec2(left, wideLeft);
     sum += 3.0 * u * u * point * rangeFalloff(l, fromLamp) * intensityFraction(l, away, fromLamp)
-        * (scattered.x + scattered.y);
+        * (scattered.x + scattered.y) * airVisibility(l, away * fromLamp);
   }
   return sum * extinction() * span / (closest * float(steps));
 }
@@ -314,14 +319,15 @@ float segmentInScattering(Lamp l, vec3 eye, vec3 ray, vec2 segment, int steps, f
 // Light that fog scatters out of a beam, once or often, and then into a ray. Part of it goes along its
 // flow, as much as the square of its mean cosine (delta scaling), and the rest is even.
 float diffuseInScattering(Lamp l, vec3 eye, vec3 ray, float distance, float jitter) {
-  const int STEPS = 3;
+  const int STEPS = 2;
   float along = DROPLET_WIDE_FRACTION * extinction();
   float opacity = 1.0 - exp(-along * distance), sum = 0.0;
   for (int i = 0; i < STEPS; ++i) {
     float t = -log(1.0 - opacity * (float(i) + jitter) / float(STEPS)) / along;
-    vec4 light = scatteredLight(l, eye + t * ray);
+    vec3 point = eye + t * ray;
+    vec4 light = scatteredLight(l, point);
     float strength = length(light.xyz);
-    if (strength <= 0.0) continue;
+    if (strength <= 0.0 || airVisibility(l, point - l.position) <= 0.0) continue;
     float directed = light.w * min(strength * strength / (light.w * light.w), 1.0);
     float phase = dropletPhase(-dot(light.xyz, ray) / strength).y / DROPLET_WIDE_FRACTION;
     sum += directed * phase + (light.w - directed) / (4.0 * PI);
@@ -330,14 +336,15 @@ float diffuseInScattering(Lamp l, vec3 eye, vec3 ray, float distance, float jitt
 }
 
 // Light of one lamp that air scatters into a ray. Beams have sharp edges 8 degrees below the axis and 6
-// above (as tangents); what strays beyond them needs fewer steps.
+// above (as tangents); what strays beyond them needs fewer steps. Of so few, the mean of sixteen pixels
+// differs by 1.3 % from that of 48 steps.
 vec3 lampInScattering(Lamp l, vec3 eye, vec3 ray, float distance, float jitter) {
-  const int STEPS = 6, STRAY_STEPS = 2;
+  const int STEPS = 4, STRAY_STEPS = 1;
   const float BELOW = 0.141, ABOVE = 0.105;
   vec3 away = eye - l.position;
   vec2 segment = vec2(0.0, distance);
   clipSegment(segment, dot(away, l.facing), dot(ray, l.facing));
-  if (!isBeam(l)) return l.intensity * segmentInScattering(l, eye, ray, segment, STEPS, 0.5);
+  if (!isBeam(l)) return l.intensity * segmentInScattering(l, eye, ray, segment, STEPS, jitter);
   vec2 core = segment;
   vec3 up = cross(rightAxis(l.facing), l.facing);
   vec3 floor = up + BELOW * l.facing, ceiling = ABOVE * l.facing - up;

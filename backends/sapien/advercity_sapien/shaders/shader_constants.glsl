@@ -58,6 +58,12 @@ const vec3 FOG_BEAM_FIRST = vec3(-5.47723, 0.0, 0.0);
 const vec3 FOG_BEAM_PER_ROOT = vec3(0.912871, 1.93649, 1.1068);
 const int PROBE_LEVELS = 5;
 const float PROBE_HEIGHTS[PROBE_LEVELS] = float[](0.3, 1.5, 3.5, 6.5, 11.0);
+const ivec2 REACH_CELL = ivec2(96, 24);
+const int REACH_CELLS_PER_ROW = 8;
+const ivec2 BEAM_REACH_TEXELS = ivec2(96, 20);
+const vec2 BEAM_REACH_HALF_SIZE = vec2(1.0, 0.2);
+const ivec2 LENS_REACH_TEXELS = ivec2(24, 24);
+const vec2 LENS_REACH_HALF_SIZE = vec2(2.0, 2.0);
 
 struct LampBeam {
   float cutoffDrop;

@@ -11,6 +11,7 @@ layout(set = 0, binding = 4) uniform sampler2D samplerTable;
 layout(set = 0, binding = 5) uniform sampler2D samplerSky;
 layout(set = 0, binding = 6) uniform sampler2D samplerAirlight;
 layout(set = 0, binding = 7) uniform sampler2D samplerAmbient;
+layout(set = 0, binding = 8) uniform sampler2D samplerLampReach;
 
 layout(location = 0) in vec2 inUV;
 // Radiance of the surfaces that the camera sees, through air, and depth.
@@ -24,6 +25,7 @@ layout(location = 1) out vec4 outGlow;
 #include "../airlight.glsl"
 #include "../surface.glsl"
 #include "../lamps.glsl"
+#include "./lamp_shadows.glsl"
 #include "./view.glsl"
 #include "./dither.glsl"
 

@@ -17,6 +17,8 @@ layout(set = 2, binding = 9) uniform sampler2D samplerProbeDirection;
 layout(set = 2, binding = 10) uniform sampler2D samplerContact;
 layout(set = 2, binding = 11) uniform sampler2D samplerRelief;
 
+layout(set = 2, binding = 12) uniform sampler2D samplerLampReach;
+
 layout(location = 0) in vec2 inUV;
 
 // Radiance of surfaces, without the air before them, and depth.
@@ -34,6 +36,7 @@ layout(location = 2) out vec4 outAmbient;
 #include "../texture.glsl"
 #include "../ground.glsl"
 #include "../lamps.glsl"
+#include "./lamp_shadows.glsl"
 #include "./view.glsl"
 #include "./dither.glsl"
 #include "./ambient_occlusion.glsl"
@@ -57,8 +60,9 @@ float sunVisibility(vec3 position, vec3 normal) {
   return lit / 9.0;
 }
 
-// Radiance of a surface by the lamps of its cell, and by those that it mirrors from farther away.
-vec3 lampRadiance(Surface s, vec3 towardsEye, vec3 position) {
+// Radiance of a surface by the lamps of its cell, and by those that it mirrors from farther away;
+// `normal` is that of its plane.
+vec3 lampRadiance(Surface s, vec3 towardsEye, vec3 position, vec3 normal) {
   // A point lamp in a perfect mirror would fall between pixels, or be far too bright in one.
   s.alpha = max(s.alpha, 0.05);
   vec3 sum = vec3(0.0);
@@ -66,7 +70,9 @@ vec3 lampRadiance(Surface s, vec3 towardsEye, vec3 position) {
   for (int i = 0; list >= 0 && i < TEXELS_PER_CELL; ++i) {
     ivec4 four = lampQuad(CELLS_ROW, list + i);
     for (int j = 0; j < 4 && four[j] >= 0; ++j) {
-      sum += lampReflection(fetchLamp(four[j]), s, towardsEye, position);
+      Lamp l = fetchLamp(four[j]);
+      vec3 light = lampReflection(l, s, towardsEye, position);
+      if (light != vec3(0.0)) sum += light * lampVisibility(l, position, normal);
     }
     if (four.w < 0) break;
   }
@@ -75,7 +81,9 @@ vec3 lampRadiance(Surface s, vec3 towardsEye, vec3 position) {
   for (int i = 0; i < TEXELS_PER_BEARING; ++i) {
     ivec4 four = lampQuad(BEARINGS_ROW, list + i);
     for (int j = 0; j < 4 && four[j] >= 0; ++j) {
-      sum += lampMirrorReflection(fetchLamp(four[j]), s, towardsEye, position);
+      Lamp l = fetchLamp(four[j]);
+      vec3 light = lampMirrorReflection(l, s, towardsEye, position);
+      if (light != vec3(0.0)) sum += light * lampVisibility(l, position, normal);
     }
     if (four.w < 0) break;
   }
@@ -112,7 +120,7 @@ void main() {
   }
   if (isNight()) {
     float gain = deflectsVisibly() ? 1.0 : undeflectedGain(distance);
-    radiance += gain * lampRadiance(s, -ray, position);
+    radiance += gain * lampRadiance(s, -ray, position, normal.xyz);
   }
   float cosine = -dot(ray, s.normal);
   vec3 ambient = s.albedo * coatTransmittance(s, cosine) * skyIrradiance(s.normal) / PI
