@@ -20,6 +20,8 @@ from advercity.semantics import Semantic
 from advercity.world import Body, Gait, SignalLamp, StreetLamp, World
 
 MAX_WORLD_BYTES = 4 * 10**9
+WORLD_DECIMALS = 9
+"""Decimals of coordinates in m and of normals, so that all processors store the same bytes."""
 _MESH_ARRAYS = ("vertices", "triangles", "normals", "weights", "uv")
 _DTYPES: dict[str, type[np.generic]] = {
     "vertices": np.float32,
@@ -93,7 +95,11 @@ def load_world(path: Path, network: Path) -> World:
 def _concatenate(arrays: Iterable[NDArray[Any] | None], dtype: type[np.generic]) -> NDArray[Any]:
     # The empty array gives worlds without any such array its element type.
     flat = (array.ravel() for array in arrays if array is not None)
-    return np.concatenate([np.empty(0, dtype), *flat])
+    joined = np.concatenate([np.empty(0, dtype), *flat])
+    if not np.issubdtype(dtype, np.floating):
+        return joined
+    # Processors differ in the last bit of sines, and in what they take for zero; -0.0 becomes 0.0.
+    return (np.round(joined.astype(np.float64), WORLD_DECIMALS) + 0.0).astype(dtype)
 
 
 def _split(flat: NDArray[Any], shapes: Sequence[Sequence[int] | None]) -> Iterator[Any]:
