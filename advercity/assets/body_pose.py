@@ -38,10 +38,13 @@ class BodyShape:
     has_umbrella: bool = False
     pose_index: int | None = None
     figure: int = 0
+    is_parked: bool = False
 
     def build_meshes(self, bodies: Mapping[str, Body]) -> tuple[Mesh, ...]:
         """Build the parts, in the mesh frame of `BodyPose.body_from_mesh`."""
         meshes = pose_body(self.select_body(bodies), self.pose_index)
+        if self.is_parked:
+            meshes = tuple(mesh for mesh in meshes if not mesh.is_occupant)
         others = len(bodies[self.blueprint].others)
         rounds = self.figure // (1 + others) if others else 0
         return tuple(_recolour_clothes(mesh, rounds) for mesh in meshes) if rounds else meshes
@@ -68,7 +71,7 @@ class BodyPose:
 def compute_body_pose(state: ActorState, bodies: Mapping[str, Body]) -> BodyPose:
     """Compute the pose of an actor from its travelled distance; bodies by blueprint."""
     actor = state.actor
-    shape = BodyShape(actor.blueprint, figure=state.figure)
+    shape = BodyShape(actor.blueprint, figure=state.figure, is_parked=state.is_parked)
     if state.umbrella and shape.select_body(bodies).with_umbrella is not None:
         shape = replace(shape, has_umbrella=True)
     gait = shape.select_body(bodies).gait

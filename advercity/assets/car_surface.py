@@ -76,16 +76,15 @@ class CarSurface:
         """Build the sheet over lines u (n,) and v (m,), lifted by one distance or (n, m)."""
         u, v = np.asarray(u, dtype=np.float64), np.asarray(v, dtype=np.float64)
         grid_u, grid_v = (grid.ravel() for grid in np.meshgrid(u, v, indexing="ij"))
-        normals = self.compute_normals(grid_u, grid_v)
-        lift = np.broadcast_to(lift_m, (len(u), len(v))).reshape(-1, 1)
-        points = self.locate(grid_u, grid_v) + lift * normals
+        points = self.locate(grid_u, grid_v)
+        if np.any(lift_m):
+            lift = np.broadcast_to(lift_m, (len(u), len(v))).reshape(-1, 1)
+            points += lift * self.compute_normals(grid_u, grid_v)
         i, j = np.meshgrid(np.arange(len(u) - 1), np.arange(len(v) - 1), indexing="ij")
         a = (i * len(v) + j).ravel()
         b = a + len(v)
         triangles = np.stack([a, b, b + 1, a, b + 1, a + 1], axis=-1).reshape(-1, 3)
-        if np.ndim(lift_m):
-            return TriangleSurface(points, triangles)
-        return TriangleSurface(points, triangles, normals)
+        return TriangleSurface(points, triangles)
 
     def _locate_uncut(self, u: Float64Array, v: Float64Array) -> Float64Array:
         column, along = _compute_weights(u, COLUMN_COUNT)

@@ -1,10 +1,13 @@
 """Builds cars and vans: the shell with its windows and lamps, what is behind them, and the trim."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
+from advercity.assets.cabins import CabinSpace, build_cabin
 from advercity.assets.car_forms import (
+    BELT,
     COWL,
     HEADER,
     MINIBUS,
@@ -18,7 +21,13 @@ from advercity.assets.car_surface import ARCH_RADII, CarSurface
 from advercity.assets.car_trim import build_trim
 from advercity.assets.vehicle_parts import build_axle, make_vehicle_parts
 from advercity.geometry.arrays import Float64Array
-from advercity.geometry.mesh import MeshPart, Size, TriangleSurface, add_mirror_image, split_surface
+from advercity.geometry.mesh import (
+    MeshPart,
+    Size,
+    TriangleSurface,
+    add_mirror_image,
+    keep_triangles,
+)
 from advercity.geometry.primitives import box, ellipsoid
 from advercity.materials import ACTOR_PAINT
 from advercity.randomness import create_generator
@@ -34,7 +43,7 @@ class _Region(NamedTuple):
 
 _DARK, _GLASS = "black_plastic", "glass"
 _HEADLAMP, _TAIL_LAMP = ((1.5, 3.1), (4.0, 5.5)), ((16.95, 18.75), (3.9, 5.6))
-_LAMP_DEPTH_M = 0.05
+_LAMP_DEPTH_M, _LINING_M = 0.05, 0.015
 _REAR_WINDOW = (
     _Region(_DARK, (REAR_HEADER, REAR_FOOT), (7.42, 10)),
     _Region(_GLASS, (REAR_HEADER + 0.06, REAR_FOOT - 0.14), (7.42, 10)),
@@ -72,6 +81,7 @@ def _build_motor_car(blueprint_id: str, size: Size, form: CarForm) -> list[MeshP
         *_build_shell(body),
         *_build_lamps(body),
         *_build_floor(body),
+        *build_cabin(blueprint_id, _measure_cabin(body)),
         *build_trim(blueprint_id, body, width),
         *build_axle(front, outer, radius, wide, is_steered=True),
         *build_axle(rear, outer, radius, wide),
@@ -87,23 +97,44 @@ def _build_shell(body: CarSurface) -> list[MeshPart]:
         (u0, u1), (v0, v1) = region.u, region.v
         inside = (middle_u > u0) & (middle_u < u1) & (middle_v > v0) & (middle_v < v1)
         materials[inside] = region.material
-    surface = body.build_patch(u, v)
+    surface, inner = body.build_patch(u, v), body.build_patch(u, v, -_LINING_M)
     kinds = materials.ravel().repeat(2)
-    return [
-        part
+    pieces = {
+        name: add_mirror_image(keep_triangles(surface, kinds == name))
         for name in sorted(set(kinds) - {""})
-        for part in make_vehicle_parts(
-            name, add_mirror_image(split_surface(surface, kinds == name)[0])
-        )
-    ]
+    }
+    above_belt = (middle_v > BELT).ravel().repeat(2) & (middle_u > COWL).ravel().repeat(2)
+    above_belt &= (middle_u < REAR_FOOT).ravel().repeat(2)
+    lining = keep_triangles(inner, above_belt & (kinds != _GLASS))
+    parts = [part for name, piece in pieces.items() for part in make_vehicle_parts(name, piece)]
+    lining = add_mirror_image(replace(lining, triangles=lining.triangles[:, ::-1]))
+    return [*parts, *make_vehicle_parts("upholstery", lining)]
+
+
+def _measure_cabin(body: CarSurface) -> CabinSpace:
+    """Measure the room behind the windows."""
+    (foot,), (rear,), (pillar,) = (body.locate(u, [6.0]) for u in (COWL, REAR_FOOT - 0.4, 11.0))
+    (roof,) = body.locate(11.0, [10.0])
+    is_van = not all(body.form.side_windows)
+    return CabinSpace(
+        front=foot[0] + 0.08 * body.half,
+        rear=body.x_at(body.form.pillar) - 0.25 if is_van else rear[0],
+        half=0.93 * pillar[1],
+        belt=pillar[2],
+        roof=min(roof[2] - 0.05, pillar[2] + 0.66),
+        floor=body.form.clearance_m + 0.13,
+    )
 
 
 def _build_floor(body: CarSurface) -> list[MeshPart]:
     """Build what closes the car from below, and the wheel wells towards the inside."""
     low, inner = body.form.clearance_m + 0.015, 0.63 * body.half
-    high = 0.8 * body.form.belt[0] * body.height
-    floor = box((body.x_at(0.975), -inner, low), (body.x_at(0.03), inner, high))
-    return make_vehicle_parts("black_plastic", floor)
+    middle, high = low + 0.1, 0.8 * body.form.belt[0] * body.height
+    boxes = [box((body.x_at(0.975), -inner, low), (body.x_at(0.03), inner, middle))]
+    for axle in body.form.axles:
+        x, wide = body.x_at(axle), ARCH_RADII * body.wheel_m + 0.02
+        boxes.append(box((x - wide, -inner, low), (x + wide, inner, high)))
+    return make_vehicle_parts("black_plastic", *boxes)
 
 
 def _list_shell_lines(body: CarSurface) -> Float64Array:

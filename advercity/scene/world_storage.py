@@ -149,15 +149,16 @@ def _decode_bodies(
 
 def _encode_mesh(mesh: Mesh) -> tuple[Any, ...]:
     wheel = None if mesh.wheel is None else (mesh.wheel.hub, mesh.wheel.is_steered)
-    return mesh.name, mesh.material, int(mesh.semantic), wheel
+    return mesh.name, mesh.material, int(mesh.semantic), wheel, mesh.is_occupant
 
 
 def _decode_meshes(rows: list[Any], arrays: Mapping[str, Iterator[Any]]) -> Iterator[Mesh]:
-    for name, material, semantic, wheel in rows:
+    for name, material, semantic, wheel, is_occupant in rows:
         yield Mesh(
             name=name,
             material=material,
             semantic=Semantic(semantic),
             wheel=Wheel(tuple(wheel[0]), wheel[1]) if wheel else None,
+            is_occupant=is_occupant,
             **{key: next(arrays[key]) for key in _MESH_ARRAYS},
         )
