@@ -16,6 +16,10 @@ _HEADROOM_M, _SEAT_BELOW_ROOF_M, _SEAT_PITCH_M = 0.24, 0.92, 0.86
 """Centre of a head and seats below the roof, and distance between rows of seats."""
 _TIERS = np.array([(0.0, 0.92), (0.12, 1.0), (0.88, 1.0), (1.0, 0.9)])
 """Position along a cushion, and its width there as a fraction: its edges are rounded."""
+_MIN_CABIN_M = 1.7
+"""Least length of a cabin of which only the windscreen is glazed."""
+_OWN_SEATS = 100
+"""Triangles of upholstery from which on a model has seats."""
 _SHIRTS = ("cloth_white", "cloth_grey", "cloth_dark", "cloth_blue", "cloth_red", "cloth_light")
 _SKINS, _HAIR = (
     ("skin", "skin", "skin_brown", "skin_dark"),
@@ -73,6 +77,44 @@ def build_cabin(blueprint_id: str, space: CabinSpace) -> list[MeshPart]:
         *make_vehicle_parts("black_plastic", dashboard, _build_steering_wheel(wheel_middle)),
         *(replace(part, is_occupant=True) for part in _build_driver(blueprint_id, space)),
     ]
+
+
+def build_model_cabin(
+    blueprint_id: str, parts: Sequence[MeshPart], *, is_truck: bool
+) -> list[MeshPart]:
+    """Build the inside of a model: models have few parts that cannot be seen past their panes."""
+    panes = [part.surface for part in parts if part.material == "glass"]
+    if not panes:
+        return []
+    space = _measure_space(panes, is_truck=is_truck)
+    inside = build_cabin(blueprint_id, space)
+    own = sum(len(part.surface.triangles) for part in parts if part.material == _LINING)
+    if own > _OWN_SEATS:
+        return [part for part in inside if part.is_occupant]
+    hidden = [part.surface for part in parts if part.material != "glass" and part.wheel is None]
+    lining = [_line(surface, space) for surface in hidden]
+    return [*inside, *make_vehicle_parts(_LINING, *(item for item in lining if item is not None))]
+
+
+def _measure_space(panes: Sequence[TriangleSurface], *, is_truck: bool) -> CabinSpace:
+    """Measure the room behind panes; lamps and mirrors may be among them."""
+    points = np.concatenate([pane.vertices[np.unique(pane.triangles)] for pane in panes])
+    rear, front = np.quantile(points[:, 0], [0.1, 0.9])
+    belt, top = np.quantile(points[:, 2], [0.1, 0.97])
+    half = 0.95 * float(np.quantile(np.abs(points[:, 1]), 0.8))
+    if is_truck:
+        return CabinSpace(front, rear - 0.45, half, belt, top + 0.2, belt - 0.75, rows=1)
+    rear = min(rear, front - _MIN_CABIN_M)
+    return CabinSpace(front, rear, half, belt, min(top, belt + 0.62), belt - 0.55)
+
+
+def _line(surface: TriangleSurface, space: CabinSpace) -> TriangleSurface | None:
+    """Build the inner side of what is above the belt of a vehicle; None if nothing is."""
+    middle = surface.vertices[surface.triangles].mean(axis=1)
+    above = (middle[:, 2] > space.belt) & (middle[:, 0] < space.front) & (middle[:, 0] > space.rear)
+    if not above.any():
+        return None
+    return TriangleSurface(surface.vertices, surface.triangles[above][:, ::-1])
 
 
 def _build_row(space: CabinSpace, x: float) -> Iterator[TriangleSurface]:
