@@ -7,13 +7,14 @@ import numpy as np
 
 from advercity.assets.vehicle_parts import make_vehicle_parts
 from advercity.geometry.arrays import Float64Array
-from advercity.geometry.mesh import MeshPart, TriangleSurface, add_mirror_image, xyz
+from advercity.geometry.mesh import MeshPart, TriangleSurface, add_mirror_image, keep_triangles, xyz
 from advercity.geometry.primitives import box, ellipsoid, loft_rings, tube
 from advercity.randomness import create_generator
 
 _LINING = "upholstery"
 _HEADROOM_M, _SEAT_BELOW_ROOF_M, _SEAT_PITCH_M = 0.24, 0.92, 0.86
 """Centre of a head and seats below the roof, and distance between rows of seats."""
+_WALL_M = 0.005
 _TIERS = np.array([(0.0, 0.92), (0.12, 1.0), (0.88, 1.0), (1.0, 0.9)])
 """Position along a cushion, and its width there as a fraction: its edges are rounded."""
 _MIN_CABIN_M = 1.7
@@ -64,19 +65,23 @@ class CabinSpace:
 
 def build_cabin(blueprint_id: str, space: CabinSpace) -> list[MeshPart]:
     """Build the inside of a vehicle with its driver, who is not in parked ones."""
-    tub = box((space.rear, -space.half, space.floor), (space.front, space.half, space.belt))
-    open_top = tub.triangles[
-        np.any(tub.vertices[tub.triangles][..., 2] < space.belt - 1e-6, axis=1)
-    ]
-    lining = TriangleSurface(tub.vertices, open_top[:, ::-1])
+    low, high = xyz(space.rear, -space.half, space.floor), xyz(space.front, space.half, space.belt)
+    tub, outside = _open_top(box(low, high)), _open_top(box(low - _WALL_M, high + _WALL_M))
+    lining = TriangleSurface(tub.vertices, tub.triangles[:, ::-1])
     seats = [part for x in space.seats_x for part in _build_row(space, x)]
-    wheel_middle = space.head + xyz(0.46, 0, -0.36)
+    steering_wheel = _build_steering_wheel(space.head + xyz(0.46, 0, -0.36))
     dashboard = _build_dashboard(space)
     return [
         *make_vehicle_parts(_LINING, lining, *seats),
-        *make_vehicle_parts("black_plastic", dashboard, _build_steering_wheel(wheel_middle)),
+        *make_vehicle_parts("black_plastic", outside, dashboard, steering_wheel),
         *(replace(part, is_occupant=True) for part in _build_driver(blueprint_id, space)),
     ]
+
+
+def _open_top(surface: TriangleSurface) -> TriangleSurface:
+    """Drop the triangles at the upper end of a box."""
+    height = surface.vertices[surface.triangles][..., 2].min(axis=1)
+    return keep_triangles(surface, height < surface.vertices[:, 2].max())
 
 
 def build_model_cabin(
