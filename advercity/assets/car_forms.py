@@ -40,6 +40,12 @@ class CarForm:
     """Side windows from the front, behind and ahead of the B-pillar; a panel van lacks some."""
     is_rugged: bool = False
     """Whether it has roof rails, and black sills and wheel arches."""
+    is_cab: bool = False
+    """Whether it is the cab of a truck, with its doors over the front wheels."""
+    headlamp_rows: tuple[float, float] = (4.0, 5.5)
+    grille_rows: tuple[float, float] = (3.9, 5.05)
+    plate_row: float = 2.95
+    """Rows of the cage between which lamps and grille are, and where the front plate is."""
 
 
 SALOON = CarForm(
@@ -86,6 +92,14 @@ PANEL_VAN = CarForm(
     cabin=(0.145, 0.275, 0.955, 0.985), roof=(0.945, 0.99, 0.975),
     boot=(0.47, 0.43, 0.40), rear_screen=0.72, pillar=0.35, roof_width=0.87,
     nose_rake=0.6, tail_rake=0.2, side_windows=(True, False),
+)  # fmt: skip
+CAB = CarForm(
+    axles=(0.55, 9.0), wheel_m=0.45, clearance_m=0.40,
+    bonnet=(0.525, 0.545, 0.56), belt=(0.555, 0.56),
+    cabin=(0.075, 0.18, 0.955, 0.985), roof=(0.95, 0.995, 0.985),
+    boot=(0.60, 0.56, 0.53), rear_screen=0.82, pillar=0.70, roof_width=0.88,
+    nose_rake=0.3, tail_rake=0.1, side_windows=(True, False), is_cab=True,
+    headlamp_rows=(2.35, 3.3), grille_rows=(3.1, 5.05), plate_row=1.75,
 )  # fmt: skip
 
 

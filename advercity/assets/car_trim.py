@@ -1,5 +1,7 @@
 """Builds what is fixed to the shell of a car: plates, grille, mirrors, gaps, wipers, rails."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -7,6 +9,7 @@ from advercity.assets.car_forms import CENTRE, COWL, HEADER, REAR_FOOT
 from advercity.assets.car_surface import CarSurface
 from advercity.assets.lettering import build_number_plate
 from advercity.assets.vehicle_parts import make_vehicle_parts
+from advercity.geometry.arrays import Float64Array
 from advercity.geometry.mesh import (
     MeshPart,
     TriangleSurface,
@@ -20,6 +23,8 @@ from advercity.materials import ACTOR_PAINT
 
 GAP_M, GAP_LIFT_M = 0.009, 0.003
 """Width of gaps between panels, and their distance from the surface."""
+_CAB_DOOR = (0.14, 0.71)
+"""Stations of the door of a cab."""
 _LATCHBACK_STATION = 0.93
 """Rear windows that end before this station have a boot lid behind them."""
 
@@ -38,14 +43,17 @@ def build_trim(blueprint_id: str, body: CarSurface, width: float) -> list[MeshPa
 
 
 def _build_plates(blueprint_id: str, body: CarSurface) -> list[MeshPart]:
-    """Build number plates, the handle above the rear one, and the exhaust."""
-    (front,), (rear,) = body.locate(0.0, [2.95]), body.locate(20.0, [3.1])
+    """Build number plates, the handle above the rear one, and the exhaust; a cab has one plate."""
+    (front,), (rear,) = body.locate(0.0, [body.form.plate_row]), body.locate(20.0, [3.1])
+    front_plate = build_number_plate(blueprint_id, front + xyz(0.018), 1.0)
+    if body.form.is_cab:
+        return front_plate
     handle = box(rear + xyz(-0.012, -0.28, 0.085), rear + xyz(0.05, 0.28, 0.11))
     pipe = tube(
         [(rear[0] + 0.25, 0.5 * body.half, 0.25), (rear[0] + 0.03, 0.5 * body.half, 0.25)], 0.03
     )
     return [
-        *build_number_plate(blueprint_id, front + xyz(0.018), 1.0),
+        *front_plate,
         *build_number_plate(blueprint_id, rear - xyz(0.018), -1.0),
         *make_vehicle_parts("chrome", handle, pipe),
     ]
@@ -54,10 +62,14 @@ def _build_plates(blueprint_id: str, body: CarSurface) -> list[MeshPart]:
 def _build_grille(body: CarSurface) -> list[MeshPart]:
     """Build the bars of the grille, its frame and the badges."""
     across = np.linspace(0.0, 1.08, 5)
-    bars = [_trace(body, across, np.full(5, v), 0.014, 0.006) for v in (4.2, 4.5, 4.8)]
-    frame = [_trace(body, across, np.full(5, v), 0.02, 0.008) for v in (3.93, 5.04)]
-    (front,), (rear,) = body.locate(0.0, [4.75]), body.locate(20.0, [4.6])
-    badges = [ellipsoid(place, (0.014, 0.05, 0.045), sides=10, bands=4) for place in (front, rear)]
+    rows = body.form.grille_rows
+    bars = [_trace(body, across, np.full(5, v), 0.014, 0.006) for v in np.linspace(*rows, 5)[1:-1]]
+    frame = [_trace(body, across, np.full(5, v), 0.02, 0.008) for v in rows]
+    places = [(0.0, rows[1] - 0.3), (20.0, 4.6)][: 1 if body.form.is_cab else 2]
+    badges = [
+        ellipsoid(body.locate(u, [v])[0], (0.014, 0.05, 0.045), sides=10, bands=4)
+        for u, v in places
+    ]
     return make_vehicle_parts("chrome", *map(add_mirror_image, (*bars, *frame)), *badges)
 
 
@@ -85,20 +97,30 @@ def _build_gaps(body: CarSurface) -> list[MeshPart]:
     lines.append((np.full(7, behind) - 0.5 * np.clip(3.5 - flank, 0, 2) / 2, flank))
     lines.append((np.linspace(3.2, COWL - 0.05, 8), np.full(8, 6.3)))
     lines.append((np.full(5, 3.15), np.linspace(6.3, CENTRE, 5)))
+    if form.is_cab:
+        return _build_lines(body, lines)
     lines.append((np.linspace(3.12, 4.2, 4), np.full(4, 3.6)))
     lines.append((np.linspace(16.4, 20, 6), np.full(6, 3.7)))
     if not all(form.side_windows):  # two doors instead of a rear window
         lines.append((np.linspace(12.98, 19, 12), np.full(12, CENTRE - 0.02)))
     if form.cabin[3] < _LATCHBACK_STATION:
         lines.append((np.linspace(REAR_FOOT, 17.2, 5), np.full(5, 7.2)))
-    return make_vehicle_parts(
-        "black_plastic", *(add_mirror_image(_trace(body, u, v, GAP_M)) for u, v in lines)
-    )
+    return _build_lines(body, lines)
+
+
+def _build_lines(
+    body: CarSurface, lines: Sequence[tuple[Float64Array, Float64Array]]
+) -> list[MeshPart]:
+    strips = [add_mirror_image(_trace(body, u, v, GAP_M)) for u, v in lines]
+    return make_vehicle_parts("black_plastic", *strips)
 
 
 def _list_door_edges(body: CarSurface) -> tuple[float, float, float]:
     """List u of the edges of the front doors, and of the rear edge of the rear ones."""
     form = body.form
+    if form.is_cab:
+        ahead, behind = (float(u) for u in body.u_at(np.array(_CAB_DOOR)))
+        return ahead, behind, behind
     behind = form.axles[1] - 1.05 * body.wheel_m / body.length
     edges = (
         max(form.cabin[0] + 0.015, form.axles[0] + 1.3 * body.wheel_m / body.length),

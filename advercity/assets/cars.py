@@ -42,7 +42,7 @@ class _Region(NamedTuple):
 
 
 _DARK, _GLASS = "black_plastic", "glass"
-_HEADLAMP, _TAIL_LAMP = ((1.5, 3.1), (4.0, 5.5)), ((16.95, 18.75), (3.9, 5.6))
+_HEADLAMP_COLUMNS, _TAIL_LAMP = (1.5, 3.1), ((16.95, 18.75), (3.9, 5.6))
 _LAMP_DEPTH_M, _LINING_M = 0.05, 0.015
 _REAR_WINDOW = (
     _Region(_DARK, (REAR_HEADER, REAR_FOOT), (7.42, 10)),
@@ -78,19 +78,26 @@ def _build_motor_car(blueprint_id: str, size: Size, form: CarForm) -> list[MeshP
     front, rear = (body.x_at(station) for station in form.axles)
     outer, wide = body.half - 0.012, 0.25 * body.half
     return [
-        *_build_shell(body),
-        *_build_lamps(body),
-        *_build_floor(body),
-        *build_cabin(blueprint_id, _measure_cabin(body)),
-        *build_trim(blueprint_id, body, width),
+        *build_body_on_wheels(blueprint_id, body, width),
         *build_axle(front, outer, radius, wide, is_steered=True),
         *build_axle(rear, outer, radius, wide),
     ]
 
 
+def build_body_on_wheels(blueprint_id: str, body: CarSurface, width: float) -> list[MeshPart]:
+    """Build all of a car, or of the cab of a truck, that does not turn; `width` has mirrors."""
+    return [
+        *_build_shell(body),
+        *_build_lamps(body),
+        *_build_floor(body),
+        *build_cabin(blueprint_id, _measure_cabin(body)),
+        *build_trim(blueprint_id, body, width),
+    ]
+
+
 def _build_shell(body: CarSurface) -> list[MeshPart]:
     """Build the shell, split by material along lines of the surface."""
-    u, v = _list_shell_lines(body), np.array(_LINES_V, dtype=np.float64)
+    u, v = _list_shell_lines(body), _list_rows(body.form)
     middle_u, middle_v = np.meshgrid((u[1:] + u[:-1]) / 2, (v[1:] + v[:-1]) / 2, indexing="ij")
     materials = np.full(middle_u.shape, ACTOR_PAINT, dtype=object)
     for region in _list_regions(body):
@@ -131,7 +138,7 @@ def _build_floor(body: CarSurface) -> list[MeshPart]:
     low, inner = body.form.clearance_m + 0.015, 0.63 * body.half
     middle, high = low + 0.1, 0.8 * body.form.belt[0] * body.height
     boxes = [box((body.x_at(0.975), -inner, low), (body.x_at(0.03), inner, middle))]
-    for axle in body.form.axles:
+    for axle in body.form.axles[: 1 if body.form.is_cab else 2]:
         x, wide = body.x_at(axle), ARCH_RADII * body.wheel_m + 0.02
         boxes.append(box((x - wide, -inner, low), (x + wide, inner, high)))
     return make_vehicle_parts("black_plastic", *boxes)
@@ -148,6 +155,11 @@ def _list_shell_lines(body: CarSurface) -> Float64Array:
     return lines[np.concatenate([[True], np.diff(lines) > 0.01])]
 
 
+def _list_rows(form: CarForm) -> Float64Array:
+    """List the lines v (n,) of the shell."""
+    return np.unique([*_LINES_V, *form.headlamp_rows, *form.grille_rows])
+
+
 def _list_regions(body: CarSurface) -> list[_Region]:
     """List the parts of the shell that are not painted; later ones lie over earlier ones."""
     form = body.form
@@ -157,22 +169,22 @@ def _list_regions(body: CarSurface) -> list[_Region]:
     panes = [ends for ends, is_glazed in zip(windows, form.side_windows, strict=True) if is_glazed]
     return [
         _Region(_DARK, (0, 20), (0, sill)),
-        _Region(_DARK, (0, 1.9), (1, 2.6)),
+        _Region(_DARK, (0, 20 if form.is_cab else 1.9), (1, 2.0 if form.is_cab else 2.6)),
         _Region(_DARK, (18.2, 20), (1, 2.0)),
-        _Region(_DARK, (0, 1.1), (3.9, 5.05)),
+        _Region(_DARK, (0, 1.1), form.grille_rows),
         _Region(_DARK, (7.14, panes[-1][1]), (6, 7.06)),
         *(_Region(_GLASS, ends, (6.13, 6.9)) for ends in panes),
         _Region(_DARK, (COWL, HEADER), (7.06, 10)),
         _Region(_GLASS, (COWL + 0.14, HEADER - 0.06), (7.42, 10)),
         *(_REAR_WINDOW if all(form.side_windows) else ()),
-        _Region("", *_HEADLAMP),
-        _Region("", *_TAIL_LAMP),
+        _Region("", _HEADLAMP_COLUMNS, form.headlamp_rows),
+        *(() if form.is_cab else (_Region("", *_TAIL_LAMP),)),
     ]
 
 
 def _build_lamps(body: CarSurface) -> list[MeshPart]:
     """Build headlamps as bowls with lenses behind a cover, and tail lamps in red and amber."""
-    (u0, u1), (v0, v1) = _HEADLAMP
+    (u0, u1), (v0, v1) = headlamp = _HEADLAMP_COLUMNS, body.form.headlamp_rows
     lens_u, lens_v = np.array([u0 + 0.45, u0 + 0.85]), np.full(2, (v0 + v1) / 2 - 0.1)
     lenses = [
         ellipsoid(place - 0.03 * normal, (0.035, 0.062, 0.055), sides=10, bands=5)
@@ -181,22 +193,26 @@ def _build_lamps(body: CarSurface) -> list[MeshPart]:
         )
     ]
     indicator = body.build_patch(np.linspace(u1 - 0.55, u1 - 0.1, 3), [v0 + 0.3, v1 - 0.4], -0.012)
-    (t0, t1), (w0, w1) = _TAIL_LAMP
-    red = body.build_patch(np.linspace(t0, t1, 6), [w0, w0 + 0.55, w0 + 1.0, w1], 0.006)
-    amber = body.build_patch(np.linspace(t0 + 0.35, t1 - 0.3, 4), [w0 + 0.56, w0 + 0.9], 0.011)
-    clear = body.build_patch(np.linspace(t1 - 0.6, t1 - 0.25, 3), [w0 + 0.15, w0 + 0.5], 0.011)
     pieces = (
-        ("chrome", _build_bowl(body, _HEADLAMP)),
+        ("chrome", _build_bowl(body, headlamp)),
         ("lamp_white", *lenses),
-        ("lamp_amber", indicator, amber),
-        ("lamp_red", red),
-        ("chrome", clear),
+        ("lamp_amber", indicator),
+        *(() if body.form.is_cab else _build_tail_lamps(body)),
     )
     return [
         part
         for name, *surfaces in pieces
         for part in make_vehicle_parts(name, *map(add_mirror_image, surfaces))
     ]
+
+
+def _build_tail_lamps(body: CarSurface) -> tuple[tuple[str, TriangleSurface], ...]:
+    """Build the left tail lamp: red, with an indicator and a reversing lamp in it."""
+    (t0, t1), (w0, w1) = _TAIL_LAMP
+    red = body.build_patch(np.linspace(t0, t1, 6), [w0, w0 + 0.55, w0 + 1.0, w1], 0.006)
+    amber = body.build_patch(np.linspace(t0 + 0.35, t1 - 0.3, 4), [w0 + 0.56, w0 + 0.9], 0.011)
+    clear = body.build_patch(np.linspace(t1 - 0.6, t1 - 0.25, 3), [w0 + 0.15, w0 + 0.5], 0.011)
+    return ("lamp_red", red), ("lamp_amber", amber), ("chrome", clear)
 
 
 def _build_bowl(body: CarSurface, rectangle: tuple[tuple[float, float], ...]) -> TriangleSurface:
