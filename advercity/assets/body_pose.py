@@ -10,7 +10,7 @@ from advercity.assets.rigged_bodies import pose_body
 from advercity.frames import ActorState, Frame
 from advercity.geometry.arrays import Float64Array
 from advercity.geometry.boxes import Box
-from advercity.geometry.mesh import Mesh, Wheel
+from advercity.geometry.mesh import Mesh, MeshLayer, Wheel
 from advercity.geometry.poses import Matrix, pose_matrix
 from advercity.physics.constants import GOLDEN_FRACTION, MAX_STEERING_RAD
 from advercity.world import Body
@@ -44,7 +44,7 @@ class BodyShape:
         """Build the parts, in the mesh frame of `BodyPose.body_from_mesh`."""
         meshes = pose_body(self.select_body(bodies), self.pose_index)
         if self.is_parked:
-            meshes = tuple(mesh for mesh in meshes if not mesh.is_occupant)
+            meshes = tuple(mesh for mesh in meshes if mesh.layer != MeshLayer.OCCUPANT)
         others = len(bodies[self.blueprint].others)
         rounds = self.figure // (1 + others) if others else 0
         return tuple(_recolour_clothes(mesh, rounds) for mesh in meshes) if rounds else meshes

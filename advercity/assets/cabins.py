@@ -5,9 +5,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from advercity.assets.vehicle_parts import make_vehicle_parts
+from advercity.assets.vehicle_parts import make_vehicle_parts, set_layer
 from advercity.geometry.arrays import Float64Array
-from advercity.geometry.mesh import MeshPart, TriangleSurface, add_mirror_image, keep_triangles, xyz
+from advercity.geometry.mesh import (
+    MeshLayer,
+    MeshPart,
+    TriangleSurface,
+    add_mirror_image,
+    keep_triangles,
+    xyz,
+)
 from advercity.geometry.primitives import box, ellipsoid, loft_rings, tube
 from advercity.randomness import create_generator
 
@@ -71,11 +78,12 @@ def build_cabin(blueprint_id: str, space: CabinSpace) -> list[MeshPart]:
     seats = [part for x in space.seats_x for part in _build_row(space, x)]
     steering_wheel = _build_steering_wheel(space.head + xyz(0.46, 0, -0.36))
     dashboard = _build_dashboard(space)
-    return [
+    parts = [
         *make_vehicle_parts(_LINING, lining, *seats),
         *make_vehicle_parts("black_plastic", outside, dashboard, steering_wheel),
-        *(replace(part, is_occupant=True) for part in _build_driver(blueprint_id, space)),
     ]
+    driver = _build_driver(blueprint_id, space)
+    return [*set_layer(MeshLayer.DETAIL, parts), *set_layer(MeshLayer.OCCUPANT, driver)]
 
 
 def _open_top(surface: TriangleSurface) -> TriangleSurface:
@@ -95,10 +103,11 @@ def build_model_cabin(
     inside = build_cabin(blueprint_id, space)
     own = sum(len(part.surface.triangles) for part in parts if part.material == _LINING)
     if own > _OWN_SEATS:
-        return [part for part in inside if part.is_occupant]
+        return [part for part in inside if part.layer == MeshLayer.OCCUPANT]
     hidden = [part.surface for part in parts if part.material != "glass" and part.wheel is None]
     lining = [_line(surface, space) for surface in hidden]
-    return [*inside, *make_vehicle_parts(_LINING, *(item for item in lining if item is not None))]
+    found = make_vehicle_parts(_LINING, *(item for item in lining if item is not None))
+    return [*inside, *set_layer(MeshLayer.DETAIL, found)]
 
 
 def _measure_space(panes: Sequence[TriangleSurface], *, is_truck: bool) -> CabinSpace:

@@ -42,7 +42,7 @@ class CarForm:
     """Whether it has roof rails, and black sills and wheel arches."""
     is_cab: bool = False
     """Whether it is the cab of a truck, with its doors over the front wheels."""
-    headlamp_rows: tuple[float, float] = (4.0, 5.5)
+    headlamp_rows: tuple[float, float] = (3.9, 5.55)
     grille_rows: tuple[float, float] = (3.9, 5.05)
     plate_row: float = 2.95
     """Rows of the cage between which lamps and grille are, and where the front plate is."""
@@ -51,8 +51,8 @@ class CarForm:
 SALOON = CarForm(
     axles=(0.185, 0.775), wheel_m=0.325, clearance_m=0.17,
     bonnet=(0.50, 0.585, 0.645), belt=(0.625, 0.665),
-    cabin=(0.27, 0.435, 0.70, 0.865), roof=(0.955, 1.0, 0.955),
-    boot=(0.735, 0.725, 0.70), rear_screen=0.86, pillar=0.53,
+    cabin=(0.27, 0.435, 0.67, 0.82), roof=(0.955, 1.0, 0.95),
+    boot=(0.725, 0.715, 0.695), rear_screen=0.83, pillar=0.53,
 )  # fmt: skip
 ESTATE = CarForm(
     axles=(0.185, 0.77), wheel_m=0.325, clearance_m=0.17,

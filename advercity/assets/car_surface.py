@@ -114,7 +114,7 @@ def _cut_arch(
     """
     low, high = heights
     radius = ARCH_RADII * wheel_m
-    arch = wheel_m + np.sqrt(np.maximum(radius**2 - ahead**2, 0.0))
+    arch = np.minimum(wheel_m + np.sqrt(np.maximum(radius**2 - ahead**2, 0.0)), high - 0.04)
     inside = (np.abs(ahead) < radius) & (v < SHOULDER + 0.6)
     fraction = np.clip((points[:, 2] - low) / (high - low), 0.0, 1.0)
     points[inside, 2] = (arch + fraction * (high - arch))[inside]

@@ -19,9 +19,10 @@ from advercity.assets.car_forms import (
 )
 from advercity.assets.car_surface import ARCH_RADII, CarSurface
 from advercity.assets.car_trim import build_trim
-from advercity.assets.vehicle_parts import build_axle, make_vehicle_parts
+from advercity.assets.vehicle_parts import build_axle, make_vehicle_parts, set_layer
 from advercity.geometry.arrays import Float64Array
 from advercity.geometry.mesh import (
+    MeshLayer,
     MeshPart,
     Size,
     TriangleSurface,
@@ -42,16 +43,16 @@ class _Region(NamedTuple):
 
 
 _DARK, _GLASS = "black_plastic", "glass"
-_HEADLAMP_COLUMNS, _TAIL_LAMP = (1.5, 3.1), ((16.95, 18.75), (3.9, 5.6))
+_HEADLAMP_COLUMNS, _TAIL_LAMP = (1.5, 3.1), ((16.95, 18.75), (3.9, 5.55))
 _LAMP_DEPTH_M, _LINING_M = 0.05, 0.015
 _REAR_WINDOW = (
     _Region(_DARK, (REAR_HEADER, REAR_FOOT), (7.42, 10)),
     _Region(_GLASS, (REAR_HEADER + 0.06, REAR_FOOT - 0.14), (7.42, 10)),
 )
-_LINES_U = (0, 0.55, 1.1, 1.5, 1.9, 2.3, 2.7, 3.1, 3.6, COWL, 7.14, 7.6, 8.1, 8.6, HEADER - 0.06,
-            9.6, 10.4, 11.2, 12, 12.6, 13.06, 13.45, 14, 14.5, 14.86, 15.5, 16.2, 16.95, 17.4, 17.8,
-            18.2, 18.75, 19.4, 20)  # fmt: skip
-_LINES_V = (0, 1, 1.4, 2, 2.6, 3.3, 3.9, 4.5, 5.05, 5.55, 6, 6.13, 6.9, 7.06, 7.42, 8.1, 9, 10)
+_LINES_U = (0, 0.55, 1.1, 1.5, 1.9, 2.4, 3.1, 3.6, COWL, 7.14, 7.6, 8.3, HEADER - 0.06, 9.6, 10.6,
+            12, 13.06, 13.45, 14.1, 14.86, 15.6, 16.3, 16.95, 17.6, 18.2, 18.75, 19.4,
+            20)  # fmt: skip
+_LINES_V = (0, 1, 1.4, 2, 2.6, 3.3, 3.9, 5.05, 5.55, 6, 6.13, 6.9, 7.06, 7.42, 8.4, 10)
 
 
 def build_car(blueprint_id: str, size: Size) -> list[MeshPart]:
@@ -73,7 +74,7 @@ def _build_motor_car(blueprint_id: str, size: Size, form: CarForm) -> list[MeshP
     """Build a car of a form; the size of its wheels varies with the blueprint."""
     length, width, height = size
     factor = create_generator("car", blueprint_id).uniform(0.97, 1.03)
-    radius = min(form.wheel_m, 0.13 * length) * factor
+    radius = min(form.wheel_m, 0.13 * length, 0.235 * height) * factor
     body = CarSurface(form, length, 0.455 * width, height, radius)
     front, rear = (body.x_at(station) for station in form.axles)
     outer, wide = body.half - 0.012, 0.25 * body.half
@@ -91,7 +92,7 @@ def build_body_on_wheels(blueprint_id: str, body: CarSurface, width: float) -> l
         *_build_lamps(body),
         *_build_floor(body),
         *build_cabin(blueprint_id, _measure_cabin(body)),
-        *build_trim(blueprint_id, body, width),
+        *set_layer(MeshLayer.DETAIL, build_trim(blueprint_id, body, width)),
     ]
 
 
@@ -115,7 +116,7 @@ def _build_shell(body: CarSurface) -> list[MeshPart]:
     lining = keep_triangles(inner, above_belt & (kinds != _GLASS))
     parts = [part for name, piece in pieces.items() for part in make_vehicle_parts(name, piece)]
     lining = add_mirror_image(replace(lining, triangles=lining.triangles[:, ::-1]))
-    return [*parts, *make_vehicle_parts("upholstery", lining)]
+    return [*parts, *set_layer(MeshLayer.DETAIL, make_vehicle_parts("upholstery", lining))]
 
 
 def _measure_cabin(body: CarSurface) -> CabinSpace:
@@ -137,17 +138,22 @@ def _build_floor(body: CarSurface) -> list[MeshPart]:
     """Build what closes the car from below, and the wheel wells towards the inside."""
     low, inner = body.form.clearance_m + 0.015, 0.63 * body.half
     middle, high = low + 0.1, 0.8 * body.form.belt[0] * body.height
-    boxes = [box((body.x_at(0.975), -inner, low), (body.x_at(0.03), inner, middle))]
-    for axle in body.form.axles[: 1 if body.form.is_cab else 2]:
+    nose, tail = 0.008 + 0.03 * body.form.nose_rake, 0.992 - 0.03 * body.form.tail_rake
+    boxes = [box((body.x_at(tail), -inner, low), (body.x_at(nose), inner, middle))]
+    axles = body.form.axles[: 1 if body.form.is_cab else 2]
+    for axle, end in zip(axles, (0.03, 0.97), strict=False):
         x, wide = body.x_at(axle), ARCH_RADII * body.wheel_m + 0.02
         boxes.append(box((x - wide, -inner, low), (x + wide, inner, high)))
+        beyond = sorted((body.x_at(end), x + wide * (1 if end < 0.5 else -1)))
+        outer = 0.84 * body.half
+        boxes.append(box((beyond[0], -outer, low + 0.03), (beyond[1], outer, middle)))
     return make_vehicle_parts("black_plastic", *boxes)
 
 
 def _list_shell_lines(body: CarSurface) -> Float64Array:
     """List the lines u (n,) of the shell: those of its parts, and close ones around the wheels."""
     arch = ARCH_RADII * body.wheel_m / body.length
-    steps = arch * np.array([-1.0, -0.96, -0.8, -0.5, 0.0, 0.5, 0.8, 0.96, 1.0])
+    steps = arch * np.array([-1.0, -0.93, -0.6, 0.0, 0.6, 0.93, 1.0])
     edge = arch + 0.003
     wells = [axle + np.array([-edge, *steps, edge]) for axle in body.form.axles]
     pillar = body.form.pillar + np.array([-0.011, 0.011])
@@ -178,7 +184,7 @@ def _list_regions(body: CarSurface) -> list[_Region]:
         _Region(_GLASS, (COWL + 0.14, HEADER - 0.06), (7.42, 10)),
         *(_REAR_WINDOW if all(form.side_windows) else ()),
         _Region("", _HEADLAMP_COLUMNS, form.headlamp_rows),
-        *(() if form.is_cab else (_Region("", *_TAIL_LAMP),)),
+        *(() if form.is_cab else (_Region("lamp_red", *_TAIL_LAMP),)),
     ]
 
 
@@ -187,7 +193,7 @@ def _build_lamps(body: CarSurface) -> list[MeshPart]:
     (u0, u1), (v0, v1) = headlamp = _HEADLAMP_COLUMNS, body.form.headlamp_rows
     lens_u, lens_v = np.array([u0 + 0.45, u0 + 0.85]), np.full(2, (v0 + v1) / 2 - 0.1)
     lenses = [
-        ellipsoid(place - 0.03 * normal, (0.035, 0.062, 0.055), sides=10, bands=5)
+        ellipsoid(place - 0.03 * normal, (0.035, 0.062, 0.055), sides=8, bands=4)
         for place, normal in zip(
             body.locate(lens_u, lens_v), body.compute_normals(lens_u, lens_v), strict=True
         )
@@ -207,18 +213,17 @@ def _build_lamps(body: CarSurface) -> list[MeshPart]:
 
 
 def _build_tail_lamps(body: CarSurface) -> tuple[tuple[str, TriangleSurface], ...]:
-    """Build the left tail lamp: red, with an indicator and a reversing lamp in it."""
-    (t0, t1), (w0, w1) = _TAIL_LAMP
-    red = body.build_patch(np.linspace(t0, t1, 6), [w0, w0 + 0.55, w0 + 1.0, w1], 0.006)
-    amber = body.build_patch(np.linspace(t0 + 0.35, t1 - 0.3, 4), [w0 + 0.56, w0 + 0.9], 0.011)
-    clear = body.build_patch(np.linspace(t1 - 0.6, t1 - 0.25, 3), [w0 + 0.15, w0 + 0.5], 0.011)
-    return ("lamp_red", red), ("lamp_amber", amber), ("chrome", clear)
+    """Build the indicator and the reversing lamp on the left tail lamp."""
+    (t0, t1), (w0, _) = _TAIL_LAMP
+    amber = body.build_patch(np.linspace(t0 + 0.35, t1 - 0.3, 4), [w0 + 0.56, w0 + 0.9], 0.004)
+    clear = body.build_patch(np.linspace(t1 - 0.6, t1 - 0.25, 3), [w0 + 0.15, w0 + 0.5], 0.004)
+    return ("lamp_amber", amber), ("chrome", clear)
 
 
 def _build_bowl(body: CarSurface, rectangle: tuple[tuple[float, float], ...]) -> TriangleSurface:
     """Build a hollow of the surface within a rectangle of u and v."""
-    u, v = (np.linspace(*ends, 7) for ends in rectangle)
-    depth = np.sqrt(1 - np.linspace(-1, 1, 7) ** 6)
+    u, v = (np.linspace(*ends, 6) for ends in rectangle)
+    depth = np.sqrt(1 - np.linspace(-1, 1, 6) ** 6)
     return body.build_patch(u, v, -_LAMP_DEPTH_M * np.outer(depth, depth))
 
 

@@ -7,6 +7,7 @@ a draw call.
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from enum import IntEnum
 
 import mapbox_earcut
 import numpy as np
@@ -38,6 +39,16 @@ class Wheel:
         return self.hub[2]
 
 
+class MeshLayer(IntEnum):
+    """What of a body a mesh is: images may leave out the details of distant bodies."""
+
+    SHAPE = 0
+    DETAIL = 1
+    """Small, or behind windows."""
+    OCCUPANT = 2
+    """A detail that is not in parked vehicles."""
+
+
 @dataclass(frozen=True)
 class Mesh:
     """Triangles of one material and one semantic class.
@@ -54,7 +65,7 @@ class Mesh:
         wheel: The wheel that it turns with, or None.
         uv: (n, 2) float32 metres to the right and up on the images of its material, or None: images
             then lie over a static mesh along the world's axes.
-        is_occupant: Whether it is of a driver, who is not in parked vehicles.
+        layer: What of a body it is.
     """
 
     name: str
@@ -66,7 +77,7 @@ class Mesh:
     weights: NDArray[np.float32] | None = None
     wheel: Wheel | None = None
     uv: NDArray[np.float32] | None = None
-    is_occupant: bool = False
+    layer: MeshLayer = MeshLayer.SHAPE
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +120,7 @@ class MeshPart:
     material: str
     semantic: Semantic
     wheel: Wheel | None = None
-    is_occupant: bool = False
+    layer: MeshLayer = MeshLayer.SHAPE
 
 
 def build_ribbon(left: Points, right: Points) -> TriangleSurface:
@@ -307,25 +318,25 @@ def normalize(vectors: ArrayLike) -> Float64Array:
 def build_meshes(pieces: Sequence[MeshPart], prefix: str = "") -> list[Mesh]:
     """Build a mesh per material, semantic class and wheel, named after them, in stable order."""
     wheels = sorted({piece.wheel for piece in pieces if piece.wheel is not None})
-    groups: dict[tuple[bool, int, str, Semantic], list[TriangleSurface]] = {}
+    groups: dict[tuple[MeshLayer, int, str, Semantic], list[TriangleSurface]] = {}
     for piece in pieces:
         surface = (
             piece.surface if piece.surface.normals is not None else shade_smooth(piece.surface)
         )
         number = 0 if piece.wheel is None else 1 + wheels.index(piece.wheel)
-        key = piece.is_occupant, number, piece.material, piece.semantic
+        key = piece.layer, number, piece.material, piece.semantic
         groups.setdefault(key, []).append(surface)
     return [
         replace(
             join_surfaces(surfaces).to_mesh(
                 f"{prefix}{semantic.name.lower()}_{material}"
                 + f"_wheel_{number}" * (number > 0)
-                + "_driver" * is_occupant,
+                + f"_{layer.name.lower()}" * (layer > 0),
                 material,
                 semantic,
                 wheels[number - 1] if number else None,
             ),
-            is_occupant=is_occupant,
+            layer=layer,
         )
-        for (is_occupant, number, material, semantic), surfaces in sorted(groups.items())
+        for (layer, number, material, semantic), surfaces in sorted(groups.items())
     ]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from advercity.documents import parse_json
-from advercity.geometry.mesh import Mesh, Wheel
+from advercity.geometry.mesh import Mesh, MeshLayer, Wheel
 from advercity.roads.lane_segments import LaneSegment
 from advercity.semantics import Semantic
 from advercity.world import Body, Gait, SignalLamp, StreetLamp, World
@@ -149,16 +149,16 @@ def _decode_bodies(
 
 def _encode_mesh(mesh: Mesh) -> tuple[Any, ...]:
     wheel = None if mesh.wheel is None else (mesh.wheel.hub, mesh.wheel.is_steered)
-    return mesh.name, mesh.material, int(mesh.semantic), wheel, mesh.is_occupant
+    return mesh.name, mesh.material, int(mesh.semantic), wheel, int(mesh.layer)
 
 
 def _decode_meshes(rows: list[Any], arrays: Mapping[str, Iterator[Any]]) -> Iterator[Mesh]:
-    for name, material, semantic, wheel, is_occupant in rows:
+    for name, material, semantic, wheel, layer in rows:
         yield Mesh(
             name=name,
             material=material,
             semantic=Semantic(semantic),
             wheel=Wheel(tuple(wheel[0]), wheel[1]) if wheel else None,
-            is_occupant=is_occupant,
+            layer=MeshLayer(layer),
             **{key: next(arrays[key]) for key in _MESH_ARRAYS},
         )

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from advercity.assets.body_pose import BodyShape, compute_body_pose, compute_wheel_pose
 from advercity.frames import ActorState, Frame, Lamp, Signal
-from advercity.geometry.mesh import Mesh, Wheel
+from advercity.geometry.mesh import Mesh, MeshLayer, Wheel
 from advercity.geometry.poses import Matrix, pose_matrix
 from advercity.materials import MATERIALS
 from advercity.rendering.light_sources import signal_lens_position
@@ -39,8 +39,15 @@ PARKED_POSE = sapien.Pose([0.0, 0.0, -1e4])
 """Pose of spare bodies: far below anything visible."""
 
 PANE_MATERIALS = frozenset(name for name, item in MATERIALS.items() if item.is_transparent)
-Piece = Wheel | Literal["glass"] | None
-"""What of an actor is a body of its own: a wheel, its panes, or all the rest (None)."""
+Piece = Wheel | Literal["details", "panes", "distant panes"] | None
+"""What of an actor is a body of its own; None is its shape without wheels and panes."""
+DETAIL_RANGE_M = 40.0
+"""Distance from the camera up to which raster images have details and windows to look through."""
+PIECE_DISTANCES_M: dict[Piece, tuple[float, float]] = {
+    "details": (0.0, DETAIL_RANGE_M),
+    "panes": (0.0, DETAIL_RANGE_M),
+    "distant panes": (DETAIL_RANGE_M, np.inf),
+}
 GLASS_SHADING_MODE = 1
 """SAPIEN's number of the pass that draws panes, after all that is seen through them."""
 GLASS_ALPHA = 0.5
@@ -56,7 +63,7 @@ class RenderShapeCache:
     def __init__(self, textures: MaterialTextures) -> None:
         self._textures = textures
         self._materials: dict[tuple[str, MapAxes | None], sapien.render.RenderMaterial] = {}
-        self._shapes: dict[tuple[int, str], sapien.render.RenderShape] = {}
+        self._shapes: dict[tuple[int, str, bool], sapien.render.RenderShape] = {}
         # Keys are ids, so meshes must live: another would get the id of one that is gone.
         self._kept: list[Mesh] = []
 
@@ -66,7 +73,7 @@ class RenderShapeCache:
         """Create a shape of a mesh; a painted part gets the material `paint`."""
         material = paint if mesh.material == PAINT_MATERIAL else mesh.material
         axes = MapAxes.MESH if mesh.uv is not None else MapAxes.WORLD if is_static else None
-        key = id(mesh), material
+        key = id(mesh), material, is_static
         if key not in self._shapes:
             self._shapes[key] = self._build_shape(mesh, self._get_material(material, axes))
             self._kept.append(mesh)
@@ -174,13 +181,20 @@ class SapienScene:
     """
 
     def __init__(
-        self, world: World, scene: sapien.Scene, bindings: ShaderBindings, *, night: bool
+        self,
+        world: World,
+        scene: sapien.Scene,
+        bindings: ShaderBindings,
+        *,
+        night: bool,
+        has_distant_pieces: bool = True,
     ) -> None:
         self.segmentation = SegmentationTable()
         self.culler = FrustumCuller()
         self._world = world
         self._scene = scene
         self._bindings = bindings
+        self._has_distant_pieces = has_distant_pieces
         self._shapes = RenderShapeCache(MaterialTextures(world.material_maps))
         self._actors: dict[int, tuple[Appearance, ActorBodies]] = {}
         self._spare_bodies: defaultdict[Appearance, list[ActorBodies]] = defaultdict(list)
@@ -248,9 +262,15 @@ class SapienScene:
         if shape not in self._meshes:
             parts: defaultdict[Piece, list[Mesh]] = defaultdict(list)
             for mesh in shape.build_meshes(self._world.bodies):
-                parts["glass" if mesh.material in PANE_MATERIALS else mesh.wheel].append(mesh)
+                for piece in self._list_pieces(mesh):
+                    parts[piece].append(mesh)
             self._meshes[shape] = dict(parts)
         return self._meshes[shape]
+
+    def _list_pieces(self, mesh: Mesh) -> tuple[Piece, ...]:
+        if mesh.material in PANE_MATERIALS:
+            return ("panes", "distant panes") if self._has_distant_pieces else ("panes",)
+        return ("details",) if mesh.layer is not MeshLayer.SHAPE else (mesh.wheel,)
 
     def _set_pose(self, body: RenderBody, pose: sapien.Pose) -> None:
         body.entity.set_pose(pose)
@@ -263,12 +283,13 @@ class SapienScene:
         self.culler.add_body(body, mesh.vertices.min(axis=0), mesh.vertices.max(axis=0))
 
     def _add_piece(self, piece: Piece, meshes: Sequence[Mesh], paint: str) -> RenderBody:
-        body = self._add(meshes, paint)
-        if piece == "glass":
+        body = self._add(meshes, paint, is_static=piece == "distant panes")
+        if piece == "panes":
             body.shading_mode = GLASS_SHADING_MODE
         # A cube around the sphere of all vertices fits in any orientation.
         radius = max(float(np.linalg.norm(mesh.vertices, axis=1).max()) for mesh in meshes)
-        self.culler.add_body(body, np.full(3, -radius), np.full(3, radius))
+        distances_m = PIECE_DISTANCES_M.get(piece, (0.0, np.inf))
+        self.culler.add_body(body, np.full(3, -radius), np.full(3, radius), distances_m)
         return body
 
     def _add_signal(self, lamp: SignalLamp) -> RenderBody:
