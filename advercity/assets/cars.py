@@ -125,10 +125,10 @@ def _measure_cabin(body: CarSurface) -> CabinSpace:
     (roof,) = body.locate(11.0, [10.0])
     is_van = not all(body.form.side_windows)
     return CabinSpace(
-        front=foot[0] + 0.08 * body.half,
+        front=foot[0],
         rear=body.x_at(body.form.pillar) - 0.25 if is_van else rear[0],
         half=0.93 * pillar[1],
-        belt=pillar[2],
+        belt=min(foot[2] - 0.03, pillar[2]),
         roof=min(roof[2] - 0.05, pillar[2] + 0.66),
         floor=body.form.clearance_m + 0.13,
     )
