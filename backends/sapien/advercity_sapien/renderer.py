@@ -271,6 +271,7 @@ def _find_scene_features(atmosphere: Atmosphere) -> tuple[bool, ...]:
     """Find what decides the lights of a scene and the sizes of its textures."""
     return (
         atmosphere.night,
+        atmosphere.is_dark,
         atmosphere.sun_lx > 0.0,
         atmosphere.clouds is not None,
         atmosphere.snow_depth_m > 0.0,

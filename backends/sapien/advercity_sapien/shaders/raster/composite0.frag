@@ -179,7 +179,7 @@ void main() {
     return;
   }
   vec3 radiance = lit.rgb;
-  if (!isNight()) radiance += filterAmbient(depth);
+  if (!isDark()) radiance += filterAmbient(depth);
   vec4 mirror = texture(samplerMirror, inUV);
   if (mirror.z > 0.0) {
     vec3 normal = vec3(mirror.xy, sqrt(max(1.0 - dot(mirror.xy, mirror.xy), 0.0)));
