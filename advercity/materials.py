@@ -1,8 +1,13 @@
 """Defines what surfaces are made of: the one home of optical properties, for all sensors.
 
-Cameras take the albedo (linear sRGB), LiDARs the reflectance at 905 nm; both are of the same
-surface, so they are in one row. Values are typical ones (Muckenhuber et al., Sensors 20,
-3309, 2020, and common handbooks).
+Cameras take the albedo (linear sRGB), LiDARs the reflectance at 905 nm, radars the permittivity
+and the roughness at 77 GHz; all are of the same surface, so they are in one row. Optical values are
+typical ones (Muckenhuber et al., Sensors 20, 3309, 2020, and common handbooks). Permittivities of
+concrete, brick, plaster, wood, glass and soil: Recommendation ITU-R P.2040-3, table 3; plastics and
+rubber: Afsar and Button, Proc. IEEE 73, 131 (1985); asphalt: Li and Sarabandi, IEEE Trans. Antennas
+Propag. 47, 851 (1999); skin: Gabriel et al., Phys. Med. Biol. 41, 2271 (1996); water at 10 deg C:
+Liebe et al., Int. J. Infrared Millim. Waves 12, 659 (1991); plants: an assumption, a third of that.
+Roughnesses are assumptions; slopes of bodies include what meshes leave out.
 """
 
 from dataclasses import dataclass
@@ -30,12 +35,51 @@ class Texture(IntEnum):
 
 
 @dataclass(frozen=True)
+class RadarSurface:
+    """A surface at 77 GHz, rough at two scales.
+
+    Attributes:
+        permittivity: Relative; its imaginary part is the loss, positive.
+        height_mm: Standard deviation of the height, which decides how much it mirrors.
+        slope: Standard deviation of the slope, by which it scatters the rest around the mirror
+            direction.
+    """
+
+    permittivity: complex
+    height_mm: float
+    slope: float
+
+
+PLATE_77GHZ = RadarSurface(1.0 + 1e6j, 0.02, 0.05)
+"""Flat metal, practically a perfect conductor."""
+METAL_77GHZ = RadarSurface(1.0 + 1e6j, 0.3, 0.3)
+"""Metal that is bent or made of parts."""
+CAR_BODY_77GHZ = RadarSurface(1.0 + 1e6j, 1.0, 0.3)
+ASPHALT_77GHZ = RadarSurface(4.5 + 0.3j, 0.6, 0.4)
+CONCRETE_77GHZ = RadarSurface(5.2 + 0.3j, 0.4, 0.3)
+PLASTER_77GHZ = RadarSurface(2.7 + 0.1j, 0.4, 0.3)
+BRICK_77GHZ = RadarSurface(3.9 + 0.1j, 0.8, 0.3)
+GLASS_77GHZ = RadarSurface(6.3 + 0.2j, 0.02, 0.05)
+WOOD_77GHZ = RadarSurface(2.0 + 0.2j, 0.8, 0.3)
+SOIL_77GHZ = RadarSurface(4.0 + 1.0j, 3.0, 0.5)
+PLANTS_77GHZ = RadarSurface(5.0 + 3.0j, 10.0, 0.8)
+PLASTIC_77GHZ = RadarSurface(2.7 + 0.03j, 0.3, 0.3)
+RUBBER_77GHZ = RadarSurface(3.5 + 0.5j, 1.0, 0.3)
+SKIN_77GHZ = RadarSurface(10.0 + 12.0j, 1.0, 0.4)
+CLOTH_77GHZ = RadarSurface(4.0 + 4.0j, 1.0, 0.4)
+"""Skin through textile, which halves what it reflects: an assumption that gives a pedestrian the
+cross-section that is measured."""
+WATER_77GHZ = RadarSurface(7.6 + 12.8j, 0.02, 0.05)
+
+
+@dataclass(frozen=True)
 class Material:
-    """Optical properties of a surface.
+    """Optical properties of a surface, and those for radars.
 
     Attributes:
         albedo: Linear sRGB; a texture varies it over the surface and keeps its mean.
         reflectance_905nm: Diffuse reflectance at the wavelength of LiDARs.
+        radar: The surface at 77 GHz.
         roughness: Microfacet roughness of the specular lobe, 0 to 1.
         metallic: 0 for dielectrics, 1 for bare metal.
         texture: Pattern of the albedo.
@@ -49,6 +93,7 @@ class Material:
 
     albedo: tuple[float, float, float]
     reflectance_905nm: float
+    radar: RadarSurface
     roughness: float = 0.9
     metallic: float = 0.0
     texture: Texture = Texture.PLAIN
@@ -77,93 +122,134 @@ def _car_paint(
     roughness: float = 0.25,
     metallic: float = 0.0,
 ) -> Material:
-    return Material(albedo, reflectance_905nm, roughness, metallic, is_varnished=True)
+    return Material(
+        albedo, reflectance_905nm, CAR_BODY_77GHZ, roughness, metallic, is_varnished=True
+    )
 
 
 MATERIALS: dict[str, Material] = {
     "asphalt": Material(
-        (0.10, 0.10, 0.105), 0.20, roughness=0.85, texture=Texture.ASPHALT, maps="asphalt"
+        (0.10, 0.10, 0.105),
+        0.20,
+        ASPHALT_77GHZ,
+        roughness=0.85,
+        texture=Texture.ASPHALT,
+        maps="asphalt",
     ),
     "paint_white": Material(
-        (0.70, 0.70, 0.68), 0.70, roughness=0.6, texture=Texture.MARKING, bead_reflectance=0.5
+        (0.70, 0.70, 0.68),
+        0.70,
+        ASPHALT_77GHZ,
+        roughness=0.6,
+        texture=Texture.MARKING,
+        bead_reflectance=0.5,
     ),
     "paint_yellow": Material(
-        (0.70, 0.48, 0.06), 0.60, roughness=0.6, texture=Texture.MARKING, bead_reflectance=0.5
+        (0.70, 0.48, 0.06),
+        0.60,
+        ASPHALT_77GHZ,
+        roughness=0.6,
+        texture=Texture.MARKING,
+        bead_reflectance=0.5,
     ),
-    "concrete": Material((0.36, 0.35, 0.33), 0.35, texture=Texture.PAVING, maps="concrete"),
-    "pavement": Material((0.36, 0.355, 0.34), 0.35, texture=Texture.SLABS, maps="paving"),
-    "kerb": Material((0.42, 0.41, 0.39), 0.35, texture=Texture.STONE, maps="kerb"),
-    "gravel": Material((0.28, 0.26, 0.23), 0.30, texture=Texture.STONE, maps="gravel"),
-    "grass": Material((0.095, 0.135, 0.045), 0.40, texture=Texture.GRASS, maps="grass"),
-    "soil": Material((0.17, 0.11, 0.07), 0.25, texture=Texture.SOIL, maps="soil"),
-    "crops": Material((0.25, 0.27, 0.07), 0.45, texture=Texture.CROPS, maps="crops"),
-    "leaves": Material((0.06, 0.13, 0.03), 0.45, texture=Texture.LEAVES),
-    "needles": Material((0.035, 0.075, 0.03), 0.40, texture=Texture.LEAVES),
-    "bark": Material((0.12, 0.085, 0.06), 0.30, texture=Texture.BARK, maps="bark"),
-    "brick": Material((0.33, 0.14, 0.10), 0.35, texture=Texture.BRICK, maps="brick"),
-    "plaster": Material((0.58, 0.54, 0.46), 0.60, texture=Texture.PLASTER, maps="plaster"),
-    "plaster_ochre": Material((0.54, 0.38, 0.20), 0.55, texture=Texture.PLASTER, maps="plaster"),
-    "plaster_white": Material((0.68, 0.67, 0.64), 0.65, texture=Texture.PLASTER, maps="plaster"),
-    "roof_tile": Material((0.24, 0.09, 0.06), 0.35, texture=Texture.TILES, maps="roof_tile"),
-    "wood": Material((0.30, 0.20, 0.12), 0.50, texture=Texture.WOOD, maps="wood"),
-    "metal": Material((0.45, 0.45, 0.46), 0.30, roughness=0.4, metallic=0.9),
-    "glass": Material((0.03, 0.035, 0.04), 0.02, roughness=0.05, is_transparent=True),
-    "rubber": Material((0.025, 0.025, 0.025), 0.04),
-    "black_plastic": Material((0.04, 0.04, 0.04), 0.06, roughness=0.5),
+    "concrete": Material(
+        (0.36, 0.35, 0.33), 0.35, CONCRETE_77GHZ, texture=Texture.PAVING, maps="concrete"
+    ),
+    "pavement": Material(
+        (0.36, 0.355, 0.34), 0.35, CONCRETE_77GHZ, texture=Texture.SLABS, maps="paving"
+    ),
+    "kerb": Material((0.42, 0.41, 0.39), 0.35, CONCRETE_77GHZ, texture=Texture.STONE, maps="kerb"),
+    "gravel": Material((0.28, 0.26, 0.23), 0.30, SOIL_77GHZ, texture=Texture.STONE, maps="gravel"),
+    "grass": Material(
+        (0.095, 0.135, 0.045), 0.40, PLANTS_77GHZ, texture=Texture.GRASS, maps="grass"
+    ),
+    "soil": Material((0.17, 0.11, 0.07), 0.25, SOIL_77GHZ, texture=Texture.SOIL, maps="soil"),
+    "crops": Material((0.25, 0.27, 0.07), 0.45, PLANTS_77GHZ, texture=Texture.CROPS, maps="crops"),
+    "leaves": Material((0.06, 0.13, 0.03), 0.45, PLANTS_77GHZ, texture=Texture.LEAVES),
+    "needles": Material((0.035, 0.075, 0.03), 0.40, PLANTS_77GHZ, texture=Texture.LEAVES),
+    "bark": Material((0.12, 0.085, 0.06), 0.30, WOOD_77GHZ, texture=Texture.BARK, maps="bark"),
+    "brick": Material((0.33, 0.14, 0.10), 0.35, BRICK_77GHZ, texture=Texture.BRICK, maps="brick"),
+    "plaster": Material(
+        (0.58, 0.54, 0.46), 0.60, PLASTER_77GHZ, texture=Texture.PLASTER, maps="plaster"
+    ),
+    "plaster_ochre": Material(
+        (0.54, 0.38, 0.20), 0.55, PLASTER_77GHZ, texture=Texture.PLASTER, maps="plaster"
+    ),
+    "plaster_white": Material(
+        (0.68, 0.67, 0.64), 0.65, PLASTER_77GHZ, texture=Texture.PLASTER, maps="plaster"
+    ),
+    "roof_tile": Material(
+        (0.24, 0.09, 0.06), 0.35, CONCRETE_77GHZ, texture=Texture.TILES, maps="roof_tile"
+    ),
+    "wood": Material((0.30, 0.20, 0.12), 0.50, WOOD_77GHZ, texture=Texture.WOOD, maps="wood"),
+    "metal": Material((0.45, 0.45, 0.46), 0.30, METAL_77GHZ, roughness=0.4, metallic=0.9),
+    "glass": Material((0.03, 0.035, 0.04), 0.02, GLASS_77GHZ, roughness=0.05, is_transparent=True),
+    "rubber": Material((0.025, 0.025, 0.025), 0.04, RUBBER_77GHZ),
+    "black_plastic": Material((0.04, 0.04, 0.04), 0.06, PLASTIC_77GHZ, roughness=0.5),
     "car_paint_white": _car_paint((0.78, 0.78, 0.77), 0.75),
     "car_paint_silver": _car_paint((0.48, 0.49, 0.50), 0.50, metallic=0.3),
     "car_paint_grey": _car_paint((0.12, 0.125, 0.13), 0.30, metallic=0.2),
     "car_paint_black": _car_paint((0.02, 0.02, 0.022), 0.06, roughness=0.2),
     "car_paint_red": _car_paint((0.42, 0.03, 0.025), 0.45),
-    "car_paint_blue": _car_paint((0.022, 0.060, 0.24), 0.25),
+    "car_paint_blue": _car_paint((0.015, 0.035, 0.50), 0.25),
     "car_paint_green": _car_paint((0.04, 0.15, 0.06), 0.30),
     "car_paint_brown": _car_paint((0.16, 0.10, 0.06), 0.35),
     "car_paint_yellow": _car_paint((0.70, 0.45, 0.02), 0.60),
     "car_paint_orange": _car_paint((0.60, 0.17, 0.02), 0.55),
-    "car_paint_pearl": _car_paint((0.60, 0.58, 0.54), 0.70, metallic=0.1),
-    "car_paint_graphite": _car_paint((0.050, 0.053, 0.058), 0.18, metallic=0.3),
-    "car_paint_navy": _car_paint((0.010, 0.018, 0.050), 0.12, metallic=0.2),
-    "car_paint_wine": _car_paint((0.13, 0.012, 0.018), 0.40, metallic=0.1),
-    "car_paint_beige": _car_paint((0.34, 0.29, 0.22), 0.50, metallic=0.2),
-    "chrome": Material((0.62, 0.62, 0.63), 0.30, roughness=0.12, metallic=1.0),
-    "upholstery": Material((0.06, 0.06, 0.065), 0.35),
-    "licence_plate": Material((0.65, 0.65, 0.62), 0.90, roughness=0.5, sheeting_reflectance=190.0),
-    "lamp_white": Material((0.9, 0.9, 0.85), 0.50, roughness=0.2),
-    "lamp_red": Material((0.45, 0.02, 0.02), 0.50, roughness=0.2, sheeting_reflectance=20.0),
-    "lamp_amber": Material((0.60, 0.22, 0.02), 0.50, roughness=0.2),
-    "lamp_amber_left": Material((0.60, 0.22, 0.02), 0.50, roughness=0.2),
-    "lamp_amber_right": Material((0.60, 0.22, 0.02), 0.50, roughness=0.2),
-    "skin": Material((0.45, 0.29, 0.21), 0.55),
-    "skin_brown": Material((0.27, 0.155, 0.095), 0.52),
-    "skin_dark": Material((0.10, 0.058, 0.038), 0.45),
-    "hair_black": Material((0.018, 0.016, 0.015), 0.25),
-    "hair_brown": Material((0.07, 0.042, 0.025), 0.35),
-    "hair_blond": Material((0.36, 0.25, 0.11), 0.55),
-    "hair_grey": Material((0.33, 0.32, 0.31), 0.50),
-    "hair_red": Material((0.22, 0.075, 0.025), 0.45),
-    "leather": Material((0.035, 0.025, 0.02), 0.30, roughness=0.6),
-    "cloth_light": Material((0.55, 0.53, 0.48), 0.75),
-    "cloth_white": Material((0.74, 0.74, 0.73), 0.80),
-    "cloth_grey": Material((0.20, 0.20, 0.21), 0.50),
-    "cloth_dark": Material((0.06, 0.065, 0.08), 0.45),
-    "cloth_black": Material((0.018, 0.018, 0.02), 0.08),
-    "cloth_blue": Material((0.08, 0.13, 0.28), 0.45),
-    "cloth_denim": Material((0.055, 0.085, 0.15), 0.50),
-    "cloth_red": Material((0.38, 0.06, 0.05), 0.50),
-    "cloth_green": Material((0.06, 0.15, 0.07), 0.45),
-    "cloth_brown": Material((0.17, 0.105, 0.06), 0.50),
-    "cloth_yellow": Material((0.62, 0.44, 0.05), 0.65),
-    "sign_red": Material((0.55, 0.03, 0.03), 0.90, sheeting_reflectance=300.0),
-    "sign_yellow": Material((0.75, 0.55, 0.03), 0.90, sheeting_reflectance=300.0),
-    "signal_red": Material((0.20, 0.015, 0.012), 0.30, roughness=0.2),
-    "signal_yellow": Material((0.22, 0.12, 0.01), 0.30, roughness=0.2),
-    "signal_green": Material((0.012, 0.14, 0.09), 0.30, roughness=0.2),
-    "brick_yellow": Material((0.42, 0.31, 0.18), 0.40, texture=Texture.BRICK, maps="brick_yellow"),
-    "plaster_grey": Material((0.42, 0.42, 0.41), 0.50, texture=Texture.PLASTER, maps="plaster"),
-    "plaster_rose": Material((0.52, 0.33, 0.27), 0.55, texture=Texture.PLASTER, maps="plaster"),
-    "roof_slate": Material(
-        (0.085, 0.09, 0.10), 0.20, roughness=0.7, texture=Texture.TILES, maps="roof_slate"
+    "chrome": Material((0.62, 0.62, 0.63), 0.30, CAR_BODY_77GHZ, roughness=0.12, metallic=1.0),
+    "upholstery": Material((0.06, 0.06, 0.065), 0.35, PLASTIC_77GHZ),
+    "licence_plate": Material(
+        (0.65, 0.65, 0.62), 0.90, PLATE_77GHZ, roughness=0.5, sheeting_reflectance=190.0
     ),
-    "water": Material((0.015, 0.025, 0.025), 0.03, roughness=0.05),
-    "sign_blue": Material((0.02, 0.07, 0.32), 0.85, sheeting_reflectance=60.0),
+    "lamp_white": Material((0.9, 0.9, 0.85), 0.50, PLASTIC_77GHZ, roughness=0.2),
+    "lamp_red": Material(
+        (0.45, 0.02, 0.02), 0.50, PLASTIC_77GHZ, roughness=0.2, sheeting_reflectance=20.0
+    ),
+    "lamp_amber": Material((0.60, 0.22, 0.02), 0.50, PLASTIC_77GHZ, roughness=0.2),
+    "lamp_amber_left": Material((0.60, 0.22, 0.02), 0.50, PLASTIC_77GHZ, roughness=0.2),
+    "lamp_amber_right": Material((0.60, 0.22, 0.02), 0.50, PLASTIC_77GHZ, roughness=0.2),
+    "skin": Material((0.45, 0.29, 0.21), 0.55, SKIN_77GHZ),
+    "skin_brown": Material((0.27, 0.155, 0.095), 0.52, SKIN_77GHZ),
+    "skin_dark": Material((0.10, 0.058, 0.038), 0.45, SKIN_77GHZ),
+    "hair_black": Material((0.018, 0.016, 0.015), 0.25, SKIN_77GHZ),
+    "hair_brown": Material((0.07, 0.042, 0.025), 0.35, SKIN_77GHZ),
+    "hair_blond": Material((0.36, 0.25, 0.11), 0.55, SKIN_77GHZ),
+    "hair_grey": Material((0.33, 0.32, 0.31), 0.50, SKIN_77GHZ),
+    "hair_red": Material((0.22, 0.075, 0.025), 0.45, SKIN_77GHZ),
+    "leather": Material((0.035, 0.025, 0.02), 0.30, CLOTH_77GHZ, roughness=0.6),
+    "cloth_light": Material((0.55, 0.53, 0.48), 0.75, CLOTH_77GHZ),
+    "cloth_white": Material((0.74, 0.74, 0.73), 0.80, CLOTH_77GHZ),
+    "cloth_grey": Material((0.20, 0.20, 0.21), 0.50, CLOTH_77GHZ),
+    "cloth_dark": Material((0.06, 0.065, 0.08), 0.45, CLOTH_77GHZ),
+    "cloth_black": Material((0.018, 0.018, 0.02), 0.08, CLOTH_77GHZ),
+    "cloth_blue": Material((0.08, 0.13, 0.28), 0.45, CLOTH_77GHZ),
+    "cloth_denim": Material((0.055, 0.085, 0.15), 0.50, CLOTH_77GHZ),
+    "cloth_red": Material((0.38, 0.06, 0.05), 0.50, CLOTH_77GHZ),
+    "cloth_green": Material((0.06, 0.15, 0.07), 0.45, CLOTH_77GHZ),
+    "cloth_brown": Material((0.17, 0.105, 0.06), 0.50, CLOTH_77GHZ),
+    "cloth_yellow": Material((0.62, 0.44, 0.05), 0.65, CLOTH_77GHZ),
+    "sign_red": Material((0.55, 0.03, 0.03), 0.90, PLATE_77GHZ, sheeting_reflectance=300.0),
+    "sign_yellow": Material((0.75, 0.55, 0.03), 0.90, PLATE_77GHZ, sheeting_reflectance=300.0),
+    "signal_red": Material((0.20, 0.015, 0.012), 0.30, PLASTIC_77GHZ, roughness=0.2),
+    "signal_yellow": Material((0.22, 0.12, 0.01), 0.30, PLASTIC_77GHZ, roughness=0.2),
+    "signal_green": Material((0.012, 0.14, 0.09), 0.30, PLASTIC_77GHZ, roughness=0.2),
+    "brick_yellow": Material(
+        (0.42, 0.31, 0.18), 0.40, BRICK_77GHZ, texture=Texture.BRICK, maps="brick_yellow"
+    ),
+    "plaster_grey": Material(
+        (0.42, 0.42, 0.41), 0.50, PLASTER_77GHZ, texture=Texture.PLASTER, maps="plaster"
+    ),
+    "plaster_rose": Material(
+        (0.52, 0.33, 0.27), 0.55, PLASTER_77GHZ, texture=Texture.PLASTER, maps="plaster"
+    ),
+    "roof_slate": Material(
+        (0.085, 0.09, 0.10),
+        0.20,
+        CONCRETE_77GHZ,
+        roughness=0.7,
+        texture=Texture.TILES,
+        maps="roof_slate",
+    ),
+    "water": Material((0.015, 0.025, 0.025), 0.03, WATER_77GHZ, roughness=0.05),
+    "sign_blue": Material((0.02, 0.07, 0.32), 0.85, PLATE_77GHZ, sheeting_reflectance=60.0),
 }

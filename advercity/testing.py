@@ -153,6 +153,8 @@ def with_small_sensors(
             camera |= {"width_px": width_px, "height_px": height_px}
         for lidar in (sensors["lidar"], *sensors.get("more_lidars", {}).values()):
             lidar |= {"channels": channels, "azimuths": azimuths}
+        if radar := sensors.get("radar"):
+            radar |= {"rays": 1000}
     return with_digest(Spec.model_validate(data))
 
 

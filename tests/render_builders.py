@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import ArrayLike
 
 from advercity.geometry.mesh import Mesh
-from advercity.materials import MATERIALS, Material
+from advercity.materials import CONCRETE_77GHZ, MATERIALS, Material
 from advercity.physics.atmosphere import Atmosphere
 from advercity.physics.extinction import AirExtinction
 from advercity.physics.photometry import LUMINANCE_WEIGHTS
@@ -41,7 +41,7 @@ def build_box(
 def set_matt_materials(monkeypatch: pytest.MonkeyPatch, **albedos: float) -> None:
     """Replace or add materials by Lambertian grey ones for the time of a test."""
     for name, albedo in albedos.items():
-        matt = Material((albedo, albedo, albedo), 0.5, roughness=1.0)
+        matt = Material((albedo, albedo, albedo), 0.5, CONCRETE_77GHZ, roughness=1.0)
         monkeypatch.setitem(MATERIALS, name, matt)
         # Lamps of the raster pack cast rays, and do not look at what they hit.
         monkeypatch.setitem(MATERIAL_INDEX, name, MATERIAL_INDEX.get(name, 0))

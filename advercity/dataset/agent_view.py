@@ -23,12 +23,15 @@ from advercity.dataset.carla_frame import (
     mirror_angle,
     mirror_columns,
 )
+from advercity.dataset.cloud_files import read_pcd
 from advercity.dataset.formats import DatasetFormat
 from advercity.dataset.image_codec import from_semantic_colours
+from advercity.dataset.radar_files import load_cube
 from advercity.documents import MAX_JSON_BYTES, MAX_YAML_BYTES, parse_json, parse_yaml, read_bytes
 from advercity.errors import InputError, describe_cause
 from advercity.geometry import poses
 from advercity.geometry.poses import Matrix
+from advercity.sensors.measurements import RadarCube
 
 if TYPE_CHECKING:
     from advercity_dsl import Agent
@@ -130,8 +133,9 @@ def _parse_column(items: list[dict[str, Any]], key: str) -> NDArray[np.float64]:
 class AgentView:
     """What one agent recorded in one frame.
 
-    The properties `cloud`, `points`, `measured` and `extras` read their file at every use: keep the
-    result rather than the view. The frame's YAML, which all others need, is read once and kept.
+    The properties `cloud`, `points`, `radar`, `measured` and `extras` read their file at every use:
+    keep the result rather than the view. The frame's YAML, which all others need, is read once and
+    kept.
 
     Args:
         agent: The agent.
@@ -196,6 +200,37 @@ class AgentView:
         table = self._format.read_cloud(path).copy()
         mirror_columns(table)
         return table
+
+    @property
+    def radars(self) -> int:
+        """Number of radars that the agent carries."""
+        return len(self.agent.sensors.radars)
+
+    @property
+    def radar(self) -> NDArray[np.void]:
+        """The detections (n,) of the first radar, read from their file at every use."""
+        return self.load_radar(0)
+
+    def load_radar(self, radar: int) -> NDArray[np.void]:
+        """Load the detections (n,) of a radar.
+
+        Fields: `x`, `y`, `z` in the radar's frame; `velocity` in m/s, positive for what moves away;
+        `rcs` in dB over 1 m²; `snr` in dB; `object_id`; `kind` of `PointKind`.
+        """
+        _check_number("radar", radar, self.radars, self.agent.id)
+        table = read_pcd(self.path(self._format.format_radar_suffix(radar))).copy()
+        mirror_columns(table)
+        return table
+
+    def load_radar_cube(self, radar: int) -> RadarCube:
+        """Load the powers of all cells of a radar whose rig has `output: cube`."""
+        _check_number("radar", radar, self.radars, self.agent.id)
+        return load_cube(self.path(self._format.format_cube_suffix(radar)))
+
+    def load_radar_pose(self, radar: int) -> Matrix:
+        """Load the pose (4, 4) of a radar: x forward, y left, z up."""
+        _check_number("radar", radar, self.radars, self.agent.id)
+        return self._parse_pose(f"radar{radar}_pose")
 
     @property
     def points(self) -> NDArray[np.float32]:
@@ -313,6 +348,8 @@ def extract_measured(
 
 
 def _check_number(what: str, number: int, count: int, agent: str) -> None:
+    if not count:
+        raise InputError(f"{agent} has no {what}")
     if not 0 <= number < count:
         found = f"one {what}, 0" if count == 1 else f"{what}s 0 to {count - 1}"
         raise InputError(f"{agent} has {found}; there is no {what} {number}")

@@ -81,10 +81,15 @@ def encode_pcd(
     table["kind"] = cloud.kind
     if raw:
         table["raw_x"], table["raw_y"], table["raw_z"] = cloud.raw.T
+    return encode_pcd_table(table, encoding)
+
+
+def encode_pcd_table(table: NDArray[np.void], encoding: CloudEncoding) -> bytes:
+    """Encode a table (n,) of right-handed points as PCD; it is mirrored in place."""
     mirror_columns(table)
     if not len(table):
         encoding = "binary"
-    header = _format_pcd_header(len(table), kind, encoding).encode("ascii")
+    header = _format_pcd_header(len(table), table.dtype, encoding).encode("ascii")
     return b"".join([header, *([table.data] if encoding == "binary" else _compress(table))])
 
 

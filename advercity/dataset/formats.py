@@ -48,15 +48,28 @@ class DatasetFormat:
         file_type = self.cloud_suffix.rpartition(".")[2]
         return f"_lidar{lidar}.{file_type}" if lidar else self.cloud_suffix
 
+    @staticmethod
+    def format_radar_suffix(radar: int) -> str:
+        """Return the end of the names of a radar's detections."""
+        return f"_radar{radar}.pcd"
+
+    @staticmethod
+    def format_cube_suffix(radar: int) -> str:
+        """Return the end of the names of a radar's cubes."""
+        return f"_radar{radar}.npz"
+
     def list_suffixes(self, agent: Agent) -> frozenset[str]:
         """List the ends of the names of an agent's files of a frame, behind the frame's name."""
         sensors = agent.sensors
         cameras = range(len(sensors.cameras))
         images = {f"_{kind}{index}.png" for kind in self.image_kinds for index in cameras}
         clouds = map(self.format_cloud_suffix, range(len(sensors.lidars)))
+        radars = set(map(self.format_radar_suffix, range(len(sensors.radars))))
+        if sensors.radar is not None and sensors.radar.output == "cube":
+            radars |= set(map(self.format_cube_suffix, range(len(sensors.radars))))
         has_motion = agent.place.kind == "vehicle" or sensors.imu is not None
         motion = (self.motion_suffix,) if has_motion else ()
-        return frozenset((".yaml", *clouds, *images, *motion, *self.extra_suffixes))
+        return frozenset((".yaml", *clouds, *radars, *images, *motion, *self.extra_suffixes))
 
 
 def format_opv2v_folder(agent: Agent) -> str:

@@ -155,6 +155,10 @@ def build_frame_description(
             f"lidar{index or ''}_pose": to_plain(carla_pose_from_matrix(scan.world_from_lidar))
             for index, scan in enumerate(sensor_frame.lidar_scans)
         },
+        **{
+            f"radar{index}_pose": to_plain(carla_pose_from_matrix(scan.world_from_radar))
+            for index, scan in enumerate(sensor_frame.radar_scans)
+        },
         **{f"camera{index}": _describe_camera(sensor_frame, index) for index in cameras},
         "plan_trajectory": [
             to_plain((*mirror_xyz(x, y, 0.0)[:2], speed * KM_H_PER_M_S))

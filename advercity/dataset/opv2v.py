@@ -16,7 +16,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from advercity.dataset import cloud_files
+from advercity.dataset import cloud_files, radar_files
 from advercity.dataset.bird_view import draw_bird_views
 from advercity.dataset.carla_frame import mirror_points
 from advercity.dataset.cloud_files import CloudEncoding
@@ -94,6 +94,7 @@ def encode_opv2v_frame(
                 raw=lidar.motion_distortion,
                 encoding=clouds,
             )
+        files |= _encode_radars(OPV2V, stem, item, clouds)
         files[f"{stem}_objects.json"] = format_json(build_object_extras(item, annotated))
         if _has_motion(item):
             files[f"{stem}{OPV2V.motion_suffix}"] = format_yaml(build_motion_document(item))
@@ -112,7 +113,7 @@ def encode_adver_city_frame(
         lanes: Not used: this layout has no maps.
         name: Name of the frame.
     """
-    jobs: EncodingJobs = {}
+    jobs, files = EncodingJobs(), dict[str, bytes]()
     for item in sensor_frames:
         stem = _format_stem(ADVER_CITY, item, name)
         for index, image in enumerate(item.camera_images):
@@ -122,10 +123,11 @@ def encode_adver_city_frame(
             jobs[f"{stem}{ADVER_CITY.format_cloud_suffix(index)}"] = partial(
                 _encode_ply, scan.point_cloud
             )
+        files |= _encode_radars(ADVER_CITY, stem, item, "binary_compressed")
         if _has_motion(item):
             jobs[f"{stem}{ADVER_CITY.motion_suffix}"] = partial(_encode_motion, item)
         jobs[f"{stem}.yaml"] = partial(_encode_description, item)
-    return _run_concurrently(jobs)
+    return files | _run_concurrently(jobs)
 
 
 def select_encoder(layout: str, clouds: CloudEncoding) -> FrameEncoder:
@@ -141,6 +143,20 @@ def _run_concurrently(jobs: Mapping[str, Callable[[], bytes]]) -> dict[str, byte
     with ThreadPoolExecutor() as pool:
         running = {name: pool.submit(job) for name, job in jobs.items()}
     return {name: future.result() for name, future in running.items()}
+
+
+def _encode_radars(
+    layout: DatasetFormat, stem: str, item: SensorFrame, encoding: CloudEncoding
+) -> dict[str, bytes]:
+    """Encode the detections of an agent's radars, and their cubes if they report them."""
+    files: dict[str, bytes] = {}
+    for index, scan in enumerate(item.radar_scans):
+        path = f"{stem}{layout.format_radar_suffix(index)}"
+        files[path] = radar_files.encode_detections(scan.detections, encoding)
+        if scan.cube is not None:
+            path = f"{stem}{layout.format_cube_suffix(index)}"
+            files[path] = radar_files.encode_cube(scan.cube)
+    return files
 
 
 def _format_stem(layout: DatasetFormat, item: SensorFrame, name: str) -> str:

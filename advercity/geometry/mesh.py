@@ -6,8 +6,7 @@ a draw call.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from enum import IntEnum
+from dataclasses import dataclass
 
 import mapbox_earcut
 import numpy as np
@@ -39,16 +38,6 @@ class Wheel:
         return self.hub[2]
 
 
-class MeshLayer(IntEnum):
-    """What of a body a mesh is: images may leave out the details of distant bodies."""
-
-    SHAPE = 0
-    DETAIL = 1
-    """Small, or behind windows."""
-    OCCUPANT = 2
-    """A detail that is not in parked vehicles."""
-
-
 @dataclass(frozen=True)
 class Mesh:
     """Triangles of one material and one semantic class.
@@ -65,7 +54,6 @@ class Mesh:
         wheel: The wheel that it turns with, or None.
         uv: (n, 2) float32 metres to the right and up on the images of its material, or None: images
             then lie over a static mesh along the world's axes.
-        layer: What of a body it is.
     """
 
     name: str
@@ -77,7 +65,6 @@ class Mesh:
     weights: NDArray[np.float32] | None = None
     wheel: Wheel | None = None
     uv: NDArray[np.float32] | None = None
-    layer: MeshLayer = MeshLayer.SHAPE
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +107,6 @@ class MeshPart:
     material: str
     semantic: Semantic
     wheel: Wheel | None = None
-    layer: MeshLayer = MeshLayer.SHAPE
 
 
 def build_ribbon(left: Points, right: Points) -> TriangleSurface:
@@ -259,9 +245,14 @@ def add_mirror_image(surface: TriangleSurface) -> TriangleSurface:
     return join_surfaces([surface, mirror_surface(surface)])
 
 
-def keep_triangles(surface: TriangleSurface, mask: NDArray[np.bool_]) -> TriangleSurface:
-    """Keep the triangles of a surface where `mask` (m,) holds, without normals."""
-    return TriangleSurface(surface.vertices, surface.triangles[mask])
+def split_surface(
+    surface: TriangleSurface, mask: NDArray[np.bool_]
+) -> tuple[TriangleSurface, TriangleSurface]:
+    """Split a surface into the triangles where `mask` (m,) holds and the others."""
+    return (
+        TriangleSurface(surface.vertices, surface.triangles[mask]),
+        TriangleSurface(surface.vertices, surface.triangles[~mask]),
+    )
 
 
 def shade_smooth(surface: TriangleSurface) -> TriangleSurface:
@@ -318,25 +309,19 @@ def normalize(vectors: ArrayLike) -> Float64Array:
 def build_meshes(pieces: Sequence[MeshPart], prefix: str = "") -> list[Mesh]:
     """Build a mesh per material, semantic class and wheel, named after them, in stable order."""
     wheels = sorted({piece.wheel for piece in pieces if piece.wheel is not None})
-    groups: dict[tuple[MeshLayer, int, str, Semantic], list[TriangleSurface]] = {}
+    groups: dict[tuple[int, str, Semantic], list[TriangleSurface]] = {}
     for piece in pieces:
         surface = (
             piece.surface if piece.surface.normals is not None else shade_smooth(piece.surface)
         )
         number = 0 if piece.wheel is None else 1 + wheels.index(piece.wheel)
-        key = piece.layer, number, piece.material, piece.semantic
-        groups.setdefault(key, []).append(surface)
+        groups.setdefault((number, piece.material, piece.semantic), []).append(surface)
     return [
-        replace(
-            join_surfaces(surfaces).to_mesh(
-                f"{prefix}{semantic.name.lower()}_{material}"
-                + f"_wheel_{number}" * (number > 0)
-                + f"_{layer.name.lower()}" * (layer > 0),
-                material,
-                semantic,
-                wheels[number - 1] if number else None,
-            ),
-            layer=layer,
+        join_surfaces(surfaces).to_mesh(
+            f"{prefix}{semantic.name.lower()}_{material}" + f"_wheel_{number}" * (number > 0),
+            material,
+            semantic,
+            wheels[number - 1] if number else None,
         )
-        for (layer, number, material, semantic), surfaces in sorted(groups.items())
+        for (number, material, semantic), surfaces in sorted(groups.items())
     ]

@@ -1,7 +1,7 @@
 """Poses of agents and sensors in each frame, and their GNSS, IMU and planned path."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 
@@ -29,7 +29,8 @@ from advercity.scene.parking import place_parked_cars
 from advercity.sensors.gnss import measure_gnss
 from advercity.sensors.imu import measure_imu
 from advercity.sensors.measurements import GnssFix, ImuSample
-from advercity.sensors.sensor_frame import CameraImage, LidarScan, SensorFrame
+from advercity.sensors.radar import PlacedRadar
+from advercity.sensors.sensor_frame import CameraImage, LidarScan, RadarScan, SensorFrame
 from advercity.traffic.figures import assign_figures, number_figures
 from advercity.traffic.weather_effects import apply_lamp_state, raise_umbrellas
 
@@ -68,15 +69,17 @@ class AgentPoses:
         *,
         images: tuple[CameraImage, ...],
         scans: tuple[LidarScan, ...],
+        radar_scans: tuple[RadarScan, ...] = (),
         min_points: int = 0,
     ) -> SensorFrame:
-        """Add pose, GNSS, IMU and planned path of an agent to what its cameras and LiDAR saw.
+        """Add pose, GNSS, IMU and planned path of an agent to what its other sensors saw.
 
         Args:
             agent: The agent.
             frame: Recorded frame, as `load_frame` returns it.
             images: One per camera.
             scans: One per LiDAR.
+            radar_scans: One per radar.
             min_points: Points that an actor must return to be annotated.
         """
         world_from_agent = self.world_from_agent(agent, frame.index)
@@ -91,6 +94,7 @@ class AgentPoses:
             ),
             camera_images=images,
             lidar_scans=scans,
+            radar_scans=radar_scans,
             min_points=min_points,
             gnss=None if is_unit else gnss,
             imu=self._measure_imu(agent, frame.index),
@@ -147,12 +151,34 @@ class AgentPoses:
         )
 
     def world_from_cameras(self, agent: Agent, index: int) -> list[Matrix]:
-        """Return `world_from_camera` (4, 4) of each camera of an agent.
-
-        The cameras of a roadside unit turn about the vertical before they tilt, so that all of
-        them look down by the pitch of the unit.
-        """
+        """Return `world_from_camera` (4, 4) of each camera of an agent."""
         mounts = [item.mount for item in agent.sensors.cameras]
+        return self._world_from_mounts(agent, mounts, index)
+
+    def place_radars(self, agent: Agent, frame: Frame) -> list[PlacedRadar]:
+        """Place the radars of an agent in a frame."""
+        radars, motion = agent.sensors.radars, self._find_motion(agent, frame)
+        mounts = [item.mount for item in radars]
+        world_from_radars = self._world_from_mounts(agent, mounts, frame.index)
+        carrier = self.world_from_agent(agent, frame.index)
+        turn = carrier[:3, :3] @ motion.angular_rate
+        return [
+            PlacedRadar(
+                radar=item.radar,
+                mount=item.mount,
+                world_from_radar=pose,
+                velocity=motion.velocity + np.cross(turn, pose[:3, 3] - carrier[:3, 3]),
+                carrier=max(agent.number, 0),
+            )
+            for item, pose in zip(radars, world_from_radars, strict=True)
+        ]
+
+    def _world_from_mounts(self, agent: Agent, mounts: Sequence[Mount], index: int) -> list[Matrix]:
+        """Return the poses (4, 4) of sensors that look ahead from their mounts.
+
+        Those of a roadside unit turn about the vertical before they tilt, so that all of them look
+        down by the pitch of the unit.
+        """
         place = agent.place
         if not isinstance(place, RoadsideUnit):
             return [

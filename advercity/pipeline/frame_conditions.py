@@ -9,15 +9,17 @@ from advercity.physics.atmosphere import Atmosphere
 from advercity.physics.timeline import WeatherTimeline
 from advercity.sensors.camera import CameraConditions, move_blocks
 from advercity.sensors.lidar import LidarConditions, derive_lidar_conditions
+from advercity.sensors.radar import RadarConditions, derive_radar_conditions
 
 
 @dataclass(frozen=True, eq=False)
 class FrameConditions:
-    """Air and light of a frame, as the renderer, cameras and LiDARs need them."""
+    """Air and light of a frame, as the renderer and the sensors need them."""
 
     atmosphere: Atmosphere
     camera: CameraConditions
     lidar: LidarConditions
+    radar: RadarConditions
 
 
 class ConditionsByFrame:
@@ -43,10 +45,16 @@ class ConditionsByFrame:
         return self._derive_once(frame if self._timeline.is_changing else 0)
 
     def _derive(self, frame: int) -> FrameConditions:
-        timeline, lens = self._timeline, self._timeline.weather_at(frame).lens
+        timeline, weather = self._timeline, self._timeline.weather_at(frame)
+        lens = weather.lens
         atmosphere = timeline.atmosphere_at(frame, self._spec.road.land_use)
         if timeline.is_changing:
             time_s, path_m = frame * self._spec.timing.tick_s, timeline.compute_air_path_m(frame)
             blocks = move_blocks(self._blocks, atmosphere, path_m, time_s)
             self._camera = self._camera.change(atmosphere, lens, blocks)
-        return FrameConditions(atmosphere, self._camera, derive_lidar_conditions(atmosphere, lens))
+        return FrameConditions(
+            atmosphere=atmosphere,
+            camera=self._camera,
+            lidar=derive_lidar_conditions(atmosphere, lens),
+            radar=derive_radar_conditions(atmosphere, lens, weather.fog),
+        )

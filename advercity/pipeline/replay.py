@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from advercity.conflicts.events import find_conflict_events
 from advercity.dataset.agent_view import AgentView, Boxes, extract_measured
 from advercity.dataset.image_codec import MAX_DEPTH_CM
+from advercity.dataset.radar_files import parse_detections
 from advercity.dataset.reader import Scenario
 from advercity.dataset.scenario_folders import no_frames_error
 from advercity.errors import InputError, RunError
@@ -24,7 +25,8 @@ from advercity.pipeline.options import ViewerTarget
 from advercity.pipeline.preparation import load_or_simulate_traffic
 from advercity.roads.road_network import build_road
 from advercity.sensors.measurements import PointCloud
-from advercity.sensors.sensor_frame import CameraImage, LidarScan, SensorFrame
+from advercity.sensors.radar import PlacedRadar
+from advercity.sensors.sensor_frame import CameraImage, LidarScan, RadarScan, SensorFrame
 from advercity.viewer.cloud_colours import CloudColour
 from advercity.viewer.recording import RerunRecording
 from advercity.viewer.viewer_process import STREAM_SCHEMES, show
@@ -43,6 +45,7 @@ def load_sensor_frames(
             frame,
             images=tuple(_load_images(stored[agent.id], poses.world_from_cameras(agent, index))),
             scans=tuple(_load_scans(stored[agent.id], poses.world_from_lidars(agent, frame))),
+            radar_scans=tuple(_load_radars(stored[agent.id], poses.place_radars(agent, frame))),
         )
         for agent in scenario.spec.agents
     )
@@ -115,6 +118,17 @@ def _load_point_cloud(stored: AgentView, lidar: int) -> PointCloud:
         instance=column("object_id", np.int32),
         kind=column("kind", np.uint8),
     )
+
+
+def _load_radars(stored: AgentView, radars: Sequence[PlacedRadar]) -> Iterator[RadarScan]:
+    """Load the detections of radars, and their cubes if they report them."""
+    for number, placed in enumerate(radars):
+        has_cube = placed.radar.output == "cube"
+        yield RadarScan(
+            placed.world_from_radar,
+            parse_detections(stored.load_radar(number)),
+            stored.load_radar_cube(number) if has_cube else None,
+        )
 
 
 def write_recording(

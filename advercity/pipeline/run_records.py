@@ -7,7 +7,6 @@ manifests, since those must be the same on every machine.
 import platform
 from contextlib import suppress
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated
 
 from advercity_dsl import Model, Spec
@@ -34,7 +33,7 @@ class FrameWork:
         agents: Agents that sense.
         images: Images of all cameras; each comes with its classes and depths.
         pixels: Pixels of all those images.
-        beams: Beams of all LiDARs.
+        beams: Beams of all LiDARs, and rays of all radars.
     """
 
     agents: int
@@ -47,12 +46,14 @@ class FrameWork:
         """Count the work of a frame with images at `scale` of their authored width and height."""
         cameras = [item.camera for agent in spec.agents for item in agent.sensors.cameras]
         lidars = [lidar for agent in spec.agents for lidar in agent.sensors.lidars]
+        radars = [item.radar for agent in spec.agents for item in agent.sensors.radars]
+        beams = sum(lidar.channels * lidar.azimuths * lidar.sub_rays for lidar in lidars)
         pixels = sum(camera.width_px * camera.height_px for camera in cameras)
         return FrameWork(
             agents=len(spec.agents),
             images=len(cameras),
             pixels=max(1, round(pixels * scale**2)),
-            beams=sum(lidar.channels * lidar.azimuths * lidar.sub_rays for lidar in lidars),
+            beams=beams + sum(radar.rays for radar in radars),
         )
 
 
@@ -119,31 +120,21 @@ def record_run(spec: Spec, options: RunOptions, result: ScenarioResult, worker_c
 
 
 def _append(record: RunRecord) -> None:
-    """Add a line, and drop the oldest records; other lines and links to elsewhere stay."""
     # Two runs that end at once may lose one of the two lines, which does no harm.
     path = find_cache_folder() / RECORDS_FILE
-    if path.is_symlink():
-        return
-    lines = path.read_bytes().splitlines() if path.exists() else []
-    records = [number for number, line in enumerate(lines) if _parse_record(line) is not None]
-    oldest = records[: max(0, len(records) + 1 - MAX_RECORDS)]
-    kept = [line for number, line in enumerate(lines) if number not in oldest]
-    write_atomically(path, b"\n".join([*kept, record.model_dump_json().encode(), b""]))
-
-
-def _parse_record(line: bytes | str) -> RunRecord | None:
-    """Parse a line of the file; None if it is not a record of this version."""
-    with suppress(InputError, ValidationError):
-        return RunRecord.model_validate(parse_json(line, Path(RECORDS_FILE)))
-    return None
+    lines = path.read_text(encoding="utf-8", errors="replace").splitlines() if path.exists() else []
+    lines = [*lines, record.model_dump_json()][-MAX_RECORDS:]
+    write_atomically(path, ("\n".join(lines) + "\n").encode())
 
 
 def load_records(*, backend: str, renderer: str, format: str) -> list[RunRecord]:
     """Load what was recorded on this machine with a backend, a renderer and a layout."""
+    path = find_cache_folder() / RECORDS_FILE
     records: list[RunRecord] = []
     with suppress(InputError):
-        lines = read_text(find_cache_folder() / RECORDS_FILE).splitlines()
-        records = [record for record in map(_parse_record, lines) if record is not None]
+        for line in read_text(path).splitlines():
+            with suppress(InputError, ValidationError):  # of another version
+                records.append(RunRecord.model_validate(parse_json(line, path)))
     wanted = (describe_machine(), backend, renderer, format)
     return [
         record

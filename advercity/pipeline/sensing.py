@@ -1,7 +1,7 @@
-"""Captures frames with every camera and LiDAR of a scenario, in any order of frames."""
+"""Captures frames with every camera, LiDAR and radar of a scenario, in any order of frames."""
 
 import math
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
 from advercity_dsl import Agent, RoadsideUnit
@@ -30,10 +30,12 @@ from advercity.sensors.lidar import (
     cast_scan,
     measure_point_cloud,
 )
+from advercity.sensors.radar import PlacedRadar, SceneMotion, scan_radar
 from advercity.sensors.sensor_frame import (
     CameraImage,
     LidarScan,
     ProjectedBox,
+    RadarScan,
     SensorFrame,
     compute_pinhole_matrix,
 )
@@ -74,6 +76,8 @@ class SensorRig:
     def capture_frame(self, index: int) -> tuple[SensorFrame, ...]:
         """Capture what every agent senses in recorded frame `index`, in the spec's order."""
         frame, agents = self._place_frame(index), self._spec.agents
+        motion = SceneMotion(frame, self._world.bodies)
+        radars = {agent.id: self._poses.place_radars(agent, frame) for agent in agents}
         captures = self._renderer.render_cameras(
             [
                 build_camera_view(agent, camera, pose, self._profile)
@@ -81,7 +85,9 @@ class SensorRig:
                 for camera, pose in enumerate(self._poses.world_from_cameras(agent, index))
             ]
         )
-        return tuple(self._build_sensor_frame(agent, frame, captures) for agent in agents)
+        return tuple(
+            self._build_sensor_frame(agent, frame, captures, radars, motion) for agent in agents
+        )
 
     def capture_image(self, agent: Agent, camera: int, index: int) -> Uint8Array:
         """Render the image (h, w, 3), RGB, of one camera alone in recorded frame `index`."""
@@ -104,13 +110,19 @@ class SensorRig:
         return frame
 
     def _build_sensor_frame(
-        self, agent: Agent, frame: Frame, captures: Iterator[CameraCapture]
+        self,
+        agent: Agent,
+        frame: Frame,
+        captures: Iterator[CameraCapture],
+        radars: Mapping[str, Sequence[PlacedRadar]],
+        motion: SceneMotion,
     ) -> SensorFrame:
         return self._poses.build_sensor_frame(
             agent,
             frame,
             images=tuple(self._capture_images(agent, frame, captures)),
             scans=tuple(self._measure_scans(agent, frame)),
+            radar_scans=tuple(self._scan_radars(agent, radars, motion)),
             min_points=self._min_points,
         )
 
@@ -137,6 +149,18 @@ class SensorRig:
             else self._poses.world_from_lidars(agent, previous)[index],
             puddle_coverage=self._conditions.lidar.puddle_coverage,
         )
+
+    def _scan_radars(
+        self, agent: Agent, radars: Mapping[str, Sequence[PlacedRadar]], motion: SceneMotion
+    ) -> Iterator[RadarScan]:
+        """Measure with the radars of an agent; all others of the scene disturb them."""
+        for index, placed in enumerate(radars[agent.id]):
+            self._raycaster.place(motion.frame, hide=_carrier_ids(agent))
+            others = [other for one in radars.values() for other in one if other is not placed]
+            rng = self._poses.make_generator("radar", agent, motion.frame, index)
+            air = self._conditions.radar
+            found = scan_radar(placed, others, self._raycaster, motion, air, rng)
+            yield RadarScan(placed.world_from_radar, found.detections, found.cube)
 
     def _capture_images(
         self, agent: Agent, frame: Frame, captures: Iterator[CameraCapture]

@@ -6,7 +6,7 @@ built from frame to frame.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +47,10 @@ class RayHits:
     material: NDArray[np.int16]
     semantic: NDArray[np.uint8]
     instance: NDArray[np.int32]
+
+    def select(self, rows: IndexArray) -> "RayHits":
+        """Select hits by row numbers."""
+        return RayHits(*(getattr(self, item.name)[rows] for item in fields(self)))
 
 
 @dataclass(frozen=True, eq=False)

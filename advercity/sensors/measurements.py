@@ -1,4 +1,4 @@
-"""What sensors report: GNSS fixes, IMU samples and point clouds.
+"""What sensors report: GNSS fixes, IMU samples, point clouds and radar detections.
 
 Datasets' readers import these types, so this module imports nothing but NumPy.
 """
@@ -52,8 +52,10 @@ class PointKind(IntEnum):
     DUST = 4
     SPRAY = 5
     GHOST = 6
-    """A surface mirrored in a puddle, reported below the ground."""
+    """A surface mirrored in a puddle, reported below the ground; for radars, in any surface."""
     HAIL = 7
+    NOISE = 8
+    """Noise of a radar's receiver that passed for a target."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,3 +85,39 @@ class PointCloud:
     semantic: NDArray[np.uint8]
     instance: NDArray[np.int32]
     kind: NDArray[np.uint8]
+
+
+@dataclass(frozen=True, eq=False)
+class RadarDetections:
+    """The n detections of one radar at one tick.
+
+    Attributes:
+        points: (n, 3) float32, metres, in the radar's frame (x forward, y left, z up).
+        velocity_m_s: (n,) float32 radial velocity, relative to the radar, positive for what moves
+            away; folded into the unambiguous interval.
+        rcs_dbsm: (n,) float32 radar cross-section in dB over 1 m², not corrected for weather.
+        snr_db: (n,) float32 power over the estimated noise.
+        instance: (n,) int32 id of the actor; 0 for everything else.
+        kind: (n,) uint8 of `PointKind`.
+    """
+
+    points: NDArray[np.float32]
+    velocity_m_s: NDArray[np.float32]
+    rcs_dbsm: NDArray[np.float32]
+    snr_db: NDArray[np.float32]
+    instance: NDArray[np.int32]
+    kind: NDArray[np.uint8]
+
+
+@dataclass(frozen=True, eq=False)
+class RadarCube:
+    """Every cell of a radar at one tick, the strongest of its velocities.
+
+    Attributes:
+        power_db: (ranges, azimuths, elevations) float16 power over the receiver's noise;
+            azimuths from the right to the left, elevations from the lowest up.
+        velocity_m_s: (ranges, azimuths, elevations) float16 radial velocity of that power.
+    """
+
+    power_db: NDArray[np.float16]
+    velocity_m_s: NDArray[np.float16]

@@ -11,7 +11,13 @@ from numpy.typing import NDArray
 from advercity.conflicts.roles import ConflictRole, ConflictRoles
 from advercity.frames import Frame
 from advercity.geometry.poses import Matrix
-from advercity.sensors.measurements import GnssFix, ImuSample, PointCloud
+from advercity.sensors.measurements import (
+    GnssFix,
+    ImuSample,
+    PointCloud,
+    RadarCube,
+    RadarDetections,
+)
 
 PixelBox = tuple[float, float, float, float]
 """Left, top, right and bottom in pixels; pixel k extends from k to k + 1."""
@@ -81,6 +87,21 @@ class LidarScan:
 
 
 @dataclass(frozen=True, eq=False)
+class RadarScan:
+    """One measurement of a radar.
+
+    Attributes:
+        world_from_radar: (4, 4) at the frame's instant.
+        detections: Detections in the radar's frame.
+        cube: Powers of all cells; None if the radar reports detections only.
+    """
+
+    world_from_radar: Matrix
+    detections: RadarDetections
+    cube: RadarCube | None = None
+
+
+@dataclass(frozen=True, eq=False)
 class SensorFrame:
     """Measurements of one agent at one tick, in the right-handed world and body frames.
 
@@ -91,6 +112,7 @@ class SensorFrame:
         estimated_world_from_agent: (4, 4), the same as estimated by the agent's localisation.
         camera_images: Images, by the numbers of the cameras.
         lidar_scans: Scans, by the numbers of the LiDARs; at least one.
+        radar_scans: Scans, by the numbers of the radars.
         min_points: Number of points that an actor must return to be annotated.
         gnss: Fix of the receiver; None without a receiver or a fix.
         imu: Sample of the inertial unit; None without one.
@@ -105,6 +127,7 @@ class SensorFrame:
     estimated_world_from_agent: Matrix
     camera_images: tuple[CameraImage, ...]
     lidar_scans: tuple[LidarScan, ...]
+    radar_scans: tuple[RadarScan, ...] = ()
     min_points: int = 0
     gnss: GnssFix | None = None
     imu: ImuSample | None = None

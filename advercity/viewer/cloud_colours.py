@@ -23,6 +23,7 @@ KIND_COLOURS = {
     PointKind.DUST: (222, 170, 90),
     PointKind.SPRAY: (90, 230, 210),
     PointKind.GHOST: (255, 80, 200),
+    PointKind.NOISE: (110, 110, 70),
 }
 _KIND_COLOUR_TABLE = np.array([KIND_COLOURS[kind] for kind in PointKind], np.uint8)
 

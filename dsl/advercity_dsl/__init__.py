@@ -12,7 +12,7 @@ from advercity_dsl.catalogue import (
     PedestrianAppearance,
 )
 from advercity_dsl.conflict import Conflict, OutcomeCriteria, StagedActor, StagedConflict
-from advercity_dsl.rig import Camera, Exposure, Gnss, Imu, Lidar, Mount, Rig, SensorSet
+from advercity_dsl.rig import Camera, Exposure, Gnss, Imu, Lidar, Mount, Radar, Rig, SensorSet
 from advercity_dsl.road import MapFile, MapNetwork, Road, RoadsideUnit, Street, Vehicle
 from advercity_dsl.spec import SPEC_VERSION, Agent, Spec
 from advercity_dsl.suite import Suite, Timing
@@ -74,6 +74,7 @@ __all__ = [
     "Mount",
     "OutcomeCriteria",
     "PedestrianAppearance",
+    "Radar",
     "Rig",
     "Road",
     "RoadsideUnit",

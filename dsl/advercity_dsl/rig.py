@@ -16,13 +16,18 @@ from advercity_dsl.base import (
     Items,
     Model,
     is_empty,
+    is_none,
 )
 from advercity_dsl.units import (
     Count,
+    DecibelMilliwatts,
+    Decibels,
     Degrees,
     Flag,
     Fraction,
+    Megahertz,
     Metres,
+    MetresPerSecond,
     Number,
     PositiveMetres,
     RangeReason,
@@ -155,6 +160,49 @@ class Lidar(CompactModel):
         return self
 
 
+class Radar(CompactModel):
+    """A 4-D imaging radar at 77 GHz: range, radial velocity, azimuth and elevation.
+
+    It measures ten times a second, at the tick of the other sensors. Cells are those that it
+    resolves.
+    """
+
+    bandwidth_mhz: Annotated[Megahertz, Field(ge=50, le=4000)] = 375
+    """Swept bandwidth; 375 MHz is a range cell of 0.4 m."""
+    range_m: Annotated[PositiveMetres, Field(ge=5, le=500)] = 150
+    """Maximum range."""
+    max_speed_m_s: Annotated[MetresPerSecond, Field(ge=5, le=150)] = 30
+    """Largest radial velocity that is unambiguous; what is faster folds into this interval."""
+    speed_cell_m_s: Annotated[MetresPerSecond, Field(ge=0.02, le=5)] = 0.15
+    """Cell of the radial velocity."""
+    azimuth_fov_deg: Annotated[Degrees, Field(ge=1, le=170)] = 120
+    """Horizontal field of view."""
+    azimuth_cell_deg: Annotated[Degrees, Field(ge=0.1, le=30)] = 1.5
+    """Horizontal cell."""
+    elevation_fov_deg: Annotated[Degrees, Field(ge=1, le=120)] = 30
+    """Vertical field of view."""
+    elevation_cell_deg: Annotated[Degrees, Field(ge=0.1, le=30)] = 2
+    """Vertical cell."""
+    rays: Annotated[Count, Field(ge=100, le=1_000_000)] = 60_000
+    """Rays that sample the field of view."""
+    bounces: Annotated[Count, Field(ge=1, le=3)] = 3
+    """Surfaces that a ray may hit, one after the other."""
+    transmit_dbm: Annotated[DecibelMilliwatts, Field(ge=-20, le=40)] = 12
+    """Transmitted power."""
+    noise_figure_db: Annotated[Decibels, Field(ge=0, le=40)] = 12
+    """Noise figure of the receiver."""
+    detector: Literal["ca", "os"] = "ca"
+    """How the noise around a cell is estimated: cell-averaging or ordered-statistic CFAR."""
+    threshold_db: Annotated[Decibels, Field(ge=3, le=40)] = 13
+    """Power over the estimated noise that is a detection."""
+    duty_cycle: Annotated[Fraction, Field(ge=0.01)] = 0.5
+    """Fraction of the time in which it transmits, and so disturbs other radars."""
+    output: Literal["points", "cube"] = "points"
+    """Whether the powers of all cells are written too."""
+    mounts: Annotated[Items[Mount], Field(min_length=1, max_length=8)]
+    """Pose of each radar of this kind."""
+
+
 class Gnss(CompactModel):
     """Satellite positioning with white noise in degrees or with the errors of a real receiver.
 
@@ -205,6 +253,13 @@ class MountedCamera(NamedTuple):
     name: str
 
 
+class MountedRadar(NamedTuple):
+    """One radar of a carrier."""
+
+    radar: Radar
+    mount: Mount
+
+
 class SensorSet(Model):
     """The sensors of one kind of agent."""
 
@@ -221,6 +276,8 @@ class SensorSet(Model):
         default_factory=dict, exclude_if=is_empty
     )
     """Other LiDARs, by name, numbered from 1 in the order in which they are written."""
+    radar: Radar | None = Field(default=None, exclude_if=is_none)
+    """Radars of one kind; `null` is none."""
     gnss: Gnss = Gnss()
     """Satellite positioning."""
     imu: Imu | None = None
@@ -240,6 +297,12 @@ class SensorSet(Model):
     def lidars(self) -> tuple[Lidar, ...]:
         """All LiDARs, by their numbers in a dataset; the first is `lidar`."""
         return (self.lidar, *self.more_lidars.values())
+
+    @property
+    def radars(self) -> tuple[MountedRadar, ...]:
+        """All radars, by their numbers in a dataset."""
+        radar = self.radar
+        return () if radar is None else tuple(MountedRadar(radar, item) for item in radar.mounts)
 
 
 class Rig(Declaration):

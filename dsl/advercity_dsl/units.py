@@ -33,6 +33,10 @@ UNITS: dict[str, tuple[str, float]] = {
     "g/cm3": ("density", 1.0),
     "kg/m3": ("density", 1e-3),
     "degC": ("temperature", 1.0),
+    "MHz": ("frequency", 1.0),
+    "GHz": ("frequency", 1e3),
+    "dB": ("level", 1.0),
+    "dBm": ("power", 1.0),
     "%": ("fraction", 0.01),
     "1": ("fraction", 1.0),
 }
@@ -176,6 +180,9 @@ Celsius = Annotated[
     Field(ge=-100, le=100),
     RangeReason("no weather is colder or hotter", 100),
 ]
+Megahertz = Annotated[_Number, Unit("MHz"), Field(ge=0, le=1e6)]
+Decibels = Annotated[_Number, Unit("dB"), Field(ge=-200, le=200)]
+DecibelMilliwatts = Annotated[_Number, Unit("dBm"), Field(ge=-200, le=200)]
 Fraction = Annotated[_Number, Unit("1"), Field(ge=0, le=1)]
 Percent = Annotated[_Number, Unit("%"), Field(ge=0, le=100)]
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from advercity.frames import Actor, ActorState, Frame, Lamp
 from advercity.geometry.mesh import Mesh
 from advercity.geometry.poses import pose_matrix
-from advercity.materials import MATERIALS, Material
+from advercity.materials import CONCRETE_77GHZ, MATERIALS, Material
 from advercity.physics.atmosphere import Atmosphere, compute_atmosphere
 from advercity.physics.extinction import AirExtinction, Extinction
 from advercity.physics.lamp_beams import LOW_BEAM
@@ -54,7 +54,9 @@ BOX: Solid = (7.0, -2.0, 0.75), (1.5, 1.5, 1.5), "plaster"
 def ideal_surfaces(monkeypatch: pytest.MonkeyPatch) -> None:
     for name, albedo in ALBEDO.items():
         texture = MATERIALS[name].texture if name == "asphalt" else MATERIALS["glass"].texture
-        ideal = Material((albedo, albedo, albedo), 0.5, roughness=1.0, texture=texture)
+        ideal = Material(
+            (albedo, albedo, albedo), 0.5, CONCRETE_77GHZ, roughness=1.0, texture=texture
+        )
         monkeypatch.setitem(MATERIALS, name, ideal)
 
 

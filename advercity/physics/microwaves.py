@@ -1,0 +1,147 @@
+"""Water at 77 GHz, in the air and on glass: attenuation, and backscatter of drops and flakes.
+
+Spheres are solved by Mie's series (Bohren and Huffman 1983, chapter 4), with the permittivity of
+water of Liebe, Hufford and Manabe, Int. J. Infrared Millim. Waves 12, 659 (1991), at 10 deg C.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from advercity.geometry.arrays import Float64Array
+from advercity.physics.precipitation import ParticleSizeDistribution
+
+SPEED_OF_LIGHT_M_S = 299_792_458.0
+FREQUENCY_HZ = 77e9
+WAVELENGTH_M = SPEED_OF_LIGHT_M_S / FREQUENCY_HZ
+RAIN_COEFFICIENT, RAIN_EXPONENT = 1.13, 0.718
+"""Recommendation ITU-R P.838-3 at 77 GHz, horizontal polarisation: dB/km of a rate in mm/h."""
+DECIBELS_PER_NEPER = 10.0 / math.log(10.0)
+WATER_DENSITY_G_M3 = 1e6
+ICE_PERMITTIVITY = 3.17 + 0.003j
+"""Of ice near its melting point at 77 GHz (Matzler 2006)."""
+ICE_DENSITY_G_CM3 = 0.917
+WET_SNOW_DENSITY_G_CM3 = 0.2
+"""Density from which flakes are taken as wet."""
+WET_SNOW_WATER_FRACTION = 0.1
+"""Fraction of the volume of a wet flake's ice that has melted."""
+_NUM_DIAMETERS = 200
+_SMALLEST_MM = 0.02
+
+
+def water_permittivity(temperature_c: float = 10.0) -> complex:
+    """Compute the relative permittivity of water at 77 GHz; the loss is positive."""
+    theta, frequency = 1.0 - 300.0 / (273.15 + temperature_c), FREQUENCY_HZ / 1e9
+    static = 77.66 - 103.3 * theta
+    first_ghz = 20.2 + 146.4 * theta + 316.0 * theta**2
+    between, high = 0.0671 * static, 3.52 + 7.52 * theta
+    value = static - frequency * (
+        (static - between) / (frequency + 1j * first_ghz)
+        + (between - high) / (frequency + 39.8j * first_ghz)
+    )
+    return complex(value.real, abs(value.imag))
+
+
+def fog_attenuation_db_km(water_g_m3: float) -> float:
+    """Compute the attenuation by droplets much smaller than the wavelength (ITU-R P.840-8)."""
+    epsilon = water_permittivity()
+    ratio = (2.0 + epsilon.real) / epsilon.imag
+    return 0.819 * (FREQUENCY_HZ / 1e9) / (epsilon.imag * (1.0 + ratio**2)) * water_g_m3
+
+
+def fog_water_g_m3(extinction_per_m: float, droplet_um: float) -> float:
+    """Compute the water of droplets of an effective diameter from their extinction of light."""
+    return extinction_per_m * droplet_um * 1e-6 / 3.0 * WATER_DENSITY_G_M3
+
+
+@dataclass(frozen=True)
+class PrecipitationEcho:
+    """What rain, snow or hail does to waves of 77 GHz.
+
+    Attributes:
+        backscatter_per_m: Backscatter cross-section of a volume, m² per m³.
+        attenuation_db_km: Attenuation, one way.
+    """
+
+    backscatter_per_m: float
+    attenuation_db_km: float
+
+
+@lru_cache(maxsize=32)
+def compute_echo(sizes: ParticleSizeDistribution, rate_mm_h: float = 0.0) -> PrecipitationEcho:
+    """Compute the echo of particles; rain of a given rate is attenuated as ITU-R has it."""
+    melted_mm = np.linspace(_SMALLEST_MM, sizes.max_melted_mm, _NUM_DIAMETERS)
+    diameter_m = melted_mm * sizes.air_to_melted_diameter * 1e-3
+    index = np.sqrt(_choose_permittivity(sizes))
+    extinction, back = mie_efficiencies(np.pi * diameter_m / WAVELENGTH_M, index)
+    per_m3 = sizes.intercept * np.exp(-sizes.slope_per_mm * melted_mm)
+    area_m2 = np.pi / 4.0 * diameter_m**2 * per_m3
+    attenuation = DECIBELS_PER_NEPER * 1e3 * float(np.trapezoid(area_m2 * extinction, melted_mm))
+    if sizes.kind == "rain" and rate_mm_h:
+        attenuation = rain_attenuation_db_km(rate_mm_h)
+    return PrecipitationEcho(float(np.trapezoid(area_m2 * back, melted_mm)), attenuation)
+
+
+def rain_attenuation_db_km(rate_mm_h: float) -> float:
+    """Compute the attenuation of rain, one way (ITU-R P.838-3)."""
+    return RAIN_COEFFICIENT * rate_mm_h**RAIN_EXPONENT
+
+
+def mie_efficiencies(size: Float64Array, index: complex) -> tuple[Float64Array, Float64Array]:
+    """Compute the efficiencies (n,) of extinction and backscatter of spheres.
+
+    Backscatter is the radar cross-section over the geometric one.
+
+    Args:
+        size: (n,) circumference over wavelength.
+        index: Complex refractive index, with a positive imaginary part.
+    """
+    orders = int(size.max() + 4.0 * size.max() ** (1.0 / 3.0) + 2.0)
+    inside = _log_derivatives(index * size, orders)
+    psi, psi_before = np.sin(size), np.cos(size)
+    chi, chi_before = np.cos(size), -np.sin(size)
+    extinction, back = np.zeros_like(size), np.zeros(len(size), complex)
+    for n in range(1, orders + 1):
+        psi, psi_before = (2 * n - 1) / size * psi - psi_before, psi
+        chi, chi_before = (2 * n - 1) / size * chi - chi_before, chi
+        xi, xi_before = psi - 1j * chi, psi_before - 1j * chi_before
+        electric, magnetic = (
+            factor + n / size for factor in (inside[n] / index, inside[n] * index)
+        )
+        a = (electric * psi - psi_before) / (electric * xi - xi_before)
+        b = (magnetic * psi - psi_before) / (magnetic * xi - xi_before)
+        # Upward recurrence of psi is unstable for orders far above the size, which do not matter.
+        matters = n <= size + 4.0 * np.cbrt(size) + 2.0
+        extinction += np.where(matters, (2 * n + 1) * (a + b).real, 0.0)
+        back += np.where(matters, (2 * n + 1) * (-1) ** n * (a - b), 0.0)
+    return 2.0 / size**2 * extinction, np.abs(back) ** 2 / size**2
+
+
+def _log_derivatives(argument: Float64Array, orders: int) -> list[Float64Array]:
+    """Compute the logarithmic derivatives of Riccati-Bessel functions, by downward recurrence."""
+    start = orders + int(np.abs(argument).max()) + 15
+    found: list[Float64Array] = [np.zeros_like(argument)] * (start + 1)
+    for n in range(start, 0, -1):
+        found[n - 1] = n / argument - 1.0 / (found[n] + n / argument)
+    return found
+
+
+def _choose_permittivity(sizes: ParticleSizeDistribution) -> complex:
+    """Choose the permittivity of drops, stones, or flakes by how much ice and water is in them."""
+    if sizes.kind == "rain":
+        return water_permittivity()
+    density = min(sizes.air_to_melted_diameter**-3.0, ICE_DENSITY_G_CM3)
+    inclusion = ICE_PERMITTIVITY
+    if sizes.kind == "snow" and density >= WET_SNOW_DENSITY_G_CM3:
+        inclusion = _mix(ICE_PERMITTIVITY, water_permittivity(), WET_SNOW_WATER_FRACTION)
+    if sizes.kind == "hail":
+        return inclusion
+    return _mix(1.0 + 0j, inclusion, density / ICE_DENSITY_G_CM3)
+
+
+def _mix(host: complex, inclusion: complex, fraction: float) -> complex:
+    """Mix two materials (Maxwell Garnett)."""
+    contrast = fraction * (inclusion - host) / (inclusion + 2.0 * host)
+    return host * (1.0 + 2.0 * contrast) / (1.0 - contrast)

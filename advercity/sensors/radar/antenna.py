@@ -1,0 +1,105 @@
+"""Rays, gain and link budget of a radar, from its declaration."""
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from advercity_dsl import Radar
+from numpy.typing import NDArray
+
+from advercity.geometry.arrays import FloatArray
+from advercity.physics.microwaves import SPEED_OF_LIGHT_M_S, WAVELENGTH_M
+
+ARRAY_GAIN = 16.0
+"""Receivers that add up; transmitters take turns."""
+LOSS_DB = 12.0
+"""Windows in four dimensions, and the losses of circuits and antenna."""
+BOLTZMANN_J_K, TEMPERATURE_K = 1.380649e-23, 290.0
+_KRAUS_DEG2 = 30_000.0
+"""Gain times the product of both beam widths (Kraus 1988)."""
+
+
+@dataclass(frozen=True, eq=False)
+class RayFan:
+    """Rays through the field of view, in rows from the lowest up, each from right to left.
+
+    Attributes:
+        directions: (n, 3) float32, unit, in the radar's frame; read-only.
+        solid_angle_sr: (n,) float32 that each stands for.
+    """
+
+    directions: FloatArray
+    solid_angle_sr: FloatArray
+
+
+def build_ray_fan(radar: Radar) -> RayFan:
+    """Build the rays of a radar, evenly spread over azimuth and elevation."""
+    return _build_ray_fan(radar.azimuth_fov_deg, radar.elevation_fov_deg, radar.rays)
+
+
+@lru_cache(maxsize=8)
+def _build_ray_fan(azimuth_fov_deg: float, elevation_fov_deg: float, rays: int) -> RayFan:
+    columns = max(1, round(math.sqrt(rays * azimuth_fov_deg / elevation_fov_deg)))
+    rows = max(1, round(rays / columns))
+    wide, high = math.radians(azimuth_fov_deg) / columns, math.radians(elevation_fov_deg) / rows
+    azimuth = ((np.arange(columns) + 0.5) - columns / 2.0) * wide
+    elevation = (((np.arange(rows) + 0.5) - rows / 2.0) * high)[:, None]
+    directions = build_directions(azimuth, elevation).reshape(-1, 3).astype(np.float32)
+    directions.flags.writeable = False
+    solid_angle = np.repeat(np.cos(elevation) * wide * high, columns).astype(np.float32)
+    return RayFan(directions, solid_angle)
+
+
+def compute_gain(radar: Radar, directions: FloatArray) -> FloatArray:
+    """Compute the gain (n,) of one antenna along unit vectors (n, 3): -3 dB at the edges."""
+    half_azimuth, half_elevation = (
+        math.radians(angle) / 2.0 for angle in (radar.azimuth_fov_deg, radar.elevation_fov_deg)
+    )
+    azimuth, elevation = compute_angles(directions)
+    off_axis = (azimuth / half_azimuth) ** 2 + (elevation / half_elevation) ** 2
+    peak = _KRAUS_DEG2 / (radar.azimuth_fov_deg * radar.elevation_fov_deg)
+    return peak * np.exp2(-off_axis)
+
+
+def is_in_view(radar: Radar, directions: FloatArray) -> NDArray[np.bool_]:
+    """Whether unit vectors (n, 3) are in the field of view."""
+    azimuth, elevation = np.degrees(compute_angles(directions))
+    return (np.abs(azimuth) < radar.azimuth_fov_deg / 2.0) & (
+        np.abs(elevation) < radar.elevation_fov_deg / 2.0
+    )
+
+
+def build_directions(azimuth: FloatArray, elevation: FloatArray) -> FloatArray:
+    """Build unit vectors (..., 3) from angles in radians that broadcast to (...)."""
+    azimuth, elevation = np.broadcast_arrays(azimuth, elevation)
+    level = np.cos(elevation)
+    parts = (level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation))
+    return np.stack(parts, axis=-1)
+
+
+def compute_angles(directions: FloatArray) -> FloatArray:
+    """Compute azimuth and elevation (2, n) of unit vectors (n, 3) in radians."""
+    x, y, z = directions.T
+    return np.stack([np.arctan2(y, x), np.arcsin(np.clip(z, -1.0, 1.0))])
+
+
+def compute_range_cell_m(radar: Radar) -> float:
+    """Compute the range that the bandwidth resolves."""
+    return SPEED_OF_LIGHT_M_S / (2e6 * radar.bandwidth_mhz)
+
+
+def compute_echo_factor(radar: Radar) -> float:
+    """Compute the signal-to-noise ratio of a path per unit of gain², m² and 1/m⁴.
+
+    Radar equation with the energy of one measurement, whose time follows from the velocity cell.
+    """
+    time_s = WAVELENGTH_M / (2.0 * radar.speed_cell_m_s)
+    energy_j = 10.0 ** (radar.transmit_dbm / 10.0 - 3.0) * time_s * ARRAY_GAIN
+    spreading = WAVELENGTH_M**2 / (4.0 * math.pi) ** 3
+    return energy_j * spreading / compute_noise_w_hz(radar) / 10.0 ** (LOSS_DB / 10.0)
+
+
+def compute_noise_w_hz(radar: Radar) -> float:
+    """Compute the power density of the receiver's noise."""
+    return BOLTZMANN_J_K * TEMPERATURE_K * 10.0 ** (radar.noise_figure_db / 10.0)

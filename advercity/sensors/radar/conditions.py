@@ -1,0 +1,125 @@
+"""Air, road and radome as a radar at 77 GHz has them, computed once per weather."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from advercity_dsl import Mount
+from advercity_dsl.weather_components import Fog, Lens
+
+from advercity.geometry.arrays import Float64Array
+from advercity.physics.atmosphere import Atmosphere
+from advercity.physics.microwaves import (
+    compute_echo,
+    fog_attenuation_db_km,
+    fog_water_g_m3,
+)
+from advercity.physics.precipitation import (
+    CAMERA_HEIGHT_M,
+    ParticleSizeDistribution,
+    drop_terminal_speed_m_s,
+    hail_terminal_speed_m_s,
+    wind_at_height,
+)
+from advercity.sensors.measurements import PointKind
+from advercity.sensors.spray_plumes import has_spray
+
+FILM_MM = 0.5
+"""Water on a fully covered radome."""
+FILM_LOSS_DB_MM = 6.0
+"""Loss of a film, one way: 3 dB for 0.5 mm."""
+ICE_LOSS_DB = 15.0
+"""Loss of a radome under a closed sheet of ice, one way."""
+WET_SNOW_FACTOR = 2.0
+"""Loss of snow on the radome relative to water."""
+PARTICLE_POINT_KIND = {
+    "rain": PointKind.RAIN,
+    "snow": PointKind.SNOW,
+    "hail": PointKind.HAIL,
+}
+_MEAN_SIZE_SLOPES = 3.0
+"""Diameter of the particles that scatter most, times the slope of their distribution."""
+
+
+@dataclass(frozen=True, eq=False)
+class FallingEcho:
+    """Echo of everything of one kind that falls.
+
+    Attributes:
+        kind: Kind of its detections.
+        backscatter_per_m: m² per m³.
+        velocity: (3,) mean in the world, m/s.
+    """
+
+    kind: PointKind
+    backscatter_per_m: float
+    velocity: Float64Array
+
+
+@dataclass(frozen=True, eq=False)
+class RadarConditions:
+    """Air, road and radome as a radar at 77 GHz has them.
+
+    Attributes:
+        attenuation_db_km: Of the air, one way.
+        falling: Rain, snow and hail.
+        radome_db: Loss one way of radomes that look ahead, sideways and back.
+        wetness: Of roads, 0 dry to 1 soaked.
+        has_spray: Whether the road is wet enough for spray.
+    """
+
+    attenuation_db_km: float = 0.0
+    falling: tuple[FallingEcho, ...] = ()
+    radome_db: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    wetness: float = 0.0
+    has_spray: bool = False
+
+    def select_radome_db(self, mount: Mount) -> float:
+        """Select the loss of the radome of a mount."""
+        off_ahead = abs((mount.yaw_deg + 180.0) % 360.0 - 180.0)
+        front, side, rear = self.radome_db
+        return front if off_ahead < 45.0 else rear if off_ahead > 135.0 else side
+
+
+def derive_radar_conditions(atmosphere: Atmosphere, lens: Lens, fog: Fog) -> RadarConditions:
+    """Derive what a radar needs of an atmosphere, its fog, and what covers sensors."""
+    echoes = [compute_echo(sizes, atmosphere.rain_mm_h) for sizes in atmosphere.precipitation]
+    water_g_m3 = fog_water_g_m3(atmosphere.extinction.fog.at_550nm, fog.droplet_um)
+    falling = tuple(
+        FallingEcho(
+            PARTICLE_POINT_KIND[sizes.kind],
+            echo.backscatter_per_m,
+            _find_velocity(atmosphere, sizes),
+        )
+        for sizes, echo in zip(atmosphere.precipitation, echoes, strict=True)
+    )
+    return RadarConditions(
+        attenuation_db_km=fog_attenuation_db_km(water_g_m3)
+        + sum(echo.attenuation_db_km for echo in echoes),
+        falling=falling,
+        radome_db=_compute_radome_db(lens, atmosphere.ice_cover),
+        wetness=atmosphere.wetness,
+        has_spray=has_spray(atmosphere.water_film_mm),
+    )
+
+
+def _find_velocity(atmosphere: Atmosphere, sizes: ParticleSizeDistribution) -> Float64Array:
+    """Compute the velocity (3,) of the particles that scatter most."""
+    diameter_mm = min(_MEAN_SIZE_SLOPES / sizes.slope_per_mm, sizes.max_melted_mm)
+    if sizes.kind == "snow":
+        fall_m_s = atmosphere.snow_fall_speed_m_s
+    elif sizes.kind == "hail":
+        fall_m_s = float(hail_terminal_speed_m_s(diameter_mm))
+    else:
+        fall_m_s = float(drop_terminal_speed_m_s(diameter_mm))
+    return wind_at_height(atmosphere.wind, CAMERA_HEIGHT_M) - np.array([0.0, 0.0, fall_m_s])
+
+
+def _compute_radome_db(lens: Lens, ice_cover: float) -> tuple[float, float, float]:
+    by_kind = {"water": 1.0, "snow": WET_SNOW_FACTOR, "dust": 0.0}[lens.kind]
+    film_db = FILM_MM * FILM_LOSS_DB_MM * by_kind * lens.enabled
+    covered = lens.coverage
+    front, side, rear = (
+        film_db * part + ICE_LOSS_DB * ice_cover
+        for part in (covered.front, covered.side, covered.rear)
+    )
+    return front, side, rear

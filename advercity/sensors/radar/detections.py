@@ -1,0 +1,257 @@
+"""What a radar reports: cells that rise over the noise around them, and noise that does.
+
+Echoes fluctuate from cell to cell, as many scatterers interfere; what mirrors return in phase does
+not.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from advercity.geometry.arrays import Float64Array, FloatArray, IndexArray
+from advercity.sensors.measurements import PointKind, RadarCube, RadarDetections
+from advercity.sensors.radar import cfar
+from advercity.sensors.radar.antenna import (
+    build_directions,
+    compute_angles,
+    compute_echo_factor,
+    compute_gain,
+    compute_range_cell_m,
+)
+from advercity.sensors.radar.cells import (
+    NEIGHBOUR_LEAKAGE,
+    CellGrid,
+    CellNumbers,
+    Cells,
+    NumberPurpose,
+    collect_cells,
+)
+from advercity.sensors.radar.clutter import VELOCITY_SPREAD_M_S, FallingClutter
+from advercity.sensors.radar.conditions import RadarConditions
+from advercity.sensors.radar.paths import Paths
+from advercity.sensors.radar.placement import PlacedRadar
+
+ACCURACY_CELLS = 0.55
+"""Standard deviation of a coordinate in cells, times the root of the signal-to-noise ratio."""
+MIN_CLUTTER_SNR = 0.03
+"""Power of clutter over the noise below which it raises no detections of its own."""
+MIN_RANGE_M = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class RadarMeasurement:
+    """Detections of a radar, and its cells if it reports them."""
+
+    detections: RadarDetections
+    cube: RadarCube | None
+
+
+@dataclass(frozen=True, eq=False)
+class _Echoes:
+    """n echoes that exceed the threshold; `power` is over the receiver's noise, `snr` over all."""
+
+    range_m: FloatArray
+    rate_m_s: FloatArray
+    direction: FloatArray
+    power: FloatArray
+    snr: FloatArray
+    instance: NDArray[np.int32]
+    kind: NDArray[np.uint8]
+
+    @staticmethod
+    def from_nothing(
+        range_m: FloatArray,
+        rate_m_s: FloatArray,
+        direction: FloatArray,
+        power: FloatArray,
+        snr: FloatArray,
+        kind: PointKind,
+    ) -> "_Echoes":
+        """Build echoes that no actor returned."""
+        nobody = np.zeros(len(range_m), np.int32)
+        kinds = np.full(len(range_m), kind, np.uint8)
+        return _Echoes(range_m, rate_m_s, direction, power, snr, nobody, kinds)
+
+    @staticmethod
+    def join(parts: "list[_Echoes]") -> "_Echoes":
+        """Join echoes in order."""
+        names = [item.name for item in fields(_Echoes)]
+        return _Echoes(*(np.concatenate([getattr(one, name) for one in parts]) for name in names))
+
+
+class Receiver:
+    """Turns the paths of one radar in one frame into detections.
+
+    Args:
+        placed: The radar.
+        conditions: Of the air.
+        interference: Noise of other radars relative to the receiver's own.
+        rng: Generator of this radar and frame.
+    """
+
+    def __init__(
+        self,
+        placed: PlacedRadar,
+        conditions: RadarConditions,
+        interference: float,
+        rng: np.random.Generator,
+    ) -> None:
+        radar, rotation = placed.radar, placed.world_from_radar[:3, :3]
+        self._radar, self._grid = radar, CellGrid.from_radar(radar)
+        self._air, self._rng, self._numbers = conditions, rng, CellNumbers(rng)
+        radome_db = conditions.select_radome_db(placed.mount)
+        self._clear_factor = compute_echo_factor(radar) / (1.0 + interference)
+        self._factor = self._clear_factor / 10.0 ** (2.0 * radome_db / 10.0)
+        self._threshold = cfar.compute_threshold(radar)
+        self._clutter = [
+            FallingClutter(radar, echo, (echo.velocity - placed.velocity) @ rotation)
+            for echo in conditions.falling
+        ]
+
+    def measure(self, paths: Paths, free_m: Float64Array) -> RadarMeasurement:
+        """Measure; `free_m` (azimuths, elevations) is how far each beam is free."""
+        cells = collect_cells(self._grid, paths, self._compute_factor(paths.range_m))
+        power = self._fluctuate(cells)
+        falling = (self._detect_falling(item, free_m) for item in self._clutter)
+        echoes = [self._detect(cells, power), *falling, self._raise_alarms()]
+        cube = self._build_cube(cells, power) if self._radar.output == "cube" else None
+        return RadarMeasurement(self._report(echoes), cube)
+
+    def _compute_factor(self, range_m: FloatArray) -> FloatArray:
+        """Compute the signal-to-noise ratio per strength (n,) at ranges, through the air."""
+        loss_db = 2.0 * self._air.attenuation_db_km * range_m / 1e3
+        return self._factor * 10.0 ** (-loss_db / 10.0)
+
+    def _fluctuate(self, cells: Cells) -> FloatArray:
+        """Compute the power (n,) of cells, with leakage of their neighbours and noise."""
+        numbers, keys = self._numbers, cells.keys
+        # The mean of two: Swerling's cases 3 and 4.
+        looks = (NumberPurpose.FIRST_LOOK, NumberPurpose.SECOND_LOOK)
+        speckle = np.mean([numbers.draw_exponential(keys, look) for look in looks], axis=0)
+        echo = np.sqrt(cells.power * speckle) * numbers.draw_phasor(keys, NumberPurpose.ECHO_PHASE)
+        own = np.abs(cells.field + echo) ** 2
+        leaked = cells.look_up(own, self._grid.list_neighbours(keys)).sum(axis=1)
+        noise = numbers.draw_exponential(keys, NumberPurpose.NOISE) * self._compute_floor(cells)
+        phase = numbers.draw_phasor(keys, NumberPurpose.NOISE_PHASE)
+        return np.abs(np.sqrt(own + NEIGHBOUR_LEAKAGE * leaked) + np.sqrt(noise) * phase) ** 2
+
+    def _compute_floor(self, cells: Cells) -> FloatArray:
+        """Compute the mean (n,) of noise and of what falls in cells, over the noise."""
+        floor = np.ones(len(cells.keys))
+        for clutter in self._clutter:
+            strength = clutter.compute_strength(cells.range_m, cells.direction)
+            fraction = clutter.compute_fraction(cells.direction, cells.rate_m_s)
+            floor += self._compute_factor(cells.range_m) * strength * fraction
+        return floor
+
+    def _detect(self, cells: Cells, power: FloatArray) -> _Echoes:
+        """Detect the cells that are peaks and exceed the threshold."""
+        rows = np.flatnonzero(power > self._threshold)
+        around = cells.look_up(power, self._grid.list_neighbours(cells.keys[rows]))
+        rows = rows[power[rows] >= around.max(axis=1, initial=0.0)]
+        snr = power[rows] / self._estimate_noise(cells, power, rows)
+        found = np.flatnonzero(snr > self._threshold)
+        rows = rows[found]
+        return _Echoes(
+            *(cells.range_m[rows], cells.rate_m_s[rows], cells.direction[rows]),
+            *(power[rows], snr[found], cells.instance[rows], cells.kind[rows]),
+        )
+
+    def _estimate_noise(self, cells: Cells, power: FloatArray, rows: IndexArray) -> FloatArray:
+        """Estimate the noise (k,) around some cells."""
+        keys = cells.keys[rows, None] + cfar.list_window_steps()
+        noise = self._numbers.draw_exponential(keys, NumberPurpose.WINDOW)
+        floor = self._compute_floor(cells)[rows, None] * noise
+        return cfar.estimate_noise(self._radar, np.maximum(cells.look_up(power, keys), floor))
+
+    def _detect_falling(self, clutter: FallingClutter, free_m: Float64Array) -> _Echoes:
+        """Detect single cells of what falls that exceed the level of their surroundings."""
+        direction, range_m = self._grid.list_volume(free_m)
+        middle = direction @ clutter.velocity
+        mean = self._compute_factor(range_m) * clutter.compute_strength(range_m, direction)
+        mean *= clutter.compute_fraction(direction, middle)
+        rows = np.flatnonzero(mean > MIN_CLUTTER_SNR)
+        chance = cfar.compute_clutter_chance(mean[rows], self._threshold)
+        rates = VELOCITY_SPREAD_M_S * math.sqrt(2.0 * math.pi) / self._radar.speed_cell_m_s
+        drawn = np.repeat(rows, self._rng.poisson(chance * rates))
+        spread = self._rng.standard_normal(len(drawn)) * VELOCITY_SPREAD_M_S
+        snr = self._threshold + self._rng.standard_exponential(len(drawn))
+        return _Echoes.from_nothing(
+            *(range_m[drawn], middle[drawn] + spread, direction[drawn]),
+            *(snr * (1.0 + mean[drawn]), snr, clutter.echo.kind),
+        )
+
+    def _raise_alarms(self) -> _Echoes:
+        """Detect cells of nothing but noise, as many as the threshold lets pass."""
+        radar, rng = self._radar, self._rng
+        chance = cfar.compute_alarm_chance(self._threshold)
+        count = int(rng.poisson(chance * self._grid.size))
+        azimuth, elevation = (
+            np.radians((rng.random(count) - 0.5) * span)
+            for span in (radar.azimuth_fov_deg, radar.elevation_fov_deg)
+        )
+        snr = self._threshold + rng.standard_exponential(count)
+        rate_m_s = (rng.random(count) * 2.0 - 1.0) * radar.max_speed_m_s
+        direction = build_directions(azimuth, elevation)
+        range_m = rng.random(count) * radar.range_m
+        return _Echoes.from_nothing(range_m, rate_m_s, direction, snr, snr, PointKind.NOISE)
+
+    def _report(self, parts: list[_Echoes]) -> RadarDetections:
+        """Report echoes with the errors of a receiver, the larger the weaker the echo."""
+        found = _Echoes(
+            *(
+                np.concatenate([getattr(one, item.name) for one in parts])
+                for item in fields(_Echoes)
+            )
+        )
+        radar, deviation = self._radar, ACCURACY_CELLS / np.sqrt(np.maximum(found.power, 1.0))
+        errors = self._rng.standard_normal((4, len(deviation))) * deviation
+        range_m = np.maximum(found.range_m + errors[0] * compute_range_cell_m(radar), MIN_RANGE_M)
+        azimuth, elevation = compute_angles(found.direction)
+        direction = build_directions(
+            azimuth + errors[1] * math.radians(radar.azimuth_cell_deg),
+            elevation + errors[2] * math.radians(radar.elevation_cell_deg),
+        )
+        rate_m_s = self._grid.fold(found.rate_m_s + errors[3] * radar.speed_cell_m_s)
+        per_m2 = self._clear_factor * compute_gain(radar, direction) ** 2 / range_m**4
+        return RadarDetections(
+            points=(range_m[:, None] * direction).astype(np.float32),
+            velocity_m_s=rate_m_s.astype(np.float32),
+            rcs_dbsm=(10.0 * np.log10(found.power / per_m2)).astype(np.float32),
+            snr_db=(10.0 * np.log10(found.snr)).astype(np.float32),
+            instance=found.instance,
+            kind=found.kind,
+        )
+
+    def _build_cube(self, cells: Cells, power: FloatArray) -> RadarCube:
+        """Build the cube of all cells, the strongest velocity of each."""
+        velocities, azimuths, elevations, ranges = self._grid.counts
+        shape = (azimuths, elevations, ranges)
+        # The largest of as many exponential numbers as there are velocities, drawn at once.
+        strongest = -np.log1p(-(self._rng.random(shape) ** (1.0 / velocities)))
+        rate = (self._rng.random(shape) * 2.0 - 1.0) * self._radar.max_speed_m_s
+        for level, middle in self._iterate_falling(shape):
+            strongest *= 1.0 + level
+            rate = np.where(level > 1.0, self._grid.fold(middle), rate)
+        _, *place = self._grid.locate(cells.range_m, cells.rate_m_s, cells.direction)
+        order = np.argsort(power, kind="stable")  # the strongest is written last
+        where = tuple(number[order] for number in place)
+        strongest[where] = np.maximum(strongest[where], power[order])
+        rate[where] = self._grid.fold(cells.rate_m_s)[order]
+        level_db = 10.0 * np.log10(strongest)
+        by_range = (part.astype(np.float16).transpose(2, 0, 1) for part in (level_db, rate))
+        return RadarCube(*map(np.ascontiguousarray, by_range))
+
+    def _iterate_falling(
+        self, shape: tuple[int, int, int]
+    ) -> Iterator[tuple[FloatArray, FloatArray]]:
+        """Yield the power and the velocity of what falls in every cell."""
+        direction, range_m = self._grid.list_volume(np.full(shape[:2], np.inf))
+        for clutter in self._clutter:
+            middle = direction @ clutter.velocity
+            mean = self._compute_factor(range_m) * clutter.compute_strength(range_m, direction)
+            mean *= clutter.compute_fraction(direction, middle)
+            yield mean.reshape(shape), middle.reshape(shape)

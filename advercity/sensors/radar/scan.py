@@ -1,0 +1,68 @@
+"""One radar in one frame: paths, other radars, spray and receiver together."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from advercity.geometry.arrays import Float64Array, FloatArray
+from advercity.rendering.raycaster import Raycaster
+from advercity.sensors.radar.antenna import build_ray_fan
+from advercity.sensors.radar.cells import CellGrid
+from advercity.sensors.radar.clutter import list_spray_paths
+from advercity.sensors.radar.conditions import RadarConditions
+from advercity.sensors.radar.detections import RadarMeasurement, Receiver
+from advercity.sensors.radar.interference import PlacedRadar, compute_interference
+from advercity.sensors.radar.motion import SceneMotion
+from advercity.sensors.radar.paths import Paths, trace_paths
+
+
+def scan_radar(
+    placed: PlacedRadar,
+    others: Iterable[PlacedRadar],
+    raycaster: Raycaster,
+    motion: SceneMotion,
+    conditions: RadarConditions,
+    rng: np.random.Generator,
+) -> RadarMeasurement:
+    """Measure what one radar detects in a frame.
+
+    Args:
+        placed: The radar.
+        others: All other radars of the scene, which disturb it.
+        raycaster: Placed at the frame, with the radar's carrier hidden.
+        motion: How the actors of the frame move.
+        conditions: Of the air.
+        rng: Generator of this radar and frame.
+    """
+    grid = CellGrid.from_radar(placed.radar)
+    found = trace_paths(placed, raycaster, motion, wetness=conditions.wetness)
+    free_m = compute_free_ranges(grid, found.free_m)
+    parts = [found.paths]
+    if conditions.has_spray:
+        plumes = list_spray_paths(placed, motion.frame.states)
+        parts += [_hide_behind(grid, paths, free_m) for paths in plumes]
+    noise = compute_interference(placed, others, raycaster)
+    return Receiver(placed, conditions, noise, rng).measure(Paths.join(parts), free_m)
+
+
+def compute_free_ranges(grid: CellGrid, free_m: FloatArray) -> Float64Array:
+    """Compute how far the beams (azimuths, elevations) are free, from that of rays (n,)."""
+    _, azimuths, elevations, _ = grid.counts
+    beam = _find_beams(grid, build_ray_fan(grid.radar).directions)
+    farthest = np.zeros(azimuths * elevations)
+    np.maximum.at(farthest, beam, free_m)
+    return farthest.reshape(azimuths, elevations)
+
+
+def _hide_behind(grid: CellGrid, paths: Paths, free_m: Float64Array) -> Paths:
+    """Leave out the paths that surfaces hide."""
+    beam = _find_beams(grid, paths.direction)
+    return paths.select(np.flatnonzero(paths.range_m < free_m.ravel()[beam]))
+
+
+def _find_beams(
+    grid: CellGrid, direction: FloatArray
+) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+    none = np.zeros(len(direction))
+    _, azimuth, elevation, _ = grid.locate(none, none, direction)
+    return azimuth * grid.counts[2] + elevation

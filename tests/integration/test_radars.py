@@ -1,0 +1,145 @@
+"""Radars of a rig, from the declaration to files, readers, verification and repair."""
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from advercity_dsl import Spec
+
+from advercity.compiler.crossing import compile_library
+from advercity.dataset.reader import Scenario
+from advercity.dataset.verification import verify_dataset
+from advercity.errors import InputError
+from advercity.pipeline import RunOptions, ViewerTarget, repair_dataset, run_scenario
+from advercity.pipeline.replay import write_recording
+from advercity.testing import hash_tree
+from tests.builders import SMALL_LIBRARY
+
+pytestmark = pytest.mark.sumo
+
+RIG = """
+kind: rig
+id: radars
+vehicle:
+  camera: {width_px: 32, height_px: 16, mounts: [{z_m: 2}]}
+  lidar: {mount: {z_m: 3}, channels: 4, azimuths: 64, range_m: 50}
+  radar:
+    range_m: 0.08 km
+    rays: 4000
+    output: cube
+    mounts: [{x_m: 2.5, z_m: 0.6}, {x_m: -2.5, z_m: 0.6, yaw_deg: 180}]
+"""
+SUITE = """
+kind: suite
+id: small
+rig: one_camera
+agents: {cav1: radars}
+catalogue: one_car
+looks: shaped
+"""
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("radars") / "library"
+    shutil.copytree(SMALL_LIBRARY, folder)
+    (folder / "radars.yaml").write_text(RIG)
+    (folder / "suite.yaml").write_text(SUITE)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def spec(library: Path) -> Spec:
+    (compiled,) = compile_library(library)
+    return compiled
+
+
+def make_options(root: Path) -> RunOptions:
+    return RunOptions(output=root, backend="fake", profile="preview", frames=slice(0, 2))
+
+
+@pytest.fixture(scope="module")
+def dataset(spec: Spec, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("detected")
+    viewer = ViewerTarget(file=root / "live.rrd")
+    run_scenario(spec, replace(make_options(root), viewer=viewer))
+    return root / spec.id
+
+
+def test_a_spec_without_radars_does_not_mention_them(spec: Spec) -> None:
+    ego, unit = spec.agents
+    assert len(ego.sensors.radars) == 2
+    assert ego.sensors.radars[0].radar.range_m == 80
+    assert "radar" not in unit.sensors.model_dump(mode="json")
+
+
+@pytest.mark.parametrize(
+    ("written", "message"),
+    [
+        (
+            "range_m: 3",
+            "radars.yaml:8:14: vehicle.radar.range_m: 3 m is outside the range of 5 to 500 m",
+        ),
+        ("bandwidth_mhz: 1 m", "'m' is a unit of length; units of frequency: MHz, GHz"),
+        ("bounces: 4", "vehicle.radar.bounces"),
+    ],
+)
+def test_what_no_radar_has_is_refused(
+    library: Path, tmp_path: Path, written: str, message: str
+) -> None:
+    changed = tmp_path / "library"
+    shutil.copytree(library, changed)
+    (changed / "radars.yaml").write_text(RIG.replace("range_m: 0.08 km", written))
+    with pytest.raises(InputError) as caught:
+        compile_library(changed)
+    assert message in str(caught.value)
+
+
+def test_every_radar_has_its_files_and_is_read_by_its_number(dataset: Path) -> None:
+    names = {path.name for path in (dataset / "+101").glob("000060_radar*")}
+    assert names == {f"000060_radar{k}.{kind}" for k in (0, 1) for kind in ("pcd", "npz")}
+    view = Scenario(dataset)[0]["cav1"]
+    table = view.load_radar(0)
+    assert len(table) > 5
+    # The road ahead comes closer.
+    surfaces = table[table["kind"] == 0]
+    ahead = surfaces[np.abs(surfaces["y"]) < surfaces["x"] / 4]
+    assert np.median(ahead["velocity"]) == pytest.approx(-view.speed_m_s, rel=0.1)
+    assert view.load_radar_cube(1).power_db.shape[1:] == (80, 15)
+    pose = np.linalg.inv(view.world_from_agent) @ view.load_radar_pose(0)
+    np.testing.assert_allclose(pose[:3, 3], (2.5, 0, 0.6), atol=1e-6)
+    with pytest.raises(InputError, match="cav1 has radars 0 to 1; there is no radar 2"):
+        view.load_radar(2)
+    with pytest.raises(InputError, match="rsu1 has no radar"):
+        _ = Scenario(dataset)[0]["rsu1"].radar
+
+
+def test_any_order_of_frames_gives_the_same_bytes(
+    dataset: Path, spec: Spec, tmp_path: Path
+) -> None:
+    for frames in (slice(1, 2), slice(0, 1)):
+        run_scenario(spec, replace(make_options(tmp_path), frames=frames))
+    first, again = (
+        {name: value for name, value in hash_tree(folder).items() if "_radar" in name}
+        for folder in (dataset, tmp_path / spec.id)
+    )
+    assert first == again
+    assert len(first) == 8
+
+
+def test_radar_files_are_verified_repaired_and_replayed(dataset: Path, tmp_path: Path) -> None:
+    assert verify_dataset(dataset.parent) == []
+    write_recording(dataset, tmp_path / "again.rrd")
+    for name in ("000060_radar1.pcd", "000061_radar0.npz"):
+        lost = dataset / "+101" / name
+        content = lost.read_bytes()
+        lost.write_bytes(content[:-9])
+        assert [problem.path for problem in verify_dataset(dataset.parent)] == [f"+101/{name}"]
+        with pytest.raises(InputError, match=name):
+            view = Scenario(dataset)[int(name[5])]["cav1"]
+            _ = view.load_radar_cube(0) if name.endswith("npz") else view.load_radar(1)
+        lost.unlink()
+        assert repair_dataset(dataset) == []
+        assert lost.read_bytes() == content

@@ -1,0 +1,58 @@
+"""Water at 77 GHz against published formulas and limits of Mie's series."""
+
+import numpy as np
+import pytest
+
+from advercity.physics.microwaves import (
+    compute_echo,
+    fog_attenuation_db_km,
+    fog_water_g_m3,
+    mie_efficiencies,
+    rain_attenuation_db_km,
+    water_permittivity,
+)
+from advercity.physics.precipitation import rain_size_distribution, snow_size_distribution
+
+
+@pytest.mark.parametrize(
+    ("rate_mm_h", "attenuation_db_km", "backscatter_per_m"),
+    [(4, 3.1, 3.4e-4), (8, 5.0, 5.6e-4), (40, 16.0, 1.6e-3), (50, 18.8, 1.8e-3)],
+)
+def test_rain_attenuates_and_scatters_as_tabulated(
+    rate_mm_h: float, attenuation_db_km: float, backscatter_per_m: float
+) -> None:
+    echo = compute_echo(rain_size_distribution(rate_mm_h), rate_mm_h)
+    assert echo.attenuation_db_km == pytest.approx(attenuation_db_km, abs=0.06)
+    assert echo.backscatter_per_m == pytest.approx(backscatter_per_m, rel=0.05)
+    assert rain_attenuation_db_km(rate_mm_h) == echo.attenuation_db_km
+
+
+def test_the_drops_of_mie_attenuate_within_a_third_of_what_itu_has() -> None:
+    # Marshall and Palmer have more small drops than the rain that the recommendation was fitted to.
+    for rate in (4, 50):
+        by_drops = compute_echo(rain_size_distribution(rate)).attenuation_db_km
+        assert by_drops == pytest.approx(rain_attenuation_db_km(rate), rel=0.35)
+
+
+def test_a_fog_of_63_m_costs_a_tenth_of_a_decibel_per_100_m_both_ways() -> None:
+    assert fog_attenuation_db_km(1.0) == pytest.approx(3.0, abs=0.2)
+    water = fog_water_g_m3(2.996 / 63.0, 12.0)
+    assert water == pytest.approx(0.19, abs=0.01)
+    assert 0.2 * fog_attenuation_db_km(water) == pytest.approx(0.1, abs=0.03)
+
+
+def test_dry_snow_is_nearly_nothing_and_wet_snow_is_more() -> None:
+    dry, wet = (compute_echo(snow_size_distribution(1.5, density)) for density in (0.1, 0.2))
+    assert dry.attenuation_db_km < 1.0 < wet.attenuation_db_km
+    rain = compute_echo(rain_size_distribution(1.5))
+    assert dry.backscatter_per_m < wet.backscatter_per_m < rain.backscatter_per_m
+
+
+def test_small_spheres_scatter_by_rayleigh_and_large_ones_shadow_twice_their_area() -> None:
+    index = np.sqrt(water_permittivity())
+    contrast = (index**2 - 1) / (index**2 + 2)
+    size = np.array([0.02])
+    extinction, back = mie_efficiencies(size, index)
+    assert back[0] == pytest.approx(4 * size[0] ** 4 * abs(contrast) ** 2, rel=1e-2)
+    assert extinction[0] == pytest.approx(4 * size[0] * contrast.imag, rel=1e-2)
+    assert mie_efficiencies(np.array([300.0]), index)[0][0] == pytest.approx(2.0, abs=0.1)
