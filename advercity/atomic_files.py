@@ -8,8 +8,8 @@ import hashlib
 import os
 import platform
 import re
+import secrets
 import shutil
-import tempfile
 import time
 from collections.abc import Generator, Iterable
 from concurrent.futures import ThreadPoolExecutor
@@ -21,16 +21,27 @@ import psutil
 PARTIAL_MAX_AGE_S = 3600.0
 """Age from which a folder of partial files is abandoned, whoever made it."""
 _MACHINE = hashlib.sha256(platform.node().encode()).hexdigest()[:8]
-_PARTIAL_PATTERN = re.compile(r"\.partial-([0-9a-f]{8})-(\d+)-\w+")
+_PARTIAL_PATTERN = re.compile(r"\.partial-([0-9a-f]{8})-(\d+)-([0-9a-f]{8})-[0-9a-f]{8}")
 
 
 @contextmanager
 def open_partial_folder(folder: Path) -> Generator[Path]:
     """Yield a temporary folder in `folder`, which is created if necessary."""
-    folder.mkdir(parents=True, exist_ok=True)
-    prefix = f".partial-{_MACHINE}-{os.getpid()}-"
-    with tempfile.TemporaryDirectory(dir=folder, prefix=prefix) as partial:
-        yield Path(partial)
+    partial = folder / format_partial_name(_MACHINE, os.getpid(), secrets.token_hex(4))
+    partial.mkdir(parents=True, mode=0o700)
+    try:
+        yield partial
+    finally:
+        shutil.rmtree(partial)
+
+
+def format_partial_name(machine: str, process: int, random: str) -> str:
+    """Format the name of a folder of partial files.
+
+    It ends with a checksum of itself, so that no folder of others has such a name by chance.
+    """
+    name = f".partial-{machine}-{process}-{random}"
+    return f"{name}-{hashlib.sha256(name.encode()).hexdigest()[:8]}"
 
 
 @contextmanager
@@ -63,6 +74,8 @@ def remove_abandoned_partials(folder: Path, *, max_age_s: float = PARTIAL_MAX_AG
 def _is_abandoned(path: Path, max_age_s: float) -> bool:
     match = _PARTIAL_PATTERN.fullmatch(path.name)
     if match is None or path.is_symlink():
+        return False
+    if path.name != format_partial_name(match[1], int(match[2]), match[3]):
         return False
     if match[1] == _MACHINE and not psutil.pid_exists(int(match[2])):
         return True

@@ -72,7 +72,9 @@ def build_stock_renderer(
     They have one size. It fetches as many channels as our renderer does.
     """
     stock = sapien.Scene([sapien.render.RenderSystem(sapien.Device("cpu"))])
-    bodies = SapienScene(scene.world, stock, NullBindings(), night=air.night)
+    bodies = SapienScene(
+        scene.world, stock, NullBindings(), night=air.night, has_distant_pieces=False
+    )
     sun = SunShadow(air, stock)
     bodies.place_actors(scene.frame)
     width, height = views[0].width_px, views[0].height_px

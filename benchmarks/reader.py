@@ -36,7 +36,7 @@ def run_benchmark(*, quick: bool, rounds: int | None = None) -> list[Measurement
 
 def _write_manifest(folder: Path) -> None:
     spec = read_spec(SPEC)
-    identity = Identity.for_spec(spec, trace_sha256="0" * 64, renderer={})
+    identity = Identity.for_spec(spec, trace_sha256="0" * 64, world_sha256="0" * 64, renderer={})
     files = {
         f"+101/{frame:06d}_{number}.png": FileRecord(size=1000, sha256="0" * 64, frame=frame)
         for frame in range(NUM_FRAMES)

@@ -64,7 +64,12 @@ WORLD_FROM_STREET = poses.pose_matrix((60.0, -30.0, 4.0), yaw=np.deg2rad(50.0), 
 def identify(spec: Spec, *, format: str = "opv2v", **renderer: str) -> Identity:
     """Identify the data of a spec whose traffic was not simulated, with clouds anybody can read."""
     return Identity.for_spec(
-        spec, trace_sha256="0" * 64, renderer=dict(renderer), format=format, clouds="binary"
+        spec,
+        trace_sha256="0" * 64,
+        world_sha256="0" * 64,
+        renderer=dict(renderer),
+        format=format,
+        clouds="binary",
     )
 
 

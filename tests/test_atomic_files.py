@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from advercity.atomic_files import (
+    format_partial_name,
     open_partial_path,
     remove_abandoned_partials,
     write_atomically,
@@ -42,19 +43,20 @@ def test_partial_files_of_ended_processes_and_old_ones_are_swept(tmp_path: Path)
     with open_partial_path(tmp_path / "data") as partial:
         partial.write_bytes(b"x")
         own = partial.parent
-        dead = own.with_name(own.name.replace(f"-{os.getpid()}-", f"-{ended.pid}-"))
-        dead.mkdir()
-        elsewhere = tmp_path / f".partial-00000000-{ended.pid}-x"
-        elsewhere.mkdir()
-        old = tmp_path / ".partial-00000000-1-x"
-        old.mkdir()
-        os.utime(old, (0, 0))
-        stranger = tmp_path / ".partial-notes"
-        stranger.mkdir()
-        assert remove_abandoned_partials(tmp_path) == 2
-        assert {path.name for path in tmp_path.iterdir()} == {
-            *(own.name, elsewhere.name, stranger.name),
+        machine = own.name.split("-")[1]
+        names = {
+            "dead": format_partial_name(machine, ended.pid, "0" * 8),
+            "elsewhere": format_partial_name("0" * 8, ended.pid, "0" * 8),
+            "old": format_partial_name("0" * 8, 1, "0" * 8),
+            "stranger": own.name.replace(f"-{os.getpid()}-", f"-{ended.pid}-"),
+            "notes": ".partial-notes",
         }
+        for name in names.values():
+            (tmp_path / name).mkdir()
+        os.utime(tmp_path / names["old"], (0, 0))
+        assert remove_abandoned_partials(tmp_path) == 2
+        left = {own.name, names["elsewhere"], names["stranger"], names["notes"]}
+        assert {path.name for path in tmp_path.iterdir()} == left
 
 
 def test_a_cause_is_never_none(tmp_path: Path) -> None:

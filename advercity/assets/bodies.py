@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from advercity_dsl import ActorClass, Blueprint, LampPositions
 
+from advercity.assets.cabins import build_model_cabin
 from advercity.assets.cars import build_car, build_van
 from advercity.assets.model_conversion import format_model_name
 from advercity.assets.model_files import read_glb
@@ -93,6 +94,8 @@ def _build_fitted_body(blueprint_id: str, blueprint: Blueprint, store: ModelStor
             first, *others = (build_person(person, size) for person in read_people(path))
             return replace(first, others=tuple(others))
         parts = [*_load_model_parts(path, actor_class), *_build_lenses(blueprint.lamps)]
+        if actor_class in _PART_BUILDERS:
+            parts += build_model_cabin(blueprint_id, parts, is_truck=actor_class == "truck")
         if model.ridden:
             parts += build_model_rider(blueprint_id, model.ridden, size)
     elif actor_class == "pedestrian":

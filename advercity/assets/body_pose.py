@@ -10,7 +10,7 @@ from advercity.assets.rigged_bodies import pose_body
 from advercity.frames import ActorState, Frame
 from advercity.geometry.arrays import Float64Array
 from advercity.geometry.boxes import Box
-from advercity.geometry.mesh import Mesh, Wheel
+from advercity.geometry.mesh import Mesh, MeshLayer, Wheel
 from advercity.geometry.poses import Matrix, pose_matrix
 from advercity.physics.constants import GOLDEN_FRACTION, MAX_STEERING_RAD
 from advercity.world import Body
@@ -38,10 +38,13 @@ class BodyShape:
     has_umbrella: bool = False
     pose_index: int | None = None
     figure: int = 0
+    is_parked: bool = False
 
     def build_meshes(self, bodies: Mapping[str, Body]) -> tuple[Mesh, ...]:
         """Build the parts, in the mesh frame of `BodyPose.body_from_mesh`."""
         meshes = pose_body(self.select_body(bodies), self.pose_index)
+        if self.is_parked:
+            meshes = tuple(mesh for mesh in meshes if mesh.layer != MeshLayer.OCCUPANT)
         others = len(bodies[self.blueprint].others)
         rounds = self.figure // (1 + others) if others else 0
         return tuple(_recolour_clothes(mesh, rounds) for mesh in meshes) if rounds else meshes
@@ -68,7 +71,7 @@ class BodyPose:
 def compute_body_pose(state: ActorState, bodies: Mapping[str, Body]) -> BodyPose:
     """Compute the pose of an actor from its travelled distance; bodies by blueprint."""
     actor = state.actor
-    shape = BodyShape(actor.blueprint, figure=state.figure)
+    shape = BodyShape(actor.blueprint, figure=state.figure, is_parked=state.is_parked)
     if state.umbrella and shape.select_body(bodies).with_umbrella is not None:
         shape = replace(shape, has_umbrella=True)
     gait = shape.select_body(bodies).gait

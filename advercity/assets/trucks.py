@@ -1,16 +1,37 @@
 """Builds trucks: a cab-over with a box body, and a fire truck."""
 
-import numpy as np
-from numpy.typing import ArrayLike
+from dataclasses import replace
+from typing import NamedTuple
 
+import numpy as np
+
+from advercity.assets.car_forms import CAB
+from advercity.assets.car_surface import CarSurface
+from advercity.assets.cars import build_body_on_wheels
 from advercity.assets.lettering import WritingPlane, build_number_plate, write_text
 from advercity.assets.vehicle_parts import build_axle, make_vehicle_parts
-from advercity.geometry.mesh import MeshPart, Size, TriangleSurface, add_mirror_image, xyz
-from advercity.geometry.primitives import box, loft_rings, plate, tube
+from advercity.geometry.mesh import (
+    MeshPart,
+    Size,
+    TriangleSurface,
+    add_mirror_image,
+    move_surface,
+    xyz,
+)
+from advercity.geometry.primitives import box, tube
 from advercity.materials import ACTOR_PAINT
 
-WELL_RADII = 1.15
-"""Radius of a wheel well in radii of the wheel."""
+
+class _CabPlace(NamedTuple):
+    """Where a cab is: x of its ends and of its axle, half of its width, heights and mirrors."""
+
+    front: float
+    behind: float
+    half: float
+    height: float
+    width: float
+    axle_x: float
+    wheel_m: float
 
 
 def build_truck(blueprint_id: str, size: Size) -> list[MeshPart]:
@@ -24,27 +45,28 @@ def _build_box_truck(blueprint_id: str, size: Size) -> list[MeshPart]:
     front, half = length / 2, width / 2 - 0.14
     behind = front - 0.31 * length
     rear, side = -length / 2, width / 2 - 0.06
+    cab = _CabPlace(front, behind, half, 0.94 * height, width, front - 0.17 * length, 0.42)
     cargo = box((rear, -side, 0.75), (behind - 0.06, side, height))
     stripe = box((rear + 0.3, -side - 0.01, 1.25), (behind - 0.4, side + 0.01, 1.7))
     return [
-        *_build_cab(blueprint_id, front, behind, half, 0.94 * height, ACTOR_PAINT),
+        *_build_cab(blueprint_id, cab, ACTOR_PAINT),
         *make_vehicle_parts("car_paint_white", cargo),
         *make_vehicle_parts(ACTOR_PAINT, stripe),
         *_build_lettering((rear + behind - 0.1) / 2, side + 0.01, 1.475),
         *_build_cargo_frame((rear, behind - 0.06), side, (0.75, height)),
         *_build_cargo_doors(rear, side, (0.75, height)),
         *_build_chassis(length, half),
-        *_build_mirrors(front - 0.12, half, width / 2, 0.66 * height),
         *_build_rear_lamps(blueprint_id, rear, half, 0.6),
-        *_build_axles((front - 0.17 * length, -length / 2 + 0.24 * length), half, 0.42),
+        *_build_axles((cab.axle_x, -length / 2 + 0.24 * length), half, cab.wheel_m),
     ]
 
 
 def _build_fire_truck(blueprint_id: str, size: Size) -> list[MeshPart]:
     length, width, height = size
     front, half, roof = length / 2, width / 2 - 0.16, 0.80 * height
-    behind = front - 0.36 * length
     rear = -length / 2
+    cab = _CabPlace(front, front - 2.3, half, roof, width, front - 1.45, 0.50)
+    behind = front - 2.25
     body = box((rear + 0.02, -half, 0.85), (behind - 0.05, half, 0.96 * roof))
     bay = (behind - 0.05 - rear) / 4
     shutters = [
@@ -55,79 +77,35 @@ def _build_fire_truck(blueprint_id: str, size: Size) -> list[MeshPart]:
         for k in range(4)
     ]
     stripe = box((rear + 0.01, -half - 0.008, 2.42), (behind - 0.04, half + 0.008, 2.62))
-    door = _build_side_windows(front - 1.75, front - 2.75, 0.54 * roof, 0.86 * roof, half)
     bar = box((front - 1.0, -0.8 * half, roof - 0.02), (front - 0.7, 0.8 * half, roof + 0.2))
     return [
-        *_build_cab(blueprint_id, front, behind, half, roof, "car_paint_red"),
+        *_build_cab(blueprint_id, cab, "car_paint_red"),
         *make_vehicle_parts("car_paint_red", body),
         *make_vehicle_parts("metal", *shutters, *_build_ladder(rear, front - 1.3, height)),
         *make_vehicle_parts("black_plastic", *_build_slats(rear, bay, half)),
         *make_vehicle_parts("paint_white", stripe),
-        *make_vehicle_parts("glass", door),
         *make_vehicle_parts("car_paint_blue", bar),
         *_build_chassis(length, half),
-        *_build_mirrors(front - 0.15, half, width / 2, 0.66 * roof),
         *_build_rear_lamps(blueprint_id, rear, half, 0.95),
-        *_build_axles((front - 1.45, rear + 2.1), half, 0.50),
+        *_build_axles((cab.axle_x, rear + 2.1), half, cab.wheel_m),
     ]
 
 
-def _build_cab(
-    blueprint_id: str, front: float, behind: float, half: float, height: float, paint: str
-) -> list[MeshPart]:
-    """Build a cab-over with windows, doors, steps, wipers, headlamps and a black bumper."""
-    sill, brow = 0.52 * height, 0.93 * height
-    rake = 0.10 * height
-    outline = [(front - 0.03, 0.5), (front, 0.65), (front, sill - 0.06), (front - 0.03, sill)]
-    outline += [(front - rake, brow), (front - rake - 0.12, height - 0.02)]
-    outline += [(front - rake - 0.3, height), (behind, height), (behind, 0.5)]
-    shell = _extrude_outline(outline, half, 0.07)
-    lean = np.array([0.03 - rake, 0.0, brow - sill])
-    out = 0.012 * np.array([lean[2], 0.0, -lean[0]]) / np.linalg.norm(lean)
-    foot = np.array([front - 0.03, 0.0, sill]) + out
-    low, high = foot + 0.06 * lean, foot + 0.93 * lean
-    side = (0.0, half - 0.14, 0.0)
-    screen = plate([low - side, low + side, high + side, high - side], 0.02)
-    rear_edge = min(front - 1.25, behind + 0.25)
-    panes = _build_side_windows(front - 0.28, rear_edge, sill, 0.9 * height, half)
-    lamp = add_mirror_image(box((front - 0.1, half - 0.5, 0.68), (front + 0.01, half - 0.1, 0.88)))
-    grille = box((front - 0.1, -half + 0.6, 0.7), (front + 0.012, half - 0.6, sill - 0.22))
-    bumper = box((front - 0.3, -half - 0.01, 0.38), (front + 0.02, half + 0.01, 0.62))
-    bars = [
-        box((front - 0.05, 0.62 - half, z - 0.012), (front + 0.02, half - 0.62, z + 0.012))
-        for z in np.linspace(0.7, sill - 0.22, 5)[1:-1]
-    ]
-    wipers = [
-        tube(
-            [low + xyz(0.03, y, 0.04), low + 0.2 * lean + xyz(0.03, y - 0.55, 0.0)], 0.009, sides=4
-        )
-        for y in (0.75 * half, 0.05 * half)
-    ]
+def _build_cab(blueprint_id: str, place: _CabPlace, paint: str) -> list[MeshPart]:
+    """Build a cab-over of a paint."""
+    length = place.front - place.behind
+    form = replace(CAB, axles=((place.front - place.axle_x) / length, 9.0))
+    body = CarSurface(form, length, place.half, place.height, place.wheel_m)
+    parts = build_body_on_wheels(blueprint_id, body, place.width)
+    shift = xyz((place.front + place.behind) / 2)
     return [
-        *make_vehicle_parts(paint, shell),
-        *make_vehicle_parts("black_plastic", *wipers, *_build_cab_doors(front, behind, half, sill)),
-        *make_vehicle_parts("chrome", *bars),
-        *build_number_plate(blueprint_id, (front + 0.035, 0.0, 0.505), 1.0),
-        *make_vehicle_parts("glass", screen, panes),
-        *make_vehicle_parts("lamp_white", lamp),
-        *make_vehicle_parts("black_plastic", grille, bumper),
+        replace(
+            part,
+            surface=move_surface(part.surface, shift),
+            material=paint if part.material == ACTOR_PAINT else part.material,
+        )
+        for part in parts
     ]
-
-
-def _build_cab_doors(
-    front: float, behind: float, half: float, sill: float
-) -> list[TriangleSurface]:
-    """Build the gaps of both doors of a cab, their handles, and the steps below them."""
-    ahead, rear, low = front - 0.24, max(front - 1.3, behind + 0.2), 0.66
-    outer = half + 0.005
-    gaps = [box((x - 0.008, half - 0.02, low), (x + 0.008, outer, sill)) for x in (ahead, rear)]
-    gaps.append(box((rear, half - 0.02, low), (ahead, outer, low + 0.014)))
-    handle = box((rear + 0.06, half - 0.02, sill - 0.16), (rear + 0.24, half + 0.03, sill - 0.11))
-    steps = [
-        box((ahead - 0.6, half - 0.25, z), (ahead - 0.1, half + 0.006, z + 0.05))
-        for z in (0.40, 0.58)
-    ]
-    return [add_mirror_image(part) for part in (*gaps, handle, *steps)]
 
 
 def _build_cargo_frame(
@@ -195,23 +173,6 @@ def _build_slats(rear: float, bay: float, half: float) -> list[TriangleSurface]:
     ]
 
 
-def _build_side_windows(
-    front: float, rear: float, bottom: float, top: float, half: float
-) -> TriangleSurface:
-    """Build a window with a raked front edge on either side, just outside the cab."""
-    corners = [(rear, bottom), (rear, top), (front - 0.1, top), (front, bottom)]
-    return add_mirror_image(plate([(x, half + 0.012, z) for x, z in corners], 0.02))
-
-
-def _extrude_outline(outline: ArrayLike, half: float, bevel_m: float) -> TriangleSurface:
-    """Extrude a side view (n, 2) of x and z across the width, with both edges bevelled."""
-    flat = np.asarray(outline, dtype=np.float64)
-    middle = (flat.min(axis=0) + flat.max(axis=0)) / 2
-    inner = middle + (flat - middle) * (1 - 2 * bevel_m / np.ptp(flat, axis=0))
-    sections = ((inner, -half), (flat, bevel_m - half), (flat, half - bevel_m), (inner, half))
-    return loft_rings(np.stack([np.insert(profile, 1, y, axis=1) for profile, y in sections]))
-
-
 def _build_chassis(length: float, half: float) -> list[MeshPart]:
     beam = box((-length / 2 + 0.05, -0.45, 0.5), (length / 2 - 0.3, 0.45, 0.86))
     guard = box(
@@ -219,12 +180,6 @@ def _build_chassis(length: float, half: float) -> list[MeshPart]:
     )
     bumper = box((-length / 2 + 0.03, -half + 0.1, 0.42), (-length / 2 + 0.13, half - 0.1, 0.56))
     return make_vehicle_parts("black_plastic", beam, guard, bumper)
-
-
-def _build_mirrors(x: float, half: float, outer: float, z: float) -> list[MeshPart]:
-    arm = box((x - 0.03, half - 0.1, z + 0.25), (x + 0.03, outer - 0.02, z + 0.29))
-    glass = box((x - 0.06, outer - 0.13, z - 0.12), (x + 0.04, outer, z + 0.32))
-    return make_vehicle_parts("black_plastic", add_mirror_image(arm), add_mirror_image(glass))
 
 
 def _build_rear_lamps(blueprint_id: str, rear: float, half: float, z: float) -> list[MeshPart]:
@@ -238,14 +193,9 @@ def _build_rear_lamps(blueprint_id: str, rear: float, half: float, z: float) -> 
 
 
 def _build_axles(stations: tuple[float, float], half: float, radius: float) -> list[MeshPart]:
-    """Build the wheels, the front ones before dark wheel wells in the flanks of the cab."""
     front, rear = stations
-    angle = np.radians(np.linspace(0, 180, 13))
-    x, z = front - WELL_RADII * radius * np.cos(angle), radius * (1 + WELL_RADII * np.sin(angle))
-    well = plate(np.column_stack([x, np.full(len(x), half + 0.004), z]), 0.02)
     return [
-        *make_vehicle_parts("black_plastic", add_mirror_image(well)),
-        *build_axle(front, half + 0.02, radius, 0.30, is_steered=True),
+        *build_axle(front, half - 0.01, radius, 0.30, is_steered=True),
         *build_axle(rear, half - 0.02, radius, 0.58),
     ]
 

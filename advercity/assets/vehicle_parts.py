@@ -1,6 +1,6 @@
 """Builds parts that vehicles of several classes have: wheels and indicators."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +8,7 @@ import numpy as np
 from advercity.geometry.arrays import Float64Array
 from advercity.geometry.mesh import (
     Mesh,
+    MeshLayer,
     MeshPart,
     TriangleSurface,
     Wheel,
@@ -44,6 +45,11 @@ def make_vehicle_parts(
 ) -> list[MeshPart]:
     """Make parts of the semantic class of vehicles from surfaces of one material."""
     return [MeshPart(surface, material, Semantic.VEHICLE, wheel) for surface in surfaces]
+
+
+def set_layer(layer: MeshLayer, parts: Iterable[MeshPart]) -> list[MeshPart]:
+    """Set what of a body parts are."""
+    return [replace(part, layer=layer) for part in parts]
 
 
 def build_axle(

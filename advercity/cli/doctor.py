@@ -3,6 +3,7 @@
 import platform
 import shutil
 import subprocess
+from collections import Counter
 from collections.abc import Callable, Iterator
 from importlib.metadata import version
 from pathlib import Path
@@ -12,10 +13,13 @@ import sumo
 from advercity import __version__
 from advercity.assets.catalogue import load_catalogue_blueprints
 from advercity.assets.model_store import open_model_store
+from advercity.assets.texture_store import describe_package, open_texture_store
 from advercity.errors import AdvercityError, RunError
 from advercity.pipeline.cache import find_cache_folder
 from advercity.rendering.backend import list_backend_names, load_backend
+from advercity.texture_packs import TEXTURE_PACKS
 
+_MISSING = " is not installed; the shipped specs need `advercity assets install`"
 CheckResult = tuple[str, bool, str]
 """Name of the check, whether it passed, and what was found."""
 
@@ -40,7 +44,7 @@ def _run_checks() -> Iterator[CheckResult]:
         yield _run_check(f"backend {name}", lambda name=name: _check_backend(name))
     for package in ("embreex", "rerun-sdk", "opencv-python-headless"):
         yield package, True, version(package)
-    yield _run_check("bodies", _check_bodies)
+    yield from _check_packages()
     yield _run_check("cache", _check_cache)
 
 
@@ -67,15 +71,25 @@ def _check_backend(name: str) -> str:
     return f"{found.device}, {rays}"
 
 
-def _check_bodies() -> str:
-    if not open_model_store().has_package:
-        return "procedural; the shipped specs need `advercity assets install`"
-    found = [
-        open_model_store().prepare_model(blueprint)
+def _check_packages() -> Iterator[CheckResult]:
+    """Check the packages of others; what is made of them has a generated substitute."""
+    store, textures = open_model_store(), open_texture_store()
+    names = {"pedestrian": "people"}
+    found = Counter(
+        names.get(blueprint.actor_class, "vehicles")
         for blueprint in load_catalogue_blueprints().values()
-    ]
-    count = sum(path is not None for path in found)
-    return f"{count} of {len(found)} are models of the asset pack, the rest procedural"
+        if store.prepare_model(blueprint) is not None
+    )
+    for kind, package, is_installed in (
+        ("vehicles", store.package, store.has_package),
+        ("people", store.people_package, store.has_people),
+    ):
+        made = f"{found[kind]} blueprints from {package.name} {package.version}"
+        yield kind, True, made if is_installed else f"generated; {package.name}{_MISSING}"
+    for pack in TEXTURE_PACKS.values():
+        package = describe_package(pack)
+        state = "installed" if textures.is_installed(pack) else _MISSING.strip()
+        yield "photographs", True, f"{package.name} {package.version}: {state}"
 
 
 def _check_cache() -> str:

@@ -1,25 +1,32 @@
 """Where the actor of a conflict comes from, and where its path meets the ego's.
 
-There is a function for each kind of approach: across the road, ahead of the ego, in the opposite
-lane, in a lane through the junction, and along the right edge. Stations are metres on the ego's
-path; offsets are metres to the left of the centre of its lane.
+There is a function for each kind of approach: across the road, ahead of the ego, in a lane through
+the junction, and along the right edge; those in the opposite lane are in `opposite_lane`. Stations
+are metres on the ego's path; offsets are metres to the left of the centre of its lane.
 """
 
 from dataclasses import replace
 
 import numpy as np
 from advercity_dsl.distribution import compute_bounds
-from advercity_dsl.road import Movement, StripKind, Vehicle
+from advercity_dsl.road import Movement, StripKind
 from advercity_dsl.units import KM_H_PER_M_S
 from numpy.typing import NDArray
 
-from advercity.conflicts.case import (
-    ActorPlacement,
-    ConflictCase,
-    UnsolvableError,
-)
+from advercity.conflicts.case import ActorPlacement, ConflictCase, UnsolvableError
 from advercity.conflicts.ego_motion import CROSSING_OFFSET_M, EgoDrive
-from advercity.conflicts.trajectories import DRIFT_HOLD_S, DRIFT_RETURN_MARGIN_S
+from advercity.conflicts.opposite_lane import (
+    find_overtaking_station,
+    find_straightest_station,
+    place_opposite,
+)
+from advercity.conflicts.run_ups import (
+    compute_actor_speed_m_s,
+    compute_needed_approach_m,
+    compute_run_m,
+    compute_timely_speed_m_s,
+    find_last_free_station,
+)
 from advercity.roads.routes import RoutePath, RouteSegment
 
 
@@ -154,167 +161,6 @@ def _find_crossed_station(case: ConflictCase) -> float:
     return wanted if is_inside else min(centres, key=lambda centre: abs(centre - wanted))
 
 
-WAITING_MARGIN_S = 1.5
-"""Time that an oncoming actor can wait at its start and still be in time."""
-MEETING_FRACTIONS = (0.25, 0.62)
-"""Fractions of the ego's drive between which it meets an oncoming actor."""
-STREET_END_MARGIN_M = 8.0
-"""Minimum distance of a start from either end of a street."""
-
-
-def place_opposite(case: ConflictCase, station_m: float) -> ActorPlacement:
-    """Place an actor in the opposite lane so that it meets the ego at a station."""
-    run_m = _compute_run_m(case, station_m)
-    if case.conflict.actor.behaviour == "overtakes":
-        run_m = min(run_m, _compute_free_run_m(case, station_m))
-    return place_oncoming(case.drive, station_m, run_m)
-
-
-def _compute_run_m(case: ConflictCase, station_m: float) -> float:
-    """Compute how far a vehicle drives that sets out at the scenario's start and is in time."""
-    speed, acceleration = case.speed_m_s, case.parameters["acceleration_m_s2"]
-    meets_s = case.drive.motion.time_at(station_m)
-    return speed * (meets_s - speed / (2 * acceleration) - WAITING_MARGIN_S)
-
-
-def place_oncoming(drive: EgoDrive, station_m: float, run_m: float) -> ActorPlacement:
-    """Place an actor that drives against the ego, `run_m` before a station on the ego's path."""
-    route, back = _build_oncoming_path(drive)
-    meeting_m = back.find_nearest_station(drive.path.point_at(station_m))
-    start_m = max(meeting_m - run_m, STREET_END_MARGIN_M)
-    index, segment = next(
-        (number, item)
-        for number, item in enumerate(back.segments)
-        if start_m < item.end_m - STREET_END_MARGIN_M
-    )
-    start_m = max(start_m, segment.start_m + STREET_END_MARGIN_M)
-    return ActorPlacement(
-        station_m, meeting_m - start_m, route=route[index:], start_m=segment.end_m - start_m
-    )
-
-
-def _build_oncoming_path(drive: EgoDrive) -> tuple[tuple[str, ...], RoutePath]:
-    """Build the streets and the path of traffic against the ego."""
-    route = tuple(reversed(drive.route))
-    route = (*route, *_find_next_street(drive, route[-1]))
-    return route, drive.planner.build_path(route)
-
-
-def _compute_free_run_m(case: ConflictCase, station_m: float) -> float:
-    """Compute how far an actor can run before a connected vehicle meets the cyclist."""
-    _, back = _build_oncoming_path(case.drive)
-    meeting_m = back.find_nearest_station(case.drive.path.point_at(station_m))
-    cyclist_m = meeting_m - place_passed_cyclist(case, station_m).approach_m
-    return meeting_m - _find_last_free_station(case, back, cyclist_m)
-
-
-def find_straightest_station(case: ConflictCase) -> float:
-    """Find the station near the middle of the ego's drive where an actor comes straight at it.
-
-    On a bend, velocity alone could not distinguish a drift from following the lane.
-
-    Raises:
-        UnsolvableError: The ego has passed the middle before anything critical may happen.
-    """
-    drive, earliest_s = case.drive, case.not_before_s + DRIFT_HOLD_S + _compute_return_s(case)
-    candidates = drive.start_m + np.linspace(*MEETING_FRACTIONS, 41) * (drive.end_m - drive.start_m)
-    stations = [at for at in candidates.tolist() if drive.motion.time_at(at) >= earliest_s]
-    if not stations:
-        raise UnsolvableError(
-            f"the ego is past the middle of its drive {earliest_s:.1f} s after the start; raise"
-            " its waits_s"
-        )
-    turns = [
-        np.ptp(np.unwrap([drive.path.heading_at(s) for s in np.arange(at - 5.0, at + 32.0, 4.0)]))
-        for at in stations
-    ]
-    # Rounded, so that of nearly equal places the first one is taken on every machine.
-    return stations[int(np.argmin(np.round(turns, 2)))]
-
-
-def _find_next_street(drive: EgoDrive, street: str) -> tuple[str, ...]:
-    """Find where traffic against the ego goes from the ego's first street; none at the edge."""
-    along = drive.planner.is_along_axis(drive.route, 0)
-    layout = drive.planner.streets[street]
-    junction = layout.begins if along else layout.ends
-    movements = drive.planner.movements.get(junction, ())
-    options = [item for item in movements if item.from_street == street]
-    straightest = sorted(options, key=lambda item: abs(drive.planner.turn_angle(item, junction)))
-    return tuple(item.to_street for item in straightest[:1])
-
-
-CYCLIST_WAITING_MARGIN_S = 1.0
-"""Time that the cyclist can wait at its start and still be in time."""
-CYCLIST_STEADY_S = 1.0
-"""Time for which it has its speed at least before the actor leaves its lane."""
-CYCLIST_LIMITS_M_S2 = (1.0, 2.0)
-"""Acceleration and braking of the cyclist."""
-
-
-def find_overtaking_station(case: ConflictCase) -> float:
-    """Find the ego's first station at which the actor can have overtaken a cyclist at its speed.
-
-    Raises:
-        UnsolvableError: A junction is too near everywhere for the cyclist to gain its speed.
-    """
-    sets_out_s = case.speed_m_s / case.parameters["acceleration_m_s2"]
-    drifted_s = WAITING_MARGIN_S + sets_out_s + case.parameters["drift_time_s"]
-    after_s = max(drifted_s, case.not_before_s) + _compute_passing_s(case) + _compute_return_s(case)
-    drive = case.drive
-    needed_m = _compute_passed_before_m(case) + _compute_cyclist_run_up_m(case)
-    for station in np.arange(drive.motion.station_at(after_s), drive.end_m).tolist():
-        if place_oncoming(drive, station, needed_m).approach_m >= needed_m:
-            return station
-    raise UnsolvableError(f"'{drive.road.id}' has no {needed_m:.0f} m for the cyclist")
-
-
-def place_passed_cyclist(case: ConflictCase, station_m: float) -> ActorPlacement:
-    """Place the cyclist that the actor has just passed when it begins to return to its lane."""
-    speed = compute_cyclist_speed_m_s(case)
-    rides_s = case.drive.motion.time_at(station_m) - _compute_return_s(case)
-    rides_s -= CYCLIST_WAITING_MARGIN_S
-    ridden_m = speed * (rides_s - speed / (2 * CYCLIST_LIMITS_M_S2[0]))
-    return place_oncoming(case.drive, station_m, _compute_passed_before_m(case) + ridden_m)
-
-
-def _compute_passed_before_m(case: ConflictCase) -> float:
-    """Compute how far before the meeting the cyclist is when the actor begins to return."""
-    lengths_m = case.actor.length_m + case.sampler.draw_cyclist().length_m
-    return (
-        case.speed_m_s * _compute_return_s(case) + lengths_m / 2 + case.parameters["passing_gap_m"]
-    )
-
-
-def _compute_cyclist_run_up_m(case: ConflictCase) -> float:
-    """Compute how far the cyclist rides at least until the actor begins to return."""
-    speed = compute_cyclist_speed_m_s(case)
-    steady_s = CYCLIST_STEADY_S + case.parameters["drift_time_s"] + _compute_passing_s(case)
-    return speed * (steady_s + speed / (2 * CYCLIST_LIMITS_M_S2[0]))
-
-
-def compute_cyclist_speed_m_s(case: ConflictCase) -> float:
-    """Compute the speed of the cyclist that is overtaken."""
-    return case.parameters["passed_speed_km_h"] / KM_H_PER_M_S
-
-
-def _compute_return_s(case: ConflictCase) -> float:
-    """Compute the time from the begin of the actor's return to its passing of the ego."""
-    return case.parameters["return_time_s"] + DRIFT_RETURN_MARGIN_S
-
-
-def _compute_passing_s(case: ConflictCase) -> float:
-    """Compute how long the actor drives in the other lane."""
-    lengths_m = case.actor.length_m + case.sampler.draw_cyclist().length_m
-    closing_km_h = case.parameters["actor_speed_km_h"] - case.parameters["passed_speed_km_h"]
-    if closing_km_h <= 0:
-        raise UnsolvableError("the cyclist is not slower than the actor that overtakes it")
-    return (lengths_m + 2 * case.parameters["passing_gap_m"]) / (closing_km_h / KM_H_PER_M_S)
-
-
-SAME_LANE_M = 1.5
-"""A vehicle that starts within this distance of an actor's path starts in its lane."""
-CONNECTED_GAP_M = 6.0
-"""Distance between the centre of a connected vehicle and the rear of an actor ahead of it."""
 STOP_LINE_GAP_M = 1.0
 """Distance of a waiting vehicle from the stop line."""
 ALONG_EDGE_M = 26.0
@@ -353,45 +199,10 @@ def place_in_lane(case: ConflictCase) -> ActorPlacement:
         beyond_line_m=approach_m - start_m,
     )
     # What the junction leaves no room for is done before it: the actor starts farther back.
-    room_m = line_m - start_m - _find_last_free_station(case, path, line_m)
-    wanted_m = max(compute_needed_approach_m(case), _compute_run_m(case, station))
+    room_m = line_m - start_m - find_last_free_station(case, path, line_m)
+    wanted_m = max(compute_needed_approach_m(case), compute_run_m(case, station))
     back_m = min(max(wanted_m - approach_m, 0.0), room_m)
     return replace(place, approach_m=approach_m + back_m, start_m=start_m + back_m)
-
-
-def _find_last_free_station(case: ConflictCase, path: RoutePath, line_m: float) -> float:
-    """Find how far back on its street an actor can start: before connected vehicles in its lane."""
-    spawns = [
-        place.spawn_m for place in case.drive.road.agents.values() if isinstance(place, Vehicle)
-    ]
-    taken = [
-        station
-        for spawn in spawns
-        if (station := path.find_nearest_station(spawn)) < line_m
-        and np.linalg.norm(path.point_at(station) - np.array(spawn)) < SAME_LANE_M
-    ]
-    return max([0.0, *(station + CONNECTED_GAP_M for station in taken)]) + case.actor.length_m / 2
-
-
-STEADY_SPEED_FRACTION = 0.88
-"""Fraction of the speed from which it can just stop, so that it keeps its speed for a moment."""
-STOPPING_MARGIN_M = 2.2
-"""Minimum distance of its front from the crossing of both paths."""
-
-
-def compute_actor_speed_m_s(case: ConflictCase, place: ActorPlacement) -> float:
-    """Compute the actor's speed: as drawn, or the highest from which it can still stop short."""
-    if case.conflict.actor.behaviour != "stops_short":
-        return case.speed_m_s
-    room = place.approach_m - case.actor.length_m / 2 - STOPPING_MARGIN_M
-    highest = np.sqrt(2 * max(room, 0.0) / _sum_inverse_limits(case))
-    return round(float(min(case.speed_m_s, STEADY_SPEED_FRACTION * highest)), 3)
-
-
-def compute_needed_approach_m(case: ConflictCase) -> float:
-    """Compute how far from the meeting an actor has to start for its speed, and to stop short."""
-    steady_m = (case.speed_m_s / STEADY_SPEED_FRACTION) ** 2 / 2 * _sum_inverse_limits(case)
-    return steady_m + case.actor.length_m / 2 + STOPPING_MARGIN_M
 
 
 def fit_actor_speed(case: ConflictCase) -> ConflictCase:
@@ -408,26 +219,9 @@ def fit_actor_speed(case: ConflictCase) -> ConflictCase:
     limit = min(
         compute_actor_speed_m_s(fastest, place),
         2 * case.parameters["braking_m_s2"] * latest_s,
-        _compute_timely_speed_m_s(case, place) if place.route else np.inf,
+        compute_timely_speed_m_s(case, place) if place.route else np.inf,
     )
     return case.redraw_actor_speed(limit * KM_H_PER_M_S)
-
-
-def _compute_timely_speed_m_s(case: ConflictCase, place: ActorPlacement) -> float:
-    """Compute the highest speed whose approach an actor from rest drives before the ego comes.
-
-    At v that takes `v / 2a + (k v^2 + c) / v`, whose second part is the needed approach.
-    """
-    slope = 1 / (2 * case.parameters["acceleration_m_s2"])
-    slope += _sum_inverse_limits(case) / (2 * STEADY_SPEED_FRACTION**2)
-    standing_m = case.actor.length_m / 2 + STOPPING_MARGIN_M
-    at_s = case.drive.motion.time_at(place.station_m)
-    return float((at_s + np.sqrt(max(at_s**2 - 4 * slope * standing_m, 0.0))) / (2 * slope))
-
-
-def _sum_inverse_limits(case: ConflictCase) -> float:
-    parameters = case.parameters
-    return 1 / parameters["acceleration_m_s2"] + 1 / parameters["braking_m_s2"]
 
 
 def place_along_edge(case: ConflictCase) -> ActorPlacement:

@@ -11,14 +11,10 @@ from advercity_dsl.units import KM_H_PER_M_S, Point2
 from numpy.typing import NDArray
 
 from advercity.conflicts.approaches import (
-    CYCLIST_LIMITS_M_S2,
-    compute_actor_speed_m_s,
-    compute_cyclist_speed_m_s,
     compute_lane_edge_offset,
     find_ego_intersection,
     fit_actor_speed,
     place_actor,
-    place_passed_cyclist,
 )
 from advercity.conflicts.case import (
     ActorPlacement,
@@ -28,6 +24,12 @@ from advercity.conflicts.case import (
 )
 from advercity.conflicts.ego_motion import EgoDrive, NominalMotion
 from advercity.conflicts.ego_speed import fit_ego_speed
+from advercity.conflicts.opposite_lane import (
+    CYCLIST_LIMITS_M_S2,
+    compute_cyclist_speed_m_s,
+    place_passed_cyclist,
+)
+from advercity.conflicts.run_ups import compute_actor_speed_m_s
 from advercity.conflicts.signal_timing import (
     find_run_lights,
     ignore_lights,

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Literal
 
 from advercity_dsl import Id, Model, Spec
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import TypeAdapter, ValidationError
 
 from advercity.atomic_files import move_file, write_atomically, write_file
 from advercity.dataset.manifest import Manifest, compute_spec_digest
@@ -87,8 +87,8 @@ class IndexEntry(Model):
 class DatasetIndex(Model):
     """Entries of the scenarios of a dataset by folder; the same dataset gives the same text."""
 
-    index_version: Literal[1] = 1
-    scenarios: dict[Id, IndexEntry] = Field(default_factory=dict[Id, IndexEntry])
+    index_version: Literal[1]
+    scenarios: dict[Id, IndexEntry]
 
     def list_with_manifest(self, has_files: Callable[[str], bool]) -> list[str]:
         """List the names of the scenarios that should have a manifest.
@@ -110,7 +110,9 @@ class DatasetIndex(Model):
     def with_entries(self, entries: Mapping[str, IndexEntry]) -> "DatasetIndex":
         """Return a copy with these entries added or replaced, sorted by name."""
         merged = {**self.scenarios, **entries}
-        return DatasetIndex(scenarios={name: merged[name] for name in sorted(merged)})
+        return DatasetIndex(
+            index_version=1, scenarios={name: merged[name] for name in sorted(merged)}
+        )
 
     def with_waiting(self, specs: Iterable[Spec]) -> "DatasetIndex":
         """Return a copy in which these scenarios are waiting."""
@@ -137,7 +139,7 @@ class DatasetIndex(Model):
             InputError: It is no JSON; the text names line and column.
             RunError: It is no index of this version.
         """
-        hint = "delete it, and the next run starts another"
+        hint = "rename or delete it, and the next run starts another"
         document = parse_json(text, Path(where), hint=hint)
         try:
             return DatasetIndex.model_validate(document)
@@ -155,6 +157,9 @@ class DatasetIndex(Model):
             return None
         except OSError as error:
             raise RunError(f"{path}: cannot be read: {describe_cause(error)}") from error
+
+
+EMPTY_INDEX = DatasetIndex(index_version=1, scenarios={})
 
 
 class IndexWriter:
@@ -196,7 +201,7 @@ class IndexWriter:
         check_folders_are_no_links(path, ())
         staging = find_staging_folder(path)
         with report_disk_errors(self._dataset), lock_file(staging / "lock", "the index"):
-            index = DatasetIndex.load(self._dataset) or DatasetIndex()
+            index = DatasetIndex.load(self._dataset) or EMPTY_INDEX
             # Once per run: a scenario that is made again has no result until then.
             if not self._has_written:
                 index = index.with_waiting(self._specs.values())

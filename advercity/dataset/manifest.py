@@ -53,6 +53,7 @@ class Identity(Model):
         spec: Id of the spec.
         spec_sha256: Checksum of the spec.
         trace_sha256: Checksum of the simulated traffic.
+        world_sha256: Checksum of the static scene.
         renderer: Backend and its sources, profile, image scale, device.
         bodies: SHA-256 of the 3-D model of each blueprint that has one.
         missing_models: Blueprints with generated bodies in place of the spec's models, and packs
@@ -68,6 +69,7 @@ class Identity(Model):
     spec: str
     spec_sha256: str
     trace_sha256: str
+    world_sha256: str
     renderer: RendererIdentity
     bodies: dict[str, str] = Field(default_factory=dict[str, str])
     missing_models: tuple[str, ...] = Field(default=(), exclude_if=is_empty)
@@ -90,6 +92,7 @@ class Identity(Model):
         spec: Spec,
         *,
         trace_sha256: str,
+        world_sha256: str,
         renderer: RendererIdentity,
         format: str = "opv2v",
         missing_models: tuple[str, ...] = (),
@@ -109,6 +112,7 @@ class Identity(Model):
             spec=spec.id,
             spec_sha256=compute_spec_digest(spec),
             trace_sha256=trace_sha256,
+            world_sha256=world_sha256,
             renderer=renderer,
             bodies=models,
             missing_models=missing_models,
@@ -165,7 +169,7 @@ class Manifest(Model):
         files: Records by path within the scenario.
     """
 
-    manifest_version: Literal[4] = MANIFEST_VERSION
+    manifest_version: Literal[5] = MANIFEST_VERSION
     identity: Identity
     weather: WeatherTruth
     spec: Spec

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from advercity_dsl import Spec
 
-from advercity.dataset.index import INDEX_FILE, DatasetIndex
+from advercity.dataset.index import EMPTY_INDEX, INDEX_FILE, DatasetIndex
 from advercity.dataset.manifest import Identity, Manifest
 from advercity.dataset.partial_files import FileRecord
 from advercity.dataset.scenario_folders import MANIFEST_FILE, no_dataset_to_replace_error
@@ -152,9 +152,7 @@ def verify_store(url: str) -> list[FileProblem]:
     """
     store = DatasetStore(url)
     text = store.read(INDEX_FILE)
-    index = (
-        DatasetIndex() if text is None else DatasetIndex.parse(text, where=f"{url}/{INDEX_FILE}")
-    )
+    index = EMPTY_INDEX if text is None else DatasetIndex.parse(text, where=f"{url}/{INDEX_FILE}")
     paths, suffix = store.list_files(""), f"/{MANIFEST_FILE}"
     names = [path.removesuffix(suffix) for path in paths if path.endswith(suffix)]
     expected = index.list_with_manifest(lambda name: any(p.startswith(f"{name}/") for p in paths))

@@ -12,7 +12,7 @@ from advercity.documents import suggest_path
 from advercity.errors import InputError, RunError
 
 MANIFEST_FILE = "manifest.json"
-MANIFEST_VERSION: Final = 4
+MANIFEST_VERSION: Final = 5
 """Version of the manifest's fields that this code writes and reads."""
 
 

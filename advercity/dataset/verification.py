@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Literal, NoReturn
 
 from advercity.dataset.formats import format_frame_name
-from advercity.dataset.index import DatasetIndex
+from advercity.dataset.index import EMPTY_INDEX, DatasetIndex
 from advercity.dataset.manifest import Manifest
 from advercity.dataset.opv2v import select_encoder
 from advercity.dataset.partial_files import (
@@ -99,7 +99,7 @@ def compare_with_index(dataset: Path) -> list[FileProblem]:
     Raises:
         RunError: A file cannot be read.
     """
-    index = DatasetIndex.load(dataset) or DatasetIndex()
+    index = DatasetIndex.load(dataset) or EMPTY_INDEX
     problems: list[FileProblem] = []
     for name in index.list_with_manifest(lambda name: any((dataset / name).glob("*"))):
         path = dataset / name / MANIFEST_FILE

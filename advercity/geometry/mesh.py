@@ -6,7 +6,8 @@ a draw call.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from enum import IntEnum
 
 import mapbox_earcut
 import numpy as np
@@ -38,6 +39,16 @@ class Wheel:
         return self.hub[2]
 
 
+class MeshLayer(IntEnum):
+    """What of a body a mesh is: images may leave out the details of distant bodies."""
+
+    SHAPE = 0
+    DETAIL = 1
+    """Small, or behind windows."""
+    OCCUPANT = 2
+    """A detail that is not in parked vehicles."""
+
+
 @dataclass(frozen=True)
 class Mesh:
     """Triangles of one material and one semantic class.
@@ -54,6 +65,7 @@ class Mesh:
         wheel: The wheel that it turns with, or None.
         uv: (n, 2) float32 metres to the right and up on the images of its material, or None: images
             then lie over a static mesh along the world's axes.
+        layer: What of a body it is.
     """
 
     name: str
@@ -65,6 +77,7 @@ class Mesh:
     weights: NDArray[np.float32] | None = None
     wheel: Wheel | None = None
     uv: NDArray[np.float32] | None = None
+    layer: MeshLayer = MeshLayer.SHAPE
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,6 +120,7 @@ class MeshPart:
     material: str
     semantic: Semantic
     wheel: Wheel | None = None
+    layer: MeshLayer = MeshLayer.SHAPE
 
 
 def build_ribbon(left: Points, right: Points) -> TriangleSurface:
@@ -245,14 +259,9 @@ def add_mirror_image(surface: TriangleSurface) -> TriangleSurface:
     return join_surfaces([surface, mirror_surface(surface)])
 
 
-def split_surface(
-    surface: TriangleSurface, mask: NDArray[np.bool_]
-) -> tuple[TriangleSurface, TriangleSurface]:
-    """Split a surface into the triangles where `mask` (m,) holds and the others."""
-    return (
-        TriangleSurface(surface.vertices, surface.triangles[mask]),
-        TriangleSurface(surface.vertices, surface.triangles[~mask]),
-    )
+def keep_triangles(surface: TriangleSurface, mask: NDArray[np.bool_]) -> TriangleSurface:
+    """Keep the triangles of a surface where `mask` (m,) holds, without normals."""
+    return TriangleSurface(surface.vertices, surface.triangles[mask])
 
 
 def shade_smooth(surface: TriangleSurface) -> TriangleSurface:
@@ -309,19 +318,25 @@ def normalize(vectors: ArrayLike) -> Float64Array:
 def build_meshes(pieces: Sequence[MeshPart], prefix: str = "") -> list[Mesh]:
     """Build a mesh per material, semantic class and wheel, named after them, in stable order."""
     wheels = sorted({piece.wheel for piece in pieces if piece.wheel is not None})
-    groups: dict[tuple[int, str, Semantic], list[TriangleSurface]] = {}
+    groups: dict[tuple[MeshLayer, int, str, Semantic], list[TriangleSurface]] = {}
     for piece in pieces:
         surface = (
             piece.surface if piece.surface.normals is not None else shade_smooth(piece.surface)
         )
         number = 0 if piece.wheel is None else 1 + wheels.index(piece.wheel)
-        groups.setdefault((number, piece.material, piece.semantic), []).append(surface)
+        key = piece.layer, number, piece.material, piece.semantic
+        groups.setdefault(key, []).append(surface)
     return [
-        join_surfaces(surfaces).to_mesh(
-            f"{prefix}{semantic.name.lower()}_{material}" + f"_wheel_{number}" * (number > 0),
-            material,
-            semantic,
-            wheels[number - 1] if number else None,
+        replace(
+            join_surfaces(surfaces).to_mesh(
+                f"{prefix}{semantic.name.lower()}_{material}"
+                + f"_wheel_{number}" * (number > 0)
+                + f"_{layer.name.lower()}" * (layer > 0),
+                material,
+                semantic,
+                wheels[number - 1] if number else None,
+            ),
+            layer=layer,
         )
-        for (number, material, semantic), surfaces in sorted(groups.items())
+        for (layer, number, material, semantic), surfaces in sorted(groups.items())
     ]

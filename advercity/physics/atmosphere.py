@@ -91,6 +91,11 @@ class Atmosphere:
         return self.extinction.mor_m
 
     @property
+    def is_dark(self) -> bool:
+        """Whether hardly any light is from the sky, as at night but not at dusk."""
+        return self.night and self.sky_lx < DARK_SKY_LX
+
+    @property
     def ground_lx(self) -> float:
         """Illuminance of level ground in the open by sun and sky."""
         return self.sky_lx + self.sun_lx * max(0.0, float(self.sun_direction[2]))
@@ -106,6 +111,8 @@ class Atmosphere:
 
 LandUse = Literal["urban", "rural"]
 
+DARK_SKY_LX = 1.0
+"""Illuminance by the sky below which it matters little against lamps: the sun is 7 degrees down."""
 SKY_SIZE = 256
 """Texels along an edge of the sky cubemap."""
 STREET_LIGHT_COLOUR = np.array(LED_COLOUR)

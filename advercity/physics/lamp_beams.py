@@ -120,13 +120,16 @@ LOW_BEAM = LampBeam(
     kink_max_deg=2.07,
     cutoff_softness_deg=0.12,
     stray_fraction=0.018,
-    peak_below_cutoff_deg=1.0,
-    below_width_deg=3.5,
+    peak_below_cutoff_deg=1.8,
+    below_width_deg=2.8,
     above_width_deg=15.0,
     peak_right_deg=1.0,
     horizontal_sigma_deg=12.0,
 )
-"""Low beam (UN R112, class B); the cut-off rises by 15 degrees (tan 15° = 0.27) to the right."""
+"""Low beam, within the limits of UN R112, class B, at a peak of 20 kcd.
+
+The cut-off rises by 15 degrees (tan 15° = 0.27) to the right.
+"""
 FRONT_FOG_BEAM = LampBeam(
     cutoff_drop_deg=0.0,
     kink_slope=0.0,

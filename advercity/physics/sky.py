@@ -143,6 +143,11 @@ _HORIZON_XY = np.array([0.31, 0.33])
 _AUREOLE_XY = np.array([0.36, 0.37])
 _OVERCAST_XY = np.array([0.3127, 0.3290])
 _AUREOLE_RAD = math.radians(20.0)
+_TWILIGHT_ZENITH_XY, _TWILIGHT_GLOW_XY = np.array([0.240, 0.235]), np.array([0.44, 0.39])
+"""Above, blue by ozone (Hulburt 1953); low over the place of the set sun, as skylight of 2800 K."""
+_TWILIGHT_FROM_DEG = 6.0
+"""Elevation of the sun at which twilight begins to colour the sky; at 0 it does so wholly."""
+_TWILIGHT_GLOW_HEIGHT = math.sin(math.radians(10.0))
 
 
 def direction_from_elevation_azimuth(elevation_deg: float, azimuth_deg: float) -> Float64Array:
@@ -200,12 +205,22 @@ def cloudy_relative_luminance(
 def sky_colour(
     directions: Float64Array, sun: Float64Array, *, cloud_fraction: float
 ) -> Float64Array:
-    """Compute the sky's colour (..., 3): blue above, warm near the sun, grey with clouds."""
+    """Compute the sky's colour (..., 3): blue above, warm near the sun, grey with clouds.
+
+    Of a low or set sun, the sky is warm along the horizon on its side, and bluer above.
+    """
+    low = min(1.0, max(0.0, 1.0 - math.degrees(math.asin(sun[2])) / _TWILIGHT_FROM_DEG))
+    zenith = _ZENITH_XY + (_TWILIGHT_ZENITH_XY - _ZENITH_XY) * low
     height = np.sqrt(np.clip(directions[..., 2:], 0.0, 1.0))
-    clear = _HORIZON_XY + (_ZENITH_XY - _HORIZON_XY) * height
+    clear = _HORIZON_XY + (zenith - _HORIZON_XY) * height
     from_sun = np.arccos(np.clip(directions @ sun, -1.0, 1.0))[..., None]
     aureole = np.clip(1.0 - from_sun / _AUREOLE_RAD, 0.0, 1.0)
     clear = clear + (_AUREOLE_XY - clear) * aureole
+    if low > 0.0:
+        towards_sun = directions[..., :2] @ sun[:2] / max(math.hypot(*sun[:2]), 1e-9)
+        around = (0.5 + 0.5 * towards_sun[..., None]) ** 2
+        glow = low * around * np.exp(-np.square(height) / _TWILIGHT_GLOW_HEIGHT)
+        clear = clear + (_TWILIGHT_GLOW_XY - clear) * glow
     return colour_from_chromaticity(clear + (_OVERCAST_XY - clear) * cloud_fraction)
 
 

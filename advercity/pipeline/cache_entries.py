@@ -8,7 +8,6 @@ import hashlib
 import logging
 import os
 import re
-import shutil
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -17,7 +16,6 @@ from pathlib import Path
 from typing import TypeVar
 
 from advercity.atomic_files import (
-    PARTIAL_MAX_AGE_S,
     open_partial_path,
     remove_abandoned_partials,
     write_atomically,
@@ -37,12 +35,10 @@ ENTRY_FILES = {
     "traces": "*.npz",
     "worlds": "*.npz",
     "maps": "*.npz",
-    "calibrations": "*.json",
 }
-"""Patterns of the files of entries, by kind; calibrations are of earlier versions."""
+"""Patterns of the files of entries, by kind."""
 _KEY = re.compile(r"[0-9a-f]{64}")
-_FORMER_PARTIAL = re.compile(r"tmp[a-z0-9_]{8}")
-_PARTIAL_FILE = re.compile(rf"{_KEY.pattern}\.(npz|json)|[\w.]+\.xml")
+_CHECKSUM = re.compile(r"([0-9a-f]{64})  (.+)\n")
 
 
 @dataclass(frozen=True)
@@ -161,9 +157,30 @@ def prune_cache(limit_bytes: int) -> RemovedEntries:
 
 
 def clear_cache() -> RemovedEntries:
-    """Remove every entry, and leftovers; files that are no entries stay."""
+    """Remove every entry, and leftovers; files that are no entries stay, and a warning says so."""
     _sweep()
-    return _remove(list_entries())
+    removed, folder = _remove(list_entries()), find_cache_folder()
+    kept = [path for kind in ENTRY_FILES for path in (folder / kind).rglob("*")]
+    count = sum(1 for path in kept if path.is_symlink() or not path.is_dir())
+    if count:
+        _logger.warning(
+            "%s: %s no entries of this version, kept; delete them if none is yours",
+            folder,
+            f"{count} file{' is' if count == 1 else 's are'}",
+        )
+    return removed
+
+
+def read_checksum(name: str) -> str:
+    """Read the SHA-256 of an entry that was just loaded.
+
+    Raises:
+        RunError: The entry was removed since.
+    """
+    checksum = _read_recorded_checksum(find_cache_folder() / name)
+    if checksum is None:
+        raise RunError(f"{find_cache_folder() / name}: was removed while it was in use; run again")
+    return checksum
 
 
 def _iterate_entries() -> Iterator[CacheEntry]:
@@ -171,9 +188,8 @@ def _iterate_entries() -> Iterator[CacheEntry]:
         for path in (find_cache_folder() / kind).glob(pattern):
             key = path.relative_to(find_cache_folder() / kind).parts[0].partition(".")[0]
             with suppress(FileNotFoundError):  # another process has removed it
-                if _KEY.fullmatch(key) and path.is_file():
-                    used = _get_checksum_file(path)
-                    used_s = (used if used.exists() else path).stat().st_mtime
+                if _KEY.fullmatch(key) and _read_recorded_checksum(path) and path.is_file():
+                    used_s = _get_checksum_file(path).stat().st_mtime
                     yield CacheEntry(path, kind, path.stat().st_size, used_s)
 
 
@@ -196,18 +212,6 @@ def _sweep() -> None:
         folder = find_cache_folder() / kind
         for inside in (folder, *(path for path in folder.glob("*") if _KEY.fullmatch(path.name))):
             remove_abandoned_partials(inside)
-            for path in filter(_is_former_partial, inside.glob("tmp*")):
-                shutil.rmtree(path, ignore_errors=True)
-
-
-def _is_former_partial(path: Path) -> bool:
-    """Return whether a folder is what release 0.1.0 left of an entry that was not finished."""
-    if not _FORMER_PARTIAL.fullmatch(path.name) or path.is_symlink() or not path.is_dir():
-        return False
-    with suppress(OSError):  # another process has removed it
-        is_old = time.time() - path.stat().st_mtime > PARTIAL_MAX_AGE_S
-        return is_old and all(_PARTIAL_FILE.fullmatch(file.name) for file in path.iterdir())
-    return False
 
 
 def _check_entry(path: Path) -> None:
@@ -227,6 +231,15 @@ def _format_checksum(file: Path, path: Path) -> str:
     name = path.relative_to(find_cache_folder()).as_posix()
     with file.open("rb") as stream:
         return f"{hashlib.file_digest(stream, 'sha256').hexdigest()}  {name}\n"
+
+
+def _read_recorded_checksum(path: Path) -> str | None:
+    """Read the checksum next to an entry; None if there is none of that name."""
+    with suppress(OSError, UnicodeDecodeError):
+        match = _CHECKSUM.fullmatch(_get_checksum_file(path).read_text(encoding="utf-8"))
+        if match and match[2] == path.relative_to(find_cache_folder()).as_posix():
+            return match[1]
+    return None
 
 
 def _get_checksum_file(path: Path) -> Path:

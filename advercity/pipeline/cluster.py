@@ -16,7 +16,7 @@ from typing import Any
 
 from advercity_dsl import Spec
 
-from advercity.dataset.index import INDEX_FILE, DatasetIndex, IndexEntry
+from advercity.dataset.index import EMPTY_INDEX, INDEX_FILE, DatasetIndex, IndexEntry
 from advercity.dataset.manifest import Identity
 from advercity.dataset.remote import SharedScenario, upload_part
 from advercity.dataset.scenario_folders import MANIFEST_FILE
@@ -221,7 +221,7 @@ class _RayDriver:
     def _update_index(self, waiting: Sequence[Spec], ended: dict[str, IndexEntry]) -> None:
         # No other run writes the index as long as this driver holds the lease.
         text = self._store.read(INDEX_FILE)
-        index = DatasetIndex() if text is None else DatasetIndex.parse(text, where=INDEX_FILE)
+        index = EMPTY_INDEX if text is None else DatasetIndex.parse(text, where=INDEX_FILE)
         self._store.write(INDEX_FILE, index.with_waiting(waiting).with_entries(ended).to_json())
 
     def _track_task(self, run: _ClusterScenario, task: Any) -> None:

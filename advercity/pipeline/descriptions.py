@@ -17,7 +17,7 @@ from advercity.physics.extinction import (
     compute_extinction,
     mor_from_extinction,
 )
-from advercity.physics.sky import daylight_for_weather
+from advercity.physics.sky import daylight_for_weather, derive_daylight
 from advercity.physics.stopping import compute_stopping_distance
 from advercity.physics.weather_text import format_weather
 from advercity.roads.junction_arms import JunctionArms
@@ -139,8 +139,9 @@ def _describe_ground(weather: Weather) -> str:
 
 def _describe_light(weather: Weather) -> str:
     if weather.time == "night":
-        night = weather.night
-        return (
+        night, twilight_lx = weather.night, derive_daylight(weather).diffuse_lx
+        sun = f"sun at {weather.sun.elevation_deg:g} deg, sky {twilight_lx:.2g} lx; "
+        return (sun if twilight_lx else "") + (
             f"street lamps {night.street_lx.urban:g} lx in town, {night.street_lx.rural:g} lx"
             f" outside; sky {night.glow_cd_m2.urban:g}, {night.glow_cd_m2.rural:g} cd/m2"
         )

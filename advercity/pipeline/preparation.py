@@ -24,7 +24,7 @@ from advercity.pipeline.cache import (
     compute_traffic_key,
     compute_world_key,
 )
-from advercity.pipeline.cache_entries import load_entry, load_or_build_entry
+from advercity.pipeline.cache_entries import load_entry, load_or_build_entry, read_checksum
 from advercity.pipeline.options import RunOptions, format_frames
 from advercity.pipeline.progress import Progress, ProgressCallback, ignore_progress
 from advercity.pipeline.spec_models import check_models, find_missing_models, replace_models
@@ -99,12 +99,16 @@ def load_or_build_world(spec: Spec, network_path: Path) -> World:
         RunError: A model of the spec is not installed, or cannot be used.
     """
     world = load_or_build_entry(
-        f"worlds/{compute_world_key(spec)}.npz",
+        _name_world_entry(spec),
         lambda partial: save_world(build_world(spec, network_path, open_model_store()), partial),
         lambda path: load_world(path, network_path),
     )
     packs = [pack for name, pack in TEXTURE_PACKS.items() if name in spec.assets]
     return replace(world, material_maps=SurfaceMaps(packs))
+
+
+def _name_world_entry(spec: Spec) -> str:
+    return f"worlds/{compute_world_key(spec)}.npz"
 
 
 @dataclass(frozen=True)
@@ -151,6 +155,7 @@ class PreparedScenario:
         return Identity.for_spec(
             self.spec,
             trace_sha256=self.traffic.trace_sha256,
+            world_sha256=self._world[1],
             renderer=_describe_renderer(self.backend, self.profile),
             format=self.format,
             missing_models=self.missing_models,
@@ -161,12 +166,14 @@ class PreparedScenario:
 
     def load_world(self) -> World:
         """Load the static scene from the cache, or build it now; the second call returns it."""
-        return self._world
+        return self._world[0]
 
     @cached_property
-    def _world(self) -> World:
+    def _world(self) -> tuple[World, str]:
+        """The world, and the checksum that it was loaded with."""
         spec = replace_models(self.spec, self.missing_models)
-        return load_or_build_world(spec, self.traffic.network_path)
+        world = load_or_build_world(spec, self.traffic.network_path)
+        return world, read_checksum(_name_world_entry(spec))
 
 
 def prepare_scenario(

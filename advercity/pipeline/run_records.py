@@ -7,6 +7,7 @@ manifests, since those must be the same on every machine.
 import platform
 from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated
 
 from advercity_dsl import Model, Spec
@@ -120,21 +121,31 @@ def record_run(spec: Spec, options: RunOptions, result: ScenarioResult, worker_c
 
 
 def _append(record: RunRecord) -> None:
+    """Add a line, and drop the oldest records; other lines and links to elsewhere stay."""
     # Two runs that end at once may lose one of the two lines, which does no harm.
     path = find_cache_folder() / RECORDS_FILE
-    lines = path.read_text(encoding="utf-8", errors="replace").splitlines() if path.exists() else []
-    lines = [*lines, record.model_dump_json()][-MAX_RECORDS:]
-    write_atomically(path, ("\n".join(lines) + "\n").encode())
+    if path.is_symlink():
+        return
+    lines = path.read_bytes().splitlines() if path.exists() else []
+    records = [number for number, line in enumerate(lines) if _parse_record(line) is not None]
+    oldest = records[: max(0, len(records) + 1 - MAX_RECORDS)]
+    kept = [line for number, line in enumerate(lines) if number not in oldest]
+    write_atomically(path, b"\n".join([*kept, record.model_dump_json().encode(), b""]))
+
+
+def _parse_record(line: bytes | str) -> RunRecord | None:
+    """Parse a line of the file; None if it is not a record of this version."""
+    with suppress(InputError, ValidationError):
+        return RunRecord.model_validate(parse_json(line, Path(RECORDS_FILE)))
+    return None
 
 
 def load_records(*, backend: str, renderer: str, format: str) -> list[RunRecord]:
     """Load what was recorded on this machine with a backend, a renderer and a layout."""
-    path = find_cache_folder() / RECORDS_FILE
     records: list[RunRecord] = []
     with suppress(InputError):
-        for line in read_text(path).splitlines():
-            with suppress(InputError, ValidationError):  # of another version
-                records.append(RunRecord.model_validate(parse_json(line, path)))
+        lines = read_text(find_cache_folder() / RECORDS_FILE).splitlines()
+        records = [record for record in map(_parse_record, lines) if record is not None]
     wanted = (describe_machine(), backend, renderer, format)
     return [
         record

@@ -178,9 +178,8 @@ def place_vehicle(
     if turn is None or turn not in routes:
         ways = ", ".join(routes) or "nowhere"
         raise InputError(f"from '{arm}' traffic goes {ways} at '{arms.junction}'")
-    placed = Vehicle(
-        role=vehicle.role, max_speed_km_h=vehicle.max_speed_km_h, **routes[turn].model_dump()
-    )
+    kept = vehicle.model_dump(include={"role", "max_speed_km_h", "waits_s"})
+    placed = Vehicle.model_validate({**kept, **routes[turn].model_dump()})
     return placed, routes
 
 

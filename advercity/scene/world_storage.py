@@ -14,12 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from advercity.documents import parse_json
-from advercity.geometry.mesh import Mesh, Wheel
+from advercity.geometry.mesh import Mesh, MeshLayer, Wheel
 from advercity.roads.lane_segments import LaneSegment
 from advercity.semantics import Semantic
 from advercity.world import Body, Gait, SignalLamp, StreetLamp, World
 
 MAX_WORLD_BYTES = 4 * 10**9
+WORLD_DECIMALS = 9
+"""Decimals of coordinates in m and of normals, so that all processors store the same bytes."""
 _MESH_ARRAYS = ("vertices", "triangles", "normals", "weights", "uv")
 _DTYPES: dict[str, type[np.generic]] = {
     "vertices": np.float32,
@@ -93,7 +95,11 @@ def load_world(path: Path, network: Path) -> World:
 def _concatenate(arrays: Iterable[NDArray[Any] | None], dtype: type[np.generic]) -> NDArray[Any]:
     # The empty array gives worlds without any such array its element type.
     flat = (array.ravel() for array in arrays if array is not None)
-    return np.concatenate([np.empty(0, dtype), *flat])
+    joined = np.concatenate([np.empty(0, dtype), *flat])
+    if not np.issubdtype(dtype, np.floating):
+        return joined
+    # Processors differ in the last bit of sines, and in what they take for zero; -0.0 becomes 0.0.
+    return (np.round(joined.astype(np.float64), WORLD_DECIMALS) + 0.0).astype(dtype)
 
 
 def _split(flat: NDArray[Any], shapes: Sequence[Sequence[int] | None]) -> Iterator[Any]:
@@ -143,15 +149,16 @@ def _decode_bodies(
 
 def _encode_mesh(mesh: Mesh) -> tuple[Any, ...]:
     wheel = None if mesh.wheel is None else (mesh.wheel.hub, mesh.wheel.is_steered)
-    return mesh.name, mesh.material, int(mesh.semantic), wheel
+    return mesh.name, mesh.material, int(mesh.semantic), wheel, int(mesh.layer)
 
 
 def _decode_meshes(rows: list[Any], arrays: Mapping[str, Iterator[Any]]) -> Iterator[Mesh]:
-    for name, material, semantic, wheel in rows:
+    for name, material, semantic, wheel, layer in rows:
         yield Mesh(
             name=name,
             material=material,
             semantic=Semantic(semantic),
             wheel=Wheel(tuple(wheel[0]), wheel[1]) if wheel else None,
+            layer=MeshLayer(layer),
             **{key: next(arrays[key]) for key in _MESH_ARRAYS},
         )

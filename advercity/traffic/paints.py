@@ -12,17 +12,23 @@ CONNECTED_PAINT = "car_paint_blue"
 """Paint of connected vehicles, as in the original."""
 
 _VEHICLE_PAINT_FRACTIONS = {
-    "car_paint_white": 0.34,
+    "car_paint_white": 0.22,
+    "car_paint_pearl": 0.12,
     "car_paint_black": 0.20,
-    "car_paint_grey": 0.18,
+    "car_paint_grey": 0.12,
+    "car_paint_graphite": 0.06,
     "car_paint_silver": 0.12,
-    "car_paint_blue": 0.08,
-    "car_paint_red": 0.05,
-    "car_paint_brown": 0.02,
+    "car_paint_blue": 0.05,
+    "car_paint_navy": 0.03,
+    "car_paint_red": 0.035,
+    "car_paint_wine": 0.015,
+    "car_paint_brown": 0.01,
+    "car_paint_beige": 0.01,
     "car_paint_green": 0.01,
 }
 """Rounded fractions of new cars world-wide (Axalta, Global Automotive Color Popularity, 2020-2023);
-its other colours are added to the nearest one here."""
+its other colours are added to the nearest one here. Pearl, graphite, navy, wine and beige are parts
+of its white, grey, blue, red and brown."""
 _COAT_COLOUR_FRACTIONS = {
     "cloth_dark": 0.45,
     "cloth_blue": 0.22,

@@ -18,6 +18,7 @@ from advercity_dsl.base import (
     is_empty,
     is_none,
 )
+from advercity_dsl.sun_position import compute_sun_position, parse_time
 from advercity_dsl.units import (
     Count,
     Degrees,
@@ -204,8 +205,9 @@ DEFAULT_WITHIN_DEG, DEFAULT_SEEN_FRACTION = 25.0, 0.5
 class Sun(Model):
     """Position of the sun, or the agent in whose view it must be.
 
-    Given by `elevation_deg` and `azimuth_deg`, or by `in_view_of`, for which `advercity solve`
-    computes both at every road and writes them to `sun_at`.
+    Given by `elevation_deg` and `azimuth_deg`; by a time and a place (`at`, `lat_deg`, `lon_deg`),
+    from which both are computed; or by `in_view_of`, for which `advercity solve` computes both at
+    every road and writes them to `sun_at`.
     """
 
     elevation_deg: Annotated[
@@ -214,6 +216,14 @@ class Sun(Model):
     """Elevation above the horizon; negative at night."""
     azimuth_deg: Direction = 180
     """Azimuth, clockwise from north."""
+    # A spec has the angles that follow from these, and not the three themselves.
+    at: str | None = Field(default=None, exclude=True)
+    """Time, e.g. 2024-11-22T16:30 or 2024-11-22T21:30Z; without an offset, it is standard time: UTC
+    and an hour for each 15 degrees of longitude, rounded."""
+    lat_deg: Annotated[Degrees, Field(ge=-90, le=90)] | None = Field(default=None, exclude=True)
+    """Latitude of the place, positive in the north."""
+    lon_deg: Annotated[Degrees, Field(ge=-180, le=180)] | None = Field(default=None, exclude=True)
+    """Longitude of the place, positive in the east."""
     in_view_of: Literal["ego"] | None = Field(default=None, exclude_if=is_none)
     """Agent that drives into the sun, with neither the world nor traffic hiding it."""
     within_deg: Annotated[
@@ -236,15 +246,46 @@ class Sun(Model):
                     and getattr(self, field) != type(self).model_fields[field].default
                 ):
                     raise InvalidCombination((field,), "requires in_view_of", "add in_view_of: ego")
-        for field in ("elevation_deg", "azimuth_deg"):
-            if self.in_view_of is not None and field in given:
+        by = "in_view_of" if self.in_view_of is not None else "at"
+        determined = {
+            "in_view_of": ("elevation_deg", "azimuth_deg", "at", "lat_deg", "lon_deg"),
+            "at": ("elevation_deg", "azimuth_deg") if self.at is not None else (),
+        }
+        for field in determined[by]:
+            if field in given:
                 raise InvalidCombination(
                     (field,),
-                    "cannot be combined with in_view_of, which determines it",
+                    f"cannot be combined with {by}, which determines it",
                     "remove one of the two",
-                    other_path=("in_view_of",),
+                    other_path=(by,),
                 )
+        self._place_by_time()
         return self
+
+    def _place_by_time(self) -> None:
+        """Compute the angles from time and place, if those are given."""
+        if self.at is None or self.lat_deg is None or self.lon_deg is None:
+            values = {"at": self.at, "lat_deg": self.lat_deg, "lon_deg": self.lon_deg}
+            missing = [name for name, value in values.items() if value is None]
+            if len(missing) < len(values):
+                written = next(name for name in values if name not in missing)
+                raise InvalidCombination(
+                    (written,),
+                    f"requires {' and '.join(missing)}",
+                    "write e.g. at: 2024-11-22T16:30, lat_deg: 45.4, lon_deg: -75.7",
+                )
+            return
+        try:
+            time = parse_time(self.at, self.lon_deg)
+        except ValueError:
+            raise InvalidCombination(
+                ("at",), f"'{self.at}' is not a time", "write e.g. 2024-11-22T16:30"
+            ) from None
+        elevation_deg, azimuth_deg = compute_sun_position(time, self.lat_deg, self.lon_deg)
+        # A hundredth of a degree is the accuracy of the formulas; models are frozen otherwise.
+        object.__setattr__(self, "elevation_deg", round(elevation_deg, 2))
+        object.__setattr__(self, "azimuth_deg", round(azimuth_deg, 2))
+        self.model_fields_set.update(("elevation_deg", "azimuth_deg"))
 
 
 class Sky(Model):

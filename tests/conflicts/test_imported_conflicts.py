@@ -73,6 +73,7 @@ def test_agents_are_where_their_arms_are(staged: dict[str, Spec]):
     assert other.heading_deg == pytest.approx(0, abs=0.5)
     assert other.destination_m[0] == pytest.approx(-1.6, abs=0.05)
     assert other.destination_m[1] < -50
+    assert (ego.waits_s, other.waits_s) == (0, 3)
     # Right of the northern arm seen towards the junction, off the paving, looking at its centre.
     assert -12 < unit.position_m[0] < -3.2
     assert unit.position_m[1] > 3.2

@@ -81,6 +81,6 @@ def test_a_truncated_manifest_and_one_of_another_version_have_their_own_errors(
         InputError, match=r"manifest\.json:\d+:\d+: not valid JSON: .*; it alone tells"
     ):
         advercity.open_dataset(scenario)
-    path.write_text(text.replace('"manifest_version": 4', '"manifest_version": 2'))
+    path.write_text(text.replace('"manifest_version": 5', '"manifest_version": 2'))
     with pytest.raises(RunError, match="not a manifest of this version: manifest_version: "):
         advercity.open_dataset(scenario)

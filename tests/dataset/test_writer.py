@@ -303,6 +303,16 @@ def test_a_scenario_of_another_profile_is_not_continued(whole: Path, writer: Mak
     assert tree(whole) == before
 
 
+def test_a_scenario_of_another_world_is_not_continued(whole: Path, spec: Spec) -> None:
+    """As from a scene in the cache that was edited together with its checksum."""
+    identity = identify(spec, profile="preview").model_copy(update={"world_sha256": "1" * 64})
+    with (
+        pytest.raises(RunError, match="world_sha256"),
+        ScenarioWriter(whole, spec, identity, length=FRAMES),
+    ):
+        pass
+
+
 def test_a_scenario_of_another_weather_is_not_continued(
     whole: Path, spec: Spec, specs: dict[str, Spec]
 ) -> None:
@@ -458,7 +468,13 @@ def written(root: Path, spec: Spec, *missing: str) -> Path:
     blueprints = {**spec.blueprints, "lincoln_mkz_2017": car}
     assets = {"model/lincoln_mkz_2017": MODEL}
     spec = spec.model_copy(update={"blueprints": blueprints, "assets": assets})
-    identity = Identity.for_spec(spec, trace_sha256="0" * 64, renderer={}, missing_models=missing)
+    identity = Identity.for_spec(
+        spec,
+        trace_sha256="0" * 64,
+        world_sha256="0" * 64,
+        renderer={},
+        missing_models=missing,
+    )
     with ScenarioWriter(root, spec, identity, length=1) as dataset:
         dataset.finish()
     return dataset.scenario
@@ -475,7 +491,7 @@ def test_authors_and_licences_of_models_are_written(modelled: Path):
 
 def test_authors_and_licences_of_photographs_are_written(spec: Spec):
     named = spec.model_copy(update={"assets": {EZ_TREE.asset: EZ_TREE.digest}})
-    identity = Identity.for_spec(named, trace_sha256="0" * 64, renderer={})
+    identity = Identity.for_spec(named, trace_sha256="0" * 64, world_sha256="0" * 64, renderer={})
     text = format_attribution(named, identity)
     for name in EZ_TREE.surfaces:
         assert re.search(

@@ -146,3 +146,27 @@ def test_haze_pollutes_clear_skies_only_and_full_cover_is_the_overcast_sky(
     oktas: int, turbidity: float, cie_type: int
 ) -> None:
     assert sky.cie_sky_type(oktas, turbidity=turbidity) == cie_type
+
+
+@pytest.mark.parametrize(
+    ("elevation_deg", "least_lx", "most_lx"),
+    [(-0.83, 375, 585), (-6, 2.0, 3.5), (-12, 0.006, 0.01), (-18, 5e-4, 7e-4)],
+)
+def test_twilight_is_as_bright_as_the_glossary_of_meteorology_has_it(
+    elevation_deg: float, least_lx: float, most_lx: float
+) -> None:
+    """AMS Glossary of Meteorology, "civil", "nautical" and "astronomical twilight", clear skies."""
+    assert least_lx <= cloudy_daylight(elevation_deg).diffuse_lx <= most_lx
+
+
+def test_light_and_colour_of_the_sky_change_evenly_through_dusk() -> None:
+    """From 6 degrees above to 12 below the horizon, light by day falls by a factor a degree."""
+    low, above = np.array([0.995, 0.0, 0.1]), np.array([0.0, 0.0, 1.0])
+    colours = []
+    for elevation_deg in np.arange(6.0, -12.1, -0.25):
+        sun = sky.direction_from_elevation_azimuth(float(elevation_deg), 90.0)
+        colours.append(sky.sky_colour(np.stack([low, above]), sun, cloud_fraction=0.0))
+    steps = np.abs(np.diff(colours, axis=0))
+    assert steps.max() < 0.06
+    warm, blue = (colour[0] / colour[2] for colour in colours[-1])
+    assert warm > 1.5 > 0.7 > blue

@@ -14,6 +14,7 @@ from advercity_dsl import Spec
 
 from advercity.compiler import with_digest
 from advercity.dataset.reader import Scenario
+from advercity.dataset.writer import ScenarioWriter
 from advercity.errors import InputError
 from advercity.pipeline import (
     ResourceLimits,
@@ -31,9 +32,10 @@ from advercity.pipeline.estimate import (
     estimate_rates,
     estimate_run,
 )
+from advercity.pipeline.progress import ScenarioResult
 from advercity.pipeline.run_records import FrameWork, RunRecord
 from advercity.rendering.backend import RENDER_PROFILES
-from tests.builders import TWO_ROADS_FRAMES
+from tests.builders import TWO_ROADS_FRAMES, SensorFramesOf, identify
 
 OptionsFor = Callable[[Path], RunOptions]
 
@@ -93,6 +95,33 @@ def record(**changes: Any) -> RunRecord:
         **{"frame_bytes": 3000.0, "memory_bytes": 1e9},
     }
     return RunRecord.model_validate(values | changes)
+
+
+def test_records_of_runs_are_limited_in_number_and_other_lines_stay(
+    records: Path,
+    tmp_path: Path,
+    spec: Spec,
+    sensor_frames_of: SensorFramesOf,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    identity = identify(spec, renderer="raster", scale="0.25")
+    with ScenarioWriter(tmp_path / "data", spec, identity, length=1) as writer:
+        writer.write_frame(0, sensor_frames_of(0))
+        writer.finish()
+    options = RunOptions(tmp_path / "data", backend="b")
+    result = ScenarioResult(spec.id, None, 1, 1, 1.0, 1000, frame_s=7.0)
+    monkeypatch.setattr(run_records, "MAX_RECORDS", 2)
+    lines = [record(frame_s=number).model_dump_json() for number in (1.0, 2.0)]
+    records.write_bytes("\n".join([lines[0], "mine", lines[1]]).encode() + b"\n\xff\n")
+    run_records.record_run(spec, options, result, worker_count=1)
+    mine, second, odd, new = records.read_bytes().splitlines()
+    assert (mine, second.decode(), odd) == (b"mine", lines[1], b"\xff")
+    assert b'"frame_s":7.0' in new
+    elsewhere = records.rename(tmp_path / "elsewhere")
+    records.symlink_to(elsewhere)
+    run_records.record_run(spec, options, result, worker_count=1)
+    assert records.is_symlink()
+    assert len(elsewhere.read_bytes().splitlines()) == 4
 
 
 @pytest.mark.sumo

@@ -93,7 +93,13 @@ AT_JUNCTION: dict[str, Any] = {
     "at_junction": {
         "agents": {
             "cav1": {"kind": "vehicle", "role": "ego", "arm": "south"},
-            "cav2": {"kind": "vehicle", "arm": "left", "turn": "right", "start_m": 60},
+            "cav2": {
+                "kind": "vehicle",
+                "arm": "left",
+                "turn": "right",
+                "start_m": 60,
+                "waits_s": 3,
+            },
             "rsu": {"kind": "roadside_unit", "arm": "opposite"},
         }
     },

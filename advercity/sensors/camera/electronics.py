@@ -17,6 +17,7 @@ from advercity.physics.atmosphere import Atmosphere
 from advercity.physics.photometry import (
     BLACK_BODY_COLOURS,
     BLACK_BODY_TEMPERATURES_K,
+    LED_COLOUR,
     LUMINANCE_WEIGHTS,
     black_body_colour,
     cubemap_directions,
@@ -54,7 +55,7 @@ NEUTRAL_WHITE = np.ones(3)
 _MIN_METERED_CD_M2 = 1e-5
 _LUMINANCE_WEIGHTS_32 = LUMINANCE_WEIGHTS.astype(np.float32)
 DAY_WHITE_RANGE_K = (5500.0, 7500.0)
-NIGHT_WHITE_RANGE_K = (3500.0, 6500.0)
+NIGHT_WHITE_RANGE_K = (3500.0, 7500.0)
 """Ranges of white; scenes that are yellower or bluer stay so, as in dust and under a low sun."""
 
 
@@ -225,8 +226,8 @@ _NORMAL_TABLE = _build_normal_table()
 def find_white_point(atmosphere: Atmosphere) -> Float64Array:
     """Find the colour (3,) at luminance 1 that the camera shows as grey.
 
-    It is the black body nearest to the light on level ground within the camera's range: sun and sky
-    by day, airlight with street lamps by night. A cast that no black body has, such as green,
+    It is the black body nearest to the light on level ground within the camera's range: of sun, sky
+    and, by night, street lamps. A cast that no black body has, such as green,
     stays.
     """
     illuminant = _ground_illuminance(atmosphere)
@@ -236,14 +237,13 @@ def find_white_point(atmosphere: Atmosphere) -> Float64Array:
 
 
 def _ground_illuminance(atmosphere: Atmosphere) -> Float64Array:
-    if atmosphere.night:
-        return np.asarray(atmosphere.horizon_airlight)
     sky = atmosphere.sky.astype(np.float64)
     size = sky.shape[1]
     weight = np.maximum(cubemap_directions(size)[..., 2], 0.0) * cubemap_solid_angles(size)
     diffuse = np.tensordot(weight, sky, axes=3)
     direct = atmosphere.sun_lx * max(0.0, float(atmosphere.sun_direction[2]))
-    return diffuse + direct * np.asarray(atmosphere.sun_colour)
+    sun = direct * np.asarray(atmosphere.sun_colour)
+    return diffuse + sun + atmosphere.street_lx * np.asarray(LED_COLOUR)
 
 
 def _find_black_body_temperature_k(illuminant: Float64Array) -> float:

@@ -13,6 +13,8 @@ from advercity_sapien.shader_table import KILO
 
 CLOUDY_SKY_SIZE = 512
 """Texels along an edge of the sky's cubemap where it has clouds."""
+DUSK, NIGHT = 0.75, 1.0
+"""Parameter of times when lamps light the scene: with light of the sky, and in the dark."""
 NO_WATER_LEVEL = -1.0
 """Water level below every hollow."""
 RUT_FRACTION = 0.3
@@ -50,7 +52,7 @@ def compute_light_parameters(atmosphere: Atmosphere) -> dict[str, ArrayLike]:
     """Compute the values of the table's parameters that follow from light, by name."""
     return {
         "horizon_airlight": np.multiply(atmosphere.horizon_airlight, KILO),
-        "night": atmosphere.night,
+        "night": NIGHT if atmosphere.is_dark else DUSK if atmosphere.night else 0.0,
         "sun_irradiance": np.multiply(atmosphere.sun_colour, atmosphere.sun_lx * KILO),
         "sun_direction": atmosphere.sun_direction,
         "sky_harmonics": compute_irradiance_harmonics(atmosphere.sky) * KILO,

@@ -64,22 +64,38 @@ class FrustumCuller:
         self._bodies: list[RenderBody] = []
         self._centre, self._half = np.empty((0, 3)), np.empty((0, 3))
         self._shown = np.empty(0, dtype=bool)
+        self._distances_m = np.empty((0, 2))
 
-    def add_body(self, body: RenderBody, low: FloatArray, high: FloatArray) -> None:
-        """Add a shown body whose bounding box has two corners (3,) in the world."""
+    def add_body(
+        self,
+        body: RenderBody,
+        low: FloatArray,
+        high: FloatArray,
+        distances_m: tuple[float, float] = (0.0, np.inf),
+    ) -> None:
+        """Add a shown body whose bounding box has two corners (3,) in the world.
+
+        Cameras see it if the box's centre is within the two distances of them.
+        """
         self._numbers[body] = len(self._bodies)
         self._bodies.append(body)
         self._centre = np.vstack([self._centre, (low + high) / 2.0])
         self._half = np.vstack([self._half, (high - low) / 2.0])
         self._shown = np.append(self._shown, True)
+        self._distances_m = np.vstack([self._distances_m, distances_m])
 
     def move_body(self, body: RenderBody, centre: ArrayLike) -> None:
         """Move the centre (3,) of a body's bounding box."""
         self._centre[self._numbers[body]] = centre
 
-    def show_only(self, volumes: Sequence[ConvexVolume]) -> None:
-        """Show the bodies that may intersect one of the volumes, and hide all others."""
+    def show_only(self, volumes: Sequence[ConvexVolume], eye: FloatArray) -> None:
+        """Show the bodies that may intersect one of the volumes, and hide all others.
+
+        `eye` (3,) is where distances are from.
+        """
         shown = np.any([part.may_intersect(self._centre, self._half) for part in volumes], axis=0)
+        away_m = np.linalg.norm(self._centre - eye, axis=1)
+        shown &= (away_m >= self._distances_m[:, 0]) & (away_m < self._distances_m[:, 1])
         for number in np.flatnonzero(shown != self._shown).tolist():
             self._bodies[number].visibility = float(shown[number])
         self._shown = shown

@@ -82,8 +82,8 @@ NO_PROBES = LightProbes(_ONE_PROBE, _ONE_PROBE, (0.0, 0.0), (0.0, 0.0), np.zeros
 
 
 def bake_light_probes(world: World, atmosphere: Atmosphere) -> LightProbes:
-    """Bake the probes of a world by day; by night they change nothing."""
-    if atmosphere.night or not world.lanes:
+    """Bake the probes of a world by day and at dusk; in the dark they change nothing."""
+    if atmosphere.is_dark or not world.lanes:
         return NO_PROBES
     raycaster = Raycaster(world)
     grid = _place_grid(world)

@@ -82,7 +82,13 @@ class SapienRenderer:
         self._bindings = (
             RayTracedBindings(self._scene, maps) if self._is_ray_traced else RasterBindings(maps)
         )
-        self._sapien_scene = SapienScene(world, self._scene, self._bindings, night=atmosphere.night)
+        self._sapien_scene = SapienScene(
+            world,
+            self._scene,
+            self._bindings,
+            night=atmosphere.night,
+            has_distant_pieces=not self._is_ray_traced,
+        )
         self._sun_shadow = SunShadow(atmosphere, self._scene)
         self._cameras: dict[tuple[int, int], sapien.render.RenderCameraComponent] = {}
         self._pending_camera: sapien.render.RenderCameraComponent | None = None
@@ -182,7 +188,8 @@ class SapienRenderer:
         if not self._is_ray_traced:
             casters = self._sun_shadow.caster_volume
             self._sapien_scene.culler.show_only(
-                [compute_view_frustum(view), *([] if casters is None else [casters])]
+                [compute_view_frustum(view), *([] if casters is None else [casters])],
+                view.world_from_camera[:3, 3],
             )
         with self._sapien_scene.hide_actors(view.hide):
             self._lamps.write_to(self._table, view)
@@ -264,6 +271,7 @@ def _find_scene_features(atmosphere: Atmosphere) -> tuple[bool, ...]:
     """Find what decides the lights of a scene and the sizes of its textures."""
     return (
         atmosphere.night,
+        atmosphere.is_dark,
         atmosphere.sun_lx > 0.0,
         atmosphere.clouds is not None,
         atmosphere.snow_depth_m > 0.0,

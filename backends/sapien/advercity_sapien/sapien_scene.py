@@ -4,6 +4,7 @@ from collections import defaultdict
 from collections.abc import Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import sapien
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from advercity.assets.body_pose import BodyShape, compute_body_pose, compute_wheel_pose
 from advercity.frames import ActorState, Frame, Lamp, Signal
-from advercity.geometry.mesh import Mesh, Wheel
+from advercity.geometry.mesh import Mesh, MeshLayer, Wheel
 from advercity.geometry.poses import Matrix, pose_matrix
 from advercity.materials import MATERIALS
 from advercity.rendering.light_sources import signal_lens_position
@@ -37,8 +38,21 @@ LENS_RADIUS_M, LENS_CORNERS = 0.13, 16
 PARKED_POSE = sapien.Pose([0.0, 0.0, -1e4])
 """Pose of spare bodies: far below anything visible."""
 
-ActorBodies = dict[Wheel | None, RenderBody]
-"""Bodies of an actor: the one of all parts that do not turn (None), and each wheel."""
+PANE_MATERIALS = frozenset(name for name, item in MATERIALS.items() if item.is_transparent)
+Piece = Wheel | Literal["details", "panes", "distant panes"] | None
+"""What of an actor is a body of its own; None is its shape without wheels and panes."""
+DETAIL_RANGE_M = 40.0
+"""Distance from the camera up to which raster images have details and windows to look through."""
+PIECE_DISTANCES_M: dict[Piece, tuple[float, float]] = {
+    "details": (0.0, DETAIL_RANGE_M),
+    "panes": (0.0, DETAIL_RANGE_M),
+    "distant panes": (DETAIL_RANGE_M, np.inf),
+}
+GLASS_SHADING_MODE = 1
+"""SAPIEN's number of the pass that draws panes, after all that is seen through them."""
+GLASS_ALPHA = 0.5
+"""Opacity by which ray-traced shaders know panes that are seen through."""
+ActorBodies = dict[Piece, RenderBody]
 Appearance = tuple[BodyShape, str]
 """A shape and its paint; actors of one appearance have the same meshes and materials."""
 
@@ -49,7 +63,7 @@ class RenderShapeCache:
     def __init__(self, textures: MaterialTextures) -> None:
         self._textures = textures
         self._materials: dict[tuple[str, MapAxes | None], sapien.render.RenderMaterial] = {}
-        self._shapes: dict[tuple[int, str], sapien.render.RenderShape] = {}
+        self._shapes: dict[tuple[int, str, bool], sapien.render.RenderShape] = {}
         # Keys are ids, so meshes must live: another would get the id of one that is gone.
         self._kept: list[Mesh] = []
 
@@ -59,7 +73,7 @@ class RenderShapeCache:
         """Create a shape of a mesh; a painted part gets the material `paint`."""
         material = paint if mesh.material == PAINT_MATERIAL else mesh.material
         axes = MapAxes.MESH if mesh.uv is not None else MapAxes.WORLD if is_static else None
-        key = id(mesh), material
+        key = id(mesh), material, is_static
         if key not in self._shapes:
             self._shapes[key] = self._build_shape(mesh, self._get_material(material, axes))
             self._kept.append(mesh)
@@ -87,9 +101,10 @@ class RenderShapeCache:
             known = MATERIALS[name]
             # Emission is free to carry what the shaders need: they compute it from lens and lamps.
             snowless = name in SNOWLESS_MATERIALS or name.startswith("cloth_")
+            is_pane = known.is_transparent and axes is None
             material = sapien.render.RenderMaterial(
                 emission=[float(LENS_KINDS.get(name, 0)), known.texture, snowless, 0.0],
-                base_color=[*known.albedo, 1.0],
+                base_color=[*known.albedo, GLASS_ALPHA if is_pane else 1.0],
                 roughness=known.roughness,
                 metallic=known.metallic,
             )
@@ -166,17 +181,24 @@ class SapienScene:
     """
 
     def __init__(
-        self, world: World, scene: sapien.Scene, bindings: ShaderBindings, *, night: bool
+        self,
+        world: World,
+        scene: sapien.Scene,
+        bindings: ShaderBindings,
+        *,
+        night: bool,
+        has_distant_pieces: bool = True,
     ) -> None:
         self.segmentation = SegmentationTable()
         self.culler = FrustumCuller()
         self._world = world
         self._scene = scene
         self._bindings = bindings
+        self._has_distant_pieces = has_distant_pieces
         self._shapes = RenderShapeCache(MaterialTextures(world.material_maps))
         self._actors: dict[int, tuple[Appearance, ActorBodies]] = {}
         self._spare_bodies: defaultdict[Appearance, list[ActorBodies]] = defaultdict(list)
-        self._meshes: dict[BodyShape, dict[Wheel | None, list[Mesh]]] = {}
+        self._meshes: dict[BodyShape, dict[Piece, list[Mesh]]] = {}
         for tile in (tile for mesh in world.static for tile in split_into_tiles(mesh)):
             self._add_static(tile, int(Lamp.LOW_BEAM) if night else 0)
         self._signals = {lamp.id: self._add_signal(lamp) for lamp in world.signal_lamps}
@@ -216,33 +238,39 @@ class SapienScene:
                 self._bindings.set_hidden(body, hidden=False)
 
     def _move_bodies(self, bodies: ActorBodies, state: ActorState, world_from_mesh: Matrix) -> None:
-        for wheel, body in bodies.items():
+        for piece, body in bodies.items():
             moved = world_from_mesh
-            if wheel is not None:
-                moved = world_from_mesh @ compute_wheel_pose(state, wheel)
+            if isinstance(piece, Wheel):
+                moved = world_from_mesh @ compute_wheel_pose(state, piece)
             self._set_pose(body, sapien.Pose(moved))
 
     def _acquire_bodies(self, actor_id: int, appearance: Appearance) -> ActorBodies:
         if actor_id not in self._actors:
             meshes, spare = self._group_meshes(appearance[0]), self._spare_bodies[appearance]
-            bodies = (
+            bodies: ActorBodies = (
                 spare.pop()
                 if spare
-                else {key: self._add_moving(own, appearance[1]) for key, own in meshes.items()}
+                else {key: self._add_piece(key, own, appearance[1]) for key, own in meshes.items()}
             )
-            for wheel, body in bodies.items():
-                self._label_shapes(body, meshes[wheel], actor_id)
+            for piece, body in bodies.items():
+                self._label_shapes(body, meshes[piece], actor_id)
             self._actors[actor_id] = appearance, bodies
         return self._actors[actor_id][1]
 
-    def _group_meshes(self, shape: BodyShape) -> dict[Wheel | None, list[Mesh]]:
-        """Group the meshes of a shape by wheel; always the same objects, as the cache needs."""
+    def _group_meshes(self, shape: BodyShape) -> dict[Piece, list[Mesh]]:
+        """Group the meshes of a shape by piece; always the same objects, as the cache needs."""
         if shape not in self._meshes:
-            parts: defaultdict[Wheel | None, list[Mesh]] = defaultdict(list)
+            parts: defaultdict[Piece, list[Mesh]] = defaultdict(list)
             for mesh in shape.build_meshes(self._world.bodies):
-                parts[mesh.wheel].append(mesh)
+                for piece in self._list_pieces(mesh):
+                    parts[piece].append(mesh)
             self._meshes[shape] = dict(parts)
         return self._meshes[shape]
+
+    def _list_pieces(self, mesh: Mesh) -> tuple[Piece, ...]:
+        if mesh.material in PANE_MATERIALS:
+            return ("panes", "distant panes") if self._has_distant_pieces else ("panes",)
+        return ("details",) if mesh.layer is not MeshLayer.SHAPE else (mesh.wheel,)
 
     def _set_pose(self, body: RenderBody, pose: sapien.Pose) -> None:
         body.entity.set_pose(pose)
@@ -254,11 +282,14 @@ class SapienScene:
         self._bindings.set_lit_lamps(body, lit)
         self.culler.add_body(body, mesh.vertices.min(axis=0), mesh.vertices.max(axis=0))
 
-    def _add_moving(self, meshes: Sequence[Mesh], paint: str) -> RenderBody:
-        body = self._add(meshes, paint)
+    def _add_piece(self, piece: Piece, meshes: Sequence[Mesh], paint: str) -> RenderBody:
+        body = self._add(meshes, paint, is_static=piece == "distant panes")
+        if piece == "panes":
+            body.shading_mode = GLASS_SHADING_MODE
         # A cube around the sphere of all vertices fits in any orientation.
         radius = max(float(np.linalg.norm(mesh.vertices, axis=1).max()) for mesh in meshes)
-        self.culler.add_body(body, np.full(3, -radius), np.full(3, radius))
+        distances_m = PIECE_DISTANCES_M.get(piece, (0.0, np.inf))
+        self.culler.add_body(body, np.full(3, -radius), np.full(3, radius), distances_m)
         return body
 
     def _add_signal(self, lamp: SignalLamp) -> RenderBody:

@@ -11,13 +11,13 @@ pytestmark = pytest.mark.render
 
 MOR_M = 63.0
 REFERENCE = {
-    "card, 20 m": 3.10,
-    "air beside it, 20 m": 0.314,
-    "card, 40 m": 0.421,
-    "air beside it, 40 m": 0.236,
-    "own beams, 4 to 6 degrees up": 0.115,
-    "own beams, 13 to 16 degrees up": 0.0444,
-    "oncoming, 5 degrees off": 1.32,
+    "card, 20 m": 2.75,
+    "air beside it, 20 m": 0.298,
+    "card, 40 m": 0.360,
+    "air beside it, 40 m": 0.226,
+    "own beams, 4 to 6 degrees up": 0.116,
+    "own beams, 13 to 16 degrees up": 0.0448,
+    "oncoming, 5 degrees off": 1.26,
 }
 SCENES = {scene.name: scene for scene in list_scenes()}
 
@@ -31,9 +31,9 @@ def test_what_is_seen_in_fog_by_night_is_as_bright_as_the_reference(name: str) -
 
 @pytest.mark.parametrize("pack", ["raster", "ray_traced"])
 def test_a_pedestrian_in_the_own_beams_is_lost_at_the_distance_of_the_reference(pack: Pack) -> None:
-    """A card of 0.6 x 1.7 m against the air beside it: 0.8 at 40 m."""
+    """A card of 0.6 x 1.7 m against the air beside it: 0.6 at 40 m."""
     card, air = (
         render_patch(SCENES[f"{what}, 40 m"], MOR_M, pack, width_px=64, samples=16)
         for what in ("card", "air beside it")
     )
-    assert card / air - 1.0 == pytest.approx(0.78, abs=0.25)
+    assert card / air - 1.0 == pytest.approx(0.59, abs=0.25)

@@ -383,6 +383,24 @@ def test_what_is_left_out_of_a_picture_would_not_have_shown(
     assert shoot() == culled
 
 
+def test_a_pane_shows_what_is_behind_it_and_is_labelled_itself(opened: Open) -> None:
+    pane = build_box((0, 0, 1), (0.01, 2, 2), "glass", Semantic.VEHICLE)
+    wall = build_box((10.0, 0.0, 0.0), (1.0, 40.0, 40.0), "white")
+    bodies = {"box": Body((pane,), (0.01, 2.0, 2.0))}
+    with opened(world_of(wall, bodies=bodies), air_of(sun_lx=1e4), samples=64) as renderer:
+        renderer.place(frame_of())
+        bare = renderer.render_camera(view_of())
+        # A sheet has two faces: the camera sees through the one towards it, the other looks away.
+        renderer.place(frame_of(state(3, (6.0, 0.0, 0.0))))
+        seen = renderer.render_camera(view_of())
+    fraction = centre(luminance(seen)) / centre(luminance(bare))
+    # Both faces reflect 0.0426 at right angles: 2 r / (1 + r) = 0.082 of a pane; 0.72 is its tint.
+    assert 0.4 < fraction < 0.75
+    assert centre(seen.instance) == 3
+    assert centre(seen.depth) == pytest.approx(6.0, abs=0.01)
+    assert centre(bare.depth) == pytest.approx(9.5, abs=0.01)
+
+
 def test_unfetched_images_do_no_harm(opened: Open) -> None:
     with opened(world_of(), air_of(sky=uniform(1000.0))) as renderer:
         renderer.place(frame_of(state(1, (8.0, 0.0, 0.0))))

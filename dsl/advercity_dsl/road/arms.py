@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from advercity_dsl.base import Id, Model
-from advercity_dsl.units import Degrees, KilometresPerHour, PositiveMetres
+from advercity_dsl.units import Degrees, KilometresPerHour, PositiveMetres, Seconds
 
 Arm = Id
 """An arm of a junction: `north`, `east`, `south` or `west`; `opposite`, `left` or `right` of the
@@ -29,6 +29,8 @@ class ArmVehicle(Model):
     """Distance of its destination beyond the junction."""
     max_speed_km_h: Annotated[KilometresPerHour, Field(gt=0, le=200)] = 40
     """Speed limit of the vehicle, which also obeys that of the street."""
+    waits_s: Annotated[Seconds, Field(ge=0, le=600)] = 0
+    """Time for which it waits at its start before it sets out."""
 
 
 class ArmUnit(Model):

@@ -4,7 +4,9 @@
 
 const float PI = 3.14159265358979;
 
+// Whether lamps light the scene, as at dusk, too; and whether hardly any light is from the sky.
 bool isNight() { return nightFlag() > 0.5; }
+bool isDark() { return nightFlag() > 0.9; }
 
 float transmittance(float distance) {
   return exp(-extinction() * distance);

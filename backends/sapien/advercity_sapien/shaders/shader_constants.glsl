@@ -78,5 +78,5 @@ struct LampBeam {
   float aboveSquared;
   float horizontalSquared;
 };
-const LampBeam LOW_BEAM = LampBeam(0.57, 0.27, 2.07, 0.12, 0.018, 1.0, 4.07524, 1.0, 12.25, 225.0, 288.0);
+const LampBeam LOW_BEAM = LampBeam(0.57, 0.27, 2.07, 0.12, 0.018, 1.8, 4.06142, 1.0, 7.84, 225.0, 288.0);
 const LampBeam FRONT_FOG_BEAM = LampBeam(0.0, 0.0, 0.0, 0.2, 0.018, 1.0, 4.07524, 0.0, 12.25, 225.0, 800.0);

@@ -63,3 +63,17 @@ vec3 brdfCosine(Surface s, vec3 towardsEye, vec3 towardsLight) {
   float through = coatTransmittance(s, nl) * coatTransmittance(s, dot(s.normal, towardsEye));
   return s.albedo * (nl / PI * through) + specularLobe(s, towardsEye, towardsLight);
 }
+
+// A pane of tinted glass: index, and transmittance besides what both its faces reflect.
+const float GLASS_INDEX = 1.52, GLASS_TRANSMITTANCE = 0.72;
+
+// Reflectance of a pane: light that passes the first face is partly reflected by the second.
+float paneReflectance(float cosine) {
+  float face = fresnel(GLASS_INDEX, abs(cosine));
+  return 2.0 * face / (1.0 + face);
+}
+
+// The outer face of a pane, for what it mirrors of lights.
+Surface paneSurface(vec3 normal) {
+  return Surface(vec3(0.0), 0.03, 1.0, GLASS_INDEX, vec3(0.0), normal);
+}

@@ -12,6 +12,7 @@ layout(set = 0, binding = 5) uniform sampler2D samplerSky;
 layout(set = 0, binding = 6) uniform sampler2D samplerAirlight;
 layout(set = 0, binding = 7) uniform sampler2D samplerAmbient;
 layout(set = 0, binding = 8) uniform sampler2D samplerLampReach;
+layout(set = 0, binding = 9) uniform sampler2D samplerPane;
 
 layout(location = 0) in vec2 inUV;
 // Radiance of the surfaces that the camera sees, through air, and depth.
@@ -149,6 +150,15 @@ vec3 deflectedLight(vec3 ray, float distance, float jitter) {
   return sum / float(TAPS);
 }
 
+// Radiance through a pane of a normal, with what it mirrors of sky and sun.
+vec3 paneRadiance(vec3 behind, vec3 normal, vec3 ray) {
+  float reflectance = paneReflectance(dot(ray, normal));
+  Surface pane = paneSurface(normal);
+  return behind * (GLASS_TRANSMITTANCE * (1.0 - reflectance))
+      + reflectance * skyLobe(reflect(ray, normal), pane.alpha)
+      + specularLobe(pane, -ray, sunDirection()) * sunIrradiance();
+}
+
 void main() {
   float distancePerDepth;
   vec3 ray = rayThrough(inUV, distancePerDepth);
@@ -160,12 +170,16 @@ void main() {
   vec3 scattered = lampsInScattering(inUV, eye, ray, distance, jitter);
   if (isNight() && deflectsVisibly()) scattered += deflectedLight(ray, distance, jitter);
   outGlow = vec4(scattered, 0.0);
+  vec4 pane = texture(samplerPane, inUV);
+  float height = sqrt(max(1.0 - dot(pane.xy, pane.xy), 0.0));
+  vec3 paneNormal = vec3(pane.xy, pane.z < 0.0 ? -height : height);
   if (depth <= 0.0) {
-    outSeen = vec4(lit.rgb, 0.0);
+    outSeen = pane.z == 0.0 ? vec4(lit.rgb, 0.0)
+        : vec4(paneRadiance(lit.rgb, paneNormal, ray), abs(pane.z));
     return;
   }
   vec3 radiance = lit.rgb;
-  if (!isNight()) radiance += filterAmbient(depth);
+  if (!isDark()) radiance += filterAmbient(depth);
   vec4 mirror = texture(samplerMirror, inUV);
   if (mirror.z > 0.0) {
     vec3 normal = vec3(mirror.xy, sqrt(max(1.0 - dot(mirror.xy, mirror.xy), 0.0)));
@@ -175,5 +189,6 @@ void main() {
     float emission = texture(samplerDepthEmission, inUV).y;
     if (emission > 0.0) radiance += emission * texture(samplerAlbedo, inUV).rgb;
   }
-  outSeen = vec4(applyAir(radiance, ray, distance), depth);
+  if (pane.z != 0.0) radiance = paneRadiance(radiance, paneNormal, ray);
+  outSeen = vec4(applyAir(radiance, ray, distance), pane.z != 0.0 ? abs(pane.z) : depth);
 }

@@ -125,8 +125,8 @@ void main() {
   float cosine = -dot(ray, s.normal);
   vec3 ambient = s.albedo * coatTransmittance(s, cosine) * skyIrradiance(s.normal) / PI
       * probeRatio(position, normal.xyz);
-  // By night hardly any light is from the sky, so its occlusion is not worth the time.
-  float occlusion = isNight() ? 1.0 : ambientOcclusion(inUV, depth, normal.xyz, gl_FragCoord.xy);
+  // In the dark hardly any light is from the sky, so its occlusion is not worth the time.
+  float occlusion = isDark() ? 1.0 : ambientOcclusion(inUV, depth, normal.xyz, gl_FragCoord.xy);
   outAmbient = vec4(ambient, occlusion);
   radiance += ambient * occlusion;
   vec3 mirrored = fresnelReflectance(s, roughCosine(s.alpha, cosine));

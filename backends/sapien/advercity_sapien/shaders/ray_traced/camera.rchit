@@ -50,6 +50,7 @@ void main() {
   bindSceneTextures();
   hit.emission = lensEmission(int(material.emission.x), int(bodyState(ids.y).x));
   hit.texture = int(material.emission.y);
+  hit.pane = material.baseColor.a < 1.0;
   hit.snowless = material.emission.z > 0.5;
   hit.identity = ids.x;
   hit.material = instance.materialIndex;

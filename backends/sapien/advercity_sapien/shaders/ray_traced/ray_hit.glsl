@@ -9,6 +9,7 @@ struct RayHit {
   float emission;  // kcd/m² per albedo
   int texture;
   bool snowless;
+  bool pane;       // glass that is seen through
   uint identity;
   uint material;   // index
   MapPlane plane;  // of the material's images

@@ -1,0 +1,75 @@
+"""How far before the meeting an actor starts, and how fast it can be from there."""
+
+import numpy as np
+from advercity_dsl.road import Vehicle
+
+from advercity.conflicts.case import ActorPlacement, ConflictCase
+from advercity.roads.routes import RoutePath
+
+WAITING_MARGIN_S = 1.5
+"""Time that an oncoming actor can wait at its start and still be in time."""
+
+
+def compute_run_m(case: ConflictCase, station_m: float) -> float:
+    """Compute how far a vehicle drives that sets out at the scenario's start and is in time."""
+    speed, acceleration = case.speed_m_s, case.parameters["acceleration_m_s2"]
+    meets_s = case.drive.motion.time_at(station_m)
+    return speed * (meets_s - speed / (2 * acceleration) - WAITING_MARGIN_S)
+
+
+SAME_LANE_M = 1.5
+"""A vehicle that starts within this distance of an actor's path starts in its lane."""
+CONNECTED_GAP_M = 6.0
+"""Distance between the centre of a connected vehicle and the rear of an actor ahead of it."""
+
+
+def find_last_free_station(case: ConflictCase, path: RoutePath, line_m: float) -> float:
+    """Find how far back on its street an actor can start: before connected vehicles in its lane."""
+    spawns = [
+        place.spawn_m for place in case.drive.road.agents.values() if isinstance(place, Vehicle)
+    ]
+    taken = [
+        station
+        for spawn in spawns
+        if (station := path.find_nearest_station(spawn)) < line_m
+        and np.linalg.norm(path.point_at(station) - np.array(spawn)) < SAME_LANE_M
+    ]
+    return max([0.0, *(station + CONNECTED_GAP_M for station in taken)]) + case.actor.length_m / 2
+
+
+STEADY_SPEED_FRACTION = 0.88
+"""Fraction of the speed from which it can just stop, so that it keeps its speed for a moment."""
+STOPPING_MARGIN_M = 2.2
+"""Minimum distance of its front from the crossing of both paths."""
+
+
+def compute_actor_speed_m_s(case: ConflictCase, place: ActorPlacement) -> float:
+    """Compute the actor's speed: as drawn, or the highest from which it can still stop short."""
+    if case.conflict.actor.behaviour != "stops_short":
+        return case.speed_m_s
+    room = place.approach_m - case.actor.length_m / 2 - STOPPING_MARGIN_M
+    highest = np.sqrt(2 * max(room, 0.0) / _sum_inverse_limits(case))
+    return round(float(min(case.speed_m_s, STEADY_SPEED_FRACTION * highest)), 3)
+
+
+def compute_needed_approach_m(case: ConflictCase) -> float:
+    """Compute how far from the meeting an actor has to start for its speed, and to stop short."""
+    steady_m = (case.speed_m_s / STEADY_SPEED_FRACTION) ** 2 / 2 * _sum_inverse_limits(case)
+    return steady_m + case.actor.length_m / 2 + STOPPING_MARGIN_M
+
+
+def compute_timely_speed_m_s(case: ConflictCase, place: ActorPlacement) -> float:
+    """Compute the highest speed whose approach an actor from rest drives before the ego comes.
+
+    At v that takes `v / 2a + (k v^2 + c) / v`, whose second part is the needed approach.
+    """
+    slope = 1 / (2 * case.parameters["acceleration_m_s2"])
+    slope += _sum_inverse_limits(case) / (2 * STEADY_SPEED_FRACTION**2)
+    standing_m = case.actor.length_m / 2 + STOPPING_MARGIN_M
+    at_s = case.drive.motion.time_at(place.station_m)
+    return float((at_s + np.sqrt(max(at_s**2 - 4 * slope * standing_m, 0.0))) / (2 * slope))
+
+
+def _sum_inverse_limits(case: ConflictCase) -> float:
+    parameters = case.parameters
+    return 1 / parameters["acceleration_m_s2"] + 1 / parameters["braking_m_s2"]
