@@ -22,8 +22,8 @@ from advercity.dataset.verification import restore_files, verify_dataset, verify
 from advercity.dataset.writer import ScenarioWriter
 from advercity.errors import AdvercityError, RunError
 from tests.builders import SensorFramesOf, identify
+from tests.dataset.conftest import LENGTH
 
-LENGTH = 2
 FOREIGN = (
     "+101/000061_mylabels.json",
     "+101/000099_pred.npy",
@@ -42,24 +42,6 @@ FOREIGN = (
 )
 OF_A_LATER_FRAME = ("+101/000061.pcd", "103/000061_objects.json", "-2/000061.yaml")
 """Of a frame that no run has made yet."""
-
-
-@pytest.fixture(scope="module")
-def original(
-    tmp_path_factory: pytest.TempPathFactory, spec: Spec, sensor_frames_of: SensorFramesOf
-) -> Path:
-    """A scenario with the first of its two frames; not to be changed."""
-    root = tmp_path_factory.mktemp("original")
-    with ScenarioWriter(root, spec, identify(spec), length=LENGTH) as opened:
-        opened.write_frame(0, sensor_frames_of(0))
-        opened.finish()
-    return opened.scenario
-
-
-@pytest.fixture
-def scenario(original: Path, tmp_path: Path) -> Path:
-    """A copy of it."""
-    return shutil.copytree(original, tmp_path / "output" / original.name)
 
 
 @pytest.fixture

@@ -2,7 +2,6 @@
 
 import json
 import os
-import shutil
 from pathlib import Path
 from typing import Any
 
@@ -14,27 +13,9 @@ from advercity.dataset.verification import restore_files, verify_dataset, verify
 from advercity.dataset.writer import ScenarioWriter
 from advercity.errors import RunError
 from tests.builders import SensorFramesOf, identify
+from tests.dataset.conftest import LENGTH
 
-LENGTH = 2
 CLOUD = "+101/000060.pcd"
-
-
-@pytest.fixture(scope="module")
-def original(
-    tmp_path_factory: pytest.TempPathFactory, spec: Spec, sensor_frames_of: SensorFramesOf
-) -> Path:
-    """A scenario with the first of its two frames; not to be changed."""
-    root = tmp_path_factory.mktemp("original")
-    with ScenarioWriter(root, spec, identify(spec), length=LENGTH) as opened:
-        opened.write_frame(0, sensor_frames_of(0))
-        opened.finish()
-    return opened.scenario
-
-
-@pytest.fixture
-def scenario(original: Path, tmp_path: Path) -> Path:
-    """A copy of it."""
-    return shutil.copytree(original, tmp_path / "output" / original.name)
 
 
 def doctor_manifest(scenario: Path, path: str, record: dict[str, Any]) -> None:
