@@ -7,12 +7,13 @@ scenario ends with the bytes that one machine alone would have written.
 
 import hashlib
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from advercity_dsl import Spec
 
+from advercity.dataset.formats import FrameFileNames
 from advercity.dataset.index import EMPTY_INDEX, INDEX_FILE, DatasetIndex
 from advercity.dataset.manifest import Identity, Manifest
 from advercity.dataset.partial_files import FileRecord
@@ -20,19 +21,25 @@ from advercity.dataset.scenario_folders import MANIFEST_FILE, no_dataset_to_repl
 from advercity.dataset.store import DatasetStore
 from advercity.dataset.verification import FileProblem, compare_with_manifest
 from advercity.dataset.writer import SCENARIO_FILES, encode_scenario_files
-from advercity.errors import InputError
+from advercity.errors import InputError, RunError
+
+BEGUN_SUFFIX = ".begun"
+"""End of the name of a part's manifest while its frames are uploaded."""
 
 
 def upload_part(store: DatasetStore, scenario: Path) -> None:
     """Upload the frames in a scenario's folder, and then the manifest that lists them."""
     manifest = Manifest.load(scenario)
-    # The manifest goes last: a machine that stops before it leaves files that no part names.
+    first, last = manifest.frames[0], manifest.frames[-1]
+    name = f"{_format_parts_folder(scenario.name)}/{first:06d}_{last:06d}.json"
+    text = manifest.to_json().encode()
+    # Of a machine that stops before the end, these tell which files are its own.
+    store.write(f"{name}{BEGUN_SUFFIX}", text)
     for path, record in manifest.files.items():
         if record.frame is not None:
             store.write(f"{scenario.name}/{path}", (scenario / path).read_bytes())
-    first, last = manifest.frames[0], manifest.frames[-1]
-    name = f"{_format_parts_folder(scenario.name)}/{first:06d}_{last:06d}.json"
-    store.write(name, manifest.to_json().encode())
+    store.write(name, text)
+    store.remove(f"{name}{BEGUN_SUFFIX}")
 
 
 @dataclass(frozen=True)
@@ -61,10 +68,11 @@ class SharedScenario:
         found = self._read_manifests()
         if not found and self.store.list_files(name):
             raise no_dataset_to_replace_error(name)
+        records = {} if fresh else self._merge_records(found)
+        self._remove_unfinished(records)
         if fresh:
             self._clear(found)
-            found = []
-        records = self._merge_records(found)
+        self._check_places_are_free(records)
         self._save(records)
         return records
 
@@ -74,24 +82,40 @@ class SharedScenario:
         Raises:
             RunError: A part was made by other code or on another device.
         """
-        name = self.spec.id
         manifest = self._save(self._merge_records(self._read_manifests()))
-        names = manifest.frame_file_names
-        for inside in self._list_files():
-            # Of a machine that stopped before its manifest; any other file may be a user's.
-            if inside not in manifest.files and names.find_frame(inside) is not None:
-                self.store.remove(f"{name}/{inside}")
+        self._remove_unfinished(manifest.files)
         self._remove_parts()
         return manifest
+
+    def _remove_unfinished(self, finished: Mapping[str, FileRecord]) -> None:
+        """Delete what machines that stopped have uploaded of their parts, by its content."""
+        for part in filter(_is_begun, self._list_parts()):
+            text = self.store.read(part)
+            begun = {} if text is None else Manifest.parse(text, where=part).files
+            for path, record in begun.items():
+                if record.frame is not None and path not in finished:
+                    content = self.store.read(f"{self.spec.id}/{path}")
+                    if content is not None and _has_content(record, content):
+                        self.store.remove(f"{self.spec.id}/{path}")
+
+    def _check_places_are_free(self, finished: Mapping[str, FileRecord]) -> None:
+        """Raise a RunError if a file of others is in the place of one that a machine will write."""
+        names = FrameFileNames(self.spec, self.identity.format, self.length)
+        for inside in self._list_files():
+            if inside not in finished and names.find_frame(inside) is not None:
+                raise RunError(
+                    f"{self.spec.id}/{inside}: is of no run, in the place of a file of one; rename"
+                    " or delete it"
+                )
 
     def _clear(self, found: Iterable[Manifest]) -> None:
         """Delete what runs have written, as the manifests tell; the new one replaces theirs."""
         name = self.spec.id
         present = self._list_files()
         for manifest in found:
-            names, listed = manifest.frame_file_names, SCENARIO_FILES & manifest.files.keys()
-            own = [p for p in present if p in listed or names.find_frame(p) is not None]
-            for inside in own:
+            numbered = {p for p, record in manifest.files.items() if record.frame is not None}
+            own = numbered | (SCENARIO_FILES & manifest.files.keys())
+            for inside in own.intersection(present):
                 self.store.remove(f"{name}/{inside}")
         self._remove_parts()
 
@@ -105,7 +129,8 @@ class SharedScenario:
 
     def _list_parts(self) -> list[str]:
         listed = self.store.list_files(_format_parts_folder(self.spec.id))
-        return [p for p in listed if re.fullmatch(r"[0-9]{6,}_[0-9]{6,}\.json", p.split("/")[-1])]
+        pattern = rf"[0-9]{{6,}}_[0-9]{{6,}}\.json({re.escape(BEGUN_SUFFIX)})?"
+        return [path for path in listed if re.fullmatch(pattern, path.split("/")[-1])]
 
     def _list_files(self) -> list[str]:
         name = self.spec.id
@@ -122,7 +147,8 @@ class SharedScenario:
 
     def _read_manifests(self) -> list[Manifest]:
         """Read the manifest of the scenario if it has one, and those of its parts."""
-        paths = [f"{self.spec.id}/{MANIFEST_FILE}", *self._list_parts()]
+        parts = [part for part in self._list_parts() if not _is_begun(part)]
+        paths = [f"{self.spec.id}/{MANIFEST_FILE}", *parts]
         texts = [(path, self.store.read(path)) for path in paths]
         return [Manifest.parse(text, where=path) for path, text in texts if text is not None]
 
@@ -137,6 +163,14 @@ class SharedScenario:
             )
             files |= {p: record for p, record in manifest.files.items() if record.frame is not None}
         return files
+
+
+def _is_begun(part: str) -> bool:
+    return part.endswith(BEGUN_SUFFIX)
+
+
+def _has_content(record: FileRecord, content: bytes) -> bool:
+    return hashlib.sha256(content).hexdigest() == record.sha256
 
 
 def _format_parts_folder(name: str) -> str:
@@ -169,8 +203,7 @@ def _verify_stored_scenario(
     store: DatasetStore, index: DatasetIndex, name: str, paths: list[str]
 ) -> list[FileProblem]:
     def matches(path: str, record: FileRecord) -> bool:
-        content = store.read(f"{name}/{path}") or b""
-        return hashlib.sha256(content).hexdigest() == record.sha256
+        return _has_content(record, store.read(f"{name}/{path}") or b"")
 
     text = store.read(f"{name}/{MANIFEST_FILE}") or b""
     own = [path.removeprefix(f"{name}/") for path in paths if path.startswith(f"{name}/")]

@@ -240,8 +240,9 @@ def _restore(
         if FileRecord.from_content(content, frame=expected.frame) != expected:
             raise RunError(
                 f"{scenario / path}: its new content differs from the manifest's, although spec,"
-                " traffic, versions and device are the same; the file is left as it is:"
-                " `advercity run --fresh` makes the scenario again"
+                " traffic, versions and device are the same (a processor with other vector"
+                " instructions may be why); the file is left as it is: `advercity run --fresh`"
+                " makes the scenario again"
             )
         set_aside(scenario, [path])
         replace_file(scenario, path, content)

@@ -13,7 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from advercity.array_files import load_arrays
 from advercity.documents import parse_json
+from advercity.errors import RunError
 from advercity.geometry.mesh import Mesh, MeshLayer, Wheel
 from advercity.roads.lane_segments import LaneSegment
 from advercity.semantics import Semantic
@@ -70,9 +72,16 @@ def load_world(path: Path, network: Path) -> World:
     Raises:
         RunError: The file is something else.
     """
-    with np.load(path, allow_pickle=False) as stored:
-        record = parse_json(stored["record"].tobytes(), path)
-        arrays = {name: _split(stored[name], record["shapes"][name]) for name in _DTYPES}
+    stored = load_arrays(path, max_bytes=MAX_WORLD_BYTES)
+    try:
+        return _decode_world(stored, network, path)
+    except Exception as error:  # whatever an edited file may lack or have too much
+        raise RunError(f"{path}: not a world: {error or type(error).__name__}") from error
+
+
+def _decode_world(stored: Mapping[str, NDArray[Any]], network: Path, path: Path) -> World:
+    record = parse_json(stored["record"].tobytes(), path)
+    arrays = {name: _split(stored[name], record["shapes"][name]) for name in _DTYPES}
     meshes = _decode_meshes(record["meshes"], arrays)
     borders = arrays["lane_borders"]
     return World(

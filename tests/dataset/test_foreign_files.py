@@ -260,6 +260,32 @@ def test_files_of_others_among_the_parts_of_a_store_stay(
     assert found == precious.keys()
 
 
+def test_what_a_machine_left_of_a_part_is_removed_from_a_store_and_no_other_file(
+    scenario: Path, spec: Spec, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store, folder = DatasetStore(str(tmp_path / "store")), tmp_path / "store" / spec.id
+    shared = SharedScenario(store, spec, identify(spec), LENGTH)
+    shared.begin(fresh=False)
+    write, written = store.write, list[str]()
+
+    def write_some(path: str, content: bytes) -> None:
+        if len(written) == 5:
+            raise RunError("the machine stops")
+        written.append(path)
+        write(path, content)
+
+    with monkeypatch.context() as patched, pytest.raises(RunError, match="stops"):
+        patched.setattr(store, "write", write_some)
+        upload_part(store, scenario)
+    precious = add(folder, "103/000061_objects.json", "notes.txt")
+    assert shared.finish().frames == ()
+    assert not any((tmp_path / "store" / path).exists() for path in written)
+    assert texts(folder, *precious) == precious
+    with pytest.raises(RunError, match=r"103/000061_objects\.json: is of no run, in the place of"):
+        shared.begin(fresh=False)
+    assert texts(folder, *precious) == precious
+
+
 @pytest.mark.parametrize("text", ["{}", "", "[]", '{"manifest_version": 3}', "\0" * 300])
 def test_fresh_empties_no_folder_whose_manifest_is_none(
     tmp_path: Path, spec: Spec, resume: Callable[..., None], text: str

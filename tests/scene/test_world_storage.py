@@ -8,6 +8,7 @@ from advercity_dsl import Spec
 from numpy.typing import NDArray
 
 from advercity.assets.model_store import ModelStore
+from advercity.errors import RunError
 from advercity.geometry.mesh import Mesh
 from advercity.pipeline.cache import compute_world_key
 from advercity.pipeline.preparation import load_or_build_world
@@ -90,6 +91,22 @@ def test_a_world_is_built_once_and_then_read(
     worlds = [load_or_build_world(spec, NETWORK) for _ in range(2)]
     assert built == [spec.id]
     assert are_equal(worlds[0].static[0], worlds[1].static[0])
+
+
+def test_what_is_no_world_is_an_error_with_its_path(tmp_path: Path):
+    """As an entry of the cache that was edited together with its checksum: it is made again."""
+    path = tmp_path / "world.npz"
+    save_world(World("empty", (), {}, (), NETWORK), path)
+    with np.load(path) as stored:
+        arrays = dict(stored)
+    for changes in ({"record": np.zeros(0, np.uint8)}, {"vertices": None}, {"record": None}):
+        kept = {name: array for name, array in (arrays | changes).items() if array is not None}
+        np.savez(path, allow_pickle=False, **kept)
+        with pytest.raises(RunError, match=r"world\.npz: not a world: "):
+            load_world(path, NETWORK)
+    path.write_bytes(b"notes")
+    with pytest.raises(RunError, match=r"world\.npz: not a file of arrays"):
+        load_world(path, NETWORK)
 
 
 def test_worlds_are_shared_between_weathers_but_not_between_poses_of_units(spec: Spec):
