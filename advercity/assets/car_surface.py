@@ -58,11 +58,12 @@ class CarSurface:
         """Locate points (n, 3) of the left half at u and v, one or (n,) each."""
         u, v = (np.array(item, dtype=np.float64) for item in np.broadcast_arrays(u, v))
         points = self._locate_uncut(u, v)
-        reference = self._locate_uncut(u, np.full_like(u, 2.0))[:, 0]
-        low = self._locate_uncut(u, np.full_like(u, SILL))[:, 2]
-        high = self._locate_uncut(u, np.full_like(u, SHOULDER + 0.6))[:, 2]
+        lines, line = np.unique(u, return_inverse=True)
+        rows = [np.full_like(lines, row) for row in (2.0, SILL, SHOULDER + 0.6)]
+        reference, low, high = (self._locate_uncut(lines, row)[line] for row in rows)
         for axle in self.form.axles:
-            _cut_arch(points, reference - self.x_at(axle), (low, high), v, self.wheel_m)
+            ahead = reference[:, 0] - self.x_at(axle)
+            _cut_arch(points, ahead, (low[:, 2], high[:, 2]), v, self.wheel_m)
         return points
 
     def compute_normals(self, u: ArrayLike, v: ArrayLike) -> Float64Array:

@@ -21,7 +21,7 @@ PARKING_SPACE_M = 6.4
 """Length of a parking space along a street."""
 MIN_CAR_GAP_M = 0.8
 """Smallest gap between two cars in a row."""
-OCCUPANCY = 0.7
+OCCUPANCY = 0.85
 """Fraction of spaces with a car."""
 KERB_DISTANCE_M = 0.35
 PATH_CLEARANCE_M = 0.4
