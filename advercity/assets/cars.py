@@ -215,8 +215,8 @@ def _build_lamps(body: CarSurface) -> list[MeshPart]:
 def _build_tail_lamps(body: CarSurface) -> tuple[tuple[str, TriangleSurface], ...]:
     """Build the indicator and the reversing lamp on the left tail lamp."""
     (t0, t1), (w0, _) = _TAIL_LAMP
-    amber = body.build_patch(np.linspace(t0 + 0.35, t1 - 0.3, 4), [w0 + 0.56, w0 + 0.9], 0.004)
-    clear = body.build_patch(np.linspace(t1 - 0.6, t1 - 0.25, 3), [w0 + 0.15, w0 + 0.5], 0.004)
+    amber = body.build_patch(np.linspace(t0 + 0.35, t1 - 0.3, 4), [w0 + 0.56, w0 + 0.9], 0.014)
+    clear = body.build_patch(np.linspace(t1 - 0.6, t1 - 0.25, 3), [w0 + 0.15, w0 + 0.5], 0.014)
     return ("lamp_amber", amber), ("chrome", clear)
 
 

@@ -186,8 +186,10 @@ def _build_rear_lamps(blueprint_id: str, rear: float, half: float, z: float) -> 
     lamps = add_mirror_image(
         box((rear - 0.005, half - 0.42, z), (rear + 0.15, half - 0.06, z + 0.16))
     )
+    low, high = xyz(rear - 0.008, half - 0.16, z - 0.003), xyz(rear + 0.14, half - 0.05, z + 0.163)
     return [
         *make_vehicle_parts("lamp_red", lamps),
+        *make_vehicle_parts("lamp_amber", add_mirror_image(box(low, high))),
         *build_number_plate(blueprint_id, (rear - 0.01, 0.0, z + 0.06), -1.0),
     ]
 
