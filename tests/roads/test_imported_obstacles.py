@@ -88,10 +88,10 @@ def _rays_along(left: Floats, right: Floats) -> tuple[Floats, Floats]:
 
 @pytest.mark.parametrize(
     ("name", "style"),
-    [("bend", "rural"), ("crossroads", "downtown"), ("reimported", "industrial")],
+    [("bend", "rural"), ("crossroads", "downtown"), ("reimported", None)],
 )
 def test_nothing_is_in_a_driving_lane(
-    name: str, style: str, request: pytest.FixtureRequest
+    name: str, style: str | None, request: pytest.FixtureRequest
 ) -> None:
     spec: Spec = request.getfixturevalue(name)
     bare = spec.road.model_copy(update={"agents": {}, "style": style})
