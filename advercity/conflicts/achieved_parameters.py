@@ -15,8 +15,8 @@ from advercity.conflicts.trajectories import find_closest_approach
 
 APPROACH_WINDOW_S = 8.0
 """Time before the ego's arrival in which the actor's approach is looked for."""
-DRIFT_WINDOW_S = (-6.0, 4.0)
-"""Times from the passing of both at which an actor does not drift yet, and no more."""
+DRIFT_WINDOW_S = (-9.0, 4.0)
+"""Times from the passing of both at which an actor does not drift or overtake yet, and no more."""
 TOLERANCES = {"_km_h": 0.5, "_s": 0.05, "_m": 0.05}
 """Resolution of a measured value by the unit at the end of its name: of times, half a tick."""
 

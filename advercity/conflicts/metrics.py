@@ -20,6 +20,9 @@ PREDICTION_HORIZON_S = 6.0
 """Time ahead over which the paths of two actors are compared."""
 PREDICTION_STEP_S = 0.1
 
+CHORD_M = 2.0
+"""Length of the chords that give the heading of a path."""
+
 Polygons = NDArray[Any]
 """Shapely polygons (n,)."""
 
@@ -118,18 +121,18 @@ class ActorTrack:
         rows["y"] += beyond * np.sin(rows["yaw"])
         return replace(self, rows=rows)
 
-    def roll_on(self, for_s: float, tick_s: float) -> "ActorTrack":
-        """Return the track continued at its last speed and turn rate, on a circle."""
+    def roll_on(self, path: StationedPolyline, for_s: float, tick_s: float) -> "ActorTrack":
+        """Return the track continued at its last speed, parallel to a path."""
         after = np.arange(1, round(for_s / tick_s) + 1)
         rows = np.repeat(self.rows[-1:], len(after))
-        moved_m, turned = (rows[name] * after * tick_s for name in ("speed", "yaw_rate"))
-        # The chord of an arc, and its direction.
-        chord_m = moved_m * np.sinc(turned / (2 * np.pi))
-        ahead = np.arctan2(rows["vy"], rows["vx"]) + turned / 2
+        moved_m = rows["speed"] * after * tick_s
+        here_m, _ = path.project_point(self.centres[-1])
+        stations = np.concatenate([[here_m], here_m + moved_m])
         rows["tick"] += after
-        rows["x"] += chord_m * np.cos(ahead)
-        rows["y"] += chord_m * np.sin(ahead)
-        rows["yaw"] += turned
+        moved = np.diff(path.points_at(stations)[:, :2], axis=0).cumsum(axis=0)
+        rows["x"], rows["y"] = (self.centres[-1] + moved).T
+        yaw = np.unwrap(path.headings_at(stations, span_m=CHORD_M))
+        rows["yaw"] += yaw[1:] - yaw[0]
         rows["travelled"] += moved_m
         return replace(self, rows=np.concatenate([self.rows, rows]))
 

@@ -25,7 +25,7 @@ from advercity.conflicts.resolution import (
     find_undisturbed_row,
     measure_resolution,
 )
-from advercity.conflicts.trajectories import find_crossing
+from advercity.conflicts.trajectories import find_crossing, go_straight_on
 from advercity.errors import RunError
 from advercity.frames import WHEELBASE_FRACTION, Signal, Trace
 from advercity.geometry.polyline import StationedPolyline, drop_repeated_points
@@ -113,9 +113,10 @@ def _evaluate_outcome(
 ) -> ConflictOutcome:
     tick_s = trace.tick_s
     lane = _build_ego_lane(spec)
-    resolution = measure_resolution(conflict, encounter, ego, actor, lane, tick_s)
+    resolution = measure_resolution(conflict, encounter, ego, actor, lane.line, tick_s)
     if resolution.impact is not None:
-        ego, actor = (track.roll_on(AFTER_IMPACT_S, tick_s) for track in (ego, actor))
+        ego = ego.roll_on(lane, AFTER_IMPACT_S, tick_s)
+        actor = actor.roll_on(_build_actor_path(spec, conflict), AFTER_IMPACT_S, tick_s)
     point = _find_meeting_point(conflict, ego, actor)
     ego_at_s = _find_ego_arrival_s(spec, conflict, encounter, ego, point, tick_s)
     row = _find_arrival_row(conflict, ego, actor, point)
@@ -128,7 +129,7 @@ def _evaluate_outcome(
         actor,
         ego_at_s=ego_at_s,
         lag_s=lag_s,
-        lane=lane,
+        lane=lane.line,
         since_red_s=_measure_since_red_s(spec, conflict, actor, trace),
         tick_s=tick_s,
     )
@@ -146,9 +147,17 @@ def _evaluate_outcome(
     )
 
 
-def _build_ego_lane(spec: Spec) -> shapely.LineString:
+def _build_ego_lane(spec: Spec) -> StationedPolyline:
     path, _, _ = build_ego_path(RoutePlanner(spec.road), spec.road.ego)
-    return path.line.line
+    return path.line
+
+
+def _build_actor_path(spec: Spec, conflict: StagedConflict) -> StationedPolyline:
+    actor = conflict.actors[0]
+    if actor.route:
+        return RoutePlanner(spec.road).build_path(actor.route, actor.lane).line
+    path = StationedPolyline.from_points(np.array(actor.path_m))
+    return go_straight_on(path) if actor.behaviour == "steers_clear" else path
 
 
 def _measure_since_red_s(

@@ -15,6 +15,7 @@ from advercity.conflicts.metrics import (
     measure_encounter,
 )
 from advercity.frames import STATE_DTYPE, Actor, Trace
+from advercity.geometry.polyline import StationedPolyline
 
 TICK_S = 0.1
 Way = Callable[[NDArray[np.float64]], Sequence[NDArray[np.float64]]]
@@ -160,15 +161,14 @@ def test_meeting_is_mutual_and_steady_cars_touch_when_they_were_to(
         assert first.time_to_collision_s.value <= touched[0] * TICK_S + 1e-6
 
 
-def test_a_track_that_ends_rolls_on_around_its_circle():
-    turning = trace_of(circle(10.0, 0.0, 5.0), ticks=20)
-    turning.states["yaw_rate"] = 0.5
+def test_a_track_that_ends_rolls_on_parallel_to_its_lane():
+    lane = StationedPolyline.from_points(np.array([(0.0, 0.0), (10.0, 0.0), (10.0, 30.0)]))
+    ending = trace_of(straight(0.0, 0.5, 0.0, 5.0), ticks=11)
 
-    on = ActorTrack.from_trace(turning, 1).roll_on(2.0, TICK_S)
+    on = ActorTrack.from_trace(ending, 1).roll_on(lane, 2.0, TICK_S)
 
-    # A quarter of the way around takes pi s; the last tick is at 3.9 s, after 19.5 m.
-    at = 10 * np.exp(1j * (19.5 / 10 - np.pi / 2))
-    assert on.rows["tick"][-1] == 39
-    assert on.centres[-1] == pytest.approx([at.real, at.imag])
-    assert on.rows["travelled"][-1] == pytest.approx(19.5)
-    assert on.rows["yaw"][-1] == pytest.approx(1.95)
+    # At 5 m/s it is at (5, 0.5) after 1 s; of 10 m more, 5 m are before the corner.
+    assert on.rows["tick"][-1] == 30
+    assert on.centres[-1] == pytest.approx([10.0, 5.5])
+    assert on.rows["travelled"][-1] == pytest.approx(15.0)
+    assert on.rows["yaw"][-1] == pytest.approx(np.pi / 2)
