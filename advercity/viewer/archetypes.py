@@ -14,13 +14,15 @@ from advercity.geometry.geodesy import Geodetic, geodetic_from_enu
 from advercity.geometry.poses import Matrix
 from advercity.roads.lane_segments import LaneSegment
 from advercity.semantics import ACTOR_COLOURS
-from advercity.sensors.measurements import PointCloud, PointKind
+from advercity.sensors.measurements import PointCloud, PointKind, RadarDetections
 from advercity.sensors.sensor_frame import SensorFrame
 from advercity.viewer.cloud_colours import CloudColour, colour_points
+from advercity.viewer.radar_pictures import colour_velocities
 
 RgbColour = tuple[int, int, int]
 IMAGE_PLANE_M = 1.5
 """Distance from a camera at which the scene shows its image."""
+DETECTION_PX = 3.0
 POINT_PX, ECHO_PX, FIX_PX, TRACK_PX, LANE_PX = 1.5, 0.5, 6.0, 2.0, 1.0
 """Sizes on the screen; returns of fog, rain and spray are so small that the scene shows through."""
 CLASS_IDS = {name: index for index, name in enumerate(ACTOR_COLOURS, start=1)}
@@ -60,6 +62,12 @@ def to_points3d(cloud: PointCloud, by: CloudColour) -> rr.Points3D:
     sizes_px = np.where(cloud.kind == PointKind.SURFACE, POINT_PX, ECHO_PX)
     # Rerun takes negative radii for sizes on the screen.
     return rr.Points3D(cloud.points, colors=colour_points(cloud, by), radii=-sizes_px)
+
+
+def to_radar_points3d(detections: RadarDetections) -> rr.Points3D:
+    """Convert detections in the radar's frame, coloured by their radial velocity."""
+    colours = colour_velocities(detections.velocity_m_s)
+    return rr.Points3D(detections.points, colors=colours, radii=-DETECTION_PX)
 
 
 def to_boxes3d(states: Sequence[ActorState]) -> rr.Boxes3D:

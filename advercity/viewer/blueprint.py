@@ -36,6 +36,16 @@ def format_lidar_path(agent: Agent, index: int) -> str:
     return f"{format_agent_path(agent)}/lidar{index or ''}"
 
 
+def format_radar_path(agent: Agent, index: int) -> str:
+    """Return the path of an agent's radar and its detections."""
+    return f"{format_agent_path(agent)}/radar{index}"
+
+
+def format_range_azimuth_path(agent: Agent, index: int) -> str:
+    """Return the path of a radar's picture over azimuth and range."""
+    return f"range_azimuth/{agent.id}/radar{index}"
+
+
 def format_semantic_path(agent: Agent, index: int) -> str:
     """Return the path of a semantic image."""
     # Not in the scene, where it would cover the image of the camera.
@@ -99,6 +109,8 @@ def _build_agent_views(agent: Agent) -> rrb.Grid:
     for index in range(len(agent.sensors.cameras)):
         views.append(_build_image_view(format_camera_path(agent, index), f"camera {index}"))
         views.append(_build_image_view(format_semantic_path(agent, index), f"semantic {index}"))
+    for index in range(len(agent.sensors.radars)):
+        views.append(_build_image_view(format_range_azimuth_path(agent, index), f"radar {index}"))
     return rrb.Grid(*views, grid_columns=2, name=agent.id)
 
 

@@ -37,6 +37,7 @@ from advercity.viewer.archetypes import (
 )
 from advercity.viewer.cloud_colours import CloudColour
 from advercity.viewer.private_page import LOOPBACK_ADDRESS
+from advercity.viewer.radar_pictures import draw_range_azimuth
 
 DEFAULT_PORT = 9876
 """Rerun's own port."""
@@ -243,6 +244,14 @@ class RerunRecording:
             lidar = blueprint.format_lidar_path(agent, index)
             log(lidar, archetypes.to_transform3d(agent_from_world @ scan.world_from_lidar))
             log(lidar, archetypes.to_points3d(scan.point_cloud, self._cloud_colour))
+        for index, scan in enumerate(item.radar_scans):
+            path = blueprint.format_radar_path(agent, index)
+            log(path, archetypes.to_transform3d(agent_from_world @ scan.world_from_radar))
+            log(path, archetypes.to_radar_points3d(scan.detections))
+            radar = agent.sensors.radars[index].radar
+            picture = encode_jpeg(draw_range_azimuth(radar, scan))
+            path = blueprint.format_range_azimuth_path(agent, index)
+            log(path, rr.EncodedImage(contents=picture, media_type="image/jpeg"))
         for index, image in enumerate(item.camera_images):
             camera = blueprint.format_camera_path(agent, index)
             log(camera, archetypes.to_transform3d(agent_from_world @ image.world_from_camera))

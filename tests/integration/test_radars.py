@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from advercity_dsl import Spec
+from advercity_dsl import Mount, Radar, Spec
 
 from advercity.compiler.crossing import compile_library
 from advercity.dataset.reader import Scenario
@@ -14,7 +14,10 @@ from advercity.dataset.verification import verify_dataset
 from advercity.errors import InputError
 from advercity.pipeline import RunOptions, ViewerTarget, repair_dataset, run_scenario
 from advercity.pipeline.replay import write_recording
+from advercity.sensors.measurements import RadarDetections
+from advercity.sensors.sensor_frame import RadarScan
 from advercity.testing import hash_tree
+from advercity.viewer.radar_pictures import colour_velocities, draw_range_azimuth
 from tests.builders import SMALL_LIBRARY
 
 pytestmark = pytest.mark.sumo
@@ -114,6 +117,26 @@ def test_every_radar_has_its_files_and_is_read_by_its_number(dataset: Path) -> N
         view.load_radar(2)
     with pytest.raises(InputError, match="rsu1 has no radar"):
         _ = Scenario(dataset)[0]["rsu1"].radar
+
+
+def test_the_picture_of_a_radar_has_its_targets_where_they_are() -> None:
+    radar = Radar(mounts=(Mount(),))
+    number = np.zeros(1, np.float32)
+    detections = RadarDetections(
+        points=np.array([[75.0, 0, 0]], np.float32),
+        velocity_m_s=number,
+        rcs_dbsm=number,
+        snr_db=number + 50,
+        instance=np.zeros(1, np.int32),
+        kind=np.zeros(1, np.uint8),
+    )
+    picture = draw_range_azimuth(radar, RadarScan(np.eye(4), detections)).sum(axis=2)
+    row, column = np.unravel_index(picture.argmax(), picture.shape)
+    assert row / picture.shape[0] == pytest.approx(0.5, abs=0.02)
+    assert column / picture.shape[1] == pytest.approx(0.5, abs=0.02)
+    red, _, blue = colour_velocities(np.array([-15.0, 15.0], np.float32)).T.astype(int)
+    assert blue[0] > red[0]
+    assert red[1] > blue[1]
 
 
 def test_any_order_of_frames_gives_the_same_bytes(
