@@ -15,6 +15,7 @@ from advercity.geometry.primitives import box, loft_rings, tube
 from advercity.randomness import create_generator
 from advercity.scene import vegetation
 from advercity.scene.facades import FacadeStyle, Storey, SurfaceMaterials, build_facade
+from advercity.scene.foliage import HEDGE_LEAF_M, build_foliage
 from advercity.scene.roof_details import (
     ROOF_SLOPE,
     ROOF_THICKNESS_M,
@@ -111,7 +112,8 @@ def build_houses(
         return partial(_build_house, lot, eaves, own)
 
     parts, built = _build_on_lots(lots, site, draw_house)
-    hedges = [hedge for lot in built for hedge in _build_garden_hedges(lot, site)]
+    leaves = create_generator("garden hedges", key)
+    hedges = [hedge for lot in built for hedge in _build_garden_hedges(lot, site, leaves)]
     footprints = [lot.outline for lot in built]
     corners = [lot.to_world(lot.width_m / 2 + 1.0, lot.depth_m / 2 + 3.5) for lot in built]
     places = np.reshape(corners, (-1, 2))
@@ -338,7 +340,7 @@ def build_pitched_roof(
     ]
 
 
-def _build_garden_hedges(lot: Lot, site: Site) -> list[MeshPart]:
+def _build_garden_hedges(lot: Lot, site: Site, draw: np.random.Generator) -> list[MeshPart]:
     """Build hedges along the front garden, with a gap at the door, where the ground is free."""
     y = -lot.depth_m / 2 - 1.7
     ends = [(-lot.width_m / 2 - 1.5, -1.3), (1.3, lot.width_m / 2 + 1.5)]
@@ -350,7 +352,7 @@ def _build_garden_hedges(lot: Lot, site: Site) -> list[MeshPart]:
         base = float(site.ground_height(feet).min()) - 0.3
         shape = box((start, y - 0.35, 0), (end, y + 0.35, 1.3))
         hedge = move_surface(shape, (*lot.centre, base), yaw=lot.yaw)
-        hedges.append(MeshPart(hedge, "leaves", Semantic.VEGETATION))
+        hedges += build_foliage(hedge, HEDGE_LEAF_M, draw)
     return hedges
 
 

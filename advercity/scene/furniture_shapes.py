@@ -8,6 +8,7 @@ import numpy as np
 from advercity.assets.lettering import WritingPlane, write_text
 from advercity.geometry.mesh import TriangleSurface, join_surfaces, repeat_surface
 from advercity.geometry.primitives import box, ellipsoid, loft_rings, rectangles, tube
+from advercity.scene.foliage import build_foliage
 from advercity.semantics import Semantic
 
 Parts = list[tuple[TriangleSurface, str, Semantic]]
@@ -106,8 +107,8 @@ def _build_planter(draw: np.random.Generator) -> Parts:
     shrub = ellipsoid((0, 0, 0.66), (0.45, 0.45, 0.32), sides=9, bands=5)
     rough = draw.uniform(0.85, 1.15, (len(shrub.vertices), 1))
     vertices = (shrub.vertices - (0, 0, 0.66)) * rough + (0, 0, 0.66)
-    leaves = TriangleSurface(vertices, shrub.triangles)
-    return [(tub, "concrete", _STATIC), (leaves, "leaves", Semantic.VEGETATION)]
+    foliage = build_foliage(TriangleSurface(vertices, shrub.triangles), 0.1, draw)
+    return [(tub, "concrete", _STATIC), *((p.surface, p.material, p.semantic) for p in foliage)]
 
 
 def _build_hoarding(draw: np.random.Generator) -> Parts:

@@ -33,6 +33,7 @@ from advercity.geometry.primitives import (
 )
 from advercity.randomness import create_generator
 from advercity.roads.road_meshes import KERB_HEIGHT_M
+from advercity.scene.foliage import HEDGE_LEAF_M, build_foliage
 from advercity.scene.site import Site, StreetSide, sample_ground_line
 from advercity.semantics import Semantic
 from advercity.world import StreetLamp
@@ -94,11 +95,12 @@ def build_hedge(
     lateral /= np.linalg.norm(lateral, axis=1, keepdims=True)
     across = np.array([0.34, 0.40, 0.38, 0.24, -0.24, -0.38, -0.40, -0.34])
     rise = np.array([-0.3, 0.15, 0.8, 1.0, 1.0, 0.8, 0.15, -0.3]) * height
-    rough = create_generator("hedge", key).uniform(0.9, 1.08, (2, len(foot), len(across)))
+    draw = create_generator("hedge", key)
+    rough = draw.uniform(0.9, 1.08, (2, len(foot), len(across)))
     rings = np.empty((len(foot), len(across), 3))
     rings[..., :2] = foot[:, None, :2] + (across * rough[0])[..., None] * lateral[:, None]
     rings[..., 2] = foot[:, None, 2] + rise * rough[1]
-    return [MeshPart(loft_rings(rings), "leaves", Semantic.VEGETATION)]
+    return build_foliage(loft_rings(rings), HEDGE_LEAF_M, draw)
 
 
 def _build_slab(

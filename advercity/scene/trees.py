@@ -1,9 +1,4 @@
-"""Builds single trees: trunks that fork, and crowns of leaf sprays around the ends of branches.
-
-A spray is a small folded sheet that represents a twig with its leaves, so that rays and labels see
-gaps where the image does, without cut-out textures. Normals are those of the crown with a tilt of
-each spray: light then falls on the crown as a whole, and sprays glitter on it.
-"""
+"""Builds single trees: trunks that fork, and crowns of leaves around the ends of branches."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -14,9 +9,10 @@ from advercity_dsl.road import Species
 
 from advercity.geometry.arrays import Float64Array
 from advercity.geometry.directions import spread_directions
-from advercity.geometry.mesh import TriangleSurface, join_surfaces, normalize, shade_smooth
+from advercity.geometry.mesh import TriangleSurface, join_surfaces, normalize, shade_smooth, xyz
 from advercity.geometry.primitives import ellipsoid, tube
 from advercity.randomness import create_generator
+from advercity.scene.foliage import build_leaves
 
 
 class Detail(IntEnum):
@@ -71,13 +67,15 @@ _CROWNS = {
     ),
 }
 SPRUCE_HEIGHT_M = 10.8
-_CLUSTERS = {Detail.NEAR: 44, Detail.MIDDLE: 26, Detail.FAR: 14}
+_CLUSTERS = {Detail.NEAR: 72, Detail.MIDDLE: 36, Detail.FAR: 18}
 """Ends of branches of a tree."""
-_SPRAYS = {Detail.NEAR: 20, Detail.MIDDLE: 12, Detail.FAR: 6}
-"""Sprays of each."""
-_SPRAY_LENGTH_M = {Detail.NEAR: 0.4, Detail.MIDDLE: 0.62, Detail.FAR: 1.0}
-_WHORLS = {Detail.NEAR: (20, 10), Detail.MIDDLE: (13, 8), Detail.FAR: (8, 6)}
+_LEAVES = {Detail.NEAR: 70, Detail.MIDDLE: 38, Detail.FAR: 20}
+"""Leaves of each."""
+_LEAF_LENGTH_M = {Detail.NEAR: 0.21, Detail.MIDDLE: 0.38, Detail.FAR: 0.68}
+_WHORLS = {Detail.NEAR: (20, 10), Detail.MIDDLE: (14, 8), Detail.FAR: (9, 6)}
 """Whorls of a spruce, and branches of each."""
+_TWIGS = {Detail.NEAR: 7, Detail.MIDDLE: 4, Detail.FAR: 2}
+"""Twigs on either side of such a branch."""
 
 TreeParts = tuple[tuple[TriangleSurface, str], ...]
 
@@ -91,10 +89,10 @@ def build_tree(species: Species, detail: Detail) -> tuple[TreeParts, float]:
         return _build_spruce(detail, draw), SPRUCE_HEIGHT_M
     crown = _CROWNS[species]
     ends = _spread_ends(crown, _CLUSTERS[detail], draw)
-    leaves = [_build_sprays(crown, ends, detail, draw)]
-    leaves += [_build_core(blob, draw) for blob in crown.blobs]
+    cores = join_surfaces([_build_core(blob, draw) for blob in crown.blobs])
+    leaves = _build_clusters(crown, ends, detail, draw)
     wood = _build_wood(crown, ends if detail < Detail.FAR else ends[:0])
-    parts = (wood, "bark"), (join_surfaces(leaves), "leaves")
+    parts = (wood, "bark"), (leaves, "leaves"), (cores, "inner_leaves")
     return parts, max(z + rise for *_, z, _, rise in crown.blobs)
 
 
@@ -111,36 +109,19 @@ def _spread_ends(crown: _Crown, count: int, draw: np.random.Generator) -> Float6
     return np.concatenate(ends)
 
 
-def _build_sprays(
+def _build_clusters(
     crown: _Crown, ends: Float64Array, detail: Detail, draw: np.random.Generator
 ) -> TriangleSurface:
-    """Build sprays around the ends of branches: each two triangles, folded along the twig."""
-    count, length = _SPRAYS[detail], _SPRAY_LENGTH_M[detail]
+    """Build leaves around the ends of branches."""
+    count, length_m = _LEAVES[detail], _LEAF_LENGTH_M[detail]
     middle = np.mean([blob[:3] for blob in crown.blobs], axis=0)
-    cluster_m = 0.36 * max(blob[3] for blob in crown.blobs) + 0.2 - 0.5 * length
+    cluster_m = 0.3 * max(blob[3] for blob in crown.blobs) + 0.2 - 0.5 * length_m
     away = normalize(draw.normal(size=(len(ends) * count, 3)))
     # Leaves are where light comes: more at the outside of a cluster than within.
-    away *= cluster_m * draw.uniform(0.0, 1.0, (len(away), 1)) ** 0.5
-    root = np.repeat(ends, count, axis=0) + away
-    outward = normalize(root - middle + (0.0, 0.0, 0.4))
-    along = normalize(outward + draw.normal(scale=0.7, size=root.shape) - (0.0, 0.0, crown.droop))
-    across = normalize(np.cross(along, draw.normal(size=root.shape)))
-    size = length * draw.uniform(0.7, 1.3, (len(root), 1))
-    tilt = draw.normal(scale=0.35, size=root.shape)
-    return _build_rhombi(root, along * size, across * size * 0.36, outward + tilt)
-
-
-def _build_rhombi(
-    root: Float64Array, along: Float64Array, across: Float64Array, normals: Float64Array
-) -> TriangleSurface:
-    """Build pointed leaves (k,) of two triangles: from their root, as long and half as wide."""
-    belly = root + 0.45 * along
-    corners = np.stack([root, belly - across, root + along, belly + across], axis=1)
-    first = 4 * np.arange(len(root))[:, None, None]
-    triangles = first + np.array([(0, 1, 2), (0, 2, 3)])
-    return TriangleSurface(
-        corners.reshape(-1, 3), triangles.reshape(-1, 3), np.repeat(normalize(normals), 4, axis=0)
-    )
+    offset = away * cluster_m * draw.uniform(0.0, 1.0, (len(away), 1)) ** 0.4
+    root = np.repeat(ends, count, axis=0) + offset
+    outward = normalize(normalize(root - middle + (0.0, 0.0, 0.4)) + 0.5 * away)
+    return build_leaves(root, outward, length_m, draw, crown.droop)
 
 
 def _build_core(
@@ -148,8 +129,8 @@ def _build_core(
 ) -> TriangleSurface:
     """Build the dense inside of a crown, through which no light comes."""
     x, y, z, radius, rise = blob
-    core = ellipsoid((0, 0, 0), (radius, radius, rise), sides=7, bands=4)
-    vertices = core.vertices * draw.uniform(0.38, 0.66, (len(core.vertices), 1))
+    core = ellipsoid((0, 0, 0), (radius, radius, rise), sides=6, bands=3)
+    vertices = core.vertices * draw.uniform(0.22, 0.5, (len(core.vertices), 1))
     return TriangleSurface(vertices + np.array([x, y, z]), core.triangles, normalize(vertices))
 
 
@@ -171,25 +152,46 @@ def _build_wood(crown: _Crown, ends: Float64Array) -> TriangleSurface:
 
 
 def _build_spruce(detail: Detail, draw: np.random.Generator) -> TreeParts:
-    """Build a spruce: whorls of branches that hang, each a spray on either side of its twig."""
+    """Build a spruce: whorls of branches that hang, with twigs on either side and at the end."""
     whorls, branches = _WHORLS[detail]
     height = np.repeat(np.linspace(1.3, SPRUCE_HEIGHT_M - 0.5, whorls), branches)
     height += draw.uniform(-0.15, 0.15, len(height))
     turn = 2.0 * np.pi * (np.arange(len(height)) / branches + draw.uniform(0, 1, len(height)) * 0.4)
     reach = 2.3 * (1.0 - height / SPRUCE_HEIGHT_M) ** 0.85 * draw.uniform(0.8, 1.15, len(height))
     away = np.column_stack([np.cos(turn), np.sin(turn), np.full(len(turn), -0.32)])
-    along = away * (reach + 0.25)[:, None]
     aside = np.column_stack([-np.sin(turn), np.cos(turn), np.full(len(turn), -0.25)])
     root = np.column_stack([np.zeros((len(height), 2)), height])
-    normals = away + np.array([0.0, 0.0, 0.9]) + draw.normal(scale=0.2, size=root.shape)
-    width = (0.3 * reach + 0.12)[:, None]
-    sprays = _build_rhombi(root, along, aside * width, normals)
-    # A second layer below, turned, closes the gaps between branches.
-    lower = _build_rhombi(
-        root - (0.0, 0.0, 0.25), along * 0.8 + aside * width * 0.8, aside * width, normals
-    )
+    needles = _build_twigs(root, away * (reach + 0.25)[:, None], aside, _TWIGS[detail], draw)
     stem = tube([(0, 0, 0), (0, 0, SPRUCE_HEIGHT_M - 0.3)], [0.22, 0.04], sides=7)
     tip = tube([(0, 0, SPRUCE_HEIGHT_M - 0.9), (0, 0, SPRUCE_HEIGHT_M)], [0.14, 0.01], sides=5)
-    core = tube([(0, 0, 1.5), (0, 0, SPRUCE_HEIGHT_M - 0.6)], [1.2, 0.08], sides=7)
-    needles = join_surfaces([sprays, lower, shade_smooth(tip), shade_smooth(core)])
-    return (shade_smooth(stem), "bark"), (needles, "needles")
+    core = tube([(0, 0, 1.5), (0, 0, SPRUCE_HEIGHT_M - 0.6)], [0.7, 0.05], sides=7)
+    return (
+        (shade_smooth(stem), "bark"),
+        (join_surfaces([needles, shade_smooth(tip)]), "needles"),
+        (shade_smooth(core), "inner_leaves"),
+    )
+
+
+def _build_twigs(
+    root: Float64Array,
+    along: Float64Array,
+    aside: Float64Array,
+    count: int,
+    draw: np.random.Generator,
+) -> TriangleSurface:
+    """Build twigs of branches (n, 3): a triangle each, shorter towards the end of the branch."""
+    at = np.linspace(0.25, 0.9, count)[None, :, None]
+    side = np.array([-1.0, 1.0])[None, None, :]
+    at, side = np.broadcast_arrays(at, side)
+    foot = root[:, None, None] + at[..., None] * along[:, None, None]
+    length = np.linalg.norm(along, axis=1)[:, None, None] * (0.75 - 0.45 * at)
+    length = length * draw.uniform(0.75, 1.25, (len(root), count, 2))
+    onward = along / np.linalg.norm(along, axis=1, keepdims=True)
+    reach = side[..., None] * aside[:, None, None] + 0.9 * onward[:, None, None]
+    reach = normalize(reach + draw.normal(scale=0.12, size=reach.shape)) * length[..., None]
+    half = along[:, None, None] * (0.42 / count)
+    corners = np.stack([foot - half, foot + half, foot + reach], axis=-2).reshape(-1, 3)
+    normals = np.repeat(onward + xyz(z=0.9), 2 * count, axis=0)
+    normals = normalize(normals + draw.normal(scale=0.25, size=normals.shape))
+    triangles = np.arange(len(corners)).reshape(-1, 3)
+    return TriangleSurface(corners, triangles, np.repeat(normals, 3, axis=0))

@@ -15,6 +15,7 @@ from advercity.geometry.mesh import (
 )
 from advercity.geometry.primitives import grid_sheet
 from advercity.randomness import create_generator
+from advercity.scene.foliage import build_foliage
 from advercity.scene.site import Rectangle, Site, StreetSide
 from advercity.scene.trees import Detail, build_tree
 from advercity.semantics import Semantic
@@ -43,6 +44,8 @@ _SPECIES_WEIGHTS = {
 WOODS_HEIGHT_M = 11.0
 TREE_TOP_SPACING_M = 4.0
 """Distance between the tops of a wood; larger in a large wood."""
+TREE_TOP_LEAF_M = 1.6
+"""Length of the leaves on woods, each a branch with its own."""
 WOODS_CLEARANCE_M = 8.0
 MAX_TREE_TOPS = 1600
 
@@ -203,7 +206,7 @@ def build_woods(
     points = site.project_to_ground(shifted.reshape(-1, 2)).reshape(*free.shape, 3)
     tops = draw.uniform(0.62, 1.0, free.shape) * height
     points[..., 2] += np.where(_find_border_points(cells), -0.3, tops)
-    return [MeshPart(grid_sheet(points, cells), "leaves", Semantic.VEGETATION)]
+    return build_foliage(grid_sheet(points, cells), TREE_TOP_LEAF_M, draw)
 
 
 def _is_inside_rough_outline(rows: Float64Array) -> NDArray[np.bool_]:

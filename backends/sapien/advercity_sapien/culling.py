@@ -1,9 +1,10 @@
 """Restricts a rasterised image to the bodies that can show in it; SAPIEN draws all it has.
 
 On a CPU most of the time of a small image goes into vertices, and most of those are out of view.
-The sun's shadow map is here too, as bodies that cast shadows into view have to be drawn.
+The sun's shadow maps are here too, as bodies that cast shadows into view have to be drawn.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -17,9 +18,14 @@ from advercity.physics.atmosphere import Atmosphere
 from advercity.rendering.backend import CameraView
 from advercity_sapien.shader_bindings import RenderBody
 
-SHADOW_HALF_SIZE_M, SHADOW_RANGE_M, SHADOW_TEXELS = 60.0, 400.0, 2048
-SHADOW_CENTRE_AHEAD_M = 36.0
-"""Distance from the camera to the shadow map's centre: close surfaces need shadows most."""
+SHADOW_RANGE_M, SHADOW_TEXELS = 400.0, 2048
+SHADOW_CASCADES = ((28.0, 20.0), (100.0, 84.0))
+"""Of each map of the sun's shadows, from fine to coarse, half its width, and how far ahead of the
+camera its middle is, metres: close surfaces need sharp shadows, distant ones any."""
+
+PixelRange = tuple[float, float]
+"""Least and greatest size of a pixel at a body's distance, metres."""
+ANY_PIXEL: PixelRange = (0.0, math.inf)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,12 +63,13 @@ def compute_view_frustum(view: CameraView) -> ConvexVolume:
 
 
 class FrustumCuller:
-    """Switches bodies of a scene on and off by their bounding boxes."""
+    """Switches bodies of a scene on and off by their bounding boxes and their levels of detail."""
 
     def __init__(self) -> None:
         self._numbers: dict[RenderBody, int] = {}
         self._bodies: list[RenderBody] = []
         self._centre, self._half = np.empty((0, 3)), np.empty((0, 3))
+        self._pixel_m = np.empty((0, 2))
         self._shown = np.empty(0, dtype=bool)
         self._distances_m = np.empty((0, 2))
 
@@ -71,16 +78,20 @@ class FrustumCuller:
         body: RenderBody,
         low: FloatArray,
         high: FloatArray,
+        *,
         distances_m: tuple[float, float] = (0.0, np.inf),
+        pixel_m: PixelRange = ANY_PIXEL,
     ) -> None:
         """Add a shown body whose bounding box has two corners (3,) in the world.
 
-        Cameras see it if the box's centre is within the two distances of them.
+        Cameras see it if the box's centre is within the two distances of them, and the size of a
+        pixel at the box is in the range of `pixel_m`.
         """
         self._numbers[body] = len(self._bodies)
         self._bodies.append(body)
         self._centre = np.vstack([self._centre, (low + high) / 2.0])
         self._half = np.vstack([self._half, (high - low) / 2.0])
+        self._pixel_m = np.vstack([self._pixel_m, pixel_m])
         self._shown = np.append(self._shown, True)
         self._distances_m = np.vstack([self._distances_m, distances_m])
 
@@ -88,62 +99,71 @@ class FrustumCuller:
         """Move the centre (3,) of a body's bounding box."""
         self._centre[self._numbers[body]] = centre
 
-    def show_only(self, volumes: Sequence[ConvexVolume], eye: FloatArray) -> None:
+    def show_only(self, volumes: Sequence[ConvexVolume], view: CameraView) -> None:
         """Show the bodies that may intersect one of the volumes, and hide all others.
 
-        `eye` (3,) is where distances are from.
+        Of levels of detail those are shown that suit a view.
         """
         shown = np.any([part.may_intersect(self._centre, self._half) for part in volumes], axis=0)
-        away_m = np.linalg.norm(self._centre - eye, axis=1)
+        away = self._centre - view.world_from_camera[:3, 3]
+        away_m = np.linalg.norm(away, axis=1)
         shown &= (away_m >= self._distances_m[:, 0]) & (away_m < self._distances_m[:, 1])
+        pixel_rad = 2.0 * np.tan(view.horizontal_fov_rad / 2.0) / view.width_px
+        nearest_m = np.linalg.norm(np.maximum(np.abs(away) - self._half, 0.0), axis=1)
+        pixel_m = pixel_rad * nearest_m
+        shown &= (pixel_m >= self._pixel_m[:, 0]) & (pixel_m < self._pixel_m[:, 1])
         for number in np.flatnonzero(shown != self._shown).tolist():
             self._bodies[number].visibility = float(shown[number])
         self._shown = shown
 
 
 class SunShadow:
-    """A shadow map that follows the camera; none where there is no direct sun.
+    """Shadow maps that follow the camera; none where there is no direct sun.
 
     Attributes:
-        caster_volume: Volume of all bodies whose shadows the map may hold; None without a map.
+        caster_volumes: Volumes of all bodies whose shadows the maps may hold; none without maps.
     """
 
     def __init__(self, atmosphere: Atmosphere, scene: sapien.Scene) -> None:
-        self._entity: sapien.Entity | None = None
-        self.caster_volume: ConvexVolume | None = None
+        self._entities: list[sapien.Entity] = []
+        self.caster_volumes: list[ConvexVolume] = []
         self.follow_sun(atmosphere)
-        if atmosphere.sun_lx > 0.0:
+        for half_m, _ in SHADOW_CASCADES if atmosphere.sun_lx > 0.0 else ():
             light = sapien.render.RenderDirectionalLightComponent()
             light.shadow = True
             light.shadow_near, light.shadow_far = 0.0, SHADOW_RANGE_M
-            light.shadow_half_size = SHADOW_HALF_SIZE_M
+            light.shadow_half_size = half_m
             light.shadow_map_size = SHADOW_TEXELS
-            self._entity = sapien.Entity()
-            self._entity.add_component(light)
-            scene.add_entity(self._entity)
+            self._entities.append(sapien.Entity())
+            self._entities[-1].add_component(light)
+            scene.add_entity(self._entities[-1])
 
     def follow_sun(self, atmosphere: Atmosphere) -> None:
-        """Turn the map to the sun of an atmosphere."""
+        """Turn the maps to the sun of an atmosphere."""
         self._world_from_light = _rotation_along(-atmosphere.sun_direction)
 
     def update(self, view: CameraView) -> None:
-        """Move the map to what a camera sees, in whole texels so that edges do not crawl."""
-        if self._entity is None:
-            return
+        """Move the maps to what a camera sees."""
+        places = zip(self._entities, SHADOW_CASCADES, strict=False)
+        self.caster_volumes = [self._place(entity, view, *cascade) for entity, cascade in places]
+
+    def _place(
+        self, entity: sapien.Entity, view: CameraView, half_m: float, ahead_m: float
+    ) -> ConvexVolume:
+        """Move a map, in whole texels so that edges do not crawl, and find what casts into it."""
         camera = view.world_from_camera
-        centre = self._world_from_light.T @ (camera[:3, 3] + SHADOW_CENTRE_AHEAD_M * camera[:3, 0])
-        texel = 2.0 * SHADOW_HALF_SIZE_M / SHADOW_TEXELS
+        centre = self._world_from_light.T @ (camera[:3, 3] + ahead_m * camera[:3, 0])
+        texel = 2.0 * half_m / SHADOW_TEXELS
         centre = np.round(centre / texel) * texel
         centre[0] -= SHADOW_RANGE_M / 2.0
         pose = np.eye(4)
         pose[:3, :3] = self._world_from_light
         pose[:3, 3] = self._world_from_light @ centre
-        self._entity.set_pose(sapien.Pose(pose))
+        entity.set_pose(sapien.Pose(pose))
         # The light looks along x: from its plane to the map's range, and as wide as the map.
-        half, far = SHADOW_HALF_SIZE_M, SHADOW_RANGE_M
         normals = np.concatenate([np.eye(3), -np.eye(3)])
-        offsets = np.array([0.0, -half, -half, -far, -half, -half])
-        self.caster_volume = ConvexVolume.from_body_planes(pose, normals, offsets)
+        offsets = -np.array([0.0, half_m, half_m, SHADOW_RANGE_M, half_m, half_m])
+        return ConvexVolume.from_body_planes(pose, normals, offsets)
 
 
 def _rotation_along(direction: Float64Array) -> Matrix:

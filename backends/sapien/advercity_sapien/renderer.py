@@ -186,11 +186,8 @@ class SapienRenderer:
         camera = self._configure_camera(view)
         self._sun_shadow.update(view)
         if not self._is_ray_traced:
-            casters = self._sun_shadow.caster_volume
-            self._sapien_scene.culler.show_only(
-                [compute_view_frustum(view), *([] if casters is None else [casters])],
-                view.world_from_camera[:3, 3],
-            )
+            volumes = [compute_view_frustum(view), *self._sun_shadow.caster_volumes]
+            self._sapien_scene.culler.show_only(volumes, view)
         with self._sapien_scene.hide_actors(view.hide):
             self._lamps.write_to(self._table, view)
             self._bindings.upload_table(self._table)

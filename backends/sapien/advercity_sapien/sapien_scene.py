@@ -18,7 +18,8 @@ from advercity.materials import MATERIALS
 from advercity.rendering.light_sources import signal_lens_position
 from advercity.semantics import Semantic
 from advercity.world import SignalLamp, World
-from advercity_sapien.culling import FrustumCuller
+from advercity_sapien.culling import ANY_PIXEL, FrustumCuller, PixelRange
+from advercity_sapien.leaf_levels import LEAF_MATERIALS, build_levels
 from advercity_sapien.material_textures import MapAxes, MaterialTextures
 from advercity_sapien.shader_bindings import RenderBody, ShaderBindings
 from advercity_sapien.shader_constants import FIRST_SIGNAL_BIT, LensKind
@@ -27,13 +28,11 @@ PAINT_MATERIAL = "paint"
 """Material of the parts that have the paint of their actor."""
 TWO_SIDED_CLASSES = frozenset({Semantic.VEGETATION})
 """Classes whose surfaces are seen from both sides; SAPIEN draws the front of triangles alone."""
-BACK_NORMAL_FACTORS = np.array([-1.0, -1.0, 1.0], dtype=np.float32)
-"""Factors of a normal on its back: z stays, since light from above shines through leaves."""
 LENS_KINDS = {kind.name.lower(): kind for kind in LensKind}
 SNOWLESS_MATERIALS = frozenset({"glass", "rubber", "skin", *LENS_KINDS})
 """Materials that falling snow does not stay on; cloth, too, by its name."""
-MESH_TILE_M = 80.0
-"""Size of the pieces of static meshes."""
+MESH_TILE_M, LEAF_TILE_M = 80.0, 32.0
+"""Size of the pieces of static meshes; those of leaves are drawn as coarsely as they are far."""
 LENS_RADIUS_M, LENS_CORNERS = 0.13, 16
 PARKED_POSE = sapien.Pose([0.0, 0.0, -1e4])
 """Pose of spare bodies: far below anything visible."""
@@ -86,7 +85,7 @@ class RenderShapeCache:
         if mesh.semantic in TWO_SIDED_CLASSES:
             triangles = np.concatenate([triangles, triangles[:, ::-1] + len(vertices)])
             vertices = np.concatenate([vertices, vertices])
-            normals = np.concatenate([normals, normals * BACK_NORMAL_FACTORS])
+            normals = np.concatenate([normals, normals])
             uv = np.concatenate([uv, uv])
         return sapien.render.RenderShapeTriangleMesh(
             vertices=vertices,
@@ -116,8 +115,9 @@ class RenderShapeCache:
 
 def split_into_tiles(mesh: Mesh) -> Iterator[Mesh]:
     """Cut a mesh along a grid: rays skip small meshes, which halves the time of tracing."""
+    size_m = LEAF_TILE_M if mesh.material in LEAF_MATERIALS else MESH_TILE_M
     middles = mesh.vertices[mesh.triangles].mean(axis=1)[:, :2]
-    _, tile = np.unique(np.floor(middles / MESH_TILE_M), axis=0, return_inverse=True)
+    _, tile = np.unique(np.floor(middles / size_m), axis=0, return_inverse=True)
     for number in range(int(tile.max(initial=-1)) + 1):
         used, triangles = np.unique(mesh.triangles[tile.ravel() == number], return_inverse=True)
         yield replace(
@@ -199,8 +199,10 @@ class SapienScene:
         self._actors: dict[int, tuple[Appearance, ActorBodies]] = {}
         self._spare_bodies: defaultdict[Appearance, list[ActorBodies]] = defaultdict(list)
         self._meshes: dict[BodyShape, dict[Piece, list[Mesh]]] = {}
+        lit = int(Lamp.LOW_BEAM) if night else 0
         for tile in (tile for mesh in world.static for tile in split_into_tiles(mesh)):
-            self._add_static(tile, int(Lamp.LOW_BEAM) if night else 0)
+            for level, pixel_m in build_levels(tile) if has_distant_pieces else [(tile, ANY_PIXEL)]:
+                self._add_static(level, lit, pixel_m)
         self._signals = {lamp.id: self._add_signal(lamp) for lamp in world.signal_lamps}
 
     def place_actors(self, frame: Frame) -> None:
@@ -276,11 +278,12 @@ class SapienScene:
         body.entity.set_pose(pose)
         self.culler.move_body(body, pose.p)
 
-    def _add_static(self, mesh: Mesh, lit: int) -> None:
+    def _add_static(self, mesh: Mesh, lit: int, pixel_m: PixelRange = ANY_PIXEL) -> None:
         body = self._add([mesh], is_static=True)
         self._label_shapes(body, [mesh], 0)
         self._bindings.set_lit_lamps(body, lit)
-        self.culler.add_body(body, mesh.vertices.min(axis=0), mesh.vertices.max(axis=0))
+        low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+        self.culler.add_body(body, low, high, pixel_m=pixel_m)
 
     def _add_piece(self, piece: Piece, meshes: Sequence[Mesh], paint: str) -> RenderBody:
         body = self._add(meshes, paint, is_static=piece == "distant panes")
@@ -289,7 +292,7 @@ class SapienScene:
         # A cube around the sphere of all vertices fits in any orientation.
         radius = max(float(np.linalg.norm(mesh.vertices, axis=1).max()) for mesh in meshes)
         distances_m = PIECE_DISTANCES_M.get(piece, (0.0, np.inf))
-        self.culler.add_body(body, np.full(3, -radius), np.full(3, radius), distances_m)
+        self.culler.add_body(body, np.full(3, -radius), np.full(3, radius), distances_m=distances_m)
         return body
 
     def _add_signal(self, lamp: SignalLamp) -> RenderBody:

@@ -32,7 +32,7 @@ from advercity_sapien.lamp_shadows import (
     CELLS_PER_ROW,
     LENS_REACH,
 )
-from advercity_sapien.light_probes import LEVEL_HEIGHTS_M
+from advercity_sapien.light_probes import LEVEL_HEIGHTS_M, TRANSMITTED_BY_LEAVES
 from advercity_sapien.shader_table import (
     FOG_BEAM_NODES,
     format_scene_textures_glsl,
@@ -119,6 +119,7 @@ def _format_constants() -> Iterator[str]:
             "DROPLET_WIDE_G": _float(lobes.wide_g),
             "DROPLET_WIDE_A": _float(lobes.wide_a),
             "DROPLET_WIDE_FRACTION": _float(lobes.wide_fraction, 3),
+            "TRANSMITTED_BY_LEAVES": _float(TRANSMITTED_BY_LEAVES),
             "LAMP_HEIGHT": _float(LAMP_HEIGHT_M),
             "FOG_LAMP_HEIGHT": _float(FOG_LAMP_HEIGHT_M),
             "LENS_FALLOFF": _float(LENS.falloff),

@@ -114,6 +114,7 @@ Surface buildSurface(vec3 albedo, float roughness, float metallic, int kind, boo
   s.coat = (1.0 - metallic) * mix(1.0, film, porous);
   s.index = mix(1.5, WATER_INDEX, porous);
   s.metal = albedo * metallic;
+  s.through = kind == TEXTURE_LEAVES ? TRANSMITTED_BY_LEAVES : 0.0;
   // A film levels the relief that it covers, and snow hides it.
   s.normal = puddle > 0.5 && ice < 0.5 ? rippleNormal(p, footprint)
       : normalize(mix(relief, normal, 0.7 * film));
@@ -123,6 +124,7 @@ Surface buildSurface(vec3 albedo, float roughness, float metallic, int kind, boo
   s.alpha = mix(s.alpha, 1.0, snow);
   s.coat *= 1.0 - snow;
   s.metal *= 1.0 - snow;
+  s.through *= 1.0 - snow;
   s.normal = normalize(mix(s.normal, normal, snow));
   return s;
 }

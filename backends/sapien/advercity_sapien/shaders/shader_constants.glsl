@@ -50,6 +50,7 @@ const float DROPLET_NARROW_SCALE = 0.00959069;
 const float DROPLET_WIDE_G = 0.566864;
 const float DROPLET_WIDE_A = 23.3775;
 const float DROPLET_WIDE_FRACTION = 0.487;
+const float TRANSMITTED_BY_LEAVES = 0.4;
 const float LAMP_HEIGHT = 0.65;
 const float FOG_LAMP_HEIGHT = 0.4;
 const float LENS_FALLOFF = 0.0218524;

@@ -7,6 +7,7 @@ struct Surface {
   float index;   // refractive index of that layer
   vec3 metal;    // reflectance at normal incidence
   vec3 normal;
+  float through; // diffuse light that passes to the other side, relative to that reflected
 };
 
 // Reflectance of unpolarised light at a dielectric surface.
@@ -59,7 +60,7 @@ vec3 specularLobe(Surface s, vec3 towardsEye, vec3 towardsLight) {
 // BRDF times the cosine of incidence; diffuse light passes the coat twice, in and out.
 vec3 brdfCosine(Surface s, vec3 towardsEye, vec3 towardsLight) {
   float nl = dot(s.normal, towardsLight);
-  if (nl <= 0.0) return vec3(0.0);
+  if (nl <= 0.0) return s.albedo * (-nl / PI * s.through);
   float through = coatTransmittance(s, nl) * coatTransmittance(s, dot(s.normal, towardsEye));
   return s.albedo * (nl / PI * through) + specularLobe(s, towardsEye, towardsLight);
 }

@@ -42,22 +42,23 @@ layout(location = 2) out vec4 outAmbient;
 #include "./ambient_occlusion.glsl"
 #include "./light_probes.glsl"
 
-// Fraction of the sun that is visible from a point: 3x3 texels of the shadow map, compared.
+// Fraction of the sun that is visible from a point: 3x3 texels of the finest shadow map that has it.
 float sunVisibility(vec3 position, vec3 normal) {
-  if (NUM_DIRECTIONAL_LIGHT_SHADOWS == 0) return 1.0;
-  LightView light = shadowBuffer.directionalLightBuffers[0];
-  vec2 size = vec2(textureSize(samplerDirectionalLightDepths[0], 0));
-  vec4 clip = light.projectionMatrix * light.viewMatrix * vec4(position, 1.0);
-  float texel = 2.0 / (light.projectionMatrix[0][0] * size.x);
-  clip = light.projectionMatrix * light.viewMatrix * vec4(position + normal * 2.0 * texel, 1.0);
-  vec2 uv = clip.xy * 0.5 + 0.5;
-  if (any(lessThan(uv, vec2(0.0))) || any(greaterThan(uv, vec2(1.0)))) return 1.0;
-  float lit = 0.0;
-  for (int i = 0; i < 9; ++i) {
-    vec2 offset = vec2(i % 3 - 1, i / 3 - 1) / size;
-    lit += step(clip.z, texture(samplerDirectionalLightDepths[0], uv + offset).x);
+  for (int map = 0; map < NUM_DIRECTIONAL_LIGHT_SHADOWS; ++map) {
+    LightView light = shadowBuffer.directionalLightBuffers[map];
+    vec2 size = vec2(textureSize(samplerDirectionalLightDepths[map], 0));
+    float texel = 2.0 / (light.projectionMatrix[0][0] * size.x);
+    vec4 clip = light.projectionMatrix * light.viewMatrix * vec4(position + normal * 2.0 * texel, 1.0);
+    vec2 uv = clip.xy * 0.5 + 0.5;
+    if (any(lessThan(uv, 2.0 / size)) || any(greaterThan(uv, 1.0 - 2.0 / size))) continue;
+    float lit = 0.0;
+    for (int i = 0; i < 9; ++i) {
+      vec2 offset = vec2(i % 3 - 1, i / 3 - 1) / size;
+      lit += step(clip.z, texture(samplerDirectionalLightDepths[map], uv + offset).x);
+    }
+    return lit / 9.0;
   }
-  return lit / 9.0;
+  return 1.0;
 }
 
 // Radiance of a surface by the lamps of its cell, and by those that it mirrors from farther away;
@@ -115,7 +116,7 @@ void main() {
   Surface s = buildSurface(albedo.rgb, albedo.a, normal.a, kind, depthEmission.w > 0.5, position,
       normal.xyz, relief.xyz, pixelWidth);
   vec3 sun = sunDirection();
-  if (dot(sunIrradiance(), vec3(1.0)) > 0.0 && dot(s.normal, sun) > 0.0) {
+  if (dot(sunIrradiance(), vec3(1.0)) > 0.0 && (dot(s.normal, sun) > 0.0 || s.through > 0.0)) {
     radiance += brdfCosine(s, -ray, sun) * sunIrradiance() * sunVisibility(position, normal.xyz);
   }
   if (isNight()) {
@@ -123,7 +124,9 @@ void main() {
     radiance += gain * lampRadiance(s, -ray, position, normal.xyz);
   }
   float cosine = -dot(ray, s.normal);
-  vec3 ambient = s.albedo * coatTransmittance(s, cosine) * skyIrradiance(s.normal) / PI
+  vec3 fromSky = skyIrradiance(s.normal);
+  if (s.through > 0.0) fromSky += s.through * skyIrradiance(-s.normal);
+  vec3 ambient = s.albedo * coatTransmittance(s, cosine) * fromSky / PI
       * probeRatio(position, normal.xyz);
   // In the dark hardly any light is from the sky, so its occlusion is not worth the time.
   float occlusion = isDark() ? 1.0 : ambientOcclusion(inUV, depth, normal.xyz, gl_FragCoord.xy);

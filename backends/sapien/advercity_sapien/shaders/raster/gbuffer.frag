@@ -26,15 +26,18 @@ layout(location = 3) out uvec4 outSegmentation;
 layout(location = 4) out vec4 outRelief;
 
 void main() {
-  vec3 normal = normalize(inWorldNormal), relief = normal;
+  vec3 normal = normalize(inWorldNormal);
+  vec3 ray = inPosition - cameraBuffer.viewMatrixInverse[3].xyz;
   int kind = int(materialBuffer.emission.y);
+  // Leaves have the normal of their crown, on the side that is seen.
+  if (kind == TEXTURE_LEAVES) normal = faceforward(normal, ray, normal);
+  vec3 relief = normal;
   bool mapped = (materialBuffer.textureMask & HAS_TONE) != 0;
   MapSample maps = NO_MAPS;
   if (mapped) {
     float width = materialBuffer.emission.w;
     MapPlane plane = width > 0.0 ? worldPlane(kind, inPosition, normal)
         : meshPlane(inUv, normal, dFdx(inPosition), dFdy(inPosition), dFdx(inUv), dFdy(inUv));
-    vec3 ray = inPosition - cameraBuffer.viewMatrixInverse[3].xyz;
     float distance = length(ray);
     float pixelWidth = 2.0 / (cameraBuffer.projectionMatrix[0][0] * cameraBuffer.width) * distance;
     maps = sampleMaps(kind, abs(width), (materialBuffer.textureMask & HAS_RELIEF) != 0, plane,

@@ -85,21 +85,21 @@ struct SpotLight { vec4 position; vec4 direction; vec4 emission; };
 
 layout(set = SCENE_SET, binding = 0) uniform SceneBuffer {
   vec4 ambientLight;
-  DirectionalLight directionalLights[1];
+  DirectionalLight directionalLights[2];
   SpotLight spotLights[1];
   PointLight pointLights[1];
   SpotLight texturedLights[1];
 } sceneBuffer;
 
 layout(set = SCENE_SET, binding = 1) uniform ShadowBuffer {
-  LightView directionalLightBuffers[1];
+  LightView directionalLightBuffers[2];
   LightView spotLightBuffers[1];
   LightView pointLightBuffers[6];
   LightView texturedLightBuffers[1];
 } shadowBuffer;
 
 layout(set = SCENE_SET, binding = 2) uniform samplerCube samplerPointLightDepths[1];
-layout(set = SCENE_SET, binding = 3) uniform sampler2D samplerDirectionalLightDepths[1];
+layout(set = SCENE_SET, binding = 3) uniform sampler2D samplerDirectionalLightDepths[2];
 layout(set = SCENE_SET, binding = 4) uniform sampler2D samplerTexturedLightDepths[1];
 layout(set = SCENE_SET, binding = 5) uniform sampler2D samplerSpotLightDepths[1];
 layout(set = SCENE_SET, binding = 6) uniform sampler2D samplerTexturedLightTextures[1];

@@ -39,7 +39,10 @@ void main() {
   vec3 weights = vec3(1.0 - barycentric.x - barycentric.y, barycentric);
   vec3 normal = normals * weights;
   normal = normalize(vec3(normal * gl_WorldToObjectEXT));
-  bool back = gl_HitKindEXT == gl_HitKindBackFacingTriangleEXT;
+  // Leaves have the normal of their crown, on the side that is seen.
+  bool back = int(material.emission.y) == TEXTURE_LEAVES
+      ? dot(normal, gl_WorldRayDirectionEXT) > 0.0
+      : gl_HitKindEXT == gl_HitKindBackFacingTriangleEXT;
 
   hit.distance = gl_HitTEXT;
   hit.normal = back ? -normal : normal;

@@ -1,0 +1,61 @@
+"""Builds leaves: pointed triangles, singly placed or strewn over a surface.
+
+A leaf is one triangle without cut-outs, so that rays, labels and images see the same gaps. It
+represents some leaves of a twig where it is larger than one.
+"""
+
+import numpy as np
+
+from advercity.geometry.arrays import Float64Array
+from advercity.geometry.mesh import MeshPart, TriangleSurface, normalize, xyz
+from advercity.semantics import Semantic
+
+WIDTH_RATIO = 0.62
+"""Width of a leaf at its root over its length."""
+COVERAGE = 0.6
+"""Area of the leaves on a surface over its own."""
+HEDGE_LEAF_M = 0.18
+
+
+def build_leaves(
+    roots: Float64Array,
+    outward: Float64Array,
+    length_m: float,
+    draw: np.random.Generator,
+    droop: float = 0.0,
+) -> TriangleSurface:
+    """Build a leaf at each of some points (n, 3), which lies across the direction outwards (n, 3).
+
+    Normals are between that of the leaf and that of the crown: light falls on the crown as a whole,
+    and leaves glitter on it.
+    """
+    turned = draw.normal(scale=0.45, size=roots.shape)
+    facing = normalize(outward + turned + xyz(z=0.3))
+    along = draw.normal(size=roots.shape) - xyz(z=droop)
+    along = normalize(along - facing * np.sum(along * facing, axis=1, keepdims=True))
+    length = length_m * draw.uniform(0.65, 1.35, (len(roots), 1))
+    aside = np.cross(facing, along) * (0.5 * WIDTH_RATIO * length)
+    corners = np.stack([roots - aside, roots + along * length, roots + aside], axis=1)
+    triangles = np.arange(3 * len(roots)).reshape(-1, 3)[:, ::-1]
+    normals = np.repeat(normalize(normalize(outward) + facing), 3, axis=0)
+    return TriangleSurface(corners.reshape(-1, 3), triangles, normals)
+
+
+def build_foliage(
+    surface: TriangleSurface, length_m: float, draw: np.random.Generator
+) -> list[MeshPart]:
+    """Build the dense inside of a shrub or a wood, and leaves that lie on it."""
+    a, b, c = (surface.vertices[surface.triangles[:, corner]] for corner in range(3))
+    across = np.cross(b - a, c - a)
+    area = np.linalg.norm(across, axis=1) / 2.0
+    count = round(COVERAGE * area.sum() / (0.5 * WIDTH_RATIO * length_m**2))
+    face = draw.choice(len(area), count, p=area / area.sum())
+    u, v = draw.uniform(size=(2, count, 1))
+    u, v = np.where(u + v > 1.0, 1.0 - u, u), np.where(u + v > 1.0, 1.0 - v, v)
+    outward = normalize(across[face])
+    roots = (1.0 - u - v) * a[face] + u * b[face] + v * c[face]
+    roots += outward * length_m * draw.uniform(0.0, 0.4, (count, 1))
+    return [
+        MeshPart(surface, "inner_leaves", Semantic.VEGETATION),
+        MeshPart(build_leaves(roots, outward, length_m, draw), "leaves", Semantic.VEGETATION),
+    ]
