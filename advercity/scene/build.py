@@ -6,10 +6,12 @@ from advercity_dsl import Spec
 
 from advercity.assets.bodies import build_body
 from advercity.assets.model_store import ModelStore
+from advercity.geometry.mesh import build_meshes
 from advercity.roads.road_network import build_road
 from advercity.scene.street_furniture import build_street_furniture
 from advercity.scene.surroundings import build_surroundings
 from advercity.scene.terrain import GroundModel, build_ground, build_skirt, find_plateaus
+from advercity.scene.vegetation import build_verge_grass
 from advercity.world import World
 
 
@@ -21,7 +23,10 @@ def build_world(spec: Spec, network: Path, model_store: ModelStore | None = None
     """
     road = build_road(spec.road)
     ground = GroundModel.from_edges(road.paved_edges, find_plateaus(spec.road))
-    surroundings, street_lamps = build_surroundings(road, ground.height_at, road.paved_area)
+    surroundings, street_lamps, open_ground = build_surroundings(
+        road, ground.height_at, road.paved_area
+    )
+    grass = build_meshes(build_verge_grass(open_ground, spec.road.id), "verge_")
     furniture, signal_lamps = build_street_furniture(road, ground.height_at)
     bodies = {name: build_body(name, item, model_store) for name, item in spec.blueprints.items()}
     return World(
@@ -31,6 +36,7 @@ def build_world(spec: Spec, network: Path, model_store: ModelStore | None = None
             build_skirt(road.paved_edges),
             build_ground(ground, road.paved_area),
             *surroundings,
+            *grass,
             *furniture,
         ),
         bodies=bodies,

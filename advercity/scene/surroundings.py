@@ -75,8 +75,9 @@ _FIELD_BUILDERS: dict[
 
 def build_surroundings(
     network: RoadNetwork, ground_height: GroundHeight, paved_area: BaseGeometry
-) -> tuple[list[Mesh], list[StreetLamp]]:
-    """Build meshes of the surroundings, one per material and class, and the lights among them.
+) -> tuple[list[Mesh], list[StreetLamp], Site]:
+    """Build meshes of the surroundings, one per material and class, the lights among them, and what
+    ground they leave.
 
     The road's id and the order of its surroundings are keys of all random draws. Nothing grows or
     is built on the paved area; masts and shelters are where they are declared.
@@ -118,7 +119,7 @@ def build_surroundings(
     for item in items:
         if density := item.declaration.per_100_m:
             parts += build_furniture(item.sides, density, obstacles, site, item.random_key)
-    return build_meshes(parts, "surroundings_"), lamps
+    return build_meshes(parts, "surroundings_"), lamps, open_ground
 
 
 def _find_sensor_clearances(network: RoadNetwork) -> list[BaseGeometry]:

@@ -6,12 +6,16 @@ import numpy as np
 import shapely
 from advercity_dsl.road import Species
 from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
 
 from advercity.geometry.arrays import Float64Array
 from advercity.geometry.mesh import (
     MeshPart,
     TriangleSurface,
+    extract_polygons,
+    normalize,
     repeat_surface,
+    xyz,
 )
 from advercity.geometry.primitives import grid_sheet
 from advercity.randomness import create_generator
@@ -20,6 +24,8 @@ from advercity.scene.site import Rectangle, Site, StreetSide
 from advercity.scene.trees import Detail, build_tree
 from advercity.semantics import Semantic
 
+VERGE_M, TUFTS_PER_M, MAX_TUFTS = 4.0, 9.0, 40_000
+"""Width of the strip along paved edges that has tufts of grass, and how many."""
 CROP_HEIGHT_M = 0.6
 CROP_CLEARANCE_M = 0.8
 STALKS_MAX_DISTANCE_M = 30.0
@@ -112,6 +118,48 @@ def _build_stalks(tops: Float64Array, height_m: float, key: str) -> TriangleSurf
     corners = np.stack([foot - side - root, foot + side - root, foot + lean], axis=1).reshape(-1, 3)
     triangles = np.arange(len(corners)).reshape(-1, 3)
     return TriangleSurface(corners, triangles, np.tile([0.0, 0.0, 1.0], (len(corners), 1)))
+
+
+def build_verge_grass(site: Site, key: str) -> list[MeshPart]:
+    """Build tufts of grass along the edges of what is paved, denser next to it."""
+    draw = create_generator("verge grass", key)
+    starts, steps = _list_edges(site.paved_area)
+    length = np.linalg.norm(steps, axis=1)
+    count = min(int(length.sum() * TUFTS_PER_M), MAX_TUFTS)
+    edge = draw.choice(len(length), count, p=length / length.sum())
+    along = draw.uniform(size=(count, 1)) * steps[edge]
+    away = VERGE_M * draw.uniform(size=(count, 1)) ** 1.6 * draw.choice([-1.0, 1.0], (count, 1))
+    across = steps[edge][:, ::-1] * (1.0, -1.0) / length[edge, None]
+    foot = starts[edge] + along + away * across
+    foot = foot[site.is_free(foot, 0.04)]
+    if not len(foot):
+        return []
+    blades = _build_blades(site.project_to_ground(foot), draw)
+    return [MeshPart(blades, "grass_blades", Semantic.TERRAIN)]
+
+
+def _list_edges(area: BaseGeometry) -> tuple[Float64Array, Float64Array]:
+    """List straight edges of an area: their starts (n, 2) and the steps (n, 2) to their ends."""
+    rings = [
+        np.asarray(ring.coords)[:, :2]
+        for polygon in extract_polygons(area)
+        for ring in (polygon.exterior, *polygon.interiors)
+    ]
+    steps = [np.diff(ring, axis=0) for ring in rings]
+    return np.concatenate([ring[:-1] for ring in rings]), np.concatenate(steps)
+
+
+def _build_blades(tufts: Float64Array, draw: np.random.Generator) -> TriangleSurface:
+    """Build four blades around each of some points (n, 3), with upward normals as of a lawn."""
+    foot = np.repeat(tufts, 4, axis=0)
+    foot += draw.normal(scale=(0.05, 0.05, 0.0), size=foot.shape)
+    yaw = draw.uniform(0.0, 2.0 * np.pi, len(foot))
+    side = 0.014 * np.column_stack([np.cos(yaw), np.sin(yaw), np.zeros(len(foot))])
+    lean = draw.uniform((-0.08, -0.08, 0.07), (0.08, 0.08, 0.2), foot.shape)
+    corners = np.stack([foot - side, foot + side, foot + lean], axis=1).reshape(-1, 3)
+    normals = normalize(xyz(z=1.0) + draw.normal(scale=0.3, size=foot.shape))
+    triangles = np.arange(len(corners)).reshape(-1, 3)
+    return TriangleSurface(corners, triangles, np.repeat(normals, 3, axis=0))
 
 
 def _find_border_points(cells: NDArray[np.bool_]) -> NDArray[np.bool_]:

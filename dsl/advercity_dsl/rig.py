@@ -73,8 +73,8 @@ class Exposure(CompactModel):
     """Exposure time."""
     iso: Annotated[Number, Field(ge=1, le=10_000_000)] = 100
     """Sensitivity."""
-    compensation_ev: Annotated[Number, Field(ge=-8, le=8)] = 0.79
-    """Exposure compensation in stops, positive for brighter images."""
+    compensation_ev: Annotated[Number, Field(ge=-8, le=8)] = 0
+    """Exposure compensation in stops, positive for brighter images; 0 is the meter of ISO 2720."""
 
 
 class Camera(CompactModel):

@@ -68,7 +68,7 @@ def load_road(extract: Extract, folder: Path, **more: object) -> Road:
 def build_meshes(road: Road) -> list[Mesh]:
     network = build_road(road)
     ground = GroundModel.from_edges(network.paved_edges, [])
-    meshes, _ = build_surroundings(network, ground.height_at, network.paved_area)
+    meshes, *_ = build_surroundings(network, ground.height_at, network.paved_area)
     return [*network.meshes, *meshes, build_ground(ground, network.paved_area)]
 
 
@@ -154,7 +154,7 @@ def test_shops_have_low_panes_and_halls_have_them_below_the_eaves(
     extract.add_way([(8, 8), (40, 8), (40, 30), (8, 30)], building=use, height="7")
     network = build_road(load_road(extract, tmp_path))
 
-    meshes, _ = build_surroundings(network, lambda at: np.zeros(len(at)), network.paved_area)
+    meshes, *_ = build_surroundings(network, lambda at: np.zeros(len(at)), network.paved_area)
 
     heights_m = np.concatenate([mesh.vertices[:, 2] for mesh in meshes if mesh.material == "glass"])
     # The panes of a door are lower.

@@ -54,7 +54,7 @@ def find_obstacles(road: RoadNetwork) -> Iterator[str]:
     """Drive rays along every driving lane, over its whole width and at several heights."""
     ground = GroundModel.from_edges(road.paved_edges, [])
     furniture, _ = build_street_furniture(road, ground.height_at)
-    surroundings, _ = build_surroundings(road, ground.height_at, road.paved_area)
+    surroundings, *_ = build_surroundings(road, ground.height_at, road.paved_area)
     meshes = [*road.meshes, *furniture, *surroundings]
     scene = EmbreeScene()
     TriangleMesh(scene, np.concatenate([mesh.vertices[mesh.triangles] for mesh in meshes]))

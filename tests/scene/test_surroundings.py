@@ -22,6 +22,7 @@ from advercity.scene import terrain
 from advercity.scene.site import GroundHeight
 from advercity.scene.street_furniture import build_street_furniture
 from advercity.scene.surroundings import build_surroundings
+from advercity.scene.vegetation import build_verge_grass
 from advercity.semantics import Semantic
 
 ROADS = load_library(Path(__file__).parents[2] / "library").get_declarations(Road)
@@ -147,6 +148,30 @@ def test_trees_outgrow_a_person_and_have_few_triangles_each():
     assert 5 < points(wide)[:, 2].max() < 16
 
 
+def test_grass_grows_along_what_is_paved_and_thins_out_away_from_it():
+    open_ground = build_surroundings(build_road(street()), sloping, PAVED)[2]
+    (grass,) = build_verge_grass(open_ground, "test")
+    assert grass.semantic is Semantic.TERRAIN
+    feet = grass.surface.vertices[grass.surface.triangles[:, 0]]
+    away = shapely.distance(PAVED, shapely.points(feet[:, :2]))
+    assert np.percentile(away, 5) > 0.0
+    assert away.max() < 4.3
+    assert np.median(away) < 1.6
+    assert np.abs(feet[:, 2] - sloping(feet[:, :2])).max() < 0.1
+
+
+def test_hedges_have_leaves_on_their_sides():
+    hedge = built(Surrounding(kind=SurroundingKind.HEDGE, line_m=((20, 20), (40, 20))))
+    inside, leaves = (
+        next(mesh for mesh in hedge if mesh.material == material)
+        for material in ("inner_leaves", "leaves")
+    )
+    assert len(leaves.triangles) > 2000
+    assert np.ptp(leaves.vertices, axis=0) == pytest.approx(
+        np.ptp(inside.vertices, axis=0), abs=0.5
+    )
+
+
 def test_a_forest_has_no_more_than_four_hundred_trees():
     area = ((-500, 20), (500, 520))
     item = Surrounding(kind=SurroundingKind.TREES, area_m=area, spacing_m=4)
@@ -224,7 +249,7 @@ def test_walls_low_enough_to_look_over_are_of_brick():
 
 def test_street_lamps_extend_over_the_road_and_emit_light():
     item = Surrounding(kind=SurroundingKind.LAMP, line_m=((-60, 6), (60, 6)), spacing_m=30)
-    meshes, lamps = build_surroundings(build_road(street(item)), level, PAVED)
+    meshes, lamps, _ = build_surroundings(build_road(street(item)), level, PAVED)
     assert {mesh.semantic for mesh in meshes} == {Semantic.POLE}
     np.testing.assert_allclose(
         [lamp.position[0] for lamp in lamps], (-60, -30, 0, 30, 60), atol=1e-9
@@ -321,7 +346,7 @@ def test_another_seed_gives_other_trees():
 
 def test_lamps_on_both_sides_of_a_street_alternate():
     item = beside("lamp", spacing_m=40, from_m=20, offset_m=2)
-    _, lamps = build_surroundings(build_road(street(item)), level, PAVED)
+    _, lamps, _ = build_surroundings(build_road(street(item)), level, PAVED)
     places = np.array([lamp.position[:2] for lamp in lamps])
     left, right = places[places[:, 1] > 0], places[places[:, 1] < 0]
     np.testing.assert_allclose(left[:, 0], (-80, -40, 0, 40, 80), atol=1e-9)
@@ -411,7 +436,7 @@ def test_a_driveway_begins_at_the_edge_of_the_paving():
 def test_nothing_grows_into_a_building():
     house = Surrounding(kind=SurroundingKind.HOUSES, area_m=((-6, 20), (6, 30)))
     forest = Surrounding(kind=SurroundingKind.TREES, area_m=((-30, 8), (30, 50)), spacing_m=4)
-    meshes, _ = build_surroundings(build_road(street(forest, house)), level, PAVED)
+    meshes, *_ = build_surroundings(build_road(street(forest, house)), level, PAVED)
     walls = points(meshes, Semantic.BUILDING)[:, :2]
     trunks = points([mesh for mesh in meshes if mesh.material == "bark"])[:, :2]
     footprint = shapely.MultiPoint(walls).convex_hull
@@ -443,7 +468,7 @@ def test_the_same_road_gives_the_same_bytes():
 @every_road
 def test_shipped_roads_keep_to_the_budget_in_few_sound_meshes(name: str):
     road = ROADS[name]
-    meshes, _ = build_surroundings(build_road(road), level, roadway(road))
+    meshes, *_ = build_surroundings(build_road(road), level, roadway(road))
     fixed, _ = build_street_furniture(build_road(road), level)
     everything = [*meshes, *fixed]
     assert triangles(everything) < 310_000
@@ -460,7 +485,7 @@ def test_shipped_roads_keep_to_the_budget_in_few_sound_meshes(name: str):
 def test_nothing_grows_or_is_built_on_a_shipped_road(name: str):
     road = ROADS[name]
     keep_off = roadway(road)
-    meshes, _ = build_surroundings(build_road(road), level, keep_off)
+    meshes, *_ = build_surroundings(build_road(road), level, keep_off)
     rooted = [m for m in meshes if m.semantic is Semantic.BUILDING or m.material == "bark"]
     low = points(rooted)
     low = low[low[:, 2] < 0.3]

@@ -5,7 +5,7 @@ import pytest
 from advercity_dsl.road import Species
 from numpy.typing import NDArray
 
-from advercity.geometry.mesh import TriangleSurface
+from advercity.geometry.mesh import TriangleSurface, join_surfaces
 from advercity.rendering.raycaster import Raycaster, Rays
 from advercity.scene.trees import Detail, build_tree
 from advercity.semantics import Semantic
@@ -55,7 +55,8 @@ def test_no_leaf_is_loose_in_the_air(species: Species, detail: Detail) -> None:
 
 def hit_fraction(species: Species, heights_m: NDArray[np.float64], offset_m: float) -> float:
     """Fraction of horizontal rays, at heights and an offset from the trunk, that meet leaves."""
-    mesh = leaves(species).to_mesh("leaves", "leaves", Semantic.VEGETATION)
+    crown = join_surfaces([leaves(species), parts(species)["inner_leaves"]])
+    mesh = crown.to_mesh("leaves", "leaves", Semantic.VEGETATION)
     turn = np.arange(40) / 40 * 2.0 * np.pi
     angle, height = (grid.ravel() for grid in np.meshgrid(turn, heights_m))
     along = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)

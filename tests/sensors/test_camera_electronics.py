@@ -71,7 +71,7 @@ def test_automatic_exposure_puts_any_card_at_the_same_grey(
 
 def test_a_night_too_dark_for_automatic_exposure_stays_dark() -> None:
     dim, dimmer = (picture(grey(level), camera()).mean() for level in (0.1, 0.01))
-    assert 118 > dim > 5 * dimmer
+    assert 91 > dim > 5 * dimmer
 
 
 def test_f_1_4_at_a_200th_and_iso_100_saturates_at_470_candelas() -> None:
@@ -92,7 +92,7 @@ def test_four_times_the_sensitivity_saturates_at_a_quarter_of_the_light() -> Non
 def test_daylight_is_filtered_and_darkness_is_amplified() -> None:
     by_day, by_night = (meter_exposure(grey(level), Exposure()) for level in (3000.0, 1.0))
     assert by_day.iso == 100
-    assert by_night.ev100 == pytest.approx(math.log2(8) - 0.79)
+    assert by_night.ev100 == pytest.approx(math.log2(8))
     assert by_night.iso == pytest.approx(100 * 2 ** (8.6147 - by_night.ev100), rel=1e-3)
 
 
@@ -194,7 +194,7 @@ def test_the_tone_curve_rises_from_middle_grey_to_white_without_a_kink() -> None
     assert plain[grey_dn + 100] - rolled[grey_dn + 100] <= 1
 
 
-@pytest.mark.parametrize(("albedo", "value"), [(0.85, 237), (0.5, 188), (0.18, 118), (0.05, 118)])
+@pytest.mark.parametrize(("albedo", "value"), [(0.85, 186), (0.5, 146), (0.18, 91), (0.05, 91)])
 def test_what_is_lighter_than_a_grey_card_in_the_same_light_stays_lighter(
     albedo: float, value: int
 ) -> None:

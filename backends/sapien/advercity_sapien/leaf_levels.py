@@ -12,7 +12,7 @@ import numpy as np
 from advercity.geometry.mesh import Mesh
 from advercity_sapien.culling import ANY_PIXEL, PixelRange
 
-LEAF_MATERIALS = frozenset({"leaves", "needles"})
+LEAF_MATERIALS = frozenset({"leaves", "needles", "grass_blades"})
 """Materials of meshes that consist of single leaves."""
 REDUCTION, LEVELS = 4, 3
 """Leaves of a level for one of the next, and how many levels there are."""

@@ -82,7 +82,7 @@ class RenderShapeCache:
         self, mesh: Mesh, material: sapien.render.RenderMaterial
     ) -> sapien.render.RenderShapeTriangleMesh:
         vertices, triangles, normals, uv = _with_normals(mesh)
-        if mesh.semantic in TWO_SIDED_CLASSES:
+        if mesh.semantic in TWO_SIDED_CLASSES or mesh.material in LEAF_MATERIALS:
             triangles = np.concatenate([triangles, triangles[:, ::-1] + len(vertices)])
             vertices = np.concatenate([vertices, vertices])
             normals = np.concatenate([normals, normals])

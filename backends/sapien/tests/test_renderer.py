@@ -587,6 +587,44 @@ def test_leaves_are_seen_from_both_sides(opened: Open) -> None:
         np.testing.assert_allclose(capture.normal[60, 80], [x, 0.0, 0.0], atol=1e-6)
 
 
+def test_light_comes_through_leaves(opened: Open) -> None:
+    leaf = Mesh(
+        "leaf",
+        np.array([[5, -3, -2], [5, 3, -2], [5, 0, 4]], dtype=np.float32),
+        np.array([[0, 1, 2]], dtype=np.int32),
+        "leaves",
+        Semantic.VEGETATION,
+    )
+    with opened(world_of(leaf), air_of(sun_lx=5e4, sun_elevation_deg=0.0)) as renderer:
+        renderer.place(frame_of())
+        before, behind = (
+            renderer.render_camera(view_of(pose_matrix((x, 0, 1), yaw=yaw), size=(40, 40)))
+            for x, yaw in ((0, 0), (10, np.pi))
+        )
+    lit, through = (luminance(item)[15:25, 15:25].mean() for item in (before, behind))
+    # The albedo of the material, and 0.4 of it.
+    assert lit == pytest.approx(5e4 / np.pi * (LUMINANCE @ (0.06, 0.13, 0.03)), rel=0.25)
+    assert through == pytest.approx(0.4 * lit, rel=0.05)
+
+
+@pytest.mark.parametrize("away_m", [10.0, 120.0, 165.0])
+def test_the_sun_casts_shadows_nearby_and_far_away(away_m: float) -> None:
+    ground = build_box((0.0, 0.0, -0.5), (600.0, 600.0, 1.0), "white")
+    wall = build_box((away_m, 0.0, 4.0), (2.0, 60.0, 8.0))
+    profile = RenderProfile("test", 1.0, "raster")
+    with SapienBackend().open(world_of(ground, wall), air_of(sun_lx=5e4), profile) as renderer:
+        renderer.place(frame_of())
+        # From above the shadow, 5 m beyond the wall, and from above lit ground 20 m beyond.
+        above = pose_matrix((away_m + 5.0, 0.0, 30.0), pitch=np.pi / 2)
+        assert centre(luminance(renderer.render_camera(view_of(above)))) == pytest.approx(
+            0.0, abs=1
+        )
+        ahead = pose_matrix((0.0, 0.0, 30.0), pitch=np.arctan2(30.0, away_m + 5.0))
+        assert centre(luminance(renderer.render_camera(view_of(ahead)))) == pytest.approx(
+            0.0, abs=1
+        )
+
+
 def traced(
     world: World, air: Atmosphere, view: CameraView, *, samples: int, path_depth: int = 1
 ) -> Floats:

@@ -80,6 +80,15 @@ float cracks(vec2 p, float footprint) {
   return fraction * allowed * clamp((0.012 - away) / soft + 0.5, 0.0, 1.0);
 }
 
+// Chips of paint that came off, more of them in some places: 1 where asphalt shows, less the mean.
+float wornPaint(vec2 p, float footprint) {
+  const float MEAN = 0.145;
+  float fraction = retainedContrast(0.12, footprint);
+  if (fraction <= 0.0) return 0.0;
+  float off = 0.45 * noise(p / 0.07, 86) + 0.35 * noise(p / 0.02, 87) + 0.55 * noise(p / 1.3, 88);
+  return fraction * (clamp((off - 0.3) / 0.12, 0.0, 1.0) - MEAN);
+}
+
 // Wear of a carriageway: polished by tyres (up to 1) or stained between them (down to -1).
 float wear(vec2 p, float footprint) {
   vec4 map = wearMapExtent();
@@ -181,7 +190,7 @@ vec3 materialDetail(int kind, bool mapped, vec3 p, vec3 n, float footprint) {
   if (kind == TEXTURE_MARKING) {
     float tone = 0.10 * octave(q, 0.04, f, 1) + 0.10 * octave(q, 0.35, f, 2)
         + 0.08 * octave(q, 3.0, f, 3);
-    return vec3(1.0 + tone);
+    return vec3(1.0 + tone - 0.8 * wornPaint(q, f));
   }
   return vec3(1.0);
 }

@@ -134,7 +134,7 @@ void main() {
   radiance += ambient * occlusion;
   vec3 mirrored = fresnelReflectance(s, roughCosine(s.alpha, cosine));
   if (s.normal.z > 0.7 && s.alpha < 0.5 && s.coat > 0.0 && mirrored.g > 0.01) {
-    outMirror = vec4(s.normal.xy, mirrored.g, s.alpha);
+    outMirror = vec4(s.normal.xy, mirrored.g * mirrorsSky(position), s.alpha);
   } else if (mirrored.g > 0.0) {
     vec3 mirror = reflect(ray, s.normal);
     radiance += mirrored * skyLobe(mirror, s.alpha) * probeRatio(position, mirror);

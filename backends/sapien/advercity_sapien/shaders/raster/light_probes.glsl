@@ -15,6 +15,16 @@ float contactRatio(vec2 at, float height) {
   return mix(textureLod(samplerContact, at, 0.0).r, 1.0, smoothstep(LOW, HIGH, height));
 }
 
+// Whether the ground at a position mirrors the sky: under a body it mirrors its dark underside, which
+// no image shows.
+float mirrorsSky(vec3 position) {
+  const float UNDER = 0.1, OUTSIDE = 0.5;  // fractions of the sky's light
+  vec4 map = probeMapExtent();
+  vec2 at = (position.xy - map.xy) * map.zw;
+  if (any(lessThan(at, vec2(0.0))) || any(greaterThan(at, vec2(1.0)))) return 1.0;
+  return smoothstep(UNDER, OUTSIDE, textureLod(samplerContact, at, 0.0).r);
+}
+
 // Ratio of the irradiance on a surface of normal n to that in the open.
 vec3 probeRatio(vec3 position, vec3 n) {
   const float AWAY = 1.0;  // metres from the surface, so that probes behind it count little
