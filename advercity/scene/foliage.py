@@ -14,7 +14,7 @@ WIDTH_RATIO = 0.62
 """Width of a leaf at its root over its length."""
 COVERAGE = 0.6
 """Area of the leaves on a surface over its own."""
-HEDGE_LEAF_M = 0.18
+HEDGE_LEAF_M = 0.25
 
 
 def build_leaves(

@@ -107,7 +107,7 @@ def _build_planter(draw: np.random.Generator) -> Parts:
     shrub = ellipsoid((0, 0, 0.66), (0.45, 0.45, 0.32), sides=9, bands=5)
     rough = draw.uniform(0.85, 1.15, (len(shrub.vertices), 1))
     vertices = (shrub.vertices - (0, 0, 0.66)) * rough + (0, 0, 0.66)
-    foliage = build_foliage(TriangleSurface(vertices, shrub.triangles), 0.1, draw)
+    foliage = build_foliage(TriangleSurface(vertices, shrub.triangles), 0.14, draw)
     return [(tub, "concrete", _STATIC), *((p.surface, p.material, p.semantic) for p in foliage)]
 
 

@@ -76,8 +76,9 @@ _FIELD_BUILDERS: dict[
 def build_surroundings(
     network: RoadNetwork, ground_height: GroundHeight, paved_area: BaseGeometry
 ) -> tuple[list[Mesh], list[StreetLamp], Site]:
-    """Build meshes of the surroundings, one per material and class, the lights among them, and what
-    ground they leave.
+    """Build meshes of the surroundings, one per material and class, and the lights among them.
+
+    The site that is returned is the ground that buildings leave.
 
     The road's id and the order of its surroundings are keys of all random draws. Nothing grows or
     is built on the paved area; masts and shelters are where they are declared.

@@ -67,14 +67,14 @@ _CROWNS = {
     ),
 }
 SPRUCE_HEIGHT_M = 10.8
-_CLUSTERS = {Detail.NEAR: 72, Detail.MIDDLE: 36, Detail.FAR: 18}
+_CLUSTERS = {Detail.NEAR: 64, Detail.MIDDLE: 32, Detail.FAR: 18}
 """Ends of branches of a tree."""
-_LEAVES = {Detail.NEAR: 70, Detail.MIDDLE: 38, Detail.FAR: 20}
+_LEAVES = {Detail.NEAR: 50, Detail.MIDDLE: 24, Detail.FAR: 20}
 """Leaves of each."""
-_LEAF_LENGTH_M = {Detail.NEAR: 0.21, Detail.MIDDLE: 0.38, Detail.FAR: 0.68}
-_WHORLS = {Detail.NEAR: (20, 10), Detail.MIDDLE: (14, 8), Detail.FAR: (9, 6)}
+_LEAF_LENGTH_M = {Detail.NEAR: 0.25, Detail.MIDDLE: 0.44, Detail.FAR: 0.68}
+_WHORLS = {Detail.NEAR: (18, 9), Detail.MIDDLE: (14, 8), Detail.FAR: (9, 6)}
 """Whorls of a spruce, and branches of each."""
-_TWIGS = {Detail.NEAR: 7, Detail.MIDDLE: 4, Detail.FAR: 2}
+_TWIGS = {Detail.NEAR: 6, Detail.MIDDLE: 4, Detail.FAR: 2}
 """Twigs on either side of such a branch."""
 
 TreeParts = tuple[tuple[TriangleSurface, str], ...]
@@ -154,7 +154,7 @@ def _build_wood(crown: _Crown, ends: Float64Array) -> TriangleSurface:
 def _build_spruce(detail: Detail, draw: np.random.Generator) -> TreeParts:
     """Build a spruce: whorls of branches that hang, with twigs on either side and at the end."""
     whorls, branches = _WHORLS[detail]
-    height = np.repeat(np.linspace(1.3, SPRUCE_HEIGHT_M - 0.5, whorls), branches)
+    height = np.repeat(np.linspace(1.6, SPRUCE_HEIGHT_M - 0.5, whorls), branches)
     height += draw.uniform(-0.15, 0.15, len(height))
     turn = 2.0 * np.pi * (np.arange(len(height)) / branches + draw.uniform(0, 1, len(height)) * 0.4)
     reach = 2.3 * (1.0 - height / SPRUCE_HEIGHT_M) ** 0.85 * draw.uniform(0.8, 1.15, len(height))

@@ -252,7 +252,7 @@ def build_woods(
     spread = np.linalg.norm(rows[1, 0] - rows[0, 0])
     shifted = rows + draw.uniform(-0.35, 0.35, rows.shape) * spread
     points = site.project_to_ground(shifted.reshape(-1, 2)).reshape(*free.shape, 3)
-    tops = draw.uniform(0.62, 1.0, free.shape) * height
+    tops = draw.uniform(0.62, 1.0, free.shape) * height - TREE_TOP_LEAF_M / 2
     points[..., 2] += np.where(_find_border_points(cells), -0.3, tops)
     return build_foliage(grid_sheet(points, cells), TREE_TOP_LEAF_M, draw)
 
