@@ -76,5 +76,5 @@ float paneReflectance(float cosine) {
 
 // The outer face of a pane, for what it mirrors of lights.
 Surface paneSurface(vec3 normal) {
-  return Surface(vec3(0.0), 0.03, 1.0, GLASS_INDEX, vec3(0.0), normal);
+  return Surface(vec3(0.0), 0.03, 1.0, GLASS_INDEX, vec3(0.0), normal, 0.0);
 }
