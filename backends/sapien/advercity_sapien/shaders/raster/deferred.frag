@@ -117,7 +117,9 @@ void main() {
       normal.xyz, relief.xyz, pixelWidth);
   vec3 sun = sunDirection();
   if (dot(sunIrradiance(), vec3(1.0)) > 0.0 && (dot(s.normal, sun) > 0.0 || s.through > 0.0)) {
-    radiance += brdfCosine(s, -ray, sun) * sunIrradiance() * sunVisibility(position, normal.xyz);
+    // A leaf does not shade its own back.
+    vec3 outward = s.through > 0.0 ? sun : normal.xyz;
+    radiance += brdfCosine(s, -ray, sun) * sunIrradiance() * sunVisibility(position, outward);
   }
   if (isNight()) {
     float gain = deflectsVisibly() ? 1.0 : undeflectedGain(distance);
