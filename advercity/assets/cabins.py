@@ -24,8 +24,10 @@ _HEADROOM_M, _SEAT_BELOW_ROOF_M, _SEAT_PITCH_M = 0.24, 0.92, 0.86
 _WALL_M = 0.005
 _TIERS = np.array([(0.0, 0.92), (0.12, 1.0), (0.88, 1.0), (1.0, 0.9)])
 """Position along a cushion, and its width there as a fraction: its edges are rounded."""
-_MIN_CABIN_M = 1.7
-"""Least length of a cabin of which only the windscreen is glazed."""
+_MIN_GLAZING_M, _OPEN_CABIN_M = 1.2, 1.7
+"""Length of panes below which a car has only a windscreen, and of the cabin that it then has."""
+_TAILGATE_M = 0.2
+"""Distance of the inside from the rear end of the panes."""
 _OWN_SEATS = 100
 """Triangles of upholstery from which on a model has seats."""
 _SHIRTS = ("cloth_white", "cloth_grey", "cloth_dark", "cloth_blue", "cloth_red", "cloth_light")
@@ -118,7 +120,8 @@ def _measure_space(panes: Sequence[TriangleSurface], *, is_truck: bool) -> Cabin
     half = 0.95 * float(np.quantile(np.abs(points[:, 1]), 0.8))
     if is_truck:
         return CabinSpace(front, rear - 0.45, half, belt, top + 0.2, belt - 0.75, rows=1)
-    rear = min(rear, front - _MIN_CABIN_M)
+    is_open = front - rear < _MIN_GLAZING_M
+    rear = front - _OPEN_CABIN_M if is_open else rear + _TAILGATE_M
     return CabinSpace(front, rear, half, belt, min(top, belt + 0.62), belt - 0.55)
 
 
