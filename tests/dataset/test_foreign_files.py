@@ -414,7 +414,7 @@ def test_a_link_in_place_of_a_file_is_never_written_through(
 def test_what_a_journal_lists_is_on_the_disk_with_content_and_name(
     tmp_path: Path, spec: Spec, sensor_frames_of: SensorFramesOf, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Files are synced before their renaming, their folders after it, and then they are listed."""
+    """Files and their announcement are synced before the renaming, their folders after it."""
     synced: dict[int, tuple[int, int]] = {}
     really_sync, really_append = os.fsync, partial_files.append_to_journal
 
@@ -436,7 +436,15 @@ def test_what_a_journal_lists_is_on_the_disk_with_content_and_name(
 
     checked: list[tuple[int, bool]] = []
     monkeypatch.setattr(os, "fsync", sync)
+
+    def move(source: Path, target: Path) -> None:
+        (journal,) = tmp_path.glob(".staging/*/journal_0.jsonl")
+        state = journal.stat()
+        assert synced[state.st_ino] == (state.st_size, state.st_mtime_ns)
+        atomic_files.move_file(source, target)
+
     monkeypatch.setattr(writer, "append_to_journal", append)
+    monkeypatch.setattr(writer, "move_file", move)
     with ScenarioWriter(tmp_path, spec, identify(spec), length=1) as opened:
         opened.write_frame(0, sensor_frames_of(0))
         opened.finish()
