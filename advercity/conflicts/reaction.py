@@ -57,14 +57,13 @@ class EgoReaction:
             that steers.
         crossing: Where and when it would have met an actor that it brakes for.
         offsets_m: Offsets (ticks,) to the left of its lane; empty for one that brakes.
-        hindered_by: Ids of actors that hid the other until it was too late to brake, or that kept
-            it from the ego's path.
+        hidden_by: Ids of actors that hid the other until it was too late to brake.
     """
 
     speed_commands_m_s: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     crossing: PathCrossing | None = None
     offsets_m: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
-    hindered_by: frozenset[int] = frozenset()
+    hidden_by: frozenset[int] = frozenset()
 
 
 def needs_reaction(conflict: StagedConflict) -> bool:
@@ -162,9 +161,6 @@ def _plan_braking(
     point = tuple(ego.centres[min(at, len(ego.rows) - 1)].tolist())
     meeting = compute_path_crossing(path, (length_m, width_m, 0.0), actor, point, trace.tick_s)
     if meeting is None:
-        obstacles = _find_obstacles(trace, ego, actor, point, crossing.ego_s)
-        if obstacles:
-            return EgoReaction(hindered_by=obstacles)
         raise RunError(
             f"{conflict.id} ({conflict.conflict}): other traffic keeps the actor from the ego's"
             " path; lower the density or take other seeds.traffic"
@@ -192,25 +188,7 @@ def _plan_braking(
     return EgoReaction(
         speed_commands_m_s=speeds,
         crossing=crossing,
-        hindered_by=hidden_by if is_late else frozenset(),
-    )
-
-
-def _find_obstacles(
-    trace: Trace, ego: ActorTrack, actor: ActorTrack, point: tuple[float, ...], at_s: float
-) -> frozenset[int]:
-    """Find ids of actors between another and a point (2,) at a time."""
-    tick = np.array([round(at_s / trace.tick_s)])
-    way = shapely.LineString([*actor.at_ticks(tick).centres, point]).buffer(actor.size[1] / 2)
-    others = (
-        ActorTrack.from_trace(trace, other.id)
-        for other in trace.actors
-        if other.id not in (ego.actor, actor.actor)
-    )
-    return frozenset(
-        track.actor
-        for track in others
-        if tick[0] in track.rows["tick"] and way.intersects(track.at_ticks(tick).boxes[0])
+        hidden_by=hidden_by if is_late else frozenset(),
     )
 
 

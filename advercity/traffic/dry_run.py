@@ -203,13 +203,12 @@ class _DryRuns:
         trace = build_trace(self._spec, demand, recording, first_tick=0)
         reaction = plan_reaction(self._spec, conflict, trace, crossing)
         self._history.clear()
-        hindering = reaction.hindered_by & _list_background_ids(demand)
-        if hindering:
+        hiding = reaction.hidden_by & _list_background_ids(demand)
+        if hiding:
             self.reason = (
-                "a background actor hides a staged one from the ego, or blocks it; take other"
-                " seeds.traffic"
+                "a background actor hides a staged one from the ego; take other seeds.traffic"
             )
-            self._redraw(set(hindering))
+            self._redraw(set(hiding))
         else:
             self._reactions[conflict.id] = reaction
         return True
