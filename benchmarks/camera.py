@@ -75,7 +75,8 @@ def build_stock_renderer(
     bodies = SapienScene(
         scene.world, stock, NullBindings(), night=air.night, has_distant_pieces=False
     )
-    sun = SunShadow(air, stock)
+    # SAPIEN's packs have room for one map of shadows.
+    sun = SunShadow(air, stock, ((60.0, 36.0),))
     bodies.place_actors(scene.frame)
     width, height = views[0].width_px, views[0].height_px
     camera = sapien.render.RenderCameraComponent(width, height, str(SAPIEN_PACKS / pack))

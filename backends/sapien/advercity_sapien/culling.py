@@ -19,7 +19,8 @@ from advercity.rendering.backend import CameraView
 from advercity_sapien.shader_bindings import RenderBody
 
 SHADOW_RANGE_M, SHADOW_TEXELS = 400.0, 2048
-SHADOW_CASCADES = ((28.0, 20.0), (100.0, 84.0))
+Cascades = tuple[tuple[float, float], ...]
+SHADOW_CASCADES: Cascades = ((28.0, 20.0), (100.0, 84.0))
 """Of each map of the sun's shadows, from fine to coarse, half its width, and how far ahead of the
 camera its middle is, metres: close surfaces need sharp shadows, distant ones any."""
 
@@ -124,11 +125,17 @@ class SunShadow:
         caster_volumes: Volumes of all bodies whose shadows the maps may hold; none without maps.
     """
 
-    def __init__(self, atmosphere: Atmosphere, scene: sapien.Scene) -> None:
+    def __init__(
+        self,
+        atmosphere: Atmosphere,
+        scene: sapien.Scene,
+        cascades: Cascades = SHADOW_CASCADES,
+    ) -> None:
+        self._cascades = cascades
         self._entities: list[sapien.Entity] = []
         self.caster_volumes: list[ConvexVolume] = []
         self.follow_sun(atmosphere)
-        for half_m, _ in SHADOW_CASCADES if atmosphere.sun_lx > 0.0 else ():
+        for half_m, _ in cascades if atmosphere.sun_lx > 0.0 else ():
             light = sapien.render.RenderDirectionalLightComponent()
             light.shadow = True
             light.shadow_near, light.shadow_far = 0.0, SHADOW_RANGE_M
@@ -144,7 +151,7 @@ class SunShadow:
 
     def update(self, view: CameraView) -> None:
         """Move the maps to what a camera sees."""
-        places = zip(self._entities, SHADOW_CASCADES, strict=False)
+        places = zip(self._entities, self._cascades, strict=False)
         self.caster_volumes = [self._place(entity, view, *cascade) for entity, cascade in places]
 
     def _place(
