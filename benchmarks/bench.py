@@ -26,7 +26,18 @@ from advercity_sapien.backend import find_vulkan_device
 from measurement import Measurement, format_table
 
 NAMES = [
-    *("compile", "traffic", "bodies", "lidar", "camera", "tracing", "effects", "encode", "frame"),
+    *(
+        "compile",
+        "traffic",
+        "bodies",
+        "lidar",
+        "radar",
+        "camera",
+        "tracing",
+        "effects",
+        "encode",
+        "frame",
+    ),
     *("cores", "resume", "reader", "motion"),
 ]
 PACKAGES = [
