@@ -3,11 +3,12 @@
 Cameras take the albedo (linear sRGB), LiDARs the reflectance at 905 nm, radars the permittivity
 and the roughness at 77 GHz; all are of the same surface, so they are in one row. Optical values are
 typical ones (Muckenhuber et al., Sensors 20, 3309, 2020, and common handbooks). Permittivities of
-concrete, brick, plaster, wood, glass and soil: Recommendation ITU-R P.2040-3, table 3; plastics and
-rubber: Afsar and Button, Proc. IEEE 73, 131 (1985); asphalt: Li and Sarabandi, IEEE Trans. Antennas
-Propag. 47, 851 (1999); skin: Gabriel et al., Phys. Med. Biol. 41, 2271 (1996); water at 10 deg C:
-Liebe et al., Int. J. Infrared Millim. Waves 12, 659 (1991); plants: an assumption, a third of that.
-Roughnesses are assumptions; slopes of bodies include what meshes leave out.
+concrete, brick, plaster (as plasterboard), wood, glass and plastics (as acrylic) are those of
+Recommendation ITU-R P.2040-3, table 3, at 77 GHz, which is above the 40 GHz to which brick and
+below the 110 GHz from which acrylic is listed; skin: Gabriel et al., Phys. Med. Biol. 41, 2271
+(1996), dry; water at 10 deg C: Liebe et al., Int. J. Infrared Millim. Waves 12, 659 (1991). Those
+of asphalt (4.8 up to 40 GHz in the same table), soil, plants and rubber are assumptions. So are
+roughnesses; slopes of bodies include what meshes leave out.
 """
 
 from dataclasses import dataclass
@@ -58,17 +59,17 @@ CAR_BODY_77GHZ = RadarSurface(1.0 + 1e6j, 1.0, 0.3)
 ASPHALT_77GHZ = RadarSurface(4.5 + 0.3j, 0.6, 0.4)
 CONCRETE_77GHZ = RadarSurface(5.2 + 0.3j, 0.4, 0.3)
 PLASTER_77GHZ = RadarSurface(2.7 + 0.1j, 0.4, 0.3)
-BRICK_77GHZ = RadarSurface(3.9 + 0.1j, 0.8, 0.3)
-GLASS_77GHZ = RadarSurface(6.3 + 0.2j, 0.02, 0.05)
-WOOD_77GHZ = RadarSurface(2.0 + 0.2j, 0.8, 0.3)
+BRICK_77GHZ = RadarSurface(3.9 + 0.01j, 0.8, 0.3)
+GLASS_77GHZ = RadarSurface(6.3 + 0.3j, 0.02, 0.05)
+WOOD_77GHZ = RadarSurface(2.0 + 0.1j, 0.8, 0.3)
 SOIL_77GHZ = RadarSurface(4.0 + 1.0j, 3.0, 0.5)
 PLANTS_77GHZ = RadarSurface(5.0 + 3.0j, 10.0, 0.8)
-PLASTIC_77GHZ = RadarSurface(2.7 + 0.03j, 0.3, 0.3)
+PLASTIC_77GHZ = RadarSurface(2.6 + 0.03j, 0.3, 0.3)
 RUBBER_77GHZ = RadarSurface(3.5 + 0.5j, 1.0, 0.3)
-SKIN_77GHZ = RadarSurface(10.0 + 12.0j, 1.0, 0.4)
+SKIN_77GHZ = RadarSurface(6.6 + 8.9j, 1.0, 0.4)
 CLOTH_77GHZ = RadarSurface(4.0 + 4.0j, 1.0, 0.4)
-"""Skin through textile, which halves what it reflects: an assumption that gives a pedestrian the
-cross-section that is measured."""
+"""Skin through textile, which costs 2 dB: an assumption that gives a pedestrian the cross-section
+that is measured."""
 WATER_77GHZ = RadarSurface(7.6 + 12.8j, 0.02, 0.05)
 
 

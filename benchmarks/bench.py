@@ -26,18 +26,8 @@ from advercity_sapien.backend import find_vulkan_device
 from measurement import Measurement, format_table
 
 NAMES = [
-    *(
-        "compile",
-        "traffic",
-        "bodies",
-        "lidar",
-        "radar",
-        "camera",
-        "tracing",
-        "effects",
-        "encode",
-        "frame",
-    ),
+    *("compile", "traffic", "bodies", "lidar", "radar"),
+    *("camera", "tracing", "effects", "encode", "frame"),
     *("cores", "resume", "reader", "motion"),
 ]
 PACKAGES = [

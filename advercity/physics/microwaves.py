@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from advercity.geometry.arrays import Float64Array
 from advercity.physics.precipitation import ParticleSizeDistribution
@@ -20,13 +21,14 @@ RAIN_COEFFICIENT, RAIN_EXPONENT = 1.13, 0.718
 """Recommendation ITU-R P.838-3 at 77 GHz, horizontal polarisation: dB/km of a rate in mm/h."""
 DECIBELS_PER_NEPER = 10.0 / math.log(10.0)
 WATER_DENSITY_G_M3 = 1e6
-ICE_PERMITTIVITY = 3.17 + 0.003j
-"""Of ice near its melting point at 77 GHz (Matzler 2006)."""
+ICE_PERMITTIVITY = 3.18 + 0.006j
+"""Of ice at -5 deg C and 77 GHz (Matzler, Thermal Microwave Radiation, IET 2006, chapter 5)."""
 ICE_DENSITY_G_CM3 = 0.917
 WET_SNOW_DENSITY_G_CM3 = 0.2
-"""Density from which flakes are taken as wet."""
+"""Density from which flakes are taken as wet; this and the next are assumptions."""
 WET_SNOW_WATER_FRACTION = 0.1
 """Fraction of the volume of a wet flake's ice that has melted."""
+ComplexArray = NDArray[np.complexfloating]
 _NUM_DIAMETERS = 200
 _SMALLEST_MM = 0.02
 
@@ -119,10 +121,10 @@ def mie_efficiencies(size: Float64Array, index: complex) -> tuple[Float64Array, 
     return 2.0 / size**2 * extinction, np.abs(back) ** 2 / size**2
 
 
-def _log_derivatives(argument: Float64Array, orders: int) -> list[Float64Array]:
+def _log_derivatives(argument: ComplexArray, orders: int) -> list[ComplexArray]:
     """Compute the logarithmic derivatives of Riccati-Bessel functions, by downward recurrence."""
     start = orders + int(np.abs(argument).max()) + 15
-    found: list[Float64Array] = [np.zeros_like(argument)] * (start + 1)
+    found: list[ComplexArray] = [np.zeros_like(argument)] * (start + 1)
     for n in range(start, 0, -1):
         found[n - 1] = n / argument - 1.0 / (found[n] + n / argument)
     return found

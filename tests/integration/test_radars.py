@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from advercity_dsl import Mount, Radar, Spec
 
 from advercity.compiler.crossing import compile_library
@@ -117,6 +118,29 @@ def test_every_radar_has_its_files_and_is_read_by_its_number(dataset: Path) -> N
         view.load_radar(2)
     with pytest.raises(InputError, match="rsu1 has no radar"):
         _ = Scenario(dataset)[0]["rsu1"].radar
+
+
+def test_loaders_of_opv2v_find_every_other_file_as_without_radars(
+    dataset: Path, library: Path, tmp_path: Path
+) -> None:
+    plain = shutil.copytree(library, tmp_path / "library")
+    (plain / "radars.yaml").write_text(RIG.partition("  radar:")[0])
+    (spec,) = compile_library(plain)
+    run_scenario(spec, make_options(tmp_path))
+    found, expected = (
+        {path.relative_to(folder).as_posix(): path for path in folder.glob("*/*")}
+        for folder in (dataset, tmp_path / spec.id)
+    )
+    assert all("_radar" in name for name in found.keys() - expected.keys())
+    assert "+101/000061.pcd" in expected
+    for name, path in expected.items():
+        if name in ("+101/000060.yaml", "+101/000061.yaml"):
+            said = yaml.safe_load(found[name].read_text())
+            poses = [said.pop(f"radar{k}_pose") for k in (0, 1)]
+            assert all(len(pose) == 6 for pose in poses)
+            assert said == yaml.safe_load(path.read_text())
+        else:
+            assert found[name].read_bytes() == path.read_bytes()
 
 
 def test_the_picture_of_a_radar_has_its_targets_where_they_are() -> None:

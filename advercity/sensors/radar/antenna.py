@@ -14,10 +14,11 @@ from advercity.physics.microwaves import SPEED_OF_LIGHT_M_S, WAVELENGTH_M
 ARRAY_GAIN = 16.0
 """Receivers that add up; transmitters take turns."""
 LOSS_DB = 12.0
-"""Windows in four dimensions, and the losses of circuits and antenna."""
+"""Windows in four dimensions, and the losses of circuits and antenna: an assumption."""
 BOLTZMANN_J_K, TEMPERATURE_K = 1.380649e-23, 290.0
-_KRAUS_DEG2 = 30_000.0
-"""Gain times the product of both beam widths (Kraus 1988)."""
+_GAIN_BEAM_DEG2 = 30_000.0
+"""Gain times the product of both beam widths, of practical antennas (Balanis, Antenna Theory, 2005,
+section 2.9)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +27,7 @@ class RayFan:
 
     Attributes:
         directions: (n, 3) float32, unit, in the radar's frame; read-only.
-        solid_angle_sr: (n,) float32 that each stands for.
+        solid_angle_sr: (n,) float32 of each.
     """
 
     directions: FloatArray
@@ -58,7 +59,7 @@ def compute_gain(radar: Radar, directions: FloatArray) -> FloatArray:
     )
     azimuth, elevation = compute_angles(directions)
     off_axis = (azimuth / half_azimuth) ** 2 + (elevation / half_elevation) ** 2
-    peak = _KRAUS_DEG2 / (radar.azimuth_fov_deg * radar.elevation_fov_deg)
+    peak = _GAIN_BEAM_DEG2 / (radar.azimuth_fov_deg * radar.elevation_fov_deg)
     return peak * np.exp2(-off_axis)
 
 

@@ -1,6 +1,6 @@
 """Resolution cells of a radar, and the power that paths bring into each.
 
-Only cells that paths reach are kept, by a key that is a number of four digits: velocity, azimuth,
+Only cells with paths are kept, by a key that is a number of four digits: velocity, azimuth,
 elevation and range. Successive ranges are successive keys, with room for the windows of detectors.
 """
 
@@ -110,7 +110,7 @@ class CellGrid:
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """The n cells that paths reach, by ascending key.
+    """The n cells with paths, by ascending key.
 
     Attributes:
         keys: (n,).

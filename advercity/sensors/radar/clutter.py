@@ -32,11 +32,12 @@ from advercity.sensors.spray_plumes import (
 )
 
 VELOCITY_SPREAD_M_S = 1.0
-"""Standard deviation of the radial velocities in a cell: turbulence, gusts, sizes of drops."""
+"""Standard deviation of the radial velocities in a cell: turbulence, gusts, sizes of drops; an
+assumption."""
 SPRAY_DROP_SLOPE_PER_MM, SPRAY_LARGEST_MM = 30.0, 1.0
 """Exponential sizes with a Sauter diameter of 0.1 mm, as `SPRAY_EXTINCTION_PER_G_M3` has it."""
 SPRAY_SPEED_RATIO = 0.5
-"""Velocity of drops relative to the vehicle that throws them up."""
+"""Velocity of drops over that of the vehicle that throws them up: an assumption."""
 _PLUME_SAMPLES = (12, 3, 3)
 
 

@@ -26,11 +26,11 @@ from advercity.sensors.spray_plumes import has_spray
 FILM_MM = 0.5
 """Water on a fully covered radome."""
 FILM_LOSS_DB_MM = 6.0
-"""Loss of a film, one way: 3 dB for 0.5 mm."""
+"""Loss of a film, one way: 3 dB for 0.5 mm, where 2 to 4 dB are reported."""
 ICE_LOSS_DB = 15.0
-"""Loss of a radome under a closed sheet of ice, one way."""
+"""Loss of a radome under a closed sheet of ice, one way, where 5 to 15 dB are reported."""
 WET_SNOW_FACTOR = 2.0
-"""Loss of snow on the radome relative to water."""
+"""Loss of snow on the radome relative to water: an assumption."""
 PARTICLE_POINT_KIND = {
     "rain": PointKind.RAIN,
     "snow": PointKind.SNOW,

@@ -71,9 +71,9 @@ class _Echoes:
         kind: PointKind,
     ) -> "_Echoes":
         """Build echoes that no actor returned."""
-        nobody = np.zeros(len(range_m), np.int32)
+        no_actor = np.zeros(len(range_m), np.int32)
         kinds = np.full(len(range_m), kind, np.uint8)
-        return _Echoes(range_m, rate_m_s, direction, power, snr, nobody, kinds)
+        return _Echoes(range_m, rate_m_s, direction, power, snr, no_actor, kinds)
 
     @staticmethod
     def join(parts: "list[_Echoes]") -> "_Echoes":
@@ -142,10 +142,20 @@ class Receiver:
         """Compute the mean (n,) of noise and of what falls in cells, over the noise."""
         floor = np.ones(len(cells.keys))
         for clutter in self._clutter:
-            strength = clutter.compute_strength(cells.range_m, cells.direction)
-            fraction = clutter.compute_fraction(cells.direction, cells.rate_m_s)
-            floor += self._compute_factor(cells.range_m) * strength * fraction
+            floor += self._compute_clutter(clutter, cells.range_m, cells.direction, cells.rate_m_s)
         return floor
+
+    def _compute_clutter(
+        self,
+        clutter: FallingClutter,
+        range_m: FloatArray,
+        direction: FloatArray,
+        rate_m_s: FloatArray,
+    ) -> FloatArray:
+        """Compute the mean power (n,) of what falls in cells, over the receiver's noise."""
+        strength = clutter.compute_strength(range_m, direction)
+        fraction = clutter.compute_fraction(direction, rate_m_s)
+        return self._compute_factor(range_m) * strength * fraction
 
     def _detect(self, cells: Cells, power: FloatArray) -> _Echoes:
         """Detect the cells that are peaks and exceed the threshold."""
@@ -171,8 +181,7 @@ class Receiver:
         """Detect single cells of what falls that exceed the level of their surroundings."""
         direction, range_m = self._grid.list_volume(free_m)
         middle = direction @ clutter.velocity
-        mean = self._compute_factor(range_m) * clutter.compute_strength(range_m, direction)
-        mean *= clutter.compute_fraction(direction, middle)
+        mean = self._compute_clutter(clutter, range_m, direction, middle)
         rows = np.flatnonzero(mean > MIN_CLUTTER_SNR)
         chance = cfar.compute_clutter_chance(mean[rows], self._threshold)
         rates = VELOCITY_SPREAD_M_S * math.sqrt(2.0 * math.pi) / self._radar.speed_cell_m_s
@@ -201,12 +210,7 @@ class Receiver:
 
     def _report(self, parts: list[_Echoes]) -> RadarDetections:
         """Report echoes with the errors of a receiver, the larger the weaker the echo."""
-        found = _Echoes(
-            *(
-                np.concatenate([getattr(one, item.name) for one in parts])
-                for item in fields(_Echoes)
-            )
-        )
+        found = _Echoes.join(parts)
         radar, deviation = self._radar, ACCURACY_CELLS / np.sqrt(np.maximum(found.power, 1.0))
         errors = self._rng.standard_normal((4, len(deviation))) * deviation
         range_m = np.maximum(found.range_m + errors[0] * compute_range_cell_m(radar), MIN_RANGE_M)
@@ -252,6 +256,5 @@ class Receiver:
         direction, range_m = self._grid.list_volume(np.full(shape[:2], np.inf))
         for clutter in self._clutter:
             middle = direction @ clutter.velocity
-            mean = self._compute_factor(range_m) * clutter.compute_strength(range_m, direction)
-            mean *= clutter.compute_fraction(direction, middle)
+            mean = self._compute_clutter(clutter, range_m, direction, middle)
             yield mean.reshape(shape), middle.reshape(shape)

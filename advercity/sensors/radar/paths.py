@@ -1,6 +1,6 @@
 """Paths of a radar's waves to surfaces and back: shooting and bouncing rays.
 
-A ray is a tube of the solid angle that it stands for. At each surface a part scatters to the radar,
+A ray is a tube of some solid angle. At each surface a part scatters to the radar,
 directly or back through the mirrors before it, and a part is mirrored to the next surface. What
 leaves a mirror towards the radar adds in phase over its whole area: the flashes of plates and
 corners (Ling, Chou and Lee, IEEE Trans. Antennas Propag. 37, 194, 1989).

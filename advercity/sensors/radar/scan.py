@@ -4,16 +4,17 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from advercity.geometry.arrays import Float64Array, FloatArray
+from advercity.geometry.arrays import Float64Array, FloatArray, IndexArray
 from advercity.rendering.raycaster import Raycaster
 from advercity.sensors.radar.antenna import build_ray_fan
 from advercity.sensors.radar.cells import CellGrid
 from advercity.sensors.radar.clutter import list_spray_paths
 from advercity.sensors.radar.conditions import RadarConditions
 from advercity.sensors.radar.detections import RadarMeasurement, Receiver
-from advercity.sensors.radar.interference import PlacedRadar, compute_interference
+from advercity.sensors.radar.interference import compute_interference
 from advercity.sensors.radar.motion import SceneMotion
 from advercity.sensors.radar.paths import Paths, trace_paths
+from advercity.sensors.radar.placement import PlacedRadar
 
 
 def scan_radar(
@@ -60,9 +61,7 @@ def _hide_behind(grid: CellGrid, paths: Paths, free_m: Float64Array) -> Paths:
     return paths.select(np.flatnonzero(paths.range_m < free_m.ravel()[beam]))
 
 
-def _find_beams(
-    grid: CellGrid, direction: FloatArray
-) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+def _find_beams(grid: CellGrid, direction: FloatArray) -> IndexArray:
     none = np.zeros(len(direction))
     _, azimuth, elevation, _ = grid.locate(none, none, direction)
     return azimuth * grid.counts[2] + elevation

@@ -18,10 +18,10 @@ from advercity.rendering.raycaster import RayHits
 from advercity.semantics import Semantic
 
 DIFFUSE_FRACTION = 0.1
-"""Diffuse scattering relative to the reflectance at normal incidence: asphalt then scatters about
--19 dB at normal incidence, as measured at 77 GHz."""
+"""Diffuse scattering relative to the reflectance at normal incidence, an assumption: that of
+asphalt is then -19 dB at normal incidence and -27 dB at 80 deg."""
 WATER_FILM_SMOOTHING = 0.7
-"""How much of a road's roughness a soaking film fills."""
+"""How much of a road's roughness a soaking film fills: an assumption."""
 
 WAVENUMBER_PER_M = 2.0 * math.pi / WAVELENGTH_M
 _SURFACES = [material.radar for material in MATERIALS.values()]

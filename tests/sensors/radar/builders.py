@@ -96,7 +96,7 @@ def scan(
     others: Sequence[PlacedRadar] = (),
     key: int = 0,
 ) -> RadarMeasurement:
-    """Measure meshes and actors with a radar, at the origin if not told otherwise."""
+    """Measure meshes and actors with a radar, at the origin if no pose is given."""
     caster = Raycaster(World("test", meshes, bodies, lanes=(), network=Path("none")))
     at = frame or make_frame()
     caster.place(at)

@@ -127,7 +127,7 @@ def test_an_approaching_car_folds_as_the_unambiguous_interval_says() -> None:
     assert slow.velocity_m_s[rows_of(slow, 7)] == pytest.approx(-5.0, abs=0.3)
 
 
-def test_a_still_scene_stands_still_for_a_still_sensor() -> None:
+def test_a_still_scene_has_no_velocity_for_a_still_sensor() -> None:
     wall = build_box((1, 20, 4), (30, 0, 2))
     found = scan(WIDE, *ROAD, wall, pose=BUMPER).detections
     still = found.kind != PointKind.NOISE
@@ -159,7 +159,7 @@ def test_two_radars_face_to_face_raise_their_noise_by_the_duty_cycle() -> None:
     assert rise[1] == pytest.approx(received_w * 0.5 / 375e6 / noise_w_hz, rel=0.15)
 
 
-def test_a_radar_that_looks_away_or_is_hidden_disturbs_nobody() -> None:
+def test_a_radar_that_looks_away_or_is_hidden_disturbs_no_other() -> None:
     target, wall = trihedral(0.3, 40), build_box((0.2, 3, 3), (15, 5, 0))
     quiet = scan(WIDE, target, wall).detections
     facing, away = (place(WIDE, pose_matrix((20, 5, 0), yaw=yaw)) for yaw in (math.pi, 0.0))
@@ -236,7 +236,7 @@ def test_weather_leaves_the_echo_of_a_surface_what_it_was(rain: RadarConditions)
     assert cells[0] & cells[1]
 
 
-def test_order_statistics_detect_beside_a_strong_neighbour_what_the_mean_does_not() -> None:
+def test_order_statistics_detect_next_to_a_strong_neighbour_what_the_mean_does_not() -> None:
     pair = [trihedral(0.3, 50), trihedral(0.05, 53, 0.6)]
     counts = {}
     for detector in ("ca", "os"):
