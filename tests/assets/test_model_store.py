@@ -23,6 +23,7 @@ from advercity.assets.packages import unpack_package
 from advercity.cli import app
 from advercity.compiler import load_library
 from advercity.errors import InputError, RunError
+from advercity.geometry.mesh import MeshLayer
 
 COPYRIGHT = """Format: https://www.debian.org/doc/packaging-manuals/copyright-format/1.0/
 
@@ -132,9 +133,11 @@ TINY = BodyModel(pack="tiny/car", author="Ann Author", licence="CC-BY-3.0")
 
 
 def points_of(made: Blueprint, here: ModelStore) -> dict[str, np.ndarray]:
-    """Corners (n, 3, 3) of the triangles of a body, by material."""
+    """Corners (n, 3, 3) of a model's own triangles, without seats and driver, by material."""
     return {
-        part.material: part.vertices[part.triangles] for part in build_body("x", made, here).parts
+        part.material: part.vertices[part.triangles]
+        for part in build_body("x", made, here).parts
+        if part.layer == MeshLayer.SHAPE
     }
 
 

@@ -306,7 +306,8 @@ def test_all_people_survive_saving_and_loading_a_world(body: Body, tmp_path: Pat
     for number in (0, 1):
         for umbrella in (False, True):
             moment = replace(state(7, 0.3, umbrella=umbrella), figure=number)
-            np.testing.assert_array_equal(see(moment, again), see(moment, body))
+            # Stored scenes are rounded to nanometres, which moves a posed vertex by its last bit.
+            np.testing.assert_allclose(see(moment, again), see(moment, body), rtol=0, atol=1e-7)
 
 
 def test_the_catalogue_has_sixty_people_of_all_ages():
