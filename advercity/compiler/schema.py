@@ -48,6 +48,7 @@ def build_schema(kind: str) -> dict[str, Any]:
         schema["properties"] |= {"extends": _EXTENDS_SCHEMA, "version": _VERSION_SCHEMA}
         # Other required fields may be inherited by `extends`, which a schema cannot know.
         schema["required"] = ["kind", "id"]
+        _let_mappings_extend(schema)
     if kind == "weather":
         _allow_distributions(schema)
     # The newest draft that the YAML language server supports completely.
@@ -79,6 +80,32 @@ def _build_model_schema(model: type[Model]) -> dict[str, Any]:
             if field in definition.get("properties", {}):
                 definition["properties"][field]["description"] = text
     return schema
+
+
+def _let_mappings_extend(schema: dict[str, Any]) -> None:
+    """Require the fields of mappings at the top only of files that extend no other.
+
+    Mappings merge with what a file extends.
+    """
+    names = {
+        field: references[0]
+        for field, content in schema["properties"].items()
+        if len(references := _list_references(content)) == 1
+    }
+    required = {
+        field: {"required": schema["$defs"][name]["required"]}
+        for field, name in names.items()
+        if "required" in schema["$defs"][name]
+    }
+    for field in required:
+        schema["$defs"][names[field]].pop("required", None)
+    schema |= {"if": {"required": ["extends"]}, "else": {"properties": required}}
+
+
+def _list_references(field: dict[str, Any]) -> list[str]:
+    """List the names of the definitions that a field refers to, but not those of its items."""
+    options = [field, *field.get("anyOf", [])]
+    return [option["$ref"].rpartition("/")[2] for option in options if "$ref" in option]
 
 
 def _normalize_keywords(data: Any) -> Any:

@@ -263,11 +263,13 @@ def _find_ego_arrival_s(
         return ego.find_passing_tick(point_m) * tick_s
     axles = ego.centres + WHEELBASE_FRACTION / 2 * ego.size[0] * ego.axes[:, 0]
     row = ego.find_nearest_row(point_m)
-    path = StationedPolyline.from_points(drop_repeated_points(axles[last:]))
+    path = StationedPolyline.from_points(drop_repeated_points(axles))
+    begin_m, _ = path.project_point(axles[last])
     end_m, _ = path.project_point(axles[row] + point_m - ego.centres[row])
     left_s = compute_free_drive_s(
         place,
         path,
+        begin_m,
         end_m,
         first_m_s=float(np.linalg.norm(np.gradient(axles, tick_s, axis=0)[last])),
         top_m_s=conflict.parameters.get("ego_speed_km_h", np.inf) / KM_H_PER_M_S,

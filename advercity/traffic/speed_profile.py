@@ -10,26 +10,15 @@ from functools import lru_cache
 from math import inf, nan
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from advercity.roads.bend_speed import BEND_STEP_M, compute_bend_speeds, smooth_speeds
 from advercity.roads.lane_graph import LaneGraph
 from advercity.roads.network_file import SumoLane
 from advercity.traffic.demand import VehicleTrip
 
-LATERAL_ACCELERATION_M_S2 = 3.5
-"""Brisk but comfortable; the original's planner allowed 5."""
-LATERAL_JERK_M_S3 = 5.5
-"""Along the lane; a vehicle, whose motion is smooth, has four fifths of that, and 5 at most."""
-CURVATURE_CHANGE_M = 9.0
-"""Length over which the change of curvature counts: some of what vehicles drive in a second."""
 BRAKING_M_S2 = 2.0
 """Deceleration towards a bend."""
-PROFILE_STEP_M = 1.0
-CURVATURE_CHORD_M = 4.0
-"""Distance of the three points that curvature is taken from: corners of polylines vanish."""
-SMOOTHING_WINDOW_M = 6.0
-"""Half width of the window in which drivers keep to the lowest speed."""
 MAX_PROFILE_SPEED_M_S = 50.0
 
 
@@ -40,7 +29,7 @@ class SpeedProfile:
     Attributes:
         edge_starts_m: Station along the route of every edge, internal ones included.
         edge_lengths_m: Length of the shortest lane of each of those edges.
-        speeds_m_s: Maximum speed every `PROFILE_STEP_M` from the start of the first edge.
+        speeds_m_s: Maximum speed every `BEND_STEP_M` from the start of the first edge.
     """
 
     edge_starts_m: dict[str, float]
@@ -52,7 +41,7 @@ class SpeedProfile:
         """Build the profile of a trip's route; `max_m_s2` caps lateral acceleration and braking."""
         profile = _build_profile(trip.edges, trip.lane, graph, max_m_s2)
         limit = np.array(profile.speeds_m_s)
-        stations = np.arange(len(limit)) * PROFILE_STEP_M - (trip.front_position_m or 0.0)
+        stations = np.arange(len(limit)) * BEND_STEP_M - (trip.front_position_m or 0.0)
         for zone in trip.speed_zones:
             inside = (stations >= zone.from_m) & (stations <= zone.to_m)
             limit[inside] = np.minimum(limit[inside], zone.speed_m_s)
@@ -61,7 +50,7 @@ class SpeedProfile:
 
     def speed_at(self, station_m: float) -> float:
         """Interpolate the maximum speed at a station along the route."""
-        sample = station_m / PROFILE_STEP_M
+        sample = station_m / BEND_STEP_M
         # Just below the last sample, so that there always is a next one to interpolate towards.
         last = len(self.speeds_m_s) - 1.001
         if sample > last:
@@ -82,20 +71,13 @@ def _build_profile(
         [lane.line.stations_m + begin for lane, begin in zip(lanes, begins, strict=False)]
     )
     points = np.concatenate([lane.shape[:, :2] for lane in lanes])
-    samples = np.arange(0.0, begins[-1] + PROFILE_STEP_M, PROFILE_STEP_M)
+    samples = np.arange(0.0, begins[-1] + BEND_STEP_M, BEND_STEP_M)
     path = np.column_stack([np.interp(samples, stations, axis) for axis in points.T])
-    lateral = min(LATERAL_ACCELERATION_M_S2, max_m_s2)
-    curvature = _compute_curvature(path)
-    limit = np.minimum(
-        np.sqrt(lateral / np.maximum(np.abs(curvature), 1e-9)),
-        np.cbrt(LATERAL_JERK_M_S3 / np.maximum(_compute_curvature_change(curvature), 1e-9)),
-    )
+    limit = np.minimum(compute_bend_speeds(path, max_m_s2), MAX_PROFILE_SPEED_M_S)
     return SpeedProfile(
         edge_starts_m={lane.edge: float(at) for lane, at in zip(lanes, begins, strict=False)},
         edge_lengths_m={lane.edge: graph.shortest_lane_m[lane.edge] for lane in lanes},
-        speeds_m_s=_limit_by_braking(
-            _smooth_limit(np.minimum(limit, MAX_PROFILE_SPEED_M_S)), min(BRAKING_M_S2, max_m_s2)
-        ).tolist(),
+        speeds_m_s=_limit_by_braking(smooth_speeds(limit), min(BRAKING_M_S2, max_m_s2)).tolist(),
     )
 
 
@@ -116,45 +98,9 @@ def _iterate_route_lanes(
         yield lane
 
 
-def _compute_curvature(path: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Compute the curvature (n,) in 1/m of a path (n, 2): of the circle through three points.
-
-    It is positive to the left.
-    """
-    step = round(CURVATURE_CHORD_M / PROFILE_STEP_M)
-    curvature = np.zeros(len(path))
-    if len(path) <= 2 * step:
-        return curvature
-    before, here, after = path[: -2 * step], path[step:-step], path[2 * step :]
-    first, second, chord = here - before, after - here, after - before
-    area = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
-    sides = np.prod([np.linalg.norm(side, axis=1) for side in (first, second, chord)], axis=0)
-    curvature[step:-step] = 2 * area / np.maximum(sides, 1e-9)
-    return curvature
-
-
-def _compute_curvature_change(curvature: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Compute the change of curvature (n,) per metre, in 1/m²."""
-    half_width = round(CURVATURE_CHANGE_M / PROFILE_STEP_M / 2 - 0.5)
-    smooth = _build_windows(curvature, half_width).mean(axis=1)
-    return np.abs(np.gradient(smooth, PROFILE_STEP_M))
-
-
-def _smooth_limit(limit: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Smooth speeds (n,) without exceeding the limit: the mean of the windows' minima."""
-    half_width = round(SMOOTHING_WINDOW_M / PROFILE_STEP_M)
-    lowest = _build_windows(limit, half_width).min(axis=1)
-    return _build_windows(lowest, half_width).mean(axis=1)
-
-
-def _build_windows(values: NDArray[np.float64], half_width: int) -> NDArray[np.float64]:
-    """View the neighbourhood of each of the values (n,): (n, 2 half_width + 1)."""
-    return sliding_window_view(np.pad(values, half_width, mode="edge"), 2 * half_width + 1)
-
-
 def _limit_by_braking(limit: NDArray[np.float64], braking_m_s2: float) -> NDArray[np.float64]:
     """Compute the highest speeds (n,) from which braking meets every lower limit ahead."""
-    stations = np.arange(len(limit)) * PROFILE_STEP_M
+    stations = np.arange(len(limit)) * BEND_STEP_M
     energy = limit**2 + 2 * braking_m_s2 * stations
     lowest_ahead = np.minimum.accumulate(energy[::-1])[::-1]
     return np.sqrt(lowest_ahead - 2 * braking_m_s2 * stations)

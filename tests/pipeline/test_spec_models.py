@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 from advercity_dsl import Blueprint, BodyModel, Spec
@@ -14,7 +15,7 @@ from advercity.compiler import with_digest
 from advercity.dataset.manifest import Manifest
 from advercity.dataset.verification import verify_dataset
 from advercity.errors import InputError, RunError
-from advercity.pipeline import RunOptions, repair_dataset, run_scenario
+from advercity.pipeline import RunOptions, preparation, repair_dataset, run_scenario
 from advercity.pipeline.spec_models import check_models, find_missing_models, replace_models
 from advercity.testing import with_small_sensors
 from advercity.texture_packs import EZ_TREE
@@ -112,9 +113,12 @@ def test_an_allowed_run_without_a_model_is_recorded_and_not_mixed_with_others(
     assert repair_dataset(tmp_path) == []
     assert picture.read_bytes() == content
     monkeypatch.setattr(ModelStore, "compute_model_digest", always("ab" * 32))
+    generated = replace_models(modelled, {"seat_leon"})
+    monkeypatch.setattr(preparation, "replace_models", Mock(return_value=generated))
     with pytest.raises(RunError, match="missing_models: seat_leon"):
         run(modelled, tmp_path, frames=2, allow="missing_models")
-    assert verify_dataset(tmp_path) == []
+    (kept,) = verify_dataset(tmp_path)
+    assert (kept.kind, Path(kept.path).name) == ("foreign", f"{picture.name}.kept")
 
 
 @pytest.mark.sumo

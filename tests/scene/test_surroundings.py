@@ -167,9 +167,12 @@ def test_hedges_have_leaves_on_their_sides():
         for material in ("inner_leaves", "leaves")
     )
     assert len(leaves.triangles) > 2000
-    assert np.ptp(leaves.vertices, axis=0) == pytest.approx(
-        np.ptp(inside.vertices, axis=0), abs=0.5
+    low, high = (
+        reduce(leaves.vertices, 0) - reduce(inside.vertices, 0) for reduce in (np.min, np.max)
     )
+    # Roots are up to 0.4 leaves of 0.25 m off the sides; the longest leaf is 1.35 times as long.
+    assert np.all((low < 0.0) & (low > -0.44))
+    assert np.all((high > 0.0) & (high < 0.44))
 
 
 def test_a_forest_has_no_more_than_four_hundred_trees():

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from advercity.frames import Actor
+from advercity.roads.bend_speed import LATERAL_ACCELERATION_M_S2
 from advercity.roads.lane_graph import LaneGraph
 from advercity.traffic.demand import VehicleTrip
 from advercity.traffic.speed_profile import (
     BRAKING_M_S2,
-    LATERAL_ACCELERATION_M_S2,
     SpeedLimiter,
     SpeedProfile,
 )
