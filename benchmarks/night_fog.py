@@ -23,7 +23,7 @@ from advercity.frames import Actor, ActorState, Frame, Lamp
 from advercity.geometry.arrays import Float64Array
 from advercity.geometry.mesh import Mesh
 from advercity.geometry.poses import pose_matrix
-from advercity.materials import MATERIALS, Material
+from advercity.materials import CONCRETE_77GHZ, MATERIALS, Material
 from advercity.physics.atmosphere import Atmosphere
 from advercity.physics.extinction import AirExtinction, Extinction, extinction_from_mor
 from advercity.physics.lamp_beams import LOW_BEAM
@@ -263,7 +263,7 @@ def render_patch(scene: Scene, mor_m: float, pack: Pack, *, width_px: int, sampl
         return Mesh(name, vertices, triangles, name, semantic)
 
     matt = {
-        name: Material((albedo, albedo, albedo), 0.5, roughness=1.0)
+        name: Material((albedo, albedo, albedo), 0.5, CONCRETE_77GHZ, roughness=1.0)
         for name, albedo in (("fog_road", ROAD_ALBEDO), ("fog_card", CARD_ALBEDO))
     }
     meshes = [slab("fog_road", (0.0, 0.0, -0.5), (800.0, 400.0, 1.0), Semantic.ROAD)]

@@ -478,7 +478,7 @@ def test_a_street_lamp_gives_the_illuminance_of_its_flux(opened: Open) -> None:
 
 
 def test_low_beams_light_the_road_ahead_by_night_only(opened: Open) -> None:
-    ground = build_box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "white")
+    ground = build_box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "white", Semantic.ROAD)
     seen: dict[tuple[bool, Lamp], Floats] = {}
     for night in (False, True):
         with opened(world_of(ground), air_of(night=night)) as renderer:

@@ -55,7 +55,7 @@ def world_of(*static: Mesh, **more: Any) -> World:
 
 
 def state(at: ArrayLike, *, lamps: Lamp = UNLIT) -> ActorState:
-    actor = Actor(1, "car", "box", "", (2.0, 2.0, 2.0))
+    actor = Actor(1, "car", "box", "car_paint_white", (2.0, 2.0, 2.0))
     return ActorState(actor, pose_matrix(at), 0.0, 0.0, lamps)
 
 
