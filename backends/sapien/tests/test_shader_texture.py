@@ -65,7 +65,10 @@ def scattered(height_m: float) -> NDArray[np.float64]:
 @pytest.mark.parametrize("height_m", [2.0, 60.0])
 def test_a_texture_leaves_the_mean_of_its_material_alone(name: str, height_m: float):
     mean = seen_from(name, scattered(height_m)).mean(axis=(0, 1, 2))
-    np.testing.assert_allclose(mean, MATERIALS[name].albedo, rtol=0.03)
+    # The sky is below, too, and shines through leaves.
+    through = 0.4 if MATERIALS[name].texture is Texture.LEAVES else 0.0
+    expected = np.multiply(MATERIALS[name].albedo, 1.0 + through)
+    np.testing.assert_allclose(mean, expected, rtol=0.03)
 
 
 @every_texture
