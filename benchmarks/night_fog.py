@@ -3,7 +3,7 @@
 The reference follows light from the eye backwards through fog of the whole phase function, and
 counts at every scattering and on every surface what lamps send there. It takes from the product
 only the phase function and the pattern of a low beam. Luminances are means over a card of 0.6 x
-1.7 m that reflects 80 %, and over air beside it, or of air alone. Most of the time is the
+1.7 m that reflects 80 %, and over adjacent air, or of air alone. Most of the time is the
 reference's: some minutes a visibility.
 """
 
@@ -89,7 +89,7 @@ def list_scenes() -> list[Scene]:
     scenes: list[Scene] = []
     for card_m in (20.0, 30.0, 40.0, 55.0):
         on_card, beside = ((-0.3, 0.3), (1.0, 2.0))
-        for what, y in (("card", on_card), ("air beside it", beside)):
+        for what, y in (("card", on_card), ("adjacent air", beside)):
             patch_ = Patch(card_m, y, (0.05, 1.65))
             scenes.append(Scene(f"{what}, {card_m:g} m", patch_, card_m=card_m))
     return [

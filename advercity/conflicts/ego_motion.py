@@ -14,11 +14,15 @@ from advercity_dsl.units import KM_H_PER_M_S
 from numpy.typing import NDArray
 
 from advercity.geometry.polyline import StationedPolyline
-from advercity.roads.bend_speed import BEND_STEP_M, compute_bend_speeds, smooth_speeds
+from advercity.roads.bend_speed import (
+    BEND_STEP_M,
+    LATERAL_ACCELERATION_M_S2,
+    compute_bend_speeds,
+    smooth_speeds,
+)
 from advercity.roads.routes import RoutePath, RoutePlanner, RouteSegment, build_ego_path
 
 NOMINAL_ACCELERATION_M_S2, NOMINAL_BRAKING_M_S2 = 2.5, 2.0
-NOMINAL_LATERAL_M_S2 = 3.5
 CRUISE_MARGIN_KM_H = 1.0
 """Connected vehicles cruise this much below their maximum speed, as in the original."""
 NOMINAL_STEP_M = 0.5
@@ -141,7 +145,7 @@ def _compute_speed_limit(headings: NDArray[np.float64], ego: Vehicle) -> NDArray
     curvature = np.abs(np.gradient(np.unwrap(headings), NOMINAL_STEP_M))
     # The mean over 13 samples, 6.5 m: polylines have corners that no driver slows down for.
     curvature = np.convolve(np.pad(curvature, 6, mode="edge"), np.full(13, 1 / 13), mode="valid")
-    bends = np.sqrt(NOMINAL_LATERAL_M_S2 / np.maximum(curvature, 1e-6))
+    bends = np.sqrt(LATERAL_ACCELERATION_M_S2 / np.maximum(curvature, 1e-6))
     return np.minimum(_compute_cruise_m_s(ego), bends)
 
 

@@ -69,6 +69,10 @@ class FileRecord(Model):
         found = path.stat()  # to open a pipe would wait for its writer, and devices have no end
         return stat.S_ISREG(found.st_mode) and found.st_size == self.size
 
+    def has_content(self, content: bytes) -> bool:
+        """Return whether this is the content that was recorded."""
+        return hashlib.sha256(content).hexdigest() == self.sha256
+
     def matches(self, path: Path) -> bool:
         """Return whether the file at a path has this content; OSError if it cannot be read."""
         if not self.has_size_of(path):  # needs no reading

@@ -5,7 +5,6 @@ folder until the scenario is complete, so what is done is known however a machin
 scenario ends with the bytes that one machine alone would have written.
 """
 
-import hashlib
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -92,31 +91,45 @@ class SharedScenario:
         for part in filter(_is_begun, self._list_parts()):
             text = self.store.read(part)
             begun = {} if text is None else Manifest.parse(text, where=part).files
-            for path, record in begun.items():
-                if record.frame is not None and path not in finished:
-                    content = self.store.read(f"{self.spec.id}/{path}")
-                    if content is not None and _has_content(record, content):
-                        self.store.remove(f"{self.spec.id}/{path}")
+            numbered = {path: record for path, record in begun.items() if record.frame is not None}
+            left = {path: record for path, record in numbered.items() if path not in finished}
+            self._remove_recorded(left)
+
+    def _remove_recorded(self, records: Mapping[str, FileRecord]) -> list[str]:
+        """Delete the files with the content of their records, and return the paths of others."""
+        others: list[str] = []
+        for path in sorted(records.keys() & set(self._list_files())):
+            place = f"{self.spec.id}/{path}"
+            content = self.store.read(place)
+            if content is not None and records[path].has_content(content):
+                self.store.remove(place)
+            elif content is not None:
+                others.append(path)
+        return others
 
     def _check_places_are_free(self, finished: Mapping[str, FileRecord]) -> None:
         """Raise a RunError if a file of others is in the place of one that a machine will write."""
         names = FrameFileNames(self.spec, self.identity.format, self.length)
         for inside in self._list_files():
             if inside not in finished and names.find_frame(inside) is not None:
-                raise RunError(
-                    f"{self.spec.id}/{inside}: is of no run, in the place of a file of one; rename"
-                    " or delete it"
-                )
+                raise self._file_of_others_error(inside)
+
+    def _file_of_others_error(self, path: str) -> RunError:
+        return RunError(
+            f"{self.spec.id}/{path}: is of no run, in the place of a file of one; rename or"
+            " delete it"
+        )
 
     def _clear(self, found: Iterable[Manifest]) -> None:
-        """Delete what runs have written, as the manifests tell; the new one replaces theirs."""
-        name = self.spec.id
-        present = self._list_files()
+        """Delete what runs have written, by its content; the new manifest replaces theirs."""
         for manifest in found:
-            numbered = {p for p, record in manifest.files.items() if record.frame is not None}
-            own = numbered | (SCENARIO_FILES & manifest.files.keys())
-            for inside in own.intersection(present):
-                self.store.remove(f"{name}/{inside}")
+            own = {
+                path: record
+                for path, record in manifest.files.items()
+                if record.frame is not None or path in SCENARIO_FILES
+            }
+            for path in self._remove_recorded(own):
+                raise self._file_of_others_error(path)
         self._remove_parts()
 
     def _remove_parts(self) -> None:
@@ -169,10 +182,6 @@ def _is_begun(part: str) -> bool:
     return part.endswith(BEGUN_SUFFIX)
 
 
-def _has_content(record: FileRecord, content: bytes) -> bool:
-    return hashlib.sha256(content).hexdigest() == record.sha256
-
-
 def _format_parts_folder(name: str) -> str:
     return f".staging/{name}"
 
@@ -203,7 +212,7 @@ def _verify_stored_scenario(
     store: DatasetStore, index: DatasetIndex, name: str, paths: list[str]
 ) -> list[FileProblem]:
     def matches(path: str, record: FileRecord) -> bool:
-        return _has_content(record, store.read(f"{name}/{path}") or b"")
+        return record.has_content(store.read(f"{name}/{path}") or b"")
 
     text = store.read(f"{name}/{MANIFEST_FILE}") or b""
     own = [path.removeprefix(f"{name}/") for path in paths if path.startswith(f"{name}/")]

@@ -64,7 +64,7 @@ class PrecipitationEcho:
 
     Attributes:
         backscatter_per_m: Backscatter cross-section of a volume, m² per m³.
-        attenuation_db_km: Attenuation, one way.
+        attenuation_db_km: One-way attenuation.
     """
 
     backscatter_per_m: float
@@ -87,7 +87,7 @@ def compute_echo(sizes: ParticleSizeDistribution, rate_mm_h: float = 0.0) -> Pre
 
 
 def rain_attenuation_db_km(rate_mm_h: float) -> float:
-    """Compute the attenuation of rain, one way (ITU-R P.838-3)."""
+    """Compute the one-way attenuation of rain (ITU-R P.838-3)."""
     return RAIN_COEFFICIENT * rate_mm_h**RAIN_EXPONENT
 
 

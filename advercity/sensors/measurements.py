@@ -58,6 +58,14 @@ class PointKind(IntEnum):
     """Noise of a radar's receiver that passed for a target."""
 
 
+PARTICLE_POINT_KIND = {
+    "rain": PointKind.RAIN,
+    "snow": PointKind.SNOW,
+    "hail": PointKind.HAIL,
+}
+"""Kind of the points of what falls, by the kind of its size distribution."""
+
+
 @dataclass(frozen=True, eq=False)
 class PointCloud:
     """The n points of one LiDAR scan, in the order of the beams.

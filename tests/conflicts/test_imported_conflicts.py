@@ -122,7 +122,7 @@ def test_a_conflict_at_a_junction_of_a_map_happens(staged: dict[str, Spec], tmp_
 
 
 def test_an_ego_that_brakes_is_fast_enough_to_brake_late(left_turns: dict[str, dict[str, Spec]]):
-    """The way from where it stops is 5 to 6 m: 1.5 s at 12 km/h, which is too long, 1.1 s at 19."""
+    """From where it stops it is 5 to 6 m: 1.5 s at 12 km/h, which is too long, 1.1 s at 19."""
     by_actor, by_ego = (
         map(get_ego_speed_km_h, left_turns[resolver].values()) for resolver in ("actor", "ego")
     )

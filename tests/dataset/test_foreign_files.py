@@ -287,6 +287,19 @@ def test_what_a_machine_left_of_a_part_is_removed_from_a_store_and_no_other_file
     assert texts(folder, *precious) == precious
 
 
+def test_fresh_stops_at_a_file_that_a_user_changed_in_a_store(
+    scenario: Path, spec: Spec, tmp_path: Path
+) -> None:
+    store, folder = DatasetStore(str(tmp_path / "store")), tmp_path / "store" / spec.id
+    upload_part(store, scenario)
+    changed = next(path.relative_to(folder).as_posix() for path in folder.rglob("*_objects.json"))
+    precious = add(folder, changed)
+    shared = SharedScenario(store, spec, identify(spec), LENGTH)
+    with pytest.raises(RunError, match=f"{changed}: is of no run, in the place of"):
+        shared.begin(fresh=True)
+    assert texts(folder, *precious) == precious
+
+
 @pytest.mark.parametrize("text", ["{}", "", "[]", '{"manifest_version": 3}', "\0" * 300])
 def test_fresh_empties_no_folder_whose_manifest_is_none(
     tmp_path: Path, spec: Spec, resume: Callable[..., None], text: str

@@ -34,7 +34,7 @@ STEP_M = 2.0
 
 
 def load_map(path: Path, style: str) -> Road:
-    """Import a map around its middle, without agents, with what a style adds beside its streets."""
+    """Import a map around its middle, without agents, with what a style adds along its streets."""
     source = {".osm": "osm", ".xodr": "opendrive"}[path.suffix]
     data = declaration(source, path.name, style=style)
     if source == "osm":

@@ -32,12 +32,11 @@ from advercity.sensors.lidar.volume_scattering import (
     LIDAR_RATIO_SR,
     LOG_POWER_DEVIATION,
     MIN_RANGE_M,
-    PARTICLE_POINT_KIND,
     ParticleTable,
     PlumeCrossing,
     find_plume_crossings,
 )
-from advercity.sensors.measurements import PointKind
+from advercity.sensors.measurements import PARTICLE_POINT_KIND, PointKind
 
 MIN_RELEVANT_POWER = 0.2
 """Power of returns, times the sub-rays that may add up to one, below which they are dropped: noise

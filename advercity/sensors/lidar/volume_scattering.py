@@ -28,7 +28,6 @@ from advercity.sensors.lidar.beams import (
 )
 from advercity.sensors.lidar.random_streams import NUM_LEVELS, draw_levels
 from advercity.sensors.lidar.received_power import PULSE_LENGTH_M, received_power
-from advercity.sensors.measurements import PointKind
 from advercity.sensors.spray_plumes import (
     MAX_PLUME_DISTANCE_M,
     PLUME_DECAY_M,
@@ -159,11 +158,6 @@ between a flake and old snow, as its ice is milky.
 
 The receiver looks a few mrad off the beam, so it misses the glory of exact backscatter.
 """
-PARTICLE_POINT_KIND = {
-    "rain": PointKind.RAIN,
-    "snow": PointKind.SNOW,
-    "hail": PointKind.HAIL,
-}
 MIN_PARTICLE_POWER = 0.4
 """Power below which particles are left out: noise would have to add three standard deviations."""
 

@@ -204,7 +204,7 @@ def _interfere(paths: Paths, cell: IndexArray, power: FloatArray, count: int) ->
     Straight waves and those by a mirror come from the same surfaces. Where all detours in a cell
     are alike, their fields add; where they vary by more than a wavelength, their powers do.
     """
-    # A mirror on one way turns the phase; on both ways it turns it back.
+    # A mirror on one leg turns the phase; on both legs it turns it back.
     turned = np.where(paths.mirrorings == 1, -1.0, 1.0)
     phasor = turned * np.exp(-1j * WAVENUMBER_PER_M * paths.detour_m.astype(np.float64))
     together, alone = np.zeros(count, complex), np.zeros(count)

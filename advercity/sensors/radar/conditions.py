@@ -20,22 +20,17 @@ from advercity.physics.precipitation import (
     hail_terminal_speed_m_s,
     wind_at_height,
 )
-from advercity.sensors.measurements import PointKind
+from advercity.sensors.measurements import PARTICLE_POINT_KIND, PointKind
 from advercity.sensors.spray_plumes import has_spray
 
 FILM_MM = 0.5
 """Water on a fully covered radome."""
 FILM_LOSS_DB_MM = 6.0
-"""Loss of a film, one way: 3 dB for 0.5 mm, where 2 to 4 dB are reported."""
+"""One-way loss of a film: 3 dB for 0.5 mm, where 2 to 4 dB are reported."""
 ICE_LOSS_DB = 15.0
-"""Loss of a radome under a closed sheet of ice, one way, where 5 to 15 dB are reported."""
+"""One-way loss of a radome under a closed sheet of ice, where 5 to 15 dB are reported."""
 WET_SNOW_FACTOR = 2.0
 """Loss of snow on the radome relative to water: an assumption."""
-PARTICLE_POINT_KIND = {
-    "rain": PointKind.RAIN,
-    "snow": PointKind.SNOW,
-    "hail": PointKind.HAIL,
-}
 _MEAN_SIZE_SLOPES = 3.0
 """Diameter of the particles that scatter most, times the slope of their distribution."""
 
@@ -60,9 +55,9 @@ class RadarConditions:
     """Air, road and radome as a radar at 77 GHz has them.
 
     Attributes:
-        attenuation_db_km: Of the air, one way.
+        attenuation_db_km: Of the air, one-way.
         falling: Rain, snow and hail.
-        radome_db: Loss one way of radomes that look ahead, sideways and back.
+        radome_db: One-way loss of radomes that look ahead, sideways and back.
         wetness: Of roads, 0 dry to 1 soaked.
         has_spray: Whether the road is wet enough for spray.
     """

@@ -51,7 +51,7 @@ class Paths:
         strength: (n,) float32 gain² times cross-section over range⁴, of what adds as power.
         field: (n,) complex64 root of the same, of what adds in phase; 0 for all else.
         detour_m: (n,) float32 by which the path is longer than the straight one.
-        mirrorings: (n,) uint8 whether mirrors are on no way, one way or both ways.
+        mirrorings: (n,) uint8 whether mirrors are on no leg, one leg or both legs.
         instance: (n,) int32 id of the actor; 0 for everything else.
         kind: (n,) uint8 of `PointKind`.
     """
@@ -96,7 +96,7 @@ class SurfacePaths:
 
 @dataclass(frozen=True, eq=False)
 class _Tubes:
-    """Rays on their way, k of them.
+    """Rays that travel on, k of them.
 
     Attributes:
         ray: (k,) rows of the fan.
@@ -123,7 +123,7 @@ class _Tubes:
 
 @dataclass(frozen=True, eq=False)
 class _Arrival:
-    """Tubes where they hit, with the surfaces, and the way from there to the radar."""
+    """Tubes where they hit, with the surfaces, and the path from there to the radar."""
 
     tubes: _Tubes
     points: Float64Array
@@ -216,7 +216,7 @@ class PathTracer:
             yield from self._scatter_home(arrival)
 
     def _scatter_back(self, arrival: _Arrival, *, is_direct: bool) -> Paths:
-        """Scatter straight back, along the way that the wave came."""
+        """Scatter straight back, along the path that the wave came."""
         tubes, surfaces = arrival.tubes, arrival.surfaces
         area_per_m2 = self._fan.solid_angle_sr[tubes.ray] / surfaces.cosine
         scattering = surfaces.compute_scattering(tubes.directions, -tubes.directions)
@@ -233,7 +233,7 @@ class PathTracer:
         )
 
     def _scatter_home(self, arrival: _Arrival) -> Iterator[Paths]:
-        """Scatter directly to the radar after mirrors, and the same way in the other direction."""
+        """Scatter directly to the radar after mirrors, and the same path in the other direction."""
         tubes, surfaces = arrival.tubes, arrival.surfaces
         home = (-arrival.back @ self._rotation).astype(np.float32)
         scattering = surfaces.compute_scattering(tubes.directions, arrival.back)
@@ -284,7 +284,7 @@ class PathTracer:
         )
 
     def _rate_home(self, arrival: _Arrival) -> Float64Array:
-        """Compute the rate (n,) at which the straight way to the radar grows."""
+        """Compute the rate (n,) at which the straight path to the radar grows."""
         return np.einsum("ni,ni->n", arrival.back, self._velocity - arrival.mover)
 
     def _is_free(self, arrival: _Arrival, rows: IndexArray) -> NDArray[np.bool_]:

@@ -12,9 +12,9 @@ pytestmark = pytest.mark.render
 MOR_M = 63.0
 REFERENCE = {
     "card, 20 m": 2.75,
-    "air beside it, 20 m": 0.298,
+    "adjacent air, 20 m": 0.298,
     "card, 40 m": 0.360,
-    "air beside it, 40 m": 0.226,
+    "adjacent air, 40 m": 0.226,
     "own beams, 4 to 6 degrees up": 0.116,
     "own beams, 13 to 16 degrees up": 0.0448,
     "oncoming, 5 degrees off": 1.26,
@@ -31,9 +31,9 @@ def test_what_is_seen_in_fog_by_night_is_as_bright_as_the_reference(name: str) -
 
 @pytest.mark.parametrize("pack", ["raster", "ray_traced"])
 def test_a_pedestrian_in_the_own_beams_is_lost_at_the_distance_of_the_reference(pack: Pack) -> None:
-    """A card of 0.6 x 1.7 m against the air beside it: 0.6 at 40 m."""
+    """A card of 0.6 x 1.7 m against the adjacent air: 0.6 at 40 m."""
     card, air = (
         render_patch(SCENES[f"{what}, 40 m"], MOR_M, pack, width_px=64, samples=16)
-        for what in ("card", "air beside it")
+        for what in ("card", "adjacent air")
     )
     assert card / air - 1.0 == pytest.approx(0.59, abs=0.25)
