@@ -14,12 +14,7 @@ from advercity_dsl.units import KM_H_PER_M_S
 from numpy.typing import NDArray
 
 from advercity.geometry.polyline import StationedPolyline
-from advercity.roads.bend_speed import (
-    BEND_STEP_M,
-    LATERAL_ACCELERATION_M_S2,
-    compute_bend_speeds,
-    smooth_speeds,
-)
+from advercity.roads.bend_speed import BEND_STEP_M, compute_bend_speeds
 from advercity.roads.routes import RoutePath, RoutePlanner, RouteSegment, build_ego_path
 
 NOMINAL_ACCELERATION_M_S2, NOMINAL_BRAKING_M_S2 = 2.5, 2.0
@@ -99,7 +94,7 @@ def compute_nominal_motion(
     """Compute the motion of the ego from rest at `start_m` on its path."""
     ego = road.ego
     stations = np.arange(start_m, path.length_m, NOMINAL_STEP_M)
-    limit = _compute_speed_limit(path.headings_at(stations), ego)
+    limit = _compute_speed_limit(ego, path.line, stations)
     for zone in zones:
         inside = (stations - start_m >= zone.from_m) & (stations - start_m <= zone.to_m)
         limit[inside] = np.minimum(limit[inside], zone.speed_m_s)
@@ -126,27 +121,19 @@ def compute_free_drive_s(
 
     It has the speed `first_m_s` at first, and drives no faster than `top_m_s`.
     """
-    samples = np.arange(0.0, path.length_m + BEND_STEP_M, BEND_STEP_M)
-    bends = smooth_speeds(compute_bend_speeds(path.points_at(samples)))
     stations = np.arange(begin_m, end_m + NOMINAL_STEP_M, NOMINAL_STEP_M)
-    top_m_s = min(top_m_s, _compute_cruise_m_s(ego))
-    speeds = _compute_speeds(
-        np.minimum(np.interp(stations, samples, bends), top_m_s), (), first_m_s
-    )
+    limit = np.minimum(_compute_speed_limit(ego, path, stations), top_m_s)
+    speeds = _compute_speeds(limit, (), first_m_s)
     return float(np.interp(end_m, stations, _integrate_times(stations, speeds)))
 
 
-def _compute_cruise_m_s(ego: Vehicle) -> float:
-    return (ego.max_speed_km_h - CRUISE_MARGIN_KM_H) / KM_H_PER_M_S
-
-
-def _compute_speed_limit(headings: NDArray[np.float64], ego: Vehicle) -> NDArray[np.float64]:
-    """Compute the maximum speeds (n,) on a path with headings (n,) every `NOMINAL_STEP_M`."""
-    curvature = np.abs(np.gradient(np.unwrap(headings), NOMINAL_STEP_M))
-    # The mean over 13 samples, 6.5 m: polylines have corners that no driver slows down for.
-    curvature = np.convolve(np.pad(curvature, 6, mode="edge"), np.full(13, 1 / 13), mode="valid")
-    bends = np.sqrt(LATERAL_ACCELERATION_M_S2 / np.maximum(curvature, 1e-6))
-    return np.minimum(_compute_cruise_m_s(ego), bends)
+def _compute_speed_limit(
+    ego: Vehicle, path: StationedPolyline, stations_m: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Compute the maximum speeds (n,) of the ego at stations (n,) of its path."""
+    samples = np.arange(0.0, path.length_m + BEND_STEP_M, BEND_STEP_M)
+    bends = np.interp(stations_m, samples, compute_bend_speeds(path.points_at(samples)))
+    return np.minimum((ego.max_speed_km_h - CRUISE_MARGIN_KM_H) / KM_H_PER_M_S, bends)
 
 
 def _compute_speeds(

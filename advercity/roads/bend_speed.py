@@ -18,6 +18,7 @@ CURVATURE_CHORD_M = 4.0
 """Distance of the three points that curvature is taken from: corners of polylines vanish."""
 SMOOTHING_WINDOW_M = 6.0
 """Half width of the window in which drivers keep to the lowest speed."""
+MAX_BEND_SPEED_M_S = 50.0
 
 
 def compute_bend_speeds(
@@ -26,10 +27,11 @@ def compute_bend_speeds(
     """Compute the highest speeds (n,) in m/s on a path (n, 2) of points every `BEND_STEP_M`."""
     lateral = min(LATERAL_ACCELERATION_M_S2, max_lateral_m_s2)
     curvature = _compute_curvature(path)
-    return np.minimum(
+    limit = np.minimum(
         np.sqrt(lateral / np.maximum(np.abs(curvature), 1e-9)),
         np.cbrt(LATERAL_JERK_M_S3 / np.maximum(_compute_curvature_change(curvature), 1e-9)),
     )
+    return _smooth_speeds(np.minimum(limit, MAX_BEND_SPEED_M_S))
 
 
 def _compute_curvature(path: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -56,7 +58,7 @@ def _compute_curvature_change(curvature: NDArray[np.float64]) -> NDArray[np.floa
     return np.abs(np.gradient(smooth, BEND_STEP_M))
 
 
-def smooth_speeds(limit: NDArray[np.float64]) -> NDArray[np.float64]:
+def _smooth_speeds(limit: NDArray[np.float64]) -> NDArray[np.float64]:
     """Smooth speeds (n,) without exceeding the limit: the mean of the windows' minima."""
     half_width = round(SMOOTHING_WINDOW_M / BEND_STEP_M)
     lowest = _build_windows(limit, half_width).min(axis=1)

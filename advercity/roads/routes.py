@@ -294,33 +294,47 @@ class RoutePlanner:
         segments: list[RouteSegment] = []
         for name, along, entered, left in taken:
             street = self.streets[name]
-            line = _build_lane_line(street, entered, along=along)
-            if left != entered:
-                target = _build_lane_line(street, left, along=along)
-                fine = max(int(polyline.polyline_length(line)), 2)
-                line, target = (polyline.resample_polyline(item, fine) for item in (line, target))
-                fraction = np.clip(polyline.polyline_stations(line) / LANE_CHANGE_M, 0, 1)[:, None]
-                line = (1 - fraction) * line + fraction * target
+            line = _build_driven_line(street, entered, left, along=along)
             begins_m = 0.0
-            # Both ends of the link repeat the lanes' own points.
-            if pieces:
-                pieces.append(_link_lanes(pieces[-1], line)[1:-1])
+            if segments:
+                before = segments[-1]
+                link = curves.build_connecting_curve(
+                    pieces[-1][-1],
+                    before.street.directed_tangents(along=before.follows_axis)[-1],
+                    line[0],
+                    street.directed_tangents(along=along)[0],
+                    radius_m=self._find_turn_radius_m(before.street.id, name),
+                )
+                # Both ends of the link repeat the lanes' own points.
+                pieces.append(link[1:-1])
                 begins_m = polyline.polyline_length(np.concatenate([*pieces, line[:1]]))
             ends_m = begins_m + polyline.polyline_length(line)
             pieces.append(line)
             segments.append(RouteSegment(street, along, left, begins_m, ends_m))
         return RoutePath(polyline.drop_repeated_points(np.concatenate(pieces)), tuple(segments))
 
+    def _find_turn_radius_m(self, first: str, second: str) -> float:
+        """Find the declared radius of turns from a street into another; infinity without one."""
+        junction = self.road.junctions.get(self.find_junction(first, second) or "")
+        return (junction.turn_radius_m if junction else None) or np.inf
+
+
+def _build_driven_line(
+    street: StreetLayout, entered: int, left: int, *, along: bool
+) -> NDArray[np.float64]:
+    """Build the line (n, 2) of a vehicle that enters a street in one lane and leaves in another."""
+    line = _build_lane_line(street, entered, along=along)
+    if left == entered:
+        return line
+    target = _build_lane_line(street, left, along=along)
+    fine = max(int(polyline.polyline_length(line)), 2)
+    line, target = (polyline.resample_polyline(item, fine) for item in (line, target))
+    fraction = np.clip(polyline.polyline_stations(line) / LANE_CHANGE_M, 0, 1)[:, None]
+    return (1 - fraction) * line + fraction * target
+
 
 def _build_lane_line(street: StreetLayout, lane: int, *, along: bool) -> NDArray[np.float64]:
     return street.directed_line(street.find_lane(lane, along=along).centre_t, along=along)[:, :2]
-
-
-def _link_lanes(before: NDArray[np.float64], after: NDArray[np.float64]) -> NDArray[np.float64]:
-    out, into = before[-1] - before[-2], after[1] - after[0]
-    return curves.build_connecting_curve(
-        before[-1], out / np.linalg.norm(out), after[0], into / np.linalg.norm(into)
-    )
 
 
 def build_ego_path(planner: RoutePlanner, ego: Vehicle) -> tuple[RoutePath, float, float]:

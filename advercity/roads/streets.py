@@ -93,6 +93,11 @@ class StreetLayout:
         """Compute points (n, 3) at offset `t`, along the axis or against it."""
         return self.offset_line(t) if along else self.offset_line(t)[::-1]
 
+    def directed_tangents(self, *, along: bool) -> Points:
+        """Compute unit tangents (n, 2) of the axis, along it or against it."""
+        tangents = polyline.unit_vectors(self.headings)
+        return tangents if along else -tangents[::-1]
+
     def strips_in_direction(self, *, along: bool) -> tuple[StripLayout, ...]:
         """Strips that are travelled along the axis or against it, from the axis outwards."""
         return self.right_strips if along else self.left_strips

@@ -12,14 +12,13 @@ from math import inf, nan
 import numpy as np
 from numpy.typing import NDArray
 
-from advercity.roads.bend_speed import BEND_STEP_M, compute_bend_speeds, smooth_speeds
+from advercity.roads.bend_speed import BEND_STEP_M, MAX_BEND_SPEED_M_S, compute_bend_speeds
 from advercity.roads.lane_graph import LaneGraph
 from advercity.roads.network_file import SumoLane
 from advercity.traffic.demand import VehicleTrip
 
 BRAKING_M_S2 = 2.0
 """Deceleration towards a bend."""
-MAX_PROFILE_SPEED_M_S = 50.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,11 +72,11 @@ def _build_profile(
     points = np.concatenate([lane.shape[:, :2] for lane in lanes])
     samples = np.arange(0.0, begins[-1] + BEND_STEP_M, BEND_STEP_M)
     path = np.column_stack([np.interp(samples, stations, axis) for axis in points.T])
-    limit = np.minimum(compute_bend_speeds(path, max_m_s2), MAX_PROFILE_SPEED_M_S)
+    limit = compute_bend_speeds(path, max_m_s2)
     return SpeedProfile(
         edge_starts_m={lane.edge: float(at) for lane, at in zip(lanes, begins, strict=False)},
         edge_lengths_m={lane.edge: graph.shortest_lane_m[lane.edge] for lane in lanes},
-        speeds_m_s=_limit_by_braking(smooth_speeds(limit), min(BRAKING_M_S2, max_m_s2)).tolist(),
+        speeds_m_s=_limit_by_braking(limit, min(BRAKING_M_S2, max_m_s2)).tolist(),
     )
 
 
@@ -138,7 +137,7 @@ class SpeedLimiter:
             edge, self._position_m = self._locate()
             self._edge_start_m = self._profile.edge_starts_m.get(edge)
             self._edge_length_m = self._profile.edge_lengths_m.get(edge, -inf)
-        limit = MAX_PROFILE_SPEED_M_S  # SUMO may leave the route's edges inside junctions
+        limit = MAX_BEND_SPEED_M_S  # SUMO may leave the route's edges inside junctions
         if self._edge_start_m is not None:
             limit = self._profile.speed_at(self._edge_start_m + self._position_m)
         limit = min(self._max_speed_m_s, limit)

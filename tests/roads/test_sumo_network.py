@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 import sumo
-import sumolib
 from advercity_dsl import Road, Vehicle
+from sumolib.geomhelper import distancePointToPolygon
 
 from advercity.errors import InputError
 from advercity.roads.layout import RoadLayout
+from advercity.roads.routes import RoutePlanner
 from advercity.roads.streets import StreetLayout, edge_strips, sumo_edge_id, sumo_lane_index
 from advercity.roads.sumo_network import write_sumo_network
 
@@ -63,9 +64,35 @@ def test_movements_follow_their_paths(
             )
             (connection,) = (c for c in start.getOutgoing() if c.getToLane() == end)
             shape = network.getLane(connection.getViaLaneID()).getShape3D()
-            gaps = [sumolib.geomhelper.distancePointToPolygon(p[:2], path.centre) for p in shape]
+            gaps = [distancePointToPolygon(p[:2], path.centre) for p in shape]
             assert max(gaps) < 0.1, path.id
             assert shape[0][2] == pytest.approx(path.centre[0, 2], abs=0.02)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_routes_turn_where_the_lanes_of_their_movements_do(
+    networks: dict[str, Any], roads: dict[str, Road], layouts: dict[str, RoadLayout], name: str
+) -> None:
+    network, planner = networks[name], RoutePlanner(roads[name])
+    for junction in layouts[name].junctions.values():
+        for path in junction.connecting_paths:
+            movement = path.movement
+            source = junction.find_arm(movement.from_street)
+            lane = network.getLane(
+                _sumo_lane_id(source.street, movement.from_lane, along=source.is_street_end)
+            )
+            route = planner.build_path(
+                (movement.from_street, movement.to_street), movement.from_lane
+            )
+            entered = {sumo_edge_id(movement.to_street, along=along) for along in (True, False)}
+            # A lane may lead into two lanes of a street; the route takes one of them.
+            gaps = [
+                max(distancePointToPolygon(p, route.points) for p in via.getShape())
+                for link in lane.getOutgoing()
+                if link.getTo().getID() in entered
+                for via in (network.getLane(link.getViaLaneID()),)
+            ]
+            assert min(gaps) < 0.1, path.id
 
 
 def _sumo_lane_id(street: StreetLayout, number: int, *, along: bool) -> str:
