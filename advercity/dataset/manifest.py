@@ -6,6 +6,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Literal, Self
 
+import numpy as np
 from advercity_dsl import Model, Spec
 from advercity_dsl.base import is_empty
 from pydantic import Field, ValidationError, field_validator, model_validator
@@ -28,7 +29,11 @@ CODE_PACKAGES = ("advercity", "advercity_dsl")
 """Packages whose sources make the data, whichever backend renders them."""
 REMEDY = "it alone tells what runs have written: delete the folder, or choose another `output`"
 RendererIdentity = dict[str, str | int | float | bool]
-FIELD_LABELS = {"code_sha256": "code of advercity", "backend_sha256": "code of the backend"}
+FIELD_LABELS = {
+    "code_sha256": "code of advercity",
+    "backend_sha256": "code of the backend",
+    "vector_instructions": "vector instructions of the processor",
+}
 """Words for fields of the identity in messages."""
 VERSIONED_PACKAGES = (
     "eclipse-sumo",
@@ -44,6 +49,15 @@ VERSIONED_PACKAGES = (
 def compute_spec_digest(spec: Spec) -> str:
     """Compute the SHA-256 of a spec as JSON."""
     return hashlib.sha256(spec.model_dump_json().encode()).hexdigest()
+
+
+def find_vector_instructions() -> str:
+    """Find the vector instructions that numpy uses on this processor, such as `X86_V3`.
+
+    The last bits of its exponentials, logarithms and sines depend on them.
+    """
+    functions = np.lib.introspect.opt_func_info(func_name="^exp$", signature="float32")
+    return next((row["current"] for row in functions.get("exp", {}).values()), "baseline")
 
 
 class Identity(Model):
@@ -62,6 +76,7 @@ class Identity(Model):
         format: Layout of the files.
         min_points: LiDAR points that an actor must return to an agent to be annotated by it.
         clouds: Encoding of point clouds.
+        vector_instructions: Of the processor, as `find_vector_instructions` names them.
         code_sha256: Checksum of the sources of `CODE_PACKAGES`, which may change between versions.
         versions: Versions of advercity and of `VERSIONED_PACKAGES`.
     """
@@ -77,6 +92,7 @@ class Identity(Model):
     format: str
     min_points: int = 0
     clouds: CloudEncoding = "binary_compressed"
+    vector_instructions: str
     code_sha256: str
     versions: dict[str, str]
 
@@ -120,6 +136,7 @@ class Identity(Model):
             format=format,
             min_points=min_points,
             clouds=clouds,
+            vector_instructions=find_vector_instructions(),
             code_sha256=compute_source_digest(*CODE_PACKAGES),
             versions={"advercity": __version__}
             | {name: version(name) for name in VERSIONED_PACKAGES},

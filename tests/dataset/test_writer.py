@@ -6,15 +6,18 @@ import os
 import re
 import resource
 import shutil
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from advercity_dsl import BodyModel, Spec
 
 from advercity.dataset import partial_files
 from advercity.dataset.attribution import format_attribution
-from advercity.dataset.manifest import Identity, Manifest
+from advercity.dataset.manifest import Identity, Manifest, find_vector_instructions
 from advercity.dataset.partial_files import FileRecord
 from advercity.dataset.scenario_folders import MANIFEST_FILE, find_scenarios
 from advercity.dataset.verification import FileProblem, restore_files, verify_scenario
@@ -303,14 +306,42 @@ def test_a_scenario_of_another_profile_is_not_continued(whole: Path, writer: Mak
     assert tree(whole) == before
 
 
-def test_a_scenario_of_another_world_is_not_continued(whole: Path, spec: Spec) -> None:
-    """As from a scene in the cache that was edited together with its checksum."""
-    identity = identify(spec, profile="preview").model_copy(update={"world_sha256": "1" * 64})
+@pytest.mark.parametrize(
+    ("field", "message"),
+    [
+        # As from a scene in the cache that was edited together with its checksum.
+        ("world_sha256", "world_sha256: 0{20}, other"),
+        ("vector_instructions", "vector instructions of the processor: .*, other"),
+    ],
+)
+def test_a_scenario_of_another_world_or_processor_is_not_continued(
+    whole: Path, spec: Spec, field: str, message: str
+) -> None:
+    identity = identify(spec, profile="preview").model_copy(update={field: "other"})
     with (
-        pytest.raises(RunError, match="world_sha256"),
+        pytest.raises(RunError, match=message),
         ScenarioWriter(whole, spec, identity, length=FRAMES),
     ):
         pass
+
+
+@pytest.mark.skipif(
+    "X86_V3" not in np.show_config(mode="dicts")["SIMD Extensions"]["found"], reason="no AVX2"
+)
+def test_vector_instructions_are_those_that_numpy_may_use() -> None:
+    ran = subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            "from advercity.dataset import manifest as m; print(m.find_vector_instructions())",
+        ],
+        env={**os.environ, "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert ran.stdout == "baseline(X86_V2)\n"
+    assert find_vector_instructions() in ("X86_V3", "X86_V4")
 
 
 def test_a_scenario_of_another_weather_is_not_continued(
