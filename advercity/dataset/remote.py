@@ -71,8 +71,12 @@ class SharedScenario:
         self._remove_unfinished(records)
         if fresh:
             self._clear(found)
-        self._check_places_are_free(records)
-        self._save(records)
+        own = encode_scenario_files(self.spec, self.identity)
+        self._check_places_are_free(records, [manifest.files for manifest in found], own)
+        # The manifest first: a folder with files but without one counts as a user's.
+        self._save(records, own)
+        for path, content in own.items():
+            self.store.write(f"{name}/{path}", content)
         return records
 
     def finish(self) -> Manifest:
@@ -81,7 +85,8 @@ class SharedScenario:
         Raises:
             RunError: A part was made by other code or on another device.
         """
-        manifest = self._save(self._merge_records(self._read_manifests()))
+        own = encode_scenario_files(self.spec, self.identity)
+        manifest = self._save(self._merge_records(self._read_manifests()), own)
         self._remove_unfinished(manifest.files)
         self._remove_parts()
         return manifest
@@ -107,12 +112,23 @@ class SharedScenario:
                 others.append(path)
         return others
 
-    def _check_places_are_free(self, finished: Mapping[str, FileRecord]) -> None:
-        """Raise a RunError if a file of others is in the place of one that a machine will write."""
+    def _check_places_are_free(
+        self,
+        finished: Mapping[str, FileRecord],
+        found: Iterable[Mapping[str, FileRecord]],
+        own: Mapping[str, bytes],
+    ) -> None:
+        """Raise a RunError if a file of others is in the place of one that a run will write."""
         names = FrameFileNames(self.spec, self.identity.format, self.length)
+        known = [*found, _record_contents(own)]
         for inside in self._list_files():
-            if inside not in finished and names.find_frame(inside) is not None:
+            is_of_frame = inside not in finished and names.find_frame(inside) is not None
+            if is_of_frame or (inside in own and not self._is_recorded(inside, known)):
                 raise self._file_of_others_error(inside)
+
+    def _is_recorded(self, path: str, known: Iterable[Mapping[str, FileRecord]]) -> bool:
+        content = self.store.read(f"{self.spec.id}/{path}") or b""
+        return any(path in records and records[path].has_content(content) for records in known)
 
     def _file_of_others_error(self, path: str) -> RunError:
         return RunError(
@@ -149,11 +165,9 @@ class SharedScenario:
         name = self.spec.id
         return [path.removeprefix(f"{name}/") for path in self.store.list_files(name)]
 
-    def _save(self, frames: dict[str, FileRecord]) -> Manifest:
-        own = encode_scenario_files(self.spec, self.identity)
-        for path, content in own.items():
-            self.store.write(f"{self.spec.id}/{path}", content)
-        files = frames | {path: FileRecord.from_content(content) for path, content in own.items()}
+    def _save(self, frames: Mapping[str, FileRecord], own: Mapping[str, bytes]) -> Manifest:
+        """Write the manifest of these frames and the scenario's own files."""
+        files = {**frames, **_record_contents(own)}
         manifest = Manifest.from_files(self.identity, self.spec, length=self.length, files=files)
         self.store.write(f"{self.spec.id}/{MANIFEST_FILE}", manifest.to_json().encode())
         return manifest
@@ -176,6 +190,10 @@ class SharedScenario:
             )
             files |= {p: record for p, record in manifest.files.items() if record.frame is not None}
         return files
+
+
+def _record_contents(files: Mapping[str, bytes]) -> dict[str, FileRecord]:
+    return {path: FileRecord.from_content(content) for path, content in files.items()}
 
 
 def _is_begun(part: str) -> bool:

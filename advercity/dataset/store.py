@@ -82,6 +82,7 @@ class DatasetStore:
         with self._report_errors(f"{path} cannot be written"):
             try:
                 if self._can_rename:
+                    self._check_no_links(path)
                     target = Path(self._absolute_path(path))
                     target.parent.mkdir(parents=True, exist_ok=True)
                     with target.open("xb") as stream:

@@ -210,11 +210,14 @@ def restore_files(
         RunError: A new content differs from the recorded one, another run is writing, or the disk
             is full or not writable.
     """
-    manifest = Manifest.load(scenario)
     found = list(problems)
-    check_folders_are_no_links(scenario, manifest.frame_file_names.folders)
     with lock_scenario(scenario), report_disk_errors(scenario):
-        remove_unfinished_files(scenario, [one.path for one in found if one.kind == "unfinished"])
+        manifest = Manifest.load(scenario)
+        check_folders_are_no_links(scenario, manifest.frame_file_names.folders)
+        unfinished = {one.path for one in found if one.kind == "unfinished"} - manifest.files.keys()
+        # Again, since much may have happened between the search and the lock.
+        moving = read_journals(scenario, moved=False)
+        remove_unfinished_files(scenario, list_matching_files(scenario, unfinished, moving))
         damaged = {problem.path for problem in found if problem.kind in ("missing", "changed")}
         files = encode_scenario_files(manifest.spec, manifest.identity)
         damaged -= _restore(scenario, manifest, files, damaged)
@@ -240,8 +243,8 @@ def _restore(
         if FileRecord.from_content(content, frame=expected.frame) != expected:
             raise RunError(
                 f"{scenario / path}: its new content differs from the manifest's, although spec,"
-                " traffic, versions and device are the same (a processor with other vector"
-                " instructions may be why); the file is left as it is: `advercity run --fresh`"
+                " traffic, versions and device are the same (another kind of processor may be why);"
+                " the file is left as it is: `advercity run --fresh`"
                 " makes the scenario again"
             )
         set_aside(scenario, [path])

@@ -14,10 +14,10 @@ from advercity.dataset import partial_files, writer
 from advercity.dataset.formats import FORMATS, FrameFileNames
 from advercity.dataset.manifest import Manifest
 from advercity.dataset.opv2v import select_encoder
-from advercity.dataset.partial_files import FileRecord
+from advercity.dataset.partial_files import FileRecord, append_to_journal
 from advercity.dataset.remote import SharedScenario, upload_part
-from advercity.dataset.scenario_folders import MANIFEST_FILE
-from advercity.dataset.store import DatasetStore
+from advercity.dataset.scenario_folders import MANIFEST_FILE, find_staging_folder
+from advercity.dataset.store import DatasetLease, DatasetStore
 from advercity.dataset.verification import restore_files, verify_dataset, verify_scenario
 from advercity.dataset.writer import ScenarioWriter
 from advercity.errors import AdvercityError, RunError
@@ -285,6 +285,64 @@ def test_what_a_machine_left_of_a_part_is_removed_from_a_store_and_no_other_file
     with pytest.raises(RunError, match=r"00006\d[\w.]+: is of no run, in the place of"):
         shared.begin(fresh=False)
     assert texts(folder, *precious) == precious
+
+
+@pytest.mark.parametrize("fresh", [False, True])
+def test_a_run_stops_at_a_changed_file_of_a_whole_scenario_in_a_store(
+    spec: Spec, tmp_path: Path, fresh: bool
+) -> None:
+    store, folder = DatasetStore(str(tmp_path)), tmp_path / spec.id
+    shared = SharedScenario(store, spec, identify(spec), LENGTH)
+    shared.begin(fresh=False)
+    shared.begin(fresh=fresh)  # the file of the first run is in the way of no other
+    precious = add(folder, "data_protocol.yaml")
+    with pytest.raises(RunError, match=r"data_protocol\.yaml: is of no run, in the place of"):
+        shared.begin(fresh=fresh)
+    shared.finish()
+    assert texts(folder, *precious) == precious
+
+
+def test_a_machine_that_stops_between_two_files_of_a_scenario_leaves_one_to_continue(
+    spec: Spec, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = DatasetStore(str(tmp_path))
+    shared, write = SharedScenario(store, spec, identify(spec), LENGTH), store.write
+
+    def write_one(path: str, content: bytes) -> None:
+        if any(tmp_path.rglob("*.*")):
+            raise RunError("the machine stops")
+        write(path, content)
+
+    with monkeypatch.context() as patched, pytest.raises(RunError, match="stops"):
+        patched.setattr(store, "write", write_one)
+        shared.begin(fresh=False)
+    assert shared.begin(fresh=False) == {}
+    assert verify_dataset(tmp_path) == []
+
+
+def test_no_lease_is_written_behind_a_link(tmp_path: Path) -> None:
+    output, elsewhere = tmp_path / "output", tmp_path / "elsewhere"
+    output.mkdir()
+    elsewhere.mkdir()
+    (output / ".staging").symlink_to(elsewhere)
+    with (
+        pytest.raises(RunError, match=r"\.staging is a link"),
+        DatasetLease(DatasetStore(str(output))),
+    ):
+        pass
+    assert list(elsewhere.iterdir()) == []
+
+
+def test_an_unfinished_file_that_changes_before_its_repair_stays(scenario: Path) -> None:
+    path, left = "+101/000061.pcd", b"of a killed run"
+    (scenario / path).write_bytes(left)
+    find_staging_folder(scenario).mkdir(parents=True)
+    append_to_journal(scenario, 0, {path: FileRecord.from_content(left, frame=1)}, moved=False)
+    problems = verify_scenario(scenario)
+    assert [(one.path, one.kind) for one in problems] == [(path, "unfinished")]
+    precious = add(scenario, path)
+    restore_files(scenario, problems, lambda frame: ())
+    assert texts(scenario, *precious) == precious
 
 
 def test_fresh_stops_at_a_file_that_a_user_changed_in_a_store(
