@@ -17,7 +17,7 @@ TOUCHING_M = 2.6
 TURN_DEG = 18.0
 APPROACH_M, DEPARTURE_M = 20.0, 12.0
 """Where directions are compared: before the meeting and after it."""
-STOP_LINE_M = 6.0
+STOP_LINE_M = 3.0
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,9 @@ def measure_red_s(trace: Trace, road: Road, number: int) -> float | None:
     for column, name in enumerate(trace.signal_ids):
         junction, street = name.split("/")
         end, heading = find_street_end(road, street, junction)
-        apart_m = np.linalg.norm(track.places - end, axis=1)
+        half_m = measure_half_width_m(road, street)
+        gaps = (track.places - end) @ (1, 1j) * np.exp(-1j * np.radians(heading))
+        apart_m = np.where(np.abs(gaps.imag) < half_m, np.abs(gaps.real), np.inf)
         row = int(np.argmin(apart_m))
         enters = abs(turned_deg(track.headings[row] - heading)) < 45
         passes = 0 < row < len(apart_m) - 1 and apart_m[row] < STOP_LINE_M
@@ -121,6 +123,15 @@ def measure_red_s(trace: Trace, road: Road, number: int) -> float | None:
             red = int(np.argmax(before != Signal.RED)) or len(before)
             return red * trace.tick_s
     return None
+
+
+def measure_half_width_m(road: Road, street: str) -> float:
+    """How wide the wider side of a street is between its sidewalks."""
+    section = road.sections[road.streets[street].section]
+    return max(
+        sum(strip.width_m for strip in side if strip.kind != "sidewalk")
+        for side in (section.left, section.right)
+    )
 
 
 def find_street_end(road: Road, street: str, junction: str) -> tuple[NDArray[np.float64], float]:

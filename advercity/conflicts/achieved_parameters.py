@@ -15,8 +15,6 @@ from advercity.conflicts.trajectories import find_closest_approach
 
 APPROACH_WINDOW_S = 8.0
 """Time before the ego's arrival in which the actor's approach is looked for."""
-DRIFT_WINDOW_S = (-9.0, 4.0)
-"""Times from the passing of both at which an actor does not drift or overtake yet, and no more."""
 TOLERANCES = {"_km_h": 0.5, "_s": 0.05, "_m": 0.05}
 """Resolution of a measured value by the unit at the end of its name: of times, half a tick."""
 
@@ -54,7 +52,7 @@ class _Meeting:
     actor: ActorTrack
     ego_at_s: float
     lag_s: float
-    lane: shapely.LineString
+    lanes: tuple[shapely.LineString, shapely.LineString]
     since_red_s: float
     tick_s: float
 
@@ -66,7 +64,7 @@ def measure_parameters(
     *,
     ego_at_s: float,
     lag_s: float,
-    lane: shapely.LineString,
+    lanes: tuple[shapely.LineString, shapely.LineString],
     since_red_s: float,
     tick_s: float,
 ) -> tuple[AchievedParameter, ...]:
@@ -78,11 +76,11 @@ def measure_parameters(
         actor: Whole track of the actor.
         ego_at_s: Time from the first kept tick at which the ego is at the conflict point.
         lag_s: How much later the actor would have been there at the speed of its approach.
-        lane: Path of the ego in its lane.
+        lanes: Paths of the ego and of the actor in their lanes.
         since_red_s: Time from the red of the light that the actor runs to its passing of the line.
         tick_s: Time between ticks.
     """
-    meeting = _Meeting(ego, actor, ego_at_s, lag_s, lane, since_red_s, tick_s)
+    meeting = _Meeting(ego, actor, ego_at_s, lag_s, lanes, since_red_s, tick_s)
     # How far an actor would have come over the line does not show where both collide before.
     hidden = ("encroachment_m",) if conflict.resolved_by == "nobody" else ()
     return tuple(
@@ -114,18 +112,14 @@ def _find_top_speed_km_h(track: ActorTrack, meeting: _Meeting, window_s: float) 
 
 
 def _measure_encroachment(meeting: _Meeting) -> float:
-    """Measure how far the actor's outline is over the middle between it and the ego's lane.
-
-    The middle is that where both are in their lanes, before and after the actor drifts.
-    """
+    """Measure how far the actor's outline is over the middle between both lanes at most."""
+    ego_lane, actor_lane = meeting.lanes
     passing, _ = find_closest_approach(meeting.ego, meeting.actor)
-    times_s = (meeting.actor.rows["tick"] - passing) * meeting.tick_s
-    apart_m = np.asarray(shapely.distance(meeting.lane, shapely.points(meeting.actor.centres)))
-    nearest = np.argmin(np.where(times_s <= 0, apart_m, np.inf))
-    in_lanes_m = np.interp(
-        times_s[nearest], DRIFT_WINDOW_S, np.interp(DRIFT_WINDOW_S, times_s, apart_m)
-    )
-    return float(in_lanes_m / 2 + meeting.actor.size[1] / 2 - apart_m[nearest])
+    coming = meeting.actor.centres[meeting.actor.rows["tick"] <= passing]
+    apart_m = np.asarray(shapely.distance(ego_lane, shapely.points(coming)))
+    nearest = shapely.Point(coming[np.argmin(apart_m)])
+    in_lanes_m = ego_lane.distance(actor_lane.interpolate(actor_lane.project(nearest)))
+    return float(in_lanes_m / 2 + meeting.actor.size[1] / 2 - apart_m.min())
 
 
 _MEASURES: Mapping[str, Callable[[_Meeting], float]] = {

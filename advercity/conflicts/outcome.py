@@ -35,6 +35,8 @@ ADJACENT_LANE_GAP_M = 6.0
 """An actor that passes a point within this distance passes it in an adjacent lane."""
 AFTER_IMPACT_S = 3.0
 """Time for which both are followed on from an impact, to where their paths would have crossed."""
+LEAST_COSINE = 0.1
+"""Of the angle between an actor and the ego's lane: one across it is never level with a point."""
 STEADY_SPEED_RATIO = 0.99
 """Fraction of the approach speed below which an actor has begun to brake."""
 
@@ -112,16 +114,14 @@ def _evaluate_outcome(
     trace: Trace,
 ) -> ConflictOutcome:
     tick_s = trace.tick_s
-    lane = _build_ego_lane(spec)
+    lane, actor_path = _build_ego_lane(spec), _build_actor_path(spec, conflict)
     resolution = measure_resolution(conflict, encounter, ego, actor, lane.line, tick_s)
     if resolution.impact is not None:
         ego = ego.roll_on(lane, AFTER_IMPACT_S, tick_s)
-        actor = actor.roll_on(_build_actor_path(spec, conflict), AFTER_IMPACT_S, tick_s)
-    point = _find_meeting_point(conflict, ego, actor)
+        actor = actor.roll_on(actor_path, AFTER_IMPACT_S, tick_s)
+    point = _find_meeting_point(conflict, ego, actor_path.line)
     ego_at_s = _find_ego_arrival_s(spec, conflict, encounter, ego, point, tick_s)
-    row = _find_arrival_row(conflict, ego, actor, point)
-    last = _find_steady_row(actor, ego_at_s, tick_s)
-    lag_s = _extrapolate_arrival_s(actor, last, row, point, tick_s) - ego_at_s
+    lag_s = _find_actor_arrival_s(conflict, ego, actor, point, ego_at_s, tick_s) - ego_at_s
     missed = tuple(_find_deviations(conflict, encounter, resolution, lag_s))
     parameters = measure_parameters(
         conflict,
@@ -129,7 +129,7 @@ def _evaluate_outcome(
         actor,
         ego_at_s=ego_at_s,
         lag_s=lag_s,
-        lane=lane.line,
+        lanes=(lane.line, actor_path.line),
         since_red_s=_measure_since_red_s(spec, conflict, actor, trace),
         tick_s=tick_s,
     )
@@ -221,27 +221,50 @@ def _format_metric(metric: MetricAtTick | None) -> str:
 
 
 def _find_meeting_point(
-    conflict: StagedConflict, ego: ActorTrack, actor: ActorTrack
+    conflict: StagedConflict, ego: ActorTrack, actor_path: shapely.LineString
 ) -> NDArray[np.float64]:
-    """Find where (2,) the driven paths cross; the declared point if they do not."""
+    """Find where (2,) the ego crosses the path of an actor; the declared point if it does not."""
     point = None
-    if conflict.outcome.keeping == "way" and len(actor.rows) > 1:
-        point = find_crossing(shapely.LineString(actor.centres), ego, conflict.point_m)
+    if conflict.outcome.keeping == "way":
+        point = find_crossing(actor_path, ego, conflict.point_m)
     return np.array(conflict.point_m) if point is None else point
 
 
-def _find_arrival_row(
+def _find_actor_arrival_s(
+    conflict: StagedConflict,
+    ego: ActorTrack,
+    actor: ActorTrack,
+    point_m: NDArray[np.float64],
+    ego_at_s: float,
+    tick_s: float,
+) -> float:
+    """Find when an actor is at a point, or would be had it not stopped short of the ego."""
+    row, left_m = _find_arrival(conflict, ego, actor, point_m)
+    stops_short = conflict.actors[0].behaviour == "stops_short"
+    last = _find_steady_row(actor, ego_at_s, tick_s) if stops_short else row
+    if last is None:
+        return float("inf")
+    rows = actor.rows
+    left_m += rows["travelled"][row] - rows["travelled"][last]
+    return float(rows["tick"][last] * tick_s + left_m / max(rows["speed"][last], 0.1))
+
+
+def _find_arrival(
     conflict: StagedConflict, ego: ActorTrack, actor: ActorTrack, point_m: NDArray[np.float64]
-) -> int:
-    """Find the row in which an actor arrives at a point, or next to it in an adjacent lane."""
-    gaps = actor.centres - point_m
+) -> tuple[int, float]:
+    """Find the row in which an actor is nearest to a point, and how far before it in metres.
+
+    One that passes in an adjacent lane arrives when it is level with the point.
+    """
+    gaps = point_m - actor.centres
     near = np.linalg.norm(gaps, axis=1) < ADJACENT_LANE_GAP_M
     if conflict.outcome.keeping != "velocity" or not near.any():
-        return actor.find_nearest_row(point_m)
-    # The actor passes in the other lane, so it arrives when it is level with the point.
-    yaw = ego.rows["yaw"][ego.find_nearest_row(point_m)]
-    ahead = np.abs(gaps @ np.array([np.cos(yaw), np.sin(yaw)]))
-    return int(np.argmin(np.where(near, ahead, np.inf)))
+        row = actor.find_nearest_row(point_m)
+        return row, float(gaps[row] @ actor.axes[row, 0])
+    along = ego.axes[ego.find_nearest_row(point_m), 0]
+    row = int(np.argmin(np.where(near, np.abs(gaps @ along), np.inf)))
+    cosine = float(actor.axes[row, 0] @ along)
+    return row, float(gaps[row] @ along / np.copysign(max(abs(cosine), LEAST_COSINE), cosine))
 
 
 def _find_ego_arrival_s(
@@ -284,16 +307,3 @@ def _find_steady_row(actor: ActorTrack, ego_at_s: float, tick_s: float) -> int |
         return None
     speeds = actor.rows["speed"][approach]
     return int(approach[np.flatnonzero(speeds >= STEADY_SPEED_RATIO * speeds.max())[-1]])
-
-
-def _extrapolate_arrival_s(
-    track: ActorTrack, last: int | None, row: int, point_m: NDArray[np.float64], tick_s: float
-) -> float:
-    """Compute when one would be at a point, nearest in a row, at its speed of the row `last`."""
-    if last is None:
-        return float("inf")
-    rows = track.rows
-    left_m = rows["travelled"][row] - rows["travelled"][last]
-    # The point is between two ticks.
-    left_m += (point_m - track.centres[row]) @ track.axes[row, 0]
-    return float(rows["tick"][last] * tick_s + left_m / max(rows["speed"][last], 0.1))

@@ -1,11 +1,15 @@
-"""Time an actor's approach to a junction: it arrives moving, and runs lights just after red."""
+"""Time approaches to a junction: both arrive moving, and actors run lights just after red."""
 
 from dataclasses import replace
 
 from advercity_dsl.road import Signals
 
-from advercity.conflicts.approaches import find_ego_intersection
+from advercity.conflicts.approaches import STOP_LINE_GAP_M, find_ego_intersection
 from advercity.conflicts.case import CALM_S, ActorPlacement, ConflictCase
+from advercity.roads.signals import find_declared_green_s
+
+GREEN_AHEAD_S = 3.0
+"""Time before the ego is at a stop line from which on it has green, so that it need not brake."""
 
 
 def find_run_lights(case: ConflictCase, place: ActorPlacement) -> Signals | None:
@@ -45,10 +49,35 @@ def time_lights(case: ConflictCase, place: ActorPlacement, lights: Signals) -> C
     cycle = list(lights.cycle)
     cycle[own - 1], cycle[other] = cycle[other], cycle[own - 1]
     slot_s = lights.green_s + lights.yellow_s + lights.all_red_s
-    at_line_s = case.drive.motion.time_at(place.station_m) - place.beyond_line_m / case.speed_m_s
+    meets_s = case.drive.motion.time_at(place.station_m) + case.parameters["arrival_offset_s"]
+    at_line_s = meets_s - place.beyond_line_m / case.speed_m_s
     green_s = at_line_s - case.parameters["since_red_s"] + lights.all_red_s
     elapsed_s = round((own * slot_s - green_s) % (slot_s * len(cycle)), 1)
     timed = lights.model_copy(update={"cycle": tuple(cycle), "elapsed_s": elapsed_s})
+    return replace(case, drive=case.drive.with_lights(junction, timed))
+
+
+def advance_green(case: ConflictCase) -> ConflictCase:
+    """Return the case with green in time for an ego that is predicted to pass without waiting.
+
+    A light that turns green while the ego brakes for it would leave it slower than was drawn.
+    """
+    if case.drive.intersection is None:
+        return case
+    junction, before, _ = case.drive.intersection
+    declared = case.drive.road.junctions.get(junction)
+    lights = declared.signals if declared else None
+    free = case.drive.with_lights(junction, None).motion if lights else case.drive.motion
+    if lights is None or case.drive.motion.time_at(before.end_m) > free.time_at(before.end_m):
+        return case
+    line_m = before.end_m - STOP_LINE_GAP_M - case.ego.length_m / 2
+    needed_s = free.time_at(line_m) - GREEN_AHEAD_S
+    late_s = find_declared_green_s(lights, before.street.id, needed_s) - needed_s
+    if late_s <= 0:
+        return case
+    slots_s = len(lights.cycle) * (lights.green_s + lights.yellow_s + lights.all_red_s)
+    elapsed_s = round((lights.elapsed_s + late_s) % slots_s, 1)
+    timed = lights.model_copy(update={"elapsed_s": elapsed_s})
     return replace(case, drive=case.drive.with_lights(junction, timed))
 
 

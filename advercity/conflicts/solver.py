@@ -31,6 +31,7 @@ from advercity.conflicts.opposite_lane import (
 )
 from advercity.conflicts.run_ups import compute_actor_speed_m_s
 from advercity.conflicts.signal_timing import (
+    advance_green,
     find_run_lights,
     ignore_lights,
     shorten_wait,
@@ -190,7 +191,7 @@ def solve_conflict(
     id. All draws depend on `seed` and `key` (road, conflict and density, so that all weathers share
     them). `index` is the number among the scenario's conflicts, from 1; nothing critical happens
     before `not_before_s` from the scenario's start. The returned road has the drive's lights, timed
-    for an actor that runs them in the first of the conflicts.
+    for the ego, or for an actor that runs them, in the first of the conflicts.
 
     Raises:
         UnsolvableError: The conflict does not fit the road.
@@ -215,6 +216,8 @@ def solve_conflict(
     case = shorten_wait(case, place_actor(case))
     if lights is not None:
         case = time_lights(case, place, lights)
+    elif index == 1:
+        case = advance_green(case)
     return _build_staged_conflict(case, typology, place_actor(case)), case.drive.road
 
 

@@ -233,7 +233,7 @@ def test_an_encroachment_is_how_far_the_body_is_over_the_middle_between_both_pat
         ActorTrack(OTHER, size, actor),
         ego_at_s=2.0,
         lag_s=0.0,
-        lane=shapely.LineString([(-50, 0), (50, 0)]),
+        lanes=(shapely.LineString([(-50, 0), (50, 0)]), shapely.LineString([(50, 3), (-50, 3)])),
         since_red_s=np.inf,
         tick_s=0.1,
     )
