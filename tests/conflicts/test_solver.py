@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 from advercity_dsl import Spec
+from advercity_dsl.units import KM_H_PER_M_S
 
-from advercity.conflicts.ego_motion import NominalMotion
+from advercity.conflicts.ego_motion import NominalMotion, build_ego_drive
 from advercity.conflicts.solver import build_car_outline, compute_sight_distance_m
 from advercity.roads.routes import RoutePath
+from advercity.roads.signals import find_declared_green_s
 
 
 def test_a_pedestrian_behind_a_parked_car_is_seen_past_its_corner():
@@ -27,3 +29,23 @@ def test_a_conflict_point_is_on_the_path_of_the_ego_and_inside_the_scenario(spec
         for conflict in spec.conflicts:
             assert conflict.station_m > 0
             assert conflict.window_s[0] > 0
+
+
+@pytest.mark.parametrize("name", ["ri_clear_day_sparse", "ri_clear_day_dense"])
+def test_an_ego_that_passes_a_light_without_waiting_has_green_before_it_would_brake(
+    specs: dict[str, Spec], name: str
+):
+    spec = specs[name]
+    (conflict,), drive = spec.conflicts, build_ego_drive(spec.road)
+    speed_m_s = conflict.parameters["ego_speed_km_h"] / KM_H_PER_M_S
+    drive = drive.limit_speed(drive.start_m + conflict.station_m, speed_m_s)
+    assert drive.intersection is not None
+    junction, before, _ = drive.intersection
+    lights = drive.road.junctions[junction].signals
+    assert lights is not None
+    free = drive.with_lights(junction, None).motion
+    assert free.time_at(before.end_m) == drive.motion.time_at(before.end_m)
+
+    half_m = spec.blueprints[spec.ego.blueprint or ""].length_m / 2
+    seen_s = free.time_at(before.end_m - half_m) - 3.0
+    assert find_declared_green_s(lights, before.street.id, seen_s) == seen_s

@@ -217,13 +217,16 @@ def test_parameters_are_measured_and_those_outside_their_range_are_named(specs: 
     assert found.outside == ("ego_speed_km_h", "arrival_offset_s")
 
 
-def test_an_encroachment_is_how_far_the_body_is_over_the_middle_between_both_paths():
-    """Paths 3 m apart; 0.9 m from the ego's, a body 2 m wide is 1.6 m over their middle."""
+def test_an_encroachment_is_how_far_the_body_is_over_the_middle_between_both_lanes():
+    """Lanes 3 m apart; 0.9 m from the ego's, a body 2 m wide is 1.6 m over their middle.
+
+    Before and after, in bends, its centre is 0.2 m nearer to the ego than its lane.
+    """
     ticks = np.arange(40)
     ego, actor = np.zeros(40, STATE_DTYPE), np.zeros(40, STATE_DTYPE)
     ego["tick"] = actor["tick"] = ticks
     ego["x"], actor["x"] = 2 * ticks - 39, 39 - 2 * ticks  # they pass between ticks 19 and 20
-    actor["y"] = np.interp(ticks, [0, 8, 16], [3.0, 0.9, 3.0])
+    actor["y"] = np.interp(ticks, [0, 8, 16], [2.8, 0.9, 2.8])
     staged = StagedConflict.model_construct(declared={"encroachment_m": (0.8, 1.2)})
     size = np.array([4.0, 2.0])
 
@@ -240,6 +243,39 @@ def test_an_encroachment_is_how_far_the_body_is_over_the_middle_between_both_pat
 
     assert found.achieved == pytest.approx(1.6)
     assert found.is_outside
+
+
+def test_who_walks_aside_arrives_when_level_with_the_ego(specs: dict[str, Spec]):
+    """The ego is at the origin at 2 s; 2 m to its right, one walks 1 m/s north-east.
+
+    At 2.5 s it is level with the origin, 0.5 s after the ego.
+    """
+    ticks, tick_s, slant = 60, 0.1, np.sqrt(0.5)
+    time = np.arange(ticks) * tick_s
+    ego, walker = np.zeros(ticks, STATE_DTYPE), np.zeros(ticks, STATE_DTYPE)
+    ego["tick"] = walker["tick"] = np.arange(ticks)
+    ego["x"], ego["speed"], ego["vx"], ego["travelled"] = 10 * (time - 2), 10, 10, 10 * time
+    walker["x"], walker["y"] = slant * (time - 2.5), slant * (time - 2.5) - 2.0
+    walker["yaw"], walker["speed"], walker["travelled"] = np.pi / 4, 1, time
+    walker["vx"] = walker["vy"] = slant
+    ego["actor"], walker["actor"] = 0, 1
+    actors = (
+        Actor(EGO, "car", "saloon", "car_paint_blue", (4.0, 2.0, 1.5)),
+        Actor(OTHER, "pedestrian", "adult", "cloth_dark", (0.5, 0.5, 1.8)),
+    )
+    rows = np.stack([ego, walker], axis=1).ravel()
+    trace = Trace(tick_s, ticks, actors, rows, (), np.zeros((ticks, 0), np.uint8))
+    staged, wanted = crossing(0.5)
+    aside = staged.actors[0].model_copy(update={"behaviour": "steers_clear"})
+    level = wanted.model_copy(update={"keeping": "velocity"})
+    staged = staged.model_copy(
+        update={"actors": (aside,), "outcome": level, "resolved_by": "actor"}
+    )
+    spec = specs["ui_clear_day_sparse"].model_copy(update={"conflicts": (staged,)})
+
+    (found,) = evaluate_outcomes(spec, trace)
+
+    assert found.actor_lag_s == pytest.approx(0.5, abs=0.02)
 
 
 def test_an_actor_that_comes_too_late_has_missed_the_conflict(specs: dict[str, Spec]):
