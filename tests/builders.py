@@ -21,12 +21,12 @@ from advercity.geometry.poses import Matrix
 from advercity.randomness import create_generator
 from advercity.semantics import Semantic
 from advercity.sensors.annotation import project_boxes
+from advercity.sensors.camera_model import CameraModel
 from advercity.sensors.measurements import GnssFix, ImuSample, PointCloud, PointKind
 from advercity.sensors.sensor_frame import (
     CameraImage,
     LidarScan,
     SensorFrame,
-    compute_pinhole_matrix,
 )
 from advercity.testing import compile_shaped
 
@@ -226,17 +226,16 @@ def image_of(agent: Agent, camera: Camera, frame: Frame, world_from_camera: Matr
     width, height = (round(side * IMAGE_SCALE) for side in (camera.width_px, camera.height_px))
     semantic = np.full((height, width), Semantic.SKY, dtype=np.uint8)
     instance = np.zeros((height, width), np.int32)
-    matrix = compute_pinhole_matrix(width, height, horizontal_fov_deg=camera.horizontal_fov_deg)
+    model = CameraModel.build(camera, width, height)
     place = world_from_camera[:3, 3]
     for state in sorted(
         frame.states, key=lambda one: -np.linalg.norm(one.world_from_body[:3, 3] - place)
     ):
         corners = corners_of(state)
-        ahead, left, up = poses.transform_points(poses.invert_pose(world_from_camera), corners).T
-        if state.actor.id == agent.number or ahead.min() < 0.1:
+        points = poses.transform_points(poses.invert_pose(world_from_camera), corners)
+        if state.actor.id == agent.number or points[:, 0].min() < 0.1:
             continue
-        pixels = (matrix @ (-left, -up, ahead) / ahead)[:2].T
-        hull = cv2.convexHull(np.rint(pixels).astype(np.int32))
+        hull = cv2.convexHull(np.rint(model.pixels_from_camera(points)).astype(np.int32))
         on_foot = state.actor.actor_class == "pedestrian"
         tag = Semantic.PEDESTRIAN if on_foot else Semantic.VEHICLE
         cv2.fillConvexPoly(semantic, hull, int(tag))
@@ -249,7 +248,7 @@ def image_of(agent: Agent, camera: Camera, frame: Frame, world_from_camera: Matr
         projected_boxes=project_boxes(
             instance,
             world_from_camera,
-            matrix,
+            model,
             frame,
             lambda state: state.box.corners,
             hide=frozenset({agent.number}),

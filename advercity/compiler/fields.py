@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, get_args, get_origin
+from typing import Any, Literal, get_args, get_origin
 
 from advercity_dsl import Model
 from advercity_dsl.base import ValuePath
@@ -75,7 +75,7 @@ def _descend(annotation: Any, part: str | int) -> list[Any]:
             # Aliases are YAML keys that Python reserves, such as `from`.
             if part == (field.alias or name):
                 return [field]
-        is_tagged = annotation.__name__ == part or _find_kind_tag(annotation) == part
+        is_tagged = part in (annotation.__name__, *_find_tags(annotation))
         return [annotation] if is_tagged else []
     if isinstance(annotation, FieldInfo):
         return _descend(annotation.annotation, part)
@@ -90,9 +90,11 @@ def _descend(annotation: Any, part: str | int) -> list[Any]:
     return [found for argument in arguments for found in _descend(argument, part)]
 
 
-def _find_kind_tag(model: type[Model]) -> Any:
-    kind = model.model_fields.get("kind")
-    return kind.default if kind else None
+def _find_tags(model: type[Model]) -> list[Any]:
+    """Find the only values of fields that have one, by which unions select the model."""
+    annotations = [field.annotation for field in model.model_fields.values()]
+    values = [get_args(item) for item in annotations if get_origin(item) is Literal]
+    return [found[0] for found in values if len(found) == 1]
 
 
 def find_models(model: type[Model], value_path: ValuePath) -> list[type[Model]]:

@@ -4,7 +4,7 @@ Each type of pydantic's errors has a function that describes it; any other keeps
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 from advercity_dsl import Declaration, Model
@@ -165,13 +165,20 @@ def _describe_too_long(error: FieldError) -> MessageAndHint:
     return f"expected at most {most} items, found {length}", ""
 
 
-def _describe_missing_kind(_: FieldError) -> MessageAndHint:
-    return "the field 'kind' is missing", "add it to select one of the alternatives"
+def _describe_missing_tag(error: FieldError) -> MessageAndHint:
+    field = _find_tag_field(error.context) or "kind"
+    return f"the field '{field}' is missing", "add it to select one of the alternatives"
 
 
-def _describe_unknown_kind(error: FieldError) -> MessageAndHint:
+def _describe_unknown_tag(error: FieldError) -> MessageAndHint:
     tag, valid = error.context["tag"], _split_list(error.context["expected_tags"])
-    return f"unknown kind '{tag}'", suggest_name(tag, valid)
+    return f"unknown {_find_tag_field(error.context) or 'kind'} '{tag}'", suggest_name(tag, valid)
+
+
+def _find_tag_field(context: Mapping[str, Any]) -> str | None:
+    """Find the field that selects an alternative: pydantic quotes fields, but not functions."""
+    discriminator: str = context["discriminator"]
+    return discriminator.strip("'") if discriminator.startswith("'") else None
 
 
 def _describe_as_pydantic(error: FieldError) -> MessageAndHint:
@@ -205,8 +212,8 @@ _DESCRIBERS: dict[str, Callable[[FieldError], MessageAndHint | None]] = {
     "list_type": _describe_non_list,
     "too_short": _describe_too_short,
     "too_long": _describe_too_long,
-    "union_tag_not_found": _describe_missing_kind,
-    "union_tag_invalid": _describe_unknown_kind,
+    "union_tag_not_found": _describe_missing_tag,
+    "union_tag_invalid": _describe_unknown_tag,
 }
 
 
@@ -290,9 +297,9 @@ def _build_field_diagnostic(
         case kind:
             error = FieldError(model, detail["input"], loc, detail.get("ctx", {}), detail["msg"])
             message, hint = describe_field_error(kind, error)
-    # Points at the tag itself; its name comes in quotes.
-    if kind == "union_tag_invalid" and "kind" in detail["ctx"]["discriminator"]:
-        value_path = (*value_path, detail["ctx"]["discriminator"].strip("'"))
+    # Points at the tag itself.
+    if kind == "union_tag_invalid" and (field := _find_tag_field(detail["ctx"])):
+        value_path = (*value_path, field)
     return source.build_diagnostic(value_path, message, hint=hint)
 
 

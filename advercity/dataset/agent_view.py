@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Generator
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -31,6 +31,7 @@ from advercity.documents import MAX_JSON_BYTES, MAX_YAML_BYTES, parse_json, pars
 from advercity.errors import InputError, describe_cause
 from advercity.geometry import poses
 from advercity.geometry.poses import Matrix
+from advercity.sensors.camera_model import CameraModel
 from advercity.sensors.measurements import RadarCube
 
 if TYPE_CHECKING:
@@ -287,13 +288,21 @@ class AgentView:
             )
 
     def pixels(self, camera: int, points_world: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Project points (n, 3) of the world into an image: column, row, depth in metres (n, 3)."""
+        """Project points (n, 3) of the world into an image: column, row, depth in metres (n, 3).
+
+        Points in the camera's plane give inf or NaN: drop by their depth what is not ahead.
+        """
         camera_from_world = poses.invert_pose(self.world_from_camera(camera))
-        ahead, left, up = poses.transform_points(camera_from_world, points_world).T
-        column, row, depth = self.intrinsic(camera) @ np.stack([-left, -up, ahead])
-        # Points in the camera's plane give inf or NaN, which callers drop by their depth.
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.stack([column / depth, row / depth, depth], axis=1)
+        points = poses.transform_points(camera_from_world, points_world)
+        pixels = self.camera_model(camera).pixels_from_camera(points)
+        return np.column_stack([pixels, points[:, 0]])
+
+    def camera_model(self, camera: int) -> CameraModel:
+        """Return the projection of a camera, with the distortion by its lens."""
+        matrix = self.intrinsic(camera)
+        width, height = np.rint(2 * matrix[:2, 2]).astype(int).tolist()
+        authored = CameraModel.build(self.agent.sensors.cameras[camera].camera, width, height)
+        return replace(authored, focal_px=float(matrix[0, 0]))
 
     @property
     def speed_m_s(self) -> float:

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import yaml
 from advercity_dsl import Weather
+from advercity_dsl.lens import CameraLens
 from advercity_dsl.units import KM_H_PER_M_S
 from numpy.typing import ArrayLike
 
@@ -218,7 +219,18 @@ def _describe_camera(sensor_frame: SensorFrame, camera: int) -> dict[str, Any]:
     return {
         "cords": to_plain(carla_pose_from_matrix(world_from_camera)),
         "extrinsic": to_plain(mirror_pose(camera_from_lidar)),
-        "intrinsic": to_plain(sensor_frame.compute_intrinsic(camera)),
+        "intrinsic": to_plain(sensor_frame.build_camera_model(camera).matrix),
+        **_describe_lens(sensor_frame.agent.sensors.cameras[camera].camera.lens),
+    }
+
+
+def _describe_lens(lens: CameraLens | None) -> dict[str, Any]:
+    """Describe a lens by the keys of ROS, which readers of OPV2V ignore; nothing of a pinhole."""
+    if lens is None:
+        return {}
+    return {
+        "distortion_model": lens.model,
+        "distortion_coefficients": to_plain(lens.coefficients, decimals=12),
     }
 
 

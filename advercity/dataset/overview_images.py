@@ -43,6 +43,8 @@ CONTACT_LIDAR_HALF_EXTENT_M = 60.0
 _OTHER_COLOUR = (200, 200, 200)
 _BACKGROUND = 16
 _MAX_LINE_END_PX = 20_000
+LINE_POINTS = 17
+"""Points of a line that a lens bends."""
 """OpenCV draws nothing, or in the wrong place, to ends that are much farther off."""
 
 
@@ -83,8 +85,8 @@ def draw_camera_boxes(view: AgentView, camera: int) -> Uint8Array:
     """Draw the boxes of all annotated objects into a camera's image (h, w, 3)."""
     image = view.image(camera).copy()
     for corners, colour in _iter_boxes(view.boxes):
-        for start, end in _project_edges(view, camera, corners):
-            cv2.line(image, _to_cv_point(start), _to_cv_point(end), colour, 1, cv2.LINE_AA)
+        for line in _project_edges(view, camera, corners):
+            cv2.polylines(image, [_to_cv_points(line)], False, colour, 1, cv2.LINE_AA)
     return image
 
 
@@ -132,12 +134,12 @@ def _iter_boxes(boxes: Boxes) -> Iterator[tuple[Float64Array, tuple[int, int, in
         yield poses.transform_points(pose, corners), colour
 
 
-def _project_edges(
-    view: AgentView, camera: int, corners: Float64Array
-) -> Iterator[tuple[Float64Array, Float64Array]]:
-    """Project the edges of a box to pixels, cut off at the near plane of a camera."""
+def _project_edges(view: AgentView, camera: int, corners: Float64Array) -> Iterator[Float64Array]:
+    """Project the edges of a box to lines (k, 2) of pixels, cut off at a camera's near plane."""
     points = poses.transform_points(poses.invert_pose(view.world_from_camera(camera)), corners)
-    matrix = view.intrinsic(camera)
+    model = view.camera_model(camera)
+    # A lens bends what is straight.
+    steps = np.linspace(0.0, 1.0, 2 if model.distortion is None else LINE_POINTS)[:, None]
     for first, second in BOX_EDGES:
         start, end = points[first], points[second]
         if start[0] < end[0]:
@@ -146,13 +148,11 @@ def _project_edges(
             continue
         if end[0] < NEAR_PLANE_M:
             end = start + (start[0] - NEAR_PLANE_M) / (start[0] - end[0]) * (end - start)
-        pixels = [matrix[:2] @ (-p[1] / p[0], -p[2] / p[0], 1.0) for p in (start, end)]
-        yield pixels[0], pixels[1]
+        yield model.pixels_from_camera(start + steps * (end - start))
 
 
-def _to_cv_point(pixel: Float64Array) -> tuple[int, int]:
-    column, row = np.clip(np.rint(pixel), -_MAX_LINE_END_PX, _MAX_LINE_END_PX).astype(int)
-    return int(column), int(row)
+def _to_cv_points(pixels: Float64Array) -> NDArray[np.int32]:
+    return np.clip(np.rint(pixels), -_MAX_LINE_END_PX, _MAX_LINE_END_PX).astype(np.int32)
 
 
 def _to_top_view_pixels(points: Float64Array, middle: Float64Array, size: int) -> NDArray[np.int32]:

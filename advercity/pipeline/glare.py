@@ -22,6 +22,7 @@ from advercity.physics.sky import direction_from_elevation_azimuth
 from advercity.pipeline.agent_poses import AgentPoses
 from advercity.pipeline.preparation import load_or_build_world, load_or_simulate_traffic
 from advercity.rendering.raycaster import Raycaster, Rays
+from advercity.sensors.camera_model import CameraModel
 
 FRAME_STRIDE = 5
 """Recorded frames between the ones that are checked."""
@@ -139,15 +140,17 @@ def _compute_visibility(
     raycaster = Raycaster(load_or_build_world(spec, traffic.network_path))
     poses = AgentPoses(spec, traffic.trace)
     camera = spec.ego.sensors.camera
-    across = math.tan(math.radians(camera.horizontal_fov_deg) / 2.0)
-    down = across * camera.height_px / camera.width_px
+    size = camera.width_px, camera.height_px
+    model = CameraModel.build(camera, *size)
     offs: list[Float64Array] = []
     views: list[NDArray[np.bool_]] = []
     for index in range(0, len(traffic.trace), FRAME_STRIDE):
         front = poses.world_from_cameras(spec.ego, index)[0]
-        ahead, left, up = (suns @ front[:3, :3]).T
-        off = np.arccos(np.clip(ahead, -1.0, 1.0))
-        seen = (off <= within_rad) & (abs(left) < across * ahead) & (abs(up) < down * ahead)
+        directions = suns @ front[:3, :3]
+        pixels = model.pixels_from_camera(directions)
+        off = np.arccos(np.clip(directions[:, 0], -1.0, 1.0))
+        inside = (directions[:, 0] > 0) & ((pixels > 0) & (pixels < size)).all(axis=1)
+        seen = (off <= within_rad) & inside
         raycaster.place(poses.load_frame(index), hide=frozenset({spec.ego.number}))
         rows = np.flatnonzero(seen)
         eyes = np.broadcast_to(front[:3, 3], (len(rows), 3)).astype(np.float32)

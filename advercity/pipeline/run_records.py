@@ -4,6 +4,7 @@ Each scenario that succeeds adds a line to `runs.jsonl` in the cache. Times and 
 manifests, since those must be the same on every machine.
 """
 
+import math
 import platform
 from contextlib import suppress
 from dataclasses import dataclass
@@ -21,6 +22,7 @@ from advercity.pipeline.cache import find_cache_folder
 from advercity.pipeline.machine import count_usable_cores
 from advercity.pipeline.options import RunOptions
 from advercity.pipeline.progress import ScenarioResult
+from advercity.sensors.camera_model import CameraModel
 
 RECORDS_FILE = "runs.jsonl"
 MAX_RECORDS = 50
@@ -33,7 +35,7 @@ class FrameWork:
     Attributes:
         agents: Agents that sense.
         images: Images of all cameras; each comes with its classes and depths.
-        pixels: Pixels of all those images.
+        pixels: Pixels that are rendered for all those images.
         beams: Beams of all LiDARs, and rays of all radars.
     """
 
@@ -49,11 +51,14 @@ class FrameWork:
         lidars = [lidar for agent in spec.agents for lidar in agent.sensors.lidars]
         radars = [item.radar for agent in spec.agents for item in agent.sensors.radars]
         beams = sum(lidar.channels * lidar.azimuths * lidar.sub_rays for lidar in lidars)
-        pixels = sum(camera.width_px * camera.height_px for camera in cameras)
+        sizes = [
+            CameraModel.build(camera, camera.width_px, camera.height_px).rendered_size
+            for camera in cameras
+        ]
         return FrameWork(
             agents=len(spec.agents),
             images=len(cameras),
-            pixels=max(1, round(pixels * scale**2)),
+            pixels=max(1, round(sum(map(math.prod, sizes)) * scale**2)),
             beams=beams + sum(radar.rays for radar in radars),
         )
 

@@ -25,6 +25,8 @@ from advercity.rendering.light_sources import list_light_sources
 from advercity.rendering.raycaster import Raycaster
 from advercity.sensors.annotation import build_hull_point_lookup, count_lidar_hits, project_boxes
 from advercity.sensors.camera import CameraExposure, render_image
+from advercity.sensors.camera.lens_map import build_lens_map
+from advercity.sensors.camera_model import CameraModel
 from advercity.sensors.lidar import (
     ScanHits,
     cast_scan,
@@ -34,10 +36,8 @@ from advercity.sensors.radar import PlacedRadar, SceneMotion, scan_radar
 from advercity.sensors.sensor_frame import (
     CameraImage,
     LidarScan,
-    ProjectedBox,
     RadarScan,
     SensorFrame,
-    compute_pinhole_matrix,
 )
 from advercity.world import World
 
@@ -166,13 +166,23 @@ class SensorRig:
         self, agent: Agent, frame: Frame, captures: Iterator[CameraCapture]
     ) -> Iterator[CameraImage]:
         for camera, pose in enumerate(self._poses.world_from_cameras(agent, frame.index)):
-            view, capture = build_camera_view(agent, camera, pose, self._profile), next(captures)
+            capture, model = next(captures), build_camera_model(agent, camera, self._profile)
+            image = self._render_image(capture, agent, camera, pose, frame)
+            lens_map = build_lens_map(model)
+            seen = capture if lens_map is None else lens_map.select(capture)
             yield CameraImage(
                 world_from_camera=pose,
-                image=self._render_image(capture, agent, camera, pose, frame),
-                semantic=capture.semantic,
-                depth_cm=quantise_depth(capture.depth),
-                projected_boxes=self._project_boxes(capture, view, frame),
+                image=image,
+                semantic=seen.semantic,
+                depth_cm=quantise_depth(seen.depth),
+                projected_boxes=project_boxes(
+                    seen.instance,
+                    pose,
+                    model,
+                    frame,
+                    self._hull_points,
+                    hide=_carrier_ids(agent),
+                ),
             )
 
     def _render_image(
@@ -186,6 +196,7 @@ class SensorRig:
             frame=frame,
             velocity=self._poses.velocity(agent, frame),
             light_sources=self._light_sources,
+            lens_map=build_lens_map(build_camera_model(agent, camera, self._profile)),
         )
         return render_image(
             capture,
@@ -196,37 +207,31 @@ class SensorRig:
             carrier=agent.id,
         )
 
-    def _project_boxes(
-        self, capture: CameraCapture, view: CameraView, frame: Frame
-    ) -> dict[int, ProjectedBox]:
-        field_of_view = math.degrees(view.horizontal_fov_rad)
-        return project_boxes(
-            capture.instance,
-            view.world_from_camera,
-            compute_pinhole_matrix(view.width_px, view.height_px, horizontal_fov_deg=field_of_view),
-            frame,
-            self._hull_points,
-            hide=view.hide,
-        )
+
+def build_camera_model(agent: Agent, number: int, profile: RenderProfile) -> CameraModel:
+    """Build the projection of a camera by its number to an image at the scale of `profile`."""
+    camera = agent.sensors.cameras[number].camera
+    return CameraModel.build(
+        camera,
+        max(1, round(camera.width_px * profile.scale)),
+        max(1, round(camera.height_px * profile.scale)),
+    )
 
 
 def build_camera_view(
     agent: Agent, number: int, world_from_camera: Matrix, profile: RenderProfile
 ) -> CameraView:
-    """Build the view of a camera by its number, with the image size scaled by `profile`.
-
-    Args:
-        agent: The carrier.
-        number: Number of the camera.
-        world_from_camera: (4, 4), body axes.
-        profile: Scale of the image.
-    """
-    camera = agent.sensors.cameras[number].camera
+    """Build the view to render for a camera by its number; `world_from_camera` in body axes."""
+    model = build_camera_model(agent, number, profile)
+    fov_rad = math.radians(agent.sensors.cameras[number].camera.horizontal_fov_deg)
+    width_px, height_px = model.rendered_size
+    if model.distortion is not None:
+        fov_rad = 2 * math.atan(width_px / (2 * model.focal_px))
     return CameraView(
         world_from_camera=world_from_camera,
-        width_px=max(1, round(camera.width_px * profile.scale)),
-        height_px=max(1, round(camera.height_px * profile.scale)),
-        horizontal_fov_rad=math.radians(camera.horizontal_fov_deg),
+        width_px=width_px,
+        height_px=height_px,
+        horizontal_fov_rad=fov_rad,
         hide=_carrier_ids(agent),
     )
 

@@ -7,10 +7,11 @@ which is see-through, leaves about half of it open, so its visible fraction stay
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 
 import cv2
 import numpy as np
+import shapely
 from advercity_dsl import Lidar
 from numpy.typing import NDArray
 
@@ -20,6 +21,7 @@ from advercity.geometry import poses
 from advercity.geometry.boxes import BOX_EDGES
 from advercity.geometry.directions import spread_directions
 from advercity.geometry.poses import Matrix
+from advercity.sensors.camera_model import CameraModel
 from advercity.sensors.lidar.scan import ScanHits
 from advercity.sensors.measurements import PointKind
 from advercity.sensors.sensor_frame import PixelBox, ProjectedBox, SensorFrame
@@ -45,6 +47,8 @@ def count_lidar_hits(scan: ScanHits, lidar: Lidar) -> dict[int, int]:
 
 NEAR_PLANE_M = 0.05
 """Least depth that is projected; nearer points and those behind the camera have no pixel."""
+CHORD_PX = 8.0
+"""Length of the chords that replace a straight line which the lens bends."""
 NUM_HULL_DIRECTIONS = 256
 HullPointLookup = Callable[[ActorState], NDArray[np.float64]]
 """Returns points (n, 3) of an actor's body, in its frame, whose convex hull is the body's."""
@@ -75,7 +79,7 @@ def select_extreme_points(points: NDArray[np.float64]) -> NDArray[np.float64]:
 def project_boxes(
     instance: NDArray[np.int32],
     world_from_camera: Matrix,
-    intrinsic: NDArray[np.float64],
+    camera: CameraModel,
     frame: Frame,
     find_hull_points: HullPointLookup,
     *,
@@ -86,12 +90,11 @@ def project_boxes(
     Args:
         instance: (h, w) id of the actor that each pixel shows; 0 for everything static.
         world_from_camera: (4, 4), body axes.
-        intrinsic: (3, 3) pinhole matrix, optical axes.
+        camera: Projection to the image.
         frame: States of all actors.
         find_hull_points: Returns points whose convex hull is the actor's.
         hide: Ids of actors that the camera does not show, as its own vehicle.
     """
-    height, width = instance.shape
     visible = _measure_visible_pixels(instance)
     camera_from_world = poses.invert_pose(world_from_camera)
     found: dict[int, ProjectedBox] = {}
@@ -103,8 +106,8 @@ def project_boxes(
         if corners[:, 0].max() <= NEAR_PLANE_M:
             continue
         points = poses.transform_points(camera_from_body, find_hull_points(state))
-        outline = _project_outline(points, corners, intrinsic)
-        box = _clip_to_image(outline, visible.get(state.actor.id), width, height)
+        outline = _project_outline(points, corners, camera)
+        box = _clip_to_image(outline, visible.get(state.actor.id), camera)
         if box is not None:
             found[state.actor.id] = box
     return found
@@ -136,9 +139,9 @@ def _measure_visible_pixels(instance: NDArray[np.int32]) -> dict[int, tuple[int,
 
 
 def _project_outline(
-    points: NDArray[np.float64], corners: NDArray[np.float64], intrinsic: NDArray[np.float64]
+    points: NDArray[np.float64], corners: NDArray[np.float64], camera: CameraModel
 ) -> NDArray[np.float32]:
-    """Project points (n, 3) in a camera's body axes to their convex outline (n, 1, 2) in pixels."""
+    """Project points (n, 3) in a camera's body axes to a convex outline (n, 1, 2) without lens."""
     ahead = points[points[:, 0] > NEAR_PLANE_M]
     # Where the near plane cuts the body, the cut of its box closes the outline: of the body only
     # vertices are known.
@@ -147,28 +150,46 @@ def _project_outline(
     before, behind = before[crossing], behind[crossing]
     fraction = (NEAR_PLANE_M - before[:, :1]) / (behind[:, :1] - before[:, :1])
     ahead = np.concatenate([ahead, before + fraction * (behind - before)])
-    optical = np.stack([-ahead[:, 1], -ahead[:, 2], ahead[:, 0]])
-    pixels = (intrinsic @ optical)[:2] / optical[2]
-    return cv2.convexHull(pixels.T.astype(np.float32)).astype(np.float32)
+    return cv2.convexHull(camera.project_pinhole(ahead).astype(np.float32)).astype(np.float32)
 
 
 def _clip_to_image(
-    outline: NDArray[np.float32], visible: tuple[int, PixelBox] | None, width: int, height: int
+    outline: NDArray[np.float32], visible: tuple[int, PixelBox] | None, camera: CameraModel
 ) -> ProjectedBox | None:
-    image = np.array([[0, 0], [width, 0], [width, height], [0, height]], np.float32)
-    inside_px, inside = cv2.intersectConvexConvex(outline, image)
+    inside_px, seen_px, corners = _cut_outline(outline, camera)
     visible_px, visible_box = visible or (0, None)
-    if inside_px <= 0:
+    if seen_px <= 0:
         return None
-    left, top = inside.reshape(-1, 2).min(axis=0)
-    right, bottom = inside.reshape(-1, 2).max(axis=0)
+    edges = np.concatenate([corners.min(axis=0), corners.max(axis=0)])
     return ProjectedBox(
         visible_px=visible_px,
-        outline_px=float(inside_px),
-        truncation=max(0.0, 1.0 - float(inside_px) / float(cv2.contourArea(outline))),
+        outline_px=seen_px,
+        truncation=max(0.0, 1.0 - inside_px / float(cv2.contourArea(outline))),
         visible_box=visible_box,
-        outline_box=_to_pixel_box(np.array([left, top, right, bottom])),
+        outline_box=_to_pixel_box(edges),
     )
+
+
+def _cut_outline(
+    outline: NDArray[np.float32], camera: CameraModel
+) -> tuple[float, float, NDArray[np.float64]]:
+    """Cut an outline at the image's edge: its area before and behind the lens, its corners."""
+    width, height = camera.width_px, camera.height_px
+    if camera.distortion is None:
+        image = np.array([[0, 0], [width, 0], [width, height], [0, height]], np.float32)
+        inside_px, inside = cv2.intersectConvexConvex(outline, image)
+        found = np.zeros((0, 2)) if inside_px <= 0 else inside.reshape(-1, 2).astype(np.float64)
+        return float(inside_px), float(inside_px), found
+    # Straight lines are curved by the lens, so the cut is made before it.
+    inside = _build_edge(camera) & shapely.MultiPoint(outline[:, 0]).convex_hull
+    seen = shapely.transform(inside.segmentize(CHORD_PX), camera.distort)
+    corners = np.clip(shapely.get_coordinates(seen), 0, (width, height))
+    return inside.area, seen.area, corners
+
+
+@lru_cache(maxsize=8)
+def _build_edge(camera: CameraModel) -> shapely.Polygon:
+    return shapely.Polygon(camera.trace_edge())
 
 
 def _to_pixel_box(edges: NDArray[np.floating] | NDArray[np.integer]) -> PixelBox:

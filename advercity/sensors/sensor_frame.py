@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from advercity.conflicts.roles import ConflictRole, ConflictRoles
 from advercity.frames import Frame
 from advercity.geometry.poses import Matrix
+from advercity.sensors.camera_model import CameraModel
 from advercity.sensors.measurements import (
     GnssFix,
     ImuSample,
@@ -157,19 +158,7 @@ class SensorFrame:
         """Number of beams of all noise-free LiDARs that hit an actor, by actor id."""
         return sum((Counter(scan.hits) for scan in self.lidar_scans), Counter[int]())
 
-    def compute_intrinsic(self, camera: int) -> NDArray[np.float64]:
-        """Compute the pinhole matrix (3, 3) of a camera in pixels of its image."""
+    def build_camera_model(self, camera: int) -> CameraModel:
+        """Build the projection of a camera in pixels of its image."""
         height, width = self.camera_images[camera].image.shape[:2]
-        field_of_view = self.agent.sensors.cameras[camera].camera.horizontal_fov_deg
-        return compute_pinhole_matrix(width, height, horizontal_fov_deg=field_of_view)
-
-
-def compute_pinhole_matrix(
-    width: int, height: int, *, horizontal_fov_deg: float
-) -> NDArray[np.float64]:
-    """Compute the pinhole matrix (3, 3) in pixels of a camera without distortion.
-
-    Optical axes: x right, y down, z along the view.
-    """
-    focal_px = width / (2 * np.tan(np.deg2rad(horizontal_fov_deg) / 2))
-    return np.array([[focal_px, 0, width / 2], [0, focal_px, height / 2], [0, 0, 1]])
+        return CameraModel.build(self.agent.sensors.cameras[camera].camera, width, height)

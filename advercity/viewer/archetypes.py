@@ -47,11 +47,14 @@ def to_transform3d(parent_from_child: Matrix) -> rr.Transform3D:
 
 
 def to_pinhole(sensor_frame: SensorFrame, camera: int) -> rr.Pinhole:
-    """Convert a camera's intrinsics; its axes are declared, so its pose stays in body axes."""
-    height, width = sensor_frame.camera_images[camera].image.shape[:2]
+    """Convert a camera's intrinsics; its axes are declared, so its pose stays in body axes.
+
+    Rerun has no lenses: its image plane is as for a pinhole of the same focal length.
+    """
+    model = sensor_frame.build_camera_model(camera)
     return rr.Pinhole(
-        image_from_camera=sensor_frame.compute_intrinsic(camera),
-        resolution=(width, height),
+        image_from_camera=model.matrix,
+        resolution=(model.width_px, model.height_px),
         camera_xyz=rr.ViewCoordinates.FLU,
         image_plane_distance=IMAGE_PLANE_M,
     )

@@ -4,6 +4,7 @@ Mounts are in the body frame (x forward, y left, z up, metres, origin on the gro
 centre of the vehicle). A positive pitch looks down, a positive yaw left.
 """
 
+import math
 from typing import Annotated, Literal, NamedTuple, Self
 
 from pydantic import Field, model_validator
@@ -18,6 +19,7 @@ from advercity_dsl.base import (
     is_empty,
     is_none,
 )
+from advercity_dsl.lens import CameraLens, find_edge_angle
 from advercity_dsl.units import (
     Count,
     DecibelMilliwatts,
@@ -78,14 +80,16 @@ class Exposure(CompactModel):
 
 
 class Camera(CompactModel):
-    """A pinhole camera; the semantic camera has the same pose, size and field of view."""
+    """A camera; the semantic camera has the same pose, size, field of view and lens."""
 
     width_px: Annotated[Count, Field(ge=16, le=8192)] = 1920
     """Image width."""
     height_px: Annotated[Count, Field(ge=16, le=8192)] = 1080
     """Image height."""
     horizontal_fov_deg: Annotated[Degrees, Field(gt=5, lt=170)] = 100
-    """Horizontal field of view."""
+    """Angle that the width of the image spans, with its lens."""
+    lens: CameraLens | None = Field(default=None, exclude_if=is_none)
+    """Distortion by the lens; without it, the camera is a pinhole."""
     exposure: Exposure = Exposure()
     """How it is exposed."""
     highlights_ev: Annotated[Number, Field(ge=0, le=4)] = 4
@@ -99,6 +103,24 @@ class Camera(CompactModel):
     """Brightness of lens ghosts relative to a coated lens; 0 is none."""
     mounts: Annotated[Items[Mount], Field(min_length=1, max_length=8)]
     """Pose of each camera of this kind."""
+
+    @model_validator(mode="after")
+    def _check_lens(self) -> Self:
+        try:
+            _ = self.edge_angle_rad
+        except ValueError as error:
+            hint = "check its coefficients, or give a smaller horizontal_fov_deg"
+            raise InvalidCombination(("lens",), str(error), hint) from error
+        return self
+
+    @property
+    def edge_angle_rad(self) -> float:
+        """Angle off the axis within which all rays of the image are."""
+        half_rad = math.radians(self.horizontal_fov_deg / 2)
+        corner_ratio = math.hypot(1, self.height_px / self.width_px)
+        if self.lens is None:
+            return math.atan(corner_ratio * math.tan(half_rad))
+        return find_edge_angle(self.lens, half_rad, corner_ratio)
 
 
 class Lidar(CompactModel):

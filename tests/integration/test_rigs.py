@@ -3,6 +3,7 @@
 import shutil
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from advercity_dsl import Spec
@@ -18,6 +19,7 @@ from advercity.dataset.overview_images import (
 from advercity.dataset.reader import Scenario
 from advercity.dataset.verification import verify_dataset
 from advercity.errors import InputError
+from advercity.geometry import poses
 from advercity.pipeline import RunOptions, ViewerTarget, repair_dataset, run_scenario
 from advercity.pipeline.replay import write_recording
 from advercity.testing import with_small_sensors
@@ -31,7 +33,12 @@ id: two_kinds
 vehicle:
   camera: {width_px: 320, height_px: 160, horizontal_fov_deg: 70, mounts: [{z_m: 2}, {yaw_deg: 90}]}
   more_cameras:
-    rear: {width_px: 200, height_px: 200, horizontal_fov_deg: 110, mounts: [{yaw_deg: 180}]}
+    rear:
+      width_px: 200
+      height_px: 200
+      horizontal_fov_deg: 90
+      lens: {model: kannala_brandt, k1: -0.02, k2: 0.004}
+      mounts: [{yaw_deg: 180}]
   lidar: {mount: {z_m: 3}, channels: 4, azimuths: 64, range_m: 50}
   more_lidars:
     bumper: {mount: {x_m: 2, z_m: 0.5}, channels: 2, azimuths: 32, upper_deg: 5, lower_deg: -5}
@@ -87,12 +94,12 @@ def dataset(spec: Spec, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_one_agent_has_a_rig_and_a_body_of_its_own(spec: Spec, library: Path) -> None:
     ego, unit = spec.agents
     fields_of_view = [item.camera.horizontal_fov_deg for item in ego.sensors.cameras]
-    assert fields_of_view == [70, 70, 110]
+    assert fields_of_view == [70, 70, 90]
     assert [lidar.channels for lidar in ego.sensors.lidars] == [4, 2]
     assert (ego.blueprint, len(unit.sensors.cameras), len(unit.sensors.lidars)) == ("lorry", 1, 1)
     origins = {item.path: item.text for item in explain_spec(spec, load_library(library))}
     assert origins["agents.0.sensors.more_lidars.bumper.channels"].startswith(
-        f"{library}/two_kinds.yaml:10:"
+        f"{library}/two_kinds.yaml:15:"
     )
     assert origins["agents.0.blueprint"].startswith(f"{library}/suite.yaml:7:")
 
@@ -136,9 +143,11 @@ def test_cameras_and_lidars_are_read_by_their_numbers(dataset: Path, spec: Spec)
     view = Scenario(dataset)[0]["cav1"]
     assert view.image(0).shape == (32, 64, 3)
     assert view.image(2).shape == (40, 40, 3)
-    for camera, fov_deg in ((0, 70), (2, 110)):
+    # Half the width in focal lengths: of a pinhole the tangent, of the fisheye its polynomial.
+    off = np.pi / 4
+    for camera, half in ((0, np.tan(np.deg2rad(35))), (2, off - 0.02 * off**3 + 0.004 * off**5)):
         matrix = view.intrinsic(camera)
-        assert matrix[0, 2] / matrix[0, 0] == pytest.approx(np.tan(np.deg2rad(fov_deg / 2)))
+        assert matrix[0, 2] / matrix[0, 0] == pytest.approx(half)
     agent_from_world = np.linalg.inv(view.world_from_agent)
     bumper = (agent_from_world @ view.load_lidar_pose(1))[:3, 3]
     np.testing.assert_allclose(bumper, (2, 0, 0.5), atol=1e-6)
@@ -150,6 +159,22 @@ def test_cameras_and_lidars_are_read_by_their_numbers(dataset: Path, spec: Spec)
     assert view.load_cloud(0)["ring"].max() > 1
     with pytest.raises(InputError, match="cav1 has LiDARs 0 to 1; there is no LiDAR 2"):
         view.load_cloud(2)
+
+
+def test_frames_describe_lenses_as_opencv_takes_them(dataset: Path) -> None:
+    view = Scenario(dataset)[0]["cav1"]
+    front, rear = view.description["camera0"], view.description["camera2"]
+    assert "distortion_model" not in front
+    assert rear["distortion_model"] == "kannala_brandt"
+    points_camera = np.array([(5.0, 2.0, 1.0), (8.0, -5.0, -0.5), (3.0, 0.0, 2.0)])
+    points = poses.transform_points(view.world_from_camera(2), points_camera)
+    optical = np.stack([-points_camera[:, 1], -points_camera[:, 2], points_camera[:, 0]], axis=1)
+    matrix, coefficients = np.array(rear["intrinsic"]), np.array(rear["distortion_coefficients"])
+    still = np.zeros(3)
+    expected, _ = cv2.fisheye.projectPoints(optical[:, None], still, still, matrix, coefficients)
+    found = view.pixels(2, points)
+    np.testing.assert_allclose(found[:, :2], expected.reshape(-1, 2), atol=1e-3)
+    np.testing.assert_allclose(found[:, 2], points_camera[:, 0], atol=1e-6)
 
 
 def test_tools_work_with_such_a_rig(dataset: Path, tmp_path: Path) -> None:

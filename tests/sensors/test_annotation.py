@@ -149,4 +149,4 @@ def test_intrinsics_follow_the_size_of_the_image(ego: SensorFrame) -> None:
     full = replace(ego, camera_images=(image,))
     assert full.agent.sensors.camera.horizontal_fov_deg == 100
     expected = [[805.5356459, 0, 960], [0, 805.5356459, 540], [0, 0, 1]]
-    np.testing.assert_allclose(full.compute_intrinsic(0), expected)
+    np.testing.assert_allclose(full.build_camera_model(0).matrix, expected)

@@ -11,6 +11,7 @@ from advercity.frames import Frame
 from advercity.geometry.arrays import Float64Array
 from advercity.physics.lamp_beams import LightSource
 from advercity.rendering.backend import CameraView
+from advercity.sensors.camera.lens_map import LensMap
 
 LENS_FOCAL_LENGTH_M = 0.004
 """Focal length of every lens, which with the f-number gives the width of the aperture."""
@@ -21,11 +22,12 @@ class CameraExposure:
     """One image and the world around the camera while its shutter is open.
 
     Attributes:
-        view: Pose and size of the image.
+        view: Pose and size of the rendered image.
         camera: Exposure settings and optics as authored.
         frame: Actors on the road.
         velocity: Velocity (3,) of the camera in the world, m/s.
         light_sources: Lamps that light the scene; none by day, when daylight outshines them.
+        lens_map: How the lens distorts the rendered image; None of a pinhole.
     """
 
     view: CameraView
@@ -33,6 +35,7 @@ class CameraExposure:
     frame: Frame
     velocity: Float64Array
     light_sources: tuple[LightSource, ...] = ()
+    lens_map: LensMap | None = None
 
     @property
     def focal_px(self) -> float:

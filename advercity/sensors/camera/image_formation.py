@@ -1,7 +1,8 @@
 """Forms a camera image from the radiance that a renderer captured.
 
 Radiance in cd/m² passes the air (the sun's disc, spray, drops and flakes), the glass, the lens
-(stray light, ghosts, vignetting) and the electronics (exposure, white balance, noise, tone).
+(stray light, ghosts, vignetting, distortion) and the electronics (exposure, white balance, noise,
+tone).
 Absent effects leave the image unchanged bit for bit.
 """
 
@@ -148,4 +149,6 @@ def _light_on_sensor(
     fov_rad = exposure.view.horizontal_fov_rad
     light = add_stray_light(light, horizontal_fov_rad=fov_rad, fraction=lens.stray_light)
     light = add_lens_ghosts(light, capture, exposure, conditions.atmosphere)
-    return apply_vignetting(light, exposure.focal_px, exposure.camera.vignetting)
+    light = apply_vignetting(light, exposure.focal_px, exposure.camera.vignetting)
+    # Distortion is last: all before it depends on the angle of a ray, all after it on the pixel.
+    return light if exposure.lens_map is None else exposure.lens_map.average(light)

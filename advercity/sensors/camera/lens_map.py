@@ -1,0 +1,63 @@
+"""Takes the image of a camera with a lens from a rendered plane, which has none."""
+
+import itertools
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import cv2
+import numpy as np
+
+from advercity.geometry.arrays import Float32Array
+from advercity.rendering.backend import CAPTURE_ARRAYS, CameraCapture
+from advercity.sensors.camera_model import CameraModel
+
+MAX_SAMPLES_PER_SIDE = 4
+"""Where a lens squeezes the plane, a pixel is the mean of up to the square of these samples."""
+
+
+@dataclass(frozen=True, eq=False)
+class LensMap:
+    """Takes the image of a camera with a lens from the rendered plane.
+
+    Attributes:
+        corners: (h + 1, w + 1, 2) columns and rows in the plane of the corners of all pixels.
+    """
+
+    corners: Float32Array
+
+    def average(self, plane: Float32Array) -> Float32Array:
+        """Average the light (rows, columns, 3) of the plane over each pixel of the image."""
+        sides = [np.diff(self.corners, axis=axis) for axis in (0, 1)]
+        widest = max(float(np.hypot(side[..., 0], side[..., 1]).max()) for side in sides)
+        count = min(max(1, round(widest)), MAX_SAMPLES_PER_SIDE)
+        offsets = ((np.arange(count) + 0.5) / count).tolist()
+        total = np.zeros((*self.corners[1:, 1:].shape[:2], 3), np.float32)
+        for down, right in itertools.product(offsets, offsets):
+            # OpenCV's coordinates are those of pixel centres.
+            column, row = cv2.split(self._place_samples(down, right) - 0.5)
+            total += cv2.remap(plane, column, row, cv2.INTER_LINEAR)
+        return (total / count**2).astype(np.float32)
+
+    def select(self, capture: CameraCapture) -> CameraCapture:
+        """Select the nearest pixel of a capture for each pixel of the image."""
+        height, width = capture.depth.shape
+        column, row = np.moveaxis(self._place_samples(0.5, 0.5).astype(np.intp), -1, 0)
+        place = np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)
+        return replace(capture, **{name: getattr(capture, name)[place] for name in CAPTURE_ARRAYS})
+
+    def _place_samples(self, down: float, right: float) -> Float32Array:
+        """Find columns and rows (h, w, 2) of places in all pixels, from 0 to 1 down and right."""
+        rows = self.corners[:-1] * (1 - down) + self.corners[1:] * down
+        return (rows[:, :-1] * (1 - right) + rows[:, 1:] * right).astype(np.float32)
+
+
+@lru_cache(maxsize=8)
+def build_lens_map(camera: CameraModel) -> LensMap | None:
+    """Build the map of a camera; None for a pinhole, whose image is the rendered plane itself."""
+    if camera.distortion is None:
+        return None
+    image = camera.width_px, camera.height_px
+    grid = np.stack(np.meshgrid(*(np.arange(side + 1.0) for side in image)), axis=-1)
+    shift = np.subtract(camera.rendered_size, image) / 2
+    corners = camera.undistort(grid.reshape(-1, 2)).reshape(grid.shape) + shift
+    return LensMap(corners.astype(np.float32))

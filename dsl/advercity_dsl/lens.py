@@ -1,0 +1,118 @@
+"""Lenses of cameras: how far from the middle of the image a ray ends, by its angle off the axis.
+
+Both models and the order of their coefficients are OpenCV's: `distCoeffs` of `cv2.projectPoints` is
+(k1, k2, p1, p2, k3), that of `cv2.fisheye.projectPoints` is (k1, k2, k3, k4).
+"""
+
+import math
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from advercity_dsl.base import CompactModel
+from advercity_dsl.units import Number
+
+MAX_OFF_AXIS_DEG = 75.0
+"""Largest angle off the axis that an image may show: one plane is rendered, and its corners would
+otherwise take most of the pixels."""
+SEARCH_STEPS = 1500
+"""Angles up to MAX_OFF_AXIS_DEG at which an image's edge is searched."""
+Coefficient = Annotated[Number, Field(ge=-10, le=10)]
+
+
+class BrownConradyLens(CompactModel):
+    """Radial distortion by powers of a ray's tangent, and decentring (Brown 1971)."""
+
+    model: Literal["brown_conrady"]
+    """Selects this model."""
+    k1: Coefficient = 0
+    """Of the square of the tangent; negative is a barrel, positive a pincushion."""
+    k2: Coefficient = 0
+    """Of its fourth power."""
+    p1: Annotated[Number, Field(ge=-0.1, le=0.1)] = 0
+    """Decentring downwards."""
+    p2: Annotated[Number, Field(ge=-0.1, le=0.1)] = 0
+    """Decentring to the right."""
+    k3: Coefficient = 0
+    """Of its sixth power."""
+
+    @property
+    def coefficients(self) -> tuple[float, ...]:
+        """All coefficients in OpenCV's order."""
+        return self.k1, self.k2, self.p1, self.p2, self.k3
+
+    @property
+    def decentring(self) -> tuple[float, float]:
+        """The two coefficients p1 and p2 of decentring."""
+        return self.p1, self.p2
+
+    def compute_radius(self, angle_rad: float) -> float:
+        """Compute the radius of a ray in focal lengths, without decentring."""
+        radius = math.tan(angle_rad)
+        square = radius**2
+        return radius * (1 + square * (self.k1 + square * (self.k2 + square * self.k3)))
+
+
+class KannalaBrandtLens(CompactModel):
+    """A fisheye: radial distortion by powers of a ray's angle (Kannala and Brandt 2006)."""
+
+    model: Literal["kannala_brandt"]
+    """Selects this model."""
+    k1: Coefficient = 0
+    """Of the square of the angle in radians."""
+    k2: Coefficient = 0
+    """Of its fourth power."""
+    k3: Coefficient = 0
+    """Of its sixth power."""
+    k4: Coefficient = 0
+    """Of its eighth power."""
+
+    @property
+    def coefficients(self) -> tuple[float, ...]:
+        """All coefficients in OpenCV's order."""
+        return self.k1, self.k2, self.k3, self.k4
+
+    @property
+    def decentring(self) -> tuple[float, float]:
+        """Coefficients of decentring, which the model lacks."""
+        return 0.0, 0.0
+
+    def compute_radius(self, angle_rad: float) -> float:
+        """Compute the radius of a ray in focal lengths."""
+        square = angle_rad**2
+        factor = self.k1 + square * (self.k2 + square * (self.k3 + square * self.k4))
+        return angle_rad * (1 + square * factor)
+
+
+CameraLens = Annotated[BrownConradyLens | KannalaBrandtLens, Field(discriminator="model")]
+
+
+def find_edge_angle(lens: CameraLens, half_fov_rad: float, corner_ratio: float) -> float:
+    """Find the angle off the axis, in radians, within which all rays of an image are.
+
+    Args:
+        lens: The lens.
+        half_fov_rad: Angle off the axis at the middle of the left and right edge.
+        corner_ratio: Diagonal of the image relative to its width.
+
+    Raises:
+        ValueError: Rays within the image fold back, or it shows more than a plane can.
+    """
+    needed = corner_ratio * lens.compute_radius(half_fov_rad)
+    radius = 0.0
+    for step in range(1, SEARCH_STEPS + 1):
+        angle_rad = math.radians(MAX_OFF_AXIS_DEG * step / SEARCH_STEPS)
+        # Decentring moves a ray by three times this at most: inwards on one side of the image.
+        moved = 3 * math.hypot(*lens.decentring) * math.tan(angle_rad) ** 2
+        previous, radius = radius, lens.compute_radius(angle_rad) - moved
+        if radius <= previous:
+            place_deg = math.degrees(angle_rad)
+            raise ValueError(
+                f"folds the image {place_deg:.1f} deg off the axis, within its corners"
+            )
+        if radius >= needed and angle_rad >= half_fov_rad:
+            return angle_rad
+    raise ValueError(
+        f"shows more than {2 * MAX_OFF_AXIS_DEG:g} deg from corner to corner, which no plane that "
+        "is rendered can"
+    )
