@@ -43,9 +43,9 @@ CONTACT_LIDAR_HALF_EXTENT_M = 60.0
 _OTHER_COLOUR = (200, 200, 200)
 _BACKGROUND = 16
 _MAX_LINE_END_PX = 20_000
-LINE_POINTS = 17
-"""Points of a line that a lens bends."""
 """OpenCV draws nothing, or in the wrong place, to ends that are much farther off."""
+_LINE_POINTS = 17
+"""Points of a line that a lens bends."""
 
 
 def draw_mosaic(frame: FrameView) -> Uint8Array:
@@ -139,7 +139,7 @@ def _project_edges(view: AgentView, camera: int, corners: Float64Array) -> Itera
     points = poses.transform_points(poses.invert_pose(view.world_from_camera(camera)), corners)
     model = view.camera_model(camera)
     # A lens bends what is straight.
-    steps = np.linspace(0.0, 1.0, 2 if model.distortion is None else LINE_POINTS)[:, None]
+    steps = np.linspace(0.0, 1.0, 2 if model.distortion is None else _LINE_POINTS)[:, None]
     for first, second in BOX_EDGES:
         start, end = points[first], points[second]
         if start[0] < end[0]:
