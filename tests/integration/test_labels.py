@@ -5,7 +5,8 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from advercity_dsl import Catalogue, RoadsideUnit, Spec
+from advercity_dsl import Camera, Catalogue, Mount, RoadsideUnit, Spec
+from advercity_dsl.lens import KannalaBrandtLens
 
 from advercity.assets.bodies import build_body
 from advercity.compiler import find_weather, load_library
@@ -138,10 +139,13 @@ FAR_M = 4000.0
 @pytest.fixture(scope="module")
 def readings(specs: dict[str, Spec]) -> tuple[SensorFrame, ...]:
     """Sensor frames of connected vehicles far from each other, one near a roadside unit."""
-    spec = without_surroundings(specs["ui_clear_day_sparse"])
+    return capture_far_apart(without_surroundings(specs["ui_clear_day_sparse"]), scale=0.1)
+
+
+def capture_far_apart(spec: Spec, scale: float) -> tuple[SensorFrame, ...]:
     backend = pytest.importorskip("advercity_sapien.backend").SapienBackend()
     air = compute_atmosphere(spec.weather, spec.road.land_use)
-    profile = RenderProfile("own", 0.1, "raster")
+    profile = RenderProfile("own", scale, "raster")
     vehicles = {agent.number: agent.blueprint for agent in spec.agents if agent.blueprint}
     world = World(
         id="alone",
@@ -195,3 +199,25 @@ def test_others_see_the_vehicle_that_does_not_see_itself(readings: tuple[SensorF
     assert list(unit.lidar_hits) == [101]
     assert (unit.point_cloud.instance == 101).sum() > 20
     assert sum(int((picture.semantic == VEHICLE).sum()) for picture in unit.camera_images) > 50
+
+
+def test_boxes_lie_on_pictures_through_a_fisheye(specs: dict[str, Spec]):
+    spec = without_surroundings(specs["ui_clear_day_sparse"])
+    unit = next(agent for agent in spec.agents if isinstance(agent.place, RoadsideUnit))
+    ego = next(agent for agent in spec.agents if agent.number == 101)
+    camera = Camera(
+        width_px=640,
+        height_px=400,
+        horizontal_fov_deg=110,
+        lens=KannalaBrandtLens(model="kannala_brandt", k1=-0.02, k2=0.003),
+        mounts=(Mount(yaw_deg=30), Mount(yaw_deg=-45)),
+    )
+    sensors = unit.sensors.model_copy(update={"camera": camera, "more_cameras": {}})
+    agents = tuple(agent.model_copy(update={"sensors": sensors}) for agent in (ego, unit))
+    _, reading = capture_far_apart(spec.model_copy(update={"agents": agents}), scale=1.0)
+    for picture in reading.camera_images:
+        box = picture.projected_boxes[101]
+        assert picture.image.shape == (400, 640, 3)
+        assert box.visible_px == (picture.semantic == VEHICLE).sum() > 500
+        assert box.visible_box is not None
+        np.testing.assert_allclose(box.outline_box, box.visible_box, atol=1)
