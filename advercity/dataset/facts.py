@@ -11,11 +11,13 @@ import numpy as np
 from advercity_dsl.units import KM_H_PER_M_S
 from numpy.typing import NDArray
 
+from advercity.dataset.agent_view import AgentView
 from advercity.dataset.reader import FrameView, Scenario
 from advercity.dataset.scenario_folders import find_scenarios, no_frames_error
 from advercity.dataset.weather_truth import WeatherTruth
 from advercity.physics.timeline import WeatherTimeline
 from advercity.processes import end_with_parent
+from advercity.sensors.measurements import PointKind
 
 OBJECT_FACT = np.dtype(
     [
@@ -28,15 +30,16 @@ OBJECT_FACT = np.dtype(
         ("ego_bearing_rad", "<f8"),
         ("ego_hits", "<f8"),
         ("ego_points", "<f8"),
+        ("ego_detections", "<f8"),
         ("visible_fraction", "<f8"),
     ]
 )
 """An object in a frame, once however many agents annotate it.
 
-Fields that begin with `ego` are NaN where the ego does not annotate it; `visible_fraction` is the
-maximum over all agents.
+Fields that begin with `ego` are NaN where the ego does not annotate it; `ego_detections`, of its
+radars, also where it has none. `visible_fraction` is the maximum over all agents.
 """
-_NOT_BY_EGO = (np.nan,) * 4
+_NOT_BY_EGO = (np.nan,) * 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +55,8 @@ class ScenarioFacts:
         parked: (m,) of `OBJECT_FACT`, the parked cars.
         num_annotations: (frames,) number of `objects`.
         speeds_km_h: (frames, connected vehicles), the ego's first.
+        radars: Number of radars of all agents.
+        radar_detections: (frames, kinds of `PointKind`) detections of all radars.
     """
 
     road: str
@@ -62,6 +67,8 @@ class ScenarioFacts:
     parked: NDArray[np.void]
     num_annotations: NDArray[np.int64]
     speeds_km_h: NDArray[np.float64]
+    radars: int
+    radar_detections: NDArray[np.int64]
 
     @property
     def num_frames(self) -> int:
@@ -103,15 +110,18 @@ def collect_scenario_facts(folder: Path) -> ScenarioFacts:
         parked=np.concatenate([none, *(item.parked for item in found)]),
         num_annotations=np.array([len(item.objects) for item in found], np.int64),
         speeds_km_h=np.array([item.speeds_km_h for item in found], np.float64),
+        radars=sum(len(agent.sensors.radars) for agent in scenario.spec.agents),
+        radar_detections=np.array([item.radar_detections for item in found], np.int64),
     )
 
 
 class _FrameFacts(NamedTuple):
-    """Objects and parked cars of a frame (`OBJECT_FACT`), and speeds of its connected vehicles."""
+    """Facts of a frame, as `ScenarioFacts` has them of all."""
 
     objects: NDArray[np.void]
     parked: NDArray[np.void]
     speeds_km_h: list[float]
+    radar_detections: NDArray[np.int64]
 
 
 def _collect_frame_facts(frame: FrameView) -> _FrameFacts:
@@ -122,14 +132,17 @@ def _collect_frame_facts(frame: FrameView) -> _FrameFacts:
     objects: dict[int, tuple[Any, ...]] = {}
     visible: dict[int, float] = {}
     parked: set[int] = set()
+    radar_detections = np.zeros(len(PointKind), np.int64)
     for view in views:
-        boxes = view.boxes
+        boxes, detections = view.boxes, _load_detections(view)
+        radar_detections += np.bincount(detections["kind"], minlength=len(PointKind))
+        detected = _count_detections(view, detections, boxes.ids)
         parked.update(boxes.ids[boxes.is_parked].tolist())
         for row, number in enumerate(boxes.ids.tolist()):
             visible[number] = max(visible.get(number, 0.0), boxes.visible_fraction[row])
             by_agent = (
                 *(boxes.distances_m[row], boxes.bearings_rad[row]),
-                *(boxes.lidar_hits[row], boxes.lidar_points[row]),
+                *(boxes.lidar_hits[row], boxes.lidar_points[row], detected[row]),
             )
             fact = (
                 *(frame.index, number, boxes.classes[row], number in connected),
@@ -140,4 +153,22 @@ def _collect_frame_facts(frame: FrameView) -> _FrameFacts:
     facts = np.array([(*fact, visible[number]) for number, fact in objects.items()], OBJECT_FACT)
     is_parked = np.isin(facts["id"], list(parked))
     speeds = [view.speed_m_s * KM_H_PER_M_S for view in vehicles]
-    return _FrameFacts(facts[~is_parked], facts[is_parked], speeds)
+    return _FrameFacts(facts[~is_parked], facts[is_parked], speeds, radar_detections)
+
+
+def _load_detections(view: AgentView) -> NDArray[np.void]:
+    """Load kind and object (n,) of the detections of all radars of an agent."""
+    names = ["object_id", "kind"]
+    tables = [view.load_radar(number)[names] for number in range(view.radars)]
+    none = np.empty(0, [("object_id", "<i4"), ("kind", "u1")])
+    return np.concatenate(tables) if tables else none
+
+
+def _count_detections(
+    view: AgentView, detections: NDArray[np.void], ids: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Count the detections of objects (n,) without mirror images; NaN if there is no radar."""
+    if not view.radars:
+        return np.full(len(ids), np.nan)
+    found = detections["object_id"][detections["kind"] == PointKind.SURFACE]
+    return (found[None, :] == ids[:, None]).sum(axis=1).astype(np.float64)

@@ -24,6 +24,7 @@ from advercity.dataset.weather_truth import WeatherTruth
 from advercity.errors import RunError, describe_cause
 from advercity.geometry.arrays import Float64Array
 from advercity.output_files import open_output_folder
+from advercity.sensors.measurements import PointKind
 
 RANGE_M = 200.0
 RANGE_BIN_M = 20.0
@@ -75,6 +76,7 @@ def compute_tables(facts: Sequence[ScenarioFacts]) -> list[StatisticsTable]:
         _tabulate_visibility(facts),
         _tabulate_returns_by_range(facts),
         _tabulate_visible_fraction(facts),
+        *(_tabulate_radars(facts) if any(item.radars for item in facts) else ()),
     ]
 
 
@@ -298,6 +300,40 @@ def _select_counted(
     distance, hits, points = (_concatenate_column(facts, name) for name in names)
     counted = np.isfinite(points)
     return distance[counted], hits[counted], points[counted]
+
+
+def _tabulate_radars(facts: Sequence[ScenarioFacts]) -> list[StatisticsTable]:
+    """Tabulate detections of a scan by kind, and the fraction of objects that the ego detects."""
+    kinds: list[dict[str, Any]] = []
+    fractions: dict[str, Sequence[Any]] = {"distance_m_from": RANGE_EDGES_M[:-1].tolist()}
+    for weather, group in _by_weather([item for item in facts if item.radars]).items():
+        scans = sum(item.num_frames * item.radars for item in group)
+        total = np.concatenate([item.radar_detections for item in group]).sum(axis=0)
+        means = {kind.name.lower(): float(total[kind] / scans) for kind in PointKind}
+        kinds.append({"weather": weather, **means})
+        distance, detections = (
+            _concatenate_column(group, name) for name in ("ego_distance_m", "ego_detections")
+        )
+        fractions[weather] = _compute_fractions(distance, detections > 0, ~np.isnan(detections))
+    return [
+        StatisticsTable("radar_by_kind", "Detections of a radar per scan", _to_columns(kinds)),
+        StatisticsTable(
+            "radar_detected_by_range",
+            "Fraction of the ego's objects that its radars detect, by distance",
+            fractions,
+        ),
+    ]
+
+
+def _compute_fractions(
+    distance_m: Float64Array, found: NDArray[np.bool_], counted: NDArray[np.bool_]
+) -> list[float]:
+    """Compute the fraction found of those counted by range; NaN where there are none."""
+    some, all_ = (
+        np.histogram(distance_m[rows], RANGE_EDGES_M)[0] for rows in (found & counted, counted)
+    )
+    with np.errstate(invalid="ignore"):
+        return (some / all_).tolist()
 
 
 def _tabulate_visible_fraction(facts: Sequence[ScenarioFacts]) -> StatisticsTable:

@@ -2,6 +2,7 @@
 
 import csv
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from advercity.dataset.statistics import StatisticsTable, compute_tables, write_
 from advercity.dataset.statistics_plots import draw_table, write_plots
 from advercity.dataset.weather_truth import WeatherTruth
 from advercity.errors import InputError
+from advercity.sensors.measurements import PointKind
 from tests.builders import SLOPE_RAD, TWO_ROADS_FRAMES
 
 
@@ -66,21 +68,40 @@ def test_frames_are_counted_by_weather_and_time_of_day(facts: list[ScenarioFacts
     assert named(found, "visibility_by_weather")["mor_m"][0] == pytest.approx(75, rel=0.01)
 
 
-def seen_at(*places: tuple[float, float], parked: int = 0) -> ScenarioFacts:
-    """A frame in which the ego annotates cars at these distances and bearings in degrees."""
+def seen_at(
+    *places: tuple[float, float], parked: int = 0, detections: Sequence[int] = ()
+) -> ScenarioFacts:
+    """A frame in which the ego annotates cars at these distances and bearings in degrees.
+
+    With a number of radar detections for each, the ego has a radar and a unit another one.
+    """
     objects = np.zeros(len(places), OBJECT_FACT)
     objects["class"] = "car"
     objects["id"] = np.arange(len(places))
     objects["ego_distance_m"] = [distance for distance, _ in places]
     objects["ego_bearing_rad"] = np.deg2rad([bearing for _, bearing in places])
     objects["ego_hits"], objects["ego_points"] = 10, 5
+    objects["ego_detections"] = detections or np.nan
     weather = WeatherTruth.model_validate(
         dict.fromkeys(WeatherTruth.model_fields, 0.0) | {"id": "fog_day", "time": "day"}
     )
     cars = np.zeros(parked, OBJECT_FACT)
     cars["class"], cars["id"] = "car", np.arange(parked) + 1_000_001
     numbers, speeds = np.array([len(places)]), np.zeros((1, 3))
-    return ScenarioFacts("ui", "dense", "fog_day", (weather,), objects, cars, numbers, speeds)
+    kinds = np.zeros((1, len(PointKind)), np.int64)
+    kinds[0, PointKind.SURFACE], kinds[0, PointKind.GHOST] = sum(detections), 1
+    return ScenarioFacts(
+        road="ui",
+        density="dense",
+        weather="fog_day",
+        weathers=(weather,),
+        objects=objects,
+        parked=cars,
+        num_annotations=numbers,
+        speeds_km_h=speeds,
+        radars=2 if detections else 0,
+        radar_detections=kinds,
+    )
 
 
 def test_parked_cars_are_counted_apart() -> None:
@@ -103,6 +124,22 @@ def test_distances_fall_into_bins_of_20_m() -> None:
     assert ranges["distance_m_from"] == [20.0 * k for k in range(10)]
     assert ranges["dense"] == [2, 1, 0, 0, 0, 0, 0, 0, 0, 1]
     assert named(found, "echoes_by_range")["fog_day"][0] == 0.5
+
+
+def test_radar_detections_are_counted_by_kind_and_objects_by_distance() -> None:
+    frame = seen_at((5.0, 0), (10.0, 0), (30.0, 0), detections=(4, 0, 2))
+    # Scenarios without a radar do not count.
+    found = compute_tables([frame, frame, seen_at((5.0, 0))])
+    kinds = named(found, "radar_by_kind")
+    assert kinds["weather"] == ["fog_day"]
+    assert (kinds["surface"], kinds["ghost"], kinds["rain"]) == ([3.0], [0.5], [0.0])
+    fractions = named(found, "radar_detected_by_range")["fog_day"]
+    assert fractions[:2] == [0.5, 1.0]
+    assert np.isnan(fractions[2:]).all()
+
+
+def test_a_dataset_without_radars_has_no_table_of_them(facts: list[ScenarioFacts]) -> None:
+    assert not [table for table in compute_tables(facts) if "radar" in table.name]
 
 
 def test_the_polar_map_shows_where_objects_are() -> None:

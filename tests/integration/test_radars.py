@@ -10,7 +10,9 @@ import yaml
 from advercity_dsl import Mount, Radar, Spec
 
 from advercity.compiler.crossing import compile_library
+from advercity.dataset.facts import collect_dataset_facts
 from advercity.dataset.reader import Scenario
+from advercity.dataset.statistics import compute_tables
 from advercity.dataset.verification import verify_dataset
 from advercity.errors import InputError
 from advercity.pipeline import RunOptions, ViewerTarget, repair_dataset, run_scenario
@@ -141,6 +143,15 @@ def test_loaders_of_opv2v_find_every_other_file_as_without_radars(
             assert said == yaml.safe_load(path.read_text())
         else:
             assert found[name].read_bytes() == path.read_bytes()
+
+
+def test_statistics_count_what_every_radar_detected(dataset: Path) -> None:
+    views = [frame["cav1"] for frame in Scenario(dataset)]
+    tables = [view.load_radar(number) for view in views for number in (0, 1)]
+    surfaces = np.mean([(table["kind"] == 0).sum() for table in tables])
+    statistics = compute_tables(collect_dataset_facts(dataset.parent))
+    (kinds,) = (dict(table.columns) for table in statistics if table.name == "radar_by_kind")
+    assert list(kinds["surface"]) == pytest.approx([surfaces])
 
 
 def test_the_picture_of_a_radar_has_its_targets_where_they_are() -> None:

@@ -96,6 +96,18 @@ def test_rain_takes_at_most_4_db_of_a_car_at_100_m_and_fog_of_63_m_at_most_02(
     assert clear - 0.2 < strongest_snr_db(detect(car, air=fog), 7) <= clear
 
 
+def test_weathers_differ_in_the_power_of_echoes_and_not_in_their_places() -> None:
+    cars = [make_actor_state(7, 40.0, 0.4, yaw_rad=FACING), make_actor_state(8, 60.0, -6.0)]
+    clear = detect(*cars)
+    fog = detect(*cars, air=derive_air({"fog": {"mor_m": 63}}))
+    for actor in (7, 8):
+        before, after = (rows_of(found, actor) for found in (clear, fog))
+        assert len(before) > 0
+        np.testing.assert_allclose(fog.points[after], clear.points[before], atol=0.01)
+        np.testing.assert_allclose(fog.snr_db[after], clear.snr_db[before], atol=0.2)
+        assert (fog.snr_db[after] < clear.snr_db[before]).all()
+
+
 def test_a_pedestrian_is_detected_up_to_somewhere_between_45_and_70_m() -> None:
     def fraction_detected(range_m: float) -> float:
         found = [

@@ -1,0 +1,180 @@
+"""Finds the ranges at which camera, LiDAR and radar still detect a car and a pedestrian.
+
+The target is alone on a wide, level road, ahead of a vehicle at rest. It is moved away in steps of
+5 m until less than half of the scans within a step detect it:
+
+- a camera if the target's luminance differs from that of the scene without it by 5 % in the mean
+  over its pixels, the contrast that defines visibility; drops on the lens and noise do not count,
+- a LiDAR if five points are the target's,
+- a radar if one detection is.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from advercity_dsl import Agent, Mount, Spec, Weather
+from numpy.typing import NDArray
+
+from advercity.assets.bodies import build_body
+from advercity.frames import Frame
+from advercity.geometry.poses import Matrix, pose_matrix
+from advercity.physics.atmosphere import compute_atmosphere
+from advercity.physics.photometry import LUMINANCE_WEIGHTS
+from advercity.randomness import create_generator
+from advercity.rendering.backend import CameraView, Renderer, RenderProfile, load_backend
+from advercity.rendering.raycaster import Raycaster
+from advercity.sensors.camera import CameraConditions, CameraExposure, add_air_effects
+from advercity.sensors.lidar import cast_scan, derive_lidar_conditions, measure_point_cloud
+from advercity.sensors.measurements import PointKind
+from advercity.sensors.radar import (
+    PlacedRadar,
+    SceneMotion,
+    derive_radar_conditions,
+    scan_radar,
+)
+from advercity.testing import build_flat_world, make_actor_state, make_frame
+
+MIN_CONTRAST, MIN_POINTS = 0.05, 5
+FARTHEST_M, STEP_M = 200, 5
+SCANS, SCAN_STEP_M = 5, 1.0
+CROP = 4
+"""The camera's picture and its field of view are this many times smaller, which is enough."""
+TARGET_ID = 7
+LAND_USE = "urban"
+
+Detector = Callable[[Frame], bool]
+
+
+@dataclass(frozen=True)
+class Target:
+    """A road user that sensors look at from behind."""
+
+    name: str
+    blueprint: str
+    paint: str
+
+
+TARGETS = (
+    Target("car", "seat_leon", "car_paint_silver"),
+    Target("pedestrian", "pedestrian_0001", "cloth_grey"),
+)
+
+
+@dataclass(frozen=True)
+class DetectionRanges:
+    """Largest distances at which sensors detect a target; 0 if at none, `FARTHEST_M` if at all."""
+
+    camera_m: int
+    lidar_m: int
+    radar_m: int
+
+
+class DetectionScene:
+    """The first camera, LiDAR and radar of an agent, and a target ahead of them."""
+
+    def __init__(self, spec: Spec, agent: Agent, target: Target) -> None:
+        self._sensors, self._target = agent.sensors, target
+        self._blueprint = spec.blueprints[target.blueprint]
+        self._body = build_body(target.blueprint, self._blueprint)
+        self._world = build_flat_world(bodies={target.blueprint: self._body}, size_m=1000.0)
+        self._caster = Raycaster(self._world)
+
+    def find_ranges(self, weather: Weather) -> DetectionRanges:
+        """Find the ranges in a weather."""
+        atmosphere = compute_atmosphere(weather, LAND_USE)
+        profile = RenderProfile("ranges", 1.0, "raster")
+        with load_backend("sapien").open(self._world, atmosphere, profile) as renderer:
+            camera_m = self._find_range(self._build_camera_detector(renderer, weather))
+        return DetectionRanges(
+            camera_m=camera_m,
+            lidar_m=self._find_range(self._build_lidar_detector(weather)),
+            radar_m=self._find_range(self._build_radar_detector(weather)),
+        )
+
+    def _find_range(self, detects: Detector) -> int:
+        for distance_m in range(STEP_M, FARTHEST_M + 1, STEP_M):
+            found = [
+                detects(self._place_target(distance_m + SCAN_STEP_M * step))
+                for step in range(SCANS)
+            ]
+            if 2 * sum(found) < SCANS:
+                return distance_m - STEP_M
+        return FARTHEST_M
+
+    def _place_target(self, distance_m: float) -> Frame:
+        state = make_actor_state(
+            TARGET_ID,
+            distance_m + self._body.size[0] / 2,
+            actor_class=self._blueprint.actor_class,
+            blueprint=self._target.blueprint,
+            paint=self._target.paint,
+            size=self._body.size,
+        )
+        walked = replace(state, travelled_m=0.3 * distance_m)
+        return make_frame(walked, index=round(distance_m / SCAN_STEP_M))
+
+    def _build_camera_detector(self, renderer: Renderer, weather: Weather) -> Detector:
+        mounted = self._sensors.cameras[0]
+        camera = mounted.camera
+        view = CameraView(
+            _build_pose(mounted.mount),
+            camera.width_px // CROP,
+            camera.height_px // CROP,
+            2 * math.atan(math.tan(math.radians(camera.horizontal_fov_deg) / 2) / CROP),
+        )
+        atmosphere = compute_atmosphere(weather, LAND_USE)
+        air = CameraConditions.build(atmosphere, weather.lens, "ranges")
+
+        def look(frame: Frame) -> tuple[NDArray[np.floating], NDArray[np.bool_]]:
+            """Compute luminances (h, w) and where the target is (h, w)."""
+            renderer.place(frame)
+            exposure = CameraExposure(view, camera, make_frame(), velocity=np.zeros(3))
+            capture = add_air_effects(renderer.render_camera(view), exposure, air)
+            return capture.radiance @ LUMINANCE_WEIGHTS, capture.instance == TARGET_ID
+
+        empty, _ = look(make_frame())
+
+        def detects(frame: Frame) -> bool:
+            luminance, on_target = look(frame)
+            contrast = np.abs(luminance / empty - 1.0)[on_target]
+            return bool(on_target.any()) and contrast.mean() >= MIN_CONTRAST
+
+        return detects
+
+    def _build_lidar_detector(self, weather: Weather) -> Detector:
+        lidar = self._sensors.lidar
+        atmosphere = compute_atmosphere(weather, LAND_USE)
+        air = derive_lidar_conditions(atmosphere, weather.lens)
+
+        def detects(frame: Frame) -> bool:
+            self._caster.place(frame)
+            pose = _build_pose(lidar.mount)
+            hits = cast_scan(lidar, pose, self._caster, puddle_coverage=air.puddle_coverage)
+            rng = create_generator("ranges", "lidar", frame.index)
+            cloud = measure_point_cloud(lidar, hits, air, rng, states=frame.states)
+            on_target = (cloud.instance == TARGET_ID) & (cloud.kind == PointKind.SURFACE)
+            return int(on_target.sum()) >= MIN_POINTS
+
+        return detects
+
+    def _build_radar_detector(self, weather: Weather) -> Detector:
+        radar, mount = self._sensors.radars[0]
+        atmosphere = compute_atmosphere(weather, LAND_USE)
+        air = derive_radar_conditions(atmosphere, weather.lens, weather.fog)
+        placed = PlacedRadar(radar, mount, _build_pose(mount), np.zeros(3))
+
+        def detects(frame: Frame) -> bool:
+            self._caster.place(frame)
+            motion = SceneMotion(frame, self._world.bodies)
+            rng = create_generator("ranges", "radar", frame.index)
+            found = scan_radar(placed, (), self._caster, motion, air, rng).detections
+            on_target = (found.instance == TARGET_ID) & (found.kind == PointKind.SURFACE)
+            return bool(on_target.any())
+
+        return detects
+
+
+def _build_pose(mount: Mount) -> Matrix:
+    return pose_matrix((mount.x_m, mount.y_m, mount.z_m))
