@@ -34,6 +34,7 @@ HEIGHT_PX, AHEAD_M, BEHIND_M, SIDE_M = 360, 80.0, 10.0, 45.0
 SCALE = 1 / 3
 """Of the pictures that are taken."""
 BOX_COLOUR = (250, 200, 60)
+GAP_PX = 4
 NOTE = """\
 One moment in clear air, 50 mm/h of rain, fog of 75 m and snow: the ego's front camera; its LiDAR,
 coloured by what returned a point (grey: surfaces, blue: rain or fog, white: snow); its front radar,
@@ -45,7 +46,9 @@ Made by `python docs/make_sensor_pictures.py`.
 RANGES_NOTE = """\
 Ranges in metres up to which a target from behind is detected, alone on a level road: by the camera
 at a contrast of 5 % before the lens, by the LiDAR with five points, by the radar with one
-detection, each in at least half of the scans. More than 200 m were not tried.
+detection, each in at least half of the scans. More than 200 m were not tried. The LiDAR's 32 rings
+lie 1.3 degrees apart, 1.4 m at 60 m: beyond, a car has points in two rings or in none, whatever the
+weather; snow on it returns more than its glass and paint.
 """
 
 
@@ -87,7 +90,8 @@ def draw_row(view: AgentView) -> NDArray[np.uint8]:
     image = view.image(0)
     width_px = HEIGHT_PX * image.shape[1] // image.shape[0]
     small = cv2.resize(image, (width_px, HEIGHT_PX), interpolation=cv2.INTER_AREA)
-    return np.hstack([small.astype(np.uint8), draw_lidar(view), draw_radar(view)])
+    gap = np.full((HEIGHT_PX, GAP_PX, 3), 255, np.uint8)
+    return np.hstack([small.astype(np.uint8), gap, draw_lidar(view), gap, draw_radar(view)])
 
 
 def draw_lidar(view: AgentView) -> NDArray[np.uint8]:
