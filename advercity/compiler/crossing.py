@@ -176,15 +176,18 @@ def compile_suite(library: Library, suite: Suite, *, require_sun: bool = True) -
         for inputs in by_traffic.values()
     )
     solved = _solve_conflicts(library, suite, by_traffic)
+    assets = {key: _list_assets(library, by_traffic[key]) for key in solved}
     specs: list[Spec] = []
     for inputs in scenarios:
         if inputs.traffic_key not in solved:
             continue
         conflicts, road = solved[inputs.traffic_key]
-        assets = _list_assets(library, inputs)
+        own_assets = assets[inputs.traffic_key]
         inputs = replace(inputs, road=road)
         own_groups = groups[road.id]
-        specs.append(build_spec(library, suite, inputs, own_groups, conflicts, resolved, assets))
+        specs.append(
+            build_spec(library, suite, inputs, own_groups, conflicts, resolved, own_assets)
+        )
     return specs
 
 

@@ -17,7 +17,7 @@ from advercity.pipeline.progress import RunListener, ScenarioResult, SilentListe
 from advercity.pipeline.spec_models import check_models
 from advercity.pipeline.workers import WorkerPool
 from advercity.rendering.backend import load_backend
-from advercity.viewer.recording import check_recording_file
+from advercity.viewer.recording import check_recording_file, parse_viewer_address
 
 _logger = logging.getLogger(__name__)
 KILLED_RUN_S = 1.0
@@ -134,6 +134,8 @@ def validate_batch(specs: Sequence[Spec], options: RunOptions) -> None:
         raise InputError("`rrd`, `stream` and `connect` show one scenario; run them one by one")
     if options.viewer.file is not None:
         check_recording_file(options.viewer.file)
+    if options.viewer.connect is not None:
+        parse_viewer_address(options.viewer.connect)
     load_backend(options.backend)
     check_output_folder(options.output)
 

@@ -107,27 +107,36 @@ def start_server_sink(port: int) -> rr.GrpcServerSink:
     return rr.GrpcServerSink(LOOPBACK_ADDRESS, port)
 
 
-def connect_viewer_sink(address: str) -> rr.GrpcSink:
-    """Connect to a running viewer at `host:port` or a whole `rerun+http://host:port/proxy`.
+def parse_viewer_address(address: str) -> tuple[str, tuple[str, int]]:
+    """Parse `host:port` or a whole `rerun+http://host:port/proxy` into URL, and host and port.
 
     Raises:
         InputError: `address` is neither.
-        RunError: No viewer answers.
     """
     url = address if "://" in address else f"rerun+http://{address}/proxy"
     try:
-        sink = rr.GrpcSink(url)
+        rr.GrpcSink(url)
         parts = urlsplit(url)
-        host, port = parts.hostname or LOOPBACK_ADDRESS, parts.port or DEFAULT_PORT
+        return url, (parts.hostname or LOOPBACK_ADDRESS, parts.port or DEFAULT_PORT)
     except (RuntimeError, ValueError) as error:
         raise InputError(
             f"{address}: not an address of a Rerun viewer; write host:port: {error}"
         ) from error
+
+
+def connect_viewer_sink(address: str) -> rr.GrpcSink:
+    """Connect to a running viewer at an address as `parse_viewer_address` has it.
+
+    Raises:
+        InputError: `address` is none.
+        RunError: No viewer answers.
+    """
+    url, endpoint = parse_viewer_address(address)
     try:
-        socket.create_connection((host, port), timeout=CONNECT_TIMEOUT_S).close()
+        socket.create_connection(endpoint, timeout=CONNECT_TIMEOUT_S).close()
     except OSError as error:
         raise RunError(f"{address}: no Rerun viewer answers; start one with: rerun") from error
-    return sink
+    return rr.GrpcSink(url)
 
 
 class RerunRecording:

@@ -19,6 +19,8 @@ from advercity.rendering.backend import Capabilities, RenderProfile
 from advercity.world import World
 
 if TYPE_CHECKING:
+    import sapien
+
     from advercity_sapien.renderer import SapienRenderer
 
 PROBE_SCRIPT = "import sapien; print(sapien.render.get_device_summary())"
@@ -113,8 +115,24 @@ class SapienBackend:
         from advercity_sapien.renderer import SapienRenderer
 
         sapien_device = sapien.Device("cuda" if device.is_cuda else "cpu")
+        _keep_compiled_shaders(sapien_device, profile)
         renderer = SapienRenderer(world, atmosphere, profile, sapien_device)
         try:
             yield renderer
         finally:
             renderer.close()
+
+
+_kept: list["sapien.render.RenderSystem"] = []
+
+
+def _keep_compiled_shaders(device: "sapien.Device", profile: RenderProfile) -> None:
+    """Keep SAPIEN's engine for the renderers to come if it keeps their shaders, too.
+
+    The engine ends with the last object that uses it. It keeps shaders of raster packs, but
+    compiles those of a ray-traced pack for every scene, and Mesa's cache on disk, which saves
+    most of that, knows them by their number within the engine: a new engine counts anew.
+    """
+    import sapien
+
+    _kept[:] = [] if profile.renderer == "ray_traced" else [sapien.render.RenderSystem(device)]

@@ -45,7 +45,7 @@ def ideal_surfaces(monkeypatch: pytest.MonkeyPatch) -> None:
     set_matt_materials(monkeypatch, black=0.0, grey=0.5, white=1.0)
 
 
-@pytest.fixture(params=["raster", "ray_traced"])
+@pytest.fixture(scope="module", params=["raster", "ray_traced"])
 def renderer(request: pytest.FixtureRequest) -> Literal["raster", "ray_traced"]:
     return request.param
 

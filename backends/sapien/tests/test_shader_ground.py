@@ -29,7 +29,8 @@ from tests.render_builders import (
 pytestmark = pytest.mark.render
 
 Kind = Literal["raster", "ray_traced"]
-both = pytest.mark.parametrize("kind", ["raster", "ray_traced"])
+# Of the module, so that tests are sorted by it: shaders of the raster pack stay compiled.
+both = pytest.mark.parametrize("kind", ["raster", "ray_traced"], scope="module")
 
 BLACK, GREY, WHITE = "wood", "concrete", "plaster"
 UNLIT = Lamp(0)

@@ -42,7 +42,7 @@ def ideal_surfaces(monkeypatch: pytest.MonkeyPatch) -> None:
     set_matt_materials(monkeypatch, black=0.0, grey=0.3, card=0.8, white=1.0)
 
 
-@pytest.fixture(params=["raster", "ray_traced"])
+@pytest.fixture(scope="module", params=["raster", "ray_traced"])
 def opened(request: pytest.FixtureRequest) -> Open:
     return opening(request.param)
 
