@@ -315,6 +315,12 @@ def test_a_recording_shows_what_was_asked_for_last(spec: Spec, made: Path, tmp_p
     assert file.stat().st_size > 10_000
 
 
+def test_a_viewer_that_does_not_answer_leaves_no_dataset(spec: Spec, tmp_path: Path) -> None:
+    with pytest.raises(RunError, match="no Rerun viewer answers"):
+        run(spec, tmp_path, 0, 1, backend="fake", viewer=ViewerTarget(connect="127.0.0.1:1"))
+    assert not list(tmp_path.rglob("*"))
+
+
 def test_frames_beyond_the_end_are_bad_input(spec: Spec, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="has frames 0 to"):
         run(spec, tmp_path, 5000, 5001)
