@@ -75,7 +75,7 @@ def _descend(annotation: Any, part: str | int) -> list[Any]:
             # Aliases are YAML keys that Python reserves, such as `from`.
             if part == (field.alias or name):
                 return [field]
-        is_tagged = part in (annotation.__name__, *_find_tags(annotation))
+        is_tagged = part in (annotation.__name__, *find_tags(annotation))
         return [annotation] if is_tagged else []
     if isinstance(annotation, FieldInfo):
         return _descend(annotation.annotation, part)
@@ -90,7 +90,7 @@ def _descend(annotation: Any, part: str | int) -> list[Any]:
     return [found for argument in arguments for found in _descend(argument, part)]
 
 
-def _find_tags(model: type[Model]) -> list[Any]:
+def find_tags(model: type[Model]) -> list[Any]:
     """Find the only values of fields that have one, by which unions select the model."""
     annotations = [field.annotation for field in model.model_fields.values()]
     values = [get_args(item) for item in annotations if get_origin(item) is Literal]

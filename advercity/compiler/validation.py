@@ -18,6 +18,7 @@ from advercity.compiler.fields import (
     find_field_names,
     find_models,
     find_number_constraints,
+    find_tags,
 )
 from advercity.diagnostics import MAX_LISTED, Diagnostic, DiagnosticsError
 
@@ -167,7 +168,9 @@ def _describe_too_long(error: FieldError) -> MessageAndHint:
 
 def _describe_missing_tag(error: FieldError) -> MessageAndHint:
     field = _find_tag_field(error.context) or "kind"
-    return f"the field '{field}' is missing", "add it to select one of the alternatives"
+    models = find_models(error.model, error.loc)
+    tags = sorted({tag for model in models for tag in find_tags(model)})
+    return f"the field '{field}' is missing", f"add it, one of: {', '.join(tags)}"
 
 
 def _describe_unknown_tag(error: FieldError) -> MessageAndHint:
