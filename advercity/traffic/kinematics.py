@@ -7,7 +7,7 @@ one function smooths positions and plain numbers alike.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -394,11 +394,13 @@ class SumoRecording:
         tracks: `FRONT_DTYPE` rows by actor, sorted by tick.
         signal_ids: Ids of `SignalLamp`.
         signals: (ticks, signals) uint8 of `Signal`.
+        bodies: `STATE_DTYPE` rows by actor, of those whose bodies were computed before.
     """
 
     tracks: Mapping[int, NDArray[np.void]]
     signal_ids: tuple[str, ...]
     signals: NDArray[np.uint8]
+    bodies: dict[int, NDArray[np.void]] = field(default_factory=dict)
 
     def __len__(self) -> int:
         """Return the number of ticks, warm-up included."""
@@ -406,7 +408,8 @@ class SumoRecording:
 
     def with_tracks(self, tracks: Mapping[int, NDArray[np.void]]) -> "SumoRecording":
         """Add or replace the tracks of some actors."""
-        return replace(self, tracks={**self.tracks, **tracks})
+        bodies = {number: rows for number, rows in self.bodies.items() if number not in tracks}
+        return replace(self, tracks={**self.tracks, **tracks}, bodies=bodies)
 
 
 def build_trace(
@@ -417,14 +420,39 @@ def build_trace(
     Raises:
         RunError: No actor is left at that tick.
     """
-    kerb_height = build_kerb_height(spec.road)
-    tick_s = spec.timing.tick_s
-    speeds = {trip.actor.id: trip.speed_m_s for trip in demand.walkers}
     known = {actor.id: actor for actor in demand.actors}
+    _compute_bodies(spec, demand, recording, known)
     actors: list[Actor] = []
     states: list[NDArray[np.void]] = []
-    for number, track in sorted(recording.tracks.items()):
-        actor = known[number]
+    for number, rows in sorted(recording.bodies.items()):
+        # Cut off the warm-up only now: axles roll and people turn on what they did before.
+        rows = rows[rows["tick"] >= first_tick]
+        if len(rows) > 0:
+            rows["tick"] -= first_tick
+            rows["actor"] = len(actors)
+            actors.append(known[number])
+            states.append(rows)
+    if not states:
+        raise RunError("a connected vehicle arrives during the warm-up; move it back")
+    together = np.concatenate(states)
+    return Trace(
+        tick_s=spec.timing.tick_s,
+        first_tick=first_tick,
+        actors=tuple(actors),
+        states=_round_states(together[np.lexsort((together["actor"], together["tick"]))]),
+        signal_ids=recording.signal_ids,
+        signals=recording.signals[first_tick:],
+    )
+
+
+def _compute_bodies(
+    spec: Spec, demand: TrafficDemand, recording: SumoRecording, actors: Mapping[int, Actor]
+) -> None:
+    """Add the bodies that a recording lacks: traces of several first ticks have the same."""
+    kerb_height = build_kerb_height(spec.road)
+    speeds = {trip.actor.id: trip.speed_m_s for trip in demand.walkers}
+    for number in recording.tracks.keys() - recording.bodies.keys():
+        track, actor = recording.tracks[number], actors[number]
         if actor.actor_class == "pedestrian":
             # A staged pedestrian has no walking speed of its own, but the speed of its track.
             speed = speeds[number] if number in speeds else float(track["speed"].max())
@@ -432,34 +460,17 @@ def build_trace(
                 track,
                 actor.size[0],
                 speed_m_s=speed,
-                tick_s=tick_s,
+                tick_s=spec.timing.tick_s,
                 kerb_height=kerb_height,
                 smoothing_ticks=(
                     WALKING_SMOOTHING_TICKS if number in speeds else STAGED_WALKING_SMOOTHING_TICKS
                 ),
             )
         else:
-            rows = compute_vehicle_states(track, actor.size[0], tick_s=tick_s)
+            rows = compute_vehicle_states(track, actor.size[0], tick_s=spec.timing.tick_s)
             if actor.actor_class == "bicycle":
                 rows["lamps"] = 0
-        # Cut off the warm-up only now: axles roll and people turn on what they did before.
-        rows = rows[rows["tick"] >= first_tick]
-        if len(rows) > 0:
-            rows["tick"] -= first_tick
-            rows["actor"] = len(actors)
-            actors.append(actor)
-            states.append(rows)
-    if not states:
-        raise RunError("a connected vehicle arrives during the warm-up; move it back")
-    together = np.concatenate(states)
-    return Trace(
-        tick_s=tick_s,
-        first_tick=first_tick,
-        actors=tuple(actors),
-        states=_round_states(together[np.lexsort((together["actor"], together["tick"]))]),
-        signal_ids=recording.signal_ids,
-        signals=recording.signals[first_tick:],
-    )
+        recording.bodies[number] = rows
 
 
 def _round_states(states: NDArray[np.void]) -> NDArray[np.void]:

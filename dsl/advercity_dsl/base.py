@@ -93,11 +93,11 @@ class CompactModel(Model):
     def _serialize_without_defaults(
         self, serialise: SerializerFunctionWrapHandler
     ) -> dict[str, Any]:
-        defaults = _get_field_defaults(type(self))
+        defaults, fields = _get_field_defaults(type(self)), vars(self)
         return {
             name: value
             for name, value in serialise(self).items()
-            if name not in defaults or getattr(self, name) != defaults[name]
+            if name not in defaults or fields[name] != defaults[name]
         }
 
 

@@ -117,7 +117,11 @@ def split_into_tiles(mesh: Mesh) -> Iterator[Mesh]:
     """Cut a mesh along a grid: rays skip small meshes, which halves the time of tracing."""
     size_m = LEAF_TILE_M if mesh.material in LEAF_MATERIALS else MESH_TILE_M
     middles = mesh.vertices[mesh.triangles].mean(axis=1)[:, :2]
-    _, tile = np.unique(np.floor(middles / size_m), axis=0, return_inverse=True)
+    tiles = np.floor(middles / size_m)
+    if len(tiles) > 0 and (tiles == tiles[0]).all():
+        yield mesh
+        return
+    _, tile = np.unique(tiles, axis=0, return_inverse=True)
     for number in range(int(tile.max(initial=-1)) + 1):
         used, triangles = np.unique(mesh.triangles[tile.ravel() == number], return_inverse=True)
         yield replace(

@@ -235,8 +235,9 @@ def test_more_rain_never_lets_one_see_farther(opened: Open) -> None:
 
 
 def test_every_component_of_weather_can_be_disabled(opened: Open) -> None:
+    size = 64, 36
     clear = {"sky": {"oktas": 8, "diffuse_lx": 9000.0}, "air": {"mor_m": None}}
-    plain = through_air(opened, street(), weather(**clear))
+    plain = through_air(opened, street(), weather(**clear), size)
     off: dict[str, dict[str, object]] = {
         "fog": {"mor_m": None},
         "rain": {"rate_mm_h": 0},
@@ -253,8 +254,8 @@ def test_every_component_of_weather_can_be_disabled(opened: Open) -> None:
         "surface": {"wetness": 1},
     }
     for name, setting in off.items():
-        same = through_air(opened, street(), weather(**clear | {name: setting}))
+        same = through_air(opened, street(), weather(**clear | {name: setting}), size)
         np.testing.assert_array_equal(same.radiance, plain.radiance)
     for name, setting in on.items():
-        other = through_air(opened, street(), weather(**clear | {name: setting}))
+        other = through_air(opened, street(), weather(**clear | {name: setting}), size)
         assert (other.radiance != plain.radiance).any(), name
