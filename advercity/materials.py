@@ -33,6 +33,7 @@ class Texture(IntEnum):
     STONE = 12
     MARKING = 13
     SLABS = 14
+    CROWN = 15
 
 
 @dataclass(frozen=True)
@@ -259,6 +260,6 @@ MATERIALS: dict[str, Material] = {
     "water": Material((0.015, 0.025, 0.025), 0.03, WATER_77GHZ, roughness=0.05),
     "sign_blue": Material((0.02, 0.07, 0.32), 0.85, PLATE_77GHZ, sheeting_reflectance=60.0),
     "grass_blades": Material((0.10, 0.14, 0.045), 0.40, PLANTS_77GHZ, texture=Texture.LEAVES),
-    # Leaves deep in a crown, with the shade between them.
-    "inner_leaves": Material((0.025, 0.05, 0.014), 0.40, PLANTS_77GHZ, texture=Texture.LEAVES),
+    # Leaves deep in a crown, with the shade between them; many layers, which let no light through.
+    "inner_leaves": Material((0.025, 0.05, 0.014), 0.40, PLANTS_77GHZ, texture=Texture.CROWN),
 }

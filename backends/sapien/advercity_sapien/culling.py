@@ -72,7 +72,6 @@ class FrustumCuller:
         self._centre, self._half = np.empty((0, 3)), np.empty((0, 3))
         self._pixel_m = np.empty((0, 2))
         self._shown = np.empty(0, dtype=bool)
-        self._distances_m = np.empty((0, 2))
 
     def add_body(
         self,
@@ -80,13 +79,11 @@ class FrustumCuller:
         low: FloatArray,
         high: FloatArray,
         *,
-        distances_m: tuple[float, float] = (0.0, np.inf),
         pixel_m: PixelRange = ANY_PIXEL,
     ) -> None:
         """Add a shown body whose bounding box has two corners (3,) in the world.
 
-        Cameras see it if the box's centre is within the two distances of them, and the size of a
-        pixel at the box is in the range of `pixel_m`.
+        Cameras see it if the size of a pixel at the box is in the range of `pixel_m`.
         """
         self._numbers[body] = len(self._bodies)
         self._bodies.append(body)
@@ -94,7 +91,6 @@ class FrustumCuller:
         self._half = np.vstack([self._half, (high - low) / 2.0])
         self._pixel_m = np.vstack([self._pixel_m, pixel_m])
         self._shown = np.append(self._shown, True)
-        self._distances_m = np.vstack([self._distances_m, distances_m])
 
     def move_body(self, body: RenderBody, centre: ArrayLike) -> None:
         """Move the centre (3,) of a body's bounding box."""
@@ -107,8 +103,6 @@ class FrustumCuller:
         """
         shown = np.any([part.may_intersect(self._centre, self._half) for part in volumes], axis=0)
         away = self._centre - view.world_from_camera[:3, 3]
-        away_m = np.linalg.norm(away, axis=1)
-        shown &= (away_m >= self._distances_m[:, 0]) & (away_m < self._distances_m[:, 1])
         pixel_rad = 2.0 * np.tan(view.horizontal_fov_rad / 2.0) / view.width_px
         nearest_m = np.linalg.norm(np.maximum(np.abs(away) - self._half, 0.0), axis=1)
         pixel_m = pixel_rad * nearest_m

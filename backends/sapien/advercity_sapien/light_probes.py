@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from advercity.geometry.arrays import Float32Array, Float64Array
 from advercity.geometry.directions import spread_directions
-from advercity.materials import MATERIALS
+from advercity.materials import MATERIALS, Texture
 from advercity.physics.atmosphere import Atmosphere
 from advercity.physics.photometry import cubemap_directions, cubemap_solid_angles, luminance
 from advercity.rendering.raycaster import MATERIAL_NAMES, Raycaster, RayHits, Rays
@@ -44,6 +44,7 @@ TRANSMITTED_BY_LEAVES = 0.4
 """Fraction of the sun's light on leaves that shines through them."""
 GROUND_CHANNEL = 3
 _ALBEDO = np.array([MATERIALS[name].albedo for name in MATERIAL_NAMES])
+_IS_LEAF = np.array([MATERIALS[name].texture is Texture.LEAVES for name in MATERIAL_NAMES])
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,7 +198,7 @@ def _compute_radiance(
 ) -> Float64Array:
     """Compute the light (n, 3) in cd/m² of what rays hit, lit by the sun and an open sky."""
     cosine = hits.normal @ atmosphere.sun_direction
-    is_leaf = hits.semantic == Semantic.VEGETATION
+    is_leaf = _IS_LEAF[hits.material]
     cosine = np.where(is_leaf & (cosine < 0.0), -TRANSMITTED_BY_LEAVES * cosine, cosine)
     sunlit = np.flatnonzero(np.isfinite(hits.range_m) & (cosine > 0.0) & (atmosphere.sun_lx > 0.0))
     points = rays.origins[sunlit] + rays.directions[sunlit] * hits.range_m[sunlit, None]

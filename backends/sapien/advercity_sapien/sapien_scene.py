@@ -40,12 +40,12 @@ PARKED_POSE = sapien.Pose([0.0, 0.0, -1e4])
 PANE_MATERIALS = frozenset(name for name, item in MATERIALS.items() if item.is_transparent)
 Piece = Wheel | Literal["details", "panes", "distant panes"] | None
 """What of an actor is a body of its own; None is its shape without wheels and panes."""
-DETAIL_RANGE_M = 40.0
-"""Distance from the camera up to which raster images have details and windows to look through."""
-PIECE_DISTANCES_M: dict[Piece, tuple[float, float]] = {
-    "details": (0.0, DETAIL_RANGE_M),
-    "panes": (0.0, DETAIL_RANGE_M),
-    "distant panes": (DETAIL_RANGE_M, np.inf),
+DETAIL_PIXEL_M = 0.15
+"""Size of a pixel up to which raster images have details and windows to look through."""
+PIECE_PIXELS_M: dict[Piece, PixelRange] = {
+    "details": (0.0, DETAIL_PIXEL_M),
+    "panes": (0.0, DETAIL_PIXEL_M),
+    "distant panes": (DETAIL_PIXEL_M, np.inf),
 }
 GLASS_SHADING_MODE = 1
 """SAPIEN's number of the pass that draws panes, after all that is seen through them."""
@@ -295,8 +295,8 @@ class SapienScene:
             body.shading_mode = GLASS_SHADING_MODE
         # A cube around the sphere of all vertices fits in any orientation.
         radius = max(float(np.linalg.norm(mesh.vertices, axis=1).max()) for mesh in meshes)
-        distances_m = PIECE_DISTANCES_M.get(piece, (0.0, np.inf))
-        self.culler.add_body(body, np.full(3, -radius), np.full(3, radius), distances_m=distances_m)
+        pixel_m = PIECE_PIXELS_M.get(piece, ANY_PIXEL)
+        self.culler.add_body(body, np.full(3, -radius), np.full(3, radius), pixel_m=pixel_m)
         return body
 
     def _add_signal(self, lamp: SignalLamp) -> RenderBody:

@@ -24,7 +24,7 @@ GRID_CELLS, LAMPS_PER_CELL = 32, 16
 """Cells along each edge of the ground that has lamps."""
 TILES_HIGH, TILES_WIDE, LAMPS_PER_TILE = 18, 32, 16
 """Tiles of an image."""
-BEARINGS, LAMPS_PER_BEARING = 64, 8
+BEARINGS, LAMPS_PER_BEARING = 64, 16
 """Sectors of the horizon, counterclockwise from -180 degrees."""
 FOG_BEAM_NODES = 16, 16, 8
 """Directions off a beam's axis: rings by the square root of the angle, spokes from right to up."""

@@ -20,7 +20,7 @@ float coverFraction(float fraction, float noise, float sigma, float kept, float 
 // Whether water makes a film; between blades, leaves and crumbs it stays in drops.
 bool holdsFilm(int kind) {
   return !(kind >= TEXTURE_GRASS && kind <= TEXTURE_CROPS) && kind != TEXTURE_BARK
-      && kind != TEXTURE_LEAVES;
+      && kind != TEXTURE_LEAVES && kind != TEXTURE_CROWN;
 }
 
 bool isRoad(int kind) { return kind == TEXTURE_ASPHALT || kind == TEXTURE_MARKING; }
@@ -61,6 +61,27 @@ float snowfallFraction(vec3 p) {
   return sum / 5.0;
 }
 
+// Noise of ragged patches, as far as the footprint lets it be seen, and the fraction of its contrast
+// that is. Octaves are turned against each other and bent, so that no lattice shows.
+float patchNoise(vec2 p, float footprint, out float fraction) {
+  const float GAIN = 0.75;
+  const mat2 TURN = mat2(0.8, 0.6, -0.6, 0.8);
+  float wavelength = 2.1, weight = 0.38, sum = 0.0, resolved = 0.0, all = 0.0;
+  fraction = 0.0;
+  vec2 q = p + 0.6 * vec2(noise(p / 1.3, 94), noise(p / 1.3, 95));
+  for (int i = 0; i < 6; ++i) {
+    float kept = retainedContrast(wavelength, footprint);
+    q = TURN * q;
+    if (kept > 0.0) sum += weight * kept * noise(q / wavelength, 91 + 8 * i);
+    resolved += weight * weight * kept;
+    all += weight * weight;
+    wavelength *= 0.43;
+    weight *= GAIN;
+  }
+  fraction = sqrt(resolved / all);
+  return sum;
+}
+
 // Fraction of a pixel under lying snow. It stays on what faces up; traffic clears ruts of roads.
 float snowCover(int kind, bool snowless, vec3 p, vec3 n, float footprint) {
   const float ON_ROAD = 0.005, ELSEWHERE = 0.002, SIGMA = 0.2, SOFT = 0.04;
@@ -74,13 +95,24 @@ float snowCover(int kind, bool snowless, vec3 p, vec3 n, float footprint) {
     float rut = smoothstep(0.1, 0.5, wear(p.xy, footprint));
     cover *= mix(snowBetweenRuts(), snowInRuts(), rut);
   }
-  float coarse = retainedContrast(1.7, footprint), fine = retainedContrast(0.4, footprint);
-  float finest = retainedContrast(0.1, footprint);
-  // Three octaves of weights 0.4, 0.35 and 0.2, scaled to the contrast of all that is resolved.
-  float resolved = 0.4 * coarse * noise(p.xy / 1.7, 91) + 0.35 * fine * noise(p.xy / 0.4, 92)
-      + 0.2 * finest * noise(p.xy / 0.1, 93);
-  float fraction = sqrt((0.16 * coarse + 0.1225 * fine + 0.04 * finest) / 0.3225);
+  float fraction;
+  float resolved = patchNoise(p.xy, footprint, fraction);
   return coverFraction(cover, fraction > 0.0 ? resolved / fraction : 0.0, SIGMA, fraction, SOFT);
+}
+
+// Snow on a surface: on roads dirty where wheels go.
+vec3 snowAlbedo(int kind, vec3 p, float footprint) {
+  const vec3 CLEAN = vec3(0.86, 0.88, 0.91), DIRTY = vec3(0.55, 0.52, 0.48);
+  return isRoad(kind) ? mix(CLEAN, DIRTY, 0.8 * smoothstep(-0.2, 0.4, wear(p.xy, footprint))) : CLEAN;
+}
+
+// Normal of snow that wind and wheels left uneven, on a surface of normal n.
+vec3 snowNormal(vec3 p, vec3 n, float footprint) {
+  const float WAVELENGTH = 0.45, SLOPE = 0.12;
+  float slope = SLOPE * retainedContrast(WAVELENGTH, footprint);
+  if (slope <= 0.0) return n;
+  vec2 q = mat2(0.8, 0.6, -0.6, 0.8) * p.xy / WAVELENGTH;
+  return normalize(n + slope * vec3(noise(q, 96), noise(q, 97), 0.0));
 }
 
 // Optical surface of a material at a point, with water and snow on it. A water film darkens rough,
@@ -91,7 +123,6 @@ Surface buildSurface(vec3 albedo, float roughness, float metallic, int kind, boo
   const float INDEX_MATCHED = 0.85;
   // Blades and leaves face all ways: under ice, a lawn of them shines, but mirrors nothing.
   const float FILMED = 0.15, STILL = 0.02, GLAZED = 0.1, GLAZED_BLADES = 0.3;
-  const vec3 SNOW = vec3(0.86, 0.88, 0.91);
   float porous = smoothstep(0.45, 0.6, roughness) * (1.0 - metallic);
   float puddle = wetness() > 0.0 ? standingWater(kind, p, normal, footprint) : 0.0;
   float facing = mix(0.5, 1.0, max(normal.z, 0.0));
@@ -120,11 +151,12 @@ Surface buildSurface(vec3 albedo, float roughness, float metallic, int kind, boo
       : normalize(mix(relief, normal, 0.7 * film));
 
   float snow = snowCover(kind, snowless, p, normal, footprint);
-  s.albedo = mix(s.albedo, SNOW, snow);
+  if (snow <= 0.0) return s;
+  s.albedo = mix(s.albedo, snowAlbedo(kind, p, footprint), snow);
   s.alpha = mix(s.alpha, 1.0, snow);
   s.coat *= 1.0 - snow;
   s.metal *= 1.0 - snow;
   s.through *= 1.0 - snow;
-  s.normal = normalize(mix(s.normal, normal, snow));
+  s.normal = normalize(mix(s.normal, snowNormal(p, normal, footprint), snow));
   return s;
 }

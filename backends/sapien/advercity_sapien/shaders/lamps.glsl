@@ -219,8 +219,9 @@ float scatteredIrradiance(vec4 light, vec3 normal) {
   return 0.25 * light.w * (uniformPart + (1.0 - uniformPart) * (p + 1.0) * pow(q, p));
 }
 
-// Radiance of a surface that one lamp lights, without shadows.
-vec3 lampReflection(Lamp l, Surface s, vec3 towardsEye, vec3 position) {
+// Radiance of a surface that one lamp lights, without shadows; of one that mirrors without its lobe,
+// which `lampMirrorReflection` has.
+vec3 lampReflection(Lamp l, Surface s, vec3 towardsEye, vec3 position, bool mirrors) {
   vec3 away = position - l.position;
   float distance2 = dot(away, away);
   if (distance2 > l.range * l.range) return vec3(0.0);
@@ -230,7 +231,9 @@ vec3 lampReflection(Lamp l, Surface s, vec3 towardsEye, vec3 position) {
   const float MAX_SCATTERED = 0.25;
   float left = beamTransmittance(l, distance);
   float given = rangeFalloff(l, distance) / (distance2 + lampSizeSquared(l));
-  vec3 direct = l.intensity * given * left * brdfCosine(s, towardsEye, -ray);
+  vec3 reflected = diffuseCosine(s, towardsEye, -ray);
+  if (!mirrors) reflected += specularLobe(s, towardsEye, -ray);
+  vec3 direct = l.intensity * given * left * reflected;
   vec3 scattered = l.intensity * s.albedo / PI;
   vec3 sum = vec3(0.0);
   if (dot(s.normal, ray) < 0.0 && dot(direct, vec3(1.0)) >= negligibleRadiance()) {
@@ -243,14 +246,11 @@ vec3 lampReflection(Lamp l, Surface s, vec3 towardsEye, vec3 position) {
   return sum;
 }
 
-// Radiance of the mirror image on wet ground of a lamp, as far as `lampReflection` leaves it out
-// beyond the lamp's range.
+// Radiance of the mirror image on wet ground of a lamp, however far away.
 vec3 lampMirrorReflection(Lamp l, Surface s, vec3 towardsEye, vec3 position) {
   vec3 away = position - l.position;
   float distance2 = dot(away, away);
   float distance = sqrt(max(distance2, 1e-6));
-  float rest = 1.0 - rangeFalloff(l, distance);
-  if (rest <= 0.0) return vec3(0.0);
   vec3 ray = away / distance;
   // Fades to zero where the list of the bearing ends.
   float lateral = ray.x * towardsEye.y - ray.y * towardsEye.x;
@@ -258,14 +258,14 @@ vec3 lampMirrorReflection(Lamp l, Surface s, vec3 towardsEye, vec3 position) {
   if (fade <= 0.0 || dot(s.normal, ray) >= 0.0 || dot(ray.xy, towardsEye.xy) <= 0.0) {
     return vec3(0.0);
   }
-  float given = intensityFraction(l, ray, distance) * transmittance(distance) * rest * fade * fade
-      / distance2;
+  float given = intensityFraction(l, ray, distance) * transmittance(distance) * fade * fade
+      / (distance2 + lampSizeSquared(l));
   return l.intensity * given * specularLobe(s, towardsEye, -ray);
 }
 
 // Whether a surface mirrors lamps far beyond their range: wet, smooth and level.
 bool isMirrorLike(Surface s) {
-  return s.coat > 0.05 && s.alpha < 0.5 && s.normal.z > 0.7;
+  return s.coat > 0.05 && s.alpha < 0.4 && s.normal.z > 0.7;
 }
 
 // Phase function of fog droplets (Jendersie and d'Eon 2023), 1/sr: its narrow lobe, of Henyey and

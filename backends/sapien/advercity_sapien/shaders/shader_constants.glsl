@@ -15,6 +15,7 @@ const int TEXTURE_WOOD = 11;
 const int TEXTURE_STONE = 12;
 const int TEXTURE_MARKING = 13;
 const int TEXTURE_SLABS = 14;
+const int TEXTURE_CROWN = 15;
 const int LAMP_STREET = 0;
 const int LAMP_LOW_BEAM = 1;
 const int LAMP_LENS = 2;

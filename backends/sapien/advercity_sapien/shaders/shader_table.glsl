@@ -14,7 +14,7 @@ const int TILES_WIDE = 32;
 const int BEARINGS = 64;
 const int TEXELS_PER_CELL = 4;
 const int TEXELS_PER_TILE = 4;
-const int TEXELS_PER_BEARING = 2;
+const int TEXELS_PER_BEARING = 4;
 const int FOG_BEAM_ROWS = 4;
 const ivec3 FOG_BEAM_NODES = ivec3(16, 16, 8);
 

@@ -57,12 +57,17 @@ vec3 specularLobe(Surface s, vec3 towardsEye, vec3 towardsLight) {
   return fresnelReflectance(s, dot(towardsEye, h)) * (a2 / (PI * d * d) * 0.5 / smith * nl);
 }
 
-// BRDF times the cosine of incidence; diffuse light passes the coat twice, in and out.
-vec3 brdfCosine(Surface s, vec3 towardsEye, vec3 towardsLight) {
+// Diffuse BRDF times the cosine of incidence; light passes the coat twice, in and out.
+vec3 diffuseCosine(Surface s, vec3 towardsEye, vec3 towardsLight) {
   float nl = dot(s.normal, towardsLight);
   if (nl <= 0.0) return s.albedo * (-nl / PI * s.through);
   float through = coatTransmittance(s, nl) * coatTransmittance(s, dot(s.normal, towardsEye));
-  return s.albedo * (nl / PI * through) + specularLobe(s, towardsEye, towardsLight);
+  return s.albedo * (nl / PI * through);
+}
+
+// BRDF times the cosine of incidence.
+vec3 brdfCosine(Surface s, vec3 towardsEye, vec3 towardsLight) {
+  return diffuseCosine(s, towardsEye, towardsLight) + specularLobe(s, towardsEye, towardsLight);
 }
 
 // A pane of tinted glass: index, and transmittance besides what both its faces reflect.

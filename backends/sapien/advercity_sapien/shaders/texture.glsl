@@ -135,7 +135,7 @@ vec3 materialDetail(int kind, bool mapped, vec3 p, vec3 n, float footprint) {
     float hue = 0.12 * octave(q, 9.0, f, 4) + 0.14 * octave(q, 37.0, f, 5);
     return tint(tone, hue);
   }
-  if (kind == TEXTURE_LEAVES) {
+  if (kind == TEXTURE_LEAVES || kind == TEXTURE_CROWN) {
     float tone = 0.55 * octave(p, 0.13, f, 1) + 0.35 * octave(p, 0.6, f, 2);
     float hue = 0.12 * octave(p, 0.35, f, 3) + 0.30 * octave(q, 6.0, f, 4);
     return tint(tone, hue);

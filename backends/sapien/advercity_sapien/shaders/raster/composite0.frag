@@ -17,7 +17,8 @@ layout(set = 0, binding = 9) uniform sampler2D samplerPane;
 layout(location = 0) in vec2 inUV;
 // Radiance of the surfaces that the camera sees, through air, and depth.
 layout(location = 0) out vec4 outSeen;
-// Light of lamps that air scatters towards the camera, dithered, and of surfaces that they light.
+// Dithered: light of lamps that air scatters towards the camera, and of surfaces that they light; and
+// what level surfaces mirror.
 layout(location = 1) out vec4 outGlow;
 
 #include "../shader_constants.glsl"
@@ -47,8 +48,9 @@ bool isInFrontOfMirror(vec2 ndc, float depth, vec3 position, vec3 normal) {
 }
 
 // Hit of a ray from a position with the surfaces in the image: texture coordinate and 1, or 0 for
-// none. Steps are uniform in the image, where the inverse of depth is linear.
-vec3 traceScreenSpace(vec3 position, vec3 ray, vec3 normal) {
+// none. Steps are uniform in the image, where the inverse of depth is linear, and end at `inStep` in
+// (0, 1] of each.
+vec3 traceScreenSpace(vec3 position, vec3 ray, vec3 normal, float inStep) {
   const int STEPS = 20, HALVINGS = 4;
   const float MAX_LENGTH = 120.0, NEAR = 0.2;
   vec3 start = (cameraBuffer.viewMatrix * vec4(position, 1.0)).xyz;
@@ -62,8 +64,8 @@ vec3 traceScreenSpace(vec3 position, vec3 ray, vec3 normal) {
   float leavesX = offset.x == 0.0 ? 1.0 : exits.x, leavesY = offset.y == 0.0 ? 1.0 : exits.y;
   offset *= clamp(min(leavesX, leavesY), 0.0, 1.0);
   float before = 0.0, depthBefore = clip0.w;
-  for (int i = 1; i <= STEPS; ++i) {
-    float fraction = float(i) / float(STEPS);
+  for (int i = 0; i < STEPS; ++i) {
+    float fraction = (float(i) + inStep) / float(STEPS);
     vec3 point = from + offset * fraction;
     float depth = 1.0 / point.z;
     float seen = depthAt(point.xy);
@@ -87,13 +89,13 @@ vec3 traceScreenSpace(vec3 position, vec3 ray, vec3 normal) {
 }
 
 // Radiance that a level mirror reflects: from the image if the ray hits something in it, else from
-// the sky. A rough one smears it vertically, as wet asphalt does.
-vec3 mirrorRadiance(vec3 position, vec3 ray, vec3 normal, float alpha, float distance) {
+// the sky. A rough one smears it vertically, as wet asphalt does. `jitter` in [0, 1) moves the samples.
+vec3 mirrorRadiance(vec3 position, vec3 ray, vec3 normal, float alpha, float distance, float jitter) {
   const int TAPS = 5;
   vec3 mirror = reflect(ray, normal);
   if (mirror.z <= 0.0) return airlight(mirror).rgb;
   vec3 background = skyLobe(mirror, alpha);
-  vec3 found = traceScreenSpace(position, mirror, normal);
+  vec3 found = traceScreenSpace(position, mirror, normal, 1.0 - jitter);
   if (found.z == 0.0) return background;
   float distancePerDepth;
   rayThrough(found.xy, distancePerDepth);
@@ -101,7 +103,7 @@ vec3 mirrorRadiance(vec3 position, vec3 ray, vec3 normal, float alpha, float dis
   float smear = alpha * 0.5 * cameraBuffer.projectionMatrix[1][1] * beyond / (distance + beyond);
   vec3 sum = vec3(0.0);
   for (int i = 0; i < TAPS; ++i) {
-    float offset = (float(i) + 0.5) / float(TAPS) * 2.0 - 1.0;
+    float offset = (float(i) + jitter) / float(TAPS) * 2.0 - 1.0;
     vec2 uv = clamp(found.xy + vec2(0.0, offset * smear), 0.0, 1.0);
     sum += textureLod(samplerLit, uv, 0.0).rgb;
   }
@@ -169,11 +171,11 @@ void main() {
   float jitter = dither(gl_FragCoord.xy);
   vec3 scattered = lampsInScattering(inUV, eye, ray, distance, jitter);
   if (isNight() && deflectsVisibly()) scattered += deflectedLight(ray, distance, jitter);
-  outGlow = vec4(scattered, 0.0);
   vec4 pane = texture(samplerPane, inUV);
   float height = sqrt(max(1.0 - dot(pane.xy, pane.xy), 0.0));
   vec3 paneNormal = vec3(pane.xy, pane.z < 0.0 ? -height : height);
   if (depth <= 0.0) {
+    outGlow = vec4(scattered, 0.0);
     outSeen = pane.z == 0.0 ? vec4(lit.rgb, 0.0)
         : vec4(paneRadiance(lit.rgb, paneNormal, ray), abs(pane.z));
     return;
@@ -183,8 +185,12 @@ void main() {
   vec4 mirror = texture(samplerMirror, inUV);
   if (mirror.z > 0.0) {
     vec3 normal = vec3(mirror.xy, sqrt(max(1.0 - dot(mirror.xy, mirror.xy), 0.0)));
-    radiance += mirror.z * mirrorRadiance(eye + ray * distance, ray, normal, mirror.w, distance);
+    vec3 mirrored = mirror.z
+        * mirrorRadiance(eye + ray * distance, ray, normal, mirror.w, distance, jitter);
+    if (pane.z != 0.0) radiance += mirrored;
+    else scattered += mirrored * transmittance(distance);
   }
+  outGlow = vec4(scattered, 0.0);
   if (isNight()) {
     float emission = texture(samplerDepthEmission, inUV).y;
     if (emission > 0.0) radiance += emission * texture(samplerAlbedo, inUV).rgb;

@@ -61,23 +61,24 @@ float sunVisibility(vec3 position, vec3 normal) {
   return 1.0;
 }
 
-// Radiance of a surface by the lamps of its cell, and by those that it mirrors from farther away;
-// `normal` is that of its plane.
+// Radiance of a surface by the lamps of its cell, and those that it mirrors; `normal` is that of its
+// plane.
 vec3 lampRadiance(Surface s, vec3 towardsEye, vec3 position, vec3 normal) {
   // A point lamp in a perfect mirror would fall between pixels, or be far too bright in one.
   s.alpha = max(s.alpha, 0.05);
   vec3 sum = vec3(0.0);
+  bool mirrors = isMirrorLike(s);
   int list = cellList(position.xy);
   for (int i = 0; list >= 0 && i < TEXELS_PER_CELL; ++i) {
     ivec4 four = lampQuad(CELLS_ROW, list + i);
     for (int j = 0; j < 4 && four[j] >= 0; ++j) {
       Lamp l = fetchLamp(four[j]);
-      vec3 light = lampReflection(l, s, towardsEye, position);
+      vec3 light = lampReflection(l, s, towardsEye, position, mirrors);
       if (light != vec3(0.0)) sum += light * lampVisibility(l, position, normal);
     }
     if (four.w < 0) break;
   }
-  if (!isMirrorLike(s)) return sum;
+  if (!mirrors) return sum;
   list = bearingList(-towardsEye.xy);
   for (int i = 0; i < TEXELS_PER_BEARING; ++i) {
     ivec4 four = lampQuad(BEARINGS_ROW, list + i);
