@@ -5,6 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+LINEAR_FROM_SRGB = np.where(
+    np.arange(256) <= 10,
+    np.arange(256) / 255.0 / 12.92,
+    ((np.arange(256) / 255.0 + 0.055) / 1.055) ** 2.4,
+)
+"""Light of each byte of an sRGB image (IEC 61966-2-1)."""
+
 
 @dataclass(frozen=True, eq=False)
 class MaterialMaps:
@@ -21,9 +28,11 @@ class MaterialMaps:
             the surface; None for an even surface.
         roughness: (h, w) uint8, 255 for 1; scaled like the colour, to the mean of the table.
         tile_m: Width of the image on the surface, metres; its height follows from the aspect.
+        mean: Mean of the colour as linear light where the image is used; None for all of it.
     """
 
     color: NDArray[np.uint8]
     normal: NDArray[np.uint8] | None
     roughness: NDArray[np.uint8] | None
     tile_m: float
+    mean: tuple[float, float, float] | None = None

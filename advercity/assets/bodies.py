@@ -11,6 +11,7 @@ from advercity.assets.cabins import build_model_cabin
 from advercity.assets.cars import build_car, build_van
 from advercity.assets.model_conversion import format_model_name
 from advercity.assets.model_files import read_glb
+from advercity.assets.model_images import find_images_file, name_image, read_images
 from advercity.assets.model_store import ModelStore
 from advercity.assets.model_wheels import find_model_wheels
 from advercity.assets.pedestrians import build_pedestrian, build_person, draw_looks
@@ -20,6 +21,7 @@ from advercity.assets.trucks import build_truck
 from advercity.assets.two_wheelers import build_bicycle, build_model_rider, build_motorcycle
 from advercity.assets.vehicle_parts import add_indicators, make_vehicle_parts
 from advercity.errors import RunError
+from advercity.geometry.arrays import Float32Array
 from advercity.geometry.mesh import (
     Mesh,
     MeshPart,
@@ -113,15 +115,28 @@ def _load_model_parts(path: Path, actor_class: ActorClass) -> list[MeshPart]:
     semantic = Semantic.PEDESTRIAN if actor_class == "pedestrian" else Semantic.VEHICLE
     parts = read_glb(path.read_bytes(), path.name)
     wheels = find_model_wheels(parts, has_steering=actor_class != "motorcycle")
-    return [
-        MeshPart(
-            TriangleSurface(part.vertices, part.triangles),
-            part.material,
-            semantic,
-            wheels.get(part.wheel),
-        )
-        for part in parts
-    ]
+    file = find_images_file(path)
+    placed = {
+        part: (uv, name_image(file, number))
+        for number, image in enumerate(read_images(file))
+        for part, uv in image.uv.items()
+    }
+    pieces: list[MeshPart] = []
+    for number, part in enumerate(parts):
+        surface, maps = TriangleSurface(part.vertices, part.triangles), ""
+        if number in placed:
+            uv, maps = placed[number]
+            surface = _place_image(surface, uv)
+        wheel = wheels.get(part.wheel)
+        pieces.append(MeshPart(surface, part.material, semantic, wheel, maps=maps))
+    return pieces
+
+
+def _place_image(surface: TriangleSurface, uv: Float32Array) -> TriangleSurface:
+    """Give every triangle (m,) corners of its own, with their coordinates (m, 3, 2)."""
+    corners = surface.vertices[surface.triangles].reshape(-1, 3)
+    triangles = np.arange(len(corners)).reshape(-1, 3)
+    return TriangleSurface(corners, triangles, uv=uv.reshape(-1, 2).astype(np.float64))
 
 
 def _build_lenses(lamps: LampPositions) -> list[MeshPart]:

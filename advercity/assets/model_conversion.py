@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from trimesh.ray.ray_pyembree import RayMeshIntersector
 
 from advercity.assets.model_files import ModelPart
+from advercity.assets.model_images import ModelImage, project_images
 from advercity.assets.model_wheels import separate_wheels
 from advercity.assets.people.package import PEOPLE
 from advercity.errors import RunError
@@ -90,17 +91,45 @@ def convert_model(parts: Iterable[ModelPart], model: BodyModel, size: Size) -> l
     Raises:
         RunError: No part is left, or the proportions are not those of the blueprint.
     """
-    kept = [part for part in parts if classify_material(part.material, model.materials) != "none"]
-    if not kept:
-        raise RunError(f"{format_model_name(model)}: none of its materials maps to a part")
-    upright = [_turn_upright(part, model) for part in kept]
-    rest, wheels = separate_wheels(_scale_to_size(upright, model, size))
-    rest, wheels = _snap_parts(rest), [_snap_parts(wheel) for wheel in wheels]
+    rest, wheels = _separate(parts, model, size)
     visible = _keep_visible(_group_by_material(rest, model, size), BODY_MIN_ELEVATION_SINE)
     for number, wheel in enumerate(wheels, start=1):
         turning = _keep_visible(_group_by_material(wheel, model, size), WHEEL_MIN_ELEVATION_SINE)
         visible += [replace(part, wheel=number) for part in turning]
     return _simplify_parts(visible, model.triangles)
+
+
+def project_model_images(
+    parts: Iterable[ModelPart], converted: Sequence[ModelPart], model: BodyModel, size: Size
+) -> list[ModelImage]:
+    """Find the images of a model on the parts that `convert_model` made of it."""
+    rest, wheels = _separate(parts, model, size)
+    sources = [
+        replace(
+            part,
+            material=MATERIAL_BY_PART[kind],
+            triangles=part.triangles[kinds == kind],
+            uv=None if part.uv is None else part.uv[kinds == kind],
+            wheel=number,
+        )
+        for number, pieces in enumerate([rest, *wheels])
+        for part in pieces
+        for kinds in [_classify_triangles(part, model, size)]
+        for kind in np.unique(kinds)
+    ]
+    return project_images(converted, sources)
+
+
+def _separate(
+    parts: Iterable[ModelPart], model: BodyModel, size: Size
+) -> tuple[list[ModelPart], list[list[ModelPart]]]:
+    """Bring a model into the body frame: what does not turn, and its wheels."""
+    kept = [part for part in parts if classify_material(part.material, model.materials) != "none"]
+    if not kept:
+        raise RunError(f"{format_model_name(model)}: none of its materials maps to a part")
+    upright = [_turn_upright(part, model) for part in kept]
+    rest, wheels = separate_wheels(_scale_to_size(upright, model, size))
+    return _snap_parts(rest), [_snap_parts(wheel) for wheel in wheels]
 
 
 def _snap_parts(parts: Iterable[ModelPart]) -> list[ModelPart]:
@@ -145,19 +174,25 @@ def _group_by_material(parts: Sequence[ModelPart], model: BodyModel, size: Size)
     """Group triangles into one part for each material of the table."""
     groups: dict[str, list[ModelPart]] = {}
     for part in parts:
-        kind = classify_material(part.material, model.materials)
-        kinds = (
-            classify_triangles_by_colour(part)
-            if kind == "by_colour"
-            else np.full(len(part.triangles), kind)
-        )
-        if kind in LENS_PARTS or kind == "by_colour":
-            kinds = correct_parts_by_position(kinds, part, size)
+        kinds = _classify_triangles(part, model, size)
         for kind in np.unique(kinds):
             material = MATERIAL_BY_PART[kind]
             triangles = part.triangles[kinds == kind]
             groups.setdefault(material, []).append(ModelPart(material, part.vertices, triangles))
     return [_weld_parts(material, group) for material, group in sorted(groups.items())]
+
+
+def _classify_triangles(part: ModelPart, model: BodyModel, size: Size) -> NDArray[np.str_]:
+    """Classify the triangles (m,) of a part in the body frame."""
+    kind = classify_material(part.material, model.materials)
+    kinds = (
+        classify_triangles_by_colour(part)
+        if kind == "by_colour"
+        else np.full(len(part.triangles), kind)
+    )
+    if kind in LENS_PARTS or kind == "by_colour":
+        return correct_parts_by_position(kinds, part, size)
+    return kinds
 
 
 def _weld_parts(material: str, parts: Sequence[ModelPart]) -> ModelPart:

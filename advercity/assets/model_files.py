@@ -28,15 +28,28 @@ class ModelPart:
         material: Name in the file; in converted models a key of MATERIALS.
         vertices: (n, 3).
         triangles: (m, 3) into `vertices`.
-        colours: (m, 3) sRGB in [0, 1] of a texture at the centre of each triangle, or None.
         wheel: Number of the wheel that the part belongs to, from 1; 0 if it does not turn.
+        image: (h, w, 3) RGB of its texture, or None.
+        uv: (m, 3, 2) of the corners of triangles on the image, to the right and up, 1 for its size.
     """
 
     material: str
     vertices: Float64Array
     triangles: NDArray[np.int64]
-    colours: Float64Array | None = None
     wheel: int = 0
+    image: Uint8Array | None = None
+    uv: Float64Array | None = None
+
+    @property
+    def colours(self) -> Float64Array | None:
+        """Colours (m, 3), sRGB in [0, 1], of the image at the centre of each triangle, or None."""
+        if self.image is None or self.uv is None:
+            return None
+        middle = self.uv.mean(axis=1) % 1.0
+        height, width = self.image.shape[:2]
+        row = np.clip(((1.0 - middle[:, 1]) * height).astype(int), 0, height - 1)
+        column = np.clip((middle[:, 0] * width).astype(int), 0, width - 1)
+        return self.image[row, column] / 255.0
 
 
 def read_obj(obj: bytes, files: Mapping[str, bytes]) -> list[ModelPart]:
@@ -62,9 +75,10 @@ def read_obj(obj: bytes, files: Mapping[str, bytes]) -> list[ModelPart]:
     parts: list[ModelPart] = []
     for name, rows in faces.items():
         corner = np.array(rows)
-        texture = textures.get(name)
-        colours = None if texture is None else _sample_texture(texture, uv, corner[..., 1])
-        parts.append(ModelPart(name, points, np.ascontiguousarray(corner[..., 0]), colours))
+        image = textures.get(name)
+        placed = None if image is None else uv[corner[..., 1]]
+        triangles = np.ascontiguousarray(corner[..., 0])
+        parts.append(ModelPart(name, points, triangles, image=image, uv=placed))
     return parts
 
 
@@ -80,7 +94,7 @@ def _parse_corner(word: str, vertices: int, texcoords: int) -> tuple[int, int]:
 
 
 def _load_textures(files: Mapping[str, bytes]) -> dict[str, Uint8Array]:
-    """Load the diffuse textures (h, w, 3), BGR, of materials that have one."""
+    """Load the diffuse textures (h, w, 3), RGB, of materials that have one."""
     textures: dict[str, Uint8Array] = {}
     for name, content in files.items():
         if not name.endswith(".mtl"):
@@ -94,19 +108,8 @@ def _load_textures(files: Mapping[str, bytes]) -> dict[str, Uint8Array]:
                 raw = np.frombuffer(files[words[1]], np.uint8)
                 image = cv2.imdecode(raw, cv2.IMREAD_COLOR)
                 if image is not None:
-                    textures[material] = image.astype(np.uint8)
+                    textures[material] = image[..., ::-1].astype(np.uint8)
     return textures
-
-
-def _sample_texture(
-    image: Uint8Array, uv: Float64Array, corners: NDArray[np.int64]
-) -> Float64Array:
-    """Sample the colours (m, 3), RGB in [0, 1], at the centres of triangles (m, 3) of texcoords."""
-    middle = uv[corners].mean(axis=1) % 1.0
-    height, width = image.shape[:2]
-    row = np.clip(((1.0 - middle[:, 1]) * height).astype(int), 0, height - 1)
-    column = np.clip((middle[:, 0] * width).astype(int), 0, width - 1)
-    return image[row, column, ::-1] / 255.0
 
 
 def to_glb(parts: list[ModelPart]) -> bytes:
@@ -145,10 +148,20 @@ def read_glb(content: bytes, name: str) -> list[ModelPart]:
         vertices = trimesh.transform_points(mesh.vertices, world_from_mesh)
         name_of_part, wheel = _parse_mesh_name(str(material))
         faces = np.asarray(mesh.faces, int)
-        parts.append(ModelPart(name_of_part, np.asarray(vertices, float), faces, wheel=wheel))
+        image, uv = _read_image(mesh)
+        parts.append(ModelPart(name_of_part, np.asarray(vertices, float), faces, wheel, image, uv))
     if not parts:
         raise RunError(f"{name}: holds no triangles")
     return parts
+
+
+def _read_image(mesh: trimesh.Trimesh) -> tuple[Uint8Array | None, Float64Array | None]:
+    """Read the colour image (h, w, 3), RGB, of a mesh, and its coordinates (m, 3, 2), if any."""
+    image = getattr(getattr(mesh.visual, "material", None), "baseColorTexture", None)
+    uv = getattr(mesh.visual, "uv", None)
+    if image is None or uv is None:
+        return None, None
+    return np.asarray(image.convert("RGB"), np.uint8), np.asarray(uv, float)[mesh.faces]
 
 
 def compute_parts_digest(parts: Iterable[ModelPart]) -> str:

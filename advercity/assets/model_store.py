@@ -12,7 +12,11 @@ from advercity_dsl import Blueprint, PedestrianAppearance
 from advercity_dsl.catalogue import BodyModel
 
 from advercity.assets.downloads import AssetPackage
-from advercity.assets.model_conversion import CONVERSION_VERSION, convert_model
+from advercity.assets.model_conversion import (
+    CONVERSION_VERSION,
+    convert_model,
+    project_model_images,
+)
 from advercity.assets.model_files import (
     ModelPart,
     compute_parts_digest,
@@ -20,6 +24,7 @@ from advercity.assets.model_files import (
     read_obj,
     to_glb,
 )
+from advercity.assets.model_images import StoredImages, find_images_file, pack_images
 from advercity.assets.packages import (
     DIGEST_FILE,
     FURNITURE,
@@ -44,6 +49,7 @@ from advercity.data_folder import find_data_folder
 from advercity.digests import compute_json_digest
 from advercity.documents import MAX_MODEL_BYTES, read_bytes
 from advercity.errors import InputError, RunError, describe_cause, report_write_errors
+from advercity.geometry.mesh import Size
 
 
 def open_model_store() -> "ModelStore":
@@ -136,6 +142,8 @@ class ModelStore:
     def prepare_model(self, blueprint: Blueprint) -> Path | None:
         """Return the converted model of a blueprint; None if it names none or it is not installed.
 
+        Images of models other than people are stored where `find_images_file` says.
+
         Raises:
             RunError: The model is installed, but cannot be converted.
         """
@@ -149,6 +157,9 @@ class ModelStore:
         else:
             self._write_once(
                 path, lambda: to_glb(convert_model(self._load_parts(model), model, size))
+            )
+            self._write_once(
+                find_images_file(path), lambda: self._project_images(path, model, size)
             )
         return path
 
@@ -195,6 +206,15 @@ class ModelStore:
             check_licence(model, source)
             return read_obj(source.obj, source.files)
         return read_glb(self._user_model_path(str(model.sha256)).read_bytes(), str(model.file))
+
+    def _project_images(self, path: Path, model: BodyModel, size: Size) -> bytes:
+        converted = read_glb(path.read_bytes(), path.name)
+        return pack_images(project_model_images(self._load_parts(model), converted, model, size))
+
+    @property
+    def images(self) -> StoredImages:
+        """The images of converted models."""
+        return StoredImages(self.folder / "models")
 
     def _convert_people(self, blueprint: Blueprint) -> list[RiggedPerson]:
         assert blueprint.model is not None and blueprint.person is not None

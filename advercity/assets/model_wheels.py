@@ -123,7 +123,7 @@ def _split_connected(part: ModelPart) -> list[ModelPart]:
         replace(
             part,
             triangles=part.triangles[rows],
-            colours=None if part.colours is None else part.colours[rows],
+            uv=None if part.uv is None else part.uv[rows],
         )
         for rows in np.split(order, bounds)
     ]

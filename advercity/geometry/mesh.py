@@ -66,6 +66,7 @@ class Mesh:
         uv: (n, 2) float32 metres to the right and up on the images of its material, or None: images
             then lie over a static mesh along the world's axes.
         layer: What of a body it is.
+        maps: Name of images of its own, in place of those of its material; empty for none.
     """
 
     name: str
@@ -78,6 +79,7 @@ class Mesh:
     wheel: Wheel | None = None
     uv: NDArray[np.float32] | None = None
     layer: MeshLayer = MeshLayer.SHAPE
+    maps: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,13 +116,14 @@ class TriangleSurface:
 
 @dataclass(frozen=True, eq=False)
 class MeshPart:
-    """A surface with its material, its semantic class and the wheel that it turns with."""
+    """A surface with its material, semantic class, wheel and images, as a `Mesh` has them."""
 
     surface: TriangleSurface
     material: str
     semantic: Semantic
     wheel: Wheel | None = None
     layer: MeshLayer = MeshLayer.SHAPE
+    maps: str = ""
 
 
 def build_ribbon(left: Points, right: Points) -> TriangleSurface:
@@ -279,11 +282,16 @@ def shade_smooth(surface: TriangleSurface) -> TriangleSurface:
     solid &= (corner != np.roll(corner, 1, axis=1)).all(axis=1)
     corner, area, kept = corner[solid], area[solid], surface.triangles[solid]
     normals = _crease_normals(corner, area)
-    # A point is one vertex for all its corners whose normals agree to 1e-4.
-    keys = np.column_stack([corner.reshape(-1), np.round(normals * 1e4)]).astype(np.int64)
+    # A point is one vertex for all its corners whose normals and coordinates agree to 1e-4.
+    uv = None if surface.uv is None else surface.uv[kept.reshape(-1)]
+    steps = [np.round(normals * 1e4), *([] if uv is None else [np.round(uv * 1e4)])]
+    keys = np.column_stack([corner.reshape(-1), *steps]).astype(np.int64)
     _, first, index = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     return TriangleSurface(
-        surface.vertices[kept.reshape(-1)[first]], index.reshape(-1, 3), normals[first]
+        surface.vertices[kept.reshape(-1)[first]],
+        index.reshape(-1, 3),
+        normals[first],
+        None if uv is None else uv[first],
     )
 
 
@@ -318,25 +326,27 @@ def normalize(vectors: ArrayLike) -> Float64Array:
 def build_meshes(pieces: Sequence[MeshPart], prefix: str = "") -> list[Mesh]:
     """Build a mesh per material, semantic class and wheel, named after them, in stable order."""
     wheels = sorted({piece.wheel for piece in pieces if piece.wheel is not None})
-    groups: dict[tuple[MeshLayer, int, str, Semantic], list[TriangleSurface]] = {}
+    groups: dict[tuple[MeshLayer, int, str, Semantic, str], list[TriangleSurface]] = {}
     for piece in pieces:
         surface = (
             piece.surface if piece.surface.normals is not None else shade_smooth(piece.surface)
         )
         number = 0 if piece.wheel is None else 1 + wheels.index(piece.wheel)
-        key = piece.layer, number, piece.material, piece.semantic
+        key = piece.layer, number, piece.material, piece.semantic, piece.maps
         groups.setdefault(key, []).append(surface)
     return [
         replace(
             join_surfaces(surfaces).to_mesh(
                 f"{prefix}{semantic.name.lower()}_{material}"
                 + f"_wheel_{number}" * (number > 0)
-                + f"_{layer.name.lower()}" * (layer > 0),
+                + f"_{layer.name.lower()}" * (layer > 0)
+                + "_with_image" * bool(maps),
                 material,
                 semantic,
                 wheels[number - 1] if number else None,
             ),
             layer=layer,
+            maps=maps,
         )
-        for (layer, number, material, semantic), surfaces in sorted(groups.items())
+        for (layer, number, material, semantic, maps), surfaces in sorted(groups.items())
     ]

@@ -56,6 +56,7 @@ def draw_body_sheet(
         lanes=(),
         street_lamps=STREET_LAMPS,
         network=Path(),
+        material_maps=store.images,
     )
     halves = [
         list(_render_views(world, blueprints, backend, weather)) for weather in SHEET_WEATHERS

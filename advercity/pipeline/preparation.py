@@ -98,13 +98,17 @@ def load_or_build_world(spec: Spec, network_path: Path) -> World:
     Raises:
         RunError: A model of the spec is not installed, or cannot be used.
     """
+    store = open_model_store()
     world = load_or_build_entry(
         _name_world_entry(spec),
-        lambda partial: save_world(build_world(spec, network_path, open_model_store()), partial),
+        lambda partial: save_world(build_world(spec, network_path, store), partial),
         lambda path: load_world(path, network_path),
     )
     packs = [pack for name, pack in TEXTURE_PACKS.items() if name in spec.assets]
-    return replace(world, material_maps=SurfaceMaps(packs))
+    for blueprint in spec.blueprints.values():
+        # A world of the cache may be older than the models, whose images are not in it.
+        store.prepare_model(blueprint)
+    return replace(world, material_maps=SurfaceMaps(packs, store.images))
 
 
 def _name_world_entry(spec: Spec) -> str:

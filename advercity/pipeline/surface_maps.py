@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -32,15 +33,21 @@ class SurfaceMaps(Mapping[str, MaterialMaps]):
 
     Args:
         packs: Installed packs.
+        models: Images of models, whose names are others.
     """
 
-    def __init__(self, packs: Iterable[TexturePack] = ()) -> None:
+    def __init__(
+        self,
+        packs: Iterable[TexturePack] = (),
+        models: Mapping[str, MaterialMaps] = MappingProxyType({}),
+    ) -> None:
+        self._models = models
         self._packs = {name: pack for pack in packs for name in pack.surfaces}
         self._names = {**BAKED_SURFACES, **self._packs}
 
     def __getitem__(self, name: str) -> MaterialMaps:
         if name not in self._names:
-            raise KeyError(name)
+            return self._models[name]
         pack = self._packs.get(name)
         return load_or_build_entry(
             f"maps/{_compute_key(name, pack)}.npz",
@@ -49,7 +56,7 @@ class SurfaceMaps(Mapping[str, MaterialMaps]):
         )
 
     def __contains__(self, name: object) -> bool:
-        return name in self._names
+        return name in self._names or name in self._models
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._names)

@@ -158,16 +158,17 @@ def _decode_bodies(
 
 def _encode_mesh(mesh: Mesh) -> tuple[Any, ...]:
     wheel = None if mesh.wheel is None else (mesh.wheel.hub, mesh.wheel.is_steered)
-    return mesh.name, mesh.material, int(mesh.semantic), wheel, int(mesh.layer)
+    return mesh.name, mesh.material, int(mesh.semantic), wheel, int(mesh.layer), mesh.maps
 
 
 def _decode_meshes(rows: list[Any], arrays: Mapping[str, Iterator[Any]]) -> Iterator[Mesh]:
-    for name, material, semantic, wheel, layer in rows:
+    for name, material, semantic, wheel, layer, maps in rows:
         yield Mesh(
             name=name,
             material=material,
             semantic=Semantic(semantic),
             wheel=Wheel(tuple(wheel[0]), wheel[1]) if wheel else None,
             layer=MeshLayer(layer),
+            maps=maps,
             **{key: next(arrays[key]) for key in _MESH_ARRAYS},
         )

@@ -10,14 +10,7 @@ import sapien
 from numpy.typing import NDArray
 
 from advercity.geometry.arrays import Float64Array, Uint8Array
-from advercity.material_maps import MaterialMaps
-
-LINEAR_FROM_SRGB = np.where(
-    np.arange(256) <= 10,
-    np.arange(256) / 255.0 / 12.92,
-    ((np.arange(256) / 255.0 + 0.055) / 1.055) ** 2.4,
-)
-"""Light of each byte of an sRGB image (IEC 61966-2-1)."""
+from advercity.material_maps import LINEAR_FROM_SRGB, MaterialMaps
 
 
 class MapAxes(IntEnum):
@@ -62,16 +55,22 @@ def compute_tone_texels(maps: MaterialMaps) -> NDArray[np.float16]:
     Ratios are linear, so that means of texels, which the device takes for distant surfaces, are
     means of light.
     """
-    channels = [_compute_ratios(maps.color[..., n], LINEAR_FROM_SRGB) for n in range(3)]
+    means = maps.mean or (None, None, None)
+    channels = [
+        _compute_ratios(maps.color[..., n], LINEAR_FROM_SRGB, mean) for n, mean in enumerate(means)
+    ]
     roughness = np.ones_like(channels[0])
     if maps.roughness is not None:
         roughness = _compute_ratios(maps.roughness, np.arange(256) / 255.0)
     return np.stack([*channels, roughness], axis=-1)
 
 
-def _compute_ratios(image: Uint8Array, values: Float64Array) -> NDArray[np.float16]:
-    """Compute ratios (h, w) of the values of the bytes of an image (h, w) to their mean."""
-    mean = np.bincount(image.ravel(), minlength=256) @ values / image.size
+def _compute_ratios(
+    image: Uint8Array, values: Float64Array, mean: float | None = None
+) -> NDArray[np.float16]:
+    """Compute ratios (h, w) of the values of the bytes of an image (h, w) to a mean, or theirs."""
+    if mean is None:
+        mean = float(np.bincount(image.ravel(), minlength=256) @ values / image.size)
     return (values / max(mean, 1e-6)).astype(np.float16)[image]
 
 

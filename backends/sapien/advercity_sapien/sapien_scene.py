@@ -61,7 +61,7 @@ class RenderShapeCache:
 
     def __init__(self, textures: MaterialTextures) -> None:
         self._textures = textures
-        self._materials: dict[tuple[str, MapAxes | None], sapien.render.RenderMaterial] = {}
+        self._materials: dict[tuple[str, str, MapAxes | None], sapien.render.RenderMaterial] = {}
         self._shapes: dict[tuple[int, str, bool], sapien.render.RenderShape] = {}
         # Keys are ids, so meshes must live: another would get the id of one that is gone.
         self._kept: list[Mesh] = []
@@ -74,7 +74,9 @@ class RenderShapeCache:
         axes = MapAxes.MESH if mesh.uv is not None else MapAxes.WORLD if is_static else None
         key = id(mesh), material, is_static
         if key not in self._shapes:
-            self._shapes[key] = self._build_shape(mesh, self._get_material(material, axes))
+            self._shapes[key] = self._build_shape(
+                mesh, self._get_material(material, mesh.maps, axes)
+            )
             self._kept.append(mesh)
         return self._shapes[key].clone()
 
@@ -95,8 +97,11 @@ class RenderShapeCache:
             material=material,
         )
 
-    def _get_material(self, name: str, axes: MapAxes | None) -> sapien.render.RenderMaterial:
-        if (name, axes) not in self._materials:
+    def _get_material(
+        self, name: str, own_maps: str, axes: MapAxes | None
+    ) -> sapien.render.RenderMaterial:
+        key = name, own_maps, axes
+        if key not in self._materials:
             known = MATERIALS[name]
             # Emission is free to carry what the shaders need: they compute it from lens and lamps.
             snowless = name in SNOWLESS_MATERIALS or name.startswith("cloth_")
@@ -108,9 +113,9 @@ class RenderShapeCache:
                 metallic=known.metallic,
             )
             if axes is not None:
-                self._textures.apply(known.maps, material, axes)
-            self._materials[name, axes] = material
-        return self._materials[name, axes]
+                self._textures.apply(own_maps or known.maps, material, axes)
+            self._materials[key] = material
+        return self._materials[key]
 
 
 def split_into_tiles(mesh: Mesh) -> Iterator[Mesh]:

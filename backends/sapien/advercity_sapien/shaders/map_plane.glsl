@@ -6,10 +6,11 @@ struct MapPlane {
   mat2x3 axes;
 };
 
-// Whether copies of an image may overlap: grains and blades may, courses of bricks may not.
+// Whether copies of an image may overlap: grains and blades may, courses of bricks and images of models,
+// whose materials have no pattern, may not.
 bool isUnordered(int kind) {
   return kind != TEXTURE_BRICK && kind != TEXTURE_TILES && kind != TEXTURE_SLABS
-      && kind != TEXTURE_WOOD;
+      && kind != TEXTURE_WOOD && kind != TEXTURE_PLAIN;
 }
 
 MapPlane planeAlong(vec3 right, vec3 n, vec2 at) {
