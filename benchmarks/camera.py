@@ -1,8 +1,8 @@
-"""What weather costs a camera: `python benchmarks/camera.py [--rounds N] [WEATHER ...]`.
+"""What weather costs a camera: `benchmarks/camera.py [--rounds N] [--width PX] [WEATHER ...]`.
 
-A preview camera of 480x270 pixels in the ego of a dense urban intersection, against SAPIEN's own
-raster pack on the same scene: the same bodies, the same shadow map. Ours is rendered and then
-processed: rain before the lens, lens, electronics. All are measured in turns, so that ratios hold
+A preview camera, of 480x270 pixels by default, in the ego of a dense urban intersection, against
+SAPIEN's own raster pack on the same scene: the same bodies, the same shadow map. Ours is rendered and
+then processed: rain before the lens, lens, electronics. All are measured in turns, so that ratios hold
 on a busy machine too. The cost of an effect is the difference between two weathers.
 """
 
@@ -32,7 +32,7 @@ from advercity.sensors.camera import CameraConditions, CameraExposure, render_im
 
 SPEC = Path("compiled/ui_clear_day_dense.json")
 SAPIEN_PACKS = Path(sapien.__file__).parent / "vulkan_shader"
-SIZE, FRAME, WARM_UP = (480, 270), 40, 2
+WIDTH_PX, FRAME, WARM_UP = 480, 40, 2
 GOAL = 1.5
 QUICK_WEATHERS = ["fog_day", "heavy_rain_night"]
 WEATHERS = [
@@ -114,14 +114,17 @@ def run_benchmark(*, quick: bool) -> list[Measurement]:
     return found
 
 
-def measure_image(scene: BenchmarkScene, weather: str, rounds: int) -> tuple[float, float, float]:
+def measure_image(
+    scene: BenchmarkScene, weather: str, rounds: int, width_px: int = WIDTH_PX
+) -> tuple[float, float, float]:
     """Measure median seconds of SAPIEN's image, of our rendering, and of processing it."""
     authored = with_weather(scene.spec, find_weather(weather)).weather
     air, ego = compute_atmosphere(authored, scene.spec.road.land_use), scene.ego
     camera = ego.sensors.camera
     view = CameraView(
         scene.poses.world_from_cameras(ego, FRAME)[0],
-        *SIZE,
+        width_px,
+        width_px * 9 // 16,
         math.radians(camera.horizontal_fov_deg),
         hide=frozenset({ego.number}),
     )
@@ -151,11 +154,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("weathers", nargs="*", default=WEATHERS)
     parser.add_argument("--rounds", type=int, default=9)
+    parser.add_argument("--width", type=int, default=WIDTH_PX)
     options = parser.parse_args()
     scene = BenchmarkScene(SPEC, FRAME)
     print("| weather | SAPIEN's, ms | rendered | processed | ratio |\n|---|---|---|---|---|")
     for weather in options.weathers:
-        stock_s, *own_s = measure_image(scene, weather, options.rounds)
+        stock_s, *own_s = measure_image(scene, weather, options.rounds, options.width)
         cells = [f"{item * 1e3:.0f}" for item in (stock_s, *own_s)]
         print(f"| {' | '.join([weather, *cells, f'{sum(own_s) / stock_s:.2f}'])} |", flush=True)
 
