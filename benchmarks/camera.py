@@ -1,9 +1,9 @@
 """What weather costs a camera: `benchmarks/camera.py [--rounds N] [--width PX] [WEATHER ...]`.
 
 A preview camera, of 480x270 pixels by default, in the ego of a dense urban intersection, against
-SAPIEN's own raster pack on the same scene: the same bodies, the same shadow map. Ours is rendered and
-then processed: rain before the lens, lens, electronics. All are measured in turns, so that ratios hold
-on a busy machine too. The cost of an effect is the difference between two weathers.
+SAPIEN's own raster pack on the same scene: the same bodies, the same shadow map. Ours is rendered
+and then processed: rain before the lens, lens, electronics. All are measured in turns, so that
+ratios hold on a busy machine too. The cost of an effect is the difference between two weathers.
 """
 
 import argparse
