@@ -15,6 +15,8 @@ from advercity_dsl.units import Number
 MAX_OFF_AXIS_DEG = 75.0
 """Largest angle off the axis that an image may show: one plane is rendered, and its corners would
 otherwise take most of the pixels."""
+MAX_RENDERED_PX = 16_384
+"""Largest side of the plane that is rendered: what graphics cards can draw."""
 SEARCH_STEPS = 1500
 """Angles up to MAX_OFF_AXIS_DEG at which an image's edge is searched."""
 Coefficient = Annotated[Number, Field(ge=-10, le=10)]

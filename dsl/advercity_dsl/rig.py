@@ -19,7 +19,7 @@ from advercity_dsl.base import (
     is_empty,
     is_none,
 )
-from advercity_dsl.lens import CameraLens, find_edge_angle
+from advercity_dsl.lens import MAX_RENDERED_PX, CameraLens, find_edge_angle
 from advercity_dsl.units import (
     Count,
     DecibelMilliwatts,
@@ -106,11 +106,19 @@ class Camera(CompactModel):
 
     @model_validator(mode="after")
     def _check_lens(self) -> Self:
+        if self.lens is None:
+            return self
         try:
-            _ = self.edge_angle_rad
+            reach = math.tan(self.edge_angle_rad)
         except ValueError as error:
             hint = "check its coefficients, or give a smaller horizontal_fov_deg"
             raise InvalidCombination(("lens",), str(error), hint) from error
+        half_rad = math.radians(self.horizontal_fov_deg / 2)
+        rendered_px = round(self.width_px * reach / self.lens.compute_radius(half_rad))
+        if rendered_px > MAX_RENDERED_PX:
+            message = f"needs {rendered_px} pixels across to render, more than {MAX_RENDERED_PX}"
+            hint = "give a smaller width_px or horizontal_fov_deg"
+            raise InvalidCombination(("lens",), message, hint)
         return self
 
     @property
