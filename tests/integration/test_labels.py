@@ -201,6 +201,7 @@ def test_others_see_the_vehicle_that_does_not_see_itself(readings: tuple[SensorF
     assert sum(int((picture.semantic == VEHICLE).sum()) for picture in unit.camera_images) > 50
 
 
+@pytest.mark.slow
 def test_boxes_lie_on_pictures_through_a_fisheye(specs: dict[str, Spec]):
     spec = without_surroundings(specs["ui_clear_day_sparse"])
     unit = next(agent for agent in spec.agents if isinstance(agent.place, RoadsideUnit))
