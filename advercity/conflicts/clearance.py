@@ -1,6 +1,6 @@
 """Which actors block a staged conflict, or occupy the same place as another actor."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,13 +12,15 @@ from advercity.conflicts.metrics import ActorTrack, Polygons, find_overlaps
 from advercity.frames import Trace
 
 HELD_UP_SPEED_M_S = 1.0
-"""Below this speed the ego counts as held up."""
+"""Below this speed an actor counts as held up."""
 HOLD_UP_RANGE_M = 40.0
 """Distance from the conflict point within which a blocker matters."""
 BLOCKED_LANE_CHANGE_GAP_M = 4.0
 """An actor nearer than this may keep the ego from a lane change."""
 HOLD_UP_MARGIN_M = 1.5
-"""An actor nearer than this to where a held-up ego drives next may be what holds it up."""
+"""An actor nearer than this to where one that is held up drives next may be what holds it up."""
+GIVEN_WAY_RANGE_M = 12.0
+"""Distance within which one gives way to pedestrians that come to a crossing."""
 MIN_CLEARANCE_M = 0.3
 """Distance that background actors keep from a staged actor."""
 MIN_HEADWAY_S = 0.8
@@ -73,16 +75,31 @@ def find_first_contact(spec: Spec, trace: Trace) -> int | None:
     return min(contacts, default=None)
 
 
-def find_ego_blockers(spec: Spec, trace: Trace) -> Iterator[int]:
-    """Find ids of background actors that keep the ego from a conflict point, or delay it."""
-    ego = ActorTrack.from_trace(trace, spec.ego.number)
+def find_blockers(spec: Spec, trace: Trace, number: int) -> Iterator[int]:
+    """Find ids of background actors that keep an actor from conflict points, or delay it.
+
+    Where nothing is ahead of one that waits, it may give way to pedestrians.
+    """
+    track = ActorTrack.from_trace(trace, number)
     background = _select_background(spec, trace)
+    on_foot = {actor.id for actor in trace.actors if actor.actor_class == "pedestrian"}
+    walkers = [other for other in background if other.actor in on_foot]
     for conflict in spec.conflicts:
-        held_rows, area = _find_hold_up_area(ego, conflict.point_m)
-        for other in background:
-            ticks = np.intersect1d(other.rows["tick"], ego.rows["tick"][held_rows])
-            if shapely.intersects(other.at_ticks(ticks).boxes, area).any():
-                yield other.actor
+        rows, area = _find_hold_up_area(track, conflict.point_m)
+        ticks = track.rows["tick"][rows]
+        found = list(_find_inside(background, ticks, area))
+        waits = rows[track.rows["speed"][rows] < HELD_UP_SPEED_M_S]
+        nearby = shapely.union_all(track.boxes[waits]).buffer(GIVEN_WAY_RANGE_M)
+        yield from found or _find_inside(walkers, ticks, nearby)
+
+
+def _find_inside(
+    others: Iterable[ActorTrack], ticks: NDArray[np.int32], area: shapely.Geometry
+) -> Iterator[int]:
+    for other in others:
+        present = np.intersect1d(other.rows["tick"], ticks)
+        if shapely.intersects(other.at_ticks(present).boxes, area).any():
+            yield other.actor
 
 
 def _list_participants(spec: Spec) -> set[int]:
@@ -100,23 +117,23 @@ def _select_background(spec: Spec, trace: Trace) -> list[ActorTrack]:
 
 
 def _find_hold_up_area(
-    ego: ActorTrack, point: tuple[float, float]
+    track: ActorTrack, point: tuple[float, float]
 ) -> tuple[NDArray[np.intp], shapely.Geometry]:
-    """Find rows (n,) at which the ego may be held up, and the area in which a blocker then is.
+    """Find rows (n,) at which an actor may be held up, and the area in which a blocker then is.
 
-    The area is ahead of an ego that waits, or around one that should have changed lanes.
+    The area is ahead of one that waits, or around one that should have changed lanes.
     """
-    gaps = np.linalg.norm(ego.centres - point, axis=1)
+    gaps = np.linalg.norm(track.centres - point, axis=1)
     last = int(np.flatnonzero(gaps < gaps.min() + HOLD_UP_MARGIN_M)[-1])
     approach = np.flatnonzero(gaps[:last] < HOLD_UP_RANGE_M)
-    waits = approach[ego.rows["speed"][approach] < HELD_UP_SPEED_M_S]
+    waits = approach[track.rows["speed"][approach] < HELD_UP_SPEED_M_S]
     if len(waits) > 0:
-        # An ego that never gets there has no outlines up to the point: the line replaces them.
-        onward = shapely.LineString([ego.centres[waits[0]], point])
-        driven = ego.boxes[waits[0] : last + 1]
+        # One that never gets there has no outlines up to the point: the line replaces them.
+        onward = shapely.LineString([track.centres[waits[0]], point])
+        driven = track.boxes[waits[0] : last + 1]
         return waits, shapely.union_all([*driven, onward]).buffer(HOLD_UP_MARGIN_M)
     margin = BLOCKED_LANE_CHANGE_GAP_M if gaps.min() > HOLD_UP_MARGIN_M else 0.0
-    return approach, shapely.union_all(ego.boxes[approach]).buffer(margin)
+    return approach, shapely.union_all(track.boxes[approach]).buffer(margin)
 
 
 def _is_too_near(track: ActorTrack, other: ActorTrack, headway_s: float) -> bool:

@@ -66,6 +66,10 @@ class EgoReaction:
     hidden_by: frozenset[int] = frozenset()
 
 
+class HeldUpActorError(RunError):
+    """Other traffic keeps an actor that the ego is to brake for from its path."""
+
+
 def needs_reaction(conflict: StagedConflict) -> bool:
     """Return whether the ego takes part in resolving a conflict."""
     return conflict.resolved_by in ("ego", "both")
@@ -93,7 +97,8 @@ def plan_reaction(
         crossing: Where and when their paths cross in it; None if they run side by side.
 
     Raises:
-        RunError: An actor that the ego is to brake for does not reach its path.
+        HeldUpActorError: An actor that the ego is to brake for does not reach its path.
+        RunError: The spec lacks what the ego reacts with, or paths do not cross.
     """
     if conflict.resolved_by == "nobody":
         return _plan_driving_on(spec, trace, crossing)
@@ -161,7 +166,7 @@ def _plan_braking(
     point = tuple(ego.centres[min(at, len(ego.rows) - 1)].tolist())
     meeting = compute_path_crossing(path, (length_m, width_m, 0.0), actor, point, trace.tick_s)
     if meeting is None:
-        raise RunError(
+        raise HeldUpActorError(
             f"{conflict.id} ({conflict.conflict}): other traffic keeps the actor from the ego's"
             " path; lower the density or take other seeds.traffic"
         )

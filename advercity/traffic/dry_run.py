@@ -16,11 +16,16 @@ from numpy.typing import NDArray
 from advercity.conflicts.clearance import (
     Blockage,
     find_blockages,
-    find_ego_blockers,
+    find_blockers,
     find_first_contact,
 )
 from advercity.conflicts.outcome import evaluate_outcomes
-from advercity.conflicts.reaction import EgoReaction, needs_plan, plan_reaction
+from advercity.conflicts.reaction import (
+    EgoReaction,
+    HeldUpActorError,
+    needs_plan,
+    plan_reaction,
+)
 from advercity.conflicts.schedule import ActorSchedule, DryRun, schedule_actors
 from advercity.conflicts.trajectories import build_lane_path, shift_laterally
 from advercity.errors import RunError
@@ -199,10 +204,18 @@ class _DryRuns:
         conflict = next(waiting, None)
         if conflict is None:
             return False
-        crossing = self._schedules[conflict.actors[0].number].crossing
+        actor = conflict.actors[0].number
         trace = build_trace(self._spec, demand, recording, first_tick=0)
-        reaction = plan_reaction(self._spec, conflict, trace, crossing)
         self._history.clear()
+        try:
+            reaction = plan_reaction(self._spec, conflict, trace, self._schedules[actor].crossing)
+        except HeldUpActorError as error:
+            blockers = set(find_blockers(self._spec, trace, actor)) & _list_background_ids(demand)
+            if not blockers:
+                raise
+            self.reason = str(error)
+            self._redraw(blockers)
+            return True
         hiding = reaction.hidden_by & _list_background_ids(demand)
         if hiding:
             self.reason = (
@@ -276,7 +289,7 @@ def _find_disturbing_actors(spec: Spec, trace: Trace, demand: TrafficDemand) -> 
 
 
 def _find_background_blockers(spec: Spec, demand: TrafficDemand, trace: Trace) -> set[int]:
-    return set(find_ego_blockers(spec, trace)) & _list_background_ids(demand)
+    return set(find_blockers(spec, trace, spec.ego.number)) & _list_background_ids(demand)
 
 
 def _list_background_ids(demand: TrafficDemand) -> set[int]:
