@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from advercity.frames import Signal, Trace
 
-TOUCHING_M = 2.6
+TOUCHING_M = 1.5
 """Centres nearer than this are in one place."""
 TURN_DEG = 18.0
 APPROACH_M, DEPARTURE_M = 20.0, 12.0

@@ -10,6 +10,10 @@ from advercity.roads.signals import find_declared_green_s
 
 GREEN_AHEAD_S = 3.0
 """Time before the ego is at a stop line from which on it has green, so that it need not brake."""
+RESTARTED_M = 15.0
+"""Distance from a stop line after which an ego that waited there is fast again."""
+SHORT_WAIT_S = 3.0
+"""An ego that would wait for longer than this at red does wait."""
 
 
 def find_run_lights(case: ConflictCase, place: ActorPlacement) -> Signals | None:
@@ -57,23 +61,23 @@ def time_lights(case: ConflictCase, place: ActorPlacement, lights: Signals) -> C
     return replace(case, drive=case.drive.with_lights(junction, timed))
 
 
-def advance_green(case: ConflictCase) -> ConflictCase:
-    """Return the case with green in time for an ego that is predicted to pass without waiting.
+def advance_green(case: ConflictCase, place: ActorPlacement) -> ConflictCase:
+    """Return the case with green in time for an ego that would brake for red, or wait shortly.
 
-    A light that turns green while the ego brakes for it would leave it slower than was drawn.
+    It would be slower than is drawn where it meets an actor soon after the stop line.
     """
     if case.drive.intersection is None:
         return case
     junction, before, _ = case.drive.intersection
     declared = case.drive.road.junctions.get(junction)
-    lights = declared.signals if declared else None
-    free = case.drive.with_lights(junction, None).motion if lights else case.drive.motion
-    if lights is None or case.drive.motion.time_at(before.end_m) > free.time_at(before.end_m):
+    is_near = place.station_m - before.end_m < RESTARTED_M
+    if declared is None or declared.signals is None or not is_near:
         return case
+    lights, free = declared.signals, case.drive.with_lights(junction, None).motion
     line_m = before.end_m - STOP_LINE_GAP_M - case.ego.length_m / 2
     needed_s = free.time_at(line_m) - GREEN_AHEAD_S
     late_s = find_declared_green_s(lights, before.street.id, needed_s) - needed_s
-    if late_s <= 0:
+    if not 0 < late_s < GREEN_AHEAD_S + SHORT_WAIT_S:
         return case
     slots_s = len(lights.cycle) * (lights.green_s + lights.yellow_s + lights.all_red_s)
     elapsed_s = round((lights.elapsed_s + late_s) % slots_s, 1)

@@ -211,13 +211,13 @@ def solve_conflict(
     place = place_actor(case)
     lights = find_run_lights(case, place) if index == 1 else None
     case = case.without("since_red_s") if lights is None else ignore_lights(case)
+    case = advance_green(case, place) if index == 1 else case
     case = fit_ego_speed(case, place)
     case = fit_actor_speed(case)
     case = shorten_wait(case, place_actor(case))
+    case = advance_green(case, place) if index == 1 else case
     if lights is not None:
         case = time_lights(case, place, lights)
-    elif index == 1:
-        case = advance_green(case)
     return _build_staged_conflict(case, typology, place_actor(case)), case.drive.road
 
 

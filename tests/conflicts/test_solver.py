@@ -32,9 +32,7 @@ def test_a_conflict_point_is_on_the_path_of_the_ego_and_inside_the_scenario(spec
 
 
 @pytest.mark.parametrize("name", ["ri_clear_day_sparse", "ri_clear_day_dense"])
-def test_an_ego_that_passes_a_light_without_waiting_has_green_before_it_would_brake(
-    specs: dict[str, Spec], name: str
-):
+def test_an_ego_has_green_before_it_would_brake_for_red(specs: dict[str, Spec], name: str):
     spec = specs[name]
     (conflict,), drive = spec.conflicts, build_ego_drive(spec.road)
     speed_m_s = conflict.parameters["ego_speed_km_h"] / KM_H_PER_M_S
