@@ -448,9 +448,12 @@ def test_people_look_where_they_walk(road: str, simulated: Simulated):
 
 
 def test_turns_are_announced_in_good_time(simulated: Simulated):
-    trace = simulated("ui_dense")
     turns = 0
-    for number, one in enumerate(trace.actors):
+    for trace, number, one in (
+        (item, number, one)
+        for item in (simulated("ui_sparse"), simulated("ui_dense"))
+        for number, one in enumerate(item.actors)
+    ):
         if one.actor_class in ("pedestrian", "bicycle", "motorcycle"):
             continue
         rows = trace.states[trace.states["actor"] == number]
