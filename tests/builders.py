@@ -1,6 +1,7 @@
 """Builders for tests: a small library, and sensor frames of five agents on a sloping street."""
 
 import functools
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -268,6 +269,14 @@ Write = Callable[..., Path]
 """Writes the small library with some files, by name without ending, and returns its folder."""
 Compile = Callable[..., dict[str, Spec]]
 """Compiles the small library with some files to specs by id."""
+
+
+def write_small_library(folder: Path, **files: str) -> Path:
+    """Write the small library with more files, or others in place of its own, into a new folder."""
+    shutil.copytree(SMALL_LIBRARY, folder)
+    for name, text in files.items():
+        (folder / f"{name}.yaml").write_text(text)
+    return folder
 
 
 def describe_errors(folder: Path) -> str:

@@ -7,7 +7,7 @@ import pytest
 from advercity_dsl import Spec
 
 from advercity.compiler.crossing import compile_library
-from tests.builders import SMALL_LIBRARY, Compile, Write
+from tests.builders import Compile, Write, write_small_library
 
 
 @pytest.fixture
@@ -17,10 +17,7 @@ def write(tmp_path: Path) -> Write:
     def write_library(**files: str) -> Path:
         folder = tmp_path / "library"
         shutil.rmtree(folder, ignore_errors=True)
-        shutil.copytree(SMALL_LIBRARY, folder)
-        for name, text in files.items():
-            (folder / f"{name}.yaml").write_text(text)
-        return folder
+        return write_small_library(folder, **files)
 
     return write_library
 

@@ -21,7 +21,7 @@ from advercity.sensors.measurements import RadarDetections
 from advercity.sensors.sensor_frame import RadarScan
 from advercity.testing import hash_tree
 from advercity.viewer.radar_pictures import colour_velocities, draw_range_azimuth
-from tests.builders import SMALL_LIBRARY
+from tests.builders import write_small_library
 
 pytestmark = pytest.mark.sumo
 
@@ -50,10 +50,7 @@ looks: shaped
 @pytest.fixture(scope="module")
 def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("radars") / "library"
-    shutil.copytree(SMALL_LIBRARY, folder)
-    (folder / "radars.yaml").write_text(RIG)
-    (folder / "suite.yaml").write_text(SUITE)
-    return folder
+    return write_small_library(folder, radars=RIG, suite=SUITE)
 
 
 @pytest.fixture(scope="module")

@@ -23,7 +23,7 @@ from advercity.geometry import poses
 from advercity.pipeline import RunOptions, ViewerTarget, repair_dataset, run_scenario
 from advercity.pipeline.replay import write_recording
 from advercity.testing import with_small_sensors
-from tests.builders import SMALL_LIBRARY
+from tests.builders import write_small_library
 
 pytestmark = pytest.mark.sumo
 
@@ -58,9 +58,7 @@ looks: shaped
 def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The small library with a lorry, and a rig of two kinds of cameras and two LiDARs."""
     folder = tmp_path_factory.mktemp("rigs") / "library"
-    shutil.copytree(SMALL_LIBRARY, folder)
-    (folder / "two_kinds.yaml").write_text(RIG)
-    (folder / "suite.yaml").write_text(SUITE)
+    write_small_library(folder, two_kinds=RIG, suite=SUITE)
     with (folder / "catalogue.yaml").open("a") as file:
         file.write("  lorry: {actor_class: truck, length_m: 8, width_m: 2.5, height_m: 3.2}\n")
         file.write(
