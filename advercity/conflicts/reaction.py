@@ -31,6 +31,8 @@ from advercity.geometry.polyline import (
 from advercity.physics.constants import GRAVITY_M_S2
 from advercity.physics.stopping import REACTION_TIME_S
 
+LEAST_BRAKING_S = 1.0
+"""Time for which the ego brakes at least, though the actor may stop sooner."""
 RESTART_M_S2 = 2.0
 """Acceleration with which the ego is expected to drive on."""
 COMMANDED_AROUND_S = 3.0
@@ -189,6 +191,7 @@ def _plan_braking(
     # Not even the friction of the tyres would do, or the actor has stopped by then.
     hardest = np.nanmin(np.diff(speeds)) < -(hardest_m_s2 - 0.01) * trace.tick_s
     is_late = bool(hardest) or go_s <= first_s + trace.tick_s
+    go_s = max(go_s, first_s + LEAST_BRAKING_S)
     speeds[round(go_s / trace.tick_s) :] = np.nan
     return EgoReaction(
         speed_commands_m_s=speeds,

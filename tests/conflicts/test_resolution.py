@@ -15,8 +15,9 @@ from advercity_dsl.traffic import ReactionConditions
 from advercity.compiler import DiagnosticsError
 from advercity.compiler.crossing import compile_library
 from advercity.conflicts.metrics import ActorTrack, find_overlaps
-from advercity.conflicts.reaction import compute_braking_speeds, find_perception
+from advercity.conflicts.reaction import compute_braking_speeds, find_perception, plan_reaction
 from advercity.conflicts.report import build_table_rows, build_traffic_report
+from advercity.conflicts.trajectories import PathCrossing
 from advercity.frames import STATE_DTYPE, Actor, Trace
 from advercity.pipeline.cache import compute_traffic_key
 from advercity.roads.sumo_network import write_sumo_network
@@ -119,6 +120,26 @@ def resolve(spec: Spec, resolver: Resolver, friction: float = 0.8) -> Spec:
     changed = first.model_copy(update={"resolved_by": resolver, "parameters": parameters})
     reaction = ReactionConditions(friction=friction, is_paired=True)
     return spec.model_copy(update={"conflicts": (changed,), "reaction": reaction})
+
+
+def test_an_ego_brakes_for_a_second_though_the_actor_stops_sooner(specs: dict[str, Spec]):
+    """From 10 m/s it brakes 3 s after the start; the other, who goes on at 5 s, stops then."""
+    trace = build_scene(("pedestrian", 40.0, 0.0))
+    walker = trace.states["actor"] == 1
+    time_s = TICK_S * np.arange(60)
+    walked_m = 1.5 * np.minimum(time_s, 3.1) + 8.0 * np.maximum(time_s - 5.0, 0.0)
+    trace.states["y"][walker], trace.states["yaw"][walker] = walked_m - 7.0, np.pi / 2
+    trace.states["speed"][walker] = np.gradient(walked_m, TICK_S)
+    trace.states["speed"][~walker] = 10.0
+    spec = resolve(specs["unj_clear_day_sparse"], "both")
+    (conflict,) = spec.conflicts
+    other = conflict.actors[0].model_copy(update={"number": 102})
+    conflict = conflict.model_copy(update={"actors": (other,), "point_m": (40.0, 0.0)})
+    meeting = PathCrossing(distance_m=7.0, ego_s=4.0, stop_m=4.5, enter_m=5.5, clear_s=4.4)
+
+    commands = plan_reaction(spec, conflict, trace, meeting).speed_commands_m_s
+
+    assert np.count_nonzero(~np.isnan(commands)) == pytest.approx(10, abs=1)
 
 
 @pytest.mark.sumo
