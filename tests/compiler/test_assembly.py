@@ -36,6 +36,13 @@ def test_demand_is_that_of_the_original_dataset(
     assert (specs[name].demand.vehicles, specs[name].demand.walkers) == (vehicles, walkers)
 
 
+def test_every_road_is_at_a_place_of_its_own(specs: dict[str, Spec]) -> None:
+    roads = {spec.road.id: spec.road for spec in specs.values()}
+    degrees = {(road.origin_lat_deg, road.origin_lon_deg) for road in roads.values()}
+    assert len(degrees) == len(roads) == 5
+    assert all(36 < lat < 45 and -98 < lon < -81 for lat, lon in degrees)  # in the United States
+
+
 def test_weathers_of_one_road_and_density_have_one_traffic_seed(specs: dict[str, Spec]) -> None:
     seeds = {specs[f"ui_{weather}_sparse"].seeds.traffic for weather in WEATHERS}
     assert len(seeds) == 1

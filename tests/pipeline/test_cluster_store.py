@@ -70,6 +70,7 @@ def test_a_run_into_a_store_resumes_after_a_kill_with_the_bytes_of_one_machine(
     options: OptionsFor,
     listener: RecordingListener,
     tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     pytest.importorskip("ray")
     from advercity.pipeline.cluster import RayExecutor
@@ -82,7 +83,17 @@ def test_a_run_into_a_store_resumes_after_a_kill_with_the_bytes_of_one_machine(
     raise_failures(run_scenarios([spec], half, listener=listener))
     store = DatasetStore(url)
     upload_part(store, tmp_path / "half" / spec.id)
-    store.write(f"{spec.id}/101/000061.pcd", b"half")
+    write = store.write
+
+    def write_first_agent(path: str, content: bytes) -> None:
+        if path.startswith(f"{spec.id}/-1/"):
+            raise RunError("the machine stops")
+        write(path, content)
+
+    with monkeypatch.context() as patched, pytest.raises(RunError, match="stops"):
+        patched.setattr(store, "write", write_first_agent)
+        upload_part(store, tmp_path / "alone" / spec.id)
+    assert len(store.list_files(f"{spec.id}/+101")) == 2 * len(store.list_files(f"{spec.id}/102"))
     store.write(LEASE_FILE, b"node process 1 0\n7\n")
     cluster = RayExecutor(url, frames_per_task=FRAMES // 2, patience_s=0.5)
     raise_failures(cluster.run([spec], chosen, listener=listener, resources=RunResources()))

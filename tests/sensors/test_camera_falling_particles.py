@@ -106,6 +106,18 @@ def in_box(
     return found.diameter_m[inside]
 
 
+def test_three_planes_of_the_visible_volume_meet_in_each_of_its_corners() -> None:
+    view = CameraView(np.eye(4), 200, 100, math.radians(90.0))
+    exposure = CameraExposure(view, Camera(mounts=(Mount(),)), Frame(0, 0.0, (), {}), np.zeros(3))
+    planes, corners = exposure.frustum(2.0, 10.0)
+    assert {tuple(corner) for corner in corners.round(9).tolist()} == {
+        (x, y * x, z * x / 2) for x in (2, 10) for y in (-1, 1) for z in (-1, 1)
+    }
+    inside_m = corners @ planes[:, :3].T + planes[:, 3]
+    assert (inside_m > -1e-9).all()
+    assert (inside_m < 1e-9).sum(axis=1).tolist() == [3] * 8
+
+
 @pytest.mark.parametrize(("rate_mm_h", "expected"), [(10, 25_200), (50, 73_010)])
 def test_as_many_large_drops_fly_as_marshall_and_palmer_counted(
     rate_mm_h: float, expected: float

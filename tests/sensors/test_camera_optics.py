@@ -139,6 +139,9 @@ def test_the_sun_throws_ghosts_to_the_other_side_of_the_picture() -> None:
     added = add_lens_ghosts(black, capture(0.0), shot(), atmosphere)
     # The sun stands up to the left, so most of it goes down to the right.
     assert added[70:, 125:].sum() > added[:65, :115].sum() > 0.0
+    # The smallest disc, of 1.5 degrees: 5e-5 of the light over pi * 0.02618^2 steradian.
+    brightest = 0.02322 * atmosphere.sun_lx * np.array(atmosphere.sun_colour)
+    np.testing.assert_allclose(added.max(axis=(0, 1)), brightest, rtol=1e-3)
     assert add_lens_ghosts(black, capture(0.0), shot(flare=0.0), atmosphere) is black
     assert not add_lens_ghosts(black, capture(0.0, depth_m=30.0), shot(), atmosphere).any()
 
