@@ -68,7 +68,7 @@ float patchNoise(vec2 p, float footprint, out float fraction) {
   const mat2 TURN = mat2(0.8, 0.6, -0.6, 0.8);
   float wavelength = 2.1, weight = 0.38, sum = 0.0, resolved = 0.0, all = 0.0;
   fraction = 0.0;
-  vec2 q = p + 0.6 * vec2(noise(p / 1.3, 94), noise(p / 1.3, 95));
+  vec2 q = p + 0.25 * vec2(noise(p / 1.3, 94), noise(p / 1.3, 95));
   for (int i = 0; i < 6; ++i) {
     float kept = retainedContrast(wavelength, footprint);
     q = TURN * q;
