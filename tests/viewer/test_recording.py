@@ -286,7 +286,11 @@ def test_events_are_the_extremes_of_an_encounter(spec: Spec) -> None:
         id="conflict_1",
         conflict="ped_crossing",
         stages=("nhtsa2019:10",),
-        actors=(StagedActor.model_construct(number=walker, behaviour="stops_short"),),
+        actors=(
+            StagedActor.model_construct(
+                number=walker, behaviour="stops_short", path_m=((0.0, -6.0), (0.0, 6.0))
+            ),
+        ),
         point_m=(0.0, 0.0),
         parameters={"arrival_offset_s": 1.0},
         outcome=OutcomeCriteria(
