@@ -189,6 +189,7 @@ def test_writing_specs_says_what_changed(write: Write, tmp_path: Path) -> None:
     specs, folder = compile_library(write()), tmp_path / "specs"
     assert write_specs(specs, folder) == "1 new"
     assert write_specs(specs, folder) == "1 unchanged"
+    assert validate_paths(*folder.iterdir()) == "1 spec"
     earlier = with_digest(specs[0].model_copy(update={"id": "earlier"}))
     assert write_specs([earlier], folder) == "1 new, 1 removed"
     (folder / "earlier.json").rename(folder / "mine.json")

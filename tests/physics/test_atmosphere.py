@@ -117,6 +117,15 @@ def test_the_sky_cubemap_integrates_to_the_diffuse_illuminance(name: str) -> Non
     )
 
 
+def test_light_falls_slowly_and_evenly_from_haze_over_mist_to_fog() -> None:
+    lux = [
+        horizontal_lx(compute_atmosphere(weather(fog={"mor_m": mor_m}), "rural"))
+        for mor_m in (9999, 5000, 1818, 1001, 900)
+    ]
+    assert lux == sorted(lux, reverse=True)
+    assert lux[0] < 1.03 * lux[-1]
+
+
 def test_an_overcast_sky_is_three_times_brighter_overhead_than_at_the_horizon() -> None:
     sun = sky.direction_from_elevation_azimuth(60, 180)
     both = sky.cie_relative_luminance(np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]), sun, 1)
