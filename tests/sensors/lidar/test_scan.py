@@ -62,6 +62,15 @@ def test_puddles_hide_the_road_and_mirror_walls() -> None:
     assert (found.semantic[ghosts] == Semantic.WALL).all()
     # Seen through the mirror, the wall goes on below the ground.
     np.testing.assert_allclose(found.points[ghosts, 0], 12.0, atol=5e-3)
+    # Fresnel, unpolarised, on the way there and on the way back.
+    assert scan.puddle_reflection is not None
+    cos_in = STAND[2, 3] / scan.hits.range_m[scan.puddle_rays]
+    cos_out = np.sqrt(1.0 - (1.0 - cos_in**2) / 1.328**2)
+    across = (cos_in - 1.328 * cos_out) / (cos_in + 1.328 * cos_out)
+    along = (1.328 * cos_in - cos_out) / (1.328 * cos_in + cos_out)
+    np.testing.assert_allclose(
+        scan.puddle_reflection.transmittance, ((across**2 + along**2) / 2.0) ** 2, rtol=0.01
+    )
     dry = measure(EXACT, cast_scan(EXACT, STAND, caster))
     left, before = ((one.semantic == Semantic.ROAD).sum() for one in (found, dry))
     assert 0 < left < 0.05 * before

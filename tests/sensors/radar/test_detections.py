@@ -16,6 +16,7 @@ from advercity.geometry.poses import pose_matrix
 from advercity.physics.atmosphere import compute_atmosphere
 from advercity.sensors.measurements import PointKind, RadarDetections
 from advercity.sensors.radar import RadarConditions, derive_radar_conditions
+from advercity.sensors.radar.cfar import compute_clutter_chance
 from advercity.testing import (
     CAR,
     build_box,
@@ -275,3 +276,15 @@ def test_a_cube_has_every_cell_and_the_targets_stand_out() -> None:
     assert peak[1] in (39, 40)
     assert abs(float(found.cube.velocity_m_s[peak])) < 0.15
     assert scan(WIDE).cube is None
+
+
+@pytest.mark.parametrize("clutter", [0.0, 1.0, 100.0])
+def test_uneven_clutter_raises_more_alarms_as_the_integral_over_its_texture_has_it(
+    clutter: float,
+) -> None:
+    """Exponential noise on log-normal clutter of mean 1, by Gauss-Hermite quadrature."""
+    nodes, weights = np.polynomial.hermite_e.hermegauss(60)
+    local = (1.0 + clutter * np.exp(nodes - 0.5)) / (1.0 + clutter)
+    expected = weights @ np.exp(-3.0 / local) / weights.sum()
+    found = compute_clutter_chance(np.array([clutter]), 3.0)
+    assert found == pytest.approx([expected], rel=0.012)
