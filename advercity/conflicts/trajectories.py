@@ -137,6 +137,8 @@ COMMANDED_AFTER_S = 1.5
 """Time after the crossing for which an actor that does not brake keeps its speed."""
 MERGE_GAP_M = 1.0
 """Paths that come nearer than this without crossing join."""
+LEAST_RUN_M = 3.0
+"""Paths that are together for longer than this before they cross join."""
 
 
 @dataclass(frozen=True)
@@ -161,19 +163,25 @@ class PathCrossing:
 def find_crossing(
     line: shapely.LineString, ego: ActorTrack, point: tuple[float, float]
 ) -> NDArray[np.float64] | None:
-    """Find where (2,) the ego's driven path crosses a line, or else joins it; None if nowhere.
+    """Find where (2,) the ego's driven path crosses a line, or joins it; None if nowhere.
 
-    Of several crossings it is the one nearest to `point`, within `MAX_CROSSING_GAP_M`.
+    Of several crossings it is the one nearest to `point`, within `MAX_CROSSING_GAP_M`. Paths that
+    join run together before they cross, if they do: where depends on centimetres.
     """
     parts = shapely.get_parts(shapely.intersection(line, shapely.LineString(ego.centres)))
     crossings = [shapely.get_coordinates(part)[0] for part in parts if not part.is_empty]
     nearest = _find_nearest_point(crossings, point)
-    if nearest is not None:
-        return nearest
-    gaps = shapely.distance(line, shapely.points(ego.centres))
-    if gaps.min() > MERGE_GAP_M:
+    gaps = np.asarray(shapely.distance(line, shapely.points(ego.centres)))
+    if nearest is None and gaps.min() > MERGE_GAP_M:
         return None
-    joins = shapely.Point(ego.centres[np.argmax(gaps <= max(MERGE_GAP_M / 2, gaps.min()))])
+    near = gaps <= max(MERGE_GAP_M / 2, gaps.min())
+    row = int(np.argmax(near))
+    if nearest is not None:
+        crosses = ego.find_nearest_row(nearest)
+        row = int(np.flatnonzero(~near[:crosses]).max(initial=-1)) + 1
+        if np.linalg.norm(ego.centres[row] - nearest) < LEAST_RUN_M:
+            return nearest
+    joins = shapely.Point(ego.centres[row])
     on_line = shapely.get_coordinates(line.interpolate(line.project(joins)))[0]
     return _find_nearest_point([on_line], point)
 
