@@ -6,7 +6,9 @@ Frames are synced to the disk before a journal lists them; the baseline is the s
 that.
 
 A run that finds all of its frames finished only checks them; its time is given relative to the run
-that made them. Verifying reads and hashes every file; its baseline is hashing the same files alone.
+that made them. A run in two parts, the second of which goes on after the first, is compared by
+processor time with one that makes all frames at once, with the fake backend. Verifying reads and
+hashes every file; its baseline is hashing the same files alone.
 """
 
 import hashlib
@@ -18,7 +20,7 @@ from pathlib import Path
 from unittest.mock import patch
 
 from advercity_dsl import Spec
-from measurement import Measurement, format_table, measure_run_time
+from measurement import Measurement, cpu_with_children_s, format_table, measure_run_time
 
 from advercity.compiler import read_spec
 from advercity.dataset.manifest import Manifest
@@ -48,12 +50,15 @@ def run_benchmark(*, quick: bool) -> list[Measurement]:
         ]
         length = Manifest.load(scenario).length
         durable = [_measure_durability(spec, options, Path(folder)) for _ in range(rounds)]
+        halves = 20 if quick else 200
+        in_parts = _measure_parts(spec, Path(folder), halves)
     resumed_s, _, verified_s = map(statistics.median, zip(*times, strict=True))
     ratio = statistics.median(verified / hashed for _, hashed, verified in times)
     return [
         Measurement(
             "frames synced to the disk", statistics.median(durable), "not synced", at_most=1.1
         ),
+        Measurement(f"{halves} frames in two runs", in_parts, "in one", at_most=1.5),
         Measurement("resume a finished run", resumed_s / made_s, "making its frames", at_most=0.5),
         Measurement("verify", ratio, "reading and hashing alone", at_most=2.0),
         Measurement(f"verify all {length} frames", verified_s * length / frames, "s", at_most=10.0),
@@ -70,6 +75,22 @@ def _measure_durability(spec: Spec, options: RunOptions, folder: Path) -> float:
 def _measure_fresh_run_s(spec: Spec, options: RunOptions, folder: Path) -> float:
     with tempfile.TemporaryDirectory(dir=folder) as output:
         return _measure_s(lambda: run_scenario(spec, replace(options, output=Path(output))))
+
+
+def _measure_parts(spec: Spec, folder: Path, frames: int) -> float:
+    """Measure the processor time of a run in two halves relative to one at once."""
+    options = RunOptions(folder / "warm-up", backend="fake", profile="preview", scale=0.05)
+    run_scenario(spec, replace(options, frames=slice(0, 1)))
+    times_s: list[float] = []
+    for name, ends in (("halves", (frames // 2, frames)), ("whole", (frames,))):
+        before_s = cpu_with_children_s()
+        for end in ends:
+            run_scenario(spec, replace(options, output=folder / name, frames=slice(0, end)))
+        times_s.append(cpu_with_children_s() - before_s)
+    if Manifest.load(folder / "halves" / spec.id) != Manifest.load(folder / "whole" / spec.id):
+        raise RuntimeError("a run in two parts has other bytes than one at once")
+    halves_s, whole_s = times_s
+    return halves_s / whole_s
 
 
 def _hash_files(files: list[Path]) -> None:

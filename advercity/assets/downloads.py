@@ -3,6 +3,7 @@
 import hashlib
 import shutil
 import subprocess
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -106,7 +107,8 @@ def _download_package(package: AssetPackage, work: Path) -> Path:
 def _run_client(package: AssetPackage, work: Path) -> Path:
     """Download a package with its registry's client, which knows this machine's mirror."""
     client, *arguments = package.command
-    program = shutil.which(client)
+    # An environment that is not activated has its own pip next to its interpreter.
+    program = shutil.which(client) or shutil.which(client, path=str(Path(sys.executable).parent))
     if program is None:
         raise FileNotFoundError(f"there is no {client}")
     done = subprocess.run(  # noqa: S603 - the user's own package manager

@@ -18,7 +18,7 @@ def install_assets(source: Path | None, earlier: Path, report: Callable[[str], N
     Args:
         source: A package file, of which other packages are left alone, or a folder with package
             files; None downloads them.
-        earlier: Folder of models of earlier versions, which are moved.
+        earlier: Folder of models of earlier versions, which are copied.
         report: Takes a line about every step.
 
     Returns:
@@ -29,7 +29,7 @@ def install_assets(source: Path | None, earlier: Path, report: Callable[[str], N
     """
     store, textures = open_model_store(), open_texture_store()
     if store.adopt(ModelStore(earlier)):
-        report(f"models of an earlier version: moved from {earlier} to {store.folder}")
+        report(f"models of an earlier version: copied from {earlier} to {store.folder}")
     steps: dict[AssetPackage, Callable[[], None]] = {}
     if not store.has_package:
         steps[store.package] = lambda: store.install_package(source)

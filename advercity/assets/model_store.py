@@ -3,7 +3,6 @@
 import hashlib
 import json
 import re
-import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,7 +28,7 @@ from advercity.assets.packages import (
     DIGEST_FILE,
     FURNITURE,
     check_licence,
-    clear_package_folder,
+    copy_package,
     install_package,
     load_source_model,
     remove_package,
@@ -100,21 +99,23 @@ class ModelStore:
         install_package(self.package, self._package_folder, source)
 
     def adopt(self, earlier: "ModelStore") -> bool:
-        """Move the package and the users' files of another store here, unless this one has them.
+        """Copy the package and the users' files of another store here, unless this one has them.
+
+        The other store keeps them: another data folder may be in use for a while only.
 
         Returns:
-            Whether anything was moved.
+            Whether anything was copied.
+
+        Raises:
+            InputError: A user's file is not a model, or the package's folder holds other files.
         """
         is_wanted = earlier.has_package and not self.has_package
         if is_wanted:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            clear_package_folder(self._package_folder)
-            shutil.move(earlier._package_folder, self._package_folder)
-        own = _list_stored_models(earlier.folder / "own")
-        for path in own:
+            copy_package(earlier._package_folder, self._package_folder)
+        had = len(_list_stored_models(self.folder / "own"))
+        for path in _list_stored_models(earlier.folder / "own"):
             self.add_model(path)
-            path.unlink()
-        return is_wanted or bool(own)
+        return is_wanted or len(_list_stored_models(self.folder / "own")) > had
 
     def remove_package(self) -> None:
         """Delete the asset packages and all converted models."""

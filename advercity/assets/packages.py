@@ -10,15 +10,15 @@ import shutil
 import tarfile
 import tempfile
 import zipfile
-from collections.abc import Iterator
-from contextlib import suppress
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from advercity_dsl.catalogue import BodyModel, FreeLicence
 
 from advercity.assets.downloads import AssetPackage, fetch_package
-from advercity.errors import InputError, RunError, report_write_errors
+from advercity.errors import InputError, RunError, describe_cause, report_write_errors
 
 WANTED_FILES = re.compile(r"(?:.*/)?(?:[\w-]+\.sh3f|copyright)$")
 """Members of the package that are kept: collections, and the file with their licences."""
@@ -54,14 +54,35 @@ def install_package(package: AssetPackage, folder: Path, source: Path | None = N
         InputError: `source` does not exist, or is another file, or `folder` holds other files.
         RunError: It cannot be downloaded, or is no Debian package of models.
     """
+    with _open_new_package(folder) as unpacked:
+        unpack_package(fetch_package(package, unpacked.parent, source), unpacked)
+        (unpacked / DIGEST_FILE).write_text(package.sha256)
+
+
+def copy_package(source: Path, folder: Path) -> None:
+    """Copy an unpacked package to `folder`, atomically; other files beside it are not copied.
+
+    Raises:
+        InputError: `folder` holds other files, or a file cannot be read or written.
+    """
+    with _open_new_package(folder) as unpacked:
+        for path in _list_package_files(source):
+            try:
+                content = path.read_bytes()
+            except OSError as error:
+                raise InputError(f"{path}: cannot be read: {describe_cause(error)}") from error
+            (unpacked / path.name).write_bytes(content)
+
+
+@contextmanager
+def _open_new_package(folder: Path) -> Generator[Path]:
+    """Yield a folder in an empty one; at the end it takes the place of an unpacked package."""
     with report_write_errors():
         folder.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=folder.parent) as name:
-            work = Path(name)
-            unpacked = work / "unpacked"
+            unpacked = Path(name) / "unpacked"
             unpacked.mkdir()
-            unpack_package(fetch_package(package, work, source), unpacked)
-            (unpacked / DIGEST_FILE).write_text(package.sha256)
+            yield unpacked
             clear_package_folder(folder)
             unpacked.replace(folder)
 
@@ -83,11 +104,15 @@ def clear_package_folder(folder: Path) -> None:
 def remove_package(folder: Path) -> None:
     """Delete the files of an unpacked package, and its folder if nothing else is in it."""
     if (folder / DIGEST_FILE).is_file():
-        # The digest last: until then an interrupted removal is known to be one of a package.
-        for path in (*folder.glob("*.sh3f"), folder / "copyright", folder / DIGEST_FILE):
+        for path in _list_package_files(folder):
             path.unlink(missing_ok=True)
     with suppress(OSError):  # not there, or files of others are in it
         folder.rmdir()
+
+
+def _list_package_files(folder: Path) -> list[Path]:
+    # The digest last: until then an interrupted removal is known to be one of a package.
+    return [*folder.glob("*.sh3f"), folder / "copyright", folder / DIGEST_FILE]
 
 
 def unpack_package(package: Path, folder: Path) -> None:

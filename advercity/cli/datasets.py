@@ -135,11 +135,11 @@ def split(
 
 @commands.command()
 def sheet(
-    dataset: Annotated[Path, typer.Argument(help="A scenario of a dataset.")],
+    scenario: Annotated[Path, typer.Argument(help="A scenario of a dataset.")],
     output: Annotated[Path, typer.Option(help="Image file to write.")] = Path("contact_sheet.png"),
 ) -> None:
     """Put all cameras of one frame on a contact sheet."""
     from advercity.dataset.overview_images import write_contact_sheet
 
-    write_contact_sheet(dataset, output)
+    write_contact_sheet(scenario, output)
     print_data(str(output))

@@ -90,14 +90,16 @@ def write_sun_positions(path: Path, suns: Mapping[str, Sun]) -> None:
         f"  {road}: {{elevation_deg: {sun.elevation_deg:g}, azimuth_deg: {sun.azimuth_deg:g}}}"
         for road, sun in suns.items()
     ]
-    lines = read_text(path).splitlines()
+    content = read_text(path)
+    newline = "\r\n" if "\r\n" in content else "\n"
+    lines = content.removesuffix(newline).split(newline)
     sun_lines = _find_field_lines(lines, "sun")
     if sun_lines is None:
         text = ", ".join(line.strip() for line in block)
         raise InputError(f"{path}: `sun` does not begin a line; write: sun_at: {{{text}}}")
     after_sun = sun_lines[1]
     begin, end = _find_field_lines(lines, "sun_at") or (after_sun, after_sun)
-    text = "\n".join([*lines[:begin], SUN_AT_HEADER, *block, *lines[end:]]) + "\n"
+    text = newline.join([*lines[:begin], SUN_AT_HEADER, *block, *lines[end:], ""])
     # A file that the edit would break is left as it is.
     parse_document(path, text)
     with report_write_errors():

@@ -4,6 +4,7 @@ import json
 import os
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -12,11 +13,11 @@ from advercity_dsl import SPEC_VERSION, Spec
 from pydantic import ValidationError
 
 from advercity.atomic_files import write_atomically
-from advercity.compiler.assembly import has_own_digest
+from advercity.compiler.assembly import dump_spec, has_own_digest
 from advercity.compiler.source import SourceDocument, parse_document
 from advercity.compiler.validation import validate_model
 from advercity.diagnostics import DiagnosticsError
-from advercity.documents import parse_json, read_text
+from advercity.documents import MAX_JSON_BYTES, parse_json, read_bytes, read_text
 from advercity.errors import InputError, report_write_errors
 
 MAX_LINE_LENGTH = 100
@@ -24,7 +25,7 @@ MAX_LINE_LENGTH = 100
 
 def to_json(spec: Spec) -> str:
     """Format a spec as JSON with keys in model order, short lists and records on one line."""
-    fields = spec.model_dump(mode="json")
+    fields = dump_spec(spec)
     items = [
         f" {_format_flat(name)}: {_lay_out_cached(_format_flat(value), ' ')}"
         for name, value in fields.items()
@@ -77,26 +78,35 @@ def write_specs(specs: Iterable[Spec], folder: str | os.PathLike[str]) -> str:
     texts = {f"{spec.id}.json": to_json(spec) for spec in specs}
     with report_write_errors():
         folder.mkdir(parents=True, exist_ok=True)
-        changes = Counter(_compare_file(folder / name, text) for name, text in texts.items())
+        kinds = {name: _compare_file(folder / name, text) for name, text in texts.items()}
         for name, text in texts.items():
-            write_atomically(folder / name, text.encode())
+            if kinds[name] != "unchanged":
+                write_atomically(folder / name, text.encode())
+        changes = Counter(kinds.values())
         for path in _find_stale_files(folder, specs):
             path.unlink()
             changes["removed"] += 1
-    kinds = ("new", "changed", "unchanged", "removed")
-    return ", ".join(f"{changes[kind]} {kind}" for kind in kinds if changes[kind])
+    order = ("new", "changed", "unchanged", "removed")
+    return ", ".join(f"{changes[kind]} {kind}" for kind in order if changes[kind])
 
 
 def _compare_file(path: Path, text: str) -> str:
-    if not path.exists():
+    if not os.path.lexists(path):
         return "new"
-    if path.read_bytes() == text.encode():
+    if _has_text(path, text):
         return "unchanged"
     if _find_suite(path) is None:
         raise InputError(
             f"{path}: is not as it was compiled, and would be replaced; rename or delete it"
         )
     return "changed"
+
+
+def _has_text(path: Path, text: str) -> bool:
+    """Return whether a path is a regular file with this text; nothing else is opened."""
+    with suppress(InputError, OSError):
+        return read_bytes(path, max_bytes=MAX_JSON_BYTES) == text.encode()
+    return False
 
 
 def _find_stale_files(folder: Path, specs: Sequence[Spec]) -> list[Path]:
@@ -125,9 +135,9 @@ def describe_spec_differences(specs: Sequence[Spec], folder: Path) -> list[str]:
     ]
     for name, text in texts.items():
         path = folder / name
-        if not path.is_file():
+        if not path.exists():
             differences.append(f"{path}: is missing")
-        elif path.read_text(encoding="utf-8") != text:
+        elif not _has_text(path, text):
             differences.append(f"{path}: differs from what the library compiles to")
     return differences
 

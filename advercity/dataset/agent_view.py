@@ -8,7 +8,7 @@ radians.
 from __future__ import annotations
 
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -38,6 +38,8 @@ if TYPE_CHECKING:
     from advercity_dsl import Agent
 
 _Speed = TypeVar("_Speed", float, NDArray[np.float64])
+MAX_IMAGE_BYTES = 10**9
+"""Far above any image without compression."""
 REPAIR_HINT = "`advercity verify` lists all such files, `advercity repair` restores them"
 
 
@@ -340,8 +342,10 @@ class AgentView:
 
     def _read_image(self, suffix: str, mode: int) -> NDArray[np.uint8]:
         path = self.path(suffix)
-        # OpenCV returns None for a missing and for a damaged file alike.
-        image: Any = cv2.imread(str(path), mode)
+        image: Any = None
+        with suppress(OSError, cv2.error):  # missing, or empty; of a damaged one it returns None
+            raw = np.frombuffer(read_bytes(path, max_bytes=MAX_IMAGE_BYTES), np.uint8)
+            image = cv2.imdecode(raw, mode)
         if image is None:
             raise InputError(f"{path}: is missing or no image; {REPAIR_HINT}")
         return image

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from advercity.dataset.carla_frame import mirror_columns
+from advercity.documents import read_bytes
 from advercity.errors import InputError, describe_cause
 
 if TYPE_CHECKING:
@@ -44,6 +45,8 @@ PCD_RAW_FIELDS = [("raw_x", "<f4"), ("raw_y", "<f4"), ("raw_z", "<f4")]
 CloudEncoding = Literal["binary", "binary_compressed"]
 """PCD's names of its encodings: points as they are, or field by field in LZF blocks."""
 CLOUD_ENCODINGS: tuple[CloudEncoding, ...] = ("binary", "binary_compressed")
+MAX_CLOUD_BYTES = 10**9
+"""Twenty times the cloud of the densest LiDAR of a spec."""
 MAX_LZF_RATIO = 100
 """Upper bound of how many times LZF data grow: at most 264 bytes from 3."""
 _SIZES = struct.Struct("<II")
@@ -149,7 +152,7 @@ def read_pcd(path: Path) -> NDArray[np.void]:
         InputError: The file cannot be read, or is no such PCD.
     """
     try:
-        header, _, rest = path.read_bytes().partition(b"DATA ")
+        header, _, rest = read_bytes(path, max_bytes=MAX_CLOUD_BYTES).partition(b"DATA ")
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {describe_cause(error)}") from error
     encoding, _, body = rest.partition(b"\n")
@@ -206,7 +209,8 @@ def encode_ply(points: NDArray[np.floating], *, intensity: NDArray[np.floating])
 def read_ply(path: Path) -> NDArray[np.void]:
     """Read a file of `encode_ply` as a table (n,) of `PLY_POINT`; InputError if it is none."""
     try:
-        header, _, body = path.read_bytes().partition(b"end_header\n")
+        content = read_bytes(path, max_bytes=MAX_CLOUD_BYTES)
+        header, _, body = content.partition(b"end_header\n")
         count = int(header.partition(b"element vertex ")[2].split(maxsplit=1)[0])
         columns = np.array(body.split(), dtype=np.float64).reshape(count, 6)
     except OSError as error:

@@ -7,7 +7,6 @@ whose run was killed is described by its manifest and its journals.
 
 import errno
 import hashlib
-import itertools
 import logging
 import os
 import re
@@ -89,7 +88,10 @@ def _check_path(path: str) -> str:
 
 FilePath = Annotated[str, AfterValidator(_check_path)]
 """Path of a file within the scenario: of one in it, or in a folder in it."""
-_RECORDS = TypeAdapter(dict[FilePath, FileRecord])
+_Records = dict[FilePath, FileRecord]
+_RECORDS = TypeAdapter(_Records)
+_UNMOVED_RECORDS = TypeAdapter(tuple[_Records])
+"""A list of one: records in brackets are of files that may not be in place yet."""
 
 
 def append_to_journal(
@@ -125,7 +127,8 @@ def read_journals(scenario: Path, *, moved: bool = True) -> dict[str, FileRecord
                 if not isinstance(entry, list):
                     records |= _RECORDS.validate_python(entry)
                 elif not moved:
-                    records |= _RECORDS.validate_python(*entry)
+                    (unmoved,) = _UNMOVED_RECORDS.validate_python(entry)
+                    records |= unmoved
     return records
 
 
@@ -163,10 +166,17 @@ def _is_file(path: Path) -> bool:
 
 
 def _rename_to_keep(scenario: Path, path: str) -> str:
-    names = (f"{path}{KEPT_SUFFIX}{number or ''}" for number in itertools.count())
-    kept = next(name for name in names if not os.path.lexists(scenario / name))
-    (scenario / path).rename(scenario / kept)
-    return kept
+    number = 0
+    while True:
+        kept = f"{path}{KEPT_SUFFIX}{number or ''}"
+        try:
+            # Reserves the name: renaming would replace a file that came after a mere look.
+            (scenario / kept).touch(exist_ok=False)
+        except FileExistsError:
+            number += 1
+        else:
+            (scenario / path).replace(scenario / kept)
+            return kept
 
 
 def list_matching_files(

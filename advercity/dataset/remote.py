@@ -93,10 +93,9 @@ class SharedScenario:
 
     def _remove_unfinished(self, finished: Mapping[str, FileRecord]) -> None:
         """Delete what machines that stopped have uploaded of their parts, by its content."""
-        for part in filter(_is_begun, self._list_parts()):
-            text = self.store.read(part)
-            begun = {} if text is None else Manifest.parse(text, where=part).files
-            numbered = {path: record for path, record in begun.items() if record.frame is not None}
+        begun = filter(_is_begun, _list_parts(self.store, self.spec.id))
+        for manifest in _read_manifests(self.store, begun):
+            numbered = _select_frame_records(manifest)
             left = {path: record for path, record in numbered.items() if path not in finished}
             self._remove_recorded(left)
 
@@ -150,16 +149,11 @@ class SharedScenario:
 
     def _remove_parts(self) -> None:
         """Delete the manifests of parts, and their folder unless it has files of others."""
-        for path in self._list_parts():
+        for path in _list_parts(self.store, self.spec.id):
             self.store.remove(path)
         folder = _format_parts_folder(self.spec.id)
         if not self.store.list_files(folder):
             self.store.remove(folder)
-
-    def _list_parts(self) -> list[str]:
-        listed = self.store.list_files(_format_parts_folder(self.spec.id))
-        pattern = rf"[0-9]{{6,}}_[0-9]{{6,}}\.json({re.escape(BEGUN_SUFFIX)})?"
-        return [path for path in listed if re.fullmatch(pattern, path.split("/")[-1])]
 
     def _list_files(self) -> list[str]:
         name = self.spec.id
@@ -174,10 +168,8 @@ class SharedScenario:
 
     def _read_manifests(self) -> list[Manifest]:
         """Read the manifest of the scenario if it has one, and those of its parts."""
-        parts = [part for part in self._list_parts() if not _is_begun(part)]
-        paths = [f"{self.spec.id}/{MANIFEST_FILE}", *parts]
-        texts = [(path, self.store.read(path)) for path in paths]
-        return [Manifest.parse(text, where=path) for path, text in texts if text is not None]
+        parts = [part for part in _list_parts(self.store, self.spec.id) if not _is_begun(part)]
+        return _read_manifests(self.store, [f"{self.spec.id}/{MANIFEST_FILE}", *parts])
 
     def _merge_records(self, found: Iterable[Manifest]) -> dict[str, FileRecord]:
         files: dict[str, FileRecord] = {}
@@ -188,12 +180,28 @@ class SharedScenario:
                 remedy="`fresh` starts over; machines that share a scenario need the same versions"
                 " and devices",
             )
-            files |= {p: record for p, record in manifest.files.items() if record.frame is not None}
+            files |= _select_frame_records(manifest)
         return files
 
 
 def _record_contents(files: Mapping[str, bytes]) -> dict[str, FileRecord]:
     return {path: FileRecord.from_content(content) for path, content in files.items()}
+
+
+def _select_frame_records(manifest: Manifest) -> dict[str, FileRecord]:
+    return {path: record for path, record in manifest.files.items() if record.frame is not None}
+
+
+def _list_parts(store: DatasetStore, name: str) -> list[str]:
+    """List the manifests of a scenario's parts, finished and begun ones."""
+    pattern = rf"[0-9]{{6,}}_[0-9]{{6,}}\.json({re.escape(BEGUN_SUFFIX)})?"
+    listed = store.list_files(_format_parts_folder(name))
+    return [path for path in listed if re.fullmatch(pattern, path.split("/")[-1])]
+
+
+def _read_manifests(store: DatasetStore, paths: Iterable[str]) -> list[Manifest]:
+    texts = [(path, store.read(path)) for path in paths]
+    return [Manifest.parse(text, where=path) for path, text in texts if text is not None]
 
 
 def _is_begun(part: str) -> bool:
@@ -235,9 +243,14 @@ def _verify_stored_scenario(
     text = store.read(f"{name}/{MANIFEST_FILE}") or b""
     own = [path.removeprefix(f"{name}/") for path in paths if path.startswith(f"{name}/")]
     manifest = Manifest.parse(text, where=f"{name}/{MANIFEST_FILE}")
-    names = manifest.frame_file_names
-    unlisted = {path for path in own if names.find_frame(path) is not None} - manifest.files.keys()
-    problems = compare_with_manifest(Path(name), manifest, own, matches, unfinished=unlisted)
+    unlisted = set(own) - manifest.files.keys()
+    unfinished = {
+        path
+        for part in _read_manifests(store, _list_parts(store, name))
+        for path, record in _select_frame_records(part).items()
+        if path in unlisted and matches(path, record)
+    }
+    problems = compare_with_manifest(Path(name), manifest, own, matches, unfinished=unfinished)
     if not index.matches_manifest(name, text):
         problems.insert(0, FileProblem(Path(name), MANIFEST_FILE, "changed"))
     return problems

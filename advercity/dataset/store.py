@@ -20,6 +20,7 @@ from typing import Self
 import fsspec
 
 from advercity.atomic_files import move_file, write_file
+from advercity.dataset.partial_files import PARTIAL_SUFFIX
 from advercity.errors import InputError, RunError
 
 INCOMING_FOLDER = ".staging/incoming"
@@ -67,7 +68,8 @@ class DatasetStore:
         with self._report_errors(f"{path} cannot be written"):
             if self._can_rename:
                 self._check_no_links(path)
-                incoming = Path(self._absolute_path(f"{INCOMING_FOLDER}/{uuid.uuid4().hex}"))
+                name = f"{INCOMING_FOLDER}/{uuid.uuid4().hex}{PARTIAL_SUFFIX}"
+                incoming = Path(self._absolute_path(name))
                 write_file(incoming, content)
                 move_file(incoming, Path(self._absolute_path(path)))
             else:
@@ -117,6 +119,17 @@ class DatasetStore:
             if self._files.exists(self._absolute_path(folder)):
                 self._files.rm(self._absolute_path(folder), recursive=True)
 
+    def remove_partial_files(self) -> None:
+        """Delete the files that processes which stopped have left unfinished.
+
+        Raises:
+            RunError: The store refuses it.
+        """
+        if self._can_rename:
+            for path in self.list_files(INCOMING_FOLDER):
+                if path.endswith(PARTIAL_SUFFIX):
+                    self.remove(path)
+
     @contextmanager
     def _report_errors(self, what: str) -> Generator[None]:
         try:
@@ -165,6 +178,7 @@ class DatasetLease:
     def __enter__(self) -> Self:
         if not self._store.create(LEASE_FILE, self._format()):
             self._take_over()
+        self._store.remove_partial_files()  # before this process writes again
         self._renewal_thread.start()
         return self
 

@@ -112,7 +112,7 @@ def _describe_download(size_bytes: int) -> str:
 def _describe_missing_package() -> str:
     earlier = find_cache_folder() / "assets"
     if ModelStore(earlier).has_package:
-        return f"are not installed; `advercity assets install` moves them here from {earlier}"
+        return f"are not installed; `advercity assets install` copies them here from {earlier}"
     return _describe_download(FURNITURE.size_bytes)
 
 

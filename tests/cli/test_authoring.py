@@ -6,11 +6,13 @@ import shutil
 from pathlib import Path
 
 import pytest
+import yaml
 from advercity_dsl import Spec
 
 from advercity.cli import main
 from advercity.compiler import write_specs
 from tests.cli.conftest import Command
+from tests.roads.imported_roads import AT_JUNCTION, DATA
 
 
 def test_compile_writes_the_110_specs_and_check_finds_them_current(
@@ -55,6 +57,25 @@ def test_compile_of_no_library_is_bad_input(advercity: Command, tmp_path: Path) 
     assert ran.err.startswith("error: ")
     assert "no such file or folder" in ran.err
     assert ran.out == ""
+
+
+def test_show_says_at_which_junctions_agents_cannot_be(advercity: Command, tmp_path: Path) -> None:
+    """Of two junctions with lights, the second has no street from the south."""
+    text = (DATA / "crossroads.osm").read_text(encoding="utf-8")
+    signals = '<tag k="highway" v="traffic_signals"/>'
+    nodes = f"""<node id="7" lat="48.0" lon="11.0013">{signals}</node>
+        <node id="8" lat="48.0018" lon="11.0013"/>"""
+    side = '<way id="14"><nd ref="7"/><nd ref="8"/><tag k="highway" v="secondary"/></way>'
+    text = text.replace('<node id="6"', nodes + '<node id="6"').replace("</osm>", side + "</osm>")
+    text = text.replace('<nd ref="1"/><nd ref="4"/>', '<nd ref="1"/><nd ref="7"/><nd ref="4"/>')
+    (tmp_path / "crossroads.osm").write_text(text, encoding="utf-8")
+    (tmp_path / "road.yaml").write_text(yaml.safe_dump(AT_JUNCTION))
+
+    ran = advercity("show", tmp_path / "road.yaml")
+
+    (line,) = (line for line in ran.out.splitlines() if line.startswith("no agents at "))
+    assert line.startswith("no agents at j7 ")
+    assert "no traffic comes to 'j7' from an arm 'south'; its arms are " in line
 
 
 def test_list_has_one_line_per_spec(advercity: Command, spec_file: Path) -> None:

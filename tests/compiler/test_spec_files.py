@@ -1,4 +1,5 @@
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -123,3 +124,25 @@ def test_a_spec_of_another_version_is_reported_with_what_to_do(
     path.write_text(json.dumps(data))
     with pytest.raises(DiagnosticsError, match=f"has version {version}; this .* {way_out}"):
         read_spec(path)
+
+
+@pytest.mark.parametrize("kind", ["pipe", "device", "dangling link", "other bytes"])
+def test_what_is_no_text_in_place_of_a_spec_is_neither_opened_nor_replaced(
+    write: Write, tmp_path: Path, kind: str
+) -> None:
+    (spec,) = compile_library(write())
+    path = tmp_path / "specs" / f"{spec.id}.json"
+    path.parent.mkdir()
+    if kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "other bytes":
+        path.write_bytes(b"\xff\xfe{")
+    else:
+        path.symlink_to("/dev/zero" if kind == "device" else tmp_path / "nowhere")
+    before = path.lstat()
+    with pytest.raises(InputError, match=r"\.json: is not as it was compiled, .*rename or del"):
+        write_specs([spec], path.parent)
+    assert path.lstat() == before
+    (difference,) = describe_spec_differences([spec], path.parent)
+    wrong = "is missing" if kind == "dangling link" else "differs from what the library compiles to"
+    assert difference == f"{path}: {wrong}"

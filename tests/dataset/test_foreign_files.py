@@ -4,7 +4,9 @@ import json
 import os
 import shutil
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
+from threading import Event, Thread
 
 import pytest
 from advercity_dsl import Spec
@@ -14,8 +16,8 @@ from advercity.dataset import partial_files, writer
 from advercity.dataset.formats import FORMATS, FrameFileNames
 from advercity.dataset.manifest import Manifest
 from advercity.dataset.opv2v import select_encoder
-from advercity.dataset.partial_files import FileRecord, append_to_journal
-from advercity.dataset.remote import SharedScenario, upload_part
+from advercity.dataset.partial_files import FileRecord, append_to_journal, set_aside
+from advercity.dataset.remote import SharedScenario, upload_part, verify_store
 from advercity.dataset.scenario_folders import MANIFEST_FILE, find_staging_folder
 from advercity.dataset.store import DatasetLease, DatasetStore
 from advercity.dataset.verification import restore_files, verify_dataset, verify_scenario
@@ -182,6 +184,30 @@ def test_a_file_that_its_user_changed_is_kept_under_another_name(
     assert not any(problem.is_damage for problem in verify_scenario(scenario))
 
 
+def test_a_file_kept_under_another_name_replaces_none_that_comes_meanwhile(tmp_path: Path) -> None:
+    texts_of_others: list[str] = []
+    ended = Event()
+
+    def take_free_names() -> None:
+        """Make files of the names that come next, as somebody may at any moment."""
+        while not ended.is_set():
+            with suppress(FileExistsError):
+                number = len(list(tmp_path.glob("a.kept*")))
+                with (tmp_path / f"a.kept{number or ''}").open("x") as stream:
+                    texts_of_others.append(f"of others {number}")
+                    stream.write(texts_of_others[-1])
+
+    other = Thread(target=take_free_names)
+    other.start()
+    for number in range(100):
+        (tmp_path / "a").write_text(f"changed {number}")
+        set_aside(tmp_path, ["a"])
+    ended.set()
+    other.join()
+    found = [path.read_text() for path in tmp_path.iterdir()]
+    assert sorted(found) == sorted([*texts_of_others, *(f"changed {n}" for n in range(100))])
+
+
 def test_a_file_in_the_place_of_one_that_a_run_writes_is_kept_under_another_name(
     scenario: Path, spec: Spec, sensor_frames_of: SensorFramesOf, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -285,6 +311,51 @@ def test_what_a_machine_left_of_a_part_is_removed_from_a_store_and_no_other_file
     with pytest.raises(RunError, match=r"00006\d[\w.]+: is of no run, in the place of"):
         shared.begin(fresh=False)
     assert texts(folder, *precious) == precious
+
+
+def test_verifying_a_store_tells_unfinished_files_from_those_of_others(
+    scenario: Path, spec: Spec, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = DatasetStore(str(tmp_path / "store"))
+    SharedScenario(store, spec, identify(spec), LENGTH).begin(fresh=False)
+    write, written = store.write, list[str]()
+
+    def write_some(path: str, content: bytes) -> None:
+        if len(written) == 4:
+            raise RunError("the machine stops")
+        written.append(path)
+        write(path, content)
+
+    with monkeypatch.context() as patched, pytest.raises(RunError, match="stops"):
+        patched.setattr(store, "write", write_some)
+        upload_part(store, scenario)
+    _, *uploaded, changed = (path.removeprefix(f"{spec.id}/") for path in written)
+    mine = ["+101/000061_objects.json", "102/000061.pcd", changed, "notes.txt"]
+    add(tmp_path / "store" / spec.id, *mine)
+    kinds = {one.path: one.kind for one in verify_store(str(tmp_path / "store"))}
+    assert kinds == dict.fromkeys(uploaded, "unfinished") | dict.fromkeys(mine, "foreign")
+
+
+def test_what_a_dead_machine_left_of_a_file_in_a_store_is_removed_and_no_other_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store, incoming = DatasetStore(str(tmp_path)), tmp_path / ".staging" / "incoming"
+
+    def stop(*_: object) -> None:
+        raise RunError("the machine stops")
+
+    with monkeypatch.context() as patched, pytest.raises(RunError, match="stops"):
+        patched.setattr("advercity.dataset.store.move_file", stop)
+        store.write("a/b", b"of a run")
+    assert len(list(incoming.iterdir())) == 1
+    precious = add(incoming, "notes.txt", "0123456789abcdef0123456789abcdef", "mine/thesis.txt")
+    with DatasetLease(store):
+        pass
+    assert texts(incoming, *store_files(incoming)) == precious
+
+
+def store_files(folder: Path) -> list[str]:
+    return [path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()]
 
 
 @pytest.mark.parametrize("fresh", [False, True])

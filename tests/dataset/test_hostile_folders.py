@@ -39,16 +39,23 @@ def test_a_recorded_file_that_is_none_is_damage_and_is_not_opened(
 
 
 @pytest.mark.parametrize(
-    ("path", "frame"),
-    [("../x", None), ("\0", 1), ("+101/000061.pcd", -5), ("+101/000061.pcd", 10**9)],
+    "line",
+    [
+        *(
+            {path: {"size": 1, "sha256": "a", "frame": frame}}
+            for path, frame in [("../x", None), ("\0", 1), (CLOUD, -5), ("+101/000061.pcd", 10**9)]
+        ),
+        [],
+        [{}, {}],
+        [[]],
+        None,
+    ],
 )
-def test_a_doctored_journal_changes_nothing(
-    scenario: Path, spec: Spec, path: str, frame: int | None
-) -> None:
+def test_a_doctored_journal_changes_nothing(scenario: Path, spec: Spec, line: object) -> None:
     before = (scenario / MANIFEST_FILE).read_bytes()
     journal = find_staging_folder(scenario) / "journal_0.jsonl"
     journal.parent.mkdir(parents=True)
-    journal.write_text(json.dumps({path: {"size": 1, "sha256": "a", "frame": frame}}) + "\n")
+    journal.write_text(json.dumps(line) + "\n")
     assert verify_dataset(scenario) == []
     with ScenarioWriter(scenario.parent, spec, identify(spec), length=LENGTH) as writer:
         assert writer.done_frames == {0}

@@ -210,6 +210,15 @@ def test_scenarios_are_linked_by_road(two_roads: Path, tmp_path: Path) -> None:
     assert len(open_dataset(tmp_path)) == 2 * TWO_ROADS_FRAMES
 
 
+def test_repeats_of_a_road_are_in_one_split(spec: Spec, make: Make, tmp_path: Path) -> None:
+    """Their traffic differs, their place does not: a network would know it from training."""
+    repeats = [f"{spec.id}_r{number}" for number in (1, 2, 3)]
+    for name in repeats:
+        make(tmp_path / "dataset", spec.model_copy(update={"id": name}), LENGTH)
+    found = link_splits(tmp_path / "dataset", tmp_path / "splits")
+    assert found == {"train": [], "validate": repeats, "test": []}
+
+
 def test_links_are_updated(two_roads: Path, tmp_path: Path) -> None:
     link_splits(two_roads, tmp_path)
     link_splits(two_roads, tmp_path, {"train": ["ui"], "validate": ["rcnj"], "test": []})

@@ -48,6 +48,18 @@ def test_the_top_view_is_centred_on_the_first_agent(two_roads: Path) -> None:
     assert tuple(image[100, 100]) == overview_images.AGENT_VIEW_COLOURS[0]
 
 
+def test_a_cloud_is_drawn_from_above_with_its_front_up_and_its_left_left() -> None:
+    """Pixels of a metre: 60 m to every side; brightness by the root of the intensity."""
+    fields = [("x", "f4"), ("y", "f4"), ("intensity", "f4"), ("object_id", "i4")]
+    rows = [(19.5, 9.5, 1.0, 0), (-30.5, -40.5, 0.25, 0), (0.5, 5.5, 0.0, 7), (61, 0, 1, 0)]
+    drawn = overview_images.draw_lidar_top_view(np.array(rows, fields), 120)
+    expected = np.zeros((120, 120, 3), np.uint8)
+    expected[60 - 20, 60 - 10] = 255
+    expected[60 + 30, 60 + 40] = 70 + 185 // 2
+    expected[60 - 1, 60 - 6] = (255, 200, 60)
+    np.testing.assert_array_equal(drawn, expected)
+
+
 def write_rigs(spec: Spec, root: Path, *yaws_deg: tuple[float, ...]) -> Path:
     """A frame of a scenario whose agents have cameras to these directions, of different sizes."""
     data = spec.model_dump(mode="json")

@@ -1,4 +1,6 @@
+import os
 import pickle
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -226,3 +228,22 @@ def test_a_missing_image_is_reported(dataset: Dataset) -> None:
     with pytest.raises(InputError, match=f"{path}: is missing or no image"):
         view.image(1)
     path.with_suffix(".moved").rename(path)
+
+
+@pytest.mark.parametrize("kind", ["image", "cloud"])
+def test_what_is_no_file_in_place_of_one_is_not_opened(dataset: Dataset, kind: str) -> None:
+    """A pipe would wait for its writer, and a device has no end."""
+    view = dataset[1]["cav2"]
+    clouds = (path for path in (view.path(".pcd"), view.path("_lidar.ply")) if path.exists())
+    path = view.path("_camera1.png") if kind == "image" else next(clouds)
+    read = {"image": lambda: view.image(1), "cloud": lambda: view.cloud}[kind]
+    aside = path.rename(path.with_suffix(".moved"))
+    for place in ("pipe", "device"):
+        if place == "pipe":
+            os.mkfifo(path)
+        else:
+            path.symlink_to("/dev/zero")
+        with pytest.raises(InputError, match=re.escape(str(path))):
+            read()
+        path.unlink()
+    aside.rename(path)

@@ -3,6 +3,7 @@
 import csv
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,12 @@ def named(found: list[StatisticsTable], name: str) -> dict[str, list[Any]]:
         for table in found
         if table.name == name
     )
+
+
+def test_speeds_of_nobody_are_one_bin_without_any(facts: list[ScenarioFacts]) -> None:
+    empty = [replace(item, speeds_km_h=item.speeds_km_h[:0]) for item in facts]
+    found = named(compute_tables(empty), "num_frames_per_ego_speed")
+    assert found == {"speed_km_h": [0], "frames": [0]}
 
 
 def test_an_object_counts_once_per_frame(facts: list[ScenarioFacts]) -> None:

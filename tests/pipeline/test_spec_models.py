@@ -58,7 +58,7 @@ def test_an_earlier_installation_in_the_cache_is_named(
     earlier = ModelStore(tmp_path / "assets")
     (earlier.folder / "package").mkdir(parents=True)
     (earlier.folder / "package" / "package.sha256").write_text(earlier.package.sha256)
-    with pytest.raises(InputError, match=f"moves them here from {earlier.folder}"):
+    with pytest.raises(InputError, match=f"copies them here from {earlier.folder}"):
         check_models([modelled], allow_missing=False)
 
 
