@@ -38,35 +38,38 @@ Problem = tuple[ValuePath, str, str]
 """Path of a value, what is wrong with it, and the way out."""
 
 
-def place_agents(road: Road) -> list[Road]:
+def place_agents(road: Road) -> tuple[list[Road], dict[str, str]]:
     """Place the agents that a road gives by the arms of junctions; a road per junction.
 
     Where a rule selects the junctions, those at which the agents cannot be are left out.
+
+    Returns:
+        The roads, and by junction that was left out, why.
 
     Raises:
         MisplacedAgentError: No junction fits.
     """
     declared = road.at_junction
     if declared is None:
-        return [road]
+        return [road], {}
     planner = RoutePlanner(road)
     try:
         names = find_junctions(planner, declared.junction)
     except InputError as error:
         raise MisplacedAgentError(("at_junction", "junction"), str(error)) from None
     if names == (declared.junction,):
-        return [place_junction_agents(road, declared, names[0])]
+        return [place_junction_agents(road, declared, names[0])], {}
     placed: list[Road] = []
-    refused: list[MisplacedAgentError] = []
+    refused: dict[str, MisplacedAgentError] = {}
     for name in names:
         try:
             found = place_junction_agents(road, declared, name)
             placed.append(found.model_copy(update={"id": f"{road.id}_{name}"}))
         except MisplacedAgentError as error:
-            refused.append(error)
+            refused[name] = error
     if refused and (not placed or not isinstance(declared.junction, str)):
-        raise refused[0]
-    return placed
+        raise next(iter(refused.values()))
+    return placed, {name: str(error) for name, error in refused.items()}
 
 
 def complete_routes(road: Road) -> Road:

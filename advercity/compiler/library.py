@@ -3,7 +3,7 @@
 import hashlib
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib.resources import files
 from pathlib import Path
@@ -63,12 +63,14 @@ class LibraryEntry(Generic[DeclarationT]):
         source: Data and positions.
         digest: SHA-256 of the data, with `extends` merged.
         distributions: Distributions of a weather.
+        left_out: Of a road with agents at several junctions, those where they cannot be, and why.
     """
 
     declaration: DeclarationT
     source: ResolvedDeclaration
     digest: str
     distributions: Distributions = field(default_factory=dict)
+    left_out: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -343,7 +345,8 @@ def _build_entries(name: DeclarationKey, documents: Documents) -> list[LibraryEn
         return [_build_weather_entry(source)]
     declaration = validate_model(model, source, previous=source.document.diagnostics)
     if isinstance(declaration, Road):
-        return [_build_plain_entry(road, source) for road in _complete_road(declaration, source)]
+        roads, left_out = _complete_road(declaration, source)
+        return [replace(_build_plain_entry(road, source), left_out=left_out) for road in roads]
     if isinstance(declaration, Catalogue):
         declaration = _add_model_checksums(declaration, source)
     return [_build_plain_entry(declaration, source)]
@@ -356,14 +359,15 @@ def _build_plain_entry(
     return LibraryEntry(declaration, source, digest)
 
 
-def _complete_road(road: Road, source: ResolvedDeclaration) -> list[Road]:
+def _complete_road(road: Road, source: ResolvedDeclaration) -> tuple[list[Road], dict[str, str]]:
     """Import the map of a road, place its agents and find their routes."""
     mapped: tuple[Surrounding, ...] = ()
     if isinstance(road.imported, MapFile):
         road, mapped = _import_map(road, road.imported, source)
     grown = grow_surroundings(road, mapped)
     try:
-        return [complete_routes(placed) for placed in place_agents(grown)]
+        placed, left_out = place_agents(grown)
+        return [complete_routes(item) for item in placed], left_out
     except MisplacedAgentError as error:
         raise DiagnosticsError(source.build_diagnostic(error.value_path, str(error))) from None
 

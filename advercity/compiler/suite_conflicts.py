@@ -1,6 +1,6 @@
 """Select, match and solve the conflicts that a suite's scenarios stage, with diagnostics."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -198,14 +198,51 @@ def _find_unstaged_groups(
 
 def _select_crossed(
     library: Library, suite: Suite, roads: Mapping[str, Road], groups: CrashGroups
-) -> Iterator[RoadConflicts]:
+) -> list[RoadConflicts]:
     declared = library.get_declarations(Conflict)
     wanted = tuple(declared) if suite.cross_conflicts == "all" else suite.cross_conflicts
-    for road in roads.values():
-        for name in wanted:
-            conflict = declared[name]
-            if _match_conflict(library, conflict, road, groups).standing not in suite.standings:
-                continue
-            moved = with_ego_manoeuvre(road, conflict)
-            if moved is not None:
-                yield RoadConflicts(moved, (conflict,), crossed=conflict)
+    found = [
+        RoadConflicts(moved, (conflict,), crossed=conflict)
+        for road in roads.values()
+        for conflict in map(declared.__getitem__, wanted)
+        if _match_conflict(library, conflict, road, groups).standing in suite.standings
+        and (moved := with_ego_manoeuvre(road, conflict)) is not None
+    ]
+    if not found:
+        raise DiagnosticsError(*_describe_misfits(library, suite, roads, groups, wanted))
+    return found
+
+
+def _describe_misfits(
+    library: Library,
+    suite: Suite,
+    roads: Mapping[str, Road],
+    groups: CrashGroups,
+    wanted: Iterable[str],
+) -> Iterator[Diagnostic]:
+    """Say of every conflict that a suite crosses roads with why it fits none, and what would."""
+
+    def match(name: str, road: Road) -> Binding:
+        return _match_conflict(library, declared[name], road, groups)
+
+    declared = library.get_declarations(Conflict)
+    fitting = [
+        name
+        for name in sorted(declared)
+        if any(match(name, road).standing in suite.standings for road in roads.values())
+    ]
+    hint = f"these fit: {', '.join(fitting)}" if fitting else "select other roads"
+    for index, name in enumerate(wanted):
+        bindings = {road_id: match(name, road) for road_id, road in roads.items()}
+        reasons = {
+            road_id: binding.reason
+            or f"it is of standing '{binding.standing}', which `standings` does not select"
+            for road_id, binding in bindings.items()
+        }
+        why = "; ".join(
+            f"{reason} ({', '.join(key for key, other in reasons.items() if other == reason)})"
+            for reason in dict.fromkeys(reasons.values())
+        )
+        at = (index,) if suite.cross_conflicts != "all" else ()
+        message = f"'{name}' has a place on no road of the suite: {why}"
+        yield library.build_diagnostic(suite, "cross_conflicts", *at, message=message, hint=hint)

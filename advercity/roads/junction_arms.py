@@ -113,7 +113,10 @@ class JunctionArms:
             )
         arm = self._find_towards(wanted)
         if arm is None:
-            raise InputError(f"'{self.junction}' has no arm '{word}'; {self.describe()}")
+            raise InputError(
+                f"no traffic comes to '{self.junction}' from an arm '{word}'; its arms are"
+                f" {self.describe()}"
+            )
         return arm
 
     def _find_towards(self, wanted_rad: float) -> str | None:

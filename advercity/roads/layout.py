@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from advercity.errors import InputError
 from advercity.geometry import curves, polyline
 from advercity.geometry.polyline import Points
-from advercity.roads.streets import StreetLayout, StripLayout, lay_out_street
+from advercity.roads.streets import StreetLayout, StripLayout, lay_out_streets
 
 CROSSING_SETBACK_M = 0.6
 """Distance from the end of a street to the near edge of its crossing."""
@@ -345,7 +345,7 @@ class RoadLayout:
 
 def lay_out_road(road: Road) -> RoadLayout:
     """Lay out a declared road; InputError where streets cannot be joined as declared."""
-    streets = {name: lay_out_street(name, item, road) for name, item in road.streets.items()}
+    streets = dict(lay_out_streets(road))
     junctions = {
         name: lay_out_junction(name, item, streets) for name, item in road.junctions.items()
     }

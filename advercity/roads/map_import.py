@@ -18,7 +18,7 @@ from advercity.roads.map_files import read_map_file
 from advercity.roads.map_names import read_street_names, rename_network
 from advercity.roads.network_file import parse_network
 from advercity.roads.opendrive_junctions import add_outlines, detach_connecting_roads
-from advercity.roads.osm_map import OsmMap
+from advercity.roads.osm_map import OsmMap, add_sidewalks
 from advercity.roads.osm_roundabouts import round_roundabouts
 from advercity.roads.sumo_network import run_netconvert
 from advercity.roads.sumo_xml import (
@@ -85,6 +85,8 @@ def import_map(declared: MapFile, road: Road, folder: Path) -> MapNetwork:
     options = _build_import_options(declared, road, found.root)
     if declared.source == "osm":
         round_roundabouts(found.root)
+        if road.land_use == "urban":
+            add_sidewalks(found.root)
     converted = _convert(found.root, options, declared)
     marked = take_crosswalks(converted)
     if declared.source == "osm":

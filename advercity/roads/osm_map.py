@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from xml.etree.ElementTree import Element
+from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 import shapely
@@ -15,6 +15,10 @@ from advercity.geometry.mesh import extract_polygons
 from advercity.geometry.polyline import Points
 
 Tags = Mapping[str, str]
+STREETS_WITH_SIDEWALKS = frozenset(
+    ("primary", "secondary", "tertiary", "unclassified", "residential")
+)
+"""Values of `highway` of streets that have sidewalks in towns, if extracts do not say."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,3 +116,21 @@ def read_tags(item: Element) -> dict[str, str]:
 def list_nodes(way: Element) -> list[str]:
     """List the ids of a way's nodes."""
     return [item.get("ref", "") for item in way.iter("nd")]
+
+
+def add_sidewalks(root: Element) -> None:
+    """Tag the streets of a town with sidewalks if none of its ways says whether it has any.
+
+    Most extracts leave them out, or draw them as footways of their own.
+    """
+    streets = [
+        (way, tags)
+        for way in root.iter("way")
+        if (tags := read_tags(way)).get("highway") in STREETS_WITH_SIDEWALKS
+    ]
+    if any(key.startswith("sidewalk") for _, tags in streets for key in tags):
+        return
+    for way, tags in streets:
+        # The ring of a roundabout has its island at the left.
+        side = "right" if "junction" in tags else "both"
+        SubElement(way, "tag", k="sidewalk", v=side)

@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import cv2
 import numpy as np
-from advercity_dsl import Mount, Road, RoadsideUnit, Spec, Vehicle
+from advercity_dsl import Mount, RoadsideUnit, Spec, Vehicle
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
@@ -22,6 +23,10 @@ SIZE_PX, MAX_SIZE_PX = 1600, 6000
 BARE_PX_PER_M = 6.0
 """Scale of plans without agents, which are larger so that ids of lanes can be read."""
 MARGIN_M = 15.0
+MAP_PX_PER_M = 4.0
+"""Scale of plans of whole maps."""
+MAP_MARGIN_M = 100.0
+"""Distance from a map's junctions, or a scenario's agents, to which it is drawn."""
 VIEW_DISTANCE_M = 40.0
 """Length of the wedges that show fields of view."""
 FONT = cv2.FONT_HERSHEY_SIMPLEX
@@ -52,6 +57,46 @@ MIN_LABELLED_PX = 90
 """Shorter lanes have no id in the drawing."""
 
 
+@dataclass(frozen=True)
+class PlanLabel:
+    """A text with its lower left corner at a pixel; not `needed` if others may take its place."""
+
+    text: str
+    left: int
+    bottom: int
+    colour: tuple[int, int, int]
+    needed: bool
+
+    @property
+    def box(self) -> tuple[int, int, int, int]:
+        """The label's area: left, top, right, bottom."""
+        (width, height), below = cv2.getTextSize(self.text, FONT, FONT_SCALE, 1)
+        left, bottom = self.left, self.bottom
+        return left - 3, bottom - height - 3, left + width + 3, bottom + below
+
+    def overlaps(self, other: "PlanLabel") -> bool:
+        """Return whether two labels cover each other."""
+        left, top, right, bottom = self.box
+        other_left, other_top, other_right, other_bottom = other.box
+        beside = right < other_left or other_right < left
+        return not (beside or bottom < other_top or other_bottom < top)
+
+    def leaves(self, width: int, height: int) -> bool:
+        """Return whether the label is partly outside an image."""
+        left, top, right, bottom = self.box
+        return left < 0 or top < 0 or right >= width or bottom >= height
+
+    def move_below(self, other: "PlanLabel") -> "PlanLabel":
+        """Return the label where it is just below another."""
+        return replace(self, bottom=self.bottom + other.box[3] + 1 - self.box[1])
+
+    def draw(self, image: Uint8Array) -> None:
+        """Draw the label onto an image."""
+        low, high, at = self.box[:2], self.box[2:], (self.left, self.bottom)
+        cv2.rectangle(image, low, high, (250, 250, 250), cv2.FILLED)
+        cv2.putText(image, self.text, at, FONT, FONT_SCALE, self.colour, 1, cv2.LINE_AA)
+
+
 class PlanCanvas:
     """An image that is drawn on in world metres, north up, BGR."""
 
@@ -63,6 +108,7 @@ class PlanCanvas:
         width, height = np.ceil((high - low) * self.px_per_m).astype(int)
         self._corner = np.array([low[0], high[1]])
         self.image: Uint8Array = np.full((height, width, 3), BACKGROUND_COLOUR, np.uint8)
+        self._labels: list[PlanLabel] = []
 
     def _pixels(self, points: ArrayLike) -> NDArray[np.int32]:
         plane = np.asarray(points, dtype=np.float64)[..., :2] - self._corner
@@ -83,14 +129,31 @@ class PlanCanvas:
         pixels = [self._pixels(points)]
         cv2.polylines(self.image, pixels, False, colour, width_px, cv2.LINE_AA, FRACTIONAL_BITS)
 
-    def text(self, at: ArrayLike, label: str, colour: tuple[int, int, int] = INK_COLOUR) -> None:
-        """Draw a label whose lower left corner is at a point (2,)."""
+    def text(
+        self,
+        at: ArrayLike,
+        text: str,
+        colour: tuple[int, int, int] = INK_COLOUR,
+        *,
+        needed: bool = False,
+    ) -> None:
+        """Add a label next to a point (2,), which `draw_labels` draws."""
         x, y = (self._pixels(at) >> FRACTIONAL_BITS).tolist()
-        left, bottom = x + 8, y - 8
-        (width, height), below = cv2.getTextSize(label, FONT, FONT_SCALE, 1)
-        box = (left - 3, bottom - height - 3), (left + width + 3, bottom + below)
-        cv2.rectangle(self.image, *box, (250, 250, 250), cv2.FILLED)
-        cv2.putText(self.image, label, (left, bottom), FONT, FONT_SCALE, colour, 1, cv2.LINE_AA)
+        self._labels.append(PlanLabel(text, x + 8, y - 8, colour, needed=needed))
+
+    def draw_labels(self) -> None:
+        """Draw all labels that are needed, and of the others, in order, those that find room."""
+        height, width = self.image.shape[:2]
+        drawn: list[PlanLabel] = []
+        for label in sorted(self._labels, key=lambda item: not item.needed):
+            covered = [other for other in drawn if label.overlaps(other)]
+            while covered and label.needed:
+                label = label.move_below(covered[0])
+                covered = [other for other in drawn if label.overlaps(other)]
+            if label.needed or not (covered or label.leaves(width, height)):
+                label.draw(self.image)
+                drawn.append(label)
+        self._labels.clear()
 
 
 def draw_plan(network: RoadNetwork, spec: Spec | None = None) -> Uint8Array:
@@ -99,13 +162,15 @@ def draw_plan(network: RoadNetwork, spec: Spec | None = None) -> Uint8Array:
     North is up; the bar is 50 m long. Without agents there are coordinates, ids of lanes and
     stations of streets, by which they and surroundings are placed.
     """
-    return draw_plan_canvas(network, spec).image
+    return draw_plan_canvas(network, spec, around_agents=spec is not None).image
 
 
-def draw_plan_canvas(network: RoadNetwork, spec: Spec | None = None) -> PlanCanvas:
-    """Draw the plan on a canvas that can be drawn on further."""
+def draw_plan_canvas(
+    network: RoadNetwork, spec: Spec | None = None, *, around_agents: bool = False
+) -> PlanCanvas:
+    """Draw the plan on a canvas that can be drawn on further; of a map around its agents alone."""
     road, found = network.declaration, network.lanes
-    canvas = _create_canvas(found, road)
+    canvas = _create_canvas(network, around_agents=around_agents)
     if road.imported is not None:
         _fill_area(canvas, network.paved_area, LANE_COLOURS["sidewalk"])
     _fill_area(canvas, network.roadway_level_area, LANE_COLOURS["driving"])
@@ -120,6 +185,10 @@ def draw_plan_canvas(network: RoadNetwork, spec: Spec | None = None) -> PlanCanv
         if lane.kind == "driving" and not lane.in_junction:
             canvas.line(lane.left, PAINT_COLOUR)
             canvas.line(lane.right, PAINT_COLOUR)
+    for name, point in _find_junctions(network).items():
+        canvas.text(point, name, JUNCTION_COLOUR)
+    for name, street in network.streets.items():
+        canvas.text(street.points_at(float(street.stations[-1]) / 2, 0.0), name)
     if not road.agents:
         _draw_grid(canvas)
         for lane in found:
@@ -127,10 +196,6 @@ def draw_plan_canvas(network: RoadNetwork, spec: Spec | None = None) -> PlanCanv
                 _draw_lane_id(canvas, lane, network.streets)
         for street in network.streets.values():
             _draw_stations(canvas, street)
-    for name, street in network.streets.items():
-        canvas.text(street.points_at(float(street.stations[-1]) / 2, 0.0), name)
-    for name, point in _find_junctions(network).items():
-        canvas.text(point, name, JUNCTION_COLOUR)
     for head in network.traffic_lights:
         canvas.line([head.mast_foot_m, head.position_m[:2]], INK_COLOUR)
         canvas.fill(_circle(head.position_m[:2], 0.8), (0, 160, 240))
@@ -146,10 +211,11 @@ def draw_plan_canvas(network: RoadNetwork, spec: Spec | None = None) -> PlanCanv
         _draw_agent(canvas, name, place)
     for conflict in spec.conflicts if spec is not None else ():
         canvas.fill(_circle(conflict.point_m, 1.5), CONFLICT_COLOUR, opacity=0.7)
-        canvas.text(conflict.point_m, conflict.conflict, CONFLICT_COLOUR)
+        canvas.text(conflict.point_m, conflict.conflict, CONFLICT_COLOUR, needed=True)
         for actor in conflict.actors:
             if len(actor.path_m) > 1:
                 canvas.line(actor.path_m, CONFLICT_COLOUR, 2)
+    canvas.draw_labels()
     _draw_scale_bar(canvas)
     return canvas
 
@@ -163,7 +229,7 @@ def _draw_grid(canvas: PlanCanvas) -> None:
             ends = np.array([low, high])
             ends[:, axis] = value
             canvas.line(ends, GRID_COLOUR)
-            canvas.text(ends[0] + 2 * (1 - axis), f"{value:g}")
+            canvas.text(ends[0] + 2 * (1 - axis), f"{value:g}", needed=True)
 
 
 def _fill_area(canvas: PlanCanvas, area: BaseGeometry, colour: tuple[int, int, int]) -> None:
@@ -212,17 +278,25 @@ def _find_junctions(network: RoadNetwork) -> dict[str, NDArray[np.float64]]:
     return {name: np.mean(found, axis=0) for name, found in ends.items() if len(found) > 2}
 
 
-def _create_canvas(found: tuple[LaneSegment, ...], road: Road) -> PlanCanvas:
-    corners = [side[:, :2] for lane in found for side in (lane.left, lane.right)]
-    corners += [
-        np.array([place.position_m[:2] if isinstance(place, RoadsideUnit) else place.spawn_m])
-        for place in road.agents.values()
-    ]
-    points = np.concatenate(corners)
+def _create_canvas(network: RoadNetwork, *, around_agents: bool) -> PlanCanvas:
+    road = network.declaration
+    agents = [_agent_position(place)[0] for place in road.agents.values()]
+    agents += [it.destination_m for it in road.agents.values() if isinstance(it, Vehicle)]
+    sides = [side[:, :2] for lane in network.lanes for side in (lane.left, lane.right)]
+    points = np.concatenate([*sides, np.array(agents).reshape(-1, 2)])
     low, high = points.min(axis=0) - MARGIN_M, points.max(axis=0) + MARGIN_M
-    if road.agents:
-        return PlanCanvas(low, high)
-    size_px = np.clip(BARE_PX_PER_M * float(max(high - low)), SIZE_PX, MAX_SIZE_PX)
+    if not road.agents:
+        scale_px_m = BARE_PX_PER_M
+    elif road.imported is None:
+        scale_px_m = 0.0
+    else:
+        # Streets lead far out of extracts of maps, where there is nothing else.
+        middles = [] if around_agents else [it[:2] for it in _find_junctions(network).values()]
+        shown = np.array([*agents, *middles])
+        low = np.maximum(low, shown.min(axis=0) - MAP_MARGIN_M)
+        high = np.minimum(high, shown.max(axis=0) + MAP_MARGIN_M)
+        scale_px_m = MAP_PX_PER_M
+    size_px = np.clip(scale_px_m * float(max(high - low)), SIZE_PX, MAX_SIZE_PX)
     return PlanCanvas(low, high, float(size_px))
 
 
@@ -262,12 +336,12 @@ def _draw_agent(canvas: PlanCanvas, name: str, place: Vehicle | RoadsideUnit) ->
     at, heading_deg = _agent_position(place)
     if isinstance(place, Vehicle):
         canvas.fill(_circle(place.destination_m, 1.2), colour, opacity=0.5)
-        canvas.text(place.destination_m, f"{name} ends", colour)
+        canvas.text(place.destination_m, f"{name} ends", colour, needed=True)
     ahead = math.radians(heading_deg)
     turn = ahead + np.radians([0, 140, 220])
     radius_m = np.array([4.0, 2.5, 2.5])[:, None]
     canvas.fill(np.add(at, radius_m * np.column_stack([np.cos(turn), np.sin(turn)])), colour)
-    canvas.text(at, name, colour)
+    canvas.text(at, name, colour, needed=True)
 
 
 def _draw_scale_bar(canvas: PlanCanvas) -> None:

@@ -18,7 +18,7 @@ from advercity.geometry import curves, polyline
 from advercity.geometry.polyline import StationedPolyline
 from advercity.roads.imported_streets import ImportedStreets, read_imported_streets
 from advercity.roads.signals import find_declared_green_s
-from advercity.roads.streets import StreetLayout, StripLayout, lay_out_street
+from advercity.roads.streets import StreetLayout, StripLayout, lay_out_streets
 
 SEARCH_STEP_M = 0.25
 """Between the stations that are searched for the nearest one; compiled specs hold the result."""
@@ -136,9 +136,7 @@ class RoutePlanner:
         """Sampled streets by id."""
         if self._imported:
             return self._imported.streets
-        return {
-            name: lay_out_street(name, item, self.road) for name, item in self.road.streets.items()
-        }
+        return lay_out_streets(self.road)
 
     @cached_property
     def movements(self) -> Mapping[str, tuple[Movement, ...]]:

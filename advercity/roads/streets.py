@@ -6,6 +6,7 @@ strips at positive `t` against it (`-`). So a street has up to two edges in the 
 `<street>+` and `<street>-`.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -16,11 +17,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from advercity.geometry import curves, polyline
 from advercity.geometry.polyline import Points, StationedPolyline
+from advercity.identity_cache import cache_by_identity
 
 MAX_LEVEL_STEP_M = 8.0
 """Largest distance between samples of level lines."""
 MAX_SLOPED_STEP_M = 2.0
 """The same where heights are declared: short enough for vertical curves."""
+MAX_LAID_OUT_ROADS = 64
 
 
 @dataclass(frozen=True)
@@ -109,8 +112,13 @@ class StreetLayout:
         )
 
 
-def lay_out_street(name: str, declared: Street, road: Road) -> StreetLayout:
-    """Sample a declared street of a road."""
+@cache_by_identity(MAX_LAID_OUT_ROADS)
+def lay_out_streets(road: Road) -> Mapping[str, StreetLayout]:
+    """Sample the declared streets of a road, by id."""
+    return {name: _lay_out_street(name, item, road) for name, item in road.streets.items()}
+
+
+def _lay_out_street(name: str, declared: Street, road: Road) -> StreetLayout:
     section = road.sections[declared.section]
     plane, headings, along = curves.sample_reference_line(
         declared.start_m,

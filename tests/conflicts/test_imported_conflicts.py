@@ -200,3 +200,16 @@ def test_an_arm_or_junction_that_is_not_there_is_reported(
         compiled_suite(library, tmp_path, road)
 
     assert "road.yaml:" in str(refused.value)
+
+
+def test_a_suite_whose_conflicts_fit_no_junction_says_why_and_what_fits(
+    library: Path, tmp_path: Path
+):
+    suite = {"roads": ["imported"], "cross_conflicts": ["ltip", "od_drift"]}
+    with pytest.raises(InputError) as refused:
+        compiled_suite(library, tmp_path, AT_JUNCTION, **suite)
+
+    first, second = (line for line in str(refused.value).splitlines() if "suite.yaml:" in line)
+    assert "'ltip' has a place on no road of the suite: the ego's junction has traffic" in first
+    assert "'od_drift' has a place on no road of the suite: it is an intersection, not" in second
+    assert "these fit: cyc_farside_crossing, " in first

@@ -160,7 +160,7 @@ def test_the_plan_of_a_road_without_agents_names_its_lanes(
 ) -> None:
     texts: list[str] = []
 
-    def keep(_: PlanCanvas, at: object, label: str, *colour: object) -> None:
+    def keep(_: PlanCanvas, at: object, label: str, *colour: object, needed: bool = False) -> None:
         texts.append(label)
 
     monkeypatch.setattr(PlanCanvas, "text", keep)

@@ -33,7 +33,7 @@ def test_pedestrians_that_have_no_sidewalk_are_reported(
     library: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     text = (DATA / "crossroads.osm").read_text(encoding="utf-8")
-    (tmp_path / "bare.osm").write_text(text.replace('k="sidewalk"', 'k="note"'), encoding="utf-8")
+    (tmp_path / "bare.osm").write_text(text.replace('v="both"', 'v="no"'), encoding="utf-8")
     compiled(library, tmp_path, CROSSROADS | {"imported": {"source": "osm", "file": "bare.osm"}})
     assert "imported: has no pedestrians, since none of its streets has a sidewalk" in caplog.text
 

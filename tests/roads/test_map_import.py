@@ -50,6 +50,24 @@ def test_the_extent_leaves_out_what_lies_beyond_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("land_use", "tag", "sidewalks"),
+    [("urban", "", 8), ("rural", "", 0), ("urban", '<tag k="sidewalk" v="no"/>', 0)],
+)
+def test_streets_of_a_town_have_sidewalks_if_its_map_does_not_say(
+    land_use: str, tag: str, sidewalks: int, tmp_path: Path
+) -> None:
+    """Four streets meet, with one at each side, as maps of towns have them without saying so."""
+    text = (DATA / "crossroads.osm").read_text(encoding="utf-8")
+    text = text.replace('<tag k="sidewalk" v="both"/>', tag)
+    (tmp_path / "crossroads.osm").write_text(text, encoding="utf-8")
+    road = Road.model_validate(CROSSROADS | {"land_use": land_use})
+    declared = MapFile(source="osm", file="crossroads.osm")
+    network = import_map(declared, road, tmp_path)
+    lanes = build_road(road.model_copy(update={"imported": network})).lanes
+    assert sum(it.kind == "sidewalk" and not it.in_junction for it in lanes) == sidewalks
+
+
+@pytest.mark.parametrize(
     ("source", "text", "complaint"),
     [
         ("opendrive", "<OpenDRIVE><road", "is not XML"),

@@ -5,12 +5,15 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from advercity_dsl import Spec
+import yaml
+from advercity_dsl import Road, Spec
 
+from advercity.compiler import load_declaration
 from advercity.errors import InputError
 from advercity.media import write_image
-from advercity.roads.plan_drawing import draw_plan, draw_plan_canvas
+from advercity.roads.plan_drawing import PlanCanvas, draw_plan, draw_plan_canvas
 from advercity.roads.road_network import build_road
+from tests.roads.imported_roads import AT_JUNCTION, DATA
 
 ASPHALT = (120, 120, 120)
 
@@ -50,6 +53,34 @@ def test_the_same_road_gives_the_same_plan(specs: dict[str, Spec]) -> None:
     np.testing.assert_array_equal(
         draw_plan(build_road(spec.road), spec), draw_plan(build_road(spec.road), spec)
     )
+
+
+def test_labels_cover_no_other_label() -> None:
+    """Of three at one place, the needed ones are below each other, and the third is left out."""
+    canvas = PlanCanvas(np.array([0.0, 0.0]), np.array([100.0, 100.0]), 400)
+    empty = canvas.image.copy()
+    canvas.text((50, 50), "left out", (1, 2, 3))
+    canvas.text((50, 50), "first", (250, 0, 0), needed=True)
+    canvas.text((50, 50), "second", (0, 0, 250), needed=True)
+    canvas.draw_labels()
+
+    first, second = ((canvas.image == c).all(axis=-1) for c in ((250, 0, 0), (0, 0, 250)))
+    assert 0 < np.flatnonzero(first.any(axis=1)).max() < np.flatnonzero(second.any(axis=1)).min()
+    changed = (canvas.image != empty).any(axis=-1)
+    assert np.flatnonzero(changed.any(axis=1)).size < 40, "two lines of text"
+
+
+def test_a_map_is_drawn_to_where_its_junctions_and_agents_are(tmp_path: Path) -> None:
+    """A street that leads 2 km out of the map does not make all else small."""
+    text = (DATA / "crossroads.osm").read_text(encoding="utf-8")
+    text = text.replace('<node id="2" lat="48.0018"', '<node id="2" lat="48.018"')
+    (tmp_path / "crossroads.osm").write_text(text, encoding="utf-8")
+    (tmp_path / "road.yaml").write_text(yaml.safe_dump(AT_JUNCTION))
+    road = load_declaration(tmp_path / "road.yaml").declaration
+    assert isinstance(road, Road)
+    canvas = draw_plan_canvas(build_road(road))
+    assert canvas.high[1] - canvas.low[1] < 400
+    assert canvas.px_per_m >= 4
 
 
 def test_a_picture_needs_the_name_of_one(tmp_path: Path) -> None:
