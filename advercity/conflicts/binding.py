@@ -107,7 +107,7 @@ def _find_obstacle(conflict: Conflict, road: Road) -> str:
     if with_ego_manoeuvre(road, conflict) is None:
         if find_usual_manoeuvre(road) == conflict.ego.manoeuvre:
             return "no street leads to the ego's, for the vehicles that have to follow it"
-        return f"no route of the ego goes {conflict.ego.manoeuvre}; declare it in 'ego_routes'"
+        return f"no route of the ego goes {conflict.ego.manoeuvre} from its arm or in `ego_routes`"
     return ""
 
 

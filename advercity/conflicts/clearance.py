@@ -125,7 +125,9 @@ def _find_hold_up_area(
     """
     gaps = np.linalg.norm(track.centres - point, axis=1)
     last = int(np.flatnonzero(gaps < gaps.min() + HOLD_UP_MARGIN_M)[-1])
-    approach = np.flatnonzero(gaps[:last] < HOLD_UP_RANGE_M)
+    # One that is held up farther away never comes near the point.
+    nearest_m = gaps.min() if gaps.min() > HOLD_UP_RANGE_M else 0.0
+    approach = np.flatnonzero(gaps[:last] < nearest_m + HOLD_UP_RANGE_M)
     waits = approach[track.rows["speed"][approach] < HELD_UP_SPEED_M_S]
     if len(waits) > 0:
         # One that never gets there has no outlines up to the point: the line replaces them.

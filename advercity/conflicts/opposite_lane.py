@@ -74,7 +74,7 @@ def find_straightest_station(case: ConflictCase) -> float:
             " its waits_s"
         )
     turns = [
-        np.ptp(np.unwrap([drive.path.heading_at(s) for s in np.arange(at - 5.0, at + 32.0, 4.0)]))
+        np.ptp(np.unwrap(drive.path.headings_at(np.arange(at - 5.0, at + 32.0, 4.0))))
         for at in stations
     ]
     # Rounded, so that of nearly equal places the first one is taken on every machine.

@@ -281,11 +281,19 @@ def format_blockages(spec: Spec, blockages: Iterable[Blockage]) -> str:
 
 
 def _find_disturbing_actors(spec: Spec, trace: Trace, demand: TrafficDemand) -> set[int]:
-    """Find background actors that hold the ego up, if a conflict did not happen as declared."""
-    outcomes = evaluate_outcomes(spec, trace)
-    if all(item.happened and "ego_speed_km_h" not in item.outside for item in outcomes):
+    """Find background actors that hold the ego up, if a conflict did not happen as declared.
+
+    If nothing holds the ego up, they are those that hold the conflict's actor up.
+    """
+    missed = [
+        item.actor
+        for item in evaluate_outcomes(spec, trace)
+        if not item.happened or "ego_speed_km_h" in item.outside
+    ]
+    if not missed:
         return set()
-    return _find_background_blockers(spec, demand, trace)
+    blockers = {number for actor in missed for number in find_blockers(spec, trace, actor)}
+    return _find_background_blockers(spec, demand, trace) or blockers & _list_background_ids(demand)
 
 
 def _find_background_blockers(spec: Spec, demand: TrafficDemand, trace: Trace) -> set[int]:

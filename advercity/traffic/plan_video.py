@@ -43,7 +43,7 @@ SHOWN_TIME_TO_COLLISION_S = 5.0
 def draw_traffic_pictures(spec: Spec, trace: Trace) -> Iterator[Uint8Array]:
     """Draw the plan of a spec's road with all actors on it: an RGB picture per kept tick."""
     road = build_road(spec.road)
-    canvas = draw_plan_canvas(road)
+    canvas = draw_plan_canvas(road, around_agents=True)
     empty = canvas.image
     tracks = [ActorTrack.from_trace(trace, actor.id) for actor in trace.actors]
     rows = np.concatenate([track.rows for track in tracks])

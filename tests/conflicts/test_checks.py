@@ -214,7 +214,7 @@ def test_no_conflict_has_a_parameter_outside_its_declared_range(copied: Path):
         for conflict in spec.conflicts
     ]
 
-    assert len(conflicts) == 10 + 62 + 12
+    assert len(conflicts) == 10 + 62 + 6
     for conflict in conflicts:
         for name, (low, high) in conflict.declared.items():
             value = conflict.parameters[name]
@@ -245,10 +245,17 @@ def test_conflicts_that_only_fit_are_crossed_where_a_suite_says_so(copied: Path)
 
     specs = compile_library(copied, suite="unsignalised")
 
-    assert [spec.id for spec in specs] == [
-        "ri_ped_left_turn_clear_day_dense",
-        "ri_ped_left_turn_clear_day_sparse",
-    ]
+    assert [spec.id for spec in specs] == ["ri_ped_left_turn_clear_day_sparse"]
+
+
+def test_a_road_of_its_own_that_a_crossed_conflict_does_not_fit_is_not_left_out(copied: Path):
+    """Only junctions that a rule has chosen are: a road that somebody declared is reported."""
+    edited(copied, "roads/ri.yaml", "max_speed_km_h: 30", "max_speed_km_h: 6")
+
+    with pytest.raises(DiagnosticsError, match="'ri'") as caught:
+        compile_library(copied, suite="unsignalised")
+
+    assert "'ui'" not in str(caught.value)
 
 
 def test_another_conflict_leaves_the_draws_of_the_others(copied: Path):

@@ -116,6 +116,20 @@ def test_dry_runs_that_alternate_settle_once_blocking_actors_start_elsewhere(
     assert list(find_overlaps(trace)) == []
 
 
+def test_who_holds_a_staged_actor_up_starts_elsewhere(library: Path, tmp_path: Path):
+    """The actor of the third repeat stood in a queue, far from where it was to meet the ego."""
+    suite = (
+        "kind: suite\nid: queue\nextends: diverse\nroads: [rsnj]\ndensities: [dense]\nrepeats: 3\n"
+    )
+    (tmp_path / "queue.yaml").write_text(suite + "weathers: [clear_day]\n")
+    *_, spec = compile_library(library, tmp_path, suite="queue")
+
+    trace = simulate_in_subprocess(spec, write_sumo_network(spec.road, tmp_path))
+
+    assert [(item.missed, item.outside) for item in evaluate_outcomes(spec, trace)] == [((), ())]
+    assert list(find_overlaps(trace)) == []
+
+
 def test_an_overtaking_vehicle_passes_the_cyclist_and_is_back_before_the_ego_comes(
     crossed: dict[str, Spec], overtaking: Trace
 ):
