@@ -11,6 +11,7 @@ import pytest
 from advercity_dsl import Agent, Camera, Mount, Spec
 from numpy.typing import NDArray
 
+from advercity.compiler import with_digest
 from advercity.compiler.crossing import compile_library
 from advercity.dataset.manifest import Identity
 from advercity.dataset.writer import ScenarioWriter
@@ -128,6 +129,13 @@ def two_roads(
     for one in (spec, specs["ui_clear_night_dense"]):
         write_scenario(root, one, sensor_frames_of, frames=TWO_ROADS_FRAMES)
     return root
+
+
+def without_surroundings(spec: Spec) -> Spec:
+    """Return a spec with a bare road, whose world opens in half the time."""
+    return with_digest(
+        spec.model_copy(update={"road": spec.road.model_copy(update={"surroundings": ()})})
+    )
 
 
 def frame_of(spec: Spec, index: int) -> Frame:

@@ -11,10 +11,8 @@ from typing import cast
 
 import fast_simplification
 import numpy as np
-import trimesh
 from advercity_dsl.catalogue import BodyModel, MaterialPart
 from numpy.typing import NDArray
-from trimesh.ray.ray_pyembree import RayMeshIntersector
 
 from advercity.assets.model_files import ModelPart
 from advercity.assets.model_images import ModelImage, project_images
@@ -308,6 +306,10 @@ def find_visible_sides(
     A side is visible if a ray from one of its sample points meets nothing. Vertices are (n, 3) with
     z up, triangles (m, 3); `min_elevation_sine` is of the lowest elevation of viewers.
     """
+    # trimesh takes a while to load, and only conversion needs it here.
+    import trimesh
+    from trimesh.ray.ray_pyembree import RayMeshIntersector
+
     world = RayMeshIntersector(trimesh.Trimesh(vertices, triangles, process=False))
     corners = vertices[triangles]
     normal = _compute_normals(vertices, triangles)

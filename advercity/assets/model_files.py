@@ -10,14 +10,17 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from advercity.errors import RunError
 from advercity.geometry.arrays import Float64Array, Uint8Array
+
+if TYPE_CHECKING:
+    import trimesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,6 +120,9 @@ def to_glb(parts: list[ModelPart]) -> bytes:
 
     Meshes are named after their materials, those of wheels followed by `@` and the wheel's number.
     """
+    # trimesh takes a while to load, and procedural bodies do without it.
+    import trimesh
+
     scene = trimesh.Scene()
     for part in parts:
         mesh = trimesh.Trimesh(part.vertices, part.triangles, process=False)
@@ -134,6 +140,8 @@ def read_glb(content: bytes, name: str) -> list[ModelPart]:
     Raises:
         RunError: It is not a GLB, or has no triangles.
     """
+    import trimesh
+
     try:
         scene = trimesh.load_scene(io.BytesIO(content), file_type="glb")
     except Exception as error:  # trimesh's parser raises errors of any type for broken files
@@ -155,7 +163,7 @@ def read_glb(content: bytes, name: str) -> list[ModelPart]:
     return parts
 
 
-def _read_image(mesh: trimesh.Trimesh) -> tuple[Uint8Array | None, Float64Array | None]:
+def _read_image(mesh: "trimesh.Trimesh") -> tuple[Uint8Array | None, Float64Array | None]:
     """Read the colour image (h, w, 3), RGB, of a mesh, and its coordinates (m, 3, 2), if any."""
     image = getattr(getattr(mesh.visual, "material", None), "baseColorTexture", None)
     uv = getattr(mesh.visual, "uv", None)

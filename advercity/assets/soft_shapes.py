@@ -53,9 +53,9 @@ class RoundCone:
         fraction = (points - self.start) @ line / max(float(line @ line), 1e-12)
         fraction = np.clip(fraction, 0.0, 1.0)
         radius = self.radii[0] + fraction * (self.radii[1] - self.radii[0])
-        offset = points - self.start - fraction[:, None] * line
-        offset[:, 1] /= self.width_ratio
-        return np.linalg.norm(offset, axis=1) - radius
+        x, y, z = (points[:, axis] - self.start[axis] - fraction * line[axis] for axis in range(3))
+        y /= self.width_ratio
+        return np.sqrt(x * x + y * y + z * z) - radius
 
 
 Chain = tuple[RoundCone, ...]

@@ -8,6 +8,7 @@ a draw call.
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from typing import Any
 
 import mapbox_earcut
 import numpy as np
@@ -273,8 +274,8 @@ def shade_smooth(surface: TriangleSurface) -> TriangleSurface:
     Triangles without area are dropped.
     """
     # Vertices that coincide to 10 µm are one, however many parts of the surface have them.
-    _, shared = np.unique(np.round(surface.vertices, 5), axis=0, return_inverse=True)
-    corner = shared.reshape(-1)[surface.triangles]
+    _, shared = number_rows(np.round(surface.vertices, 5))
+    corner = shared[surface.triangles]
     edges = surface.vertices[surface.triangles]
     area = np.cross(edges[:, 1] - edges[:, 0], edges[:, 2] - edges[:, 0])
     # Caps of lofts over pointed rings have triangles without area, whose normals are undefined.
@@ -286,13 +287,28 @@ def shade_smooth(surface: TriangleSurface) -> TriangleSurface:
     uv = None if surface.uv is None else surface.uv[kept.reshape(-1)]
     steps = [np.round(normals * 1e4), *([] if uv is None else [np.round(uv * 1e4)])]
     keys = np.column_stack([corner.reshape(-1), *steps]).astype(np.int64)
-    _, first, index = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    first, index = number_rows(keys)
     return TriangleSurface(
         surface.vertices[kept.reshape(-1)[first]],
         index.reshape(-1, 3),
         normals[first],
         None if uv is None else uv[first],
     )
+
+
+def number_rows(rows: NDArray[Any]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Number the different rows of (n, k), sorted; several times as quick as `np.unique`.
+
+    Returns:
+        Where each is first (m,), and the number of each row (n,).
+    """
+    order = np.lexsort(rows.T[::-1])
+    ordered = rows[order]
+    begins = np.ones(len(rows), dtype=bool)
+    begins[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
+    numbers = np.empty(len(rows), dtype=np.intp)
+    numbers[order] = np.cumsum(begins) - 1
+    return order[begins], numbers
 
 
 def _crease_normals(corner: NDArray[np.int64], area: Float64Array) -> Float64Array:

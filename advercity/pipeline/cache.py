@@ -4,6 +4,7 @@ The order of mappings counts, since streets and blueprints are drawn in it. Weat
 density share a trace; that is what makes them pairs.
 """
 
+import functools
 import os
 from importlib.metadata import version
 from pathlib import Path
@@ -30,9 +31,14 @@ def compute_road_key(spec: Spec) -> str:
 
 
 def compute_world_key(spec: Spec) -> str:
-    """Compute the key of a world: code, road and bodies."""
-    data = spec.model_dump(mode="json", include={"road", "blueprints", "assets"})
-    return _compute_key(data)
+    """Compute the key of a world without bodies: code and road."""
+    return _compute_key(spec.model_dump(mode="json", include={"road"}))
+
+
+def compute_body_key(spec: Spec, name: str) -> str:
+    """Compute the key of the body of a blueprint: code, blueprint and model."""
+    blueprint = spec.blueprints[name].model_dump(mode="json")
+    return _compute_key({name: blueprint, "model": spec.assets.get(f"model/{name}")})
 
 
 def compute_traffic_key(spec: Spec) -> str:
@@ -51,10 +57,16 @@ def compute_traffic_key(spec: Spec) -> str:
     return _compute_key({"seed": spec.seeds.traffic, **data})
 
 
+@functools.cache
+def find_sumo_version() -> str:
+    """Find the version of SUMO that is installed."""
+    return version("eclipse-sumo")
+
+
 def _compute_key(data: dict[str, Any]) -> str:
     """Compute a key from data and the program; any change to the latter invalidates the cache."""
     code = {
         "code": compute_source_digest(*CODE_PACKAGES),
-        "eclipse-sumo": version("eclipse-sumo"),
+        "eclipse-sumo": find_sumo_version(),
     }
     return compute_json_digest({**code, **data}, sort_keys=False)

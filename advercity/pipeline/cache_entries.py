@@ -34,6 +34,7 @@ ENTRY_FILES = {
     "networks": "*/road.net.xml",
     "traces": "*.npz",
     "worlds": "*.npz",
+    "bodies": "*.npz",
     "maps": "*.npz",
 }
 """Patterns of the files of entries, by kind."""

@@ -76,7 +76,8 @@ def describe_declaration(entry: LibraryEntry[Declaration]) -> Description:
         }
         return {**describe_weather(declaration), **drawn}
     if isinstance(declaration, Road):
-        return describe_road(declaration)
+        left_out = {f"no agents at {name}": reason for name, reason in entry.left_out.items()}
+        return {**describe_road(declaration), **left_out}
     plain = declaration.model_dump(mode="json", exclude_unset=True)
     return {name: str(value) for name, value in flatten_values(plain).items()}
 
@@ -140,7 +141,7 @@ def _describe_ground(weather: Weather) -> str:
 def _describe_light(weather: Weather) -> str:
     if weather.time == "night":
         night, twilight_lx = weather.night, derive_daylight(weather).diffuse_lx
-        sun = f"sun at {weather.sun.elevation_deg:g} deg, sky {twilight_lx:.2g} lx; "
+        sun = f"sun at {weather.sun.elevation_deg:.3g} deg, sky {twilight_lx:.2g} lx; "
         return (sun if twilight_lx else "") + (
             f"street lamps {night.street_lx.urban:g} lx in town, {night.street_lx.rural:g} lx"
             f" outside; sky {night.glow_cd_m2.urban:g}, {night.glow_cd_m2.rural:g} cd/m2"
@@ -150,7 +151,7 @@ def _describe_light(weather: Weather) -> str:
         return f"sun in view of the {weather.sun.in_view_of}, found for {found}"
     light = daylight_for_weather(weather)
     return (
-        f"sun {light.direct_lx:.0f} lx at {weather.sun.elevation_deg:g} deg, "
+        f"sun {light.direct_lx:.0f} lx at {weather.sun.elevation_deg:.3g} deg, "
         f"sky {light.diffuse_lx:.0f} lx"
     )
 

@@ -11,13 +11,12 @@ from advercity.compiler.crossing import check_not_edited
 from advercity.dataset.partial_files import is_being_written
 from advercity.errors import InputError, RunError
 from advercity.pipeline.estimate import check_resources, resolve_requested_profile
-from advercity.pipeline.options import ResourceLimits, RunOptions, RunResources
+from advercity.pipeline.options import ResourceLimits, RunOptions, RunResources, ViewerTarget
 from advercity.pipeline.output_folder import check_output_folder
 from advercity.pipeline.progress import RunListener, ScenarioResult, SilentListener
 from advercity.pipeline.spec_models import check_models
 from advercity.pipeline.workers import WorkerPool
 from advercity.rendering.backend import load_backend
-from advercity.viewer.recording import check_recording_file, parse_viewer_address
 
 _logger = logging.getLogger(__name__)
 KILLED_RUN_S = 1.0
@@ -132,12 +131,21 @@ def validate_batch(specs: Sequence[Spec], options: RunOptions) -> None:
             raise InputError(f"{name} is given {count} times; each may run once into an output")
     if len(specs) > 1 and options.viewer.is_enabled:
         raise InputError("`rrd`, `stream` and `connect` show one scenario; run them one by one")
-    if options.viewer.file is not None:
-        check_recording_file(options.viewer.file)
-    if options.viewer.connect is not None:
-        parse_viewer_address(options.viewer.connect)
+    _check_viewer(options.viewer)
     load_backend(options.backend)
     check_output_folder(options.output)
+
+
+def _check_viewer(viewer: ViewerTarget) -> None:
+    if not viewer.is_enabled:
+        return
+    # Rerun takes a while to load.
+    from advercity.viewer.recording import check_recording_file, parse_viewer_address
+
+    if viewer.file is not None:
+        check_recording_file(viewer.file)
+    if viewer.connect is not None:
+        parse_viewer_address(viewer.connect)
 
 
 def _refuse_other_run(specs: Sequence[Spec], options: RunOptions) -> None:

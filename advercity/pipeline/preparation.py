@@ -1,7 +1,7 @@
 """Prepares a scenario for rendering: backend, profile, road network, traffic, world, identity.
 
-Networks, traces and worlds come from the cache where it has them; the first call for a spec runs
-`netconvert`, simulates the traffic in SUMO (seconds to minutes) and builds the meshes.
+Networks, traces, worlds and bodies come from the cache where it has them; the first call for a spec
+runs `netconvert`, simulates the traffic in SUMO (seconds to minutes) and builds the meshes.
 """
 
 from dataclasses import dataclass, replace
@@ -10,16 +10,18 @@ from pathlib import Path
 
 from advercity_dsl import Spec
 
+from advercity.assets.bodies import build_body
 from advercity.assets.model_store import open_model_store
 from advercity.compiler.assembly import is_edited
 from advercity.conflicts.outcome import evaluate_outcomes
 from advercity.dataset.cloud_files import CloudEncoding
 from advercity.dataset.manifest import Identity, RendererIdentity
-from advercity.digests import compute_source_digest
+from advercity.digests import compute_json_digest, compute_source_digest
 from advercity.errors import BackendError, InputError, RunError
 from advercity.frames import Trace
 from advercity.pipeline.agent_poses import AgentPoses
 from advercity.pipeline.cache import (
+    compute_body_key,
     compute_road_key,
     compute_traffic_key,
     compute_world_key,
@@ -38,7 +40,7 @@ from advercity.rendering.backend import (
 )
 from advercity.roads.sumo_network import write_sumo_network
 from advercity.scene.build import build_world
-from advercity.scene.world_storage import load_world, save_world
+from advercity.scene.world_storage import load_body, load_world, save_body, save_world
 from advercity.texture_packs import TEXTURE_PACKS
 from advercity.traffic.simulation import write_simulated_trace
 from advercity.world import World
@@ -93,7 +95,9 @@ def _build_network_file(spec: Spec, path: Path) -> None:
 
 
 def load_or_build_world(spec: Spec, network_path: Path) -> World:
-    """Load the static scene of a spec from the cache, or build it now.
+    """Load the static scene and the bodies of a spec from the cache, or build them now.
+
+    Every body is an entry of its own: they take longest to build, and roads share them.
 
     Raises:
         RunError: A model of the spec is not installed, or cannot be used.
@@ -101,18 +105,32 @@ def load_or_build_world(spec: Spec, network_path: Path) -> World:
     store = open_model_store()
     world = load_or_build_entry(
         _name_world_entry(spec),
-        lambda partial: save_world(build_world(spec, network_path, store), partial),
+        lambda partial: save_world(build_world(spec, network_path), partial),
         lambda path: load_world(path, network_path),
     )
+    bodies = {
+        name: load_or_build_entry(
+            _name_body_entry(spec, name),
+            lambda partial, name=name: save_body(
+                build_body(name, spec.blueprints[name], store), partial
+            ),
+            load_body,
+        )
+        for name in spec.blueprints
+    }
     packs = [pack for name, pack in TEXTURE_PACKS.items() if name in spec.assets]
     for blueprint in spec.blueprints.values():
-        # A world of the cache may be older than the models, whose images are not in it.
+        # A body of the cache may be older than its model, whose images are not in it.
         store.prepare_model(blueprint)
-    return replace(world, material_maps=SurfaceMaps(packs, store.images))
+    return replace(world, bodies=bodies, material_maps=SurfaceMaps(packs, store.images))
 
 
 def _name_world_entry(spec: Spec) -> str:
     return f"worlds/{compute_world_key(spec)}.npz"
+
+
+def _name_body_entry(spec: Spec, name: str) -> str:
+    return f"bodies/{compute_body_key(spec, name)}.npz"
 
 
 @dataclass(frozen=True)
@@ -169,15 +187,17 @@ class PreparedScenario:
         )
 
     def load_world(self) -> World:
-        """Load the static scene from the cache, or build it now; the second call returns it."""
+        """Load the world from the cache, or build it now; the second call returns it."""
         return self._world[0]
 
     @cached_property
     def _world(self) -> tuple[World, str]:
-        """The world, and the checksum that it was loaded with."""
+        """The world, and the digest of the checksums that it was loaded with."""
         spec = replace_models(self.spec, self.missing_models)
         world = load_or_build_world(spec, self.traffic.network_path)
-        return world, read_checksum(_name_world_entry(spec))
+        entries = [_name_world_entry(spec)]
+        entries += [_name_body_entry(spec, name) for name in spec.blueprints]
+        return world, compute_json_digest([read_checksum(entry) for entry in entries])
 
 
 def prepare_scenario(

@@ -4,7 +4,7 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from advercity_dsl import Spec
@@ -28,8 +28,9 @@ from advercity.sensors.measurements import PointCloud
 from advercity.sensors.radar import PlacedRadar
 from advercity.sensors.sensor_frame import CameraImage, LidarScan, RadarScan, SensorFrame
 from advercity.viewer.cloud_colours import CloudColour
-from advercity.viewer.recording import RerunRecording
-from advercity.viewer.viewer_process import STREAM_SCHEMES, show
+
+if TYPE_CHECKING:
+    from advercity.viewer.recording import RerunRecording
 
 
 def load_sensor_frames(
@@ -166,8 +167,11 @@ def replay_scenario(
             then()
 
 
-def open_recording(spec: Spec, trace: Trace, target: ViewerTarget) -> RerunRecording:
+def open_recording(spec: Spec, trace: Trace, target: ViewerTarget) -> "RerunRecording":
     """Open the recording, server or viewer of a scenario."""
+    # Rerun takes a while to load, and most runs are not shown.
+    from advercity.viewer.recording import RerunRecording
+
     return RerunRecording(
         spec,
         build_road(spec.road).lanes,
@@ -201,6 +205,8 @@ def open_viewer(
         InputError: The path does not exist.
         RunError: The viewer fails.
     """
+    from advercity.viewer.viewer_process import STREAM_SCHEMES, show
+
     if shown.startswith(STREAM_SCHEMES):
         show(shown, web=web, map_tiles=map_tiles, analytics=analytics)
     elif shown.endswith(".rrd"):

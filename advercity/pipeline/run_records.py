@@ -16,7 +16,7 @@ from pydantic import Field, ValidationError
 
 from advercity.atomic_files import write_atomically
 from advercity.dataset.manifest import Manifest
-from advercity.documents import parse_json, read_text
+from advercity.documents import MAX_YAML_BYTES, parse_json, read_bytes, read_text
 from advercity.errors import AdvercityError, InputError
 from advercity.pipeline.cache import find_cache_folder
 from advercity.pipeline.machine import count_usable_cores
@@ -131,7 +131,7 @@ def _append(record: RunRecord) -> None:
     path = find_cache_folder() / RECORDS_FILE
     if path.is_symlink():
         return
-    lines = path.read_bytes().splitlines() if path.exists() else []
+    lines = read_bytes(path, max_bytes=MAX_YAML_BYTES).splitlines() if path.exists() else []
     records = [number for number, line in enumerate(lines) if _parse_record(line) is not None]
     oldest = records[: max(0, len(records) + 1 - MAX_RECORDS)]
     kept = [line for number, line in enumerate(lines) if number not in oldest]

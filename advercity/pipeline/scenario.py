@@ -9,6 +9,7 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import partial
 from itertools import chain
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from advercity_dsl import Spec
 from pydantic import TypeAdapter
@@ -37,7 +38,9 @@ from advercity.pipeline.sensing import open_sensors
 from advercity.pipeline.spec_models import check_models, replace_models
 from advercity.rendering.backend import RenderProfile, load_backend
 from advercity.sensors.sensor_frame import SensorFrame
-from advercity.viewer.recording import RerunRecording
+
+if TYPE_CHECKING:
+    from advercity.viewer.recording import RerunRecording
 
 ShareFrames = Callable[[int], AbstractContextManager[None]]
 """Lets other workers join a scenario with that many missing frames; waits for them at the end."""
@@ -201,7 +204,7 @@ def _make_claimed_frames(
 def _make_and_record(
     prepared: PreparedScenario,
     writer: ScenarioWriter,
-    recording: RerunRecording,
+    recording: "RerunRecording",
     report: ProgressCallback,
 ) -> None:
     """Show every frame asked for in order, from its files if it is done, else as it is made."""
@@ -228,7 +231,7 @@ def _find_missing_frames(prepared: PreparedScenario, done: Collection[int]) -> l
 
 def _open_recording(
     prepared: PreparedScenario, viewer: ViewerTarget
-) -> RerunRecording | nullcontext[None]:
+) -> "RerunRecording | nullcontext[None]":
     if not viewer.is_enabled:
         return nullcontext()
     return open_recording(prepared.spec, prepared.traffic.trace, viewer)

@@ -1,11 +1,9 @@
-"""Builds the world of a spec: road, ground, surroundings, street furniture and bodies."""
+"""Builds the world of a spec: road, ground, surroundings and street furniture."""
 
 from pathlib import Path
 
 from advercity_dsl import Spec
 
-from advercity.assets.bodies import build_body
-from advercity.assets.model_store import ModelStore
 from advercity.geometry.mesh import build_meshes
 from advercity.roads.road_network import build_road
 from advercity.scene.street_furniture import build_street_furniture
@@ -15,11 +13,10 @@ from advercity.scene.vegetation import build_verge_grass
 from advercity.world import World
 
 
-def build_world(spec: Spec, network: Path, model_store: ModelStore | None = None) -> World:
-    """Build the world of a spec; takes some seconds.
+def build_world(spec: Spec, network: Path) -> World:
+    """Build the world of a spec without the bodies of its actors; takes some seconds.
 
-    The world depends on the spec alone, except for bodies with an installed model: they have
-    another shape of the same size.
+    It depends on the road alone.
     """
     road = build_road(spec.road)
     ground = GroundModel.from_edges(road.paved_edges, find_plateaus(spec.road))
@@ -28,7 +25,6 @@ def build_world(spec: Spec, network: Path, model_store: ModelStore | None = None
     )
     grass = build_meshes(build_verge_grass(open_ground, spec.road.id), "verge_")
     furniture, signal_lamps = build_street_furniture(road, ground.height_at)
-    bodies = {name: build_body(name, item, model_store) for name, item in spec.blueprints.items()}
     return World(
         id=spec.road.id,
         static=(
@@ -39,7 +35,7 @@ def build_world(spec: Spec, network: Path, model_store: ModelStore | None = None
             *grass,
             *furniture,
         ),
-        bodies=bodies,
+        bodies={},
         lanes=road.lanes,
         network=network,
         street_lamps=tuple(street_lamps),

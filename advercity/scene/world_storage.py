@@ -1,14 +1,14 @@
-"""Saves worlds to files and loads them: arrays end to end in one `.npz`, the rest as JSON in it.
+"""Saves worlds and bodies to `.npz` files and loads them: arrays end to end, the rest as JSON.
 
 The format is private to the cache, whose keys hold a digest of the code; it may change freely.
 """
 
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,9 @@ from advercity.geometry.mesh import Mesh, MeshLayer, Wheel
 from advercity.roads.lane_segments import LaneSegment
 from advercity.semantics import Semantic
 from advercity.world import Body, Gait, SignalLamp, StreetLamp, World
+
+T = TypeVar("T")
+_Rows = Sequence[NDArray[Any] | None]
 
 MAX_WORLD_BYTES = 4 * 10**9
 WORLD_DECIMALS = 9
@@ -37,33 +40,16 @@ _DTYPES: dict[str, type[np.generic]] = {
 
 
 def save_world(world: World, path: Path) -> None:
-    """Write a world to `path`, which ends in `.npz`; its network is not included."""
-    bodies = list(_iterate_bodies(world.bodies))
-    meshes = [*world.static, *(part for _, body in bodies for part in body.parts)]
-    gaits = [body.gait for _, body in bodies]
-    arrays: dict[str, list[NDArray[Any] | None]] = {
-        **{name: [getattr(mesh, name) for mesh in meshes] for name in _MESH_ARRAYS},
-        "bone_transforms": [None if gait is None else gait.bone_transforms for gait in gaits],
-        "lane_borders": [border for lane in world.lanes for border in (lane.left, lane.right)],
-    }
+    """Write a world to `path`, which ends in `.npz`, without its network and its bodies."""
     record = {
         "id": world.id,
-        "static": len(world.static),
-        "meshes": [_encode_mesh(mesh) for mesh in meshes],
-        "bodies": [(*key, body.size, len(body.parts), _encode_gait(body)) for key, body in bodies],
+        "meshes": [_encode_mesh(mesh) for mesh in world.static],
         "lanes": [(lane.id, lane.kind, lane.in_junction) for lane in world.lanes],
         "street_lamps": [(lamp.position, lamp.flux_lm) for lamp in world.street_lamps],
         "signal_lamps": [(lamp.id, lamp.position, lamp.facing) for lamp in world.signal_lamps],
-        "shapes": {
-            name: [None if array is None else array.shape for array in rows]
-            for name, rows in arrays.items()
-        },
     }
-    content: dict[str, Any] = {
-        "record": np.frombuffer(json.dumps(record).encode(), dtype=np.uint8),
-        **{name: _concatenate(rows, _DTYPES[name]) for name, rows in arrays.items()},
-    }
-    np.savez(path, **content)
+    borders = [border for lane in world.lanes for border in (lane.left, lane.right)]
+    _save(path, record, {**_list_mesh_arrays(world.static), "lane_borders": borders})
 
 
 def load_world(path: Path, network: Path) -> World:
@@ -72,22 +58,59 @@ def load_world(path: Path, network: Path) -> World:
     Raises:
         RunError: The file is something else.
     """
+    return _load(path, lambda record, arrays: _decode_world(record, arrays, network), "a world")
+
+
+def save_body(body: Body, path: Path) -> None:
+    """Write the body of a blueprint to `path`, which ends in `.npz`."""
+    bodies = list(_iterate_bodies(body))
+    meshes = [part for one in bodies for part in one.parts]
+    record = {
+        "meshes": [_encode_mesh(mesh) for mesh in meshes],
+        "bodies": [_encode_body(one) for one in bodies],
+    }
+    transforms = [None if one.gait is None else one.gait.bone_transforms for one in bodies]
+    _save(path, record, {**_list_mesh_arrays(meshes), "bone_transforms": transforms})
+
+
+def load_body(path: Path) -> Body:
+    """Load a body that `save_body` has written.
+
+    Raises:
+        RunError: The file is something else.
+    """
+    return _load(path, _decode_body, "a body")
+
+
+def _save(path: Path, record: dict[str, Any], arrays: Mapping[str, _Rows]) -> None:
+    shapes = {
+        name: [None if array is None else array.shape for array in rows]
+        for name, rows in arrays.items()
+    }
+    text = json.dumps({**record, "shapes": shapes})
+    content: dict[str, Any] = {
+        "record": np.frombuffer(text.encode(), dtype=np.uint8),
+        **{name: _concatenate(rows, _DTYPES[name]) for name, rows in arrays.items()},
+    }
+    np.savez(path, **content)
+
+
+def _load(path: Path, decode: Callable[[Any, Mapping[str, Iterator[Any]]], T], what: str) -> T:
     stored = load_arrays(path, max_bytes=MAX_WORLD_BYTES)
     try:
-        return _decode_world(stored, network, path)
+        record = parse_json(stored["record"].tobytes(), path)
+        arrays = {name: _split(stored[name], rows) for name, rows in record["shapes"].items()}
+        return decode(record, arrays)
     except Exception as error:  # whatever an edited file may lack or have too much
-        raise RunError(f"{path}: not a world: {error or type(error).__name__}") from error
+        raise RunError(f"{path}: not {what}: {error or type(error).__name__}") from error
 
 
-def _decode_world(stored: Mapping[str, NDArray[Any]], network: Path, path: Path) -> World:
-    record = parse_json(stored["record"].tobytes(), path)
-    arrays = {name: _split(stored[name], record["shapes"][name]) for name in _DTYPES}
-    meshes = _decode_meshes(record["meshes"], arrays)
+def _decode_world(record: Any, arrays: Mapping[str, Iterator[Any]], network: Path) -> World:
     borders = arrays["lane_borders"]
     return World(
         id=record["id"],
-        static=tuple(next(meshes) for _ in range(record["static"])),
-        bodies=_decode_bodies(record["bodies"], meshes, arrays["bone_transforms"]),
+        static=tuple(_decode_meshes(record["meshes"], arrays)),
+        bodies={},
         lanes=tuple(
             LaneSegment(name, kind, next(borders), next(borders), in_junction)
             for name, kind, in_junction in record["lanes"]
@@ -99,6 +122,10 @@ def _decode_world(stored: Mapping[str, NDArray[Any]], network: Path, path: Path)
             for name, at, facing in record["signal_lamps"]
         ),
     )
+
+
+def _list_mesh_arrays(meshes: Sequence[Mesh]) -> dict[str, _Rows]:
+    return {name: [getattr(mesh, name) for mesh in meshes] for name in _MESH_ARRAYS}
 
 
 def _concatenate(arrays: Iterable[NDArray[Any] | None], dtype: type[np.generic]) -> NDArray[Any]:
@@ -120,40 +147,35 @@ def _split(flat: NDArray[Any], shapes: Sequence[Sequence[int] | None]) -> Iterat
         start = end
 
 
-def _iterate_bodies(bodies: Mapping[str, Body]) -> Iterator[tuple[tuple[str, bool], Body]]:
-    """Iterate over bodies by blueprint and umbrella; one with an umbrella is before its own.
-
-    The others of a blueprint follow its first body.
-    """
-    for name, first in bodies.items():
-        for body in (first, *first.others):
-            if body.with_umbrella is not None:
-                yield (name, True), body.with_umbrella
-            yield (name, False), body
+def _iterate_bodies(first: Body) -> Iterator[Body]:
+    """Iterate over the bodies of a blueprint; one with an umbrella is after its own."""
+    for body in (first, *first.others):
+        yield body
+        if body.with_umbrella is not None:
+            yield body.with_umbrella
 
 
-def _encode_gait(body: Body) -> tuple[float, bool] | None:
-    return None if body.gait is None else (body.gait.cycle_length_m, body.gait.returns_to_rest)
+def _encode_body(body: Body) -> tuple[Any, ...]:
+    gait = body.gait
+    cycle = None if gait is None else (gait.cycle_length_m, gait.returns_to_rest)
+    return body.size, len(body.parts), cycle, body.with_umbrella is not None
+
+
+def _decode_body(record: Any, arrays: Mapping[str, Iterator[Any]]) -> Body:
+    meshes = _decode_meshes(record["meshes"], arrays)
+    first, *others = _decode_bodies(iter(record["bodies"]), meshes, arrays["bone_transforms"])
+    return replace(first, others=tuple(others))
 
 
 def _decode_bodies(
-    rows: list[Any], meshes: Iterator[Mesh], bone_transforms: Iterator[Any]
-) -> dict[str, Body]:
-    bodies: dict[str, list[Body]] = {}
-    with_umbrella: Body | None = None
-    for name, has_umbrella, size, part_count, gait in rows:
+    rows: Iterator[Any], meshes: Iterator[Mesh], bone_transforms: Iterator[Any]
+) -> Iterator[Body]:
+    for size, part_count, cycle, has_umbrella in rows:
         parts = tuple(next(meshes) for _ in range(part_count))
         transforms = next(bone_transforms)
-        body = Body(
-            parts,
-            tuple(size),
-            None if gait is None else Gait(gait[0], transforms, gait[1]),
-            None if has_umbrella else with_umbrella,
-        )
-        with_umbrella = body if has_umbrella else None
-        if not has_umbrella:
-            bodies.setdefault(name, []).append(body)
-    return {name: replace(first, others=tuple(rest)) for name, (first, *rest) in bodies.items()}
+        gait = None if cycle is None else Gait(cycle[0], transforms, cycle[1])
+        umbrella = next(_decode_bodies(rows, meshes, bone_transforms)) if has_umbrella else None
+        yield Body(parts, tuple(size), gait, umbrella)
 
 
 def _encode_mesh(mesh: Mesh) -> tuple[Any, ...]:

@@ -1,11 +1,10 @@
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from advercity_dsl import Blueprint, Catalogue
+from advercity_dsl import Blueprint
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
@@ -13,17 +12,14 @@ from advercity.assets.bodies import build_body
 from advercity.assets.body_pose import BodyShape
 from advercity.assets.lettering import WritingPlane, write_text
 from advercity.assets.rigged_bodies import pose_body
-from advercity.compiler import load_library
 from advercity.geometry.mesh import Mesh, MeshLayer
 from advercity.materials import MATERIALS
 from advercity.semantics import Semantic
 from advercity.traffic.paints import draw_paint
 from advercity.world import Body
+from tests.shipped import CATALOGUE, ShippedBodies
 
-CATALOGUE = load_library(Path(__file__).parents[2] / "library").get_declarations(Catalogue)[
-    "adver_city"
-]
-BODIES = {name: build_body(name, blueprint) for name, blueprint in CATALOGUE.blueprints.items()}
+BODIES = ShippedBodies()
 TWO_WHEELERS = ("bicycle", "motorcycle")
 every_blueprint = pytest.mark.parametrize("name", CATALOGUE.blueprints)
 

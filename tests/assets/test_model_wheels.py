@@ -5,25 +5,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from advercity_dsl import Blueprint, BodyModel, Catalogue
+from advercity_dsl import Blueprint, BodyModel
 
 from advercity.assets.bodies import build_body
 from advercity.assets.body_pose import compute_wheel_pose
 from advercity.assets.model_store import ModelStore
-from advercity.compiler import load_library
 from advercity.frames import Actor, ActorState, Lamp
 from advercity.geometry.mesh import Wheel
 from advercity.geometry.poses import transform_points
 from advercity.world import Body
+from tests.shipped import CATALOGUE, ShippedBodies
 
-CATALOGUE = load_library(Path(__file__).parents[2] / "library").get_declarations(Catalogue)[
-    "adver_city"
-]
-WHEELED = {
-    name: build_body(name, made)
-    for name, made in CATALOGUE.blueprints.items()
-    if made.actor_class in ("car", "van", "truck", "motorcycle")
-}
+WHEELED = ShippedBodies("car", "van", "truck", "motorcycle")
 CAR = Actor(7, "car", "lincoln_mkz_2017", "car_paint_blue", (4.9, 2.1, 1.5))
 every_vehicle = pytest.mark.parametrize("name", WHEELED)
 

@@ -6,37 +6,26 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from advercity_dsl import Blueprint, Catalogue, PedestrianAppearance, Weather
+from advercity_dsl import Blueprint, PedestrianAppearance, Weather
 from numpy.typing import NDArray
 
 from advercity.assets.bodies import build_body
 from advercity.assets.body_pose import build_pose_box_fitter, compute_body_pose
 from advercity.assets.rigged_bodies import pose_body
-from advercity.compiler import load_library
 from advercity.frames import Actor, ActorState, Frame, Lamp
 from advercity.geometry import poses
 from advercity.geometry.mesh import Mesh
 from advercity.physics.atmosphere import compute_atmosphere
 from advercity.rendering.backend import RENDER_PROFILES, CameraView
 from advercity.rendering.raycaster import Raycaster, Rays
-from advercity.scene.world_storage import load_world, save_world
+from advercity.scene.world_storage import load_body, save_body
 from advercity.semantics import Semantic
 from advercity.testing import make_frame
 from advercity.world import Body, World
+from tests.shipped import CATALOGUE, LIBRARY, ShippedBodies
 
-CATALOGUE = load_library(Path(__file__).parents[2] / "library").get_declarations(Catalogue)[
-    "adver_city"
-]
-PEOPLE = {
-    name: build_body(name, blueprint)
-    for name, blueprint in CATALOGUE.blueprints.items()
-    if blueprint.actor_class == "pedestrian"
-}
-CYCLISTS = {
-    name: build_body(name, blueprint)
-    for name, blueprint in CATALOGUE.blueprints.items()
-    if blueprint.actor_class == "bicycle"
-}
+PEOPLE, CYCLISTS = ShippedBodies("pedestrian"), ShippedBodies("bicycle")
+PEOPLE_AND_CYCLISTS = ShippedBodies("pedestrian", "bicycle")
 everybody = pytest.mark.parametrize("name", PEOPLE)
 every_cyclist = pytest.mark.parametrize("name", CYCLISTS)
 
@@ -45,9 +34,14 @@ def state(
     name: str, *, travelled_m: float = 0.0, speed_m_s: float = 1.5, umbrella: bool = False
 ) -> ActorState:
     """State of an actor that has moved along x from the origin."""
-    known = PEOPLE | CYCLISTS
     return ActorState(
-        actor=Actor(7, CATALOGUE.blueprints[name].actor_class, name, "cloth_red", known[name].size),
+        actor=Actor(
+            7,
+            CATALOGUE.blueprints[name].actor_class,
+            name,
+            "cloth_red",
+            PEOPLE_AND_CYCLISTS[name].size,
+        ),
         world_from_body=poses.pose_matrix((travelled_m, 0.0, 0.0)),
         speed_m_s=speed_m_s,
         acceleration_m_s2=0.0,
@@ -70,8 +64,8 @@ def vertices(meshes: tuple[Mesh, ...], material: str | None = None) -> NDArray[n
 
 
 def in_world(moment: ActorState, material: str | None = None) -> NDArray[np.float64]:
-    seen = compute_body_pose(moment, PEOPLE | CYCLISTS)
-    points = vertices(seen.shape.build_meshes(PEOPLE | CYCLISTS), material)
+    seen = compute_body_pose(moment, PEOPLE_AND_CYCLISTS)
+    points = vertices(seen.shape.build_meshes(PEOPLE_AND_CYCLISTS), material)
     return poses.transform_points(moment.world_from_body @ seen.body_from_mesh, points)
 
 
@@ -275,14 +269,11 @@ def test_rays_hit_the_pose_that_is_rendered():
 
 
 def test_rigged_bodies_survive_saving_and_loading(tmp_path: Path):
-    bodies = {name: (PEOPLE | CYCLISTS)[name] for name in ("pedestrian_0003", "bh_crossbike")}
-    world = World("w", (), bodies=bodies, lanes=(), network=Path("none"))
-    save_world(world, tmp_path / "world.npz")
-
-    again = load_world(tmp_path / "world.npz", Path("none")).bodies
-
-    assert list(again) == list(bodies)
+    bodies = {name: PEOPLE_AND_CYCLISTS[name] for name in ("pedestrian_0003", "bh_crossbike")}
+    again: dict[str, Body] = {}
     for name, made in bodies.items():
+        save_body(made, tmp_path / f"{name}.npz")
+        again[name] = load_body(tmp_path / f"{name}.npz")
         same(again[name], made)
     assert again["pedestrian_0003"].with_umbrella is not None
     same(again["pedestrian_0003"].with_umbrella, bodies["pedestrian_0003"].with_umbrella)
@@ -314,10 +305,8 @@ def test_looks_are_declared_or_drawn_by_name():
 @pytest.mark.render
 def test_images_show_the_pose_that_rays_hit():
     backend = pytest.importorskip("advercity_sapien.backend").SapienBackend()
-    weather = load_library(Path(__file__).parents[2] / "library").get_declarations(Weather)[
-        "clear_day"
-    ]
-    world = World("w", (), bodies=PEOPLE | CYCLISTS, lanes=(), network=Path("none"))
+    weather = LIBRARY.get_declarations(Weather)["clear_day"]
+    world = World("w", (), bodies=PEOPLE_AND_CYCLISTS, lanes=(), network=Path("none"))
     walker = state("pedestrian_0001", travelled_m=0.35)
     cyclist = replace(
         state("bh_crossbike", travelled_m=0.9),

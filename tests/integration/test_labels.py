@@ -5,11 +5,11 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from advercity_dsl import Camera, Catalogue, Mount, RoadsideUnit, Spec
+from advercity_dsl import Camera, Mount, RoadsideUnit, Spec
 from advercity_dsl.lens import KannalaBrandtLens
 
 from advercity.assets.bodies import build_body
-from advercity.compiler import find_weather, load_library
+from advercity.compiler import find_weather
 from advercity.frames import STATE_DTYPE, Actor, ActorState, Frame, Lamp, Trace
 from advercity.geometry import poses
 from advercity.geometry.mesh import Mesh
@@ -22,12 +22,10 @@ from advercity.rendering.raycaster import MATERIAL_NAMES, Raycaster, RayHits, Ra
 from advercity.semantics import Semantic
 from advercity.sensors.sensor_frame import SensorFrame
 from advercity.world import World
+from tests.shipped import CATALOGUE, ShippedBodies
 
 pytestmark = pytest.mark.render
 
-CATALOGUE = load_library(Path(__file__).parents[2] / "library").get_declarations(Catalogue)[
-    "adver_city"
-]
 CAST = {
     1: ("lincoln_mkz_2017", -13.0),
     2: ("carlamotors_carlacola", -6.0),
@@ -55,7 +53,7 @@ def pictures(request: pytest.FixtureRequest) -> tuple[np.ndarray, np.ndarray, Ra
     """Semantic and instance image of the row, and the hits of rays through its pixels."""
     backend = pytest.importorskip("advercity_sapien.backend").SapienBackend()
     renderer: Literal["raster", "ray_traced"] = request.param
-    bodies = {name: build_body(name, CATALOGUE.blueprints[name]) for name, _ in CAST.values()}
+    bodies = {name: ShippedBodies()[name] for name, _ in CAST.values()}
     world = World("row", (ground(),), bodies=bodies, lanes=(), network=Path("none"))
     frame = Frame(0, 0.0, tuple(standing(number) for number in CAST), {})
     eye = poses.pose_matrix((0.0, 20.0, 2.5), yaw=-np.pi / 2, pitch=0.06)

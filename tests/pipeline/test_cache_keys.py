@@ -9,7 +9,12 @@ from advercity_dsl import Spec
 
 from advercity.digests import compute_source_digest
 from advercity.pipeline import cache
-from advercity.pipeline.cache import compute_road_key, compute_traffic_key, compute_world_key
+from advercity.pipeline.cache import (
+    compute_body_key,
+    compute_road_key,
+    compute_traffic_key,
+    compute_world_key,
+)
 
 ComputeKey = Callable[[Spec], str]
 EVERY_KEY = pytest.mark.parametrize(
@@ -38,7 +43,7 @@ def test_another_version_of_sumo_finds_no_entries(
     compute_key: ComputeKey, spec: Spec, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = compute_key(spec)
-    monkeypatch.setattr(cache, "version", {"eclipse-sumo": "0.0"}.get)
+    monkeypatch.setattr(cache, "find_sumo_version", lambda: "0.0")
     assert compute_key(spec) != before
 
 
@@ -51,6 +56,17 @@ def test_another_order_of_a_mapping_finds_no_entries(compute_key: ComputeKey, sp
     other = spec.model_copy(update={"road": road, "blueprints": blueprints})
     assert other == spec
     assert compute_key(other) != compute_key(spec)
+
+
+def test_a_body_is_that_of_its_name_its_blueprint_and_its_model(spec: Spec) -> None:
+    one, other, *_ = spec.blueprints
+    longer = spec.blueprints[one].model_copy(update={"length_m": 9.0})
+    changed = spec.model_copy(update={"blueprints": {one: longer, other: spec.blueprints[one]}})
+    modelled = spec.model_copy(update={"assets": {f"model/{one}": "0" * 64}})
+    keys = {compute_body_key(item, one) for item in (spec, changed, modelled)}
+    assert len(keys | {compute_body_key(changed, other)}) == 4
+    moved = spec.model_copy(update={"road": spec.road.model_copy(update={"id": "other"})})
+    assert compute_body_key(moved, one) == compute_body_key(spec, one)
 
 
 def test_the_keys_cover_the_sources_of_all_packages() -> None:

@@ -122,6 +122,10 @@ def test_records_of_runs_are_limited_in_number_and_other_lines_stay(
     run_records.record_run(spec, options, result, worker_count=1)
     assert records.is_symlink()
     assert len(elsewhere.read_bytes().splitlines()) == 4
+    records.unlink()
+    os.mkfifo(records)
+    run_records.record_run(spec, options, result, worker_count=1)
+    assert records.is_fifo()
 
 
 @pytest.mark.sumo

@@ -36,6 +36,7 @@ from advercity.pipeline.weather_gallery import write_weather_gallery
 from advercity.rendering.backend import CameraCapture, CameraView
 from advercity.sensors.measurements import PointKind
 from advercity.testing import FakeRenderer, make_capture
+from tests.builders import without_surroundings
 
 pytestmark = [pytest.mark.render, pytest.mark.sumo]
 
@@ -46,7 +47,7 @@ TINY = 0.05
 
 @pytest.fixture(scope="module")
 def spec(specs: dict[str, Spec]) -> Spec:
-    return specs["ri_fog_day_sparse"]
+    return without_surroundings(specs["ri_fog_day_sparse"])
 
 
 def run(spec: Spec, output: Path, first: int, last: int, **options: object) -> Path:

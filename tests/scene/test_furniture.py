@@ -8,15 +8,15 @@ from advercity_dsl import Road
 from advercity_dsl.road import Surrounding, SurroundingKind
 from pydantic import ValidationError
 
-from advercity.compiler import load_library
 from advercity.compiler.surrounding_styles import grow_surroundings
 from advercity.geometry.mesh import Mesh
 from advercity.roads.road_network import build_road
 from advercity.scene.surroundings import build_surroundings
 from advercity.semantics import Semantic
+from tests.shipped import LIBRARY
 
 REPOSITORY = Path(__file__).parents[2]
-ROADS = load_library(REPOSITORY / "library").get_declarations(Road)
+ROADS = LIBRARY.get_declarations(Road)
 every_road = pytest.mark.parametrize("name", ROADS)
 SHAPES = dict.fromkeys(("car", "van", "truck", "bicycle", "motorcycle"), 0.2)
 SIDE = [{"kind": "lane", "width_m": 3.5}, {"kind": "sidewalk", "width_m": 2}]

@@ -1,5 +1,4 @@
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +10,6 @@ from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from advercity.compiler import load_library
 from advercity.errors import InputError
 from advercity.geometry import poses
 from advercity.geometry.mesh import Mesh
@@ -24,8 +22,9 @@ from advercity.scene.street_furniture import build_street_furniture
 from advercity.scene.surroundings import build_surroundings
 from advercity.scene.vegetation import build_verge_grass
 from advercity.semantics import Semantic
+from tests.shipped import LIBRARY
 
-ROADS = load_library(Path(__file__).parents[2] / "library").get_declarations(Road)
+ROADS = LIBRARY.get_declarations(Road)
 every_road = pytest.mark.parametrize("name", ROADS)
 PAVED = shapely.box(-100, -5, 100, 5)
 

@@ -4,18 +4,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from advercity_dsl import Spec
+from advercity_dsl import Blueprint, Spec
 from numpy.typing import NDArray
 
+from advercity.assets.bodies import build_body
 from advercity.assets.model_store import ModelStore
 from advercity.errors import RunError
 from advercity.geometry.mesh import Mesh
 from advercity.pipeline.cache import compute_world_key
 from advercity.pipeline.preparation import load_or_build_world
 from advercity.scene.build import build_world
-from advercity.scene.world_storage import load_world, save_world
+from advercity.scene.world_storage import load_body, load_world, save_body, save_world
 from advercity.semantics import Semantic
-from advercity.world import World
+from advercity.world import Body, World
 
 NETWORK = Path("road.net.xml")
 
@@ -50,11 +51,6 @@ def test_a_stored_world_is_the_same_world(world: World, tmp_path: Path):
     loaded = load_world(tmp_path / "world.npz", NETWORK)
     assert len(loaded.static) == len(world.static)
     assert all(map(are_equal, loaded.static, world.static))
-    assert list(loaded.bodies) == list(world.bodies)
-    for name, body in world.bodies.items():
-        assert loaded.bodies[name].size == body.size
-        assert len(loaded.bodies[name].parts) == len(body.parts)
-        assert all(map(are_equal, loaded.bodies[name].parts, body.parts))
     for lane, other in zip(world.lanes, loaded.lanes, strict=True):
         assert (lane.id, lane.kind, lane.in_junction) == (other.id, other.kind, other.in_junction)
         assert is_close(lane.left, other.left)
@@ -64,15 +60,25 @@ def test_a_stored_world_is_the_same_world(world: World, tmp_path: Path):
     assert (loaded.id, loaded.network) == (world.id, NETWORK)
 
 
+@pytest.mark.parametrize("name", ["lincoln_mkz_2017", "yamaha_yzf", "pedestrian_0001"])
+def test_a_stored_body_is_the_same_body(name: str, spec: Spec, tmp_path: Path):
+    body = build_body(name, spec.blueprints[name])
+    save_body(body, tmp_path / "body.npz")
+    loaded = load_body(tmp_path / "body.npz")
+    assert loaded.size == body.size
+    assert len(loaded.parts) == len(body.parts)
+    assert all(map(are_equal, loaded.parts, body.parts))
+
+
 def test_a_world_of_nothing_can_be_stored(tmp_path: Path):
     save_world(World("empty", (), {}, (), NETWORK), tmp_path / "world.npz")
     loaded = load_world(tmp_path / "world.npz", NETWORK)
     assert (loaded.static, loaded.bodies, loaded.lanes) == ((), {}, ())
 
 
-def test_a_world_is_built_once_and_then_read(
-    spec: Spec, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+@pytest.fixture
+def built(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Roads and blueprints that are built, one mesh each, with an empty cache."""
     mesh = Mesh(
         "ground",
         np.eye(3, dtype=np.float32),
@@ -82,15 +88,32 @@ def test_a_world_is_built_once_and_then_read(
     )
     built: list[str] = []
 
-    def build(spec: Spec, network: Path, shelf: ModelStore) -> World:
-        built.append(spec.id)
+    def build_world(spec: Spec, network: Path) -> World:
+        built.append(spec.road.id)
         return World(spec.road.id, (mesh,), {}, (), network)
 
+    def build(name: str, blueprint: Blueprint, store: ModelStore) -> Body:
+        built.append(name)
+        return Body((mesh,), (1.0, 1.0, 1.0))
+
     monkeypatch.setenv("ADVERCITY_CACHE", str(tmp_path))
-    monkeypatch.setattr("advercity.pipeline.preparation.build_world", build)
+    monkeypatch.setattr("advercity.pipeline.preparation.build_world", build_world)
+    monkeypatch.setattr("advercity.pipeline.preparation.build_body", build)
+    return built
+
+
+def test_a_world_is_built_once_and_then_read(spec: Spec, built: list[str]):
     worlds = [load_or_build_world(spec, NETWORK) for _ in range(2)]
-    assert built == [spec.id]
+    assert built == [spec.road.id, *spec.blueprints]
+    assert list(worlds[1].bodies) == list(spec.blueprints)
     assert are_equal(worlds[0].static[0], worlds[1].static[0])
+
+
+def test_roads_share_their_bodies(specs: dict[str, Spec], built: list[str]):
+    one, other = specs["ri_clear_day_sparse"], specs["ui_clear_day_sparse"]
+    for spec in (one, other):
+        load_or_build_world(spec, NETWORK)
+    assert sorted(built) == sorted({one.road.id, other.road.id, *one.blueprints, *other.blueprints})
 
 
 def test_what_is_no_world_is_an_error_with_its_path(tmp_path: Path):

@@ -33,6 +33,8 @@ SNOWLESS_MATERIALS = frozenset({"glass", "rubber", "skin", *LENS_KINDS})
 """Materials that falling snow does not stay on; cloth, too, by its name."""
 MESH_TILE_M, LEAF_TILE_M = 80.0, 32.0
 """Size of the pieces of static meshes; those of leaves are drawn as coarsely as they are far."""
+MAX_TILE_ROWS = 2**20
+"""More than any world has."""
 LENS_RADIUS_M, LENS_CORNERS = 0.13, 16
 PARKED_POSE = sapien.Pose([0.0, 0.0, -1e4])
 """Pose of spare bodies: far below anything visible."""
@@ -122,13 +124,14 @@ def split_into_tiles(mesh: Mesh) -> Iterator[Mesh]:
     """Cut a mesh along a grid: rays skip small meshes, which halves the time of tracing."""
     size_m = LEAF_TILE_M if mesh.material in LEAF_MATERIALS else MESH_TILE_M
     middles = mesh.vertices[mesh.triangles].mean(axis=1)[:, :2]
-    tiles = np.floor(middles / size_m)
-    if len(tiles) > 0 and (tiles == tiles[0]).all():
+    column, row = np.floor(middles / size_m).astype(np.int64).T
+    tile = column * MAX_TILE_ROWS + row
+    if len(tile) > 0 and (tile == tile[0]).all():
         yield mesh
         return
-    _, tile = np.unique(tiles, axis=0, return_inverse=True)
-    for number in range(int(tile.max(initial=-1)) + 1):
-        used, triangles = np.unique(mesh.triangles[tile.ravel() == number], return_inverse=True)
+    order = np.argsort(tile, kind="stable")
+    for part in filter(len, np.split(order, np.flatnonzero(np.diff(tile[order])) + 1)):
+        used, triangles = np.unique(mesh.triangles[part], return_inverse=True)
         yield replace(
             mesh,
             vertices=mesh.vertices[used],
