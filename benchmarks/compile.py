@@ -1,7 +1,7 @@
 """Times the compiler on the library: `python benchmarks/compile.py [ROUNDS]`.
 
 As a program it adds the example weathers and times each stage. Functions that take most are shown
-by `python -m cProfile -s tottime -m advercity compile library`.
+by `python -m cProfile -s tottime .venv/bin/advercity compile library`.
 """
 
 import shutil

@@ -1,4 +1,7 @@
 import ast
+import functools
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -14,6 +17,7 @@ ROOMS = (
         "material_maps",
         "media",
         "digests",
+        "identity_cache",
         "array_files",
         "atomic_files",
         "data_folder",
@@ -55,14 +59,16 @@ def part_of(module: str) -> str:
     return names[0] if names[0] == "advercity_dsl" or len(names) == 1 else names[1]
 
 
-def imported(path: Path) -> set[str]:
+@functools.cache
+def list_imports(path: Path) -> frozenset[str]:
+    """Names that a module imports, wherever in it: modules, and what is taken from them."""
     found: set[str] = set()
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module:
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
             found |= {f"{node.module}.{alias.name}" for alias in node.names}
-    return {name for name in found if name.split(".")[0] in ("advercity", "advercity_dsl")}
+    return frozenset(found)
 
 
 @pytest.mark.parametrize("path", modules(), ids=lambda path: str(path.relative_to(ROOT)))
@@ -70,9 +76,9 @@ def test_imports_run_one_way(path: Path) -> None:
     base = ROOT / "dsl" if (ROOT / "dsl") in path.parents else ROOT
     own = part_of(".".join(path.relative_to(base).with_suffix("").parts))
     assert own in {*LAYERS, "__init__"}
-    for name in imported(path):
-        other = part_of(name)
-        if other in LAYERS and own in LAYERS:
+    for name in list_imports(path):
+        package, other = name.split(".")[0], part_of(name)
+        if package in ("advercity", "advercity_dsl") and other in LAYERS and own in LAYERS:
             assert LAYERS[other] <= LAYERS[own], f"{own} must not import {name}"
 
 
@@ -89,12 +95,16 @@ def test_imports_run_one_way(path: Path) -> None:
     ],
 )
 def test_each_engine_has_one_home(library: str, home: set[str]) -> None:
-    users: set[str] = set()
-    for path in modules():
-        for node in ast.walk(ast.parse(path.read_text())):
-            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
-            if isinstance(node, ast.ImportFrom) and node.module and not node.level:
-                names.append(node.module)
-            if any(name.split(".")[0] == library for name in names):
-                users.add(path.relative_to(ROOT).parts[1])
+    users = {
+        path.relative_to(ROOT).parts[1]
+        for path in modules()
+        if any(name.split(".")[0] == library for name in list_imports(path))
+    }
     assert users <= home
+
+
+def test_a_worker_loads_no_library_that_its_run_may_do_without() -> None:
+    libraries = {"rerun", "trimesh", "ray", "pandas", "matplotlib"}
+    code = f"import sys, advercity.pipeline.worker_process; print({libraries} & {{*sys.modules}})"
+    child = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert child.stdout.strip() == "set()"

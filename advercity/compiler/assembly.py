@@ -12,6 +12,7 @@ from advercity_dsl import (
     Density,
     DriverResponse,
     Drivers,
+    Model,
     Rig,
     Road,
     RoadsideUnit,
@@ -41,12 +42,14 @@ from advercity.compiler.scenarios import (
 from advercity.compiler.source import format_value_path
 from advercity.compiler.suites import ResolvedSuite, compute_demand_counts, select_sensors
 from advercity.digests import compute_json_digest
+from advercity.identity_cache import cache_by_identity
 from advercity.physics.constants import GRAVITY_M_S2
 from advercity.physics.extinction import compute_extinction, mor_without_precipitation_m
 from advercity.physics.stopping import DEFAULT_GRIP, friction_coefficient
 
 MAX_RESPONSES = 1000
 """Number of responses of drivers to a weather that changes, one a second at most."""
+MAX_DUMPED_MODELS = 4096
 FIRST_VEHICLE_NUMBER = 101
 """Number of the first connected vehicle in annotations; roadside units count down from -1."""
 
@@ -150,12 +153,26 @@ def _format_draws(draws: Distributions) -> dict[str, Distribution]:
 
 def with_digest(spec: Spec) -> Spec:
     """Return the spec with the digest of its content, as a compiler of other specs would."""
-    data = spec.model_dump(mode="json")
+    data = dump_spec(spec)
     del data["provenance"]["digest"]
     # In their order, which streets and blueprints are drawn in: another one is other traffic.
     digest = compute_json_digest(data, sort_keys=False)
     provenance = spec.provenance.model_copy(update={"digest": digest})
     return spec.model_copy(update={"provenance": provenance})
+
+
+def dump_spec(spec: Spec) -> dict[str, Any]:
+    """Convert a spec to plain data, as for JSON; what specs have in common is converted once."""
+    data = spec.model_dump(mode="json", exclude={"road", "agents", "blueprints"})
+    data["road"] = _dump_model(spec.road)
+    data["agents"] = [_dump_model(agent) for agent in spec.agents]
+    data["blueprints"] = {name: _dump_model(item) for name, item in spec.blueprints.items()}
+    return {name: data[name] for name in type(spec).model_fields if name in data}
+
+
+@cache_by_identity(MAX_DUMPED_MODELS)
+def _dump_model(model: Model) -> dict[str, Any]:
+    return model.model_dump(mode="json")
 
 
 def is_edited(spec: Spec) -> bool:

@@ -4,7 +4,8 @@
 no models.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import cache
 from pathlib import Path
 
 from advercity_dsl import Blueprint, Catalogue, Id, Model
@@ -79,7 +80,12 @@ def compute_declared_digest(blueprint: Blueprint) -> str:
     return compute_json_digest(declared)
 
 
-def find_locked_model(catalogue: Path, name: str, blueprint: Blueprint) -> str | None:
+ReadLock = Callable[[Path], ModelLock | None]
+
+
+def find_locked_model(
+    catalogue: Path, name: str, blueprint: Blueprint, read: ReadLock = read_lock
+) -> str | None:
     """Find the checksum of a blueprint's model in the lock of a catalogue's file.
 
     Returns:
@@ -88,18 +94,19 @@ def find_locked_model(catalogue: Path, name: str, blueprint: Blueprint) -> str |
     Raises:
         InputError: The lock is damaged.
     """
-    lock = read_lock(find_lock_file(catalogue))
+    lock = read(find_lock_file(catalogue))
     locked = lock.models.get(name) if lock else None
     is_current = locked is not None and locked.declared == compute_declared_digest(blueprint)
     return locked.built if locked is not None and is_current else None
 
 
 def find_inherited_model(
-    source: ResolvedDeclaration, name: str, blueprint: Blueprint
+    source: ResolvedDeclaration, name: str, blueprint: Blueprint, read: ReadLock = read_lock
 ) -> str | None:
     """Find the checksum in the lock of a catalogue, or of the one that declares the model."""
     own, declaring = source.document, source.find_document(("blueprints", name, "model"))
-    found = (find_locked_model(document.path, name, blueprint) for document in (own, declaring))
+    paths = dict.fromkeys((own.path, declaring.path))
+    found = (find_locked_model(path, name, blueprint, read) for path in paths)
     return next(filter(None, found), None)
 
 
@@ -114,11 +121,11 @@ def list_model_assets(
     """
     assets: dict[str, str] = {}
     diagnostics: list[Diagnostic] = []
-    source = library.find_entry(catalogue).source
+    source, read = library.find_entry(catalogue).source, cache(read_lock)
     for name, blueprint in blueprints.items():
         if blueprint.model is None:
             continue
-        built = find_inherited_model(source, name, blueprint)
+        built = find_inherited_model(source, name, blueprint, read)
         if built is None:
             message = "the lock of the catalogue lacks this model, or has it otherwise declared"
             hint = "`advercity assets lock` with the folders of the library writes it"

@@ -8,11 +8,17 @@ from typing import Any
 
 import pytest
 from advercity_dsl import DECLARATIONS
+from advercity_dsl.weather_components import Sun
 
 from advercity.compiler import (
     validate_paths,
 )
-from advercity.compiler.authoring import SCHEMAS_FOLDER, format_starter, write_starter
+from advercity.compiler.authoring import (
+    SCHEMAS_FOLDER,
+    format_starter,
+    write_starter,
+    write_sun_positions,
+)
 from advercity.compiler.schema import write_schemas
 from advercity.compiler.source import read_document
 from advercity.errors import InputError
@@ -135,3 +141,36 @@ def test_an_editor_checks_explains_and_completes(tmp_path: Path) -> None:
         position = {"line": len(lines) + 1, "character": 2}
         offered = editor.ask("textDocument/completion", textDocument=uri, position=position)
         assert {"enabled", "kind", "coverage"} <= {item["label"] for item in offered["items"]}
+
+
+SUNS = {"ui": Sun(elevation_deg=7, azimuth_deg=180), "ri": Sun(elevation_deg=5.5, azimuth_deg=92)}
+SUN_AT = (
+    "sun_at:  # found by `advercity solve`|"
+    "  ui: {elevation_deg: 7, azimuth_deg: 180}|  ri: {elevation_deg: 5.5, azimuth_deg: 92}|"
+)
+
+
+@pytest.mark.parametrize("newline", ["\n", "\r\n"])
+@pytest.mark.parametrize("former", ["", SUN_AT, "sun_at:|  unj: {elevation_deg: 1}|"])
+def test_solved_suns_follow_the_sun_and_leave_all_other_lines_as_they_are(
+    tmp_path: Path, former: str, newline: str
+) -> None:
+    path = tmp_path / "glare.yaml"
+    before, after = (
+        "# mine|kind: weather|sun:|  elevation_deg: 5|",
+        "sky: {oktas: 0}  # kept|",
+    )
+    path.write_bytes(f"{before}{former}{after}".replace("|", newline).encode())
+    write_sun_positions(path, SUNS)
+    expected = f"{before}{SUN_AT}{after}".replace("|", newline).encode()
+    assert path.read_bytes() == expected
+
+
+def test_suns_of_a_weather_without_one_of_its_own_are_shown_and_not_written(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "glare.yaml"
+    path.write_text("{kind: weather, sun: {elevation_deg: 5}}\n")
+    with pytest.raises(InputError, match=r"`sun` does not begin a line; write: sun_at: \{ui: \{el"):
+        write_sun_positions(path, SUNS)
+    assert path.read_text() == "{kind: weather, sun: {elevation_deg: 5}}\n"

@@ -35,6 +35,15 @@ def test_each_scenario_and_field_has_its_own_draw(compile_small: Compile) -> Non
     assert len(set(drawn)) == 4
 
 
+def test_each_repeat_has_its_own_weather_and_its_own_traffic(compile_small: Compile) -> None:
+    fog = FOG + "fog: {mor_m: {uniform: [50, 150]}}\nrain: {rate_mm_h: {uniform: [1, 9]}}\n"
+    specs = compile_small(fog=fog, suite=SUITE + "repeats: 4\n")
+    repeats = [specs[f"lane_fog_sparse_r{number}"] for number in range(1, 5)]
+    assert len({spec.weather.fog.mor_m for spec in repeats}) == 4
+    assert len({spec.weather.rain.rate_mm_h for spec in repeats}) == 4
+    assert len({spec.seeds.traffic for spec in repeats}) == 4
+
+
 def test_draws_depend_on_the_seed_of_the_suite(compile_small: Compile) -> None:
     fog = FOG + "fog: {mor_m: {uniform: [50, 150]}}\n"
     one = compile_small(fog=fog)["lane_fog_sparse"]

@@ -57,3 +57,67 @@ def test_lamps_alternate_between_the_sides_of_a_street_and_keep_off_its_ends(
         is_left = shapely.distance(own, centre.parallel_offset(5.0, "left")) < 5.0
         from_left_m = stations_m[~is_left] - stations_m[is_left].min()
         assert from_left_m % 34.0 == pytest.approx(17.0, abs=0.2)
+
+
+@pytest.mark.parametrize(
+    ("style", "masts", "spacing_m", "bands", "furniture"),
+    [
+        (
+            "downtown",
+            "lamp",
+            28.0,
+            {"buildings": ((4, 6), None), "paving": ((0, 5), None), "trees": ((2.2, 2.6), 16)},
+            {
+                **{"bench": 2, "bin": 3, "post_box": 0.6, "hydrant": 1, "cabinet": 1.2},
+                **{"bicycle_stand": 1, "planter": 2, "hoarding": 0.8},
+            },
+        ),
+        (
+            "residential",
+            "lamp",
+            34.0,
+            {"houses": ((5, 7), None), "trees": ((2.4, 4), 17)},
+            {"bench": 0.5, "bin": 1, "post_box": 0.4, "hydrant": 0.8, "cabinet": 1},
+        ),
+        (
+            "industrial",
+            "pole",
+            42.0,
+            {"buildings": ((14, 18), None), "trees": ((4, 9), 40)},
+            {"hydrant": 0.8, "cabinet": 1, "hoarding": 1.5},
+        ),
+        ("rural", "pole", 50.0, {"trees": ((6, 26), 16)}, None),
+    ],
+)
+def test_a_style_has_its_bands_masts_and_furniture(
+    library: Path,
+    tmp_path: Path,
+    style: str,
+    masts: str,
+    spacing_m: float,
+    bands: dict[str, tuple[tuple[float, float], float | None]],
+    furniture: dict[str, float] | None,
+):
+    """Bands are metres from the paving and between trees, furniture is pieces per 100 m."""
+    road = compiled(library, tmp_path, {**CROSSROADS, "style": style}).road
+    found = {
+        item.kind.value: (item.beside.offset_m, item.spacing_m)
+        for item in road.surroundings
+        if item.beside and item.kind is not SurroundingKind.FURNITURE
+    }
+    assert found == bands
+    densities = [item.per_100_m for item in road.surroundings if item.per_100_m]
+    assert len(densities) == (4 if furniture else 0)
+    for density in densities:
+        assert {name: value for name, value in density if value} == furniture
+    rows = [item.at_m for item in road.surroundings if item.kind == masts]
+    for row in rows:
+        gaps_m = np.linalg.norm(np.diff(np.array(row), axis=0), axis=1)
+        steps = gaps_m / spacing_m  # a mast is left out where another street is
+        np.testing.assert_allclose(steps, steps.round(), atol=1e-3)
+        assert steps.min() == pytest.approx(1.0, abs=1e-3)
+    assert all(
+        (item.beside.from_m, item.beside.side) == (8.0, "both")
+        for item in road.surroundings
+        if item.beside
+    )
