@@ -21,7 +21,7 @@ SPRAY_REFERENCE_SPEED_M_S = 60.0 / KM_H_PER_M_S
 SPRAY_WATER_G_M3 = 0.5
 """Liquid water directly behind a vehicle at the reference speed; it grows with speed squared."""
 SPRAY_EXTINCTION_PER_G_M3 = 0.03
-"""Extinction in 1/m of 1 g/m³ of drops with a Sauter diameter of 0.1 mm: 1.5 / (density d)."""
+"""Extinction in 1/m of 1 g/m³ of drops with a Sauter diameter of 0.1 mm: 3 / (density d)."""
 PLUME_LENGTH_M, PLUME_HEIGHT_M = 12.0, 1.3
 PLUME_DECAY_M = 6.5
 """Distance behind the vehicle over which the water falls to 1/e."""

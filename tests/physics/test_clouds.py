@@ -13,6 +13,7 @@ from advercity.physics.atmosphere import Atmosphere, compute_atmosphere
 from advercity.physics.clouds import (
     CloudLayer,
     build_heap_heights,
+    choose_cloud_kind,
     draw_cloudy_sky,
     march_heaps,
 )
@@ -111,3 +112,89 @@ def test_haze_hides_far_heaps() -> None:
 )
 def test_nights_fog_and_cloudless_days_have_no_clouds_to_draw(changes: dict[str, object]) -> None:
     assert compute_atmosphere(weather(**changes), "urban").clouds is None
+
+
+def _slab(depth_m: float, sun: tuple[float, float, float] = (0.0, 0.0, 1.0)) -> CloudLayer:
+    """Cloud of which sky, ground and sun have yet to be lit."""
+    return CloudLayer("cumulus", 1.0, 1000.0, depth_m, sun, 0.0, 0.0, 0.0, 3.0, 0.0)
+
+
+def _upward(elevation_deg: float) -> NDArray[np.float64]:
+    return np.tile(direction_from_elevation_azimuth(elevation_deg, 0.0), (3000, 1))
+
+
+def _even(height: float) -> NDArray[np.float32]:
+    return np.full((1024, 1024), height, np.float32)
+
+
+@pytest.mark.parametrize(
+    ("height", "depth_m", "elevation_deg", "optical_depth"),
+    [
+        # 20 /km less the edges: 0.03 of the depth at the base and 0.06 at the top.
+        (1.0, 50.0, 90.0, 0.91),
+        (1.0, 20.0, 90.0, 0.364),
+        (0.5, 50.0, 90.0, 0.41),
+        (1.0, 50.0, 30.0, 1.82),
+    ],
+)
+def test_an_even_cloud_hides_as_its_depth_and_its_edges_say(
+    height: float, depth_m: float, elevation_deg: float, optical_depth: float
+) -> None:
+    opacity, _ = march_heaps(_even(height), _slab(depth_m), _upward(elevation_deg))
+    assert opacity.mean() == pytest.approx(1 - math.exp(-optical_depth), rel=5e-3)
+
+
+def _thin_luminance(**light: float) -> float:
+    """Mean luminance per lx of a cloud of 1 m, of which every part is seen: 0.0182 deep."""
+    (lux,) = light.values()
+    layer = replace(_slab(1.0), **light)
+    opacity, luminance = march_heaps(_even(1.0), layer, _upward(90.0))
+    assert opacity.mean() == pytest.approx(0.0182, rel=0.02)
+    return float(luminance.mean()) / (opacity.mean() * 0.75 / math.pi * lux)
+
+
+def test_a_thin_cloud_scatters_sky_from_above_ground_from_below_and_the_sun_ahead() -> None:
+    """The middle of its density is at 0.4418 / 0.91 = 0.4855 of the depth."""
+    assert _thin_luminance(diffuse_lx=100.0) == pytest.approx(0.25 + 0.75 * 0.4855, rel=0.01)
+    assert _thin_luminance(ground_lx=100.0) == pytest.approx(1 - 0.4855, rel=0.01)
+    assert _thin_luminance(direct_lx=100.0) == pytest.approx(1.5, rel=0.01)
+    aside = replace(_slab(1.0), direct_lx=100.0)
+    opacity, luminance = march_heaps(_even(1.0), aside, _upward(30.0))
+    found = luminance.mean() / (opacity.mean() * 0.75 / math.pi * 100)
+    assert found == pytest.approx(0.9 + 0.6 * math.exp(-math.pi), rel=0.01)
+
+
+@pytest.mark.parametrize("elevation_deg", [90.0, 30.0])
+def test_cloud_between_it_and_the_sun_darkens_a_base(elevation_deg: float) -> None:
+    """At the base all four samples are in cloud: 1.5 x 0.35 x 0.02 x the depth."""
+    y, z = math.cos(math.radians(elevation_deg)), math.sin(math.radians(elevation_deg))
+    heights, rays = _even(1.0), _upward(90.0)
+    ratios = []
+    for depth_m in (100.0, 300.0):
+        layer = replace(_slab(depth_m, (0.0, y, z)), direct_lx=1.0)
+        opacity, luminance = march_heaps(heights, layer, rays)
+        ratios.append(luminance.mean() / (opacity.mean() * 0.75 / math.pi))
+    angle = math.radians(90.0 - elevation_deg)
+    phase = 0.9 + 0.6 * math.exp(-3.0 * angle)
+    expected = [phase * _integrate_sunlight(depth_m, z) for depth_m in (100.0, 300.0)]
+    np.testing.assert_allclose(ratios, expected, rtol=0.03)
+
+
+def _integrate_sunlight(depth_m: float, sine: float) -> float:
+    """Average the sun's light over where rays upwards end, by a fine sum."""
+    height = (np.arange(20_000) + 0.5) / 20_000
+    density = np.minimum(1.0, (1.0 - height) / 0.12) * np.minimum(1.0, height / 0.06)
+    through = np.exp(-0.02 * depth_m * np.cumsum(density) / len(height))
+    ends = density * through
+    covered = sum(
+        step * np.clip((1.0 - height - step) / 0.12, 0.0, 1.0) for step in (0.08, 0.2, 0.42, 0.8)
+    )
+    depth = covered * 0.35 * 0.02 * depth_m / sine
+    light = 0.75 * np.exp(-depth) + 0.25 * np.exp(-0.25 * depth)
+    return float((ends * light).sum() / ends.sum())
+
+
+def test_heaps_are_higher_and_thicker_than_a_deck_from_which_it_rains() -> None:
+    assert choose_cloud_kind(6, precipitating=True) == ("cumulus", 1300.0, 900.0)
+    assert choose_cloud_kind(6.1, precipitating=False) == ("stratocumulus", 1000.0, 400.0)
+    assert choose_cloud_kind(8, precipitating=True) == ("stratus", 600.0, 500.0)

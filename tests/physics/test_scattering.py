@@ -33,7 +33,7 @@ from advercity.physics.extinction import extinction_from_mor
 from advercity.physics.scattering import DropletPhaseLobes, PhaseFunction, henyey_greenstein
 
 MOR_75 = extinction_from_mor(75.0)
-NODE, WEIGHT = np.polynomial.legendre.leggauss(2000)
+NODE, WEIGHT = np.polynomial.legendre.leggauss(300)
 
 
 def lamp_airlight(

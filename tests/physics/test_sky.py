@@ -170,3 +170,23 @@ def test_light_and_colour_of_the_sky_change_evenly_through_dusk() -> None:
     assert steps.max() < 0.06
     warm, blue = (colour[0] / colour[2] for colour in colours[-1])
     assert warm > 1.5 > 0.7 > blue
+
+
+@pytest.mark.parametrize(
+    ("elevation_deg", "colour"),
+    [
+        (2, (1.87, 0.83, 0.12)),
+        (7.5, (1.70, 0.87, 0.225)),
+        (20, (1.32, 0.95, 0.54)),
+        (40, (1.255, 0.96, 0.64)),
+        (60, (1.19, 0.97, 0.74)),
+        (90, (1.19, 0.97, 0.74)),
+    ],
+)
+def test_the_sun_is_redder_the_lower_it_is(
+    elevation_deg: float, colour: tuple[float, float, float]
+) -> None:
+    """Colours of Hosek and Wilkie's disc at 5, 10, 20 and 60 degrees, and midway between."""
+    found = sky.sun_colour(elevation_deg)
+    assert found == pytest.approx(colour)
+    assert np.array(found) @ [0.2126, 0.7152, 0.0722] == pytest.approx(1.0, abs=0.01)

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from advercity_dsl import Weather
+from advercity_dsl.keyframes import replace_value
 
 from advercity.physics import sky
 from advercity.physics.atmosphere import compute_atmosphere
@@ -101,3 +102,66 @@ def test_mist_lets_the_sky_show_and_fog_hides_it():
     assert blue[0] == pytest.approx(1)
     assert blue == sorted(blue)
     assert blue[-1] > 1.5
+
+
+@pytest.mark.parametrize(
+    ("before", "field", "value", "tolerances"),
+    [
+        # Optical depths of 1.498 and 1.648: exp(-1.498) - exp(-1.648), over 0.05.
+        ({"fog": {"mor_m": 200, "depth_m": 100}}, ("fog", "depth_m"), 110, 0.6224),
+        # Of 9.986 and 14.979: the logarithm of 2 + 0.13 times that.
+        ({"fog": {"mor_m": 30, "depth_m": 100}}, ("fog", "depth_m"), 150, 3.593),
+        # A third of the way in extinction from 10 to 1 km, from 0.2593 of it.
+        ({"dust": {"mor_m": 3000}}, ("dust", "mor_m"), 2500, 1.4815),
+        # 300 m of dust have an optical depth of 1.797 and 1.997.
+        ({"dust": {"mor_m": 500}}, ("dust", "mor_m"), 450, 1.379),
+        ({"sky": {"turbidity": 3.0}}, ("sky", "turbidity"), 3.1, 0.6558),
+        # Half a degree of arc: at 60 degrees, a degree of azimuth.
+        ({"sun": {"elevation_deg": 60, "azimuth_deg": 180}}, ("sun", "azimuth_deg"), 181, 0.5),
+        ({"sky": {"direct_lx": 1e4, "diffuse_lx": 1e4}}, ("sky", "direct_lx"), 1.1e4, 1.906),
+        ({"sky": {"direct_lx": 0.0, "diffuse_lx": 1e4}}, ("sky", "direct_lx"), 0.1, 1.906),
+        ({"sky": {"direct_lx": 1e4, "diffuse_lx": 1e4}}, ("sky", "diffuse_lx"), 1.1e4, 1.906),
+        # 2 mm leave 1/e of bare ground of 0.1 among snow of 0.85.
+        ({"snow": {"depth_mm": 2}, "temperature_c": -3}, ("snow", "depth_mm"), 1.8, 0.5804),
+    ],
+)
+def test_light_changes_by_hand_computed_multiples_of_the_tolerance(
+    before: dict[str, object], field: tuple[str, str], value: float, tolerances: float
+):
+    high = {"sun": {"elevation_deg": 60, "azimuth_deg": 180}}
+    first = build_weather(**(high | before))
+    assert compare_light(first, first) == 0
+    assert compare_light(first, replace_value(first, field, value)) == pytest.approx(
+        tolerances, rel=2e-3
+    )
+
+
+def test_lamps_of_the_night_light_air_over_100_m():
+    """A visibility of 300 m leaves 0.3684 of it, of 330 m 0.4034."""
+    night = {"time": "night", "sun": {"elevation_deg": -30}, "fog": {"mor_m": 300, "depth_m": 1}}
+    first = build_weather(**night, air={"mor_m": None})
+    clearer = replace_value(first, ("fog", "mor_m"), 330)
+    assert compare_light(first, clearer) == pytest.approx(0.7002, rel=2e-3)
+    for lamps in ("glow_cd_m2", "street_lx"):
+        pair = getattr(first.night, lamps)
+        for place in ("urban", "rural"):
+            brighter = pair.model_copy(update={place: 1.1 * getattr(pair, place)})
+            changed = first.model_copy(
+                update={"night": first.night.model_copy(update={lamps: brighter})}
+            )
+            expected = math.log((getattr(brighter, place) + 1e-4) / (getattr(pair, place) + 1e-4))
+            assert compare_light(first, changed) == pytest.approx(expected / 0.05, rel=1e-6)
+
+
+def test_other_clouds_and_the_lamps_of_vehicles_are_another_light():
+    heaps, deck = (build_weather(sky={"oktas": oktas}) for oktas in (6, 7))
+    assert compare_light(heaps, deck) == math.inf
+    assert compare_light(heaps, heaps.model_copy(update={"time": "night"})) == math.inf
+    raining = deck.model_copy(update={"rain": deck.rain.model_copy(update={"rate_mm_h": 0.1})})
+    assert compare_light(deck, raining) == math.inf
+
+
+def test_what_falls_is_listed_at_eight_moments_between_keyframes():
+    rising = build_weather({"at_s": 4, "rain": {"rate_mm_h": 8}}, rain={"rate_mm_h": 0})
+    slopes = [sizes.slope_per_mm for sizes in WeatherTimeline(rising, 0.1).list_sizes()]
+    assert slopes == pytest.approx([4.1 * rate_mm_h**-0.21 for rate_mm_h in range(1, 9)])

@@ -13,7 +13,7 @@ from advercity.physics.water import (
 )
 
 PLACES = np.random.default_rng(3).uniform(-400.0, 400.0, (200_000, 2))
-NODE, WEIGHT = np.polynomial.legendre.leggauss(2000)
+NODE, WEIGHT = np.polynomial.legendre.leggauss(300)
 
 
 @pytest.mark.parametrize("coverage", [0.05, 0.35, 0.9])

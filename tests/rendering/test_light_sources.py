@@ -5,22 +5,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from advercity_dsl import Catalogue
 from advercity_dsl.weather_components import Lamps
 
-from advercity.assets.bodies import build_body
-from advercity.compiler import load_library
 from advercity.frames import Actor, ActorState, Frame, Lamp
 from advercity.geometry import poses
 from advercity.physics.lamp_beams import LampPattern, LightSource, intensity_towards
 from advercity.rendering.light_sources import AMBER_LAMP_COLOUR, RED_LAMP_COLOUR, list_light_sources
 from advercity.traffic.weather_effects import apply_lamp_state
 from advercity.world import World
-
-CATALOGUE = load_library(Path(__file__).parents[2] / "library").get_declarations(Catalogue)[
-    "adver_city"
-]
-
+from tests.shipped import CATALOGUE, ShippedBodies
 
 CAR = Actor(101, "car", "lincoln_mkz_2017", "car_paint_blue", (4.9, 2.1, 1.5))
 
@@ -132,7 +125,7 @@ def test_a_front_fog_lamp_is_cut_off_and_as_wide_as_its_regulation_asks(
     "name", [n for n, made in CATALOGUE.blueprints.items() if made.actor_class in MOTOR]
 )
 def test_every_motor_vehicle_has_an_indicator_at_each_corner(name: str):
-    made = build_body(name, CATALOGUE.blueprints[name])
+    made = ShippedBodies()[name]
     found = {
         part.material: part.vertices[np.unique(part.triangles)]
         for part in made.parts

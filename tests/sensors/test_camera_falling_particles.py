@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -116,6 +117,49 @@ def test_three_planes_of_the_visible_volume_meet_in_each_of_its_corners() -> Non
     inside_m = corners @ planes[:, :3].T + planes[:, 3]
     assert (inside_m > -1e-9).all()
     assert (inside_m < 1e-9).sum(axis=1).tolist() == [3] * 8
+
+
+@pytest.mark.parametrize(
+    ("said", "least_mm", "widest"), [("rainy", 0.5, 1.41), ("snowy", 0.4, 5.1)]
+)
+def test_bands_of_sizes_follow_each_other_and_hold_all_that_is_large_enough_to_see(
+    said: str, least_mm: float, widest: float
+) -> None:
+    weather = {"rainy": rainy, "snowy": snowy}[said]()
+    (sizes,) = compute_atmosphere(weather, "urban").precipitation
+    blocks = particle_blocks(weather)
+    bands = sorted({(block.band.low_mm, block.band.high_mm) for block in blocks})
+    assert bands[0][0] == least_mm
+    assert bands[-1][1] == sizes.max_melted_mm
+    assert all(low == high for (_, high), (low, _) in pairwise(bands))
+    assert sum(block.number_m3 for block in blocks) == pytest.approx(
+        float(sizes.number_concentration_above(least_mm))
+    )
+    # Of nearly one size each, but for the few largest flakes.
+    assert max(high / low for low, high in bands) < widest
+    assert all(high / low < 1.7 for low, high in bands[:-1])
+
+
+def test_a_third_each_of_the_flakes_falls_slower_and_faster_by_three_tenths() -> None:
+    air = compute_atmosphere(snowy(), "urban")
+    blocks = particle_blocks(snowy())
+    speeds = sorted({round(block.fall_speed_m_s / air.snow_fall_speed_m_s, 6) for block in blocks})
+    assert speeds == [0.7, 1.0, 1.3]
+    first = [block for block in blocks if block.band.low_mm == 0.4]
+    assert len({block.number_m3 for block in first}) == 1
+    assert len({block.band.key for block in blocks}) == len(blocks)
+
+
+def test_a_block_has_65536_particles_in_16_cells_along_each_edge() -> None:
+    """Sixteen a cell, so a cell holds 16 / number of cubic metres; glints have a mean of 1."""
+    block = of_two_millimetres(rainy())
+    assert len(block.cell_starts) == 16**3 + 1
+    assert len(block.diameter_m) == pytest.approx(2**16, rel=0.02)
+    assert block.cell_m**3 == pytest.approx(16 / block.number_m3)
+    assert block.offset_m.min() >= 0.0
+    assert 0.99 * block.cell_m < block.offset_m.max() <= block.cell_m
+    assert block.glint.mean() == pytest.approx(1.0, rel=0.03)
+    assert np.log(block.glint).std() == pytest.approx(1.0, rel=0.02)
 
 
 @pytest.mark.parametrize(("rate_mm_h", "expected"), [(10, 25_200), (50, 73_010)])
@@ -271,6 +315,23 @@ def test_gusts_sway_flakes_by_three_tenths_of_the_wind() -> None:
     assert len(flakes.velocity) > 300
     assert flakes.velocity[:, 0].mean() == pytest.approx(5.372, abs=0.3)
     assert flakes.velocity[:, 0].std() == pytest.approx(0.3 * 5.372, rel=0.1)
+
+
+def test_flakes_sway_on_without_a_jump() -> None:
+    """Each sway repeats after 12.5 s, ten cycles of 0.8 Hz, as its three frequencies do."""
+    block = particle_blocks(snowy(wind_m_s=10.0))[6]
+    still = replace(block, velocity=np.zeros(3))
+    around = np.array([0.0, 0.0, 2.0])
+
+    def swayed(time_s: float) -> NDArray[Any]:
+        return still.find_particles(PLANES, CORNERS, around, time_s).position
+
+    times_s = np.arange(0.0, 13.0, 0.02)
+    steps_m = [np.abs(swayed(time_s + 0.02) - swayed(time_s)).max() for time_s in times_s.tolist()]
+    fastest_m_s = 2 * np.pi * 0.8 * block.sway_m * 1.3
+    assert max(steps_m) < 1.01 * 0.02 * fastest_m_s
+    np.testing.assert_allclose(swayed(12.5 + 3.0), swayed(3.0), atol=1e-3)
+    assert np.abs(swayed(6.25 + 3.0) - swayed(3.0)).max() > 0.1 * block.sway_m
 
 
 def test_rain_brightens_the_dark_and_is_lost_before_the_sky() -> None:
