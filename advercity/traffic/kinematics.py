@@ -13,6 +13,7 @@ from functools import partial
 import numpy as np
 import shapely
 from advercity_dsl import Road, Spec
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from advercity.errors import RunError
@@ -21,7 +22,7 @@ from advercity.physics.constants import MAX_STEERING_RAD
 from advercity.roads.road_meshes import KERB_HEIGHT_M
 from advercity.roads.road_network import build_road
 from advercity.traffic.demand import TrafficDemand
-from advercity.traffic.motion_spline import HeightProfile, MotionSpline, Values
+from advercity.traffic.motion_spline import EASING_TICKS, HeightProfile, MotionSpline, Values
 
 KerbHeight = Callable[[NDArray[np.complex128]], NDArray[np.float64]]
 """Returns heights (n,) in m at points (n,), east + i north."""
@@ -37,11 +38,11 @@ CATCH_UP_TIME_S = 0.3
 """Time constant with which a person returns to its place in SUMO."""
 MIN_CATCH_UP_FRACTION = 0.1
 """Least speed of that as a fraction of the walking speed, so that it comes to an end."""
-DRIVING_SMOOTHING_TICKS = 12
+DRIVING_SMOOTHING_TICKS = 14
 """Ticks over which vehicles change their acceleration.
 
-Jerk then stays below 5 m/s³ between the usual extremes of acceleration and braking, 2.5 and
--3 m/s²."""
+Jerk along the path then stays below 4 m/s³ between the usual extremes of acceleration and braking,
+2.5 and -3 m/s². With up to 3 m/s³ across it, as in a turn, it stays below 5."""
 EMERGENCY_SMOOTHING_TICKS = 6
 """Ticks over which vehicles change what an emergency adds to that; jerk stays below 20 m/s³."""
 EMERGENCY_M_S2 = 3.1
@@ -245,10 +246,18 @@ def _find_heights_along(
 
 
 def _find_emergency_gains(speed: NDArray[np.float64], tick_s: float) -> NDArray[np.float64]:
-    """Find by how much (n,) the step after a tick exceeds the one before as only in emergencies."""
+    """Find by how much (n,) the step after a tick exceeds the one before as only in emergencies.
+
+    SUMO's drivers in doubt brake hard for single ticks and accelerate in between. An emergency is
+    what still exceeds the usual where it is smoothed as one.
+    """
     gains = np.diff(speed, append=speed[-1]) * tick_s
     usual = EMERGENCY_M_S2 * tick_s**2
-    return gains - np.clip(gains, -usual, usual)
+    smoothed = MotionSpline.from_samples(speed, tick_s, ticks=EMERGENCY_SMOOTHING_TICKS)
+    is_hard = np.abs(smoothed.rates) > EMERGENCY_M_S2
+    spread = (EMERGENCY_SMOOTHING_TICKS + EASING_TICKS) // 2
+    is_near = sliding_window_view(np.pad(is_hard, spread), 2 * spread + 1).any(axis=1)
+    return np.where(is_near, gains - np.clip(gains, -usual, usual), 0.0)
 
 
 def _smooth_driving(
