@@ -10,7 +10,8 @@ from advercity_dsl.base import suggest_name
 from advercity.assets.bodies import build_body
 from advercity.assets.model_conversion import format_model_name
 from advercity.assets.model_store import ModelStore
-from advercity.compiler.library import find_shipped_library, load_library
+from advercity.compiler.library import load_library
+from advercity.compiler.shipped_library import find_shipped_library
 from advercity.errors import InputError
 
 

@@ -7,7 +7,8 @@ from advercity.assets.downloads import AssetPackage
 from advercity.assets.locking import CONVERSION_REMEDY, find_differing_models
 from advercity.assets.model_store import ModelStore, open_model_store
 from advercity.assets.texture_store import describe_package, open_texture_store
-from advercity.compiler.library import find_shipped_library, load_library
+from advercity.compiler.library import load_library
+from advercity.compiler.shipped_library import find_shipped_library
 from advercity.errors import RunError
 from advercity.texture_packs import TEXTURE_PACKS
 

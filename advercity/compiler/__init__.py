@@ -18,12 +18,12 @@ from advercity.compiler.explain import compare_specs, explain_spec
 from advercity.compiler.library import (
     Library,
     LibraryEntry,
-    find_shipped_library,
     find_weather,
     list_weathers,
     load_declaration,
     load_library,
 )
+from advercity.compiler.shipped_library import find_shipped_library
 from advercity.compiler.spec_files import describe_spec_differences, read_spec, to_json, write_specs
 from advercity.diagnostics import Diagnostic, DiagnosticsError
 

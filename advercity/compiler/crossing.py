@@ -15,7 +15,6 @@ from advercity_dsl.spec import CrashGroup
 from advercity.compiler.assembly import build_spec, find_ego_blueprint, is_edited
 from advercity.compiler.library import (
     Library,
-    find_shipped_library,
     load_declaration,
     load_library,
 )
@@ -28,6 +27,7 @@ from advercity.compiler.scenarios import (
     expand_sweep,
     parse_conditions,
 )
+from advercity.compiler.shipped_library import find_shipped_library
 from advercity.compiler.spec_files import read_spec
 from advercity.compiler.suite_conflicts import CrashGroups, select_conflicts, solve_road_conflicts
 from advercity.compiler.suites import (

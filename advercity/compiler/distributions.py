@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping
+from itertools import chain
 from typing import Any, cast
 
 from advercity_dsl import Weather
@@ -21,30 +22,31 @@ DRAW_DIGITS = 6
 Distributions = Mapping[ValuePath, Distribution]
 
 
-def find_distributions(source: ResolvedDeclaration) -> dict[ValuePath, Distribution]:
-    """Return every distribution in a weather's data, by the path of the number that it replaces.
+def find_distributions(
+    source: ResolvedDeclaration,
+) -> tuple[dict[ValuePath, Distribution], dict[ValuePath, tuple[Diagnostic, ...]]]:
+    """Find every distribution in a weather's data, by the path of the number that it replaces.
 
-    Raises:
-        DiagnosticsError: A distribution is malformed, or does not replace a number.
+    Returns:
+        The distributions, and what is wrong with those that are malformed or replace no number.
     """
     distributions: dict[ValuePath, Distribution] = {}
-    diagnostics: list[Diagnostic] = []
+    malformed: dict[ValuePath, tuple[Diagnostic, ...]] = {}
     for value_path, name, written in _iterate_candidates(source.data):
         constraints = find_number_constraints(Weather, value_path)
         if constraints is None:
             message, hint = f"'{name}' is not allowed here", "distributions replace numbers"
-            diagnostics.append(source.build_diagnostic(value_path, message, hint=hint))
+            malformed[value_path] = (source.build_diagnostic(value_path, message, hint=hint),)
             continue
+        model = DISTRIBUTIONS[name]
         try:
             plain = _strip_units(written, constraints)
-            distributions[value_path] = DISTRIBUTIONS[name].model_validate(plain)
+            distributions[value_path] = model.model_validate(plain)
         except ValidationError as error:
-            diagnostics += build_diagnostics(DISTRIBUTIONS[name], source, error, at=value_path)
+            malformed[value_path] = tuple(build_diagnostics(model, source, error, at=value_path))
         except ValueError as error:
-            diagnostics.append(source.build_diagnostic(value_path, str(error)))
-    if diagnostics:
-        raise DiagnosticsError(*diagnostics)
-    return distributions
+            malformed[value_path] = (source.build_diagnostic(value_path, str(error)),)
+    return distributions, malformed
 
 
 def _iterate_candidates(data: Any) -> Iterator[tuple[ValuePath, str, dict[str, Any]]]:
@@ -65,30 +67,56 @@ def _strip_units(written: Any, constraints: NumberConstraints) -> Any:
     return constraints.parse(written)
 
 
-def validate_distribution_bounds(
-    source: ResolvedDeclaration, distributions: Distributions
-) -> Weather:
-    """Return the weather with typical values, after validating it at each distribution's bounds.
+def build_typical_weather(
+    source: ResolvedDeclaration,
+) -> tuple[Weather, dict[ValuePath, Distribution]]:
+    """Build a weather with typical values, and find its distributions.
 
     Raises:
-        DiagnosticsError: The weather is not valid, or would not be with some draw.
+        DiagnosticsError: A distribution is malformed, or the weather is not valid, or would not be
+            with some draw.
     """
+    distributions, malformed = find_distributions(source)
     typical = {path: _round_value(_get_typical_value(d), path) for path, d in distributions.items()}
     data = replace_values(source.data, typical)
-    weather = validate_model(Weather, source, data, previous=source.document.diagnostics)
+    previous = (*source.document.diagnostics, *chain.from_iterable(malformed.values()))
+    invalid = list(_find_invalid_bounds(source, distributions, typical))
+    try:
+        weather = validate_model(Weather, source, data, previous=previous, malformed=malformed)
+    except DiagnosticsError as error:
+        # Nobody wrote the typical value, where a bound that is written is wrong, too.
+        reported = {item.value_path for item in invalid}
+        others = [item for item in error.diagnostics if item.value_path not in reported]
+        raise DiagnosticsError(*others, *invalid) from None
+    if invalid:
+        raise DiagnosticsError(*invalid)
+    return weather, distributions
+
+
+def _find_invalid_bounds(
+    source: ResolvedDeclaration, distributions: Distributions, typical: Mapping[ValuePath, float]
+) -> Iterator[Diagnostic]:
+    """Find the first bound of each distribution at which the weather has errors of its own."""
+    known = _find_problems(source, typical)
     # One at a time: combinations of bounds would grow exponentially.
     for value_path, distribution in distributions.items():
         for bound in _get_bounds(distribution):
-            drawn = typical | {value_path: _round_value(bound, value_path)}
-            try:
-                validate_model(Weather, source, replace_values(source.data, drawn))
-            except DiagnosticsError as error:
-                first = error.diagnostics[0]
-                message = f"{bound:g} may be drawn, which is not valid: {first.message}"
-                raise DiagnosticsError(
-                    source.build_diagnostic(value_path, message, hint=first.hint)
-                ) from None
-    return weather
+            drawn = {**typical, value_path: _round_value(bound, value_path)}
+            found = [item for item in _find_problems(source, drawn) if item not in known]
+            if found:
+                message = f"{bound:g} may be drawn, which is not valid: {found[0].message}"
+                yield source.build_diagnostic(value_path, message, hint=found[0].hint)
+                break
+
+
+def _find_problems(
+    source: ResolvedDeclaration, drawn: Mapping[ValuePath, float]
+) -> tuple[Diagnostic, ...]:
+    try:
+        validate_model(Weather, source, replace_values(source.data, drawn))
+    except DiagnosticsError as error:
+        return error.diagnostics
+    return ()
 
 
 def draw_weather(

@@ -9,8 +9,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, cast
 
-from advercity_dsl.base import ValuePath, suggest_name
+from advercity_dsl.base import ValuePath
 
+from advercity.compiler.shipped_library import suggest_declaration
 from advercity.compiler.source import (
     SourceDocument,
     SourcePosition,
@@ -126,7 +127,8 @@ def _find_parents(
             raise DiagnosticsError(_build_cycle_diagnostic(cycle, name[0], documents))
         if (name[0], parent) not in documents:
             others = [other for kind, other in documents if kind == name[0] and other != name[1]]
-            message, hint = f"unknown {name[0]} '{parent}'", suggest_name(parent, others)
+            message = f"unknown {name[0]} '{parent}'"
+            hint = suggest_declaration(name[0], parent, others)
             raise DiagnosticsError(document.build_diagnostic(value_path, message, hint=hint))
     return parents
 

@@ -5,7 +5,6 @@ import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, Generic, TypeVar, cast
 
@@ -25,11 +24,7 @@ from advercity_dsl.base import ID_HINT, suggest_name
 from advercity_dsl.road import Surrounding
 
 from advercity.compiler.agent_places import complete_routes, place_agents
-from advercity.compiler.distributions import (
-    Distributions,
-    find_distributions,
-    validate_distribution_bounds,
-)
+from advercity.compiler.distributions import Distributions, build_typical_weather
 from advercity.compiler.extends import (
     DeclarationKey,
     Documents,
@@ -37,6 +32,12 @@ from advercity.compiler.extends import (
     resolve_extends,
 )
 from advercity.compiler.map_surroundings import read_surroundings
+from advercity.compiler.shipped_library import (
+    EXAMPLES_FOLDER,
+    find_example,
+    find_shipped_library,
+    suggest_declaration,
+)
 from advercity.compiler.source import SourceDocument, read_document
 from advercity.compiler.surrounding_styles import grow_surroundings
 from advercity.compiler.validation import format_value, validate_model
@@ -48,8 +49,6 @@ from advercity.roads.junction_arms import MisplacedAgentError
 from advercity.roads.map_import import import_map
 
 DeclarationT = TypeVar("DeclarationT", bound=Declaration)
-EXAMPLES_FOLDER = "examples"
-"""Folder of declarations to copy from, which is not part of the library around it."""
 MAX_FILES = 10_000
 GLB_MAGIC = b"glTF"
 
@@ -134,7 +133,8 @@ class Library:
         """Return a diagnostic at a value that names an unknown declaration of a kind, else none."""
         if (kind, name) in self.entries or (kind == "road" and name in self.variants):
             return []
-        hint = suggest_name(name, [other for of_kind, other in self.entries if of_kind == kind])
+        known = (other for of_kind, other in self.entries if of_kind == kind)
+        hint = suggest_declaration(kind, name, known)
         message = f"unknown {kind} '{name}'"
         return [self.build_diagnostic(declaration, *value_path, message=message, hint=hint)]
 
@@ -189,13 +189,6 @@ def load_declaration(path: Path) -> LibraryEntry[Declaration]:
     return _build_entries(name, documents)[0]
 
 
-def find_shipped_library() -> Path:
-    """Return the library of the installed package, or of the checkout around the source."""
-    # The checkout first: an editable install can leave a stale copy inside the package.
-    folder = Path(__file__).parents[2] / "library"
-    return folder if folder.is_dir() else Path(str(files("advercity") / "_library"))
-
-
 def find_weather(text: str, *folders: Path) -> LibraryEntry[Weather]:
     """Load the weather in the file `text`, or the one of that name in a library.
 
@@ -219,6 +212,9 @@ def find_weather(text: str, *folders: Path) -> LibraryEntry[Weather]:
     library = load_library(*folders or [find_shipped_library()])
     weathers = library.get_declarations(Weather)
     if text not in weathers:
+        example = find_example("weather", text)
+        if example is not None:
+            raise InputError(f"'{text}' is an example; give its file: {example}")
         shipped = "the library that ships (`library` names another)"
         where = " or ".join(map(str, folders)) or shipped
         raise InputError(
@@ -373,8 +369,7 @@ def _complete_road(road: Road, source: ResolvedDeclaration) -> tuple[list[Road],
 
 
 def _build_weather_entry(source: ResolvedDeclaration) -> LibraryEntry[Declaration]:
-    distributions = find_distributions(source)
-    weather = validate_distribution_bounds(source, distributions)
+    weather, distributions = build_typical_weather(source)
     data: Any = weather.model_dump(mode="json")
     if distributions:
         # Different distributions may have the same typical values.

@@ -177,18 +177,15 @@ def check_resolved_suite(library: Library, declared: Suite, suite: ResolvedSuite
             unit has no vertical field of view, a road does not have exactly one ego, or an agent
             is off its road's map.
     """
-    roads = suite.roads.values()
-    # Each check assumes what the one before has established, so the first failure ends it.
-    for diagnostics in (
-        _check_named_agents(library, declared, suite),
-        (found for road in roads for found in _check_bodies(library, declared, suite, road)),
-        (found for road in roads for found in _check_sensors(library, declared, suite, road)),
-        (found for road in roads for found in _check_lidars(library, suite, road)),
-        (found for road in roads for found in _check_ego(library, road)),
-        (found for road in roads for found in _check_agent_positions(library, road)),
-    ):
-        if found := list(diagnostics):
-            raise DiagnosticsError(*found)
+    diagnostics = [*_check_named_agents(library, declared, suite)]
+    for road in suite.roads.values():
+        diagnostics += _check_bodies(library, declared, suite, road)
+        diagnostics += _check_sensors(library, declared, suite, road)
+        diagnostics += _check_lidars(library, suite, road)
+        diagnostics += _check_ego(library, road)
+        diagnostics += _check_agent_positions(library, road)
+    if diagnostics:
+        raise DiagnosticsError(*diagnostics)
 
 
 def _check_named_agents(
@@ -238,7 +235,7 @@ def _check_lidars(library: Library, suite: ResolvedSuite, road: Road) -> Iterato
     for name, agent in road.agents.items():
         sensors = select_sensors(agent, suite.agent_rigs.get(name, suite.rig))
         upper_deg = agent.lidar_upper_deg if isinstance(agent, RoadsideUnit) else None
-        lower_deg = sensors.lidar.lower_deg if sensors else math.inf
+        lower_deg = sensors.lidar.lower_deg if sensors else -math.inf
         if upper_deg is not None and upper_deg <= lower_deg:
             message = f"{upper_deg:g} is not above the rig's lower_deg {lower_deg:g}"
             value_path = ("agents", name, "lidar_upper_deg")

@@ -4,7 +4,7 @@ Each type of pydantic's errors has a function that describes it; any other keeps
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 from advercity_dsl import Declaration, Model
@@ -20,6 +20,7 @@ from advercity.compiler.fields import (
     find_number_constraints,
     find_tags,
 )
+from advercity.compiler.source import format_value_path
 from advercity.diagnostics import MAX_LISTED, Diagnostic, DiagnosticsError
 
 YAML_1_1_BOOLEANS = {
@@ -248,6 +249,7 @@ def validate_model(
     data: Any = None,
     *,
     previous: tuple[Diagnostic, ...] = (),
+    malformed: Collection[ValuePath] = (),
 ) -> ModelT:
     """Build a model from the source's data.
 
@@ -256,6 +258,7 @@ def validate_model(
         source: Data with positions.
         data: Data to use instead, with values that the source does not have.
         previous: Diagnostics found earlier, reported together with those found here.
+        malformed: Paths of values whose content `previous` is about.
 
     Raises:
         DiagnosticsError: The data is not valid, or `previous` is not empty.
@@ -265,6 +268,7 @@ def validate_model(
     except ValidationError as error:
         # A value that could not even be parsed is reported once, not again as missing.
         reported = {item.value_path for item in previous if item.value_path}
+        reported.update(map(format_value_path, malformed))
         diagnostics = build_diagnostics(model, source, error)
         new = [item for item in diagnostics if item.value_path not in reported]
         raise DiagnosticsError(*previous, *new) from None

@@ -81,7 +81,9 @@ class Unit:
         if re.search(r"\d,\d", value):
             raise ValueError(f"'{value}' has a comma; write a point, as in 2.5 {self.name}")
         if match is None:
-            raise ValueError(f"'{value}' is not a {self.dimension}; write e.g. {self.example}")
+            article = "an" if self.dimension[0] in "aeiou" else "a"
+            what = f"{article} {self.dimension}"
+            raise ValueError(f"'{value}' is not {what}; write e.g. {self.example}")
         number, written = match.groups()
         if written is None:
             raise ValueError(f"'{value}' is text; remove the quotes, or add a unit: {self.example}")

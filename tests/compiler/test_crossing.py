@@ -204,3 +204,9 @@ def test_a_weather_is_found_by_its_name_in_the_library_that_is_named(write: Writ
         InputError, match=r"unknown weather 'my_mist': neither a file, nor a name in"
     ):
         find_weather("my_mist")
+
+
+def test_the_file_of_an_example_is_named_where_a_weather_is_sought() -> None:
+    with pytest.raises(InputError, match=r"is an example; give its file: (.*)") as told:
+        find_weather("hail_day")
+    assert find_weather(str(told.value).partition("its file: ")[2]).declaration.id == "hail_day"

@@ -4,7 +4,7 @@ import pytest
 from advercity_dsl import Suite, Typology
 from advercity_dsl.suite import Coverage, Selection
 
-from advercity.compiler import load_library, validate_paths
+from advercity.compiler import find_shipped_library, load_library, validate_paths
 from advercity.compiler.suites import find_required_categories, is_selected
 from advercity.errors import InputError
 from tests.builders import SMALL_LIBRARY, Write, describe_errors
@@ -58,6 +58,17 @@ def test_an_unknown_name_is_reported_with_the_most_similar_one(write: Write) -> 
     assert describe_errors(folder) == (
         "suite.yaml:3:6: rig: unknown rig 'one_camra'; did you mean 'one_camera'?"
     )
+
+
+def test_an_example_that_is_not_in_the_library_is_named(write: Write) -> None:
+    folder = write(
+        suite="kind: suite\nid: small\nweathers: [hail_day]\nrig: one_camera\ncatalogue: one_car\n",
+    )
+    hint = "an example has this name; copy {}/hail_day.yaml into the library"
+    examples = find_shipped_library() / "examples"
+    assert describe_errors(folder).endswith(hint.format(examples))
+    child = write(child="kind: weather\nid: child\nextends: hail_day\ntime: day\n")
+    assert hint.format(examples) in describe_errors(child)
 
 
 @pytest.mark.parametrize(

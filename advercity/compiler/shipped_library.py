@@ -1,0 +1,33 @@
+"""The library that ships with advercity, and the examples in it, which are there to be copied."""
+
+from collections.abc import Iterable
+from importlib.resources import files
+from pathlib import Path
+
+from advercity_dsl.base import suggest_name
+
+EXAMPLES_FOLDER = "examples"
+"""Folder of declarations to copy from, which is not part of the library around it."""
+
+
+def find_shipped_library() -> Path:
+    """Return the library of the installed package, or of the checkout around the source."""
+    # The checkout first: an editable install can leave a stale copy inside the package.
+    folder = Path(__file__).parents[2] / "library"
+    return folder if folder.is_dir() else Path(str(files("advercity") / "_library"))
+
+
+def find_example(kind: str, name: str) -> Path | None:
+    """Find the example that declares a name; None if no example does."""
+    for path in (find_shipped_library() / EXAMPLES_FOLDER).glob("*.yaml"):
+        if path.stem == name and f"\nkind: {kind}\n" in path.read_text(encoding="utf-8"):
+            return path
+    return None
+
+
+def suggest_declaration(kind: str, name: str, valid: Iterable[str]) -> str:
+    """Return a hint with the example that has a name, else with similar or all valid names."""
+    example = find_example(kind, name)
+    if example is not None:
+        return f"an example has this name; copy {example} into the library"
+    return suggest_name(name, valid)
