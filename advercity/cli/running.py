@@ -97,6 +97,19 @@ def run(
 ) -> None:
     """Run scenarios: traffic, sensors, dataset, live view."""
     from advercity import api
+    from advercity.dataset.partial_files import refuse_other_run
+
+    if sum((rrd is not None, stream, connect is not None)) > 1:
+        raise InputError("--rrd, --stream and --connect exclude each other; give one")
+    if (keep or web) and not stream:
+        raise InputError(f"{'--keep' if keep else '--web'} needs --stream")
+    if not output:
+        raise InputError("--output is empty; give a folder, `.` for this one")
+    loaded = [api.load_spec(path, weather=weather, library=library or ()) for path in specs]
+    if executor == "local":
+        # Before the modules that simulate and render, which take seconds to load.
+        refuse_other_run(Path(output), [spec.id for spec in loaded])
+
     from advercity.cli.progress import show_progress
     from advercity.dataset.cloud_files import parse_cloud_encoding
     from advercity.pipeline import ResourceLimits, ViewerTarget
@@ -108,13 +121,6 @@ def run(
         open_page,
     )
 
-    if sum((rrd is not None, stream, connect is not None)) > 1:
-        raise InputError("--rrd, --stream and --connect exclude each other; give one")
-    if (keep or web) and not stream:
-        raise InputError(f"{'--keep' if keep else '--web'} needs --stream")
-    if not output:
-        raise InputError("--output is empty; give a folder, `.` for this one")
-    loaded = [api.load_spec(path, weather=weather, library=library or ()) for path in specs]
     limits = ResourceLimits(
         memory_bytes=None if max_memory is None else parse_byte_size("--max-memory", max_memory),
         time_s=None if max_time is None else parse_duration("--max-time", max_time),

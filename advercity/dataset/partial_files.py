@@ -41,6 +41,8 @@ MAX_LISTED_FILES = 3
 """Files that a message names."""
 LOCK_TIMEOUT_S = 5.0
 """How long a run that was killed may take to release its lock."""
+KILLED_WORKERS_S = 1.0
+"""How long the workers of a run that was killed may take to end."""
 
 
 class FileRecord(Model):
@@ -268,6 +270,17 @@ def report_disk_errors(path: Path) -> Generator[None]:
             f"{error.filename or path}: {describe_cause(error)}; finished frames are kept: make"
             " room or choose another `output`, and run again"
         ) from error
+
+
+def refuse_other_run(dataset: Path, scenarios: Iterable[str]) -> None:
+    """Raise a RunError if another run is writing one of these scenarios."""
+    for name in scenarios:
+        scenario = dataset / name
+        if is_being_written(scenario, patience_s=KILLED_WORKERS_S):
+            raise RunError(
+                f"{scenario}: another run is writing this scenario; wait for it or choose another"
+                " `output`"
+            )
 
 
 def is_being_written(scenario: Path, *, patience_s: float = 0.0) -> bool:

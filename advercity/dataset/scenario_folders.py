@@ -101,4 +101,6 @@ def _not_a_dataset_error(folder: Path, where: str) -> InputError:
         return InputError(f"{folder}: no such folder; {hint}")
     if not folder.is_dir():
         return InputError(f"{folder}: is a file; name the folder of a dataset")
+    if (folder.parent / MANIFEST_FILE).exists():
+        return InputError(f"{folder}: is a part of a scenario; name {folder.parent}")
     return InputError(f"{folder}: no {MANIFEST_FILE} {where}, so not a dataset")

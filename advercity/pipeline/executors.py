@@ -8,8 +8,8 @@ from typing import Protocol
 from advercity_dsl import Spec
 
 from advercity.compiler.crossing import check_not_edited
-from advercity.dataset.partial_files import is_being_written
-from advercity.errors import InputError, RunError
+from advercity.dataset.partial_files import refuse_other_run
+from advercity.errors import InputError
 from advercity.pipeline.estimate import check_resources, resolve_requested_profile
 from advercity.pipeline.options import ResourceLimits, RunOptions, RunResources, ViewerTarget
 from advercity.pipeline.output_folder import check_output_folder
@@ -19,8 +19,6 @@ from advercity.pipeline.workers import WorkerPool
 from advercity.rendering.backend import load_backend
 
 _logger = logging.getLogger(__name__)
-KILLED_RUN_S = 1.0
-"""How long the workers of a run that was killed may take to end."""
 
 
 class Executor(Protocol):
@@ -92,12 +90,13 @@ def run_batch(
         BackendError: The backend is not installed, or cannot render the profile.
     """
     validate_batch(specs, options)
+    if executor is None:  # before what takes seconds
+        refuse_other_run(options.output, [spec.id for spec in specs])
     if not options.allow_edited:
         for spec in specs:
             check_not_edited(spec, spec.id)
     if executor is None:  # the machines of a cluster check for themselves
         check_models(specs, allow_missing=options.allow_missing_models)
-        _refuse_other_run(specs, options)
         _announce_profile(options)
     resources = check_resources(
         specs,
@@ -146,17 +145,6 @@ def _check_viewer(viewer: ViewerTarget) -> None:
         check_recording_file(viewer.file)
     if viewer.connect is not None:
         parse_viewer_address(viewer.connect)
-
-
-def _refuse_other_run(specs: Sequence[Spec], options: RunOptions) -> None:
-    """Raise a RunError if a scenario is being written, before anything is simulated for it."""
-    for spec in specs:
-        scenario = options.output / spec.id
-        if is_being_written(scenario, patience_s=KILLED_RUN_S):
-            raise RunError(
-                f"{scenario}: another run is writing this scenario; wait for it or choose another"
-                " `output`"
-            )
 
 
 def run_scenarios(

@@ -16,6 +16,7 @@ from advercity.dataset.image_codec import MAX_DEPTH_CM
 from advercity.dataset.radar_files import parse_detections
 from advercity.dataset.reader import Scenario
 from advercity.dataset.scenario_folders import no_frames_error
+from advercity.documents import suggest_path
 from advercity.errors import InputError, RunError
 from advercity.frames import ActorState, Frame, Trace
 from advercity.geometry.boxes import Box
@@ -202,16 +203,20 @@ def open_viewer(
         analytics: Let Rerun send usage data, if its own settings do.
 
     Raises:
-        InputError: The path does not exist.
+        InputError: There is nothing of the kind.
         RunError: The viewer fails.
     """
-    from advercity.viewer.viewer_process import STREAM_SCHEMES, show
+    from advercity.viewer.viewer_process import STREAM_SCHEMES, format_stream_address, show
 
     if shown.startswith(STREAM_SCHEMES):
         show(shown, web=web, map_tiles=map_tiles, analytics=analytics)
+    elif "://" in shown:
+        example = format_stream_address()
+        raise InputError(f"{shown}: not the address of a live view, such as {example}")
     elif shown.endswith(".rrd"):
         if not Path(shown).is_file():
-            raise InputError(f"{shown}: no such recording")
+            hint = suggest_path(Path(shown)) or "`advercity run` with `rrd` writes one"
+            raise InputError(f"{shown}: no such recording; {hint}")
         show(shown, web=web, map_tiles=map_tiles, analytics=analytics)
     else:
         with tempfile.TemporaryDirectory() as folder:

@@ -38,9 +38,8 @@ from advercity.viewer.archetypes import (
 from advercity.viewer.cloud_colours import CloudColour
 from advercity.viewer.private_page import LOOPBACK_ADDRESS
 from advercity.viewer.radar_pictures import draw_range_azimuth
+from advercity.viewer.viewer_process import DEFAULT_PORT
 
-DEFAULT_PORT = 9876
-"""Rerun's own port."""
 CONNECT_TIMEOUT_S = 3.0
 APPLICATION_ID = "advercity"
 DRIVEN_PX, PLANNED_PX = 2.5, 1.2

@@ -14,8 +14,9 @@ from urllib.parse import quote
 
 from advercity.errors import RunError
 from advercity.viewer.private_page import LOOPBACK_ADDRESS, forward_page
-from advercity.viewer.recording import DEFAULT_PORT
 
+DEFAULT_PORT = 9876
+"""Port of a live view, which is Rerun's own."""
 WEB_PORT = 9090
 """Port of the page, which is Rerun's own."""
 STREAM_SCHEMES = ("rerun+http://", "rerun+https://", "rerun://")

@@ -10,6 +10,8 @@ from advercity_dsl import Spec
 
 from advercity.cli.progress import show_progress
 from advercity.compiler import write_specs
+from advercity.dataset.partial_files import lock_file
+from advercity.dataset.scenario_folders import find_staging_folder
 from advercity.pipeline import Progress
 from tests.cli.conftest import Command
 
@@ -253,6 +255,48 @@ def test_the_command_line_answers_without_loading_what_renders() -> None:
     )
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert ran.stdout.strip() == "[]"
+
+
+def test_a_second_run_is_refused_before_what_renders_is_loaded(
+    spec_file: Path, tmp_path: Path
+) -> None:
+    output = tmp_path / "output"
+    code = (
+        f"import sys; from advercity.cli import main; sys.argv = {['advercity', 'run']!r}"
+        f" + {[str(spec_file), '--output', str(output)]!r}\n"
+        "try: main()\n"
+        "finally: print(sorted({'cv2', 'rerun', 'libsumo', 'advercity.pipeline'} & {*sys.modules}))"
+    )
+    with lock_file(find_staging_folder(output / spec_file.stem) / "lock"):
+        ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert ran.returncode == 1
+    assert "another run is writing this scenario; wait for it or choose another --out" in ran.stderr
+    assert ran.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize(
+    ("shown", "message"),
+    [
+        ("mine.rd.rrd", "no such recording; did you mean '{}/mine.rrd'?"),
+        ("other/a.rrd", "no such recording; `advercity run` with --rrd writes one"),
+        ("scenario/+101", "is a part of a scenario; name {}/scenario"),
+    ],
+)
+def test_view_says_what_can_be_viewed(
+    advercity: Command, tmp_path: Path, shown: str, message: str
+) -> None:
+    (tmp_path / "mine.rrd").touch()
+    (tmp_path / "scenario" / "+101").mkdir(parents=True)
+    (tmp_path / "scenario" / "manifest.json").touch()
+    ran = advercity("view", tmp_path / shown)
+    assert ran.code == 2
+    assert message.format(tmp_path) in ran.err
+
+
+def test_view_says_how_the_address_of_a_live_view_looks(advercity: Command) -> None:
+    ran = advercity("view", "http://127.0.0.1:9090/?url=x")
+    assert ran.code == 2
+    assert "not the address of a live view, such as rerun+http://127.0.0.1:9876/proxy" in ran.err
 
 
 @pytest.mark.parametrize(
