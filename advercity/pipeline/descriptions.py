@@ -5,7 +5,16 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from advercity_dsl import Declaration, DriverResponse, Road, Spec, Weather
+from advercity_dsl import (
+    Agent,
+    Declaration,
+    DriverResponse,
+    Road,
+    Spec,
+    StagedConflict,
+    Timing,
+    Weather,
+)
 
 from advercity.compiler import LibraryEntry, compare_specs, load_library, read_spec
 from advercity.compiler.explain import ValueOrigin, flatten_values
@@ -205,13 +214,15 @@ def describe_spec(spec: Spec) -> Description:
         "scenario": spec.id,
         "road": _format_title(road),
         "place": f"{road.land_use}, {road.junction}, {road.alignment}, {road.profile}",
-        "crash groups": ", ".join(group.typology for group in spec.groups),
+        "crash groups": ", ".join(group.typology for group in spec.groups) or "none",
+        "conflicts": ", ".join(_describe_conflict(item, spec.timing) for item in spec.conflicts)
+        or "none",
         **describe_weather(spec.weather),
         "stopping": str(compute_stopping_distance(spec)),
         "traffic": f"{spec.demand.vehicles} vehicles, {spec.demand.walkers} walkers: density "
         f"{spec.density.id}, {spec.density.vehicles:g} and {spec.density.walkers:g} times the"
         " road's own",
-        "agents": ", ".join(f"{agent.id} ({agent.number})" for agent in spec.agents),
+        **{f"agent {agent.id}": _describe_agent(agent) for agent in spec.agents},
         "seeds": f"traffic {spec.seeds.traffic}, sensors {spec.seeds.sensors}, "
         f"weather {spec.seeds.weather}",
         "digest": spec.provenance.digest,
@@ -221,6 +232,26 @@ def describe_spec(spec: Spec) -> Description:
     swept = spec.provenance.sweep
     drawn = {f"drawn {path}": str(item) for path, item in spec.provenance.draws.items()}
     return facts | drawn | ({"sweep": f"{swept.field} at {swept.value:g}"} if swept else {})
+
+
+def _describe_conflict(conflict: StagedConflict, timing: Timing) -> str:
+    """Describe a conflict and when an ego that nothing hinders would meet it."""
+    frame = round(conflict.window_s[0] / timing.tick_s) - timing.warm_up_ticks
+    return f"{conflict.conflict}, expected from frame {frame} on"
+
+
+def _describe_agent(agent: Agent) -> str:
+    """Describe what an agent is and carries: `101, ego, box_truck: 4 cameras, 1 LiDAR`."""
+    sensors = agent.sensors
+    counts = {"camera": sensors.cameras, "LiDAR": sensors.lidars, "radar": sensors.radars}
+    carried = [
+        f"{len(items)} {name}{'s' if len(items) > 1 else ''}"
+        for name, items in counts.items()
+        if items
+    ]
+    role = ["ego"] if agent.is_ego else []
+    kind = [agent.blueprint or "roadside unit"]
+    return f"{', '.join([str(agent.number), *role, *kind])}: {', '.join(carried)}"
 
 
 def _describe_driver_response(caution: DriverResponse) -> str:

@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -140,6 +141,9 @@ def test_show_describes_a_scenario(advercity: Command, spec_file: Path) -> None:
     out = advercity("show", spec_file).out
     assert "fog 75 m" in out
     assert "rural, non_junction, curved, non_level" in out
+    assert re.search(r"conflicts +od_drift, expected from frame \d+ on\n", out)
+    assert re.search(r"agent cav1 +101, ego, lincoln_mkz_2017: 4 cameras, 1 LiDAR\n", out)
+    assert re.search(r"agent rsu2 +-2, roadside unit: 4 cameras, 1 LiDAR\n", out)
 
 
 def test_show_of_a_weather_without_a_title_ends_with_its_id(
