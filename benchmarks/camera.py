@@ -57,6 +57,9 @@ class NullBindings(RasterBindings):
     def set_hidden(self, body: sapien.render.RenderBodyComponent, *, hidden: bool) -> None:
         """Do nothing."""
 
+    def set_static_mesh(self, body: sapien.render.RenderBodyComponent, number: int) -> None:
+        """Do nothing."""
+
     def upload_table(self, table: ShaderTable) -> None:
         """Do nothing."""
 

@@ -34,6 +34,8 @@ from advercity_sapien.shader_constants import FAR_M, NEAR_M, SHADER_FOLDER
 from advercity_sapien.shader_table import KILO, SceneTexels, ShaderTable
 
 Images = dict[str, NDArray[Any]]
+MAX_RASTER_SAMPLES = 960 * 540 * 4
+"""Samples of an image of surfaces; larger ones would need more memory than a small machine has."""
 
 
 def denoise(radiance: Float32Array, albedo: Float32Array, normal: Float32Array) -> Float32Array:
@@ -91,7 +93,7 @@ class SapienRenderer:
         )
         self._sun_shadow = SunShadow(atmosphere, self._scene)
         self._cameras: dict[tuple[int, int], sapien.render.RenderCameraComponent] = {}
-        self._pending_camera: sapien.render.RenderCameraComponent | None = None
+        self._pending: tuple[sapien.render.RenderCameraComponent, CameraView] | None = None
         self._table = ShaderTable()
         self._table.set_parameters(
             **compute_air_parameters(atmosphere),
@@ -193,21 +195,24 @@ class SapienRenderer:
             self._bindings.upload_table(self._table)
             self._scene.update_render()
             camera.take_picture()
-        self._pending_camera = camera
+        self._pending = camera, view
 
     def _fetch_images(self) -> Images:
         """Wait for the image that was started, and copy its channels by name."""
-        assert self._pending_camera is not None, "captures are fetched before the next are begun"
-        names = ["Radiance", "Normal", "Segmentation"]
+        assert self._pending is not None, "captures are fetched before the next are begun"
+        camera, view = self._pending
+        names = ["Normal", "Segmentation"]
         if self._is_denoised:
             names.append("Albedo")
-        images = {name: self._pending_camera.get_picture(name) for name in names}
-        self._pending_camera = None
+        samples = self._count_samples_per_axis(view)
+        images = {name: camera.get_picture(name)[::samples, ::samples] for name in names}
+        images["Radiance"] = camera.get_picture("Radiance")[: view.height_px, : view.width_px]
+        self._pending = None
         return images
 
     def _discard_pending(self) -> None:
         """Wait for an image that nothing fetched: SAPIEN crashes if it is closed or reused."""
-        if self._pending_camera is not None:
+        if self._pending is not None:
             self._fetch_images()
 
     def _to_capture(self, images: Images) -> CameraCapture:
@@ -233,11 +238,14 @@ class SapienRenderer:
 
     def _configure_camera(self, view: CameraView) -> sapien.render.RenderCameraComponent:
         """Set lens, pose and quality of the camera that has the view's size."""
-        size = view.width_px, view.height_px
+        samples = self._count_samples_per_axis(view)
+        size = width, height = view.width_px * samples, view.height_px * samples
         camera = self._cameras.get(size) or self._add_camera(size)
-        focal_px = view.width_px / (2.0 * np.tan(view.horizontal_fov_rad / 2.0))
+        focal = width / (2.0 * np.tan(view.horizontal_fov_rad / 2.0))
+        # The first sample of a pixel is its middle (pixel_samples.glsl).
+        shift = 0.5 * (samples - 1)
         camera.set_perspective_parameters(
-            NEAR_M, FAR_M, focal_px, focal_px, view.width_px / 2, view.height_px / 2, 0.0
+            NEAR_M, FAR_M, focal, focal, 0.5 * width - shift, 0.5 * height - shift, 0.0
         )
         camera.entity.set_pose(sapien.Pose(view.world_from_camera))
         if self._is_ray_traced:
@@ -246,6 +254,11 @@ class SapienRenderer:
             camera.set_property("seed", self._compute_seed(view))
             camera.set_property("hiding", len(view.hide))
         return camera
+
+    def _count_samples_per_axis(self, view: CameraView) -> int:
+        """Count the samples of surfaces along the edge of a pixel."""
+        samples = 4 * view.width_px * view.height_px
+        return 1 if self._is_ray_traced or samples > MAX_RASTER_SAMPLES else 2
 
     def _add_camera(self, size: tuple[int, int]) -> sapien.render.RenderCameraComponent:
         shaders = str(SHADER_FOLDER / self._profile.renderer)

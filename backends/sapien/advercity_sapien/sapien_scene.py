@@ -212,9 +212,11 @@ class SapienScene:
         self._spare_bodies: defaultdict[Appearance, list[ActorBodies]] = defaultdict(list)
         self._meshes: dict[BodyShape, dict[Piece, list[Mesh]]] = {}
         lit = int(Lamp.LOW_BEAM) if night else 0
-        for tile in (tile for mesh in world.static for tile in split_into_tiles(mesh)):
-            for level, pixel_m in build_levels(tile) if has_distant_pieces else [(tile, ANY_PIXEL)]:
-                self._add_static(level, lit, pixel_m)
+        for number, mesh in enumerate(world.static, start=1):
+            for tile in split_into_tiles(mesh):
+                levels = build_levels(tile) if has_distant_pieces else [(tile, ANY_PIXEL)]
+                for level, pixel_m in levels:
+                    self._add_static(number, level, lit, pixel_m)
         self._signals = {lamp.id: self._add_signal(lamp) for lamp in world.signal_lamps}
 
     def place_actors(self, frame: Frame) -> None:
@@ -290,8 +292,9 @@ class SapienScene:
         body.entity.set_pose(pose)
         self.culler.move_body(body, pose.p)
 
-    def _add_static(self, mesh: Mesh, lit: int, pixel_m: PixelRange = ANY_PIXEL) -> None:
+    def _add_static(self, number: int, mesh: Mesh, lit: int, pixel_m: PixelRange) -> None:
         body = self._add([mesh], is_static=True)
+        self._bindings.set_static_mesh(body, number)
         self._label_shapes(body, [mesh], 0)
         self._bindings.set_lit_lamps(body, lit)
         low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
@@ -324,7 +327,9 @@ class SapienScene:
         entity = sapien.Entity()
         entity.add_component(body)
         self._scene.add_entity(entity)
+        # SAPIEN leaves properties that nothing sets as they happen to be.
         self._bindings.set_hidden(body, hidden=False)
+        self._bindings.set_static_mesh(body, 0)
         return body
 
     def _label_shapes(self, body: RenderBody, meshes: Iterable[Mesh], actor_id: int) -> None:

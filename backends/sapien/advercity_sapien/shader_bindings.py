@@ -46,6 +46,10 @@ class RasterBindings:
         """Set whether cameras see no more of a body than its shadow."""
         body.set_property("hidden", int(hidden))
 
+    def set_static_mesh(self, body: RenderBody, number: int) -> None:
+        """Set of which static mesh a body is a tile, 0 for none: tiles meet without an edge."""
+        body.set_property("staticMesh", number)
+
     def upload_table(self, table: ShaderTable) -> None:
         """Copy the table to the device, for the images to come."""
         self._textures[TABLE.name].upload(table.texels)
@@ -94,6 +98,9 @@ class RayTracedBindings:
     def set_hidden(self, body: RenderBody, *, hidden: bool) -> None:
         """Set whether cameras see no more of a body than its shadow."""
         self._body_state(body)[1] = hidden
+
+    def set_static_mesh(self, body: RenderBody, number: int) -> None:
+        """Do nothing: rays know no edges."""
 
     def _body_state(self, body: RenderBody) -> Float32Array:
         """Return the texel (4,) of a body, as a view."""

@@ -1,10 +1,10 @@
 // Fraction of the sky's light that close surfaces leave to a point, estimated from the depth of the
 // image: it is darker under vehicles, at the foot of walls and in crowns of trees.
-// Needs the camera's buffer, samplerDepthEmission, and dither.glsl.
+// Needs the camera's buffer, samplerDepthEmission, pixel_samples.glsl and dither.glsl.
 
 // Position in the camera's axes of a point of the image.
 vec3 viewPosition(vec2 uv, float depth) {
-  vec2 slope = (uv * 2.0 - 1.0)
+  vec2 slope = (uv * 2.0 - 1.0 + cameraBuffer.projectionMatrix[2].xy)
       / vec2(cameraBuffer.projectionMatrix[0][0], cameraBuffer.projectionMatrix[1][1]);
   return vec3(slope, -1.0) * depth;
 }
@@ -19,7 +19,7 @@ float ambientOcclusion(vec2 uv, float depth, vec3 worldNormal, vec2 pixel) {
       * vec2(cameraBuffer.projectionMatrix[0][0], abs(cameraBuffer.projectionMatrix[1][1]));
   spread *= min(1.0, WIDEST / spread.y);
   ivec2 size = textureSize(samplerDepthEmission, 0);
-  if (spread.y * float(size.y) < NARROWEST) return 1.0;
+  if (spread.y * float(pixelCount().y) < NARROWEST) return 1.0;
   vec3 point = viewPosition(uv, depth), normal = mat3(cameraBuffer.viewMatrix) * worldNormal;
   float rotation = dither(pixel) * 2.0 * PI, hidden = 0.0;
   for (int i = 0; i < TAPS; ++i) {

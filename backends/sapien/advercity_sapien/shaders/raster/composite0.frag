@@ -14,7 +14,6 @@ layout(set = 0, binding = 7) uniform sampler2D samplerAmbient;
 layout(set = 0, binding = 8) uniform sampler2D samplerLampReach;
 layout(set = 0, binding = 9) uniform sampler2D samplerPane;
 
-layout(location = 0) in vec2 inUV;
 // Radiance of the surfaces that the camera sees, through air, and depth.
 layout(location = 0) out vec4 outSeen;
 // Dithered: light of lamps that air scatters towards the camera, and of surfaces that they light; and
@@ -28,21 +27,17 @@ layout(location = 1) out vec4 outGlow;
 #include "../surface.glsl"
 #include "../lamps.glsl"
 #include "./lamp_shadows.glsl"
+#include "./pixel_samples.glsl"
 #include "./view.glsl"
 #include "./dither.glsl"
 
-// Pixel of a point; depth is fetched unfiltered, as there is none between a roof and the sky.
-ivec2 pixelAt(vec2 ndc) {
-  ivec2 size = textureSize(samplerLit, 0);
-  return clamp(ivec2((ndc * 0.5 + 0.5) * size), ivec2(0), size - 1);
-}
-
-float depthAt(vec2 ndc) { return texelFetch(samplerLit, pixelAt(ndc), 0).a; }
+// Depth at a point; unfiltered, as there is none between a roof and the sky.
+float depthAt(vec2 ndc) { return texelFetch(samplerLit, pixelAt(ndc * 0.5 + 0.5), 0).a; }
 
 // Whether the surface of a pixel lies in front of the mirror's plane: a mirror does not show itself.
 bool isInFrontOfMirror(vec2 ndc, float depth, vec3 position, vec3 normal) {
   float distancePerDepth;
-  vec3 ray = rayThrough((vec2(pixelAt(ndc)) + 0.5) / vec2(textureSize(samplerLit, 0)), distancePerDepth);
+  vec3 ray = rayThrough(imagePlace(surfaceTexel(pixelAt(ndc * 0.5 + 0.5))), distancePerDepth);
   vec3 seen = cameraBuffer.viewMatrixInverse[3].xyz + ray * distancePerDepth * depth;
   return dot(seen - position, normal) > 0.03 + 2e-3 * depth;
 }
@@ -104,8 +99,9 @@ vec3 mirrorRadiance(vec3 position, vec3 ray, vec3 normal, float alpha, float dis
   vec3 sum = vec3(0.0);
   for (int i = 0; i < TAPS; ++i) {
     float offset = (float(i) + jitter) / float(TAPS) * 2.0 - 1.0;
-    vec2 uv = clamp(found.xy + vec2(0.0, offset * smear), 0.0, 1.0);
-    sum += textureLod(samplerLit, uv, 0.0).rgb;
+    vec2 place = pixelPlace(found.xy + vec2(0.0, offset * smear));
+    place = clamp(place, vec2(0.5), vec2(pixelCount()) - 0.5);
+    sum += textureLod(samplerLit, place / vec2(sampleCount()), 0.0).rgb;
   }
   // Fades to the sky towards the edges of the image, beyond which nothing is known.
   vec2 edge = smoothstep(vec2(0.0), vec2(0.05), 0.5 - abs(found.xy - 0.5));
@@ -116,8 +112,8 @@ vec3 mirrorRadiance(vec3 position, vec3 ray, vec3 normal, float alpha, float dis
 // same surface, averaged, in place of the pixel's own.
 vec3 filterAmbient(float depth) {
   const float TOLERANCE = 0.03;
-  vec4 own = texture(samplerAmbient, inUV);
-  ivec2 first = ditherBlock(gl_FragCoord.xy, textureSize(samplerAmbient, 0));
+  vec4 own = texelFetch(samplerAmbient, ivec2(gl_FragCoord.xy), 0);
+  ivec2 first = ditherBlock(ivec2(gl_FragCoord.xy));
   float sum = 0.0, weight = 0.0;
   for (int i = 0; i < DITHER * DITHER; ++i) {
     ivec2 texel = first + ivec2(i % DITHER, i / DITHER);
@@ -142,7 +138,7 @@ vec3 deflectedLight(vec3 ray, float distance, float jitter) {
     vec4 clip = cameraBuffer.projectionMatrix * vec4(found * mat3(cameraBuffer.viewMatrixInverse), 1.0);
     if (clip.w <= 0.0) continue;
     // Beyond the edges of the image, what is at them goes on.
-    ivec2 pixel = pixelAt(clip.xy / clip.w);
+    ivec2 pixel = pixelAt(clip.xy / clip.w * 0.5 + 0.5);
     vec4 lit = texelFetch(samplerLit, pixel, 0);
     if (lit.a <= 0.0) continue;
     vec3 byLamps = lit.rgb - texelFetch(samplerAmbient, pixel, 0).rgb;
@@ -162,16 +158,22 @@ vec3 paneRadiance(vec3 behind, vec3 normal, vec3 ray) {
 }
 
 void main() {
+  ivec2 pixel = ivec2(gl_FragCoord.xy), texel = surfaceTexel(pixel);
+  vec4 lit = texelFetch(samplerLit, pixel, 0);
+  if (lit.a == NO_LIGHT) {
+    outSeen = lit;
+    return;
+  }
+  vec2 place = imagePlace(texel);
   float distancePerDepth;
-  vec3 ray = rayThrough(inUV, distancePerDepth);
+  vec3 ray = rayThrough(place, distancePerDepth);
   vec3 eye = cameraBuffer.viewMatrixInverse[3].xyz;
-  vec4 lit = texture(samplerLit, inUV);
   float depth = lit.a;
   float distance = depth > 0.0 ? depth * distancePerDepth : FAR_M;
   float jitter = dither(gl_FragCoord.xy);
-  vec3 scattered = lampsInScattering(inUV, eye, ray, distance, jitter);
+  vec3 scattered = lampsInScattering(place, eye, ray, distance, jitter);
   if (isNight() && deflectsVisibly()) scattered += deflectedLight(ray, distance, jitter);
-  vec4 pane = texture(samplerPane, inUV);
+  vec4 pane = texelFetch(samplerPane, texel, 0);
   float height = sqrt(max(1.0 - dot(pane.xy, pane.xy), 0.0));
   vec3 paneNormal = vec3(pane.xy, pane.z < 0.0 ? -height : height);
   if (depth <= 0.0) {
@@ -182,7 +184,7 @@ void main() {
   }
   vec3 radiance = lit.rgb;
   if (!isDark()) radiance += filterAmbient(depth);
-  vec4 mirror = texture(samplerMirror, inUV);
+  vec4 mirror = texelFetch(samplerMirror, pixel, 0);
   if (mirror.z > 0.0) {
     vec3 normal = vec3(mirror.xy, sqrt(max(1.0 - dot(mirror.xy, mirror.xy), 0.0)));
     vec3 mirrored = mirror.z
@@ -192,8 +194,8 @@ void main() {
   }
   outGlow = vec4(scattered, 0.0);
   if (isNight()) {
-    float emission = texture(samplerDepthEmission, inUV).y;
-    if (emission > 0.0) radiance += emission * texture(samplerAlbedo, inUV).rgb;
+    float emission = texelFetch(samplerDepthEmission, texel, 0).y;
+    if (emission > 0.0) radiance += emission * texelFetch(samplerAlbedo, texel, 0).rgb;
   }
   if (pane.z != 0.0) radiance = paneRadiance(radiance, paneNormal, ray);
   outSeen = vec4(applyAir(radiance, ray, distance), pane.z != 0.0 ? abs(pane.z) : depth);

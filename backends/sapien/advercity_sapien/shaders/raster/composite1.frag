@@ -1,18 +1,22 @@
 #version 450
 
+#define CAMERA_SET 1
+#include "./interface.glsl"
+
 layout(set = 0, binding = 0) uniform sampler2D samplerSeen;
 layout(set = 0, binding = 1) uniform sampler2D samplerGlow;
 
-layout(location = 0) in vec2 inUV;
-layout(location = 0) out vec4 outRadiance;
+// Radiance with the glow, and depth.
+layout(location = 0) out vec4 outShaded;
 
 #include "../shader_constants.glsl"
+#include "./pixel_samples.glsl"
 #include "./dither.glsl"
 
 // The glow of lamps, averaged over the dithered pixels of about the same depth.
-vec3 filterGlow(float depth) {
+vec3 filterGlow(vec3 own, float depth) {
   const float TOLERANCE = 0.25;
-  ivec2 first = ditherBlock(gl_FragCoord.xy, textureSize(samplerGlow, 0));
+  ivec2 first = ditherBlock(ivec2(gl_FragCoord.xy));
   float inverse = 1.0 / (depth > 0.0 ? depth : FAR_M);
   vec3 sum = vec3(0.0);
   float weight = 0.0;
@@ -24,12 +28,16 @@ vec3 filterGlow(float depth) {
     sum += similarity * texelFetch(samplerGlow, texel, 0).rgb;
     weight += similarity;
   }
-  return sum / weight;
+  return weight > 0.0 ? sum / weight : own;
 }
 
 void main() {
-  vec4 seen = texture(samplerSeen, inUV);
-  vec3 glow = texture(samplerGlow, inUV).rgb;
-  if (glow != vec3(0.0)) glow = filterGlow(seen.a);
-  outRadiance = vec4(seen.rgb + glow, seen.a);
+  vec4 seen = texelFetch(samplerSeen, ivec2(gl_FragCoord.xy), 0);
+  if (seen.a == NO_LIGHT) {
+    outShaded = seen;
+    return;
+  }
+  vec3 glow = texelFetch(samplerGlow, ivec2(gl_FragCoord.xy), 0).rgb;
+  if (glow != vec3(0.0)) glow = filterGlow(glow, seen.a);
+  outShaded = vec4(seen.rgb + glow, seen.a);
 }

@@ -19,8 +19,6 @@ layout(set = 2, binding = 11) uniform sampler2D samplerRelief;
 
 layout(set = 2, binding = 12) uniform sampler2D samplerLampReach;
 
-layout(location = 0) in vec2 inUV;
-
 // Radiance of surfaces, without the air before them, and depth.
 layout(location = 0) out vec4 outLit;
 // Mirror reflections of level surfaces: x and y of the normal, reflectance, and width of the lobe.
@@ -37,6 +35,8 @@ layout(location = 2) out vec4 outAmbient;
 #include "../ground.glsl"
 #include "../lamps.glsl"
 #include "./lamp_shadows.glsl"
+#include "./pixel_samples.glsl"
+#include "./seen_surfaces.glsl"
 #include "./view.glsl"
 #include "./dither.glsl"
 #include "./ambient_occlusion.glsl"
@@ -92,10 +92,25 @@ vec3 lampRadiance(Surface s, vec3 towardsEye, vec3 position, vec3 normal) {
   return sum;
 }
 
+// Whether the middle of a pixel beside a sample shows the same surface.
+bool hasLightOfMiddle(ivec2 texel) {
+  SeenSurface seen = surfaceAt(texel);
+  for (int i = 0; i < 4; ++i) {
+    if (similarity(seen, surfaceAt(middleBeside(texel, i))) > 0.0) return true;
+  }
+  return false;
+}
+
 void main() {
+  ivec2 texel = surfaceTexel(ivec2(gl_FragCoord.xy));
+  if (texel % samplesPerAxis() != ivec2(0) && hasLightOfMiddle(texel)) {
+    outLit = vec4(0.0, 0.0, 0.0, NO_LIGHT);
+    return;
+  }
+  vec2 place = imagePlace(texel);
   float distancePerDepth;
-  vec3 ray = rayThrough(inUV, distancePerDepth);
-  vec4 depthEmission = texture(samplerDepthEmission, inUV);
+  vec3 ray = rayThrough(place, distancePerDepth);
+  vec4 depthEmission = texelFetch(samplerDepthEmission, texel, 0);
   float depth = depthEmission.x;
   outMirror = vec4(0.0);
   outAmbient = vec4(0.0);
@@ -103,16 +118,15 @@ void main() {
     outLit = vec4(sky(ray), 0.0);
     return;
   }
-  vec4 albedo = texture(samplerAlbedo, inUV);
-  vec4 normal = texture(samplerNormal, inUV);
+  vec4 albedo = texelFetch(samplerAlbedo, texel, 0);
+  vec4 normal = texelFetch(samplerNormal, texel, 0);
   float distance = depth * distancePerDepth;
   vec3 position = cameraBuffer.viewMatrixInverse[3].xyz + ray * distance;
-  float pixelAngle = 2.0 / (cameraBuffer.projectionMatrix[0][0] * cameraBuffer.width);
-  float pixelWidth = footprint(pixelAngle, distance, abs(dot(ray, normal.xyz)));
+  float pixelWidth = footprint(pixelAngle(), distance, abs(dot(ray, normal.xyz)));
   int kind = int(depthEmission.z);
   vec3 radiance = isNight() ? vec3(0.0) : depthEmission.y * albedo.rgb;
-  vec4 relief = texture(samplerRelief, inUV);
-  albedo.rgb *= materialDetail(kind, relief.w > 0.5, position, normal.xyz, pixelWidth);
+  vec4 relief = texelFetch(samplerRelief, texel, 0);
+  albedo.rgb *= materialDetail(kind, relief.w < 0.0, position, normal.xyz, pixelWidth);
 
   Surface s = buildSurface(albedo.rgb, albedo.a, normal.a, kind, depthEmission.w > 0.5, position,
       normal.xyz, relief.xyz, pixelWidth);
@@ -132,7 +146,7 @@ void main() {
   vec3 ambient = s.albedo * coatTransmittance(s, cosine) * fromSky / PI
       * probeRatio(position, normal.xyz);
   // In the dark hardly any light is from the sky, so its occlusion is not worth the time.
-  float occlusion = isDark() ? 1.0 : ambientOcclusion(inUV, depth, normal.xyz, gl_FragCoord.xy);
+  float occlusion = isDark() ? 1.0 : ambientOcclusion(place, depth, normal.xyz, gl_FragCoord.xy);
   outAmbient = vec4(ambient, occlusion);
   radiance += ambient * occlusion;
   vec3 mirrored = fresnelReflectance(s, roughCosine(s.alpha, cosine));

@@ -1,5 +1,5 @@
 // Quantities of few samples use others in each pixel of a pattern of four by four, so that the mean
-// of any four by four pixels has sixteen times the samples.
+// of any four by four pixels has sixteen times the samples. Needs pixel_samples.glsl.
 
 const int DITHER = 4;
 
@@ -11,7 +11,8 @@ float dither(vec2 pixel) {
   return (float(rank) + 0.5) / 16.0;
 }
 
-// First pixel of the block of the pattern's size around a pixel.
-ivec2 ditherBlock(vec2 pixel, ivec2 size) {
-  return clamp(ivec2(pixel) - DITHER / 2, ivec2(0), size - DITHER);
+// First texel, in images of light, of the block of the pattern's size around a texel: of pixels' middles.
+ivec2 ditherBlock(ivec2 texel) {
+  ivec2 pixels = pixelCount();
+  return clamp(texel % pixels - DITHER / 2, ivec2(0), pixels - DITHER);
 }

@@ -11,18 +11,20 @@
 #define mapTone colorTexture
 #define mapRelief normalTexture
 #include "../material_maps.glsl"
+#include "./pixel_samples.glsl"
 
 layout(location = 0) in vec3 inWorldNormal;
 layout(location = 1) in float inDistance;
 layout(location = 2) in flat uvec4 inIds;
 layout(location = 3) in vec3 inPosition;
 layout(location = 4) in vec2 inUv;
+layout(location = 5) in flat int inSurface;
 
 layout(location = 0) out vec4 outAlbedo;
 layout(location = 1) out vec4 outNormal;
 layout(location = 2) out vec4 outDepthEmission;
 layout(location = 3) out uvec4 outSegmentation;
-// Normal with the relief of images, and whether the material has any.
+// Normal with the relief of images, and the number of the surface: negative if its material has images.
 layout(location = 4) out vec4 outRelief;
 
 void main() {
@@ -39,14 +41,13 @@ void main() {
     MapPlane plane = width > 0.0 ? worldPlane(kind, inPosition, normal)
         : meshPlane(inUv, normal, dFdx(inPosition), dFdy(inPosition), dFdx(inUv), dFdy(inUv));
     float distance = length(ray);
-    float pixelWidth = 2.0 / (cameraBuffer.projectionMatrix[0][0] * cameraBuffer.width) * distance;
     maps = sampleMaps(kind, abs(width), (materialBuffer.textureMask & HAS_RELIEF) != 0, plane,
-        normal, ray / distance, pixelWidth);
+        normal, ray / distance, pixelAngle() * distance);
     relief = reliefNormal(normal, plane, maps.slope);
   }
   outAlbedo = min(vec4(materialBuffer.baseColor.rgb, materialBuffer.roughness) * maps.tone, 1.0);
   outNormal = vec4(normal, materialBuffer.metallic);
-  outRelief = vec4(relief, mapped);
+  outRelief = vec4(relief, mapped ? -inSurface : inSurface);
   outDepthEmission = vec4(
       inDistance, lensEmission(int(materialBuffer.emission.x), objectDataBuffer.lit),
       kind, materialBuffer.emission.z);

@@ -15,6 +15,8 @@ layout(location = 1) out float outDistance;
 layout(location = 2) out flat uvec4 outIds;
 layout(location = 3) out vec3 outPosition;
 layout(location = 4) out vec2 outUv;
+// Number of a static mesh, the same for all its tiles, or of a shape that moves.
+layout(location = 5) out flat int outSurface;
 
 void main() {
   vec4 placed = objectTransformBuffer.modelMatrix * vec4(position, 1.0);
@@ -24,6 +26,8 @@ void main() {
   outPosition = placed.xyz;
   outUv = uv;
   outIds = objectDataBuffer.segmentation;
+  int mesh = objectDataBuffer.staticMesh;
+  outSurface = mesh > 0 ? 2 * mesh + 1 : 2 * int(outIds.x);
   // Hidden bodies, such as the camera's own vehicle, still cast shadows: only this pass drops them.
   gl_Position = objectDataBuffer.hidden != 0
       ? vec4(0.0, 0.0, 2.0, 1.0) : cameraBuffer.projectionMatrix * seen;

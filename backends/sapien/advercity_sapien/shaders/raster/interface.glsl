@@ -22,6 +22,7 @@ layout(set = OBJECT_SET, binding = 1) uniform ObjectDataBuffer {
   int shadeFlat;
   int lit;
   int hidden;
+  int staticMesh;
 } objectDataBuffer;
 #endif
 

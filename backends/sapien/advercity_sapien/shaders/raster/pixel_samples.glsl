@@ -1,0 +1,47 @@
+// Images may have two by two samples in each pixel. Surfaces are drawn at all of them. Light is computed
+// at the first, the middle of the pixel, and at others if no middle beside them shows the same surface
+// (after Chajdas et al. 2011, Subpixel reconstruction antialiasing).
+//
+// So images of surfaces have the samples of a pixel side by side; those of light have the first samples
+// of all pixels side by side, then the second ones beside them, and so on. Needs the camera's buffer.
+
+// Depth in images of light where none was computed.
+const float NO_LIGHT = -1.0;
+
+// Samples of a pixel along an axis. The principal point tells: it is half a sample off the middle for two.
+int samplesPerAxis() {
+  return 1 + int(round(abs(cameraBuffer.projectionMatrix[2][0]) * cameraBuffer.width));
+}
+
+ivec2 sampleCount() { return ivec2(cameraBuffer.width, cameraBuffer.height); }
+
+ivec2 pixelCount() { return sampleCount() / samplesPerAxis(); }
+
+// Texel in images of surfaces, of a texel in images of light, and the inverse.
+ivec2 surfaceTexel(ivec2 lightTexel) {
+  ivec2 pixels = pixelCount();
+  return lightTexel % pixels * samplesPerAxis() + lightTexel / pixels;
+}
+
+ivec2 lightTexel(ivec2 surfaceTexel) {
+  int samples = samplesPerAxis();
+  return surfaceTexel / samples + surfaceTexel % samples * pixelCount();
+}
+
+// Place in the camera's image of a texel in images of surfaces.
+vec2 imagePlace(ivec2 surfaceTexel) { return (vec2(surfaceTexel) + 0.5) / vec2(sampleCount()); }
+
+// Pixels from the corner to a place in the camera's image; middles are at halves.
+vec2 pixelPlace(vec2 place) {
+  return (place * vec2(sampleCount()) - 0.5) / float(samplesPerAxis()) + 0.5;
+}
+
+// Pixel at a place in the camera's image, or the nearest one.
+ivec2 pixelAt(vec2 place) {
+  return clamp(ivec2(floor(pixelPlace(place))), ivec2(0), pixelCount() - 1);
+}
+
+// Angle that a pixel covers in the middle of the image, in radians.
+float pixelAngle() {
+  return 2.0 * float(samplesPerAxis()) / (cameraBuffer.projectionMatrix[0][0] * cameraBuffer.width);
+}

@@ -1,0 +1,29 @@
+// Which samples of an image show the same surface. Needs pixel_samples.glsl, samplerRelief and
+// samplerDepthEmission.
+
+// A surface behind panes, if there are any.
+struct SeenSurface {
+  float number;
+  // 1/m, 0 for the sky; it changes evenly along planes in the image.
+  float inverseDepth;
+};
+
+SeenSurface surfaceAt(ivec2 texel) {
+  float depth = texelFetch(samplerDepthEmission, texel, 0).x;
+  return SeenSurface(texelFetch(samplerRelief, texel, 0).w, depth > 0.0 ? 1.0 / depth : 0.0);
+}
+
+// How likely one sample has the light of another, from 0 to 1, by their surfaces.
+float similarity(SeenSurface one, SeenSurface other) {
+  const float CLOSE = 2e-3, FAR = 0.1;  // relative differences of depth
+  if (one.number != other.number) return 0.0;
+  float difference = abs(one.inverseDepth - other.inverseDepth) / max(one.inverseDepth, 1e-6);
+  return difference > FAR ? 0.0 : CLOSE / (CLOSE + difference);
+}
+
+// Middle of one of the up to four pixels around a sample: among the samples.
+ivec2 middleBeside(ivec2 texel, int number) {
+  int samples = samplesPerAxis();
+  ivec2 side = ivec2(number % 2, number / 2) * (texel % samples);
+  return min(texel / samples + side, pixelCount() - 1) * samples;
+}
