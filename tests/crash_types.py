@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from advercity_dsl import Road
 from numpy.typing import NDArray
+from sumolib.net import Net
 
 from advercity.frames import Signal, Trace
 
@@ -101,18 +102,24 @@ def passes_anybody(trace: Trace, number: int, actor: Track, row: int) -> bool:
     return False
 
 
-def runs_red(trace: Trace, road: Road, number: int) -> bool:
+def runs_red(trace: Trace, road: Road | Net, number: int) -> bool:
     """Whether an actor drives from a street into a junction while its light is red."""
     return measure_red_s(trace, road, number) is not None
 
 
-def measure_red_s(trace: Trace, road: Road, number: int) -> float | None:
-    """For how long a light is red when an actor drives past it; None if it does not."""
+def measure_red_s(trace: Trace, road: Road | Net, number: int) -> float | None:
+    """For how long a light is red when an actor drives past it; None if it does not.
+
+    A road from a map declares no streets; its network has them.
+    """
     track = Track.of(trace, number)
     for column, name in enumerate(trace.signal_ids):
         junction, street = name.split("/")
-        end, heading = find_street_end(road, street, junction)
-        half_m = measure_half_width_m(road, street)
+        end, heading, half_m = (
+            find_arm_end(road, street, junction)
+            if isinstance(road, Net)
+            else find_street_end(road, street, junction)
+        )
         gaps = (track.places - end) @ (1, 1j) * np.exp(-1j * np.radians(heading))
         apart_m = np.where(np.abs(gaps.imag) < half_m, np.abs(gaps.real), np.inf)
         row = int(np.argmin(apart_m))
@@ -134,12 +141,14 @@ def measure_half_width_m(road: Road, street: str) -> float:
     )
 
 
-def find_street_end(road: Road, street: str, junction: str) -> tuple[NDArray[np.float64], float]:
-    """Where a street meets a junction (2,), and its direction into it in degrees."""
-    drawn = road.streets[street]
+def find_street_end(
+    road: Road, street: str, junction: str
+) -> tuple[NDArray[np.float64], float, float]:
+    """Where a street meets a junction (2,), its direction there in degrees, and half its width."""
+    drawn, half_m = road.streets[street], measure_half_width_m(road, street)
     place, heading = complex(*drawn.start_m), drawn.heading_deg
     if drawn.begins == junction:
-        return np.array([place.real, place.imag]), heading + 180
+        return np.array([place.real, place.imag]), heading + 180, half_m
     for part in drawn.path:
         data = part.model_dump()
         sign = 1 if data.get("turn") == "left" else -1
@@ -148,4 +157,17 @@ def find_street_end(road: Road, street: str, junction: str) -> tuple[NDArray[np.
         for _ in range(100):
             place += length_m / 100 * np.exp(1j * np.radians(heading + bend / 200))
             heading += bend / 100
-    return np.array([place.real, place.imag]), heading
+    return np.array([place.real, place.imag]), heading, half_m
+
+
+def find_arm_end(net: Net, street: str, junction: str) -> tuple[NDArray[np.float64], float, float]:
+    """The same of a street in a network, whose two directions are edges of their own."""
+    edges = [net.getEdge(f"{street}{sign}") for sign in "+-" if net.hasEdge(f"{street}{sign}")]
+    edge = next(edge for edge in edges if edge.getToNode().getID() == junction)
+    before, end = np.array(edge.getShape()[-2:])[:, :2]
+    east, north = end - before
+    return (
+        end,
+        float(np.degrees(np.arctan2(north, east))),
+        sum(lane.getWidth() for lane in edge.getLanes()),
+    )

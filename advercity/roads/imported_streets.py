@@ -1,6 +1,6 @@
 """Streets, movements and signals of an imported network, as declared roads have them."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -45,6 +45,18 @@ class ImportedStreets:
     movements: Mapping[str, tuple[Movement, ...]]
     controls: Mapping[str, str]
     signals: Mapping[tuple[str, str], tuple[SignalProgram, int]]
+
+    def have_green_together(self, junction: str, streets: Collection[str]) -> bool:
+        """Return whether a junction's lights let streets go at the same time."""
+        links: dict[str, list[int]] = {street: [] for street in streets}
+        programs: dict[str, SignalProgram] = {}
+        for item in self.movements[junction]:
+            governed = self.signals.get((item.from_street, item.to_street))
+            if governed and item.from_street in links:
+                program, link = governed
+                programs[program.light] = program
+                links[item.from_street].append(link)
+        return any(program.have_green_together(links.values()) for program in programs.values())
 
 
 @lru_cache(maxsize=8)

@@ -4,7 +4,7 @@ This is the only reader of such files. `docs/decisions/0018-one-network-reader.m
 not `sumolib`.
 """
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -209,6 +209,13 @@ class SignalProgram:
                 return max(begins_s, from_s)
             begins_s = ends_s
         return from_s
+
+    def have_green_together(self, groups: Collection[Collection[int]]) -> bool:
+        """Return whether some link of every group has green in one phase."""
+        return any(
+            all(any(state[link] in "gG" for link in links) for links in groups)
+            for _, state in self.phases
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -191,7 +191,9 @@ class RoutePlanner:
         return find_declared_green_s(signals, first, from_s) if signals else None
 
     def have_green_together(self, junction: str, streets: Collection[str]) -> bool:
-        """Return whether a declared junction's lights let streets go at the same time."""
+        """Return whether a junction's lights let streets go at the same time."""
+        if self._imported:
+            return self._imported.have_green_together(junction, streets)
         declared = self.road.junctions.get(junction)
         signals = declared.signals if declared else None
         return signals is not None and any({*streets} <= {*phase} for phase in signals.phases)

@@ -46,6 +46,8 @@ TRIGGER_TOLERANCE_S = 0.06
 
 DELAYED = {"ego_speed_km_h", "since_red_s"}
 """Parameters that are outside their range where others hold the ego up."""
+DISTURBED = {"ego_speed_km_h", "arrival_offset_s"}
+"""Parameters that are outside their range where others hold the ego or the actor up."""
 MAX_DELAY_REDRAWS = 10
 """In dense traffic there may always be another that holds it up."""
 
@@ -288,7 +290,7 @@ def _find_disturbing_actors(spec: Spec, trace: Trace, demand: TrafficDemand) -> 
     missed = [
         item.actor
         for item in evaluate_outcomes(spec, trace)
-        if not item.happened or "ego_speed_km_h" in item.outside
+        if not item.happened or DISTURBED & {*item.outside}
     ]
     if not missed:
         return set()

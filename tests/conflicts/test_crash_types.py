@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from advercity_dsl import Spec
 from advercity_dsl.conflict import StagedConflict
+from sumolib.net import Net, readNet
 
 from advercity.compiler.crossing import compile_library
 from advercity.conflicts.metrics import find_overlaps
@@ -14,18 +15,21 @@ from advercity.frames import Trace
 from advercity.roads.sumo_network import write_sumo_network
 from advercity.traffic.simulation import simulate_in_subprocess
 from tests.crash_types import measure_red_s, name_crash_type, runs_red
+from tests.roads.imported_roads import AT_JUNCTION, compiled_suite
 
 pytestmark = pytest.mark.sumo
 LIBRARY = Path(__file__).parents[2] / "library" / "nhtsa"
 EGO = 101
 
 
-def check_crash_type(spec: Spec, conflict: StagedConflict, trace: Trace) -> None:
-    actor = conflict.actors[0]
+def check_crash_type(
+    spec: Spec, conflict: StagedConflict, trace: Trace, net: Net | None = None
+) -> None:
+    actor, road = conflict.actors[0], net or spec.road
 
     assert name_crash_type(trace, EGO, actor.number) in conflict.stages
-    assert not runs_red(trace, spec.road, EGO)
-    assert runs_red(trace, spec.road, actor.number) == (conflict.violates == "signal")
+    assert not runs_red(trace, road, EGO)
+    assert runs_red(trace, road, actor.number) == (conflict.violates == "signal")
     # Who runs a red light does the critical act.
     assert (actor.part == "subject" and conflict.ego == "other") or conflict.violates is None
 
@@ -57,6 +61,59 @@ def test_the_scenarios_stage_what_they_say(
     assert name_crash_type(trace, EGO, conflict.actors[0].number) == crash_type
     assert row["NHTSA type"] == crash_type
     check_crash_type(spec, conflict, trace)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("suite", "name"),
+    [
+        ("conflicts", "rsnj_od_overtake_clear_day_sparse"),
+        ("diverse", "ui_clear_day_sparse_r2"),
+        ("diverse", "unj_clear_day_sparse_r3"),
+        ("diverse", "ri_clear_day_dense_r4"),
+        ("diverse", "rsnj_clear_day_sparse_r5"),
+        ("diverse", "rcnj_clear_day_dense_r2"),
+    ],
+)
+def test_other_suites_stage_what_they_say(
+    suite: str, name: str, library: Path, simulate: Callable[[Spec], Trace]
+):
+    spec = next(spec for spec in compile_library(library, suite=suite) if spec.id == name)
+    trace = simulate(spec)
+
+    (outcome,) = build_traffic_report(spec, trace, "").staged
+    assert (outcome.missed, outcome.outside) == ((), ())
+    check_crash_type(spec, spec.conflicts[0], trace)
+
+
+@pytest.mark.parametrize(
+    "conflict",
+    [
+        "scp_signal_violation",
+        *(
+            pytest.param(conflict, marks=pytest.mark.slow)
+            for conflict in (
+                "cyc_farside_crossing",
+                "cyc_left_turn",
+                "cyc_right_hook",
+                "ltap_od_ego_turns",
+                "ltap_od_other_turns",
+                "ped_right_turn",
+                "rtip",
+            )
+        ),
+    ],
+)
+def test_conflicts_at_a_junction_of_a_map_are_of_their_types(
+    conflict: str, library: Path, tmp_path: Path
+):
+    suite = {"roads": ["imported"], "cross_conflicts": [conflict]}
+    (spec,) = compiled_suite(library, tmp_path, AT_JUNCTION, **suite).values()
+    network = write_sumo_network(spec.road, tmp_path)
+
+    trace = simulate_in_subprocess(spec, network)
+
+    check_crash_type(spec, spec.conflicts[0], trace, readNet(str(network)))
 
 
 def test_who_runs_a_light_arrives_moving_in_its_first_seconds_of_red(
