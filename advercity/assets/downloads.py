@@ -23,6 +23,7 @@ class AssetPackage:
         sha256: SHA-256 of the package file.
         size_bytes: Its size.
         registry: Where it is from.
+        collections: Names of the files of models that are unpacked from Debian's.
     """
 
     name: str
@@ -30,6 +31,7 @@ class AssetPackage:
     sha256: str
     size_bytes: int
     registry: Registry = "debian"
+    collections: tuple[str, ...] = ()
 
     @property
     def file_name(self) -> str:

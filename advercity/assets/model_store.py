@@ -111,7 +111,7 @@ class ModelStore:
         """
         is_wanted = earlier.has_package and not self.has_package
         if is_wanted:
-            copy_package(earlier._package_folder, self._package_folder)
+            copy_package(self.package, earlier._package_folder, self._package_folder)
         had = len(_list_stored_models(self.folder / "own"))
         for path in _list_stored_models(earlier.folder / "own"):
             self.add_model(path)
@@ -120,7 +120,7 @@ class ModelStore:
     def remove_package(self) -> None:
         """Delete the asset packages and all converted models."""
         with report_write_errors():
-            remove_package(self._package_folder)
+            remove_package(self.package, self._package_folder)
             remove_people(self._people_folder)
         self.remove_converted_models()
 

@@ -20,8 +20,7 @@ from advercity_dsl.catalogue import BodyModel, FreeLicence
 from advercity.assets.downloads import AssetPackage, fetch_package
 from advercity.errors import InputError, RunError, describe_cause, report_write_errors
 
-WANTED_FILES = re.compile(r"(?:.*/)?(?:[\w-]+\.sh3f|copyright)$")
-"""Members of the package that are kept: collections, and the file with their licences."""
+LICENCE_FILE = "copyright"
 DIGEST_FILE = "package.sha256"
 """File with the digest of the package that was unpacked."""
 _AR_MAGIC, _AR_HEADER = b"!<arch>\n", 60
@@ -39,6 +38,10 @@ FURNITURE = AssetPackage(
     version="1.8-1",
     sha256="3ccb90c63f9525e887a767b9cd5c8b6933b8b6b2973a615a5359ee68a2118668",
     size_bytes=119_782_356,
+    collections=(
+        *("BlendSwap-CC-0.sh3f", "BlendSwap-CC-BY.sh3f", "KatorLegaz.sh3f", "Reallusion.sh3f"),
+        "Scopia.sh3f",
+    ),
 )
 
 
@@ -54,19 +57,19 @@ def install_package(package: AssetPackage, folder: Path, source: Path | None = N
         InputError: `source` does not exist, or is another file, or `folder` holds other files.
         RunError: It cannot be downloaded, or is no Debian package of models.
     """
-    with _open_new_package(folder) as unpacked:
-        unpack_package(fetch_package(package, unpacked.parent, source), unpacked)
+    with _open_new_package(package, folder) as unpacked:
+        unpack_package(package, fetch_package(package, unpacked.parent, source), unpacked)
         (unpacked / DIGEST_FILE).write_text(package.sha256)
 
 
-def copy_package(source: Path, folder: Path) -> None:
+def copy_package(package: AssetPackage, source: Path, folder: Path) -> None:
     """Copy an unpacked package to `folder`, atomically; other files beside it are not copied.
 
     Raises:
         InputError: `folder` holds other files, or a file cannot be read or written.
     """
-    with _open_new_package(folder) as unpacked:
-        for path in _list_package_files(source):
+    with _open_new_package(package, folder) as unpacked:
+        for path in _list_package_files(package, source):
             try:
                 content = path.read_bytes()
             except OSError as error:
@@ -75,7 +78,7 @@ def copy_package(source: Path, folder: Path) -> None:
 
 
 @contextmanager
-def _open_new_package(folder: Path) -> Generator[Path]:
+def _open_new_package(package: AssetPackage, folder: Path) -> Generator[Path]:
     """Yield a folder in an empty one; at the end it takes the place of an unpacked package."""
     with report_write_errors():
         folder.parent.mkdir(parents=True, exist_ok=True)
@@ -83,17 +86,17 @@ def _open_new_package(folder: Path) -> Generator[Path]:
             unpacked = Path(name) / "unpacked"
             unpacked.mkdir()
             yield unpacked
-            clear_package_folder(folder)
+            clear_package_folder(package, folder)
             unpacked.replace(folder)
 
 
-def clear_package_folder(folder: Path) -> None:
+def clear_package_folder(package: AssetPackage, folder: Path) -> None:
     """Delete an unpacked package, so that another can take its place.
 
     Raises:
         InputError: The folder holds something else.
     """
-    remove_package(folder)
+    remove_package(package, folder)
     if folder.is_symlink() or folder.exists():
         raise InputError(
             f"{folder}: holds files that are not of an asset package; move them, or set"
@@ -101,37 +104,40 @@ def clear_package_folder(folder: Path) -> None:
         )
 
 
-def remove_package(folder: Path) -> None:
+def remove_package(package: AssetPackage, folder: Path) -> None:
     """Delete the files of an unpacked package, and its folder if nothing else is in it."""
     if (folder / DIGEST_FILE).is_file():
-        for path in _list_package_files(folder):
+        for path in _list_package_files(package, folder):
             path.unlink(missing_ok=True)
     with suppress(OSError):  # not there, or files of others are in it
         folder.rmdir()
 
 
-def _list_package_files(folder: Path) -> list[Path]:
+def _list_package_files(package: AssetPackage, folder: Path) -> list[Path]:
     # The digest last: until then an interrupted removal is known to be one of a package.
-    return [*folder.glob("*.sh3f"), folder / "copyright", folder / DIGEST_FILE]
+    return [folder / name for name in (*package.collections, LICENCE_FILE, DIGEST_FILE)]
 
 
-def unpack_package(package: Path, folder: Path) -> None:
-    """Unpack the wanted files of a Debian package into a folder.
+def unpack_package(package: AssetPackage, file: Path, folder: Path) -> None:
+    """Unpack the collections of a Debian package, and their licences, into a folder.
 
     Raises:
-        RunError: It is not a Debian package, or has no models.
+        RunError: It is not a Debian package, or lacks one of them.
     """
+    wanted = {*package.collections, LICENCE_FILE}
     try:
-        with tarfile.open(fileobj=_open_data_archive(package.read_bytes())) as archive:
+        with tarfile.open(fileobj=_open_data_archive(file.read_bytes())) as archive:
             for member in archive:
                 stream = archive.extractfile(member) if member.isfile() else None
-                if stream is not None and WANTED_FILES.match(member.name):
-                    with (folder / Path(member.name).name).open("wb") as copy:
+                name = Path(member.name).name
+                if stream is not None and name in wanted:
+                    with (folder / name).open("wb") as copy:
                         shutil.copyfileobj(stream, copy)
     except (tarfile.TarError, lzma.LZMAError, EOFError, ValueError) as error:
-        raise RunError(f"{package.name}: not a Debian package: {error}") from error
-    if not any(folder.glob("*.sh3f")) or not (folder / "copyright").is_file():
-        raise RunError(f"{package.name}: holds no collections of models with a copyright file")
+        raise RunError(f"{file.name}: not a Debian package: {error}") from error
+    lost = sorted(wanted - {path.name for path in folder.iterdir()})
+    if lost:
+        raise RunError(f"{file.name}: has no {lost[0]}")
 
 
 def _open_data_archive(content: bytes) -> io.BytesIO:

@@ -106,7 +106,8 @@ def tiny(tmp_path: Path) -> AssetPackage:
     path.parent.mkdir()
     path.write_bytes(debian_package())
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    return AssetPackage("tiny", "1", digest, path.stat().st_size)
+    collections = ("Tiny.sh3f", "Closed.sh3f")
+    return AssetPackage("tiny", "1", digest, path.stat().st_size, collections=collections)
 
 
 @pytest.fixture
@@ -247,7 +248,7 @@ def test_a_copy_that_is_cut_short_leaves_no_half_of_a_package(
 
 def test_removing_and_installing_keep_files_of_a_user(shelf: ModelStore, mirror: Path):
     shelf.prepare_model(blueprint(TINY))
-    own = ("models/thesis.glb", "models/car.blend", "package/photo.jpg")
+    own = ("models/thesis.glb", "models/car.blend", "package/photo.jpg", "package/Mine.sh3f")
     for name in own:
         (shelf.folder / name).write_bytes(b"mine")
     shelf.remove_converted_models()
@@ -255,7 +256,8 @@ def test_removing_and_installing_keep_files_of_a_user(shelf: ModelStore, mirror:
     assert list_files(shelf.folder) == set(own)
     with pytest.raises(InputError, match="package: holds files that are not of an asset package"):
         shelf.install_package(mirror)
-    (shelf.folder / "package" / "photo.jpg").unlink()
+    for name in ("photo.jpg", "Mine.sh3f"):
+        (shelf.folder / "package" / name).unlink()
     shelf.install_package(mirror)
     assert shelf.has_package
 
@@ -414,7 +416,7 @@ def test_a_broken_package_is_rejected(tmp_path: Path, content: bytes, message: s
     path = tmp_path / "broken.deb"
     path.write_bytes(content)
     with pytest.raises(RunError, match=message):
-        unpack_package(path, tmp_path)
+        unpack_package(AssetPackage("broken", "1", "", 0), path, tmp_path)
 
 
 def test_a_file_that_is_not_a_glb_is_rejected(tmp_path: Path):
