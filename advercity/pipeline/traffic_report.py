@@ -53,7 +53,9 @@ def simulate_to_folder(spec: Spec, output: Path, *, with_video: bool = True) -> 
     try:
         with open_output_folder(folder) as made:
             _write_traffic_files(spec, traffic, report, made, with_video=with_video)
-            (folder / VIDEO_FILE).unlink(missing_ok=True)  # of other traffic
+            if not with_video:
+                check_output(folder / VIDEO_FILE)  # the simulation took its time
+                (folder / VIDEO_FILE).unlink(missing_ok=True)  # of other traffic
     except OSError as error:
         raise RunError(f"{folder}: cannot be written: {describe_cause(error)}") from error
     return report

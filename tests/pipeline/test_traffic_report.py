@@ -17,9 +17,11 @@ from advercity.compiler import write_specs
 from advercity.conflicts.achieved_parameters import measure_parameters
 from advercity.conflicts.metrics import ActorTrack
 from advercity.conflicts.outcome import ConflictOutcome, evaluate_outcomes
-from advercity.errors import RunError
+from advercity.errors import InputError, RunError
 from advercity.frames import STATE_DTYPE, Actor, Trace
 from advercity.pipeline import RunOptions, preparation
+from advercity.pipeline.preparation import TrafficResult, load_or_simulate_traffic
+from advercity.pipeline.traffic_report import simulate_to_folder
 
 EGO = 101
 OTHER = 9001
@@ -62,6 +64,25 @@ def test_simulate_writes_the_trace_its_report_and_a_video(
     assert len(pictures) == 10
     assert np.ptp(pictures[0].astype(int), axis=(0, 1)).min() > 100
     assert str(len(trace)) in capsys.readouterr().out
+
+
+@pytest.mark.sumo
+def test_a_video_that_comes_while_the_traffic_is_simulated_stays(
+    specs: dict[str, Spec], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    spec = shortened(specs["ri_clear_day_sparse"])
+    video = tmp_path / spec.id / "plan.mp4"
+
+    def simulate(spec: Spec) -> TrafficResult:
+        video.parent.mkdir()
+        video.write_text("of others")
+        return load_or_simulate_traffic(spec)
+
+    monkeypatch.setattr("advercity.pipeline.traffic_report.load_or_simulate_traffic", simulate)
+    with pytest.raises(InputError, match=r"plan\.mp4: exists, and there is no record"):
+        simulate_to_folder(spec, tmp_path, with_video=False)
+    assert [path.name for path in video.parent.iterdir()] == ["plan.mp4"]
+    assert video.read_text() == "of others"
 
 
 @pytest.mark.sumo
