@@ -1,5 +1,6 @@
 """Images of surfaces for a world: each is made when it is first needed, and kept in the cache."""
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -12,6 +13,7 @@ from advercity.array_files import load_arrays
 from advercity.assets.maps.catalogue import BAKED_SURFACES, bake_maps
 from advercity.assets.texture_store import open_texture_store
 from advercity.digests import compute_json_digest, compute_source_digest
+from advercity.errors import RunError
 from advercity.material_maps import MaterialMaps
 from advercity.pipeline.cache_entries import load_or_build_entry
 from advercity.texture_packs import TexturePack
@@ -85,10 +87,31 @@ def _save_maps(maps: MaterialMaps, path: Path) -> None:
 
 
 def _load_maps(path: Path) -> MaterialMaps:
+    """Load what `_save_maps` has written; RunError if it is something else."""
     arrays = load_arrays(path, max_bytes=MAX_MAPS_BYTES)
-    return MaterialMaps(
-        color=arrays["color"],
-        normal=arrays.get("normal"),
-        roughness=arrays.get("roughness"),
-        tile_m=float(arrays["tile_m"]),
-    )
+    try:
+        maps = MaterialMaps(
+            color=arrays["color"],
+            normal=arrays.get("normal"),
+            roughness=arrays.get("roughness"),
+            tile_m=float(arrays["tile_m"]),
+        )
+        _check_images(maps)
+    except (KeyError, TypeError, ValueError) as error:
+        raise RunError(f"{path}: not images of a surface: {error}") from error
+    return maps
+
+
+def _check_images(maps: MaterialMaps) -> None:
+    """Raise ValueError for images that do not fit each other."""
+    height, width, channels = maps.color.shape
+    images = [
+        (maps.color, (height, width, 4 if channels == 4 else 3)),
+        (maps.normal, (height, width, 3)),
+        (maps.roughness, (height, width)),
+    ]
+    for image, shape in images:
+        if image is not None and (image.dtype != np.uint8 or image.shape != shape):
+            raise ValueError(f"{image.dtype} {image.shape} where {shape} bytes belong")
+    if not 0 < maps.tile_m < math.inf:
+        raise ValueError(f"{maps.tile_m} m wide")

@@ -99,7 +99,10 @@ def _load(path: Path, decode: Callable[[Any, Mapping[str, Iterator[Any]]], T], w
     stored = load_arrays(path, max_bytes=MAX_WORLD_BYTES)
     try:
         record = parse_json(stored["record"].tobytes(), path)
-        arrays = {name: _split(stored[name], rows) for name, rows in record["shapes"].items()}
+        arrays = {
+            name: _split(stored[name].astype(_DTYPES[name], casting="no"), rows)
+            for name, rows in record["shapes"].items()
+        }
         return decode(record, arrays)
     except Exception as error:  # whatever an edited file may lack or have too much
         raise RunError(f"{path}: not {what}: {error or type(error).__name__}") from error
@@ -185,7 +188,7 @@ def _encode_mesh(mesh: Mesh) -> tuple[Any, ...]:
 
 def _decode_meshes(rows: list[Any], arrays: Mapping[str, Iterator[Any]]) -> Iterator[Mesh]:
     for name, material, semantic, wheel, layer, maps in rows:
-        yield Mesh(
+        mesh = Mesh(
             name=name,
             material=material,
             semantic=Semantic(semantic),
@@ -194,3 +197,17 @@ def _decode_meshes(rows: list[Any], arrays: Mapping[str, Iterator[Any]]) -> Iter
             maps=maps,
             **{key: next(arrays[key]) for key in _MESH_ARRAYS},
         )
+        _check_arrays(mesh)
+        yield mesh
+
+
+def _check_arrays(mesh: Mesh) -> None:
+    """Raise ValueError for arrays that do not fit; renderers would read beyond their ends."""
+    count = len(mesh.vertices)
+    shapes = [(mesh.vertices, (count, 3)), (mesh.normals, (count, 3)), (mesh.uv, (count, 2))]
+    fits = all(array is None or array.shape == shape for array, shape in shapes)
+    fits &= mesh.weights is None or (mesh.weights.ndim == 2 and len(mesh.weights) == count)
+    fits &= mesh.triangles.ndim == 2 and mesh.triangles.shape[1] == 3
+    fits &= mesh.triangles.min(initial=0) >= 0 and mesh.triangles.max(initial=-1) < count
+    if not fits:
+        raise ValueError(f"arrays of mesh {mesh.name!r:.60} do not fit")

@@ -132,6 +132,36 @@ def test_what_is_no_world_is_an_error_with_its_path(tmp_path: Path):
         load_world(path, NETWORK)
 
 
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"triangles": np.array([0, 1, 3], np.int32)},
+        {"triangles": np.array([0, 1, -1], np.int32)},
+        {"triangles": np.array([0, 1, 2], np.float64)},
+        {"vertices": np.zeros(9, np.int32)},
+    ],
+)
+def test_triangles_of_vertices_that_are_none_are_no_world(
+    tmp_path: Path, changes: dict[str, NDArray[Any]]
+):
+    """Renderers would read beyond the end of the vertices."""
+    path = tmp_path / "world.npz"
+    triangle = Mesh(
+        "one",
+        np.eye(3, dtype=np.float32),
+        np.array([[0, 1, 2]], np.int32),
+        "grass",
+        Semantic.UNLABELED,
+    )
+    save_world(World("small", (triangle,), {}, (), NETWORK), path)
+    assert load_world(path, NETWORK).static[0].triangles.tolist() == [[0, 1, 2]]
+    with np.load(path) as stored:
+        arrays = {**stored, **changes}
+    np.savez(path, allow_pickle=False, **arrays)
+    with pytest.raises(RunError, match=r"world\.npz: not a world: "):
+        load_world(path, NETWORK)
+
+
 def test_worlds_are_shared_between_weathers_but_not_between_poses_of_units(spec: Spec):
     other_weather = spec.model_copy(update={"id": "other", "weather": None})
     agents = {**spec.road.agents}
