@@ -8,6 +8,7 @@ import pytest
 
 from advercity.errors import InputError
 from advercity.media import LABEL_HEIGHT_PX, VideoWriter, draw_label_bar, write_image
+from tests.requirements import require
 
 IMAGE = np.full((32, 48, 3), 90, np.uint8)
 
@@ -40,7 +41,7 @@ def test_a_label_bar_is_as_wide_as_asked_and_has_light_text() -> None:
 
 
 def test_a_video_has_every_image_and_even_sizes(tmp_path: Path) -> None:
-    pytest.importorskip("av")
+    require("av")
     with VideoWriter(tmp_path / "a.mp4", tick_s=0.1) as video:
         for _ in range(4):
             video.append(np.full((33, 49, 3), 90, np.uint8))
@@ -52,7 +53,7 @@ def test_a_video_has_every_image_and_even_sizes(tmp_path: Path) -> None:
 
 
 def test_a_video_touches_no_file_of_a_similar_name(tmp_path: Path) -> None:
-    pytest.importorskip("av")
+    require("av")
     (tmp_path / "a.partial.mp4").write_text("mine")
     with VideoWriter(tmp_path / "a.mp4", tick_s=0.1) as video:
         video.append(IMAGE)
@@ -60,7 +61,7 @@ def test_a_video_touches_no_file_of_a_similar_name(tmp_path: Path) -> None:
 
 
 def test_a_video_that_fails_leaves_nothing(tmp_path: Path) -> None:
-    pytest.importorskip("av")
+    require("av")
     with pytest.raises(KeyError), VideoWriter(tmp_path / "a.mp4", tick_s=0.1) as video:
         video.append(IMAGE)
         raise KeyError

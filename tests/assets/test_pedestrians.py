@@ -22,6 +22,7 @@ from advercity.scene.world_storage import load_body, save_body
 from advercity.semantics import Semantic
 from advercity.testing import make_frame
 from advercity.world import Body, World
+from tests.requirements import require
 from tests.shipped import CATALOGUE, LIBRARY, ShippedBodies
 
 PEOPLE, CYCLISTS = ShippedBodies("pedestrian"), ShippedBodies("bicycle")
@@ -304,7 +305,7 @@ def test_looks_are_declared_or_drawn_by_name():
 
 @pytest.mark.render
 def test_images_show_the_pose_that_rays_hit():
-    backend = pytest.importorskip("advercity_sapien.backend").SapienBackend()
+    backend = require("advercity_sapien.backend").SapienBackend()
     weather = LIBRARY.get_declarations(Weather)["clear_day"]
     world = World("w", (), bodies=PEOPLE_AND_CYCLISTS, lanes=(), network=Path("none"))
     walker = state("pedestrian_0001", travelled_m=0.35)

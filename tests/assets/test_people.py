@@ -320,7 +320,10 @@ def test_the_catalogue_has_sixty_people_of_all_ages():
 INSTALLED = ModelStore(Path(os.environ["ADVERCITY_TEST_MODELS"]))
 
 
-@pytest.mark.skipif(not INSTALLED.has_people, reason="needs `advercity assets install`")
+@pytest.mark.skipif(
+    not INSTALLED.has_people,
+    reason="no installed people are tested; install them with `advercity assets install`",
+)
 def test_installed_people_are_those_of_the_lock(tmp_path: Path):
     (tmp_path / "people").symlink_to(INSTALLED.folder / "people")
     catalogue = load_library(LIBRARY).get_declarations(Catalogue)["adver_city"]

@@ -251,7 +251,7 @@ USER_STORE = TextureStore(Path(os.environ["ADVERCITY_TEST_MODELS"]) / "textures"
 def test_the_photographs_of_a_pack_join_their_copies(pack_name: str):
     real = TEXTURE_PACKS[pack_name]
     if not USER_STORE.is_installed(real):
-        pytest.skip(f"{describe_package(real)} is not installed")
+        pytest.skip(f"needs {describe_package(real)}; run `advercity assets install`")
     for name, surface in real.surfaces.items():
         maps = USER_STORE.load_maps(real, name)
         height, width = maps.color.shape[:2]

@@ -22,6 +22,7 @@ from advercity.rendering.raycaster import MATERIAL_NAMES, Raycaster, RayHits, Ra
 from advercity.semantics import Semantic
 from advercity.sensors.sensor_frame import SensorFrame
 from advercity.world import World
+from tests.requirements import require
 from tests.shipped import CATALOGUE, ShippedBodies
 
 pytestmark = pytest.mark.render
@@ -51,7 +52,7 @@ WIDTH_PX, HEIGHT_PX, FOV_RAD = 640, 140, np.radians(70.0)
 @pytest.fixture(scope="module", params=["raster", "ray_traced"])
 def pictures(request: pytest.FixtureRequest) -> tuple[np.ndarray, np.ndarray, RayHits]:
     """Semantic and instance image of the row, and the hits of rays through its pixels."""
-    backend = pytest.importorskip("advercity_sapien.backend").SapienBackend()
+    backend = require("advercity_sapien.backend").SapienBackend()
     renderer: Literal["raster", "ray_traced"] = request.param
     bodies = {name: ShippedBodies()[name] for name, _ in CAST.values()}
     world = World("row", (ground(),), bodies=bodies, lanes=(), network=Path("none"))
@@ -141,7 +142,7 @@ def readings(specs: dict[str, Spec]) -> tuple[SensorFrame, ...]:
 
 
 def capture_far_apart(spec: Spec, scale: float) -> tuple[SensorFrame, ...]:
-    backend = pytest.importorskip("advercity_sapien.backend").SapienBackend()
+    backend = require("advercity_sapien.backend").SapienBackend()
     air = compute_atmosphere(spec.weather, spec.road.land_use)
     profile = RenderProfile("own", scale, "raster")
     vehicles = {agent.number: agent.blueprint for agent in spec.agents if agent.blueprint}

@@ -22,6 +22,7 @@ from advercity.pipeline import (
     run_scenarios,
 )
 from advercity.testing import RecordingListener
+from tests.requirements import require
 
 OptionsFor = Callable[[Path], RunOptions]
 FRAMES = 6
@@ -32,7 +33,7 @@ def nodes(stunts: Path, monkeypatch: pytest.MonkeyPatch) -> Generator[Any]:
     """A Ray cluster of a head that works on nothing and two nodes with one core each."""
     # Else Ray takes loopback addresses for those of a network card.
     monkeypatch.setenv("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
-    pytest.importorskip("ray")
+    require("ray")
     from ray.cluster_utils import Cluster
 
     cluster = Cluster(

@@ -16,6 +16,7 @@ from advercity.dataset.store import LEASE_FILE, DatasetLease, DatasetStore
 from advercity.errors import InputError, RunError
 from advercity.pipeline import RunOptions, RunResources, raise_failures, run_scenarios
 from advercity.testing import RecordingListener
+from tests.requirements import require
 
 OptionsFor = Callable[[Path], RunOptions]
 FRAMES = 2
@@ -72,7 +73,7 @@ def test_a_run_into_a_store_resumes_after_a_kill_with_the_bytes_of_one_machine(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    pytest.importorskip("ray")
+    require("ray")
     from advercity.pipeline.cluster import RayExecutor
 
     url, spec = f"{bucket}/dataset", few[0]
