@@ -8,6 +8,7 @@ from pathlib import Path
 from advercity_dsl import DECLARATIONS
 
 from advercity.dataset.scenario_folders import MANIFEST_FILE
+from advercity.dataset.writer import PROTOCOL_FILE
 from advercity.errors import InputError, describe_cause
 
 MAX_LISTED = 100
@@ -18,11 +19,20 @@ def check_output_folder(path: Path) -> None:
     """Check that a folder may hold a dataset.
 
     Raises:
-        InputError: It is a file, a library, or cannot exist.
+        InputError: It is a file, a library, in a scenario, or cannot exist.
     """
     try:
         if path.exists() and not path.is_dir():
             raise InputError(f"`output` {path}: is a file; name a folder")
+        if path.is_symlink() and not path.exists():
+            raise InputError(f"`output` {path}: is a link to {path.readlink()}, which is not there")
+        # Loaders of OPV2V would take the new dataset for an agent, or its files for frames.
+        scenario = next(filter(_is_scenario, (path, path.parent)), None)
+        if scenario is not None:
+            raise InputError(
+                f"`output` {path}: is in a scenario of another dataset; name that dataset,"
+                f" {scenario.parent}, or another folder"
+            )
         declaration = next(filter(_is_declaration, _list_shallow_yaml_files(path)), None)
     except OSError as error:
         raise InputError(f"`output` {path!s:.60}: {describe_cause(error)}") from error
@@ -31,6 +41,10 @@ def check_output_folder(path: Path) -> None:
             f"`output` {path}: is a library, with {declaration.relative_to(path)}; name another"
             " folder for the dataset"
         )
+
+
+def _is_scenario(path: Path) -> bool:
+    return all((path / name).is_file() for name in (MANIFEST_FILE, PROTOCOL_FILE))
 
 
 def _list_shallow_yaml_files(folder: Path) -> Iterator[Path]:

@@ -29,8 +29,20 @@ def test_a_dataset_and_a_folder_of_other_things_are_places_for_one(
 ) -> None:
     (tmp_path / "notes.yaml").write_text("shopping: [milk]\nkind: of list\n")
     (tmp_path / "binary.yaml").write_bytes(bytes(range(256)))
-    for folder in (two_roads, tmp_path, tmp_path / "new", two_roads / "rcnj_fog_day_sparse"):
+    for folder in (two_roads, tmp_path, tmp_path / "new"):
         check_output_folder(folder)
+
+
+@pytest.mark.parametrize("inside", ["", "+101", "new"])
+def test_a_scenario_is_no_place_for_another_dataset(two_roads: Path, inside: str) -> None:
+    with pytest.raises(InputError, match=rf"in a scenario .* name that dataset, {two_roads}, or"):
+        check_output_folder(two_roads / "rcnj_fog_day_sparse" / inside)
+
+
+def test_a_link_to_nothing_is_no_place_for_a_dataset(tmp_path: Path) -> None:
+    (tmp_path / "link").symlink_to("gone")
+    with pytest.raises(InputError, match="link: is a link to gone, which is not there"):
+        check_output_folder(tmp_path / "link")
 
 
 def test_a_name_that_no_disk_takes_is_refused(tmp_path: Path) -> None:
