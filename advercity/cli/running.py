@@ -240,17 +240,24 @@ def simulate(
     """
     from advercity.cli import tables
     from advercity.compiler import read_spec
-    from advercity.conflicts.report import build_table_rows, format_markdown_table
+    from advercity.conflicts.report import TrafficReport, build_table_rows, format_markdown_table
     from advercity.pipeline.traffic_report import compute_traffic_reports, simulate_to_folder
 
     loaded = [read_spec(path) for path in specs]
+    reports: list[TrafficReport] = []
+    problems: list[str] = []
     if markdown:
-        reports = list(compute_traffic_reports(loaded))
+        reports += compute_traffic_reports(loaded)
         print_data(format_markdown_table(reports))
     else:
-        reports = [simulate_to_folder(spec, output, with_video=video) for spec in loaded]
-        print_data(tables.format_columns(build_table_rows(reports)))
-    problems = [f"{report.spec}: {problem}" for report in reports for problem in report.problems]
+        for spec in loaded:
+            try:
+                reports.append(simulate_to_folder(spec, output, with_video=video))
+            except RunError as error:
+                problems.append(str(error))
+        if reports:
+            print_data(tables.format_columns(build_table_rows(reports)))
+    problems += [f"{report.spec}: {problem}" for report in reports for problem in report.problems]
     if problems:
         raise RunError(*problems)
 

@@ -86,6 +86,34 @@ def test_a_video_that_comes_while_the_traffic_is_simulated_stays(
 
 
 @pytest.mark.sumo
+def test_simulate_reports_what_succeeds_besides_what_fails(
+    specs: dict[str, Spec],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    bad, good = (shortened(specs[f"{road}_clear_day_sparse"]) for road in ("rcnj", "ri"))
+
+    def simulate(spec: Spec) -> TrafficResult:
+        if spec.id == bad.id:
+            raise RunError(f"{spec.id}: traffic simulation failed: no reason")
+        return load_or_simulate_traffic(spec)
+
+    monkeypatch.setattr("advercity.pipeline.traffic_report.load_or_simulate_traffic", simulate)
+    write_specs([bad, good], tmp_path / "compiled")
+    paths = [str(tmp_path / "compiled" / f"{spec.id}.json") for spec in (bad, good)]
+    arguments = ["simulate", *paths, "--output", str(tmp_path / "out"), "--no-video"]
+    monkeypatch.setattr(sys, "argv", ["advercity", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    captured = capsys.readouterr()
+    assert ended.value.code == 1
+    assert captured.err == f"error: {bad.id}: traffic simulation failed: no reason\n"
+    assert good.id in captured.out
+    assert (tmp_path / "out" / good.id / "report.json").exists()
+
+
+@pytest.mark.sumo
 def test_a_run_refuses_a_scenario_whose_conflict_does_not_happen(
     specs: dict[str, Spec], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
