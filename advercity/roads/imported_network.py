@@ -63,9 +63,12 @@ class ImportedNetwork:
         )
 
     def find_opposite_edge(self, edge: SumoEdge) -> SumoEdge | None:
-        """Find the street that leads back between the same junctions along a common border."""
+        """Find the street that leads back between the same junctions along a common border.
+
+        Opposite to a one-way street, that is the sidewalk at its left, if it has one.
+        """
         for other in self._edges_between.get((edge.to_junction, edge.from_junction), ()):
-            if other.driving_lanes and edge.driving_lanes and _has_common_border(edge, other):
+            if (other.driving_lanes or edge.driving_lanes) and _has_common_border(edge, other):
                 return other
         return None
 
@@ -84,7 +87,5 @@ def _drop_point_lanes(edge: SumoEdge) -> SumoEdge:
 
 
 def _has_common_border(edge: SumoEdge, other: SumoEdge) -> bool:
-    first, second = (
-        shapely.LineString(e.driving_lanes[-1].left_border[:, :2]) for e in (edge, other)
-    )
+    first, second = (shapely.LineString(e.innermost_lane.left_border[:, :2]) for e in (edge, other))
     return bool(first.distance(second.interpolate(0.5, normalized=True)) < MAX_BORDER_GAP_M)

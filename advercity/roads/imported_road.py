@@ -76,7 +76,7 @@ def _edge_lines(edge: SumoEdge, net: ImportedNetwork) -> Iterator[tuple[str, Tri
             yield WHITE, _stripe(border.cut(first, last, margin_m=CUT_MARGIN_M).points)
     yield WHITE, _stripe(_border_inset(lanes[0], on_left=False))
     opposite = net.find_opposite_edge(edge)
-    if opposite is None:
+    if opposite is None or not opposite.driving_lanes:
         yield YELLOW, _stripe(_border_inset(lanes[-1], on_left=True))
     # Both edges have the line between them as border; one of them paints it.
     elif edge.id < opposite.id or net.find_opposite_edge(opposite) is not edge:

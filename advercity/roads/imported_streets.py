@@ -112,12 +112,11 @@ def build_imported_streets(network: ImportedNetwork) -> dict[str, StreetLayout]:
             street, along = parse_edge_id(edge.id)
         except KeyError:
             continue
-        if edge.driving_lanes:
-            directions.setdefault(street, {})[along] = edge
+        directions.setdefault(street, {})[along] = edge
     return {
         name: _build_street(name, found[True], found.get(False))
         for name, found in directions.items()
-        if True in found
+        if True in found and found[True].driving_lanes
     }
 
 
@@ -127,7 +126,7 @@ def _build_street(name: str, edge: SumoEdge, opposite: SumoEdge | None) -> Stree
     plane = StationedPolyline.from_points(axis[:, :2])
     gap_m = 0.0
     if opposite is not None:
-        border = shapely.LineString(opposite.driving_lanes[-1].left_border[:, :2])
+        border = shapely.LineString(opposite.innermost_lane.left_border[:, :2])
         gap_m = border.distance(shapely.Point(plane.points_at(plane.length_m / 2)))
     return StreetLayout(
         id=name,
@@ -144,8 +143,8 @@ def _build_street(name: str, edge: SumoEdge, opposite: SumoEdge | None) -> Stree
 
 
 def _build_strips(edge: SumoEdge, inner_m: float, sign: float) -> Iterator[StripLayout]:
-    """Build strips from the innermost driving lane outwards."""
-    innermost = edge.lanes.index(edge.driving_lanes[-1])
+    """Build strips from the innermost lane outwards."""
+    innermost = edge.lanes.index(edge.innermost_lane)
     number = 0
     for lane in edge.lanes[innermost::-1]:
         kind = STRIP_KINDS[lane.kind]

@@ -139,10 +139,11 @@ class LaneGraph:
                 if lane.id in seen or (lane.function == "crossing" and not crossing):
                     continue
                 seen.add(lane.id)
-                if not lane.is_sidewalk:
-                    todo.append(lane.id)
-                elif lane is self.sidewalks[lane.edge]:
+                if lane.is_sidewalk and lane is self.sidewalks[lane.edge]:
                     found.add(lane.edge)
+                # On streets without a sidewalk, SUMO lets pedestrians walk on the roadway.
+                elif lane.function != "normal":
+                    todo.append(lane.id)
         return found
 
 

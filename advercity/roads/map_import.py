@@ -15,10 +15,10 @@ from advercity.roads.imported_crossings import (
     take_crosswalks,
 )
 from advercity.roads.map_files import read_map_file
-from advercity.roads.map_names import read_street_names, rename_network
+from advercity.roads.map_names import get_map_id, read_street_names, rename_network
 from advercity.roads.network_file import parse_network
 from advercity.roads.opendrive_junctions import add_outlines, detach_connecting_roads
-from advercity.roads.osm_map import OsmMap, add_sidewalks
+from advercity.roads.osm_map import REMOVED_TYPE, OsmMap, add_sidewalks, mark_paths
 from advercity.roads.osm_roundabouts import round_roundabouts
 from advercity.roads.sumo_network import run_netconvert
 from advercity.roads.sumo_xml import (
@@ -52,8 +52,12 @@ OPENDRIVE_OPTIONS = {
     "opendrive.curve-resolution": "1",
     "polygon-output": OBJECTS_FILE,
 }
+WALKED_CLASSES = "passenger,pedestrian"
 OSM_OPTIONS = {
     "osm-files": "map.xml",
+    # netconvert makes the sidewalk at the left of a one-way street an edge of its own.
+    "keep-edges.by-vclass": WALKED_CLASSES,
+    "remove-edges.by-type": REMOVED_TYPE,
     "osm.sidewalks": "true",
     "geometry.remove": "true",
     "junctions.join": "true",
@@ -85,8 +89,9 @@ def import_map(declared: MapFile, road: Road, folder: Path) -> MapNetwork:
     options = _build_import_options(declared, road, found.root)
     if declared.source == "osm":
         round_roundabouts(found.root)
+        mark_paths(found.root, _find_ways_of_cars(found.root, options, declared))
         if road.land_use == "urban":
-            add_sidewalks(found.root)
+            add_sidewalks(OsmMap.around(road, found.root))
     converted = _convert(found.root, options, declared)
     marked = take_crosswalks(converted)
     if declared.source == "osm":
@@ -104,6 +109,13 @@ def import_map(declared: MapFile, road: Road, folder: Path) -> MapNetwork:
     return MapNetwork(source=declared.source, sha256=found.sha256, network=pack_network(net))
 
 
+def _find_ways_of_cars(root: Element, options: Mapping[str, str], declared: MapFile) -> set[str]:
+    """Find the ids of the ways that cars may use, as netconvert reads their tags."""
+    plain = {name: options[name] for name in ("osm-files", "proj")}
+    found = _convert(root, plain | {"keep-edges.by-vclass": "passenger"}, declared)
+    return {get_map_id(item.attrib["id"]) for item in found.iter("edge")}
+
+
 def _keep_marked_crossings(
     converted: Element, declared: MapFile, marked: list[tuple[float, float]]
 ) -> Element:
@@ -111,7 +123,9 @@ def _keep_marked_crossings(
     discards = build_discards(converted, parse_network(converted), marked)
     if discards is None:
         return converted
-    options = CAR_OPTIONS | SUMO_OPTIONS | {"connection-files": "crossings.con.xml"}
+    # Of edges for pedestrians alone, only those that are to stay have been converted.
+    options = CAR_OPTIONS | SUMO_OPTIONS | {"keep-edges.by-vclass": WALKED_CLASSES}
+    options |= {"connection-files": "crossings.con.xml"}
     return _convert(converted, options, declared, {"crossings.con.xml": to_xml_bytes(discards)})
 
 

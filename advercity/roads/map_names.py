@@ -2,12 +2,14 @@
 
 The two directions of a street become `<street>+` and `<street>-`. Streets take the name that the
 map has for them, else the id of their road or way, and are numbered where several pieces share it;
-junctions are `j` and their id in the map. So a name leads back to the place in the map.
+junctions are `j` and their id in the map, or that of one of their nodes. So a name leads back to
+the place in the map.
 """
 
 import re
 import unicodedata
 from collections.abc import Callable, Iterable, Mapping
+from html import unescape
 from xml.etree.ElementTree import Element
 
 from advercity.roads.imported_network import ImportedNetwork
@@ -16,12 +18,15 @@ from advercity.roads.streets import sumo_edge_id
 
 MAX_NAME_LENGTH = 40
 """Names of streets and junctions are parts of ids of scenarios, which are limited."""
+JOINED_NAME = re.compile(r"cluster_([^_]+)_")
+"""netconvert's name of a junction that it has joined from several nodes of the map."""
 AUTHORED_NAME = re.compile(r"[a-z][a-z0-9_]*[+-]?")
 
 
 def read_street_names(root: Element) -> dict[str, str]:
     """Read the names that netconvert has copied from the map, by edge."""
-    return {item.attrib["id"]: item.get("name", "") for item in root.iter("edge")}
+    # netconvert writes `&apos;` as text.
+    return {item.attrib["id"]: unescape(item.get("name", "")) for item in root.iter("edge")}
 
 
 def rename_network(net: Element, names: Mapping[str, str]) -> None:
@@ -33,9 +38,7 @@ def rename_network(net: Element, names: Mapping[str, str]) -> None:
     """
     edges = _name_edges(ImportedNetwork.from_network(parse_network(net)), names)
     places = [item.attrib["id"] for item in net.iter("junction") if item.get("type") != "internal"]
-    nodes = _number_names(
-        {name: name if AUTHORED_NAME.fullmatch(name) else f"j{_slug(name)}" for name in places}
-    )
+    nodes = _number_names({name: _name_junction(name) for name in places})
     rename = _Renamer(edges, nodes)
     lights = [item.attrib["id"] for item in net.iter("tlLogic")]
     rename.lights = {name: nodes.get(name, f"light_{_slug(name)}") for name in lights}
@@ -46,11 +49,19 @@ def rename_network(net: Element, names: Mapping[str, str]) -> None:
                 item.set(attribute, " ".join(change(text) for text in value.split()))
 
 
+def _name_junction(name: str) -> str:
+    """Name a junction as in an authored network, or by its id in the map, or one of several."""
+    joined = JOINED_NAME.match(name)
+    if joined is not None:
+        return f"j{_slug(joined[1])}"
+    return name if AUTHORED_NAME.fullmatch(name) else f"j{_slug(name)}"
+
+
 def _name_edges(network: ImportedNetwork, names: Mapping[str, str]) -> dict[str, str]:
     """Name every edge by its street and direction."""
     streets = list(_pair_directions(network))
     wanted = {
-        edge.id: _slug(names.get(edge.id, "")) or f"road_{_slug(_map_id(edge.id))}"
+        edge.id: _slug(names.get(edge.id, "")) or f"road_{_slug(get_map_id(edge.id))}"
         for edge, _ in streets
     }
     numbered = _number_names(wanted)
@@ -73,11 +84,13 @@ def _pair_directions(network: ImportedNetwork) -> Iterable[tuple[SumoEdge, SumoE
         opposite = network.find_opposite_edge(edge)
         if opposite is not None and network.find_opposite_edge(opposite) is not edge:
             opposite = None
+        if opposite is not None and not edge.driving_lanes:
+            edge, opposite = opposite, edge
         paired |= {item.id for item in (edge, opposite) if item}
         yield edge, opposite
 
 
-def _map_id(edge: str) -> str:
+def get_map_id(edge: str) -> str:
     """Return the id in the map of an edge; netconvert marks directions and pieces."""
     return edge.lstrip("-").partition("#")[0]
 

@@ -140,6 +140,11 @@ class SumoEdge:
         """Lanes that are open to cars, from the right."""
         return tuple(lane for lane in self.lanes if lane.kind == "driving")
 
+    @property
+    def innermost_lane(self) -> SumoLane:
+        """The leftmost lane for cars, or of all where there is none for cars."""
+        return (self.driving_lanes or self.lanes)[-1]
+
 
 @dataclass(frozen=True, eq=False)
 class SumoJunction:

@@ -1,6 +1,6 @@
 """OpenStreetMap extracts: tagged points, lines and areas in the world frame."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from xml.etree.ElementTree import Element, SubElement
@@ -12,13 +12,22 @@ from shapely.geometry.base import BaseGeometry
 
 from advercity.geometry.geodesy import Geodetic, enu_from_geodetic
 from advercity.geometry.mesh import extract_polygons
-from advercity.geometry.polyline import Points
+from advercity.geometry.polyline import Points, StationedPolyline
 
 Tags = Mapping[str, str]
 STREETS_WITH_SIDEWALKS = frozenset(
     ("primary", "secondary", "tertiary", "unclassified", "residential")
 )
 """Values of `highway` of streets that have sidewalks in towns, if extracts do not say."""
+REMOVED_TYPE = "highway.steps"
+"""Type of netconvert's edges of `mark_paths`."""
+ONE_WAY = frozenset(("yes", "true", "1"))
+CARRIAGEWAY_PROBES = (0.25, 0.5, 0.75)
+"""Fractions of a one-way street's length at which the other half of a road is looked for."""
+MIN_CARRIAGEWAY_GAP_M, MAX_CARRIAGEWAY_GAP_M = 2.0, 20.0
+"""Between the centre lines of the halves; streets with houses between them are farther apart."""
+MAX_CARRIAGEWAY_COSINE = -0.9
+"""Of the angle between the directions of the halves, which are nearly opposite."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,10 +71,11 @@ class OsmMap:
     @cached_property
     def lines(self) -> list[tuple[Tags, Points]]:
         """Tagged ways (n, 2), without those that name missing nodes only."""
-        found = ((read_tags(item), self._points(item)) for item in self.root.iter("way"))
+        found = ((read_tags(item), self.locate_way(item)) for item in self.root.iter("way"))
         return [(tags, points) for tags, points in found if tags and len(points) > 1]
 
-    def _points(self, way: Element) -> Points:
+    def locate_way(self, way: Element) -> Points:
+        """Compute the points (n, 2) of a way, without those that the extract lacks."""
         places = (self.places.get(name) for name in list_nodes(way))
         return np.array([place for place in places if place is not None]).reshape(-1, 2)
 
@@ -104,7 +114,7 @@ class OsmMap:
 
     @cached_property
     def _ways(self) -> dict[str, Points]:
-        found = {item.attrib["id"]: self._points(item) for item in self.root.iter("way")}
+        found = {item.attrib["id"]: self.locate_way(item) for item in self.root.iter("way")}
         return {name: points for name, points in found.items() if len(points) > 1}
 
 
@@ -118,19 +128,65 @@ def list_nodes(way: Element) -> list[str]:
     return [item.get("ref", "") for item in way.iter("nd")]
 
 
-def add_sidewalks(root: Element) -> None:
-    """Tag the streets of a town with sidewalks if none of its ways says whether it has any.
+def mark_paths(root: Element, streets: Collection[str]) -> None:
+    """Tag every `highway` but the ways with these ids as `steps`, which `REMOVED_TYPE` removes.
 
-    Most extracts leave them out, or draw them as footways of their own.
+    To remove the ways would also change where netconvert splits streets and joins junctions.
+    """
+    for way in root.iter("way"):
+        if way.get("id") not in streets and "highway" in read_tags(way):
+            for tag in list(way.iter("tag")):
+                way.remove(tag)
+            SubElement(way, "tag", k="highway", v="steps")
+
+
+def add_sidewalks(osm: OsmMap) -> None:
+    """Tag the streets of a town with sidewalks where they do not say whether they have any.
+
+    Most extracts leave them out, or draw them as footways of their own. Streets have them at both
+    sides, but roundabouts and halves of dual carriageways at their right only.
     """
     streets = [
         (way, tags)
-        for way in root.iter("way")
+        for way in osm.root.iter("way")
         if (tags := read_tags(way)).get("highway") in STREETS_WITH_SIDEWALKS
     ]
-    if any(key.startswith("sidewalk") for _, tags in streets for key in tags):
-        return
+    lines = [osm.locate_way(way) for way, tags in streets if tags.get("oneway") in ONE_WAY]
+    one_way = shapely.STRtree([shapely.LineString(line) for line in lines if len(line) > 1])
     for way, tags in streets:
+        said = {value for key, value in tags.items() if key in ("sidewalk", "sidewalk:both")}
+        if said != {"separate"} and any(key.startswith("sidewalk") for key in tags):
+            continue
+        is_half = tags.get("oneway") in ONE_WAY and _is_carriageway(osm.locate_way(way), one_way)
         # The ring of a roundabout has its island at the left.
-        side = "right" if "junction" in tags else "both"
-        SubElement(way, "tag", k="sidewalk", v=side)
+        side = "right" if is_half or "junction" in tags else "both"
+        _set_tag(way, "sidewalk", side)
+
+
+def _set_tag(way: Element, key: str, value: str) -> None:
+    for tag in way.findall("tag"):
+        if tag.get("k", "").startswith(key):
+            way.remove(tag)
+    SubElement(way, "tag", k=key, v=value)
+
+
+def _is_carriageway(points: Points, one_way: shapely.STRtree) -> bool:
+    """Return whether another one-way street leads back at the left of a one-way street."""
+    if len(points) < 2:
+        return False
+    line = StationedPolyline.from_points(points)
+    for station_m in np.array(CARRIAGEWAY_PROBES) * line.length_m:
+        heading = line.headings_at(station_m)
+        start = line.points_at(station_m)
+        left = np.array([-np.sin(heading), np.cos(heading)])
+        probe = shapely.LineString(
+            [start + MIN_CARRIAGEWAY_GAP_M * left, start + MAX_CARRIAGEWAY_GAP_M * left]
+        )
+        for index in one_way.query(probe, predicate="intersects"):
+            other = StationedPolyline.from_points(
+                shapely.get_coordinates(one_way.geometries[index])
+            )
+            station, _ = other.project_point(start)
+            if np.cos(other.headings_at(station) - heading) < MAX_CARRIAGEWAY_COSINE:
+                return True
+    return False

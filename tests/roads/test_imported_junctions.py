@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import shapely
 from advercity_dsl import MapFile, Road
+from advercity_dsl.road import StripKind
 
 from advercity.roads.map_import import import_map
 from advercity.roads.road_network import RoadNetwork, build_road
@@ -163,3 +164,88 @@ def test_a_piece_without_a_junction_is_cut_out_of_a_map() -> None:
     west, south, east, north = paved.bounds
     assert (west, south, north) == pytest.approx((-60, -5.5, 5.5), abs=0.05)
     assert east < 1
+
+
+SIDEWALK = ("sidewalk", "both")
+ONE_WAY_STREET = (("highway", "residential"), ("oneway", "yes"), ("name", "Rue d'Abbeville"))
+
+
+def sides_with_sidewalks(path: Path) -> dict[str, str]:
+    """The sides at which each street has a sidewalk: `left right`."""
+    found = read_road(path, "urban").streets
+    return {
+        name: " ".join(
+            side
+            for side, strips in (("left", item.left_strips), ("right", item.right_strips))
+            if any(strip.kind is StripKind.SIDEWALK for strip in strips)
+        )
+        for name, item in found.items()
+    }
+
+
+@pytest.mark.parametrize(
+    ("tags", "sides"),
+    [
+        ((), "left right"),
+        ((SIDEWALK,), "left right"),
+        ((("sidewalk", "separate"),), "left right"),
+        ((("sidewalk", "left"),), "left"),
+        ((("sidewalk", "right"),), "right"),
+        ((("sidewalk", "no"),), ""),
+    ],
+)
+def test_a_one_way_street_of_a_town_has_sidewalks_at_both_sides(
+    tags: tuple[tuple[str, str], ...], sides: str, tmp_path: Path
+) -> None:
+    nodes = {"1": (0.0, 0.0), "2": (0.0, 120.0), "3": (120.0, 0.0), "4": (-120.0, 0.0)}
+    ways = way("51", "2 1", *ONE_WAY_STREET, *tags) + way("52", "3 1 4", *STREET)
+    found = sides_with_sidewalks(write_osm(tmp_path, nodes, ways))
+    assert found["rue_d_abbeville"] == sides
+    assert {item for name, item in found.items() if "52" in name} == {"left right"}
+
+
+def test_the_sidewalk_at_the_left_of_a_one_way_street_is_raised_and_reached_by_crossings(
+    tmp_path: Path,
+) -> None:
+    nodes = {"1": (0.0, 0.0), "2": (0.0, 120.0), "3": (120.0, 0.0), "4": (-120.0, 0.0)}
+    ways = way("51", "2 1", *ONE_WAY_STREET) + way("52", "3 1 4", *STREET)
+    road = read_road(write_osm(tmp_path, nodes, ways), "urban")
+    (street,) = (item for name, item in road.streets.items() if name == "rue_d_abbeville")
+    raised = shapely.difference(road.paved_area, road.roadway_level_area)
+    for strips in (street.left_strips, street.right_strips):
+        walk = next(strip for strip in strips if strip.kind is StripKind.SIDEWALK)
+        middle = street.points_at(60, (walk.inner_t + walk.outer_t) / 2)[:2]
+        assert raised.contains(shapely.Point(middle))
+    assert len(crossing_middles(road)) == 3
+
+
+def test_halves_of_a_dual_carriageway_have_no_sidewalk_between_them(tmp_path: Path) -> None:
+    nodes = {"1": (0.0, 0.0), "2": (200.0, 0.0), "3": (200.0, 12.0), "4": (0.0, 12.0)}
+    half = (("highway", "primary"), ("oneway", "yes"), ("lanes", "2"))
+    ways = way("51", "1 2", *half) + way("52", "3 4", *half)
+    assert set(sides_with_sidewalks(write_osm(tmp_path, nodes, ways)).values()) == {"right"}
+
+
+def test_streets_that_only_run_side_by_side_have_sidewalks_at_both_sides(tmp_path: Path) -> None:
+    nodes = {"1": (0.0, 0.0), "2": (200.0, 0.0), "3": (200.0, 60.0), "4": (0.0, 60.0)}
+    ways = way("51", "1 2", *ONE_WAY_STREET) + way("52", "3 4", *ONE_WAY_STREET)
+    found = sides_with_sidewalks(write_osm(tmp_path, nodes, ways))
+    assert set(found.values()) == {"left right"}
+
+
+def test_paths_that_no_car_may_use_are_not_imported(tmp_path: Path) -> None:
+    nodes = {"1": (0.0, 0.0), "2": (0.0, 120.0), "3": (120.0, 0.0), "4": (-120.0, 0.0)}
+    for kind in ("footway", "pedestrian", "cycleway", "path"):
+        ways = way("51", "2 1", ("highway", kind)) + way("52", "3 1 4", *STREET)
+        road = read_road(write_osm(tmp_path, nodes, ways), "urban")
+        assert road.paved_area.bounds[3] < 10, kind
+
+
+def test_a_junction_of_several_nodes_has_a_short_name(tmp_path: Path) -> None:
+    """Names of junctions are parts of ids of scenarios, which are limited."""
+    nodes = {"1": (0.0, 0.0), "2": (8.0, 0.0), "3": (-120.0, 0.0), "4": (120.0, 0.0)}
+    nodes |= {"5": (0.0, 120.0), "6": (8.0, -120.0)}
+    ways = way("51", "3 1 2 4", *STREET) + way("52", "5 1", *STREET) + way("53", "6 2", *STREET)
+    road = read_road(write_osm(tmp_path, nodes, ways), "urban")
+    assert {item.begins for item in road.streets.values()} >= {"j1"}
+    assert all(len(item.ends) < 3 for item in road.streets.values())

@@ -7,6 +7,7 @@ import pytest
 
 from advercity.errors import InputError, RunError
 from advercity.roads.lane_graph import LaneGraph, read_lane_graph
+from tests.bend_network import NETWORK
 
 
 def test_what_is_no_network_is_refused(tmp_path: Path):
@@ -34,3 +35,20 @@ def test_crossings_are_walked_only_where_that_is_allowed(graph: LaneGraph):
     assert graph.find_adjacent_sidewalks(use_crossings=False)["west"] == ("back",)
     assert graph.find_adjacent_sidewalks(use_crossings=True)["west"] == ("back", "path")
     assert graph.find_adjacent_sidewalks(use_crossings=True)["path"] == ("back", "west")
+
+
+def test_a_street_without_a_sidewalk_joins_no_sidewalks(tmp_path: Path) -> None:
+    more = """
+<edge id="yard"><lane id="yard_0" index="0" speed="10" length="9" shape="106,5 115,5"/></edge>
+<edge id=":k_w0" function="walkingarea"><lane id=":k_w0_0" index="0" speed="1" length="3"
+    allow="pedestrian" shape="115,5 118,5"/></edge>
+<edge id="far"><lane id="far_0" index="0" speed="1" length="40" shape="118,5 158,5"
+    allow="pedestrian"/></edge>
+<connection from=":j_w1" to="yard" fromLane="0" toLane="0" dir="s"/>
+<connection from="yard" to=":k_w0" fromLane="0" toLane="0" dir="s"/>
+<connection from=":k_w0" to="far" fromLane="0" toLane="0" dir="s"/>
+</net>"""
+    (tmp_path / "net.xml").write_text(NETWORK.replace("</net>", more))
+    reached = read_lane_graph(tmp_path / "net.xml").find_adjacent_sidewalks(use_crossings=True)
+    assert reached["path"] == ("back", "west")
+    assert reached["far"] == ()
