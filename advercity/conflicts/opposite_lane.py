@@ -8,7 +8,12 @@ from advercity_dsl.units import KM_H_PER_M_S
 
 from advercity.conflicts.case import ActorPlacement, ConflictCase, UnsolvableError
 from advercity.conflicts.ego_motion import EgoDrive
-from advercity.conflicts.run_ups import WAITING_MARGIN_S, compute_run_m, find_last_free_station
+from advercity.conflicts.run_ups import (
+    WAITING_MARGIN_S,
+    compute_run_m,
+    find_free_station,
+    find_last_free_station,
+)
 from advercity.conflicts.trajectories import DRIFT_HOLD_S, DRIFT_RETURN_MARGIN_S
 from advercity.roads.routes import RoutePath
 
@@ -23,6 +28,10 @@ def place_opposite(case: ConflictCase, station_m: float) -> ActorPlacement:
     run_m = compute_run_m(case, station_m)
     if case.conflict.actor.behaviour == "overtakes":
         run_m = min(run_m, _compute_free_run_m(case, station_m))
+    else:
+        _, back = _build_oncoming_path(case.drive)
+        meeting_m = back.find_nearest_station(case.drive.path.point_at(station_m))
+        run_m = meeting_m - find_free_station(case, back, meeting_m - run_m)
     return place_oncoming(case.drive, station_m, run_m)
 
 

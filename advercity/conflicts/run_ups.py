@@ -25,16 +25,31 @@ CONNECTED_GAP_M = 6.0
 
 def find_last_free_station(case: ConflictCase, path: RoutePath, line_m: float) -> float:
     """Find how far back on its street an actor can start: before connected vehicles in its lane."""
+    taken = [station for station in _list_taken_stations(case, path) if station < line_m]
+    return max([0.0, *(station + CONNECTED_GAP_M for station in taken)]) + case.actor.length_m / 2
+
+
+def find_free_station(case: ConflictCase, path: RoutePath, start_m: float) -> float:
+    """Find the first station from one on where an actor starts clear of connected vehicles."""
+    apart_m = CONNECTED_GAP_M + case.actor.length_m / 2
+    for station in sorted(_list_taken_stations(case, path)):
+        if abs(station - start_m) < apart_m:
+            start_m = station + apart_m
+    return start_m
+
+
+def _list_taken_stations(case: ConflictCase, path: RoutePath) -> list[float]:
     spawns = [
         place.spawn_m for place in case.drive.road.agents.values() if isinstance(place, Vehicle)
     ]
-    taken = [
+    return [
         station
         for spawn in spawns
-        if (station := path.find_nearest_station(spawn)) < line_m
-        and np.linalg.norm(path.point_at(station) - np.array(spawn)) < SAME_LANE_M
+        if np.linalg.norm(
+            path.point_at(station := path.find_nearest_station(spawn)) - np.array(spawn)
+        )
+        < SAME_LANE_M
     ]
-    return max([0.0, *(station + CONNECTED_GAP_M for station in taken)]) + case.actor.length_m / 2
 
 
 STEADY_SPEED_FRACTION = 0.88

@@ -84,6 +84,15 @@ def run_netconvert(options: Mapping[str, str], output: Path) -> NetconvertResult
 
 MAX_GRADE_PERCENT = 30
 """netconvert warns of steeper edges, and a warning is an error here."""
+MAX_SPEED_M_S = 60
+SPEED_WARNINGS = (
+    "tls.minor-left.max-speed",
+    "junctions.limit-turn-speed.warn.straight",
+    "junctions.limit-turn-speed.warn.turn",
+)
+"""From which speed on netconvert warns of left turns across traffic and of bends in junctions.
+
+At the limits of country roads there are both; programs are declared, and vehicles know bends."""
 STRIP_PERMISSIONS = {
     StripKind.LANE: {"disallow": "pedestrian"},
     StripKind.SIDEWALK: {"allow": "pedestrian"},
@@ -276,6 +285,7 @@ def _compile_network(name: str, folder: Path) -> Path:
             "connection-files": f"{name}.connections.xml",
             "tllogic-files": f"{name}.tllogics.xml",
             "geometry.max-grade": str(MAX_GRADE_PERCENT),
+            **{name: str(MAX_SPEED_M_S) for name in SPEED_WARNINGS},
         },
         output,
     )

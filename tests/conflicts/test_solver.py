@@ -1,14 +1,18 @@
 """Where solved conflicts take place, and from where the ego sees the actor."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
-from advercity_dsl import Spec
+from advercity_dsl import Spec, Vehicle
 from advercity_dsl.units import KM_H_PER_M_S
 
+from advercity.compiler.crossing import compile_library
 from advercity.conflicts.ego_motion import NominalMotion, build_ego_drive
 from advercity.conflicts.solver import build_car_outline, compute_sight_distance_m
-from advercity.roads.routes import RoutePath
+from advercity.roads.routes import RoutePath, RoutePlanner
 from advercity.roads.signals import find_declared_green_s
+from advercity.roads.sumo_network import write_sumo_network
 
 
 def test_a_pedestrian_behind_a_parked_car_is_seen_past_its_corner():
@@ -47,3 +51,35 @@ def test_an_ego_has_green_before_it_would_brake_for_red(specs: dict[str, Spec], 
     half_m = spec.blueprints[spec.ego.blueprint or ""].length_m / 2
     seen_s = free.time_at(before.end_m - half_m) - 3.0
     assert find_declared_green_s(lights, before.street.id, seen_s) == seen_s
+
+
+@pytest.fixture(scope="module")
+def free_flow(library: Path) -> dict[str, Spec]:
+    """Scenarios at the limits of towns and country roads."""
+    specs = compile_library(library, suite="free_flow")
+    return {spec.id: spec for spec in specs if spec.weather.id == "clear_day"}
+
+
+@pytest.mark.parametrize("road", ["ui", "unj", "ri", "rsnj", "rcnj"])
+def test_roads_have_networks_at_the_limits_of_country_roads(
+    road: str, free_flow: dict[str, Spec], tmp_path: Path
+):
+    """netconvert warns of permissive left turns and of bends in junctions at over 70 km/h."""
+    assert write_sumo_network(free_flow[f"{road}_clear_day_free_flow_r1"].road, tmp_path).exists()
+
+
+def test_drifting_actors_start_clear_of_connected_vehicles(free_flow: dict[str, Spec]):
+    for spec in free_flow.values():
+        (conflict,) = spec.conflicts
+        actor = conflict.actors[0]
+        if actor.behaviour != "drifts":
+            continue
+        path = RoutePlanner(spec.road).build_path(actor.route, actor.lane)
+        start_m = path.segments[0].end_m - actor.start_m
+        length_m = spec.blueprints[actor.blueprint].length_m
+        for agent in spec.agents:
+            if isinstance(agent.place, Vehicle) and agent.place.route[0] == actor.route[0]:
+                other_m = path.find_nearest_station(agent.place.spawn_m)
+                other_length_m = spec.blueprints[agent.blueprint or ""].length_m
+                gap_m = abs(other_m - start_m) - (length_m + other_length_m) / 2
+                assert gap_m > 2.5, (spec.id, agent.id)  # SUMO's at standstill
