@@ -26,8 +26,6 @@ from advercity.sensors.camera import CameraConditions, CameraExposure, render_im
 
 ROOT = Path(__file__).parents[1]
 WIDTH_PX, HEIGHT_PX = 960, 540
-OVERSAMPLING = 2
-"""Images are rendered this many times larger and averaged."""
 MAX_BYTES = 120_000
 FRAMES = {"ui": 40, "unj": 45, "ri": 30, "rsnj": 50, "rcnj": 60}
 ABOVE_M = 60.0
@@ -61,18 +59,15 @@ def render_views(spec: Spec, index: int) -> Iterator[tuple[str, NDArray[np.uint8
             camera = spec.agents[0].sensors.camera
             view = CameraView(
                 world_from_camera,
-                WIDTH_PX * OVERSAMPLING,
-                HEIGHT_PX * OVERSAMPLING,
+                WIDTH_PX,
+                HEIGHT_PX,
                 math.radians(camera.horizontal_fov_deg),
                 hide=hide,
             )
             exposure = CameraExposure(view, camera, frame, velocity=np.zeros(3))
             rng = viewpoints.make_generator("picture", spec.agents[0], frame)
-            image = render_image(
-                renderer.render_camera(view), exposure, air, rng, mount=camera.mounts[0]
-            )
-            size = (WIDTH_PX, HEIGHT_PX)
-            yield name, cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
+            capture = renderer.render_camera(view)
+            yield name, render_image(capture, exposure, air, rng, mount=camera.mounts[0])
 
 
 def _list_views(viewpoints: AgentPoses, index: int) -> Iterator[tuple[str, Matrix, frozenset[int]]]:
