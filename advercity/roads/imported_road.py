@@ -175,6 +175,7 @@ def _find_mast_position(
 
     Where there is none, the other direction is searched, and then the left.
     """
+    shapely.prepare(surface.roadway_area)
     along = heading if ahead else -heading
     right = -polyline.left_normals(heading)
     steps = np.arange(0.0, MAX_MAST_OFFSET_M, MAST_SEARCH_STEP_M)
@@ -266,7 +267,7 @@ class ImportedRoadNetwork:
         surface = self._surface
         return shapely.difference(surface.roadway_area, shapely.buffer(surface.raised_area, 0.01))
 
-    @property
+    @cached_property
     def traffic_lights(self) -> tuple[TrafficLight, ...]:
         """Heads of all governed approaches."""
         return tuple(place_traffic_lights(self._net, self._surface))

@@ -90,7 +90,7 @@ def _find_places(
         # Reserved ground includes the paving, which is nearer than anything else may be.
         if min(paved_m, reserved_m) < PATH_CLEARANCE_M - 0.05:
             continue
-        if all(shapely.distance(outline, other) >= PIECE_CLEARANCE_M for other in taken):
+        if shapely.distance(outline, taken).min(initial=np.inf) >= PIECE_CLEARANCE_M:
             yield float(along), point
 
 
