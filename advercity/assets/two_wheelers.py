@@ -40,6 +40,7 @@ _GEAR_RATIO = 2.5
 # Poses repeat after a turn of the cranks, so wheels must look the same after it.
 assert (_GEAR_RATIO * SPOKE_COUNT).is_integer()
 _CRANK_M = 0.165
+FIN_COUNT = 7
 _SPORT_LEAN_DEG = 15.0
 """Riders of model motorcycles who lean less are dressed as on a scooter."""
 
@@ -362,10 +363,20 @@ def _build_engine(rear: Float64Array, length: float, scooter: bool) -> list[Tria
     exhaust = tube(np.array(pipe) + xyz(0, -0.16, 0), [0.03, 0.035, 0.05], sides=8)
     if scooter:
         return [exhaust]
-    block = ellipsoid((0.02, 0, 0.36), (0.13 * length, 0.16, 0.16), sides=8, bands=4)
+    half = 0.08 * length
+    crankcase = box((-half - 0.02, -0.15, 0.22), (half + 0.02, 0.15, 0.42))
     cylinders = [
-        tube([xyz(0.0, z=0.38), xyz(0.26 * lean, z=0.66)], [0.10, 0.085], sides=6)
-        for lean in (-0.55, 0.75)
+        _build_finned_cylinder(xyz(0.0, z=0.38), xyz(0.26 * lean, z=0.66)) for lean in (-0.55, 0.75)
     ]
+    place = xyz(half + 0.14, z=0.47)
+    half_size = np.array([0.02, 0.17, 0.15])
+    radiator = box(place - half_size, place + half_size)
     arm = add_mirror_image(tube([xyz(-0.05, 0.09, 0.36), rear + xyz(y=0.09)], 0.03, sides=4))
-    return [exhaust, block, *cylinders, arm]
+    return [exhaust, crankcase, *cylinders, radiator, arm]
+
+
+def _build_finned_cylinder(foot: Float64Array, head: Float64Array) -> TriangleSurface:
+    """Build a cylinder with cooling fins, square as those of most motorcycles."""
+    place = np.linspace(0.0, 1.0, 4 * FIN_COUNT)
+    is_fin = np.arange(4 * FIN_COUNT) % 4 < 2
+    return tube(foot + place[:, None] * (head - foot), np.where(is_fin, 0.14, 0.115), sides=4)
