@@ -119,12 +119,15 @@ def read_journals(scenario: Path, *, moved: bool = True) -> dict[str, FileRecord
     Args:
         scenario: Folder of the scenario.
         moved: Only of files that are in place; else also of those that may not yet be.
+
+    Raises:
+        RunError: A journal cannot be read.
     """
     records: dict[str, FileRecord] = {}
     for path in find_journals(scenario):
         # The run has finished, or the last line is torn.
         with suppress(FileNotFoundError, InputError, ValidationError):
-            for line in read_bytes(path, max_bytes=MAX_JSON_BYTES).splitlines():
+            for line in _read_journal(path).splitlines():
                 entry = parse_json(line, path)
                 if not isinstance(entry, list):
                     records |= _RECORDS.validate_python(entry)
@@ -132,6 +135,15 @@ def read_journals(scenario: Path, *, moved: bool = True) -> dict[str, FileRecord
                     (unmoved,) = _UNMOVED_RECORDS.validate_python(entry)
                     records |= unmoved
     return records
+
+
+def _read_journal(path: Path) -> bytes:
+    try:
+        return read_bytes(path, max_bytes=MAX_JSON_BYTES)
+    except FileNotFoundError:
+        raise
+    except OSError as error:
+        raise RunError(f"{path}: cannot be read: {describe_cause(error)}") from error
 
 
 def remove_journals(scenario: Path) -> None:
@@ -184,12 +196,19 @@ def _rename_to_keep(scenario: Path, path: str) -> str:
 def list_matching_files(
     scenario: Path, paths: Iterable[str], records: Mapping[str, FileRecord]
 ) -> list[str]:
-    """List the paths whose files have the content of their records."""
+    """List the paths whose files have the content of their records.
+
+    Raises:
+        RunError: A file cannot be read.
+    """
 
     def matches(path: str) -> bool:
-        with suppress(*NO_FILE_ERRORS):
+        try:
             return records[path].matches(scenario / path)
-        return False
+        except NO_FILE_ERRORS:
+            return False
+        except OSError as error:
+            raise RunError(f"{scenario / path}: cannot be read: {describe_cause(error)}") from error
 
     recorded = [path for path in paths if path in records]
     # Reading and SHA-256 both release the interpreter lock.

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -104,3 +105,28 @@ def test_unfinished_files_are_not_written_through_a_link(
     with pytest.raises(RunError, match=r"incoming/\+101: is a link to "):
         ScenarioWriter(scenario.parent, spec, identify(spec), length=LENGTH).__enter__()
     assert mine.read_text() == "mine"
+
+
+@pytest.mark.parametrize("place", ["journal", "unfinished file"])
+def test_a_link_to_itself_is_one_message(
+    scenario: Path, spec: Spec, sensor_frames_of: SensorFramesOf, place: str
+) -> None:
+    with ScenarioWriter(scenario.parent, spec, identify(spec), length=LENGTH) as writer:
+        writer.write_frame(1, sensor_frames_of(1))
+        journal = find_staging_folder(scenario) / "journal_0.jsonl"
+        announced, _ = journal.read_bytes().splitlines(keepends=True)
+        killed = shutil.copytree(scenario.parent, scenario.parent.with_name("killed"))
+    scenario = killed / scenario.name
+    journal = find_staging_folder(scenario) / "journal_0.jsonl"
+    journal.write_bytes(announced)
+    loop = journal if place == "journal" else scenario / "+101" / "000061.pcd"
+    loop.unlink()
+    loop.symlink_to(loop.name)
+    with pytest.raises(RunError, match=rf"{loop.name}: cannot be read: Too many levels"):
+        verify_scenario(scenario)
+    with (
+        pytest.raises(RunError, match="Too many levels of symbolic links"),
+        ScenarioWriter(killed, spec, identify(spec), length=LENGTH),
+    ):
+        pass
+    assert loop.is_symlink()
