@@ -10,7 +10,7 @@ import shutil
 import stat
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import redirect_stderr, redirect_stdout, suppress
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -386,11 +386,12 @@ class CacheFuzzer:
         name = choose(sorted(self._entries), rng)
         path, checksum = self._folder / name, self._folder / f"{name}.sha256"
         is_entry = name != RECORDS_FILE
-        target = checksum if is_entry and rng.random() < 0.2 else path
-        damage_file(target, self._outside, rng)
-        if is_entry and path.is_file() and rng.random() < 0.5:
-            digest = hashlib.sha256(path.read_bytes()).hexdigest()
-            with suppress(OSError):
+        if is_entry and rng.random() < 0.2:
+            damage_file(checksum, self._outside, rng)
+        else:
+            damage_file(path, self._outside, rng)
+            if is_entry and path.is_file() and rng.random() < 0.5:
+                digest = hashlib.sha256(path.read_bytes()).hexdigest()
                 checksum.write_text(f"{digest}  {name}\n")
         outcome = "read"
         with time_limit(), patch.dict(os.environ, ADVERCITY_CACHE=str(self._folder)):

@@ -13,6 +13,8 @@ import numpy as np
 T = TypeVar("T")
 LIMIT_S = 10
 """Limit of processor time, which does not depend on how busy the machine is."""
+WAITING_LIMIT_S = 300
+"""Limit of time for what waits, such as for the other end of a pipe."""
 ODD_VALUES = (
     *("null", "true", "off", "0", "-1", "1e999", "-0.0", "9" * 400, ".inf", "[]", "{}", "''"),
     *("[1, [2, [3]]]", "{a: {b: 1}}", "75 m", "3 parsecs", "*a", "&a x", "!!int 3", "../../etc"),
@@ -82,18 +84,24 @@ def choose(choices: Sequence[T], rng: np.random.Generator) -> T:
 
 @contextmanager
 def time_limit() -> Generator[None]:
-    """Raise after LIMIT_S of processor time."""
+    """Raise after LIMIT_S of processor time, or WAITING_LIMIT_S of any."""
 
     def stop(number: int, frame: FrameType | None) -> None:
         raise MutationTimeoutError
 
-    before = signal.signal(signal.SIGPROF, stop)
-    signal.setitimer(signal.ITIMER_PROF, LIMIT_S)
+    timers = [
+        (signal.SIGPROF, signal.ITIMER_PROF, LIMIT_S),
+        (signal.SIGALRM, signal.ITIMER_REAL, WAITING_LIMIT_S),
+    ]
+    before = [signal.signal(number, stop) for number, _, _ in timers]
+    for _, timer, limit_s in timers:
+        signal.setitimer(timer, limit_s)
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_PROF, 0)
-        signal.signal(signal.SIGPROF, before)
+        for (number, timer, _), handler in zip(timers, before, strict=True):
+            signal.setitimer(timer, 0)
+            signal.signal(number, handler)
 
 
 ODD_BYTES = (

@@ -9,7 +9,7 @@ from advercity.compiler import (
     load_library,
 )
 from advercity.errors import InputError
-from tests.builders import Compile
+from tests.builders import SMALL_LIBRARY, Compile
 
 
 def test_every_value_of_a_spec_is_explained(library: Path, specs: dict[str, Spec]) -> None:
@@ -39,3 +39,17 @@ def test_specs_are_compared_by_meaning(specs: dict[str, Spec]) -> None:
     road = {path for path, _, _ in changes if path.startswith("road")}
     # Lights turn red as the runner comes, at another time in other traffic.
     assert road == {"road.junctions.j_main.signals.elapsed_s", "road.agents.cav1.waits_s"}
+
+
+@pytest.mark.parametrize(
+    ("more", "origin"),
+    [("bodies: {cav1: saloon}\n", "suite.yaml:5:16"), ("", "catalogue.yaml:3:6")],
+)
+def test_the_body_of_an_agent_comes_from_the_suite_or_else_from_the_catalogue(
+    compile_small: Compile, tmp_path: Path, more: str, origin: str
+) -> None:
+    suite = (SMALL_LIBRARY / "suite.yaml").read_text()
+    (spec,) = compile_small(suite=suite + more).values()
+    library = load_library(tmp_path / "library")
+    origins = {item.path: item.text for item in explain_spec(spec, library)}
+    assert origins["agents.0.blueprint"].endswith(origin)

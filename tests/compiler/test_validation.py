@@ -20,3 +20,12 @@ def test_a_scenario_records_at_least_three_frames(write: Write) -> None:
         SMALL_LIBRARY / "suite.yaml"
     ).read_text() + "timing: {warm_up_ticks: 59, max_ticks: 60}\n"
     assert "leaves fewer than three frames" in describe_errors(write(suite=suite))
+
+
+def test_a_list_whose_only_item_is_invalid_is_not_said_to_be_too_short_as_well(
+    write: Write,
+) -> None:
+    rig = (SMALL_LIBRARY / "rig.yaml").read_text().replace("{x_m: 1, z_m: 1.5}", "{x_m: 1 kg}")
+    (message,) = describe_errors(write(rig=rig)).splitlines()
+    assert message.startswith("rig.yaml:3:")
+    assert "vehicle.camera.mounts.0.x_m: 'kg' is not a known unit" in message

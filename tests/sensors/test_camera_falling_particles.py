@@ -117,6 +117,9 @@ def test_three_planes_of_the_visible_volume_meet_in_each_of_its_corners() -> Non
     inside_m = corners @ planes[:, :3].T + planes[:, 3]
     assert (inside_m > -1e-9).all()
     assert (inside_m < 1e-9).sum(axis=1).tolist() == [3] * 8
+    # Ten metres ahead: sides at 45 degrees, above and below at a slope of one half.
+    ahead_m = planes @ [10.0, 0.0, 0.0, 1.0]
+    np.testing.assert_allclose(ahead_m, [7.0711, 7.0711, 4.4721, 4.4721, 8.0, 0.0], atol=1e-4)
 
 
 @pytest.mark.parametrize(

@@ -143,6 +143,8 @@ def test_boxes_lie_on_what_rays_through_a_lens_meet(
     assert found.outline_px == pytest.approx(hit.sum(), rel=0.01, abs=20)
     assert found.occlusion < 0.02
     rows, columns = np.nonzero(hit)
+    for nearest, begin in zip((columns.min(), rows.min()), found.outline_box, strict=False):
+        assert nearest > 0 or begin == 0
     cut = min(rows.min(), columns.min(), 149 - rows.max(), 239 - columns.max()) == 0
     assert (found.truncation > 0.01) == cut
 

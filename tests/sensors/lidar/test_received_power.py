@@ -12,6 +12,7 @@ from advercity.physics.water import fresnel_reflectance
 from advercity.sensors.lidar.received_power import (
     daylight_noise_factor,
     detection_margin_sigma,
+    detection_range_m,
     received_power,
     wet_reflectance_ratio,
 )
@@ -26,6 +27,15 @@ def test_a_target_of_ten_per_cent_is_detected_to_80_m_in_clear_air() -> None:
 def test_fog_shortens_the_range_of_ten_per_cent(mor_m: float, range_m: float) -> None:
     foggy = air(air={"mor_m": None}, fog={"mor_m": mor_m})
     assert half_detection_range_m(0.10, foggy.extinction_per_m) == pytest.approx(range_m, rel=0.01)
+
+
+def test_descriptions_name_the_last_step_of_range_at_which_a_target_is_found() -> None:
+    foggy = air(air={"mor_m": None}, fog={"mor_m": 100}).extinction_per_m
+    found_m = detection_range_m(0.10, foggy)
+    assert 0.0 <= half_detection_range_m(0.10, foggy) - found_m < 0.1
+    assert found_m == pytest.approx(30.8, abs=0.1)
+    assert detection_range_m(0.9, 0.0) == pytest.approx(200.0)  # the end of the search
+    assert detection_range_m(0.10, 1e4) == 0.0
 
 
 def test_heavy_rain_shortens_the_range_of_fifty_per_cent() -> None:
