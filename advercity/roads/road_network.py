@@ -68,7 +68,7 @@ class RoadNetwork(Protocol):
         """Area in which pedestrians walk at the height of the roadway."""
         ...
 
-    @property
+    @cached_property
     def traffic_lights(self) -> tuple[TrafficLight, ...]:
         """Signal heads of all approaches."""
         ...
@@ -127,7 +127,7 @@ class AuthoredRoadNetwork:
         outlines = [junction.roadway_outline[:, :2] for junction in self._layout.junctions.values()]
         return shapely.union_all([shapely.Polygon(outline) for outline in outlines])
 
-    @property
+    @cached_property
     def traffic_lights(self) -> tuple[TrafficLight, ...]:
         """Signal heads, as declared."""
         found: list[TrafficLight] = []
