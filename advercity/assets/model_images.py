@@ -7,7 +7,7 @@ the image at the nearest triangle of the same material in the file.
 import hashlib
 import io
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from advercity.array_files import load_arrays
 from advercity.assets.model_files import ModelPart
+from advercity.errors import RunError
 from advercity.geometry.arrays import Float32Array, Float64Array, Uint8Array
 from advercity.material_maps import LINEAR_FROM_SRGB, MaterialMaps
 from advercity.materials import ACTOR_PAINT, MATERIALS
@@ -98,15 +99,37 @@ def pack_images(images: Sequence[ModelImage]) -> bytes:
 
 
 def read_images(path: Path) -> list[ModelImage]:
-    """Read the images of a model that were packed."""
+    """Read the images of a model that were packed.
+
+    Raises:
+        RunError: The file is something else.
+    """
     arrays = load_arrays(path, max_bytes=MAX_IMAGES_BYTES)
-    images: list[ModelImage] = []
-    for number in range(int(arrays["count"])):
-        tile_m, red, green, blue = arrays[f"scale_{number}"].tolist()
-        maps = MaterialMaps(arrays[f"color_{number}"], None, None, tile_m, (red, green, blue))
-        uv = {part: arrays[f"uv_{part}"] for part in arrays[f"parts_{number}"].tolist()}
-        images.append(ModelImage(uv, maps))
-    return images
+    try:
+        return [_parse_image(arrays, number) for number in range(int(arrays["count"]))]
+    except (KeyError, TypeError, ValueError) as error:
+        raise RunError(
+            f"{path}: not images of a model: {error}; delete it, and it is made again"
+        ) from error
+
+
+def _parse_image(arrays: Mapping[str, NDArray[Any]], number: int) -> ModelImage:
+    tile_m, red, green, blue = arrays[f"scale_{number}"].tolist()
+    maps = MaterialMaps(arrays[f"color_{number}"], None, None, tile_m, (red, green, blue))
+    uv = {part: arrays[f"uv_{part}"] for part in arrays[f"parts_{number}"].tolist()}
+    return ModelImage(uv, maps)
+
+
+def compute_images_digest(images: Iterable[ModelImage]) -> str:
+    """Compute the SHA-256 of what images show; where they show it is part of the bodies."""
+    digest = hashlib.sha256()
+    for image in images:
+        maps = image.maps
+        # Rounded as coordinates of worlds are, so that all processors give the same digest.
+        numbers = [round(value, 9) for value in (maps.tile_m, *(maps.mean or ()))]
+        digest.update(f"{maps.color.shape} {maps.color.dtype} {numbers}\n".encode())
+        digest.update(np.ascontiguousarray(maps.color).tobytes())
+    return digest.hexdigest()
 
 
 def project_images(

@@ -23,7 +23,13 @@ from advercity.assets.model_files import (
     read_obj,
     to_glb,
 )
-from advercity.assets.model_images import StoredImages, find_images_file, pack_images
+from advercity.assets.model_images import (
+    StoredImages,
+    compute_images_digest,
+    find_images_file,
+    pack_images,
+    read_images,
+)
 from advercity.assets.packages import (
     DIGEST_FILE,
     FURNITURE,
@@ -174,6 +180,17 @@ class ModelStore:
         if path is not None and blueprint.person is not None:
             return compute_people_digest(path)
         return compute_parts_digest(read_glb(path.read_bytes(), path.name)) if path else None
+
+    def compute_images_digest(self, blueprint: Blueprint) -> str | None:
+        """Compute the SHA-256 of a model's images; None if it has none, or is not installed.
+
+        Raises:
+            RunError: The model is installed, but cannot be converted, or its images not be read.
+        """
+        path = self.prepare_model(blueprint)
+        if path is None or blueprint.person is not None:
+            return None
+        return compute_images_digest(read_images(find_images_file(path)))
 
     def remove_converted_models(self) -> None:
         """Delete all converted models; they are converted again where they are needed."""

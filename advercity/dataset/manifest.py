@@ -67,7 +67,7 @@ class Identity(Model):
         spec: Id of the spec.
         spec_sha256: Checksum of the spec.
         trace_sha256: Checksum of the simulated traffic.
-        world_sha256: Checksum of the static scene and the bodies.
+        world_sha256: Checksum of the static scene, the bodies and the images of their models.
         renderer: Backend and its sources, profile, image scale, device.
         bodies: SHA-256 of the 3-D model of each blueprint that has one.
         missing_models: Blueprints with generated bodies in place of the spec's models, and packs

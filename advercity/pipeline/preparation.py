@@ -192,12 +192,16 @@ class PreparedScenario:
 
     @cached_property
     def _world(self) -> tuple[World, str]:
-        """The world, and the digest of the checksums that it was loaded with."""
+        """The world, and the digest of the checksums that it was loaded with, and of images."""
         spec = replace_models(self.spec, self.missing_models)
         world = load_or_build_world(spec, self.traffic.network_path)
         entries = [_name_world_entry(spec)]
         entries += [_name_body_entry(spec, name) for name in spec.blueprints]
-        return world, compute_json_digest([read_checksum(entry) for entry in entries])
+        checksums: list[str | None] = [read_checksum(entry) for entry in entries]
+        # Checked by nothing else: the checksums of models in a spec are of their triangles.
+        store = open_model_store()
+        checksums += [store.compute_images_digest(one) for one in spec.blueprints.values()]
+        return world, compute_json_digest(checksums)
 
 
 def prepare_scenario(

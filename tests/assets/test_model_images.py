@@ -1,11 +1,12 @@
 """Images of foreign models: where they belong, to scale, around the colour of the table."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
-from advercity_dsl import Blueprint
+from advercity_dsl import Blueprint, Spec
 from advercity_dsl.catalogue import BodyModel
 from numpy.typing import NDArray
 from PIL import Image
@@ -14,9 +15,19 @@ from trimesh.visual.texture import TextureVisuals
 
 from advercity.assets.bodies import build_body
 from advercity.assets.model_files import ModelPart
-from advercity.assets.model_images import ModelImage, project_images
-from advercity.assets.model_store import ModelStore
+from advercity.assets.model_images import (
+    ModelImage,
+    find_images_file,
+    pack_images,
+    project_images,
+    read_images,
+)
+from advercity.assets.model_store import ModelStore, open_model_store
+from advercity.compiler import with_digest
+from advercity.errors import RunError
 from advercity.geometry.arrays import Float64Array
+from advercity.pipeline import RunOptions, run_scenario
+from advercity.testing import with_small_sensors
 
 RED, BLUE = (200, 40, 40), (20, 40, 180)
 
@@ -104,6 +115,43 @@ def test_a_users_model_keeps_the_image_of_its_file_and_its_triangles(tmp_path: P
     )
     colours = store.images[own[0].maps].color.reshape(-1, 3)
     assert (colours == RED).all(axis=1).any() and (colours == BLUE).all(axis=1).any()
+
+
+@pytest.mark.sumo
+def test_a_scenario_is_not_continued_with_other_images_of_a_model(
+    specs: dict[str, Spec], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ADVERCITY_DATA", str(tmp_path / "data"))
+    store, compiled = open_model_store(), with_small_sensors(specs["rsnj_clear_day_sparse"])
+    model = {"model": add_box(store, tmp_path, two_colours())}
+    boxed = compiled.blueprints["seat_leon"].model_copy(update=model)
+    models = {
+        "blueprints": {**compiled.blueprints, "seat_leon": boxed},
+        "assets": {"model/seat_leon": store.compute_model_digest(boxed)},
+    }
+    spec = with_digest(compiled.model_copy(update=models))
+    options = RunOptions(tmp_path / "output", "fake", "preview", frames=slice(0, 1))
+    run_scenario(spec, options)
+    path = store.prepare_model(boxed)
+    assert path is not None
+    images = read_images(find_images_file(path))
+    for image in images:
+        image.maps.color[:] = 255 - image.maps.color
+    find_images_file(path).write_bytes(pack_images(images))
+    with pytest.raises(RunError, match=r"made from another spec, version or device \(world_sha256"):
+        run_scenario(spec, replace(options, frames=slice(0, 2)))
+    find_images_file(path).write_bytes(pack_images(images)[:500])
+    with pytest.raises(RunError, match=r"\.npz: not a file of arrays"):
+        run_scenario(spec, replace(options, frames=slice(0, 2)))
+    find_images_file(path).unlink()
+    run_scenario(spec, replace(options, frames=slice(0, 2)))
+
+
+def test_a_file_of_other_arrays_is_no_images_of_a_model(tmp_path: Path) -> None:
+    path = tmp_path / "other.npz"
+    np.savez(path, count=np.array(1))
+    with pytest.raises(RunError, match=r"not images of a model.*delete it, and it is made again"):
+        read_images(path)
 
 
 def car(model: BodyModel) -> Blueprint:
