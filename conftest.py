@@ -8,8 +8,6 @@ import os
 import shutil
 import tempfile
 
-import pytest
-
 from advercity.assets.model_store import open_model_store
 
 TEST_HOME = "ADVERCITY_TEST_HOME"
@@ -21,23 +19,28 @@ USER_VARIABLES = (
 )
 
 
-def move_home() -> None:
+def move_home() -> bool:
     """Move to an empty home: without the user's models, records, traces and settings.
 
-    Workers of pytest-xdist inherit it from the process that starts them, and share its cache.
+    Processes that this one starts, such as workers of pytest-xdist, inherit it and share its cache.
+
+    Returns:
+        Whether this process made it.
     """
-    if TEST_HOME not in os.environ:
-        os.environ[TEST_MODELS] = str(open_model_store().folder)
-        os.environ[TEST_HOME] = os.environ["HOME"] = tempfile.mkdtemp(prefix="advercity_tests_")
-        for name in USER_VARIABLES:
-            os.environ.pop(name, None)
-        os.environ["GALLIVM_PERF"] = "nopt"
+    if TEST_HOME in os.environ:
+        return False
+    os.environ[TEST_MODELS] = str(open_model_store().folder)
+    os.environ[TEST_HOME] = os.environ["HOME"] = tempfile.mkdtemp(prefix="advercity_tests_")
+    for name in USER_VARIABLES:
+        os.environ.pop(name, None)
+    os.environ["GALLIVM_PERF"] = "nopt"
+    return True
 
 
-move_home()
+HAS_MADE_HOME = move_home()
 
 
-def pytest_unconfigure(config: pytest.Config) -> None:
-    """Delete the home; workers of pytest-xdist leave that to the process that started them."""
-    if not hasattr(config, "workerinput"):
+def pytest_unconfigure() -> None:
+    """Delete the home; processes that have inherited it leave that to the one that made it."""
+    if HAS_MADE_HOME:
         shutil.rmtree(os.environ.pop(TEST_HOME), ignore_errors=True)

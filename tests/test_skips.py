@@ -27,6 +27,7 @@ def test_skips_are_listed_at_the_end_with_what_installs_what_they_lack(tmp_path:
         text=True,
         check=False,
     )
+    assert Path.home().is_dir(), "the home of the tests, which is not that run's to delete"
     skips = [line for line in done.stdout.splitlines() if line.startswith("SKIPPED")]
     assert len(skips) >= 3, done.stdout
     assert all("`make setup`" in line or "`scripts/setup_peers`" in line for line in skips), skips
