@@ -85,8 +85,14 @@ def _is_abandoned(path: Path, max_age_s: float) -> bool:
 
 
 def write_file(path: Path, content: bytes) -> None:
-    """Write a file, and create its folder if necessary; OSError if the path is a link."""
+    """Write a file, and create its folder if necessary; OSError if the path is a link.
+
+    A file of that name is replaced, not written into: it may have other names, as hard links of a
+    backup, and keeps its content there.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
+    if path.is_file() and not path.is_symlink():
+        path.unlink()
     with open(path, "wb", opener=open_without_links) as stream:
         stream.write(content)
 

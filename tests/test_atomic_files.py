@@ -37,6 +37,16 @@ def test_a_link_is_replaced_or_refused_and_never_written_through(tmp_path: Path)
     assert (target.read_bytes(), link.read_bytes()) == (b"mine", b"ours")
 
 
+def test_a_file_keeps_its_content_under_another_name(tmp_path: Path) -> None:
+    backup, path = tmp_path / "backup", tmp_path / "data"
+    backup.write_bytes(b"mine")
+    for write in (write_file, write_atomically):
+        path.unlink(missing_ok=True)
+        path.hardlink_to(backup)
+        write(path, b"ours")
+        assert (backup.read_bytes(), path.read_bytes()) == (b"mine", b"ours")
+
+
 def test_partial_files_of_ended_processes_and_old_ones_are_swept(tmp_path: Path) -> None:
     ended = subprocess.Popen(["true"])
     ended.wait()
