@@ -7,6 +7,7 @@ junction.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -325,11 +326,14 @@ def place_junction_agents(road: Road, declared: JunctionAgents, junction: str) -
         "agents": {name: agents[name] for name in declared.agents},
         "ego_routes": ego_routes,
     }
-    turns = arms.list_turns(ego_arm) if ego_arm else {}
-    if isinstance(road.imported, MapNetwork) and turns:
-        # The ego would else wait for up to a cycle before anything happens.
-        move = next(iter(turns.values()))
-        changes["imported"] = start_with_green(road.imported, move.from_street, move.to_street)
+    if isinstance(road.imported, MapNetwork) and ego_arm and ego_routes:
+        # The ego would else wait for up to a cycle before anything happens, here or on its way.
+        route = next(iter(ego_routes.values())).route
+        streets = route[: route.index(ego_arm) + 2]
+        imported = road.imported
+        for first, second in pairwise(streets):
+            imported = start_with_green(imported, first, second)
+        changes["imported"] = imported
     return road.model_copy(update=changes)
 
 

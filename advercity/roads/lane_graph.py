@@ -200,7 +200,7 @@ def find_shortest_route(
         )
     nearest = min(gap for gap, _, _ in ends)
     _, edge = min((cost, edge) for gap, cost, edge in ends if gap <= nearest + DESTINATION_TIE_M)
-    return _extend_route(graph, routes[edge][1])
+    return extend_route(graph, routes[edge][1])
 
 
 def _compute_routes_from(graph: LaneGraph, start: str) -> dict[str, tuple[float, tuple[str, ...]]]:
@@ -237,7 +237,8 @@ def _find_arrivals(
                 yield gap, routes[lane.edge][0] + at, lane.edge
 
 
-def _extend_route(graph: LaneGraph, edges: tuple[str, ...]) -> tuple[str, ...]:
+def extend_route(graph: LaneGraph, edges: tuple[str, ...]) -> tuple[str, ...]:
+    """Extend a route to the edge of the site, straight on wherever that is possible."""
     while len(edges) < MAX_ROUTE_EDGES and (
         onward := graph.find_successor_edges(edges[-1], straight_first=True)
     ):

@@ -16,7 +16,12 @@ from advercity.errors import InputError
 from advercity.frames import Actor
 from advercity.randomness import create_generator
 from advercity.roads.capacity import VEHICLE_SPACING_M, describe_excess
-from advercity.roads.lane_graph import MAX_ROUTE_EDGES, LaneGraph, find_shortest_route
+from advercity.roads.lane_graph import (
+    MAX_ROUTE_EDGES,
+    LaneGraph,
+    extend_route,
+    find_shortest_route,
+)
 from advercity.roads.network_file import SumoLane
 from advercity.roads.streets import approach_name
 from advercity.traffic.paints import CONNECTED_PAINT, draw_paint
@@ -133,6 +138,19 @@ def draw_demand(
         vehicles=tuple(_draw_background_trips(spec, graph, occupancy, vehicles, redraws)),
         walkers=draw_pedestrian_trips(spec, graph, max(spec.demand.walkers - on_foot, 0), redraws),
         scripted=tuple(_build_staged_actor(item, spec) for item in staged if not item.route),
+    )
+
+
+def let_others_drive_on(spec: Spec, demand: TrafficDemand, graph: LaneGraph) -> TrafficDemand:
+    """Extend the routes of connected vehicles other than the ego to the edge of the site."""
+    return replace(
+        demand,
+        connected=tuple(
+            trip
+            if trip.actor.id == spec.ego.number
+            else replace(trip, edges=extend_route(graph, trip.edges))
+            for trip in demand.connected
+        ),
     )
 
 

@@ -32,7 +32,12 @@ from advercity.errors import RunError
 from advercity.frames import Trace
 from advercity.geometry.polyline import StationedPolyline
 from advercity.roads.lane_graph import LaneGraph, read_lane_graph
-from advercity.traffic.demand import TrafficDemand, VehicleTrip, draw_demand
+from advercity.traffic.demand import (
+    TrafficDemand,
+    VehicleTrip,
+    draw_demand,
+    let_others_drive_on,
+)
 from advercity.traffic.kinematics import SumoRecording, build_trace
 from advercity.traffic.route_file import write_route_file
 from advercity.traffic.speed_profile import list_route_lanes
@@ -88,6 +93,7 @@ class _DryRuns:
         self._blockers: set[int] = set()
         self._reactions: dict[str, EgoReaction] = {}
         self._delay_redraws = 0
+        self._ends_with_ego = False
 
     def run_next(self) -> Trace | None:
         """Run once more; the trace if all went as declared, else None, and the next run differs.
@@ -97,8 +103,16 @@ class _DryRuns:
         """
         spec, previous = self._spec, self._schedules
         demand = draw_demand(spec, self._graph, self._redraws)
+        if self._ends_with_ego:
+            demand = let_others_drive_on(spec, demand, self._graph)
         recording = record_traffic(
-            spec, demand, self._graph, self._network, previous, self._reactions.values()
+            spec,
+            demand,
+            self._graph,
+            self._network,
+            previous,
+            self._reactions.values(),
+            ends_with_ego=self._ends_with_ego,
         )
         dry_run = DryRun(
             trace=build_trace(spec, demand, recording, first_tick=0),
@@ -114,6 +128,8 @@ class _DryRuns:
         }
         self._schedules = schedule_actors(spec, dry_run, previous, crossings)
         trace = dry_run.trace
+        if self._has_untriggered and self._wait_for_ego(recording):
+            return None
         if self._redraw_ego_blockers(demand, trace) or self._reschedule(previous, demand, trace):
             return None
         return self._check_result(demand, recording)
@@ -121,6 +137,16 @@ class _DryRuns:
     @property
     def _has_untriggered(self) -> bool:
         return any(schedule.is_untriggered for schedule in self._schedules.values())
+
+    def _wait_for_ego(self, recording: SumoRecording) -> bool:
+        """Have the next runs go on until the ego arrives; False if no other ended the last one."""
+        if self._ends_with_ego or recording.arrived <= {self._spec.ego.number}:
+            return False
+        self._ends_with_ego = True
+        self._reactions.clear()
+        self._history.clear()
+        self.reason = "another connected vehicle arrives before the ego has met its actors"
+        return True
 
     def _redraw_ego_blockers(self, demand: TrafficDemand, trace: Trace) -> bool:
         """Redraw what holds up an ego that an actor waits for in vain; False if nothing does."""
@@ -213,6 +239,8 @@ class _DryRuns:
             reaction = plan_reaction(self._spec, conflict, trace, self._schedules[actor].crossing)
         except HeldUpActorError as error:
             blockers = set(find_blockers(self._spec, trace, actor)) & _list_background_ids(demand)
+            if self._wait_for_ego(recording):
+                return True
             if not blockers:
                 raise
             self.reason = str(error)
@@ -331,6 +359,8 @@ def record_traffic(
     network: Path,
     schedules: Mapping[int, ActorSchedule],
     reactions: Iterable[EgoReaction] = (),
+    *,
+    ends_with_ego: bool = False,
 ) -> SumoRecording:
     """Run SUMO once; staged vehicles without a schedule wait, and the ego reacts as planned."""
     waits: NDArray[np.float64] = np.zeros(1)
@@ -346,7 +376,9 @@ def record_traffic(
     with tempfile.TemporaryDirectory() as folder:
         routes = Path(folder) / "demand.rou.xml"
         write_route_file(demand, routes, spec.caution)
-        return run_sumo(spec, demand, graph, network, routes, speed_commands)
+        return run_sumo(
+            spec, demand, graph, network, routes, speed_commands, ends_with_ego=ends_with_ego
+        )
 
 
 def _join_commands(parts: Iterable[NDArray[np.float64]]) -> NDArray[np.float64]:

@@ -404,12 +404,14 @@ class SumoRecording:
         signal_ids: Ids of `SignalLamp`.
         signals: (ticks, signals) uint8 of `Signal`.
         bodies: `STATE_DTYPE` rows by actor, of those whose bodies were computed before.
+        arrived: Connected vehicles whose arrival ended the run; none if time was up.
     """
 
     tracks: Mapping[int, NDArray[np.void]]
     signal_ids: tuple[str, ...]
     signals: NDArray[np.uint8]
     bodies: dict[int, NDArray[np.void]] = field(default_factory=dict)
+    arrived: frozenset[int] = frozenset()
 
     def __len__(self) -> int:
         """Return the number of ticks, warm-up included."""

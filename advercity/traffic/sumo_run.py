@@ -37,6 +37,8 @@ def run_sumo(
     network: Path,
     routes: Path,
     speed_commands: Mapping[int, NDArray[np.float64]],
+    *,
+    ends_with_ego: bool = False,
 ) -> SumoRecording:
     """Run SUMO until a connected vehicle arrives or time is up.
 
@@ -49,6 +51,7 @@ def run_sumo(
         speed_commands: Speed at every tick of staged vehicles, and of an ego that reacts to them;
             NaN leaves it to SUMO's driver, and
             the last value holds on.
+        ends_with_ego: Whether others that arrive drive on, until the ego arrives too.
 
     Raises:
         RunError: SUMO failed, or a vehicle could not start or arrive as declared.
@@ -57,7 +60,10 @@ def run_sumo(
     try:
         libsumo.start(["sumo", *_build_options(spec, network, routes, log)])
         try:
-            return _SumoRun(spec, demand, graph, network, speed_commands).run()
+            run = _SumoRun(
+                spec, demand, graph, network, speed_commands, ends_with_ego=ends_with_ego
+            )
+            return run.run()
         finally:
             libsumo.close()
     except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
@@ -93,8 +99,11 @@ class _SumoRun:
         graph: LaneGraph,
         network: Path,
         speed_commands: Mapping[int, NDArray[np.float64]],
+        *,
+        ends_with_ego: bool,
     ) -> None:
         self._spec = spec
+        self._ends_with_ego = ends_with_ego
         self._demand = demand
         passing = {
             str(actor.number)
@@ -132,6 +141,7 @@ class _SumoRun:
         self._followers = set[str]()
 
     def run(self) -> SumoRecording:
+        arrived: list[int] = []
         for tick in range(self._spec.timing.max_ticks + 1):
             self._apply_speed_commands(tick)
             if tick in self._responses:
@@ -141,7 +151,12 @@ class _SumoRun:
             if tick == 0:
                 self._check_start(vehicles)
                 self._ignore_junction_foes()
-            if any(self._has_arrived(*connected, vehicles) for connected in self._connected):
+            arrived = [
+                agent.number
+                for agent, place in self._connected
+                if self._has_arrived(agent, place, vehicles)
+            ]
+            if arrived:
                 break
             speeds = self._actors.record_vehicles(tick, vehicles)
             self._actors.record_pedestrians(tick, libsumo.person.getIDList())
@@ -152,6 +167,7 @@ class _SumoRun:
             tracks=self._actors.build_fronts(self._spec.timing.tick_s),
             signal_ids=self._signals.ids,
             signals=self._signals.build_states(),
+            arrived=frozenset(arrived),
         )
 
     def _has_arrived(self, agent: Agent, place: Vehicle, present: Container[str]) -> bool:
@@ -165,6 +181,8 @@ class _SumoRun:
             if agent.is_ego:
                 raise RunError(f"{agent.id} left the site without coming near its destination")
             return True
+        if self._ends_with_ego and not agent.is_ego:
+            return False
         front = libsumo.vehicle.getPosition3D(name)
         heading = math.radians(90 - libsumo.vehicle.getAngle(name))
         half_m, box_m = self._lengths_m[agent.number] / 2, self._spec.timing.destination_box_m

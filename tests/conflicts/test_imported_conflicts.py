@@ -1,15 +1,17 @@
 """Conflicts on imported roads, with agents placed by the arms of a junction."""
 
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import yaml
-from advercity_dsl import RoadsideUnit, Spec, Vehicle
+from advercity_dsl import MapNetwork, RoadsideUnit, Spec, Vehicle
 
 from advercity.conflicts.outcome import evaluate_outcomes
 from advercity.errors import InputError
+from advercity.roads.imported_streets import read_imported_streets
 from advercity.roads.sumo_network import write_sumo_network
 from advercity.traffic.simulation import simulate_in_subprocess
 from tests.roads.imported_roads import AT_JUNCTION, compiled_suite
@@ -119,6 +121,66 @@ def test_a_conflict_at_a_junction_of_a_map_happens(staged: dict[str, Spec], tmp_
     trace = simulate_in_subprocess(spec, write_sumo_network(spec.road, tmp_path))
 
     assert [item.missed for item in evaluate_outcomes(spec, trace)] == [()]
+
+
+@pytest.mark.sumo
+def test_another_vehicle_that_arrives_first_drives_on_until_the_conflict_has_happened(
+    library: Path, tmp_path: Path
+):
+    agents = {
+        "cav1": {"kind": "vehicle", "role": "ego", "arm": "south", "waits_s": 2},
+        "cav2": {"kind": "vehicle", "arm": "opposite", "start_m": 30, "end_m": 15},
+    }
+    crossed = {"cross_conflicts": ["ped_left_turn"], "resolved_by": {"actor": 1}}
+    road: dict[str, object] = {**AT_JUNCTION, "at_junction": {"junction": "j1", "agents": agents}}
+    (spec,) = compiled_suite(library, tmp_path, road, roads=["imported"], **crossed).values()
+    other = spec.agents[1].place
+    assert isinstance(other, Vehicle)
+
+    trace = simulate_in_subprocess(spec, write_sumo_network(spec.road, tmp_path))
+
+    assert [item.missed for item in evaluate_outcomes(spec, trace)] == [()]
+    _, rows = trace.get_track(spec.agents[1].number)
+    # It comes from the north, and is in every frame, as is the ego.
+    assert rows["y"][-1] < other.destination_m[1] - 20
+    assert len(rows) == len(trace)
+
+
+TWO_LIGHTS = """<osm version="0.6">
+  <node id="1" lat="48.0" lon="11.0"><tag k="highway" v="traffic_signals"/></node>
+  <node id="2" lat="48.0" lon="11.0012"><tag k="highway" v="traffic_signals"/></node>
+  <node id="3" lat="48.0" lon="10.998"/><node id="4" lat="48.0" lon="11.0032"/>
+  <node id="5" lat="48.0014" lon="11.0"/><node id="6" lat="47.9986" lon="11.0"/>
+  <node id="7" lat="48.0014" lon="11.0012"/><node id="8" lat="47.9986" lon="11.0012"/>
+  <way id="11"><nd ref="3"/><nd ref="1"/><nd ref="2"/><nd ref="4"/>
+    <tag k="highway" v="secondary"/><tag k="lanes" v="2"/></way>
+  <way id="12"><nd ref="5"/><nd ref="1"/><nd ref="6"/>
+    <tag k="highway" v="secondary"/><tag k="lanes" v="2"/></way>
+  <way id="13"><nd ref="7"/><nd ref="2"/><nd ref="8"/>
+    <tag k="highway" v="secondary"/><tag k="lanes" v="2"/></way>
+</osm>
+"""
+
+
+@pytest.mark.parametrize(("arm", "junction"), [("west", "j2"), ("east", "j1")])
+def test_all_lights_on_the_way_of_the_ego_to_its_junction_begin_with_green(
+    library: Path, tmp_path: Path, arm: str, junction: str
+):
+    (tmp_path / "two_lights.osm").write_text(TWO_LIGHTS)
+    agents = {"cav1": {"kind": "vehicle", "role": "ego", "arm": arm, "start_m": 150}}
+    road: dict[str, object] = {
+        **AT_JUNCTION,
+        "imported": {"source": "osm", "file": "two_lights.osm"},
+        "at_junction": {"junction": junction, "agents": agents},
+    }
+    (spec,) = compiled_suite(library, tmp_path, road, roads=["imported"]).values()
+    ego, network = spec.ego.place, spec.road.imported
+    assert isinstance(ego, Vehicle)
+    assert isinstance(network, MapNetwork)
+
+    signals = read_imported_streets(network.network).signals
+    lights = [signals[pair] for pair in pairwise(ego.route) if pair in signals]
+    assert [program.find_next_green_s(link, 0.0) for program, link in lights] == [0, 0]
 
 
 def test_an_ego_that_brakes_is_fast_enough_to_brake_late(left_turns: dict[str, dict[str, Spec]]):
