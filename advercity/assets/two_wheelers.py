@@ -40,7 +40,7 @@ _GEAR_RATIO = 2.5
 # Poses repeat after a turn of the cranks, so wheels must look the same after it.
 assert (_GEAR_RATIO * SPOKE_COUNT).is_integer()
 _CRANK_M = 0.165
-FIN_COUNT = 7
+_FIN_COUNT = 7
 _SPORT_LEAN_DEG = 15.0
 """Riders of model motorcycles who lean less are dressed as on a scooter."""
 
@@ -377,6 +377,6 @@ def _build_engine(rear: Float64Array, length: float, scooter: bool) -> list[Tria
 
 def _build_finned_cylinder(foot: Float64Array, head: Float64Array) -> TriangleSurface:
     """Build a cylinder with cooling fins, square as those of most motorcycles."""
-    place = np.linspace(0.0, 1.0, 4 * FIN_COUNT)
-    is_fin = np.arange(4 * FIN_COUNT) % 4 < 2
+    place = np.linspace(0.0, 1.0, 4 * _FIN_COUNT)
+    is_fin = np.arange(4 * _FIN_COUNT) % 4 < 2
     return tube(foot + place[:, None] * (head - foot), np.where(is_fin, 0.14, 0.115), sides=4)

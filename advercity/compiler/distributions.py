@@ -84,7 +84,7 @@ def build_typical_weather(
     try:
         weather = validate_model(Weather, source, data, previous=previous, malformed=malformed)
     except DiagnosticsError as error:
-        # Nobody wrote the typical value, where a bound that is written is wrong, too.
+        # The typical value is not in the file; a wrong bound of it is reported instead.
         reported = {item.value_path for item in invalid}
         others = [item for item in error.diagnostics if item.value_path not in reported]
         raise DiagnosticsError(*others, *invalid) from None
@@ -97,7 +97,7 @@ def _find_invalid_bounds(
     source: ResolvedDeclaration, distributions: Distributions, typical: Mapping[ValuePath, float]
 ) -> Iterator[Diagnostic]:
     """Find the first bound of each distribution at which the weather has errors of its own."""
-    known = _find_problems(source, typical)
+    known = _find_problems(source, typical) if distributions else ()
     # One at a time: combinations of bounds would grow exponentially.
     for value_path, distribution in distributions.items():
         for bound in _get_bounds(distribution):

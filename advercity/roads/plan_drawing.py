@@ -78,8 +78,8 @@ class PlanLabel:
         """Return whether two labels cover each other."""
         left, top, right, bottom = self.box
         other_left, other_top, other_right, other_bottom = other.box
-        beside = right < other_left or other_right < left
-        return not (beside or bottom < other_top or other_bottom < top)
+        is_apart = right < other_left or other_right < left
+        return not (is_apart or bottom < other_top or other_bottom < top)
 
     def leaves(self, width: int, height: int) -> bool:
         """Return whether the label is partly outside an image."""

@@ -35,7 +35,7 @@ bool isOneSurface(SeenSurface around[9], ivec2 middleTexel) {
   return true;
 }
 
-// Radiance of a sample: its own, or that of the middles beside it by how likely they have the same.
+// Radiance of a sample: its own, or that of the adjacent middles by how likely they have the same.
 vec3 radianceAt(ivec2 texel, SeenSurface seen) {
   vec4 own = texelFetch(samplerShaded, lightTexel(texel), 0);
   if (own.a != NO_LIGHT) return own.rgb;
@@ -44,7 +44,7 @@ vec3 radianceAt(ivec2 texel, SeenSurface seen) {
   bool hasPane = paneDepth(texel) > 0.0;
   float weight = 0.0;
   for (int i = 0; i < 4; ++i) {
-    ivec2 middle = middleBeside(texel, i);
+    ivec2 middle = adjacentMiddle(texel, i);
     float facing = max(dot(normal, texelFetch(samplerNormal, middle, 0).xyz), 0.05);
     float likely = facing * facing * similarity(seen, surfaceAt(middle));
     if ((paneDepth(middle) > 0.0) != hasPane) likely *= OTHER_PANE;

@@ -92,11 +92,11 @@ vec3 lampRadiance(Surface s, vec3 towardsEye, vec3 position, vec3 normal) {
   return sum;
 }
 
-// Whether the middle of a pixel beside a sample shows the same surface.
+// Whether an adjacent middle of a pixel shows the same surface as a sample.
 bool hasLightOfMiddle(ivec2 texel) {
   SeenSurface seen = surfaceAt(texel);
   for (int i = 0; i < 4; ++i) {
-    if (similarity(seen, surfaceAt(middleBeside(texel, i))) > 0.0) return true;
+    if (similarity(seen, surfaceAt(adjacentMiddle(texel, i))) > 0.0) return true;
   }
   return false;
 }

@@ -1,14 +1,14 @@
 // Images may have two by two samples in each pixel. Surfaces are drawn at all of them. Light is computed
-// at the first, the middle of the pixel, and at others if no middle beside them shows the same surface
+// at the first, the middle of the pixel, and at others if no adjacent middle shows the same surface
 // (after Chajdas et al. 2011, Subpixel reconstruction antialiasing).
 //
 // So images of surfaces have the samples of a pixel side by side; those of light have the first samples
-// of all pixels side by side, then the second ones beside them, and so on. Needs the camera's buffer.
+// of all pixels side by side, to their right the second ones, and so on. Needs the camera's buffer.
 
 // Depth in images of light where none was computed.
 const float NO_LIGHT = -1.0;
 
-// Samples of a pixel along an axis. The principal point tells: it is half a sample off the middle for two.
+// Samples of a pixel along an axis, from the principal point: it is half a sample off the middle for two.
 int samplesPerAxis() {
   return 1 + int(round(abs(cameraBuffer.projectionMatrix[2][0]) * cameraBuffer.width));
 }

@@ -22,7 +22,7 @@ float similarity(SeenSurface one, SeenSurface other) {
 }
 
 // Middle of one of the up to four pixels around a sample: among the samples.
-ivec2 middleBeside(ivec2 texel, int number) {
+ivec2 adjacentMiddle(ivec2 texel, int number) {
   int samples = samplesPerAxis();
   ivec2 side = ivec2(number % 2, number / 2) * (texel % samples);
   return min(texel / samples + side, pixelCount() - 1) * samples;
