@@ -37,6 +37,7 @@ ROOMS = (
     ("scene",),
     ("rendering",),
     ("sensors",),
+    ("channel",),
     ("dataset",),
     ("viewer",),
     ("pipeline",),

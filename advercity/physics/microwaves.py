@@ -1,4 +1,4 @@
-"""Water at 77 GHz, in the air and on glass: attenuation, and backscatter of drops and flakes.
+"""Water at radio frequencies: attenuation, and at 77 GHz the backscatter of drops and flakes.
 
 Spheres are solved by Mie's series (Bohren and Huffman 1983, chapter 4), with the permittivity of
 water of Liebe, Hufford and Manabe, Int. J. Infrared Millim. Waves 12, 659 (1991), at 10 deg C.
@@ -7,6 +7,7 @@ water of Liebe, Hufford and Manabe, Int. J. Infrared Millim. Waves 12, 659 (1991
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,9 +34,11 @@ _NUM_DIAMETERS = 200
 _SMALLEST_MM = 0.02
 
 
-def water_permittivity(temperature_c: float = 10.0) -> complex:
-    """Compute the relative permittivity of water at 77 GHz; the loss is positive."""
-    theta, frequency = 1.0 - 300.0 / (273.15 + temperature_c), FREQUENCY_HZ / 1e9
+def water_permittivity(
+    temperature_c: float = 10.0, frequency_ghz: float = FREQUENCY_HZ / 1e9
+) -> complex:
+    """Compute the relative permittivity of water; the loss is positive."""
+    theta, frequency = 1.0 - 300.0 / (273.15 + temperature_c), frequency_ghz
     static = 77.66 - 103.3 * theta
     first_ghz = 20.2 + 146.4 * theta + 316.0 * theta**2
     between, high = 0.0671 * static, 3.52 + 7.52 * theta
@@ -46,11 +49,11 @@ def water_permittivity(temperature_c: float = 10.0) -> complex:
     return complex(value.real, abs(value.imag))
 
 
-def fog_attenuation_db_km(water_g_m3: float) -> float:
+def fog_attenuation_db_km(water_g_m3: float, frequency_ghz: float = FREQUENCY_HZ / 1e9) -> float:
     """Compute the attenuation by droplets much smaller than the wavelength (ITU-R P.840-8)."""
-    epsilon = water_permittivity()
+    epsilon = water_permittivity(frequency_ghz=frequency_ghz)
     ratio = (2.0 + epsilon.real) / epsilon.imag
-    return 0.819 * (FREQUENCY_HZ / 1e9) / (epsilon.imag * (1.0 + ratio**2)) * water_g_m3
+    return 0.819 * frequency_ghz / (epsilon.imag * (1.0 + ratio**2)) * water_g_m3
 
 
 def fog_water_g_m3(extinction_per_m: float, droplet_um: float) -> float:
@@ -82,13 +85,79 @@ def compute_echo(sizes: ParticleSizeDistribution, rate_mm_h: float = 0.0) -> Pre
     area_m2 = np.pi / 4.0 * diameter_m**2 * per_m3
     attenuation = DECIBELS_PER_NEPER * 1e3 * float(np.trapezoid(area_m2 * extinction, melted_mm))
     if sizes.kind == "rain" and rate_mm_h:
-        attenuation = rain_attenuation_db_km(rate_mm_h)
+        attenuation = RAIN_COEFFICIENT * rate_mm_h**RAIN_EXPONENT
     return PrecipitationEcho(float(np.trapezoid(area_m2 * back, melted_mm)), attenuation)
 
 
-def rain_attenuation_db_km(rate_mm_h: float) -> float:
-    """Compute the one-way attenuation of rain (ITU-R P.838-3)."""
-    return RAIN_COEFFICIENT * rate_mm_h**RAIN_EXPONENT
+Polarisation = Literal["horizontal", "vertical"]
+_RainCurve = tuple[tuple[tuple[float, float, float], ...], float, float]
+"""Terms a, b and c of each Gaussian, the slope m, and the constant of ITU-R P.838-3."""
+_RAIN_CURVES: dict[Polarisation, tuple[_RainCurve, _RainCurve]] = {
+    "horizontal": (
+        (
+            (
+                (-5.33980, -0.10008, 1.13098),
+                (-0.35351, 1.26970, 0.45400),
+                (-0.23789, 0.86036, 0.15354),
+                (-0.94158, 0.64552, 0.16817),
+            ),
+            -0.18961,
+            0.71147,
+        ),
+        (
+            (
+                (-0.14318, 1.82442, -0.55187),
+                (0.29591, 0.77564, 0.19822),
+                (0.32177, 0.63773, 0.13164),
+                (-5.37610, -0.96230, 1.47828),
+                (16.1721, -3.29980, 3.43990),
+            ),
+            0.67849,
+            -1.95537,
+        ),
+    ),
+    "vertical": (
+        (
+            (
+                (-3.80595, 0.56934, 0.81061),
+                (-3.44965, -0.22911, 0.51059),
+                (-0.39902, 0.73042, 0.11899),
+                (0.50167, 1.07319, 0.27195),
+            ),
+            -0.16398,
+            0.63297,
+        ),
+        (
+            (
+                (-0.07771, 2.33840, -0.76284),
+                (0.56727, 0.95545, 0.54039),
+                (-0.20238, 1.14520, 0.26809),
+                (-48.2991, 0.791669, 0.116226),
+                (48.5833, 0.791459, 0.116479),
+            ),
+            -0.053739,
+            0.83433,
+        ),
+    ),
+}
+
+
+def rain_coefficients(frequency_ghz: float, polarisation: Polarisation) -> tuple[float, float]:
+    """Compute coefficient and exponent of `rain_attenuation_db_km`, from 1 to 1000 GHz."""
+    log = math.log10(frequency_ghz)
+    values = [
+        sum(a * math.exp(-(((log - b) / c) ** 2)) for a, b, c in terms) + slope * log + constant
+        for terms, slope, constant in _RAIN_CURVES[polarisation]
+    ]
+    return 10.0 ** values[0], values[1]
+
+
+def rain_attenuation_db_km(
+    rate_mm_h: float, frequency_ghz: float, *, polarisation: Polarisation
+) -> float:
+    """Compute the one-way attenuation of rain on a level path (ITU-R P.838-3)."""
+    coefficient, exponent = rain_coefficients(frequency_ghz, polarisation)
+    return coefficient * rate_mm_h**exponent
 
 
 def mie_efficiencies(size: Float64Array, index: complex) -> tuple[Float64Array, Float64Array]:

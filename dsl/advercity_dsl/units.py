@@ -37,6 +37,12 @@ UNITS: dict[str, tuple[str, float]] = {
     "GHz": ("frequency", 1e3),
     "dB": ("level", 1.0),
     "dBm": ("power", 1.0),
+    "kbit/s": ("data rate", 1e-3),
+    "Mbit/s": ("data rate", 1.0),
+    "Gbit/s": ("data rate", 1e3),
+    "B": ("data size", 1.0),
+    "kB": ("data size", 1e3),
+    "MB": ("data size", 1e6),
     "%": ("fraction", 0.01),
     "1": ("fraction", 1.0),
 }
@@ -185,6 +191,13 @@ Celsius = Annotated[
 Megahertz = Annotated[_Number, Unit("MHz"), Field(ge=0, le=1e6)]
 Decibels = Annotated[_Number, Unit("dB"), Field(ge=-200, le=200)]
 DecibelMilliwatts = Annotated[_Number, Unit("dBm"), Field(ge=-200, le=200)]
+MegabitsPerSecond = Annotated[
+    _Number,
+    Unit("Mbit/s"),
+    Field(ge=0, le=1e6),
+    RangeReason("a million Mbit/s are beyond any radio", 1e6),
+]
+Bytes = Annotated[_Number, Unit("B"), Field(ge=0, le=1e12)]
 Fraction = Annotated[_Number, Unit("1"), Field(ge=0, le=1)]
 Percent = Annotated[_Number, Unit("%"), Field(ge=0, le=100)]
 

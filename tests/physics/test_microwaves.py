@@ -1,14 +1,18 @@
-"""Water at 77 GHz against published formulas and limits of Mie's series."""
+"""Water at radio frequencies against published formulas and limits of Mie's series."""
 
 import numpy as np
 import pytest
 
 from advercity.physics.microwaves import (
+    RAIN_COEFFICIENT,
+    RAIN_EXPONENT,
+    Polarisation,
     compute_echo,
     fog_attenuation_db_km,
     fog_water_g_m3,
     mie_efficiencies,
     rain_attenuation_db_km,
+    rain_coefficients,
     water_permittivity,
 )
 from advercity.physics.precipitation import rain_size_distribution, snow_size_distribution
@@ -24,14 +28,46 @@ def test_rain_attenuates_and_scatters_as_tabulated(
     echo = compute_echo(rain_size_distribution(rate_mm_h), rate_mm_h)
     assert echo.attenuation_db_km == pytest.approx(attenuation_db_km, abs=0.06)
     assert echo.backscatter_per_m == pytest.approx(backscatter_per_m, rel=0.05)
-    assert rain_attenuation_db_km(rate_mm_h) == echo.attenuation_db_km
+    itu = rain_attenuation_db_km(rate_mm_h, 77.0, polarisation="horizontal")
+    assert echo.attenuation_db_km == pytest.approx(itu, rel=3e-3)
+
+
+@pytest.mark.parametrize(
+    ("frequency_ghz", "polarisation", "coefficient", "exponent"),
+    [
+        (5.0, "horizontal", 0.0002162, 1.6969),
+        (5.0, "vertical", 0.0002428, 1.5317),
+        (6.0, "vertical", 0.0004878, 1.5728),
+        (10.0, "horizontal", 0.01217, 1.2571),
+        (10.0, "vertical", 0.01129, 1.2156),
+        (80.0, "horizontal", 1.1704, 0.7115),
+    ],
+)
+def test_rain_has_the_coefficients_of_the_table_of_itu_r_p_838_3(
+    frequency_ghz: float, polarisation: Polarisation, coefficient: float, exponent: float
+) -> None:
+    found = rain_coefficients(frequency_ghz, polarisation)
+    assert found == pytest.approx((coefficient, exponent), rel=5e-4)
+
+
+def test_the_rain_of_radars_has_the_rounded_coefficients_of_their_frequency() -> None:
+    found = rain_coefficients(77.0, "horizontal")
+    assert found == pytest.approx((RAIN_COEFFICIENT, RAIN_EXPONENT), abs=5e-3)
+
+
+def test_rain_and_fog_cost_a_v2x_link_a_fraction_of_a_decibel_per_km() -> None:
+    """0.000441 x 50 ** 1.580 is 0.213; water at 5.9 GHz has epsilon 78 - 26j or so at 10 deg C."""
+    rain = rain_attenuation_db_km(50.0, 5.9, polarisation="vertical")
+    assert rain == pytest.approx(0.213, abs=0.001)
+    assert fog_attenuation_db_km(0.3, 5.9) < 0.01
 
 
 def test_the_drops_of_mie_attenuate_within_a_third_of_what_itu_has() -> None:
     # Marshall and Palmer have more small drops than the rain that the recommendation was fitted to.
     for rate in (4, 50):
         by_drops = compute_echo(rain_size_distribution(rate)).attenuation_db_km
-        assert by_drops == pytest.approx(rain_attenuation_db_km(rate), rel=0.35)
+        itu = rain_attenuation_db_km(rate, 77.0, polarisation="horizontal")
+        assert by_drops == pytest.approx(itu, rel=0.35)
 
 
 def test_a_fog_of_63_m_costs_a_tenth_of_a_decibel_per_100_m_both_ways() -> None:
