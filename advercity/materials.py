@@ -114,6 +114,9 @@ SNOWFLAKE_ALBEDO = 0.9
 """Visible albedo of a flake seen from nearby, as on a lens."""
 SNOW_REFLECTANCE_905NM = 0.8
 
+TRANSMITTED_BY_LEAVES = 0.4
+"""Diffuse light that leaves let through, relative to what they reflect."""
+
 ACTOR_PAINT = "paint"
 """Placeholder for the material of parts that have the paint of their actor."""
 

@@ -1,26 +1,17 @@
 """What the shaders read of an atmosphere: parameters of the table, and textures of sky and air."""
 
-import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
 from advercity.geometry.arrays import Float32Array, Float64Array
-from advercity.physics import water
 from advercity.physics.atmosphere import Atmosphere
-from advercity.physics.clouds import draw_cloudy_sky
 from advercity.physics.photometry import cubemap_directions, cubemap_solid_angles
+from advercity.rendering.surface_weather import compute_surface_weather
+from advercity.rendering.visible_sky import draw_visible_sky
 from advercity_sapien.shader_table import KILO
 
-CLOUDY_SKY_SIZE = 512
-"""Texels along an edge of the sky's cubemap where it has clouds."""
 DUSK, NIGHT = 0.75, 1.0
 """Parameter of times when lamps light the scene: with light of the sky, and in the dark."""
-NO_WATER_LEVEL = -1.0
-"""Water level below every hollow."""
-RUT_FRACTION = 0.3
-"""Fraction of a lane's width that is rut."""
-RIPPLE_SLOPE, RIPPLE_REFERENCE_RAIN_MM_H = 0.06, 50.0
-"""Root mean square of the slope of puddles' water in rain of that rate."""
 
 COSINE_LOBE_FACTORS = np.pi / np.array([1] + [1.5] * 3 + [4] * 5)
 """Factors by which the cosine lobe reduces each harmonic (Ramamoorthi and Hanrahan 2001)."""
@@ -31,13 +22,7 @@ HARMONIC_NORMS = np.array(
 
 def build_sky_texture(atmosphere: Atmosphere) -> Float32Array:
     """Stack the sky's six cubemap faces n texels wide to (6 n, n, 4), in kcd/m², with clouds."""
-    faces = atmosphere.sky
-    if atmosphere.clouds is not None:
-        drawn = draw_cloudy_sky(atmosphere.clouds, faces, CLOUDY_SKY_SIZE)
-        if atmosphere.cloud_contrast < 1.0:
-            smooth = np.stack([cv2.resize(face, drawn.shape[1:3]) for face in faces])
-            drawn = smooth + np.float32(atmosphere.cloud_contrast) * (drawn - smooth)
-        faces = drawn
+    faces = draw_visible_sky(atmosphere)
     sky = faces.reshape(-1, faces.shape[2], 3) * np.float32(KILO)
     return np.concatenate([sky, np.ones_like(sky[..., :1])], axis=-1)
 
@@ -61,24 +46,17 @@ def compute_light_parameters(atmosphere: Atmosphere) -> dict[str, ArrayLike]:
 
 def compute_air_parameters(atmosphere: Atmosphere) -> dict[str, ArrayLike]:
     """Compute the values of the table's parameters that follow from air and ground, by name."""
-    coverage = atmosphere.puddle_coverage
-    rain = min(1.0, atmosphere.rain_mm_h / RIPPLE_REFERENCE_RAIN_MM_H)
+    weather = compute_surface_weather(atmosphere)
     return {
         "extinction": atmosphere.extinction.at_550nm,
-        "wetness": atmosphere.wetness,
-        "puddle_level": water.puddle_water_level(coverage) if coverage > 0.0 else NO_WATER_LEVEL,
-        "ripple_slope": RIPPLE_SLOPE * rain**0.5,
-        "ice_cover": atmosphere.ice_cover,
-        "snow_depth": atmosphere.snow_depth_m,
-        "snow_between_ruts": _snow_cover_between_ruts(atmosphere),
-        "snow_in_ruts": atmosphere.rut_snow_cover,
+        "wetness": weather.wetness,
+        "puddle_level": weather.puddle_level,
+        "ripple_slope": weather.ripple_slope,
+        "ice_cover": weather.ice_cover,
+        "snow_depth": weather.snow_depth_m,
+        "snow_between_ruts": weather.snow_between_ruts,
+        "snow_in_ruts": weather.snow_in_ruts,
     }
-
-
-def _snow_cover_between_ruts(atmosphere: Atmosphere) -> float:
-    """Compute the snow cover between the ruts that makes up the road's with the cover in them."""
-    in_ruts = RUT_FRACTION * atmosphere.rut_snow_cover
-    return min(1.0, (atmosphere.road_snow_cover - in_ruts) / (1.0 - RUT_FRACTION))
 
 
 def compute_irradiance_harmonics(sky: Float32Array) -> Float64Array:

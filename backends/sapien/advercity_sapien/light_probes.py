@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from advercity.geometry.arrays import Float32Array, Float64Array
 from advercity.geometry.directions import spread_directions
-from advercity.materials import MATERIALS, Texture
+from advercity.materials import MATERIALS, TRANSMITTED_BY_LEAVES, Texture
 from advercity.physics.atmosphere import Atmosphere
 from advercity.physics.photometry import cubemap_directions, cubemap_solid_angles, luminance
 from advercity.rendering.raycaster import MATERIAL_NAMES, Raycaster, RayHits, Rays
@@ -40,8 +40,6 @@ GROUND_CLASSES = (
     Semantic.GROUND,
 )
 MAX_SURFACES_ABOVE_GROUND = 8
-TRANSMITTED_BY_LEAVES = 0.4
-"""Fraction of the sun's light on leaves that shines through them."""
 GROUND_CHANNEL = 3
 _ALBEDO = np.array([MATERIALS[name].albedo for name in MATERIAL_NAMES])
 _IS_LEAF = np.array([MATERIALS[name].texture is Texture.LEAVES for name in MATERIAL_NAMES])

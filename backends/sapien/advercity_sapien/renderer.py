@@ -8,11 +8,12 @@ import sapien
 from numpy.typing import NDArray
 
 from advercity.frames import Frame
-from advercity.geometry.arrays import Float32Array
 from advercity.physics import water
 from advercity.physics.atmosphere import Atmosphere
 from advercity.randomness import create_generator
 from advercity.rendering.backend import CameraCapture, CameraView, RenderProfile
+from advercity.rendering.denoising import denoise
+from advercity.rendering.ground_maps import NO_SHELTER, build_shelter_map, build_wear_map
 from advercity.rendering.light_sources import list_light_sources
 from advercity.world import World
 from advercity_sapien.atmosphere_parameters import (
@@ -24,7 +25,6 @@ from advercity_sapien.atmosphere_parameters import (
 from advercity_sapien.contact_map import ContactMap
 from advercity_sapien.culling import SunShadow, compute_view_frustum
 from advercity_sapien.fog_beams import compute_fog_beam_rows
-from advercity_sapien.ground_maps import NO_SHELTER, build_shelter_map, build_wear_map
 from advercity_sapien.lamp_lists import LampLists
 from advercity_sapien.lamp_shadows import NO_SHADOWS, LampShadows
 from advercity_sapien.light_probes import NO_PROBES, LightProbes, bake_light_probes
@@ -36,19 +36,6 @@ from advercity_sapien.shader_table import KILO, SceneTexels, ShaderTable
 Images = dict[str, NDArray[Any]]
 MAX_RASTER_SAMPLES = 960 * 540 * 4
 """Samples of an image of surfaces; larger ones would need more memory than a small machine has."""
-
-
-def denoise(radiance: Float32Array, albedo: Float32Array, normal: Float32Array) -> Float32Array:
-    """Remove the noise of few samples from an image (h, w, 3) by Intel's Open Image Denoise.
-
-    It runs on the CPU, and gives the same bytes every time. `albedo` (h, w, 3) in [0, 1] and
-    `normal` (h, w, 3) are without noise: they show where materials and shapes change.
-    """
-    # The library takes a while to load, and only images of full quality need it.
-    import pyoidn
-
-    image, albedo, normal = (np.ascontiguousarray(item) for item in (radiance, albedo, normal))
-    return pyoidn.denoise(image, albedo=albedo, normal=normal, hdr=True)
 
 
 class SapienRenderer:

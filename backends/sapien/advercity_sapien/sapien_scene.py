@@ -11,31 +11,27 @@ import sapien
 from numpy.typing import NDArray
 
 from advercity.assets.body_pose import BodyShape, compute_body_pose, compute_wheel_pose
-from advercity.frames import ActorState, Frame, Lamp, Signal
+from advercity.frames import ActorState, Frame, Lamp
 from advercity.geometry.mesh import Mesh, MeshLayer, Wheel
 from advercity.geometry.poses import Matrix, pose_matrix
 from advercity.materials import MATERIALS
-from advercity.rendering.light_sources import signal_lens_position
+from advercity.rendering.lamp_lenses import LENS_KINDS, build_signal_lenses, is_snowless
 from advercity.semantics import Semantic
 from advercity.world import SignalLamp, World
 from advercity_sapien.culling import ANY_PIXEL, FrustumCuller, PixelRange
 from advercity_sapien.leaf_levels import LEAF_MATERIALS, build_levels
 from advercity_sapien.material_textures import MapAxes, MaterialTextures
 from advercity_sapien.shader_bindings import RenderBody, ShaderBindings
-from advercity_sapien.shader_constants import FIRST_SIGNAL_BIT, LensKind
+from advercity_sapien.shader_constants import FIRST_SIGNAL_BIT
 
 PAINT_MATERIAL = "paint"
 """Material of the parts that have the paint of their actor."""
 TWO_SIDED_CLASSES = frozenset({Semantic.VEGETATION})
 """Classes whose surfaces are seen from both sides; SAPIEN draws the front of triangles alone."""
-LENS_KINDS = {kind.name.lower(): kind for kind in LensKind}
-SNOWLESS_MATERIALS = frozenset({"glass", "rubber", "skin", *LENS_KINDS})
-"""Materials that falling snow does not stay on; cloth, too, by its name."""
 MESH_TILE_M, LEAF_TILE_M = 80.0, 32.0
 """Size of the pieces of static meshes; those of leaves are drawn as coarsely as they are far."""
 MAX_TILE_ROWS = 2**20
 """More than any world has."""
-LENS_RADIUS_M, LENS_CORNERS = 0.13, 16
 PARKED_POSE = sapien.Pose([0.0, 0.0, -1e4])
 """Pose of spare bodies: far below anything visible."""
 
@@ -106,10 +102,9 @@ class RenderShapeCache:
         if key not in self._materials:
             known = MATERIALS[name]
             # Emission is free to carry what the shaders need: they compute it from lens and lamps.
-            snowless = name in SNOWLESS_MATERIALS or name.startswith("cloth_")
             is_pane = known.is_transparent and axes is None
             material = sapien.render.RenderMaterial(
-                emission=[float(LENS_KINDS.get(name, 0)), known.texture, snowless, 0.0],
+                emission=[float(LENS_KINDS.get(name, 0)), known.texture, is_snowless(name), 0.0],
                 base_color=[*known.albedo, GLASS_ALPHA if is_pane else 1.0],
                 roughness=known.roughness,
                 metallic=known.metallic,
@@ -139,24 +134,6 @@ def split_into_tiles(mesh: Mesh) -> Iterator[Mesh]:
             normals=None if mesh.normals is None else mesh.normals[used],
             uv=None if mesh.uv is None else mesh.uv[used],
         )
-
-
-def build_signal_lenses() -> tuple[Mesh, ...]:
-    """Build the three lenses of a signal as discs that face along x; yellow is at the origin."""
-    turn = np.arange(LENS_CORNERS) / LENS_CORNERS * 2.0 * np.pi
-    disc = LENS_RADIUS_M * np.stack([np.zeros_like(turn), np.cos(turn), np.sin(turn)], axis=1)
-    corners = np.arange(1, LENS_CORNERS - 1)
-    fan = np.stack([np.zeros_like(corners), corners, corners + 1], axis=1).astype(np.int32)
-    return tuple(
-        Mesh(
-            name=f"lens_{signal.name.lower()}",
-            vertices=np.add(disc, signal_lens_position(signal), dtype=np.float32),
-            triangles=fan,
-            material=f"signal_{signal.name.lower()}",
-            semantic=Semantic.TRAFFIC_LIGHT,
-        )
-        for signal in Signal
-    )
 
 
 def _with_normals(

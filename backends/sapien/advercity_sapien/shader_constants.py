@@ -9,21 +9,21 @@ installed package needs no folder to write to; a test compares them with this de
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from enum import IntEnum
 from pathlib import Path
 
 import numpy as np
 
 from advercity.frames import Lamp, Signal
 from advercity.geometry.arrays import Float64Array
-from advercity.materials import Texture
+from advercity.materials import TRANSMITTED_BY_LEAVES, Texture
 from advercity.physics import water
 from advercity.physics.lamp_beams import FRONT_FOG_BEAM, LENS, LOW_BEAM, LampBeam, LampPattern
 from advercity.physics.scattering import DropletPhaseLobes
+from advercity.rendering.ground_maps import NEUTRAL_WEAR, WEAR_STEPS
+from advercity.rendering.lamp_lenses import LENS_KCD_M2, TAIL_LAMP_KCD_M2, LensKind
 from advercity.rendering.light_sources import FOG_LAMP_HEIGHT_M, LAMP_HEIGHT_M
-from advercity_sapien.atmosphere_parameters import NO_WATER_LEVEL
+from advercity.rendering.surface_weather import NO_WATER_LEVEL
 from advercity_sapien.fog_beams import DROPLET_UM, grid_corners
-from advercity_sapien.ground_maps import NEUTRAL_WEAR, WEAR_STEPS
 from advercity_sapien.lamp_lists import MIRROR_HALF_ANGLE_RAD, NO_ANGLE_LIMIT
 from advercity_sapien.lamp_shadows import (
     BEAM_REACH,
@@ -32,7 +32,7 @@ from advercity_sapien.lamp_shadows import (
     CELLS_PER_ROW,
     LENS_REACH,
 )
-from advercity_sapien.light_probes import LEVEL_HEIGHTS_M, TRANSMITTED_BY_LEAVES
+from advercity_sapien.light_probes import LEVEL_HEIGHTS_M
 from advercity_sapien.shader_table import (
     FOG_BEAM_NODES,
     format_scene_textures_glsl,
@@ -42,20 +42,6 @@ from advercity_sapien.shader_table import (
 SHADER_FOLDER = Path(__file__).parent / "shaders"
 NEAR_M, FAR_M = 0.1, 3000.0
 """Depths between which cameras see."""
-
-
-class LensKind(IntEnum):
-    """Materials that shine when their lamp is lit; a material's emission carries the number."""
-
-    LAMP_WHITE = 1
-    LAMP_RED = 2
-    SIGNAL_RED = 3
-    SIGNAL_YELLOW = 4
-    SIGNAL_GREEN = 5
-    LAMP_AMBER_LEFT = 6
-    LAMP_AMBER_RIGHT = 7
-
-
 FIRST_SIGNAL_BIT = 32
 """Bit of a red signal among a body's lit lamps, then yellow and green; `Lamp` has those below."""
 BEAM_FIELDS: dict[str, Callable[[LampBeam], float]] = {
@@ -124,6 +110,8 @@ def _format_constants() -> Iterator[str]:
             "FOG_LAMP_HEIGHT": _float(FOG_LAMP_HEIGHT_M),
             "LENS_FALLOFF": _float(LENS.falloff),
             "LENS_SIDE_FRACTION": _float(LENS.at_right_angle, 5),
+            "TAIL_LAMP_LUMINANCE": _float(TAIL_LAMP_KCD_M2),
+            **{f"{kind.name}_LUMINANCE": _float(light) for kind, light in LENS_KCD_M2.items()},
         }.items()
     )
 

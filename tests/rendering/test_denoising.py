@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from advercity_sapien.renderer import denoise
+
+from advercity.rendering.denoising import denoise
 
 
 def test_noise_goes_and_light_stays() -> None:

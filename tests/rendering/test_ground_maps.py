@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from advercity_sapien.ground_maps import NEUTRAL_WEAR, build_wear_map
 
+from advercity.rendering.ground_maps import NEUTRAL_WEAR, build_wear_map
 from advercity.roads.lane_segments import LaneSegment
 
 
