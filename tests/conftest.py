@@ -23,8 +23,9 @@ settings.load_profile("untimed")
 OLDER_PROCESSOR = {
     "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA",
     "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX512_SPR",
+    "OPENBLAS_CORETYPE": "Nehalem",
 }
-"""Environment in which glibc and NumPy compute as on a processor without AVX2 and FMA."""
+"""Environment in which glibc, NumPy and OpenBLAS compute as without AVX2 and FMA."""
 
 
 @pytest.fixture

@@ -94,7 +94,8 @@ def _blend_transforms(
     weights: Float32Array, transforms: Float32Array, points: Float32Array
 ) -> tuple[Float32Array, Float32Array]:
     """Blend transforms (n, 3, 4) by weights (n, bones), and apply them to points (n, 3)."""
-    blended = np.tensordot(weights, transforms, axes=1)
+    # Not by a product of matrices: OpenBLAS sums in another order on every kind of processor.
+    blended = np.einsum("nb,bij->nij", weights, transforms)
     moved = np.einsum("nij,nj->ni", blended[..., :3], points) + blended[..., 3]
     return blended, moved
 

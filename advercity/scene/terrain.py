@@ -97,7 +97,7 @@ class EdgeSegments:
         x, y = (points[row] - self.starts[segment, :2]).T
         fraction = np.clip((x * along[:, 0] + y * along[:, 1]) / squared, 0.0, 1.0)
         squared_distance = (x - fraction * along[:, 0]) ** 2 + (y - fraction * along[:, 1]) ** 2
-        order = np.lexsort((segment, squared_distance, row))
+        order = np.lexsort((segment, row))
         best = order[np.unique(row[order], return_index=True)[1]]
         height = self.starts[segment[best], 2] + fraction[best] * self.steps[segment[best], 2]
         return np.sqrt(squared_distance[best]), height

@@ -298,3 +298,11 @@ def test_the_same_road_gives_the_same_meshes(sites: dict[str, Site]) -> None:
         assert first.name == again.name
         np.testing.assert_array_equal(first.vertices, again.vertices)
         np.testing.assert_array_equal(first.triangles, again.triangles)
+
+
+def test_ground_as_near_to_two_edges_keeps_its_height_when_a_place_is_rounded_otherwise():
+    edges = [np.array([[-50.0, y, z], [50.0, y, z]]) for y, z in ((-7.0, 0.0), (7.0, 0.15))]
+    ground = terrain.GroundModel.from_edges(edges)
+    places = np.array([[0.0, 0.0], [0.0, 1e-13], [0.0, -1e-13]])
+    heights = ground.height_at(places)
+    assert np.ptp(heights) < 1e-9

@@ -1,3 +1,5 @@
+import subprocess
+import sys
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -9,6 +11,7 @@ from numpy.typing import NDArray
 
 from advercity.assets.bodies import build_body
 from advercity.assets.model_store import ModelStore
+from advercity.compiler import write_specs
 from advercity.errors import RunError
 from advercity.geometry.mesh import Mesh
 from advercity.pipeline.cache import compute_world_key
@@ -19,6 +22,27 @@ from advercity.semantics import Semantic
 from advercity.world import Body, World
 
 NETWORK = Path("road.net.xml")
+TRIANGLE = Mesh(
+    "ground",
+    np.eye(3, dtype=np.float32),
+    np.array([[0, 1, 2]], np.int32),
+    "grass",
+    Semantic.TERRAIN,
+)
+SAVE_PROGRAM = """
+import sys
+from pathlib import Path
+from advercity.assets.bodies import build_body
+from advercity.compiler import read_spec
+from advercity.scene.build import build_world
+from advercity.scene.world_storage import save_body, save_world
+
+spec, folder = read_spec(Path(sys.argv[1])), Path(sys.argv[2])
+save_world(build_world(spec, Path("road.net.xml")), folder / "world.npz")
+for name in sys.argv[3:]:
+    save_body(build_body(name, spec.blueprints[name]), folder / f"{name}.npz")
+"""
+PEOPLE = ["pedestrian_0001", "pedestrian_0008"]
 
 
 @pytest.fixture(scope="module")
@@ -70,6 +94,21 @@ def test_a_stored_body_is_the_same_body(name: str, spec: Spec, tmp_path: Path):
     assert all(map(are_equal, loaded.parts, body.parts))
 
 
+@pytest.mark.usefixtures("older_processor")
+def test_worlds_and_people_do_not_depend_on_the_processor(spec: Spec, world: World, tmp_path: Path):
+    save_world(world, tmp_path / "world.npz")
+    for name in PEOPLE:
+        save_body(build_body(name, spec.blueprints[name]), tmp_path / f"{name}.npz")
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    write_specs([spec], tmp_path)
+    file = tmp_path / f"{spec.id}.json"
+    subprocess.run([sys.executable, "-c", SAVE_PROGRAM, file, elsewhere, *PEOPLE], check=True)
+    for name in ("world", *PEOPLE):
+        content = (elsewhere / f"{name}.npz").read_bytes()
+        assert content == (tmp_path / f"{name}.npz").read_bytes(), name
+
+
 def test_a_world_of_nothing_can_be_stored(tmp_path: Path):
     save_world(World("empty", (), {}, (), NETWORK), tmp_path / "world.npz")
     loaded = load_world(tmp_path / "world.npz", NETWORK)
@@ -79,22 +118,15 @@ def test_a_world_of_nothing_can_be_stored(tmp_path: Path):
 @pytest.fixture
 def built(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Roads and blueprints that are built, one mesh each, with an empty cache."""
-    mesh = Mesh(
-        "ground",
-        np.eye(3, dtype=np.float32),
-        np.array([[0, 1, 2]], np.int32),
-        "grass",
-        Semantic.TERRAIN,
-    )
     built: list[str] = []
 
     def build_world(spec: Spec, network: Path) -> World:
         built.append(spec.road.id)
-        return World(spec.road.id, (mesh,), {}, (), network)
+        return World(spec.road.id, (TRIANGLE,), {}, (), network)
 
     def build(name: str, blueprint: Blueprint, store: ModelStore) -> Body:
         built.append(name)
-        return Body((mesh,), (1.0, 1.0, 1.0))
+        return Body((TRIANGLE,), (1.0, 1.0, 1.0))
 
     monkeypatch.setenv("ADVERCITY_CACHE", str(tmp_path))
     monkeypatch.setattr("advercity.pipeline.preparation.build_world", build_world)
@@ -146,14 +178,7 @@ def test_triangles_of_vertices_that_are_none_are_no_world(
 ):
     """Renderers would read beyond the end of the vertices."""
     path = tmp_path / "world.npz"
-    triangle = Mesh(
-        "one",
-        np.eye(3, dtype=np.float32),
-        np.array([[0, 1, 2]], np.int32),
-        "grass",
-        Semantic.UNLABELED,
-    )
-    save_world(World("small", (triangle,), {}, (), NETWORK), path)
+    save_world(World("small", (TRIANGLE,), {}, (), NETWORK), path)
     assert load_world(path, NETWORK).static[0].triangles.tolist() == [[0, 1, 2]]
     with np.load(path) as stored:
         arrays = {**stored, **changes}
