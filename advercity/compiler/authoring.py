@@ -13,6 +13,7 @@ from advercity_dsl.weather_components import Sun
 from advercity.atomic_files import write_atomically
 from advercity.compiler.schema import find_schema_file, write_schemas
 from advercity.compiler.source import parse_document
+from advercity.diagnostics import DiagnosticsError
 from advercity.documents import read_text
 from advercity.errors import InputError, report_write_errors
 from advercity.output_files import is_replaceable
@@ -79,31 +80,52 @@ SUN_AT_HEADER = "sun_at:  # found by `advercity solve`"
 
 
 def write_sun_positions(path: Path, suns: Mapping[str, Sun]) -> None:
-    """Replace a weather's `sun_at` by computed suns, by road id, or insert it after `sun`.
+    """Add computed suns to a weather's `sun_at`, by road id, or insert it after `sun`.
 
-    Only these lines of the file change, so that comments and formatting are kept.
+    Nothing that is in the file changes: neither comments nor suns of other roads.
 
     Raises:
-        InputError: `sun` does not begin a line of the file, or the file is not writable.
+        InputError: `sun` does not begin a line of the file, `sun_at` is written in one line or has
+            one of the roads, or the file is not writable.
     """
-    block = [
-        f"  {road}: {{elevation_deg: {sun.elevation_deg:g}, azimuth_deg: {sun.azimuth_deg:g}}}"
-        for road, sun in suns.items()
-    ]
     content = read_text(path)
     newline = "\r\n" if "\r\n" in content else "\n"
     lines = content.removesuffix(newline).split(newline)
-    sun_lines = _find_field_lines(lines, "sun")
-    if sun_lines is None:
-        text = ", ".join(line.strip() for line in block)
-        raise InputError(f"{path}: `sun` does not begin a line; write: sun_at: {{{text}}}")
-    after_sun = sun_lines[1]
-    begin, end = _find_field_lines(lines, "sun_at") or (after_sun, after_sun)
-    text = newline.join([*lines[:begin], SUN_AT_HEADER, *block, *lines[end:], ""])
+    entries = [
+        f"{road}: {{elevation_deg: {sun.elevation_deg:g}, azimuth_deg: {sun.azimuth_deg:g}}}"
+        for road, sun in suns.items()
+    ]
+    place = _place_sun_entries(lines, entries)
+    if place is None:
+        text = ", ".join(entries)
+        raise InputError(
+            f"{path}: `sun` or `sun_at` does not begin a line of its own; write: sun_at: {{{text}}}"
+        )
+    index, added = place
+    text = newline.join([*lines[:index], *added, *lines[index:], ""])
     # A file that the edit would break is left as it is.
-    parse_document(path, text)
+    if problems := parse_document(path, text).diagnostics:
+        raise DiagnosticsError(*problems)
     with report_write_errors():
         write_atomically(path.resolve(), text.encode())
+
+
+def _place_sun_entries(lines: list[str], entries: list[str]) -> tuple[int, list[str]] | None:
+    """Return the index of the line before which entries of `sun_at` go, and their lines.
+
+    None if there is no such place.
+    """
+    former = _find_field_lines(lines, "sun_at")
+    if former is None:
+        sun = _find_field_lines(lines, "sun")
+        return sun and (sun[1], [SUN_AT_HEADER, *(f"  {entry}" for entry in entries)])
+    begin, end = former
+    if lines[begin].removeprefix("sun_at:").partition("#")[0].strip():
+        return None
+    values = (line for line in lines[begin + 1 : end] if line.partition("#")[0].strip())
+    first = next(values, "  ")
+    indent = first[: len(first) - len(first.lstrip())] or "  "
+    return end, [f"{indent}{entry}" for entry in entries]
 
 
 def _find_field_lines(lines: list[str], name: str) -> tuple[int, int] | None:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from advercity.compiler import Library, LibraryEntry, compile_suite
 from advercity.compiler.authoring import write_sun_positions
+from advercity.diagnostics import DiagnosticsError
 from advercity.errors import InputError
 from advercity.geometry.arrays import Float64Array
 from advercity.physics.sky import direction_from_elevation_azimuth
@@ -68,8 +69,9 @@ class SunRequest:
 
     @property
     def known_position(self) -> Sun | None:
-        """Position found earlier, if any."""
-        return self.weather.declaration.sun_at.get(self.spec.road.id)
+        """Position found earlier, or written by hand, if any."""
+        sun = self.weather.declaration.sun_at.get(self.spec.road.id)
+        return None if sun is None or sun.in_view_of is not None else sun
 
     def __str__(self) -> str:
         """Name weather and road."""
@@ -162,17 +164,26 @@ def _compute_visibility(
 
 
 def solve_suns(library: Library, suite: Suite) -> Iterator[str]:
-    """Find all suns that weathers ask for and write them into their files; yield a line on each.
+    """Find the suns that weathers ask for and do not have, and write them; yield a line on each.
+
+    Suns that a weather has, found before or written by hand, are checked and stay.
 
     Raises:
-        InputError: No sun meets a constraint, or a weather's file cannot be written.
+        InputError: No sun meets a constraint, one that a weather has does not, or a weather's file
+            cannot be written.
     """
+    requests = find_sun_requests(library, suite)
+    for known in requests:
+        if known.known_position is not None:
+            yield _check_sun(known, known.known_position)
     by_file: dict[Path, dict[str, Sun]] = {}
-    for sought in find_sun_requests(library, suite):
-        found, road = solve_sun(sought.spec, sought.constraint), sought.spec.road.id
+    for sought in requests:
+        if sought.known_position is not None:
+            continue
+        found = solve_sun(sought.spec, sought.constraint)
         sun = Sun(elevation_deg=found.elevation_deg, azimuth_deg=found.azimuth_deg)
         path = sought.weather.source.find_document(("sun", "in_view_of")).path
-        by_file.setdefault(path, dict(sought.weather.declaration.sun_at))[road] = sun
+        by_file.setdefault(path, {})[sought.spec.road.id] = sun
         yield (
             f"{sought}: elevation {found.elevation_deg:g}, azimuth "
             f"{found.azimuth_deg:g}, in view on {found.visible_fraction:.0%} of the route, "
@@ -189,11 +200,21 @@ def check_suns(library: Library, suite: Suite) -> Iterator[str]:
         InputError: A sun is not in view for long enough, or was never found.
     """
     for sought in find_sun_requests(library, suite):
-        wanted = sought.constraint
         if sought.known_position is None:
             raise InputError(f"{sought}: no sun was found yet; run `advercity solve`")
-        fraction = compute_visible_fraction(sought.spec, sought.known_position, wanted.within_deg)
-        line = f"{sought}: in view on {fraction:.0%} of the route"
-        if fraction < wanted.seen_share:
-            raise InputError(f"{line}, not {wanted.seen_share:.0%}; run `advercity solve` again")
-        yield line
+        yield _check_sun(sought, sought.known_position)
+
+
+def _check_sun(sought: SunRequest, sun: Sun) -> str:
+    """Describe a sun that a weather has; InputError if it is not in view for long enough."""
+    wanted = sought.constraint
+    fraction = compute_visible_fraction(sought.spec, sun, wanted.within_deg)
+    line = f"{sought}: in view on {fraction:.0%} of the route"
+    if fraction >= wanted.seen_share:
+        return line
+    message = f"{line}, not {wanted.seen_share:.0%}"
+    hint = "delete this sun, and `advercity solve` finds another"
+    place = ("sun_at", sought.spec.road.id)
+    raise DiagnosticsError(
+        sought.weather.source.build_diagnostic(place, message, hint=hint, key=True)
+    )

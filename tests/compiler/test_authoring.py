@@ -150,10 +150,24 @@ SUN_AT = (
 )
 
 
+NO_SUNS = "sun_at:  # found by `advercity solve`|"
+WRITTEN_BY_HAND = "sun_at:  # mine|    # measured|    unj: {elevation_deg: 1}  # on 3 May|"
+ADDED = (
+    "    ui: {elevation_deg: 7, azimuth_deg: 180}|    ri: {elevation_deg: 5.5, azimuth_deg: 92}|"
+)
+
+
 @pytest.mark.parametrize("newline", ["\n", "\r\n"])
-@pytest.mark.parametrize("former", ["", SUN_AT, "sun_at:|  unj: {elevation_deg: 1}|"])
+@pytest.mark.parametrize(
+    ("former", "expected"),
+    [
+        ("", SUN_AT),
+        (NO_SUNS, SUN_AT),
+        (WRITTEN_BY_HAND, WRITTEN_BY_HAND + ADDED),
+    ],
+)
 def test_solved_suns_follow_the_sun_and_leave_all_other_lines_as_they_are(
-    tmp_path: Path, former: str, newline: str
+    tmp_path: Path, former: str, expected: str, newline: str
 ) -> None:
     path = tmp_path / "glare.yaml"
     before, after = (
@@ -162,8 +176,19 @@ def test_solved_suns_follow_the_sun_and_leave_all_other_lines_as_they_are(
     )
     path.write_bytes(f"{before}{former}{after}".replace("|", newline).encode())
     write_sun_positions(path, SUNS)
-    expected = f"{before}{SUN_AT}{after}".replace("|", newline).encode()
-    assert path.read_bytes() == expected
+    assert path.read_bytes() == f"{before}{expected}{after}".replace("|", newline).encode()
+
+
+@pytest.mark.parametrize(
+    "written", ["sun_at: {unj: {elevation_deg: 1}}", "sun_at:\n  ui: {elevation_deg: 1}  # mine"]
+)
+def test_suns_that_cannot_be_added_leave_the_file_as_it_is(tmp_path: Path, written: str) -> None:
+    path = tmp_path / "glare.yaml"
+    content = f"kind: weather\nsun: {{in_view_of: ego}}\n{written}\n"
+    path.write_text(content)
+    with pytest.raises(InputError, match=r"glare\.yaml"):
+        write_sun_positions(path, SUNS)
+    assert path.read_text() == content
 
 
 def test_suns_of_a_weather_without_one_of_its_own_are_shown_and_not_written(
@@ -171,6 +196,8 @@ def test_suns_of_a_weather_without_one_of_its_own_are_shown_and_not_written(
 ) -> None:
     path = tmp_path / "glare.yaml"
     path.write_text("{kind: weather, sun: {elevation_deg: 5}}\n")
-    with pytest.raises(InputError, match=r"`sun` does not begin a line; write: sun_at: \{ui: \{el"):
+    with pytest.raises(
+        InputError, match=r"`sun` or `sun_at` does not .* write: sun_at: \{ui: \{el"
+    ):
         write_sun_positions(path, SUNS)
     assert path.read_text() == "{kind: weather, sun: {elevation_deg: 5}}\n"

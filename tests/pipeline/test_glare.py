@@ -1,6 +1,8 @@
 """The low sun of `glare_day` is where the ego looks, and nothing hides it."""
 
 import math
+import re
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -8,12 +10,12 @@ import pytest
 from advercity_dsl import Spec
 from advercity_dsl.weather_components import Sun
 
-from advercity.compiler import find_shipped_library, find_weather
-from advercity.compiler.authoring import write_sun_positions
+from advercity.compiler import find_shipped_library, find_weather, load_library
+from advercity.compiler.crossing import find_suite
 from advercity.errors import InputError
 from advercity.physics.sky import direction_from_elevation_azimuth
 from advercity.pipeline.agent_poses import AgentPoses
-from advercity.pipeline.glare import compute_visible_fraction, solve_sun
+from advercity.pipeline.glare import compute_visible_fraction, solve_sun, solve_suns
 from advercity.pipeline.preparation import load_or_build_world, load_or_simulate_traffic
 from advercity.rendering.raycaster import Raycaster, Rays
 
@@ -74,17 +76,31 @@ def test_a_sun_behind_the_ego_is_not_visible(specs: dict[str, Spec]) -> None:
     assert compute_visible_fraction(specs["rsnj_glare_day_sparse"], behind, 60.0) == 0.0
 
 
-def test_found_suns_are_written_where_others_were_and_comments_stay(tmp_path: Path) -> None:
-    path = tmp_path / "glare_day.yaml"
-    shipped = (find_shipped_library() / "nhtsa" / "weather" / "glare_day.yaml").read_text()
-    path.write_text(shipped)
-    write_sun_positions(path, {"ui": Sun(elevation_deg=7, azimuth_deg=183.5)})
-    assert find_weather(str(path)).declaration.sun_at["ui"].azimuth_deg == 183.5
-    kept = [line for line in shipped.splitlines() if not line.startswith("  ")]
-    assert [line for line in path.read_text().splitlines() if not line.startswith("  ")] == kept
-    path.write_text("kind: weather\nid: a\ntime: day\nsun: {in_view_of: ego}\nsky: {oktas: 0}\n")
-    write_sun_positions(path, {"ui": Sun(elevation_deg=7, azimuth_deg=183.5)})
-    assert find_weather(str(path)).declaration.sun_at["ui"].elevation_deg == 7
-    path.write_text("{kind: weather, id: a, time: day, sun: {in_view_of: ego}}\n")
-    with pytest.raises(InputError, match="does not begin a line"):
-        write_sun_positions(path, {"ui": Sun(elevation_deg=7, azimuth_deg=183.5)})
+def test_solve_keeps_the_suns_that_are_written_and_finds_the_others(tmp_path: Path) -> None:
+    folder = tmp_path / "library"
+    shutil.copytree(find_shipped_library(), folder)
+    path = folder / "nhtsa" / "weather" / "glare_day.yaml"
+    shipped = path.read_text()
+    found = next(line for line in shipped.splitlines() if line.startswith("  rsnj:"))
+    mine = shipped.replace(f"{found}\n", "").replace("oktas: 0}", "oktas: 0}  # mine")
+    path.write_text(mine)
+    library = load_library(folder)
+    solved = list(solve_suns(library, find_suite(library, folder, suite=None)))
+    assert len(solved) == 5
+    added = [line for line in path.read_text().splitlines() if line not in mine.splitlines()]
+    assert added == [found]
+    assert [line for line in path.read_text().splitlines() if line != found] == mine.splitlines()
+
+
+def test_a_hand_written_sun_that_does_not_shine_into_the_camera_is_an_error_and_stays(
+    tmp_path: Path,
+) -> None:
+    folder = tmp_path / "library"
+    shutil.copytree(find_shipped_library(), folder)
+    path = folder / "nhtsa" / "weather" / "glare_day.yaml"
+    mine = re.sub("  ui: .*", "  ui: {elevation_deg: 5, azimuth_deg: 0}  # mine", path.read_text())
+    path.write_text(mine)
+    library = load_library(folder)
+    with pytest.raises(InputError, match=r"glare_day\.yaml:14:.* delete this sun"):
+        list(solve_suns(library, find_suite(library, folder, suite=None)))
+    assert path.read_text() == mine
