@@ -39,7 +39,7 @@ ROOMS = (
     ("sensors",),
     ("channel",),
     ("dataset",),
-    ("viewer",),
+    ("viewer", "study"),
     ("pipeline",),
     ("api", "testing"),
     ("cli",),

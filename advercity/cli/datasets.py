@@ -95,6 +95,39 @@ def stats(
 
 
 @commands.command()
+def study(
+    recordings: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="[NAME=]FOLDER...",
+            help="Datasets, folders of KITTI, nuScenes, CADC, Boreas, ACDC, or of pictures.",
+        ),
+    ],
+    output: Annotated[
+        Path, typer.Option(help="Folder for tables and plots.", file_okay=False)
+    ] = Path("study"),
+    network: Annotated[
+        str, typer.Option(help="efficientnet-lite0, or an ONNX file with other features.")
+    ] = "efficientnet-lite0",
+    limit: Annotated[
+        int, typer.Option(min=4, help="Pictures and LiDAR sweeps of each folder at most.")
+    ] = 200,
+) -> None:
+    """Compare datasets with real ones: pictures by features, LiDAR by statistics."""
+    from advercity.study.recordings import open_recordings
+    from advercity.study.report import write_study
+
+    opened = [recording.thin(limit) for recording in open_recordings(recordings)]
+    for recording in opened:
+        print_remark(
+            f"{recording.name}: {recording.layout}, {len(recording.picture_loaders)} pictures,"
+            f" {len(recording.sweep_loaders)} sweeps"
+        )
+    write_study(opened, output, network=network)
+    print_data(str(output))
+
+
+@commands.command()
 def video(
     dataset: DatasetArgument,
     output: Annotated[Path, typer.Option(help="Folder for the videos.", file_okay=False)] = Path(

@@ -1,0 +1,1 @@
+"""How far generated recordings are from real ones: pictures by features, LiDAR by statistics."""
