@@ -113,7 +113,10 @@ def study(
         int, typer.Option(min=4, help="Pictures and LiDAR sweeps of each folder at most.")
     ] = 200,
 ) -> None:
-    """Compare datasets with real ones: pictures by features, LiDAR by statistics."""
+    """Compare datasets with real recordings.
+
+    Pictures by features of a network, LiDAR sweeps by statistics.
+    """
     from advercity.study.recordings import open_recordings
     from advercity.study.report import write_study
 
