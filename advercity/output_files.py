@@ -1,4 +1,4 @@
-"""Files that a command makes where its user says: plans, sheets, videos, tables, recordings.
+"""Files and links that a command makes where its user says: plans, sheets, videos, tables, splits.
 
 Such a file replaces no other than one that the program wrote and that is unchanged since. These are
 known by their checksums, which are recorded in the user's data folder: not in the files, since a
@@ -8,7 +8,7 @@ mark in them would outlive a user's changes, and tables have no place for one.
 import hashlib
 import math
 import os
-from collections.abc import Generator, Iterable
+from collections.abc import Generator, Iterable, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -90,6 +90,43 @@ def is_replaceable(path: Path, digest: str | None = None) -> bool:
         found = _compute_digest(path)
         return found == digest or found in _load_digests()
     return False
+
+
+def check_link(path: Path, target: str | None = None) -> None:
+    """Raise an InputError if a path is neither free nor a link that the program made.
+
+    Args:
+        path: Link to be made or removed.
+        target: What it is to lead to; a link that does already is no loss.
+    """
+    if path.is_symlink():
+        found = str(path.readlink())
+        if found == target or _compute_target_digest(found) in _load_digests():
+            return
+    elif not os.path.lexists(path):
+        return
+    raise InputError(
+        f"{path}: exists, and there is no record that advercity made this link;"
+        " rename or delete it, or write elsewhere"
+    )
+
+
+def make_links(links: Mapping[Path, str]) -> None:
+    """Make links, in place of others that `check_link` allows to replace.
+
+    Raises:
+        OSError: A link cannot be made.
+    """
+    _record_digests(map(_compute_target_digest, links.values()))
+    for path, target in links.items():
+        if path.is_symlink() and str(path.readlink()) != target:
+            path.unlink()
+        if not path.is_symlink():
+            path.symlink_to(target)
+
+
+def _compute_target_digest(target: str) -> str:
+    return hashlib.sha256(b"link to " + os.fsencode(target)).hexdigest()
 
 
 def _compute_digest(path: Path) -> str:

@@ -15,6 +15,7 @@ from advercity.compiler.model_locks import (
     find_inherited_model,
     find_lock_file,
     find_locked_model,
+    read_lock,
 )
 from advercity.errors import RunError
 
@@ -31,7 +32,7 @@ def build_locks(library: Library, store: ModelStore) -> dict[Path, str]:
     Users' GLB files are added to the store. What is not installed keeps its locked checksum.
 
     Raises:
-        InputError: A GLB file cannot be read, or a lock is damaged.
+        InputError: A GLB file cannot be read, or a lock is damaged or another file.
         RunError: A model is neither installed nor locked, or cannot be converted.
     """
     texts: dict[Path, str] = {}
@@ -45,7 +46,10 @@ def build_locks(library: Library, store: ModelStore) -> dict[Path, str]:
         if models:
             packages = {store.package.name: store.package.sha256}
             lock = ModelLock(conversion=CONVERSION_VERSION, packages=packages, models=models)
-            texts[find_lock_file(source.document.path)] = lock.to_json()
+            path = find_lock_file(source.document.path)
+            # The text replaces the file, which may be another than a lock.
+            read_lock(path)
+            texts[path] = lock.to_json()
     return texts
 
 

@@ -131,7 +131,7 @@ class ModelStore:
         self.remove_converted_models()
 
     def add_model(self, path: Path) -> str:
-        """Store a user's GLB and return its SHA-256.
+        """Store a user's GLB, in place of a damaged copy of it if need be; return its SHA-256.
 
         Raises:
             InputError: It cannot be read, or is not a GLB.
@@ -143,7 +143,9 @@ class ModelStore:
         if not content.startswith(b"glTF"):
             raise InputError(f"{path}: is not a GLB file; export the model as binary glTF")
         digest = hashlib.sha256(content).hexdigest()
-        self._write_once(self._user_model_path(digest), lambda: content)
+        stored = self._user_model_path(digest)
+        if not stored.is_file() or _compute_file_digest(stored) != digest:
+            _write_file(stored, content)
         return digest
 
     def prepare_model(self, blueprint: Blueprint) -> Path | None:
@@ -223,7 +225,12 @@ class ModelStore:
             source = load_source_model(self._package_folder, model.pack)
             check_licence(model, source)
             return read_obj(source.obj, source.files)
-        return read_glb(self._user_model_path(str(model.sha256)).read_bytes(), str(model.file))
+        path = self._user_model_path(str(model.sha256))
+        if _compute_file_digest(path) != model.sha256:
+            raise RunError(
+                f"{path}: is damaged; `advercity assets add` with {model.file} renews it"
+            )
+        return read_glb(path.read_bytes(), str(model.file))
 
     def _project_images(self, path: Path, model: BodyModel, size: Size) -> bytes:
         converted = read_glb(path.read_bytes(), path.name)
@@ -250,11 +257,7 @@ class ModelStore:
         """Write a file atomically, unless it exists; other processes may write the same one."""
         if path.is_file():
             return
-        content = make()
-        try:
-            write_atomically(path, content)
-        except OSError as error:
-            raise RunError(f"{path}: cannot be written: {describe_cause(error)}") from error
+        _write_file(path, make())
 
     @property
     def _people_folder(self) -> Path:
@@ -266,6 +269,18 @@ class ModelStore:
 
     def _user_model_path(self, digest: str) -> Path:
         return self.folder / "own" / f"{digest}.glb"
+
+
+def _write_file(path: Path, content: bytes) -> None:
+    try:
+        write_atomically(path, content)
+    except OSError as error:
+        raise RunError(f"{path}: cannot be written: {describe_cause(error)}") from error
+
+
+def _compute_file_digest(path: Path) -> str:
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def _list_stored_models(folder: Path) -> list[Path]:

@@ -69,7 +69,7 @@ def lock(
         if check:
             raise RunError(f"{path}: differs from the models on this machine")
         with report_write_errors():
-            write_atomically(path, text.encode())
+            write_atomically(path.resolve(), text.encode())
         print_data(str(path))
     print_remark(f"{len(texts)} locks are current")
 

@@ -15,7 +15,7 @@ from typing import Literal
 from advercity_dsl import Id, Model, Spec
 from pydantic import TypeAdapter, ValidationError
 
-from advercity.atomic_files import move_file, write_atomically, write_file
+from advercity.atomic_files import move_file, write_file
 from advercity.dataset.manifest import Manifest, compute_spec_digest
 from advercity.dataset.partial_files import (
     find_partial_file,
@@ -31,6 +31,7 @@ from advercity.dataset.scenario_folders import (
 )
 from advercity.documents import MAX_JSON_BYTES, parse_json, read_bytes
 from advercity.errors import InputError, RunError, describe_cause
+from advercity.output_files import check_link, check_output, make_links, write_output
 
 INDEX_FILE = "index.json"
 
@@ -226,8 +227,8 @@ def link_splits(
     Nothing is copied. Calling it again updates the links.
 
     Raises:
-        InputError: A road belongs to no split, or to two, or `output` has another `splits.json`, or
-            something else in place of a link; nothing is changed then.
+        InputError: A road belongs to no split, or to two, or `output` has a `splits.json` or a link
+            that was not made by this, or something else there; nothing is changed then.
         RunError: The links cannot be made.
     """
     split_of = _map_roads_to_splits(roads)
@@ -255,50 +256,28 @@ def _map_roads_to_splits(roads: Mapping[str, Sequence[str]]) -> dict[str, str]:
 
 
 def _link_folders(folders: dict[str, Path], found: dict[str, list[str]], output: Path) -> None:
-    former = _load_splits(output)
-    old = {output / split / name for split in found for name in former.get(split, ())}
+    path, content = output / SPLITS_FILE, json.dumps(found, indent=1).encode() + b"\n"
+    check_output(path, hashlib.sha256(content).hexdigest())
     links = {
         # Relative, so that dataset and splits can be moved together.
         output / split / name: os.path.relpath(folders[name].resolve(), (output / split).resolve())
         for split, names in found.items()
         for name in names
     }
-    for link, target in links.items():
-        if link not in old and os.path.lexists(link) and not _is_link_to(link, target):
-            raise InputError(f"{link}: exists, and is no link of a split; rename or delete it")
+    former = _load_splits(path)
+    stale = {output / split / name for split, names in former.items() for name in names} - {*links}
+    for link in (*links, *stale):
+        check_link(link, links.get(link))
     for split in found:
         (output / split).mkdir(parents=True, exist_ok=True)
-    for link in old:
+    for link in stale:
         link.unlink(missing_ok=True)
-    for link, target in links.items():
-        if not _is_link_to(link, target):  # else of a call that was cut short
-            link.symlink_to(target)
-    write_atomically(output / SPLITS_FILE, json.dumps(found, indent=1).encode() + b"\n")
+    make_links(links)
+    write_output(path, content)
 
 
-def _is_link_to(path: Path, target: str) -> bool:
-    return path.is_symlink() and str(path.readlink()) == target
-
-
-def _is_scenario_link(path: Path) -> bool:
-    return path.is_symlink() and path.readlink().name == path.name
-
-
-def _load_splits(output: Path) -> dict[str, list[str]]:
-    """Load the scenarios that were linked last, by split; empty if none were.
-
-    Raises:
-        InputError: The file is not of this function.
-    """
-    path = output / SPLITS_FILE
-    with suppress(InputError, ValidationError):
-        try:
-            raw = read_bytes(path, max_bytes=MAX_JSON_BYTES)
-        except FileNotFoundError:
-            return {}
-        found = _SPLITS.validate_python(parse_json(raw, path))
-        links = {split: [Path(name).name for name in names] for split, names in found.items()}
-        listed = [output / split / name for split in links for name in links[split]]
-        if links and all(_is_scenario_link(path) for path in listed):
-            return links
-    raise InputError(f"{path}: does not list links of splits; rename or delete it")
+def _load_splits(path: Path) -> dict[str, list[str]]:
+    """Load the scenarios that were linked last, by split; empty if none were."""
+    with suppress(OSError, InputError, ValidationError):
+        return _SPLITS.validate_python(parse_json(read_bytes(path, max_bytes=MAX_JSON_BYTES), path))
+    return {}

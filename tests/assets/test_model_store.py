@@ -324,6 +324,22 @@ def test_an_inside_out_model_is_turned_outward(shelf: ModelStore, tmp_path: Path
         assert (np.einsum("ij,ij->i", normal, corners.mean(axis=1) - (0, 0, 0.5)) > 0).all()
 
 
+def test_a_damaged_model_of_a_user_is_reported_and_renewed_by_adding_it_again(
+    shelf: ModelStore, tmp_path: Path
+):
+    path = tmp_path / "own.glb"
+    path.write_bytes(to_glb(read_obj(car_obj(), {})))
+    digest = shelf.add_model(path)
+    stored = shelf.folder / "own" / f"{digest}.glb"
+    stored.write_bytes(path.read_bytes()[:-1] + b"\1")
+    model = BodyModel(file=path.name, sha256=digest, author="Me", licence="CC0-1.0")
+    with pytest.raises(RunError, match=rf"{digest}\.glb: is damaged; `advercity assets add`"):
+        shelf.prepare_model(blueprint(model))
+    shelf.add_model(path)
+    assert stored.read_bytes() == path.read_bytes()
+    assert shelf.prepare_model(blueprint(model)) is not None
+
+
 def test_a_heavy_model_is_simplified_and_keeps_its_shape(shelf: ModelStore, tmp_path: Path):
     ball = trimesh.creation.icosphere(subdivisions=5, radius=1.0)
     ball.apply_scale((2.22, 0.9, 0.75))

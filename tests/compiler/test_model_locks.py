@@ -11,6 +11,7 @@ from advercity.assets.locking import build_locks
 from advercity.assets.model_conversion import CONVERSION_VERSION
 from advercity.assets.model_store import ModelStore
 from advercity.assets.packages import FURNITURE
+from advercity.cli.assets import lock as write_locks
 from advercity.compiler import load_library, to_json
 from advercity.compiler.crossing import compile_library
 from advercity.compiler.model_locks import compute_declared_digest
@@ -142,6 +143,36 @@ def test_a_catalogue_that_extends_another_locks_its_own_models_alone(
     assert list(own["models"]) == ["long"]
     (spec,) = compile_library(folder)
     assert set(spec.assets) == {"model/borrowed", "model/long", "model/saloon", EZ_TREE.asset}
+
+
+def test_a_file_that_is_no_lock_is_not_replaced_by_one(write: Write, tmp_path: Path) -> None:
+    folder, store = write_modelled(write), ModelStore(tmp_path / "store")
+    lock(folder, store, borrowed="ab" * 32)
+    longer = CATALOGUE.partition("  borrowed")[0].replace("4.9", "4.95")
+    text = longer.replace("id: one_car\nego: saloon", "id: more\nextends: one_car")
+    (folder / "more.yaml").write_text(
+        text.replace("    model: {file: box.glb, author: Me, licence: MIT}\n", "")
+    )
+    mine = folder / "more.lock.json"
+    mine.write_text('{"mine": 1}')
+    with pytest.raises(InputError, match=r"more\.lock\.json: is not a lock of models"):
+        lock(folder, store)
+    mine.unlink()
+    lock(folder, store)
+    assert list(json.loads(mine.read_text())["models"]) == ["saloon"]
+
+
+def test_a_lock_is_written_where_a_link_leads(write: Write, tmp_path: Path) -> None:
+    folder = write_modelled(write, CATALOGUE.partition("  borrowed")[0])
+    shared, link = tmp_path / "shared.json", folder / "catalogue.lock.json"
+    write_locks([folder], check=False)
+    current = link.read_text()
+    link.unlink()
+    shared.write_text(current.replace('"saloon"', '"other"'))
+    link.symlink_to(shared)
+    write_locks([folder], check=False)
+    assert link.is_symlink()
+    assert shared.read_text() == current
 
 
 @pytest.mark.parametrize("text", ["{", "[]", '{"models": {}}'])

@@ -286,16 +286,14 @@ def test_files_of_others_among_the_parts_of_a_store_stay(
     assert found == precious.keys()
 
 
-def test_what_a_machine_left_of_a_part_is_removed_from_a_store_and_no_other_file(
-    scenario: Path, spec: Spec, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    store, folder = DatasetStore(str(tmp_path / "store")), tmp_path / "store" / spec.id
-    shared = SharedScenario(store, spec, identify(spec), LENGTH)
-    shared.begin(fresh=False)
+def upload_some_files(
+    store: DatasetStore, scenario: Path, count: int, monkeypatch: pytest.MonkeyPatch
+) -> list[str]:
+    """Upload a part from a machine that stops after so many files; return their paths."""
     write, written = store.write, list[str]()
 
     def write_some(path: str, content: bytes) -> None:
-        if len(written) == 5:
+        if len(written) == count:
             raise RunError("the machine stops")
         written.append(path)
         write(path, content)
@@ -303,6 +301,16 @@ def test_what_a_machine_left_of_a_part_is_removed_from_a_store_and_no_other_file
     with monkeypatch.context() as patched, pytest.raises(RunError, match="stops"):
         patched.setattr(store, "write", write_some)
         upload_part(store, scenario)
+    return written
+
+
+def test_what_a_machine_left_of_a_part_is_removed_from_a_store_and_no_other_file(
+    scenario: Path, spec: Spec, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store, folder = DatasetStore(str(tmp_path / "store")), tmp_path / "store" / spec.id
+    shared = SharedScenario(store, spec, identify(spec), LENGTH)
+    shared.begin(fresh=False)
+    written = upload_some_files(store, scenario, 5, monkeypatch)
     changed = written.pop().removeprefix(f"{spec.id}/")
     precious = add(folder, "103/000061_objects.json", "notes.txt", changed)
     assert shared.finish().frames == ()
@@ -318,17 +326,7 @@ def test_verifying_a_store_tells_unfinished_files_from_those_of_others(
 ) -> None:
     store = DatasetStore(str(tmp_path / "store"))
     SharedScenario(store, spec, identify(spec), LENGTH).begin(fresh=False)
-    write, written = store.write, list[str]()
-
-    def write_some(path: str, content: bytes) -> None:
-        if len(written) == 4:
-            raise RunError("the machine stops")
-        written.append(path)
-        write(path, content)
-
-    with monkeypatch.context() as patched, pytest.raises(RunError, match="stops"):
-        patched.setattr(store, "write", write_some)
-        upload_part(store, scenario)
+    written = upload_some_files(store, scenario, 4, monkeypatch)
     _, *uploaded, changed = (path.removeprefix(f"{spec.id}/") for path in written)
     mine = ["+101/000061_objects.json", "102/000061.pcd", changed, "notes.txt"]
     add(tmp_path / "store" / spec.id, *mine)

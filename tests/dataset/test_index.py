@@ -9,7 +9,13 @@ from pathlib import Path
 import pytest
 from advercity_dsl import Spec
 
-from advercity.dataset.index import INDEX_FILE, DatasetIndex, IndexWriter, link_splits
+from advercity.dataset.index import (
+    INDEX_FILE,
+    PUBLISHED_SPLITS,
+    DatasetIndex,
+    IndexWriter,
+    link_splits,
+)
 from advercity.dataset.reader import open_dataset
 from advercity.dataset.remote import verify_store
 from advercity.dataset.verification import verify_dataset
@@ -236,25 +242,29 @@ def test_links_and_files_of_others_stay_in_a_split(two_roads: Path, tmp_path: Pa
     assert len(list((tmp_path / "test").iterdir())) == 1
 
 
-@pytest.mark.parametrize("text", ['{"train": ["mine"], "test": []}', "{}", "[1]", "mine"])
+@pytest.mark.parametrize(
+    "text", ['{"train": ["mine"], "test": []}', '{"train": [], "test": []}', "{}", "[1]", "mine"]
+)
 def test_a_list_of_splits_of_others_stays(two_roads: Path, tmp_path: Path, text: str) -> None:
     (tmp_path / "splits.json").write_text(text)
-    with pytest.raises(InputError, match=r"splits\.json: does not list links of splits; rename"):
+    with pytest.raises(InputError, match=r"splits\.json: exists, and there is no record"):
         link_splits(two_roads, tmp_path)
     assert (tmp_path / "splits.json").read_text() == text
 
 
+@pytest.mark.parametrize("target", ["../mine", "../elsewhere/ui_clear_night_dense"])
+@pytest.mark.parametrize("roads", [PUBLISHED_SPLITS, {"train": ["ui"], "test": ["rcnj"]}])
 def test_a_link_to_something_else_stays_where_one_of_a_split_was(
-    two_roads: Path, tmp_path: Path
+    two_roads: Path, tmp_path: Path, target: str, roads: dict[str, list[str]]
 ) -> None:
     link_splits(two_roads, tmp_path)
-    (tmp_path / "mine").mkdir()
     link = tmp_path / "test" / "ui_clear_night_dense"
     link.unlink()
-    link.symlink_to("../mine")
-    with pytest.raises(InputError, match=r"splits\.json: does not list links of splits; rename"):
-        link_splits(two_roads, tmp_path)
-    assert str(link.readlink()) == "../mine"
+    link.symlink_to(target)
+    with pytest.raises(InputError, match=f"^{link}: exists, and there is no record .* this link"):
+        link_splits(two_roads, tmp_path, roads)
+    assert str(link.readlink()) == target
+    assert (tmp_path / "validate" / "rcnj_fog_day_sparse").is_symlink()
 
 
 def test_a_file_in_place_of_a_link_is_named(two_roads: Path, tmp_path: Path) -> None:
@@ -262,7 +272,9 @@ def test_a_file_in_place_of_a_link_is_named(two_roads: Path, tmp_path: Path) -> 
     mine = tmp_path / "test" / "ui_clear_night_dense"
     mine.write_text("mine")
     for _ in range(2):
-        with pytest.raises(InputError, match=f"^{mine}: exists, and is no link of a split; rename"):
+        with pytest.raises(
+            InputError, match=f"^{mine}: exists, and there is no record .* this link"
+        ):
             link_splits(two_roads, tmp_path)
         assert list(tmp_path.rglob("*")) == [mine.parent, mine]
     assert mine.read_text() == "mine"
@@ -287,7 +299,7 @@ def test_a_doctored_list_of_splits_deletes_no_link_elsewhere(
     mine.symlink_to(two_roads)
     text = json.dumps({"../mine": ["link"], "test": ["../../mine/link"]})
     (output / "splits.json").write_text(text)
-    with pytest.raises(InputError, match="does not list links of splits"):
+    with pytest.raises(InputError, match="exists, and there is no record"):
         link_splits(two_roads, output)
     assert mine.is_symlink()
 
