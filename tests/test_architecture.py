@@ -28,7 +28,7 @@ ROOMS = (
     ("geometry", "randomness"),
     ("physics",),
     ("frames",),
-    ("roads",),
+    ("roads", "recordings"),
     ("world",),
     ("conflicts",),
     ("compiler",),

@@ -57,6 +57,7 @@ OPTION_PARAMETERS = (
         "output",
     ),
     *("profile", "ray_address", "rrd", "scale", "stream", "suite", "web"),
+    *("connected", "ego", "from", "map", "name", "offset", "to", "turn"),
 )
 _QUOTED_PARAMETER = re.compile(f"`({'|'.join(OPTION_PARAMETERS)})`")
 

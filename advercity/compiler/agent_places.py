@@ -81,7 +81,7 @@ def complete_routes(road: Road) -> Road:
     vehicles = {
         name: agent
         for name, agent in road.agents.items()
-        if isinstance(agent, Vehicle) and not agent.route
+        if isinstance(agent, Vehicle) and not agent.route and agent.track is None
     }
     if not vehicles:
         return road
@@ -118,6 +118,8 @@ def find_place_problems(road: Road) -> Iterator[Problem]:
             yield from _find_distance_problems(
                 lanes, name, "position_m", agent.position_m[:2], MAX_ROADSIDE_DISTANCE_M
             )
+            continue
+        if agent.track is not None:
             continue
         problems = [
             *_find_distance_problems(lanes, name, "spawn_m", agent.spawn_m, MAX_LANE_DISTANCE_M),

@@ -295,7 +295,9 @@ def _assign_crash_groups(
             for name in matching:
                 if group not in groups[name]:
                     groups[name].append(group)
-    for name in (name for name, assigned in groups.items() if not assigned):
+    # Recorded traffic stages nothing, whatever its road.
+    simulated = {name for name, road in roads.items() if road.trajectories is None}
+    for name in (name for name, assigned in groups.items() if name in simulated and not assigned):
         message = "no selected typology requires this kind of road"
         hint = "remove the road from the suite, or change the suite's selection or coverage"
         diagnostics.append(library.build_diagnostic(roads[name], "id", message=message, hint=hint))

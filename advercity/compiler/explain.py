@@ -22,6 +22,7 @@ DERIVATION_RULES = {
     "assets": "checksums in the lock of the catalogue, and of photographs",
     "caution": "from the tables of the drivers, by the weather",
     "road.imported": "built from the map that the road names",
+    "road.trajectories": "taken from the table that the road names",
     "provenance": "written by the compiler",
 }
 """Rules for derived values, by the beginning of their paths."""

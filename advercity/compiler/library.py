@@ -16,7 +16,9 @@ from advercity_dsl import (
     Declaration,
     MapFile,
     Road,
+    TrajectoryFile,
     Typology,
+    Vehicle,
     Weather,
     get_declaration_kind,
 )
@@ -45,6 +47,7 @@ from advercity.diagnostics import Diagnostic, DiagnosticsError
 from advercity.digests import compute_json_digest
 from advercity.documents import MAX_MODEL_BYTES, read_bytes, suggest_path
 from advercity.errors import InputError, describe_cause
+from advercity.recordings.track_file import load_trajectories
 from advercity.roads.junction_arms import MisplacedAgentError
 from advercity.roads.map_import import import_map
 
@@ -360,6 +363,8 @@ def _complete_road(road: Road, source: ResolvedDeclaration) -> tuple[list[Road],
     mapped: tuple[Surrounding, ...] = ()
     if isinstance(road.imported, MapFile):
         road, mapped = _import_map(road, road.imported, source)
+    if isinstance(road.trajectories, TrajectoryFile):
+        road = _load_trajectories(road, road.trajectories, source)
     grown = grow_surroundings(road, mapped)
     try:
         placed, left_out = place_agents(grown)
@@ -388,6 +393,41 @@ def _import_map(
         return imported, read_surroundings(declared, imported, folder)
     except InputError as error:
         raise DiagnosticsError(source.build_diagnostic(value_path, str(error))) from error
+
+
+def _load_trajectories(road: Road, declared: TrajectoryFile, source: ResolvedDeclaration) -> Road:
+    """Load the table of a road, and check that its vehicles follow tracks all the time."""
+    value_path = ("trajectories", "file")
+    folder = source.find_document(value_path).path.parent
+    try:
+        recorded, tracks = load_trajectories(declared, folder)
+    except DiagnosticsError:
+        raise
+    except InputError as error:
+        raise DiagnosticsError(source.build_diagnostic(value_path, str(error))) from error
+    problems: list[Diagnostic] = []
+    followed: dict[str, str] = {}
+    for name, agent in road.agents.items():
+        if not isinstance(agent, Vehicle) or agent.track is None:
+            continue
+        at, track = ("agents", name, "track"), tracks.get(agent.track)
+        if track is None:
+            message, hint = f"unknown track '{agent.track}'", suggest_name(agent.track, tracks)
+            problems.append(source.build_diagnostic(at, message, hint=hint))
+        elif agent.track in followed:
+            message = f"'{followed[agent.track]}' follows track '{agent.track}', too"
+            problems.append(source.build_diagnostic(at, message, hint="give each its own"))
+        elif not track.covers(declared.from_s, declared.to_s):
+            message = (
+                f"track '{agent.track}' was recorded from {track.times_s[0]:g} to"
+                f" {track.times_s[-1]:g} s, not from {declared.from_s:g} to {declared.to_s:g} s"
+            )
+            hint = "narrow from_s and to_s, or choose another track"
+            problems.append(source.build_diagnostic(at, message, hint=hint))
+        followed.setdefault(agent.track, name)
+    if problems:
+        raise DiagnosticsError(*problems)
+    return road.model_copy(update={"trajectories": recorded})
 
 
 def _add_model_checksums(catalogue: Catalogue, source: ResolvedDeclaration) -> Catalogue:

@@ -341,7 +341,7 @@ def _apply_sweep_step(library: Library, item: DeclarationT, step: SweepStep | No
     changed = validate_model(type(item), source)
     if isinstance(item, Road) and isinstance(changed, Road):
         # The road came with map, agents and surroundings of its style, and its ego set; keep them.
-        names = ("id", "imported", "agents", "at_junction", "ego_routes", "style")
+        names = ("id", "imported", "agents", "at_junction", "ego_routes", "style", "trajectories")
         grown = item.surroundings[len(changed.surroundings) :]
         kept = {name: getattr(item, name) for name in names}
         kept["surroundings"] = (*changed.surroundings, *grown)

@@ -75,6 +75,8 @@ def solve_road_conflicts(
     Raises:
         DiagnosticsError: One cannot be solved on its road.
     """
+    if cell.road.trajectories is not None:
+        return (), cell.road
     solutions: list[StagedConflict] = []
     drive = cell.drive
     for index, conflict in enumerate(cell.conflicts, start=1):

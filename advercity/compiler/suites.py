@@ -184,8 +184,19 @@ def check_resolved_suite(library: Library, declared: Suite, suite: ResolvedSuite
         diagnostics += _check_lidars(library, suite, road)
         diagnostics += _check_ego(library, road)
         diagnostics += _check_agent_positions(library, road)
+        diagnostics += _check_recorded_road(library, declared, road)
     if diagnostics:
         raise DiagnosticsError(*diagnostics)
+
+
+def _check_recorded_road(library: Library, suite: Suite, road: Road) -> Iterator[Diagnostic]:
+    """Check that nothing is staged among actors that follow recorded trajectories."""
+    staged = ("stage", road.id) if suite.stage.get(road.id) else ()
+    at = ("cross_conflicts",) if suite.cross_conflicts else staged
+    if road.trajectories is not None and at:
+        message = f"the actors of '{road.id}' follow recorded trajectories, which stage no conflict"
+        hint = "leave the road out, or give it a suite of its own"
+        yield library.build_diagnostic(suite, *at, message=message, hint=hint)
 
 
 def _check_named_agents(

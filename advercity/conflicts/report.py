@@ -40,6 +40,7 @@ class TrafficReport:
         staged: What came of the staged conflicts, in their order.
         met: The ego's encounters with all actors that come near it, the nearest first.
         overlaps: Actors in one place, tick by tick; there should be none but those of collisions.
+        is_recorded: Whether actors follow recorded trajectories, which may have collisions.
     """
 
     spec: str
@@ -51,6 +52,7 @@ class TrafficReport:
     staged: tuple[ConflictOutcome, ...]
     met: tuple[Encounter, ...]
     overlaps: tuple[BoxOverlap, ...]
+    is_recorded: bool = False
 
     @property
     def vehicles(self) -> int:
@@ -70,7 +72,7 @@ class TrafficReport:
         pairs = dict.fromkeys(
             (overlap.first, overlap.second)
             for overlap in self.overlaps
-            if overlap.second not in impacts
+            if overlap.second not in impacts and not self.is_recorded
         )
         overlaps = (f"{first} and {second} overlap" for first, second in pairs)
         return (*missed, *_describe_crowding(self.staged), *overlaps)
@@ -115,6 +117,7 @@ def build_traffic_report(spec: Spec, trace: Trace, trace_sha256: str) -> Traffic
         staged=tuple(evaluate_outcomes(spec, trace)),
         met=tuple(met),
         overlaps=tuple(find_overlaps(trace)),
+        is_recorded=spec.road.trajectories is not None,
     )
 
 

@@ -26,13 +26,14 @@ def find_cache_folder() -> Path:
 
 def compute_road_key(spec: Spec) -> str:
     """Compute the key of a road network: code and road, without agents and traffic."""
-    road = spec.road.model_dump(mode="json", exclude={"agents", "traffic"})
+    road = spec.road.model_dump(mode="json", exclude={"agents", "traffic", "trajectories"})
     return _compute_key({"road": road})
 
 
 def compute_world_key(spec: Spec) -> str:
     """Compute the key of a world without bodies: code and road."""
-    return _compute_key(spec.model_dump(mode="json", include={"road"}))
+    road = spec.road.model_dump(mode="json", exclude={"trajectories"})
+    return _compute_key({"road": road})
 
 
 def compute_body_key(spec: Spec, name: str) -> str:

@@ -215,6 +215,16 @@ class SignalProgram:
             begins_s = ends_s
         return from_s
 
+    def find_state(self, time_s: float) -> str:
+        """Find the state at a time since the program began."""
+        left_s = (time_s - self.offset_s) % sum(duration_s for duration_s, _ in self.phases)
+        for duration_s, state in self.phases:
+            # A phase that ends at a tick has ended, whatever the sum of its tenths of seconds.
+            if left_s < duration_s - 1e-6:
+                return state
+            left_s = max(left_s - duration_s, 0.0)
+        return self.phases[0][1]
+
     def have_green_together(self, groups: Collection[Collection[int]]) -> bool:
         """Return whether some link of every group has green in one phase."""
         return any(

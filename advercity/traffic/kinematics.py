@@ -68,7 +68,7 @@ different decimals only if one in ten million lies between them, by chance."""
 
 
 @dataclass(frozen=True, eq=False)
-class _Motion:
+class BodyCurves:
     """Where a body's origin is at the ticks of its track, with first and second derivatives.
 
     Attributes:
@@ -108,14 +108,18 @@ def compute_vehicle_states(
     wheelbase = WHEELBASE_FRACTION * length_m
     axle, front_z, rear_z = _locate_axles(track, length_m, tick_s)
     directions = _compute_tractrix_directions(axle, wheelbase, np.exp(1j * track["yaw"][0]))
-    states = _build_states(
-        track, _compute_body_motion(axle, front_z, rear_z, directions, wheelbase)
-    )
-    states["steering"] = _compute_steering(axle.rates, directions)
+    motion = _compute_body_motion(axle, front_z, rear_z, directions, wheelbase)
+    states = build_states(track["tick"], track["lamps"], motion)
+    states["steering"] = compute_steering(axle.rates, directions)
+    apply_brake_lamps(states)
+    return states
+
+
+def apply_brake_lamps(states: NDArray[np.void]) -> None:
+    """Light the brake lamps of a vehicle's states (n,) where it slows down or is held."""
     held = (states["speed"] < STANDSTILL_M_S) & (states["acceleration"] <= COASTING_M_S2)
     braking = held | (states["acceleration"] < -COASTING_M_S2)
     states["lamps"] |= np.where(braking, Lamp.BRAKE, 0).astype(np.uint8)
-    return states
 
 
 def _locate_axles(
@@ -152,7 +156,7 @@ def _compute_body_motion(
     rear_z: NDArray[np.float64],
     directions: NDArray[np.complex128],
     wheelbase_m: float,
-) -> _Motion:
+) -> BodyCurves:
     """Compute the motion of a body in the middle between its axles.
 
     A direction u turns at the rate r with u' = i r u, where r is the part of the front axle's
@@ -164,7 +168,7 @@ def _compute_body_motion(
     ) / wheelbase_m
     half = wheelbase_m / 2 * directions
     climb, climb_rate, _ = (front_z - rear_z) / wheelbase_m
-    return _Motion(
+    return BodyCurves(
         plan=axle.derivatives - np.stack([half, 1j * rates * half, (1j * turns - rates**2) * half]),
         height=(front_z + rear_z) / 2,
         yaw=np.stack([np.unwrap(np.angle(directions)), rates]),
@@ -202,9 +206,8 @@ def compute_walker_states(
     height = smooth(_find_heights_along(path, track) + kerb_height(plan.values))
     yaw = smooth(_find_walking_headings(path, track, tick_s))
     upright = np.zeros((2, len(track)))
-    return _build_states(
-        track, _Motion(plan.derivatives, height.derivatives, yaw.derivatives[:2], upright)
-    )
+    motion = BodyCurves(plan.derivatives, height.derivatives, yaw.derivatives[:2], upright)
+    return build_states(track["tick"], track["lamps"], motion)
 
 
 def _walk_after(
@@ -357,7 +360,7 @@ def _find_walking_headings(
     return np.unwrap(np.concatenate([track["yaw"][:1], np.angle(moves[walks])]))[np.cumsum(walks)]
 
 
-def _compute_steering(
+def compute_steering(
     velocity: NDArray[np.complex128], directions: NDArray[np.complex128]
 ) -> NDArray[np.float64]:
     """Compute steering angles (n,): where the front axle rolls to; kept at standstill."""
@@ -367,9 +370,12 @@ def _compute_steering(
     return np.clip(np.where(moves[last], wanted[last], 0.0), -MAX_STEERING_RAD, MAX_STEERING_RAD)
 
 
-def _build_states(track: NDArray[np.void], motion: _Motion) -> NDArray[np.void]:
-    states = np.zeros(len(track), dtype=STATE_DTYPE)
-    states["tick"], states["lamps"] = track["tick"], track["lamps"]
+def build_states(
+    ticks: NDArray[np.integer], lamps: NDArray[np.uint8], motion: BodyCurves
+) -> NDArray[np.void]:
+    """Build `STATE_DTYPE` rows (n,) of one body, with `actor` and `steering` left at 0."""
+    states = np.zeros(len(ticks), dtype=STATE_DTYPE)
+    states["tick"], states["lamps"] = ticks, lamps
     for names, plan, height in zip(_MOTION_COLUMNS, motion.plan, motion.height, strict=True):
         for name, column in zip(names, (plan.real, plan.imag, height), strict=True):
             states[name] = column
@@ -450,7 +456,7 @@ def build_trace(
         tick_s=spec.timing.tick_s,
         first_tick=first_tick,
         actors=tuple(actors),
-        states=_round_states(together[np.lexsort((together["actor"], together["tick"]))]),
+        states=round_states(together[np.lexsort((together["actor"], together["tick"]))]),
         signal_ids=recording.signal_ids,
         signals=recording.signals[first_tick:],
     )
@@ -484,7 +490,7 @@ def _compute_bodies(
         recording.bodies[number] = rows
 
 
-def _round_states(states: NDArray[np.void]) -> NDArray[np.void]:
+def round_states(states: NDArray[np.void]) -> NDArray[np.void]:
     """Round the states of a trace, so that every processor stores the same bytes."""
     rounded = states.copy()
     for name in STATE_COLUMNS:

@@ -125,6 +125,63 @@ def _sum_weighted(values: Values, weights: NDArray[np.int64], count: int) -> Val
     return total
 
 
+def interpolate_smoothly(
+    times_s: NDArray[np.float64], values: Values, at_s: NDArray[np.float64]
+) -> Values:
+    """Interpolate values (n,) by a cubic spline, whose acceleration is constant at both ends.
+
+    It passes through every value, and its second derivative is continuous.
+
+    Args:
+        times_s: (n,) rising times of two or more values, which need not be evenly spaced.
+        values: (n,) values.
+        at_s: (m,) times from the first to the last.
+
+    Returns:
+        (3, m) values, first and second derivatives.
+    """
+    steps = np.diff(times_s)
+    bends = _solve_bends(steps, np.diff(values) / steps)
+    cell = np.clip(np.searchsorted(times_s, at_s, side="right") - 1, 0, len(steps) - 1)
+    h, after = steps[cell], (at_s - times_s[cell]) / steps[cell]
+    before = 1 - after
+    low, high = values[cell], values[cell + 1]
+    bend, next_bend = bends[cell], bends[cell + 1]
+    cubic = (before**3 - before) * bend + (after**3 - after) * next_bend
+    slope = (3 * after**2 - 1) * next_bend - (3 * before**2 - 1) * bend
+    return np.stack(
+        [
+            before * low + after * high + h * h / 6 * cubic,
+            (high - low) / h + h / 6 * slope,
+            before * bend + after * next_bend,
+        ]
+    )
+
+
+def _solve_bends(steps: NDArray[np.float64], slopes: Values) -> Values:
+    """Solve for the second derivatives (n + 1,) at the ends of n cubic pieces.
+
+    The matrix has three diagonals, which are eliminated in a fixed order.
+    """
+    count = len(steps) - 1
+    if count == 0:
+        return np.zeros(2, dtype=slopes.dtype)
+    diagonal = 2 * (steps[:-1] + steps[1:])
+    diagonal[0] += steps[0]
+    diagonal[-1] += steps[-1]
+    right = (6 * np.diff(slopes)).tolist()
+    pivots = diagonal.tolist()
+    off = steps[1:-1].tolist()
+    for row in range(1, count):
+        factor = off[row - 1] / pivots[row - 1]
+        pivots[row] -= factor * off[row - 1]
+        right[row] -= factor * right[row - 1]
+    inner = [right[-1] / pivots[-1]]
+    for row in range(count - 2, -1, -1):
+        inner.append((right[row] - off[row] * inner[-1]) / pivots[row])
+    return np.array([inner[-1], *inner[::-1], inner[0]], dtype=slopes.dtype)
+
+
 @dataclass(frozen=True, eq=False)
 class HeightProfile:
     """A uniform cubic B-spline of the heights along a path.

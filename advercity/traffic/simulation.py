@@ -6,10 +6,11 @@ import sys
 import tempfile
 from pathlib import Path
 
-from advercity_dsl import Spec
+from advercity_dsl import Spec, TrajectorySet
 
 from advercity.errors import InputError, RunError, report_temporary_errors
 from advercity.frames import Trace
+from advercity.traffic.recorded_traffic import build_recorded_trace
 
 EXIT_BAD_INPUT, EXIT_FAILED = 2, 1
 """Exit codes of the child process."""
@@ -30,7 +31,8 @@ def write_simulated_trace(spec: Spec, network: Path, trace_file: Path) -> None:
 
     It depends on the road, the agents' places, the demand, the blueprints, the timing, the traffic
     seed and the drivers' response to the weather, and on nothing else; so all weathers of a road
-    and density share it, unless a suite has drivers that react.
+    and density share it, unless a suite has drivers that react. Where the road has recorded
+    trajectories, they are the traffic, and SUMO does not run.
 
     Args:
         spec: What to simulate.
@@ -41,6 +43,10 @@ def write_simulated_trace(spec: Spec, network: Path, trace_file: Path) -> None:
         InputError: The spec asks for something that the road does not have.
         RunError: SUMO failed, or the ego does not get to its destination.
     """
+    recorded = spec.road.trajectories
+    if isinstance(recorded, TrajectorySet):
+        build_recorded_trace(spec, recorded, network).save(trace_file)
+        return
     with report_temporary_errors(), tempfile.TemporaryDirectory() as folder:
         spec_file = Path(folder) / "spec.json"
         spec_file.write_text(spec.model_dump_json(), encoding="utf-8")

@@ -7,8 +7,9 @@ import libsumo
 import numpy as np
 from numpy.typing import NDArray
 
-from advercity.frames import FRONT_DTYPE, Lamp, Signal
+from advercity.frames import FRONT_DTYPE, Lamp
 from advercity.roads.network_file import read_signal_groups
+from advercity.traffic.signal_states import combine_links
 
 INDICATOR_LAMPS = np.array([0, Lamp.RIGHT, Lamp.LEFT, Lamp.RIGHT | Lamp.LEFT], dtype=np.uint8)
 """Lamps by the two lowest bits of SUMO's signals of a vehicle."""
@@ -118,14 +119,8 @@ class SignalLog:
         """Build an array (ticks, signals) of `Signal`."""
         # The lights show few different states in all, so each is decoded once.
         decoded = {
-            states: [_combine_links(states, links) for links in self._links]
+            states: [combine_links(states, links) for links in self._links]
             for states in {*self._states}
         }
         rows = np.array([decoded[states] for states in self._states], dtype=np.uint8)
         return rows.reshape(len(rows), len(self.ids))
-
-
-def _combine_links(states: Sequence[str], links: Iterable[tuple[int, int]]) -> Signal:
-    """Return what an approach's light shows: the most permissive state of its links."""
-    letters = {"g": Signal.GREEN, "y": Signal.YELLOW}
-    return max(letters.get(states[light][link].lower(), Signal.RED) for light, link in links)

@@ -13,7 +13,16 @@ from advercity_dsl.catalogue import (
 )
 from advercity_dsl.conflict import Conflict, OutcomeCriteria, StagedActor, StagedConflict
 from advercity_dsl.rig import Camera, Exposure, Gnss, Imu, Lidar, Mount, Radar, Rig, SensorSet
-from advercity_dsl.road import MapFile, MapNetwork, Road, RoadsideUnit, Street, Vehicle
+from advercity_dsl.road import (
+    MapFile,
+    MapNetwork,
+    Road,
+    RoadsideUnit,
+    Street,
+    TrajectoryFile,
+    TrajectorySet,
+    Vehicle,
+)
 from advercity_dsl.spec import SPEC_VERSION, Agent, Spec
 from advercity_dsl.suite import Suite, Timing
 from advercity_dsl.traffic import (
@@ -86,6 +95,8 @@ __all__ = [
     "Suite",
     "TimedDriverResponse",
     "Timing",
+    "TrajectoryFile",
+    "TrajectorySet",
     "Typology",
     "Vehicle",
     "Weather",

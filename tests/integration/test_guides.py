@@ -11,6 +11,7 @@ ROOT = Path(__file__).parents[2]
 SLOW = {
     *("add_a_body", "add_a_road", "first_snow_scenario", "import_your_town", "make_the_whole_set"),
     *(
+        "replay_recorded_traffic",
         "run_on_a_cluster",
         "write_a_rig",
         "write_a_suite",

@@ -46,6 +46,7 @@ from advercity_dsl.road.surroundings import (
     Surrounding,
     SurroundingKind,
 )
+from advercity_dsl.road.trajectories import TrackId, TrajectoryFile, TrajectorySet
 
 __all__ = [
     "ArmUnit",
@@ -83,5 +84,8 @@ __all__ = [
     "StripKind",
     "Surrounding",
     "SurroundingKind",
+    "TrackId",
+    "TrajectoryFile",
+    "TrajectorySet",
     "Vehicle",
 ]

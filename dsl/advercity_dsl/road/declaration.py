@@ -29,6 +29,7 @@ from advercity_dsl.road.extent import (
 from advercity_dsl.road.junctions import Junction, Movement
 from advercity_dsl.road.streets import CrossSection, MapFile, MapNetwork, Street, Strip, StripKind
 from advercity_dsl.road.surroundings import Surrounding, SurroundingKind
+from advercity_dsl.road.trajectories import TrackId, TrajectoryFile, TrajectorySet
 from advercity_dsl.units import (
     Count,
     Degrees,
@@ -81,6 +82,8 @@ class Vehicle(Model):
         default=0, exclude_if=lambda time_s: time_s == 0
     )
     """Time for which it waits at its start before it sets out."""
+    track: TrackId | None = Field(default=None, exclude_if=is_none)
+    """Track of the road's `trajectories` that it follows."""
 
     @property
     def is_ego(self) -> bool:
@@ -314,6 +317,8 @@ class Road(Declaration):
         default_factory=dict, exclude_if=is_empty
     )
     """Alternative routes of the ego, by its manoeuvre at the junction."""
+    trajectories: TrajectorySet | TrajectoryFile | None = Field(default=None, exclude_if=is_none)
+    """Recorded trajectories that all actors follow, instead of simulated traffic."""
     traffic: BackgroundDemand
     """Demand of background traffic."""
 
@@ -332,6 +337,24 @@ class Road(Declaration):
             raise ValueError("an 'imported' road takes its streets from the map; declare none here")
         if self.agents and self.at_junction is not None:
             raise ValueError("'at_junction' places the agents; give 'agents' or 'at_junction'")
+        return self
+
+    @model_validator(mode="after")
+    def _check_recorded_traffic(self) -> Self:
+        recorded = self.trajectories is not None
+        for name, agent in self.agents.items():
+            if isinstance(agent, Vehicle) and (agent.track is not None) != recorded:
+                at = ("agents", name, *(["track"] if agent.track else []))
+                message = "'track' of a vehicle and 'trajectories' of its road require each other"
+                raise InvalidCombination(at, message, "give both or neither")
+        if recorded and self.at_junction is not None:
+            message = "places vehicles that follow no track"
+            hint = "give `agents` with a `track` each, or remove `trajectories`"
+            raise InvalidCombination(("at_junction",), message, hint)
+        for field in ("vehicles_per_area", "walkers") if recorded else ():
+            if getattr(self.traffic, field) > 0:
+                message = "no traffic is simulated where 'trajectories' are given"
+                raise InvalidCombination(("traffic", field), message, "write 0")
         return self
 
     @model_validator(mode="after")

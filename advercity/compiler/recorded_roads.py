@@ -1,0 +1,343 @@
+"""From a recording to a library: road, suite, table and map, compiled into specs."""
+
+import hashlib
+import math
+import re
+import shutil
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import shapely
+import yaml
+from advercity_dsl import Catalogue, MapNetwork, Spec
+from advercity_dsl.base import ID_HINT, ID_PATTERN, suggest_name
+from advercity_dsl.suite import Looks
+from advercity_dsl.units import KM_H_PER_M_S
+
+from advercity.compiler.crossing import compile_library
+from advercity.compiler.library import load_library
+from advercity.compiler.shipped_library import find_shipped_library
+from advercity.compiler.suites import CONNECTED_CLASSES
+from advercity.errors import InputError, report_write_errors
+from advercity.output_files import open_output_folder
+from advercity.recordings.bodies import select_blueprint
+from advercity.recordings.openscenario import read_scenario
+from advercity.recordings.recorded_tables import read_recording
+from advercity.recordings.track_file import MARGIN_S, format_tracks
+from advercity.recordings.tracks import Track, cut_tracks, find_connected
+from advercity.roads.network_file import parse_packed_network
+
+MAX_DURATION_S = 180.0
+"""What is taken of a recording if its end is not given."""
+MAX_LANE_DISTANCE_M = 10.0
+"""Mean distance of vehicles from lanes beyond which map and recording have other frames."""
+SUGGESTED_EGOS = 8
+EGO_NAMES = ("ego", "hero", "egovehicle")
+MAP_SOURCES = {".xodr": "opendrive", ".osm": "osm", ".net.xml": "sumo"}
+TABLE_FILE, ROAD_FILE, SUITE_FILE = "trajectories.csv", "road.yaml", "suite.yaml"
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Tracks of a file, and the map that it names.
+
+    Attributes:
+        path: The file.
+        tracks: Its tracks.
+        map_file: Its map; None if it names none.
+        remarks: What of it is left out.
+    """
+
+    path: Path
+    tracks: Sequence[Track]
+    map_file: Path | None = None
+    remarks: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class ReplayChoice:
+    """What a user chooses of a recording; see `advercity import trajectories --help`."""
+
+    name: str | None = None
+    ego: str | None = None
+    connected: Sequence[str] = ()
+    connected_count: int = 2
+    from_s: float | None = None
+    to_s: float | None = None
+    offset_m: tuple[float, float] = (0.0, 0.0)
+    turn_deg: float = 0.0
+    weathers: Sequence[str] = ("clear_day",)
+    rig: str = "adver_city"
+    looks: Looks = "full"
+    land_use: Literal["urban", "rural"] = "urban"
+    origin_deg: tuple[float, float] = (0.0, 0.0)
+
+
+def load_recorded_table(path: Path) -> Recording:
+    """Load a table of trajectories; InputError if it cannot be used."""
+    return Recording(path, read_recording(path))
+
+
+def load_recorded_scenario(path: Path) -> Recording:
+    """Load an OpenSCENARIO file; InputError if it cannot be used."""
+    found = read_scenario(path)
+    named = path.parent / found.map_file if found.map_file else None
+    return Recording(path, found.tracks, named, found.remarks)
+
+
+def write_recorded_road(
+    recording: Recording, map_file: Path | None, choice: ReplayChoice, output: Path
+) -> list[Spec]:
+    """Write a library whose road has the tracks of a recording, and compile it.
+
+    Args:
+        recording: The recording.
+        map_file: Its map; None is the one that it names.
+        choice: What to take of it.
+        output: Folder for road, suite, table and map.
+
+    Raises:
+        InputError: Something chosen does not exist, the map does not fit, or a file in the folder
+            may not be replaced.
+    """
+    name = _find_name(recording.path, choice.name)
+    site = _find_map(recording, map_file)
+    tracks = [
+        track.transform(
+            east_m=choice.offset_m[0],
+            north_m=choice.offset_m[1],
+            turn_rad=math.radians(choice.turn_deg),
+        )
+        for track in recording.tracks
+    ]
+    ego = _find_ego(tracks, choice)
+    from_s, to_s = _find_span(ego, choice)
+    connected = [ego, *_find_others(tracks, ego, choice, from_s, to_s)]
+    kept = cut_tracks(tracks, from_s - MARGIN_S, to_s + MARGIN_S)
+    table = format_tracks(kept).encode()
+    bodies = _select_bodies(connected)
+    with report_write_errors(), open_output_folder(output) as folder:
+        site_name = f"map{_find_map_suffix(site)}"
+        shutil.copyfile(site, folder / site_name)
+        (folder / TABLE_FILE).write_bytes(table)
+        road = _build_road(name, choice, connected, site_name)
+        road["trajectories"] = {
+            "file": TABLE_FILE,
+            "sha256": hashlib.sha256(table).hexdigest(),
+            "from_s": from_s,
+            "to_s": to_s,
+        }
+        road["traffic"] = _NO_TRAFFIC
+        _write_yaml(folder / ROAD_FILE, road)
+        _write_yaml(folder / SUITE_FILE, _build_suite(name, choice, bodies, to_s - from_s))
+        specs = compile_library(find_shipped_library(), folder, suite=name)
+        _check_places(specs[0], cut_tracks(kept, from_s, to_s))
+    return specs
+
+
+_NO_TRAFFIC = {
+    "vehicles_per_area": 0,
+    "walkers": 0,
+    "around_agent_m": 50,
+    "around_path_m": 15,
+    "classes": {"car": 1, "van": 0, "truck": 0, "bicycle": 0, "motorcycle": 0},
+}
+
+
+def _find_name(path: Path, name: str | None) -> str:
+    if name is None:
+        plain = re.sub(r"[^a-z0-9]+", "_", path.name.partition(".")[0].lower()).strip("_")
+        return plain if re.match(r"[a-z]", plain) else f"recorded_{plain}".rstrip("_")
+    if not re.fullmatch(ID_PATTERN, name):
+        raise InputError(f"`name` {name}: is not an id; {ID_HINT}")
+    return name
+
+
+def _find_map(recording: Recording, map_file: Path | None) -> Path:
+    found = map_file or recording.map_file
+    if found is None:
+        raise InputError(
+            f"{recording.path}: names no map; give one with `map`: an OpenDRIVE (.xodr),"
+            " OpenStreetMap (.osm) or SUMO (.net.xml) file"
+        )
+    if not found.is_file():
+        named = "" if map_file else f", which {recording.path} names"
+        raise InputError(f"{found}: there is no such map{named}; give one with `map`")
+    return found
+
+
+def _find_map_suffix(path: Path) -> str:
+    for suffix in MAP_SOURCES:
+        if path.name.lower().endswith(suffix):
+            return suffix
+    raise InputError(
+        f"{path}: is a map of an unknown kind; name it *.xodr (OpenDRIVE), *.osm or *.net.xml"
+    )
+
+
+def _find_ego(tracks: Sequence[Track], choice: ReplayChoice) -> Track:
+    by_id = {track.id: track for track in tracks}
+    vehicles = [track for track in tracks if track.actor_class in CONNECTED_CLASSES]
+    if choice.ego is None:
+        named = [track for track in vehicles if track.id.lower() in EGO_NAMES]
+        if len(named) == 1:
+            return named[0]
+        longest = sorted(vehicles, key=lambda track: track.times_s[0] - track.times_s[-1])
+        listed = ", ".join(
+            f"{track.id} ({track.actor_class}, {track.times_s[0]:.1f} to {track.times_s[-1]:.1f} s)"
+            for track in longest[:SUGGESTED_EGOS]
+        )
+        raise InputError(
+            f"choose the ego among {len(vehicles)} vehicles with `ego`; recorded longest: {listed}"
+        )
+    return _get_vehicle(by_id, choice.ego, "ego")
+
+
+def _get_vehicle(by_id: dict[str, Track], name: str, option: str) -> Track:
+    track = by_id.get(name)
+    if track is None:
+        raise InputError(f"`{option}` {name}: no such track; {suggest_name(name, by_id)}")
+    if track.actor_class not in CONNECTED_CLASSES:
+        raise InputError(
+            f"`{option}` {name}: is a {track.actor_class}; connected vehicles are"
+            f" {', '.join(CONNECTED_CLASSES)}"
+        )
+    return track
+
+
+def _find_span(ego: Track, choice: ReplayChoice) -> tuple[float, float]:
+    """Find the time to take: what the ego was recorded for, as far as it is asked for."""
+    begins, ends = float(ego.times_s[0]), float(ego.times_s[-1])
+    from_s = begins if choice.from_s is None else choice.from_s
+    to_s = min(ends, from_s + MAX_DURATION_S) if choice.to_s is None else choice.to_s
+    if not begins - 1e-6 <= from_s < to_s <= ends + 1e-6:
+        raise InputError(
+            f"`from` {from_s:g}, `to` {to_s:g}: the ego '{ego.id}' was recorded from {begins:g}"
+            f" to {ends:g} s; stay within that"
+        )
+    return round(from_s, 6), round(to_s, 6)
+
+
+def _find_others(
+    tracks: Sequence[Track], ego: Track, choice: ReplayChoice, from_s: float, to_s: float
+) -> list[Track]:
+    by_id = {track.id: track for track in tracks if track is not ego}
+    if not choice.connected:
+        return find_connected(tracks, ego, choice.connected_count, from_s=from_s, to_s=to_s)
+    others = [_get_vehicle(by_id, name, "connected") for name in dict.fromkeys(choice.connected)]
+    for track in others:
+        if not track.covers(from_s, to_s):
+            raise InputError(
+                f"`connected` {track.id}: was recorded from {track.times_s[0]:g} to"
+                f" {track.times_s[-1]:g} s, not from {from_s:g} to {to_s:g} s, which `from` and"
+                " `to` narrow"
+            )
+    return others
+
+
+def _select_bodies(connected: Iterable[Track]) -> dict[str, str]:
+    catalogues = load_library(find_shipped_library()).get_declarations(Catalogue)
+    blueprints = {
+        name: item
+        for name, item in catalogues["adver_city"].blueprints.items()
+        if item.land_use == "any"
+    }
+    return {
+        _name_agent(number): select_blueprint(blueprints, track.actor_class, track.size, track.id)
+        for number, track in enumerate(connected)
+    }
+
+
+def _name_agent(number: int) -> str:
+    return f"cav{number + 1}"
+
+
+def _build_road(
+    name: str, choice: ReplayChoice, connected: Sequence[Track], site: str
+) -> dict[str, Any]:
+    latitude, longitude = choice.origin_deg
+    source = MAP_SOURCES[_find_map_suffix(Path(site))]
+    return {
+        "kind": "road",
+        "id": name,
+        "title": "Recorded traffic",
+        "land_use": choice.land_use,
+        "junction": "intersection",
+        "alignment": "straight",
+        "profile": "level",
+        "origin_lat_deg": latitude,
+        "origin_lon_deg": longitude,
+        "imported": {"source": source, "file": site},
+        "agents": {
+            _name_agent(number): _build_vehicle(track, is_ego=number == 0)
+            for number, track in enumerate(connected)
+        },
+    }
+
+
+def _build_vehicle(track: Track, *, is_ego: bool) -> dict[str, Any]:
+    steps = np.linalg.norm(np.diff(track.places, axis=0), axis=1) / np.diff(track.times_s)
+    heading = math.degrees(float(track.headings_rad[0])) % 360
+    return {
+        "kind": "vehicle",
+        "role": "ego" if is_ego else "other",
+        "track": track.id,
+        "spawn_m": np.round(track.places[0], 2).tolist(),
+        "heading_deg": round(heading, 1),
+        "destination_m": np.round(track.places[-1], 2).tolist(),
+        "max_speed_km_h": float(np.clip(np.ceil(steps.max() * KM_H_PER_M_S), 1, 200)),
+    }
+
+
+def _build_suite(
+    name: str, choice: ReplayChoice, bodies: dict[str, str], duration_s: float
+) -> dict[str, Any]:
+    return {
+        "kind": "suite",
+        "id": name,
+        "title": "Recorded traffic",
+        "roads": [name],
+        "weathers": list(choice.weathers),
+        "densities": ["sparse"],
+        "rig": choice.rig,
+        "catalogue": "adver_city",
+        "bodies": bodies,
+        "looks": choice.looks,
+        "timing": {"warm_up_ticks": 0, "max_ticks": max(math.floor(duration_s * 10 + 1e-6) + 1, 3)},
+    }
+
+
+def _write_yaml(path: Path, data: dict[str, Any]) -> None:
+    text = yaml.safe_dump(data, sort_keys=False, default_flow_style=None, width=100)
+    path.write_text(text, encoding="utf-8", newline="\n")
+
+
+def _check_places(spec: Spec, tracks: Iterable[Track]) -> None:
+    """Check that vehicles are on the map."""
+    imported = spec.road.imported
+    if not isinstance(imported, MapNetwork):
+        return
+    lanes = [
+        lane.centre[:, :2]
+        for lane in parse_packed_network(imported.network).lanes
+        if lane.permits("passenger") and len(lane.centre) > 1
+    ]
+    lines = shapely.MultiLineString(lanes)
+    places = np.concatenate([track.places for track in tracks if track.actor_class != "pedestrian"])
+    away_m = float(np.mean(shapely.distance(lines, shapely.points(places))))
+    if away_m > MAX_LANE_DISTANCE_M:
+        extents = (
+            "{:.0f} to {:.0f} m east and {:.0f} to {:.0f} m north".format(
+                *np.column_stack([points.min(axis=0), points.max(axis=0)]).ravel()
+            )
+            for points in (np.concatenate(lanes), places)
+        )
+        map_extent, recorded_extent = extents
+        raise InputError(
+            f"vehicles are {away_m:.0f} m from the lanes of the map on average: its lanes are at"
+            f" {map_extent}, the vehicles at {recorded_extent}; is it the right map? move and"
+            " turn the recording with `offset` and `turn`"
+        )

@@ -1,0 +1,52 @@
+"""Choose the bodies of recorded road users among the blueprints of a catalogue."""
+
+from collections.abc import Mapping
+
+from advercity_dsl import ActorClass, Blueprint
+
+from advercity.errors import InputError
+from advercity.randomness import create_generator
+
+EQUAL_M = 0.1
+"""Sums of differences in size that are taken for equal, so that not all have one body."""
+
+
+def select_blueprint(
+    blueprints: Mapping[str, Blueprint],
+    actor_class: ActorClass,
+    size: tuple[float, float, float],
+    *key: int | str,
+) -> str:
+    """Select the blueprint of a class whose size is nearest; of several, one is drawn.
+
+    Args:
+        blueprints: Blueprints by name.
+        actor_class: Class that it must have.
+        size: Length, width and height in metres; 0 where the recording does not say.
+        key: Key of the random stream.
+
+    Raises:
+        InputError: No blueprint is of the class.
+    """
+    misfits = {
+        name: compute_misfit(blueprint, size)
+        for name, blueprint in blueprints.items()
+        if blueprint.actor_class == actor_class
+    }
+    if not misfits:
+        known = sorted({blueprint.actor_class for blueprint in blueprints.values()})
+        raise InputError(
+            f"no blueprint is a {actor_class}, which the recording has; add one to the catalogue"
+            f" (it has: {', '.join(known)})"
+        )
+    best_m = min(misfits.values())
+    nearest = [name for name, misfit in misfits.items() if misfit <= best_m + EQUAL_M]
+    exact = [name for name in nearest if misfits[name] < 0.001]
+    nearest = exact or nearest
+    return nearest[create_generator(*key, "recorded body").integers(len(nearest))]
+
+
+def compute_misfit(blueprint: Blueprint, size: tuple[float, float, float]) -> float:
+    """Sum the differences in metres between a blueprint and a size, where that is known."""
+    own = blueprint.length_m, blueprint.width_m, blueprint.height_m
+    return sum(abs(have - want) for have, want in zip(own, size, strict=True) if want > 0)

@@ -1,0 +1,153 @@
+"""Commands that import recorded traffic make specs that every other command takes."""
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from advercity.frames import Trace
+from tests.cli.conftest import Command
+from tests.recordings.recorded_files import (
+    write_ind,
+    write_interaction,
+    write_openscenario,
+    write_street,
+)
+
+
+def test_a_table_becomes_specs_that_are_run_and_verified(
+    advercity: Command, tmp_path: Path
+) -> None:
+    out = tmp_path / "hill"
+    ran = advercity(
+        *("import", "trajectories", write_interaction(tmp_path), "--map", write_street(tmp_path)),
+        *("--ego", "1", "--connected-count", "1", "--name", "hill", "--looks", "shaped"),
+        *("--weather", "clear_day", "--weather", "fog_day", "--output", out),
+    )
+    specs = ran.out.split()
+    assert ran.code == 0
+    assert [Path(path).name for path in specs] == [
+        "hill_clear_day_sparse.json",
+        "hill_fog_day_sparse.json",
+    ]
+    assert "cav1 is 1, cav2 is 3" in ran.err
+    assert advercity("validate", *specs).code == 0
+    assert advercity("simulate", *specs, "--no-video", "--output", tmp_path / "sim").code == 0
+    data = tmp_path / "data"
+    ran = advercity(
+        *("run", *specs, "--frames", "10:12", "--backend", "fake", "--profile", "preview"),
+        *("--scale", "0.05", "--output", data),
+    )
+    assert ran.code == 0, ran.err
+    assert advercity("verify", data).code == 0
+    clear, fog = (
+        yaml.safe_load((data / name / "+101" / "000011.yaml").read_text())["vehicles"]
+        for name in ("hill_clear_day_sparse", "hill_fog_day_sparse")
+    )
+    places = {number: vehicle["location"] for number, vehicle in clear.items()}
+    assert places == {number: vehicle["location"] for number, vehicle in fog.items()}
+    # A second into the recording, the oncoming car is at x = 152; CARLA's y is to the right.
+    assert places[1001][:2] == pytest.approx([152.0, -1.75], abs=1e-4)
+
+
+def test_a_scenario_is_imported_with_the_map_that_it_names(
+    advercity: Command, tmp_path: Path
+) -> None:
+    path = write_openscenario(tmp_path)
+    options = ("--looks", "shaped", "--output", tmp_path / "out")
+    ran = advercity("import", "openscenario", path, *options)
+    assert ran.code == 2
+    assert f"{tmp_path / 'hill.xodr'}: there is no such map, which {path} names" in ran.err
+    write_street(tmp_path)
+
+    ran = advercity("import", "openscenario", path, *options)
+
+    assert ran.code == 0, ran.err
+    assert "cav1 is Ego, cav2 is Truck, cav3 is Other" in ran.err
+    (spec,) = ran.out.split()
+    ran = advercity("simulate", spec, "--no-video", "--output", tmp_path / "sim")
+    assert ran.code == 0
+    _, ego = Trace.load(tmp_path / "sim" / Path(spec).stem / "trace.npz").get_track(101)
+    assert ego["x"][[0, 30, 50]] == pytest.approx([50, 72, 98], abs=1e-3)
+
+
+def test_the_same_import_again_changes_nothing(advercity: Command, tmp_path: Path) -> None:
+    command = (
+        *("import", "trajectories", write_ind(tmp_path), "--map", write_street(tmp_path)),
+        *("--ego", "1", "--looks", "shaped", "--output", tmp_path / "out"),
+    )
+    advercity(*command)
+    ran = advercity(*command)
+    assert (ran.code, "1 unchanged" in ran.err) == (0, True)
+    assert "road 'recorded_07_tracks'" in ran.err
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    {
+        (): "choose the ego among 3 vehicles with --ego; recorded longest: 1 (car, 0.0 to 4.0 s)",
+        ("--ego", "11"): "--ego 11: no such track; did you mean '1'?",
+        ("--ego", "4"): "--ego 4: is a pedestrian; connected vehicles are car, van, truck",
+        ("--ego", "1", "--to", "9"): "the ego '1' was recorded from 0 to 4 s; stay within that",
+        ("--ego", "1", "--connected", "4"): "--connected 4: is a pedestrian",
+        ("--ego", "1", "--offset", "0", "500"): "vehicles are 498 m from the lanes of the map",
+        ("--ego", "1", "--name", "Hill 1"): "--name Hill 1: is not an id",
+        ("--ego", "1", "--weather", "fogg_day"): "unknown weather 'fogg_day'; did you mean",
+        ("--ego", "1", "--rig", "nothing"): "unknown rig 'nothing'",
+    }.items(),
+)
+def test_a_choice_that_the_recording_does_not_have_is_bad_input(
+    options: tuple[str, ...], expected: str, advercity: Command, tmp_path: Path
+) -> None:
+    ran = advercity(
+        *("import", "trajectories", write_ind(tmp_path), "--map", write_street(tmp_path)),
+        *(*options, "--looks", "shaped", "--output", tmp_path / "out"),
+    )
+    assert ran.code == 2
+    assert expected in ran.err
+    assert not list(tmp_path.glob("out/*"))
+
+
+def test_without_a_map_nothing_can_be_replayed(advercity: Command, tmp_path: Path) -> None:
+    path = write_ind(tmp_path)
+    ran = advercity("import", "trajectories", path, "--ego", "1", "--output", tmp_path / "out")
+    assert (ran.code, "--map" in ran.err) == (2, True)
+    wrong = ("--map", path, "--ego", "1", "--output", tmp_path / "out")
+    ran = advercity("import", "trajectories", path, *wrong)
+    assert (ran.code, "name it *.xodr (OpenDRIVE), *.osm or *.net.xml" in ran.err) == (2, True)
+
+
+def test_what_an_author_changes_in_a_recorded_road_is_checked_by_place(
+    advercity: Command, library: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    advercity(
+        *("import", "trajectories", write_ind(tmp_path), "--map", write_street(tmp_path)),
+        *("--ego", "1", "--name", "hill", "--looks", "shaped", "--output", out),
+    )
+    road, suite = out / "road.yaml", out / "suite.yaml"
+    written, written_suite = road.read_text(), suite.read_text()
+
+    def compile_with(old: str, new: str, path: Path = road) -> str:
+        road.write_text(written)
+        suite.write_text(written_suite)
+        assert old in path.read_text()
+        path.write_text(path.read_text().replace(old, new))
+        ran = advercity("compile", library, out, "--suite", "hill", "--output", tmp_path / "specs")
+        assert ran.code == 2
+        return ran.err
+
+    assert "agents.cav1.track: unknown track '71'" in compile_with("track: '1'", "track: '71'")
+    assert "track '1' was recorded from 0 to 4 s, not from 0 to 6 s" in compile_with(
+        "to_s: 4.0", "to_s: 6.0"
+    )
+    assert "'cav1' follows track '1', too" in compile_with("track: '2'", "track: '1'")
+    assert "no traffic is simulated where 'trajectories' are given; write 0" in compile_with(
+        "walkers: 0", "walkers: 3"
+    )
+    assert "require each other; give both or neither" in compile_with("    track: '1'\n", "")
+    assert "which stage no conflict" in compile_with(
+        "densities:", "cross_conflicts: [ltap_od_ego_turns]\ndensities:", suite
+    )
+    (out / "trajectories.csv").write_text((out / "trajectories.csv").read_text() + "\n")
+    assert "is not the table that this road was made for" in compile_with("walkers", "walkers")

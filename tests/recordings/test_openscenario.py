@@ -1,0 +1,162 @@
+"""Scenarios whose actors follow trajectories by time are read; what else moves them is refused."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from advercity.diagnostics import DiagnosticsError
+from advercity.errors import InputError
+from advercity.recordings.openscenario import read_scenario
+from tests.recordings.recorded_files import (
+    format_start,
+    format_teleport,
+    format_trajectory,
+    format_vertex,
+    write_openscenario,
+)
+
+TWO = format_vertex(0, 0, 0, 0) + format_vertex(1, 5, 0, 0)
+
+
+def test_places_are_centres_of_boxes_not_of_rear_axles(tmp_path: Path) -> None:
+    scenario = read_scenario(write_openscenario(tmp_path))
+    tracks = {track.id: track for track in scenario.tracks}
+
+    assert scenario.map_file == "hill.xodr"
+    ego = tracks["Ego"]
+    assert (ego.actor_class, ego.size) == ("car", (4.6, 1.8, 1.5))  # the length is a parameter
+    # It waits where it was put until its trigger, and drives from then on.
+    assert (ego.times_s[0], ego.times_s[-1]) == (0.0, 5.0)
+    assert np.interp([0.0, 1.0, 3.0], ego.times_s, ego.places[:, 0]) == pytest.approx([50, 50, 72])
+    # One that drives to the west has its rear axle in the east of its centre.
+    other = tracks["Other"]
+    assert other.places[[0, -1]] == pytest.approx(np.array([[160, 1.75], [120, 1.75]]))
+    assert np.cos(other.headings_rad) == pytest.approx(-1.0)
+    assert tracks["Truck"].actor_class == "truck"
+    assert tracks["Truck"].places == pytest.approx(np.tile([120.0, -1.75], (11, 1)))
+    walker = tracks["Walker"]
+    assert walker.headings_rad == pytest.approx(math.pi / 2)
+    # Of two vertices, what is between them is on the line between them.
+    assert np.diff(walker.times_s).max() == 0.5
+    assert walker.places[:, 1] == pytest.approx(-8 + 1.25 * walker.times_s)
+
+
+def test_times_are_scaled_and_moved_as_their_reference_says(tmp_path: Path) -> None:
+    absolute = '<Timing domainAbsoluteRelative="absolute" scale="2" offset="0.5"/>'
+    group = format_trajectory("Ego", TWO, start=format_start(7), timing=absolute)
+    (ego,) = read_scenario(write_openscenario(tmp_path, body=_story(group))).tracks
+    assert (ego.times_s[0], ego.times_s[-1]) == (0.5, 2.5)
+
+
+def test_an_entity_is_there_from_being_added_to_being_deleted(tmp_path: Path) -> None:
+    place = '<Position><WorldPosition x="0" y="0" h="0"/></Position>'
+    added = f"<AddEntityAction>{place}</AddEntityAction>"
+    vertices = "".join(format_vertex(t, 5 * t, 0, 0) for t in range(10))
+    groups = (
+        format_trajectory("Ego", vertices, start=format_start(2)),
+        _change_entity("Ego", added, 2.0),
+        _change_entity("Ego", "<DeleteEntityAction/>", 6.5),
+    )
+    (ego,) = read_scenario(write_openscenario(tmp_path, body=_story(*groups))).tracks
+    assert (ego.times_s[0], ego.times_s[-1]) == (2.0, 6.5)
+
+
+def _story(*groups: str, init: str = "") -> str:
+    act = f'<Story name="s"><Act name="a">{"".join(groups)}</Act></Story>'
+    return f"<Init><Actions>{init}</Actions></Init>{act}<StopTrigger/>"
+
+
+def _change_entity(name: str, action: str, time_s: float) -> str:
+    inner = f'<EntityAction entityRef="{name}">{action}</EntityAction>'
+    trigger = f"<ConditionGroup>{format_start(time_s)}</ConditionGroup>"
+    return f"""<ManeuverGroup name="e"><Actors selectTriggeringEntities="false"/>
+      <Maneuver name="e"><Event name="e">
+      <Action name="e"><GlobalAction>{inner}</GlobalAction></Action>
+      <StartTrigger>{trigger}</StartTrigger></Event></Maneuver></ManeuverGroup>"""
+
+
+LANE_CHANGE = """<ManeuverGroup name="g"><Actors><EntityRef entityRef="Ego"/></Actors>
+  <Maneuver name="m"><Event name="e"><Action name="x"><PrivateAction><LateralAction>
+  <LaneChangeAction/></LateralAction></PrivateAction></Action></Event></Maneuver></ManeuverGroup>"""
+NEAR = """<Condition name="c"><ByEntityCondition><EntityCondition>
+  <TimeToCollisionCondition/></EntityCondition></ByEntityCondition></Condition>"""
+NEAR_IN_ONE = "".join(NEAR.split("\n"))
+LANE_PLACE = '<Position><LanePosition roadId="1" laneId="-1" s="0"/></Position>'
+NURBS = "<Nurbs order='4'/>"
+
+
+@pytest.mark.parametrize(
+    ("body", "expected"),
+    {
+        _story(LANE_CHANGE): "<LaneChangeAction>: actors follow trajectories by time, and nothing",
+        _story(format_trajectory("Ego", TWO, start=NEAR_IN_ONE)): (
+            "<EntityCondition>: such a trigger is not read; only a <SimulationTimeCondition> is"
+        ),
+        _story(format_trajectory("Ego", f'<Vertex time="0">{LANE_PLACE}</Vertex>')): (
+            "<LanePosition>: is not a <WorldPosition>; give x, y and h"
+        ),
+        _story(format_trajectory("Ego", TWO, timing="<None/>")): (
+            "<FollowTrajectoryAction>: its trajectory is not followed by time"
+        ),
+        _story(format_trajectory("Ego", TWO)).replace(f"<Polyline>{TWO}</Polyline>", NURBS): (
+            "<Nurbs>: its shape is no <Polyline>; sample it as vertices with times"
+        ),
+        _story(format_trajectory("Nobody", TWO)): "<EntityRef>: there is no entity 'Nobody'",
+        _story(format_trajectory("Ego", TWO + TWO)): (
+            "<FollowTrajectoryAction>: 'Ego': there are two places at 0 s"
+        ),
+        _story(format_trajectory("Ego", TWO.replace('x="5', 'x="fast'))): (
+            '<WorldPosition>: x="fast.000000" is not a number'
+        ),
+        _story(format_trajectory("Ego", TWO.replace('"5.000000"', '"$speed"'))): (
+            "<WorldPosition>: '$speed' has no value"
+        ),
+        _story(init=format_teleport("Ego", 0, 0, 0)): "no entity follows a trajectory by time",
+    }.items(),
+)
+def test_what_would_be_another_scenario_is_refused_by_name_and_line(
+    body: str, expected: str, tmp_path: Path
+) -> None:
+    path = write_openscenario(tmp_path, body=body)
+    with pytest.raises(DiagnosticsError) as caught:
+        read_scenario(path)
+    (diagnostic,) = caught.value.diagnostics
+    assert expected in diagnostic.headline
+    # The place is that of the element, in the file as it is.
+    tag = diagnostic.value_path.strip("<>")
+    line = path.read_text().splitlines()[diagnostic.line - 1]
+    assert line[diagnostic.column - 1 :].startswith(f"<{tag}")
+
+
+def test_all_that_cannot_be_followed_is_listed_at_once(tmp_path: Path) -> None:
+    body = _story(LANE_CHANGE, format_trajectory("Ego", TWO, timing="<None/>"))
+    with pytest.raises(DiagnosticsError) as caught:
+        read_scenario(write_openscenario(tmp_path, body=body))
+    assert len(caught.value.diagnostics) == 2
+
+
+def test_what_moves_nobody_is_left_out_and_said(tmp_path: Path) -> None:
+    weather = '<GlobalAction><EnvironmentAction name="rain"/></GlobalAction>'
+    path = write_openscenario(tmp_path, body=_story(format_trajectory("Ego", TWO), init=weather))
+    scenario = read_scenario(path)
+    assert [track.id for track in scenario.tracks] == ["Ego"]
+    assert any("<EnvironmentAction> is left out" in remark for remark in scenario.remarks)
+    assert any("'Truck' is left out: it is nowhere" in remark for remark in scenario.remarks)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    {
+        "<osm/>": "is not an <OpenSCENARIO> document",
+        '<OpenSCENARIO><FileHeader revMajor="0" revMinor="9"/></OpenSCENARIO>': "is version 0.9",
+        "<!DOCTYPE x [<!ENTITY a 'b'>]><OpenSCENARIO/>": "has a document type",
+        "<OpenSCENARIO>": "is not XML",
+    }.items(),
+)
+def test_another_document_is_refused(text: str, expected: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.xosc"
+    path.write_text(text)
+    with pytest.raises(InputError, match=expected):
+        read_scenario(path)
