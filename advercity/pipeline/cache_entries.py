@@ -172,6 +172,21 @@ def clear_cache() -> RemovedEntries:
     return removed
 
 
+def ensure_entry(name: str, build: Callable[[Path], None], load: Callable[[Path], object]) -> str:
+    """Return the SHA-256 of an entry, which is made if there is none; its content is not read.
+
+    Raises:
+        InputError: The size limit is no size.
+        RunError: The cache cannot be written.
+    """
+    path = find_cache_folder() / name
+    recorded = _read_recorded_checksum(path) if path.is_file() else None
+    if recorded is not None:
+        return recorded
+    load_or_build_entry(name, build, load)
+    return read_checksum(name)
+
+
 def read_checksum(name: str) -> str:
     """Read the SHA-256 of an entry that was just loaded.
 

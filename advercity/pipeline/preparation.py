@@ -118,11 +118,15 @@ def load_or_build_world(spec: Spec, network_path: Path) -> World:
         )
         for name in spec.blueprints
     }
-    packs = [pack for name, pack in TEXTURE_PACKS.items() if name in spec.assets]
     for blueprint in spec.blueprints.values():
         # A body of the cache may be older than its model, whose images are not in it.
         store.prepare_model(blueprint)
-    return replace(world, bodies=bodies, material_maps=SurfaceMaps(packs, store.images))
+    return replace(world, bodies=bodies, material_maps=_open_surface_maps(spec))
+
+
+def _open_surface_maps(spec: Spec) -> SurfaceMaps:
+    packs = [pack for name, pack in TEXTURE_PACKS.items() if name in spec.assets]
+    return SurfaceMaps(packs, open_model_store().images)
 
 
 def _name_world_entry(spec: Spec) -> str:
@@ -192,7 +196,7 @@ class PreparedScenario:
 
     @cached_property
     def _world(self) -> tuple[World, str]:
-        """The world, and the digest of the checksums that it was loaded with, and of images."""
+        """The world, and the digest of the checksums that it was loaded with, and of its images."""
         spec = replace_models(self.spec, self.missing_models)
         world = load_or_build_world(spec, self.traffic.network_path)
         entries = [_name_world_entry(spec)]
@@ -201,6 +205,7 @@ class PreparedScenario:
         # Checked by nothing else: the checksums of models in a spec are of their triangles.
         store = open_model_store()
         checksums += [store.compute_images_digest(one) for one in spec.blueprints.values()]
+        checksums += _open_surface_maps(spec).list_checksums()
         return world, compute_json_digest(checksums)
 
 

@@ -1,7 +1,7 @@
 """Images of surfaces for a world: each is made when it is first needed, and kept in the cache."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from types import MappingProxyType
@@ -15,7 +15,7 @@ from advercity.assets.texture_store import open_texture_store
 from advercity.digests import compute_json_digest, compute_source_digest
 from advercity.errors import RunError
 from advercity.material_maps import MaterialMaps
-from advercity.pipeline.cache_entries import load_or_build_entry
+from advercity.pipeline.cache_entries import ensure_entry, load_or_build_entry
 from advercity.texture_packs import TexturePack
 
 MAX_MAPS_BYTES = 2**28
@@ -50,11 +50,18 @@ class SurfaceMaps(Mapping[str, MaterialMaps]):
     def __getitem__(self, name: str) -> MaterialMaps:
         if name not in self._names:
             return self._models[name]
+        return load_or_build_entry(*self._describe_entry(name), _load_maps)
+
+    def list_checksums(self) -> list[str]:
+        """List the SHA-256 of the entries of all surfaces; those that the cache lacks are made."""
+        return [ensure_entry(*self._describe_entry(name), _load_maps) for name in self._names]
+
+    def _describe_entry(self, name: str) -> tuple[str, Callable[[Path], None]]:
+        """Return the name of a surface's entry, and the function that writes it."""
         pack = self._packs.get(name)
-        return load_or_build_entry(
+        return (
             f"maps/{_compute_key(name, pack)}.npz",
             lambda partial: _save_maps(_make_maps(name, pack), partial),
-            _load_maps,
         )
 
     def __contains__(self, name: object) -> bool:
