@@ -5,6 +5,7 @@ harm.
 """
 
 import hashlib
+import math
 import os
 import platform
 import re
@@ -18,15 +19,27 @@ from pathlib import Path
 
 import psutil
 
+
+def _identify_machine() -> str:
+    """Identify where a number of a process means the same process: machine and container."""
+    with suppress(OSError):  # containers may share the name of their host
+        return f"{platform.node()} {Path('/proc/self/ns/pid').readlink()}"
+    return platform.node()
+
+
 PARTIAL_MAX_AGE_S = 3600.0
 """Age from which a folder of partial files is abandoned, whoever made it."""
-_MACHINE = hashlib.sha256(platform.node().encode()).hexdigest()[:8]
+_MACHINE = hashlib.sha256(_identify_machine().encode()).hexdigest()[:8]
 _PARTIAL_PATTERN = re.compile(r"\.partial-([0-9a-f]{8})-(\d+)-([0-9a-f]{8})-[0-9a-f]{8}")
 
 
 @contextmanager
 def open_partial_folder(folder: Path) -> Generator[Path]:
-    """Yield a temporary folder in `folder`, which is created if necessary."""
+    """Yield a temporary folder in `folder`, which is created if necessary.
+
+    What killed processes of this machine left there is removed.
+    """
+    remove_abandoned_partials(folder, max_age_s=math.inf)
     partial = folder / format_partial_name(_MACHINE, os.getpid(), secrets.token_hex(4))
     partial.mkdir(parents=True, mode=0o700)
     try:

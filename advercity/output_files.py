@@ -6,7 +6,6 @@ mark in them would outlive a user's changes, and tables have no place for one.
 """
 
 import hashlib
-import math
 import os
 from collections.abc import Generator, Iterable, Mapping
 from contextlib import contextmanager, suppress
@@ -15,7 +14,6 @@ from pathlib import Path
 from advercity.atomic_files import (
     open_partial_folder,
     open_without_links,
-    remove_abandoned_partials,
     sync_files,
 )
 from advercity.data_folder import find_data_folder
@@ -49,7 +47,6 @@ def open_output_folder(folder: Path) -> Generator[Path]:
         OSError: The files cannot be written.
     """
     with open_partial_folder(folder) as partial:
-        remove_abandoned_partials(folder, max_age_s=math.inf)
         yield partial
         digests = {path: _compute_digest(path) for path in sorted(partial.iterdir())}
         for path, digest in digests.items():

@@ -1,6 +1,7 @@
 """Specs as JSON files; the same spec has the same bytes on every machine."""
 
 import json
+import math
 import os
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -12,7 +13,7 @@ from typing import Any
 from advercity_dsl import SPEC_VERSION, Spec
 from pydantic import ValidationError
 
-from advercity.atomic_files import write_atomically
+from advercity.atomic_files import remove_abandoned_partials, write_atomically
 from advercity.compiler.assembly import dump_spec, has_own_digest
 from advercity.compiler.source import SourceDocument, parse_document
 from advercity.compiler.validation import validate_model
@@ -78,6 +79,7 @@ def write_specs(specs: Iterable[Spec], folder: str | os.PathLike[str]) -> str:
     texts = {f"{spec.id}.json": to_json(spec) for spec in specs}
     with report_write_errors():
         folder.mkdir(parents=True, exist_ok=True)
+        remove_abandoned_partials(folder, max_age_s=math.inf)
         kinds = {name: _compare_file(folder / name, text) for name, text in texts.items()}
         for name, text in texts.items():
             if kinds[name] != "unchanged":
@@ -118,7 +120,12 @@ def _find_stale_files(folder: Path, specs: Sequence[Spec]) -> list[Path]:
 
 
 def _find_suite(path: Path) -> str | None:
-    """Return the suite that a file was compiled for; None if it is not as the compiler wrote it."""
+    """Return the suite that a file was compiled for; None if it is not as the compiler wrote it.
+
+    A link is not, whatever it leads to.
+    """
+    if path.is_symlink():
+        return None
     try:
         data = parse_json(read_text(path), path)
         is_own = path.stem == data["id"] and has_own_digest(data)

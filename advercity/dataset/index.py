@@ -202,14 +202,16 @@ class IndexWriter:
         check_folders_are_no_links(path, ())
         staging = find_staging_folder(path)
         with report_disk_errors(self._dataset), lock_file(staging / "lock", "the index"):
-            index = DatasetIndex.load(self._dataset) or EMPTY_INDEX
-            # Once per run: a scenario that is made again has no result until then.
-            if not self._has_written:
-                index = index.with_waiting(self._specs.values())
-            partial = find_partial_file(path, INDEX_FILE)
-            write_file(partial, index.with_entries(entries).to_json())
-            move_file(partial, path)
-            remove_staging_folder(path)
+            try:
+                index = DatasetIndex.load(self._dataset) or EMPTY_INDEX
+                # Once per run: a scenario that is made again has no result until then.
+                if not self._has_written:
+                    index = index.with_waiting(self._specs.values())
+                partial = find_partial_file(path, INDEX_FILE)
+                write_file(partial, index.with_entries(entries).to_json())
+                move_file(partial, path)
+            finally:
+                remove_staging_folder(path)
         self._has_written = True
 
 

@@ -1,5 +1,7 @@
 import json
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -59,6 +61,43 @@ def test_a_file_that_is_not_as_compiled_is_not_replaced(write: Write, tmp_path: 
         with pytest.raises(InputError, match=r"\.json: is not as it was compiled, .*rename or del"):
             write_specs([spec], tmp_path)
         assert path.read_text() == mine
+
+
+def test_links_to_specs_are_neither_removed_nor_replaced(write: Write, tmp_path: Path) -> None:
+    (spec,) = compile_library(write())
+    folder, elsewhere = tmp_path / "compiled", tmp_path / "elsewhere"
+    former = spec.model_copy(
+        update={"weather": spec.weather.model_copy(update={"title": "former"})}
+    )
+    write_specs([with_digest(former.model_copy(update={"id": "gone"}))], elsewhere)
+    write_specs([with_digest(former)], elsewhere)
+    write_specs([], folder)
+    gone, current = folder / "gone.json", folder / f"{spec.id}.json"
+    gone.symlink_to(elsewhere / gone.name)
+    assert write_specs([spec], folder) == "1 new"
+    current.unlink()
+    current.symlink_to(elsewhere / current.name)
+    with pytest.raises(InputError, match="is not as it was compiled, and would be replaced"):
+        write_specs([spec], folder)
+    assert gone.is_symlink() and current.is_symlink()
+
+
+def test_what_a_killed_compilation_has_left_is_removed(write: Write, tmp_path: Path) -> None:
+    (spec,) = compile_library(write())
+    folder = tmp_path / "compiled"
+    code = f"""
+import os
+from pathlib import Path
+from advercity.atomic_files import open_partial_path
+with open_partial_path(Path({str(folder / "a.json")!r})) as partial:
+    partial.write_text("half")
+    os._exit(9)
+"""
+    assert subprocess.run([sys.executable, "-c", code]).returncode == 9
+    (folder / ".partial-mine").mkdir()
+    assert len(list(folder.iterdir())) == 2
+    write_specs([spec], folder)
+    assert {path.name for path in folder.iterdir()} == {f"{spec.id}.json", ".partial-mine"}
 
 
 def test_differences_name_missing_and_obsolete_specs(write: Write, tmp_path: Path) -> None:

@@ -189,6 +189,7 @@ def test_a_damaged_index_is_reported_with_a_remedy(spec: Spec, tmp_path: Path) -
         with pytest.raises(RunError, match=r"not an index of this version; rename or delete it"):
             IndexWriter(tmp_path, [spec])
         assert (tmp_path / INDEX_FILE).read_text() == text
+    assert [path.name for path in tmp_path.iterdir()] == [INDEX_FILE]
 
 
 def test_hidden_files_of_others_in_a_dataset_stay(spec: Spec, make: Make, tmp_path: Path) -> None:
