@@ -41,6 +41,7 @@ ROOMS = (
     ("dataset",),
     ("viewer", "study"),
     ("pipeline",),
+    ("exports",),
     ("api", "testing"),
     ("cli",),
 )

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from advercity.dataset.verification import FileProblem
 
 commands = typer.Typer()
+EXPORT_HELP = "The format: kitti."
 
 
 @commands.command()
@@ -25,11 +26,15 @@ def verify(
     """Check every file of a dataset by its checksum.
 
     Compares files with the manifests, and manifests with the index. Files that are not part of the
-    dataset are listed, and are no error.
+    dataset are listed, and are no error. What `export` has written is checked in the same way.
     """
     from advercity.dataset.index import DatasetIndex
     from advercity.dataset.verification import verify_dataset
+    from advercity.exports.export_folder import is_export
 
+    if "://" not in dataset and is_export(Path(dataset)):
+        _verify_export(Path(dataset))
+        return
     if "://" in dataset:
         from advercity.dataset.remote import verify_store
 
@@ -44,6 +49,49 @@ def verify(
     print_remark(
         f"every file is as its manifest says{f'; {index.format_summary()}' if index else ''}"
     )
+
+
+def _verify_export(folder: Path) -> None:
+    from advercity.exports.export_folder import verify_export
+
+    problems, manifest = verify_export(folder)
+    _print_foreign_files(problems)
+    damage = [str(problem) for problem in problems if problem.is_damage]
+    if damage:
+        raise RunError(*damage, f"{folder}: `advercity export` writes missing files again")
+    left = "" if manifest.complete else "; the export was cut short: run it again"
+    print_remark(f"every file is as its manifest says{left}")
+
+
+@commands.command()
+def export(
+    format: Annotated[str, typer.Argument(help=EXPORT_HELP)],
+    dataset: DatasetArgument,
+    output: Annotated[Path, typer.Option(help="Folder of the export.")],
+    fresh: Annotated[
+        bool, typer.Option("--fresh", help="Remove what exports wrote there, and start over.")
+    ] = False,
+) -> None:
+    """Write a dataset in another format.
+
+    An export that was cut short goes on where it ended; frames that were added to the dataset are
+    added to it.
+    """
+    from advercity.cli.progress import show_progress
+    from advercity.dataset.reader import Dataset
+    from advercity.exports.exporting import export_dataset
+    from advercity.exports.registry import find_export_format
+    from advercity.pipeline.options import format_byte_size
+
+    find_export_format(format)  # before the dataset is looked for
+    specs = [scenario.spec for scenario in Dataset(dataset).scenarios]
+    with show_progress(specs) as view:
+        made = export_dataset(format, dataset, output, fresh=fresh, report=view.on_progress)
+    print_remark(
+        f"{made.scenarios} scenario{'' if made.scenarios == 1 else 's'}, {made.frames} frames,"
+        f" {made.files} files, {format_byte_size(made.size_bytes)}"
+    )
+    print_data(str(made.output))
 
 
 @commands.command()

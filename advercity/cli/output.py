@@ -56,7 +56,7 @@ OPTION_PARAMETERS = (
         "max_time",
         "output",
     ),
-    *("profile", "ray_address", "rrd", "scale", "stream", "suite", "web"),
+    *("profile", "ray_address", "rrd", "scale", "schemas", "stream", "suite", "web"),
     *("connected", "ego", "from", "map", "name", "offset", "to", "turn"),
 )
 _QUOTED_PARAMETER = re.compile(f"`({'|'.join(OPTION_PARAMETERS)})`")

@@ -21,7 +21,9 @@ from numpy.typing import NDArray
 from advercity.dataset.carla_frame import (
     matrix_from_carla_pose,
     mirror_angle,
+    mirror_angular_rate,
     mirror_columns,
+    mirror_points,
 )
 from advercity.dataset.cloud_files import read_pcd
 from advercity.dataset.formats import DatasetFormat
@@ -32,7 +34,7 @@ from advercity.errors import InputError, describe_cause
 from advercity.geometry import poses
 from advercity.geometry.poses import Matrix
 from advercity.sensors.camera_model import CameraModel
-from advercity.sensors.measurements import RadarCube
+from advercity.sensors.measurements import GnssFix, ImuSample, RadarCube
 
 if TYPE_CHECKING:
     from advercity_dsl import Agent
@@ -264,6 +266,21 @@ class AgentView:
             return parse_json(read_bytes(path, max_bytes=MAX_JSON_BYTES), path, hint=REPAIR_HINT)
 
     @property
+    def motion(self) -> tuple[GnssFix | None, ImuSample | None]:
+        """What receiver and inertial unit reported, where the agent has them; read at every use."""
+        if self._format.motion_suffix not in self._format.list_suffixes(self.agent):
+            return None, None
+        path = self.path(self._format.motion_suffix)
+        with report_read_errors(path):
+            raw = read_bytes(path, max_bytes=MAX_YAML_BYTES)
+            document: dict[str, Any] = parse_yaml(raw, path, hint=REPAIR_HINT) or {}
+            gnss, imu = document.get("gnss"), document.get("imu")
+            return (
+                gnss and GnssFix(gnss["lat"], gnss["lon"], gnss["alt"], gnss["timestamp"]),
+                imu and _parse_imu(imu),
+            )
+
+    @property
     def world_from_agent(self) -> Matrix:
         """Pose (4, 4) of the vehicle's origin on the ground, or of the roadside unit."""
         return self._parse_pose("true_ego_pos")
@@ -349,6 +366,16 @@ class AgentView:
         if image is None:
             raise InputError(f"{path}: is missing or no image; {REPAIR_HINT}")
         return image
+
+
+def _parse_imu(sample: dict[str, Any]) -> ImuSample:
+    return ImuSample(
+        specific_force=mirror_points([sample["accelerometer"][axis] for axis in "xyz"]),
+        angular_rate=mirror_angular_rate([sample["gyroscope"][axis] for axis in "xyz"]),
+        compass_rad=sample["compass"],
+        time_s=sample.get("time_offset", 0.0),
+        earlier=tuple(map(_parse_imu, sample.get("earlier", ()))),
+    )
 
 
 def extract_measured(

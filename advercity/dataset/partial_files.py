@@ -308,14 +308,15 @@ def is_being_written(scenario: Path, *, patience_s: float = 0.0) -> bool:
     Nothing is changed.
     """
     until_s = time.monotonic() + patience_s
-    while _is_locked(find_staging_folder(scenario) / "lock"):
+    while is_locked(find_staging_folder(scenario) / "lock"):
         if time.monotonic() >= until_s:
             return True
         time.sleep(0.05)
     return False
 
 
-def _is_locked(path: Path) -> bool:
+def is_locked(path: Path) -> bool:
+    """Return whether a process holds the lock on a file; nothing is changed."""
     import fcntl
 
     # What is no file was not made by a run, and holds no lock.

@@ -108,6 +108,11 @@ class Scenario(Sequence[FrameView]):
 
         return find_conflict_roles(self.spec)
 
+    @property
+    def frame_numbers(self) -> tuple[int, ...]:
+        """Numbers of the written frames, counted from the first kept one."""
+        return self._frame_numbers
+
     def frame(self, index: int) -> FrameView:
         """Return the frame with that number, counted from the first kept one."""
         return FrameView(self, index)

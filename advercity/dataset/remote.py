@@ -18,7 +18,7 @@ from advercity.dataset.manifest import Identity, Manifest
 from advercity.dataset.partial_files import FileRecord
 from advercity.dataset.scenario_folders import MANIFEST_FILE, no_dataset_to_replace_error
 from advercity.dataset.store import DatasetStore
-from advercity.dataset.verification import FileProblem, compare_with_manifest
+from advercity.dataset.verification import FileProblem, compare_with_records
 from advercity.dataset.writer import SCENARIO_FILES, encode_scenario_files
 from advercity.errors import InputError, RunError
 
@@ -250,7 +250,9 @@ def _verify_stored_scenario(
         for path, record in _select_frame_records(part).items()
         if path in unlisted and matches(path, record)
     }
-    problems = compare_with_manifest(Path(name), manifest, own, matches, unfinished=unfinished)
+    problems = compare_with_records(
+        Path(name), manifest.files, {*own} - {MANIFEST_FILE}, matches, unfinished=unfinished
+    )
     if not index.matches_manifest(name, text):
         problems.insert(0, FileProblem(Path(name), MANIFEST_FILE, "changed"))
     return problems

@@ -122,35 +122,35 @@ def verify_scenario(scenario: Path) -> list[FileProblem]:
     """
     manifest = Manifest.load(scenario)
     names = manifest.frame_file_names
-    paths = {*_list_files(scenario, names.folders)} - {MANIFEST_FILE}
+    paths = {*list_files(scenario, names.folders)} - {MANIFEST_FILE}
     moving = read_journals(scenario, moved=False)
-    return compare_with_manifest(
+    return compare_with_records(
         scenario,
-        manifest,
+        manifest.files,
         paths,
-        lambda path, record: _matches_record(scenario / path, record),
+        lambda path, record: matches_record(scenario / path, record),
         unfinished=list_matching_files(scenario, paths - manifest.files.keys(), moving),
     )
 
 
-def compare_with_manifest(
+def compare_with_records(
     scenario: Path,
-    manifest: Manifest,
+    recorded: Mapping[str, FileRecord],
     paths: Iterable[str],
     matches: Callable[[str, FileRecord], bool],
     *,
     unfinished: Collection[str],
 ) -> list[FileProblem]:
-    """Compare the files of a scenario with its manifest.
+    """Compare the files of a scenario, or of another folder, with the records of its manifest.
 
     Args:
-        scenario: Folder of the scenario, for the problems.
-        manifest: Manifest of the scenario.
-        paths: Paths of the files that exist, within the scenario.
+        scenario: The folder, for the problems.
+        recorded: Records of the manifest, by path.
+        paths: Paths of the files that exist, within the folder.
         matches: Returns whether the file at a path is as recorded; called by several threads.
         unfinished: Those of the paths that a run which was cut short has left.
     """
-    recorded, found = manifest.files, set(paths) - {MANIFEST_FILE}
+    found = set(paths)
     problems = [
         FileProblem(scenario, path, "unfinished" if path in unfinished else "foreign")
         for path in found - recorded.keys()
@@ -169,8 +169,8 @@ def compare_with_manifest(
     return sorted(problems, key=lambda problem: problem.path)
 
 
-def _list_files(scenario: Path, folders: Iterable[str]) -> Iterator[str]:
-    """List the files of a scenario, also where the folder of an agent is a link."""
+def list_files(scenario: Path, folders: Iterable[str]) -> Iterator[str]:
+    """List the files in a folder, also where one of `folders` in it is a link."""
     linked = [scenario / name for name in folders if (scenario / name).is_symlink()]
     for top in (scenario, *linked):
         for folder, _, names in os.walk(top, onerror=_raise_unreadable):
@@ -182,7 +182,8 @@ def _raise_unreadable(error: OSError) -> NoReturn:
     raise RunError(f"{error.filename}: cannot be read: {describe_cause(error)}") from error
 
 
-def _matches_record(path: Path, record: FileRecord) -> bool:
+def matches_record(path: Path, record: FileRecord) -> bool:
+    """Return whether a file is as recorded; RunError if it cannot be read."""
     try:
         return record.matches(path)
     except OSError as error:

@@ -1,0 +1,347 @@
+"""The folder of an export, in which a piece is whole or absent, whatever cuts the export short."""
+
+import math
+from collections.abc import Iterable, Mapping
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import Self
+
+from advercity_dsl import Model
+from pydantic import ValidationError
+
+from advercity.atomic_files import (
+    move_file,
+    open_partial_folder,
+    open_without_links,
+    remove_abandoned_partials,
+    sync_files,
+    write_file,
+)
+from advercity.dataset.partial_files import (
+    NO_FILE_ERRORS,
+    FileRecord,
+    is_locked,
+    list_matching_files,
+    lock_file,
+    report_disk_errors,
+    set_aside,
+)
+from advercity.dataset.scenario_folders import MANIFEST_FILE
+from advercity.dataset.verification import (
+    FileProblem,
+    compare_with_records,
+    list_files,
+    matches_record,
+)
+from advercity.documents import MAX_JSON_BYTES, read_bytes
+from advercity.errors import InputError, RunError
+from advercity.exports.export_manifest import (
+    EXPORT_FILE,
+    ExportManifest,
+    ExportPath,
+    ExportRecord,
+)
+from advercity.exports.pieces import FrameListener, Piece, PieceFiles
+
+STAGING_FOLDER = ".staging"
+LOCK_FILE = f"{STAGING_FOLDER}/lock"
+JOURNAL_FILE = f"{STAGING_FOLDER}/journal.jsonl"
+
+
+class _JournalEntry(Model):
+    """A piece whose files are to be moved into place, or have been."""
+
+    piece: str
+    inputs: str
+    moved: bool
+    files: dict[ExportPath, FileRecord]
+
+    def list_records(self) -> dict[str, ExportRecord]:
+        return {
+            path: ExportRecord(size=record.size, sha256=record.sha256, piece=self.piece)
+            for path, record in self.files.items()
+        }
+
+
+class ExportFolder:
+    """Opens the folder of an export, writes pieces, and keeps the manifest; a context manager.
+
+    Entering it finds the pieces that are done, and removes those that the dataset no longer gives.
+    Leaving it, also after an error, writes the manifest.
+
+    Args:
+        path: The folder.
+        manifest: What is exported, without files.
+        pieces: All pieces of the export.
+        fresh: Remove what exports have written there and start over.
+
+    Raises:
+        InputError: The folder is none that an export has written.
+        RunError: It has another export, another process is writing it, or the disk refuses.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        manifest: ExportManifest,
+        pieces: Iterable[Piece],
+        *,
+        fresh: bool = False,
+    ) -> None:
+        self.path = path
+        self._manifest = manifest
+        self._wanted = {piece.name: piece.inputs for piece in pieces}
+        self._fresh = fresh
+        self._is_new = not path.exists()
+        self._done: dict[str, str] = {}
+        self._files: dict[str, ExportRecord] = {}
+
+    @property
+    def size_bytes(self) -> int:
+        """Size of all files without the manifest."""
+        return sum(record.size for record in self._files.values())
+
+    @property
+    def file_count(self) -> int:
+        """Number of files without the manifest."""
+        return len(self._files)
+
+    def is_done(self, piece: Piece) -> bool:
+        """Return whether a piece is written."""
+        return piece.name in self._done
+
+    def __enter__(self) -> Self:
+        check_export_folder(self.path)
+        with report_disk_errors(self.path):
+            self._check_no_links([LOCK_FILE])
+            self._lock = lock_file(self.path / LOCK_FILE, "this export")
+            with ExitStack() as on_error:
+                on_error.callback(self._close)
+                self._open()
+                on_error.pop_all()
+        return self
+
+    def __exit__(self, kind: object, error: BaseException | None, traceback: object) -> None:
+        try:
+            with report_disk_errors(self.path):
+                self._save(complete=self._done.keys() == self._wanted.keys())
+                if error is not None and not self._done:
+                    (self.path / EXPORT_FILE).unlink()  # nothing was exported
+        finally:
+            self._close()
+
+    def write_piece(self, piece: Piece, on_frame: FrameListener) -> None:
+        """Write a piece.
+
+        Raises:
+            InputError: A file of the dataset is missing or damaged; the piece is absent then.
+            RunError: The disk is full or not writable; the piece is absent then, too.
+        """
+        with (
+            report_disk_errors(self.path),
+            open_partial_folder(self.path / STAGING_FOLDER) as partial,
+        ):
+            files = PieceFiles(partial, on_frame)
+            piece.write(files)
+            records = files.records
+            assert self._files.keys().isdisjoint(records), f"{piece.name}: a file of another piece"
+            self._check_no_links(records)
+            # Whatever cuts the moving short, the next export knows which files are this one's.
+            journal = self._append_to_journal(piece, records, moved=False)
+            sync_files([*(partial / path for path in records), journal, journal.parent])
+            set_aside(self.path, records)
+            for path in records:
+                move_file(partial / path, self.path / path)
+            sync_files({(self.path / path).parent for path in records})
+            entry = self._append_to_journal(piece, records, moved=True)
+            sync_files([entry])
+        self._done[piece.name] = piece.inputs
+        self._files |= _name_piece(records, piece.name)
+
+    def _append_to_journal(
+        self, piece: Piece, records: Mapping[str, FileRecord], *, moved: bool
+    ) -> Path:
+        entry = _JournalEntry(
+            piece=piece.name, inputs=piece.inputs, moved=moved, files=dict(records)
+        )
+        path = self.path / JOURNAL_FILE
+        # One write without a buffer: if the process is killed the line is whole, or the last.
+        with open(path, "ab", buffering=0, opener=open_without_links) as stream:
+            stream.write(entry.model_dump_json(exclude_none=True).encode() + b"\n")
+        return path
+
+    def _open(self) -> None:
+        remove_abandoned_partials(self.path / STAGING_FOLDER, max_age_s=math.inf)
+        former = ExportManifest.load(self.path)
+        entries = _read_journal(self.path)
+        if former is not None:
+            if not self._fresh:
+                self._manifest.check_continues(former, self.path)
+            self._adopt(former, entries)
+        self._save(complete=False)
+
+    def _adopt(self, former: ExportManifest, entries: list[_JournalEntry]) -> None:
+        """Keep what is whole and still wanted, and remove the other files of former exports."""
+        pieces, records = _merge(former, entries)
+        journaled = {path for entry in entries for path in entry.files}
+        damaged = {
+            record.piece
+            for path, record in records.items()
+            if not self._is_as_recorded(path, record, by_content=path in journaled)
+        }
+        self._done = {
+            name: inputs
+            for name, inputs in pieces.items()
+            if not self._fresh and self._wanted.get(name) == inputs and name not in damaged
+        }
+        self._files = {
+            path: record for path, record in records.items() if record.piece in self._done
+        }
+        unmoved = {path: record for entry in entries for path, record in entry.files.items()}
+        obsolete = {
+            path: record
+            for path, record in ({**unmoved, **records}).items()
+            if path not in self._files
+        }
+        self._check_no_links(obsolete)
+        for path in list_matching_files(self.path, obsolete, obsolete):
+            (self.path / path).unlink()
+        self._remove_empty_folders(obsolete)
+
+    def _is_as_recorded(self, path: str, record: FileRecord, *, by_content: bool) -> bool:
+        check = record.matches if by_content else record.has_size_of
+        try:
+            return check(self.path / path)
+        except NO_FILE_ERRORS:
+            return False
+
+    def _remove_empty_folders(self, paths: Iterable[str]) -> None:
+        folders = {folder for path in paths for folder in Path(path).parents} - {Path()}
+        for folder in sorted(folders, reverse=True):  # what is inside comes first
+            with suppress(OSError):  # not empty, or gone
+                (self.path / folder).rmdir()
+
+    def _check_no_links(self, paths: Iterable[str]) -> None:
+        """Refuse to write or delete through a link to a folder; the export's own may be one."""
+        folders = {folder for path in paths for folder in Path(path).parents} - {Path()}
+        for folder in folders:
+            if (self.path / folder).is_symlink():
+                raise RunError(
+                    f"{self.path / folder}: is a link; an export is written in real folders only"
+                )
+
+    def _save(self, *, complete: bool) -> None:
+        manifest = self._manifest.model_copy(
+            update={
+                "complete": complete,
+                # In the order of the dataset and of paths, whenever they were written.
+                "pieces": {
+                    name: inputs for name, inputs in self._wanted.items() if name in self._done
+                },
+                "files": {path: self._files[path] for path in sorted(self._files)},
+            }
+        )
+        partial = self.path / STAGING_FOLDER / EXPORT_FILE
+        write_file(partial, manifest.to_json())
+        sync_files([partial])
+        move_file(partial, self.path / EXPORT_FILE)
+        # Only now: the journal is the record until the manifest has its pieces.
+        (self.path / JOURNAL_FILE).unlink(missing_ok=True)
+
+    def _close(self) -> None:
+        with suppress(OSError):  # the folder stays if anything else is in it
+            (self.path / LOCK_FILE).unlink(missing_ok=True)
+            (self.path / STAGING_FOLDER).rmdir()
+            if self._is_new:  # and still empty, or it stays
+                self.path.rmdir()
+        self._lock.close()
+
+
+def check_export_folder(path: Path) -> None:
+    """Check that a folder is free for an export, or has one.
+
+    Raises:
+        InputError: It is a file, holds other things, or is in a dataset.
+    """
+    if path.is_symlink() and not path.exists():
+        raise InputError(f"`output` {path}: is a link to {path.readlink()}, which is not there")
+    if path.exists() and not path.is_dir():
+        raise InputError(f"`output` {path}: is a file; name a folder")
+    parent = path.absolute().parent
+    # Loaders of OPV2V would take it for a scenario, or for an agent.
+    if any(path.is_file() for path in (*parent.glob(f"*/{MANIFEST_FILE}"), parent / MANIFEST_FILE)):
+        raise InputError(f"`output` {path}: is in a dataset; name a folder beside it")
+    if path.is_dir() and not is_export(path):
+        others = {item.name for item in path.iterdir()} - {STAGING_FOLDER}
+        if others:
+            raise InputError(
+                f"`output` {path}: holds files but no {EXPORT_FILE}, so not an export; delete it,"
+                " or choose another folder"
+            )
+
+
+def is_export(path: Path) -> bool:
+    """Return whether a folder is that of an export."""
+    return (path / EXPORT_FILE).is_file()
+
+
+def verify_export(path: Path) -> tuple[list[FileProblem], ExportManifest]:
+    """Compare every file of an export with its manifest, by size and checksum.
+
+    Returns:
+        The problems, and the manifest.
+
+    Raises:
+        InputError: The folder is no export.
+        RunError: A file cannot be read.
+    """
+    manifest = ExportManifest.load(path)
+    if manifest is None:
+        raise InputError(f"{path}: no {EXPORT_FILE} in it, so not an export")
+    if is_locked(path / LOCK_FILE):
+        return [FileProblem(path, "", "being written")], manifest
+    entries = _read_journal(path)
+    _, records = _merge(manifest, entries)
+    unmoved = {name: record for entry in entries for name, record in entry.files.items()}
+    found = {
+        name
+        for name in list_files(path, ())
+        if name != EXPORT_FILE and not name.startswith(f"{STAGING_FOLDER}/")
+    }
+    problems = compare_with_records(
+        path,
+        records,
+        found,
+        lambda name, record: matches_record(path / name, record),
+        unfinished=list_matching_files(path, found - records.keys(), unmoved),
+    )
+    return problems, manifest
+
+
+def _read_journal(folder: Path) -> list[_JournalEntry]:
+    """Read all whole lines of the journal; the last may be torn."""
+    entries: list[_JournalEntry] = []
+    with suppress(*NO_FILE_ERRORS, ValidationError):
+        raw = read_bytes(folder / JOURNAL_FILE, max_bytes=MAX_JSON_BYTES)
+        for line in raw.splitlines():
+            entries.append(_JournalEntry.model_validate_json(line))
+    return entries
+
+
+def _merge(
+    manifest: ExportManifest, entries: Iterable[_JournalEntry]
+) -> tuple[dict[str, str], dict[str, ExportRecord]]:
+    """Merge the journal into the manifest: inputs by piece, and records by path."""
+    moved = [entry for entry in entries if entry.moved]
+    pieces = manifest.pieces | {entry.piece: entry.inputs for entry in moved}
+    files: dict[str, ExportRecord] = dict(manifest.files)
+    for entry in moved:
+        files |= entry.list_records()
+    return pieces, files
+
+
+def _name_piece(records: Mapping[str, FileRecord], piece: str) -> dict[str, ExportRecord]:
+    return {
+        path: ExportRecord(size=record.size, sha256=record.sha256, piece=piece)
+        for path, record in records.items()
+    }

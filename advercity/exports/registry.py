@@ -1,0 +1,66 @@
+"""The formats that datasets are exported to, by name."""
+
+import difflib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import Any
+
+from advercity.dataset.reader import Dataset
+from advercity.errors import InputError
+from advercity.exports.pieces import Piece
+
+Options = Mapping[str, str]
+"""Values of a format's options, by name; all that it has."""
+PieceLister = Callable[[Dataset, Options], list[Piece]]
+"""Splits a dataset into pieces; InputError if it lacks what the format needs."""
+
+
+@dataclass(frozen=True)
+class ExportFormat:
+    """A format.
+
+    Attributes:
+        name: Its name on the command line.
+        module: Module of the package `advercity.exports` that has its `list_pieces`; it is imported
+            when the format is used, with the libraries that it needs.
+        options: Possible values of its options by name; the first is taken unless another is named.
+    """
+
+    name: str
+    module: str
+    options: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
+
+    def load(self) -> PieceLister:
+        """Load the function that splits a dataset into pieces."""
+        module: Any = import_module(f"advercity.exports.{self.module}")
+        return module.list_pieces
+
+    def complete_options(self, given: Mapping[str, str | None]) -> dict[str, str]:
+        """Complete options by their defaults; what is None is not given.
+
+        Raises:
+            InputError: The format has no such option, or it has no such value.
+        """
+        chosen = {name: values[0] for name, values in self.options.items()}
+        for name, value in given.items():
+            if value is None:
+                continue
+            if name not in self.options:
+                raise InputError(f"`{name}` {value}: {self.name} has no such option")
+            if value not in self.options[name]:
+                raise InputError(f"`{name}` {value}: {' or '.join(self.options[name])}")
+            chosen[name] = value
+        return chosen
+
+
+EXPORT_FORMATS = {one.name: one for one in (ExportFormat("kitti", "kitti"),)}
+
+
+def find_export_format(name: str) -> ExportFormat:
+    """Return the format of that name; InputError with the nearest names if there is none."""
+    if name in EXPORT_FORMATS:
+        return EXPORT_FORMATS[name]
+    close = difflib.get_close_matches(name.lower(), EXPORT_FORMATS, n=2, cutoff=0.5)
+    hint = f"did you mean {' or '.join(close)}?" if close else f"{', '.join(EXPORT_FORMATS)}"
+    raise InputError(f"{name}: no such format to export to; {hint}")

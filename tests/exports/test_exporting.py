@@ -1,0 +1,206 @@
+"""What all exports have in common: they resume, replace nothing of others, and can be verified."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from advercity_dsl import Spec
+
+from advercity.dataset.agent_view import AgentView
+from advercity.dataset.reader import FrameView
+from advercity.dataset.writer import ScenarioWriter
+from advercity.errors import InputError, RunError
+from advercity.exports import kitti
+from advercity.exports.export_folder import verify_export
+from advercity.exports.exporting import export_dataset
+from advercity.exports.oxts import format_oxts
+from advercity.pipeline.progress import Progress
+from tests.builders import SensorFramesOf, identify, write_scenario
+from tests.cli.conftest import Command
+from tests.cli.conftest import advercity as advercity  # a fixture
+
+IMAGE = "training/image_2/000004.png"
+
+
+@pytest.fixture
+def dataset(two_roads: Path, tmp_path: Path) -> Path:
+    """A copy of a dataset of two scenarios with three frames each."""
+    return shutil.copytree(two_roads, tmp_path / "dataset")
+
+
+def snapshot(folder: Path) -> dict[str, bytes]:
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
+
+
+def test_an_export_is_complete_and_verified(
+    advercity: Command, dataset: Path, tmp_path: Path
+) -> None:
+    output = tmp_path / "exports" / "kitti"
+    done = advercity("export", "kitti", dataset, "--output", output)
+    assert (done.code, done.out) == (0, f"{output}\n")
+    assert "2 scenarios, 6 frames, 152 files" in done.err
+    verified = advercity("verify", output)
+    assert (verified.code, verified.err) == (0, "every file is as its manifest says\n")
+    (output / IMAGE).write_bytes(b"x")
+    (output / "training/calib/000002.txt").unlink()
+    (output / "notes.txt").touch()
+    damaged = advercity("verify", output)
+    assert (damaged.code, damaged.out) == (1, f"{output}/notes.txt: not part of the dataset\n")
+    assert f"{output}/training/calib/000002.txt: missing" in damaged.err
+    assert f"{output}/{IMAGE}: changed" in damaged.err
+
+
+@pytest.mark.parametrize("pieces", [1, 4])
+def test_an_export_that_was_cut_short_ends_with_the_same_files(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pieces: int
+) -> None:
+    whole = snapshot(export_dataset("kitti", dataset, tmp_path / "exports" / "whole").output)
+    output = tmp_path / "exports" / "cut"
+    samples: list[str] = []
+
+    def fail_after(frame: FrameView, view: AgentView) -> str:
+        samples.append(view.agent.id)
+        if len(samples) > 5 * pieces + 2:  # in the middle of a frame of five agents
+            raise KeyboardInterrupt
+        return format_oxts(frame, view)
+
+    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+        patched.setattr(kitti, "format_oxts", fail_after)
+        export_dataset("kitti", dataset, output)
+    problems, manifest = verify_export(output)
+    assert (problems, manifest.complete, len(manifest.pieces)) == ([], False, pieces)
+    reports: list[Progress] = []
+    export_dataset("kitti", dataset, output, report=reports.append)
+    assert snapshot(output) == whole
+    assert [one.done for one in reports if one.scenario.startswith("rcnj")][:3] == [1, 2, 3]
+
+
+def test_frames_that_are_added_to_a_dataset_are_added_to_its_export(
+    spec: Spec, sensor_frames_of: SensorFramesOf, tmp_path: Path
+) -> None:
+    dataset, output = tmp_path / "dataset", tmp_path / "exports" / "kitti"
+    with ScenarioWriter(dataset, spec, identify(spec), length=2) as writer:
+        writer.write_frame(0, sensor_frames_of(0))
+        writer.finish()
+    export_dataset("kitti", dataset, output)
+    first = (output / IMAGE).stat()
+    with ScenarioWriter(dataset, spec, identify(spec), length=2) as writer:
+        writer.write_frame(1, sensor_frames_of(1))
+        writer.finish()
+    result = export_dataset("kitti", dataset, output)
+    assert (result.frames, result.files) == (2, 52)
+    assert (output / IMAGE).stat() == first
+    assert len((output / "ImageSets/trainval.txt").read_text().split()) == 10
+
+
+def test_files_of_others_are_kept_and_changed_ones_are_set_aside(
+    dataset: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    output = tmp_path / "exports" / "kitti"
+    before = snapshot(export_dataset("kitti", dataset, output).output)
+    (output / "notes.txt").write_text("mine")
+    (output / IMAGE).write_bytes(b"edited")
+    export_dataset("kitti", dataset, output)
+    after = snapshot(output)
+    assert after.pop("notes.txt") == b"mine"
+    assert after.pop(f"{IMAGE}.kept") == b"edited"
+    assert after == before
+    assert f"kept as {IMAGE}.kept" in caplog.text
+    export_dataset("kitti", dataset, output, fresh=True)
+    assert snapshot(output) == before | {"notes.txt": b"mine", f"{IMAGE}.kept": b"edited"}
+
+
+def test_another_dataset_is_not_mixed_into_an_export(
+    dataset: Path, tmp_path: Path, spec: Spec, sensor_frames_of: SensorFramesOf
+) -> None:
+    output = tmp_path / "exports" / "kitti"
+    export_dataset("kitti", dataset / spec.id, output)
+    before = snapshot(output)
+    other = tmp_path / "other" / spec.id
+    identity = identify(spec, device="another")
+    with ScenarioWriter(other.parent, spec, identity, length=1) as writer:
+        writer.write_frame(0, sensor_frames_of(0))
+        writer.finish()
+    with pytest.raises(RunError, match=f"{spec.id}: not in the dataset, or made again since"):
+        export_dataset("kitti", other, output)
+    assert snapshot(output) == before
+    export_dataset("kitti", other, output, fresh=True)
+    assert len(snapshot(output)) == 28
+    assert verify_export(output)[0] == []
+
+
+def test_a_link_in_an_export_is_not_followed(dataset: Path, tmp_path: Path) -> None:
+    output = tmp_path / "exports" / "kitti"
+    (tmp_path / "elsewhere").mkdir()
+    export_dataset("kitti", dataset, output)
+    shutil.rmtree(output / "training" / "oxts")
+    (output / "training" / "oxts").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(RunError, match="is a link"):
+        export_dataset("kitti", dataset, output)
+    assert list((tmp_path / "elsewhere").iterdir()) == []
+
+
+def refuse(advercity: Command, *arguments: str | Path) -> str:
+    done = advercity("export", *arguments)
+    assert (done.code, done.out) == (2, "")
+    (line,) = done.err.splitlines()
+    return line
+
+
+def test_bad_input_is_explained(advercity: Command, dataset: Path, tmp_path: Path) -> None:
+    output = tmp_path / "exports" / "kitti"
+    assert "no such format to export to; did you mean kitti?" in refuse(
+        advercity, "kity", dataset, "--output", output
+    )
+    assert "no such folder" in refuse(advercity, "kitti", tmp_path / "x", "--output", output)
+    assert "is in a dataset" in refuse(advercity, "kitti", dataset, "--output", dataset / "kitti")
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.tex").touch()
+    assert "not an export" in refuse(advercity, "kitti", dataset, "--output", tmp_path / "mine")
+    (dataset / "ui_clear_night_dense" / "-1" / "000061_camera0.png").unlink()
+    missing = refuse(advercity, "kitti", dataset, "--output", output)
+    assert missing.endswith(
+        "-1/000061_camera0.png: is missing; `advercity verify` lists all such files,"
+        " `advercity repair` restores them"
+    )
+    assert not output.joinpath("training/velodyne/000023.bin").exists()
+
+
+def test_a_format_says_which_layout_it_needs(
+    advercity: Command, tmp_path: Path, spec: Spec, sensor_frames_of: SensorFramesOf
+) -> None:
+    dataset = tmp_path / "dataset"
+    write_scenario(dataset, spec, sensor_frames_of, format="adver_city")
+    line = refuse(advercity, "kitti", dataset, "--output", tmp_path / "exports")
+    assert "has the layout adver_city" in line and "exported from opv2v" in line
+
+
+def test_a_dataset_without_frames_is_explained(
+    advercity: Command, tmp_path: Path, spec: Spec
+) -> None:
+    with ScenarioWriter(tmp_path / "dataset", spec, identify(spec), length=2) as writer:
+        writer.finish()
+    done = advercity("export", "kitti", tmp_path / "dataset", "--output", tmp_path / "exports")
+    assert done.code == 2
+    assert "no frames here yet" in done.err
+
+
+def test_a_manifest_that_was_made_to_harm_deletes_nothing(dataset: Path, tmp_path: Path) -> None:
+    output = tmp_path / "exports" / "kitti"
+    export_dataset("kitti", dataset, output)
+    (tmp_path / "precious").write_text("")
+    document = json.loads((output / "export.json").read_text())
+    document["files"]["../../precious"] = {
+        "size": 0,
+        "sha256": "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855",
+        "piece": "samples",
+    }
+    (output / "export.json").write_text(json.dumps(document))
+    with pytest.raises((InputError, RunError), match="not the manifest of an export"):
+        export_dataset("kitti", dataset, output, fresh=True)
+    assert (tmp_path / "precious").exists()
