@@ -67,7 +67,9 @@ class SharedScenario:
         found = self._read_manifests()
         if not found and self.store.list_files(name):
             raise no_dataset_to_replace_error(name)
-        records = {} if fresh else self._merge_records(found)
+        merged = {} if fresh else self._merge_records(found)
+        records = self._select_whole_frames(merged)
+        self._remove_recorded({path: merged[path] for path in merged.keys() - records.keys()})
         self._remove_unfinished(records)
         if fresh:
             self._clear(found)
@@ -79,17 +81,36 @@ class SharedScenario:
             self.store.write(f"{name}/{path}", content)
         return records
 
-    def finish(self) -> Manifest:
+    def finish(self, made: Iterable[int] = ()) -> Manifest:
         """Write the manifest of all parts, and delete files of frames that it does not list.
 
+        Args:
+            made: Frames that were made.
+
         Raises:
-            RunError: A part was made by other code or on another device.
+            RunError: A part was made by other code or on another device, or files of a frame that
+                was made are gone.
         """
         own = encode_scenario_files(self.spec, self.identity)
-        manifest = self._save(self._merge_records(self._read_manifests()), own)
+        records = self._select_whole_frames(self._merge_records(self._read_manifests()))
+        for path in own.keys() - set(self._list_files()):
+            self.store.write(f"{self.spec.id}/{path}", own[path])
+        manifest = self._save(records, own)
         self._remove_unfinished(manifest.files)
         self._remove_parts()
+        gone = set(made) - set(manifest.frames)
+        if gone:
+            raise RunError(
+                f"{self.spec.id}: files of {len(gone)} frames are gone from the output since they"
+                " were written; end what deletes them, and run again"
+            )
         return manifest
+
+    def _select_whole_frames(self, records: dict[str, FileRecord]) -> dict[str, FileRecord]:
+        """Select the records of the frames whose files are all there."""
+        there = set(self._list_files())
+        torn = {record.frame for path, record in records.items() if path not in there}
+        return {path: record for path, record in records.items() if record.frame not in torn}
 
     def _remove_unfinished(self, finished: Mapping[str, FileRecord]) -> None:
         """Delete what machines that stopped have uploaded of their parts, by its content."""

@@ -102,7 +102,7 @@ class _ClusterScenario:
     began_s: float = field(default_factory=time.monotonic)
     parts: SharedScenario | None = None
     open_tasks: int = 0
-    wanted_frames: int = 0
+    wanted: range = range(0)
     result: ScenarioResult = field(init=False)
 
     def __post_init__(self) -> None:
@@ -112,7 +112,7 @@ class _ClusterScenario:
     @property
     def progress(self) -> Progress:
         frames, size_bytes = self.result.frames, self.result.size_bytes
-        return Progress(self.spec.id, "frames", frames, self.wanted_frames, size_bytes)
+        return Progress(self.spec.id, "frames", frames, len(self.wanted), size_bytes)
 
     def add(self, made: ScenarioResult) -> None:
         """Add the result of a task."""
@@ -122,7 +122,7 @@ class _ClusterScenario:
             return
         self.result = replace(
             last,
-            frames=min(self.wanted_frames, last.frames + made.frames),
+            frames=min(len(self.wanted), last.frames + made.frames),
             size_bytes=last.size_bytes + made.size_bytes,
             peak_memory_bytes=max(last.peak_memory_bytes, made.peak_memory_bytes),
         )
@@ -213,7 +213,7 @@ class _RayDriver:
     def _record_end(self, run: _ClusterScenario) -> None:
         result = run.finish()
         text = self._store.read(f"{run.spec.id}/{MANIFEST_FILE}")
-        failed, refused = result.error is not None, not run.wanted_frames
+        failed, refused = result.error is not None, not run.wanted
         entry = IndexEntry.from_manifest_text(run.spec, text, failed=failed, refused=refused)
         self._update_index((), {run.spec.id: entry})
         self._listener.on_result(result)
@@ -236,7 +236,7 @@ class _RayDriver:
             run.add(answer)
         self._listener.on_progress(run.progress)
         if not run.open_tasks and run.result.error is None and run.parts is not None:
-            manifest = run.parts.finish()
+            manifest = run.parts.finish(run.wanted)
             run.result = replace(run.result, size_bytes=manifest.size_bytes)
 
     def _submit_tasks(self, run: _ClusterScenario, found: ScenarioSurvey) -> None:
@@ -244,7 +244,7 @@ class _RayDriver:
         run.parts = SharedScenario(self._store, run.spec, found.identity, found.length)
         records = run.parts.begin(fresh=self._options.fresh)
         done = {record.frame for record in records.values()}
-        run.wanted_frames = len(found.wanted)
+        run.wanted = found.wanted
         run.result = replace(
             run.result,
             frames=sum(index in done for index in found.wanted),

@@ -321,6 +321,42 @@ def test_what_a_machine_left_of_a_part_is_removed_from_a_store_and_no_other_file
     assert texts(folder, *precious) == precious
 
 
+def test_a_frame_of_a_store_that_has_lost_a_file_is_made_again(
+    scenario: Path, spec: Spec, tmp_path: Path
+) -> None:
+    store, folder = DatasetStore(str(tmp_path / "store")), tmp_path / "store" / spec.id
+    shared = SharedScenario(store, spec, identify(spec), LENGTH)
+    shared.begin(fresh=False)
+    upload_part(store, scenario)
+    frame = shared.finish().frames[0]
+    had = {path.relative_to(folder) for path in folder.rglob("*") if path.is_file()}
+    precious = add(folder, "102/notes.txt")
+    (folder / "102" / f"{60 + frame:06d}.pcd").unlink()
+    assert frame not in {record.frame for record in shared.begin(fresh=False).values()}
+    assert texts(folder, *precious) == precious
+    upload_part(store, scenario)
+    assert frame in shared.finish([frame]).frames
+    (folder / "102" / "notes.txt").unlink()
+    assert {path.relative_to(folder) for path in folder.rglob("*") if path.is_file()} == had
+    assert verify_store(str(tmp_path / "store")) == []
+
+
+def test_a_run_whose_store_is_deleted_meanwhile_reports_the_frames_that_are_gone(
+    scenario: Path, spec: Spec, tmp_path: Path
+) -> None:
+    store = DatasetStore(str(tmp_path / "store"))
+    shared = SharedScenario(store, spec, identify(spec), LENGTH)
+    shared.begin(fresh=False)
+    upload_part(store, scenario)
+    shutil.rmtree(tmp_path / "store")
+    with pytest.raises(RunError, match=f"{spec.id}: files of 1 frames are gone from the output"):
+        shared.finish([0])
+    assert verify_store(str(tmp_path / "store")) == []
+    shared.begin(fresh=False)
+    upload_part(store, scenario)
+    assert shared.finish([0]).frames == (0,)
+
+
 def test_verifying_a_store_tells_unfinished_files_from_those_of_others(
     scenario: Path, spec: Spec, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
