@@ -147,11 +147,12 @@ def describe_cache() -> list[dict[str, str | int]]:
 def prune_cache(limit_bytes: int) -> RemovedEntries:
     """Remove leftovers, and the entries used longest ago until the rest is within the limit."""
     _sweep()
-    entries, old_s = list_entries(), time.time() - IN_USE_S
+    entries, now_s = list_entries(), time.time()
     excess_bytes = sum(entry.size_bytes for entry in entries) - limit_bytes
     chosen: list[CacheEntry] = []
     for entry in entries:
-        if excess_bytes > 0 and entry.used_s < old_s:
+        # A use in the future is from before the clock was set back: how long ago is unknown.
+        if excess_bytes > 0 and abs(now_s - entry.used_s) > IN_USE_S:
             chosen.append(entry)
             excess_bytes -= entry.size_bytes
     return _remove(chosen)
