@@ -78,6 +78,7 @@ def build_spec(
     declarations = [suite, road, inputs.weather, density, inputs.rig, inputs.catalogue]
     declarations += [*inputs.conflicts.conflicts, *([drivers] if drivers else [])]
     declarations += resolved.agent_rigs.values()
+    declarations += [resolved.channel] if resolved.channel else []
     digests = {
         f"{get_declaration_kind(item)}/{item.id}": library.find_entry(item).digest
         for item in declarations
@@ -95,6 +96,7 @@ def build_spec(
         drivers=drivers,
         **_compute_driver_responses(drivers, inputs.weather, suite.timing),
         reaction=_find_reaction_conditions(library, suite, resolved, inputs.weather, conflicts),
+        channel=inputs.channel,
         blueprints=inputs.blueprints,
         assets=dict(sorted(assets.items())),
         timing=suite.timing,

@@ -248,11 +248,10 @@ def _build_scenarios(
         resolved.weathers.values(),
         enumerate(resolved.densities.values()),
     )
+    common = (resolved.rig, resolved.catalogue, resolved.channel)
     build = partial(build_scenario_inputs, library, suite, require_sun=require_sun)
     scenarios = _run_checks(
-        partial(
-            build, (turns[turn], weather, density, resolved.rig, resolved.catalogue), step, repeat
-        )
+        partial(build, (turns[turn], weather, density, *common), step, repeat)
         for turns, weather, (number, density) in crossings
         for step in steps
         for repeat in repeats

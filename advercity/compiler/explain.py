@@ -134,7 +134,7 @@ def _find_declared_path(path: str, spec: Spec, suite: Suite) -> tuple[str | None
     first, *rest = (int(part) if part.isdigit() else part for part in path.split("."))
     value_path = tuple(rest)
     match first:
-        case "road" | "weather" | "density" | "drivers":
+        case "road" | "weather" | "density" | "drivers" | "channel":
             return first, value_path
         case "demand":
             return "road", ("traffic", *value_path)

@@ -15,6 +15,7 @@ SUITE_REFERENCES = {
     "densities": "density",
     "cross_conflicts": "conflict",
     "rig": "rig",
+    "channel": "channel",
     "catalogue": "catalogue",
     "drivers": "drivers",
     "reaction_weather": "weather",

@@ -9,6 +9,7 @@ from advercity_dsl import (
     DECLARATIONS,
     Blueprint,
     Catalogue,
+    Channel,
     Declaration,
     Density,
     Model,
@@ -28,6 +29,7 @@ from advercity.compiler.extends import ResolvedDeclaration
 from advercity.compiler.fields import NumberConstraints, find_field_names, find_number_constraints
 from advercity.compiler.library import Library, LibraryEntry
 from advercity.compiler.suite_conflicts import RoadConflicts
+from advercity.compiler.suites import find_untimely_messages
 from advercity.compiler.validation import validate_model
 from advercity.diagnostics import Diagnostic, DiagnosticsError
 
@@ -70,7 +72,7 @@ class SuiteCondition:
     allowed: Sequence[Any]
     is_range: bool
 
-    def is_met(self, declarations: Mapping[str, Model]) -> bool:
+    def is_met(self, declarations: Mapping[str, Model | None]) -> bool:
         """Return whether the declarations of a scenario, by kind, meet the condition."""
         value = _get_value(declarations[self.kind], self.value_path)
         if not self.is_range:
@@ -127,7 +129,7 @@ def _suggest_path_part(kind: str, value_path: ValuePath) -> str | None:
     return None
 
 
-def _get_value(model: Model, value_path: ValuePath) -> Any:
+def _get_value(model: Model | None, value_path: ValuePath) -> Any:
     """Return the value at a path of nested models; None if a part is absent."""
     value: Any = model
     for part in value_path:
@@ -210,6 +212,7 @@ class ScenarioInputs:
     density: Density
     rig: Rig
     catalogue: Catalogue
+    channel: Channel | None
     draws: Distributions
     step: SweepStep | None
     conflicts: RoadConflicts
@@ -217,7 +220,7 @@ class ScenarioInputs:
     repeat: int | None
 
     @property
-    def by_kind(self) -> dict[str, Model]:
+    def by_kind(self) -> dict[str, Model | None]:
         """Declarations to which the conditions of a suite apply."""
         return {
             "road": self.road,
@@ -225,6 +228,7 @@ class ScenarioInputs:
             "density": self.density,
             "rig": self.rig,
             "catalogue": self.catalogue,
+            "channel": self.channel,
         }
 
     @property
@@ -252,7 +256,7 @@ def _remove_package_model(blueprint: Blueprint) -> Blueprint:
     return blueprint.model_copy(update={"model": None}) if is_packaged else blueprint
 
 
-CrossedDeclarations = tuple[RoadConflicts, Weather, Density, Rig, Catalogue]
+CrossedDeclarations = tuple[RoadConflicts, Weather, Density, Rig, Catalogue, Channel | None]
 
 
 def build_scenario_inputs(
@@ -270,7 +274,7 @@ def build_scenario_inputs(
         DiagnosticsError: The id is too long, a drawn or swept value is not valid, or
             `require_sun` is set and a sun in view of the ego has not been computed.
     """
-    conflicts, weather, density, rig, catalogue = crossed
+    conflicts, weather, density, rig, catalogue, channel = crossed
     entry = library.find_entry(weather)
     name = build_spec_id(conflicts.road, weather, density, step, conflicts.crossed_id, repeat)
     if len(name) > MAX_ID_LENGTH:
@@ -283,6 +287,7 @@ def build_scenario_inputs(
         density = _apply_sweep_step(library, density, step)
         rig = _apply_sweep_step(library, rig, step)
         catalogue = _apply_sweep_step(library, catalogue, step)
+        channel = _apply_channel_step(library, suite, channel, step)
     except DiagnosticsError as error:
         if step is None:
             raise
@@ -296,7 +301,8 @@ def build_scenario_inputs(
     # Conflicts are solved on the road with the sweep and the limits applied.
     conflicts = replace(conflicts, road=road)
     return ScenarioInputs(
-        name, road, weather, density, rig, catalogue, draws, step, conflicts, suite.looks, repeat
+        *(name, road, weather, density, rig, catalogue, channel, draws, step, conflicts),
+        *(suite.looks, repeat),
     )
 
 
@@ -346,6 +352,18 @@ def _apply_sweep_step(library: Library, item: DeclarationT, step: SweepStep | No
         kept = {name: getattr(item, name) for name in names}
         kept["surroundings"] = (*changed.surroundings, *grown)
         return changed.model_copy(update=kept)
+    return changed
+
+
+def _apply_channel_step(
+    library: Library, suite: Suite, channel: Channel | None, step: SweepStep | None
+) -> Channel | None:
+    if channel is None or step is None or step.kind != "channel":
+        return channel
+    changed = _apply_sweep_step(library, channel, step)
+    untimely = [*find_untimely_messages(library, suite, changed)]
+    if untimely:
+        raise DiagnosticsError(*untimely)
     return changed
 
 

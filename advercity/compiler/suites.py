@@ -8,6 +8,7 @@ from typing import TypeVar
 
 from advercity_dsl import (
     Catalogue,
+    Channel,
     Declaration,
     Density,
     Drivers,
@@ -21,6 +22,7 @@ from advercity_dsl import (
     Weather,
 )
 from advercity_dsl.base import suggest_name
+from advercity_dsl.channel import is_multiple
 from advercity_dsl.road import StripKind
 from advercity_dsl.suite import Coverage, Selection
 
@@ -133,6 +135,7 @@ class ResolvedSuite:
     densities: Mapping[str, Density]
     rig: Rig
     agent_rigs: Mapping[str, Rig]
+    channel: Channel | None
     catalogue: Catalogue
     drivers: Drivers | None
     reaction_weather: Weather | None
@@ -158,6 +161,7 @@ def resolve_suite(library: Library, suite: Suite) -> ResolvedSuite:
         find("densities", Density),
         rigs[suite.rig],
         {agent: rigs[name] for agent, name in suite.agents.items()},
+        library.get_declarations(Channel)[suite.channel] if suite.channel else None,
         library.get_declarations(Catalogue)[suite.catalogue],
         drivers[suite.drivers] if suite.drivers else None,
         weathers[suite.reaction_weather] if suite.reaction_weather else None,
@@ -174,10 +178,13 @@ def check_resolved_suite(library: Library, declared: Suite, suite: ResolvedSuite
 
     Raises:
         DiagnosticsError: The suite equips agents that do not exist or cannot have it, a roadside
-            unit has no vertical field of view, a road does not have exactly one ego, or an agent
-            is off its road's map.
+            unit has no vertical field of view, a road does not have exactly one ego, an agent
+            is off its road's map, or messages are sent between two ticks.
     """
     diagnostics = [*_check_named_agents(library, declared, suite)]
+    diagnostics += _check_swept_channel(library, declared, suite)
+    if suite.channel is not None:
+        diagnostics += find_untimely_messages(library, declared, suite.channel)
     for road in suite.roads.values():
         diagnostics += _check_bodies(library, declared, suite, road)
         diagnostics += _check_sensors(library, declared, suite, road)
@@ -210,6 +217,30 @@ def _check_named_agents(
                 message, hint = "no road of the suite has this agent", suggest_name(name, names)
                 at = (field, name)
                 yield library.build_diagnostic(declared, *at, message=message, hint=hint, key=True)
+
+
+def _check_swept_channel(
+    library: Library, declared: Suite, suite: ResolvedSuite
+) -> Iterator[Diagnostic]:
+    """Check that a suite that sweeps a field of its channel has one."""
+    sweep = declared.sweep
+    if suite.channel is None and sweep is not None and sweep.field.startswith("channel."):
+        message, hint = "the suite has no channel", "name one: `channel: ideal`"
+        at = ("sweep", "field")
+        yield library.build_diagnostic(declared, *at, message=message, hint=hint)
+
+
+def find_untimely_messages(
+    library: Library, declared: Suite, channel: Channel
+) -> Iterator[Diagnostic]:
+    """Find the messages of a channel whose period is no whole number of a suite's ticks."""
+    tick_s = declared.timing.tick_s
+    for name, period_s in channel.periods_s.items():
+        if not is_multiple(period_s, tick_s):
+            suite = f"tick_s of suite '{declared.id}', {tick_s:g} s"
+            message = f"{period_s:g} s is no multiple of {suite}"
+            hint = f"messages are sent at ticks: {tick_s:g} s, {2 * tick_s:g} s, ..."
+            yield library.build_diagnostic(channel, name, "period_s", message=message, hint=hint)
 
 
 def _check_bodies(

@@ -7,6 +7,7 @@ from typing import Any
 
 from advercity_dsl import (
     Agent,
+    Channel,
     Declaration,
     DriverResponse,
     Road,
@@ -229,6 +230,8 @@ def describe_spec(spec: Spec) -> Description:
     }
     if spec.drivers and spec.caution:
         facts["drivers"] = f"{spec.drivers.id}: {_describe_driver_response(spec.caution)}"
+    if spec.channel:
+        facts["channel"] = _describe_channel(spec.channel)
     swept = spec.provenance.sweep
     drawn = {f"drawn {path}": str(item) for path, item in spec.provenance.draws.items()}
     return facts | drawn | ({"sweep": f"{swept.field} at {swept.value:g}"} if swept else {})
@@ -252,6 +255,20 @@ def _describe_agent(agent: Agent) -> str:
     role = ["ego"] if agent.is_ego else []
     kind = [agent.blueprint or "roadside unit"]
     return f"{', '.join([str(agent.number), *role, *kind])}: {', '.join(carried)}"
+
+
+def _describe_channel(channel: Channel) -> str:
+    """Describe what is sent over a channel, and what limits it."""
+    kinds = {"CAM": channel.cam, "CPM": channel.cpm, "data": channel.data}
+    limits = {
+        "radio": channel.radio is not None,
+        f"{channel.range_m or 0:g} m": channel.range_m is not None,
+        f"{channel.rate_mbit_s or 0:g} Mbit/s": channel.rate_mbit_s is not None,
+        f"{channel.loss.total_rate:.1%} lost": channel.loss.total_rate > 0,
+    }
+    sent = ", ".join(name for name, item in kinds.items() if item)
+    limited = ", ".join(name for name, is_set in limits.items() if is_set)
+    return f"{channel.id}: {sent}; {limited or 'everything arrives'}"
 
 
 def _describe_driver_response(caution: DriverResponse) -> str:

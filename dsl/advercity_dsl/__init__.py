@@ -11,6 +11,7 @@ from advercity_dsl.catalogue import (
     LampPositions,
     PedestrianAppearance,
 )
+from advercity_dsl.channel import Channel
 from advercity_dsl.conflict import Conflict, OutcomeCriteria, StagedActor, StagedConflict
 from advercity_dsl.rig import Camera, Exposure, Gnss, Imu, Lidar, Mount, Radar, Rig, SensorSet
 from advercity_dsl.road import (
@@ -43,6 +44,7 @@ DECLARATIONS: dict[str, type[Declaration]] = {
     "density": Density,
     "drivers": Drivers,
     "rig": Rig,
+    "channel": Channel,
     "catalogue": Catalogue,
     "suite": Suite,
 }
@@ -66,6 +68,7 @@ __all__ = [
     "BodyModel",
     "Camera",
     "Catalogue",
+    "Channel",
     "Conflict",
     "Declaration",
     "Density",

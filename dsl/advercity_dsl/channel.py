@@ -26,6 +26,13 @@ from advercity_dsl.units import (
     Seconds,
 )
 
+
+def is_multiple(period_s: float, tick_s: float) -> bool:
+    """Return whether a period is a whole number of ticks, at least one."""
+    ticks = period_s / tick_s
+    return round(ticks) >= 1 and abs(ticks - round(ticks)) < 1e-6
+
+
 PERIOD_REASON = RangeReason("messages are sent once in 10 ms to 10 s", 10)
 Period = Annotated[Seconds, Field(ge=0.01, le=10), PERIOD_REASON]
 MessageSize = Annotated[Bytes, Field(ge=1, le=100_000_000), RangeReason("at most 100 MB", 1e8)]

@@ -6,6 +6,7 @@ from pydantic import Field, StringConstraints, model_validator
 
 from advercity_dsl.base import ByName, Digest, Id, Items, Model, is_empty
 from advercity_dsl.catalogue import Blueprint
+from advercity_dsl.channel import Channel
 from advercity_dsl.conflict import StagedConflict
 from advercity_dsl.distribution import Distribution
 from advercity_dsl.rig import SensorSet
@@ -119,6 +120,8 @@ class Spec(Model):
     """Their later responses to a weather that changes, in order of time."""
     reaction: ReactionConditions | None = Field(default=None, exclude_if=is_empty)
     """What the ego reacts to staged actors with; None where no conflict is resolved by it."""
+    channel: Channel | None = Field(default=None, exclude_if=is_empty)
+    """V2X channel between the agents; None where they send nothing."""
     blueprints: ByName[Blueprint]
     assets: dict[AssetName, Digest] = Field(
         default_factory=dict[AssetName, Digest], exclude_if=is_empty, max_length=10_000

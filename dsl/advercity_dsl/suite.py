@@ -44,7 +44,7 @@ IdSelection = Annotated[
 ]
 """`all`, or a list of ids."""
 Scalar = Flag | Number | str
-CROSSED_KINDS = ("weather", "road", "density", "rig", "catalogue")
+CROSSED_KINDS = ("weather", "road", "density", "rig", "catalogue", "channel")
 
 
 def _check_field_path(path: str) -> str:
@@ -217,6 +217,8 @@ class Suite(Declaration):
     """Sensors of all agents that `agents` does not name."""
     agents: ByName[Id] = Field(default_factory=dict, exclude_if=is_empty)
     """Rigs of single agents, by the agent's id: `{cav1: nuscenes_like, rsu1: roadside}`."""
+    channel: Id | None = Field(default=None, exclude_if=is_none)
+    """V2X channel between the agents; without one, no messages are written."""
     catalogue: Id
     """Vehicles and people of every scenario."""
     bodies: ByName[Id] = Field(default_factory=dict, exclude_if=is_empty)
