@@ -54,6 +54,9 @@ PYTHON_SECTIONS = {
         "advercity.dataset.reader.Scenario",
         "advercity.dataset.reader.FrameView",
         "advercity.dataset.agent_view.AgentView",
+        "advercity.dataset.received_messages.ReceivedMessage",
+        "advercity.sensors.messages.StationData",
+        "advercity.sensors.messages.PerceivedObjects",
     ],
     "Writing a backend": [
         "advercity.rendering.backend.Backend",

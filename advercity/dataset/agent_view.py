@@ -281,6 +281,17 @@ class AgentView:
             )
 
     @property
+    def messages_suffix(self) -> str:
+        """End of the name of the file with the V2X messages that this agent sends."""
+        return self._format.messages_suffix
+
+    def load_messages_document(self) -> dict[str, Any]:
+        """Load the content of that file, left-handed as it is; read at every use."""
+        path = self.path(self.messages_suffix)
+        with report_read_errors(path):
+            return parse_json(read_bytes(path, max_bytes=MAX_JSON_BYTES), path, hint=REPAIR_HINT)
+
+    @property
     def world_from_agent(self) -> Matrix:
         """Pose (4, 4) of the vehicle's origin on the ground, or of the roadside unit."""
         return self._parse_pose("true_ego_pos")

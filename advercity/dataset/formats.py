@@ -53,12 +53,17 @@ class DatasetFormat:
         """Return the end of the names of a radar's detections."""
         return f"_radar{radar}.pcd"
 
+    @property
+    def messages_suffix(self) -> str:
+        """End of the names of files with the messages that an agent sends."""
+        return "_messages.json"
+
     @staticmethod
     def format_cube_suffix(radar: int) -> str:
         """Return the end of the names of a radar's cubes."""
         return f"_radar{radar}.npz"
 
-    def list_suffixes(self, agent: Agent) -> frozenset[str]:
+    def list_suffixes(self, agent: Agent, *, has_channel: bool = False) -> frozenset[str]:
         """List the ends of the names of an agent's files of a frame, behind the frame's name."""
         sensors = agent.sensors
         cameras = range(len(sensors.cameras))
@@ -69,7 +74,8 @@ class DatasetFormat:
             radars |= set(map(self.format_cube_suffix, range(len(sensors.radars))))
         has_motion = agent.place.kind == "vehicle" or sensors.imu is not None
         motion = (self.motion_suffix,) if has_motion else ()
-        return frozenset((".yaml", *clouds, *radars, *images, *motion, *self.extra_suffixes))
+        sent = (self.messages_suffix,) if has_channel else ()
+        return frozenset((".yaml", *clouds, *radars, *images, *motion, *sent, *self.extra_suffixes))
 
 
 def format_opv2v_folder(agent: Agent) -> str:
@@ -133,7 +139,10 @@ class FrameFileNames:
         layout = find_format(format)
         self._first, self._length = int(format_frame_name(spec, 0)), length
         self._suffixes = {
-            layout.format_folder(agent): layout.list_suffixes(agent) for agent in spec.agents
+            layout.format_folder(agent): layout.list_suffixes(
+                agent, has_channel=spec.channel is not None
+            )
+            for agent in spec.agents
         }
 
     @property

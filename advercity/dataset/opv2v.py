@@ -36,6 +36,7 @@ from advercity.dataset.image_codec import (
     to_three_channels,
     to_whole_metres,
 )
+from advercity.dataset.message_documents import build_messages_document
 from advercity.geometry.arrays import Uint8Array
 from advercity.roads.lane_segments import LaneSegment
 from advercity.sensors.annotation import annotate_actors
@@ -95,6 +96,7 @@ def encode_opv2v_frame(
                 encoding=clouds,
             )
         files |= _encode_radars(OPV2V, stem, item, clouds)
+        files |= _encode_messages(OPV2V, stem, item)
         files[f"{stem}_objects.json"] = format_json(build_object_extras(item, annotated))
         if _has_motion(item):
             files[f"{stem}{OPV2V.motion_suffix}"] = format_yaml(build_motion_document(item))
@@ -124,6 +126,7 @@ def encode_adver_city_frame(
                 _encode_ply, scan.point_cloud
             )
         files |= _encode_radars(ADVER_CITY, stem, item, "binary_compressed")
+        files |= _encode_messages(ADVER_CITY, stem, item)
         if _has_motion(item):
             jobs[f"{stem}{ADVER_CITY.motion_suffix}"] = partial(_encode_motion, item)
         jobs[f"{stem}.yaml"] = partial(_encode_description, item)
@@ -157,6 +160,14 @@ def _encode_radars(
             path = f"{stem}{layout.format_cube_suffix(index)}"
             files[path] = radar_files.encode_cube(scan.cube)
     return files
+
+
+def _encode_messages(layout: DatasetFormat, stem: str, item: SensorFrame) -> dict[str, bytes]:
+    """Encode what an agent sends, also nothing, if there is a channel."""
+    if item.sent is None:
+        return {}
+    document = build_messages_document(item.frame, item.sent)
+    return {f"{stem}{layout.messages_suffix}": format_json(document)}
 
 
 def _format_stem(layout: DatasetFormat, item: SensorFrame, name: str) -> str:

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
     from advercity.conflicts.roles import ConflictRoles
     from advercity.dataset.manifest import Manifest
+    from advercity.dataset.received_messages import ReceivedMessage
 
 
 class FrameView:
@@ -57,6 +58,24 @@ class FrameView:
     def time_s(self) -> float:
         """Time since the scenario's start in seconds, warm-up included."""
         return int(self.name) * self.scenario.spec.timing.tick_s
+
+    def messages(self, receiver: str, *, latest: bool = True) -> tuple[ReceivedMessage, ...]:
+        """Load the V2X messages that have arrived at an agent by this frame.
+
+        Only written frames count: those that were sent before the first of them are missing.
+
+        Args:
+            receiver: Id of the agent: `cav1`.
+            latest: Only the newest of each sender and kind; else all that are younger than the
+                channel's lifetime.
+
+        Raises:
+            InputError: The scenario has no channel, or a file cannot be read.
+        """
+        # Imported here: most datasets have no messages.
+        from advercity.dataset.received_messages import find_received_messages
+
+        return tuple(find_received_messages(self, receiver, latest=latest))
 
     def __getitem__(self, agent: str) -> AgentView:
         """Return the view of an agent by its id: `cav1`, `rsu2`."""

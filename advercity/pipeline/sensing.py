@@ -3,15 +3,18 @@
 import math
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 
 from advercity_dsl import Agent, RoadsideUnit
 
 from advercity.assets.body_pose import build_pose_box_fitter
+from advercity.channel.transmission import Air, V2xChannel
 from advercity.dataset.image_codec import quantise_depth
 from advercity.frames import Frame
 from advercity.geometry.arrays import Uint8Array
 from advercity.geometry.poses import Matrix
 from advercity.physics.lamp_beams import LightSource
+from advercity.physics.microwaves import fog_water_g_m3
 from advercity.pipeline.frame_conditions import ConditionsByFrame
 from advercity.pipeline.preparation import PreparedScenario
 from advercity.rendering.backend import (
@@ -71,6 +74,8 @@ class SensorRig:
         self._conditions_by_frame, self._conditions = conditions, conditions.at(0)
         self._light_sources: tuple[LightSource, ...] = ()
         self._hull_points = build_hull_point_lookup(world.bodies)
+        trace = prepared.traffic.trace
+        self._channel = V2xChannel(spec, spec.channel, trace, world) if spec.channel else None
         self._fit_boxes, self._min_points = build_pose_box_fitter(world.bodies), prepared.min_points
 
     def capture_frame(self, index: int) -> tuple[SensorFrame, ...]:
@@ -85,8 +90,8 @@ class SensorRig:
                 for camera, pose in enumerate(self._poses.world_from_cameras(agent, index))
             ]
         )
-        return tuple(
-            self._build_sensor_frame(agent, frame, captures, radars, motion) for agent in agents
+        return self._send_messages(
+            [self._build_sensor_frame(agent, frame, captures, radars, motion) for agent in agents]
         )
 
     def capture_image(self, agent: Agent, camera: int, index: int) -> Uint8Array:
@@ -125,6 +130,16 @@ class SensorRig:
             radar_scans=tuple(self._scan_radars(agent, radars, motion)),
             min_points=self._min_points,
         )
+
+    def _send_messages(self, sensor_frames: Sequence[SensorFrame]) -> tuple[SensorFrame, ...]:
+        """Add what every agent sends, if the scenario has a channel."""
+        if self._channel is None:
+            return tuple(sensor_frames)
+        atmosphere = self._conditions.atmosphere
+        fog = self._poses.timeline.weather_at(sensor_frames[0].frame.index).fog
+        water_g_m3 = fog_water_g_m3(atmosphere.extinction.fog.at_550nm, fog.droplet_um)
+        sent = self._channel.send(sensor_frames, Air(atmosphere.rain_mm_h, water_g_m3))
+        return tuple(replace(item, sent=sent[item.agent.id]) for item in sensor_frames)
 
     def _measure_scans(self, agent: Agent, frame: Frame) -> Iterator[LidarScan]:
         for index, lidar in enumerate(agent.sensors.lidars):

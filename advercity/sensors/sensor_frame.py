@@ -19,6 +19,7 @@ from advercity.sensors.measurements import (
     RadarCube,
     RadarDetections,
 )
+from advercity.sensors.messages import SentMessages
 
 PixelBox = tuple[float, float, float, float]
 """Left, top, right and bottom in pixels; pixel k extends from k to k + 1."""
@@ -120,6 +121,7 @@ class SensorFrame:
         planned_trajectory: Next points of the agent's trajectory: x, y, speed in m/s.
         conflict_roles: Roles of all actors in staged conflicts.
         weather: Weather at this tick if it changes over time, else None.
+        sent: What it sends at this tick; None without a V2X channel.
     """
 
     agent: Agent
@@ -135,6 +137,7 @@ class SensorFrame:
     planned_trajectory: tuple[tuple[float, float, float], ...] = ()
     conflict_roles: ConflictRoles = field(default_factory=dict[int, Mapping[str, ConflictRole]])
     weather: Weather | None = None
+    sent: SentMessages | None = None
 
     @property
     def speed_m_s(self) -> float:

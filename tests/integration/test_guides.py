@@ -13,6 +13,7 @@ SLOW = {
     *(
         "replay_recorded_traffic",
         "run_on_a_cluster",
+        "write_a_channel",
         "write_a_rig",
         "write_a_suite",
         "write_a_typology",
