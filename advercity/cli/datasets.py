@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from advercity.dataset.verification import FileProblem
 
 commands = typer.Typer()
-EXPORT_HELP = "The format: kitti."
+EXPORT_HELP = "The format: kitti, openscenario."
 
 
 @commands.command()

@@ -177,6 +177,6 @@ def _report(specs: "list[Spec]", output: Path) -> None:
         if isinstance(agent.place, Vehicle)
     )
     print_remark(f"road '{road.id}' in {output}: {followed}")
-    print_remark(f"{len(specs)} specs in {folder}: {counts}")
+    print_remark(f"{len(specs)} spec{'' if len(specs) == 1 else 's'} in {folder}: {counts}")
     for spec in specs:
         print_data(str(folder / f"{spec.id}.json"))

@@ -54,7 +54,13 @@ class ExportFormat:
         return chosen
 
 
-EXPORT_FORMATS = {one.name: one for one in (ExportFormat("kitti", "kitti"),)}
+EXPORT_FORMATS = {
+    one.name: one
+    for one in (
+        ExportFormat("kitti", "kitti"),
+        ExportFormat("openscenario", "openscenario"),
+    )
+}
 
 
 def find_export_format(name: str) -> ExportFormat:

@@ -1,0 +1,55 @@
+"""The site of a scenario as OpenDRIVE 1.7, by netconvert, in the frame of the world.
+
+netconvert writes what version 1.7 asks for but for an attribute of crosswalks; its comment has
+paths and times of the machine, which are left out.
+"""
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from xml.etree.ElementTree import SubElement
+
+from advercity_dsl import Road
+
+from advercity.errors import RunError
+from advercity.roads.sumo_network import run_netconvert
+from advercity.roads.sumo_xml import parse_xml, to_xml_bytes
+
+OUTPUT_OPTIONS = {
+    "precision": "6",
+    "junctions.scurve-stretch": "0",
+    "opendrive-output.straight-threshold": "0.01",
+}
+"""Micrometres, and curves that bend within one degree."""
+FIXED_DATE = "2000-01-01T00:00:00"
+"""In place of when a file was written, so that the same data gives the same bytes."""
+
+
+def format_site(road: Road, network: Path) -> bytes:
+    """Format a road's SUMO network as OpenDRIVE.
+
+    Args:
+        road: The road, for its name and its place on the globe.
+        network: Its SUMO network.
+
+    Raises:
+        RunError: netconvert cannot write it.
+    """
+    with TemporaryDirectory() as folder:
+        written = Path(folder) / "site.xodr"
+        options = {"sumo-net-file": str(network.resolve()), "opendrive-output": str(written)}
+        outcome = run_netconvert(options | OUTPUT_OPTIONS, Path(folder) / "road.net.xml")
+        if not outcome.succeeded or not written.is_file():
+            raise RunError(
+                f"{road.id}: netconvert cannot write OpenDRIVE: {outcome.messages[:300]}"
+            )
+        root = parse_xml(written.read_bytes())
+    header = root.find("header")
+    assert header is not None
+    header.attrib |= {"revMinor": "7", "name": road.id, "date": FIXED_DATE}
+    SubElement(header, "geoReference").text = (
+        f"+proj=tmerc +lat_0={road.origin_lat_deg:.9f} +lon_0={road.origin_lon_deg:.9f}"
+        " +k=1 +x_0=0 +y_0=0 +ellps=WGS84 +units=m +no_defs"
+    )
+    for item in root.iter("object"):
+        item.attrib.setdefault("zOffset", "0")
+    return to_xml_bytes(root)
