@@ -1,0 +1,369 @@
+"""Lamps of a frame on the device: their patterns, and which of them matter where.
+
+A surface draws a few lamps by their estimated illuminance in its cell of the ground, and one of
+those by the illuminance of the point itself (resampled importance sampling, Talbot et al. 2005),
+so that hundreds of lamps cost no more than a few. Every lamp has a chance everywhere.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from advercity.geometry.arrays import FloatArray
+from advercity.physics.atmosphere import Atmosphere
+from advercity.physics.lamp_beams import (
+    BEAMS,
+    FRONT_FOG_BEAM,
+    LENS,
+    LOW_BEAM,
+    LampBeam,
+    LampPattern,
+    LightSource,
+)
+from advercity.physics.scattering import DropletPhaseLobes
+from advercity.rendering.backend import CameraView
+from advercity_mitsuba.light import KILO, Light
+from advercity_mitsuba.variant import dr, mi
+
+LAMP_COLUMNS = 12
+"""Numbers of a lamp: position and pattern, facing and squared size, peak in kcd and 0."""
+GRID_CELLS, GRID_MARGIN_M = 32, 60.0
+"""Cells along each edge of the ground that has lamps, and how far it extends beyond them."""
+CANDIDATES = 4
+"""Lamps that a surface draws before it takes one."""
+FLOOR_FRACTION = 0.05
+"""Fraction of the choices that depend on intensities and distances alone."""
+STREET_LAMP_HEIGHT_M = 6.0
+LAMP_SIZE_M2, FOG_LAMP_SIZE_M2 = 0.01, 0.4
+"""Squared size, nearer than which a lamp is not a point. A fog lamp represents two."""
+MAX_GLOWING = 24
+"""Lamps of which an image has the glow in the air."""
+DROPLET_UM = 12.0
+"""Diameter of the droplets of which fog consists."""
+LOBES = DropletPhaseLobes.from_diameter_um(DROPLET_UM)
+LEAST_COSINE = 0.05
+"""Cosine of incidence below which a lamp still has a chance: normals bend."""
+HOUSING_M = 0.25
+"""Metres around a lamp that do not hide it."""
+
+
+@dataclass(frozen=True, eq=False)
+class LampTables:
+    """Lamps on the device.
+
+    Attributes:
+        count: Number of lamps.
+        lamps: `LAMP_COLUMNS` floats each.
+        cells: Cumulative chance of each lamp by cell; the last row is for points off the grid.
+        grid: Corner of the cells, and cells per metre.
+    """
+
+    count: Any
+    lamps: Any
+    cells: Any
+    grid: Any
+
+
+class LampSet:
+    """The lamps of a frame."""
+
+    def __init__(self, lamps: Sequence[LightSource], atmosphere: Atmosphere) -> None:
+        self._position = np.array([lamp.position for lamp in lamps]).reshape(-1, 3)
+        self._facing = np.array([lamp.facing for lamp in lamps]).reshape(-1, 3)
+        self._pattern = np.array([lamp.pattern for lamp in lamps], dtype=int)
+        self._intensity_cd = np.array([lamp.intensity_cd for lamp in lamps])
+        colour = np.array([lamp.colour for lamp in lamps]).reshape(-1, 3)
+        self._extinction = atmosphere.extinction.at_550nm
+        size = np.where(self._pattern == LampPattern.FOG_BEAM, FOG_LAMP_SIZE_M2, LAMP_SIZE_M2)
+        peak = colour * self._intensity_cd[:, None] * KILO
+        zero = np.zeros(len(lamps))
+        rows = np.column_stack([self._position, self._pattern, self._facing, size, peak, zero])
+        grid, chances = self._compute_cells()
+        self.tables = LampTables(
+            mi.UInt32(len(lamps)),
+            mi.Float(rows.astype(np.float32).ravel()),
+            mi.Float(np.cumsum(chances, axis=1).astype(np.float32).ravel()),
+            mi.Vector4f(*grid),
+        )
+        tables = self.tables
+        dr.make_opaque(tables.count, tables.lamps, tables.cells, tables.grid)
+
+    def __len__(self) -> int:
+        return len(self._pattern)
+
+    def _compute_cells(self) -> tuple[list[float], FloatArray]:
+        """Compute the grid, and the chances (cells + 1, lamps) of each lamp in each cell."""
+        low = self._position[:, :2].min(axis=0) - GRID_MARGIN_M
+        size = self._position[:, :2].max(axis=0) + GRID_MARGIN_M - low
+        per_m = GRID_CELLS / size
+        middle = np.arange(GRID_CELLS) + 0.5
+        x, y = np.meshgrid(low[0] + middle / per_m[0], low[1] + middle / per_m[1])
+        lux = self._estimate_lux(np.stack([x, y], axis=-1).reshape(-1, 2), np.hypot(*(0.5 / per_m)))
+        lux = np.vstack([lux, self._intensity_cd])
+        return [*map(float, low), *map(float, per_m)], lux / lux.sum(axis=1, keepdims=True)
+
+    def _estimate_lux(self, points: FloatArray, radius_m: float) -> FloatArray:
+        """Estimate the illuminance (n, lamps) around points (n, 2) of the ground."""
+        away = points[:, None] - self._position[None, :, :2]
+        distance = np.hypot(away[..., 0], away[..., 1])
+        nearest = np.maximum(distance - radius_m, 0.0)
+        cosine = (away * self._facing[:, :2]).sum(axis=-1) / np.maximum(distance, 1e-3)
+        off_axis = np.arccos(np.clip(cosine, -1.0, 1.0))
+        cell = np.arcsin(radius_m / np.maximum(distance, radius_m))
+        off_axis = np.where(distance < radius_m, 0.0, np.maximum(off_axis - cell, 0.0))
+        sigma = np.radians(LOW_BEAM.horizontal_sigma_deg)
+        is_beam = np.isin(self._pattern, list(BEAMS))
+        falloff = 1.0 / (nearest**2 + STREET_LAMP_HEIGHT_M)
+        fraction = np.select(
+            [self._pattern == LampPattern.STREET, is_beam],
+            [
+                STREET_LAMP_HEIGHT_M / np.hypot(nearest, STREET_LAMP_HEIGHT_M),
+                np.where(off_axis < np.pi / 2, np.exp(-0.5 * (off_axis / sigma) ** 2), 0.0),
+            ],
+            LENS.relative_intensity(np.cos(off_axis)),
+        )
+        lux = self._intensity_cd * falloff * fraction
+        floor = self._intensity_cd * falloff
+        return lux + FLOOR_FRACTION * floor * lux.sum(axis=1, keepdims=True) / np.maximum(
+            floor.sum(axis=1, keepdims=True), 1e-12
+        )
+
+    def select_glowing(self, view: CameraView) -> Any:
+        """Select the lamps whose glow in the air is the brightest in an image, as their rows."""
+        if self._extinction <= 0.0:
+            return mi.UInt32()
+        eye, ahead = view.world_from_camera[:3, 3], view.world_from_camera[:3, 0]
+        # A beam glows along its length, so the nearest point of it counts.
+        length = np.where(np.isin(self._pattern, list(BEAMS)), 40.0, 0.0)
+        along = np.clip(((eye - self._position) * self._facing).sum(axis=1), 0.0, length)
+        away = self._position + along[:, None] * self._facing - eye
+        distance = np.maximum(np.linalg.norm(away, axis=1), 1.0)
+        behind = np.maximum(0.0, -(away @ ahead))
+        glow = self._intensity_cd * np.exp(-self._extinction * distance) / (distance + 3.0 * behind)
+        rows = np.argsort(-glow, kind="stable")[:MAX_GLOWING]
+        chosen = mi.UInt32(rows.astype(np.uint32))
+        dr.make_opaque(chosen)
+        return chosen
+
+
+@dataclass
+class Lamp:
+    """One lamp at each point."""
+
+    position: Any
+    pattern: Any
+    facing: Any
+    size_m2: Any
+    peak: Any
+
+
+def fetch_lamp(tables: LampTables, row: Any, active: Any = True) -> Lamp:
+    """Fetch lamps by their rows."""
+    a, b, c = (dr.gather(mi.Vector4f, tables.lamps, 3 * row + n, active) for n in range(3))
+    return Lamp(
+        mi.Point3f(a.x, a.y, a.z),
+        mi.UInt32(a.w),
+        mi.Vector3f(b.x, b.y, b.z),
+        b.w,
+        mi.Color3f(c.x, c.y, c.z),
+    )
+
+
+def is_beam(lamp: Lamp) -> Any:
+    """Whether a lamp is a headlamp with a cut-off."""
+    return (lamp.pattern == int(LampPattern.LOW_BEAM)) | (lamp.pattern == int(LampPattern.FOG_BEAM))
+
+
+def compute_intensity_fraction(light: Light, lamp: Lamp, ray: Any, distance: Any) -> Any:
+    """Compute the intensity along rays relative to the peak; `LampBeam` has the formulas."""
+    depth = (1.0 - LOBES.wide_fraction) * light.extinction * distance
+    low, fog = LOW_BEAM, FRONT_FOG_BEAM
+    beam = _compute_beam_fraction(low, fog, lamp, ray, depth)
+    cosine = dr.maximum(dr.dot(lamp.facing, ray), 0.0)
+    base = 1.0 + (1.0 - cosine) / LENS.falloff
+    lens = (base**-1.25 - LENS.at_right_angle) / (1.0 - LENS.at_right_angle)
+    other = dr.select(lamp.pattern == int(LampPattern.LENS), lens, cosine)
+    return dr.select(is_beam(lamp), beam, dr.maximum(other, 0.0))
+
+
+def _compute_beam_fraction(low: LampBeam, fog: LampBeam, lamp: Lamp, ray: Any, depth: Any) -> Any:
+    is_fog = lamp.pattern == int(LampPattern.FOG_BEAM)
+
+    def pick(name: str) -> Any:
+        return dr.select(is_fog, mi.Float(getattr(fog, name)), getattr(low, name))
+
+    forward = dr.dot(ray, lamp.facing)
+    level = dr.rsqrt(dr.maximum(lamp.facing.x**2 + lamp.facing.y**2, 1e-6))
+    right = mi.Vector3f(lamp.facing.y * level, -lamp.facing.x * level, 0.0)
+    h = dr.rad2deg(dr.atan2(dr.dot(ray, right), forward))
+    v = dr.rad2deg(dr.asin(dr.clip(dr.dot(ray, dr.cross(right, lamp.facing)), -1.0, 1.0)))
+    kink = dr.clip(pick("kink_slope") * h, 0.0, pick("kink_max_deg"))
+    x = v + pick("cutoff_drop_deg") - kink
+    aside = (h - pick("peak_right_deg")) / pick("horizontal_sigma_deg")
+    sideways = dr.exp(-0.5 * aside * aside)
+    above = dr.select(v > 0.0, dr.exp(-((v / pick("above_width_deg")) ** 2)), 1.0)
+    below_peak = (x + pick("peak_below_cutoff_deg")) / pick("below_width_deg")
+    below = dr.select(x < 0.0, dr.exp(-(below_peak**2)), 1.0)
+    stray = pick("stray_fraction")
+    dark = dr.exp(dr.clip(x / pick("cutoff_softness_deg"), -40.0, 40.0))
+    sharp = (stray + (1.0 - stray) / (1.0 + dark)) * below * above
+    # Droplets deflect a part of the light a little, which dissolves the cut-off.
+    spread = dr.rad2deg(_compute_forward_spread(dr.maximum(depth, 1e-3)))
+    beyond = _fraction_beyond(x / spread)
+    soft = beyond - _fraction_beyond((x + pick("equivalent_height_deg")) / spread)
+    soft += stray * above * (1.0 - beyond)
+    light = dr.lerp(soft, sharp, dr.exp(-depth))
+    return dr.select(forward > 0.0, light * sideways, 0.0)
+
+
+def _compute_forward_spread(depth: Any) -> Any:
+    return LOBES.narrow_scale_rad * depth / (1.0 - dr.exp(-depth))
+
+
+def _fraction_beyond(spreads: Any) -> Any:
+    square = dr.maximum(spreads * spreads, 1e-12)
+    return 0.5 - (dr.atan(spreads) + 0.5 * spreads * dr.log(1.0 + 1.0 / square)) / dr.pi
+
+
+def compute_lamp_transmittance(light: Light, lamp: Lamp, distance: Any) -> Any:
+    """Compute the fraction of a lamp's light that fog leaves.
+
+    Street lamps shine all around and lose nothing: light that is scattered away from one point is
+    scattered to it from others. Small deflections lose nothing either.
+    """
+    left = dr.exp(-LOBES.wide_fraction * light.extinction * distance)
+    return dr.select(lamp.pattern == int(LampPattern.STREET), 1.0, left)
+
+
+def compute_illuminance(light: Light, lamp: Lamp, position: Any) -> tuple[Any, Any, Any]:
+    """Compute the light of lamps at points, on surfaces that face them.
+
+    Returns:
+        Illuminance in klx, the direction towards the lamp, and its distance.
+    """
+    to_lamp = lamp.position - position
+    distance2 = dr.squared_norm(to_lamp)
+    distance = dr.sqrt(dr.maximum(distance2, 1e-6))
+    direction = to_lamp / distance
+    fraction = compute_intensity_fraction(light, lamp, -direction, distance)
+    left = compute_lamp_transmittance(light, lamp, distance)
+    return lamp.peak * (fraction * left / (distance2 + lamp.size_m2)), direction, distance
+
+
+def choose_lamp(
+    light: Light, tables: LampTables, position: Any, normal: Any, random: Any, active: Any
+) -> tuple[Any, Any, Any]:
+    """Draw a lamp for points of surfaces.
+
+    Returns:
+        Its row, the inverse of its chance (0 where no candidate gives light), and the random
+        numbers' next state.
+    """
+    cell = (mi.Point2f(position.x, position.y) - tables.grid.xy) * tables.grid.zw
+    cell = mi.Vector2i(dr.floor(cell))
+    inside = (cell.x >= 0) & (cell.y >= 0) & (cell.x < GRID_CELLS) & (cell.y < GRID_CELLS)
+    row = dr.select(inside, mi.UInt32(cell.y * GRID_CELLS + cell.x), GRID_CELLS**2)
+    first = row * tables.count
+
+    def look_up(row: Any, active: Any = active) -> Any:
+        return dr.gather(mi.Float, tables.cells, first + row, active)
+
+    def draw(i: Any, random: Any, chosen: Any, given: Any, total: Any) -> tuple[Any, ...]:
+        number = random.next_float32()
+
+        def is_below(row: Any) -> Any:
+            return look_up(row) <= number
+
+        row = dr.binary_search(0, tables.count - 1, is_below)
+        chance = look_up(row) - look_up(row - 1, active & (row > 0))
+        lux, direction, _ = compute_illuminance(light, fetch_lamp(tables, row, active), position)
+        cosine = dr.maximum(dr.dot(normal, direction), LEAST_COSINE)
+        gives = mi.luminance(lux) * cosine
+        weight = dr.select(chance > 0.0, gives / chance, 0.0)
+        total = total + weight
+        is_taken = random.next_float32() * total < weight
+        chosen, given = dr.select(is_taken, row, chosen), dr.select(is_taken, gives, given)
+        return i + 1, random, chosen, given, total
+
+    def goes_on(i: Any, *_: Any) -> Any:
+        return active & (i < CANDIDATES)
+
+    zero = mi.Float(0.0)
+    _, random, chosen, given, total = dr.while_loop(
+        (mi.UInt32(0), random, mi.UInt32(0), zero, zero),
+        goes_on,
+        draw,
+        labels=("i", "random", "chosen", "given", "total"),
+    )
+    return chosen, dr.select(given > 0.0, total / (CANDIDATES * given), 0.0), random
+
+
+def _evaluate_phase(cosine: Any) -> tuple[Any, Any]:
+    """Evaluate the phase function of droplets: the parts of its narrow and its wide lobe."""
+    narrow, wide, a = LOBES.narrow_g, LOBES.wide_g, LOBES.wide_a
+    hg = (1.0 - narrow**2) / (1.0 + narrow**2 - 2.0 * narrow * cosine) ** 1.5
+    draine = (1.0 - wide**2) / (1.0 + wide**2 - 2.0 * wide * cosine) ** 1.5
+    draine *= (1.0 + a * cosine * cosine) / (1.0 + a * (1.0 + 2.0 * wide**2) / 3.0)
+    each = 1.0 / (4.0 * math.pi)
+    return LOBES.narrow_fraction * each * hg, LOBES.wide_fraction * each * draine
+
+
+def compute_glow(
+    light: Light, tables: LampTables, glowing: Any, eye: Any, ray: Any, range_m: Any, random: Any
+) -> tuple[Any, Any]:
+    """Compute the light of lamps that the air scatters once into rays.
+
+    One point of the ray for each lamp, drawn evenly in the cube root of the angle at the lamp:
+    steps are short where the phase function is steep (equiangular sampling, Kulla and Fajardo
+    2012).
+
+    Returns:
+        Radiance, and the random numbers' next state.
+    """
+    count = dr.opaque(mi.UInt32, dr.width(glowing))
+
+    def add_lamp(i: Any, random: Any, total: Any) -> tuple[Any, Any, Any]:
+        lamp = fetch_lamp(tables, dr.gather(mi.UInt32, glowing, i))
+        glow = _compute_lamp_glow(light, lamp, eye, ray, range_m, random.next_float32())
+        return i + 1, random, total + glow
+
+    def goes_on(i: Any, *_: Any) -> Any:
+        return i < count
+
+    _, random, total = dr.while_loop(
+        (mi.UInt32(0), random, mi.Color3f(0.0)),
+        goes_on,
+        add_lamp,
+        labels=("i", "random", "total"),
+    )
+    return total, random
+
+
+def _compute_lamp_glow(light: Light, lamp: Lamp, eye: Any, ray: Any, range_m: Any, u: Any) -> Any:
+    """Compute the glow of one lamp from one point, by a random number."""
+    away = lamp.position - eye
+    # Only what is before the lamp is lit by it.
+    start, slope = -dr.dot(away, lamp.facing), dr.dot(ray, lamp.facing)
+    crossing = -start / dr.select(dr.abs(slope) > 1e-6, slope, 1e-6)
+    near = dr.select(slope > 0.0, dr.maximum(crossing, 0.0), 0.0)
+    far = dr.select(slope > 0.0, range_m, dr.minimum(crossing, range_m))
+    nearest = dr.dot(away, ray)
+    closest = dr.maximum(dr.norm(away - nearest * ray), 0.02)
+    first = dr.atan((near - nearest) / closest)
+    span = dr.atan((far - nearest) / closest) - first
+    tangent = dr.tan(first + span * u * u * u)
+    sine = dr.rsqrt(1.0 + tangent * tangent)
+    t, from_lamp = nearest + closest * tangent, closest / sine
+    to_point = mi.Vector3f(eye + t * ray - lamp.position) / from_lamp
+    narrow, wide = _evaluate_phase(-tangent * sine)
+    path = light.extinction * (t + from_lamp)
+    left, wide_left = dr.exp(-path), dr.exp(-LOBES.wide_fraction * path)
+    scattered = narrow * left + wide * dr.select(is_beam(lamp), wide_left, left)
+    given = compute_intensity_fraction(light, lamp, to_point, from_lamp)
+    size = from_lamp * from_lamp
+    given *= size / (size + lamp.size_m2) * 3.0 * u * u * span / closest
+    lit = (far > near) & (span > 0.0)
+    return dr.select(lit, lamp.peak * (given * scattered * light.extinction), 0.0)

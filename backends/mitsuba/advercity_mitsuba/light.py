@@ -1,0 +1,108 @@
+"""Light of sky and sun, and what the air does to it, on the device.
+
+Radiance is in kcd/m², irradiance in klx, so that no value is far from 1.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from advercity.physics.atmosphere import Atmosphere
+from advercity.rendering.visible_sky import draw_visible_sky
+from advercity_mitsuba.variant import dr, mi
+
+KILO = 1e-3
+"""Factor from cd/m² and lx to kcd/m² and klx."""
+
+
+@dataclass(frozen=True, eq=False)
+class Light:
+    """Light of an atmosphere, fields as there.
+
+    Attributes:
+        sky: Texture of the cubemap with its clouds, the faces below each other.
+        airlight: Texture of the airlight's cubemap.
+        extinction: 1/m.
+        sun_direction: Unit vector.
+        sun_irradiance: On a surface that faces the sun.
+        has_air: Whether air attenuates anything.
+        has_sun: Whether there is direct sunlight.
+        night: Whether lamps light the scene.
+    """
+
+    sky: Any
+    airlight: Any
+    extinction: Any
+    sun_direction: Any
+    sun_irradiance: Any
+    has_air: bool
+    has_sun: bool
+    night: bool
+
+
+def upload_light(atmosphere: Atmosphere) -> Light:
+    """Copy the light of an atmosphere to the device."""
+    air = atmosphere.airlight * np.array([KILO, KILO, KILO, 1.0], np.float32)
+    light = Light(
+        sky=_stack_faces(draw_visible_sky(atmosphere) * np.float32(KILO)),
+        airlight=_stack_faces(air),
+        extinction=mi.Float(atmosphere.extinction.at_550nm),
+        sun_direction=mi.Vector3f(*map(float, atmosphere.sun_direction)),
+        sun_irradiance=mi.Color3f(
+            *(part * atmosphere.sun_lx * KILO for part in atmosphere.sun_colour)
+        ),
+        has_air=atmosphere.extinction.at_550nm > 0.0,
+        has_sun=atmosphere.sun_lx > 0.0,
+        night=atmosphere.night,
+    )
+    dr.make_opaque(light.extinction, light.sun_direction, light.sun_irradiance)
+    return light
+
+
+def _stack_faces(faces: Any) -> Any:
+    stacked = faces.reshape(-1, *faces.shape[2:]).astype(np.float32)
+    return mi.Texture2f(mi.TensorXf(stacked), wrap_mode=dr.WrapMode.Clamp, use_accel=False)
+
+
+def look_up_sky(light: Light, ray: Any) -> Any:
+    """Look up the radiance of the sky along rays."""
+    return mi.Color3f(*_look_up(light.sky, ray)[:3])
+
+
+def _look_up(cubemap: Any, ray: Any) -> Any:
+    texels = cubemap.shape[1]
+    x, y, z = ray
+    size = dr.abs(ray)
+    on_x, on_y = (size.x >= size.y) & (size.x >= size.z), size.y >= size.z
+    face = dr.select(
+        on_x,
+        dr.select(x > 0.0, mi.Float(0.0), 1.0),
+        dr.select(
+            on_y, dr.select(y > 0.0, mi.Float(2.0), 3.0), dr.select(z > 0.0, mi.Float(4.0), 5.0)
+        ),
+    )
+    right = dr.select(
+        on_x, dr.select(x > 0.0, -y, y), dr.select(on_y, dr.select(y > 0.0, x, -x), -y)
+    )
+    down = dr.select(on_x | on_y, -z, dr.select(z > 0.0, x, -x))
+    longest = dr.select(on_x, size.x, dr.select(on_y, size.y, size.z))
+    # The clamp keeps the filter within a face.
+    edge = 0.5 / texels
+    u = dr.clip(right / longest * 0.5 + 0.5, edge, 1.0 - edge)
+    v = dr.clip(down / longest * 0.5 + 0.5, edge, 1.0 - edge)
+    return cubemap.eval(mi.Point2f(u, (v + face) / 6.0))
+
+
+def compute_transmittance(light: Light, distance: Any) -> Any:
+    """Compute the transmittance of the air over a distance."""
+    return dr.exp(-light.extinction * distance)
+
+
+def compute_airlight(light: Light, ray: Any, distance: Any) -> Any:
+    """Compute the light that the air adds over a distance along rays."""
+    depth = light.extinction * distance
+    left = dr.exp(-depth)
+    red, green, blue, growth = _look_up(light.airlight, ray)
+    opacity = 1.0 - left + growth * (1.0 - left * (1.0 + depth))
+    return mi.Color3f(red, green, blue) * opacity

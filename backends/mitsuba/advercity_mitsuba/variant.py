@@ -1,0 +1,25 @@
+"""Mitsuba and Dr.Jit in the variant that this machine runs.
+
+Mitsuba has one variant at a time in a process; whoever uses it chooses first.
+"""
+
+from importlib import import_module
+from typing import Any
+
+from advercity_mitsuba.devices import find_device
+
+# Before the imports: Dr.Jit reads where LLVM is when it is loaded.
+_VARIANT = find_device().variant
+mi: Any = import_module("mitsuba")
+"""Mitsuba's types and functions."""
+dr: Any = import_module("drjit")
+"""Dr.Jit, which compiles what is computed with Mitsuba's arrays."""
+
+
+def activate_variant() -> None:
+    """Make `mi` the variant of this machine."""
+    if mi.variant() != _VARIANT:
+        mi.set_variant(_VARIANT)
+
+
+activate_variant()

@@ -1,0 +1,334 @@
+"""Water, ice and snow on surfaces, in the same places and amounts for every backend."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from advercity.materials import TRANSMITTED_BY_LEAVES, Texture
+from advercity.physics import water
+from advercity.physics.atmosphere import Atmosphere
+from advercity.rendering.ground_maps import (
+    NEUTRAL_WEAR,
+    NO_SHELTER,
+    WEAR_STEPS,
+    GroundMap,
+    build_shelter_map,
+    build_wear_map,
+)
+from advercity.rendering.surface_weather import compute_surface_weather
+from advercity.world import World
+from advercity_mitsuba.noise import retained_contrast, smoothstep, value_noise
+from advercity_mitsuba.reflection import VARNISH_INDEX, Surface
+from advercity_mitsuba.variant import dr, mi
+
+LOGISTIC = 1.702
+"""Slope of the logistic law that approximates the normal distribution."""
+RIPPLE_WAVELENGTH_M = 0.04
+"""Wavelength of the ripples that rain makes in puddles."""
+FILMLESS_TEXTURES = (
+    Texture.GRASS,
+    Texture.SOIL,
+    Texture.CROPS,
+    Texture.BARK,
+    Texture.LEAVES,
+    Texture.CROWN,
+)
+"""Between blades, leaves and crumbs water stays in drops."""
+
+
+@dataclass(frozen=True, eq=False)
+class WeatherTables:
+    """What lies on the surfaces of a world, on the device; numbers are as `SurfaceWeather` has.
+
+    Attributes:
+        has_snow: Whether snow lies anywhere.
+        is_wet: Whether there is water or ice.
+    """
+
+    has_snow: bool
+    is_wet: bool
+    numbers: Any
+    puddles: Any
+    wear: Any
+    wear_extent: Any
+    shelter: Any
+    shelter_extent: Any
+    frame_index: Any
+
+
+class GroundMaps:
+    """Maps of a world's ground on the device; the one of shelter is made for the first snow."""
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+        wear = build_wear_map(world.lanes)
+        texels = (wear.texels.astype(np.float32) - NEUTRAL_WEAR) / WEAR_STEPS
+        self.wear, self.wear_extent = _upload(wear, texels)
+        # Beyond one texel, the height field repeats.
+        field = water.build_puddle_height_field()
+        self.puddles = mi.Texture2f(
+            mi.TensorXf(field[..., None]), wrap_mode=dr.WrapMode.Repeat, use_accel=False
+        )
+        self._shelter = _upload(NO_SHELTER, NO_SHELTER.texels)
+        self._has_shelter = False
+
+    def get_shelter(self, *, has_snow: bool) -> tuple[Any, Any]:
+        """Get the map of shelter from snow, and its extent."""
+        if has_snow and not self._has_shelter:
+            found = build_shelter_map(self._world)
+            self._shelter, self._has_shelter = _upload(found, found.texels), True
+        return self._shelter
+
+
+def _upload(ground: GroundMap, texels: Any) -> tuple[Any, Any]:
+    channels = texels.reshape(*texels.shape[:2], -1).astype(np.float32)
+    texture = mi.Texture2f(mi.TensorXf(channels), wrap_mode=dr.WrapMode.Clamp, use_accel=False)
+    extent = mi.Vector4f(*ground.extent)
+    dr.make_opaque(extent)
+    return texture, extent
+
+
+def build_weather_tables(
+    maps: GroundMaps, atmosphere: Atmosphere, frame_index: int
+) -> WeatherTables:
+    """Build the tables of a frame under an atmosphere."""
+    weather = compute_surface_weather(atmosphere)
+    has_snow = weather.snow_depth_m > 0.0
+    shelter, extent = maps.get_shelter(has_snow=has_snow)
+    names = vars(weather)
+    return WeatherTables(
+        has_snow=has_snow,
+        is_wet=weather.wetness > 0.0 or weather.ice_cover > 0.0,
+        numbers={name: dr.opaque(mi.Float, value) for name, value in names.items()},
+        puddles=maps.puddles,
+        wear=maps.wear,
+        wear_extent=maps.wear_extent,
+        shelter=shelter,
+        shelter_extent=extent,
+        frame_index=dr.opaque(mi.Int32, frame_index),
+    )
+
+
+def _is_one_of(kind: Any, textures: tuple[Texture, ...]) -> Any:
+    found = mi.Bool(False)
+    for texture in textures:
+        found |= kind == int(texture)
+    return found
+
+
+def is_road(kind: Any) -> Any:
+    """Whether a texture is a carriageway's."""
+    return _is_one_of(kind, (Texture.ASPHALT, Texture.MARKING))
+
+
+def compute_wear(w: WeatherTables, p: Any, footprint: Any) -> Any:
+    """Compute the wear of a carriageway: polished by tyres (up to 1) or stained (down to -1)."""
+    uv = (mi.Point2f(p.x, p.y) - w.wear_extent.xy) * w.wear_extent.zw
+    inside = dr.all((uv >= 0.0) & (uv <= 1.0))
+    return dr.select(inside, retained_contrast(3.0, footprint) * w.wear.eval(uv)[0], 0.0)
+
+
+def _cover_fraction(fraction: Any, noise: Any, sigma: float, kept: Any, soft: float) -> Any:
+    """Compute the coverage of a pixel by patches: noise above the threshold that is exceeded.
+
+    Noise finer than the pixel's footprint is not resolved and blends.
+    """
+    likely = dr.clip(fraction, 1e-3, 1.0 - 1e-3)
+    at = sigma / LOGISTIC * dr.log(likely / (1.0 - likely))
+    lost = sigma * sigma * (1.0 - kept * kept)
+    return 1.0 / (1.0 + dr.exp(-LOGISTIC * (kept * noise + at) / dr.sqrt(lost + soft * soft)))
+
+
+def _standing_water(w: WeatherTables, kind: Any, p: Any, n: Any, footprint: Any) -> Any:
+    """Compute the fraction of a pixel under standing water."""
+    sigma, sharp, wavelength = 0.2, 0.02, 6.0
+    kept = retained_contrast(wavelength, footprint)
+    uv = mi.Point2f(p.x, p.y) / water.PUDDLE_TEXEL_M + 0.5
+    texels = water.HOLLOWS_PER_EDGE * water.TEXELS_PER_HOLLOW
+    height = 0.5 + (w.puddles.eval(uv / texels)[0] - 0.5) * kept
+    soft = dr.sqrt(sigma * sigma * (1.0 - kept * kept) + sharp * sharp)
+    level = w.numbers["puddle_level"]
+    covered = 1.0 / (1.0 + dr.exp(LOGISTIC * (height - level) / soft))
+    return dr.select((level > -0.5) & is_road(kind) & (n.z > 0.9), covered, 0.0)
+
+
+def _ripple_normal(w: WeatherTables, p: Any, footprint: Any) -> Any:
+    slope = w.numbers["ripple_slope"] * retained_contrast(RIPPLE_WAVELENGTH_M, footprint)
+    q, salt = mi.Point2f(p.x, p.y) / RIPPLE_WAVELENGTH_M, 200 + 2 * w.frame_index
+    return dr.normalize(
+        mi.Vector3f(slope * 2.0 * value_noise(q, salt), slope * 2.0 * value_noise(q, salt + 1), 1.0)
+    )
+
+
+def _snowfall_fraction(w: WeatherTables, p: Any) -> Any:
+    """Compute the fraction of falling snow that arrives, less under trees and roofs."""
+    clearance, offset = 0.4, 0.7
+    total = mi.Float(0.0)
+    for x, y in ((0, 0), (-1, 1), (1, -1), (-1, -1), (1, 1)):
+        at = mi.Point2f(p.x + offset * x, p.y + offset * y)
+        top, sheltered = w.shelter.eval((at - w.shelter_extent.xy) * w.shelter_extent.zw)
+        total += dr.select(p.z < top - clearance, 1.0 - sheltered, 1.0)
+    return total / 5.0
+
+
+def _patch_noise(p: Any, footprint: Any) -> tuple[Any, Any]:
+    """Evaluate noise of ragged patches, and the fraction of its contrast that is resolved."""
+    gain, wavelength, weight = 0.75, 2.1, 0.38
+    total, resolved, everything = mi.Float(0.0), mi.Float(0.0), 0.0
+    q = p + 0.25 * mi.Point2f(value_noise(p / 1.3, 94), value_noise(p / 1.3, 95))
+    for octave in range(6):
+        kept = retained_contrast(wavelength, footprint)
+        q = mi.Point2f(0.8 * q.x - 0.6 * q.y, 0.6 * q.x + 0.8 * q.y)
+        total += weight * kept * value_noise(q / wavelength, 91 + 8 * octave)
+        resolved += weight * weight * kept
+        everything += weight * weight
+        wavelength *= 0.43
+        weight *= gain
+    return total, dr.sqrt(resolved / everything)
+
+
+def _snow_cover(w: WeatherTables, kind: Any, snowless: Any, p: Any, n: Any, footprint: Any) -> Any:
+    """Compute the fraction of a pixel under lying snow; traffic clears ruts of roads."""
+    on_road, elsewhere, sigma, soft = 0.005, 0.002, 0.2, 0.04
+    road = is_road(kind)
+    upward = dr.clip((n.z - 0.35) / 0.4, 0.0, 1.0)
+    scale = dr.select(road, mi.Float(on_road), elsewhere)
+    cover = upward * (1.0 - dr.exp(-w.numbers["snow_depth_m"] / scale)) * _snowfall_fraction(w, p)
+    rut = smoothstep(0.1, 0.5, compute_wear(w, p, footprint))
+    cleared = dr.lerp(w.numbers["snow_between_ruts"], w.numbers["snow_in_ruts"], rut)
+    cover *= dr.select(road, cleared, 1.0)
+    resolved, kept = _patch_noise(mi.Point2f(p.x, p.y), footprint)
+    noise = dr.select(kept > 0.0, resolved / kept, 0.0)
+    ragged = _cover_fraction(cover, noise, sigma, kept, soft)
+    cover = dr.select(kind == int(Texture.PLAIN), cover, ragged)
+    return dr.select(snowless | (upward <= 0.0), 0.0, cover)
+
+
+def _snow_albedo(w: WeatherTables, kind: Any, p: Any, footprint: Any) -> Any:
+    clean, dirty = mi.Color3f(0.86, 0.88, 0.91), mi.Color3f(0.55, 0.52, 0.48)
+    driven = smoothstep(0.0, 0.5, compute_wear(w, p, footprint))
+    return dr.select(is_road(kind), dr.lerp(clean, dirty, driven), clean)
+
+
+def _snow_normal(p: Any, n: Any, footprint: Any) -> Any:
+    wavelength, slope = 0.45, 0.12
+    slope = slope * retained_contrast(wavelength, footprint)
+    q = mi.Point2f(0.8 * p.x - 0.6 * p.y, 0.6 * p.x + 0.8 * p.y) / wavelength
+    return dr.normalize(n + slope * mi.Vector3f(value_noise(q, 96), value_noise(q, 97), 0.0))
+
+
+def build_surface(
+    w: WeatherTables,
+    *,
+    albedo: Any,
+    roughness: Any,
+    metallic: Any,
+    kind: Any,
+    snowless: Any,
+    position: Any,
+    normal: Any,
+    relief: Any,
+    footprint: Any,
+) -> Surface:
+    """Build the optical surface of a material at points, with water and snow on it.
+
+    A water film darkens rough, porous materials and coats them smoothly (Ångström 1925; Lekner and
+    Dorf 1988). On smooth ones, such as car paint, water only beads.
+
+    Args:
+        w: What lies on surfaces.
+        albedo: Of the dry material.
+        roughness: Microfacet roughness, 0 to 1.
+        metallic: 0 for dielectrics, 1 for bare metal.
+        kind: Number of the material's `Texture`.
+        snowless: Whether snow does not stay on it.
+        position: Points of the world, metres.
+        normal: Unit vectors.
+        relief: The normal with what images add to it.
+        footprint: Width that a pixel sees, metres.
+    """
+    porous = smoothstep(0.45, 0.6, roughness) * (1.0 - metallic)
+    if not w.is_wet:
+        s = Surface(
+            albedo=albedo * (1.0 - metallic),
+            alpha=dr.maximum(roughness * roughness, 0.02),
+            coat=(1.0 - metallic) * (1.0 - porous),
+            index=dr.lerp(VARNISH_INDEX, water.WATER_REFRACTIVE_INDEX, porous),
+            metal=albedo * metallic,
+            normal=relief,
+            through=dr.select(kind == int(Texture.LEAVES), mi.Float(TRANSMITTED_BY_LEAVES), 0.0),
+        )
+    else:
+        s = _wet_surface(
+            w,
+            albedo,
+            roughness,
+            metallic,
+            porous,
+            kind,
+            snowless,
+            position,
+            normal,
+            relief,
+            footprint,
+        )
+    if not w.has_snow:
+        return s
+    snow = _snow_cover(w, kind, snowless, position, normal, footprint)
+    snowy = dr.lerp(s.normal, _snow_normal(position, normal, footprint), snow)
+    return Surface(
+        albedo=dr.lerp(s.albedo, _snow_albedo(w, kind, position, footprint), snow),
+        alpha=dr.lerp(s.alpha, 1.0, snow),
+        coat=s.coat * (1.0 - snow),
+        index=s.index,
+        metal=s.metal * (1.0 - snow),
+        normal=dr.normalize(snowy),
+        through=s.through * (1.0 - snow),
+    )
+
+
+def _wet_surface(
+    w: WeatherTables,
+    albedo: Any,
+    roughness: Any,
+    metallic: Any,
+    porous: Any,
+    kind: Any,
+    snowless: Any,
+    position: Any,
+    normal: Any,
+    relief: Any,
+    footprint: Any,
+) -> Surface:
+    index_matched, filmed, still, glazed, glazed_blades = 0.85, 0.15, 0.02, 0.1, 0.3
+    outside = water.DIFFUSE_EXTERNAL_REFLECTANCE
+    inside = water.DIFFUSE_INTERNAL_REFLECTANCE
+    wetness = w.numbers["wetness"]
+    puddle = dr.select(wetness > 0.0, _standing_water(w, kind, position, normal, footprint), 0.0)
+    facing = dr.lerp(0.5, 1.0, dr.maximum(normal.z, 0.0))
+    wet = dr.lerp(wetness * porous * facing, 1.0, puddle)
+    ice = dr.select(snowless, 0.0, w.numbers["ice_cover"] * facing)
+    wet = dr.maximum(wet, ice * porous)
+    soaked = index_matched * (1.0 - outside) * (1.0 - inside) * albedo / (1.0 - albedo * inside)
+    holds_film = ~_is_one_of(kind, FILMLESS_TEXTURES)
+    film = dr.maximum(
+        dr.select(holds_film, smoothstep(0.3, 1.0, wet), 0.0),
+        dr.select(holds_film, ice, glazed_blades * ice),
+    )
+    waves = w.numbers["ripple_slope"] * (1.0 - ice)
+    waves = still + 1.41 * waves * (1.0 - retained_contrast(RIPPLE_WAVELENGTH_M, footprint))
+    filmed_alpha = dr.lerp(filmed, glazed, ice)
+    alpha = dr.lerp(dr.lerp(roughness * roughness, filmed_alpha, film), waves, puddle)
+    # A film levels the relief that it covers.
+    levelled = dr.normalize(dr.lerp(relief, normal, 0.7 * film))
+    flooded = (puddle > 0.5) & (ice < 0.5)
+    return Surface(
+        albedo=dr.lerp(albedo, soaked, wet) * (1.0 - metallic),
+        alpha=dr.maximum(alpha, 0.02),
+        coat=(1.0 - metallic) * dr.lerp(1.0, film, porous),
+        index=dr.lerp(VARNISH_INDEX, water.WATER_REFRACTIVE_INDEX, porous),
+        metal=albedo * metallic,
+        normal=dr.select(flooded, _ripple_normal(w, position, footprint), levelled),
+        through=dr.select(kind == int(Texture.LEAVES), mi.Float(TRANSMITTED_BY_LEAVES), 0.0),
+    )

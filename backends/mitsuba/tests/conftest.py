@@ -1,0 +1,20 @@
+"""Skips the tests of pictures where Mitsuba, or what it compiles its kernels with, is missing."""
+
+import pytest
+from advercity_mitsuba import MitsubaBackend
+
+from advercity.errors import BackendError
+
+
+@pytest.fixture(scope="session")
+def backend() -> MitsubaBackend:
+    """The backend of this machine."""
+    pytest.importorskip(
+        "mitsuba", reason="Mitsuba renders nothing; `make setup MITSUBA=1` installs it"
+    )
+    found = MitsubaBackend()
+    try:
+        found.capabilities()
+    except BackendError as error:
+        pytest.skip(str(error))
+    return found

@@ -1,0 +1,52 @@
+"""Finding what Mitsuba compiles its kernels with."""
+
+from pathlib import Path
+
+import pytest
+from advercity_mitsuba import devices
+
+from advercity.errors import BackendError
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The only folder that is searched."""
+    monkeypatch.delenv(devices.LIBRARY_VARIABLE, raising=False)
+    monkeypatch.setattr(devices, "find_library_folders", lambda: [tmp_path])
+    return tmp_path
+
+
+def test_an_old_llvm_is_never_loaded(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("libLLVM-14.so.1", "libLLVM-15.so"):
+        (folder / name).touch()
+    asked: list[Path] = []
+    monkeypatch.setattr(devices, "read_llvm_version", asked.append)
+    with pytest.raises(BackendError, match=r"no LLVM library.*libllvm19"):
+        devices.find_llvm()
+    assert asked == []
+
+
+def test_the_newest_llvm_that_loads_is_taken(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("libLLVM-15.so", "libLLVM.so.19.1", "libLLVM-17.so.1"):
+        (folder / name).touch()
+    versions = {"libLLVM-17.so.1": "17.0.6"}
+
+    def read_version(library: Path) -> str | None:
+        return versions.get(library.name)
+
+    monkeypatch.setattr(devices, "read_llvm_version", read_version)
+    assert devices.find_llvm() == (folder / "libLLVM-17.so.1", "17.0.6")
+
+
+def test_what_is_no_library_has_no_version(tmp_path: Path) -> None:
+    (tmp_path / "libLLVM-19.so").write_text("no library")
+    assert devices.read_llvm_version(tmp_path / "libLLVM-19.so") is None
+
+
+def test_a_chosen_library_that_does_not_load_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    chosen = tmp_path / "libLLVM.so.19.1"
+    monkeypatch.setenv(devices.LIBRARY_VARIABLE, str(chosen))
+    with pytest.raises(BackendError, match=str(chosen)):
+        devices.find_llvm()

@@ -1,0 +1,141 @@
+"""Pictures of Mitsuba mean what those of SAPIEN and the core's rays mean."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from advercity_mitsuba import MitsubaBackend
+from numpy.typing import NDArray
+
+from advercity.frames import Actor, ActorState, Frame, Lamp
+from advercity.geometry.mesh import Mesh
+from advercity.geometry.poses import pose_matrix
+from advercity.physics.atmosphere import Atmosphere
+from advercity.rendering.backend import (
+    Backend,
+    CameraCapture,
+    CameraView,
+    RenderProfile,
+    load_backend,
+)
+from advercity.rendering.raycaster import Raycaster, Rays
+from advercity.semantics import Semantic
+from advercity.world import Body, World
+from tests.render_builders import LUMINANCE, build_box, build_clear_air, set_matt_materials
+
+pytestmark = pytest.mark.render
+
+SIZE = 64, 36
+EYE = pose_matrix((0.0, 0.0, 1.5))
+CAR_SIZE = (4.0, 1.8, 1.5)
+STATIC = (
+    build_box((0, 0, -0.5), (400, 400, 1), "gravel", Semantic.ROAD),
+    build_box((16, 3, 2), (2, 6, 4), "plaster"),
+    build_box((7, -3, 0.75), (1.5, 1.5, 1.5), "plaster", Semantic.STATIC),
+)
+
+
+@pytest.fixture(autouse=True)
+def matt(monkeypatch: pytest.MonkeyPatch) -> None:
+    set_matt_materials(monkeypatch, gravel=0.3, plaster=0.6, grey=0.5)
+
+
+def build_world(static: tuple[Mesh, ...] = STATIC) -> World:
+    car = build_box((0, 0, 0.75), CAR_SIZE, "grey", Semantic.VEHICLE)
+    body = Body((car,), CAR_SIZE)
+    return World("test", static, {"car": body}, lanes=(), network=Path("none"))
+
+
+def build_frame(*positions: tuple[float, float, float]) -> Frame:
+    actors = [Actor(n, "car", "car", "grey", CAR_SIZE) for n in range(1, 1 + len(positions))]
+    states = [
+        ActorState(actor, pose_matrix(at, yaw=0.4), 0.0, 0.0, Lamp(0))
+        for actor, at in zip(actors, positions, strict=True)
+    ]
+    return Frame(0, 0.0, tuple(states), {})
+
+
+def render(
+    backend: Backend,
+    air: Atmosphere,
+    *,
+    world: World | None = None,
+    frame: Frame | None = None,
+    hide: frozenset[int] = frozenset(),
+    samples: int = 64,
+) -> CameraCapture:
+    profile = RenderProfile("test", 1.0, "ray_traced", samples=samples, path_depth=5)
+    with backend.open(world or build_world(), air, profile) as renderer:
+        renderer.place(frame or build_frame((11.0, 0.5, 0.0)))
+        return renderer.render_camera(CameraView(EYE, *SIZE, math.radians(90.0), hide))
+
+
+def brightness(capture: CameraCapture) -> NDArray[np.float32]:
+    return capture.radiance @ LUMINANCE
+
+
+DAY = build_clear_air(2000.0, sun_lx=20_000.0)
+
+
+def test_what_is_seen_is_what_sapien_sees(backend: MitsubaBackend) -> None:
+    found, expected = render(backend, DAY), render(load_backend("sapien"), DAY)
+    for name in ("semantic", "instance"):
+        assert (getattr(found, name) == getattr(expected, name)).mean() > 0.999, name
+    np.testing.assert_allclose(found.depth, expected.depth, rtol=1e-4)
+    np.testing.assert_allclose(found.normal, expected.normal, atol=1e-4)
+
+
+def test_daylight_is_as_bright_as_sapiens(backend: MitsubaBackend) -> None:
+    found, expected = render(backend, DAY), render(load_backend("sapien"), DAY)
+    for semantic in np.unique(expected.semantic):
+        where = expected.semantic == semantic
+        mean = brightness(expected)[where].mean()
+        assert brightness(found)[where].mean() == pytest.approx(mean, rel=0.04), semantic
+
+
+def test_rays_of_the_core_hit_what_pixels_show(backend: MitsubaBackend) -> None:
+    world, frame = build_world(), build_frame((11.0, 0.5, 0.0), (6.0, 3.0, 0.0))
+    capture = render(backend, DAY, world=world, frame=frame, samples=1)
+    width, height = SIZE
+    row, column = np.indices((height, width)) + 0.5
+    rays = np.stack(
+        [np.ones((height, width)), 1 - 2 * column / width, (height - 2 * row) / width], axis=-1
+    ).reshape(-1, 3)
+    length = np.linalg.norm(rays, axis=1)
+    caster = Raycaster(world)
+    caster.place(frame)
+    eye = np.broadcast_to(EYE[:3, 3], rays.shape).astype(np.float32)
+    hits = caster.cast(Rays(eye, (rays / length[:, None]).astype(np.float32)), 1000.0)
+    assert (capture.instance.ravel() == hits.instance).mean() > 0.999
+    seen = np.isfinite(hits.range_m)
+    assert (capture.semantic.ravel()[seen] == hits.semantic[seen]).mean() > 0.999
+    near = np.isclose(capture.depth.ravel(), hits.range_m / length, rtol=1e-3)
+    assert near[seen].mean() > 0.999
+
+
+def test_a_hidden_actor_casts_its_shadow_still(backend: MitsubaBackend) -> None:
+    frame = build_frame((5.0, 0.0, 0.0))
+    hidden = render(backend, DAY, frame=frame, hide=frozenset({1}))
+    empty = render(backend, DAY, frame=build_frame())
+    assert not hidden.instance.any()
+    np.testing.assert_array_equal(hidden.semantic, empty.semantic)
+    assert brightness(hidden).min() < 0.5 * brightness(empty).min()
+
+
+def test_the_same_frame_gives_the_same_bytes(backend: MitsubaBackend) -> None:
+    first, second = render(backend, DAY, samples=4), render(backend, DAY, samples=4)
+    np.testing.assert_array_equal(first.radiance, second.radiance)
+
+
+def test_frames_come_in_any_order(backend: MitsubaBackend) -> None:
+    near, far = build_frame((8.0, 0.0, 0.0)), build_frame((12.0, -1.0, 0.0), (9.0, 2.0, 0.0))
+    profile = RenderProfile("test", 1.0, "ray_traced", samples=2, path_depth=2)
+    view = CameraView(EYE, *SIZE, math.radians(90.0))
+    with backend.open(build_world(), DAY, profile) as renderer:
+        renderer.place(near)
+        (first,) = renderer.render_cameras([view])
+        renderer.place(far)
+        assert set(np.unique(renderer.render_camera(view).instance)) == {0, 1, 2}
+        renderer.place(near)
+        np.testing.assert_array_equal(renderer.render_camera(view).radiance, first.radiance)
