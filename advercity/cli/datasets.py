@@ -14,7 +14,11 @@ if TYPE_CHECKING:
     from advercity.dataset.verification import FileProblem
 
 commands = typer.Typer()
-EXPORT_HELP = "The format: kitti, openscenario."
+EXPORT_FORMAT_NAMES = (
+    "kitti",
+    "nuscenes",
+    "openscenario",
+)
 
 
 @commands.command()
@@ -65,12 +69,19 @@ def _verify_export(folder: Path) -> None:
 
 @commands.command()
 def export(
-    format: Annotated[str, typer.Argument(help=EXPORT_HELP)],
+    format: Annotated[str, typer.Argument(help=f"{', '.join(EXPORT_FORMAT_NAMES)}.")],
     dataset: DatasetArgument,
     output: Annotated[Path, typer.Option(help="Folder of the export.")],
     fresh: Annotated[
         bool, typer.Option("--fresh", help="Remove what exports wrote there, and start over.")
     ] = False,
+    key_frames: Annotated[
+        str | None,
+        typer.Option(
+            metavar="all|2hz",
+            help="Frames that are samples of nuscenes; with 2hz the others are sweeps.",
+        ),
+    ] = None,
 ) -> None:
     """Write a dataset in another format.
 
@@ -83,10 +94,13 @@ def export(
     from advercity.exports.registry import find_export_format
     from advercity.pipeline.options import format_byte_size
 
-    find_export_format(format)  # before the dataset is looked for
+    options = {"key_frames": key_frames}
+    find_export_format(format).complete_options(options)  # before the dataset is looked for
     specs = [scenario.spec for scenario in Dataset(dataset).scenarios]
     with show_progress(specs) as view:
-        made = export_dataset(format, dataset, output, fresh=fresh, report=view.on_progress)
+        made = export_dataset(
+            format, dataset, output, options=options, fresh=fresh, report=view.on_progress
+        )
     print_remark(
         f"{made.scenarios} scenario{'' if made.scenarios == 1 else 's'}, {made.frames} frames,"
         f" {made.files} files, {format_byte_size(made.size_bytes)}"

@@ -50,6 +50,7 @@ OPTION_PARAMETERS = (
         "frames",
         "fresh",
         "jobs",
+        "key_frames",
         "kind",
         "library",
         "max_memory",

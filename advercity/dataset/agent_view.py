@@ -346,6 +346,13 @@ class AgentView:
         with report_read_errors(self.path(".yaml")):
             return parse_boxes(self._get_described("vehicles") | self._get_described("walkers"))
 
+    def load_velocities(self) -> NDArray[np.float64]:
+        """Load the velocities (n, 3) of the objects of `boxes` in the world, m/s."""
+        objects, ids = self.extras["objects"], self.boxes.ids.tolist()
+        with report_read_errors(self.path("_objects.json")):
+            found = [objects[str(number)]["velocity_m_s"] for number in ids]
+            return mirror_points(np.reshape(found, (-1, 3)))
+
     def path(self, suffix: str) -> Path:
         """Return the path of this agent's file in this frame with that suffix, as `.pcd`."""
         return self._stem.with_name(self._stem.name + suffix)

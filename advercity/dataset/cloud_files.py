@@ -92,7 +92,7 @@ def encode_pcd_table(table: NDArray[np.void], encoding: CloudEncoding) -> bytes:
     mirror_columns(table)
     if not len(table):
         encoding = "binary"
-    header = _format_pcd_header(len(table), table.dtype, encoding).encode("ascii")
+    header = format_pcd_header(len(table), table.dtype, encoding).encode("ascii")
     return b"".join([header, *([table.data] if encoding == "binary" else _compress(table))])
 
 
@@ -126,7 +126,8 @@ def _decompress(body: bytes, count: int, kind: np.dtype[np.void]) -> NDArray[np.
     return table
 
 
-def _format_pcd_header(count: int, point: np.dtype[np.void], encoding: CloudEncoding) -> str:
+def format_pcd_header(count: int, point: np.dtype[np.void], encoding: CloudEncoding) -> str:
+    """Format the header of a PCD file with a table of `count` points of this type."""
     names = point.names or ()
     types = [point[name] for name in names]
     lines = (

@@ -26,12 +26,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from advercity.dataset.agent_view import AgentView, Boxes
-from advercity.dataset.formats import OPV2V
 from advercity.dataset.reader import Dataset, FrameView
-from advercity.errors import InputError
+from advercity.exports.axes import OPTICAL_FROM_BODY
 from advercity.exports.oxts import format_oxts
 from advercity.exports.pieces import Piece, PieceFiles, make_common_piece, split_by_frame
 from advercity.exports.registry import Options
+from advercity.exports.requirements import require_pinholes, require_truth
 from advercity.geometry import poses
 from advercity.geometry.poses import Matrix
 
@@ -44,10 +44,6 @@ TYPES = {
     "motorcycle": "Misc",
 }
 """KITTI's types by class; it has none for motorcycles."""
-OPTICAL_FROM_BODY = np.array(
-    [[0.0, -1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
-)
-"""From x forward, y left, z up to x right, y down, z along the view."""
 PARTLY_OCCLUDED, LARGELY_OCCLUDED = 0.25, 0.6
 """Hidden fractions of an outline from which an object counts as such. KITTI gives no numbers."""
 SPLIT_LISTS = {"train": "train", "validate": "val", "test": "test"}
@@ -58,24 +54,10 @@ def list_pieces(dataset: Dataset, options: Options) -> list[Piece]:
     """Make a piece of every frame, and one of the lists of samples.
 
     Raises:
-        InputError: An agent has no camera or LiDAR, or a camera with a lens.
+        InputError: A scenario has the original's layout, or a front camera has a lens.
     """
-    for scenario in dataset.scenarios:
-        if scenario.format != OPV2V:
-            raise InputError(
-                f"{scenario.path}: has the layout {scenario.format.name}, without what images show"
-                f" of objects; kitti is exported from {OPV2V.name}"
-            )
-        for agent in scenario.spec.agents:
-            sensors = agent.sensors
-            for what, found in (("camera", sensors.cameras), ("LiDAR", sensors.lidars)):
-                if not found:
-                    raise InputError(f"{scenario.path}: {agent.id} has no {what}, as kitti needs")
-            if sensors.cameras[0].camera.lens is not None:
-                raise InputError(
-                    f"{scenario.path}: camera0 of {agent.id} has a lens, whose distortion kitti"
-                    " cannot describe; export a dataset of a rig with pinhole cameras"
-                )
+    require_truth(dataset, "kitti")
+    require_pinholes(dataset, "kitti", lambda agent: range(1))
     return [
         *split_by_frame(dataset, _write_frame, count_samples=lambda one: len(one.agents)),
         make_common_piece(dataset, "samples", lambda files: _write_lists(dataset, files)),

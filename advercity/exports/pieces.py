@@ -8,12 +8,13 @@ pieces, the less is lost when an export is cut short.
 from __future__ import annotations
 
 import hashlib
+import json
 import re
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO, Self
 
 from advercity.dataset.agent_view import MAX_IMAGE_BYTES, report_read_errors
 from advercity.dataset.partial_files import FileRecord
@@ -24,6 +25,30 @@ PATH_PATTERN = re.compile(r"([^./\\\0][^/\\\0]*/)*[^./\\\0][^/\\\0]*")
 """Paths of files in an export: relative, without `..` and hidden names."""
 FrameListener = Callable[[str], None]
 """Called with the name of a scenario when a frame of it is done."""
+
+
+class JsonList:
+    """Writes a list of JSON objects row by row, so that it need not fit into memory.
+
+    Args:
+        stream: Where the list begins at once, and ends when the context is left.
+    """
+
+    def __init__(self, stream: BinaryIO) -> None:
+        self._stream, self._separator = stream, b""
+
+    def append(self, row: Mapping[str, Any]) -> None:
+        """Write a row."""
+        text = json.dumps(row, separators=(",", ":"), allow_nan=False)
+        self._stream.write(self._separator + text.encode())
+        self._separator = b",\n"
+
+    def __enter__(self) -> Self:
+        self._stream.write(b"[\n")
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._stream.write(b"\n]")
 
 
 class PieceFiles:
@@ -59,6 +84,12 @@ class PieceFiles:
         with target.open("rb") as stream:
             digest = hashlib.file_digest(stream, "sha256").hexdigest()
         self.records[path] = FileRecord(size=target.stat().st_size, sha256=digest)
+
+    @contextmanager
+    def open_list(self, path: str) -> Generator[JsonList]:
+        """Open a JSON file with a list, which is written row by row."""
+        with self.open(path) as stream, JsonList(stream) as rows:
+            yield rows
 
     def track(self, frames: Sequence[FrameView]) -> Iterator[FrameView]:
         """Iterate over frames, and report each when it is done."""

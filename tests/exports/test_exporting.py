@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from advercity_dsl import Spec
 
+from advercity.cli.datasets import EXPORT_FORMAT_NAMES
 from advercity.dataset.agent_view import AgentView
 from advercity.dataset.reader import FrameView
 from advercity.dataset.writer import ScenarioWriter
@@ -15,6 +16,7 @@ from advercity.exports import kitti
 from advercity.exports.export_folder import verify_export
 from advercity.exports.exporting import export_dataset
 from advercity.exports.oxts import format_oxts
+from advercity.exports.registry import EXPORT_FORMATS
 from advercity.pipeline.progress import Progress
 from tests.builders import SensorFramesOf, identify, write_scenario
 from tests.cli.conftest import Command
@@ -35,6 +37,10 @@ def snapshot(folder: Path) -> dict[str, bytes]:
         for path in folder.rglob("*")
         if path.is_file()
     }
+
+
+def test_help_names_every_format() -> None:
+    assert tuple(EXPORT_FORMATS) == EXPORT_FORMAT_NAMES
 
 
 def test_an_export_is_complete_and_verified(
