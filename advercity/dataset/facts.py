@@ -2,7 +2,7 @@
 
 import os
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,6 +12,12 @@ from advercity_dsl.units import KM_H_PER_M_S
 from numpy.typing import NDArray
 
 from advercity.dataset.agent_view import AgentView
+from advercity.dataset.message_facts import (
+    NO_AGES,
+    NO_MESSAGES,
+    collect_age_facts,
+    collect_message_facts,
+)
 from advercity.dataset.reader import FrameView, Scenario
 from advercity.dataset.scenario_folders import find_scenarios, no_frames_error
 from advercity.dataset.weather_truth import WeatherTruth
@@ -57,6 +63,8 @@ class ScenarioFacts:
         speeds_km_h: (frames, connected vehicles), the ego's first.
         radars: Number of radars of all agents.
         radar_detections: (frames, kinds of `PointKind`) detections of all radars.
+        messages: (k,) of `MESSAGE_FACT`.
+        message_ages: (l,) of `AGE_FACT`.
     """
 
     road: str
@@ -69,6 +77,8 @@ class ScenarioFacts:
     speeds_km_h: NDArray[np.float64]
     radars: int
     radar_detections: NDArray[np.int64]
+    messages: NDArray[np.void] = field(default_factory=lambda: NO_MESSAGES)
+    message_ages: NDArray[np.void] = field(default_factory=lambda: NO_AGES)
 
     @property
     def num_frames(self) -> int:
@@ -112,6 +122,8 @@ def collect_scenario_facts(folder: Path) -> ScenarioFacts:
         speeds_km_h=np.array([item.speeds_km_h for item in found], np.float64),
         radars=sum(len(agent.sensors.radars) for agent in scenario.spec.agents),
         radar_detections=np.array([item.radar_detections for item in found], np.int64),
+        messages=np.concatenate([NO_MESSAGES, *(item.messages for item in found)]),
+        message_ages=np.concatenate([NO_AGES, *(item.message_ages for item in found)]),
     )
 
 
@@ -122,6 +134,8 @@ class _FrameFacts(NamedTuple):
     parked: NDArray[np.void]
     speeds_km_h: list[float]
     radar_detections: NDArray[np.int64]
+    messages: NDArray[np.void]
+    message_ages: NDArray[np.void]
 
 
 def _collect_frame_facts(frame: FrameView) -> _FrameFacts:
@@ -153,7 +167,14 @@ def _collect_frame_facts(frame: FrameView) -> _FrameFacts:
     facts = np.array([(*fact, visible[number]) for number, fact in objects.items()], OBJECT_FACT)
     is_parked = np.isin(facts["id"], list(parked))
     speeds = [view.speed_m_s * KM_H_PER_M_S for view in vehicles]
-    return _FrameFacts(facts[~is_parked], facts[is_parked], speeds, radar_detections)
+    return _FrameFacts(
+        facts[~is_parked],
+        facts[is_parked],
+        speeds,
+        radar_detections,
+        collect_message_facts(frame),
+        collect_age_facts(frame),
+    )
 
 
 def _load_detections(view: AgentView) -> NDArray[np.void]:

@@ -25,6 +25,7 @@ from advercity.errors import RunError, describe_cause
 from advercity.geometry.arrays import Float64Array
 from advercity.output_files import open_output_folder
 from advercity.sensors.measurements import PointKind
+from advercity.sensors.messages import LossReason
 
 RANGE_M = 200.0
 RANGE_BIN_M = 20.0
@@ -77,6 +78,7 @@ def compute_tables(facts: Sequence[ScenarioFacts]) -> list[StatisticsTable]:
         _tabulate_returns_by_range(facts),
         _tabulate_visible_fraction(facts),
         *(_tabulate_radars(facts) if any(item.radars for item in facts) else ()),
+        *(_tabulate_messages(facts) if any(len(item.messages) for item in facts) else ()),
     ]
 
 
@@ -323,6 +325,50 @@ def _tabulate_radars(facts: Sequence[ScenarioFacts]) -> list[StatisticsTable]:
             fractions,
         ),
     ]
+
+
+def _tabulate_messages(facts: Sequence[ScenarioFacts]) -> list[StatisticsTable]:
+    """Tabulate what became of messages at their receivers, by weather and kind, and by distance."""
+    rows: list[dict[str, Any]] = []
+    fractions: dict[str, Sequence[Any]] = {"distance_m_from": RANGE_EDGES_M[:-1].tolist()}
+    for weather, group in _by_weather([item for item in facts if len(item.messages)]).items():
+        messages = np.concatenate([item.messages for item in group])
+        ages = np.concatenate([item.message_ages for item in group])
+        rows += [
+            {
+                "weather": weather,
+                "kind": kind,
+                **_summarise_messages(messages[messages["kind"] == kind]),
+                "ego_age_s_mean": _mean(ages["age_s"][ages["kind"] == kind]),
+            }
+            for kind in np.unique(messages["kind"]).tolist()
+        ]
+        is_all = np.ones(len(messages), np.bool_)
+        arrived = messages["lost"] == ""
+        fractions[weather] = _compute_fractions(messages["distance_m"], arrived, is_all)
+    return [
+        StatisticsTable("messages", "Messages at their receivers", _to_columns(rows)),
+        StatisticsTable(
+            "messages_by_range", "Fraction of messages that arrive, by distance", fractions
+        ),
+    ]
+
+
+def _summarise_messages(messages: NDArray[np.void]) -> dict[str, Any]:
+    """Summarise messages (n,) of one kind: fractions lost by reason, delays, errors of poses."""
+    lost, delays_s = messages["lost"], messages["delay_s"][messages["lost"] == ""]
+    squared_m2, squared_rad2 = (
+        float(np.mean(messages[name] ** 2)) for name in ("position_error_m", "heading_error_rad")
+    )
+    return {
+        "messages": len(messages),
+        "received": float(np.mean(lost == "")),
+        **{f"lost_{reason.value}": float(np.mean(lost == reason.value)) for reason in LossReason},
+        "delay_s_mean": _mean(delays_s),
+        "delay_s_95_percent": float(np.quantile(delays_s, 0.95)) if len(delays_s) else math.nan,
+        "position_error_m_rms": math.sqrt(squared_m2),
+        "heading_error_deg_rms": math.degrees(math.sqrt(squared_rad2)),
+    }
 
 
 def _compute_fractions(

@@ -31,8 +31,8 @@ LOGARITHMIC_TABLES = (
     "num_frames_per_ego_speed",
     "num_keyframes_per_num_annotations",
 )
-LINE_TABLES = ("echoes_by_range", "radar_detected_by_range")
-TABLES_WITHOUT_PLOT = ("stats", "radar_by_kind")
+LINE_TABLES = ("echoes_by_range", "radar_detected_by_range", "messages_by_range")
+TABLES_WITHOUT_PLOT = ("stats", "radar_by_kind", "messages")
 
 
 def write_plots(tables: Iterable[StatisticsTable], folder: Path) -> None:
