@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 from advercity.geometry.arrays import Float64Array, Uint8Array
 from advercity.material_maps import LINEAR_FROM_SRGB, MaterialMaps
 
+MAX_ROUGHNESS_RATIO = 4.0
+"""Greatest ratio of a texel's roughness to the mean."""
+
 
 class MapAxes(IntEnum):
     """Along which axes images lie; shaders know it by the sign of their width."""
@@ -25,6 +28,7 @@ class _Textures:
     """Ratios of colour and roughness, x and y of the normal, and the width on the surface."""
 
     tone: sapien.render.RenderTexture2D
+    greatest: tuple[float, ...]
     relief: sapien.render.RenderTexture2D | None
     tile_m: float
 
@@ -47,39 +51,55 @@ class MaterialTextures:
         if found.relief is not None:
             material.normal_texture = found.relief
         material.emission = [*material.emission[:3], axes * found.tile_m]
+        # Parameters of gloss and glass, which our shaders have no other use for.
+        material.specular, material.ior, material.transmission_roughness = found.greatest
 
 
-def compute_tone_texels(maps: MaterialMaps) -> NDArray[np.float16]:
-    """Compute ratios (h, w, 4) of the colour and the roughness to their means.
+def compute_tone_texels(maps: MaterialMaps) -> tuple[NDArray[np.uint8], tuple[float, ...]]:
+    """Compute ratios of colour and roughness to their means, and the greatest of each colour.
 
-    Ratios are linear, so that means of texels, which the device takes for distant surfaces, are
-    means of light.
+    Returns:
+        Texels (h, w, 4), in bytes of the greatest ratio, and that of red, green and blue.
+        They are linear, so that means of texels, which the device takes for distant surfaces,
+        are means of light.
     """
     means = maps.mean or (None, None, None)
-    channels = [
-        _compute_ratios(maps.color[..., n], LINEAR_FROM_SRGB, mean) for n, mean in enumerate(means)
-    ]
-    roughness = np.ones_like(channels[0])
-    if maps.roughness is not None:
-        roughness = _compute_ratios(maps.roughness, np.arange(256) / 255.0)
-    return np.stack([*channels, roughness], axis=-1)
+    texels = np.empty((*maps.color.shape[:2], 4), np.uint8)
+    greatest: list[float] = []
+    for number, mean in enumerate(means):
+        image = maps.color[..., number]
+        ratio = _compute_ratios(image, LINEAR_FROM_SRGB, mean)
+        greatest.append(float(ratio[image.max()]) or 1.0)
+        texels[..., number] = _to_bytes(ratio / greatest[-1])[image]
+    if maps.roughness is None:
+        texels[..., 3] = _to_bytes(np.array(1.0 / MAX_ROUGHNESS_RATIO))
+    else:
+        ratio = _compute_ratios(maps.roughness, np.arange(256) / 255.0)
+        texels[..., 3] = _to_bytes(ratio / MAX_ROUGHNESS_RATIO)[maps.roughness]
+    return texels, tuple(greatest)
 
 
 def _compute_ratios(
     image: Uint8Array, values: Float64Array, mean: float | None = None
-) -> NDArray[np.float16]:
-    """Compute ratios (h, w) of the values of the bytes of an image (h, w) to a mean, or theirs."""
+) -> Float64Array:
+    """Compute ratios (256,) of the values of all bytes to a mean, or to that of an image (h, w)."""
     if mean is None:
         mean = float(np.bincount(image.ravel(), minlength=256) @ values / image.size)
-    return (values / max(mean, 1e-6)).astype(np.float16)[image]
+    return values / max(mean, 1e-6)
+
+
+def _to_bytes(fraction: Float64Array) -> NDArray[np.uint8]:
+    return np.minimum(255.0 * fraction, 255.0).round().astype(np.uint8)
 
 
 def _create_textures(maps: MaterialMaps) -> _Textures:
     levels = min(maps.color.shape[:2]).bit_length()
     create = partial(sapien.render.RenderTexture2D, mipmap_levels=levels)
     relief = None if maps.normal is None else np.ascontiguousarray(maps.normal[..., :2])
+    texels, greatest = compute_tone_texels(maps)
     return _Textures(
-        tone=create(compute_tone_texels(maps), "R16G16B16A16Sfloat"),
+        tone=create(texels, "R8G8B8A8Unorm"),
+        greatest=greatest,
         relief=None if relief is None else create(relief, "R8G8Unorm"),
         tile_m=maps.tile_m,
     )

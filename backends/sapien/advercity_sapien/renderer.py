@@ -34,6 +34,14 @@ from advercity_sapien.shader_constants import FAR_M, NEAR_M, SHADER_FOLDER
 from advercity_sapien.shader_table import KILO, SceneTexels, ShaderTable
 
 Images = dict[str, NDArray[Any]]
+COMPACT_IMAGES = {
+    "Shape": "R16G16B16A16Uint",
+    **dict.fromkeys(
+        ("Colour", "Facing", "Relief", "Mirror", "Ambient", "Glow"), "R16G16B16A16Sfloat"
+    ),
+}
+"""Formats of the raster pack's images that need no single precision; SAPIEN gives every image 16
+bytes a texel. A format holds for a name in all packs, so the ray-traced one has other names."""
 MAX_RASTER_SAMPLES = 960 * 540 * 4
 """Samples of an image of surfaces; larger ones would need more memory than a small machine has."""
 
@@ -188,11 +196,15 @@ class SapienRenderer:
         """Wait for the image that was started, and copy its channels by name."""
         assert self._pending is not None, "captures are fetched before the next are begun"
         camera, view = self._pending
-        names = ["Normal", "Segmentation"]
+        names = ["Normal", "Segmentation"] if self._is_ray_traced else ["Facing", "Shape"]
         if self._is_denoised:
             names.append("Albedo")
         samples = self._count_samples_per_axis(view)
         images = {name: camera.get_picture(name)[::samples, ::samples] for name in names}
+        if not self._is_ray_traced:
+            images["Normal"] = images["Facing"].astype(np.float32)
+            # Halves of 32 bits.
+            images["Segmentation"] = np.ascontiguousarray(images["Shape"]).view(np.uint32)
         images["Radiance"] = camera.get_picture("Radiance")[: view.height_px, : view.width_px]
         self._pending = None
         return images
@@ -248,6 +260,8 @@ class SapienRenderer:
         return 1 if self._is_ray_traced or samples > MAX_RASTER_SAMPLES else 2
 
     def _add_camera(self, size: tuple[int, int]) -> sapien.render.RenderCameraComponent:
+        for name, texel in COMPACT_IMAGES.items():
+            sapien.render.set_picture_format(name, texel)
         shaders = str(SHADER_FOLDER / self._profile.renderer)
         camera = sapien.render.RenderCameraComponent(*size, shaders)
         entity = sapien.Entity()

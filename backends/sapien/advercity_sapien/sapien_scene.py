@@ -83,10 +83,7 @@ class RenderShapeCache:
     ) -> sapien.render.RenderShapeTriangleMesh:
         vertices, triangles, normals, uv = _with_normals(mesh)
         if mesh.semantic in TWO_SIDED_CLASSES or mesh.material in LEAF_MATERIALS:
-            triangles = np.concatenate([triangles, triangles[:, ::-1] + len(vertices)])
-            vertices = np.concatenate([vertices, vertices])
-            normals = np.concatenate([normals, normals])
-            uv = np.concatenate([uv, uv])
+            triangles = np.concatenate([triangles, triangles[:, ::-1]])
         return sapien.render.RenderShapeTriangleMesh(
             vertices=vertices,
             triangles=triangles.astype(np.uint32),

@@ -33,6 +33,7 @@ from advercity_sapien.lamp_shadows import (
     LENS_REACH,
 )
 from advercity_sapien.light_probes import LEVEL_HEIGHTS_M
+from advercity_sapien.material_textures import MAX_ROUGHNESS_RATIO
 from advercity_sapien.shader_table import (
     FOG_BEAM_NODES,
     format_scene_textures_glsl,
@@ -106,6 +107,7 @@ def _format_constants() -> Iterator[str]:
             "DROPLET_WIDE_A": _float(lobes.wide_a),
             "DROPLET_WIDE_FRACTION": _float(lobes.wide_fraction, 3),
             "TRANSMITTED_BY_LEAVES": _float(TRANSMITTED_BY_LEAVES),
+            "MAX_ROUGHNESS_RATIO": _float(MAX_ROUGHNESS_RATIO),
             "LAMP_HEIGHT": _float(LAMP_HEIGHT_M),
             "FOG_LAMP_HEIGHT": _float(FOG_LAMP_HEIGHT_M),
             "LENS_FALLOFF": _float(LENS.falloff),

@@ -1,6 +1,7 @@
 // Images of a material on a surface, without visible repetition and faded to their mean where they
 // are finer than a pixel. Needs shader_constants.glsl, sampling.glsl, map_plane.glsl, mapTone (ratio
-// of the albedo and, as alpha, of the roughness to their means) and mapRelief (x and y of the normal).
+// of the albedo and, as alpha, of the roughness to their means, in the greatest of each) and mapRelief (x
+// and y of the normal).
 
 struct MapSample {
   vec4 tone;    // factors of the albedo and the roughness
@@ -19,6 +20,7 @@ struct MapLookup {
   int taps;
   vec2 stride;
   bool hasRelief;
+  vec4 range;
 };
 
 MapSample sampleImages(MapLookup look) {
@@ -29,7 +31,7 @@ MapSample sampleImages(MapLookup look) {
     if (look.hasRelief) sum.slope += textureLod(mapRelief, uv, look.lod).xy * 2.0 - 1.0;
     uv += look.stride;
   }
-  return MapSample(sum.tone / float(look.taps), sum.slope / float(look.taps));
+  return MapSample(look.range * sum.tone / float(look.taps), sum.slope / float(look.taps));
 }
 
 void addCopy(inout MapSample sum, ivec2 corner, float weight, MapLookup look) {
@@ -64,9 +66,10 @@ MapSample blendCopies(MapLookup look) {
 
 // Images of a surface of normal n, seen along `ray`.
 //   width: of the images, metres
+//   range: greatest ratios of colour and roughness to their means
 //   pixelWidth: of a pixel at the distance of the surface, metres
-MapSample sampleMaps(int kind, float width, bool hasRelief, MapPlane plane, vec3 n, vec3 ray,
-    float pixelWidth) {
+MapSample sampleMaps(int kind, float width, vec4 range, bool hasRelief, MapPlane plane, vec3 n,
+    vec3 ray, float pixelWidth) {
   const float TAPS = 4.0;
   vec2 size = vec2(textureSize(mapTone, 0));
   float across = abs(dot(ray, n)), stretch = min(1.0 / max(across, 0.02), 4.0 * TAPS);
@@ -77,6 +80,7 @@ MapSample sampleMaps(int kind, float width, bool hasRelief, MapPlane plane, vec3
   // Rows of images run downwards.
   vec2 scale = vec2(1.0, -size.x / size.y) / width;
   look.hasRelief = hasRelief;
+  look.range = range;
   look.uv = plane.at * scale;
   look.taps = int(ceil(stretch / fine - 0.5));
   look.stride = ray * plane.axes / sqrt(1.0 - across * across + 1e-6)

@@ -52,6 +52,7 @@ const float DROPLET_WIDE_G = 0.566864;
 const float DROPLET_WIDE_A = 23.3775;
 const float DROPLET_WIDE_FRACTION = 0.487;
 const float TRANSMITTED_BY_LEAVES = 0.4;
+const float MAX_ROUGHNESS_RATIO = 4.0;
 const float LAMP_HEIGHT = 0.65;
 const float FOG_LAMP_HEIGHT = 0.4;
 const float LENS_FALLOFF = 0.0218524;

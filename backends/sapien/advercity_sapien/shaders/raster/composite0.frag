@@ -5,7 +5,7 @@
 
 layout(set = 0, binding = 0) uniform sampler2D samplerLit;
 layout(set = 0, binding = 1) uniform sampler2D samplerMirror;
-layout(set = 0, binding = 2) uniform sampler2D samplerAlbedo;
+layout(set = 0, binding = 2) uniform sampler2D samplerColour;
 layout(set = 0, binding = 3) uniform sampler2D samplerDepthEmission;
 layout(set = 0, binding = 4) uniform sampler2D samplerTable;
 layout(set = 0, binding = 5) uniform sampler2D samplerSky;
@@ -195,7 +195,7 @@ void main() {
   outGlow = vec4(scattered, 0.0);
   if (isNight()) {
     float emission = texelFetch(samplerDepthEmission, texel, 0).y;
-    if (emission > 0.0) radiance += emission * texelFetch(samplerAlbedo, texel, 0).rgb;
+    if (emission > 0.0) radiance += emission * texelFetch(samplerColour, texel, 0).rgb;
   }
   if (pane.z != 0.0) radiance = paneRadiance(radiance, paneNormal, ray);
   outSeen = vec4(applyAir(radiance, ray, distance), pane.z != 0.0 ? abs(pane.z) : depth);

@@ -4,10 +4,9 @@
 #include "./interface.glsl"
 
 layout(set = 0, binding = 0) uniform sampler2D samplerShaded;
-layout(set = 0, binding = 1) uniform sampler2D samplerNormal;
+layout(set = 0, binding = 1) uniform sampler2D samplerFacing;
 layout(set = 0, binding = 2) uniform sampler2D samplerDepthEmission;
 layout(set = 0, binding = 3) uniform sampler2D samplerPane;
-layout(set = 0, binding = 4) uniform sampler2D samplerRelief;
 
 // Radiance and depth of pixels: the mean of a pixel's samples, and the depth at its middle.
 layout(location = 0) out vec4 outRadiance;
@@ -40,12 +39,12 @@ vec3 radianceAt(ivec2 texel, SeenSurface seen) {
   vec4 own = texelFetch(samplerShaded, lightTexel(texel), 0);
   if (own.a != NO_LIGHT) return own.rgb;
   const float OTHER_PANE = 1e-3;
-  vec3 normal = texelFetch(samplerNormal, texel, 0).xyz, sum = vec3(0.0);
+  vec3 normal = texelFetch(samplerFacing, texel, 0).xyz, sum = vec3(0.0);
   bool hasPane = paneDepth(texel) > 0.0;
   float weight = 0.0;
   for (int i = 0; i < 4; ++i) {
     ivec2 middle = adjacentMiddle(texel, i);
-    float facing = max(dot(normal, texelFetch(samplerNormal, middle, 0).xyz), 0.05);
+    float facing = max(dot(normal, texelFetch(samplerFacing, middle, 0).xyz), 0.05);
     float likely = facing * facing * similarity(seen, surfaceAt(middle));
     if ((paneDepth(middle) > 0.0) != hasPane) likely *= OTHER_PANE;
     sum += likely * texelFetch(samplerShaded, lightTexel(middle), 0).rgb;

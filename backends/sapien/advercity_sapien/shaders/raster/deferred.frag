@@ -4,8 +4,8 @@
 #define CAMERA_SET 1
 #include "./interface.glsl"
 
-layout(set = 2, binding = 0) uniform sampler2D samplerAlbedo;
-layout(set = 2, binding = 1) uniform sampler2D samplerNormal;
+layout(set = 2, binding = 0) uniform sampler2D samplerColour;
+layout(set = 2, binding = 1) uniform sampler2D samplerFacing;
 layout(set = 2, binding = 2) uniform sampler2D samplerDepthEmission;
 layout(set = 2, binding = 3) uniform sampler2D samplerTable;
 layout(set = 2, binding = 4) uniform sampler2D samplerSky;
@@ -118,18 +118,18 @@ void main() {
     outLit = vec4(sky(ray), 0.0);
     return;
   }
-  vec4 albedo = texelFetch(samplerAlbedo, texel, 0);
-  vec4 normal = texelFetch(samplerNormal, texel, 0);
+  vec4 albedo = texelFetch(samplerColour, texel, 0);
+  vec4 normal = texelFetch(samplerFacing, texel, 0);
   float distance = depth * distancePerDepth;
   vec3 position = cameraBuffer.viewMatrixInverse[3].xyz + ray * distance;
   float pixelWidth = footprint(pixelAngle(), distance, abs(dot(ray, normal.xyz)));
-  int kind = int(depthEmission.z);
+  int kind = int(depthEmission.z) % SNOWLESS;
   vec3 radiance = isNight() ? vec3(0.0) : depthEmission.y * albedo.rgb;
-  vec4 relief = texelFetch(samplerRelief, texel, 0);
-  albedo.rgb *= materialDetail(kind, relief.w < 0.0, position, normal.xyz, pixelWidth);
+  vec3 relief = texelFetch(samplerRelief, texel, 0).xyz;
+  albedo.rgb *= materialDetail(kind, depthEmission.w < 0.0, position, normal.xyz, pixelWidth);
 
-  Surface s = buildSurface(albedo.rgb, albedo.a, normal.a, kind, depthEmission.w > 0.5, position,
-      normal.xyz, relief.xyz, pixelWidth);
+  Surface s = buildSurface(albedo.rgb, albedo.a, normal.a, kind, int(depthEmission.z) >= SNOWLESS,
+      position, normal.xyz, relief, pixelWidth);
   vec3 sun = sunDirection();
   if (dot(sunIrradiance(), vec3(1.0)) > 0.0 && (dot(s.normal, sun) > 0.0 || s.through > 0.0)) {
     // A leaf does not shade its own back.

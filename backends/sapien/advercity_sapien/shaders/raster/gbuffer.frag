@@ -20,11 +20,13 @@ layout(location = 3) in vec3 inPosition;
 layout(location = 4) in vec2 inUv;
 layout(location = 5) in flat int inSurface;
 
-layout(location = 0) out vec4 outAlbedo;
-layout(location = 1) out vec4 outNormal;
+layout(location = 0) out vec4 outColour;
+layout(location = 1) out vec4 outFacing;
+// Depth, light of lamps, pattern of the material and whether snow stays off it, and the number of the
+// surface: negative if its material has images.
 layout(location = 2) out vec4 outDepthEmission;
-layout(location = 3) out uvec4 outSegmentation;
-// Normal with the relief of images, and the number of the surface: negative if its material has images.
+layout(location = 3) out uvec4 outShape;
+// Normal with the relief of images.
 layout(location = 4) out vec4 outRelief;
 
 void main() {
@@ -41,15 +43,17 @@ void main() {
     MapPlane plane = width > 0.0 ? worldPlane(kind, inPosition, normal)
         : meshPlane(inUv, normal, dFdx(inPosition), dFdy(inPosition), dFdx(inUv), dFdy(inUv));
     float distance = length(ray);
-    maps = sampleMaps(kind, abs(width), (materialBuffer.textureMask & HAS_RELIEF) != 0, plane,
+    vec4 range = vec4(materialBuffer.fresnel, materialBuffer.ior,
+        materialBuffer.transmissionRoughness, MAX_ROUGHNESS_RATIO);
+    maps = sampleMaps(kind, abs(width), range, (materialBuffer.textureMask & HAS_RELIEF) != 0, plane,
         normal, ray / distance, pixelAngle() * distance);
     relief = reliefNormal(normal, plane, maps.slope);
   }
-  outAlbedo = min(vec4(materialBuffer.baseColor.rgb, materialBuffer.roughness) * maps.tone, 1.0);
-  outNormal = vec4(normal, materialBuffer.metallic);
-  outRelief = vec4(relief, mapped ? -inSurface : inSurface);
+  outColour = min(vec4(materialBuffer.baseColor.rgb, materialBuffer.roughness) * maps.tone, 1.0);
+  outFacing = vec4(normal, materialBuffer.metallic);
+  outRelief = vec4(relief, 0.0);
   outDepthEmission = vec4(
       inDistance, lensEmission(int(materialBuffer.emission.x), objectDataBuffer.lit),
-      kind, materialBuffer.emission.z);
-  outSegmentation = inIds;
+      materialBuffer.emission.z > 0.5 ? kind + SNOWLESS : kind, mapped ? -inSurface : inSurface);
+  outShape = uvec4(inIds.x & 0xffffu, inIds.x >> 16, 0u, 0u);
 }

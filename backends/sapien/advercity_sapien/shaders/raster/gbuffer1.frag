@@ -12,10 +12,10 @@ layout(location = 2) in flat uvec4 inIds;
 // Pane before other surfaces: x and y of its normal, depth with the sign of the normal's z, and 1,
 // as SAPIEN blends by alpha.
 layout(location = 0) out vec4 outPane;
-layout(location = 1) out uvec4 outSegmentation;
+layout(location = 1) out uvec4 outShape;
 
 void main() {
   vec3 normal = normalize(inWorldNormal);
   outPane = vec4(normal.xy, normal.z < 0.0 ? -inDistance : inDistance, 1.0);
-  outSegmentation = inIds;
+  outShape = uvec4(inIds.x & 0xffffu, inIds.x >> 16, 0u, 0u);
 }

@@ -8,6 +8,9 @@
 // Depth in images of light where none was computed.
 const float NO_LIGHT = -1.0;
 
+// In images of surfaces added to the pattern of a material that falling snow does not stay on.
+const int SNOWLESS = 64;
+
 // Samples of a pixel along an axis, from the principal point: it is half a sample off the middle for two.
 int samplesPerAxis() {
   return 1 + int(round(abs(cameraBuffer.projectionMatrix[2][0]) * cameraBuffer.width));

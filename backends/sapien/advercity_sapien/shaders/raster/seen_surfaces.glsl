@@ -1,5 +1,4 @@
-// Which samples of an image show the same surface. Needs pixel_samples.glsl, samplerRelief and
-// samplerDepthEmission.
+// Which samples of an image show the same surface. Needs pixel_samples.glsl and samplerDepthEmission.
 
 // A surface behind panes, if there are any.
 struct SeenSurface {
@@ -9,8 +8,8 @@ struct SeenSurface {
 };
 
 SeenSurface surfaceAt(ivec2 texel) {
-  float depth = texelFetch(samplerDepthEmission, texel, 0).x;
-  return SeenSurface(texelFetch(samplerRelief, texel, 0).w, depth > 0.0 ? 1.0 / depth : 0.0);
+  vec4 found = texelFetch(samplerDepthEmission, texel, 0);
+  return SeenSurface(found.w, found.x > 0.0 ? 1.0 / found.x : 0.0);
 }
 
 // How likely one sample has the light of another, from 0 to 1, by their surfaces.
