@@ -26,7 +26,7 @@ from advercity.dataset.partial_files import (
 from advercity.dataset.scenario_folders import (
     MANIFEST_FILE,
     check_folders_are_no_links,
-    find_scenarios,
+    find_scenarios_by_name,
     find_staging_folder,
 )
 from advercity.documents import MAX_JSON_BYTES, parse_json, read_bytes
@@ -229,20 +229,21 @@ def link_splits(
     Nothing is copied. Calling it again updates the links.
 
     Raises:
-        InputError: A road belongs to no split, or to two, or `output` has a `splits.json` or a link
-            that was not made by this, or something else there; nothing is changed then.
+        InputError: Two scenarios have one name, a road belongs to no split, or to two, or `output`
+            has a `splits.json` or a link that was not made by this, or something else there;
+            nothing is changed then.
         RunError: The links cannot be made.
     """
     split_of = _map_roads_to_splits(roads)
-    folders = find_scenarios(dataset)
+    folders = find_scenarios_by_name(dataset)
     found: dict[str, list[str]] = {name: [] for name in roads}
-    for folder in folders:
+    for name, folder in folders.items():
         road = Manifest.load(folder).spec.road.id
         if road not in split_of:
             raise InputError(f"{folder}: road '{road}' is in no split; name it in one")
-        found[split_of[road]].append(folder.name)
+        found[split_of[road]].append(name)
     try:
-        _link_folders({folder.name: folder for folder in folders}, found, output)
+        _link_folders(folders, found, output)
     except OSError as error:
         where = error.filename2 or error.filename or output  # of a link, the second is its place
         raise RunError(f"{where}: cannot be written: {describe_cause(error)}") from error

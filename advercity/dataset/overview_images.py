@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from advercity.dataset.agent_view import AgentView, Boxes
 from advercity.dataset.image_codec import to_semantic_colours
 from advercity.dataset.reader import FrameView, Scenario
-from advercity.dataset.scenario_folders import find_scenarios, no_frames_error
+from advercity.dataset.scenario_folders import find_scenarios_by_name, no_frames_error
 from advercity.errors import InputError
 from advercity.geometry import poses
 from advercity.geometry.arrays import Float64Array, Uint8Array
@@ -269,19 +269,20 @@ def write_videos(dataset: Path, output: Path, kinds: Sequence[str] = VIDEO_KINDS
     `front` is one file per agent, the others are one per scenario.
 
     Raises:
-        InputError: A kind does not exist, there is no dataset, or PyAV is not installed.
+        InputError: A kind does not exist, there is no dataset, or one with two scenarios of one
+            name, or PyAV is not installed.
         RunError: A file cannot be written.
     """
     unknown = sorted(set(kinds) - set(VIDEO_KINDS))
     if unknown:
         raise InputError(f"`kind` {unknown[0]}: no such video; {', '.join(VIDEO_KINDS)}")
     written: list[Path] = []
-    for folder in find_scenarios(dataset):
+    for scenario_name, folder in find_scenarios_by_name(dataset).items():
         scenario = Scenario(folder)
         if not len(scenario):
             raise no_frames_error(folder)
         drawings = dict(_select_drawings(scenario, kinds))
-        paths = {name: output / f"{folder.name}_{name}.mp4" for name in drawings}
+        paths = {name: output / f"{scenario_name}_{name}.mp4" for name in drawings}
         tick_s = scenario.spec.timing.tick_s
         # All videos of a scenario at once, so that files of a frame come from the page cache.
         with ExitStack() as stack:

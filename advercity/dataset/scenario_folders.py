@@ -28,12 +28,31 @@ def find_scenarios(dataset: Path) -> list[Path]:
             f"{dataset}: is the URL of a store, which only `run --executor ray` and `verify` read;"
             " copy the dataset into a folder first, as `aws s3 sync` does"
         )
+    if dataset.name in ("", ".."):
+        dataset = dataset.resolve()  # a scenario goes by the name of its folder
     patterns = (MANIFEST_FILE, f"*/{MANIFEST_FILE}", f"*/*/{MANIFEST_FILE}")
     for pattern in patterns:
         found = sorted(path.parent for path in dataset.glob(pattern))
         if found:
             return found
     raise _not_a_dataset_error(dataset, "in it or in its folders")
+
+
+def find_scenarios_by_name(dataset: Path) -> dict[str, Path]:
+    """Find the scenario folders as `find_scenarios` does, by name.
+
+    Raises:
+        InputError: The folder holds no scenario, or two of one name.
+    """
+    found: dict[str, Path] = {}
+    for folder in find_scenarios(dataset):
+        other = found.setdefault(folder.name, folder)
+        if other != folder:
+            raise InputError(
+                f"{folder}: has the name of {other}; name one of the two datasets, or rename one of"
+                " the folders"
+            )
+    return found
 
 
 def find_staging_folder(scenario: Path) -> Path:

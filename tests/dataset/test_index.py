@@ -16,6 +16,7 @@ from advercity.dataset.index import (
     IndexWriter,
     link_splits,
 )
+from advercity.dataset.overview_images import write_videos
 from advercity.dataset.reader import open_dataset
 from advercity.dataset.remote import verify_store
 from advercity.dataset.verification import verify_dataset
@@ -215,6 +216,26 @@ def test_scenarios_are_linked_by_road(two_roads: Path, tmp_path: Path) -> None:
     assert (tmp_path / "test" / "ui_clear_night_dense" / "+101" / "000060.pcd").is_file()
     assert verify_dataset(tmp_path) == []
     assert len(open_dataset(tmp_path)) == 2 * TWO_ROADS_FRAMES
+
+
+def test_two_scenarios_of_one_name_are_reported_and_neither_is_left_out(
+    two_roads: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "both").mkdir()
+    for name in ("first", "second"):
+        (tmp_path / "both" / name).symlink_to(two_roads)
+    for command in (link_splits, write_videos):
+        with pytest.raises(InputError, match=r"second/\w+: has the name of .*first/"):
+            command(tmp_path / "both", tmp_path / "output")
+    assert not (tmp_path / "output").exists()
+
+
+def test_a_scenario_that_is_the_current_folder_goes_by_its_name(
+    two_roads: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(two_roads / "ui_clear_night_dense")
+    assert link_splits(Path(), tmp_path)["test"] == ["ui_clear_night_dense"]
+    assert (tmp_path / "test" / "ui_clear_night_dense" / "manifest.json").is_file()
 
 
 def test_repeats_of_a_road_are_in_one_split(spec: Spec, make: Make, tmp_path: Path) -> None:
