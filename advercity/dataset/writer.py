@@ -6,6 +6,7 @@ it and from a `FrameWriter` in each further process.
 """
 
 import logging
+import os
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
@@ -188,9 +189,20 @@ class ScenarioWriter(FrameWriter):
             self._lock.close()
 
     def finish(self) -> Manifest:
-        """Update the manifest and delete the staging folder; an error does the same."""
+        """Update the manifest and delete the staging folder; an error does the same.
+
+        The manifest lists the frames whose files are all there: they may be deleted during a run.
+        """
         with report_disk_errors(self.scenario):
             self._files |= read_journals(self.scenario)
+            there = self._names.list_files(self.scenario)
+            torn = {file.frame for path, file in self._files.items() if path not in there} - {None}
+            self._files = {
+                path: file for path, file in self._files.items() if file.frame not in torn
+            }
+            for path, content in encode_scenario_files(self._spec, self._identity).items():
+                if not os.path.lexists(self.scenario / path):
+                    replace_file(self.scenario, path, content)
             self._remove_unfinished({})
             manifest = self._save()
             remove_staging_folder(self.scenario)

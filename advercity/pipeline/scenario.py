@@ -115,8 +115,8 @@ def run_scenario(
     lost = _find_missing_frames(prepared, manifest.frames)
     if lost:
         raise RunError(
-            f"{writer.scenario}: no worker made frame {lost[0]}; run the same command again to"
-            " resume"
+            f"{writer.scenario}: no worker made frame {lost[0]}, or its files were deleted"
+            " meanwhile; run the same command again to resume"
         )
     count = len(prepared.frames)
     report(Progress(spec.id, "done", count, count, manifest.size_bytes))

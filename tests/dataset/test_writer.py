@@ -356,6 +356,20 @@ def test_a_scenario_of_another_weather_is_not_continued(
         pass
 
 
+@pytest.mark.parametrize("deleted", ["+101", "."])
+def test_frames_that_are_deleted_during_a_run_are_not_listed_and_are_made_again(
+    tmp_path: Path, writer: Make, run: Run, sensor_frames_of: SensorFramesOf, deleted: str
+) -> None:
+    with writer(tmp_path) as dataset:
+        dataset.write_frame(0, sensor_frames_of(0))
+        shutil.rmtree(dataset.scenario / deleted)
+        dataset.write_frame(1, sensor_frames_of(1))
+        assert dataset.finish().frames == (1,)
+    assert verify_scenario(dataset.scenario) == []
+    assert run(tmp_path) == [0]
+    assert verify_scenario(dataset.scenario) == []
+
+
 def test_fresh_starts_over(whole: Path, writer: Make, sensor_frames_of: SensorFramesOf) -> None:
     with writer(whole, profile="full", fresh=True) as dataset:
         assert dataset.done_frames == frozenset()
