@@ -1,4 +1,4 @@
-"""Builds leaves: pointed triangles, singly placed or strewn over a surface.
+"""Builds leaves: triangles from stalk to tip with a belly, along twigs or strewn over a surface.
 
 A leaf is one triangle without cut-outs, so that rays, labels and images see the same gaps. It
 represents some leaves of a twig where it is larger than one.
@@ -10,32 +10,31 @@ from advercity.geometry.arrays import Float64Array
 from advercity.geometry.mesh import MeshPart, TriangleSurface, normalize, xyz
 from advercity.semantics import Semantic
 
-WIDTH_RATIO = 0.62
-"""Width of a leaf at its root over its length."""
-COVERAGE = 0.6
+WIDTH_RATIO, BELLY_RATIO = 0.55, 0.45
+"""Width of a leaf over its length, and where along it that is: half a leaf, as if folded."""
+COVERAGE = 0.55
 """Area of the leaves on a surface over its own."""
 HEDGE_LEAF_M = 0.25
 
 
 def build_leaves(
     roots: Float64Array,
+    along: Float64Array,
     outward: Float64Array,
     length_m: float,
     draw: np.random.Generator,
-    droop: float = 0.0,
 ) -> TriangleSurface:
-    """Build a leaf at each of some points (n, 3), which lies across the direction outwards (n, 3).
+    """Build a leaf at each of some points (n, 3), about along a direction and facing another.
 
     Normals are between that of the leaf and that of the crown: light falls on the crown as a whole,
     and leaves glitter on it.
     """
-    turned = draw.normal(scale=0.45, size=roots.shape)
-    facing = normalize(outward + turned + xyz(z=0.3))
-    along = draw.normal(size=roots.shape) - xyz(z=droop)
+    facing = normalize(outward + draw.normal(scale=0.45, size=roots.shape) + xyz(z=0.3))
     along = normalize(along - facing * np.sum(along * facing, axis=1, keepdims=True))
     length = length_m * draw.uniform(0.65, 1.35, (len(roots), 1))
-    aside = np.cross(facing, along) * (0.5 * WIDTH_RATIO * length)
-    corners = np.stack([roots - aside, roots + along * length, roots + aside], axis=1)
+    aside = np.cross(facing, along) * (WIDTH_RATIO * length)
+    belly = roots + along * (BELLY_RATIO * length) + aside
+    corners = np.stack([roots, belly, roots + along * length], axis=1)
     triangles = np.arange(3 * len(roots)).reshape(-1, 3)[:, ::-1]
     normals = np.repeat(normalize(normalize(outward) + facing), 3, axis=0)
     return TriangleSurface(corners.reshape(-1, 3), triangles, normals)
@@ -57,5 +56,9 @@ def build_foliage(
     roots += outward * length_m * draw.uniform(0.0, 0.4, (count, 1))
     return [
         MeshPart(surface, "inner_leaves", Semantic.VEGETATION),
-        MeshPart(build_leaves(roots, outward, length_m, draw), "leaves", Semantic.VEGETATION),
+        MeshPart(
+            build_leaves(roots, draw.normal(size=roots.shape), outward, length_m, draw),
+            "leaves",
+            Semantic.VEGETATION,
+        ),
     ]

@@ -10,7 +10,7 @@ from advercity_dsl.road import Species
 from advercity.geometry.arrays import Float64Array
 from advercity.geometry.directions import spread_directions
 from advercity.geometry.mesh import TriangleSurface, join_surfaces, normalize, shade_smooth, xyz
-from advercity.geometry.primitives import ellipsoid, tube
+from advercity.geometry.primitives import tube
 from advercity.randomness import create_generator
 from advercity.scene.foliage import build_leaves
 
@@ -67,14 +67,19 @@ _CROWNS = {
     ),
 }
 SPRUCE_HEIGHT_M = 10.8
-_CLUSTERS = {Detail.NEAR: 64, Detail.MIDDLE: 32, Detail.FAR: 18}
+_ENDS = {Detail.NEAR: 64, Detail.MIDDLE: 36, Detail.FAR: 24}
 """Ends of branches of a tree."""
-_LEAVES = {Detail.NEAR: 50, Detail.MIDDLE: 24, Detail.FAR: 20}
-"""Leaves of each."""
-_LEAF_LENGTH_M = {Detail.NEAR: 0.25, Detail.MIDDLE: 0.44, Detail.FAR: 0.68}
-_WHORLS = {Detail.NEAR: (18, 9), Detail.MIDDLE: (14, 8), Detail.FAR: (9, 6)}
+_SHOOTS = {Detail.NEAR: (8, 10), Detail.MIDDLE: (5, 7), Detail.FAR: (5, 6)}
+"""Shoots of each, and leaves of a shoot."""
+_LEAF_LENGTH_M = {Detail.NEAR: 0.2, Detail.MIDDLE: 0.34, Detail.FAR: 0.48}
+_BRANCHES_PER_LIMB = 6
+_SHADED_LEAVES = {Detail.NEAR: 400, Detail.MIDDLE: 180, Detail.FAR: 80}
+_SHADED_LEAF_LENGTH_M = {Detail.NEAR: 0.42, Detail.MIDDLE: 0.62, Detail.FAR: 0.9}
+"""Leaves in the middle of a crown, through which hardly any light comes: each stands for many."""
+_SHOOT_RADIUS_M = 0.012
+_WHORLS = {Detail.NEAR: (22, 10), Detail.MIDDLE: (16, 8), Detail.FAR: (13, 8)}
 """Whorls of a spruce, and branches of each."""
-_TWIGS = {Detail.NEAR: 6, Detail.MIDDLE: 4, Detail.FAR: 2}
+_TWIGS = {Detail.NEAR: 10, Detail.MIDDLE: 5, Detail.FAR: 4}
 """Twigs on either side of such a branch."""
 
 TreeParts = tuple[tuple[TriangleSurface, str], ...]
@@ -88,11 +93,18 @@ def build_tree(species: Species, detail: Detail) -> tuple[TreeParts, float]:
     if species is Species.SPRUCE:
         return _build_spruce(detail, draw), SPRUCE_HEIGHT_M
     crown = _CROWNS[species]
-    ends = _spread_ends(crown, _CLUSTERS[detail], draw)
-    cores = join_surfaces([_build_core(blob, draw) for blob in crown.blobs])
-    leaves = _build_clusters(crown, ends, detail, draw)
-    wood = _build_wood(crown, ends if detail < Detail.FAR else ends[:0])
-    parts = (wood, "bark"), (leaves, "leaves"), (cores, "inner_leaves")
+    ends = _spread_ends(crown, _ENDS[detail], draw)
+    shoots = _build_shoots(crown, ends, detail, draw)
+    wood = [_build_stem(crown)]
+    if detail < Detail.FAR:
+        wood += _build_limbs(crown, ends[::_BRANCHES_PER_LIMB])
+    if detail is Detail.NEAR:
+        wood += [*_build_branches(crown, ends), shoots.build_stems()]
+    parts = (
+        (shade_smooth(join_surfaces(wood)), "bark"),
+        (shoots.build_leaves(_LEAF_LENGTH_M[detail], draw), "leaves"),
+        (_build_shaded_leaves(crown, detail, draw), "inner_leaves"),
+    )
     return parts, max(z + rise for *_, z, _, rise in crown.blobs)
 
 
@@ -109,46 +121,114 @@ def _spread_ends(crown: _Crown, count: int, draw: np.random.Generator) -> Float6
     return np.concatenate(ends)
 
 
-def _build_clusters(
-    crown: _Crown, ends: Float64Array, detail: Detail, draw: np.random.Generator
-) -> TriangleSurface:
-    """Build leaves around the ends of branches."""
-    count, length_m = _LEAVES[detail], _LEAF_LENGTH_M[detail]
-    middle = np.mean([blob[:3] for blob in crown.blobs], axis=0)
-    cluster_m = 0.3 * max(blob[3] for blob in crown.blobs) + 0.2 - 0.5 * length_m
-    away = normalize(draw.normal(size=(len(ends) * count, 3)))
-    # Leaves are where light comes: more at the outside of a cluster than within.
-    offset = away * cluster_m * draw.uniform(0.0, 1.0, (len(away), 1)) ** 0.4
-    root = np.repeat(ends, count, axis=0) + offset
-    outward = normalize(normalize(root - middle + (0.0, 0.0, 0.4)) + 0.5 * away)
-    return build_leaves(root, outward, length_m, draw, crown.droop)
+@dataclass(frozen=True, eq=False)
+class _Shoots:
+    """Shoots around the ends of branches, with leaves on both sides.
 
+    Attributes:
+        points: (n, k, 3), from where each leaves its branch, then where its leaves are.
+        outward: (n, 3) out of the crown.
+    """
 
-def _build_core(
-    blob: tuple[float, float, float, float, float], draw: np.random.Generator
-) -> TriangleSurface:
-    """Build the dense inside of a crown, through which no light comes."""
-    x, y, z, radius, rise = blob
-    core = ellipsoid((0, 0, 0), (radius, radius, rise), sides=6, bands=3)
-    vertices = core.vertices * draw.uniform(0.22, 0.5, (len(core.vertices), 1))
-    return TriangleSurface(vertices + np.array([x, y, z]), core.triangles, normalize(vertices))
+    points: Float64Array
+    outward: Float64Array
 
+    def build_stems(self) -> TriangleSurface:
+        """Build the wood: a long triangle each, for it is too thin to be seen from afar."""
+        foot, tip = self.points[:, 0], self.points[:, -1]
+        aside = _SHOOT_RADIUS_M * normalize(np.cross(tip - foot, self.outward + xyz(x=0.01)))
+        corners = np.stack([foot - aside, foot + aside, tip], axis=1).reshape(-1, 3)
+        triangles = np.arange(len(corners)).reshape(-1, 3)
+        return TriangleSurface(corners, triangles)
 
-def _build_wood(crown: _Crown, ends: Float64Array) -> TriangleSurface:
-    """Build the trunk and a branch to every fourth end."""
-    radius, fork = crown.trunk_radius_m, crown.trunk_m
-    top = max(z + 0.4 * rise for *_, z, _, rise in crown.blobs)
-    points = [(0, 0, 0), (0, 0, 0.35), (0.05, 0, fork), (0, 0.05, top)]
-    stem = tube(points, [1.35 * radius, radius, 0.8 * radius, 0.2 * radius], sides=8)
-    branches = [
-        tube(
-            [(0, 0, max(fork, 0.5 * end[2])), (0.45 * end[0], 0.45 * end[1], 0.72 * end[2]), end],
-            [0.35 * radius, 0.25 * radius, 0.08 * radius],
-            sides=4,
+    def build_leaves(self, length_m: float, draw: np.random.Generator) -> TriangleSurface:
+        """Build the leaves: by turns to the left and the right, the last one ahead."""
+        count = self.points.shape[1] - 1
+        ahead = np.diff(self.points, axis=1)
+        ahead /= np.linalg.norm(ahead, axis=2, keepdims=True)
+        outward = np.broadcast_to(self.outward[:, None], ahead.shape)
+        aside = np.cross(outward, ahead)
+        side = np.where(np.arange(count) % 2, 1.0, -1.0) * (np.arange(count) < count - 1)
+        along = ahead + 1.2 * side[:, None] * aside + draw.normal(scale=0.25, size=ahead.shape)
+        points, directions, faces = (
+            array.reshape(-1, 3) for array in (self.points[:, 1:], along, outward)
         )
-        for end in ends[::4]
+        return build_leaves(points, directions, faces, length_m, draw)
+
+
+def _build_shoots(
+    crown: _Crown, ends: Float64Array, detail: Detail, draw: np.random.Generator
+) -> _Shoots:
+    number, leaves = _SHOOTS[detail]
+    middle = np.mean([blob[:3] for blob in crown.blobs], axis=0)
+    root = np.repeat(ends, number, axis=0)
+    outward = normalize(root - middle + xyz(z=0.4))
+    fan = np.tile(spread_directions(number), (len(ends), 1))
+    away = normalize(fan + 0.55 * outward + draw.normal(scale=0.3, size=root.shape))
+    reach = 0.3 * max(blob[3] for blob in crown.blobs) + 0.2 - 0.3 * _LEAF_LENGTH_M[detail]
+    reach = reach * draw.uniform(0.75, 1.15, (len(root), 1, 1))
+    at = np.concatenate([[0.0], np.linspace(0.3, 1.0, leaves)])[None, :, None]
+    # Their weight bends them down, those of a birch most.
+    sag = at**2 * reach * (0.15 + crown.droop)
+    points = root[:, None] + at * reach * away[:, None] - sag * xyz(z=1.0)
+    return _Shoots(points, normalize(outward + 0.5 * away))
+
+
+def _build_shaded_leaves(
+    crown: _Crown, detail: Detail, draw: np.random.Generator
+) -> TriangleSurface:
+    """Build the dense inside of a crown, through which hardly any light comes."""
+    blobs = np.array(crown.blobs)
+    volume = blobs[:, 3] ** 2 * blobs[:, 4]
+    blob = blobs[draw.choice(len(blobs), _SHADED_LEAVES[detail], p=volume / volume.sum())]
+    away = normalize(draw.normal(size=(len(blob), 3)))
+    offset = away * blob[:, [3, 3, 4]] * draw.uniform(0.0, 0.6, (len(blob), 1))
+    length_m = _SHADED_LEAF_LENGTH_M[detail]
+    along = draw.normal(size=offset.shape)
+    return build_leaves(
+        blob[:, :3] + offset - 0.4 * length_m * normalize(along), along, away, length_m, draw
+    )
+
+
+def _build_stem(crown: _Crown) -> TriangleSurface:
+    radius = crown.trunk_radius_m
+    points = [(0, 0, 0), (0, 0, 0.35), (0.05, 0, crown.trunk_m), (0, 0.05, _find_top(crown))]
+    return tube(points, [1.35 * radius, radius, 0.8 * radius, 0.2 * radius], sides=8)
+
+
+def _find_top(crown: _Crown) -> float:
+    """Find how high the trunk reaches into the crown."""
+    return max(z + 0.4 * rise for *_, z, _, rise in crown.blobs)
+
+
+def _build_limbs(crown: _Crown, tips: Float64Array) -> list[TriangleSurface]:
+    """Build limbs from the trunk to their tips (n, 3)."""
+    radius = crown.trunk_radius_m
+    return [
+        tube(path, [0.4 * radius, 0.26 * radius, 0.06 * radius], sides=5)
+        for path in _find_limbs(crown, tips)
     ]
-    return shade_smooth(join_surfaces([stem, *branches]))
+
+
+def _build_branches(crown: _Crown, ends: Float64Array) -> list[TriangleSurface]:
+    """Build branches to the ends that no limb reaches, each from the limb next to its end."""
+    radius = crown.trunk_radius_m
+    bends = _find_limbs(crown, ends[::_BRANCHES_PER_LIMB])[:, 1]
+    others = np.delete(ends, np.s_[::_BRANCHES_PER_LIMB], axis=0)
+    feet = bends[np.linalg.norm(others[:, None] - bends, axis=2).argmin(axis=1)]
+    middles = 0.5 * (feet + others) + xyz(z=0.12)
+    return [
+        tube(path, [0.17 * radius, 0.12 * radius, 0.04 * radius], sides=3)
+        for path in np.stack([feet, middles, others], axis=1)
+    ]
+
+
+def _find_limbs(crown: _Crown, tips: Float64Array) -> Float64Array:
+    """Find the foot, the bend and the tip (n, 3, 3) of limbs."""
+    forks = np.clip(0.6 * tips[:, 2], 0.85 * crown.trunk_m, 0.9 * _find_top(crown))
+    feet = np.column_stack([np.zeros((len(tips), 2)), forks])
+    bends = np.column_stack([0.5 * tips[:, :2], forks + 0.55 * (tips[:, 2] - forks)])
+    return np.stack([feet, bends, tips], axis=1)
 
 
 def _build_spruce(detail: Detail, draw: np.random.Generator) -> TreeParts:
@@ -164,7 +244,7 @@ def _build_spruce(detail: Detail, draw: np.random.Generator) -> TreeParts:
     needles = _build_twigs(root, away * (reach + 0.25)[:, None], aside, _TWIGS[detail], draw)
     stem = tube([(0, 0, 0), (0, 0, SPRUCE_HEIGHT_M - 0.3)], [0.22, 0.04], sides=7)
     tip = tube([(0, 0, SPRUCE_HEIGHT_M - 0.9), (0, 0, SPRUCE_HEIGHT_M)], [0.14, 0.01], sides=5)
-    core = tube([(0, 0, 1.5), (0, 0, SPRUCE_HEIGHT_M - 0.6)], [0.7, 0.05], sides=7)
+    core = tube([(0, 0, 1.5), (0, 0, SPRUCE_HEIGHT_M - 0.9)], [0.4, 0.03], sides=7)
     return (
         (shade_smooth(stem), "bark"),
         (join_surfaces([needles, shade_smooth(tip)]), "needles"),
@@ -184,7 +264,7 @@ def _build_twigs(
     side = np.array([-1.0, 1.0])[None, None, :]
     at, side = np.broadcast_arrays(at, side)
     foot = root[:, None, None] + at[..., None] * along[:, None, None]
-    length = np.linalg.norm(along, axis=1)[:, None, None] * (0.75 - 0.45 * at)
+    length = np.linalg.norm(along, axis=1)[:, None, None] * (0.5 - 0.3 * at)
     length = length * draw.uniform(0.75, 1.25, (len(root), count, 2))
     onward = along / np.linalg.norm(along, axis=1, keepdims=True)
     reach = side[..., None] * aside[:, None, None] + 0.9 * onward[:, None, None]
