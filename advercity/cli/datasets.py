@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 commands = typer.Typer()
 EXPORT_FORMAT_NAMES = (
     "kitti",
+    "mcap",
     "nuscenes",
     "openscenario",
 )
@@ -82,6 +83,10 @@ def export(
             help="Frames that are samples of nuscenes; with 2hz the others are sweeps.",
         ),
     ] = None,
+    schemas: Annotated[
+        str | None,
+        typer.Option(metavar="foxglove|ros2", help="Messages of mcap (default: foxglove)."),
+    ] = None,
 ) -> None:
     """Write a dataset in another format.
 
@@ -94,7 +99,7 @@ def export(
     from advercity.exports.registry import find_export_format
     from advercity.pipeline.options import format_byte_size
 
-    options = {"key_frames": key_frames}
+    options = {"key_frames": key_frames, "schemas": schemas}
     find_export_format(format).complete_options(options)  # before the dataset is looked for
     specs = [scenario.spec for scenario in Dataset(dataset).scenarios]
     with show_progress(specs) as view:

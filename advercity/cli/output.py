@@ -58,7 +58,7 @@ OPTION_PARAMETERS = (
         "output",
     ),
     *("profile", "ray_address", "rrd", "scale", "schemas", "stream", "suite", "web"),
-    *("connected", "ego", "from", "map", "name", "offset", "to", "turn"),
+    *("connected", "ego", "from", "map", "name", "offset", "schemas", "to", "turn"),
 )
 _QUOTED_PARAMETER = re.compile(f"`({'|'.join(OPTION_PARAMETERS)})`")
 

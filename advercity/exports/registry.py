@@ -58,6 +58,7 @@ EXPORT_FORMATS = {
     one.name: one
     for one in (
         ExportFormat("kitti", "kitti"),
+        ExportFormat("mcap", "mcap_recording", {"schemas": ("foxglove", "ros2")}),
         ExportFormat("nuscenes", "nuscenes", {"key_frames": ("all", "2hz")}),
         ExportFormat("openscenario", "openscenario"),
     )

@@ -11,7 +11,6 @@ from advercity.compiler.recorded_roads import (
 )
 from advercity.pipeline import run_scenario
 from advercity.pipeline.options import RunOptions
-from advercity.testing import with_small_sensors
 from tests.recordings.recorded_files import write_ind, write_street
 
 FIRST_FRAME, FRAMES = 10, 3
@@ -27,7 +26,6 @@ def recorded_dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     recording = load_recorded_table(write_ind(folder))
     (spec,) = write_recorded_road(recording, write_street(folder), choice, folder / "hill")
     frames = slice(FIRST_FRAME, FIRST_FRAME + FRAMES)
-    run_scenario(
-        with_small_sensors(spec), RunOptions(folder / "data", "fake", "preview", frames=frames)
-    )
+    options = RunOptions(folder / "data", "fake", "preview", scale=0.05, frames=frames)
+    run_scenario(spec, options)
     return folder / "data"

@@ -1,0 +1,96 @@
+"""MCAP: a recording of every scenario, with the schemas of Foxglove or the messages of ROS 2.
+
+    <scenario>.mcap
+
+Frames: `world` is x east, y north, z up; `<agent>` is x forward, y left, z up, on the ground under
+a vehicle; `<agent>/lidar0` and `<agent>/radar0` have such axes, too; `<agent>/camera0` is optical:
+x right, y down, z along the view. Times count from the start of the scenario.
+"""
+
+from collections.abc import Iterator, Mapping
+
+from advercity.dataset.agent_view import MAX_IMAGE_BYTES, AgentView, report_read_errors
+from advercity.dataset.formats import OPV2V
+from advercity.dataset.reader import Dataset, FrameView, Scenario
+from advercity.dataset.weather_truth import WeatherTruth
+from advercity.documents import read_bytes
+from advercity.errors import InputError
+from advercity.exports.kitti import OPTICAL_FROM_BODY
+from advercity.exports.mcap_foxglove import FoxgloveEncoder
+from advercity.exports.mcap_ros2 import Ros2Encoder
+from advercity.exports.mcap_values import Stamp
+from advercity.exports.pieces import Piece, PieceFiles, split_by_scenario
+from advercity.exports.registry import Options
+from advercity.geometry.poses import Matrix
+
+WORLD = "world"
+Encoder = FoxgloveEncoder | Ros2Encoder
+ENCODERS: Mapping[str, type[Encoder]] = {"foxglove": FoxgloveEncoder, "ros2": Ros2Encoder}
+
+
+def list_pieces(dataset: Dataset, options: Options) -> list[Piece]:
+    """Make a piece of every scenario; InputError if a library or a layout does not fit."""
+    encoder = ENCODERS[options["schemas"]]
+    encoder.load_libraries()
+    for scenario in dataset.scenarios:
+        if scenario.format != OPV2V:
+            raise InputError(
+                f"{scenario.path}: has the layout {scenario.format.name}; mcap is exported from"
+                f" {OPV2V.name}"
+            )
+    return split_by_scenario(
+        dataset, lambda scenario, files: _write_scenario(scenario, files, encoder)
+    )
+
+
+def _write_scenario(scenario: Scenario, files: PieceFiles, encoder: type[Encoder]) -> None:
+    with files.open(f"{scenario.path.name}.mcap") as stream:
+        recording = encoder(stream)
+        for frame in files.track(scenario):
+            _write_frame(frame, recording)
+        recording.finish()
+
+
+def _write_frame(frame: FrameView, recording: Encoder) -> None:
+    time_ns = round(frame.time_s * 1e9)
+    spec = frame.scenario.spec
+    weather = WeatherTruth.from_weather(spec.weather.at(frame.index * spec.timing.tick_s))
+    recording.write_weather("/weather", Stamp(time_ns, WORLD), weather.model_dump(mode="json"))
+    poses = [pose for view in frame.views.values() for pose in _list_poses(view)]
+    recording.write_transforms("/tf", Stamp(time_ns, WORLD), poses)
+    for name, view in frame.views.items():
+        recording.write_objects(f"/{name}/objects", Stamp(time_ns, WORLD), view.boxes)
+        for number in range(view.cameras):
+            sensor, stamp = f"/{name}/camera{number}", Stamp(time_ns, f"{name}/camera{number}")
+            recording.write_image(f"{sensor}/image", stamp, _read_image(view, number))
+            recording.write_calibration(f"{sensor}/calibration", stamp, view, number)
+        for number in range(view.lidars):
+            stamp = Stamp(time_ns, f"{name}/lidar{number}")
+            recording.write_points(f"/{name}/lidar{number}/points", stamp, view.load_cloud(number))
+        for number in range(view.radars):
+            stamp = Stamp(time_ns, f"{name}/radar{number}")
+            table = view.load_radar(number)
+            recording.write_points(f"/{name}/radar{number}/detections", stamp, table)
+        gnss, imu = view.motion
+        if gnss is not None:
+            recording.write_fix(f"/{name}/gnss", Stamp(time_ns, name), gnss)
+        if imu is not None:
+            recording.write_imu(f"/{name}/imu", Stamp(time_ns, name), imu)
+
+
+def _read_image(view: AgentView, camera: int) -> bytes:
+    path = view.path(f"_camera{camera}.png")
+    with report_read_errors(path):
+        return read_bytes(path, max_bytes=MAX_IMAGE_BYTES)
+
+
+def _list_poses(view: AgentView) -> Iterator[tuple[str, Matrix]]:
+    """List the frames of an agent and its sensors, and their poses (4, 4) in the world."""
+    name = view.agent.id
+    yield name, view.world_from_agent
+    for number in range(view.cameras):
+        yield f"{name}/camera{number}", view.world_from_camera(number) @ OPTICAL_FROM_BODY.T
+    for number in range(view.lidars):
+        yield f"{name}/lidar{number}", view.load_lidar_pose(number)
+    for number in range(view.radars):
+        yield f"{name}/radar{number}", view.load_radar_pose(number)
