@@ -48,7 +48,14 @@ def test_the_same_cloud_gives_the_same_bytes(sensor_frames_of: SensorFramesOf) -
 
 
 @pytest.mark.parametrize(
-    "content", [b"something else", b"DATA binary\n", b"POINTS x\nDATA binary\n"]
+    "content",
+    [
+        b"something else",
+        b"DATA binary\n",
+        b"POINTS x\nDATA binary\n",
+        b"FIELDS x y\nSIZE 4 4\nTYPE F F F\nPOINTS 0\nDATA binary\n",
+        b"FIELDS x y z\nSIZE 4 4\nTYPE F F\nPOINTS 0\nDATA binary\n",
+    ],
 )
 def test_another_file_is_refused_as_a_cloud(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "points.pcd"

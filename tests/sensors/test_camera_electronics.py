@@ -251,6 +251,15 @@ def test_a_lens_moves_light_and_loses_none() -> None:
     assert spread[20, 20, 0] > scene[20, 20, 0]
 
 
+def test_a_lens_scatters_no_light_beyond_sixty_degrees() -> None:
+    scene = np.zeros((8, 256, 3), np.float32)
+    scene[:, 0] = 1e9
+    veil = add_stray_light(scene, horizontal_fov_rad=np.radians(150.0), fraction=0.5)[4, :, 0]
+    # 34.3 px of focal length: 60 degrees off the axis are 59.4 px away.
+    assert veil[50] > 100.0
+    assert (veil[61:] < 0.01).all()
+
+
 def test_a_lens_leaves_an_even_field_as_it_is() -> None:
     spread = add_stray_light(grey(7.0), horizontal_fov_rad=FOV_RAD, fraction=0.1)
     np.testing.assert_allclose(spread, 7.0, rtol=1e-4)
