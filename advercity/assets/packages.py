@@ -8,7 +8,6 @@ import lzma
 import re
 import shutil
 import tarfile
-import tempfile
 import zipfile
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager, suppress
@@ -18,6 +17,7 @@ from pathlib import Path
 from advercity_dsl.catalogue import BodyModel, FreeLicence
 
 from advercity.assets.downloads import AssetPackage, fetch_package
+from advercity.atomic_files import open_partial_folder
 from advercity.errors import InputError, RunError, describe_cause, report_write_errors
 
 LICENCE_FILE = "copyright"
@@ -80,14 +80,12 @@ def copy_package(package: AssetPackage, source: Path, folder: Path) -> None:
 @contextmanager
 def _open_new_package(package: AssetPackage, folder: Path) -> Generator[Path]:
     """Yield a folder in an empty one; at the end it takes the place of an unpacked package."""
-    with report_write_errors():
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=folder.parent) as name:
-            unpacked = Path(name) / "unpacked"
-            unpacked.mkdir()
-            yield unpacked
-            clear_package_folder(package, folder)
-            unpacked.replace(folder)
+    with report_write_errors(), open_partial_folder(folder.parent) as partial:
+        unpacked = partial / "unpacked"
+        unpacked.mkdir()
+        yield unpacked
+        clear_package_folder(package, folder)
+        unpacked.replace(folder)
 
 
 def clear_package_folder(package: AssetPackage, folder: Path) -> None:

@@ -4,6 +4,8 @@ import gzip
 import hashlib
 import json
 import os
+import subprocess
+import sys
 import zipfile
 from dataclasses import replace
 from itertools import count, pairwise
@@ -195,6 +197,23 @@ def test_the_package_is_installed_from_a_folder_and_removed_whole(store: ModelSt
     again.remove_package()
     assert not again.has_people
     assert not list(again.folder.glob("people/*"))
+
+
+def test_installing_removes_what_a_killed_installation_left(store: ModelStore, mirror: Path):
+    again = ModelStore(store.folder.parent / "again", people_package=store.people_package)
+    again.install_people(mirror)
+    before = sorted(again.folder.rglob("*"))
+    (parent,) = {path.parent for path in again.folder.rglob("people")} or {again.folder}
+    code = (
+        "import os, sys; from pathlib import Path;"
+        " from advercity.atomic_files import open_partial_folder\n"
+        "with open_partial_folder(Path(sys.argv[1])) as partial:\n"
+        "    (partial / 'download').touch(); os._exit(9)"
+    )
+    subprocess.run([sys.executable, "-c", code, str(parent)], check=False)
+    assert len(list(again.folder.rglob(".partial-*/download"))) == 1
+    again.install_people(mirror)
+    assert sorted(again.folder.rglob("*")) == before
 
 
 def test_another_file_and_another_licence_are_refused(tmp_path: Path, store: ModelStore):

